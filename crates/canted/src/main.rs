@@ -1,0 +1,2 @@
+//! The program `canted`.
+fn main() {}

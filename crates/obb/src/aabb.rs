@@ -1,0 +1,106 @@
+/// An axis-aligned box with closed ends, in the space of its points.
+///
+/// `min` and `max` are copies of input coordinates, so containment is exact. The empty box has `min > max`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Aabb {
+    /// Least coordinate on each axis.
+    pub min: [f32; 3],
+    /// Greatest coordinate on each axis.
+    pub max: [f32; 3],
+}
+
+impl Aabb {
+    /// The box that contains nothing and changes no union.
+    pub const EMPTY: Self = Self { min: [f32::MAX; 3], max: [f32::MIN; 3] };
+
+    /// Smallest box around `points`; [`Aabb::EMPTY`] for none.
+    #[must_use]
+    pub fn of_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+        let mut aabb = Self::EMPTY;
+        for point in points {
+            aabb.grow(point);
+        }
+        aabb
+    }
+
+    /// Extends the box to `point`.
+    #[inline]
+    pub fn grow(&mut self, point: [f32; 3]) {
+        for k in 0..3 {
+            self.min[k] = self.min[k].min(point[k]);
+            self.max[k] = self.max[k].max(point[k]);
+        }
+    }
+
+    /// Smallest box around both.
+    #[inline]
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        let mut joined = self;
+        for k in 0..3 {
+            joined.min[k] = joined.min[k].min(other.min[k]);
+            joined.max[k] = joined.max[k].max(other.max[k]);
+        }
+        joined
+    }
+
+    /// Whether it contains no point.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|k| self.min[k] > self.max[k])
+    }
+
+    /// Whether `point` lies inside or on the boundary.
+    #[must_use]
+    pub fn contains(&self, point: [f32; 3]) -> bool {
+        (0..3).all(|k| self.min[k] <= point[k] && point[k] <= self.max[k])
+    }
+
+    /// Whether `other` lies wholly inside; the empty box lies in every box.
+    #[must_use]
+    pub fn contains_box(&self, other: &Self) -> bool {
+        other.is_empty() || (self.contains(other.min) && self.contains(other.max))
+    }
+
+    /// Side lengths in `f64`, zero where empty.
+    #[must_use]
+    pub fn extent(&self) -> [f64; 3] {
+        std::array::from_fn(|k| (f64::from(self.max[k]) - f64::from(self.min[k])).max(0.0))
+    }
+
+    /// Midpoint in `f64`.
+    #[must_use]
+    pub fn center(&self) -> [f64; 3] {
+        std::array::from_fn(|k| 0.5 * (f64::from(self.min[k]) + f64::from(self.max[k])))
+    }
+
+    /// Surface area in square scene units.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        let [x, y, z] = self.extent();
+        2.0 * (x * y + y * z + z * x)
+    }
+
+    /// Volume in cubic scene units.
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        let [x, y, z] = self.extent();
+        x * y * z
+    }
+
+    /// The eight corners; bit `k` of the index chooses `max` on axis `k`.
+    #[must_use]
+    pub fn corners(&self) -> [[f32; 3]; 8] {
+        std::array::from_fn(|i| std::array::from_fn(|k| if i >> k & 1 == 1 { self.max[k] } else { self.min[k] }))
+    }
+
+    /// Greatest absolute coordinate, zero where empty.
+    #[must_use]
+    pub fn reach(&self) -> f32 {
+        if self.is_empty() {
+            return 0.0;
+        }
+        (0..3).map(|k| self.min[k].abs().max(self.max[k].abs())).fold(0.0, f32::max)
+    }
+}

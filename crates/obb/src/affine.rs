@@ -1,0 +1,49 @@
+/// An affine map `x -> columns[0]·x + columns[1]·y + columns[2]·z + columns[3]`, column vectors.
+///
+/// Named after the spaces it joins: `world_from_object` takes object coordinates to world coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Affine {
+    /// Images of the three axes, then the image of the origin.
+    pub columns: [[f32; 3]; 4],
+}
+
+impl Affine {
+    /// The map that changes nothing.
+    pub const IDENTITY: Self = Self { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] };
+
+    /// Image of a point, each coordinate computed in `f64` and rounded once.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+    pub fn point(&self, p: [f32; 3]) -> [f32; 3] {
+        self.point_f64(p.map(f64::from)).map(|x| x as f32)
+    }
+
+    /// Image of a point in `f64`.
+    #[must_use]
+    pub fn point_f64(&self, p: [f64; 3]) -> [f64; 3] {
+        let linear = self.vector_f64(p);
+        std::array::from_fn(|k| linear[k] + f64::from(self.columns[3][k]))
+    }
+
+    /// Image of a direction in `f64`: the translation does not act.
+    #[must_use]
+    pub fn vector_f64(&self, v: [f64; 3]) -> [f64; 3] {
+        let c = &self.columns;
+        std::array::from_fn(|k| f64::from(c[0][k]) * v[0] + f64::from(c[1][k]) * v[1] + f64::from(c[2][k]) * v[2])
+    }
+
+    /// Determinant of the linear part; negative where the map mirrors.
+    #[must_use]
+    pub fn determinant(&self) -> f64 {
+        let c = |i: usize| self.columns[i].map(f64::from);
+        let (a, b, d) = (c(0), c(1), c(2));
+        a[0] * (b[1] * d[2] - b[2] * d[1]) + a[1] * (b[2] * d[0] - b[0] * d[2]) + a[2] * (b[0] * d[1] - b[1] * d[0])
+    }
+
+    /// Whether every number is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.columns.iter().flatten().all(|x| x.is_finite())
+    }
+}

@@ -1,0 +1,53 @@
+use canted_obb::Affine;
+
+use crate::MaterialId;
+
+/// Index of a mesh in [`crate::Scene::meshes`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct MeshId(pub u32);
+
+/// A run of consecutive triangles of one material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// First triangle of the run; it ends where the next part begins.
+    pub first_triangle: u32,
+    /// Material of the run.
+    pub material: MaterialId,
+}
+
+/// Indexed triangles in object space. Every index is in range and every used position finite.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Name in the file, for messages.
+    pub name: String,
+    /// Vertex positions, object space.
+    pub positions: Vec<[f32; 3]>,
+    /// Vertex indices, counter-clockwise seen from the front, in file order.
+    pub triangles: Vec<[u32; 3]>,
+    /// Shading normals, one per position, unit or zero (zero: use the geometric one); `None` where the file has none.
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// Texture coordinates, one per position, `v` up; kept only where a material needs them.
+    pub uvs: Option<Vec<[f32; 2]>>,
+    /// Material runs; the first starts at triangle 0.
+    pub parts: Vec<Part>,
+}
+
+impl Mesh {
+    /// Material of a triangle.
+    #[must_use]
+    pub fn material_of(&self, triangle: u32) -> MaterialId {
+        let after = self.parts.partition_point(|part| part.first_triangle <= triangle);
+        self.parts[after - 1].material
+    }
+}
+
+/// A placed mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instance {
+    /// The mesh placed.
+    pub mesh: MeshId,
+    /// Invertible affine transform.
+    pub world_from_object: Affine,
+    /// Number, in file order, of the mesh's triangle 0 in this instance.
+    pub first_primitive: u32,
+}

@@ -1,0 +1,51 @@
+use canted_obb::Aabb;
+
+use crate::{Camera, Instance, Light, Material, Mesh, Texture};
+
+/// Everything a picture needs, as plain arrays that refer to each other by index.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Triangle meshes, object space.
+    pub meshes: Vec<Mesh>,
+    /// Placed meshes, in file order.
+    pub instances: Vec<Instance>,
+    /// Materials; a scene that has a mesh has one at least.
+    pub materials: Vec<Material>,
+    /// Textures that materials use.
+    pub textures: Vec<Texture>,
+    /// Lights that the file brings.
+    pub lights: Vec<Light>,
+    /// Constant radiance from outside; `None` where the file says nothing.
+    pub environment: Option<[f32; 3]>,
+    /// Cameras that the file brings, in file order.
+    pub cameras: Vec<Camera>,
+    /// What was repaired or left out while reading: one sentence each, said once by name.
+    pub warnings: Vec<String>,
+}
+
+impl Scene {
+    /// Triangles of all meshes, each mesh counted once.
+    #[must_use]
+    pub fn n_unique_triangles(&self) -> usize {
+        self.meshes.iter().map(|mesh| mesh.triangles.len()).sum()
+    }
+
+    /// Triangles of all instances.
+    #[must_use]
+    pub fn n_placed_triangles(&self) -> usize {
+        self.instances.iter().map(|instance| self.meshes[instance.mesh.0 as usize].triangles.len()).sum()
+    }
+
+    /// Smallest world-space box around all used vertices of all instances.
+    #[must_use]
+    pub fn bounds_world(&self) -> Aabb {
+        let mut bounds = Aabb::EMPTY;
+        for instance in &self.instances {
+            let mesh = &self.meshes[instance.mesh.0 as usize];
+            for &index in mesh.triangles.iter().flatten() {
+                bounds.grow(instance.world_from_object.point(mesh.positions[index as usize]));
+            }
+        }
+        bounds
+    }
+}
