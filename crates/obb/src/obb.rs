@@ -35,8 +35,9 @@ impl Obb {
     /// Surface area in square scene units, exact for skewed frames too.
     #[must_use]
     pub fn area(&self) -> f64 {
-        let e: [[f64; 3]; 3] =
-            std::array::from_fn(|a| std::array::from_fn(|k| 2.0 * f64::from(self.frame[a][k]) * f64::from(self.half[a])));
+        let e: [[f64; 3]; 3] = std::array::from_fn(|a| {
+            std::array::from_fn(|k| 2.0 * f64::from(self.frame[a][k]) * f64::from(self.half[a]))
+        });
         let face = |a: [f64; 3], b: [f64; 3]| {
             let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
             (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
