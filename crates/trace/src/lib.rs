@@ -1,10 +1,10 @@
 //! Ray tests whose error bounds are derived: slabs, triangles, spheres.
 #![forbid(unsafe_code)]
 
-mod count;
 mod hit;
+mod query;
 mod ray;
 
-pub use count::{Count, Counts};
 pub use hit::{Hit, InstanceId, Side};
-pub use ray::Ray;
+pub use query::{Counts, Query};
+pub use ray::{Ray, ScaledRay};

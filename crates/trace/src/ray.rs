@@ -28,3 +28,57 @@ impl Ray {
         std::array::from_fn(|k| f64::from(self.origin[k]) + t * f64::from(self.direction[k]))
     }
 }
+
+/// A ray whose direction was multiplied by a power of two, so that its greatest component lies in `[1, 2)`.
+///
+/// Every test runs on scaled rays: reciprocals cannot overflow, and results are the same bits for directions that
+/// differ by a power of two. `t` inside is the caller's `t` times `2^exponent`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScaledRay {
+    /// Start.
+    pub origin: [f32; 3],
+    /// Direction with greatest absolute component in `[1, 2)`.
+    pub direction: [f32; 3],
+    /// Least accepted scaled `t`.
+    pub t_min: f32,
+    /// Greatest accepted scaled `t`.
+    pub t_max: f32,
+    /// Caller's `t` to scaled `t`; an exact power of two.
+    to_scaled: f64,
+}
+
+impl ScaledRay {
+    /// Scales `ray`; `None` where it can hit nothing: a zero direction, a number that is not finite (but an infinite
+    /// `t_max`), or an interval that is empty.
+    #[inline]
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "powers of two: exact but for overflow and underflow")]
+    pub fn new(ray: &Ray) -> Option<Self> {
+        let [x, y, z] = ray.direction.map(f32::abs);
+        let greatest = x.max(y).max(z);
+        let finite = (x + y + z).is_finite() || (x.is_finite() && y.is_finite() && z.is_finite());
+        let origin_finite = ray.origin.iter().all(|o| o.is_finite());
+        // Negated, so that a NaN in the interval is refused too.
+        if !(greatest > 0.0 && finite && origin_finite && ray.t_min >= 0.0 && ray.t_min <= ray.t_max) {
+            return None;
+        }
+        // The power of two at or below the greatest component: its f64 bits without the mantissa.
+        let to_scaled = f64::from_bits(f64::from(greatest).to_bits() & 0x7ff0_0000_0000_0000);
+        let from_scaled = 1.0 / to_scaled;
+        Some(Self {
+            origin: ray.origin,
+            direction: ray.direction.map(|d| (f64::from(d) * from_scaled) as f32),
+            t_min: (f64::from(ray.t_min) * to_scaled) as f32,
+            t_max: (f64::from(ray.t_max) * to_scaled) as f32,
+            to_scaled,
+        })
+    }
+
+    /// The caller's `t` of a scaled one.
+    #[inline]
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "a power of two: exact but for overflow and underflow")]
+    pub fn caller_t(&self, scaled_t: f32) -> f32 {
+        (f64::from(scaled_t) / self.to_scaled) as f32
+    }
+}

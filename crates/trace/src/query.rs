@@ -1,0 +1,48 @@
+use crate::Hit;
+
+/// What a traversal tells and asks its caller: its work is counted, its hits may be refused.
+///
+/// `()` counts nothing, accepts everything and costs nothing. The answer of [`Query::accepts`] must depend on the hit
+/// alone, never on the order of calls: that order changes with the tree.
+pub trait Query {
+    /// `n` ray-box tests were made.
+    #[inline(always)]
+    fn boxes(&mut self, n: u32) {
+        let _ = n;
+    }
+
+    /// `n` ray-triangle tests were made.
+    #[inline(always)]
+    fn triangles(&mut self, n: u32) {
+        let _ = n;
+    }
+
+    /// Whether `hit` counts; `false` lets the ray pass through, as an alpha mask does.
+    #[inline(always)]
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        let _ = hit;
+        true
+    }
+}
+
+impl Query for () {}
+
+/// Sums of tests.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Ray-box tests.
+    pub boxes: u64,
+    /// Ray-triangle tests.
+    pub triangles: u64,
+}
+
+impl Query for Counts {
+    #[inline]
+    fn boxes(&mut self, n: u32) {
+        self.boxes += u64::from(n);
+    }
+    #[inline]
+    fn triangles(&mut self, n: u32) {
+        self.triangles += u64::from(n);
+    }
+}
