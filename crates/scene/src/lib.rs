@@ -9,6 +9,7 @@ mod camera;
 mod light;
 mod material;
 mod mesh;
+mod read;
 mod scene;
 mod texture;
 
@@ -16,5 +17,6 @@ pub use camera::Camera;
 pub use light::Light;
 pub use material::{Material, MaterialId};
 pub use mesh::{Instance, Mesh, MeshId, Part};
+pub use read::{ReadError, read};
 pub use scene::Scene;
 pub use texture::{Texture, TextureId, Wrap};
