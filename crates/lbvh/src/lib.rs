@@ -1,1 +1,28 @@
-//! lbvh
+//! Linear bounding volume hierarchies whose boxes may lean.
+//!
+//! ```text
+//! triangles -> corners -> domain -> morton -> sort -> radix -> volumes      + check  cost  overlap
+//!                             another builder's topology -> Tree -^
+//! ```
+//!
+//! Each station is a function of plain arrays, so it can be timed, tested and twinned alone. Every station but
+//! `volumes` works on integers or copies of input numbers; all of them give the same bits for any number of threads.
+//! The tree owns indices, never geometry, and knows no rays.
+#![forbid(unsafe_code)]
+
+mod corners;
+mod domain;
+mod morton;
+mod par;
+mod radix;
+mod sort;
+mod topology;
+mod tree;
+
+pub use corners::{Corners, GeometryError, gather, in_leaf_order};
+pub use domain::{Bits, Domain};
+pub use morton::{codes, codes_of_boxes};
+pub use radix::radix;
+pub use sort::{Sorted, by_code};
+pub use topology::TopologyError;
+pub use tree::{Child, ChildKind, Node, NodeId, Task, Tree};

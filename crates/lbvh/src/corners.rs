@@ -1,0 +1,135 @@
+use canted_obb::{Aabb, PrimId};
+
+use crate::par;
+
+/// The three vertices of a triangle, in the mesh's space.
+pub type Corners = [[f32; 3]; 3];
+
+/// Why geometry cannot be built into a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GeometryError {
+    /// A triangle names a vertex that does not exist.
+    IndexOutOfRange {
+        /// The triangle.
+        triangle: PrimId,
+        /// The index it names.
+        index: u32,
+        /// Number of vertices there are.
+        n_vertices: usize,
+    },
+    /// A triangle uses a vertex that is infinite or not a number.
+    NotFinite {
+        /// The triangle.
+        triangle: PrimId,
+    },
+    /// More triangles than node references can name.
+    TooMany {
+        /// Number of triangles.
+        n_triangles: usize,
+    },
+}
+
+impl std::fmt::Display for GeometryError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::IndexOutOfRange { triangle, index, n_vertices } => {
+                write!(f, "triangle {triangle} names vertex {index} of {n_vertices}")
+            }
+            Self::NotFinite { triangle } => write!(f, "triangle {triangle} has a vertex that is not finite"),
+            Self::TooMany { n_triangles } => {
+                write!(f, "{n_triangles} triangles are more than the {} a tree can hold", MAX_PRIMITIVES)
+            }
+        }
+    }
+}
+
+impl std::error::Error for GeometryError {}
+
+/// Greatest number of primitives: a child reference keeps two bits for itself.
+pub(crate) const MAX_PRIMITIVES: usize = 1 << 30;
+
+const CHUNK: usize = 1 << 14;
+
+/// Fetches the corners of indexed triangles and the box around them, in input order.
+///
+/// # Errors
+/// The first triangle, in input order, with an index out of range or a vertex that is not finite.
+pub fn gather(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(Vec<Corners>, Aabb), GeometryError> {
+    if triangles.len() > MAX_PRIMITIVES {
+        return Err(GeometryError::TooMany { n_triangles: triangles.len() });
+    }
+    let mut corners = vec![[[0.0; 3]; 3]; triangles.len()];
+    par::for_chunks(&mut corners, CHUNK, |first, out| {
+        for (out, indices) in out.iter_mut().zip(&triangles[first..]) {
+            // A missing vertex becomes NaN here and is told apart below, off the fast path.
+            *out = indices.map(|i| positions.get(i as usize).copied().unwrap_or([f32::NAN; 3]));
+        }
+    });
+    let bounds = par::map_chunks(&corners, CHUNK, |_, chunk| {
+        let mut bounds = Aabb::EMPTY;
+        // Sums of products with zero: zero where all is finite, NaN where anything is not.
+        let mut poison = 0.0f32;
+        for &corner in chunk.iter().flatten() {
+            bounds.grow(corner);
+            poison += corner[0] * 0.0 + corner[1] * 0.0 + corner[2] * 0.0;
+        }
+        (bounds, poison == 0.0)
+    });
+    if bounds.iter().any(|&(_, finite)| !finite) {
+        return Err(first_flaw(positions, triangles));
+    }
+    Ok((corners, bounds.into_iter().fold(Aabb::EMPTY, |all, (chunk, _)| all.union(chunk))))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "at most MAX_PRIMITIVES triangles")]
+fn first_flaw(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> GeometryError {
+    for (t, indices) in triangles.iter().enumerate() {
+        let triangle = PrimId(t as u32);
+        for &index in indices {
+            match positions.get(index as usize) {
+                None => return GeometryError::IndexOutOfRange { triangle, index, n_vertices: positions.len() },
+                Some(p) if !p.iter().all(|x| x.is_finite()) => return GeometryError::NotFinite { triangle },
+                Some(_) => {}
+            }
+        }
+    }
+    unreachable!("a chunk was not finite, so some vertex is missing or not finite")
+}
+
+/// The corners in the order of a tree's leaves.
+#[must_use]
+pub fn in_leaf_order(corners: &[Corners], leaves: &[PrimId]) -> Vec<Corners> {
+    let mut sorted = vec![[[0.0; 3]; 3]; leaves.len()];
+    par::for_chunks(&mut sorted, CHUNK, |first, out| {
+        for (out, leaf) in out.iter_mut().zip(&leaves[first..]) {
+            *out = corners[leaf.index()];
+        }
+    });
+    sorted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_name_the_first_bad_triangle() {
+        let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, f32::NAN, 0.0]];
+        assert_eq!(
+            gather(&positions, &[[0, 1, 0], [0, 1, 2], [0, 1, 9]]).unwrap_err(),
+            GeometryError::NotFinite { triangle: PrimId(1) }
+        );
+        assert_eq!(
+            gather(&positions, &[[0, 1, 0], [0, 3, 1]]).unwrap_err(),
+            GeometryError::IndexOutOfRange { triangle: PrimId(1), index: 3, n_vertices: 3 }
+        );
+    }
+
+    #[test]
+    fn bounds_leave_unused_vertices_out() {
+        let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, -2.0], [f32::NAN; 3]];
+        let (corners, bounds) = gather(&positions, &[[0, 1, 2]]).unwrap();
+        assert_eq!(corners, [[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, -2.0]]]);
+        assert_eq!(bounds, Aabb { min: [0.0, 0.0, -2.0], max: [1.0, 1.0, 0.0] });
+    }
+}

@@ -1,0 +1,146 @@
+use std::ops::Range;
+
+use canted_obb::PrimId;
+
+/// Index of an inner node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct NodeId(pub u32);
+
+impl NodeId {
+    /// The root of a tree that has an inner node.
+    pub const ROOT: Self = Self(0);
+
+    /// The index as an array position.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// A child reference: a leaf by its position along the curve, or an inner node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(transparent)]
+pub struct Child(u32);
+
+/// A child reference, opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChildKind {
+    /// Position in the sorted order.
+    Leaf(u32),
+    /// An inner node.
+    Inner(NodeId),
+}
+
+impl Child {
+    const LEAF: u32 = 1 << 31;
+
+    /// The leaf at `position` of the sorted order.
+    #[must_use]
+    pub fn leaf(position: u32) -> Self {
+        debug_assert!(position < Self::LEAF);
+        Self(position | Self::LEAF)
+    }
+
+    /// An inner node.
+    #[must_use]
+    pub fn inner(id: NodeId) -> Self {
+        debug_assert!(id.0 < Self::LEAF);
+        Self(id.0)
+    }
+
+    /// What the reference names.
+    #[inline]
+    #[must_use]
+    pub fn kind(self) -> ChildKind {
+        if self.0 & Self::LEAF == 0 { ChildKind::Inner(NodeId(self.0)) } else { ChildKind::Leaf(self.0 & !Self::LEAF) }
+    }
+}
+
+/// An inner node over the leaves `first..=last`.
+///
+/// A left child is numbered by its last leaf, a right child by its first, the root 0 (Karras 2012). So the nodes below
+/// a range of leaves lie in the same range of numbers: subtrees own disjoint slices of every per-node array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Node {
+    /// Child over the lower leaves.
+    pub left: Child,
+    /// Child over the upper leaves.
+    pub right: Child,
+    /// First leaf below.
+    pub first: u32,
+    /// Last leaf below, included.
+    pub last: u32,
+}
+
+impl Node {
+    pub(crate) const UNSET: Self = Self { left: Child(0), right: Child(0), first: 0, last: 0 };
+
+    /// Number of leaves below.
+    #[must_use]
+    pub fn n_leaves(&self) -> u32 {
+        self.last - self.first + 1
+    }
+}
+
+/// A subtree that one thread works on alone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Task {
+    /// Leaves of the subtree; its nodes' numbers lie in the same range.
+    pub leaves: Range<u32>,
+    /// Its nodes, children before parents: a range of [`Tree::bottom_up`].
+    pub nodes: Range<usize>,
+}
+
+/// A binary tree over primitives: indices only.
+///
+/// `n` primitives make `n - 1` inner nodes; none and one make no node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tree {
+    /// Inner nodes, numbered as [`Node`] says.
+    pub nodes: Vec<Node>,
+    /// Primitive of each leaf, in sorted order.
+    pub leaves: Vec<PrimId>,
+    /// Every node once, children before parents; first the tasks' nodes, then those above all tasks.
+    pub bottom_up: Vec<NodeId>,
+    /// Disjoint subtrees; their ends do not depend on the number of threads.
+    pub tasks: Vec<Task>,
+    /// Nodes on the longest way from the root to a leaf, the leaf included; 0 for an empty tree.
+    pub depth: u32,
+}
+
+/// Leaves below which a subtree is not divided among threads.
+pub(crate) const TASK_LEAVES: u32 = 1 << 12;
+
+impl Tree {
+    /// A tree over `n < 2` primitives, which has no node.
+    pub(crate) fn without_nodes(leaves: Vec<PrimId>) -> Self {
+        let depth = u32::from(leaves.len() == 1);
+        Self { nodes: vec![], leaves, bottom_up: vec![], tasks: vec![], depth }
+    }
+
+    /// The root; `None` for an empty tree.
+    #[must_use]
+    pub fn root(&self) -> Option<Child> {
+        match self.leaves.len() {
+            0 => None,
+            1 => Some(Child::leaf(0)),
+            _ => Some(Child::inner(NodeId::ROOT)),
+        }
+    }
+
+    /// The subtree over the leaves `first..=last`, told apart by which child of its parent it is.
+    pub(crate) fn subtree(first: u32, last: u32, is_left: bool) -> Child {
+        match (first == last, is_left) {
+            (true, _) => Child::leaf(first),
+            (false, true) => Child::inner(NodeId(last)),
+            (false, false) => Child::inner(NodeId(first)),
+        }
+    }
+
+    /// Largest subtree that is one task.
+    #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 leaves")]
+    pub(crate) fn task_limit(n_leaves: usize) -> u32 {
+        TASK_LEAVES.max(n_leaves as u32 / 64)
+    }
+}
