@@ -1,7 +1,10 @@
 //! Readers: from a file to a [`Scene`].
 
 mod error;
+mod folder;
 mod gltf;
+mod image;
+mod repair;
 
 use std::fs::File;
 use std::io::Read;
