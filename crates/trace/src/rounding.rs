@@ -1,0 +1,24 @@
+/// Relative error of one f32 rounding, 2^-24.
+pub(crate) const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
+
+/// Relative error of one f64 rounding, 2^-53.
+pub(crate) const UNIT_ROUNDOFF_F64: f64 = f64::EPSILON / 2.0;
+
+/// Greatest f32 not above `x`.
+#[expect(clippy::cast_possible_truncation, reason = "corrected to the wanted side below")]
+pub(crate) fn down(x: f64) -> f32 {
+    let nearest = x as f32;
+    if f64::from(nearest) > x { nearest.next_down() } else { nearest }
+}
+
+/// Least f32 not below `x`.
+pub(crate) fn up(x: f64) -> f32 {
+    -down(-x)
+}
+
+/// Nearest f32, with zero always positive: the sign of a zero must not tell `-0.0` in a ray from `+0.0`.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+pub(crate) fn nearest(x: f64) -> f32 {
+    x as f32 + 0.0
+}

@@ -1,0 +1,186 @@
+use canted_obb::Aabb;
+
+use super::Slabs;
+use crate::rounding::UNIT_ROUNDOFF;
+use crate::vector::dot;
+use crate::{HIT_ERROR, ScaledRay};
+
+/// By how much, relative to `|o|∞ + ρ∞`, the ray is thickened against axis-aligned boxes.
+///
+/// The error of hits, one rounding of the moved origin, three of a plane's `t`, and one for second-order terms.
+pub const AABB_PAD: f32 = HIT_ERROR + 5.0 * UNIT_ROUNDOFF;
+
+/// By how much, relative to `|o|∞ + ρ∞`, a rotated ray is thickened against oriented boxes.
+///
+/// As [`AABB_PAD`], with three roundings each for the projected origin and direction, along a row whose components sum
+/// to √3 at most.
+pub const SLABS_PAD: f32 = 1.732_050_9 * (HIT_ERROR + 11.0 * UNIT_ROUNDOFF);
+
+/// Least absolute component of a direction in a box test, 2^-64; smaller ones, and zero, are replaced by it.
+///
+/// A power of two, so that scaled scenes stay equal bit for bit. Over the length of a ray it moves a point by less than
+/// 2^-62 of the scene.
+pub const MIN_DIRECTION: f32 = 1.0 / (1u128 << 64) as f32;
+
+/// A ray prepared for boxes of one space, thickened by what hits may be off.
+///
+/// It also shows its numbers, so that wider code can repeat the arithmetic of [`SlabRay::enters_aabb`] and
+/// [`SlabRay::enters_slabs`] lane by lane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlabRay {
+    origin: [f32; 3],
+    direction: [f32; 3],
+    origin_lo: [f32; 3],
+    origin_hi: [f32; 3],
+    recip: [f32; 3],
+    pad_oriented: f32,
+    t_min: f32,
+}
+
+impl SlabRay {
+    /// Prepares `ray` for boxes around triangles whose coordinates do not exceed `reach`.
+    ///
+    /// The boxes themselves may reach farther. A smaller `reach` than the triangles' voids the promise.
+    #[inline]
+    #[must_use]
+    pub fn new(ray: &ScaledRay, reach: f32) -> Self {
+        let [x, y, z] = ray.origin.map(f32::abs);
+        let scale = max(x, max(y, z)) + reach;
+        Self::with_pads(ray, AABB_PAD * scale + f32::MIN_POSITIVE, SLABS_PAD * scale + f32::MIN_POSITIVE)
+    }
+
+    /// Prepares `ray` with pads in units of the space.
+    #[inline]
+    pub(crate) fn with_pads(ray: &ScaledRay, pad: f32, pad_oriented: f32) -> Self {
+        Self {
+            origin: ray.origin,
+            direction: ray.direction,
+            origin_lo: ray.origin.map(|o| o + pad),
+            origin_hi: ray.origin.map(|o| o - pad),
+            recip: ray.direction.map(reciprocal),
+            pad_oriented,
+            t_min: ray.t_min,
+        }
+    }
+
+    /// The scaled `t` at which the ray enters `aabb`, at most that of any hit inside; `None` for a certain miss.
+    ///
+    /// `aabb` must not be empty.
+    #[inline]
+    #[must_use]
+    pub fn enters_aabb(&self, aabb: &Aabb, t_max: f32) -> Option<f32> {
+        let (near, far) = self.clip_aabb(aabb, t_max);
+        (near <= far).then_some(near)
+    }
+
+    /// The scaled `t` at which the ray enters `slabs`, at most that of any hit inside; `None` for a certain miss.
+    ///
+    /// `slabs` must not be empty.
+    #[inline]
+    #[must_use]
+    pub fn enters_slabs(&self, slabs: &Slabs, t_max: f32) -> Option<f32> {
+        let (near, far) = self.clip_slabs(slabs, t_max);
+        (near <= far).then_some(near)
+    }
+
+    /// Entry and exit; a miss where they are out of order.
+    #[inline]
+    pub(super) fn clip_aabb(&self, aabb: &Aabb, t_max: f32) -> (f32, f32) {
+        let mut interval = (self.t_min, t_max);
+        for k in 0..3 {
+            let t_lo = (aabb.min[k] - self.origin_lo[k]) * self.recip[k];
+            let t_hi = (aabb.max[k] - self.origin_hi[k]) * self.recip[k];
+            interval = clip(interval, t_lo, t_hi);
+        }
+        interval
+    }
+
+    /// Entry and exit; a miss where they are out of order.
+    #[inline]
+    pub(super) fn clip_slabs(&self, slabs: &Slabs, t_max: f32) -> (f32, f32) {
+        let mut interval = (self.t_min, t_max);
+        for k in 0..3 {
+            let origin = dot(slabs.rows[k], self.origin);
+            let recip = reciprocal(dot(slabs.rows[k], self.direction));
+            let t_lo = (slabs.lo[k] - (origin + self.pad_oriented)) * recip;
+            let t_hi = (slabs.hi[k] - (origin - self.pad_oriented)) * recip;
+            interval = clip(interval, t_lo, t_hi);
+        }
+        interval
+    }
+
+    /// The ray's origin, to be projected on the rows of oriented boxes.
+    #[inline]
+    #[must_use]
+    pub fn origin(&self) -> [f32; 3] {
+        self.origin
+    }
+
+    /// The scaled direction, to be projected on the rows of oriented boxes.
+    #[inline]
+    #[must_use]
+    pub fn direction(&self) -> [f32; 3] {
+        self.direction
+    }
+
+    /// The origin from which lower planes of axis-aligned boxes are met.
+    #[inline]
+    #[must_use]
+    pub fn origin_lo(&self) -> [f32; 3] {
+        self.origin_lo
+    }
+
+    /// The origin from which upper planes of axis-aligned boxes are met.
+    #[inline]
+    #[must_use]
+    pub fn origin_hi(&self) -> [f32; 3] {
+        self.origin_hi
+    }
+
+    /// Reciprocals of the direction, as [`MIN_DIRECTION`] bounds them.
+    #[inline]
+    #[must_use]
+    pub fn recip(&self) -> [f32; 3] {
+        self.recip
+    }
+
+    /// What is added to and taken from a projected origin before lower and upper planes of oriented boxes are met.
+    #[inline]
+    #[must_use]
+    pub fn pad_oriented(&self) -> f32 {
+        self.pad_oriented
+    }
+
+    /// Least accepted scaled `t`.
+    #[inline]
+    #[must_use]
+    pub fn t_min(&self) -> f32 {
+        self.t_min
+    }
+}
+
+/// `1/d`, bounded and never of a negative zero.
+#[inline]
+fn reciprocal(d: f32) -> f32 {
+    // Adding zero makes -0.0 positive, so that both zeros give the same bits.
+    let d = d + 0.0;
+    1.0 / max(d.abs(), MIN_DIRECTION).copysign(d)
+}
+
+/// The interval cut by the values at two planes, in either order.
+#[inline]
+fn clip((near, far): (f32, f32), t_lo: f32, t_hi: f32) -> (f32, f32) {
+    (max(near, min(t_lo, t_hi)), min(far, max(t_lo, t_hi)))
+}
+
+/// The lesser; one instruction, as there is no NaN to look for.
+#[inline]
+fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The greater; one instruction, as there is no NaN to look for.
+#[inline]
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}

@@ -1,0 +1,101 @@
+use canted_obb::{Aabb, Obb};
+
+use crate::rounding::{UNIT_ROUNDOFF_F64, down, nearest, up};
+use crate::vector::{cross, dot, wide};
+
+/// A traced box: all points `x` with `lo[k] <= rows[k]·x <= hi[k]`, in the space of the rays.
+///
+/// Rows are unit vectors, up to the rounding of their components: `|row| <= 1 + 4u`. They need not be orthogonal, and
+/// a flat box is an interval of one number: nothing is divided by an extent. The box is empty where `lo > hi`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Slabs {
+    /// Directions across the three pairs of faces.
+    pub rows: [[f32; 3]; 3],
+    /// Least projections.
+    pub lo: [f32; 3],
+    /// Greatest projections.
+    pub hi: [f32; 3],
+}
+
+/// Rounding of a projected point: two sums and the outward step, of exact products; doubled for second-order terms.
+const POINT_ERROR: f64 = 6.0 * UNIT_ROUNDOFF_F64;
+
+/// Rounding of a projected box: five roundings reach a term of the radius, two more the ends; doubled likewise.
+const BOX_ERROR: f64 = 14.0 * UNIT_ROUNDOFF_F64;
+
+impl Slabs {
+    /// The box that contains nothing, with these rows.
+    #[must_use]
+    pub fn empty(rows: [[f32; 3]; 3]) -> Self {
+        Self { rows, lo: Aabb::EMPTY.min, hi: Aabb::EMPTY.max }
+    }
+
+    /// The axis-aligned box itself, exactly.
+    #[must_use]
+    pub fn of_aabb(aabb: &Aabb) -> Self {
+        Self { rows: Obb::IDENTITY_FRAME, lo: aabb.min, hi: aabb.max }
+    }
+
+    /// A box that contains `obb`, every real point of it; tight up to rounding.
+    ///
+    /// The rows are those of the inverse frame, normalised and rounded; the intervals are then computed for the
+    /// *rounded* rows, so their rounding costs nothing. A direction that a singular frame leaves undefined is replaced
+    /// by a coordinate axis.
+    #[must_use]
+    pub fn of_obb(obb: &Obb) -> Self {
+        let mut slabs = Self::empty(inverse_rows(obb.frame.map(wide)));
+        let (center, frame, half) = (wide(obb.center), obb.frame.map(wide), wide(obb.half));
+        for k in 0..3 {
+            let row = wide(slabs.rows[k]);
+            let middle = dot(row, center);
+            let radius = dot(frame.map(|axis| dot(row, axis).abs()), half);
+            let error = BOX_ERROR * (dot_abs(row, center) + dot(frame.map(|axis| dot_abs(row, axis)), half));
+            slabs.lo[k] = down(middle - radius - error);
+            slabs.hi[k] = up(middle + radius + error);
+        }
+        slabs
+    }
+
+    /// The smallest box with these rows around `points`, rounded outward; empty for none.
+    ///
+    /// Each row must have a length of at most 1 + 4u, as a unit vector has after rounding.
+    #[must_use]
+    pub fn of_points(rows: [[f32; 3]; 3], points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+        let wide_rows = rows.map(wide);
+        let (mut lo, mut hi) = ([f64::MAX; 3], [f64::MIN; 3]);
+        for point in points {
+            let point = wide(point);
+            for k in 0..3 {
+                let place = dot(wide_rows[k], point);
+                let error = POINT_ERROR * dot_abs(wide_rows[k], point);
+                lo[k] = lo[k].min(place - error);
+                hi[k] = hi[k].max(place + error);
+            }
+        }
+        if lo[0] > hi[0] {
+            return Self::empty(rows);
+        }
+        Self { rows, lo: lo.map(down), hi: hi.map(up) }
+    }
+
+    /// Whether it contains no point.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|k| self.lo[k] > self.hi[k])
+    }
+}
+
+/// Sum of the absolute terms of a dot product.
+fn dot_abs(a: [f64; 3], b: [f64; 3]) -> f64 {
+    dot(a.map(f64::abs), b.map(f64::abs))
+}
+
+/// The rows of the inverse of the matrix with these columns, normalised and rounded.
+fn inverse_rows(columns: [[f64; 3]; 3]) -> [[f32; 3]; 3] {
+    std::array::from_fn(|k| {
+        let normal = cross(columns[(k + 1) % 3], columns[(k + 2) % 3]);
+        let length = dot(normal, normal).sqrt();
+        if length > 0.0 { normal.map(|x| nearest(x / length)) } else { Obb::IDENTITY_FRAME[k] }
+    })
+}

@@ -1,0 +1,55 @@
+use super::TriangleHit;
+use crate::rounding::{UNIT_ROUNDOFF, nearest};
+use crate::vector::{cross, dot, reach, sub, wide};
+use crate::{ScaledRay, Side};
+
+/// How far below zero a vertex weight may lie: what the f32 filters let through at an edge is a hit.
+const WEIGHT_SLACK: f64 = 4.0 * UNIT_ROUNDOFF as f64;
+
+/// How far, relative to `|o|∞ + ρ∞`, the point on the ray may lie from the point by the weights.
+///
+/// Rounding `t` to f32 takes u of it; the other u is for the f64 solution, which it can only exceed where the ray
+/// runs within about 1e-8 of the face's plane, or where the triangle is that thin.
+const AGREEMENT: f64 = 2.0 * UNIT_ROUNDOFF as f64;
+
+/// Decides and computes in f64 what an f32 filter let pass; the same bits for every filter.
+///
+/// Reads: a ray, three vertices. Writes: the hit.
+/// Holds: accepted points lie within 18.1 u of the triangle, relative to `|o|∞ + ρ∞` (below).
+/// Source: Möller, Trumbore 1997; the check of the solution by inserting it is ours.
+///
+/// # Error
+/// The solution of `o + t·d = v0 + u·(v1 - v0) + v·(v2 - v0)` is inserted: both sides must agree within `AGREEMENT`.
+/// Nothing need then be known of the condition of the system, and a zero determinant fails by itself. The weights are
+/// at least -4u; at most two are negative, so moving them to zero moves the point by at most `8u·ρ∞` twice. In all
+/// `16u·ρ∞ + 2u·(|o|∞ + ρ∞)`, and less than 0.1 u for the roundings of the check itself.
+#[inline]
+pub(super) fn finish(ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
+    let [v0, v1, v2] = vertices.map(wide);
+    let (o, d) = (wide(ray.origin), wide(ray.direction));
+    let (e1, e2, s) = (sub(v1, v0), sub(v2, v0), sub(o, v0));
+    let p = cross(d, e2);
+    let q = cross(s, e1);
+    // The determinant is minus the normal times the direction.
+    let det = dot(p, e1);
+    let u = dot(p, s) / det;
+    let v = dot(q, d) / det;
+    // Phrased so that what is not a number fails.
+    if !(u >= -WEIGHT_SLACK && v >= -WEIGHT_SLACK && u + v <= 1.0 + WEIGHT_SLACK) {
+        return None;
+    }
+    let t = nearest(dot(q, e2) / det);
+    if !(ray.t_min <= t && t <= t_max) {
+        return None;
+    }
+    let scale = reach(o) + reach(v0).max(reach(v1)).max(reach(v2));
+    // The second term is for a `t` that underflows.
+    let agreement = AGREEMENT * scale + f64::from(f32::MIN_POSITIVE) * 0.25;
+    let agrees = (0..3).all(|k| {
+        let on_ray = o[k] + f64::from(t) * d[k];
+        let by_weights = v0[k] + (u * e1[k] + v * e2[k]);
+        (on_ray - by_weights).abs() <= agreement
+    });
+    let side = if det > 0.0 { Side::Front } else { Side::Back };
+    agrees.then(|| TriangleHit { t, u: nearest(u.max(0.0)), v: nearest(v.max(0.0)), side })
+}
