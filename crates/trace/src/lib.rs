@@ -30,5 +30,5 @@ pub use segment::segment_overlaps_aabb;
 pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, ray_aabb, ray_obb};
 pub use sphere::Sphere;
 pub use triangle::{
-    BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, Watertight,
+    Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, Watertight,
 };

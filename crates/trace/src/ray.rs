@@ -74,6 +74,14 @@ impl ScaledRay {
         })
     }
 
+    /// The scaled `t` of a caller's one.
+    #[inline]
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "a power of two: exact but for overflow and underflow")]
+    pub fn scaled_t(&self, t: f32) -> f32 {
+        (f64::from(t) * self.to_scaled) as f32
+    }
+
     /// The caller's `t` of a scaled one.
     #[inline]
     #[must_use]

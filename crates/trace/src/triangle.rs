@@ -4,11 +4,13 @@
 //! answer depends on the ray's line and the triangle alone; the finish decides and computes. So SIMD lanes may filter
 //! in any width and any order, and the reported bits never differ.
 
+mod axis;
 mod baldwin_weber;
 mod finish;
 mod moller_trumbore;
 mod watertight;
 
+pub use axis::Axis;
 pub use baldwin_weber::{BaldwinWeber, BaldwinWeberRecord};
 pub use moller_trumbore::MollerTrumbore;
 pub use watertight::{Shear, Watertight};

@@ -1,7 +1,7 @@
 use canted_obb::Aabb;
 
 use super::Slabs;
-use crate::rounding::UNIT_ROUNDOFF;
+use crate::rounding::{UNIT_ROUNDOFF, up};
 use crate::vector::dot;
 use crate::{HIT_ERROR, ScaledRay};
 
@@ -10,11 +10,14 @@ use crate::{HIT_ERROR, ScaledRay};
 /// The error of hits, one rounding of the moved origin, three of a plane's `t`, and one for second-order terms.
 pub const AABB_PAD: f32 = HIT_ERROR + 5.0 * UNIT_ROUNDOFF;
 
+/// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
+const SQRT_3: f32 = 1.732_050_9;
+
 /// By how much, relative to `|o|∞ + ρ∞`, a rotated ray is thickened against oriented boxes.
 ///
 /// As [`AABB_PAD`], with three roundings each for the projected origin and direction, along a row whose components sum
 /// to √3 at most.
-pub const SLABS_PAD: f32 = 1.732_050_9 * (HIT_ERROR + 11.0 * UNIT_ROUNDOFF);
+pub const SLABS_PAD: f32 = SQRT_3 * (HIT_ERROR + 11.0 * UNIT_ROUNDOFF);
 
 /// Least absolute component of a direction in a box test, 2^-64; smaller ones, and zero, are replaced by it.
 ///
@@ -47,6 +50,19 @@ impl SlabRay {
         let [x, y, z] = ray.origin.map(f32::abs);
         let scale = max(x, max(y, z)) + reach;
         Self::with_pads(ray, AABB_PAD * scale + f32::MIN_POSITIVE, SLABS_PAD * scale + f32::MIN_POSITIVE)
+    }
+
+    /// Prepares `ray` for boxes whose hits may be off by `error` in each coordinate, in units of the space.
+    ///
+    /// For boxes around anything but triangles of this space: the error then takes the place of
+    /// `HIT_ERROR·(|o|∞ + ρ∞)` in the proof.
+    #[inline]
+    #[must_use]
+    pub fn with_error(ray: &ScaledRay, reach: f32, error: f64) -> Self {
+        let scale = f64::from(reach) + ray.origin.iter().map(|o| f64::from(o.abs())).fold(0.0, f64::max);
+        let pad = error + f64::from(AABB_PAD - HIT_ERROR) * scale;
+        let pad_oriented = f64::from(SQRT_3) * error + f64::from(SLABS_PAD - SQRT_3 * HIT_ERROR) * scale;
+        Self::with_pads(ray, up(pad) + f32::MIN_POSITIVE, up(pad_oriented) + f32::MIN_POSITIVE)
     }
 
     /// Prepares `ray` with pads in units of the space.

@@ -1,5 +1,5 @@
 use super::finish::finish;
-use super::{Kernel, TriangleHit};
+use super::{Axis, Kernel, TriangleHit};
 use crate::ScaledRay;
 use crate::rounding::nearest;
 use crate::vector::{cross, dot, reach, sub, wide};
@@ -33,26 +33,6 @@ pub struct BaldwinWeberRecord {
     axis: Option<Axis>,
 }
 
-/// A coordinate axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Axis {
-    X,
-    Y,
-    Z,
-}
-
-impl Axis {
-    /// The vector with this axis last, cyclically.
-    #[inline]
-    fn last<T: Copy>(self, [x, y, z]: [T; 3]) -> [T; 3] {
-        match self {
-            Self::X => [y, z, x],
-            Self::Y => [z, x, y],
-            Self::Z => [x, y, z],
-        }
-    }
-}
-
 impl BaldwinWeberRecord {
     /// Whether the ray's line certainly misses, as far as f32 and the map can say.
     #[inline]
@@ -79,17 +59,11 @@ impl Kernel for BaldwinWeber {
     fn record(vertices: [[f32; 3]; 3]) -> BaldwinWeberRecord {
         let [v0, v1, v2] = vertices.map(wide);
         let (e1, e2) = (sub(v1, v0), sub(v2, v0));
-        let [x, y, z] = cross(e1, e2).map(f64::abs);
-        let axis = if x >= y && x >= z {
-            Axis::X
-        } else if y >= z {
-            Axis::Y
-        } else {
-            Axis::Z
-        };
-        let [n, e1_, e2_, v0] = [cross(e1, e2), e1, e2, v0].map(|p| axis.last(p));
-        let row_u = [e2_[1] / n[2], -e2_[0] / n[2]];
-        let row_v = [-e1_[1] / n[2], e1_[0] / n[2]];
+        let normal = cross(e1, e2);
+        let axis = Axis::of_greatest(normal, f64::abs);
+        let [n, [e1_a, e1_b, _], [e2_a, e2_b, _], v0] = [normal, e1, e2, v0].map(|p| axis.last(p));
+        let row_u = [e2_b / n[2], -e2_a / n[2]];
+        let row_v = [-e1_b / n[2], e1_a / n[2]];
         let with_constant = |[a, b]: [f64; 2], c: f64| [a, b, c].map(nearest);
         let rows = [
             with_constant(row_u, -(row_u[0] * v0[0] + row_u[1] * v0[1])),

@@ -1,4 +1,6 @@
-use super::{Kernel, TriangleHit};
+use std::ops::{Mul, Sub};
+
+use super::{Axis, Kernel, TriangleHit};
 use crate::rounding::nearest;
 use crate::vector::{sub, wide};
 use crate::{ScaledRay, Side};
@@ -29,10 +31,10 @@ use crate::{ScaledRay, Side};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Watertight;
 
-/// The shear that turns a ray into the z axis; made once a ray.
+/// The shear that turns a ray into an axis; made once a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shear {
-    axes: [usize; 3],
+    axis: Axis,
     factors: [f32; 2],
 }
 
@@ -41,29 +43,19 @@ impl Shear {
     #[inline]
     #[must_use]
     pub fn new(ray: &ScaledRay) -> Self {
-        let [x, y, z] = ray.direction.map(f32::abs);
-        let kz = if x >= y && x >= z {
-            0
-        } else if y >= z {
-            1
-        } else {
-            2
-        };
-        let d = ray.direction;
-        let (right, left) = ((kz + 1) % 3, (kz + 2) % 3);
-        // Seen along the ray, the winding must not depend on the sign of d_z.
-        let (kx, ky) = if d[kz] < 0.0 { (left, right) } else { (right, left) };
-        Self { axes: [kx, ky, kz], factors: [d[kx] / d[kz], d[ky] / d[kz]] }
+        let axis = Axis::of_greatest(ray.direction, f32::abs);
+        let [d_x, d_y, d_z] = axis.last(ray.direction);
+        Self { axis, factors: [d_x / d_z, d_y / d_z] }
     }
 
-    /// Which of the ray's axes play x, y and z.
+    /// The axis of the greatest component of the direction: it plays z, the two after it x and y.
     #[inline]
     #[must_use]
-    pub fn axes(&self) -> [usize; 3] {
-        self.axes
+    pub fn axis(&self) -> Axis {
+        self.axis
     }
 
-    /// `d_x/d_z` and `d_y/d_z`, rounded to f32; absolute values at most 1.
+    /// `S = (d_x/d_z, d_y/d_z)`, rounded to f32; absolute values at most 1.
     #[inline]
     #[must_use]
     pub fn factors(&self) -> [f32; 2] {
@@ -73,10 +65,9 @@ impl Shear {
     /// A vertex in sheared coordinates.
     #[inline]
     fn vertex(&self, ray: &ScaledRay, v: [f32; 3]) -> [f32; 3] {
-        let a = sub(v, ray.origin);
-        let [kx, ky, kz] = self.axes;
-        let [sx, sy] = self.factors;
-        [a[kx] - sx * a[kz], a[ky] - sy * a[kz], a[kz]]
+        let [x, y, z] = self.axis.last(sub(v, ray.origin));
+        let [s_x, s_y] = self.factors;
+        [x - s_x * z, y - s_y * z, z]
     }
 }
 
@@ -96,40 +87,42 @@ impl Kernel for Watertight {
 
     #[inline]
     fn intersect(shear: &Shear, ray: &ScaledRay, vertices: &Self::Record, t_max: f32) -> Option<TriangleHit> {
-        let [a, b, c] = vertices.map(|v| shear.vertex(ray, v));
-        let u = c[0] * b[1] - c[1] * b[0];
-        let v = a[0] * c[1] - a[1] * c[0];
-        let w = b[0] * a[1] - b[1] * a[0];
-        if mixed(u, v, w) {
+        let sheared = vertices.map(|v| shear.vertex(ray, v));
+        if mixed(edge_functions(sheared)) {
             return None;
         }
-        finish(a, b, c, ray, ray.direction[shear.axes[2]], t_max)
+        let [_, _, d_z] = shear.axis.last(ray.direction);
+        let (t, u, v, side) = solve(sheared.map(wide), f64::from(d_z))?;
+        (ray.t_min <= t && t <= t_max).then_some(TriangleHit { t, u, v, side })
     }
+}
+
+/// Twice the signed areas, seen along z, of the origin with each edge; the first faces the first vertex.
+#[inline]
+fn edge_functions<T: Copy + Sub<Output = T> + Mul<Output = T>>([a, b, c]: [[T; 3]; 3]) -> [T; 3] {
+    [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]]
 }
 
 /// Whether one is negative and another positive. NaN, from overflow, is neither: it leaves the question open.
 #[inline]
-fn mixed<T: PartialOrd + Default>(u: T, v: T, w: T) -> bool {
+fn mixed<T: Copy + PartialOrd + Default>([u, v, w]: [T; 3]) -> bool {
     let zero = T::default();
-    (u < zero || v < zero || w < zero) && (u > zero || v > zero || w > zero)
+    // Without branches: the signs are as good as random.
+    ((u < zero) | (v < zero) | (w < zero)) & ((u > zero) | (v > zero) | (w > zero))
 }
 
-/// Decides exactly, in f64, from sheared f32 vertices.
+/// `t`, `u`, `v` and the side of a sheared f32 triangle, its edge functions without error; `None` for a miss.
 #[inline]
-fn finish(a: [f32; 3], b: [f32; 3], c: [f32; 3], ray: &ScaledRay, d_z: f32, t_max: f32) -> Option<TriangleHit> {
-    let [a, b, c] = [a, b, c].map(wide);
-    let u = c[0] * b[1] - c[1] * b[0];
-    let v = a[0] * c[1] - a[1] * c[0];
-    let w = b[0] * a[1] - b[1] * a[0];
+fn solve(sheared: [[f64; 3]; 3], d_z: f64) -> Option<(f32, f32, f32, Side)> {
+    let [u, v, w] = edge_functions(sheared);
     let det = u + v + w;
-    if mixed(u, v, w) || det == 0.0 {
+    if mixed([u, v, w]) || det == 0.0 {
         return None;
     }
-    let t = nearest((u * a[2] + v * b[2] + w * c[2]) / (det * f64::from(d_z)));
-    if !(ray.t_min <= t && t <= t_max) {
-        return None;
-    }
-    // Seen along the ray, a front face turns clockwise, and det is minus twice its signed area.
-    let side = if det > 0.0 { Side::Front } else { Side::Back };
-    Some(TriangleHit { t, u: nearest(v / det), v: nearest(w / det), side })
+    let [a, b, c] = sheared;
+    let denominator = det * d_z;
+    let t = nearest((u * a[2] + v * b[2] + w * c[2]) / denominator);
+    // Seen along +z, a face that is turned to the ray runs clockwise, and det is minus twice its signed area.
+    let side = if denominator > 0.0 { Side::Front } else { Side::Back };
+    Some((t, nearest(v / det), nearest(w / det), side))
 }
