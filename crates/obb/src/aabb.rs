@@ -27,22 +27,18 @@ impl Aabb {
     /// Extends the box to `point`.
     #[inline]
     pub fn grow(&mut self, point: [f32; 3]) {
-        for k in 0..3 {
-            self.min[k] = self.min[k].min(point[k]);
-            self.max[k] = self.max[k].max(point[k]);
-        }
+        self.min = std::array::from_fn(|k| self.min[k].min(point[k]));
+        self.max = std::array::from_fn(|k| self.max[k].max(point[k]));
     }
 
     /// Smallest box around both.
     #[inline]
     #[must_use]
     pub fn union(self, other: Self) -> Self {
-        let mut joined = self;
-        for k in 0..3 {
-            joined.min[k] = joined.min[k].min(other.min[k]);
-            joined.max[k] = joined.max[k].max(other.max[k]);
+        Self {
+            min: std::array::from_fn(|k| self.min[k].min(other.min[k])),
+            max: std::array::from_fn(|k| self.max[k].max(other.max[k])),
         }
-        joined
     }
 
     /// Whether it contains no point.

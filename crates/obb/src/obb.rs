@@ -1,4 +1,6 @@
-use crate::{Aabb, Affine};
+use crate::round::{U, difference_up, up};
+use crate::vector::{self, Vector};
+use crate::{Aabb, Affine, Enclosure, contains, frame};
 
 /// A box that may lean: all points `center + frame · q` with `|q[k]| <= half[k]`.
 ///
@@ -19,6 +21,89 @@ impl Obb {
     /// The unrotated frame.
     pub const IDENTITY_FRAME: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
+    /// The axis-parallel box that contains `aabb` exactly; the half-extents cover the rounding of the midpoint.
+    ///
+    /// The empty box becomes a point at the origin.
+    #[must_use]
+    pub fn from_aabb(aabb: &Aabb) -> Self {
+        if aabb.is_empty() {
+            return Self { center: [0.0; 3], frame: Self::IDENTITY_FRAME, half: [0.0; 3] };
+        }
+        let center = vector::to_f32(aabb.center());
+        let half =
+            std::array::from_fn(|k| difference_up(aabb.max[k], center[k]).max(difference_up(center[k], aabb.min[k])));
+        Self { center, frame: Self::IDENTITY_FRAME, half }
+    }
+
+    /// The image of the unit cube `[-1/2, 1/2]³`, exactly: the columns are the frame and no number is rounded.
+    ///
+    /// A column of zeros becomes an axis of extent zero across the others. Where the other columns are linearly
+    /// dependent no frame can carry the image, and the axis-parallel box around it is returned.
+    #[must_use]
+    pub fn from_affine(space_from_cube: &Affine) -> Self {
+        let cube = Self { center: [0.0; 3], frame: Self::IDENTITY_FRAME, half: [0.5; 3] };
+        let [x, y, z, center] = space_from_cube.columns;
+        let exact = Self { center, frame: [x, y, z], half: [0.5; 3] };
+        if contains::is_singular(&exact) { cube.transformed(space_from_cube) } else { exact }
+    }
+
+    /// The map that takes the unit cube `[-1/2, 1/2]³` to this box (Sabino 2020, 3.1.1), columns of *full* length.
+    ///
+    /// Each number is rounded to nearest, so the image may lack what the box contains by a rounding; a flat box gives
+    /// a singular map.
+    #[must_use]
+    pub fn to_affine(&self) -> Affine {
+        let [x, y, z] = std::array::from_fn(|a| {
+            vector::to_f32(vector::scale(vector::from_f32(self.frame[a]), 2.0 * f64::from(self.half[a])))
+        });
+        Affine { columns: [x, y, z, self.center] }
+    }
+
+    /// A box that contains the exact image of this one; its axes are the images of the axes, skewed where the map
+    /// shears.
+    ///
+    /// Axes come back at lengths between one and four. A map that flattens an axis leaves it at extent zero, across the
+    /// others; where it makes the axes dependent the axis-parallel box around the image is returned.
+    #[must_use]
+    pub fn transformed(&self, to_from_self: &Affine) -> Self {
+        let center = to_from_self.point_f64(vector::from_f32(self.center));
+        let directions = self.frame.map(|axis| to_from_self.vector_f64(vector::from_f32(axis)));
+        let sides: [Vector; 3] = std::array::from_fn(|a| vector::scale(directions[a], f64::from(self.half[a])));
+        // Products of two f32 are exact in f64. A coordinate of the centre then takes three roundings, one of a side
+        // two and a third for its half-extent, each relative to the sum of absolute terms; the fourth unit covers the
+        // sum itself.
+        let reach: Vector = std::array::from_fn(|k| {
+            let sides = (0..3).map(|a| f64::from(self.frame[a][k].abs()) * f64::from(self.half[a]));
+            f64::from(self.center[k].abs()) + sides.sum::<f64>()
+        });
+        let magnitude: Vector = std::array::from_fn(|k| {
+            let linear = (0..3).map(|j| f64::from(to_from_self.columns[j][k].abs()) * reach[j]);
+            f64::from(to_from_self.columns[3][k].abs()) + linear.sum::<f64>()
+        });
+        let mut enclosure = Enclosure::new(frame::complete(directions), vector::to_f32(center));
+        enclosure.add_parallelepiped(center, sides, 4.0 * U * vector::reach(magnitude));
+        enclosure.finish()
+    }
+
+    /// This box, or the axis-parallel one around `content` where that has no more area.
+    ///
+    /// `content` is the true bound of what the box contains, not of its corners (Sabino 2020, 3.5, but by area: flat
+    /// boxes have no volume).
+    #[inline]
+    #[must_use]
+    pub fn or_aabb(self, content: &Aabb) -> Self {
+        let straight = Self::from_aabb(content);
+        if straight.area() <= self.area() { straight } else { self }
+    }
+
+    /// Whether `point` lies inside or on the boundary: exactly, by the definition of the type.
+    ///
+    /// A singular frame contains nothing.
+    #[must_use]
+    pub fn contains(&self, point: [f32; 3]) -> bool {
+        contains::contains(self, point)
+    }
+
     /// The eight corners in `f64`; bit `k` of the index chooses the positive side of axis `k`.
     #[must_use]
     pub fn corners(&self) -> [[f64; 3]; 8] {
@@ -35,35 +120,34 @@ impl Obb {
     /// Surface area in square scene units, exact for skewed frames too.
     #[must_use]
     pub fn area(&self) -> f64 {
-        let e: [[f64; 3]; 3] = std::array::from_fn(|a| {
-            std::array::from_fn(|k| 2.0 * f64::from(self.frame[a][k]) * f64::from(self.half[a]))
-        });
-        let face = |a: [f64; 3], b: [f64; 3]| {
-            let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-            (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
-        };
-        2.0 * (face(e[0], e[1]) + face(e[1], e[2]) + face(e[2], e[0]))
+        let [x, y, z] = self.edges();
+        let face = |a, b| vector::length(vector::cross(a, b));
+        2.0 * (face(x, y) + face(y, z) + face(z, x))
     }
 
     /// Volume in cubic scene units.
     #[must_use]
     pub fn volume(&self) -> f64 {
-        let frame = Affine { columns: [self.frame[0], self.frame[1], self.frame[2], [0.0; 3]] };
-        8.0 * frame.determinant().abs() * self.half.iter().map(|&h| f64::from(h)).product::<f64>()
+        let [x, y, z] = self.edges();
+        vector::dot(x, vector::cross(y, z)).abs()
     }
 
-    /// Smallest axis-aligned box around the eight corners, rounded outward.
+    /// The three edges from a corner, at full length.
+    fn edges(&self) -> [Vector; 3] {
+        std::array::from_fn(|a| vector::scale(vector::from_f32(self.frame[a]), 2.0 * f64::from(self.half[a])))
+    }
+
+    /// Smallest axis-aligned box around the eight real corners, rounded outward.
     #[must_use]
     pub fn aabb(&self) -> Aabb {
         let mut aabb = Aabb::EMPTY;
-        for corner in self.corners() {
-            for k in 0..3 {
-                // A corner carries four roundings of f64; one unit in the last place of f32 covers them many times over.
-                #[expect(clippy::cast_possible_truncation, reason = "widened by one unit in the last place below")]
-                let x = corner[k] as f32;
-                aabb.min[k] = aabb.min[k].min(x.next_down());
-                aabb.max[k] = aabb.max[k].max(x.next_up());
-            }
+        for k in 0..3 {
+            let center = f64::from(self.center[k]);
+            let support: f64 = (0..3).map(|a| f64::from(self.frame[a][k].abs()) * f64::from(self.half[a])).sum();
+            // The products are exact; two sums and the last difference round, relative to what they add up.
+            let error = 4.0 * U * (center.abs() + support);
+            aabb.min[k] = -up(-(center - support - error));
+            aabb.max[k] = up(center + support + error);
         }
         aabb
     }

@@ -1,0 +1,238 @@
+use crate::round::{U, up};
+use crate::vector::{self, Vector, cross};
+use crate::{Aabb, Obb};
+
+/// Tightest box along the axes of `frame` that contains every point of `points` *exactly*, as [`Obb::contains`] judges.
+///
+/// The frame may be skewed. Where it is singular, or so nearly that `f64` cannot tell on which side of a face a point
+/// lies, the axes of the space take its place. No points give a box of extent zero at the origin. The points must be
+/// finite. Nothing is allocated.
+///
+/// See [`Enclosure`] for the error bound that makes it exact.
+#[inline]
+#[must_use]
+pub fn bound(frame: [[f32; 3]; 3], points: impl IntoIterator<Item = [f32; 3]>) -> Obb {
+    let mut points = points.into_iter();
+    let mut enclosure = Enclosure::new(frame, points.next().unwrap_or_default());
+    // The origin may lie outside the rest: it is a point like the others.
+    enclosure.add_origin();
+    for point in points {
+        enclosure.add_point(point);
+    }
+    enclosure.finish()
+}
+
+/// Tightest box along the axes of `frame` that contains every box of `boxes`, all their real corners included.
+///
+/// What [`bound`] says of frames holds here too. Nothing is allocated.
+#[inline]
+#[must_use]
+pub fn bound_boxes<'a>(frame: [[f32; 3]; 3], boxes: impl IntoIterator<Item = &'a Obb>) -> Obb {
+    let mut boxes = boxes.into_iter().peekable();
+    let origin = boxes.peek().map_or([0.0; 3], |first| first.center);
+    let mut enclosure = Enclosure::new(frame, origin);
+    for child in boxes {
+        enclosure.add_box(child);
+    }
+    enclosure.finish()
+}
+
+/// A box that grows around points and boxes along fixed axes.
+///
+/// # How the pad is derived
+///
+/// With `R = frame⁻¹`, a point `p` has the coordinates `q = R·(p − o)`, `o` the origin given. Everything is computed in
+/// `f64` (`u = 2⁻⁵³`) from the *rounded* `f32` frame, so only the roundings below separate the stored box from real
+/// arithmetic:
+///
+/// - A cofactor is a difference of two products of `f32`, which `f64` holds exactly: one rounding. The determinant is
+///   a sum of three further products: four roundings, relative to the sum `K·|det|` of its absolute terms. The
+///   reciprocal and the last product add two. An entry of `R` has the relative error `(3 + 4K)u`; `K` is 1 for
+///   rotations and does not change when rows or columns are scaled.
+/// - A point's coordinate takes a difference, a product and two sums: `4u`. A box's support, `|R·side|` summed over
+///   its three exact sides `axis · half`, takes `6u`, its sum with the centre one more: `7u`.
+/// - The half-extent takes a difference and the sum with the pad: `2u`.
+/// - Second-order terms and the roundings of the pad itself are far below one more `u`.
+///
+/// So `q` errs by at most `t·ρ·D` with `t = (13 + 4K)u`, `ρ` the absolute sum of the row of `R`, and `D` the greatest
+/// coordinate difference to `o`, of content and centre together. `D` is not measured point by point:
+/// `p − o = frame·q` bounds it by the extents found, up to a factor `1/(1 − t·κ)` with `κ = Σ ρ·|axis|∞`; frames
+/// with `t·κ > 2⁻¹⁰` are refused. A single point has `D = 0`: its box is exact.
+#[derive(Clone, Debug)]
+pub struct Enclosure {
+    frame: [[f32; 3]; 3],
+    /// Columns of the inverse; the fourth lane is zero and fills the vector register.
+    inverse: [[f64; 4]; 3],
+    origin: Vector,
+    low: [f64; 4],
+    high: [f64; 4],
+    /// Absolute error of the content's coordinates, zero for what is stored exactly.
+    slack: f64,
+    /// `t` of the derivation.
+    relative_error: f64,
+}
+
+/// Bound on `t·κ`: keeps the terms of second order below a thousandth of the pad.
+const GREATEST_RELATIVE_ERROR: f64 = 1.0 / 1024.0;
+
+/// Covers `1/(1 − t·κ)` and the roundings of the pad.
+const SECOND_ORDER: f64 = 1.0 + 1.0 / 256.0;
+
+impl Enclosure {
+    /// An empty enclosure along the axes of `frame`; coordinates are measured from `origin`, best a point of the
+    /// content.
+    #[inline]
+    #[must_use]
+    pub fn new(frame: [[f32; 3]; 3], origin: [f32; 3]) -> Self {
+        let (frame, inverse, relative_error) = match invert(frame) {
+            Some((inverse, error)) => (frame, inverse, error),
+            None => (Obb::IDENTITY_FRAME, IDENTITY_INVERSE, error_of_condition(1.0)),
+        };
+        Self {
+            frame,
+            inverse,
+            origin: vector::from_f32(origin),
+            low: [f64::MAX; 4],
+            high: [f64::MIN; 4],
+            slack: 0.0,
+            relative_error,
+        }
+    }
+
+    /// Grows to the origin given to [`Enclosure::new`].
+    #[inline]
+    pub fn add_origin(&mut self) {
+        self.widen([0.0; 4], [0.0; 4]);
+    }
+
+    /// Grows to a point.
+    #[inline]
+    pub fn add_point(&mut self, point: [f32; 3]) {
+        let q = self.coordinates(vector::sub(vector::from_f32(point), self.origin));
+        self.widen(q, q);
+    }
+
+    /// Grows to a box: its real corners, not their roundings.
+    #[inline]
+    pub fn add_box(&mut self, content: &Obb) {
+        // A product of two f32 is exact in f64.
+        let sides =
+            std::array::from_fn(|a| vector::scale(vector::from_f32(content.frame[a]), f64::from(content.half[a])));
+        self.add_parallelepiped(vector::from_f32(content.center), sides, 0.0);
+    }
+
+    /// Grows to an axis-aligned box; an empty one changes nothing.
+    #[inline]
+    pub fn add_aabb(&mut self, content: &Aabb) {
+        if content.is_empty() {
+            return;
+        }
+        let [x, y, z] = content.extent().map(|e| 0.5 * e);
+        // Midpoint and half-extent are each rounded once in f64, at no more than the greatest coordinate.
+        let slack = 2.0 * U * f64::from(content.reach());
+        self.add_parallelepiped(content.center(), [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]], slack);
+    }
+
+    /// Grows to all `center ± sides[0] ± sides[1] ± sides[2]`, known up to `slack` per coordinate.
+    #[inline]
+    pub(crate) fn add_parallelepiped(&mut self, center: Vector, sides: [Vector; 3], slack: f64) {
+        let q = self.coordinates(vector::sub(center, self.origin));
+        let [s, t, r] = sides.map(|side| self.coordinates(side));
+        let support: [f64; 4] = std::array::from_fn(|k| s[k].abs() + t[k].abs() + r[k].abs());
+        self.widen(std::array::from_fn(|k| q[k] - support[k]), std::array::from_fn(|k| q[k] + support[k]));
+        self.slack = greatest(self.slack, slack);
+    }
+
+    /// The box around everything added; a point at the origin for nothing.
+    #[inline]
+    #[must_use]
+    pub fn finish(&self) -> Obb {
+        if self.low[0] > self.high[0] {
+            return Obb { center: vector::to_f32(self.origin), frame: self.frame, half: [0.0; 3] };
+        }
+        let axes = self.frame.map(vector::from_f32);
+        let mut shift = [0.0; 3];
+        let mut content_reach = 0.0;
+        for (k, &axis) in axes.iter().enumerate() {
+            shift = vector::add(shift, vector::scale(axis, 0.5 * (self.low[k] + self.high[k])));
+            content_reach += vector::reach(axis) * greatest(self.low[k].abs(), self.high[k].abs());
+        }
+        // Any centre will do, since the half-extents are measured from it as stored.
+        let limit = f64::from(f32::MAX);
+        let center = vector::to_f32(vector::add(self.origin, shift).map(|x| x.clamp(-limit, limit)));
+        let offset = vector::sub(vector::from_f32(center), self.origin);
+        let q = self.coordinates(offset);
+        let error = SECOND_ORDER * (self.relative_error * (content_reach + vector::reach(offset)) + self.slack);
+        let row = |k: usize| self.inverse[0][k].abs() + self.inverse[1][k].abs() + self.inverse[2][k].abs();
+        let half: [f64; 3] =
+            std::array::from_fn(|k| greatest(self.high[k] - q[k], q[k] - self.low[k]) + row(k) * error);
+        in_range(center, self.frame, half)
+    }
+
+    #[inline]
+    fn widen(&mut self, low: [f64; 4], high: [f64; 4]) {
+        self.low = std::array::from_fn(|k| least(self.low[k], low[k]));
+        self.high = std::array::from_fn(|k| greatest(self.high[k], high[k]));
+    }
+
+    /// `inverse · difference`, the fourth lane zero.
+    #[inline]
+    fn coordinates(&self, difference: Vector) -> [f64; 4] {
+        let [x, y, z] = &self.inverse;
+        std::array::from_fn(|k| x[k] * difference[0] + y[k] * difference[1] + z[k] * difference[2])
+    }
+}
+
+/// The box with its half-extents rounded up; beyond the range of `f32` the axis grows in their place, the same box.
+#[inline]
+fn in_range(center: [f32; 3], mut frame: [[f32; 3]; 3], mut half: [f64; 3]) -> Obb {
+    for (axis, half) in frame.iter_mut().zip(&mut half) {
+        while *half > f64::from(f32::MAX) {
+            *half *= 0.5;
+            *axis = axis.map(|x| 2.0 * x);
+        }
+    }
+    Obb { center, frame, half: half.map(up) }
+}
+
+const IDENTITY_INVERSE: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+/// `t` of the derivation for a determinant whose absolute terms sum to `k` times its value.
+#[inline]
+fn error_of_condition(k: f64) -> f64 {
+    (13.0 + 4.0 * k) * U
+}
+
+/// Columns of the inverse, and `t`; `None` where the frame is too nearly singular.
+///
+/// Cofactors cost about as much as testing the frame for orthonormality would, and leave no difference to cover.
+#[inline]
+fn invert(frame: [[f32; 3]; 3]) -> Option<([[f64; 4]; 3], f64)> {
+    let [x, y, z] = frame.map(vector::from_f32);
+    let cofactors = [cross(y, z), cross(z, x), cross(x, y)];
+    let terms = [x[0] * cofactors[0][0], x[1] * cofactors[0][1], x[2] * cofactors[0][2]];
+    let reciprocal = 1.0 / (terms[0] + terms[1] + terms[2]);
+    let inverse: [[f64; 4]; 3] = std::array::from_fn(|j| {
+        [cofactors[0][j] * reciprocal, cofactors[1][j] * reciprocal, cofactors[2][j] * reciprocal, 0.0]
+    });
+    let error = error_of_condition((terms[0].abs() + terms[1].abs() + terms[2].abs()) * reciprocal.abs());
+    let condition: f64 = [x, y, z]
+        .iter()
+        .enumerate()
+        .map(|(k, &axis)| vector::reach(axis) * (inverse[0][k].abs() + inverse[1][k].abs() + inverse[2][k].abs()))
+        .sum();
+    // Written so that NaN refuses.
+    (error * condition <= GREATEST_RELATIVE_ERROR).then_some((inverse, error))
+}
+
+/// The lesser number by one machine instruction; `f64::min` also orders NaN, which finite content does not need.
+#[inline]
+fn least(a: f64, b: f64) -> f64 {
+    if b < a { b } else { a }
+}
+
+/// The greater number, as [`least`].
+#[inline]
+fn greatest(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}

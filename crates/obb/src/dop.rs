@@ -1,0 +1,208 @@
+//! Extents along fixed directions, and the frames that they make.
+
+use crate::frame::Frame;
+
+/// Number of directions: three axes, six face diagonals, four body diagonals, twelve across those.
+pub const N_DIRECTIONS: usize = 25;
+
+/// Number of frames that the directions make.
+pub const N_FRAMES: usize = 16;
+
+/// The directions, not normalised. All entries are small integers, so the frames below are exactly orthogonal.
+pub const DIRECTIONS: [[i8; 3]; N_DIRECTIONS] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+    [0, 1, 1],
+    [0, 1, -1],
+    [1, 0, 1],
+    [1, 0, -1],
+    [1, 1, 0],
+    [1, -1, 0],
+    [1, 1, 1],
+    [1, 1, -1],
+    [1, -1, 1],
+    [1, -1, -1],
+    [2, 1, 1],
+    [2, 1, -1],
+    [2, -1, 1],
+    [2, -1, -1],
+    [1, 2, 1],
+    [1, 2, -1],
+    [1, -2, 1],
+    [1, -2, -1],
+    [1, 1, 2],
+    [1, 1, -2],
+    [1, -1, 2],
+    [1, -1, -2],
+];
+
+/// Directions rounded up to whole vector registers.
+const LANES: usize = 28;
+
+/// A discrete oriented polytope: extents along [`DIRECTIONS`], at unit length (Klosowski et al. 1998).
+///
+/// Scaffolding for a build: it merges by minimum and maximum alone and tells, for each of [`N_FRAMES`] frames at once,
+/// what area a box would have. Computed in `f32`; only a box made by [`crate::bound`] contains anything exactly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dop {
+    low: [f32; LANES],
+    high: [f32; LANES],
+}
+
+impl Dop {
+    /// Extents of nothing, which change no union.
+    pub const EMPTY: Self = Self { low: [f32::MAX; LANES], high: [f32::MIN; LANES] };
+
+    /// Extents of `points`.
+    #[inline]
+    #[must_use]
+    pub fn of_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+        let mut dop = Self::EMPTY;
+        for point in points {
+            dop.grow(point);
+        }
+        dop
+    }
+
+    /// Extends to `point`.
+    #[inline]
+    pub fn grow(&mut self, [x, y, z]: [f32; 3]) {
+        let [dx, dy, dz] = &UNIT;
+        for k in 0..LANES {
+            let along = dx[k] * x + dy[k] * y + dz[k] * z;
+            self.low[k] = if along < self.low[k] { along } else { self.low[k] };
+            self.high[k] = if along > self.high[k] { along } else { self.high[k] };
+        }
+    }
+
+    /// Extents of both contents together, exactly those of all their points.
+    #[inline]
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        let mut joined = *self;
+        for k in 0..LANES {
+            joined.low[k] = if other.low[k] < joined.low[k] { other.low[k] } else { joined.low[k] };
+            joined.high[k] = if other.high[k] > joined.high[k] { other.high[k] } else { joined.high[k] };
+        }
+        joined
+    }
+
+    /// Lowest and highest coordinate along unit direction `k` of [`DIRECTIONS`].
+    #[must_use]
+    pub fn interval(&self, k: usize) -> [f32; 2] {
+        [self.low[k], self.high[k]]
+    }
+
+    /// Surface area of the box along each of [`frames`], in square scene units.
+    #[inline]
+    #[must_use]
+    pub fn areas(&self) -> [f64; N_FRAMES] {
+        let extent: [f64; LANES] = std::array::from_fn(|k| f64::from(self.high[k] - self.low[k]));
+        std::array::from_fn(|f| {
+            let [x, y, z] = FRAMES[f].map(|k| extent[usize::from(k)]);
+            2.0 * (x * y + y * z + z * x)
+        })
+    }
+
+    /// The frame of least area and that area; the axes of the space where nothing is less.
+    #[inline]
+    #[must_use]
+    pub fn best(&self) -> (Frame, f64) {
+        let areas = self.areas();
+        let best = (1..N_FRAMES).fold(0, |best, f| if areas[f] < areas[best] { f } else { best });
+        (frames()[best], areas[best])
+    }
+}
+
+/// The frames that three of [`DIRECTIONS`] make, right-handed, at unit length; the first is the axes of the space.
+#[inline]
+#[must_use]
+pub fn frames() -> &'static [Frame; N_FRAMES] {
+    &UNIT_FRAMES
+}
+
+/// Every triple of mutually orthogonal directions, by index, in lexical order.
+const FRAMES: [[u8; 3]; N_FRAMES] = orthogonal_triples();
+
+const UNIT_FRAMES: [Frame; N_FRAMES] = unit_frames();
+
+/// Components of the unit directions, one array an axis; the lanes after the last direction are zero.
+const UNIT: [[f32; LANES]; 3] = unit_directions();
+
+const fn orthogonal_triples() -> [[u8; 3]; N_FRAMES] {
+    let mut triples = [[0; 3]; N_FRAMES];
+    let (mut n, mut i) = (0, 0);
+    while i < N_DIRECTIONS {
+        let mut j = i + 1;
+        while j < N_DIRECTIONS {
+            let mut k = j + 1;
+            while k < N_DIRECTIONS {
+                if orthogonal(i, j) && orthogonal(j, k) && orthogonal(k, i) {
+                    #[expect(clippy::cast_possible_truncation, reason = "indices below 25")]
+                    let triple = [i as u8, j as u8, k as u8];
+                    triples[n] = triple;
+                    n += 1;
+                }
+                k += 1;
+            }
+            j += 1;
+        }
+        i += 1;
+    }
+    assert!(n == N_FRAMES);
+    triples
+}
+
+const fn orthogonal(i: usize, j: usize) -> bool {
+    let (a, b) = (DIRECTIONS[i], DIRECTIONS[j]);
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] == 0
+}
+
+/// Unit vector of a direction, correctly rounded up to one unit in the last place.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+const fn unit(direction: [i8; 3]) -> [f32; 3] {
+    const RECIPROCAL_ROOT: [f64; 7] = [
+        0.0,
+        1.0,
+        std::f64::consts::FRAC_1_SQRT_2,
+        0.577_350_269_189_625_8,
+        0.5,
+        0.447_213_595_499_957_9,
+        0.408_248_290_463_863,
+    ];
+    let [x, y, z] = direction;
+    let square = x * x + y * y + z * z;
+    let scale = RECIPROCAL_ROOT[square.unsigned_abs() as usize];
+    [(x as f64 * scale) as f32, (y as f64 * scale) as f32, (z as f64 * scale) as f32]
+}
+
+const fn unit_directions() -> [[f32; LANES]; 3] {
+    let mut lanes = [[0.0; LANES]; 3];
+    let mut k = 0;
+    while k < N_DIRECTIONS {
+        let [x, y, z] = unit(DIRECTIONS[k]);
+        lanes[0][k] = x;
+        lanes[1][k] = y;
+        lanes[2][k] = z;
+        k += 1;
+    }
+    lanes
+}
+
+const fn unit_frames() -> [Frame; N_FRAMES] {
+    let mut frames = [[[0.0; 3]; 3]; N_FRAMES];
+    let mut f = 0;
+    while f < N_FRAMES {
+        let [i, j, k] = FRAMES[f];
+        let (a, b, c) = (DIRECTIONS[i as usize], DIRECTIONS[j as usize], DIRECTIONS[k as usize]);
+        let mirrored = (a[1] * b[2] - a[2] * b[1]) * c[0]
+            + (a[2] * b[0] - a[0] * b[2]) * c[1]
+            + (a[0] * b[1] - a[1] * b[0]) * c[2]
+            < 0;
+        let c = if mirrored { [-c[0], -c[1], -c[2]] } else { c };
+        frames[f] = [unit(a), unit(b), unit(c)];
+        f += 1;
+    }
+    frames
+}

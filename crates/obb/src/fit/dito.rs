@@ -1,0 +1,103 @@
+use crate::Obb;
+use crate::frame::{Frame, along};
+use crate::vector::{self, Vector, cross, dot, sub};
+
+/// Seven directions, fourteen extremal points: the axes and the body diagonals.
+const DIRECTIONS: [Vector; 7] = [
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [1.0, 1.0, 1.0],
+    [1.0, 1.0, -1.0],
+    [1.0, -1.0, 1.0],
+    [1.0, -1.0, -1.0],
+];
+
+/// A point nearer to a line or plane than this share of the base edge is on it: what the rounding of `f32`
+/// coordinates can do to a set that was flat, two units in the last place on each of three coordinates.
+const FLAT: f64 = 6.0 * f32::EPSILON as f64;
+
+/// A frame along an edge and a normal of a large ditetrahedron (Larsson and Källberg 2011, DiTO-14).
+///
+/// The longest span between opposite extremal points is the base edge, the extremal point farthest from it makes the
+/// base triangle, the points farthest on both sides of that make two tetrahedra. Each edge of their seven triangles
+/// gives, with the triangle's normal, a candidate; the area of the extremal points' box decides. As in the paper, a
+/// set that is a point, a line or flat leaves out what it lacks. A departure: the apexes join the extremal points.
+pub(super) fn frame(points: &[[f32; 3]]) -> Frame {
+    // Measured from the first point: translation costs nothing.
+    let origin = vector::from_f32(points[0]);
+    let points = || points.iter().map(|&p| sub(vector::from_f32(p), origin));
+    let spans = DIRECTIONS.map(|direction| extremes(points(), direction));
+    let [p, q] = spans.into_iter().fold(spans[0], |longest, span| {
+        if square(sub(span[1], span[0])) > square(sub(longest[1], longest[0])) { span } else { longest }
+    });
+    let base = sub(q, p);
+    let length = vector::length(base);
+    if length == 0.0 {
+        return Obb::IDENTITY_FRAME;
+    }
+    let from_line = |r: Vector| vector::length(cross(base, sub(r, p))) / length;
+    let corners = spans.as_flattened();
+    let r = corners.iter().fold(p, |far, &corner| if from_line(corner) > from_line(far) { corner } else { far });
+    if from_line(r) <= FLAT * length {
+        return along(base, [0.0; 3]);
+    }
+    let normal = cross(base, sub(r, p));
+    let apexes = extremes(points(), normal);
+    let measured = std::array::from_fn(|i| if i < corners.len() { corners[i] } else { apexes[i - corners.len()] });
+    let mut search = Search { measured, best: (f64::INFINITY, Obb::IDENTITY_FRAME) };
+    search.add_triangle(p, q, r);
+    for apex in apexes {
+        if dot(sub(apex, p), normal).abs() > FLAT * length * vector::length(normal) {
+            search.add_triangle(p, q, apex);
+            search.add_triangle(q, r, apex);
+            search.add_triangle(r, p, apex);
+        }
+    }
+    search.best.1
+}
+
+/// The candidate of least area so far.
+struct Search {
+    measured: [Vector; 2 * DIRECTIONS.len() + 2],
+    best: (f64, Frame),
+}
+
+impl Search {
+    /// Tries the frames of each edge with the normal.
+    fn add_triangle(&mut self, a: Vector, b: Vector, c: Vector) {
+        let normal = cross(sub(b, a), sub(c, a));
+        for edge in [sub(b, a), sub(c, b), sub(a, c)] {
+            let frame = along(edge, normal);
+            let [x, y, z] = frame.map(|axis| {
+                let axis = vector::from_f32(axis);
+                let [low, high] = extremes(self.measured.into_iter(), axis);
+                dot(sub(high, low), axis)
+            });
+            let area = x * y + y * z + z * x;
+            if area < self.best.0 {
+                self.best = (area, frame);
+            }
+        }
+    }
+}
+
+/// The points lowest and highest along a direction, the first of equals.
+fn extremes(points: impl Iterator<Item = Vector>, direction: Vector) -> [Vector; 2] {
+    let mut low = (f64::INFINITY, [0.0; 3]);
+    let mut high = (f64::NEG_INFINITY, [0.0; 3]);
+    for point in points {
+        let height = dot(point, direction);
+        if height < low.0 {
+            low = (height, point);
+        }
+        if height > high.0 {
+            high = (height, point);
+        }
+    }
+    [low.1, high.1]
+}
+
+fn square(v: Vector) -> f64 {
+    dot(v, v)
+}

@@ -1,0 +1,103 @@
+use crate::Obb;
+use crate::eigen::{self, Symmetric};
+use crate::frame::Frame;
+use crate::vector::{self, Vector, cross, sub};
+
+/// Weight, mean and scatter of points or surfaces, from which principal axes come; merged exactly in constant time.
+///
+/// Everything is measured about the mean, so detail survives far from the origin; `f64` throughout.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments {
+    /// Number of points, or area in square scene units.
+    pub weight: f64,
+    /// Weighted mean, in the space of the points.
+    pub mean: [f64; 3],
+    /// Weighted sum of `(x − mean)(x − mean)ᵀ`.
+    pub scatter: Symmetric,
+}
+
+impl Moments {
+    /// The moments of nothing, which change no merge.
+    pub const EMPTY: Self = Self { weight: 0.0, mean: [0.0; 3], scatter: [0.0; 6] };
+
+    /// A point of weight one.
+    #[inline]
+    #[must_use]
+    pub fn of_point(point: [f32; 3]) -> Self {
+        Self { weight: 1.0, mean: vector::from_f32(point), scatter: [0.0; 6] }
+    }
+
+    /// Points of weight one each, in one pass (Welford 1962).
+    #[must_use]
+    pub fn of_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+        points.into_iter().fold(Self::EMPTY, |moments, point| moments.merged(&Self::of_point(point)))
+    }
+
+    /// A triangle's surface, weighted by its area (Gottschalk et al. 1996, with the authors' errata).
+    ///
+    /// About its mean the second moment of a triangle is a twelfth of its area times the sum over the three corners.
+    /// A triangle without area has weight zero.
+    #[inline]
+    #[must_use]
+    pub fn of_triangle(corners: [[f32; 3]; 3]) -> Self {
+        let [a, b, c] = corners.map(vector::from_f32);
+        let (ab, ac) = (sub(b, a), sub(c, a));
+        let weight = 0.5 * vector::length(cross(ab, ac));
+        // Measured from the first corner, the mean is a third of the two edges.
+        let to_mean = vector::scale(vector::add(ab, ac), 1.0 / 3.0);
+        let mut scatter = [0.0; 6];
+        for corner in [[0.0; 3], ab, ac] {
+            add_square(&mut scatter, sub(corner, to_mean), weight / 12.0);
+        }
+        Self { weight, mean: vector::add(a, to_mean), scatter }
+    }
+
+    /// The eight corners of a box, together of the given `weight`, in closed form.
+    #[inline]
+    #[must_use]
+    pub fn of_corners(corners: &Obb, weight: f64) -> Self {
+        let mut scatter = [0.0; 6];
+        for k in 0..3 {
+            let side = vector::scale(vector::from_f32(corners.frame[k]), f64::from(corners.half[k]));
+            add_square(&mut scatter, side, weight);
+        }
+        Self { weight, mean: vector::from_f32(corners.center), scatter }
+    }
+
+    /// Moments of both contents together, by the parallel-axis rule (Chan, Golub, LeVeque 1979).
+    ///
+    /// What has no weight changes nothing.
+    #[inline]
+    #[must_use]
+    pub fn merged(&self, other: &Self) -> Self {
+        if other.weight == 0.0 {
+            return *self;
+        }
+        if self.weight == 0.0 {
+            return *other;
+        }
+        let weight = self.weight + other.weight;
+        let share = other.weight / weight;
+        let apart = sub(other.mean, self.mean);
+        let mut scatter: Symmetric = std::array::from_fn(|i| self.scatter[i] + other.scatter[i]);
+        add_square(&mut scatter, apart, self.weight * share);
+        Self { weight, mean: vector::add(self.mean, vector::scale(apart, share)), scatter }
+    }
+
+    /// Principal axes, longest first, orthonormal and right-handed; `tolerance` as in [`eigen::symmetric`].
+    #[inline]
+    #[must_use]
+    pub fn axes(&self, tolerance: f64) -> Frame {
+        eigen::symmetric(self.scatter, tolerance).vectors.map(vector::to_f32)
+    }
+}
+
+/// `scatter += weight · v vᵀ`.
+#[inline]
+fn add_square(scatter: &mut Symmetric, v: Vector, weight: f64) {
+    let [x, y, z] = vector::scale(v, weight);
+    let square = [x * v[0], x * v[1], x * v[2], y * v[1], y * v[2], z * v[2]];
+    for (sum, term) in scatter.iter_mut().zip(square) {
+        *sum += term;
+    }
+}

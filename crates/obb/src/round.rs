@@ -1,0 +1,67 @@
+//! Rounding outward, and powers of two.
+
+/// Unit roundoff of `f64`, half the distance from one to the next number.
+pub(crate) const U: f64 = f64::EPSILON / 2.0;
+
+/// Least `f32` that is not below `x`.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "stepped upward where the cast rounded down")]
+pub(crate) fn up(x: f64) -> f32 {
+    let nearest = x as f32;
+    if f64::from(nearest) < x { nearest.next_up() } else { nearest }
+}
+
+/// Least `f32` that is not below the real number `a - b`.
+pub(crate) fn difference_up(a: f32, b: f32) -> f32 {
+    let (a, b) = (f64::from(a), f64::from(b));
+    let (difference, rest) = two_sum(a, -b);
+    let bound = up(difference);
+    // The sum in f64 may have lost a positive rest that an exactly representable bound does not cover.
+    if rest > 0.0 && f64::from(bound) <= difference { bound.next_up() } else { bound }
+}
+
+/// `a + b` and its rounding error: the two results sum to `a + b` exactly (Knuth 1969).
+#[inline]
+pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let sum = a + b;
+    let b_part = sum - a;
+    (sum, (a - (sum - b_part)) + (b - b_part))
+}
+
+/// The power of two that takes positive `x` to between one and four; products with it are exact.
+#[inline]
+pub(crate) fn binade_inverse(x: f64) -> f64 {
+    const BIASED_ONE: u64 = 1023;
+    let biased = (x.to_bits() >> 52) & 0x7ff;
+    // 2 · bias − e mirrors the exponent; the ends of the range are not mirrored exactly, hence "four".
+    f64::from_bits((2 * BIASED_ONE).saturating_sub(biased).clamp(1, 2 * BIASED_ONE) << 52)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn up_never_rounds_down() {
+        for x in [0.0, 1.0, 1.0 + f64::EPSILON, 0.1, 1e-50, 16_777_217.0, 3.0e38, -1.0 - f64::EPSILON] {
+            let bound = up(x);
+            assert!(f64::from(bound) >= x && f64::from(bound.next_down()) < x, "{x}");
+        }
+    }
+
+    #[test]
+    fn differences_cover_what_f64_loses() {
+        assert_eq!(difference_up(0.5, -1e-30), 0.5_f32.next_up());
+        assert_eq!(difference_up(0.5, 1e-30), 0.5);
+        assert_eq!(difference_up(3.0, 1.0), 2.0);
+        assert_eq!(difference_up(1.0, 1.0), 0.0);
+    }
+
+    #[test]
+    fn binades_are_mirrored_over_the_whole_range() {
+        for x in [1.0, 1.5, 3.9, 1e-300, 1e300, f64::MAX, f64::MIN_POSITIVE] {
+            let scaled = x * binade_inverse(x);
+            assert!((1.0..4.0).contains(&scaled), "{x} -> {scaled}");
+        }
+    }
+}
