@@ -10,19 +10,30 @@
 //! The tree owns indices, never geometry, and knows no rays.
 #![forbid(unsafe_code)]
 
+mod bottom_up;
+mod check;
 mod corners;
+mod cost;
 mod domain;
 mod morton;
+mod overlap;
 mod par;
 mod radix;
 mod sort;
+mod strategies;
 mod topology;
 mod tree;
+mod volumes;
 
+pub use check::{Flaw, Stats, check};
 pub use corners::{Corners, GeometryError, gather, in_leaf_order};
+pub use cost::{Costs, Sums, sums};
 pub use domain::{Bits, Domain};
 pub use morton::{codes, codes_of_boxes};
+pub use overlap::end_point_overlap;
 pub use radix::radix;
 pub use sort::{Sorted, by_code};
+pub use strategies::volumes;
 pub use topology::TopologyError;
 pub use tree::{Child, ChildKind, Node, NodeId, Task, Tree};
+pub use volumes::{Leaf, Strategy, Volume, VolumeConfig, Volumes};

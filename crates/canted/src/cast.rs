@@ -1,0 +1,81 @@
+//! `canted cast`: batch ray queries.
+
+mod hits;
+mod rays;
+
+use std::{path::PathBuf, time::Instant};
+
+use anyhow::{Result, anyhow};
+use canted_renderer::{Prepared, Tracer, prepare};
+use canted_scene::Scene;
+use canted_trace::{Kernel, Ray};
+use rayon::prelude::*;
+
+use crate::{
+    Outcome, load,
+    options::{self, StructureArgs, with_kernel},
+    output,
+};
+use hits::Answer;
+
+/// Options of `canted cast`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The scene: OBJ, PLY, glTF or GLB.
+    scene: PathBuf,
+    /// Rays, `.csv` (ox,oy,oz,dx,dy,dz,tmax) or `.bin` (seven little-endian f32 a ray).
+    #[arg(long, value_name = "FILE")]
+    rays: PathBuf,
+    /// Hits to write, `.csv` (t,prim,u,v,instance) or `.bin` (f32 t, i32 prim, f32 u, f32 v).
+    #[arg(long, value_name = "FILE")]
+    hits: PathBuf,
+    /// Only ask whether anything is hit: prim is 0 where it is and -1 where not.
+    #[arg(long)]
+    occluded: bool,
+    #[command(flatten)]
+    structure: StructureArgs,
+    /// Number of threads; all processors without it.
+    #[arg(long, value_parser = options::threads, value_name = "N")]
+    threads: Option<usize>,
+}
+
+/// Answers all rays.
+pub(crate) fn run(args: &Args) -> Result<Outcome> {
+    options::use_threads(args.threads)?;
+    let format = hits::Format::of(&args.hits)?;
+    let rays = rays::read(&args.rays)?;
+    let scene = load::scene(Some(&args.scene))?;
+    let out = output::Whole::create(&args.hits)?;
+    let answers = with_kernel!(args.structure.triangles, answer(&scene, &rays, args))?;
+    hits::write(out, format, &answers).map_err(|error| anyhow!("cannot write {}: {error}", args.hits.display()))?;
+    Ok(Outcome::Done)
+}
+
+fn answer<K: Kernel>(scene: &Scene, rays: &[Ray], args: &Args) -> Result<Vec<Answer>> {
+    let Prepared { structure, .. } = prepare::<K>(scene, &args.structure.config())
+        .map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
+    let start = Instant::now();
+    let answers: Vec<Answer> = rays
+        .par_iter()
+        .map(|ray| {
+            if args.occluded {
+                return if structure.occluded(ray, &mut ()) { Answer::OCCLUDED } else { Answer::MISS };
+            }
+            structure.closest_hit(ray, &mut ()).map_or(Answer::MISS, |hit| {
+                let first = scene.instances[hit.instance.0 as usize].first_primitive;
+                Answer {
+                    t: hit.t,
+                    prim: i64::from(first) + i64::from(hit.primitive.0),
+                    u: hit.u,
+                    v: hit.v,
+                    instance: i64::from(hit.instance.0),
+                }
+            })
+        })
+        .collect();
+    let seconds = start.elapsed().as_secs_f64();
+    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
+    let rate = rays.len() as f64 / seconds.max(1e-9) * 1e-6;
+    output::to_stderr(&format!("{} rays in {seconds:.3} s, {rate:.2} M rays/s", rays.len()));
+    Ok(answers)
+}

@@ -1,0 +1,94 @@
+//! Files of rays.
+
+use std::path::Path;
+
+use anyhow::{Result, anyhow};
+use canted_trace::Ray;
+
+/// Reads rays from a `.csv` or `.bin` file.
+pub(super) fn read(path: &Path) -> Result<Vec<Ray>> {
+    let name = path.display();
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    if !matches!(extension.as_str(), "csv" | "bin") {
+        return Err(anyhow!("{name}: rays end in .csv or .bin"));
+    }
+    let bytes = std::fs::read(path).map_err(|error| anyhow!("cannot read {name}: {error}"))?;
+    let rays = if extension == "csv" { from_csv(&bytes) } else { from_bin(&bytes) };
+    rays.map_err(|error| anyhow!("{name}: {error}"))
+}
+
+fn from_bin(bytes: &[u8]) -> Result<Vec<Ray>> {
+    const SIZE: usize = 7 * size_of::<f32>();
+    if bytes.len() % SIZE != 0 {
+        return Err(anyhow!("{} bytes are not a multiple of the {SIZE} of a ray", bytes.len()));
+    }
+    bytes
+        .chunks_exact(SIZE)
+        .enumerate()
+        .map(|(i, chunk)| {
+            let mut numbers = [0.0; 7];
+            for (number, word) in numbers.iter_mut().zip(chunk.chunks_exact(4)) {
+                *number = f32::from_le_bytes([word[0], word[1], word[2], word[3]]);
+            }
+            ray(numbers).map_err(|error| anyhow!("ray {i}: {error}"))
+        })
+        .collect()
+}
+
+fn from_csv(bytes: &[u8]) -> Result<Vec<Ray>> {
+    let text = std::str::from_utf8(bytes).map_err(|_| anyhow!("this is not text"))?;
+    let mut rays = vec![];
+    for (line, row) in text.lines().enumerate() {
+        let row = row.trim().trim_start_matches('\u{feff}');
+        // The first line may name the columns.
+        let is_header = line == 0 && row.starts_with(|c: char| c.is_ascii_alphabetic());
+        if row.is_empty() || row.starts_with('#') || is_header {
+            continue;
+        }
+        let fields: Vec<&str> = row.split(',').map(str::trim).collect();
+        if fields.len() != 7 {
+            return Err(anyhow!("line {}: {} fields where a ray has 7", line + 1, fields.len()));
+        }
+        let mut numbers = [0.0; 7];
+        for (number, field) in numbers.iter_mut().zip(&fields) {
+            *number = field.parse().map_err(|_| anyhow!("line {}: '{field}' is not a number", line + 1))?;
+        }
+        rays.push(ray(numbers).map_err(|error| anyhow!("line {}: {error}", line + 1))?);
+    }
+    Ok(rays)
+}
+
+/// A ray from its numbers; a zero direction or an interval that ends before 0 is a ray that misses.
+fn ray([ox, oy, oz, dx, dy, dz, t_max]: [f32; 7]) -> Result<Ray> {
+    let (origin, direction) = ([ox, oy, oz], [dx, dy, dz]);
+    if !origin.iter().chain(&direction).all(|x| x.is_finite()) {
+        return Err(anyhow!("origin {origin:?} or direction {direction:?} is not finite"));
+    }
+    if t_max.is_nan() {
+        return Err(anyhow!("tmax is not a number"));
+    }
+    Ok(Ray { origin, direction, t_min: 0.0, t_max })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_header_comments_and_infinity_are_read() {
+        let text = b"ox,oy,oz,dx,dy,dz,tmax\n0,0,1, 0,0,-1, inf\n# comment\n\n1,2,3,4,5,6,7\r\n";
+        let rays = from_csv(text).unwrap();
+        assert_eq!(rays.len(), 2);
+        assert_eq!(rays[0].t_max, f32::INFINITY);
+        assert_eq!((rays[1].origin, rays[1].direction, rays[1].t_max), ([1.0, 2.0, 3.0], [4.0, 5.0, 6.0], 7.0));
+    }
+
+    #[test]
+    fn errors_name_line_and_value() {
+        let error = from_csv(b"0,0,0,1,0,0,1\n0,0,0,1,zero,0,1\n").unwrap_err().to_string();
+        assert_eq!(error, "line 2: 'zero' is not a number");
+        assert_eq!(from_csv(b"1,2\n").unwrap_err().to_string(), "line 1: 2 fields where a ray has 7");
+        assert_eq!(from_bin(&[0; 29]).unwrap_err().to_string(), "29 bytes are not a multiple of the 28 of a ray");
+        assert!(from_csv(b"0,0,nan,1,0,0,1\n").is_err());
+    }
+}

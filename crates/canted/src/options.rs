@@ -1,0 +1,178 @@
+//! Options that several subcommands share, and how their values are read.
+
+use canted_lbvh::Strategy;
+use canted_renderer::{Builder, Levels, StructureConfig};
+use clap::ValueEnum;
+
+/// How rays find triangles.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct StructureArgs {
+    /// Levels of trees: `auto` takes two where a mesh is placed more than once.
+    #[arg(long, value_enum, default_value_t = LevelsArg::Auto, value_name = "LEVELS")]
+    pub(crate) levels: LevelsArg,
+    /// Builder of the binary trees.
+    #[arg(long, value_enum, default_value_t = BuilderArg::Lbvh, value_name = "BUILDER")]
+    pub(crate) builder: BuilderArg,
+    /// Volumes of the nodes: `auto` takes leaning boxes where their predicted cost is lower.
+    #[arg(long, value_enum, default_value_t = VolumesArg::Auto, value_name = "VOLUMES")]
+    pub(crate) volumes: VolumesArg,
+    /// Ray-triangle test.
+    #[arg(long, value_enum, default_value_t = TrianglesArg::Watertight, value_name = "TEST")]
+    pub(crate) triangles: TrianglesArg,
+}
+
+impl StructureArgs {
+    pub(crate) fn defaults() -> Self {
+        Self {
+            levels: LevelsArg::Auto,
+            builder: BuilderArg::Lbvh,
+            volumes: VolumesArg::Auto,
+            triangles: TrianglesArg::Watertight,
+        }
+    }
+
+    pub(crate) fn config(&self) -> StructureConfig {
+        StructureConfig {
+            levels: match self.levels {
+                LevelsArg::Auto => Levels::Auto,
+                LevelsArg::One => Levels::One,
+                LevelsArg::Two => Levels::Two,
+            },
+            builder: match self.builder {
+                BuilderArg::Lbvh => Builder::Lbvh,
+                BuilderArg::Obvhs => Builder::Obvhs,
+            },
+            volumes: match self.volumes {
+                VolumesArg::Auto => None,
+                VolumesArg::Aabb => Some(Strategy::Aabb),
+                VolumesArg::PcaUnbounded => Some(Strategy::PcaUnbounded),
+                VolumesArg::PcaBounded => Some(Strategy::PcaBounded),
+                VolumesArg::Quaternion => Some(Strategy::Quaternion),
+                VolumesArg::Combined => Some(Strategy::Combined),
+                VolumesArg::Dop => Some(Strategy::Dop),
+            },
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum LevelsArg {
+    Auto,
+    One,
+    Two,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum BuilderArg {
+    Lbvh,
+    Obvhs,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum VolumesArg {
+    Auto,
+    Aabb,
+    PcaUnbounded,
+    PcaBounded,
+    Quaternion,
+    Combined,
+    Dop,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum TrianglesArg {
+    Watertight,
+    MollerTrumbore,
+    BaldwinWeber,
+}
+
+/// Calls `$run::<K>($args…)` with the kernel that `$triangles` names.
+macro_rules! with_kernel {
+    ($triangles:expr, $run:ident($($args:expr),*)) => {
+        match $triangles {
+            $crate::options::TrianglesArg::Watertight => $run::<canted_trace::Watertight>($($args),*),
+            $crate::options::TrianglesArg::MollerTrumbore => $run::<canted_trace::MollerTrumbore>($($args),*),
+            $crate::options::TrianglesArg::BaldwinWeber => $run::<canted_trace::BaldwinWeber>($($args),*),
+        }
+    };
+}
+pub(crate) use with_kernel;
+
+/// The name by which the command line knows a strategy.
+pub(crate) fn strategy_name(strategy: Strategy) -> &'static str {
+    match strategy {
+        Strategy::Aabb => "aabb",
+        Strategy::PcaUnbounded => "pca-unbounded",
+        Strategy::PcaBounded => "pca-bounded",
+        Strategy::Quaternion => "quaternion",
+        Strategy::Combined => "combined",
+        Strategy::Dop => "dop",
+    }
+}
+
+/// `N` finite numbers separated by commas.
+pub(crate) fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
+    let parts: Vec<&str> = text.split(',').collect();
+    if parts.len() != N {
+        return Err(format!("{N} numbers separated by commas are needed, not {}", parts.len()));
+    }
+    let mut numbers = [0.0; N];
+    for (number, part) in numbers.iter_mut().zip(parts) {
+        *number = match part.trim().parse::<f32>() {
+            Ok(x) if x.is_finite() => x,
+            _ => return Err(format!("'{part}' is not a finite number")),
+        };
+    }
+    Ok(numbers)
+}
+
+/// Three finite numbers separated by commas.
+pub(crate) fn triple(text: &str) -> Result<[f32; 3], String> {
+    numbers::<3>(text)
+}
+
+/// Six finite numbers separated by commas.
+pub(crate) fn sextuple(text: &str) -> Result<[f32; 6], String> {
+    numbers::<6>(text)
+}
+
+/// Pixels that one picture may have: more would not fit in the memory of ordinary machines.
+const MAX_PIXELS: u64 = 1 << 26;
+
+/// Width and height as `WxH`.
+pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
+    let (width, height) = text.split_once(['x', 'X']).ok_or("a size is WIDTHxHEIGHT, as 1280x720")?;
+    let side = |text: &str| match text.trim().parse::<u32>() {
+        Ok(n) if n > 0 => Ok(n),
+        _ => Err(format!("'{text}' is not a number of pixels")),
+    };
+    let size = [side(width)?, side(height)?];
+    if u64::from(size[0]) * u64::from(size[1]) > MAX_PIXELS {
+        return Err(format!("{} x {} pixels are more than {MAX_PIXELS}", size[0], size[1]));
+    }
+    Ok(size)
+}
+
+/// Degrees between 0 and 180, ends excluded.
+pub(crate) fn fov(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(degrees) if degrees > 0.0 && degrees < 180.0 => Ok(degrees),
+        _ => Err(format!("'{text}' is not an angle between 0 and 180 degrees")),
+    }
+}
+
+/// Sizes the pool of threads that everything runs in.
+pub(crate) fn use_threads(n_threads: Option<usize>) -> anyhow::Result<()> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(n_threads.unwrap_or(0))
+        .build_global()
+        .map_err(|error| anyhow::anyhow!("cannot start {} threads: {error}", n_threads.unwrap_or(0)))
+}
+
+/// A number of threads from 1 to 1024.
+pub(crate) fn threads(text: &str) -> Result<usize, String> {
+    match text.parse::<usize>() {
+        Ok(n) if (1..=1024).contains(&n) => Ok(n),
+        _ => Err(format!("'{text}' is not a number of threads from 1 to 1024")),
+    }
+}

@@ -1,0 +1,310 @@
+//! `canted render`: a picture, and what it took.
+
+use std::{
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Result, anyhow};
+use canted_renderer::{
+    Film, Measure, Picture, Prepared, RenderError, Settings, Surfaces, frame, heatmap, prepare, render, write_exr,
+    write_png,
+};
+use canted_scene::{Camera, Scene};
+use canted_trace::Kernel;
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+
+use crate::{
+    Outcome, interrupt,
+    light::LightArgs,
+    load, memory,
+    options::{self, StructureArgs, strategy_name, with_kernel},
+    output,
+};
+
+/// Options of `canted render`.
+#[derive(clap::Args, Clone)]
+pub(crate) struct Args {
+    /// The scene: OBJ, PLY, glTF or GLB; the built-in one without it.
+    scene: Option<PathBuf>,
+    /// The picture: `.png` (sRGB) or `.exr` (linear).
+    #[arg(short, long, default_value = "canted.png", value_name = "FILE")]
+    output: PathBuf,
+    /// Pixels, as 1280x720.
+    #[arg(long, value_parser = options::size, default_value = "1280x720", value_name = "WxH")]
+    size: [u32; 2],
+    /// Samples per pixel.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_048_576), default_value_t = 16, value_name = "N")]
+    spp: u32,
+    /// Diffuse bounces after the surface that the camera sees.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(0..=4096), default_value_t = 2, value_name = "N")]
+    bounces: u32,
+    /// Where the camera stands.
+    #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    eye: Option<[f32; 3]>,
+    /// What it looks at.
+    #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    target: Option<[f32; 3]>,
+    /// What points up in the picture.
+    #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    up: Option<[f32; 3]>,
+    /// Vertical field of view in degrees.
+    #[arg(long, value_parser = options::fov, value_name = "DEG")]
+    fov: Option<f32>,
+    #[command(flatten)]
+    light: LightArgs,
+    #[command(flatten)]
+    structure: StructureArgs,
+    /// World-space distance over which cut-off bounces' light returns beside an occluder; `inf` for none.
+    #[arg(long, value_name = "LENGTH")]
+    ao_radius: Option<f32>,
+    /// Show what primary rays cost instead of light.
+    #[arg(long, value_enum, value_name = "TESTS")]
+    heatmap: Option<HeatmapArg>,
+    /// Tests shown in the brightest colour of a heat map.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, value_name = "N")]
+    heatmap_scale: u32,
+    /// Number of threads; all processors without it.
+    #[arg(long, value_parser = options::threads, value_name = "N")]
+    threads: Option<usize>,
+    /// Chooses the random numbers.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    seed: u32,
+    /// Print the facts about the run as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(ValueEnum, Clone, Copy)]
+enum HeatmapArg {
+    Boxes,
+    Triangles,
+}
+
+impl Args {
+    /// What `canted` alone does.
+    pub(crate) fn built_in() -> Self {
+        let settings = Settings::default();
+        Self {
+            scene: None,
+            output: "canted.png".into(),
+            size: [settings.width, settings.height],
+            spp: settings.samples,
+            bounces: settings.bounces,
+            eye: None,
+            target: None,
+            up: None,
+            fov: None,
+            light: LightArgs::default(),
+            structure: StructureArgs::defaults(),
+            ao_radius: None,
+            heatmap: None,
+            heatmap_scale: 128,
+            threads: None,
+            seed: settings.seed,
+            json: false,
+        }
+    }
+
+    fn settings(&self) -> Settings {
+        let [width, height] = self.size;
+        Settings {
+            width,
+            height,
+            samples: self.spp,
+            bounces: self.bounces,
+            seed: self.seed,
+            ao_radius: self.ao_radius,
+            ..Settings::default()
+        }
+    }
+}
+
+/// How a picture is written, by the file's ending.
+fn writer(path: &Path) -> Result<fn(&Path, &Picture) -> Result<(), canted_renderer::WritePictureError>> {
+    match path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase().as_str() {
+        "png" => Ok(write_png),
+        "exr" => Ok(write_exr),
+        _ => Err(anyhow!("{}: pictures end in .png or .exr", path.display())),
+    }
+}
+
+/// What was made, beside the picture.
+struct Run {
+    picture: Picture,
+    facts: Vec<(&'static str, Value)>,
+}
+
+/// Renders the picture.
+pub(crate) fn run(args: &Args) -> Result<Outcome> {
+    options::use_threads(args.threads)?;
+    let write = writer(&args.output)?;
+    // A place that cannot be written is told before the work.
+    drop(output::Whole::create(&args.output)?);
+    let start = Instant::now();
+    let mut scene = load::scene(args.scene.as_deref())?;
+    args.light.apply(&mut scene)?;
+    let load_time = start.elapsed();
+    let Some(run) = with_kernel!(args.structure.triangles, trace(&scene, args, load_time))? else {
+        return Ok(Outcome::Interrupted);
+    };
+    write(&args.output, &run.picture)?;
+    let mut facts = vec![
+        ("scene", json!(load::name(args.scene.as_deref()))),
+        ("picture", json!(args.output.display().to_string())),
+        ("size", json!(args.size)),
+    ];
+    facts.extend(run.facts);
+    if let Some(bytes) = memory::peak_bytes() {
+        facts.push(("peak_memory_bytes", json!(bytes)));
+    }
+    facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
+    report(&facts, args.json);
+    Ok(Outcome::Done)
+}
+
+fn trace<K: Kernel>(scene: &Scene, args: &Args, load_time: Duration) -> Result<Option<Run>> {
+    let name = load::name(args.scene.as_deref());
+    let prepared: Prepared<K> =
+        prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
+    let mut facts = built_facts(scene, &prepared, load_time);
+    let camera = camera(scene, &prepared, args);
+    let start = Instant::now();
+    let picture = if let Some(measure) = args.heatmap {
+        let measure = match measure {
+            HeatmapArg::Boxes => Measure::Boxes,
+            HeatmapArg::Triangles => Measure::Triangles,
+        };
+        let surfaces = Surfaces::new(scene);
+        let map = heatmap(&surfaces, &prepared.structure, &camera, args.size, measure, args.heatmap_scale)?;
+        let [boxes, triangles] = map.mean();
+        facts.push(("box_tests_per_ray", json!(boxes)));
+        facts.push(("triangle_tests_per_ray", json!(triangles)));
+        map.picture
+    } else {
+        let Some(film) = film(scene, &prepared, &camera, &args.settings())? else { return Ok(None) };
+        #[expect(clippy::cast_precision_loss, reason = "rays are fewer than 2^53")]
+        let rate = film.n_rays() as f64 / start.elapsed().as_secs_f64();
+        facts.extend([
+            ("samples_per_pixel", json!(args.spp)),
+            ("bounces", json!(args.bounces)),
+            ("rays", json!(film.n_rays())),
+            ("rays_per_second", json!(rate)),
+            ("dropped_samples", json!(film.n_dropped())),
+        ]);
+        if film.n_dropped() > 0 {
+            output::to_stderr(&format!("warning: {} samples were not finite and were dropped", film.n_dropped()));
+        }
+        film.picture()
+    };
+    facts.push(("trace_seconds", json!(start.elapsed().as_secs_f64())));
+    facts.push(("threads", json!(rayon::current_num_threads())));
+    let left_out: Vec<Value> =
+        prepared.left_out.iter().map(|left| json!({ "part": left.part, "because": left.because })).collect();
+    facts.push(("left_out", json!(left_out)));
+    Ok(Some(Run { picture, facts }))
+}
+
+/// Renders with a progress bar; `None` where the user stopped it.
+fn film<K: Kernel>(
+    scene: &Scene,
+    prepared: &Prepared<K>,
+    camera: &Camera,
+    settings: &Settings,
+) -> Result<Option<Film>> {
+    // Hidden by the library where standard error is no terminal.
+    let bar = ProgressBar::new(0);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
+        bar.set_style(style);
+    }
+    let progress = |done: usize, all: usize| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    };
+    let film = render(scene, &prepared.structure, camera, settings, &progress, interrupt::flag());
+    bar.finish_and_clear();
+    match film {
+        Ok(film) => Ok(Some(film)),
+        Err(RenderError::Cancelled) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// The camera of the options, else of the file, else one that frames the scene.
+fn camera<K: Kernel>(scene: &Scene, prepared: &Prepared<K>, args: &Args) -> Camera {
+    let [width, height] = args.size;
+    let mut camera = match scene.cameras.first() {
+        Some(camera) => *camera,
+        None => frame(scene, &prepared.structure, f64::from(width) / f64::from(height)),
+    };
+    if let Some(eye) = args.eye {
+        // An eye without a target looks at the middle of the scene.
+        #[expect(clippy::cast_possible_truncation, reason = "the middle of f32 numbers")]
+        let center = scene.bounds_world().center().map(|x| x as f32);
+        camera = Camera { eye, target: center, up: [0.0, 1.0, 0.0], ..camera };
+    }
+    if let Some(target) = args.target {
+        camera.target = target;
+    }
+    if let Some(up) = args.up {
+        camera.up = up;
+    }
+    if let Some(fov) = args.fov {
+        camera.fov_degrees = fov;
+    }
+    camera
+}
+
+fn built_facts<K: Kernel>(
+    scene: &Scene,
+    prepared: &Prepared<K>,
+    load_time: Duration,
+) -> Vec<(&'static str, Value)> {
+    let two = matches!(prepared.structure, canted_renderer::Structure::Two(_));
+    let mut volumes: Vec<_> = prepared.strategies.iter().map(|&strategy| strategy_name(strategy)).collect();
+    volumes.sort_unstable();
+    let counts: Vec<String> = volumes
+        .chunk_by(|a, b| a == b)
+        .map(|run| if volumes.len() == 1 { run[0].to_owned() } else { format!("{} of {}", run[0], run.len()) })
+        .collect();
+    vec![
+        ("meshes", json!(scene.meshes.len())),
+        ("instances", json!(scene.instances.len())),
+        ("unique_triangles", json!(scene.n_unique_triangles())),
+        ("placed_triangles", json!(scene.n_placed_triangles())),
+        ("levels", json!(if two { 2 } else { 1 })),
+        ("volumes", json!(counts.join(", "))),
+        ("structure_bytes", json!(prepared.n_bytes())),
+        ("load_seconds", json!(load_time.as_secs_f64())),
+        ("build_seconds", json!(prepared.build_time.as_secs_f64())),
+    ]
+}
+
+/// Prints the facts, as JSON or a line each.
+fn report(facts: &[(&'static str, Value)], as_json: bool) {
+    if as_json {
+        let object: serde_json::Map<String, Value> =
+            facts.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
+        output::to_stdout(&Value::Object(object).to_string());
+        return;
+    }
+    for (key, value) in facts {
+        let text = match (*key, value) {
+            (key, Value::Number(n)) if key.ends_with("_bytes") => memory::human(n.as_u64().unwrap_or(0)),
+            (key, Value::Number(n)) if key.ends_with("seconds") => format!("{:.3} s", n.as_f64().unwrap_or(0.0)),
+            ("rays_per_second", Value::Number(n)) => format!("{:.2} M", n.as_f64().unwrap_or(0.0) * 1e-6),
+            (_, Value::Number(n)) if n.is_f64() => format!("{:.2}", n.as_f64().unwrap_or(0.0)),
+            ("size", Value::Array(sides)) => format!("{} x {}", sides[0], sides[1]),
+            ("left_out", Value::Array(parts)) => parts
+                .iter()
+                .map(|p| format!("{} ({})", p["part"].as_str().unwrap_or(""), p["because"].as_str().unwrap_or("")))
+                .collect::<Vec<_>>()
+                .join(", "),
+            (_, Value::String(text)) => text.clone(),
+            (_, other) => other.to_string(),
+        };
+        output::to_stdout(&format!("{:<24} {text}", key.replace('_', " ").replace(" bytes", "")));
+    }
+}

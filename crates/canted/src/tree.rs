@@ -1,0 +1,91 @@
+//! `canted tree`: codes and topology, for checking.
+
+use std::{io::Write, path::PathBuf};
+
+use anyhow::{Result, anyhow};
+use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Domain, Sorted, Tree};
+use canted_scene::Scene;
+use clap::ValueEnum;
+
+use crate::{Outcome, load, output};
+
+/// Options of `canted tree`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The scene: OBJ, PLY, glTF or GLB; taken as one mesh in world space.
+    scene: PathBuf,
+    /// Length of the Morton codes.
+    #[arg(long, value_enum, default_value_t = BitsArg::B63, value_name = "BITS")]
+    bits: BitsArg,
+    /// Codes in sorted order (code,prim).
+    #[arg(long, value_name = "FILE")]
+    codes: PathBuf,
+    /// Inner nodes in Karras numbering (left,right,first,last); leaf i is -(i+1).
+    #[arg(long, value_name = "FILE")]
+    nodes: PathBuf,
+}
+
+#[derive(ValueEnum, Clone, Copy)]
+enum BitsArg {
+    #[value(name = "30")]
+    B30,
+    #[value(name = "63")]
+    B63,
+}
+
+/// Builds the tree and writes both files.
+pub(crate) fn run(args: &Args) -> Result<Outcome> {
+    let bits = match args.bits {
+        BitsArg::B30 => Bits::B30,
+        BitsArg::B63 => Bits::B63,
+    };
+    let scene = load::scene(Some(&args.scene))?;
+    let mut codes_out = output::Whole::create(&args.codes)?;
+    let mut nodes_out = output::Whole::create(&args.nodes)?;
+    let (sorted, tree) = build(&scene, bits).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
+    let numbers = file_numbers(&scene);
+    let name = |path: &PathBuf, error: std::io::Error| anyhow!("cannot write {}: {error}", path.display());
+    (|| {
+        writeln!(codes_out, "code,prim")?;
+        for (code, leaf) in sorted.codes.iter().zip(&sorted.leaves) {
+            writeln!(codes_out, "{code},{}", numbers[leaf.index()])?;
+        }
+        Ok(())
+    })()
+    .map_err(|error| name(&args.codes, error))?;
+    (|| {
+        writeln!(nodes_out, "left,right,first,last")?;
+        for node in &tree.nodes {
+            writeln!(nodes_out, "{},{},{},{}", reference(node.left), reference(node.right), node.first, node.last)?;
+        }
+        Ok(())
+    })()
+    .map_err(|error| name(&args.nodes, error))?;
+    codes_out.finish()?;
+    nodes_out.finish()?;
+    Ok(Outcome::Done)
+}
+
+fn build(scene: &Scene, bits: Bits) -> Result<(Sorted, Tree)> {
+    let (positions, triangles, _) = canted_renderer::flatten(scene);
+    let (corners, bounds) = lbvh::gather(&positions, &triangles)?;
+    let sorted = lbvh::by_code(&lbvh::codes(&Domain::new(&bounds, 3, bits), &corners), bits);
+    Ok((sorted.clone(), lbvh::radix(sorted)))
+}
+
+/// Number in the file of each triangle of the flattened scene.
+fn file_numbers(scene: &Scene) -> Vec<u32> {
+    let numbers = scene.instances.iter().flat_map(|instance| {
+        let n = scene.meshes[instance.mesh.0 as usize].triangles.len();
+        (instance.first_primitive..).take(n)
+    });
+    numbers.collect()
+}
+
+/// A node's number, or `-(i + 1)` for the leaf at position `i`.
+fn reference(child: Child) -> i64 {
+    match child.kind() {
+        ChildKind::Leaf(position) => -(i64::from(position) + 1),
+        ChildKind::Inner(id) => i64::from(id.0),
+    }
+}

@@ -1,0 +1,212 @@
+use canted_obb::{Aabb, Dop, Enclosure, Moments, Obb, frame, merge};
+
+use crate::{Child, ChildKind, Corners, NodeId};
+
+/// What a tree is built over: triangles, by their corners, or boxes.
+pub trait Leaf: Copy + Send + Sync {
+    /// Smallest axis-aligned box around it.
+    fn aabb(&self) -> Aabb;
+
+    /// It as the child of a node that merges boxes.
+    fn child(&self) -> merge::Child;
+
+    /// Its surface, for principal axes.
+    fn moments(&self) -> Moments;
+
+    /// Grows extents along fixed directions to it.
+    fn grow_dop(&self, dop: &mut Dop);
+
+    /// Grows a box to it.
+    fn grow(&self, enclosure: &mut Enclosure);
+
+    /// A leaning box around it.
+    fn obb(&self) -> Obb;
+
+    /// Points that every volume above must contain exactly.
+    fn points(&self) -> impl Iterator<Item = [f32; 3]>;
+}
+
+impl Leaf for Corners {
+    #[inline]
+    fn aabb(&self) -> Aabb {
+        let [a, b, c] = *self;
+        let mut aabb = Aabb { min: a, max: a };
+        aabb.grow(b);
+        aabb.grow(c);
+        aabb
+    }
+
+    fn child(&self) -> merge::Child {
+        merge::Child::Triangle(*self)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::of_triangle(*self)
+    }
+
+    fn grow_dop(&self, dop: &mut Dop) {
+        self.iter().for_each(|&corner| dop.grow(corner));
+    }
+
+    fn grow(&self, enclosure: &mut Enclosure) {
+        self.iter().for_each(|&corner| enclosure.add_point(corner));
+    }
+
+    /// The flat box along the longest edge, the smallest of all rectangles around the triangle.
+    fn obb(&self) -> Obb {
+        let edge =
+            |i: usize| -> [f64; 3] { std::array::from_fn(|k| f64::from(self[(i + 1) % 3][k]) - f64::from(self[i][k])) };
+        let edges = [edge(0), edge(1), edge(2)];
+        let square = |e: [f64; 3]| e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
+        let longest = (1..3).fold(0, |best, i| if square(edges[i]) > square(edges[best]) { i } else { best });
+        canted_obb::bound(frame::along(edges[longest], edges[(longest + 1) % 3]), *self)
+    }
+
+    fn points(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.iter().copied()
+    }
+}
+
+/// The box of an instance.
+impl Leaf for Obb {
+    fn aabb(&self) -> Aabb {
+        Self::aabb(self)
+    }
+
+    fn child(&self) -> merge::Child {
+        merge::Child::Box(*self)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::of_corners(self, self.area())
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "the extents only choose a frame")]
+    fn grow_dop(&self, dop: &mut Dop) {
+        self.corners().iter().for_each(|corner| dop.grow(corner.map(|x| x as f32)));
+    }
+
+    fn grow(&self, enclosure: &mut Enclosure) {
+        enclosure.add_box(self);
+    }
+
+    fn obb(&self) -> Obb {
+        *self
+    }
+
+    /// The centre: corners are no `f32` numbers.
+    fn points(&self) -> impl Iterator<Item = [f32; 3]> {
+        std::iter::once(self.center)
+    }
+}
+
+/// A node's volume.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Volume<'a> {
+    /// Axis-aligned.
+    Aabb(&'a Aabb),
+    /// Leaning.
+    Obb(&'a Obb),
+}
+
+impl Volume<'_> {
+    /// Surface area in square scene units.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        match self {
+            Self::Aabb(aabb) => aabb.area(),
+            Self::Obb(obb) => obb.area(),
+        }
+    }
+
+    /// Volume in cubic scene units.
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        match self {
+            Self::Aabb(aabb) => aabb.volume(),
+            Self::Obb(obb) => obb.volume(),
+        }
+    }
+}
+
+/// How leaning volumes are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum Strategy {
+    /// Axis-aligned boxes only.
+    #[default]
+    Aabb,
+    /// Principal axes of everything below, extents of every point below.
+    PcaUnbounded,
+    /// Principal axes of the children's corners, or of points where children are leaves.
+    PcaBounded,
+    /// The rotation halfway between the children's.
+    Quaternion,
+    /// By the children: unbounded over two leaves, bounded over one, quaternion over none.
+    Combined,
+    /// The best frame for extents along fixed directions, carried up exactly.
+    Dop,
+}
+
+impl Strategy {
+    /// All strategies, the axis-aligned one first.
+    pub const ALL: [Self; 6] =
+        [Self::Aabb, Self::PcaUnbounded, Self::PcaBounded, Self::Quaternion, Self::Combined, Self::Dop];
+}
+
+/// How volumes are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VolumeConfig {
+    /// Where frames come from.
+    pub strategy: Strategy,
+    /// Whether the axis-aligned box takes the place of a leaning one whose area is not less. Its loose boxes would
+    /// otherwise make those above looser still.
+    pub fallback: bool,
+}
+
+impl Default for VolumeConfig {
+    fn default() -> Self {
+        Self { strategy: Strategy::Aabb, fallback: true }
+    }
+}
+
+/// The volumes of a tree's nodes. Each contains every point below it, exactly.
+#[derive(Clone, Debug)]
+pub struct Volumes {
+    /// Axis-aligned box of each inner node.
+    pub aabbs: Vec<Aabb>,
+    /// Leaning box of each inner node; empty under [`Strategy::Aabb`].
+    pub(crate) obbs: Vec<Obb>,
+    /// Whether the leaning box is the node's volume.
+    pub(crate) leans: Vec<bool>,
+    /// Leaning box of each leaf where it has less area than the axis-aligned one.
+    pub(crate) leaf_obbs: Vec<Option<Obb>>,
+}
+
+impl Volumes {
+    /// The volume of an inner node.
+    #[inline]
+    #[must_use]
+    pub fn of(&self, id: NodeId) -> Volume<'_> {
+        match self.leans.get(id.index()) {
+            Some(true) => Volume::Obb(&self.obbs[id.index()]),
+            _ => Volume::Aabb(&self.aabbs[id.index()]),
+        }
+    }
+
+    /// The leaning volume of a leaf; `None` where its axis-aligned box is as good.
+    #[inline]
+    #[must_use]
+    pub fn of_leaf(&self, position: u32) -> Option<Volume<'_>> {
+        self.leaf_obbs.get(position as usize)?.as_ref().map(Volume::Obb)
+    }
+
+    /// Whether a child's volume is a leaning box.
+    #[inline]
+    #[must_use]
+    pub fn leans(&self, child: Child) -> bool {
+        match child.kind() {
+            ChildKind::Inner(id) => self.leans.get(id.index()).copied().unwrap_or(false),
+            ChildKind::Leaf(position) => self.of_leaf(position).is_some(),
+        }
+    }
+}

@@ -1,0 +1,147 @@
+use canted_lbvh::{Child, ChildKind, Leaf, NodeId, Tree, Volume, Volumes};
+use canted_obb::Aabb;
+use canted_trace::Slabs;
+use glam::Vec4;
+
+use super::{AabbPair, Binary, ChildWord, SlabPair};
+
+const CHUNK: usize = 1 << 12;
+
+impl Binary {
+    /// Lays out `tree` with `volumes` for tracing; `leaves` are in leaf order.
+    ///
+    /// `bounds` is the box around all leaves.
+    #[must_use]
+    pub fn new<L: Leaf>(tree: &Tree, volumes: &Volumes, leaves: &[L], bounds: &Aabb) -> Self {
+        if tree.leaves.is_empty() {
+            return Self::empty();
+        }
+        let layout = Layout { tree, volumes, leaves, words: words(tree, volumes) };
+        let n_slab_pairs = layout.words.iter().filter(|word| word.0 & ChildWord::SLABS != 0).count();
+        let mut binary = Self {
+            aabb_pairs: vec![AabbPair::UNSET; tree.nodes.len() - n_slab_pairs],
+            slab_pairs: vec![SlabPair::UNSET; n_slab_pairs],
+            root: tree.root().map(|root| layout.word(root)),
+            root_slabs: Slabs::of_aabb(bounds),
+            bounds: canted_obb::Obb::from_aabb(bounds),
+            reach: bounds.reach(),
+            depth: tree.depth,
+        };
+        if let Some(ChildKind::Inner(root)) = tree.root().map(Child::kind)
+            && let Volume::Obb(obb) = volumes.of(root)
+        {
+            binary.bounds = *obb;
+            binary.root_slabs = Slabs::of_obb(obb);
+        }
+        if n_slab_pairs == 0 {
+            // Every pair stands at its node's number.
+            fill(&mut binary.aabb_pairs, |id| layout.aabb_pair(id));
+        } else {
+            let ids = |slabs: bool| -> Vec<u32> {
+                let of_kind = |&id: &u32| (layout.words[id as usize].0 & ChildWord::SLABS != 0) == slabs;
+                (0..layout.words.len() as u32).filter(of_kind).collect()
+            };
+            let (aabb_ids, slab_ids) = (ids(false), ids(true));
+            fill(&mut binary.aabb_pairs, |i| layout.aabb_pair(aabb_ids[i as usize]));
+            fill(&mut binary.slab_pairs, |i| layout.slab_pair(slab_ids[i as usize]));
+        }
+        binary
+    }
+}
+
+/// Sets every element from its index, on all threads.
+#[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
+fn fill<T: Send>(out: &mut [T], make: impl Fn(u32) -> T + Sync) {
+    let work = |(chunk, slice): (usize, &mut [T])| {
+        for (i, slot) in slice.iter_mut().enumerate() {
+            *slot = make((chunk * CHUNK + i) as u32);
+        }
+    };
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        out.par_chunks_mut(CHUNK).enumerate().for_each(work);
+    }
+    #[cfg(not(feature = "parallel"))]
+    out.chunks_mut(CHUNK).enumerate().for_each(work);
+}
+
+/// The word by which each inner node will be referred to: its kind and its place among its kind.
+fn words(tree: &Tree, volumes: &Volumes) -> Vec<ChildWord> {
+    let (mut n_aabbs, mut n_slabs) = (0, 0);
+    tree.nodes
+        .iter()
+        .map(|node| {
+            let (counter, word): (&mut u32, fn(u32) -> ChildWord) =
+                if [node.left, node.right].into_iter().any(|child| volumes.leans(child)) {
+                    (&mut n_slabs, ChildWord::slabs)
+                } else {
+                    (&mut n_aabbs, ChildWord::aabbs)
+                };
+            *counter += 1;
+            word(*counter - 1)
+        })
+        .collect()
+}
+
+struct Layout<'a, L> {
+    tree: &'a Tree,
+    volumes: &'a Volumes,
+    leaves: &'a [L],
+    words: Vec<ChildWord>,
+}
+
+impl<L: Leaf> Layout<'_, L> {
+    fn word(&self, child: Child) -> ChildWord {
+        match child.kind() {
+            ChildKind::Leaf(position) => ChildWord::leaf(position),
+            ChildKind::Inner(id) => self.words[id.index()],
+        }
+    }
+
+    fn aabb(&self, child: Child) -> Aabb {
+        match child.kind() {
+            ChildKind::Leaf(position) => self.leaves[position as usize].aabb(),
+            ChildKind::Inner(id) => self.volumes.aabbs[id.index()],
+        }
+    }
+
+    fn slabs(&self, child: Child) -> Slabs {
+        let volume = match child.kind() {
+            ChildKind::Leaf(position) => self.volumes.of_leaf(position),
+            ChildKind::Inner(id) => Some(self.volumes.of(id)),
+        };
+        match volume {
+            Some(Volume::Obb(obb)) => Slabs::of_obb(obb),
+            _ => Slabs::of_aabb(&self.aabb(child)),
+        }
+    }
+
+    fn children(&self, id: u32) -> [Child; 2] {
+        let node = self.tree.nodes[NodeId(id).index()];
+        [node.left, node.right]
+    }
+
+    fn aabb_pair(&self, id: u32) -> AabbPair {
+        let children = self.children(id);
+        let [a, b] = children.map(|child| self.aabb(child));
+        AabbPair {
+            planes: std::array::from_fn(|k| Vec4::new(a.min[k], b.min[k], a.max[k], b.max[k])),
+            children: children.map(|child| self.word(child)),
+        }
+    }
+
+    fn slab_pair(&self, id: u32) -> SlabPair {
+        let children = self.children(id);
+        let [a, b] = children.map(|child| self.slabs(child));
+        let [first, second] = children.map(|child| f32::from_bits(self.word(child).0));
+        SlabPair {
+            rows_xy: std::array::from_fn(|k| Vec4::new(a.rows[k][0], b.rows[k][0], a.rows[k][1], b.rows[k][1])),
+            rows_z: [
+                Vec4::new(a.rows[0][2], b.rows[0][2], a.rows[1][2], b.rows[1][2]),
+                Vec4::new(a.rows[2][2], b.rows[2][2], first, second),
+            ],
+            planes: std::array::from_fn(|k| Vec4::new(a.lo[k], b.lo[k], a.hi[k], b.hi[k])),
+        }
+    }
+}
