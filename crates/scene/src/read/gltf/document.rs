@@ -1,0 +1,130 @@
+//! A parsed file with its buffers in memory: what the other stations look things up in.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use gltf::json::Root;
+use gltf::json::validation::USize64;
+
+use super::container;
+use super::uri;
+use crate::read::ReadError;
+use crate::read::folder::Folder;
+
+/// Extensions that a file may require.
+///
+/// Those of materials change what this crate's surfaces cannot say anyway; without them the picture is an approximation,
+/// not wrong geometry.
+const SUPPORTED: [&str; 15] = [
+    "EXT_mesh_gpu_instancing",
+    "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_dispersion",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// A file in memory.
+pub(super) struct Document<'a> {
+    /// The JSON. Indices in it are not checked.
+    pub(super) root: Root,
+    /// The folder that images are read from.
+    pub(super) folder: Folder,
+    path: &'a Path,
+    buffers: Vec<Cow<'a, [u8]>>,
+}
+
+impl<'a> Document<'a> {
+    /// Parses the file and loads its buffers.
+    pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ReadError> {
+        let container = container::split(path, bytes)?;
+        // The parser refuses nesting beyond 128 levels by itself.
+        let root: Root = gltf::json::deserialize::from_slice(container.json)
+            .map_err(|source| ReadError::malformed(path, "json", source.to_string()))?;
+        check_version(path, &root)?;
+        if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
+            return Err(ReadError::unsupported(path, format!("the required extension {extension}")));
+        }
+        let folder = Folder::of(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
+        let mut document = Self { root, folder, path, buffers: Vec::new() };
+        document.buffers =
+            (0..document.root.buffers.len()).map(|k| document.load_buffer(k, container.bin)).collect::<Result<_, _>>()?;
+        Ok(document)
+    }
+
+    /// A breach of the rules at a place in this file.
+    pub(super) fn malformed(&self, place: impl Into<String>, message: impl Into<String>) -> ReadError {
+        ReadError::malformed(self.path, place, message)
+    }
+
+    /// The item of one of the lists of [`Document::root`], or the error that `place` names an item beyond its end.
+    pub(super) fn get<'b, T>(&self, list: &'b [T], index: usize, kind: &str, place: &str) -> Result<&'b T, ReadError> {
+        list.get(index).ok_or_else(|| self.malformed(place, format!("names {kind} {index} of {}", list.len())))
+    }
+
+    /// The bytes of a buffer view and the stride that it asks for.
+    pub(super) fn view(&self, index: usize, place: &str) -> Result<(&[u8], Option<usize>), ReadError> {
+        let view = self.get(&self.root.buffer_views, index, "buffer view", place)?;
+        let place = format!("buffer view {index}");
+        let buffer = self.get(&self.buffers, view.buffer.value(), "buffer", &place)?;
+        let offset = view.byte_offset.unwrap_or_default();
+        let bytes = range(buffer, offset, view.byte_length).ok_or_else(|| {
+            let (offset, length) = (offset.0, view.byte_length.0);
+            self.malformed(&place, format!("has {length} bytes from {offset} on, its buffer has {}", buffer.len()))
+        })?;
+        Ok((bytes, view.byte_stride.map(|stride| stride.0)))
+    }
+
+    /// Bytes of all buffers together.
+    pub(super) fn n_buffer_bytes(&self) -> usize {
+        self.buffers.iter().map(|buffer| buffer.len()).sum()
+    }
+
+    fn load_buffer(&self, index: usize, bin: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, ReadError> {
+        let buffer = &self.root.buffers[index];
+        let place = format!("buffer {index}");
+        let mut bytes = match (&buffer.uri, bin) {
+            (Some(uri), _) => {
+                Cow::Owned(uri::load(uri, &self.folder).map_err(|error| self.malformed(&place, error.to_string()))?)
+            }
+            (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
+            (None, _) => return Err(self.malformed(place, "has neither a uri nor a BIN chunk")),
+        };
+        let n_bytes = bytes.len();
+        let length = usize::try_from(buffer.byte_length.0).ok().filter(|&length| length <= n_bytes).ok_or_else(|| {
+            self.malformed(place, format!("promises {} bytes and has {n_bytes}", buffer.byte_length.0))
+        })?;
+        match &mut bytes {
+            Cow::Borrowed(bytes) => *bytes = &bytes[..length],
+            Cow::Owned(bytes) => bytes.truncate(length),
+        }
+        Ok(bytes)
+    }
+}
+
+/// `length` bytes from `offset` on, if there are as many.
+pub(super) fn range(bytes: &[u8], offset: USize64, length: USize64) -> Option<&[u8]> {
+    let end = offset.0.checked_add(length.0)?;
+    bytes.get(usize::try_from(offset.0).ok()?..usize::try_from(end).ok()?)
+}
+
+/// Versions 2.x are read, where the file does not ask for a later minor version than 2.0.
+fn check_version(path: &Path, root: &Root) -> Result<(), ReadError> {
+    let version = &root.asset.version;
+    if version.split('.').next() != Some("2") {
+        return Err(ReadError::unsupported(path, format!("version {version} of glTF")));
+    }
+    match root.asset.min_version.as_deref() {
+        None | Some("2.0") => Ok(()),
+        Some(least) => Err(ReadError::unsupported(path, format!("version {least} of glTF"))),
+    }
+}

@@ -1,0 +1,132 @@
+//! Affine maps in `f64`, so that a chain of nodes is rounded once, at its end.
+
+use canted_obb::Affine;
+
+/// An affine map as in [`Affine`]: images of the three axes, then of the origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Matrix {
+    pub(super) columns: [[f64; 3]; 4],
+}
+
+impl Matrix {
+    /// The map that changes nothing.
+    pub(super) const IDENTITY: Self =
+        Self { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] };
+
+    /// From 4 x 4 numbers, column after column; `None` where the last row is not `0 0 0 1`.
+    pub(super) fn from_4x4(numbers: &[f32; 16]) -> Option<Self> {
+        let column = |k: usize| std::array::from_fn(|row| f64::from(numbers[4 * k + row]));
+        let last_row = [numbers[3], numbers[7], numbers[11], numbers[15]];
+        (last_row == [0.0, 0.0, 0.0, 1.0]).then(|| Self { columns: std::array::from_fn(column) })
+    }
+
+    /// Scales, then rotates by a quaternion `x y z w` of any length but zero, then moves.
+    ///
+    /// The quaternion need not be unit: its length is divided out, so that its decimals scale nothing.
+    pub(super) fn from_parts(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Self {
+        let [x, y, z, w] = rotation.map(f64::from);
+        let twice = 2.0 / (x * x + y * y + z * z + w * w);
+        let axes = [
+            [1.0 - twice * (y * y + z * z), twice * (x * y + z * w), twice * (x * z - y * w)],
+            [twice * (x * y - z * w), 1.0 - twice * (x * x + z * z), twice * (y * z + x * w)],
+            [twice * (x * z + y * w), twice * (y * z - x * w), 1.0 - twice * (x * x + y * y)],
+        ];
+        let [a, b, c] = std::array::from_fn(|k| axes[k].map(|axis: f64| axis * f64::from(scale[k])));
+        Self { columns: [a, b, c, translation.map(f64::from)] }
+    }
+
+    /// First `inner`, then this.
+    pub(super) fn after(&self, inner: &Self) -> Self {
+        let [a, b, c, origin] = inner.columns;
+        Self { columns: [self.vector(a), self.vector(b), self.vector(c), self.point(origin)] }
+    }
+
+    /// Image of a point.
+    pub(super) fn point(&self, p: [f64; 3]) -> [f64; 3] {
+        let linear = self.vector(p);
+        std::array::from_fn(|k| linear[k] + self.columns[3][k])
+    }
+
+    /// Image of a direction.
+    pub(super) fn vector(&self, v: [f64; 3]) -> [f64; 3] {
+        let c = &self.columns;
+        std::array::from_fn(|k| c[0][k] * v[0] + c[1][k] * v[1] + c[2][k] * v[2])
+    }
+
+    /// Image of a normal, up to a positive factor: the cofactors act, with the sign of the determinant.
+    pub(super) fn normal(&self, n: [f64; 3]) -> [f64; 3] {
+        let [a, b, c, _] = self.columns;
+        let rows = [cross(b, c), cross(c, a), cross(a, b)];
+        let sign = dot(a, rows[0]).signum();
+        std::array::from_fn(|k| sign * (rows[0][k] * n[0] + rows[1][k] * n[1] + rows[2][k] * n[2]))
+    }
+
+    /// This map times a weight, added to another: how skins mix the maps of joints.
+    pub(super) fn plus(&self, weight: f64, other: &Self) -> Self {
+        let entry = |k: usize, row: usize| self.columns[k][row] + weight * other.columns[k][row];
+        Self { columns: std::array::from_fn(|k| std::array::from_fn(|row| entry(k, row))) }
+    }
+
+    /// The map in single precision; `None` where that has no inverse in single precision.
+    ///
+    /// Rounding moves each entry by at most a fraction u of itself, and so the determinant by at most `((1 + u)³ - 1)`
+    /// times the permanent of the absolute entries. Below that bound a neighbour of the map is singular, and so, for all
+    /// that is known, is the map.
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+    pub(super) fn rounded(&self) -> Option<Affine> {
+        let affine = Affine { columns: self.columns.map(|column| column.map(|x| x as f32)) };
+        let [a, b, c, origin] = affine.columns.map(|column| column.map(f64::from));
+        let determinant = dot(a, cross(b, c));
+        let permanent = dot(a.map(f64::abs), cross_of_absolutes(b, c));
+        let rows = [cross(b, c), cross(c, a), cross(a, b)];
+        let largest_of_inverse = rows
+            .iter()
+            .flat_map(|&row| row.into_iter().chain([dot(row, origin)]))
+            .fold(0.0, |most: f64, x| most.max(x.abs()))
+            / determinant.abs();
+        let has_inverse = affine.is_finite()
+            && determinant.abs() > DETERMINANT_ERROR * permanent
+            && largest_of_inverse <= f64::from(f32::MAX);
+        has_inverse.then_some(affine)
+    }
+}
+
+/// Error of a 3 x 3 determinant of entries rounded to `f32`, relative to the permanent of the absolute entries.
+///
+/// Three roundings by u = 2⁻²⁴ meet in each product: `(1 + u)³ - 1 < 3u / (1 - 3u)`. The arithmetic here adds at most
+/// five roundings by 2⁻⁵³, which the next larger number of u covers.
+const DETERMINANT_ERROR: f64 = 4.0 * U / (1.0 - 4.0 * U);
+/// Half the spacing of `f32` numbers at one.
+const U: f64 = f32::EPSILON as f64 / 2.0;
+
+/// Scalar product.
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Vector product.
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        a[i] * b[j] - a[j] * b[i]
+    })
+}
+
+/// As [`cross`], with sums of absolute products.
+fn cross_of_absolutes(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        (a[i] * b[j]).abs() + (a[j] * b[i]).abs()
+    })
+}
+
+/// The unit vector of a direction, in single precision; `None` for one that has no direction.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+pub(super) fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
+    // The largest entry is divided out first, so that squares neither overflow nor vanish.
+    let largest = v.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let scaled = v.map(|x| x / largest);
+    let length = dot(scaled, scaled).sqrt();
+    let unit = scaled.map(|x| (x / length) as f32);
+    unit.iter().all(|x| x.is_finite()).then_some(unit)
+}

@@ -1,0 +1,124 @@
+//! The node hierarchy: trees of any depth, walked without recursion (glTF 2.0, section 3.5).
+
+use gltf::json::scene::Node;
+
+use super::document::Document;
+use super::matrix::Matrix;
+use crate::read::ReadError;
+
+/// The nodes of a file.
+pub(super) struct Nodes {
+    /// Transform of each node, the whole chain composed.
+    pub(super) world_from_node: Vec<Matrix>,
+    /// The nodes of the default scene, ascending.
+    pub(super) drawn: Vec<usize>,
+}
+
+/// Composes the transforms of all nodes and finds those of the default scene.
+///
+/// The default scene is the one that the file names, else its first; a file without scenes draws every node.
+///
+/// # Errors
+/// [`ReadError::Malformed`] where a node is missing, has two parents or is its own ancestor, or a root has a parent.
+pub(super) fn read(document: &Document<'_>) -> Result<Nodes, ReadError> {
+    let nodes = &document.root.nodes;
+    let parents = parents(document)?;
+    let mut world_from_node = nodes
+        .iter()
+        .enumerate()
+        .map(|(k, node)| local(node).ok_or_else(|| last_row_error(document, k)))
+        .collect::<Result<Vec<Matrix>, _>>()?;
+
+    let roots: Vec<usize> = (0..nodes.len()).filter(|&k| parents[k].is_none()).collect();
+    let mut n_reached = roots.len();
+    descend(nodes, &roots, |parent, child| {
+        n_reached += 1;
+        world_from_node[child] = world_from_node[parent].after(&world_from_node[child]);
+    });
+    if n_reached < nodes.len() {
+        return Err(cycle_error(document, &parents));
+    }
+
+    let scene_roots = match default_scene(document)? {
+        Some(scene) => scene_roots(document, scene, &parents)?,
+        None => roots,
+    };
+    let mut is_drawn = vec![false; nodes.len()];
+    scene_roots.iter().for_each(|&root| is_drawn[root] = true);
+    descend(nodes, &scene_roots, |_, child| is_drawn[child] = true);
+    let drawn = (0..nodes.len()).filter(|&k| is_drawn[k]).collect();
+    Ok(Nodes { world_from_node, drawn })
+}
+
+/// Visits every descendant of some roots of trees, each after its parent.
+fn descend(nodes: &[Node], roots: &[usize], mut visit: impl FnMut(usize, usize)) {
+    let mut stack = roots.to_vec();
+    while let Some(parent) = stack.pop() {
+        for child in children(&nodes[parent]) {
+            visit(parent, child);
+            stack.push(child);
+        }
+    }
+}
+
+fn children(node: &Node) -> impl Iterator<Item = usize> {
+    node.children.iter().flatten().map(|child| child.value())
+}
+
+/// The one parent of each node that has one.
+fn parents(document: &Document<'_>) -> Result<Vec<Option<usize>>, ReadError> {
+    let nodes = &document.root.nodes;
+    let mut parents = vec![None; nodes.len()];
+    for (parent, node) in nodes.iter().enumerate() {
+        for child in children(node) {
+            document.get(nodes, child, "node", &format!("node {parent}"))?;
+            if let Some(first) = parents[child].replace(parent) {
+                return Err(document.malformed(format!("node {child}"), format!("is a child of {first} and {parent}")));
+            }
+        }
+    }
+    Ok(parents)
+}
+
+/// Transform of a node relative to its parent; `None` for a matrix that is not affine.
+fn local(node: &Node) -> Option<Matrix> {
+    if let Some(matrix) = &node.matrix {
+        return Matrix::from_4x4(matrix);
+    }
+    let rotation = node.rotation.map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0);
+    Some(Matrix::from_parts(node.translation.unwrap_or_default(), rotation, node.scale.unwrap_or([1.0; 3])))
+}
+
+/// Index of the scene to draw.
+fn default_scene(document: &Document<'_>) -> Result<Option<usize>, ReadError> {
+    let scenes = &document.root.scenes;
+    let Some(scene) = document.root.scene else { return Ok((!scenes.is_empty()).then_some(0)) };
+    document.get(scenes, scene.value(), "scene", "default scene")?;
+    Ok(Some(scene.value()))
+}
+
+/// The root nodes of a scene, each once.
+fn scene_roots(document: &Document<'_>, scene: usize, parents: &[Option<usize>]) -> Result<Vec<usize>, ReadError> {
+    let place = format!("scene {scene}");
+    let mut roots: Vec<usize> = document.root.scenes[scene].nodes.iter().map(|node| node.value()).collect();
+    roots.sort_unstable();
+    roots.dedup();
+    for &root in &roots {
+        let parent = document.get(parents, root, "node", &place)?;
+        if let Some(parent) = parent {
+            return Err(document.malformed(place, format!("names node {root}, which is a child of node {parent}")));
+        }
+    }
+    Ok(roots)
+}
+
+fn last_row_error(document: &Document<'_>, node: usize) -> ReadError {
+    document.malformed(format!("node {node}"), "has a matrix whose last row is not 0 0 0 1")
+}
+
+/// Names a node that is its own ancestor. Each node has one parent at most and some node is below no root.
+fn cycle_error(document: &Document<'_>, parents: &[Option<usize>]) -> ReadError {
+    // From a node above which there is no root, as many steps up as there are nodes end inside the cycle.
+    let in_cycle = (0..parents.len()).find_map(|start| (0..parents.len()).try_fold(start, |node, _| parents[node]));
+    document.malformed(format!("node {}", in_cycle.unwrap_or_default()), "is its own ancestor")
+}

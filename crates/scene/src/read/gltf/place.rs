@@ -1,0 +1,188 @@
+//! Instances: the meshes that nodes place, once each or as often as `EXT_mesh_gpu_instancing` says.
+
+use canted_obb::Affine;
+use gltf::json::accessor::Type;
+use gltf::json::scene::Node;
+
+use super::accessor::{Accessor, REALS};
+use super::document::Document;
+use super::material::UvSource;
+use super::matrix::Matrix;
+use super::mesh;
+use super::nodes::Nodes;
+use super::pose::{self, Pose};
+use crate::read::ReadError;
+use crate::read::repair::Repair;
+use crate::{Instance, Mesh, MeshId, Scene};
+
+/// Reads the meshes and places them by the nodes of the default scene.
+///
+/// Meshes that nothing places are read for the numbering of triangles, checked and dropped.
+pub(super) fn read(
+    document: &Document<'_>,
+    nodes: &Nodes,
+    uv_sources: &[Option<UvSource>],
+    repair: &mut Repair,
+    scene: &mut Scene,
+) -> Result<(), ReadError> {
+    let placing = placing(document, nodes)?;
+    let (mut meshes, first_primitives) = read_unposed(document, &placing, uv_sources, repair, scene)?;
+    for &(k, node, mesh_index) in &placing {
+        let mut mesh = mesh_index;
+        if is_posed(node) {
+            let pose = pose_of(document, nodes, node, mesh_index, &format!("node {k}"))?;
+            mesh = meshes.len();
+            meshes.push(mesh::read(document, mesh_index, &pose, uv_sources, repair, &mut scene.warnings)?);
+        }
+        if meshes[mesh].triangles.is_empty() {
+            continue;
+        }
+        let transforms = transforms(document, nodes, k)?;
+        let n_left_out = transforms.iter().filter(|transform| transform.is_none()).count();
+        if n_left_out > 0 {
+            let name = node.name.as_deref().unwrap_or_default();
+            scene.warnings.push(format!(
+                "node {k} {name:?}: {n_left_out} of {} instances have no transform with an inverse and are left out",
+                transforms.len()
+            ));
+        }
+        let mesh_id = to_id(document, mesh)?;
+        scene.instances.extend(transforms.into_iter().flatten().map(|world_from_object| Instance {
+            mesh: MeshId(mesh_id),
+            world_from_object,
+            first_primitive: first_primitives[mesh_index],
+        }));
+    }
+    keep_placed(scene, meshes);
+    Ok(())
+}
+
+/// The drawn nodes that have a mesh, with that mesh.
+fn placing<'a>(document: &'a Document<'_>, nodes: &Nodes) -> Result<Vec<(usize, &'a Node, usize)>, ReadError> {
+    let mut placing = Vec::new();
+    for &k in &nodes.drawn {
+        let node = &document.root.nodes[k];
+        if let Some(mesh) = node.mesh {
+            document.get(&document.root.meshes, mesh.value(), "mesh", &format!("node {k}"))?;
+            placing.push((k, node, mesh.value()));
+        }
+    }
+    Ok(placing)
+}
+
+/// Whether a node bends its mesh in its own way.
+fn is_posed(node: &Node) -> bool {
+    node.skin.is_some() || node.weights.is_some()
+}
+
+/// All meshes of the file in their own default pose, and the number of the first triangle of each.
+///
+/// Only what is placed counts for the warnings.
+fn read_unposed(
+    document: &Document<'_>,
+    placing: &[(usize, &Node, usize)],
+    uv_sources: &[Option<UvSource>],
+    repair: &mut Repair,
+    scene: &mut Scene,
+) -> Result<(Vec<Mesh>, Vec<u32>), ReadError> {
+    let mut is_placed = vec![false; document.root.meshes.len()];
+    for &(_, _, mesh) in placing.iter().filter(|(_, node, _)| !is_posed(node)) {
+        is_placed[mesh] = true;
+    }
+    let (mut meshes, mut first_primitives, mut n_triangles) = (Vec::new(), Vec::new(), 0_usize);
+    for (index, is_placed) in is_placed.into_iter().enumerate() {
+        let pose = Pose { weights: document.root.meshes[index].weights.as_deref().unwrap_or_default(), ..Pose::default() };
+        let mesh = if is_placed {
+            mesh::read(document, index, &pose, uv_sources, repair, &mut scene.warnings)?
+        } else {
+            mesh::read(document, index, &pose, uv_sources, &mut Repair::default(), &mut Vec::new())?
+        };
+        first_primitives.push(to_id(document, n_triangles)?);
+        n_triangles += mesh.triangles.len();
+        meshes.push(mesh);
+    }
+    to_id(document, n_triangles)?;
+    Ok((meshes, first_primitives))
+}
+
+fn to_id(document: &Document<'_>, number: usize) -> Result<u32, ReadError> {
+    u32::try_from(number).map_err(|_| document.malformed("meshes", format!("{number} is more than 32 bits count")))
+}
+
+/// The pose that a node gives its mesh.
+fn pose_of<'a>(
+    document: &'a Document<'_>,
+    nodes: &Nodes,
+    node: &'a Node,
+    mesh: usize,
+    place: &str,
+) -> Result<Pose<'a>, ReadError> {
+    let weights = node.weights.as_deref().or(document.root.meshes[mesh].weights.as_deref()).unwrap_or_default();
+    let world_from_bind = node.skin.map(|skin| pose::joints(document, nodes, skin.value(), place)).transpose()?;
+    Ok(Pose { weights, world_from_bind })
+}
+
+/// Transforms of the instances of a node, `None` for those that have no inverse.
+fn transforms(document: &Document<'_>, nodes: &Nodes, k: usize) -> Result<Vec<Option<Affine>>, ReadError> {
+    let node = &document.root.nodes[k];
+    // The joints have taken a skinned mesh to the world already; its node has no say.
+    if node.skin.is_some() {
+        return Ok(vec![Some(Affine::IDENTITY)]);
+    }
+    let world_from_node = &nodes.world_from_node[k];
+    let attribute = |name: &str| instancing_attribute(node, name);
+    if node.extensions.as_ref().is_none_or(|extensions| !extensions.others.contains_key(INSTANCING)) {
+        return Ok(vec![world_from_node.rounded()]);
+    }
+    let open = |name: &str, element_type: Type| {
+        let place = format!("node {k} instance {name}");
+        attribute(name)
+            .map(|index| {
+                let index = index.ok_or_else(|| document.malformed(&place, "is not the index of an accessor"))?;
+                Accessor::open(document, index, &place, element_type, REALS)
+            })
+            .transpose()
+    };
+    let translations = open("TRANSLATION", Type::Vec3)?;
+    let rotations = open("ROTATION", Type::Vec4)?;
+    let scales = open("SCALE", Type::Vec3)?;
+    let mut counts = [&translations, &rotations, &scales].into_iter().flatten().map(|accessor| accessor.count);
+    let place = || format!("node {k} {INSTANCING}");
+    let count = counts.next().ok_or_else(|| document.malformed(place(), "has no TRANSLATION, ROTATION or SCALE"))?;
+    if let Some(other) = counts.find(|&other| other != count) {
+        return Err(document.malformed(place(), format!("has attributes of {count} and of {other} instances")));
+    }
+    let instance = |i: usize| {
+        let translation = translations.as_ref().map_or([0.0; 3], |accessor| accessor.reals(i));
+        let rotation = rotations.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |accessor| accessor.reals(i));
+        let scale = scales.as_ref().map_or([1.0; 3], |accessor| accessor.reals(i));
+        world_from_node.after(&Matrix::from_parts(translation, rotation, scale)).rounded()
+    };
+    Ok((0..count).map(instance).collect())
+}
+
+/// Name of the extension that repeats a mesh.
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// The accessor of an attribute of the instancing extension, `Some(None)` where it is not an index.
+fn instancing_attribute(node: &Node, name: &str) -> Option<Option<usize>> {
+    let extension = node.extensions.as_ref()?.others.get(INSTANCING)?;
+    let index = extension.get("attributes")?.get(name)?;
+    Some(index.as_u64().and_then(|index| usize::try_from(index).ok()))
+}
+
+/// Moves the meshes that have instances into the scene, in their order, and renumbers the instances.
+fn keep_placed(scene: &mut Scene, meshes: Vec<Mesh>) {
+    let mut is_placed = vec![false; meshes.len()];
+    scene.instances.iter().for_each(|instance| is_placed[instance.mesh.0 as usize] = true);
+    let mut new_ids = Vec::with_capacity(meshes.len());
+    let mut n_kept = 0;
+    for (mesh, is_placed) in meshes.into_iter().zip(is_placed) {
+        new_ids.push(MeshId(n_kept));
+        if is_placed {
+            scene.meshes.push(mesh);
+            n_kept += 1;
+        }
+    }
+    scene.instances.iter_mut().for_each(|instance| instance.mesh = new_ids[instance.mesh.0 as usize]);
+}

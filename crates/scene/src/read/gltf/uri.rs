@@ -1,0 +1,195 @@
+//! Where buffers and images come from: base64 text inside the file, or another file of its folder.
+
+use std::fmt;
+
+use crate::read::folder::{Folder, Refusal};
+
+/// Why a URI gave no bytes.
+#[derive(Debug)]
+pub(super) enum UriError {
+    /// It is a data URI, but not base64 without a flaw.
+    NotBase64,
+    /// It names another place than a file: `http`, `file` and so on. Nothing is fetched.
+    Scheme(String),
+    /// Its escapes do not spell UTF-8.
+    NotText,
+    /// The file it names is not read.
+    Refused {
+        /// The decoded path.
+        name: String,
+        /// Why.
+        refusal: Refusal,
+    },
+}
+
+impl fmt::Display for UriError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotBase64 => f.write_str("its data uri is not base64"),
+            Self::Scheme(scheme) => write!(f, "its uri has the scheme `{scheme}`, only relative paths are read"),
+            Self::NotText => f.write_str("its uri is not UTF-8"),
+            Self::Refused { name, refusal } => write!(f, "`{name}`: {refusal}"),
+        }
+    }
+}
+
+/// The bytes that a URI stands for.
+pub(super) fn load(uri: &str, folder: &Folder) -> Result<Vec<u8>, UriError> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        let (media_type, text) = data.split_once(',').ok_or(UriError::NotBase64)?;
+        let is_base64 = media_type.ends_with(";base64");
+        return is_base64.then(|| base64(text.as_bytes())).flatten().ok_or(UriError::NotBase64);
+    }
+    if let Some(scheme) = scheme(uri) {
+        return Err(UriError::Scheme(scheme.to_owned()));
+    }
+    let name = unescaped(uri).ok_or(UriError::NotText)?;
+    folder.read(&name).map_err(|refusal| UriError::Refused { name, refusal })
+}
+
+/// The scheme of a URI (RFC 3986, section 3.1); a relative path has none.
+fn scheme(uri: &str) -> Option<&str> {
+    let (scheme, _) = uri.split_once(':')?;
+    let legal = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
+    (scheme.starts_with(|c: char| c.is_ascii_alphabetic()) && scheme.chars().all(legal)).then_some(scheme)
+}
+
+/// Replaces `%` and two hexadecimal digits by the byte they name. Any other `%` stands for itself.
+fn unescaped(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let [first, tail @ ..] = rest {
+        match (first, tail) {
+            (b'%', [high, low, tail @ ..]) if high.is_ascii_hexdigit() && low.is_ascii_hexdigit() => {
+                bytes.push(hex(*high) << 4 | hex(*low));
+                rest = tail;
+            }
+            _ => {
+                bytes.push(*first);
+                rest = tail;
+            }
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+/// Value of a hexadecimal digit.
+fn hex(digit: u8) -> u8 {
+    match digit {
+        b'0'..=b'9' => digit - b'0',
+        _ => (digit | 0x20) - b'a' + 10,
+    }
+}
+
+/// Decodes base64 (RFC 4648, section 4); the padding may be missing.
+fn base64(text: &[u8]) -> Option<Vec<u8>> {
+    let n_padding = text.iter().rev().take(2).take_while(|&&byte| byte == b'=').count();
+    let text = &text[..text.len() - n_padding];
+    // A last group of one digit has six bits, which are no byte.
+    if text.len() % 4 == 1 {
+        return None;
+    }
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 2);
+    for group in text.chunks(4) {
+        let mut word = 0_u32;
+        for &digit in group {
+            word = word << 6 | u32::from(base64_value(digit)?);
+        }
+        let [_, decoded @ ..] = (word << (6 * (4 - group.len()))).to_be_bytes();
+        bytes.extend_from_slice(&decoded[..group.len() - 1]);
+    }
+    Some(bytes)
+}
+
+/// Value of a base64 digit.
+fn base64_value(digit: u8) -> Option<u8> {
+    match digit {
+        b'A'..=b'Z' => Some(digit - b'A'),
+        b'a'..=b'z' => Some(digit - b'a' + 26),
+        b'0'..=b'9' => Some(digit - b'0' + 52),
+        b'+' => Some(62),
+        b'/' => Some(63),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::path::Path;
+
+    /// Encodes base64 with padding, digit by digit from a string of bits: what decoding is checked against.
+    pub(crate) fn to_base64(bytes: &[u8]) -> String {
+        let digits: Vec<char> = ('A'..='Z').chain('a'..='z').chain('0'..='9').chain(['+', '/']).collect();
+        let bits: String = bytes.iter().map(|byte| format!("{byte:08b}")).collect();
+        let mut text: String = bits
+            .as_bytes()
+            .chunks(6)
+            .map(|six| {
+                let six = format!("{:0<6}", std::str::from_utf8(six).unwrap());
+                digits[usize::from_str_radix(&six, 2).unwrap()]
+            })
+            .collect();
+        while !text.len().is_multiple_of(4) {
+            text.push('=');
+        }
+        text
+    }
+
+    #[test]
+    fn base64_of_the_standard() {
+        // RFC 4648, section 10.
+        for (plain, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
+            assert_eq!(base64(text.as_bytes()).unwrap(), plain.as_bytes());
+            assert_eq!(to_base64(plain.as_bytes()), text);
+        }
+        for flawed in ["Z", "Zm9vY", "Z===", "Zm=v", "Zm9v\n", "@@@@"] {
+            assert!(base64(flawed.as_bytes()).is_none(), "{flawed}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn base64_comes_back(bytes: Vec<u8>) {
+            let text = to_base64(&bytes);
+            prop_assert_eq!(base64(text.as_bytes()), Some(bytes.clone()));
+            prop_assert_eq!(base64(text.trim_end_matches('=').as_bytes()), Some(bytes));
+        }
+    }
+
+    #[test]
+    fn escapes() {
+        assert_eq!(unescaped("a%20b%C3%a9").unwrap(), "a b\u{e9}");
+        assert_eq!(unescaped("100%").unwrap(), "100%");
+        assert_eq!(unescaped("%zz%4").unwrap(), "%zz%4");
+        assert!(unescaped("%ff").is_none());
+    }
+
+    #[test]
+    fn only_files_of_the_folder_are_read() {
+        let temp = tempfile::tempdir().unwrap();
+        std::fs::create_dir(temp.path().join("scene")).unwrap();
+        std::fs::write(temp.path().join("out.bin"), "out").unwrap();
+        std::fs::write(temp.path().join("scene/a b.bin"), "in").unwrap();
+        let folder = Folder::of(&temp.path().join(Path::new("scene/x.gltf"))).unwrap();
+        assert_eq!(load("a%20b.bin", &folder).unwrap(), b"in");
+        assert_eq!(load("./a b.bin", &folder).unwrap(), b"in");
+        for uri in ["../out.bin", "%2e%2e/out.bin", "%2E%2E%2Fout.bin", "..%5Cout.bin", "/out.bin"] {
+            let refusal = load(uri, &folder);
+            assert!(matches!(refusal, Err(UriError::Refused { refusal: Refusal::LeavesFolder, .. })), "{uri}");
+        }
+        for uri in ["http://example.invalid/a.bin", "file:///out.bin", "C:\\out.bin"] {
+            assert!(matches!(load(uri, &folder), Err(UriError::Scheme(_))), "{uri}");
+        }
+    }
+
+    #[test]
+    fn data_uris_must_be_base64() {
+        let folder = Folder::of(Path::new("x.gltf")).unwrap();
+        assert_eq!(load("data:application/octet-stream;base64,Zm9v", &folder).unwrap(), b"foo");
+        for uri in ["data:;base64", "data:text/plain,foo", "data:;base64,@@@"] {
+            assert!(matches!(load(uri, &folder), Err(UriError::NotBase64)), "{uri}");
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Real glTF files and malformed ones against what their lists say: counts, places, outcomes.
+//!
+//! The files are optional. They are looked for in the folder that `CANTED_SCENES` names, else in `shared/scenes` beside
+//! the workspace; without them these tests name themselves as skipped, and the unit tests stand alone.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use canted_scene::{Light, Scene, read};
+
+/// The folder of the files, if there is one.
+#[expect(clippy::print_stderr, reason = "a test that is skipped says so by name")]
+fn scenes(test: &str) -> Option<PathBuf> {
+    let beside_workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes");
+    let folder = std::env::var_os("CANTED_SCENES").map_or(beside_workspace, PathBuf::from);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("{test}: skipped, there is no folder {}", folder.display());
+    None
+}
+
+/// What is known of a file: the counts that its list states, and the world bounds of its default pose, found by another
+/// program in double precision and noted to seven digits.
+struct Stated {
+    file: &'static str,
+    n_meshes: usize,
+    n_instances: usize,
+    n_unique: usize,
+    n_placed: usize,
+    bounds: [[f64; 3]; 2],
+}
+
+/// Distance of a bound from the noted one, relative to the largest coordinate: half a unit in the seventh digit, and the
+/// roundings of the transform (one) and of the point (one), each of terms no larger than eight times that coordinate.
+const BOUND_ERROR: f64 = 5e-7 + 16.0 * (f32::EPSILON as f64 / 2.0);
+
+/// `dragon_nodes.glb` has one geometry under three names, which are three meshes with a material each.
+#[rustfmt::skip]
+const FILES: [Stated; 29] = [
+    Stated { file: "gltf/AlphaBlendModeTest.glb", n_meshes: 9, n_instances: 9, n_unique: 61, n_placed: 61, bounds: [[-4.3, -0.1, -0.75], [4.3, 2.299533, 0.55]] },
+    Stated { file: "gltf/BoxInterleaved.glb", n_meshes: 1, n_instances: 1, n_unique: 12, n_placed: 12, bounds: [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]] },
+    Stated { file: "gltf/BoxVertexColors.glb", n_meshes: 1, n_instances: 1, n_unique: 12, n_placed: 12, bounds: [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]] },
+    Stated { file: "gltf/Cameras.gltf", n_meshes: 1, n_instances: 1, n_unique: 2, n_placed: 2, bounds: [[0.0, 0.0, -0.7075903], [1.0, 0.7066229, 0.0]] },
+    Stated { file: "gltf/CesiumMan.glb", n_meshes: 1, n_instances: 1, n_unique: 4_672, n_placed: 4_672, bounds: [[-0.1309999, 4.854345e-08, -0.5691368], [0.180954, 1.50655, 0.5691369]] },
+    Stated { file: "gltf/CornellBox_bevy.glb", n_meshes: 4, n_instances: 4, n_unique: 36, n_placed: 36, bounds: [[-556.0001, 0.0, -559.2], [0.0, 548.8, 0.0001220703]] },
+    Stated { file: "gltf/Fox.glb", n_meshes: 1, n_instances: 1, n_unique: 576, n_placed: 576, bounds: [[-12.59272, -0.1217442, -88.09501], [12.59272, 78.9072, 66.62486]] },
+    Stated { file: "gltf/SimpleMorph.gltf", n_meshes: 1, n_instances: 1, n_unique: 1, n_placed: 1, bounds: [[0.0, 0.0, 0.0], [1.0, 1.5, 0.0]] },
+    Stated { file: "gltf/SimpleSkin.gltf", n_meshes: 1, n_instances: 1, n_unique: 8, n_placed: 8, bounds: [[-0.5, 0.0, 0.0], [0.5, 2.0, 0.0]] },
+    Stated { file: "gltf/SimpleSparseAccessor.gltf", n_meshes: 1, n_instances: 1, n_unique: 12, n_placed: 12, bounds: [[0.0, 0.0, 0.0], [6.0, 4.0, 0.0]] },
+    Stated { file: "gltf/camera_light.glb", n_meshes: 2, n_instances: 2, n_unique: 14, n_placed: 14, bounds: [[-7.101788, -7.102191, -1.040371], [7.101788, 7.102191, 1.0]] },
+    Stated { file: "gltf/dragon_res3_quantized.glb", n_meshes: 1, n_instances: 1, n_unique: 47_794, n_placed: 47_794, bounds: [[-0.107673, 0.0527743, -0.050051], [0.0959825, 0.196643, 0.04082718]] },
+    Stated { file: "gltf/lights_punctual.glb", n_meshes: 1, n_instances: 1, n_unique: 12, n_placed: 12, bounds: [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]] },
+    Stated { file: "gltf/pine_tree.glb", n_meshes: 2, n_instances: 2, n_unique: 1_650, n_placed: 1_650, bounds: [[-29.21664, 0.0168803, -29.10383], [29.13073, 75.01419, 28.16341]] },
+    Stated { file: "gltf/texture_transform.glb", n_meshes: 6, n_instances: 6, n_unique: 12, n_placed: 12, bounds: [[0.0, -1.2, 0.0], [3.4, 1.0, 0.0]] },
+    Stated { file: "instanced/dragon_nodes.glb", n_meshes: 3, n_instances: 64, n_unique: 33_306, n_placed: 710_528, bounds: [[-1.751641, -2.961728, -1.629013], [18.38636, 2.612018, 19.18472]] },
+    Stated { file: "instanced/pine_forest.glb", n_meshes: 3, n_instances: 1025, n_unique: 1_652, n_placed: 844_802, bounds: [[-4.0, -0.03054126, -4.0], [132.0, 4.475538, 68.0]] },
+    Stated { file: "instanced/simple_instancing.glb", n_meshes: 1, n_instances: 125, n_unique: 12, n_placed: 1_500, bounds: [[-1.666667, -1.666667, -1.666667], [12.73171, 12.73171, 12.73171]] },
+    Stated { file: "instanced/tower_field.glb", n_meshes: 3, n_instances: 401, n_unique: 13_629, n_placed: 2_264_242, bounds: [[-50.0, -1.819697, -50.0], [650.0, 41.90592, 450.0]] },
+    Stated { file: "kitchen/country_kitchen.glb", n_meshes: 209, n_instances: 286, n_unique: 842_167, n_placed: 1_021_815, bounds: [[-3.138698, -0.020776, -3.183705], [3.777411, 3.363901, 5.470591]] },
+    Stated { file: "sponza/sponza.gltf", n_meshes: 25, n_instances: 25, n_unique: 262_267, n_placed: 262_267, bounds: [[-19.20946, -1.264425, -11.82807], [17.99908, 14.29433, 11.05426]] },
+    Stated { file: "stanford/dragon_871k.glb", n_meshes: 1, n_instances: 1, n_unique: 871_414, n_placed: 871_414, bounds: [[-0.108324, 0.0527295, -0.0504143], [0.0965662, 0.197173, 0.0412075]] },
+    Stated { file: "truss/eiffel.glb", n_meshes: 1, n_instances: 1, n_unique: 228_892, n_placed: 228_892, bounds: [[-0.7788358, -1.201698, -7.612324], [12.39521, 23.3173, 3.497029]] },
+    Stated { file: "truss/ferris_wheel.glb", n_meshes: 4, n_instances: 4, n_unique: 2_800, n_placed: 2_800, bounds: [[-5.396988, -0.011452, -1.492694], [5.51695, 12.80141, 1.492694]] },
+    Stated { file: "truss/pirate_ship.glb", n_meshes: 26, n_instances: 26, n_unique: 1_763, n_placed: 1_763, bounds: [[-0.4501452, -0.03273198, -0.669361], [0.4568793, 1.198477, 0.6170363]] },
+    Stated { file: "truss/radio_tower.glb", n_meshes: 1, n_instances: 1, n_unique: 4_892, n_placed: 4_892, bounds: [[-230.9895, -1.612519e-12, -264.6021], [230.8113, 1738.898, 262.7857]] },
+    Stated { file: "truss/tower_crane.glb", n_meshes: 1, n_instances: 1, n_unique: 8_735, n_placed: 8_735, bounds: [[-128.8626, -5.30688e-06, -461.4536], [128.8626, 1379.063, 1077.31]] },
+    Stated { file: "truss/truss_bridge.glb", n_meshes: 1, n_instances: 1, n_unique: 3_404, n_placed: 3_404, bounds: [[-166.7668, -36.65508, -307.3536], [166.7668, 155.5309, 307.3535]] },
+    Stated { file: "truss/truss_stage.glb", n_meshes: 1, n_instances: 1, n_unique: 4_393, n_placed: 4_393, bounds: [[-0.1425819, -0.1433055, -0.7667899], [0.1479941, 0.1472705, 0.7572101]] },
+];
+
+/// Whether a scene is what is known of its file, else the first difference.
+fn compare(scene: &Scene, stated: &Stated) -> Result<(), String> {
+    let counts = [scene.meshes.len(), scene.instances.len(), scene.n_unique_triangles(), scene.n_placed_triangles()];
+    let stated_counts = [stated.n_meshes, stated.n_instances, stated.n_unique, stated.n_placed];
+    if counts != stated_counts {
+        return Err(format!("counts {counts:?} for {stated_counts:?}"));
+    }
+    let bounds = scene.bounds_world();
+    let found = [bounds.min, bounds.max].map(|corner| corner.map(f64::from));
+    let reach = stated.bounds.as_flattened().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let differs = |(a, b): (&f64, &f64)| (a - b).abs() > BOUND_ERROR * reach;
+    if found.as_flattened().iter().zip(stated.bounds.as_flattened()).any(differs) {
+        return Err(format!("bounds {found:?} for {:?}", stated.bounds));
+    }
+    Ok(())
+}
+
+/// Asserts what [`Scene`] and its parts promise.
+fn assert_consistent(scene: &Scene, file: &str) {
+    for mesh in &scene.meshes {
+        let n_vertices = mesh.positions.len();
+        assert!(mesh.triangles.as_flattened().iter().all(|&corner| (corner as usize) < n_vertices), "{file}");
+        assert!(mesh.positions.as_flattened().iter().all(|x| x.is_finite()), "{file}");
+        assert!(mesh.normals.as_ref().is_none_or(|normals| normals.len() == n_vertices), "{file}");
+        assert!(mesh.uvs.as_ref().is_none_or(|uvs| uvs.len() == n_vertices), "{file}");
+        assert_eq!(mesh.parts[0].first_triangle, 0, "{file}");
+        assert!(mesh.parts.is_sorted_by(|a, b| a.first_triangle < b.first_triangle), "{file}");
+        for part in &mesh.parts {
+            assert!((part.first_triangle as usize) < mesh.triangles.len(), "{file}");
+            let material = &scene.materials[part.material.0 as usize];
+            assert!(material.albedo_texture.is_none() || mesh.uvs.is_some(), "{file}");
+        }
+        let is_textured = |part: &canted_scene::Part| scene.materials[part.material.0 as usize].albedo_texture.is_some();
+        assert_eq!(mesh.uvs.is_some(), mesh.parts.iter().any(is_textured), "{file}");
+    }
+    assert!(scene.instances.iter().all(|instance| instance.world_from_object.determinant() != 0.0), "{file}");
+}
+
+#[test]
+fn real_files_are_what_is_stated() {
+    let Some(folder) = scenes("real_files_are_what_is_stated") else { return };
+    for stated in &FILES {
+        let scene = read(&folder.join(stated.file)).unwrap_or_else(|error| panic!("{error}"));
+        compare(&scene, stated).unwrap_or_else(|difference| panic!("{}: {difference}", stated.file));
+        assert_consistent(&scene, stated.file);
+    }
+}
+
+#[test]
+fn the_comparison_sees_a_moved_instance() {
+    let Some(folder) = scenes("the_comparison_sees_a_moved_instance") else { return };
+    let stated = FILES.iter().find(|stated| stated.file == "gltf/BoxInterleaved.glb").expect("it is in the list");
+    let mut scene = read(&folder.join(stated.file)).unwrap_or_else(|error| panic!("{error}"));
+    scene.instances[0].world_from_object.columns[3][1] += 1e-5;
+    assert!(compare(&scene, stated).is_err());
+}
+
+#[test]
+fn malformed_files_end_as_expected() {
+    let Some(folder) = scenes("malformed_files_end_as_expected") else { return };
+    let table = fs::read_to_string(folder.join("nasty/EXPECT.tsv")).expect("the list of expectations is text");
+    let mut n_rows = 0;
+    for row in table.lines().filter(|row| row.starts_with("gltf/")) {
+        let columns: Vec<&str> = row.split('\t').collect();
+        let [file, _, outcome, ..] = columns[..] else { panic!("{row}: too few columns") };
+        match (outcome, read(&folder.join("nasty").join(file))) {
+            ("load", Ok(scene)) => assert_eq!(scene.warnings, [""; 0], "{file}"),
+            ("warn", Ok(scene)) => {
+                assert!(!scene.warnings.is_empty(), "{file}");
+                assert_consistent(&scene, file);
+            }
+            ("error", Err(error)) => {
+                let (sentence, name) = (error.to_string(), file.trim_start_matches("gltf/"));
+                let (_, thing) = sentence.split_once(&format!("{name}: ")).expect("the file is named");
+                assert!(!thing.is_empty() && !thing.contains('\n'), "{sentence}");
+            }
+            (_, Ok(scene)) => panic!("{file}: loaded with warnings {:?}, not {outcome}", scene.warnings),
+            (_, Err(error)) => panic!("{error}, not {outcome}"),
+        }
+        n_rows += 1;
+    }
+    assert_eq!(n_rows, 47, "every row is tried");
+}
+
+#[test]
+fn errors_name_what_is_at_fault() {
+    let Some(folder) = scenes("errors_name_what_is_at_fault") else { return };
+    for (file, thing) in [
+        ("required_extension_unknown.gltf", "EXT_not_known"),
+        ("draco_required.glb", "KHR_draco_mesh_compression"),
+        ("buffer_missing.gltf", "not_there.bin"),
+        ("buffer_http.gltf", "http"),
+        ("accessor_past_end.gltf", "accessor 0"),
+        ("offset_overflow.gltf", "buffer view 0"),
+        ("index_out_of_range.gltf", "vertex 7 of 3"),
+        ("node_cycle.gltf", "own ancestor"),
+        ("node_two_parents.gltf", "node 2"),
+        ("instancing_counts_differ.gltf", "of 3 and of 2"),
+    ] {
+        let error = read(&folder.join("nasty/gltf").join(file)).expect_err(file).to_string();
+        assert!(error.contains(thing), "{error}");
+    }
+}
+
+#[test]
+fn lights_and_cameras_of_real_files() {
+    let Some(folder) = scenes("lights_and_cameras_of_real_files") else { return };
+    let scene = read(&folder.join("gltf/camera_light.glb")).unwrap_or_else(|error| panic!("{error}"));
+    assert!(scene.lights.iter().any(|light| matches!(light, Light::Sun { .. } | Light::Point { .. })));
+    let scene = read(&folder.join("gltf/Cameras.gltf")).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(scene.cameras.len(), 1, "the orthographic one is left out: {:?}", scene.warnings);
+    assert_eq!(scene.warnings.len(), 1);
+}
