@@ -23,6 +23,9 @@ mod sphere;
 mod triangle;
 mod vector;
 
+#[cfg(test)]
+mod tests;
+
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};

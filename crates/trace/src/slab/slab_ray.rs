@@ -2,7 +2,7 @@ use canted_obb::Aabb;
 
 use super::Slabs;
 use crate::rounding::{UNIT_ROUNDOFF, up};
-use crate::vector::dot;
+use crate::vector::{dot, wide};
 use crate::{HIT_ERROR, ScaledRay};
 
 /// By how much, relative to `|o|∞ + ρ∞`, the ray is thickened against axis-aligned boxes.
@@ -59,7 +59,8 @@ impl SlabRay {
     #[inline]
     #[must_use]
     pub fn with_error(ray: &ScaledRay, reach: f32, error: f64) -> Self {
-        let scale = f64::from(reach) + ray.origin.iter().map(|o| f64::from(o.abs())).fold(0.0, f64::max);
+        // The error lengthens the way to the hit, so the roundings are relative to it too.
+        let scale = crate::vector::reach(wide(ray.origin)) + f64::from(reach) + error;
         let pad = error + f64::from(AABB_PAD - HIT_ERROR) * scale;
         let pad_oriented = f64::from(SQRT_3) * error + f64::from(SLABS_PAD - SQRT_3 * HIT_ERROR) * scale;
         Self::with_pads(ray, up(pad) + f32::MIN_POSITIVE, up(pad_oriented) + f32::MIN_POSITIVE)
@@ -101,7 +102,7 @@ impl SlabRay {
 
     /// Entry and exit; a miss where they are out of order.
     #[inline]
-    pub(super) fn clip_aabb(&self, aabb: &Aabb, t_max: f32) -> (f32, f32) {
+    pub(crate) fn clip_aabb(&self, aabb: &Aabb, t_max: f32) -> (f32, f32) {
         let mut interval = (self.t_min, t_max);
         for k in 0..3 {
             let t_lo = (aabb.min[k] - self.origin_lo[k]) * self.recip[k];
@@ -113,7 +114,7 @@ impl SlabRay {
 
     /// Entry and exit; a miss where they are out of order.
     #[inline]
-    pub(super) fn clip_slabs(&self, slabs: &Slabs, t_max: f32) -> (f32, f32) {
+    pub(crate) fn clip_slabs(&self, slabs: &Slabs, t_max: f32) -> (f32, f32) {
         let mut interval = (self.t_min, t_max);
         for k in 0..3 {
             let origin = dot(slabs.rows[k], self.origin);

@@ -1,0 +1,11 @@
+//! Each test against an oracle simpler than itself: exact rationals, plain f64, or the same ray bit for bit.
+//!
+//! Not covered here: trees, instances, SIMD lanes; they belong to the crates above.
+
+mod boxes;
+mod exact;
+mod inputs;
+mod invariance;
+mod kernels;
+mod shapes;
+mod watertight;
