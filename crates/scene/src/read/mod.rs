@@ -4,7 +4,12 @@ mod error;
 mod folder;
 mod gltf;
 mod image;
+mod mtl;
+mod obj;
+mod ply;
+mod polygon;
 mod repair;
+mod text;
 
 use std::fs::File;
 use std::io::Read;
@@ -24,12 +29,16 @@ pub use error::ReadError;
 /// [`ReadError`], a sentence that names the file, the place in it and the value found there.
 pub fn read(path: &Path) -> Result<Scene, ReadError> {
     match format_of(path)? {
+        Format::Obj => obj::read(path),
+        Format::Ply => ply::read(path),
         Format::Gltf => gltf::read(path),
     }
 }
 
 /// The formats told apart.
 enum Format {
+    Obj,
+    Ply,
     Gltf,
 }
 
@@ -40,7 +49,11 @@ fn format_of(path: &Path) -> Result<Format, ReadError> {
     File::open(path).map_err(io_error)?.take(4).read_to_end(&mut first).map_err(io_error)?;
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     match (&first[..], &extension[..]) {
-        (b"glTF", _) | (_, "gltf" | "glb") => Ok(Format::Gltf),
+        (b"glTF", _) => Ok(Format::Gltf),
+        (b"ply\n" | b"ply\r", _) => Ok(Format::Ply),
+        (_, "gltf" | "glb") => Ok(Format::Gltf),
+        (_, "ply") => Ok(Format::Ply),
+        (_, "obj") => Ok(Format::Obj),
         _ => Err(ReadError::UnknownFormat { path: path.to_owned() }),
     }
 }

@@ -1,0 +1,158 @@
+//! The header of a PLY file: which elements follow, in which encoding.
+
+use std::path::Path;
+
+use crate::read::ReadError;
+use crate::read::text::quoted;
+
+/// How the body writes numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    LittleEndian,
+    BigEndian,
+}
+
+/// A number type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn named(name: &[u8]) -> Option<Self> {
+        Some(match name {
+            b"char" | b"int8" => Self::I8,
+            b"uchar" | b"uint8" => Self::U8,
+            b"short" | b"int16" => Self::I16,
+            b"ushort" | b"uint16" => Self::U16,
+            b"int" | b"int32" => Self::I32,
+            b"uint" | b"uint32" => Self::U32,
+            b"float" | b"float32" => Self::F32,
+            b"double" | b"float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes in a binary body.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_integer(self) -> bool {
+        !matches!(self, Self::F32 | Self::F64)
+    }
+}
+
+/// One number, or a count and as many numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Debug)]
+pub(super) struct Property<'a> {
+    pub(super) name: &'a [u8],
+    pub(super) kind: Kind,
+}
+
+/// Rows of a table, one after the other in the body.
+#[derive(Debug)]
+pub(super) struct Element<'a> {
+    pub(super) name: &'a [u8],
+    pub(super) count: u64,
+    pub(super) properties: Vec<Property<'a>>,
+}
+
+#[derive(Debug)]
+pub(super) struct Header<'a> {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element<'a>>,
+    /// Image named by the comment `TextureFile`, as MeshLab writes it.
+    pub(super) texture: Option<&'a [u8]>,
+}
+
+/// Splits a file into header and body. Lines end with a line feed or with carriage return and line feed.
+pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'a [u8]), ReadError> {
+    let mut rest = bytes;
+    let mut encoding = None;
+    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), texture: None };
+    for number in 1.. {
+        let Some(end) = rest.iter().position(|&byte| byte == b'\n') else { break };
+        let line = rest[..end].trim_ascii();
+        rest = &rest[end + 1..];
+        let malformed = |message: String| ReadError::malformed(path, format!("header line {number}"), message);
+        if number == 1 {
+            if line != b"ply" {
+                return Err(malformed(format!("{} instead of `ply`", quoted(line))));
+            }
+            continue;
+        }
+        let words: Vec<&[u8]> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
+        match words[..] {
+            [] | [b"obj_info", ..] => {}
+            [b"comment", b"TextureFile", _, ..] => header.texture = Some(line[b"comment TextureFile".len()..].trim_ascii()),
+            [b"comment", ..] => {}
+            [b"format", name, b"1.0"] => encoding = Some(encoding_named(name).map_err(malformed)?),
+            [b"element", name, count] => header.elements.push(element(&header, name, count).map_err(malformed)?),
+            [b"property", ref words @ ..] => {
+                let property = property(words).map_err(malformed)?;
+                let element = header.elements.last_mut().ok_or_else(|| malformed("property before element".into()))?;
+                element.properties.push(property);
+            }
+            [b"end_header"] => {
+                header.encoding = encoding.ok_or_else(|| malformed("no format is stated".into()))?;
+                return Ok((header, rest));
+            }
+            _ => return Err(malformed(format!("{} is not understood", quoted(line)))),
+        }
+    }
+    Err(ReadError::malformed(path, "header", "it has no end_header"))
+}
+
+fn encoding_named(name: &[u8]) -> Result<Encoding, String> {
+    match name {
+        b"ascii" => Ok(Encoding::Ascii),
+        b"binary_little_endian" => Ok(Encoding::LittleEndian),
+        b"binary_big_endian" => Ok(Encoding::BigEndian),
+        _ => Err(format!("format {} is unknown", quoted(name))),
+    }
+}
+
+fn element<'a>(header: &Header, name: &'a [u8], count: &[u8]) -> Result<Element<'a>, String> {
+    if header.elements.iter().any(|element| element.name == name) {
+        return Err(format!("element {} is stated twice", quoted(name)));
+    }
+    let count = std::str::from_utf8(count).ok().and_then(|count| count.parse().ok()).ok_or_else(|| {
+        format!("{} is not a count", quoted(count))
+    })?;
+    Ok(Element { name, count, properties: Vec::new() })
+}
+
+fn property<'a>(words: &[&'a [u8]]) -> Result<Property<'a>, String> {
+    let scalar = |name: &[u8]| Scalar::named(name).ok_or_else(|| format!("property type {} is unknown", quoted(name)));
+    match *words {
+        [b"list", count, item, name] => {
+            let (count, item) = (scalar(count)?, scalar(item)?);
+            if !count.is_integer() {
+                return Err("the length of a list must be an integer".into());
+            }
+            Ok(Property { name, kind: Kind::List { count, item } })
+        }
+        [kind, name] => Ok(Property { name, kind: Kind::Scalar(scalar(kind)?) }),
+        _ => Err("a property has a type and a name".into()),
+    }
+}

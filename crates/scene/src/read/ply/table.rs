@@ -1,0 +1,143 @@
+//! The elements `vertex` and `face` as arrays; all other elements and properties are skipped.
+
+use std::path::Path;
+
+use super::body::Body;
+use super::header::{Element, Header, Kind, Scalar};
+use crate::read::ReadError;
+use crate::read::text::quoted;
+
+/// What a PLY file lists. Faces may have any number of corners, and their vertex numbers are not yet checked.
+#[derive(Debug, Default)]
+pub(super) struct Table {
+    pub(super) positions: Vec<[f32; 3]>,
+    /// One per position.
+    pub(super) normals: Option<Vec<[f32; 3]>>,
+    /// One per position.
+    pub(super) uvs: Option<Vec<[f32; 2]>>,
+    /// Vertex numbers of all faces, one face after the other.
+    pub(super) corners: Vec<u32>,
+    /// Where each face ends in `corners`.
+    pub(super) face_ends: Vec<usize>,
+}
+
+/// Names of the numbers of a vertex that are kept: position, normal, texture coordinates.
+const VERTEX: [&[&[u8]]; 8] = [
+    &[b"x"],
+    &[b"y"],
+    &[b"z"],
+    &[b"nx"],
+    &[b"ny"],
+    &[b"nz"],
+    &[b"u", b"s", b"texture_u", b"texture_s"],
+    &[b"v", b"t", b"texture_v", b"texture_t"],
+];
+
+/// Names of the list of a face's vertices.
+const FACE: [&[u8]; 2] = [b"vertex_indices", b"vertex_index"];
+
+/// Reads all elements; also whether the body ends where they end.
+pub(super) fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table, bool), ReadError> {
+    let mut body = Body::new(header.encoding, bytes);
+    let mut table = Table::default();
+    for element in &header.elements {
+        let name = String::from_utf8_lossy(element.name);
+        let of_element = |message| ReadError::malformed(path, format!("element {}", quoted(element.name)), message);
+        let of_row = |row: usize, message| ReadError::malformed(path, format!("{name} {row}"), message);
+        let n_rows = body.rows(element).map_err(of_element)?;
+        match element.name {
+            b"vertex" => {
+                let slots = vertex_slots(element).map_err(of_element)?;
+                table.reserve_vertices(n_rows, &slots);
+                for row in 0..n_rows {
+                    table.vertex(&mut body, element, &slots).map_err(|message| of_row(row, message))?;
+                }
+            }
+            b"face" => {
+                let list = face_list(element).map_err(of_element)?;
+                for row in 0..n_rows {
+                    table.face(&mut body, element, list).map_err(|message| of_row(row, message))?;
+                }
+            }
+            _ => {
+                for row in 0..n_rows {
+                    let mut properties = element.properties.iter();
+                    properties.try_for_each(|property| body.skip(property.kind)).map_err(|m| of_row(row, m))?;
+                }
+            }
+        }
+    }
+    Ok((table, body.is_at_end()))
+}
+
+/// For each property of a vertex its place in [`VERTEX`]; of two with one meaning the first counts.
+fn vertex_slots(element: &Element) -> Result<Vec<Option<usize>>, String> {
+    let mut is_taken = [false; 8];
+    let slots = element.properties.iter().map(|property| {
+        let is_scalar = matches!(property.kind, Kind::Scalar(_));
+        let slot = VERTEX.iter().position(|names| is_scalar && names.contains(&property.name));
+        slot.filter(|&slot| !std::mem::replace(&mut is_taken[slot], true))
+    });
+    let slots = slots.collect();
+    match is_taken[..3].iter().position(|&taken| !taken) {
+        Some(axis) => Err(format!("it has no property {}", ["x", "y", "z"][axis])),
+        None => Ok(slots),
+    }
+}
+
+/// Which property of a face lists its vertices.
+fn face_list(element: &Element) -> Result<usize, String> {
+    let list = element.properties.iter().position(|property| FACE.contains(&property.name));
+    let list = list.ok_or("it has no property vertex_indices")?;
+    match element.properties[list].kind {
+        Kind::List { item, .. } if item.is_integer() => Ok(list),
+        _ => Err("vertex_indices is not a list of integers".into()),
+    }
+}
+
+impl Table {
+    fn reserve_vertices(&mut self, n: usize, slots: &[Option<usize>]) {
+        let has = |needed: std::ops::Range<usize>| needed.into_iter().all(|slot| slots.contains(&Some(slot)));
+        self.positions.reserve_exact(n);
+        self.normals = has(3..6).then(|| Vec::with_capacity(n));
+        self.uvs = has(6..8).then(|| Vec::with_capacity(n));
+    }
+
+    fn vertex(&mut self, body: &mut Body, element: &Element, slots: &[Option<usize>]) -> Result<(), String> {
+        let mut numbers = [0.0; 8];
+        for (property, slot) in element.properties.iter().zip(slots) {
+            match (property.kind, slot) {
+                (Kind::Scalar(scalar), &Some(slot)) => numbers[slot] = body.float(scalar)?,
+                (kind, _) => body.skip(kind)?,
+            }
+        }
+        let [x, y, z, nx, ny, nz, u, v] = numbers;
+        self.positions.push([x, y, z]);
+        if let Some(normals) = &mut self.normals {
+            normals.push([nx, ny, nz]);
+        }
+        if let Some(uvs) = &mut self.uvs {
+            uvs.push([u, v]);
+        }
+        Ok(())
+    }
+
+    fn face(&mut self, body: &mut Body, element: &Element, list: usize) -> Result<(), String> {
+        for (k, property) in element.properties.iter().enumerate() {
+            match property.kind {
+                Kind::List { count, item } if k == list => self.corners(body, count, item)?,
+                kind => body.skip(kind)?,
+            }
+        }
+        self.face_ends.push(self.corners.len());
+        Ok(())
+    }
+
+    fn corners(&mut self, body: &mut Body, count: Scalar, item: Scalar) -> Result<(), String> {
+        for _ in 0..body.length(count, item)? {
+            let index = body.integer(item)?;
+            self.corners.push(u32::try_from(index).map_err(|_| format!("{index} is no vertex index"))?);
+        }
+        Ok(())
+    }
+}

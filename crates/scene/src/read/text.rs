@@ -1,0 +1,135 @@
+//! Lines, words and numbers of text formats; nothing is copied.
+
+/// A line with content: comments and blank lines are left out, continued lines are one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Line<'a> {
+    /// Number of the (first) line in the file, from 1.
+    pub(crate) number: usize,
+    /// First word.
+    pub(crate) keyword: &'a [u8],
+    /// What follows it, without white space around.
+    pub(crate) rest: &'a [u8],
+}
+
+/// Lines of an OBJ or MTL file: `#` opens a comment, a backslash at the end continues a line, a byte order mark is skipped.
+pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
+    let mut bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut n_lines = 0;
+    std::iter::from_fn(move || {
+        while !bytes.is_empty() {
+            let number = n_lines + 1;
+            let mut end = line_length(bytes);
+            n_lines += 1;
+            // A comment that ends with a backslash, as a path may, does not swallow the next line.
+            let is_comment = bytes[..end].trim_ascii_start().starts_with(b"#");
+            while !is_comment && end < bytes.len() && is_continued(&bytes[..end]) {
+                end += line_length(&bytes[end..]);
+                n_lines += 1;
+            }
+            let (line, rest) = bytes.split_at(end);
+            bytes = rest;
+            let text = line.trim_ascii();
+            if !is_comment && !text.is_empty() {
+                let (keyword, rest) = text.split_at(text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len()));
+                return Some(Line { number, keyword, rest: rest.trim_ascii() });
+            }
+        }
+        None
+    })
+}
+
+/// Bytes up to and with the next line feed, or all.
+fn line_length(bytes: &[u8]) -> usize {
+    bytes.iter().position(|&byte| byte == b'\n').map_or(bytes.len(), |at| at + 1)
+}
+
+fn is_continued(line: &[u8]) -> bool {
+    line.strip_suffix(b"\n").is_some_and(|line| line.strip_suffix(b"\r").unwrap_or(line).ends_with(b"\\"))
+}
+
+/// Words between white space, up to a word that opens a comment; the backslashes of continued lines are no words.
+pub(crate) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    text.split(u8::is_ascii_whitespace)
+        .map(|word| word.strip_suffix(b"\\").unwrap_or(word))
+        .filter(|word| !word.is_empty())
+        .take_while(|word| word[0] != b'#')
+}
+
+/// A number in the forms that exporters write, `nan(ind)` and `1.#INF` among them; `None` for anything else.
+///
+/// What is beyond the range of `f32` becomes infinite, what is not a number becomes NaN: the caller drops both.
+pub(crate) fn float(word: &[u8]) -> Option<f32> {
+    let text = std::str::from_utf8(word).ok()?;
+    if let Ok(number) = text.parse() {
+        return Some(number);
+    }
+    let magnitude = text.trim_start_matches(['+', '-']).to_ascii_lowercase();
+    (magnitude.starts_with("nan(") || magnitude.starts_with("1.#")).then_some(f32::NAN)
+}
+
+/// An integer with an optional sign; `None` for anything else and beyond 64 bits.
+pub(crate) fn integer(word: &[u8]) -> Option<i64> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// Bytes of a file as a quotation for messages: shortened, control characters escaped.
+pub(crate) fn quoted(bytes: &[u8]) -> String {
+    const MAX_CHARS: usize = 60;
+    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4 * MAX_CHARS)]);
+    let short: String = text.chars().take(MAX_CHARS).collect();
+    let more = if short.len() < bytes.len() { "..." } else { "" };
+    format!("`{}{more}`", short.escape_debug())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Vec<(usize, String, String)> {
+        let owned = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        lines(text.as_bytes()).map(|line| (line.number, owned(line.keyword), owned(line.rest))).collect()
+    }
+
+    #[track_caller]
+    fn is_lines(text: &str, want: &[(usize, &str, &str)]) {
+        let got = read(text);
+        let got: Vec<_> = got.iter().map(|(number, keyword, rest)| (*number, &keyword[..], &rest[..])).collect();
+        assert_eq!(got, want, "{text:?}");
+    }
+
+    #[test]
+    fn blank_lines_and_comments_count_but_are_left_out() {
+        is_lines("\u{feff}# a\n\n  v 1 2\r\n\t# b\ng x", &[(3, "v", "1 2"), (5, "g", "x")]);
+        is_lines("\n# a\nv 1", &[(3, "v", "1")]);
+        is_lines("", &[]);
+    }
+
+    #[test]
+    fn backslashes_continue_lines_but_not_comments() {
+        is_lines("f 1 \\\n 2\\\r\n3\nv 0", &[(1, "f", "1 \\\n 2\\\r\n3"), (4, "v", "0")]);
+        is_lines("# C:\\\nv 0", &[(2, "v", "0")]);
+        is_lines("v 0 \\", &[(1, "v", "0 \\")]);
+        assert_eq!(words(b"1 \\\n 2\\\r\n3 # 4").collect::<Vec<_>>(), [b"1", b"2", b"3"]);
+    }
+
+    #[test]
+    fn numbers_of_every_exporter() {
+        for (text, want) in [("+0", 0.0), ("-.5", -0.5), ("5.", 5.0), ("0E+0", 0.0), ("1e39", f32::INFINITY)] {
+            assert_eq!(float(text.as_bytes()), Some(want), "{text}");
+        }
+        for text in ["nan", "-nan(ind)", "1.#QNAN", "-1.#IND"] {
+            assert!(float(text.as_bytes()).is_some_and(f32::is_nan), "{text}");
+        }
+        for text in ["", "1,5", "0x10", "--1", "1e", "\u{ff11}"] {
+            assert_eq!(float(text.as_bytes()), None, "{text}");
+        }
+        assert_eq!(integer(b"-12"), Some(-12));
+        assert_eq!(integer(b"99999999999999999999"), None);
+    }
+
+    #[test]
+    fn quotations_are_short_and_printable() {
+        assert_eq!(quoted(b"a\x1b[31m"), "`a\\u{1b}[31m`");
+        assert!(quoted(&[b'x'; 100_000]).len() < 100);
+    }
+}
