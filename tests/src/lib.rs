@@ -1,1 +1,5 @@
-//! Tests of the promises; see `tests/`.
+//! Oracles that the tests in `tests/` share: each is simpler than what it judges.
+#![forbid(unsafe_code)]
+
+pub mod brute;
+pub mod scenes;
