@@ -1,4 +1,4 @@
-use crate::round::{U, up};
+use crate::round::{U, magnitude_up};
 use crate::vector::{self, Vector, cross};
 use crate::{Aabb, Obb};
 
@@ -192,7 +192,7 @@ fn in_range(center: [f32; 3], mut frame: [[f32; 3]; 3], mut half: [f64; 3]) -> O
             *axis = axis.map(|x| 2.0 * x);
         }
     }
-    Obb { center, frame, half: half.map(up) }
+    Obb { center, frame, half: half.map(magnitude_up) }
 }
 
 const IDENTITY_INVERSE: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];

@@ -1,13 +1,13 @@
 //! Eigenvalues and eigenvectors of symmetric 3x3 matrices.
 
-use crate::round::binade_inverse;
+use crate::round::{U, binade_inverse};
 use crate::vector::{self, Vector};
 
 /// Upper triangle of a symmetric matrix: `xx, xy, xz, yy, yz, zz`.
 pub type Symmetric = [f64; 6];
 
-/// Tolerance that leaves nothing to gain: an off-diagonal entry below it no longer changes the others in `f64`.
-pub const FULL_PRECISION: f64 = f64::EPSILON / 4.0;
+/// Tolerance that leaves nothing to gain: a rotation for less would change no diagonal entry in `f64`.
+pub const FULL_PRECISION: f64 = U;
 
 /// Eigenvalues in falling order, and their unit vectors as a right-handed frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,12 +21,18 @@ pub struct Eigen {
 /// Sweeps after which the iteration stops; convergence is quadratic and takes four to six at full precision.
 const MOST_SWEEPS: usize = 12;
 
+/// Rounding of an entry in a rotation, relative to the greatest entry: two products, their sum, and cosine and sine.
+const NEGLIGIBLE: f64 = 4.0 * U;
+
 /// Eigenvalues and eigenvectors of a symmetric matrix (cyclic Jacobi, 1846).
 ///
-/// Stops once every off-diagonal entry is below `tolerance` times the greatest entry: the axes then err by about
-/// `tolerance` over the relative gap of their eigenvalues. Works at any scale, 1e±300 alike, and turns axes only where
-/// an off-diagonal entry asks for it, so equal eigenvalues keep the axes of the space. A matrix of zeros, or one that
-/// is not finite, gives the axes of the space, with zero eigenvalues.
+/// Stops once every off-diagonal entry is at most `tolerance` times the geometric mean of the two diagonal entries that
+/// it couples. For a scatter matrix that is the correlation left between two axes, and about the share by which the
+/// thinner of the two extents may exceed the best; for any positive definite matrix it makes small eigenvalues as
+/// accurate as great ones (Demmel and Veselić 1992). Entries below the rounding of the greatest count as zero.
+///
+/// Works at any scale, 1e±300 alike, and turns axes only where an off-diagonal entry asks for it, so equal eigenvalues
+/// keep the axes of the space. A matrix of zeros, or one that is not finite, gives the axes of the space and zeros.
 #[must_use]
 pub fn symmetric(matrix: Symmetric, tolerance: f64) -> Eigen {
     let reach = matrix.iter().fold(0.0, |reach: f64, x| reach.max(x.abs()));
@@ -39,14 +45,15 @@ pub fn symmetric(matrix: Symmetric, tolerance: f64) -> Eigen {
     let mut diagonal = [xx, yy, zz];
     // Entry k couples the two axes other than k.
     let mut coupling = [yz, xz, xy];
-    let limit = tolerance * reach * unit;
+    let floor = NEGLIGIBLE * reach * unit;
+    let (square, floor) = (tolerance * tolerance, floor * floor);
     for _ in 0..MOST_SWEEPS {
-        if coupling.iter().all(|c| c.abs() <= limit) {
+        let turned = rotate::<0, 1, 2>(&mut diagonal, &mut coupling, &mut vectors, square, floor)
+            | rotate::<0, 2, 1>(&mut diagonal, &mut coupling, &mut vectors, square, floor)
+            | rotate::<1, 2, 0>(&mut diagonal, &mut coupling, &mut vectors, square, floor);
+        if !turned {
             break;
         }
-        rotate::<0, 1, 2>(&mut diagonal, &mut coupling, &mut vectors, limit);
-        rotate::<0, 2, 1>(&mut diagonal, &mut coupling, &mut vectors, limit);
-        rotate::<1, 2, 0>(&mut diagonal, &mut coupling, &mut vectors, limit);
     }
     sorted(diagonal.map(|x| x / unit), vectors)
 }
@@ -57,11 +64,12 @@ fn rotate<const P: usize, const Q: usize, const R: usize>(
     diagonal: &mut Vector,
     coupling: &mut Vector,
     vectors: &mut [Vector; 3],
-    limit: f64,
-) {
+    square: f64,
+    floor: f64,
+) -> bool {
     let coupled = coupling[R];
-    if coupled.abs() <= limit {
-        return;
+    if coupled * coupled <= square * (diagonal[P] * diagonal[Q]).abs() + floor {
+        return false;
     }
     // With d the difference of the diagonal and b twice the coupling, tan 2φ = b/d; the lesser of the two angles has
     // the tangent b / (|d| + √(d² + b²)), signed as d.
@@ -84,6 +92,7 @@ fn rotate<const P: usize, const Q: usize, const R: usize>(
         vectors[P][k] = cos * p[k] - sin * q[k];
         vectors[Q][k] = sin * p[k] + cos * q[k];
     }
+    true
 }
 
 /// Falling order; equal values keep theirs. The third vector is reversed where the frame would mirror.

@@ -43,7 +43,12 @@ impl Obb {
     pub fn from_affine(space_from_cube: &Affine) -> Self {
         let cube = Self { center: [0.0; 3], frame: Self::IDENTITY_FRAME, half: [0.5; 3] };
         let [x, y, z, center] = space_from_cube.columns;
-        let exact = Self { center, frame: [x, y, z], half: [0.5; 3] };
+        let completed = frame::complete([x, y, z].map(vector::from_f32));
+        let (mut exact, flat) = (Self { center, frame: [x, y, z], half: [0.5; 3] }, [0.0; 3]);
+        for k in (0..3).filter(|&k| space_from_cube.columns[k] == flat) {
+            exact.frame[k] = completed[k];
+            exact.half[k] = 0.0;
+        }
         if contains::is_singular(&exact) { cube.transformed(space_from_cube) } else { exact }
     }
 
@@ -62,8 +67,8 @@ impl Obb {
     /// A box that contains the exact image of this one; its axes are the images of the axes, skewed where the map
     /// shears.
     ///
-    /// Axes come back at lengths between one and four. A map that flattens an axis leaves it at extent zero, across the
-    /// others; where it makes the axes dependent the axis-parallel box around the image is returned.
+    /// Axes come back at lengths between one and four. An axis that the map flattens to a point is replaced by one
+    /// across the others; where the map makes the axes dependent the axis-parallel box around the image is returned.
     #[must_use]
     pub fn transformed(&self, to_from_self: &Affine) -> Self {
         let center = to_from_self.point_f64(vector::from_f32(self.center));
@@ -137,7 +142,8 @@ impl Obb {
         std::array::from_fn(|a| vector::scale(vector::from_f32(self.frame[a]), 2.0 * f64::from(self.half[a])))
     }
 
-    /// Smallest axis-aligned box around the eight real corners, rounded outward.
+    /// Smallest axis-aligned box around the eight real corners, rounded outward; infinite where a corner lies beyond the
+    /// range of `f32`.
     #[must_use]
     pub fn aabb(&self) -> Aabb {
         let mut aabb = Aabb::EMPTY;

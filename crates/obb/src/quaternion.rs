@@ -24,6 +24,7 @@ impl Quaternion {
     ///
     /// Divides by the largest component (Shepperd 1978), so turns by 180° are exact. The columns should be orthonormal
     /// and right-handed; where they are not quite, the result is a rotation nearby.
+    #[inline]
     #[must_use]
     pub fn from_columns(rotation: [[f64; 3]; 3]) -> Self {
         let [c0, c1, c2] = rotation;
@@ -44,6 +45,7 @@ impl Quaternion {
     }
 
     /// [`Quaternion::from_columns`] for a frame.
+    #[inline]
     #[must_use]
     pub fn from_frame(frame: Frame) -> Self {
         Self::from_columns(frame.map(vector::from_f32))
@@ -58,6 +60,7 @@ impl Quaternion {
     }
 
     /// Columns of the rotation matrix; the length must be one.
+    #[inline]
     #[must_use]
     pub fn columns(self) -> [[f64; 3]; 3] {
         let Self { w, x, y, z } = self;
@@ -69,12 +72,14 @@ impl Quaternion {
     }
 
     /// The rotation's axes, rounded to `f32`.
+    #[inline]
     #[must_use]
     pub fn frame(self) -> Frame {
         self.columns().map(vector::to_f32)
     }
 
     /// The same rotation with the first non-zero of `w, x, y, z` positive.
+    #[inline]
     #[must_use]
     pub fn canonical(self) -> Self {
         let first = [self.w, self.x, self.y, self.z].into_iter().find(|&c| c != 0.0);
@@ -82,6 +87,7 @@ impl Quaternion {
     }
 
     /// At length one; zero gives no rotation.
+    #[inline]
     #[must_use]
     pub fn normalised(self) -> Self {
         let reach = self.w.abs().max(self.x.abs()).max(self.y.abs()).max(self.z.abs());
@@ -93,18 +99,21 @@ impl Quaternion {
     }
 
     /// Cosine of half the angle between two rotations, for lengths of one; negative across the sign of `q`.
+    #[inline]
     #[must_use]
     pub fn dot(self, other: Self) -> f64 {
         self.w * other.w + self.x * other.x + self.y * other.y + self.z * other.z
     }
 
     /// The inverse of a quaternion of length one.
+    #[inline]
     #[must_use]
     pub fn conjugate(self) -> Self {
         Self { w: self.w, x: -self.x, y: -self.y, z: -self.z }
     }
 
     /// First `right`, then `self`.
+    #[inline]
     #[must_use]
     pub fn times(self, right: Self) -> Self {
         let (a, b): (Vector, Vector) = ([self.x, self.y, self.z], [right.x, right.y, right.z]);
@@ -118,12 +127,14 @@ impl Quaternion {
     }
 
     /// Every component times `s`.
+    #[inline]
     #[must_use]
     pub fn scaled(self, s: f64) -> Self {
         Self { w: self.w * s, x: self.x * s, y: self.y * s, z: self.z * s }
     }
 
     /// Component by component.
+    #[inline]
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self { w: self.w + other.w, x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }

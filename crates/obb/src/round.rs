@@ -11,6 +11,14 @@ pub(crate) fn up(x: f64) -> f32 {
     if f64::from(nearest) < x { nearest.next_up() } else { nearest }
 }
 
+/// [`up`] for `x >= 0`, without a branch: of positive floats the next one has the next bit pattern.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "stepped upward where the cast rounded down")]
+pub(crate) fn magnitude_up(x: f64) -> f32 {
+    let nearest = x as f32;
+    f32::from_bits(nearest.to_bits() + u32::from(f64::from(nearest) < x))
+}
+
 /// Least `f32` that is not below the real number `a - b`.
 pub(crate) fn difference_up(a: f32, b: f32) -> f32 {
     let (a, b) = (f64::from(a), f64::from(b));
@@ -46,6 +54,7 @@ mod tests {
         for x in [0.0, 1.0, 1.0 + f64::EPSILON, 0.1, 1e-50, 16_777_217.0, 3.0e38, -1.0 - f64::EPSILON] {
             let bound = up(x);
             assert!(f64::from(bound) >= x && f64::from(bound.next_down()) < x, "{x}");
+            assert_eq!(magnitude_up(x.abs()), up(x.abs()), "{x}");
         }
     }
 

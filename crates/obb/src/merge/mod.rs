@@ -11,7 +11,7 @@ mod quaternion;
 pub use best::best;
 pub use bounded::{Weight, bounded};
 pub use combined::combined;
-pub use quaternion::{average, quaternion};
+pub use quaternion::{average, between, quaternion};
 
 use crate::{Enclosure, Frame, Obb};
 

@@ -1,3 +1,5 @@
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use crate::frame::{self, Frame};
 use crate::{Obb, Quaternion, bound_boxes, rotation, vector};
 
@@ -12,17 +14,24 @@ pub fn quaternion(a: &Obb, b: &Obb, weights: [f64; 2]) -> Obb {
     bound_boxes(average(a.frame, b.frame, weights), [a, b])
 }
 
-/// The frame between two frames, as [`quaternion`] uses it: the weighted sum of quaternions at length one.
-///
-/// For equal weights this is the chordal mean, halfway along the turn from one to the other.
+/// The frame between two frames, as [`quaternion`] uses it.
 #[must_use]
 pub fn average(a: Frame, b: Frame, weights: [f64; 2]) -> Frame {
-    let (p, q) = (rotation_of(a), rotation_of(b));
+    between(rotation_of(a), rotation_of(b), weights).frame()
+}
+
+/// The rotation between two, each of length one: their weighted sum, after the second was brought nearest to the first
+/// by a symmetry of the box.
+///
+/// For equal weights this is the chordal mean, halfway along the turn from one to the other (Markley et al. 2007). A
+/// tree that carries its nodes' rotations upward needs no matrix in between.
+#[inline]
+#[must_use]
+pub fn between(p: Quaternion, q: Quaternion, weights: [f64; 2]) -> Quaternion {
     let [w_p, w_q] = if weights[0] + weights[1] > 0.0 { weights } else { [1.0; 2] };
+    // Both signs of a symmetry are tried at once; the one chosen has a positive product, so the sum cannot cancel.
     let near = q.times(nearest_symmetry(q.conjugate().times(p)));
-    // The symmetry is chosen up to sign; the sum needs both on one half of the sphere.
-    let side = if p.dot(near) < 0.0 { -1.0 } else { 1.0 };
-    p.scaled(w_p).plus(near.scaled(side * w_q)).normalised().frame()
+    p.scaled(w_p).plus(near.scaled(w_q)).normalised()
 }
 
 fn rotation_of(axes: Frame) -> Quaternion {
@@ -34,27 +43,28 @@ fn rotation_of(axes: Frame) -> Quaternion {
     }
 }
 
-/// The rotation of the cube onto itself nearest to `r`.
+/// The rotation of the cube onto itself nearest to `r`, at length one, of its two signs the one nearer to `r`.
 ///
-/// The 24 rotations are, up to sign, the quaternions with one, two or four components of equal size, all others zero:
-/// 4 of one, 12 of two, 8 of four. The best of each sort lies along the largest components of `r`.
+/// The 24 rotations are, up to sign, the quaternions whose components are all zero but one, two or four of equal size.
+/// The best of each sort lies along the largest components of `r`, the first of equals.
 fn nearest_symmetry(r: Quaternion) -> Quaternion {
     let components = [r.w, r.x, r.y, r.z];
-    let size = components.map(f64::abs);
-    let first = (1..4).fold(0, |best, k| if size[k] > size[best] { k } else { best });
-    let second = (0..4).filter(|&k| k != first).fold(None, |best: Option<usize>, k| match best {
-        Some(best) if size[k] <= size[best] => Some(best),
-        _ => Some(k),
-    });
-    let second = second.unwrap_or(first);
-    let one = size[first];
-    let two = (size[first] + size[second]) * std::f64::consts::FRAC_1_SQRT_2;
-    let four = 0.5 * size.iter().sum::<f64>();
+    let [w, x, y, z] = components.map(f64::abs);
+    let largest = |a: usize, b: usize| if components[b].abs() > components[a].abs() { b } else { a };
+    let first = largest(largest(0, 1), largest(2, 3));
+    let second = (0..4).filter(|&k| k != first).reduce(largest).unwrap_or(first);
+    let one = components[first].abs();
+    let two = (one + components[second].abs()) * FRAC_1_SQRT_2;
+    let four = 0.5 * ((w + x) + (y + z));
     let mut nearest = [0.0; 4];
-    for k in 0..4 {
-        let used = if one >= two && one >= four { k == first } else { two < four || k == first || k == second };
-        nearest[k] = if used { 1.0_f64.copysign(components[k]) } else { 0.0 };
+    if one >= two && one >= four {
+        nearest[first] = 1.0;
+    } else if two >= four {
+        nearest[first] = FRAC_1_SQRT_2;
+        nearest[second] = FRAC_1_SQRT_2;
+    } else {
+        nearest = [0.5; 4];
     }
-    let [w, x, y, z] = nearest;
-    Quaternion { w, x, y, z }.normalised()
+    let [w, x, y, z] = std::array::from_fn(|k| nearest[k].copysign(components[k]));
+    Quaternion { w, x, y, z }
 }

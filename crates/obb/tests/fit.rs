@@ -1,0 +1,221 @@
+//! Fits: the extreme cases by name, against exact containment and the axis-parallel box.
+
+#![allow(clippy::cast_possible_truncation, reason = "test data are rounded on purpose")]
+
+mod common;
+
+use canted_obb::{Aabb, Fit, FitError, Obb, fit, frame};
+use common::clouds::{self, Random, placed};
+use common::exact::{self, ExactBox};
+
+const METHODS: [Fit; 5] = [Fit::Aabb, Fit::Pca, Fit::AreaPca, Fit::Dito, Fit::Dop];
+
+/// Consecutive points as triangles: enough to give `AreaPca` a surface.
+fn strip(points: &[[f32; 3]]) -> Vec<[u32; 3]> {
+    (2..points.len() as u32).map(|i| [i - 2, i - 1, i]).collect()
+}
+
+/// Fits by every method and checks what every fit promises.
+#[track_caller]
+fn check(name: &str, points: &[[f32; 3]]) -> [Obb; 5] {
+    let straight = Obb::from_aabb(&Aabb::of_points(points.iter().copied()));
+    METHODS.map(|method| {
+        let fitted = fit(points, &strip(points), method).expect("finite points");
+        let judge = ExactBox::of(&fitted);
+        for &point in points {
+            assert!(judge.contains(&exact::exact_point(point)), "{name}, {method:?}: {point:?} outside {fitted:?}");
+        }
+        assert!(fitted.area() <= straight.area(), "{name}, {method:?}: more area than the straight box");
+        assert!(fitted.half.iter().all(|&half| half >= 0.0 && half.is_finite()), "{name}, {method:?}");
+        assert_eq!(fitted.frame, frame::right_handed(fitted.frame), "{name}, {method:?}");
+        fitted
+    })
+}
+
+#[test]
+fn every_cloud_is_contained_with_no_more_area_than_the_straight_box() {
+    for (name, points) in clouds::all() {
+        check(&name, &points);
+    }
+}
+
+#[test]
+fn no_point_one_point_two_points() {
+    for method in METHODS {
+        assert_eq!(fit(&[], &[], method), Err(FitError::Empty));
+    }
+    for fitted in check("one", &[[0.1, -7.0, 1e7]]) {
+        assert_eq!(fitted, Obb { center: [0.1, -7.0, 1e7], frame: Obb::IDENTITY_FRAME, half: [0.0; 3] });
+    }
+    let pair = [[1.0, 2.0, 3.0], [4.0, -2.0, 3.5]];
+    let [_, pca, _, dito, _] = check("two", &pair);
+    for fitted in [pca, dito] {
+        // Along the segment: the other extents are the rounding of a direction, half a unit in the last place.
+        let [long, rest @ ..] = fitted.half;
+        assert!((f64::from(long) - 0.5 * 25.25_f64.sqrt()).abs() < 1e-6, "{fitted:?}");
+        assert!(rest.iter().all(|&half| half <= 4.0 * f32::EPSILON * long), "{fitted:?}");
+    }
+}
+
+#[test]
+fn collinear_and_coplanar_sets_give_rotations() {
+    for (name, points) in clouds::all() {
+        if ["collinear", "leaning line", "leaning plane", "flat in a wall"].contains(&name.as_str()) {
+            for fitted in check(&name, &points) {
+                assert!(frame::is_orthonormal(fitted.frame), "{name}: {fitted:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn coincident_points_give_a_straight_box_without_extent() {
+    let points = vec![[0.1, -3.3, 7.7e5]; 100_000];
+    for method in METHODS {
+        let fitted = fit(&points, &[[0, 1, 2]], method).expect("finite points");
+        assert_eq!(fitted, Obb { center: points[0], frame: Obb::IDENTITY_FRAME, half: [0.0; 3] });
+    }
+}
+
+#[test]
+fn equal_eigenvalues_never_cost_more_than_the_straight_box() {
+    let cube = Aabb { min: [-1.0; 3], max: [1.0; 3] }.corners();
+    for fitted in check("cube", &cube) {
+        assert_eq!(fitted, Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0; 3] });
+    }
+    let mut random = Random(21);
+    for _ in 0..20 {
+        let turned = random.frame();
+        let points = cube.map(|p| placed(turned, [1.0; 3], [0.0; 3], p.map(f64::from)));
+        let fits = check("turned cube", &points);
+        assert_eq!(fits, check("turned cube", &points), "the same input gives the same box");
+        // The ditetrahedron finds an edge of any cube: 24 is the area, four roundings of f32 the excess.
+        assert!(fits[3].area() <= 24.0 * (1.0 + 8.0 * f64::from(f32::EPSILON)), "{:?}", fits[3]);
+    }
+}
+
+#[test]
+fn needles_keep_their_minor_axes() {
+    let mut random = Random(22);
+    for _ in 0..20 {
+        let turned = random.frame();
+        let scale = [1.0, 3e-5, 1e-6];
+        let points: Vec<_> = (0..200).map(|_| placed(turned, scale, [0.0; 3], random.vector())).collect();
+        let pca = check("needle", &points)[1];
+        // The points themselves are rounded by half a unit in the last place of one.
+        let ideal = 8.0 * (scale[0] * scale[1] + scale[0] * scale[2]);
+        assert!(pca.area() < 1.25 * ideal + 8.0 * f64::from(f32::EPSILON), "{} for {ideal}", pca.area());
+    }
+}
+
+#[test]
+fn a_turned_box_is_recovered() {
+    let mut random = Random(23);
+    for _ in 0..50 {
+        let (turned, half) = (random.frame(), [3.0, 1.0, 0.25]);
+        let corners = Aabb { min: [-1.0; 3], max: [1.0; 3] }.corners();
+        let points = corners.map(|p| placed(turned, half, [0.5, 0.25, -4.0], p.map(f64::from)));
+        let ideal = 8.0 * (half[0] * half[1] + half[1] * half[2] + half[2] * half[0]);
+        let [_, pca, _, dito, _] = check("box", &points);
+        for fitted in [pca, dito] {
+            // Corners at up to 8 are rounded by 2⁻²², which moves six faces.
+            assert!((fitted.area() / ideal - 1.0).abs() < 1e-5, "{} for {ideal}", fitted.area());
+        }
+    }
+}
+
+#[test]
+fn tessellation_does_not_move_the_area_weighted_box() {
+    // One dense corner: every triangle of a bent sheet split again and again beside its first vertex.
+    let points = vec![[0.0, 0.0, 0.0], [4.0, 1.0, 0.5], [4.5, 3.0, 2.0], [0.25, 2.0, -1.0]];
+    let sheet = [[0, 1, 2], [0, 2, 3]];
+    let (mut dense_points, mut dense) = (points.clone(), Vec::new());
+    for [a, b, c] in sheet {
+        let (mut b, mut c) = (b, c);
+        for _ in 0..12 {
+            let middle = |i: u32, points: &[[f32; 3]]| [0, 1, 2].map(|k| 0.5 * (points[0][k] + points[i as usize][k]));
+            let n = dense_points.len() as u32;
+            let (to_b, to_c) = (middle(b, &dense_points), middle(c, &dense_points));
+            dense_points.extend([to_b, to_c]);
+            dense.extend([[b, c, n + 1], [b, n + 1, n]]);
+            (b, c) = (n, n + 1);
+        }
+        dense.push([a, b, c]);
+    }
+    let area = |points: &[[f32; 3]], triangles: &[[u32; 3]], method| fit(points, triangles, method).unwrap().area();
+    let (coarse, fine) = (area(&points, &sheet, Fit::AreaPca), area(&dense_points, &dense, Fit::AreaPca));
+    // Halving is exact here, so only the last digit of the eigenvectors differs.
+    assert!((coarse / fine - 1.0).abs() < 4.0 * f64::from(f32::EPSILON), "{coarse} {fine}");
+    let (coarse, fine) = (area(&points, &sheet, Fit::Pca), area(&dense_points, &dense, Fit::Pca));
+    assert!((coarse / fine - 1.0).abs() > 0.01, "vertices alone should have been drawn to the dense corner");
+}
+
+#[test]
+fn powers_of_two_scale_every_bit() {
+    for (name, points) in clouds::all() {
+        let reach = points.iter().flatten().fold(0.0, |reach: f32, x| reach.max(x.abs()));
+        if !(1e-4..1e8).contains(&reach) {
+            continue;
+        }
+        for exponent in [-60, -7, 3, 66] {
+            let scale = 2.0_f32.powi(exponent);
+            let scaled: Vec<_> = points.iter().map(|p| p.map(|x| x * scale)).collect();
+            for method in METHODS {
+                let (one, other) = (fit(&points, &strip(&points), method), fit(&scaled, &strip(&points), method));
+                let (one, other) = (one.unwrap(), other.unwrap());
+                assert_eq!(other.frame, one.frame, "{name}, {method:?}, 2^{exponent}");
+                assert_eq!(other.center, one.center.map(|x| x * scale), "{name}, {method:?}, 2^{exponent}");
+                assert_eq!(other.half, one.half.map(|x| x * scale), "{name}, {method:?}, 2^{exponent}");
+            }
+        }
+    }
+}
+
+#[test]
+fn bad_input_is_named() {
+    let mut points = vec![[0.0; 3]; 5];
+    assert_eq!(
+        fit(&points, &[[0, 1, 2], [3, 4, 5]], Fit::Pca),
+        Err(FitError::IndexOutOfRange { triangle: 1, index: 5, n_points: 5 })
+    );
+    points[3][1] = f32::NAN;
+    points[4][2] = f32::INFINITY;
+    let error = fit(&points, &[], Fit::Dito).unwrap_err();
+    assert_eq!(error, FitError::NotFinite { index: 3 });
+    assert_eq!(error.to_string(), "point 3 is not finite");
+}
+
+#[test]
+fn no_box_beats_an_exhaustive_search_and_dito_comes_near() {
+    let mut random = Random(24);
+    let mut excess = Vec::new();
+    for _ in 0..16 {
+        let points: Vec<[f32; 3]> = (0..6).map(|_| random.vector().map(|x| x as f32)).collect();
+        let searched = searched_area(&points);
+        let ratios = check("six points", &points).map(|fitted| fitted.area() / searched);
+        // The search ends within 1e-5 rad of a minimum, not always the least.
+        assert!(ratios.iter().all(|&ratio| ratio > 0.98), "{ratios:?}");
+        excess.push(ratios[3] - 1.0);
+    }
+    let mean = excess.iter().sum::<f64>() / excess.len() as f64;
+    assert!(mean < 0.15, "the ditetrahedron costs {mean} over the least area: {excess:?}");
+}
+
+/// Least area over a grid of rotations, then over ever smaller turns about the three axes.
+fn searched_area(points: &[[f32; 3]]) -> f64 {
+    let area = |q: canted_obb::Quaternion| canted_obb::bound(q.frame(), points.iter().copied()).area();
+    let mut random = Random(25);
+    let mut best =
+        (0..2_000).map(|_| random.rotation()).map(|q| (area(q), q)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+    let mut angle = 0.1;
+    while angle > 1e-5 {
+        let turns = (0..6).map(|i| {
+            let mut axis = [0.0; 3];
+            axis[i / 2] = 1.0;
+            canted_obb::Quaternion::about(axis, if i % 2 == 0 { angle } else { -angle }).times(best.1).normalised()
+        });
+        let next = turns.map(|q| (area(q), q)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+        if next.0 < best.0 { best = next } else { angle *= 0.7 }
+    }
+    best.0
+}

@@ -1,0 +1,178 @@
+//! Boxes as a type: exact membership, affine images, sizes.
+
+#![allow(clippy::cast_possible_truncation, reason = "test data are rounded on purpose")]
+
+mod common;
+
+use canted_obb::{Aabb, Affine, Obb, bound};
+use common::clouds::{self, Random};
+use common::exact::{self, ExactBox};
+use proptest::prelude::*;
+
+fn any_finite() -> impl Strategy<Value = f32> {
+    any::<u32>().prop_map(f32::from_bits).prop_filter("finite", |x| x.is_finite())
+}
+
+fn near_one() -> impl Strategy<Value = f32> {
+    prop_oneof![-2.0_f32..2.0, (-3_i8..4).prop_map(f32::from)]
+}
+
+proptest! {
+    #[test]
+    fn membership_is_exact_for_any_bits(bits in prop::array::uniform18(any_finite())) {
+        agrees(&bits)?;
+    }
+
+    #[test]
+    fn membership_is_exact_for_small_integers_and_fractions(bits in prop::array::uniform18(near_one())) {
+        agrees(&bits)?;
+    }
+}
+
+/// Centre, frame, half-extents and point from eighteen numbers.
+fn agrees(x: &[f32; 18]) -> Result<(), TestCaseError> {
+    let triple = |i: usize| [x[i], x[i + 1], x[i + 2]];
+    let obb = Obb { center: triple(0), frame: [triple(3), triple(6), triple(9)], half: triple(12).map(f32::abs) };
+    let frame = obb.frame.map(exact::exact_point);
+    let minor = |a: usize, b: usize| &frame[1][a] * &frame[2][b] - &frame[1][b] * &frame[2][a];
+    let determinant = &frame[0][0] * minor(1, 2) + &frame[0][1] * minor(2, 0) + &frame[0][2] * minor(0, 1);
+    let singular = determinant == exact::exact(0.0);
+    let expected = !singular && ExactBox::of(&obb).contains(&exact::exact_point(triple(15)));
+    prop_assert_eq!(obb.contains(triple(15)), expected);
+    Ok(())
+}
+
+#[test]
+fn membership_is_exact_on_faces() {
+    let mut random = Random(31);
+    let mut outside = 0;
+    for (_, points) in clouds::all() {
+        let obb = bound(random.frame(), points.iter().copied());
+        let judge = ExactBox::of(&obb);
+        for corner in obb.corners() {
+            // The corner rounded to f32 lies on one side of the face or the other by less than a unit in the last place.
+            let point = corner.map(|x| (x as f32).clamp(f32::MIN, f32::MAX));
+            let inside = judge.contains(&exact::exact_point(point));
+            outside += usize::from(!inside);
+            assert_eq!(obb.contains(point), inside, "{point:?} {obb:?}");
+        }
+    }
+    assert!(outside > 100, "corners should fall on both sides");
+}
+
+#[test]
+fn a_singular_frame_contains_nothing() {
+    let flat = Obb { center: [0.0; 3], frame: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], half: [1.0; 3] };
+    assert!(!flat.contains([0.0; 3]));
+}
+
+/// Rigid, scaled, mirrored, sheared, flattened, and to nothing.
+fn maps(random: &mut Random) -> Vec<Affine> {
+    let [x, y, z] = random.frame();
+    let offset = random.vector().map(|c| 1e3 * c as f32);
+    let shear = [0, 1, 2].map(|k| z[k] + 5.0 * x[k]);
+    let times = |axis: [f32; 3], s: f32| axis.map(|c| c * s);
+    [
+        [x, y, z],
+        [times(x, 1e3), y, times(z, 1e-3)],
+        [times(x, -1.0), y, z],
+        [x, y, shear],
+        [x, y, [0.0; 3]],
+        [x, x, x],
+        [[0.0; 3]; 3],
+    ]
+    .map(|[x, y, z]| Affine { columns: [x, y, z, offset] })
+    .to_vec()
+}
+
+#[test]
+fn images_of_boxes_are_contained() {
+    let mut random = Random(32);
+    for (name, points) in clouds::all() {
+        // Images of the ends of the range leave it.
+        if points.iter().flatten().any(|x| x.abs() > 1e30) {
+            continue;
+        }
+        let obb = bound(random.frame(), points.iter().copied());
+        for map in maps(&mut random) {
+            let image = obb.transformed(&map);
+            let judge = ExactBox::of(&image);
+            for corner in exact::corners(&obb) {
+                assert!(judge.contains(&exact::image(&map, &corner)), "{name}: {map:?} {obb:?} {image:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_rigid_motion_keeps_the_size() {
+    let mut random = Random(33);
+    for _ in 0..100 {
+        let obb = Obb { center: [1.0, 2.0, 3.0], frame: random.frame(), half: [4.0, 2.0, 0.5] };
+        let moved = obb.transformed(&maps(&mut random)[0]);
+        // The frame is rounded twice; the offset is a thousand, so the centre moves by up to its own rounding, 2⁻¹⁵.
+        assert!((moved.area() / obb.area() - 1.0).abs() < 1e-3, "{obb:?} {moved:?}");
+    }
+}
+
+#[test]
+fn boxes_and_matrices_convert_both_ways() {
+    let mut random = Random(34);
+    for _ in 0..100 {
+        let columns: [[f32; 3]; 4] = std::array::from_fn(|_| random.vector().map(|x| x as f32));
+        let map = Affine { columns };
+        let obb = Obb::from_affine(&map);
+        // Doubling and halving are exact.
+        assert_eq!(obb.to_affine(), map);
+        let judge = ExactBox::of(&obb);
+        for cube_corner in (Aabb { min: [-0.5; 3], max: [0.5; 3] }).corners() {
+            let corner = exact::image(&map, &exact::exact_point(cube_corner));
+            assert!(judge.coordinates(&corner).iter().all(|q| *q == exact::exact(0.5) || *q == exact::exact(-0.5)));
+        }
+    }
+    let flat = Obb { center: [1.0; 3], frame: Obb::IDENTITY_FRAME, half: [2.0, 0.0, 3.0] };
+    let back = Obb::from_affine(&flat.to_affine());
+    assert_eq!(back.half[1], 0.0);
+    assert_eq!(back.area(), flat.area());
+    assert!(back.contains([3.0, 1.0, 4.0]) && !back.contains([3.0, 1.0_f32.next_up(), 4.0]));
+}
+
+#[test]
+fn the_straight_box_around_a_leaning_one_contains_its_real_corners() {
+    let mut random = Random(35);
+    let cancelling =
+        Obb { center: [1e7; 3], frame: [[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]], half: [1e7, 0.1, 1e7] };
+    let clouds = clouds::all().into_iter().map(|(_, points)| bound(random.frame(), points));
+    for obb in clouds.chain([cancelling]) {
+        let aabb = obb.aabb();
+        if obb.corners().iter().flatten().any(|x| x.abs() > f64::from(f32::MAX)) {
+            assert!(aabb.reach() == f32::INFINITY, "{obb:?}");
+            continue;
+        }
+        let ends = [aabb.min, aabb.max].map(exact::exact_point);
+        for corner in exact::corners(&obb) {
+            assert!((0..3).all(|k| ends[0][k] <= corner[k] && corner[k] <= ends[1][k]), "{obb:?} {aabb:?}");
+        }
+    }
+}
+
+#[test]
+fn sizes_of_skewed_boxes_are_those_of_parallelepipeds() {
+    let frame = [[2.0, 0.0, 0.0], [1.0, 3.0, 0.0], [0.0, 1.0, -4.0]];
+    let obb = Obb { center: [7.0; 3], frame, half: [1.0, 0.5, 0.25] };
+    // Edges (4,0,0), (1,3,0), (0,0.5,-2): faces 12, √(36+4+0.25), √(64+4).
+    let area = 2.0 * (12.0 + (36.0_f64 + 4.0 + 0.25).sqrt() + (64.0_f64 + 4.0).sqrt());
+    assert!((obb.area() - area).abs() <= 8.0 * f64::EPSILON * area);
+    assert_eq!(obb.volume(), 24.0);
+}
+
+#[test]
+fn the_fallback_is_by_area_and_ties_go_straight() {
+    let square = Aabb { min: [0.0; 3], max: [1.0, 1.0, 0.0] };
+    let half_turn = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    let tie = Obb { center: [0.5, 0.5, 0.0], frame: half_turn, half: [0.5, 0.5, 0.0] };
+    assert_eq!(tie.or_aabb(&square).frame, Obb::IDENTITY_FRAME);
+    // Flat boxes have no volume; by area the lesser one stays.
+    let strip = Obb { half: [0.5, 0.25, 0.0], ..tie };
+    assert_eq!(strip.or_aabb(&square), strip);
+}
