@@ -1,0 +1,203 @@
+//! The river, its valley and the trees.
+
+use std::f64::consts::TAU;
+
+use super::{
+    draft::{Draft, Vec3},
+    noise::{hills, noise, random},
+    palette::Paint,
+    stage::{Stage, leaning, upright},
+};
+use crate::Mesh;
+
+/// Half the width of the river.
+const HALF_RIVER: f64 = 185.0;
+/// Side of a water tile.
+const TILE: f64 = 160.0;
+/// Cells along a side of a water tile.
+const TILE_CELLS: u32 = 48;
+/// Cells of the terrain along x and z.
+const TERRAIN_CELLS: [u32; 2] = [140, 120];
+
+/// Places terrain, water and trees.
+pub(super) fn place(stage: &mut Stage) {
+    let terrain = stage.mesh(terrain());
+    stage.place(terrain, upright([0.0; 3], 0.0, [1.0; 3]));
+    let water = stage.mesh(water());
+    for row in -12..4 {
+        for column in -3..12 {
+            let [x, z] = [column, row].map(|k| TILE * f64::from(k));
+            if has_water(x, z) {
+                stage.place(water, upright([x, 0.0, z], 0.0, [1.0; 3]));
+            }
+        }
+    }
+    place_trees(stage);
+}
+
+/// Whether the river comes near one of a few points of the tile that ends at `(x, z)`, its greatest z.
+fn has_water(x: f64, z: f64) -> bool {
+    let steps = || (0..=8).map(|k| TILE * f64::from(k) / 8.0);
+    steps().any(|along| steps().any(|across| inland(x + along, z - across) < 0.1 * TILE))
+}
+
+/// Where the river's middle runs: straight under the bridge, bending to the right upstream.
+fn middle(z: f64) -> f64 {
+    let upstream = (-120.0 - z).max(0.0);
+    upstream * upstream / (upstream + 500.0)
+}
+
+/// Distance from the waterline, roughly; negative in the river.
+pub(super) fn inland(x: f64, z: f64) -> f64 {
+    // The bend is crossed at an angle: a level distance overstates the width there.
+    let upstream = (-120.0 - z).max(0.0);
+    let slope = 1.0 - (500.0 / (upstream + 500.0)).powi(2);
+    let distance = (x - middle(z)).abs() / (1.0 + slope * slope).sqrt();
+    distance - HALF_RIVER + 14.0 * hills(x / 90.0, z / 90.0, 40)
+}
+
+fn smoothstep(from: f64, to: f64, x: f64) -> f64 {
+    let s = ((x - from) / (to - from)).clamp(0.0, 1.0);
+    s * s * (3.0 - 2.0 * s)
+}
+
+/// Height of the ground above the water.
+pub(super) fn ground(x: f64, z: f64) -> f64 {
+    let inland = inland(x, z);
+    if inland < 0.0 {
+        return (0.25 * inland).max(-12.0);
+    }
+    let far = (x * x + z * z).sqrt();
+    let bank = 29.0 * smoothstep(10.0, 125.0, inland) + 0.03 * inland.min(60.0);
+    let hilly = smoothstep(120.0, 700.0, inland) * (70.0 + 110.0 * hills(x / 420.0, z / 420.0, 50));
+    let mountains = smoothstep(900.0, 2600.0, far) * smoothstep(100.0, 900.0, inland);
+    bank + 2.5 * hills(x / 40.0, z / 40.0, 60) * smoothstep(0.0, 40.0, inland)
+        + hilly
+        + mountains * (260.0 + 330.0 * hills(x / 800.0, z / 800.0, 70))
+}
+
+fn terrain() -> Mesh {
+    // Cells grow with the cube of the distance from the bridge.
+    let x_at = |i: u32| {
+        let u = -0.7 + 1.7 * f64::from(i) / f64::from(TERRAIN_CELLS[0]);
+        450.0 * u + 2500.0 * u * u * u
+    };
+    let z_at = |j: u32| {
+        let v = -0.5 + 1.5 * f64::from(j) / f64::from(TERRAIN_CELLS[1]);
+        -60.0 - (420.0 * v + 2800.0 * v * v * v)
+    };
+    let mut draft = Draft::default();
+    for j in 0..=TERRAIN_CELLS[1] {
+        for i in 0..=TERRAIN_CELLS[0] {
+            let [x, z] = [x_at(i), z_at(j)];
+            draft.vertex([x, ground(x, z), z]);
+        }
+    }
+    let row = TERRAIN_CELLS[0] + 1;
+    for j in 0..TERRAIN_CELLS[1] {
+        for i in 0..TERRAIN_CELLS[0] {
+            let corner = j * row + i;
+            let paint = paint_at(0.5 * (x_at(i) + x_at(i + 1)), 0.5 * (z_at(j) + z_at(j + 1)));
+            draft.quad(paint, [corner, corner + 1, corner + row + 1, corner + row]);
+        }
+    }
+    draft.finish("terrain")
+}
+
+fn paint_at(x: f64, z: f64) -> Paint {
+    let inland = inland(x, z);
+    let far = (x * x + z * z).sqrt() * (1.0 + 0.15 * hills(x / 200.0, z / 200.0, 80));
+    let step = 4.0;
+    let rise = (ground(x + step, z) - ground(x - step, z)).hypot(ground(x, z + step) - ground(x, z - step));
+    match far {
+        _ if inland < 16.0 => Paint::Sand,
+        far if far > 2500.0 => Paint::Haze,
+        far if far > 1600.0 => Paint::Mountains,
+        far if far > 800.0 => Paint::Hills,
+        _ if rise > 0.75 * 2.0 * step => Paint::Rock,
+        _ => Paint::Grass,
+    }
+}
+
+/// A square of ripples that fits itself on all sides.
+fn water() -> Mesh {
+    let n = TILE_CELLS;
+    let height = |i: u32, j: u32| {
+        let octave = |period: i32, amplitude: f64| {
+            let at = |k: u32| f64::from(k % n) / f64::from(n) * f64::from(period);
+            amplitude * noise(at(i), at(j), period, 90)
+        };
+        octave(8, 0.45) + octave(15, 0.32) + octave(24, 0.22)
+    };
+    let mut draft = Draft::default();
+    let place = |k: u32| TILE * (f64::from(k) / f64::from(n));
+    for j in 0..=n {
+        for i in 0..=n {
+            draft.vertex([place(i), height(i, j), -place(j)]);
+        }
+    }
+    for j in 0..n {
+        for i in 0..n {
+            let corner = j * (n + 1) + i;
+            draft.quad(Paint::Water, [corner, corner + 1, corner + n + 2, corner + n + 1]);
+        }
+    }
+    draft.finish("water")
+}
+
+/// Woods on the slopes, thinner towards the river, none where people build.
+fn place_trees(stage: &mut Stage) {
+    let trees = [stage.mesh(conifer()), stage.mesh(broadleaf())];
+    let spacing = 17.0;
+    for j in -120..30 {
+        for i in -60..120 {
+            let draw = |seed: u32| random([i, j], seed);
+            let x = spacing * (f64::from(i) + draw(1));
+            let z = spacing * (f64::from(j) + draw(2));
+            let inland = inland(x, z);
+            let density =
+                0.75 * smoothstep(-0.25, 0.35, hills(x / 260.0, z / 260.0, 20)) * smoothstep(30.0, 190.0, inland);
+            if draw(3) >= density || is_clearing(x, z) || !is_near_view(x, z) {
+                continue;
+            }
+            let kind = usize::from(hills(x / 120.0, z / 120.0, 30) + 0.7 * draw(4) > 0.62);
+            let size = 0.8 + 0.7 * draw(5);
+            let lean: Vec3 = [0.1 * (draw(6) - 0.5), 1.0, 0.1 * (draw(7) - 0.5)];
+            let position = [x, ground(x, z) - 0.5, z];
+            stage.place(
+                trees[kind],
+                leaning(position, lean, TAU * draw(8), [size, size * (0.85 + 0.4 * draw(9)), size]),
+            );
+        }
+    }
+}
+
+/// The road and the building sites.
+fn is_clearing(x: f64, z: f64) -> bool {
+    z.abs() < 26.0 || (x.abs() < 420.0 && (-140.0..340.0).contains(&z))
+}
+
+/// Near enough for a tree to be more than a dot.
+fn is_near_view(x: f64, z: f64) -> bool {
+    (x + 240.0).hypot(z - 230.0) < 1500.0
+}
+
+fn conifer() -> Mesh {
+    let mut draft = Draft::default();
+    draft.frustum(Paint::Wood, [[0.0; 3], [0.0, 4.0, 0.0]], [0.9, 0.7], 3);
+    for (base, tip, width) in [(2.0, 9.0, 7.6), (5.5, 12.5, 5.8), (9.0, 16.5, 3.8)] {
+        draft.frustum(Paint::Needles, [[0.0, base, 0.0], [0.0, tip, 0.0]], [width, 0.0], 7);
+    }
+    draft.finish("conifer")
+}
+
+fn broadleaf() -> Mesh {
+    let mut draft = Draft::default();
+    draft.frustum(Paint::Wood, [[0.0; 3], [0.0, 5.0, 0.0]], [0.9, 0.6], 3);
+    let rings = [(2.6, 3.0), (4.2, 7.2), (7.4, 8.2), (10.2, 5.8)];
+    for (lower, upper) in rings.iter().zip(&rings[1..]) {
+        draft.frustum(Paint::Leaves, [[0.0, lower.0, 0.0], [0.0, upper.0, 0.0]], [lower.1, upper.1], 7);
+    }
+    draft.frustum(Paint::Leaves, [[0.0, 10.2, 0.0], [0.0, 11.6, 0.0]], [5.8, 0.0], 7);
+    draft.finish("broad-leaved tree")
+}

@@ -1,0 +1,47 @@
+use canted_obb::Affine;
+
+use super::draft::{Vec3, cross, unit};
+use crate::{Instance, Mesh, MeshId, Scene};
+
+/// A scene under construction.
+#[derive(Default)]
+pub(super) struct Stage {
+    pub(super) scene: Scene,
+}
+
+impl Stage {
+    /// Adds a mesh, not yet placed.
+    pub(super) fn mesh(&mut self, mesh: Mesh) -> MeshId {
+        self.scene.meshes.push(mesh);
+        MeshId(u32::try_from(self.scene.meshes.len() - 1).expect("few meshes"))
+    }
+
+    /// Places a mesh.
+    pub(super) fn place(&mut self, mesh: MeshId, world_from_object: Affine) {
+        let first_primitive = u32::try_from(self.scene.n_placed_triangles()).expect("the scene is small");
+        self.scene.instances.push(Instance { mesh, world_from_object, first_primitive });
+    }
+}
+
+/// The map whose columns are the images of the axes and of the origin.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how transforms are stored")]
+pub(super) fn affine(columns: [Vec3; 4]) -> Affine {
+    Affine { columns: columns.map(|column| column.map(|x| x as f32)) }
+}
+
+/// Scales by `scale` per axis, turns about y by `heading_rad` and moves to `position`.
+pub(super) fn upright(position: Vec3, heading_rad: f64, scale: Vec3) -> Affine {
+    leaning(position, [0.0, 1.0, 0.0], heading_rad, scale)
+}
+
+/// Scales by `scale` per axis, turns about y by `heading_rad`, tilts y onto `upward` and moves to `position`.
+///
+/// `upward` is not parallel to z.
+pub(super) fn leaning(position: Vec3, upward: Vec3, heading_rad: f64, scale: Vec3) -> Affine {
+    let y = unit(upward);
+    let x = unit(cross(y, [0.0, 0.0, 1.0]));
+    let z = cross(x, y);
+    let (sin, cos) = heading_rad.sin_cos();
+    let mix = |a: f64, b: f64, by: f64| std::array::from_fn(|k| by * (a * x[k] + b * z[k]));
+    affine([mix(cos, -sin, scale[0]), y.map(|c| c * scale[1]), mix(sin, cos, scale[2]), position])
+}
