@@ -3,9 +3,30 @@
 //! ```text
 //! file -> read/{obj, mtl, ply, gltf, image} -> Scene -> describe
 //! ```
+//!
+//! ```
+//! # let folder = tempfile::tempdir()?;
+//! # let path = folder.path().join("model.obj");
+//! # std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4")?;
+//! use canted_scene::{Description, read};
+//!
+//! let scene = read(&path)?;
+//! let counts = Description::of(&scene);
+//! println!("{} meshes, {} instances", counts.n_meshes, counts.n_instances);
+//! println!("{} triangles, {} vertices", counts.n_placed_triangles, counts.n_vertices);
+//! for warning in &scene.warnings {
+//!     eprintln!("{warning}");
+//! }
+//! assert_eq!((counts.n_placed_triangles, counts.n_vertices), (2, 4));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! No file makes a reader panic, nor takes much more memory than it has bytes (images aside, whose size is checked).
 #![forbid(unsafe_code)]
 
+mod builtin;
 mod camera;
+mod describe;
 mod light;
 mod material;
 mod mesh;
@@ -13,7 +34,9 @@ mod read;
 mod scene;
 mod texture;
 
+pub use builtin::builtin;
 pub use camera::Camera;
+pub use describe::Description;
 pub use light::Light;
 pub use material::{Material, MaterialId};
 pub use mesh::{Instance, Mesh, MeshId, Part};
