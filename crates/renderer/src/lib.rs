@@ -1,1 +1,58 @@
-//! renderer
+//! Pictures from scenes: camera rays, light, film, files.
+//!
+//! ```text
+//! Scene -> frame -> Camera -> View -> rays -> Tracer -> Hit -> Surface
+//! Surface -> direct light, cosine-sampled bounces, ambient occlusion -> Film -> Picture -> PNG, EXR
+//! ```
+//!
+//! Nothing here knows how rays are traced: a [`Tracer`] answers them. Radiance is linear RGB, `f32` per sample with
+//! sums in `f64`; randomness is a pure function of pixel, sample, dimension and seed, so a picture is the same bits
+//! for any number of threads and any tile size.
+#![forbid(unsafe_code)]
+
+#[cfg(feature = "baseline")]
+mod baseline;
+mod camera;
+mod colormap;
+mod compare;
+mod digits;
+mod film;
+// mod framing;
+mod heatmap;
+mod input;
+mod integrate;
+mod mask;
+mod output;
+mod picture;
+mod placement;
+mod prepare;
+mod render;
+mod sampler;
+pub mod sampling;
+mod settings;
+mod srgb;
+mod structure;
+mod surface;
+mod texture;
+mod tracer;
+mod vector;
+
+#[cfg(feature = "baseline")]
+pub use baseline::obvhs_tree;
+pub use camera::{CameraError, View};
+pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
+pub use film::{Film, Pixel};
+// pub use framing::frame;
+pub use heatmap::{Heatmap, Measure, heatmap};
+pub use input::{ReadPictureError, read_picture};
+pub use integrate::environment_of;
+pub use mask::Masked;
+pub use output::{WritePictureError, write_exr, write_png};
+pub use picture::Picture;
+pub use prepare::{LeftOut, Levels, PrepareError, Prepared, StructureConfig, prepare};
+pub use render::{RenderError, render};
+pub use sampler::{Pattern, Sampler};
+pub use settings::Settings;
+pub use structure::{Builder, Flat, Structure, flatten};
+pub use surface::{Surface, Surfaces};
+pub use tracer::Tracer;

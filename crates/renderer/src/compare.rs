@@ -1,0 +1,133 @@
+use std::fmt;
+
+use crate::Picture;
+
+/// Floor `ε` under the squared reference of [`Comparison::rel_mse`], in squared linear radiance: a tenth of white, below
+/// which differences count as absolute.
+pub const REL_MSE_FLOOR: f64 = 1e-2;
+
+/// How far a picture lies from a reference, over all channels of all pixels that are finite in both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Comparison {
+    /// Mean of the picture over mean of the reference; 1 where both are black.
+    pub mean_ratio: f64,
+    /// Root of the mean squared difference.
+    pub rmse: f64,
+    /// Mean of `(a - b)² / (b² + ε)` with the reference `b` and `ε` = [`REL_MSE_FLOOR`].
+    pub rel_mse: f64,
+    /// Greatest absolute difference of a channel.
+    pub max_difference: f64,
+    /// Pixels that are not finite in one of the pictures and left out.
+    pub n_not_finite: usize,
+}
+
+/// Compares `picture` with `reference`, both linear.
+///
+/// # Errors
+/// [`CompareError::Size`] where their sizes differ, [`CompareError::NothingFinite`] where no pixel is finite in both.
+pub fn compare(picture: &Picture, reference: &Picture) -> Result<Comparison, CompareError> {
+    let sizes = [[picture.width, picture.height], [reference.width, reference.height]];
+    if sizes[0] != sizes[1] {
+        return Err(CompareError::Size { picture: sizes[0], reference: sizes[1] });
+    }
+    let finite = |pixel: &[f32; 3]| pixel.iter().all(|x| x.is_finite());
+    let (mut sums, mut squares, mut relative, mut max_difference) = ([0.0; 2], 0.0, 0.0, 0.0_f64);
+    let mut n_pixels = 0;
+    for (a, b) in picture.pixels.iter().zip(&reference.pixels).filter(|(a, b)| finite(a) && finite(b)) {
+        n_pixels += 1;
+        for (a, b) in a.map(f64::from).into_iter().zip(b.map(f64::from)) {
+            let square = (a - b) * (a - b);
+            sums[0] += a;
+            sums[1] += b;
+            squares += square;
+            relative += square / (b * b + REL_MSE_FLOOR);
+            max_difference = max_difference.max((a - b).abs());
+        }
+    }
+    if n_pixels == 0 {
+        return Err(CompareError::NothingFinite);
+    }
+    #[expect(clippy::cast_precision_loss, reason = "pixels are fewer than 2^53")]
+    let n_channels = 3.0 * n_pixels as f64;
+    Ok(Comparison {
+        mean_ratio: if sums == [0.0; 2] { 1.0 } else { sums[0] / sums[1] },
+        rmse: (squares / n_channels).sqrt(),
+        rel_mse: relative / n_channels,
+        max_difference,
+        n_not_finite: picture.pixels.len() - n_pixels,
+    })
+}
+
+/// Why two pictures cannot be compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CompareError {
+    /// Their sizes differ.
+    Size {
+        /// Width and height of the picture.
+        picture: [u32; 2],
+        /// Width and height of the reference.
+        reference: [u32; 2],
+    },
+    /// No pixel is finite in both.
+    NothingFinite,
+}
+
+impl fmt::Display for CompareError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Size { picture: [w, h], reference: [rw, rh] } => {
+                write!(f, "a picture of {w} x {h} pixels cannot be compared with one of {rw} x {rh}")
+            }
+            Self::NothingFinite => write!(f, "no pixel is finite in both pictures"),
+        }
+    }
+}
+
+impl std::error::Error for CompareError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_differences() {
+        let reference = Picture::filled(2, 1, [1.0; 3]);
+        let mut picture = reference.clone();
+        picture.pixels[0] = [1.3, 1.0, 1.0];
+        let result = compare(&picture, &reference).unwrap();
+        // One channel of six is off by 0.3, which f32 knows to a part in 2^24.
+        assert!((result.mean_ratio - 6.3 / 6.0).abs() < 1e-7);
+        assert!((result.rmse - (0.09_f64 / 6.0).sqrt()).abs() < 1e-7);
+        assert!((result.rel_mse - 0.09 / 1.01 / 6.0).abs() < 1e-7);
+        assert!((result.max_difference - 0.3).abs() < 1e-7);
+        assert_eq!(result.n_not_finite, 0);
+    }
+
+    #[test]
+    fn equal_pictures_do_not_differ() {
+        for value in [0.0, 0.5, 1e30] {
+            let picture = Picture::filled(3, 2, [value; 3]);
+            let same = Comparison { mean_ratio: 1.0, rmse: 0.0, rel_mse: 0.0, max_difference: 0.0, n_not_finite: 0 };
+            assert_eq!(compare(&picture, &picture).unwrap(), same);
+        }
+    }
+
+    #[test]
+    fn sizes_must_agree() {
+        let (wide, tall) = (Picture::filled(3, 2, [0.0; 3]), Picture::filled(2, 3, [0.0; 3]));
+        let error = compare(&wide, &tall).unwrap_err();
+        assert_eq!(error, CompareError::Size { picture: [3, 2], reference: [2, 3] });
+        assert_eq!(error.to_string(), "a picture of 3 x 2 pixels cannot be compared with one of 2 x 3");
+    }
+
+    #[test]
+    fn what_is_not_finite_is_counted_and_left_out() {
+        let reference = Picture::filled(2, 1, [1.0; 3]);
+        let mut picture = reference.clone();
+        picture.pixels[1] = [f32::NAN, 5.0, 5.0];
+        let result = compare(&picture, &reference).unwrap();
+        assert_eq!((result.n_not_finite, result.rmse), (1, 0.0));
+        picture.pixels[0] = [f32::INFINITY; 3];
+        assert_eq!(compare(&picture, &reference), Err(CompareError::NothingFinite));
+    }
+}

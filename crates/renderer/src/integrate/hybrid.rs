@@ -1,0 +1,120 @@
+//! The hybrid integrator of Sabino 2020, section 3.7.7: direct light, diffuse bounces, ambient with occlusion.
+//!
+//! Along a path with vertices `0..=bounces`, each vertex adds, weighted by the reflectances before it,
+//!
+//! ```text
+//! emission                                         found by chance: emitters are not sampled
+//! + direct light                                   shadow rays to suns and point lights
+//! + environment · albedo        on a miss          the path ends
+//! + environment · albedo · (1 - exp(-t/r))         at the last vertex, whose ray hits at distance t
+//! ```
+//!
+//! The ray that leaves a vertex, one cosine-sampled direction with weight `albedo`, serves all of the last three: it
+//! brings the sky, the next vertex, or at the last vertex the ambient occlusion.
+//!
+//! # Departures from the source
+//!
+//! Its listing adds the sky on a miss and again as ambient times occlusion; here each ray brings it once. Its
+//! occlusion `exp(-t)` is inverted, without a unit, and applied one vertex late; here it is `1 - exp(-t/r)` of the ray
+//! that leaves the vertex, `t` in world units. Direct light carries `1/π` and `1/r²`. Directions are sampled and shaded
+//! about one normal, and kept on the outer side of the triangle.
+//!
+//! # Bias
+//!
+//! Light of more than `bounces` bounces is cut off. The ambient of the last vertex stands for it and is not physical:
+//! it lights a surface through the occluders beyond about `r`. With `r` infinite it is off and the integrator is a
+//! plain path tracer that stops, too dark by what was cut off.
+//!
+//! Ambient never makes energy: with no lights, no emission, environment 1 and albedo at most 1, no sample exceeds 1.
+//! By induction from the end of the path: what the ray of the last vertex brings is 1 or `1 - exp(-t/r) <= 1`; what any
+//! earlier ray brings is 1 on a miss, else the next vertex's albedo times at most 1. The film averages such samples.
+
+use canted_scene::Light;
+use canted_trace::{Hit, Query, Ray};
+
+use super::direct::direct;
+use crate::sampling::{Basis, cosine_hemisphere};
+use crate::vector::{length, narrow, wide};
+use crate::{Sampler, Surfaces, Tracer};
+
+/// Dimensions of the sampler: the position in the pixel first, then one a bounce.
+const FIRST_BOUNCE: u32 = 1;
+
+/// What all paths of a picture share. `query` is cloned for each ray.
+pub(crate) struct Hybrid<'a, T, Q> {
+    pub(crate) tracer: &'a T,
+    pub(crate) surfaces: &'a Surfaces<'a>,
+    pub(crate) query: Q,
+    pub(crate) sampler: Sampler,
+    pub(crate) lights: &'a [Light],
+    pub(crate) environment: [f32; 3],
+    pub(crate) bounces: u32,
+    /// World units; above zero, may be infinite.
+    pub(crate) ao_radius: f64,
+}
+
+/// The light of one path.
+pub(crate) struct Sample {
+    /// Linear RGB; not finite where a light or material is not.
+    pub(crate) radiance: [f32; 3],
+    /// Rays traced for it.
+    pub(crate) n_rays: u64,
+}
+
+impl<T: Tracer, Q: Query + Clone> Hybrid<'_, T, Q> {
+    /// Radiance that arrives against a camera ray, one sample of it.
+    pub(crate) fn sample(&self, camera_ray: Ray, pixel: u32, sample: u32) -> Sample {
+        let mut path = Path { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 };
+        let mut ray = camera_ray;
+        let Some(mut hit) = self.closest_hit(&ray) else {
+            return Sample { radiance: self.environment, n_rays: 1 };
+        };
+        for vertex in 0..=self.bounces {
+            let surface = self.surfaces.at(&hit, ray.direction);
+            path.add(surface.emission, 1.0);
+            let (radiance, n_shadow_rays) = direct(self.lights, self.tracer, &mut self.query.clone(), &surface);
+            path.add(radiance, 1.0);
+
+            // Leave along a cosine-sampled direction, whose weight is the albedo.
+            path.throughput = std::array::from_fn(|k| path.throughput[k] * surface.albedo[k]);
+            let square = self.sampler.pair(pixel, sample, FIRST_BOUNCE + vertex);
+            let local = Basis::about(narrow(surface.shading_normal)).direction(cosine_hemisphere(square));
+            ray = surface.leave(surface.outward(local));
+            path.n_rays += n_shadow_rays + 1;
+
+            match self.closest_hit(&ray) {
+                None => {
+                    path.add(self.environment, 1.0);
+                    break;
+                }
+                Some(next) if vertex == self.bounces => path.add(self.environment, self.ambient(&ray, &next)),
+                Some(next) => hit = next,
+            }
+        }
+        Sample { radiance: path.radiance, n_rays: path.n_rays }
+    }
+
+    fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
+        self.tracer.closest_hit(ray, &mut self.query.clone())
+    }
+
+    /// Share of the ambient light that comes through beside an occluder: 0 at contact, near 1 beyond the radius.
+    #[expect(clippy::cast_possible_truncation, reason = "a weight in 0..=1")]
+    fn ambient(&self, ray: &Ray, occluder: &Hit) -> f32 {
+        let distance = f64::from(occluder.t) * length(wide(ray.direction));
+        // 1 - exp(-x), exact for small x.
+        -(-distance / self.ao_radius).exp_m1() as f32
+    }
+}
+
+struct Path {
+    radiance: [f32; 3],
+    throughput: [f32; 3],
+    n_rays: u64,
+}
+
+impl Path {
+    fn add(&mut self, radiance: [f32; 3], weight: f32) {
+        self.radiance = std::array::from_fn(|k| self.radiance[k] + self.throughput[k] * radiance[k] * weight);
+    }
+}

@@ -1,0 +1,134 @@
+use std::ffi::OsString;
+use std::fmt;
+use std::fs::{self, File};
+use std::io::{self, Cursor, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use exr::prelude::{
+    Blocks, Compression, Encoding, Image, Layer, LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage,
+};
+use image::ImageEncoder;
+use image::codecs::png::PngEncoder;
+
+use crate::{Picture, srgb};
+
+/// Writes `picture` as an 8-bit RGB PNG: clamped to 0..=1, encoded by the sRGB curve, rounded to the nearest byte.
+///
+/// The file appears whole or not at all.
+///
+/// # Errors
+/// [`WritePictureError`] with the file and the reason.
+pub fn write_png(path: &Path, picture: &Picture) -> Result<(), WritePictureError> {
+    let bytes: Vec<u8> = picture.pixels.iter().flatten().map(|&x| srgb::encode(x)).collect();
+    let mut file = Vec::new();
+    PngEncoder::new(&mut file)
+        .write_image(&bytes, picture.width, picture.height, image::ExtendedColorType::Rgb8)
+        .map_err(|error| WritePictureError::new(path, error))?;
+    write_whole(path, &file)
+}
+
+/// Writes `picture` as an EXR of three `f32` channels, linear RGB, losslessly compressed.
+///
+/// Negative zero is written as zero and every NaN with one bit pattern, so that equal pictures are equal files. The
+/// file appears whole or not at all.
+///
+/// # Errors
+/// [`WritePictureError`] with the file and the reason.
+pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), WritePictureError> {
+    let size = Vec2(picture.width as usize, picture.height as usize);
+    let pixel = |position: Vec2<usize>| {
+        let [r, g, b] = picture.pixels[position.1 * size.0 + position.0].map(canonical);
+        (r, g, b)
+    };
+    // Lines in order, so that the file does not depend on threads.
+    let encoding =
+        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let layer = Layer::new(size, LayerAttributes::default(), encoding, SpecificChannels::rgb(pixel));
+    let mut file = Cursor::new(Vec::new());
+    Image::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_buffered(&mut file)
+        .map_err(|error| WritePictureError::new(path, error))?;
+    write_whole(path, file.get_ref())
+}
+
+/// `x` with one bit pattern for zero and one for all NaN.
+fn canonical(x: f32) -> f32 {
+    if x.is_nan() {
+        f32::NAN
+    } else {
+        // -0 + 0 is +0; any other number is itself.
+        x + 0.0
+    }
+}
+
+/// Writes a temporary file beside `path` and renames it; leaves nothing behind on failure.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WritePictureError> {
+    let temporary = temporary_beside(path);
+    let write = || {
+        let mut file = File::create_new(&temporary)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&temporary, path)
+    };
+    write().map_err(|error: io::Error| {
+        // A file of that name that was there before is not ours to remove. Failure to remove is less than the failure
+        // being reported.
+        if error.kind() != io::ErrorKind::AlreadyExists {
+            let _ = fs::remove_file(&temporary);
+        }
+        WritePictureError::new(path, error)
+    })
+}
+
+/// A name in the folder of `path` that no other call uses, here or in another process.
+fn temporary_beside(path: &Path) -> PathBuf {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let mut name = OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{}.{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
+    path.with_file_name(name)
+}
+
+/// Why a picture was not written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WritePictureError {
+    path: PathBuf,
+    reason: String,
+}
+
+impl WritePictureError {
+    fn new(path: &Path, reason: impl fmt::Display) -> Self {
+        Self { path: path.to_owned(), reason: reason.to_string() }
+    }
+
+    /// The file that was to be written.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl fmt::Display for WritePictureError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "cannot write {}: {}", self.path.display(), self.reason)
+    }
+}
+
+impl std::error::Error for WritePictureError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zero_and_nan_have_one_bit_pattern() {
+        assert_eq!(canonical(-0.0).to_bits(), 0);
+        assert_eq!(canonical(f32::from_bits(0xffc0_1234)).to_bits(), f32::NAN.to_bits());
+        for x in [1.0, -1.0, f32::MIN_POSITIVE / 2.0, f32::INFINITY] {
+            assert_eq!(canonical(x).to_bits(), x.to_bits());
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! What an instance does to normals, and how far off its surfaces new rays start.
+//!
+//! # The offset
+//!
+//! A ray that leaves a surface must not meet it again through rounding. Let `u = 2⁻²⁴`, `ρ` the greatest absolute
+//! vertex coordinate of the mesh, `M` and `T` the linear part and translation of `world_from_object`,
+//! `R_k = ρ·Σ_i |M_ki|` and `W` the greatest `R_k + |T_k|`: no coordinate of the instance in world space is above `W`.
+//! The origin is the hit point, which `f64` knows to a part in 2⁵⁰, moved along the normal and rounded to `f32`: an
+//! error of `u·W` along each axis. Then, along each axis,
+//!
+//! - a tracer with one level has rounded the vertices to world space, `u·W`, and accepts points within
+//!   [`HIT_ERROR`]` · (|o|∞ + ρ∞) <= HIT_ERROR · 2W` of a triangle;
+//! - a tracer with two levels rounds origin and direction to object space. Up to any point of the instance the ray
+//!   moves at most `2ρ` along an object axis, so these are `u·ρ` and `u·2ρ`; it accepts points within
+//!   `HIT_ERROR · 2ρ`. `M` takes the sum to at most `(2·HIT_ERROR + 3u)·R_k` in world space.
+//!
+//! Either way the errors of origin and hit stay within `slack = (2·HIT_ERROR + 4u)·W` along each axis, and within
+//! `slack · (|n_x| + |n_y| + |n_z|)` along a unit normal `n`. A ray that starts that far off the plane of its triangle
+//! and leads away from it meets neither that triangle nor any other of the instance on the plane's far side; that
+//! covers every neighbour over a convex edge.
+//!
+//! Nothing here is a fixed length: the offset scales with the scene, bit for bit under powers of two. What lies
+//! closer to a surface than its offset, be it a coplanar surface of another instance or the far wall of a wedge, is
+//! below what `f32` positions resolve and may be missed or met.
+
+use canted_obb::Affine;
+use canted_trace::HIT_ERROR;
+
+use crate::vector::{Vector, add, cross, scale, wide};
+
+/// Half a unit in the last place of 1.
+const U: f64 = 0.5 * f32::EPSILON as f64;
+
+/// Covers terms of second order: `f64` roundings, and origins that lie above `W` by the offset itself, all below 2⁻¹⁶.
+const ROOM: f64 = 1.0 + 1.0 / 1024.0;
+
+/// One instance, prepared for shading.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placement {
+    /// Columns of the cofactor matrix, which takes object normals to world normals but for length and sign.
+    cofactor: [Vector; 3],
+    /// Error along each world axis between the plane of a triangle and a ray that leaves it.
+    slack: f64,
+}
+
+impl Placement {
+    /// Prepares a mesh whose greatest absolute coordinate is `reach_object`, placed by an invertible map.
+    pub(crate) fn new(world_from_object: &Affine, reach_object: f32) -> Self {
+        let [x, y, z, shift] = world_from_object.columns.map(wide);
+        let reach_world = (0..3)
+            .map(|k| f64::from(reach_object) * (x[k].abs() + y[k].abs() + z[k].abs()) + shift[k].abs())
+            .fold(0.0, f64::max);
+        Self {
+            cofactor: [cross(y, z), cross(z, x), cross(x, y)],
+            // The last term is for subnormal numbers, whose rounding is absolute.
+            slack: ROOM * (2.0 * f64::from(HIT_ERROR) + 4.0 * U) * reach_world + f64::from(f32::MIN_POSITIVE),
+        }
+    }
+
+    /// World-space direction perpendicular to the image of a plane with normal `normal_object`; any length, either
+    /// side. The inverse transpose would give the same direction; cofactors need no division.
+    pub(crate) fn normal_world(&self, normal_object: Vector) -> Vector {
+        let [x, y, z] = normal_object;
+        add(scale(self.cofactor[0], x), add(scale(self.cofactor[1], y), scale(self.cofactor[2], z)))
+    }
+
+    /// Distance that new rays keep off a surface with this unit normal, in world units.
+    pub(crate) fn offset(&self, normal_world: Vector) -> f64 {
+        self.slack * normal_world.iter().map(|x| x.abs()).sum::<f64>()
+    }
+}

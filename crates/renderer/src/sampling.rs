@@ -1,0 +1,65 @@
+//! Directions over the hemisphere about a unit normal, with their densities.
+//!
+//! Densities are per steradian, after the rendering equation `L = ∫ (ρ/π)·L_i·cosθ dω`: with the cosine density
+//! `cosθ/π` the weight of a sample is `ρ`, with the uniform density `1/(2π)` it is `2ρ·cosθ`.
+
+use std::f32::consts::{PI, TAU};
+
+/// A right-handed orthonormal frame whose third axis is a given normal.
+#[derive(Clone, Copy, Debug)]
+pub struct Basis {
+    axes: [[f32; 3]; 3],
+}
+
+impl Basis {
+    /// Frame about a unit `normal`, without branches, continuous but across `z = 0`; after Duff et al. 2017,
+    /// *Building an Orthonormal Basis, Revisited*.
+    #[must_use]
+    pub fn about(normal: [f32; 3]) -> Self {
+        let [x, y, z] = normal;
+        let sign = 1.0_f32.copysign(z);
+        // At least 1 in absolute value for either sign, so the quotient is tame.
+        let a = -1.0 / (sign + z);
+        let b = x * y * a;
+        Self { axes: [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y], normal] }
+    }
+
+    /// A direction given along the three axes.
+    #[must_use]
+    pub fn direction(&self, local: [f32; 3]) -> [f32; 3] {
+        let [t, b, n] = &self.axes;
+        std::array::from_fn(|k| local[0] * t[k] + local[1] * b[k] + local[2] * n[k])
+    }
+}
+
+/// A direction about +z with density `cosθ/π`, from a point of the unit square; never in the horizon's plane.
+#[must_use]
+pub fn cosine_hemisphere(square: [f32; 2]) -> [f32; 3] {
+    // The point's projection is uniform in the disc; 1 - ξ is at least 2⁻²⁴ for the sampler's numbers.
+    ring((1.0 - square[0]).sqrt(), square[0].sqrt(), square[1])
+}
+
+/// Density of [`cosine_hemisphere`] at a polar cosine.
+#[must_use]
+pub fn cosine_density(cosine: f32) -> f32 {
+    cosine.max(0.0) / PI
+}
+
+/// A direction about +z with density `1/(2π)`, from a point of the unit square; never in the horizon's plane.
+#[must_use]
+pub fn uniform_hemisphere(square: [f32; 2]) -> [f32; 3] {
+    let cosine = 1.0 - square[0];
+    // (1 - c)(1 + c) keeps its digits near the pole, 1 - c² does not.
+    ring(cosine, (square[0] * (1.0 + cosine)).sqrt(), square[1])
+}
+
+/// Density of [`uniform_hemisphere`] at a polar cosine.
+#[must_use]
+pub fn uniform_density(cosine: f32) -> f32 {
+    if cosine >= 0.0 { 1.0 / TAU } else { 0.0 }
+}
+
+fn ring(cosine: f32, sine: f32, turn: f32) -> [f32; 3] {
+    let (s, c) = (TAU * turn).sin_cos();
+    [sine * c, sine * s, cosine]
+}

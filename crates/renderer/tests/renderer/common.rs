@@ -1,0 +1,223 @@
+//! Small scenes, and a tracer that tries every triangle.
+
+use std::sync::atomic::AtomicBool;
+
+use canted_obb::{Affine, PrimId};
+use canted_renderer::{Film, Settings, Tracer, render};
+use canted_scene::{Camera, Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
+use canted_trace::{Hit, InstanceId, Query, Ray, Side};
+
+pub(crate) type Vector = [f64; 3];
+
+pub(crate) fn sub(a: Vector, b: Vector) -> Vector {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(crate) fn cross(a: Vector, b: Vector) -> Vector {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(crate) fn unit(a: Vector) -> Vector {
+    a.map(|x| x / dot(a, a).sqrt())
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+pub(crate) fn narrow(v: Vector) -> [f32; 3] {
+    v.map(|x| x as f32)
+}
+
+/// Tries every triangle of every instance, in object space, in `f64`, edges included.
+///
+/// The ray is rounded to `f32` in object space, as a tracer's is.
+pub(crate) struct BruteForce<'a> {
+    scene: &'a Scene,
+    /// Rows of the inverse linear parts.
+    inverses: Vec<[Vector; 3]>,
+}
+
+impl<'a> BruteForce<'a> {
+    pub(crate) fn new(scene: &'a Scene) -> Self {
+        let inverse = |instance: &Instance| {
+            let [a, b, c, _] = instance.world_from_object.columns.map(|column| column.map(f64::from));
+            let determinant = dot(a, cross(b, c));
+            [cross(b, c), cross(c, a), cross(a, b)].map(|row| row.map(|x| x / determinant))
+        };
+        Self { scene, inverses: scene.instances.iter().map(inverse).collect() }
+    }
+
+    fn each_hit(&self, ray: &Ray, query: &mut impl Query, mut found: impl FnMut(Hit)) {
+        for (i, instance) in self.scene.instances.iter().enumerate() {
+            let shift = instance.world_from_object.columns[3].map(f64::from);
+            let carried = |v: Vector| narrow(self.inverses[i].map(|row| dot(row, v))).map(f64::from);
+            let origin = carried(sub(ray.origin.map(f64::from), shift));
+            let direction = carried(ray.direction.map(f64::from));
+            let mesh = &self.scene.meshes[instance.mesh.0 as usize];
+            query.boxes(1);
+            query.triangles(u32::try_from(mesh.triangles.len()).unwrap());
+            for (primitive, triangle) in (0..).zip(&mesh.triangles) {
+                let corners = triangle.map(|v| mesh.positions[v as usize].map(f64::from));
+                let Some((t, u, v, side)) = meet(origin, direction, corners) else { continue };
+                #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+                let (t, u, v) = (t as f32, u as f32, v as f32);
+                let hit = Hit {
+                    t,
+                    u,
+                    v,
+                    primitive: PrimId(primitive),
+                    instance: InstanceId(u32::try_from(i).unwrap()),
+                    side,
+                };
+                if ray.t_min <= t && t <= ray.t_max && query.accepts(&hit) {
+                    found(hit);
+                }
+            }
+        }
+    }
+}
+
+/// Möller and Trumbore in `f64`, closed edges, both sides.
+fn meet(origin: Vector, direction: Vector, [v0, v1, v2]: [Vector; 3]) -> Option<(f64, f64, f64, Side)> {
+    let (e1, e2) = (sub(v1, v0), sub(v2, v0));
+    let p = cross(direction, e2);
+    let determinant = dot(p, e1);
+    if determinant == 0.0 {
+        return None;
+    }
+    let from_v0 = sub(origin, v0);
+    let u = dot(p, from_v0) / determinant;
+    let q = cross(from_v0, e1);
+    let v = dot(q, direction) / determinant;
+    let t = dot(q, e2) / determinant;
+    let side = if determinant > 0.0 { Side::Front } else { Side::Back };
+    // A few roundings of f64 beyond the edges: neighbours overlap, nothing slips between them.
+    const EDGE: f64 = 1e-12;
+    (u >= -EDGE && v >= -EDGE && u + v <= 1.0 + EDGE && t >= 0.0).then_some((t, u, v, side))
+}
+
+impl Tracer for BruteForce<'_> {
+    fn closest_hit<Q: Query>(&self, ray: &Ray, query: &mut Q) -> Option<Hit> {
+        let mut closest: Option<Hit> = None;
+        self.each_hit(ray, query, |hit| {
+            if closest.is_none_or(|known| hit.before(&known)) {
+                closest = Some(hit);
+            }
+        });
+        closest
+    }
+
+    fn occluded<Q: Query>(&self, ray: &Ray, query: &mut Q) -> bool {
+        let mut any = false;
+        self.each_hit(ray, query, |_| any = true);
+        any
+    }
+}
+
+pub(crate) fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, material: u32) -> Mesh {
+    let parts = vec![Part { first_triangle: 0, material: MaterialId(material) }];
+    Mesh { positions, triangles, parts, ..Mesh::default() }
+}
+
+/// A parallelogram whose front looks along `a x b`.
+pub(crate) fn parallelogram(corner: [f32; 3], a: [f32; 3], b: [f32; 3], material: u32) -> Mesh {
+    let at = |s: f32, t: f32| std::array::from_fn(|k| corner[k] + s * a[k] + t * b[k]);
+    mesh(vec![at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)], vec![[0, 1, 2], [0, 2, 3]], material)
+}
+
+/// A square of half-side `half` in the plane y = `height`, front up.
+pub(crate) fn floor(half: f32, height: f32, material: u32) -> Mesh {
+    parallelogram([-half, height, -half], [0.0, 0.0, 2.0 * half], [2.0 * half, 0.0, 0.0], material)
+}
+
+/// A box with its fronts outside.
+pub(crate) fn cuboid(min: [f32; 3], max: [f32; 3], material: u32) -> Mesh {
+    let corner = |i: usize| std::array::from_fn(|k| if i >> k & 1 == 1 { max[k] } else { min[k] });
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    mesh((0..8).map(corner).collect(), triangles, material)
+}
+
+/// A sphere of triangles, fronts outside: an octahedron whose triangles are cut in four `level` times.
+pub(crate) fn sphere(center: [f32; 3], radius: f32, level: u32, material: u32) -> Mesh {
+    let mut faces: Vec<[Vector; 3]> = (0..8)
+        .map(|octant| {
+            let s = |k: u32| if octant >> k & 1 == 1 { -1.0 } else { 1.0 };
+            let (x, y, z) = ([s(0), 0.0, 0.0], [0.0, s(1), 0.0], [0.0, 0.0, s(2)]);
+            if s(0) * s(1) * s(2) > 0.0 { [x, y, z] } else { [y, x, z] }
+        })
+        .collect();
+    for _ in 0..level {
+        let middle = |a: Vector, b: Vector| unit(std::array::from_fn(|k| a[k] + b[k]));
+        faces = faces
+            .iter()
+            .flat_map(|&[a, b, c]| {
+                let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+            })
+            .collect();
+    }
+    // Equal points are equal bits, as the middle of an edge does not depend on its direction.
+    let mut positions: Vec<[f32; 3]> = Vec::new();
+    let mut known = std::collections::HashMap::new();
+    let triangles = faces
+        .iter()
+        .map(|face| {
+            face.map(|v| {
+                let p = narrow(std::array::from_fn(|k| f64::from(center[k]) + f64::from(radius) * v[k]));
+                // Adding zero joins the two zeros.
+                *known.entry(p.map(|x| (x + 0.0).to_bits())).or_insert_with(|| {
+                    positions.push(p);
+                    u32::try_from(positions.len() - 1).unwrap()
+                })
+            })
+        })
+        .collect();
+    mesh(positions, triangles, material)
+}
+
+/// The mesh with its fronts on the other side.
+pub(crate) fn inside_out(mut mesh: Mesh) -> Mesh {
+    for triangle in &mut mesh.triangles {
+        triangle.swap(1, 2);
+    }
+    mesh
+}
+
+pub(crate) fn grey(albedo: f32) -> Material {
+    Material { albedo: [albedo; 3], ..Material::default() }
+}
+
+pub(crate) fn place(mesh: u32, world_from_object: Affine) -> Instance {
+    Instance { mesh: MeshId(mesh), world_from_object, first_primitive: 0 }
+}
+
+/// Meshes where they are, without lights or sky.
+pub(crate) fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
+    let instances = (0..u32::try_from(meshes.len()).unwrap()).map(|i| place(i, Affine::IDENTITY)).collect();
+    Scene { meshes, instances, materials, environment: Some([0.0; 3]), ..Scene::default() }
+}
+
+pub(crate) fn camera(eye: [f32; 3], target: [f32; 3], fov_degrees: f32) -> Camera {
+    // Any direction off the view will do for up.
+    let view = unit(sub(target.map(f64::from), eye.map(f64::from)));
+    let up = if view[1].abs() < 0.9 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, -1.0] };
+    Camera { eye, target, up, fov_degrees }
+}
+
+/// A small picture without ambient fill.
+pub(crate) fn settings(width: u32, height: u32, samples: u32, bounces: u32) -> Settings {
+    Settings { width, height, samples, bounces, ao_radius: Some(f32::INFINITY), ..Settings::default() }
+}
+
+pub(crate) fn film(scene: &Scene, camera: &Camera, settings: &Settings) -> Film {
+    render(scene, &BruteForce::new(scene), camera, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+}
+
+/// Radiance from `target` towards `eye`: one pixel with a field of view of a hundredth of a degree.
+pub(crate) fn probe(scene: &Scene, eye: [f32; 3], target: [f32; 3], settings: Settings) -> Vector {
+    let one = Settings { width: 1, height: 1, ..settings };
+    film(scene, &camera(eye, target, 0.01), &one).pixels()[0].mean()
+}

@@ -1,0 +1,53 @@
+use canted_renderer::{Heatmap, Measure, Surfaces, heatmap};
+use canted_scene::Scene;
+use canted_trace::Counts;
+
+use crate::common::{BruteForce, camera, floor, grey, scene, sphere};
+
+/// Brute force makes one box test an instance and tests every triangle: counts are known beforehand.
+fn known() -> Scene {
+    scene(vec![floor(1.0, 0.0, 0), sphere([0.0; 3], 0.5, 1, 0)], vec![grey(0.5)])
+}
+
+fn draw(size: [u32; 2], measure: Measure, full_scale: u32) -> Heatmap {
+    let scene = known();
+    let view = camera([1.0, 2.0, 3.0], [0.0; 3], 40.0);
+    heatmap(&Surfaces::new(&scene), &BruteForce::new(&scene), &view, size, measure, full_scale).unwrap()
+}
+
+#[test]
+fn sums_and_means_equal_the_counters() {
+    let map = draw([20, 10], Measure::Boxes, 128);
+    assert_eq!(map.counts.len(), 200);
+    assert!(map.counts.iter().all(|counts| *counts == Counts { boxes: 2, triangles: 34 }));
+    assert_eq!(map.total(), Counts { boxes: 400, triangles: 6800 });
+    assert_eq!(map.mean(), [2.0, 34.0]);
+}
+
+#[test]
+fn colours_follow_the_fixed_scale() {
+    // Too small for a legend: every pixel shows its count.
+    let color = |measure, full_scale| {
+        let picture = draw([8, 8], measure, full_scale).picture;
+        assert!(picture.pixels.iter().all(|pixel| *pixel == picture.pixels[0]));
+        picture.pixels[0]
+    };
+    assert_eq!(color(Measure::Boxes, 4), color(Measure::Triangles, 68), "half scale either way");
+    assert_ne!(color(Measure::Boxes, 4), color(Measure::Triangles, 4));
+    assert_eq!(color(Measure::Triangles, 34), color(Measure::Triangles, 1), "full scale and above");
+}
+
+#[test]
+fn the_legend_covers_the_lower_left_corner_alone() {
+    let (plain, width, height) = (draw([8, 8], Measure::Boxes, 4).picture.pixels[0], 320, 180);
+    let picture = draw([width, height], Measure::Boxes, 4).picture;
+    assert_eq!((picture.width, picture.height), (width, height));
+    let covered = |x, y| picture.pixels[picture.index(x, y)] != plain;
+    assert!(covered(0, height - 1));
+    assert!((0..height).all(|y| (160..width).all(|x| !covered(x, y))));
+    assert!((0..90).all(|y| (0..width).all(|x| !covered(x, y))));
+    // The numbers are drawn in white, and the bar holds both ends of the scale.
+    let has = |color: [f32; 3]| picture.pixels.contains(&color);
+    let end = |full_scale| draw([8, 8], Measure::Triangles, full_scale).picture.pixels[0];
+    assert!(has([1.0; 3]) && has(end(1)) && has(end(u32::MAX)) || has([1.0; 3]) && has(end(1)));
+}

@@ -1,0 +1,121 @@
+//! Direct light and its shadows, bounces, and how errors fall.
+
+use std::f64::consts::PI;
+
+use canted_renderer::{Pattern, Settings};
+use canted_scene::{Light, Material};
+
+use crate::common::{camera, cuboid, film, floor, grey, parallelogram, probe, scene, settings};
+
+/// Relative error of a radiance in `f32`: a dozen roundings, and a pixel a hundredth of a degree wide.
+const PROBE_ERROR: f64 = 1e-3;
+
+fn near(value: f64, expected: f64) -> bool {
+    (value - expected).abs() <= PROBE_ERROR * expected
+}
+
+#[test]
+fn a_point_light_gives_the_inverse_square_and_cosine() {
+    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
+    let height = 3.0;
+    plane.lights = vec![Light::Point { position: [0.0, 3.0, 0.0], intensity: [10.0, 20.0, 40.0] }];
+    for x in [0.0_f32, 1.0, 4.0, 30.0] {
+        let radiance = probe(&plane, [x, 5.0, 5.0], [x, 0.0, 0.0], settings(1, 1, 4, 0));
+        let square = f64::from(x).powi(2) + height * height;
+        let irradiance = 10.0 * height / square.powf(1.5);
+        for (k, factor) in [1.0, 2.0, 4.0].into_iter().enumerate() {
+            assert!(near(radiance[k], factor * irradiance * 0.5 / PI), "x {x}: {radiance:?}");
+        }
+    }
+}
+
+#[test]
+fn a_sun_gives_its_irradiance_times_the_cosine() {
+    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
+    for (direction, cosine) in [([0.0, -1.0, 0.0], 1.0), ([0.6, -0.8, 0.0], 0.8), ([0.0, 0.8, 0.6], 0.0)] {
+        plane.lights = vec![Light::Sun { direction, irradiance: [std::f32::consts::PI; 3] }];
+        let radiance = probe(&plane, [0.0, 5.0, 5.0], [0.0; 3], settings(1, 1, 4, 0));
+        assert!(near(radiance[0], 0.5 * cosine), "{direction:?}: {radiance:?}");
+    }
+}
+
+#[test]
+fn light_does_not_pass_to_the_side_that_faces_away() {
+    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
+    plane.lights = vec![
+        Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [1.0; 3] },
+        Light::Point { position: [0.0, 2.0, 0.0], intensity: [1.0; 3] },
+    ];
+    assert_eq!(probe(&plane, [0.0, -5.0, 5.0], [0.0; 3], settings(1, 1, 4, 0)), [0.0; 3]);
+}
+
+/// A screen ends at x = 1 under a light at height 4: its shadow ends where the line through both meets the floor.
+#[test]
+fn the_shadow_ends_where_the_edge_projects() {
+    let screen = parallelogram([-50.0, 1.0, -50.0], [51.0, 0.0, 0.0], [0.0, 0.0, 100.0], 0);
+    let mut stage = scene(vec![floor(100.0, 0.0, 0), screen], vec![grey(0.5)]);
+    let lit = |stage: &canted_scene::Scene, x: f64| {
+        #[expect(clippy::cast_possible_truncation, reason = "a place on the floor")]
+        let x = x as f32;
+        // The eye is below the screen's height, so that the screen never hides the floor.
+        probe(stage, [x, 0.5, 0.5], [x, 0.0, 0.0], settings(1, 1, 1, 0))[0] > 0.0
+    };
+    stage.lights = vec![Light::Point { position: [0.0, 4.0, 0.0], intensity: [10.0; 3] }];
+    let edge = 4.0 / 3.0;
+    assert!(!lit(&stage, edge - 1e-3) && lit(&stage, edge + 1e-3));
+    // A sun along (1, -1, 0) carries the edge by the screen's height.
+    let slant = std::f32::consts::FRAC_1_SQRT_2;
+    stage.lights = vec![Light::Sun { direction: [slant, -slant, 0.0], irradiance: [1.0; 3] }];
+    assert!(!lit(&stage, 2.0 - 1e-3) && lit(&stage, 2.0 + 1e-3));
+}
+
+/// A light in the plane of a ceiling is not shaded by it, and a light behind a wall is.
+#[test]
+fn shadow_rays_stop_short_of_the_light() {
+    let mut room = scene(vec![cuboid([-5.0, 0.0, -5.0], [5.0, 4.0, 5.0], 0)], vec![grey(0.5)]);
+    for (height, is_lit) in [(3.999_99, true), (4.0, true), (4.001, false)] {
+        room.lights = vec![Light::Point { position: [0.3, height, 0.2], intensity: [10.0; 3] }];
+        let radiance = probe(&room, [1.0, 1.0, 1.0], [0.1, 0.0, 0.0], settings(1, 1, 1, 0));
+        assert_eq!(radiance[0] > 0.0, is_lit, "light at height {height}");
+    }
+}
+
+/// One bounce off a red wall that the sun lights reddens a white floor in the shade.
+#[test]
+fn colour_bleeds() {
+    let red = Material { albedo: [0.8, 0.1, 0.1], ..Material::default() };
+    // The wall at x = 0 looks along +x; the roof keeps the sun off the floor near it.
+    let wall = parallelogram([0.0, 0.0, -20.0], [0.0, 10.0, 0.0], [0.0, 0.0, 40.0], 1);
+    let roof = parallelogram([0.5, 10.0, -20.0], [20.0, 0.0, 0.0], [0.0, 0.0, 40.0], 0);
+    let mut court = scene(vec![floor(100.0, 0.0, 0), wall, roof], vec![grey(0.8), red]);
+    court.lights = vec![Light::Sun { direction: [-0.1, -0.995, 0.0], irradiance: [3.0; 3] }];
+    let shaded = |bounces| probe(&court, [3.0, 2.0, 4.0], [3.0, 0.0, 0.0], settings(1, 1, 256, bounces));
+    assert_eq!(shaded(0), [0.0; 3]);
+    let [r, g, b] = shaded(1);
+    // All light of one bounce comes off the wall or the sunlit floor far away; the wall's share is red.
+    assert!(r > 1.2 * g && g > 0.0 && g == b, "{r} {g} {b}");
+}
+
+/// The error of the mean falls as `1/√n` for independent samples: four times the samples, half the error.
+#[test]
+fn errors_fall_with_the_root_of_the_samples() {
+    let mut room = scene(
+        vec![cuboid([-2.0, 0.0, -2.0], [2.0, 3.0, 2.0], 0), cuboid([-0.5, 0.0, -0.5], [0.5, 1.0, 0.5], 0)],
+        vec![grey(0.7)],
+    );
+    room.lights = vec![Light::Point { position: [1.5, 2.5, 1.5], intensity: [10.0; 3] }];
+    let view = camera([-1.5, 2.0, 1.0], [-1.0, 0.0, 0.0], 20.0);
+    let pixels = |samples, seed, pattern| {
+        let film = film(&room, &view, &Settings { seed, pattern, ..settings(12, 12, samples, 2) });
+        film.pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<_>>()
+    };
+    // Two independent pictures differ by √2 times the error of one.
+    let error = |samples, pattern| {
+        let (a, b) = (pixels(samples, 1, pattern), pixels(samples, 2, pattern));
+        (a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 288.0).sqrt()
+    };
+    let (few, many) = (error(16, Pattern::Random), error(64, Pattern::Random));
+    // 144 pixels know a standard deviation to 1/√288 = 6 %; the ratio of two to 8 %. Four of those about 2.
+    assert!((few / many / 2.0 - 1.0).abs() < 0.34, "{few} {many}");
+    assert!(error(16, Pattern::Stratified) < few);
+}

@@ -1,0 +1,14 @@
+//! The renderer against closed forms, quadrature and brute force. One binary, a file a station.
+
+mod camera;
+mod common;
+mod files;
+mod furnace;
+mod heatmap;
+mod lighting;
+mod occlusion;
+mod offset;
+mod render;
+mod sampler;
+mod sampling;
+mod surface;

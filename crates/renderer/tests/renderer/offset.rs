@@ -1,0 +1,135 @@
+//! New rays start off the surface they leave: no acne, no leak, at every scale and far from the origin.
+
+use canted_obb::Affine;
+use canted_renderer::{Surfaces, Tracer};
+use canted_scene::{Material, Mesh, Scene};
+use canted_trace::{Hit, Ray};
+
+use crate::common::{
+    BruteForce, Vector, camera, dot, film, grey, inside_out, narrow, place, scene, settings, sphere, sub,
+};
+
+/// Powers of two take every computation along exactly; powers of ten do not.
+const SCALES: [f32; 7] = [1e-3, 0.037, 1.0, 7.7, 1e3, 1e-20, 1e15];
+
+/// A body at scale `s` about `center`, and where a camera stands that sees only it.
+fn placed(body: &Mesh, s: f32, center: [f32; 3]) -> (Mesh, [f32; 3]) {
+    let moved = |p: [f32; 3]| narrow(std::array::from_fn(|k| f64::from(center[k]) + f64::from(s) * f64::from(p[k])));
+    let mut body = body.clone();
+    for position in &mut body.positions {
+        *position = moved(*position);
+    }
+    (body, moved([2.0, 3.0, 4.0]))
+}
+
+fn centers(s: f32) -> [[f32; 3]; 3] {
+    [[0.0; 3], [3.0 * s, -50.0 * s, 20.0 * s], [1000.0 * s, 700.0 * s, -400.0 * s]]
+}
+
+#[test]
+fn no_acne_on_convex_bodies_at_any_scale_or_place() {
+    for s in SCALES {
+        for center in centers(s) {
+            let (body, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
+            let mut furnace = scene(vec![body], vec![grey(0.5)]);
+            furnace.environment = Some([1.0; 3]);
+            let film = film(&furnace, &camera(eye, center, 15.0), &settings(12, 12, 6, 1));
+            assert!(film.pixels().iter().all(|pixel| pixel.mean() == [0.5; 3]), "scale {s} at {center:?}");
+        }
+    }
+}
+
+#[test]
+fn no_leak_out_of_closed_bodies_at_any_scale_or_place() {
+    let glowing = Material { emission: [1.0; 3], ..grey(0.5) };
+    for s in SCALES {
+        for center in centers(s) {
+            let (body, _) = placed(&inside_out(sphere([0.0; 3], 1.0, 3, 0)), s, center);
+            let mut room = scene(vec![body], vec![glowing.clone()]);
+            room.environment = Some([100.0; 3]);
+            let target = std::array::from_fn(|k| center[k] + [0.3, -0.1, 0.2][k] * s);
+            let film = film(&room, &camera(center, target, 100.0), &settings(12, 12, 6, 2));
+            assert!(film.pixels().iter().all(|pixel| pixel.mean() == [1.75; 3]), "scale {s} at {center:?}");
+        }
+    }
+}
+
+/// Rays onto a body, the surface they meet, and what the tracer answers.
+fn surfaces_of(
+    scene: &Scene,
+    eye: [f32; 3],
+    center: [f32; 3],
+    mut check: impl FnMut(&Ray, &Hit, &canted_renderer::Surface),
+) {
+    let (tracer, surfaces) = (BruteForce::new(scene), Surfaces::new(scene));
+    let view = canted_renderer::View::new(&camera(eye, center, 15.0), 16, 16).unwrap();
+    for i in 0..256_u32 {
+        let ray = view.ray([f64::from(i % 16) + 0.3, f64::from(i / 16) + 0.7]);
+        let hit = tracer.closest_hit(&ray, &mut ()).unwrap();
+        check(&ray, &hit, &surfaces.at(&hit, ray.direction));
+    }
+}
+
+/// The start of a new ray, as rounded to `f32`, keeps at least twice `HIT_ERROR` of the reach off the plane along each
+/// axis, and not much more than the bound, 44 units of rounding.
+#[test]
+fn origins_keep_their_distance_and_no_more() {
+    for s in SCALES {
+        for center in centers(s) {
+            let (body, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
+            let scene = scene(vec![body], vec![grey(0.5)]);
+            let reach = f64::from(scene.bounds_world().reach());
+            surfaces_of(&scene, eye, center, |_, hit, surface| {
+                let corner = scene.meshes[0].positions[scene.meshes[0].triangles[hit.primitive.index()][0] as usize];
+                let height = |p: [f32; 3]| dot(surface.normal, sub(p.map(f64::from), corner.map(f64::from)));
+                let unit_of_rounding = 0.5 * f64::from(f32::EPSILON) * reach;
+                for direction in [narrow(surface.normal), narrow(surface.normal.map(|x| -x))] {
+                    let side = dot(surface.normal, direction.map(f64::from)).signum();
+                    let height = side * height(surface.leave(direction).origin);
+                    let axes: f64 = surface.normal.iter().map(|x| x.abs()).sum();
+                    let roundings = height / (unit_of_rounding * axes);
+                    assert!((40.0..46.0).contains(&roundings), "scale {s} at {center:?}: {roundings}");
+                }
+            });
+        }
+    }
+}
+
+/// The sabotage of the two tests above: rays from the rounded hit point itself do meet the body again.
+#[test]
+fn without_the_offset_there_is_acne() {
+    let center = [1000.0, 700.0, -400.0];
+    let (body, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), 1.0, center);
+    let scene = scene(vec![body], vec![grey(0.5)]);
+    let tracer = BruteForce::new(&scene);
+    let mut n_met = 0;
+    surfaces_of(&scene, eye, center, |_, _, surface| {
+        let bare = Ray::new(narrow(surface.position), narrow(surface.normal));
+        n_met += u32::from(tracer.occluded(&bare, &mut ()));
+        assert!(!tracer.occluded(&surface.leave(narrow(surface.normal)), &mut ()));
+    });
+    assert!(n_met > 32, "{n_met} of 256");
+}
+
+/// Instances far off, stretched and sheared: the offset covers the way to object space and back.
+#[test]
+fn no_acne_on_instances_far_from_the_origin() {
+    let turned: Vector = [0.36, 0.48, -0.8];
+    for (stretch, shift) in [(1.0, 1e4), (1e-3, 10.0), (1e3, 1e6), (50.0, -3e5)] {
+        let world_from_object = Affine {
+            columns: [
+                narrow(turned.map(|x| x * stretch)),
+                narrow([0.8 * stretch, -0.6 * stretch, 0.1 * stretch]),
+                narrow([0.0, 0.3 * stretch, 2.0 * stretch]),
+                narrow([shift, 0.3 * shift, -0.7 * shift]),
+            ],
+        };
+        let mut furnace: Scene = scene(vec![sphere([0.0; 3], 1.0, 3, 0)], vec![grey(0.5)]);
+        furnace.instances = vec![place(0, world_from_object)];
+        furnace.environment = Some([1.0; 3]);
+        let center = world_from_object.columns[3];
+        let eye = world_from_object.point([2.0, 3.0, 4.0]);
+        let film = film(&furnace, &camera(eye, center, 4.0), &settings(12, 12, 6, 1));
+        assert!(film.pixels().iter().all(|pixel| pixel.mean() == [0.5; 3]), "stretch {stretch} shift {shift}");
+    }
+}

@@ -1,0 +1,143 @@
+//! What a hit becomes: point, normals, colours.
+
+use canted_obb::{Affine, PrimId};
+use canted_renderer::{Masked, Surface, Surfaces, Tracer};
+use canted_scene::{Material, Mesh, Scene, Texture, TextureId, Wrap};
+use canted_trace::{Counts, Hit, InstanceId, Ray, Side};
+
+use crate::common::{BruteForce, Vector, cross, dot, grey, mesh, place, scene, sub, unit};
+
+const TRIANGLE: [[f32; 3]; 3] = [[1.0, 2.0, -1.0], [4.0, 2.5, 0.5], [0.5, 3.0, 5.0]];
+const MAPS: [[[f32; 3]; 4]; 3] = [
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]],
+    [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [5.0, -2.0, 1.0]],
+    [[2.0, 0.3, -0.5], [1.5, -0.25, 0.0], [0.0, 4.0, 1e-3], [-7.0, 100.0, 1.0]],
+];
+
+fn hit(u: f32, v: f32) -> Hit {
+    Hit { t: 1.0, u, v, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front }
+}
+
+fn one_triangle(columns: [[f32; 3]; 4], normals: Option<Vec<[f32; 3]>>) -> Scene {
+    let triangle = Mesh { normals, ..mesh(TRIANGLE.to_vec(), vec![[0, 1, 2]], 0) };
+    let mut scene = scene(vec![triangle], vec![grey(0.5)]);
+    scene.instances = vec![place(0, Affine { columns })];
+    scene
+}
+
+/// Two vectors that differ by `f64` rounding: sums of a dozen terms of like size.
+fn close(a: Vector, b: Vector, magnitude: f64) -> bool {
+    (0..3).all(|k| (a[k] - b[k]).abs() <= 64.0 * f64::EPSILON * magnitude)
+}
+
+/// The oracle places the vertices first and shades the triangle in world space, where no normal is ever transformed.
+#[test]
+fn points_and_normals_agree_with_the_baked_triangle() {
+    for columns in MAPS {
+        let scene = one_triangle(columns, None);
+        let map = scene.instances[0].world_from_object;
+        let [a, b, c] = TRIANGLE.map(|p| map.point_f64(p.map(f64::from)));
+        let normal = unit(cross(sub(b, a), sub(c, a)));
+        for direction in [[0.3, -1.0, 0.2], [-0.3, 1.0, -0.2], [1.0, 0.0, 0.0]] {
+            let surface = Surfaces::new(&scene).at(&hit(0.25, 0.5), direction);
+            let point = std::array::from_fn(|k| 0.25 * a[k] + 0.25 * b[k] + 0.5 * c[k]);
+            assert!(close(surface.position, point, 200.0), "{columns:?}");
+            let towards_viewer = if dot(normal, direction.map(f64::from)) < 0.0 { normal } else { normal.map(|x| -x) };
+            assert!(close(surface.normal, towards_viewer, 10.0), "{columns:?}: {:?} {normal:?}", surface.normal);
+            assert_eq!(surface.shading_normal, surface.normal);
+        }
+    }
+}
+
+/// Shading normals stay perpendicular to what they were perpendicular to, under mirrors and shears.
+#[test]
+fn shading_normals_are_carried_by_the_inverse_transpose() {
+    for columns in MAPS {
+        let (n, along) = ([0.0_f32, 0.6, 0.8], [[1.0, 0.0, 0.0], [0.0, 0.8, -0.6]]);
+        let scene = one_triangle(columns, Some(vec![n; 3]));
+        let surface = Surfaces::new(&scene).at(&hit(0.2, 0.3), [0.1, -0.9, -0.4]);
+        for tangent in along {
+            let tangent = unit(scene.instances[0].world_from_object.vector_f64(tangent));
+            // The f32 normal is perpendicular to the tangents to one rounding of f32, amplified by the stretch.
+            let bound = 16.0 * f64::from(f32::EPSILON);
+            assert!(dot(surface.shading_normal, tangent).abs() < bound, "{columns:?}");
+        }
+        assert!(dot(surface.shading_normal, surface.normal) > 0.0);
+    }
+}
+
+#[test]
+fn shading_normals_are_interpolated_and_zero_means_none() {
+    let normals = vec![[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]];
+    let scene = one_triangle(MAPS[0], Some(normals));
+    let surfaces = Surfaces::new(&scene);
+    let at = |u, v| surfaces.at(&hit(u, v), [0.1, -0.9, -0.4]);
+    let halfway = at(0.5, 0.0);
+    let expected = unit([0.0, 0.5, 0.5]);
+    let turned = if dot(expected, halfway.normal) < 0.0 { expected.map(|x| -x) } else { expected };
+    assert!(close(halfway.shading_normal, turned, 1.0));
+    assert_eq!(at(0.0, 1.0).shading_normal, at(0.0, 1.0).normal);
+}
+
+fn surface(normal: Vector, shading_normal: Vector) -> Surface {
+    Surface { position: [0.0; 3], normal, shading_normal, albedo: [0.5; 3], emission: [0.0; 3], offset: 1e-3 }
+}
+
+#[test]
+fn directions_into_the_body_are_mirrored_out_of_it() {
+    let s = surface([0.0, 1.0, 0.0], unit([1.0, 1.0, 0.0]));
+    assert_eq!(s.outward([0.6, 0.8, 0.0]), [0.6, 0.8, 0.0]);
+    assert_eq!(s.outward([0.8, -0.6, 0.0]), [0.8, 0.6, 0.0]);
+}
+
+#[test]
+fn rays_leave_by_the_side_they_point_to_and_stop_short_of_their_target() {
+    let s = surface([0.0, 1.0, 0.0], [0.0, 1.0, 0.0]);
+    assert_eq!(s.leave([0.0, 0.1, 1.0]).origin, [0.0, 1e-3, 0.0]);
+    assert_eq!(s.leave([0.0, -0.1, 1.0]).origin, [0.0, -1e-3, 0.0]);
+    let ray = s.reach([0.0, 2.0, 0.0]).unwrap();
+    let end = ray.at(f64::from(ray.t_max))[1];
+    assert!(end < 2.0 - 0.999e-3 && end > 2.0 - 1.01e-3, "{end}");
+    assert!(s.reach([0.0, 1e-3, 0.0]).is_none() && s.reach([0.0, 1.5e-3, 0.0]).is_none());
+}
+
+/// A square of two triangles with uv over 0..=1 and a two by one texture: left red and opaque, right green and clear.
+fn textured() -> Scene {
+    let mut square = crate::common::parallelogram([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0);
+    square.uvs = Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+    let texture = Texture {
+        name: "halves".into(),
+        width: 2,
+        height: 1,
+        texels: vec![[255, 0, 0, 255], [0, 255, 0, 0]],
+        wrap: [Wrap::Clamp; 2],
+    };
+    let material = Material {
+        albedo: [0.5, 0.25, 1.0],
+        albedo_texture: Some(TextureId(0)),
+        alpha_texture: Some(TextureId(0)),
+        ..Material::default()
+    };
+    let behind = crate::common::parallelogram([0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1);
+    let mut scene = scene(vec![square, behind], vec![material, grey(0.125)]);
+    scene.textures = vec![texture];
+    scene
+}
+
+#[test]
+fn textures_tint_and_masks_cut_out() {
+    let scene = textured();
+    let (tracer, surfaces) = (BruteForce::new(&scene), Surfaces::new(&scene));
+    let seen = |x: f32| {
+        let ray = Ray::new([x, 0.3, 2.0], [0.0, 0.0, -1.0]);
+        let mut query = Masked::new(&surfaces, Counts::default());
+        let hit = tracer.closest_hit(&ray, &mut query).unwrap();
+        assert_eq!(query.inner.triangles, 4, "counts pass through");
+        assert!(tracer.occluded(&ray, &mut query));
+        (hit.instance.0, surfaces.at(&hit, ray.direction).albedo)
+    };
+    assert_eq!(seen(0.2), (0, [0.5, 0.0, 0.0]));
+    assert_eq!(seen(0.8), (1, [0.125; 3]), "through the cut-out part");
+    // Alpha falls linearly from 1 at u = 1/4 to 0 at u = 3/4: it crosses the cutoff in the middle.
+    assert_eq!((seen(0.499).0, seen(0.501).0), (0, 1));
+}
