@@ -2,7 +2,7 @@ use canted_obb::{Aabb, Obb};
 use num_traits::Signed;
 
 use super::exact::{self, Q, contains, q, q3};
-use super::inputs::{Rng, SETTINGS, Setting, Triangle, obb_near, ray_at};
+use super::inputs::{self, Rng, SETTINGS, Triangle, any_bits, obb_near, ray_at};
 use crate::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight, ray_aabb, ray_obb};
 
 /// The exact corners of a box.
@@ -63,29 +63,44 @@ fn degenerate_frames_still_contain() {
     assert!(Slabs::of_points(Obb::IDENTITY_FRAME, []).is_empty());
 }
 
-/// Rays at the edges and corners of boxes, in their faces and past them; how many the test loses that exactly enter.
-///
-/// `pads` makes the thickened ray. Where it enters, it must do so no later than the exact ray.
-fn lost(setting: &Setting, oriented: bool, rng: &mut Rng, pads: impl Fn(&ScaledRay, f32) -> SlabRay) -> (u32, u32) {
+/// Triangles with rays at them.
+type Case = (Triangle, ScaledRay);
+
+/// The ray in its usual thickness.
+fn padded(ray: &ScaledRay, aabb: &Aabb) -> SlabRay {
+    SlabRay::new(ray, aabb.reach())
+}
+
+/// The ray as thin as it is.
+fn bare(ray: &ScaledRay, _: &Aabb) -> SlabRay {
+    SlabRay::with_pads(ray, 0.0, 0.0)
+}
+
+/// Of rays that exactly meet the box of a triangle, how many there are, and how many the test loses: it misses, or
+/// does not cover the exact interval.
+fn rays_lost(
+    rng: &mut Rng,
+    oriented: bool,
+    case: impl Fn(&mut Rng) -> Case,
+    thicken: impl Fn(&ScaledRay, &Aabb) -> SlabRay,
+) -> (u32, u32) {
     let (mut entered, mut lost) = (0, 0);
-    for _ in 0..400 {
-        // The triangle's vertices are corners of its box, so rays at it graze the box.
-        let triangle = rng.triangle(setting.around, setting.size);
+    for _ in 0..500 {
+        // The triangle's vertices are on faces of its box, so rays at them graze it.
+        let (triangle, ray) = case(rng);
         let aabb = Aabb::of_points(triangle);
         let slabs = if oriented { Slabs::of_points(rng.frame(), triangle) } else { Slabs::of_aabb(&aabb) };
-        let ray = ray_at(rng, &triangle, setting.distance);
-        let slab_ray = pads(&ray, aabb.reach());
-        let clipped = if oriented {
+        let slab_ray = thicken(&ray, &aabb);
+        let (near, far) = if oriented {
             slab_ray.clip_slabs(&slabs, f32::INFINITY)
         } else {
             slab_ray.clip_aabb(&aabb, f32::INFINITY)
         };
-        assert!(!clipped.0.is_nan() && !clipped.1.is_nan());
-        if let Some((near, far)) = exact::clip(&slabs, &ray) {
+        assert!(!near.is_nan() && !far.is_nan());
+        if let Some((exact_near, exact_far)) = exact::clip(&slabs, &ray) {
             entered += 1;
-            let covers =
-                q(clipped.0) <= near && far.is_none_or(|far| clipped.1 == f32::INFINITY || far <= q(clipped.1));
-            lost += u32::from(!(clipped.0 <= clipped.1 && covers));
+            let covers = q(near) <= exact_near && (far == f32::INFINITY || exact_far.is_some_and(|x| x <= q(far)));
+            lost += u32::from(!(near <= far && covers));
         }
     }
     (entered, lost)
@@ -94,55 +109,87 @@ fn lost(setting: &Setting, oriented: bool, rng: &mut Rng, pads: impl Fn(&ScaledR
 #[test]
 fn rays_that_exactly_enter_are_never_lost() {
     let mut rng = Rng(4);
-    for setting in SETTINGS {
-        for oriented in [false, true] {
-            let (entered, lost) = lost(&setting, oriented, &mut rng, SlabRay::new);
+    for oriented in [false, true] {
+        for setting in SETTINGS {
+            let (entered, lost) = rays_lost(&mut rng, oriented, |rng| inputs::case(rng, &setting), padded);
             assert!(entered > 50, "the case is void: {setting:?}");
             assert_eq!(lost, 0, "{setting:?}, oriented: {oriented}");
         }
+        let (entered, lost) = rays_lost(&mut rng, oriented, any_bits, padded);
+        assert!(entered > 50 && lost == 0, "{lost} of {entered} lost, oriented: {oriented}");
+        let (_, lost) = rays_lost(&mut rng, oriented, |rng| inputs::case(rng, &SETTINGS[0]), bare);
+        assert!(lost > 5, "without pads only {lost} are lost, oriented: {oriented}");
     }
 }
 
-#[test]
-fn without_pads_rays_are_lost() {
-    let mut rng = Rng(5);
-    for oriented in [false, true] {
-        let (_, lost) = lost(&SETTINGS[0], oriented, &mut rng, |ray, _| SlabRay::with_pads(ray, 0.0, 0.0));
-        assert!(lost > 5, "the oracle sees only {lost} flaws");
-    }
-}
-
-/// Hits of `K` whose box is not entered, or entered after the hit.
-fn hits_lost<K: Kernel>(setting: &Setting, rng: &mut Rng, pads: impl Fn(&ScaledRay, f32) -> SlabRay) -> (u32, u32) {
+/// Hits of `K`, and how many have a box that is not entered, or entered after the hit.
+fn hits_lost<K: Kernel>(
+    rng: &mut Rng,
+    case: impl Fn(&mut Rng) -> Case,
+    thicken: impl Fn(&ScaledRay, &Aabb) -> SlabRay,
+) -> (u32, u32) {
     let (mut hits, mut lost) = (0, 0);
     for _ in 0..4000 {
-        let triangle = rng.triangle(setting.around, setting.size);
-        let ray = ray_at(rng, &triangle, setting.distance);
+        let (triangle, ray) = case(rng);
         let Some(hit) = K::intersect(&K::prepare(&ray), &ray, &K::record(triangle), f32::INFINITY) else { continue };
         hits += 1;
         let aabb = Aabb::of_points(triangle);
         let slabs = Slabs::of_points(rng.frame(), triangle);
-        let slab_ray = pads(&ray, aabb.reach());
+        let slab_ray = thicken(&ray, &aabb);
         let entries = [slab_ray.enters_aabb(&aabb, hit.t), slab_ray.enters_slabs(&slabs, hit.t)];
         lost += u32::from(!entries.into_iter().all(|near| near.is_some_and(|near| near <= hit.t)));
     }
     (hits, lost)
 }
 
-#[test]
-fn boxes_of_hit_triangles_are_entered_before_the_hit() {
+fn boxes_are_entered_before_hits<K: Kernel>(name: &str) {
     let mut rng = Rng(6);
     for setting in SETTINGS {
-        let sums = [
-            hits_lost::<Watertight>(&setting, &mut rng, SlabRay::new),
-            hits_lost::<MollerTrumbore>(&setting, &mut rng, SlabRay::new),
-            hits_lost::<BaldwinWeber>(&setting, &mut rng, SlabRay::new),
-        ];
-        assert_eq!(sums.map(|(_, lost)| lost), [0; 3], "{setting:?}");
-        assert!(sums[0].0 > 200, "the case is void: {sums:?} in {setting:?}");
+        let (hits, lost) = hits_lost::<K>(&mut rng, |rng| inputs::case(rng, &setting), padded);
+        assert!(hits > 200, "the case is void: {hits} hits of {name} in {setting:?}");
+        assert_eq!(lost, 0, "{name} in {setting:?}");
     }
-    let (hits, lost) = hits_lost::<Watertight>(&SETTINGS[0], &mut rng, |ray, _| SlabRay::with_pads(ray, 0.0, 0.0));
-    assert!(lost > 20, "without pads only {lost} of {hits} are lost");
+    let (hits, lost) = hits_lost::<K>(&mut rng, any_bits, padded);
+    assert!(hits > 200 && lost == 0, "{name}: {lost} of {hits} lost");
+    let (hits, lost) = hits_lost::<K>(&mut rng, |rng| inputs::case(rng, &SETTINGS[0]), bare);
+    assert!(lost > 20, "{name}: without pads only {lost} of {hits} are lost");
+}
+
+#[test]
+fn boxes_of_hit_triangles_are_entered_before_the_hit() {
+    boxes_are_entered_before_hits::<Watertight>("watertight");
+    boxes_are_entered_before_hits::<MollerTrumbore>("moller-trumbore");
+    boxes_are_entered_before_hits::<BaldwinWeber>("baldwin-weber");
+}
+
+#[test]
+fn an_error_of_the_callers_thickens_the_ray() {
+    let mut rng = Rng(8);
+    let mut lost_without = 0;
+    for setting in SETTINGS {
+        let error = 0.25 * setting.size;
+        let mut entered = 0;
+        for _ in 0..400 {
+            let (triangle, ray) = inputs::case(&mut rng, &setting);
+            let outer = Aabb::of_points(triangle);
+            // The box that points of the outer one miss by no more than the error.
+            let inner =
+                Aabb { min: outer.min.map(|x| (x + error).next_down()), max: outer.max.map(|x| (x - error).next_up()) };
+            if inner.is_empty() {
+                continue;
+            }
+            let Some((near, _)) = exact::clip(&Slabs::of_aabb(&outer), &ray) else { continue };
+            entered += 1;
+            let slab_ray = SlabRay::with_error(&ray, inner.reach(), f64::from(error));
+            let slabs = Slabs::of_points(rng.frame(), inner.corners());
+            for entry in [slab_ray.enters_aabb(&inner, f32::INFINITY), slab_ray.enters_slabs(&slabs, f32::INFINITY)] {
+                assert!(entry.is_some_and(|entry| q(entry) <= near), "{setting:?} {ray:?} {inner:?}");
+            }
+            lost_without += u32::from(padded(&ray, &inner).enters_aabb(&inner, f32::INFINITY).is_none());
+        }
+        assert!(entered > 50, "the case is void: {entered} in {setting:?}");
+    }
+    assert!(lost_without > 100, "without the error only {lost_without} are lost");
 }
 
 #[test]

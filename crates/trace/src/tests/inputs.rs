@@ -92,6 +92,12 @@ pub(super) const SETTINGS: [Setting; 7] = [
 
 pub(super) const TWO_POW_60: f32 = (1u64 << 60) as f32;
 
+/// A triangle of `setting` and a ray at it.
+pub(super) fn case(rng: &mut Rng, setting: &Setting) -> (Triangle, ScaledRay) {
+    let triangle = rng.triangle(setting.around, setting.size);
+    (triangle, ray_at(rng, &triangle, setting.distance))
+}
+
 /// A ray at a point of `triangle`: from afar, along an axis, in the face's plane, with tiny components, from a vertex.
 pub(super) fn ray_at(rng: &mut Rng, triangle: &Triangle, distance: f32) -> ScaledRay {
     let weights = rng.weights();
@@ -110,6 +116,25 @@ pub(super) fn ray_at(rng: &mut Rng, triangle: &Triangle, distance: f32) -> Scale
     let stray = [rng.signed(), 1.0, 0.0];
     let direction = if direction == [0.0; 3] { stray } else { direction };
     ScaledRay::new(&Ray::new(origin, direction)).expect("a finite ray with a direction")
+}
+
+/// A triangle of any bits and a ray at it: subnormal to 2^62, coordinates up to 2^30 apart in size.
+pub(super) fn any_bits(rng: &mut Rng) -> (Triangle, ScaledRay) {
+    let greatest = rng.below(190);
+    let spread = 1 + rng.below(31);
+    let mut vector = || {
+        std::array::from_fn(|_| {
+            let exponent = greatest.saturating_sub(rng.below(spread as u64));
+            let bits = u32::try_from(rng.bits() >> 32).expect("32 bits");
+            f32::from_bits(bits & 0x807f_ffff | u32::try_from(exponent).expect("below 190") << 23)
+        })
+    };
+    let (triangle, origin, other): (Triangle, [f32; 3], [f32; 3]) =
+        ([vector(), vector(), vector()], vector(), vector());
+    let weights = rng.weights();
+    let target: [f32; 3] = std::array::from_fn(|k| (0..3).map(|i| weights[i] * triangle[i][k]).sum());
+    let ray = ScaledRay::new(&Ray::new(origin, sub(target, origin)));
+    (triangle, ray.or_else(|| ScaledRay::new(&Ray::new(origin, other))).unwrap_or_else(|| ray_at(rng, &triangle, 1.0)))
 }
 
 /// An oriented box: any frame and extents, flat, sheared, or in axis position.

@@ -92,3 +92,32 @@ fn a_power_of_two_in_the_scene_changes_no_bit_of_weights() {
     }
     assert!(n_hits > 1000, "{n_hits}");
 }
+
+#[test]
+fn rays_that_can_hit_nothing_are_refused() {
+    let ray = Ray::new([1.0, 2.0, 3.0], [0.0, -3e-5, 1e-5]);
+    let refused = |ray: Ray| ScaledRay::new(&ray).is_none();
+    assert!(!refused(ray) && !refused(Ray { direction: [f32::MAX; 3], ..ray }));
+    assert!(!refused(Ray { direction: [0.0, f32::from_bits(1), -0.0], ..ray }));
+    assert!(refused(Ray { direction: [0.0, -0.0, 0.0], ..ray }));
+    for bad in [f32::NAN, f32::INFINITY] {
+        assert!(refused(Ray { direction: [1.0, bad, 0.0], ..ray }) && refused(Ray { origin: [bad; 3], ..ray }));
+    }
+    for (t_min, t_max) in [(1.0, 0.5), (-1.0, 1.0), (f32::NAN, 1.0), (0.0, f32::NAN)] {
+        assert!(refused(Ray { t_min, t_max, ..ray }));
+    }
+    assert!(!refused(Ray { t_min: 1.0, t_max: 1.0, ..ray }));
+}
+
+#[test]
+fn scaling_is_exact_and_returns() {
+    let ray = Ray { t_min: 0.25, ..Ray::new([0.0; 3], [0.0, -3e-5, 1e-5]) };
+    let scaled = ScaledRay::new(&ray).unwrap();
+    // 3e-5 is 2^-16 times 1.97.
+    assert_eq!(scaled.direction, ray.direction.map(|d| d * 65536.0));
+    assert_eq!(
+        (scaled.t_min, scaled.scaled_t(2.0), scaled.caller_t(scaled.t_min)),
+        (0.25 / 65536.0, 2.0 / 65536.0, 0.25)
+    );
+    assert_eq!((scaled.t_max, scaled.caller_t(f32::INFINITY)), (f32::INFINITY, f32::INFINITY));
+}
