@@ -59,7 +59,9 @@ impl<'a> Accessor<'a> {
         let malformed = |message: String| document.malformed(&own_place, message);
         let component = match accessor.component_type {
             Checked::Valid(component) if components.contains(&component.0) => component.0,
-            Checked::Valid(other) => return Err(malformed(format!("has components {:?}, not fit for {place}", other.0))),
+            Checked::Valid(other) => {
+                return Err(malformed(format!("has components {:?}, not fit for {place}", other.0)));
+            }
             Checked::Invalid => return Err(malformed("has an unknown component type".to_owned())),
         };
         if accessor.type_ != Checked::Valid(element_type) {
@@ -85,7 +87,8 @@ impl<'a> Accessor<'a> {
             }
             None => None,
         };
-        let mut opened = Self { count, component, normalized: accessor.normalized, n_element_bytes, dense, sparse: None };
+        let mut opened =
+            Self { count, component, normalized: accessor.normalized, n_element_bytes, dense, sparse: None };
         if let Some(sparse) = &accessor.sparse {
             opened.sparse = Some(opened.open_sparse(document, sparse, &own_place)?);
         }

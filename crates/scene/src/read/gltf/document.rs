@@ -56,8 +56,9 @@ impl<'a> Document<'a> {
         }
         let folder = Folder::of(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
         let mut document = Self { root, folder, path, buffers: Vec::new() };
-        document.buffers =
-            (0..document.root.buffers.len()).map(|k| document.load_buffer(k, container.bin)).collect::<Result<_, _>>()?;
+        document.buffers = (0..document.root.buffers.len())
+            .map(|k| document.load_buffer(k, container.bin))
+            .collect::<Result<_, _>>()?;
         Ok(document)
     }
 
@@ -100,9 +101,10 @@ impl<'a> Document<'a> {
             (None, _) => return Err(self.malformed(place, "has neither a uri nor a BIN chunk")),
         };
         let n_bytes = bytes.len();
-        let length = usize::try_from(buffer.byte_length.0).ok().filter(|&length| length <= n_bytes).ok_or_else(|| {
-            self.malformed(place, format!("promises {} bytes and has {n_bytes}", buffer.byte_length.0))
-        })?;
+        let length =
+            usize::try_from(buffer.byte_length.0).ok().filter(|&length| length <= n_bytes).ok_or_else(|| {
+                self.malformed(place, format!("promises {} bytes and has {n_bytes}", buffer.byte_length.0))
+            })?;
         match &mut bytes {
             Cow::Borrowed(bytes) => *bytes = &bytes[..length],
             Cow::Owned(bytes) => bytes.truncate(length),

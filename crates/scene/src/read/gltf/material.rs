@@ -75,7 +75,10 @@ fn surface(
     }
     let uv_source = base_color.filter(|_| material.albedo_texture.is_some()).map(|info| {
         let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.clone());
-        UvSource { set: transform.as_ref().and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord), transform }
+        UvSource {
+            set: transform.as_ref().and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord),
+            transform,
+        }
     });
     match source.alpha_mode {
         // The mask compares texture times factor with the cutoff.

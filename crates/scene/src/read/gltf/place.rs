@@ -91,7 +91,8 @@ fn read_unposed(
     }
     let (mut meshes, mut first_primitives, mut n_triangles) = (Vec::new(), Vec::new(), 0_usize);
     for (index, is_placed) in is_placed.into_iter().enumerate() {
-        let pose = Pose { weights: document.root.meshes[index].weights.as_deref().unwrap_or_default(), ..Pose::default() };
+        let pose =
+            Pose { weights: document.root.meshes[index].weights.as_deref().unwrap_or_default(), ..Pose::default() };
         let mesh = if is_placed {
             mesh::read(document, index, &pose, uv_sources, repair, &mut scene.warnings)?
         } else {

@@ -21,7 +21,12 @@ pub(super) struct Pose<'a> {
 }
 
 /// Transforms of the joints of a skin from the bind pose to the world.
-pub(super) fn joints(document: &Document<'_>, nodes: &Nodes, skin_index: usize, place: &str) -> Result<Vec<Matrix>, ReadError> {
+pub(super) fn joints(
+    document: &Document<'_>,
+    nodes: &Nodes,
+    skin_index: usize,
+    place: &str,
+) -> Result<Vec<Matrix>, ReadError> {
     let skin = document.get(&document.root.skins, skin_index, "skin", place)?;
     let place = format!("skin {skin_index}");
     let inverse_binds = skin
@@ -109,7 +114,9 @@ impl<'a> Skinning<'a> {
         let find = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
         let mut sets = Vec::new();
         for set in 0.. {
-            let (Some(joints), Some(weights)) = (find(Semantic::Joints(set)), find(Semantic::Weights(set))) else { break };
+            let (Some(joints), Some(weights)) = (find(Semantic::Joints(set)), find(Semantic::Weights(set))) else {
+                break;
+            };
             let joints = Accessor::open(document, joints, &format!("{place} JOINTS_{set}"), Type::Vec4, INDICES)?;
             let weights = Accessor::open(document, weights, &format!("{place} WEIGHTS_{set}"), Type::Vec4, REALS)?;
             if joints.count != count || weights.count != count {

@@ -50,7 +50,9 @@ impl Reading<'_, '_> {
         let weights = self.pose.weights;
         let at = format!("{place} POSITION");
         let positions = Morphed::open(self.document, primitive, position, weights, |target| target.positions, &at)?;
-        let Some(triangles) = self.triangles(primitive, positions.count(), warnings)? else { return Ok(Patch::default()) };
+        let Some(triangles) = self.triangles(primitive, positions.count(), warnings)? else {
+            return Ok(Patch::default());
+        };
         let skinning = self
             .pose
             .world_from_bind
@@ -98,13 +100,13 @@ impl Reading<'_, '_> {
         };
         let corners: Vec<u32> = match primitive.indices {
             Some(index) => {
-                let indices = Accessor::open(document, index.value(), &format!("{place} indices"), Type::Scalar, INDICES)?;
+                let indices =
+                    Accessor::open(document, index.value(), &format!("{place} indices"), Type::Scalar, INDICES)?;
                 (0..indices.count).map(|k| indices.integers::<1>(k)[0]).collect()
             }
-            None => (0..n_vertices)
-                .map(u32::try_from)
-                .collect::<Result<_, _>>()
-                .map_err(|_| document.malformed(place, format!("has {n_vertices} vertices, more than 32 bits count")))?,
+            None => (0..n_vertices).map(u32::try_from).collect::<Result<_, _>>().map_err(|_| {
+                document.malformed(place, format!("has {n_vertices} vertices, more than 32 bits count"))
+            })?,
         };
         if let Some((k, index)) = corners.iter().enumerate().find(|&(_, &index)| index as usize >= n_vertices) {
             return Err(document.malformed(place, format!("index {k} names vertex {index} of {n_vertices}")));

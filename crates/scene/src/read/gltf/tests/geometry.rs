@@ -1,0 +1,177 @@
+//! Primitives joined to meshes: topologies, indices, normals, what is dropped and what is kept.
+
+use proptest::prelude::*;
+use serde_json::json;
+
+use super::{F32, File, TRIANGLE, U8, U32};
+use crate::{MaterialId, Part};
+
+/// Five points of a strip in the plane, and one that is not used.
+const STRIP: [f32; 18] = [9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 2.0, 0.0];
+
+#[test]
+fn strips_and_fans_with_and_without_indices() {
+    for (mode, want) in [(5, [[0, 1, 2], [1, 3, 2], [2, 3, 4]]), (6, [[1, 2, 0], [2, 3, 0], [3, 4, 0]])] {
+        let mut file = File::new();
+        let positions = file.reals("VEC3", &STRIP[3..]);
+        let plain = file.place(json!([{ "attributes": { "POSITION": positions }, "mode": mode }])).scene();
+        assert_eq!(plain.meshes[0].triangles, want);
+
+        let mut file = File::new();
+        let (positions, indices) = (file.reals("VEC3", &STRIP), file.indices(&[1, 2, 3, 4, 5]));
+        let primitive = json!({ "attributes": { "POSITION": positions }, "indices": indices, "mode": mode });
+        let indexed = file.place(json!([primitive])).scene();
+        assert_eq!(indexed.meshes[0].triangles, want, "numbers start at the first used vertex");
+        assert_eq!(indexed.meshes[0].positions, plain.meshes[0].positions);
+    }
+}
+
+#[test]
+fn indices_of_every_width() {
+    for (component, bytes) in [(U8, vec![2, 0, 1]), (U32, vec![2, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0])] {
+        let mut file = File::new();
+        let positions = file.reals("VEC3", &TRIANGLE);
+        let indices = file.accessor(component, "SCALAR", 3, &bytes);
+        let scene = file.place(json!([{ "attributes": { "POSITION": positions }, "indices": indices }])).scene();
+        assert_eq!(scene.meshes[0].triangles, [[2, 0, 1]]);
+    }
+    let mut file = File::new();
+    let (positions, indices) = (file.reals("VEC3", &TRIANGLE), file.reals("SCALAR", &[0.0, 1.0, 2.0]));
+    file.place(json!([{ "attributes": { "POSITION": positions }, "indices": indices }])).refused("indices");
+}
+
+#[test]
+fn primitives_are_joined_with_a_part_each() {
+    let mut file = File::new();
+    let (positions, indices) = (file.reals("VEC3", &STRIP), file.indices(&[1, 2, 3, 3, 2, 4, 5, 4, 3]));
+    let normals = file.reals("VEC3", &[0.0, 0.0, 2.0].repeat(6));
+    for name in ["first", "second"] {
+        file.push("materials", json!({ "name": name }));
+    }
+    let scene = file
+        .place(json!([
+            { "attributes": { "POSITION": positions }, "indices": indices, "material": 1 },
+            { "attributes": { "POSITION": positions, "NORMAL": normals }, "indices": indices },
+        ]))
+        .scene();
+    let mesh = &scene.meshes[0];
+    assert_eq!(mesh.triangles[3..], [[5, 6, 7], [7, 6, 8], [9, 8, 7]]);
+    assert_eq!(mesh.positions.len(), 10, "the unused vertex is not kept");
+    let part = |first_triangle, material| Part { first_triangle, material: MaterialId(material) };
+    assert_eq!(mesh.parts, [part(0, 1), part(3, 2)]);
+    assert_eq!((scene.materials.len(), &scene.materials[2].name[..]), (3, "default"));
+    let normals = mesh.normals.as_ref().unwrap();
+    assert!(normals[..5].iter().all(|normal| *normal == [0.0; 3]), "the first primitive has none");
+    assert!(normals[5..].iter().all(|normal| *normal == [0.0, 0.0, 1.0]), "of unit length");
+    assert!(mesh.uvs.is_none(), "nothing needs texture coordinates");
+}
+
+#[test]
+fn a_large_shared_vertex_list_is_not_copied_for_each_primitive() {
+    let mut file = File::new();
+    let many: Vec<f32> = (0..3 * 30_000).map(|k| (k % 97) as f32).collect();
+    let positions = file.reals("VEC3", &many);
+    let primitives: Vec<_> = (0..1000)
+        .map(|k| {
+            let first = 30 * k as u16;
+            let indices = file.indices(&[first, first + 1, first + 5]);
+            json!({ "attributes": { "POSITION": positions }, "indices": indices })
+        })
+        .collect();
+    let scene = file.place(json!(primitives)).read().unwrap();
+    assert_eq!(scene.meshes[0].positions.len(), 3000);
+}
+
+#[test]
+fn what_is_not_finite_is_dropped_with_its_vertices() {
+    let mut file = File::new();
+    let mut numbers = STRIP;
+    numbers[15] = f32::NEG_INFINITY;
+    let positions = file.reals("VEC3", &numbers);
+    let primitive = json!({ "attributes": { "POSITION": positions }, "mode": 5 });
+    let scene = file.place(json!([primitive])).warned("not finite");
+    assert_eq!(scene.meshes[0].positions.len(), 5);
+    assert_eq!(scene.n_unique_triangles(), 3);
+}
+
+#[test]
+fn normals_that_say_nothing_are_zero() {
+    let mut file = File::new();
+    let positions = file.reals("VEC3", &TRIANGLE);
+    let normals = file.reals("VEC3", &[f32::NAN, 0.0, 1.0, 0.0, 0.0, 0.0, 1e-30, 0.0, 0.0]);
+    let scene = file.place(json!([{ "attributes": { "POSITION": positions, "NORMAL": normals } }])).scene();
+    assert_eq!(scene.meshes[0].normals.as_ref().unwrap()[..], [[0.0; 3], [0.0; 3], [1.0, 0.0, 0.0]]);
+}
+
+#[test]
+fn what_is_left_out_is_said() {
+    let mut file = File::new();
+    let (positions, indices) = (file.reals("VEC3", &TRIANGLE), file.indices(&[0, 1, 2, 1]));
+    let whole = json!({ "attributes": { "POSITION": positions } });
+    let beside = |primitive| file.clone().place(json!([whole, primitive]));
+    beside(json!({ "attributes": { "POSITION": positions }, "mode": 1 }))
+        .warned("primitive 1 is made of points or lines");
+    beside(json!({ "attributes": { "NORMAL": positions } })).warned("primitive 1 has no POSITION");
+    let scene = beside(json!({ "attributes": { "POSITION": positions }, "indices": indices })).warned("1 indices");
+    assert_eq!(scene.n_unique_triangles(), 2);
+    file.clone().place(json!([{ "attributes": { "POSITION": positions }, "mode": 0 }])).refused("nothing to draw");
+}
+
+#[test]
+fn breaches_are_named() {
+    let mut file = File::new();
+    let (positions, indices) = (file.reals("VEC3", &TRIANGLE), file.indices(&[0, 1, 3]));
+    let (pairs, two) = (file.reals("VEC2", &TRIANGLE[..6]), file.reals("VEC3", &TRIANGLE[..6]));
+    let with = |primitive| file.clone().place(json!([primitive]));
+    with(json!({ "attributes": { "POSITION": 9 } })).refused("names accessor 9 of 4");
+    with(json!({ "attributes": { "POSITION": pairs } })).refused("POSITION");
+    with(json!({ "attributes": { "POSITION": positions }, "indices": indices })).refused("index 2 names vertex 3 of 3");
+    with(json!({ "attributes": { "POSITION": positions, "NORMAL": two } })).refused("2 NORMAL for 3 vertices");
+    with(json!({ "attributes": { "POSITION": positions }, "material": 0 })).refused("names material 0 of 0");
+    with(json!({ "attributes": { "POSITION": positions }, "mode": 7 })).refused("unknown mode");
+}
+
+#[test]
+fn meshes_that_nothing_places_count_for_the_numbering_alone() {
+    let mut file = File::new();
+    let (strip, triangle) = (file.reals("VEC3", &STRIP), file.reals("VEC3", &TRIANGLE));
+    let lines = file.mesh(json!([{ "attributes": { "POSITION": triangle }, "mode": 3 }]));
+    file.mesh(json!([{ "attributes": { "POSITION": strip }, "mode": 5 }]));
+    let placed = file.mesh(json!([{ "attributes": { "POSITION": triangle } }]));
+    file.json["nodes"] = json!([{ "mesh": lines }, { "mesh": placed }]);
+    let scene = file.warned("points or lines");
+    assert_eq!((scene.meshes.len(), scene.instances.len()), (1, 1));
+    assert_eq!(scene.instances[0].first_primitive, 4);
+    assert_eq!(scene.instances[0].mesh.0, 0);
+}
+
+proptest! {
+    /// Against a reading without any sharing: the corners of each triangle, one by one.
+    #[test]
+    fn corners_are_those_of_the_indices(
+        numbers in prop::collection::vec(prop::num::f32::NORMAL | prop::num::f32::ZERO, 12..60),
+        picks in prop::collection::vec(0_usize..1000, 3..40),
+    ) {
+        let n_vertices = numbers.len() / 3;
+        let indices: Vec<u16> = picks.iter().map(|pick| (pick % n_vertices) as u16).collect();
+        let mut file = File::new();
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let positions = file.accessor(F32, "VEC3", n_vertices, &bytes);
+        let index_accessor = file.indices(&indices);
+        let read = file.place(json!([{ "attributes": { "POSITION": positions }, "indices": index_accessor }])).read();
+        // Triangles that are all flat are refused, which is not what is tested here.
+        prop_assume!(read.is_ok());
+        let mesh = &read.unwrap().meshes[0];
+        let want: Vec<[f32; 3]> = indices[..indices.len() / 3 * 3]
+            .iter()
+            .map(|&index| [0, 1, 2].map(|k| numbers[3 * usize::from(index) + k]))
+            .collect();
+        let found: Vec<[f32; 3]> =
+            mesh.triangles.as_flattened().iter().map(|&corner| mesh.positions[corner as usize]).collect();
+        prop_assert_eq!(found, want);
+        let mut used = indices[..indices.len() / 3 * 3].to_vec();
+        used.sort_unstable();
+        used.dedup();
+        prop_assert_eq!(mesh.positions.len(), used.len());
+    }
+}

@@ -1,0 +1,192 @@
+//! Materials and textures: factors, masks, wrap modes, coordinates and their transform, images that cannot be read.
+
+use serde_json::{Value, json};
+
+use super::{File, TRIANGLE};
+use crate::{Scene, TextureId, Wrap};
+
+/// A 2 x 1 PNG: red with full alpha, mid grey without.
+fn png() -> Vec<u8> {
+    let image = image::RgbaImage::from_fn(2, 1, |x, _| image::Rgba([[255, 0, 0, 255], [128, 128, 128, 0]][x as usize]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    bytes.into_inner()
+}
+
+/// Texture coordinates of set 0; set 1 has them in reverse order.
+const UVS: [f32; 6] = [0.0, 0.0, 0.5, 0.25, 1.0, 1.0];
+
+/// The triangle with two sets of coordinates, this material, and the PNG in a buffer view as image 0.
+fn file(material: Value) -> File {
+    let mut file = File::new();
+    let positions = file.reals("VEC3", &TRIANGLE);
+    let uvs = file.reals("VEC2", &UVS);
+    let reversed: Vec<f32> = UVS.chunks(2).rev().flatten().copied().collect();
+    let uvs_1 = file.reals("VEC2", &reversed);
+    let view = file.view(&png());
+    file.push("images", json!({ "bufferView": view, "mimeType": "image/png", "name": "two texels" }));
+    file.push("textures", json!({ "source": 0 }));
+    file.push("materials", material);
+    let attributes = json!({ "POSITION": positions, "TEXCOORD_0": uvs, "TEXCOORD_1": uvs_1 });
+    file.place(json!([{ "attributes": attributes, "material": 0 }]))
+}
+
+/// A material with texture 0 as its base colour.
+fn textured(info: Value) -> Value {
+    let mut info = info;
+    info["index"] = json!(0);
+    json!({ "pbrMetallicRoughness": { "baseColorTexture": info } })
+}
+
+fn uvs(scene: &Scene) -> &[[f32; 2]] {
+    scene.meshes[0].uvs.as_deref().unwrap()
+}
+
+#[test]
+fn factors() {
+    let scene = file(json!({
+        "name": "lamp",
+        "pbrMetallicRoughness": { "baseColorFactor": [0.25, 0.5, 0.75, 1] },
+        "emissiveFactor": [1, 0.5, 0],
+        "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 8 } },
+    }))
+    .scene();
+    let material = &scene.materials[0];
+    assert_eq!((&material.name[..], material.albedo, material.emission), ("lamp", [0.25, 0.5, 0.75], [8.0, 4.0, 0.0]));
+    assert!(scene.meshes[0].uvs.is_none() && scene.textures.is_empty(), "what nothing needs costs nothing");
+    let scene = file(json!({})).scene();
+    assert_eq!((&scene.materials[0].name[..], scene.materials[0].albedo), ("material 0", [1.0; 3]));
+    let scene = file(json!({ "pbrMetallicRoughness": { "baseColorFactor": [2, -1, 0.5, 1] } })).warned("base colour");
+    assert_eq!(scene.materials[0].albedo, [1.0, 0.0, 0.5]);
+    let scene = file(json!({ "emissiveFactor": [-1, 0, 0] })).warned("emission");
+    assert_eq!(scene.materials[0].emission, [0.0; 3]);
+}
+
+#[test]
+fn a_texture_brings_its_texels_and_coordinates() {
+    let scene = file(textured(json!({}))).scene();
+    assert_eq!(scene.materials[0].albedo_texture, Some(TextureId(0)));
+    assert_eq!(scene.materials[0].alpha_texture, None);
+    let texture = &scene.textures[0];
+    assert_eq!((&texture.name[..], texture.width, texture.height), ("two texels", 2, 1));
+    assert_eq!(texture.texels, [[255, 0, 0, 255], [128, 128, 128, 0]]);
+    assert_eq!(uvs(&scene), [[0.0, 1.0], [0.5, 0.75], [1.0, 0.0]], "v points up");
+    assert_eq!(uvs(&file(textured(json!({ "texCoord": 1 }))).scene())[0], [1.0, 0.0], "set 1");
+}
+
+#[test]
+fn textures_transform_coordinates() {
+    let with = |transform: Value| {
+        let info = json!({ "extensions": { "KHR_texture_transform": transform } });
+        uvs(&file(textured(info)).scene()).to_vec()
+    };
+    assert_eq!(with(json!({})), [[0.0, 1.0], [0.5, 0.75], [1.0, 0.0]]);
+    assert_eq!(with(json!({ "scale": [2, 4], "offset": [0.5, 0.25] }))[1], [1.5, 1.0 - 1.25]);
+    assert_eq!(with(json!({ "texCoord": 1 }))[0], [1.0, 0.0], "it overrides the set");
+    // The example of the extension: the lower left quadrant of the image, turned.
+    let turned = with(json!({ "offset": [0, 1], "rotation": std::f32::consts::FRAC_PI_2, "scale": [0.5, 0.5] }));
+    let rounding = f32::EPSILON;
+    for ([u, v], want) in turned.into_iter().zip([[0.0, 0.0], [0.125, 0.25], [0.5, 0.5]]) {
+        assert!((u - want[0]).abs() <= rounding && (v - want[1]).abs() <= rounding, "{u} {v} for {want:?}");
+    }
+}
+
+#[test]
+fn masks() {
+    let with = |alpha: f32, mode: Value| {
+        let mut material = textured(json!({}));
+        material["pbrMetallicRoughness"]["baseColorFactor"] = json!([1, 1, 1, alpha]);
+        material.as_object_mut().unwrap().extend(mode.as_object().unwrap().clone());
+        let material = file(material).scene().materials.remove(0);
+        (material.alpha_texture, material.alpha_cutoff)
+    };
+    let mask = Some(TextureId(0));
+    assert_eq!(with(1.0, json!({ "alphaMode": "MASK" })), (mask, 0.5));
+    assert_eq!(with(1.0, json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 })), (mask, 0.25));
+    assert_eq!(with(0.5, json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 })), (mask, 0.5), "the factor counts");
+    assert_eq!(with(0.25, json!({ "alphaMode": "BLEND" })), (mask, 0.5));
+    assert_eq!(with(1.0, json!({ "alphaMode": "OPAQUE" })).0, None);
+}
+
+#[test]
+fn textures_with_the_same_image_and_wrap_are_one() {
+    let mut file = file(textured(json!({})));
+    file.push("samplers", json!({ "wrapS": 33071, "wrapT": 33648 }));
+    file.push("textures", json!({ "source": 0 }));
+    file.push("textures", json!({ "source": 0, "sampler": 0 }));
+    for texture in [1, 2] {
+        file.push("materials", json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": texture } } }));
+    }
+    let scene = file.scene();
+    let ids: Vec<_> = scene.materials.iter().map(|material| material.albedo_texture.unwrap().0).collect();
+    assert_eq!(ids, [0, 0, 1]);
+    assert_eq!(scene.textures[0].wrap, [Wrap::Repeat; 2]);
+    assert_eq!(scene.textures[1].wrap, [Wrap::Clamp, Wrap::Mirror]);
+}
+
+#[test]
+fn emissive_textures_count_by_their_mean() {
+    let scene = file(json!({ "emissiveFactor": [2, 2, 2], "emissiveTexture": { "index": 0 } })).scene();
+    // Linear values of 255 and 128 by IEC 61966-2-1; red is the mean of 1 and grey, the others of 0 and grey.
+    let grey = ((128.0_f64 / 255.0 + 0.055) / 1.055).powf(2.4);
+    let want = [1.0 + grey, grey, grey].map(|x| x as f32);
+    for (found, want) in scene.materials[0].emission.into_iter().zip(want) {
+        // The mean and its product with the factor are rounded once each.
+        assert!((found - want).abs() <= 2.0 * f32::EPSILON * want, "{found} for {want}");
+    }
+    assert!(scene.textures.is_empty(), "only the mean is kept");
+}
+
+#[test]
+fn images_that_cannot_be_read_leave_a_plain_colour() {
+    let with = |image: Value| {
+        let mut file = file(textured(json!({})));
+        file.json["images"][0] = image;
+        let scene = file.warned("image 0");
+        assert!(scene.materials[0].albedo_texture.is_none() && scene.meshes[0].uvs.is_none());
+    };
+    with(json!({ "bufferView": 0 }));
+    with(json!({ "uri": "absent.png" }));
+    with(json!({ "uri": "../escape.png" }));
+    with(json!({ "uri": "http://example.invalid/a.png" }));
+    with(json!({ "uri": "data:image/png;base64,AAAA" }));
+    with(json!({}));
+}
+
+#[test]
+fn images_beside_the_file_and_in_the_text() {
+    let mut beside = file(textured(json!({})));
+    beside.json["images"][0] = json!({ "uri": "tex%20tures/a.png" });
+    let scene = beside
+        .read_beside(|folder| {
+            std::fs::create_dir(folder.join("tex tures")).unwrap();
+            std::fs::write(folder.join("tex tures/a.png"), png()).unwrap();
+        })
+        .unwrap();
+    assert_eq!(scene.textures[0].texels.len(), 2);
+    beside.json["images"][0] = json!({ "uri": format!("data:image/png;base64,{}", super::to_base64(&png())) });
+    assert_eq!(beside.scene().textures[0].texels.len(), 2);
+}
+
+#[test]
+fn indices_beyond_the_lists() {
+    let with = |list: &str, key: &str, value: Value| {
+        let mut file = file(textured(json!({})));
+        file.json[list][0][key] = value;
+        file
+    };
+    with("materials", "pbrMetallicRoughness", json!({ "baseColorTexture": { "index": 1 } }))
+        .refused("material 0: names texture 1 of 1");
+    with("textures", "source", json!(1)).refused("texture 0: names image 1 of 1");
+    with("textures", "sampler", json!(0)).refused("texture 0: names sampler 0 of 0");
+    with("images", "bufferView", json!(99)).refused("image 0: names buffer view 99");
+}
+
+#[test]
+fn a_texture_without_coordinates_is_said() {
+    let mut file = file(textured(json!({ "texCoord": 3 })));
+    let scene = file.warned("TEXCOORD_3");
+    assert_eq!(uvs(&scene), [[0.0, 1.0]; 3]);
+    file.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_3"] = json!(0);
+    file.refused("accessor 0: is not of type Vec2");
+}

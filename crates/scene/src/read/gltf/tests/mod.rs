@@ -1,0 +1,211 @@
+//! Files written in these tests, read whole. They cover what the station's own tests do not: how stations meet.
+//!
+//! Not covered here: real exporters' habits, which the optional files of the integration test stand for.
+
+mod geometry;
+mod layout;
+mod materials;
+mod mutated;
+mod nodes;
+mod place;
+mod pose;
+mod views;
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::uri::tests::to_base64;
+use crate::Scene;
+use crate::read::ReadError;
+
+/// Numbers of component types in files.
+pub(super) const I8: u32 = 5120;
+pub(super) const U8: u32 = 5121;
+pub(super) const I16: u32 = 5122;
+pub(super) const U16: u32 = 5123;
+pub(super) const U32: u32 = 5125;
+pub(super) const F32: u32 = 5126;
+
+/// Corners of the triangle that tests place.
+pub(super) const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// A file in the making: JSON and the one buffer that its views share.
+#[derive(Clone)]
+pub(super) struct File {
+    pub(super) json: Value,
+    pub(super) buffer: Vec<u8>,
+}
+
+impl File {
+    /// A file without anything in it.
+    pub(super) fn new() -> Self {
+        Self { json: json!({ "asset": { "version": "2.0" } }), buffer: Vec::new() }
+    }
+
+    /// One triangle as mesh 0, and these nodes.
+    pub(super) fn of_nodes(nodes: Value) -> Self {
+        let mut file = Self::new();
+        let positions = file.reals("VEC3", &TRIANGLE);
+        file.mesh(json!([{ "attributes": { "POSITION": positions } }]));
+        file.json["nodes"] = nodes;
+        file
+    }
+
+    /// One mesh of these primitives at the origin.
+    pub(super) fn place(mut self, primitives: Value) -> Self {
+        let mesh = self.mesh(primitives);
+        self.push("nodes", json!({ "mesh": mesh }));
+        self
+    }
+
+    /// Appends to a list and returns the index.
+    pub(super) fn push(&mut self, list: &str, item: Value) -> usize {
+        if self.json[list].is_null() {
+            self.json[list] = json!([]);
+        }
+        let list = self.json[list].as_array_mut().unwrap();
+        list.push(item);
+        list.len() - 1
+    }
+
+    /// Appends a mesh.
+    pub(super) fn mesh(&mut self, primitives: Value) -> usize {
+        self.push("meshes", json!({ "primitives": primitives }))
+    }
+
+    /// Appends bytes and a view of them.
+    pub(super) fn view(&mut self, bytes: &[u8]) -> usize {
+        let offset = self.buffer.len();
+        self.buffer.extend(bytes);
+        self.push("bufferViews", json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len() }))
+    }
+
+    /// Appends an accessor of packed elements.
+    pub(super) fn accessor(&mut self, component: u32, element: &str, count: usize, bytes: &[u8]) -> usize {
+        let view = self.view(bytes);
+        self.push(
+            "accessors",
+            json!({ "bufferView": view, "componentType": component, "type": element, "count": count }),
+        )
+    }
+
+    /// Appends an accessor of `f32` numbers.
+    pub(super) fn reals(&mut self, element: &str, numbers: &[f32]) -> usize {
+        let width = match element {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            "VEC4" => 4,
+            _ => 16,
+        };
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        self.accessor(F32, element, numbers.len() / width, &bytes)
+    }
+
+    /// Appends an accessor of 16-bit indices.
+    pub(super) fn indices(&mut self, indices: &[u16]) -> usize {
+        let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
+        self.accessor(U16, "SCALAR", indices.len(), &bytes)
+    }
+
+    /// The JSON with the buffer as a data URI, where there is one.
+    pub(super) fn text(&self) -> String {
+        let mut json = self.json.clone();
+        if json["buffers"].is_null() && !self.buffer.is_empty() {
+            let uri = format!("data:application/octet-stream;base64,{}", to_base64(&self.buffer));
+            json["buffers"] = json!([{ "byteLength": self.buffer.len(), "uri": uri }]);
+        }
+        json.to_string()
+    }
+
+    /// The file as GLB.
+    pub(super) fn glb(&self) -> Vec<u8> {
+        let mut json = self.json.clone();
+        json["buffers"] = json!([{ "byteLength": self.buffer.len() }]);
+        let chunk = |kind: &[u8; 4], content: &[u8], padding: u8| {
+            let mut content = content.to_vec();
+            content.resize(content.len().next_multiple_of(4), padding);
+            [&(content.len() as u32).to_le_bytes()[..], kind, &content].concat()
+        };
+        let chunks = [chunk(b"JSON", json.to_string().as_bytes(), b' '), chunk(b"BIN\0", &self.buffer, 0)].concat();
+        [b"glTF", &2_u32.to_le_bytes()[..], &(12 + chunks.len() as u32).to_le_bytes(), &chunks].concat()
+    }
+
+    /// Writes the file into a folder of its own and reads it.
+    pub(super) fn read(&self) -> Result<Scene, ReadError> {
+        self.read_beside(|_| {})
+    }
+
+    /// As [`File::read`], with other files put beside it.
+    pub(super) fn read_beside(&self, put: impl FnOnce(&Path)) -> Result<Scene, ReadError> {
+        let folder = tempfile::tempdir().unwrap();
+        put(folder.path());
+        read_bytes(folder.path(), "test.gltf", self.text().as_bytes())
+    }
+
+    /// The scene, which must have no warnings.
+    #[track_caller]
+    pub(super) fn scene(&self) -> Scene {
+        let scene = self.read().unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(scene.warnings, [""; 0]);
+        scene
+    }
+
+    /// Asserts that the file is refused with a sentence that names `thing`.
+    #[track_caller]
+    pub(super) fn refused(&self, thing: &str) {
+        let error = self.read().expect_err(thing).to_string();
+        assert!(error.contains("test.gltf") && error.contains(thing), "{error}");
+    }
+
+    /// Asserts that the file is read with one warning, which names `thing`.
+    #[track_caller]
+    pub(super) fn warned(&self, thing: &str) -> Scene {
+        let scene = self.read().unwrap_or_else(|error| panic!("{error}"));
+        assert!(scene.warnings.len() == 1 && scene.warnings[0].contains(thing), "{:?}", scene.warnings);
+        scene
+    }
+}
+
+/// Writes and reads a file.
+pub(super) fn read_bytes(folder: &Path, name: &str, bytes: &[u8]) -> Result<Scene, ReadError> {
+    let path = folder.join(name);
+    fs::write(&path, bytes).unwrap();
+    super::read(&path)
+}
+
+#[test]
+fn json_and_glb_are_the_same_scene() {
+    let file = File::of_nodes(json!([{ "mesh": 0, "translation": [1, 2, 3] }]));
+    let folder = tempfile::tempdir().unwrap();
+    let glb = read_bytes(folder.path(), "test.glb", &file.glb()).unwrap();
+    let json = file.scene();
+    assert_eq!(json.meshes[0].positions, glb.meshes[0].positions);
+    assert_eq!(json.instances, glb.instances);
+}
+
+#[test]
+fn versions_and_required_extensions() {
+    let with = |key: &str, value: Value| {
+        let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
+        file.json[key] = value;
+        file
+    };
+    with("asset", json!({ "version": "2.1" })).scene();
+    with("asset", json!({ "version": "1.0" })).refused("version 1.0");
+    with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).refused("version 2.1");
+    with("extensionsRequired", json!(["KHR_mesh_quantization"])).scene();
+    with("extensionsRequired", json!(["KHR_texture_basisu"])).refused("KHR_texture_basisu");
+    with("extensionsUsed", json!(["EXT_unheard_of"])).scene();
+}
+
+#[test]
+fn broken_json_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for text in ["", "{", "[1]", "{\"asset\":{}}", &"[".repeat(1 << 20), "{\"nodes\":[{\"mesh\":-1}]}", "\u{feff}{}"] {
+        let error = read_bytes(folder.path(), "test.gltf", text.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("test.gltf: json: "), "{error}");
+    }
+}

@@ -1,0 +1,113 @@
+//! Instances: shared meshes, repeated ones, and transforms without an inverse.
+
+use serde_json::{Value, json};
+
+use super::super::matrix::Matrix;
+use super::{File, I8};
+use crate::MeshId;
+
+/// A node that repeats the triangle by these attributes.
+fn repeated(file: &mut File, attributes: Value) {
+    file.push(
+        "nodes",
+        json!({
+            "mesh": 0,
+            "scale": [2, 2, 2],
+            "extensions": { "EXT_mesh_gpu_instancing": { "attributes": attributes } },
+        }),
+    );
+    file.json["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
+}
+
+#[test]
+fn many_nodes_share_a_mesh() {
+    let mut file = File::of_nodes(json!([{ "mesh": 1 }, { "mesh": 0 }, { "mesh": 1 }]));
+    let positions = file.reals("VEC3", &super::TRIANGLE);
+    file.mesh(json!([{ "attributes": { "POSITION": positions } }]));
+    let scene = file.scene();
+    assert_eq!(scene.meshes.len(), 2);
+    let found: Vec<_> = scene.instances.iter().map(|instance| (instance.mesh, instance.first_primitive)).collect();
+    assert_eq!(found, [(MeshId(1), 1), (MeshId(0), 0), (MeshId(1), 1)], "nodes in file order, numbers by mesh");
+}
+
+#[test]
+fn one_node_repeats_a_mesh() {
+    let mut file = File::of_nodes(json!([]));
+    let translations = file.reals("VEC3", &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    // A half turn about z, normalised bytes, and no turn.
+    let rotations = file.accessor(I8, "VEC4", 2, &[0, 0, 127, 0, 0, 0, 0, 127]);
+    file.json["accessors"][rotations]["normalized"] = json!(true);
+    let scales = file.reals("VEC3", &[1.0, 1.0, 1.0, 1.0, -3.0, 1.0]);
+    repeated(&mut file, json!({ "TRANSLATION": translations, "ROTATION": rotations, "SCALE": scales, "_ID": 99 }));
+    let scene = file.scene();
+    let columns: Vec<_> = scene.instances.iter().map(|instance| instance.world_from_object.columns).collect();
+    assert_eq!(
+        columns,
+        [
+            [[-2.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, 2.0], [2.0, 0.0, 0.0]],
+            [[2.0, 0.0, 0.0], [0.0, -6.0, 0.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0]],
+        ]
+    );
+    assert!(scene.instances.iter().all(|instance| instance.mesh == MeshId(0) && instance.first_primitive == 0));
+}
+
+#[test]
+fn instances_that_break_the_rules() {
+    let mut file = File::of_nodes(json!([]));
+    let two = file.reals("VEC3", &[1.0, 0.0, 0.0, 0.0, f32::NAN, 0.0]);
+    let three = file.reals("VEC3", &[1.0; 9]);
+    let with = |attributes: Value| {
+        let mut file = file.clone();
+        repeated(&mut file, attributes);
+        file
+    };
+    assert_eq!(with(json!({ "TRANSLATION": two })).warned("1 of 2 instances").instances.len(), 1);
+    with(json!({ "TRANSLATION": two, "SCALE": three })).refused("attributes of 2 and of 3 instances");
+    with(json!({ "ROTATION": two })).refused("ROTATION");
+    with(json!({ "SCALE": 77 })).refused("names accessor 77");
+    with(json!({ "SCALE": "1" })).refused("not the index of an accessor");
+    with(json!({})).refused("has no TRANSLATION, ROTATION or SCALE");
+}
+
+#[test]
+fn transforms_without_an_inverse_place_nothing() {
+    let placed = json!({ "mesh": 0 });
+    for flat in [
+        json!({ "mesh": 0, "scale": [1, 0, 1] }),
+        json!({ "mesh": 0, "scale": [0, 0, 0] }),
+        json!({ "mesh": 0, "rotation": [0, 0, 0, 0] }),
+        json!({ "mesh": 0, "scale": [1e30, 1e30, 1e30], "translation": [1e39, 0, 0] }),
+        json!({ "mesh": 0, "matrix": [1, 0, 0, 0, 0.1, 0.2, 0.3, 0, 0.7, 0.2, 0.3, 0, 0, 0, 0, 1] }),
+        json!({ "mesh": 0, "rotation": [0.3, 0.1, 0.5, 0.8], "scale": [1, 1e-40, 1] }),
+    ] {
+        let scene = File::of_nodes(json!([placed, flat])).warned("node 1 \"\": 1 of 1 instances");
+        assert_eq!(scene.instances.len(), 1, "{flat}");
+        File::of_nodes(json!([flat])).refused("no node places a mesh");
+    }
+}
+
+#[test]
+fn transforms_with_an_inverse_however_uneven_stay() {
+    for scale in [[1e-6, 1e6, 1.0], [1e-12, 1.0, 1.0], [1e12, 1e12, 1e12], [1e-20, -1e-20, 1e-20]] {
+        let scene = File::of_nodes(json!([{ "mesh": 0, "scale": scale, "translation": [1e7, 0, 0] }])).read().unwrap();
+        assert_eq!(scene.instances.len(), 1, "{scale:?}");
+    }
+}
+
+#[test]
+fn flatness_is_judged_by_the_error_of_rounding() {
+    // Turned by 45 degrees, a thickness below half a unit in the last place of the entries is lost in rounding.
+    let turned = Matrix::from_parts([0.0; 3], [0.0, 0.0, 0.382_683_43, 0.923_879_5], [1.0; 3]);
+    let scaled =
+        |thickness: f32| turned.after(&Matrix::from_parts([0.0; 3], [0.0, 0.0, 0.0, 1.0], [1.0, thickness, 1.0]));
+    assert!(turned.rounded().is_some());
+    let sheared = |thickness: f64| {
+        let mut flat = Matrix::IDENTITY;
+        flat.columns[1] = [1.0, thickness, 0.0];
+        turned.after(&flat).rounded()
+    };
+    assert!(sheared(1e-5).is_some());
+    assert!(sheared(1e-8).is_none());
+    // Columns that are thin but apart keep their directions.
+    assert!(scaled(1e-8).rounded().is_some());
+}

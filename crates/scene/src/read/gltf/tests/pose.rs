@@ -1,0 +1,126 @@
+//! Default poses: morph weights, skins at and off their bind pose.
+
+use serde_json::{Value, json};
+
+use super::{F32, File, TRIANGLE, U8};
+
+/// Column-major 4 x 4 matrix that moves by `x`.
+fn moves(x: f32) -> [f32; 16] {
+    [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, 0.0, 0.0, 1.0]
+}
+
+/// The triangle with one morph target that lifts every vertex by 4 along z and tilts its normals.
+fn morphing() -> File {
+    let mut file = File::new();
+    let (positions, normals) = (file.reals("VEC3", &TRIANGLE), file.reals("VEC3", &[0.0, 0.0, 1.0].repeat(3)));
+    let (lift, tilt) =
+        (file.reals("VEC3", &[0.0, 0.0, 4.0].repeat(3)), file.reals("VEC3", &[1.0, 0.0, -1.0].repeat(3)));
+    file.place(json!([{
+        "attributes": { "POSITION": positions, "NORMAL": normals },
+        "targets": [{ "POSITION": lift, "NORMAL": tilt }],
+    }]))
+}
+
+#[test]
+fn morph_weights_of_the_mesh_or_the_node() {
+    let mut file = morphing();
+    let first = |file: &File| {
+        let mesh = &file.scene().meshes[0];
+        (mesh.positions[1], mesh.normals.as_ref().unwrap()[1])
+    };
+    assert_eq!(first(&file), ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]), "weights are zero where none are given");
+    file.json["meshes"][0]["weights"] = json!([0.25]);
+    assert_eq!(first(&file).0, [1.0, 0.0, 1.0]);
+    file.json["nodes"][0]["weights"] = json!([1]);
+    assert_eq!(first(&file), ([1.0, 0.0, 4.0], [1.0, 0.0, 0.0]));
+    file.push("nodes", json!({ "mesh": 0 }));
+    let scene = file.scene();
+    assert_eq!((scene.meshes.len(), scene.instances.len()), (2, 2), "the node with weights of its own has a copy");
+    let heights: Vec<f32> =
+        scene.instances.iter().map(|instance| scene.meshes[instance.mesh.0 as usize].positions[0][2]).collect();
+    assert_eq!(heights, [4.0, 1.0]);
+    assert!(scene.instances.iter().all(|instance| instance.first_primitive == 0), "both are the file's mesh");
+}
+
+#[test]
+fn morph_targets_must_fit() {
+    let mut file = morphing();
+    let short = file.reals("VEC3", &[0.0; 6]);
+    file.json["meshes"][0]["weights"] = json!([1]);
+    file.json["meshes"][0]["primitives"][0]["targets"][0]["POSITION"] = json!(short);
+    file.refused("morph target of 2 elements for 3");
+}
+
+/// The triangle in a skin of two joints that stand 10 and 30 off their bind pose; the weights are per vertex.
+fn skinned(joints: &[u8; 12], weights: &[f32; 12]) -> File {
+    let mut file = File::new();
+    let (positions, normals) = (file.reals("VEC3", &TRIANGLE), file.reals("VEC3", &[0.0, 0.0, 1.0].repeat(3)));
+    let (joints, weights) = (file.accessor(U8, "VEC4", 3, joints), file.reals("VEC4", weights));
+    let inverse_binds = file.reals("MAT4", &[moves(-1.0), moves(-2.0)].concat());
+    file.push("skins", json!({ "joints": [1, 2], "inverseBindMatrices": inverse_binds }));
+    let attributes = json!({ "POSITION": positions, "NORMAL": normals, "JOINTS_0": joints, "WEIGHTS_0": weights });
+    let mesh = file.mesh(json!([{ "attributes": attributes }]));
+    file.json["nodes"] = json!([
+        { "mesh": mesh, "skin": 0, "translation": [1000, 0, 0] },
+        { "children": [2], "translation": [11, 0, 0] },
+        { "translation": [21, 0, 0] },
+    ]);
+    file
+}
+
+const JOINTS: [u8; 12] = [0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 9, 9];
+const WEIGHTS: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0];
+
+#[test]
+fn skins_follow_their_joints_and_not_their_node() {
+    let scene = skinned(&JOINTS, &WEIGHTS).scene();
+    assert_eq!(scene.meshes[0].positions, [[10.0, 0.0, 0.0], [31.0, 0.0, 0.0], [20.0, 1.0, 0.0]]);
+    assert_eq!(scene.instances[0].world_from_object, canted_obb::Affine::IDENTITY);
+    assert_eq!((scene.meshes.len(), scene.instances.len()), (1, 1));
+}
+
+#[test]
+fn weights_are_divided_by_their_sum() {
+    let scene = skinned(&JOINTS, &WEIGHTS.map(|weight| 4.0 * weight)).scene();
+    assert_eq!(scene.meshes[0].positions[2], [20.0, 1.0, 0.0]);
+}
+
+#[test]
+fn normals_follow_a_mirroring_joint() {
+    let mut file = skinned(&JOINTS, &WEIGHTS);
+    // The first joint turns the triangle half about x and stretches it; the normal turns and stays unit.
+    file.json["nodes"][1]["rotation"] = json!([1, 0, 0, 0]);
+    file.json["nodes"][1]["scale"] = json!([3, 1, 5]);
+    let scene = file.scene();
+    assert_eq!(scene.meshes[0].normals.as_ref().unwrap()[0], [0.0, 0.0, -1.0]);
+}
+
+#[test]
+fn skins_that_break_the_rules() {
+    let mut joints = JOINTS;
+    joints[4] = 2;
+    skinned(&joints, &WEIGHTS).refused("vertex 1 names joint 2");
+    let with = |change: &dyn Fn(&mut Value)| {
+        let mut file = skinned(&JOINTS, &WEIGHTS);
+        change(&mut file.json);
+        file
+    };
+    with(&|json| json["skins"][0]["joints"] = json!([1, 2, 0])).refused("skin 0: has 2 matrices for 3 joints");
+    with(&|json| json["skins"][0]["joints"] = json!([1, 9])).refused("skin 0: names node 9 of 3");
+    with(&|json| json["nodes"][0]["skin"] = json!(1)).refused("node 0: names skin 1 of 1");
+    with(&|json| json["accessors"][3]["count"] = json!(2)).refused("joints or weights for other than 3 vertices");
+    with(&|json| json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = Value::Null).refused("json");
+    with(&|json| {
+        let attributes = json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap();
+        attributes.remove("WEIGHTS_0");
+    })
+    .refused("has a skin but no joints");
+    with(&|json| json["accessors"][4]["componentType"] = json!(F32 + 1)).refused("accessor 4");
+}
+
+#[test]
+fn a_vertex_without_weight_loses_its_triangle() {
+    let mut weights = WEIGHTS;
+    weights[0] = 0.0;
+    skinned(&JOINTS, &weights).refused("not finite");
+}
