@@ -15,7 +15,7 @@ use crate::Quaternion;
 use crate::eigen::{self, Eigen};
 use crate::frame;
 use crate::round::{U, binade_inverse};
-use crate::vector::{self, Vector, add, cross, dot, scale, sub};
+use crate::vector::{self, Vector, add, cross, dot, scale};
 
 /// What an extraction found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,19 +71,25 @@ pub fn extract(columns: [[f64; 3]; 3], most_iterations: usize) -> Extraction {
     if greatest_entry(cofactors) <= RANK_ONE * greatest * greatest {
         return found(of_rank_one(a), Status::RankDeficient, 0);
     }
-    let status = if dot(a[0], cofactors[0]) < 0.0 { Status::Reflected } else { Status::Converged };
+    let noise = NOISE * greatest;
     let mut rotation = best_start(a);
     for iteration in 0..most_iterations {
-        match turn(rotation.columns(), a, NOISE * greatest) {
-            None => return found(rotation, status, iteration),
-            Some(turn) => rotation = turn.times(rotation).normalised(),
+        match step(rotation.columns(), a, noise) {
+            Step::Turn(turn) => rotation = turn.times(rotation).normalised(),
+            Step::Settled { mirrors: true } => return found(rotation, Status::Reflected, iteration),
+            Step::Settled { mirrors: false } => return found(rotation, Status::Converged, iteration),
         }
     }
     found(rotation, Status::Capped, most_iterations)
 }
 
-/// The turn from the estimate with columns `r` towards `a`; `None` where neither torque nor a saddle is left.
-fn turn(r: [Vector; 3], a: [Vector; 3], noise: f64) -> Option<Quaternion> {
+enum Step {
+    Turn(Quaternion),
+    Settled { mirrors: bool },
+}
+
+/// The turn from the estimate with columns `r` towards `a`, until neither torque nor a saddle is left.
+fn step(r: [Vector; 3], a: [Vector; 3], noise: f64) -> Step {
     let torque = (0..3).map(|k| cross(r[k], a[k])).fold([0.0; 3], add);
     let product = |i: usize, j: usize| (0..3).map(|k| a[k][i] * r[k][j]).sum::<f64>();
     let mean = |i, j| 0.5 * (product(i, j) + product(j, i));
@@ -91,21 +97,21 @@ fn turn(r: [Vector; 3], a: [Vector; 3], noise: f64) -> Option<Quaternion> {
     let Eigen { values, vectors } = eigen::symmetric(stretch, eigen::FULL_PRECISION);
     // A turn about a principal axis is resisted by the other two values together, least about the first.
     let resistance = [values[1] + values[2], values[0] + values[2], values[0] + values[1]];
-    let axis = if vector::reach(torque) > noise {
-        // Away from the answer a resistance may be negative; its size still scales the turn uphill.
-        let newton = (0..3).fold([0.0; 3], |sum, k| {
-            add(sum, scale(vectors[k], dot(vectors[k], torque) / resistance[k].abs().max(noise)))
-        });
-        vector::normalised(newton)?
-    } else if resistance[0] < -noise {
-        vectors[0]
-    } else {
-        return None;
+    // Away from the answer a resistance may be negative; its size still scales the turn uphill. A torque of noise about
+    // an axis without resistance must not turn at all: where many answers are equal it would never rest.
+    let newton = (0..3).map(|k| (k, dot(vectors[k], torque))).filter(|(_, along)| along.abs() > noise);
+    let newton = newton.map(|(k, along)| scale(vectors[k], along / resistance[k].abs().max(noise))).fold([0.0; 3], add);
+    let axis = match vector::normalised(newton) {
+        Some(axis) => axis,
+        None if resistance[0] < -noise => vectors[0],
+        // At the crest the stretch has the singular values, the least one negative for a mirror. The determinant would
+        // lose that sign to rounding long before.
+        None => return Step::Settled { mirrors: values[2] < -noise },
     };
     // About one axis the trace is a cosine of the angle; this is its crest.
     let along = vectors.map(|v| dot(v, axis));
     let resisted: f64 = (0..3).map(|k| resistance[k] * along[k] * along[k]).sum();
-    Some(Quaternion::about(axis, dot(torque, axis).atan2(resisted)))
+    Step::Turn(Quaternion::about(axis, dot(torque, axis).atan2(resisted)))
 }
 
 /// The axes made orthonormal, no turn, or half a turn about one axis: the greatest trace.
@@ -123,10 +129,18 @@ fn of_rank_one(a: [Vector; 3]) -> Quaternion {
     let longest = (1..3).fold(0, |best, k| if dot(a[k], a[k]) > dot(a[best], a[best]) { k } else { best });
     let u = vector::normalised(a[longest]).unwrap_or(IDENTITY_AXIS);
     let v = vector::normalised(a.map(|column| dot(column, u))).unwrap_or(IDENTITY_AXIS);
-    // Cosine and sine of half the angle are half the lengths of sum and difference, without cancellation (Kahan).
-    let axis = vector::normalised(cross(v, u)).unwrap_or_else(|| frame::across(v));
-    let [x, y, z] = scale(axis, vector::length(sub(u, v)));
-    Quaternion { w: vector::length(add(u, v)), x, y, z }.normalised()
+    if dot(v, u) >= 0.0 {
+        return acute_turn(v, u);
+    }
+    // Near half a turn the cross product is all rounding: first half a turn about what of it is across `v`, if any.
+    let [x, y, z] = frame::basis(v, cross(v, u))[1];
+    acute_turn(scale(v, -1.0), u).times(Quaternion { w: 0.0, x, y, z })
+}
+
+/// The turn by less than a right angle from `v` to `u`, both of length one.
+fn acute_turn(v: Vector, u: Vector) -> Quaternion {
+    let [x, y, z] = cross(v, u);
+    Quaternion { w: 1.0 + dot(v, u), x, y, z }.normalised()
 }
 
 const IDENTITY_AXIS: Vector = [1.0, 0.0, 0.0];
