@@ -1,4 +1,4 @@
-use std::f64::consts::{FRAC_PI_4, TAU};
+use std::f64::consts::{FRAC_PI_4, SQRT_2, TAU};
 
 use super::palette::Paint;
 use crate::{Mesh, Part};
@@ -58,8 +58,7 @@ impl Draft {
 
     /// Adds a square bar of side `width`: 8 triangles. Its open ends lie inside the joints.
     pub(super) fn bar(&mut self, paint: Paint, from: Vec3, to: Vec3, width: f64) {
-        let diagonal = width * std::f64::consts::SQRT_2;
-        self.frustum(paint, [from, to], [diagonal; 2], 4);
+        self.frustum(paint, [from, to], [width * SQRT_2; 2], 4);
     }
 
     /// Adds a thin cable of three sides: 6 triangles.
@@ -148,7 +147,7 @@ pub(super) fn unit(a: Vec3) -> Vec3 {
     a.map(|x| x / length)
 }
 
-/// Two unit vectors across `axis` that make a right-handed frame with it; the first is level but for a vertical axis.
+/// Two unit vectors across `axis` that make a right-handed frame with it; the first is level.
 fn across(axis: Vec3) -> [Vec3; 2] {
     let axis = unit(axis);
     let aside = if axis[1].abs() < 0.999 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] };

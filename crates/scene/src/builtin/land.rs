@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::{
-    draft::{Draft, Vec3},
+    draft::Draft,
     noise::{hills, noise, random},
     palette::Paint,
     stage::{Stage, leaning, upright},
@@ -76,8 +76,8 @@ pub(super) fn ground(x: f64, z: f64) -> f64 {
         + mountains * (260.0 + 330.0 * hills(x / 800.0, z / 800.0, 70))
 }
 
+/// The ground, its cells larger with the cube of the distance from the bridge.
 fn terrain() -> Mesh {
-    // Cells grow with the cube of the distance from the bridge.
     let x_at = |i: u32| {
         let u = -0.7 + 1.7 * f64::from(i) / f64::from(TERRAIN_CELLS[0]);
         450.0 * u + 2500.0 * u * u * u
@@ -104,18 +104,24 @@ fn terrain() -> Mesh {
     draft.finish("terrain")
 }
 
+/// By distance from the bridge, with ragged borders, and nearby by slope.
 fn paint_at(x: f64, z: f64) -> Paint {
     let inland = inland(x, z);
     let far = (x * x + z * z).sqrt() * (1.0 + 0.15 * hills(x / 200.0, z / 200.0, 80));
     let step = 4.0;
     let rise = (ground(x + step, z) - ground(x - step, z)).hypot(ground(x, z + step) - ground(x, z - step));
-    match far {
-        _ if inland < 16.0 => Paint::Sand,
-        far if far > 2500.0 => Paint::Haze,
-        far if far > 1600.0 => Paint::Mountains,
-        far if far > 800.0 => Paint::Hills,
-        _ if rise > 0.75 * 2.0 * step => Paint::Rock,
-        _ => Paint::Grass,
+    if inland < 16.0 {
+        Paint::Sand
+    } else if far > 2500.0 {
+        Paint::Haze
+    } else if far > 1600.0 {
+        Paint::Mountains
+    } else if far > 800.0 {
+        Paint::Hills
+    } else if rise > 0.75 * 2.0 * step {
+        Paint::Rock
+    } else {
+        Paint::Grass
     }
 }
 
@@ -161,13 +167,11 @@ fn place_trees(stage: &mut Stage) {
                 continue;
             }
             let kind = usize::from(hills(x / 120.0, z / 120.0, 30) + 0.7 * draw(4) > 0.62);
-            let size = 0.8 + 0.7 * draw(5);
-            let lean: Vec3 = [0.1 * (draw(6) - 0.5), 1.0, 0.1 * (draw(7) - 0.5)];
-            let position = [x, ground(x, z) - 0.5, z];
-            stage.place(
-                trees[kind],
-                leaning(position, lean, TAU * draw(8), [size, size * (0.85 + 0.4 * draw(9)), size]),
-            );
+            let width = 0.8 + 0.7 * draw(5);
+            let height = width * (0.85 + 0.4 * draw(9));
+            let lean = [0.1 * (draw(6) - 0.5), 1.0, 0.1 * (draw(7) - 0.5)];
+            let root = [x, ground(x, z) - 0.5, z];
+            stage.place(trees[kind], leaning(root, lean, TAU * draw(8), [width, height, width]));
         }
     }
 }

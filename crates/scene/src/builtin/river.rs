@@ -1,4 +1,4 @@
-//! What floats on the river and grows at its edge: a crane barge, sailing boats, reeds.
+//! What floats on the river and grows at its edge: crane barges, sailing boats, reeds.
 
 use std::f64::consts::TAU;
 
@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{Mesh, MeshId};
 
-/// Places the barge, with a `crane` on it, boats and reeds.
+/// Places barges, a `crane` on each, boats and reeds.
 pub(super) fn place(stage: &mut Stage, crane: MeshId) {
     let barge = stage.mesh(barge());
     for (x, z, heading_rad, crane_rad) in [(-48.0, 116.0, 0.5, -0.7), (52.0, -46.0, -0.3, 0.9)] {
@@ -62,9 +62,9 @@ fn boat() -> Mesh {
         [bow, [1.5, 0.7, -1.5], [-4.2, 0.7, -1.1], [-4.2, 0.7, 1.1], [1.5, 0.7, 1.5]].map(|p| draft.vertex(p)).into();
     for k in 0..5 {
         let next = (k + 1) % 5;
-        draft.triangle(Paint::White, [keel, rim[k], rim[next]]);
+        draft.triangle(Paint::White, [keel, rim[next], rim[k]]);
         if (1..4).contains(&k) {
-            draft.triangle(Paint::Wood, [rim[0], rim[next], rim[k]]);
+            draft.triangle(Paint::Wood, [rim[0], rim[k], rim[next]]);
         }
     }
     let [foot, head] = [[0.8, 0.7, 0.0], [0.6, 13.0, 0.0]];
@@ -84,8 +84,8 @@ fn boat() -> Mesh {
 
 /// Reeds along the near shore, and grass of the same shape on the meadow behind it.
 fn place_reeds(stage: &mut Stage) {
-    let reeds = stage.mesh(tuft(Paint::Reed));
-    let grass = stage.mesh(tuft(Paint::Meadow));
+    let reeds = stage.mesh(tuft("reeds", Paint::Reed));
+    let grass = stage.mesh(tuft("grass", Paint::Meadow));
     let spacing = 2.2;
     for j in 10..120 {
         for i in -140..-60 {
@@ -106,7 +106,7 @@ fn place_reeds(stage: &mut Stage) {
 }
 
 /// A tuft of thin blades that fan out from the root.
-fn tuft(paint: Paint) -> Mesh {
+fn tuft(name: &str, paint: Paint) -> Mesh {
     let mut draft = Draft::default();
     for blade in 0..14 {
         let draw = |seed: u32| random([blade, 0], 200 + seed);
@@ -114,5 +114,5 @@ fn tuft(paint: Paint) -> Mesh {
         let tip = [root[0] + 1.6 * (draw(3) - 0.5), 2.2 + 1.6 * draw(4), root[2] + 1.6 * (draw(5) - 0.5)];
         draft.frustum(paint, [root, tip], [0.13, 0.0], 3);
     }
-    draft.finish("tuft")
+    draft.finish(name)
 }

@@ -1,5 +1,7 @@
 //! What stands on the banks: cranes, scaffolds, shells of houses, masts.
 
+use std::f64::consts::{FRAC_PI_2, TAU};
+
 use super::{
     draft::{Draft, Vec3, between, square_rings},
     land::ground,
@@ -8,7 +10,10 @@ use super::{
 };
 use crate::{Mesh, MeshId};
 
-/// Places everything on the banks.
+/// Height of a crane's jib.
+const JIB_HEIGHT: f64 = 52.0;
+
+/// Places everything on the banks; `crane` also stands elsewhere.
 pub(super) fn place(stage: &mut Stage, crane: MeshId) {
     for (x, z, heading_rad, size) in
         [(262.0, 78.0, 2.5, 1.0), (318.0, 128.0, 0.6, 1.2), (300.0, -70.0, 3.9, 1.1), (-205.0, -75.0, 0.5, 1.0)]
@@ -25,7 +30,9 @@ pub(super) fn place(stage: &mut Stage, crane: MeshId) {
         [(-216.0, 172.0, 1.05), (238.0, 58.0, 0.35), (282.0, 100.0, 0.1), (240.0, 120.0, 0.6), (270.0, -52.0, -0.2)]
     {
         stage.place(shell, upright(on_ground(x, z), heading_rad, [1.0; 3]));
-        for (along, across, turn_rad) in [(0.0, 9.4, 0.0), (0.0, -9.4, 0.0), (-9.4, 0.0, 1.571), (9.4, 0.0, 1.571)] {
+        for (along, across, turn_rad) in
+            [(0.0, 9.4, 0.0), (0.0, -9.4, 0.0), (-9.4, 0.0, FRAC_PI_2), (9.4, 0.0, FRAC_PI_2)]
+        {
             let (sin, cos) = f64::sin_cos(heading_rad);
             let position = on_ground(x + cos * along + sin * across, z - sin * along + cos * across);
             let lean = [-0.004 * along, 1.0, 0.003 * across];
@@ -43,7 +50,7 @@ fn on_ground(x: f64, z: f64) -> Vec3 {
 
 /// A tower crane, its jib along x.
 pub(super) fn crane() -> Mesh {
-    const TOP: f64 = 52.0;
+    const TOP: f64 = JIB_HEIGHT;
     const JIB: f64 = 46.0;
     let mut draft = Draft::default();
     draft.block(Paint::Concrete, [-3.0, -1.0, -3.0], [3.0, 1.2, 3.0]);
@@ -69,7 +76,7 @@ pub(super) fn crane() -> Mesh {
 fn jib(way: f64, length: f64, n_bays: u32) -> Vec<[Vec3; 3]> {
     let ring = |i: u32| {
         let x = way * (1.1 + (length - 1.1) * f64::from(i) / f64::from(n_bays));
-        [[x, 52.0, -0.9], [x, 52.0, 0.9], [x, 53.8, 0.0]]
+        [[x, JIB_HEIGHT, -0.9], [x, JIB_HEIGHT, 0.9], [x, JIB_HEIGHT + 1.8, 0.0]]
     };
     (0..=n_bays).map(ring).collect()
 }
@@ -79,7 +86,7 @@ fn mast() -> Mesh {
     const HEIGHT: f64 = 78.0;
     let n_bays = 40;
     let corner = |k: u32, radius: f64, y: f64| {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 3.0).sin_cos();
+        let (sin, cos) = (TAU * f64::from(k) / 3.0).sin_cos();
         [radius * cos, y, radius * sin]
     };
     let ring = |i: u32| [0, 1, 2].map(|k| corner(k, 1.1, HEIGHT * f64::from(i) / f64::from(n_bays)));
@@ -130,22 +137,20 @@ fn scaffold() -> Mesh {
     draft.finish("scaffold")
 }
 
-/// The concrete shell of a house: 6 floors on 16 columns.
+/// The concrete shell of a house: six slabs, 16 columns on each, and a core.
 fn shell() -> Mesh {
     const HALF: f64 = 8.0;
     const FLOOR: f64 = 3.5;
     let mut draft = Draft::default();
-    for floor in 0..6 {
+    for floor in 0..=5 {
         let y = FLOOR * f64::from(floor);
         draft.block(Paint::Concrete, [-HALF, y, -HALF], [HALF, y + 0.35, HALF]);
-        if floor == 5 {
-            break;
-        }
-        for i in 0..4 {
-            for j in 0..4 {
-                let [x, z] = [i, j].map(|k| (HALF - 0.5) * (f64::from(k) / 1.5 - 1.0));
-                draft.block(Paint::Concrete, [x - 0.25, y + 0.35, z - 0.25], [x + 0.25, y + FLOOR, z + 0.25]);
-            }
+    }
+    for floor in 0..5 {
+        let [foot, head] = [0.35, FLOOR].map(|y| y + FLOOR * f64::from(floor));
+        for column in 0..16 {
+            let [x, z] = [column % 4, column / 4].map(|k| (HALF - 0.5) * (f64::from(k) / 1.5 - 1.0));
+            draft.block(Paint::Concrete, [x - 0.25, foot, z - 0.25], [x + 0.25, head, z + 0.25]);
         }
     }
     draft.block(Paint::Concrete, [-2.0, 0.0, -2.5], [2.0, 24.0, 2.5]);

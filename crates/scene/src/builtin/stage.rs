@@ -7,6 +7,7 @@ use crate::{Instance, Mesh, MeshId, Scene};
 #[derive(Default)]
 pub(super) struct Stage {
     pub(super) scene: Scene,
+    n_placed: u32,
 }
 
 impl Stage {
@@ -18,8 +19,9 @@ impl Stage {
 
     /// Places a mesh.
     pub(super) fn place(&mut self, mesh: MeshId, world_from_object: Affine) {
-        let first_primitive = u32::try_from(self.scene.n_placed_triangles()).expect("the scene is small");
-        self.scene.instances.push(Instance { mesh, world_from_object, first_primitive });
+        self.scene.instances.push(Instance { mesh, world_from_object, first_primitive: self.n_placed });
+        let n_triangles = self.scene.meshes[mesh.0 as usize].triangles.len();
+        self.n_placed += u32::try_from(n_triangles).expect("the scene is small");
     }
 }
 

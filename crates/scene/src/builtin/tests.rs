@@ -188,6 +188,16 @@ fn shapes_look_outward() {
 }
 
 #[test]
+fn land_and_water_look_up() {
+    for mesh in builtin().meshes.iter().filter(|mesh| ["terrain", "water"].contains(&mesh.name.as_str())) {
+        for triangle in 0..mesh.triangles.len() {
+            let [a, b, c] = corners(mesh, triangle);
+            assert!(cross(sub(b, a), sub(c, a))[1] > 0.0, "{} {triangle}", mesh.name);
+        }
+    }
+}
+
+#[test]
 fn parts_are_sorted_runs() {
     let mut draft = Draft::default();
     for paint in [Paint::Wood, Paint::Steel, Paint::Wood] {
