@@ -10,6 +10,23 @@
 //! loses no hit, whatever its shape, and needs no epsilon. The proofs stand beside the code: the kernels', in
 //! `triangle`, and the boxes', in `slab`.
 //!
+//! ```
+//! use canted_trace::{Kernel, Ray, ScaledRay, Side, SlabRay, Slabs, Watertight};
+//!
+//! let triangle = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
+//! let ray = ScaledRay::new(&Ray::new([2.0, 1.0, 3.0], [0.0, 0.0, -10.0])).unwrap();
+//!
+//! // The box leans by 45 degrees about z; no coordinate of the triangle exceeds 4.
+//! let half = 0.5f32.sqrt();
+//! let slabs = Slabs::of_points([[half, half, 0.0], [-half, half, 0.0], [0.0, 0.0, 1.0]], triangle);
+//! let entry = SlabRay::new(&ray, 4.0).enters_slabs(&slabs, ray.t_max).unwrap();
+//!
+//! let prepared = Watertight::prepare(&ray);
+//! let hit = Watertight::intersect(&prepared, &ray, &Watertight::record(triangle), ray.t_max).unwrap();
+//! assert!(entry <= hit.t);
+//! assert_eq!((ray.caller_t(hit.t), hit.u, hit.v, hit.side), (0.3, 0.5, 0.25, Side::Front));
+//! ```
+//!
 //! Coordinates may be as large as 2^62; beyond that products overflow, and a ray may miss what it should hit.
 #![forbid(unsafe_code)]
 

@@ -25,6 +25,14 @@ fn slabs_contain_their_boxes_and_points() {
             let obb = obb_near(&mut rng, &setting);
             let slabs = Slabs::of_obb(&obb);
             assert!(exact_corners(&obb).all(|corner| contains(&slabs, &corner)), "{obb:?}");
+            for k in 0..3 {
+                // Not needlessly large: the outward step of f32, and the error of f64 with nothing to hide behind.
+                let row = q3(slabs.rows[k]);
+                let least = exact_corners(&obb).map(|corner| exact::dot(&row, &corner)).min().expect("eight");
+                let magnitude = exact_corners(&obb).map(|corner| exact::reach(&corner)).max().expect("eight");
+                let slack = q(f32::EPSILON) * q(slabs.lo[k].abs()) + q(32.0 * f64::EPSILON) * magnitude;
+                assert!(least - q(slabs.lo[k]) <= slack + q(f32::from_bits(1)), "row {k} of {obb:?}");
+            }
             let points = rng.triangle(setting.around, setting.size);
             let slabs = Slabs::of_points(slabs.rows, points);
             assert!(points.iter().all(|&p| contains(&slabs, &q3(p))), "{points:?}");
@@ -211,6 +219,7 @@ fn public_tests_agree_with_six_planes() {
     assert_eq!(ray_aabb(&Ray::new([0.0; 3], [1.0, 0.0, 0.0]), &Aabb::EMPTY), None);
 
     let mut rng = Rng(7);
+    let mut n_entered = 0;
     for _ in 0..300 {
         let setting = SETTINGS[rng.below(4)];
         let obb = obb_near(&mut rng, &setting);
@@ -219,9 +228,11 @@ fn public_tests_agree_with_six_planes() {
         let scaled = ray_at(&mut rng, &aim, setting.distance);
         let ray = Ray::new(scaled.origin, scaled.direction);
         // `Slabs::of_obb` holds the box, so what enters exactly is what must be found.
-        if let Some((near, _)) = exact::clip(&Slabs::of_obb(&obb), &scaled) {
+        if let Some((near, far)) = exact::clip(&Slabs::of_obb(&obb), &scaled) {
+            n_entered += 1;
             let (entry, exit) = ray_obb(&ray, &obb).unwrap();
-            assert!(q(entry) <= near && entry <= exit, "{obb:?} {ray:?}");
+            assert!(q(entry) <= near && far.unwrap() <= q(exit), "{obb:?} {ray:?}");
         }
     }
+    assert!(n_entered > 100, "the case is void: {n_entered}");
 }

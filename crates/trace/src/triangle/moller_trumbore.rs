@@ -8,6 +8,7 @@ use crate::vector::{cross, dot, sub};
 /// Reads: a ray, three vertices. Writes: the hit.
 /// Holds: reported points lie within [`HIT_ERROR`](crate::HIT_ERROR); `t`, `u`, `v` have the bits of
 /// [`BaldwinWeber`](crate::BaldwinWeber)'s where both hit. Rays within about 1e-8 of the face's plane miss.
+/// Products in the filter underflow for triangles smaller than about 2^-60; the watertight kernel has no such limit.
 /// Source: Möller, Trumbore 1997, without culling; the distance is left to f64, so that a traversal's shrinking
 /// `t_max` cannot change which triangles are hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
