@@ -1,7 +1,7 @@
 /// An axis-aligned box with closed ends, in the space of its points.
 ///
 /// `min` and `max` are copies of input coordinates, so containment is exact. The empty box has `min > max`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Aabb {
     /// Least coordinate on each axis.

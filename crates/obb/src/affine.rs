@@ -1,7 +1,7 @@
 /// An affine map `x -> columns[0]·x + columns[1]·y + columns[2]·z + columns[3]`, column vectors.
 ///
 /// Named after the spaces it joins: `world_from_object` takes object coordinates to world coordinates.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Affine {
     /// Images of the three axes, then the image of the origin.

@@ -1,4 +1,15 @@
 //! Extents along fixed directions, and the frames that they make.
+//!
+//! Of the sets with 13 to 25 directions this one makes the most frames, 16. Least area over the ideal, mean over 4,000
+//! random rotations of rods 1 : 0.03 : 0.03, plates 1 : 1 : 0.03 and blocks 1 : 0.6 : 0.3, against other sets:
+//!
+//! | directions | frames | rods | plates | blocks |
+//! |---|---|---|---|---|
+//! | 13, axes and diagonals of a cube | 4 | 7.8 | 2.2 | 2.0 |
+//! | 15, edges of an icosahedron | 5 | 6.5 | 2.1 | 1.9 |
+//! | 25, both | 8 | 5.8 | 2.0 | 1.8 |
+//! | **25, these** | **16** | **5.4** | **1.9** | **1.7** |
+//! | 264, random | 88 | 2.9 | 1.5 | 1.4 |
 
 use crate::frame::Frame;
 

@@ -5,8 +5,9 @@ use crate::{Aabb, Affine, Enclosure, contains, frame};
 /// A box that may lean: all points `center + frame · q` with `|q[k]| <= half[k]`.
 ///
 /// `frame[k]` is the direction of axis `k` (a column of the matrix). It is orthonormal up to rounding after a fit and
-/// skewed after a shear: an affine image of a box stays exact. `half >= 0`; zero is legal.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// skewed after a shear: an affine image of a box stays exact. `half >= 0`; zero is legal. Fifteen floats without
+/// padding, in this order, on every device.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Obb {
     /// Midpoint, in the space of the points.
@@ -85,7 +86,9 @@ impl Obb {
             let linear = (0..3).map(|j| f64::from(to_from_self.columns[j][k].abs()) * reach[j]);
             f64::from(to_from_self.columns[3][k].abs()) + linear.sum::<f64>()
         });
-        let mut enclosure = Enclosure::new(frame::complete(directions), vector::to_f32(center));
+        let limit = f64::from(f32::MAX);
+        let origin = vector::to_f32(center.map(|x| x.clamp(-limit, limit)));
+        let mut enclosure = Enclosure::new(frame::complete(directions), origin);
         enclosure.add_parallelepiped(center, sides, 4.0 * U * vector::reach(magnitude));
         enclosure.finish()
     }

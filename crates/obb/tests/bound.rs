@@ -7,6 +7,7 @@ mod common;
 use canted_obb::{Aabb, Affine, Enclosure, Frame, Obb, bound, bound_boxes};
 use common::clouds::{self, Random};
 use common::exact::{self, ExactBox};
+use proptest::prelude::*;
 
 /// Rotations, skews, scaled and mirrored axes, and frames that must be refused.
 fn frames(random: &mut Random) -> Vec<Frame> {
@@ -31,6 +32,19 @@ fn every_cloud_in_every_frame_is_contained() {
                 assert!(bounded.contains(point), "{name}: the library's test must agree");
             }
         }
+    }
+}
+
+proptest! {
+    #[test]
+    fn points_of_any_bits_in_frames_of_any_rotation(
+        seed in any::<u64>(),
+        bits in prop::collection::vec(prop::array::uniform3(any::<u32>()), 1..12),
+    ) {
+        let points: Vec<[f32; 3]> = bits.into_iter().map(|p| p.map(f32::from_bits)).collect();
+        prop_assume!(points.iter().flatten().all(|x| x.is_finite()));
+        let bounded = bound(Random(seed).frame(), points.iter().copied());
+        prop_assert!(contains_all(&bounded, &points), "{bounded:?}");
     }
 }
 

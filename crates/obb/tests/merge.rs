@@ -5,9 +5,10 @@
 mod common;
 
 use canted_obb::merge::{self, Child, Weight};
-use canted_obb::{Aabb, Frame, Moments, Obb, Quaternion, bound, frame};
+use canted_obb::{Aabb, Frame, Moments, Obb, bound};
 use common::clouds::{self, Random, placed};
 use common::exact::{self, ExactBox};
+use common::growth::{REFRAMED, assert_contains, growth};
 
 /// A rule by name.
 type Rule = (&'static str, fn(&Obb, &Obb) -> Obb);
@@ -19,32 +20,6 @@ const RULES: [Rule; 5] = [
     ("best", |a, b| merge::best(a, b, None)),
     ("combined", |a, b| merge::combined(&Child::Box(*a), &Child::Box(*b))),
 ];
-
-/// Rules that use no frame but those of two boxes.
-const BY_ROTATION: [Rule; 2] = [RULES[2], RULES[4]];
-
-#[track_caller]
-fn assert_contains(name: &str, parent: &Obb, children: &[Obb]) {
-    let judge = ExactBox::of(parent);
-    for child in children {
-        assert!(exact::corners(child).iter().all(|corner| judge.contains(corner)), "{name}: {child:?} in {parent:?}");
-    }
-}
-
-/// `f32` roundings of a frame's columns, and of a half-extent, that a merge may add: the frame is rounded in the child
-/// and in the parent, by half a unit in the last place of each of three entries, and turns the box's diagonal.
-const REFRAMED: f64 = 2.0 * 3.0 * 1.733 * 0.5 * f32::EPSILON as f64;
-
-/// How far the half-extents of `parent`, in any order, exceed those of `child`, over its greatest.
-fn growth(parent: &Obb, child: &Obb) -> f64 {
-    let sorted = |obb: &Obb| {
-        let mut half = obb.half;
-        half.sort_by(f32::total_cmp);
-        half.map(f64::from)
-    };
-    let (grown, original) = (sorted(parent), sorted(child));
-    (0..3).map(|k| grown[k] - original[k]).fold(0.0, f64::max) / original[2]
-}
 
 #[test]
 fn every_pair_of_clouds_is_contained() {
@@ -102,108 +77,6 @@ fn equal_and_nested_boxes_do_not_grow() {
         // Along a child's own axes only the half-extents are rounded up, once.
         let parent = merge::best(&outer, &inner, None);
         assert!(growth(&parent, &outer) <= f64::from(f32::EPSILON), "{parent:?} for {outer:?}");
-    }
-}
-
-#[test]
-fn opposite_quaternions_give_the_same_bits() {
-    let mut random = Random(44);
-    for _ in 0..500 {
-        let (p, q) = (random.rotation(), random.rotation());
-        let expected = merge::between(p, q, [1.0, 3.0]).frame();
-        for (p, q) in [(p.scaled(-1.0), q), (p, q.scaled(-1.0)), (p.scaled(-1.0), q.scaled(-1.0))] {
-            assert_eq!(merge::between(p, q, [1.0, 3.0]).frame(), expected);
-        }
-    }
-}
-
-/// The 24 ways to name a box's axes, right-handed, with the half-extents in their order.
-fn renamed(obb: &Obb) -> Vec<Obb> {
-    let mut all = Vec::new();
-    for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]] {
-        for signs in 0..4 {
-            let signed = |k: usize, flip: bool| obb.frame[k].map(|c| if flip { -c } else { c });
-            let frame = [signed(x, signs & 1 == 1), signed(y, signs & 2 == 2), obb.frame[z]];
-            let third = frame::right_handed(frame);
-            all.push(Obb { frame: third, half: [obb.half[x], obb.half[y], obb.half[z]], ..*obb });
-        }
-    }
-    all
-}
-
-#[test]
-fn ninety_and_a_hundred_and_eighty_degrees_are_no_turn() {
-    let mut random = Random(45);
-    for turned in [Obb::IDENTITY_FRAME, random.frame(), random.frame(), random.frame()] {
-        let obb = Obb { center: [1.0, -2.0, 3.0], frame: turned, half: [2.0, 0.5, 0.25] };
-        let all = renamed(&obb);
-        assert_eq!(all.len(), 24);
-        for (rule, merged) in BY_ROTATION {
-            for a in &all {
-                for b in &all {
-                    let parent = merged(a, b);
-                    assert!(growth(&parent, &obb) <= 2.0 * REFRAMED, "{rule}: {a:?} and {b:?} to {parent:?}");
-                }
-            }
-        }
-        // What averaging without care would make of two such boxes, as a volume.
-        let parent = merge::quaternion(&all[0], &all[8], [1.0, 1.0]);
-        assert!((parent.volume() / 2.0 - 1.0).abs() < 1e-5, "{}", parent.volume());
-    }
-}
-
-#[test]
-fn the_nearest_symmetry_is_the_nearest_of_all_twenty_four() {
-    let mut random = Random(46);
-    let all = renamed(&Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0; 3] });
-    let symmetries: Vec<Quaternion> = all.iter().map(|obb| Quaternion::from_frame(obb.frame)).collect();
-    for _ in 0..2_000 {
-        let (p, q) = (random.rotation(), random.rotation());
-        let least = symmetries.iter().map(|&g| p.dot(q.times(g)).abs()).fold(0.0, f64::max);
-        // Halfway between the two the turn to either end is half of the least: cos(θ/4) from cos(θ/2).
-        let halfway = merge::between(p, q, [1.0, 1.0]);
-        let expected = (0.5 * (1.0 + least)).sqrt();
-        assert!((halfway.dot(p) - expected).abs() < 16.0 * f64::EPSILON, "{p:?} {q:?}");
-        // No two frames are farther apart than 62.8° once symmetries are counted (Mackenzie 1958).
-        assert!(2.0 * least.acos() < 62.81_f64.to_radians());
-    }
-}
-
-#[test]
-fn weights_draw_the_average() {
-    let mut random = Random(47);
-    for _ in 0..50 {
-        let great = Obb { center: [0.0; 3], frame: random.frame(), half: [4.0, 1.0, 0.01] };
-        let speck = Obb { center: [1.0, 0.0, 0.0], frame: random.frame(), half: [1e-6; 3] };
-        assert!(parallel(merge::average(great.frame, speck.frame, [1e6, 1.0]), great.frame) > 1.0 - 1e-5);
-        let evenly = merge::average(great.frame, speck.frame, [0.0, 0.0]);
-        assert_eq!(evenly, merge::average(great.frame, speck.frame, [7.0, 7.0]));
-        // By area the corners of a speck do not weigh either; by count they turn the plane towards it.
-        let far = Obb { center: placed(great.frame, [1.0; 3], [0.0; 3], [0.0, 3.0, 2.0]), ..speck };
-        let axes = |weight| merge::bounded(&Child::Box(great), &Child::Box(far), weight).frame;
-        assert!(parallel(axes(Weight::Area), great.frame) > 1.0 - 1e-5);
-        assert!(parallel(axes(Weight::Corners), great.frame) < 0.9);
-    }
-}
-
-/// Least cosine between axes of the same number.
-fn parallel(a: Frame, b: Frame) -> f32 {
-    (0..3).map(|k| (0..3).map(|j| a[k][j] * b[k][j]).sum::<f32>().abs()).fold(1.0, f32::min)
-}
-
-#[test]
-fn skewed_and_mirrored_children_merge_by_their_rotations() {
-    let mut random = Random(48);
-    for _ in 0..50 {
-        let [x, y, z] = random.frame();
-        let straight = Obb { center: [0.0; 3], frame: [x, y, z], half: [3.0, 1.0, 0.5] };
-        let mirrored = Obb { frame: [x, y, z.map(|c| -c)], ..straight };
-        let stretched = Obb { frame: [x.map(|c| 4.0 * c), y, z], half: [0.75, 1.0, 0.5], ..straight };
-        for other in [mirrored, stretched] {
-            let parent = merge::quaternion(&straight, &other, [1.0, 1.0]);
-            assert_contains("skewed", &parent, &[straight, other]);
-            assert!(growth(&parent, &straight) <= 2.0 * REFRAMED, "{other:?} {parent:?}");
-        }
     }
 }
 

@@ -12,8 +12,9 @@ pub enum Weight {
     Area,
 }
 
-/// Eigenvectors of a sum over at most sixteen points; more digits do not change the area.
-const TOLERANCE: f64 = 1e-6;
+/// Correlation left between axes: what rounding the frame to `f32` leaves anyway, so a box merged with itself keeps its
+/// axes.
+const TOLERANCE: f64 = f32::EPSILON as f64;
 
 /// Box along the principal axes of the children's corners: sixteen, eight and three, or six (Ericson 2004; Sabino
 /// 2020, 3.5, variant 2).

@@ -2,6 +2,10 @@
 //!
 //! Every rule contains its children's real corners and its triangles' vertices exactly. None looks below its children,
 //! so a tree is covered in linear time. [`Obb::or_aabb`] adds the fallback to the axis-parallel box.
+//!
+//! A box merged with itself, or with one inside it, grows by rounding alone: [`best`] finds its axes and rounds each
+//! half-extent up once; the others round the axes anew, which the longest half-extent may carry into the rest, by at
+//! most six units in the last place of the longest.
 
 mod best;
 mod bounded;

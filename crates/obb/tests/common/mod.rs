@@ -6,3 +6,4 @@
 
 pub(crate) mod clouds;
 pub(crate) mod exact;
+pub(crate) mod growth;
