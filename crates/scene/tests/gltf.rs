@@ -119,6 +119,18 @@ fn real_files_are_what_is_stated() {
 }
 
 #[test]
+fn every_real_file_is_listed() {
+    let Some(folder) = scenes("every_real_file_is_listed") else { return };
+    for subfolder in ["gltf", "instanced", "kitchen", "sponza", "stanford", "truss"] {
+        for entry in fs::read_dir(folder.join(subfolder)).expect("the folder is there") {
+            let name = entry.expect("the folder can be read").file_name().into_string().expect("names are text");
+            let is_gltf = name.ends_with(".gltf") || name.ends_with(".glb");
+            assert!(!is_gltf || FILES.iter().any(|stated| stated.file == format!("{subfolder}/{name}")), "{name}");
+        }
+    }
+}
+
+#[test]
 fn the_comparison_sees_a_moved_instance() {
     let Some(folder) = scenes("the_comparison_sees_a_moved_instance") else { return };
     let stated = FILES.iter().find(|stated| stated.file == "gltf/BoxInterleaved.glb").expect("it is in the list");

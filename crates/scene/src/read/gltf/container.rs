@@ -70,14 +70,13 @@ fn words<const N: usize>(bytes: &[u8]) -> Option<([u32; N], &[u8])> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read::gltf::tests::word;
 
     /// A GLB of these chunks.
     fn glb(chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
-        let body: Vec<u8> = chunks
-            .iter()
-            .flat_map(|(kind, content)| [&(content.len() as u32).to_le_bytes(), &kind[..], content].concat())
-            .collect();
-        [&MAGIC[..], &2_u32.to_le_bytes(), &(12 + body.len() as u32).to_le_bytes(), &body].concat()
+        let body: Vec<u8> =
+            chunks.iter().flat_map(|(kind, content)| [&word(content.len()), &kind[..], content].concat()).collect();
+        [&MAGIC[..], &2_u32.to_le_bytes(), &word(12 + body.len()), &body].concat()
     }
 
     fn split_named<'a>(name: &str, bytes: &'a [u8]) -> Result<Container<'a>, ReadError> {

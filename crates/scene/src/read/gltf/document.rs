@@ -3,10 +3,12 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use gltf::json::Root;
+use gltf::json::deserialize::{from_slice, from_value};
 use gltf::json::validation::USize64;
+use gltf::json::{Error, Root, Value};
 
 use super::container;
+use super::instancing;
 use super::uri;
 use crate::read::ReadError;
 use crate::read::folder::Folder;
@@ -16,7 +18,7 @@ use crate::read::folder::Folder;
 /// Those of materials change what this crate's surfaces cannot say anyway; without them the picture is an approximation,
 /// not wrong geometry.
 const SUPPORTED: [&str; 15] = [
-    "EXT_mesh_gpu_instancing",
+    instancing::NAME,
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
@@ -35,7 +37,7 @@ const SUPPORTED: [&str; 15] = [
 
 /// A file in memory.
 pub(super) struct Document<'a> {
-    /// The JSON. Indices in it are not checked.
+    /// The JSON. Indices in it are not checked, and arrive modulo 2^32.
     pub(super) root: Root,
     /// The folder that images are read from.
     pub(super) folder: Folder,
@@ -47,9 +49,7 @@ impl<'a> Document<'a> {
     /// Parses the file and loads its buffers.
     pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ReadError> {
         let container = container::split(path, bytes)?;
-        // The parser refuses nesting beyond 128 levels by itself.
-        let root: Root = gltf::json::deserialize::from_slice(container.json)
-            .map_err(|source| ReadError::malformed(path, "json", source.to_string()))?;
+        let root = parse(container.json).map_err(|source| ReadError::malformed(path, "json", source.to_string()))?;
         check_version(path, &root)?;
         if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
             return Err(ReadError::unsupported(path, format!("the required extension {extension}")));
@@ -111,6 +111,20 @@ impl<'a> Document<'a> {
         }
         Ok(bytes)
     }
+}
+
+/// Parses the JSON; nesting beyond 128 levels is refused by the parser.
+///
+/// A scene may lack `nodes`, but not for the structures of `gltf`, so the list is added before they are made.
+fn parse(json: &[u8]) -> Result<Root, Error> {
+    let mut value: Value = from_slice(json)?;
+    for scene in value.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
+        if let Some(scene) = scene.as_object_mut() {
+            scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+        }
+    }
+    // Where that fails, only the text knows the line.
+    from_value(value).or_else(|_| from_slice(json))
 }
 
 /// `length` bytes from `offset` on, if there are as many.

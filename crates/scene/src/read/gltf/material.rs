@@ -80,11 +80,12 @@ fn surface(
             transform,
         }
     });
+    let cutoff = source.alpha_cutoff.unwrap_or_default().0;
     match source.alpha_mode {
-        // The mask compares texture times factor with the cutoff.
-        Checked::Valid(AlphaMode::Mask) if alpha > 0.0 => {
+        // The file compares texture times factor with the cutoff; no alpha reaches a cutoff of 2.
+        Checked::Valid(AlphaMode::Mask) if cutoff > 0.0 => {
             material.alpha_texture = material.albedo_texture;
-            material.alpha_cutoff = source.alpha_cutoff.unwrap_or_default().0 / alpha;
+            material.alpha_cutoff = (cutoff / alpha.clamp(0.0, 1.0)).min(2.0);
         }
         Checked::Valid(AlphaMode::Blend) => material.alpha_texture = material.albedo_texture,
         Checked::Valid(AlphaMode::Mask | AlphaMode::Opaque) | Checked::Invalid => {}

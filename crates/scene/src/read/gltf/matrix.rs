@@ -130,3 +130,71 @@ pub(super) fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
     let unit = scaled.map(|x| (x / length) as f32);
     unit.iter().all(|x| x.is_finite()).then_some(unit)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const NO_TURN: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+
+    /// Whole numbers small enough that every sum below is exact.
+    fn whole() -> impl Strategy<Value = [f64; 3]> {
+        prop::array::uniform3((-9..10_i8).prop_map(f64::from))
+    }
+
+    proptest! {
+        /// The normal of two edges goes where the normal of their images is, on the side that mirrors turn over.
+        #[test]
+        fn normals_stay_normal(axes in prop::array::uniform3(whole()), u in whole(), v in whole()) {
+            let [a, b, c] = axes;
+            let determinant = dot(a, cross(b, c));
+            prop_assume!(determinant != 0.0);
+            let matrix = Matrix { columns: [a, b, c, [0.0; 3]] };
+            let want = cross(matrix.vector(u), matrix.vector(v)).map(|x| determinant.signum() * x);
+            prop_assert_eq!(matrix.normal(cross(u, v)), want);
+        }
+
+        #[test]
+        fn one_map_after_another(outer in prop::array::uniform4(whole()), inner in prop::array::uniform4(whole()), p in whole()) {
+            let (outer, inner) = (Matrix { columns: outer }, Matrix { columns: inner });
+            prop_assert_eq!(outer.after(&inner).point(p), outer.point(inner.point(p)));
+        }
+    }
+
+    #[test]
+    fn unit_vectors_of_any_length() {
+        for scale in [1.0, 1e-300, 5e-324, 1e300] {
+            assert_eq!(unit([0.0, -scale, 0.0]), Some([0.0, -1.0, 0.0]), "{scale:e}");
+        }
+        for v in [[0.0; 3], [f64::NAN, 1.0, 0.0], [f64::INFINITY, 1.0, 0.0]] {
+            assert_eq!(unit(v), None, "{v:?}");
+        }
+    }
+
+    #[test]
+    fn flatness_is_judged_by_the_error_of_rounding() {
+        let turned = Matrix::from_parts([0.0; 3], [0.0, 0.0, 0.382_683_43, 0.923_879_5], [1.0; 3]);
+        assert!(turned.rounded().is_some());
+        // Two columns almost along each other: rounding decides by which side of each other they are.
+        let sheared = |angle_rad: f64| {
+            let mut flat = Matrix::IDENTITY;
+            flat.columns[1] = [1.0, angle_rad, 0.0];
+            turned.after(&flat).rounded()
+        };
+        assert!(sheared(1e-5).is_some());
+        assert!(sheared(1e-8).is_none());
+        // Columns that are short but apart keep their directions.
+        let thin = Matrix::from_parts([0.0; 3], NO_TURN, [1.0, 1e-8, 1.0]);
+        assert!(turned.after(&thin).rounded().is_some());
+    }
+
+    #[test]
+    fn maps_whose_inverse_overflows_have_none() {
+        let scaled = |scale: f32| Matrix::from_parts([1.0, 0.0, 0.0], NO_TURN, [scale; 3]).rounded();
+        assert!(scaled(1e-38).is_some());
+        assert!(scaled(1e-39).is_none());
+        assert!(scaled(1e38).is_some());
+        assert!(scaled(f32::INFINITY).is_none());
+    }
+}

@@ -12,6 +12,7 @@ mod accessor;
 mod camera;
 mod container;
 mod document;
+mod instancing;
 mod light;
 mod material;
 mod matrix;

@@ -1,11 +1,10 @@
 //! Instances: the meshes that nodes place, once each or as often as `EXT_mesh_gpu_instancing` says.
 
 use canted_obb::Affine;
-use gltf::json::accessor::Type;
 use gltf::json::scene::Node;
 
-use super::accessor::{Accessor, REALS};
 use super::document::Document;
+use super::instancing;
 use super::material::UvSource;
 use super::matrix::Matrix;
 use super::mesh;
@@ -125,51 +124,12 @@ fn pose_of<'a>(
 
 /// Transforms of the instances of a node, `None` for those that have no inverse.
 fn transforms(document: &Document<'_>, nodes: &Nodes, k: usize) -> Result<Vec<Option<Affine>>, ReadError> {
-    let node = &document.root.nodes[k];
     // The joints have taken a skinned mesh to the world already; its node has no say.
-    if node.skin.is_some() {
+    if document.root.nodes[k].skin.is_some() {
         return Ok(vec![Some(Affine::IDENTITY)]);
     }
-    let world_from_node = &nodes.world_from_node[k];
-    let attribute = |name: &str| instancing_attribute(node, name);
-    if node.extensions.as_ref().is_none_or(|extensions| !extensions.others.contains_key(INSTANCING)) {
-        return Ok(vec![world_from_node.rounded()]);
-    }
-    let open = |name: &str, element_type: Type| {
-        let place = format!("node {k} instance {name}");
-        attribute(name)
-            .map(|index| {
-                let index = index.ok_or_else(|| document.malformed(&place, "is not the index of an accessor"))?;
-                Accessor::open(document, index, &place, element_type, REALS)
-            })
-            .transpose()
-    };
-    let translations = open("TRANSLATION", Type::Vec3)?;
-    let rotations = open("ROTATION", Type::Vec4)?;
-    let scales = open("SCALE", Type::Vec3)?;
-    let mut counts = [&translations, &rotations, &scales].into_iter().flatten().map(|accessor| accessor.count);
-    let place = || format!("node {k} {INSTANCING}");
-    let count = counts.next().ok_or_else(|| document.malformed(place(), "has no TRANSLATION, ROTATION or SCALE"))?;
-    if let Some(other) = counts.find(|&other| other != count) {
-        return Err(document.malformed(place(), format!("has attributes of {count} and of {other} instances")));
-    }
-    let instance = |i: usize| {
-        let translation = translations.as_ref().map_or([0.0; 3], |accessor| accessor.reals(i));
-        let rotation = rotations.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |accessor| accessor.reals(i));
-        let scale = scales.as_ref().map_or([1.0; 3], |accessor| accessor.reals(i));
-        world_from_node.after(&Matrix::from_parts(translation, rotation, scale)).rounded()
-    };
-    Ok((0..count).map(instance).collect())
-}
-
-/// Name of the extension that repeats a mesh.
-const INSTANCING: &str = "EXT_mesh_gpu_instancing";
-
-/// The accessor of an attribute of the instancing extension, `Some(None)` where it is not an index.
-fn instancing_attribute(node: &Node, name: &str) -> Option<Option<usize>> {
-    let extension = node.extensions.as_ref()?.others.get(INSTANCING)?;
-    let index = extension.get("attributes")?.get(name)?;
-    Some(index.as_u64().and_then(|index| usize::try_from(index).ok()))
+    let node_from_instance = instancing::read(document, k)?.unwrap_or_else(|| vec![Matrix::IDENTITY]);
+    Ok(node_from_instance.iter().map(|inner| nodes.world_from_node[k].after(inner).rounded()).collect())
 }
 
 /// Moves the meshes that have instances into the scene, in their order, and renumbers the instances.

@@ -104,6 +104,8 @@ fn masks() {
     assert_eq!(with(1.0, json!({ "alphaMode": "MASK" })), (mask, 0.5));
     assert_eq!(with(1.0, json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 })), (mask, 0.25));
     assert_eq!(with(0.5, json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 })), (mask, 0.5), "the factor counts");
+    assert_eq!(with(0.0, json!({ "alphaMode": "MASK" })), (mask, 2.0), "nothing is seen");
+    assert_eq!(with(1.0, json!({ "alphaMode": "MASK", "alphaCutoff": 0 })).0, None, "all is seen");
     assert_eq!(with(0.25, json!({ "alphaMode": "BLEND" })), (mask, 0.5));
     assert_eq!(with(1.0, json!({ "alphaMode": "OPAQUE" })).0, None);
 }
@@ -129,10 +131,9 @@ fn emissive_textures_count_by_their_mean() {
     let scene = file(json!({ "emissiveFactor": [2, 2, 2], "emissiveTexture": { "index": 0 } })).scene();
     // Linear values of 255 and 128 by IEC 61966-2-1; red is the mean of 1 and grey, the others of 0 and grey.
     let grey = ((128.0_f64 / 255.0 + 0.055) / 1.055).powf(2.4);
-    let want = [1.0 + grey, grey, grey].map(|x| x as f32);
-    for (found, want) in scene.materials[0].emission.into_iter().zip(want) {
+    for (found, want) in scene.materials[0].emission.map(f64::from).into_iter().zip([1.0 + grey, grey, grey]) {
         // The mean and its product with the factor are rounded once each.
-        assert!((found - want).abs() <= 2.0 * f32::EPSILON * want, "{found} for {want}");
+        assert!((found - want).abs() <= f64::from(f32::EPSILON) * want, "{found} for {want}");
     }
     assert!(scene.textures.is_empty(), "only the mean is kept");
 }

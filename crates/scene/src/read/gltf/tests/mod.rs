@@ -127,10 +127,10 @@ impl File {
         let chunk = |kind: &[u8; 4], content: &[u8], padding: u8| {
             let mut content = content.to_vec();
             content.resize(content.len().next_multiple_of(4), padding);
-            [&(content.len() as u32).to_le_bytes()[..], kind, &content].concat()
+            [&word(content.len())[..], kind, &content].concat()
         };
         let chunks = [chunk(b"JSON", json.to_string().as_bytes(), b' '), chunk(b"BIN\0", &self.buffer, 0)].concat();
-        [b"glTF", &2_u32.to_le_bytes()[..], &(12 + chunks.len() as u32).to_le_bytes(), &chunks].concat()
+        [b"glTF", &2_u32.to_le_bytes()[..], &word(12 + chunks.len()), &chunks].concat()
     }
 
     /// Writes the file into a folder of its own and reads it.
@@ -169,6 +169,11 @@ impl File {
     }
 }
 
+/// A length as files hold it.
+pub(super) fn word(length: usize) -> [u8; 4] {
+    u32::try_from(length).unwrap().to_le_bytes()
+}
+
 /// Writes and reads a file.
 pub(super) fn read_bytes(folder: &Path, name: &str, bytes: &[u8]) -> Result<Scene, ReadError> {
     let path = folder.join(name);
@@ -204,7 +209,15 @@ fn versions_and_required_extensions() {
 #[test]
 fn broken_json_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    for text in ["", "{", "[1]", "{\"asset\":{}}", &"[".repeat(1 << 20), "{\"nodes\":[{\"mesh\":-1}]}", "\u{feff}{}"] {
+    for text in [
+        "",
+        "{",
+        "[1]",
+        "{\"asset\":{}}",
+        &"[".repeat(1 << 20),
+        "{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":-1}]}",
+        "\u{feff}{}",
+    ] {
         let error = read_bytes(folder.path(), "test.gltf", text.as_bytes()).unwrap_err().to_string();
         assert!(error.contains("test.gltf: json: "), "{error}");
     }

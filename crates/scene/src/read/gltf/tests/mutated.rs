@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use proptest::prelude::*;
 use serde_json::json;
 
-use super::{File, TRIANGLE, U8, read_bytes};
+use super::{File, TRIANGLE, U8, read_bytes, word};
 use crate::Scene;
 
 /// A small GLB with something of everything.
@@ -114,13 +114,12 @@ proptest! {
             let end = (start + n_removed).min(bytes.len());
             bytes.splice(start..end, inserted);
         }
-        // The header promises the new length, and the JSON chunk takes the difference, so that the change is reached.
-        let difference = (bytes.len() as u32).wrapping_sub(rich().len() as u32);
+        // The header promises the new length and the JSON chunk takes the difference, so that the change is reached.
         if bytes.len() >= 20 {
-            let total = bytes.len() as u32;
-            bytes[8..12].copy_from_slice(&total.to_le_bytes());
-            let json = u32::from_le_bytes(rich()[12..16].try_into().unwrap()).wrapping_add(difference);
-            bytes[12..16].copy_from_slice(&json.to_le_bytes());
+            let json_length = u32::from_le_bytes(rich()[12..16].try_into().unwrap()) as usize;
+            let (total, json) = (word(bytes.len()), word((json_length + bytes.len()).saturating_sub(rich().len())));
+            bytes[8..12].copy_from_slice(&total);
+            bytes[12..16].copy_from_slice(&json);
         }
         let folder = tempfile::tempdir().unwrap();
         if let Ok(scene) = read_bytes(folder.path(), "mutated.glb", &bytes) {

@@ -179,13 +179,13 @@ fn only_the_default_scene_is_drawn() {
         file.scene().instances.iter().map(|instance| instance.world_from_object.columns[3][0]).collect()
     };
     assert_eq!(drawn(&file), [1.0, 2.0, 5.0], "without scenes every node");
-    file.json["scenes"] = json!([{ "nodes": [1, 1] }, { "nodes": [0] }]);
+    file.json["scenes"] = json!([{ "nodes": [1, 1] }, { "nodes": [0] }, {}]);
     assert_eq!(drawn(&file), [2.0, 5.0], "the first scene, each root once");
     file.json["scene"] = json!(1);
     assert_eq!(drawn(&file), [1.0]);
-    file.json["scene"] = json!(2);
-    file.refused("names scene 2 of 2");
-    file.json["scenes"] = json!([{ "nodes": [] }, { "nodes": [2] }]);
+    file.json["scene"] = json!(3);
+    file.refused("names scene 3 of 3");
+    file.json["scenes"] = json!([{}, { "nodes": [2] }]);
     file.json["scene"] = json!(0);
     file.refused("nothing to draw");
     file.json["scene"] = json!(1);

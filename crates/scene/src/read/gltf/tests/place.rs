@@ -2,7 +2,6 @@
 
 use serde_json::{Value, json};
 
-use super::super::matrix::Matrix;
 use super::{File, I8};
 use crate::MeshId;
 
@@ -92,22 +91,4 @@ fn transforms_with_an_inverse_however_uneven_stay() {
         let scene = File::of_nodes(json!([{ "mesh": 0, "scale": scale, "translation": [1e7, 0, 0] }])).read().unwrap();
         assert_eq!(scene.instances.len(), 1, "{scale:?}");
     }
-}
-
-#[test]
-fn flatness_is_judged_by_the_error_of_rounding() {
-    // Turned by 45 degrees, a thickness below half a unit in the last place of the entries is lost in rounding.
-    let turned = Matrix::from_parts([0.0; 3], [0.0, 0.0, 0.382_683_43, 0.923_879_5], [1.0; 3]);
-    let scaled =
-        |thickness: f32| turned.after(&Matrix::from_parts([0.0; 3], [0.0, 0.0, 0.0, 1.0], [1.0, thickness, 1.0]));
-    assert!(turned.rounded().is_some());
-    let sheared = |thickness: f64| {
-        let mut flat = Matrix::IDENTITY;
-        flat.columns[1] = [1.0, thickness, 0.0];
-        turned.after(&flat).rounded()
-    };
-    assert!(sheared(1e-5).is_some());
-    assert!(sheared(1e-8).is_none());
-    // Columns that are thin but apart keep their directions.
-    assert!(scaled(1e-8).rounded().is_some());
 }
