@@ -58,3 +58,71 @@ fn ply() {
 fn gltf() {
     check("gltf", "gltf", 47);
 }
+
+/// Each image alone, as the texture of a triangle. Radiance and EXR files are environments and no textures.
+#[test]
+fn img() {
+    let Some(models) = common::models("img") else { return };
+    let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
+    let is_texture = |file: &str| file.ends_with(".png") || file.ends_with(".jpg");
+    let rows: Vec<_> = rows(&table, "img").into_iter().filter(|(file, _)| is_texture(file)).collect();
+    assert!(rows.len() >= 10, "{} rows", rows.len());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.obj");
+    fs::write(&path, "mtllib m.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let outcome = |(file, expected): &(&str, &str)| {
+        let name = file.trim_start_matches("img/");
+        fs::copy(models.join("nasty").join(file), folder.path().join(name)).unwrap();
+        fs::write(folder.path().join("m.mtl"), format!("newmtl a\nmap_Kd {name}\n")).unwrap();
+        disagreement(expected, &path, &read(&path)).map(|said| format!("{name}: {said}"))
+    };
+    let wrong: Vec<String> = rows.iter().filter_map(outcome).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+
+    let scene = read(&models.join("nasty/img/images.obj")).unwrap();
+    let bad = rows.iter().filter(|(_, expected)| *expected == "warn").count();
+    assert_eq!(scene.warnings.len(), bad, "one warning for each bad image: {:?}", scene.warnings);
+    assert_eq!(scene.textures.len(), rows.len() - bad);
+    assert_eq!(scene.n_placed_triangles(), 2 * rows.len(), "a quad for each image");
+}
+
+/// Counts that the table states in words.
+#[test]
+fn counts_in_words() {
+    let Some(models) = common::models("counts_in_words") else { return };
+    for (file, n_triangles) in [
+        ("obj/negative_ok.obj", 2),
+        ("obj/nan_inf_vertex.obj", 1),
+        ("obj/odd_values.obj", 14),
+        ("obj/concave_polygons.obj", 6),
+        ("obj/nonplanar_polygon.obj", 2),
+        ("obj/polygon_1500.obj", 1498),
+        ("obj/mixed_faces.obj", 5),
+        ("obj/duplicate_triangles.obj", 64),
+        ("obj/same_centroid_5000.obj", 5000),
+        ("obj/exponential_positions.obj", 121),
+        ("obj/degenerate_triangles.obj", 4),
+        ("ply/list_lengths.ply", 3),
+        ("ply/double_extra_edges.ply", 12),
+        ("ply/faces_first.ply", 1),
+    ] {
+        let scene = read(&models.join("nasty").join(file)).unwrap();
+        assert_eq!(scene.n_placed_triangles(), n_triangles, "{file}");
+    }
+}
+
+#[test]
+fn the_check_sees_every_kind_of_disagreement() {
+    let path = Path::new("a.obj");
+    let scene = |warnings: &[&str]| {
+        Ok(Scene { warnings: warnings.iter().map(|&warning| warning.to_owned()).collect(), ..Scene::default() })
+    };
+    let error = |path: &str| Err(ReadError::UnknownFormat { path: path.into() });
+    let agree = [("load", scene(&[])), ("warn", scene(&["w"])), ("error", error("a.obj"))];
+    for (k, (expected, _)) in agree.iter().enumerate() {
+        for (j, (_, got)) in agree.iter().enumerate() {
+            assert_eq!(disagreement(expected, path, got).is_none(), j == k, "{expected} {got:?}");
+        }
+    }
+    assert!(disagreement("error", path, &error("b.obj")).is_some());
+}

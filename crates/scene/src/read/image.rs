@@ -104,7 +104,8 @@ pub(crate) mod tests {
 
     /// A 5 x 3 image with a different colour in each texel, in a format.
     pub(crate) fn encoded(format: ImageFormat) -> Vec<u8> {
-        let image = image::RgbImage::from_fn(5, 3, |x, y| image::Rgb([40 * x as u8, 80 * y as u8, 200]));
+        let channel = |x: u32| u8::try_from(x).unwrap();
+        let image = image::RgbImage::from_fn(5, 3, |x, y| image::Rgb([channel(40 * x), channel(80 * y), 200]));
         let mut bytes = Vec::new();
         image.write_to(&mut Cursor::new(&mut bytes), format).unwrap();
         bytes
@@ -113,7 +114,7 @@ pub(crate) mod tests {
     fn texture(texels: &[[u8; 4]]) -> Texture {
         Texture {
             name: String::new(),
-            width: texels.len() as u32,
+            width: u32::try_from(texels.len()).unwrap(),
             height: 1,
             texels: texels.to_vec(),
             wrap: [Wrap::Repeat; 2],

@@ -57,3 +57,6 @@ fn format_of(path: &Path) -> Result<Format, ReadError> {
         _ => Err(ReadError::UnknownFormat { path: path.to_owned() }),
     }
 }
+
+#[cfg(test)]
+mod tests;

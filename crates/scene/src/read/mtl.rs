@@ -100,31 +100,46 @@ fn clamped(line: &Line, stated: [f32; 3], kept: [f32; 3]) -> Result<(), String> 
     Err(format!("{keyword} {} is out of range and clamped", text::quoted(line.rest)))
 }
 
-/// Texture options: name, most arguments, and the argument that changes nothing where the option would move the texture.
-const OPTIONS: [(&[u8], usize, Option<&[u8]>); 13] = [
-    (b"-s", 3, Some(b"1")),
-    (b"-o", 3, Some(b"0")),
-    (b"-t", 3, Some(b"0")),
-    (b"-clamp", 1, Some(b"off")),
-    (b"-mm", 2, None),
-    (b"-bm", 1, None),
-    (b"-boost", 1, None),
-    (b"-texres", 1, None),
-    (b"-blendu", 1, None),
-    (b"-blendv", 1, None),
-    (b"-cc", 1, None),
-    (b"-imfchan", 1, None),
-    (b"-type", 1, None),
+/// An option before the file name of a texture.
+struct TextureOption {
+    name: &'static [u8],
+    n_arguments_most: usize,
+    /// The argument that leaves the texture where it is; `None` for options that do not move it.
+    neutral: Option<&'static [u8]>,
+}
+
+const OPTIONS: [TextureOption; 13] = [
+    moving(b"-s", 3, b"1"),
+    moving(b"-o", 3, b"0"),
+    moving(b"-t", 3, b"0"),
+    moving(b"-clamp", 1, b"off"),
+    other(b"-mm", 2),
+    other(b"-bm", 1),
+    other(b"-boost", 1),
+    other(b"-texres", 1),
+    other(b"-blendu", 1),
+    other(b"-blendv", 1),
+    other(b"-cc", 1),
+    other(b"-imfchan", 1),
+    other(b"-type", 1),
 ];
+
+const fn moving(name: &'static [u8], n_arguments_most: usize, neutral: &'static [u8]) -> TextureOption {
+    TextureOption { name, n_arguments_most, neutral: Some(neutral) }
+}
+
+const fn other(name: &'static [u8], n_arguments_most: usize) -> TextureOption {
+    TextureOption { name, n_arguments_most, neutral: None }
+}
 
 /// The file that a texture line names, which may contain blanks, behind its options; and a doubt where an option would
 /// move the texture.
 fn texture(line: &Line) -> Result<(String, Result<(), String>), String> {
     let mut rest = line.rest;
     let mut doubt = Ok(());
-    while let Some(&(option, n_most, neutral)) = OPTIONS.iter().find(|option| first_word(rest) == option.0) {
-        rest = rest[option.len()..].trim_ascii_start();
-        for k in 0..n_most {
+    while let Some(option) = OPTIONS.iter().find(|option| first_word(rest) == option.name) {
+        rest = rest[option.name.len()..].trim_ascii_start();
+        for k in 0..option.n_arguments_most {
             let word = first_word(rest);
             // The second and third number of a vector may be left out.
             if word.is_empty() || k > 0 && text::float(word).is_none() {
@@ -134,8 +149,8 @@ fn texture(line: &Line) -> Result<(String, Result<(), String>), String> {
                 (Some(number), Some(neutral)) => number != neutral,
                 _ => word != neutral,
             };
-            if neutral.is_some_and(changes) {
-                doubt = Err(format!("texture option {} is not applied", text::quoted(option)));
+            if option.neutral.is_some_and(changes) {
+                doubt = Err(format!("texture option {} is not applied", text::quoted(option.name)));
             }
             rest = rest[word.len()..].trim_ascii_start();
         }

@@ -34,22 +34,22 @@ impl Repair {
     pub(crate) fn finish(self, path: &Path, scene: &mut Scene) -> Result<(), ReadError> {
         let Self { n_kept, n_flat, n_dropped, n_small_faces, n_tangled_faces } = self;
         if n_kept == 0 && n_dropped > 0 {
-            return Err(ReadError::empty(path, format!("all {n_dropped} triangles have a corner that is not finite")));
+            return Err(ReadError::empty(path, format!("triangles, all with a corner that is not finite: {n_dropped}")));
         }
         if n_kept == 0 {
             return Err(ReadError::empty(path, "no triangle"));
         }
         if n_flat == n_kept {
-            return Err(ReadError::empty(path, format!("all {n_kept} triangles have no area")));
+            return Err(ReadError::empty(path, format!("triangles, all without area: {n_kept}")));
         }
         let counts = [
-            (n_small_faces, "faces with fewer than three corners are left out"),
-            (n_tangled_faces, "faces cross themselves or are too intricate; their triangles may overlap"),
-            (n_dropped, "triangles with a corner that is not finite are dropped"),
-            (n_flat, "triangles have no area"),
+            (n_small_faces, "faces left out for fewer than three corners"),
+            (n_tangled_faces, "faces cut though they cross themselves or are too intricate"),
+            (n_dropped, "triangles dropped for a corner that is not finite"),
+            (n_flat, "triangles without area"),
         ];
         let counted = counts.into_iter().filter(|&(count, _)| count > 0);
-        scene.warnings.extend(counted.map(|(count, what)| format!("{count} {what}")));
+        scene.warnings.extend(counted.map(|(count, what)| format!("{what}: {count}")));
         let bounds = scene.bounds_world();
         if bounds.extent().into_iter().any(|side| side > f64::from(f32::MAX)) || bounds.area() > f64::from(f32::MAX) {
             scene.warnings.push(format!(

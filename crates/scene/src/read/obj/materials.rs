@@ -160,3 +160,6 @@ fn texture_warning(material: &Material, file: &str, message: &str) -> String {
     let (material, file) = (text::quoted(material.name.as_bytes()), text::quoted(file.as_bytes()));
     format!("material {material}: texture {file} is left out: {message}")
 }
+
+#[cfg(test)]
+mod tests;

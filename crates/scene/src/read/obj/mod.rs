@@ -25,7 +25,7 @@ pub(super) fn read(path: &Path) -> Result<Scene, ReadError> {
 }
 
 /// The scene in `bytes`; `path` tells the folder of the material libraries, and names the file in messages.
-fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
+pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let stated = statements::statements(path, bytes)?;
     if stated.face_ends.is_empty() {
         let reason = if bytes.contains(&0) { "it is not a text file" } else { "no face" };

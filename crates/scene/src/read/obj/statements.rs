@@ -83,17 +83,20 @@ struct Reach {
 /// The three kinds of vertex data, for messages.
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
-/// Statements so far, and what is in force for the next face.
-#[derive(Default)]
-struct Parser<'a> {
-    stated: Statements<'a>,
+/// What is in force for the next face.
+#[derive(Clone, Copy, Default, PartialEq)]
+struct State<'a> {
     object: &'a [u8],
     group: &'a [u8],
     material: Option<&'a [u8]>,
-    /// Whether any of the three may have changed since the last face.
-    changed: bool,
-    /// Object, group and material of the last run.
-    last: Option<(&'a [u8], &'a [u8], Option<&'a [u8]>)>,
+}
+
+/// Statements so far, and the state of the last run of faces.
+#[derive(Default)]
+struct Parser<'a> {
+    stated: Statements<'a>,
+    state: State<'a>,
+    last: Option<State<'a>>,
     material_indices: HashMap<Option<&'a [u8]>, usize>,
     reach: [Reach; 3],
 }
@@ -105,18 +108,13 @@ impl<'a> Parser<'a> {
             b"vt" => self.stated.uvs.push(coordinates(line.rest, 1, "texture coordinate")?),
             b"vn" => self.stated.normals.push(coordinates(line.rest, 3, "normal")?),
             b"f" => self.face(line)?,
-            b"o" => self.set(|parser| parser.object = line.rest),
-            b"g" => self.set(|parser| parser.group = line.rest),
-            b"usemtl" => self.set(|parser| parser.material = Some(line.rest).filter(|name| !name.is_empty())),
+            b"o" => self.state.object = line.rest,
+            b"g" => self.state.group = line.rest,
+            b"usemtl" => self.state.material = Some(line.rest).filter(|name| !name.is_empty()),
             b"mtllib" => self.stated.libraries.push(line.rest),
             _ => {}
         }
         Ok(())
-    }
-
-    fn set(&mut self, change: impl FnOnce(&mut Self)) {
-        change(self);
-        self.changed = true;
     }
 
     fn face(&mut self, line: &Line) -> Result<(), String> {
@@ -137,19 +135,18 @@ impl<'a> Parser<'a> {
 
     /// Opens a run where the next face differs from the last in object, group or material.
     fn open_run(&mut self) {
-        let current = Some((self.object, self.group, self.material));
-        if self.last.is_some() && !self.changed || self.last == current {
-            self.changed = false;
+        if self.last == Some(self.state) {
             return;
         }
+        let State { object, group, material: name } = self.state;
         let materials = &mut self.stated.materials;
-        let material = *self.material_indices.entry(self.material).or_insert_with(|| {
-            materials.push(self.material);
+        let material = *self.material_indices.entry(name).or_insert_with(|| {
+            materials.push(name);
             materials.len() - 1
         });
-        let name = if self.group.is_empty() { self.object } else { self.group };
+        let name = if group.is_empty() { object } else { group };
         self.stated.runs.push(Run { name, material, first_face: self.stated.face_ends.len() });
-        (self.last, self.changed) = (current, false);
+        self.last = Some(self.state);
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.

@@ -27,7 +27,7 @@ pub(super) fn read(path: &Path) -> Result<Scene, ReadError> {
 }
 
 /// The scene in `bytes`; `path` tells the folder of the image, and names the file in messages.
-fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
+pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let (header, body) = header::header(path, bytes)?;
     let (table, is_read_to_end) = table::table(path, &header, body)?;
     if table.face_ends.is_empty() {

@@ -1,0 +1,158 @@
+//! Libraries and images in a folder of their own, with one file beside the folder that must never be read.
+
+use std::fs;
+
+use super::*;
+use crate::{Wrap, read};
+
+/// A folder with `model.obj` that uses each of `names` once, `m.mtl`, and images.
+struct Case {
+    temp: tempfile::TempDir,
+}
+
+impl Case {
+    fn new(mtl: impl AsRef<[u8]>, names: &[&str]) -> Self {
+        let temp = tempfile::tempdir().unwrap();
+        let case = Self { temp };
+        fs::create_dir(case.path("")).unwrap();
+        let faces: String = names.iter().map(|name| format!("usemtl {name}\nf 1/1 2/2 3/1\n")).collect();
+        let obj = format!("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.25 0.5\nvt 0.75 0.5\n{faces}");
+        fs::write(case.path("model.obj"), obj).unwrap();
+        fs::write(case.path("m.mtl"), mtl).unwrap();
+        let rgb = image::tests::encoded(::image::ImageFormat::Png);
+        for file in ["rgb.png", "two words.png", "sub/deep.png", "../outside.png"] {
+            fs::create_dir_all(case.path(file).parent().unwrap()).unwrap();
+            fs::write(case.path(file), &rgb).unwrap();
+        }
+        case
+    }
+
+    fn path(&self, file: &str) -> PathBuf {
+        self.temp.path().join("scene").join(file)
+    }
+
+    fn read(&self) -> Scene {
+        read(&self.path("model.obj")).unwrap()
+    }
+}
+
+/// The only material of a library of these lines, and what was said of it.
+fn only(lines: &str) -> (Material, Vec<String>) {
+    let mut scene = Case::new(format!("newmtl a\n{lines}"), &["a"]).read();
+    (scene.materials.remove(0), scene.warnings)
+}
+
+#[test]
+fn colours_are_read_and_doubtful_ones_said_once() {
+    let plain = Material::default();
+    for (line, albedo, warning) in [
+        ("Kd 0.1 0.2 0.3", [0.1, 0.2, 0.3], ""),
+        ("Kd 0.5", [0.5; 3], ""),
+        ("Kd 0.5 0.25", plain.albedo, "m.mtl, line 2: material `a`: Kd `0.5 0.25` is not a colour; it keeps its default"),
+        ("Kd", plain.albedo, "m.mtl, line 2: material `a`: Kd `` is not a colour; it keeps its default"),
+        ("Kd r g b", plain.albedo, "m.mtl, line 2: material `a`: Kd `r g b` is not a colour; it keeps its default"),
+        ("Kd nan 0 0", plain.albedo, "m.mtl, line 2: material `a`: Kd `nan 0 0` is not a number; it keeps its default"),
+        ("Kd -1 0.5 5", [0.0, 0.5, 1.0], "m.mtl, line 2: material `a`: Kd `-1 0.5 5` is out of range and clamped"),
+        ("Kd spectral x.rfl", plain.albedo, "m.mtl, line 2: material `a`: Kd `spectral x.rfl` is not a colour; it keeps its default"),
+        ("d 0.5", plain.albedo, "material `a`: d or Tr is ignored; it is opaque"),
+        ("d -halo 0.5", plain.albedo, "material `a`: d or Tr is ignored; it is opaque"),
+        ("Tr 0.5", plain.albedo, "material `a`: d or Tr is ignored; it is opaque"),
+        ("Tr 0\nd 1", plain.albedo, ""),
+        ("Ns 1e30\nKs 1 1 1\nfoo", plain.albedo, ""),
+    ] {
+        let (material, warnings) = only(line);
+        assert_eq!(material.albedo, albedo, "{line}");
+        assert_eq!(warnings.join("|"), warning, "{line}");
+    }
+    assert_eq!(only("Ke 17 12 4").0.emission, [17.0, 12.0, 4.0]);
+    assert_eq!(only("Ke -1 inf 4").0.emission, [0.0, f32::MAX, 4.0]);
+    assert_eq!(only("Kd 0 0 0\nnewmtl a\nKd 1 1 1").0.albedo, [1.0; 3], "the later of two counts");
+}
+
+#[test]
+fn images_inside_the_folder_are_found() {
+    for file in ["rgb.png", "two words.png", "sub\\deep.png", "./sub/../rgb.png", "-s 1 1 1 -o 0 -clamp off rgb.png"] {
+        let (material, warnings) = only(&format!("map_Kd {file}\nd 0.5\nmap_d {file}"));
+        assert_eq!(warnings, [""; 0], "{file}");
+        assert_eq!(material.albedo, [1.0; 3]);
+        assert_eq!((material.albedo_texture, material.alpha_texture), (Some(TextureId(0)), Some(TextureId(1))));
+    }
+}
+
+#[test]
+fn each_image_is_decoded_once_for_each_role() {
+    let mtl = "newmtl a\nmap_Kd rgb.png\nnewmtl b\nmap_Kd ./rgb.png\nmap_d rgb.png\nnewmtl c\nnewmtl unused\nmap_Kd no.png";
+    let scene = Case::new(mtl, &["a", "b", "c"]).read();
+    assert_eq!(scene.warnings, [""; 0]);
+    let used: Vec<_> = scene.materials.iter().map(|m| (m.albedo_texture, m.alpha_texture)).collect();
+    let (image, mask) = (Some(TextureId(0)), Some(TextureId(1)));
+    assert_eq!(used, [(image, None), (image, mask), (None, None)]);
+    assert_eq!(scene.textures[0].texels[6], [40, 80, 200, 255]);
+    assert_eq!(scene.textures[1].texels[6], [255, 255, 255, 80], "0.2126 * 40 + 0.7152 * 80 + 0.0722 * 200 = 80.2");
+    assert_eq!(scene.textures[0].wrap, [Wrap::Repeat; 2]);
+    let has_uvs: Vec<bool> = scene.meshes.iter().map(|mesh| mesh.uvs.is_some()).collect();
+    assert_eq!(has_uvs, [true, true, false], "only what the material needs");
+    assert_eq!(scene.meshes[0].uvs.as_deref().unwrap(), [[0.25, 0.5], [0.75, 0.5], [0.25, 0.5]]);
+}
+
+#[test]
+fn images_that_cannot_be_had_leave_a_plain_colour() {
+    let left_out = "material `a`: texture `FILE` is left out: ";
+    for (file, reason) in [
+        ("../outside.png", "the path leaves the folder of the scene"),
+        ("sub/../../outside.png", "the path leaves the folder of the scene"),
+        ("..\\outside.png", "the path leaves the folder of the scene"),
+        ("/etc/hostname", "the path leaves the folder of the scene"),
+        ("C:\\rgb.png", "the path leaves the folder of the scene"),
+        ("sub", "it is not a regular file"),
+        ("model.obj", "the content is neither PNG nor JPEG"),
+    ] {
+        let (material, warnings) = only(&format!("Kd 0.5 0.5 0.5\nmap_Kd {file}"));
+        assert_eq!(warnings, [left_out.replace("FILE", &file.replace('\\', "\\\\")) + reason]);
+        assert_eq!((material.albedo, material.albedo_texture), ([0.5; 3], None));
+    }
+    assert_eq!(only("map_Kd").1, ["m.mtl, line 2: material `a`: map_Kd names no file"]);
+    assert_eq!(only("map_Kd -s 1 1 1").1, ["m.mtl, line 2: material `a`: map_Kd names no file"]);
+    assert!(only("map_Kd no.png").1[0].starts_with(&left_out.replace("FILE", "no.png")));
+}
+
+#[test]
+fn options_that_move_a_texture_are_said() {
+    for (options, is_said) in [("-s 1 1 1", false), ("-s 2 1 1", true), ("-o 0 0.5", true), ("-clamp on", true), ("-mm 0 2", false)] {
+        let (material, warnings) = only(&format!("map_Kd {options} rgb.png"));
+        assert!(material.albedo_texture.is_some(), "{options}");
+        assert_eq!(!warnings.is_empty(), is_said, "{options}: {warnings:?}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn links_out_of_the_folder_are_refused() {
+    let case = Case::new("newmtl a\nmap_Kd link.png\n", &["a"]);
+    std::os::unix::fs::symlink("../outside.png", case.path("link.png")).unwrap();
+    let scene = case.read();
+    assert!(scene.warnings[0].ends_with("the path leaves the folder of the scene"), "{:?}", scene.warnings);
+    assert!(scene.textures.is_empty());
+}
+
+#[test]
+fn libraries_may_be_several_absent_or_hold_blanks() {
+    let case = Case::new("newmtl a\nKd 1 0 0", &["a", "b", "nobody"]);
+    fs::write(case.path("two words.mtl"), "newmtl b\nKd 0 1 0").unwrap();
+    let obj = fs::read_to_string(case.path("model.obj")).unwrap();
+    let with = |statement: &str| {
+        fs::write(case.path("model.obj"), obj.replace("mtllib m.mtl", statement)).unwrap();
+        let scene = case.read();
+        (scene.materials.iter().map(|material| material.albedo).collect::<Vec<_>>(), scene.warnings)
+    };
+    let (red, green, grey) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], Material::default().albedo);
+    let nobody = "material `nobody` is in no library; it is plain grey";
+    assert_eq!(with("mtllib m.mtl\nmtllib two words.mtl"), (vec![red, green, grey], vec![nobody.to_owned()]));
+    fs::rename(case.path("two words.mtl"), case.path("b.mtl")).unwrap();
+    assert_eq!(with("mtllib m.mtl b.mtl"), (vec![red, green, grey], vec![nobody.to_owned()]));
+    let (albedos, warnings) = with("mtllib no.mtl");
+    assert_eq!((albedos, warnings.len()), (vec![grey; 3], 4));
+    assert!(warnings[0].starts_with("material library `no.mtl`: "), "{warnings:?}");
+    let (_, warnings) = with("mtllib ../outside.png");
+    assert_eq!(warnings[0], "material library `../outside.png`: the path leaves the folder of the scene");
+}

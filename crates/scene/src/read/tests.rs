@@ -1,0 +1,109 @@
+//! Whatever the bytes, a reader answers with an error or with a scene whose parts agree. Covers the OBJ, MTL and PLY
+//! readers from bytes; files that they name are not there.
+
+use std::path::Path;
+
+use proptest::prelude::*;
+
+use super::{mtl, obj, ply};
+use crate::Scene;
+
+/// The first flaw of a scene: an index out of range, a position in use that is not finite, a count that differs.
+fn flaw(scene: &Scene) -> Option<String> {
+    let mut next = 0;
+    for instance in &scene.instances {
+        let mesh = scene.meshes.get(instance.mesh.0 as usize)?;
+        if instance.first_primitive != next {
+            return Some(format!("primitive {} instead of {next}", instance.first_primitive));
+        }
+        next += u32::try_from(mesh.triangles.len()).unwrap();
+    }
+    for mesh in &scene.meshes {
+        let n = mesh.positions.len();
+        let is_usable = |&index: &u32| mesh.positions.get(index as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()));
+        if let Some(index) = mesh.triangles.iter().flatten().find(|index| !is_usable(index)) {
+            return Some(format!("vertex {index} of {n} is not there or not finite"));
+        }
+        if mesh.normals.as_ref().is_some_and(|normals| normals.len() != n) || mesh.uvs.as_ref().is_some_and(|uvs| uvs.len() != n) {
+            return Some("attributes and positions differ in number".into());
+        }
+        if mesh.parts.first().is_none_or(|part| part.first_triangle != 0 || part.material.0 as usize >= scene.materials.len()) {
+            return Some("triangle 0 has no material".into());
+        }
+    }
+    (next == 0).then(|| "no triangle".into())
+}
+
+const OBJ: &str = "mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 1\nvn 0 0 1\ng b\nusemtl c\nf 1 2 3 4\nf -1/1/1 -2/1 -3//1\n";
+const MTL: &str = "newmtl a\nKd 1 0.5 0\nKe 1 1 1\nmap_Kd -s 1 1 1 a.png\nd 0.5\nnewmtl b\nmap_d -o 0 b.png\nTr 1\n";
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
+                   property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+
+/// A file with some bytes overwritten and pieces cut out or doubled.
+fn mutated(text: &'static str) -> impl Strategy<Value = Vec<u8>> {
+    let edit = (any::<prop::sample::Index>(), any::<prop::sample::Index>(), 0..4_u8, any::<u8>());
+    prop::collection::vec(edit, 1..6).prop_map(move |edits| {
+        let mut bytes = text.as_bytes().to_vec();
+        for (a, b, kind, byte) in edits {
+            let (a, b) = (a.index(bytes.len() + 1), b.index(bytes.len() + 1));
+            let range = a.min(b)..a.max(b).min(a.min(b) + 8);
+            match kind {
+                0 => drop(bytes.splice(range, [byte])),
+                1 => drop(bytes.splice(range, [])),
+                2 => bytes.splice(range.end..range.end, bytes[range].to_vec()).for_each(drop),
+                _ => drop(bytes.splice(a..a, *b"-9")),
+            }
+        }
+        bytes
+    })
+}
+
+/// Lines of statements that look right, with numbers from a small range so that indices often are.
+fn obj_lines() -> impl Strategy<Value = Vec<u8>> {
+    let number = prop_oneof![(-2..7_i32).prop_map(|x| x.to_string()), Just("nan".into()), Just("1e39".into()), Just("-0.0".into())];
+    let line = (prop::sample::select(vec!["v", "v", "v", "vt", "vn", "f", "f", "f", "g", "usemtl"]), prop::collection::vec(number, 0..7));
+    prop::collection::vec(line, 0..40).prop_map(|lines| {
+        lines.into_iter().flat_map(|(keyword, numbers)| format!("{keyword} {}\n", numbers.join(" ")).into_bytes()).collect()
+    })
+}
+
+proptest! {
+    #[test]
+    fn obj_answers(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(OBJ), obj_lines()]) {
+        if let Ok(scene) = obj::parse(Path::new("a.obj"), &bytes) {
+            prop_assert_eq!(flaw(&scene), None);
+        }
+    }
+
+    #[test]
+    fn mtl_answers(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(MTL)]) {
+        let mut warnings = Vec::new();
+        for recipe in mtl::recipes("a.mtl", &bytes, &mut warnings).values() {
+            prop_assert!(recipe.albedo.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
+            prop_assert!(recipe.emission.iter().all(|x| *x >= 0.0 && x.is_finite()));
+        }
+    }
+
+    #[test]
+    fn ply_answers(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(PLY)]) {
+        if let Ok(scene) = ply::parse(Path::new("a.ply"), &bytes) {
+            prop_assert_eq!(flaw(&scene), None);
+        }
+    }
+}
+
+#[test]
+fn the_check_sees_each_flaw() {
+    let spoiled = |spoil: fn(&mut Scene)| {
+        let mut scene = obj::parse(Path::new("a.obj"), &OBJ.as_bytes()["mtllib a.mtl\n".len()..]).unwrap();
+        assert_eq!(flaw(&scene), None);
+        spoil(&mut scene);
+        flaw(&scene)
+    };
+    assert!(spoiled(|scene| scene.instances[0].first_primitive = 1).is_some());
+    assert!(spoiled(|scene| scene.meshes[0].triangles[0][2] = 99).is_some());
+    assert!(spoiled(|scene| scene.meshes[0].positions[0][1] = f32::INFINITY).is_some());
+    assert!(spoiled(|scene| scene.meshes[0].normals.as_mut().unwrap().truncate(1)).is_some());
+    assert!(spoiled(|scene| scene.materials.clear()).is_some());
+    assert!(spoiled(|scene| scene.instances.clear()).is_some());
+}
