@@ -52,12 +52,13 @@ pub fn bound_boxes<'a>(frame: [[f32; 3]; 3], boxes: impl IntoIterator<Item = &'a
 /// - A point's coordinate takes a difference, a product and two sums: `4u`. A box's support, `|R·side|` summed over
 ///   its three exact sides `axis · half`, takes `6u`, its sum with the centre one more: `7u`.
 /// - The half-extent takes a difference and the sum with the pad: `2u`.
-/// - Second-order terms and the roundings of the pad itself are far below one more `u`.
+/// - One more `u` covers the roundings of the pad itself.
 ///
 /// So `q` errs by at most `t·ρ·D` with `t = (13 + 4K)u`, `ρ` the absolute sum of the row of `R`, and `D` the greatest
 /// coordinate difference to `o`, of content and centre together. `D` is not measured point by point:
 /// `p − o = frame·q` bounds it by the extents found, up to a factor `1/(1 − t·κ)` with `κ = Σ ρ·|axis|∞`; frames
-/// with `t·κ > 2⁻¹⁰` are refused. A single point has `D = 0`: its box is exact.
+/// with `t·κ > 2⁻¹⁰` are refused. That keeps this factor, and the terms of second order, within `1 + 2⁻⁸` together, by
+/// which the pad is multiplied. A single point has `D = 0`: its box is exact.
 #[derive(Clone, Debug)]
 pub struct Enclosure {
     frame: [[f32; 3]; 3],
@@ -75,7 +76,7 @@ pub struct Enclosure {
 /// Bound on `t·κ`: keeps the terms of second order below a thousandth of the pad.
 const GREATEST_RELATIVE_ERROR: f64 = 1.0 / 1024.0;
 
-/// Covers `1/(1 − t·κ)` and the roundings of the pad.
+/// Covers `1/(1 − t·κ)`, the errors' products and the rounding of `K`: three factors of at most `1 + 2⁻¹⁰` or so.
 const SECOND_ORDER: f64 = 1.0 + 1.0 / 256.0;
 
 impl Enclosure {

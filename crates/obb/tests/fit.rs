@@ -151,6 +151,29 @@ fn tessellation_does_not_move_the_area_weighted_box() {
 }
 
 #[test]
+fn an_offset_of_1e7_with_detail_of_1e_3_is_contained() {
+    let mut random = Random(26);
+    for offset in [[1e7; 3], [1e7, 0.0, -3.0], [-1e7, 1e7, 0.25]] {
+        let turned = random.frame();
+        let points: Vec<_> = (0..100).map(|_| placed(turned, [2e-3, 1e-3, 1e-3], offset, random.vector())).collect();
+        for fitted in check("far", &points) {
+            // Coordinates at 1e7 are whole numbers: content and centre round by at most one each.
+            assert!(fitted.half.iter().all(|&half| half <= 4.0), "{offset:?} {fitted:?}");
+        }
+    }
+}
+
+#[test]
+fn denormals_are_points_like_others() {
+    let least = f32::from_bits(1);
+    let pair = [[0.0; 3], [least, 2.0 * least, 3.0 * least]];
+    for fitted in check("denormal pair", &pair) {
+        assert!(fitted.half.iter().all(|&half| half < 8.0 * least), "{fitted:?}");
+    }
+    check("denormal triangle", &[[0.0; 3], [1e-40, 0.0, 0.0], [0.0, 3e-42, -2e-41]]);
+}
+
+#[test]
 fn powers_of_two_scale_every_bit() {
     for (name, points) in clouds::all() {
         let reach = points.iter().flatten().fold(0.0, |reach: f32, x| reach.max(x.abs()));

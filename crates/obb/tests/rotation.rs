@@ -225,6 +225,16 @@ fn scale_changes_no_bit() {
 }
 
 #[test]
+fn a_rotation_beside_the_nearest_is_seen() {
+    let mut random = Random(101);
+    for _ in 0..100 {
+        let a = [random.vector(), random.vector(), random.vector()];
+        let beside = Quaternion::about(random.rotation().columns()[0], 1e-5).times(check(a).rotation);
+        assert!(trace(beside.columns(), a) < greatest_trace(a) - NOISE);
+    }
+}
+
+#[test]
 fn the_cap_and_bad_numbers_are_said() {
     let mut random = Random(99);
     let a = [random.vector(), random.vector(), random.vector()];
