@@ -41,7 +41,7 @@ pub enum Status {
     Capped,
 }
 
-/// A cap far above what the tests see; five turns are usual.
+/// A cap far above what the tests see; three or four turns are usual.
 pub const MOST_ITERATIONS: usize = 64;
 
 /// Rounding of a torque or a resistance, relative to the greatest entry of the matrix.

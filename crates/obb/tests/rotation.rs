@@ -103,7 +103,7 @@ fn random_matrices_reach_the_greatest_trace() {
         let found = check([random.vector(), random.vector(), random.vector()]);
         most = most.max(found.iterations);
     }
-    assert!(most <= 24, "{most} turns");
+    assert!(most <= 12, "{most} turns");
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn stretched_rotations_are_found_up_to_their_condition() {
                 let expected = if mirrors(a) { Status::Reflected } else { Status::Converged };
                 assert_eq!(found.status, expected, "{values:?}");
             }
-            assert!(most <= 32, "{most} turns for {values:?}");
+            assert!(most <= 16, "{most} turns for {values:?}");
         }
     }
 }
