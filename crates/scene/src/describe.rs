@@ -70,7 +70,8 @@ mod tests {
             ..Mesh::default()
         };
         let instance = Instance { mesh: MeshId(0), world_from_object: Affine::IDENTITY, first_primitive: 0 };
-        let texture = Texture { name: String::new(), width: 2, height: 1, texels: vec![[0; 4]; 2], wrap: [Wrap::Repeat; 2] };
+        let texture =
+            Texture { name: String::new(), width: 2, height: 1, texels: vec![[0; 4]; 2], wrap: [Wrap::Repeat; 2] };
         let scene = Scene {
             meshes: vec![mesh],
             instances: vec![instance; 3],

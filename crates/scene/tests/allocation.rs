@@ -78,8 +78,24 @@ fn memory_is_in_proportion_to_the_file() {
         ("polygon.obj", format!("{square}f{}", " 1 2 3 4".repeat(n)).into_bytes()),
         ("faces.obj", format!("{square}{}", "f 1 2 3\n".repeat(n)).into_bytes()),
         ("index.obj", format!("{square}f 1 2 4294967295").into_bytes()),
-        ("groups.obj", square.to_owned().into_bytes().into_iter().chain((0..n).flat_map(|k| format!("g {k}\nf 1 2 3\n").into_bytes())).collect()),
-        ("materials.obj", square.to_owned().into_bytes().into_iter().chain((0..n).flat_map(|k| format!("usemtl {k}\nf 1 2 3\n").into_bytes())).collect()),
+        (
+            "groups.obj",
+            square
+                .to_owned()
+                .into_bytes()
+                .into_iter()
+                .chain((0..n).flat_map(|k| format!("g {k}\nf 1 2 3\n").into_bytes()))
+                .collect(),
+        ),
+        (
+            "materials.obj",
+            square
+                .to_owned()
+                .into_bytes()
+                .into_iter()
+                .chain((0..n).flat_map(|k| format!("usemtl {k}\nf 1 2 3\n").into_bytes()))
+                .collect(),
+        ),
         ("word.obj", format!("v {}", "1".repeat(n)).into_bytes()),
     ] {
         let path = folder.path().join(name);

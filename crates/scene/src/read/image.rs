@@ -25,10 +25,7 @@ pub(crate) enum ImageError {
     /// The first bytes are neither those of a PNG nor of a JPEG.
     UnknownFormat,
     /// The header promises more than is read, or more than the file can hold.
-    Size {
-        width: u32,
-        height: u32,
-    },
+    Size { width: u32, height: u32 },
     /// The last scan has no end marker.
     EndsEarly,
     /// What the decoder said.

@@ -69,9 +69,9 @@ impl Recipe {
 
     fn transparency(&mut self, line: &Line, is_translucent: impl Fn(f32) -> bool) -> Result<(), String> {
         let number = text::words(line.rest).find(|&word| word != b"-halo").and_then(text::float);
-        let number = number.filter(|number| !number.is_nan()).ok_or_else(|| {
-            format!("{} is not a number", text::quoted(line.rest))
-        })?;
+        let number = number
+            .filter(|number| !number.is_nan())
+            .ok_or_else(|| format!("{} is not a number", text::quoted(line.rest)))?;
         self.is_translucent = is_translucent(number);
         Ok(())
     }

@@ -3,7 +3,7 @@
 //! Source: Meisters 1975 (every simple polygon has two ears); the plane is Newell's (Sutherland, Sproull and
 //! Schumacker 1974). Non-planar polygons are cut as their projection along the largest component of that normal.
 
-/// Blocker tests per corner that a polygon may cost; those of up to 1000 corners never reach it.
+/// Blocker tests per corner that a polygon may cost before the rest of it is cut anyhow, so that no file takes for ever.
 const TESTS_PER_CORNER: usize = 2048;
 
 /// How a polygon could be cut.
@@ -17,17 +17,19 @@ pub(crate) enum Cut {
 
 /// Appends the `n - 2` triangles of a polygon of `n >= 3` corners, as corner numbers, each turning as the polygon does.
 ///
-/// The order depends on the corners' positions alone. A polygon with a corner that is not finite is cut as its fan.
+/// The order depends on the corners' positions alone. A polygon with a corner that is not finite is cut as its fan, and
+/// so is a quadrilateral whose projection crosses itself: in space it is folded, and either diagonal makes a surface.
 /// Time is about linear in `n` where few corners are reflex, and bounded by a constant for each corner always.
 pub(crate) fn triangulate(polygon: &[[f32; 3]], triangles: &mut Vec<[usize; 3]>) -> Cut {
     let points = if polygon.len() > 3 { project(polygon) } else { None };
-    match points {
-        Some(points) if !fan_is_clean(&points) => clip_ears(&points, triangles),
-        _ => {
-            triangles.extend((2..polygon.len()).map(|k| [0, k - 1, k]));
-            Cut::Clean
+    match points.as_deref() {
+        Some(&[a, b, c, d]) if !fan_is_clean(&[a, b, c, d]) && turn(d, a, b) > 0.0 && turn(b, c, d) > 0.0 => {
+            triangles.extend([[0, 1, 3], [1, 2, 3]]);
         }
+        Some(points) if points.len() > 4 && !fan_is_clean(points) => return clip_ears(points, triangles),
+        _ => triangles.extend((2..polygon.len()).map(|k| [0, k - 1, k])),
     }
+    Cut::Clean
 }
 
 /// The polygon along the largest component of its normal, seen from the side where it turns left.

@@ -34,7 +34,10 @@ impl Repair {
     pub(crate) fn finish(self, path: &Path, scene: &mut Scene) -> Result<(), ReadError> {
         let Self { n_kept, n_flat, n_dropped, n_small_faces, n_tangled_faces } = self;
         if n_kept == 0 && n_dropped > 0 {
-            return Err(ReadError::empty(path, format!("triangles, all with a corner that is not finite: {n_dropped}")));
+            return Err(ReadError::empty(
+                path,
+                format!("triangles, all with a corner that is not finite: {n_dropped}"),
+            ));
         }
         if n_kept == 0 {
             return Err(ReadError::empty(path, "no triangle"));

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use proptest::prelude::*;
 
-use super::{mtl, obj, ply};
+use super::{ReadError, mtl, obj, ply, read};
 use crate::Scene;
 
 /// The first flaw of a scene: an index out of range, a position in use that is not finite, a count that differs.
@@ -20,14 +20,21 @@ fn flaw(scene: &Scene) -> Option<String> {
     }
     for mesh in &scene.meshes {
         let n = mesh.positions.len();
-        let is_usable = |&index: &u32| mesh.positions.get(index as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()));
+        let is_usable =
+            |&index: &u32| mesh.positions.get(index as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()));
         if let Some(index) = mesh.triangles.iter().flatten().find(|index| !is_usable(index)) {
             return Some(format!("vertex {index} of {n} is not there or not finite"));
         }
-        if mesh.normals.as_ref().is_some_and(|normals| normals.len() != n) || mesh.uvs.as_ref().is_some_and(|uvs| uvs.len() != n) {
+        if mesh.normals.as_ref().is_some_and(|normals| normals.len() != n)
+            || mesh.uvs.as_ref().is_some_and(|uvs| uvs.len() != n)
+        {
             return Some("attributes and positions differ in number".into());
         }
-        if mesh.parts.first().is_none_or(|part| part.first_triangle != 0 || part.material.0 as usize >= scene.materials.len()) {
+        if mesh
+            .parts
+            .first()
+            .is_none_or(|part| part.first_triangle != 0 || part.material.0 as usize >= scene.materials.len())
+        {
             return Some("triangle 0 has no material".into());
         }
     }
@@ -60,10 +67,21 @@ fn mutated(text: &'static str) -> impl Strategy<Value = Vec<u8>> {
 
 /// Lines of statements that look right, with numbers from a small range so that indices often are.
 fn obj_lines() -> impl Strategy<Value = Vec<u8>> {
-    let number = prop_oneof![(-2..7_i32).prop_map(|x| x.to_string()), Just("nan".into()), Just("1e39".into()), Just("-0.0".into())];
-    let line = (prop::sample::select(vec!["v", "v", "v", "vt", "vn", "f", "f", "f", "g", "usemtl"]), prop::collection::vec(number, 0..7));
+    let number = prop_oneof![
+        (-2..7_i32).prop_map(|x| x.to_string()),
+        Just("nan".into()),
+        Just("1e39".into()),
+        Just("-0.0".into())
+    ];
+    let line = (
+        prop::sample::select(vec!["v", "v", "v", "vt", "vn", "f", "f", "f", "g", "usemtl"]),
+        prop::collection::vec(number, 0..7),
+    );
     prop::collection::vec(line, 0..40).prop_map(|lines| {
-        lines.into_iter().flat_map(|(keyword, numbers)| format!("{keyword} {}\n", numbers.join(" ")).into_bytes()).collect()
+        lines
+            .into_iter()
+            .flat_map(|(keyword, numbers)| format!("{keyword} {}\n", numbers.join(" ")).into_bytes())
+            .collect()
     })
 }
 
@@ -106,4 +124,32 @@ fn the_check_sees_each_flaw() {
     assert!(spoiled(|scene| scene.meshes[0].normals.as_mut().unwrap().truncate(1)).is_some());
     assert!(spoiled(|scene| scene.materials.clear()).is_some());
     assert!(spoiled(|scene| scene.instances.clear()).is_some());
+}
+
+#[test]
+fn the_format_is_told_by_content_then_by_extension() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        read(&path)
+    };
+    let obj = &OBJ["mtllib a.mtl\n".len()..];
+    assert_eq!(file("a.OBJ", obj).unwrap().n_placed_triangles(), 3);
+    assert_eq!(file("a.ply", PLY).unwrap().n_placed_triangles(), 1);
+    assert_eq!(file("a.obj", PLY).unwrap().n_placed_triangles(), 1);
+    assert_eq!(file("a", &PLY.replace('\n', "\r\n")).unwrap().n_placed_triangles(), 1);
+    assert!(matches!(file("b.ply", obj), Err(ReadError::Malformed { .. })));
+    assert!(matches!(file("b.gltf", obj), Err(ReadError::Malformed { .. })));
+    assert!(matches!(file("b", obj), Err(ReadError::UnknownFormat { .. })));
+    assert!(matches!(file("c.stl", ""), Err(ReadError::UnknownFormat { .. })));
+}
+
+#[test]
+fn errors_name_the_file_and_keep_their_source() {
+    let error = read(Path::new("absent/model.obj")).unwrap_err();
+    assert!(error.to_string().starts_with("absent/model.obj: cannot be read: "), "{error}");
+    assert!(std::error::Error::source(&error).is_some());
+    assert_eq!(error.path(), Path::new("absent/model.obj"));
+    assert!(matches!(read(Path::new(".")), Err(ReadError::Io { .. })));
 }

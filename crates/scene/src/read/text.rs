@@ -30,7 +30,8 @@ pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
             bytes = rest;
             let text = line.trim_ascii();
             if !is_comment && !text.is_empty() {
-                let (keyword, rest) = text.split_at(text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len()));
+                let (keyword, rest) =
+                    text.split_at(text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len()));
                 return Some(Line { number, keyword, rest: rest.trim_ascii() });
             }
         }

@@ -1,6 +1,6 @@
 //! The materials that faces use: recipes looked up in the libraries, textures decoded in parallel.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -35,8 +35,7 @@ pub(super) fn materials(
     scene: &mut Scene,
 ) -> Result<(), ReadError> {
     let folder = Folder::of(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-    let files = libraries.iter().flat_map(|statement| library_files(&folder, statement, &mut scene.warnings));
-    let files: Vec<(String, Vec<u8>)> = files.collect();
+    let files = library_files(&folder, libraries, &mut scene.warnings);
     let mut recipes = HashMap::new();
     for (name, bytes) in &files {
         recipes.extend(mtl::recipes(name, bytes, &mut scene.warnings));
@@ -70,19 +69,23 @@ pub(super) fn materials(
     Ok(())
 }
 
-/// Names and bytes of the files of a `mtllib` statement: one name with blanks, else names between blanks.
-fn library_files(folder: &Folder, statement: &[u8], warnings: &mut Vec<String>) -> Vec<(String, Vec<u8>)> {
-    let whole = String::from_utf8_lossy(statement);
-    let names = match folder.resolve(&whole) {
-        Ok(_) => vec![whole.into_owned()],
-        Err(_) => whole.split_ascii_whitespace().map(str::to_owned).collect(),
-    };
-    let mut files = Vec::new();
-    for name in names {
-        match folder.read(&name) {
-            Ok(bytes) => files.push((name, bytes)),
-            Err(refusal) => {
-                warnings.push(format!("material library {}: {refusal}", text::quoted(name.as_bytes())));
+/// Names and bytes of the files of all `mtllib` statements, each once: one name with blanks, else names between blanks.
+fn library_files(folder: &Folder, statements: &[&[u8]], warnings: &mut Vec<String>) -> Vec<(String, Vec<u8>)> {
+    let (mut known, mut files) = (HashSet::new(), Vec::new());
+    for whole in statements.iter().map(|statement| String::from_utf8_lossy(statement)) {
+        let names = match folder.resolve(&whole) {
+            Ok(_) => vec![&whole[..]],
+            Err(_) => whole.split_ascii_whitespace().collect(),
+        };
+        for name in names {
+            // A file may be named thousands of times, so it is known by its path, and one that is absent by its name.
+            let path = folder.resolve(name).unwrap_or_else(|_| PathBuf::from(name));
+            if !known.insert(path) {
+                continue;
+            }
+            match folder.read(name) {
+                Ok(bytes) => files.push((name.to_owned(), bytes)),
+                Err(refusal) => warnings.push(format!("material library {}: {refusal}", text::quoted(name.as_bytes()))),
             }
         }
     }
@@ -102,8 +105,7 @@ fn material(
         warnings.push(format!("material {}: d or Tr is ignored; it is opaque", text::quoted(plain.name.as_bytes())));
     }
     let uncoloured = if recipe.albedo_map.is_some() { [1.0; 3] } else { plain.albedo };
-    let material =
-        Material { albedo: recipe.albedo.unwrap_or(uncoloured), emission: recipe.emission, ..plain };
+    let material = Material { albedo: recipe.albedo.unwrap_or(uncoloured), emission: recipe.emission, ..plain };
     let maps = [(&recipe.albedo_map, Role::Albedo), (&recipe.mask, Role::Mask)];
     (material, maps.into_iter().filter_map(|(map, role)| Some((map.clone()?, role))).collect())
 }

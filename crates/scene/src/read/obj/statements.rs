@@ -170,7 +170,8 @@ impl<'a> Parser<'a> {
     /// An index from 1, or a negative one counted back from the last of `count` read so far.
     fn index(&mut self, kind: usize, part: &[u8], count: usize, line: usize) -> Result<u32, String> {
         let what = KINDS[kind];
-        let stated = text::integer(part).ok_or_else(|| format!("{what} index {} is not an index", text::quoted(part)))?;
+        let stated =
+            text::integer(part).ok_or_else(|| format!("{what} index {} is not an index", text::quoted(part)))?;
         let from_one = match stated {
             0 => return Err(format!("{what} index 0; indices start at 1")),
             1.. => stated,

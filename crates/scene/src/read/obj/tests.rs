@@ -17,8 +17,7 @@ fn square(rest: &str) -> Result<Scene, ReadError> {
 /// Area of all triangles in world space.
 fn area(scene: &Scene) -> f64 {
     let of_triangle = |[a, b, c]: [[f64; 3]; 3]| {
-        let (u, v): ([f64; 3], [f64; 3]) =
-            (std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k]));
+        let (u, v): ([f64; 3], [f64; 3]) = (std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k]));
         let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
         0.5 * n.iter().map(|x| x * x).sum::<f64>().sqrt()
     };
@@ -53,9 +52,8 @@ fn fails(scene: Result<Scene, ReadError>, message: &str) {
 
 #[test]
 fn faces_keep_their_order_across_groups_and_materials() {
-    let scene = square(
-        "o a\nf 1 2 3\nusemtl m\nf 1 2 4 3\ng b\nf 1 2 4\ng b\nusemtl m\nf 2 4 3\nf 1 4 3\no a\ng c\nf 1 2 3\n",
-    );
+    let scene =
+        square("o a\nf 1 2 3\nusemtl m\nf 1 2 4 3\ng b\nf 1 2 4\ng b\nusemtl m\nf 2 4 3\nf 1 4 3\no a\ng c\nf 1 2 3\n");
     let scene = scene.unwrap();
     let placed = |i: &crate::Instance| {
         let mesh = &scene.meshes[i.mesh.0 as usize];
@@ -172,18 +170,4 @@ fn nothing_to_draw_is_an_error() {
     fails(obj([0x11, 0, 0xff, b'\n', 0x17]), &format!("{none}it is not a text file"));
     fails(square("v 2 0 0\nf 1 2 5\nf 1 1 1"), &format!("{none}triangles, all without area: 2"));
     fails(square("v nan 0 0\nf 1 2 5"), &format!("{none}triangles, all with a corner that is not finite: 1"));
-}
-#[test]
-fn zz_debug() {
-    let bytes = std::fs::read("/work/shared/scenes/sponza/sponza.obj").unwrap();
-    let s = statements::statements(Path::new("a"), &bytes).unwrap();
-    let mut shown = 0;
-    for f in 0..s.face_ends.len() {
-        let p: Vec<_> = s.face(f).iter().map(|c| s.positions[c.position as usize]).collect();
-        let mut t = Vec::new();
-        if crate::read::polygon::triangulate(&p, &mut t) == crate::read::polygon::Cut::Tangled && shown < 14 {
-            eprintln!("{f} {p:?} {t:?}");
-            shown += 1;
-        }
-    }
 }

@@ -34,9 +34,10 @@ impl<'a> Body<'a> {
             Kind::Scalar(scalar) | Kind::List { count: scalar, .. } => self.size_least(scalar),
         });
         let most = (self.rest.len() + self.slack()) / least.sum::<usize>();
-        usize::try_from(element.count).ok().filter(|&count| count <= most).ok_or_else(|| {
-            format!("{} rows are declared, but the file has bytes for {most} at most", element.count)
-        })
+        usize::try_from(element.count)
+            .ok()
+            .filter(|&count| count <= most)
+            .ok_or_else(|| format!("{} rows are declared, but the file has bytes for {most} at most", element.count))
     }
 
     /// Skips a property of any kind.
@@ -54,9 +55,10 @@ impl<'a> Body<'a> {
     pub(super) fn length(&mut self, count: Scalar, item: Scalar) -> Result<usize, String> {
         let stated = self.integer(count)?;
         let most = (self.rest.len() + self.slack()) / self.size_least(item);
-        usize::try_from(stated).ok().filter(|&n| n <= most).ok_or_else(|| {
-            format!("a list of {stated} values, but the file has bytes for {most} at most")
-        })
+        usize::try_from(stated)
+            .ok()
+            .filter(|&n| n <= most)
+            .ok_or_else(|| format!("a list of {stated} values, but the file has bytes for {most} at most"))
     }
 
     /// A number as `f32`, rounded once; beyond its range infinite.

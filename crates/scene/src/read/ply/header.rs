@@ -104,7 +104,9 @@ pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'
         let words: Vec<&[u8]> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
         match words[..] {
             [] | [b"obj_info", ..] => {}
-            [b"comment", b"TextureFile", _, ..] => header.texture = Some(line[b"comment TextureFile".len()..].trim_ascii()),
+            [b"comment", b"TextureFile", _, ..] => {
+                header.texture = Some(line[b"comment TextureFile".len()..].trim_ascii())
+            }
             [b"comment", ..] => {}
             [b"format", name, b"1.0"] => encoding = Some(encoding_named(name).map_err(malformed)?),
             [b"element", name, count] => header.elements.push(element(&header, name, count).map_err(malformed)?),
@@ -136,9 +138,10 @@ fn element<'a>(header: &Header, name: &'a [u8], count: &[u8]) -> Result<Element<
     if header.elements.iter().any(|element| element.name == name) {
         return Err(format!("element {} is stated twice", quoted(name)));
     }
-    let count = std::str::from_utf8(count).ok().and_then(|count| count.parse().ok()).ok_or_else(|| {
-        format!("{} is not a count", quoted(count))
-    })?;
+    let count = std::str::from_utf8(count)
+        .ok()
+        .and_then(|count| count.parse().ok())
+        .ok_or_else(|| format!("{} is not a count", quoted(count)))?;
     Ok(Element { name, count, properties: Vec::new() })
 }
 

@@ -28,7 +28,8 @@ fn ascii_cube() -> String {
 
 fn binary_cube(float: impl Fn(f32) -> [u8; 4], int: impl Fn(i32) -> [u8; 4]) -> Vec<u8> {
     let vertices = (0..8).flat_map(corner).flat_map(float);
-    let faces = QUADS.iter().flat_map(|quad| [vec![4], quad.iter().flat_map(|&k| int(i32::from(k))).collect()].concat());
+    let faces =
+        QUADS.iter().flat_map(|quad| [vec![4], quad.iter().flat_map(|&k| int(i32::from(k))).collect()].concat());
     vertices.chain(faces).collect()
 }
 
@@ -107,7 +108,11 @@ fn other_elements_and_properties_are_skipped_in_any_order() {
     );
     let faces = QUADS.iter().map(|quad| format!("9 4 {} 2 0 0\n", quad.map(|k| k.to_string()).join(" ")));
     let vertices = (0..8).map(|k| corner(k).map(|x| x.to_string()).join(" ") + "\n");
-    is_cube(ply(file("ascii", &elements, ["5 2 0.5 0.5\n".to_owned()].into_iter().chain(faces).chain(vertices).collect::<String>())));
+    is_cube(ply(file(
+        "ascii",
+        &elements,
+        ["5 2 0.5 0.5\n".to_owned()].into_iter().chain(faces).chain(vertices).collect::<String>(),
+    )));
 }
 
 #[test]

@@ -78,6 +78,20 @@ fn the_oracle_sees_the_fan_of_an_arrow() {
 }
 
 #[test]
+fn quadrilaterals_take_the_diagonal_that_is_inside() {
+    for (polygon, want) in [
+        ([[0, 0], [4, 0], [4, 4], [0, 4]], [[0, 1, 2], [0, 2, 3]]),
+        (ARROW, [[0, 1, 3], [1, 2, 3]]),
+        ([[2, 1], [4, 0], [2, 6], [0, 0]], [[0, 1, 2], [0, 2, 3]]),
+        ([[0, 0], [2, 0], [4, 0], [2, 6]], [[0, 1, 3], [1, 2, 3]]),
+        // It crosses itself.
+        ([[0, 0], [4, 0], [0, 3], [4, 4]], [[0, 1, 2], [0, 2, 3]]),
+    ] {
+        assert_eq!(cut(&polygon, |[x, y]| [x, y, 0.0]), (want.to_vec(), Cut::Clean), "{polygon:?}");
+    }
+}
+
+#[test]
 fn twisted_and_flat_polygons_are_counted() {
     let mut triangles = Vec::new();
     assert_eq!(triangulate(&[[0.0; 3], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0]], &mut triangles), Cut::Clean);

@@ -48,12 +48,20 @@ fn colours_are_read_and_doubtful_ones_said_once() {
     for (line, albedo, warning) in [
         ("Kd 0.1 0.2 0.3", [0.1, 0.2, 0.3], ""),
         ("Kd 0.5", [0.5; 3], ""),
-        ("Kd 0.5 0.25", plain.albedo, "m.mtl, line 2: material `a`: Kd `0.5 0.25` is not a colour; it keeps its default"),
+        (
+            "Kd 0.5 0.25",
+            plain.albedo,
+            "m.mtl, line 2: material `a`: Kd `0.5 0.25` is not a colour; it keeps its default",
+        ),
         ("Kd", plain.albedo, "m.mtl, line 2: material `a`: Kd `` is not a colour; it keeps its default"),
         ("Kd r g b", plain.albedo, "m.mtl, line 2: material `a`: Kd `r g b` is not a colour; it keeps its default"),
         ("Kd nan 0 0", plain.albedo, "m.mtl, line 2: material `a`: Kd `nan 0 0` is not a number; it keeps its default"),
         ("Kd -1 0.5 5", [0.0, 0.5, 1.0], "m.mtl, line 2: material `a`: Kd `-1 0.5 5` is out of range and clamped"),
-        ("Kd spectral x.rfl", plain.albedo, "m.mtl, line 2: material `a`: Kd `spectral x.rfl` is not a colour; it keeps its default"),
+        (
+            "Kd spectral x.rfl",
+            plain.albedo,
+            "m.mtl, line 2: material `a`: Kd `spectral x.rfl` is not a colour; it keeps its default",
+        ),
         ("d 0.5", plain.albedo, "material `a`: d or Tr is ignored; it is opaque"),
         ("d -halo 0.5", plain.albedo, "material `a`: d or Tr is ignored; it is opaque"),
         ("Tr 0.5", plain.albedo, "material `a`: d or Tr is ignored; it is opaque"),
@@ -81,7 +89,8 @@ fn images_inside_the_folder_are_found() {
 
 #[test]
 fn each_image_is_decoded_once_for_each_role() {
-    let mtl = "newmtl a\nmap_Kd rgb.png\nnewmtl b\nmap_Kd ./rgb.png\nmap_d rgb.png\nnewmtl c\nnewmtl unused\nmap_Kd no.png";
+    let mtl =
+        "newmtl a\nmap_Kd rgb.png\nnewmtl b\nmap_Kd ./rgb.png\nmap_d rgb.png\nnewmtl c\nnewmtl unused\nmap_Kd no.png";
     let scene = Case::new(mtl, &["a", "b", "c"]).read();
     assert_eq!(scene.warnings, [""; 0]);
     let used: Vec<_> = scene.materials.iter().map(|m| (m.albedo_texture, m.alpha_texture)).collect();
@@ -118,7 +127,9 @@ fn images_that_cannot_be_had_leave_a_plain_colour() {
 
 #[test]
 fn options_that_move_a_texture_are_said() {
-    for (options, is_said) in [("-s 1 1 1", false), ("-s 2 1 1", true), ("-o 0 0.5", true), ("-clamp on", true), ("-mm 0 2", false)] {
+    for (options, is_said) in
+        [("-s 1 1 1", false), ("-s 2 1 1", true), ("-o 0 0.5", true), ("-clamp on", true), ("-mm 0 2", false)]
+    {
         let (material, warnings) = only(&format!("map_Kd {options} rgb.png"));
         assert!(material.albedo_texture.is_some(), "{options}");
         assert_eq!(!warnings.is_empty(), is_said, "{options}: {warnings:?}");
@@ -150,6 +161,8 @@ fn libraries_may_be_several_absent_or_hold_blanks() {
     assert_eq!(with("mtllib m.mtl\nmtllib two words.mtl"), (vec![red, green, grey], vec![nobody.to_owned()]));
     fs::rename(case.path("two words.mtl"), case.path("b.mtl")).unwrap();
     assert_eq!(with("mtllib m.mtl b.mtl"), (vec![red, green, grey], vec![nobody.to_owned()]));
+    let twice = with("mtllib m.mtl\nmtllib ./m.mtl b.mtl m.mtl\nmtllib no.mtl\nmtllib no.mtl").1;
+    assert_eq!(twice.len(), 2, "each file is read once, or said once to be absent: {twice:?}");
     let (albedos, warnings) = with("mtllib no.mtl");
     assert_eq!((albedos, warnings.len()), (vec![grey; 3], 4));
     assert!(warnings[0].starts_with("material library `no.mtl`: "), "{warnings:?}");
