@@ -1,24 +1,10 @@
-//! Real glTF files and malformed ones against what their lists say: counts, places, outcomes.
-//!
-//! The files are optional. They are looked for in the folder that `CANTED_SCENES` names, else in `shared/scenes` beside
-//! the workspace; without them these tests name themselves as skipped, and the unit tests stand alone.
+//! Real glTF files against what is known of them: counts, places, lights, cameras, and whom errors blame.
+
+mod common;
 
 use std::fs;
-use std::path::{Path, PathBuf};
 
 use canted_scene::{Light, Scene, read};
-
-/// The folder of the files, if there is one.
-#[expect(clippy::print_stderr, reason = "a test that is skipped says so by name")]
-fn scenes(test: &str) -> Option<PathBuf> {
-    let beside_workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes");
-    let folder = std::env::var_os("CANTED_SCENES").map_or(beside_workspace, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("{test}: skipped, there is no folder {}", folder.display());
-    None
-}
 
 /// What is known of a file: the counts that its list states, and the world bounds of its default pose, found by another
 /// program in double precision and noted to seven digits.
@@ -110,7 +96,7 @@ fn assert_consistent(scene: &Scene, file: &str) {
 
 #[test]
 fn real_files_are_what_is_stated() {
-    let Some(folder) = scenes("real_files_are_what_is_stated") else { return };
+    let Some(folder) = common::models("real_files_are_what_is_stated") else { return };
     for stated in &FILES {
         let scene = read(&folder.join(stated.file)).unwrap_or_else(|error| panic!("{error}"));
         compare(&scene, stated).unwrap_or_else(|difference| panic!("{}: {difference}", stated.file));
@@ -120,7 +106,7 @@ fn real_files_are_what_is_stated() {
 
 #[test]
 fn every_real_file_is_listed() {
-    let Some(folder) = scenes("every_real_file_is_listed") else { return };
+    let Some(folder) = common::models("every_real_file_is_listed") else { return };
     for subfolder in ["gltf", "instanced", "kitchen", "sponza", "stanford", "truss"] {
         for entry in fs::read_dir(folder.join(subfolder)).expect("the folder is there") {
             let name = entry.expect("the folder can be read").file_name().into_string().expect("names are text");
@@ -132,7 +118,7 @@ fn every_real_file_is_listed() {
 
 #[test]
 fn the_comparison_sees_a_moved_instance() {
-    let Some(folder) = scenes("the_comparison_sees_a_moved_instance") else { return };
+    let Some(folder) = common::models("the_comparison_sees_a_moved_instance") else { return };
     let stated = FILES.iter().find(|stated| stated.file == "gltf/BoxInterleaved.glb").expect("it is in the list");
     let mut scene = read(&folder.join(stated.file)).unwrap_or_else(|error| panic!("{error}"));
     scene.instances[0].world_from_object.columns[3][1] += 1e-5;
@@ -140,35 +126,8 @@ fn the_comparison_sees_a_moved_instance() {
 }
 
 #[test]
-fn malformed_files_end_as_expected() {
-    let Some(folder) = scenes("malformed_files_end_as_expected") else { return };
-    let table = fs::read_to_string(folder.join("nasty/EXPECT.tsv")).expect("the list of expectations is text");
-    let mut n_rows = 0;
-    for row in table.lines().filter(|row| row.starts_with("gltf/")) {
-        let columns: Vec<&str> = row.split('\t').collect();
-        let [file, _, outcome, ..] = columns[..] else { panic!("{row}: too few columns") };
-        match (outcome, read(&folder.join("nasty").join(file))) {
-            ("load", Ok(scene)) => assert_eq!(scene.warnings, [""; 0], "{file}"),
-            ("warn", Ok(scene)) => {
-                assert!(!scene.warnings.is_empty(), "{file}");
-                assert_consistent(&scene, file);
-            }
-            ("error", Err(error)) => {
-                let (sentence, name) = (error.to_string(), file.trim_start_matches("gltf/"));
-                let (_, thing) = sentence.split_once(&format!("{name}: ")).expect("the file is named");
-                assert!(!thing.is_empty() && !thing.contains('\n'), "{sentence}");
-            }
-            (_, Ok(scene)) => panic!("{file}: loaded with warnings {:?}, not {outcome}", scene.warnings),
-            (_, Err(error)) => panic!("{error}, not {outcome}"),
-        }
-        n_rows += 1;
-    }
-    assert_eq!(n_rows, 47, "every row is tried");
-}
-
-#[test]
 fn errors_name_what_is_at_fault() {
-    let Some(folder) = scenes("errors_name_what_is_at_fault") else { return };
+    let Some(folder) = common::models("errors_name_what_is_at_fault") else { return };
     for (file, thing) in [
         ("required_extension_unknown.gltf", "EXT_not_known"),
         ("draco_required.glb", "KHR_draco_mesh_compression"),
@@ -188,7 +147,7 @@ fn errors_name_what_is_at_fault() {
 
 #[test]
 fn lights_and_cameras_of_real_files() {
-    let Some(folder) = scenes("lights_and_cameras_of_real_files") else { return };
+    let Some(folder) = common::models("lights_and_cameras_of_real_files") else { return };
     let scene = read(&folder.join("gltf/camera_light.glb")).unwrap_or_else(|error| panic!("{error}"));
     assert!(scene.lights.iter().any(|light| matches!(light, Light::Sun { .. } | Light::Point { .. })));
     let scene = read(&folder.join("gltf/Cameras.gltf")).unwrap_or_else(|error| panic!("{error}"));
