@@ -47,10 +47,8 @@ pub fn sums<L: Leaf>(tree: &Tree, volumes: &Volumes, leaves: &[L], costs: &Costs
     let root_area = volumes.of(NodeId::ROOT).area().max(f64::MIN_POSITIVE);
     let area = |child: Child| match child.kind() {
         ChildKind::Inner(id) => volumes.of(id).area(),
-        ChildKind::Leaf(position) => match volumes.of_leaf(position) {
-            Some(volume) => volume.area(),
-            None => leaves[position as usize].aabb().area(),
-        },
+        ChildKind::Leaf(position) if volumes.leans(child) => leaves[position as usize].leaning_area(),
+        ChildKind::Leaf(position) => leaves[position as usize].aabb().area(),
     };
     for (i, node) in (0..).zip(&tree.nodes) {
         let volume = volumes.of(NodeId(i));

@@ -1,11 +1,8 @@
-use canted_obb::{Aabb, Dop, Enclosure, Moments, Obb, merge};
+use canted_obb::{Aabb, Dop, Enclosure, Moments, Obb, eigen, merge};
 
 use crate::{Child, ChildKind, Leaf, Node, NodeId, Strategy, Tree, VolumeConfig, Volumes, bottom_up::bottom_up, par};
 
 const CHUNK: usize = 1 << 8;
-
-/// Principal axes need no more digits than this to enclose well; the box is exact along any axes.
-const AXES_TOLERANCE: f64 = 1e-6;
 
 /// Fits every node's volume; `leaves` are in leaf order.
 ///
@@ -16,13 +13,13 @@ const AXES_TOLERANCE: f64 = 1e-6;
 pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Volumes {
     let leaf = |position: u32| &leaves[position as usize];
     let aabbs = bottom_up(tree, Aabb::EMPTY, |i| leaf(i).aabb(), |_, _, a, b| a.union(*b));
-    let mut volumes = Volumes { aabbs, obbs: vec![], leans: vec![], leaf_obbs: vec![] };
+    let mut volumes = Volumes { aabbs, obbs: vec![], leans: vec![], leaf_leans: vec![] };
     let kept = |obb: Obb, aabb: &Aabb| if config.fallback { obb.or_aabb(aabb) } else { obb };
     volumes.obbs = match config.strategy {
         Strategy::Aabb => return volumes,
         Strategy::PcaUnbounded => {
             let moments = bottom_up(tree, Moments::EMPTY, |i| leaf(i).moments(), |_, _, a, b| a.merged(b));
-            from_points(tree, leaves, |id| moments[id.index()].axes(AXES_TOLERANCE))
+            from_points(tree, leaves, |id| moments[id.index()].axes(eigen::COARSE))
         }
         Strategy::Dop => {
             let of_leaf = |i: u32| {
@@ -31,7 +28,7 @@ pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Vol
                 dop
             };
             let dops = bottom_up(tree, Dop::EMPTY, of_leaf, |_, _, a, b| a.union(b));
-            from_points(tree, leaves, |id| dops[id.index()].best().0)
+            boxes_of(&dops, &volumes.aabbs)
         }
         Strategy::PcaBounded => {
             merged(tree, leaves, &volumes.aabbs, kept, |a, b| merge::bounded(a, b, merge::Weight::Area))
@@ -39,7 +36,7 @@ pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Vol
         Strategy::Quaternion => {
             let as_box = |child: &merge::Child| match child {
                 merge::Child::Box(obb) => *obb,
-                merge::Child::Triangle(corners) => corners.obb(),
+                merge::Child::Triangle(corners) => canted_obb::bound(corners.frame(), *corners),
             };
             merged(tree, leaves, &volumes.aabbs, kept, |a, b| {
                 let (a, b) = (as_box(a), as_box(b));
@@ -66,6 +63,17 @@ fn from_points<L: Leaf>(tree: &Tree, leaves: &[L], frame_of: impl Fn(NodeId) -> 
                 leaf.grow(&mut enclosure);
             }
             *obb = enclosure.finish();
+        }
+    });
+    obbs
+}
+
+/// The best box of each node's extents.
+fn boxes_of(dops: &[Dop], aabbs: &[Aabb]) -> Vec<Obb> {
+    let mut obbs = vec![UNSET; dops.len()];
+    par::for_chunks(&mut obbs, CHUNK, |first, out| {
+        for (obb, (dop, aabb)) in out.iter_mut().zip(dops[first..].iter().zip(&aabbs[first..])) {
+            *obb = dop.best_box().unwrap_or_else(|| Obb::from_aabb(aabb));
         }
     });
     obbs
@@ -101,11 +109,10 @@ impl Volumes {
                 *leans = !fallback || obb.area() < aabb.area();
             }
         });
-        self.leaf_obbs = vec![None; leaves.len()];
-        par::for_chunks(&mut self.leaf_obbs, CHUNK, |first, out| {
-            for (kept, leaf) in out.iter_mut().zip(&leaves[first..]) {
-                let obb = leaf.obb();
-                *kept = (obb.area() < leaf.aabb().area()).then_some(obb);
+        self.leaf_leans = vec![false; leaves.len()];
+        par::for_chunks(&mut self.leaf_leans, CHUNK, |first, out| {
+            for (leans, leaf) in out.iter_mut().zip(&leaves[first..]) {
+                *leans = leaf.leaning_area() < leaf.aabb().area();
             }
         });
     }

@@ -1,4 +1,5 @@
-use canted_obb::{Aabb, Dop, Enclosure, Moments, Obb, frame, merge};
+use canted_obb::{Aabb, Dop, Enclosure, Frame, Moments, Obb, merge};
+use glam::Vec3A;
 
 use crate::{Child, ChildKind, Corners, NodeId};
 
@@ -19,12 +20,18 @@ pub trait Leaf: Copy + Send + Sync {
     /// Grows a box to it.
     fn grow(&self, enclosure: &mut Enclosure);
 
-    /// A leaning box around it.
-    fn obb(&self) -> Obb;
+    /// Axes, of length one but for rounding, of the leaning box that fits it best.
+    fn frame(&self) -> Frame;
+
+    /// Surface area of that box.
+    fn leaning_area(&self) -> f64;
 
     /// Points that every volume above must contain exactly.
     fn points(&self) -> impl Iterator<Item = [f32; 3]>;
 }
+
+/// Normalising in `f32` errs by at most 4.5 u, u = 2⁻²⁴; after this factor no axis is longer than one.
+const NOT_ABOVE_ONE: f32 = 1.0 - 8.0 * (f32::EPSILON / 2.0);
 
 impl Leaf for Corners {
     #[inline]
@@ -52,14 +59,28 @@ impl Leaf for Corners {
         self.iter().for_each(|&corner| enclosure.add_point(corner));
     }
 
-    /// The flat box along the longest edge, the smallest of all rectangles around the triangle.
-    fn obb(&self) -> Obb {
-        let edge =
-            |i: usize| -> [f64; 3] { std::array::from_fn(|k| f64::from(self[(i + 1) % 3][k]) - f64::from(self[i][k])) };
-        let edges = [edge(0), edge(1), edge(2)];
-        let square = |e: [f64; 3]| e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
-        let longest = (1..3).fold(0, |best, i| if square(edges[i]) > square(edges[best]) { i } else { best });
-        canted_obb::bound(frame::along(edges[longest], edges[(longest + 1) % 3]), *self)
+    /// Along the longest edge: of all rectangles around a triangle the smallest. The axes of the space for a triangle
+    /// without area, or so large that `f32` overflows.
+    fn frame(&self) -> Frame {
+        let [a, b, c] = self.map(Vec3A::from_array);
+        let edges = [b - a, c - b, a - c];
+        let longest =
+            (1..3).fold(0, |best, i| if edges[i].length_squared() > edges[best].length_squared() { i } else { best });
+        let along = edges[longest].normalize_or_zero();
+        let normal = along.cross(edges[(longest + 1) % 3]).normalize_or_zero();
+        if along.length_squared() < 0.5 || normal.length_squared() < 0.5 {
+            return Obb::IDENTITY_FRAME;
+        }
+        let across = normal.cross(along).normalize_or_zero();
+        [along, across, normal].map(|axis| (axis * NOT_ABOVE_ONE).to_array())
+    }
+
+    /// Both sides of the rectangle along the longest edge, which is twice the triangle.
+    fn leaning_area(&self) -> f64 {
+        let [a, b, c] = self.map(|p| p.map(f64::from));
+        let (x, y): ([f64; 3], [f64; 3]) = (std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k]));
+        let normal = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+        2.0 * normal.iter().map(|n| n * n).sum::<f64>().sqrt()
     }
 
     fn points(&self) -> impl Iterator<Item = [f32; 3]> {
@@ -90,8 +111,13 @@ impl Leaf for Obb {
         enclosure.add_box(self);
     }
 
-    fn obb(&self) -> Obb {
-        *self
+    /// Its own axes, at length one where they are orthogonal.
+    fn frame(&self) -> Frame {
+        self.frame
+    }
+
+    fn leaning_area(&self) -> f64 {
+        self.area()
     }
 
     /// The centre: corners are no `f32` numbers.
@@ -178,8 +204,8 @@ pub struct Volumes {
     pub(crate) obbs: Vec<Obb>,
     /// Whether the leaning box is the node's volume.
     pub(crate) leans: Vec<bool>,
-    /// Leaning box of each leaf where it has less area than the axis-aligned one.
-    pub(crate) leaf_obbs: Vec<Option<Obb>>,
+    /// Whether a leaf's leaning box has less area than its axis-aligned one; empty under [`Strategy::Aabb`].
+    pub(crate) leaf_leans: Vec<bool>,
 }
 
 impl Volumes {
@@ -193,20 +219,13 @@ impl Volumes {
         }
     }
 
-    /// The leaning volume of a leaf; `None` where its axis-aligned box is as good.
-    #[inline]
-    #[must_use]
-    pub fn of_leaf(&self, position: u32) -> Option<Volume<'_>> {
-        self.leaf_obbs.get(position as usize)?.as_ref().map(Volume::Obb)
-    }
-
     /// Whether a child's volume is a leaning box.
     #[inline]
     #[must_use]
     pub fn leans(&self, child: Child) -> bool {
         match child.kind() {
             ChildKind::Inner(id) => self.leans.get(id.index()).copied().unwrap_or(false),
-            ChildKind::Leaf(position) => self.of_leaf(position).is_some(),
+            ChildKind::Leaf(position) => self.leaf_leans.get(position as usize).copied().unwrap_or(false),
         }
     }
 }

@@ -12,6 +12,7 @@
 //! | 264, random | 88 | 2.9 | 1.5 | 1.4 |
 
 use crate::frame::Frame;
+use crate::{Enclosure, Obb};
 
 /// Number of directions: three axes, six face diagonals, four body diagonals, twelve across those.
 pub const N_DIRECTIONS: usize = 25;
@@ -47,6 +48,12 @@ pub const DIRECTIONS: [[i8; 3]; N_DIRECTIONS] = [
     [1, -1, 2],
     [1, -1, -2],
 ];
+
+/// Rounding of an extent, relative to the greatest coordinate: `3 √3 u` with `u = 2⁻²⁴`, and room for second order.
+const EXTENT_ERROR: f64 = 6.0 / 16_777_216.0;
+
+/// Rounding in `f64` of a box's centre and sides, relative to the greatest coordinate: fewer than 32 roundings.
+const F64_ERROR: f64 = 32.0 * f64::EPSILON;
 
 /// Directions rounded up to whole vector registers.
 const LANES: usize = 28;
@@ -114,6 +121,42 @@ impl Dop {
             let [x, y, z] = FRAMES[f].map(|k| extent[usize::from(k)]);
             2.0 * (x * y + y * z + z * x)
         })
+    }
+
+    /// The box along the frame of least area, around everything the extents were taken from, exactly; `None` where
+    /// that frame is the axes of the space.
+    ///
+    /// Tight up to the rounding of the extents: along a direction of length one, three roundings to `f32` of
+    /// coordinates up to the reach err by at most `3 √3 · 2⁻²⁴` of it. The axes of a frame are integer vectors times
+    /// one `f32` number, so they are exactly orthogonal and coordinates are projections over a squared length.
+    #[inline]
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "any origin near the content will do")]
+    pub fn best_box(&self) -> Option<Obb> {
+        let areas = self.areas();
+        let best = (1..N_FRAMES).fold(0, |best, f| if areas[f] < areas[best] { f } else { best });
+        if best == 0 || self.low[0] > self.high[0] {
+            return None;
+        }
+        let reach = (0..3).map(|k| self.low[k].abs().max(self.high[k].abs())).fold(0.0, f32::max);
+        let error = EXTENT_ERROR * f64::from(reach);
+        let frame = UNIT_FRAMES[best];
+        let (mut center, mut sides) = ([0.0; 3], [[0.0; 3]; 3]);
+        for (a, &k) in FRAMES[best].iter().enumerate() {
+            let k = usize::from(k);
+            // The third axis of a frame may be reversed; its interval then changes sides.
+            let axis: [f64; 3] = std::array::from_fn(|i| f64::from(UNIT[i][k]));
+            let square = axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2];
+            let (low, high) = (f64::from(self.low[k]) - error, f64::from(self.high[k]) + error);
+            let (middle, half) = (0.5 * (low + high) / square, 0.5 * (high - low) / square);
+            for i in 0..3 {
+                center[i] += middle * axis[i];
+                sides[a][i] = half * axis[i];
+            }
+        }
+        let mut enclosure = Enclosure::new(frame, center.map(|x| x as f32));
+        enclosure.add_parallelepiped(center, sides, F64_ERROR * f64::from(reach));
+        Some(enclosure.finish())
     }
 
     /// The frame of least area and that area; the axes of the space where nothing is less.

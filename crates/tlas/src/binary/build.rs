@@ -1,5 +1,5 @@
-use canted_lbvh::{Child, ChildKind, Leaf, NodeId, Tree, Volume, Volumes};
-use canted_obb::Aabb;
+use canted_lbvh::{Child, ChildKind, Corners, Leaf, NodeId, Tree, Volume, Volumes};
+use canted_obb::{Aabb, Obb};
 use canted_trace::Slabs;
 use glam::Vec4;
 
@@ -7,12 +7,30 @@ use super::{AabbPair, Binary, ChildWord, SlabPair};
 
 const CHUNK: usize = 1 << 12;
 
+/// A leaf that a ray can be tested against as a leaning box.
+pub trait TracedLeaf: Leaf {
+    /// The box along [`Leaf::frame`] that contains it exactly.
+    fn slabs(&self) -> Slabs;
+}
+
+impl TracedLeaf for Corners {
+    fn slabs(&self) -> Slabs {
+        Slabs::of_points(self.frame(), *self)
+    }
+}
+
+impl TracedLeaf for Obb {
+    fn slabs(&self) -> Slabs {
+        Slabs::of_obb(self)
+    }
+}
+
 impl Binary {
     /// Lays out `tree` with `volumes` for tracing; `leaves` are in leaf order.
     ///
     /// `bounds` is the box around all leaves.
     #[must_use]
-    pub fn new<L: Leaf>(tree: &Tree, volumes: &Volumes, leaves: &[L], bounds: &Aabb) -> Self {
+    pub fn new<L: TracedLeaf>(tree: &Tree, volumes: &Volumes, leaves: &[L], bounds: &Aabb) -> Self {
         if tree.leaves.is_empty() {
             return Self::empty();
         }
@@ -23,7 +41,7 @@ impl Binary {
             slab_pairs: vec![SlabPair::UNSET; n_slab_pairs],
             root: tree.root().map(|root| layout.word(root)),
             root_slabs: Slabs::of_aabb(bounds),
-            bounds: canted_obb::Obb::from_aabb(bounds),
+            bounds: Obb::from_aabb(bounds),
             reach: bounds.reach(),
             depth: tree.depth,
         };
@@ -91,7 +109,7 @@ struct Layout<'a, L> {
     words: Vec<ChildWord>,
 }
 
-impl<L: Leaf> Layout<'_, L> {
+impl<L: TracedLeaf> Layout<'_, L> {
     fn word(&self, child: Child) -> ChildWord {
         match child.kind() {
             ChildKind::Leaf(position) => ChildWord::leaf(position),
@@ -107,13 +125,13 @@ impl<L: Leaf> Layout<'_, L> {
     }
 
     fn slabs(&self, child: Child) -> Slabs {
-        let volume = match child.kind() {
-            ChildKind::Leaf(position) => self.volumes.of_leaf(position),
-            ChildKind::Inner(id) => Some(self.volumes.of(id)),
-        };
-        match volume {
-            Some(Volume::Obb(obb)) => Slabs::of_obb(obb),
-            _ => Slabs::of_aabb(&self.aabb(child)),
+        match child.kind() {
+            ChildKind::Leaf(position) if self.volumes.leans(child) => self.leaves[position as usize].slabs(),
+            ChildKind::Inner(id) => match self.volumes.of(id) {
+                Volume::Obb(obb) => Slabs::of_obb(obb),
+                Volume::Aabb(aabb) => Slabs::of_aabb(aabb),
+            },
+            ChildKind::Leaf(_) => Slabs::of_aabb(&self.aabb(child)),
         }
     }
 

@@ -44,7 +44,10 @@ impl Slabs {
     /// by a coordinate axis.
     #[must_use]
     pub fn of_obb(obb: &Obb) -> Self {
-        let mut slabs = Self::empty(inverse_rows(obb.frame.map(wide)));
+        // The inverse of a rotation is its transpose: its axes are the rows, up to their rounding, which costs nothing.
+        let rows =
+            if canted_obb::frame::is_orthonormal(obb.frame) { obb.frame } else { inverse_rows(obb.frame.map(wide)) };
+        let mut slabs = Self::empty(rows);
         let (center, frame, half) = (wide(obb.center), obb.frame.map(wide), wide(obb.half));
         for k in 0..3 {
             let row = wide(slabs.rows[k]);
