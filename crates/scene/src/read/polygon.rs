@@ -3,8 +3,11 @@
 //! Source: Meisters 1975 (every simple polygon has two ears); the plane is Newell's (Sutherland, Sproull and
 //! Schumacker 1974). Non-planar polygons are cut as their projection along the largest component of that normal.
 
-/// Blocker tests per corner that a polygon may cost before the rest of it is cut anyhow, so that no file takes for ever.
-const TESTS_PER_CORNER: usize = 2048;
+use std::collections::VecDeque;
+
+/// Steps (corners tried, blockers tested) for each corner of a polygon, after which the rest of it is cut anyhow, so that
+/// no file takes for ever. A bay where every ear spans all corners gets there from about 4000 corners on.
+const STEPS_PER_CORNER: usize = 2048;
 
 /// How a polygon could be cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,8 +76,8 @@ fn fan_is_clean(points: &[[f64; 2]]) -> bool {
         && (0..n).all(|k| turn(points[k], points[(k + 1) % n], points[(k + 2) % n]) >= 0.0)
 }
 
-/// What a corner must be to be cut off, from the first round over the remaining corners to the last.
-#[derive(Clone, Copy, PartialEq, PartialOrd)]
+/// What a corner must be to be cut off. A round over all corners that cuts none makes the next one ask for less.
+#[derive(Clone, Copy, PartialEq)]
 enum Demand {
     /// Convex, and no other corner in its closed triangle; or folded.
     Clear,
@@ -86,51 +89,96 @@ enum Demand {
     Nothing,
 }
 
+impl Demand {
+    fn relaxed(self) -> Self {
+        match self {
+            Self::Clear => Self::Touching,
+            Self::Touching => Self::Straight,
+            Self::Straight | Self::Nothing => Self::Nothing,
+        }
+    }
+}
+
 fn clip_ears(points: &[[f64; 2]], triangles: &mut Vec<[usize; 3]>) -> Cut {
     let n = points.len();
     let mut next: Vec<usize> = (1..n).chain([0]).collect();
     let mut prev: Vec<usize> = [n - 1].into_iter().chain(0..n - 1).collect();
     let mut blockers = Blockers::of(points);
-    let mut cut = Cut::Clean;
-    let (mut left, mut misses, mut corner) = (n, 0, 0);
+    let mut queue = Queue { waiting: (0..n).collect(), n_entries: vec![1; n] };
+    let (mut cut, mut demand, mut has_cut) = (Cut::Clean, Demand::Clear, false);
+    let (mut left, mut remaining) = (n, 0);
     while left > 3 {
-        let (before, after) = (prev[corner], next[corner]);
-        let demand = match misses / left {
-            _ if blockers.n_tests_left == 0 => Demand::Nothing,
-            0 => Demand::Clear,
-            1 => Demand::Touching,
-            2 => Demand::Straight,
-            _ => Demand::Nothing,
-        };
-        let area = turn(points[before], points[corner], points[after]);
-        let is_ear = match demand {
-            Demand::Clear | Demand::Touching => {
-                let around @ [_, a, b, c, _] = [prev[before], before, corner, after, next[after]].map(|k| points[k]);
-                // A corner said twice, or the end of an edge that is walked there and back, encloses nothing.
-                let is_folded = a == b || b == c || c == a;
-                is_folded || area > 0.0 && is_inside_cones(around) && blockers.leave([before, corner, after], demand)
+        let Some(corner) = queue.pop() else {
+            demand = if has_cut { Demand::Clear } else { demand.relaxed() };
+            has_cut = false;
+            for _ in 0..left {
+                queue.push(remaining);
+                remaining = next[remaining];
             }
-            Demand::Straight => area == 0.0,
-            Demand::Nothing => true,
-        };
-        if !is_ear {
-            misses += 1;
-            corner = after;
             continue;
+        };
+        if blockers.n_steps_left == 0 {
+            demand = Demand::Nothing;
         }
-        if demand == Demand::Nothing {
-            cut = Cut::Tangled;
+        let (before, after) = (prev[corner], next[corner]);
+        let around = [prev[before], before, corner, after, next[after]];
+        if !is_ear(around, points, &mut blockers, demand) {
+            continue;
         }
         triangles.push([before, corner, after]);
         (next[before], prev[after]) = (after, before);
+        (left, remaining, has_cut) = (left - 1, after, true);
         blockers.is_cut_off[corner] = true;
-        left -= 1;
-        misses = 0;
-        // Passing over one corner keeps the triangles of a round bay from becoming a fan of needles.
-        corner = next[after];
+        // The neighbours have changed. That they wait anew keeps a round bay from becoming a fan of needles.
+        queue.push(before);
+        queue.push(after);
+        if demand == Demand::Nothing {
+            (cut, demand) = (Cut::Tangled, Demand::Clear);
+        }
     }
-    triangles.push([prev[corner], corner, next[corner]]);
+    triangles.push([prev[remaining], remaining, next[remaining]]);
     cut
+}
+
+/// Corners that wait to be tried, in order; of several entries for a corner the last counts.
+struct Queue {
+    waiting: VecDeque<usize>,
+    n_entries: Vec<usize>,
+}
+
+impl Queue {
+    fn push(&mut self, corner: usize) {
+        self.waiting.push_back(corner);
+        self.n_entries[corner] += 1;
+    }
+
+    fn pop(&mut self) -> Option<usize> {
+        loop {
+            let corner = self.waiting.pop_front()?;
+            self.n_entries[corner] -= 1;
+            if self.n_entries[corner] == 0 {
+                return Some(corner);
+            }
+        }
+    }
+}
+
+/// Whether the middle one of five corners in a row may be cut off.
+fn is_ear(around: [usize; 5], points: &[[f64; 2]], blockers: &mut Blockers, demand: Demand) -> bool {
+    blockers.n_steps_left = blockers.n_steps_left.saturating_sub(1);
+    let [_, before, corner, after, _] = around;
+    let [a, b, c] = [before, corner, after].map(|k| points[k]);
+    let area = turn(a, b, c);
+    match demand {
+        Demand::Clear | Demand::Touching => {
+            // A corner said twice, or the end of an edge that is walked there and back, encloses nothing.
+            let is_folded = a == b || b == c || c == a;
+            let is_convex = area > 0.0 && is_inside_cones(around.map(|k| points[k]));
+            is_folded || is_convex && blockers.leave([before, corner, after], demand)
+        }
+        Demand::Straight => area == 0.0,
+        Demand::Nothing => true,
+    }
 }
 
 /// Whether the cut from corner 1 to corner 3 of five in a row starts and ends on the inner side of the polygon.
@@ -145,7 +193,7 @@ struct Blockers<'a> {
     points: &'a [[f64; 2]],
     sorted: Vec<usize>,
     is_cut_off: Vec<bool>,
-    n_tests_left: usize,
+    n_steps_left: usize,
 }
 
 impl<'a> Blockers<'a> {
@@ -154,7 +202,7 @@ impl<'a> Blockers<'a> {
         let does_not_turn_left = |&k: &usize| turn(points[(k + n - 1) % n], points[k], points[(k + 1) % n]) <= 0.0;
         let mut sorted: Vec<usize> = (0..n).filter(does_not_turn_left).collect();
         sorted.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]));
-        Self { points, sorted, is_cut_off: vec![false; n], n_tests_left: TESTS_PER_CORNER * n }
+        Self { points, sorted, is_cut_off: vec![false; n], n_steps_left: STEPS_PER_CORNER * n }
     }
 
     /// Whether all blockers stay out of a triangle that turns left. Those at its corners do not count.
@@ -167,7 +215,7 @@ impl<'a> Blockers<'a> {
             if p[0] > most {
                 break;
             }
-            self.n_tests_left = self.n_tests_left.saturating_sub(1);
+            self.n_steps_left = self.n_steps_left.saturating_sub(1);
             let sides = [turn(a, b, p), turn(b, c, p), turn(c, a, p)];
             let is_inside = match demand {
                 Demand::Clear => sides.iter().all(|&side| side >= 0.0),

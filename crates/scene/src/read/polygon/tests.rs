@@ -102,9 +102,31 @@ fn twisted_and_flat_polygons_are_counted() {
 }
 
 #[test]
+fn long_polygons_are_cut_without_giving_up() {
+    // A comb of needles; a bay whose corners are all reflex; a spiral.
+    let n = 2_000_i64;
+    let comb = (0..n).map(|k| [2 * (n - k), if k % 2 == 0 { 1 } else { 1000 }]);
+    is_clean(&[[0, 0], [2 * n, 0]].into_iter().chain(comb).collect::<Grid>());
+    let bay = (-n / 2..=n / 2).rev().map(|x| [x, x * x - n * n]);
+    is_clean(
+        &[[-n, 2 * n * n], [-n, -2 * n * n], [n, -2 * n * n], [n, 2 * n * n]].into_iter().chain(bay).collect::<Grid>(),
+    );
+    let arm = |k: i64, radius: i64| match k % 4 {
+        0 => [radius, 0],
+        1 => [0, radius],
+        2 => [-radius, 0],
+        _ => [0, -radius],
+    };
+    let outwards = (8..n).rev().map(|k| arm(k, 4 * k));
+    let inwards = (8..n).map(|k| arm(k, 4 * k + 8));
+    let spiral: Grid = inwards.chain(outwards).collect();
+    is_clean(&spiral);
+}
+
+#[test]
 fn intricate_polygons_end_in_time() {
     // Needles of length n from left and right, each between two of the other side: every ear spans all corners.
-    let n = 10_000_i64;
+    let n = 40_000_i64;
     let left = (0..n).map(|k| [if k % 2 == 0 { 0 } else { n }, 2 * k]);
     let right = (0..n).rev().map(|k| [if k % 2 == 0 { 1 } else { n + 1 }, 2 * k]);
     let zigzag: Grid = left.chain(right).collect();
