@@ -52,8 +52,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
 }
 
 fn answer<K: Kernel>(scene: &Scene, rays: &[Ray], args: &Args) -> Result<Vec<Answer>> {
-    let Prepared { structure, .. } = prepare::<K>(scene, &args.structure.config())
-        .map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
+    let Prepared { structure, .. } =
+        prepare::<K>(scene, &args.structure.config()).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let start = Instant::now();
     let answers: Vec<Answer> = rays
         .par_iter()

@@ -37,10 +37,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let text = if args.json {
         json!({ "mean_ratio": found.mean_ratio, "rmse": found.rmse, "rel_mse": found.rel_mse }).to_string()
     } else {
-        format!(
-            "mean ratio {:.6}   RMSE {:.6}   relMSE {:.6}",
-            found.mean_ratio, found.rmse, found.rel_mse
-        )
+        format!("mean ratio {:.6}   RMSE {:.6}   relMSE {:.6}", found.mean_ratio, found.rmse, found.rel_mse)
     };
     output::to_stdout(&text);
     // Negated, so that an error that is not a number is above every limit.

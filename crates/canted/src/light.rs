@@ -20,15 +20,15 @@ pub(crate) struct LightArgs {
 }
 
 impl LightArgs {
-    /// Puts the lights into the scene.
-    pub(crate) fn apply(&self, scene: &mut Scene) -> Result<()> {
+    /// Puts the lights into the scene; says whether they are nobody's choice but ours.
+    pub(crate) fn apply(&self, scene: &mut Scene) -> Result<bool> {
         if self.env.is_none() && self.sun.is_empty() && self.point.is_empty() {
             let emits = scene.materials.iter().any(|material| material.emission != [0.0; 3]);
-            if scene.lights.is_empty() && scene.environment.is_none() && !emits {
-                scene.environment = Some([0.55, 0.65, 0.8]);
-                scene.lights.push(Light::Sun { direction: unit([-0.45, -1.0, -0.35]), irradiance: [3.2, 3.0, 2.7] });
+            let is_dark = scene.lights.is_empty() && scene.environment.is_none() && !emits;
+            if is_dark {
+                set_default(scene, 1.0);
             }
-            return Ok(());
+            return Ok(is_dark);
         }
         let color = |name: &str, color: [f32; 3]| {
             if color.iter().all(|&c| c >= 0.0) {
@@ -50,8 +50,15 @@ impl LightArgs {
             let intensity = color("--point", [r, g, b])?;
             scene.lights.push(Light::Point { position: [x, y, z], intensity });
         }
-        Ok(())
+        Ok(false)
     }
+}
+
+/// A blue sky and a sun high up, times `strength`.
+pub(crate) fn set_default(scene: &mut Scene, strength: f32) {
+    scene.environment = Some([0.40, 0.50, 0.65].map(|c| c * strength));
+    let irradiance = [2.0, 1.9, 1.7].map(|c| c * strength);
+    scene.lights = vec![Light::Sun { direction: unit([-0.3, -1.0, -0.2]), irradiance }];
 }
 
 /// The direction at length one, for a vector of any length but zero.

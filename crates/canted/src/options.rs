@@ -7,7 +7,7 @@ use clap::ValueEnum;
 /// How rays find triangles.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct StructureArgs {
-    /// Levels of trees: `auto` takes two where a mesh is placed more than once.
+    /// Levels of trees: `auto` takes two where meshes are repeated so often that one level would waste memory.
     #[arg(long, value_enum, default_value_t = LevelsArg::Auto, value_name = "LEVELS")]
     pub(crate) levels: LevelsArg,
     /// Builder of the binary trees.

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use crate::{
     Outcome, interrupt,
-    light::LightArgs,
+    light::{self, LightArgs},
     load, memory,
     options::{self, StructureArgs, strategy_name, with_kernel},
     output,
@@ -145,9 +145,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     drop(output::Whole::create(&args.output)?);
     let start = Instant::now();
     let mut scene = load::scene(args.scene.as_deref())?;
-    args.light.apply(&mut scene)?;
+    let default_light = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
-    let Some(run) = with_kernel!(args.structure.triangles, trace(&scene, args, load_time))? else {
+    let Some(run) = with_kernel!(args.structure.triangles, trace(&mut scene, args, default_light, load_time))? else {
         return Ok(Outcome::Interrupted);
     };
     write(&args.output, &run.picture)?;
@@ -165,12 +165,17 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn trace<K: Kernel>(scene: &Scene, args: &Args, load_time: Duration) -> Result<Option<Run>> {
+fn trace<K: Kernel>(scene: &mut Scene, args: &Args, default_light: bool, load_time: Duration) -> Result<Option<Run>> {
     let name = load::name(args.scene.as_deref());
-    let prepared: Prepared<K> =
-        prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
+    let prepared: Prepared<K> = prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
     let mut facts = built_facts(scene, &prepared, load_time);
     let camera = camera(scene, &prepared, args);
+    if default_light && args.heatmap.is_none() {
+        let strength = strength_of_default_light(scene, &prepared, &camera, &args.settings())?;
+        light::set_default(scene, strength);
+        facts.push(("default_light", json!(strength)));
+    }
+    let scene: &Scene = scene;
     let start = Instant::now();
     let picture = if let Some(measure) = args.heatmap {
         let measure = match measure {
@@ -205,6 +210,28 @@ fn trace<K: Kernel>(scene: &Scene, args: &Args, load_time: Duration) -> Result<O
         prepared.left_out.iter().map(|left| json!({ "part": left.part, "because": left.because })).collect();
     facts.push(("left_out", json!(left_out)));
     Ok(Some(Run { picture, facts }))
+}
+
+/// By how much our own light must be stronger for a picture that is not dark, as interiors lit by a sky are.
+///
+/// A small picture tells; light only scales it.
+fn strength_of_default_light<K: Kernel>(
+    scene: &Scene,
+    prepared: &Prepared<K>,
+    camera: &Camera,
+    settings: &Settings,
+) -> Result<f32> {
+    /// Mean radiance of a well exposed picture, and the least and greatest strength.
+    const MEAN: f64 = 0.3;
+    const LIMITS: (f64, f64) = (1.0, 32.0);
+    let [width, height] = [settings.width, settings.height].map(|side| side.min(64));
+    let probe = Settings { width, height, samples: 16, ..*settings };
+    let film = render(scene, &prepared.structure, camera, &probe, &|_, _| {}, interrupt::flag())?;
+    let sum: f64 = film.pixels().iter().flat_map(|pixel| pixel.mean()).sum();
+    let mean = sum / f64::from(3 * width * height);
+    #[expect(clippy::cast_possible_truncation, reason = "a factor of light")]
+    let strength = (MEAN / mean.max(f64::MIN_POSITIVE)).clamp(LIMITS.0, LIMITS.1) as f32;
+    Ok(strength)
 }
 
 /// Renders with a progress bar; `None` where the user stopped it.
@@ -257,11 +284,7 @@ fn camera<K: Kernel>(scene: &Scene, prepared: &Prepared<K>, args: &Args) -> Came
     camera
 }
 
-fn built_facts<K: Kernel>(
-    scene: &Scene,
-    prepared: &Prepared<K>,
-    load_time: Duration,
-) -> Vec<(&'static str, Value)> {
+fn built_facts<K: Kernel>(scene: &Scene, prepared: &Prepared<K>, load_time: Duration) -> Vec<(&'static str, Value)> {
     let two = matches!(prepared.structure, canted_renderer::Structure::Two(_));
     let mut volumes: Vec<_> = prepared.strategies.iter().map(|&strategy| strategy_name(strategy)).collect();
     volumes.sort_unstable();

@@ -1,0 +1,157 @@
+use std::time::{Duration, Instant};
+
+use canted_lbvh::{GeometryError, Strategy, TopologyError};
+use canted_scene::Scene;
+use canted_tlas::InstanceError;
+use canted_trace::Kernel;
+
+use crate::structure::{Builder, LevelConfig, Structure, build_one, build_two};
+
+/// How many levels a scene gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Levels {
+    /// Two where placing meshes makes many more triangles than there are, else one.
+    #[default]
+    Auto,
+    /// All triangles in world space under one tree.
+    One,
+    /// A tree a mesh, and a tree over the instances.
+    Two,
+}
+
+/// What the caller asks of a structure; the defaults choose by the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct StructureConfig {
+    /// Number of levels.
+    pub levels: Levels,
+    /// Builder of the binary trees.
+    pub builder: Builder,
+    /// Volumes of the nodes; `None` takes leaning ones where their predicted cost is lower, mesh by mesh.
+    pub volumes: Option<Strategy>,
+}
+
+/// Why a scene cannot be traced.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PrepareError {
+    /// A mesh cannot be built.
+    Geometry(GeometryError),
+    /// An instance cannot be placed.
+    Instance(InstanceError),
+    /// A foreign builder returned no tree.
+    Topology(TopologyError),
+    /// The scene flattened into one level would have more triangles than numbers.
+    TooMany {
+        /// Triangles of all instances.
+        n_triangles: usize,
+    },
+}
+
+impl std::fmt::Display for PrepareError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Geometry(error) => error.fmt(f),
+            Self::Instance(error) => error.fmt(f),
+            Self::Topology(error) => write!(f, "the foreign builder made no tree: {error}"),
+            Self::TooMany { n_triangles } => write!(f, "{n_triangles} triangles do not fit in one level"),
+        }
+    }
+}
+
+impl std::error::Error for PrepareError {}
+
+impl From<GeometryError> for PrepareError {
+    fn from(error: GeometryError) -> Self {
+        Self::Geometry(error)
+    }
+}
+
+impl From<InstanceError> for PrepareError {
+    fn from(error: InstanceError) -> Self {
+        Self::Instance(error)
+    }
+}
+
+impl From<TopologyError> for PrepareError {
+    fn from(error: TopologyError) -> Self {
+        Self::Topology(error)
+    }
+}
+
+/// A part of the pipeline that a scene does not need.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// The part.
+    pub part: &'static str,
+    /// Why this scene does without.
+    pub because: &'static str,
+}
+
+/// A scene ready to trace.
+pub struct Prepared<K: Kernel> {
+    /// What answers rays.
+    pub structure: Structure<K>,
+    /// Strategy of each bottom level.
+    pub strategies: Vec<Strategy>,
+    /// What the scene does not need, decided here once.
+    pub left_out: Vec<LeftOut>,
+    /// Time to build all levels.
+    pub build_time: Duration,
+}
+
+impl<K: Kernel> Prepared<K> {
+    /// Memory of nodes, triangles and their numbers, all levels.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        match &self.structure {
+            Structure::One(flat) => flat.blas().n_bytes(),
+            Structure::Two(tlas) => {
+                tlas.binary().n_bytes() + tlas.blas().iter().map(canted_tlas::MeshBlas::n_bytes).sum::<usize>()
+            }
+        }
+    }
+}
+
+/// Triangles that flattening may make of one, on average, before memory speaks for two levels.
+const WORTH_FLATTENING: f64 = 1.5;
+
+/// Builds what a scene needs for tracing, and nothing else.
+///
+/// # Errors
+/// Geometry or transforms that cannot be traced, by index.
+#[expect(clippy::cast_precision_loss, reason = "the counts are compared coarsely")]
+pub fn prepare<K: Kernel>(scene: &Scene, config: &StructureConfig) -> Result<Prepared<K>, PrepareError> {
+    let start = Instant::now();
+    let level = LevelConfig { builder: config.builder, strategy: config.volumes };
+    let n_triangles = scene.n_placed_triangles();
+    let one = match config.levels {
+        // A flat tree answers rays faster: it has no boxes around whole meshes that overlap, and no transforms.
+        Levels::Auto => n_triangles as f64 <= WORTH_FLATTENING * scene.n_unique_triangles() as f64,
+        Levels::One => true,
+        Levels::Two => false,
+    };
+    if one && n_triangles > 1 << 30 {
+        return Err(PrepareError::TooMany { n_triangles });
+    }
+    let (structure, strategies) = if one { build_one(scene, &level)? } else { build_two(scene, &level)? };
+    let left_out = left_out(scene, one, &strategies);
+    Ok(Prepared { structure, strategies, left_out, build_time: start.elapsed() })
+}
+
+fn left_out(scene: &Scene, one: bool, strategies: &[Strategy]) -> Vec<LeftOut> {
+    let mut left_out = vec![];
+    let mut without = |needed: bool, part, because| {
+        if !needed {
+            left_out.push(LeftOut { part, because });
+        }
+    };
+    without(!one, "top level", "meshes are hardly repeated");
+    without(strategies.iter().any(|&s| s != Strategy::Aabb), "leaning boxes", "no gain by predicted cost");
+    let textured = scene.materials.iter().any(|m| m.albedo_texture.is_some() || m.alpha_texture.is_some());
+    without(textured, "textures", "no material has one");
+    without(scene.meshes.iter().any(|m| m.uvs.is_some()), "texture coordinates", "no texture is looked up");
+    without(scene.materials.iter().any(|m| m.alpha_texture.is_some()), "alpha test", "every surface is opaque");
+    without(scene.meshes.iter().any(|m| m.normals.is_some()), "shading normals", "every mesh is flat");
+    without(!scene.lights.is_empty(), "shadow rays", "no light is given");
+    without(scene.materials.iter().any(|m| m.emission != [0.0; 3]), "emission", "no surface emits");
+    left_out
+}
