@@ -28,7 +28,7 @@ pub(super) fn read(
     let (mut meshes, first_primitives) = read_unposed(document, &placing, uv_sources, repair, scene)?;
     for &(k, node, mesh_index) in &placing {
         let mut mesh = mesh_index;
-        if is_posed(node) {
+        if is_posed(document, node, mesh_index) {
             let pose = pose_of(document, nodes, node, mesh_index, &format!("node {k}"))?;
             mesh = meshes.len();
             meshes.push(mesh::read(document, mesh_index, &pose, uv_sources, repair, &mut scene.warnings)?);
@@ -69,9 +69,10 @@ fn placing<'a>(document: &'a Document<'_>, nodes: &Nodes) -> Result<Vec<(usize, 
     Ok(placing)
 }
 
-/// Whether a node bends its mesh in its own way.
-fn is_posed(node: &Node) -> bool {
-    node.skin.is_some() || node.weights.is_some()
+/// Whether a node bends its mesh in another way than the mesh says.
+fn is_posed(document: &Document<'_>, node: &Node, mesh: usize) -> bool {
+    let has_own_weights = node.weights.is_some() && node.weights != document.root.meshes[mesh].weights;
+    node.skin.is_some() || has_own_weights
 }
 
 /// All meshes of the file in their own default pose, and the number of the first triangle of each.
@@ -85,8 +86,8 @@ fn read_unposed(
     scene: &mut Scene,
 ) -> Result<(Vec<Mesh>, Vec<u32>), ReadError> {
     let mut is_placed = vec![false; document.root.meshes.len()];
-    for &(_, _, mesh) in placing.iter().filter(|(_, node, _)| !is_posed(node)) {
-        is_placed[mesh] = true;
+    for &(_, node, mesh) in placing {
+        is_placed[mesh] |= !is_posed(document, node, mesh);
     }
     let (mut meshes, mut first_primitives, mut n_triangles) = (Vec::new(), Vec::new(), 0_usize);
     for (index, is_placed) in is_placed.into_iter().enumerate() {

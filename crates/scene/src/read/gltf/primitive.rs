@@ -59,11 +59,11 @@ impl Reading<'_, '_> {
             .as_deref()
             .map(|joints| Skinning::open(self.document, primitive, joints, positions.count(), place))
             .transpose()?;
-        let bend = |vertex: usize| match &skinning {
-            Some(skinning) => skinning.at(vertex).map_err(|joint| {
+        let bend = |vertex: usize| {
+            let world_from_bind = skinning.as_ref().map(|skinning| skinning.at(vertex)).transpose();
+            world_from_bind.map_err(|joint| {
                 self.document.malformed(place, format!("vertex {vertex} names joint {joint}, which its skin lacks"))
-            }),
-            None => Ok(Matrix::IDENTITY),
+            })
         };
 
         let (mut patch, vertices) = self.compact(triangles, &positions, &bend, repair)?;
@@ -71,7 +71,10 @@ impl Reading<'_, '_> {
             let at = format!("{place} NORMAL");
             let normals = Morphed::open(self.document, primitive, index, weights, |target| target.normals, &at)?;
             self.check_count(normals.count(), positions.count(), "NORMAL")?;
-            let normal = |&vertex: &usize| Ok(unit(bend(vertex)?.normal(normals.at(vertex))).unwrap_or_default());
+            let normal = |&vertex: &usize| {
+                let normal = normals.at(vertex);
+                Ok(unit(bend(vertex)?.map_or(normal, |bend| bend.normal(normal))).unwrap_or_default())
+            };
             patch.normals = Some(vertices.iter().map(normal).collect::<Result<_, ReadError>>()?);
         }
         if let Some(source) = self.uv_source {
@@ -130,7 +133,7 @@ impl Reading<'_, '_> {
         &self,
         mut triangles: Vec<[u32; 3]>,
         positions: &Morphed<'_>,
-        bend: &impl Fn(usize) -> Result<Matrix, ReadError>,
+        bend: &impl Fn(usize) -> Result<Option<Matrix>, ReadError>,
         repair: &mut Repair,
     ) -> Result<(Patch, Vec<usize>), ReadError> {
         let corners = triangles.as_flattened();
@@ -138,8 +141,8 @@ impl Reading<'_, '_> {
             return Ok((Patch::default(), Vec::new()));
         };
         let position = |vertex: u32| {
-            let vertex = vertex as usize;
-            Ok(bend(vertex)?.point(positions.at(vertex)).map(|x| x as f32))
+            let position = positions.at(vertex as usize);
+            Ok(bend(vertex as usize)?.map_or(position, |bend| bend.point(position)).map(|x| x as f32))
         };
         let all = (least..=greatest).map(position).collect::<Result<Vec<[f32; 3]>, ReadError>>()?;
         triangles.retain(|triangle| repair.keeps(triangle.map(|corner| all[(corner - least) as usize])));

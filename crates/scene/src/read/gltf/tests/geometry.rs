@@ -95,6 +95,16 @@ fn what_is_not_finite_is_dropped_with_its_vertices() {
 }
 
 #[test]
+fn positions_keep_their_bits() {
+    let numbers = [-0.0, f32::from_bits(1), 1e-38, f32::MAX, f32::MIN_POSITIVE, -1e7, 16_777_215.0, -0.0, 0.1];
+    let mut file = File::new();
+    let positions = file.reals("VEC3", &numbers);
+    let scene = file.place(json!([{ "attributes": { "POSITION": positions } }])).read().unwrap();
+    let bits = |numbers: &[f32]| -> Vec<u32> { numbers.iter().map(|x| x.to_bits()).collect() };
+    assert_eq!(bits(scene.meshes[0].positions.as_flattened()), bits(&numbers));
+}
+
+#[test]
 fn normals_that_say_nothing_are_zero() {
     let mut file = File::new();
     let positions = file.reals("VEC3", &TRIANGLE);

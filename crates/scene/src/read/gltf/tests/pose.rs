@@ -31,6 +31,10 @@ fn morph_weights_of_the_mesh_or_the_node() {
     assert_eq!(first(&file), ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]), "weights are zero where none are given");
     file.json["meshes"][0]["weights"] = json!([0.25]);
     assert_eq!(first(&file).0, [1.0, 0.0, 1.0]);
+    file.json["nodes"][0]["weights"] = json!([0.25]);
+    file.push("nodes", json!({ "mesh": 0 }));
+    assert_eq!(file.scene().meshes.len(), 1, "equal weights need no copy");
+    file.json["nodes"].as_array_mut().unwrap().pop();
     file.json["nodes"][0]["weights"] = json!([1]);
     assert_eq!(first(&file), ([1.0, 0.0, 4.0], [1.0, 0.0, 0.0]));
     file.push("nodes", json!({ "mesh": 0 }));
