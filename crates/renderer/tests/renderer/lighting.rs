@@ -49,6 +49,21 @@ fn light_does_not_pass_to_the_side_that_faces_away() {
     assert_eq!(probe(&plane, [0.0, -5.0, 5.0], [0.0; 3], settings(1, 1, 4, 0)), [0.0; 3]);
 }
 
+/// A shading normal that leans towards a light below the triangle's horizon does not bring the light up.
+#[test]
+fn light_from_below_the_triangle_does_not_reach_it() {
+    let mut leaning = floor(100.0, 0.0, 0);
+    leaning.normals = Some(vec![[0.8, 0.6, 0.0]; 4]);
+    let mut plane = scene(vec![leaning], vec![grey(0.5)]);
+    let lit = |plane: &canted_scene::Scene| probe(plane, [0.0, 5.0, 5.0], [0.0; 3], settings(1, 1, 1, 0))[0];
+    // The shading normal makes 0.8·0.995 - 0.6·0.1 = 0.736 of the light from below, and 0.856 of that from above.
+    plane.lights = vec![Light::Sun { direction: [-0.995, 0.1, 0.0], irradiance: [std::f32::consts::PI; 3] }];
+    // Nothing stands in the way: the shadow ray leaves by the lower side and escapes.
+    assert_eq!(lit(&plane), 0.0);
+    plane.lights = vec![Light::Sun { direction: [-0.995, -0.1, 0.0], irradiance: [std::f32::consts::PI; 3] }];
+    assert!(near(lit(&plane), 0.5 * 0.856));
+}
+
 /// A screen ends at x = 1 under a light at height 4: its shadow ends where the line through both meets the floor.
 #[test]
 fn the_shadow_ends_where_the_edge_projects() {

@@ -1,9 +1,11 @@
 //! New rays start off the surface they leave: no acne, no leak, at every scale and far from the origin.
 
+use std::sync::atomic::AtomicBool;
+
 use canted_obb::Affine;
-use canted_renderer::{Surfaces, Tracer};
+use canted_renderer::{Levels, StructureConfig, Surfaces, Tracer, prepare, render};
 use canted_scene::{Material, Mesh, Scene};
-use canted_trace::{Hit, Ray};
+use canted_trace::{Hit, Kernel, MollerTrumbore, Ray, Watertight};
 
 use crate::common::{
     BruteForce, Vector, camera, dot, film, grey, inside_out, narrow, place, scene, settings, sphere, sub,
@@ -132,4 +134,47 @@ fn no_acne_on_instances_far_from_the_origin() {
         let film = film(&furnace, &camera(eye, center, 4.0), &settings(12, 12, 6, 1));
         assert!(film.pixels().iter().all(|pixel| pixel.mean() == [0.5; 3]), "stretch {stretch} shift {shift}");
     }
+}
+
+/// The furnaces again through the trees that pictures are made with, one level and two. Leaks are a matter of edges too,
+/// about which only a watertight triangle test promises anything.
+fn furnaces_through<K: Kernel>(is_watertight: bool) {
+    let glowing = Material { emission: [1.0; 3], ..grey(0.5) };
+    let turned = Affine { columns: [[0.36, 0.48, -0.8], [0.8, -0.6, 0.1], [0.0, 0.3, 2.0], [300.0, -90.0, 40.0]] };
+    for s in [1e-3, 1.0, 1e3] {
+        let ball = placed(&sphere([0.0; 3], 1.0, 4, 0), s, [10.0 * s; 3]).0;
+        let map = Affine {
+            columns: [turned.columns[0], turned.columns[1], turned.columns[2], turned.columns[3].map(|x| x * s)],
+        };
+        let center = map.point([10.0 * s; 3]);
+        let eye = map.point([12.0 * s, 13.0 * s, 14.0 * s]);
+        for levels in [Levels::One, Levels::Two] {
+            let rendered = |body: &Mesh, material: &Material, sky, eye, target, fov| {
+                let mut scene = scene(vec![body.clone()], vec![material.clone()]);
+                scene.instances = vec![place(0, map)];
+                scene.environment = Some([sky; 3]);
+                let prepared = prepare::<K>(&scene, &StructureConfig { levels, ..StructureConfig::default() }).unwrap();
+                let view = camera(eye, target, fov);
+                let cancel = AtomicBool::new(false);
+                let film = render(&scene, &prepared.structure, &view, &settings(24, 24, 6, 2), &|_, _| (), &cancel);
+                film.unwrap().pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<_>>()
+            };
+            let outside = rendered(&ball, &grey(0.5), 1.0, eye, center, 4.0);
+            assert!(outside.iter().all(|&x| x == 0.5), "acne at scale {s}, {levels:?}");
+            if is_watertight {
+                let inside = rendered(&inside_out(ball.clone()), &glowing, 100.0, center, eye, 100.0);
+                assert!(inside.iter().all(|&x| x == 1.75), "leak at scale {s}, {levels:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn neither_acne_nor_leaks_through_watertight_trees() {
+    furnaces_through::<Watertight>(true);
+}
+
+#[test]
+fn no_acne_through_moller_trumbore_trees() {
+    furnaces_through::<MollerTrumbore>(false);
 }
