@@ -1,2 +1,46 @@
-//! Tasks of this workspace.
-fn main() {}
+//! Tasks of this workspace: `cargo xtask TASK`.
+//!
+//! One file a task. A task that finds something wrong exits with 1, one that cannot run with 2.
+#![forbid(unsafe_code)]
+
+mod bench;
+mod ci;
+mod command;
+mod count;
+mod fixtures;
+mod png;
+mod test;
+mod tidy;
+mod workspace;
+
+use std::process::ExitCode;
+
+const USAGE: &str = "usage: cargo xtask TASK
+
+  test              run every test of the workspace; the last line counts them
+  ci                everything that is checked before a change is taken
+  tidy              the rules of style that a program can check
+  bench [ARGS]      measure, and write benches/RESULTS.md; --rounds N, build, trace
+  fixtures [DIR]    write the procedural scenes, into target/fixtures without DIR";
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let is_well = match args[..] {
+        ["test"] => test::run(),
+        ["ci"] => ci::run(),
+        ["tidy"] => tidy::run(),
+        ["bench", ref args @ ..] => bench::run(args),
+        ["fixtures"] => fixtures::run(&workspace::root().join("target/fixtures")),
+        ["fixtures", dir] => fixtures::run(dir.as_ref()),
+        _ => Err(anyhow::anyhow!("{USAGE}")),
+    };
+    match is_well {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(error) => {
+            command::warn(&format!("{error:#}"));
+            ExitCode::from(2)
+        }
+    }
+}

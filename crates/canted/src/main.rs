@@ -1,6 +1,7 @@
 //! The program `canted`: pictures, statistics and batch queries through leaning boxes.
 //!
 //! One file a subcommand. Exit codes: 0 done, 1 the answer is no, 2 bad input or options, 130 interrupted.
+#![forbid(unsafe_code)]
 
 mod cast;
 mod compare;

@@ -1,0 +1,154 @@
+//! One function a rule: looks at one file, adds what it finds.
+
+use std::path::Path;
+
+use super::Finding;
+use crate::workspace;
+
+/// One file is one sitting: above this many lines a look is worth while …
+const LONG_LINES: usize = 300;
+/// … and above this many it is split at a station.
+const MAX_LINES: usize = 400;
+
+/// A source file is short.
+pub(super) fn length(path: &Path, text: &str, findings: &mut Vec<Finding>) {
+    match text.lines().count() {
+        0..=LONG_LINES => {}
+        n @ ..=MAX_LINES => findings.push(Finding::warning(path, format!("{n} lines are more than {LONG_LINES}"))),
+        n => findings.push(Finding::error(path, format!("{n} lines are more than {MAX_LINES}"))),
+    }
+}
+
+/// Marks of what is not done; in halves, so that this file has none.
+const UNFINISHED: [&str; 5] = [
+    concat!("#[ig", "nore"),
+    concat!("to", "do!("),
+    concat!("unimple", "mented!("),
+    concat!("d", "bg!("),
+    concat!("TO", "DO"),
+];
+
+/// No test is muted and nothing is left for later.
+pub(super) fn unfinished(path: &Path, text: &str, findings: &mut Vec<Finding>) {
+    for (i, line) in text.lines().enumerate() {
+        for mark in UNFINISHED.into_iter().filter(|mark| line.contains(mark)) {
+            findings.push(Finding::error(path, format!("line {}: {mark}", i + 1)));
+        }
+    }
+}
+
+/// Folders that exist on one machine and mean nothing on another; in halves, so that this file names none.
+const MACHINE_FOLDERS: [&str; 4] =
+    [concat!("/ho", "me/"), concat!("/wo", "rk/"), concat!("/tm", "p/"), concat!("/ro", "ot/")];
+
+/// No text names an absolute path of somebody's machine.
+pub(super) fn machine_paths(path: &Path, text: &str, findings: &mut Vec<Finding>) {
+    for (i, line) in text.lines().enumerate() {
+        for folder in MACHINE_FOLDERS.into_iter().filter(|folder| names_folder(line, folder)) {
+            findings.push(Finding::error(path, format!("line {}: {folder} is a path of one machine", i + 1)));
+        }
+    }
+}
+
+/// Whether `folder` starts a path in `line`: within a longer path or an address it is another folder.
+fn names_folder(line: &str, folder: &str) -> bool {
+    let is_part = |c: char| c.is_alphanumeric() || "._-}~".contains(c);
+    line.match_indices(folder).any(|(at, _)| !line[..at].ends_with(is_part))
+}
+
+/// A crate holds no unsafe code.
+pub(super) fn forbids_unsafe(path: &Path, text: &str, findings: &mut Vec<Finding>) {
+    if !text.lines().any(|line| line == "#![forbid(unsafe_code)]") {
+        findings.push(Finding::error(path, "does not forbid unsafe code".to_owned()));
+    }
+}
+
+/// Versions of our packages, and of the compiler, are those of the workspace's manifest wherever they are repeated.
+pub(super) fn versions(path: &Path, text: &str, manifest: &str, findings: &mut Vec<Finding>) {
+    let own = workspace::value(manifest, "workspace.package", "version").unwrap_or_default();
+    let rust = workspace::value(manifest, "workspace.package", "rust-version").unwrap_or_default();
+    for (i, line) in text.lines().enumerate() {
+        let repeated = version_of_ours(line).map(|found| (found, own));
+        let compiler = version_after(line, "Rust ").map(|found| (found, rust));
+        for (found, right) in repeated.into_iter().chain(compiler) {
+            if found != right {
+                findings.push(Finding::error(path, format!("line {}: version {found} is not {right}", i + 1)));
+            }
+        }
+    }
+}
+
+/// The version in a line `canted… = "VERSION"` or `canted… = { …, version = "VERSION" … }`.
+fn version_of_ours(line: &str) -> Option<&str> {
+    let (_, value) = line.trim().strip_prefix("canted")?.split_once('=')?;
+    let (_, version) = value.split_once("version =").unwrap_or(("", value));
+    let version = version.trim_start().strip_prefix('"')?;
+    version.split_once('"').map(|(version, _)| version)
+}
+
+/// The version that follows `word`, as in `Rust 1.89`; a full stop that ends the sentence is not part of it.
+fn version_after<'a>(line: &'a str, word: &str) -> Option<&'a str> {
+    let (_, rest) = line.split_once(word)?;
+    let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+    let version = rest[..end].trim_end_matches('.');
+    version.contains('.').then_some(version)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(rule: impl Fn(&Path, &str, &mut Vec<Finding>), text: &str) -> Vec<(bool, String)> {
+        let mut findings = vec![];
+        rule(Path::new("file.rs"), text, &mut findings);
+        findings.into_iter().map(|finding| (finding.is_error, finding.message)).collect()
+    }
+
+    #[test]
+    fn lengths_at_both_limits() {
+        assert_eq!(found(length, &"x\n".repeat(300)), []);
+        assert_eq!(found(length, &"x\n".repeat(301)), [(false, "301 lines are more than 300".to_owned())]);
+        assert_eq!(found(length, &"x\n".repeat(400)), [(false, "400 lines are more than 300".to_owned())]);
+        assert_eq!(found(length, &"x\n".repeat(401)), [(true, "401 lines are more than 400".to_owned())]);
+    }
+
+    #[test]
+    fn every_mark_of_unfinished_work_is_seen() {
+        for mark in UNFINISHED {
+            assert_eq!(found(unfinished, &format!("fn f() {{\n    {mark} \n}}")), [(true, format!("line 2: {mark}"))]);
+        }
+        assert_eq!(found(unfinished, "fn ignored() { method(todo) }"), []);
+    }
+
+    #[test]
+    fn paths_of_machines_are_seen_and_other_paths_are_not() {
+        for folder in MACHINE_FOLDERS {
+            for text in
+                [format!("{folder}me"), format!("cd {folder}x"), format!("\"{folder}x\""), format!("({folder})")]
+            {
+                assert_eq!(found(machine_paths, &text).len(), 1, "{text}");
+            }
+            for text in [format!("https://example.org{folder}x"), format!("target{folder}x"), format!("..{folder}x")] {
+                assert_eq!(found(machine_paths, &text), [], "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn unsafe_code_must_be_forbidden_in_so_many_words() {
+        assert_eq!(found(forbids_unsafe, "//! A crate.\n#![forbid(unsafe_code)]\n"), []);
+        assert_eq!(found(forbids_unsafe, "// #![forbid(unsafe_code)]\n").len(), 1);
+    }
+
+    #[test]
+    fn versions_that_drifted_are_seen() {
+        let manifest = "[workspace.package]\nversion = \"0.2.0\"\nrust-version = \"1.89\"\n";
+        let rule = |path: &Path, text: &str, findings: &mut Vec<Finding>| versions(path, text, manifest, findings);
+        let right = "canted-obb = \"0.2.0\"\ncanted-lbvh = { path = \"x\", version = \"0.2.0\" }\nRust 1.89 or newer.\n\
+                     Rust 1.89.\ncanted.workspace = true\ncanted renders = pictures, in Rust and WGSL\n";
+        assert_eq!(found(rule, right), []);
+        for wrong in ["canted-obb = \"0.1.0\"", "canted = { version = \"0.1\", features = [] }", "needs Rust 1.88."] {
+            assert_eq!(found(rule, wrong).len(), 1, "{wrong}");
+        }
+    }
+}
