@@ -82,10 +82,10 @@ impl<T: Tracer> Sight<'_, T> {
     }
 }
 
-/// Point `i` of an endless even spread over the unit cube: multiples of the powers of the plastic number's cousin for
-/// three dimensions, after Roberts 2018, *The Unreasonable Effectiveness of Quasirandom Sequences*.
+/// Point `i` of an endless even spread over the unit cube: steps by the powers of one irrational number, after Roberts
+/// 2018, *The Unreasonable Effectiveness of Quasirandom Sequences*.
 fn spread(i: u32) -> Vector {
-    /// The real root of x⁴ = x + 1.
+    /// The root of x⁴ = x + 1 above 1.
     const ROOT: f64 = 1.220_744_084_605_759_5;
     std::array::from_fn(|k| {
         let step = (0..=k).fold(1.0, |step, _| step / ROOT);
