@@ -1,0 +1,109 @@
+use canted_lbvh::{Child, ChildKind, NodeId};
+
+use crate::{
+    lanes::Lanes,
+    pairs::{Pairs, Slot},
+};
+
+/// A better place for a subtree: beside `target`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Move {
+    pub(crate) subtree: Child,
+    pub(crate) target: Child,
+    /// By how much the sum of half areas falls if nothing else moves.
+    pub(crate) gain: f32,
+}
+
+/// Most nodes opened for one subtree; where boxes overlap so much that this is reached, no place is much better.
+const MAX_OPENED: u32 = 1 << 10;
+
+/// A node that may hold a better place, and by how much it and those above it grow to take the subtree in.
+type Pending = (NodeId, f32);
+
+/// Search for the place of one subtree.
+struct Search<'a> {
+    pairs: &'a Pairs,
+    /// The subtree's box.
+    moved: Lanes,
+    /// Its half area: no place costs less.
+    least: f32,
+    best: f32,
+    target: Option<Child>,
+    n_opened: u32,
+    stack: &'a mut Vec<Pending>,
+}
+
+/// The best place for the subtree at `slot`, if any is better than where it is.
+///
+/// Taken out, the subtree's parent vanishes and all above it shrink; put beside a target, a parent of both appears and
+/// all above grow. The search climbs from the subtree to the root and at each ancestor descends into the other child,
+/// with the growth so far as the bound. `stack` is empty before and after.
+/// Source: Bittner et al. 2013; the climb after Meister & Bittner 2018, with ancestors as targets too.
+pub(crate) fn better_place(pairs: &Pairs, slot: Slot, stack: &mut Vec<Pending>) -> Option<Move> {
+    let subtree = pairs.child(slot);
+    let moved = pairs.aabb(slot);
+    let least = moved.half_area();
+    let mut search = Search { pairs, moved, least, best: 0.0, target: None, n_opened: 0, stack };
+    let parent = pairs.pair(slot.node());
+    // What is saved below the ancestor reached, and the box of its child on the way without the subtree.
+    let mut saved = parent.boxes.around().half_area();
+    let mut rest = pairs.aabb(slot.sibling());
+    search.below(slot.sibling(), saved);
+    let mut here = parent.parent;
+    while here != pairs.top() {
+        let above = pairs.pair(here.node());
+        search.below(here.sibling(), saved);
+        rest = rest.union(&pairs.aabb(here.sibling()));
+        let area = above.boxes.around().half_area();
+        saved += area - rest.half_area();
+        // Beside this ancestor: the new parent is as large as the ancestor was.
+        search.consider(Child::inner(here.node()), saved - area);
+        here = above.parent;
+    }
+    let gain = search.best;
+    search.target.map(|target| Move { subtree, target, gain })
+}
+
+impl Search<'_> {
+    fn consider(&mut self, target: Child, gain: f32) {
+        if gain > self.best {
+            (self.best, self.target) = (gain, Some(target));
+        }
+    }
+
+    /// Considers the subtree at `slot` and everything below it.
+    fn below(&mut self, slot: Slot, saved: f32) {
+        if saved - self.least <= self.best {
+            return;
+        }
+        let side = slot.side() as usize;
+        let pair = self.pairs.pair(slot.node());
+        let (own, joined) = (pair.boxes.half_areas()[side], pair.boxes.union(&self.moved).half_areas()[side]);
+        self.meet(pair.children[side], own, joined, saved, 0.0);
+        while let Some((node, grown)) = self.stack.pop() {
+            if saved - grown - self.least <= self.best || self.n_opened == MAX_OPENED {
+                continue;
+            }
+            self.n_opened += 1;
+            let pair = self.pairs.pair(node);
+            let own = pair.boxes.half_areas();
+            let joined = pair.boxes.union(&self.moved).half_areas();
+            // The child that grows less is opened first: it goes on the stack last.
+            let first = usize::from(joined[1] - own[1] < joined[0] - own[0]);
+            for side in [1 - first, first] {
+                self.meet(pair.children[side], own[side], joined[side], saved, grown);
+            }
+        }
+    }
+
+    /// Considers `child` and leaves what is below it for later.
+    fn meet(&mut self, child: Child, own: f32, joined: f32, saved: f32, grown: f32) {
+        self.consider(child, saved - grown - joined);
+        let grown = grown + (joined - own);
+        if let ChildKind::Inner(id) = child.kind()
+            && saved - grown - self.least > self.best
+        {
+            self.stack.push((id, grown));
+        }
+    }
+}

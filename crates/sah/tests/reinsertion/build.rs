@@ -1,0 +1,31 @@
+use canted_fixtures::Mesh;
+use canted_lbvh::{
+    Bits, Corners, Costs, Domain, Leaf, Stats, Sums, Tree, VolumeConfig, by_code, check, codes, gather, in_leaf_order,
+    radix, sums, volumes,
+};
+use canted_obb::Aabb;
+
+/// Corners of a mesh's triangles.
+pub(crate) fn corners(mesh: &Mesh) -> Vec<Corners> {
+    gather(&mesh.positions, &mesh.triangles).unwrap().0
+}
+
+/// The radix tree over triangles.
+pub(crate) fn radix_tree(corners: &[Corners]) -> Tree {
+    let bounds = Aabb::of_points(corners.iter().flatten().copied());
+    let domain = Domain::new(&bounds, 3, Bits::B63);
+    radix(by_code(&codes(&domain, corners), Bits::B63))
+}
+
+/// The boxes of a tree's leaves, in leaf order.
+pub(crate) fn leaf_boxes(tree: &Tree, corners: &[Corners]) -> Vec<Aabb> {
+    in_leaf_order(corners, &tree.leaves).iter().map(Leaf::aabb).collect()
+}
+
+/// Checks the tree with axis-aligned volumes and sums its costs.
+pub(crate) fn checked(tree: &Tree, corners: &[Corners]) -> (Stats, Sums) {
+    let leaves = in_leaf_order(corners, &tree.leaves);
+    let volumes = volumes(tree, &leaves, &VolumeConfig::default());
+    let stats = check(tree, &volumes, &leaves).unwrap_or_else(|flaw| panic!("{flaw}"));
+    (stats, sums(tree, &volumes, &leaves, &Costs::default(), 1.0))
+}

@@ -1,0 +1,4 @@
+//! Reinsertion on soups, grids, lattices, needles, duplicates and boxes of any scale; not covered: traced rays.
+
+mod build;
+mod invariants;
