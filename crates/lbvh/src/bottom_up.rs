@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use crate::{Child, ChildKind, Node, NodeId, Tree, par};
 
 /// Calls `join` on every node, children first, and returns what it made, by node.
@@ -35,4 +37,54 @@ pub(crate) fn bottom_up<S: Copy + Send + Sync>(
     visit(&tree.bottom_up[tops..], &mut values, 0);
     values.truncate(tree.nodes.len());
     values
+}
+
+/// Like [`bottom_up`], but keeps only what `result` makes of each value: large values live no longer than the work on
+/// their task.
+pub(crate) fn bottom_up_into<S: Copy + Send + Sync, R: Copy + Send>(
+    tree: &Tree,
+    (unset, unset_result): (S, R),
+    leaf: impl Fn(u32) -> S + Sync,
+    join: impl Fn(&S, &S) -> S + Sync,
+    result: impl Fn(NodeId, &S) -> R + Sync,
+) -> Vec<R> {
+    let mut results = vec![unset_result; tree.leaves.len()];
+    let mut roots: Vec<Option<(NodeId, S)>> = vec![None; tree.tasks.len()];
+    let mut jobs = Vec::with_capacity(tree.tasks.len());
+    let mut rest = &mut results[..];
+    let mut tops = 0;
+    for (task, root) in tree.tasks.iter().zip(&mut roots) {
+        let (own, after) = rest.split_at_mut((task.leaves.end - task.leaves.start) as usize);
+        rest = after;
+        tops = task.nodes.end;
+        jobs.push((&tree.bottom_up[task.nodes.clone()], own, task.leaves.start, root));
+    }
+    par::for_jobs(jobs, |(ids, own, base, root)| {
+        let mut values = vec![unset; own.len()];
+        for &id in ids {
+            let node = &tree.nodes[id.index()];
+            let of = |child: Child| match child.kind() {
+                ChildKind::Leaf(position) => leaf(position),
+                ChildKind::Inner(id) => values[(id.0 - base) as usize],
+            };
+            let value = join(&of(node.left), &of(node.right));
+            values[(id.0 - base) as usize] = value;
+            own[(id.0 - base) as usize] = result(id, &value);
+            *root = Some((id, value));
+        }
+    });
+    // The last node of a task is its root; a task of one leaf has none.
+    let mut values: BTreeMap<NodeId, S> = roots.into_iter().flatten().collect();
+    for &id in &tree.bottom_up[tops..] {
+        let node = &tree.nodes[id.index()];
+        let of = |child: Child| match child.kind() {
+            ChildKind::Leaf(position) => leaf(position),
+            ChildKind::Inner(id) => values[&id],
+        };
+        let value = join(&of(node.left), &of(node.right));
+        values.insert(id, value);
+        results[id.index()] = result(id, &value);
+    }
+    results.truncate(tree.nodes.len());
+    results
 }

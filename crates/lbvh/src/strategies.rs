@@ -1,6 +1,10 @@
 use canted_obb::{Aabb, Dop, Enclosure, Moments, Obb, eigen, merge};
 
-use crate::{Child, ChildKind, Leaf, Node, NodeId, Strategy, Tree, VolumeConfig, Volumes, bottom_up::bottom_up, par};
+use crate::{
+    Child, ChildKind, Costs, Leaf, Node, NodeId, Strategy, Tree, VolumeConfig, Volumes,
+    bottom_up::{bottom_up, bottom_up_into},
+    par,
+};
 
 const CHUNK: usize = 1 << 8;
 
@@ -13,13 +17,16 @@ const CHUNK: usize = 1 << 8;
 pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Volumes {
     let leaf = |position: u32| &leaves[position as usize];
     let aabbs = bottom_up(tree, Aabb::EMPTY, |i| leaf(i).aabb(), |_, _, a, b| a.union(*b));
-    let mut volumes = Volumes { aabbs, obbs: vec![], leans: vec![], leaf_leans: vec![] };
+    let mut volumes = Volumes { aabbs, obbs: vec![], leans: vec![], pair_leans: vec![], leaf_leans: vec![] };
     let kept = |obb: Obb, aabb: &Aabb| if config.fallback { obb.or_aabb(aabb) } else { obb };
     volumes.obbs = match config.strategy {
         Strategy::Aabb => return volumes,
         Strategy::PcaUnbounded => {
-            let moments = bottom_up(tree, Moments::EMPTY, |i| leaf(i).moments(), |_, _, a, b| a.merged(b));
-            from_points(tree, leaves, |id| moments[id.index()].axes(eigen::COARSE))
+            let of_leaf = |i: u32| leaf(i).moments();
+            let axes = |_, moments: &Moments| moments.axes(eigen::COARSE);
+            let unset = (Moments::EMPTY, Obb::IDENTITY_FRAME);
+            let frames = bottom_up_into(tree, unset, of_leaf, |a, b| a.merged(b), axes);
+            from_points(tree, leaves, |id| frames[id.index()])
         }
         Strategy::Dop => {
             let of_leaf = |i: u32| {
@@ -27,8 +34,9 @@ pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Vol
                 leaf(i).grow_dop(&mut dop);
                 dop
             };
-            let dops = bottom_up(tree, Dop::EMPTY, of_leaf, |_, _, a, b| a.union(b));
-            boxes_of(&dops, &volumes.aabbs)
+            let aabbs = &volumes.aabbs;
+            let best = |id: NodeId, dop: &Dop| dop.best_box().unwrap_or_else(|| Obb::from_aabb(&aabbs[id.index()]));
+            bottom_up_into(tree, (Dop::EMPTY, UNSET), of_leaf, Dop::union, best)
         }
         Strategy::PcaBounded => {
             merged(tree, leaves, &volumes.aabbs, kept, |a, b| merge::bounded(a, b, merge::Weight::Area))
@@ -45,7 +53,7 @@ pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Vol
         }
         Strategy::Combined => merged(tree, leaves, &volumes.aabbs, kept, merge::combined),
     };
-    volumes.choose(leaves, config.fallback);
+    volumes.choose(tree, leaves, config.fallback);
     volumes
 }
 
@@ -63,17 +71,6 @@ fn from_points<L: Leaf>(tree: &Tree, leaves: &[L], frame_of: impl Fn(NodeId) -> 
                 leaf.grow(&mut enclosure);
             }
             *obb = enclosure.finish();
-        }
-    });
-    obbs
-}
-
-/// The best box of each node's extents.
-fn boxes_of(dops: &[Dop], aabbs: &[Aabb]) -> Vec<Obb> {
-    let mut obbs = vec![UNSET; dops.len()];
-    par::for_chunks(&mut obbs, CHUNK, |first, out| {
-        for (obb, (dop, aabb)) in out.iter_mut().zip(dops[first..].iter().zip(&aabbs[first..])) {
-            *obb = dop.best_box().unwrap_or_else(|| Obb::from_aabb(aabb));
         }
     });
     obbs
@@ -102,7 +99,7 @@ const UNSET: Obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [0.
 
 impl Volumes {
     /// Decides node by node whether the leaning box is the volume: with `fallback` only where its area is less.
-    fn choose<L: Leaf>(&mut self, leaves: &[L], fallback: bool) {
+    fn choose<L: Leaf>(&mut self, tree: &Tree, leaves: &[L], fallback: bool) {
         self.leans = vec![false; self.obbs.len()];
         par::for_chunks(&mut self.leans, CHUNK, |first, out| {
             for (leans, (obb, aabb)) in out.iter_mut().zip(self.obbs[first..].iter().zip(&self.aabbs[first..])) {
@@ -115,5 +112,20 @@ impl Volumes {
                 *leans = leaf.leaning_area() < leaf.aabb().area();
             }
         });
+        let costs = Costs::default();
+        let mut pair_leans = vec![false; tree.nodes.len()];
+        par::for_chunks(&mut pair_leans, CHUNK, |first, out| {
+            for (i, (leans, node)) in out.iter_mut().zip(&tree.nodes[first..]).enumerate() {
+                #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
+                let id = NodeId((first + i) as u32);
+                let children = [node.left, node.right];
+                *leans = if fallback {
+                    costs.leaning_gain(self, leaves, id, children) > 0.0
+                } else {
+                    children.iter().any(|&child| self.leans(child))
+                };
+            }
+        });
+        self.pair_leans = pair_leans;
     }
 }

@@ -1,5 +1,4 @@
 use canted_obb::{Aabb, Dop, Enclosure, Frame, Moments, Obb, merge};
-use glam::Vec3A;
 
 use crate::{Child, ChildKind, Corners, NodeId};
 
@@ -30,8 +29,17 @@ pub trait Leaf: Copy + Send + Sync {
     fn points(&self) -> impl Iterator<Item = [f32; 3]>;
 }
 
-/// Normalising in `f32` errs by at most 4.5 u, u = 2⁻²⁴; after this factor no axis is longer than one.
-const NOT_ABOVE_ONE: f32 = 1.0 - 8.0 * (f32::EPSILON / 2.0);
+fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
 
 impl Leaf for Corners {
     #[inline]
@@ -60,27 +68,29 @@ impl Leaf for Corners {
     }
 
     /// Along the longest edge: of all rectangles around a triangle the smallest. The axes of the space for a triangle
-    /// without area, or so large that `f32` overflows.
+    /// without area.
     fn frame(&self) -> Frame {
-        let [a, b, c] = self.map(Vec3A::from_array);
-        let edges = [b - a, c - b, a - c];
+        let [a, b, c] = self.map(|p| p.map(f64::from));
+        let edges = [sub(b, a), sub(c, b), sub(a, c)];
         let longest =
-            (1..3).fold(0, |best, i| if edges[i].length_squared() > edges[best].length_squared() { i } else { best });
-        let along = edges[longest].normalize_or_zero();
-        let normal = along.cross(edges[(longest + 1) % 3]).normalize_or_zero();
-        if along.length_squared() < 0.5 || normal.length_squared() < 0.5 {
+            (1..3).fold(0, |best, i| if dot(edges[i], edges[i]) > dot(edges[best], edges[best]) { i } else { best });
+        let normal = cross(edges[longest], edges[(longest + 1) % 3]);
+        let (edge, up) = (dot(edges[longest], edges[longest]).sqrt(), dot(normal, normal).sqrt());
+        // Negated, so that what overflowed to NaN goes the same way.
+        if !(up > 0.0 && up.is_finite()) {
             return Obb::IDENTITY_FRAME;
         }
-        let across = normal.cross(along).normalize_or_zero();
-        [along, across, normal].map(|axis| (axis * NOT_ABOVE_ONE).to_array())
+        let (along, normal) = (edges[longest].map(|x| x / edge), normal.map(|x| x / up));
+        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+        let rounded = |axis: [f64; 3]| axis.map(|x| x as f32);
+        [rounded(along), rounded(cross(normal, along)), rounded(normal)]
     }
 
     /// Both sides of the rectangle along the longest edge, which is twice the triangle.
     fn leaning_area(&self) -> f64 {
         let [a, b, c] = self.map(|p| p.map(f64::from));
-        let (x, y): ([f64; 3], [f64; 3]) = (std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k]));
-        let normal = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-        2.0 * normal.iter().map(|n| n * n).sum::<f64>().sqrt()
+        let normal = cross(sub(b, a), sub(c, a));
+        2.0 * dot(normal, normal).sqrt()
     }
 
     fn points(&self) -> impl Iterator<Item = [f32; 3]> {
@@ -204,6 +214,8 @@ pub struct Volumes {
     pub(crate) obbs: Vec<Obb>,
     /// Whether the leaning box is the node's volume.
     pub(crate) leans: Vec<bool>,
+    /// Whether a node's children are worth testing as leaning boxes; empty under [`Strategy::Aabb`].
+    pub(crate) pair_leans: Vec<bool>,
     /// Whether a leaf's leaning box has less area than its axis-aligned one; empty under [`Strategy::Aabb`].
     pub(crate) leaf_leans: Vec<bool>,
 }
@@ -217,6 +229,13 @@ impl Volumes {
             Some(true) => Volume::Obb(&self.obbs[id.index()]),
             _ => Volume::Aabb(&self.aabbs[id.index()]),
         }
+    }
+
+    /// Whether a node's children are to be tested as leaning boxes: by predicted cost, see [`crate::Costs`].
+    #[inline]
+    #[must_use]
+    pub fn pair_leans(&self, id: NodeId) -> bool {
+        self.pair_leans.get(id.index()).copied().unwrap_or(false)
     }
 
     /// Whether a child's volume is a leaning box.

@@ -54,14 +54,15 @@ impl<K: Kernel> MeshBlas<K> {
     pub fn over(tree: Tree, corners: &[Corners], bounds: &Aabb, config: &BuildConfig) -> Self {
         let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
         let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
-        Self::new(tree, &volumes, &sorted, bounds)
+        Self::new(tree, &volumes, sorted, bounds)
     }
 
     /// Joins the results of the stations: `sorted` are the corners in leaf order.
     #[must_use]
-    pub fn new(tree: Tree, volumes: &Volumes, sorted: &[Corners], bounds: &Aabb) -> Self {
-        let binary = Binary::new(&tree, volumes, sorted, bounds);
-        let records = sorted.iter().map(|&corners| K::record(corners)).collect();
+    pub fn new(tree: Tree, volumes: &Volumes, sorted: Vec<Corners>, bounds: &Aabb) -> Self {
+        let binary = Binary::new(&tree, volumes, &sorted, bounds);
+        // Where a record is the vertices themselves this takes the array over as it is.
+        let records = sorted.into_iter().map(K::record).collect();
         Self { binary, records, leaves: tree.leaves }
     }
 

@@ -35,10 +35,20 @@ impl Binary {
             return Self::empty();
         }
         let layout = Layout { tree, volumes, leaves, words: words(tree, volumes) };
-        let n_slab_pairs = layout.words.iter().filter(|word| word.0 & ChildWord::SLABS != 0).count();
+        // Axis-aligned pairs alone stand at their nodes' numbers; two kinds are told apart and numbered each.
+        let of_kind = |slabs: bool| -> Vec<u32> {
+            let is_slabs = |word: &ChildWord| word.0 & ChildWord::SLABS != 0;
+            (0..).zip(&layout.words).filter(|(_, word)| is_slabs(word) == slabs).map(|(i, _)| i).collect()
+        };
+        let (aabb_ids, slab_ids) = (of_kind(false), of_kind(true));
+        let aabb_pairs = if layout.words.is_empty() {
+            make_all(tree.nodes.len(), |i| layout.aabb_pair(i))
+        } else {
+            make_all(aabb_ids.len(), |i| layout.aabb_pair(aabb_ids[i as usize]))
+        };
         let mut binary = Self {
-            aabb_pairs: vec![AabbPair::UNSET; tree.nodes.len() - n_slab_pairs],
-            slab_pairs: vec![SlabPair::UNSET; n_slab_pairs],
+            aabb_pairs,
+            slab_pairs: make_all(slab_ids.len(), |i| layout.slab_pair(slab_ids[i as usize])),
             root: tree.root().map(|root| layout.word(root)),
             root_slabs: Slabs::of_aabb(bounds),
             bounds: Obb::from_aabb(bounds),
@@ -51,51 +61,37 @@ impl Binary {
             binary.bounds = *obb;
             binary.root_slabs = Slabs::of_obb(obb);
         }
-        if n_slab_pairs == 0 {
-            // Every pair stands at its node's number.
-            fill(&mut binary.aabb_pairs, |id| layout.aabb_pair(id));
-        } else {
-            let ids = |slabs: bool| -> Vec<u32> {
-                let of_kind = |&id: &u32| (layout.words[id as usize].0 & ChildWord::SLABS != 0) == slabs;
-                (0..layout.words.len() as u32).filter(of_kind).collect()
-            };
-            let (aabb_ids, slab_ids) = (ids(false), ids(true));
-            fill(&mut binary.aabb_pairs, |i| layout.aabb_pair(aabb_ids[i as usize]));
-            fill(&mut binary.slab_pairs, |i| layout.slab_pair(slab_ids[i as usize]));
-        }
         binary
     }
 }
 
-/// Sets every element from its index, on all threads.
+/// What `make` makes of `0..n`, in order, on all threads.
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
-fn fill<T: Send>(out: &mut [T], make: impl Fn(u32) -> T + Sync) {
-    let work = |(chunk, slice): (usize, &mut [T])| {
-        for (i, slot) in slice.iter_mut().enumerate() {
-            *slot = make((chunk * CHUNK + i) as u32);
-        }
-    };
+fn make_all<T: Send>(n: usize, make: impl Fn(u32) -> T + Sync) -> Vec<T> {
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        out.par_chunks_mut(CHUNK).enumerate().for_each(work);
+        (0..n as u32).into_par_iter().with_min_len(CHUNK).map(&make).collect()
     }
     #[cfg(not(feature = "parallel"))]
-    out.chunks_mut(CHUNK).enumerate().for_each(work);
+    (0..n as u32).map(make).collect()
 }
 
-/// The word by which each inner node will be referred to: its kind and its place among its kind.
+/// The word by which each inner node will be referred to: its kind and its place among its kind. Empty where no pair
+/// leans: the word is then the node's number.
+#[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
 fn words(tree: &Tree, volumes: &Volumes) -> Vec<ChildWord> {
+    if !(0..tree.nodes.len() as u32).any(|id| volumes.pair_leans(NodeId(id))) {
+        return vec![];
+    }
     let (mut n_aabbs, mut n_slabs) = (0, 0);
-    tree.nodes
-        .iter()
-        .map(|node| {
-            let (counter, word): (&mut u32, fn(u32) -> ChildWord) =
-                if [node.left, node.right].into_iter().any(|child| volumes.leans(child)) {
-                    (&mut n_slabs, ChildWord::slabs)
-                } else {
-                    (&mut n_aabbs, ChildWord::aabbs)
-                };
+    (0..tree.nodes.len() as u32)
+        .map(|id| {
+            let (counter, word): (&mut u32, fn(u32) -> ChildWord) = if volumes.pair_leans(NodeId(id)) {
+                (&mut n_slabs, ChildWord::slabs)
+            } else {
+                (&mut n_aabbs, ChildWord::aabbs)
+            };
             *counter += 1;
             word(*counter - 1)
         })
@@ -113,7 +109,7 @@ impl<L: TracedLeaf> Layout<'_, L> {
     fn word(&self, child: Child) -> ChildWord {
         match child.kind() {
             ChildKind::Leaf(position) => ChildWord::leaf(position),
-            ChildKind::Inner(id) => self.words[id.index()],
+            ChildKind::Inner(id) => self.words.get(id.index()).copied().unwrap_or(ChildWord::aabbs(id.0)),
         }
     }
 

@@ -53,9 +53,6 @@ pub(crate) struct AabbPair {
 }
 
 impl AabbPair {
-    /// A place to be filled.
-    pub(crate) const UNSET: Self = Self { planes: [Vec4::ZERO; 3], children: [ChildWord(0); 2] };
-
     #[inline(always)]
     pub(crate) fn entries(&self, ray: &PairRay, t_max: f32) -> Entries {
         let distance = |k: usize| (self.planes[k] - ray.origin[k]) * ray.recip[k];
@@ -76,9 +73,6 @@ pub(crate) struct SlabPair {
 }
 
 impl SlabPair {
-    /// A place to be filled.
-    pub(crate) const UNSET: Self = Self { rows_xy: [Vec4::ZERO; 3], rows_z: [Vec4::ZERO; 2], planes: [Vec4::ZERO; 3] };
-
     #[inline(always)]
     pub(crate) fn children(&self) -> [ChildWord; 2] {
         [ChildWord(self.rows_z[1].z.to_bits()), ChildWord(self.rows_z[1].w.to_bits())]
