@@ -2,4 +2,6 @@
 #![forbid(unsafe_code)]
 
 pub mod brute;
+pub mod exact;
+pub mod instances;
 pub mod scenes;

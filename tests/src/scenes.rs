@@ -1,8 +1,8 @@
 //! Meshes small enough for a loop over all triangles, and ugly.
 
 use canted_fixtures::{
-    Mesh, Rotation, coplanar_quads, displaced_icosphere, fan, grid, icosphere, identical, outlier, slivers, soup, thin_box,
-    torus,
+    Mesh, Rotation, coplanar_quads, displaced_icosphere, fan, grid, icosphere, identical, outlier, slivers, soup,
+    thin_box, torus,
 };
 
 /// A mesh, and where it stands.

@@ -78,7 +78,10 @@ fn baldwin_weber_loses_no_hit() {
 #[test]
 fn scales_by_powers_of_two_change_no_bit() {
     let mesh = &scenes::shapes()[0].mesh;
-    let config = BuildConfig { volumes: VolumeConfig { strategy: Strategy::Combined, fallback: true }, ..BuildConfig::default() };
+    let config = BuildConfig {
+        volumes: VolumeConfig { strategy: Strategy::Combined, fallback: true },
+        ..BuildConfig::default()
+    };
     let hits = |exponent: i32| -> Vec<_> {
         let scale = 2.0f32.powi(exponent);
         let positions: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| x * scale)).collect();
@@ -87,7 +90,9 @@ fn scales_by_powers_of_two_change_no_bit() {
         let mut counts = Counts::default();
         let hits: Vec<_> = rays(mesh, 50)
             .iter()
-            .map(|ray| blas.closest_hit(&scaled(ray), InstanceId(0), &mut counts).map(|h| (h.t / scale, h.u, h.v, h.primitive)))
+            .map(|ray| {
+                blas.closest_hit(&scaled(ray), InstanceId(0), &mut counts).map(|h| (h.t / scale, h.u, h.v, h.primitive))
+            })
             .collect();
         assert!(hits.iter().flatten().count() > 100);
         hits

@@ -1,0 +1,78 @@
+//! Two levels by a loop over all instances, with the ray taken to object space as the documents of `canted-tlas` say.
+
+use canted_obb::Affine;
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Ray};
+
+/// Half of `f32::EPSILON`: the relative error of one rounding.
+const U: f64 = 0.5 * f32::EPSILON as f64;
+
+type Vector = [f64; 3];
+
+fn cross(a: Vector, b: Vector) -> Vector {
+    std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+}
+
+fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Rows of the inverse, translation last: cofactors over the determinant, in `f64`.
+#[must_use]
+pub fn object_from_world(world_from_object: &Affine) -> [[f64; 4]; 3] {
+    let [a, b, c, shift] = world_from_object.columns.map(|column| column.map(f64::from));
+    let reciprocal = 1.0 / dot(a, cross(b, c));
+    [cross(b, c), cross(c, a), cross(a, b)].map(|cofactors| {
+        let row = cofactors.map(|x| x * reciprocal);
+        [row[0], row[1], row[2], -dot(row, shift)]
+    })
+}
+
+/// The ray in object space: each component computed in `f64` and rounded once; `t` stays the same number.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "the one rounding that the rule allows")]
+pub fn ray_object(world_from_object: &Affine, ray_world: &Ray) -> Ray {
+    let rows = object_from_world(world_from_object);
+    let (o, d) = (ray_world.origin.map(f64::from), ray_world.direction.map(f64::from));
+    Ray {
+        origin: rows.map(|[x, y, z, shift]| (dot([x, y, z], o) + shift) as f32),
+        direction: rows.map(|[x, y, z, _]| dot([x, y, z], d) as f32),
+        ..*ray_world
+    }
+}
+
+/// The hit of least `t`, ties to the lowest (instance, primitive), by asking every instance.
+///
+/// `trace(instance, ray_object)` is the least hit of that instance alone.
+pub fn closest_hit(
+    world_from_objects: &[Affine],
+    ray_world: &Ray,
+    trace: impl Fn(usize, &Ray) -> Option<Hit>,
+) -> Option<Hit> {
+    let mut best: Option<Hit> = None;
+    for (i, (id, world_from_object)) in (0..).map(InstanceId).zip(world_from_objects).enumerate() {
+        if let Some(hit) = trace(i, &ray_object(world_from_object, ray_world)) {
+            let hit = Hit { instance: id, ..hit };
+            if best.is_none_or(|best| hit.before(&best)) {
+                best = Some(hit);
+            }
+        }
+    }
+    best
+}
+
+/// How far, along each world axis, a hit may lie from the image of its triangle.
+///
+/// All norms are greatest absolute components, or row sums of matrices. In object space a hit lies within
+/// `HIT_ERROR·(|o'| + ρ)` of its triangle; rounding the origin moved it by `u·|o'|`, rounding the direction by
+/// `u·t|d'|`, and `t|d'| <= |o'| + ρ`. The map takes their sum to at most `‖M‖` times as much, and
+/// `|o'| <= ‖M⁻¹‖·(|o| + |c|)`. A unit more covers second-order terms.
+#[must_use]
+pub fn hit_error(world_from_object: &Affine, reach_object: f32, ray_world: &Ray) -> f64 {
+    let greatest = |v: Vector| v.iter().fold(0.0, |all: f64, x| all.max(x.abs()));
+    let norm = |rows: [Vector; 3]| rows.iter().map(|row| row.iter().map(|x| x.abs()).sum()).fold(0.0, f64::max);
+    let [a, b, c, shift] = world_from_object.columns.map(|column| column.map(f64::from));
+    let forward = norm(std::array::from_fn(|k| [a[k], b[k], c[k]]));
+    let backward = norm(object_from_world(world_from_object).map(|[x, y, z, _]| [x, y, z]));
+    let origin_object = backward * (greatest(ray_world.origin.map(f64::from)) + greatest(shift));
+    forward * (f64::from(HIT_ERROR) + 3.0 * U) * (origin_object + f64::from(reach_object))
+}

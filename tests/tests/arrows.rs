@@ -1,0 +1,166 @@
+//! Dependencies point one way: read from every manifest of the workspace.
+//!
+//! Not covered here: what code does (a library that reads a file needs no dependency for it), versions, licences.
+
+use std::{collections::BTreeMap, fs, path::Path};
+
+/// Our own packages, and which of them each may need; what a row leaves out would turn an arrow back.
+const ARROWS: &[(&str, &[&str])] = &[
+    ("obb", &[]),
+    ("trace", &["obb"]),
+    ("lbvh", &["obb"]),
+    ("sah", &["obb", "lbvh"]),
+    ("wide", &["obb", "trace", "lbvh", "sah"]),
+    ("tlas", &["obb", "trace", "lbvh", "sah", "wide"]),
+    ("scene", &["obb"]),
+    ("shaders", &[]),
+    ("gpu", &["obb", "trace", "lbvh", "sah", "wide", "tlas", "scene", "shaders"]),
+    ("renderer", &["obb", "trace", "lbvh", "sah", "wide", "tlas", "scene", "shaders", "gpu"]),
+    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "tlas", "scene", "shaders", "gpu", "renderer"]),
+];
+
+/// Crates that need little, and the little they may need.
+const LEAN: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "tlas"];
+const LEAN_NEEDS: &[&str] = &["glam", "bytemuck", "rayon"];
+
+/// Crates of others that only some packages may need; peers may stand beside ours in anyone's tests.
+const KEPT: &[(&str, &[&str])] = &[
+    ("obvhs", &["renderer", "tests", "benches"]),
+    ("wgpu", &["gpu"]),
+    ("naga", &["shaders"]),
+    ("gltf", &["scene"]),
+    ("tobj", &["scene"]),
+    ("clap", &["canted", "xtask", "benches"]),
+    ("indicatif", &["canted"]),
+];
+
+#[derive(Debug, PartialEq, Eq)]
+struct Dependency {
+    name: String,
+    for_tests: bool,
+    optional: bool,
+}
+
+/// The dependencies of a manifest, as far as manifests here are written: one a line, or a table of its own.
+fn dependencies(manifest: &str) -> Vec<Dependency> {
+    let mut found: Vec<Dependency> = vec![];
+    let mut section = String::new();
+    for line in manifest.lines().map(|line| line.split('#').next().unwrap_or_default().trim()) {
+        if let Some(header) = line.strip_prefix('[') {
+            section = header.trim_end_matches(']').to_owned();
+            let mut parts = section.rsplitn(2, "dependencies.");
+            if let (Some(name), Some(kind)) = (parts.next(), parts.next()) {
+                found.push(Dependency { name: name.to_owned(), for_tests: kind.ends_with("dev-"), optional: false });
+            }
+            continue;
+        }
+        let Some((key, value)) = line.split_once('=') else { continue };
+        let optional = value.replace(' ', "").contains("optional=true");
+        if section.ends_with("dependencies") {
+            let name = key.trim().split('.').next().unwrap_or_default().trim_matches('"').to_owned();
+            found.push(Dependency { name, for_tests: section.ends_with("dev-dependencies"), optional });
+        } else if section.contains("dependencies.") && key.trim() == "optional" {
+            found.last_mut().expect("the header made one").optional = value.trim() == "true";
+        }
+    }
+    found
+}
+
+/// What is wrong with the manifests, by folder of the package: sentences that name package and dependency.
+fn complaints(manifests: &BTreeMap<String, String>) -> Vec<String> {
+    let mut complaints = vec![];
+    for (package, manifest) in manifests {
+        let allowed = ARROWS.iter().find(|(name, _)| name == package).map(|(_, allowed)| *allowed);
+        for Dependency { name, for_tests, optional } in dependencies(manifest) {
+            let ours = if name == "canted" { Some("canted") } else { name.strip_prefix("canted-") };
+            let mut complain = |what: &str| complaints.push(format!("{package} needs {name}: {what}"));
+            if let (Some(ours), Some(allowed)) = (ours, allowed) {
+                if !(allowed.contains(&ours) || for_tests && ours == "fixtures") {
+                    complain("an arrow turns back");
+                }
+            } else if LEAN.contains(&package.as_str()) && !for_tests {
+                if !LEAN_NEEDS.contains(&name.as_str()) {
+                    complain("more than glam, bytemuck and rayon");
+                } else if name == "rayon" && !optional {
+                    complain("rayon must be optional");
+                }
+            }
+            if let Some((_, keepers)) = KEPT.iter().find(|(kept, _)| *kept == name && !for_tests)
+                && !keepers.contains(&package.as_str())
+            {
+                complain("a crate kept to others");
+            }
+        }
+        if allowed.is_none() && !["fixtures", "tests", "benches", "xtask"].contains(&package.as_str()) {
+            complaints.push(format!("{package} has no row of arrows"));
+        }
+    }
+    complaints
+}
+
+/// The manifest of every package, by its folder.
+fn workspace() -> BTreeMap<String, String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let crates = fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path());
+    let others = ["fixtures", "tests", "benches", "xtask"].map(|name| root.join(name));
+    crates
+        .chain(others)
+        .filter_map(|folder| {
+            let name = folder.file_name()?.to_str()?.to_owned();
+            Some((name, fs::read_to_string(folder.join("Cargo.toml")).ok()?))
+        })
+        .collect()
+}
+
+#[test]
+fn no_arrow_turns_back() {
+    let manifests = workspace();
+    for package in
+        ["obb", "trace", "lbvh", "tlas", "scene", "renderer", "canted", "fixtures", "tests", "benches", "xtask"]
+    {
+        assert!(manifests.contains_key(package), "no manifest of {package}");
+    }
+    assert_eq!(complaints(&manifests), Vec::<String>::new());
+}
+
+#[test]
+fn manifests_are_read() {
+    let of = |package: &str| dependencies(&workspace()[package]);
+    let names = |dependencies: &[Dependency]| dependencies.iter().map(|d| d.name.clone()).collect::<Vec<_>>();
+    assert!(names(&of("tlas")).contains(&"canted-trace".to_owned()));
+    assert!(of("lbvh").contains(&Dependency { name: "rayon".to_owned(), for_tests: false, optional: true }));
+    assert!(of("tests").iter().any(|d| d.name == "tempfile" && d.for_tests));
+}
+
+/// The workspace with lines added to the end of one manifest.
+fn with(package: &str, lines: &str) -> Vec<String> {
+    let mut manifests = workspace();
+    manifests.entry(package.to_owned()).or_default().push_str(&format!("\n{lines}\n"));
+    complaints(&manifests)
+}
+
+#[test]
+fn an_arrow_that_turns_back_is_seen() {
+    let back = |package: &str, name: &str| vec![format!("{package} needs {name}: an arrow turns back")];
+    assert_eq!(with("lbvh", "[dependencies]\ncanted-trace.workspace = true"), back("lbvh", "canted-trace"));
+    assert_eq!(with("trace", "[dependencies.canted-tlas]\nworkspace = true"), back("trace", "canted-tlas"));
+    assert_eq!(with("obb", "[dev-dependencies]\ncanted-lbvh = { workspace = true }"), back("obb", "canted-lbvh"));
+    assert_eq!(with("scene", "[build-dependencies]\n\"canted-renderer\" = \"1\""), back("scene", "canted-renderer"));
+    assert_eq!(with("tlas", "[target.'cfg(unix)'.dependencies]\ncanted = \"1\""), back("tlas", "canted"));
+    assert_eq!(with("obb", "[dev-dependencies]\ncanted-fixtures.workspace = true"), Vec::<String>::new());
+}
+
+#[test]
+fn crates_kept_to_others_and_heavy_needs_are_seen() {
+    let kept = "a crate kept to others";
+    assert_eq!(with("scene", "[dependencies]\nobvhs.workspace = true"), [format!("scene needs obvhs: {kept}")]);
+    assert_eq!(with("canted", "[dependencies.obvhs]\nversion = \"0.4\""), [format!("canted needs obvhs: {kept}")]);
+    assert_eq!(
+        with("obb", "[dependencies]\nserde = { version = \"1\", optional = true }"),
+        ["obb needs serde: more than glam, bytemuck and rayon"]
+    );
+    assert_eq!(with("trace", "[dependencies]\nrayon.workspace = true"), ["trace needs rayon: rayon must be optional"]);
+    assert_eq!(with("trace", "[dependencies.rayon]\nworkspace = true\noptional = true"), Vec::<String>::new());
+    assert_eq!(with("newcomer", "[dependencies]"), ["newcomer has no row of arrows"]);
+    assert_eq!(with("obb", "# obvhs = \"1\""), Vec::<String>::new());
+}
