@@ -1,5 +1,6 @@
-use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Strategy, VolumeConfig};
-use canted_obb::PrimId;
+use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Leaf, Strategy, VolumeConfig};
+use canted_obb::{Aabb, PrimId};
+use canted_sah::ReinsertConfig;
 use canted_scene::Scene;
 use canted_tlas::{Blas, Instance, MeshBlas, Tlas};
 use canted_trace::{Hit, InstanceId, Kernel, Query, Ray};
@@ -81,7 +82,7 @@ impl<K: Kernel> Tracer for Structure<K> {
 /// Which builder makes the binary trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Builder {
-    /// Our radix tree.
+    /// Our radix tree, improved by reinsertion.
     #[default]
     Lbvh,
     /// `obvhs`: its tree, our volumes.
@@ -129,7 +130,7 @@ pub(crate) fn build_level<K: Kernel>(
     Ok(Level { blas: MeshBlas::new(tree, &volumes, sorted, &bounds), strategy })
 }
 
-fn build_tree(corners: &[Corners], bounds: &canted_obb::Aabb, builder: Builder) -> Result<lbvh::Tree, PrepareError> {
+fn build_tree(corners: &[Corners], bounds: &Aabb, builder: Builder) -> Result<lbvh::Tree, PrepareError> {
     match builder {
         #[cfg(feature = "baseline")]
         Builder::Obvhs if corners.len() > 1 => {
@@ -137,7 +138,9 @@ fn build_tree(corners: &[Corners], bounds: &canted_obb::Aabb, builder: Builder) 
         }
         _ => {
             let codes = lbvh::codes(&Domain::new(bounds, 3, Bits::B63), corners);
-            Ok(lbvh::radix(lbvh::by_code(&codes, Bits::B63)))
+            let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
+            let boxes: Vec<Aabb> = tree.leaves.iter().map(|leaf| Leaf::aabb(&corners[leaf.index()])).collect();
+            Ok(canted_sah::reinsert(&tree, &boxes, &ReinsertConfig::BALANCED))
         }
     }
 }
