@@ -88,10 +88,10 @@ impl Placed {
         let norm = (0..3)
             .map(|k| matrix.columns[..3].iter().map(|column| f64::from(column[k]).abs()).sum())
             .fold(0.0, f64::max);
-        let condition = norm * norm_inverse;
-        // Negated, so that NaN is refused.
-        if !(condition <= MAX_CONDITION) {
-            let condition = if condition.is_nan() { f64::INFINITY } else { condition };
+        // A matrix of rank one has an inverse of NaNs, which a maximum passes over.
+        let invertible = inverse.iter().flatten().all(|x| x.is_finite());
+        let condition = if invertible { norm * norm_inverse } else { f64::INFINITY };
+        if condition > MAX_CONDITION {
             return Err(InstanceError::IllConditioned { instance: index, condition });
         }
         let reach = f64::from(bounds.aabb().reach());

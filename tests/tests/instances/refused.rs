@@ -1,0 +1,74 @@
+//! Transforms that cannot be inverted are refused by the index of their instance.
+
+use canted_fixtures::Rotation;
+use canted_lbvh::{Strategy, VolumeConfig};
+use canted_obb::Affine;
+use canted_tlas::{Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas};
+use canted_trace::Watertight;
+
+use super::setup::{affine, build, meshes};
+
+fn place(blas: u32, third: Affine) -> Result<(), InstanceError> {
+    let [soup, torus] = meshes();
+    let bottom: Vec<MeshBlas<Watertight>> = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Aabb)];
+    let sound = Instance { blas: 0, world_from_object: Affine::IDENTITY };
+    let instances = [sound, sound, Instance { blas, world_from_object: third }];
+    Tlas::new(bottom, &instances, VolumeConfig::default()).map(|_| ())
+}
+
+#[test]
+fn what_does_not_exist_is_named() {
+    assert_eq!(place(2, Affine::IDENTITY), Err(InstanceError::NoSuchBlas { instance: 2, blas: 2 }));
+    assert_eq!(place(1, Affine::IDENTITY), Ok(()));
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_refused() {
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for place_of_bad in 0..12 {
+            let mut affine = Affine::IDENTITY;
+            affine.columns[place_of_bad / 3][place_of_bad % 3] = bad;
+            assert_eq!(place(0, affine), Err(InstanceError::NotFinite { instance: 2 }));
+        }
+    }
+}
+
+#[test]
+fn singular_maps_are_refused_at_any_scale() {
+    let flat = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+    for scale in [1e-30, 1e-6, 1.0, 1e6, 1e30] {
+        let scaled = |columns: [[f32; 3]; 3]| {
+            let [x, y, z] = columns.map(|column| column.map(|c| c * scale));
+            Affine { columns: [x, y, z, [0.0; 3]] }
+        };
+        for columns in [[[0.0; 3]; 3], flat, [flat[0], flat[0], flat[1]], [flat[0], flat[1], [0.0; 3]]] {
+            let error = place(0, scaled(columns)).unwrap_err();
+            assert!(matches!(error, InstanceError::IllConditioned { instance: 2, .. }), "{scale:e}: {error}");
+        }
+    }
+}
+
+#[test]
+fn the_condition_decides_not_the_determinant() {
+    for scale in [1e-6f64, 1e-3, 1.0, 1e3, 1e6] {
+        assert_eq!(place(0, affine(&Rotation::turn(), [scale, scale, -scale], [1e7, 0.0, 0.0])), Ok(()), "{scale:e}");
+    }
+    let stretched = |ratio: f64| place(1, affine(&Rotation::IDENTITY, [1.0, 1.0, ratio], [0.0; 3]));
+    assert_eq!(stretched(MAX_CONDITION), Ok(()));
+    assert_eq!(stretched(1.0 / MAX_CONDITION), Ok(()));
+    let condition = 2.0 * MAX_CONDITION;
+    for ratio in [condition, 1.0 / condition] {
+        assert_eq!(stretched(ratio), Err(InstanceError::IllConditioned { instance: 2, condition }));
+    }
+}
+
+#[test]
+fn errors_say_what_where_and_how_much() {
+    let sentence = |result: Result<(), InstanceError>| result.unwrap_err().to_string();
+    assert_eq!(sentence(place(7, Affine::IDENTITY)), "instance 2 names bottom level 7, which does not exist");
+    let mut affine = Affine::IDENTITY;
+    affine.columns[3][1] = f32::NAN;
+    assert_eq!(sentence(place(0, affine)), "the transform of instance 2 is not finite");
+    affine.columns = [[0.0; 3]; 4];
+    assert_eq!(sentence(place(0, affine)), "the transform of instance 2 has condition inf, beyond 1.048576e6");
+}
