@@ -5,6 +5,7 @@
 mod build;
 mod interleave;
 mod models;
+mod picture;
 mod trace;
 
 use std::io::Write;
@@ -21,16 +22,20 @@ fn main() -> Result<()> {
                 let value = args.next().unwrap_or_default();
                 rounds = value.parse().map_err(|_| anyhow!("--rounds '{value}' is not a number"))?;
             }
-            "build" | "trace" => sections.push(arg),
-            _ => return Err(anyhow!("'{arg}' is neither build, trace nor --rounds N")),
+            "build" | "trace" | "picture" => sections.push(arg),
+            _ => return Err(anyhow!("'{arg}' is neither build, trace, picture nor --rounds N")),
         }
     }
     let mut out = String::new();
-    for section in if sections.is_empty() { vec!["build".to_owned(), "trace".to_owned()] } else { sections } {
-        match section.as_str() {
-            "build" => build::section(&mut out, rounds)?,
-            _ => trace::section(&mut out, rounds)?,
-        }
+    let wanted = |name: &str| sections.is_empty() || sections.iter().any(|section| section == name);
+    if wanted("build") {
+        build::section(&mut out, rounds)?;
+    }
+    if wanted("trace") {
+        trace::section(&mut out, rounds)?;
+    }
+    if wanted("picture") {
+        picture::section(&mut out)?;
     }
     std::io::stdout().write_all(out.as_bytes())?;
     Ok(())

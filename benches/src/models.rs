@@ -4,10 +4,13 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use canted_fixtures::{COUNTRY_KITCHEN_VIEWS, Mesh, RayData, SCENES, SPONZA_VIEWS, View, object_views};
+use canted_lbvh::{Bits, Corners, Domain, Leaf, Tree};
+use canted_obb::Aabb;
+use canted_sah::ReinsertConfig;
+use canted_scene::Scene;
 
 /// A scene as one mesh in world space, and the views it is measured from.
 pub(crate) struct Model {
-    pub(crate) name: String,
     pub(crate) mesh: Mesh,
     pub(crate) views: [View; 4],
 }
@@ -30,10 +33,8 @@ const FILES: [(&str, &str, Option<[View; 4]>); 5] = [
 
 /// Folder of real models: `CANTED_SCENES`, else `../shared/scenes` beside the workspace.
 fn folder() -> PathBuf {
-    std::env::var_os("CANTED_SCENES").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes")),
-        PathBuf::from,
-    )
+    std::env::var_os("CANTED_SCENES")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes")), PathBuf::from)
 }
 
 /// Makes or loads a scene; `None` for a real model that is not at hand.
@@ -41,17 +42,28 @@ pub(crate) fn load(name: &str) -> Result<Option<Model>> {
     if let Some(scene) = SCENES.iter().find(|scene| scene.name == name) {
         let mesh = (scene.generate)();
         let views = object_views(&mesh);
-        return Ok(Some(Model { name: name.to_owned(), mesh, views }));
+        return Ok(Some(Model { mesh, views }));
     }
-    let (_, file, views) =
-        FILES.iter().find(|(known, _, _)| *known == name).ok_or_else(|| anyhow!("there is no scene '{name}'"))?;
-    let path = folder().join(file);
-    if !path.exists() {
-        return Ok(None);
-    }
-    let scene = canted_scene::read(&path)?;
+    let Some(scene) = scene(name)? else { return Ok(None) };
     let (positions, triangles, _) = canted_renderer::flatten(&scene);
     let mesh = Mesh { positions, triangles };
+    let views = FILES.iter().find_map(|(known, _, views)| (*known == name).then_some(*views)).flatten();
     let views = views.unwrap_or_else(|| object_views(&mesh));
-    Ok(Some(Model { name: name.to_owned(), mesh, views }))
+    Ok(Some(Model { mesh, views }))
+}
+
+/// Reads a real model; `None` where it is not at hand.
+pub(crate) fn scene(name: &str) -> Result<Option<Scene>> {
+    let (_, file, _) =
+        FILES.iter().find(|(known, _, _)| *known == name).ok_or_else(|| anyhow!("there is no scene '{name}'"))?;
+    let path = folder().join(file);
+    Ok(if path.exists() { Some(canted_scene::read(&path)?) } else { None })
+}
+
+/// The tree that the program traces: radix, improved by reinsertion.
+pub(crate) fn default_tree(corners: &[Corners], bounds: &Aabb) -> Tree {
+    let codes = canted_lbvh::codes(&Domain::new(bounds, 3, Bits::B63), corners);
+    let tree = canted_lbvh::radix(canted_lbvh::by_code(&codes, Bits::B63));
+    let boxes: Vec<Aabb> = tree.leaves.iter().map(|leaf| corners[leaf.index()].aabb()).collect();
+    canted_sah::reinsert(&tree, &boxes, &ReinsertConfig::BALANCED)
 }

@@ -4,7 +4,7 @@ use std::{fmt::Write, hint::black_box, time::Duration};
 
 use anyhow::Result;
 use canted_fixtures::{DIFFUSE_SEED, RayData, SurfacePoint, diffuse};
-use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
+use canted_lbvh::{Bits, Strategy, VolumeConfig};
 use canted_tlas::{Blas, BuildConfig, MeshBlas};
 use canted_trace::{Counts, Hit, InstanceId, MollerTrumbore, Ray, Watertight};
 use obvhs::{
@@ -47,15 +47,11 @@ fn surface_point(model: &Model, ray: &Ray, hit: &Hit) -> SurfacePoint {
     let [a, b, c] = model.mesh.corners(hit.primitive.index());
     let sub = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
     let (ab, ac) = (sub(b, a), sub(c, a));
-    let normal =
-        [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
+    let normal = [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
     let along: f64 = normal.iter().zip(ray.direction).map(|(n, d)| n * f64::from(d)).sum();
     let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
     let side = if along > 0.0 { -1.0 } else { 1.0 } / if length > 0.0 { length } else { 1.0 };
-    SurfacePoint {
-        position: ray.at(f64::from(hit.t)).map(|x| x as f32),
-        normal: normal.map(|n| (n * side) as f32),
-    }
+    SurfacePoint { position: ray.at(f64::from(hit.t)).map(|x| x as f32), normal: normal.map(|n| (n * side) as f32) }
 }
 
 /// Measures both comparisons and writes the section.
@@ -68,8 +64,9 @@ fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
         "\n## Traversal beside obvhs\n\nOne thread, closest hit. One `obvhs` tree (`medium_build`, one primitive a leaf), \
          walked by `obvhs` with its Möller-Trumbore test over triangles in leaf order, and by our binary traversal with \
-         Möller-Trumbore and watertight; last our own radix tree. Million rays a second; ratio to the first, same round.\n\n\
-         | scene | rays | obvhs walks | ours walks, Möller-Trumbore | ours walks, watertight | our radix tree, watertight |\n\
+         Möller-Trumbore and watertight; last our own tree (radix and reinsertion). Million rays a second; ratio to the \
+         first, same round.\n\n\
+         | scene | rays | obvhs walks | ours walks, Möller-Trumbore | ours walks, watertight | our tree, watertight |\n\
          | --- | --- | --- | --- | --- | --- |\n",
     );
     for name in PEER_SCENES {
@@ -87,9 +84,8 @@ fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
         let config = BuildConfig::default();
         let fast = MeshBlas::<MollerTrumbore>::over(tree.clone(), &corners, &bounds, &config);
         let sure = MeshBlas::<Watertight>::over(tree, &corners, &bounds, &config);
-        let codes = canted_lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
-        let radix = canted_lbvh::radix(canted_lbvh::by_code(&codes, Bits::B63));
-        let radix = MeshBlas::<Watertight>::over(radix, &corners, &bounds, &config);
+        let own = models::default_tree(&corners, &bounds);
+        let own = MeshBlas::<Watertight>::over(own, &corners, &bounds, &config);
         for (kind, rays) in ["camera", "diffuse"].into_iter().zip(rays(&model)?) {
             let timings = run(
                 rounds,
@@ -97,7 +93,7 @@ fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
                     Contender::new("obvhs", || obvhs_walk(&bvh, &in_leaf_order, &rays)),
                     Contender::new("fast", || walk(&fast, &rays)),
                     Contender::new("sure", || walk(&sure, &rays)),
-                    Contender::new("radix", || walk(&radix, &rays)),
+                    Contender::new("own", || walk(&own, &rays)),
                 ],
             );
             let _ = write!(out, "| {name} | {kind} |");
@@ -132,7 +128,7 @@ fn walk(blas: &impl Blas, rays: &[Ray]) {
 
 fn leaning(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## What leaning boxes save\n\nOur radix tree, one thread, watertight: box tests + triangle tests a ray, and \
+        "\n## What leaning boxes save\n\nOur tree (radix and reinsertion), one thread, watertight: box tests + triangle tests a ray, and \
          million rays a second with the ratio to axis-aligned boxes, same round.\n\n| scene | rays |",
     );
     for strategy in Strategy::ALL {
@@ -145,14 +141,16 @@ fn leaning(out: &mut String, rounds: usize) -> Result<()> {
             continue;
         };
         let mesh = &model.mesh;
-        let trees = Strategy::ALL
+        let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let tree = models::default_tree(&corners, &bounds);
+        let trees: Vec<_> = Strategy::ALL
             .into_iter()
             .map(|strategy| {
                 let volumes = VolumeConfig { strategy, fallback: true };
                 let config = BuildConfig { bits: Bits::B63, volumes };
-                MeshBlas::<Watertight>::build(&mesh.positions, &mesh.triangles, &config)
+                MeshBlas::<Watertight>::over(tree.clone(), &corners, &bounds, &config)
             })
-            .collect::<Result<Vec<_>, _>>()?;
+            .collect();
         for (kind, rays) in ["camera", "diffuse"].into_iter().zip(rays(&model)?) {
             let rays = &rays;
             let contenders = trees.iter().map(|blas| Contender::new("", move || walk(blas, rays))).collect();
@@ -165,7 +163,13 @@ fn leaning(out: &mut String, rounds: usize) -> Result<()> {
                 }
                 #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
                 let each = |n: u64| n as f64 / rays.len() as f64;
-                let _ = write!(out, " {:.1} + {:.2};{}", each(counts.boxes), each(counts.triangles), rate(timing, rays.len(), true));
+                let _ = write!(
+                    out,
+                    " {:.1} + {:.2};{}",
+                    each(counts.boxes),
+                    each(counts.triangles),
+                    rate(timing, rays.len(), true)
+                );
             }
             out.push('\n');
         }

@@ -59,6 +59,7 @@ fn spread_21(x: u32) -> u64 {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "small counts")]
 mod tests {
     use super::*;
 

@@ -132,6 +132,7 @@ fn build_task(codes: &[u64], range: Range<u32>, nodes: &mut [Node], order: &mut 
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "small counts")]
 mod tests {
     use super::*;
     use crate::{Bits, ChildKind, by_code};

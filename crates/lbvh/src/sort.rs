@@ -1,3 +1,5 @@
+#![expect(clippy::cast_possible_truncation, reason = "digits and positions of at most 2^30 primitives")]
+
 use canted_obb::PrimId;
 
 use crate::{Bits, par};
@@ -140,9 +142,7 @@ fn collect(keys: &[u64], codes: &[u64]) -> Sorted {
     });
     par::for_chunks(&mut sorted.leaves, CHUNK, |first, out| {
         for (out, &key) in out.iter_mut().zip(&keys[first..]) {
-            #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 primitives")]
-            let prim = PrimId(index(key) as u32);
-            *out = prim;
+            *out = PrimId(index(key) as u32);
         }
     });
     sorted

@@ -42,7 +42,6 @@ impl Tree {
     ///
     /// # Errors
     /// What is not a tree over the primitives `0..=children.len()`, each once.
-    #[expect(clippy::cast_possible_truncation, reason = "node references hold 31 bits")]
     pub fn from_children(children: &[[Child; 2]]) -> Result<Self, TopologyError> {
         let n_leaves = children.len() + 1;
         let parents_first = parents_first(children)?;
