@@ -45,8 +45,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let format = hits::Format::of(&args.hits)?;
     let rays = rays::read(&args.rays)?;
     let scene = load::scene(Some(&args.scene))?;
-    let out = output::Whole::create(&args.hits)?;
+    // A place that cannot be written is told before the work.
+    output::probe(&args.hits)?;
     let answers = with_kernel!(args.structure.triangles, answer(&scene, &rays, args))?;
+    let out = output::Whole::create(&args.hits)?;
     hits::write(out, format, &answers).map_err(|error| anyhow!("cannot write {}: {error}", args.hits.display()))?;
     Ok(Outcome::Done)
 }

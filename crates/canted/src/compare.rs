@@ -16,7 +16,7 @@ pub(crate) struct Args {
     /// The reference, PNG or EXR.
     b: PathBuf,
     /// Say no (exit code 1) where the relative mean square error is above this.
-    #[arg(long, value_name = "RELMSE")]
+    #[arg(long, value_name = "RELMSE", allow_negative_numbers = true)]
     max: Option<f64>,
     /// Print JSON.
     #[arg(long)]
@@ -26,7 +26,7 @@ pub(crate) struct Args {
 /// Compares the two pictures.
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     if let Some(max) = args.max
-        && !(max >= 0.0)
+        && (max.is_nan() || max < 0.0)
     {
         return Err(anyhow!("--max {max} is not a relative mean square error"));
     }
@@ -40,6 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         format!("mean ratio {:.6}   RMSE {:.6}   relMSE {:.6}", found.mean_ratio, found.rmse, found.rel_mse)
     };
     output::to_stdout(&text);
-    // Negated, so that an error that is not a number is above every limit.
-    Ok(if args.max.is_some_and(|max| !(found.rel_mse <= max)) { Outcome::No } else { Outcome::Done })
+    // An error that is not a number is within no limit.
+    let is_within = args.max.is_none_or(|max| found.rel_mse <= max);
+    Ok(if is_within { Outcome::Done } else { Outcome::No })
 }

@@ -17,6 +17,7 @@ mod tree;
 
 use std::process::ExitCode;
 
+use canted_renderer::RenderError;
 use clap::{Parser, Subcommand};
 
 /// Ray tracing with oriented bounding boxes: boxes that lean with the geometry.
@@ -67,6 +68,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::No) => ExitCode::from(1),
         Ok(Outcome::Interrupted) => ExitCode::from(130),
+        Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => ExitCode::from(130),
         Err(error) => {
             output::to_stderr(&format!("error: {error}"));
             ExitCode::from(2)

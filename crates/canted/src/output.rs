@@ -18,6 +18,11 @@ pub(crate) fn to_stderr(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
+/// Tells of a place that cannot be written; nothing is left there, so that work after it may be interrupted.
+pub(crate) fn probe(path: &Path) -> Result<()> {
+    Whole::create(path).map(drop)
+}
+
 /// A file that appears under its name only when it is whole.
 pub(crate) struct Whole {
     path: PathBuf,
@@ -26,7 +31,7 @@ pub(crate) struct Whole {
 }
 
 impl Whole {
-    /// Opens a temporary file beside `path`; so a folder that cannot be written is known before the work.
+    /// Opens a temporary file beside `path`.
     pub(crate) fn create(path: &Path) -> Result<Self> {
         if path.is_dir() {
             return Err(anyhow!("cannot write {}: it is a folder", path.display()));

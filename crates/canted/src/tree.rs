@@ -39,10 +39,16 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         BitsArg::B30 => Bits::B30,
         BitsArg::B63 => Bits::B63,
     };
+    if args.codes == args.nodes {
+        return Err(anyhow!("--codes and --nodes are one file, {}", args.codes.display()));
+    }
     let scene = load::scene(Some(&args.scene))?;
+    // Places that cannot be written are told before the work.
+    output::probe(&args.codes)?;
+    output::probe(&args.nodes)?;
+    let (sorted, tree) = build(&scene, bits).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let mut codes_out = output::Whole::create(&args.codes)?;
     let mut nodes_out = output::Whole::create(&args.nodes)?;
-    let (sorted, tree) = build(&scene, bits).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let numbers = file_numbers(&scene);
     let name = |path: &PathBuf, error: std::io::Error| anyhow!("cannot write {}: {error}", path.display());
     (|| {

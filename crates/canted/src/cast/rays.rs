@@ -19,7 +19,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Ray>> {
 
 fn from_bin(bytes: &[u8]) -> Result<Vec<Ray>> {
     const SIZE: usize = 7 * size_of::<f32>();
-    if bytes.len() % SIZE != 0 {
+    if !bytes.len().is_multiple_of(SIZE) {
         return Err(anyhow!("{} bytes are not a multiple of the {SIZE} of a ray", bytes.len()));
     }
     bytes

@@ -33,8 +33,8 @@ fn level_json(level: &Level) -> Value {
                 "nodes": row.nodes,
                 "volume_sum": row.volume,
                 "area_sum": row.area,
-                "volume_ratio_to_aabb": row.volume / level.rows[0].volume,
-                "area_ratio_to_aabb": row.area / level.rows[0].area,
+                "volume_ratio_to_aabb": ratio(row.volume, level.rows[0].volume),
+                "area_ratio_to_aabb": ratio(row.area, level.rows[0].area),
                 "leaning_share": leaning_share(row),
                 "sah": row.sah,
                 "depth": row.depth,
@@ -54,6 +54,11 @@ fn rows(level: &Level) -> impl Iterator<Item = (Strategy, &Row)> {
 #[expect(clippy::cast_precision_loss, reason = "a share is shown with a few digits")]
 fn leaning_share(row: &Row) -> f64 {
     row.leaning as f64 / (row.nodes as f64).max(1.0)
+}
+
+/// `a / b`, where two zeros are equal: flat scenes have no volume.
+fn ratio(a: f64, b: f64) -> f64 {
+    if a == b { 1.0 } else { a / b }
 }
 
 fn n_vertices(scene: &Scene) -> usize {
@@ -100,9 +105,9 @@ fn boxes(out: &mut String, title: &str, level: &Level) {
             strategy_name(strategy),
             row.nodes,
             row.volume,
-            row.volume / aabb.volume,
+            ratio(row.volume, aabb.volume),
             row.area,
-            row.area / aabb.area,
+            ratio(row.area, aabb.area),
             100.0 * leaning_share(row),
             row.sah,
             row.depth,
@@ -116,7 +121,7 @@ fn boxes(out: &mut String, title: &str, level: &Level) {
     for (strategy, row) in rows(level) {
         let _ = write!(out, "\n{:<14}", strategy_name(strategy));
         for (_, column) in rows(level) {
-            let _ = write!(out, "{:>14.5}", row.volume / column.volume);
+            let _ = write!(out, "{:>14.5}", ratio(row.volume, column.volume));
         }
     }
     out.push('\n');

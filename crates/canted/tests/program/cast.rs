@@ -1,0 +1,172 @@
+//! `canted cast` against every triangle tried in `f64`.
+//!
+//! Coordinates are small integers: the oracle's determinants are exact, and only the program rounds.
+
+mod oracle;
+
+use crate::support::{Folder, rows};
+use oracle::{Judged, Model, judged_rays, model};
+
+const HEADER: &str = "t,prim,u,v,instance";
+
+const N_RAYS: usize = 2000;
+
+fn csv(rays: &[Judged]) -> String {
+    let row = |([o, d], _): &Judged| format!("{},{},{},{},{},{},inf\n", o[0], o[1], o[2], d[0], d[1], d[2]);
+    "ox,oy,oz,dx,dy,dz,tmax\n".to_owned() + &rays.iter().map(row).collect::<String>()
+}
+
+/// Enough triangles that many hide behind each other, and rays of which many hit and many miss.
+fn model_and_rays() -> (Model, Vec<Judged>) {
+    let model = model(60);
+    let rays = judged_rays(&model, N_RAYS);
+    let n_hits = rays.iter().filter(|(_, answer)| answer.is_some()).count();
+    assert!((N_RAYS / 4..N_RAYS * 3 / 4).contains(&n_hits), "{n_hits} of {N_RAYS} rays hit");
+    (model, rays)
+}
+
+#[track_caller]
+fn assert_answers(hits: &[Vec<f64>], rays: &[Judged], what: &str) {
+    assert_eq!(hits.len(), rays.len(), "{what}");
+    for (hit, (ray, answer)) in hits.iter().zip(rays) {
+        let Some((prim, crossing)) = answer else {
+            assert_eq!((hit[1], hit[4]), (-1.0, -1.0), "{what}: {ray:?}");
+            continue;
+        };
+        assert_eq!(hit[1], f64::from(u32::try_from(*prim).unwrap()), "{what}: {ray:?}");
+        for (got, (want, bound)) in [hit[0], hit[2], hit[3]].iter().zip(crossing.tuv.iter().zip(crossing.bounds)) {
+            assert!((got - want).abs() <= bound, "{what}: {ray:?}: {got} is not {want} within {bound}");
+        }
+    }
+}
+
+#[test]
+fn hits_are_those_of_every_triangle_tried() {
+    let (model, rays) = model_and_rays();
+    let folder = Folder::new();
+    folder.write("model.obj", &model.obj);
+    folder.write("rays.csv", csv(&rays));
+    for triangles in ["watertight", "moller-trumbore", "baldwin-weber"] {
+        folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv --triangles {triangles}")).done();
+        assert_answers(&rows(&folder.text("hits.csv"), HEADER), &rays, triangles);
+    }
+}
+
+#[test]
+fn the_check_sees_two_primitives_swapped() {
+    let (mut model, rays) = model_and_rays();
+    let hit = rays.iter().find_map(|(_, answer)| answer.as_ref()).unwrap().0;
+    let other = (hit + 1) % model.triangles.len();
+    model.triangles.swap(hit, other);
+    let swapped = judged_rays(&model, N_RAYS);
+    let prim = |(_, answer): &Judged| answer.as_ref().map(|(prim, _)| *prim);
+    assert_ne!(rays.iter().map(prim).collect::<Vec<_>>(), swapped.iter().map(prim).collect::<Vec<_>>());
+}
+
+#[test]
+fn no_option_changes_an_answer() {
+    let (model, rays) = model_and_rays();
+    let folder = Folder::new();
+    folder.write("model.obj", &model.obj);
+    folder.write("rays.csv", csv(&rays));
+    for triangles in ["watertight", "moller-trumbore", "baldwin-weber"] {
+        let mut first: Option<String> = None;
+        for levels in ["auto", "one", "two"] {
+            for (builder, volumes) in [
+                ("lbvh", "auto"),
+                ("lbvh", "aabb"),
+                ("lbvh", "pca-unbounded"),
+                ("lbvh", "pca-bounded"),
+                ("lbvh", "quaternion"),
+                ("lbvh", "combined"),
+                ("lbvh", "dop"),
+                ("obvhs", "auto"),
+                ("obvhs", "dop"),
+            ] {
+                let options =
+                    format!("--triangles {triangles} --levels {levels} --builder {builder} --volumes {volumes}");
+                folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv {options}")).done();
+                let hits = folder.text("hits.csv");
+                assert_eq!(first.get_or_insert_with(|| hits.clone()), &hits, "{options}");
+            }
+        }
+    }
+}
+
+#[test]
+fn binary_files_hold_what_text_files_hold() {
+    let (model, rays) = model_and_rays();
+    let folder = Folder::new();
+    folder.write("model.obj", &model.obj);
+    folder.write("rays.csv", csv(&rays));
+    let numbers = rays.iter().flat_map(|(ray, _)| {
+        ray.iter().flatten().map(|&x| f32::from(i16::try_from(x).unwrap())).chain([f32::INFINITY])
+    });
+    folder.write("rays.bin", numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>());
+    for rays in ["rays.csv", "rays.bin"] {
+        folder.run(&format!("cast model.obj --rays {rays} --hits hits.csv")).done();
+        folder.run(&format!("cast model.obj --rays {rays} --hits hits.bin")).done();
+        let text: Vec<Vec<f32>> = rows(&folder.text("hits.csv"), HEADER);
+        let bytes = folder.bytes("hits.bin");
+        assert_eq!(bytes.len(), 16 * text.len());
+        for (row, chunk) in text.iter().zip(bytes.chunks_exact(16)) {
+            let word = |k: usize| <[u8; 4]>::try_from(&chunk[4 * k..4 * k + 4]).unwrap();
+            let float = |k: usize| f32::from_le_bytes(word(k));
+            assert_eq!([row[0], row[2], row[3]], [float(0), float(2), float(3)]);
+            assert_eq!(row[1].to_string(), i32::from_le_bytes(word(1)).to_string());
+        }
+    }
+}
+
+#[test]
+fn the_interval_is_closed_and_t_counts_directions() {
+    let folder = Folder::with_small();
+    // The roof stands at z = 1 under an origin at z = 5; the floor at z = 0 hides below it.
+    let row = |dz: f32, t_max: f32| format!("0.25,0.25,5,0,0,{dz},{t_max}\n");
+    let below = f32::from_bits(4.0f32.to_bits() - 1);
+    let rays =
+        [(-1.0, 9.0), (-2.0, 9.0), (-0.5, 9.0), (-1.0, 4.0), (-1.0, below), (-2.0, 2.0), (1.0, 9.0), (-1.0, -1.0)];
+    folder.write("rays.csv", rays.map(|(dz, t_max)| row(dz, t_max)).concat());
+    for triangles in ["watertight", "moller-trumbore", "baldwin-weber"] {
+        folder.run(&format!("cast small.obj --rays rays.csv --hits hits.csv --triangles {triangles}")).done();
+        let hits: Vec<Vec<f32>> = rows(&folder.text("hits.csv"), HEADER);
+        assert_eq!(hits.iter().map(|hit| hit[1]).collect::<Vec<_>>(), [2.0, 2.0, 2.0, 2.0, -1.0, 2.0, -1.0, -1.0]);
+        assert_eq!([0, 1, 2, 3, 5].map(|i: usize| hits[i][0]), [4.0, 2.0, 8.0, 4.0, 2.0], "{triangles}");
+        folder.run(&format!("cast small.obj --rays rays.csv --hits any.csv --occluded --triangles {triangles}")).done();
+        let any: Vec<Vec<f32>> = rows(&folder.text("any.csv"), HEADER);
+        let is_hit = |hits: &[Vec<f32>]| hits.iter().map(|hit| hit[1] >= 0.0).collect::<Vec<_>>();
+        assert_eq!(is_hit(&any), is_hit(&hits), "{triangles}");
+    }
+}
+
+#[test]
+fn faces_without_area_keep_their_numbers() {
+    let folder = Folder::new();
+    folder.write(
+        "flat.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf 1 1 2\nf 1 2 3\nf 4 5 4\nf 4 5 6\n",
+    );
+    folder.write("rays.csv", "0.25,0.25,5,0,0,-1,9\n0.25,0.25,-5,0,0,1,9\n");
+    folder.run("cast flat.obj --rays rays.csv --hits hits.csv").done();
+    let hits: Vec<Vec<f32>> = rows(&folder.text("hits.csv"), HEADER);
+    assert_eq!(hits.iter().map(|hit| hit[1]).collect::<Vec<_>>(), [3.0, 1.0]);
+}
+
+#[test]
+fn rays_that_are_none_are_refused_by_line() {
+    let folder = Folder::with_small();
+    for (rays, words) in [
+        ("0,0,1,0,0,-1,9\n0,0,1,0,0,-1\n", ["line 2", "6 fields"]),
+        ("0,0,1,0,0,down,9\n", ["line 1", "down"]),
+        ("0,0,nan,0,0,-1,9\n", ["line 1", "finite"]),
+        ("0,0,1,0,0,-1,nan\n", ["line 1", "tmax"]),
+    ] {
+        folder.write("rays.csv", rays);
+        folder.run("cast small.obj --rays rays.csv --hits hits.csv").refused(&[&["rays.csv"], &words[..]].concat());
+    }
+    folder.write("rays.bin", [0; 27]);
+    folder.run("cast small.obj --rays rays.bin --hits hits.csv").refused(&["rays.bin", "27 bytes"]);
+    folder.write("rays.csv", "");
+    folder.run("cast small.obj --rays rays.csv --hits hits.csv").done();
+    assert_eq!(folder.text("hits.csv"), format!("{HEADER}\n"));
+}

@@ -1,0 +1,141 @@
+//! Every triangle tried in `f64`, with a bound of what the program may round.
+
+use crate::random::Random;
+
+/// Relative error of `n` roundings (Higham 2002, §3.1), in units of `f32`.
+fn gamma(n: f64) -> f64 {
+    let u = f64::from(f32::EPSILON) / 2.0;
+    n * u / (1.0 - n * u)
+}
+
+/// Roundings on one term of a determinant: differences, shear, two products, sums, the division.
+const ROUNDINGS: f64 = 16.0;
+/// Terms of all three edge functions: each is a difference of two products of sheared, so two-term, coordinates.
+const TERMS: f64 = 24.0;
+
+pub(super) type Point = [i32; 3];
+
+/// Triangles in the order of the file, and the file.
+pub(super) struct Model {
+    pub(super) triangles: Vec<[Point; 3]>,
+    pub(super) obj: String,
+}
+
+/// Triangles and parallelograms, in groups, objects and runs of materials that come back.
+pub(super) fn model(n_faces: usize) -> Model {
+    let mut random = Random(11);
+    let (mut triangles, mut obj, mut n_vertices) = (vec![], String::new(), 0);
+    for face in 0..n_faces {
+        match face % 12 {
+            0 => obj.push_str(&format!("o object{}\n", face / 12)),
+            4 => obj.push_str(&format!("g group{}\n", face % 5)),
+            6 => obj.push_str("s off\n"),
+            _ => {}
+        }
+        let [a, b, d] = [random.point(8), random.point(8), random.point(8)];
+        let sum = |k: usize| b[k] + d[k] - a[k];
+        let c = [sum(0), sum(1), sum(2)];
+        let corners = if face % 3 == 0 { vec![a, b, c, d] } else { vec![a, b, d] };
+        for [x, y, z] in &corners {
+            obj.push_str(&format!("v {x} {y} {z}\n"));
+        }
+        let indices: Vec<String> = (1..=corners.len()).map(|i| (n_vertices + i).to_string()).collect();
+        obj.push_str(&format!("f {}\n", indices.join(" ")));
+        n_vertices += corners.len();
+        // A convex polygon is a fan around its first corner.
+        triangles.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]]));
+    }
+    Model { triangles, obj }
+}
+
+fn sub(a: Point, b: Point) -> [f64; 3] {
+    std::array::from_fn(|k| f64::from(a[k] - b[k]))
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Where a line meets the plane of a triangle: `[t, u, v]` and a bound of the program's error in each.
+pub(super) struct Crossing {
+    pub(super) tuv: [f64; 3],
+    pub(super) bounds: [f64; 3],
+}
+
+impl Crossing {
+    /// By Cramer's rule; not finite where the line runs in the plane's direction.
+    fn of(origin: Point, direction: Point, [a, b, c]: [Point; 3]) -> Self {
+        let (e1, e2, s, d) = (sub(b, a), sub(c, a), sub(origin, a), direction.map(f64::from));
+        let determinant = dot(cross(d, e2), e1);
+        let tuv = [dot(cross(s, e1), e2), dot(cross(d, e2), s), dot(cross(s, e1), d)].map(|x| x / determinant);
+        let largest = |v: [f64; 3]| v.into_iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let reach = [a, b, c].map(|p| largest(sub(p, origin))).into_iter().fold(0.0, f64::max);
+        let speed = largest(d);
+        // Numerators and denominator err by this share of their largest term, over the determinant.
+        let term = gamma(ROUNDINGS) * TERMS * reach * reach / determinant.abs();
+        let unit = |x: f64| term * speed * (1.0 + x.abs());
+        let bounds = [term * (reach + tuv[0].abs() * speed), unit(tuv[1]), unit(tuv[2])];
+        Self { tuv, bounds }
+    }
+
+    /// Whether the ray hits; `None` where rounding may decide.
+    fn is_hit(&self) -> Option<bool> {
+        let ([t, u, v], [bt, bu, bv]) = (self.tuv, self.bounds);
+        // Distance inside each limit beyond which no rounding reaches.
+        let margins = [(t, bt), (u, bu), (v, bv), (1.0 - u - v, bu + bv)];
+        if margins.iter().any(|(x, bound)| *x < -bound) {
+            Some(false)
+        } else if margins.iter().all(|(x, bound)| x > bound) {
+            Some(true)
+        } else {
+            None
+        }
+    }
+}
+
+/// The closest triangle; `Err` where rounding may decide which it is.
+fn closest(model: &Model, origin: Point, direction: Point) -> Result<Option<(usize, Crossing)>, TooClose> {
+    let mut best: Option<(usize, Crossing)> = None;
+    for (i, &triangle) in model.triangles.iter().enumerate() {
+        let crossing = Crossing::of(origin, direction, triangle);
+        if !crossing.is_hit().ok_or(TooClose)? {
+            continue;
+        }
+        if let Some((_, other)) = &best {
+            let gap = crossing.tuv[0] - other.tuv[0];
+            if gap.abs() <= crossing.bounds[0] + other.bounds[0] {
+                return Err(TooClose);
+            }
+            if gap > 0.0 {
+                continue;
+            }
+        }
+        best = Some((i, crossing));
+    }
+    Ok(best)
+}
+
+/// A ray on which rounding decides.
+struct TooClose;
+
+/// A ray and the oracle's answer.
+pub(super) type Judged = ([Point; 2], Option<(usize, Crossing)>);
+
+/// Rays that the oracle can judge, with its answers.
+pub(super) fn judged_rays(model: &Model, n: usize) -> Vec<Judged> {
+    let mut random = Random(12);
+    let mut rays = vec![];
+    while rays.len() < n {
+        let origin = random.point(16);
+        let aim = random.point(24);
+        let direction = std::array::from_fn(|k| aim[k] - origin[k]);
+        if let Ok(answer) = closest(model, origin, direction) {
+            rays.push(([origin, direction], answer));
+        }
+    }
+    rays
+}

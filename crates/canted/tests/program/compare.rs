@@ -1,0 +1,88 @@
+//! `canted compare` on pictures whose differences are known.
+
+use image::{Rgb, RgbImage};
+
+use crate::support::Folder;
+
+/// The floor under squared references that the program documents.
+const FLOOR: f64 = 1e-2;
+
+/// Largest relMSE that rounding to 8 bits of sRGB causes: half a step of 255, at most 2.4 times that in linear light (the
+/// slope of the curve at white), squared, over the floor.
+const EIGHT_BITS: f64 = (2.4 * 0.5 / 255.0) * (2.4 * 0.5 / 255.0) / FLOOR;
+
+/// A folder with pictures of four pixels: `black.png`, `white.png`, `half.png` of two white pixels, and a smaller one.
+fn folder() -> Folder {
+    let folder = Folder::new();
+    let save = |name: &str, width: u32, n_white: u32| {
+        let image = RgbImage::from_fn(width, 2, |x, y| Rgb([if width * y + x < n_white { 255 } else { 0 }; 3]));
+        image.save(folder.path(name)).unwrap();
+    };
+    save("black.png", 2, 0);
+    save("half.png", 2, 2);
+    save("white.png", 2, 4);
+    save("small.png", 1, 2);
+    folder
+}
+
+#[track_caller]
+fn assert_numbers(folder: &Folder, pair: &str, want: [f64; 3]) {
+    let json = folder.run(&format!("compare {pair} --json")).done().json();
+    for (key, want) in ["mean_ratio", "rmse", "rel_mse"].into_iter().zip(want) {
+        let got = json[key].as_f64().unwrap();
+        assert!((got - want).abs() <= 1e-12 * want.max(1.0), "{pair}: {key} is {got}, not {want}");
+    }
+}
+
+#[test]
+fn equal_pictures_do_not_differ() {
+    let folder = folder();
+    for name in ["black.png", "half.png", "white.png"] {
+        assert_numbers(&folder, &format!("{name} {name}"), [1.0, 0.0, 0.0]);
+        folder.run(&format!("compare {name} {name} --max 0")).done();
+    }
+}
+
+#[test]
+fn differences_are_those_of_the_definition() {
+    let folder = folder();
+    assert_numbers(&folder, "half.png white.png", [0.5, 0.5f64.sqrt(), 0.5 / (1.0 + FLOOR)]);
+    assert_numbers(&folder, "black.png white.png", [0.0, 1.0, 1.0 / (1.0 + FLOOR)]);
+    // The second picture is the reference.
+    assert_numbers(&folder, "white.png half.png", [2.0, 0.5f64.sqrt(), 0.5 / FLOOR]);
+}
+
+#[test]
+fn a_limit_turns_the_answer_into_an_exit_code() {
+    let folder = folder();
+    let run = folder.run("compare half.png white.png --max 0.4");
+    assert_eq!(run.code, Some(1));
+    assert!(run.stdout.contains("relMSE"), "the numbers are told all the same: {}", run.stdout);
+    folder.run("compare half.png white.png --max 0.5").done();
+    folder.run("compare half.png white.png").done();
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused() {
+    let folder = folder();
+    folder.run("compare small.png white.png").refused(&["small.png", "white.png", "1 x 2", "2 x 2"]);
+    folder.run("compare small.png white.png --max 9").refused(&["1 x 2"]);
+    folder.run("compare white.png missing.png").refused(&["missing.png"]);
+    folder.write("text.png", "no picture");
+    folder.run("compare text.png white.png").refused(&["text.png"]);
+    let png = folder.bytes("white.png");
+    folder.write("short.png", &png[..png.len() / 2]);
+    folder.run("compare white.png short.png").refused(&["short.png"]);
+}
+
+#[test]
+fn both_formats_of_one_render_agree_within_eight_bits() {
+    let folder = Folder::with_small();
+    for format in ["png", "exr"] {
+        // Dim enough that nothing is brighter than the white of a PNG.
+        folder.run(&format!("render small.obj -o out.{format} --size 24x16 --spp 2 --env 0.4,0.3,0.2")).done();
+    }
+    folder.run(&format!("compare out.png out.exr --max {EIGHT_BITS}")).done();
+    let run = folder.run("compare out.png out.exr --max 0");
+    assert_eq!(run.code, Some(1), "rounding is seen: {}", run.stdout);
+}

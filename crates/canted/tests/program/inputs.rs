@@ -1,0 +1,105 @@
+//! Files that are absent, empty, broken, or claim more than they hold.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use crate::support::Folder;
+
+#[test]
+fn missing_and_empty_files_are_named() {
+    let folder = Folder::with_small();
+    for name in ["empty.obj", "empty.ply", "empty.gltf", "empty.glb", "empty"] {
+        folder.write(name, "");
+    }
+    for name in ["missing.obj", "missing.ply", "empty.obj", "empty.ply", "empty.gltf", "empty.glb", "empty", "."] {
+        folder.run(&format!("stats {name}")).refused(&[name]);
+        folder.run(&format!("render {name} -o out.png")).refused(&[name]);
+        folder.run(&format!("tree {name} --codes codes.csv --nodes nodes.csv")).refused(&[name]);
+        folder.run(&format!("compare {name} {name}")).refused(&[name]);
+    }
+    folder.run("cast small.obj --rays missing.csv --hits hits.csv").refused(&["missing.csv"]);
+    assert!(!folder.names().iter().any(|name| name.starts_with("out") || name.ends_with(".csv")));
+}
+
+#[test]
+fn counts_that_lie_are_refused_quickly() {
+    let folder = Folder::new();
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n\
+                  property float z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n";
+    folder.write("huge.ply", header);
+    folder.write("huge.glb", [b"glTF\x02\0\0\0".as_slice(), &[255; 8], b"JSON{}"].concat());
+    folder.write("huge.png", b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\x7f\xff\xff\xff\x7f\xff\xff\xff\x08\x02\0\0\0");
+    let start = std::time::Instant::now();
+    folder.run("stats huge.ply").refused(&["huge.ply"]);
+    folder.run("stats huge.glb").refused(&["huge.glb"]);
+    folder.run("compare huge.png huge.png").refused(&["huge.png"]);
+    assert!(start.elapsed().as_secs() < 10, "three lies took {:?}", start.elapsed());
+}
+
+#[test]
+fn a_repaired_file_warns_on_standard_error_and_answers_on_standard_output() {
+    let folder = Folder::new();
+    folder.write("nan.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\n");
+    let run = folder.run("stats nan.obj --json").done();
+    assert_eq!(run.n_warnings(), 1, "{}", run.stderr);
+    assert_eq!(run.json()["placed_triangles"], 1);
+    assert!(!run.stdout.contains("warning"));
+}
+
+/// What a row of the table of malformed files expects.
+struct Row {
+    path: PathBuf,
+    expected: String,
+    code: i32,
+}
+
+/// Rows of `EXPECT.tsv` that are scenes: models of the three formats, and the OBJ file that names every image.
+fn table(folder: &Path) -> Vec<Row> {
+    let table = fs::read_to_string(folder.join("EXPECT.tsv")).unwrap();
+    let rows = table.lines().filter(|line| !line.starts_with('#')).skip(1);
+    rows.map(|line| line.split('\t').collect::<Vec<_>>())
+        .filter(|row| row[0].split_once('/').is_some_and(|(kind, _)| kind != "img") || row[0].ends_with(".obj"))
+        .map(|row| Row { path: folder.join(row[0]), expected: row[2].to_owned(), code: row[3].parse().unwrap() })
+        .collect()
+}
+
+#[test]
+fn malformed_files_end_as_their_table_says() {
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
+    let models = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
+    let nasty = models.join("nasty");
+    if !nasty.is_dir() {
+        #[expect(clippy::print_stderr, reason = "a skipped test says so")]
+        {
+            eprintln!("skipped malformed_files_end_as_their_table_says: there is no folder {}", nasty.display());
+        }
+        return;
+    }
+    let folder = Folder::new();
+    folder.write("rays.csv", "0,0,100,0,0,-1,inf\n");
+    let rows = table(&nasty);
+    assert!(rows.len() > 80, "the table has only {} scenes", rows.len());
+    let mut wrong = vec![];
+    for Row { path, expected, code } in rows {
+        let output = folder
+            .command("cast --rays rays.csv --hits hits.csv")
+            .arg(&path)
+            .output()
+            .map(|output| (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned()));
+        let (got, stderr) = output.unwrap();
+        let n_warnings = stderr.lines().filter(|line| line.starts_with("warning: ")).count();
+        let is_named = stderr.contains(path.file_name().unwrap().to_str().unwrap());
+        let is_right = match expected.as_str() {
+            "load" => n_warnings == 0,
+            "warn" => n_warnings > 0,
+            "error" => stderr.matches("error: ").count() == 1 && is_named,
+            other => panic!("{}: no such expectation: {other}", path.display()),
+        };
+        if got != Some(code) || !is_right {
+            wrong.push(format!("{}: {expected} with {code}, but {got:?}: {stderr}", path.display()));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}

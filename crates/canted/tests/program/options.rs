@@ -1,0 +1,94 @@
+//! Exit codes and messages for arguments.
+
+use crate::support::Folder;
+
+#[test]
+fn help_and_version_are_results() {
+    let folder = Folder::new();
+    let version = folder.run("--version").done();
+    assert_eq!(version.stdout, format!("canted {}\n", env!("CARGO_PKG_VERSION")));
+    let help = folder.run("--help").done();
+    for command in ["render", "stats", "cast", "tree", "compare"] {
+        assert!(help.stdout.contains(command), "{}", help.stdout);
+        assert!(!folder.run(&format!("{command} --help")).done().stdout.is_empty());
+    }
+    assert_eq!(folder.names(), [""; 0]);
+}
+
+#[test]
+fn nonsense_is_refused_by_name_and_value() {
+    let folder = Folder::with_small();
+    let cases: &[(&str, &[&str])] = &[
+        ("dance", &["dance"]),
+        ("render --dance", &["--dance"]),
+        ("render a.obj b.obj", &["b.obj"]),
+        ("render --size 12", &["--size", "12"]),
+        ("render --size 0x9", &["--size", "0"]),
+        ("render --size 16x-9", &["--size", "-9"]),
+        ("render --size 65536x65536", &["--size", "65536"]),
+        ("render --size 99999999999x1", &["--size", "99999999999"]),
+        ("render --spp 0", &["--spp", "0"]),
+        ("render --spp many", &["--spp", "many"]),
+        ("render --bounces 1.5", &["--bounces", "1.5"]),
+        ("render --eye 1,2", &["--eye", "1,2"]),
+        ("render --eye 1,2,nan", &["--eye", "nan"]),
+        ("render --target 1,2,x", &["--target", "x"]),
+        ("render --up inf,0,0", &["--up", "inf"]),
+        ("render --fov 0", &["--fov", "0"]),
+        ("render --fov 180", &["--fov", "180"]),
+        ("render --fov nan", &["--fov", "nan"]),
+        ("render --env 1,1", &["--env", "1,1"]),
+        ("render --sun 1,1,1", &["--sun", "1,1,1"]),
+        ("render --point 0,0,0,1,1,1e99", &["--point", "1e99"]),
+        ("render --levels three", &["--levels", "three"]),
+        ("render --builder embree", &["--builder", "embree"]),
+        ("render --volumes spheres", &["--volumes", "spheres"]),
+        ("render --triangles quads", &["--triangles", "quads"]),
+        ("render --heatmap rays", &["--heatmap", "rays"]),
+        ("render --heatmap-scale 0", &["--heatmap-scale", "0"]),
+        ("render --threads 0", &["--threads", "0"]),
+        ("render --threads 100000", &["--threads", "100000"]),
+        ("render --seed 4294967296", &["--seed", "4294967296"]),
+        ("stats small.obj --threads two", &["--threads", "two"]),
+        ("cast small.obj --rays a.csv", &["--hits"]),
+        ("cast small.obj --hits a.csv", &["--rays"]),
+        ("tree small.obj --bits 31 --codes c --nodes n", &["--bits", "31"]),
+        ("compare a.png", &["<B>"]),
+        ("compare a.png b.png --max much", &["--max", "much"]),
+        ("compare a.png b.png --max nan", &["--max", "NaN"]),
+        ("compare a.png b.png --max -1", &["--max", "-1"]),
+    ];
+    for (line, words) in cases {
+        folder.run(line).refused(words);
+    }
+    assert_eq!(folder.names(), ["small.obj"], "nothing is written");
+}
+
+#[test]
+fn values_that_only_the_scene_makes_nonsense_are_refused_too() {
+    let folder = Folder::with_small();
+    let cases: &[(&str, &[&str])] = &[
+        ("--eye 1,1,1 --target 1,1,1", &["target", "1"]),
+        ("--eye 0,0,0 --target 0,1,0 --up 0,1,0", &["up"]),
+        ("--up 0,0,0", &["up", "0"]),
+        ("--env=-1,0,0", &["--env", "-1"]),
+        ("--sun 0,0,0,1,1,1", &["--sun", "0,0,0"]),
+        ("--sun 0,-1,0,1,-2,1", &["--sun", "-2"]),
+        ("--point 0,0,0,1,1,-3", &["--point", "-3"]),
+    ];
+    for (options, words) in cases {
+        folder.run(&format!("render small.obj -o out.png --size 8x8 --spp 1 {options}")).refused(words);
+    }
+    assert_eq!(folder.names(), ["small.obj"], "nothing is written");
+}
+
+#[test]
+fn endings_that_name_no_format_are_refused() {
+    let folder = Folder::with_small();
+    folder.write("rays.csv", "0,0,1,0,0,-1,9\n");
+    folder.run("render small.obj -o out.jpg --size 8x8").refused(&["out.jpg", ".png", ".exr"]);
+    folder.run("render small.obj -o out --size 8x8").refused(&["out", ".png", ".exr"]);
+    folder.run("cast small.obj --rays rays.csv --hits hits.txt").refused(&["hits.txt", ".csv", ".bin"]);
+    folder.run("cast small.obj --rays small.obj --hits hits.csv").refused(&["small.obj", ".csv", ".bin"]);
+    assert_eq!(folder.names(), ["rays.csv", "small.obj"]);
+}

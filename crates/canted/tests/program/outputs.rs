@@ -1,0 +1,157 @@
+//! Outputs appear whole under their name, or not at all.
+
+use std::fs;
+
+use crate::support::Folder;
+
+const RAYS: &str = "0.5,0.5,5,0,0,-1,9\n";
+
+/// Every command line that writes, with `OUT` where the file's name goes.
+const WRITERS: [&str; 4] = [
+    "render small.obj --size 8x8 --spp 1 -o OUT.png",
+    "cast small.obj --rays rays.csv --hits OUT.csv",
+    "tree small.obj --codes OUT.csv --nodes nodes.csv",
+    "tree small.obj --codes codes.csv --nodes OUT.csv",
+];
+
+fn folder() -> Folder {
+    let folder = Folder::with_small();
+    folder.write("rays.csv", RAYS);
+    folder
+}
+
+#[test]
+fn a_missing_folder_is_named() {
+    for line in WRITERS {
+        let folder = folder();
+        folder.run(&line.replace("OUT", "missing/out")).refused(&["cannot write missing/out", "no such"]);
+        assert_eq!(folder.names(), ["rays.csv", "small.obj"], "{line}");
+    }
+}
+
+#[test]
+fn a_folder_is_no_output() {
+    for line in WRITERS {
+        let folder = folder();
+        for name in ["out.png", "out.csv"] {
+            fs::create_dir(folder.path(name)).unwrap();
+        }
+        folder.run(&line.replace("OUT", "out")).refused(&["out", "folder"]);
+        assert_eq!(folder.names(), ["out.csv", "out.png", "rays.csv", "small.obj"], "{line}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_that_cannot_be_written_is_named() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = folder();
+    let locked = folder.path("locked");
+    fs::create_dir(&locked).unwrap();
+    fs::set_permissions(&locked, fs::Permissions::from_mode(0o555)).unwrap();
+    // The system's own folder of processes refuses even the superuser, whom permissions do not stop.
+    let refuses_us = fs::write(locked.join("probe"), "").is_err();
+    let name = if refuses_us { "locked/out" } else { "/proc/out" };
+    for line in WRITERS {
+        folder.run(&line.replace("OUT", name)).refused(&["cannot write", name]);
+    }
+}
+
+#[test]
+fn what_stood_there_before_survives_a_failure() {
+    let folder = folder();
+    for name in ["out.png", "out.csv", "nodes.csv", "codes.csv"] {
+        folder.write(name, "precious");
+    }
+    folder.write("small.obj", "f 1 2 3\n");
+    for line in WRITERS {
+        folder.run(&line.replace("OUT", "out")).refused(&["small.obj"]);
+    }
+    for name in ["out.png", "out.csv", "nodes.csv", "codes.csv"] {
+        assert_eq!(folder.text(name), "precious", "{name}");
+    }
+    assert_eq!(folder.names(), ["codes.csv", "nodes.csv", "out.csv", "out.png", "rays.csv", "small.obj"]);
+}
+
+#[test]
+fn success_replaces_what_stood_there_and_leaves_nothing_beside_it() {
+    let folder = folder();
+    for line in WRITERS {
+        folder.write("out.png", "old");
+        folder.write("out.csv", "old");
+        folder.run(&line.replace("OUT", "out")).done();
+        let written = if line.starts_with("render") { "out.png" } else { "out.csv" };
+        assert_ne!(folder.bytes(written), b"old", "{line}");
+    }
+    assert_eq!(folder.names(), ["codes.csv", "nodes.csv", "out.csv", "out.png", "rays.csv", "small.obj"]);
+}
+
+#[test]
+fn one_name_is_not_two_files() {
+    let folder = folder();
+    folder.run("tree small.obj --codes both.csv --nodes both.csv").refused(&["--codes", "--nodes", "both.csv"]);
+    assert_eq!(folder.names(), ["rays.csv", "small.obj"]);
+}
+
+#[cfg(unix)]
+mod interrupted {
+    use std::{
+        os::unix::process::ExitStatusExt,
+        process::{Child, Command, Stdio},
+        thread::sleep,
+        time::{Duration, Instant},
+    };
+
+    use crate::{random::Random, support::Folder};
+
+    /// Waits until `is_true`, for a minute at most.
+    fn wait_until(mut is_true: impl FnMut() -> bool) {
+        let start = Instant::now();
+        while !is_true() {
+            assert!(start.elapsed() < Duration::from_secs(60), "waited for a minute");
+            sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Sends Ctrl-C; the exit code as a shell shows it.
+    fn interrupt(child: &mut Child) -> Option<i32> {
+        assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        wait_until(|| child.try_wait().unwrap().is_some());
+        let status = child.wait().unwrap();
+        status.code().or_else(|| status.signal().map(|signal| 128 + signal))
+    }
+
+    /// Whether the process catches Ctrl-C: bit 1 of the mask of caught signals; `None` where the system does not say.
+    fn catches_interrupt(child: &Child) -> Option<bool> {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
+        Some(u64::from_str_radix(mask.trim(), 16).ok()? >> 1 & 1 == 1)
+    }
+
+    #[test]
+    fn a_render_ends_with_130_and_leaves_nothing() {
+        let folder = Folder::with_small();
+        let mut command = folder.command("render small.obj -o out.png --size 1024x1024 --spp 1048576");
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        wait_until(|| catches_interrupt(&child).unwrap_or(true));
+        assert_eq!(interrupt(&mut child), Some(130));
+        assert_eq!(folder.names(), ["small.obj"]);
+    }
+
+    #[test]
+    fn a_cast_ends_with_130_and_leaves_nothing() {
+        let folder = Folder::new();
+        // Triangles that all lie in each other, so that a ray tests every one of them.
+        let mut random = Random(5);
+        let corners: String =
+            (0..3 * 3000).map(|_| random.point(1000)).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        let faces: String = (0..3000).map(|i| format!("f {} {} {}\n", 3 * i + 1, 3 * i + 2, 3 * i + 3)).collect();
+        folder.write("tangle.obj", corners + &faces);
+        folder.write("rays.csv", "-2000,0.5,0.5,1,0.01,0.01,inf\n".repeat(2_000_000));
+        let mut child = folder.command("cast tangle.obj --rays rays.csv --hits hits.csv --threads 1").spawn().unwrap();
+        sleep(Duration::from_millis(500));
+        assert_eq!(interrupt(&mut child), Some(130));
+        assert_eq!(folder.names(), ["rays.csv", "tangle.obj"]);
+    }
+}

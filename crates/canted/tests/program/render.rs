@@ -1,0 +1,108 @@
+//! `canted render`: files, facts, and what must not change a picture.
+
+use crate::support::Folder;
+
+const QUICK: &str = "render small.obj --size 48x27 --spp 2";
+
+/// Width and height in the header of a PNG file.
+fn png_size(bytes: &[u8]) -> [u32; 2] {
+    assert_eq!(&bytes[..8], b"\x89PNG\r\n\x1a\n");
+    [16, 20].map(|at| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()))
+}
+
+#[test]
+fn pictures_have_the_size_and_format_that_were_asked_for() {
+    let folder = Folder::with_small();
+    let run = folder.run(&format!("{QUICK} -o out.png")).done();
+    assert!(run.stdout.contains("48 x 27"), "{}", run.stdout);
+    assert_eq!(png_size(&folder.bytes("out.png")), [48, 27]);
+    folder.run(&format!("{QUICK} -o out.EXR")).done();
+    assert_eq!(folder.bytes("out.EXR")[..4], [0x76, 0x2f, 0x31, 0x01]);
+    folder.run("render small.obj --size 1x1 --spp 1").done();
+    assert_eq!(png_size(&folder.bytes("canted.png")), [1, 1]);
+}
+
+#[test]
+fn facts_are_told_as_json() {
+    let folder = Folder::with_small();
+    let facts = folder.run(&format!("{QUICK} --bounces 1 --threads 2 --json -o out.png")).done().json();
+    assert_eq!(facts["size"], serde_json::json!([48, 27]));
+    assert_eq!(facts["scene"], "small.obj");
+    assert_eq!(facts["picture"], "out.png");
+    assert_eq!((&facts["samples_per_pixel"], &facts["bounces"]), (&2.into(), &1.into()));
+    assert_eq!((&facts["placed_triangles"], &facts["threads"]), (&3.into(), &2.into()));
+    assert!(facts["rays"].as_u64().unwrap() >= 48 * 27 * 2, "a camera ray a sample: {}", facts["rays"]);
+    assert!(facts["left_out"].as_array().unwrap().iter().all(|left| left["part"].is_string()));
+    for key in ["load_seconds", "build_seconds", "trace_seconds", "seconds"] {
+        assert!(facts[key].as_f64().unwrap() >= 0.0, "{key}");
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let folder = Folder::with_small();
+    for options in ["--spp 4", "--spp 4 --env 1,1,1", "--spp 1 --heatmap boxes"] {
+        for format in ["png", "exr"] {
+            let picture = |n: u32| {
+                let name = format!("out{n}.{format}");
+                folder.run(&format!("render small.obj --size 70x50 {options} --threads {n} -o {name}")).done();
+                folder.bytes(&name)
+            };
+            let one = picture(1);
+            assert!((2..=4).all(|n| picture(n) == one), "{options}, {format}");
+        }
+    }
+}
+
+#[test]
+fn structures_do_not_change_a_byte() {
+    let folder = Folder::with_small();
+    let picture = |options: &str| {
+        folder.run(&format!("{QUICK} {options} -o out.exr")).done();
+        folder.bytes("out.exr")
+    };
+    let first = picture("");
+    for options in ["--levels two", "--volumes dop", "--levels two --volumes combined", "--builder obvhs"] {
+        assert!(picture(options) == first, "{options}");
+    }
+    assert!(picture("--seed 1") != first, "another seed is another noise");
+    assert!(picture("--fov 20") != first);
+    assert!(picture("--eye 0.5,0.5,9 --target 0.5,0.5,0") != first);
+}
+
+#[test]
+fn heat_maps_count_tests() {
+    let folder = Folder::with_small();
+    let camera = "--eye 0.5,0.5,9 --target 0.5,0.5,0 --fov 10";
+    for what in ["boxes", "triangles"] {
+        let facts = folder.run(&format!("{QUICK} --heatmap {what} {camera} --json -o {what}.png")).done().json();
+        assert_eq!(png_size(&folder.bytes(&format!("{what}.png"))), [48, 27]);
+        assert!(facts["box_tests_per_ray"].as_f64().unwrap() > 0.0);
+        let triangles = facts["triangle_tests_per_ray"].as_f64().unwrap();
+        assert!(triangles > 0.0 && triangles <= 3.0, "{triangles} tests in a scene of 3 triangles");
+    }
+    assert_ne!(folder.bytes("boxes.png"), folder.bytes("triangles.png"));
+}
+
+#[test]
+fn light_is_the_light_that_was_asked_for() {
+    let folder = Folder::with_small();
+    // Nothing is in view: every pixel is the environment.
+    let away = "--eye 0,0,9 --target 0,0,99 --up 0,1,0";
+    folder.run(&format!("render small.obj --size 8x8 --spp 1 {away} --env 0.25,0.5,1 -o sky.exr")).done();
+    folder.run(&format!("render small.obj --size 8x8 --spp 1 {away} --env 0.5,1,2 -o bright.exr")).done();
+    let found = folder.run("compare bright.exr sky.exr --json").done().json();
+    assert_eq!(found["mean_ratio"].as_f64().unwrap(), 2.0);
+    folder.run(&format!("render small.obj --size 8x8 --spp 1 {away} --env 0,0,0 -o black.exr")).done();
+    folder.run(&format!("render small.obj --size 8x8 --spp 1 {away} --sun 0,0,-1,1,1,1 -o sun.exr")).done();
+    folder.run("compare black.exr sun.exr --max 0").done();
+    // A sun that shines straight down on grey ground sends back albedo times irradiance over pi; half of it, half.
+    let down = "--eye 0.9,0.9,9 --target 0.9,0.9,0 --up 0,1,0 --fov 0.5 --bounces 0";
+    for irradiance in [1, 2] {
+        let sun = format!("--sun 0,0,-1,{irradiance},{irradiance},{irradiance}");
+        folder.run(&format!("render small.obj --size 8x8 --spp 1 {down} {sun} -o sun{irradiance}.exr")).done();
+    }
+    let found = folder.run("compare sun2.exr sun1.exr --json").done().json();
+    assert_eq!(found["mean_ratio"].as_f64().unwrap(), 2.0);
+    assert!(found["rmse"].as_f64().unwrap() > 0.0, "lit ground is not black");
+}
