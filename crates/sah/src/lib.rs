@@ -1,12 +1,14 @@
 //! Binary trees of low surface-area cost.
 //!
 //! ```text
-//! any Tree + leaf boxes -> pairs -> { select -> search -> apply } a round -> Tree
+//! sorted leaves + boxes -> ploc -> Tree
+//! any Tree + leaf boxes -> pairs -> { select -> search -> apply } a round -> Tree      (reinsertion)
 //! ```
 //!
-//! A radix tree is cheap to build, but lines meet too many of its boxes: codes know cells, not areas. [`reinsert`]
-//! takes subtrees out of any tree and puts each back where the areas of all boxes sum to less. The tree stays one of
-//! `canted-lbvh`: fit its volumes as before, over the new order of leaves.
+//! A radix tree is cheap to build, but lines meet too many of its boxes: codes know cells, not areas. [`ploc`] joins
+//! neighbours along the same curve by area; [`reinsert`] takes subtrees out of any tree and puts each back where the
+//! areas of all boxes sum to less. The trees stay those of `canted-lbvh`: fit their volumes as before, over their own
+//! order of leaves.
 #![forbid(unsafe_code)]
 
 mod apply;
@@ -14,9 +16,12 @@ mod config;
 mod lanes;
 mod pairs;
 mod par;
+mod ploc;
 mod reinsertion;
+mod scale;
 mod search;
 mod select;
 
 pub use config::ReinsertConfig;
+pub use ploc::{PlocConfig, ploc};
 pub use reinsertion::reinsert;

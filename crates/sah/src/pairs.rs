@@ -76,14 +76,15 @@ impl Pairs {
                 pairs[(id.0 - base) as usize] = pair;
             }
         };
-        // Each task's subtree owns a slice of every array; the nodes above follow.
+        // Each task's subtree owns a slice of every array; the nodes above follow. Leaves right below those nodes are in
+        // no task.
         let mut jobs = Vec::with_capacity(tree.tasks.len());
-        let (mut pairs_left, mut parents_left, mut tops) = (&mut pairs[..], &mut leaf_parents[..], 0);
+        let (mut pairs_left, mut parents_left, mut done, mut tops) = (&mut pairs[..], &mut leaf_parents[..], 0, 0);
         for task in &tree.tasks {
-            let n = task.leaves.len();
-            let (own_pairs, rest) = pairs_left.split_at_mut(n);
-            let (own_parents, parents_rest) = parents_left.split_at_mut(n);
-            (pairs_left, parents_left, tops) = (rest, parents_rest, task.nodes.end);
+            let (gap, n) = ((task.leaves.start - done) as usize, task.leaves.len());
+            let (own_pairs, rest) = pairs_left[gap..].split_at_mut(n);
+            let (own_parents, parents_rest) = parents_left[gap..].split_at_mut(n);
+            (pairs_left, parents_left, done, tops) = (rest, parents_rest, task.leaves.end, task.nodes.end);
             jobs.push((&tree.bottom_up[task.nodes.clone()], own_pairs, own_parents, task.leaves.start));
         }
         par::for_jobs(jobs, |(ids, pairs, leaf_parents, base)| fill(ids, pairs, leaf_parents, base));

@@ -1,7 +1,7 @@
 use canted_lbvh::Tree;
 use canted_obb::Aabb;
 
-use crate::{ReinsertConfig, pairs::Pairs, par, search, select};
+use crate::{ReinsertConfig, pairs::Pairs, par, scale::unit_scale, search, select};
 
 /// Subtrees searched by one job.
 const CHUNK: usize = 64;
@@ -67,19 +67,4 @@ fn n_searched(tree: &Tree, config: &ReinsertConfig, round: u32) -> usize {
     let n_nodes = 2 * tree.nodes.len();
     let share = f64::from(config.share.min(1.0)) / f64::from(2 * round + 1);
     ((n_nodes as f64 * share).ceil() as usize).min(n_nodes)
-}
-
-/// The power of two that brings the largest extent to 1 or just above, so that no area leaves the range of `f32`;
-/// `None` where the boxes have no extent, or no finite one.
-fn unit_scale(leaf_boxes: &[Aabb]) -> Option<f32> {
-    let bounds = leaf_boxes.iter().fold(Aabb::EMPTY, |all, leaf| all.union(*leaf));
-    let extent = bounds.extent().into_iter().fold(0.0, f64::max);
-    (extent > 0.0 && extent.is_finite()).then(|| scale_of(extent))
-}
-
-/// A power of two near `1 / extent`, of an exponent that `f32` holds.
-fn scale_of(extent: f64) -> f32 {
-    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-    let exponent = extent.log2().floor().clamp(-126.0, 126.0) as i32;
-    2.0f32.powi(-exponent)
 }

@@ -1,7 +1,7 @@
 use canted_fixtures::Mesh;
 use canted_lbvh::{
-    Bits, Corners, Costs, Domain, Leaf, Stats, Sums, Tree, VolumeConfig, by_code, check, codes, gather, in_leaf_order,
-    radix, sums, volumes,
+    Bits, Corners, Costs, Domain, Leaf, Sorted, Stats, Sums, Tree, VolumeConfig, by_code, check, codes, gather,
+    in_leaf_order, radix, sums, volumes,
 };
 use canted_obb::Aabb;
 
@@ -10,11 +10,16 @@ pub(crate) fn corners(mesh: &Mesh) -> Vec<Corners> {
     gather(&mesh.positions, &mesh.triangles).unwrap().0
 }
 
-/// The radix tree over triangles.
-pub(crate) fn radix_tree(corners: &[Corners]) -> Tree {
+/// The order of triangles along the curve.
+pub(crate) fn sorted(corners: &[Corners]) -> Sorted {
     let bounds = Aabb::of_points(corners.iter().flatten().copied());
     let domain = Domain::new(&bounds, 3, Bits::B63);
-    radix(by_code(&codes(&domain, corners), Bits::B63))
+    by_code(&codes(&domain, corners), Bits::B63)
+}
+
+/// The radix tree over triangles.
+pub(crate) fn radix_tree(corners: &[Corners]) -> Tree {
+    radix(sorted(corners))
 }
 
 /// The boxes of a tree's leaves, in leaf order.

@@ -1,4 +1,5 @@
-//! Reinsertion on soups, grids, lattices, needles, duplicates and boxes of any scale; not covered: traced rays.
+//! Trees built by PLOC and improved by reinsertion: on soups, grids, lattices, needles, duplicates and boxes of any scale; not covered: traced rays.
 
 mod build;
 mod invariants;
+mod ploc;
