@@ -100,8 +100,7 @@ impl Obb {
     #[inline]
     #[must_use]
     pub fn or_aabb(self, content: &Aabb) -> Self {
-        let straight = Self::from_aabb(content);
-        if straight.area() <= self.area() { straight } else { self }
+        if content.area() <= self.area() { Self::from_aabb(content) } else { self }
     }
 
     /// Whether `point` lies inside or on the boundary: exactly, by the definition of the type.
