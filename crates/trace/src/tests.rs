@@ -4,6 +4,7 @@
 
 mod boxes;
 mod exact;
+mod filters;
 mod inputs;
 mod invariance;
 mod kernels;

@@ -5,9 +5,10 @@
 //! in any width and any order, and the reported bits never differ.
 
 mod axis;
-mod baldwin_weber;
-mod finish;
-mod moller_trumbore;
+pub(crate) mod baldwin_weber;
+pub(crate) mod filter;
+pub(crate) mod finish;
+pub(crate) mod moller_trumbore;
 mod watertight;
 
 pub use axis::Axis;

@@ -1,54 +1,86 @@
+use super::filter::{Weights, greatest};
 use super::finish::finish;
 use super::{Axis, Kernel, TriangleHit};
 use crate::ScaledRay;
-use crate::rounding::nearest;
-use crate::vector::{cross, dot, reach, sub, wide};
+use crate::rounding::{UNIT_ROUNDOFF, nearest};
+use crate::vector::{cross, reach, sub, wide};
+
+/// Error of the weights, relative to `F·S`, see below.
+const ERROR: f32 = 104.0 * UNIT_ROUNDOFF;
+
+/// Error of the determinant, and what the finish lets weights lie outside, see below.
+const DET_ERROR: f32 = 44.0 * UNIT_ROUNDOFF;
+
+/// No number of the filter exceeds `HEADROOM·S` before the last step, nor `HEADROOM·F·S` in it: where these are
+/// finite, nothing overflows.
+const HEADROOM: f32 = 16.0;
+
+/// Least greatest component of the normal, relative to the edges, for which the map is used.
+///
+/// The f64 roundings of the normal, at most 8 of 2^-53 in two terms, are then within 2^-29 of it: 1/32 of an f32
+/// rounding. Thinner triangles are left to the finish.
+const SLIVER: f64 = 1.0 / (1 << 20) as f64;
+
+/// Least sum of the map's entries for which none is so small that underflow would spoil it.
+const LEAST_FACTOR: f32 = f32::MIN_POSITIVE / UNIT_ROUNDOFF;
 
 /// The kernel that reads a precomputed map per triangle: least arithmetic, most memory.
 ///
 /// Reads: a ray, a record. Writes: the hit.
-/// Holds: reported points lie within [`HIT_ERROR`](crate::HIT_ERROR); `t`, `u`, `v` have the bits of
-/// [`MollerTrumbore`](crate::MollerTrumbore)'s where both hit. Its filter sees the triangle from the coordinate
-/// origin, so triangles small against their distance from there lose hits near their edges first.
-/// Source: Baldwin, Weber 2016, with a coordinate axis as the free vector; acceptance also asks `u + v <= 1` and the
-/// interval of `t`.
+/// Holds: reported points lie within [`HIT_ERROR`](crate::HIT_ERROR); hits have the bits of
+/// [`MollerTrumbore`](crate::MollerTrumbore)'s. The filter loses nothing that the finish accepts, wherever the triangle
+/// lies.
+/// Source: Baldwin, Weber 2016, with a coordinate axis as the free vector. Departures: the map starts at a vertex, not
+/// at the coordinate origin, because `o - v0` is exact but for one relative rounding and the products with both are
+/// not; the slope along the ray is multiplied through, not divided by, so that the error bound, which is ours, needs no
+/// case for grazing rays.
+///
+/// # Error of the filter
+/// Let u = 2^-24, `s = o - v0` and `S = |s|∞`; components of the direction are below 2. `F` is the sum of the absolute
+/// entries of both weight rows. Entries of the height row are at most 1, since the free axis is the normal's greatest.
+/// - The height `h = z_a·s_a + z_b·s_b + s_c` has 5 roundings in two terms (entry, `s`, product, two sums) and 2 in the
+///   third: 12 u·S, and `|h| <= 3S`. The slope `m` has 4, 4 and 1: 18 u, and `|m| <= 6`.
+/// - `A = s_a·m - h·d_a` takes over 18 u·S from `m` and 24 u·S from `h`. The roundings of `s_a` and of both products
+///   add 6 u·S each. Two terms cancel exactly, so `|A| <= 8S`, and the difference adds 8 u·S: in all 68 u·S.
+/// - `u·m = U_a·A + U_b·B` has three roundings more (entry, product, sum) of 8S: 92 u·S for each unit of `|U_a| + |U_b|`.
+///   Likewise `v·m`. Their sum is off by 92 u·F·S, and rounding it adds 8 u·F·S: 100 u·F·S; second-order terms, the f64
+///   roundings of the rows and the finish's own stay below the remaining 4.
+/// - `m` is compared with: 18 u, and the finish's 4 u·|m| <= 24 u; second-order terms stay below the remaining 2.
+/// - Products that underflow are off by 2^-150 each: six, counted with their factors, in `A`. `MIN_POSITIVE`, added to
+///   `S`, is worth 104 of them. Later ones vanish against the 44 u.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BaldwinWeber;
 
-/// Least greatest component of the normal, relative to the edges, for which the map is used.
-///
-/// The map's entries carry a rounding each, and the normal divides them: below 2^-20 no weight would keep more than
-/// four bits. Such slivers are left to the finish.
-const SLIVER: f64 = 1.0 / (1 << 20) as f64;
-
-/// A triangle and the affine map that takes it to the corners (0,0), (1,0), (0,1) of the plane `z = 0`.
+/// A triangle and the linear map that takes its edges to (1,0,0) and (0,1,0).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaldwinWeberRecord {
     /// The triangle.
     vertices: [[f32; 3]; 3],
-    /// Rows giving weights `u` and `v`, then the height `z`: factors of the two other coordinates, and a constant.
+    /// Rows giving weights `u` and `v`, then the height `z`: factors of the two coordinates besides the free axis.
     /// The height has factor 1 on the free axis, the weights have 0.
-    rows: [[f32; 3]; 3],
-    /// The free axis, where the normal is greatest; `None` for slivers, which the map cannot hold.
-    axis: Option<Axis>,
+    rows: [[f32; 2]; 3],
+    /// Sum of the absolute factors of the weights; infinite where the map cannot hold the triangle.
+    factor: f32,
+    /// The free axis, where the normal is greatest.
+    axis: Axis,
 }
 
-impl BaldwinWeberRecord {
-    /// Whether the ray's line certainly misses, as far as f32 and the map can say.
-    #[inline]
-    fn filters_out(&self, ray: &ScaledRay) -> bool {
-        let Some(axis) = self.axis else { return false };
-        let [o_a, o_b, o_c] = axis.last(ray.origin);
-        let [d_a, d_b, d_c] = axis.last(ray.direction);
-        let [row_u, row_v, row_z] = self.rows;
-        let height = (row_z[0] * o_a + row_z[1] * o_b) + (o_c + row_z[2]);
-        let slope = (row_z[0] * d_a + row_z[1] * d_b) + d_c;
-        let t = -height / slope;
-        let (a, b) = (o_a + t * d_a, o_b + t * d_b);
-        let u = (row_u[0] * a + row_u[1] * b) + row_u[2];
-        let v = (row_v[0] * a + row_v[1] * b) + row_v[2];
-        // A parallel ray makes infinities: whatever is not a number stays for the finish.
-        u < 0.0 || v < 0.0 || u + v > 1.0
+/// The weights of the ray's line; `det` is the normal times the direction, over the normal's greatest component.
+#[inline]
+pub(crate) fn weights(ray: &ScaledRay, record: &BaldwinWeberRecord) -> Weights {
+    let s = sub(ray.origin, record.vertices[0]);
+    let [s_a, s_b, s_c] = record.axis.last(s);
+    let [d_a, d_b, d_c] = record.axis.last(ray.direction);
+    let [row_u, row_v, row_z] = record.rows;
+    let height = (row_z[0] * s_a + row_z[1] * s_b) + s_c;
+    let slope = (row_z[0] * d_a + row_z[1] * d_b) + d_c;
+    let (a, b) = (s_a * slope - height * d_a, s_b * slope - height * d_b);
+    let largest = record.factor * (HEADROOM * (greatest(s) + f32::MIN_POSITIVE));
+    Weights {
+        det: slope,
+        u: row_u[0] * a + row_u[1] * b,
+        v: row_v[0] * a + row_v[1] * b,
+        error: ERROR / HEADROOM * largest + DET_ERROR,
     }
 }
 
@@ -61,17 +93,11 @@ impl Kernel for BaldwinWeber {
         let (e1, e2) = (sub(v1, v0), sub(v2, v0));
         let normal = cross(e1, e2);
         let axis = Axis::of_greatest(normal, f64::abs);
-        let [n, [e1_a, e1_b, _], [e2_a, e2_b, _], v0] = [normal, e1, e2, v0].map(|p| axis.last(p));
-        let row_u = [e2_b / n[2], -e2_a / n[2]];
-        let row_v = [-e1_b / n[2], e1_a / n[2]];
-        let with_constant = |[a, b]: [f64; 2], c: f64| [a, b, c].map(nearest);
-        let rows = [
-            with_constant(row_u, -(row_u[0] * v0[0] + row_u[1] * v0[1])),
-            with_constant(row_v, -(row_v[0] * v0[0] + row_v[1] * v0[1])),
-            with_constant([n[0] / n[2], n[1] / n[2]], -dot(n, v0) / n[2]),
-        ];
-        let regular = n[2].abs() > SLIVER * reach(e1) * reach(e2) && rows.iter().flatten().all(|x| x.is_finite());
-        BaldwinWeberRecord { vertices, rows, axis: regular.then_some(axis) }
+        let [n, [e1_a, e1_b, _], [e2_a, e2_b, _]] = [normal, e1, e2].map(|p| axis.last(p));
+        let rows = [[e2_b, -e2_a], [-e1_b, e1_a], [n[0], n[1]]].map(|row| row.map(|x| nearest(x / n[2])));
+        let factor: f32 = rows[..2].iter().flatten().map(|x| x.abs()).sum();
+        let regular = n[2].abs() > SLIVER * reach(e1) * reach(e2) && factor > LEAST_FACTOR;
+        BaldwinWeberRecord { vertices, rows, factor: if regular { factor } else { f32::INFINITY }, axis }
     }
 
     #[inline]
@@ -79,7 +105,7 @@ impl Kernel for BaldwinWeber {
 
     #[inline]
     fn intersect((): &(), ray: &ScaledRay, record: &BaldwinWeberRecord, t_max: f32) -> Option<TriangleHit> {
-        if record.filters_out(ray) {
+        if weights(ray, record).misses() {
             return None;
         }
         finish(ray, &record.vertices, t_max)

@@ -1,0 +1,34 @@
+/// What an f32 filter knows of a line and a triangle: the weights times a determinant, and their error.
+///
+/// Holds: if the finish accepts the triangle, then [`misses`](Self::misses) is false. For that, `error` must bound, in
+/// units of `det`, the sum of
+/// - the rounding of `u`, of `v` and of `u + v`, each with that of `det`, whose sign may then be wrong, too;
+/// - `WEIGHT_SLACK·|det|`, by which the finish lets weights lie outside.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Weights {
+    /// Proportional to the normal times the direction; positive or negative.
+    pub(crate) det: f32,
+    /// Weight of the second vertex, times `det`.
+    pub(crate) u: f32,
+    /// Weight of the third vertex, times `det`.
+    pub(crate) v: f32,
+    /// The bound; infinite where nothing is known, because a product might have overflown.
+    pub(crate) error: f32,
+}
+
+impl Weights {
+    /// Whether the line certainly misses the triangle.
+    #[inline]
+    pub(crate) fn misses(&self) -> bool {
+        let sign = 1.0f32.copysign(self.det);
+        let (u, v) = (sign * self.u, sign * self.v);
+        // Without branches: the signs are as good as random. What is not a number stays for the finish.
+        (u < -self.error) | (v < -self.error) | (u + v > self.det.abs() + self.error)
+    }
+}
+
+/// Greatest absolute component.
+#[inline]
+pub(super) fn greatest([x, y, z]: [f32; 3]) -> f32 {
+    x.abs().max(y.abs()).max(z.abs())
+}
