@@ -4,7 +4,8 @@ use canted_sah::{PlocConfig, ReinsertConfig, ploc, reinsert};
 
 use crate::build::{checked, corners, leaf_boxes, radix_tree, sorted};
 
-fn ploc_tree(corners: &[Corners], config: &PlocConfig) -> Tree {
+/// The tree by areas over triangles.
+pub(crate) fn ploc_tree(corners: &[Corners], config: &PlocConfig) -> Tree {
     let sorted = sorted(corners);
     let boxes: Vec<_> = in_leaf_order(corners, &sorted.leaves).iter().map(Leaf::aabb).collect();
     ploc(sorted, &boxes, config)
