@@ -2,6 +2,8 @@
 //!
 //! `cargo xtask bench` runs it and writes `benches/RESULTS.md`.
 
+#![forbid(unsafe_code)]
+
 mod build;
 mod interleave;
 mod models;

@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use canted_fixtures::{COUNTRY_KITCHEN_VIEWS, Mesh, RayData, SCENES, SPONZA_VIEWS, View, object_views};
 use canted_lbvh::{Bits, Corners, Domain, Leaf, Tree};
 use canted_obb::Aabb;
-use canted_sah::ReinsertConfig;
+use canted_sah::{PlocConfig, ReinsertConfig};
 use canted_scene::Scene;
 
 /// A scene as one mesh in world space, and the views it is measured from.
@@ -60,10 +60,11 @@ pub(crate) fn scene(name: &str) -> Result<Option<Scene>> {
     Ok(if path.exists() { Some(canted_scene::read(&path)?) } else { None })
 }
 
-/// The tree that the program traces: radix, improved by reinsertion.
+/// The tree that the program traces: PLOC, improved by reinsertion.
 pub(crate) fn default_tree(corners: &[Corners], bounds: &Aabb) -> Tree {
     let codes = canted_lbvh::codes(&Domain::new(bounds, 3, Bits::B63), corners);
-    let tree = canted_lbvh::radix(canted_lbvh::by_code(&codes, Bits::B63));
-    let boxes: Vec<Aabb> = tree.leaves.iter().map(|leaf| corners[leaf.index()].aabb()).collect();
-    canted_sah::reinsert(&tree, &boxes, &ReinsertConfig::BALANCED)
+    let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
+    let tree = canted_sah::ploc(canted_lbvh::by_code(&codes, Bits::B63), &boxes, &PlocConfig::default());
+    let in_order: Vec<Aabb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
+    canted_sah::reinsert(&tree, &in_order, &ReinsertConfig::BALANCED)
 }

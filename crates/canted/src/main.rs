@@ -50,8 +50,6 @@ pub(crate) enum Outcome {
     Done,
     /// The answer to the question is no.
     No,
-    /// The user stopped it.
-    Interrupted,
 }
 
 fn main() -> ExitCode {
@@ -67,7 +65,6 @@ fn main() -> ExitCode {
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::No) => ExitCode::from(1),
-        Ok(Outcome::Interrupted) => ExitCode::from(130),
         Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => ExitCode::from(130),
         Err(error) => {
             output::to_stderr(&format!("error: {error}"));

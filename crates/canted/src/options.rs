@@ -10,8 +10,8 @@ pub(crate) struct StructureArgs {
     /// Levels of trees: `auto` takes two where meshes are repeated so often that one level would waste memory.
     #[arg(long, value_enum, default_value_t = LevelsArg::Auto, value_name = "LEVELS")]
     pub(crate) levels: LevelsArg,
-    /// Builder of the binary trees.
-    #[arg(long, value_enum, default_value_t = BuilderArg::Lbvh, value_name = "BUILDER")]
+    /// Builder of the binary trees: `ploc` traces fastest, `lbvh` is the radix tree as it is, `obvhs` the peer's.
+    #[arg(long, value_enum, default_value_t = BuilderArg::Ploc, value_name = "BUILDER")]
     pub(crate) builder: BuilderArg,
     /// Volumes of the nodes: `auto` takes leaning boxes where their predicted cost is lower.
     #[arg(long, value_enum, default_value_t = VolumesArg::Auto, value_name = "VOLUMES")]
@@ -25,7 +25,7 @@ impl StructureArgs {
     pub(crate) fn defaults() -> Self {
         Self {
             levels: LevelsArg::Auto,
-            builder: BuilderArg::Lbvh,
+            builder: BuilderArg::Ploc,
             volumes: VolumesArg::Auto,
             triangles: TrianglesArg::Watertight,
         }
@@ -39,6 +39,7 @@ impl StructureArgs {
                 LevelsArg::Two => Levels::Two,
             },
             builder: match self.builder {
+                BuilderArg::Ploc => Builder::Ploc,
                 BuilderArg::Lbvh => Builder::Lbvh,
                 BuilderArg::Obvhs => Builder::Obvhs,
             },
@@ -64,6 +65,7 @@ pub(crate) enum LevelsArg {
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 pub(crate) enum BuilderArg {
+    Ploc,
     Lbvh,
     Obvhs,
 }
@@ -158,6 +160,14 @@ pub(crate) fn fov(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(degrees) if degrees > 0.0 && degrees < 180.0 => Ok(degrees),
         _ => Err(format!("'{text}' is not an angle between 0 and 180 degrees")),
+    }
+}
+
+/// A length above zero; infinity is one.
+pub(crate) fn radius(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(radius) if radius > 0.0 => Ok(radius),
+        _ => Err(format!("'{text}' is not a length above zero")),
     }
 }
 

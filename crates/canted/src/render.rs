@@ -7,8 +7,8 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_renderer::{
-    Film, Measure, Picture, Prepared, RenderError, Settings, Surfaces, frame, heatmap, prepare, render, write_exr,
-    write_png,
+    Film, Measure, Picture, Prepared, RenderError, Settings, Surfaces, WritePictureError, frame, heatmap, prepare,
+    render, write_exr, write_png,
 };
 use canted_scene::{Camera, Scene};
 use canted_trace::Kernel;
@@ -58,7 +58,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     structure: StructureArgs,
     /// World-space distance over which cut-off bounces' light returns beside an occluder; `inf` for none.
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_parser = options::radius, value_name = "LENGTH", allow_hyphen_values = true)]
     ao_radius: Option<f32>,
     /// Show what primary rays cost instead of light.
     #[arg(long, value_enum, value_name = "TESTS")]
@@ -70,7 +70,7 @@ pub(crate) struct Args {
     #[arg(long, value_parser = options::threads, value_name = "N")]
     threads: Option<usize>,
     /// Chooses the random numbers.
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(long, default_value_t = 0, value_name = "N", allow_hyphen_values = true)]
     seed: u32,
     /// Print the facts about the run as JSON.
     #[arg(long)]
@@ -122,8 +122,11 @@ impl Args {
     }
 }
 
+/// Writes a picture in one format.
+type Write = fn(&Path, &Picture) -> Result<(), WritePictureError>;
+
 /// How a picture is written, by the file's ending.
-fn writer(path: &Path) -> Result<fn(&Path, &Picture) -> Result<(), canted_renderer::WritePictureError>> {
+fn writer(path: &Path) -> Result<Write> {
     match path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase().as_str() {
         "png" => Ok(write_png),
         "exr" => Ok(write_exr),
@@ -147,9 +150,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let mut scene = load::scene(args.scene.as_deref())?;
     let default_light = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
-    let Some(run) = with_kernel!(args.structure.triangles, trace(&mut scene, args, default_light, load_time))? else {
-        return Ok(Outcome::Interrupted);
-    };
+    let run = with_kernel!(args.structure.triangles, trace(&mut scene, args, default_light, load_time))?;
     write(&args.output, &run.picture)?;
     let mut facts = vec![
         ("scene", json!(load::name(args.scene.as_deref()))),
@@ -165,7 +166,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn trace<K: Kernel>(scene: &mut Scene, args: &Args, default_light: bool, load_time: Duration) -> Result<Option<Run>> {
+fn trace<K: Kernel>(scene: &mut Scene, args: &Args, default_light: bool, load_time: Duration) -> Result<Run> {
     let name = load::name(args.scene.as_deref());
     let prepared: Prepared<K> = prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
     let mut facts = built_facts(scene, &prepared, load_time);
@@ -189,7 +190,7 @@ fn trace<K: Kernel>(scene: &mut Scene, args: &Args, default_light: bool, load_ti
         facts.push(("triangle_tests_per_ray", json!(triangles)));
         map.picture
     } else {
-        let Some(film) = film(scene, &prepared, &camera, &args.settings())? else { return Ok(None) };
+        let film = film(scene, &prepared, &camera, &args.settings())?;
         #[expect(clippy::cast_precision_loss, reason = "rays are fewer than 2^53")]
         let rate = film.n_rays() as f64 / start.elapsed().as_secs_f64();
         facts.extend([
@@ -209,7 +210,7 @@ fn trace<K: Kernel>(scene: &mut Scene, args: &Args, default_light: bool, load_ti
     let left_out: Vec<Value> =
         prepared.left_out.iter().map(|left| json!({ "part": left.part, "because": left.because })).collect();
     facts.push(("left_out", json!(left_out)));
-    Ok(Some(Run { picture, facts }))
+    Ok(Run { picture, facts })
 }
 
 /// By how much our own light must be stronger for a picture that is not dark, as interiors lit by a sky are.
@@ -234,13 +235,13 @@ fn strength_of_default_light<K: Kernel>(
     Ok(strength)
 }
 
-/// Renders with a progress bar; `None` where the user stopped it.
+/// Renders with a progress bar.
 fn film<K: Kernel>(
     scene: &Scene,
     prepared: &Prepared<K>,
     camera: &Camera,
     settings: &Settings,
-) -> Result<Option<Film>> {
+) -> Result<Film, RenderError> {
     // Hidden by the library where standard error is no terminal.
     let bar = ProgressBar::new(0);
     if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
@@ -252,11 +253,7 @@ fn film<K: Kernel>(
     };
     let film = render(scene, &prepared.structure, camera, settings, &progress, interrupt::flag());
     bar.finish_and_clear();
-    match film {
-        Ok(film) => Ok(Some(film)),
-        Err(RenderError::Cancelled) => Ok(None),
-        Err(error) => Err(error.into()),
-    }
+    film
 }
 
 /// The camera of the options, else of the file, else one that frames the scene.

@@ -5,6 +5,8 @@ use glam::Vec4;
 
 use super::{AabbPair, Binary, ChildWord, SlabPair};
 
+/// Pairs that one thread lays out at least.
+#[cfg(feature = "parallel")]
 const CHUNK: usize = 1 << 12;
 
 /// A leaf that a ray can be tested against as a leaning box.
