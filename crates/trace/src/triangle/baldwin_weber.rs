@@ -1,4 +1,4 @@
-use super::filter::{Weights, greatest};
+use super::filter::{Weights, norm};
 use super::finish::finish;
 use super::{Axis, Kernel, TriangleHit};
 use crate::ScaledRay;
@@ -6,14 +6,14 @@ use crate::rounding::{UNIT_ROUNDOFF, nearest};
 use crate::vector::{cross, reach, sub, wide};
 
 /// Error of the weights, relative to `F·S`, see below.
-const ERROR: f32 = 104.0 * UNIT_ROUNDOFF;
+const ERROR: f32 = 64.0 * UNIT_ROUNDOFF;
 
 /// Error of the determinant, and what the finish lets weights lie outside, see below.
 const DET_ERROR: f32 = 44.0 * UNIT_ROUNDOFF;
 
 /// No number of the filter exceeds `HEADROOM·S` before the last step, nor `HEADROOM·F·S` in it: where these are
 /// finite, nothing overflows.
-const HEADROOM: f32 = 16.0;
+const HEADROOM: f32 = 8.0;
 
 /// Least greatest component of the normal, relative to the edges, for which the map is used.
 ///
@@ -36,18 +36,20 @@ const LEAST_FACTOR: f32 = f32::MIN_POSITIVE / UNIT_ROUNDOFF;
 /// case for grazing rays.
 ///
 /// # Error of the filter
-/// Let u = 2^-24, `s = o - v0` and `S = |s|∞`; components of the direction are below 2. `F` is the sum of the absolute
-/// entries of both weight rows. Entries of the height row are at most 1, since the free axis is the normal's greatest.
-/// - The height `h = z_a·s_a + z_b·s_b + s_c` has 5 roundings in two terms (entry, `s`, product, two sums) and 2 in the
-///   third: 12 u·S, and `|h| <= 3S`. The slope `m` has 4, 4 and 1: 18 u, and `|m| <= 6`.
-/// - `A = s_a·m - h·d_a` takes over 18 u·S from `m` and 24 u·S from `h`. The roundings of `s_a` and of both products
-///   add 6 u·S each. Two terms cancel exactly, so `|A| <= 8S`, and the difference adds 8 u·S: in all 68 u·S.
-/// - `u·m = U_a·A + U_b·B` has three roundings more (entry, product, sum) of 8S: 92 u·S for each unit of `|U_a| + |U_b|`.
-///   Likewise `v·m`. Their sum is off by 92 u·F·S, and rounding it adds 8 u·F·S: 100 u·F·S; second-order terms, the f64
-///   roundings of the rows and the finish's own stay below the remaining 4.
-/// - `m` is compared with: 18 u, and the finish's 4 u·|m| <= 24 u; second-order terms stay below the remaining 2.
+/// Let u = 2^-24, `s = o - v0`, `S` the sum of its absolute components, `F` that of the entries of both weight rows.
+/// The direction's components are below 2; entries of the height row are at most 1, since the free axis is the normal's
+/// greatest.
+/// - The height `h = z_a·s_a + z_b·s_b + s_c` has at most 5 roundings in a term (entry, `s`, product, two sums):
+///   5 u·S, and `|h| <= S`. The slope `m` has 4, 4 and 1 in terms of at most 2: 18 u, and `|m| <= 6`.
+/// - `A = s_a·m - h·d_a` takes over 18 u·S from `m` and 10 u·S from `h`. The roundings of `s_a` and of the products add
+///   6, 6 and 2 u·S. Two terms cancel exactly, so `|A| <= 4S`, and the difference adds 4 u·S: in all 46 u·S.
+/// - `u·m = U_a·A + U_b·B` has three roundings more (entry, product, sum) of 4S: 58 u·S for each unit of
+///   `|U_a| + |U_b|`. Likewise `v·m`. Their sum is off by 58 u·F·S, and rounding it adds 4 u·F·S: 62 u·F·S. Second-order
+///   terms, the f64 roundings of the rows and the finish's own stay below the remaining 2.
+/// - `m`, with which the sum is compared, adds its 18 u, and the finish its 4 u·|m| <= 24 u; second-order terms and the
+///   finish's f64 determinant stay below the remaining 2.
 /// - Products that underflow are off by 2^-150 each: six, counted with their factors, in `A`. `MIN_POSITIVE`, added to
-///   `S`, is worth 104 of them. Later ones vanish against the 44 u.
+///   `S`, is worth 64 of them. Later ones vanish against the 44 u.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BaldwinWeber;
 
@@ -75,7 +77,7 @@ pub(crate) fn weights(ray: &ScaledRay, record: &BaldwinWeberRecord) -> Weights {
     let height = (row_z[0] * s_a + row_z[1] * s_b) + s_c;
     let slope = (row_z[0] * d_a + row_z[1] * d_b) + d_c;
     let (a, b) = (s_a * slope - height * d_a, s_b * slope - height * d_b);
-    let largest = record.factor * (HEADROOM * (greatest(s) + f32::MIN_POSITIVE));
+    let largest = record.factor * (HEADROOM * (norm(s) + f32::MIN_POSITIVE));
     Weights {
         det: slope,
         u: row_u[0] * a + row_u[1] * b,

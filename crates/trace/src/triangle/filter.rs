@@ -27,8 +27,8 @@ impl Weights {
     }
 }
 
-/// Greatest absolute component.
+/// Sum of the absolute components, cheaper than their greatest.
 #[inline]
-pub(super) fn greatest([x, y, z]: [f32; 3]) -> f32 {
-    x.abs().max(y.abs()).max(z.abs())
+pub(super) fn norm([x, y, z]: [f32; 3]) -> f32 {
+    x.abs() + y.abs() + z.abs()
 }

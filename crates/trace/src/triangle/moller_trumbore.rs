@@ -1,4 +1,4 @@
-use super::filter::{Weights, greatest};
+use super::filter::{Weights, norm};
 use super::finish::finish;
 use super::{Kernel, TriangleHit};
 use crate::ScaledRay;
@@ -6,10 +6,10 @@ use crate::rounding::UNIT_ROUNDOFF;
 use crate::vector::{cross, dot, sub};
 
 /// Error of the weights, relative to `E·(S + E)`, see below.
-const ERROR: f32 = 194.0 * UNIT_ROUNDOFF;
+const ERROR: f32 = 17.0 * UNIT_ROUNDOFF;
 
 /// No number of the filter exceeds `HEADROOM·E·(S + E)`: where that is finite, nothing overflows.
-const HEADROOM: f32 = 32.0;
+const HEADROOM: f32 = 4.0;
 
 /// The kernel that needs nothing precomputed; of rays exactly through shared edges it promises nothing.
 ///
@@ -21,17 +21,18 @@ const HEADROOM: f32 = 32.0;
 /// `t_max` cannot change which triangles are hit. The error bound of the filter is ours.
 ///
 /// # Error of the filter
-/// Let u = 2^-24, `E` the greatest component of both edges, `S` that of `s = o - v0`; the direction's are below 2.
-/// - Edges and `s` are off by u, relative. A component of `p = d x e2` has two terms of at most `2E` with three
-///   roundings each (edge, product, difference): 12 u·E, and `|p| <= 4E`.
-/// - `det = p·e1` has three terms: 12 u·E·E each from `p`, and four roundings (edge, product, two sums) of `4E·E`:
-///   together 84 u·E·E. Likewise `p·s` is off by 84 u·E·S, and so is `(s x e1)·d`, whose cross product has a rounding
-///   more and whose dot product one less. None of the three exceeds 12 times its `E·E` or `E·S`.
-/// - `u + v` is off by 2·84 u·E·S, and rounding the sum adds 24 u·E·S. With the 84 of `det` and the finish's
-///   4 u·|det| <= 48 u·E·E, all is within `u·E·(192 S + 132 E)`. The rest of `ERROR` is for second-order terms and for
-///   the finish's own f64 roundings.
-/// - A product that underflows is off by 2^-150 at most. Two in each component of a cross product and three in each
-///   dot product make less than `18·2^-150·(S + E + 2)`: less than `MIN_POSITIVE`, added to `E` and to the whole.
+/// Let u = 2^-24 and `s = o - v0`; `|x|` is the sum of the absolute components, `E = |e1| + |e2|`, `S = |s|`. The
+/// direction's components are below 2.
+/// - Edges and `s` are off by u, relative. A component of `p = d x e2` has three roundings (edge, product, difference)
+///   of terms that sum to at most `2|e2|`: 6 u·|e2|.
+/// - `p·s` takes over 6 u·|e2|·S, and has four roundings (`s`, product, two sums) of `2|e2|·S`: 14 u·|e2|·S. Likewise
+///   `det = p·e1` is off by 14 u·|e1|·|e2|. In `(s x e1)·d` seven roundings touch each of the six terms, which sum to
+///   at most `2|e1|·S`: 14 u·|e1|·S.
+/// - So `u + v` is off by 14 u·E·S, and rounding the sum adds 2 u·E·S. As `|e1|·|e2| <= E·E/4`, the error of `det` and
+///   the finish's 4 u·|det| add 3.5 u·E·E and 2 u·E·E: all is within `16 u·E·(S + E)`. The rest of `ERROR` is for
+///   second-order terms and for the finish's own f64 roundings.
+/// - A product that underflows is off by 2^-150 at most: in all less than `2^-150·(2S + 2E + 21)`. `MIN_POSITIVE`,
+///   added to `E` and to the whole, is worth more.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MollerTrumbore;
 
@@ -40,8 +41,8 @@ pub struct MollerTrumbore;
 pub(crate) fn weights(ray: &ScaledRay, [v0, v1, v2]: &[[f32; 3]; 3]) -> Weights {
     let (e1, e2, s) = (sub(*v1, *v0), sub(*v2, *v0), sub(ray.origin, *v0));
     let p = cross(ray.direction, e2);
-    let edges = greatest(e1).max(greatest(e2)) + f32::MIN_POSITIVE;
-    let largest = HEADROOM * (edges * (greatest(s) + edges));
+    let edges = norm(e1) + norm(e2) + f32::MIN_POSITIVE;
+    let largest = HEADROOM * (edges * (norm(s) + edges));
     Weights {
         det: dot(p, e1),
         u: dot(p, s),
