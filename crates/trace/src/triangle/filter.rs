@@ -22,8 +22,8 @@ impl Weights {
     pub(crate) fn misses(&self) -> bool {
         let sign = 1.0f32.copysign(self.det);
         let (u, v) = (sign * self.u, sign * self.v);
-        // Without branches: the signs are as good as random. What is not a number stays for the finish.
-        (u < -self.error) | (v < -self.error) | (u + v > self.det.abs() + self.error)
+        // What is not a number stays for the finish.
+        u < -self.error || v < -self.error || u + v > self.det.abs() + self.error
     }
 }
 
