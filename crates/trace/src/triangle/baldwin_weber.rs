@@ -44,8 +44,8 @@ const LEAST_FACTOR: f32 = f32::MIN_POSITIVE / UNIT_ROUNDOFF;
 /// - `A = s_a·m - h·d_a` takes over 18 u·S from `m` and 10 u·S from `h`. The roundings of `s_a` and of the products add
 ///   6, 6 and 2 u·S. Two terms cancel exactly, so `|A| <= 4S`, and the difference adds 4 u·S: in all 46 u·S.
 /// - `u·m = U_a·A + U_b·B` has three roundings more (entry, product, sum) of 4S: 58 u·S for each unit of
-///   `|U_a| + |U_b|`. Likewise `v·m`. Their sum is off by 58 u·F·S, and rounding it adds 4 u·F·S: 62 u·F·S. Second-order
-///   terms, the f64 roundings of the rows and the finish's own stay below the remaining 2.
+///   `|U_a| + |U_b|`. Likewise `v·m`. Their sum is off by 58 u·F·S, and rounding it adds 4 u·F·S: 62 u·F·S.
+///   Second-order terms, the f64 roundings of the rows and the finish's own stay below the remaining 2.
 /// - `m`, with which the sum is compared, adds its 18 u, and the finish its 4 u·|m| <= 24 u; second-order terms and the
 ///   finish's f64 determinant stay below the remaining 2.
 /// - Products that underflow are off by 2^-150 each: six, counted with their factors, in `A`. `MIN_POSITIVE`, added to
