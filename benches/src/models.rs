@@ -62,9 +62,11 @@ pub(crate) fn scene(name: &str) -> Result<Option<Scene>> {
 
 /// The tree that the program traces: PLOC, improved by reinsertion.
 pub(crate) fn default_tree(corners: &[Corners], bounds: &Aabb) -> Tree {
-    let codes = canted_lbvh::codes(&Domain::new(bounds, 3, Bits::B63), corners);
     let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
-    let tree = canted_sah::ploc(canted_lbvh::by_code(&codes, Bits::B63), &boxes, &PlocConfig::default());
+    let codes = canted_lbvh::codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), &boxes);
+    let sorted = canted_lbvh::by_code(&codes, Bits::B63);
+    let in_order: Vec<Aabb> = sorted.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
+    let tree = canted_sah::ploc(sorted, &in_order, &PlocConfig::default());
     let in_order: Vec<Aabb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
     canted_sah::reinsert(&tree, &in_order, &ReinsertConfig::BALANCED)
 }

@@ -24,15 +24,13 @@ pub(crate) fn bottom_up<S: Copy + Send + Sync>(
             values[(id.0 - base) as usize] = join(id, node, &left, &right);
         }
     };
-    let mut jobs = Vec::with_capacity(tree.tasks.len());
-    let mut rest = &mut values[..];
-    let mut tops = 0;
-    for task in &tree.tasks {
-        let (own, after) = rest.split_at_mut((task.leaves.end - task.leaves.start) as usize);
-        rest = after;
-        tops = task.nodes.end;
-        jobs.push((&tree.bottom_up[task.nodes.clone()], own, task.leaves.start));
-    }
+    let tops = tree.tasks.last().map_or(0, |task| task.nodes.end);
+    let jobs: Vec<_> = tree
+        .tasks
+        .iter()
+        .zip(tree.slices(&mut values))
+        .map(|(task, own)| (&tree.bottom_up[task.nodes.clone()], own, task.leaves.start))
+        .collect();
     par::for_jobs(jobs, |(ids, own, base)| visit(ids, own, base));
     visit(&tree.bottom_up[tops..], &mut values, 0);
     values.truncate(tree.nodes.len());
@@ -50,15 +48,14 @@ pub(crate) fn bottom_up_into<S: Copy + Send + Sync, R: Copy + Send>(
 ) -> Vec<R> {
     let mut results = vec![unset_result; tree.leaves.len()];
     let mut roots: Vec<Option<(NodeId, S)>> = vec![None; tree.tasks.len()];
-    let mut jobs = Vec::with_capacity(tree.tasks.len());
-    let mut rest = &mut results[..];
-    let mut tops = 0;
-    for (task, root) in tree.tasks.iter().zip(&mut roots) {
-        let (own, after) = rest.split_at_mut((task.leaves.end - task.leaves.start) as usize);
-        rest = after;
-        tops = task.nodes.end;
-        jobs.push((&tree.bottom_up[task.nodes.clone()], own, task.leaves.start, root));
-    }
+    let tops = tree.tasks.last().map_or(0, |task| task.nodes.end);
+    let jobs: Vec<_> = tree
+        .tasks
+        .iter()
+        .zip(tree.slices(&mut results))
+        .zip(&mut roots)
+        .map(|((task, own), root)| (&tree.bottom_up[task.nodes.clone()], own, task.leaves.start, root))
+        .collect();
     par::for_jobs(jobs, |(ids, own, base, root)| {
         let mut values = vec![unset; own.len()];
         for &id in ids {
@@ -87,4 +84,32 @@ pub(crate) fn bottom_up_into<S: Copy + Send + Sync, R: Copy + Send>(
     }
     results.truncate(tree.nodes.len());
     results
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chain over more leaves than one task holds: every node above the tasks has a lone leaf for a child.
+    #[test]
+    fn lone_leaves_above_the_tasks_shift_nothing() {
+        let n = 6_000u32;
+        for lone_first in [true, false] {
+            let chain: Vec<[Child; 2]> = (0..n)
+                .map(|i| {
+                    let rest = if i + 1 < n { Child::inner(NodeId(i + 1)) } else { Child::leaf(n) };
+                    if lone_first { [Child::leaf(i), rest] } else { [rest, Child::leaf(i)] }
+                })
+                .collect();
+            let tree = Tree::from_children(&chain).expect("a chain is a tree");
+            assert!(tree.tasks.iter().map(|task| task.leaves.len()).sum::<usize>() < tree.leaves.len());
+            // Each value is the range of leaves below.
+            let join = |a: &(u32, u32), b: &(u32, u32)| (a.0.min(b.0), a.1.max(b.1));
+            let ranges = bottom_up(&tree, (0, 0), |i| (i, i), |_, _, a, b| join(a, b));
+            let into = bottom_up_into(&tree, ((0, 0), (0, 0)), |i| (i, i), join, |_, range| *range);
+            let want: Vec<(u32, u32)> = tree.nodes.iter().map(|node| (node.first, node.last)).collect();
+            assert_eq!(ranges, want, "{lone_first}");
+            assert_eq!(into, want, "{lone_first}");
+        }
+    }
 }

@@ -103,7 +103,7 @@ pub struct Tree {
     pub leaves: Vec<PrimId>,
     /// Every node once, children before parents; first the tasks' nodes, then those above all tasks.
     pub bottom_up: Vec<NodeId>,
-    /// Disjoint subtrees; their ends do not depend on the number of threads.
+    /// Disjoint subtrees in the order of their leaves; their ends do not depend on the number of threads.
     pub tasks: Vec<Task>,
     /// Nodes on the longest way from the root to a leaf, the leaf included; 0 for an empty tree.
     pub depth: u32,
@@ -136,6 +136,20 @@ impl Tree {
             (false, true) => Child::inner(NodeId(last)),
             (false, false) => Child::inner(NodeId(first)),
         }
+    }
+
+    /// The slice of per-node `values` that each task owns, in the order of tasks; a lone leaf below the nodes above all
+    /// tasks belongs to none.
+    pub(crate) fn slices<'a, T>(&self, mut values: &'a mut [T]) -> Vec<&'a mut [T]> {
+        let mut start = 0;
+        let mut slices = Vec::with_capacity(self.tasks.len());
+        for task in &self.tasks {
+            let from = std::mem::take(&mut values).split_at_mut((task.leaves.start - start) as usize).1;
+            let (own, after) = from.split_at_mut((task.leaves.end - task.leaves.start) as usize);
+            slices.push(own);
+            (values, start) = (after, task.leaves.end);
+        }
+        slices
     }
 
     /// Largest subtree that is one task.

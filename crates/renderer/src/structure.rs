@@ -1,4 +1,4 @@
-use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Leaf, Sorted, Strategy, VolumeConfig};
+use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, PrimId};
 use canted_sah::{PlocConfig, ReinsertConfig};
 use canted_scene::Scene;
@@ -138,19 +138,21 @@ fn build_tree(corners: &[Corners], bounds: &Aabb, builder: Builder) -> Result<lb
         Builder::Obvhs if corners.len() > 1 => {
             Ok(crate::baseline::obvhs_tree(corners, obvhs::BvhBuildParams::medium_build())?)
         }
-        Builder::Lbvh => Ok(lbvh::radix(sorted(corners, bounds))),
+        Builder::Lbvh => {
+            let codes = lbvh::codes(&Domain::new(bounds, 3, Bits::B63), corners);
+            Ok(lbvh::radix(lbvh::by_code(&codes, Bits::B63)))
+        }
         _ => {
             let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
-            let tree = canted_sah::ploc(sorted(corners, bounds), &boxes, &PlocConfig::default());
+            // By the middles of their boxes the two halves of a rectangle stand side by side.
+            let codes = lbvh::codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), &boxes);
+            let sorted = lbvh::by_code(&codes, Bits::B63);
+            let in_order: Vec<Aabb> = sorted.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
+            let tree = canted_sah::ploc(sorted, &in_order, &PlocConfig::default());
             let in_order: Vec<Aabb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
             Ok(canted_sah::reinsert(&tree, &in_order, &ReinsertConfig::BALANCED))
         }
     }
-}
-
-/// The triangles along the curve.
-fn sorted(corners: &[Corners], bounds: &Aabb) -> Sorted {
-    lbvh::by_code(&lbvh::codes(&Domain::new(bounds, 3, Bits::B63), corners), Bits::B63)
 }
 
 /// All instances' triangles in world space, under one tree.
