@@ -129,7 +129,7 @@ fn manifests_are_read() {
     let names = |dependencies: &[Dependency]| dependencies.iter().map(|d| d.name.clone()).collect::<Vec<_>>();
     assert!(names(&of("tlas")).contains(&"canted-trace".to_owned()));
     assert!(of("lbvh").contains(&Dependency { name: "rayon".to_owned(), for_tests: false, optional: true }));
-    assert!(of("tests").iter().any(|d| d.name == "tempfile" && d.for_tests));
+    assert!(of("tests").iter().any(|d| d.name == "obvhs" && d.for_tests));
 }
 
 /// The workspace with lines added to the end of one manifest.

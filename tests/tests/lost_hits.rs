@@ -1,7 +1,7 @@
 //! No lost hit: what a loop over all triangles hits, the tree hits, to the bit.
 //!
 //! Every strategy, with and without fallback, every kernel, rays through vertices and edges, in face planes, along
-//! axes, from far away. Not covered here: instances (`instances.rs`), pictures (`pictures.rs`).
+//! axes, from far away. Not covered here: instances (`instances.rs`), pictures (`threads.rs`).
 
 use canted_fixtures::{Grazing, Mesh, grazing};
 use canted_lbvh::{Bits, Strategy, VolumeConfig};

@@ -4,12 +4,14 @@
 //! Not covered here: how much smaller leaning volumes are (the program's `stats` reports it); what rays make of them
 //! (`lost_hits.rs`); the build without the feature `parallel`, which needs a compilation of its own.
 
-use canted_fixtures::{Mesh, grid, soup};
+use canted_fixtures::{Grazing, Mesh, grazing, grid, soup};
 use canted_lbvh::{
     self as lbvh, Bits, ChildKind, Corners, Domain, NodeId, Strategy, Tree, Volume, VolumeConfig, Volumes,
 };
 use canted_obb::{Obb, merge};
 use canted_tests::{exact, scenes};
+use canted_tlas::{Blas, BuildConfig, MeshBlas};
+use canted_trace::{Counts, InstanceId, Ray, Watertight};
 
 fn configs() -> impl Iterator<Item = VolumeConfig> {
     Strategy::ALL.into_iter().flat_map(|strategy| [true, false].map(|fallback| VolumeConfig { strategy, fallback }))
@@ -128,7 +130,7 @@ fn combined_goes_by_the_kind_of_the_children() {
     assert!(different > 20, "one rule for all kinds was told from the combined one {different} times");
 }
 
-/// Everything a build makes, as bits.
+/// Everything a build makes, as bits: tree, volumes, and what rays find in its traced form.
 fn build_bits(mesh: &Mesh, config: &VolumeConfig) -> (Tree, Vec<u32>) {
     let (tree, leaves) = build(mesh);
     let volumes = lbvh::volumes(&tree, &leaves, config);
@@ -140,6 +142,14 @@ fn build_bits(mesh: &Mesh, config: &VolumeConfig) -> (Tree, Vec<u32>) {
             bits.extend([*center, *x, *y, *z, *half].into_iter().flatten().map(f32::to_bits));
         }
     }
+    let config = BuildConfig { bits: Bits::B63, volumes: *config };
+    let blas = MeshBlas::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+    let mut counts = Counts::default();
+    for ray in grazing(mesh, Grazing::Edges, 200, 8) {
+        let hit = blas.closest_hit(&Ray::new(ray.origin, ray.direction), InstanceId(0), &mut counts);
+        bits.extend(hit.iter().flat_map(|hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive.0]));
+    }
+    bits.extend([counts.boxes, counts.triangles].map(|n| u32::try_from(n).unwrap()));
     (tree, bits)
 }
 
