@@ -36,18 +36,9 @@ impl Binary {
         if tree.leaves.is_empty() {
             return Self::empty();
         }
-        let layout = Layout { tree, volumes, leaves, words: words(tree, volumes) };
-        // Axis-aligned pairs alone stand at their nodes' numbers; two kinds are told apart and numbered each.
-        let of_kind = |slabs: bool| -> Vec<u32> {
-            let is_slabs = |word: &ChildWord| word.0 & ChildWord::SLABS != 0;
-            (0..).zip(&layout.words).filter(|(_, word)| is_slabs(word) == slabs).map(|(i, _)| i).collect()
-        };
-        let (aabb_ids, slab_ids) = (of_kind(false), of_kind(true));
-        let aabb_pairs = if layout.words.is_empty() {
-            make_all(tree.nodes.len(), |i| layout.aabb_pair(i))
-        } else {
-            make_all(aabb_ids.len(), |i| layout.aabb_pair(aabb_ids[i as usize]))
-        };
+        let Order { words, aabb_ids, slab_ids } = Order::new(tree, volumes);
+        let layout = Layout { tree, volumes, leaves, words };
+        let aabb_pairs = make_all(aabb_ids.len(), |i| layout.aabb_pair(aabb_ids[i as usize]));
         let mut binary = Self {
             aabb_pairs,
             slab_pairs: make_all(slab_ids.len(), |i| layout.slab_pair(slab_ids[i as usize])),
@@ -79,25 +70,46 @@ fn make_all<T: Send>(n: usize, make: impl Fn(u32) -> T + Sync) -> Vec<T> {
     (0..n as u32).map(make).collect()
 }
 
-/// The word by which each inner node will be referred to: its kind and its place among its kind. Empty where no pair
-/// leans: the word is then the node's number.
-#[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
-fn words(tree: &Tree, volumes: &Volumes) -> Vec<ChildWord> {
-    if !(0..tree.nodes.len() as u32).any(|id| volumes.pair_leans(NodeId(id))) {
-        return vec![];
-    }
-    let (mut n_aabbs, mut n_slabs) = (0, 0);
-    (0..tree.nodes.len() as u32)
-        .map(|id| {
-            let (counter, word): (&mut u32, fn(u32) -> ChildWord) = if volumes.pair_leans(NodeId(id)) {
-                (&mut n_slabs, ChildWord::slabs)
+/// Where each inner node's pair stands.
+struct Order {
+    /// The word by which each node is referred to: its kind and its place among its kind.
+    words: Vec<ChildWord>,
+    /// Nodes in the order of their axis-aligned pairs.
+    aabb_ids: Vec<u32>,
+    /// Nodes in the order of their leaning pairs.
+    slab_ids: Vec<u32>,
+}
+
+impl Order {
+    /// Depth first, the child of larger area next to its parent: the way that most rays go runs forward through memory.
+    #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
+    fn new(tree: &Tree, volumes: &Volumes) -> Self {
+        let mut order = Self {
+            words: vec![ChildWord(0); tree.nodes.len()],
+            aabb_ids: Vec::with_capacity(tree.nodes.len()),
+            slab_ids: vec![],
+        };
+        let area = |child: Child| match child.kind() {
+            ChildKind::Leaf(_) => -1.0,
+            ChildKind::Inner(id) => volumes.aabbs[id.index()].area(),
+        };
+        let mut stack = vec![tree.root()];
+        while let Some(Some(child)) = stack.pop() {
+            let ChildKind::Inner(id) = child.kind() else { continue };
+            let (ids, word): (_, fn(u32) -> ChildWord) = if volumes.pair_leans(id) {
+                (&mut order.slab_ids, ChildWord::slabs)
             } else {
-                (&mut n_aabbs, ChildWord::aabbs)
+                (&mut order.aabb_ids, ChildWord::aabbs)
             };
-            *counter += 1;
-            word(*counter - 1)
-        })
-        .collect()
+            order.words[id.index()] = word(ids.len() as u32);
+            ids.push(id.0);
+            let node = &tree.nodes[id.index()];
+            let (first, second) =
+                if area(node.left) < area(node.right) { (node.right, node.left) } else { (node.left, node.right) };
+            stack.extend([Some(second), Some(first)]);
+        }
+        order
+    }
 }
 
 struct Layout<'a, L> {
@@ -111,7 +123,7 @@ impl<L: TracedLeaf> Layout<'_, L> {
     fn word(&self, child: Child) -> ChildWord {
         match child.kind() {
             ChildKind::Leaf(position) => ChildWord::leaf(position),
-            ChildKind::Inner(id) => self.words.get(id.index()).copied().unwrap_or(ChildWord::aabbs(id.0)),
+            ChildKind::Inner(id) => self.words[id.index()],
         }
     }
 
