@@ -35,7 +35,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let found = canted_renderer::compare(&a, &b)
         .map_err(|error| anyhow!("{} and {}: {error}", args.a.display(), args.b.display()))?;
     let text = if args.json {
-        json!({ "mean_ratio": found.mean_ratio, "rmse": found.rmse, "rel_mse": found.rel_mse }).to_string()
+        json!({ "mean_ratio": found.mean_ratio, "rmse": found.rmse, "relmse": found.rel_mse }).to_string()
     } else {
         format!("mean ratio {:.6}   RMSE {:.6}   relMSE {:.6}", found.mean_ratio, found.rmse, found.rel_mse)
     };

@@ -28,7 +28,7 @@ fn folder() -> Folder {
 #[track_caller]
 fn assert_numbers(folder: &Folder, pair: &str, want: [f64; 3]) {
     let json = folder.run(&format!("compare {pair} --json")).done().json();
-    for (key, want) in ["mean_ratio", "rmse", "rel_mse"].into_iter().zip(want) {
+    for (key, want) in ["mean_ratio", "rmse", "relmse"].into_iter().zip(want) {
         let got = json[key].as_f64().unwrap();
         assert!((got - want).abs() <= 1e-12 * want.max(1.0), "{pair}: {key} is {got}, not {want}");
     }
