@@ -7,7 +7,7 @@
 use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, icosphere, thin_box, torus};
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_obb::Affine;
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas};
+use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, PairOrder, Tlas};
 use canted_trace::{InstanceId, Ray, Watertight};
 
 /// Rays from inside, and as many from outside, for each mesh, place, strategy and number of levels.
@@ -164,7 +164,7 @@ fn a_box_too_small_is_seen() {
     let mut volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig::default());
     let rays = rays(&closed.mesh, closed, &Affine::IDENTITY, N_RAYS, 7);
     let leaks = |volumes: &lbvh::Volumes| {
-        let blas = MeshBlas::<Watertight>::new(tree.clone(), volumes, sorted.clone(), &bounds);
+        let blas = MeshBlas::<Watertight>::new(tree.clone(), volumes, sorted.clone(), &bounds, PairOrder::Numbered);
         rays.iter().filter(|ray| blas.closest_hit(ray, InstanceId(0), &mut ()).is_none()).count()
     };
     assert_eq!(leaks(&volumes), 0);

@@ -2,7 +2,7 @@ use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Leaf, Strategy, VolumeCon
 use canted_obb::{Aabb, PrimId};
 use canted_sah::{PlocConfig, ReinsertConfig};
 use canted_scene::Scene;
-use canted_tlas::{Blas, Instance, MeshBlas, Tlas};
+use canted_tlas::{Blas, Instance, MeshBlas, PairOrder, Tlas};
 use canted_trace::{Hit, InstanceId, Kernel, Query, Ray};
 
 use crate::{PrepareError, Tracer};
@@ -129,7 +129,7 @@ pub(crate) fn build_level<K: Kernel>(
             if cost(&slabs) < WORTHWHILE * cost(&aabbs) { (Strategy::Dop, slabs) } else { (Strategy::Aabb, aabbs) }
         }
     };
-    Ok(Level { blas: MeshBlas::new(tree, &volumes, sorted, &bounds), strategy })
+    Ok(Level { blas: MeshBlas::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst), strategy })
 }
 
 fn build_tree(corners: &[Corners], bounds: &Aabb, builder: Builder) -> Result<lbvh::Tree, PrepareError> {

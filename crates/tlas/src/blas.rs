@@ -2,7 +2,7 @@ use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volu
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, ScaledRay, SlabRay};
 
-use crate::Binary;
+use crate::{Binary, PairOrder};
 
 /// What an instance places: anything that answers rays in its object space.
 ///
@@ -46,7 +46,9 @@ impl<K: Kernel> MeshBlas<K> {
         let (corners, bounds) = lbvh::gather(positions, triangles)?;
         let codes = lbvh::codes(&Domain::new(&bounds, 3, config.bits), &corners);
         let tree = lbvh::radix(lbvh::by_code(&codes, config.bits));
-        Ok(Self::over(tree, &corners, &bounds, config))
+        let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
+        let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
+        Ok(Self::new(tree, &volumes, sorted, &bounds, PairOrder::Numbered))
     }
 
     /// Traces through a tree of another builder.
@@ -54,13 +56,13 @@ impl<K: Kernel> MeshBlas<K> {
     pub fn over(tree: Tree, corners: &[Corners], bounds: &Aabb, config: &BuildConfig) -> Self {
         let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
         let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
-        Self::new(tree, &volumes, sorted, bounds)
+        Self::new(tree, &volumes, sorted, bounds, PairOrder::DepthFirst)
     }
 
     /// Joins the results of the stations: `sorted` are the corners in leaf order.
     #[must_use]
-    pub fn new(tree: Tree, volumes: &Volumes, sorted: Vec<Corners>, bounds: &Aabb) -> Self {
-        let binary = Binary::new(&tree, volumes, &sorted, bounds);
+    pub fn new(tree: Tree, volumes: &Volumes, sorted: Vec<Corners>, bounds: &Aabb, pair_order: PairOrder) -> Self {
+        let binary = Binary::new(&tree, volumes, &sorted, bounds, pair_order);
         // Where a record is the vertices themselves this takes the array over as it is.
         let records = sorted.into_iter().map(K::record).collect();
         Self { binary, records, leaves: tree.leaves }

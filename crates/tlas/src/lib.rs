@@ -25,7 +25,7 @@ mod blas;
 mod instance;
 mod top;
 
-pub use binary::{Binary, TracedLeaf};
+pub use binary::{Binary, PairOrder, TracedLeaf};
 pub use blas::{Blas, BuildConfig, MeshBlas};
 pub use instance::{Instance, InstanceError, MAX_CONDITION};
 pub use top::Tlas;

@@ -2,7 +2,7 @@ use canted_lbvh::{self as lbvh, Bits, Domain, VolumeConfig};
 use canted_obb::Aabb;
 use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, SlabRay};
 
-use crate::{Binary, Blas, Instance, InstanceError, instance::Placed};
+use crate::{Binary, Blas, Instance, InstanceError, PairOrder, instance::Placed};
 
 /// Two levels: a tree over instances, each a bottom level under an affine transform.
 ///
@@ -58,7 +58,7 @@ impl<B: Blas> Tlas<B> {
         let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
         let sorted: Vec<_> = tree.leaves.iter().map(|leaf| placed[leaf.index()].bounds_world).collect();
         let volumes = lbvh::volumes(&tree, &sorted, &self.volumes);
-        self.binary = Binary::new(&tree, &volumes, &sorted, &bounds);
+        self.binary = Binary::new(&tree, &volumes, &sorted, &bounds, PairOrder::Numbered);
         self.leaves = tree.leaves.iter().map(|leaf| InstanceId(leaf.0)).collect();
         self.error_per_origin = placed.iter().map(|p| p.error_per_origin).fold(0.0, f64::max);
         self.error = placed.iter().map(|p| p.error).fold(0.0, f64::max);

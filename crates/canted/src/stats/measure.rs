@@ -6,7 +6,7 @@ use anyhow::Result;
 use canted_lbvh::{self as lbvh, Bits, Costs, Domain, Strategy, Tree, VolumeConfig};
 use canted_obb::{Aabb, Obb};
 use canted_scene::Scene;
-use canted_tlas::{Binary, TracedLeaf};
+use canted_tlas::{Binary, PairOrder, TracedLeaf};
 
 /// One strategy on one level of trees.
 #[derive(Clone, Copy, Default)]
@@ -131,7 +131,7 @@ fn add_rows<L: TracedLeaf>(level: &mut Level, tree: &Tree, leaves: &[L], bounds:
         let volumes = lbvh::volumes(tree, leaves, &VolumeConfig { strategy, fallback: true });
         row.boxes_ms += start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        let binary = Binary::new(tree, &volumes, leaves, bounds);
+        let binary = Binary::new(tree, &volumes, leaves, bounds, PairOrder::Numbered);
         row.layout_ms += start.elapsed().as_secs_f64() * 1e3;
         let sums = lbvh::sums(tree, &volumes, leaves, &Costs::default(), unit);
         let root_area = binary.bounds().area() / (unit * unit);

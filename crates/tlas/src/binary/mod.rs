@@ -7,7 +7,7 @@ mod walk;
 use canted_obb::{Aabb, Obb};
 use canted_trace::Slabs;
 
-pub use build::TracedLeaf;
+pub use build::{PairOrder, TracedLeaf};
 pub(crate) use pair::{AabbPair, PairRay, SlabPair};
 
 /// A child reference of the traced tree: a leaf, or a pair of either kind.
