@@ -124,9 +124,9 @@ pub(crate) fn build_level<K: Kernel>(
     let (strategy, volumes) = match config.strategy {
         Some(strategy) => (strategy, fit(strategy)),
         None => {
-            let (aabbs, slabs) = (fit(Strategy::Aabb), fit(Strategy::Dop));
+            let (aabbs, slabs) = (fit(Strategy::Aabb), fit(Strategy::PcaUnbounded));
             let cost = |volumes| lbvh::sums(&tree, volumes, &sorted, &lbvh::Costs::default(), 1.0).sah;
-            if cost(&slabs) < WORTHWHILE * cost(&aabbs) { (Strategy::Dop, slabs) } else { (Strategy::Aabb, aabbs) }
+            if cost(&slabs) < WORTHWHILE * cost(&aabbs) { (Strategy::PcaUnbounded, slabs) } else { (Strategy::Aabb, aabbs) }
         }
     };
     Ok(Level { blas: MeshBlas::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst), strategy })
