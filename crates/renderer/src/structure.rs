@@ -126,7 +126,11 @@ pub(crate) fn build_level<K: Kernel>(
         None => {
             let (aabbs, slabs) = (fit(Strategy::Aabb), fit(Strategy::PcaUnbounded));
             let cost = |volumes| lbvh::sums(&tree, volumes, &sorted, &lbvh::Costs::default(), 1.0).sah;
-            if cost(&slabs) < WORTHWHILE * cost(&aabbs) { (Strategy::PcaUnbounded, slabs) } else { (Strategy::Aabb, aabbs) }
+            if cost(&slabs) < WORTHWHILE * cost(&aabbs) {
+                (Strategy::PcaUnbounded, slabs)
+            } else {
+                (Strategy::Aabb, aabbs)
+            }
         }
     };
     Ok(Level { blas: MeshBlas::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst), strategy })
