@@ -108,7 +108,7 @@ pub(crate) struct Level<K: Kernel> {
 
 /// Predicted cost of oriented nodes over axis-aligned ones below which `auto` takes them.
 ///
-/// A leaning pair costs more than the model's 1.4 where its 128 bytes miss the cache; a tenth is left for that.
+/// A leaning pair costs more than the model says where its 128 bytes miss the cache; a tenth is left for that.
 const WORTHWHILE: f64 = 0.9;
 
 /// Builds one bottom level, choosing volumes by predicted cost where the caller leaves it open.
