@@ -4,9 +4,6 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use canted_fixtures::{COUNTRY_KITCHEN_VIEWS, Mesh, RayData, SCENES, SPONZA_VIEWS, View, object_views};
-use canted_lbvh::{Bits, Corners, Domain, Leaf, Tree};
-use canted_obb::Aabb;
-use canted_sah::{PlocConfig, ReinsertConfig};
 use canted_scene::Scene;
 
 /// A scene as one mesh in world space, and the views it is measured from.
@@ -58,15 +55,4 @@ pub(crate) fn scene(name: &str) -> Result<Option<Scene>> {
         FILES.iter().find(|(known, _, _)| *known == name).ok_or_else(|| anyhow!("there is no scene '{name}'"))?;
     let path = folder().join(file);
     Ok(if path.exists() { Some(canted_scene::read(&path)?) } else { None })
-}
-
-/// The tree that the program traces: PLOC, improved by reinsertion.
-pub(crate) fn default_tree(corners: &[Corners], bounds: &Aabb) -> Tree {
-    let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
-    let codes = canted_lbvh::codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), &boxes);
-    let sorted = canted_lbvh::by_code(&codes, Bits::B63);
-    let in_order: Vec<Aabb> = sorted.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-    let tree = canted_sah::ploc(sorted, &in_order, &PlocConfig::default());
-    let in_order: Vec<Aabb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-    canted_sah::reinsert(&tree, &in_order, &ReinsertConfig::BALANCED)
 }

@@ -3,28 +3,16 @@
 //! Not covered here: small trees and every strategy (`volumes.rs`, `lost_hits.rs`).
 
 use canted_fixtures::{Grazing, Mesh, fan, grazing, outlier, slivers, soup};
-use canted_lbvh::{Bits, Domain, Leaf, Strategy, Tree, VolumeConfig, check, gather, in_leaf_order, volumes};
-use canted_obb::Aabb;
-use canted_sah::{PlocConfig, ReinsertConfig};
+use canted_lbvh::{Strategy, VolumeConfig, check, gather, in_leaf_order, volumes};
 use canted_tests::brute;
 use canted_tlas::{Blas, BuildConfig, MeshBlas};
 use canted_trace::{InstanceId, Ray, Watertight};
-
-fn ploc(corners: &[[[f32; 3]; 3]], bounds: &Aabb) -> Tree {
-    let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
-    let codes = canted_lbvh::codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), &boxes);
-    let sorted = canted_lbvh::by_code(&codes, Bits::B63);
-    let in_order: Vec<Aabb> = sorted.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-    let tree = canted_sah::ploc(sorted, &in_order, &PlocConfig::default());
-    let in_order: Vec<Aabb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-    canted_sah::reinsert(&tree, &in_order, &ReinsertConfig::BALANCED)
-}
 
 fn holds(name: &str, mesh: &Mesh) {
     let (corners, bounds) = gather(&mesh.positions, &mesh.triangles).unwrap();
     let obvhs = canted_renderer::obvhs_tree(&corners, obvhs::BvhBuildParams::fast_build()).unwrap();
     let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
-    for (builder, tree) in [("ploc", ploc(&corners, &bounds)), ("obvhs", obvhs)] {
+    for (builder, tree) in [("ploc", canted_renderer::ploc_tree(&corners, &bounds)), ("obvhs", obvhs)] {
         let leaves = in_leaf_order(&corners, &tree.leaves);
         for strategy in [Strategy::Aabb, Strategy::PcaUnbounded, Strategy::Combined, Strategy::Dop] {
             let config = VolumeConfig { strategy, fallback: true };

@@ -53,6 +53,6 @@ pub use prepare::{LeftOut, Levels, PrepareError, Prepared, StructureConfig, prep
 pub use render::{RenderError, render};
 pub use sampler::{Pattern, Sampler};
 pub use settings::Settings;
-pub use structure::{Builder, Flat, Structure, flatten};
+pub use structure::{Builder, Flat, Structure, flatten, ploc_tree};
 pub use surface::{Surface, Surfaces};
 pub use tracer::Tracer;

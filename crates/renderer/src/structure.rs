@@ -146,17 +146,21 @@ fn build_tree(corners: &[Corners], bounds: &Aabb, builder: Builder) -> Result<lb
             let codes = lbvh::codes(&Domain::new(bounds, 3, Bits::B63), corners);
             Ok(lbvh::radix(lbvh::by_code(&codes, Bits::B63)))
         }
-        _ => {
-            let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
-            // By the middles of their boxes the two halves of a rectangle stand side by side.
-            let codes = lbvh::codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), &boxes);
-            let sorted = lbvh::by_code(&codes, Bits::B63);
-            let in_order: Vec<Aabb> = sorted.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-            let tree = canted_sah::ploc(sorted, &in_order, &PlocConfig::default());
-            let in_order: Vec<Aabb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-            Ok(canted_sah::reinsert(&tree, &in_order, &ReinsertConfig::BALANCED))
-        }
+        _ => Ok(ploc_tree(corners, bounds)),
     }
+}
+
+/// The tree that [`Builder::Ploc`] makes: neighbours along the curve joined by area, then subtrees reinserted.
+#[must_use]
+pub fn ploc_tree(corners: &[Corners], bounds: &Aabb) -> lbvh::Tree {
+    let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
+    // By the middles of their boxes the two halves of a rectangle stand side by side.
+    let codes = lbvh::codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), &boxes);
+    let sorted = lbvh::by_code(&codes, Bits::B63);
+    let in_order: Vec<Aabb> = sorted.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
+    let tree = canted_sah::ploc(sorted, &in_order, &PlocConfig::default());
+    let in_order: Vec<Aabb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
+    canted_sah::reinsert(&tree, &in_order, &ReinsertConfig::BALANCED)
 }
 
 /// All instances' triangles in world space, under one tree.
