@@ -1,0 +1,1 @@
+//! Frames in which subtrees' boxes are small.

@@ -1,0 +1,3 @@
+//! Eight-wide bounding volume hierarchies whose boxes may lean.
+
+mod frames;
