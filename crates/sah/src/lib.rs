@@ -12,16 +12,24 @@
 #![forbid(unsafe_code)]
 
 mod apply;
+mod assemble;
+mod binned;
 mod config;
 mod lanes;
+mod median;
 mod pairs;
 mod par;
+mod partition;
 mod ploc;
+mod reference;
 mod reinsertion;
 mod scale;
 mod search;
 mod select;
+mod sweep;
+mod top_down;
 
 pub use config::ReinsertConfig;
 pub use ploc::{PlocConfig, ploc};
 pub use reinsertion::reinsert;
+pub use top_down::{Axes, Split, TopDownConfig, top_down};

@@ -43,3 +43,15 @@ pub(crate) fn map_ranges<R: Send>(n: usize, chunk: usize, work: impl Fn(Range<us
         (0..n.div_ceil(chunk)).map(|i| work(range(i))).collect()
     }
 }
+
+/// Results of both, side by side where there are threads for it.
+pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    #[cfg(feature = "parallel")]
+    {
+        rayon::join(a, b)
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        (a(), b())
+    }
+}

@@ -1,0 +1,97 @@
+use canted_obb::Aabb;
+use glam::{Vec4, Vec4Swizzles};
+
+/// A box as `(min, -max)`, so that a union is one minimum for either half.
+///
+/// The fourth lanes are no part of the box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Bounds {
+    low: Vec4,
+    high: Vec4,
+}
+
+impl Bounds {
+    /// Changes no union.
+    pub(crate) const EMPTY: Self = Self { low: Vec4::MAX, high: Vec4::MAX };
+
+    #[inline]
+    pub(crate) fn union(&self, other: &Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.min(other.high) }
+    }
+
+    /// Half of the surface area.
+    #[inline]
+    pub(crate) fn half_area(&self) -> f32 {
+        // Extents with their signs turned: products of two of them are those of the extents.
+        let turned = self.low + self.high;
+        let faces = turned * turned.yzxw();
+        faces.x + faces.y + faces.z
+    }
+
+    /// Least coordinates.
+    #[inline]
+    pub(crate) fn low(&self) -> Vec4 {
+        self.low
+    }
+
+    /// Side lengths.
+    #[inline]
+    pub(crate) fn extent(&self) -> Vec4 {
+        -(self.low + self.high)
+    }
+
+    /// The axis of the longest side, the first of equals.
+    pub(crate) fn longest(&self) -> usize {
+        let extent = self.extent().to_array();
+        (1..3).fold(0, |best, k| if extent[k] > extent[best] { k } else { best })
+    }
+}
+
+/// A primitive with its box, carried along while nodes are parted: half a cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(transparent)]
+pub(crate) struct Reference(Bounds);
+
+impl Reference {
+    /// `primitive` with its box in units of `1 / scale`.
+    ///
+    /// Its number lies in the fourth lane as the bits of a float: below `2^30` these are finite and less than 2, so
+    /// no sum or product of lanes turns into a NaN.
+    pub(crate) fn new(primitive: u32, aabb: &Aabb, scale: f32) -> Self {
+        let ([x, y, z], [u, v, w]) = (aabb.min.map(|c| scale * c), aabb.max.map(|c| -scale * c));
+        Self(Bounds { low: Vec4::new(x, y, z, f32::from_bits(primitive)), high: Vec4::new(u, v, w, 0.0) })
+    }
+
+    #[inline]
+    pub(crate) fn primitive(&self) -> u32 {
+        self.0.low.w.to_bits()
+    }
+
+    #[inline]
+    pub(crate) fn bounds(&self) -> &Bounds {
+        &self.0
+    }
+
+    /// Twice the middle of the box.
+    #[inline]
+    pub(crate) fn center(&self) -> Vec4 {
+        self.0.low - self.0.high
+    }
+
+    /// The middles' coordinate as an integer of the same order, zeros of both signs equal.
+    #[inline]
+    pub(crate) fn key(&self, axis: usize) -> u32 {
+        let bits = (self.center().to_array()[axis] + 0.0).to_bits();
+        if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+    }
+}
+
+/// The box around the middles, doubled, of all references.
+pub(crate) fn centers(references: &[Reference]) -> Bounds {
+    let mut all = Bounds::EMPTY;
+    for reference in references {
+        let center = reference.center();
+        all = all.union(&Bounds { low: center, high: -center });
+    }
+    all
+}

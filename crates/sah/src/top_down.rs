@@ -1,0 +1,163 @@
+use canted_lbvh::Tree;
+use canted_obb::{Aabb, PrimId};
+
+use crate::{
+    assemble::{Plot, assemble},
+    binned::{Grid, best_plane},
+    median, par,
+    partition::{halve, partition},
+    reference::{Bounds, Reference, centers},
+    scale::unit_scale,
+    sweep::{MAX_BLOCK, sweep, sweep_block},
+};
+
+/// Where a node's primitives are parted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Split {
+    /// In the middle between the outermost box middles. Deep where primitives crowd.
+    Midpoint,
+    /// At the median of the box middles: as shallow as a tree can be.
+    Median,
+    /// Between any two box middles, at least cost: the dearest to build.
+    Sweep,
+    /// Between cells, at least cost.
+    Binned {
+        /// Cells an axis, 2 to 64.
+        cells: u32,
+        /// Up to this many primitives, 32 at most, all splits are tried as by [`Split::Sweep`].
+        sweep_up_to: u32,
+    },
+}
+
+/// The axes on which splits are tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// The one on which the box middles lie farthest apart.
+    Longest,
+    /// One after the other, those left out on which all middles agree.
+    Cyclic,
+    /// All three, the cheapest split by surface area wins.
+    All,
+}
+
+/// How a tree is built from the root down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TopDownConfig {
+    /// Where nodes are parted.
+    pub split: Split,
+    /// On which axes.
+    pub axes: Axes,
+    /// Most nodes from the root to a leaf, the leaf included. Nodes that would break it are halved by count, so a
+    /// limit below `1 + ceil(log2 n)` is raised to that.
+    pub max_depth: u32,
+}
+
+impl TopDownConfig {
+    /// 32 cells on all axes.
+    pub const BINNED: Self =
+        Self { split: Split::Binned { cells: 32, sweep_up_to: 16 }, axes: Axes::All, max_depth: MAX_DEPTH };
+
+    /// Every split on all axes.
+    pub const SWEEP: Self = Self { split: Split::Sweep, ..Self::BINNED };
+}
+
+impl Default for TopDownConfig {
+    fn default() -> Self {
+        Self::BINNED
+    }
+}
+
+/// Depth up to which trees grow: what traversal holds without allocating.
+pub(crate) const MAX_DEPTH: u32 = 96;
+
+/// Leaves above which a node's children are built side by side.
+pub(crate) const FORK: usize = 1 << 12;
+
+/// Builds a tree from the root down, one primitive a leaf.
+///
+/// Reads: a box for each primitive (finite). Writes: a tree whose leaves lie in the order in which it parted them.
+/// Holds: a depth of at most `max_depth`; the same bits for any number of threads; equal boxes are halved by count.
+/// Source: surface area heuristic of Goldsmith & Salmon 1987 and MacDonald & Booth 1990; cells after Wald 2007.
+#[must_use]
+pub fn top_down(boxes: &[Aabb], config: &TopDownConfig) -> Tree {
+    let scale = unit_scale(boxes).unwrap_or(1.0);
+    let mut references: Vec<_> = (0..).zip(boxes).map(|(i, aabb)| Reference::new(i, aabb, scale)).collect();
+    assemble(boxes.len(), |plot| {
+        if config.split == Split::Sweep {
+            return sweep(&references, config, plot, 1);
+        }
+        let mut room = references.clone();
+        build(Span { references: &mut references, room: &mut room }, config, plot, 1)
+    })
+}
+
+/// A node's references, and as much room to part them into.
+struct Span<'a> {
+    references: &'a mut [Reference],
+    room: &'a mut [Reference],
+}
+
+/// Builds a subtree at `depth`; returns its height in nodes.
+fn build(mut span: Span<'_>, config: &TopDownConfig, plot: Plot<'_>, depth: u32) -> u32 {
+    let n = span.references.len();
+    if let [reference] = span.references {
+        plot.leaf(PrimId(reference.primitive()));
+        return 1;
+    }
+    if let Split::Binned { sweep_up_to, .. } = config.split
+        && n <= (sweep_up_to as usize).min(MAX_BLOCK)
+    {
+        return sweep_block(span.references, config, plot, depth);
+    }
+    let n_left = part(&mut span, config, depth);
+    let (references, room) = (span.references.split_at_mut(n_left), span.room.split_at_mut(n_left));
+    let left = Span { references: references.0, room: room.0 };
+    let right = Span { references: references.1, room: room.1 };
+    let (left_plot, right_plot) = plot.split(n_left);
+    let (build_left, build_right) =
+        (|| build(left, config, left_plot, depth + 1), || build(right, config, right_plot, depth + 1));
+    let (a, b) = if n > FORK { par::join(build_left, build_right) } else { (build_left(), build_right()) };
+    1 + a.max(b)
+}
+
+/// Parts the references; returns how many are left. Never none or all.
+fn part(span: &mut Span<'_>, config: &TopDownConfig, depth: u32) -> usize {
+    let n = span.references.len();
+    let centers = centers(span.references);
+    if must_halve(n, depth, config.max_depth) {
+        return halve(span.references, centers.longest());
+    }
+    let axes = choose_axes(config.axes, depth, || centers);
+    let n_cells = match config.split {
+        Split::Median | Split::Sweep => return median::part(span.references, axes),
+        Split::Midpoint => 2,
+        Split::Binned { cells, .. } => cells,
+    };
+    let grid = Grid::new(&centers, n_cells);
+    let Some(plane) = best_plane(span.references, &grid, axes) else {
+        return halve(span.references, centers.longest());
+    };
+    let n_left = partition(span.references, span.room, |reference| grid.is_left(plane, reference));
+    std::mem::swap(&mut span.references, &mut span.room);
+    n_left
+}
+
+/// Whether only halves by count keep `n` leaves below a node at `depth` within the limit.
+pub(crate) fn must_halve(n: usize, depth: u32, max_depth: u32) -> bool {
+    let levels = usize::BITS - (n - 1).leading_zeros();
+    depth + levels >= max_depth
+}
+
+/// The axes tried on a node at `depth`.
+pub(crate) fn choose_axes(axes: Axes, depth: u32, centers: impl Fn() -> Bounds) -> &'static [usize] {
+    const EACH: [usize; 3] = [0, 1, 2];
+    let axis = match axes {
+        Axes::All => return &EACH,
+        Axes::Longest => centers().longest(),
+        Axes::Cyclic => {
+            let extent = centers().extent().to_array();
+            (0..3).map(|k| (depth as usize + k) % 3).find(|&axis| extent[axis] > 0.0).unwrap_or(0)
+        }
+    };
+    &EACH[axis..=axis]
+}
