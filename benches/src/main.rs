@@ -5,39 +5,34 @@
 #![forbid(unsafe_code)]
 
 mod build;
+mod clock;
 mod interleave;
 mod models;
+mod options;
 mod picture;
 mod trace;
+mod wide;
 
 use std::io::Write;
 
-use anyhow::{Result, anyhow};
+use anyhow::Result;
+
+use crate::options::Options;
 
 fn main() -> Result<()> {
-    let mut rounds = 5;
-    let mut sections = vec![];
-    let mut args = std::env::args().skip(1);
-    while let Some(arg) = args.next() {
-        match arg.as_str() {
-            "--rounds" => {
-                let value = args.next().unwrap_or_default();
-                rounds = value.parse().map_err(|_| anyhow!("--rounds '{value}' is not a number"))?;
-            }
-            "build" | "trace" | "picture" => sections.push(arg),
-            _ => return Err(anyhow!("'{arg}' is neither build, trace, picture nor --rounds N")),
-        }
-    }
+    let options = Options::read(std::env::args().skip(1))?;
     let mut out = String::new();
-    let wanted = |name: &str| sections.is_empty() || sections.iter().any(|section| section == name);
-    if wanted("build") {
-        build::section(&mut out, rounds)?;
+    if options.wants("build") {
+        build::section(&mut out, options.rounds)?;
     }
-    if wanted("trace") {
-        trace::section(&mut out, rounds)?;
+    if options.wants("trace") {
+        trace::section(&mut out, options.rounds)?;
     }
-    if wanted("picture") {
+    if options.wants("picture") {
         picture::section(&mut out)?;
+    }
+    if options.wants("wide") {
+        wide::section(&mut out, &options)?;
     }
     std::io::stdout().write_all(out.as_bytes())?;
     Ok(())

@@ -5,11 +5,20 @@ use std::path::PathBuf;
 use anyhow::{Result, anyhow};
 use canted_fixtures::{COUNTRY_KITCHEN_VIEWS, Mesh, RayData, SCENES, SPONZA_VIEWS, View, object_views};
 use canted_scene::Scene;
+use canted_tlas::Instance;
 
 /// A scene as one mesh in world space, and the views it is measured from.
 pub(crate) struct Model {
     pub(crate) mesh: Mesh,
     pub(crate) views: [View; 4],
+    /// The meshes before they were placed, for a scene that lives from placing them often.
+    pub(crate) placed: Option<Placed>,
+}
+
+/// Meshes in their own spaces, and where each stands.
+pub(crate) struct Placed {
+    pub(crate) meshes: Vec<Mesh>,
+    pub(crate) instances: Vec<Instance>,
 }
 
 impl Model {
@@ -17,16 +26,33 @@ impl Model {
     pub(crate) fn camera_rays(&self, resolution: u32) -> Vec<RayData> {
         self.views.iter().flat_map(|view| view.rays(resolution)).collect()
     }
+
+    /// The model and its views out of their axes.
+    fn turned(self) -> Self {
+        Self { mesh: self.mesh.turned(), views: self.views.map(View::turned), placed: None }
+    }
 }
 
 /// Real models by name: file in the folder of scenes, and views where it is an interior.
-const FILES: [(&str, &str, Option<[View; 4]>); 5] = [
+const FILES: [(&str, &str, Option<[View; 4]>); 11] = [
     ("bunny", "stanford/bunny.ply", None),
     ("sponza", "sponza/sponza.obj", Some(SPONZA_VIEWS)),
+    ("dragon_res2", "stanford/dragon_res2.ply", None),
     ("dragon_871k", "stanford/dragon_871k.glb", None),
     ("country_kitchen", "kitchen/country_kitchen.glb", Some(COUNTRY_KITCHEN_VIEWS)),
     ("eiffel", "truss/eiffel.glb", None),
+    ("truss_bridge", "truss/truss_bridge.glb", None),
+    ("radio_tower", "truss/radio_tower.glb", None),
+    ("tower_crane", "truss/tower_crane.glb", None),
+    ("truss_stage", "truss/truss_stage.glb", None),
+    (TOWER_FIELD, "instanced/tower_field.glb", None),
 ];
+
+/// The scene that is measured with two levels.
+const TOWER_FIELD: &str = "tower_field";
+
+/// Ending of the name of a scene that is turned out of its axes.
+const TURNED: &str = "_turned";
 
 /// Folder of real models: `CANTED_SCENES`, else `../shared/scenes` beside the workspace.
 fn folder() -> PathBuf {
@@ -34,19 +60,36 @@ fn folder() -> PathBuf {
         .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes")), PathBuf::from)
 }
 
-/// Makes or loads a scene; `None` for a real model that is not at hand.
+/// Makes or loads a scene; `None` for a real model that is not at hand. `NAME_turned` is NAME out of its axes.
 pub(crate) fn load(name: &str) -> Result<Option<Model>> {
+    if let Some(straight) = name.strip_suffix(TURNED) {
+        return Ok(load(straight)?.map(Model::turned));
+    }
     if let Some(scene) = SCENES.iter().find(|scene| scene.name == name) {
         let mesh = (scene.generate)();
         let views = object_views(&mesh);
-        return Ok(Some(Model { mesh, views }));
+        return Ok(Some(Model { mesh, views, placed: None }));
     }
     let Some(scene) = scene(name)? else { return Ok(None) };
     let (positions, triangles, _) = canted_renderer::flatten(&scene);
     let mesh = Mesh { positions, triangles };
     let views = FILES.iter().find_map(|(known, _, views)| (*known == name).then_some(*views)).flatten();
     let views = views.unwrap_or_else(|| object_views(&mesh));
-    Ok(Some(Model { mesh, views }))
+    let placed = (name == TOWER_FIELD).then(|| placed(&scene));
+    Ok(Some(Model { mesh, views, placed }))
+}
+
+fn placed(scene: &Scene) -> Placed {
+    let mesh =
+        |mesh: &canted_scene::Mesh| Mesh { positions: mesh.positions.clone(), triangles: mesh.triangles.clone() };
+    let instance = |instance: &canted_scene::Instance| Instance {
+        blas: instance.mesh.0,
+        world_from_object: instance.world_from_object,
+    };
+    Placed {
+        meshes: scene.meshes.iter().map(mesh).collect(),
+        instances: scene.instances.iter().map(instance).collect(),
+    }
 }
 
 /// Reads a real model; `None` where it is not at hand.

@@ -24,7 +24,8 @@ const LEANING_SCENES: [&str; 6] = ["scaffold", "hair_ribbons", "hair_thin_tubes"
 /// Pixels along a view's side.
 const RESOLUTION: u32 = 128;
 
-fn ray(data: &RayData) -> Ray {
+/// A fixture's ray as ours.
+pub(crate) fn ray(data: &RayData) -> Ray {
     Ray { origin: data.origin, direction: data.direction, t_min: 0.0, t_max: data.t_max }
 }
 
@@ -42,8 +43,9 @@ fn rays(model: &Model) -> Result<[Vec<Ray>; 2]> {
     Ok([camera, scattered.iter().map(ray).collect()])
 }
 
+/// The point hit, with the normal that faces the ray.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how points are stored")]
-fn surface_point(model: &Model, ray: &Ray, hit: &Hit) -> SurfacePoint {
+pub(crate) fn surface_point(model: &Model, ray: &Ray, hit: &Hit) -> SurfacePoint {
     let [a, b, c] = model.mesh.corners(hit.primitive.index());
     let sub = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
     let (ab, ac) = (sub(b, a), sub(c, a));

@@ -1,0 +1,60 @@
+//! Embree, versions 3 and 4: triangle meshes, instances, closest and any hit for single rays.
+
+mod abi;
+mod find;
+
+pub use abi::{Library, LoadError, Scene, SceneError};
+pub use find::libraries;
+
+/// A triangle mesh, object space.
+#[derive(Clone, Copy, Debug)]
+pub struct Mesh<'a> {
+    /// Vertices.
+    pub positions: &'a [[f32; 3]],
+    /// Vertex indices of each triangle.
+    pub triangles: &'a [[u32; 3]],
+}
+
+/// A placed mesh.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement {
+    /// Index of the mesh.
+    pub mesh: usize,
+    /// Columns of the affine transform, translation last.
+    pub world_from_object: [[f32; 3]; 4],
+}
+
+/// How much care goes into a build.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// Binned surface area heuristic: Embree's default.
+    Medium,
+    /// With spatial splits.
+    High,
+}
+
+/// How a scene is built.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Care of the build.
+    pub quality: Quality,
+    /// Watertight triangle test and conservative boxes.
+    pub is_robust: bool,
+    /// Threads that build.
+    pub n_threads: usize,
+}
+
+/// The nearest hit of a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// Distance in units of the ray's direction.
+    pub t: f32,
+    /// Weight of the second vertex.
+    pub u: f32,
+    /// Weight of the third vertex.
+    pub v: f32,
+    /// Triangle of its mesh.
+    pub primitive: u32,
+    /// Placement; 0 for a scene that is one mesh.
+    pub instance: u32,
+}

@@ -1,0 +1,487 @@
+//! The binary interface of Embree, as its headers `rtcore_*.h` of versions 3.13 and 4.4 lay it down.
+//!
+//! Reads: a library named by the caller, meshes, rays. Writes: hits.
+//! Holds: every pointer given to Embree outlives what Embree keeps of it.
+//! Source: Embree API reference, `rtcore_device.h`, `rtcore_scene.h`, `rtcore_geometry.h`, `rtcore_ray.h`.
+#![expect(unsafe_code, reason = "a foreign interface; every block says why it holds")]
+
+use std::{
+    error::Error,
+    ffi::{CString, c_char, c_void},
+    fmt,
+    mem,
+    path::Path,
+    ptr,
+    sync::atomic::{AtomicIsize, Ordering},
+};
+
+use super::{Found, Mesh, Options, Placement, Quality};
+
+type Handle = *mut c_void;
+type MemoryMonitor = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
+/// `rtcIntersect1` and `rtcOccluded1` of version 3: scene, context, ray.
+type Query3 = unsafe extern "C" fn(Handle, *mut Context3, *mut RayHit);
+/// The same of version 4: scene, ray, arguments, which may be null.
+type Query4 = unsafe extern "C" fn(Handle, *mut RayHit, *mut c_void);
+
+const INVALID: u32 = u32::MAX;
+const TYPE_TRIANGLE: i32 = 0;
+const TYPE_INSTANCE: i32 = 121;
+const BUFFER_INDEX: i32 = 0;
+const BUFFER_VERTEX: i32 = 1;
+const FORMAT_UINT3: i32 = 0x5003;
+const FORMAT_FLOAT3: i32 = 0x9003;
+const FORMAT_FLOAT3X4_COLUMN_MAJOR: i32 = 0x9234;
+const FLAG_ROBUST: i32 = 1 << 2;
+const QUALITY_MEDIUM: i32 = 1;
+const QUALITY_HIGH: i32 = 2;
+const PROPERTY_VERSION: i32 = 0;
+
+/// `RTCRayHit`; version 4 may write one word more than version 3, so the last words are there for both.
+#[repr(C, align(16))]
+struct RayHit {
+    origin: [f32; 3],
+    t_near: f32,
+    direction: [f32; 3],
+    time: f32,
+    t_far: f32,
+    mask: u32,
+    id: u32,
+    flags: u32,
+    normal: [f32; 3],
+    u: f32,
+    v: f32,
+    primitive: u32,
+    geometry: u32,
+    instance: u32,
+    instance_primitive: u32,
+}
+
+/// `RTCIntersectContext` of version 3.
+#[repr(C)]
+struct Context3 {
+    flags: i32,
+    filter: *const c_void,
+    instance: u32,
+}
+
+/// The two shapes that a ray query has.
+#[derive(Clone, Copy)]
+enum Query {
+    Three(Query3),
+    Four(Query4),
+}
+
+/// The functions that are used, by their names in the headers.
+#[derive(Clone, Copy)]
+struct Functions {
+    new_device: unsafe extern "C" fn(*const c_char) -> Handle,
+    release_device: unsafe extern "C" fn(Handle),
+    device_error: unsafe extern "C" fn(Handle) -> i32,
+    set_memory_monitor: unsafe extern "C" fn(Handle, Option<MemoryMonitor>, *mut c_void),
+    new_scene: unsafe extern "C" fn(Handle) -> Handle,
+    release_scene: unsafe extern "C" fn(Handle),
+    set_scene_flags: unsafe extern "C" fn(Handle, i32),
+    set_scene_quality: unsafe extern "C" fn(Handle, i32),
+    commit_scene: unsafe extern "C" fn(Handle),
+    new_geometry: unsafe extern "C" fn(Handle, i32) -> Handle,
+    release_geometry: unsafe extern "C" fn(Handle),
+    commit_geometry: unsafe extern "C" fn(Handle),
+    attach_geometry: unsafe extern "C" fn(Handle, Handle) -> u32,
+    set_quality: unsafe extern "C" fn(Handle, i32),
+    set_shared_buffer: unsafe extern "C" fn(Handle, i32, u32, i32, *const c_void, usize, usize, usize),
+    set_instanced_scene: unsafe extern "C" fn(Handle, Handle),
+    set_transform: unsafe extern "C" fn(Handle, u32, i32, *const c_void),
+    intersect: Query,
+    occluded: Query,
+}
+
+/// Why a library cannot be used.
+#[derive(Debug)]
+pub struct LoadError(String);
+
+impl fmt::Display for LoadError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "no usable Embree: {}", self.0)
+    }
+}
+
+impl Error for LoadError {}
+
+/// Why a scene was not built: Embree's error code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SceneError(i32);
+
+impl fmt::Display for SceneError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Embree refused the scene with error {}", self.0)
+    }
+}
+
+impl Error for SceneError {}
+
+/// A loaded library, which stays loaded until the program ends.
+#[derive(Clone, Copy)]
+pub struct Library {
+    functions: Functions,
+    /// Major, minor, patch as one number: 40400.
+    version: u32,
+}
+
+impl Library {
+    /// Loads the library at `path`, or of that name where the system's loader knows it.
+    ///
+    /// # Errors
+    /// Where there is none, it lacks a function, or its version is neither 3 nor 4.
+    pub fn open(path: &Path) -> Result<Self, LoadError> {
+        let complain = |error: libloading::Error| LoadError(error.to_string());
+        // SAFETY: loading runs the library's initialisers; the caller names an Embree.
+        let code = unsafe { libloading::Library::new(path) }.map_err(complain)?;
+        // SAFETY: the property's function has this signature in both versions.
+        let (new_device, device_property, release_device) = unsafe {
+            (
+                *code.get(b"rtcNewDevice\0").map_err(complain)?,
+                *code.get(b"rtcGetDeviceProperty\0").map_err(complain)?,
+                *code.get(b"rtcReleaseDevice\0").map_err(complain)?,
+            )
+        };
+        let version = version(new_device, device_property, release_device)?;
+        let functions = functions(&code, version, new_device, release_device).map_err(complain)?;
+        // Never unloaded: its worker threads may run its code until the program ends.
+        mem::forget(code);
+        Ok(Self { functions, version })
+    }
+
+    /// Major, minor and patch as one number: 40400 is 4.4.0.
+    #[must_use]
+    pub fn version(&self) -> u32 {
+        self.version
+    }
+}
+
+/// Asks a device that lives for this question alone.
+fn version(
+    new_device: unsafe extern "C" fn(*const c_char) -> Handle,
+    device_property: unsafe extern "C" fn(Handle, i32) -> isize,
+    release_device: unsafe extern "C" fn(Handle),
+) -> Result<u32, LoadError> {
+    // SAFETY: a null configuration is the default one; the device is released once, after its last use.
+    let version = unsafe {
+        let device = new_device(ptr::null());
+        if device.is_null() {
+            return Err(LoadError("it makes no device".to_owned()));
+        }
+        let version = device_property(device, PROPERTY_VERSION);
+        release_device(device);
+        version
+    };
+    match u32::try_from(version) {
+        Ok(version) if (30_000..50_000).contains(&version) => Ok(version),
+        _ => Err(LoadError(format!("version {version} is not known here"))),
+    }
+}
+
+fn functions(
+    code: &libloading::Library,
+    version: u32,
+    new_device: unsafe extern "C" fn(*const c_char) -> Handle,
+    release_device: unsafe extern "C" fn(Handle),
+) -> Result<Functions, libloading::Error> {
+    // SAFETY: each field's type is the signature that the headers of both versions give for the name beside it; only
+    // the ray queries differ, and the version decides between their two.
+    unsafe {
+        let query = |name: &[u8]| {
+            Ok::<_, libloading::Error>(if version < 40_000 {
+                Query::Three(*code.get(name)?)
+            } else {
+                Query::Four(*code.get(name)?)
+            })
+        };
+        Ok(Functions {
+            new_device,
+            release_device,
+            device_error: *code.get(b"rtcGetDeviceError\0")?,
+            set_memory_monitor: *code.get(b"rtcSetDeviceMemoryMonitorFunction\0")?,
+            new_scene: *code.get(b"rtcNewScene\0")?,
+            release_scene: *code.get(b"rtcReleaseScene\0")?,
+            set_scene_flags: *code.get(b"rtcSetSceneFlags\0")?,
+            set_scene_quality: *code.get(b"rtcSetSceneBuildQuality\0")?,
+            commit_scene: *code.get(b"rtcCommitScene\0")?,
+            new_geometry: *code.get(b"rtcNewGeometry\0")?,
+            release_geometry: *code.get(b"rtcReleaseGeometry\0")?,
+            commit_geometry: *code.get(b"rtcCommitGeometry\0")?,
+            attach_geometry: *code.get(b"rtcAttachGeometry\0")?,
+            set_quality: *code.get(b"rtcSetGeometryBuildQuality\0")?,
+            set_shared_buffer: *code.get(b"rtcSetSharedGeometryBuffer\0")?,
+            set_instanced_scene: *code.get(b"rtcSetGeometryInstancedScene\0")?,
+            set_transform: *code.get(b"rtcSetGeometryTransform\0")?,
+            intersect: query(b"rtcIntersect1\0")?,
+            occluded: query(b"rtcOccluded1\0")?,
+        })
+    }
+}
+
+/// A device and its count of bytes.
+struct Device {
+    library: Library,
+    handle: Handle,
+    n_bytes: Box<AtomicIsize>,
+}
+
+impl Device {
+    fn new(library: &Library, n_threads: usize) -> Result<Self, SceneError> {
+        let config = CString::new(format!("threads={n_threads}")).expect("no zero byte in it");
+        let n_bytes = Box::new(AtomicIsize::new(0));
+        let f = &library.functions;
+        // SAFETY: the configuration is a C string that lives through the call.
+        let handle = unsafe { (f.new_device)(config.as_ptr()) };
+        if handle.is_null() {
+            // SAFETY: a null device asks for the error of the thread.
+            return Err(SceneError(unsafe { (f.device_error)(ptr::null_mut()) }));
+        }
+        let count = ptr::from_ref::<AtomicIsize>(&n_bytes).cast_mut().cast();
+        // SAFETY: the count is boxed, so it stays where it is, and dropped after the device.
+        unsafe { (f.set_memory_monitor)(handle, Some(count_bytes), count) };
+        Ok(Self { library: *library, handle, n_bytes })
+    }
+
+    /// The device's first error since it was asked last.
+    fn check(&self) -> Result<(), SceneError> {
+        // SAFETY: the device is alive.
+        match unsafe { (self.library.functions.device_error)(self.handle) } {
+            0 => Ok(()),
+            code => Err(SceneError(code)),
+        }
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // SAFETY: released once, and fields are dropped only afterwards: the count outlives the device.
+        unsafe { (self.library.functions.release_device)(self.handle) };
+    }
+}
+
+/// Adds what Embree allocates and frees; never refuses.
+unsafe extern "C" fn count_bytes(count: *mut c_void, bytes: isize, _after: bool) -> bool {
+    // SAFETY: `count` is the counter that `Device::new` registered, and it outlives the device.
+    unsafe { &*count.cast::<AtomicIsize>() }.fetch_add(bytes, Ordering::Relaxed);
+    true
+}
+
+/// Arrays that Embree reads where they lie.
+struct Buffers {
+    /// Followed by one float, because Embree reads 16 bytes at each vertex.
+    positions: Vec<f32>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Buffers {
+    fn new(mesh: &Mesh<'_>) -> Self {
+        let positions = mesh.positions.as_flattened().iter().copied().chain([0.0]).collect();
+        Self { positions, triangles: mesh.triangles.to_vec() }
+    }
+}
+
+/// A built scene.
+pub struct Scene {
+    /// The scene that rays enter, then the scenes of instanced meshes.
+    scenes: Vec<Handle>,
+    device: Device,
+    _buffers: Vec<Buffers>,
+}
+
+// SAFETY: a committed scene is only read, which Embree allows from any thread; nothing here changes one afterwards.
+unsafe impl Send for Scene {}
+// SAFETY: as above.
+unsafe impl Sync for Scene {}
+
+impl Scene {
+    /// Builds one mesh, without a second level.
+    ///
+    /// # Errors
+    /// Where Embree reports one.
+    pub fn of_mesh(library: &Library, mesh: &Mesh<'_>, options: &Options) -> Result<Self, SceneError> {
+        let device = Device::new(library, options.n_threads)?;
+        let mut scene = Self { scenes: vec![], device, _buffers: vec![Buffers::new(mesh)] };
+        scene.start(options);
+        scene.attach_mesh(0, 0, options);
+        scene.commit(0)?;
+        Ok(scene)
+    }
+
+    /// Builds each mesh once, and a level of instances above.
+    ///
+    /// # Errors
+    /// Where Embree reports one.
+    ///
+    /// # Panics
+    /// Where a placement names no mesh.
+    pub fn of_instances(
+        library: &Library,
+        meshes: &[Mesh<'_>],
+        placements: &[Placement],
+        options: &Options,
+    ) -> Result<Self, SceneError> {
+        let device = Device::new(library, options.n_threads)?;
+        let buffers = meshes.iter().map(Buffers::new).collect();
+        let mut scene = Self { scenes: vec![], device, _buffers: buffers };
+        scene.start(options);
+        for mesh in 0..meshes.len() {
+            scene.start(options);
+            scene.attach_mesh(mesh + 1, mesh, options);
+            scene.commit(mesh + 1)?;
+        }
+        for placement in placements {
+            scene.attach_instance(placement);
+        }
+        scene.commit(0)?;
+        Ok(scene)
+    }
+
+    /// Bytes that the device holds: trees and triangles, without the meshes given to it.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        usize::try_from(self.device.n_bytes.load(Ordering::Relaxed)).unwrap_or(0)
+    }
+
+    /// The nearest hit with `t` in `0..=t_max`.
+    #[inline]
+    #[must_use]
+    pub fn closest(&self, origin: [f32; 3], direction: [f32; 3], t_max: f32) -> Option<Found> {
+        let mut ray = RayHit::new(origin, direction, t_max);
+        self.query(self.device.library.functions.intersect, &mut ray);
+        (ray.geometry != INVALID).then(|| Found {
+            t: ray.t_far,
+            u: ray.u,
+            v: ray.v,
+            primitive: ray.primitive,
+            instance: if ray.instance == INVALID { 0 } else { ray.instance },
+        })
+    }
+
+    /// Whether anything is hit with `t` in `0..=t_max`.
+    #[inline]
+    #[must_use]
+    pub fn occluded(&self, origin: [f32; 3], direction: [f32; 3], t_max: f32) -> bool {
+        let mut ray = RayHit::new(origin, direction, t_max);
+        self.query(self.device.library.functions.occluded, &mut ray);
+        // Embree says so by an end of minus infinity.
+        ray.t_far < 0.0
+    }
+
+    #[inline]
+    fn query(&self, query: Query, ray: &mut RayHit) {
+        // SAFETY: the scene is committed and alive, the ray is as large and as aligned as either version wants, and
+        // null arguments stand for the default ones. An any-hit query touches only the ray's first 48 bytes.
+        unsafe {
+            match query {
+                Query::Three(query) => {
+                    let mut context = Context3 { flags: 0, filter: ptr::null(), instance: INVALID };
+                    query(self.scenes[0], &raw mut context, ray);
+                }
+                Query::Four(query) => query(self.scenes[0], ray, ptr::null_mut()),
+            }
+        }
+    }
+
+    /// Adds an empty scene.
+    fn start(&mut self, options: &Options) {
+        let f = &self.device.library.functions;
+        let quality = quality(options);
+        // SAFETY: the device is alive; the scene is released in `drop`.
+        unsafe {
+            let scene = (f.new_scene)(self.device.handle);
+            (f.set_scene_flags)(scene, if options.is_robust { FLAG_ROBUST } else { 0 });
+            (f.set_scene_quality)(scene, quality);
+            self.scenes.push(scene);
+        }
+    }
+
+    fn attach_mesh(&self, scene: usize, mesh: usize, options: &Options) {
+        let f = &self.device.library.functions;
+        let Buffers { positions, triangles } = &self._buffers[mesh];
+        // SAFETY: the buffers live as long as this scene and hold what the counts say; the vertices are padded to
+        // 16 bytes past the last one. The scene keeps the geometry after it is released here.
+        unsafe {
+            let geometry = (f.new_geometry)(self.device.handle, TYPE_TRIANGLE);
+            let n_vertices = positions.len() / 3;
+            (f.set_shared_buffer)(
+                geometry,
+                BUFFER_VERTEX,
+                0,
+                FORMAT_FLOAT3,
+                positions.as_ptr().cast(),
+                0,
+                12,
+                n_vertices,
+            );
+            let indices = triangles.as_ptr().cast();
+            (f.set_shared_buffer)(geometry, BUFFER_INDEX, 0, FORMAT_UINT3, indices, 0, 12, triangles.len());
+            (f.set_quality)(geometry, quality(options));
+            (f.commit_geometry)(geometry);
+            (f.attach_geometry)(self.scenes[scene], geometry);
+            (f.release_geometry)(geometry);
+        }
+    }
+
+    fn attach_instance(&self, placement: &Placement) {
+        let f = &self.device.library.functions;
+        let matrix: *const [[f32; 3]; 4] = &raw const placement.world_from_object;
+        // SAFETY: the instanced scene is alive and committed; the matrix is copied by the call.
+        unsafe {
+            let geometry = (f.new_geometry)(self.device.handle, TYPE_INSTANCE);
+            (f.set_instanced_scene)(geometry, self.scenes[placement.mesh + 1]);
+            (f.set_transform)(geometry, 0, FORMAT_FLOAT3X4_COLUMN_MAJOR, matrix.cast());
+            (f.commit_geometry)(geometry);
+            (f.attach_geometry)(self.scenes[0], geometry);
+            (f.release_geometry)(geometry);
+        }
+    }
+
+    /// Builds.
+    fn commit(&self, scene: usize) -> Result<(), SceneError> {
+        // SAFETY: the scene is alive and nobody traces through it yet.
+        unsafe { (self.device.library.functions.commit_scene)(self.scenes[scene]) };
+        self.device.check()
+    }
+}
+
+impl Drop for Scene {
+    fn drop(&mut self) {
+        for &scene in &self.scenes {
+            // SAFETY: each was made once and is released once; device and buffers are fields, dropped afterwards.
+            unsafe { (self.device.library.functions.release_scene)(scene) };
+        }
+    }
+}
+
+impl RayHit {
+    #[inline]
+    fn new(origin: [f32; 3], direction: [f32; 3], t_max: f32) -> Self {
+        Self {
+            origin,
+            t_near: 0.0,
+            direction,
+            time: 0.0,
+            t_far: t_max,
+            mask: u32::MAX,
+            id: 0,
+            flags: 0,
+            normal: [0.0; 3],
+            u: 0.0,
+            v: 0.0,
+            primitive: INVALID,
+            geometry: INVALID,
+            instance: INVALID,
+            instance_primitive: INVALID,
+        }
+    }
+}
+
+fn quality(options: &Options) -> i32 {
+    match options.quality {
+        Quality::Medium => QUALITY_MEDIUM,
+        Quality::High => QUALITY_HIGH,
+    }
+}

@@ -1,0 +1,48 @@
+//! Time as the clock on the wall tells it, and as the processor spent it on this thread.
+
+use std::time::Instant;
+
+/// What a piece of work took, in seconds.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Seconds {
+    pub(crate) wall: f64,
+    /// Of this thread alone: a neighbour's work does not lengthen it. Wall time where the system does not tell.
+    pub(crate) cpu: f64,
+}
+
+/// Measures `work`.
+pub(crate) fn time<T>(work: impl FnOnce() -> T) -> (T, Seconds) {
+    let start = (Instant::now(), thread_seconds());
+    let result = work();
+    let (cpu_end, wall) = (thread_seconds(), start.0.elapsed().as_secs_f64());
+    let cpu = start.1.zip(cpu_end).map_or(wall, |(start, end)| end - start);
+    (result, Seconds { wall, cpu })
+}
+
+#[cfg(unix)]
+#[expect(clippy::cast_precision_loss, reason = "the seconds of a thread's life fit 52 bits")]
+fn thread_seconds() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
+}
+
+#[cfg(not(unix))]
+fn thread_seconds() -> Option<f64> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{thread, time::Duration};
+
+    use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn sleep_takes_wall_time_alone() {
+        let pause = Duration::from_millis(60);
+        let ((), seconds) = time(|| thread::sleep(pause));
+        assert!(seconds.wall >= pause.as_secs_f64(), "{seconds:?}");
+        assert!(seconds.cpu < 0.5 * seconds.wall, "{seconds:?}");
+    }
+}

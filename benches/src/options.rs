@@ -1,0 +1,98 @@
+//! What the program was asked for.
+
+use anyhow::{Result, anyhow};
+
+/// The sections, in the order of the report.
+const SECTIONS: [&str; 4] = ["build", "trace", "picture", "wide"];
+
+/// The options of the command line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Options {
+    sections: Vec<String>,
+    /// Measured rounds of each comparison.
+    pub(crate) rounds: usize,
+    scenes: Vec<String>,
+    engines: Vec<String>,
+    /// A quarter of the rays, and each tree built once.
+    pub(crate) is_quick: bool,
+}
+
+impl Options {
+    /// Reads the arguments, without the program's name.
+    pub(crate) fn read(mut args: impl Iterator<Item = String>) -> Result<Self> {
+        let mut options = Self { sections: vec![], rounds: 5, scenes: vec![], engines: vec![], is_quick: false };
+        while let Some(arg) = args.next() {
+            let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
+            match arg.as_str() {
+                "--rounds" => {
+                    let value = value()?;
+                    let rounds = value.parse().ok().filter(|&rounds| rounds > 0);
+                    options.rounds = rounds.ok_or_else(|| anyhow!("--rounds '{value}' is not a number of rounds"))?;
+                }
+                "--scenes" => options.scenes = list(&value()?),
+                "--engines" => options.engines = list(&value()?),
+                "--quick" => options.is_quick = true,
+                section if SECTIONS.contains(&section) => options.sections.push(arg),
+                _ => {
+                    let sections = SECTIONS.join(", ");
+                    return Err(anyhow!(
+                        "'{arg}' is none of {sections}, --rounds N, --scenes A,B, --engines A,B, --quick"
+                    ));
+                }
+            }
+        }
+        Ok(options)
+    }
+
+    /// Whether a section is measured: all are where none is named.
+    pub(crate) fn wants(&self, section: &str) -> bool {
+        self.sections.is_empty() || self.sections.iter().any(|wanted| wanted == section)
+    }
+
+    /// The named scenes, or the usual ones.
+    pub(crate) fn scenes(&self, usual: &[&str]) -> Vec<String> {
+        if self.scenes.is_empty() { usual.iter().map(|&name| name.to_owned()).collect() } else { self.scenes.clone() }
+    }
+
+    /// Whether an engine is measured: its name contains one of the words of `--engines`.
+    pub(crate) fn wants_engine(&self, name: &str) -> bool {
+        let name = name.to_lowercase();
+        self.engines.is_empty() || self.engines.iter().any(|word| name.contains(&word.to_lowercase()))
+    }
+}
+
+fn list(value: &str) -> Vec<String> {
+    value.split(',').map(|item| item.trim().to_owned()).filter(|item| !item.is_empty()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(args: &str) -> Result<Options> {
+        Options::read(args.split_whitespace().map(str::to_owned))
+    }
+
+    #[test]
+    fn options_are_read() {
+        let options = read("wide --rounds 3 --scenes truss,bunny --engines ours,embree --quick").unwrap();
+        assert_eq!((options.rounds, options.is_quick), (3, true));
+        assert_eq!(options.scenes(&["grid"]), ["truss", "bunny"]);
+        assert!(options.wants("wide") && !options.wants("build"));
+        assert!(options.wants_engine("Embree 4.4 high") && !options.wants_engine("obvhs BVH2"));
+    }
+
+    #[test]
+    fn all_is_measured_where_nothing_is_said() {
+        let options = read("").unwrap();
+        assert!(SECTIONS.iter().all(|section| options.wants(section)) && options.wants_engine("obvhs"));
+        assert_eq!(options.scenes(&["grid"]), ["grid"]);
+    }
+
+    #[test]
+    fn a_wrong_word_is_named() {
+        for (args, word) in [("wild", "wild"), ("--rounds x", "x"), ("--rounds 0", "0"), ("--scenes", "--scenes")] {
+            assert!(read(args).unwrap_err().to_string().contains(word));
+        }
+    }
+}

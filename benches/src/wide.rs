@@ -1,0 +1,73 @@
+//! Our trees beside the strongest peers: rays a second, hits that differ, build time and memory.
+//!
+//! ```text
+//! scene -> model -> sets of rays -> entries (ours, peers) -> built -> duel -> judge -> tables, JSON lines
+//! ```
+
+mod built;
+mod duel;
+#[cfg(feature = "peers")]
+mod embree;
+mod engine;
+mod entries;
+mod judge;
+mod obvhs;
+mod ours;
+mod record;
+mod sets;
+mod subject;
+mod tables;
+
+use std::io::Write;
+
+use anyhow::Result;
+
+use crate::{models, options::Options};
+use {record::Record, subject::Subject, tables::Tables};
+
+/// What is measured unless `--scenes` says otherwise: leaning and thin first, ordinary last.
+const SCENES: [&str; 21] = [
+    "truss",
+    "scaffold",
+    "scaffold_thin",
+    "poles",
+    "hair_thin_tubes",
+    "hair_ribbons",
+    "hair_thin_ribbons",
+    "eiffel",
+    "truss_bridge",
+    "radio_tower",
+    "tower_crane",
+    "truss_stage",
+    "tower_field",
+    "sponza_turned",
+    "country_kitchen_turned",
+    "sponza",
+    "country_kitchen",
+    "bunny",
+    "dragon_res2",
+    "dragon_871k",
+    "grid",
+];
+
+/// Measures and writes the section.
+pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
+    let mut record = Record::create("wide.jsonl")?;
+    let mut tables = Tables::default();
+    for name in options.scenes(&SCENES) {
+        let Some(model) = models::load(&name)? else {
+            tables.absent(&name);
+            continue;
+        };
+        // Everything is built and traced on one thread, which a pool of one thread sees to.
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+        let subject = Subject::new(name, model, options)?;
+        let measured = one.install(|| subject.measure(options))?;
+        record.add(&measured)?;
+        let mut stderr = std::io::stderr();
+        stderr.write_all(measured.summary().as_bytes())?;
+        tables.add(measured);
+    }
+    tables.write(out, options);
+    Ok(())
+}

@@ -1,0 +1,12 @@
+use super::{engine::Entry, obvhs, ours};
+use crate::{models::Model, options::Options};
+
+/// Everything that is at hand and asked for, ours first.
+pub(crate) fn entries<'a>(model: &'a Model, options: &Options) -> Vec<Entry<'a>> {
+    let mut entries = ours::entries(model);
+    #[cfg(feature = "peers")]
+    entries.extend(super::embree::entries(model));
+    entries.extend(obvhs::entries(&model.mesh));
+    entries.retain(|entry| options.wants_engine(&entry.name));
+    entries
+}

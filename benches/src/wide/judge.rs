@@ -1,0 +1,65 @@
+//! How often an engine's answers differ from those of trying every triangle.
+
+use canted_trace::Hit;
+
+/// Greatest difference of `t`, relative to the true one, that rounding explains at these distances.
+///
+/// A Möller-Trumbore test in `f32` carries about ten roundings of 6e-8 relative to coordinates; a ray that grazes
+/// or starts far off multiplies them. Only what lies beyond a hundred of that counts as another hit.
+const T_TOLERANCE: f32 = 1e-4;
+
+/// Answers that differ.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Verdict {
+    /// The engine says miss where there is a hit.
+    pub(crate) lost: usize,
+    /// The engine says hit where there is none.
+    pub(crate) invented: usize,
+    /// Both say hit, at distances that rounding does not explain.
+    pub(crate) elsewhere: usize,
+}
+
+/// Compares nearest hits.
+pub(crate) fn closest(truth: &[Option<Hit>], answers: &[Option<Hit>]) -> Verdict {
+    let mut verdict = Verdict::default();
+    for (truth, answer) in truth.iter().zip(answers) {
+        match (truth, answer) {
+            (Some(_), None) => verdict.lost += 1,
+            (None, Some(_)) => verdict.invented += 1,
+            // Negated, so that a NaN counts.
+            (Some(truth), Some(answer)) if !((truth.t - answer.t).abs() <= T_TOLERANCE * truth.t) => {
+                verdict.elsewhere += 1;
+            }
+            _ => {}
+        }
+    }
+    verdict
+}
+
+/// Compares occlusion.
+pub(crate) fn occluded(truth: &[bool], answers: &[bool]) -> Verdict {
+    let count = |is: bool| truth.iter().zip(answers).filter(|&(&truth, &answer)| truth == is && answer != is).count();
+    Verdict { lost: count(true), invented: count(false), elsewhere: 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_obb::PrimId;
+    use canted_trace::{InstanceId, Side};
+
+    use super::*;
+
+    fn at(t: f32) -> Option<Hit> {
+        Some(Hit { t, u: 0.0, v: 0.0, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front })
+    }
+
+    #[test]
+    fn each_difference_is_counted_once() {
+        let truth = [None, None, at(1.0), at(1.0), at(1.0), at(1.0)];
+        let answers = [None, at(1.0), None, at(1.000_05), at(1.001), at(f32::NAN)];
+        assert_eq!(closest(&truth, &answers), Verdict { lost: 1, invented: 1, elsewhere: 2 });
+        assert_eq!(closest(&truth, &truth), Verdict::default());
+        let verdict = occluded(&[true, true, false, false], &[true, false, false, true]);
+        assert_eq!(verdict, Verdict { lost: 1, invented: 1, elsewhere: 0 });
+    }
+}

@@ -1,0 +1,126 @@
+//! `obvhs`, built with its most careful preset, its triangles in the order of its leaves.
+
+use std::time::Duration;
+
+use canted_fixtures::Mesh;
+use canted_obb::PrimId;
+use canted_trace::{Hit, InstanceId, Ray, Side};
+use obvhs::{
+    BvhBuildParams,
+    bvh2::{Bvh2, builder::build_bvh2_from_tris},
+    cwbvh::{CwBvh, builder::build_cwbvh_from_tris},
+    ray::{Ray as TheirRay, RayHit},
+    triangle::Triangle,
+};
+
+use super::engine::{Engine, Entry, Owner, Promise};
+
+/// A tree of theirs with its triangles.
+struct Obvhs<T> {
+    tree: T,
+    /// In leaf order: a triangle that was split stands here more than once.
+    triangles: Vec<Triangle>,
+    /// The caller's number of each triangle.
+    primitives: Vec<u32>,
+}
+
+impl<T> Obvhs<T> {
+    fn new(tree: T, all: &[Triangle], primitives: Vec<u32>) -> Self {
+        let triangles = primitives.iter().map(|&i| all[i as usize]).collect();
+        Self { tree, triangles, primitives }
+    }
+
+    /// Their hit as ours.
+    fn hit(&self, found: bool, hit: &RayHit) -> Option<Hit> {
+        found.then(|| Hit {
+            t: hit.t,
+            u: 0.0,
+            v: 0.0,
+            primitive: PrimId(self.primitives[hit.primitive_id as usize]),
+            instance: InstanceId(0),
+            side: Side::Front,
+        })
+    }
+}
+
+impl Engine for Obvhs<Bvh2> {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        for (ray, out) in rays.iter().zip(hits) {
+            let mut hit = RayHit::none();
+            let found = self.tree.ray_traverse(theirs(ray), &mut hit, |ray, i| self.triangles[i].intersect(ray));
+            *out = self.hit(found, &hit);
+        }
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        for (ray, out) in rays.iter().zip(occluded) {
+            *out = !self.tree.ray_traverse_miss(theirs(ray), |ray, i| self.triangles[i].intersect(ray));
+        }
+    }
+
+    fn n_bytes(&self) -> usize {
+        size_of_val(&self.tree.nodes[..]) + size_of_val(&self.triangles[..]) + size_of_val(&self.primitives[..])
+    }
+}
+
+impl Engine for Obvhs<CwBvh> {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        for (ray, out) in rays.iter().zip(hits) {
+            let mut hit = RayHit::none();
+            let found = self.tree.ray_traverse(theirs(ray), &mut hit, |ray, i| self.triangles[i].intersect(ray));
+            *out = self.hit(found, &hit);
+        }
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        for (ray, out) in rays.iter().zip(occluded) {
+            *out = !self.tree.ray_traverse_miss(theirs(ray), |ray, i| self.triangles[i].intersect(ray));
+        }
+    }
+
+    fn n_bytes(&self) -> usize {
+        size_of_val(&self.tree.nodes[..]) + size_of_val(&self.triangles[..]) + size_of_val(&self.primitives[..])
+    }
+}
+
+#[inline]
+fn theirs(ray: &Ray) -> TheirRay {
+    TheirRay::new(ray.origin.into(), ray.direction.into(), ray.t_min, ray.t_max)
+}
+
+/// Both of their trees, for one mesh.
+pub(crate) fn entries(mesh: &Mesh) -> Vec<Entry<'_>> {
+    let entry = |name: &str, build| Entry {
+        name: name.to_owned(),
+        owner: Owner::Peer,
+        promise: Promise::Fast,
+        is_placed: false,
+        is_parallel: false,
+        build,
+    };
+    vec![
+        entry(
+            "obvhs BVH2",
+            Box::new(|_| {
+                let all = triangles(mesh);
+                let tree = build_bvh2_from_tris(&all, BvhBuildParams::very_slow_build(), &mut Duration::default());
+                let primitives = tree.primitive_indices.clone();
+                Ok(Box::new(Obvhs::new(tree, &all, primitives)))
+            }),
+        ),
+        entry(
+            "obvhs CWBVH",
+            Box::new(|_| {
+                let all = triangles(mesh);
+                let tree = build_cwbvh_from_tris(&all, BvhBuildParams::very_slow_build(), &mut Duration::default());
+                let primitives = tree.primitive_indices.clone();
+                Ok(Box::new(Obvhs::new(tree, &all, primitives)))
+            }),
+        ),
+    ]
+}
+
+fn triangles(mesh: &Mesh) -> Vec<Triangle> {
+    let corner = |i: u32| glam::Vec3A::from_array(mesh.positions[i as usize]);
+    mesh.triangles.iter().map(|&[a, b, c]| Triangle { v0: corner(a), v1: corner(b), v2: corner(c) }).collect()
+}

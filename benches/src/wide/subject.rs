@@ -1,0 +1,146 @@
+//! One scene with its rays and their true answers, and the measuring of all engines on it.
+
+use anyhow::Result;
+use canted_tlas::{Blas, MeshBlas, Tlas};
+use canted_trace::{Hit, InstanceId, Ray, Watertight};
+use rayon::prelude::*;
+
+use super::{
+    built::{self, Built},
+    duel,
+    engine::{Engine, Owner, Promise},
+    entries,
+    judge::{self, Verdict},
+    ours,
+    sets::{self, Kind},
+};
+use crate::{clock::Seconds, models::Model, options::Options};
+
+/// The trees that stand in for trying every triangle: they return what that returns.
+struct Truth {
+    flat: MeshBlas<Watertight>,
+    /// For engines that place meshes: they round other numbers, so other rays graze past.
+    placed: Option<Tlas<MeshBlas<Watertight>>>,
+}
+
+impl Truth {
+    fn closest(&self, is_placed: bool, rays: &[Ray]) -> Vec<Option<Hit>> {
+        let hit = |ray: &Ray| match &self.placed {
+            Some(placed) if is_placed => placed.closest_hit(ray, &mut ()),
+            _ => self.flat.closest_hit(ray, InstanceId(0), &mut ()),
+        };
+        rays.par_iter().map(hit).collect()
+    }
+
+    fn occluded(&self, is_placed: bool, rays: &[Ray]) -> Vec<bool> {
+        let occluded = |ray: &Ray| match &self.placed {
+            Some(placed) if is_placed => placed.occluded(ray, &mut ()),
+            _ => self.flat.occluded(ray, InstanceId(0), &mut ()),
+        };
+        rays.par_iter().map(occluded).collect()
+    }
+}
+
+/// A scene, ready to be measured.
+pub(crate) struct Subject {
+    name: String,
+    model: Model,
+    sets: Vec<Set>,
+}
+
+/// Rays of one kind with their answers, flat and placed.
+struct Set {
+    kind: Kind,
+    rays: Vec<Ray>,
+    closest: [Vec<Option<Hit>>; 2],
+    occluded: [Vec<bool>; 2],
+}
+
+impl Subject {
+    /// Makes rays and true answers, on all threads.
+    pub(crate) fn new(name: String, model: Model, options: &Options) -> Result<Self> {
+        let resolution = canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 };
+        let flat = ours::one_level(&model.mesh)?;
+        let placed = model.placed.as_ref().map(ours::two_levels).transpose()?;
+        let truth = Truth { flat, placed };
+        let camera = sets::camera(&model, resolution);
+        let [diffuse, occlusion] = sets::secondary(&model, &camera, &truth.closest(false, &camera));
+        let set = |(kind, rays): (Kind, Vec<Ray>)| match kind {
+            Kind::Occlusion => {
+                let occluded = [false, true].map(|is_placed| truth.occluded(is_placed, &rays));
+                Set { kind, rays, closest: Default::default(), occluded }
+            }
+            Kind::Camera | Kind::Diffuse => {
+                let closest = [false, true].map(|is_placed| truth.closest(is_placed, &rays));
+                Set { kind, rays, closest, occluded: Default::default() }
+            }
+        };
+        let sets = Kind::ALL.into_iter().zip([camera, diffuse, occlusion]).map(set).collect();
+        Ok(Self { name, model, sets })
+    }
+
+    /// Builds every engine and traces every set, on this thread.
+    pub(crate) fn measure(self, options: &Options) -> Result<Measured> {
+        let entries = entries::entries(&self.model, options);
+        let (engines, built) = built::build(&entries, !options.is_quick)?;
+        let sets = self.sets.iter().map(|set| set.measure(&engines, options, |i| entries[i].is_placed)).collect();
+        let contestants = entries
+            .iter()
+            .zip(built)
+            .map(|(entry, built)| Contestant {
+                name: entry.name.clone(),
+                owner: entry.owner,
+                promise: entry.promise,
+                built,
+            })
+            .collect();
+        let n_triangles = self.model.mesh.triangles.len();
+        drop(entries);
+        Ok(Measured { scene: self.name, n_triangles, contestants, sets })
+    }
+}
+
+impl Set {
+    fn measure(
+        &self,
+        engines: &[Box<dyn Engine>],
+        options: &Options,
+        is_placed: impl Fn(usize) -> bool,
+    ) -> MeasuredSet {
+        let truth = |i: usize| usize::from(is_placed(i));
+        let (seconds, verdicts): (_, Vec<Verdict>) = if self.kind == Kind::Occlusion {
+            let (seconds, answers) = duel::occluded(engines, &self.rays, options.rounds);
+            let judged = answers.iter().enumerate().map(|(i, a)| judge::occluded(&self.occluded[truth(i)], a));
+            (seconds, judged.collect())
+        } else {
+            let (seconds, answers) = duel::closest(engines, &self.rays, options.rounds);
+            let judged = answers.iter().enumerate().map(|(i, a)| judge::closest(&self.closest[truth(i)], a));
+            (seconds, judged.collect())
+        };
+        MeasuredSet { kind: self.kind, n_rays: self.rays.len(), seconds, verdicts }
+    }
+}
+
+/// An engine that was measured.
+pub(crate) struct Contestant {
+    pub(crate) name: String,
+    pub(crate) owner: Owner,
+    pub(crate) promise: Promise,
+    pub(crate) built: Built,
+}
+
+/// All that was measured on one scene.
+pub(crate) struct Measured {
+    pub(crate) scene: String,
+    pub(crate) n_triangles: usize,
+    pub(crate) contestants: Vec<Contestant>,
+    pub(crate) sets: Vec<MeasuredSet>,
+}
+
+/// All that was measured on one set of rays; vectors follow the contestants.
+pub(crate) struct MeasuredSet {
+    pub(crate) kind: Kind,
+    pub(crate) n_rays: usize,
+    pub(crate) seconds: Vec<Vec<Seconds>>,
+    pub(crate) verdicts: Vec<Verdict>,
+}

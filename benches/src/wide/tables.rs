@@ -1,0 +1,245 @@
+//! The measured as Markdown.
+//!
+//! Reads: everything measured. Writes: two tables of speed (fast, watertight), one of differing hits, one of builds.
+//! Holds: every ratio is taken within a round, and its median over rounds is shown.
+
+use std::fmt::Write;
+
+use super::{
+    engine::{Owner, Promise},
+    sets::Kind,
+    subject::{Contestant, Measured, MeasuredSet},
+};
+use crate::{interleave::median, options::Options};
+
+/// What was measured, scene by scene.
+#[derive(Default)]
+pub(crate) struct Tables {
+    measured: Vec<Measured>,
+    absent: Vec<String>,
+}
+
+/// A median over rounds, and half the distance between the least and the greatest, relative to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ratio {
+    pub(crate) median: f64,
+    pub(crate) spread: f64,
+}
+
+impl Ratio {
+    fn of(values: &[f64]) -> Self {
+        let (least, greatest) = values.iter().fold((f64::MAX, 0.0_f64), |(l, g), &v| (l.min(v), g.max(v)));
+        let median = median(values);
+        Self { median, spread: 0.5 * (greatest - least) / median }
+    }
+}
+
+impl Measured {
+    /// Who stands in the table of a promise: all that keep it; where no peer does, the fast peers.
+    pub(crate) fn in_table(&self, promise: Promise) -> Vec<usize> {
+        let is_peer = |c: &&Contestant| c.owner == Owner::Peer;
+        let has_peer = self.contestants.iter().filter(is_peer).any(|c| c.promise == promise);
+        let stands =
+            |c: &Contestant| c.promise == promise || !has_peer && c.owner == Owner::Peer && c.promise == Promise::Fast;
+        (0..self.contestants.len()).filter(|&i| stands(&self.contestants[i])).collect()
+    }
+
+    /// Peers in the table of a promise.
+    pub(crate) fn peers(&self, promise: Promise) -> Vec<usize> {
+        let is_peer = |&i: &usize| self.contestants[i].owner == Owner::Peer;
+        self.in_table(promise).into_iter().filter(is_peer).collect()
+    }
+
+    /// One line a set and promise, for whoever waits.
+    pub(crate) fn summary(&self) -> String {
+        let mut text = format!("{}, {} triangles\n", self.scene, self.n_triangles);
+        for set in &self.sets {
+            for promise in [Promise::Fast, Promise::Watertight] {
+                let peers = self.peers(promise);
+                let _ = write!(text, "  {:9} {promise:?}:", set.kind.name());
+                for i in self.in_table(promise) {
+                    let name = &self.contestants[i].name;
+                    let _ = match set.ratio(i, &peers) {
+                        Some(ratio) => write!(
+                            text,
+                            "  {name} {:.2} M/s {:.2} (±{:.0} %)",
+                            set.rate(i),
+                            ratio.median,
+                            100.0 * ratio.spread
+                        ),
+                        None => write!(text, "  {name} {:.2} M/s", set.rate(i)),
+                    };
+                }
+                text.push('\n');
+            }
+        }
+        text
+    }
+}
+
+impl MeasuredSet {
+    /// Million rays a second of an engine, processor time.
+    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
+    pub(crate) fn rate(&self, i: usize) -> f64 {
+        let cpu: Vec<f64> = self.seconds[i].iter().map(|seconds| seconds.cpu).collect();
+        self.n_rays as f64 / median(&cpu) * 1e-6
+    }
+
+    /// How many times as fast as the best of `peers` in the same round; `None` without peers.
+    pub(crate) fn ratio(&self, i: usize, peers: &[usize]) -> Option<Ratio> {
+        let best = |round: usize| peers.iter().map(|&peer| self.seconds[peer][round].cpu).reduce(f64::min);
+        let ratios: Option<Vec<f64>> =
+            self.seconds[i].iter().enumerate().map(|(round, ours)| Some(best(round)? / ours.cpu)).collect();
+        Some(Ratio::of(&ratios?))
+    }
+
+    /// The fastest of `peers` by its median.
+    fn best(&self, peers: &[usize]) -> Option<usize> {
+        peers.iter().copied().max_by(|&a, &b| self.rate(a).total_cmp(&self.rate(b)))
+    }
+}
+
+impl Tables {
+    /// Adds a scene.
+    pub(crate) fn add(&mut self, measured: Measured) {
+        self.measured.push(measured);
+    }
+
+    /// Notes a scene that is not at hand.
+    pub(crate) fn absent(&mut self, name: &str) {
+        self.absent.push(name.to_owned());
+    }
+
+    /// Writes the section.
+    pub(crate) fn write(&self, out: &mut String, options: &Options) {
+        let _ = write!(
+            out,
+            "\n## Wide trees beside the peers\n\nOne thread. Engines take turns every 8,192 rays; {} rounds after one \
+             that warms up. Rays: four views of {side}², one scattered ray a camera hit, one occlusion ray a camera hit \
+             (within a tenth of the diagonal). Cells: camera / diffuse / occlusion. Ratios are of thread time within a \
+             round to the fastest peer of that round, median over rounds, with half the range; above 1 is faster.{}\n",
+            options.rounds,
+            peers_note(),
+            side = canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 },
+        );
+        for name in &self.absent {
+            let _ = writeln!(out, "\nNot at hand: {name}.");
+        }
+        self.speed(out, Promise::Fast, "Both sides fast (Möller-Trumbore)");
+        self.speed(out, Promise::Watertight, "Watertight");
+        self.differences(out);
+        self.builds(out);
+    }
+
+    fn speed(&self, out: &mut String, promise: Promise, title: &str) {
+        let Some(first) = self.measured.first() else { return };
+        let columns = first.in_table(promise);
+        let _ = write!(out, "\n### {title}\n\n| scene | triangles | fastest peer, M rays/s |");
+        for &i in &columns {
+            let _ = write!(out, " {} |", first.contestants[i].name);
+        }
+        let _ = write!(out, "\n| --- | --- | --- |{}\n", " --- |".repeat(columns.len()));
+        for measured in &self.measured {
+            let peers = measured.peers(promise);
+            let _ = write!(out, "| {} | {} |", measured.scene, measured.n_triangles);
+            let fastest = measured.triple(|set| match set.best(&peers) {
+                Some(best) => format!("{:.2} {}", set.rate(best), measured.contestants[best].name),
+                None => "none".to_owned(),
+            });
+            let _ = write!(out, " {fastest} |");
+            for &i in &columns {
+                let is_ours = measured.contestants[i].owner == Owner::Ours;
+                let cell = measured.triple(|set| match set.ratio(i, &peers) {
+                    Some(ratio) if is_ours => format!("**{:.2}** (±{:.0} %)", ratio.median, 100.0 * ratio.spread),
+                    Some(ratio) => format!("{:.2}", ratio.median),
+                    None => format!("{:.2} M/s", set.rate(i)),
+                });
+                let _ = write!(out, " {cell} |");
+            }
+            out.push('\n');
+        }
+    }
+
+    fn differences(&self, out: &mut String) {
+        let Some(first) = self.measured.first() else { return };
+        out.push_str(
+            "\n### Answers that differ from trying every triangle\n\nOf all camera and diffuse rays: hits lost + hits \
+             invented + hits at another distance (by more than 1e-4 of it); of occlusion rays: lost + invented. \
+             Engines that place instances are compared with a tree that does.\n\n| scene | rays |",
+        );
+        for contestant in &first.contestants {
+            let _ = write!(out, " {} |", titled(contestant));
+        }
+        let _ = write!(out, "\n| --- | --- |{}\n", " --- |".repeat(first.contestants.len()));
+        for measured in &self.measured {
+            let n_rays: usize = measured.sets.iter().map(|set| set.n_rays).sum();
+            let _ = write!(out, "| {} | {n_rays} |", measured.scene);
+            for i in 0..measured.contestants.len() {
+                let sum = |pick: fn(&super::judge::Verdict) -> usize, is_occlusion: bool| -> usize {
+                    let sets = measured.sets.iter().filter(|set| (set.kind == Kind::Occlusion) == is_occlusion);
+                    sets.map(|set| pick(&set.verdicts[i])).sum()
+                };
+                let _ = write!(
+                    out,
+                    " {} + {} + {}; {} + {} |",
+                    sum(|v| v.lost, false),
+                    sum(|v| v.invented, false),
+                    sum(|v| v.elsewhere, false),
+                    sum(|v| v.lost, true),
+                    sum(|v| v.invented, true)
+                );
+            }
+            out.push('\n');
+        }
+    }
+
+    fn builds(&self, out: &mut String) {
+        let Some(first) = self.measured.first() else { return };
+        out.push_str(
+            "\n### Build and memory\n\nFrom indexed triangles to a tree that answers rays: seconds on one thread, on two \
+             in brackets (wall time, interleaved, median of three; once, and on one thread alone, where a build takes \
+             longer than 2.5 s); bytes a triangle. `obvhs` builds on one thread here. Meshes given to Embree to read in \
+             place are not counted.\n\n| scene |",
+        );
+        for contestant in &first.contestants {
+            let _ = write!(out, " {} |", titled(contestant));
+        }
+        let _ = write!(out, "\n| --- |{}\n", " --- |".repeat(first.contestants.len()));
+        for measured in &self.measured {
+            let _ = write!(out, "| {} |", measured.scene);
+            for contestant in &measured.contestants {
+                let built = contestant.built;
+                let two = built.two_threads.map_or_else(String::new, |two| format!(" ({two:.3})"));
+                #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
+                let bytes = built.n_bytes as f64 / measured.n_triangles as f64;
+                let _ = write!(out, " {:.3}{two} s, {bytes:.0} B |", built.one_thread);
+            }
+            out.push('\n');
+        }
+    }
+}
+
+impl Measured {
+    /// A cell of three, one for each set.
+    fn triple(&self, cell: impl Fn(&MeasuredSet) -> String) -> String {
+        self.sets.iter().map(cell).collect::<Vec<_>>().join(" / ")
+    }
+}
+
+/// A name that tells ours apart where both kernels stand side by side.
+fn titled(contestant: &Contestant) -> String {
+    match (contestant.owner, contestant.promise) {
+        (Owner::Ours, Promise::Fast) => format!("{}, fast", contestant.name),
+        (Owner::Ours, Promise::Watertight) => format!("{}, watertight", contestant.name),
+        (Owner::Peer, _) => contestant.name.clone(),
+    }
+}
+
+/// What a reader must know about the peers of this build.
+fn peers_note() -> &'static str {
+    if cfg!(feature = "peers") {
+        " `obvhs` is compiled as a user compiles it who sets no flags; Embree and ours choose instructions while running."
+    } else {
+        " Built without the feature `peers`: `obvhs` alone stands beside ours, which is Möller-Trumbore in both tables."
+    }
+}
