@@ -4,9 +4,9 @@ use crate::{Child, ChildKind, Node, NodeId, Tree, par};
 
 /// Calls `join` on every node, children first, and returns what it made, by node.
 ///
-/// `leaf` makes the value of a leaf from its position. Each task's subtree writes its own slice, so tasks run on all
-/// threads; the few nodes above them follow.
-pub(crate) fn bottom_up<S: Copy + Send + Sync>(
+/// `leaf` makes the value of a leaf from its position; `unset` only fills memory. Each task's subtree writes its own
+/// slice, so tasks run on all threads; the few nodes above them follow. The same bits for any number of threads.
+pub fn bottom_up<S: Copy + Send + Sync>(
     tree: &Tree,
     unset: S,
     leaf: impl Fn(u32) -> S + Sync,

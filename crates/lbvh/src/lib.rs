@@ -25,6 +25,7 @@ mod topology;
 mod tree;
 mod volumes;
 
+pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
 pub use corners::{Corners, GeometryError, gather, in_leaf_order};
 pub use cost::{Costs, Sums, sums};

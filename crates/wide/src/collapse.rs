@@ -1,0 +1,206 @@
+//! Which subtrees of the binary tree become children of wide nodes, which nodes lean, and where leaves begin.
+
+use canted_lbvh::{Child, ChildKind, Node, Tree, bottom_up};
+
+use crate::Costs;
+use crate::layout::NodeKind;
+
+/// Slots of a node.
+pub(crate) const WIDTH: usize = 8;
+
+/// Half surface areas of a subtree's boxes, in one unit for the whole tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Areas {
+    /// Along the mesh's axes.
+    pub(crate) aligned: f32,
+    /// In the subtree's own frame, never more.
+    pub(crate) lean: f32,
+}
+
+impl Areas {
+    /// Areas that are not zero, so that where area cannot decide, the number of nodes does.
+    pub(crate) fn new(aligned: f32, lean: f32) -> Self {
+        let aligned = aligned.max(LEAST_AREA);
+        Self { aligned, lean: lean.clamp(LEAST_AREA, aligned) }
+    }
+}
+
+/// What a box without area counts, in units of a scene whose extent is 1.
+const LEAST_AREA: f32 = 1e-24;
+
+/// How a subtree stands in its parent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// All its primitives in one leaf.
+    Leaf,
+    /// A node of this kind.
+    Node(NodeKind),
+}
+
+/// Costs of a subtree: `shared_out[kind][j - 1]` is the least where a parent of that kind gives it `j` slots, and
+/// `node[kind]` the least over ways to fill a node of that kind with it.
+#[derive(Clone, Copy, Debug)]
+struct Table {
+    slots: [[f32; WIDTH - 1]; KINDS],
+    node: [f32; KINDS],
+    areas: Areas,
+}
+
+/// Kinds that the programme chooses among; a shared frame is tried where a node turned out to lean.
+const KINDS: usize = 2;
+const KIND: [NodeKind; KINDS] = [NodeKind::Box, NodeKind::Lean];
+
+impl Areas {
+    fn of(&self, kind: usize) -> f32 {
+        if kind == 0 { self.aligned } else { self.lean }
+    }
+}
+
+/// The plan of a wide tree: costs of every subtree, from which choices are read off.
+///
+/// Reads: a binary tree, areas of its nodes and leaves. Writes: tables.
+/// Holds: the collapse of least predicted cost, among all that keep the binary tree's subtrees whole.
+/// Source: the dynamic programme of Wald, Benthin & Boulos 2008 in the form of Ylitie, Karras & Laine 2017, with a
+/// kind of box chosen node by node.
+pub(crate) struct Plan<'a> {
+    tree: &'a Tree,
+    costs: Costs,
+    tables: Vec<Table>,
+    leaf_areas: &'a dyn LeafAreas,
+    /// Kinds that nodes may have.
+    n_kinds: usize,
+}
+
+/// Areas of leaves by their place.
+pub(crate) trait LeafAreas: Sync {
+    fn areas(&self, leaf: u32) -> Areas;
+}
+
+impl<F: Fn(u32) -> Areas + Sync> LeafAreas for F {
+    fn areas(&self, leaf: u32) -> Areas {
+        self(leaf)
+    }
+}
+
+impl<'a> Plan<'a> {
+    /// Weighs all collapses of `tree`; `lean` says whether nodes may lean.
+    pub(crate) fn new(
+        tree: &'a Tree,
+        inner_areas: &[Areas],
+        leaf_areas: &'a dyn LeafAreas,
+        costs: &Costs,
+        lean: bool,
+    ) -> Self {
+        let n_kinds = if lean { KINDS } else { 1 };
+        let leaf = |position: u32| leaf_table(leaf_areas.areas(position), costs);
+        let unset = leaf_table(Areas::default(), costs);
+        let tables = bottom_up(tree, unset, leaf, |id, node, left: &Table, right: &Table| {
+            join(inner_areas[id.index()], node, left, right, costs, n_kinds)
+        });
+        Self { tree, costs: *costs, tables, leaf_areas, n_kinds }
+    }
+
+    fn table(&self, child: Child) -> Table {
+        match child.kind() {
+            ChildKind::Leaf(position) => leaf_table(self.leaf_areas.areas(position), &self.costs),
+            ChildKind::Inner(id) => self.tables[id.index()],
+        }
+    }
+
+    /// Predicted cost of the whole tree for a ray that enters its box, in visits of box nodes times area.
+    pub(crate) fn cost(&self, root: Child) -> f32 {
+        self.table(root).slots[0][0]
+    }
+
+    /// Area of a subtree's box, as a parent of this kind sees it.
+    pub(crate) fn area(&self, child: Child, kind: NodeKind) -> f32 {
+        self.table(child).areas.of(usize::from(kind != NodeKind::Box))
+    }
+
+    /// How `child` stands in a parent of kind `kind`.
+    pub(crate) fn form(&self, child: Child, parent: NodeKind) -> Form {
+        let ChildKind::Inner(id) = child.kind() else { return Form::Leaf };
+        let table = &self.tables[id.index()];
+        let area = table.areas.of(usize::from(parent != NodeKind::Box));
+        let n_leaves = self.tree.nodes[id.index()].n_leaves() as usize;
+        best_form(table, area, n_leaves, &self.costs, self.n_kinds).1
+    }
+
+    /// The subtrees that fill a node of kind `kind` over inner node `child`.
+    pub(crate) fn children(&self, child: Child, kind: NodeKind) -> Vec<Child> {
+        let kind = usize::from(kind != NodeKind::Box);
+        let mut children = Vec::with_capacity(WIDTH);
+        let ChildKind::Inner(id) = child.kind() else { return children };
+        let node = &self.tree.nodes[id.index()];
+        self.divide(node, kind, WIDTH, &mut children);
+        children
+    }
+
+    fn divide(&self, node: &Node, kind: usize, slots: usize, out: &mut Vec<Child>) {
+        let (left, right) = (self.table(node.left), self.table(node.right));
+        let (_, left_slots) = best_division(&left.slots[kind], &right.slots[kind], slots);
+        self.fill(node.left, &left, kind, left_slots, out);
+        self.fill(node.right, &right, kind, slots - left_slots, out);
+    }
+
+    fn fill(&self, child: Child, table: &Table, kind: usize, slots: usize, out: &mut Vec<Child>) {
+        let costs = &table.slots[kind];
+        // The fewest slots that cost no more: the rest would stay empty.
+        let slots = (1..=slots).find(|n| costs[n - 1] <= costs[slots - 1]).unwrap_or(1);
+        match child.kind() {
+            ChildKind::Inner(id) if slots > 1 => self.divide(&self.tree.nodes[id.index()], kind, slots, out),
+            _ => out.push(child),
+        }
+    }
+}
+
+fn leaf_table(areas: Areas, costs: &Costs) -> Table {
+    let leaf = costs.leaf_of(1);
+    Table {
+        slots: [[areas.aligned * leaf; WIDTH - 1], [areas.lean * leaf; WIDTH - 1]],
+        node: [f32::INFINITY; KINDS],
+        areas,
+    }
+}
+
+fn join(areas: Areas, node: &Node, left: &Table, right: &Table, costs: &Costs, n_kinds: usize) -> Table {
+    let mut table = Table { slots: [[0.0; WIDTH - 1]; KINDS], node: [f32::INFINITY; KINDS], areas };
+    for kind in 0..n_kinds {
+        table.node[kind] = best_division(&left.slots[kind], &right.slots[kind], WIDTH).0;
+    }
+    for kind in 0..n_kinds {
+        let alone = best_form(&table, areas.of(kind), node.n_leaves() as usize, costs, n_kinds).0;
+        table.slots[kind][0] = alone;
+        for slots in 2..WIDTH {
+            let divided = best_division(&left.slots[kind], &right.slots[kind], slots).0;
+            table.slots[kind][slots - 1] = divided.min(table.slots[kind][slots - 2]);
+        }
+    }
+    table
+}
+
+/// The cheapest form of a subtree whose box has `area` in its parent.
+#[inline]
+fn best_form(table: &Table, area: f32, n_leaves: usize, costs: &Costs, n_kinds: usize) -> (f32, Form) {
+    let mut best = (area * costs.leaf_of(n_leaves), Form::Leaf);
+    for kind in 0..n_kinds {
+        let cost = area * costs.node(KIND[kind]) + table.node[kind];
+        if cost < best.0 {
+            best = (cost, Form::Node(KIND[kind]));
+        }
+    }
+    best
+}
+
+/// The cheapest division of slots between two subtrees, each getting at least one: cost, slots of the first.
+#[inline]
+fn best_division(left: &[f32; WIDTH - 1], right: &[f32; WIDTH - 1], slots: usize) -> (f32, usize) {
+    let mut best = (f32::INFINITY, 1);
+    for first in 1..slots {
+        let cost = left[first - 1] + right[slots - first - 1];
+        if cost < best.0 {
+            best = (cost, first);
+        }
+    }
+    best
+}

@@ -1,0 +1,269 @@
+//! From a plan to records: first where everything stands, then, on all threads, what it holds.
+
+use canted_lbvh::{Child, ChildKind, Corners, Tree};
+use canted_obb::{Aabb, PrimId};
+use canted_trace::Slabs;
+
+use crate::collapse::{Form, Plan};
+use crate::Sizes;
+use crate::layout::{Half, Line, MAX_LEAF, NOWHERE, NodeKind, Row, Word, WordKind, node_words};
+use crate::par;
+
+/// A wide node before it is written: its place and its children.
+#[derive(Clone, Debug)]
+struct Draft {
+    kind: NodeKind,
+    line: usize,
+    children: Vec<(Child, Word)>,
+}
+
+/// A leaf before it is written: its first half-block, and the places of its primitives in leaf order.
+#[derive(Clone, Copy, Debug)]
+struct LeafDraft {
+    first: usize,
+    start: u32,
+    end: u32,
+}
+
+/// What boxes are written from.
+pub(crate) struct Source<'a> {
+    pub(crate) tree: &'a Tree,
+    /// Vertices in leaf order; empty where primitives are not triangles.
+    pub(crate) corners: &'a [Corners],
+    /// Primitive of each leaf.
+    pub(crate) primitives: &'a [PrimId],
+    /// Boxes in the mesh's frame, rounded outward: of leaves, and of inner nodes by their number.
+    pub(crate) leaf_boxes: &'a [Aabb],
+    pub(crate) inner_boxes: &'a [Aabb],
+    /// Frames of leaves and inner nodes.
+    pub(crate) frames: &'a (dyn Fn(Child) -> [[f32; 3]; 3] + Sync),
+}
+
+/// Nodes and leaves as rays walk through them.
+#[derive(Clone, Debug)]
+pub(crate) struct Records {
+    pub(crate) lines: Vec<Line>,
+    pub(crate) halves: Vec<Half>,
+    pub(crate) root: Word,
+    /// Nodes on the longest way from the root to a leaf, the leaf left out.
+    pub(crate) depth: u32,
+}
+
+impl Records {
+    /// Sizes, by a walk over all nodes.
+    pub(crate) fn sizes(&self) -> Sizes {
+        let mut sizes = Sizes {
+            nodes: [0; 3],
+            node_bytes: size_of_val(&self.lines[..]),
+            block_bytes: size_of_val(&self.halves[..]),
+            depth: self.depth,
+        };
+        let mut open = vec![self.root];
+        while let Some(word) = open.pop() {
+            if let WordKind::Node(kind, line) = word.kind() {
+                sizes.nodes[kind as usize] += 1;
+                open.extend_from_slice(node_words(&self.lines, kind, line));
+            }
+        }
+        sizes
+    }
+}
+
+/// A tree has more records than its references can name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TooLarge;
+
+/// Half-blocks that hold `n` triangles.
+pub(crate) fn n_halves(n: usize) -> usize {
+    n.div_ceil(4)
+}
+
+/// Writes the wide tree of `plan`.
+///
+/// `leaf_places(n)` says how many places a leaf of `n` primitives takes.
+pub(crate) fn emit(source: &Source, plan: &Plan) -> Result<Records, TooLarge> {
+    let (drafts, leaves, root, depth) = layout(source, plan)?;
+    let n_lines = drafts.last().map_or(0, |draft| draft.line + draft.kind.n_lines());
+    let n_half_blocks = leaves.last().map_or(0, |leaf| leaf.first + n_halves(leaf.n(source)));
+    let mut lines = vec![Line([0; 16]); n_lines];
+    let mut halves = vec![Half([0; 40]); n_half_blocks];
+    let write_node = |draft: &Draft, out: &mut [Line]| write_node(source, draft, out);
+    par::for_pieces(&drafts, &mut lines, |draft| draft.line, write_node);
+    par::for_pieces(&leaves, &mut halves, |leaf| leaf.first, |leaf, out| write_leaf(source, leaf, out));
+    Ok(Records { lines, halves, root, depth })
+}
+
+impl LeafDraft {
+    /// Number of different primitives.
+    fn n(&self, source: &Source) -> usize {
+        distinct(source, self.start, self.end).1
+    }
+}
+
+/// Places of a leaf's primitives, each primitive once, and their number: references may share one.
+fn distinct(source: &Source, start: u32, end: u32) -> ([u32; MAX_LEAF], usize) {
+    let mut places = [0; MAX_LEAF];
+    let mut n = 0;
+    for place in start..end {
+        let primitive = source.primitives[place as usize];
+        if !places[..n].iter().any(|&p| source.primitives[p as usize] == primitive) {
+            places[n] = place;
+            n += 1;
+        }
+    }
+    (places, n)
+}
+
+fn range(tree: &Tree, child: Child) -> (u32, u32) {
+    match child.kind() {
+        ChildKind::Leaf(place) => (place, place + 1),
+        ChildKind::Inner(id) => {
+            let node = &tree.nodes[id.index()];
+            (node.first, node.last + 1)
+        }
+    }
+}
+
+/// Gives every node and leaf its place, depth first, larger children first.
+fn layout(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<LeafDraft>, Word, u32), TooLarge> {
+    let (mut drafts, mut leaves): (Vec<Draft>, Vec<LeafDraft>) = (vec![], vec![]);
+    let Some(root) = source.tree.root() else { return Ok((drafts, leaves, Word::EMPTY, 0)) };
+    let (mut n_lines, mut n_half_blocks, mut deepest) = (0, 0, 0);
+    let mut root_word = Word::EMPTY;
+    // The subtree, its parent's kind, the slot that waits for its word, and its depth.
+    let mut open = vec![(root, NodeKind::Box, None, 0u32)];
+    while let Some((child, parent_kind, slot, depth)) = open.pop() {
+        let word = match plan.form(child, parent_kind) {
+            Form::Leaf => {
+                let (start, end) = range(source.tree, child);
+                let leaf = LeafDraft { first: n_half_blocks, start, end };
+                let n = leaf.n(source);
+                n_half_blocks += n_halves(n);
+                if n_half_blocks > Word::MAX_FIRST {
+                    return Err(TooLarge);
+                }
+                leaves.push(leaf);
+                Word::leaf(leaf.first, n)
+            }
+            Form::Node(kind) => {
+                let line = n_lines;
+                n_lines += kind.n_lines();
+                if n_lines > Word::MAX_LINE {
+                    return Err(TooLarge);
+                }
+                let mut children = plan.children(child, kind);
+                children.sort_by(|&a, &b| plan.area(b, kind).total_cmp(&plan.area(a, kind)));
+                let index = drafts.len();
+                // The stack gives back the last first.
+                open.extend(children.iter().enumerate().rev().map(|(i, &c)| (c, kind, Some((index, i)), depth + 1)));
+                deepest = deepest.max(depth + 1);
+                let children = children.into_iter().map(|c| (c, Word::EMPTY)).collect();
+                drafts.push(Draft { kind, line, children });
+                Word::node(kind, line)
+            }
+        };
+        match slot {
+            None => root_word = word,
+            Some((draft, i)) => drafts[draft].children[i].1 = word,
+        }
+    }
+    Ok((drafts, leaves, root_word, deepest))
+}
+
+fn write_node(source: &Source, draft: &Draft, out: &mut [Line]) {
+    let rows: &mut [Row] = bytemuck::cast_slice_mut(out);
+    let word_row = match draft.kind {
+        NodeKind::Box => {
+            write_boxes(&mut rows[..6], |i| {
+                let aabb = aligned_box(source, draft.children.get(i)?.0);
+                Some((aabb.min, aabb.max))
+            });
+            6
+        }
+        NodeKind::Shared => 8,
+        NodeKind::Lean => {
+            for i in 0..8 {
+                write_lean(source, draft.children.get(i).map(|&(child, _)| child), rows, i);
+            }
+            15
+        }
+    };
+    for i in 0..8 {
+        let word = draft.children.get(i).map_or(Word::EMPTY, |&(_, word)| word);
+        rows[word_row][i] = f32::from_bits(word.0);
+    }
+}
+
+fn aligned_box(source: &Source, child: Child) -> Aabb {
+    match child.kind() {
+        ChildKind::Leaf(place) => source.leaf_boxes[place as usize],
+        ChildKind::Inner(id) => source.inner_boxes[id.index()],
+    }
+}
+
+/// Rows lo x, hi x, lo y, hi y, lo z, hi z; slots without a box hold one that no ray enters.
+fn write_boxes(rows: &mut [Row], bounds: impl Fn(usize) -> Option<([f32; 3], [f32; 3])>) {
+    for i in 0..8 {
+        let (lo, hi) = bounds(i).unwrap_or(([NOWHERE; 3], [-NOWHERE; 3]));
+        for k in 0..3 {
+            rows[2 * k][i] = lo[k];
+            rows[2 * k + 1][i] = hi[k];
+        }
+    }
+}
+
+/// For each axis a row, a centre and a half-extent, of a box in the child's frame around all vertices below it.
+fn write_lean(source: &Source, child: Option<Child>, rows: &mut [Row], i: usize) {
+    let Some(child) = child else {
+        for k in 0..3 {
+            rows[5 * k + 4][i] = -NOWHERE;
+        }
+        return;
+    };
+    let (start, end) = range(source.tree, child);
+    let vertices = source.corners[start as usize..end as usize].iter().flatten().copied();
+    let slabs = Slabs::of_points((source.frames)(child), vertices);
+    for k in 0..3 {
+        for axis in 0..3 {
+            rows[5 * k + axis][i] = slabs.rows[k][axis];
+        }
+        let (center, half) = middle(slabs.lo[k], slabs.hi[k]);
+        rows[5 * k + 3][i] = center;
+        rows[5 * k + 4][i] = half;
+    }
+}
+
+/// An interval by its middle and a half-extent that reaches both ends.
+#[expect(clippy::cast_possible_truncation, reason = "the half-extent is taken from the rounded middle, and upward")]
+fn middle(lo: f32, hi: f32) -> (f32, f32) {
+    let center = (0.5 * (f64::from(lo) + f64::from(hi))) as f32;
+    // Differences of f32 are exact in f64 but for a last bit, which the step upward covers.
+    let reach = (f64::from(hi) - f64::from(center)).max(f64::from(center) - f64::from(lo)).next_up();
+    let half = reach as f32;
+    (center, if f64::from(half) < reach { half.next_up() } else { half })
+}
+
+fn write_leaf(source: &Source, leaf: &LeafDraft, out: &mut [Half]) {
+    let (places, n) = distinct(source, leaf.start, leaf.end);
+    let words: &mut [u32] = bytemuck::cast_slice_mut(out);
+    for (i, &place) in places[..n].iter().enumerate() {
+        // Blocks of eight lie before a last block of four.
+        let in_four = i / 8 * 8 + 4 >= n;
+        let (block, width) = if in_four { (i / 4 * 40, 4) } else { (i / 8 * 80, 8) };
+        let lane = i % width;
+        let vertices = source.corners[place as usize].as_flattened();
+        for (row, &x) in vertices.iter().enumerate() {
+            words[block + row * width + lane] = x.to_bits();
+        }
+        words[block + 9 * width + lane] = source.primitives[place as usize].0;
+    }
+}
+
+/// Places of the primitives of a leaf in a slice of primitive numbers, where leaves hold no triangles.
+#[expect(dead_code, reason = "custom primitives come with the next station")]
+pub(crate) fn leaf_of(word: Word) -> Option<(u32, u32)> {
+    match word.kind() {
+        WordKind::Leaf { first, n } => Some((first, n)),
+        _ => None,
+    }
+}

@@ -1,0 +1,169 @@
+//! The records that rays walk through, and the words that point to them.
+//!
+//! ```text
+//! box node     lo, hi of x, y, z in the mesh's frame (6 x 8), 8 child words                     256 bytes
+//! shared node  3 rows, lo, hi of 3 axes (6 x 8), 8 child words                                  320 bytes
+//! lean node    9 components of rows, 3 centres, 3 half-extents (15 x 8), 8 child words          512 bytes
+//! triangles    v0, v1, v2 (9 x 8), 8 numbers; or four of each                                   320, 160 bytes
+//! ```
+//!
+//! Everything is little tables of eight lanes, structure of arrays. Empty slots hold boxes that no ray enters, by
+//! finite numbers: kernels neither make nor read NaN or infinity.
+
+use bytemuck::{Pod, Zeroable};
+
+/// A cache line of eight-lane rows; nodes start on one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub(crate) struct Line(pub(crate) [u32; 16]);
+
+/// Half a block of triangles: four of them, or one half of eight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C, align(32))]
+pub(crate) struct Half(pub(crate) [u32; HALF_WORDS]);
+
+/// Words of four triangles: nine coordinates and the primitive each.
+pub(crate) const HALF_WORDS: usize = 40;
+
+/// Lines of each node.
+pub(crate) const BOX_LINES: usize = 4;
+/// Lines of a node with one frame for all children.
+pub(crate) const SHARED_LINES: usize = 5;
+/// Lines of a node with a frame for each child.
+pub(crate) const LEAN_LINES: usize = 8;
+
+/// Most triangles of a leaf.
+pub(crate) const MAX_LEAF: usize = 32;
+
+/// Coordinates beyond those that are promised: an empty slot's lower planes; the upper ones are its negative.
+pub(crate) const NOWHERE: f32 = 9.223_372e18;
+
+/// Kinds of nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum NodeKind {
+    /// Boxes along the axes of the mesh's frame.
+    Box,
+    /// Boxes along the axes of one frame, the node's own.
+    Shared,
+    /// A frame for each child.
+    Lean,
+}
+
+impl NodeKind {
+    /// All kinds.
+    pub const ALL: [Self; 3] = [Self::Box, Self::Shared, Self::Lean];
+
+    /// Cache lines of a node.
+    pub(crate) fn n_lines(self) -> usize {
+        match self {
+            Self::Box => BOX_LINES,
+            Self::Shared => SHARED_LINES,
+            Self::Lean => LEAN_LINES,
+        }
+    }
+}
+
+/// A child reference: bit 31 a leaf.
+///
+/// Leaf: bits 26 to 30 its number of primitives less one, the rest the place of its first. Node: bits 29 and 30 its
+/// kind, the rest its first line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
+pub(crate) struct Word(pub(crate) u32);
+
+/// A child reference, opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum WordKind {
+    /// Primitives of a leaf.
+    Leaf { first: u32, n: u32 },
+    /// A node and its first line.
+    Node(NodeKind, u32),
+    /// No child.
+    Empty,
+}
+
+impl Word {
+    const LEAF: u32 = 1 << 31;
+    /// Places of leaves.
+    pub(crate) const MAX_FIRST: usize = 1 << 26;
+    /// Lines of nodes.
+    pub(crate) const MAX_LINE: usize = 1 << 29;
+
+    /// An unused slot; no ray enters its box.
+    pub(crate) const EMPTY: Self = Self(u32::MAX >> 1);
+
+    /// A leaf of `n` primitives, of which the first is at `first`.
+    #[expect(clippy::cast_possible_truncation, reason = "asserted to be small")]
+    pub(crate) fn leaf(first: usize, n: usize) -> Self {
+        assert!(first < Self::MAX_FIRST && (1..=MAX_LEAF).contains(&n), "the builder checks the limits");
+        Self(Self::LEAF | (n as u32 - 1) << 26 | first as u32)
+    }
+
+    /// A node.
+    #[expect(clippy::cast_possible_truncation, reason = "asserted to be small")]
+    pub(crate) fn node(kind: NodeKind, line: usize) -> Self {
+        assert!(line < Self::MAX_LINE, "the builder checks the limits");
+        Self((kind as u32) << 29 | line as u32)
+    }
+
+    /// What the word says.
+    #[inline(always)]
+    pub(crate) fn kind(self) -> WordKind {
+        if self.0 & Self::LEAF != 0 {
+            return WordKind::Leaf { first: self.0 & 0x03ff_ffff, n: (self.0 >> 26 & 31) + 1 };
+        }
+        let line = self.0 & 0x1fff_ffff;
+        match self.0 >> 29 {
+            0 => WordKind::Node(NodeKind::Box, line),
+            1 => WordKind::Node(NodeKind::Shared, line),
+            2 => WordKind::Node(NodeKind::Lean, line),
+            _ => WordKind::Empty,
+        }
+    }
+}
+
+/// Eight lanes of a record.
+pub(crate) type Row = [f32; 8];
+
+/// The rows of a node's lines.
+#[inline(always)]
+pub(crate) fn rows<const LINES: usize, const ROWS: usize>(lines: &[Line], first: u32) -> &[Row; ROWS] {
+    const { assert!(LINES * 2 == ROWS) };
+    let first = first as usize;
+    let lines: &[Line; LINES] = lines[first..first + LINES].try_into().expect("as long as asked for");
+    bytemuck::cast_ref::<[Line; LINES], [Row; ROWS]>(lines)
+}
+
+/// The child words of a node.
+pub(crate) fn node_words(lines: &[Line], kind: NodeKind, line: u32) -> &[Word; 8] {
+    match kind {
+        NodeKind::Box => bytemuck::cast_ref(&rows::<BOX_LINES, 8>(lines, line)[6]),
+        NodeKind::Shared => bytemuck::cast_ref(&rows::<SHARED_LINES, 10>(lines, line)[8]),
+        NodeKind::Lean => bytemuck::cast_ref(&rows::<LEAN_LINES, 16>(lines, line)[15]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_say_what_they_were_made_of() {
+        for (first, n) in [(0, 1), (7, 32), (Word::MAX_FIRST - 1, 5)] {
+            let want = WordKind::Leaf { first: first as u32, n: n as u32 };
+            assert_eq!(Word::leaf(first, n).kind(), want);
+        }
+        for kind in NodeKind::ALL {
+            for line in [0, 1, Word::MAX_LINE - 1] {
+                assert_eq!(Word::node(kind, line).kind(), WordKind::Node(kind, line as u32));
+            }
+        }
+        assert_eq!(Word::EMPTY.kind(), WordKind::Empty);
+    }
+
+    #[test]
+    fn records_are_as_long_as_the_table_says() {
+        assert_eq!(NodeKind::ALL.map(|kind| kind.n_lines() * size_of::<Line>()), [256, 320, 512]);
+        assert_eq!(size_of::<Half>(), 160);
+    }
+}

@@ -1,0 +1,79 @@
+//! Eight lanes of `f32` on whatever the machine has.
+//!
+//! Traversal is written once over [`Simd`]; a path is a token that proves its instructions are there. All paths round
+//! each operation as IEEE 754 says but for [`Simd::mul_add`], which may round once or twice: box tests are padded for
+//! both, and triangle filters do not use it. So hits are the same bits on every path.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+#[cfg(target_arch = "aarch64")]
+mod neon;
+mod path;
+mod scalar;
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) use avx2::Avx2;
+#[cfg(target_arch = "x86_64")]
+pub(crate) use avx512::Avx512;
+#[cfg(target_arch = "aarch64")]
+pub(crate) use neon::Neon;
+pub use path::SimdPath;
+pub(crate) use scalar::Scalar;
+
+/// Work that runs over lanes; see [`Simd::run`].
+pub(crate) trait Task {
+    /// What it gives.
+    type Output;
+
+    /// Does it. Must be `#[inline(always)]`, and so must all it calls with `simd`, or lanes travel through memory.
+    fn on<S: Simd>(self, simd: S) -> Self::Output;
+}
+
+/// Eight lanes of `f32`, by a token of the instructions they need.
+///
+/// A mask is the low eight bits of a `u32`, lane 0 lowest.
+pub(crate) trait Simd: Copy {
+    /// Eight lanes.
+    type F: Copy;
+
+    /// Runs `task` with the path's instructions enabled.
+    fn run<T: Task>(self, task: T) -> T::Output;
+    /// `x` in every lane.
+    fn splat(self, x: f32) -> Self::F;
+    /// Lanes from memory.
+    fn load(self, x: &[f32; 8]) -> Self::F;
+    /// Four lanes from memory, the upper ones anything finite.
+    fn load_half(self, x: &[f32; 4]) -> Self::F;
+    /// Lanes to memory.
+    fn store(self, a: Self::F) -> [f32; 8];
+    /// `a + b`.
+    fn add(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a - b`.
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a · b`.
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a / b`.
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a · b + c`, rounded once or twice.
+    fn mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// `a · b - c`, rounded once or twice.
+    fn mul_sub(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// `-(a · b) - c`, rounded once or twice.
+    fn neg_mul_sub(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// The lesser; `b` of equals, and where either is not a number anything but a third value.
+    fn min(self, a: Self::F, b: Self::F) -> Self::F;
+    /// The greater; `b` of equals, and where either is not a number anything but a third value.
+    fn max(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `|a|`.
+    fn abs(self, a: Self::F) -> Self::F;
+    /// `a` with its sign turned where `b` is negative.
+    fn xor_sign(self, a: Self::F, b: Self::F) -> Self::F;
+    /// Mask of `a < b`.
+    fn lt(self, a: Self::F, b: Self::F) -> u32;
+    /// Mask of `a <= b`.
+    fn le(self, a: Self::F, b: Self::F) -> u32;
+    /// Asks for the cache line at `line`, if it can be asked for.
+    fn prefetch<T>(self, line: &T);
+}

@@ -1,0 +1,266 @@
+use canted_obb::PrimId;
+use canted_trace::{Axis, BaldwinWeber, Kernel, MollerTrumbore, ScaledRay, Shear, TriangleHit, Watertight};
+
+use super::ray::splat3;
+use crate::layout::{HALF_WORDS, Half};
+use crate::simd::Simd;
+
+/// Half of `f32::EPSILON`: the relative error of one rounding.
+const U: f32 = f32::EPSILON / 2.0;
+
+/// Error of the weights of Möller and Trumbore, relative to `E·(S + E)`: derived at [`MollerTrumbore`].
+const WEIGHTS_ERROR: f32 = 17.0 * U;
+
+/// A triangle test whose filter runs over eight triangles at once.
+///
+/// Hits are those of the kernel itself, bit for bit: lanes only say "certainly not" or "perhaps".
+pub trait LaneKernel: Kernel {
+    #[doc(hidden)]
+    const TEST: LaneTest;
+
+    /// The hit on a triangle by its vertices.
+    #[doc(hidden)]
+    fn finish(
+        prepared: &Self::Prepared,
+        ray: &ScaledRay,
+        vertices: &[[f32; 3]; 3],
+        t_max: f32,
+    ) -> Option<TriangleHit>;
+}
+
+/// Which filter lanes run.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LaneTest {
+    /// Signs of the watertight kernel's edge functions.
+    Edges,
+    /// Weights of Möller and Trumbore with their error bound.
+    Weights,
+}
+
+impl LaneKernel for Watertight {
+    const TEST: LaneTest = LaneTest::Edges;
+
+    #[inline(always)]
+    fn finish(shear: &Shear, ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
+        Self::intersect(shear, ray, vertices, t_max)
+    }
+}
+
+impl LaneKernel for MollerTrumbore {
+    const TEST: LaneTest = LaneTest::Weights;
+
+    #[inline(always)]
+    fn finish((): &(), ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
+        Self::intersect(&(), ray, vertices, t_max)
+    }
+}
+
+/// Its hits are Möller and Trumbore's by contract, so blocks hold vertices for it too.
+impl LaneKernel for BaldwinWeber {
+    const TEST: LaneTest = LaneTest::Weights;
+
+    #[inline(always)]
+    fn finish((): &(), ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
+        MollerTrumbore::intersect(&(), ray, vertices, t_max)
+    }
+}
+
+/// What the lanes' filters need of a ray.
+#[derive(Clone, Copy)]
+pub(crate) struct RayTriangles<S: Simd> {
+    /// Origin, the axis that plays z last.
+    origin: [S::F; 3],
+    /// Shear factors, and the reciprocal of the direction along z.
+    shear: [S::F; 2],
+    recip_z: S::F,
+    zero: S::F,
+    t_min: S::F,
+    /// First row of the coordinate that plays x, y, z.
+    rows: [usize; 3],
+    direction: [S::F; 3],
+}
+
+impl<S: Simd> RayTriangles<S> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
+        let shear = Shear::new(ray);
+        let axis: Axis = shear.axis();
+        let [_, _, d_z] = axis.last(ray.direction);
+        let [s_x, s_y] = shear.factors();
+        Self {
+            origin: splat3(simd, axis.last(ray.origin)),
+            shear: [simd.splat(s_x), simd.splat(s_y)],
+            recip_z: simd.splat(1.0 / d_z),
+            zero: simd.splat(0.0),
+            t_min: simd.splat(ray.t_min),
+            rows: axis.last([0, 1, 2]),
+            direction: splat3(simd, axis.last(ray.direction)),
+        }
+    }
+}
+
+/// Up to eight triangles: rows of their vertices' coordinates, then their numbers.
+#[derive(Clone, Copy)]
+pub(crate) enum Block<'a> {
+    Eight(&'a [[f32; 8]; 10]),
+    Four(&'a [[f32; 4]; 10]),
+}
+
+impl<'a> Block<'a> {
+    /// The block at `first` that holds at most `n` triangles.
+    #[inline(always)]
+    pub(crate) fn at(halves: &'a [Half], first: usize, n: u32) -> Self {
+        if n > 4 {
+            let both: &[Half; 2] = halves[first..first + 2].try_into().expect("as long as asked for");
+            Self::Eight(bytemuck::cast_ref::<[u32; 2 * HALF_WORDS], _>(bytemuck::cast_ref(both)))
+        } else {
+            Self::Four(bytemuck::cast_ref::<[u32; HALF_WORDS], _>(&halves[first].0))
+        }
+    }
+
+    #[inline(always)]
+    fn row<S: Simd>(&self, simd: S, row: usize) -> S::F {
+        match self {
+            Self::Eight(rows) => simd.load(&rows[row]),
+            Self::Four(rows) => simd.load_half(&rows[row]),
+        }
+    }
+
+    #[inline(always)]
+    fn value(&self, row: usize, lane: usize) -> f32 {
+        match self {
+            Self::Eight(rows) => rows[row][lane],
+            Self::Four(rows) => rows[row][lane],
+        }
+    }
+
+    /// Vertices of a triangle, as they were given.
+    #[inline(always)]
+    pub(crate) fn vertices(&self, lane: usize) -> [[f32; 3]; 3] {
+        std::array::from_fn(|vertex| std::array::from_fn(|axis| self.value(3 * vertex + axis, lane)))
+    }
+
+    /// Number of a triangle.
+    #[inline(always)]
+    pub(crate) fn primitive(&self, lane: usize) -> PrimId {
+        PrimId(self.value(9, lane).to_bits())
+    }
+
+    /// Lanes that `ray` may hit at `t_min <= t <= t_max`; no lane that the kernel accepts is left out.
+    #[inline(always)]
+    pub(crate) fn candidates<S: Simd, K: LaneKernel>(&self, simd: S, ray: &RayTriangles<S>, t_max: f32) -> u32 {
+        match K::TEST {
+            LaneTest::Edges => self.edges(simd, ray, t_max),
+            LaneTest::Weights => self.weights(simd, ray),
+        }
+    }
+
+    /// The watertight kernel's filter, then one of `t`.
+    ///
+    /// The sheared coordinates and edge functions repeat the kernel's f32 arithmetic, so their signs are its signs. Of
+    /// the lanes left, most belong to the triangle that a ray starts on; their `t` in f32 spares the f64 work.
+    ///
+    /// # Error of `t`
+    /// `T = Σ U_i·z_i` with `z_i = A_z,i / d_z`, `det = Σ U_i`, S6 the sum of the six products' absolute values and
+    /// `Z = max|z_i|`. In f32 each `U_i` is off by 2.01 u of its two products, `z_i` by two roundings, the sums by
+    /// three: `T` by 8 u·S6·Z, `det` by 5 u·S6. Let the kernel accept `t = T*/det*`, a convex combination of the `z_i`,
+    /// so `t <= Z`. With signs turned so that `det >= 0`, and its sign right, `T - t_max·det <= T - t·det`, which is at
+    /// most 13 u·S6·Z; if the sign is wrong, `|det| + |det*| <= 5 u·S6`, and it is no more. Likewise for `t_min`. One
+    /// u is for the product's rounding: 16 u cover it, with room for second order. Where `2·S6·Z` overflows, the error
+    /// is infinite and nothing is dropped; what underflows is worth less than the smallest normal number times all it
+    /// may multiply.
+    #[inline(always)]
+    fn edges<S: Simd>(&self, simd: S, ray: &RayTriangles<S>, t_max: f32) -> u32 {
+        let a = self.sheared(simd, ray, 0);
+        let b = self.sheared(simd, ray, 3);
+        let c = self.sheared(simd, ray, 6);
+        let (u_1, u_2) = (simd.mul(c[0], b[1]), simd.mul(c[1], b[0]));
+        let (v_1, v_2) = (simd.mul(a[0], c[1]), simd.mul(a[1], c[0]));
+        let (w_1, w_2) = (simd.mul(b[0], a[1]), simd.mul(b[1], a[0]));
+        let (u, v, w) = (simd.sub(u_1, u_2), simd.sub(v_1, v_2), simd.sub(w_1, w_2));
+        let least = simd.min(simd.min(u, v), w);
+        let greatest = simd.max(simd.max(u, v), w);
+        let passing = !(simd.lt(least, ray.zero) & simd.lt(ray.zero, greatest)) & 0xff;
+        if passing == 0 {
+            return 0;
+        }
+        let tiny = simd.splat(f32::MIN_POSITIVE);
+        let det = simd.add(simd.add(u, v), w);
+        let z = [simd.mul(a[2], ray.recip_z), simd.mul(b[2], ray.recip_z), simd.mul(c[2], ray.recip_z)];
+        let t = simd.add(simd.add(simd.mul(u, z[0]), simd.mul(v, z[1])), simd.mul(w, z[2]));
+        let sum_u = simd.add(simd.abs(u_1), simd.abs(u_2));
+        let sum_v = simd.add(simd.abs(v_1), simd.abs(v_2));
+        let sum_w = simd.add(simd.abs(w_1), simd.abs(w_2));
+        let sum = simd.add(simd.add(sum_u, sum_v), sum_w);
+        let reach = simd.max(simd.max(simd.abs(z[0]), simd.abs(z[1])), simd.abs(z[2]));
+        let under = simd.mul(tiny, simd.add(simd.add(sum, reach), simd.splat(1.0)));
+        let error = simd.add(simd.mul(simd.splat(8.0 * U), simd.mul(simd.add(sum, sum), reach)), under);
+        // With all signs turned so that det is positive: T - t_max·det > error, or t_min·det - T > error.
+        let (t, det) = (simd.xor_sign(t, det), simd.abs(det));
+        let late = simd.lt(error, simd.sub(t, simd.mul(simd.splat(t_max), det)));
+        let early = simd.lt(error, simd.sub(simd.mul(ray.t_min, det), t));
+        passing & !(late | early)
+    }
+
+    /// The vertex whose coordinates start at `row`, as the kernel shears it.
+    #[inline(always)]
+    fn sheared<S: Simd>(&self, simd: S, ray: &RayTriangles<S>, row: usize) -> [S::F; 3] {
+        let x = simd.sub(self.row(simd, row + ray.rows[0]), ray.origin[0]);
+        let y = simd.sub(self.row(simd, row + ray.rows[1]), ray.origin[1]);
+        let z = simd.sub(self.row(simd, row + ray.rows[2]), ray.origin[2]);
+        [simd.sub(x, simd.mul(ray.shear[0], z)), simd.sub(y, simd.mul(ray.shear[1], z)), z]
+    }
+
+    /// The filter of Möller and Trumbore: the arithmetic of `canted_trace`'s, lane by lane.
+    #[inline(always)]
+    fn weights<S: Simd>(&self, simd: S, ray: &RayTriangles<S>) -> u32 {
+        let v0 = self.vertex(simd, ray, 0);
+        let e1 = sub(simd, self.vertex(simd, ray, 3), v0);
+        let e2 = sub(simd, self.vertex(simd, ray, 6), v0);
+        let s = sub(simd, ray.origin, v0);
+        let p = cross(simd, ray.direction, e2);
+        let tiny = simd.splat(f32::MIN_POSITIVE);
+        let edges = simd.add(simd.add(norm(simd, e1), norm(simd, e2)), tiny);
+        // No number exceeds four times `edges·(norm(s) + edges)`: where that is finite, nothing overflows.
+        let largest = simd.mul(simd.splat(4.0), simd.mul(edges, simd.add(norm(simd, s), edges)));
+        let error = simd.add(simd.mul(simd.splat(WEIGHTS_ERROR / 4.0), largest), tiny);
+        let det = dot(simd, p, e1);
+        let u = simd.xor_sign(dot(simd, p, s), det);
+        let v = simd.xor_sign(dot(simd, cross(simd, s, e1), ray.direction), det);
+        let below = simd.lt(simd.add(simd.min(u, v), error), ray.zero);
+        let above = simd.lt(simd.add(simd.abs(det), error), simd.add(u, v));
+        !(below | above) & 0xff
+    }
+
+    /// The vertex whose coordinates start at `row`, the axis that plays z last.
+    #[inline(always)]
+    fn vertex<S: Simd>(&self, simd: S, ray: &RayTriangles<S>, row: usize) -> [S::F; 3] {
+        [self.row(simd, row + ray.rows[0]), self.row(simd, row + ray.rows[1]), self.row(simd, row + ray.rows[2])]
+    }
+}
+
+#[inline(always)]
+fn sub<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
+    [simd.sub(a[0], b[0]), simd.sub(a[1], b[1]), simd.sub(a[2], b[2])]
+}
+
+#[inline(always)]
+fn cross<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
+    [
+        simd.sub(simd.mul(a[1], b[2]), simd.mul(a[2], b[1])),
+        simd.sub(simd.mul(a[2], b[0]), simd.mul(a[0], b[2])),
+        simd.sub(simd.mul(a[0], b[1]), simd.mul(a[1], b[0])),
+    ]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
+    simd.add(simd.add(simd.mul(a[0], b[0]), simd.mul(a[1], b[1])), simd.mul(a[2], b[2]))
+}
+
+/// Sum of absolute components.
+#[inline(always)]
+fn norm<S: Simd>(simd: S, a: [S::F; 3]) -> S::F {
+    simd.add(simd.add(simd.abs(a[0]), simd.abs(a[1])), simd.abs(a[2]))
+}

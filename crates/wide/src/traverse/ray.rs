@@ -1,0 +1,111 @@
+use canted_trace::{HIT_ERROR, MIN_DIRECTION, ScaledRay};
+
+use crate::simd::Simd;
+
+/// Half of `f32::EPSILON`: the relative error of one rounding.
+const U: f32 = f32::EPSILON / 2.0;
+
+/// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
+const SQRT_3: f32 = 1.732_050_9;
+
+/// By how much, relative to `|o|∞ + ρ∞`, the ray is thickened against boxes along the coordinate axes.
+const BOX_PAD: f32 = HIT_ERROR + 6.0 * U;
+
+/// The same along the axes of a turned mesh frame.
+const TURNED_PAD: f32 = SQRT_3 * (HIT_ERROR + 9.0 * U);
+
+/// The same against boxes with frames of their own.
+const LEAN_PAD: f32 = SQRT_3 * (HIT_ERROR + 14.0 * U);
+
+/// The frame that box nodes stand in: rows across their planes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MeshFrame {
+    pub(crate) rows: [[f32; 3]; 3],
+    pub(crate) is_identity: bool,
+}
+
+impl MeshFrame {
+    pub(crate) fn new(rows: [[f32; 3]; 3]) -> Self {
+        Self { rows, is_identity: rows == canted_obb::Obb::IDENTITY_FRAME }
+    }
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "the one rounding that the pad is for")]
+    fn turned(&self, v: [f32; 3]) -> [f32; 3] {
+        let [x, y, z] = v.map(f64::from);
+        self.rows.map(|row| {
+            let [a, b, c] = row.map(f64::from);
+            (a * x + b * y + c * z) as f32
+        })
+    }
+}
+
+/// A ray as the node tests want it: every number in all lanes, ready in memory.
+#[derive(Clone, Copy)]
+pub(crate) struct RayLanes<S: Simd> {
+    /// Reciprocals of the direction in the mesh's frame.
+    pub(crate) recip: [S::F; 3],
+    /// `o⁺·r` (`o⁻·r` for negative directions): taken off the near planes' products.
+    pub(crate) near: [S::F; 3],
+    /// The same for far planes.
+    pub(crate) far: [S::F; 3],
+    /// Whether the near plane of an axis is the upper one.
+    pub(crate) flipped: [bool; 3],
+    pub(crate) t_min: S::F,
+    /// Origin and direction in object space.
+    pub(crate) origin: [S::F; 3],
+    pub(crate) direction: [S::F; 3],
+    pub(crate) pad_lean: S::F,
+    pub(crate) min_direction: S::F,
+    pub(crate) one: S::F,
+}
+
+impl<S: Simd> RayLanes<S> {
+    /// The lanes of `ray` against boxes around vertices whose coordinates do not exceed `reach`.
+    #[inline(always)]
+    pub(crate) fn new(simd: S, ray: &ScaledRay, frame: &MeshFrame, reach: f32) -> Self {
+        let [x, y, z] = ray.origin.map(f32::abs);
+        let scale = x.max(y).max(z) + reach;
+        let (origin, direction, pad) = if frame.is_identity {
+            (ray.origin, ray.direction, BOX_PAD * scale)
+        } else {
+            (frame.turned(ray.origin), frame.turned(ray.direction), TURNED_PAD * scale)
+        };
+        let pad = pad + f32::MIN_POSITIVE;
+        let recip = direction.map(reciprocal);
+        let flipped = recip.map(|r| r < 0.0);
+        // Against a negative direction the near plane is the upper one, met from the lowered origin.
+        let (mut near, mut far) = ([0.0; 3], [0.0; 3]);
+        for k in 0..3 {
+            let toward = pad.copysign(recip[k]);
+            near[k] = (origin[k] + toward) * recip[k];
+            far[k] = (origin[k] - toward) * recip[k];
+        }
+        Self {
+            recip: splat3(simd, recip),
+            near: splat3(simd, near),
+            far: splat3(simd, far),
+            flipped,
+            // Adding zero makes -0.0 positive: entries are ordered by their bits.
+            t_min: simd.splat(ray.t_min + 0.0),
+            origin: splat3(simd, ray.origin),
+            direction: splat3(simd, ray.direction),
+            pad_lean: simd.splat(LEAN_PAD * scale + f32::MIN_POSITIVE),
+            min_direction: simd.splat(MIN_DIRECTION),
+            one: simd.splat(1.0),
+        }
+    }
+}
+
+/// Three numbers, each in all lanes.
+#[inline(always)]
+pub(super) fn splat3<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [S::F; 3] {
+    [simd.splat(x), simd.splat(y), simd.splat(z)]
+}
+
+/// `1/d`, bounded and never of a negative zero.
+#[inline(always)]
+fn reciprocal(d: f32) -> f32 {
+    let d = d + 0.0;
+    1.0 / d.abs().max(MIN_DIRECTION).copysign(d)
+}

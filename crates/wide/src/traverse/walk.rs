@@ -1,0 +1,152 @@
+use super::RayLanes;
+use super::node::{Entries, enter_box, enter_lean, enter_shared, words};
+use crate::layout::{BOX_LINES, LEAN_LINES, Line, NodeKind, SHARED_LINES, Word, WordKind, rows};
+use crate::simd::Simd;
+
+/// Subtrees to come back to: the entry's bits above the child word, so that order is order of integers.
+#[derive(Clone, Debug)]
+pub(crate) struct Stack(Vec<u64>);
+
+impl Stack {
+    /// Room for a tree of this depth: up to seven siblings wait on each level, and one subtree more on top.
+    pub(crate) fn new(depth: u32) -> Self {
+        Self(vec![0; 7 * depth as usize + 8])
+    }
+}
+
+/// What a walk calls and asks.
+pub(crate) trait Visit {
+    /// A leaf is entered: primitives `first..` of number `n`. Returns the new `t_max`; below zero ends the walk.
+    fn leaf(&mut self, first: u32, n: u32, t_max: f32) -> f32;
+
+    /// A node of this kind is tested.
+    fn node(&mut self, kind: NodeKind);
+}
+
+/// Visits every leaf that `ray` enters at or before `t_max`, nearer subtrees first where `ORDERED`.
+///
+/// A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties reach the leaf,
+/// whatever the tree.
+#[inline(always)]
+pub(crate) fn walk<S: Simd, const ORDERED: bool>(
+    simd: S,
+    lines: &[Line],
+    root: Word,
+    ray: &RayLanes<S>,
+    mut t_max: f32,
+    stack: &mut Stack,
+    visit: &mut impl Visit,
+) {
+    let stack = &mut stack.0[..];
+    let mut waiting = 0;
+    let mut word = root;
+    loop {
+        let t_max_lanes = simd.splat(t_max);
+        let entered = match word.kind() {
+            WordKind::Leaf { first, n } => {
+                t_max = visit.leaf(first, n, t_max);
+                if t_max < 0.0 {
+                    return;
+                }
+                None
+            }
+            WordKind::Node(kind, line) => {
+                visit.node(kind);
+                Some(match kind {
+                    NodeKind::Box => {
+                        let rows = rows::<BOX_LINES, 8>(lines, line);
+                        (enter_box(simd, ray, rows, t_max_lanes), words(&rows[6]))
+                    }
+                    NodeKind::Shared => {
+                        let rows = rows::<SHARED_LINES, 10>(lines, line);
+                        (enter_shared(simd, ray, rows, t_max_lanes), words(&rows[8]))
+                    }
+                    NodeKind::Lean => {
+                        let rows = rows::<LEAN_LINES, 16>(lines, line);
+                        (enter_lean(simd, ray, rows, t_max_lanes), words(&rows[15]))
+                    }
+                })
+            }
+            WordKind::Empty => None,
+        };
+        if let Some((Entries { near, mask }, words)) = entered
+            && mask != 0
+        {
+            let first = mask.trailing_zeros() as usize;
+            let rest = mask & (mask - 1);
+            if rest == 0 {
+                word = words[first];
+                continue;
+            }
+            let near = simd.store(near);
+            word = if ORDERED {
+                push_ordered(stack, &mut waiting, mask, &near, words)
+            } else {
+                push(stack, &mut waiting, mask, &near, words)
+            };
+            continue;
+        }
+        // Come back to the last subtree that may still hold something as near.
+        loop {
+            if waiting == 0 {
+                return;
+            }
+            waiting -= 1;
+            let key = stack[waiting];
+            if f32::from_bits((key >> 32) as u32) <= t_max {
+                word = Word(key as u32);
+                break;
+            }
+        }
+    }
+}
+
+/// A child on the stack.
+#[inline(always)]
+fn key(near: &[f32; 8], words: &[Word; 8], child: u32) -> u64 {
+    let child = (child & 7) as usize;
+    u64::from(near[child].to_bits()) << 32 | u64::from(words[child].0)
+}
+
+/// Pushes all children but the nearest, the farthest first, and returns the nearest.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "the lower half is the word")]
+fn push_ordered(stack: &mut [u64], waiting: &mut usize, mut mask: u32, near: &[f32; 8], words: &[Word; 8]) -> Word {
+    let first = key(near, words, mask.trailing_zeros());
+    mask &= mask - 1;
+    let second = key(near, words, mask.trailing_zeros());
+    mask &= mask - 1;
+    let mut nearest = first.min(second);
+    let base = *waiting;
+    stack[base] = first.max(second);
+    let mut top = base + 1;
+    while mask != 0 {
+        let next = key(near, words, mask.trailing_zeros());
+        mask &= mask - 1;
+        let far = nearest.max(next);
+        nearest = nearest.min(next);
+        // Insertion: the stack's new part falls from bottom to top.
+        let mut place = top;
+        while place > base && stack[place - 1] < far {
+            stack[place] = stack[place - 1];
+            place -= 1;
+        }
+        stack[place] = far;
+        top += 1;
+    }
+    *waiting = top;
+    Word(nearest as u32)
+}
+
+/// Pushes all children but the first, and returns it.
+#[inline(always)]
+fn push(stack: &mut [u64], waiting: &mut usize, mut mask: u32, near: &[f32; 8], words: &[Word; 8]) -> Word {
+    let first = words[(mask.trailing_zeros() & 7) as usize];
+    mask &= mask - 1;
+    while mask != 0 {
+        stack[*waiting] = key(near, words, mask.trailing_zeros());
+        *waiting += 1;
+        mask &= mask - 1;
+    }
+    first
+}
