@@ -1,10 +1,14 @@
 //! Embree, versions 3 and 4: triangle meshes, instances, closest and any hit for single rays.
+//!
+//! `library` and `scene` hold unsafe code: the foreign interface and what is built on it.
 
-mod abi;
 mod find;
+mod library;
+mod scene;
 
-pub use abi::{Library, LoadError, Scene, SceneError};
 pub use find::libraries;
+pub use library::{Library, LoadError};
+pub use scene::{Scene, SceneError};
 
 /// A triangle mesh, object space.
 #[derive(Clone, Copy, Debug)]

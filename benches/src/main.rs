@@ -34,6 +34,9 @@ fn main() -> Result<()> {
     if options.wants("wide") {
         wide::section(&mut out, &options)?;
     }
+    if options.wants("growth") {
+        wide::growth(&mut out, &options)?;
+    }
     std::io::stdout().write_all(out.as_bytes())?;
     Ok(())
 }

@@ -1,9 +1,14 @@
 //! What the program was asked for.
 
+use std::ops::RangeInclusive;
+
 use anyhow::{Result, anyhow};
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 4] = ["build", "trace", "picture", "wide"];
+const SECTIONS: [&str; 5] = ["build", "trace", "picture", "wide", "growth"];
+
+/// Growth is measured from its start; 2^28 triangles and their peers' trees fill 100 GB.
+pub(crate) const LOG2_TRIANGLES: RangeInclusive<u32> = 10..=28;
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,12 +20,15 @@ pub(crate) struct Options {
     engines: Vec<String>,
     /// A quarter of the rays, and each tree built once.
     pub(crate) is_quick: bool,
+    /// Growth is measured up to two to this power of triangles.
+    pub(crate) max_log2: u32,
 }
 
 impl Options {
     /// Reads the arguments, without the program's name.
     pub(crate) fn read(mut args: impl Iterator<Item = String>) -> Result<Self> {
-        let mut options = Self { sections: vec![], rounds: 5, scenes: vec![], engines: vec![], is_quick: false };
+        let mut options =
+            Self { sections: vec![], rounds: 5, scenes: vec![], engines: vec![], is_quick: false, max_log2: 22 };
         while let Some(arg) = args.next() {
             let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
             match arg.as_str() {
@@ -29,6 +37,12 @@ impl Options {
                     let rounds = value.parse().ok().filter(|&rounds| rounds > 0);
                     options.rounds = rounds.ok_or_else(|| anyhow!("--rounds '{value}' is not a number of rounds"))?;
                 }
+                "--max-log2" => {
+                    let value = value()?;
+                    let log2 = value.parse().ok().filter(|log2| LOG2_TRIANGLES.contains(log2));
+                    options.max_log2 =
+                        log2.ok_or_else(|| anyhow!("--max-log2 '{value}' is not in {LOG2_TRIANGLES:?}"))?;
+                }
                 "--scenes" => options.scenes = list(&value()?),
                 "--engines" => options.engines = list(&value()?),
                 "--quick" => options.is_quick = true,
@@ -36,7 +50,7 @@ impl Options {
                 _ => {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
-                        "'{arg}' is none of {sections}, --rounds N, --scenes A,B, --engines A,B, --quick"
+                        "'{arg}' is none of {sections}, --rounds N, --scenes A,B, --engines A,B, --quick, --max-log2 N"
                     ));
                 }
             }
@@ -91,7 +105,13 @@ mod tests {
 
     #[test]
     fn a_wrong_word_is_named() {
-        for (args, word) in [("wild", "wild"), ("--rounds x", "x"), ("--rounds 0", "0"), ("--scenes", "--scenes")] {
+        for (args, word) in [
+            ("wild", "wild"),
+            ("--rounds x", "x"),
+            ("--rounds 0", "0"),
+            ("--scenes", "--scenes"),
+            ("--max-log2 9", "9"),
+        ] {
             assert!(read(args).unwrap_err().to_string().contains(word));
         }
     }

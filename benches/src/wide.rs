@@ -10,6 +10,7 @@ mod duel;
 mod embree;
 mod engine;
 mod entries;
+mod growth;
 mod judge;
 mod obvhs;
 mod ours;
@@ -24,6 +25,8 @@ use anyhow::Result;
 
 use crate::{models, options::Options};
 use {record::Record, subject::Subject, tables::Tables};
+
+pub(crate) use growth::section as growth;
 
 /// What is measured unless `--scenes` says otherwise: leaning and thin first, ordinary last.
 const SCENES: [&str; 21] = [

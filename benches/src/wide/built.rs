@@ -20,40 +20,50 @@ pub(crate) struct Built {
     pub(crate) n_bytes: usize,
 }
 
+/// An engine with the wall seconds of its builds.
+struct Ready {
+    engine: Box<dyn Engine>,
+    one_thread: Vec<f64>,
+    two_threads: Vec<f64>,
+}
+
 /// Builds all entries for tracing, and again for the clock where `is_thorough`; the caller's pool has one thread.
-pub(crate) fn build(entries: &[Entry<'_>], is_thorough: bool) -> Result<(Vec<Box<dyn Engine>>, Vec<Built>)> {
+pub(crate) fn build(entries: &[Entry<'_>], is_thorough: bool) -> Result<Vec<(Box<dyn Engine>, Built)>> {
     let two = rayon::ThreadPoolBuilder::new().num_threads(2).build()?;
-    let mut engines = vec![];
-    let mut one_thread = vec![];
-    for entry in entries {
-        let (engine, took) = clock::time(|| (entry.build)(1));
-        engines.push(engine.with_context(|| format!("cannot build {}", entry.name))?);
-        one_thread.push(vec![took.wall]);
-    }
-    let mut two_threads = vec![vec![]; entries.len()];
+    let mut ready = entries.iter().map(first).collect::<Result<Vec<Ready>>>()?;
     for repeat in 0..REPEATS * usize::from(is_thorough) {
-        for (i, entry) in entries.iter().enumerate() {
-            if one_thread[i][0] > PATIENCE_SECONDS {
+        for (entry, ready) in entries.iter().zip(&mut ready) {
+            if ready.one_thread[0] > PATIENCE_SECONDS {
                 continue;
             }
             if repeat > 0 {
-                let (engine, took) = clock::time(|| (entry.build)(1));
-                drop(engine?);
-                one_thread[i].push(took.wall);
+                let (built, took) = clock::time(|| (entry.build)(1));
+                drop(built?);
+                ready.one_thread.push(took.wall);
             }
             if entry.is_parallel {
-                let build = || clock::time(|| (entry.build)(2).map(drop));
-                let (built, took) = two.install(build);
+                let (built, took) = two.install(|| clock::time(|| (entry.build)(2).map(drop)));
                 built?;
-                two_threads[i].push(took.wall);
+                ready.two_threads.push(took.wall);
             }
         }
     }
-    let built = |((engine, one), two): ((&Box<dyn Engine>, &Vec<f64>), &Vec<f64>)| Built {
-        one_thread: median(one),
-        two_threads: (!two.is_empty()).then(|| median(two)),
-        n_bytes: engine.n_bytes(),
-    };
-    let built = engines.iter().zip(&one_thread).zip(&two_threads).map(built).collect();
-    Ok((engines, built))
+    Ok(ready.into_iter().map(Ready::finish).collect())
+}
+
+fn first(entry: &Entry<'_>) -> Result<Ready> {
+    let (engine, took) = clock::time(|| (entry.build)(1));
+    let engine = engine.with_context(|| format!("cannot build {}", entry.name))?;
+    Ok(Ready { engine, one_thread: vec![took.wall], two_threads: vec![] })
+}
+
+impl Ready {
+    fn finish(self) -> (Box<dyn Engine>, Built) {
+        let built = Built {
+            one_thread: median(&self.one_thread),
+            two_threads: (!self.two_threads.is_empty()).then(|| median(&self.two_threads)),
+            n_bytes: self.engine.n_bytes(),
+        };
+        (self.engine, built)
+    }
 }

@@ -38,9 +38,16 @@ const MODES: [(&str, Quality, bool); 3] =
 
 /// Every version in every mode, for one scene.
 pub(crate) fn entries(model: &Model) -> Vec<Entry<'_>> {
-    let libraries = embree::libraries();
-    let modes = |library: Library| MODES.map(|(name, quality, is_robust)| (library, name, quality, is_robust));
-    libraries.into_iter().flat_map(modes).map(|mode| entry(model, mode)).collect()
+    embree::libraries().into_iter().flat_map(|library| modes(model, library)).collect()
+}
+
+/// The newest version in every mode.
+pub(crate) fn newest(model: &Model) -> Vec<Entry<'_>> {
+    embree::libraries().into_iter().take(1).flat_map(|library| modes(model, library)).collect()
+}
+
+fn modes(model: &Model, library: Library) -> [Entry<'_>; 3] {
+    MODES.map(|(name, quality, is_robust)| entry(model, (library, name, quality, is_robust)))
 }
 
 fn entry<'a>(model: &'a Model, (library, mode, quality, is_robust): (Library, &str, Quality, bool)) -> Entry<'a> {

@@ -10,3 +10,13 @@ pub(crate) fn entries<'a>(model: &'a Model, options: &Options) -> Vec<Entry<'a>>
     entries.retain(|entry| options.wants_engine(&entry.name));
     entries
 }
+
+/// Those whose growth is measured: ours, the newest Embree and one tree of `obvhs`.
+pub(crate) fn growing<'a>(model: &'a Model, options: &Options) -> Vec<Entry<'a>> {
+    let mut entries = ours::entries(model);
+    #[cfg(feature = "peers")]
+    entries.extend(super::embree::newest(model));
+    entries.push(obvhs::medium(&model.mesh));
+    entries.retain(|entry| options.wants_engine(&entry.name));
+    entries
+}

@@ -26,14 +26,16 @@ pub(crate) fn closest(truth: &[Option<Hit>], answers: &[Option<Hit>]) -> Verdict
         match (truth, answer) {
             (Some(_), None) => verdict.lost += 1,
             (None, Some(_)) => verdict.invented += 1,
-            // Negated, so that a NaN counts.
-            (Some(truth), Some(answer)) if !((truth.t - answer.t).abs() <= T_TOLERANCE * truth.t) => {
-                verdict.elsewhere += 1;
-            }
+            (Some(truth), Some(answer)) if !is_near(truth.t, answer.t) => verdict.elsewhere += 1,
             _ => {}
         }
     }
     verdict
+}
+
+/// Whether rounding explains the difference; it never explains a NaN.
+fn is_near(truth: f32, t: f32) -> bool {
+    (truth - t).abs() <= T_TOLERANCE * truth
 }
 
 /// Compares occlusion.

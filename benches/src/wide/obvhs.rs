@@ -88,36 +88,44 @@ fn theirs(ray: &Ray) -> TheirRay {
     TheirRay::new(ray.origin.into(), ray.direction.into(), ray.t_min, ray.t_max)
 }
 
-/// Both of their trees, for one mesh.
+/// Both of their trees, built as carefully as they can be.
 pub(crate) fn entries(mesh: &Mesh) -> Vec<Entry<'_>> {
-    let entry = |name: &str, build| Entry {
+    let params = BvhBuildParams::very_slow_build();
+    vec![binary("obvhs BVH2", mesh, params), wide("obvhs CWBVH", mesh, params)]
+}
+
+/// Their binary tree with their usual care: what grows with the number of triangles is not hidden by the rest.
+pub(crate) fn medium(mesh: &Mesh) -> Entry<'_> {
+    binary("obvhs BVH2 medium", mesh, BvhBuildParams::medium_build())
+}
+
+fn binary<'a>(name: &str, mesh: &'a Mesh, params: BvhBuildParams) -> Entry<'a> {
+    entry(name, move || {
+        let all = triangles(mesh);
+        let tree = build_bvh2_from_tris(&all, params, &mut Duration::default());
+        let primitives = tree.primitive_indices.clone();
+        Box::new(Obvhs::new(tree, &all, primitives))
+    })
+}
+
+fn wide<'a>(name: &str, mesh: &'a Mesh, params: BvhBuildParams) -> Entry<'a> {
+    entry(name, move || {
+        let all = triangles(mesh);
+        let tree = build_cwbvh_from_tris(&all, params, &mut Duration::default());
+        let primitives = tree.primitive_indices.clone();
+        Box::new(Obvhs::new(tree, &all, primitives))
+    })
+}
+
+fn entry<'a>(name: &str, build: impl Fn() -> Box<dyn Engine> + Send + Sync + 'a) -> Entry<'a> {
+    Entry {
         name: name.to_owned(),
         owner: Owner::Peer,
         promise: Promise::Fast,
         is_placed: false,
         is_parallel: false,
-        build,
-    };
-    vec![
-        entry(
-            "obvhs BVH2",
-            Box::new(|_| {
-                let all = triangles(mesh);
-                let tree = build_bvh2_from_tris(&all, BvhBuildParams::very_slow_build(), &mut Duration::default());
-                let primitives = tree.primitive_indices.clone();
-                Ok(Box::new(Obvhs::new(tree, &all, primitives)))
-            }),
-        ),
-        entry(
-            "obvhs CWBVH",
-            Box::new(|_| {
-                let all = triangles(mesh);
-                let tree = build_cwbvh_from_tris(&all, BvhBuildParams::very_slow_build(), &mut Duration::default());
-                let primitives = tree.primitive_indices.clone();
-                Ok(Box::new(Obvhs::new(tree, &all, primitives)))
-            }),
-        ),
-    ]
+        build: Box::new(move |_| Ok(build())),
+    }
 }
 
 fn triangles(mesh: &Mesh) -> Vec<Triangle> {

@@ -6,7 +6,7 @@
 use std::fmt::Write;
 
 use super::{
-    engine::{Owner, Promise},
+    engine::{Entry, Owner, Promise},
     sets::Kind,
     subject::{Contestant, Measured, MeasuredSet},
 };
@@ -227,12 +227,21 @@ impl Measured {
 }
 
 /// A name that tells ours apart where both kernels stand side by side.
-fn titled(contestant: &Contestant) -> String {
-    match (contestant.owner, contestant.promise) {
-        (Owner::Ours, Promise::Fast) => format!("{}, fast", contestant.name),
-        (Owner::Ours, Promise::Watertight) => format!("{}, watertight", contestant.name),
-        (Owner::Peer, _) => contestant.name.clone(),
+fn named(name: &str, owner: Owner, promise: Promise) -> String {
+    match (owner, promise) {
+        (Owner::Ours, Promise::Fast) => format!("{name}, fast"),
+        (Owner::Ours, Promise::Watertight) => format!("{name}, watertight"),
+        (Owner::Peer, _) => name.to_owned(),
     }
+}
+
+/// The title of an engine's column.
+pub(crate) fn title(entry: &Entry<'_>) -> String {
+    named(&entry.name, entry.owner, entry.promise)
+}
+
+fn titled(contestant: &Contestant) -> String {
+    named(&contestant.name, contestant.owner, contestant.promise)
 }
 
 /// What a reader must know about the peers of this build.
