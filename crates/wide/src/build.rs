@@ -1,29 +1,15 @@
 use std::marker::PhantomData;
 
-use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, GeometryError, Leaf, Tree, bottom_up};
+use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree};
 use canted_obb::{Aabb, Obb};
-use canted_sah::{PlocConfig, ReinsertConfig};
 
+use crate::binary::{self, Chosen};
 use crate::collapse::{Areas, Plan};
 use crate::emit::{Source, emit};
-use crate::frames::{self, BoxAreas};
+use crate::frames::{self, BoxAreas, Fits, FrameConfig};
+use crate::measure::{self, Aligned};
 use crate::traverse::{LaneKernel, MeshFrame};
-use crate::{Costs, SimdPath, Wide};
-
-/// How a tree is built.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Config {
-    /// What visits cost.
-    pub costs: Costs,
-    /// Whether nodes may lean.
-    pub lean: bool,
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self { costs: Costs::default(), lean: true }
-    }
-}
+use crate::{Config, Predicted, SimdPath, Wide};
 
 impl<K: LaneKernel> Wide<K> {
     /// Builds a tree over triangles.
@@ -32,63 +18,83 @@ impl<K: LaneKernel> Wide<K> {
     /// The first triangle with a vertex that is missing or not finite, or more triangles than a tree can name.
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
         let (corners, bounds) = lbvh::gather(positions, triangles)?;
-        let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
-        let codes = lbvh::codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes);
-        let sorted = lbvh::by_code(&codes, Bits::B63);
-        let in_order: Vec<Aabb> = sorted.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-        let tree = canted_sah::ploc(sorted, &in_order, &PlocConfig::default());
-        let in_order: Vec<Aabb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-        let tree = canted_sah::reinsert(&tree, &in_order, &ReinsertConfig::BALANCED);
-        Self::over(&tree, &corners, &bounds, config)
+        let chosen = binary::choose(&corners, &bounds, config);
+        assemble(&chosen, &corners, &bounds, config)
     }
 
-    /// Collapses a binary tree of any builder; `corners` in primitive order.
+    /// Collapses a binary tree of any builder; `corners` in primitive order and finite, `bounds` around them.
     ///
     /// # Errors
     /// More triangles than a tree can name.
     pub fn over(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Self, GeometryError> {
-        let frame = MeshFrame::new(Obb::IDENTITY_FRAME);
-        let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
-        let leaf_boxes: Vec<Aabb> = sorted.iter().map(Leaf::aabb).collect();
-        let inner_boxes = bottom_up(tree, Aabb::EMPTY, |p| leaf_boxes[p as usize], |_, _, a, b| a.union(*b));
-        let extent = bounds.extent().into_iter().fold(0.0, f64::max);
-        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-        let scale = if extent > 0.0 { 2f32.powi(-(extent.log2().floor().clamp(-126.0, 126.0) as i32)) } else { 1.0 };
-        #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
-        let half_area = |b: &Aabb| (b.extent().map(|e| e * f64::from(scale)), ()).0;
-        let half_area = |b: &Aabb| {
-            let [x, y, z] = half_area(b);
-            (x * y + y * z + z * x) as f32
-        };
-        let leaf_aligned: Vec<f32> = leaf_boxes.iter().map(half_area).collect();
-        let inner_aligned: Vec<f32> = inner_boxes.iter().map(half_area).collect();
-        let box_areas = BoxAreas { inner: &inner_aligned, leaf: &leaf_aligned };
-        let fits = frames::fit(tree, &sorted, frame.rows, &box_areas, scale, &frames::FrameConfig::default());
-        let inner_areas: Vec<Areas> =
-            fits.inner.iter().zip(&inner_aligned).map(|(fit, &a)| Areas::new(a, fit.half_area)).collect();
-        let leaf_areas = |p: u32| Areas::new(leaf_aligned[p as usize], fits.leaf[p as usize].half_area);
-        let plan = Plan::new(tree, &inner_areas, &leaf_areas, &config.costs, config.lean);
-        let rows = |child: Child| match child.kind() {
-            ChildKind::Leaf(p) => fits.leaf[p as usize].rows,
-            ChildKind::Inner(id) => fits.inner[id.index()].rows,
-        };
-        let source = Source {
-            tree,
-            corners: &sorted,
-            primitives: &tree.leaves,
-            leaf_boxes: &leaf_boxes,
-            inner_boxes: &inner_boxes,
-            frames: &rows,
-        };
-        let records =
-            emit(&source, &plan).map_err(|_| GeometryError::TooMany { n_triangles: tree.leaves.len() })?;
-        Ok(Self {
-            records,
-            frame,
-            bounds: *bounds,
-            n_triangles: corners.len(),
-            path: SimdPath::detect(),
-            kernel: PhantomData,
-        })
+        let scale = measure::unit_scale(bounds);
+        let rows = Obb::IDENTITY_FRAME;
+        let aligned = Aligned::of(tree, &measure::boxes(corners, rows), scale);
+        assemble(&Chosen { tree: tree.clone(), rows, aligned, scale }, corners, bounds, config)
     }
+}
+
+/// Finds frames, plans the collapse and writes the records.
+fn assemble<K: LaneKernel>(
+    chosen: &Chosen,
+    corners: &[Corners],
+    bounds: &Aabb,
+    config: &Config,
+) -> Result<Wide<K>, GeometryError> {
+    let Chosen { tree, rows, aligned, scale } = chosen;
+    let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
+    let straight = plan_areas(aligned, None);
+    let aligned_cost = cost(tree, &straight, config, false);
+    let (areas, fits) = if config.lean {
+        let areas = BoxAreas { inner: &aligned.inner_areas, leaf: &aligned.leaf_areas };
+        let frame_config = FrameConfig { rounds: config.rounds, ..FrameConfig::default() };
+        let fits = frames::fit(tree, &sorted, *rows, &areas, *scale, &frame_config);
+        (plan_areas(aligned, Some(&fits)), fits)
+    } else {
+        (straight, Fits::default())
+    };
+    let leaf_areas = |place: u32| areas.1[place as usize];
+    let plan = Plan::new(tree, &areas.0, &leaf_areas, &config.costs, config.lean);
+    let root_area = tree.root().map_or(1.0, |root| plan.area(root, crate::NodeKind::Box));
+    let chosen_cost = tree.root().map_or(0.0, |root| plan.cost(root));
+    let frame_of = |child: Child| match child.kind() {
+        ChildKind::Leaf(place) => fits.leaf[place as usize].rows,
+        ChildKind::Inner(id) => fits.inner[id.index()].rows,
+    };
+    let source = Source {
+        tree,
+        corners: &sorted,
+        primitives: &tree.leaves,
+        leaf_boxes: &aligned.leaf_boxes,
+        inner_boxes: &aligned.inner_boxes,
+        frames: &frame_of,
+    };
+    let records = emit(&source, &plan).map_err(|_| GeometryError::TooMany { n_triangles: corners.len() })?;
+    Ok(Wide {
+        records,
+        frame: MeshFrame::new(*rows),
+        bounds: *bounds,
+        n_triangles: corners.len(),
+        predicted: Predicted { aligned: aligned_cost / root_area, chosen: chosen_cost / root_area },
+        path: SimdPath::detect(),
+        kernel: PhantomData,
+    })
+}
+
+/// Areas of inner nodes and of leaves.
+type AllAreas = (Vec<Areas>, Vec<Areas>);
+
+fn plan_areas(aligned: &Aligned, fits: Option<&Fits>) -> AllAreas {
+    let areas = |aligned: &[f32], fits: Option<&[frames::Fit]>| -> Vec<Areas> {
+        let lean = |i: usize| fits.map_or(f32::MAX, |fits| fits[i].half_area);
+        aligned.iter().enumerate().map(|(i, &area)| Areas::new(area, lean(i))).collect()
+    };
+    let inner = areas(&aligned.inner_areas, fits.map(|fits| &fits.inner[..]));
+    (inner, areas(&aligned.leaf_areas, fits.map(|fits| &fits.leaf[..])))
+}
+
+fn cost(tree: &Tree, areas: &AllAreas, config: &Config, lean: bool) -> f32 {
+    let leaf_areas = |place: u32| areas.1[place as usize];
+    let plan = Plan::new(tree, &areas.0, &leaf_areas, &config.costs, lean);
+    tree.root().map_or(0.0, |root| plan.cost(root))
 }

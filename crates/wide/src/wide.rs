@@ -18,8 +18,18 @@ pub struct Wide<K: LaneKernel> {
     pub(crate) frame: MeshFrame,
     pub(crate) bounds: Aabb,
     pub(crate) n_triangles: usize,
+    pub(crate) predicted: Predicted,
     pub(crate) path: SimdPath,
     pub(crate) kernel: PhantomData<K>,
+}
+
+/// Predicted costs of a ray that enters the root's box, in visits of box nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Predicted {
+    /// With box nodes only.
+    pub aligned: f32,
+    /// Of the tree as it was built.
+    pub chosen: f32,
 }
 
 /// Sizes of a built tree.
@@ -80,6 +90,12 @@ impl<K: LaneKernel> Wide<K> {
     #[must_use]
     pub fn n_bytes(&self) -> usize {
         size_of_val(&self.records.lines[..]) + size_of_val(&self.records.halves[..])
+    }
+
+    /// What the build predicted a ray to cost.
+    #[must_use]
+    pub fn predicted(&self) -> Predicted {
+        self.predicted
     }
 
     /// How many nodes of each kind there are, and what they take.
