@@ -32,10 +32,12 @@ impl SimdPath {
             Self::Avx2 => super::Avx2::new().is_some(),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => super::Avx512::new().is_some(),
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx2 | Self::Avx512 => false,
             #[cfg(target_arch = "aarch64")]
             Self::Neon => super::Neon::new().is_some(),
-            #[cfg(not(all(target_arch = "x86_64", target_arch = "aarch64")))]
-            _ => false,
+            #[cfg(not(target_arch = "aarch64"))]
+            Self::Neon => false,
         }
     }
 
@@ -69,10 +71,10 @@ impl SimdPath {
             Self::Scalar | Self::Neon => {}
         }
         #[cfg(target_arch = "aarch64")]
-        if self == Self::Neon {
-            if let Some(simd) = super::Neon::new() {
-                return simd.run(task);
-            }
+        if self == Self::Neon
+            && let Some(simd) = super::Neon::new()
+        {
+            return simd.run(task);
         }
         super::Scalar.run(task)
     }
