@@ -202,7 +202,7 @@ fn aligned_box(source: &Source, child: Child) -> Aabb {
 }
 
 /// Rows lo x, hi x, lo y, hi y, lo z, hi z; slots without a box hold one that no ray enters.
-fn write_boxes(rows: &mut [Row], bounds: impl Fn(usize) -> Option<([f32; 3], [f32; 3])>) {
+pub(crate) fn write_boxes(rows: &mut [Row], bounds: impl Fn(usize) -> Option<([f32; 3], [f32; 3])>) {
     for i in 0..8 {
         let (lo, hi) = bounds(i).unwrap_or(([NOWHERE; 3], [-NOWHERE; 3]));
         for k in 0..3 {
@@ -212,22 +212,26 @@ fn write_boxes(rows: &mut [Row], bounds: impl Fn(usize) -> Option<([f32; 3], [f3
     }
 }
 
-/// For each axis a row, a centre and a half-extent, of a box in the child's frame around all vertices below it.
+/// A box in the child's frame around all vertices below it.
 fn write_lean(source: &Source, child: Option<Child>, rows: &mut [Row], i: usize) {
-    let Some(child) = child else {
-        for k in 0..3 {
-            rows[5 * k + 4][i] = -NOWHERE;
-        }
-        return;
-    };
-    let (start, end) = range(source.tree, child);
-    let vertices = source.corners[start as usize..end as usize].iter().flatten().copied();
-    let slabs = Slabs::of_points((source.frames)(child), vertices);
+    let slabs = child.map(|child| {
+        let (start, end) = range(source.tree, child);
+        let vertices = source.corners[start as usize..end as usize].iter().flatten().copied();
+        Slabs::of_points((source.frames)(child), vertices)
+    });
+    write_slabs(rows, i, slabs.as_ref());
+}
+
+/// For each axis a row, a centre and a half-extent; a slot without a box holds one that no ray enters.
+pub(crate) fn write_slabs(rows: &mut [Row], i: usize, slabs: Option<&Slabs>) {
     for k in 0..3 {
+        let (row, (center, half)) = match slabs {
+            Some(slabs) => (slabs.rows[k], middle(slabs.lo[k], slabs.hi[k])),
+            None => ([0.0; 3], (0.0, -NOWHERE)),
+        };
         for axis in 0..3 {
-            rows[5 * k + axis][i] = slabs.rows[k][axis];
+            rows[5 * k + axis][i] = row[axis];
         }
-        let (center, half) = middle(slabs.lo[k], slabs.hi[k]);
         rows[5 * k + 3][i] = center;
         rows[5 * k + 4][i] = half;
     }
