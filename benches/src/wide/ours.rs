@@ -5,28 +5,22 @@ use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_tlas::{Blas, BuildConfig, MeshBlas, Tlas};
 use canted_trace::{Hit, InstanceId, Kernel, MollerTrumbore, Ray, Watertight};
+use canted_wide::{Config, LaneKernel, Preset, Wide};
 
 use super::engine::{Build, Engine, Entry, Owner, Promise};
 use crate::models::{Model, Placed};
 
-/// The binary tree over one mesh.
-struct Binary<K: Kernel>(MeshBlas<K>);
-
-impl<K: Kernel> Engine for Binary<K> {
+impl<K: LaneKernel> Engine for Wide<K> {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.0.closest_hit(ray, InstanceId(0), &mut ());
-        }
+        self.closest_hits(rays, hits);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.0.occluded(ray, InstanceId(0), &mut ());
-        }
+        self.occluded_many(rays, occluded);
     }
 
     fn n_bytes(&self) -> usize {
-        self.0.n_bytes()
+        Wide::n_bytes(self)
     }
 }
 
@@ -51,18 +45,33 @@ impl<K: Kernel> Engine for TwoLevels<K> {
     }
 }
 
-/// Ours, for one scene.
+/// Presets of the wide tree, the most careful first.
+const PRESETS: [(&str, Preset); 3] =
+    [("wide quality", Preset::Quality), ("wide balanced", Preset::Balanced), ("wide fast", Preset::Fast)];
+
+/// Ours, for one scene: with either promise.
 pub(crate) fn entries(model: &Model) -> Vec<Entry<'_>> {
-    vec![entry::<MollerTrumbore>("ours", Promise::Fast, model), entry::<Watertight>("ours", Promise::Watertight, model)]
+    let mut entries = promising::<MollerTrumbore>(Promise::Fast, model);
+    entries.extend(promising::<Watertight>(Promise::Watertight, model));
+    entries
 }
 
-fn entry<'a, K: Kernel + 'static>(name: &str, promise: Promise, model: &'a Model) -> Entry<'a> {
-    let build: Build<'a> = match &model.placed {
-        None => Box::new(|_| Ok(Box::new(Binary(one_level::<K>(&model.mesh)?)))),
-        Some(placed) => Box::new(|_| Ok(Box::new(TwoLevels(two_levels::<K>(placed)?)))),
+fn promising<K: LaneKernel + 'static>(promise: Promise, model: &Model) -> Vec<Entry<'_>> {
+    let mesh = &model.mesh;
+    let entry = |name: &str, is_placed, build| {
+        let name = name.to_owned();
+        Entry { name, owner: Owner::Ours, promise, is_placed, is_parallel: true, build }
     };
-    let is_placed = model.placed.is_some();
-    Entry { name: name.to_owned(), owner: Owner::Ours, promise, is_placed, is_parallel: true, build }
+    let wide = |preset| -> Build<'_> {
+        Box::new(move |_| Ok(Box::new(Wide::<K>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset))?)))
+    };
+    let mut entries: Vec<Entry<'_>> =
+        PRESETS.into_iter().map(|(name, preset)| entry(name, false, wide(preset))).collect();
+    if let Some(placed) = &model.placed {
+        let build: Build<'_> = Box::new(|_| Ok(Box::new(TwoLevels(two_levels::<K>(placed)?))));
+        entries.insert(0, entry("two levels, binary", true, build));
+    }
+    entries
 }
 
 /// The tree that the program builds where nothing is asked for.

@@ -7,6 +7,7 @@ use std::fmt::Write;
 
 use super::{
     engine::{Entry, Owner, Promise},
+    judge::Verdict,
     sets::Kind,
     subject::{Contestant, Measured, MeasuredSet},
 };
@@ -132,13 +133,9 @@ impl Tables {
     }
 
     fn speed(&self, out: &mut String, promise: Promise, title: &str) {
-        let Some(first) = self.measured.first() else { return };
-        let columns = first.in_table(promise);
+        let columns = self.columns(|measured| measured.in_table(promise));
         let _ = write!(out, "\n### {title}\n\n| scene | triangles | fastest peer, M rays/s |");
-        for &i in &columns {
-            let _ = write!(out, " {} |", first.contestants[i].name);
-        }
-        let _ = write!(out, "\n| --- | --- | --- |{}\n", " --- |".repeat(columns.len()));
+        head(out, 3, &columns);
         for measured in &self.measured {
             let peers = measured.peers(promise);
             let _ = write!(out, "| {} | {} |", measured.scene, measured.n_triangles);
@@ -147,79 +144,106 @@ impl Tables {
                 None => "none".to_owned(),
             });
             let _ = write!(out, " {fastest} |");
-            for &i in &columns {
+            measured.row(out, &columns, |i| {
                 let is_ours = measured.contestants[i].owner == Owner::Ours;
-                let cell = measured.triple(|set| match set.ratio(i, &peers) {
+                measured.triple(|set| match set.ratio(i, &peers) {
                     Some(ratio) if is_ours => format!("**{:.2}** (±{:.0} %)", ratio.median, 100.0 * ratio.spread),
                     Some(ratio) => format!("{:.2}", ratio.median),
                     None => format!("{:.2} M/s", set.rate(i)),
-                });
-                let _ = write!(out, " {cell} |");
-            }
-            out.push('\n');
+                })
+            });
         }
     }
 
     fn differences(&self, out: &mut String) {
-        let Some(first) = self.measured.first() else { return };
         out.push_str(
             "\n### Answers that differ from trying every triangle\n\nOf all camera and diffuse rays: hits lost + hits \
              invented + hits at another distance (by more than 1e-4 of it); of occlusion rays: lost + invented. \
              Engines that place instances are compared with a tree that does.\n\n| scene | rays |",
         );
-        for contestant in &first.contestants {
-            let _ = write!(out, " {} |", titled(contestant));
-        }
-        let _ = write!(out, "\n| --- | --- |{}\n", " --- |".repeat(first.contestants.len()));
+        let columns = self.columns(Measured::all);
+        head(out, 2, &columns);
         for measured in &self.measured {
             let n_rays: usize = measured.sets.iter().map(|set| set.n_rays).sum();
             let _ = write!(out, "| {} | {n_rays} |", measured.scene);
-            for i in 0..measured.contestants.len() {
-                let sum = |pick: fn(&super::judge::Verdict) -> usize, is_occlusion: bool| -> usize {
-                    let sets = measured.sets.iter().filter(|set| (set.kind == Kind::Occlusion) == is_occlusion);
-                    sets.map(|set| pick(&set.verdicts[i])).sum()
-                };
-                let _ = write!(
-                    out,
-                    " {} + {} + {}; {} + {} |",
-                    sum(|v| v.lost, false),
-                    sum(|v| v.invented, false),
-                    sum(|v| v.elsewhere, false),
-                    sum(|v| v.lost, true),
-                    sum(|v| v.invented, true)
-                );
-            }
-            out.push('\n');
+            measured.row(out, &columns, |i| {
+                let nearest = measured.verdict(i, |kind| kind != Kind::Occlusion);
+                let occlusion = measured.verdict(i, |kind| kind == Kind::Occlusion);
+                let Verdict { lost, invented, elsewhere } = nearest;
+                format!("{lost} + {invented} + {elsewhere}; {} + {}", occlusion.lost, occlusion.invented)
+            });
         }
     }
 
     fn builds(&self, out: &mut String) {
-        let Some(first) = self.measured.first() else { return };
         out.push_str(
             "\n### Build and memory\n\nFrom indexed triangles to a tree that answers rays: seconds on one thread, on two \
              in brackets (wall time, interleaved, median of three; once, and on one thread alone, where a build takes \
              longer than 2.5 s); bytes a triangle. `obvhs` builds on one thread here. Meshes given to Embree to read in \
              place are not counted.\n\n| scene |",
         );
-        for contestant in &first.contestants {
-            let _ = write!(out, " {} |", titled(contestant));
-        }
-        let _ = write!(out, "\n| --- |{}\n", " --- |".repeat(first.contestants.len()));
+        let columns = self.columns(Measured::all);
+        head(out, 1, &columns);
         for measured in &self.measured {
             let _ = write!(out, "| {} |", measured.scene);
-            for contestant in &measured.contestants {
-                let built = contestant.built;
+            measured.row(out, &columns, |i| {
+                let built = measured.contestants[i].built;
                 let two = built.two_threads.map_or_else(String::new, |two| format!(" ({two:.3})"));
                 #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
                 let bytes = built.n_bytes as f64 / measured.n_triangles as f64;
-                let _ = write!(out, " {:.3}{two} s, {bytes:.0} B |", built.one_thread);
-            }
-            out.push('\n');
+                format!("{:.3}{two} s, {bytes:.0} B", built.one_thread)
+            });
         }
+    }
+
+    /// Titles of all engines that a scene shows, in the order of their first scene.
+    fn columns(&self, shown: impl Fn(&Measured) -> Vec<usize>) -> Vec<String> {
+        let mut columns: Vec<String> = vec![];
+        for measured in &self.measured {
+            for i in shown(measured) {
+                let title = titled(&measured.contestants[i]);
+                if !columns.contains(&title) {
+                    columns.push(title);
+                }
+            }
+        }
+        columns
     }
 }
 
+/// Ends a table's header that has `n_before` columns already.
+fn head(out: &mut String, n_before: usize, columns: &[String]) {
+    for column in columns {
+        let _ = write!(out, " {column} |");
+    }
+    let _ = writeln!(out, "\n|{}", " --- |".repeat(n_before + columns.len()));
+}
+
 impl Measured {
+    /// Ends a row: a cell for each column's engine, a dash where this scene lacks it.
+    fn row(&self, out: &mut String, columns: &[String], cell: impl Fn(usize) -> String) {
+        for column in columns {
+            let engine = self.contestants.iter().position(|contestant| titled(contestant) == *column);
+            let _ = write!(out, " {} |", engine.map_or_else(|| "–".to_owned(), &cell));
+        }
+        out.push('\n');
+    }
+
+    /// All engines.
+    fn all(&self) -> Vec<usize> {
+        (0..self.contestants.len()).collect()
+    }
+
+    /// An engine's differing answers over the sets of some kinds.
+    fn verdict(&self, i: usize, counts: impl Fn(Kind) -> bool) -> Verdict {
+        let sets = self.sets.iter().filter(|set| counts(set.kind));
+        sets.map(|set| set.verdicts[i]).fold(Verdict::default(), |a, b| Verdict {
+            lost: a.lost + b.lost,
+            invented: a.invented + b.invented,
+            elsewhere: a.elsewhere + b.elsewhere,
+        })
+    }
+
     /// A cell of three, one for each set.
     fn triple(&self, cell: impl Fn(&MeasuredSet) -> String) -> String {
         self.sets.iter().map(cell).collect::<Vec<_>>().join(" / ")
