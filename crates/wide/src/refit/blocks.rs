@@ -1,0 +1,126 @@
+//! Triangles of all leaves, out of their blocks and into them.
+
+use canted_lbvh::Corners;
+use canted_obb::PrimId;
+
+use super::outline::{LeafSpot, Outline};
+use crate::layout::{HALF_WORDS, Half};
+use crate::par;
+
+/// Words of a triangle's vertices, before that of its number.
+const VERTEX_ROWS: usize = 9;
+
+/// A triangle's lane: its first word in the leaf, and how far the next one is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Lane {
+    first: usize,
+    step: usize,
+}
+
+impl Lane {
+    /// Of triangle `i` in a leaf of `n`: blocks of eight lie before a last block of four.
+    fn of(i: usize, n: usize) -> Self {
+        if i / 8 * 8 + 4 >= n {
+            Self { first: i / 4 * HALF_WORDS + i % 4, step: 4 }
+        } else {
+            Self { first: i / 8 * 2 * HALF_WORDS + i % 8, step: 8 }
+        }
+    }
+
+    fn word(self, row: usize) -> usize {
+        self.first + row * self.step
+    }
+}
+
+/// Triangles by their place: vertices, and numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Triangles {
+    pub(crate) corners: Vec<Corners>,
+    pub(crate) primitives: Vec<PrimId>,
+}
+
+impl Triangles {
+    /// Reads all leaves.
+    pub(crate) fn read(outline: &Outline, halves: &[Half]) -> Self {
+        let words: &[u32] = bytemuck::cast_slice(halves);
+        let mut all = vec![([[0.0; 3]; 3], PrimId(0)); outline.n_places];
+        par::for_pieces(&outline.leaves, &mut all, |leaf| leaf.places.start, |leaf, out| {
+            let words = &words[leaf.first * HALF_WORDS..];
+            let n = out.len();
+            for (i, (corners, primitive)) in out.iter_mut().enumerate() {
+                let lane = Lane::of(i, n);
+                for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
+                    *x = f32::from_bits(words[lane.word(row)]);
+                }
+                *primitive = PrimId(words[lane.word(VERTEX_ROWS)]);
+            }
+        });
+        let (corners, primitives) = all.into_iter().unzip();
+        Self { corners, primitives }
+    }
+
+    /// Writes new vertices, by place, into all leaves; numbers stay.
+    pub(crate) fn write(corners: &[Corners], outline: &Outline, halves: &mut [Half]) {
+        let write_leaf = |leaf: &&LeafSpot, out: &mut [Half]| {
+            let words: &mut [u32] = bytemuck::cast_slice_mut(out);
+            let corners = &corners[leaf.places.clone()];
+            for (i, corner) in corners.iter().enumerate() {
+                let lane = Lane::of(i, corners.len());
+                for (row, x) in corner.as_flattened().iter().enumerate() {
+                    words[lane.word(row)] = x.to_bits();
+                }
+            }
+        };
+        par::for_pieces(&outline.leaves_by_block(), halves, |leaf| leaf.first, write_leaf);
+    }
+}
+
+/// Whether all words of a leaf's unused lanes are zero.
+pub(crate) fn unused_lanes_are_zero(leaf: &LeafSpot, halves: &[Half]) -> bool {
+    let n = leaf.places.len();
+    let end = leaf.first + crate::emit::n_halves(n);
+    let words: &[u32] = bytemuck::cast_slice(&halves[leaf.first..end]);
+    let n_lanes = n.next_multiple_of(4);
+    (n..n_lanes).all(|i| {
+        // A lane stands where it would if its block were filled.
+        let lane = Lane::of(i, n);
+        (0..=VERTEX_ROWS).all(|row| words[lane.word(row)] == 0)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::MAX_LEAF;
+    use crate::traverse::Block;
+
+    /// The walk's way of reading a leaf.
+    fn walked(halves: &[Half], n: usize) -> Vec<(Corners, PrimId)> {
+        let mut triangles = vec![];
+        for first in (0..n).step_by(8) {
+            let block = Block::at(halves, first / 4, (n - first) as u32);
+            triangles.extend((0..(n - first).min(8)).map(|lane| (block.vertices(lane), block.primitive(lane))));
+        }
+        triangles
+    }
+
+    #[test]
+    fn leaves_of_any_size_are_read_as_the_walk_reads_them() {
+        for n in 1..=MAX_LEAF {
+            let n_halves = crate::emit::n_halves(n);
+            let words: Vec<u32> = (0..(n_halves * HALF_WORDS) as u32).map(|i| (i as f32).to_bits()).collect();
+            let mut halves: Vec<Half> = words.chunks_exact(HALF_WORDS).map(|w| Half(w.try_into().unwrap())).collect();
+            let leaf = LeafSpot { first: 0, places: 0..n };
+            let outline = Outline { nodes: vec![], leaves: vec![leaf.clone()], n_places: n, depth: 0 };
+            let read = Triangles::read(&outline, &halves);
+            let want = walked(&halves, n);
+            assert_eq!(read.corners, want.iter().map(|t| t.0).collect::<Vec<_>>(), "{n}");
+            assert_eq!(read.primitives, want.iter().map(|t| t.1).collect::<Vec<_>>(), "{n}");
+            // Written and read again; only used lanes change.
+            let moved: Vec<Corners> = read.corners.iter().map(|c| c.map(|p| p.map(|x| -x - 1.0))).collect();
+            Triangles::write(&moved, &outline, &mut halves);
+            assert_eq!(Triangles::read(&outline, &halves), Triangles { corners: moved, primitives: read.primitives });
+            assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");
+        }
+    }
+}
