@@ -16,6 +16,9 @@ impl ReinsertConfig {
 
     /// Most of the gain.
     pub const BALANCED: Self = Self { rounds: 12, share: 0.1, min_gain: 1e-3 };
+
+    /// Every subtree is searched until little is gained.
+    pub const QUALITY: Self = Self { rounds: 24, share: 1.0, min_gain: 1e-4 };
 }
 
 impl Default for ReinsertConfig {

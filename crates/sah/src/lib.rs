@@ -14,7 +14,11 @@
 mod apply;
 mod assemble;
 mod binned;
+mod builder;
+mod chop;
+mod clip;
 mod config;
+mod fragment;
 mod lanes;
 mod median;
 mod pairs;
@@ -26,10 +30,13 @@ mod reinsertion;
 mod scale;
 mod search;
 mod select;
+mod spatial;
 mod sweep;
 mod top_down;
 
+pub use builder::{Builder, build};
 pub use config::ReinsertConfig;
 pub use ploc::{PlocConfig, ploc};
 pub use reinsertion::reinsert;
+pub use spatial::{References, SpatialConfig, spatial};
 pub use top_down::{Axes, Split, TopDownConfig, top_down};

@@ -15,10 +15,17 @@ pub struct PlocConfig {
     pub near_rounds: u32,
 }
 
-impl Default for PlocConfig {
+impl PlocConfig {
     /// Near rounds first: half the time of none.
+    pub const NEAR: Self = Self { radius: 14, near_rounds: 3 };
+
+    /// Every round searches far.
+    pub const WIDE: Self = Self { radius: 14, near_rounds: 0 };
+}
+
+impl Default for PlocConfig {
     fn default() -> Self {
-        Self { radius: 14, near_rounds: 3 }
+        Self::NEAR
     }
 }
 

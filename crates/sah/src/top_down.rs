@@ -3,7 +3,7 @@ use canted_obb::{Aabb, PrimId};
 
 use crate::{
     assemble::{Plot, assemble},
-    binned::{Grid, best_plane},
+    binned::{Grid, MAX_CELLS, Plane, best_plane},
     median, par,
     partition::{halve, partition},
     reference::{Bounds, Reference, centers},
@@ -131,15 +131,28 @@ fn part(span: &mut Span<'_>, config: &TopDownConfig, depth: u32) -> usize {
     let n_cells = match config.split {
         Split::Median | Split::Sweep => return median::part(span.references, axes),
         Split::Midpoint => 2,
-        Split::Binned { cells, .. } => cells,
+        Split::Binned { cells, .. } => cells.min(few_cells(n)),
     };
     let grid = Grid::new(&centers, n_cells);
-    let Some(plane) = best_plane(span.references, &grid, axes) else {
-        return halve(span.references, centers.longest());
+    let plane = match (config.split, axes) {
+        (Split::Midpoint, &[axis]) => Some(Plane { axis, cell: 1 }),
+        _ => best_plane(span.references, &grid, axes),
     };
-    let n_left = partition(span.references, span.room, |reference| grid.is_left(plane, reference));
+    let n_left = plane.map_or(0, |plane| partition(span.references, span.room, grid.left_of(plane)));
+    if n_left == 0 || n_left == n {
+        return halve(span.references, centers.longest());
+    }
     std::mem::swap(&mut span.references, &mut span.room);
     n_left
+}
+
+/// Cells enough for `n` references: more would mostly be empty.
+fn few_cells(n: usize) -> u32 {
+    match n {
+        ..64 => 8,
+        64..256 => 16,
+        _ => MAX_CELLS,
+    }
 }
 
 /// Whether only halves by count keep `n` leaves below a node at `depth` within the limit.

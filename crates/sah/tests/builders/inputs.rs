@@ -1,0 +1,58 @@
+use canted_fixtures::{self as fixtures, Mesh};
+use canted_lbvh::{
+    Corners, Costs, Flaw, Leaf, Stats, Sums, Tree, VolumeConfig, check, gather, in_leaf_order, sums, volumes,
+};
+use canted_obb::Aabb;
+
+/// Corners of a mesh's triangles.
+pub(crate) fn corners(mesh: &Mesh) -> Vec<Corners> {
+    gather(&mesh.positions, &mesh.triangles).unwrap().0
+}
+
+pub(crate) fn boxes(corners: &[Corners]) -> Vec<Aabb> {
+    corners.iter().map(Leaf::aabb).collect()
+}
+
+/// Both corners of a box as a triangle that has it: what a tree over boxes is checked with.
+pub(crate) fn diagonals(boxes: &[Aabb]) -> Vec<Corners> {
+    boxes.iter().map(|aabb| [aabb.min, aabb.max, aabb.min]).collect()
+}
+
+/// Checks a tree with axis-aligned volumes and sums its costs.
+pub(crate) fn weigh(tree: &Tree, boxes: &[Aabb]) -> Result<(Stats, Sums), Flaw> {
+    let leaves = in_leaf_order(&diagonals(boxes), &tree.leaves);
+    let volumes = volumes(tree, &leaves, &VolumeConfig::default());
+    let stats = check(tree, &volumes, &leaves)?;
+    Ok((stats, sums(tree, &volumes, &leaves, &Costs::default(), 1.0)))
+}
+
+#[track_caller]
+pub(crate) fn checked(tree: &Tree, boxes: &[Aabb]) -> (Stats, Sums) {
+    weigh(tree, boxes).unwrap_or_else(|flaw| panic!("{flaw}"))
+}
+
+/// Meshes that builders have stumbled over: duplicates, flats, points, chains, far and tiny and huge ones, both zeros.
+pub(crate) fn ugly() -> Vec<(String, Vec<Corners>)> {
+    let soup = corners(&fixtures::soup(6, 1_500));
+    let mapped = |map: &dyn Fn(f32) -> f32| soup.iter().map(|c| c.map(|p| p.map(map))).collect::<Vec<_>>();
+    let meshes = [
+        ("outlier", fixtures::outlier(2_000)),
+        ("slivers", fixtures::slivers(2, 2_000)),
+        ("fan", fixtures::fan(2_000)),
+        ("coplanar", fixtures::coplanar_quads(1_000)),
+        ("identical", fixtures::identical(1_000)),
+        ("grid", fixtures::grid(3, [30, 30])),
+    ];
+    let mut all: Vec<_> = meshes.iter().map(|(name, mesh)| ((*name).to_owned(), corners(mesh))).collect();
+    for (scale, offset) in [(1.0, 1e7), (1e-30, 0.0), (1e30, 0.0), (1e-44, 0.0), (0.0, 5.0), (-0.0, -0.0), (3e38, 0.0)]
+    {
+        all.push((format!("soup * {scale} + {offset}"), mapped(&|x| (scale * x + offset).clamp(f32::MIN, f32::MAX))));
+    }
+    // On a line, ever closer to one end: halves of the extent leave one behind each.
+    let line = |i: i32| 2.0f32.powi(-i);
+    all.push(("chain".into(), (0..140).map(|i| [[line(i), 0.0, -0.0]; 3]).collect()));
+    all.push(("zeros".into(), (0..50).map(|i| [[if i % 2 == 0 { 0.0 } else { -0.0 }; 3]; 3]).collect()));
+    // Around one middle, each larger than the last.
+    all.push(("nested".into(), (1..500u16).map(f32::from).map(|r| [[-r; 3], [r; 3], [r, -r, r]]).collect()));
+    all
+}

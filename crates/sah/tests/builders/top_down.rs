@@ -1,0 +1,199 @@
+use canted_fixtures as fixtures;
+use canted_lbvh::{ChildKind, NodeId, Tree};
+use canted_obb::Aabb;
+use canted_sah::{Axes, Split, TopDownConfig, top_down};
+use proptest::prelude::*;
+
+use crate::inputs::{boxes, checked, corners, ugly, weigh};
+
+const SPLITS: [Split; 5] = [
+    Split::Midpoint,
+    Split::Median,
+    Split::Sweep,
+    Split::Binned { cells: 32, sweep_up_to: 16 },
+    Split::Binned { cells: 7, sweep_up_to: 0 },
+];
+
+/// Every way to split on every choice of axes.
+fn configs() -> impl Iterator<Item = TopDownConfig> {
+    SPLITS.into_iter().flat_map(|split| {
+        [Axes::Longest, Axes::Cyclic, Axes::All].map(|axes| TopDownConfig { split, axes, max_depth: 96 })
+    })
+}
+
+#[test]
+fn ugly_meshes_become_trees() {
+    for (name, corners) in ugly() {
+        let boxes = boxes(&corners);
+        for config in configs() {
+            let (stats, _) = checked(&top_down(&boxes, &config), &boxes);
+            assert_eq!(stats.n_leaves, boxes.len(), "{name}, {config:?}");
+            assert!(stats.depth <= 96, "{name}, {config:?}: depth {}", stats.depth);
+        }
+    }
+}
+
+#[test]
+fn few_primitives() {
+    for n in 0..40 {
+        let boxes = boxes(&corners(&fixtures::soup(u64::from(n), n)));
+        for config in configs() {
+            checked(&top_down(&boxes, &config), &boxes);
+        }
+    }
+}
+
+#[test]
+fn equal_boxes_are_halved() {
+    for (n, depth) in [(1_000, 1 + 10), (100_000, 1 + 17)] {
+        let boxes = boxes(&corners(&fixtures::identical(n)));
+        for config in configs() {
+            assert_eq!(top_down(&boxes, &config).depth, depth, "{n}, {config:?}");
+        }
+    }
+}
+
+/// Boxes that halve in size towards a corner want to be split off one by one.
+#[test]
+fn the_depth_keeps_its_limit() {
+    let boxes: Vec<_> = (0..120).map(|i| 2.0f32.powi(-i)).map(|x| Aabb { min: [x; 3], max: [1.5 * x; 3] }).collect();
+    let config = |max_depth| TopDownConfig { split: Split::Midpoint, axes: Axes::Longest, max_depth };
+    assert!(top_down(&boxes, &config(u32::MAX)).depth > 96, "no chain without the limit");
+    for max_depth in [0, 8, 9, 30, 96] {
+        let (stats, _) = checked(&top_down(&boxes, &config(max_depth)), &boxes);
+        assert!(stats.depth <= max_depth.max(1 + 7), "{} beyond {max_depth}", stats.depth);
+    }
+}
+
+#[test]
+fn same_bits_on_any_number_of_threads() {
+    let boxes = boxes(&corners(&fixtures::scaffold(1, false)));
+    let on = |n: usize, config: &TopDownConfig| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        pool.install(|| top_down(&boxes, config))
+    };
+    for config in configs() {
+        let one = on(1, &config);
+        assert_eq!(one, on(2, &config), "{config:?}");
+        assert_eq!(one, on(5, &config), "{config:?}");
+    }
+}
+
+/// Numbers, order and tasks are those of the same topology renumbered by `canted-lbvh`.
+#[test]
+fn numbered_as_any_tree() {
+    for n in [2, 3, 100, 9_000] {
+        let boxes = boxes(&corners(&fixtures::soup(3, n)));
+        let tree = top_down(&boxes, &TopDownConfig::BINNED);
+        let mut children = vec![];
+        let mut inner = vec![NodeId::ROOT];
+        while let Some(&id) = inner.get(children.len()) {
+            let node = tree.nodes[id.index()];
+            children.push([node.left, node.right].map(|child| match child.kind() {
+                ChildKind::Leaf(position) => canted_lbvh::Child::leaf(tree.leaves[position as usize].0),
+                ChildKind::Inner(below) => {
+                    inner.push(below);
+                    canted_lbvh::Child::inner(NodeId(u32::try_from(inner.len()).unwrap() - 1))
+                }
+            }));
+        }
+        let again = Tree::from_children(&children).unwrap();
+        assert_eq!((&tree.nodes, &tree.leaves, tree.depth), (&again.nodes, &again.leaves, again.depth));
+        let leaves = |tree: &Tree| tree.tasks.iter().map(|task| task.leaves.clone()).collect::<Vec<_>>();
+        assert_eq!(leaves(&tree), leaves(&again));
+        for task in &tree.tasks {
+            assert!(tree.bottom_up[task.nodes.clone()].iter().all(|id| task.leaves.contains(&id.0)));
+        }
+    }
+}
+
+/// How much dearer cells may be than every split: both are greedy, so neither is a bound of the other.
+const CELLS_BESIDE_SWEEP: f64 = 1.04;
+
+#[test]
+fn cheaper_the_more_splits_are_tried() {
+    let meshes =
+        [fixtures::soup(4, 4_000), fixtures::grid(5, [60, 60]), fixtures::scaffold(1, false), fixtures::truss(4)];
+    for mesh in &meshes {
+        let boxes = boxes(&corners(mesh));
+        let cost = |split| {
+            let config = TopDownConfig { split, ..TopDownConfig::BINNED };
+            checked(&top_down(&boxes, &config), &boxes).1.sah
+        };
+        let [midpoint, median, sweep, binned, coarse] = SPLITS.map(cost);
+        assert!(sweep <= CELLS_BESIDE_SWEEP * binned, "{sweep} swept, {binned} in cells");
+        assert!(binned <= CELLS_BESIDE_SWEEP * sweep, "{sweep} swept, {binned} in cells");
+        assert!(binned < midpoint.min(median), "{binned} in cells, {midpoint} midpoint, {median} median");
+        assert!(binned <= CELLS_BESIDE_SWEEP * coarse, "{binned} in 32 cells, {coarse} in 7");
+    }
+}
+
+/// Half area of integer boxes, exact.
+fn half_area(boxes: &[&Aabb]) -> f64 {
+    let all = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(**aabb));
+    0.5 * all.area()
+}
+
+/// The least cost of all planes between two middles, each tried by going through all boxes.
+fn best_of_all(boxes: &[Aabb]) -> f64 {
+    let mut best = f64::INFINITY;
+    for axis in 0..3 {
+        let mut ordered: Vec<_> = boxes.iter().collect();
+        ordered.sort_by(|a, b| a.center()[axis].total_cmp(&b.center()[axis]));
+        for n in 1..boxes.len() {
+            let (left, right) = ordered.split_at(n);
+            let cost = half_area(left) * left.len() as f64 + half_area(right) * right.len() as f64;
+            best = best.min(cost);
+        }
+    }
+    best
+}
+
+/// Cost of the root's split.
+fn root_cost(tree: &Tree, boxes: &[Aabb]) -> f64 {
+    let root = tree.nodes[0];
+    let n_left = match root.left.kind() {
+        ChildKind::Leaf(_) => 1,
+        ChildKind::Inner(id) => tree.nodes[id.index()].n_leaves() as usize,
+    };
+    let all: Vec<_> = tree.leaves.iter().map(|leaf| &boxes[leaf.index()]).collect();
+    let (left, right) = all.split_at(n_left);
+    half_area(left) * left.len() as f64 + half_area(right) * right.len() as f64
+}
+
+proptest! {
+    /// Coordinates are small integers and the scale is a power of two, so areas and costs are exact in `f32`.
+    #[test]
+    fn the_first_split_is_the_best_of_all(
+        cells in prop::collection::vec((prop::array::uniform3(-20i8..20), prop::array::uniform3(0i8..9)), 3..14),
+        sweep in any::<bool>(),
+    ) {
+        let boxes: Vec<_> = cells.iter().map(|(min, size)| Aabb {
+            min: min.map(f32::from),
+            max: std::array::from_fn(|k| f32::from(min[k]) + f32::from(size[k])),
+        }).collect();
+        // Equal middles may stand in any order, which the oracle does not try.
+        let distinct = |axis: usize| {
+            let mut centers: Vec<_> = boxes.iter().map(|aabb| aabb.center()[axis].to_bits()).collect();
+            centers.sort_unstable();
+            centers.windows(2).all(|pair| pair[0] != pair[1])
+        };
+        prop_assume!((0..3).all(distinct) || boxes.len() > 5);
+        let config = if sweep { TopDownConfig::SWEEP } else { TopDownConfig::BINNED };
+        let (tree, best) = (top_down(&boxes, &config), best_of_all(&boxes));
+        let found = root_cost(&tree, &boxes);
+        if (0..3).all(distinct) {
+            prop_assert_eq!(found, best);
+        }
+        prop_assert!(found <= half_area(&boxes.iter().collect::<Vec<_>>()) * boxes.len() as f64);
+    }
+}
+
+/// The test's own check: a tree over other boxes is not let through.
+#[test]
+fn a_tree_that_lost_a_leaf_is_seen() {
+    let boxes = boxes(&corners(&fixtures::soup(9, 100)));
+    let mut tree = top_down(&boxes, &TopDownConfig::BINNED);
+    tree.leaves[3] = tree.leaves[4];
+    assert!(weigh(&tree, &boxes).is_err());
+}
