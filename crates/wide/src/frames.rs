@@ -63,6 +63,9 @@ impl Default for FrameConfig {
     }
 }
 
+/// By how much a leaning box must be smaller, as a part of the one in the mesh's frame; testing it costs more than that.
+const MIN_GAIN: f32 = 1.0 / 64.0;
+
 /// Leaves whose frames one job finds.
 const CHUNK: usize = 1 << 12;
 

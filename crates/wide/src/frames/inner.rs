@@ -3,9 +3,10 @@
 use canted_obb::{Moments, eigen};
 use glam::Vec3A;
 
+use super::leaf::Edges;
 use super::points::{Points, Triangle, extents, half_area};
 use super::vector::{from_glam, to_glam};
-use super::{Fit, FrameConfig, leaf, refine};
+use super::{Fit, FrameConfig, MIN_GAIN, refine};
 
 /// What is carried up of the triangles below a node.
 #[derive(Clone, Copy)]
@@ -28,10 +29,6 @@ const EDGES_LEAVES: usize = 4;
 ///
 /// Against ranking by all: a fifth less time, 0.1 to 0.4 % more area.
 const RANKED_LEAVES: usize = 64;
-
-/// By how much a leaning box must be smaller, as a part of the other. A node in the mesh's frame is cheaper to test by
-/// more than that.
-const MIN_GAIN: f32 = 1.0 / 64.0;
 
 /// A box larger by this part than the larger child's is good enough: no frame makes it smaller than the child's best.
 const ENOUGH: f32 = 0.05;
@@ -75,9 +72,11 @@ pub(super) fn fit(
         choice.offer(|| Some(to_glam(child.rows)));
     }
     if triangles.len() <= EDGES_LEAVES {
-        let largest = &points.triangles()[below.largest as usize];
-        for edge in 0..3 {
-            choice.offer(|| leaf::frame_along(largest, edge));
+        let edges = Edges::of(&points.triangles()[below.largest as usize]);
+        // The frame along the longest is that of a leaf, and inherited.
+        let longest = edges.longest();
+        for edge in [(longest + 1) % 3, (longest + 2) % 3] {
+            choice.offer(|| edges.frame_along(edge));
         }
     }
     choice.offer(|| Some(to_glam(below.moments.axes(eigen::COARSE))));

@@ -76,7 +76,8 @@ fn first_flaw(input: &Input, fits: &Fits) -> Option<String> {
     for (i, (triangles, fit, straight)) in input.all(fits).enumerate() {
         for row in fit.rows {
             let length = row.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
-            if !((length - 1.0).abs() <= LENGTH_ERROR) {
+            let is_unit = (length - 1.0).abs() <= LENGTH_ERROR;
+            if !is_unit {
                 return Some(format!("{i}: row {row:?} is {length} long"));
             }
         }

@@ -12,7 +12,7 @@ const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
 /// Up to `n` triangles, evenly over the mesh, scaled so that the longest edge has a length of about one.
 pub(super) fn evenly(corners: &[Corners], n: u32) -> Vec<Edges> {
     let all = corners.len();
-    let place = |i: u32| (u64::from(i).wrapping_mul(GOLDEN) >> 32) * all as u64 >> 32;
+    let place = |i: u32| ((u64::from(i).wrapping_mul(GOLDEN) >> 32) * all as u64) >> 32;
     #[expect(clippy::cast_possible_truncation, reason = "below the number of triangles")]
     let place = |i: u32| place(i) as usize;
     let drawn: Vec<[[f64; 3]; 2]> = if all <= n as usize {
