@@ -1,4 +1,4 @@
-use canted_trace::{HIT_ERROR, MIN_DIRECTION, ScaledRay};
+use canted_trace::{MIN_DIRECTION, ScaledRay};
 
 use crate::simd::Simd;
 
@@ -8,14 +8,27 @@ const U: f32 = f32::EPSILON / 2.0;
 /// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
 const SQRT_3: f32 = 1.732_050_9;
 
-/// By how much, relative to `|o|∞ + ρ∞`, the ray is thickened against boxes along the coordinate axes.
-const BOX_PAD: f32 = HIT_ERROR + 6.0 * U;
+/// By how much a ray is thickened against boxes, relative to `|o|∞ + ρ∞`; derived at `traverse`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Pads {
+    /// Against boxes along the coordinate axes.
+    pub(crate) aligned: f32,
+    /// Along the axes of a turned mesh frame.
+    pub(crate) turned: f32,
+    /// Against boxes with frames of their own.
+    pub(crate) lean: f32,
+}
 
-/// The same along the axes of a turned mesh frame.
-const TURNED_PAD: f32 = SQRT_3 * (HIT_ERROR + 9.0 * U);
-
-/// The same against boxes with frames of their own.
-const LEAN_PAD: f32 = SQRT_3 * (HIT_ERROR + 14.0 * U);
+impl Pads {
+    /// Pads for hits that lie within `error·(|o|∞ + ρ∞)` of what the boxes bound, in each coordinate.
+    pub(crate) const fn of(error: f32) -> Self {
+        Self {
+            aligned: error + 6.0 * U,
+            turned: SQRT_3 * (error + 9.0 * U),
+            lean: SQRT_3 * (error + 14.0 * U),
+        }
+    }
+}
 
 /// The frame that box nodes stand in: rows across their planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,13 +76,13 @@ pub(crate) struct RayLanes<S: Simd> {
 impl<S: Simd> RayLanes<S> {
     /// The lanes of `ray` against boxes around vertices whose coordinates do not exceed `reach`.
     #[inline(always)]
-    pub(crate) fn new(simd: S, ray: &ScaledRay, frame: &MeshFrame, reach: f32) -> Self {
+    pub(crate) fn new(simd: S, ray: &ScaledRay, frame: &MeshFrame, reach: f32, pads: Pads) -> Self {
         let [x, y, z] = ray.origin.map(f32::abs);
         let scale = x.max(y).max(z) + reach;
         let (origin, direction, pad) = if frame.is_identity {
-            (ray.origin, ray.direction, BOX_PAD * scale)
+            (ray.origin, ray.direction, pads.aligned * scale)
         } else {
-            (frame.turned(ray.origin), frame.turned(ray.direction), TURNED_PAD * scale)
+            (frame.turned(ray.origin), frame.turned(ray.direction), pads.turned * scale)
         };
         let pad = pad + f32::MIN_POSITIVE;
         let recip = direction.map(reciprocal);
@@ -90,7 +103,7 @@ impl<S: Simd> RayLanes<S> {
             t_min: simd.splat(ray.t_min + 0.0),
             origin: splat3(simd, ray.origin),
             direction: splat3(simd, ray.direction),
-            pad_lean: simd.splat(LEAN_PAD * scale + f32::MIN_POSITIVE),
+            pad_lean: simd.splat(pads.lean * scale + f32::MIN_POSITIVE),
             min_direction: simd.splat(MIN_DIRECTION),
             one: simd.splat(1.0),
         }

@@ -1,18 +1,7 @@
-use super::RayLanes;
+use super::{RayLanes, Stack};
 use super::node::{Entries, enter_box, enter_lean, enter_shared, words};
 use crate::layout::{BOX_LINES, LEAN_LINES, Line, NodeKind, SHARED_LINES, Word, WordKind, rows};
 use crate::simd::Simd;
-
-/// Subtrees to come back to: the entry's bits above the child word, so that order is order of integers.
-#[derive(Clone, Debug)]
-pub(crate) struct Stack(Vec<u64>);
-
-impl Stack {
-    /// Room for a tree of this depth: up to seven siblings wait on each level, and one subtree more on top.
-    pub(crate) fn new(depth: u32) -> Self {
-        Self(vec![0; 7 * depth as usize + 8])
-    }
-}
 
 /// What a walk calls and asks.
 pub(crate) trait Visit {
@@ -37,7 +26,7 @@ pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     stack: &mut Stack,
     visit: &mut impl Visit,
 ) {
-    let stack = &mut stack.0[..];
+    let stack = stack.slots();
     let mut waiting = 0;
     let mut word = root;
     loop {
