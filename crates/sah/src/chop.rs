@@ -91,10 +91,10 @@ pub(crate) fn through(fragments: &[Fragment], corners: &[Corners], n_slices: usi
             slices[first].begin += 1;
             slices[last].end += 1;
             let mut rest = Some(fragment.aabb);
-            for slice in first..last {
+            for (i, slice) in (first + 1..).zip(&mut slices[first..last]) {
                 let Some(aabb) = rest else { break };
-                let [left, right] = clip(&corners[fragment.primitive.index()], &aabb, axis, ruler.plane(slice + 1));
-                slices[slice].aabb = slices[slice].aabb.union(left.unwrap_or(Aabb::EMPTY));
+                let [left, right] = clip(&corners[fragment.primitive.index()], &aabb, axis, ruler.plane(i));
+                slice.aabb = slice.aabb.union(left.unwrap_or(Aabb::EMPTY));
                 rest = right;
             }
             slices[last].aabb = slices[last].aabb.union(rest.unwrap_or(Aabb::EMPTY));

@@ -39,7 +39,7 @@ pub(crate) fn ugly() -> Vec<(String, Vec<Corners>)> {
         ("outlier", fixtures::outlier(2_000)),
         ("slivers", fixtures::slivers(2, 2_000)),
         ("fan", fixtures::fan(2_000)),
-        ("coplanar", fixtures::coplanar_quads(1_000)),
+        ("coplanar", fixtures::coplanar_quads(25)),
         ("identical", fixtures::identical(1_000)),
         ("grid", fixtures::grid(3, [30, 30])),
     ];
