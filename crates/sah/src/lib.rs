@@ -9,9 +9,9 @@
 //!
 //! A radix tree is cheap to build, but lines meet too many of its boxes: codes know cells, not areas. [`ploc`] joins
 //! neighbours along the same curve by area; [`reinsert`] takes subtrees out of any tree and puts each back where the
-//! areas of all boxes sum to less. [`top_down`] parts primitives from the root down, [`spatial`] parts long
-//! triangles too. [`build`] is the one entry to all that need boxes only. The trees stay those of `canted-lbvh`: fit their volumes as before, over their own
-//! order of leaves.
+//! areas of all boxes sum to less. [`top_down`] parts primitives from the root down, [`spatial`] parts long triangles
+//! too. [`build`] is the one entry to all that need boxes only. The trees stay those of `canted-lbvh`: fit their
+//! volumes as before, over their own order of leaves.
 #![forbid(unsafe_code)]
 
 mod apply;
