@@ -1,13 +1,13 @@
 //! Which binary tree is collapsed, and in which frame it stands.
 
-use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Tree};
+use canted_lbvh::{Corners, Tree};
 use canted_obb::{Aabb, Obb};
-use canted_sah::{PlocConfig, ReinsertConfig, TopDownConfig};
+use canted_sah::{Builder, PlocConfig};
 
 use crate::collapse::{Areas, Plan};
 use crate::frames::mesh_frame::{self, MeshFrameConfig};
 use crate::measure::{self, Aligned};
-use crate::{BinaryTree, Config, Costs};
+use crate::{Config, Costs};
 
 /// A binary tree over triangles and the axes of its boxes.
 pub(crate) struct Chosen {
@@ -23,8 +23,8 @@ pub(crate) struct Chosen {
 /// Cheap and full costs agree on eleven scenes with any threshold from 0.85 to 0.89.
 const WORTH_TURNING: f32 = 0.87;
 
-/// The tree split in bins is taken at this part of the other's cost: a prediction this near is none.
-const WORTH_SPLITTING: f32 = 0.98;
+/// The rival's tree is taken at this part of the other's cost: nearer, the prediction says nothing.
+const WORTH_CHANGING: f32 = 0.98;
 
 /// Builds the binary tree.
 pub(crate) fn choose(corners: &[Corners], bounds: &Aabb, config: &Config) -> Chosen {
@@ -34,22 +34,13 @@ pub(crate) fn choose(corners: &[Corners], bounds: &Aabb, config: &Config) -> Cho
         Some(rows) => (rows, measure::boxes(corners, rows)),
         None => (Obb::IDENTITY_FRAME, straight),
     };
-    let (tree, aligned) = match config.binary {
-        BinaryTree::Radix => {
-            let tree = lbvh::radix(by_code(&boxes));
-            let aligned = Aligned::of(&tree, &boxes, scale);
-            (tree, aligned)
+    let (mut tree, mut aligned) = built(&boxes, &config.builder, scale);
+    if let Some(rival) = &config.rival {
+        let (rival, rival_aligned) = built(&boxes, rival, scale);
+        if cost(&rival, &rival_aligned, &config.costs) <= WORTH_CHANGING * cost(&tree, &aligned, &config.costs) {
+            (tree, aligned) = (rival, rival_aligned);
         }
-        BinaryTree::Ploc(ploc, reinsertion) => joined(&boxes, &ploc, reinsertion.as_ref(), scale),
-        BinaryTree::Better(ploc, reinsertion) => {
-            let (tree, aligned) = joined(&boxes, &ploc, Some(&reinsertion), scale);
-            let split = canted_sah::top_down(&boxes, &TopDownConfig::default());
-            let split_aligned = Aligned::of(&split, &boxes, scale);
-            let is_better = cost(&split, &split_aligned, &config.costs)
-                <= WORTH_SPLITTING * cost(&tree, &aligned, &config.costs);
-            if is_better { (split, split_aligned) } else { (tree, aligned) }
-        }
-    };
+    }
     Chosen { tree, rows, aligned, scale }
 }
 
@@ -63,7 +54,7 @@ fn turned(corners: &[Corners], straight: &[Aabb], scale: f32, config: &Config) -
         return None;
     }
     let cheap = |boxes: &[Aabb]| {
-        let (tree, aligned) = joined(boxes, &PlocConfig::default(), None, scale);
+        let (tree, aligned) = built(boxes, &Builder::Ploc(PlocConfig::NEAR, None), scale);
         cost(&tree, &aligned, &config.costs)
     };
     let mut least = WORTH_TURNING * cheap(straight);
@@ -85,25 +76,9 @@ fn cost(tree: &Tree, aligned: &Aligned, costs: &Costs) -> f32 {
     Plan::new(tree, &inner, &leaf, costs, false).cost(root)
 }
 
-fn by_code(boxes: &[Aabb]) -> lbvh::Sorted {
+fn built(boxes: &[Aabb], builder: &Builder, scale: f32) -> (Tree, Aligned) {
     let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
-    // By the middles of their boxes the two halves of a rectangle stand side by side.
-    lbvh::by_code(&lbvh::codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), boxes), Bits::B63)
-}
-
-fn joined(
-    boxes: &[Aabb],
-    ploc: &PlocConfig,
-    reinsertion: Option<&ReinsertConfig>,
-    scale: f32,
-) -> (Tree, Aligned) {
-    let sorted = by_code(boxes);
-    let in_order: Vec<Aabb> = sorted.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-    let mut tree = canted_sah::ploc(sorted, &in_order, ploc);
-    if let Some(reinsertion) = reinsertion {
-        let in_order: Vec<Aabb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-        tree = canted_sah::reinsert(&tree, &in_order, reinsertion);
-    }
+    let tree = canted_sah::build(boxes, &bounds, builder);
     let aligned = Aligned::of(&tree, boxes, scale);
     (tree, aligned)
 }

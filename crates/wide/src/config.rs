@@ -1,4 +1,4 @@
-use canted_sah::{PlocConfig, ReinsertConfig};
+use canted_sah::{Builder, TopDownConfig};
 
 use crate::Costs;
 
@@ -19,8 +19,10 @@ pub enum Preset {
 pub struct Config {
     /// What visits cost; the collapse and every choice weigh by it.
     pub costs: Costs,
-    /// The binary tree that is collapsed.
-    pub binary: BinaryTree,
+    /// Builder of the binary tree that is collapsed.
+    pub builder: Builder,
+    /// A second builder; its tree is taken where its predicted cost is lower.
+    pub rival: Option<Builder>,
     /// Whether nodes may lean.
     pub lean: bool,
     /// Whether the whole mesh may be turned into a frame of its own before the binary tree is built.
@@ -29,34 +31,20 @@ pub struct Config {
     pub rounds: u32,
 }
 
-/// How the binary tree is built.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum BinaryTree {
-    /// The radix tree over Morton codes.
-    Radix,
-    /// Neighbours along the curve joined by area, then subtrees reinserted.
-    Ploc(PlocConfig, Option<ReinsertConfig>),
-    /// That, and one split top-down in bins: the one of less predicted cost.
-    Better(PlocConfig, ReinsertConfig),
-}
-
 impl Config {
     /// The usual settings.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {
-        let (costs, ploc) = (Costs::default(), PlocConfig::default());
+        let costs = Costs::default();
         match preset {
-            Preset::Fast => Self { costs, binary: BinaryTree::Radix, lean: true, turn: false, rounds: 0 },
-            Preset::Balanced => Self {
-                costs,
-                binary: BinaryTree::Ploc(ploc, Some(ReinsertConfig::FAST)),
-                lean: true,
-                turn: true,
-                rounds: 0,
-            },
+            Preset::Fast => Self { costs, builder: Builder::Lbvh, rival: None, lean: true, turn: false, rounds: 0 },
+            Preset::Balanced => {
+                Self { costs, builder: Builder::BALANCED, rival: None, lean: true, turn: true, rounds: 0 }
+            }
             Preset::Quality => Self {
                 costs,
-                binary: BinaryTree::Better(ploc, ReinsertConfig::BALANCED),
+                builder: Builder::QUALITY,
+                rival: Some(Builder::TopDown(TopDownConfig::BINNED, None)),
                 lean: true,
                 turn: true,
                 rounds: 5,
