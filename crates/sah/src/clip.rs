@@ -100,7 +100,7 @@ mod tests {
             };
             for k in 1..3 {
                 prop_assert!(check(&aabb, k), "{aabb:?}");
-                // Tight too: two steps of `f32` hold the point, and a box one step beyond them does not.
+                // The check can fail: a box one step beyond does not hold the point.
                 let beyond = aabb.max[k].next_up();
                 aabb.min[k] = beyond;
                 aabb.max[k] = beyond;
