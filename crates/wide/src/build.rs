@@ -8,6 +8,7 @@ use crate::collapse::{Areas, Plan};
 use crate::emit::{Source, emit};
 use crate::frames::{self, BoxAreas, Fits, FrameConfig};
 use crate::measure::{self, Aligned};
+use crate::refit::Wear;
 use crate::traverse::{LaneKernel, MeshFrame};
 use crate::{Config, Predicted, SimdPath, Wide};
 
@@ -76,6 +77,7 @@ fn assemble<K: LaneKernel>(
         bounds: *bounds,
         n_triangles: corners.len(),
         predicted: Predicted { aligned: aligned_cost / root_area, chosen: chosen_cost / root_area },
+        wear: Wear::new(config.costs),
         path: SimdPath::detect(),
         kernel: PhantomData,
     })

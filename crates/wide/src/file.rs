@@ -27,7 +27,7 @@ use std::marker::PhantomData;
 use bytemuck::Pod;
 
 use crate::emit::Records;
-use crate::layout::{Half, Line};
+use crate::layout::Half;
 use crate::traverse::{LaneKernel, MeshFrame};
 use crate::{SimdPath, Wide};
 
@@ -119,3 +119,6 @@ fn words_of<T: Pod>(bytes: &[u8]) -> Vec<T> {
     }
     records
 }
+
+#[cfg(test)]
+mod tests;

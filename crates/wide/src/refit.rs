@@ -129,3 +129,6 @@ impl<K: LaneKernel> Wide<K> {
         cost::predicted(outline, &self.records, &self.bounds, &self.wear.costs)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,216 @@
+//! Boxes after a refit against exact sums, and shared nodes, which no build plans yet.
+
+use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
+use canted_obb::{Aabb, PrimId};
+use canted_trace::{Hit, Kernel, Ray, ScaledRay, Watertight};
+
+use super::*;
+use crate::layout::{Line, NodeKind, Row, Word, WordKind, node_words};
+use crate::{Config, Costs, SimdPath};
+
+fn build(mesh: &Mesh) -> Wide<Watertight> {
+    Wide::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+}
+
+/// Every vertex moved by a random step of up to `size` on each axis.
+fn shaken(mesh: &Mesh, size: f64, seed: u64) -> Mesh {
+    let mut rng = SplitMix64::new(seed);
+    let shake = |p: &[f32; 3]| p.map(|x| (f64::from(x) + size * rng.signed()) as f32);
+    Mesh { positions: mesh.positions.iter().map(shake).collect(), triangles: mesh.triangles.clone() }
+}
+
+/// Whether the real sum of `terms` is at least zero: partial sums and their errors are kept apart (Shewchuk 1997).
+fn sum_is_positive(terms: &[f64]) -> bool {
+    let mut parts: Vec<f64> = vec![];
+    for &term in terms {
+        let mut carried = term;
+        for part in &mut parts {
+            let sum = carried + *part;
+            let of_part = sum - carried;
+            *part = (carried - (sum - of_part)) + (*part - of_part);
+            carried = sum;
+        }
+        parts.push(carried);
+    }
+    // Parts do not overlap and rise in size: the last that is not zero decides.
+    parts.iter().rev().find(|&&part| part != 0.0).is_none_or(|&part| part > 0.0)
+}
+
+/// Boxes of slots that vertices below stick out of, by exact sums of exact products.
+fn n_too_small(wide: &Wide<Watertight>) -> usize {
+    let outline = Outline::of(&wide.records).unwrap();
+    let corners = Triangles::read(&outline, &wide.records.halves).corners;
+    let mut n = 0;
+    for node in &outline.nodes {
+        let rows: &[Row] = bytemuck::cast_slice(&wide.records.lines[node.line..node.line + node.kind.n_lines()]);
+        for (i, &slot) in node.slots.iter().enumerate() {
+            let inside = corners[outline.places(slot)].iter().flatten().all(|v| holds(node.kind, rows, &wide.frame.rows, i, v));
+            n += usize::from(!inside);
+        }
+    }
+    n
+}
+
+fn holds(kind: NodeKind, rows: &[Row], mesh_frame: &[[f32; 3]; 3], i: usize, vertex: &[f32; 3]) -> bool {
+    (0..3).all(|k| {
+        let (row, lo, hi) = match kind {
+            NodeKind::Box => (mesh_frame[k], [rows[2 * k][i], 0.0], [rows[2 * k + 1][i], 0.0]),
+            NodeKind::Shared => {
+                let row = [0, 1, 2].map(|axis| rows[(3 * k + axis) / 8][(3 * k + axis) % 8]);
+                (row, [rows[2 + 2 * k][i], 0.0], [rows[3 + 2 * k][i], 0.0])
+            }
+            NodeKind::Lean => {
+                let (center, half) = (rows[5 * k + 3][i], rows[5 * k + 4][i]);
+                ([0, 1, 2].map(|axis| rows[5 * k + axis][i]), [center, -half], [center, half])
+            }
+        };
+        let place: [f64; 3] = [0, 1, 2].map(|axis| f64::from(row[axis]) * f64::from(vertex[axis]));
+        let [a, b, c] = place;
+        let ([lo, below], [hi, above]) = (lo.map(f64::from), hi.map(f64::from));
+        sum_is_positive(&[a, b, c, -lo, -below]) && sum_is_positive(&[-a, -b, -c, hi, above])
+    })
+}
+
+fn motions(mesh: &Mesh) -> Vec<Mesh> {
+    let moved = |f: fn([f32; 3]) -> [f32; 3]| {
+        let positions = mesh.positions.iter().copied().map(f).collect();
+        Mesh { positions, triangles: mesh.triangles.clone() }
+    };
+    vec![
+        mesh.clone(),
+        shaken(mesh, 0.05, 1),
+        shaken(mesh, 10.0, 2),
+        mesh.turned(),
+        moved(|p| p.map(|x| x + 1e7)),
+        moved(|[x, y, z]| [-x, y, z]),
+        moved(|[x, y, _]| [x, y, 0.25]),
+        moved(|_| [0.1, 0.2, 0.3]),
+        moved(|p| p.map(|x| x * 1e-6)),
+        moved(|p| p.map(|x| x * 1e12)),
+    ]
+}
+
+#[test]
+fn boxes_hold_their_vertices_exactly_after_any_motion() {
+    for mesh in [fixtures::scaffold_of(1, true, 4), fixtures::soup(2, 2_000), fixtures::scaffold_of(1, false, 3).turned()] {
+        let mut wide = build(&mesh);
+        assert_eq!(n_too_small(&wide), 0);
+        for moved in motions(&mesh) {
+            wide.refit(&moved.positions, &moved.triangles).unwrap();
+            assert_eq!(n_too_small(&wide), 0);
+            let used = moved.triangles.iter().flatten().map(|&i| moved.positions[i as usize]);
+            assert_eq!(wide.bounds, Aabb::of_points(used));
+        }
+    }
+}
+
+#[test]
+fn the_oracle_sees_a_box_that_is_too_small() {
+    let mesh = fixtures::scaffold_of(1, true, 4);
+    let wide = build(&mesh);
+    let outline = Outline::of(&wide.records).unwrap();
+    let lean = outline.nodes.iter().find(|node| node.kind == NodeKind::Lean).expect("struts lean");
+    for row in [3, 4] {
+        let mut wide = wide.clone();
+        let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut wide.records.lines[lean.line..lean.line + 8]);
+        rows[row][0] *= 0.999;
+        assert_eq!(n_too_small(&wide), 1, "row {row}");
+    }
+    // Vertices that moved without a refit.
+    let mut wide = wide.clone();
+    let corners = Triangles::read(&outline, &wide.records.halves).corners;
+    let moved: Vec<_> = corners.iter().map(|c| c.map(|p| p.map(|x| x * 1.01))).collect();
+    Triangles::write(&moved, &outline, &mut wide.records.halves);
+    assert!(n_too_small(&wide) > 10);
+}
+
+/// The one node of a small tree, as a shared one with the frame `rows`; its boxes are not set.
+fn with_shared_root(mut wide: Wide<Watertight>, frame: [[f32; 3]; 3]) -> Wide<Watertight> {
+    let WordKind::Node(kind, 0) = wide.records.root.kind() else { panic!("the root is a node") };
+    assert_eq!(Outline::of(&wide.records).unwrap().nodes.len(), 1, "of one node");
+    let words = *node_words(&wide.records.lines, kind, 0);
+    let mut lines = vec![Line([0; 16]); NodeKind::Shared.n_lines()];
+    let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines);
+    for (i, &x) in frame.as_flattened().iter().enumerate() {
+        rows[i / 8][i % 8] = x;
+    }
+    rows[8] = words.map(|word| f32::from_bits(word.0));
+    wide.records.lines = lines;
+    wide.records.root = Word::node(NodeKind::Shared, 0);
+    wide
+}
+
+fn brute(mesh: &Mesh, ray: &Ray) -> Option<(f32, PrimId)> {
+    let ray = ScaledRay::new(ray)?;
+    let prepared = Watertight::prepare(&ray);
+    let mut best: Option<(f32, PrimId)> = None;
+    for (primitive, t) in (0..).map(PrimId).zip(&mesh.triangles) {
+        let record = Watertight::record(t.map(|i| mesh.positions[i as usize]));
+        let hit = Watertight::intersect(&prepared, &ray, &record, ray.t_max);
+        if let Some(hit) = hit
+            && best.is_none_or(|(t, _)| hit.t < t)
+        {
+            best = Some((hit.t, primitive));
+        }
+    }
+    best.map(|(t, primitive)| (ray.caller_t(t), primitive))
+}
+
+#[test]
+fn shared_nodes_are_refitted_too() {
+    let mesh = fixtures::soup(5, 60);
+    let frame = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let turn = Mesh { positions: frame.to_vec(), triangles: vec![[0, 1, 2]] }.turned();
+    let rows = [0, 1, 2].map(|k| [0, 1, 2].map(|axis| turn.positions[axis][k]));
+    // Where nodes are dear there is no more than one.
+    let costs = Costs { box_node: 100.0, lean_node: 100.0, ..Costs::default() };
+    let config = Config { costs, ..Config::default() };
+    let one = Wide::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+    let mut wide = with_shared_root(one, rows);
+    for moved in [mesh.clone(), shaken(&mesh, 0.2, 3), mesh.turned()] {
+        wide.refit(&moved.positions, &moved.triangles).unwrap();
+        assert_eq!(n_too_small(&wide), 0);
+        let mut n_hits = 0;
+        for path in SimdPath::ALL {
+            let wide = wide.clone().with_path(path);
+            for class in fixtures::Grazing::ALL {
+                for ray in fixtures::grazing(&moved, class, 100, 7) {
+                    let ray = Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) };
+                    let hit: Option<Hit> = wide.closest_hit(&ray);
+                    assert_eq!(hit.map(|hit| (hit.t, hit.primitive)), brute(&moved, &ray), "{path:?} {ray:?}");
+                    n_hits += usize::from(hit.is_some());
+                }
+            }
+        }
+        assert!(n_hits > 500);
+    }
+}
+
+/// Records with one word changed.
+fn with_word(wide: &Wide<Watertight>, node: usize, slot: usize, word: Word) -> crate::emit::Records {
+    let mut records = wide.records.clone();
+    let outline = Outline::of(&records).unwrap();
+    let node = &outline.nodes[node];
+    let row = node.kind.n_lines() * 2 - 1 - usize::from(node.kind == NodeKind::Shared) - usize::from(node.kind == NodeKind::Box);
+    let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut records.lines[node.line..]);
+    rows[row][slot] = f32::from_bits(word.0);
+    records
+}
+
+#[test]
+fn the_walk_sees_every_broken_reference() {
+    let wide = build(&fixtures::soup(1, 500));
+    let outline = Outline::of(&wide.records).unwrap();
+    let n_lines = wide.records.lines.len();
+    let flaw = |word| Outline::of(&with_word(&wide, 0, 0, word)).unwrap_err();
+    assert_eq!(flaw(wide.records.root), Flaw::Twice { unit: "line", at: 0 }, "a circle");
+    assert_eq!(flaw(Word(0x6000_0000)), Flaw::Word { word: 0x6000_0000 });
+    assert_eq!(flaw(Word::node(NodeKind::Lean, n_lines)), Flaw::Outside { unit: "line", at: n_lines + 7, n_units: n_lines });
+    assert!(matches!(flaw(Word::EMPTY), Flaw::Unreached { unit: "line" | "block", .. }));
+    // Two slots that hold the same.
+    let first = node_words(&wide.records.lines, outline.nodes[0].kind, 0)[1];
+    assert!(matches!(flaw(first), Flaw::Twice { .. }));
+    let deepest = outline.nodes.len() - 1;
+    let outside = Outline::of(&with_word(&wide, deepest, 0, Word::leaf(wide.records.halves.len(), 1)));
+    assert!(matches!(outside, Err(Flaw::Outside { unit: "block", .. })), "{outside:?}");
+}

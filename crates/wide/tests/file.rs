@@ -1,0 +1,126 @@
+//! Trees as bytes: what is written comes back, what is damaged does not. Forged files are tested inside the crate.
+
+use canted_fixtures::{self as fixtures, Mesh};
+use canted_trace::{Counts, InstanceId, MollerTrumbore, Ray, Watertight};
+use canted_wide::{Config, LoadError, Preset, SimdPath, Wide};
+
+fn build(mesh: &Mesh, preset: Preset) -> Wide<Watertight> {
+    Wide::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).unwrap()
+}
+
+fn meshes() -> Vec<(&'static str, Mesh)> {
+    vec![
+        ("nothing", Mesh::default()),
+        ("one", fixtures::soup(1, 1)),
+        ("few", fixtures::soup(1, 5)),
+        ("soup", fixtures::soup(2, 3_000)),
+        ("slivers", fixtures::slivers(3, 500)),
+        ("identical", fixtures::identical(300)),
+        ("outlier", fixtures::outlier(200)),
+        ("scaffold", fixtures::scaffold_of(1, true, 4)),
+        ("turned", fixtures::coplanar_quads(500).turned()),
+        ("grid", fixtures::grid(5, [30, 20])),
+    ]
+}
+
+#[test]
+fn what_is_written_comes_back_bit_for_bit() {
+    for (name, mesh) in meshes() {
+        for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+            let wide = build(&mesh, preset);
+            let bytes = wide.to_bytes();
+            let back = Wide::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(back.to_bytes(), bytes, "{name}");
+            assert_eq!((back.aabb(), back.frame(), back.n_triangles()), (wide.aabb(), wide.frame(), wide.n_triangles()));
+            assert_eq!((back.sizes(), back.predicted()), (wide.sizes(), wide.predicted()), "{name}");
+            for path in SimdPath::ALL {
+                let [wide, back] = [&wide, &back].map(|tree| tree.clone().with_path(path));
+                for ray in rays(&mesh) {
+                    // The same tree: not only the same hits but the same way to them.
+                    let [mut a, mut b] = [Counts::default(); 2];
+                    let hit = wide.closest_hit_with(&ray, InstanceId(0), &mut a);
+                    assert_eq!(back.closest_hit_with(&ray, InstanceId(0), &mut b), hit, "{name} {path:?}");
+                    assert_eq!(a, b, "{name} {path:?}");
+                }
+            }
+        }
+    }
+}
+
+fn rays(mesh: &Mesh) -> Vec<Ray> {
+    if mesh.triangles.is_empty() {
+        return vec![Ray::new([0.0; 3], [1.0, 0.0, 0.0])];
+    }
+    let of = |class| fixtures::grazing(mesh, class, 40, 3);
+    let rays = fixtures::Grazing::ALL.into_iter().flat_map(of);
+    rays.map(|ray| Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) }).collect()
+}
+
+#[test]
+fn a_file_serves_any_kernel() {
+    let mesh = fixtures::soup(2, 500);
+    let config = Config::default();
+    let wanted = Wide::<MollerTrumbore>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+    let bytes = build(&mesh, Preset::default()).to_bytes();
+    let back = Wide::<MollerTrumbore>::from_bytes(&bytes).unwrap();
+    assert!(rays(&mesh).iter().all(|ray| back.closest_hit(ray) == wanted.closest_hit(ray)));
+}
+
+#[test]
+fn files_cut_off_anywhere_are_refused_by_length() {
+    let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
+    for n in 0..bytes.len() {
+        let error = Wide::<Watertight>::from_bytes(&bytes[..n]).unwrap_err();
+        assert!(matches!(error, LoadError::Length { n_bytes, .. } if n_bytes == n), "{n}: {error}");
+    }
+    let mut longer = bytes;
+    longer.push(0);
+    assert!(matches!(Wide::<Watertight>::from_bytes(&longer), Err(LoadError::Length { .. })));
+}
+
+#[test]
+fn every_changed_byte_is_seen() {
+    let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
+    for i in 0..bytes.len() {
+        for change in [1, 0x80, 0xff] {
+            let mut damaged = bytes.clone();
+            damaged[i] ^= change;
+            assert!(Wide::<Watertight>::from_bytes(&damaged).is_err(), "byte {i}");
+        }
+    }
+}
+
+#[test]
+fn other_files_and_other_versions_are_named() {
+    let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
+    let with = |at: usize, new: &[u8]| {
+        let mut bytes = bytes.clone();
+        bytes[at..at + new.len()].copy_from_slice(new);
+        Wide::<Watertight>::from_bytes(&bytes).unwrap_err()
+    };
+    assert_eq!(with(0, b"\x7fELF").to_string(), "not a tree: it begins with \"\\x7fELFWIDE\"");
+    assert_eq!(with(8, &[2]).to_string(), "version 2 of the form; only 1 is read");
+}
+
+#[test]
+fn huge_counts_are_refused_before_anything_is_allocated() {
+    let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
+    for at in [24, 32] {
+        for count in [u64::MAX, u64::MAX / 64, 1 << 40] {
+            let mut bytes = bytes.clone();
+            bytes[at..at + 8].copy_from_slice(&count.to_le_bytes());
+            assert!(matches!(Wide::<Watertight>::from_bytes(&bytes), Err(LoadError::Length { .. })));
+        }
+    }
+    // Triangles are not told of by the file's length: the checksum is made right, by the definition of FNV-1a.
+    let mut bytes = bytes;
+    bytes[40..48].copy_from_slice(&(1_u64 << 40).to_le_bytes());
+    let end = bytes.len() - 8;
+    let mut sum = 0xcbf2_9ce4_8422_2325_u64;
+    for &byte in &bytes[..end] {
+        sum = (sum ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+    }
+    bytes[end..].copy_from_slice(&sum.to_le_bytes());
+    let error = Wide::<Watertight>::from_bytes(&bytes).unwrap_err();
+    assert_eq!(error, LoadError::Count { n_told: 1 << 40, n_places: 20 });
+}
