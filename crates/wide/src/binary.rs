@@ -34,14 +34,20 @@ pub(crate) fn choose(corners: &[Corners], bounds: &Aabb, config: &Config) -> Cho
         Some(rows) => (rows, measure::boxes(corners, rows)),
         None => (Obb::IDENTITY_FRAME, straight),
     };
-    let (mut tree, mut aligned) = built(&boxes, &config.builder, scale);
+    let (tree, aligned) = over_boxes(&boxes, scale, config);
+    Chosen { tree, rows, aligned, scale }
+}
+
+/// Builds the binary tree over boxes that stand in one frame.
+pub(crate) fn over_boxes(boxes: &[Aabb], scale: f32, config: &Config) -> (Tree, Aligned) {
+    let (tree, aligned) = built(boxes, &config.builder, scale);
     if let Some(rival) = &config.rival {
-        let (rival, rival_aligned) = built(&boxes, rival, scale);
+        let (rival, rival_aligned) = built(boxes, rival, scale);
         if cost(&rival, &rival_aligned, &config.costs) <= WORTH_CHANGING * cost(&tree, &aligned, &config.costs) {
-            (tree, aligned) = (rival, rival_aligned);
+            return (rival, rival_aligned);
         }
     }
-    Chosen { tree, rows, aligned, scale }
+    (tree, aligned)
 }
 
 /// The axes that make a cheap tree so much cheaper that the mesh is worth turning; `None` for its own.

@@ -6,7 +6,7 @@ use canted_trace::Slabs;
 
 use crate::collapse::{Form, Plan};
 use crate::Sizes;
-use crate::layout::{Half, Line, MAX_LEAF, NOWHERE, NodeKind, Row, Word, WordKind, node_words};
+use crate::layout::{HALF_WORDS, Half, Line, MAX_LEAF, NOWHERE, NodeKind, Row, Word, WordKind, node_words};
 use crate::par;
 
 /// A wide node before it is written: its place and its children.
@@ -17,7 +17,7 @@ struct Draft {
     children: Vec<(Child, Word)>,
 }
 
-/// A leaf before it is written: its first half-block, and the places of its primitives in leaf order.
+/// A leaf before it is written: its first place among leaves, and the places of its primitives in leaf order.
 #[derive(Clone, Copy, Debug)]
 struct LeafDraft {
     first: usize,
@@ -78,19 +78,74 @@ pub(crate) fn n_halves(n: usize) -> usize {
     n.div_ceil(4)
 }
 
-/// Writes the wide tree of `plan`.
-///
-/// `leaf_places(n)` says how many places a leaf of `n` primitives takes.
+/// What leaves hold.
+pub(crate) trait LeafForm {
+    /// What a leaf takes some of.
+    type Place: Copy + Send;
+    const UNSET: Self::Place;
+
+    /// How many of them `n` primitives take.
+    fn n_places(n: usize) -> usize;
+
+    /// Writes the primitives of these places in leaf order.
+    fn write(source: &Source, places: &[u32], out: &mut [Self::Place]);
+}
+
+/// Leaves hold half-blocks of triangles.
+enum Triangles {}
+
+impl LeafForm for Triangles {
+    type Place = Half;
+    const UNSET: Half = Half([0; HALF_WORDS]);
+
+    fn n_places(n: usize) -> usize {
+        n_halves(n)
+    }
+
+    fn write(source: &Source, places: &[u32], out: &mut [Half]) {
+        write_triangles(source, places, out);
+    }
+}
+
+/// Leaves hold numbers of primitives.
+pub(crate) enum Numbers {}
+
+impl LeafForm for Numbers {
+    type Place = PrimId;
+    const UNSET: PrimId = PrimId(0);
+
+    fn n_places(n: usize) -> usize {
+        n
+    }
+
+    fn write(source: &Source, places: &[u32], out: &mut [PrimId]) {
+        for (out, &place) in out.iter_mut().zip(places) {
+            *out = source.primitives[place as usize];
+        }
+    }
+}
+
+/// Writes the wide tree of `plan` over triangles.
 pub(crate) fn emit(source: &Source, plan: &Plan) -> Result<Records, TooLarge> {
-    let (drafts, leaves, root, depth) = layout(source, plan)?;
+    let (records, halves) = emit_as::<Triangles>(source, plan)?;
+    Ok(Records { halves, ..records })
+}
+
+/// Writes the wide tree of `plan`, and apart from it what its leaves hold.
+pub(crate) fn emit_as<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Records, Vec<L::Place>), TooLarge> {
+    let (drafts, leaves, root, depth) = layout::<L>(source, plan)?;
     let n_lines = drafts.last().map_or(0, |draft| draft.line + draft.kind.n_lines());
-    let n_half_blocks = leaves.last().map_or(0, |leaf| leaf.first + n_halves(leaf.n(source)));
+    let n_places = leaves.last().map_or(0, |leaf| leaf.first + L::n_places(leaf.n(source)));
     let mut lines = vec![Line([0; 16]); n_lines];
-    let mut halves = vec![Half([0; 40]); n_half_blocks];
+    let mut places = vec![L::UNSET; n_places];
     let write_node = |draft: &Draft, out: &mut [Line]| write_node(source, draft, out);
     par::for_pieces(&drafts, &mut lines, |draft| draft.line, write_node);
-    par::for_pieces(&leaves, &mut halves, |leaf| leaf.first, |leaf, out| write_leaf(source, leaf, out));
-    Ok(Records { lines, halves, root, depth })
+    let write_leaf = |leaf: &LeafDraft, out: &mut [L::Place]| {
+        let (places, n) = distinct(source, leaf.start, leaf.end);
+        L::write(source, &places[..n], out);
+    };
+    par::for_pieces(&leaves, &mut places, |leaf| leaf.first, write_leaf);
+    Ok((Records { lines, halves: Vec::new(), root, depth }, places))
 }
 
 impl LeafDraft {
@@ -125,10 +180,10 @@ fn range(tree: &Tree, child: Child) -> (u32, u32) {
 }
 
 /// Gives every node and leaf its place, depth first, larger children first.
-fn layout(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<LeafDraft>, Word, u32), TooLarge> {
+fn layout<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<LeafDraft>, Word, u32), TooLarge> {
     let (mut drafts, mut leaves): (Vec<Draft>, Vec<LeafDraft>) = (vec![], vec![]);
     let Some(root) = source.tree.root() else { return Ok((drafts, leaves, Word::EMPTY, 0)) };
-    let (mut n_lines, mut n_half_blocks, mut deepest) = (0, 0, 0);
+    let (mut n_lines, mut n_places, mut deepest) = (0, 0, 0);
     let mut root_word = Word::EMPTY;
     // The subtree, its parent's kind, the slot that waits for its word, and its depth.
     let mut open = vec![(root, NodeKind::Box, None, 0u32)];
@@ -136,10 +191,10 @@ fn layout(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<LeafDraft>, W
         let word = match plan.form(child, parent_kind) {
             Form::Leaf => {
                 let (start, end) = range(source.tree, child);
-                let leaf = LeafDraft { first: n_half_blocks, start, end };
+                let leaf = LeafDraft { first: n_places, start, end };
                 let n = leaf.n(source);
-                n_half_blocks += n_halves(n);
-                if n_half_blocks > Word::MAX_FIRST {
+                n_places += L::n_places(n);
+                if n_places > Word::MAX_FIRST {
                     return Err(TooLarge);
                 }
                 leaves.push(leaf);
@@ -247,10 +302,10 @@ fn middle(lo: f32, hi: f32) -> (f32, f32) {
     (center, if f64::from(half) < reach { half.next_up() } else { half })
 }
 
-fn write_leaf(source: &Source, leaf: &LeafDraft, out: &mut [Half]) {
-    let (places, n) = distinct(source, leaf.start, leaf.end);
+fn write_triangles(source: &Source, places: &[u32], out: &mut [Half]) {
+    let n = places.len();
     let words: &mut [u32] = bytemuck::cast_slice_mut(out);
-    for (i, &place) in places[..n].iter().enumerate() {
+    for (i, &place) in places.iter().enumerate() {
         // Blocks of eight lie before a last block of four.
         let in_four = i / 8 * 8 + 4 >= n;
         let (block, width) = if in_four { (i / 4 * 40, 4) } else { (i / 8 * 80, 8) };
@@ -260,14 +315,5 @@ fn write_leaf(source: &Source, leaf: &LeafDraft, out: &mut [Half]) {
             words[block + row * width + lane] = x.to_bits();
         }
         words[block + 9 * width + lane] = source.primitives[place as usize].0;
-    }
-}
-
-/// Places of the primitives of a leaf in a slice of primitive numbers, where leaves hold no triangles.
-#[expect(dead_code, reason = "custom primitives come with the next station")]
-pub(crate) fn leaf_of(word: Word) -> Option<(u32, u32)> {
-    match word.kind() {
-        WordKind::Leaf { first, n } => Some((first, n)),
-        _ => None,
     }
 }

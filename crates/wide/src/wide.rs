@@ -3,7 +3,6 @@ use std::marker::PhantomData;
 use canted_obb::{Aabb, Obb};
 
 use crate::emit::Records;
-use crate::layout::NodeKind;
 use crate::refit::Wear;
 use crate::simd::SimdPath;
 use crate::traverse::{LaneKernel, MeshFrame};
@@ -36,7 +35,7 @@ pub struct Predicted {
 /// Sizes of a built tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sizes {
-    /// Nodes of each kind, in the order of [`NodeKind::ALL`].
+    /// Nodes of each kind, in the order of [`NodeKind::ALL`](crate::NodeKind::ALL).
     pub nodes: [usize; 3],
     /// Bytes of all nodes.
     pub node_bytes: usize,

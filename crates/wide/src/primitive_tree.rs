@@ -1,0 +1,253 @@
+use std::fmt;
+
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay};
+
+use crate::answers::{AllOfOne, Any, Closest, Every, Occluded, One, parallel, serial};
+use crate::collapse::{Areas, Plan};
+use crate::emit::{Numbers, Records, Source, TooLarge, emit_as};
+use crate::simd::Simd;
+use crate::traced::{Leaf, Take, Traced, hit};
+use crate::traverse::{MeshFrame, Pads};
+use crate::{Config, Costs, Primitive, SimdPath, binary, measure, par};
+
+/// Most primitives of a leaf: their own tests run one by one, eight boxes at once.
+const MAX_LEAF: usize = 2;
+
+/// Primitives of one job.
+const CHUNK: usize = 1 << 12;
+
+/// A tree of eight-wide nodes over primitives of the caller's.
+///
+/// Boxes stand along the axes. Hits are those of trying every primitive; ties go to the lowest.
+///
+/// ```
+/// use canted_trace::{Ray, Sphere};
+/// use canted_wide::{Config, PrimitiveTree};
+///
+/// let spheres = (0..100u8).map(|i| Sphere { center: [3.0 * f32::from(i), 0.0, 0.0], radius: 1.0 }).collect();
+/// let tree = PrimitiveTree::build(spheres, &Config::default())?;
+/// let hit = tree.closest_hit(&Ray::new([30.0, 5.0, 0.0], [0.0, -1.0, 0.0])).expect("it points at a sphere");
+/// assert_eq!((hit.t, hit.primitive.0), (4.0, 10));
+/// # Ok::<(), canted_wide::PrimitiveError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct PrimitiveTree<P> {
+    records: Records,
+    frame: MeshFrame,
+    bounds: Aabb,
+    primitives: Vec<P>,
+    /// What leaves hold.
+    numbers: Vec<PrimId>,
+    path: SimdPath,
+}
+
+/// Why primitives make no tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PrimitiveError {
+    /// Bounds are empty or not finite.
+    Bounds {
+        /// The primitive.
+        primitive: PrimId,
+    },
+    /// More primitives than a tree can name.
+    TooMany {
+        /// Number of primitives.
+        n_primitives: usize,
+    },
+}
+
+impl fmt::Display for PrimitiveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bounds { primitive } => write!(f, "primitive {primitive} has bounds that are empty or not finite"),
+            Self::TooMany { n_primitives } => write!(f, "{n_primitives} primitives are more than a tree can hold"),
+        }
+    }
+}
+
+impl std::error::Error for PrimitiveError {}
+
+impl<P: Primitive> PrimitiveTree<P> {
+    /// Builds a tree; `config` says which binary tree is collapsed and what visits cost, its leaning and turning do not
+    /// matter.
+    ///
+    /// # Errors
+    /// The first primitive whose bounds are empty or not finite, or more primitives than a tree can name.
+    pub fn build(primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
+        let n_primitives = primitives.len();
+        let too_many = PrimitiveError::TooMany { n_primitives };
+        if n_primitives > crate::layout::Word::MAX_FIRST {
+            return Err(too_many);
+        }
+        let boxes = par::map(&primitives, CHUNK, Aabb::EMPTY, P::bounds);
+        if let Some((_, primitive)) = boxes.iter().zip((0..).map(PrimId)).find(|(aabb, _)| !is_sound(aabb)) {
+            return Err(PrimitiveError::Bounds { primitive });
+        }
+        let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
+        let (records, numbers) = emit_boxes(&boxes, &bounds, config).map_err(|TooLarge| too_many)?;
+        let frame = MeshFrame::new(Obb::IDENTITY_FRAME);
+        Ok(Self { records, frame, bounds, primitives, numbers, path: SimdPath::detect() })
+    }
+
+    /// The same tree traced on another path; on the scalar one where this machine lacks it.
+    #[must_use]
+    pub fn with_path(mut self, path: SimdPath) -> Self {
+        self.path = if path.is_available() { path } else { SimdPath::Scalar };
+        self
+    }
+
+    /// Box around all primitives, object space; empty for none.
+    #[must_use]
+    pub fn aabb(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// The primitives, in the order in which they were given.
+    #[must_use]
+    pub fn primitives(&self) -> &[P] {
+        &self.primitives
+    }
+
+    /// The hit of least `t`; ties go to the lowest primitive.
+    #[must_use]
+    pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
+        self.closest_hit_with(ray, InstanceId(0), &mut ())
+    }
+
+    /// Whether anything is hit: agrees with [`PrimitiveTree::closest_hit`].
+    #[must_use]
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        self.occluded_with(ray, InstanceId(0), &mut ())
+    }
+
+    /// Every hit with `t_min <= t <= t_max`: least `t`, then lowest primitive. Replaces what `hits` held.
+    pub fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>) {
+        self.path.run(AllOfOne { tree: self, ray, instance: InstanceId(0), query: &mut (), hits });
+    }
+
+    /// The hit of least `t` that the query accepts, as a hit on `instance`; ties go to the lowest primitive.
+    pub fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        self.path.run(One::<_, _, true> { tree: self, ray, instance, query })
+    }
+
+    /// Whether the query accepts any hit.
+    pub fn occluded_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        self.path.run(One::<_, _, false> { tree: self, ray, instance, query }).is_some()
+    }
+
+    /// The closest hit of each ray. Panics, like all of the following, where the slices differ in length.
+    pub fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        serial(self.path, self, &Closest(Any), rays, hits);
+    }
+
+    /// The closest hit of each ray, on all threads.
+    pub fn par_closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        parallel(self.path, self, &Closest(Any), rays, hits);
+    }
+
+    /// Whether each ray hits anything.
+    pub fn occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
+        serial(self.path, self, &Occluded(Any), rays, occluded);
+    }
+
+    /// Whether each ray hits anything, on all threads.
+    pub fn par_occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
+        parallel(self.path, self, &Occluded(Any), rays, occluded);
+    }
+
+    /// Every hit of each ray.
+    pub fn all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
+        serial(self.path, self, &Every(Any), rays, hits);
+    }
+
+    /// Every hit of each ray, on all threads.
+    pub fn par_all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
+        parallel(self.path, self, &Every(Any), rays, hits);
+    }
+}
+
+fn is_sound(aabb: &Aabb) -> bool {
+    (0..3).all(|k| aabb.min[k] <= aabb.max[k] && aabb.min[k].is_finite() && aabb.max[k].is_finite())
+}
+
+/// Box nodes over boxes, and the number of each place in leaf order.
+fn emit_boxes(boxes: &[Aabb], bounds: &Aabb, config: &Config) -> Result<(Records, Vec<PrimId>), TooLarge> {
+    let costs = Costs { max_leaf: config.costs.max_leaf.clamp(1, MAX_LEAF), ..config.costs };
+    let (tree, aligned) = binary::over_boxes(boxes, measure::unit_scale(bounds), &Config { costs, ..*config });
+    let areas = |area: f32| Areas::new(area, f32::MAX);
+    let inner: Vec<Areas> = aligned.inner_areas.iter().map(|&area| areas(area)).collect();
+    let leaf = |place: u32| areas(aligned.leaf_areas[place as usize]);
+    let plan = Plan::new(&tree, &inner, &leaf, &costs, false);
+    let source = Source {
+        tree: &tree,
+        corners: &[],
+        primitives: &tree.leaves,
+        leaf_boxes: &aligned.leaf_boxes,
+        inner_boxes: &aligned.inner_boxes,
+        frames: &|_| Obb::IDENTITY_FRAME,
+    };
+    emit_as::<Numbers>(&source, &plan)
+}
+
+/// Leaves hold places among the primitives.
+impl<P: Primitive> Traced for PrimitiveTree<P> {
+    type Prepared<S: Simd> = ();
+    type Met = P;
+
+    #[inline(always)]
+    fn records(&self) -> &Records {
+        &self.records
+    }
+
+    #[inline(always)]
+    fn frame(&self) -> &MeshFrame {
+        &self.frame
+    }
+
+    #[inline(always)]
+    fn reach(&self) -> f32 {
+        self.bounds.reach()
+    }
+
+    #[inline(always)]
+    fn pads(&self) -> Pads {
+        const {
+            assert!(P::ERROR >= 0.0 && P::ERROR <= 0.125, "the proof of the pads holds for small errors");
+            Pads::of(P::ERROR)
+        }
+    }
+
+    #[inline(always)]
+    fn prepare<S: Simd>(_: S, _: &ScaledRay) {}
+
+    #[inline(always)]
+    fn leaf<S: Simd, T: Take<P>>(&self, _: S, (): &(), ray: &ScaledRay, leaf: Leaf, take: &mut T) -> f32 {
+        let Leaf { first, n, mut t_max } = leaf;
+        let range = first as usize..(first + n) as usize;
+        for &number in &self.numbers[range] {
+            t_max = meet(&self.primitives[number.index()], number, *ray, t_max, take);
+            if t_max < 0.0 {
+                break;
+            }
+        }
+        t_max
+    }
+}
+
+/// Hands over the hits on one primitive, one after another: the first may be refused.
+#[inline(always)]
+fn meet<P: Primitive, T: Take<P>>(primitive: &P, number: PrimId, mut ray: ScaledRay, mut t_max: f32, take: &mut T) -> f32 {
+    while let Some(found) = primitive.intersect(&ray, t_max) {
+        // A primitive that breaks its contract must not keep the walk from ending.
+        if !(ray.t_min <= found.t && found.t <= t_max && found.t.is_finite()) {
+            break;
+        }
+        t_max = take.take(&ray, hit(found.t, [found.u, found.v], found.side, number), primitive, t_max);
+        ray.t_min = found.t.next_up();
+        if ray.t_min > t_max {
+            break;
+        }
+    }
+    t_max
+}
