@@ -21,6 +21,9 @@ use crate::options::Options;
 
 fn main() -> Result<()> {
     let options = Options::read(std::env::args().skip(1))?;
+    if options.is_trial() {
+        return wide::trial(&options);
+    }
     let mut out = String::new();
     if options.wants("build") {
         build::section(&mut out, options.rounds)?;

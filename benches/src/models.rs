@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use canted_fixtures::{COUNTRY_KITCHEN_VIEWS, Mesh, RayData, SCENES, SPONZA_VIEWS, View, object_views};
+use canted_lbvh::{Corners, Leaf, Tree};
+use canted_obb::Aabb;
 use canted_scene::Scene;
 use canted_tlas::Instance;
 
@@ -98,4 +100,10 @@ pub(crate) fn scene(name: &str) -> Result<Option<Scene>> {
         FILES.iter().find(|(known, _, _)| *known == name).ok_or_else(|| anyhow!("there is no scene '{name}'"))?;
     let path = folder().join(file);
     Ok(if path.exists() { Some(canted_scene::read(&path)?) } else { None })
+}
+
+/// The binary tree that the program builds where wide nodes are not asked for.
+pub(crate) fn binary_tree(corners: &[Corners], bounds: &Aabb) -> Tree {
+    let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
+    canted_sah::build(&boxes, bounds, &canted_sah::Builder::default())
 }

@@ -4,6 +4,8 @@ use std::ops::RangeInclusive;
 
 use anyhow::{Result, anyhow};
 
+use crate::wide::TRIAL;
+
 /// The sections, in the order of the report.
 const SECTIONS: [&str; 5] = ["build", "trace", "picture", "wide", "growth"];
 
@@ -46,7 +48,7 @@ impl Options {
                 "--scenes" => options.scenes = list(&value()?),
                 "--engines" => options.engines = list(&value()?),
                 "--quick" => options.is_quick = true,
-                section if SECTIONS.contains(&section) => options.sections.push(arg),
+                section if SECTIONS.contains(&section) || section == TRIAL => options.sections.push(arg),
                 _ => {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
@@ -61,6 +63,11 @@ impl Options {
     /// Whether a section is measured: all are where none is named.
     pub(crate) fn wants(&self, section: &str) -> bool {
         self.sections.is_empty() || self.sections.iter().any(|wanted| wanted == section)
+    }
+
+    /// Whether this process is the trial of a peer.
+    pub(crate) fn is_trial(&self) -> bool {
+        self.sections == [TRIAL]
     }
 
     /// The named scenes, or the usual ones.

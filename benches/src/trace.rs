@@ -86,7 +86,7 @@ fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
         let config = BuildConfig::default();
         let fast = MeshBlas::<MollerTrumbore>::over(tree.clone(), &corners, &bounds, &config);
         let sure = MeshBlas::<Watertight>::over(tree, &corners, &bounds, &config);
-        let own = canted_renderer::ploc_tree(&corners, &bounds);
+        let own = crate::models::binary_tree(&corners, &bounds);
         let own = MeshBlas::<Watertight>::over(own, &corners, &bounds, &config);
         for (kind, rays) in ["camera", "diffuse"].into_iter().zip(rays(&model)?) {
             let timings = run(
@@ -144,7 +144,7 @@ fn leaning(out: &mut String, rounds: usize) -> Result<()> {
         };
         let mesh = &model.mesh;
         let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
-        let tree = canted_renderer::ploc_tree(&corners, &bounds);
+        let tree = crate::models::binary_tree(&corners, &bounds);
         let trees: Vec<_> = Strategy::ALL
             .into_iter()
             .map(|strategy| {

@@ -18,6 +18,8 @@ mod record;
 mod sets;
 mod subject;
 mod tables;
+#[cfg(all(feature = "peers", target_feature = "avx2"))]
+mod tinybvh;
 
 use std::io::Write;
 
@@ -27,6 +29,17 @@ use crate::{models, options::Options};
 use {record::Record, subject::Subject, tables::Tables};
 
 pub(crate) use growth::section as growth;
+
+/// The section that is run by this program itself, in a process of its own, to see whether tinybvh lives through it.
+pub(crate) const TRIAL: &str = "tinybvh-trial";
+
+/// Lets tinybvh trace the named scenes, in a build that has it.
+pub(crate) fn trial(options: &Options) -> Result<()> {
+    #[cfg(all(feature = "peers", target_feature = "avx2"))]
+    tinybvh::trial(options)?;
+    let _ = options;
+    Ok(())
+}
 
 /// What is measured unless `--scenes` says otherwise: leaning and thin first, ordinary last.
 const SCENES: [&str; 21] = [

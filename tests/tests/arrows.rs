@@ -26,6 +26,8 @@ const LEAN_NEEDS: &[&str] = &["glam", "bytemuck", "rayon"];
 /// Crates of others that only some packages may need; peers may stand beside ours in anyone's tests.
 const KEPT: &[(&str, &[&str])] = &[
     ("obvhs", &["renderer", "tests", "benches"]),
+    ("tinybvh-rs", &["benches"]),
+    ("libloading", &["benches"]),
     ("wgpu", &["gpu"]),
     ("naga", &["shaders"]),
     ("gltf", &["scene"]),

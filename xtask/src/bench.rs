@@ -1,6 +1,6 @@
-//! `cargo xtask bench`: measures, and writes `benches/RESULTS.md`.
+//! `cargo xtask bench`: measures, and writes into `benches/RESULTS.md`.
 
-use std::{fs, process::Stdio, thread};
+use std::{env, fs, process::Stdio, thread};
 
 use anyhow::{Context, Result, bail};
 
@@ -9,37 +9,102 @@ use crate::{
     workspace,
 };
 
-/// Runs the benches' program with `args`, and writes its Markdown under a header that says where, when and how.
+/// Where no section is measured again: what stands above all of them.
+const PREAMBLE: &str = "# Results
+
+Written by `cargo xtask bench`; change nothing by hand. A run replaces the sections it measures; each says where, when and
+how it was measured.
+";
+
+/// The word among the arguments that builds the peers in other languages too.
+const PEERS: &str = "--peers";
+
+/// Variables that change what is measured.
+const VARIABLES: [&str; 2] = ["RUSTFLAGS", "CANTED_EMBREE"];
+
+/// Runs the benches' program with `args`, and writes its sections into the results, each with where, when and how.
 pub(crate) fn run(args: &[&str]) -> Result<bool> {
     // Asked before the measuring, which may take an hour in which files change.
-    let header = header(args)?;
-    let mut command = cargo(&["run", "--release", "--package", "canted-benches", "--bin", "canted-bench", "--"]);
-    let output = command.args(args).stderr(Stdio::inherit()).output().context("cannot start cargo")?;
+    let facts = facts(args)?;
+    let features: &[&str] = if args.contains(&PEERS) { &["--features", "peers"] } else { &[] };
+    let mut command = cargo(&["run", "--release", "--package", "canted-benches", "--bin", "canted-bench"]);
+    command.args(features).arg("--").args(args.iter().filter(|&&arg| arg != PEERS));
+    let output = command.stderr(Stdio::inherit()).output().context("cannot start cargo")?;
     if !output.status.success() {
         bail!("canted-bench failed: {}", output.status);
     }
-    let tables = String::from_utf8(output.stdout).context("canted-bench wrote something that is not text")?;
+    let measured = String::from_utf8(output.stdout).context("canted-bench wrote something that is not text")?;
     let path = workspace::root().join("benches/RESULTS.md");
-    fs::write(&path, format!("{header}\n{tables}")).with_context(|| format!("cannot write {}", path.display()))?;
+    let old = fs::read_to_string(&path).unwrap_or_default();
+    fs::write(&path, merged(&old, &measured, &facts)).with_context(|| format!("cannot write {}", path.display()))?;
     say(&format!("wrote {}", path.display()));
     Ok(true)
 }
 
-fn header(args: &[&str]) -> Result<String> {
-    let command = ["cargo xtask bench"].iter().chain(args).copied().collect::<Vec<_>>().join(" ");
-    let facts = [
-        ("Machine", format!("{}, {} threads", processor(), thread::available_parallelism().map_or(1, usize::from))),
-        ("Compiler", command::output("rustc", &["--version"])?),
-        ("Commit", command::output("git", &["describe", "--always", "--dirty=, with changes"])?),
-        ("Date", command::output("date", &["-u", "+%F"])?),
-        ("Command", format!("`{command}`")),
-    ];
-    let mut text =
-        "# Results\n\nWritten by `cargo xtask bench`; change nothing by hand.\n\n| | |\n|---|---|\n".to_owned();
-    for (name, value) in facts {
-        text.push_str(&format!("| {name} | {} |\n", value.trim()));
+/// One line: machine, compiler, commit, date, command.
+fn facts(args: &[&str]) -> Result<String> {
+    let threads = thread::available_parallelism().map_or(1, usize::from);
+    let variables = VARIABLES.iter().filter_map(|name| match (*name, env::var(name)) {
+        (_, Err(_)) => None,
+        // Where a library lies is nobody's business; that one was named is.
+        ("CANTED_EMBREE", Ok(_)) => Some("CANTED_EMBREE=…".to_owned()),
+        (name, Ok(value)) => Some(format!("{name}='{value}'")),
+    });
+    let words = variables.chain(["cargo xtask bench"].iter().chain(args).map(|&word| word.to_owned()));
+    Ok(facts_of(&[
+        &format!("{}, {threads} threads", processor()),
+        &command::output("rustc", &["--version"])?,
+        &command::output("git", &["describe", "--always", "--dirty=, with changes"])?,
+        &command::output("date", &["-u", "+%F"])?,
+        &format!("`{}`", words.collect::<Vec<_>>().join(" ")),
+    ]))
+}
+
+fn facts_of(values: &[&str]) -> String {
+    format!("*{}*", values.iter().map(|value| value.trim()).collect::<Vec<_>>().join("; "))
+}
+
+/// The old results with the measured sections in the place of those of the same title, new ones last.
+fn merged(old: &str, measured: &str, facts: &str) -> String {
+    let (above, mut sections) = sections(old);
+    // Results of an older form say where, when and how once, in a table above all sections.
+    let shared: Vec<&str> = above.lines().filter_map(table_value).collect();
+    if !shared.is_empty() {
+        for (_, body) in &mut sections {
+            *body = format!("\n{}\n{body}", facts_of(&shared));
+        }
     }
-    Ok(text)
+    for (title, body) in self::sections(measured).1 {
+        let body = format!("\n{facts}\n{body}");
+        match sections.iter_mut().find(|(known, _)| *known == title) {
+            Some(section) => section.1 = body,
+            None => sections.push((title, body)),
+        }
+    }
+    let mut text = PREAMBLE.to_owned();
+    for (title, body) in sections {
+        text.push_str(&format!("\n## {title}\n{}\n", body.trim_end()));
+    }
+    text
+}
+
+/// The second cell of a table's row that names something.
+fn table_value(line: &str) -> Option<&str> {
+    let (name, value) = line.strip_prefix("| ")?.strip_suffix('|')?.split_once('|')?;
+    (!name.trim().is_empty()).then_some(value.trim())
+}
+
+/// What stands above the first section, then title and body of each.
+fn sections(text: &str) -> (String, Vec<(String, String)>) {
+    let (mut above, mut sections) = (String::new(), Vec::<(String, String)>::new());
+    for line in text.lines() {
+        match (line.strip_prefix("## "), sections.last_mut()) {
+            (Some(title), _) => sections.push((title.to_owned(), String::new())),
+            (None, Some((_, body))) => *body += &format!("{line}\n"),
+            (None, None) => above += &format!("{line}\n"),
+        }
+    }
+    (above, sections)
 }
 
 /// Name of the processor, as far as the system tells.
@@ -66,10 +131,25 @@ mod tests {
     }
 
     #[test]
-    fn the_header_says_where_when_and_how() {
-        let header = header(&["--rounds", "3"]).unwrap();
-        for part in ["| Compiler | rustc 1.", "| Command | `cargo xtask bench --rounds 3` |", "| Date | 20"] {
-            assert!(header.contains(part), "{header}");
+    fn the_facts_say_where_when_and_how() {
+        let facts = facts(&["--rounds", "3"]).unwrap();
+        for part in ["; rustc 1.", "cargo xtask bench --rounds 3`*", "; 20"] {
+            assert!(facts.contains(part), "{facts}");
         }
+    }
+
+    #[test]
+    fn a_run_replaces_its_sections_alone() {
+        let old = merged("", "\n## A\n\nold\n\n### part\n\n## B\n\nkept\n", "*then*");
+        assert_eq!(old, format!("{PREAMBLE}\n## A\n\n*then*\n\nold\n\n### part\n\n## B\n\n*then*\n\nkept\n"));
+        let new = merged(&old, "## A\n\nnew\n\n## C\n\nadded\n", "*now*");
+        let sections = "## A\n\n*now*\n\nnew\n\n## B\n\n*then*\n\nkept\n\n## C\n\n*now*\n\nadded\n";
+        assert_eq!(new, format!("{PREAMBLE}\n{sections}"));
+    }
+
+    #[test]
+    fn an_older_header_is_handed_to_its_sections() {
+        let old = "# Results\n\n| | |\n|---|---|\n| Machine | CPU |\n| Date | 2026 |\n\n## A\n\nkept\n";
+        assert_eq!(merged(old, "", "*now*"), format!("{PREAMBLE}\n## A\n\n*CPU; 2026*\n\nkept\n"));
     }
 }

@@ -20,7 +20,8 @@ const USAGE: &str = "usage: cargo xtask TASK
   test              run every test of the workspace; the last line counts them
   ci                everything that is checked before a change is taken
   tidy              the rules of style that a program can check
-  bench [ARGS]      measure, and write benches/RESULTS.md; --rounds N, build, trace
+  bench [ARGS]      measure, and write into benches/RESULTS.md; build, trace, picture, wide, growth, --rounds N,
+                    --scenes A,B, --engines A,B, --quick, --max-log2 N, --peers (Embree, tinybvh)
   fixtures [DIR]    write the procedural scenes, into target/fixtures without DIR";
 
 fn main() -> ExitCode {

@@ -3,8 +3,8 @@
 use anyhow::Result;
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_tlas::{Blas, BuildConfig, MeshBlas, Tlas};
-use canted_trace::{Hit, InstanceId, Kernel, MollerTrumbore, Ray, Watertight};
+use canted_tlas::{BuildConfig, MeshBlas, Tlas};
+use canted_trace::{Hit, Kernel, MollerTrumbore, Ray, Watertight};
 use canted_wide::{Config, LaneKernel, Preset, Wide};
 
 use super::engine::{Build, Engine, Entry, Owner, Promise};
@@ -79,7 +79,7 @@ pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<MeshBlas<K>> {
     let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
     let volumes = VolumeConfig { strategy: Strategy::Combined, fallback: true };
     let config = BuildConfig { volumes, ..BuildConfig::default() };
-    Ok(MeshBlas::over(canted_renderer::ploc_tree(&corners, &bounds), &corners, &bounds, &config))
+    Ok(MeshBlas::over(crate::models::binary_tree(&corners, &bounds), &corners, &bounds, &config))
 }
 
 /// A tree of each mesh, and one of the instances.

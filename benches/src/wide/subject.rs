@@ -81,7 +81,7 @@ impl Subject {
 
     /// Builds every engine and traces every set, on this thread.
     pub(crate) fn measure(self, options: &Options) -> Result<Measured> {
-        let entries = entries::entries(&self.model, options);
+        let entries = entries::entries(&self.name, &self.model, options);
         let (engines, built): (Vec<_>, Vec<_>) = built::build(&entries, !options.is_quick)?.into_iter().unzip();
         let sets = self.sets.iter().map(|set| set.measure(&engines, options, |i| entries[i].is_placed)).collect();
         let contestants = entries

@@ -269,10 +269,21 @@ fn titled(contestant: &Contestant) -> String {
 }
 
 /// What a reader must know about the peers of this build.
-fn peers_note() -> &'static str {
-    if cfg!(feature = "peers") {
-        " `obvhs` is compiled as a user compiles it who sets no flags; Embree and ours choose instructions while running."
+fn peers_note() -> String {
+    let flags = if cfg!(target_feature = "avx2") {
+        "Everything is compiled for processors with AVX2, `obvhs` too."
     } else {
-        " Built without the feature `peers`: `obvhs` alone stands beside ours, which is Möller-Trumbore in both tables."
-    }
+        "`obvhs` is compiled as a user compiles it who sets no flags; Embree and ours choose instructions while running."
+    };
+    let peers = match (cfg!(feature = "peers"), cfg!(target_feature = "avx2")) {
+        (true, true) => {
+            "tinybvh's bindings have no any-hit query (its nearest hit stands in) and do not tell bytes; a dash means \
+             that it crashed in a trial on that scene."
+        }
+        (true, false) => "tinybvh's bindings offer its wide tree only where the compiler may assume AVX2.",
+        (false, _) => {
+            "Built without the feature `peers`: `obvhs` alone stands beside ours, with Möller-Trumbore in both tables."
+        }
+    };
+    format!(" {flags} {peers}")
 }

@@ -1,0 +1,112 @@
+//! tinybvh's eight-wide tree, which its bindings offer where the compiler may assume AVX2.
+//!
+//! The library may crash; a trial in a process of its own says so before it is let in.
+
+use std::{
+    env,
+    process::{Command, Stdio},
+};
+
+use anyhow::Result;
+use canted_fixtures::Mesh;
+use canted_obb::PrimId;
+use canted_trace::{Hit, InstanceId, Ray, Side};
+use tinybvh_rs::{INFINITE, Intersector, bvh, bvh8_cpu, mbvh};
+
+use super::{
+    engine::{Engine, Entry, Owner, Promise},
+    sets,
+};
+use crate::{models, options::Options};
+
+/// Primitives a leaf may hold in the wide layout.
+const MAX_LEAF: u32 = 4;
+
+struct Tiny(bvh8_cpu::BVH);
+
+impl Tiny {
+    fn build(mesh: &Mesh) -> Result<Self> {
+        let corner = |&i: &u32| {
+            let [x, y, z] = mesh.positions[i as usize];
+            [x, y, z, 0.0]
+        };
+        let corners: Vec<[f32; 4]> = mesh.triangles.iter().flatten().map(corner).collect();
+        let complain = |error: tinybvh_rs::Error| anyhow::anyhow!("tinybvh: {error}");
+        let mut binary = bvh::BVH::new_hq(corners.as_slice().into()).map_err(complain)?;
+        binary.split_leaves(MAX_LEAF);
+        let shallow = mbvh::BVH::new(&binary);
+        Ok(Self(bvh8_cpu::BVH::new(&shallow).map_err(complain)?))
+    }
+
+    /// Their nearest hit before the ray's end.
+    #[inline]
+    fn hit(&self, ray: &Ray) -> Option<tinybvh_rs::Intersection> {
+        let mut theirs = tinybvh_rs::Ray::new(ray.origin, ray.direction);
+        let t_max = ray.t_max.min(INFINITE);
+        theirs.hit.t = t_max;
+        self.0.intersect(&mut theirs);
+        (theirs.hit.t < t_max).then_some(theirs.hit)
+    }
+}
+
+impl Engine for Tiny {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        for (ray, out) in rays.iter().zip(hits) {
+            *out = self.hit(ray).map(|hit| Hit {
+                t: hit.t,
+                u: hit.u,
+                v: hit.v,
+                primitive: PrimId(hit.prim),
+                instance: InstanceId(0),
+                side: Side::Front,
+            });
+        }
+    }
+
+    /// The bindings lack the any-hit query: the nearest hit before the ray's end answers it.
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        for (ray, out) in rays.iter().zip(occluded) {
+            *out = self.hit(ray).is_some();
+        }
+    }
+
+    /// The bindings do not tell.
+    fn n_bytes(&self) -> usize {
+        0
+    }
+}
+
+/// The tree, where its trial on this scene ends well.
+pub(crate) fn entry<'a>(scene: &str, mesh: &'a Mesh) -> Option<Entry<'a>> {
+    survives(scene).then(|| Entry {
+        name: "tinybvh BVH8".to_owned(),
+        owner: Owner::Peer,
+        promise: Promise::Fast,
+        is_placed: false,
+        is_parallel: false,
+        build: Box::new(|_| Ok(Box::new(Tiny::build(mesh)?))),
+    })
+}
+
+/// Runs this program again, for the trial alone.
+fn survives(scene: &str) -> bool {
+    let Ok(program) = env::current_exe() else { return false };
+    let mut command = Command::new(program);
+    command.args([super::TRIAL, "--scenes", scene]).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
+}
+
+/// Traces camera rays, and rays from where they hit; whoever comes back has not crashed.
+pub(crate) fn trial(options: &Options) -> Result<()> {
+    for name in options.scenes(&[]) {
+        let Some(model) = models::load(&name)? else { continue };
+        let tiny = Tiny::build(&model.mesh)?;
+        let camera = sets::camera(&model, canted_fixtures::RESOLUTION);
+        let mut hits = vec![None; camera.len()];
+        tiny.closest(&camera, &mut hits);
+        for rays in sets::secondary(&model, &camera, &hits) {
+            tiny.closest(&rays, &mut hits[..rays.len()]);
+        }
+    }
+    Ok(())
+}
