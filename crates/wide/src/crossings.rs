@@ -2,11 +2,11 @@
 //!
 //! Through an edge or a vertex a ray hits all triangles around it. Of these, those count that the ray would hit if it
 //! were moved by an infinitesimal `(ε, ε²)` across itself: a ray in general position, which crosses one triangle at a
-//! time. So a surface is crossed once, a closed one as often inward as outward, whatever the shape around a vertex.
-//! The watertight kernel makes that exact: all triangles see a shared vertex at the same f32 coordinates across the
-//! ray, and signs of edge functions are exact in f64.
-//! Source: the rule is that of rasterisers for shared edges, by the perturbation of Edelsbrunner & Mücke 1990; reporting
-//! touches, and the lowest primitive, is ours.
+//! time. So a surface is crossed once, a closed one as often inward as outward, whatever the shape around a vertex and
+//! whether or not faces are seen edge-on. The watertight kernel makes that exact: all triangles see a shared vertex at
+//! the same f32 coordinates across the ray, and signs of edge functions are exact in f64.
+//! Source: the rule is that of rasterisers for shared edges, by the perturbation of Edelsbrunner & Mücke 1990; naming
+//! the lowest primitive is ours.
 
 use canted_trace::{Hit, Ray, ScaledRay, Shear, Side, Watertight};
 
@@ -18,14 +18,15 @@ use crate::traverse::Stack;
 impl Wide<Watertight> {
     /// Every crossing of a surface with `t_min <= t <= t_max`, once, in order: least `t`, then lowest primitive.
     ///
-    /// Replaces what `crossings` held. They are the hits of [`Wide::all_hits`], but where the ray passes exactly
-    /// through an edge or a vertex that triangles share, those around it that a ray beside it would cross count once,
-    /// under the lowest primitives of the same side. So a ray that starts and ends outside of a closed mesh crosses it
-    /// an even number of times, half of them inward.
+    /// Replaces what `crossings` held. They are the hits of [`Wide::all_hits`] but for those exactly on an edge or a
+    /// vertex: of the triangles around it count those that a ray would cross which is moved, next to nothing, to a
+    /// side that depends on its direction alone. They go under the lowest primitives that are hit there from the same
+    /// side. So a ray that starts and ends outside of a closed mesh crosses it an even number of times, half of them
+    /// inward, and equal copies of a surface count as many times.
     ///
-    /// A ray that only touches such an edge or vertex, as it does at a silhouette or on the border of an open surface,
-    /// crosses nothing; it gets the lowest primitive of each side that it meets there, so what is hit is never without
-    /// an entry. Triangles share a vertex if their coordinates are equal; its number does not matter.
+    /// A ray that touches a silhouette without crossing anything is without an entry there. The border of an open
+    /// surface belongs to it or not, as of two surfaces side by side one is crossed. Triangles share a vertex if its
+    /// coordinates are equal; its number does not matter.
     pub fn crossings(&self, ray: &Ray, crossings: &mut Vec<Hit>) {
         self.path.run(Crossings { wide: self, ray, crossings });
     }
@@ -130,18 +131,15 @@ fn moved(b: [f32; 2], c: [f32; 2]) -> bool {
     if b[1] == c[1] { c[0] > b[0] } else { b[1] > c[1] }
 }
 
-/// Of the hits in one place, as many of each side as count, or one of each side where none does.
+/// Of the hits in one place, as many of each side as count.
 fn once_each(mut rim: Vec<Rim>) -> Vec<Hit> {
-    let is_back = |hit: &Rim| hit.hit.side == Side::Back;
+    let is_back = |rim: &Rim| rim.hit.side == Side::Back;
     rim.sort_unstable_by(|a, b| a.place.cmp(&b.place).then(is_back(a).cmp(&is_back(b))).then(by_t(&a.hit, &b.hit)));
     rim.dedup_by_key(|rim| (rim.hit.t.to_bits(), rim.hit.primitive));
     let mut kept = Vec::new();
-    for around in rim.chunk_by(|a, b| a.place == b.place) {
-        let is_touch = around.iter().all(|rim| !rim.counts);
-        for side in around.chunk_by(|a, b| a.hit.side == b.hit.side) {
-            let n = if is_touch { 1 } else { side.iter().filter(|rim| rim.counts).count() };
-            kept.extend(side[..n].iter().map(|rim| rim.hit));
-        }
+    for around in rim.chunk_by(|a, b| a.place == b.place && a.hit.side == b.hit.side) {
+        let n = around.iter().filter(|rim| rim.counts).count();
+        kept.extend(around[..n].iter().map(|rim| rim.hit));
     }
     kept
 }

@@ -217,3 +217,6 @@ impl<F: Fn(usize, &Ray, &Hit) -> bool> Query for Asking<'_, F> {
 pub(crate) fn hit(t: f32, [u, v]: [f32; 2], side: canted_trace::Side, primitive: PrimId) -> Hit {
     Hit { t, u, v, primitive, instance: InstanceId(0), side }
 }
+
+#[cfg(test)]
+mod tests;

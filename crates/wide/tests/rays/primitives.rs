@@ -1,0 +1,221 @@
+//! Primitives of the caller's: spheres, and one that breaks its contract.
+
+use canted_fixtures::SplitMix64;
+use canted_obb::{Aabb, PrimId};
+use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, Side, Sphere};
+use canted_wide::{Config, Preset, Primitive, PrimitiveError, PrimitiveHit, PrimitiveTree};
+
+use crate::common::paths;
+
+/// Both roots of every sphere, in order.
+fn brute(spheres: &[Sphere], ray: &Ray) -> Vec<(f32, PrimId)> {
+    let within = |t: &f32| ray.t_min <= *t && *t <= ray.t_max;
+    let mut hits: Vec<_> = (0u32..)
+        .zip(spheres)
+        .flat_map(|(i, sphere)| sphere.roots(ray).into_iter().flatten().filter(within).map(move |t| (t, PrimId(i))))
+        .collect();
+    hits.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    hits.dedup();
+    hits
+}
+
+/// Spheres of all sizes around the origin, some without a radius, some equal, some that hold others.
+fn spheres(n: usize, scale: f32) -> Vec<Sphere> {
+    let mut rng = SplitMix64::new(9);
+    let mut spheres: Vec<Sphere> = (0..n)
+        .map(|i| {
+            let center = std::array::from_fn(|_| scale * (8.0 * rng.unit() as f32 - 4.0));
+            let radius = match i % 8 {
+                0 => 0.0,
+                1 => 1e-6,
+                2 => 3.0,
+                _ => 0.3 * rng.unit() as f32,
+            };
+            Sphere { center, radius: scale * radius }
+        })
+        .collect();
+    spheres.extend_from_within(..n / 4);
+    spheres
+}
+
+/// From inside and outside, at centres, along tangents, from far away, bounded.
+fn rays(spheres: &[Sphere], n: usize, scale: f32) -> Vec<Ray> {
+    let mut rng = SplitMix64::new(17);
+    (0..n)
+        .map(|i| {
+            let target = spheres[rng.below(spheres.len())];
+            let random: [f32; 3] = rng.on_sphere().map(|x| x as f32);
+            let distance = scale * [0.0, 0.1, 10.0, 1e3, 1e6][i % 5];
+            let origin: [f32; 3] = std::array::from_fn(|k| target.center[k] + distance * random[k]);
+            let mut direction: [f32; 3] = std::array::from_fn(|k| target.center[k] - origin[k]);
+            if i % 7 == 0 || direction == [0.0; 3] {
+                direction = [[1.0, 0.0, -0.0], [0.0, -1.0, 0.0], random][i % 3];
+            }
+            let mut ray = Ray::new(origin, direction);
+            if i % 3 == 0 {
+                // Past the rim by next to nothing.
+                ray.origin[i % 2] += target.radius;
+            }
+            if i % 4 == 0 {
+                (ray.t_min, ray.t_max) = (0.25, 1.0);
+            }
+            ray
+        })
+        .collect()
+}
+
+#[test]
+fn spheres_are_hit_as_by_trying_every_one() {
+    for scale in [1.0, 1e-6, 1e7] {
+        let spheres = spheres(300, scale);
+        let rays = rays(&spheres, 600, scale);
+        for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+            let mut tree = PrimitiveTree::build(spheres.clone(), &Config::preset(preset)).expect("sound spheres");
+            for path in paths() {
+                tree = tree.with_path(path);
+                let (mut hits, mut met) = (vec![], 0);
+                for ray in &rays {
+                    let want = brute(&spheres, ray);
+                    let brief = |hit: Hit| (hit.t, hit.primitive);
+                    assert_eq!(tree.closest_hit(ray).map(brief), want.first().copied(), "{scale} {ray:?}");
+                    assert_eq!(tree.occluded(ray), !want.is_empty(), "{scale} {ray:?}");
+                    tree.all_hits(ray, &mut hits);
+                    assert_eq!(hits.iter().copied().map(brief).collect::<Vec<_>>(), want, "{scale} {ray:?}");
+                    met += usize::from(!want.is_empty());
+                }
+                assert!((200..600).contains(&met), "{met} rays hit");
+            }
+        }
+    }
+}
+
+#[test]
+fn slices_and_borrowed_primitives_answer_alike() {
+    let spheres = spheres(200, 1.0);
+    let rays = rays(&spheres, 1500, 1.0);
+    let tree = PrimitiveTree::build(spheres.iter().collect(), &Config::default()).expect("sound spheres");
+    let n = rays.len();
+    let want: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray)).collect();
+    let (mut hits, mut par_hits) = (vec![None; n], vec![None; n]);
+    tree.closest_hits(&rays, &mut hits);
+    tree.par_closest_hits(&rays, &mut par_hits);
+    assert_eq!((&hits, &par_hits), (&want, &want));
+    let (mut occluded, mut par_occluded) = (vec![false; n], vec![true; n]);
+    tree.occluded_many(&rays, &mut occluded);
+    tree.par_occluded_many(&rays, &mut par_occluded);
+    assert_eq!(occluded, par_occluded);
+    assert!(occluded.iter().zip(&want).all(|(occluded, hit)| *occluded == hit.is_some()));
+    let (mut all, mut par_all) = (vec![vec![]; n], vec![vec![]; n]);
+    tree.all_hits_many(&rays, &mut all);
+    tree.par_all_hits_many(&rays, &mut par_all);
+    assert_eq!(all, par_all);
+    assert!(all.iter().zip(&want).all(|(all, first)| all.first() == first.as_ref()));
+}
+
+#[test]
+fn a_refused_entry_leaves_the_exit() {
+    struct Leaving;
+    impl Query for Leaving {
+        fn accepts(&mut self, hit: &Hit) -> bool {
+            hit.side == Side::Back
+        }
+    }
+    let tree = PrimitiveTree::build(vec![Sphere { center: [0.0; 3], radius: 1.0 }], &Config::default()).expect("sound");
+    let ray = Ray::new([0.0, 0.0, -3.0], [0.0, 0.0, 0.5]);
+    assert_eq!(tree.closest_hit(&ray).map(|hit| (hit.t, hit.side)), Some((4.0, Side::Front)));
+    let left = tree.closest_hit_with(&ray, InstanceId(7), &mut Leaving);
+    assert_eq!(left.map(|hit| (hit.t, hit.side, hit.instance)), Some((8.0, Side::Back, InstanceId(7))));
+    assert!(tree.occluded_with(&ray, InstanceId(0), &mut Leaving));
+}
+
+#[test]
+fn unsound_bounds_are_refused_by_number() {
+    let sound = Sphere { center: [0.0; 3], radius: 1.0 };
+    for radius in [-1.0, f32::NAN, f32::INFINITY] {
+        let primitives = vec![sound, Sphere { radius, ..sound }, sound];
+        let refused = PrimitiveTree::build(primitives, &Config::default()).map(|_| ());
+        assert_eq!(refused, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{radius}");
+    }
+    let none = PrimitiveTree::<Sphere>::build(vec![], &Config::default()).expect("no primitive is unsound");
+    assert!(none.closest_hit(&Ray::new([0.0; 3], [1.0; 3])).is_none());
+    assert!(none.aabb().is_empty());
+}
+
+/// Reports what lies outside of the interval, and nonsense.
+struct Liar(f32);
+
+impl Primitive for Liar {
+    fn bounds(&self) -> Aabb {
+        Aabb { min: [0.0; 3], max: [1.0; 3] }
+    }
+
+    fn intersect(&self, _: &ScaledRay, _: f32) -> Option<PrimitiveHit> {
+        Some(PrimitiveHit { t: self.0, u: 0.0, v: 0.0, side: Side::Front })
+    }
+}
+
+#[test]
+fn hits_outside_of_the_interval_do_not_count() {
+    for t in [f32::NAN, f32::INFINITY, -1.0, 100.0] {
+        let tree = PrimitiveTree::build(vec![Liar(t)], &Config::default()).expect("sound bounds");
+        let ray = Ray { t_max: 50.0, ..Ray::new([0.5, 0.5, -1.0], [0.0, 0.0, 1.0]) };
+        assert_eq!(tree.closest_hit(&ray), None, "{t}");
+        let endless = Ray { t_max: f32::INFINITY, ..ray };
+        let mut hits = vec![];
+        tree.all_hits(&endless, &mut hits);
+        assert_eq!(hits.len(), usize::from(t == 100.0));
+    }
+}
+
+/// A sphere that says it is exact, though its `t` is off by far more.
+struct Sloppy<const STATED: bool>(Sphere);
+
+/// How far it is off, relative to `|o|∞ + ρ∞`.
+const SLOP: f32 = 1e-3;
+
+impl<const STATED: bool> Primitive for Sloppy<STATED> {
+    const ERROR: f32 = if STATED { 2.0 * SLOP } else { 0.0 };
+
+    fn bounds(&self) -> Aabb {
+        self.0.bounds()
+    }
+
+    fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
+        let reach = |v: [f32; 3]| v.into_iter().fold(0.0f32, |a, x| a.max(x.abs()));
+        let scale = reach(ray.origin) + self.bounds().reach();
+        // Grown by what it errs, so that rays which pass the bounds by hit it.
+        let grown = Sphere { radius: self.0.radius + SLOP * scale, ..self.0 };
+        grown.intersect_surface(ray, t_max)
+    }
+}
+
+trait IntersectSurface {
+    fn intersect_surface(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit>;
+}
+
+impl IntersectSurface for Sphere {
+    fn intersect_surface(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
+        Primitive::intersect(self, ray, t_max)
+    }
+}
+
+#[test]
+fn pads_follow_the_stated_error() {
+    fn lost<const STATED: bool>() -> usize {
+        let spheres = spheres(200, 1.0);
+        let rays = rays(&spheres, 2000, 1.0);
+        let tree = PrimitiveTree::build(spheres.iter().map(|&s| Sloppy::<STATED>(s)).collect(), &Config::default());
+        let tree = tree.expect("sound spheres");
+        rays.iter()
+            .filter(|ray| {
+                let Some(scaled) = ScaledRay::new(ray) else { return false };
+                let tried = tree.primitives().iter().filter_map(|p| p.intersect(&scaled, scaled.t_max));
+                let want = tried.map(|hit| scaled.caller_t(hit.t)).reduce(f32::min);
+                tree.closest_hit(ray).map(|hit| hit.t) != want
+            })
+            .count()
+    }
+    assert_eq!(lost::<true>(), 0);
+    let lost = lost::<false>();
+    assert!(lost > 20, "an error that is not stated loses {lost} hits");
+}

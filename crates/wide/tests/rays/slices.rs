@@ -1,0 +1,100 @@
+//! Slices answer like single rays, on any number of threads, with and without a filter.
+
+use canted_fixtures::Mesh;
+use canted_trace::{Hit, MollerTrumbore, Ray, Side, Watertight};
+use canted_wide::{LaneKernel, Preset, Wide};
+
+use crate::common::{brute, build, paths, rays};
+
+/// Rays of more than three jobs, the last one part of a job.
+fn scene() -> (Mesh, Vec<Ray>) {
+    let mesh = canted_fixtures::soup(4, 400);
+    let rays = rays(&mesh, 700, 5);
+    assert!(rays.len() > 3 * 1024 && !rays.len().is_multiple_of(1024));
+    (mesh, rays)
+}
+
+/// Something that depends on all that a filter is told.
+fn odd(index: usize, ray: &Ray, hit: &Hit) -> bool {
+    let bits = hit.t.to_bits() ^ ray.origin[0].to_bits() ^ hit.primitive.0;
+    !(index + bits as usize).is_multiple_of(3)
+}
+
+fn on_threads(n: usize, work: impl FnOnce() + Send) {
+    rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a pool").install(work);
+}
+
+#[test]
+fn slices_equal_single_rays() {
+    fn check<K: LaneKernel>(mesh: &Mesh, rays: &[Ray]) {
+        for path in paths() {
+            let tree: Wide<K> = build::<K>(mesh, Preset::Balanced).with_path(path);
+            let want: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray)).collect();
+            let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+            tree.closest_hits(rays, &mut hits);
+            tree.occluded_many(rays, &mut occluded);
+            assert_eq!(hits, want, "{}", path.name());
+            assert!(occluded.iter().zip(&want).all(|(occluded, hit)| *occluded == hit.is_some()), "{}", path.name());
+        }
+    }
+    let (mesh, rays) = scene();
+    check::<Watertight>(&mesh, &rays);
+    check::<MollerTrumbore>(&mesh, &rays);
+}
+
+#[test]
+fn threads_change_nothing() {
+    let (mesh, rays) = scene();
+    let tree = build::<Watertight>(&mesh, Preset::Balanced);
+    let n = rays.len();
+    let (mut hits, mut occluded, mut all) = (vec![None; n], vec![false; n], vec![vec![]; n]);
+    let (mut hits_where, mut occluded_where) = (vec![None; n], vec![false; n]);
+    tree.closest_hits(&rays, &mut hits);
+    tree.occluded_many(&rays, &mut occluded);
+    tree.all_hits_many(&rays, &mut all);
+    tree.closest_hits_where(&rays, &mut hits_where, odd);
+    tree.occluded_many_where(&rays, &mut occluded_where, odd);
+    for threads in [1, 2, 7] {
+        on_threads(threads, || {
+            // Old answers must be overwritten, whatever they were.
+            let stale = hits.iter().flatten().next().copied();
+            let (mut par_hits, mut par_occluded, mut par_all) = (vec![stale; n], vec![true; n], vec![vec![]; n]);
+            par_all[0].extend(stale);
+            tree.par_closest_hits(&rays, &mut par_hits);
+            tree.par_occluded_many(&rays, &mut par_occluded);
+            tree.par_all_hits_many(&rays, &mut par_all);
+            assert_eq!((&par_hits, &par_occluded, &par_all), (&hits, &occluded, &all), "{threads} threads");
+            tree.par_closest_hits_where(&rays, &mut par_hits, odd);
+            tree.par_occluded_many_where(&rays, &mut par_occluded, odd);
+            assert_eq!((&par_hits, &par_occluded), (&hits_where, &occluded_where), "{threads} threads");
+        });
+    }
+}
+
+#[test]
+fn filters_choose_among_all_hits() {
+    let (mesh, rays) = scene();
+    let tree = build::<Watertight>(&mesh, Preset::Quality);
+    let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+    tree.closest_hits_where(&rays, &mut hits, odd);
+    tree.occluded_many_where(&rays, &mut occluded, odd);
+    let (mut refused, mut passed) = (0, 0);
+    for (i, ray) in rays.iter().enumerate() {
+        let all = brute::<Watertight>(&mesh, ray);
+        let want = all.iter().copied().find(|hit| odd(i, ray, hit));
+        assert_eq!((hits[i], occluded[i]), (want, want.is_some()), "ray {i}");
+        refused += usize::from(want.is_none() && !all.is_empty());
+        passed += usize::from(want.is_some() && want != all.first().copied());
+        let back = |_: &Ray, hit: &Hit| hit.side == Side::Back;
+        let want = all.iter().copied().find(|hit| back(ray, hit));
+        assert_eq!((tree.closest_hit_where(ray, back), tree.occluded_where(ray, back)), (want, want.is_some()));
+    }
+    assert!(refused > 10 && passed > 50, "{refused} rays lost all hits, {passed} passed through some");
+}
+
+#[test]
+#[should_panic(expected = "an answer for each ray")]
+fn slices_of_different_length_are_refused() {
+    let tree = build::<Watertight>(&canted_fixtures::fan(3), Preset::Fast);
+    tree.par_closest_hits(&[Ray::new([0.0; 3], [1.0; 3])], &mut []);
+}
