@@ -8,8 +8,8 @@
 //! 24    8, 8, 8      cache lines of nodes; half-blocks of triangles; triangles
 //! 48    36           rows of the mesh's frame
 //! 84    24           least and greatest coordinates of vertices
-//! 108   20, 8, 4     costs of visits; predicted costs; that before the first refit, -1 where there was none
-//! 140   20           nothing yet, zero
+//! 108   20, 8, 8     costs of visits; predicted costs; those before the first refit, -1 where there was none
+//! 144   16           nothing yet, zero
 //! 160   64 a line    nodes
 //!       160 a half   triangles
 //!       8            checksum of all before

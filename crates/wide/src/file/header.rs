@@ -2,7 +2,7 @@ use canted_obb::Aabb;
 
 use super::LoadError;
 use crate::layout::{Half, Line, MAX_LEAF, Word};
-use crate::refit::Wear;
+use crate::refit::{Prediction, Wear};
 use crate::{Costs, Predicted};
 
 /// First bytes of every file.
@@ -15,7 +15,7 @@ pub(super) const VERSION: u32 = 1;
 pub(super) const HEADER_BYTES: usize = 160;
 
 /// Bytes of the header that mean something.
-const USED_BYTES: usize = 140;
+const USED_BYTES: usize = 144;
 
 /// Bytes of the checksum at the end.
 pub(super) const CHECKSUM_BYTES: usize = 8;
@@ -51,7 +51,7 @@ impl Header {
             out.extend(count.to_le_bytes());
         }
         let costs = [box_node, shared_node, lean_node, leaf, block, aligned, chosen];
-        let fresh = [self.wear.fresh.unwrap_or(NOT_YET)];
+        let fresh = self.wear.fresh.map_or([NOT_YET; 2], |fresh| [fresh.per_ray, fresh.per_triangle]);
         let groups = [self.frame.as_flattened(), &self.bounds.min, &self.bounds.max, &costs, &fresh];
         for number in groups.into_iter().flatten() {
             out.extend(number.to_le_bytes());
@@ -79,7 +79,8 @@ impl Header {
         let [min, max] = [[(); 3]; 2].map(|corner| corner.map(|()| fields.number()));
         let costs @ [box_node, shared_node, lean_node, leaf, block, aligned, chosen] =
             [(); 7].map(|()| fields.number());
-        let fresh = fields.number();
+        let [per_ray, per_triangle] = [(); 2].map(|()| fields.number());
+        let fresh = (per_ray >= 0.0 && per_triangle >= 0.0).then_some(Prediction { per_ray, per_triangle });
         // Costs may be infinite: that forbids a kind of node.
         if let Some(&value) = costs.iter().find(|cost| cost.is_nan()) {
             return Err(LoadError::Cost { value });
@@ -94,7 +95,7 @@ impl Header {
             frame,
             bounds: Aabb { min, max },
             predicted: Predicted { aligned, chosen },
-            wear: Wear { costs, fresh: (fresh >= 0.0).then_some(fresh) },
+            wear: Wear { costs, fresh },
         })
     }
 
