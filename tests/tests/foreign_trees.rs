@@ -3,7 +3,7 @@
 //! Not covered here: small trees and every strategy (`volumes.rs`, `lost_hits.rs`).
 
 use canted_fixtures::{Grazing, Mesh, fan, grazing, outlier, slivers, soup};
-use canted_lbvh::{Strategy, VolumeConfig, check, gather, in_leaf_order, volumes};
+use canted_lbvh::{Leaf, Strategy, VolumeConfig, check, gather, in_leaf_order, volumes};
 use canted_tests::brute;
 use canted_tlas::{Blas, BuildConfig, MeshBlas};
 use canted_trace::{InstanceId, Ray, Watertight};
@@ -11,8 +11,11 @@ use canted_trace::{InstanceId, Ray, Watertight};
 fn holds(name: &str, mesh: &Mesh) {
     let (corners, bounds) = gather(&mesh.positions, &mesh.triangles).unwrap();
     let obvhs = canted_renderer::obvhs_tree(&corners, obvhs::BvhBuildParams::fast_build()).unwrap();
+    let boxes: Vec<_> = corners.iter().map(Leaf::aabb).collect();
     let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
-    for (builder, tree) in [("ploc", canted_renderer::ploc_tree(&corners, &bounds)), ("obvhs", obvhs)] {
+    for (builder, tree) in
+        [("ploc", canted_sah::build(&boxes, &bounds, &canted_sah::Builder::default())), ("obvhs", obvhs)]
+    {
         let leaves = in_leaf_order(&corners, &tree.leaves);
         for strategy in [Strategy::Aabb, Strategy::PcaUnbounded, Strategy::Combined, Strategy::Dop] {
             let config = VolumeConfig { strategy, fallback: true };

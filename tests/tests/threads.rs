@@ -11,6 +11,7 @@ use canted_obb::Affine;
 use canted_renderer::{Builder, Levels, Picture, Settings, StructureConfig, prepare, render};
 use canted_scene::{Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 use canted_trace::Watertight;
+use canted_wide::Preset;
 
 fn mesh(mesh: canted_fixtures::Mesh, material: u32) -> Mesh {
     let parts = vec![Part { first_triangle: 0, material: MaterialId(material) }];
@@ -64,8 +65,12 @@ const SETTINGS: Settings = Settings {
     tile: 32,
 };
 
-const BASE: StructureConfig =
-    StructureConfig { levels: Levels::One, builder: Builder::Lbvh, volumes: Some(Strategy::Aabb) };
+const BASE: StructureConfig = StructureConfig {
+    levels: Levels::One,
+    builder: Builder::Lbvh,
+    preset: Preset::Balanced,
+    volumes: Some(Strategy::Aabb),
+};
 
 /// Builds and renders on a pool of its own.
 fn picture(n_threads: usize, structure: StructureConfig, settings: &Settings) -> Picture {
@@ -104,10 +109,24 @@ fn threads_and_tiles_change_no_byte() {
 fn volumes_and_builders_change_no_byte() {
     for levels in [Levels::One, Levels::Two] {
         let want = bits(&picture(2, StructureConfig { levels, ..BASE }, &SETTINGS));
-        for builder in [Builder::Lbvh, Builder::Obvhs] {
+        let every_builder = [Builder::Auto, Builder::Ploc, Builder::Lbvh, Builder::Sah, Builder::Obvhs];
+        for builder in every_builder {
             for volumes in Strategy::ALL.into_iter().map(Some).chain([None]) {
-                let structure = StructureConfig { levels, builder, volumes };
+                let structure = StructureConfig { levels, builder, volumes, ..BASE };
                 assert!(bits(&picture(2, structure, &SETTINGS)) == want, "{structure:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn presets_change_no_byte() {
+    for levels in [Levels::One, Levels::Two] {
+        let want = bits(&picture(2, StructureConfig { levels, ..BASE }, &SETTINGS));
+        for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+            let structure = StructureConfig { levels, builder: Builder::Auto, preset, volumes: None };
+            for n_threads in [1, 3] {
+                assert!(bits(&picture(n_threads, structure, &SETTINGS)) == want, "{structure:?}");
             }
         }
     }

@@ -8,7 +8,8 @@ use std::{path::PathBuf, time::Instant};
 use anyhow::{Result, anyhow};
 use canted_renderer::{Prepared, Tracer, prepare};
 use canted_scene::Scene;
-use canted_trace::{Kernel, Ray};
+use canted_trace::Ray;
+use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
 use crate::{
@@ -53,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn answer<K: Kernel>(scene: &Scene, rays: &[Ray], args: &Args) -> Result<Vec<Answer>> {
+fn answer<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args) -> Result<Vec<Answer>> {
     let Prepared { structure, .. } =
         prepare::<K>(scene, &args.structure.config()).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let start = Instant::now();

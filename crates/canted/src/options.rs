@@ -2,6 +2,7 @@
 
 use canted_lbvh::Strategy;
 use canted_renderer::{Builder, Levels, StructureConfig};
+use canted_wide::Preset;
 use clap::ValueEnum;
 
 /// How rays find triangles.
@@ -10,10 +11,15 @@ pub(crate) struct StructureArgs {
     /// Levels of trees: `auto` takes two where meshes are repeated so often that one level would waste memory.
     #[arg(long, value_enum, default_value_t = LevelsArg::Auto, value_name = "LEVELS")]
     pub(crate) levels: LevelsArg,
-    /// Builder of the binary trees: `ploc` traces fastest, `lbvh` is the radix tree as it is, `obvhs` the peer's.
-    #[arg(long, value_enum, default_value_t = BuilderArg::Ploc, value_name = "BUILDER")]
+    /// How much is spent on the build: `fast`, `balanced`, or `quality` for the fastest rays.
+    #[arg(long, value_enum, default_value_t = PresetArg::Balanced, value_name = "PRESET")]
+    pub(crate) preset: PresetArg,
+    /// Builder of the binary trees that wide ones are made of: `auto` is the preset's; `ploc` joins neighbours by area,
+    /// `lbvh` is the radix tree as it is, `sah` splits from the root down, `obvhs` is the peer's.
+    #[arg(long, value_enum, default_value_t = BuilderArg::Auto, value_name = "BUILDER")]
     pub(crate) builder: BuilderArg,
-    /// Volumes of the nodes: `auto` takes leaning boxes where their predicted cost is lower.
+    /// Volumes of the nodes: `auto` makes eight-wide nodes that lean where their predicted cost is lower, mesh by mesh;
+    /// the others keep a binary tree.
     #[arg(long, value_enum, default_value_t = VolumesArg::Auto, value_name = "VOLUMES")]
     pub(crate) volumes: VolumesArg,
     /// Ray-triangle test.
@@ -25,7 +31,8 @@ impl StructureArgs {
     pub(crate) fn defaults() -> Self {
         Self {
             levels: LevelsArg::Auto,
-            builder: BuilderArg::Ploc,
+            preset: PresetArg::Balanced,
+            builder: BuilderArg::Auto,
             volumes: VolumesArg::Auto,
             triangles: TrianglesArg::Watertight,
         }
@@ -38,7 +45,14 @@ impl StructureArgs {
                 LevelsArg::One => Levels::One,
                 LevelsArg::Two => Levels::Two,
             },
+            preset: match self.preset {
+                PresetArg::Fast => Preset::Fast,
+                PresetArg::Balanced => Preset::Balanced,
+                PresetArg::Quality => Preset::Quality,
+            },
             builder: match self.builder {
+                BuilderArg::Auto => Builder::Auto,
+                BuilderArg::Sah => Builder::Sah,
                 BuilderArg::Ploc => Builder::Ploc,
                 BuilderArg::Lbvh => Builder::Lbvh,
                 BuilderArg::Obvhs => Builder::Obvhs,
@@ -64,7 +78,16 @@ pub(crate) enum LevelsArg {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum PresetArg {
+    Fast,
+    Balanced,
+    Quality,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
 pub(crate) enum BuilderArg {
+    Auto,
+    Sah,
     Ploc,
     Lbvh,
     Obvhs,

@@ -7,11 +7,11 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_renderer::{
-    Film, Measure, Picture, Prepared, RenderError, Settings, Surfaces, WritePictureError, frame, heatmap, prepare,
-    render, write_exr, write_png,
+    Film, Level, Measure, Picture, Prepared, RenderError, Settings, Surfaces, WritePictureError, frame, heatmap,
+    prepare, render, write_exr, write_png,
 };
 use canted_scene::{Camera, Scene};
-use canted_trace::Kernel;
+use canted_wide::LaneKernel;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
@@ -166,7 +166,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn trace<K: Kernel>(scene: &mut Scene, args: &Args, default_light: bool, load_time: Duration) -> Result<Run> {
+fn trace<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool, load_time: Duration) -> Result<Run> {
     let name = load::name(args.scene.as_deref());
     let prepared: Prepared<K> = prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
     let mut facts = built_facts(scene, &prepared, load_time);
@@ -216,7 +216,7 @@ fn trace<K: Kernel>(scene: &mut Scene, args: &Args, default_light: bool, load_ti
 /// By how much our own light must be stronger for a picture that is not dark, as interiors lit by a sky are.
 ///
 /// A small picture tells; light only scales it.
-fn strength_of_default_light<K: Kernel>(
+fn strength_of_default_light<K: LaneKernel>(
     scene: &Scene,
     prepared: &Prepared<K>,
     camera: &Camera,
@@ -236,7 +236,7 @@ fn strength_of_default_light<K: Kernel>(
 }
 
 /// Renders with a progress bar.
-fn film<K: Kernel>(
+fn film<K: LaneKernel>(
     scene: &Scene,
     prepared: &Prepared<K>,
     camera: &Camera,
@@ -257,7 +257,7 @@ fn film<K: Kernel>(
 }
 
 /// The camera of the options, else of the file, else one that frames the scene.
-fn camera<K: Kernel>(scene: &Scene, prepared: &Prepared<K>, args: &Args) -> Camera {
+fn camera<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, args: &Args) -> Camera {
     let [width, height] = args.size;
     let mut camera = match scene.cameras.first() {
         Some(camera) => *camera,
@@ -281,25 +281,36 @@ fn camera<K: Kernel>(scene: &Scene, prepared: &Prepared<K>, args: &Args) -> Came
     camera
 }
 
-fn built_facts<K: Kernel>(scene: &Scene, prepared: &Prepared<K>, load_time: Duration) -> Vec<(&'static str, Value)> {
+fn built_facts<K: LaneKernel>(
+    scene: &Scene,
+    prepared: &Prepared<K>,
+    load_time: Duration,
+) -> Vec<(&'static str, Value)> {
     let two = matches!(prepared.structure, canted_renderer::Structure::Two(_));
-    let mut volumes: Vec<_> = prepared.strategies.iter().map(|&strategy| strategy_name(strategy)).collect();
-    volumes.sort_unstable();
-    let counts: Vec<String> = volumes
-        .chunk_by(|a, b| a == b)
-        .map(|run| if volumes.len() == 1 { run[0].to_owned() } else { format!("{} of {}", run[0], run.len()) })
-        .collect();
+    let volumes = volumes_of(prepared.structure.bottom());
     vec![
         ("meshes", json!(scene.meshes.len())),
         ("instances", json!(scene.instances.len())),
         ("unique_triangles", json!(scene.n_unique_triangles())),
         ("placed_triangles", json!(scene.n_placed_triangles())),
         ("levels", json!(if two { 2 } else { 1 })),
-        ("volumes", json!(counts.join(", "))),
-        ("structure_bytes", json!(prepared.n_bytes())),
+        ("volumes", json!(volumes)),
+        ("structure_bytes", json!(prepared.structure.n_bytes())),
         ("load_seconds", json!(load_time.as_secs_f64())),
         ("build_seconds", json!(prepared.build_time.as_secs_f64())),
     ]
+}
+
+/// What boxes the bottom levels have, in words.
+fn volumes_of<K: LaneKernel>(levels: &[Level<K>]) -> String {
+    let nodes = levels.iter().filter_map(Level::wide_nodes).reduce(|a, b| std::array::from_fn(|i| a[i] + b[i]));
+    if let Some([aligned, shared, lean]) = nodes {
+        return format!("wide, {} of {} nodes lean", shared + lean, aligned + shared + lean);
+    }
+    match levels.first() {
+        Some(Level::Binary(_, strategy)) => strategy_name(*strategy).to_owned(),
+        _ => "none".to_owned(),
+    }
 }
 
 /// Prints the facts, as JSON or a line each.

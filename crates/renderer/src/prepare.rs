@@ -3,9 +3,10 @@ use std::time::{Duration, Instant};
 use canted_lbvh::{GeometryError, Strategy, TopologyError};
 use canted_scene::Scene;
 use canted_tlas::InstanceError;
-use canted_trace::Kernel;
+use canted_wide::{LaneKernel, Preset};
 
-use crate::structure::{Builder, LevelConfig, Structure, build_one, build_two};
+use crate::level::{Builder, Level, LevelConfig};
+use crate::structure::{Structure, build_one, build_two};
 
 /// How many levels a scene gets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -26,7 +27,9 @@ pub struct StructureConfig {
     pub levels: Levels,
     /// Builder of the binary trees.
     pub builder: Builder,
-    /// Volumes of the nodes; `None` takes leaning ones where their predicted cost is lower, mesh by mesh.
+    /// How much is spent on wide trees.
+    pub preset: Preset,
+    /// Volumes of binary trees; `None` makes wide ones, whose nodes lean where their predicted cost is lower.
     pub volumes: Option<Strategy>,
 }
 
@@ -87,28 +90,13 @@ pub struct LeftOut {
 }
 
 /// A scene ready to trace.
-pub struct Prepared<K: Kernel> {
+pub struct Prepared<K: LaneKernel> {
     /// What answers rays.
     pub structure: Structure<K>,
-    /// Strategy of each bottom level.
-    pub strategies: Vec<Strategy>,
     /// What the scene does not need, decided here once.
     pub left_out: Vec<LeftOut>,
     /// Time to build all levels.
     pub build_time: Duration,
-}
-
-impl<K: Kernel> Prepared<K> {
-    /// Memory of nodes, triangles and their numbers, all levels.
-    #[must_use]
-    pub fn n_bytes(&self) -> usize {
-        match &self.structure {
-            Structure::One(flat) => flat.blas().n_bytes(),
-            Structure::Two(tlas) => {
-                tlas.binary().n_bytes() + tlas.blas().iter().map(canted_tlas::MeshBlas::n_bytes).sum::<usize>()
-            }
-        }
-    }
 }
 
 /// Triangles that flattening may make of one, on average, before memory speaks for two levels.
@@ -119,9 +107,9 @@ const WORTH_FLATTENING: f64 = 1.5;
 /// # Errors
 /// Geometry or transforms that cannot be traced, by index.
 #[expect(clippy::cast_precision_loss, reason = "the counts are compared coarsely")]
-pub fn prepare<K: Kernel>(scene: &Scene, config: &StructureConfig) -> Result<Prepared<K>, PrepareError> {
+pub fn prepare<K: LaneKernel>(scene: &Scene, config: &StructureConfig) -> Result<Prepared<K>, PrepareError> {
     let start = Instant::now();
-    let level = LevelConfig { builder: config.builder, strategy: config.volumes };
+    let level = LevelConfig { builder: config.builder, preset: config.preset, strategy: config.volumes };
     let n_triangles = scene.n_placed_triangles();
     let one = match config.levels {
         // A flat tree answers rays faster: it has no boxes around whole meshes that overlap, and no transforms.
@@ -132,12 +120,12 @@ pub fn prepare<K: Kernel>(scene: &Scene, config: &StructureConfig) -> Result<Pre
     if one && n_triangles > 1 << 30 {
         return Err(PrepareError::TooMany { n_triangles });
     }
-    let (structure, strategies) = if one { build_one(scene, &level)? } else { build_two(scene, &level)? };
-    let left_out = left_out(scene, one, &strategies);
-    Ok(Prepared { structure, strategies, left_out, build_time: start.elapsed() })
+    let structure = if one { build_one(scene, &level)? } else { build_two(scene, &level)? };
+    let left_out = left_out(scene, one, structure.bottom().iter().any(Level::leans));
+    Ok(Prepared { structure, left_out, build_time: start.elapsed() })
 }
 
-fn left_out(scene: &Scene, one: bool, strategies: &[Strategy]) -> Vec<LeftOut> {
+fn left_out(scene: &Scene, one: bool, leans: bool) -> Vec<LeftOut> {
     let mut left_out = vec![];
     let mut without = |needed: bool, part, because| {
         if !needed {
@@ -145,7 +133,7 @@ fn left_out(scene: &Scene, one: bool, strategies: &[Strategy]) -> Vec<LeftOut> {
         }
     };
     without(!one, "top level", "meshes are hardly repeated");
-    without(strategies.iter().any(|&s| s != Strategy::Aabb), "leaning boxes", "no gain by predicted cost");
+    without(leans, "leaning boxes", "no gain by predicted cost");
     let textured = scene.materials.iter().any(|m| m.albedo_texture.is_some() || m.alpha_texture.is_some());
     without(textured, "textures", "no material has one");
     without(scene.meshes.iter().any(|m| m.uvs.is_some()), "texture coordinates", "no texture is looked up");

@@ -2,11 +2,13 @@ use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volu
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, ScaledRay, SlabRay};
 
+use canted_wide::{LaneKernel, Wide};
+
 use crate::{Binary, PairOrder};
 
 /// What an instance places: anything that answers rays in its object space.
 ///
-/// Implemented by [`MeshBlas`]; a scene mixes kinds through an enum of the caller's. `instance` is written into hits
+/// Implemented by [`Wide`] and [`MeshBlas`]; a scene mixes kinds through an enum of the caller's. `instance` is written into hits
 /// and shown to the query. Among hits of equal `t` the lowest primitive must win.
 pub trait Blas: Send + Sync {
     /// A box around everything, object space.
@@ -128,6 +130,20 @@ impl<K: Kernel> Blas for MeshBlas<K> {
             }
         });
         found
+    }
+}
+
+impl<K: LaneKernel> Blas for Wide<K> {
+    fn bounds(&self) -> Obb {
+        Self::bounds(self)
+    }
+
+    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        self.closest_hit_with(ray_object, instance, query)
+    }
+
+    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        self.occluded_with(ray_object, instance, query)
     }
 }
 

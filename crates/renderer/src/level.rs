@@ -1,0 +1,162 @@
+use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
+use canted_obb::{Aabb, Obb};
+use canted_tlas::{Blas, MeshBlas, PairOrder};
+use canted_trace::{Hit, InstanceId, Query, Ray};
+use canted_wide::{Config, LaneKernel, NodeKind, Preset, Wide};
+
+use crate::PrepareError;
+
+/// Which builder makes the binary trees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Builder {
+    /// The preset's.
+    #[default]
+    Auto,
+    /// Neighbours along the curve joined by area, then subtrees reinserted.
+    Ploc,
+    /// The radix tree as it is.
+    Lbvh,
+    /// From the root down, where the surface area heuristic says.
+    Sah,
+    /// `obvhs`: its tree, our boxes.
+    #[cfg(feature = "baseline")]
+    Obvhs,
+}
+
+/// How a bottom level is built.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LevelConfig {
+    pub(crate) builder: Builder,
+    pub(crate) preset: Preset,
+    /// Volumes of a binary tree; `None` makes a wide one.
+    pub(crate) strategy: Option<Strategy>,
+}
+
+/// A bottom level of either kind.
+pub enum Level<K: LaneKernel> {
+    /// Eight-wide nodes that lean where that pays.
+    Wide(Wide<K>),
+    /// A binary tree with volumes of one strategy.
+    Binary(MeshBlas<K>, Strategy),
+}
+
+impl<K: LaneKernel> Level<K> {
+    /// Memory of nodes and triangles.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        match self {
+            Self::Wide(wide) => wide.n_bytes(),
+            Self::Binary(binary, _) => binary.n_bytes(),
+        }
+    }
+
+    /// Whether any of its nodes leans.
+    pub(crate) fn leans(&self) -> bool {
+        match self {
+            Self::Wide(wide) => {
+                let [_, shared, lean] = wide.sizes().nodes;
+                shared + lean > 0 || wide.frame() != Obb::IDENTITY_FRAME
+            }
+            Self::Binary(_, strategy) => *strategy != Strategy::Aabb,
+        }
+    }
+
+    /// Nodes of each kind in the order of [`NodeKind::ALL`]; `None` for a binary tree.
+    #[must_use]
+    pub fn wide_nodes(&self) -> Option<[usize; NodeKind::ALL.len()]> {
+        match self {
+            Self::Wide(wide) => Some(wide.sizes().nodes),
+            Self::Binary(..) => None,
+        }
+    }
+}
+
+impl<K: LaneKernel> Blas for Level<K> {
+    fn bounds(&self) -> Obb {
+        match self {
+            Self::Wide(wide) => wide.bounds(),
+            Self::Binary(binary, _) => binary.bounds(),
+        }
+    }
+
+    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        match self {
+            Self::Wide(wide) => wide.closest_hit_with(ray_object, instance, query),
+            Self::Binary(binary, _) => binary.closest_hit(ray_object, instance, query),
+        }
+    }
+
+    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        match self {
+            Self::Wide(wide) => wide.occluded_with(ray_object, instance, query),
+            Self::Binary(binary, _) => binary.occluded(ray_object, instance, query),
+        }
+    }
+}
+
+/// Builds one bottom level.
+pub(crate) fn build_level<K: LaneKernel>(
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+    config: &LevelConfig,
+) -> Result<Level<K>, PrepareError> {
+    match config.strategy {
+        None => Ok(Level::Wide(wide(positions, triangles, config)?)),
+        Some(strategy) => {
+            let (corners, bounds) = lbvh::gather(positions, triangles)?;
+            let tree = binary_tree(&corners, &bounds, config.builder)?;
+            let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
+            let volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
+            Ok(Level::Binary(MeshBlas::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst), strategy))
+        }
+    }
+}
+
+fn wide<K: LaneKernel>(
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+    config: &LevelConfig,
+) -> Result<Wide<K>, PrepareError> {
+    let preset = Config::preset(config.preset);
+    #[cfg(feature = "baseline")]
+    if config.builder == Builder::Obvhs && triangles.len() > 1 {
+        let (corners, bounds) = lbvh::gather(positions, triangles)?;
+        let tree = binary_tree(&corners, &bounds, config.builder)?;
+        return Ok(Wide::over(&tree, &corners, &bounds, &preset)?);
+    }
+    let config = match own(config.builder) {
+        Some(builder) => Config { builder, rival: None, ..preset },
+        None => preset,
+    };
+    Ok(Wide::build(positions, triangles, &config)?)
+}
+
+/// The builder of ours that a name stands for; `None` for the preset's.
+fn own(builder: Builder) -> Option<canted_sah::Builder> {
+    match builder {
+        Builder::Lbvh => Some(canted_sah::Builder::Lbvh),
+        Builder::Ploc => Some(canted_sah::Builder::BALANCED),
+        Builder::Sah => Some(canted_sah::Builder::TopDown(canted_sah::TopDownConfig::BINNED, None)),
+        _ => None,
+    }
+}
+
+/// A binary tree over triangles, one a leaf.
+fn binary_tree(corners: &[Corners], bounds: &Aabb, builder: Builder) -> Result<lbvh::Tree, PrepareError> {
+    match builder {
+        #[cfg(feature = "baseline")]
+        Builder::Obvhs if corners.len() > 1 => {
+            Ok(crate::baseline::obvhs_tree(corners, obvhs::BvhBuildParams::medium_build())?)
+        }
+        // The radix tree of a binary level stands over centroids, as `canted tree` writes it.
+        Builder::Lbvh => {
+            let bits = lbvh::Bits::B63;
+            let codes = lbvh::codes(&lbvh::Domain::new(bounds, 3, bits), corners);
+            Ok(lbvh::radix(lbvh::by_code(&codes, bits)))
+        }
+        _ => {
+            let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
+            Ok(canted_sah::build(&boxes, bounds, &own(builder).unwrap_or_default()))
+        }
+    }
+}
