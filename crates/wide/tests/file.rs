@@ -13,7 +13,7 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
         ("nothing", Mesh::default()),
         ("one", fixtures::soup(1, 1)),
         ("few", fixtures::soup(1, 5)),
-        ("soup", fixtures::soup(2, 3_000)),
+        ("soup", fixtures::soup(2, 1_000)),
         ("slivers", fixtures::slivers(3, 500)),
         ("identical", fixtures::identical(300)),
         ("outlier", fixtures::outlier(200)),
@@ -26,12 +26,16 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
 #[test]
 fn what_is_written_comes_back_bit_for_bit() {
     for (name, mesh) in meshes() {
-        for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+        let n_presets = if mesh.triangles.len() < 1_000 { 3 } else { 1 };
+        for preset in [Preset::Balanced, Preset::Fast, Preset::Quality].into_iter().take(n_presets) {
             let wide = build(&mesh, preset);
             let bytes = wide.to_bytes();
             let back = Wide::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(back.to_bytes(), bytes, "{name}");
-            assert_eq!((back.aabb(), back.frame(), back.n_triangles()), (wide.aabb(), wide.frame(), wide.n_triangles()));
+            assert_eq!(
+                (back.aabb(), back.frame(), back.n_triangles()),
+                (wide.aabb(), wide.frame(), wide.n_triangles())
+            );
             assert_eq!((back.sizes(), back.predicted()), (wide.sizes(), wide.predicted()), "{name}");
             for path in SimdPath::ALL {
                 let [wide, back] = [&wide, &back].map(|tree| tree.clone().with_path(path));

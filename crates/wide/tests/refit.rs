@@ -10,6 +10,7 @@ fn build<K: LaneKernel>(mesh: &Mesh) -> Wide<K> {
     Wide::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how vertices are stored")]
 fn moved(mesh: &Mesh, motion: impl FnMut([f64; 3]) -> [f64; 3]) -> Mesh {
     let place = mesh.positions.iter().map(|p| p.map(f64::from)).map(motion);
     let positions = place.map(|p| p.map(|x| x as f32)).collect();
@@ -19,7 +20,9 @@ fn moved(mesh: &Mesh, motion: impl FnMut([f64; 3]) -> [f64; 3]) -> Mesh {
 /// Mild and ugly motions.
 fn motions(mesh: &Mesh) -> Vec<(&'static str, Mesh)> {
     let mut rng = SplitMix64::new(9);
-    let mut random = |size: f64| moved(mesh, |p| [p[0] + size * rng.signed(), p[1] + size * rng.signed(), p[2] + size * rng.signed()]);
+    let mut random = |size: f64| {
+        moved(mesh, |p| [p[0] + size * rng.signed(), p[1] + size * rng.signed(), p[2] + size * rng.signed()])
+    };
     let mut motions = vec![("shaken", random(0.02)), ("thrown about", random(3.0))];
     motions.push(("collapsed to a point", moved(mesh, |_| [0.3, -0.7, 0.1])));
     motions.push(("collapsed to a line", moved(mesh, |[x, _, _]| [x, 0.5, 0.0])));
@@ -28,10 +31,13 @@ fn motions(mesh: &Mesh) -> Vec<(&'static str, Mesh)> {
     motions.push(("far away", moved(mesh, |p| p.map(|x| x + 1e7))));
     motions.push(("tiny", moved(mesh, |p| p.map(|x| 1e-6 * x))));
     motions.push(("turned", mesh.turned()));
-    motions.push(("twisted", moved(mesh, |[x, y, z]| {
-        let (sin, cos) = fixtures::sin_cos(2.0 * z);
-        [cos * x - sin * y, sin * x + cos * y, z]
-    })));
+    motions.push((
+        "twisted",
+        moved(mesh, |[x, y, z]| {
+            let (sin, cos) = fixtures::sin_cos(2.0 * z);
+            [cos * x - sin * y, sin * x + cos * y, z]
+        }),
+    ));
     motions.push(("as it was", mesh.clone()));
     motions
 }

@@ -84,12 +84,7 @@ fn check_triangles(triangles: &Triangles, n_triangles: usize) -> Result<(), Load
     }
 }
 
-fn check_boxes(
-    outline: &Outline,
-    corners: &[Corners],
-    frame: &MeshFrame,
-    records: &Records,
-) -> Result<(), LoadError> {
+fn check_boxes(outline: &Outline, corners: &[Corners], frame: &MeshFrame, records: &Records) -> Result<(), LoadError> {
     for node in &outline.nodes {
         refit::check_frame(node, &records.lines)?;
     }

@@ -85,7 +85,8 @@ impl Header {
         if let Some(&value) = costs.iter().find(|cost| cost.is_nan()) {
             return Err(LoadError::Cost { value });
         }
-        let costs = Costs { box_node, shared_node, lean_node, leaf, block, max_leaf: (max_leaf as usize).min(MAX_LEAF) };
+        let costs =
+            Costs { box_node, shared_node, lean_node, leaf, block, max_leaf: (max_leaf as usize).min(MAX_LEAF) };
         Ok(Self {
             n_lines,
             n_halves,

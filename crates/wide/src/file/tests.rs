@@ -46,7 +46,9 @@ fn brute(triangles: &Triangles, ray: &Ray) -> Option<Hit> {
     let prepared = Watertight::prepare(&ray);
     let mut best: Option<Hit> = None;
     for (corners, &primitive) in triangles.corners.iter().zip(&triangles.primitives) {
-        let Some(hit) = Watertight::intersect(&prepared, &ray, &Watertight::record(*corners), ray.t_max) else { continue };
+        let Some(hit) = Watertight::intersect(&prepared, &ray, &Watertight::record(*corners), ray.t_max) else {
+            continue;
+        };
         let hit = Hit { t: hit.t, u: hit.u, v: hit.v, primitive, instance: InstanceId(0), side: hit.side };
         if best.is_none_or(|best| hit.before(&best)) {
             best = Some(hit);
@@ -92,7 +94,8 @@ fn mangle(bytes: &mut [u8], rng: &mut SplitMix64) {
 #[test]
 fn mangled_files_with_right_checksums_are_refused_or_whole() {
     let (mut n_taken, mut refused) = (0, BTreeMap::new());
-    for (mesh, seed) in [(fixtures::soup(1, 40), 1), (fixtures::scaffold_of(1, true, 2), 2), (fixtures::soup(3, 3), 3)] {
+    for (mesh, seed) in [(fixtures::soup(1, 40), 1), (fixtures::scaffold_of(1, true, 2), 2), (fixtures::soup(3, 3), 3)]
+    {
         let (bytes, rays) = (build(&mesh).to_bytes(), rays(&mesh));
         let mut rng = SplitMix64::new(seed);
         for _ in 0..1_000 {
@@ -157,9 +160,8 @@ fn triangles_are_checked_by_number_and_vertex() {
     let leaf = outline.leaves.iter().find(|leaf| (2..4).contains(&leaf.places.len())).expect("a leaf of a few");
     let triangles = Triangles::read(&outline, &wide.records.halves);
     let [a, b] = [0, 1].map(|i| triangles.primitives[leaf.places.start + i]);
-    let error = |word: usize, value: u32| {
-        load(&forged(&wide, |wide| wide.records.halves[leaf.first].0[word] = value)).err()
-    };
+    let error =
+        |word: usize, value: u32| load(&forged(&wide, |wide| wide.records.halves[leaf.first].0[word] = value)).err();
     assert_eq!(error(36, 30), Some(Flaw::Primitive { primitive: PrimId(30), n_triangles: 30 }.into()));
     assert_eq!(error(36, b.0), Some(Flaw::Different { primitive: b }.into()));
     assert_eq!(error(0, f32::NAN.to_bits()), Some(Flaw::NotFinite { primitive: a }.into()));

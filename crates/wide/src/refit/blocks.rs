@@ -44,17 +44,22 @@ impl Triangles {
     pub(crate) fn read(outline: &Outline, halves: &[Half]) -> Self {
         let words: &[u32] = bytemuck::cast_slice(halves);
         let mut all = vec![([[0.0; 3]; 3], PrimId(0)); outline.n_places];
-        par::for_pieces(&outline.leaves, &mut all, |leaf| leaf.places.start, |leaf, out| {
-            let words = &words[leaf.first * HALF_WORDS..];
-            let n = out.len();
-            for (i, (corners, primitive)) in out.iter_mut().enumerate() {
-                let lane = Lane::of(i, n);
-                for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
-                    *x = f32::from_bits(words[lane.word(row)]);
+        par::for_pieces(
+            &outline.leaves,
+            &mut all,
+            |leaf| leaf.places.start,
+            |leaf, out| {
+                let words = &words[leaf.first * HALF_WORDS..];
+                let n = out.len();
+                for (i, (corners, primitive)) in out.iter_mut().enumerate() {
+                    let lane = Lane::of(i, n);
+                    for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
+                        *x = f32::from_bits(words[lane.word(row)]);
+                    }
+                    *primitive = PrimId(words[lane.word(VERTEX_ROWS)]);
                 }
-                *primitive = PrimId(words[lane.word(VERTEX_ROWS)]);
-            }
-        });
+            },
+        );
         let (corners, primitives) = all.into_iter().unzip();
         Self { corners, primitives }
     }
@@ -98,7 +103,7 @@ mod tests {
     fn walked(halves: &[Half], n: usize) -> Vec<(Corners, PrimId)> {
         let mut triangles = vec![];
         for first in (0..n).step_by(8) {
-            let block = Block::at(halves, first / 4, (n - first) as u32);
+            let block = Block::at(halves, first / 4, u32::try_from(n - first).unwrap());
             triangles.extend((0..(n - first).min(8)).map(|lane| (block.vertices(lane), block.primitive(lane))));
         }
         triangles
@@ -108,7 +113,7 @@ mod tests {
     fn leaves_of_any_size_are_read_as_the_walk_reads_them() {
         for n in 1..=MAX_LEAF {
             let n_halves = crate::emit::n_halves(n);
-            let words: Vec<u32> = (0..(n_halves * HALF_WORDS) as u32).map(|i| (i as f32).to_bits()).collect();
+            let words: Vec<u32> = (0_u16..).take(n_halves * HALF_WORDS).map(|i| f32::from(i).to_bits()).collect();
             let mut halves: Vec<Half> = words.chunks_exact(HALF_WORDS).map(|w| Half(w.try_into().unwrap())).collect();
             let leaf = LeafSpot { first: 0, places: 0..n };
             let outline = Outline { nodes: vec![], leaves: vec![leaf.clone()], n_places: n, depth: 0 };

@@ -13,6 +13,7 @@ fn build(mesh: &Mesh) -> Wide<Watertight> {
 }
 
 /// Every vertex moved by a random step of up to `size` on each axis.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how vertices are stored")]
 fn shaken(mesh: &Mesh, size: f64, seed: u64) -> Mesh {
     let mut rng = SplitMix64::new(seed);
     let shake = |p: &[f32; 3]| p.map(|x| (f64::from(x) + size * rng.signed()) as f32);
@@ -44,7 +45,8 @@ fn n_too_small(wide: &Wide<Watertight>) -> usize {
     for node in &outline.nodes {
         let rows: &[Row] = bytemuck::cast_slice(&wide.records.lines[node.line..node.line + node.kind.n_lines()]);
         for (i, &slot) in node.slots.iter().enumerate() {
-            let inside = corners[outline.places(slot)].iter().flatten().all(|v| holds(node.kind, rows, &wide.frame.rows, i, v));
+            let inside =
+                corners[outline.places(slot)].iter().flatten().all(|v| holds(node.kind, rows, &wide.frame.rows, i, v));
             n += usize::from(!inside);
         }
     }
@@ -92,7 +94,9 @@ fn motions(mesh: &Mesh) -> Vec<Mesh> {
 
 #[test]
 fn boxes_hold_their_vertices_exactly_after_any_motion() {
-    for mesh in [fixtures::scaffold_of(1, true, 4), fixtures::soup(2, 2_000), fixtures::scaffold_of(1, false, 3).turned()] {
+    for mesh in
+        [fixtures::scaffold_of(1, true, 4), fixtures::soup(2, 2_000), fixtures::scaffold_of(1, false, 3).turned()]
+    {
         let mut wide = build(&mesh);
         assert_eq!(n_too_small(&wide), 0);
         for moved in motions(&mesh) {
@@ -191,7 +195,10 @@ fn with_word(wide: &Wide<Watertight>, node: usize, slot: usize, word: Word) -> c
     let mut records = wide.records.clone();
     let outline = Outline::of(&records).unwrap();
     let node = &outline.nodes[node];
-    let row = node.kind.n_lines() * 2 - 1 - usize::from(node.kind == NodeKind::Shared) - usize::from(node.kind == NodeKind::Box);
+    let row = node.kind.n_lines() * 2
+        - 1
+        - usize::from(node.kind == NodeKind::Shared)
+        - usize::from(node.kind == NodeKind::Box);
     let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut records.lines[node.line..]);
     rows[row][slot] = f32::from_bits(word.0);
     records
@@ -205,7 +212,10 @@ fn the_walk_sees_every_broken_reference() {
     let flaw = |word| Outline::of(&with_word(&wide, 0, 0, word)).unwrap_err();
     assert_eq!(flaw(wide.records.root), Flaw::Twice { unit: "line", at: 0 }, "a circle");
     assert_eq!(flaw(Word(0x6000_0000)), Flaw::Word { word: 0x6000_0000 });
-    assert_eq!(flaw(Word::node(NodeKind::Lean, n_lines)), Flaw::Outside { unit: "line", at: n_lines + 7, n_units: n_lines });
+    assert_eq!(
+        flaw(Word::node(NodeKind::Lean, n_lines)),
+        Flaw::Outside { unit: "line", at: n_lines + 7, n_units: n_lines }
+    );
     assert!(matches!(flaw(Word::EMPTY), Flaw::Unreached { unit: "line" | "block", .. }));
     // Two slots that hold the same.
     let first = node_words(&wide.records.lines, outline.nodes[0].kind, 0)[1];
