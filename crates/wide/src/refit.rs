@@ -106,7 +106,7 @@ impl<K: LaneKernel> Wide<K> {
     /// Hits are then those of every new triangle tried, whatever the motion. What suffers is speed: which triangles
     /// share a node, and which way boxes lean, is as it was built. By how much, the drift foretells. Below, meshes
     /// were deformed more and more; nodes, triangles and time are those of tracing camera rays through the refitted
-    /// tree over those through one built anew (times by a noisy machine, two digits at best):
+    /// tree over those through one built anew. Angles are per diagonal; times are by a noisy machine, one digit at best:
     ///
     /// | drift | motion | nodes | triangles | time |
     /// | --- | --- | --- | --- | --- |
@@ -122,7 +122,8 @@ impl<K: LaneKernel> Wide<K> {
     /// | 9.2 | hair, cells moved apart by 10 % | 3.2 | 18 | 3.2 |
     ///
     /// Where vertices move at random (the last row but one), the mesh itself becomes dearer and a rebuild gains little;
-    /// it is advised once, for the rebuilt tree starts anew. A refit took a tenth of a build's time (`balanced`).
+    /// it is advised once, for the rebuilt tree starts anew. A refit took a twentieth to a fifth of a build's
+    /// time (`balanced`).
     ///
     /// # Errors
     /// Another number of triangles, or the first triangle with a vertex that is missing or not finite. The tree is
