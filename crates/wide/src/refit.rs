@@ -106,7 +106,7 @@ impl<K: LaneKernel> Wide<K> {
     /// Hits are then those of every new triangle tried, whatever the motion. What suffers is speed: which triangles
     /// share a node, and which way boxes lean, is as it was built. By how much, the drift foretells. Below, meshes
     /// were deformed more and more; nodes, triangles and time are those of tracing camera rays through the refitted
-    /// tree over those through one built anew. Angles are per diagonal; times are by a noisy machine, one digit at best:
+    /// tree over those through one built anew. Angles are per diagonal; times of a noisy machine, one digit at best:
     ///
     /// | drift | motion | nodes | triangles | time |
     /// | --- | --- | --- | --- | --- |
@@ -118,7 +118,7 @@ impl<K: LaneKernel> Wide<K> {
     /// | 1.7 | terrain twisted by 288 degrees | 1.3 | 1.8 | 1.5 |
     /// | 2.2 | trusses twisted by 72 degrees | 1.2 | 21 | 2.1 |
     /// | 3.0 | scaffold, cells moved apart by 3 % | 1.2 | 19 | 1.8 |
-    /// | 3.1 | terrain, each vertex moved by 1 % | 1.1 | 1.0 | 1.0 to 1.3 |
+    /// | 3.1 | terrain, each vertex moved by 1 % | 1.1 | 1.0 | 1.4 |
     /// | 9.2 | hair, cells moved apart by 10 % | 3.2 | 18 | 3.2 |
     ///
     /// Where vertices move at random (the last row but one), the mesh itself becomes dearer and a rebuild gains little;
