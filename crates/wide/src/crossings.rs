@@ -162,8 +162,12 @@ mod tests {
     fn the_moved_edge_function_has_the_sign_of_a_slightly_moved_one() {
         // Edges through the origin, and a displacement small but real.
         let (x, y) = (2f64.powi(-20), 2f64.powi(-40));
-        for [b, c] in [[[0.0, 1.0], [0.0, -1.0]], [[-2.0, 0.0], [3.0, 0.0]], [[-1.0, 1.0], [1.5, -1.5]], [[1.0, 2.0], [-2.0, -4.0]]]
-        {
+        for [b, c] in [
+            [[0.0, 1.0], [0.0, -1.0]],
+            [[-2.0, 0.0], [3.0, 0.0]],
+            [[-1.0, 1.0], [1.5, -1.5]],
+            [[1.0, 2.0], [-2.0, -4.0]],
+        ] {
             let shifted = |[p, q]: [f32; 2]| [f64::from(p) - x, f64::from(q) - y];
             let ([b_x, b_y], [c_x, c_y]) = (shifted(b), shifted(c));
             assert_eq!(across(b, c), 0.0);

@@ -237,7 +237,13 @@ impl<P: Primitive> Traced for PrimitiveTree<P> {
 
 /// Hands over the hits on one primitive, one after another: the first may be refused.
 #[inline(always)]
-fn meet<P: Primitive, T: Take<P>>(primitive: &P, number: PrimId, mut ray: ScaledRay, mut t_max: f32, take: &mut T) -> f32 {
+fn meet<P: Primitive, T: Take<P>>(
+    primitive: &P,
+    number: PrimId,
+    mut ray: ScaledRay,
+    mut t_max: f32,
+    take: &mut T,
+) -> f32 {
     while let Some(found) = primitive.intersect(&ray, t_max) {
         // A primitive that breaks its contract must not keep the walk from ending.
         if !(ray.t_min <= found.t && found.t <= t_max && found.t.is_finite()) {

@@ -112,7 +112,14 @@ fn every_operation_gives_the_scalar_twins_bits() {
                     } else {
                         agrees(name, got[i], want[i], [a[i], b[i], c[i]])
                     };
-                    assert!(agrees, "{} {name} of {:?}: {:x} for {:x}", path.name(), [a[i], b[i], c[i]], got[i], want[i]);
+                    assert!(
+                        agrees,
+                        "{} {name} of {:?}: {:x} for {:x}",
+                        path.name(),
+                        [a[i], b[i], c[i]],
+                        got[i],
+                        want[i]
+                    );
                 }
             }
         }

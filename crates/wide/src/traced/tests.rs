@@ -19,13 +19,13 @@ impl<K: LaneKernel> Traced for Padded<'_, K> {
     type Met = <Wide<K> as Traced>::Met;
 
     fn records(&self) -> &Records {
-        self.wide.records()
+        Traced::records(self.wide)
     }
     fn frame(&self) -> &MeshFrame {
-        self.wide.frame()
+        Traced::frame(self.wide)
     }
     fn reach(&self) -> f32 {
-        self.wide.reach()
+        Traced::reach(self.wide)
     }
     fn pads(&self) -> Pads {
         self.pads
@@ -69,9 +69,11 @@ fn rays_without_pads_lose_hits() {
     let mesh = canted_fixtures::scaffold_of(1, true, 3);
     let flat = canted_fixtures::coplanar_quads(20).turned();
     for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-        for (name, mesh, config) in
-            [("box nodes", &flat, straight), ("lean nodes", &flat, Config::default()), ("struts", &mesh, Config::default())]
-        {
+        for (name, mesh, config) in [
+            ("box nodes", &flat, straight),
+            ("lean nodes", &flat, Config::default()),
+            ("struts", &mesh, Config::default()),
+        ] {
             assert_eq!(n_different(mesh, &config, proven, path), 0, "{name}");
             let lost = n_different(mesh, &config, none, path);
             assert!(lost > 0, "{name}, {}: nothing is lost without pads", path.name());

@@ -17,6 +17,7 @@ pub(crate) trait Visit {
 /// A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties reach the leaf,
 /// whatever the tree.
 #[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "halves of a key")]
 pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     simd: S,
     lines: &[Line],

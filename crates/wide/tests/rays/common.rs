@@ -1,4 +1,5 @@
 //! Scenes, rays, and the oracle: every triangle tried.
+#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_fixtures as fixtures;
 use canted_fixtures::{Grazing, Hair, Mesh, SplitMix64, Strand};
@@ -74,7 +75,10 @@ pub(crate) fn paths() -> Vec<SimdPath> {
     let (there, missing): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
     if !missing.is_empty() {
         let names: Vec<_> = missing.iter().map(|path| path.name()).collect();
-        eprintln!("not tested, this machine has no {}", names.join(", "));
+        #[expect(clippy::print_stderr, reason = "what was not tested must be known")]
+        {
+            eprintln!("not tested, this machine has no {}", names.join(", "));
+        }
     }
     there
 }

@@ -1,4 +1,5 @@
 //! Crossings: once for each surface, also through edges and vertices.
+#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_fixtures::{Mesh, SplitMix64};
 use canted_trace::{Hit, Ray, Side, Watertight};

@@ -1,8 +1,9 @@
 //! Hits of the tree are those of trying every triangle, bit for bit.
+#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_obb::PrimId;
 use canted_trace::{BaldwinWeber, Hit, Kernel, MollerTrumbore, Ray, Watertight};
-use canted_wide::{LaneKernel, Preset};
+use canted_wide::{Config, LaneKernel, Preset, Wide};
 
 use crate::common::{brute, build, paths, rays, scenes};
 
@@ -131,5 +132,29 @@ fn ties_go_to_the_lowest_primitive() {
             assert!(want.iter().all(|hit| hit.t == 1.0) && !want.is_empty());
             assert_eq!(tree.closest_hit(&ray), want.first().copied());
         }
+    }
+}
+
+/// A tree as spatial splits make them: triangles stand in several leaves.
+#[test]
+fn triangles_with_many_references_are_reported_once() {
+    let mesh = canted_fixtures::soup(8, 300);
+    let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles).expect("a valid mesh");
+    // Three references each, in an order that puts them far apart.
+    let n = corners.len() as u32;
+    let leaves: Vec<PrimId> = (0..3 * n).map(|i| PrimId(i.wrapping_mul(7919) % n)).collect();
+    let codes = (0..leaves.len() as u64).collect();
+    let tree = canted_lbvh::radix(canted_lbvh::Sorted { codes, leaves });
+    let wide = Wide::<Watertight>::over(&tree, &corners, &bounds, &Config::default()).expect("few triangles");
+    for ray in rays(&mesh, 100, 3) {
+        let want = brute::<Watertight>(&mesh, &ray);
+        let mut hits = vec![];
+        wide.all_hits(&ray, &mut hits);
+        assert_eq!(hits, want);
+        assert_eq!((wide.closest_hit(&ray), wide.occluded(&ray)), (want.first().copied(), !want.is_empty()));
+        // A soup has no edges in common but those of a triangle with itself.
+        wide.crossings(&ray, &mut hits);
+        assert!(hits.len() <= want.len() && hits.iter().all(|hit| want.contains(hit)));
+        assert!(hits.windows(2).all(|pair| pair[0].before(&pair[1])), "none twice");
     }
 }

@@ -1,4 +1,5 @@
 //! Primitives of the caller's: spheres, and one that breaks its contract.
+#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, PrimId};
