@@ -45,11 +45,7 @@ impl StructureArgs {
                 LevelsArg::One => Levels::One,
                 LevelsArg::Two => Levels::Two,
             },
-            preset: match self.preset {
-                PresetArg::Fast => Preset::Fast,
-                PresetArg::Balanced => Preset::Balanced,
-                PresetArg::Quality => Preset::Quality,
-            },
+            preset: self.preset.preset(),
             builder: match self.builder {
                 BuilderArg::Auto => Builder::Auto,
                 BuilderArg::Sah => Builder::Sah,
@@ -82,6 +78,25 @@ pub(crate) enum PresetArg {
     Fast,
     Balanced,
     Quality,
+}
+
+impl PresetArg {
+    pub(crate) fn preset(self) -> Preset {
+        match self {
+            Self::Fast => Preset::Fast,
+            Self::Balanced => Preset::Balanced,
+            Self::Quality => Preset::Quality,
+        }
+    }
+
+    /// The name by which the command line knows it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Balanced => "balanced",
+            Self::Quality => "quality",
+        }
+    }
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]

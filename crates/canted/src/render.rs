@@ -1,5 +1,7 @@
 //! `canted render`: a picture, and what it took.
 
+mod facts;
+
 use std::{
     path::{Path, PathBuf},
     time::{Duration, Instant},
@@ -7,8 +9,8 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_renderer::{
-    Film, Level, Measure, Picture, Prepared, RenderError, Settings, Surfaces, WritePictureError, frame, heatmap,
-    prepare, render, write_exr, write_png,
+    Film, Measure, Picture, Prepared, RenderError, Settings, Surfaces, WritePictureError, frame, heatmap, prepare,
+    render, write_exr, write_png,
 };
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -20,9 +22,10 @@ use crate::{
     Outcome, interrupt,
     light::{self, LightArgs},
     load, memory,
-    options::{self, StructureArgs, strategy_name, with_kernel},
+    options::{self, StructureArgs, with_kernel},
     output,
 };
+use facts::Fact;
 
 /// Options of `canted render`.
 #[derive(clap::Args, Clone)]
@@ -63,7 +66,7 @@ pub(crate) struct Args {
     /// Show what primary rays cost instead of light.
     #[arg(long, value_enum, value_name = "TESTS")]
     heatmap: Option<HeatmapArg>,
-    /// Tests shown in the brightest colour of a heat map.
+    /// Tests shown in the brightest colour of a heat map; a wide node counts as eight boxes.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, value_name = "N")]
     heatmap_scale: u32,
     /// Number of threads; all processors without it.
@@ -137,7 +140,7 @@ fn writer(path: &Path) -> Result<Write> {
 /// What was made, beside the picture.
 struct Run {
     picture: Picture,
-    facts: Vec<(&'static str, Value)>,
+    facts: Vec<Fact>,
 }
 
 /// Renders the picture.
@@ -162,14 +165,14 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         facts.push(("peak_memory_bytes", json!(bytes)));
     }
     facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
-    report(&facts, args.json);
+    facts::report(&facts, args.json);
     Ok(Outcome::Done)
 }
 
 fn trace<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool, load_time: Duration) -> Result<Run> {
     let name = load::name(args.scene.as_deref());
     let prepared: Prepared<K> = prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
-    let mut facts = built_facts(scene, &prepared, load_time);
+    let mut facts = facts::built(scene, &prepared, load_time);
     let camera = camera(scene, &prepared, args);
     if default_light && args.heatmap.is_none() {
         let strength = strength_of_default_light(scene, &prepared, &camera, &args.settings())?;
@@ -279,63 +282,4 @@ fn camera<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, args: &Args) -> 
         camera.fov_degrees = fov;
     }
     camera
-}
-
-fn built_facts<K: LaneKernel>(
-    scene: &Scene,
-    prepared: &Prepared<K>,
-    load_time: Duration,
-) -> Vec<(&'static str, Value)> {
-    let two = matches!(prepared.structure, canted_renderer::Structure::Two(_));
-    let volumes = volumes_of(prepared.structure.bottom());
-    vec![
-        ("meshes", json!(scene.meshes.len())),
-        ("instances", json!(scene.instances.len())),
-        ("unique_triangles", json!(scene.n_unique_triangles())),
-        ("placed_triangles", json!(scene.n_placed_triangles())),
-        ("levels", json!(if two { 2 } else { 1 })),
-        ("volumes", json!(volumes)),
-        ("structure_bytes", json!(prepared.structure.n_bytes())),
-        ("load_seconds", json!(load_time.as_secs_f64())),
-        ("build_seconds", json!(prepared.build_time.as_secs_f64())),
-    ]
-}
-
-/// What boxes the bottom levels have, in words.
-fn volumes_of<K: LaneKernel>(levels: &[Level<K>]) -> String {
-    let nodes = levels.iter().filter_map(Level::wide_nodes).reduce(|a, b| std::array::from_fn(|i| a[i] + b[i]));
-    if let Some([aligned, shared, lean]) = nodes {
-        return format!("wide, {} of {} nodes lean", shared + lean, aligned + shared + lean);
-    }
-    match levels.first() {
-        Some(Level::Binary(_, strategy)) => strategy_name(*strategy).to_owned(),
-        _ => "none".to_owned(),
-    }
-}
-
-/// Prints the facts, as JSON or a line each.
-fn report(facts: &[(&'static str, Value)], as_json: bool) {
-    if as_json {
-        let object: serde_json::Map<String, Value> =
-            facts.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
-        output::to_stdout(&Value::Object(object).to_string());
-        return;
-    }
-    for (key, value) in facts {
-        let text = match (*key, value) {
-            (key, Value::Number(n)) if key.ends_with("_bytes") => memory::human(n.as_u64().unwrap_or(0)),
-            (key, Value::Number(n)) if key.ends_with("seconds") => format!("{:.3} s", n.as_f64().unwrap_or(0.0)),
-            ("rays_per_second", Value::Number(n)) => format!("{:.2} M", n.as_f64().unwrap_or(0.0) * 1e-6),
-            (_, Value::Number(n)) if n.is_f64() => format!("{:.2}", n.as_f64().unwrap_or(0.0)),
-            ("size", Value::Array(sides)) => format!("{} x {}", sides[0], sides[1]),
-            ("left_out", Value::Array(parts)) => parts
-                .iter()
-                .map(|p| format!("{} ({})", p["part"].as_str().unwrap_or(""), p["because"].as_str().unwrap_or("")))
-                .collect::<Vec<_>>()
-                .join(", "),
-            (_, Value::String(text)) => text.clone(),
-            (_, other) => other.to_string(),
-        };
-        output::to_stdout(&format!("{:<24} {text}", key.replace('_', " ").replace(" bytes", "")));
-    }
 }

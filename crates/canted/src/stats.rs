@@ -1,19 +1,30 @@
-//! `canted stats`: what each volume strategy costs and buys, in the layout of the dissertation's tables 3 to 5.
+//! `canted stats`: what each volume strategy costs and buys, in the layout of the dissertation's tables 3 to 5, and what
+//! wide trees are made of.
 
 mod measure;
 mod tables;
+mod wide;
+mod wide_tables;
 
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
+use canted_scene::Scene;
 
-use crate::{Outcome, load, options, output};
+use crate::{
+    Outcome, load,
+    options::{self, PresetArg},
+    output,
+};
 
 /// Options of `canted stats`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// The scene: OBJ, PLY, glTF or GLB; the built-in one without it.
     scene: Option<PathBuf>,
+    /// Presets of wide trees to build, separated by commas: `fast`, `balanced`, `quality`, which takes the longest.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "balanced", value_name = "PRESETS")]
+    presets: Vec<PresetArg>,
     /// Number of threads; all processors without it.
     #[arg(long, value_parser = options::threads, value_name = "N")]
     threads: Option<usize>,
@@ -22,13 +33,21 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Builds the scene with every strategy, in one level and in two, and prints the tables.
+/// Builds the scene with every strategy and with presets, in one level and in two, and prints the tables.
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
     let scene = load::scene(args.scene.as_deref())?;
     let name = load::name(args.scene.as_deref());
     let measured = measure::measure(&scene).map_err(|error| anyhow!("{name}: {error}"))?;
-    let text = if args.json { tables::json(&name, &scene, &measured) } else { tables::text(&name, &scene, &measured) };
+    let wide = wide::measure(&scene, &args.presets).map_err(|error| anyhow!("{name}: {error}"))?;
+    let table = if args.json { tables::json } else { tables::text };
+    let text = table(&name, &scene, &measured, &wide);
     output::to_stdout(&text);
     Ok(Outcome::Done)
+}
+
+/// By how much a mesh grows on its way to the world: as its first instance does.
+fn world_scale(scene: &Scene, mesh_index: usize) -> f64 {
+    let placed = scene.instances.iter().find(|instance| instance.mesh.0 as usize == mesh_index);
+    placed.map_or(1.0, |placed| placed.world_from_object.determinant().abs().cbrt())
 }

@@ -121,11 +121,17 @@ pub fn prepare<K: LaneKernel>(scene: &Scene, config: &StructureConfig) -> Result
         return Err(PrepareError::TooMany { n_triangles });
     }
     let structure = if one { build_one(scene, &level)? } else { build_two(scene, &level)? };
-    let left_out = left_out(scene, one, structure.bottom().iter().any(Level::leans));
+    let straight = match config.volumes {
+        Some(Strategy::Aabb) => "boxes along the axes are asked for",
+        _ if structure.bottom().iter().any(Level::leans) => "",
+        _ => "no gain by predicted cost",
+    };
+    let left_out = left_out(scene, one, straight);
     Ok(Prepared { structure, left_out, build_time: start.elapsed() })
 }
 
-fn left_out(scene: &Scene, one: bool, leans: bool) -> Vec<LeftOut> {
+/// What `scene` does without; `straight` says why no box leans, empty where one does.
+fn left_out(scene: &Scene, one: bool, straight: &'static str) -> Vec<LeftOut> {
     let mut left_out = vec![];
     let mut without = |needed: bool, part, because| {
         if !needed {
@@ -133,7 +139,7 @@ fn left_out(scene: &Scene, one: bool, leans: bool) -> Vec<LeftOut> {
         }
     };
     without(!one, "top level", "meshes are hardly repeated");
-    without(leans, "leaning boxes", "no gain by predicted cost");
+    without(straight.is_empty(), "leaning boxes", straight);
     let textured = scene.materials.iter().any(|m| m.albedo_texture.is_some() || m.alpha_texture.is_some());
     without(textured, "textures", "no material has one");
     without(scene.meshes.iter().any(|m| m.uvs.is_some()), "texture coordinates", "no texture is looked up");

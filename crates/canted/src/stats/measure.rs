@@ -67,10 +67,7 @@ pub(super) fn measure(scene: &Scene) -> Result<Measured> {
     add_mesh(&mut one, &positions, &triangles, extent)?;
     let mut bottom = Level::default();
     for (i, mesh) in scene.meshes.iter().enumerate() {
-        // Object space is scaled as the mesh's first instance is.
-        let placed = scene.instances.iter().find(|instance| instance.mesh.0 as usize == i);
-        let scale = placed.map_or(1.0, |placed| placed.world_from_object.determinant().abs().cbrt());
-        add_mesh(&mut bottom, &mesh.positions, &mesh.triangles, extent / scale)?;
+        add_mesh(&mut bottom, &mesh.positions, &mesh.triangles, extent / super::world_scale(scene, i))?;
     }
     let top = top_level(scene, extent);
     let mut measured = Measured { one, bottom, top };

@@ -7,10 +7,11 @@ use canted_scene::Scene;
 use serde_json::{Value, json};
 
 use super::measure::{Level, Measured, Passes, Row};
+use super::{wide, wide_tables};
 use crate::{memory, options::strategy_name};
 
 /// All numbers as JSON.
-pub(super) fn json(name: &str, scene: &Scene, measured: &Measured) -> String {
+pub(super) fn json(name: &str, scene: &Scene, measured: &Measured, wide: &wide::Measured) -> String {
     json!({
         "scene": name,
         "meshes": scene.meshes.len(),
@@ -20,6 +21,7 @@ pub(super) fn json(name: &str, scene: &Scene, measured: &Measured) -> String {
         "placed_triangles": scene.n_placed_triangles(),
         "one_level": level_json(&measured.one),
         "two_level": { "bottom": level_json(&measured.bottom), "top": level_json(&measured.top) },
+        "wide": wide_tables::json(wide),
     })
     .to_string()
 }
@@ -66,7 +68,7 @@ fn n_vertices(scene: &Scene) -> usize {
 }
 
 /// All numbers as tables for people.
-pub(super) fn text(name: &str, scene: &Scene, measured: &Measured) -> String {
+pub(super) fn text(name: &str, scene: &Scene, measured: &Measured, wide: &wide::Measured) -> String {
     let mut out = String::new();
     // Writing to a String cannot fail.
     let _ = writeln!(
@@ -81,6 +83,7 @@ pub(super) fn text(name: &str, scene: &Scene, measured: &Measured) -> String {
     boxes(&mut out, "one level", &measured.one);
     boxes(&mut out, "two levels, bottom", &measured.bottom);
     boxes(&mut out, "two levels, top", &measured.top);
+    wide_tables::text(&mut out, wide);
     passes(&mut out, measured);
     out
 }

@@ -53,6 +53,21 @@ fn hits_are_those_of_every_triangle_tried() {
 }
 
 #[test]
+fn every_preset_and_builder_of_wide_trees_answers_as_every_triangle_tried() {
+    let (model, rays) = model_and_rays();
+    let folder = Folder::new();
+    folder.write("model.obj", &model.obj);
+    folder.write("rays.csv", csv(&rays));
+    for preset in ["fast", "balanced", "quality"] {
+        for builder in ["auto", "sah", "ploc", "lbvh", "obvhs"] {
+            let options = format!("--preset {preset} --builder {builder}");
+            folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv {options}")).done();
+            assert_answers(&rows(&folder.text("hits.csv"), HEADER), &rays, &options);
+        }
+    }
+}
+
+#[test]
 fn the_check_sees_two_primitives_swapped() {
     let (mut model, rays) = model_and_rays();
     let hit = rays.iter().find_map(|(_, answer)| answer.as_ref()).unwrap().0;
@@ -82,6 +97,12 @@ fn no_option_changes_an_answer() {
                 ("lbvh", "dop"),
                 ("obvhs", "auto"),
                 ("obvhs", "dop"),
+                ("auto", "auto"),
+                ("auto", "dop"),
+                ("sah", "auto"),
+                ("sah", "aabb"),
+                ("auto --preset fast", "auto"),
+                ("auto --preset quality", "auto"),
             ] {
                 let options =
                     format!("--triangles {triangles} --levels {levels} --builder {builder} --volumes {volumes}");

@@ -39,6 +39,42 @@ fn facts_are_told_as_json() {
 }
 
 #[test]
+fn volumes_are_told_in_words() {
+    let folder = Folder::with_small();
+    let fact = |line: &str, key: &str| {
+        let facts = folder.run(&format!("render {line} --size 8x5 --spp 1 --json -o out.png")).done().json();
+        facts[key].as_str().unwrap_or_else(|| panic!("{line}: {facts}")).to_owned()
+    };
+    assert_eq!(fact("small.obj", "volumes"), "wide, leaves only");
+    assert_eq!(fact("small.obj --levels two --preset quality", "volumes"), "wide, leaves only");
+    assert_eq!(fact("small.obj --volumes aabb", "volumes"), "aabb");
+    assert_eq!(fact("small.obj --volumes dop --builder sah", "volumes"), "dop");
+    assert!(["scalar", "avx2", "avx512", "neon"].contains(&fact("small.obj", "simd").as_str()));
+    // The built-in scene stands on leaning towers.
+    for options in ["", "--preset fast", "--levels two", "--builder sah"] {
+        let words = fact(options, "volumes");
+        let numbers: Vec<u64> = words.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
+        assert!(words.starts_with("wide, ") && words.contains(" nodes lean"), "{options}: {words}");
+        assert!(0 < numbers[0] && numbers[0] <= numbers[1], "{options}: {words}");
+    }
+}
+
+#[test]
+fn leaning_boxes_are_left_out_for_a_reason() {
+    let folder = Folder::with_small();
+    let reason = |line: &str| {
+        let facts = folder.run(&format!("render {line} --size 8x5 --spp 1 --json -o out.png")).done().json();
+        let parts = facts["left_out"].as_array().unwrap();
+        let leaning = parts.iter().find(|left| left["part"] == "leaning boxes");
+        leaning.map(|left| left["because"].as_str().unwrap().to_owned())
+    };
+    assert_eq!(reason("small.obj").as_deref(), Some("no gain by predicted cost"));
+    assert_eq!(reason("small.obj --volumes aabb").as_deref(), Some("boxes along the axes are asked for"));
+    assert_eq!(reason("--volumes aabb").as_deref(), Some("boxes along the axes are asked for"));
+    assert_eq!(reason(""), None, "towers of the built-in scene lean");
+}
+
+#[test]
 fn threads_do_not_change_a_byte() {
     let folder = Folder::with_small();
     for options in ["--spp 4", "--spp 4 --env 1,1,1", "--spp 1 --heatmap boxes"] {
@@ -62,7 +98,17 @@ fn structures_do_not_change_a_byte() {
         folder.bytes("out.exr")
     };
     let first = picture("");
-    for options in ["--levels two", "--volumes dop", "--levels two --volumes combined", "--builder obvhs"] {
+    for options in [
+        "--levels two",
+        "--volumes dop",
+        "--levels two --volumes combined",
+        "--builder obvhs",
+        "--builder auto",
+        "--builder sah",
+        "--builder sah --volumes aabb",
+        "--preset fast",
+        "--preset quality --levels two",
+    ] {
         assert!(picture(options) == first, "{options}");
     }
     assert!(picture("--seed 1") != first, "another seed is another noise");
@@ -73,7 +119,7 @@ fn structures_do_not_change_a_byte() {
 #[test]
 fn heat_maps_count_tests() {
     let folder = Folder::with_small();
-    let camera = "--eye 0.5,0.5,9 --target 0.5,0.5,0 --fov 10";
+    let camera = "--eye 0.5,0.5,9 --target 0.5,0.5,0 --fov 10 --volumes aabb";
     for what in ["boxes", "triangles"] {
         let facts = folder.run(&format!("{QUICK} --heatmap {what} {camera} --json -o {what}.png")).done().json();
         assert_eq!(png_size(&folder.bytes(&format!("{what}.png"))), [48, 27]);
@@ -82,6 +128,28 @@ fn heat_maps_count_tests() {
         assert!(triangles > 0.0 && triangles <= 3.0, "{triangles} tests in a scene of 3 triangles");
     }
     assert_ne!(folder.bytes("boxes.png"), folder.bytes("triangles.png"));
+}
+
+#[test]
+fn a_wide_node_counts_eight_boxes() {
+    let folder = Folder::with_small();
+    let facts = folder.run(&format!("{QUICK} --heatmap boxes --json")).done().json();
+    assert_eq!(facts["box_tests_per_ray"], 0.0, "three triangles are one leaf");
+    // One ray, through the first two of 64 squares one behind the other; a leaf holds at most 32 triangles.
+    let corners = (0..64).map(|z| format!("v 0 0 {z}\nv 2 0 {z}\nv 2 2 {z}\nv 0 2 {z}\n"));
+    let faces = (0..64).map(|i| 4 * i + 1).map(|i| format!("f {i} {} {} {}\n", i + 1, i + 2, i + 3));
+    folder.write("pile.obj", corners.chain(faces).collect::<String>());
+    let camera = "--eye 1.2,1,99 --target 1.2,1,0 --up 0,1,0 --size 1x1";
+    for preset in ["fast", "balanced", "quality"] {
+        let line = format!("render pile.obj {camera} --heatmap boxes --preset {preset} --json");
+        let facts = folder.run(&line).done().json();
+        let [boxes, triangles] =
+            ["box_tests_per_ray", "triangle_tests_per_ray"].map(|key| facts[key].as_f64().unwrap());
+        assert!(boxes >= 8.0 && boxes % 8.0 == 0.0, "{preset}: {boxes} boxes");
+        assert!(triangles >= 1.0 && triangles < 128.0, "{preset}: {triangles} triangles of 128");
+    }
+    let binary = folder.run(&format!("render pile.obj {camera} --heatmap boxes --volumes aabb --json")).done().json();
+    assert!(binary["box_tests_per_ray"].as_f64().unwrap() >= 2.0, "{binary}");
 }
 
 #[test]

@@ -1,0 +1,220 @@
+//! Builds wide trees with presets.
+
+use std::time::Instant;
+
+use anyhow::Result;
+use canted_obb::Obb;
+use canted_scene::Scene;
+use canted_trace::Watertight;
+use canted_wide::{Config, NodeKind, Wide};
+
+use crate::options::PresetArg;
+
+/// One preset on one level of trees.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Row {
+    /// Nodes of each kind, in the order of [`NodeKind::ALL`].
+    pub(super) nodes: [usize; NodeKind::ALL.len()],
+    /// Visits of box nodes that a ray costs which enters a root, by prediction, were all nodes box nodes; over several
+    /// trees the mean by root area.
+    pub(super) boxes_only: f64,
+    /// The same of the trees as they are.
+    pub(super) as_built: f64,
+    /// Trees whose box nodes stand in a frame of the mesh's own.
+    pub(super) turned: usize,
+    /// The greatest angle between such a frame and the axes.
+    pub(super) angle_rad: f64,
+    /// Memory of nodes.
+    pub(super) node_bytes: usize,
+    /// Memory of triangle blocks.
+    pub(super) block_bytes: usize,
+    /// Triangles in the trees.
+    pub(super) triangles: usize,
+    /// Nodes on the longest way down.
+    pub(super) depth: u32,
+    /// Milliseconds from indexed triangles to trees that answer rays.
+    pub(super) build_ms: f64,
+    /// Sum of the roots' areas, by which costs are weighted while trees are added.
+    pub(super) root_area: f64,
+}
+
+/// Presets on one level of trees.
+pub(super) struct Level {
+    /// Number of trees.
+    pub(super) trees: usize,
+    /// Each preset's, in the order asked for.
+    pub(super) rows: Vec<(PresetArg, Row)>,
+}
+
+/// Everything measured about wide trees.
+pub(super) struct Measured {
+    /// All triangles in world space under one tree.
+    pub(super) one: Level,
+    /// A tree a mesh.
+    pub(super) bottom: Level,
+}
+
+impl Row {
+    /// Nodes of all kinds.
+    pub(super) fn n_nodes(&self) -> usize {
+        self.nodes.iter().sum()
+    }
+
+    /// Part of the nodes that are of one kind.
+    #[expect(clippy::cast_precision_loss, reason = "a share is shown with a few digits")]
+    pub(super) fn share(&self, kind: NodeKind) -> f64 {
+        let of_kind = NodeKind::ALL.iter().zip(self.nodes).filter(|(each, _)| **each == kind).map(|(_, n)| n);
+        of_kind.sum::<usize>() as f64 / (self.n_nodes() as f64).max(1.0)
+    }
+
+    /// Part of the nodes that are no box nodes.
+    pub(super) fn leaning_share(&self) -> f64 {
+        self.share(NodeKind::Shared) + self.share(NodeKind::Lean)
+    }
+
+    /// Memory of nodes and blocks by triangle.
+    #[expect(clippy::cast_precision_loss, reason = "a mean is shown with a few digits")]
+    pub(super) fn bytes_per_triangle(&self) -> f64 {
+        (self.node_bytes + self.block_bytes) as f64 / (self.triangles as f64).max(1.0)
+    }
+
+    fn add(&mut self, wide: &Wide<Watertight>, area: f64, build_ms: f64) {
+        let (sizes, predicted) = (wide.sizes(), wide.predicted());
+        for (sum, n) in self.nodes.iter_mut().zip(sizes.nodes) {
+            *sum += n;
+        }
+        self.boxes_only += f64::from(predicted.aligned) * area;
+        self.as_built += f64::from(predicted.chosen) * area;
+        if wide.frame() != Obb::IDENTITY_FRAME {
+            self.turned += 1;
+            self.angle_rad = self.angle_rad.max(angle_rad(wide.frame()));
+        }
+        self.node_bytes += sizes.node_bytes;
+        self.block_bytes += sizes.block_bytes;
+        self.triangles += wide.n_triangles();
+        self.depth = self.depth.max(sizes.depth);
+        self.build_ms += build_ms;
+        self.root_area += area;
+    }
+}
+
+/// Builds the scene in one level and in two, with each preset.
+pub(super) fn measure(scene: &Scene, presets: &[PresetArg]) -> Result<Measured> {
+    let empty = || Level { trees: 0, rows: presets.iter().map(|&preset| (preset, Row::default())).collect() };
+    let (positions, triangles, _) = canted_renderer::flatten(scene);
+    let mut one = empty();
+    add_mesh(&mut one, &positions, &triangles, 1.0)?;
+    let mut bottom = empty();
+    for (i, mesh) in scene.meshes.iter().enumerate() {
+        add_mesh(&mut bottom, &mesh.positions, &mesh.triangles, super::world_scale(scene, i))?;
+    }
+    for (_, row) in one.rows.iter_mut().chain(&mut bottom.rows) {
+        // Meshes without area weigh nothing; nor does a mean of them say anything.
+        let area = row.root_area.max(f64::MIN_POSITIVE);
+        row.boxes_only /= area;
+        row.as_built /= area;
+    }
+    Ok(Measured { one, bottom })
+}
+
+fn add_mesh(level: &mut Level, positions: &[[f32; 3]], triangles: &[[u32; 3]], world_scale: f64) -> Result<()> {
+    level.trees += 1;
+    for (preset, row) in &mut level.rows {
+        let start = Instant::now();
+        let wide = Wide::<Watertight>::build(positions, triangles, &Config::preset(preset.preset()))?;
+        let build_ms = start.elapsed().as_secs_f64() * 1e3;
+        row.add(&wide, wide.bounds().area() * world_scale * world_scale, build_ms);
+    }
+    Ok(())
+}
+
+/// The least angle by which boxes along the axes are turned into boxes of a frame of unit rows.
+///
+/// Boxes do not tell an axis from its opposite nor one axis from another, so of the 24 rotations that do the same the
+/// least counts: the one of the greatest trace.
+fn angle_rad(rows: [[f32; 3]; 3]) -> f64 {
+    const ORDERS: [([usize; 3], f64); 6] =
+        [([0, 1, 2], 1.0), ([1, 2, 0], 1.0), ([2, 0, 1], 1.0), ([0, 2, 1], -1.0), ([2, 1, 0], -1.0), ([1, 0, 2], -1.0)];
+    let entry = |row: usize, column: usize| f64::from(rows[row][column]);
+    let cofactor = |a: usize, b: usize| entry(1, a) * entry(2, b) - entry(1, b) * entry(2, a);
+    let determinant = entry(0, 0) * cofactor(1, 2) + entry(0, 1) * cofactor(2, 0) + entry(0, 2) * cofactor(0, 1);
+    let traces = ORDERS.map(|(order, parity)| {
+        let diagonal = [0, 1, 2].map(|row| entry(row, order[row]));
+        let all: f64 = diagonal.iter().map(|x| x.abs()).sum();
+        // Turning three axes round one by one makes a mirror image where their number is wrong: then one stays.
+        let is_rotation = diagonal.iter().fold(parity * determinant, |product, x| product * x) >= 0.0;
+        let least = diagonal.iter().fold(f64::INFINITY, |least, x| least.min(x.abs()));
+        if is_rotation { all } else { all - 2.0 * least }
+    });
+    let trace = traces.into_iter().fold(-1.0, f64::max);
+    (0.5 * (trace - 1.0)).clamp(-1.0, 1.0).acos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_turned_about_an_axis_has_the_least_of_its_angles() {
+        for degrees in [0.0f64, 10.0, 30.0, 44.0, 46.0, 80.0, 135.0, 200.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let [sin, cos] = [sin, cos].map(|x| x as f32);
+            let least = (degrees / 90.0 - (degrees / 90.0).round()).abs() * 90.0;
+            for rows in [
+                [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]],
+                // Other names and other signs for the same axes, right- and left-handed.
+                [[0.0, 0.0, -1.0], [-sin, cos, 0.0], [cos, sin, 0.0]],
+                [[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, 1.0]],
+            ] {
+                let angle = angle_rad(rows).to_degrees();
+                // The cosine of a small angle loses half of the digits.
+                assert!((angle - least).abs() < 0.1, "{degrees}: {angle} is not {least}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_least_angle_is_that_of_all_24_rotations_tried() {
+        let mut state = 1u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            f64::from((state >> 40) as u32) / f64::from(1 << 23) - 1.0
+        };
+        for _ in 0..200 {
+            let q = canted_obb::Quaternion { w: random(), x: random(), y: random(), z: random() };
+            let rows = rows_of(q);
+            let tried = least_of_24(rows);
+            let angle = angle_rad(rows.map(|row| row.map(|x| x as f32)));
+            assert!((angle - tried).abs() < 1e-3, "{angle} is not {tried}");
+        }
+    }
+
+    /// The rotation of a quaternion of any length.
+    fn rows_of(q: canted_obb::Quaternion) -> [[f64; 3]; 3] {
+        let canted_obb::Quaternion { w, x, y, z } = q;
+        let n = w * w + x * x + y * y + z * z;
+        [
+            [n - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), n - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), n - 2.0 * (x * x + y * y)],
+        ]
+        .map(|row| row.map(|entry| entry / n))
+    }
+
+    /// Angles of the rotation after each of the cube's.
+    fn least_of_24(rows: [[f64; 3]; 3]) -> f64 {
+        let mut least = f64::INFINITY;
+        for (a, b) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
+            for signs in 0..4u8 {
+                let [mut u, mut v] = [[0.0; 3]; 2];
+                u[a] = if signs & 1 == 0 { 1.0 } else { -1.0 };
+                v[b] = if signs & 2 == 0 { 1.0 } else { -1.0 };
+                let w = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+                let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+                let trace = dot(rows[0], u) + dot(rows[1], v) + dot(rows[2], w);
+                least = least.min((0.5 * (trace - 1.0)).clamp(-1.0, 1.0).acos());
+            }
+        }
+        least
+    }
+}
