@@ -57,6 +57,7 @@ fn findings() -> Result<Vec<Finding>> {
         if path.extension().is_some_and(|extension| extension == "rs") {
             rules::length(&path, &text, &mut findings);
             rules::unfinished(&path, &text, &mut findings);
+            rules::lifts_no_ban(&path, &text, &mut findings);
         }
         if is_crate_root(&path) {
             rules::forbids_unsafe(&path, &text, &mut findings);

@@ -56,10 +56,33 @@ fn names_folder(line: &str, folder: &str) -> bool {
     line.match_indices(folder).any(|(at, _)| !line[..at].ends_with(is_part))
 }
 
-/// A crate holds no unsafe code.
+/// The only files that hold unsafe code, and the root of their crate.
+const UNSAFE_ROOT: &str = "crates/wide/src/lib.rs";
+const UNSAFE_FILES: [&str; 3] =
+    ["crates/wide/src/simd/avx2.rs", "crates/wide/src/simd/avx512.rs", "crates/wide/src/simd/neon.rs"];
+
+/// A crate holds no unsafe code; one denies it but for the files that say why they hold some.
 pub(super) fn forbids_unsafe(path: &Path, text: &str, findings: &mut Vec<Finding>) {
-    if !text.lines().any(|line| line == "#![forbid(unsafe_code)]") {
-        findings.push(Finding::error(path, "does not forbid unsafe code".to_owned()));
+    let wanted = if path == Path::new(UNSAFE_ROOT) { "deny" } else { "forbid" };
+    if !text.lines().any(|line| line == format!("#![{wanted}(unsafe_code)]")) {
+        findings.push(Finding::error(path, format!("does not {wanted} unsafe code")));
+    }
+}
+
+/// Of all crates, only the named files lift the ban; benches call the libraries of others as these ask for.
+pub(super) fn lifts_no_ban(path: &Path, text: &str, findings: &mut Vec<Finding>) {
+    if !path.starts_with("crates") || UNSAFE_FILES.iter().any(|file| path == Path::new(file)) {
+        return;
+    }
+    for (i, line) in text.lines().enumerate() {
+        let lifts = |word: &&str| line.trim_start().starts_with(word) && line.contains("unsafe_code");
+        // In halves, so that this file lifts nothing.
+        if [concat!("#![ex", "pect("), concat!("#![al", "low("), concat!("#[ex", "pect("), concat!("#[al", "low(")]
+            .iter()
+            .any(lifts)
+        {
+            findings.push(Finding::error(path, format!("line {}: unsafe code where none may be", i + 1)));
+        }
     }
 }
 
@@ -138,6 +161,39 @@ mod tests {
     fn unsafe_code_must_be_forbidden_in_so_many_words() {
         assert_eq!(found(forbids_unsafe, "//! A crate.\n#![forbid(unsafe_code)]\n"), []);
         assert_eq!(found(forbids_unsafe, "// #![forbid(unsafe_code)]\n").len(), 1);
+        assert_eq!(found(forbids_unsafe, "#![deny(unsafe_code)]\n").len(), 1, "this is no crate of intrinsics");
+        let of_intrinsics = |text: &str| {
+            let mut findings = vec![];
+            forbids_unsafe(Path::new(UNSAFE_ROOT), text, &mut findings);
+            findings.len()
+        };
+        assert_eq!([of_intrinsics("#![deny(unsafe_code)]\n"), of_intrinsics("//! Lanes.\n")], [0, 1]);
+    }
+
+    #[test]
+    fn the_ban_is_lifted_in_named_files_only() {
+        let n_lifted = |file: &str, text: &str| {
+            let mut findings = vec![];
+            lifts_no_ban(Path::new(file), text, &mut findings);
+            findings.len()
+        };
+        for line in
+            [concat!("#![al", "low(unsafe_code)]"), concat!("    #[ex", "pect(unsafe_code, reason = \"fast\")]")]
+        {
+            assert_eq!(n_lifted("crates/wide/src/walk.rs", line), 1, "{line}");
+            for file in UNSAFE_FILES.into_iter().chain(["benches/peers/foreign.rs"]) {
+                assert_eq!(n_lifted(file, line), 0, "{file}: {line}");
+            }
+        }
+        let harmless = "#![forbid(unsafe_code)]\n// #![expect(unsafe_code)]\n";
+        assert_eq!(n_lifted("crates/obb/src/lib.rs", harmless), 0);
+    }
+
+    #[test]
+    fn the_named_files_are_there() {
+        for file in UNSAFE_FILES.into_iter().chain([UNSAFE_ROOT]) {
+            assert!(workspace::root().join(file).is_file(), "{file}");
+        }
     }
 
     #[test]
