@@ -158,7 +158,7 @@ mod tests {
     fn a_frame_turned_about_an_axis_has_the_least_of_its_angles() {
         for degrees in [0.0f64, 10.0, 30.0, 44.0, 46.0, 80.0, 135.0, 200.0] {
             let (sin, cos) = degrees.to_radians().sin_cos();
-            let [sin, cos] = [sin, cos].map(|x| x as f32);
+            let [sin, cos] = [sin, cos].map(rounded);
             let least = (degrees / 90.0 - (degrees / 90.0).round()).abs() * 90.0;
             for rows in [
                 [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]],
@@ -184,9 +184,14 @@ mod tests {
             let q = canted_obb::Quaternion { w: random(), x: random(), y: random(), z: random() };
             let rows = rows_of(q);
             let tried = least_of_24(rows);
-            let angle = angle_rad(rows.map(|row| row.map(|x| x as f32)));
+            let angle = angle_rad(rows.map(|row| row.map(rounded)));
             assert!((angle - tried).abs() < 1e-3, "{angle} is not {tried}");
         }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+    fn rounded(x: f64) -> f32 {
+        x as f32
     }
 
     /// The rotation of a quaternion of any length.

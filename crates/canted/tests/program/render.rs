@@ -146,7 +146,7 @@ fn a_wide_node_counts_eight_boxes() {
         let [boxes, triangles] =
             ["box_tests_per_ray", "triangle_tests_per_ray"].map(|key| facts[key].as_f64().unwrap());
         assert!(boxes >= 8.0 && boxes % 8.0 == 0.0, "{preset}: {boxes} boxes");
-        assert!(triangles >= 1.0 && triangles < 128.0, "{preset}: {triangles} triangles of 128");
+        assert!((1.0..128.0).contains(&triangles), "{preset}: {triangles} triangles of 128");
     }
     let binary = folder.run(&format!("render pile.obj {camera} --heatmap boxes --volumes aabb --json")).done().json();
     assert!(binary["box_tests_per_ray"].as_f64().unwrap() >= 2.0, "{binary}");

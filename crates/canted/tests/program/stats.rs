@@ -82,7 +82,7 @@ fn assert_wide(level: &Value, n_trees: u64, n_triangles: f64) -> &Vec<Value> {
         assert!(as_built > 0.0 && as_built <= boxes_only * (1.0 + 1e-6), "no dearer kind is chosen: {row}");
         let shares = ["box_share", "shared_share", "lean_share"].map(|key| number(row, key));
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{row}");
-        // Nodes take 256, 320 and 512 bytes, whole caches lines of 64; blocks of four triangles 160.
+        // Nodes take 256, 320 and 512 bytes; blocks of four triangles 160.
         let n_nodes = number(row, "nodes");
         let node_bytes: f64 =
             shares.iter().zip([256.0, 320.0, 512.0]).map(|(share, bytes)| share * n_nodes * bytes).sum();
