@@ -68,6 +68,10 @@ const COARSE: [f32; 2] = [0.07, 0.004];
 /// The same for the best frame: half a degree, and what moves a point by a millionth of its distance.
 const FINE: [f32; 2] = [0.004, 0.000_000_5];
 
+/// Times that a frame is turned by one angle, at most. After twice the angle two or three do; but along needles that
+/// are all but parallel the sum falls towards zero, by some part of itself each time, for thousands.
+const MAX_ROUNDS: u32 = 16;
+
 /// Frames in which the boxes of the mesh's triangles are smaller than along the axes of the space.
 pub(crate) fn candidates(corners: &[Corners], config: &MeshFrameConfig) -> Vec<[[f32; 3]; 3]> {
     let drawn = draw::evenly(corners, config.n_drawn);
@@ -107,8 +111,10 @@ fn along_longest_edge([a, b]: Edges) -> Option<[Vec3A; 3]> {
 fn turned(measure: &Measure, start: Ranked, [first, last]: [f32; 2]) -> Ranked {
     let mut best = start;
     let mut tangent = first;
+    let mut n_rounds = 0;
     while tangent >= last {
         let before = best.1;
+        n_rounds += 1;
         for axis in 0..3 {
             for signed in [tangent, -tangent] {
                 let Some(rows) = about_axis(&best.0, axis, signed) else { continue };
@@ -119,8 +125,9 @@ fn turned(measure: &Measure, start: Ranked, [first, last]: [f32; 2]) -> Ranked {
             }
         }
         // Where a sum that is rounded falls by next to nothing the angle is too small to matter, too.
-        if best.1 >= before * (1.0 - f64::from(f32::EPSILON)) {
+        if best.1 >= before * (1.0 - f64::from(f32::EPSILON)) || n_rounds == MAX_ROUNDS {
             tangent *= 0.5;
+            n_rounds = 0;
         }
     }
     best
