@@ -2,6 +2,9 @@
 #![forbid(unsafe_code)]
 
 pub mod brute;
+pub mod closed;
 pub mod exact;
 pub mod instances;
+pub mod judge;
+pub mod rays;
 pub mod scenes;

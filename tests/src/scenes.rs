@@ -1,8 +1,8 @@
 //! Meshes small enough for a loop over all triangles, and ugly.
 
 use canted_fixtures::{
-    Mesh, Rotation, coplanar_quads, displaced_icosphere, fan, grid, icosphere, identical, outlier, slivers, soup,
-    thin_box, torus,
+    Hair, Mesh, Rotation, SplitMix64, Strand, coplanar_quads, displaced_icosphere, fan, grid, hair, icosphere,
+    identical, outlier, scaffold_of, slivers, soup, thin_box, torus, truss,
 };
 
 /// A mesh, and where it stands.
@@ -54,4 +54,49 @@ pub fn cases() -> Vec<Case> {
         add("at 1e7", &|p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7]);
     }
     cases
+}
+
+/// Long thin things in all directions, of which leaning boxes are made for: struts, cables, hair, needles.
+#[must_use]
+pub fn needles() -> Vec<Case> {
+    let case = |name: &str, mesh: Mesh| Case { name: name.to_owned(), mesh };
+    let tubes = Hair { n_strands: 12, n_segments: 6, width: 0.0006, strand: Strand::Tube };
+    let ribbons = Hair { n_strands: 30, n_segments: 8, strand: Strand::Ribbon, ..tubes };
+    vec![
+        case("scaffold", scaffold_of(1, true, 3)),
+        case("truss", every(&truss(4), 12, 150)),
+        case("tubes", hair(3, &tubes)),
+        case("ribbons", hair(3, &ribbons)),
+        case("needles", slivers(9, 300)),
+    ]
+}
+
+/// One of `part` runs of `run` triangles, and the vertices that it uses.
+#[must_use]
+pub fn every(mesh: &Mesh, run: usize, part: usize) -> Mesh {
+    let mut kept = Mesh::default();
+    for triangle in mesh.triangles.chunks(run).step_by(part).flatten() {
+        let first = u32::try_from(kept.positions.len()).expect("fewer vertices than the mesh has indices");
+        kept.positions.extend(triangle.map(|index| mesh.positions[index as usize]));
+        kept.triangles.push([first, first + 1, first + 2]);
+    }
+    kept
+}
+
+/// `n` boxes along the axes, flat in one of them, standing on each other's corners: a room that can be turned.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
+pub fn room(seed: u64, n: usize) -> Mesh {
+    let mut rng = SplitMix64::new(seed);
+    let cube = thin_box(1.0);
+    let mut room = Mesh::default();
+    for i in 0..n {
+        let at: [f64; 3] = std::array::from_fn(|_| rng.below(8) as f64);
+        let size: [f64; 3] = std::array::from_fn(|k| if k == i % 3 { 0.0 } else { 1.0 + rng.below(4) as f64 });
+        let first = u32::try_from(room.positions.len()).expect("few vertices");
+        let corner = |p: &[f32; 3]| std::array::from_fn(|k| (at[k] + f64::from(p[k]) * size[k]) as f32);
+        room.positions.extend(cube.positions.iter().map(corner));
+        room.triangles.extend(cube.triangles.iter().map(|t| t.map(|index| index + first)));
+    }
+    room
 }

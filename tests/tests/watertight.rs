@@ -4,97 +4,15 @@
 //! instances that turn, shear and mirror. Not covered here: how often a ray crosses (parity), meshes whose neighbours
 //! do not share vertices, seams between two instances; both of these have gaps in their data.
 
-use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, icosphere, thin_box, torus};
+use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_obb::Affine;
+use canted_tests::closed::{Place, baked, closed, places, rays};
 use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, PairOrder, Tlas};
 use canted_trace::{InstanceId, Ray, Watertight};
 
 /// Rays from inside, and as many from outside, for each mesh, place, strategy and number of levels.
 const N_RAYS: usize = 5_000;
-
-/// A closed mesh, star-shaped as seen from `heart` but for the torus, which is only tight around it.
-struct Closed {
-    name: &'static str,
-    mesh: Mesh,
-    heart: [f64; 3],
-    /// Every point within this of `heart`, along each axis, is inside.
-    room: [f64; 3],
-}
-
-fn closed() -> Vec<Closed> {
-    let origin = [0.0; 3];
-    vec![
-        Closed { name: "icosphere", mesh: icosphere(2), heart: origin, room: [0.5; 3] },
-        Closed { name: "displaced icosphere", mesh: displaced_icosphere(3, 2), heart: origin, room: [0.4; 3] },
-        Closed { name: "torus", mesh: torus(24, 8), heart: [1.0, 0.0, 0.0], room: [0.2; 3] },
-        Closed { name: "thin box", mesh: thin_box(0.01), heart: origin, room: [0.4, 0.4, 0.004] },
-    ]
-}
-
-/// Where a closed mesh stands in the world.
-struct Place {
-    name: &'static str,
-    world_from_object: Affine,
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
-fn places() -> Vec<Place> {
-    let place = |name, turn: Rotation, scale: [f64; 3], shift: f32| {
-        let column = |j: usize| turn.rows.map(|row| (row[j] * scale[j]) as f32);
-        Place { name, world_from_object: Affine { columns: [column(0), column(1), column(2), [shift, -shift, shift]] } }
-    };
-    let mut sheared = place("sheared and mirrored", Rotation::turn(), [1.0, -0.5, 2.0], 0.3);
-    sheared.world_from_object.columns[1][0] += 0.7;
-    vec![
-        place("as it is", Rotation::IDENTITY, [1.0; 3], 0.0),
-        place("at 1e-6, turned", Rotation::turn(), [1e-6; 3], 0.0),
-        place("at 1e6, turned", Rotation::turn(), [1e6; 3], 0.0),
-        // Steps of f32 are 1 there, and the thin box is 20 thick.
-        place("at 1e7", Rotation::turn(), [2e3; 3], 1e7),
-        sheared,
-    ]
-}
-
-/// The mesh in world space, vertices rounded: neighbours still share them.
-fn baked(mesh: &Mesh, world_from_object: &Affine) -> Mesh {
-    let positions = mesh.positions.iter().map(|&p| world_from_object.point(p)).collect();
-    Mesh { positions, triangles: mesh.triangles.clone() }
-}
-
-/// `a + by·(b - a)`.
-fn between(a: [f64; 3], b: [f64; 3], by: f64) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] + by * (b[k] - a[k]))
-}
-
-fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
-}
-
-/// Rays through a vertex or an edge of `mesh` (in world space): even ones from inside, odd ones from far outside
-/// through the edge to a point inside.
-#[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
-fn rays(mesh: &Mesh, closed: &Closed, world_from_object: &Affine, n: usize, seed: u64) -> Vec<Ray> {
-    let mut rng = SplitMix64::new(seed);
-    (0..n)
-        .map(|i| {
-            // A third from the heart itself: there coordinates repeat, and rays meet vertices exactly.
-            let offset = if i % 3 == 0 { [0.0; 3] } else { rng.signed3() };
-            let inside_object = std::array::from_fn(|k| closed.heart[k] + offset[k] * closed.room[k]);
-            let inside = world_from_object.point_f64(inside_object);
-            let corners = mesh.corners(rng.below(mesh.triangles.len()));
-            let first = rng.below(3);
-            let along_edge = [0.0, 0.5, rng.unit()][i / 2 % 3];
-            let target = between(corners[first], corners[(first + 1) % 3], along_edge);
-            // The mesh ends within a diagonal of the target.
-            let outside = between(inside, target, 1.0 + mesh.diagonal() / distance(inside, target));
-            let (from, to) = if i % 2 == 0 { (inside, target) } else { (outside, inside) };
-            let origin = from.map(|x| x as f32);
-            let direction = std::array::from_fn(|k| (to[k] - f64::from(origin[k])) as f32);
-            Ray::new(origin, direction)
-        })
-        .collect()
-}
 
 fn config(strategy: Strategy) -> BuildConfig {
     BuildConfig { bits: Bits::B63, volumes: VolumeConfig { strategy, fallback: true } }

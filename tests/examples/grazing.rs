@@ -1,0 +1,159 @@
+//! The long run: millions of grazing rays at wide trees, each answer compared to the bit.
+//!
+//! `cargo xtask grazing [--rays N]` runs it and keeps the table. Small scenes are judged by the loop over all triangles,
+//! large ones by the binary tree with boxes along the axes, which the tests compare with the loop. The same number of
+//! rays gives the same rays on every machine. Exits with 1 where an answer differs.
+#![forbid(unsafe_code)]
+
+use std::{
+    io::Write,
+    process::ExitCode,
+    sync::atomic::{AtomicUsize, Ordering},
+};
+
+use canted_fixtures::{Grazing, Mesh, displaced_icosphere, poles, scaffold, scaffold_of, soup, truss};
+use canted_tests::{brute, rays, scenes};
+use canted_tlas::{Blas, BuildConfig, MeshBlas};
+use canted_trace::{Hit, InstanceId, Ray, Watertight};
+use canted_wide::{Config, Preset, Wide};
+use rayon::prelude::*;
+
+/// Rays without `--rays`.
+const N_RAYS: usize = 10_000_000;
+
+/// Rays of one job.
+const JOB: usize = 1_000;
+
+/// Scenes of more triangles are judged by the binary tree.
+const MOST_FOR_THE_LOOP: usize = 2_000;
+
+/// What says which answer is right.
+enum Oracle {
+    Loop(Vec<[[f32; 3]; 3]>),
+    Binary(Box<MeshBlas<Watertight>>),
+}
+
+impl Oracle {
+    fn new(mesh: &Mesh) -> Self {
+        if mesh.triangles.len() <= MOST_FOR_THE_LOOP {
+            return Self::Loop(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
+        }
+        let blas = MeshBlas::build(&mesh.positions, &mesh.triangles, &BuildConfig::default());
+        Self::Binary(Box::new(blas.expect("fixtures are valid")))
+    }
+
+    fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
+        match self {
+            Self::Loop(records) => brute::closest_hit::<Watertight>(records, ray),
+            Self::Binary(blas) => blas.closest_hit(ray, InstanceId(0), &mut ()),
+        }
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Loop(_) => "every triangle",
+            Self::Binary(_) => "binary tree",
+        }
+    }
+}
+
+fn scenes() -> Vec<(&'static str, Mesh)> {
+    let at_1e7 = |mesh: Mesh| Mesh {
+        positions: mesh.positions.iter().map(|p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7]).collect(),
+        triangles: mesh.triangles,
+    };
+    let mut all: Vec<(&'static str, Mesh)> = vec![
+        ("soup", soup(7, 500)),
+        ("displaced icosphere", displaced_icosphere(3, 2)),
+        ("scaffold, 3 nodes", scaffold_of(1, true, 3)),
+        ("scaffold, 3 nodes, at 1e7", at_1e7(scaffold_of(1, false, 3))),
+        ("room, turned", scenes::room(3, 60).turned()),
+    ];
+    all.extend(
+        ["truss, part", "tubes", "ribbons"].into_iter().zip(scenes::needles().into_iter().skip(1).map(|c| c.mesh)),
+    );
+    all.extend([("scaffold", scaffold(1, false)), ("poles", poles(2)), ("truss", truss(4))]);
+    all
+}
+
+/// Kinds of rays: the grazing classes, from inside, from 100, 1,000 and 10,000 sizes away.
+const N_KINDS: usize = Grazing::ALL.len() + 4;
+
+fn rays_of(mesh: &Mesh, kind: usize, seed: u64) -> Vec<Ray> {
+    match kind.checked_sub(Grazing::ALL.len()) {
+        None => {
+            let mut rays = rays::of_classes(mesh, &[Grazing::ALL[kind]], JOB, seed);
+            rays.truncate(JOB);
+            rays
+        }
+        Some(0) => rays::from_inside(mesh, JOB, seed),
+        Some(far) => rays::from_afar(mesh, [1e2, 1e3, 1e4][far - 1], JOB, seed),
+    }
+}
+
+/// Rays, hits and answers that differ.
+#[derive(Default)]
+struct Row {
+    rays: AtomicUsize,
+    hits: AtomicUsize,
+    different: AtomicUsize,
+}
+
+fn shoot(mesh: &Mesh, oracle: &Oracle, n_rays: usize) -> Row {
+    let presets = [Preset::Fast, Preset::Balanced, Preset::Quality];
+    let trees: Vec<Wide<Watertight>> = presets
+        .iter()
+        .map(|&preset| Wide::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)))
+        .map(|tree| tree.expect("fixtures are valid"))
+        .collect();
+    let row = Row::default();
+    (0..n_rays.div_ceil(JOB)).into_par_iter().for_each(|job| {
+        let rays = rays_of(mesh, job % N_KINDS, 1_000 + job as u64);
+        let wants: Vec<_> = rays.iter().map(|ray| oracle.closest_hit(ray)).collect();
+        row.rays.fetch_add(rays.len(), Ordering::Relaxed);
+        row.hits.fetch_add(wants.iter().flatten().count(), Ordering::Relaxed);
+        for tree in &trees {
+            let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+            tree.closest_hits(&rays, &mut hits);
+            tree.occluded_many(&rays, &mut occluded);
+            let is_different = |i: &usize| hits[*i] != wants[*i] || occluded[*i] != wants[*i].is_some();
+            row.different.fetch_add((0..rays.len()).filter(is_different).count(), Ordering::Relaxed);
+        }
+    });
+    row
+}
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let n_rays = match &args[..] {
+        [] => Some(N_RAYS),
+        [name, n] if name == "--rays" => n.parse().ok(),
+        _ => None,
+    };
+    let mut out = std::io::stdout().lock();
+    let Some(n_rays) = n_rays else {
+        let _ = writeln!(std::io::stderr(), "usage: grazing [--rays N]");
+        return ExitCode::from(2);
+    };
+    let scenes = scenes();
+    let mut sums = [0; 3];
+    let mut lines = vec!["| scene | triangles | judged by | rays | hit | answers that differ |".to_owned()];
+    lines.push("|---|---|---|---|---|---|".to_owned());
+    for (name, mesh) in &scenes {
+        let oracle = Oracle::new(mesh);
+        let Row { rays, hits, different } = shoot(mesh, &oracle, n_rays.div_ceil(scenes.len()));
+        let counts = [rays, hits, different].map(AtomicUsize::into_inner);
+        let [rays, hits, different] = counts;
+        lines.push(format!(
+            "| {name} | {} | {} | {rays} | {hits} | {different} |",
+            mesh.triangles.len(),
+            oracle.name()
+        ));
+        sums = [0, 1, 2].map(|k| sums[k] + counts[k]);
+    }
+    let [rays, hits, different] = sums;
+    lines.push(format!("| all | | | {rays} | {hits} | {different} |"));
+    // A closed pipe is no answer that differs.
+    let _ = writeln!(out, "{}", lines.join("\n"));
+    ExitCode::from(u8::from(different > 0))
+}

@@ -1,0 +1,164 @@
+//! Rays that trees and triangle tests get wrong first.
+
+use canted_fixtures::{Grazing, Mesh, RayData, SplitMix64, grazing};
+use canted_trace::Ray;
+
+/// A ray that hits nothing that is there: what is asked of a mesh without triangles.
+const ASIDE: Ray = Ray { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 0.0, t_max: f32::INFINITY };
+
+fn endless(ray: RayData) -> Ray {
+    Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) }
+}
+
+/// `n` rays of each of `classes`; every fifth once more with negative zeros and another length of direction, and every
+/// seventh once more from or to somewhere near the point that it grazes.
+#[must_use]
+pub fn of_classes(mesh: &Mesh, classes: &[Grazing], n: usize, seed: u64) -> Vec<Ray> {
+    if mesh.triangles.is_empty() {
+        return vec![ASIDE];
+    }
+    let mut rays: Vec<Ray> =
+        classes.iter().zip(seed..).flat_map(|(&class, seed)| grazing(mesh, class, n, seed)).map(endless).collect();
+    let signless = |ray: &Ray| {
+        let direction = ray.direction.map(|d| if d == 0.0 { -0.0 } else { d * 2.0f32.powi(-40) });
+        Ray { direction, ..*ray }
+    };
+    let bounded = |(i, ray): (usize, &Ray)| match i % 2 {
+        0 => Ray { t_max: 1.0, ..*ray },
+        _ => Ray { t_min: 1.0, ..*ray },
+    };
+    let variants: Vec<Ray> =
+        rays.iter().step_by(5).map(signless).chain(rays.iter().step_by(7).enumerate().map(bounded)).collect();
+    rays.extend(variants);
+    rays
+}
+
+/// `n` rays of each class, and their variants.
+#[must_use]
+pub fn of_all_classes(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
+    of_classes(mesh, &Grazing::ALL, n, seed)
+}
+
+/// A point of a triangle chosen at random: in turn a vertex, a point of an edge, a point inside.
+fn target(mesh: &Mesh, i: usize, rng: &mut SplitMix64) -> [f64; 3] {
+    let [a, b, c] = mesh.corners(rng.below(mesh.triangles.len()));
+    let [u, v] = match i % 3 {
+        0 => [0.0, 0.0],
+        1 => [rng.unit(), 0.0],
+        _ => [0.5 * rng.unit(), 0.5 * rng.unit()],
+    };
+    std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
+}
+
+/// From `origin`, rounded, to `target`.
+#[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
+fn aimed(origin: [f64; 3], target: [f64; 3]) -> Ray {
+    let origin = origin.map(|x| x as f32);
+    Ray::new(origin, std::array::from_fn(|k| (target[k] - f64::from(origin[k])) as f32))
+}
+
+/// `n` rays at vertices, edges and triangles from `sizes` diagonals away.
+#[must_use]
+pub fn from_afar(mesh: &Mesh, sizes: f64, n: usize, seed: u64) -> Vec<Ray> {
+    if mesh.triangles.is_empty() {
+        return vec![ASIDE];
+    }
+    let mut rng = SplitMix64::new(seed);
+    let away = sizes * mesh.diagonal();
+    (0..n)
+        .map(|i| {
+            let target = target(mesh, i, &mut rng);
+            let direction = rng.on_sphere();
+            aimed(std::array::from_fn(|k| target[k] + away * direction[k]), target)
+        })
+        .collect()
+}
+
+/// `n` rays that start in the bounds: on a vertex, an edge, a triangle or anywhere, and end or pass at another such
+/// point.
+#[must_use]
+pub fn from_inside(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
+    if mesh.triangles.is_empty() {
+        return vec![ASIDE];
+    }
+    let mut rng = SplitMix64::new(seed);
+    let [min, max] = mesh.bounds().map(|p| p.map(f64::from));
+    (0..n)
+        .map(|i| {
+            let anywhere = std::array::from_fn(|k| min[k] + rng.unit() * (max[k] - min[k]));
+            let start = if i % 4 == 3 { anywhere } else { target(mesh, i / 4, &mut rng) };
+            let ray = aimed(start, target(mesh, i, &mut rng));
+            // A third ends where it is aimed at.
+            if i % 3 == 1 { Ray { t_max: 1.0, ..ray } } else { ray }
+        })
+        .collect()
+}
+
+/// Steps of [`on_lattice`] from the origin to the farthest coordinate, at most.
+const LATTICE: f32 = 4096.0;
+
+/// The mesh with coordinates rounded to multiples of one power of two, at most 2^12 of them from 0.
+#[must_use]
+pub fn on_lattice(mesh: &Mesh) -> Mesh {
+    let reach = mesh.positions.iter().flatten().fold(f32::MIN_POSITIVE, |all, x| all.max(x.abs()));
+    // The power of two at or above the reach.
+    let step = f32::from_bits((reach.to_bits() + 0x007f_ffff) & 0x7f80_0000) / LATTICE;
+    let positions = mesh.positions.iter().map(|p| p.map(|x| (x / step).round() * step)).collect();
+    Mesh { positions, triangles: mesh.triangles.clone() }
+}
+
+/// `n` rays that lie in the plane of a triangle without any rounding, a third of them along an edge.
+///
+/// `mesh` is one of [`on_lattice`]: origin and direction are sums of few multiples of edges, so each coordinate is a
+/// whole number of steps below 2^24. Triangles without two different vertices give no ray.
+#[must_use]
+pub fn in_planes(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
+    if mesh.triangles.is_empty() {
+        return vec![ASIDE];
+    }
+    let mut rng = SplitMix64::new(seed);
+    let mut ray = |i: usize| {
+        let corners = mesh.triangles[rng.below(mesh.triangles.len())].map(|index| mesh.positions[index as usize]);
+        let first = rng.below(3);
+        let [a, b, c] = [0, 1, 2].map(|k| corners[(first + k) % 3]);
+        let mut times = || [-3.0f32, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0][rng.below(7)];
+        let (mut from, mut along) = ([times(), times()], [times(), times()]);
+        if i % 3 == 0 {
+            (from[1], along[1]) = (0.0, 0.0);
+        }
+        let sum = |[u, v]: [f32; 2]| std::array::from_fn(|k| u * (b[k] - a[k]) + v * (c[k] - a[k]));
+        let offset: [f32; 3] = sum(from);
+        Ray::new(std::array::from_fn(|k| a[k] + offset[k]), sum(along))
+    };
+    (0..n).map(&mut ray).filter(|ray| ray.direction != [0.0; 3]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::soup;
+
+    use super::*;
+    use crate::exact::near_plane;
+
+    #[test]
+    fn rays_in_planes_lie_in_planes() {
+        let mesh = on_lattice(&soup(3, 1).turned());
+        let corners = mesh.triangles[0].map(|index| mesh.positions[index as usize]);
+        let rays = in_planes(&mesh, 100, 1);
+        assert!(rays.len() > 80);
+        for ray in rays {
+            assert!([0.0, 1.0].iter().all(|&t| near_plane(&ray, t, corners, 0.0)), "{ray:?}");
+        }
+        let off = Ray::new([corners[0][0].next_up(), corners[0][1], corners[0][2]], [1.0, 0.0, 0.0]);
+        assert!(!near_plane(&off, 0.0, corners, 0.0));
+    }
+
+    #[test]
+    fn rays_from_afar_come_from_afar() {
+        let mesh = soup(3, 10);
+        for ray in from_afar(&mesh, 1e4, 30, 2) {
+            let distance = ray.origin.iter().map(|x| x * x).sum::<f32>().sqrt();
+            assert!(distance > 1.2e4 && distance < 3e4, "{distance}");
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Rays that graze: every shape, every way to build, every path, every kernel.
+
+use canted_fixtures::{Mesh, coplanar_quads, thin_box};
+use canted_tests::{rays, scenes};
+use canted_trace::{BaldwinWeber, MollerTrumbore, Ray, Watertight};
+use canted_wide::{Config, SimdPath};
+
+use super::setup::{agrees, build, every_way, few_ways, paths, ways_of_one_kind};
+
+/// Rays of every class, and from inside.
+fn all_rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
+    [rays::of_all_classes(mesh, n, 20), rays::from_inside(mesh, 2 * n, 30)].concat()
+}
+
+#[test]
+fn watertight_loses_no_hit() {
+    for case in scenes::cases().iter().chain(&scenes::needles()) {
+        agrees::<Watertight>(&case.name, &case.mesh, &every_way(), &all_rays(&case.mesh, 20));
+    }
+}
+
+#[test]
+fn moller_trumbore_loses_no_hit() {
+    for case in scenes::cases().iter().chain(&scenes::needles()) {
+        agrees::<MollerTrumbore>(&case.name, &case.mesh, &few_ways(), &all_rays(&case.mesh, 10));
+    }
+}
+
+#[test]
+fn baldwin_weber_loses_no_hit() {
+    for case in scenes::cases().iter().chain(&scenes::needles()) {
+        agrees::<BaldwinWeber>(&case.name, &case.mesh, &few_ways(), &all_rays(&case.mesh, 10));
+    }
+}
+
+#[test]
+fn rays_exactly_in_the_planes_of_faces_lose_no_hit() {
+    for case in scenes::cases().iter().chain(&scenes::needles()) {
+        let mesh = rays::on_lattice(&case.mesh);
+        let rays = rays::in_planes(&mesh, 150, 40);
+        agrees::<Watertight>(&case.name, &mesh, &few_ways(), &rays);
+        agrees::<MollerTrumbore>(&case.name, &mesh, &few_ways()[..2], &rays);
+    }
+}
+
+/// Flat boxes in planes out of the axes, and rooms that are turned.
+fn turned() -> Vec<scenes::Case> {
+    let case = |name: &str, mesh: canted_fixtures::Mesh| scenes::Case { name: name.to_owned(), mesh: mesh.turned() };
+    vec![
+        case("turned quads", coplanar_quads(12)),
+        case("turned flat box", thin_box(0.0)),
+        case("turned room", scenes::room(3, 60)),
+    ]
+}
+
+#[test]
+fn turned_meshes_lose_no_hit_in_frames_of_their_own() {
+    let mut n_turned = 0;
+    for case in turned() {
+        agrees::<Watertight>(&case.name, &case.mesh, &every_way(), &all_rays(&case.mesh, 60));
+        agrees::<MollerTrumbore>(&case.name, &case.mesh, &few_ways(), &all_rays(&case.mesh, 20));
+        for (_, config) in few_ways() {
+            let tree = build::<Watertight>(&case.mesh, &config);
+            let rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            n_turned += usize::from(tree.frame() != rows && tree.sizes().nodes[0] > 0);
+        }
+    }
+    assert!(n_turned > 0, "no tree has box nodes in a frame of its own");
+}
+
+/// The tests above try every kind of node that builds make, on every path.
+#[test]
+fn every_kind_of_node_is_tried() {
+    let (there, missing) = paths();
+    assert!(there.contains(&SimdPath::Scalar) && there.len() + missing.len() == 4);
+    for name in missing {
+        eprintln!("not tested, this machine has no {name}");
+    }
+    let mut n_lean = 0;
+    for case in scenes::needles() {
+        for (_, config) in ways_of_one_kind() {
+            let nodes = build::<Watertight>(&case.mesh, &config).sizes().nodes;
+            assert!(nodes.iter().any(|&n| n > 20 && n == nodes.iter().sum::<usize>()), "{}: {nodes:?}", case.name);
+        }
+        let nodes = build::<Watertight>(&case.mesh, &Config::default()).sizes().nodes;
+        n_lean += nodes[2];
+    }
+    assert!(n_lean > 0, "presets lean");
+}
+
+#[test]
+fn enough_rays_hit_and_enough_miss() {
+    for case in scenes::needles() {
+        let rays = all_rays(&case.mesh, 20);
+        let tree = build::<Watertight>(&case.mesh, &Config::default());
+        let n_hits = rays.iter().filter(|ray| tree.occluded(ray)).count();
+        assert!(n_hits > 20 && rays.len() - n_hits > 5, "{}: {n_hits} of {} rays hit", case.name, rays.len());
+    }
+}

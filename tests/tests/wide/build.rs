@@ -1,0 +1,154 @@
+//! Builds: the same bytes for any number of threads, in sane time on ugly scenes.
+
+use std::time::{Duration, Instant};
+
+use canted_fixtures::{Mesh, SplitMix64, identical, outlier, scaffold_of, slivers, soup};
+use canted_tests::{rays, scenes};
+use canted_trace::{Counts, InstanceId, Ray, Watertight};
+use canted_wide::{Config, Preset};
+
+use super::setup::{agrees, build, every_way, few_ways};
+
+fn bytes(n_threads: usize, mesh: &Mesh, config: &Config) -> Vec<u8> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+    pool.install(|| build::<Watertight>(mesh, config).to_bytes())
+}
+
+#[test]
+fn threads_change_no_byte() {
+    // More triangles than one task has.
+    let meshes = [soup(3, 12_000), scaffold_of(1, true, 6), scenes::room(3, 800).turned(), identical(9_000)];
+    for mesh in meshes {
+        for (way, config) in few_ways() {
+            let want = bytes(1, &mesh, &config);
+            for n_threads in [2, 3] {
+                assert!(bytes(n_threads, &mesh, &config) == want, "{way}, {n_threads} threads");
+            }
+        }
+    }
+}
+
+/// The bytes tell trees apart.
+#[test]
+fn another_scene_or_preset_has_other_bytes() {
+    let of = |seed, preset| bytes(2, &soup(seed, 500), &Config::preset(preset));
+    assert_eq!(of(1, Preset::Fast), of(1, Preset::Fast));
+    assert_ne!(of(1, Preset::Fast), of(2, Preset::Fast));
+    assert_ne!(of(1, Preset::Fast), of(1, Preset::Quality));
+}
+
+/// `n` triangles of different planes whose vertices sum to zero, exactly.
+#[expect(clippy::cast_precision_loss, reason = "whole numbers below 2^24")]
+fn equal_centroids(n: u32) -> Mesh {
+    let mut rng = SplitMix64::new(6);
+    let mut mesh = Mesh::default();
+    for i in 0..n {
+        let [a, b]: [[f32; 3]; 2] = std::array::from_fn(|_| std::array::from_fn(|_| rng.below(2001) as f32 - 1000.0));
+        mesh.positions.extend([a, b, std::array::from_fn(|k| -(a[k] + b[k]))]);
+        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    mesh
+}
+
+/// A scene of `n` triangles by name.
+type Kind = (&'static str, fn(u32) -> Mesh);
+
+const KINDS: [Kind; 4] = [
+    ("identical", identical),
+    ("outlier", outlier),
+    ("equal centroids", equal_centroids),
+    ("slivers", |n| slivers(5, n)),
+];
+
+/// Ten times the triangles may take this many times as long: linear time is 10, levels, sorts and caches add some, and
+/// what is quadratic takes 100.
+const LINEAR: u32 = 40;
+
+/// The bound where all nodes are reinserted and one triangle lies 10⁷ away: beside its areas those of the cluster round
+/// to nothing, the search leaves no branch out, and time grows as the square.
+const QUADRATIC: u32 = 150;
+
+/// Builds after which no better time is expected.
+const N_BUILDS: u32 = 20;
+
+#[test]
+fn ten_times_the_triangles_take_about_ten_times_as_long() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for (name, mesh) in KINDS {
+        let meshes = [mesh(2_000), mesh(20_000)];
+        for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+            let config = Config::preset(preset);
+            let bound = if name == "outlier" && preset == Preset::Quality { QUADRATIC } else { LINEAR };
+            let mut least = [Duration::MAX; 2];
+            for _ in 0..N_BUILDS {
+                for (least, mesh) in least.iter_mut().zip(&meshes) {
+                    let start = Instant::now();
+                    pool.install(|| build::<Watertight>(mesh, &config));
+                    *least = start.elapsed().min(*least);
+                }
+                if least[1] < bound * least[0] {
+                    break;
+                }
+            }
+            assert!(least[1] < bound * least[0], "{name}, {preset:?}: {least:?}");
+        }
+    }
+}
+
+/// Stretched along an axis all triangles become needles that are next to parallel, and no frame is the best: whoever
+/// looks for it must give up. Without a bound this took two hundred times as long.
+#[test]
+fn needles_next_to_parallel_take_no_longer_to_build() {
+    for scenes::Case { name, mesh } in scenes::needles() {
+        let stretched = mesh.positions.iter().map(|p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3]).collect();
+        let meshes = [Mesh { positions: stretched, triangles: mesh.triangles.clone() }, mesh];
+        let mut least = [Duration::MAX; 2];
+        for _ in 0..N_BUILDS {
+            for (least, mesh) in least.iter_mut().zip(&meshes) {
+                let start = Instant::now();
+                build::<Watertight>(mesh, &Config::default());
+                *least = start.elapsed().min(*least);
+            }
+            if least[0] < 10 * least[1] {
+                break;
+            }
+        }
+        assert!(least[0] < 10 * least[1], "{name}: {least:?}");
+    }
+}
+
+#[test]
+fn a_hundred_thousand_equal_triangles_are_tried_once_each_and_missed_at_once() {
+    let n = 100_000;
+    let mesh = identical(n);
+    for (way, config) in few_ways() {
+        let tree = build::<Watertight>(&mesh, &config);
+        // Eight to a node and 17 levels of halves; one child too few on each is a level more.
+        assert!(tree.sizes().depth <= 17, "{way}: {:?}", tree.sizes());
+        let trace = |ray: &Ray| {
+            let mut counts = Counts::default();
+            (tree.closest_hit_with(ray, InstanceId(0), &mut counts).map(|hit| hit.primitive.0), counts)
+        };
+        let (hit, counts) = trace(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]));
+        // All tie, so each must be tried, and every box entered.
+        assert_eq!((hit, counts.triangles), (Some(0), u64::from(n)), "{way}");
+        assert!(counts.boxes < 2 * u64::from(n), "{way}: {counts:?}");
+        let (hit, counts) = trace(&Ray::new([-2.0, 0.25, -1.0], [0.0, 0.0, 1.0]));
+        assert_eq!((hit, counts.triangles), (None, 0), "{way}");
+        assert!(counts.boxes <= 8, "{way}: {counts:?}");
+        let mut any = Counts::default();
+        assert!(tree.occluded_with(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]), InstanceId(0), &mut any));
+        assert!(any.triangles <= 32 && any.boxes <= 8 * 17, "{way}: {any:?}");
+    }
+}
+
+#[test]
+fn degenerate_scenes_are_traced_like_the_loop() {
+    for (name, mesh) in KINDS {
+        for n in [0, 1, 2, 3, 8, 9, 500] {
+            let mesh = mesh(n);
+            let rays = [rays::of_all_classes(&mesh, 12, 190), rays::from_inside(&mesh, 40, 191)].concat();
+            agrees::<Watertight>(&format!("{name}, {n}"), &mesh, &every_way(), &rays);
+        }
+    }
+}

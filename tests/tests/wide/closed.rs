@@ -1,0 +1,70 @@
+//! From inside a closed mesh no ray gets out, and from outside none gets in, unseen: through one level and two.
+
+use canted_fixtures::Mesh;
+use canted_lbvh::VolumeConfig;
+use canted_obb::Affine;
+use canted_tests::closed::{Place, baked, closed, places, rays};
+use canted_tlas::{Instance, Tlas};
+use canted_trace::{InstanceId, Ray, Watertight};
+use canted_wide::{Config, Wide};
+
+use super::setup::{build, every_way, few_ways, paths};
+
+/// Rays of each kind of leak for each mesh, place and way to build.
+const N_RAYS: usize = 1_500;
+
+fn leaks_of_one(tree: &Wide<Watertight>, rays: &[Ray]) -> usize {
+    let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+    tree.closest_hits(rays, &mut hits);
+    tree.occluded_many(rays, &mut occluded);
+    hits.iter().zip(&occluded).filter(|&(hit, &occluded)| hit.is_none() || !occluded).count()
+}
+
+/// Through an instance, beside another that makes the top level a tree.
+#[expect(clippy::cast_possible_truncation, reason = "far off will do")]
+fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: &[Ray]) -> usize {
+    let instance = Instance { blas: 0, world_from_object: *world_from_object };
+    let mut other = instance;
+    other.world_from_object.columns[3][0] += (9.0 * baked(mesh, world_from_object).diagonal()) as f32;
+    let tlas = Tlas::new(vec![build::<Watertight>(mesh, config)], &[instance, other], VolumeConfig::default()).unwrap();
+    let leaks = |ray: &&Ray| {
+        tlas.closest_hit(ray, &mut ()).is_none_or(|hit| hit.instance != InstanceId(0)) || !tlas.occluded(ray, &mut ())
+    };
+    rays.iter().filter(leaks).count()
+}
+
+#[test]
+fn no_ray_leaks() {
+    for closed in closed() {
+        for (Place { name, world_from_object }, seed) in places().iter().zip(500..) {
+            let world = baked(&closed.mesh, world_from_object);
+            let rays = rays(&world, &closed, world_from_object, N_RAYS, seed);
+            for (way, config) in every_way() {
+                let tree = build::<Watertight>(&world, &config);
+                for path in paths().0 {
+                    let leaks = leaks_of_one(&tree.clone().with_path(path), &rays);
+                    assert_eq!(leaks, 0, "{}, {name}, {way}, {}", closed.name, path.name());
+                }
+            }
+            for (way, config) in few_ways() {
+                let leaks = leaks_of_two(&closed.mesh, world_from_object, &config, &rays);
+                assert_eq!(leaks, 0, "{}, {name}, {way}, two levels", closed.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_hole_is_seen() {
+    for closed in closed() {
+        for Place { name, world_from_object } in places() {
+            let rays = rays(&baked(&closed.mesh, &world_from_object), &closed, &world_from_object, 5_000, 7);
+            let mut open = closed.mesh.clone();
+            open.triangles.pop();
+            let config = Config::default();
+            let one = leaks_of_one(&build(&baked(&open, &world_from_object), &config), &rays);
+            let two = leaks_of_two(&open, &world_from_object, &config, &rays);
+            assert!(one > 0 && two > 0, "{}, {name}: {one}, {two}", closed.name);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Origins and coordinates far away, and scales: where rounding is large beside what is hit.
+
+use canted_fixtures::{Grazing, Mesh};
+use canted_tests::{
+    rays,
+    scenes::{self, Case},
+};
+use canted_trace::{MollerTrumbore, Watertight};
+
+use super::setup::{agrees, build, every_way, few_ways, first_difference, loop_over_all, paths};
+
+/// Shapes small and large in extent, thin, flat, and out of their axes.
+fn shapes() -> Vec<Case> {
+    let case = |name: &str, mesh: Mesh| Case { name: name.to_owned(), mesh };
+    let mut shapes = scenes::needles();
+    shapes.push(case("soup", canted_fixtures::soup(7, 300)));
+    shapes.push(case("torus", canted_fixtures::torus(24, 8)));
+    shapes.push(case("turned room", scenes::room(3, 40).turned()));
+    shapes.push(case("turned flat box", canted_fixtures::thin_box(0.0).turned()));
+    shapes.push(case("displaced icosphere", canted_fixtures::displaced_icosphere(3, 2)));
+    shapes
+}
+
+#[test]
+fn rays_from_up_to_ten_thousand_sizes_away_lose_no_hit() {
+    for Case { name, mesh } in shapes() {
+        for (sizes, seed) in [(1e2, 50), (1e3, 51), (1e4, 52)] {
+            let rays = rays::from_afar(&mesh, sizes, 300, seed);
+            agrees::<Watertight>(&format!("{name}, from {sizes:e} sizes"), &mesh, &every_way(), &rays);
+            agrees::<MollerTrumbore>(&format!("{name}, from {sizes:e} sizes"), &mesh, &few_ways()[1..], &rays);
+        }
+    }
+}
+
+/// From afar rays still hit something, or the test above asks nothing.
+#[test]
+fn rays_from_afar_hit() {
+    for Case { name, mesh } in shapes().iter().filter(|case| ["soup", "torus"].contains(&&*case.name)) {
+        for sizes in [1e2, 1e3, 1e4] {
+            let rays = rays::from_afar(mesh, sizes, 300, 50);
+            let n_hits = loop_over_all::<Watertight>(mesh, &rays).iter().flatten().count();
+            assert!(n_hits > 150, "{name}, from {sizes:e} sizes: {n_hits} hits");
+        }
+    }
+}
+
+fn placed(mesh: &Mesh, place: impl Fn([f32; 3]) -> [f32; 3]) -> Mesh {
+    Mesh { positions: mesh.positions.iter().map(|&p| place(p)).collect(), triangles: mesh.triangles.clone() }
+}
+
+/// Two meshes as one.
+fn joined(a: &Mesh, b: &Mesh) -> Mesh {
+    let first = u32::try_from(a.positions.len()).expect("few vertices");
+    let moved = b.triangles.iter().map(|t| t.map(|index| index + first));
+    Mesh {
+        positions: [&a.positions[..], &b.positions].concat(),
+        triangles: a.triangles.iter().copied().chain(moved).collect(),
+    }
+}
+
+#[test]
+fn coordinates_of_1e7_lose_no_hit() {
+    for Case { name, mesh } in shapes() {
+        // Steps of f32 are 1 at 1e7, so what is small there is flat: along one axis, or along all but one.
+        let places: [(&str, Mesh); 5] = [
+            ("at 1e7", placed(&mesh, |p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7])),
+            ("at 1e7 along x, 1e-3 across", placed(&mesh, |p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3])),
+            ("at 1e7 along x and y, 1e-3 along z", placed(&mesh, |p| [p[0] + 1e7, p[1] * 30.0 - 1e7, p[2] * 1e-3])),
+            ("1e7 long, 1e-3 thick", placed(&mesh, |p| [p[0] * 1e7, p[1] * 1e7, p[2] * 1e-3])),
+            (
+                "1e-3 large beside 1e7",
+                joined(&placed(&mesh, |p| p.map(|x| x * 1e-3)), &placed(&mesh, |p| p.map(|x| x * 1e7))),
+            ),
+        ];
+        for (place, mesh) in places {
+            let classes = [Grazing::Vertices, Grazing::Edges, Grazing::Planes, Grazing::Axes];
+            let mut rays = rays::of_classes(&mesh, &classes, 40, 60);
+            rays.extend(rays::from_inside(&mesh, 150, 61));
+            rays.extend(rays::from_afar(&mesh, 1e2, 60, 62));
+            agrees::<Watertight>(&format!("{name}, {place}"), &mesh, &few_ways(), &rays);
+        }
+    }
+}
+
+#[test]
+fn scales_of_1e_6_and_1e6_lose_no_hit() {
+    for Case { name, mesh } in shapes() {
+        for scale in [1e-6, 1e6] {
+            let mesh = placed(&mesh, |p| p.map(|x| x * scale));
+            let mut rays = rays::of_all_classes(&mesh, 60, 70);
+            rays.extend(rays::from_inside(&mesh, 200, 71));
+            agrees::<Watertight>(&format!("{name}, {scale:e}"), &mesh, &every_way(), &rays);
+        }
+    }
+}
+
+#[test]
+fn scales_by_powers_of_two_change_no_bit() {
+    // Small enough that rays at 2^60 times begin within the promised 2^62.
+    let meshes =
+        [canted_fixtures::soup(7, 300), canted_fixtures::scaffold_of(1, true, 3), scenes::room(3, 40).turned()];
+    for mesh in meshes.map(|mesh| placed(&mesh, |p| p.map(|x| x / 16.0))) {
+        let classes = [Grazing::Vertices, Grazing::Edges, Grazing::Planes, Grazing::Axes];
+        let rays = rays::of_classes(&mesh, &classes, 60, 80);
+        let wants = loop_over_all::<Watertight>(&mesh, &rays);
+        assert!(wants.iter().flatten().count() > 50);
+        for exponent in (-60..=60).step_by(12) {
+            let scale = 2.0f32.powi(exponent);
+            let scaled = placed(&mesh, |p| p.map(|x| x * scale));
+            // Of a ray, the origin; what is aimed at is then `scale` times as far, in units of the direction.
+            let rays: Vec<_> = rays
+                .iter()
+                .map(|ray| canted_trace::Ray {
+                    origin: ray.origin.map(|x| x * scale),
+                    t_min: ray.t_min * scale,
+                    t_max: ray.t_max * scale,
+                    ..*ray
+                })
+                .collect();
+            let wants: Vec<_> =
+                wants.iter().map(|hit| hit.map(|hit| canted_trace::Hit { t: hit.t * scale, ..hit })).collect();
+            for (way, config) in few_ways() {
+                let tree = build::<Watertight>(&scaled, &config);
+                for path in paths().0 {
+                    let difference = first_difference(&tree.clone().with_path(path), &rays, &wants);
+                    assert_eq!(difference, None, "2^{exponent}, {way}, {}", path.name());
+                }
+            }
+        }
+    }
+}

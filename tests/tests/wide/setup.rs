@@ -1,0 +1,101 @@
+//! Configurations, paths, and the comparison that all share.
+
+use canted_fixtures::Mesh;
+use canted_tests::brute;
+use canted_trace::{Hit, Ray};
+use canted_wide::{Config, Costs, LaneKernel, NodeKind, Preset, SimdPath, Wide};
+
+/// A way to build, and its name for messages.
+pub(crate) type Way = (String, Config);
+
+const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Quality];
+
+/// Every preset, leaning or not, with and without a frame of the mesh's own; then nodes of one kind only.
+pub(crate) fn every_way() -> Vec<Way> {
+    let mut ways = vec![];
+    for preset in PRESETS {
+        for lean in [false, true] {
+            for turn in [false, true] {
+                let config = Config { lean, turn, ..Config::preset(preset) };
+                ways.push((format!("{preset:?}, lean {lean}, turn {turn}"), config));
+            }
+        }
+    }
+    ways.extend(ways_of_one_kind());
+    ways
+}
+
+/// The presets, and nodes of one kind only: for what need not be tried every way.
+pub(crate) fn few_ways() -> Vec<Way> {
+    let presets = PRESETS.map(|preset| (format!("{preset:?}"), Config::preset(preset)));
+    presets.into_iter().chain(ways_of_one_kind()).collect()
+}
+
+/// Nodes of each kind so cheap that no other is worth having, over leaves of one triangle: as many nodes as can be.
+///
+/// Builds make no nodes with one frame for all children.
+pub(crate) fn ways_of_one_kind() -> [Way; 2] {
+    [NodeKind::Box, NodeKind::Lean].map(|kind| (format!("{kind:?} nodes"), of_one_kind(kind)))
+}
+
+/// Trees of nodes of one kind, a triangle a leaf.
+pub(crate) fn of_one_kind(kind: NodeKind) -> Config {
+    let cost = |other| if other == kind { 0.01 } else { 1e6 };
+    let costs = Costs {
+        box_node: cost(NodeKind::Box),
+        shared_node: cost(NodeKind::Shared),
+        lean_node: cost(NodeKind::Lean),
+        max_leaf: 1,
+        ..Costs::default()
+    };
+    Config { costs, ..Config::preset(Preset::Balanced) }
+}
+
+/// The mesh's tree.
+pub(crate) fn build<K: LaneKernel>(mesh: &Mesh, config: &Config) -> Wide<K> {
+    Wide::build(&mesh.positions, &mesh.triangles, config).expect("fixtures are valid")
+}
+
+/// Paths of this machine, and the names of those it lacks.
+pub(crate) fn paths() -> (Vec<SimdPath>, Vec<&'static str>) {
+    let (there, missing): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
+    (there, missing.into_iter().map(SimdPath::name).collect())
+}
+
+/// What the loop over all triangles says.
+pub(crate) fn loop_over_all<K: LaneKernel>(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<Hit>> {
+    let records = brute::records::<K>(&mesh.positions, &mesh.triangles);
+    rays.iter().map(|ray| brute::closest_hit::<K>(&records, ray)).collect()
+}
+
+/// The first ray that the tree answers otherwise than `wants`, alone, in a slice or on occlusion.
+pub(crate) fn first_difference<K: LaneKernel>(tree: &Wide<K>, rays: &[Ray], wants: &[Option<Hit>]) -> Option<String> {
+    let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+    tree.closest_hits(rays, &mut hits);
+    tree.occluded_many(rays, &mut occluded);
+    rays.iter().zip(wants).enumerate().find_map(|(i, (ray, want))| {
+        let alone = (tree.closest_hit(ray), tree.occluded(ray));
+        let all = [(hits[i], occluded[i]), alone];
+        let is_equal = all.iter().all(|&(hit, occluded)| is_same(hit, *want) && occluded == want.is_some());
+        (!is_equal).then(|| format!("ray {i}, {ray:?}: {all:?}, not {want:?}"))
+    })
+}
+
+/// Whether two answers are the same bits; `==` would take -0.0 for 0.0.
+fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
+    let bits = |hit: Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive, hit.instance, hit.side);
+    a.map(bits) == b.map(bits)
+}
+
+/// Fails where a tree built any of these ways, traced on any path, answers otherwise than the loop.
+pub(crate) fn agrees<K: LaneKernel>(name: &str, mesh: &Mesh, ways: &[Way], rays: &[Ray]) {
+    let wants = loop_over_all::<K>(mesh, rays);
+    for (way, config) in ways {
+        let mut tree = build::<K>(mesh, config);
+        for path in paths().0 {
+            tree = tree.with_path(path);
+            let difference = first_difference(&tree, rays, &wants);
+            assert_eq!(difference, None, "{name}, {way}, {}", path.name());
+        }
+    }
+}

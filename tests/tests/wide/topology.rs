@@ -1,0 +1,124 @@
+//! Trees of any builder and any shape: chains as deep as they are long, `obvhs`'s, spatial splits.
+
+use std::time::{Duration, Instant};
+
+use canted_fixtures::{Mesh, scaffold_of, soup};
+use canted_lbvh::{Child, NodeId, Tree, gather};
+use canted_sah::{Builder, ReinsertConfig, SpatialConfig, TopDownConfig};
+use canted_tests::{rays, scenes};
+use canted_trace::{Ray, Watertight};
+use canted_wide::{Config, Wide};
+
+use super::setup::{agrees, few_ways, first_difference, loop_over_all, paths};
+
+/// Collapses `tree` every way and compares with the loop.
+fn over_agrees(name: &str, mesh: &Mesh, tree: &Tree, rays: &[Ray]) {
+    let (corners, bounds) = gather(&mesh.positions, &mesh.triangles).unwrap();
+    let wants = loop_over_all::<Watertight>(mesh, rays);
+    for (way, config) in few_ways() {
+        let wide = Wide::<Watertight>::over(tree, &corners, &bounds, &config).unwrap();
+        for path in paths().0 {
+            let difference = first_difference(&wide.clone().with_path(path), rays, &wants);
+            assert_eq!(difference, None, "{name}, {way}, {}", path.name());
+        }
+    }
+}
+
+/// A chain over `n` primitives: each node a leaf and the rest, the leaf on the side that `is_left` says.
+fn chain(n: u32, is_left: impl Fn(u32) -> bool) -> Tree {
+    let children: Vec<_> = (0..n - 1)
+        .map(|i| {
+            let rest = if i + 2 < n { Child::inner(NodeId(i + 1)) } else { Child::leaf(n - 1) };
+            if is_left(i) { [Child::leaf(i), rest] } else { [rest, Child::leaf(i)] }
+        })
+        .collect();
+    Tree::from_children(&children).unwrap()
+}
+
+/// Less than a recursion as deep as the chains below would take, at 64 bytes a call.
+const STACK_BYTES: usize = 1 << 18;
+
+#[test]
+fn chains_overflow_no_stack_and_lose_no_hit() {
+    let n = 5_000;
+    let mesh = soup(9, n);
+    let rays = [rays::of_all_classes(&mesh, 8, 140), rays::from_inside(&mesh, 40, 141)].concat();
+    let shapes: [(&str, fn(u32) -> bool); 3] = [("left", |_| true), ("right", |_| false), ("zigzag", |i| i % 2 == 0)];
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).stack_size(STACK_BYTES).build().unwrap();
+    pool.install(|| {
+        for (name, is_left) in shapes {
+            let tree = chain(n, is_left);
+            assert_eq!(tree.depth, n);
+            over_agrees(name, &mesh, &tree, &rays);
+        }
+    });
+    // What a traversal must bear: the wide tree is deep indeed.
+    let (corners, bounds) = gather(&mesh.positions, &mesh.triangles).unwrap();
+    let wide = Wide::<Watertight>::over(&chain(n, |_| true), &corners, &bounds, &Config::default()).unwrap();
+    assert!(wide.sizes().depth >= n / 7 / 16, "{:?}", wide.sizes());
+}
+
+/// Twenty times the length may take four hundred times as long where extents are computed from all vertices below; a
+/// build of minutes would be a cube.
+#[test]
+fn a_chain_of_a_hundred_thousand_ends() {
+    let n = 100_000;
+    let mesh = soup(9, n);
+    let (corners, bounds) = gather(&mesh.positions, &mesh.triangles).unwrap();
+    let start = Instant::now();
+    let wide = Wide::<Watertight>::over(&chain(n, |_| true), &corners, &bounds, &Config::default()).unwrap();
+    let time = start.elapsed();
+    assert!(time < Duration::from_secs(60), "{time:?}");
+    let rays = rays::of_all_classes(&mesh, 2, 150);
+    assert_eq!(first_difference(&wide, &rays, &loop_over_all::<Watertight>(&mesh, &rays)), None);
+}
+
+/// A scaffold, hair, a soup: a few thousand triangles each.
+fn meshes() -> Vec<(String, Mesh)> {
+    let needles = scenes::needles().into_iter().take(3).map(|case| (case.name, case.mesh));
+    needles
+        .chain([("soup".to_owned(), soup(4, 2_000)), ("scaffold, larger".to_owned(), scaffold_of(2, false, 4))])
+        .collect()
+}
+
+#[test]
+fn every_builder_of_ours_loses_no_hit() {
+    let top_down = Builder::TopDown(TopDownConfig::BINNED, Some(ReinsertConfig::BALANCED));
+    let builders =
+        [Builder::Lbvh, Builder::Reinserted(ReinsertConfig::BALANCED), Builder::FAST, Builder::QUALITY, top_down];
+    for (name, mesh) in meshes() {
+        let rays = rays::of_all_classes(&mesh, 10, 160);
+        let ways: Vec<_> = builders
+            .iter()
+            .map(|&builder| (format!("{builder:?}"), Config { builder, rival: None, ..Config::default() }))
+            .collect();
+        agrees::<Watertight>(&name, &mesh, &ways, &rays);
+    }
+}
+
+#[test]
+fn trees_of_obvhs_lose_no_hit() {
+    for (name, mesh) in meshes() {
+        let (corners, _) = gather(&mesh.positions, &mesh.triangles).unwrap();
+        let rays = rays::of_all_classes(&mesh, 10, 170);
+        for params in [obvhs::BvhBuildParams::fast_build(), obvhs::BvhBuildParams::very_slow_build()] {
+            let tree = canted_renderer::obvhs_tree(&corners, params).unwrap();
+            over_agrees(&name, &mesh, &tree, &rays);
+        }
+    }
+}
+
+#[test]
+fn spatial_splits_lose_no_hit() {
+    let mut n_extra = 0;
+    for (name, mesh) in meshes() {
+        let (corners, _) = gather(&mesh.positions, &mesh.triangles).unwrap();
+        let config = SpatialConfig { extra: 1.0, min_overlap: 0.0, ..SpatialConfig::default() };
+        let (mut tree, references) = canted_sah::spatial(&corners, &config);
+        n_extra += references.primitives.len() - corners.len();
+        // Leaves name references; wide trees bound whole triangles.
+        tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
+        over_agrees(&name, &mesh, &tree, &rays::of_all_classes(&mesh, 10, 180));
+    }
+    assert!(n_extra > 1_000, "{n_extra} splits");
+}
