@@ -5,7 +5,8 @@ use std::sync::atomic::AtomicBool;
 use canted_obb::Affine;
 use canted_renderer::{Levels, StructureConfig, Surfaces, Tracer, prepare, render};
 use canted_scene::{Material, Mesh, Scene};
-use canted_trace::{Hit, Kernel, MollerTrumbore, Ray, Watertight};
+use canted_trace::{Hit, MollerTrumbore, Ray, Watertight};
+use canted_wide::LaneKernel;
 
 use crate::common::{
     BruteForce, Vector, camera, dot, film, grey, inside_out, narrow, place, scene, settings, sphere, sub,
@@ -138,7 +139,7 @@ fn no_acne_on_instances_far_from_the_origin() {
 
 /// The furnaces again through the trees that pictures are made with, one level and two. Leaks are a matter of edges too,
 /// about which only a watertight triangle test promises anything.
-fn furnaces_through<K: Kernel>(is_watertight: bool) {
+fn furnaces_through<K: LaneKernel>(is_watertight: bool) {
     let glowing = Material { emission: [1.0; 3], ..grey(0.5) };
     let turned = Affine { columns: [[0.36, 0.48, -0.8], [0.8, -0.6, 0.1], [0.0, 0.3, 2.0], [300.0, -90.0, 40.0]] };
     for s in [1e-3, 1.0, 1e3] {
