@@ -60,7 +60,8 @@ fn facts(args: &[&str]) -> Result<String> {
     ]))
 }
 
-fn facts_of(values: &[&str]) -> String {
+/// The values as one line in italics.
+pub(crate) fn facts_of(values: &[&str]) -> String {
     format!("*{}*", values.iter().map(|value| value.trim()).collect::<Vec<_>>().join("; "))
 }
 
@@ -108,7 +109,7 @@ fn sections(text: &str) -> (String, Vec<(String, String)>) {
 }
 
 /// Name of the processor, as far as the system tells.
-fn processor() -> String {
+pub(crate) fn processor() -> String {
     let linux = || model_name(&fs::read_to_string("/proc/cpuinfo").ok()?);
     let mac = || command::output("sysctl", &["-n", "machdep.cpu.brand_string"]).ok();
     linux().or_else(mac).map_or_else(|| "unknown processor".to_owned(), |name| name.trim().to_owned())

@@ -8,6 +8,7 @@ mod ci;
 mod command;
 mod count;
 mod fixtures;
+mod grazing;
 mod png;
 mod test;
 mod tidy;
@@ -22,6 +23,7 @@ const USAGE: &str = "usage: cargo xtask TASK
   tidy              the rules of style that a program can check
   bench [ARGS]      measure, and write into benches/RESULTS.md; build, trace, picture, wide, growth, --rounds N,
                     --scenes A,B, --engines A,B, --quick, --max-log2 N, --peers (Embree, tinybvh)
+  grazing [ARGS]    shoot grazing rays at wide trees, and write into tests/GRAZING.md; --rays N, 10 million without
   fixtures [DIR]    write the procedural scenes, into target/fixtures without DIR";
 
 fn main() -> ExitCode {
@@ -32,6 +34,7 @@ fn main() -> ExitCode {
         ["ci"] => ci::run(),
         ["tidy"] => tidy::run(),
         ["bench", ref args @ ..] => bench::run(args),
+        ["grazing", ref args @ ..] => grazing::run(args),
         ["fixtures"] => fixtures::run(&workspace::root().join("target/fixtures")),
         ["fixtures", dir] => fixtures::run(dir.as_ref()),
         _ => Err(anyhow::anyhow!("{USAGE}")),
