@@ -63,6 +63,8 @@ fn assemble<K: LaneKernel>(
         ChildKind::Inner(id) => fits.inner[id.index()].rows,
     };
     let source = Source {
+        share: config.share,
+        scale: *scale,
         tree,
         corners: &sorted,
         primitives: &tree.leaves,

@@ -117,6 +117,20 @@ impl<'a> Plan<'a> {
         self.table(child).areas.of(usize::from(kind != NodeKind::Box))
     }
 
+    /// What visits cost.
+    pub(crate) fn costs(&self) -> &Costs {
+        &self.costs
+    }
+
+    /// What a ray pays that enters `child` in a leaning parent, before anything below.
+    pub(crate) fn visit(&self, child: Child) -> f32 {
+        match (self.form(child, NodeKind::Lean), child.kind()) {
+            (Form::Node(kind), _) => self.costs.node(kind),
+            (Form::Leaf, ChildKind::Leaf(_)) => self.costs.leaf_of(1),
+            (Form::Leaf, ChildKind::Inner(id)) => self.costs.leaf_of(self.tree.nodes[id.index()].n_leaves() as usize),
+        }
+    }
+
     /// How `child` stands in a parent of kind `kind`.
     pub(crate) fn form(&self, child: Child, parent: NodeKind) -> Form {
         let ChildKind::Inner(id) = child.kind() else { return Form::Leaf };
@@ -183,10 +197,10 @@ fn join(areas: Areas, node: &Node, left: &Table, right: &Table, costs: &Costs, n
 #[inline]
 fn best_form(table: &Table, area: f32, n_leaves: usize, costs: &Costs, n_kinds: usize) -> (f32, Form) {
     let mut best = (area * costs.leaf_of(n_leaves), Form::Leaf);
-    for kind in 0..n_kinds {
-        let cost = area * costs.node(KIND[kind]) + table.node[kind];
+    for (kind, below) in KIND.into_iter().zip(table.node).take(n_kinds) {
+        let cost = area * costs.node(kind) + below;
         if cost < best.0 {
-            best = (cost, Form::Node(KIND[kind]));
+            best = (cost, Form::Node(kind));
         }
     }
     best

@@ -25,6 +25,8 @@ pub struct Config {
     pub rival: Option<Builder>,
     /// Whether nodes may lean.
     pub lean: bool,
+    /// Whether a leaning node may have one frame for all its children where that is cheaper.
+    pub share: bool,
     /// Whether the whole mesh may be turned into a frame of its own before the binary tree is built.
     pub turn: bool,
     /// Times that each small subtree's frame is turned about its axes in search of less area.
@@ -37,15 +39,18 @@ impl Config {
     pub fn preset(preset: Preset) -> Self {
         let costs = Costs::default();
         match preset {
-            Preset::Fast => Self { costs, builder: Builder::Lbvh, rival: None, lean: true, turn: false, rounds: 0 },
+            Preset::Fast => {
+                Self { costs, builder: Builder::Lbvh, rival: None, lean: true, share: false, turn: false, rounds: 0 }
+            }
             Preset::Balanced => {
-                Self { costs, builder: Builder::BALANCED, rival: None, lean: true, turn: true, rounds: 0 }
+                Self { costs, builder: Builder::BALANCED, rival: None, lean: true, share: false, turn: true, rounds: 0 }
             }
             Preset::Quality => Self {
                 costs,
                 builder: Builder::QUALITY,
                 rival: Some(Builder::TopDown(TopDownConfig::BINNED, None)),
                 lean: true,
+                share: false,
                 turn: true,
                 rounds: 5,
             },

@@ -21,7 +21,7 @@ pub struct Costs {
 
 impl Default for Costs {
     fn default() -> Self {
-        Self { box_node: 1.0, shared_node: 1.25, lean_node: 1.4, leaf: 1.0, block: 0.5, max_leaf: 16 }
+        Self { box_node: 1.0, shared_node: 1.25, lean_node: 1.7, leaf: 1.3, block: 0.5, max_leaf: 16 }
     }
 }
 
@@ -39,10 +39,6 @@ impl Costs {
     /// The cost of a visit to a leaf of `n` primitives; infinite where no leaf holds so many.
     #[expect(clippy::cast_precision_loss, reason = "at most 32 primitives")]
     pub(crate) fn leaf_of(&self, n: usize) -> f32 {
-        if n <= self.max_leaf.min(MAX_LEAF) {
-            self.leaf + self.block * n.div_ceil(8) as f32
-        } else {
-            f32::INFINITY
-        }
+        if n <= self.max_leaf.min(MAX_LEAF) { self.leaf + self.block * n.div_ceil(8) as f32 } else { f32::INFINITY }
     }
 }

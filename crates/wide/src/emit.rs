@@ -4,16 +4,19 @@ use canted_lbvh::{Child, ChildKind, Corners, Tree};
 use canted_obb::{Aabb, PrimId};
 use canted_trace::Slabs;
 
-use crate::collapse::{Form, Plan};
 use crate::Sizes;
+use crate::collapse::{Form, Plan};
 use crate::layout::{HALF_WORDS, Half, Line, MAX_LEAF, NOWHERE, NodeKind, Row, Word, WordKind, node_words};
 use crate::par;
+use crate::share::shared_frame;
 
 /// A wide node before it is written: its place and its children.
 #[derive(Clone, Debug)]
 struct Draft {
     kind: NodeKind,
     line: usize,
+    /// Of a shared node.
+    frame: Option<[[f32; 3]; 3]>,
     children: Vec<(Child, Word)>,
 }
 
@@ -27,6 +30,10 @@ struct LeafDraft {
 
 /// What boxes are written from.
 pub(crate) struct Source<'a> {
+    /// Whether nodes may share one frame among their children.
+    pub(crate) share: bool,
+    /// Brings the largest extent to about 1.
+    pub(crate) scale: f32,
     pub(crate) tree: &'a Tree,
     /// Vertices in leaf order; empty where primitives are not triangles.
     pub(crate) corners: &'a [Corners],
@@ -169,7 +176,7 @@ fn distinct(source: &Source, start: u32, end: u32) -> ([u32; MAX_LEAF], usize) {
     (places, n)
 }
 
-fn range(tree: &Tree, child: Child) -> (u32, u32) {
+pub(crate) fn range(tree: &Tree, child: Child) -> (u32, u32) {
     match child.kind() {
         ChildKind::Leaf(place) => (place, place + 1),
         ChildKind::Inner(id) => {
@@ -201,19 +208,23 @@ fn layout<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<
                 Word::leaf(leaf.first, n)
             }
             Form::Node(kind) => {
+                let mut children = plan.children(child, kind);
+                children.sort_by(|&a, &b| plan.area(b, kind).total_cmp(&plan.area(a, kind)));
+                let frame = (kind == NodeKind::Lean && source.share)
+                    .then(|| shared_frame(source, plan, child, &children))
+                    .flatten();
+                let kind = if frame.is_some() { NodeKind::Shared } else { kind };
                 let line = n_lines;
                 n_lines += kind.n_lines();
                 if n_lines > Word::MAX_LINE {
                     return Err(TooLarge);
                 }
-                let mut children = plan.children(child, kind);
-                children.sort_by(|&a, &b| plan.area(b, kind).total_cmp(&plan.area(a, kind)));
                 let index = drafts.len();
                 // The stack gives back the last first.
                 open.extend(children.iter().enumerate().rev().map(|(i, &c)| (c, kind, Some((index, i)), depth + 1)));
                 deepest = deepest.max(depth + 1);
                 let children = children.into_iter().map(|c| (c, Word::EMPTY)).collect();
-                drafts.push(Draft { kind, line, children });
+                drafts.push(Draft { kind, line, frame, children });
                 Word::node(kind, line)
             }
         };
@@ -235,17 +246,28 @@ fn write_node(source: &Source, draft: &Draft, out: &mut [Line]) {
             });
             6
         }
-        NodeKind::Shared => 8,
+        NodeKind::Shared => {
+            let frame = draft.frame.unwrap_or(canted_obb::Obb::IDENTITY_FRAME);
+            for (i, &x) in frame.as_flattened().iter().enumerate() {
+                rows[i / 8][i % 8] = x;
+            }
+            write_boxes(&mut rows[2..8], |i| {
+                let slabs = slabs_of(source, draft.children.get(i)?.0, frame);
+                Some((slabs.lo, slabs.hi))
+            });
+            8
+        }
         NodeKind::Lean => {
+            let slabs = |&(child, _): &(Child, Word)| slabs_of(source, child, (source.frames)(child));
             for i in 0..8 {
-                write_lean(source, draft.children.get(i).map(|&(child, _)| child), rows, i);
+                write_slabs(rows, i, draft.children.get(i).map(slabs).as_ref());
             }
             15
         }
     };
-    for i in 0..8 {
+    for (i, slot) in rows[word_row].iter_mut().enumerate() {
         let word = draft.children.get(i).map_or(Word::EMPTY, |&(_, word)| word);
-        rows[word_row][i] = f32::from_bits(word.0);
+        *slot = f32::from_bits(word.0);
     }
 }
 
@@ -260,21 +282,17 @@ fn aligned_box(source: &Source, child: Child) -> Aabb {
 pub(crate) fn write_boxes(rows: &mut [Row], bounds: impl Fn(usize) -> Option<([f32; 3], [f32; 3])>) {
     for i in 0..8 {
         let (lo, hi) = bounds(i).unwrap_or(([NOWHERE; 3], [-NOWHERE; 3]));
-        for k in 0..3 {
-            rows[2 * k][i] = lo[k];
-            rows[2 * k + 1][i] = hi[k];
+        for (k, planes) in rows.chunks_exact_mut(2).enumerate() {
+            planes[0][i] = lo[k];
+            planes[1][i] = hi[k];
         }
     }
 }
 
-/// A box in the child's frame around all vertices below it.
-fn write_lean(source: &Source, child: Option<Child>, rows: &mut [Row], i: usize) {
-    let slabs = child.map(|child| {
-        let (start, end) = range(source.tree, child);
-        let vertices = source.corners[start as usize..end as usize].iter().flatten().copied();
-        Slabs::of_points((source.frames)(child), vertices)
-    });
-    write_slabs(rows, i, slabs.as_ref());
+/// A box with these rows around all vertices below a child.
+fn slabs_of(source: &Source, child: Child, rows: [[f32; 3]; 3]) -> Slabs {
+    let (start, end) = range(source.tree, child);
+    Slabs::of_points(rows, source.corners[start as usize..end as usize].iter().flatten().copied())
 }
 
 /// For each axis a row, a centre and a half-extent; a slot without a box holds one that no ray enters.

@@ -93,6 +93,7 @@ mod primitive;
 mod primitive_tree;
 mod queries;
 mod refit;
+mod share;
 mod simd;
 mod slices;
 mod traced;

@@ -50,8 +50,7 @@ impl Aligned {
     /// Of a tree over primitives with these boxes, in primitive order.
     pub(crate) fn of(tree: &Tree, boxes: &[Aabb], scale: f32) -> Self {
         let leaf_boxes = par::map(&tree.leaves, CHUNK, Aabb::EMPTY, |leaf| boxes[leaf.index()]);
-        let inner_boxes =
-            bottom_up(tree, Aabb::EMPTY, |place| leaf_boxes[place as usize], |_, _, a, b| a.union(*b));
+        let inner_boxes = bottom_up(tree, Aabb::EMPTY, |place| leaf_boxes[place as usize], |_, _, a, b| a.union(*b));
         let areas = |boxes: &[Aabb]| par::map(boxes, CHUNK, 0.0, |aabb| half_area(aabb, scale));
         Self { leaf_areas: areas(&leaf_boxes), inner_areas: areas(&inner_boxes), leaf_boxes, inner_boxes }
     }

@@ -43,7 +43,12 @@ pub(crate) fn for_jobs<J: Send>(jobs: Vec<J>, work: impl Fn(J) + Sync + Send) {
 }
 
 /// `f` of every item, in order.
-pub(crate) fn map<I: Sync, T: Copy + Send>(items: &[I], chunk: usize, unset: T, f: impl Fn(&I) -> T + Sync + Send) -> Vec<T> {
+pub(crate) fn map<I: Sync, T: Copy + Send>(
+    items: &[I],
+    chunk: usize,
+    unset: T,
+    f: impl Fn(&I) -> T + Sync + Send,
+) -> Vec<T> {
     let mut out = vec![unset; items.len()];
     let jobs = items.chunks(chunk).zip(out.chunks_mut(chunk)).collect();
     for_jobs(jobs, |(items, out): (&[I], &mut [T])| {

@@ -180,6 +180,8 @@ fn emit_boxes(boxes: &[Aabb], bounds: &Aabb, config: &Config) -> Result<(Records
     let leaf = |place: u32| areas(aligned.leaf_areas[place as usize]);
     let plan = Plan::new(&tree, &inner, &leaf, &costs, false);
     let source = Source {
+        share: false,
+        scale: 1.0,
         tree: &tree,
         corners: &[],
         primitives: &tree.leaves,

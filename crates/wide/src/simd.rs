@@ -77,6 +77,4 @@ pub(crate) trait Simd: Copy {
     fn lt(self, a: Self::F, b: Self::F) -> u32;
     /// Mask of `a <= b`.
     fn le(self, a: Self::F, b: Self::F) -> u32;
-    /// Asks for the cache line at `line`, if it can be asked for.
-    fn prefetch<T>(self, line: &T);
 }

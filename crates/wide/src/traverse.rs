@@ -6,8 +6,9 @@
 //!
 //! # No lost hit
 //! The promise is that of `canted_trace`'s boxes, in their words: u = 2^-24, `S = |o|∞ + ρ∞` with ρ∞ the greatest
-//! coordinate of any vertex, and a hit reported at `t` lies within `e = HIT_ERROR·S` of its triangle in each
-//! coordinate, so `t·|d|∞ <= S + e`. Other primitives state an error of their own in its place, at most S/8: what it
+//! coordinate of any vertex, and a hit reported at `t` lies within `e = ERROR·S` of its triangle in each
+//! coordinate, so `t·|d|∞ <= S + e`. ERROR is the kernel's: 7 u for the watertight one, which needs 6.1, else `HIT_ERROR`.
+//! Other primitives state an error of their own in its place, at most S/8: what it
 //! adds in second order, `4.02 u·e`, is within the room left below. Each test enters a box around the triangle, at an
 //! entry of at most `t`. Pads are added to the ray, so they grow with far origins by themselves; boxes hold their
 //! vertices exactly.
@@ -27,7 +28,7 @@
 //! `d'`, so the projected ray is off by `√3·7.02 u·S` at `t`, for `|c| <= √3·ρ∞`. With `a = fl(1/|d'|)` and `q = ±p`
 //! the near plane is `fl(-h'·a - fl(q·a))`, `h' = fl(h + pad)`. By the same steps it is at most `t` if the pad exceeds
 //! that displacement, `√3·e`, and `u·|p| + u·h' + u·h' + 2.01 u·t·|d'|`, where the second `u·h'` is for a product
-//! rounded before its sum: in all `√3·(HIT_ERROR + 12.1 u)·S`, [`Pads::lean`] has 14 u. It matters not if `d'` has lost
+//! rounded before its sum: in all `√3·(ERROR + 12.1 u)·S`, [`Pads::lean`] has 14 u. It matters not if `d'` has lost
 //! its sign: only the place at `t` enters.
 //!
 //! *Shared nodes.* As lean ones with `c = 0` and planes met as `fl(fl(lo - (o' + pad))·a)`: `canted_trace` needs 11 u

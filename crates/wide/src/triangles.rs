@@ -34,7 +34,7 @@ impl<K: LaneKernel> Traced for Wide<K> {
 
     #[inline(always)]
     fn pads(&self) -> Pads {
-        const { Pads::of(canted_trace::HIT_ERROR) }
+        const { Pads::of(K::ERROR) }
     }
 
     #[inline(always)]

@@ -162,7 +162,4 @@ impl Simd for Neon {
         let (low, high) = unsafe { (vcleq_f32(a.0, b.0), vcleq_f32(a.1, b.1)) };
         self.mask(low, high)
     }
-    /// Nothing: stable Rust has no prefetch for `aarch64`.
-    #[inline(always)]
-    fn prefetch<T>(self, _: &T) {}
 }

@@ -17,7 +17,6 @@ impl Task for Every {
     fn on<S: Simd>(self, simd: S) -> Results {
         let (a, b, c) = (simd.load(&self.a), simd.load(&self.b), simd.load(&self.c));
         let half = [self.a[0], self.a[1], self.a[2], self.a[3]];
-        simd.prefetch(&self.a);
         let bits = |lanes: [f32; 8]| lanes.map(f32::to_bits);
         vec![
             ("splat", bits(simd.store(simd.splat(self.a[0])))),

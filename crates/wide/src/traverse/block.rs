@@ -18,14 +18,13 @@ pub trait LaneKernel: Kernel {
     #[doc(hidden)]
     const TEST: LaneTest;
 
+    /// How far hits may lie from their triangle, relative to `|o|∞ + ρ∞`.
+    #[doc(hidden)]
+    const ERROR: f32;
+
     /// The hit on a triangle by its vertices.
     #[doc(hidden)]
-    fn finish(
-        prepared: &Self::Prepared,
-        ray: &ScaledRay,
-        vertices: &[[f32; 3]; 3],
-        t_max: f32,
-    ) -> Option<TriangleHit>;
+    fn finish(prepared: &Self::Prepared, ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit>;
 }
 
 /// Which filter lanes run.
@@ -40,6 +39,7 @@ pub enum LaneTest {
 
 impl LaneKernel for Watertight {
     const TEST: LaneTest = LaneTest::Edges;
+    const ERROR: f32 = 7.0 * U;
 
     #[inline(always)]
     fn finish(shear: &Shear, ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
@@ -49,6 +49,7 @@ impl LaneKernel for Watertight {
 
 impl LaneKernel for MollerTrumbore {
     const TEST: LaneTest = LaneTest::Weights;
+    const ERROR: f32 = canted_trace::HIT_ERROR;
 
     #[inline(always)]
     fn finish((): &(), ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
@@ -59,6 +60,7 @@ impl LaneKernel for MollerTrumbore {
 /// Its hits are Möller and Trumbore's by contract, so blocks hold vertices for it too.
 impl LaneKernel for BaldwinWeber {
     const TEST: LaneTest = LaneTest::Weights;
+    const ERROR: f32 = canted_trace::HIT_ERROR;
 
     #[inline(always)]
     fn finish((): &(), ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {

@@ -41,7 +41,11 @@ pub(crate) fn enter_shared<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 10]
     let mut near = ray.t_min;
     let mut far = t_max;
     for k in 0..3 {
-        let row = [shared_component(simd, rows, 3 * k), shared_component(simd, rows, 3 * k + 1), shared_component(simd, rows, 3 * k + 2)];
+        let row = [
+            shared_component(simd, rows, 3 * k),
+            shared_component(simd, rows, 3 * k + 1),
+            shared_component(simd, rows, 3 * k + 2),
+        ];
         let origin = project(simd, row, ray.origin);
         let direction = project(simd, row, ray.direction);
         let size = simd.max(simd.abs(direction), ray.min_direction);

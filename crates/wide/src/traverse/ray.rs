@@ -22,11 +22,7 @@ pub(crate) struct Pads {
 impl Pads {
     /// Pads for hits that lie within `error·(|o|∞ + ρ∞)` of what the boxes bound, in each coordinate.
     pub(crate) const fn of(error: f32) -> Self {
-        Self {
-            aligned: error + 6.0 * U,
-            turned: SQRT_3 * (error + 9.0 * U),
-            lean: SQRT_3 * (error + 14.0 * U),
-        }
+        Self { aligned: error + 6.0 * U, turned: SQRT_3 * (error + 9.0 * U), lean: SQRT_3 * (error + 14.0 * U) }
     }
 }
 

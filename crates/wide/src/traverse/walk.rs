@@ -1,5 +1,5 @@
-use super::{RayLanes, Stack};
 use super::node::{Entries, enter_box, enter_lean, enter_shared, words};
+use super::{RayLanes, Stack};
 use crate::layout::{BOX_LINES, LEAN_LINES, Line, NodeKind, SHARED_LINES, Word, WordKind, rows};
 use crate::simd::Simd;
 
