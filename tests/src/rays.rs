@@ -123,7 +123,7 @@ pub fn in_planes(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
         let [a, b, c] = [0, 1, 2].map(|k| corners[(first + k) % 3]);
         let mut times = || [-3.0f32, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0][rng.below(7)];
         let (mut from, mut along) = ([times(), times()], [times(), times()]);
-        if i % 3 == 0 {
+        if i.is_multiple_of(3) {
             (from[1], along[1]) = (0.0, 0.0);
         }
         let sum = |[u, v]: [f32; 2]| std::array::from_fn(|k| u * (b[k] - a[k]) + v * (c[k] - a[k]));

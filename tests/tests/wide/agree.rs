@@ -70,6 +70,7 @@ fn turned_meshes_lose_no_hit_in_frames_of_their_own() {
 
 /// The tests above try every kind of node that builds make, on every path.
 #[test]
+#[expect(clippy::print_stderr, reason = "a path that is not tested is named")]
 fn every_kind_of_node_is_tried() {
     let (there, missing) = paths();
     assert!(there.contains(&SimdPath::Scalar) && there.len() + missing.len() == 4);

@@ -35,6 +35,9 @@ fn chain(n: u32, is_left: impl Fn(u32) -> bool) -> Tree {
     Tree::from_children(&children).unwrap()
 }
 
+/// Which leaves of a chain are on the left, by name.
+type Shape = (&'static str, fn(u32) -> bool);
+
 /// Less than a recursion as deep as the chains below would take, at 64 bytes a call.
 const STACK_BYTES: usize = 1 << 18;
 
@@ -43,7 +46,7 @@ fn chains_overflow_no_stack_and_lose_no_hit() {
     let n = 5_000;
     let mesh = soup(9, n);
     let rays = [rays::of_all_classes(&mesh, 8, 140), rays::from_inside(&mesh, 40, 141)].concat();
-    let shapes: [(&str, fn(u32) -> bool); 3] = [("left", |_| true), ("right", |_| false), ("zigzag", |i| i % 2 == 0)];
+    let shapes: [Shape; 3] = [("left", |_| true), ("right", |_| false), ("zigzag", |i| i.is_multiple_of(2))];
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).stack_size(STACK_BYTES).build().unwrap();
     pool.install(|| {
         for (name, is_left) in shapes {
