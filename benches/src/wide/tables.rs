@@ -36,12 +36,18 @@ impl Ratio {
 }
 
 impl Measured {
-    /// Who stands in the table of a promise: all that keep it; where no peer does, the fast peers.
+    /// Who stands in the table of a promise: all that keep it, ours that promise more, and where no peer does, the fast
+    /// peers.
     pub(crate) fn in_table(&self, promise: Promise) -> Vec<usize> {
         let is_peer = |c: &&Contestant| c.owner == Owner::Peer;
         let has_peer = self.contestants.iter().filter(is_peer).any(|c| c.promise == promise);
-        let stands =
-            |c: &Contestant| c.promise == promise || !has_peer && c.owner == Owner::Peer && c.promise == Promise::Fast;
+        let stands = |c: &Contestant| {
+            let is_other = match c.owner {
+                Owner::Ours => promise == Promise::Fast,
+                Owner::Peer => !has_peer && c.promise == Promise::Fast,
+            };
+            c.promise == promise || is_other
+        };
         (0..self.contestants.len()).filter(|&i| stands(&self.contestants[i])).collect()
     }
 
@@ -126,8 +132,8 @@ impl Tables {
         for name in &self.absent {
             let _ = writeln!(out, "\nNot at hand: {name}.");
         }
-        self.speed(out, Promise::Fast, "Both sides fast (Möller-Trumbore)");
-        self.speed(out, Promise::Watertight, "Watertight");
+        self.speed(out, Promise::Fast, "Beside peers at their fastest");
+        self.speed(out, Promise::Watertight, "Beside peers at their safest");
         self.differences(out);
         self.builds(out);
     }
@@ -253,7 +259,7 @@ impl Measured {
 /// A name that tells ours apart where both kernels stand side by side.
 fn named(name: &str, owner: Owner, promise: Promise) -> String {
     match (owner, promise) {
-        (Owner::Ours, Promise::Fast) => format!("{name}, fast"),
+        (Owner::Ours, Promise::Fast) => format!("{name}, Möller-Trumbore"),
         (Owner::Ours, Promise::Watertight) => format!("{name}, watertight"),
         (Owner::Peer, _) => name.to_owned(),
     }

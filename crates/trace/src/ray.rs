@@ -64,7 +64,7 @@ impl ScaledRay {
         }
         // The power of two at or below the greatest component: its f64 bits without the mantissa.
         let to_scaled = f64::from_bits(f64::from(greatest).to_bits() & 0x7ff0_0000_0000_0000);
-        let from_scaled = 1.0 / to_scaled;
+        let from_scaled = reciprocal_of_power(to_scaled);
         Some(Self {
             origin: ray.origin,
             direction: ray.direction.map(|d| (f64::from(d) * from_scaled) as f32),
@@ -87,6 +87,12 @@ impl ScaledRay {
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "a power of two: exact but for overflow and underflow")]
     pub fn caller_t(&self, scaled_t: f32) -> f32 {
-        (f64::from(scaled_t) / self.to_scaled) as f32
+        (f64::from(scaled_t) * reciprocal_of_power(self.to_scaled)) as f32
     }
+}
+
+/// `1/x` of a normal power of two, exactly: its exponent mirrored, for less than a division.
+#[inline]
+fn reciprocal_of_power(x: f64) -> f64 {
+    f64::from_bits(0x7fe0_0000_0000_0000 - x.to_bits())
 }

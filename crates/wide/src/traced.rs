@@ -74,7 +74,7 @@ pub(crate) fn trace<S: Simd, W: Traced, T: Take<W::Met>>(
     take: &mut T,
 ) {
     let lanes = RayLanes::new(simd, ray, tree.frame(), tree.reach(), tree.pads());
-    let mut leaves = Leaves { simd, tree, prepared: W::prepare(simd, ray), ray, take };
+    let mut leaves = Leaves { simd, tree, prepared: None, ray, take };
     let records = tree.records();
     if T::ORDERED {
         walk::<S, true>(simd, &records.lines, records.root, &lanes, ray.t_max, stack, &mut leaves);
@@ -87,7 +87,8 @@ pub(crate) fn trace<S: Simd, W: Traced, T: Take<W::Met>>(
 struct Leaves<'a, S: Simd, W: Traced, T> {
     simd: S,
     tree: &'a W,
-    prepared: W::Prepared<S>,
+    /// Made at the first leaf: many rays meet none.
+    prepared: Option<W::Prepared<S>>,
     ray: &'a ScaledRay,
     take: &'a mut T,
 }
@@ -96,7 +97,11 @@ impl<S: Simd, W: Traced, T: Take<W::Met>> Visit for Leaves<'_, S, W, T> {
     #[inline(always)]
     fn leaf(&mut self, first: u32, n: u32, t_max: f32) -> f32 {
         self.take.primitives(n);
-        self.tree.leaf(self.simd, &self.prepared, self.ray, Leaf { first, n, t_max }, self.take)
+        let prepared = match &self.prepared {
+            Some(prepared) => prepared,
+            None => self.prepared.insert(W::prepare(self.simd, self.ray)),
+        };
+        self.tree.leaf(self.simd, prepared, self.ray, Leaf { first, n, t_max }, self.take)
     }
 
     #[inline(always)]
