@@ -17,8 +17,8 @@ impl ReinsertConfig {
     /// Most of the gain.
     pub const BALANCED: Self = Self { rounds: 12, share: 0.1, min_gain: 1e-3 };
 
-    /// Every subtree is searched until little is gained.
-    pub const QUALITY: Self = Self { rounds: 24, share: 1.0, min_gain: 1e-4 };
+    /// Nearly all of the gain: every subtree and 24 rounds take twice the time for 0.1 to 2 % less predicted cost.
+    pub const QUALITY: Self = Self { rounds: 8, share: 0.5, min_gain: 1e-3 };
 }
 
 impl Default for ReinsertConfig {
