@@ -88,13 +88,14 @@ pub(crate) fn candidates(corners: &[Corners], config: &MeshFrameConfig) -> Vec<[
 
 /// The frame of the least sum, if that is at most the part `most` of the sum along the axes of the space.
 fn best(drawn: &[Edges], sum: Sum, most: f32) -> Option<[Vec3A; 3]> {
-    let ranking = Measure::of(&draw::by_size(drawn, N_RANKING), sum);
+    // Twice as many as there are: small meshes cost little, and large triangles still count more.
+    let ranking = Measure::of(&draw::by_size(drawn, N_RANKING.min(2 * drawn.len())), sum);
     let fixed = dop::frames().iter().map(|&rows| to_glam(rows));
-    let own = draw::by_size(drawn, N_OWN).into_iter().filter_map(along_longest_edge);
+    let own = draw::by_size(drawn, N_OWN.min(drawn.len())).into_iter().filter_map(along_longest_edge);
     let start = distinct(fixed.chain(own).map(|rows| (rows, ranking.of_boxes(&rows))).collect());
     let turned = start.into_iter().map(|start| turned(&ranking, start, COARSE));
     let (rows, _) = turned.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let adjusting = Measure::of(&draw::by_size(drawn, N_ADJUSTING), sum);
+    let adjusting = Measure::of(&draw::by_size(drawn, N_ADJUSTING.min(2 * drawn.len())), sum);
     let (rows, least) = self::turned(&adjusting, (rows, adjusting.of_boxes(&rows)), FINE);
     let straight = to_glam(dop::frames()[0]);
     let gains = least < f64::from(most) * adjusting.of_boxes(&straight);
