@@ -121,7 +121,7 @@ impl Tables {
     pub(crate) fn write(&self, out: &mut String, options: &Options) {
         let _ = write!(
             out,
-            "\n## Wide trees beside the peers\n\nOne thread. Engines take turns every 65,536 rays; {} rounds after one \
+            "\n## Wide trees beside the peers\n\nOne thread. Engines take turns every 8,192 rays; {} rounds after one \
              that warms up. Rays: four views of {side}², one scattered ray a camera hit, one occlusion ray a camera hit \
              (within a tenth of the diagonal). Cells: camera / diffuse / occlusion. Ratios are of thread time within a \
              round to the fastest peer of that round, median over rounds, with half the range; above 1 is faster.{}\n",
