@@ -14,7 +14,7 @@ const WEIGHTS_ERROR: f32 = 17.0 * U;
 /// A triangle test whose filter runs over eight triangles at once.
 ///
 /// Hits are those of the kernel itself, bit for bit: lanes only say "certainly not" or "perhaps".
-pub trait LaneKernel: Kernel {
+pub trait LaneKernel: Kernel + Clone + std::fmt::Debug {
     #[doc(hidden)]
     const TEST: LaneTest;
 
