@@ -75,7 +75,7 @@ fn turned(corners: &[Corners], straight: &[Aabb], scale: f32, config: &Config) -
 }
 
 /// Predicted cost of collapsing a tree without leaning nodes.
-fn cost(tree: &Tree, aligned: &Aligned, costs: &Costs) -> f32 {
+pub(crate) fn cost(tree: &Tree, aligned: &Aligned, costs: &Costs) -> f32 {
     let Some(root) = tree.root() else { return 0.0 };
     let inner: Vec<Areas> = aligned.inner_areas.iter().map(|&a| Areas::new(a, a)).collect();
     let leaf = |place: u32| Areas::new(aligned.leaf_areas[place as usize], f32::MAX);

@@ -44,15 +44,14 @@ fn assemble<K: LaneKernel>(
 ) -> Result<Wide<K>, GeometryError> {
     let Chosen { tree, rows, aligned, scale } = chosen;
     let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
-    let straight = plan_areas(aligned, None);
-    let aligned_cost = cost(tree, &straight, config, false);
+    let aligned_cost = binary::cost(tree, aligned, &config.costs);
     let (areas, fits) = if config.lean {
         let areas = BoxAreas { inner: &aligned.inner_areas, leaf: &aligned.leaf_areas };
         let frame_config = FrameConfig { rounds: config.rounds, ..FrameConfig::default() };
         let fits = frames::fit(tree, &sorted, *rows, &areas, *scale, &frame_config);
         (plan_areas(aligned, Some(&fits)), fits)
     } else {
-        (straight, Fits::default())
+        (plan_areas(aligned, None), Fits::default())
     };
     let leaf_areas = |place: u32| areas.1[place as usize];
     let plan = Plan::new(tree, &areas.0, &leaf_areas, &config.costs, config.lean);
@@ -95,10 +94,4 @@ fn plan_areas(aligned: &Aligned, fits: Option<&Fits>) -> AllAreas {
     };
     let inner = areas(&aligned.inner_areas, fits.map(|fits| &fits.inner[..]));
     (inner, areas(&aligned.leaf_areas, fits.map(|fits| &fits.leaf[..])))
-}
-
-fn cost(tree: &Tree, areas: &AllAreas, config: &Config, lean: bool) -> f32 {
-    let leaf_areas = |place: u32| areas.1[place as usize];
-    let plan = Plan::new(tree, &areas.0, &leaf_areas, &config.costs, lean);
-    tree.root().map_or(0.0, |root| plan.cost(root))
 }

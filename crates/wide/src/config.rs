@@ -10,7 +10,7 @@ pub enum Preset {
     /// Nearly the fastest tree.
     #[default]
     Balanced,
-    /// The fastest tree known: two binary trees, the better one collapsed.
+    /// The fastest tree of ours: two binary trees, the better one collapsed, its frames refined.
     Quality,
 }
 

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Everything is little tables of eight lanes, structure of arrays. Empty slots hold boxes that no ray enters, by
-//! finite numbers: kernels neither make nor read NaN or infinity.
+//! finite numbers: no box holds NaN or infinity.
 
 use bytemuck::{Pod, Zeroable};
 
