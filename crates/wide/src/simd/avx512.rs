@@ -1,17 +1,15 @@
-//! The AVX-512 path. The only `unsafe` here calls instructions that the token proves to be there.
+//! The AVX-512 path: AVX2's operations with twice the registers, and comparisons that give masks.
+//!
+//! The only `unsafe` here calls instructions that the token proves to be there.
 #![expect(unsafe_code, reason = "intrinsics; each block says why it is sound")]
 
-use std::arch::x86_64::{
-    __m256, _CMP_LE_OQ, _CMP_LT_OQ, _mm_loadu_ps, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_cmp_ps_mask,
-    _mm256_div_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_fnmsub_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_min_ps,
-    _mm256_mul_ps, _mm256_set1_ps, _mm256_storeu_ps, _mm256_sub_ps, _mm256_xor_ps, _mm256_zextps128_ps256,
-};
+use std::arch::x86_64::{__m256, _CMP_LE_OQ, _CMP_LT_OQ, _mm256_cmp_ps_mask};
 
-use super::{Simd, Task};
+use super::{Avx2, Simd, Task};
 
-/// Proof that the machine has AVX-512 F, VL and DQ.
+/// Proof that the machine has AVX-512 F, VL and DQ beside all of AVX2's path.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Avx512(());
+pub(crate) struct Avx512(Avx2);
 
 impl Avx512 {
     /// The token, where the machine has the instructions.
@@ -19,12 +17,8 @@ impl Avx512 {
     pub(crate) fn new() -> Option<Self> {
         let has = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512vl")
-            && is_x86_feature_detected!("avx512dq")
-            && is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("fma")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("bmi2");
-        has.then_some(Self(()))
+            && is_x86_feature_detected!("avx512dq");
+        Avx2::new().filter(|_| has).map(Self)
     }
 }
 
@@ -44,80 +38,63 @@ impl Simd for Avx512 {
     }
     #[inline(always)]
     fn splat(self, x: f32) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_set1_ps(x) }
+        self.0.splat(x)
     }
     #[inline(always)]
     fn load(self, x: &[f32; 8]) -> __m256 {
-        // SAFETY: the token proves AVX, and the array holds eight lanes.
-        unsafe { _mm256_loadu_ps(x.as_ptr()) }
+        self.0.load(x)
     }
     #[inline(always)]
     fn load_half(self, x: &[f32; 4]) -> __m256 {
-        // SAFETY: the token proves AVX, and the array holds four lanes.
-        unsafe { _mm256_zextps128_ps256(_mm_loadu_ps(x.as_ptr())) }
+        self.0.load_half(x)
     }
     #[inline(always)]
     fn store(self, a: __m256) -> [f32; 8] {
-        let mut out = [0.0; 8];
-        // SAFETY: the token proves AVX, and the array holds eight lanes.
-        unsafe { _mm256_storeu_ps(out.as_mut_ptr(), a) };
-        out
+        self.0.store(a)
     }
     #[inline(always)]
     fn add(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_add_ps(a, b) }
+        self.0.add(a, b)
     }
     #[inline(always)]
     fn sub(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_sub_ps(a, b) }
+        self.0.sub(a, b)
     }
     #[inline(always)]
     fn mul(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_mul_ps(a, b) }
+        self.0.mul(a, b)
     }
     #[inline(always)]
     fn div(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_div_ps(a, b) }
-    }
-    #[inline(always)]
-    fn min(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_min_ps(a, b) }
-    }
-    #[inline(always)]
-    fn max(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_max_ps(a, b) }
+        self.0.div(a, b)
     }
     #[inline(always)]
     fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        // SAFETY: the token proves FMA.
-        unsafe { _mm256_fmadd_ps(a, b, c) }
+        self.0.mul_add(a, b, c)
     }
     #[inline(always)]
     fn mul_sub(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        // SAFETY: the token proves FMA.
-        unsafe { _mm256_fmsub_ps(a, b, c) }
+        self.0.mul_sub(a, b, c)
     }
     #[inline(always)]
     fn neg_mul_sub(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        // SAFETY: the token proves FMA.
-        unsafe { _mm256_fnmsub_ps(a, b, c) }
+        self.0.neg_mul_sub(a, b, c)
+    }
+    #[inline(always)]
+    fn min(self, a: __m256, b: __m256) -> __m256 {
+        self.0.min(a, b)
+    }
+    #[inline(always)]
+    fn max(self, a: __m256, b: __m256) -> __m256 {
+        self.0.max(a, b)
     }
     #[inline(always)]
     fn abs(self, a: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), a) }
+        self.0.abs(a)
     }
     #[inline(always)]
     fn xor_sign(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_xor_ps(a, _mm256_and_ps(b, _mm256_set1_ps(-0.0))) }
+        self.0.xor_sign(a, b)
     }
     #[inline(always)]
     fn lt(self, a: __m256, b: __m256) -> u32 {
