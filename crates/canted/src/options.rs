@@ -1,7 +1,7 @@
 //! Options that several subcommands share, and how their values are read.
 
 use canted_lbvh::Strategy;
-use canted_renderer::{Builder, Levels, StructureConfig};
+use canted_renderer::{Builder, Levels, Pattern, StructureConfig};
 use canted_wide::Preset;
 use clap::ValueEnum;
 
@@ -124,6 +124,23 @@ pub(crate) enum TrianglesArg {
     Watertight,
     MollerTrumbore,
     BaldwinWeber,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum SamplerArg {
+    Random,
+    Stratified,
+    Sobol,
+}
+
+impl SamplerArg {
+    pub(crate) fn pattern(self) -> Pattern {
+        match self {
+            Self::Random => Pattern::Random,
+            Self::Stratified => Pattern::Stratified,
+            Self::Sobol => Pattern::Sobol,
+        }
+    }
 }
 
 /// Calls `$run::<K>($args…)` with the kernel that `$triangles` names.

@@ -22,7 +22,7 @@ use crate::{
     Outcome, interrupt,
     light::{self, LightArgs},
     load, memory,
-    options::{self, StructureArgs, with_kernel},
+    options::{self, SamplerArg, StructureArgs, with_kernel},
     output,
 };
 use facts::Fact;
@@ -41,6 +41,9 @@ pub(crate) struct Args {
     /// Samples per pixel.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_048_576), default_value_t = 16, value_name = "N")]
     spp: u32,
+    /// How the samples of a pixel are spread.
+    #[arg(long, value_enum, default_value_t = SamplerArg::Stratified, value_name = "PATTERN")]
+    sampler: SamplerArg,
     /// Diffuse bounces after the surface that the camera sees.
     #[arg(long, value_parser = clap::value_parser!(u32).range(0..=4096), default_value_t = 2, value_name = "N")]
     bounces: u32,
@@ -95,6 +98,7 @@ impl Args {
             output: "canted.png".into(),
             size: [settings.width, settings.height],
             spp: settings.samples,
+            sampler: SamplerArg::Stratified,
             bounces: settings.bounces,
             eye: None,
             target: None,
@@ -117,6 +121,7 @@ impl Args {
             width,
             height,
             samples: self.spp,
+            pattern: self.sampler.pattern(),
             bounces: self.bounces,
             seed: self.seed,
             ao_radius: self.ao_radius,

@@ -1,5 +1,7 @@
 use canted_renderer::{Pattern, Sampler};
 
+const PATTERNS: [Pattern; 3] = [Pattern::Stratified, Pattern::Random, Pattern::Sobol];
+
 const COUNTS: [u32; 17] = [1, 2, 3, 4, 5, 6, 7, 12, 13, 16, 24, 31, 36, 64, 97, 100, 210];
 
 /// The index of the stratum of `n` that `x` lies in; exact, as `x` has 24 bits and `n` few.
@@ -54,10 +56,11 @@ fn numbers_are_below_one_and_depend_on_every_argument() {
         Sampler::new(Pattern::Stratified, 6, 1).pair(2, 5, 4),
         Sampler::new(Pattern::Stratified, 6, 1).pair(2, 3, 5),
         Sampler::new(Pattern::Random, 6, 1).pair(2, 3, 4),
+        Sampler::new(Pattern::Sobol, 6, 1).pair(2, 3, 4),
     ] {
         assert_ne!(base, other);
     }
-    for pattern in [Pattern::Stratified, Pattern::Random] {
+    for pattern in PATTERNS {
         for pixel in 0..20_000 {
             for x in Sampler::new(pattern, 5, 0).pair(pixel, 4, 0) {
                 assert!((0.0..1.0).contains(&x));
@@ -76,8 +79,10 @@ fn the_sequence_is_pinned() {
         steps(Pattern::Stratified, 24, 0, 0, 0),
         steps(Pattern::Stratified, 7, 123_456, 6, 2),
         steps(Pattern::Random, 24, u32::MAX, 1, 1),
+        steps(Pattern::Sobol, 7, 123_456, 6, 2),
     ];
-    assert_eq!(pinned, [[4602683.0, 6366645.0], [13985805.0, 6325651.0], [10716237.0, 15084637.0]]);
+    let wanted = [[4602683.0, 6366645.0], [13985805.0, 6325651.0], [10716237.0, 15084637.0], [4553338.0, 15300717.0]];
+    assert_eq!(pinned, wanted);
 }
 
 /// Over the pixels, correlation of independent numbers has standard deviation `1/√n`.
@@ -85,17 +90,18 @@ fn the_sequence_is_pinned() {
 fn neighbours_are_not_correlated() {
     const N: u32 = 100_000;
     let bound = 5.0 / f64::from(N).sqrt();
-    for pattern in [Pattern::Stratified, Pattern::Random] {
+    for pattern in PATTERNS {
         let sampler = Sampler::new(pattern, 6, 0);
         let x = |pixel, sample, dimension| sampler.pair(pixel, sample, dimension).map(f64::from);
         for axis in 0..2 {
             let pixels = correlation((0..N).map(|p| (x(p, 0, 0)[axis], x(p + 1, 0, 0)[axis])));
             let rows = correlation((0..N).map(|p| (x(p, 0, 0)[axis], x(p + 1920, 0, 0)[axis])));
+            let choices = correlation((0..N).map(|p| (x(p, 0, 0)[axis], f64::from(sampler.single(p, 0, 0)))));
             let dimensions = correlation((0..N).map(|p| (x(p, 0, 1)[axis], x(p, 0, 2)[axis])));
             let seeds = correlation(
                 (0..N).map(|p| (x(p, 0, 0)[axis], f64::from(Sampler::new(pattern, 6, 1).pair(p, 0, 0)[axis]))),
             );
-            for r in [pixels, rows, dimensions, seeds] {
+            for r in [pixels, rows, choices, dimensions, seeds] {
                 assert!(r.abs() < bound, "{pattern:?} axis {axis}: {r}");
             }
         }
@@ -141,4 +147,109 @@ fn stratified_varies_less_than_random() {
         let (stratified, random) = (variance(Pattern::Stratified), variance(Pattern::Random));
         assert!(stratified < 0.6 * random, "n {n}: {stratified} against {random}");
     }
+}
+
+/// One sample in each of `n` strata, whatever the number; of Sobol's where it is a power of two.
+#[test]
+fn choices_are_stratified_too() {
+    let fills = |pattern, n: u32, pixel| {
+        let sampler = Sampler::new(pattern, n, 1);
+        let mut seen = vec![false; n as usize];
+        (0..n).all(|sample| !std::mem::replace(&mut seen[stratum(sampler.single(pixel, sample, 5), n)], true))
+    };
+    for pixel in 0..50 {
+        assert!(COUNTS.iter().all(|&n| fills(Pattern::Stratified, n, pixel)), "pixel {pixel}");
+        assert!((0..10).all(|m| fills(Pattern::Sobol, 1 << m, pixel)), "pixel {pixel}");
+        assert!(!fills(Pattern::Random, 24, pixel), "pixel {pixel}");
+    }
+}
+
+/// The sample depends on its number alone: a picture's samples can be made in parts.
+#[test]
+fn sobol_does_not_depend_on_the_count() {
+    for n in COUNTS {
+        let (few, many) = (Sampler::new(Pattern::Sobol, n, 3), Sampler::new(Pattern::Sobol, 1 << 20, 3));
+        for sample in 0..n {
+            assert_eq!(few.pair(9, sample, 2), many.pair(9, sample, 2));
+            assert_eq!(few.single(9, sample, 2), many.single(9, sample, 2));
+        }
+    }
+}
+
+/// Samples of one pixel in two dimensions pad each other: which is near which is chance. The sum over a net of products of
+/// centred numbers would show a common order.
+#[test]
+fn dimensions_of_one_pixel_are_not_in_step() {
+    const N: u32 = 64;
+    const PIXELS: u32 = 2000;
+    for pattern in PATTERNS {
+        let sampler = Sampler::new(pattern, N, 0);
+        let pairs = |other: fn(&Sampler, u32, u32) -> f32| {
+            correlation((0..PIXELS).flat_map(|pixel| {
+                (0..N).map(move |i| (f64::from(sampler.pair(pixel, i, 1)[0]), f64::from(other(&sampler, pixel, i))))
+            }))
+        };
+        // Each pixel's correlation of independent orders has deviation 1/√(N - 1), that of all pixels 1/√PIXELS of it.
+        let bound = 5.0 / f64::from((N - 1) * PIXELS).sqrt();
+        assert!(pairs(|s, p, i| s.pair(p, i, 2)[0]).abs() < bound, "{pattern:?}");
+        assert!(pairs(|s, p, i| s.pair(p, i, 2)[1]).abs() < bound, "{pattern:?}");
+        assert!(pairs(|s, p, i| s.single(p, i, 1)).abs() < bound, "{pattern:?}");
+        assert!(pairs(|s, p, i| s.pair(p, i, 1)[0]).abs() > bound, "the measure must see itself");
+    }
+}
+
+/// Mean and variance of the uniform distribution, 1/2 and 1/12, for any number of samples and for those of one number.
+///
+/// Over `n` independent pixels the mean of one number has deviation `√(1/12n)`, its square about the middle one of
+/// `√(1/180n)`: the fourth central moment is 1/80.
+#[test]
+fn each_sample_alone_is_uniform() {
+    const PIXELS: u32 = 50_000;
+    for pattern in PATTERNS {
+        for (n, sample) in [(1, 0), (3, 2), (7, 0), (16, 15)] {
+            let sampler = Sampler::new(pattern, n, 4);
+            for number in [
+                |s: &Sampler, p, i| s.pair(p, i, 0)[0],
+                |s: &Sampler, p, i| s.pair(p, i, 0)[1],
+                |s: &Sampler, p, i| s.single(p, i, 0),
+            ] {
+                let (mut sum, mut squares) = (0.0, 0.0);
+                for pixel in 0..PIXELS {
+                    let x = f64::from(number(&sampler, pixel, sample)) - 0.5;
+                    sum += x;
+                    squares += x * x;
+                }
+                let n = f64::from(PIXELS);
+                assert!((sum / n).abs() < 5.0 * (1.0 / (12.0 * n)).sqrt(), "{pattern:?} sample {sample}: {}", sum / n);
+                let variance = squares / n;
+                let bound = 5.0 * (1.0 / (180.0 * n)).sqrt();
+                assert!((variance - 1.0 / 12.0).abs() < bound, "{pattern:?} sample {sample}: {variance}");
+            }
+        }
+    }
+}
+
+/// Error of a smooth integral: random points err by `n^-1/2`, a scrambled net by `n^-3/2` but for logarithms (Owen 1997).
+#[test]
+fn smooth_integrals_converge_faster_than_at_random() {
+    let error = |pattern, n: u32| {
+        let sampler = Sampler::new(pattern, n, 0);
+        let square = |pixel: u32| {
+            let sum: f64 = (0..n)
+                .map(|i| sampler.pair(pixel, i, 0).map(f64::from))
+                .map(|[x, y]| (x + 0.5 * y).exp() * (1.0 + x * y))
+                .sum();
+            sum / f64::from(n)
+        };
+        let estimates: Vec<f64> = (0..200).map(square).collect();
+        let mean = estimates.iter().sum::<f64>() / 200.0;
+        (estimates.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 199.0).sqrt()
+    };
+    // Both deviations are known to 5 % from 200 pixels: five of that, twice.
+    const ROOM: f64 = 1.6;
+    let gain = |pattern| error(pattern, 16) / error(pattern, 1024);
+    assert!(gain(Pattern::Random) < 8.0 * ROOM && gain(Pattern::Random) > 8.0 / ROOM);
+    // The variance has a logarithm too many: log 1024 / log 16 = 2.5, of which the error has the root.
+    assert!(gain(Pattern::Sobol) > 512.0 / 2.5_f64.sqrt() / ROOM, "{}", gain(Pattern::Sobol));
+    assert!(error(Pattern::Sobol, 16) < error(Pattern::Random, 16));
 }
