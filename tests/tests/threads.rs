@@ -61,6 +61,7 @@ const SETTINGS: Settings = Settings {
     bounces: 2,
     seed: 3,
     pattern: canted_renderer::Pattern::Stratified,
+    filter: canted_renderer::Filter::BOX,
     ao_radius: None,
     tile: 32,
 };

@@ -1,7 +1,7 @@
 //! Options that several subcommands share, and how their values are read.
 
 use canted_lbvh::Strategy;
-use canted_renderer::{Builder, Levels, Pattern, StructureConfig};
+use canted_renderer::{Builder, Filter, Levels, Pattern, StructureConfig};
 use canted_wide::Preset;
 use clap::ValueEnum;
 
@@ -139,6 +139,27 @@ impl SamplerArg {
             Self::Random => Pattern::Random,
             Self::Stratified => Pattern::Stratified,
             Self::Sobol => Pattern::Sobol,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum FilterArg {
+    Box,
+    Tent,
+    Gaussian,
+    Mitchell,
+    BlackmanHarris,
+}
+
+impl FilterArg {
+    pub(crate) fn filter(self) -> Filter {
+        match self {
+            Self::Box => Filter::BOX,
+            Self::Tent => Filter::TENT,
+            Self::Gaussian => Filter::GAUSSIAN,
+            Self::Mitchell => Filter::MITCHELL,
+            Self::BlackmanHarris => Filter::BLACKMAN_HARRIS,
         }
     }
 }

@@ -22,7 +22,7 @@ use crate::{
     Outcome, interrupt,
     light::{self, LightArgs},
     load, memory,
-    options::{self, SamplerArg, StructureArgs, with_kernel},
+    options::{self, FilterArg, SamplerArg, StructureArgs, with_kernel},
     output,
 };
 use facts::Fact;
@@ -44,6 +44,9 @@ pub(crate) struct Args {
     /// How the samples of a pixel are spread.
     #[arg(long, value_enum, default_value_t = SamplerArg::Stratified, value_name = "PATTERN")]
     sampler: SamplerArg,
+    /// How light around the middle of a pixel is weighed.
+    #[arg(long, value_enum, default_value_t = FilterArg::Box, value_name = "FILTER")]
+    filter: FilterArg,
     /// Diffuse bounces after the surface that the camera sees.
     #[arg(long, value_parser = clap::value_parser!(u32).range(0..=4096), default_value_t = 2, value_name = "N")]
     bounces: u32,
@@ -99,6 +102,7 @@ impl Args {
             size: [settings.width, settings.height],
             spp: settings.samples,
             sampler: SamplerArg::Stratified,
+            filter: FilterArg::Box,
             bounces: settings.bounces,
             eye: None,
             target: None,
@@ -122,6 +126,7 @@ impl Args {
             height,
             samples: self.spp,
             pattern: self.sampler.pattern(),
+            filter: self.filter.filter(),
             bounces: self.bounces,
             seed: self.seed,
             ao_radius: self.ao_radius,

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::film::Pixel;
 use crate::integrate::{Hybrid, environment_of};
-use crate::{CameraError, Film, Masked, Sampler, Settings, Surfaces, Tracer, View, mask};
+use crate::{CameraError, Film, FilterSampler, Masked, Sampler, Settings, Surfaces, Tracer, View, mask};
 
 /// Dimension of the sampler that places a sample in its pixel.
 const PIXEL_POSITION: u32 = 0;
@@ -29,8 +29,10 @@ pub fn render<T: Tracer>(
 ) -> Result<Film, RenderError> {
     let ao_radius = checked_ao_radius(scene, settings)?;
     let view = View::new(camera, settings.width, settings.height).map_err(RenderError::Camera)?;
+    let filter =
+        FilterSampler::new(settings.filter).ok_or(RenderError::FilterRadius { radius: settings.filter.radius() })?;
     let surfaces = Surfaces::new(scene);
-    let work = Work { scene, tracer, surfaces: &surfaces, view, settings, ao_radius, progress, cancel };
+    let work = Work { scene, tracer, surfaces: &surfaces, view, filter, settings, ao_radius, progress, cancel };
     // Masks cost a texture lookup a hit: a scene without them runs code that has none.
     if mask::is_needed(scene) { work.run(Masked::new(&surfaces, ())) } else { work.run(()) }
 }
@@ -60,6 +62,7 @@ struct Work<'a, T> {
     tracer: &'a T,
     surfaces: &'a Surfaces<'a>,
     view: View,
+    filter: FilterSampler,
     settings: &'a Settings,
     ao_radius: f64,
     progress: &'a (dyn Fn(usize, usize) + Sync),
@@ -130,10 +133,10 @@ impl<T: Tracer> Work<'_, T> {
         let number = y * self.settings.width + x;
         let mut pixel = Pixel::default();
         for sample in 0..self.settings.samples {
-            let [dx, dy] = integrator.sampler.pair(number, sample, PIXEL_POSITION);
-            let ray = self.view.ray([f64::from(x) + f64::from(dx), f64::from(y) + f64::from(dy)]);
+            let ([dx, dy], weight) = self.filter.place(integrator.sampler.pair(number, sample, PIXEL_POSITION));
+            let ray = self.view.ray([f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy]);
             let light = integrator.sample(ray, number, sample);
-            pixel.add(light.radiance);
+            pixel.add(light.radiance.map(|x| weight * x));
             *n_rays += light.n_rays;
         }
         pixel
@@ -157,6 +160,11 @@ pub enum RenderError {
         /// The radius.
         radius: f32,
     },
+    /// The radius of the pixel filter is not finite and above zero.
+    FilterRadius {
+        /// The radius in pixels.
+        radius: f32,
+    },
     /// The camera cannot be used.
     Camera(CameraError),
     /// The caller's flag stopped the work.
@@ -169,6 +177,7 @@ impl fmt::Display for RenderError {
             Self::Size { width, height } => write!(f, "a picture of {width} x {height} pixels cannot be rendered"),
             Self::NoSamples => write!(f, "0 samples per pixel make no picture"),
             Self::AoRadius { radius } => write!(f, "ambient occlusion radius {radius} is not above zero"),
+            Self::FilterRadius { radius } => write!(f, "pixel filter radius {radius} is not finite and above zero"),
             Self::Camera(error) => error.fmt(f),
             Self::Cancelled => write!(f, "rendering was cancelled"),
         }

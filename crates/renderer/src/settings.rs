@@ -1,4 +1,4 @@
-use crate::Pattern;
+use crate::{Filter, Pattern};
 
 /// What a picture is made of, beside scene and camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,6 +15,8 @@ pub struct Settings {
     pub seed: u32,
     /// How the samples are spread.
     pub pattern: Pattern,
+    /// How light around the middle of a pixel is weighed.
+    pub filter: Filter,
     /// World-space distance over which ambient light returns beside an occluder; infinite for none, `None` for a
     /// tenth of the diagonal of the scene's bounds.
     pub ao_radius: Option<f32>,
@@ -32,6 +34,7 @@ impl Default for Settings {
             bounces: 2,
             seed: 0,
             pattern: Pattern::Stratified,
+            filter: Filter::BOX,
             ao_radius: None,
             tile: 32,
         }

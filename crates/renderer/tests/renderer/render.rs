@@ -25,6 +25,7 @@ const SETTINGS: Settings = Settings {
     bounces: 2,
     seed: 9,
     pattern: canted_renderer::Pattern::Stratified,
+    filter: canted_renderer::Filter::BOX,
     ao_radius: None,
     tile: 32,
 };
@@ -127,6 +128,9 @@ fn settings_that_make_no_picture_are_refused() {
         assert_eq!(error.to_string(), format!("ambient occlusion radius {radius} is not above zero"));
     }
     assert!(matches!(refused(Settings { ao_radius: Some(f32::NAN), ..SETTINGS }, &view), RenderError::AoRadius { .. }));
+    let filter = canted_renderer::Filter::Gaussian(-1.0);
+    let error = refused(Settings { filter, ..SETTINGS }, &view);
+    assert_eq!(error.to_string(), "pixel filter radius -1 is not finite and above zero");
     let blind = Camera { fov_degrees: 0.0, ..view };
     assert_eq!(refused(SETTINGS, &blind), RenderError::Camera(CameraError::FieldOfView { degrees: 0.0 }));
 }
