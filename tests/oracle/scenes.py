@@ -1,0 +1,275 @@
+"""The scenes of the oracle, as Mitsuba takes them.
+
+`SHOTS` names every picture: a model, how its surfaces are simplified, a camera, lights, and a length of paths. The same
+numbers stand in `tests/tests/oracle/shots.rs`. World +y is up, angles are degrees, colours linear.
+"""
+
+import os
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+
+import meshes
+
+ASSETS = Path(os.environ.get("CANTED_SCENES", Path(__file__).parent / "../../../shared/scenes"))
+
+
+@dataclass(frozen=True)
+class Sun:
+    direction: tuple  # of travel
+    irradiance: tuple
+
+
+@dataclass(frozen=True)
+class Spot:
+    position: tuple
+    target: tuple
+    intensity: tuple
+    angle: float  # half the cone; the edge is hard
+
+
+@dataclass(frozen=True)
+class Sphere:
+    center: tuple
+    radius: float
+    radiance: tuple
+
+
+@dataclass(frozen=True)
+class Sky:
+    file: str  # image of all directions; its middle looks along -z, +x is right of it
+
+
+@dataclass(frozen=True)
+class Shot:
+    model: str
+    size: tuple
+    eye: tuple
+    target: tuple
+    fov: float  # vertical
+    lights: tuple = ()
+    environment: tuple = (0.0, 0.0, 0.0)
+    emits: bool = False  # whether the model's own emitters shine, on both sides
+    is_lambert: bool = True  # whether metal and glass are replaced by Lambert surfaces of their colour
+    lens: tuple | None = None  # radius, focus distance
+    n_segments: int | None = None  # of a path, the camera's included; None for no limit
+    samples: int = 4096  # of a pixel
+
+
+BLUE = (0.4, 0.5, 0.65)
+CORNELL = Shot("cornell/cornellBox.obj", (64, 64), (-0.23, 2.58, 9.0), (-0.23, 2.58, -3.0), 36.0)
+SPONZA = Shot(
+    "sponza/sponza.obj", (96, 64), (700.0, 700.0, -100.0), (-300.0, 250.0, 100.0), 60.0, samples=2048
+)
+KITCHEN = Shot(
+    "kitchen/country_kitchen.glb", (112, 64), (1.211, 1.80475, 3.85239), (0.7729, 1.76308, 2.95443), 36.5, is_lambert=False, samples=1024
+)
+FLOOR = Shot("floor", (64, 64), (0.0, 4.0, 8.0), (0.0, 0.0, 0.0), 40.0)
+
+CORNELL_SUN = Sun((0.3, -0.5, -1.0), (3.0, 2.8, 2.5))
+SPONZA_SUN = Sun((-0.15, -1.0, 0.12), (12.0, 11.0, 9.0))
+KITCHEN_SUN = Sun((0.3, -0.5, 1.0), (60.0, 55.0, 45.0))
+
+SHOTS = {
+    "cornell-env": replace(CORNELL, environment=BLUE),
+    "cornell-sun": replace(CORNELL, environment=BLUE, lights=(CORNELL_SUN,)),
+    "cornell-light": replace(CORNELL, emits=True),
+    "cornell-sphere": replace(CORNELL, lights=(Sphere((-0.9, 2.2, -1.2), 0.3, (9.0, 8.0, 6.0)),)),
+    "sponza-env": replace(SPONZA, environment=BLUE),
+    "sponza-sun": replace(SPONZA, environment=BLUE, lights=(SPONZA_SUN,)),
+    "sponza-sphere": replace(SPONZA, lights=(Sphere((-300.0, 500.0, 60.0), 50.0, (90.0, 80.0, 60.0)),)),
+    "sponza-sky": replace(SPONZA, lights=(Sky("env/sky_64x32.exr"),)),
+    "kitchen-env": replace(KITCHEN, environment=BLUE),
+    "kitchen-sun": replace(KITCHEN, environment=BLUE, lights=(KITCHEN_SUN,)),
+    "kitchen-sphere": replace(KITCHEN, lights=(Sphere((1.9, 2.5, 2.2), 0.15, (20.0, 18.0, 15.0)),)),
+    "kitchen-lambert": replace(KITCHEN, environment=BLUE, lights=(KITCHEN_SUN,), is_lambert=True),
+    "penumbra": replace(FLOOR, model="floor, disc", lights=(Sphere((0.5, 3.0, 0.0), 0.4, (8.0, 8.0, 8.0)),)),
+    "spot": replace(FLOOR, lights=(Spot((1.0, 4.0, 1.0), (-0.5, 0.0, 0.0), (20.0, 18.0, 14.0), 20.0),)),
+    "lens": replace(FLOOR, model="floor, checker", environment=BLUE, lens=(0.3, 6.0)),
+    "checker": replace(FLOOR, model="checker", environment=(1.0, 1.0, 1.0)),
+}
+# Paths that stop: what light does in one, two and three bounces.
+for n in (2, 3, 4):
+    SHOTS[f"cornell-env-{n}"] = replace(SHOTS["cornell-env"], n_segments=n)
+    SHOTS[f"sponza-env-{n}"] = replace(SHOTS["sponza-env"], n_segments=n)
+SHOTS["cornell-sun-3"] = replace(SHOTS["cornell-sun"], n_segments=3)
+SHOTS["cornell-light-3"] = replace(SHOTS["cornell-light"], n_segments=3)
+SHOTS["sponza-sun-3"] = replace(SHOTS["sponza-sun"], n_segments=3)
+
+
+def quad(a, b, c, d):
+    return np.float32([[a, b, c], [a, c, d]]), np.float32([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]])
+
+
+def part(name):
+    """A piece of the scenes that are made here."""
+    if name == "floor":
+        corners, uvs = quad((-6, 0, 6), (6, 0, 6), (6, 0, -6), (-6, 0, -6))
+        return meshes.Part(meshes.Material(name, (0.6, 0.5, 0.4)), corners)
+    if name == "disc":
+        # A regular polygon of 64 corners above the floor: both renderers see the same triangles.
+        turn = np.linspace(0, 2 * np.pi, 65)
+        rim = np.stack([0.8 * np.cos(turn), np.full(65, 1.0), -0.8 * np.sin(turn)], axis=1)
+        middle = np.broadcast_to([0.0, 1.0, 0.0], (64, 3))
+        corners = np.stack([middle, rim[:-1], rim[1:]], axis=1)
+        return meshes.Part(meshes.Material(name, (0.2, 0.3, 0.6)), np.float32(corners))
+    assert name == "checker", name
+    # A wall of four times four texels, enlarged, so that the filter shows.
+    corners, uvs = quad((-2, 0.5, 0), (2, 0.5, 0), (2, 3.5, -1), (-2, 3.5, -1))
+    texels = np.where(np.add.outer(range(4), range(4))[..., None] % 2, [230, 60, 30], [20, 90, 200])
+    return meshes.Part(meshes.Material(name, (1.0, 1.0, 1.0), image=np.uint8(texels)), corners, uvs)
+
+
+@cache
+def parts(model):
+    return meshes.read(ASSETS / model) if "." in model else [part(name) for name in model.split(", ")]
+
+
+def linear(srgb):
+    x = srgb / 255.0
+    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+
+
+def bitmap(data):
+    """A texture of linear numbers, bilinear and repeated, kept as f32."""
+    image = mi.Bitmap(np.ascontiguousarray(data, np.float32))
+    return {"type": "bitmap", "bitmap": image, "raw": True, "filter_type": "bilinear", "format": "variant"}
+
+
+def rgb(color):
+    return {"type": "rgb", "value": list(color)}
+
+
+def texture(material):
+    return rgb(material.color) if material.image is None else bitmap(linear(material.image) * material.color)
+
+
+def bsdf(material, is_lambert):
+    """Lambert; GGX with Schlick's Fresnel for metals; a smooth dielectric of index 1.5 for glass."""
+    if material.transmission > 0.5 and not is_lambert:
+        return {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}
+    if material.metallic > 0.5 and not is_lambert:
+        inner = {"type": "principled", "base_color": texture(material), "metallic": 1.0, "roughness": material.roughness}
+    else:
+        inner = {"type": "diffuse", "reflectance": texture(material)}
+    surface = {"type": "twosided", "inner": inner}
+    if material.mask is None:
+        return surface
+    return {"type": "mask", "opacity": {"type": "cutoff", "alpha": bitmap(material.mask[..., None] / 255.0)}, "inner": surface}
+
+
+class Cutoff(mi.Texture):
+    """1 where a texture, filtered first, is one half or more; else 0."""
+
+    def __init__(self, props):
+        mi.Texture.__init__(self, props)
+        self.alpha = props["alpha"]
+
+    def eval_1(self, si, active=True):
+        return mi.Float(mi.ScalarFloat(1)) & (self.alpha.eval_1(si, active) >= 0.5)
+
+    def eval(self, si, active=True):
+        return mi.Color3f(self.eval_1(si, active))
+
+    def mean(self):
+        return self.alpha.mean()
+
+    def is_spatially_varying(self):
+        return True
+
+    def to_string(self):
+        return "Cutoff"
+
+
+def shape(folder, number, part, shot):
+    """The triangles of a part, with those of its back where it emits: emitters of Mitsuba have one side."""
+    def one(suffix, part):
+        path = folder / f"{number}{suffix}.ply"
+        meshes.write_ply(path, part)
+        mesh = {"type": "ply", "filename": str(path), "face_normals": True, "bsdf": bsdf(part.material, shot.is_lambert)}
+        if emits:
+            mesh["emitter"] = {"type": "area", "radiance": rgb(part.material.emission)}
+        return mesh
+
+    emits = shot.emits and any(part.material.emission)
+    shapes = {f"part-{number}": one("", part)}
+    if emits:
+        a, b, c = np.moveaxis(part.corners.astype(float), 1, 0)
+        normal = np.cross(b - a, c - a)
+        # Far enough behind the front to be another surface, and nearer than anything else.
+        behind = 1e-4 * normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        back = part.corners[:, ::-1] - behind[:, None]
+        shapes[f"part-{number}-back"] = one("-back", meshes.Part(part.material, back))
+    return shapes
+
+
+def sky_image(file):
+    """The image as a table of directions that Mitsuba reads as we do.
+
+    Ours is piecewise bilinear between the middles of texels, repeated around and clamped at the poles. Mitsuba's rows
+    reach from pole to pole, first and last on them: a table 16 times as fine takes that difference away.
+    """
+    texels = np.array(mi.Bitmap(str(ASSETS / file)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
+    height, width, _ = texels.shape
+    n_rows, n_columns = 16 * height + 1, 16 * width
+    y = np.clip(np.linspace(0, 1, n_rows) * height - 0.5, 0, height - 1)
+    x = (np.arange(n_columns) + 0.5) / n_columns * width - 0.5
+    row, column = np.minimum(np.int32(y), height - 2), np.int32(np.floor(x))
+    dy, dx = (y - row)[:, None, None], (x - column)[None, :, None]
+    at = lambda j, i: texels[(row + j)[:, None], (column + i)[None, :] % width]
+    return (1 - dy) * ((1 - dx) * at(0, 0) + dx * at(0, 1)) + dy * ((1 - dx) * at(1, 0) + dx * at(1, 1))
+
+
+def light(light):
+    transform = mi.ScalarTransform4f()
+    match light:
+        case Sun():
+            return {"type": "directional", "direction": list(light.direction), "irradiance": rgb(light.irradiance)}
+        case Spot():
+            place = transform.look_at(light.position, light.target, [0, 0, 1])
+            # Mitsuba's edge fades linearly in the angle, that of glTF by a squared cosine: both are made hard.
+            cone = {"cutoff_angle": light.angle, "beam_width": light.angle - 1e-3}
+            return {"type": "spot", "to_world": place, "intensity": rgb(light.intensity), **cone}
+        case Sphere():
+            black = {"type": "diffuse", "reflectance": rgb((0, 0, 0))}
+            glow = {"type": "area", "radiance": rgb(light.radiance)}
+            place = {"center": list(light.center), "radius": light.radius}
+            return {"type": "sphere", **place, "bsdf": black, "emitter": glow}
+        case Sky():
+            # Mitsuba's middle looks along +z.
+            turn = transform.rotate([0, 1, 0], 180)
+            return {"type": "envmap", "bitmap": mi.Bitmap(np.float32(sky_image(light.file))), "to_world": turn}
+    raise TypeError(light)
+
+
+def camera(shot):
+    film = {"type": "hdrfilm", "width": shot.size[0], "height": shot.size[1], "rfilter": {"type": "box"}}
+    film |= {"pixel_format": "rgb", "component_format": "float32"}
+    view = {"type": "perspective"}
+    if shot.lens:
+        view = {"type": "thinlens", "aperture_radius": shot.lens[0], "focus_distance": shot.lens[1]}
+    place = mi.ScalarTransform4f().look_at(shot.eye, shot.target, [0, 1, 0])
+    clip = {"near_clip": 1e-3, "far_clip": 1e5}
+    return view | clip | {"fov": shot.fov, "fov_axis": "y", "to_world": place, "film": film}
+
+
+def scene(shot, folder):
+    """The dictionary of a shot; triangles go through files in `folder`."""
+    if mi.variant() != scene.variant:
+        mi.register_texture("cutoff", Cutoff)
+        scene.variant = mi.variant()
+    # Only this one lets shadow rays through what a mask cuts out, and does not count that as an event.
+    integrator = {"type": "volpath", "max_depth": shot.n_segments or -1}
+    made = {"type": "scene", "integrator": integrator, "camera": camera(shot)}
+    for number, part in enumerate(parts(shot.model)):
+        made |= shape(folder, number, part, shot)
+    made |= {f"light-{i}": light(each) for i, each in enumerate(shot.lights)}
+    if any(shot.environment):
+        made["environment"] = {"type": "constant", "radiance": rgb(shot.environment)}
+    return made
+
+
+scene.variant = None

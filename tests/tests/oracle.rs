@@ -1,0 +1,81 @@
+//! An independent renderer agrees: pictures beside references by Mitsuba 3.
+//!
+//! `tests/oracle/README.md` says how the references were made. Only flat triangles are compared, for shading normals are
+//! bent differently where they and the triangle disagree; textures are looked up bilinearly at full size in both. Models
+//! that are absent are skipped by name. Not covered here: what a picture of finite samples looks like (its noise), and
+//! materials that only one of the renderers has.
+
+#[path = "oracle/agree.rs"]
+mod agree;
+#[path = "oracle/shots.rs"]
+mod shots;
+
+use agree::{Disagreement, agree};
+use shots::{Shot, cornell_env, cornell_sun, sponza_sun};
+
+fn check(shot: Option<Shot>) {
+    let Some(shot) = shot else { return };
+    let verdict = agree(&shot.ours(), &shot.theirs());
+    assert_eq!(verdict, Ok(()), "{}", shot.name);
+}
+
+#[test]
+fn sky_in_the_cornell_box() {
+    check(cornell_env("sky_in_the_cornell_box"));
+}
+
+#[test]
+fn sky_in_the_cornell_box_after_bounces() {
+    for (name, n_segments) in [("cornell-env-3", 3), ("cornell-env-4", 4)] {
+        check(cornell_env("sky_in_the_cornell_box_after_bounces").map(|shot| Shot { name, n_segments, ..shot }));
+    }
+}
+
+#[test]
+fn sun_in_the_cornell_box() {
+    check(cornell_sun("sun_in_the_cornell_box"));
+}
+
+#[test]
+fn sun_over_sponza() {
+    check(sponza_sun("sun_over_sponza"));
+}
+
+/// Two per cent more light from everywhere.
+#[test]
+fn a_brighter_sky_is_seen() {
+    let Some(mut shot) = cornell_env("a_brighter_sky_is_seen") else { return };
+    shot.scene.environment = shot.scene.environment.map(|radiance| radiance.map(|x| 1.02 * x));
+    let verdict = agree(&shot.ours(), &shot.theirs());
+    assert!(matches!(verdict, Err(Disagreement::Mean { ratio, .. }) if ratio > 1.01), "{verdict:?}");
+}
+
+/// Boxes that are four per cent darker.
+#[test]
+fn a_wrong_albedo_is_seen() {
+    let Some(mut shot) = cornell_env("a_wrong_albedo_is_seen") else { return };
+    for material in shot.scene.materials.iter_mut().filter(|material| material.name == "Khaki") {
+        material.albedo = material.albedo.map(|x| 0.96 * x);
+    }
+    let verdict = agree(&shot.ours(), &shot.theirs());
+    assert!(verdict.is_err(), "{verdict:?}");
+}
+
+/// Two blocks that change places leave the mean as it is.
+#[test]
+fn a_picture_of_something_else_is_seen() {
+    let Some(shot) = cornell_env("a_picture_of_something_else_is_seen") else { return };
+    let mut ours = shot.ours();
+    ours.swap(5, 6);
+    let verdict = agree(&ours, &shot.theirs());
+    assert!(matches!(verdict, Err(Disagreement::Block { block: 5, .. })), "{verdict:?}");
+}
+
+/// A picture that is too noisy proves nothing, and is refused.
+#[test]
+fn noise_is_no_excuse() {
+    let Some(mut shot) = cornell_env("noise_is_no_excuse") else { return };
+    shot.samples = 2;
+    let verdict = agree(&shot.ours(), &shot.theirs());
+    assert!(matches!(verdict, Err(Disagreement::Noise { .. })), "{verdict:?}");
+}

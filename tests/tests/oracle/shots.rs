@@ -1,0 +1,114 @@
+//! The pictures of the oracle as our renderer takes them: the same numbers as in `tests/oracle/scenes.py`.
+
+use std::path::PathBuf;
+
+use canted_renderer::{Film, Pattern, Picture, Settings, prepare, read_picture, render};
+use canted_scene::{Camera, Light, Scene, read};
+use canted_trace::Watertight;
+
+use crate::agree::{Block, blocks_of_film, blocks_of_reference};
+
+/// What both renderers draw.
+pub(crate) struct Shot {
+    /// Name of the reference.
+    pub(crate) name: &'static str,
+    pub(crate) scene: Scene,
+    pub(crate) camera: Camera,
+    pub(crate) size: [u32; 2],
+    /// Segments of a path, the camera's included.
+    pub(crate) n_segments: u32,
+    /// Samples per pixel: as many as the mean radiance asks for.
+    pub(crate) samples: u32,
+}
+
+const BLUE: [f32; 3] = [0.4, 0.5, 0.65];
+
+/// The folder of models: `CANTED_SCENES`, else `../shared/scenes` beside the workspace; `None`, said aloud, where absent.
+#[expect(clippy::print_stderr, reason = "a skipped test says so")]
+fn models(test: &str) -> Option<PathBuf> {
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes");
+    let folder = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
+    if !folder.is_dir() {
+        eprintln!("{test}: skipped, there is no folder {}", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+/// A model as both renderers see it: flat triangles that give no light of their own.
+fn model(test: &str, file: &str) -> Option<Scene> {
+    let mut scene = read(&models(test)?.join(file)).unwrap();
+    for mesh in &mut scene.meshes {
+        mesh.normals = None;
+    }
+    for material in &mut scene.materials {
+        material.emission = [0.0; 3];
+    }
+    Some(scene)
+}
+
+fn with_sun(scene: Scene, towards: [f64; 3], irradiance: [f32; 3]) -> Scene {
+    let length = towards.map(|x| x * x).iter().sum::<f64>().sqrt();
+    #[expect(clippy::cast_possible_truncation, reason = "a direction rounded once")]
+    let direction = towards.map(|x| (x / length) as f32);
+    Scene { lights: vec![Light::Sun { direction, irradiance }], ..scene }
+}
+
+/// The Cornell box under a blue sky.
+pub(crate) fn cornell_env(test: &str) -> Option<Shot> {
+    let scene = Scene { environment: Some(BLUE), ..model(test, "cornell/cornellBox.obj")? };
+    let camera =
+        Camera { eye: [-0.23, 2.58, 9.0], target: [-0.23, 2.58, -3.0], up: [0.0, 1.0, 0.0], fov_degrees: 36.0 };
+    Some(Shot { name: "cornell-env-2", scene, camera, size: [64, 64], n_segments: 2, samples: 128 })
+}
+
+/// The same, with a sun that shines in through the open side.
+pub(crate) fn cornell_sun(test: &str) -> Option<Shot> {
+    let shot = cornell_env(test)?;
+    let scene = with_sun(shot.scene, [0.3, -0.5, -1.0], [3.0, 2.8, 2.5]);
+    Some(Shot { name: "cornell-sun-3", scene, n_segments: 3, ..shot })
+}
+
+/// Sponza at noon, seen across its court.
+pub(crate) fn sponza_sun(test: &str) -> Option<Shot> {
+    let scene = Scene { environment: Some(BLUE), ..model(test, "sponza/sponza.obj")? };
+    let scene = with_sun(scene, [-0.15, -1.0, 0.12], [12.0, 11.0, 9.0]);
+    let camera =
+        Camera { eye: [700.0, 700.0, -100.0], target: [-300.0, 250.0, 100.0], up: [0.0, 1.0, 0.0], fov_degrees: 60.0 };
+    Some(Shot { name: "sponza-sun-3", scene, camera, size: [96, 64], n_segments: 3, samples: 128 })
+}
+
+impl Shot {
+    /// Our picture, of samples that are independent of each other.
+    ///
+    /// With ambient occlusion off, the hybrid integrator is a path tracer whose paths stop. Light from outside and from
+    /// lights reaches its last vertex, which is one more segment than vertices.
+    pub(crate) fn ours(&self) -> Vec<Block> {
+        blocks_of_film(&self.film())
+    }
+
+    fn film(&self) -> Film {
+        let [width, height] = self.size;
+        let settings = Settings {
+            width,
+            height,
+            samples: self.samples,
+            bounces: self.n_segments - 2,
+            pattern: Pattern::Random,
+            ao_radius: Some(f32::INFINITY),
+            ..Settings::default()
+        };
+        let prepared = prepare::<Watertight>(&self.scene, &canted_renderer::StructureConfig::default()).unwrap();
+        render(&self.scene, &prepared.structure, &self.camera, &settings, &|_, _| {}, &false.into()).unwrap()
+    }
+
+    /// The reference.
+    pub(crate) fn theirs(&self) -> Vec<Block> {
+        blocks_of_reference(&self.reference(""), &self.reference(".error"))
+    }
+
+    fn reference(&self, kind: &str) -> Picture {
+        let path = format!("{}/oracle/{}{kind}.exr", env!("CARGO_MANIFEST_DIR"), self.name);
+        read_picture(path.as_ref()).unwrap()
+    }
+}
