@@ -64,6 +64,9 @@ const SETTINGS: Settings = Settings {
     filter: canted_renderer::Filter::BOX,
     ao_radius: None,
     tile: 32,
+    part: None,
+    noise: None,
+    aovs: canted_renderer::Aovs::NONE,
 };
 
 const BASE: StructureConfig = StructureConfig {

@@ -9,6 +9,7 @@ mod interrupt;
 mod light;
 mod load;
 mod memory;
+mod merge;
 mod options;
 mod output;
 mod render;
@@ -42,6 +43,8 @@ enum Command {
     Tree(tree::Args),
     /// Compare two pictures.
     Compare(compare::Args),
+    /// Merge parts of the samples of a picture, made apart, into one.
+    Merge(merge::Args),
 }
 
 /// How a run that was not an error ended.
@@ -61,6 +64,7 @@ fn main() -> ExitCode {
         Some(Command::Cast(args)) => cast::run(&args),
         Some(Command::Tree(args)) => tree::run(&args),
         Some(Command::Compare(args)) => compare::run(&args),
+        Some(Command::Merge(args)) => merge::run(&args),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -1,6 +1,8 @@
 //! `canted render`: a picture, and what it took.
 
+mod checkpoint;
 mod facts;
+mod samples;
 
 use std::{
     path::{Path, PathBuf},
@@ -9,8 +11,8 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_renderer::{
-    Film, Measure, Picture, Prepared, RenderError, Settings, Surfaces, WritePictureError, frame, heatmap, prepare,
-    render, write_exr, write_png,
+    Aovs, Film, Measure, Monitor, Picture, Prepared, Record, RenderError, Settings, Surfaces, Tile, frame, heatmap,
+    light_hash, prepare, render, resume, scene_hash, write_exr, write_film, write_png,
 };
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -22,10 +24,13 @@ use crate::{
     Outcome, interrupt,
     light::{self, LightArgs},
     load, memory,
-    options::{self, FilterArg, SamplerArg, StructureArgs, with_kernel},
+    options::{self, FilterArg, StructureArgs, with_kernel},
     output,
 };
+use checkpoint::Keeper;
+pub(crate) use checkpoint::difference;
 use facts::Fact;
+use samples::SampleArgs;
 
 /// Options of `canted render`.
 #[derive(clap::Args, Clone)]
@@ -38,12 +43,8 @@ pub(crate) struct Args {
     /// Pixels, as 1280x720.
     #[arg(long, value_parser = options::size, default_value = "1280x720", value_name = "WxH")]
     size: [u32; 2],
-    /// Samples per pixel.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_048_576), default_value_t = 16, value_name = "N")]
-    spp: u32,
-    /// How the samples of a pixel are spread.
-    #[arg(long, value_enum, default_value_t = SamplerArg::Stratified, value_name = "PATTERN")]
-    sampler: SamplerArg,
+    #[command(flatten)]
+    samples: SampleArgs,
     /// How light around the middle of a pixel is weighed.
     #[arg(long, value_enum, default_value_t = FilterArg::Box, value_name = "FILTER")]
     filter: FilterArg,
@@ -100,8 +101,7 @@ impl Args {
             scene: None,
             output: "canted.png".into(),
             size: [settings.width, settings.height],
-            spp: settings.samples,
-            sampler: SamplerArg::Stratified,
+            samples: SampleArgs::defaults(),
             filter: FilterArg::Box,
             bounces: settings.bounces,
             eye: None,
@@ -119,44 +119,77 @@ impl Args {
         }
     }
 
-    fn settings(&self) -> Settings {
+    fn settings(&self) -> Result<Settings> {
         let [width, height] = self.size;
-        Settings {
-            width,
-            height,
-            samples: self.spp,
-            pattern: self.sampler.pattern(),
-            filter: self.filter.filter(),
-            bounces: self.bounces,
-            seed: self.seed,
-            ao_radius: self.ao_radius,
-            ..Settings::default()
+        let Self { bounces, seed, ao_radius, .. } = *self;
+        let filter = self.filter.filter();
+        let mut settings = Settings { width, height, filter, bounces, seed, ao_radius, ..Settings::default() };
+        self.samples.apply(&mut settings)?;
+        Ok(settings)
+    }
+
+    /// What decides the value of a sample, by name.
+    fn record(&self, scene: &Scene, camera: &Camera, settings: &Settings) -> Record {
+        let own = [
+            ("version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("scene", format!("{:016x}", scene_hash(scene))),
+            ("light", format!("{:016x}", light_hash(scene))),
+            ("camera", format!("{camera:?}")),
+            ("triangles", format!("{:?}", self.structure.triangles).to_lowercase()),
+        ];
+        own.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(settings.record()).collect()
+    }
+}
+
+/// Whether a file's name says EXR.
+pub(crate) fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr"))
+}
+
+/// Tells of names of files that are no pictures, and of options that the picture has no room for.
+fn check_output(args: &Args) -> Result<()> {
+    let path = &args.output;
+    if !is_exr(path) && !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+        return Err(anyhow!("{}: pictures end in .png or .exr", path.display()));
+    }
+    args.samples.check(is_exr(path), args.heatmap.is_some())
+}
+
+/// What was made.
+enum Made {
+    Picture(Picture),
+    Film(Film, Record),
+}
+
+impl Made {
+    fn write(&self, args: &Args) -> Result<()> {
+        match self {
+            Self::Film(film, record) if film.part().is_some() || !film.guides().is_empty() => {
+                write_film(&args.output, film, args.samples.aovs(), record)?;
+                Ok(())
+            }
+            Self::Film(film, _) => write_picture(&args.output, &film.picture()),
+            Self::Picture(picture) => write_picture(&args.output, picture),
         }
     }
 }
 
-/// Writes a picture in one format.
-type Write = fn(&Path, &Picture) -> Result<(), WritePictureError>;
-
-/// How a picture is written, by the file's ending.
-fn writer(path: &Path) -> Result<Write> {
-    match path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase().as_str() {
-        "png" => Ok(write_png),
-        "exr" => Ok(write_exr),
-        _ => Err(anyhow!("{}: pictures end in .png or .exr", path.display())),
-    }
+fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
+    Ok(if is_exr(path) { write_exr(path, picture) } else { write_png(path, picture) }?)
 }
 
-/// What was made, beside the picture.
+/// What was made, what it took, and the checkpoint that is of no more use once it is written.
 struct Run {
-    picture: Picture,
+    made: Made,
     facts: Vec<Fact>,
+    keeper: Option<Keeper>,
 }
 
 /// Renders the picture.
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
-    let write = writer(&args.output)?;
+    check_output(args)?;
+    args.settings()?;
     // A place that cannot be written is told before the work.
     drop(output::Whole::create(&args.output)?);
     let start = Instant::now();
@@ -164,7 +197,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let default_light = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
     let run = with_kernel!(args.structure.triangles, trace(&mut scene, args, default_light, load_time))?;
-    write(&args.output, &run.picture)?;
+    run.made.write(args)?;
+    if let Some(keeper) = run.keeper {
+        keeper.remove()?;
+    }
     let mut facts = vec![
         ("scene", json!(load::name(args.scene.as_deref()))),
         ("picture", json!(args.output.display().to_string())),
@@ -184,14 +220,16 @@ fn trace<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool, loa
     let prepared: Prepared<K> = prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
     let mut facts = facts::built(scene, &prepared, load_time);
     let camera = camera(scene, &prepared, args);
+    let settings = args.settings()?;
     if default_light && args.heatmap.is_none() {
-        let strength = strength_of_default_light(scene, &prepared, &camera, &args.settings())?;
+        let strength = strength_of_default_light(scene, &prepared, &camera, &settings)?;
         light::set_default(scene, strength);
         facts.push(("default_light", json!(strength)));
     }
     let scene: &Scene = scene;
     let start = Instant::now();
-    let picture = if let Some(measure) = args.heatmap {
+    let mut keeper = None;
+    let made = if let Some(measure) = args.heatmap {
         let measure = match measure {
             HeatmapArg::Boxes => Measure::Boxes,
             HeatmapArg::Triangles => Measure::Triangles,
@@ -201,29 +239,29 @@ fn trace<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool, loa
         let [boxes, triangles] = map.mean();
         facts.push(("box_tests_per_ray", json!(boxes)));
         facts.push(("triangle_tests_per_ray", json!(triangles)));
-        map.picture
+        Made::Picture(map.picture)
     } else {
-        let film = film(scene, &prepared, &camera, &args.settings())?;
-        #[expect(clippy::cast_precision_loss, reason = "rays are fewer than 2^53")]
-        let rate = film.n_rays() as f64 / start.elapsed().as_secs_f64();
-        facts.extend([
-            ("samples_per_pixel", json!(args.spp)),
-            ("bounces", json!(args.bounces)),
-            ("rays", json!(film.n_rays())),
-            ("rays_per_second", json!(rate)),
-            ("dropped_samples", json!(film.n_dropped())),
-        ]);
+        let needs_record = settings.part.is_some() || args.samples.checkpoint.is_some();
+        let record = if needs_record { args.record(scene, &camera, &settings) } else { Record::new() };
+        let mut done = Vec::new();
+        if let Some(path) = &args.samples.checkpoint {
+            let interval = Duration::from_secs(args.samples.checkpoint_every.into());
+            let (opened, tiles) = Keeper::open(path.clone(), interval, &of_tiles(&record, &settings))?;
+            (keeper, done) = (Some(opened), tiles);
+        }
+        let film = film(scene, &prepared, &camera, &settings, keeper.as_ref(), done)?;
+        facts.extend(facts::of_film(&film, &settings, start.elapsed()));
         if film.n_dropped() > 0 {
             output::to_stderr(&format!("warning: {} samples were not finite and were dropped", film.n_dropped()));
         }
-        film.picture()
+        Made::Film(film, record)
     };
     facts.push(("trace_seconds", json!(start.elapsed().as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
     let left_out: Vec<Value> =
         prepared.left_out.iter().map(|left| json!({ "part": left.part, "because": left.because })).collect();
     facts.push(("left_out", json!(left_out)));
-    Ok(Run { picture, facts })
+    Ok(Run { made, facts, keeper })
 }
 
 /// By how much our own light must be stronger for a picture that is not dark, as interiors lit by a sky are.
@@ -239,7 +277,9 @@ fn strength_of_default_light<K: LaneKernel>(
     const MEAN: f64 = 0.3;
     const LIMITS: (f64, f64) = (1.0, 32.0);
     let [width, height] = [settings.width, settings.height].map(|side| side.min(64));
-    let probe = Settings { width, height, samples: 16, ..*settings };
+    // The same for every part of the samples.
+    let (samples, part, noise, aovs) = (16, None, None, Aovs::NONE);
+    let probe = Settings { width, height, samples, part, noise, aovs, ..*settings };
     let film = render(scene, &prepared.structure, camera, &probe, &|_, _| {}, interrupt::flag())?;
     let sum: f64 = film.pixels().iter().flat_map(|pixel| pixel.mean()).sum();
     let mean = sum / f64::from(3 * width * height);
@@ -248,12 +288,27 @@ fn strength_of_default_light<K: LaneKernel>(
     Ok(strength)
 }
 
-/// Renders with a progress bar.
+/// The record of a checkpoint: what its tiles are sums of, too.
+fn of_tiles(record: &Record, settings: &Settings) -> Record {
+    let noise = settings.noise.map_or_else(|| "none".to_owned(), |noise| noise.to_string());
+    let own = [
+        ("samples", format!("{:?}", settings.range())),
+        ("is part", settings.part.is_some().to_string()),
+        ("noise", noise),
+        ("aovs", settings.aovs.to_string()),
+        ("tile", settings.tile.to_string()),
+    ];
+    record.iter().cloned().chain(own.map(|(name, value)| (name.to_owned(), value))).collect()
+}
+
+/// Renders what is not done, with a progress bar.
 fn film<K: LaneKernel>(
     scene: &Scene,
     prepared: &Prepared<K>,
     camera: &Camera,
     settings: &Settings,
+    keeper: Option<&Keeper>,
+    done: Vec<Tile>,
 ) -> Result<Film, RenderError> {
     // Hidden by the library where standard error is no terminal.
     let bar = ProgressBar::new(0);
@@ -264,8 +319,17 @@ fn film<K: LaneKernel>(
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     };
-    let film = render(scene, &prepared.structure, camera, settings, &progress, interrupt::flag());
+    let finished = |tile: &Tile| {
+        if let Some(keeper) = keeper {
+            keeper.add(tile);
+        }
+    };
+    let monitor = Monitor { progress: &progress, finished: &finished, cancel: interrupt::flag() };
+    let film = resume(scene, &prepared.structure, camera, settings, done, &monitor);
     bar.finish_and_clear();
+    if let (Err(RenderError::Cancelled), Some(keeper)) = (&film, keeper) {
+        keeper.save();
+    }
     film
 }
 

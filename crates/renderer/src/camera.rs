@@ -3,7 +3,7 @@ use std::fmt;
 use canted_scene::Camera;
 use canted_trace::Ray;
 
-use crate::vector::{Vector, add, cross, narrow, scale, sub, unit, wide};
+use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 
 /// A camera joined to a picture size: it turns picture positions into world-space rays.
 ///
@@ -65,6 +65,12 @@ impl View {
         let direction = add(self.forward, add(across, along));
         // At least as long as the unit vector forward, to which the other two are perpendicular.
         Ray::new(self.eye, narrow(scale(direction, 1.0 / crate::vector::length(direction))))
+    }
+
+    /// Distance of a world-space point along the view axis, as compositing tools take depth.
+    #[must_use]
+    pub fn depth(&self, point: [f64; 3]) -> f64 {
+        dot(self.forward, sub(point, wide(self.eye)))
     }
 }
 

@@ -9,7 +9,7 @@ use image::{DynamicImage, ImageReader};
 use crate::{Picture, srgb};
 
 /// Pixels that a picture may have: a limit that keeps a broken header from asking for all memory.
-const MAX_PIXELS: usize = 1 << 28;
+pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
 /// The first four bytes of an EXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -21,7 +21,7 @@ const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// # Errors
 /// [`ReadPictureError`] with the file and the reason.
 pub fn read_picture(path: &Path) -> Result<Picture, ReadPictureError> {
-    let fail = |reason: &dyn fmt::Display| ReadPictureError { path: path.to_owned(), reason: reason.to_string() };
+    let fail = |reason: &dyn fmt::Display| ReadPictureError::new(path, reason);
     let bytes = fs::read(path).map_err(|error| fail(&error))?;
     if bytes.starts_with(&EXR_MAGIC) {
         read_exr(&bytes).map_err(|reason| fail(&reason))
@@ -81,6 +81,10 @@ pub struct ReadPictureError {
 }
 
 impl ReadPictureError {
+    pub(crate) fn new(path: &Path, reason: &dyn fmt::Display) -> Self {
+        Self { path: path.to_owned(), reason: reason.to_string() }
+    }
+
     /// The file that was to be read.
     #[must_use]
     pub fn path(&self) -> &Path {

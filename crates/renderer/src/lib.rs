@@ -13,8 +13,10 @@
 #[cfg(feature = "baseline")]
 mod baseline;
 mod camera;
+mod checkpoint;
 mod colormap;
 mod compare;
+mod content;
 mod digits;
 mod film;
 mod filter;
@@ -42,8 +44,10 @@ mod vector;
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
 pub use camera::{CameraError, View};
+pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
-pub use film::{Film, Pixel};
+pub use content::{Hash, light_hash, scene_hash};
+pub use film::{Aov, Aovs, Block, Film, Guide, JoinError, Part, Pixel};
 pub use filter::{Filter, FilterSampler};
 pub use framing::frame;
 pub use heatmap::{Heatmap, Measure, heatmap};
@@ -51,10 +55,10 @@ pub use input::{ReadPictureError, read_picture};
 pub use integrate::environment_of;
 pub use level::{Builder, Level};
 pub use mask::Masked;
-pub use output::{WritePictureError, write_exr, write_png};
+pub use output::{Record, WritePictureError, read_part, write_exr, write_film, write_png};
 pub use picture::Picture;
 pub use prepare::{LeftOut, Levels, PrepareError, Prepared, StructureConfig, prepare};
-pub use render::{RenderError, render};
+pub use render::{Monitor, RenderError, Tile, render, resume};
 pub use sampler::{Pattern, Sampler};
 pub use settings::Settings;
 pub use structure::{Flat, Structure, flatten};

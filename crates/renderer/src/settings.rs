@@ -1,4 +1,6 @@
-use crate::{Filter, Pattern};
+use std::ops::Range;
+
+use crate::{Aovs, Filter, Pattern, Record};
 
 /// What a picture is made of, beside scene and camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,6 +11,14 @@ pub struct Settings {
     pub height: u32,
     /// Samples per pixel.
     pub samples: u32,
+    /// First and one past the last number of the samples to take, of those; `None` for all of them.
+    ///
+    /// The film then keeps a [`crate::Part`] that joins with others to the bits of the whole.
+    pub part: Option<[u32; 2]>,
+    /// Relative standard error below which a neighbourhood of pixels takes no further samples, see [`crate::render`].
+    pub noise: Option<f32>,
+    /// What the film keeps beside light.
+    pub aovs: Aovs,
     /// Diffuse bounces after the surface that the camera sees; 0 is direct light and ambient alone.
     pub bounces: u32,
     /// Chooses the random numbers.
@@ -20,7 +30,7 @@ pub struct Settings {
     /// World-space distance over which ambient light returns beside an occluder; infinite for none, `None` for a
     /// tenth of the diagonal of the scene's bounds.
     pub ao_radius: Option<f32>,
-    /// Pixels along the side of a tile, the unit of work; no effect on the picture.
+    /// Pixels along the side of a tile, the unit of work, rounded up to a multiple of 8; no effect on the picture.
     pub tile: u32,
 }
 
@@ -31,6 +41,9 @@ impl Default for Settings {
             width: 1280,
             height: 720,
             samples: 16,
+            part: None,
+            noise: None,
+            aovs: Aovs::NONE,
             bounces: 2,
             seed: 0,
             pattern: Pattern::Stratified,
@@ -38,5 +51,52 @@ impl Default for Settings {
             ao_radius: None,
             tile: 32,
         }
+    }
+}
+
+impl Settings {
+    /// Numbers of the samples to take.
+    #[must_use]
+    pub fn range(&self) -> Range<u32> {
+        let [start, end] = self.part.unwrap_or([0, self.samples]);
+        start..end
+    }
+
+    /// What decides the value of a sample, by name: equal records and equal scenes make samples of one picture.
+    ///
+    /// Which samples are taken, and what is kept of them, is not in it.
+    #[must_use]
+    pub fn record(&self) -> Record {
+        // Without `..`: a new setting must not be forgotten.
+        let Self {
+            width,
+            height,
+            samples,
+            part: _,
+            noise: _,
+            aovs: _,
+            bounces,
+            seed,
+            pattern,
+            filter,
+            ao_radius,
+            tile: _,
+        } = self;
+        let pattern = match pattern {
+            // Its cells depend on how many there are.
+            Pattern::Stratified => format!("stratified of {samples}"),
+            pattern => format!("{pattern:?}").to_lowercase(),
+        };
+        let radius = ao_radius.map_or_else(|| "auto".to_owned(), |radius| radius.to_string());
+        [
+            ("size", format!("{width}x{height}")),
+            ("bounces", bounces.to_string()),
+            ("seed", seed.to_string()),
+            ("sampler", pattern),
+            ("filter", format!("{filter:?}").to_lowercase()),
+            ("ao-radius", radius),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .to_vec()
     }
 }

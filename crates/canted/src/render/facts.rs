@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use canted_obb::Obb;
-use canted_renderer::{Level, Prepared, Structure};
+use canted_renderer::{Film, Level, Prepared, Settings, Structure};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};
@@ -30,6 +30,28 @@ pub(super) fn built<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, load_t
     ];
     if levels.iter().any(|level| matches!(level, Level::Wide(_))) {
         facts.push(("simd", json!(SimdPath::detect().name())));
+    }
+    facts
+}
+
+/// What was sampled, in how long.
+pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration) -> Vec<Fact> {
+    #[expect(clippy::cast_precision_loss, reason = "rays and samples are fewer than 2^53")]
+    let [n_rays, n_samples] = [film.n_rays(), film.n_samples()].map(|n| n as f64);
+    let mut facts = vec![
+        ("samples_per_pixel", json!(settings.range().len())),
+        ("bounces", json!(settings.bounces)),
+        ("rays", json!(film.n_rays())),
+        ("rays_per_second", json!(n_rays / time.as_secs_f64())),
+        ("dropped_samples", json!(film.n_dropped())),
+    ];
+    if settings.part.is_some() {
+        facts.push(("samples", json!(format!("{:?}", settings.range()))));
+    }
+    if settings.noise.is_some() {
+        let n_pixels = f64::from(settings.width) * f64::from(settings.height);
+        facts.push(("noise_reached", json!(film.error())));
+        facts.push(("mean_samples_per_pixel", json!(n_samples / n_pixels)));
     }
     facts
 }
@@ -75,6 +97,7 @@ pub(super) fn report(facts: &[Fact], as_json: bool) {
             (key, Value::Number(n)) if key.ends_with("_bytes") => memory::human(n.as_u64().unwrap_or(0)),
             (key, Value::Number(n)) if key.ends_with("seconds") => format!("{:.3} s", n.as_f64().unwrap_or(0.0)),
             ("rays_per_second", Value::Number(n)) => format!("{:.2} M", n.as_f64().unwrap_or(0.0) * 1e-6),
+            ("noise_reached", Value::Number(n)) => format!("{:.5}", n.as_f64().unwrap_or(0.0)),
             (_, Value::Number(n)) if n.is_f64() => format!("{:.2}", n.as_f64().unwrap_or(0.0)),
             ("size", Value::Array(sides)) => format!("{} x {}", sides[0], sides[1]),
             ("left_out", Value::Array(parts)) => parts

@@ -57,16 +57,16 @@ pub(crate) struct Hybrid<'a, T, Q> {
 pub(crate) struct Sample {
     /// Linear RGB; not finite where a light or material is not.
     pub(crate) radiance: [f32; 3],
-    /// Rays traced for it.
+    /// Rays traced for it, the camera ray among them.
     pub(crate) n_rays: u64,
 }
 
 impl<T: Tracer, Q: Query + Clone> Hybrid<'_, T, Q> {
-    /// Radiance that arrives against a camera ray, one sample of it.
-    pub(crate) fn sample(&self, camera_ray: Ray, pixel: u32, sample: u32) -> Sample {
+    /// Radiance that arrives against a camera ray whose closest hit is `first`, one sample of it.
+    pub(crate) fn sample(&self, camera_ray: Ray, first: Option<Hit>, pixel: u32, sample: u32) -> Sample {
         let mut path = Path { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 };
         let mut ray = camera_ray;
-        let Some(mut hit) = self.closest_hit(&ray) else {
+        let Some(mut hit) = first else {
             return Sample { radiance: self.environment, n_rays: 1 };
         };
         for vertex in 0..=self.bounces {

@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use canted_renderer::{CameraError, Film, RenderError, Settings, environment_of, render};
+use canted_renderer::{Aovs, CameraError, Film, RenderError, Settings, environment_of, render};
 use canted_scene::{Camera, Light, Material, Scene};
 
 use crate::common::{BruteForce, camera, cuboid, film, floor, grey, scene, settings};
@@ -28,6 +28,9 @@ const SETTINGS: Settings = Settings {
     filter: canted_renderer::Filter::BOX,
     ao_radius: None,
     tile: 32,
+    part: None,
+    noise: None,
+    aovs: Aovs::NONE,
 };
 
 #[test]
@@ -87,11 +90,11 @@ fn progress_counts_every_tile_once() {
     let (stage, view) = stage();
     let heard = Mutex::new(Vec::new());
     let tell = |done, all| heard.lock().unwrap().push((done, all));
-    let settings = Settings { tile: 10, ..SETTINGS };
+    let settings = Settings { tile: 8, ..SETTINGS };
     render(&stage, &BruteForce::new(&stage), &view, &settings, &tell, &AtomicBool::new(false)).unwrap();
     let mut heard = heard.into_inner().unwrap();
     heard.sort_unstable();
-    assert_eq!(heard, (1..=12).map(|done| (done, 12)).collect::<Vec<_>>());
+    assert_eq!(heard, (1..=15).map(|done| (done, 15)).collect::<Vec<_>>());
 }
 
 #[test]

@@ -1,3 +1,8 @@
+//! Pictures into files, whole or not at all.
+
+mod film;
+mod record;
+
 use std::ffi::OsString;
 use std::fmt;
 use std::fs::{self, File};
@@ -12,6 +17,9 @@ use image::ImageEncoder;
 use image::codecs::png::PngEncoder;
 
 use crate::{Picture, srgb};
+pub use film::{read_part, write_film};
+pub use record::Record;
+pub(crate) use record::{record_from_lines, record_lines};
 
 /// Writes `picture` as an 8-bit RGB PNG: clamped to 0..=1, encoded by the sRGB curve, rounded to the nearest byte.
 ///
@@ -41,10 +49,7 @@ pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), WritePictureError
         let [r, g, b] = picture.pixels[position.1 * size.0 + position.0].map(canonical);
         (r, g, b)
     };
-    // Lines in order, so that the file does not depend on threads.
-    let encoding =
-        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
-    let layer = Layer::new(size, LayerAttributes::default(), encoding, SpecificChannels::rgb(pixel));
+    let layer = Layer::new(size, LayerAttributes::default(), ENCODING, SpecificChannels::rgb(pixel));
     let mut file = Cursor::new(Vec::new());
     Image::from_layer(layer)
         .write()
@@ -53,6 +58,10 @@ pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), WritePictureError
         .map_err(|error| WritePictureError::new(path, error))?;
     write_whole(path, file.get_ref())
 }
+
+/// Lossless; lines in order, so that the file does not depend on threads.
+const ENCODING: Encoding =
+    Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 
 /// `x` with one bit pattern for zero and one for all NaN.
 fn canonical(x: f32) -> f32 {
@@ -64,8 +73,11 @@ fn canonical(x: f32) -> f32 {
     }
 }
 
-/// Writes a temporary file beside `path` and renames it; leaves nothing behind on failure.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WritePictureError> {
+/// Writes a temporary file beside `path` and renames it: the file appears whole or not at all.
+///
+/// # Errors
+/// [`WritePictureError`] with the file and the reason.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WritePictureError> {
     let temporary = temporary_beside(path);
     let write = || {
         let mut file = File::create_new(&temporary)?;

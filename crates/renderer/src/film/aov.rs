@@ -1,0 +1,160 @@
+use std::fmt;
+
+use exr::prelude::FlatSamples;
+
+use super::{Guide, Pixel};
+
+/// What a picture can show beside light: properties of what camera rays meet first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Distance along the view axis, in world units; mean of the samples that hit, infinite where none does.
+    Depth,
+    /// Normal of the triangle, world space, towards the camera; a miss counts as zero.
+    Normal,
+    /// Normal to shade with, world space; a miss counts as zero.
+    ShadingNormal,
+    /// Reflectance, linear RGB; a miss counts as black.
+    Albedo,
+    /// Number of the instance of the first sample that hits; `u32::MAX` where none does.
+    Instance,
+    /// Number of the triangle in its mesh of the first sample that hits; `u32::MAX` where none does.
+    Primitive,
+    /// Mean box and triangle tests of a camera ray.
+    Tests,
+}
+
+impl Aov {
+    /// All of them.
+    pub const ALL: [Self; 7] =
+        [Self::Depth, Self::Normal, Self::ShadingNormal, Self::Albedo, Self::Instance, Self::Primitive, Self::Tests];
+
+    /// The name by which people ask for it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Depth => "depth",
+            Self::Normal => "normal",
+            Self::ShadingNormal => "shading-normal",
+            Self::Albedo => "albedo",
+            Self::Instance => "instance",
+            Self::Primitive => "primitive",
+            Self::Tests => "tests",
+        }
+    }
+
+    /// Names of its channels, as compositing tools know them: `Z` and `N` are what OpenEXR's users agree on.
+    #[must_use]
+    pub fn channels(self) -> &'static [&'static str] {
+        match self {
+            Self::Depth => &["Z"],
+            Self::Normal => &["N.X", "N.Y", "N.Z"],
+            Self::ShadingNormal => &["Ns.X", "Ns.Y", "Ns.Z"],
+            Self::Albedo => &["albedo.R", "albedo.G", "albedo.B"],
+            Self::Instance => &["id.instance"],
+            Self::Primitive => &["id.primitive"],
+            Self::Tests => &["tests.boxes", "tests.triangles"],
+        }
+    }
+
+    /// The values of channel `k`, one for each pixel.
+    pub(crate) fn values(self, k: usize, pixels: &[Pixel], guides: &[Guide]) -> FlatSamples {
+        let ids =
+            |k: usize| FlatSamples::U32(guides.iter().map(|guide| guide.first.map_or(u32::MAX, |id| id[k])).collect());
+        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+        let mean = |(pixel, guide)| self.mean(k, pixel, guide) as f32;
+        match self {
+            Self::Instance => ids(0),
+            Self::Primitive => ids(1),
+            _ => FlatSamples::F32(pixels.iter().zip(guides).map(mean).collect()),
+        }
+    }
+
+    fn mean(self, k: usize, pixel: &Pixel, guide: &Guide) -> f64 {
+        let sum = match self {
+            // A background at distance zero would lie before everything, and mixed with hits it would lie in the air.
+            Self::Depth if guide.n_hits == 0 => return f64::INFINITY,
+            Self::Depth => return guide.depth / f64::from(guide.n_hits),
+            Self::Normal => guide.normal[k],
+            Self::ShadingNormal => guide.shading_normal[k],
+            Self::Albedo => guide.albedo[k],
+            Self::Tests => guide.tests[k],
+            // Names have no mean.
+            Self::Instance | Self::Primitive => 0.0,
+        };
+        sum / f64::from(pixel.n_taken().max(1))
+    }
+}
+
+/// A set of properties.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Aovs(u8);
+
+impl Aovs {
+    /// None of them.
+    pub const NONE: Self = Self(0);
+
+    /// The same set with `aov` in it.
+    #[must_use]
+    pub fn with(self, aov: Aov) -> Self {
+        Self(self.0 | 1 << aov as u8)
+    }
+
+    /// Whether `aov` is in the set.
+    #[must_use]
+    pub fn contains(self, aov: Aov) -> bool {
+        self.0 >> aov as u8 & 1 == 1
+    }
+
+    /// Whether the set is empty, so that nothing is kept beside light.
+    #[must_use]
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Its members in the order of [`Aov::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = Aov> {
+        Aov::ALL.into_iter().filter(move |&aov| self.contains(aov))
+    }
+}
+
+impl fmt::Display for Aovs {
+    /// The names, separated by commas; `none` for none.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<&str> = self.iter().map(Aov::name).collect();
+        f.write_str(if names.is_empty() { "none".to_owned() } else { names.join(",") }.as_str())
+    }
+}
+
+impl FromIterator<Aov> for Aovs {
+    fn from_iter<I: IntoIterator<Item = Aov>>(aovs: I) -> Self {
+        aovs.into_iter().fold(Self::NONE, Self::with)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn f32s(samples: FlatSamples) -> Vec<f32> {
+        if let FlatSamples::F32(values) = samples { values } else { panic!("{samples:?}") }
+    }
+
+    #[test]
+    fn misses_dilute_normals_and_leave_depth_alone() {
+        let light = [[1.0; 3]; 4].map(Pixel::of).into_iter().reduce(|a, b| a + b).unwrap();
+        let edge = Guide { n_hits: 2, first: Some([3, 9]), depth: 10.0, normal: [2.0, 0.0, 0.0], ..Guide::default() };
+        let values = |aov: Aov, k| aov.values(k, &[light; 2], &[edge, Guide::default()]);
+        assert_eq!(f32s(values(Aov::Depth, 0)), [5.0, f32::INFINITY]);
+        assert_eq!(f32s(values(Aov::Normal, 0)), [0.5, 0.0]);
+        assert_eq!(f32s(values(Aov::Albedo, 2)), [0.0, 0.0]);
+        assert_eq!(values(Aov::Instance, 0), FlatSamples::U32(vec![3, u32::MAX]));
+        assert_eq!(values(Aov::Primitive, 0), FlatSamples::U32(vec![9, u32::MAX]));
+    }
+
+    #[test]
+    fn sets_hold_what_was_put_in() {
+        let set: Aovs = [Aov::Tests, Aov::Depth].into_iter().collect();
+        assert_eq!(set.iter().collect::<Vec<_>>(), [Aov::Depth, Aov::Tests]);
+        assert!(!set.contains(Aov::Normal) && !set.is_empty() && Aovs::NONE.is_empty());
+    }
+}

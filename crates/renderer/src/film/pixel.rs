@@ -1,0 +1,132 @@
+use std::ops::Add;
+
+use crate::compare::REL_MSE_FLOOR;
+
+/// Weights of linear RGB in luminance (ITU-R BT.709).
+const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Samples of one pixel, summed in `f64`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pixel {
+    /// Sum of linear RGB.
+    pub sum: [f64; 3],
+    /// Sum of the squares of linear RGB.
+    pub sum_of_squares: [f64; 3],
+    /// Samples in the sums.
+    pub n_samples: u32,
+    /// Samples that were not finite: counted, in no sum.
+    pub n_dropped: u32,
+}
+
+impl Pixel {
+    /// One sample, or one dropped where a channel is infinite or not a number.
+    #[must_use]
+    pub fn of(radiance: [f32; 3]) -> Self {
+        if !radiance.iter().all(|x| x.is_finite()) {
+            return Self { n_dropped: 1, ..Self::default() };
+        }
+        let sum = radiance.map(f64::from);
+        Self { sum, sum_of_squares: sum.map(|x| x * x), n_samples: 1, n_dropped: 0 }
+    }
+
+    /// Samples taken, dropped ones too.
+    #[must_use]
+    pub fn n_taken(&self) -> u32 {
+        self.n_samples + self.n_dropped
+    }
+
+    /// Mean of the finite samples; black where there is none.
+    #[must_use]
+    pub fn mean(&self) -> [f64; 3] {
+        let n = f64::from(self.n_samples.max(1));
+        self.sum.map(|sum| sum / n)
+    }
+
+    /// Variance of the mean of independent samples, unbiased; zero where fewer than two samples say nothing about it.
+    ///
+    /// Stratified samples vary less than this estimate says.
+    #[must_use]
+    pub fn variance_of_mean(&self) -> [f64; 3] {
+        if self.n_samples < 2 {
+            return [0.0; 3];
+        }
+        let n = f64::from(self.n_samples);
+        std::array::from_fn(|k| {
+            let squares = self.sum_of_squares[k] - self.sum[k] * self.sum[k] / n;
+            squares.max(0.0) / (n * (n - 1.0))
+        })
+    }
+
+    /// Square of the relative standard error of the mean luminance, `s² / (Y² + ε)`, with `ε` = [`REL_MSE_FLOOR`].
+    ///
+    /// The floor makes the error of pixels darker than a tenth of white an absolute one. `s` is the weighted sum of the
+    /// channels' standard errors: that of the luminance where channels vary together, more where they do not
+    /// (Cauchy-Schwarz), so never less than is true of the samples.
+    #[must_use]
+    pub fn squared_error(&self) -> f64 {
+        let weighted = |values: [f64; 3]| (0..3).map(|k| LUMINANCE[k] * values[k]).sum::<f64>();
+        let error = weighted(self.variance_of_mean().map(f64::sqrt));
+        let mean = weighted(self.mean());
+        error * error / (mean * mean + REL_MSE_FLOOR)
+    }
+}
+
+impl Add for Pixel {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            sum: std::array::from_fn(|k| self.sum[k] + other.sum[k]),
+            sum_of_squares: std::array::from_fn(|k| self.sum_of_squares[k] + other.sum_of_squares[k]),
+            n_samples: self.n_samples + other.n_samples,
+            n_dropped: self.n_dropped + other.n_dropped,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_and_variances_of_few_samples() {
+        let pixel = Pixel::default();
+        assert_eq!(pixel.mean(), [0.0; 3]);
+        assert_eq!(pixel.variance_of_mean(), [0.0; 3]);
+        let pixel = Pixel::of([1.0, 2.0, 4.0]);
+        assert_eq!(pixel.mean(), [1.0, 2.0, 4.0]);
+        assert_eq!(pixel.variance_of_mean(), [0.0; 3]);
+        let pixel = pixel + Pixel::of([3.0, 2.0, 8.0]);
+        // Two samples a and b: the variance of their mean is ((a - b) / 2)².
+        assert_eq!(pixel.mean(), [2.0, 2.0, 6.0]);
+        assert_eq!(pixel.variance_of_mean(), [1.0, 0.0, 4.0]);
+    }
+
+    #[test]
+    fn the_error_of_grey_samples_is_that_of_their_luminance() {
+        let pixel = Pixel::of([0.5; 3]) + Pixel::of([1.5; 3]);
+        // Mean 1, standard error 1/2; weights that sum to one in f64 but for roundings of their sum.
+        assert!((pixel.squared_error() - 0.25 / (1.0 + REL_MSE_FLOOR)).abs() < 1e-15);
+        let black = Pixel::of([0.0; 3]) + Pixel::of([0.0; 3]);
+        assert_eq!(black.squared_error(), 0.0);
+    }
+
+    #[test]
+    fn long_sums_do_not_stall() {
+        // An f32 sum of ones would stop at 2^24; this one starts there.
+        let start = Pixel { sum: [16_777_216.0; 3], n_samples: 16_777_216, ..Pixel::default() };
+        let pixel = (0..1000).fold(start, |pixel, _| pixel + Pixel::of([1.0; 3]));
+        assert_eq!(pixel.sum, [16_778_216.0; 3]);
+        assert_eq!(pixel.mean(), [1.0; 3]);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_counted_and_left_out() {
+        let mut pixel = Pixel::of([0.5; 3]);
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            pixel = pixel + Pixel::of([0.25, bad, 0.25]);
+        }
+        assert_eq!((pixel.n_samples, pixel.n_dropped, pixel.n_taken()), (1, 3, 4));
+        assert_eq!(pixel.mean(), [0.5; 3]);
+    }
+}

@@ -1,0 +1,175 @@
+//! Samples of all pixels, tile by tile.
+
+mod error;
+mod tile;
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use canted_scene::{Camera, Scene};
+use canted_trace::Query;
+use rayon::prelude::*;
+
+use crate::integrate::{Hybrid, environment_of};
+use crate::{Film, FilterSampler, Guide, Masked, Part, Pixel, Sampler, Settings, Surfaces, Tracer, View, mask};
+pub use error::RenderError;
+pub use tile::Tile;
+use tile::{Layout, Work};
+
+/// What a render tells its caller while it works, from any thread.
+#[derive(Clone, Copy)]
+pub struct Monitor<'a> {
+    /// Hears how many tiles of how many are done.
+    pub progress: &'a (dyn Fn(usize, usize) + Sync),
+    /// Sees each tile as soon as it is done.
+    pub finished: &'a (dyn Fn(&Tile) + Sync),
+    /// Stops the work within a pixel once it is set.
+    pub cancel: &'a AtomicBool,
+}
+
+/// Renders `scene` by the hybrid integrator in the caller's thread pool.
+///
+/// `progress` hears, from any thread, how many tiles of how many are done; `cancel` stops the work within a pixel once
+/// it is set. The film is the same bits for any number of threads and any tile size.
+///
+/// With [`Settings::noise`] pixels stop in cells of 8 x 8, at 16 samples or at a power of two above, as soon as the
+/// root mean square over the cell of the relative standard error of their luminance ([`Pixel::squared_error`]) is at
+/// most that; all stop at [`Settings::samples`]. [`Film::error`] is what the picture reached.
+///
+/// # Errors
+/// [`RenderError`] where camera or settings make no picture, or the work was cancelled.
+pub fn render<T: Tracer>(
+    scene: &Scene,
+    tracer: &T,
+    camera: &Camera,
+    settings: &Settings,
+    progress: &(dyn Fn(usize, usize) + Sync),
+    cancel: &AtomicBool,
+) -> Result<Film, RenderError> {
+    resume(scene, tracer, camera, settings, Vec::new(), &Monitor { progress, finished: &|_| {}, cancel })
+}
+
+/// Renders as [`render`] does what is not in `done`: tiles that an earlier call with the same arguments finished.
+///
+/// # Errors
+/// As [`render`], and [`RenderError::Tile`] for a tile that cannot be of this picture.
+pub fn resume<T: Tracer>(
+    scene: &Scene,
+    tracer: &T,
+    camera: &Camera,
+    settings: &Settings,
+    done: Vec<Tile>,
+    monitor: &Monitor,
+) -> Result<Film, RenderError> {
+    let ao_radius = checked_ao_radius(scene, settings)?;
+    let view = View::new(camera, settings.width, settings.height).map_err(RenderError::Camera)?;
+    let filter =
+        FilterSampler::new(settings.filter).ok_or(RenderError::FilterRadius { radius: settings.filter.radius() })?;
+    let surfaces = Surfaces::new(scene);
+    // Masks cost a texture lookup a hit: a scene without them runs code that has none.
+    let picture = Picture { scene, tracer, surfaces: &surfaces, view, filter, settings, ao_radius, monitor };
+    if mask::is_needed(scene) { picture.run(Masked::new(&surfaces, ()), done) } else { picture.run((), done) }
+}
+
+fn checked_ao_radius(scene: &Scene, settings: &Settings) -> Result<f64, RenderError> {
+    let Settings { width, height, samples, ao_radius, part, noise, .. } = *settings;
+    // Pixels are numbered in 32 bits.
+    if u64::from(width) * u64::from(height) > u64::from(u32::MAX) || width == 0 || height == 0 {
+        return Err(RenderError::Size { width, height });
+    }
+    if samples == 0 {
+        return Err(RenderError::NoSamples);
+    }
+    if let Some(part) = part.filter(|&[start, end]| start >= end || end > samples) {
+        return Err(RenderError::Part { part, samples });
+    }
+    match noise {
+        Some(_) if part.is_some() => return Err(RenderError::NoiseOfPart),
+        Some(noise) if noise.is_nan() || noise <= 0.0 => return Err(RenderError::Noise { noise }),
+        _ => {}
+    }
+    match ao_radius {
+        Some(radius) if radius > 0.0 => Ok(f64::from(radius)),
+        Some(radius) => Err(RenderError::AoRadius { radius }),
+        None => {
+            let [x, y, z] = scene.bounds_world().extent();
+            // A scene of no extent has nothing to occlude; any radius serves.
+            Ok((0.1 * (x * x + y * y + z * z).sqrt()).max(f64::MIN_POSITIVE))
+        }
+    }
+}
+
+struct Picture<'a, T> {
+    scene: &'a Scene,
+    tracer: &'a T,
+    surfaces: &'a Surfaces<'a>,
+    view: View,
+    filter: FilterSampler,
+    settings: &'a Settings,
+    ao_radius: f64,
+    monitor: &'a Monitor<'a>,
+}
+
+impl<T: Tracer> Picture<'_, T> {
+    fn run<Q: Query + Clone + Sync>(&self, query: Q, done: Vec<Tile>) -> Result<Film, RenderError> {
+        let Settings { samples, bounces, seed, pattern, .. } = *self.settings;
+        let integrator = Hybrid {
+            tracer: self.tracer,
+            surfaces: self.surfaces,
+            query,
+            sampler: Sampler::new(pattern, samples, seed),
+            lights: &self.scene.lights,
+            environment: environment_of(self.scene),
+            bounces,
+            ao_radius: self.ao_radius,
+        };
+        let layout = Layout::new(self.settings);
+        let mut slots: Vec<Option<Tile>> = (0..layout.n_tiles()).map(|_| None).collect();
+        for tile in done {
+            let number = tile.number;
+            match slots.get_mut(number) {
+                Some(slot) if layout.fits(&tile) => *slot = Some(tile),
+                _ => return Err(RenderError::Tile { number }),
+            }
+        }
+        let n_tiles = slots.len();
+        let n_done = AtomicUsize::new(slots.iter().flatten().count());
+        let work =
+            Work { integrator: &integrator, view: &self.view, filter: &self.filter, settings: self.settings, layout };
+        let render = |(number, slot): (usize, Option<Tile>)| {
+            if slot.is_some() {
+                return slot;
+            }
+            let tile = work.tile(number, self.monitor.cancel)?;
+            (self.monitor.finished)(&tile);
+            (self.monitor.progress)(n_done.fetch_add(1, Ordering::Relaxed) + 1, n_tiles);
+            Some(tile)
+        };
+        let tiles: Option<Vec<Tile>> = slots.into_par_iter().enumerate().map(render).collect();
+        Ok(assembled(self.settings, &layout, &tiles.ok_or(RenderError::Cancelled)?))
+    }
+}
+
+/// The film of all tiles.
+fn assembled(settings: &Settings, layout: &Layout, tiles: &[Tile]) -> Film {
+    let Settings { width, height, .. } = *settings;
+    let n_sums = layout.n_sums();
+    let n = width as usize * height as usize * n_sums;
+    let mut pixels = vec![Pixel::default(); n];
+    let mut guides = vec![Guide::default(); if layout.is_guided() { n } else { 0 }];
+    for tile in tiles {
+        let [x, y] = layout.corner(tile.number);
+        let run = layout.size(tile.number)[0] as usize * n_sums;
+        let first = |row: usize| ((y as usize + row) * width as usize + x as usize) * n_sums;
+        for (row, sums) in tile.pixels.chunks(run).enumerate() {
+            pixels[first(row)..first(row) + run].copy_from_slice(sums);
+        }
+        for (row, sums) in tile.guides.chunks(run).enumerate() {
+            guides[first(row)..first(row) + run].copy_from_slice(sums);
+        }
+    }
+    let n_rays = tiles.iter().map(|tile| tile.n_rays).sum();
+    match settings.part {
+        Some(_) => Film::of_part(width, height, Part::new(settings.range(), pixels, guides), n_rays),
+        None => Film::new(width, height, pixels, guides, n_rays),
+    }
+}

@@ -1,0 +1,247 @@
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use canted_trace::{Counts, Hit, Query, Ray};
+
+use crate::film::{Dyadic, total};
+use crate::integrate::Hybrid;
+use crate::{Aov, FilterSampler, Guide, Pixel, Settings, Tracer, View, film::Block};
+
+/// Dimension of the sampler that places a sample in its pixel.
+const PIXEL_POSITION: u32 = 0;
+
+/// Pixels along the side of a cell: neighbours that stop together, wherever tiles end.
+const CELL: u32 = 8;
+
+/// Samples after which a cell may stop for the first time; then at each power of two.
+const FIRST_STOP: u32 = 16;
+
+/// A rectangle of pixels whose samples are summed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tile {
+    /// Its place, row by row from the top left.
+    pub number: usize,
+    /// Sums of each pixel, row by row; in a part of the samples one for each block.
+    pub pixels: Vec<Pixel>,
+    /// The same of guides; empty where none were asked for.
+    pub guides: Vec<Guide>,
+    /// Rays traced.
+    pub n_rays: u64,
+}
+
+/// How a picture is cut into tiles, and what each pixel keeps.
+#[derive(Clone, Copy)]
+pub(super) struct Layout {
+    picture: [u32; 2],
+    side: u32,
+    columns: u32,
+    rows: u32,
+    n_sums: usize,
+    is_guided: bool,
+}
+
+impl Layout {
+    pub(super) fn new(settings: &Settings) -> Self {
+        let Settings { width, height, tile, aovs, .. } = *settings;
+        // Tiles are made of whole cells; the greatest side that can be rounded up is far above any picture.
+        let side = tile.clamp(1, 1 << 16).next_multiple_of(CELL);
+        let n_sums = settings.part.map_or(1, |_| Block::of(settings.range()).len());
+        let [columns, rows] = [width, height].map(|n| n.div_ceil(side));
+        Self { picture: [width, height], side, columns, rows, n_sums, is_guided: !aovs.is_empty() }
+    }
+
+    pub(super) fn n_tiles(&self) -> usize {
+        self.columns as usize * self.rows as usize
+    }
+
+    /// Sums kept for each pixel.
+    pub(super) fn n_sums(&self) -> usize {
+        self.n_sums
+    }
+
+    pub(super) fn is_guided(&self) -> bool {
+        self.is_guided
+    }
+
+    /// Column and row of the top left pixel.
+    #[expect(clippy::cast_possible_truncation, reason = "quotient and remainder by a u32 of a number below 2^32")]
+    pub(super) fn corner(&self, number: usize) -> [u32; 2] {
+        let columns = self.columns as usize;
+        [(number % columns) as u32 * self.side, (number / columns) as u32 * self.side]
+    }
+
+    /// Width and height in pixels.
+    pub(super) fn size(&self, number: usize) -> [u32; 2] {
+        let corner = self.corner(number);
+        std::array::from_fn(|k| self.side.min(self.picture[k] - corner[k]))
+    }
+
+    /// Whether `tile` has the sums that this picture keeps.
+    pub(super) fn fits(&self, tile: &Tile) -> bool {
+        if tile.number >= self.n_tiles() {
+            return false;
+        }
+        let [width, height] = self.size(tile.number).map(|n| n as usize);
+        let n = width * height * self.n_sums;
+        tile.pixels.len() == n && tile.guides.len() == if self.is_guided { n } else { 0 }
+    }
+}
+
+/// What all tiles of a picture share.
+pub(super) struct Work<'a, T, Q> {
+    pub(super) integrator: &'a Hybrid<'a, T, Q>,
+    pub(super) view: &'a View,
+    pub(super) filter: &'a FilterSampler,
+    pub(super) settings: &'a Settings,
+    pub(super) layout: Layout,
+}
+
+/// The sums of one pixel while its samples are taken.
+#[derive(Clone, Default)]
+struct Sums {
+    pixel: Dyadic<Pixel>,
+    guide: Dyadic<Guide>,
+}
+
+impl<T: Tracer, Q: Query + Clone> Work<'_, T, Q> {
+    /// Renders a tile; `None` once the work is cancelled.
+    pub(super) fn tile(&self, number: usize, cancel: &AtomicBool) -> Option<Tile> {
+        let [left, top] = self.layout.corner(number);
+        let [width, height] = self.layout.size(number);
+        let n = width as usize * height as usize * self.layout.n_sums;
+        let n_guides = if self.layout.is_guided { n } else { 0 };
+        let mut tile =
+            Tile { number, pixels: vec![Pixel::default(); n], guides: vec![Guide::default(); n_guides], n_rays: 0 };
+        let mut sums = vec![Sums::default(); (CELL * CELL) as usize];
+        for (y, x) in cells(height).flat_map(|y| cells(width).map(move |x| (y.clone(), x))) {
+            let pixels: Vec<[u32; 2]> = y.flat_map(|y| x.clone().map(move |x| [x, y])).collect();
+            let positions = pixels.iter().map(|&[x, y]| [left + x, top + y]);
+            self.cell(positions, &mut sums, &mut tile.n_rays, cancel)?;
+            for ([x, y], sums) in pixels.iter().zip(&sums) {
+                let first = (y * width + x) as usize * self.layout.n_sums;
+                self.keep(&sums.pixel, &mut tile.pixels[first..]);
+                if self.layout.is_guided {
+                    self.keep(&sums.guide, &mut tile.guides[first..]);
+                }
+            }
+        }
+        Some(tile)
+    }
+
+    /// Puts what is kept of a pixel's sums to the front of `place`.
+    fn keep<S: Copy + Default + std::ops::Add<Output = S>>(&self, sums: &Dyadic<S>, place: &mut [S]) {
+        if self.settings.part.is_none() {
+            place[0] = total(sums.values());
+            return;
+        }
+        for (place, value) in place.iter_mut().zip(sums.values()) {
+            *place = value;
+        }
+    }
+
+    /// Takes the samples of neighbouring pixels, all of them or until their noise is low enough.
+    fn cell(
+        &self,
+        pixels: impl ExactSizeIterator<Item = [u32; 2]> + Clone,
+        sums: &mut [Sums],
+        n_rays: &mut u64,
+        cancel: &AtomicBool,
+    ) -> Option<()> {
+        let sums = &mut sums[..pixels.len()];
+        for sums in &mut *sums {
+            sums.pixel.clear();
+            sums.guide.clear();
+        }
+        let Range { start: mut next, end: last } = self.settings.range();
+        let mut end = if self.settings.noise.is_some() { FIRST_STOP.min(last) } else { last };
+        loop {
+            for ([x, y], sums) in pixels.clone().zip(&mut *sums) {
+                if cancel.load(Ordering::Relaxed) {
+                    return None;
+                }
+                for sample in next..end {
+                    *n_rays += self.sample([x, y], sample, sums);
+                }
+            }
+            if end == last || self.settings.noise.is_some_and(|noise| error(sums) <= f64::from(noise)) {
+                return Some(());
+            }
+            (next, end) = (end, end.saturating_mul(2).min(last));
+        }
+    }
+
+    /// Takes one sample; returns the rays traced for it.
+    fn sample(&self, [x, y]: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
+        let number = y * self.settings.width + x;
+        let square = self.integrator.sampler.pair(number, sample, PIXEL_POSITION);
+        let ([dx, dy], weight) = self.filter.place(square);
+        let ray = self.view.ray([f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy]);
+        let hit = if self.layout.is_guided {
+            let (hit, guide) = self.guide(&ray);
+            sums.guide.push_sample(sample, guide);
+            hit
+        } else {
+            self.integrator.tracer.closest_hit(&ray, &mut self.integrator.query.clone())
+        };
+        let light = self.integrator.sample(ray, hit, number, sample);
+        sums.pixel.push_sample(sample, Pixel::of(light.radiance.map(|x| weight * x)));
+        light.n_rays
+    }
+
+    /// What a camera ray meets first, and its properties.
+    fn guide(&self, ray: &Ray) -> (Option<Hit>, Guide) {
+        let query = self.integrator.query.clone();
+        let (hit, tests) = if self.settings.aovs.contains(Aov::Tests) {
+            let mut counted = Counted { inner: query, counts: Counts::default() };
+            let hit = self.integrator.tracer.closest_hit(ray, &mut counted);
+            #[expect(clippy::cast_precision_loss, reason = "counts of one ray are below 2^53")]
+            (hit, [counted.counts.boxes as f64, counted.counts.triangles as f64])
+        } else {
+            (self.integrator.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
+        };
+        let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
+        let surface = self.integrator.surfaces.at(&hit, ray.direction);
+        let guide = Guide {
+            n_hits: 1,
+            first: Some([hit.instance.0, hit.primitive.0]),
+            depth: self.view.depth(surface.position),
+            normal: surface.normal,
+            shading_normal: surface.shading_normal,
+            albedo: surface.albedo.map(f64::from),
+            tests,
+        };
+        (Some(hit), guide)
+    }
+}
+
+/// The cells along `n` pixels.
+fn cells(n: u32) -> impl Iterator<Item = Range<u32>> + Clone {
+    (0..n).step_by(CELL as usize).map(move |start| start..(start + CELL).min(n))
+}
+
+/// Root of the mean of the pixels' squared errors.
+fn error(sums: &[Sums]) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "pixels of a cell")]
+    let n = sums.len() as f64;
+    (sums.iter().map(|sums| sums.pixel.total().squared_error()).sum::<f64>() / n).sqrt()
+}
+
+/// A query that counts, and asks `inner` about hits.
+struct Counted<Q> {
+    inner: Q,
+    counts: Counts,
+}
+
+impl<Q: Query> Query for Counted<Q> {
+    fn boxes(&mut self, n: u32) {
+        self.counts.boxes(n);
+    }
+
+    fn triangles(&mut self, n: u32) {
+        self.counts.triangles(n);
+    }
+
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        self.inner.accepts(hit)
+    }
+}
