@@ -3,12 +3,17 @@
 //! Not covered: the look of pictures, speed, the progress bar on a terminal.
 
 mod cast;
+mod checkpoint;
 mod compare;
 mod inputs;
+mod noise;
 mod options;
 mod outputs;
 mod random;
 mod render;
+mod samples;
+#[cfg(target_os = "linux")]
+mod slurm;
 mod stats;
 mod support;
 mod tree;

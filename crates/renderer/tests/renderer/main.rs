@@ -3,6 +3,7 @@
 mod camera;
 mod common;
 mod files;
+mod film;
 mod filter;
 mod framing;
 mod furnace;

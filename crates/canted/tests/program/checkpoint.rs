@@ -1,0 +1,133 @@
+//! `canted render --checkpoint`: a render that was stopped goes on, to the same bytes.
+
+use crate::support::Folder;
+
+/// Many tiles of little work.
+const RENDER: &str = "render small.obj --size 200x160 --spp 8 --threads 2 --aovs all --checkpoint work.ckpt -o out.exr";
+
+/// The bytes of the picture that is made in one go.
+fn whole(folder: &Folder, line: &str) -> Vec<u8> {
+    folder.run(&line.replace("--checkpoint work.ckpt", "").replace("--checkpoint-every 0", "")).done();
+    let bytes = folder.bytes("out.exr");
+    std::fs::remove_file(folder.path("out.exr")).unwrap();
+    bytes
+}
+
+#[test]
+fn a_render_that_is_not_stopped_leaves_no_checkpoint() {
+    let folder = Folder::with_small();
+    let expected = whole(&folder, RENDER);
+    folder.run(&format!("{RENDER} --checkpoint-every 0")).done();
+    assert!(folder.bytes("out.exr") == expected);
+    assert_eq!(folder.names(), ["out.exr", "small.obj"]);
+}
+
+#[test]
+fn files_that_are_no_checkpoints_are_refused_and_kept() {
+    let folder = Folder::with_small();
+    folder.write("work.ckpt", "precious");
+    folder.run(RENDER).refused(&["work.ckpt", "checkpoint"]);
+    assert_eq!(folder.text("work.ckpt"), "precious");
+    folder.run(&RENDER.replace("work.ckpt", "no/work.ckpt")).refused(&["no/work.ckpt"]);
+    assert_eq!(folder.names(), ["small.obj", "work.ckpt"]);
+}
+
+#[cfg(unix)]
+mod stopped {
+    use std::{
+        process::{Child, Command, Stdio},
+        thread::sleep,
+        time::{Duration, Instant},
+    };
+
+    use super::{RENDER, whole};
+    use crate::support::Folder;
+
+    /// A render that takes some seconds: many samples.
+    fn slow(options: &str) -> String {
+        RENDER.replace("--spp 8", options)
+    }
+
+    /// Starts a render and waits until it has written a checkpoint.
+    fn start(folder: &Folder, line: &str) -> Child {
+        let mut command = folder.command(&format!("{line} --checkpoint-every 0"));
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let start = Instant::now();
+        while !folder.path("work.ckpt").exists() {
+            assert!(start.elapsed() < Duration::from_secs(120), "no checkpoint in two minutes");
+            assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
+            sleep(Duration::from_millis(5));
+        }
+        child
+    }
+
+    #[test]
+    fn a_killed_render_goes_on_to_the_same_bytes() {
+        let folder = Folder::with_small();
+        for options in ["--spp 512", "--samples 5..400", "--spp 1024 --noise 0.02"] {
+            let line = slow(options);
+            let expected = whole(&folder, &line);
+            // Twice, so that a render that went on is killed too.
+            for _ in 0..2 {
+                let mut child = start(&folder, &line);
+                child.kill().unwrap();
+                child.wait().unwrap();
+            }
+            assert!(!folder.names().contains(&"out.exr".to_owned()));
+            folder.run(&line.replace("--threads 2", "--threads 1")).done();
+            assert!(folder.bytes("out.exr") == expected, "{options}");
+            // A killed process leaves its temporary files: only they may remain.
+            let mut rest = folder.names();
+            rest.retain(|name| !name.ends_with(".tmp"));
+            assert_eq!(rest, ["out.exr", "small.obj"], "{options}");
+            std::fs::remove_file(folder.path("out.exr")).unwrap();
+        }
+    }
+
+    #[test]
+    fn ctrl_c_writes_the_checkpoint_and_ends_with_130() {
+        let folder = Folder::with_small();
+        let line = slow("--spp 512");
+        let expected = whole(&folder, &line);
+        // One write a day: only the interrupt writes.
+        let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
+        let mut child = command.stdout(Stdio::null()).spawn().unwrap();
+        sleep(Duration::from_millis(700));
+        assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        assert_eq!(child.wait().unwrap().code(), Some(130));
+        assert_eq!(folder.names(), ["small.obj", "work.ckpt"]);
+        folder.run(&line).done();
+        assert!(folder.bytes("out.exr") == expected);
+        assert_eq!(folder.names(), ["out.exr", "small.obj"]);
+    }
+
+    #[test]
+    fn checkpoints_of_other_pictures_and_damaged_ones_are_refused() {
+        let folder = Folder::with_small();
+        let line = slow("--spp 512");
+        let mut child = start(&folder, &line);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let bytes = folder.bytes("work.ckpt");
+        for (from, to, words) in [
+            ("--spp 512", "--spp 256", "512"),
+            ("--spp 512", "--samples 0..512", "sampler"),
+            ("--spp 512", "--spp 512 --seed 4", "seed is 0, not 4"),
+            ("--spp 512", "--spp 512 --noise 0.1 --sampler stratified", "noise is none, not 0.1"),
+            ("--aovs all", "--aovs depth", "aovs is"),
+            ("200x160", "160x200", "size is 200x160, not 160x200"),
+            ("--spp 512", "--spp 512 --env 1,1,1", "light is"),
+        ] {
+            folder.run(&line.replace(from, to)).refused(&["work.ckpt", words]);
+        }
+        let mut damaged = bytes.clone();
+        let last = damaged.len() - 100;
+        damaged[last] ^= 1;
+        for content in [&damaged[..], &bytes[..bytes.len() - 8], &bytes[..30], b""] {
+            folder.write("work.ckpt", content);
+            folder.run(&line).refused(&["work.ckpt"]);
+        }
+        assert!(!folder.names().contains(&"out.exr".to_owned()));
+    }
+}
