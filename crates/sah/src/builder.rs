@@ -1,7 +1,7 @@
-use canted_lbvh::{Bits, Domain, Sorted, Tree, by_code, codes_of_boxes, radix};
+use canted_lbvh::{Tree, radix};
 use canted_obb::{Aabb, PrimId};
 
-use crate::{PlocConfig, ReinsertConfig, TopDownConfig, par, ploc, reinsert, top_down};
+use crate::{PlocConfig, ReinsertConfig, TopDownConfig, curve::along_curve, par, ploc, reinsert, top_down};
 
 /// How a binary tree is made of boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,11 +55,6 @@ pub fn build(boxes: &[Aabb], bounds: &Aabb, builder: &Builder) -> Tree {
         }
         Builder::TopDown(config, improvement) => improved(top_down(boxes, config), boxes, improvement.as_ref()),
     }
-}
-
-/// Boxes by the codes of their middles: the two halves of a rectangle stand side by side.
-fn along_curve(boxes: &[Aabb], bounds: &Aabb) -> Sorted {
-    by_code(&codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), boxes), Bits::B63)
 }
 
 fn improved(tree: Tree, boxes: &[Aabb], config: Option<&ReinsertConfig>) -> Tree {

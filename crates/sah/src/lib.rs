@@ -21,6 +21,7 @@ mod builder;
 mod chop;
 mod clip;
 mod config;
+mod curve;
 mod fragment;
 mod lanes;
 mod median;
