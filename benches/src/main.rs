@@ -6,6 +6,7 @@
 
 mod build;
 mod clock;
+mod costs;
 mod interleave;
 mod models;
 mod options;
@@ -39,6 +40,9 @@ fn main() -> Result<()> {
     }
     if options.wants("growth") {
         wide::growth(&mut out, &options)?;
+    }
+    if options.wants("costs") {
+        costs::section(&mut out, &options)?;
     }
     std::io::stdout().write_all(out.as_bytes())?;
     Ok(())

@@ -7,7 +7,7 @@ use anyhow::{Result, anyhow};
 use crate::wide::TRIAL;
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 5] = ["build", "trace", "picture", "wide", "growth"];
+const SECTIONS: [&str; 6] = ["build", "trace", "picture", "wide", "growth", "costs"];
 
 /// Growth is measured from its start; 2^28 triangles and their peers' trees fill 100 GB.
 pub(crate) const LOG2_TRIANGLES: RangeInclusive<u32> = 10..=28;

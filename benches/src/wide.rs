@@ -24,11 +24,17 @@ mod tinybvh;
 use std::io::Write;
 
 use anyhow::Result;
+use canted_trace::{Ray, Watertight};
+use canted_wide::Wide;
 
-use crate::{models, options::Options};
-use {record::Record, subject::Subject, tables::Tables};
+use crate::{
+    models::{self, Model},
+    options::Options,
+};
+use {subject::Subject, tables::Tables};
 
 pub(crate) use growth::section as growth;
+pub(crate) use record::Record;
 
 /// The section that is run by this program itself, in a process of its own, to see whether tinybvh lives through it.
 pub(crate) const TRIAL: &str = "tinybvh-trial";
@@ -86,4 +92,20 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     }
     tables.write(out, options);
     Ok(())
+}
+
+/// Camera and diffuse rays of a model, whose hits `tree` tells.
+pub(crate) fn closest_sets(model: &Model, tree: &Wide<Watertight>, options: &Options) -> [Vec<Ray>; 2] {
+    let camera = sets::camera(model, canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 });
+    let mut hits = vec![None; camera.len()];
+    tree.par_closest_hits(&camera, &mut hits);
+    let [diffuse, _] = sets::secondary(model, &camera, &hits);
+    [camera, diffuse]
+}
+
+/// Thread seconds of each tree and round for the nearest hits of `rays`, in turn.
+pub(crate) fn closest_seconds(trees: Vec<Wide<Watertight>>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
+    let engines: Vec<Box<dyn engine::Engine>> = trees.into_iter().map(|tree| Box::new(tree) as _).collect();
+    let (seconds, _) = duel::closest(&engines, rays, rounds);
+    seconds.iter().map(|rounds| rounds.iter().map(|seconds| seconds.cpu).collect()).collect()
 }

@@ -11,6 +11,7 @@
 use canted_trace::{Hit, Ray, ScaledRay, Shear, Side, Watertight};
 
 use crate::Wide;
+use crate::layout::NodeKind;
 use crate::simd::{Simd, Task};
 use crate::traced::{Take, Traced, by_t, trace};
 use crate::traverse::Stack;
@@ -92,7 +93,7 @@ impl Take<[[f32; 3]; 3]> for Met<'_> {
     fn primitives(&mut self, _: u32) {}
 
     #[inline(always)]
-    fn node(&mut self) {}
+    fn node(&mut self, _: NodeKind) {}
 }
 
 /// On which edge or vertex of a triangle that it hits a ray lies, and whether the moved ray hits the triangle;

@@ -55,6 +55,7 @@
 //! | only hits that a function accepts | [`Wide::closest_hit_where`], [`Wide::occluded_where`] |
 //! | slices, on one thread or on all | [`Wide::closest_hits`], [`Wide::par_closest_hits`], and their like |
 //! | new vertices for the same triangles | [`Wide::refit`], which tells when to build anew |
+//! | what rays visit, by kind | [`Wide::visits`] |
 //! | a tree as bytes | [`Wide::to_bytes`], [`Wide::from_bytes`] |
 //!
 //! # What is promised
@@ -99,6 +100,7 @@ mod slices;
 mod traced;
 mod traverse;
 mod triangles;
+mod visits;
 mod wide;
 
 pub use config::{Config, Preset};
@@ -110,4 +112,5 @@ pub use primitive_tree::{PrimitiveError, PrimitiveTree};
 pub use refit::{Flaw, Refit, RefitError};
 pub use simd::SimdPath;
 pub use traverse::LaneKernel;
+pub use visits::Visits;
 pub use wide::{Predicted, Sizes, Wide};

@@ -60,8 +60,8 @@ pub(crate) trait Take<M: ?Sized> {
     /// `n` primitives are tested.
     fn primitives(&mut self, n: u32);
 
-    /// A node is tested.
-    fn node(&mut self);
+    /// A node of this kind is tested.
+    fn node(&mut self, kind: NodeKind);
 }
 
 /// Walks `tree`. Must be inlined where the path's instructions are enabled, like all of [`Simd`]'s callers.
@@ -105,8 +105,8 @@ impl<S: Simd, W: Traced, T: Take<W::Met>> Visit for Leaves<'_, S, W, T> {
     }
 
     #[inline(always)]
-    fn node(&mut self, _: NodeKind) {
-        self.take.node();
+    fn node(&mut self, kind: NodeKind) {
+        self.take.node(kind);
     }
 }
 
@@ -150,7 +150,7 @@ impl<M: ?Sized, Q: Query, const ORDERED: bool> Take<M> for Best<'_, Q, ORDERED> 
     }
 
     #[inline(always)]
-    fn node(&mut self) {
+    fn node(&mut self, _: NodeKind) {
         self.query.boxes(8);
     }
 }
@@ -192,7 +192,7 @@ impl<M: ?Sized, Q: Query> Take<M> for All<'_, Q> {
     }
 
     #[inline(always)]
-    fn node(&mut self) {
+    fn node(&mut self, _: NodeKind) {
         self.query.boxes(8);
     }
 }
