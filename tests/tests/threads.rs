@@ -28,7 +28,12 @@ fn scene() -> Scene {
         Material { emission: [0.2, 0.1, 0.0], ..material([0.5; 3]) },
     ];
     let ground = Affine { columns: [[8.0, 0.0, 0.0], [0.0, 8.0, 0.0], [0.0, 0.0, 4.0], [-4.0, -4.0, -1.0]] };
-    let mut instances = vec![Instance { mesh: MeshId(0), world_from_object: ground, first_primitive: 0 }];
+    let mut instances = vec![Instance {
+        mesh: MeshId(0),
+        world_from_object: ground,
+        world_from_object_close: None,
+        first_primitive: 0,
+    }];
     let mut first_primitive = u32::try_from(meshes[0].triangles.len()).unwrap();
     let mut rng = SplitMix64::new(12);
     for i in 0..12 {
@@ -40,7 +45,7 @@ fn scene() -> Scene {
         #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
         let world_from_object = Affine { columns: [column(0), column(1), column(2), shift.map(|x| x as f32)] };
         let mesh = MeshId(u32::try_from(1 + i % 2).unwrap());
-        instances.push(Instance { mesh, world_from_object, first_primitive });
+        instances.push(Instance { mesh, world_from_object, world_from_object_close: None, first_primitive });
         first_primitive += u32::try_from(meshes[mesh.0 as usize].triangles.len()).unwrap();
     }
     let lights = vec![

@@ -26,6 +26,7 @@ mod input;
 mod integrate;
 mod level;
 mod mask;
+mod motion;
 mod output;
 mod picture;
 mod placement;

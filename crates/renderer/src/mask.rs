@@ -33,6 +33,10 @@ impl<Q: Query> Query for Masked<'_, Q> {
         self.inner.triangles(n);
     }
 
+    fn time(&self) -> f32 {
+        self.inner.time()
+    }
+
     fn accepts(&mut self, hit: &Hit) -> bool {
         self.surfaces.is_present(hit) && self.inner.accepts(hit)
     }

@@ -26,7 +26,8 @@
 use canted_obb::Affine;
 use canted_trace::HIT_ERROR;
 
-use crate::vector::{Vector, add, cross, scale, wide};
+use crate::motion::{Motion, Pose, cofactors};
+use crate::vector::{Vector, add, scale, wide};
 
 /// Half a unit in the last place of 1.
 const U: f64 = 0.5 * f32::EPSILON as f64;
@@ -35,37 +36,59 @@ const U: f64 = 0.5 * f32::EPSILON as f64;
 const ROOM: f64 = 1.0 + 1.0 / 1024.0;
 
 /// One instance, prepared for shading.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Placement {
     /// Columns of the cofactor matrix, which takes object normals to world normals but for length and sign.
     cofactor: [Vector; 3],
     /// Error along each world axis between the plane of a triangle and a ray that leaves it.
     slack: f64,
+    /// The way of an instance that moves.
+    motion: Option<Box<Motion>>,
 }
 
 impl Placement {
     /// Prepares a mesh whose greatest absolute coordinate is `reach_object`, placed by an invertible map.
-    pub(crate) fn new(world_from_object: &Affine, reach_object: f32) -> Self {
-        let [x, y, z, shift] = world_from_object.columns.map(wide);
-        let reach_world = (0..3)
-            .map(|k| f64::from(reach_object) * (x[k].abs() + y[k].abs() + z[k].abs()) + shift[k].abs())
+    ///
+    /// One that moves to `close` has the greater `W` of the two ends: `R_k` and `|T_k|` are convex along a straight line, so
+    /// no time between exceeds it. It is traced with two levels.
+    pub(crate) fn new(world_from_object: &Affine, close: Option<&Affine>, reach_object: f32) -> Self {
+        let reach_world = std::iter::once(world_from_object)
+            .chain(close)
+            .map(|map| reach_world(map, reach_object))
             .fold(0.0, f64::max);
         Self {
-            cofactor: [cross(y, z), cross(z, x), cross(x, y)],
+            cofactor: cofactors(&world_from_object.columns.map(wide)),
+            motion: close.map(|close| Box::new(Motion::new(world_from_object, close))),
             // The last term is for subnormal numbers, whose rounding is absolute.
             slack: ROOM * (2.0 * f64::from(HIT_ERROR) + 4.0 * U) * reach_world + f64::from(f32::MIN_POSITIVE),
         }
     }
 
-    /// World-space direction perpendicular to the image of a plane with normal `normal_object`; any length, either
-    /// side. The inverse transpose would give the same direction; cofactors need no division.
-    pub(crate) fn normal_world(&self, normal_object: Vector) -> Vector {
+    /// Where the instance is at a time of the shutter; `None` where it stands still.
+    pub(crate) fn pose(&self, time: f32) -> Option<Pose> {
+        self.motion.as_ref().map(|motion| motion.pose(time))
+    }
+
+    /// World-space direction perpendicular to the image of a plane with normal `normal_object`, as the instance stands or
+    /// in the pose it moved to; any length, either side.
+    ///
+    /// The inverse transpose would give the same direction; cofactors need no division.
+    pub(crate) fn normal_world(&self, pose: Option<&Pose>, normal_object: Vector) -> Vector {
+        let cofactor = pose.map_or(&self.cofactor, |pose| &pose.cofactor);
         let [x, y, z] = normal_object;
-        add(scale(self.cofactor[0], x), add(scale(self.cofactor[1], y), scale(self.cofactor[2], z)))
+        add(scale(cofactor[0], x), add(scale(cofactor[1], y), scale(cofactor[2], z)))
     }
 
     /// Distance that new rays keep off a surface with this unit normal, in world units.
     pub(crate) fn offset(&self, normal_world: Vector) -> f64 {
         self.slack * normal_world.iter().map(|x| x.abs()).sum::<f64>()
     }
+}
+
+/// The greatest absolute coordinate of an instance.
+fn reach_world(world_from_object: &Affine, reach_object: f32) -> f64 {
+    let [x, y, z, shift] = world_from_object.columns.map(wide);
+    (0..3)
+        .map(|k| f64::from(reach_object) * (x[k].abs() + y[k].abs() + z[k].abs()) + shift[k].abs())
+        .fold(0.0, f64::max)
 }

@@ -14,7 +14,7 @@ pub enum Levels {
     /// Two where placing meshes makes many more triangles than there are, else one.
     #[default]
     Auto,
-    /// All triangles in world space under one tree.
+    /// All triangles in world space under one tree; two levels all the same where an instance moves.
     One,
     /// A tree a mesh, and a tree over the instances.
     Two,
@@ -112,6 +112,7 @@ pub fn prepare<K: LaneKernel>(scene: &Scene, config: &StructureConfig) -> Result
     let level = LevelConfig { builder: config.builder, preset: config.preset, strategy: config.volumes };
     let n_triangles = scene.n_placed_triangles();
     let one = match config.levels {
+        _ if scene.moves() => false,
         // A flat tree answers rays faster: it has no boxes around whole meshes that overlap, and no transforms.
         Levels::Auto => n_triangles as f64 <= WORTH_FLATTENING * scene.n_unique_triangles() as f64,
         Levels::One => true,
@@ -139,6 +140,7 @@ fn left_out(scene: &Scene, one: bool, straight: &'static str) -> Vec<LeftOut> {
         }
     };
     without(!one, "top level", "meshes are hardly repeated");
+    without(scene.moves(), "motion", "no instance moves");
     without(straight.is_empty(), "leaning boxes", straight);
     let textured = scene.materials.iter().any(|m| m.albedo_texture.is_some() || m.alpha_texture.is_some());
     without(textured, "textures", "no material has one");

@@ -56,6 +56,10 @@ impl<Q: Query> Query for Placing<'_, Q> {
         self.query.triangles(n);
     }
     #[inline]
+    fn time(&self) -> f32 {
+        self.query.time()
+    }
+    #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {
         self.query.accepts(&Flat::<canted_trace::Watertight>::placed(self.first, *hit))
     }
@@ -108,7 +112,7 @@ pub(crate) fn build_one<K: LaneKernel>(scene: &Scene, config: &LevelConfig) -> R
     Ok(Structure::One(Flat { blas: build_level(&positions, &triangles, config)?, first }))
 }
 
-/// The scene as one mesh in world space: positions, triangles, and each instance's first triangle.
+/// The scene as one mesh in world space, moving instances where they are as the shutter opens: positions, triangles, and each instance's first triangle.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "triangles and vertices are numbered by u32")]
 pub fn flatten(scene: &Scene) -> (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>) {
@@ -133,7 +137,11 @@ pub(crate) fn build_two<K: LaneKernel>(scene: &Scene, config: &LevelConfig) -> R
     let instances: Vec<Instance> = scene
         .instances
         .iter()
-        .map(|instance| Instance { blas: instance.mesh.0, world_from_object: instance.world_from_object })
+        .map(|instance| Instance {
+            blas: instance.mesh.0,
+            world_from_object: instance.world_from_object,
+            world_from_object_close: instance.world_from_object_close,
+        })
         .collect();
     let top = VolumeConfig { strategy: config.strategy.unwrap_or(Strategy::Aabb), fallback: true };
     Ok(Structure::Two(Tlas::new(levels, &instances, top)?))

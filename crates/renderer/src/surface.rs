@@ -81,7 +81,10 @@ impl<'a> Surfaces<'a> {
         let placements = scene
             .instances
             .iter()
-            .map(|instance| Placement::new(&instance.world_from_object, reaches[instance.mesh.0 as usize]))
+            .map(|instance| {
+                let close = instance.world_from_object_close.as_ref().filter(|c| **c != instance.world_from_object);
+                Placement::new(&instance.world_from_object, close, reaches[instance.mesh.0 as usize])
+            })
             .collect();
         Self { scene, placements }
     }
@@ -92,22 +95,34 @@ impl<'a> Surfaces<'a> {
         self.scene
     }
 
-    /// The surface at a hit of a world-space ray along `direction`.
+    /// The surface at a hit of a world-space ray along `direction`, as the shutter opens.
+    #[must_use]
+    pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {
+        self.at_time(hit, direction, 0.0)
+    }
+
+    /// The surface at a hit of a world-space ray along `direction` that flew at `time`: 0 as the shutter opens, 1 as it
+    /// closes.
     ///
     /// The point comes from the barycentric weights, not from `t`: it does not move along the ray with the rounding of
     /// a distance.
     #[must_use]
-    pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {
+    pub fn at_time(&self, hit: &Hit, direction: [f32; 3], time: f32) -> Surface {
         let instance = &self.scene.instances[hit.instance.0 as usize];
         let placement = &self.placements[hit.instance.0 as usize];
         let corners = Corners::of(&self.scene.meshes[instance.mesh.0 as usize], hit);
         let [v0, v1, v2] = corners.of_3(&corners.mesh.positions);
 
-        let position = instance.world_from_object.point_f64(corners.blend([v0, v1, v2]));
+        let pose = placement.pose(time);
+        let position_object = corners.blend([v0, v1, v2]);
+        let position = match &pose {
+            None => instance.world_from_object.point_f64(position_object),
+            Some(pose) => pose.point_world(position_object),
+        };
         let towards_viewer = scale(wide(direction), -1.0);
         let normal_object = cross(sub(v1, v0), sub(v2, v0));
         // A triangle that was hit has an area; for a tracer that errs, facing the viewer is a harmless answer.
-        let normal = unit(placement.normal_world(normal_object))
+        let normal = unit(placement.normal_world(pose.as_ref(), normal_object))
             .map(|n| facing(n, towards_viewer))
             .or_else(|| unit(towards_viewer))
             .unwrap_or([0.0, 0.0, 1.0]);
@@ -115,7 +130,7 @@ impl<'a> Surfaces<'a> {
             .mesh
             .normals
             .as_ref()
-            .and_then(|normals| unit(placement.normal_world(corners.blend(corners.of_3(normals)))))
+            .and_then(|normals| unit(placement.normal_world(pose.as_ref(), corners.blend(corners.of_3(normals)))))
             .map_or(normal, |n| facing(n, normal));
 
         let material = self.material(corners.mesh, hit);

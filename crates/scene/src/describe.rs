@@ -69,7 +69,12 @@ mod tests {
             uvs: Some(vec![[0.0; 2]; 3]),
             ..Mesh::default()
         };
-        let instance = Instance { mesh: MeshId(0), world_from_object: Affine::IDENTITY, first_primitive: 0 };
+        let instance = Instance {
+            mesh: MeshId(0),
+            world_from_object: Affine::IDENTITY,
+            world_from_object_close: None,
+            first_primitive: 0,
+        };
         let texture =
             Texture { name: String::new(), width: 2, height: 1, texels: vec![[0; 4]; 2], wrap: [Wrap::Repeat; 2] };
         let scene = Scene {

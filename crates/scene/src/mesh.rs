@@ -46,8 +46,10 @@ impl Mesh {
 pub struct Instance {
     /// The mesh placed.
     pub mesh: MeshId,
-    /// Invertible affine transform.
+    /// Invertible affine transform; of a moving one, as the shutter opens.
     pub world_from_object: Affine,
+    /// Of a moving one, the transform as the shutter closes; each number of it changes in a straight line meanwhile.
+    pub world_from_object_close: Option<Affine>,
     /// Number, in file order, of the mesh's triangle 0 in this instance.
     pub first_primitive: u32,
 }

@@ -36,14 +36,24 @@ impl Scene {
         self.instances.iter().map(|instance| self.meshes[instance.mesh.0 as usize].triangles.len()).sum()
     }
 
-    /// Smallest world-space box around all used vertices of all instances.
+    /// Whether any instance moves while the shutter is open.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.instances.iter().any(|i| i.world_from_object_close.is_some_and(|close| close != i.world_from_object))
+    }
+
+    /// Smallest world-space box around all used vertices of all instances, of moving ones at both ends of their way.
     #[must_use]
     pub fn bounds_world(&self) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for instance in &self.instances {
             let mesh = &self.meshes[instance.mesh.0 as usize];
             for &index in mesh.triangles.iter().flatten() {
-                bounds.grow(instance.world_from_object.point(mesh.positions[index as usize]));
+                let position = mesh.positions[index as usize];
+                bounds.grow(instance.world_from_object.point(position));
+                if let Some(close) = instance.world_from_object_close {
+                    bounds.grow(close.point(position));
+                }
             }
         }
         bounds

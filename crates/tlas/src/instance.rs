@@ -1,13 +1,28 @@
 use canted_obb::{Affine, Obb};
-use canted_trace::{HIT_ERROR, Ray};
+use canted_trace::{HIT_ERROR, Query, Ray};
 
-/// A placed bottom level.
+use crate::motion::{self, Motion, invert, norm};
+
+/// A placed bottom level, still or moving.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instance {
     /// Index of the bottom level.
     pub blas: u32,
-    /// Where it stands; any invertible affine map.
+    /// Where it stands, or where a moving one starts as the shutter opens; any invertible affine map.
     pub world_from_object: Affine,
+    /// Where a moving one is as the shutter closes; `None` for one that stands still.
+    ///
+    /// Between the two every number of the map changes in a straight line, and so does every point of the instance: a
+    /// rotation by a large angle shrinks on its way. Each map on the way must be invertible.
+    pub world_from_object_close: Option<Affine>,
+}
+
+impl Instance {
+    /// A bottom level that stands still.
+    #[must_use]
+    pub fn still(blas: u32, world_from_object: Affine) -> Self {
+        Self { blas, world_from_object, world_from_object_close: None }
+    }
 }
 
 /// Why instances cannot be placed.
@@ -32,6 +47,15 @@ pub enum InstanceError {
         /// ‖M‖·‖M⁻¹‖ in the greatest-row-sum norm; infinite where singular.
         condition: f64,
     },
+    /// A transform becomes singular, or nearly, between the opening and the closing of the shutter.
+    IllConditionedAt {
+        /// The instance.
+        instance: usize,
+        /// When: 0 as the shutter opens, 1 as it closes.
+        time: f64,
+        /// The greatest ‖M‖ of the way times ‖M⁻¹‖ at that time, in the greatest-row-sum norm; infinite where singular.
+        condition: f64,
+    },
 }
 
 impl std::fmt::Display for InstanceError {
@@ -43,6 +67,13 @@ impl std::fmt::Display for InstanceError {
             Self::NotFinite { instance } => write!(f, "the transform of instance {instance} is not finite"),
             Self::IllConditioned { instance, condition } => {
                 write!(f, "the transform of instance {instance} has condition {condition:e}, beyond {MAX_CONDITION:e}")
+            }
+            Self::IllConditionedAt { instance, time, condition } => {
+                write!(
+                    f,
+                    "the transform of moving instance {instance} has condition {condition:e} at time {time} of the shutter, \
+                     beyond {MAX_CONDITION:e}"
+                )
             }
         }
     }
@@ -57,12 +88,14 @@ pub const MAX_CONDITION: f64 = 1_048_576.0;
 const U: f64 = 1.0 / 16_777_216.0;
 
 /// An instance ready for rays: its inverse, computed once, and how far rounding can carry a hit in world space.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Placed {
     pub(crate) blas: u32,
     /// Rows of the inverse, each with its translation last; `f64`, so only the result is rounded.
     object_from_world: [[f64; 4]; 3],
-    /// The image of the bottom level's box.
+    /// The way of an instance that moves, which the inverse of each ray's time takes the place of.
+    motion: Option<Box<Motion>>,
+    /// The image of the bottom level's box, at all times.
     pub(crate) bounds_world: Obb,
     /// The world-space error of a hit is at most `error_per_origin · |o|∞ + error`; see [`Placed::new`].
     pub(crate) error_per_origin: f64,
@@ -78,41 +111,61 @@ impl Placed {
     /// of the object point by `M` times at most `u·|o'| + u·t|d'|`, where `t|d'| <= ρ + |o'|` but for a second-order
     /// term. With one `u` more for `f64` rounding, the corner rounding of the box and second-order terms, the hit lies
     /// within `‖M‖·(HIT_ERROR + 4u)·(|o'| + ρ)` of the triangle's image, and `|o'| <= ‖M⁻¹‖·(|o| + |c|)`.
+    ///
+    /// Of a moving instance this holds with the greatest `‖M‖`, `|c|` and `‖M⁻¹‖` of the way. The first two are those of
+    /// an end, since norms are convex; the last is bounded by [`Motion::norm_of_inverse`].
     pub(crate) fn new(index: usize, instance: &Instance, bounds: &Obb) -> Result<Self, InstanceError> {
-        let matrix = &instance.world_from_object;
-        if !matrix.is_finite() {
+        let open = &instance.world_from_object;
+        // What ends where it begins stands still.
+        let close = instance.world_from_object_close.as_ref().filter(|close| *close != open);
+        let matrices = || std::iter::once(open).chain(close);
+        if !matrices().all(Affine::is_finite) {
             return Err(InstanceError::NotFinite { instance: index });
         }
-        let inverse = invert(matrix);
-        let norm_inverse = inverse.iter().map(|row| row[..3].iter().map(|x| x.abs()).sum()).fold(0.0, f64::max);
-        let norm = (0..3)
-            .map(|k| matrix.columns[..3].iter().map(|column| f64::from(column[k]).abs()).sum())
-            .fold(0.0, f64::max);
-        // A matrix of rank one has an inverse of NaNs, which a maximum passes over.
-        let invertible = inverse.iter().flatten().all(|x| x.is_finite());
-        let condition = if invertible { norm * norm_inverse } else { f64::INFINITY };
-        if condition > MAX_CONDITION {
-            return Err(InstanceError::IllConditioned { instance: index, condition });
-        }
+        let inverse = invert(&open.columns.map(|column| column.map(f64::from)));
+        let motion = close.map(|close| Box::new(Motion::new(open, close)));
+        let greatest = |of: &dyn Fn(&Affine) -> f64| matrices().map(of).fold(0.0, f64::max);
+        let forward = greatest(&motion::norm_of);
+        let backward = match &motion {
+            None => {
+                let backward = norm(&inverse);
+                let condition = condition(forward, backward);
+                if condition > MAX_CONDITION {
+                    return Err(InstanceError::IllConditioned { instance: index, condition });
+                }
+                backward
+            }
+            Some(motion) => motion.norm_of_inverse(MAX_CONDITION / forward).map_err(|(time, backward)| {
+                InstanceError::IllConditionedAt { instance: index, time, condition: condition(forward, backward) }
+            })?,
+        };
         let reach = f64::from(bounds.aabb().reach());
-        let translation = matrix.columns[3].iter().map(|c| f64::from(c.abs())).fold(0.0, f64::max);
+        let translation = greatest(&|m| m.columns[3].iter().map(|c| f64::from(c.abs())).fold(0.0, f64::max));
         let relative = f64::from(HIT_ERROR) + 4.0 * U;
         Ok(Self {
             blas: instance.blas,
             object_from_world: inverse,
-            bounds_world: bounds.transformed(matrix),
-            error_per_origin: relative * condition,
-            error: relative * norm * (norm_inverse * translation + reach) + 2.0 * U * translation,
+            motion,
+            bounds_world: swept(bounds, open, close),
+            error_per_origin: relative * (forward * backward),
+            error: relative * forward * (backward * translation + reach) + 2.0 * U * translation,
         })
     }
 
-    /// The world ray in object space; `t` stays the same number.
+    /// The world ray in object space; `t` stays the same number. `query` tells the ray's time where the instance moves.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is accounted for in the error")]
-    pub(crate) fn ray_object(&self, ray_world: &Ray, t_max: f32) -> Ray {
+    pub(crate) fn ray_object<Q: Query>(&self, ray_world: &Ray, t_max: f32, query: &Q) -> Ray {
+        let moved;
+        let rows = match &self.motion {
+            None => &self.object_from_world,
+            Some(motion) => {
+                moved = motion.object_from_world(query.time());
+                &moved
+            }
+        };
         let o = ray_world.origin.map(f64::from);
         let d = ray_world.direction.map(f64::from);
-        let rows = &self.object_from_world;
         let linear = |row: &[f64; 4], v: [f64; 3]| (row[0] * v[0] + row[1] * v[1]) + row[2] * v[2];
         Ray {
             origin: std::array::from_fn(|k| (linear(&rows[k], o) + rows[k][3]) as f32),
@@ -123,15 +176,17 @@ impl Placed {
     }
 }
 
-/// Rows of the inverse map, by cofactors in `f64`; not finite where the matrix is singular.
-fn invert(matrix: &Affine) -> [[f64; 4]; 3] {
-    let [a, b, c, origin] = matrix.columns.map(|column| column.map(f64::from));
-    let cross =
-        |p: [f64; 3], q: [f64; 3]| [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
-    let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-    let reciprocal = 1.0 / dot(a, cross(b, c));
-    [cross(b, c), cross(c, a), cross(a, b)].map(|row| {
-        let row = row.map(|x| x * reciprocal);
-        [row[0], row[1], row[2], -dot(row, origin)]
-    })
+/// ‖M‖·‖M⁻¹‖; infinite where the inverse is not finite.
+fn condition(forward: f64, backward: f64) -> f64 {
+    if backward.is_finite() { forward * backward } else { f64::INFINITY }
+}
+
+/// A box around the image of `bounds` at all times between `open` and `close`.
+///
+/// Each corner moves in a straight line, so at any time it lies between its places at the ends. A convex set that
+/// contains the boxes of both ends contains those lines and with them the hull of the corners at any time: the
+/// axis-parallel box around both is one.
+fn swept(bounds: &Obb, open: &Affine, close: Option<&Affine>) -> Obb {
+    let at_open = bounds.transformed(open);
+    close.map_or(at_open, |close| Obb::from_aabb(&at_open.aabb().union(bounds.transformed(close).aabb())))
 }

@@ -23,6 +23,7 @@
 mod binary;
 mod blas;
 mod instance;
+mod motion;
 mod top;
 
 pub use binary::{Binary, PairOrder, TracedLeaf};

@@ -91,7 +91,7 @@ impl<B: Blas> Tlas<B> {
         self.binary.closest(&self.slab_ray(&ray), ray.t_max, query, |leaf, t_max, query| {
             let instance = self.leaves[leaf as usize];
             let placed = &self.placed[instance.0 as usize];
-            let ray_object = placed.ray_object(ray_world, best.map_or(ray_world.t_max, |best| best.t));
+            let ray_object = placed.ray_object(ray_world, best.map_or(ray_world.t_max, |best| best.t), query);
             match self.blas[placed.blas as usize].closest_hit(&ray_object, instance, query) {
                 Some(hit) if best.is_none_or(|best| hit.before(&best)) => {
                     best = Some(hit);
@@ -110,7 +110,7 @@ impl<B: Blas> Tlas<B> {
         self.binary.any(&self.slab_ray(&ray), ray.t_max, query, |leaf, t_max, query| {
             let instance = self.leaves[leaf as usize];
             let placed = &self.placed[instance.0 as usize];
-            let ray_object = placed.ray_object(ray_world, ray_world.t_max);
+            let ray_object = placed.ray_object(ray_world, ray_world.t_max, query);
             found = self.blas[placed.blas as usize].occluded(&ray_object, instance, query);
             if found { -1.0 } else { t_max }
         });

@@ -17,6 +17,14 @@ pub trait Query {
         let _ = n;
     }
 
+    /// When the ray flies, for what moves: 0 where the shutter opens, 1 where it closes; what is beyond counts as the end.
+    ///
+    /// Asked only about instances that move, and the same for all of one ray.
+    #[inline(always)]
+    fn time(&self) -> f32 {
+        0.0
+    }
+
     /// Whether `hit` counts; `false` lets the ray pass through, as an alpha mask does.
     #[inline(always)]
     fn accepts(&mut self, hit: &Hit) -> bool {

@@ -9,7 +9,7 @@ use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Ray, Waterti
 
 use super::setup::{affine, all_rays, blas_of, build, crowd, instances, meshes};
 
-fn loop_over_all<K: Kernel>(placed: &[Affine], rays: &[Ray]) -> Vec<Option<Hit>> {
+pub(crate) fn loop_over_all<K: Kernel>(placed: &[Affine], rays: &[Ray]) -> Vec<Option<Hit>> {
     let records = meshes().map(|mesh| brute::records::<K>(&mesh.positions, &mesh.triangles));
     let trace = |i: usize, ray: &Ray| brute::closest_hit::<K>(&records[blas_of(i)], ray);
     rays.iter().map(|ray| oracle::closest_hit(placed, ray, trace)).collect()
@@ -85,11 +85,8 @@ fn ties_go_to_the_lowest_instance_then_primitive() {
         Mesh { positions: soup.positions.clone(), triangles: [&soup.triangles[..], &soup.triangles].concat() };
     let places = [affine(&Rotation::turn(), [2.0, 1.0, 0.5], [1.0, 2.0, 3.0]), Affine::IDENTITY];
     for order in [[0, 1, 1, 0], [1, 0, 0, 1], [1, 1, 0, 0]] {
-        let instances: Vec<Instance> = order
-            .into_iter()
-            .zip([0, 1, 1, 0])
-            .map(|(place, blas)| Instance { blas, world_from_object: places[place] })
-            .collect();
+        let instances: Vec<Instance> =
+            order.into_iter().zip([0, 1, 1, 0]).map(|(place, blas)| Instance::still(blas, places[place])).collect();
         for strategy in [Strategy::Aabb, Strategy::Dop] {
             let bottom = vec![build::<Watertight>(&doubled, strategy), build(&doubled, Strategy::Aabb)];
             let tlas = Tlas::new(bottom, &instances, VolumeConfig { strategy, fallback: true }).unwrap();
@@ -108,10 +105,7 @@ fn ties_go_to_the_lowest_instance_then_primitive() {
 #[test]
 fn t_is_one_number_at_every_scale() {
     let plate = thin_box(0.0);
-    let at = |scale: f64, z: f32| Instance {
-        blas: 0,
-        world_from_object: affine(&Rotation::IDENTITY, [scale; 3], [0.0, 0.0, z]),
-    };
+    let at = |scale: f64, z: f32| Instance::still(0, affine(&Rotation::IDENTITY, [scale; 3], [0.0, 0.0, z]));
     let instances = [at(1024.0, 16.0), at(1.0 / 1024.0, 5.0), at(-1.0, 7.0)];
     let tlas =
         Tlas::new(vec![build::<Watertight>(&plate, Strategy::Aabb)], &instances, VolumeConfig::default()).unwrap();
@@ -133,8 +127,6 @@ fn no_instance_is_a_miss() {
     assert_eq!((tlas.closest_hit(&ray, &mut ()), tlas.occluded(&ray, &mut ())), (None, false));
     assert!(tlas.place(&[]).is_ok());
     let nothing = build::<Watertight>(&Mesh::default(), Strategy::Dop);
-    let tlas =
-        Tlas::new(vec![nothing], &[Instance { blas: 0, world_from_object: Affine::IDENTITY }], VolumeConfig::default())
-            .unwrap();
+    let tlas = Tlas::new(vec![nothing], &[Instance::still(0, Affine::IDENTITY)], VolumeConfig::default()).unwrap();
     assert_eq!((tlas.closest_hit(&ray, &mut ()), tlas.occluded(&ray, &mut ())), (None, false));
 }

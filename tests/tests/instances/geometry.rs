@@ -81,7 +81,7 @@ fn certainly_pierced(ray: &Ray, target: &Target) -> Option<(f64, f64)> {
 }
 
 /// Checks an answer against all triangles of all instances; counts the triangles that were certainly pierced.
-fn judge(ray: &Ray, hit: Option<&Hit>, placed: &[Affine], reaches: [f32; 2]) -> Result<usize, String> {
+pub(crate) fn judge(ray: &Ray, hit: Option<&Hit>, placed: &[Affine], reaches: [f32; 2]) -> Result<usize, String> {
     let meshes = meshes();
     let target = |i: usize, triangle: usize| {
         let corners = meshes[blas_of(i)].corners(triangle).map(|p| placed[i].point_f64(p));
@@ -108,7 +108,7 @@ fn judge(ray: &Ray, hit: Option<&Hit>, placed: &[Affine], reaches: [f32; 2]) -> 
     Ok(n_certain)
 }
 
-fn reaches() -> [f32; 2] {
+pub(crate) fn reaches() -> [f32; 2] {
     meshes().map(|mesh| mesh.positions.iter().flatten().fold(0.0, |all: f32, x| all.max(x.abs())))
 }
 

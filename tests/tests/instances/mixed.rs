@@ -69,7 +69,7 @@ fn tlas(order: &[u32]) -> Tlas<Mixed> {
     let instances: Vec<Instance> = crowd()
         .into_iter()
         .zip(order.iter().cycle())
-        .map(|(world_from_object, &blas)| Instance { blas, world_from_object })
+        .map(|(world_from_object, &blas)| Instance::still(blas, world_from_object))
         .collect();
     Tlas::new(kinds(), &instances, VolumeConfig { strategy: Strategy::Combined, fallback: true }).unwrap()
 }

@@ -11,8 +11,8 @@ use super::setup::{affine, build, meshes};
 fn place(blas: u32, third: Affine) -> Result<(), InstanceError> {
     let [soup, torus] = meshes();
     let bottom: Vec<MeshBlas<Watertight>> = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Aabb)];
-    let sound = Instance { blas: 0, world_from_object: Affine::IDENTITY };
-    let instances = [sound, sound, Instance { blas, world_from_object: third }];
+    let sound = Instance::still(0, Affine::IDENTITY);
+    let instances = [sound, sound, Instance::still(blas, third)];
     Tlas::new(bottom, &instances, VolumeConfig::default()).map(|_| ())
 }
 

@@ -30,11 +30,8 @@ fn agrees<K: LaneKernel + Clone>() {
     let trace = |i: usize, ray: &Ray| brute::closest_hit::<K>(&records[i % 2], ray);
     let wants: Vec<_> = all_rays.iter().map(|ray| oracle::closest_hit(&placed, ray, trace)).collect();
     assert!(wants.iter().flatten().count() > 300, "too few rays hit");
-    let instances: Vec<Instance> = placed
-        .iter()
-        .zip([0, 1].into_iter().cycle())
-        .map(|(&a, blas)| Instance { blas, world_from_object: a })
-        .collect();
+    let instances: Vec<Instance> =
+        placed.iter().zip([0, 1].into_iter().cycle()).map(|(&a, blas)| Instance::still(blas, a)).collect();
     for (way, config) in few_ways() {
         for path in paths().0 {
             let bottom: Vec<Wide<K>> = meshes.iter().map(|mesh| build(mesh, &config).with_path(path)).collect();

@@ -33,6 +33,7 @@ use canted_scene::Light;
 use canted_trace::{Hit, Query, Ray};
 
 use super::direct::direct;
+use crate::motion::Timed;
 use crate::sampling::{Basis, cosine_hemisphere};
 use crate::vector::{length, narrow, wide};
 use crate::{Sampler, Surfaces, Tracer};
@@ -63,16 +64,19 @@ pub(crate) struct Sample {
 
 impl<T: Tracer, Q: Query + Clone> Hybrid<'_, T, Q> {
     /// Radiance that arrives against a camera ray whose closest hit is `first`, one sample of it.
-    pub(crate) fn sample(&self, camera_ray: Ray, first: Option<Hit>, pixel: u32, sample: u32) -> Sample {
+    ///
+    /// All rays of the path fly at `time`: 0 as the shutter opens, 1 as it closes.
+    pub(crate) fn sample(&self, camera_ray: Ray, first: Option<Hit>, time: f32, pixel: u32, sample: u32) -> Sample {
+        let query = self.query_at(time);
         let mut path = Path { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 };
         let mut ray = camera_ray;
         let Some(mut hit) = first else {
             return Sample { radiance: self.environment, n_rays: 1 };
         };
         for vertex in 0..=self.bounces {
-            let surface = self.surfaces.at(&hit, ray.direction);
+            let surface = self.surfaces.at_time(&hit, ray.direction, time);
             path.add(surface.emission, 1.0);
-            let (radiance, n_shadow_rays) = direct(self.lights, self.tracer, &mut self.query.clone(), &surface);
+            let (radiance, n_shadow_rays) = direct(self.lights, self.tracer, &mut query.clone(), &surface);
             path.add(radiance, 1.0);
 
             // Leave along a cosine-sampled direction, whose weight is the albedo.
@@ -82,7 +86,7 @@ impl<T: Tracer, Q: Query + Clone> Hybrid<'_, T, Q> {
             ray = surface.leave(surface.outward(local));
             path.n_rays += n_shadow_rays + 1;
 
-            match self.closest_hit(&ray) {
+            match self.closest_hit(&ray, &query) {
                 None => {
                     path.add(self.environment, 1.0);
                     break;
@@ -94,8 +98,13 @@ impl<T: Tracer, Q: Query + Clone> Hybrid<'_, T, Q> {
         Sample { radiance: path.radiance, n_rays: path.n_rays }
     }
 
-    fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
-        self.tracer.closest_hit(ray, &mut self.query.clone())
+    /// The query of rays that fly at `time`.
+    pub(crate) fn query_at(&self, time: f32) -> Timed<Q> {
+        Timed { inner: self.query.clone(), time }
+    }
+
+    fn closest_hit(&self, ray: &Ray, query: &Timed<Q>) -> Option<Hit> {
+        self.tracer.closest_hit(ray, &mut query.clone())
     }
 
     /// Share of the ambient light that comes through beside an occluder: 0 at contact, near 1 beyond the radius.

@@ -133,8 +133,14 @@ impl<T: Tracer> Picture<'_, T> {
         }
         let n_tiles = slots.len();
         let n_done = AtomicUsize::new(slots.iter().flatten().count());
-        let work =
-            Work { integrator: &integrator, view: &self.view, filter: &self.filter, settings: self.settings, layout };
+        let work = Work {
+            integrator: &integrator,
+            view: &self.view,
+            moves: self.scene.moves(),
+            filter: &self.filter,
+            settings: self.settings,
+            layout,
+        };
         let render = |(number, slot): (usize, Option<Tile>)| {
             if slot.is_some() {
                 return slot;

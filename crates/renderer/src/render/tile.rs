@@ -10,6 +10,9 @@ use crate::{Aov, FilterSampler, Guide, Pixel, Settings, Tracer, View, film::Bloc
 /// Dimension of the sampler that places a sample in its pixel.
 const PIXEL_POSITION: u32 = 0;
 
+/// Dimension that chooses a sample's time, apart from those that integrators count up.
+const TIME: u32 = u32::MAX;
+
 /// Pixels along the side of a cell: neighbours that stop together, wherever tiles end.
 const CELL: u32 = 8;
 
@@ -91,6 +94,8 @@ impl Layout {
 pub(super) struct Work<'a, T, Q> {
     pub(super) integrator: &'a Hybrid<'a, T, Q>,
     pub(super) view: &'a View,
+    /// Whether samples have times of their own.
+    pub(super) moves: bool,
     pub(super) filter: &'a FilterSampler,
     pub(super) settings: &'a Settings,
     pub(super) layout: Layout,
@@ -176,21 +181,22 @@ impl<T: Tracer, Q: Query + Clone> Work<'_, T, Q> {
         let square = self.integrator.sampler.pair(number, sample, PIXEL_POSITION);
         let ([dx, dy], weight) = self.filter.place(square);
         let ray = self.view.ray([f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy]);
+        let time = if self.moves { self.integrator.sampler.single(number, sample, TIME) } else { 0.0 };
         let hit = if self.layout.is_guided {
-            let (hit, guide) = self.guide(&ray);
+            let (hit, guide) = self.guide(&ray, time);
             sums.guide.push_sample(sample, guide);
             hit
         } else {
-            self.integrator.tracer.closest_hit(&ray, &mut self.integrator.query.clone())
+            self.integrator.tracer.closest_hit(&ray, &mut self.integrator.query_at(time))
         };
-        let light = self.integrator.sample(ray, hit, number, sample);
+        let light = self.integrator.sample(ray, hit, time, number, sample);
         sums.pixel.push_sample(sample, Pixel::of(light.radiance.map(|x| weight * x)));
         light.n_rays
     }
 
     /// What a camera ray meets first, and its properties.
-    fn guide(&self, ray: &Ray) -> (Option<Hit>, Guide) {
-        let query = self.integrator.query.clone();
+    fn guide(&self, ray: &Ray, time: f32) -> (Option<Hit>, Guide) {
+        let query = self.integrator.query_at(time);
         let (hit, tests) = if self.settings.aovs.contains(Aov::Tests) {
             let mut counted = Counted { inner: query, counts: Counts::default() };
             let hit = self.integrator.tracer.closest_hit(ray, &mut counted);
@@ -200,7 +206,7 @@ impl<T: Tracer, Q: Query + Clone> Work<'_, T, Q> {
             (self.integrator.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
         };
         let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
-        let surface = self.integrator.surfaces.at(&hit, ray.direction);
+        let surface = self.integrator.surfaces.at_time(&hit, ray.direction, time);
         let guide = Guide {
             n_hits: 1,
             first: Some([hit.instance.0, hit.primitive.0]),
@@ -239,6 +245,10 @@ impl<Q: Query> Query for Counted<Q> {
 
     fn triangles(&mut self, n: u32) {
         self.counts.triangles(n);
+    }
+
+    fn time(&self) -> f32 {
+        self.inner.time()
     }
 
     fn accepts(&mut self, hit: &Hit) -> bool {

@@ -191,7 +191,7 @@ pub(crate) fn grey(albedo: f32) -> Material {
 }
 
 pub(crate) fn place(mesh: u32, world_from_object: Affine) -> Instance {
-    Instance { mesh: MeshId(mesh), world_from_object, first_primitive: 0 }
+    Instance { mesh: MeshId(mesh), world_from_object, world_from_object_close: None, first_primitive: 0 }
 }
 
 /// Meshes where they are, without lights or sky.

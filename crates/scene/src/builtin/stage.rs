@@ -19,7 +19,12 @@ impl Stage {
 
     /// Places a mesh.
     pub(super) fn place(&mut self, mesh: MeshId, world_from_object: Affine) {
-        self.scene.instances.push(Instance { mesh, world_from_object, first_primitive: self.n_placed });
+        self.scene.instances.push(Instance {
+            mesh,
+            world_from_object,
+            world_from_object_close: None,
+            first_primitive: self.n_placed,
+        });
         let n_triangles = self.scene.meshes[mesh.0 as usize].triangles.len();
         self.n_placed += u32::try_from(n_triangles).expect("the scene is small");
     }

@@ -49,6 +49,7 @@ pub(super) fn read(
         scene.instances.extend(transforms.into_iter().flatten().map(|world_from_object| Instance {
             mesh: MeshId(mesh_id),
             world_from_object,
+            world_from_object_close: None,
             first_primitive: first_primitives[mesh_index],
         }));
     }

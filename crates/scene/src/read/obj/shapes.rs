@@ -29,7 +29,7 @@ impl Shapes {
             scene.meshes.push(mesh);
             next
         };
-        scene.instances.push(Instance { mesh: id, world_from_object, first_primitive });
+        scene.instances.push(Instance { mesh: id, world_from_object, world_from_object_close: None, first_primitive });
         Some(())
     }
 }

@@ -45,7 +45,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let is_textured = !scene.textures.is_empty();
     scene.meshes.push(mesh(name, table, triangles, is_textured));
     let (mesh, world_from_object) = (MeshId(0), Affine::IDENTITY);
-    scene.instances.push(Instance { mesh, world_from_object, first_primitive: 0 });
+    scene.instances.push(Instance { mesh, world_from_object, world_from_object_close: None, first_primitive: 0 });
     repair.finish(path, &mut scene)?;
     Ok(scene)
 }

@@ -1,0 +1,72 @@
+use canted_obb::Affine;
+use canted_trace::{Hit, Query};
+
+use crate::vector::{Vector, add, cross, scale, sub, wide};
+
+/// The way of a moving instance: each number of its transform changes in a straight line.
+#[derive(Clone, Debug)]
+pub(crate) struct Motion {
+    open: [Vector; 4],
+    change: [Vector; 4],
+}
+
+impl Motion {
+    pub(crate) fn new(open: &Affine, close: &Affine) -> Self {
+        let [open, close] = [open, close].map(|map| map.columns.map(wide));
+        Self { open, change: std::array::from_fn(|j| sub(close[j], open[j])) }
+    }
+
+    /// The transform at a time, by the arithmetic that tracing uses; 0 for a time that is not a number.
+    pub(crate) fn pose(&self, time: f32) -> Pose {
+        #[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
+        let time = f64::from(time.max(0.0).min(1.0));
+        let columns = std::array::from_fn(|j| add(self.open[j], scale(self.change[j], time)));
+        Pose { columns, cofactor: cofactors(&columns) }
+    }
+}
+
+/// A transform on the way.
+#[derive(Clone, Debug)]
+pub(crate) struct Pose {
+    columns: [Vector; 4],
+    /// Columns of the cofactor matrix.
+    pub(crate) cofactor: [Vector; 3],
+}
+
+impl Pose {
+    pub(crate) fn point_world(&self, [x, y, z]: Vector) -> Vector {
+        let [a, b, c, shift] = self.columns;
+        add(add(scale(a, x), add(scale(b, y), scale(c, z))), shift)
+    }
+}
+
+/// Columns of the cofactor matrix of the linear part.
+pub(crate) fn cofactors([x, y, z, _]: &[Vector; 4]) -> [Vector; 3] {
+    [cross(*y, *z), cross(*z, *x), cross(*x, *y)]
+}
+
+/// A query with the time of its rays.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Timed<Q> {
+    pub(crate) inner: Q,
+    pub(crate) time: f32,
+}
+
+impl<Q: Query> Query for Timed<Q> {
+    #[inline]
+    fn boxes(&mut self, n: u32) {
+        self.inner.boxes(n);
+    }
+    #[inline]
+    fn triangles(&mut self, n: u32) {
+        self.inner.triangles(n);
+    }
+    #[inline]
+    fn time(&self) -> f32 {
+        self.time
+    }
+    #[inline]
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        self.inner.accepts(hit)
+    }
+}

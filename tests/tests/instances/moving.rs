@@ -1,0 +1,231 @@
+//! Instances that move while the shutter is open: at each time they are hit as if they stood where they then are.
+//!
+//! Transforms and times have so few bits that every transform on the way is exact in `f32`: what stands still in its place
+//! is then the same input, to the bit, and all oracles of still instances serve.
+
+use canted_fixtures::{Rotation, SplitMix64};
+use canted_lbvh::{Strategy, VolumeConfig};
+use canted_obb::{Affine, Obb};
+use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas};
+use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
+
+use super::agree::loop_over_all;
+use super::geometry::{judge, reaches};
+use super::setup::{affine, blas_of, build, meshes, rays};
+
+const TOP: VolumeConfig = VolumeConfig { strategy: Strategy::Dop, fallback: true };
+
+/// A ray's time and nothing else.
+struct At(f32);
+
+impl Query for At {
+    fn time(&self) -> f32 {
+        self.0
+    }
+}
+
+/// One of 1025 times, of ten bits.
+fn time(rng: &mut SplitMix64) -> f32 {
+    f32::from(u16::try_from(rng.below(1025)).unwrap()) / 1024.0
+}
+
+/// The linear part rounded to multiples of 2⁻⁶ of `unit`, which thirteen bits hold.
+fn coarse(map: &Affine, unit: f32) -> Affine {
+    let [x, y, z, shift] = map.columns;
+    let [x, y, z] = [x, y, z].map(|column| column.map(|c| (c * 64.0).round() / 64.0 * unit));
+    Affine { columns: [x, y, z, shift] }
+}
+
+/// Where an instance is: exact, or the test is none.
+fn at([open, close]: &[Affine; 2], time: f32) -> Affine {
+    let mut map = *open;
+    for (j, column) in map.columns.iter_mut().enumerate() {
+        for (k, number) in column.iter_mut().enumerate() {
+            let (from, to) = (f64::from(open.columns[j][k]), f64::from(close.columns[j][k]));
+            let exact = from + f64::from(time) * (to - from);
+            #[expect(clippy::cast_possible_truncation, reason = "checked on the next line")]
+            let rounded = exact as f32;
+            assert_eq!(f64::from(rounded), exact, "column {j} row {k} at {time}");
+            *number = rounded;
+        }
+    }
+    map
+}
+
+/// Motions of each kind, from where to where.
+fn ways() -> Vec<(&'static str, [Affine; 2])> {
+    let turn = Rotation::turn();
+    let about_z =
+        |angle: f64, scale: [f64; 3], shift: [f32; 3]| affine(&Rotation::euler(0.0, 0.0, angle), scale, shift);
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let shear = |a: f32, b: f32| Affine { columns: [[1.0, 0.0, 0.0], [a, 1.0, 0.0], [b, 0.5, 1.0], [0.25, 0.0, 0.5]] };
+    let way = |unit: f32, open: Affine, close: Affine| [coarse(&open, unit), coarse(&close, unit)];
+    let far = [10_000_000.0, -10_000_000.0, 3_000_000.0];
+    let beyond = far.map(|x| x + 3.0 * 1024.0);
+    vec![
+        ("shift", way(1.0, affine(&turn, [1.0; 3], [0.0; 3]), affine(&turn, [1.0; 3], [3.0, -2.0, 1.0]))),
+        ("quarter turn", way(1.0, about_z(0.0, [1.0; 3], [0.0; 3]), about_z(quarter, [1.0; 3], [0.0; 3]))),
+        ("turn and shift", way(1.0, about_z(0.3, [1.0; 3], [1.0, 0.0, 0.0]), about_z(1.1, [1.0; 3], [0.0, 2.0, 0.5]))),
+        ("mirrored", way(1.0, about_z(0.2, [-1.0, 1.0, 1.0], [0.5; 3]), about_z(1.4, [-1.0, 1.0, 2.0], [-0.5; 3]))),
+        ("sheared", way(1.0, shear(0.5, -0.25), shear(-1.0, 2.0))),
+        ("grows unequally", way(1.0, affine(&turn, [0.5; 3], [0.0; 3]), affine(&turn, [3.0, 1.0, 8.0], [1.0; 3]))),
+        ("small", way(1.0 / 1024.0, about_z(0.0, [1.0; 3], [0.5; 3]), about_z(1.0, [2.0; 3], [0.5625; 3]))),
+        ("large", way(1024.0, about_z(0.0, [1.0; 3], [64.0; 3]), about_z(1.0, [2.0; 3], [-512.0; 3]))),
+        ("far", way(64.0, about_z(0.0, [1.0; 3], far), about_z(1.0, [1.5; 3], beyond))),
+        ("far, mirrored", way(1024.0, about_z(0.0, [1.0, 1.0, -1.0], far), about_z(1.5, [1.0, 1.0, -1.0], beyond))),
+    ]
+}
+
+fn moving(ways: &[[Affine; 2]]) -> Vec<Instance> {
+    (0..)
+        .zip(ways)
+        .map(|(i, &[open, close])| Instance {
+            world_from_object_close: Some(close),
+            ..Instance::still(u32::try_from(blas_of(i)).unwrap(), open)
+        })
+        .collect()
+}
+
+fn bottom() -> Vec<MeshBlas<Watertight>> {
+    let [soup, torus] = meshes();
+    vec![build(&soup, Strategy::Dop), build(&torus, Strategy::Aabb)]
+}
+
+/// Rays at what `ways` places at a time, and where it then is.
+fn shots(ways: &[[Affine; 2]], time: f32, n: usize, seed: u64) -> (Vec<Affine>, Vec<Ray>) {
+    let placed: Vec<Affine> = ways.iter().map(|way| at(way, time)).collect();
+    let meshes = meshes();
+    let rays = placed.iter().enumerate().flat_map(|(i, map)| rays(&meshes[blas_of(i)], map, n, seed)).collect();
+    (placed, rays)
+}
+
+/// The first ray that is not answered as by a loop over all triangles of what stands where the instances are.
+fn first_difference<B: Blas>(tlas: &Tlas<B>, placed: &[Affine], rays: &[Ray], time: f32) -> Option<String> {
+    rays.iter().zip(loop_over_all::<Watertight>(placed, rays)).find_map(|(ray, want)| {
+        let got = tlas.closest_hit(ray, &mut At(time));
+        let occluded = tlas.occluded(ray, &mut At(time));
+        (got != want || occluded != want.is_some()).then(|| format!("{ray:?} at {time}: {got:?}, not {want:?}"))
+    })
+}
+
+#[test]
+fn each_motion_is_hit_as_what_stands_still_there_and_as_exact_geometry_says() {
+    let mut rng = SplitMix64::new(5);
+    for (name, way) in ways() {
+        let ways = [way; 2];
+        let tlas = Tlas::new(bottom(), &moving(&ways), TOP).unwrap();
+        for (i, time) in [0.0, 1.0, 0.5].into_iter().chain((0..6).map(|_| time(&mut rng))).enumerate() {
+            let (placed, rays) = shots(&ways, time, 12, i as u64);
+            assert_eq!(first_difference(&tlas, &placed, &rays, time), None, "{name}");
+            for ray in rays.iter().step_by(7) {
+                let hit = tlas.closest_hit(ray, &mut At(time));
+                judge(ray, hit.as_ref(), &placed, reaches())
+                    .unwrap_or_else(|error| panic!("{name} at {time}: {error}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_crowd_that_moves_is_hit_at_any_time() {
+    let ways: Vec<[Affine; 2]> = ways().into_iter().map(|(_, way)| way).collect();
+    let mut instances = moving(&ways);
+    // Half of them stand still, where they begin.
+    let ways: Vec<_> = ways.iter().enumerate().map(|(i, way)| if i % 3 == 0 { [way[0]; 2] } else { *way }).collect();
+    instances.iter_mut().step_by(3).for_each(|instance| instance.world_from_object_close = None);
+    for strategy in [Strategy::Aabb, Strategy::Dop, Strategy::Quaternion] {
+        let tlas = Tlas::new(bottom(), &instances, VolumeConfig { strategy, fallback: true }).unwrap();
+        let mut rng = SplitMix64::new(6);
+        for i in 0..8 {
+            let time = time(&mut rng);
+            let (placed, rays) = shots(&ways, time, 3, i);
+            assert_eq!(first_difference(&tlas, &placed, &rays, time), None, "{strategy:?}");
+        }
+    }
+}
+
+#[test]
+fn no_motion_is_standing_still() {
+    let ways: Vec<[Affine; 2]> = ways().into_iter().map(|(_, [open, _])| [open; 2]).collect();
+    let still: Vec<Instance> =
+        moving(&ways).into_iter().map(|i| Instance { world_from_object_close: None, ..i }).collect();
+    let [moving, still] = [moving(&ways), still].map(|instances| Tlas::new(bottom(), &instances, TOP).unwrap());
+    let (_, rays) = shots(&ways, 0.0, 8, 1);
+    for ray in &rays {
+        for time in [0.0, 0.3, 1.0, f32::NAN] {
+            assert_eq!(moving.closest_hit(ray, &mut At(time)), still.closest_hit(ray, &mut ()));
+        }
+    }
+    assert_eq!(moving.binary().bounds(), still.binary().bounds());
+}
+
+#[test]
+fn times_beyond_the_shutter_are_its_ends() {
+    let ways: Vec<[Affine; 2]> = ways().into_iter().map(|(_, way)| way).collect();
+    let tlas = Tlas::new(bottom(), &moving(&ways), TOP).unwrap();
+    for (beyond, end) in [(-1.0, 0.0), (f32::NEG_INFINITY, 0.0), (f32::NAN, 0.0), (2.0, 1.0), (f32::INFINITY, 1.0)] {
+        let (placed, rays) = shots(&ways, end, 2, 3);
+        assert_eq!(first_difference(&tlas, &placed, &rays, end), None);
+        for ray in &rays {
+            assert_eq!(tlas.closest_hit(ray, &mut At(beyond)), tlas.closest_hit(ray, &mut At(end)), "{beyond}");
+        }
+    }
+}
+
+/// A bottom level whose box is a tenth of what it should be: so is what it sweeps.
+struct Shrunk(MeshBlas<Watertight>);
+
+impl Blas for Shrunk {
+    fn bounds(&self) -> Obb {
+        let bounds = self.0.bounds();
+        Obb { half: bounds.half.map(|half| half * 0.1), ..bounds }
+    }
+
+    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        self.0.closest_hit(ray_object, instance, query)
+    }
+
+    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        self.0.occluded(ray_object, instance, query)
+    }
+}
+
+#[test]
+fn the_check_sees_a_sweep_that_is_too_small_or_a_wrong_time() {
+    for (name, way) in ways() {
+        let ways = [way; 2];
+        let (placed, rays) = shots(&ways, 1.0, 40, 8);
+        let shrunk = Tlas::new(bottom().into_iter().map(Shrunk).collect(), &moving(&ways), TOP).unwrap();
+        assert!(first_difference(&shrunk, &placed, &rays, 1.0).is_some(), "{name}");
+        let sound = Tlas::new(bottom(), &moving(&ways), TOP).unwrap();
+        assert_eq!(first_difference(&sound, &placed, &rays, 1.0), None, "{name}");
+        assert!(first_difference(&sound, &placed, &rays, 1.0 - 1.0 / 1024.0).is_some(), "{name}");
+    }
+}
+
+#[test]
+fn motions_through_singular_maps_are_refused_with_the_time() {
+    let refused = |open: Affine, close: Affine| {
+        let still = Instance::still(0, Affine::IDENTITY);
+        let moving = Instance { world_from_object_close: Some(close), ..Instance::still(0, open) };
+        Tlas::new(bottom(), &[still, moving], TOP).map(|_| ()).unwrap_err()
+    };
+    let about_z = |angle: f64| affine(&Rotation::euler(0.0, 0.0, angle), [1.0; 3], [0.0; 3]);
+    let half_turn = refused(Affine::IDENTITY, about_z(std::f64::consts::PI));
+    assert!(
+        matches!(half_turn, InstanceError::IllConditionedAt { instance: 1, time, condition }
+            if time == 0.5 && condition > MAX_CONDITION),
+        "{half_turn}"
+    );
+    let mirror = refused(Affine::IDENTITY, affine(&Rotation::IDENTITY, [1.0, -3.0, 1.0], [0.0; 3]));
+    let InstanceError::IllConditionedAt { instance: 1, time, .. } = mirror else { panic!("{mirror}") };
+    assert!((time - 0.25).abs() < 1e-5, "{time}");
+    let flat = refused(Affine::IDENTITY, Affine { columns: [[0.0; 3]; 4] });
+    assert_eq!(
+        flat.to_string(),
+        "the transform of moving instance 1 has condition inf at time 1 of the shutter, beyond 1.048576e6"
+    );
+    let mut bad = Affine::IDENTITY;
+    bad.columns[2][1] = f32::NAN;
+    assert_eq!(refused(Affine::IDENTITY, bad), InstanceError::NotFinite { instance: 1 });
+}
