@@ -12,6 +12,7 @@
 
 #[cfg(feature = "baseline")]
 mod baseline;
+mod bsdf;
 mod camera;
 mod checkpoint;
 mod colormap;
@@ -44,6 +45,7 @@ mod vector;
 
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
+pub use bsdf::{Bsdf, Evaluation, Scattered};
 pub use camera::{CameraError, View};
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};

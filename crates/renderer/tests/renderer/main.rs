@@ -1,5 +1,6 @@
 //! The renderer against closed forms, quadrature and brute force. One binary, a file a station.
 
+mod bsdf;
 mod camera;
 mod common;
 mod files;
