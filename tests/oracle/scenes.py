@@ -24,6 +24,12 @@ class Sun:
 
 
 @dataclass(frozen=True)
+class Point:
+    position: tuple
+    intensity: tuple
+
+
+@dataclass(frozen=True)
 class Spot:
     position: tuple
     target: tuple
@@ -96,7 +102,7 @@ for n in (2, 3, 4):
     SHOTS[f"cornell-env-{n}"] = replace(SHOTS["cornell-env"], n_segments=n)
     SHOTS[f"sponza-env-{n}"] = replace(SHOTS["sponza-env"], n_segments=n)
 SHOTS["cornell-sun-3"] = replace(SHOTS["cornell-sun"], n_segments=3)
-SHOTS["cornell-light-3"] = replace(SHOTS["cornell-light"], n_segments=3)
+SHOTS["cornell-point-3"] = replace(CORNELL, lights=(Point((-0.9, 3.5, -1.2), (8.0, 7.0, 6.0)),), n_segments=3)
 SHOTS["sponza-sun-3"] = replace(SHOTS["sponza-sun"], n_segments=3)
 
 
@@ -228,6 +234,8 @@ def light(light):
     match light:
         case Sun():
             return {"type": "directional", "direction": list(light.direction), "irradiance": rgb(light.irradiance)}
+        case Point():
+            return {"type": "point", "position": list(light.position), "intensity": rgb(light.intensity)}
         case Spot():
             place = transform.look_at(light.position, light.target, [0, 0, 1])
             # Mitsuba's edge fades linearly in the angle, that of glTF by a squared cosine: both are made hard.

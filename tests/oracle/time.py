@@ -1,10 +1,9 @@
 """Times Mitsuba on Sponza under a constant sky: `python time.py VARIANT [WIDTH HEIGHT SAMPLES]`.
 
 Load (with the build of its trees), first picture (with the translation of its kernels, in variants that have any) and
-the median of three more are printed each by itself, as seconds, with samples per second of the last.
+the median of three more, which is rendering alone, are printed each by itself: seconds, and seconds of all processors.
 """
 
-import statistics
 import sys
 import tempfile
 import time
@@ -22,8 +21,8 @@ def main(variant, width=640, height=360, samples=16):
     shot = replace(scenes.SHOTS["sponza-env"], size=(int(width), int(height)))
 
     def timed(work):
-        start = time.perf_counter()
-        return work(), time.perf_counter() - start
+        start = np.array([time.perf_counter(), time.process_time()])
+        return work(), [time.perf_counter(), time.process_time()] - start
 
     with tempfile.TemporaryDirectory() as folder:
         described = scenes.scene(shot, Path(folder))
@@ -35,10 +34,12 @@ def main(variant, width=640, height=360, samples=16):
                 part["bsdf"] = surface["inner"]
         scene, load = timed(lambda: mi.load_dict(described))
     render = lambda seed: np.array(mi.render(scene, spp=int(samples), seed=seed))
-    first = timed(lambda: render(0))[1]
-    seconds = statistics.median(timed(lambda: render(seed))[1] for seed in (1, 2, 3))
-    rate = int(width) * int(height) * int(samples) / seconds
-    print(f"{variant}: load {load:.2f} s, first {first:.2f} s, then {seconds:.2f} s, {rate:.3g} samples/s")
+    picture, first = timed(lambda: render(0))
+    mean = picture.mean(axis=(0, 1))
+    again = np.median([timed(lambda: render(seed))[1] for seed in (1, 2, 3)], axis=0)
+    print(f"{variant}, {width}x{height}, {samples} samples per pixel, {mean} in the mean")
+    for name, (wall, cpu) in [("load", load), ("first picture", first), ("another", again)]:
+        print(f"{name}: {wall:.2f} s, {cpu:.2f} s of processors")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ mod agree;
 mod shots;
 
 use agree::{Disagreement, agree};
-use shots::{Shot, cornell_env, cornell_sun, sponza_sun};
+use shots::{Shot, checker, cornell_env, cornell_point, cornell_sun, sponza_sun};
 
 fn check(shot: Option<Shot>) {
     let Some(shot) = shot else { return };
@@ -34,6 +34,27 @@ fn sky_in_the_cornell_box_after_bounces() {
 #[test]
 fn sun_in_the_cornell_box() {
     check(cornell_sun("sun_in_the_cornell_box"));
+}
+
+#[test]
+fn lamp_in_the_cornell_box() {
+    check(cornell_point("lamp_in_the_cornell_box"));
+}
+
+#[test]
+fn texels_of_a_wall() {
+    check(Some(checker()));
+}
+
+/// A texture upside down.
+#[test]
+fn a_texture_upside_down_is_seen() {
+    let mut shot = checker();
+    for [_, v] in shot.scene.meshes[0].uvs.iter_mut().flatten() {
+        *v = 1.0 - *v;
+    }
+    let verdict = agree(&shot.ours(), &shot.theirs());
+    assert!(matches!(verdict, Err(Disagreement::Block { .. })), "{verdict:?}");
 }
 
 #[test]

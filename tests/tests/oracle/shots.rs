@@ -2,8 +2,11 @@
 
 use std::path::PathBuf;
 
+use canted_obb::Affine;
 use canted_renderer::{Film, Pattern, Picture, Settings, prepare, read_picture, render};
-use canted_scene::{Camera, Light, Scene, read};
+use canted_scene::{
+    Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId, Wrap, read,
+};
 use canted_trace::Watertight;
 
 use crate::agree::{Block, blocks_of_film, blocks_of_reference};
@@ -67,6 +70,44 @@ pub(crate) fn cornell_sun(test: &str) -> Option<Shot> {
     let shot = cornell_env(test)?;
     let scene = with_sun(shot.scene, [0.3, -0.5, -1.0], [3.0, 2.8, 2.5]);
     Some(Shot { name: "cornell-sun-3", scene, n_segments: 3, ..shot })
+}
+
+/// The box in the light of a lamp between its ceiling and its boxes.
+pub(crate) fn cornell_point(test: &str) -> Option<Shot> {
+    let shot = cornell_env(test)?;
+    let lights = vec![Light::Point { position: [-0.9, 3.5, -1.2], intensity: [8.0, 7.0, 6.0] }];
+    let scene = Scene { environment: None, lights, ..shot.scene };
+    Some(Shot { name: "cornell-point-3", scene, n_segments: 3, ..shot })
+}
+
+/// A leaning wall of four times four texels, enlarged so that the filter shows, in a white sky.
+pub(crate) fn checker() -> Shot {
+    let mesh = Mesh {
+        positions: vec![[-2.0, 0.5, 0.0], [2.0, 0.5, 0.0], [2.0, 3.5, -1.0], [-2.0, 3.5, -1.0]],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        uvs: Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
+        parts: vec![Part { first_triangle: 0, material: MaterialId(0) }],
+        ..Mesh::default()
+    };
+    let texel = |i: usize| if (i / 4 + i % 4).is_multiple_of(2) { [20, 90, 200, 255] } else { [230, 60, 30, 255] };
+    let texels = (0..16).map(texel).collect();
+    let texture = Texture { name: String::new(), width: 4, height: 4, texels, wrap: [Wrap::Repeat; 2] };
+    let material = Material { albedo: [1.0; 3], albedo_texture: Some(TextureId(0)), ..Material::default() };
+    let scene = Scene {
+        meshes: vec![mesh],
+        instances: vec![Instance {
+            mesh: MeshId(0),
+            world_from_object: Affine::IDENTITY,
+            world_from_object_close: None,
+            first_primitive: 0,
+        }],
+        materials: vec![material],
+        textures: vec![texture],
+        environment: Some([1.0; 3]),
+        ..Scene::default()
+    };
+    let camera = Camera { eye: [0.0, 4.0, 8.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_degrees: 40.0 };
+    Shot { name: "checker", scene, camera, size: [64, 64], n_segments: 2, samples: 256 }
 }
 
 /// Sponza at noon, seen across its court.
