@@ -17,7 +17,7 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
         return Ok(());
     };
     // One sun and a sky, so that every vertex casts a shadow ray.
-    scene.environment = Some([4.0, 5.0, 6.5]);
+    scene.environment = Some([4.0, 5.0, 6.5].into());
     scene.lights = vec![Light::Sun { direction: [-0.282_166, -0.940_553, -0.188_111], irradiance: [20.0, 19.0, 17.0] }];
     let start = Instant::now();
     let prepared = prepare::<Watertight>(&scene, &StructureConfig::default())?;

@@ -21,7 +21,7 @@ fn mesh(mesh: canted_fixtures::Mesh, material: u32) -> Mesh {
 /// Hills, and a crowd of rings and balls above them: instances that turn, stretch and mirror.
 fn scene() -> Scene {
     let meshes = vec![mesh(grid(5, [20, 20]), 0), mesh(torus(16, 8), 1), mesh(icosphere(2), 2)];
-    let material = |albedo| Material { albedo, ..Material::default() };
+    let material = |base_color| Material { base_color, ..Material::default() };
     let materials = vec![
         material([0.3, 0.6, 0.2]),
         material([0.8, 0.3, 0.2]),
@@ -52,11 +52,10 @@ fn scene() -> Scene {
         Light::Sun { direction: [0.48, 0.36, -0.8], irradiance: [2.0, 1.9, 1.7] },
         Light::Point { position: [-2.0, 1.0, 4.0], intensity: [5.0, 6.0, 8.0] },
     ];
-    Scene { meshes, instances, materials, lights, environment: Some([0.3, 0.4, 0.6]), ..Scene::default() }
+    Scene { meshes, instances, materials, lights, environment: Some([0.3, 0.4, 0.6].into()), ..Scene::default() }
 }
 
-const CAMERA: Camera =
-    Camera { eye: [5.0, -6.0, 4.0], target: [0.0, 0.0, 0.3], up: [0.0, 0.0, 1.0], fov_degrees: 45.0 };
+const CAMERA: Camera = Camera::pinhole([5.0, -6.0, 4.0], [0.0, 0.0, 0.3], [0.0, 0.0, 1.0], 45.0);
 
 /// No multiple of any tile size below.
 const SETTINGS: Settings = Settings {

@@ -1,7 +1,7 @@
 //! What lights a scene: the options, else the file, else a sky and a sun.
 
 use anyhow::{Result, anyhow};
-use canted_scene::{Light, Scene};
+use canted_scene::{Light, Material, Scene};
 
 use crate::options;
 
@@ -23,7 +23,7 @@ impl LightArgs {
     /// Puts the lights into the scene; says whether they are nobody's choice but ours.
     pub(crate) fn apply(&self, scene: &mut Scene) -> Result<bool> {
         if self.env.is_none() && self.sun.is_empty() && self.point.is_empty() {
-            let emits = scene.materials.iter().any(|material| material.emission != [0.0; 3]);
+            let emits = scene.materials.iter().any(Material::emits);
             let is_dark = scene.lights.is_empty() && scene.environment.is_none() && !emits;
             if is_dark {
                 set_default(scene, 1.0);
@@ -37,7 +37,7 @@ impl LightArgs {
                 Err(anyhow!("{name} {},{},{} has a negative colour", color[0], color[1], color[2]))
             }
         };
-        scene.environment = Some(color("--env", self.env.unwrap_or([0.0; 3]))?);
+        scene.environment = Some(color("--env", self.env.unwrap_or([0.0; 3]))?.into());
         scene.lights.clear();
         for &[x, y, z, r, g, b] in &self.sun {
             if [x, y, z] == [0.0; 3] {
@@ -56,7 +56,7 @@ impl LightArgs {
 
 /// A blue sky and a sun high up, times `strength`.
 pub(crate) fn set_default(scene: &mut Scene, strength: f32) {
-    scene.environment = Some([0.40, 0.50, 0.65].map(|c| c * strength));
+    scene.environment = Some([0.40, 0.50, 0.65].map(|c| c * strength).into());
     let irradiance = [2.0, 1.9, 1.7].map(|c| c * strength);
     scene.lights = vec![Light::Sun { direction: unit([-0.3, -1.0, -0.2]), irradiance }];
 }

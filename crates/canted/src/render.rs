@@ -14,7 +14,7 @@ use canted_renderer::{
     Aovs, Film, Measure, Monitor, Picture, Prepared, Record, RenderError, Settings, Surfaces, Tile, frame, heatmap,
     light_hash, prepare, render, resume, scene_hash, write_exr, write_film, write_png,
 };
-use canted_scene::{Camera, Scene};
+use canted_scene::{Camera, Projection, Scene};
 use canted_wide::LaneKernel;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -353,7 +353,7 @@ fn camera<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, args: &Args) -> 
         camera.up = up;
     }
     if let Some(fov) = args.fov {
-        camera.fov_degrees = fov;
+        camera.projection = Projection::Perspective { fov_degrees: fov };
     }
     camera
 }

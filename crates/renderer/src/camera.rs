@@ -1,8 +1,9 @@
 use std::fmt;
 
-use canted_scene::Camera;
+use canted_scene::{Camera, Lens, Projection};
 use canted_trace::Ray;
 
+use crate::sampling::uniform_disc;
 use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 
 /// A camera joined to a picture size: it turns picture positions into world-space rays.
@@ -11,13 +12,15 @@ use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 /// pixel (0, 0) is (0.5, 0.5). Pixels are square.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    eye: [f32; 3],
-    /// Middle of the picture on the plane at distance 1.
+    eye: Vector,
+    /// Unit vector into the picture.
     forward: Vector,
-    /// Step of one pixel to the right on that plane.
+    /// Step of one pixel to the right, on the plane at distance 1 of a perspective.
     right: Vector,
-    /// Step of one pixel down on that plane.
+    /// Step of one pixel down, likewise.
     down: Vector,
+    is_perspective: bool,
+    lens: Option<Lens>,
     /// Picture size in pixels.
     size: [f64; 2],
 }
@@ -28,15 +31,26 @@ impl View {
     /// # Errors
     /// [`CameraError`] where the camera has no direction, no up, or no field of view.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Result<Self, CameraError> {
-        let Camera { eye, target, up, fov_degrees } = *camera;
+        let Camera { eye, target, up, projection, lens } = *camera;
         for (name, point) in [("eye", eye), ("target", target), ("up", up)] {
             if !point.iter().all(|x| x.is_finite()) {
                 return Err(CameraError::NotFinite { name, value: point });
             }
         }
-        // Written so that a NaN is refused too.
-        if !(fov_degrees > 0.0 && fov_degrees < 180.0) {
-            return Err(CameraError::FieldOfView { degrees: fov_degrees });
+        let (view_height, is_perspective) = match projection {
+            // Written so that a NaN is refused too.
+            Projection::Perspective { fov_degrees } if fov_degrees > 0.0 && fov_degrees < 180.0 => {
+                (2.0 * (0.5 * f64::from(fov_degrees).to_radians()).tan(), true)
+            }
+            Projection::Perspective { fov_degrees } => return Err(CameraError::FieldOfView { degrees: fov_degrees }),
+            Projection::Orthographic { height } if height > 0.0 && height.is_finite() => (f64::from(height), false),
+            Projection::Orthographic { height } => return Err(CameraError::Height { height }),
+        };
+        let is_length = |x: f32| x > 0.0 && x.is_finite();
+        if let Some(Lens { radius, focus_distance }) = lens
+            && !(is_length(radius) && is_length(focus_distance))
+        {
+            return Err(CameraError::Lens { radius, focus_distance });
         }
         let forward = unit(sub(wide(target), wide(eye))).ok_or(CameraError::NoDirection { eye })?;
         let up_unit = unit(wide(up)).ok_or(CameraError::NoUp { up })?;
@@ -47,30 +61,61 @@ impl View {
         }
         let right = unit(across).ok_or(CameraError::NoUp { up })?;
         let down = cross(forward, right);
-        let pixel = 2.0 * (0.5 * f64::from(fov_degrees).to_radians()).tan() / f64::from(height);
+        let pixel = view_height / f64::from(height);
         Ok(Self {
-            eye,
+            eye: wide(eye),
             forward,
             right: scale(right, pixel),
             down: scale(down, pixel),
+            is_perspective,
+            lens,
             size: [f64::from(width), f64::from(height)],
         })
     }
 
-    /// The ray through a picture position, in pixels; its direction has unit length up to rounding.
+    /// The ray through a picture position, in pixels, and the middle of the lens; its direction has unit length up to
+    /// rounding.
     #[must_use]
     pub fn ray(&self, position: [f64; 2]) -> Ray {
+        let (origin, direction) = self.line(position);
+        Ray::new(narrow(origin), narrow(direction))
+    }
+
+    /// The ray through a picture position and a point of the lens, given by a point of the unit square.
+    ///
+    /// All rays of one position meet in the plane of focus. Without a lens it is [`View::ray`].
+    #[must_use]
+    pub fn ray_through_lens(&self, position: [f64; 2], square: [f32; 2]) -> Ray {
+        let (origin, direction) = self.line(position);
+        let Some(Lens { radius, focus_distance }) = self.lens else {
+            return Ray::new(narrow(origin), narrow(direction));
+        };
+        let [x, y] = uniform_disc(square).map(|c| f64::from(c) * f64::from(radius));
+        // Steps of a pixel are perpendicular to each other and of one length.
+        let pixel = crate::vector::length(self.right);
+        let shift = add(scale(self.right, x / pixel), scale(self.down, y / pixel));
+        // The direction has length one; along the view it gets on by its cosine.
+        let way = scale(direction, f64::from(focus_distance) / dot(direction, self.forward));
+        let direction = sub(way, shift);
+        Ray::new(narrow(add(origin, shift)), narrow(scale(direction, 1.0 / crate::vector::length(direction))))
+    }
+
+    /// Origin and unit direction through a picture position and the middle of the lens.
+    fn line(&self, position: [f64; 2]) -> (Vector, Vector) {
         let across = scale(self.right, position[0] - 0.5 * self.size[0]);
         let along = scale(self.down, position[1] - 0.5 * self.size[1]);
+        if !self.is_perspective {
+            return (add(self.eye, add(across, along)), self.forward);
+        }
         let direction = add(self.forward, add(across, along));
         // At least as long as the unit vector forward, to which the other two are perpendicular.
-        Ray::new(self.eye, narrow(scale(direction, 1.0 / crate::vector::length(direction))))
+        (self.eye, scale(direction, 1.0 / crate::vector::length(direction)))
     }
 
     /// Distance of a world-space point along the view axis, as compositing tools take depth.
     #[must_use]
     pub fn depth(&self, point: [f64; 3]) -> f64 {
-        dot(self.forward, sub(point, wide(self.eye)))
+        dot(self.forward, sub(point, self.eye))
     }
 }
 
@@ -88,6 +133,18 @@ pub enum CameraError {
     FieldOfView {
         /// The field of view.
         degrees: f32,
+    },
+    /// The height of an orthographic picture is not above zero.
+    Height {
+        /// The height.
+        height: f32,
+    },
+    /// Radius or distance of focus of the lens are not above zero.
+    Lens {
+        /// The radius.
+        radius: f32,
+        /// The distance.
+        focus_distance: f32,
     },
     /// Eye and target are one point.
     NoDirection {
@@ -107,6 +164,10 @@ impl fmt::Display for CameraError {
             Self::NotFinite { name, value } => write!(f, "camera {name} {value:?} is not finite"),
             Self::FieldOfView { degrees } => {
                 write!(f, "camera field of view {degrees} degrees is not between 0 and 180")
+            }
+            Self::Height { height } => write!(f, "camera picture height {height} is not above zero"),
+            Self::Lens { radius, focus_distance } => {
+                write!(f, "camera lens radius {radius} and focus distance {focus_distance} are not both above zero")
             }
             Self::NoDirection { eye } => write!(f, "camera target equals its eye {eye:?}"),
             Self::NoUp { up } => write!(f, "camera up {up:?} does not differ from the view direction"),

@@ -2,7 +2,7 @@
 
 use std::fmt::{Debug, Write};
 
-use canted_scene::{Material, Mesh, Scene, Texture};
+use canted_scene::{Environment, EnvironmentImage, Material, Mesh, Scene, Texture};
 use rayon::prelude::*;
 
 /// A number that two scenes share only if they look the same under the same light, but for an accident of 1 in 2⁶⁴.
@@ -30,26 +30,35 @@ pub fn scene_hash(scene: &Scene) -> u64 {
 pub fn light_hash(scene: &Scene) -> u64 {
     let mut hash = Hash::default();
     hash.debug(&scene.lights);
-    hash.debug(&scene.environment);
+    match &scene.environment {
+        Some(Environment::Image(EnvironmentImage { name: _, width, height, texels, scale, turn_degrees })) => {
+            hash.debug(&(width, height, scale, turn_degrees));
+            hash.floats(texels);
+        }
+        environment => hash.debug(environment),
+    }
     hash.finish()
 }
 
 fn of_mesh(mesh: &Mesh) -> u64 {
     // Without `..`: a new array must not be forgotten.
-    let Mesh { name: _, positions, triangles, normals, uvs, parts } = mesh;
+    let Mesh { name: _, positions, triangles, normals, tangents, uvs, second_uvs, colors, parts } = mesh;
     let mut hash = Hash::default();
     hash.floats(positions);
     hash.words(triangles.iter().flatten().copied());
     hash.floats(normals.as_deref().unwrap_or_default());
+    hash.floats(tangents.as_deref().unwrap_or_default());
     hash.floats(uvs.as_deref().unwrap_or_default());
+    hash.floats(second_uvs.as_deref().unwrap_or_default());
+    hash.floats(colors.as_deref().unwrap_or_default());
     hash.debug(parts);
     hash.finish()
 }
 
 fn of_texture(texture: &Texture) -> u64 {
-    let Texture { name: _, width, height, texels, wrap } = texture;
+    let Texture { name: _, width, height, texels, encoding, wrap } = texture;
     let mut hash = Hash::default();
-    hash.debug(&(width, height, wrap));
+    hash.debug(&(width, height, encoding, wrap));
     hash.words(texels.iter().map(|&texel| u32::from_le_bytes(texel)));
     hash.finish()
 }
@@ -129,7 +138,7 @@ mod tests {
             |scene| scene.meshes[0].triangles.swap(3, 4),
             |scene| scene.meshes[0].uvs = Some(vec![[0.5; 2]]),
             |scene| scene.meshes.swap(0, 1),
-            |scene| scene.materials[0].albedo[2] *= 0.5,
+            |scene| scene.materials[0].base_color[2] *= 0.5,
             |scene| {
                 let moved: Instance = scene.instances[0];
                 scene.instances.push(moved);

@@ -1,4 +1,4 @@
-use canted_scene::Scene;
+use canted_scene::{Material, Scene};
 use canted_trace::{Hit, Query};
 
 use crate::Surfaces;
@@ -21,7 +21,7 @@ impl<'a, Q> Masked<'a, Q> {
 
 /// Whether any material of the scene has a mask; without one, masks are left out of the render code altogether.
 pub(crate) fn is_needed(scene: &Scene) -> bool {
-    scene.materials.iter().any(|material| material.alpha_texture.is_some())
+    scene.materials.iter().any(Material::is_cut_out)
 }
 
 impl<Q: Query> Query for Masked<'_, Q> {

@@ -1,7 +1,7 @@
 use std::time::{Duration, Instant};
 
 use canted_lbvh::{GeometryError, Strategy, TopologyError};
-use canted_scene::Scene;
+use canted_scene::{Material, Scene};
 use canted_tlas::InstanceError;
 use canted_wide::{LaneKernel, Preset};
 
@@ -142,12 +142,12 @@ fn left_out(scene: &Scene, one: bool, straight: &'static str) -> Vec<LeftOut> {
     without(!one, "top level", "meshes are hardly repeated");
     without(scene.moves(), "motion", "no instance moves");
     without(straight.is_empty(), "leaning boxes", straight);
-    let textured = scene.materials.iter().any(|m| m.albedo_texture.is_some() || m.alpha_texture.is_some());
+    let textured = scene.materials.iter().any(|m| m.textures().next().is_some());
     without(textured, "textures", "no material has one");
     without(scene.meshes.iter().any(|m| m.uvs.is_some()), "texture coordinates", "no texture is looked up");
-    without(scene.materials.iter().any(|m| m.alpha_texture.is_some()), "alpha test", "every surface is opaque");
+    without(scene.materials.iter().any(Material::is_cut_out), "alpha test", "every surface is opaque");
     without(scene.meshes.iter().any(|m| m.normals.is_some()), "shading normals", "every mesh is flat");
     without(!scene.lights.is_empty(), "shadow rays", "no light is given");
-    without(scene.materials.iter().any(|m| m.emission != [0.0; 3]), "emission", "no surface emits");
+    without(scene.materials.iter().any(Material::emits), "emission", "no surface emits");
     left_out
 }

@@ -3,7 +3,7 @@
 //! Densities are per steradian, after the rendering equation `L = ∫ (ρ/π)·L_i·cosθ dω`: with the cosine density
 //! `cosθ/π` the weight of a sample is `ρ`, with the uniform density `1/(2π)` it is `2ρ·cosθ`.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// A right-handed orthonormal frame whose third axis is a given normal.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +57,20 @@ pub fn uniform_hemisphere(square: [f32; 2]) -> [f32; 3] {
 #[must_use]
 pub fn uniform_density(cosine: f32) -> f32 {
     if cosine >= 0.0 { 1.0 / TAU } else { 0.0 }
+}
+
+/// A uniform point of the unit disc, from a point of the unit square; squares about the middle go to discs (Shirley and
+/// Chiu 1997), so that strata stay compact.
+#[must_use]
+pub fn uniform_disc(square: [f32; 2]) -> [f32; 2] {
+    let [a, b] = square.map(|x| 2.0 * x - 1.0);
+    if a == 0.0 && b == 0.0 {
+        return [0.0; 2];
+    }
+    let (radius, angle) =
+        if a.abs() > b.abs() { (a, FRAC_PI_4 * (b / a)) } else { (b, FRAC_PI_2 - FRAC_PI_4 * (a / b)) };
+    let (sin, cos) = angle.sin_cos();
+    [radius * cos, radius * sin]
 }
 
 fn ring(cosine: f32, sine: f32, turn: f32) -> [f32; 3] {

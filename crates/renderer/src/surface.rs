@@ -1,5 +1,5 @@
 use canted_obb::Aabb;
-use canted_scene::{Material, Mesh, Scene};
+use canted_scene::{AlphaMode, Material, Mesh, Scene, TextureRef, UvSet};
 use canted_trace::{Hit, Ray};
 
 use crate::placement::Placement;
@@ -134,15 +134,12 @@ impl<'a> Surfaces<'a> {
             .map_or(normal, |n| facing(n, normal));
 
         let material = self.material(corners.mesh, hit);
-        let tint = match (material.albedo_texture, corners.uv()) {
-            (Some(id), Some(uv)) => texture::lookup(&self.scene.textures[id.0 as usize], uv),
-            _ => [1.0; 4],
-        };
+        let tint = self.texel(material.base_color_texture.as_ref(), &corners);
         Surface {
             position,
             normal,
             shading_normal,
-            albedo: std::array::from_fn(|k| material.albedo[k] * tint[k]),
+            albedo: std::array::from_fn(|k| material.base_color[k] * tint[k]),
             emission: material.emission,
             offset: placement.offset(normal),
         }
@@ -154,11 +151,21 @@ impl<'a> Surfaces<'a> {
         let instance = &self.scene.instances[hit.instance.0 as usize];
         let mesh = &self.scene.meshes[instance.mesh.0 as usize];
         let material = self.material(mesh, hit);
-        match (material.alpha_texture, Corners::of(mesh, hit).uv()) {
-            (Some(id), Some(uv)) => {
-                texture::lookup(&self.scene.textures[id.0 as usize], uv)[3] >= material.alpha_cutoff
-            }
-            _ => true,
+        let cutoff = match material.alpha_mode {
+            AlphaMode::Opaque => return true,
+            AlphaMode::Mask { cutoff } => cutoff,
+            AlphaMode::Blend => 0.5,
+        };
+        let [.., alpha] = self.texel(material.alpha_texture.as_ref(), &Corners::of(mesh, hit));
+        material.alpha * alpha >= cutoff
+    }
+
+    /// The texel of a texture at a point of a mesh; white where there is none.
+    fn texel(&self, texture: Option<&TextureRef>, corners: &Corners) -> [f32; 4] {
+        let uv = texture.and_then(|texture| Some(texture.texture_from_mesh.point(corners.uv(texture.uv_set)?)));
+        match (texture, uv) {
+            (Some(texture), Some(uv)) => texture::lookup(&self.scene.textures[texture.texture.0 as usize], uv),
+            _ => [1.0; 4],
         }
     }
 
@@ -198,7 +205,7 @@ impl<'a> Corners<'a> {
         std::array::from_fn(|k| (0..3).map(|i| self.weights[i] * values[i][k]).sum())
     }
 
-    fn uv(&self) -> Option<[f64; 2]> {
-        self.mesh.uvs.as_ref().map(|uvs| self.blend(self.of_3(uvs)))
+    fn uv(&self, set: UvSet) -> Option<[f64; 2]> {
+        self.mesh.uv_set(set).map(|uvs| self.blend(self.of_3(uvs)))
     }
 }

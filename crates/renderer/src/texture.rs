@@ -60,6 +60,7 @@ fn wrapped(i: i64, n: i64, wrap: Wrap) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use canted_scene::Encoding;
 
     /// Two columns and two rows: top left, top right, bottom left, bottom right in the red channel.
     fn checker(wrap: Wrap) -> Texture {
@@ -69,6 +70,7 @@ mod tests {
             width: 2,
             height: 2,
             texels: vec![texel(255), texel(0), texel(0), texel(255)],
+            encoding: Encoding::Srgb,
             wrap: [wrap; 2],
         }
     }

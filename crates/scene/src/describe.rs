@@ -37,7 +37,10 @@ impl Description {
             size_of_val(&mesh.positions[..])
                 + size_of_val(&mesh.triangles[..])
                 + mesh.normals.as_ref().map_or(0, |normals| size_of_val(&normals[..]))
+                + mesh.tangents.as_ref().map_or(0, |tangents| size_of_val(&tangents[..]))
                 + mesh.uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]))
+                + mesh.second_uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]))
+                + mesh.colors.as_ref().map_or(0, |colors| size_of_val(&colors[..]))
         };
         Self {
             n_meshes: scene.meshes.len(),
@@ -58,7 +61,7 @@ impl Description {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Instance, Material, Mesh, MeshId, Texture, Wrap};
+    use crate::{Encoding, Instance, Material, Mesh, MeshId, Texture, Wrap};
     use canted_obb::Affine;
 
     #[test]
@@ -75,8 +78,14 @@ mod tests {
             world_from_object_close: None,
             first_primitive: 0,
         };
-        let texture =
-            Texture { name: String::new(), width: 2, height: 1, texels: vec![[0; 4]; 2], wrap: [Wrap::Repeat; 2] };
+        let texture = Texture {
+            name: String::new(),
+            width: 2,
+            height: 1,
+            texels: vec![[0; 4]; 2],
+            encoding: Encoding::Srgb,
+            wrap: [Wrap::Repeat; 2],
+        };
         let scene = Scene {
             meshes: vec![mesh],
             instances: vec![instance; 3],

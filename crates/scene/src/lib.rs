@@ -27,6 +27,7 @@
 mod builtin;
 mod camera;
 mod describe;
+mod environment;
 mod light;
 mod material;
 mod mesh;
@@ -35,11 +36,12 @@ mod scene;
 mod texture;
 
 pub use builtin::builtin;
-pub use camera::Camera;
+pub use camera::{Camera, Lens, Projection};
 pub use describe::Description;
+pub use environment::{Environment, EnvironmentImage};
 pub use light::Light;
-pub use material::{Material, MaterialId};
+pub use material::{AlphaMode, Material, MaterialId};
 pub use mesh::{Instance, Mesh, MeshId, Part};
 pub use read::{ReadError, read};
 pub use scene::Scene;
-pub use texture::{Texture, TextureId, Wrap};
+pub use texture::{Encoding, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};

@@ -1,6 +1,6 @@
 use canted_obb::Affine;
 
-use crate::MaterialId;
+use crate::{MaterialId, UvSet};
 
 /// Index of a mesh in [`crate::Scene::meshes`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -26,13 +26,29 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Shading normals, one per position, unit or zero (zero: use the geometric one); `None` where the file has none.
     pub normals: Option<Vec<[f32; 3]>>,
-    /// Texture coordinates, one per position, `v` up; kept only where a material needs them.
+    /// Directions of growing `u` of the normal map, one per position: unit vectors, and the sign by which
+    /// `normal × tangent` becomes the direction of growing `v`; `None` where they follow from the texture coordinates.
+    pub tangents: Option<Vec<[f32; 4]>>,
+    /// First texture coordinates, one per position, `v` up; kept only where a material needs them.
     pub uvs: Option<Vec<[f32; 2]>>,
+    /// Second texture coordinates, likewise.
+    pub second_uvs: Option<Vec<[f32; 2]>>,
+    /// Colours and alpha that multiply those of the material, one per position, linear.
+    pub colors: Option<Vec<[f32; 4]>>,
     /// Material runs; the first starts at triangle 0.
     pub parts: Vec<Part>,
 }
 
 impl Mesh {
+    /// Texture coordinates of a set.
+    #[must_use]
+    pub fn uv_set(&self, set: UvSet) -> Option<&[[f32; 2]]> {
+        match set {
+            UvSet::First => self.uvs.as_deref(),
+            UvSet::Second => self.second_uvs.as_deref(),
+        }
+    }
+
     /// Material of a triangle.
     #[must_use]
     pub fn material_of(&self, triangle: u32) -> MaterialId {

@@ -1,6 +1,6 @@
 use canted_obb::Aabb;
 
-use crate::{Camera, Instance, Light, Material, Mesh, Texture};
+use crate::{Camera, Environment, Instance, Light, Material, Mesh, Texture};
 
 /// Everything a picture needs, as plain arrays that refer to each other by index.
 #[derive(Clone, Debug, Default)]
@@ -15,8 +15,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Lights that the file brings.
     pub lights: Vec<Light>,
-    /// Constant radiance from outside; `None` where the file says nothing.
-    pub environment: Option<[f32; 3]>,
+    /// Radiance from outside; `None` where the file says nothing.
+    pub environment: Option<Environment>,
     /// Cameras that the file brings, in file order.
     pub cameras: Vec<Camera>,
     /// What was repaired or left out while reading: one sentence each, said once by name.

@@ -85,10 +85,10 @@ fn assert_consistent(scene: &Scene, file: &str) {
         for part in &mesh.parts {
             assert!((part.first_triangle as usize) < mesh.triangles.len(), "{file}");
             let material = &scene.materials[part.material.0 as usize];
-            assert!(material.albedo_texture.is_none() || mesh.uvs.is_some(), "{file}");
+            assert!(material.base_color_texture.is_none() || mesh.uvs.is_some(), "{file}");
         }
         let is_textured =
-            |part: &canted_scene::Part| scene.materials[part.material.0 as usize].albedo_texture.is_some();
+            |part: &canted_scene::Part| scene.materials[part.material.0 as usize].base_color_texture.is_some();
         assert_eq!(mesh.uvs.is_some(), mesh.parts.iter().any(is_textured), "{file}");
     }
     assert!(scene.instances.iter().all(|instance| instance.world_from_object.determinant() != 0.0), "{file}");

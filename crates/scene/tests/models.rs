@@ -49,7 +49,7 @@ fn sponza() {
     assert_eq!(scene.materials.iter().filter(|material| material.alpha_texture.is_some()).count(), 3);
     assert_eq!(counts.n_instances, 393, "381 groups, of which some change their material");
     for mesh in &scene.meshes {
-        let is_textured = scene.materials[mesh.material_of(0).0 as usize].albedo_texture.is_some();
+        let is_textured = scene.materials[mesh.material_of(0).0 as usize].base_color_texture.is_some();
         assert_eq!((mesh.uvs.is_some(), mesh.normals.is_some()), (is_textured, false), "{}", mesh.name);
     }
     assert_numbered(&scene);

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use canted_obb::Affine;
 use canted_renderer::{Film, Pattern, Picture, Settings, prepare, read_picture, render};
 use canted_scene::{
-    Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId, Wrap, read,
+    Camera, Encoding, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId, TextureRef,
+    Wrap, read,
 };
 use canted_trace::Watertight;
 
@@ -24,7 +25,7 @@ pub(crate) struct Shot {
     pub(crate) samples: u32,
 }
 
-const BLUE: [f32; 3] = [0.4, 0.5, 0.65];
+pub(crate) const BLUE: [f32; 3] = [0.4, 0.5, 0.65];
 
 /// The folder of models: `CANTED_SCENES`, else `../shared/scenes` beside the workspace; `None`, said aloud, where absent.
 #[expect(clippy::print_stderr, reason = "a skipped test says so")]
@@ -59,9 +60,8 @@ fn with_sun(scene: Scene, towards: [f64; 3], irradiance: [f32; 3]) -> Scene {
 
 /// The Cornell box under a blue sky.
 pub(crate) fn cornell_env(test: &str) -> Option<Shot> {
-    let scene = Scene { environment: Some(BLUE), ..model(test, "cornell/cornellBox.obj")? };
-    let camera =
-        Camera { eye: [-0.23, 2.58, 9.0], target: [-0.23, 2.58, -3.0], up: [0.0, 1.0, 0.0], fov_degrees: 36.0 };
+    let scene = Scene { environment: Some(BLUE.into()), ..model(test, "cornell/cornellBox.obj")? };
+    let camera = Camera::pinhole([-0.23, 2.58, 9.0], [-0.23, 2.58, -3.0], [0.0, 1.0, 0.0], 36.0);
     Some(Shot { name: "cornell-env-2", scene, camera, size: [64, 64], n_segments: 2, samples: 128 })
 }
 
@@ -91,8 +91,13 @@ pub(crate) fn checker() -> Shot {
     };
     let texel = |i: usize| if (i / 4 + i % 4).is_multiple_of(2) { [20, 90, 200, 255] } else { [230, 60, 30, 255] };
     let texels = (0..16).map(texel).collect();
-    let texture = Texture { name: String::new(), width: 4, height: 4, texels, wrap: [Wrap::Repeat; 2] };
-    let material = Material { albedo: [1.0; 3], albedo_texture: Some(TextureId(0)), ..Material::default() };
+    let texture =
+        Texture { name: String::new(), width: 4, height: 4, texels, encoding: Encoding::Srgb, wrap: [Wrap::Repeat; 2] };
+    let material = Material {
+        base_color: [1.0; 3],
+        base_color_texture: Some(TextureRef::plain(TextureId(0))),
+        ..Material::default()
+    };
     let scene = Scene {
         meshes: vec![mesh],
         instances: vec![Instance {
@@ -103,19 +108,18 @@ pub(crate) fn checker() -> Shot {
         }],
         materials: vec![material],
         textures: vec![texture],
-        environment: Some([1.0; 3]),
+        environment: Some([1.0; 3].into()),
         ..Scene::default()
     };
-    let camera = Camera { eye: [0.0, 4.0, 8.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_degrees: 40.0 };
+    let camera = Camera::pinhole([0.0, 4.0, 8.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0);
     Shot { name: "checker", scene, camera, size: [64, 64], n_segments: 2, samples: 256 }
 }
 
 /// Sponza at noon, seen across its court.
 pub(crate) fn sponza_sun(test: &str) -> Option<Shot> {
-    let scene = Scene { environment: Some(BLUE), ..model(test, "sponza/sponza.obj")? };
+    let scene = Scene { environment: Some(BLUE.into()), ..model(test, "sponza/sponza.obj")? };
     let scene = with_sun(scene, [-0.15, -1.0, 0.12], [12.0, 11.0, 9.0]);
-    let camera =
-        Camera { eye: [700.0, 700.0, -100.0], target: [-300.0, 250.0, 100.0], up: [0.0, 1.0, 0.0], fov_degrees: 60.0 };
+    let camera = Camera::pinhole([700.0, 700.0, -100.0], [-300.0, 250.0, 100.0], [0.0, 1.0, 0.0], 60.0);
     Some(Shot { name: "sponza-sun-3", scene, camera, size: [96, 64], n_segments: 3, samples: 128 })
 }
 

@@ -28,7 +28,7 @@ pub(super) fn fit(scene: &Scene, center: Vector, direction: Vector, aspect: f64)
     let distance = if nearest > 0.0 { nearest } else { 1.0 };
     let target = add(center, add(scale(right, across.offset(distance)), scale(up, high.offset(distance))));
     let eye = sub(target, scale(forward, distance));
-    Camera { eye: narrow(eye), target: narrow(target), up: narrow(UP), fov_degrees: FOV_DEGREES }
+    Camera::pinhole(narrow(eye), narrow(target), narrow(UP), FOV_DEGREES)
 }
 
 /// Every vertex that triangles use, in world space, once for each instance.

@@ -83,7 +83,7 @@ pub(super) fn view<T: Tracer>(sight: &Sight<T>, aspect: f64) -> Camera {
     }
     let (_, eye, middle) = best;
     let target = add(eye, scale(horizontal(azimuth(middle)), 0.5 * length(sight.bounds.extent())));
-    Camera { eye: narrow(eye), target: narrow(target), up: [0.0, 1.0, 0.0], fov_degrees: FOV_DEGREES }
+    Camera::pinhole(narrow(eye), narrow(target), [0.0, 1.0, 0.0], FOV_DEGREES)
 }
 
 fn azimuth(column: usize) -> f64 {

@@ -54,6 +54,7 @@ impl Arrival {
                 let cosine = cosine(surface, scale(way, 1.0 / square.sqrt()))?;
                 Some(Self { reflected: over_pi(intensity, cosine / square), shadow_ray: surface.reach(position) })
             }
+            Light::Spot { .. } | Light::Sphere { .. } | Light::Disc { .. } => None,
         }
     }
 }

@@ -3,7 +3,7 @@
 mod direct;
 mod hybrid;
 
-use canted_scene::Scene;
+use canted_scene::{Environment, Material, Scene};
 
 pub(crate) use hybrid::Hybrid;
 
@@ -13,6 +13,11 @@ pub(crate) use hybrid::Hybrid;
 /// so that no picture is black for want of light.
 #[must_use]
 pub fn environment_of(scene: &Scene) -> [f32; 3] {
-    let emits = scene.materials.iter().any(|material| material.emission != [0.0; 3]);
-    scene.environment.unwrap_or(if emits || !scene.lights.is_empty() { [0.0; 3] } else { [1.0; 3] })
+    let emits = scene.materials.iter().any(Material::emits);
+    match &scene.environment {
+        Some(Environment::Constant(radiance)) => *radiance,
+        Some(Environment::Image(image)) => image.scale,
+        None if emits || !scene.lights.is_empty() => [0.0; 3],
+        None => [1.0; 3],
+    }
 }

@@ -1,10 +1,9 @@
 use canted_renderer::{CameraError, View};
-use canted_scene::Camera;
+use canted_scene::{Camera, Lens, Projection};
 
 use crate::common::{dot, sub, unit};
 
-const CAMERA: Camera =
-    Camera { eye: [1.0, 2.0, 3.0], target: [1.0, 2.0, -5.0], up: [0.0, 1.0, 0.0], fov_degrees: 90.0 };
+const CAMERA: Camera = Camera::pinhole([1.0, 2.0, 3.0], [1.0, 2.0, -5.0], [0.0, 1.0, 0.0], 90.0);
 
 fn direction(camera: &Camera, position: [f64; 2]) -> [f64; 3] {
     View::new(camera, 200, 100).unwrap().ray(position).direction.map(f64::from)
@@ -27,7 +26,7 @@ fn the_picture_spans_the_field_of_view() {
 
 #[test]
 fn a_tilted_camera_looks_at_its_target_with_up_up() {
-    let camera = Camera { eye: [3.0, 4.0, -2.0], target: [-1.0, 0.5, 7.0], up: [0.3, 2.0, 0.1], fov_degrees: 33.0 };
+    let camera = Camera::pinhole([3.0, 4.0, -2.0], [-1.0, 0.5, 7.0], [0.3, 2.0, 0.1], 33.0);
     let forward = unit(sub(camera.target.map(f64::from), camera.eye.map(f64::from)));
     assert!(same(direction(&camera, [100.0, 50.0]), forward));
     let (top, bottom) = (direction(&camera, [100.0, 0.0]), direction(&camera, [100.0, 100.0]));
@@ -58,9 +57,66 @@ fn unusable_cameras_are_named() {
         assert_eq!(refused(Camera { up, ..CAMERA }), CameraError::NoUp { up });
     }
     for degrees in [0.0, -1.0, 180.0, f32::INFINITY] {
-        assert_eq!(refused(Camera { fov_degrees: degrees, ..CAMERA }), CameraError::FieldOfView { degrees });
+        assert_eq!(
+            refused(Camera { projection: perspective(degrees), ..CAMERA }),
+            CameraError::FieldOfView { degrees }
+        );
     }
     let error = refused(Camera { eye: [f32::INFINITY, 0.0, 0.0], ..CAMERA });
     assert_eq!(error.to_string(), "camera eye [inf, 0.0, 0.0] is not finite");
-    assert!(matches!(refused(Camera { fov_degrees: f32::NAN, ..CAMERA }), CameraError::FieldOfView { .. }));
+    assert!(matches!(refused(Camera { projection: perspective(f32::NAN), ..CAMERA }), CameraError::FieldOfView { .. }));
+}
+
+fn perspective(fov_degrees: f32) -> Projection {
+    Projection::Perspective { fov_degrees }
+}
+
+#[test]
+fn parallel_rays_of_an_orthographic_camera_span_its_height() {
+    let camera = Camera { projection: Projection::Orthographic { height: 6.0 }, ..CAMERA };
+    let view = View::new(&camera, 4, 2).unwrap();
+    // The camera looks along -z with x to the right: the picture is 12 wide and 6 high about the eye.
+    let [left_top, right_bottom] = [[0.0, 0.0], [4.0, 2.0]].map(|position| view.ray(position));
+    assert_eq!(left_top.origin, [1.0 - 6.0, 2.0 + 3.0, 3.0]);
+    assert_eq!(right_bottom.origin, [1.0 + 6.0, 2.0 - 3.0, 3.0]);
+    assert_eq!((left_top.direction, right_bottom.direction), ([0.0, 0.0, -1.0], [0.0, 0.0, -1.0]));
+    for height in [0.0, -1.0, f32::INFINITY, f32::NAN] {
+        let camera = Camera { projection: Projection::Orthographic { height }, ..CAMERA };
+        assert!(matches!(View::new(&camera, 4, 2), Err(CameraError::Height { .. })), "{height}");
+    }
+}
+
+/// All rays of one position meet in the plane of focus, and nowhere else.
+#[test]
+fn a_lens_is_sharp_in_its_plane_of_focus_alone() {
+    let lens = Some(Lens { radius: 0.5, focus_distance: 4.0 });
+    for projection in [CAMERA.projection, Projection::Orthographic { height: 6.0 }] {
+        let camera = Camera { projection, lens, ..CAMERA };
+        let view = View::new(&camera, 40, 20).unwrap();
+        let position = [31.0, 4.5];
+        // The camera looks along -z from z = 3.
+        let at_depth = |ray: &canted_trace::Ray, depth: f32| {
+            let t = (3.0 - depth - ray.origin[2]) / ray.direction[2];
+            [0, 1].map(|k| ray.origin[k] + t * ray.direction[k])
+        };
+        let middle = view.ray(position);
+        let mut spread = 0.0_f32;
+        for square in [[0.0, 0.0], [0.999, 0.5], [0.25, 0.75], [0.5, 0.5], [0.5, 0.999]] {
+            let ray = view.ray_through_lens(position, square);
+            let difference = |depth| {
+                let (a, b) = (at_depth(&ray, depth), at_depth(&middle, depth));
+                (a[0] - b[0]).hypot(a[1] - b[1])
+            };
+            // A dozen roundings of coordinates below 16.
+            assert!(difference(4.0) < 12.0 * 16.0 * f32::EPSILON, "{projection:?} {square:?}: {}", difference(4.0));
+            // By similar triangles the blur at twice the distance is as wide as the lens.
+            assert!(difference(8.0) <= 0.5 + 1e-4);
+            spread = spread.max(difference(8.0));
+        }
+        assert!(spread > 0.49, "{spread}");
+    }
+    for (radius, focus_distance) in [(0.0, 1.0), (1.0, 0.0), (f32::NAN, 1.0), (1.0, f32::INFINITY)] {
+        let camera = Camera { lens: Some(Lens { radius, focus_distance }), ..CAMERA };
+        assert!(matches!(View::new(&camera, 4, 2), Err(CameraError::Lens { .. })));
+    }
 }

@@ -187,7 +187,7 @@ pub(crate) fn inside_out(mut mesh: Mesh) -> Mesh {
 }
 
 pub(crate) fn grey(albedo: f32) -> Material {
-    Material { albedo: [albedo; 3], ..Material::default() }
+    Material { base_color: [albedo; 3], ..Material::default() }
 }
 
 pub(crate) fn place(mesh: u32, world_from_object: Affine) -> Instance {
@@ -197,14 +197,14 @@ pub(crate) fn place(mesh: u32, world_from_object: Affine) -> Instance {
 /// Meshes where they are, without lights or sky.
 pub(crate) fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
     let instances = (0..u32::try_from(meshes.len()).unwrap()).map(|i| place(i, Affine::IDENTITY)).collect();
-    Scene { meshes, instances, materials, environment: Some([0.0; 3]), ..Scene::default() }
+    Scene { meshes, instances, materials, environment: Some([0.0; 3].into()), ..Scene::default() }
 }
 
 pub(crate) fn camera(eye: [f32; 3], target: [f32; 3], fov_degrees: f32) -> Camera {
     // Any direction off the view will do for up.
     let view = unit(sub(target.map(f64::from), eye.map(f64::from)));
     let up = if view[1].abs() < 0.9 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, -1.0] };
-    Camera { eye, target, up, fov_degrees }
+    Camera::pinhole(eye, target, up, fov_degrees)
 }
 
 /// A small picture without ambient fill.

@@ -15,9 +15,9 @@ use crate::common::{BruteForce, camera, cuboid, film, floor, grey, scene, settin
 fn stage() -> (Scene, Camera) {
     let mut stage = scene(
         vec![floor(3.0, 0.0, 0), cuboid([-1.0, 0.0, -1.0], [1.0, 1.5, 0.5], 1)],
-        vec![grey(0.8), Material { albedo: [0.9, 0.4, 0.1], ..Material::default() }],
+        vec![grey(0.8), Material { base_color: [0.9, 0.4, 0.1], ..Material::default() }],
     );
-    stage.environment = Some([0.3, 0.4, 0.6]);
+    stage.environment = Some([0.3, 0.4, 0.6].into());
     stage.lights = vec![Light::Sun { direction: [-0.6, -0.8, 0.0], irradiance: [2.0; 3] }];
     (stage, camera([3.0, 3.0, 4.0], [0.0, 0.5, 0.0], 60.0))
 }
@@ -84,7 +84,7 @@ fn guides_are_what_camera_rays_meet() {
             expected.n_hits += 1;
             expected.first = expected.first.or(Some([hit.instance.0, hit.primitive.0]));
             expected.depth += f64::from(hit.t) * (0..3).map(|k| axis[k] * f64::from(ray.direction[k])).sum::<f64>();
-            let albedo = stage.materials[hit.instance.0 as usize].albedo;
+            let albedo = stage.materials[hit.instance.0 as usize].base_color;
             expected.albedo = std::array::from_fn(|k| expected.albedo[k] + f64::from(albedo[k]));
         }
         assert_eq!((guide.n_hits, guide.first), (expected.n_hits, expected.first), "pixel {number}");

@@ -134,7 +134,7 @@ fn a_radius_must_be_a_length() {
 fn a_picture_of_an_edge_is_filtered() {
     const EDGE: f32 = 0.2;
     const SAMPLES: u32 = 1 << 12;
-    let bright = Material { albedo: [0.0; 3], emission: [1.0; 3], ..Material::default() };
+    let bright = Material { base_color: [0.0; 3], emission: [1.0; 3], ..Material::default() };
     let half_plane = Mesh {
         positions: vec![[EDGE, -9.0, 0.0], [9.0, -9.0, 0.0], [9.0, 9.0, 0.0], [EDGE, 9.0, 0.0]],
         triangles: vec![[0, 1, 2], [0, 2, 3]],

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use canted_renderer::{StructureConfig, View, frame, prepare};
-use canted_scene::{Camera, Mesh, Scene};
+use canted_scene::{Camera, Mesh, Projection, Scene};
 use canted_trace::Watertight;
 
 use crate::common::{BruteForce, Vector, cross, cuboid, dot, floor, grey, inside_out, scene, sphere, sub, unit};
@@ -21,7 +21,8 @@ fn extremes(scene: &Scene, camera: &Camera) -> Option<[[f64; 2]; 2]> {
     let ahead = forward(camera);
     let right = unit(cross(ahead, camera.up.map(f64::from)));
     let up = cross(right, ahead);
-    let slope = (0.5 * f64::from(camera.fov_degrees).to_radians()).tan();
+    let Projection::Perspective { fov_degrees } = camera.projection else { panic!("{:?}", camera.projection) };
+    let slope = (0.5 * f64::from(fov_degrees).to_radians()).tan();
     let mut extremes = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for instance in &scene.instances {
         for &position in &scene.meshes[instance.mesh.0 as usize].positions {

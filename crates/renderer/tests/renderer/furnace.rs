@@ -17,7 +17,7 @@ fn pixels(scene: &canted_scene::Scene, eye: [f32; 3], target: [f32; 3], fov: f32
 fn a_convex_body_in_a_white_furnace_shows_its_albedo() {
     for (body, name) in [(sphere([0.0; 3], 1.0, 3, 0), "sphere"), (cuboid([-1.0; 3], [1.0; 3], 0), "cube")] {
         let mut furnace = scene(vec![body], vec![grey(0.625)]);
-        furnace.environment = Some([1.0; 3]);
+        furnace.environment = Some([1.0; 3].into());
         for bounces in [0, 1, 3] {
             for pixel in pixels(&furnace, [2.0, 3.0, 4.0], [0.0; 3], 15.0, bounces) {
                 assert_eq!(pixel, [0.625; 3], "{name}, {bounces} bounces");
@@ -33,7 +33,7 @@ fn a_closed_emitter_gives_the_geometric_series() {
     for shell in [inside_out(sphere([0.0; 3], 1.0, 3, 0)), cuboid([-1.0; 3], [1.0, 2.0, 3.0], 0)] {
         // The sky would show through any leak.
         let mut room = scene(vec![shell], vec![glowing.clone()]);
-        room.environment = Some([100.0; 3]);
+        room.environment = Some([100.0; 3].into());
         for (bounces, expected) in [(0, 1.0), (1, 1.5), (2, 1.75), (5, 1.968_75)] {
             for pixel in pixels(&room, [0.1, 0.2, 0.3], [0.5, 0.1, -0.4], 100.0, bounces) {
                 assert_eq!(pixel, [expected; 3], "{bounces} bounces");
@@ -51,7 +51,7 @@ fn the_white_furnace_never_exceeds_one() {
         sphere([1.0, 0.5, 0.5], 0.5, 2, 0),
     ];
     let mut furnace = scene(bodies, vec![grey(1.0)]);
-    furnace.environment = Some([1.0; 3]);
+    furnace.environment = Some([1.0; 3].into());
     let view = camera([4.0, 3.0, 5.0], [0.0, 0.5, 0.0], 40.0);
     for bounces in 0..3 {
         let mut means = Vec::new();
@@ -77,7 +77,7 @@ fn smooth_normals_keep_the_furnace() {
     let mut body = sphere([0.0; 3], 1.0, 1, 0);
     body.normals = Some(body.positions.clone());
     let mut furnace = scene(vec![body], vec![grey(0.75)]);
-    furnace.environment = Some([1.0; 3]);
+    furnace.environment = Some([1.0; 3].into());
     for pixel in pixels(&furnace, [2.0, 3.0, 4.0], [0.0; 3], 10.0, 2) {
         assert_eq!(pixel, [0.75; 3]);
     }
@@ -90,7 +90,7 @@ fn instances_keep_the_furnace() {
     assert!(sheared.determinant() < 0.0);
     let mut furnace = scene(vec![sphere([0.0; 3], 1.0, 3, 0)], vec![grey(0.625)]);
     furnace.instances = vec![place(0, sheared)];
-    furnace.environment = Some([1.0; 3]);
+    furnace.environment = Some([1.0; 3].into());
     for pixel in pixels(&furnace, [10.0, 24.0, -22.0], [10.0, 20.0, -30.0], 4.0, 2) {
         assert_eq!(pixel, [0.625; 3]);
     }

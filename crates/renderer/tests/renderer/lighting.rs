@@ -98,7 +98,7 @@ fn shadow_rays_stop_short_of_the_light() {
 /// One bounce off a red wall that the sun lights reddens a white floor in the shade.
 #[test]
 fn colour_bleeds() {
-    let red = Material { albedo: [0.8, 0.1, 0.1], ..Material::default() };
+    let red = Material { base_color: [0.8, 0.1, 0.1], ..Material::default() };
     // The wall at x = 0 looks along +x; the roof keeps the sun off the floor near it.
     let wall = parallelogram([0.0, 0.0, -20.0], [0.0, 10.0, 0.0], [0.0, 0.0, 40.0], 1);
     let roof = parallelogram([0.5, 10.0, -20.0], [20.0, 0.0, 0.0], [0.0, 0.0, 40.0], 0);

@@ -8,7 +8,7 @@ use canted_scene::Scene;
 use crate::common::{Vector, cuboid, dot, floor, grey, inside_out, parallelogram, probe, scene, settings, sphere};
 
 fn in_white_sky(mut scene: Scene) -> Scene {
-    scene.environment = Some([1.0; 3]);
+    scene.environment = Some([1.0; 3].into());
     scene
 }
 

@@ -35,7 +35,7 @@ fn no_acne_on_convex_bodies_at_any_scale_or_place() {
         for center in centers(s) {
             let (body, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
             let mut furnace = scene(vec![body], vec![grey(0.5)]);
-            furnace.environment = Some([1.0; 3]);
+            furnace.environment = Some([1.0; 3].into());
             let film = film(&furnace, &camera(eye, center, 15.0), &settings(12, 12, 6, 1));
             assert!(film.pixels().iter().all(|pixel| pixel.mean() == [0.5; 3]), "scale {s} at {center:?}");
         }
@@ -49,7 +49,7 @@ fn no_leak_out_of_closed_bodies_at_any_scale_or_place() {
         for center in centers(s) {
             let (body, _) = placed(&inside_out(sphere([0.0; 3], 1.0, 3, 0)), s, center);
             let mut room = scene(vec![body], vec![glowing.clone()]);
-            room.environment = Some([100.0; 3]);
+            room.environment = Some([100.0; 3].into());
             let target = std::array::from_fn(|k| center[k] + [0.3, -0.1, 0.2][k] * s);
             let film = film(&room, &camera(center, target, 100.0), &settings(12, 12, 6, 2));
             assert!(film.pixels().iter().all(|pixel| pixel.mean() == [1.75; 3]), "scale {s} at {center:?}");
@@ -129,7 +129,7 @@ fn no_acne_on_instances_far_from_the_origin() {
         };
         let mut furnace: Scene = scene(vec![sphere([0.0; 3], 1.0, 3, 0)], vec![grey(0.5)]);
         furnace.instances = vec![place(0, world_from_object)];
-        furnace.environment = Some([1.0; 3]);
+        furnace.environment = Some([1.0; 3].into());
         let center = world_from_object.columns[3];
         let eye = world_from_object.point([2.0, 3.0, 4.0]);
         let film = film(&furnace, &camera(eye, center, 4.0), &settings(12, 12, 6, 1));
@@ -153,7 +153,7 @@ fn furnaces_through<K: LaneKernel>(is_watertight: bool) {
             let rendered = |body: &Mesh, material: &Material, sky, eye, target, fov| {
                 let mut scene = scene(vec![body.clone()], vec![material.clone()]);
                 scene.instances = vec![place(0, map)];
-                scene.environment = Some([sky; 3]);
+                scene.environment = Some([sky; 3].into());
                 let prepared = prepare::<K>(&scene, &StructureConfig { levels, ..StructureConfig::default() }).unwrap();
                 let view = camera(eye, target, fov);
                 let cancel = AtomicBool::new(false);

@@ -4,16 +4,16 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use canted_renderer::{Aovs, CameraError, Film, RenderError, Settings, environment_of, render};
-use canted_scene::{Camera, Light, Material, Scene};
+use canted_scene::{Camera, Light, Material, Projection, Scene};
 
 use crate::common::{BruteForce, camera, cuboid, film, floor, grey, scene, settings};
 
 fn stage() -> (Scene, Camera) {
     let mut stage = scene(
         vec![floor(5.0, 0.0, 0), cuboid([-1.0, 0.0, -1.0], [1.0, 1.5, 0.5], 1)],
-        vec![grey(0.8), Material { albedo: [0.9, 0.4, 0.1], ..Material::default() }],
+        vec![grey(0.8), Material { base_color: [0.9, 0.4, 0.1], ..Material::default() }],
     );
-    stage.environment = Some([0.3, 0.4, 0.6]);
+    stage.environment = Some([0.3, 0.4, 0.6].into());
     stage.lights = vec![Light::Sun { direction: [-0.6, -0.8, 0.0], irradiance: [2.0; 3] }];
     (stage, camera([3.0, 3.0, 4.0], [0.0, 0.5, 0.0], 50.0))
 }
@@ -134,13 +134,13 @@ fn settings_that_make_no_picture_are_refused() {
     let filter = canted_renderer::Filter::Gaussian(-1.0);
     let error = refused(Settings { filter, ..SETTINGS }, &view);
     assert_eq!(error.to_string(), "pixel filter radius -1 is not finite and above zero");
-    let blind = Camera { fov_degrees: 0.0, ..view };
+    let blind = Camera { projection: Projection::Perspective { fov_degrees: 0.0 }, ..view };
     assert_eq!(refused(SETTINGS, &blind), RenderError::Camera(CameraError::FieldOfView { degrees: 0.0 }));
 }
 
 #[test]
 fn an_empty_scene_shows_its_sky() {
-    let empty = Scene { environment: Some([0.25, 0.5, 0.75]), ..Scene::default() };
+    let empty = Scene { environment: Some([0.25, 0.5, 0.75].into()), ..Scene::default() };
     let film = film(&empty, &camera([0.0; 3], [0.0, 0.0, -1.0], 40.0), &SETTINGS);
     assert!(film.picture().pixels.iter().all(|&pixel| pixel == [0.25, 0.5, 0.75]));
 }
@@ -153,5 +153,5 @@ fn the_sky_is_white_only_where_nothing_else_gives_light() {
     assert_eq!(environment_of(&lit), [0.0; 3]);
     let glowing = Scene { materials: vec![Material { emission: [1.0, 0.0, 0.0], ..grey(0.5) }], ..bare.clone() };
     assert_eq!(environment_of(&glowing), [0.0; 3]);
-    assert_eq!(environment_of(&Scene { environment: Some([0.5; 3]), ..lit }), [0.5; 3]);
+    assert_eq!(environment_of(&Scene { environment: Some([0.5; 3].into()), ..lit }), [0.5; 3]);
 }

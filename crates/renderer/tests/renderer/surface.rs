@@ -2,7 +2,7 @@
 
 use canted_obb::{Affine, PrimId};
 use canted_renderer::{Masked, Surface, Surfaces, Tracer};
-use canted_scene::{Material, Mesh, Scene, Texture, TextureId, Wrap};
+use canted_scene::{AlphaMode, Encoding, Material, Mesh, Scene, Texture, TextureId, TextureRef, Wrap};
 use canted_trace::{Counts, Hit, InstanceId, Ray, Side};
 
 use crate::common::{BruteForce, Vector, cross, dot, grey, mesh, place, scene, sub, unit};
@@ -110,12 +110,14 @@ fn textured() -> Scene {
         width: 2,
         height: 1,
         texels: vec![[255, 0, 0, 255], [0, 255, 0, 0]],
+        encoding: Encoding::Srgb,
         wrap: [Wrap::Clamp; 2],
     };
     let material = Material {
-        albedo: [0.5, 0.25, 1.0],
-        albedo_texture: Some(TextureId(0)),
-        alpha_texture: Some(TextureId(0)),
+        base_color: [0.5, 0.25, 1.0],
+        base_color_texture: Some(TextureRef::plain(TextureId(0))),
+        alpha_texture: Some(TextureRef::plain(TextureId(0))),
+        alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
         ..Material::default()
     };
     let behind = crate::common::parallelogram([0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1);

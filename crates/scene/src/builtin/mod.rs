@@ -36,9 +36,8 @@ pub fn builtin() -> Scene {
     let mut scene = stage.scene;
     scene.materials = palette::Paint::materials();
     scene.lights = vec![Light::Sun { direction: unit([0.78, -0.40, 0.48]), irradiance: [4.6, 3.45, 2.2] }];
-    scene.environment = Some([0.36, 0.50, 0.72]);
-    scene.cameras =
-        vec![Camera { eye: [-300.0, 40.0, 250.0], target: [30.0, 48.0, 0.0], up: [0.0, 1.0, 0.0], fov_degrees: 42.0 }];
+    scene.environment = Some([0.36, 0.50, 0.72].into());
+    scene.cameras = vec![Camera::pinhole([-300.0, 40.0, 250.0], [30.0, 48.0, 0.0], [0.0, 1.0, 0.0], 42.0)];
     scene
 }
 

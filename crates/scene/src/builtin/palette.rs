@@ -74,8 +74,11 @@ impl Paint {
 
     /// The materials, one a paint.
     pub(super) fn materials() -> Vec<Material> {
-        let material =
-            |(_, name, albedo): (Self, &str, [f32; 3])| Material { name: name.into(), albedo, ..Material::default() };
+        let material = |(_, name, base_color): (Self, &str, [f32; 3])| Material {
+            name: name.into(),
+            base_color,
+            ..Material::default()
+        };
         Self::ALL.map(material).into()
     }
 

@@ -59,11 +59,12 @@ fn check(scene: &Scene) -> Result<(), String> {
 /// Placed triangles whose centroid falls into a 16:9 picture of the first camera.
 fn n_in_view(scene: &Scene) -> usize {
     let camera = scene.cameras[0];
+    let crate::Projection::Perspective { fov_degrees } = camera.projection else { panic!("{:?}", camera.projection) };
     let eye = camera.eye.map(f64::from);
     let forward = unit(sub(camera.target.map(f64::from), eye));
     let right = unit(cross(forward, camera.up.map(f64::from)));
     let up = cross(right, forward);
-    let half_height = (0.5 * f64::from(camera.fov_degrees)).to_radians().tan();
+    let half_height = (0.5 * f64::from(fov_degrees)).to_radians().tan();
     let in_view = |centroid: Vec3| {
         let from_eye = sub(centroid, eye);
         let depth = dot(from_eye, forward);
@@ -86,7 +87,7 @@ fn n_in_view(scene: &Scene) -> usize {
 fn the_scene_is_sound() {
     let scene = builtin();
     assert_eq!(check(&scene), Ok(()));
-    assert!(scene.materials.iter().flat_map(|material| material.albedo).all(|x| (0.0..=1.0).contains(&x)));
+    assert!(scene.materials.iter().flat_map(|material| material.base_color).all(|x| (0.0..=1.0).contains(&x)));
     let [Light::Sun { direction, .. }] = scene.lights[..] else { panic!("one sun: {:?}", scene.lights) };
     assert!((length(direction.map(f64::from)) - 1.0).abs() <= 2.0 * U && direction[1] < 0.0);
 }

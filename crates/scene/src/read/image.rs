@@ -5,7 +5,7 @@ use std::io::Cursor;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use crate::{Texture, Wrap};
+use crate::{Encoding, Texture, Wrap};
 
 /// Most texels of an image: 1 GiB as RGBA.
 const MAX_TEXELS: u64 = 1 << 28;
@@ -66,7 +66,7 @@ pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, ImageError> {
     }
     let image = DynamicImage::from_decoder(decoder).map_err(ImageError::Decoder)?;
     let texels = image.into_rgba8().into_raw().as_chunks().0.to_vec();
-    Ok(Texture { name: name.to_owned(), width, height, texels, wrap: [Wrap::Repeat; 2] })
+    Ok(Texture { name: name.to_owned(), width, height, texels, encoding: Encoding::Srgb, wrap: [Wrap::Repeat; 2] })
 }
 
 /// Turns an image into a mask: white, with the image's alpha where that varies, else with its luminance, as alpha.
@@ -114,6 +114,7 @@ pub(crate) mod tests {
             width: u32::try_from(texels.len()).unwrap(),
             height: 1,
             texels: texels.to_vec(),
+            encoding: Encoding::Srgb,
             wrap: [Wrap::Repeat; 2],
         }
     }

@@ -8,11 +8,11 @@ use super::text::{self, Line};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Recipe {
     /// `Kd`, in 0..=1.
-    pub(crate) albedo: Option<[f32; 3]>,
+    pub(crate) base_color: Option<[f32; 3]>,
     /// `Ke`, not negative.
     pub(crate) emission: [f32; 3],
     /// File named by `map_Kd`.
-    pub(crate) albedo_map: Option<String>,
+    pub(crate) base_color_map: Option<String>,
     /// File named by `map_d`.
     pub(crate) mask: Option<String>,
     /// Whether `d` or `Tr` ask for a surface that lets light through.
@@ -42,7 +42,7 @@ impl Recipe {
         match line.keyword {
             b"Kd" => {
                 let (stated, kept) = colour(line, 1.0)?;
-                self.albedo = Some(kept);
+                self.base_color = Some(kept);
                 clamped(line, stated, kept)
             }
             b"Ke" => {
@@ -52,7 +52,7 @@ impl Recipe {
             }
             b"map_Kd" => {
                 let (name, doubt) = texture(line)?;
-                self.albedo_map = Some(name);
+                self.base_color_map = Some(name);
                 doubt
             }
             b"map_d" => {

@@ -97,7 +97,7 @@ proptest! {
     fn mtl_answers(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(MTL)]) {
         let mut warnings = Vec::new();
         for recipe in mtl::recipes("a.mtl", &bytes, &mut warnings).values() {
-            prop_assert!(recipe.albedo.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
+            prop_assert!(recipe.base_color.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
             prop_assert!(recipe.emission.iter().all(|x| *x >= 0.0 && x.is_finite()));
         }
     }

@@ -47,6 +47,6 @@ fn pinhole(world_from_node: &Matrix, yfov_rad: f32) -> Result<Camera, String> {
     let is_placed = eye.iter().chain(&target).all(|x: &f32| x.is_finite()) && eye != target && dot(side, side) > 0.0;
     let fov_degrees = f64::from(yfov_rad).to_degrees() as f32;
     is_placed
-        .then_some(Camera { eye, target, up: up_unit, fov_degrees })
+        .then_some(Camera::pinhole(eye, target, up_unit, fov_degrees))
         .ok_or_else(|| "stands on a node without an orientation".to_owned())
 }

@@ -8,7 +8,7 @@ use gltf::json::validation::Checked;
 use super::document::Document;
 use super::texture::Textures;
 use crate::read::ReadError;
-use crate::{Material, Scene};
+use crate::{Material, Scene, TextureRef};
 
 /// Where the coordinates of a material's texture come from.
 #[derive(Clone, Debug, Default)]
@@ -49,7 +49,7 @@ pub(super) fn read(document: &Document<'_>, scene: &mut Scene) -> Result<Vec<Opt
     }
     let mut primitives = document.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     if primitives.any(|primitive| primitive.material.is_none()) {
-        scene.materials.push(Material { name: "default".to_owned(), albedo: [1.0; 3], ..Material::default() });
+        scene.materials.push(Material { name: "default".to_owned(), base_color: [1.0; 3], ..Material::default() });
         uv_sources.push(None);
     }
     Ok(uv_sources)
@@ -64,16 +64,16 @@ fn surface(
     let place = format!("material {k}");
     let name = source.name.clone().unwrap_or_else(|| place.clone());
     let [albedo @ .., alpha] = source.pbr_metallic_roughness.base_color_factor.0;
-    let mut material = Material { name, albedo: albedo.map(|x| x.clamp(0.0, 1.0)), ..Material::default() };
-    if material.albedo != albedo {
+    let mut material = Material { name, base_color: albedo.map(|x| x.clamp(0.0, 1.0)), ..Material::default() };
+    if material.base_color != albedo {
         scene.warnings.push(format!("{place}: base colour {albedo:?} is clamped to 0..=1"));
     }
 
     let base_color = source.pbr_metallic_roughness.base_color_texture.as_ref();
     if let Some(info) = base_color {
-        material.albedo_texture = textures.get(info.index.value(), &place, scene)?;
+        material.base_color_texture = textures.get(info.index.value(), &place, scene)?.map(TextureRef::plain);
     }
-    let uv_source = base_color.filter(|_| material.albedo_texture.is_some()).map(|info| {
+    let uv_source = base_color.filter(|_| material.base_color_texture.is_some()).map(|info| {
         let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.clone());
         UvSource {
             set: transform.as_ref().and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord),
@@ -82,12 +82,16 @@ fn surface(
     });
     let cutoff = source.alpha_cutoff.unwrap_or_default().0;
     match source.alpha_mode {
-        // The file compares texture times factor with the cutoff; no alpha reaches a cutoff of 2.
         Checked::Valid(AlphaMode::Mask) if cutoff > 0.0 => {
-            material.alpha_texture = material.albedo_texture;
-            material.alpha_cutoff = (cutoff / alpha.clamp(0.0, 1.0)).min(2.0);
+            material.alpha_texture = material.base_color_texture;
+            material.alpha = alpha.clamp(0.0, 1.0);
+            material.alpha_mode = crate::AlphaMode::Mask { cutoff };
         }
-        Checked::Valid(AlphaMode::Blend) => material.alpha_texture = material.albedo_texture,
+        Checked::Valid(AlphaMode::Blend) => {
+            material.alpha_texture = material.base_color_texture;
+            material.alpha = alpha.clamp(0.0, 1.0);
+            material.alpha_mode = crate::AlphaMode::Blend;
+        }
         Checked::Valid(AlphaMode::Mask | AlphaMode::Opaque) | Checked::Invalid => {}
     }
 

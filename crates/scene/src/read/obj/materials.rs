@@ -7,12 +7,12 @@ use rayon::prelude::*;
 
 use crate::read::folder::Folder;
 use crate::read::{ReadError, image, mtl, text};
-use crate::{Material, Scene, Texture, TextureId};
+use crate::{AlphaMode, Material, Scene, Texture, TextureId, TextureRef};
 
 /// What a texture is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Role {
-    Albedo,
+    BaseColor,
     Mask,
 }
 
@@ -62,8 +62,11 @@ pub(super) fn materials(
     for (k, role, request) in wanted {
         let material = &mut scene.materials[k];
         match role {
-            Role::Albedo => material.albedo_texture = textures[request],
-            Role::Mask => material.alpha_texture = textures[request],
+            Role::BaseColor => material.base_color_texture = textures[request].map(TextureRef::plain),
+            Role::Mask => {
+                material.alpha_texture = textures[request].map(TextureRef::plain);
+                material.alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
+            }
         }
     }
     Ok(())
@@ -104,9 +107,9 @@ fn material(
     if recipe.is_translucent && recipe.mask.is_none() {
         warnings.push(format!("material {}: d or Tr is ignored; it is opaque", text::quoted(plain.name.as_bytes())));
     }
-    let uncoloured = if recipe.albedo_map.is_some() { [1.0; 3] } else { plain.albedo };
-    let material = Material { albedo: recipe.albedo.unwrap_or(uncoloured), emission: recipe.emission, ..plain };
-    let maps = [(&recipe.albedo_map, Role::Albedo), (&recipe.mask, Role::Mask)];
+    let uncoloured = if recipe.base_color_map.is_some() { [1.0; 3] } else { plain.base_color };
+    let material = Material { base_color: recipe.base_color.unwrap_or(uncoloured), emission: recipe.emission, ..plain };
+    let maps = [(&recipe.base_color_map, Role::BaseColor), (&recipe.mask, Role::Mask)];
     (material, maps.into_iter().filter_map(|(map, role)| Some((map.clone()?, role))).collect())
 }
 
@@ -153,7 +156,7 @@ fn decode(request: &Request) -> Result<Texture, String> {
     let bytes = std::fs::read(&request.path).map_err(|error| error.to_string())?;
     let texture = image::decode(&request.name, &bytes).map_err(|error| error.to_string())?;
     Ok(match request.role {
-        Role::Albedo => texture,
+        Role::BaseColor => texture,
         Role::Mask => image::into_mask(texture),
     })
 }

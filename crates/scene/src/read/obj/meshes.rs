@@ -22,7 +22,7 @@ pub(super) fn meshes(
     for (k, run) in stated.runs.iter().enumerate() {
         let end = stated.runs.get(k + 1).map_or(stated.face_ends.len(), |next| next.first_face);
         let material = &scene.materials[run.material];
-        let is_textured = material.albedo_texture.is_some() || material.alpha_texture.is_some();
+        let is_textured = material.textures().next().is_some();
         let faces = triangles(stated, run.first_face..end, is_textured, repair);
         let too_many = || ReadError::unsupported(path, "more than 2^32 triangles, vertices or materials");
         let material = u32::try_from(run.material).map(MaterialId).map_err(|_| too_many())?;

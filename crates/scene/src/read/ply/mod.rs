@@ -18,7 +18,7 @@ use self::table::Table;
 use super::folder::Folder;
 use super::repair::{Repair, unit_normal, usable_uv};
 use super::{ReadError, image, polygon, text};
-use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene, TextureId};
+use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene, TextureId, TextureRef};
 
 /// Reads a PLY file as one mesh.
 pub(super) fn read(path: &Path) -> Result<Scene, ReadError> {
@@ -60,7 +60,11 @@ fn material(path: &Path, texture: Option<&[u8]>, scene: &mut Scene) -> Material 
     match bytes.and_then(|bytes| image::decode(&name, &bytes).map_err(|error| error.to_string())) {
         Ok(texture) => {
             scene.textures.push(texture);
-            Material { albedo: [1.0; 3], albedo_texture: Some(TextureId(0)), ..Material::default() }
+            Material {
+                base_color: [1.0; 3],
+                base_color_texture: Some(TextureRef::plain(TextureId(0))),
+                ..Material::default()
+            }
         }
         Err(message) => {
             scene.warnings.push(format!("texture {} is left out: {message}", text::quoted(name.as_bytes())));
@@ -101,7 +105,7 @@ fn mesh(name: String, table: Table, triangles: Vec<[u32; 3]>, is_textured: bool)
     let normals = table.normals.map(|normals| normals.into_iter().map(unit_normal).collect());
     let uvs = table.uvs.filter(|_| is_textured).map(|uvs| uvs.into_iter().map(usable_uv).collect());
     let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
-    Mesh { name, positions: table.positions, triangles, normals, uvs, parts }
+    Mesh { name, positions: table.positions, triangles, normals, uvs, parts, ..Mesh::default() }
 }
 
 #[cfg(test)]

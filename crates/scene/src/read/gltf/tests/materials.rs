@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{File, TRIANGLE};
-use crate::{Scene, TextureId, Wrap};
+use crate::{AlphaMode, Scene, TextureId, TextureRef, Wrap};
 
 /// A 2 x 1 PNG: red with full alpha, mid grey without.
 fn png() -> Vec<u8> {
@@ -52,12 +52,15 @@ fn factors() {
     }))
     .scene();
     let material = &scene.materials[0];
-    assert_eq!((&material.name[..], material.albedo, material.emission), ("lamp", [0.25, 0.5, 0.75], [8.0, 4.0, 0.0]));
+    assert_eq!(
+        (&material.name[..], material.base_color, material.emission),
+        ("lamp", [0.25, 0.5, 0.75], [8.0, 4.0, 0.0])
+    );
     assert!(scene.meshes[0].uvs.is_none() && scene.textures.is_empty(), "what nothing needs costs nothing");
     let scene = file(json!({})).scene();
-    assert_eq!((&scene.materials[0].name[..], scene.materials[0].albedo), ("material 0", [1.0; 3]));
+    assert_eq!((&scene.materials[0].name[..], scene.materials[0].base_color), ("material 0", [1.0; 3]));
     let scene = file(json!({ "pbrMetallicRoughness": { "baseColorFactor": [2, -1, 0.5, 1] } })).warned("base colour");
-    assert_eq!(scene.materials[0].albedo, [1.0, 0.0, 0.5]);
+    assert_eq!(scene.materials[0].base_color, [1.0, 0.0, 0.5]);
     let scene = file(json!({ "emissiveFactor": [-1, 0, 0] })).warned("emission");
     assert_eq!(scene.materials[0].emission, [0.0; 3]);
 }
@@ -65,7 +68,7 @@ fn factors() {
 #[test]
 fn a_texture_brings_its_texels_and_coordinates() {
     let scene = file(textured(json!({}))).scene();
-    assert_eq!(scene.materials[0].albedo_texture, Some(TextureId(0)));
+    assert_eq!(scene.materials[0].base_color_texture, Some(TextureRef::plain(TextureId(0))));
     assert_eq!(scene.materials[0].alpha_texture, None);
     let texture = &scene.textures[0];
     assert_eq!((&texture.name[..], texture.width, texture.height), ("two texels", 2, 1));
@@ -98,16 +101,18 @@ fn masks() {
         material["pbrMetallicRoughness"]["baseColorFactor"] = json!([1, 1, 1, alpha]);
         material.as_object_mut().unwrap().extend(mode.as_object().unwrap().clone());
         let material = file(material).scene().materials.remove(0);
-        (material.alpha_texture, material.alpha_cutoff)
+        assert_eq!(
+            material.alpha_texture.map(|texture| texture.texture),
+            material.is_cut_out().then_some(TextureId(0))
+        );
+        (material.alpha_mode, material.alpha)
     };
-    let mask = Some(TextureId(0));
-    assert_eq!(with(1.0, json!({ "alphaMode": "MASK" })), (mask, 0.5));
-    assert_eq!(with(1.0, json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 })), (mask, 0.25));
-    assert_eq!(with(0.5, json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 })), (mask, 0.5), "the factor counts");
-    assert_eq!(with(0.0, json!({ "alphaMode": "MASK" })), (mask, 2.0), "nothing is seen");
-    assert_eq!(with(1.0, json!({ "alphaMode": "MASK", "alphaCutoff": 0 })).0, None, "all is seen");
-    assert_eq!(with(0.25, json!({ "alphaMode": "BLEND" })), (mask, 0.5));
-    assert_eq!(with(1.0, json!({ "alphaMode": "OPAQUE" })).0, None);
+    let mask = |cutoff| AlphaMode::Mask { cutoff };
+    assert_eq!(with(1.0, json!({ "alphaMode": "MASK" })), (mask(0.5), 1.0));
+    assert_eq!(with(0.5, json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 })), (mask(0.25), 0.5));
+    assert_eq!(with(1.0, json!({ "alphaMode": "MASK", "alphaCutoff": 0 })).0, AlphaMode::Opaque, "all is seen");
+    assert_eq!(with(0.25, json!({ "alphaMode": "BLEND" })), (AlphaMode::Blend, 0.25));
+    assert_eq!(with(1.0, json!({ "alphaMode": "OPAQUE" })).0, AlphaMode::Opaque);
 }
 
 #[test]
@@ -120,7 +125,7 @@ fn textures_with_the_same_image_and_wrap_are_one() {
         file.push("materials", json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": texture } } }));
     }
     let scene = file.scene();
-    let ids: Vec<_> = scene.materials.iter().map(|material| material.albedo_texture.unwrap().0).collect();
+    let ids: Vec<_> = scene.materials.iter().map(|material| material.base_color_texture.unwrap().texture.0).collect();
     assert_eq!(ids, [0, 0, 1]);
     assert_eq!(scene.textures[0].wrap, [Wrap::Repeat; 2]);
     assert_eq!(scene.textures[1].wrap, [Wrap::Clamp, Wrap::Mirror]);
@@ -144,7 +149,7 @@ fn images_that_cannot_be_read_leave_a_plain_colour() {
         let mut file = file(textured(json!({})));
         file.json["images"][0] = image;
         let scene = file.warned("image 0");
-        assert!(scene.materials[0].albedo_texture.is_none() && scene.meshes[0].uvs.is_none());
+        assert!(scene.materials[0].base_color_texture.is_none() && scene.meshes[0].uvs.is_none());
     };
     with(json!({ "bufferView": 0 }));
     with(json!({ "uri": "absent.png" }));

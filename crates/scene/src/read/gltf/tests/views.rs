@@ -27,7 +27,7 @@ fn cameras_look_along_minus_z() {
     let right_angle = std::f64::consts::FRAC_PI_2;
     let scene =
         with_camera(json!({ "translation": [0.5, 0, 0.25], "scale": [3, 3, 3] }), perspective(right_angle)).scene();
-    let want = Camera { eye: [0.5, 0.0, 0.25], target: [0.5, 0.0, -0.75], up: [0.0, 1.0, 0.0], fov_degrees: 90.0 };
+    let want = Camera::pinhole([0.5, 0.0, 0.25], [0.5, 0.0, -0.75], [0.0, 1.0, 0.0], 90.0);
     assert_eq!(scene.cameras, [want]);
     // A quarter turn about x looks up.
     let scene = with_camera(json!({ "rotation": [1, 0, 0, 1] }), perspective(1.0)).scene();

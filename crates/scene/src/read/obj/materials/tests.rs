@@ -50,31 +50,35 @@ fn colours_are_read_and_doubtful_ones_said_once() {
         ("Kd 0.5", [0.5; 3], ""),
         (
             "Kd 0.5 0.25",
-            plain.albedo,
+            plain.base_color,
             "m.mtl, line 2: material `a`: Kd `0.5 0.25` is not a colour; it keeps its default",
         ),
-        ("Kd", plain.albedo, "m.mtl, line 2: material `a`: Kd `` is not a colour; it keeps its default"),
-        ("Kd r g b", plain.albedo, "m.mtl, line 2: material `a`: Kd `r g b` is not a colour; it keeps its default"),
-        ("Kd nan 0 0", plain.albedo, "m.mtl, line 2: material `a`: Kd `nan 0 0` is not a number; it keeps its default"),
+        ("Kd", plain.base_color, "m.mtl, line 2: material `a`: Kd `` is not a colour; it keeps its default"),
+        ("Kd r g b", plain.base_color, "m.mtl, line 2: material `a`: Kd `r g b` is not a colour; it keeps its default"),
+        (
+            "Kd nan 0 0",
+            plain.base_color,
+            "m.mtl, line 2: material `a`: Kd `nan 0 0` is not a number; it keeps its default",
+        ),
         ("Kd -1 0.5 5", [0.0, 0.5, 1.0], "m.mtl, line 2: material `a`: Kd `-1 0.5 5` is out of range and clamped"),
         (
             "Kd spectral x.rfl",
-            plain.albedo,
+            plain.base_color,
             "m.mtl, line 2: material `a`: Kd `spectral x.rfl` is not a colour; it keeps its default",
         ),
-        ("d 0.5", plain.albedo, "material `a`: d or Tr is ignored; it is opaque"),
-        ("d -halo 0.5", plain.albedo, "material `a`: d or Tr is ignored; it is opaque"),
-        ("Tr 0.5", plain.albedo, "material `a`: d or Tr is ignored; it is opaque"),
-        ("Tr 0\nd 1", plain.albedo, ""),
-        ("Ns 1e30\nKs 1 1 1\nfoo", plain.albedo, ""),
+        ("d 0.5", plain.base_color, "material `a`: d or Tr is ignored; it is opaque"),
+        ("d -halo 0.5", plain.base_color, "material `a`: d or Tr is ignored; it is opaque"),
+        ("Tr 0.5", plain.base_color, "material `a`: d or Tr is ignored; it is opaque"),
+        ("Tr 0\nd 1", plain.base_color, ""),
+        ("Ns 1e30\nKs 1 1 1\nfoo", plain.base_color, ""),
     ] {
         let (material, warnings) = only(line);
-        assert_eq!(material.albedo, albedo, "{line}");
+        assert_eq!(material.base_color, albedo, "{line}");
         assert_eq!(warnings.join("|"), warning, "{line}");
     }
     assert_eq!(only("Ke 17 12 4").0.emission, [17.0, 12.0, 4.0]);
     assert_eq!(only("Ke -1 inf 4").0.emission, [0.0, f32::MAX, 4.0]);
-    assert_eq!(only("Kd 0 0 0\nnewmtl a\nKd 1 1 1").0.albedo, [1.0; 3], "the later of two counts");
+    assert_eq!(only("Kd 0 0 0\nnewmtl a\nKd 1 1 1").0.base_color, [1.0; 3], "the later of two counts");
 }
 
 #[test]
@@ -82,8 +86,11 @@ fn images_inside_the_folder_are_found() {
     for file in ["rgb.png", "two words.png", "sub\\deep.png", "./sub/../rgb.png", "-s 1 1 1 -o 0 -clamp off rgb.png"] {
         let (material, warnings) = only(&format!("map_Kd {file}\nd 0.5\nmap_d {file}"));
         assert_eq!(warnings, [""; 0], "{file}");
-        assert_eq!(material.albedo, [1.0; 3]);
-        assert_eq!((material.albedo_texture, material.alpha_texture), (Some(TextureId(0)), Some(TextureId(1))));
+        assert_eq!(material.base_color, [1.0; 3]);
+        assert_eq!(
+            (material.base_color_texture.map(|t| t.texture), material.alpha_texture.map(|t| t.texture)),
+            (Some(TextureId(0)), Some(TextureId(1)))
+        );
     }
 }
 
@@ -93,7 +100,11 @@ fn each_image_is_decoded_once_for_each_role() {
         "newmtl a\nmap_Kd rgb.png\nnewmtl b\nmap_Kd ./rgb.png\nmap_d rgb.png\nnewmtl c\nnewmtl unused\nmap_Kd no.png";
     let scene = Case::new(mtl, &["a", "b", "c"]).read();
     assert_eq!(scene.warnings, [""; 0]);
-    let used: Vec<_> = scene.materials.iter().map(|m| (m.albedo_texture, m.alpha_texture)).collect();
+    let used: Vec<_> = scene
+        .materials
+        .iter()
+        .map(|m| (m.base_color_texture.map(|t| t.texture), m.alpha_texture.map(|t| t.texture)))
+        .collect();
     let (image, mask) = (Some(TextureId(0)), Some(TextureId(1)));
     assert_eq!(used, [(image, None), (image, mask), (None, None)]);
     assert_eq!(scene.textures[0].texels[6], [40, 80, 200, 255]);
@@ -118,7 +129,7 @@ fn images_that_cannot_be_had_leave_a_plain_colour() {
     ] {
         let (material, warnings) = only(&format!("Kd 0.5 0.5 0.5\nmap_Kd {file}"));
         assert_eq!(warnings, [left_out.replace("FILE", &file.replace('\\', "\\\\")) + reason]);
-        assert_eq!((material.albedo, material.albedo_texture), ([0.5; 3], None));
+        assert_eq!((material.base_color, material.base_color_texture), ([0.5; 3], None));
     }
     assert_eq!(only("map_Kd").1, ["m.mtl, line 2: material `a`: map_Kd names no file"]);
     assert_eq!(only("map_Kd -s 1 1 1").1, ["m.mtl, line 2: material `a`: map_Kd names no file"]);
@@ -131,7 +142,7 @@ fn options_that_move_a_texture_are_said() {
         [("-s 1 1 1", false), ("-s 2 1 1", true), ("-o 0 0.5", true), ("-clamp on", true), ("-mm 0 2", false)]
     {
         let (material, warnings) = only(&format!("map_Kd {options} rgb.png"));
-        assert!(material.albedo_texture.is_some(), "{options}");
+        assert!(material.base_color_texture.is_some(), "{options}");
         assert_eq!(!warnings.is_empty(), is_said, "{options}: {warnings:?}");
     }
 }
@@ -154,9 +165,9 @@ fn libraries_may_be_several_absent_or_hold_blanks() {
     let with = |statement: &str| {
         fs::write(case.path("model.obj"), obj.replace("mtllib m.mtl", statement)).unwrap();
         let scene = case.read();
-        (scene.materials.iter().map(|material| material.albedo).collect::<Vec<_>>(), scene.warnings)
+        (scene.materials.iter().map(|material| material.base_color).collect::<Vec<_>>(), scene.warnings)
     };
-    let (red, green, grey) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], Material::default().albedo);
+    let (red, green, grey) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], Material::default().base_color);
     let nobody = "material `nobody` is in no library; it is plain grey";
     assert_eq!(with("mtllib m.mtl\nmtllib two words.mtl"), (vec![red, green, grey], vec![nobody.to_owned()]));
     fs::rename(case.path("two words.mtl"), case.path("b.mtl")).unwrap();
