@@ -87,8 +87,7 @@ pub(crate) fn agree(ours: &[Block], theirs: &[Block]) -> Result<(), Disagreement
         for channel in 0..3 {
             let [ours, theirs] = [a, b].map(|block| block.mean[channel]);
             let bound = quantile * a.error[channel].hypot(b.error[channel]) + HALF * theirs;
-            // Written so that a mean or a bound that is not a number disagrees too.
-            if !((ours - theirs).abs() <= bound) {
+            if !is_within(ours - theirs, bound) {
                 return Err(Disagreement::Block { block, channel, ours, theirs, bound });
             }
         }
@@ -101,11 +100,16 @@ fn agree_in_mean(channel: usize, ours: &[Block], theirs: &[Block]) -> Result<(),
     let square = |blocks: &[Block]| blocks.iter().map(|block| (block.area * block.error[channel]).powi(2)).sum::<f64>();
     let relative_error = (square(ours) + square(theirs)).sqrt() / sum(theirs);
     let ratio = sum(ours) / sum(theirs);
-    if !(3.0 * relative_error <= MEAN) {
+    if !is_within(3.0 * relative_error, MEAN) {
         return Err(Disagreement::Noise { channel, relative_error });
     }
-    if !((ratio - 1.0).abs() <= MEAN) {
+    if !is_within(ratio - 1.0, MEAN) {
         return Err(Disagreement::Mean { channel, ratio });
     }
     Ok(())
+}
+
+/// Whether a difference is at most a bound; where either is not a number it is not.
+fn is_within(difference: f64, bound: f64) -> bool {
+    difference.abs() <= bound
 }
