@@ -134,10 +134,12 @@ impl Args {
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
             ("scene", format!("{:016x}", scene_hash(scene))),
             ("light", format!("{:016x}", light_hash(scene))),
-            ("camera", format!("{camera:?}")),
             ("triangles", format!("{:?}", self.structure.triangles).to_lowercase()),
         ];
-        own.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(settings.record()).collect()
+        // The camera last: it may be another for another size.
+        let camera = ("camera", format!("{camera:?}"));
+        let named = |(name, value): (&str, String)| (name.to_owned(), value);
+        own.map(named).into_iter().chain(settings.record()).chain([named(camera)]).collect()
     }
 }
 

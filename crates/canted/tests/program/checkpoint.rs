@@ -3,7 +3,7 @@
 use crate::support::Folder;
 
 /// Many tiles of little work.
-const RENDER: &str = "render small.obj --size 200x160 --spp 8 --threads 2 --aovs all --checkpoint work.ckpt -o out.exr";
+const RENDER: &str = "render small.obj --size 160x128 --spp 8 --threads 2 --aovs all --checkpoint work.ckpt -o out.exr";
 
 /// The bytes of the picture that is made in one go.
 fn whole(folder: &Folder, line: &str) -> Vec<u8> {
@@ -37,11 +37,14 @@ mod stopped {
     use std::{
         process::{Child, Command, Stdio},
         thread::sleep,
-        time::{Duration, Instant},
+        time::Duration,
     };
 
     use super::{RENDER, whole};
-    use crate::support::Folder;
+    use crate::{
+        outputs::interrupted::{catches_interrupt, wait_until},
+        support::Folder,
+    };
 
     /// A render that takes some seconds: many samples.
     fn slow(options: &str) -> String {
@@ -52,19 +55,15 @@ mod stopped {
     fn start(folder: &Folder, line: &str) -> Child {
         let mut command = folder.command(&format!("{line} --checkpoint-every 0"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        let start = Instant::now();
-        while !folder.path("work.ckpt").exists() {
-            assert!(start.elapsed() < Duration::from_secs(120), "no checkpoint in two minutes");
-            assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
-            sleep(Duration::from_millis(5));
-        }
+        wait_until(|| folder.path("work.ckpt").exists() || child.try_wait().unwrap().is_some());
+        assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
         child
     }
 
     #[test]
     fn a_killed_render_goes_on_to_the_same_bytes() {
         let folder = Folder::with_small();
-        for options in ["--spp 512", "--samples 5..400", "--spp 1024 --noise 0.02"] {
+        for options in ["--spp 128", "--samples 5..120", "--spp 256 --noise 0.002"] {
             let line = slow(options);
             let expected = whole(&folder, &line);
             // Twice, so that a render that went on is killed too.
@@ -87,12 +86,13 @@ mod stopped {
     #[test]
     fn ctrl_c_writes_the_checkpoint_and_ends_with_130() {
         let folder = Folder::with_small();
-        let line = slow("--spp 512");
+        let line = slow("--spp 256");
         let expected = whole(&folder, &line);
         // One write a day: only the interrupt writes.
         let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
         let mut child = command.stdout(Stdio::null()).spawn().unwrap();
-        sleep(Duration::from_millis(700));
+        wait_until(|| catches_interrupt(&child).unwrap_or(true));
+        sleep(Duration::from_millis(200));
         assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
         assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
         assert_eq!(child.wait().unwrap().code(), Some(130));
@@ -105,19 +105,19 @@ mod stopped {
     #[test]
     fn checkpoints_of_other_pictures_and_damaged_ones_are_refused() {
         let folder = Folder::with_small();
-        let line = slow("--spp 512");
+        let line = slow("--spp 128");
         let mut child = start(&folder, &line);
         child.kill().unwrap();
         child.wait().unwrap();
         let bytes = folder.bytes("work.ckpt");
         for (from, to, words) in [
-            ("--spp 512", "--spp 256", "512"),
-            ("--spp 512", "--samples 0..512", "sampler"),
-            ("--spp 512", "--spp 512 --seed 4", "seed is 0, not 4"),
-            ("--spp 512", "--spp 512 --noise 0.1 --sampler stratified", "noise is none, not 0.1"),
+            ("--spp 128", "--spp 64", "128"),
+            ("--spp 128", "--samples 0..128", "sampler"),
+            ("--spp 128", "--spp 128 --seed 4", "seed is 0, not 4"),
+            ("--spp 128", "--spp 128 --noise 0.1 --sampler stratified", "noise is none, not 0.1"),
             ("--aovs all", "--aovs depth", "aovs is"),
-            ("200x160", "160x200", "size is 200x160, not 160x200"),
-            ("--spp 512", "--spp 512 --env 1,1,1", "light is"),
+            ("160x128", "128x160", "size is 160x128, not 128x160"),
+            ("--spp 128", "--spp 128 --env 1,1,1", "light is"),
         ] {
             folder.run(&line.replace(from, to)).refused(&["work.ckpt", words]);
         }

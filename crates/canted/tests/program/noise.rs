@@ -14,7 +14,7 @@ fn number(facts: &Value, key: &str) -> f64 {
 fn less_noise_takes_more_samples() {
     let folder = Folder::with_small();
     let mut before = 0.0;
-    for noise in [0.1, 0.04, 0.02] {
+    for noise in [0.02, 0.006, 0.003] {
         let facts = folder.run(&format!("{RENDER} --spp 4096 --noise {noise} --json -o a.exr")).done().json();
         let (reached, spent) = (number(&facts, "noise_reached"), number(&facts, "mean_samples_per_pixel"));
         assert!(0.0 < reached && reached <= noise, "{facts}");
@@ -41,7 +41,7 @@ fn the_most_samples_are_an_end_too() {
 fn threads_do_not_change_a_byte() {
     let folder = Folder::with_small();
     let picture = |n: u32| {
-        folder.run(&format!("{RENDER} --spp 256 --noise 0.03 --aovs all --threads {n} -o a.exr")).done();
+        folder.run(&format!("{RENDER} --spp 256 --noise 0.005 --aovs all --threads {n} -o a.exr")).done();
         folder.bytes("a.exr")
     };
     let one = picture(1);
@@ -53,7 +53,7 @@ fn threads_do_not_change_a_byte() {
 fn the_error_is_what_is_claimed() {
     let folder = Folder::with_small();
     folder.run(&format!("{RENDER} --spp 16384 --seed 1 --sampler sobol -o long.exr")).done();
-    for noise in [0.05, 0.02] {
+    for noise in [0.02, 0.004] {
         let line = format!("{RENDER} --spp 8192 --noise {noise} --sampler random --json -o a.exr");
         let claimed = number(&folder.run(&line).done().json(), "noise_reached");
         let found = folder.run("compare a.exr long.exr --json").done().json();

@@ -94,7 +94,7 @@ fn one_name_is_not_two_files() {
 }
 
 #[cfg(unix)]
-mod interrupted {
+pub(crate) mod interrupted {
     use std::{
         os::unix::process::ExitStatusExt,
         process::{Child, Command, Stdio},
@@ -105,7 +105,7 @@ mod interrupted {
     use crate::{random::Random, support::Folder};
 
     /// Waits until `is_true`, for a minute at most.
-    fn wait_until(mut is_true: impl FnMut() -> bool) {
+    pub(crate) fn wait_until(mut is_true: impl FnMut() -> bool) {
         let start = Instant::now();
         while !is_true() {
             assert!(start.elapsed() < Duration::from_secs(60), "waited for a minute");
@@ -123,7 +123,7 @@ mod interrupted {
     }
 
     /// Whether the process catches Ctrl-C: bit 1 of the mask of caught signals; `None` where the system does not say.
-    fn catches_interrupt(child: &Child) -> Option<bool> {
+    pub(crate) fn catches_interrupt(child: &Child) -> Option<bool> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
         let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
         Some(u64::from_str_radix(mask.trim(), 16).ok()? >> 1 & 1 == 1)

@@ -33,7 +33,8 @@ pub struct Monitor<'a> {
 ///
 /// With [`Settings::noise`] pixels stop in cells of 8 x 8, at 16 samples or at a power of two above, as soon as the
 /// root mean square over the cell of the relative standard error of their luminance ([`Pixel::squared_error`]) is at
-/// most that; all stop at [`Settings::samples`]. [`Film::error`] is what the picture reached.
+/// most that, and half of the samples foretold it; all stop at [`Settings::samples`]. [`Film::error`] is what the
+/// picture reached.
 ///
 /// # Errors
 /// [`RenderError`] where camera or settings make no picture, or the work was cancelled.

@@ -1,3 +1,4 @@
+use std::f64::consts::SQRT_2;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,8 +17,8 @@ const TIME: u32 = u32::MAX;
 /// Pixels along the side of a cell: neighbours that stop together, wherever tiles end.
 const CELL: u32 = 8;
 
-/// Samples after which a cell may stop for the first time; then at each power of two.
-const FIRST_STOP: u32 = 16;
+/// Samples after which the error of a cell is looked at for the first time; then at each power of two.
+const FIRST_LOOK: u32 = 8;
 
 /// A rectangle of pixels whose samples are summed.
 #[derive(Clone, Debug, PartialEq)]
@@ -158,7 +159,9 @@ impl<T: Tracer, Q: Query + Clone> Work<'_, T, Q> {
             sums.guide.clear();
         }
         let Range { start: mut next, end: last } = self.settings.range();
-        let mut end = if self.settings.noise.is_some() { FIRST_STOP.min(last) } else { last };
+        let mut end = if self.settings.noise.is_some() { FIRST_LOOK.min(last) } else { last };
+        // What half of the samples said before them; nothing at first.
+        let mut before = f64::INFINITY;
         loop {
             for ([x, y], sums) in pixels.clone().zip(&mut *sums) {
                 if cancel.load(Ordering::Relaxed) {
@@ -168,8 +171,16 @@ impl<T: Tracer, Q: Query + Clone> Work<'_, T, Q> {
                     *n_rays += self.sample([x, y], sample, sums);
                 }
             }
-            if end == last || self.settings.noise.is_some_and(|noise| error(sums) <= f64::from(noise)) {
+            if end == last {
                 return Some(());
+            }
+            if let Some(noise) = self.settings.noise {
+                let now = error(sums);
+                // Luck must strike twice: the first half, by itself, must have foretold that this many are enough.
+                if now.max(before / SQRT_2) <= f64::from(noise) {
+                    return Some(());
+                }
+                before = now;
             }
             (next, end) = (end, end.saturating_mul(2).min(last));
         }
