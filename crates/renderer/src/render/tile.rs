@@ -262,10 +262,6 @@ impl<Q: Query> Query for Counted<Q> {
         self.inner.time()
     }
 
-    fn time(&self) -> f32 {
-        self.inner.time()
-    }
-
     fn accepts(&mut self, hit: &Hit) -> bool {
         self.inner.accepts(hit)
     }
