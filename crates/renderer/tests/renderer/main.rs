@@ -10,6 +10,7 @@ mod framing;
 mod furnace;
 mod heatmap;
 mod lighting;
+mod motion;
 mod occlusion;
 mod offset;
 mod render;
