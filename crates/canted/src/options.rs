@@ -239,6 +239,14 @@ pub(crate) fn fov(text: &str) -> Result<f32, String> {
     }
 }
 
+/// A finite length, zero included.
+pub(crate) fn lens_radius(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(radius) if radius >= 0.0 && radius.is_finite() => Ok(radius),
+        _ => Err(format!("'{text}' is not a length of zero or more")),
+    }
+}
+
 /// A length above zero; infinity is one.
 pub(crate) fn radius(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {

@@ -14,7 +14,7 @@ use canted_renderer::{
     Aovs, Film, Measure, Monitor, Picture, Prepared, Record, RenderError, Settings, Surfaces, Tile, frame, heatmap,
     light_hash, prepare, render, resume, scene_hash, write_exr, write_film, write_png,
 };
-use canted_scene::{Camera, Projection, Scene};
+use canted_scene::{Camera, Lens, Projection, Scene};
 use canted_wide::LaneKernel;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -63,6 +63,12 @@ pub(crate) struct Args {
     /// Vertical field of view in degrees.
     #[arg(long, value_parser = options::fov, value_name = "DEG")]
     fov: Option<f32>,
+    /// Radius of the lens in scene units: what is not in focus blurs. 0 for a pinhole.
+    #[arg(long, value_parser = options::lens_radius, value_name = "LENGTH")]
+    aperture: Option<f32>,
+    /// Distance from the eye, along the view, of what is in focus; that of the target without it.
+    #[arg(long, value_parser = options::radius, value_name = "LENGTH")]
+    focus: Option<f32>,
     #[command(flatten)]
     light: LightArgs,
     #[command(flatten)]
@@ -108,6 +114,8 @@ impl Args {
             target: None,
             up: None,
             fov: None,
+            aperture: None,
+            focus: None,
             light: LightArgs::default(),
             structure: StructureArgs::defaults(),
             ao_radius: None,
@@ -357,5 +365,23 @@ fn camera<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, args: &Args) -> 
     if let Some(fov) = args.fov {
         camera.projection = Projection::Perspective { fov_degrees: fov };
     }
+    camera.lens = lens(&camera, args);
     camera
+}
+
+/// The lens of the options, else the camera's own; an option replaces its part of the lens.
+fn lens(camera: &Camera, args: &Args) -> Option<Lens> {
+    let own = camera.lens.filter(|_| args.aperture.is_none() && args.focus.is_none());
+    if own.is_some() {
+        return own;
+    }
+    let radius = args.aperture.or(camera.lens.map(|lens| lens.radius)).filter(|&radius| radius > 0.0)?;
+    let target_distance = || {
+        let way: [f64; 3] = std::array::from_fn(|k| f64::from(camera.target[k]) - f64::from(camera.eye[k]));
+        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+        let distance = way.iter().map(|x| x * x).sum::<f64>().sqrt() as f32;
+        distance
+    };
+    let focus_distance = args.focus.or(camera.lens.map(|lens| lens.focus_distance)).unwrap_or_else(target_distance);
+    Some(Lens { radius, focus_distance })
 }

@@ -100,6 +100,12 @@ impl View {
         Ray::new(narrow(add(origin, shift)), narrow(scale(direction, 1.0 / crate::vector::length(direction))))
     }
 
+    /// Whether rays of one position differ by where they pass the lens.
+    #[must_use]
+    pub fn has_lens(&self) -> bool {
+        self.lens.is_some()
+    }
+
     /// Origin and unit direction through a picture position and the middle of the lens.
     fn line(&self, position: [f64; 2]) -> (Vector, Vector) {
         let across = scale(self.right, position[0] - 0.5 * self.size[0]);

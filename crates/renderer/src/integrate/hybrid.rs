@@ -29,44 +29,29 @@
 //! By induction from the end of the path: what the ray of the last vertex brings is 1 or `1 - exp(-t/r) <= 1`; what any
 //! earlier ray brings is 1 on a miss, else the next vertex's albedo times at most 1. The film averages such samples.
 
-use canted_scene::Light;
 use canted_trace::{Hit, Query, Ray};
 
 use super::direct::direct;
+use super::{Sample, Transport};
+use crate::Tracer;
 use crate::motion::Timed;
 use crate::sampling::{Basis, cosine_hemisphere};
 use crate::vector::{length, narrow, wide};
-use crate::{Sampler, Surfaces, Tracer};
 
 /// Dimensions of the sampler: the position in the pixel first, then one a bounce.
 const FIRST_BOUNCE: u32 = 1;
 
-/// What all paths of a picture share. `query` is cloned for each ray.
-pub(crate) struct Hybrid<'a, T, Q> {
-    pub(crate) tracer: &'a T,
-    pub(crate) surfaces: &'a Surfaces<'a>,
-    pub(crate) query: Q,
-    pub(crate) sampler: Sampler,
-    pub(crate) lights: &'a [Light],
-    pub(crate) environment: [f32; 3],
-    pub(crate) bounces: u32,
-    /// World units; above zero, may be infinite.
-    pub(crate) ao_radius: f64,
-}
-
-/// The light of one path.
-pub(crate) struct Sample {
-    /// Linear RGB; not finite where a light or material is not.
-    pub(crate) radiance: [f32; 3],
-    /// Rays traced for it, the camera ray among them.
-    pub(crate) n_rays: u64,
-}
-
-impl<T: Tracer, Q: Query + Clone> Hybrid<'_, T, Q> {
-    /// Radiance that arrives against a camera ray whose closest hit is `first`, one sample of it.
-    ///
-    /// All rays of the path fly at `time`: 0 as the shutter opens, 1 as it closes.
-    pub(crate) fn sample(&self, camera_ray: Ray, first: Option<Hit>, time: f32, pixel: u32, sample: u32) -> Sample {
+impl<T: Tracer, Q: Query + Clone> Transport<'_, T, Q> {
+    /// The light of a path of the hybrid integrator; see [`Transport::sample`].
+    pub(super) fn hybrid_sample(
+        &self,
+        camera_ray: Ray,
+        first: Option<Hit>,
+        time: f32,
+        pixel: u32,
+        sample: u32,
+        ao_radius: f64,
+    ) -> Sample {
         let query = self.query_at(time);
         let mut path = Path { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 };
         let mut ray = camera_ray;
@@ -91,29 +76,24 @@ impl<T: Tracer, Q: Query + Clone> Hybrid<'_, T, Q> {
                     path.add(self.environment, 1.0);
                     break;
                 }
-                Some(next) if vertex == self.bounces => path.add(self.environment, self.ambient(&ray, &next)),
+                Some(next) if vertex == self.bounces => path.add(self.environment, ambient(&ray, &next, ao_radius)),
                 Some(next) => hit = next,
             }
         }
         Sample { radiance: path.radiance, n_rays: path.n_rays }
     }
 
-    /// The query of rays that fly at `time`.
-    pub(crate) fn query_at(&self, time: f32) -> Timed<Q> {
-        Timed { inner: self.query.clone(), time }
-    }
-
     fn closest_hit(&self, ray: &Ray, query: &Timed<Q>) -> Option<Hit> {
         self.tracer.closest_hit(ray, &mut query.clone())
     }
+}
 
-    /// Share of the ambient light that comes through beside an occluder: 0 at contact, near 1 beyond the radius.
-    #[expect(clippy::cast_possible_truncation, reason = "a weight in 0..=1")]
-    fn ambient(&self, ray: &Ray, occluder: &Hit) -> f32 {
-        let distance = f64::from(occluder.t) * length(wide(ray.direction));
-        // 1 - exp(-x), exact for small x.
-        -(-distance / self.ao_radius).exp_m1() as f32
-    }
+/// Share of the ambient light that comes through beside an occluder: 0 at contact, near 1 beyond the radius.
+#[expect(clippy::cast_possible_truncation, reason = "a weight in 0..=1")]
+fn ambient(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
+    let distance = f64::from(occluder.t) * length(wide(ray.direction));
+    // 1 - exp(-x), exact for small x.
+    -(-distance / ao_radius).exp_m1() as f32
 }
 
 struct Path {

@@ -9,7 +9,7 @@ use canted_scene::{Camera, Scene};
 use canted_trace::Query;
 use rayon::prelude::*;
 
-use crate::integrate::{Hybrid, environment_of};
+use crate::integrate::{Method, Transport, environment_of};
 use crate::{Film, FilterSampler, Guide, Masked, Part, Pixel, Sampler, Settings, Surfaces, Tracer, View, mask};
 pub use error::RenderError;
 pub use tile::Tile;
@@ -113,7 +113,7 @@ struct Picture<'a, T> {
 impl<T: Tracer> Picture<'_, T> {
     fn run<Q: Query + Clone + Sync>(&self, query: Q, done: Vec<Tile>) -> Result<Film, RenderError> {
         let Settings { samples, bounces, seed, pattern, .. } = *self.settings;
-        let integrator = Hybrid {
+        let transport = Transport {
             tracer: self.tracer,
             surfaces: self.surfaces,
             query,
@@ -121,7 +121,7 @@ impl<T: Tracer> Picture<'_, T> {
             lights: &self.scene.lights,
             environment: environment_of(self.scene),
             bounces,
-            ao_radius: self.ao_radius,
+            method: Method::Hybrid { ao_radius: self.ao_radius },
         };
         let layout = Layout::new(self.settings);
         let mut slots: Vec<Option<Tile>> = (0..layout.n_tiles()).map(|_| None).collect();
@@ -135,7 +135,7 @@ impl<T: Tracer> Picture<'_, T> {
         let n_tiles = slots.len();
         let n_done = AtomicUsize::new(slots.iter().flatten().count());
         let work = Work {
-            integrator: &integrator,
+            transport: &transport,
             view: &self.view,
             moves: self.scene.moves(),
             filter: &self.filter,

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use canted_trace::{Counts, Hit, Query, Ray};
 
 use crate::film::{Dyadic, total};
-use crate::integrate::Hybrid;
+use crate::integrate::Transport;
 use crate::{Aov, FilterSampler, Guide, Pixel, Settings, Tracer, View, film::Block};
 
 /// Dimension of the sampler that places a sample in its pixel.
@@ -13,6 +13,9 @@ const PIXEL_POSITION: u32 = 0;
 
 /// Dimension that chooses a sample's time, apart from those that integrators count up.
 const TIME: u32 = u32::MAX;
+
+/// Dimension that places a sample on the lens, likewise.
+const LENS: u32 = u32::MAX - 1;
 
 /// Pixels along the side of a cell: neighbours that stop together, wherever tiles end.
 const CELL: u32 = 8;
@@ -93,7 +96,7 @@ impl Layout {
 
 /// What all tiles of a picture share.
 pub(super) struct Work<'a, T, Q> {
-    pub(super) integrator: &'a Hybrid<'a, T, Q>,
+    pub(super) transport: &'a Transport<'a, T, Q>,
     pub(super) view: &'a View,
     /// Whether samples have times of their own.
     pub(super) moves: bool,
@@ -189,35 +192,40 @@ impl<T: Tracer, Q: Query + Clone> Work<'_, T, Q> {
     /// Takes one sample; returns the rays traced for it.
     fn sample(&self, [x, y]: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
         let number = y * self.settings.width + x;
-        let square = self.integrator.sampler.pair(number, sample, PIXEL_POSITION);
+        let square = self.transport.sampler.pair(number, sample, PIXEL_POSITION);
         let ([dx, dy], weight) = self.filter.place(square);
-        let ray = self.view.ray([f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy]);
-        let time = if self.moves { self.integrator.sampler.single(number, sample, TIME) } else { 0.0 };
+        let position = [f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy];
+        let ray = if self.view.has_lens() {
+            self.view.ray_through_lens(position, self.transport.sampler.pair(number, sample, LENS))
+        } else {
+            self.view.ray(position)
+        };
+        let time = if self.moves { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
         let hit = if self.layout.is_guided {
             let (hit, guide) = self.guide(&ray, time);
             sums.guide.push_sample(sample, guide);
             hit
         } else {
-            self.integrator.tracer.closest_hit(&ray, &mut self.integrator.query_at(time))
+            self.transport.tracer.closest_hit(&ray, &mut self.transport.query_at(time))
         };
-        let light = self.integrator.sample(ray, hit, time, number, sample);
+        let light = self.transport.sample(ray, hit, time, number, sample);
         sums.pixel.push_sample(sample, Pixel::of(light.radiance.map(|x| weight * x)));
         light.n_rays
     }
 
     /// What a camera ray meets first, and its properties.
     fn guide(&self, ray: &Ray, time: f32) -> (Option<Hit>, Guide) {
-        let query = self.integrator.query_at(time);
+        let query = self.transport.query_at(time);
         let (hit, tests) = if self.settings.aovs.contains(Aov::Tests) {
             let mut counted = Counted { inner: query, counts: Counts::default() };
-            let hit = self.integrator.tracer.closest_hit(ray, &mut counted);
+            let hit = self.transport.tracer.closest_hit(ray, &mut counted);
             #[expect(clippy::cast_precision_loss, reason = "counts of one ray are below 2^53")]
             (hit, [counted.counts.boxes as f64, counted.counts.triangles as f64])
         } else {
-            (self.integrator.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
+            (self.transport.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
         };
         let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
-        let surface = self.integrator.surfaces.at_time(&hit, ray.direction, time);
+        let surface = self.transport.surfaces.at_time(&hit, ray.direction, time);
         let guide = Guide {
             n_hits: 1,
             first: Some([hit.instance.0, hit.primitive.0]),
