@@ -34,7 +34,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Render a picture.
-    Render(render::Args),
+    Render(Box<render::Args>),
     /// What each volume strategy costs and buys.
     Stats(stats::Args),
     /// Answer a file of rays.

@@ -210,7 +210,7 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
     let names = channel_names(blocks.len(), is_guided);
     let mut channels = Vec::new();
     for name in &names {
-        let found = layer.channel_data.list.iter().find(|channel| channel.name == Text::from(name.as_str()));
+        let found = layer.channel_data.list.iter().find(|channel| channel.name == **name);
         match found.map(|channel| &channel.sample_data) {
             Some(FlatSamples::U32(words)) if words.len() == layer.size.area() => channels.push(words.clone()),
             _ => return Err(format!("its channel '{name}' of u32 is missing")),
