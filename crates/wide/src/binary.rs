@@ -7,7 +7,7 @@ use canted_sah::{Builder, PlocConfig};
 use crate::collapse::{Areas, Plan};
 use crate::frames::mesh_frame::{self, MeshFrameConfig};
 use crate::measure::{self, Aligned};
-use crate::{Config, Costs};
+use crate::{Config, Costs, par};
 
 /// A binary tree over triangles and the axes of its boxes.
 pub(crate) struct Chosen {
@@ -24,7 +24,15 @@ pub(crate) struct Chosen {
 const WORTH_TURNING: f32 = 0.87;
 
 /// The rival's tree is taken at this part of the other's cost: nearer, the prediction says nothing.
-const WORTH_CHANGING: f32 = 0.98;
+///
+/// A scan whose ratio is 0.982 traces faster in the rival's tree.
+const WORTH_CHANGING: f32 = 0.985;
+
+/// Most triangles of a leaf where trees are compared before their frames are known.
+///
+/// Larger leaves hide what leaning boxes would part: where one holds two struts of twelve triangles, a tree that mixes
+/// struts is foretold 8 % less cost on a truss and traces 10 % slower.
+const MAX_COMPARED_LEAF: usize = 16;
 
 /// Builds the binary tree.
 pub(crate) fn choose(corners: &[Corners], bounds: &Aabb, config: &Config) -> Chosen {
@@ -40,14 +48,13 @@ pub(crate) fn choose(corners: &[Corners], bounds: &Aabb, config: &Config) -> Cho
 
 /// Builds the binary tree over boxes that stand in one frame.
 pub(crate) fn over_boxes(boxes: &[Aabb], scale: f32, config: &Config) -> (Tree, Aligned) {
-    let (tree, aligned) = built(boxes, &config.builder, scale);
-    if let Some(rival) = &config.rival {
-        let (rival, rival_aligned) = built(boxes, rival, scale);
-        if cost(&rival, &rival_aligned, &config.costs) <= WORTH_CHANGING * cost(&tree, &aligned, &config.costs) {
-            return (rival, rival_aligned);
-        }
-    }
-    (tree, aligned)
+    let own = || built(boxes, &config.builder, scale);
+    let Some(rival) = &config.rival else { return own() };
+    // Each has serial parts of its own.
+    let (own, rival) = par::join(own, || built(boxes, rival, scale));
+    let costs = compared(&config.costs);
+    let cost = |(tree, aligned): &(Tree, Aligned)| cost(tree, aligned, &costs);
+    if cost(&rival) <= WORTH_CHANGING * cost(&own) { rival } else { own }
 }
 
 /// The axes that make a cheap tree so much cheaper that the mesh is worth turning; `None` for its own.
@@ -61,17 +68,17 @@ fn turned(corners: &[Corners], straight: &[Aabb], scale: f32, config: &Config) -
     }
     let cheap = |boxes: &[Aabb]| {
         let (tree, aligned) = built(boxes, &Builder::Ploc(PlocConfig::NEAR, None), scale);
-        cost(&tree, &aligned, &config.costs)
+        cost(&tree, &aligned, &compared(&config.costs))
     };
-    let mut least = WORTH_TURNING * cheap(straight);
-    let mut best = None;
-    for rows in candidates {
-        let cost = cheap(&measure::boxes(corners, rows));
-        if cost <= least {
-            (least, best) = (cost, Some(rows));
-        }
-    }
-    best
+    let in_frame = |rows: &[[f32; 3]; 3]| cheap(&measure::boxes(corners, *rows));
+    let (straight, turned) = par::join(|| cheap(straight), || par::map(&candidates, 1, 0.0, in_frame));
+    let (least, rows) = turned.into_iter().zip(candidates).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (least <= WORTH_TURNING * straight).then_some(rows)
+}
+
+/// Costs by which trees are compared.
+fn compared(costs: &Costs) -> Costs {
+    Costs { max_leaf: costs.max_leaf.min(MAX_COMPARED_LEAF), ..*costs }
 }
 
 /// Predicted cost of collapsing a tree without leaning nodes.

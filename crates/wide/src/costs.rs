@@ -2,9 +2,9 @@ use crate::layout::{MAX_LEAF, NodeKind};
 
 /// What a ray's visit costs, in visits of a box node: what the collapse weighs.
 ///
-/// The defaults were chosen by whole runs: bunny, truss and Sponza traced with nine settings, three rounds each, on an
-/// AMD EPYC (Zen 5) with AVX-512; `benches/TRIED.md` has the table, in which most settings are within 5 % of each other.
-/// The leaf's cost lies between two measured ones.
+/// The defaults are near what `canted-bench costs` measured on an AMD EPYC (Zen 5) with AVX-512, rounded to what traced
+/// fastest in whole runs; `benches/TRIED.md` has both tables. A leaf costs as much as two nodes, for it ends in a branch
+/// that is seldom foreseen; another eight triangles in it cost next to nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
     /// A node with boxes along the mesh's axes.
@@ -23,7 +23,7 @@ pub struct Costs {
 
 impl Default for Costs {
     fn default() -> Self {
-        Self { box_node: 1.0, shared_node: 1.25, lean_node: 1.7, leaf: 1.3, block: 0.5, max_leaf: 16 }
+        Self { box_node: 1.0, shared_node: 1.25, lean_node: 1.7, leaf: 2.0, block: 0.2, max_leaf: 32 }
     }
 }
 

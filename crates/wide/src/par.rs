@@ -58,3 +58,15 @@ pub(crate) fn map<I: Sync, T: Copy + Send>(
     });
     out
 }
+
+/// Results of both, side by side where there are threads for it.
+pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    #[cfg(feature = "parallel")]
+    {
+        rayon::join(a, b)
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        (a(), b())
+    }
+}

@@ -106,7 +106,8 @@ impl<K: LaneKernel> Wide<K> {
     /// Hits are then those of every new triangle tried, whatever the motion. What suffers is speed: which triangles
     /// share a node, and which way boxes lean, is as it was built. By how much, the drift foretells. Below, meshes
     /// were deformed more and more; nodes, triangles and time are those of tracing camera rays through the refitted
-    /// tree over those through one built anew. Angles are per diagonal; times of a noisy machine, one digit at best:
+    /// tree over those through one built anew, with leaves of at most 16. Angles are per diagonal; times of a noisy
+    /// machine, one digit at best:
     ///
     /// | drift | motion | nodes | triangles | time |
     /// | --- | --- | --- | --- | --- |

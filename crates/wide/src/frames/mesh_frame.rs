@@ -44,6 +44,10 @@ impl Default for MeshFrameConfig {
 /// Triangles that rank frames.
 const N_RANKING: usize = 512;
 
+/// Frames whose sum exceeds what is asked for by more than this part of the one along the axes of the space are not
+/// turned finely, which takes two thirds of the time: on fourteen scenes no fine turn saved more than 0.013.
+const HOPE: f64 = 0.1;
+
 /// Triangles that the best frame is turned by.
 const N_ADJUSTING: usize = 4_096;
 
@@ -94,10 +98,13 @@ fn best(drawn: &[Edges], sum: Sum, most: f32) -> Option<[Vec3A; 3]> {
     let own = draw::by_size(drawn, N_OWN.min(drawn.len())).into_iter().filter_map(along_longest_edge);
     let start = distinct(fixed.chain(own).map(|rows| (rows, ranking.of_boxes(&rows))).collect());
     let turned = start.into_iter().map(|start| turned(&ranking, start, COARSE));
-    let (rows, _) = turned.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (rows, coarse) = turned.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let straight = to_glam(dop::frames()[0]);
+    if coarse > (f64::from(most) + HOPE) * ranking.of_boxes(&straight) {
+        return None;
+    }
     let adjusting = Measure::of(&draw::by_size(drawn, N_ADJUSTING.min(2 * drawn.len())), sum);
     let (rows, least) = self::turned(&adjusting, (rows, adjusting.of_boxes(&rows)), FINE);
-    let straight = to_glam(dop::frames()[0]);
     let gains = least < f64::from(most) * adjusting.of_boxes(&straight);
     (gains && !are_alike(&rows, &straight, EQUAL)).then_some(rows)
 }
