@@ -227,7 +227,11 @@ fn a_rebuild_is_advised_where_it_gains() {
         let gain = old.0 / new.0;
         if refit.rebuild_advised() {
             let triangles = old.1 / new.1;
-            assert!(gain > 1.2 && triangles > 1.5, "{turns}: drift {}, nodes {gain}, triangles {triangles}", refit.drift);
+            assert!(
+                gain > 1.2 && triangles > 1.5,
+                "{turns}: drift {}, nodes {gain}, triangles {triangles}",
+                refit.drift
+            );
         } else {
             assert!(gain < 1.3, "{turns}: drift {}, nodes {gain}", refit.drift);
         }
