@@ -103,9 +103,8 @@ fn least_squares(rows: &[[f64; N]], kept: &[bool; N]) -> Option<[f64; N]> {
     }
     for k in (0..N).filter(|&k| !kept[k]) {
         right[k] = 0.0;
-        for i in 0..N {
-            (matrix[i][k], matrix[k][i]) = (0.0, 0.0);
-        }
+        matrix[k] = [0.0; N];
+        matrix.iter_mut().for_each(|row| row[k] = 0.0);
         matrix[k][k] = 1.0;
     }
     let solution = solve(matrix, right)?;
