@@ -1,6 +1,6 @@
 use canted_obb::Aabb;
 use canted_scene::{AlphaMode, Material, Mesh, Scene, TextureRef, UvSet};
-use canted_trace::{Hit, Ray};
+use canted_trace::{Hit, InstanceId, Ray};
 
 use crate::placement::Placement;
 use crate::texture;
@@ -167,6 +167,11 @@ impl<'a> Surfaces<'a> {
             (Some(texture), Some(uv)) => texture::lookup(&self.scene.textures[texture.texture.0 as usize], uv),
             _ => [1.0; 4],
         }
+    }
+
+    /// Distance that rays keep off a surface of an instance that stands still, by its unit normal; world units.
+    pub(crate) fn offset(&self, instance: InstanceId, normal: Vector) -> f64 {
+        self.placements[instance.0 as usize].offset(normal)
     }
 
     fn material(&self, mesh: &Mesh, hit: &Hit) -> &'a Material {

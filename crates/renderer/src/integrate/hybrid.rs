@@ -3,14 +3,18 @@
 //! Along a path with vertices `0..=bounces`, each vertex adds, weighted by the reflectances before it,
 //!
 //! ```text
-//! emission                                         found by chance: emitters are not sampled
-//! + direct light                                   shadow rays to suns and point lights
+//! emission                                         found by chance: triangles that emit are not sampled
+//! + direct light                                   a shadow ray to each light of the list
 //! + environment · albedo        on a miss          the path ends
-//! + environment · albedo · (1 - exp(-t/r))         at the last vertex, whose ray hits at distance t
+//! + ambient · albedo · (1 - exp(-t/r))             at the last vertex, whose ray hits at distance t
 //! ```
 //!
 //! The ray that leaves a vertex, one cosine-sampled direction with weight `albedo`, serves all of the last three: it
-//! brings the sky, the next vertex, or at the last vertex the ambient occlusion.
+//! brings the sky, the next vertex, or at the last vertex the ambient occlusion. Where it meets a sphere or a disc of the
+//! list the path ends with nothing, for the shadow ray to that light has brought its light; camera rays see it.
+//!
+//! `environment` is the radiance along the ray, so a picture with a sun in it is noisy here. `ambient` is its mean over all
+//! directions, as it stands for light that has long forgotten where it came from.
 //!
 //! # Departures from the source
 //!
@@ -34,12 +38,16 @@ use canted_trace::{Hit, Query, Ray};
 use super::direct::direct;
 use super::{Sample, Transport};
 use crate::Tracer;
+use crate::light::Source;
 use crate::motion::Timed;
 use crate::sampling::{Basis, cosine_hemisphere};
 use crate::vector::{length, narrow, wide};
 
 /// Dimensions of the sampler: the position in the pixel first, then one a bounce.
 const FIRST_BOUNCE: u32 = 1;
+
+/// Beyond all bounces, one for each vertex and light.
+const FIRST_LIGHT: u32 = 1 << 16;
 
 impl<T: Tracer, Q: Query + Clone> Transport<'_, T, Q> {
     /// The light of a path of the hybrid integrator; see [`Transport::sample`].
@@ -55,13 +63,15 @@ impl<T: Tracer, Q: Query + Clone> Transport<'_, T, Q> {
         let query = self.query_at(time);
         let mut path = Path { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 };
         let mut ray = camera_ray;
-        let Some(mut hit) = first else {
-            return Sample { radiance: self.environment, n_rays: 1 };
+        let mut hit = match (self.lights.meet(&camera_ray, first.as_ref()), first) {
+            (None, Some(hit)) => hit,
+            (met, _) => return Sample { radiance: met.map_or([0.0; 3], |met| met.radiance), n_rays: 1 },
         };
         for vertex in 0..=self.bounces {
             let surface = self.surfaces.at_time(&hit, ray.direction, time);
             path.add(surface.emission, 1.0);
-            let (radiance, n_shadow_rays) = direct(self.lights, self.tracer, &mut query.clone(), &surface);
+            let square = |light| self.sampler.pair(pixel, sample, self.light_dimension(vertex, light));
+            let (radiance, n_shadow_rays) = direct(&self.lights, self.tracer, &mut query.clone(), &surface, square);
             path.add(radiance, 1.0);
 
             // Leave along a cosine-sampled direction, whose weight is the albedo.
@@ -71,16 +81,26 @@ impl<T: Tracer, Q: Query + Clone> Transport<'_, T, Q> {
             ray = surface.leave(surface.outward(local));
             path.n_rays += n_shadow_rays + 1;
 
-            match self.closest_hit(&ray, &query) {
-                None => {
-                    path.add(self.environment, 1.0);
+            let next = self.closest_hit(&ray, &query);
+            match (self.lights.meet(&ray, next.as_ref()), next) {
+                (None, Some(next)) if vertex == self.bounces => {
+                    path.add(self.lights.ambient(), unoccluded(&ray, &next, ao_radius));
+                }
+                (None, Some(next)) => hit = next,
+                (met, _) => {
+                    let sky = met.filter(|met| met.source == Source::Environment);
+                    path.add(sky.map_or([0.0; 3], |sky| sky.radiance), 1.0);
                     break;
                 }
-                Some(next) if vertex == self.bounces => path.add(self.environment, ambient(&ray, &next, ao_radius)),
-                Some(next) => hit = next,
             }
         }
         Sample { radiance: path.radiance, n_rays: path.n_rays }
+    }
+
+    fn light_dimension(&self, vertex: u32, light: u32) -> u32 {
+        #[expect(clippy::cast_possible_truncation, reason = "any number will do, if it is hardly ever the same")]
+        let n_lights = self.lights.list().len() as u32;
+        FIRST_LIGHT.wrapping_add(vertex.wrapping_mul(n_lights)).wrapping_add(light)
     }
 
     fn closest_hit(&self, ray: &Ray, query: &Timed<Q>) -> Option<Hit> {
@@ -90,7 +110,7 @@ impl<T: Tracer, Q: Query + Clone> Transport<'_, T, Q> {
 
 /// Share of the ambient light that comes through beside an occluder: 0 at contact, near 1 beyond the radius.
 #[expect(clippy::cast_possible_truncation, reason = "a weight in 0..=1")]
-fn ambient(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
+fn unoccluded(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
     let distance = f64::from(occluder.t) * length(wide(ray.direction));
     // 1 - exp(-x), exact for small x.
     -(-distance / ao_radius).exp_m1() as f32

@@ -3,9 +3,9 @@
 mod direct;
 mod hybrid;
 
-use canted_scene::{Environment, Light, Material, Scene};
 use canted_trace::{Hit, Query, Ray};
 
+use crate::light::Lights;
 use crate::motion::Timed;
 use crate::{Sampler, Surfaces, Tracer};
 
@@ -15,8 +15,7 @@ pub(crate) struct Transport<'a, T, Q> {
     pub(crate) surfaces: &'a Surfaces<'a>,
     pub(crate) query: Q,
     pub(crate) sampler: Sampler,
-    pub(crate) lights: &'a [Light],
-    pub(crate) environment: [f32; 3],
+    pub(crate) lights: Lights<'a>,
     pub(crate) bounces: u32,
     pub(crate) method: Method,
 }
@@ -51,20 +50,5 @@ impl<T: Tracer, Q: Query + Clone> Transport<'_, T, Q> {
     /// The query of rays that fly at `time`.
     pub(crate) fn query_at(&self, time: f32) -> Timed<Q> {
         Timed { inner: self.query.clone(), time }
-    }
-}
-
-/// Radiance from outside that a picture of `scene` uses.
-///
-/// What the file says; else none where the file has lights or emitters of its own, and white where it has neither,
-/// so that no picture is black for want of light.
-#[must_use]
-pub fn environment_of(scene: &Scene) -> [f32; 3] {
-    let emits = scene.materials.iter().any(Material::emits);
-    match &scene.environment {
-        Some(Environment::Constant(radiance)) => *radiance,
-        Some(Environment::Image(image)) => image.scale,
-        None if emits || !scene.lights.is_empty() => [0.0; 3],
-        None => [1.0; 3],
     }
 }

@@ -9,8 +9,8 @@ use canted_scene::{Camera, Scene};
 use canted_trace::Query;
 use rayon::prelude::*;
 
-use crate::integrate::{Method, Transport, environment_of};
-use crate::{Film, FilterSampler, Guide, Masked, Part, Pixel, Sampler, Settings, Surfaces, Tracer, View, mask};
+use crate::integrate::{Method, Transport};
+use crate::{Film, FilterSampler, Guide, Lights, Masked, Part, Pixel, Sampler, Settings, Surfaces, Tracer, View, mask};
 pub use error::RenderError;
 pub use tile::Tile;
 use tile::{Layout, Work};
@@ -118,8 +118,7 @@ impl<T: Tracer> Picture<'_, T> {
             surfaces: self.surfaces,
             query,
             sampler: Sampler::new(pattern, samples, seed),
-            lights: &self.scene.lights,
-            environment: environment_of(self.scene),
+            lights: Lights::new(self.scene),
             bounces,
             method: Method::Hybrid { ao_radius: self.ao_radius },
         };

@@ -9,6 +9,7 @@ mod filter;
 mod framing;
 mod furnace;
 mod heatmap;
+mod light;
 mod lighting;
 mod motion;
 mod occlusion;

@@ -148,10 +148,10 @@ fn an_empty_scene_shows_its_sky() {
 #[test]
 fn the_sky_is_white_only_where_nothing_else_gives_light() {
     let bare = Scene::default();
-    assert_eq!(environment_of(&bare), [1.0; 3]);
+    assert_eq!(*environment_of(&bare), [1.0; 3].into());
     let lit = Scene { lights: vec![Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [1.0; 3] }], ..bare.clone() };
-    assert_eq!(environment_of(&lit), [0.0; 3]);
+    assert_eq!(*environment_of(&lit), [0.0; 3].into());
     let glowing = Scene { materials: vec![Material { emission: [1.0, 0.0, 0.0], ..grey(0.5) }], ..bare.clone() };
-    assert_eq!(environment_of(&glowing), [0.0; 3]);
-    assert_eq!(environment_of(&Scene { environment: Some([0.5; 3].into()), ..lit }), [0.5; 3]);
+    assert_eq!(*environment_of(&glowing), [0.0; 3].into());
+    assert_eq!(*environment_of(&Scene { environment: Some([0.5; 3].into()), ..lit }), [0.5; 3].into());
 }

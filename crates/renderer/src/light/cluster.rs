@@ -1,0 +1,34 @@
+use super::cone::Cone;
+use crate::vector::{Vector, dot, scale, sub};
+
+/// Lights taken together: where they are, where they shine and how strongly. World space.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cluster {
+    pub(super) min: Vector,
+    pub(super) max: Vector,
+    pub(super) cone: Cone,
+    /// Sum of the greatest radiant intensities, W/sr by luminance.
+    pub(super) intensity: f64,
+}
+
+impl Cluster {
+    pub(super) fn union(&self, other: &Self) -> Self {
+        Self {
+            min: std::array::from_fn(|k| self.min[k].min(other.min[k])),
+            max: std::array::from_fn(|k| self.max[k].max(other.max[k])),
+            cone: self.cone.union(&other.cone),
+            intensity: self.intensity + other.intensity,
+        }
+    }
+
+    /// Middle of the box.
+    pub(super) fn middle(&self) -> Vector {
+        std::array::from_fn(|k| 0.5 * (self.min[k] + self.max[k]))
+    }
+
+    /// Square of half the box's diagonal: of the radius of a ball around the lights.
+    pub(super) fn radius_squared(&self) -> f64 {
+        let half = scale(sub(self.max, self.min), 0.5);
+        dot(half, half)
+    }
+}

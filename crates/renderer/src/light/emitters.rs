@@ -1,0 +1,178 @@
+use canted_obb::PrimId;
+use canted_scene::{Encoding, Light, Material, Scene, TextureRef};
+use canted_trace::{Hit, InstanceId, Side};
+
+use super::arrival::{Arrival, intensity_of};
+use super::cluster::Cluster;
+use super::cone::Cone;
+use super::triangle::Lit;
+use super::{Source, luminance};
+use crate::vector::{Vector, add, narrow, scale, unit, wide};
+use crate::{Surface, Surfaces, srgb};
+
+/// A triangle that gives light, of an instance that stands still.
+#[derive(Clone, Copy, Debug)]
+struct Emitter {
+    instance: InstanceId,
+    primitive: PrimId,
+    /// World space.
+    corners: [[f32; 3]; 3],
+}
+
+/// All triangles that give light, in the order of instances and primitives.
+///
+/// Those of moving instances are not among them, for they are in another place for each ray: they are found by chance.
+pub(super) struct Emitters<'a> {
+    surfaces: &'a Surfaces<'a>,
+    list: Vec<Emitter>,
+}
+
+impl<'a> Emitters<'a> {
+    /// The emitters, and for each what the choice among lights needs to know.
+    pub(super) fn new(surfaces: &'a Surfaces<'a>) -> (Self, Vec<Cluster>) {
+        let scene = surfaces.scene();
+        let radiances: Vec<f64> = scene.materials.iter().map(|material| mean_radiance(material, scene)).collect();
+        let (mut list, mut clusters) = (Vec::new(), Vec::new());
+        for (number, instance) in (0..).map(InstanceId).zip(&scene.instances) {
+            if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
+                continue;
+            }
+            let mesh = &scene.meshes[instance.mesh.0 as usize];
+            for (i, part) in mesh.parts.iter().enumerate() {
+                let radiance = radiances[part.material.0 as usize];
+                if !(radiance > 0.0 && radiance.is_finite()) {
+                    continue;
+                }
+                let start = part.first_triangle as usize;
+                let end = mesh.parts.get(i + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
+                for (primitive, triangle) in (part.first_triangle..).map(PrimId).zip(&mesh.triangles[start..end]) {
+                    let corner = |i: u32| instance.world_from_object.point(mesh.positions[i as usize]);
+                    let corners = triangle.map(corner);
+                    let Some(lit) = Lit::new(corners) else { continue };
+                    list.push(Emitter { instance: number, primitive, corners });
+                    clusters.push(Cluster::of_points(
+                        corners.map(wide),
+                        Cone::about(lit.normal, true),
+                        lit.area * radiance,
+                    ));
+                }
+            }
+        }
+        (Self { surfaces, list }, clusters)
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    pub(super) fn source(&self, number: usize) -> Source {
+        Source::Triangle(self.list[number].instance, self.list[number].primitive)
+    }
+
+    /// Number of the emitter that was hit; `None` if it moves, has no area or is black all over.
+    pub(super) fn find(&self, instance: InstanceId, primitive: PrimId) -> Option<usize> {
+        self.list.binary_search_by_key(&(instance, primitive), |emitter| (emitter.instance, emitter.primitive)).ok()
+    }
+
+    /// Light from a point of an emitter; none where it is black or cut out.
+    pub(super) fn sample(&self, number: usize, from: &Surface, square: [f32; 2]) -> Option<Arrival> {
+        let Emitter { instance, primitive, corners } = self.list[number];
+        let lit = Lit::new(corners)?;
+        let ([u, v], density) = lit.sample(from.position, square)?;
+        let target = lit.point([u, v]);
+        let to_light = unit(std::array::from_fn(|k| target[k] - from.position[k]))?;
+        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+        let hit = Hit { t: 1.0, u: u as f32, v: v as f32, primitive, instance, side: Side::Front };
+        let radiance = self.radiance(&hit, narrow(to_light))?;
+        // The ray ends as far off the emitter as rays leave from there, so that rounding never lets it end behind.
+        let normal = lit.normal_towards(from.position);
+        let off = add(target, scale(normal, self.surfaces.offset(instance, normal)));
+        Some(Arrival {
+            to_light,
+            radiance: scale(radiance, 1.0 / density),
+            density: Some(density),
+            shadow_ray: from.reach(narrow(off)),
+        })
+    }
+
+    /// Density per steradian with which [`Self::sample`] finds a unit direction that meets the emitter.
+    pub(super) fn density(&self, number: usize, from: &Surface, direction: Vector) -> f64 {
+        Lit::new(self.list[number].corners).map_or(0.0, |lit| lit.density(from.position, direction))
+    }
+
+    fn radiance(&self, hit: &Hit, direction: [f32; 3]) -> Option<Vector> {
+        let scene = self.surfaces.scene();
+        let mesh = &scene.meshes[scene.instances[hit.instance.0 as usize].mesh.0 as usize];
+        let material = &scene.materials[mesh.material_of(hit.primitive.0).0 as usize];
+        if material.is_cut_out() && !self.surfaces.is_present(hit) {
+            return None;
+        }
+        let radiance = match material.emission_texture {
+            None => material.emission,
+            Some(_) => self.surfaces.at(hit, direction).emission,
+        };
+        radiance.iter().any(|&x| x > 0.0).then(|| wide(radiance))
+    }
+}
+
+impl Cluster {
+    fn of_points<const N: usize>(points: [Vector; N], cone: Cone, intensity: f64) -> Self {
+        let fold = |f: fn(f64, f64) -> f64, start: f64| {
+            std::array::from_fn(|k| points.iter().map(|point| point[k]).fold(start, f))
+        };
+        Self { min: fold(f64::min, f64::INFINITY), max: fold(f64::max, f64::NEG_INFINITY), cone, intensity }
+    }
+
+    /// A light of the list that has a place and is not black.
+    pub(super) fn of_light(light: &Light) -> Option<Self> {
+        let intensity = intensity_of(light).filter(|&x| x > 0.0 && x.is_finite())?;
+        let (middle, half, cone) = match *light {
+            Light::Sun { .. } => return None,
+            Light::Point { position, .. } => (position, [0.0; 3], Cone::ALL),
+            Light::Spot { position, direction, cos_outer, .. } => {
+                let cone = Cone {
+                    reach_rad: f64::from(cos_outer).clamp(-1.0, 1.0).acos(),
+                    ..Cone::about(wide(direction), false)
+                };
+                // Beyond a right angle the cosine that importance is made of would no longer be above zero.
+                (position, [0.0; 3], if cos_outer > 0.0 { cone } else { Cone::ALL })
+            }
+            Light::Sphere { center, radius, .. } => (center, [f64::from(radius); 3], Cone::ALL),
+            Light::Disc { center, normal, radius, .. } => {
+                // A disc reaches along each axis as far as the axis is across its normal.
+                let half = wide(normal).map(|n| f64::from(radius) * ((1.0 - n) * (1.0 + n)).max(0.0).sqrt());
+                (center, half, Cone::about(wide(normal), false))
+            }
+        };
+        let middle = wide(middle);
+        let corner = |sign: f64| add(middle, scale(half, sign));
+        Some(Self::of_points([corner(-1.0), corner(1.0)], cone, intensity))
+    }
+}
+
+/// Luminance of what a material emits on average over its texture.
+fn mean_radiance(material: &Material, scene: &Scene) -> f64 {
+    let tint = material.emission_texture.as_ref().map_or([1.0; 3], |texture| mean_texel(texture, scene));
+    let emission = wide(material.emission);
+    luminance(std::array::from_fn(|k| emission[k] * tint[k]))
+}
+
+/// Mean of all texels of a texture, linear RGB; white for a texture without texels.
+fn mean_texel(texture: &TextureRef, scene: &Scene) -> Vector {
+    let texture = &scene.textures[texture.texture.0 as usize];
+    let mut counts = [[0_u32; 256]; 3];
+    for texel in &texture.texels {
+        for (counts, byte) in counts.iter_mut().zip(texel) {
+            counts[usize::from(*byte)] += 1;
+        }
+    }
+    let value = |byte: u8| match texture.encoding {
+        Encoding::Srgb => f64::from(srgb::decode(byte)),
+        Encoding::Linear => f64::from(byte) / 255.0,
+    };
+    counts.map(|counts| {
+        let sum: f64 = (0..=255).zip(counts).map(|(byte, n)| value(byte) * f64::from(n)).sum();
+        let n: f64 = counts.into_iter().map(f64::from).sum();
+        if n > 0.0 { sum / n } else { 1.0 }
+    })
+}

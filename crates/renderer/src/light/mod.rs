@@ -1,0 +1,155 @@
+//! Lights: what they send to a point, how to choose among them, and how likely each choice was.
+//!
+//! ```text
+//! Light         -> arrival: sun point spot, sphere disc by a point of their own  -> direct light of the hybrid integrator
+//! Environment   -> environment: radiance, SkySampler
+//! emission      -> emitters: triangle                                            -> LightSampler -> path tracing
+//! lights, emitters -> cluster (cone) -> build -> tree (glow)
+//! ```
+//!
+//! Spheres and discs are bodies: rays see them, and they stand in the light of others. They reflect nothing, and are
+//! black where they do not shine: a disc from behind, a ball from inside.
+
+mod arrival;
+mod build;
+mod cluster;
+mod cone;
+mod disc;
+mod emitters;
+mod environment;
+mod glow;
+mod sampler;
+mod sphere;
+mod tree;
+mod triangle;
+
+use canted_obb::PrimId;
+use canted_scene::{Environment, Light, Material, Scene};
+use canted_trace::{Hit, InstanceId, Query, Ray};
+
+pub(crate) use arrival::Arrival;
+use disc::Disc;
+use environment::Sky;
+pub use sampler::{LightSample, LightSampler};
+use sphere::Ball;
+
+use crate::Tracer;
+use crate::vector::Vector;
+
+/// What light came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// From infinitely far away.
+    Environment,
+    /// A light of [`Scene::lights`], by its index.
+    Light(u32),
+    /// A triangle that emits.
+    Triangle(InstanceId, PrimId),
+}
+
+impl Source {
+    /// The triangle that a ray hit.
+    #[must_use]
+    pub fn of_hit(hit: &Hit) -> Self {
+        Self::Triangle(hit.instance, hit.primitive)
+    }
+}
+
+/// Light that a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Met {
+    /// Linear RGB.
+    pub radiance: [f32; 3],
+    /// Where from; never a triangle.
+    pub source: Source,
+}
+
+/// The lights of a scene as rays meet them, triangles aside.
+#[derive(Clone, Debug)]
+pub struct Lights<'a> {
+    list: &'a [Light],
+    /// Those of the list that have a surface.
+    bodies: Vec<u32>,
+    sky: Sky<'a>,
+}
+
+impl<'a> Lights<'a> {
+    /// The lights of `scene` and the environment that a picture of it uses.
+    #[must_use]
+    pub fn new(scene: &'a Scene) -> Self {
+        let is_body = |light: &Light| matches!(light, Light::Sphere { .. } | Light::Disc { .. });
+        let bodies = (0..).zip(&scene.lights).filter(|(_, light)| is_body(light)).map(|(index, _)| index).collect();
+        Self { list: &scene.lights, bodies, sky: Sky::new(environment_of(scene)) }
+    }
+
+    /// Mean radiance of the environment over all directions, linear RGB.
+    #[must_use]
+    pub fn ambient(&self) -> [f32; 3] {
+        self.sky.mean
+    }
+
+    /// What a ray meets before `hit`, its first among the triangles, or where that is `None`, behind everything.
+    #[must_use]
+    pub fn meet(&self, ray: &Ray, hit: Option<&Hit>) -> Option<Met> {
+        let before = Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
+        if let Some((_, index, radiance)) = self.first_body(&before) {
+            return Some(Met { radiance, source: Source::Light(index) });
+        }
+        hit.is_none().then(|| Met { radiance: self.sky.radiance(ray.direction), source: Source::Environment })
+    }
+
+    /// Whether nothing stands along a shadow ray to a light, which ends before it.
+    #[must_use]
+    pub fn is_clear<T: Tracer, Q: Query>(&self, ray: &Ray, to: Source, tracer: &T, query: &mut Q) -> bool {
+        let others = self.bodies.iter().filter(|&&index| to != Source::Light(index));
+        others.clone().all(|&index| self.body(index, ray).is_none()) && !tracer.occluded(ray, query)
+    }
+
+    /// The lights of the list.
+    pub(crate) fn list(&self) -> &'a [Light] {
+        self.list
+    }
+
+    /// `t`, index and radiance of the first body; of equals the one that comes first in the list.
+    fn first_body(&self, ray: &Ray) -> Option<(f32, u32, [f32; 3])> {
+        let mut first: Option<(f32, u32, [f32; 3])> = None;
+        for &index in &self.bodies {
+            let Some((t, radiance)) = self.body(index, ray) else { continue };
+            if first.is_none_or(|(nearest, ..)| t < nearest) {
+                first = Some((t, index, radiance));
+            }
+        }
+        first
+    }
+
+    /// Where a ray meets a body of the list, within its closed interval, and the radiance from there.
+    fn body(&self, index: u32, ray: &Ray) -> Option<(f32, [f32; 3])> {
+        let (found, radiance) = match self.list[index as usize] {
+            Light::Sphere { center, radius, radiance } => (Ball::new(center, radius).hit(ray), radiance),
+            Light::Disc { center, normal, radius, radiance } => (Disc::new(center, normal, radius).hit(ray), radiance),
+            _ => return None,
+        };
+        found.map(|(t, shines)| (t, if shines { radiance } else { [0.0; 3] }))
+    }
+}
+
+/// Radiance from outside that a picture of `scene` uses.
+///
+/// What the file says; else none where the file has lights or emitters of its own, and white where it has neither,
+/// so that no picture is black for want of light.
+#[must_use]
+pub fn environment_of(scene: &Scene) -> &Environment {
+    const BLACK: &Environment = &Environment::Constant([0.0; 3]);
+    const WHITE: &Environment = &Environment::Constant([1.0; 3]);
+    let emits = scene.materials.iter().any(Material::emits);
+    match &scene.environment {
+        Some(environment) => environment,
+        None if emits || !scene.lights.is_empty() => BLACK,
+        None => WHITE,
+    }
+}
+
+/// Luminance of linear RGB with the primaries of Rec. 709.
+fn luminance([r, g, b]: Vector) -> f64 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}

@@ -1,0 +1,242 @@
+use std::f64::consts::PI;
+
+use canted_scene::{Light, Scene};
+use canted_trace::Ray;
+
+use super::arrival::{Arrival, intensity_of, spread_of, tangents};
+use super::cluster::Cluster;
+use super::disc::Disc;
+use super::emitters::Emitters;
+use super::environment::SkySampler;
+use super::glow::Receiver;
+use super::sphere::Ball;
+use super::tree::Tree;
+use super::{Lights, Source, luminance};
+use crate::sampling::cosine_hemisphere;
+use crate::vector::{Vector, add, dot, narrow, scale, wide};
+use crate::{Surface, Surfaces};
+
+/// Light from one direction, chosen among all.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// Unit vector, world space.
+    pub to_light: [f32; 3],
+    /// Radiance over the density of its choice, linear RGB: times scattering and cosine it is a sample of the reflected
+    /// light, if nothing stands between.
+    pub radiance: [f32; 3],
+    /// Density of `to_light` per steradian, the choice among lights included; 0 where `is_delta`. Very great at most, never infinite.
+    pub density: f32,
+    /// Whether the light has no extent, so that no other technique finds it.
+    pub is_delta: bool,
+    /// What must be clear for the light to arrive, see [`Lights::is_clear`]; `None` where the light is too close for anything to
+    /// stand between.
+    pub shadow_ray: Option<Ray>,
+    /// The light.
+    pub source: Source,
+}
+
+/// Chooses one light of a scene for a point, and knows how likely the choice was.
+///
+/// The environment and each sun are chosen with shares that are the same everywhere, all other lights together by a
+/// tree that looks at where the point is. A share is the mean of an equal one and of one by power, so that a light that
+/// an estimate takes for weak keeps some: power is the irradiance of the sun, π times the mean radiance of the
+/// environment, and for lights with a place their power over the cross section of the scene's ball.
+///
+/// Unbiased for every light but what is no number or above all numbers, which is left out. Triangles of moving instances
+/// are found by chance only: their density is 0.
+pub struct LightSampler<'a> {
+    lights: Lights<'a>,
+    emitters: Emitters<'a>,
+    tree: Option<Tree>,
+    /// Number in the tree of each light of the list; emitters come first.
+    places: Vec<Option<u32>>,
+    /// The list's index of each light of the tree that is no emitter.
+    placed: Vec<u32>,
+    sky: Option<SkySampler<'a>>,
+    /// What is chosen first, with the shares.
+    shares: Vec<(Choice, f64)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Choice {
+    Tree,
+    Environment,
+    Sun(u32),
+}
+
+impl<'a> LightSampler<'a> {
+    /// Prepares the choice among `lights` and the emitters of the same scene's `surfaces`.
+    #[must_use]
+    pub fn new(lights: Lights<'a>, surfaces: &'a Surfaces<'a>) -> Self {
+        let (emitters, mut clusters) = Emitters::new(surfaces);
+        let mut placed = Vec::new();
+        let places = (0..)
+            .zip(lights.list)
+            .map(|(index, light)| {
+                let cluster = Cluster::of_light(light)?;
+                #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 lights")]
+                let place = clusters.len() as u32;
+                clusters.push(cluster);
+                placed.push(index);
+                Some(place)
+            })
+            .collect();
+        let sky = lights.sky.image().and_then(SkySampler::new);
+        let cross_section = cross_section(surfaces.scene());
+        let local = clusters[..emitters.len()].iter().map(|cluster| 2.0 * PI * cluster.intensity).sum::<f64>()
+            + lights.list.iter().map(power_of).filter(|power| power.is_finite()).sum::<f64>();
+        let far = if lights.sky.image().is_some() && sky.is_none() { 0.0 } else { luminance(wide(lights.sky.mean)) };
+        let suns = (0..).zip(lights.list).filter_map(|(index, light)| match light {
+            Light::Sun { irradiance, .. } => Some((Choice::Sun(index), luminance(wide(*irradiance)))),
+            _ => None,
+        });
+        let powers = [(Choice::Tree, local / cross_section), (Choice::Environment, PI * far)];
+        let shares = shares(powers.into_iter().chain(suns));
+        Self { tree: Tree::new(&clusters), lights, emitters, places, placed, sky, shares }
+    }
+
+    /// The lights that are chosen from.
+    #[must_use]
+    pub fn lights(&self) -> &Lights<'a> {
+        &self.lights
+    }
+
+    /// Light that would arrive at a surface, from a number in `[0, 1)` that chooses and a point of the unit square.
+    ///
+    /// Light from behind the shading normal is looked for only where `transmits`. `None` where no light was found.
+    #[must_use]
+    pub fn sample(&self, from: &Surface, transmits: bool, choice: f32, square: [f32; 2]) -> Option<LightSample> {
+        let (chosen, share, choice) = self.choose(choice.into())?;
+        let (arrival, probability, source) = match chosen {
+            Choice::Tree => {
+                let (number, probability) = self.tree.as_ref()?.choose(&receiver(from, transmits), choice)?;
+                let (arrival, source) = self.local(number, from, square)?;
+                (arrival, share * probability, source)
+            }
+            Choice::Environment => (self.environment(from, square)?, share, Source::Environment),
+            Choice::Sun(index) => {
+                let arrival = Arrival::of(&self.lights.list[index as usize], from, || square)?;
+                (arrival, share, Source::Light(index))
+            }
+        };
+        Some(LightSample {
+            to_light: narrow(arrival.to_light),
+            radiance: narrow(scale(arrival.radiance, 1.0 / probability)),
+            density: arrival.density.map_or(0.0, |density| finite(density * probability)),
+            is_delta: arrival.density.is_none(),
+            shadow_ray: arrival.shadow_ray,
+            source,
+        })
+    }
+
+    /// Density per steradian with which [`Self::sample`] finds a unit direction from `from` that meets `source`.
+    #[must_use]
+    pub fn density(&self, from: &Surface, transmits: bool, to_light: [f32; 3], source: Source) -> f32 {
+        let direction = wide(to_light);
+        let (number, density) = match source {
+            Source::Environment => {
+                return finite(self.share(Choice::Environment) * self.environment_density(from, direction));
+            }
+            Source::Light(index) => {
+                let density = match self.lights.list[index as usize] {
+                    Light::Sphere { center, radius, .. } => Ball::new(center, radius).density(from.position),
+                    Light::Disc { center, normal, radius, .. } => {
+                        Disc::new(center, normal, radius).density(from.position, direction)
+                    }
+                    _ => return 0.0,
+                };
+                (self.places[index as usize], density)
+            }
+            Source::Triangle(instance, primitive) => {
+                let Some(number) = self.emitters.find(instance, primitive) else { return 0.0 };
+                #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 lights")]
+                let place = number as u32;
+                (Some(place), self.emitters.density(number, from, direction))
+            }
+        };
+        let (Some(tree), Some(number)) = (&self.tree, number) else { return 0.0 };
+        finite(self.share(Choice::Tree) * tree.probability(number, &receiver(from, transmits)) * density)
+    }
+
+    /// Light of a number of the tree.
+    fn local(&self, number: u32, from: &Surface, square: [f32; 2]) -> Option<(Arrival, Source)> {
+        let number = number as usize;
+        if let Some(index) = number.checked_sub(self.emitters.len()) {
+            let index = self.placed[index];
+            let arrival = Arrival::of(&self.lights.list[index as usize], from, || square)?;
+            return Some((arrival, Source::Light(index)));
+        }
+        Some((self.emitters.sample(number, from, square)?, self.emitters.source(number)))
+    }
+
+    /// A constant environment is sampled by the cosine to the shading normal, a picture by its brightness.
+    fn environment(&self, from: &Surface, square: [f32; 2]) -> Option<Arrival> {
+        let (to_light, density) = match &self.sky {
+            Some(sky) => sky.sample(square),
+            None => {
+                let [x, y, z] = cosine_hemisphere(square).map(f64::from);
+                let [t, b] = tangents(from.shading_normal);
+                (add(scale(t, x), add(scale(b, y), scale(from.shading_normal, z))), z / PI)
+            }
+        };
+        let direction = narrow(to_light);
+        let radiance = scale(wide(self.lights.sky.radiance(direction)), 1.0 / density);
+        Some(Arrival { to_light, radiance, density: Some(density), shadow_ray: Some(from.leave(direction)) })
+    }
+
+    fn environment_density(&self, from: &Surface, direction: Vector) -> f64 {
+        match &self.sky {
+            Some(sky) => sky.density(direction),
+            None => dot(from.shading_normal, direction).max(0.0) / PI,
+        }
+    }
+
+    /// What is chosen first, its share, and the rest of the number.
+    fn choose(&self, choice: f64) -> Option<(Choice, f64, f64)> {
+        let (last, others) = self.shares.split_last()?;
+        let mut rest = choice;
+        for &(chosen, share) in others {
+            if rest < share {
+                return Some((chosen, share, rest / share));
+            }
+            rest -= share;
+        }
+        let &(chosen, share) = last;
+        Some((chosen, share, (rest / share).clamp(0.0, 1.0 - f64::EPSILON)))
+    }
+
+    fn share(&self, choice: Choice) -> f64 {
+        self.shares.iter().find(|(known, _)| *known == choice).map_or(0.0, |&(_, share)| share)
+    }
+}
+
+/// The mean of equal shares and shares by power, of what has any.
+fn shares(powers: impl Iterator<Item = (Choice, f64)>) -> Vec<(Choice, f64)> {
+    let powers: Vec<(Choice, f64)> = powers.filter(|(_, power)| *power > 0.0 && power.is_finite()).collect();
+    let sum: f64 = powers.iter().map(|(_, power)| power).sum();
+    #[expect(clippy::cast_precision_loss, reason = "few")]
+    let equal = 1.0 / powers.len() as f64;
+    powers.into_iter().map(|(choice, power)| (choice, 0.5 * (equal + power / sum))).collect()
+}
+
+/// Watts by luminance of a light that has a place; 0 for a sun.
+fn power_of(light: &Light) -> f64 {
+    intensity_of(light).map_or(0.0, |intensity| intensity * spread_of(light))
+}
+
+/// Area of a disc as wide as the scene's bounds; 1 where they have no extent.
+fn cross_section(scene: &Scene) -> f64 {
+    let squared: f64 = scene.bounds_world().extent().iter().map(|&x| f64::from(x).powi(2)).sum();
+    let area = 0.25 * PI * squared;
+    if area > 0.0 && area.is_finite() { area } else { 1.0 }
+}
+
+fn receiver(from: &Surface, transmits: bool) -> Receiver {
+    Receiver { position: from.position, normal: (!transmits).then_some(from.shading_normal) }
+}
+
+/// A density that `f32` can hold.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+fn finite(density: f64) -> f32 {
+    density.min(f32::MAX.into()) as f32
+}

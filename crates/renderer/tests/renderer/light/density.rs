@@ -1,0 +1,138 @@
+//! Samples are where the density says: all kinds of lights at once.
+
+use std::f64::consts::{PI, TAU};
+
+use canted_renderer::{LightSampler, Source, Surface, Tracer};
+use canted_scene::{Light, Scene};
+use canted_trace::Ray;
+
+use super::environment::sunny;
+use super::{glowing, numbers, receiver, with_sampler};
+use crate::common::{BruteForce, narrow, parallelogram, scene};
+
+const RINGS: usize = 16;
+const SECTORS: usize = 32;
+const N: u32 = 100_000;
+
+/// A ball, a disc and a square of two triangles around the origin, a point and a sun that no density finds, under a sky
+/// with a sun in it. No light hides another.
+fn everything() -> Scene {
+    let lamp = parallelogram([1.5, 1.0, -1.0], [0.5, 0.0, 1.0], [0.0, 1.5, 0.2], 0);
+    let mut scene = scene(vec![lamp], vec![glowing(5.0)]);
+    scene.environment = Some(canted_scene::Environment::Image(sunny(20.0)));
+    scene.lights = vec![
+        Light::Point { position: [0.0, 3.0, -3.0], intensity: [8.0; 3] },
+        Light::Sphere { center: [-2.0, 2.0, 1.0], radius: 1.2, radiance: [3.0; 3] },
+        Light::Sun { direction: [0.0, -0.8, 0.6], irradiance: [3.0; 3] },
+        Light::Disc { center: [0.0, 2.0, -2.0], normal: [0.0, -0.8, 0.6], radius: 0.8, radiance: [6.0; 3] },
+    ];
+    scene
+}
+
+fn from() -> Surface {
+    receiver([0.1, 0.2, 0.0], [0.0, 1.0, 0.0])
+}
+
+fn cell([x, y, z]: [f64; 3]) -> usize {
+    let (fall, turn) = (y.clamp(-1.0, 1.0).acos() / PI, z.atan2(x) / TAU + 0.5);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "both are in 0..=1")]
+    let (ring, sector) = ((fall * RINGS as f64) as usize, (turn * SECTORS as f64) as usize);
+    ring.min(RINGS - 1) * SECTORS + sector.min(SECTORS - 1)
+}
+
+/// Counts of samples by direction; the last cell counts the rest.
+fn counts(sampler: &LightSampler) -> Vec<f64> {
+    let mut counts = vec![0.0; RINGS * SECTORS + 1];
+    for (choice, square) in numbers(N) {
+        let sample = sampler.sample(&from(), false, choice, square).filter(|sample| !sample.is_delta);
+        counts[sample.map_or(RINGS * SECTORS, |sample| cell(sample.to_light.map(f64::from)))] += 1.0;
+    }
+    counts
+}
+
+/// Sums over all that a direction might be sampled for: the environment behind everything, and each light that it meets.
+fn density(sampler: &LightSampler, tracer: &BruteForce, direction: [f32; 3]) -> f32 {
+    let ray = Ray::new(narrow(from().position), direction);
+    let hit = tracer.closest_hit(&ray, &mut ());
+    let of = |source| sampler.density(&from(), false, direction, source);
+    let body = sampler.lights().meet(&ray, None).map(|met| met.source).filter(|source| *source != Source::Environment);
+    of(Source::Environment) + body.map_or(0.0, of) + hit.map_or(0.0, |hit| of(Source::of_hit(&hit)))
+}
+
+fn expected(sampler: &LightSampler, scene: &Scene) -> Vec<f64> {
+    const FINE: usize = 24;
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    let tracer = BruteForce::new(scene);
+    let mut cells = vec![0.0; RINGS * SECTORS + 1];
+    for i in 0..RINGS * FINE {
+        for j in 0..SECTORS * FINE {
+            let (sine, y) = ((i as f64 + (j as f64 * GOLDEN).fract()) / (RINGS * FINE) as f64 * PI).sin_cos();
+            let (s, c) = (((j as f64 + 0.5) / (SECTORS * FINE) as f64 - 0.5) * TAU).sin_cos();
+            let area = sine * PI * TAU / ((RINGS * SECTORS * FINE * FINE) as f64);
+            let direction = [sine * c, y, sine * s];
+            cells[i / FINE * SECTORS + j / FINE] += f64::from(density(sampler, &tracer, narrow(direction))) * area;
+        }
+    }
+    cells[RINGS * SECTORS] = 1.0 - cells.iter().sum::<f64>();
+    cells
+}
+
+/// Pearson's statistic less its mean, in standard deviations. Cells that expect fewer than ten are thrown together.
+fn deviation(counts: &[f64], probabilities: &[f64]) -> f64 {
+    let (mut statistic, mut freedom, mut rare) = (0.0, -1.0, (0.0, 0.0));
+    let mut add = |count: f64, expected: f64| {
+        statistic += (count - expected).powi(2) / expected;
+        freedom += 1.0;
+    };
+    for (&count, &probability) in counts.iter().zip(probabilities) {
+        let expected = probability * f64::from(N);
+        if expected < 10.0 { rare = (rare.0 + count, rare.1 + expected) } else { add(count, expected) }
+    }
+    if rare.1 >= 10.0 {
+        add(rare.0, rare.1);
+    }
+    let freedom: f64 = freedom;
+    (statistic - freedom) / (2.0 * freedom).sqrt()
+}
+
+/// Six standard deviations leave no room for chance, but little for the quadrature along the edges of the lights.
+const LIMIT: f64 = 6.0;
+
+#[test]
+fn samples_follow_the_density() {
+    let scene = everything();
+    with_sampler(&scene, |sampler| {
+        let deviation = deviation(&counts(sampler), &expected(sampler, &scene));
+        assert!(deviation < LIMIT, "{deviation}");
+    });
+}
+
+/// The density of lights of which one is a little brighter, or larger, is refused.
+#[test]
+fn the_check_sees_wrong_densities() {
+    let right = with_sampler(&everything(), counts);
+    let mut brighter = everything();
+    brighter.materials = vec![glowing(6.0)];
+    let mut larger = everything();
+    larger.lights[1] = Light::Sphere { center: [-2.0, 2.0, 1.0], radius: 1.25, radiance: [3.0; 3] };
+    for wrong in [brighter, larger] {
+        let deviation = with_sampler(&wrong, |sampler| deviation(&right, &expected(sampler, &wrong)));
+        assert!(deviation > LIMIT, "{deviation}");
+    }
+}
+
+/// A sample carries the density that is found for its direction, to the roundings of the direction.
+#[test]
+fn samples_carry_their_density() {
+    with_sampler(&everything(), |sampler| {
+        for transmits in [false, true] {
+            for (choice, square) in numbers(2000) {
+                let Some(sample) = sampler.sample(&from(), transmits, choice, square) else { continue };
+                let density = sampler.density(&from(), transmits, sample.to_light, sample.source);
+                // Cubed cosines of no less than a tenth; texels of the sky end where one rounding decides.
+                let is_near = (density / sample.density - 1.0).abs() < 1e-4;
+                assert!(is_near || (sample.is_delta && density == 0.0), "{sample:?} {density}");
+            }
+        }
+    });
+}
