@@ -1,7 +1,7 @@
 //! Scenes as plain arrays: meshes, instances, materials, textures, lights, cameras.
 //!
 //! ```text
-//! file -> read/{obj, mtl, ply, gltf, image} -> Scene -> describe
+//! file -> read/{obj, mtl, ply, gltf, image, environment} -> Scene -> describe
 //! ```
 //!
 //! ```
@@ -42,6 +42,6 @@ pub use environment::{Environment, EnvironmentImage};
 pub use light::Light;
 pub use material::{AlphaMode, Material, MaterialId};
 pub use mesh::{Instance, Mesh, MeshId, Part};
-pub use read::{ReadError, read};
+pub use read::{ReadError, ReadOptions, read, read_environment, read_with};
 pub use scene::Scene;
 pub use texture::{Encoding, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};

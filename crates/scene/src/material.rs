@@ -24,6 +24,10 @@ pub enum AlphaMode {
 /// The model is that of glTF 2.0 with `KHR_materials_specular`, `_transmission` and `_ior`. A Lambert surface has
 /// `metallic`, `specular` and `transmission` 0, a mirror `metallic` 1 and `roughness` 0, glass `transmission` 1.
 /// Each factor is multiplied with its texture.
+///
+/// All surfaces have two sides: from behind, a surface looks as from the front, its shading normal turned over. glTF's
+/// `doubleSided` asks rasterisers to leave back faces out where it is false; path tracers (Mitsuba, Cycles) show them,
+/// as light does not pass a wall for being seen from behind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name in the file, for messages.
@@ -103,6 +107,18 @@ impl Material {
         ]
         .into_iter()
         .flatten()
+    }
+
+    /// As [`Material::textures`], to be changed; `None` for those that it does without.
+    pub(crate) fn textures_mut(&mut self) -> [&mut Option<TextureRef>; 6] {
+        [
+            &mut self.base_color_texture,
+            &mut self.metallic_roughness_texture,
+            &mut self.transmission_texture,
+            &mut self.normal_texture,
+            &mut self.emission_texture,
+            &mut self.alpha_texture,
+        ]
     }
 
     /// Whether rays may pass the surface where alpha says so.

@@ -27,7 +27,8 @@ pub struct Mesh {
     /// Shading normals, one per position, unit or zero (zero: use the geometric one); `None` where the file has none.
     pub normals: Option<Vec<[f32; 3]>>,
     /// Directions of growing `u` of the normal map, one per position: unit vectors, and the sign by which
-    /// `normal × tangent` becomes the direction of growing `v`; `None` where they follow from the texture coordinates.
+    /// `normal × tangent` becomes the direction of growing `v`; `None`, or zeros at a vertex, where they follow from the
+    /// texture coordinates.
     pub tangents: Option<Vec<[f32; 4]>>,
     /// First texture coordinates, one per position, `v` up; kept only where a material needs them.
     pub uvs: Option<Vec<[f32; 2]>>,

@@ -4,7 +4,7 @@ mod common;
 
 use std::fs;
 
-use canted_scene::{Light, Scene, read};
+use canted_scene::{Light, Projection, Scene, UvSet, read};
 
 /// What is known of a file: the counts that its list states, and the world bounds of its default pose, found by another
 /// program in double precision and noted to seven digits.
@@ -84,12 +84,12 @@ fn assert_consistent(scene: &Scene, file: &str) {
         assert!(mesh.parts.is_sorted_by(|a, b| a.first_triangle < b.first_triangle), "{file}");
         for part in &mesh.parts {
             assert!((part.first_triangle as usize) < mesh.triangles.len(), "{file}");
-            let material = &scene.materials[part.material.0 as usize];
-            assert!(material.base_color_texture.is_none() || mesh.uvs.is_some(), "{file}");
         }
-        let is_textured =
-            |part: &canted_scene::Part| scene.materials[part.material.0 as usize].base_color_texture.is_some();
-        assert_eq!(mesh.uvs.is_some(), mesh.parts.iter().any(is_textured), "{file}");
+        for set in [UvSet::First, UvSet::Second] {
+            let mut materials = mesh.parts.iter().map(|part| &scene.materials[part.material.0 as usize]);
+            let is_used = materials.any(|material| material.textures().any(|texture| texture.uv_set == set));
+            assert_eq!(mesh.uv_set(set).map(<[_]>::len), is_used.then_some(n_vertices), "{file}");
+        }
     }
     assert!(scene.instances.iter().all(|instance| instance.world_from_object.determinant() != 0.0), "{file}");
 }
@@ -151,6 +151,9 @@ fn lights_and_cameras_of_real_files() {
     let scene = read(&folder.join("gltf/camera_light.glb")).unwrap_or_else(|error| panic!("{error}"));
     assert!(scene.lights.iter().any(|light| matches!(light, Light::Sun { .. } | Light::Point { .. })));
     let scene = read(&folder.join("gltf/Cameras.gltf")).unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(scene.cameras.len(), 1, "the orthographic one is left out: {:?}", scene.warnings);
-    assert_eq!(scene.warnings.len(), 1);
+    let projections: Vec<_> = scene.cameras.iter().map(|camera| camera.projection).collect();
+    let [Projection::Perspective { fov_degrees }, Projection::Orthographic { height }] = projections[..] else {
+        panic!("{projections:?}")
+    };
+    assert_eq!((fov_degrees, height, scene.warnings.len()), (0.7_f32.to_degrees(), 2.0, 0));
 }

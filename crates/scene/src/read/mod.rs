@@ -1,5 +1,6 @@
 //! Readers: from a file to a [`Scene`].
 
+mod environment;
 mod error;
 mod folder;
 mod gltf;
@@ -8,6 +9,7 @@ mod mtl;
 mod obj;
 mod ply;
 mod polygon;
+mod remarks;
 mod repair;
 mod text;
 
@@ -17,7 +19,17 @@ use std::path::Path;
 
 use crate::Scene;
 
+pub use environment::read_environment;
 pub use error::ReadError;
+
+/// What a reader is told beside the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ReadOptions {
+    /// Seconds into the file's first animation, which poses the scene; `None` for the pose that the file has without it.
+    /// Before the first key and behind the last it stands still. Of a file with several animations the others are left
+    /// out, as they are as a rule alternatives; a warning says so.
+    pub time: Option<f32>,
+}
 
 /// Reads an OBJ (with its MTL), PLY, glTF or GLB file, and the buffers and images that it names.
 ///
@@ -28,11 +40,24 @@ pub use error::ReadError;
 /// # Errors
 /// [`ReadError`], a sentence that names the file, the place in it and the value found there.
 pub fn read(path: &Path) -> Result<Scene, ReadError> {
-    match format_of(path)? {
-        Format::Obj => obj::read(path),
-        Format::Ply => ply::read(path),
-        Format::Gltf => gltf::read(path),
+    read_with(path, &ReadOptions::default())
+}
+
+/// As [`read`], posed by an animation of the file.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
+    let format = format_of(path)?;
+    let mut scene = match format {
+        Format::Obj => obj::read(path)?,
+        Format::Ply => ply::read(path)?,
+        Format::Gltf => return gltf::read(path, options),
+    };
+    if let Some(time) = options.time {
+        scene.warnings.push(format!("the format knows no animation, the time {time} changes nothing"));
     }
+    Ok(scene)
 }
 
 /// The formats told apart.

@@ -1,22 +1,46 @@
-//! Material libraries of OBJ files: diffuse and emitted colour, textures, masks. Everything else is ignored.
+//! Material libraries of OBJ files, with the keys `Pr`, `Pm` and `norm` of their extension for metals and roughness.
+//! Everything else is ignored.
 
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 
 use super::text::{self, Line};
 
-/// A material as its library states it.
+/// A material as its library states it; `None` for what it does not state.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Recipe {
     /// `Kd`, in 0..=1.
     pub(crate) base_color: Option<[f32; 3]>,
+    /// `Ks`, in 0..=1.
+    pub(crate) specular: Option<[f32; 3]>,
+    /// `Tf`, in 0..=1.
+    pub(crate) filter: Option<[f32; 3]>,
     /// `Ke`, not negative.
-    pub(crate) emission: [f32; 3],
+    pub(crate) emission: Option<[f32; 3]>,
+    /// `Ns`, not negative.
+    pub(crate) shininess: Option<f32>,
+    /// `Pr`, in 0..=1.
+    pub(crate) roughness: Option<f32>,
+    /// `Pm`, in 0..=1.
+    pub(crate) metallic: Option<f32>,
+    /// `Ni`, 1 or more.
+    pub(crate) ior: Option<f32>,
+    /// `illum`.
+    pub(crate) illumination: Option<u32>,
+    /// `d`, in 0..=1.
+    pub(crate) opacity: Option<f32>,
+    /// `Tr`, in 0..=1.
+    pub(crate) transparency: Option<f32>,
     /// File named by `map_Kd`.
     pub(crate) base_color_map: Option<String>,
     /// File named by `map_d`.
     pub(crate) mask: Option<String>,
-    /// Whether `d` or `Tr` ask for a surface that lets light through.
-    pub(crate) is_translucent: bool,
+    /// File named by `map_Ke`.
+    pub(crate) emission_map: Option<String>,
+    /// File named by `norm`.
+    pub(crate) normal_map: Option<String>,
+    /// What else it asks for.
+    pub(crate) ignored: Vec<&'static str>,
 }
 
 /// Materials of a library by name; of two with one name the later counts. Doubtful lines become warnings.
@@ -40,41 +64,61 @@ impl Recipe {
     /// Takes one line into the recipe; the error says what is doubtful in it.
     fn read(&mut self, line: &Line) -> Result<(), String> {
         match line.keyword {
-            b"Kd" => {
-                let (stated, kept) = colour(line, 1.0)?;
-                self.base_color = Some(kept);
-                clamped(line, stated, kept)
-            }
-            b"Ke" => {
-                let (stated, kept) = colour(line, f32::MAX)?;
-                self.emission = kept;
-                clamped(line, stated, kept)
-            }
-            b"map_Kd" => {
-                let (name, doubt) = texture(line)?;
-                self.base_color_map = Some(name);
-                doubt
-            }
-            b"map_d" => {
-                let (name, doubt) = texture(line)?;
-                self.mask = Some(name);
-                doubt
-            }
-            b"map_Ke" => Err("map_Ke is not read; the surface emits evenly".into()),
-            b"d" => self.transparency(line, |d| d < 1.0),
-            b"Tr" => self.transparency(line, |tr| tr > 0.0),
+            b"Kd" => kept(&mut self.base_color, colour(line, 1.0), line),
+            b"Ke" => kept(&mut self.emission, colour(line, f32::MAX), line),
+            // These colour mirrors and glass alone, so doubts about them are rarely worth a word.
+            b"Ks" => Ok(self.specular = colour(line, 1.0).ok().map(|(_, kept)| kept)),
+            b"Tf" => Ok(self.filter = colour(line, 1.0).ok().map(|(_, kept)| kept)),
+            b"Ns" => kept(&mut self.shininess, number(line, 0.0..=f32::MAX), line),
+            b"Pr" => kept(&mut self.roughness, number(line, 0.0..=1.0), line),
+            b"Pm" => kept(&mut self.metallic, number(line, 0.0..=1.0), line),
+            b"Ni" => kept(&mut self.ior, number(line, 1.0..=f32::MAX), line),
+            b"d" => kept(&mut self.opacity, number(line, 0.0..=1.0), line),
+            b"Tr" => kept(&mut self.transparency, number(line, 0.0..=1.0), line),
+            b"illum" => Ok(self.illumination = std::str::from_utf8(line.rest).ok().and_then(|rest| rest.parse().ok())),
+            b"map_Kd" => file(&mut self.base_color_map, line),
+            b"map_d" => file(&mut self.mask, line),
+            b"map_Ke" => file(&mut self.emission_map, line),
+            b"norm" => file(&mut self.normal_map, line),
+            b"map_Bump" | b"map_bump" | b"bump" => Ok(self.ignore("map_Bump")),
+            b"map_Pr" => Ok(self.ignore("map_Pr")),
+            b"map_Pm" => Ok(self.ignore("map_Pm")),
             _ => Ok(()),
         }
     }
 
-    fn transparency(&mut self, line: &Line, is_translucent: impl Fn(f32) -> bool) -> Result<(), String> {
-        let number = text::words(line.rest).find(|&word| word != b"-halo").and_then(text::float);
-        let number = number
-            .filter(|number| !number.is_nan())
-            .ok_or_else(|| format!("{} is not a number", text::quoted(line.rest)))?;
-        self.is_translucent = is_translucent(number);
-        Ok(())
+    fn ignore(&mut self, keyword: &'static str) {
+        if !self.ignored.contains(&keyword) {
+            self.ignored.push(keyword);
+        }
     }
+}
+
+/// Keeps what a line states, in its range; the error says where that differs.
+fn kept<T: Copy + PartialEq>(slot: &mut Option<T>, values: Result<(T, T), String>, line: &Line) -> Result<(), String> {
+    let (stated, kept) = values?;
+    *slot = Some(kept);
+    if stated == kept {
+        return Ok(());
+    }
+    let keyword = String::from_utf8_lossy(line.keyword);
+    Err(format!("{keyword} {} is out of range and clamped", text::quoted(line.rest)))
+}
+
+/// Keeps the file that a line names.
+fn file(slot: &mut Option<String>, line: &Line) -> Result<(), String> {
+    let (name, doubt) = texture(line)?;
+    *slot = Some(name);
+    doubt
+}
+
+/// The number of a line as stated and as kept, in a range.
+fn number(line: &Line, range: RangeInclusive<f32>) -> Result<(f32, f32), String> {
+    let stated = text::words(line.rest).find(|&word| word != b"-halo").and_then(text::float);
+    let stated = stated
+        .filter(|stated| !stated.is_nan())
+        .ok_or_else(|| format!("{} is not a number", text::quoted(line.rest)))?;
+    Ok((stated, stated.clamp(*range.start(), *range.end())))
 }
 
 /// The colour of a line as stated and as kept, each component in `0..=most`. One number stands for three.
@@ -90,14 +134,6 @@ fn colour(line: &Line, most: f32) -> Result<([f32; 3], [f32; 3]), String> {
         return Err(format!("{keyword} {} is not a number; it keeps its default", text::quoted(line.rest)));
     }
     Ok((stated, stated.map(|component| component.clamp(0.0, most))))
-}
-
-fn clamped(line: &Line, stated: [f32; 3], kept: [f32; 3]) -> Result<(), String> {
-    if stated == kept {
-        return Ok(());
-    }
-    let keyword = String::from_utf8_lossy(line.keyword);
-    Err(format!("{keyword} {} is out of range and clamped", text::quoted(line.rest)))
 }
 
 /// An option before the file name of a texture.

@@ -30,6 +30,15 @@ impl Repair {
         finite
     }
 
+    /// Takes over the counts of another.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.n_kept += other.n_kept;
+        self.n_flat += other.n_flat;
+        self.n_dropped += other.n_dropped;
+        self.n_small_faces += other.n_small_faces;
+        self.n_tangled_faces += other.n_tangled_faces;
+    }
+
     /// Adds the warnings to the scene; triangles without any area are an error, as are no triangles.
     pub(crate) fn finish(self, path: &Path, scene: &mut Scene) -> Result<(), ReadError> {
         let Self { n_kept, n_flat, n_dropped, n_small_faces, n_tangled_faces } = self;

@@ -98,7 +98,7 @@ proptest! {
         let mut warnings = Vec::new();
         for recipe in mtl::recipes("a.mtl", &bytes, &mut warnings).values() {
             prop_assert!(recipe.base_color.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
-            prop_assert!(recipe.emission.iter().all(|x| *x >= 0.0 && x.is_finite()));
+            prop_assert!(recipe.emission.iter().flatten().all(|x| *x >= 0.0 && x.is_finite()));
         }
     }
 

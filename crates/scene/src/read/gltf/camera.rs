@@ -1,25 +1,20 @@
-//! Perspective cameras that nodes place (glTF 2.0, section 3.10).
+//! Cameras that nodes place (glTF 2.0, section 3.10).
 
-use gltf::json::camera::Type;
+use gltf::json::camera::{Camera as Source, Type};
 use gltf::json::validation::Checked;
 
 use super::document::Document;
 use super::matrix::{Matrix, cross, dot, unit};
 use super::nodes::Nodes;
 use crate::read::ReadError;
-use crate::{Camera, Scene};
+use crate::{Camera, Projection, Scene};
 
-/// Adds the cameras of the default scene; what is no usable perspective camera is left out with a warning.
+/// Adds the cameras of the default scene; one that cannot be used is left out with a warning.
 pub(super) fn read(document: &Document<'_>, nodes: &Nodes, scene: &mut Scene) -> Result<(), ReadError> {
     for &k in &nodes.drawn {
         let Some(index) = document.root.nodes[k].camera else { continue };
         let source = document.get(&document.root.cameras, index.value(), "camera", &format!("node {k}"))?;
-        let camera = match (source.type_, &source.perspective) {
-            (Checked::Valid(Type::Perspective), Some(lens)) => pinhole(&nodes.world_from_node[k], lens.yfov),
-            (Checked::Valid(Type::Orthographic), _) => Err("is orthographic".to_owned()),
-            _ => Err("has no projection".to_owned()),
-        };
-        match camera {
+        match projection(source).and_then(|projection| placed(&nodes.world_from_node[k], projection)) {
             Ok(camera) => scene.cameras.push(camera),
             Err(why) => scene.warnings.push(format!("camera {} of node {k} {why} and is left out", index.value())),
         }
@@ -27,12 +22,32 @@ pub(super) fn read(document: &Document<'_>, nodes: &Nodes, scene: &mut Scene) ->
     Ok(())
 }
 
+/// What the file says of the lens. The aspect ratio is the picture's business.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+fn projection(source: &Source) -> Result<Projection, String> {
+    match (source.type_, &source.perspective, &source.orthographic) {
+        (Checked::Valid(Type::Perspective), Some(lens), _) => {
+            let yfov_rad = lens.yfov;
+            if !(yfov_rad > 0.0 && yfov_rad < std::f32::consts::PI) {
+                return Err(format!("has a field of view of {yfov_rad} radians, not between 0 and pi"));
+            }
+            Ok(Projection::Perspective { fov_degrees: f64::from(yfov_rad).to_degrees() as f32 })
+        }
+        (Checked::Valid(Type::Orthographic), _, Some(lens)) => {
+            // `ymag` reaches from the middle of the picture to its edge.
+            let height = 2.0 * lens.ymag;
+            if !(height > 0.0 && height.is_finite()) {
+                return Err(format!("has a ymag of {}, not above 0", lens.ymag));
+            }
+            Ok(Projection::Orthographic { height })
+        }
+        _ => Err("has no projection".to_owned()),
+    }
+}
+
 /// A camera at the node's origin that looks along -z, with y up; scale and shear of the node do not act on the lens.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-fn pinhole(world_from_node: &Matrix, yfov_rad: f32) -> Result<Camera, String> {
-    if !(yfov_rad > 0.0 && yfov_rad < std::f32::consts::PI) {
-        return Err(format!("has a field of view of {yfov_rad} radians, not between 0 and pi"));
-    }
+fn placed(world_from_node: &Matrix, projection: Projection) -> Result<Camera, String> {
     let eye = world_from_node.columns[3];
     let direction = world_from_node.vector([0.0, 0.0, -1.0]);
     let up = world_from_node.vector([0.0, 1.0, 0.0]);
@@ -45,8 +60,7 @@ fn pinhole(world_from_node: &Matrix, yfov_rad: f32) -> Result<Camera, String> {
     let eye: [f32; 3] = eye.map(|x| x as f32);
     let side = cross(direction_unit.map(f64::from), up_unit.map(f64::from));
     let is_placed = eye.iter().chain(&target).all(|x: &f32| x.is_finite()) && eye != target && dot(side, side) > 0.0;
-    let fov_degrees = f64::from(yfov_rad).to_degrees() as f32;
     is_placed
-        .then_some(Camera::pinhole(eye, target, up_unit, fov_degrees))
+        .then_some(Camera { eye, target, up: up_unit, projection, lens: None })
         .ok_or_else(|| "stands on a node without an orientation".to_owned())
 }

@@ -115,12 +115,18 @@ impl<'a> Document<'a> {
 
 /// Parses the JSON; nesting beyond 128 levels is refused by the parser.
 ///
-/// A scene may lack `nodes`, but not for the structures of `gltf`, so the list is added before they are made.
+/// A scene may lack `nodes` and a channel of an animation a node, but not for the structures of `gltf`: the list is added
+/// and the channel left out before they are made.
 fn parse(json: &[u8]) -> Result<Root, Error> {
     let mut value: Value = from_slice(json)?;
     for scene in value.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
         if let Some(scene) = scene.as_object_mut() {
             scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+        }
+    }
+    for animation in value.get_mut("animations").and_then(Value::as_array_mut).into_iter().flatten() {
+        if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
+            channels.retain(|channel| channel.get("target").is_none_or(|target| target.get("node").is_some()));
         }
     }
     // Where that fails, only the text knows the line.

@@ -1,111 +1,201 @@
-//! Materials, as far as a Lambert surface with a mask can say them (glTF 2.0, section 3.9).
+//! Materials: metallic-roughness (glTF 2.0, section 3.9) with the extensions that [`Material`] can say.
 
 use gltf::json::Material as Source;
-use gltf::json::extensions::texture::TextureTransform;
-use gltf::json::material::AlphaMode;
+use gltf::json::extensions::material::Material as Extensions;
+use gltf::json::material::{AlphaMode, PbrMetallicRoughness};
 use gltf::json::validation::Checked;
 
 use super::document::Document;
+use super::lookup::Lookup;
 use super::texture::Textures;
 use crate::read::ReadError;
-use crate::{Material, Scene, TextureRef};
-
-/// Where the coordinates of a material's texture come from.
-#[derive(Clone, Debug, Default)]
-pub(super) struct UvSource {
-    /// Number of the coordinate set.
-    pub(super) set: u32,
-    /// `KHR_texture_transform`.
-    transform: Option<TextureTransform>,
-}
-
-impl UvSource {
-    /// Coordinates for a scene, `v` up, of those in the file, `v` down.
-    ///
-    /// The transform scales, rotates and moves. Its rotation is counter-clockwise as seen in the image, where `v` points
-    /// down; the matrix printed in the extension turns the other way, its example and the common viewers this way.
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-    pub(super) fn apply(&self, [u, v]: [f32; 2]) -> [f32; 2] {
-        let Some(transform) = &self.transform else { return [u, 1.0 - v] };
-        let (sin, cos) = f64::from(transform.rotation.0).sin_cos();
-        let [scaled_u, scaled_v] = [0, 1].map(|k| f64::from(transform.scale.0[k]) * f64::from([u, v][k]));
-        let [offset_u, offset_v] = transform.offset.0.map(f64::from);
-        let u = cos * scaled_u + sin * scaled_v + offset_u;
-        let v = cos * scaled_v - sin * scaled_u + offset_v;
-        [u as f32, (1.0 - v) as f32]
-    }
-}
+use crate::read::remarks::Remarks;
+use crate::{Encoding, Material, Scene, TextureRef};
 
 /// Reads all materials, and behind them the default one if a primitive needs it, with their textures.
-///
-/// Returns where each finds its texture coordinates, `None` for one without a texture.
-pub(super) fn read(document: &Document<'_>, scene: &mut Scene) -> Result<Vec<Option<UvSource>>, ReadError> {
+pub(super) fn read(document: &Document<'_>, remarks: &mut Remarks, scene: &mut Scene) -> Result<(), ReadError> {
     let mut textures = Textures::new(document);
-    let mut uv_sources = Vec::new();
-    for (k, source) in document.root.materials.iter().enumerate() {
-        let (material, uv_source) = surface(k, source, &mut textures, scene)?;
+    let mut read = |place: String, source: &Source, scene: &mut Scene| {
+        let mut reading = Reading { place, textures: &mut textures, remarks, warnings: &mut scene.warnings };
+        let material = reading.material(source)?;
         scene.materials.push(material);
-        uv_sources.push(uv_source);
+        Ok(())
+    };
+    for (k, source) in document.root.materials.iter().enumerate() {
+        read(format!("material {k}"), source, scene)?;
     }
     let mut primitives = document.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     if primitives.any(|primitive| primitive.material.is_none()) {
-        scene.materials.push(Material { name: "default".to_owned(), base_color: [1.0; 3], ..Material::default() });
-        uv_sources.push(None);
+        read("default".to_owned(), &Source::default(), scene)?;
     }
-    Ok(uv_sources)
+    textures.load(scene)
 }
 
-fn surface(
-    k: usize,
-    source: &Source,
-    textures: &mut Textures<'_, '_>,
-    scene: &mut Scene,
-) -> Result<(Material, Option<UvSource>), ReadError> {
-    let place = format!("material {k}");
-    let name = source.name.clone().unwrap_or_else(|| place.clone());
-    let [albedo @ .., alpha] = source.pbr_metallic_roughness.base_color_factor.0;
-    let mut material = Material { name, base_color: albedo.map(|x| x.clamp(0.0, 1.0)), ..Material::default() };
-    if material.base_color != albedo {
-        scene.warnings.push(format!("{place}: base colour {albedo:?} is clamped to 0..=1"));
+/// What a material is read with.
+struct Reading<'a, 'b, 'c> {
+    /// `material 3`.
+    place: String,
+    textures: &'a mut Textures<'b, 'c>,
+    remarks: &'a mut Remarks,
+    warnings: &'a mut Vec<String>,
+}
+
+impl Reading<'_, '_, '_> {
+    fn material(&mut self, source: &Source) -> Result<Material, ReadError> {
+        let name = source.name.clone().unwrap_or_else(|| self.place.clone());
+        let pbr = &source.pbr_metallic_roughness;
+        let [red, green, blue, alpha] = self.fractions("base colour", pbr.base_color_factor.0);
+        let mut material = Material {
+            name,
+            base_color: [red, green, blue],
+            base_color_texture: self.colors(pbr.base_color_texture.as_ref().map(Lookup::from))?,
+            ..Material::default()
+        };
+        self.alpha(source, alpha, &mut material);
+        let extensions = source.extensions.as_ref();
+        if extensions.is_some_and(|extensions| extensions.unlit.is_some()) {
+            self.remarks.note("KHR_materials_unlit becomes emission, which lights the scene", &self.place);
+            return Ok(unlit(material));
+        }
+        self.scattering(pbr, &mut material)?;
+        self.normals(source, &mut material)?;
+        self.emission(source, &mut material)?;
+        if let Some(extensions) = extensions {
+            self.interface(extensions, &mut material)?;
+        }
+        if source.occlusion_texture.is_some() {
+            self.remarks.note("occlusionTexture is ignored, as light is traced", &self.place);
+        }
+        Ok(material)
     }
 
-    let base_color = source.pbr_metallic_roughness.base_color_texture.as_ref();
-    if let Some(info) = base_color {
-        material.base_color_texture = textures.get(info.index.value(), &place, scene)?.map(TextureRef::plain);
-    }
-    let uv_source = base_color.filter(|_| material.base_color_texture.is_some()).map(|info| {
-        let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.clone());
-        UvSource {
-            set: transform.as_ref().and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord),
-            transform,
-        }
-    });
-    let cutoff = source.alpha_cutoff.unwrap_or_default().0;
-    match source.alpha_mode {
-        Checked::Valid(AlphaMode::Mask) if cutoff > 0.0 => {
-            material.alpha_texture = material.base_color_texture;
-            material.alpha = alpha.clamp(0.0, 1.0);
-            material.alpha_mode = crate::AlphaMode::Mask { cutoff };
-        }
-        Checked::Valid(AlphaMode::Blend) => {
-            material.alpha_texture = material.base_color_texture;
-            material.alpha = alpha.clamp(0.0, 1.0);
-            material.alpha_mode = crate::AlphaMode::Blend;
-        }
-        Checked::Valid(AlphaMode::Mask | AlphaMode::Opaque) | Checked::Invalid => {}
+    /// Alpha counts only where the mode says so. A mask that cuts nothing out is none.
+    fn alpha(&self, source: &Source, alpha: f32, material: &mut Material) {
+        let cutoff = source.alpha_cutoff.unwrap_or_default().0;
+        material.alpha_mode = match source.alpha_mode {
+            Checked::Valid(AlphaMode::Mask) if cutoff > 0.0 => crate::AlphaMode::Mask { cutoff },
+            Checked::Valid(AlphaMode::Blend) => crate::AlphaMode::Blend,
+            Checked::Valid(AlphaMode::Mask | AlphaMode::Opaque) | Checked::Invalid => return,
+        };
+        material.alpha = alpha;
+        material.alpha_texture = material.base_color_texture;
     }
 
-    let strength = source.extensions.as_ref().and_then(|extensions| extensions.emissive_strength.as_ref());
-    let strength = strength.map_or(1.0, |strength| strength.emissive_strength.0);
-    let emission = source.emissive_factor.0.map(|x| x * strength);
-    if emission.iter().all(|x| x.is_finite() && *x >= 0.0) {
+    fn scattering(&mut self, source: &PbrMetallicRoughness, material: &mut Material) -> Result<(), ReadError> {
+        material.specular = 1.0;
+        [material.metallic] = self.fractions("metallic factor", [source.metallic_factor.0]);
+        [material.roughness] = self.fractions("roughness factor", [source.roughness_factor.0]);
+        let texture = source.metallic_roughness_texture.as_ref();
+        let is_used = material.metallic > 0.0 || material.roughness > 0.0;
+        material.metallic_roughness_texture = self.numbers(texture.filter(|_| is_used).map(Lookup::from))?;
+        Ok(())
+    }
+
+    fn normals(&mut self, source: &Source, material: &mut Material) -> Result<(), ReadError> {
+        let Some(source) = &source.normal_texture else { return Ok(()) };
+        if !source.scale.is_finite() {
+            self.warnings.push(format!("{}: normal scale {} is left out, with its texture", self.place, source.scale));
+            return Ok(());
+        }
+        let lookup = Lookup::of_normals(source, self.textures.document, &self.place)?;
+        material.normal_texture = self.numbers(Some(lookup))?;
+        material.normal_scale = source.scale;
+        Ok(())
+    }
+
+    fn emission(&mut self, source: &Source, material: &mut Material) -> Result<(), ReadError> {
+        let strength = source.extensions.as_ref().and_then(|extensions| extensions.emissive_strength.as_ref());
+        let strength = strength.map_or(1.0, |strength| strength.emissive_strength.0);
+        let emission = source.emissive_factor.0.map(|x| x * strength);
+        if !emission.iter().all(|x| x.is_finite() && *x >= 0.0) {
+            self.warnings.push(format!("{}: emission {emission:?} is left out", self.place));
+            return Ok(());
+        }
         material.emission = emission;
-    } else {
-        scene.warnings.push(format!("{place}: emission {emission:?} is left out"));
+        let texture = source.emissive_texture.as_ref().filter(|_| emission != [0.0; 3]);
+        material.emission_texture = self.colors(texture.map(Lookup::from))?;
+        Ok(())
     }
-    if let Some(info) = source.emissive_texture.as_ref().filter(|_| material.emission != [0.0; 3]) {
-        let mean = textures.mean(info.index.value(), &place, scene)?;
-        material.emission = std::array::from_fn(|k| material.emission[k] * mean[k]);
+
+    /// Specular, ior, transmission and what remains of volumes: whether there is one.
+    fn interface(&mut self, extensions: &Extensions, material: &mut Material) -> Result<(), ReadError> {
+        if let Some(specular) = &extensions.specular {
+            [material.specular] = self.fractions("specular factor", [specular.specular_factor.0]);
+            if specular.specular_texture.is_some() || specular.specular_color_texture.is_some() {
+                self.remarks.note("the textures of KHR_materials_specular are ignored", &self.place);
+            }
+            if specular.specular_color_factor.0 != [1.0; 3] {
+                self.remarks.note("the colour of KHR_materials_specular is ignored", &self.place);
+            }
+        }
+        if let Some(ior) = extensions.ior.as_ref().map(|ior| ior.ior.0) {
+            if ior >= 1.0 && ior.is_finite() {
+                material.ior = ior;
+            } else {
+                self.warnings.push(format!("{}: ior {ior} is below 1 and left at {}", self.place, material.ior));
+            }
+        }
+        if let Some(transmission) = &extensions.transmission {
+            [material.transmission] = self.fractions("transmission factor", [transmission.transmission_factor.0]);
+            let texture = transmission.transmission_texture.as_ref().filter(|_| material.transmission > 0.0);
+            material.transmission_texture = self.numbers(texture.map(Lookup::from))?;
+        }
+        let volume = extensions.volume.as_ref();
+        let is_body = volume.is_some_and(|volume| volume.thickness_factor.0 > 0.0);
+        material.thin_walled = material.transmission > 0.0 && !is_body;
+        if is_body && volume.is_some_and(|volume| volume.attenuation_distance.0.is_finite()) {
+            self.remarks.note("the attenuation of KHR_materials_volume is ignored", &self.place);
+        }
+        for name in extensions.others.keys() {
+            self.remarks.note(&format!("{name} is ignored"), &self.place);
+        }
+        Ok(())
     }
-    Ok((material, uv_source))
+
+    /// Factors clamped to 0..=1, which is said where it changes them.
+    fn fractions<const N: usize>(&mut self, what: &str, factors: [f32; N]) -> [f32; N] {
+        // NaN becomes 0, though no JSON spells it.
+        let clamped = factors.map(|x| x.max(0.0).min(1.0));
+        if clamped != factors {
+            self.warnings.push(format!("{}: {what} {factors:?} is clamped to 0..=1", self.place));
+        }
+        clamped
+    }
+
+    fn colors(&mut self, lookup: Option<Lookup>) -> Result<Option<TextureRef>, ReadError> {
+        self.texture(lookup, Encoding::Srgb)
+    }
+
+    fn numbers(&mut self, lookup: Option<Lookup>) -> Result<Option<TextureRef>, ReadError> {
+        self.texture(lookup, Encoding::Linear)
+    }
+
+    fn texture(&mut self, lookup: Option<Lookup>, encoding: Encoding) -> Result<Option<TextureRef>, ReadError> {
+        let Some(lookup) = lookup else { return Ok(None) };
+        let uv_set = match lookup.uv_set() {
+            Ok(uv_set) => uv_set,
+            Err(set) => {
+                self.remarks.note(&format!("TEXCOORD_{set} is not read, its textures are left out"), &self.place);
+                return Ok(None);
+            }
+        };
+        let Some(texture_from_mesh) = lookup.texture_from_mesh() else {
+            self.warnings
+                .push(format!("{}: a KHR_texture_transform is not finite, its texture is left out", self.place));
+            return Ok(None);
+        };
+        let texture = self.textures.request(lookup.texture, encoding, &self.place)?;
+        Ok(Some(TextureRef { texture, uv_set, texture_from_mesh }))
+    }
+}
+
+/// A surface that shows its colour in any light: it emits it, and reflects nothing.
+fn unlit(material: Material) -> Material {
+    Material {
+        base_color: [0.0; 3],
+        base_color_texture: None,
+        emission: material.base_color,
+        emission_texture: material.base_color_texture,
+        ..material
+    }
 }

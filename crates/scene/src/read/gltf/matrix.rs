@@ -57,8 +57,14 @@ impl Matrix {
     pub(super) fn normal(&self, n: [f64; 3]) -> [f64; 3] {
         let [a, b, c, _] = self.columns;
         let rows = [cross(b, c), cross(c, a), cross(a, b)];
-        let sign = dot(a, rows[0]).signum();
+        let sign = self.sign();
         std::array::from_fn(|k| sign * (rows[0][k] * n[0] + rows[1][k] * n[1] + rows[2][k] * n[2]))
+    }
+
+    /// The sign of the determinant: -1 for a map that mirrors.
+    pub(super) fn sign(&self) -> f64 {
+        let [a, b, c, _] = self.columns;
+        dot(a, cross(b, c)).signum()
     }
 
     /// This map times a weight, added to another: how skins mix the maps of joints.

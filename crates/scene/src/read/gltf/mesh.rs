@@ -1,24 +1,34 @@
 //! A glTF mesh: all its primitives joined, one part each.
 
+use std::ops::Range;
+
 use super::document::Document;
-use super::material::UvSource;
 use super::pose::Pose;
 use super::primitive::{Patch, Reading};
 use crate::read::ReadError;
 use crate::read::repair::Repair;
-use crate::{MaterialId, Mesh, Part};
+use crate::{Material, MaterialId, Mesh, Part};
+
+/// A mesh, and what was met while reading it.
+#[derive(Default)]
+pub(super) struct Read {
+    pub(super) mesh: Mesh,
+    pub(super) repair: Repair,
+    pub(super) warnings: Vec<String>,
+}
 
 /// Reads mesh `index` of the file in a pose; primitives without triangles leave no part.
+///
+/// The last material is the default one, where a primitive needs it.
 pub(super) fn read(
     document: &Document<'_>,
     index: usize,
     pose: &Pose<'_>,
-    uv_sources: &[Option<UvSource>],
-    repair: &mut Repair,
-    warnings: &mut Vec<String>,
-) -> Result<Mesh, ReadError> {
+    materials: &[Material],
+) -> Result<Read, ReadError> {
     let source = &document.root.meshes[index];
-    let mut mesh = Mesh { name: source.name.clone().unwrap_or_else(|| format!("mesh {index}")), ..Mesh::default() };
+    let mut read = Read::default();
+    read.mesh.name = source.name.clone().unwrap_or_else(|| format!("mesh {index}"));
     for (k, primitive) in source.primitives.iter().enumerate() {
         let place = format!("mesh {index} primitive {k}");
         let material = match primitive.material {
@@ -26,20 +36,19 @@ pub(super) fn read(
                 document.get(&document.root.materials, material.value(), "material", &place)?;
                 material.value()
             }
-            // The default material stands behind those of the file.
             None => document.root.materials.len(),
         };
-        let reading = Reading { document, pose, uv_source: uv_sources[material].as_ref(), place: &place };
-        let patch = reading.read(primitive, repair, warnings)?;
-        join(&mut mesh, patch, material)
+        let reading = Reading { document, pose, material: &materials[material], place: &place };
+        let patch = reading.read(primitive, &mut read.repair, &mut read.warnings)?;
+        join(&mut read.mesh, patch, material)
             .ok_or_else(|| document.malformed(place, "takes its mesh beyond what 32 bits count"))?;
     }
-    Ok(mesh)
+    Ok(read)
 }
 
 /// Appends a patch; `None` where numbers exceed 32 bits.
 ///
-/// Where only some patches have normals or texture coordinates, the others get zeros.
+/// Where only some patches have an attribute, the others get zeros, and white for colours.
 fn join(mesh: &mut Mesh, patch: Patch, material: usize) -> Option<()> {
     if patch.triangles.is_empty() {
         return Some(());
@@ -48,19 +57,30 @@ fn join(mesh: &mut Mesh, patch: Patch, material: usize) -> Option<()> {
     let (before, after) = (mesh.positions.len(), mesh.positions.len() + patch.positions.len());
     let first_vertex = u32::try_from(before).ok().filter(|_| u32::try_from(after).is_ok())?;
     mesh.parts.push(Part { first_triangle, material: MaterialId(u32::try_from(material).ok()?) });
-    mesh.positions.extend(patch.positions);
-    mesh.triangles.extend(patch.triangles.into_iter().map(|triangle| triangle.map(|corner| corner + first_vertex)));
-    extend(&mut mesh.normals, patch.normals, before, after);
-    extend(&mut mesh.uvs, patch.uvs, before, after);
+    append(&mut mesh.positions, patch.positions);
+    let mut triangles = patch.triangles;
+    triangles.as_flattened_mut().iter_mut().for_each(|corner| *corner += first_vertex);
+    append(&mut mesh.triangles, triangles);
+    let vertices = before..after;
+    extend(&mut mesh.normals, patch.normals, &vertices, [0.0; 3]);
+    extend(&mut mesh.tangents, patch.tangents, &vertices, [0.0; 4]);
+    extend(&mut mesh.uvs, patch.uvs, &vertices, [0.0; 2]);
+    extend(&mut mesh.second_uvs, patch.second_uvs, &vertices, [0.0; 2]);
+    extend(&mut mesh.colors, patch.colors, &vertices, [1.0; 4]);
     Some(())
 }
 
-/// Appends values for the vertices `before..after` to a list that exists once any patch has values.
-fn extend<T: Copy + Default>(list: &mut Option<Vec<T>>, values: Option<Vec<T>>, before: usize, after: usize) {
+/// Appends a list; to an empty one without a copy, as most meshes have one primitive.
+fn append<T>(list: &mut Vec<T>, mut values: Vec<T>) {
+    if list.is_empty() { *list = values } else { list.append(&mut values) }
+}
+
+/// Appends values for some vertices to a list that exists once any patch has values.
+fn extend<T: Copy>(list: &mut Option<Vec<T>>, values: Option<Vec<T>>, vertices: &Range<usize>, missing: T) {
     if list.is_none() && values.is_none() {
         return;
     }
-    let list = list.get_or_insert_with(|| vec![T::default(); before]);
-    list.extend(values.unwrap_or_default());
-    list.resize(after, T::default());
+    let list = list.get_or_insert_with(|| vec![missing; vertices.start]);
+    append(list, values.unwrap_or_default());
+    list.resize(vertices.end, missing);
 }

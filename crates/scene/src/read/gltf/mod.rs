@@ -1,19 +1,24 @@
-//! glTF 2.0, as JSON or GLB: geometry in its default pose, placed by nodes, with the materials that a scene can say.
+//! glTF 2.0, as JSON or GLB: geometry, posed and placed by nodes, with the materials that a scene can say.
 //!
 //! ```text
-//! bytes -> container -> document -> accessor -> primitive -> mesh
-//!          nodes -> place -> instances,     material -> texture,     camera,  light
+//! bytes -> container -> document -> animation -> nodes -> camera, light
+//!          material -> lookup -> texture
+//!          place -> pose -> mesh -> primitive -> topology, attributes -> accessor
 //! ```
 //!
 //! The `gltf` crate only turns JSON into structures. It accepts indices, ranges and trees that break the rules, so
 //! every index and range is checked here, where it is used. Numbers in JSON are `f32` by the time they arrive.
 
 mod accessor;
+mod animation;
+mod attributes;
 mod camera;
 mod container;
 mod document;
 mod instancing;
+mod keyframes;
 mod light;
+mod lookup;
 mod material;
 mod matrix;
 mod mesh;
@@ -30,8 +35,9 @@ mod uri;
 use std::fs;
 use std::path::Path;
 
-use super::ReadError;
+use super::remarks::Remarks;
 use super::repair::Repair;
+use super::{ReadError, ReadOptions};
 use crate::Scene;
 use document::Document;
 
@@ -43,16 +49,19 @@ use document::Document;
 ///
 /// # Errors
 /// [`ReadError`] where the file breaks the rules so that its geometry cannot be trusted, or has nothing to draw.
-pub(crate) fn read(path: &Path) -> Result<Scene, ReadError> {
+pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
     let bytes = fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-    let document = Document::open(path, &bytes)?;
+    let (mut scene, mut repair, mut remarks) = (Scene::default(), Repair::default(), Remarks::default());
+    let mut document = Document::open(path, &bytes)?;
+    if let Some(time) = options.time {
+        animation::pose(&mut document, time, &mut remarks)?;
+    }
     let nodes = nodes::read(&document)?;
-    let mut scene = Scene::default();
-    let uv_sources = material::read(&document, &mut scene)?;
-    let mut repair = Repair::default();
-    place::read(&document, &nodes, &uv_sources, &mut repair, &mut scene)?;
+    material::read(&document, &mut remarks, &mut scene)?;
+    place::read(&document, &nodes, &mut repair, &mut scene)?;
     camera::read(&document, &nodes, &mut scene)?;
-    light::read(&document, &nodes, &mut scene)?;
+    light::read(&document, &nodes, &mut remarks, &mut scene)?;
+    remarks.finish(&mut scene.warnings);
     repair.finish(path, &mut scene)?;
     if scene.instances.is_empty() {
         return Err(ReadError::empty(path, "no node places a mesh by a transform that has an inverse"));

@@ -2,10 +2,10 @@
 
 use canted_obb::Affine;
 use gltf::json::scene::Node;
+use rayon::prelude::*;
 
 use super::document::Document;
 use super::instancing;
-use super::material::UvSource;
 use super::matrix::Matrix;
 use super::mesh;
 use super::nodes::Nodes;
@@ -20,18 +20,18 @@ use crate::{Instance, Mesh, MeshId, Scene};
 pub(super) fn read(
     document: &Document<'_>,
     nodes: &Nodes,
-    uv_sources: &[Option<UvSource>],
     repair: &mut Repair,
     scene: &mut Scene,
 ) -> Result<(), ReadError> {
     let placing = placing(document, nodes)?;
-    let (mut meshes, first_primitives) = read_unposed(document, &placing, uv_sources, repair, scene)?;
+    let (mut meshes, first_primitives) = read_unposed(document, &placing, repair, scene)?;
     for &(k, node, mesh_index) in &placing {
         let mut mesh = mesh_index;
         if is_posed(document, node, mesh_index) {
             let pose = pose_of(document, nodes, node, mesh_index, &format!("node {k}"))?;
             mesh = meshes.len();
-            meshes.push(mesh::read(document, mesh_index, &pose, uv_sources, repair, &mut scene.warnings)?);
+            let read = mesh::read(document, mesh_index, &pose, &scene.materials)?;
+            meshes.push(taken(read, repair, scene));
         }
         if meshes[mesh].triangles.is_empty() {
             continue;
@@ -57,6 +57,13 @@ pub(super) fn read(
     Ok(())
 }
 
+/// The mesh that was read, once what was met on the way is told.
+fn taken(read: mesh::Read, repair: &mut Repair, scene: &mut Scene) -> Mesh {
+    repair.add(&read.repair);
+    scene.warnings.extend(read.warnings);
+    read.mesh
+}
+
 /// The drawn nodes that have a mesh, with that mesh.
 fn placing<'a>(document: &'a Document<'_>, nodes: &Nodes) -> Result<Vec<(usize, &'a Node, usize)>, ReadError> {
     let mut placing = Vec::new();
@@ -76,13 +83,12 @@ fn is_posed(document: &Document<'_>, node: &Node, mesh: usize) -> bool {
     node.skin.is_some() || has_own_weights
 }
 
-/// All meshes of the file in their own default pose, and the number of the first triangle of each.
+/// All meshes of the file in their own pose, read at the same time, and the number of the first triangle of each.
 ///
 /// Only what is placed counts for the warnings.
 fn read_unposed(
     document: &Document<'_>,
     placing: &[(usize, &Node, usize)],
-    uv_sources: &[Option<UvSource>],
     repair: &mut Repair,
     scene: &mut Scene,
 ) -> Result<(Vec<Mesh>, Vec<u32>), ReadError> {
@@ -90,15 +96,15 @@ fn read_unposed(
     for &(_, node, mesh) in placing {
         is_placed[mesh] |= !is_posed(document, node, mesh);
     }
+    let read = |index: usize| {
+        let weights = document.root.meshes[index].weights.as_deref().unwrap_or_default();
+        mesh::read(document, index, &Pose { weights, ..Pose::default() }, &scene.materials)
+    };
+    let all: Vec<_> = (0..is_placed.len()).into_par_iter().map(read).collect();
     let (mut meshes, mut first_primitives, mut n_triangles) = (Vec::new(), Vec::new(), 0_usize);
-    for (index, is_placed) in is_placed.into_iter().enumerate() {
-        let pose =
-            Pose { weights: document.root.meshes[index].weights.as_deref().unwrap_or_default(), ..Pose::default() };
-        let mesh = if is_placed {
-            mesh::read(document, index, &pose, uv_sources, repair, &mut scene.warnings)?
-        } else {
-            mesh::read(document, index, &pose, uv_sources, &mut Repair::default(), &mut Vec::new())?
-        };
+    for (read, is_placed) in all.into_iter().zip(is_placed) {
+        let read = read?;
+        let mesh = if is_placed { taken(read, repair, scene) } else { read.mesh };
         first_primitives.push(to_id(document, n_triangles)?);
         n_triangles += mesh.triangles.len();
         meshes.push(mesh);

@@ -1,4 +1,4 @@
-//! Vertices in the default pose: morph targets by their default weights, skins by where their joints stand.
+//! Posed vertices: morph targets by their weights, skins by where their joints stand.
 
 use gltf::json::Index;
 use gltf::json::accessor::{ComponentType, Type};
@@ -9,6 +9,7 @@ use super::accessor::{Accessor, INDICES, REALS};
 use super::document::Document;
 use super::matrix::Matrix;
 use super::nodes::Nodes;
+use super::primitive::Reading;
 use crate::read::ReadError;
 
 /// How a mesh is bent before it is placed.
@@ -46,31 +47,29 @@ pub(super) fn joints(
     skin.joints.iter().enumerate().map(matrix).collect()
 }
 
-/// Positions or normals with what morph targets add to them.
+/// Positions, normals or tangents with what morph targets add to them.
 pub(super) struct Morphed<'a> {
-    base: Accessor<'a>,
+    /// What the file has without its targets; three numbers of an element are morphed.
+    pub(super) base: Accessor<'a>,
     targets: Vec<(f64, Accessor<'a>)>,
 }
 
 impl<'a> Morphed<'a> {
-    /// Opens the accessor `base` and those that `target_of` finds in the targets of weight other than zero.
+    /// Opens the accessors that `target_of` finds in the targets of weight other than zero.
     pub(super) fn open(
-        document: &'a Document<'_>,
+        reading: &Reading<'a, 'a>,
         primitive: &Primitive,
-        base: usize,
-        weights: &[f32],
+        base: Accessor<'a>,
         target_of: fn(&MorphTarget) -> Option<Index<gltf::json::Accessor>>,
         place: &str,
     ) -> Result<Self, ReadError> {
-        let open = |index: usize| Accessor::open(document, index, place, Type::Vec3, REALS);
-        let base = open(base)?;
         let mut targets = Vec::new();
-        for (target, &weight) in primitive.targets.iter().flatten().zip(weights) {
+        for (target, &weight) in primitive.targets.iter().flatten().zip(reading.pose.weights) {
             let Some(index) = target_of(target).filter(|_| weight != 0.0) else { continue };
-            let offsets = open(index.value())?;
+            let offsets = Accessor::open(reading.document, index.value(), place, Type::Vec3, REALS)?;
             if offsets.count != base.count {
                 let message = format!("has a morph target of {} elements for {}", offsets.count, base.count);
-                return Err(document.malformed(place, message));
+                return Err(reading.document.malformed(place, message));
             }
             targets.push((f64::from(weight), offsets));
         }

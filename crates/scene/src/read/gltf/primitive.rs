@@ -5,13 +5,14 @@ use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 
 use super::accessor::{Accessor, INDICES, REALS};
+use super::attributes::Attributes;
 use super::document::Document;
-use super::material::UvSource;
-use super::matrix::{Matrix, unit};
+use super::matrix::Matrix;
 use super::pose::{Morphed, Pose, Skinning};
 use super::topology;
 use crate::read::ReadError;
 use crate::read::repair::Repair;
+use crate::{Material, UvSet};
 
 /// What a primitive adds to its mesh.
 #[derive(Default)]
@@ -20,15 +21,20 @@ pub(super) struct Patch {
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) normals: Option<Vec<[f32; 3]>>,
+    pub(super) tangents: Option<Vec<[f32; 4]>>,
     pub(super) uvs: Option<Vec<[f32; 2]>>,
+    pub(super) second_uvs: Option<Vec<[f32; 2]>>,
+    pub(super) colors: Option<Vec<[f32; 4]>>,
 }
+
+/// How a vertex of a number is moved, where it is in a skin.
+pub(super) type Bend<'a> = dyn Fn(usize) -> Result<Option<Matrix>, ReadError> + 'a;
 
 /// What a primitive is read with.
 pub(super) struct Reading<'a, 'b> {
     pub(super) document: &'a Document<'b>,
     pub(super) pose: &'a Pose<'a>,
-    /// Where the texture coordinates come from; `None` where the material needs none.
-    pub(super) uv_source: Option<&'a UvSource>,
+    pub(super) material: &'a Material,
     /// `mesh 3 primitive 0`.
     pub(super) place: &'a str,
 }
@@ -47,9 +53,9 @@ impl Reading<'_, '_> {
             warnings.push(format!("{place} has no POSITION and is left out"));
             return Ok(Patch::default());
         };
-        let weights = self.pose.weights;
         let at = format!("{place} POSITION");
-        let positions = Morphed::open(self.document, primitive, position, weights, |target| target.positions, &at)?;
+        let base = Accessor::open(self.document, position, &at, Type::Vec3, REALS)?;
+        let positions = Morphed::open(self, primitive, base, |target| target.positions, &at)?;
         let Some(triangles) = self.triangles(primitive, positions.count(), warnings)? else {
             return Ok(Patch::default());
         };
@@ -66,28 +72,17 @@ impl Reading<'_, '_> {
             })
         };
 
-        let (mut patch, vertices) = self.compact(triangles, &positions, &bend, repair)?;
-        if let Some(index) = find(Semantic::Normals) {
-            let at = format!("{place} NORMAL");
-            let normals = Morphed::open(self.document, primitive, index, weights, |target| target.normals, &at)?;
-            self.check_count(normals.count(), positions.count(), "NORMAL")?;
-            let normal = |&vertex: &usize| {
-                let normal = normals.at(vertex);
-                Ok(unit(bend(vertex)?.map_or(normal, |bend| bend.normal(normal))).unwrap_or_default())
-            };
-            patch.normals = Some(vertices.iter().map(normal).collect::<Result<_, ReadError>>()?);
-        }
-        if let Some(source) = self.uv_source {
-            let Some(index) = find(Semantic::TexCoords(source.set)) else {
-                warnings.push(format!("{place} has no TEXCOORD_{}, its texture shows one texel", source.set));
-                patch.uvs = Some(vec![source.apply([0.0; 2]); vertices.len()]);
-                return Ok(patch);
-            };
-            let uvs = Accessor::open(self.document, index, &format!("{place} TEXCOORD"), Type::Vec2, REALS)?;
-            self.check_count(uvs.count, positions.count(), "TEXCOORD")?;
-            patch.uvs = Some(vertices.iter().map(|&vertex| source.apply(uvs.reals(vertex))).collect());
-        }
-        Ok(patch)
+        let (patch, vertices) = self.compact(triangles, &positions, &bend, repair)?;
+        let mut attributes =
+            Attributes { reading: self, primitive, n_all: positions.count(), vertices: &vertices, warnings };
+        Ok(Patch {
+            normals: attributes.normals(&bend)?,
+            tangents: attributes.tangents(&bend)?,
+            uvs: attributes.uvs(UvSet::First)?,
+            second_uvs: attributes.uvs(UvSet::Second)?,
+            colors: attributes.colors()?,
+            ..patch
+        })
     }
 
     /// Triangles as indices below `n_vertices`; `None`, with a warning, for points and lines.
@@ -133,7 +128,7 @@ impl Reading<'_, '_> {
         &self,
         mut triangles: Vec<[u32; 3]>,
         positions: &Morphed<'_>,
-        bend: &impl Fn(usize) -> Result<Option<Matrix>, ReadError>,
+        bend: &Bend<'_>,
         repair: &mut Repair,
     ) -> Result<(Patch, Vec<usize>), ReadError> {
         let corners = triangles.as_flattened();
@@ -157,12 +152,5 @@ impl Reading<'_, '_> {
         }
         triangles.as_flattened_mut().iter_mut().for_each(|corner| *corner = renumbered[(*corner - least) as usize]);
         Ok((Patch { triangles, positions: kept, ..Patch::default() }, vertices))
-    }
-
-    fn check_count(&self, count: usize, n_vertices: usize, attribute: &str) -> Result<(), ReadError> {
-        if count == n_vertices {
-            return Ok(());
-        }
-        Err(self.document.malformed(self.place, format!("has {count} {attribute} for {n_vertices} vertices")))
     }
 }

@@ -4,67 +4,49 @@ use std::collections::HashMap;
 
 use gltf::json::texture::WrappingMode;
 use gltf::json::validation::Checked;
+use rayon::prelude::*;
 
 use super::document::Document;
 use super::uri;
 use crate::read::ReadError;
 use crate::read::image;
-use crate::{Scene, Texture, TextureId, Wrap};
+use crate::{Encoding, Scene, Texture, TextureId, Wrap};
 
-/// The textures read so far.
+/// The textures that materials ask for.
 pub(super) struct Textures<'a, 'b> {
-    document: &'a Document<'b>,
-    /// By image and wrap modes, as many textures share both. `None`: the image cannot be read.
-    known: HashMap<(usize, [Wrap; 2]), Option<TextureId>>,
-    /// Mean colours by image.
-    means: HashMap<usize, [f32; 3]>,
+    pub(super) document: &'a Document<'b>,
+    requests: Vec<Request>,
+    /// Place in the list, by what makes a texture: two that agree in it are one.
+    known: HashMap<Key, TextureId>,
+}
+
+/// An image, what lies outside it, and what its bytes mean.
+type Key = (usize, [Wrap; 2], Encoding);
+
+struct Request {
+    key: Key,
+    /// Who asks first.
+    place: String,
 }
 
 impl<'a, 'b> Textures<'a, 'b> {
     pub(super) fn new(document: &'a Document<'b>) -> Self {
-        Self { document, known: HashMap::new(), means: HashMap::new() }
+        Self { document, requests: Vec::new(), known: HashMap::new() }
     }
 
-    /// Texture `index` of the file, added to the scene when it is first asked for; `None` where it cannot be read.
-    pub(super) fn get(&mut self, index: usize, place: &str, scene: &mut Scene) -> Result<Option<TextureId>, ReadError> {
-        let (image, wrap) = self.image_of(index, place)?;
-        if let Some(&known) = self.known.get(&(image, wrap)) {
-            return Ok(known);
+    /// The id that texture `index` of the file has until [`Textures::load`].
+    pub(super) fn request(&mut self, index: usize, encoding: Encoding, place: &str) -> Result<TextureId, ReadError> {
+        let key = self.key(index, encoding, place)?;
+        let next = u32::try_from(self.requests.len())
+            .map_err(|_| self.document.malformed(place, "names more textures than 32 bits count"))?;
+        let id = *self.known.entry(key).or_insert(TextureId(next));
+        if id.0 == next {
+            self.requests.push(Request { key, place: place.to_owned() });
         }
-        let id = match (self.decode(image, place)?, u32::try_from(scene.textures.len())) {
-            (Ok(texture), Ok(id)) => {
-                scene.textures.push(Texture { wrap, ..texture });
-                Some(TextureId(id))
-            }
-            (Err(warning), _) => {
-                scene.warnings.push(warning);
-                None
-            }
-            (Ok(_), Err(_)) => return Err(self.document.malformed(place, "names more textures than 32 bits count")),
-        };
-        self.known.insert((image, wrap), id);
         Ok(id)
     }
 
-    /// Mean linear colour of texture `index` of the file, white where it cannot be read.
-    pub(super) fn mean(&mut self, index: usize, place: &str, scene: &mut Scene) -> Result<[f32; 3], ReadError> {
-        let (image, _) = self.image_of(index, place)?;
-        if let Some(&mean) = self.means.get(&image) {
-            return Ok(mean);
-        }
-        let mean = match self.decode(image, place)? {
-            Ok(texture) => mean_linear(&texture),
-            Err(warning) => {
-                scene.warnings.push(warning);
-                [1.0; 3]
-            }
-        };
-        self.means.insert(image, mean);
-        Ok(mean)
-    }
-
-    /// The image of a texture and its wrap modes.
-    fn image_of(&self, index: usize, place: &str) -> Result<(usize, [Wrap; 2]), ReadError> {
+    fn key(&self, index: usize, encoding: Encoding, place: &str) -> Result<Key, ReadError> {
         let root = &self.document.root;
         let texture = self.document.get(&root.textures, index, "texture", place)?;
         let place = format!("texture {index}");
@@ -76,28 +58,65 @@ impl<'a, 'b> Textures<'a, 'b> {
             None => [Wrap::Repeat; 2],
         };
         self.document.get(&root.images, texture.source.value(), "image", &place)?;
-        Ok((texture.source.value(), wrap))
+        Ok((texture.source.value(), wrap, encoding))
     }
 
-    /// Reads and decodes an image; the inner error is a warning.
-    fn decode(&self, index: usize, place: &str) -> Result<Result<Texture, String>, ReadError> {
-        let image = &self.document.root.images[index];
-        let name = image.name.clone().unwrap_or_else(|| format!("image {index}"));
-        let warning = |why: String| format!("image {index} {name:?} of {place}: {why}; a plain colour stands for it");
-        let loaded;
-        let bytes = match (image.buffer_view, &image.uri) {
-            (Some(view), _) => self.document.view(view.value(), &format!("image {index}"))?.0,
-            (None, Some(uri)) => match uri::load(uri, &self.document.folder) {
-                Ok(bytes) => {
-                    loaded = bytes;
-                    &loaded[..]
-                }
-                Err(error) => return Ok(Err(warning(error.to_string()))),
-            },
-            (None, None) => return Ok(Err(warning("it has neither a buffer view nor a uri".to_owned()))),
-        };
-        Ok(image::decode(&name, bytes).map_err(|error| warning(error.to_string())))
+    /// Decodes each image once, all at the same time, and gives the scene's materials their textures.
+    pub(super) fn load(self, scene: &mut Scene) -> Result<(), ReadError> {
+        let mut images: Vec<(usize, &str)> = Vec::new();
+        let mut n_uses: HashMap<usize, usize> = HashMap::new();
+        for Request { key: (image, ..), place } in &self.requests {
+            let n = n_uses.entry(*image).or_default();
+            if *n == 0 {
+                images.push((*image, place));
+            }
+            *n += 1;
+        }
+        let decode = |&(image, place): &(usize, &str)| decode(self.document, image, place);
+        let decoded: Vec<_> = images.par_iter().map(decode).collect();
+        let mut of_image = HashMap::new();
+        for (&(image, _), decoded) in images.iter().zip(decoded) {
+            match decoded? {
+                Ok(texture) => drop(of_image.insert(image, texture)),
+                Err(warning) => scene.warnings.push(warning),
+            }
+        }
+        let mut ids = Vec::with_capacity(self.requests.len());
+        for Request { key: (image, wrap, encoding), .. } in &self.requests {
+            let n_left = n_uses.entry(*image).and_modify(|n| *n -= 1).or_default();
+            // The last use takes the texels, so that an image used once is never copied.
+            let texture = if *n_left == 0 { of_image.remove(image) } else { of_image.get(image).cloned() };
+            ids.push(texture.map(|texture| {
+                scene.textures.push(Texture { wrap: *wrap, encoding: *encoding, ..texture });
+                scene.textures.len() - 1
+            }));
+        }
+        let id_of = |old: TextureId| ids[old.0 as usize].and_then(|id| u32::try_from(id).ok()).map(TextureId);
+        for slot in scene.materials.iter_mut().flat_map(|material| material.textures_mut()) {
+            *slot = slot.take().and_then(|old| Some(crate::TextureRef { texture: id_of(old.texture)?, ..old }));
+        }
+        Ok(())
     }
+}
+
+/// Reads and decodes an image; the inner error is a warning.
+fn decode(document: &Document<'_>, index: usize, place: &str) -> Result<Result<Texture, String>, ReadError> {
+    let image = &document.root.images[index];
+    let name = image.name.clone().unwrap_or_else(|| format!("image {index}"));
+    let warning = |why: String| format!("image {index} {name:?} of {place}: {why}; a plain colour stands for it");
+    let loaded;
+    let bytes = match (image.buffer_view, &image.uri) {
+        (Some(view), _) => document.view(view.value(), &format!("image {index}"))?.0,
+        (None, Some(uri)) => match uri::load(uri, &document.folder) {
+            Ok(bytes) => {
+                loaded = bytes;
+                &loaded[..]
+            }
+            Err(error) => return Ok(Err(warning(error.to_string()))),
+        },
+        (None, None) => return Ok(Err(warning("it has neither a buffer view nor a uri".to_owned()))),
+    };
+    Ok(image::decode(&name, bytes).map_err(|error| warning(error.to_string())))
 }
 
 /// Unknown modes repeat, as missing ones do.
@@ -107,15 +126,4 @@ fn wrap(mode: Checked<WrappingMode>) -> Wrap {
         Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
         Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
     }
-}
-
-/// Mean of the texels, decoded from sRGB (IEC 61966-2-1).
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-fn mean_linear(texture: &Texture) -> [f32; 3] {
-    let decoded: [f64; 256] = std::array::from_fn(|byte| {
-        let encoded = byte as f64 / 255.0;
-        if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-    });
-    let sum = |k: usize| texture.texels.iter().map(|texel| decoded[usize::from(texel[k])]).sum::<f64>();
-    std::array::from_fn(|k| (sum(k) / texture.texels.len() as f64) as f32)
 }

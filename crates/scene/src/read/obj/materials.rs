@@ -5,21 +5,44 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::surface::surface;
 use crate::read::folder::Folder;
-use crate::read::{ReadError, image, mtl, text};
-use crate::{AlphaMode, Material, Scene, Texture, TextureId, TextureRef};
+use crate::read::mtl::{self, Recipe};
+use crate::read::remarks::Remarks;
+use crate::read::{ReadError, image, text};
+use crate::{AlphaMode, Encoding, Material, Scene, Texture, TextureId, TextureRef};
 
-/// What a texture is read for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// What a texture is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     BaseColor,
     Mask,
+    Emission,
+    Normals,
+}
+
+/// What an image is made into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Content {
+    Color,
+    Mask,
+    Numbers,
+}
+
+impl Role {
+    fn content(self) -> Content {
+        match self {
+            Self::BaseColor | Self::Emission => Content::Color,
+            Self::Mask => Content::Mask,
+            Self::Normals => Content::Numbers,
+        }
+    }
 }
 
 /// A texture and the first material that asks for it.
 struct Request {
     path: PathBuf,
-    role: Role,
+    content: Content,
     /// For messages.
     name: String,
     material: usize,
@@ -42,31 +65,35 @@ pub(super) fn materials(
     }
 
     let mut requests = Requests { folder: &folder, list: Vec::new(), ids: HashMap::new() };
-    let mut wanted = Vec::new();
+    let (mut wanted, mut remarks) = (Vec::new(), Remarks::default());
     for (k, &name) in names.iter().enumerate() {
         let recipe = name.and_then(|name| recipes.get(name));
         if let (Some(name), None) = (name, recipe) {
             scene.warnings.push(format!("material {} is in no library; it is plain grey", text::quoted(name)));
         }
-        let (material, maps) = material(name, recipe, &mut scene.warnings);
-        scene.materials.push(material);
-        for (map, role) in maps {
-            match requests.add(&map, role, k) {
+        let shown_name = String::from_utf8_lossy(name.unwrap_or_default()).into_owned();
+        let Some(recipe) = recipe else {
+            scene.materials.push(Material { name: shown_name, ..Material::default() });
+            continue;
+        };
+        scene.materials.push(surface(shown_name, recipe));
+        for (map, role) in maps(recipe) {
+            match requests.add(map, role.content(), k) {
                 Ok(request) => wanted.push((k, role, request)),
-                Err(refusal) => scene.warnings.push(texture_warning(&scene.materials[k], &map, &refusal)),
+                Err(refusal) => scene.warnings.push(texture_warning(&scene.materials[k], map, &refusal)),
             }
         }
+        for keyword in &recipe.ignored {
+            let place = format!("material {}", text::quoted(name.unwrap_or_default()));
+            remarks.note(&format!("{keyword} is ignored"), &place);
+        }
     }
+    remarks.finish(&mut scene.warnings);
 
     let textures = load(&requests.list, scene);
     for (k, role, request) in wanted {
-        let material = &mut scene.materials[k];
-        match role {
-            Role::BaseColor => material.base_color_texture = textures[request].map(TextureRef::plain),
-            Role::Mask => {
-                material.alpha_texture = textures[request].map(TextureRef::plain);
-                material.alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
-            }
+        if let Some(texture) = textures[request].map(TextureRef::plain) {
+            assign(&mut scene.materials[k], role, texture);
         }
     }
     Ok(())
@@ -95,38 +122,50 @@ fn library_files(folder: &Folder, statements: &[&[u8]], warnings: &mut Vec<Strin
     files
 }
 
-/// The material without its textures, and the files that it wants.
-fn material(
-    name: Option<&[u8]>,
-    recipe: Option<&mtl::Recipe>,
-    warnings: &mut Vec<String>,
-) -> (Material, Vec<(String, Role)>) {
-    let name = String::from_utf8_lossy(name.unwrap_or_default()).into_owned();
-    let plain = Material { name, ..Material::default() };
-    let Some(recipe) = recipe else { return (plain, Vec::new()) };
-    if recipe.is_translucent && recipe.mask.is_none() {
-        warnings.push(format!("material {}: d or Tr is ignored; it is opaque", text::quoted(plain.name.as_bytes())));
-    }
-    let uncoloured = if recipe.base_color_map.is_some() { [1.0; 3] } else { plain.base_color };
-    let material = Material { base_color: recipe.base_color.unwrap_or(uncoloured), emission: recipe.emission, ..plain };
-    let maps = [(&recipe.base_color_map, Role::BaseColor), (&recipe.mask, Role::Mask)];
-    (material, maps.into_iter().filter_map(|(map, role)| Some((map.clone()?, role))).collect())
+/// The files that a material wants. Where it emits nothing by its own word, a texture of that is none.
+fn maps(recipe: &Recipe) -> impl Iterator<Item = (&str, Role)> {
+    let emission_map = recipe.emission_map.as_ref().filter(|_| recipe.emission != Some([0.0; 3]));
+    let maps = [
+        (recipe.base_color_map.as_ref(), Role::BaseColor),
+        (recipe.mask.as_ref(), Role::Mask),
+        (emission_map, Role::Emission),
+        (recipe.normal_map.as_ref(), Role::Normals),
+    ];
+    maps.into_iter().filter_map(|(map, role)| Some((&map?[..], role)))
 }
 
-/// Textures to load, each file once for each role.
+fn assign(material: &mut Material, role: Role, texture: TextureRef) {
+    match role {
+        Role::BaseColor => material.base_color_texture = Some(texture),
+        Role::Normals => material.normal_texture = Some(texture),
+        Role::Mask => {
+            material.alpha_texture = Some(texture);
+            material.alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
+        }
+        Role::Emission => {
+            material.emission_texture = Some(texture);
+            // A texture of which the material says no strength is as strong as it looks.
+            if !material.emits() {
+                material.emission = [1.0; 3];
+            }
+        }
+    }
+}
+
+/// Textures to load, each file once for each content.
 struct Requests<'a> {
     folder: &'a Folder,
     list: Vec<Request>,
-    ids: HashMap<(PathBuf, Role), usize>,
+    ids: HashMap<(PathBuf, Content), usize>,
 }
 
 impl Requests<'_> {
-    fn add(&mut self, name: &str, role: Role, material: usize) -> Result<usize, String> {
+    fn add(&mut self, name: &str, content: Content, material: usize) -> Result<usize, String> {
         let path = self.folder.resolve(name).map_err(|refusal| refusal.to_string())?;
         let next = self.list.len();
-        let id = *self.ids.entry((path.clone(), role)).or_insert(next);
+        let id = *self.ids.entry((path.clone(), content)).or_insert(next);
         if id == next {
-            self.list.push(Request { path, role, name: name.to_owned(), material });
+            self.list.push(Request { path, content, name: name.to_owned(), material });
         }
         Ok(id)
     }
@@ -155,9 +194,10 @@ fn load(requests: &[Request], scene: &mut Scene) -> Vec<Option<TextureId>> {
 fn decode(request: &Request) -> Result<Texture, String> {
     let bytes = std::fs::read(&request.path).map_err(|error| error.to_string())?;
     let texture = image::decode(&request.name, &bytes).map_err(|error| error.to_string())?;
-    Ok(match request.role {
-        Role::BaseColor => texture,
-        Role::Mask => image::into_mask(texture),
+    Ok(match request.content {
+        Content::Color => texture,
+        Content::Mask => image::into_mask(texture),
+        Content::Numbers => Texture { encoding: Encoding::Linear, ..texture },
     })
 }
 

@@ -1,7 +1,7 @@
 //! Wavefront OBJ with its MTL.
 //!
 //! ```text
-//! bytes -> statements -> materials -> meshes -> shapes (equal meshes become instances)
+//! bytes -> statements -> materials (surface) -> meshes -> shapes (equal meshes become instances)
 //! ```
 //!
 //! Triangles are numbered in the order of the file's faces; a polygon counts as its triangles. Triangles that are
@@ -11,6 +11,7 @@ mod materials;
 mod meshes;
 mod shapes;
 mod statements;
+mod surface;
 
 use std::path::Path;
 

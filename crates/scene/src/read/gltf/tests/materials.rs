@@ -3,10 +3,10 @@
 use serde_json::{Value, json};
 
 use super::{File, TRIANGLE};
-use crate::{AlphaMode, Scene, TextureId, TextureRef, Wrap};
+use crate::{AlphaMode, Scene, TextureId, TextureRef, UvSet, Wrap};
 
 /// A 2 x 1 PNG: red with full alpha, mid grey without.
-fn png() -> Vec<u8> {
+pub(super) fn png() -> Vec<u8> {
     let image = image::RgbaImage::from_fn(2, 1, |x, _| image::Rgba([[255, 0, 0, 255], [128, 128, 128, 0]][x as usize]));
     let mut bytes = std::io::Cursor::new(Vec::new());
     image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
@@ -14,10 +14,10 @@ fn png() -> Vec<u8> {
 }
 
 /// Texture coordinates of set 0; set 1 has them in reverse order.
-const UVS: [f32; 6] = [0.0, 0.0, 0.5, 0.25, 1.0, 1.0];
+pub(super) const UVS: [f32; 6] = [0.0, 0.0, 0.5, 0.25, 1.0, 1.0];
 
 /// The triangle with two sets of coordinates, this material, and the PNG in a buffer view as image 0.
-fn file(material: Value) -> File {
+pub(super) fn file(material: Value) -> File {
     let mut file = File::new();
     let positions = file.reals("VEC3", &TRIANGLE);
     let uvs = file.reals("VEC2", &UVS);
@@ -32,7 +32,7 @@ fn file(material: Value) -> File {
 }
 
 /// A material with texture 0 as its base colour.
-fn textured(info: Value) -> Value {
+pub(super) fn textured(info: Value) -> Value {
     let mut info = info;
     info["index"] = json!(0);
     json!({ "pbrMetallicRoughness": { "baseColorTexture": info } })
@@ -74,24 +74,38 @@ fn a_texture_brings_its_texels_and_coordinates() {
     assert_eq!((&texture.name[..], texture.width, texture.height), ("two texels", 2, 1));
     assert_eq!(texture.texels, [[255, 0, 0, 255], [128, 128, 128, 0]]);
     assert_eq!(uvs(&scene), [[0.0, 1.0], [0.5, 0.75], [1.0, 0.0]], "v points up");
-    assert_eq!(uvs(&file(textured(json!({ "texCoord": 1 }))).scene())[0], [1.0, 0.0], "set 1");
+    assert!(scene.meshes[0].second_uvs.is_none(), "what nothing needs costs nothing");
+    let scene = file(textured(json!({ "texCoord": 1 }))).scene();
+    assert_eq!(scene.materials[0].base_color_texture.unwrap().uv_set, UvSet::Second);
+    assert_eq!(scene.meshes[0].second_uvs.as_ref().unwrap()[0], [1.0, 0.0]);
+    assert!(scene.meshes[0].uvs.is_none());
+}
+
+/// Where the base colour's texture is looked up at the corners of the triangle.
+fn looked_up(scene: &Scene) -> Vec<[f64; 2]> {
+    let texture = scene.materials[0].base_color_texture.unwrap();
+    let uvs = scene.meshes[0].uv_set(texture.uv_set).unwrap();
+    uvs.iter().map(|uv| texture.texture_from_mesh.point(uv.map(f64::from))).collect()
 }
 
 #[test]
 fn textures_transform_coordinates() {
     let with = |transform: Value| {
         let info = json!({ "extensions": { "KHR_texture_transform": transform } });
-        uvs(&file(textured(info)).scene()).to_vec()
+        looked_up(&file(textured(info)).scene())
     };
     assert_eq!(with(json!({})), [[0.0, 1.0], [0.5, 0.75], [1.0, 0.0]]);
     assert_eq!(with(json!({ "scale": [2, 4], "offset": [0.5, 0.25] }))[1], [1.5, 1.0 - 1.25]);
     assert_eq!(with(json!({ "texCoord": 1 }))[0], [1.0, 0.0], "it overrides the set");
     // The example of the extension: the lower left quadrant of the image, turned.
     let turned = with(json!({ "offset": [0, 1], "rotation": std::f32::consts::FRAC_PI_2, "scale": [0.5, 0.5] }));
-    let rounding = f32::EPSILON;
+    // Each number of a row is rounded once, and is below 1.
+    let rounding = 1.5 * f64::from(f32::EPSILON);
     for ([u, v], want) in turned.into_iter().zip([[0.0, 0.0], [0.125, 0.25], [0.5, 0.5]]) {
         assert!((u - want[0]).abs() <= rounding && (v - want[1]).abs() <= rounding, "{u} {v} for {want:?}");
     }
+    let infinite = textured(json!({ "extensions": { "KHR_texture_transform": { "scale": [1e39, 1] } } }));
+    assert!(file(infinite).warned("not finite").textures.is_empty());
 }
 
 #[test]
@@ -129,18 +143,6 @@ fn textures_with_the_same_image_and_wrap_are_one() {
     assert_eq!(ids, [0, 0, 1]);
     assert_eq!(scene.textures[0].wrap, [Wrap::Repeat; 2]);
     assert_eq!(scene.textures[1].wrap, [Wrap::Clamp, Wrap::Mirror]);
-}
-
-#[test]
-fn emissive_textures_count_by_their_mean() {
-    let scene = file(json!({ "emissiveFactor": [2, 2, 2], "emissiveTexture": { "index": 0 } })).scene();
-    // Linear values of 255 and 128 by IEC 61966-2-1; red is the mean of 1 and grey, the others of 0 and grey.
-    let grey = ((128.0_f64 / 255.0 + 0.055) / 1.055).powf(2.4);
-    for (found, want) in scene.materials[0].emission.map(f64::from).into_iter().zip([1.0 + grey, grey, grey]) {
-        // The mean and its product with the factor are rounded once each.
-        assert!((found - want).abs() <= f64::from(f32::EPSILON) * want, "{found} for {want}");
-    }
-    assert!(scene.textures.is_empty(), "only the mean is kept");
 }
 
 #[test]
@@ -190,9 +192,13 @@ fn indices_beyond_the_lists() {
 
 #[test]
 fn a_texture_without_coordinates_is_said() {
-    let mut file = file(textured(json!({ "texCoord": 3 })));
-    let scene = file.warned("TEXCOORD_3");
-    assert_eq!(uvs(&scene), [[0.0, 1.0]; 3]);
-    file.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_3"] = json!(0);
+    let mut file = file(textured(json!({ "texCoord": 1 })));
+    let attributes = file.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap();
+    attributes.remove("TEXCOORD_1");
+    let scene = file.warned("TEXCOORD_1");
+    assert_eq!(looked_up(&scene), [[0.0, 1.0]; 3]);
+    file.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = json!(0);
     file.refused("accessor 0: is not of type Vec2");
+    file.json["materials"][0] = textured(json!({ "texCoord": 3 }));
+    assert!(file.warned("TEXCOORD_3 is not read").textures.is_empty());
 }

@@ -2,6 +2,8 @@
 //!
 //! Not covered here: real exporters' habits, which the optional files of the integration test stand for.
 
+mod animation;
+mod attributes;
 mod geometry;
 mod layout;
 mod materials;
@@ -9,6 +11,7 @@ mod mutated;
 mod nodes;
 mod place;
 mod pose;
+mod surfaces;
 mod views;
 
 use std::fs;
@@ -18,7 +21,7 @@ use serde_json::{Value, json};
 
 use super::uri::tests::to_base64;
 use crate::Scene;
-use crate::read::ReadError;
+use crate::read::{ReadError, ReadOptions};
 
 /// Numbers of component types in files.
 pub(super) const I8: u32 = 5120;
@@ -145,6 +148,14 @@ impl File {
         read_bytes(folder.path(), "test.gltf", self.text().as_bytes())
     }
 
+    /// As [`File::read`], at a time.
+    pub(super) fn read_at(&self, time: f32) -> Result<Scene, ReadError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("test.gltf");
+        fs::write(&path, self.text()).unwrap();
+        super::read(&path, &ReadOptions { time: Some(time) })
+    }
+
     /// The scene, which must have no warnings.
     #[track_caller]
     pub(super) fn scene(&self) -> Scene {
@@ -178,7 +189,7 @@ pub(super) fn word(length: usize) -> [u8; 4] {
 pub(super) fn read_bytes(folder: &Path, name: &str, bytes: &[u8]) -> Result<Scene, ReadError> {
     let path = folder.join(name);
     fs::write(&path, bytes).unwrap();
-    super::read(&path)
+    super::read(&path, &ReadOptions::default())
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::File;
-use crate::{Camera, Light};
+use crate::{Camera, Light, Projection};
 
 /// The triangle, and a node with these keys.
 fn file(node: Value) -> File {
@@ -35,6 +35,17 @@ fn cameras_look_along_minus_z() {
     assert_eq!((camera.target, camera.up), ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]));
 }
 
+fn orthographic(ymag: f64) -> Value {
+    json!({ "type": "orthographic", "orthographic": { "xmag": 3, "ymag": ymag, "znear": 0, "zfar": 1 } })
+}
+
+#[test]
+fn orthographic_cameras_show_twice_their_ymag() {
+    let scene = with_camera(json!({ "translation": [0, 0, 1] }), orthographic(1.5)).scene();
+    let like = Camera::pinhole([0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], 90.0);
+    assert_eq!(scene.cameras, [Camera { projection: Projection::Orthographic { height: 3.0 }, ..like }]);
+}
+
 #[test]
 fn cameras_far_out_still_look_the_same_way() {
     let node = json!({ "translation": [1e7, 1e7, 1e7], "rotation": [0.1, 0.2, 0.3, 0.9] });
@@ -54,12 +65,12 @@ fn cameras_far_out_still_look_the_same_way() {
 
 #[test]
 fn cameras_that_cannot_be_used_are_said() {
-    let ortho = json!({ "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 1, "znear": 0, "zfar": 1 } });
     let node = json!({});
     for (camera, why) in [
         (perspective(0.0), "field of view"),
         (perspective(3.15), "field of view"),
-        (ortho, "orthographic"),
+        (orthographic(0.0), "ymag of 0"),
+        (orthographic(-1.0), "ymag of -1"),
         (json!({ "type": "perspective" }), "no projection"),
         (json!({ "type": "panoramic" }), "no projection"),
     ] {
@@ -91,11 +102,30 @@ fn suns_and_points() {
 }
 
 #[test]
+fn spots() {
+    let along_x = json!({ "translation": [1, 2, 3], "rotation": [0, -1, 0, 1] });
+    let cone = json!({ "innerConeAngle": 0, "outerConeAngle": std::f64::consts::FRAC_PI_3 });
+    for (spot, cos_outer) in [(cone, 0.5), (json!({}), std::f32::consts::FRAC_1_SQRT_2)] {
+        let scene = with_light(along_x.clone(), json!({ "type": "spot", "spot": spot, "intensity": 2 })).scene();
+        let [Light::Spot { position, direction, intensity, cos_inner, cos_outer: found }] = scene.lights[..] else {
+            panic!("one spot")
+        };
+        assert_eq!((position, direction, intensity), ([1.0, 2.0, 3.0], [1.0, 0.0, 0.0], [2.0; 3]));
+        // The angle in the file is rounded once and its cosine once.
+        assert!(cos_inner == 1.0 && (found - cos_outer).abs() <= f32::EPSILON, "{cos_inner} {found}");
+    }
+    let ranged = with_light(json!({}), json!({ "type": "point", "range": 5 })).warned("range of lights");
+    assert_eq!(ranged.lights.len(), 1);
+}
+
+#[test]
 fn lights_that_cannot_be_used_are_said() {
     for (light, why) in [
         (json!({ "type": "point", "intensity": -1 }), "intensity -1"),
         (json!({ "type": "point", "color": [0, -1, 0] }), "color"),
-        (json!({ "type": "spot", "spot": {} }), "is a spot"),
+        (json!({ "type": "spot", "spot": { "innerConeAngle": 1, "outerConeAngle": 1 } }), "is a spot of 1 to 1"),
+        (json!({ "type": "spot", "spot": { "innerConeAngle": -0.5 } }), "is a spot of -0.5"),
+        (json!({ "type": "spot", "spot": { "outerConeAngle": 1.6 } }), "to 1.6 radians"),
         (json!({ "type": "laser" }), "unknown type"),
     ] {
         assert!(with_light(json!({}), light).warned(why).lights.is_empty());

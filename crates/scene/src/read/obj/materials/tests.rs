@@ -66,9 +66,10 @@ fn colours_are_read_and_doubtful_ones_said_once() {
             plain.base_color,
             "m.mtl, line 2: material `a`: Kd `spectral x.rfl` is not a colour; it keeps its default",
         ),
-        ("d 0.5", plain.base_color, "material `a`: d or Tr is ignored; it is opaque"),
-        ("d -halo 0.5", plain.base_color, "material `a`: d or Tr is ignored; it is opaque"),
-        ("Tr 0.5", plain.base_color, "material `a`: d or Tr is ignored; it is opaque"),
+        ("d -halo 0.5", plain.base_color, ""),
+        ("d x", plain.base_color, "m.mtl, line 2: material `a`: `x` is not a number"),
+        ("Tr 2", plain.base_color, "m.mtl, line 2: material `a`: Tr `2` is out of range and clamped"),
+        ("map_Bump a.png\nbump b.png", plain.base_color, "map_Bump is ignored: material `a`"),
         ("Tr 0\nd 1", plain.base_color, ""),
         ("Ns 1e30\nKs 1 1 1\nfoo", plain.base_color, ""),
     ] {
@@ -113,6 +114,20 @@ fn each_image_is_decoded_once_for_each_role() {
     let has_uvs: Vec<bool> = scene.meshes.iter().map(|mesh| mesh.uvs.is_some()).collect();
     assert_eq!(has_uvs, [true, true, false], "only what the material needs");
     assert_eq!(scene.meshes[0].uvs.as_deref().unwrap(), [[0.25, 0.5], [0.75, 0.5], [0.25, 0.5]]);
+}
+
+#[test]
+fn emission_and_normals_have_textures() {
+    let mtl = "newmtl a\nmap_Kd rgb.png\nmap_Ke rgb.png\nnorm rgb.png\nnewmtl b\nKe 0 0 0\nmap_Ke rgb.png\n\
+               newmtl c\nKe 2 1 0\nmap_Ke rgb.png\nnewmtl d\nmap_Ke no.png";
+    let scene = Case::new(mtl, &["a", "b", "c", "d"]).read();
+    let [a, b, c, d] = &scene.materials[..] else { panic!("four materials") };
+    assert_eq!(scene.textures.iter().map(|t| t.encoding).collect::<Vec<_>>(), [Encoding::Srgb, Encoding::Linear]);
+    let texture = |id| Some(TextureRef::plain(TextureId(id)));
+    assert_eq!((a.base_color_texture, a.emission_texture, a.normal_texture), (texture(0), texture(0), texture(1)));
+    assert_eq!((a.emission, b.emission, c.emission, d.emission), ([1.0; 3], [0.0; 3], [2.0, 1.0, 0.0], [0.0; 3]));
+    assert_eq!((b.emission_texture, c.emission_texture, d.emission_texture), (None, texture(0), None));
+    assert_eq!(scene.warnings.len(), 1, "the absent file: {:?}", scene.warnings);
 }
 
 #[test]

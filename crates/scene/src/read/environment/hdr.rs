@@ -1,0 +1,21 @@
+//! Radiance RGBE (`.hdr`).
+
+use std::io::Cursor;
+
+use image::codecs::hdr::HdrDecoder;
+use image::{DynamicImage, ImageDecoder};
+
+use super::{MAX_TEXELS, MAX_TEXELS_PER_BYTE, Texels};
+
+/// Decodes the picture.
+pub(super) fn decode(bytes: &[u8]) -> Result<Texels, String> {
+    let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
+    let (width, height) = decoder.dimensions();
+    let max = MAX_TEXELS.min(MAX_TEXELS_PER_BYTE.saturating_mul(bytes.len() as u64));
+    if !(1..=max).contains(&(u64::from(width) * u64::from(height))) {
+        return Err(format!("its header promises {width} x {height} texels in {} bytes", bytes.len()));
+    }
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
+    let list = image.into_rgb32f().into_raw().as_chunks().0.to_vec();
+    Ok(Texels { width, height, list })
+}

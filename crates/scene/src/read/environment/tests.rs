@@ -1,0 +1,137 @@
+//! Pictures written in these tests, read back; what is damaged is refused.
+
+use std::path::Path;
+
+use ::exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, WritableImage as _};
+use proptest::prelude::*;
+
+use super::*;
+
+/// The number of channel `k` of texel `(x, y)`: RGBE keeps it exactly.
+fn value(x: usize, y: usize, k: usize) -> f32 {
+    [0.5, 1.0, 96.0][(x + y + k) % 3]
+}
+
+const WIDTH: usize = 5;
+const HEIGHT: usize = 3;
+
+/// An EXR of these channels.
+fn exr_of(channels: &[(&str, Vec<f32>)], encoding: Encoding) -> Vec<u8> {
+    let channel = |(name, values): &(&str, Vec<f32>)| AnyChannel::new(*name, FlatSamples::F32(values.clone()));
+    let channels = AnyChannels::sort(channels.iter().map(channel).collect());
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let image = Image::from_encoded_channels((WIDTH, HEIGHT), encoding, channels);
+    image.write().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
+fn plane(value: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+    (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y))).map(|(x, y)| value(x, y)).collect()
+}
+
+fn exr_bytes(encoding: Encoding) -> Vec<u8> {
+    let channels = ["R", "G", "B"].into_iter().enumerate();
+    let channels: Vec<_> = channels.map(|(k, name)| (name, plane(|x, y| value(x, y, k)))).collect();
+    exr_of(&channels, encoding)
+}
+
+/// The same picture as flat RGBE.
+fn hdr_bytes() -> Vec<u8> {
+    let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {HEIGHT} +X {WIDTH}\n").into_bytes();
+    for (x, y) in (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y))) {
+        // Exponent 128 + 7: a mantissa of m stands for m / 2.
+        let mantissa = |k: usize| [1, 2, 192][[0.5, 1.0, 96.0].iter().position(|v| *v == value(x, y, k)).unwrap()];
+        bytes.extend([mantissa(0), mantissa(1), mantissa(2), 135]);
+    }
+    bytes
+}
+
+fn read_bytes(bytes: &[u8]) -> (Result<EnvironmentImage, ReadError>, Vec<String>) {
+    let mut warnings = Vec::new();
+    (parse(Path::new("sky.hdr"), bytes, &mut warnings), warnings)
+}
+
+#[track_caller]
+fn refused(bytes: &[u8], thing: &str) {
+    let error = read_bytes(bytes).0.expect_err(thing).to_string();
+    assert!(error.starts_with("sky.hdr: ") && error.contains(thing), "{error}");
+}
+
+#[test]
+fn both_formats_and_all_compressions_hold_the_same_picture() {
+    let files = [hdr_bytes(), exr_bytes(Encoding::UNCOMPRESSED), exr_bytes(Encoding::FAST_LOSSLESS)];
+    for bytes in files.into_iter().chain([exr_bytes(Encoding::SMALL_LOSSLESS)]) {
+        let (image, warnings) = read_bytes(&bytes);
+        let image = image.unwrap();
+        assert_eq!(warnings, [""; 0]);
+        assert_eq!((&image.name[..], image.width, image.height), ("sky.hdr", 5, 3));
+        assert_eq!((image.scale, image.turn_degrees), ([1.0; 3], 0.0));
+        for (k, texel) in image.texels.iter().enumerate() {
+            assert_eq!(*texel, [0, 1, 2].map(|channel| value(k % WIDTH, k / WIDTH, channel)), "texel {k}");
+        }
+    }
+}
+
+#[test]
+fn luminance_alone_is_grey_and_depth_alone_is_nothing() {
+    let y = ("Y", plane(|x, y| value(x, y, 0)));
+    let image = read_bytes(&exr_of(std::slice::from_ref(&y), Encoding::UNCOMPRESSED)).0.unwrap();
+    assert_eq!(image.texels[1], [1.0; 3]);
+    refused(&exr_of(&[("Z", plane(|_, _| 1.0))], Encoding::UNCOMPRESSED), "no layer has the channels");
+    refused(&exr_of(&[y, ("RY", plane(|_, _| 1.0))], Encoding::UNCOMPRESSED), "no layer has the channels");
+}
+
+#[test]
+fn texels_that_no_light_has_are_black() {
+    let mut red = plane(|_, _| 2.0);
+    (red[0], red[1], red[2]) = (f32::NAN, f32::INFINITY, -1.0);
+    let ones = plane(|_, _| 1.0);
+    let (image, warnings) =
+        read_bytes(&exr_of(&[("R", red), ("G", ones.clone()), ("B", ones)], Encoding::UNCOMPRESSED));
+    let image = image.unwrap();
+    assert_eq!(image.texels[..4], [[0.0; 3], [0.0; 3], [0.0; 3], [2.0, 1.0, 1.0]]);
+    assert_eq!(warnings, ["sky.hdr: texels that are not finite or negative are black: 3"]);
+}
+
+#[test]
+fn every_truncation_is_refused() {
+    for whole in [hdr_bytes(), exr_bytes(Encoding::UNCOMPRESSED), exr_bytes(Encoding::SMALL_LOSSLESS)] {
+        for length in 0..whole.len() {
+            assert!(read_bytes(&whole[..length]).0.is_err(), "{length} of {} bytes", whole.len());
+        }
+    }
+}
+
+#[test]
+fn sizes_are_checked_before_anything_is_allocated() {
+    refused(b"#?RADIANCE\n\n-Y 100000 +X 100000\n", "promises 100000 x 100000 texels");
+    refused(b"#?RADIANCE\n\n-Y 0 +X 5\n", "promises 5 x 0 texels");
+    refused(b"", "neither Radiance HDR nor OpenEXR");
+    refused(b"\x89PNG", "neither Radiance HDR nor OpenEXR");
+}
+
+proptest! {
+    #[test]
+    fn mutated_pictures_never_panic(
+        kind in 0..3_usize,
+        patches in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        cut in prop::option::of(any::<prop::sample::Index>()),
+    ) {
+        let mut bytes = match kind {
+            0 => hdr_bytes(),
+            1 => exr_bytes(Encoding::UNCOMPRESSED),
+            _ => exr_bytes(Encoding::SMALL_LOSSLESS),
+        };
+        for (at, byte) in patches {
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        if let Ok(image) = read_bytes(&bytes).0 {
+            prop_assert_eq!(image.texels.len() as u64, u64::from(image.width) * u64::from(image.height));
+            prop_assert!(image.texels.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
+        }
+    }
+}

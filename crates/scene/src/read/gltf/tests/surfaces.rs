@@ -1,0 +1,139 @@
+//! What a material says beyond its colour: metal, normals, glass, light; and what it cannot say.
+
+use serde_json::{Value, json};
+
+use super::materials::{file, textured};
+use crate::{AlphaMode, Encoding, Material, TextureId, TextureRef, UvTransform};
+
+/// The material that a file with one makes of it.
+fn surface(material: Value) -> Material {
+    file(material).scene().materials.remove(0)
+}
+
+#[test]
+fn without_a_word_it_is_rough_metal() {
+    let want = Material {
+        name: "material 0".to_owned(),
+        base_color: [1.0; 3],
+        metallic: 1.0,
+        roughness: 1.0,
+        specular: 1.0,
+        ..Material::default()
+    };
+    assert_eq!(surface(json!({})), want);
+}
+
+#[test]
+fn metal_and_roughness() {
+    let pbr = json!({ "metallicFactor": 0.25, "roughnessFactor": 0.5, "metallicRoughnessTexture": { "index": 0 } });
+    let scene = file(json!({ "pbrMetallicRoughness": pbr })).scene();
+    let material = &scene.materials[0];
+    assert_eq!((material.metallic, material.roughness), (0.25, 0.5));
+    assert_eq!(material.metallic_roughness_texture, Some(TextureRef::plain(TextureId(0))));
+    assert_eq!(scene.textures[0].encoding, Encoding::Linear);
+    let scene = file(json!({ "pbrMetallicRoughness": { "roughnessFactor": 3 } })).warned("roughness factor");
+    assert_eq!(scene.materials[0].roughness, 1.0);
+    let smooth = json!({ "metallicFactor": 0, "roughnessFactor": 0, "metallicRoughnessTexture": { "index": 0 } });
+    assert!(
+        file(json!({ "pbrMetallicRoughness": smooth })).scene().textures.is_empty(),
+        "factors of 0 need no texture"
+    );
+}
+
+#[test]
+fn an_image_for_colours_and_for_numbers_is_two_textures() {
+    let mut material = textured(json!({}));
+    material["normalTexture"] = json!({ "index": 0, "scale": -0.5 });
+    let scene = file(material).scene();
+    assert_eq!(scene.materials[0].base_color_texture.unwrap().texture, TextureId(0));
+    assert_eq!(scene.materials[0].normal_texture.unwrap().texture, TextureId(1));
+    assert_eq!(scene.materials[0].normal_scale, -0.5);
+    assert_eq!([0, 1].map(|k| scene.textures[k].encoding), [Encoding::Srgb, Encoding::Linear]);
+    assert_eq!(scene.textures[0].texels, scene.textures[1].texels);
+}
+
+#[test]
+fn normal_textures_are_transformed_too() {
+    let moved = |transform: Value| {
+        file(json!({ "normalTexture": { "index": 0, "extensions": { "KHR_texture_transform": transform } } }))
+    };
+    let scene = moved(json!({ "offset": [0.25, 0] })).scene();
+    let rows = [[1.0, 0.0, 0.25], [0.0, 1.0, 0.0]];
+    assert_eq!(scene.materials[0].normal_texture.unwrap().texture_from_mesh, UvTransform { rows });
+    moved(json!({ "offset": 3 })).refused("material 0: its KHR_texture_transform");
+    file(json!({ "normalTexture": { "index": 0, "scale": 1e39 } })).warned("normal scale");
+}
+
+#[test]
+fn emission_has_a_texture() {
+    let scene = file(json!({ "emissiveFactor": [2, 1, 0], "emissiveTexture": { "index": 0 } })).scene();
+    assert_eq!(scene.materials[0].emission, [2.0, 1.0, 0.0]);
+    assert_eq!(scene.materials[0].emission_texture, Some(TextureRef::plain(TextureId(0))));
+    assert_eq!(scene.textures[0].encoding, Encoding::Srgb);
+    assert!(file(json!({ "emissiveTexture": { "index": 0 } })).scene().textures.is_empty(), "nothing is emitted");
+}
+
+#[test]
+fn glass_is_a_sheet_unless_it_is_thick() {
+    let with = |extensions: Value| surface(json!({ "extensions": extensions }));
+    let transmission = json!({ "transmissionFactor": 0.75, "transmissionTexture": { "index": 0 } });
+    let sheet = with(json!({ "KHR_materials_transmission": transmission, "KHR_materials_ior": { "ior": 1.25 } }));
+    assert_eq!((sheet.transmission, sheet.ior, sheet.thin_walled), (0.75, 1.25, true));
+    assert_eq!(sheet.transmission_texture, Some(TextureRef::plain(TextureId(0))));
+    for (thickness, thin_walled) in [(0.0, true), (0.5, false)] {
+        let volume = json!({ "thicknessFactor": thickness });
+        let glass = with(json!({ "KHR_materials_transmission": transmission, "KHR_materials_volume": volume }));
+        assert_eq!(glass.thin_walled, thin_walled);
+    }
+    assert!(!with(json!({ "KHR_materials_volume": {} })).thin_walled, "what lets no light through is neither");
+    let low = file(json!({ "extensions": { "KHR_materials_ior": { "ior": 0 } } })).warned("ior 0");
+    assert_eq!(low.materials[0].ior, 1.5);
+}
+
+#[test]
+fn the_interface_may_be_weaker() {
+    let specular = |specular: Value| json!({ "extensions": { "KHR_materials_specular": specular } });
+    assert_eq!(surface(specular(json!({ "specularFactor": 0.25 }))).specular, 0.25);
+    assert_eq!(surface(specular(json!({}))).specular, 1.0);
+    file(specular(json!({ "specularColorFactor": [1, 0, 0] }))).warned("the colour of KHR_materials_specular");
+    file(specular(json!({ "specularTexture": { "index": 0 } }))).warned("the textures of KHR_materials_specular");
+}
+
+#[test]
+fn unlit_surfaces_emit_their_colour() {
+    let mut material = textured(json!({}));
+    material["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.5, 0.25, 1, 0.5]);
+    material["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({ "index": 0 });
+    material["alphaMode"] = json!("BLEND");
+    material["extensions"] = json!({ "KHR_materials_unlit": {} });
+    let scene = file(material).warned("KHR_materials_unlit becomes emission");
+    let texture = Some(TextureRef::plain(TextureId(0)));
+    let want = Material {
+        name: "material 0".to_owned(),
+        base_color: [0.0; 3],
+        emission: [0.5, 0.25, 1.0],
+        emission_texture: texture,
+        alpha_mode: AlphaMode::Blend,
+        alpha: 0.5,
+        alpha_texture: texture,
+        ..Material::default()
+    };
+    assert_eq!(scene.materials[0], want);
+    assert_eq!(scene.textures.len(), 1);
+}
+
+#[test]
+fn what_is_ignored_is_said_once() {
+    let mut several = file(json!({ "extensions": { "KHR_materials_sheen": {} }, "occlusionTexture": { "index": 0 } }));
+    several.push("materials", json!({ "extensions": { "KHR_materials_sheen": {}, "KHR_materials_clearcoat": {} } }));
+    let scene = several.read().unwrap();
+    assert_eq!(
+        scene.warnings,
+        [
+            "KHR_materials_sheen is ignored: material 0 and 1 more",
+            "occlusionTexture is ignored, as light is traced: material 0",
+            "KHR_materials_clearcoat is ignored: material 1",
+        ]
+    );
+    assert!(scene.textures.is_empty());
+}
