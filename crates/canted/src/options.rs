@@ -1,7 +1,7 @@
 //! Options that several subcommands share, and how their values are read.
 
 use canted_lbvh::Strategy;
-use canted_renderer::{Builder, Filter, Levels, Pattern, StructureConfig};
+use canted_renderer::{Builder, Filter, Integrator, Levels, Lod, Pattern, StructureConfig};
 use canted_wide::Preset;
 use clap::ValueEnum;
 
@@ -160,6 +160,38 @@ impl FilterArg {
             Self::Gaussian => Filter::GAUSSIAN,
             Self::Mitchell => Filter::MITCHELL,
             Self::BlackmanHarris => Filter::BLACKMAN_HARRIS,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum IntegratorArg {
+    Hybrid,
+    Path,
+}
+
+impl IntegratorArg {
+    pub(crate) fn integrator(self) -> Integrator {
+        match self {
+            Self::Hybrid => Integrator::Hybrid,
+            Self::Path => Integrator::Path,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum LodArg {
+    None,
+    Cone,
+    Aniso,
+}
+
+impl LodArg {
+    pub(crate) fn lod(self) -> Lod {
+        match self {
+            Self::None => Lod::None,
+            Self::Cone => Lod::Cone,
+            Self::Aniso => Lod::Aniso,
         }
     }
 }

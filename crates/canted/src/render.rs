@@ -1,6 +1,8 @@
 //! `canted render`: a picture, and what it took.
 
+mod camera;
 mod checkpoint;
+mod exposure;
 mod facts;
 mod samples;
 
@@ -11,10 +13,10 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_renderer::{
-    Aovs, Film, Measure, Monitor, Picture, Prepared, Record, RenderError, Settings, Surfaces, Tile, frame, heatmap,
-    light_hash, prepare, render, resume, scene_hash, write_exr, write_film, write_png,
+    Film, Integrator, Measure, Monitor, Picture, Prepared, Record, RenderError, Settings, Surfaces, Tile, heatmap,
+    light_hash, prepare, resume, scene_hash, write_exr, write_film, write_png,
 };
-use canted_scene::{Camera, Lens, Projection, Scene};
+use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -24,11 +26,13 @@ use crate::{
     Outcome, interrupt,
     light::{self, LightArgs},
     load, memory,
-    options::{self, FilterArg, StructureArgs, with_kernel},
+    options::{self, FilterArg, IntegratorArg, LodArg, StructureArgs, with_kernel},
     output,
 };
+use camera::CameraArgs;
 use checkpoint::Keeper;
 pub(crate) use checkpoint::difference;
+use exposure::strength_of_default_light;
 use facts::Fact;
 use samples::SampleArgs;
 
@@ -48,27 +52,17 @@ pub(crate) struct Args {
     /// How light around the middle of a pixel is weighed.
     #[arg(long, value_enum, default_value_t = FilterArg::Box, value_name = "FILTER")]
     filter: FilterArg,
-    /// Diffuse bounces after the surface that the camera sees.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(0..=4096), default_value_t = 2, value_name = "N")]
-    bounces: u32,
-    /// Where the camera stands.
-    #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    eye: Option<[f32; 3]>,
-    /// What it looks at.
-    #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    target: Option<[f32; 3]>,
-    /// What points up in the picture.
-    #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    up: Option<[f32; 3]>,
-    /// Vertical field of view in degrees.
-    #[arg(long, value_parser = options::fov, value_name = "DEG")]
-    fov: Option<f32>,
-    /// Radius of the lens in scene units: what is not in focus blurs. 0 for a pinhole.
-    #[arg(long, value_parser = options::lens_radius, value_name = "LENGTH")]
-    aperture: Option<f32>,
-    /// Distance from the eye, along the view, of what is in focus; that of the target without it.
-    #[arg(long, value_parser = options::radius, value_name = "LENGTH")]
-    focus: Option<f32>,
+    /// How much of a texture a lookup averages: the texels about a point, a square, or the ellipse that is seen.
+    #[arg(long, value_enum, default_value_t = LodArg::Aniso, value_name = "LOD")]
+    lod: LodArg,
+    /// Which light is gathered: `hybrid` is fast and approximate, `path` computes what materials and lights say.
+    #[arg(long, value_enum, default_value_t = IntegratorArg::Hybrid, value_name = "INTEGRATOR")]
+    integrator: IntegratorArg,
+    /// Bounces after the surface that the camera sees: 2 for `hybrid`, 32 for `path` without it.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(0..=4096), value_name = "N")]
+    bounces: Option<u32>,
+    #[command(flatten)]
+    camera: CameraArgs,
     #[command(flatten)]
     light: LightArgs,
     #[command(flatten)]
@@ -109,13 +103,10 @@ impl Args {
             size: [settings.width, settings.height],
             samples: SampleArgs::defaults(),
             filter: FilterArg::Box,
-            bounces: settings.bounces,
-            eye: None,
-            target: None,
-            up: None,
-            fov: None,
-            aperture: None,
-            focus: None,
+            lod: LodArg::Aniso,
+            bounces: None,
+            camera: CameraArgs::default(),
+            integrator: IntegratorArg::Hybrid,
             light: LightArgs::default(),
             structure: StructureArgs::defaults(),
             ao_radius: None,
@@ -129,9 +120,15 @@ impl Args {
 
     fn settings(&self) -> Result<Settings> {
         let [width, height] = self.size;
-        let Self { bounces, seed, ao_radius, .. } = *self;
-        let filter = self.filter.filter();
-        let mut settings = Settings { width, height, filter, bounces, seed, ao_radius, ..Settings::default() };
+        let Self { seed, ao_radius, .. } = *self;
+        let (filter, lod) = (self.filter.filter(), self.lod.lod());
+        let integrator = self.integrator.integrator();
+        if ao_radius.is_some() && integrator != Integrator::Hybrid {
+            return Err(anyhow!("--ao-radius is of the hybrid integrator alone"));
+        }
+        let bounces = self.bounces.unwrap_or(integrator.bounces());
+        let mut settings =
+            Settings { width, height, integrator, filter, lod, bounces, seed, ao_radius, ..Settings::default() };
         self.samples.apply(&mut settings)?;
         Ok(settings)
     }
@@ -229,7 +226,7 @@ fn trace<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool, loa
     let name = load::name(args.scene.as_deref());
     let prepared: Prepared<K> = prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
     let mut facts = facts::built(scene, &prepared, load_time);
-    let camera = camera(scene, &prepared, args);
+    let camera = args.camera.camera(scene, &prepared, args.size);
     let settings = args.settings()?;
     if default_light && args.heatmap.is_none() {
         let strength = strength_of_default_light(scene, &prepared, &camera, &settings)?;
@@ -272,30 +269,6 @@ fn trace<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool, loa
         prepared.left_out.iter().map(|left| json!({ "part": left.part, "because": left.because })).collect();
     facts.push(("left_out", json!(left_out)));
     Ok(Run { made, facts, keeper })
-}
-
-/// By how much our own light must be stronger for a picture that is not dark, as interiors lit by a sky are.
-///
-/// A small picture tells; light only scales it.
-fn strength_of_default_light<K: LaneKernel>(
-    scene: &Scene,
-    prepared: &Prepared<K>,
-    camera: &Camera,
-    settings: &Settings,
-) -> Result<f32> {
-    /// Mean radiance of a well exposed picture, and the least and greatest strength.
-    const MEAN: f64 = 0.3;
-    const LIMITS: (f64, f64) = (1.0, 32.0);
-    let [width, height] = [settings.width, settings.height].map(|side| side.min(64));
-    // The same for every part of the samples.
-    let (samples, part, noise, aovs) = (16, None, None, Aovs::NONE);
-    let probe = Settings { width, height, samples, part, noise, aovs, ..*settings };
-    let film = render(scene, &prepared.structure, camera, &probe, &|_, _| {}, interrupt::flag())?;
-    let sum: f64 = film.pixels().iter().flat_map(|pixel| pixel.mean()).sum();
-    let mean = sum / f64::from(3 * width * height);
-    #[expect(clippy::cast_possible_truncation, reason = "a factor of light")]
-    let strength = (MEAN / mean.max(f64::MIN_POSITIVE)).clamp(LIMITS.0, LIMITS.1) as f32;
-    Ok(strength)
 }
 
 /// The record of a checkpoint: what its tiles are sums of, too.
@@ -341,47 +314,4 @@ fn film<K: LaneKernel>(
         keeper.save();
     }
     film
-}
-
-/// The camera of the options, else of the file, else one that frames the scene.
-fn camera<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, args: &Args) -> Camera {
-    let [width, height] = args.size;
-    let mut camera = match scene.cameras.first() {
-        Some(camera) => *camera,
-        None => frame(scene, &prepared.structure, f64::from(width) / f64::from(height)),
-    };
-    if let Some(eye) = args.eye {
-        // An eye without a target looks at the middle of the scene.
-        #[expect(clippy::cast_possible_truncation, reason = "the middle of f32 numbers")]
-        let center = scene.bounds_world().center().map(|x| x as f32);
-        camera = Camera { eye, target: center, up: [0.0, 1.0, 0.0], ..camera };
-    }
-    if let Some(target) = args.target {
-        camera.target = target;
-    }
-    if let Some(up) = args.up {
-        camera.up = up;
-    }
-    if let Some(fov) = args.fov {
-        camera.projection = Projection::Perspective { fov_degrees: fov };
-    }
-    camera.lens = lens(&camera, args);
-    camera
-}
-
-/// The lens of the options, else the camera's own; an option replaces its part of the lens.
-fn lens(camera: &Camera, args: &Args) -> Option<Lens> {
-    let own = camera.lens.filter(|_| args.aperture.is_none() && args.focus.is_none());
-    if own.is_some() {
-        return own;
-    }
-    let radius = args.aperture.or(camera.lens.map(|lens| lens.radius)).filter(|&radius| radius > 0.0)?;
-    let target_distance = || {
-        let way: [f64; 3] = std::array::from_fn(|k| f64::from(camera.target[k]) - f64::from(camera.eye[k]));
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-        let distance = way.iter().map(|x| x * x).sum::<f64>().sqrt() as f32;
-        distance
-    };
-    let focus_distance = args.focus.or(camera.lens.map(|lens| lens.focus_distance)).unwrap_or_else(target_distance);
-    Some(Lens { radius, focus_distance })
 }

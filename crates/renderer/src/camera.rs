@@ -3,6 +3,7 @@ use std::fmt;
 use canted_scene::{Camera, Lens, Projection};
 use canted_trace::Ray;
 
+use crate::Cone;
 use crate::sampling::uniform_disc;
 use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 
@@ -116,6 +117,22 @@ impl View {
         let direction = add(self.forward, add(across, along));
         // At least as long as the unit vector forward, to which the other two are perpendicular.
         (self.eye, scale(direction, 1.0 / crate::vector::length(direction)))
+    }
+
+    /// What the ray through a picture position stands for, where it is the pixel's sample with this number.
+    ///
+    /// A perspective pixel fills a solid angle; the spread is its root. A lens does not widen it: what is out of focus is
+    /// averaged by the samples.
+    #[must_use]
+    pub fn cone(&self, position: [f64; 2], sample: u32) -> Cone {
+        let pixel = crate::vector::length(self.right);
+        if !self.is_perspective {
+            return Cone::of_pixel(pixel, 0.0, sample);
+        }
+        let [x, y] = std::array::from_fn(|k| (position[k] - 0.5 * self.size[k]) * pixel);
+        // The plane of the picture is at distance 1: a pixel's angle falls by the square of the distance and the cosine.
+        let cosine = 1.0 / (1.0 + x * x + y * y).sqrt();
+        Cone::of_pixel(0.0, pixel * cosine * cosine.sqrt(), sample)
     }
 
     /// Distance of a world-space point along the view axis, as compositing tools take depth.

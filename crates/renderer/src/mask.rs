@@ -2,26 +2,63 @@ use canted_scene::{Material, Scene};
 use canted_trace::{Hit, Query};
 
 use crate::Surfaces;
+use crate::sampler::{mix, unit};
 
-/// A query that sees through what alpha masks cut out, and passes its counts on to `inner`.
+/// A query that sees through what alpha cuts out, and passes its counts on to `inner`.
 #[derive(Clone, Copy, Debug)]
 pub struct Masked<'a, Q> {
     surfaces: &'a Surfaces<'a>,
-    /// Receives the counts, and is asked about the hits that the masks let stand.
+    /// Tells rays apart, for surfaces that stop some and let others pass.
+    key: u32,
+    /// Receives the counts, and is asked about the hits that alpha lets stand.
     pub inner: Q,
 }
 
 impl<'a, Q> Masked<'a, Q> {
-    /// Puts the masks of `surfaces` before `inner`.
+    /// Puts the alpha of `surfaces` before `inner`.
     #[must_use]
     pub fn new(surfaces: &'a Surfaces<'a>, inner: Q) -> Self {
-        Self { surfaces, inner }
+        Self { surfaces, key: 0, inner }
     }
 }
 
-/// Whether any material of the scene has a mask; without one, masks are left out of the render code altogether.
+/// A query that can be asked for one ray of many, each by its number.
+///
+/// A ray that is asked about twice, as by a counting query and then another, must have one number.
+pub(crate) trait Numbered: Query + Clone {
+    /// The same query for a ray with this number, of those that `self` stands for.
+    ///
+    /// Numbers of numbers make a tree: the rays of a path, the shadow rays of one of its vertices.
+    #[must_use]
+    fn numbered(&self, number: u32) -> Self;
+}
+
+impl Numbered for () {
+    fn numbered(&self, _: u32) -> Self {}
+}
+
+impl<Q: Query + Clone> Numbered for Masked<'_, Q> {
+    fn numbered(&self, number: u32) -> Self {
+        Masked::numbered(self, number)
+    }
+}
+
+impl<Q: Clone> Masked<'_, Q> {
+    /// The same query for a ray with this number, of those that `self` stands for: blended surfaces let other rays pass.
+    #[must_use]
+    pub fn numbered(&self, number: u32) -> Self {
+        Self { key: mix(self.key ^ number), ..self.clone() }
+    }
+}
+
+/// Whether alpha matters to any material of the scene; else it is left out of the render code altogether.
 pub(crate) fn is_needed(scene: &Scene) -> bool {
     scene.materials.iter().any(Material::is_cut_out)
+}
+
+/// A number in `[0, 1)` for a ray and the triangle that it meets, equally distributed over both.
+pub(crate) fn number(key: u32, hit: &Hit) -> f32 {
+    unit(mix(mix(key ^ hit.instance.0) ^ hit.primitive.0) >> 8)
 }
 
 impl<Q: Query> Query for Masked<'_, Q> {
@@ -38,6 +75,6 @@ impl<Q: Query> Query for Masked<'_, Q> {
     }
 
     fn accepts(&mut self, hit: &Hit) -> bool {
-        self.surfaces.is_present(hit) && self.inner.accepts(hit)
+        self.surfaces.is_present(hit, self.key) && self.inner.accepts(hit)
     }
 }

@@ -1,6 +1,7 @@
 use canted_obb::Affine;
 use canted_trace::{Hit, Query};
 
+use crate::mask::Numbered;
 use crate::vector::{Vector, add, cross, scale, sub, wide};
 
 /// The way of a moving instance: each number of its transform changes in a straight line.
@@ -38,6 +39,11 @@ impl Pose {
         let [a, b, c, shift] = self.columns;
         add(add(scale(a, x), add(scale(b, y), scale(c, z))), shift)
     }
+
+    pub(crate) fn vector_world(&self, [x, y, z]: Vector) -> Vector {
+        let [a, b, c, _] = self.columns;
+        add(scale(a, x), add(scale(b, y), scale(c, z)))
+    }
 }
 
 /// Columns of the cofactor matrix of the linear part.
@@ -50,6 +56,12 @@ pub(crate) fn cofactors([x, y, z, _]: &[Vector; 4]) -> [Vector; 3] {
 pub(crate) struct Timed<Q> {
     pub(crate) inner: Q,
     pub(crate) time: f32,
+}
+
+impl<Q: Numbered> Numbered for Timed<Q> {
+    fn numbered(&self, number: u32) -> Self {
+        Self { inner: self.inner.numbered(number), ..*self }
+    }
 }
 
 impl<Q: Query> Query for Timed<Q> {

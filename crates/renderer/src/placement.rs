@@ -42,6 +42,7 @@ pub(crate) struct Placement {
     cofactor: [Vector; 3],
     /// Error along each world axis between the plane of a triangle and a ray that leaves it.
     slack: f64,
+    is_mirrored: bool,
     /// The way of an instance that moves.
     motion: Option<Box<Motion>>,
 }
@@ -58,10 +59,17 @@ impl Placement {
             .fold(0.0, f64::max);
         Self {
             cofactor: cofactors(&world_from_object.columns.map(wide)),
+            // No transform on the way is singular, so none changes the side.
+            is_mirrored: world_from_object.determinant() < 0.0,
             motion: close.map(|close| Box::new(Motion::new(world_from_object, close))),
             // The last term is for subnormal numbers, whose rounding is absolute.
             slack: ROOM * (2.0 * f64::from(HIT_ERROR) + 4.0 * U) * reach_world + f64::from(f32::MIN_POSITIVE),
         }
+    }
+
+    /// Whether the transform mirrors: what runs counter-clockwise then runs clockwise.
+    pub(crate) fn is_mirrored(&self) -> bool {
+        self.is_mirrored
     }
 
     /// Where the instance is at a time of the shutter; `None` where it stands still.

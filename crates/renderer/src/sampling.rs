@@ -32,6 +32,14 @@ impl Basis {
     }
 }
 
+impl Basis {
+    /// The coordinates of a direction along the three axes.
+    #[must_use]
+    pub fn coordinates(&self, direction: [f32; 3]) -> [f32; 3] {
+        self.axes.map(|axis| direction[0] * axis[0] + direction[1] * axis[1] + direction[2] * axis[2])
+    }
+}
+
 /// A direction about +z with density `cosθ/π`, from a point of the unit square; never in the horizon's plane.
 #[must_use]
 pub fn cosine_hemisphere(square: [f32; 2]) -> [f32; 3] {

@@ -1,6 +1,28 @@
 use std::ops::Range;
 
-use crate::{Aovs, Filter, Pattern, Record};
+use crate::{Aovs, Filter, Lod, Pattern, Record};
+
+/// Which light is gathered, and how.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Integrator {
+    /// Direct light, diffuse bounces, ambient light with occlusion: every surface is Lambert's. Biased, see
+    /// [`Settings::ao_radius`].
+    #[default]
+    Hybrid,
+    /// The rendering equation with all materials; biased by nothing but [`Settings::bounces`].
+    Path,
+}
+
+impl Integrator {
+    /// Bounces where nothing is said: for the path integrator so many that roulette ends nearly all paths before.
+    #[must_use]
+    pub fn bounces(self) -> u32 {
+        match self {
+            Self::Hybrid => 2,
+            Self::Path => 32,
+        }
+    }
+}
 
 /// What a picture is made of, beside scene and camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,6 +31,8 @@ pub struct Settings {
     pub width: u32,
     /// Rows.
     pub height: u32,
+    /// Which light is gathered.
+    pub integrator: Integrator,
     /// Samples per pixel.
     pub samples: u32,
     /// First and one past the last number of the samples to take, of those; `None` for all of them.
@@ -19,7 +43,7 @@ pub struct Settings {
     pub noise: Option<f32>,
     /// What the film keeps beside light.
     pub aovs: Aovs,
-    /// Diffuse bounces after the surface that the camera sees; 0 is direct light and ambient alone.
+    /// Bounces after the surface that the camera sees; with 0 surfaces show what they emit, and light of lights and sky.
     pub bounces: u32,
     /// Chooses the random numbers.
     pub seed: u32,
@@ -27,8 +51,10 @@ pub struct Settings {
     pub pattern: Pattern,
     /// How light around the middle of a pixel is weighed.
     pub filter: Filter,
-    /// World-space distance over which ambient light returns beside an occluder; infinite for none, `None` for a
-    /// tenth of the diagonal of the scene's bounds.
+    /// How much of a texture a lookup averages.
+    pub lod: Lod,
+    /// Of the hybrid integrator, the world-space distance over which ambient light returns beside an occluder; infinite
+    /// for none, `None` for a tenth of the diagonal of the scene's bounds.
     pub ao_radius: Option<f32>,
     /// Pixels along the side of a tile, the unit of work, rounded up to a multiple of 8; no effect on the picture.
     pub tile: u32,
@@ -40,6 +66,7 @@ impl Default for Settings {
         Self {
             width: 1280,
             height: 720,
+            integrator: Integrator::Hybrid,
             samples: 16,
             part: None,
             noise: None,
@@ -48,6 +75,7 @@ impl Default for Settings {
             seed: 0,
             pattern: Pattern::Stratified,
             filter: Filter::BOX,
+            lod: Lod::default(),
             ao_radius: None,
             tile: 32,
         }
@@ -71,6 +99,7 @@ impl Settings {
         let Self {
             width,
             height,
+            integrator,
             samples,
             part: _,
             noise: _,
@@ -79,6 +108,7 @@ impl Settings {
             seed,
             pattern,
             filter,
+            lod,
             ao_radius,
             tile: _,
         } = self;
@@ -90,10 +120,12 @@ impl Settings {
         let radius = ao_radius.map_or_else(|| "auto".to_owned(), |radius| radius.to_string());
         [
             ("size", format!("{width}x{height}")),
+            ("integrator", format!("{integrator:?}").to_lowercase()),
             ("bounces", bounces.to_string()),
             ("seed", seed.to_string()),
             ("sampler", pattern),
             ("filter", format!("{filter:?}").to_lowercase()),
+            ("lod", format!("{lod:?}").to_lowercase()),
             ("ao-radius", radius),
         ]
         .map(|(name, value)| (name.to_owned(), value))

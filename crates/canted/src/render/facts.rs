@@ -40,6 +40,7 @@ pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration) -> Vec<F
     let [n_rays, n_samples] = [film.n_rays(), film.n_samples()].map(|n| n as f64);
     let mut facts = vec![
         ("samples_per_pixel", json!(settings.range().len())),
+        ("integrator", json!(format!("{:?}", settings.integrator).to_lowercase())),
         ("bounces", json!(settings.bounces)),
         ("rays", json!(film.n_rays())),
         ("rays_per_second", json!(n_rays / time.as_secs_f64())),

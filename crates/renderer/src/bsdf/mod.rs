@@ -159,6 +159,17 @@ impl Bsdf {
         self.base_color.map(|c| gloss + (1.0 - gloss) * c)
     }
 
+    /// Factor of radiance on its way out through the boundary, towards `outgoing`; see the module's last section.
+    #[must_use]
+    pub fn compression(&self) -> f32 {
+        match (self.thin_walled, self.is_inside) {
+            (true, _) => 1.0,
+            // From the denser medium into air, or the other way about.
+            (false, false) => 1.0 / (self.ior * self.ior),
+            (false, true) => self.ior * self.ior,
+        }
+    }
+
     fn is_lambert(&self) -> bool {
         self.metallic == 0.0 && self.specular == 0.0 && self.transmission == 0.0
     }

@@ -1,21 +1,22 @@
 use std::f64::consts::PI;
 
-use canted_trace::Query;
-
 use crate::light::{Arrival, Lights, Source};
+use crate::mask::Numbered;
 use crate::vector::{dot, narrow, scale};
 use crate::{Surface, Tracer};
 
 /// Radiance that a surface reflects of the listed lights, each seen along one shadow ray, and the number of those rays.
 ///
+/// The ray to light `k` is number `k` of those that `query` stands for.
+///
 /// A Lambert surface of reflectance `ρ` sends `ρ/π` of its irradiance in every direction. The irradiance of a sun is
 /// `E·cosθ`, that of a point light `I·cosθ/r²`; spheres and discs are seen at one point, which `square` chooses by the
 /// light's index. Light reaches the side that the viewer sees, and only what lies above both the triangle's and the
 /// shading normal's horizon.
-pub(crate) fn direct<T: Tracer, Q: Query>(
+pub(crate) fn direct<T: Tracer, Q: Numbered>(
     lights: &Lights,
     tracer: &T,
-    query: &mut Q,
+    query: &Q,
     surface: &Surface,
     square: impl Fn(u32) -> [f32; 2],
 ) -> ([f32; 3], u64) {
@@ -29,12 +30,12 @@ pub(crate) fn direct<T: Tracer, Q: Query>(
         }
         if let Some(ray) = arrival.shadow_ray {
             n_rays += 1;
-            if !lights.is_clear(&ray, Source::Light(index), tracer, query) {
+            if !lights.is_clear(&ray, Source::Light(index), tracer, &mut query.numbered(index)) {
                 continue;
             }
         }
         let reflected = narrow(scale(arrival.radiance, cosine / PI));
-        radiance = std::array::from_fn(|k| radiance[k] + surface.albedo[k] * reflected[k]);
+        radiance = std::array::from_fn(|k| radiance[k] + surface.bsdf.base_color[k] * reflected[k]);
     }
     (radiance, n_rays)
 }

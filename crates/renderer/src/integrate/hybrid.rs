@@ -33,14 +33,14 @@
 //! By induction from the end of the path: what the ray of the last vertex brings is 1 or `1 - exp(-t/r) <= 1`; what any
 //! earlier ray brings is 1 on a miss, else the next vertex's albedo times at most 1. The film averages such samples.
 
-use canted_trace::{Hit, Query, Ray};
+use canted_trace::{Hit, Ray};
 
 use super::direct::direct;
-use super::{Sample, Transport};
+use super::{Sample, Start, Transport};
 use crate::Tracer;
 use crate::light::Source;
-use crate::motion::Timed;
-use crate::sampling::{Basis, cosine_hemisphere};
+use crate::mask::Numbered;
+use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
 use crate::vector::{length, narrow, wide};
 
 /// Dimensions of the sampler: the position in the pixel first, then one a bounce.
@@ -49,39 +49,34 @@ const FIRST_BOUNCE: u32 = 1;
 /// Beyond all bounces, one for each vertex and light.
 const FIRST_LIGHT: u32 = 1 << 16;
 
-impl<T: Tracer, Q: Query + Clone> Transport<'_, T, Q> {
+impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
     /// The light of a path of the hybrid integrator; see [`Transport::sample`].
-    pub(super) fn hybrid_sample(
-        &self,
-        camera_ray: Ray,
-        first: Option<Hit>,
-        time: f32,
-        pixel: u32,
-        sample: u32,
-        ao_radius: f64,
-    ) -> Sample {
-        let query = self.query_at(time);
+    pub(super) fn hybrid_sample(&self, start: &Start, first: Option<Hit>, ao_radius: f64) -> Sample {
+        let Start { mut ray, mut cone, time, pixel, sample } = *start;
+        let path_query = self.path_query(start);
         let mut path = Path { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 };
-        let mut ray = camera_ray;
-        let mut hit = match (self.lights.meet(&camera_ray, first.as_ref()), first) {
+        let mut hit = match (self.lights.meet(&ray, first.as_ref()), first) {
             (None, Some(hit)) => hit,
             (met, _) => return Sample { radiance: met.map_or([0.0; 3], |met| met.radiance), n_rays: 1 },
         };
         for vertex in 0..=self.bounces {
-            let surface = self.surfaces.at_time(&hit, ray.direction, time);
+            let surface = self.surfaces.at_time(&hit, ray.direction, time, cone);
+            let query = path_query.numbered(1 + vertex);
             path.add(surface.emission, 1.0);
             let square = |light| self.sampler.pair(pixel, sample, self.light_dimension(vertex, light));
-            let (radiance, n_shadow_rays) = direct(&self.lights, self.tracer, &mut query.clone(), &surface, square);
+            let (radiance, n_shadow_rays) = direct(&self.lights, self.tracer, &query, &surface, square);
             path.add(radiance, 1.0);
 
             // Leave along a cosine-sampled direction, whose weight is the albedo.
-            path.throughput = std::array::from_fn(|k| path.throughput[k] * surface.albedo[k]);
+            path.throughput = std::array::from_fn(|k| path.throughput[k] * surface.bsdf.base_color[k]);
             let square = self.sampler.pair(pixel, sample, FIRST_BOUNCE + vertex);
-            let local = Basis::about(narrow(surface.shading_normal)).direction(cosine_hemisphere(square));
-            ray = surface.leave(surface.outward(local));
+            let local = cosine_hemisphere(square);
+            let direction = Basis::about(narrow(surface.shading_normal)).direction(local);
+            ray = surface.leave(surface.outward(direction));
+            cone = surface.cone.scattered(cosine_density(local[2]));
             path.n_rays += n_shadow_rays + 1;
 
-            let next = self.closest_hit(&ray, &query);
+            let next = self.tracer.closest_hit(&ray, &mut query.clone());
             match (self.lights.meet(&ray, next.as_ref()), next) {
                 (None, Some(next)) if vertex == self.bounces => {
                     path.add(self.lights.ambient(), unoccluded(&ray, &next, ao_radius));
@@ -101,10 +96,6 @@ impl<T: Tracer, Q: Query + Clone> Transport<'_, T, Q> {
         #[expect(clippy::cast_possible_truncation, reason = "any number will do, if it is hardly ever the same")]
         let n_lights = self.lights.list().len() as u32;
         FIRST_LIGHT.wrapping_add(vertex.wrapping_mul(n_lights)).wrapping_add(light)
-    }
-
-    fn closest_hit(&self, ray: &Ray, query: &Timed<Q>) -> Option<Hit> {
-        self.tracer.closest_hit(ray, &mut query.clone())
     }
 }
 

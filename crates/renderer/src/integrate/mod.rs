@@ -2,12 +2,14 @@
 
 mod direct;
 mod hybrid;
+mod path;
 
-use canted_trace::{Hit, Query, Ray};
+use canted_trace::{Hit, Ray};
 
-use crate::light::Lights;
+use crate::light::{LightSampler, Lights};
+use crate::mask::Numbered;
 use crate::motion::Timed;
-use crate::{Sampler, Surfaces, Tracer};
+use crate::{Cone, Sampler, Surfaces, Tracer};
 
 /// What all paths of a picture share. `query` is cloned for each ray.
 pub(crate) struct Transport<'a, T, Q> {
@@ -17,16 +19,35 @@ pub(crate) struct Transport<'a, T, Q> {
     pub(crate) sampler: Sampler,
     pub(crate) lights: Lights<'a>,
     pub(crate) bounces: u32,
-    pub(crate) method: Method,
+    pub(crate) method: Method<'a>,
 }
 
 /// Which light a path gathers.
-pub(crate) enum Method {
+pub(crate) enum Method<'a> {
     /// See `hybrid`.
     Hybrid {
         /// World units; above zero, may be infinite.
         ao_radius: f64,
     },
+    /// See `path`.
+    Path(LightSampler<'a>),
+}
+
+/// Dimension that numbers rays, for surfaces that stop some and let others pass; apart from those that are counted up.
+const PASSAGE: u32 = u32::MAX - 2;
+
+/// Where a path starts at the camera.
+#[derive(Clone, Copy)]
+pub(crate) struct Start {
+    pub(crate) ray: Ray,
+    /// What the ray stands for.
+    pub(crate) cone: Cone,
+    /// When all rays of the path fly: 0 as the shutter opens, 1 as it closes.
+    pub(crate) time: f32,
+    /// Number of the pixel.
+    pub(crate) pixel: u32,
+    /// Number of the sample in it.
+    pub(crate) sample: u32,
 }
 
 /// The light of one path.
@@ -37,18 +58,23 @@ pub(crate) struct Sample {
     pub(crate) n_rays: u64,
 }
 
-impl<T: Tracer, Q: Query + Clone> Transport<'_, T, Q> {
+impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
     /// Radiance that arrives against a camera ray whose closest hit is `first`, one sample of it.
-    ///
-    /// All rays of the path fly at `time`: 0 as the shutter opens, 1 as it closes.
-    pub(crate) fn sample(&self, camera_ray: Ray, first: Option<Hit>, time: f32, pixel: u32, sample: u32) -> Sample {
+    pub(crate) fn sample(&self, start: &Start, first: Option<Hit>) -> Sample {
         match self.method {
-            Method::Hybrid { ao_radius } => self.hybrid_sample(camera_ray, first, time, pixel, sample, ao_radius),
+            Method::Hybrid { ao_radius } => self.hybrid_sample(start, first, ao_radius),
+            Method::Path(ref lights) => self.path_sample(lights, start, first),
         }
     }
 
-    /// The query of rays that fly at `time`.
-    pub(crate) fn query_at(&self, time: f32) -> Timed<Q> {
-        Timed { inner: self.query.clone(), time }
+    /// The query of a camera ray: number 0 of its path.
+    pub(crate) fn camera_query(&self, start: &Start) -> Timed<Q> {
+        self.path_query(start).numbered(0)
+    }
+
+    /// The query of all rays of a path; each asks by a number of its own.
+    fn path_query(&self, start: &Start) -> Timed<Q> {
+        let Start { time, pixel, sample, .. } = *start;
+        Timed { inner: self.query.numbered(self.sampler.bits(pixel, sample, PASSAGE)), time }
     }
 }

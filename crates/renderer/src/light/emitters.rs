@@ -104,14 +104,13 @@ impl<'a> Emitters<'a> {
         let scene = self.surfaces.scene();
         let mesh = &scene.meshes[scene.instances[hit.instance.0 as usize].mesh.0 as usize];
         let material = &scene.materials[mesh.material_of(hit.primitive.0).0 as usize];
-        if material.is_cut_out() && !self.surfaces.is_present(hit) {
-            return None;
-        }
+        // Of light that a blended surface gives, rays that are sampled for it carry the share of those that would meet it.
+        let presence = if material.is_cut_out() { self.surfaces.presence(hit) } else { 1.0 };
         let radiance = match material.emission_texture {
             None => material.emission,
             Some(_) => self.surfaces.at(hit, direction).emission,
         };
-        radiance.iter().any(|&x| x > 0.0).then(|| wide(radiance))
+        (presence > 0.0 && radiance.iter().any(|&x| x > 0.0)).then(|| scale(wide(radiance), presence.into()))
     }
 }
 

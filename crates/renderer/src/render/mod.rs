@@ -6,11 +6,14 @@ mod tile;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use canted_scene::{Camera, Scene};
-use canted_trace::Query;
 use rayon::prelude::*;
 
 use crate::integrate::{Method, Transport};
-use crate::{Film, FilterSampler, Guide, Lights, Masked, Part, Pixel, Sampler, Settings, Surfaces, Tracer, View, mask};
+use crate::mask::Numbered;
+use crate::{
+    Film, FilterSampler, Guide, Integrator, LightSampler, Lights, Masked, Part, Pixel, Sampler, Settings, Surfaces,
+    Tracer, View, mask,
+};
 pub use error::RenderError;
 pub use tile::Tile;
 use tile::{Layout, Work};
@@ -65,7 +68,7 @@ pub fn resume<T: Tracer>(
     let view = View::new(camera, settings.width, settings.height).map_err(RenderError::Camera)?;
     let filter =
         FilterSampler::new(settings.filter).ok_or(RenderError::FilterRadius { radius: settings.filter.radius() })?;
-    let surfaces = Surfaces::new(scene);
+    let surfaces = Surfaces::with_lod(scene, settings.lod);
     // Masks cost a texture lookup a hit: a scene without them runs code that has none.
     let picture = Picture { scene, tracer, surfaces: &surfaces, view, filter, settings, ao_radius, monitor };
     if mask::is_needed(scene) { picture.run(Masked::new(&surfaces, ()), done) } else { picture.run((), done) }
@@ -111,7 +114,7 @@ struct Picture<'a, T> {
 }
 
 impl<T: Tracer> Picture<'_, T> {
-    fn run<Q: Query + Clone + Sync>(&self, query: Q, done: Vec<Tile>) -> Result<Film, RenderError> {
+    fn run<Q: Numbered + Sync>(&self, query: Q, done: Vec<Tile>) -> Result<Film, RenderError> {
         let Settings { samples, bounces, seed, pattern, .. } = *self.settings;
         let transport = Transport {
             tracer: self.tracer,
@@ -120,7 +123,10 @@ impl<T: Tracer> Picture<'_, T> {
             sampler: Sampler::new(pattern, samples, seed),
             lights: Lights::new(self.scene),
             bounces,
-            method: Method::Hybrid { ao_radius: self.ao_radius },
+            method: match self.settings.integrator {
+                Integrator::Hybrid => Method::Hybrid { ao_radius: self.ao_radius },
+                Integrator::Path => Method::Path(LightSampler::new(Lights::new(self.scene), self.surfaces)),
+            },
         };
         let layout = Layout::new(self.settings);
         let mut slots: Vec<Option<Tile>> = (0..layout.n_tiles()).map(|_| None).collect();

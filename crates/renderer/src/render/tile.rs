@@ -2,10 +2,11 @@ use std::f64::consts::SQRT_2;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use canted_trace::{Counts, Hit, Query, Ray};
+use canted_trace::{Counts, Hit, Query};
 
 use crate::film::{Dyadic, total};
-use crate::integrate::Transport;
+use crate::integrate::{Start, Transport};
+use crate::mask::Numbered;
 use crate::{Aov, FilterSampler, Guide, Pixel, Settings, Tracer, View, film::Block};
 
 /// Dimension of the sampler that places a sample in its pixel.
@@ -112,7 +113,7 @@ struct Sums {
     guide: Dyadic<Guide>,
 }
 
-impl<T: Tracer, Q: Query + Clone> Work<'_, T, Q> {
+impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
     /// Renders a tile; `None` once the work is cancelled.
     pub(super) fn tile(&self, number: usize, cancel: &AtomicBool) -> Option<Tile> {
         let [left, top] = self.layout.corner(number);
@@ -201,21 +202,23 @@ impl<T: Tracer, Q: Query + Clone> Work<'_, T, Q> {
             self.view.ray(position)
         };
         let time = if self.moves { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
+        let start = Start { ray, cone: self.view.cone(position, sample), time, pixel: number, sample };
         let hit = if self.layout.is_guided {
-            let (hit, guide) = self.guide(&ray, time);
+            let (hit, guide) = self.guide(&start);
             sums.guide.push_sample(sample, guide);
             hit
         } else {
-            self.transport.tracer.closest_hit(&ray, &mut self.transport.query_at(time))
+            self.transport.tracer.closest_hit(&ray, &mut self.transport.camera_query(&start))
         };
-        let light = self.transport.sample(ray, hit, time, number, sample);
+        let light = self.transport.sample(&start, hit);
         sums.pixel.push_sample(sample, Pixel::of(light.radiance.map(|x| weight * x)));
         light.n_rays
     }
 
     /// What a camera ray meets first, and its properties.
-    fn guide(&self, ray: &Ray, time: f32) -> (Option<Hit>, Guide) {
-        let query = self.transport.query_at(time);
+    fn guide(&self, start: &Start) -> (Option<Hit>, Guide) {
+        let Start { ray, cone, time, .. } = start;
+        let query = self.transport.camera_query(start);
         let (hit, tests) = if self.settings.aovs.contains(Aov::Tests) {
             let mut counted = Counted { inner: query, counts: Counts::default() };
             let hit = self.transport.tracer.closest_hit(ray, &mut counted);
@@ -225,14 +228,14 @@ impl<T: Tracer, Q: Query + Clone> Work<'_, T, Q> {
             (self.transport.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
         };
         let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
-        let surface = self.transport.surfaces.at_time(&hit, ray.direction, time);
+        let surface = self.transport.surfaces.at_time(&hit, ray.direction, *time, *cone);
         let guide = Guide {
             n_hits: 1,
             first: Some([hit.instance.0, hit.primitive.0]),
             depth: self.view.depth(surface.position),
             normal: surface.normal,
             shading_normal: surface.shading_normal,
-            albedo: surface.albedo.map(f64::from),
+            albedo: surface.bsdf.albedo().map(f64::from),
             tests,
         };
         (Some(hit), guide)

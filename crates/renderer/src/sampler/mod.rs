@@ -88,6 +88,12 @@ impl Sampler {
         }
     }
 
+    /// Random bits, the same whatever the pattern; independent of what [`Sampler::pair`] of the same dimension gives.
+    #[must_use]
+    pub fn bits(&self, pixel: u32, sample: u32, dimension: u32) -> u32 {
+        mix(mix(self.key(pixel, dimension) ^ 10) ^ sample)
+    }
+
     /// What tells the uses of the random numbers apart.
     fn key(&self, pixel: u32, dimension: u32) -> u32 {
         mix(mix(mix(self.seed) ^ pixel) ^ dimension)
@@ -99,7 +105,7 @@ const STEPS: u64 = 1 << 24;
 
 /// The multiple of 2⁻²⁴ with this number of steps.
 #[expect(clippy::cast_precision_loss, reason = "below 2^24: exact")]
-fn unit(steps: u32) -> f32 {
+pub(crate) fn unit(steps: u32) -> f32 {
     steps as f32 * (1.0 / STEPS as f32)
 }
 
@@ -107,7 +113,7 @@ fn unit(steps: u32) -> f32 {
 ///
 /// Two rounds of xor-shift and odd multiplication; the constants are those Wellons found by search in 2018 ("low
 /// bias"). The sum moves zero off its fixed point.
-fn mix(x: u32) -> u32 {
+pub(crate) fn mix(x: u32) -> u32 {
     let x = x.wrapping_add(0x9e37_79b9);
     let x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
     let x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);

@@ -1,5 +1,6 @@
 //! The renderer against closed forms, quadrature and brute force. One binary, a file a station.
 
+mod alpha;
 mod bsdf;
 mod camera;
 mod common;
@@ -12,9 +13,12 @@ mod heatmap;
 mod light;
 mod lighting;
 mod motion;
+mod normal_map;
 mod occlusion;
 mod offset;
+mod path;
 mod render;
 mod sampler;
 mod sampling;
 mod surface;
+mod texture;

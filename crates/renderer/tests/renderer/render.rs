@@ -21,11 +21,13 @@ fn stage() -> (Scene, Camera) {
 const SETTINGS: Settings = Settings {
     width: 37,
     height: 23,
+    integrator: canted_renderer::Integrator::Hybrid,
     samples: 5,
     bounces: 2,
     seed: 9,
     pattern: canted_renderer::Pattern::Stratified,
     filter: canted_renderer::Filter::BOX,
+    lod: canted_renderer::Lod::Aniso,
     ao_radius: None,
     tile: 32,
     part: None,

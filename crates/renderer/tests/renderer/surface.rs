@@ -1,7 +1,7 @@
 //! What a hit becomes: point, normals, colours.
 
 use canted_obb::{Affine, PrimId};
-use canted_renderer::{Masked, Surface, Surfaces, Tracer};
+use canted_renderer::{Bsdf, Cone, Masked, Surface, Surfaces, Tracer};
 use canted_scene::{AlphaMode, Encoding, Material, Mesh, Scene, Texture, TextureId, TextureRef, Wrap};
 use canted_trace::{Counts, Hit, InstanceId, Ray, Side};
 
@@ -80,7 +80,16 @@ fn shading_normals_are_interpolated_and_zero_means_none() {
 }
 
 fn surface(normal: Vector, shading_normal: Vector) -> Surface {
-    Surface { position: [0.0; 3], normal, shading_normal, albedo: [0.5; 3], emission: [0.0; 3], offset: 1e-3 }
+    Surface {
+        position: [0.0; 3],
+        normal,
+        shading_normal,
+        is_front: true,
+        bsdf: Bsdf::lambert([0.5; 3]),
+        emission: [0.0; 3],
+        offset: 1e-3,
+        cone: Cone::LINE,
+    }
 }
 
 #[test]
@@ -136,7 +145,7 @@ fn textures_tint_and_masks_cut_out() {
         let hit = tracer.closest_hit(&ray, &mut query).unwrap();
         assert_eq!(query.inner.triangles, 4, "counts pass through");
         assert!(tracer.occluded(&ray, &mut query));
-        (hit.instance.0, surfaces.at(&hit, ray.direction).albedo)
+        (hit.instance.0, surfaces.at(&hit, ray.direction).bsdf.base_color)
     };
     assert_eq!(seen(0.2), (0, [0.5, 0.0, 0.0]));
     assert_eq!(seen(0.8), (1, [0.125; 3]), "through the cut-out part");

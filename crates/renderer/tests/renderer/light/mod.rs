@@ -8,14 +8,23 @@ mod density;
 mod environment;
 mod irradiance;
 
-use canted_renderer::{LightSampler, Lights, Pattern, Sampler, Surface, Surfaces};
+use canted_renderer::{Bsdf, Cone, LightSampler, Lights, Pattern, Sampler, Surface, Surfaces};
 use canted_scene::{Material, Scene};
 
 use crate::common::{Vector, dot};
 
 /// A point that receives light.
 fn receiver(position: Vector, normal: Vector) -> Surface {
-    Surface { position, normal, shading_normal: normal, albedo: [1.0; 3], emission: [0.0; 3], offset: 1e-6 }
+    Surface {
+        position,
+        normal,
+        shading_normal: normal,
+        is_front: true,
+        bsdf: Bsdf::lambert([1.0; 3]),
+        emission: [0.0; 3],
+        offset: 1e-6,
+        cone: Cone::LINE,
+    }
 }
 
 /// Independent choices and points of the unit square.

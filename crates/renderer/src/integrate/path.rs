@@ -1,0 +1,246 @@
+//! Paths that solve the rendering equation (Kajiya 1986): light is sampled at each vertex, and found by chance by the ray
+//! that leaves it; multiple importance sampling weighs the two (Veach and Guibas 1995).
+//!
+//! With `bounces` the light of longer paths is cut off, the only bias; the count is that of `hybrid`, so that both gather
+//! the same light where that has no ambient: a path has vertices `0..=bounces`, surfaces' emission is gathered at each of
+//! them, other lights and the environment also from the last. Russian roulette ends paths that carry little without
+//! bias.
+//!
+//! Where shading normal and triangle disagree about the side of a direction, the direction is mirrored in the plane of the
+//! triangle. Light from a direction is then scattered as from itself and from the one that is folded onto it, so no light
+//! is lost and none comes through the back of a triangle; sampling and evaluation fold alike.
+
+use canted_trace::{Hit, Ray};
+
+use super::{Sample, Start, Transport};
+use crate::bsdf::{Bsdf, Evaluation};
+use crate::light::{LightSampler, Source};
+use crate::mask::Numbered;
+use crate::motion::Timed;
+use crate::sampling::Basis;
+use crate::vector::{dot, narrow, scale, sub, unit, wide};
+use crate::{Surface, Tracer};
+
+/// Vertices before roulette starts: short paths carry most of the light.
+const FIRST_ROULETTE: u32 = 4;
+
+/// Least share of the paths that roulette ends: a path that keeps all its light still ends.
+const LEAST_END: f32 = 0.05;
+
+/// Dimensions of the sampler at each vertex, behind the position in the pixel.
+#[derive(Clone, Copy)]
+enum Dimension {
+    Light,
+    LightChoice,
+    Scattering,
+    ScatteringChoice,
+    Roulette,
+}
+
+impl Dimension {
+    const COUNT: u32 = 5;
+
+    fn at(self, vertex: u32) -> u32 {
+        1 + vertex * Self::COUNT + self as u32
+    }
+}
+
+/// A path on its way.
+struct Walk {
+    radiance: [f32; 3],
+    /// What light from the next vertex is multiplied with.
+    throughput: [f32; 3],
+    /// The factor that boundaries put into the throughput, which comes out again where the path leaves the body.
+    compression: f32,
+    n_rays: u64,
+}
+
+impl Walk {
+    fn add(&mut self, radiance: [f32; 3], weight: f32) {
+        self.radiance = std::array::from_fn(|k| self.radiance[k] + self.throughput[k] * radiance[k] * weight);
+    }
+
+    /// Ends the path with the probability of what it does not carry, or makes it carry more.
+    fn survives(&mut self, choice: f32) -> bool {
+        let carried = self.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / self.compression;
+        let share = carried.min(1.0 - LEAST_END);
+        if choice >= share {
+            return false;
+        }
+        self.throughput = self.throughput.map(|x| x / share);
+        true
+    }
+}
+
+/// Weight of a sample of one technique beside another: the power heuristic with exponent 2.
+///
+/// Computed from the quotient, so that no square overflows; densities are finite, `other` may be zero.
+fn weight(density: f32, other: f32) -> f32 {
+    let quotient = other / density;
+    1.0 / (1.0 + quotient * quotient)
+}
+
+/// A surface with the frame that its scattering is told in.
+struct Vertex {
+    surface: Surface,
+    basis: Basis,
+    /// Towards the viewer, in that frame.
+    outgoing: [f32; 3],
+    /// Whether the shading normal is not that of the triangle.
+    is_bent: bool,
+}
+
+impl Vertex {
+    fn new(surface: Surface, ray_direction: [f32; 3]) -> Self {
+        let viewer = unit(wide(ray_direction)).map_or([0.0, 0.0, 1.0], |v| narrow(scale(v, -1.0)));
+        // Where the shading normal turns its back on the viewer, the triangle's faces him.
+        let faces = dot(surface.shading_normal, wide(viewer)) > 0.0;
+        let normal = if faces { surface.shading_normal } else { surface.normal };
+        let basis = Basis::about(narrow(normal));
+        Self { surface, basis, outgoing: basis.coordinates(viewer), is_bent: normal != surface.normal }
+    }
+
+    fn bsdf(&self) -> &Bsdf {
+        &self.surface.bsdf
+    }
+
+    /// Whether light from behind counts.
+    fn transmits(&self) -> bool {
+        self.bsdf().transmission > 0.0
+    }
+
+    /// What is scattered from a world-space direction: of itself, and of the direction that is folded onto it.
+    fn evaluate(&self, to_light: [f32; 3]) -> Evaluation {
+        let incident = self.basis.coordinates(to_light);
+        if !self.is_bent {
+            return self.bsdf().evaluate(self.outgoing, incident);
+        }
+        let height = self.height(to_light);
+        let folded = self.basis.coordinates(self.mirrored(to_light));
+        let mut sum = Evaluation::default();
+        // A direction stays where triangle and frame agree on its side, and is folded where they do not.
+        for local in [incident, folded].into_iter().filter(|local| f64::from(local[2]) * height > 0.0) {
+            let Evaluation { value, density } = self.bsdf().evaluate(self.outgoing, local);
+            sum.value = std::array::from_fn(|k| sum.value[k] + value[k]);
+            sum.density += density;
+        }
+        sum
+    }
+
+    /// A sampled direction of the frame in world space, on the side of the triangle that it has in the frame.
+    fn direction(&self, incident: [f32; 3]) -> [f32; 3] {
+        let direction = self.basis.direction(incident);
+        let agrees = !self.is_bent || f64::from(incident[2]) * self.height(direction) >= 0.0;
+        if agrees { direction } else { self.mirrored(direction) }
+    }
+
+    fn height(&self, direction: [f32; 3]) -> f64 {
+        dot(self.surface.normal, wide(direction))
+    }
+
+    /// A direction mirrored in the plane of the triangle.
+    fn mirrored(&self, direction: [f32; 3]) -> [f32; 3] {
+        narrow(sub(wide(direction), scale(self.surface.normal, 2.0 * self.height(direction))))
+    }
+}
+
+impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
+    /// The light of a path that is traced until `bounces` or roulette end it; see [`Transport::sample`].
+    pub(super) fn path_sample(&self, lights: &LightSampler, start: &Start, first: Option<Hit>) -> Sample {
+        let Start { mut ray, mut cone, time, .. } = *start;
+        let mut walk = Walk { radiance: [0.0; 3], throughput: [1.0; 3], compression: 1.0, n_rays: 1 };
+        let path_query = self.path_query(start);
+        let mut hit = first;
+        // The vertex that the ray left and the density of its direction; `None` where no light was sampled for it.
+        let mut left: Option<(Vertex, f32)> = None;
+        for n in 0.. {
+            // The share of light that was found by chance beside what is sampled.
+            let share = |source: Source| {
+                left.as_ref().map_or(1.0, |(vertex, density)| {
+                    weight(*density, lights.density(&vertex.surface, vertex.transmits(), ray.direction, source))
+                })
+            };
+            if let Some(met) = lights.lights().meet(&ray, hit.as_ref()) {
+                walk.add(met.radiance, share(met.source));
+                break;
+            }
+            let Some(found) = hit.filter(|_| n <= self.bounces) else { break };
+            let surface = self.surfaces.at_time(&found, ray.direction, time, cone);
+            if surface.emission != [0.0; 3] {
+                walk.add(surface.emission, share(Source::of_hit(&found)));
+            }
+            let vertex = Vertex::new(surface, ray.direction);
+            let query = path_query.numbered(1 + n);
+            if !vertex.bsdf().is_delta_only() {
+                self.add_light(&mut walk, lights, &vertex, n, &query, start);
+            }
+            let Some((next, density)) = self.scatter(&mut walk, &vertex, n, start) else { break };
+            ray = next;
+            cone = density.map_or(vertex.surface.cone, |density| vertex.surface.cone.scattered(density));
+            left = density.map(|density| (vertex, density));
+            walk.n_rays += 1;
+            hit = self.tracer.closest_hit(&ray, &mut query.clone());
+        }
+        Sample { radiance: walk.radiance, n_rays: walk.n_rays }
+    }
+
+    /// Adds light sampled for a vertex.
+    fn add_light(
+        &self,
+        walk: &mut Walk,
+        lights: &LightSampler,
+        vertex: &Vertex,
+        n: u32,
+        query: &Timed<Q>,
+        &Start { pixel, sample, .. }: &Start,
+    ) {
+        let choice = self.sampler.single(pixel, sample, Dimension::LightChoice.at(n));
+        let square = self.sampler.pair(pixel, sample, Dimension::Light.at(n));
+        let Some(light) = lights.sample(&vertex.surface, vertex.transmits(), choice, square) else { return };
+        // Emission of surfaces belongs to the vertex there.
+        if matches!(light.source, Source::Triangle(..)) && n == self.bounces {
+            return;
+        }
+        let Evaluation { value, density } = vertex.evaluate(light.to_light);
+        if value == [0.0; 3] {
+            return;
+        }
+        if let Some(ray) = &light.shadow_ray {
+            walk.n_rays += 1;
+            // Another number than the ray that leaves the vertex has.
+            if !lights.lights().is_clear(ray, light.source, self.tracer, &mut query.numbered(0)) {
+                return;
+            }
+        }
+        // What has no extent is found by no other technique.
+        let share = if light.is_delta { 1.0 } else { weight(light.density, density) };
+        walk.add(std::array::from_fn(|k| value[k] * light.radiance[k]), share);
+    }
+
+    /// The ray that leaves a vertex, and the density of its direction, `None` for a mirror's; takes the throughput along.
+    fn scatter(
+        &self,
+        walk: &mut Walk,
+        vertex: &Vertex,
+        n: u32,
+        &Start { pixel, sample, .. }: &Start,
+    ) -> Option<(Ray, Option<f32>)> {
+        if n >= FIRST_ROULETTE && !walk.survives(self.sampler.single(pixel, sample, Dimension::Roulette.at(n))) {
+            return None;
+        }
+        let square = self.sampler.pair(pixel, sample, Dimension::Scattering.at(n));
+        let choice = self.sampler.single(pixel, sample, Dimension::ScatteringChoice.at(n));
+        let scattered = vertex.bsdf().sample(vertex.outgoing, square, choice)?;
+        let direction = vertex.direction(scattered.incident);
+        walk.throughput = std::array::from_fn(|k| walk.throughput[k] * scattered.weight[k]);
+        if scattered.is_transmitted {
+            walk.compression *= vertex.bsdf().compression();
+        }
+        let is_lit = walk.throughput.iter().any(|&x| x > 0.0);
+        is_lit.then(|| {
+            // Both densities that make a direction count, also that of the light that is folded onto it.
+            let density = if vertex.is_bent { vertex.evaluate(direction).density } else { scattered.density };
+            (vertex.surface.leave(direction), (!scattered.is_delta).then_some(density))
+        })
+    }
+}

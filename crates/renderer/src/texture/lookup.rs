@@ -1,0 +1,180 @@
+use canted_scene::Wrap;
+
+use super::Footprint;
+use super::pyramid::{Image, Pyramid};
+
+impl Pyramid<'_> {
+    /// RGB in linear light or as plain numbers, and alpha, on average over a footprint about `uv`.
+    ///
+    /// `v` runs up: row 0 of the image is the top, `v = 1`. Between levels and between the four nearest texel centres of
+    /// each, blending is linear, of decoded values. A texture without texels is opaque white, and a coordinate that is not
+    /// finite counts as 0.
+    pub(crate) fn lookup(&self, uv: [f64; 2], footprint: &Footprint) -> [f32; 4] {
+        if self.texture().texels.is_empty() {
+            return [1.0; 4];
+        }
+        let (levels, weight) = self.levels(footprint.level);
+        let n = footprint.n_probes;
+        if n == 1 {
+            return self.trilinear(uv, levels, weight);
+        }
+        let mut sum = [0.0; 4];
+        for probe in 0..n {
+            let place = (f64::from(probe) + 0.5) / f64::from(n) - 0.5;
+            let uv = std::array::from_fn(|k| uv[k] + place * footprint.along[k]);
+            let value = self.trilinear(uv, levels, weight);
+            sum = std::array::from_fn(|k| sum[k] + value[k]);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "at most 16")]
+        let n = n as f32;
+        sum.map(|x| x / n)
+    }
+
+    /// Alpha at `uv`, at full size.
+    pub(crate) fn alpha(&self, uv: [f64; 2]) -> f32 {
+        if self.texture().texels.is_empty() {
+            return 1.0;
+        }
+        let [alpha] = self.bilinear(0, uv, |texel| [self.fractions[usize::from(texel[3])]]);
+        alpha
+    }
+
+    /// The levels next to a width, given by its binary logarithm, and the weight of the second.
+    fn levels(&self, level: f64) -> ([usize; 2], f32) {
+        #[expect(clippy::cast_precision_loss, reason = "at most 33")]
+        let coarsest = (self.n_levels() - 1) as f64;
+        // So written that a NaN is 0.
+        #[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
+        let level = level.max(0.0).min(coarsest);
+        let finer = level.floor();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the last level")]
+        let (first, weight) = (finer as usize, (level - finer) as f32);
+        ([first, first + 1], weight)
+    }
+
+    fn trilinear(&self, uv: [f64; 2], [finer, coarser]: [usize; 2], weight: f32) -> [f32; 4] {
+        let decoded = |texel| self.decoded(texel);
+        let fine = self.bilinear(finer, uv, decoded);
+        if weight == 0.0 { fine } else { blend(fine, self.bilinear(coarser, uv, decoded), weight) }
+    }
+
+    #[inline]
+    fn bilinear<const N: usize>(&self, level: usize, uv: [f64; 2], decoded: impl Fn([u8; 4]) -> [f32; N]) -> [f32; N] {
+        let Image { size: [width, height], texels } = self.level(level);
+        let [wrap_u, wrap_v] = self.texture().wrap;
+        let (columns, x) = neighbours(uv[0], width, wrap_u);
+        let (rows, y) = neighbours(1.0 - uv[1], height, wrap_v);
+        let row = |j: usize| {
+            let texel = |i: usize| decoded(texels[rows[j] * width as usize + columns[i]]);
+            blend(texel(0), texel(1), x)
+        };
+        blend(row(0), row(1), y)
+    }
+}
+
+/// `a` at weight 0, `b` at weight 1, never outside the range between them.
+fn blend<const N: usize>(a: [f32; N], b: [f32; N], weight: f32) -> [f32; N] {
+    std::array::from_fn(|k| a[k] + weight * (b[k] - a[k]))
+}
+
+/// The two texels about a coordinate along one axis, and the weight of the second.
+#[expect(clippy::cast_possible_truncation, reason = "the coordinate was reduced to at most two images")]
+fn neighbours(coordinate: f64, n: u32, wrap: Wrap) -> ([usize; 2], f32) {
+    let coordinate = if coordinate.is_finite() { coordinate } else { 0.0 };
+    // Reduce first, so that the integers below stay small for any coordinate.
+    let reduced = match wrap {
+        Wrap::Repeat => coordinate - coordinate.floor(),
+        Wrap::Clamp => coordinate.clamp(0.0, 1.0),
+        Wrap::Mirror => coordinate - 2.0 * (0.5 * coordinate).floor(),
+    };
+    let texels = reduced * f64::from(n) - 0.5;
+    let first = texels.floor();
+    let index = |i: i64| wrapped(i, i64::from(n), wrap);
+    ([index(first as i64), index(first as i64 + 1)], (texels - first) as f32)
+}
+
+/// Index of texel `i` of the row that `wrap` makes of `n` texels, for `i` at most one beyond what `wrap` repeats.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the result lies in 0..n")]
+fn wrapped(i: i64, n: i64, wrap: Wrap) -> usize {
+    // Comparisons instead of a division: this runs for every texel.
+    let inside = match wrap {
+        Wrap::Repeat if i < 0 => n - 1,
+        Wrap::Repeat if i >= n => 0,
+        Wrap::Repeat => i,
+        Wrap::Clamp => i.clamp(0, n - 1),
+        // The mirrored copy ends where the next begins: both neighbours of that edge are texel 0.
+        Wrap::Mirror if i < 0 || i >= 2 * n => 0,
+        Wrap::Mirror => i.min(2 * n - 1 - i),
+    };
+    inside as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canted_scene::{Encoding, Texture};
+
+    fn lookup(texture: &Texture, uv: [f64; 2]) -> [f32; 4] {
+        Pyramid::flat(texture).lookup(uv, &Footprint::POINT)
+    }
+
+    /// Two columns and two rows: top left, top right, bottom left, bottom right in the red channel.
+    fn checker(wrap: Wrap) -> Texture {
+        let texel = |r| [r, 0, 0, r];
+        Texture {
+            name: "checker".into(),
+            width: 2,
+            height: 2,
+            texels: vec![texel(255), texel(0), texel(0), texel(255)],
+            encoding: Encoding::Srgb,
+            wrap: [wrap; 2],
+        }
+    }
+
+    #[test]
+    fn texel_centres_are_exact_and_v_runs_up() {
+        let texture =
+            Texture { texels: vec![[255, 0, 0, 1], [0, 255, 0, 2], [0, 0, 255, 3], [128; 4]], ..checker(Wrap::Repeat) };
+        assert_eq!(lookup(&texture, [0.25, 0.75]), [1.0, 0.0, 0.0, 1.0 / 255.0]);
+        assert_eq!(lookup(&texture, [0.75, 0.75]), [0.0, 1.0, 0.0, 2.0 / 255.0]);
+        assert_eq!(lookup(&texture, [0.25, 0.25]), [0.0, 0.0, 1.0, 3.0 / 255.0]);
+    }
+
+    #[test]
+    fn halfway_is_the_linear_mean() {
+        assert_eq!(lookup(&checker(Wrap::Repeat), [0.5, 0.5])[0], 0.5);
+    }
+
+    #[test]
+    fn wrap_modes_continue_the_image_beyond_its_edges() {
+        // Along the top row the texels are 1, 0; sampled at the centre of texel i for i = -2..4.
+        for (wrap, expected) in [
+            (Wrap::Repeat, [1.0, 0.0, 1.0, 0.0, 1.0, 0.0]),
+            (Wrap::Clamp, [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
+            (Wrap::Mirror, [0.0, 1.0, 1.0, 0.0, 0.0, 1.0]),
+        ] {
+            let texture = checker(wrap);
+            for (i, want) in (-2..4).zip(expected) {
+                assert_eq!(lookup(&texture, [0.25 + 0.5 * f64::from(i), 0.75])[0], want, "{wrap:?} texel {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_edge_blends_with_what_the_wrap_mode_puts_beyond() {
+        let left_edge = |wrap| lookup(&checker(wrap), [0.0, 0.75])[0];
+        assert_eq!(left_edge(Wrap::Repeat), 0.5);
+        assert_eq!(left_edge(Wrap::Clamp), 1.0);
+        assert_eq!(left_edge(Wrap::Mirror), 1.0);
+    }
+
+    #[test]
+    fn any_coordinate_has_a_colour() {
+        for wrap in [Wrap::Repeat, Wrap::Clamp, Wrap::Mirror] {
+            for c in [1e30, -1e30, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.0, 1.0 - f64::EPSILON, -1e-320] {
+                let [r, .., a] = lookup(&checker(wrap), [c, c]);
+                assert!((0.0..=1.0).contains(&r) && (0.0..=1.0).contains(&a), "{wrap:?} {c}");
+            }
+        }
+    }
+}

@@ -1,0 +1,230 @@
+//! Textures in pictures: what averaging saves in noise and costs in sharpness, and that every slot reaches the surface.
+
+use std::sync::LazyLock;
+
+use canted_obb::PrimId;
+use canted_renderer::{Lod, Pattern, Settings, Surfaces, Tracer, View};
+use canted_scene::{Camera, Encoding, Material, Mesh, Scene, Texture, TextureId, TextureRef, Wrap};
+use canted_trace::{Hit, InstanceId, Side};
+
+use crate::common::{BruteForce, Vector, camera, film, floor, grey, mesh, scene, settings};
+
+const WIDTH: u32 = 32;
+const HEIGHT: u32 = 24;
+/// Texels along the side of a field.
+const FIELD: u32 = 8;
+/// World units along the side of a field.
+const FIELD_WORLD: f32 = 0.5;
+
+/// A chessboard that recedes to the horizon under a white sky: every ray that hits sees black or white, and no noise but
+/// that of the texture.
+fn board() -> Scene {
+    let side = 2 * FIELD;
+    let texel =
+        |i: u32| if (i / side / FIELD + i % side / FIELD).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] };
+    let texture = Texture {
+        name: "board".into(),
+        width: side,
+        height: side,
+        texels: (0..side * side).map(texel).collect(),
+        encoding: Encoding::Srgb,
+        wrap: [Wrap::Repeat; 2],
+    };
+    let half = 400.0;
+    let mut plane = floor(half, 0.0, 0);
+    let repeats = half / (2.0 * FIELD_WORLD);
+    plane.uvs = Some(plane.positions.iter().map(|p| [p[0], p[2]].map(|x| x / half * repeats)).collect());
+    let texture_ref = Some(TextureRef::plain(TextureId(0)));
+    let material = Material { base_color: [1.0; 3], base_color_texture: texture_ref, ..Material::default() };
+    let environment = Some([1.0; 3].into());
+    Scene { textures: vec![texture], environment, ..scene(vec![plane], vec![material]) }
+}
+
+fn view(yaw_rad: f32) -> Camera {
+    camera([0.1, 1.0, 0.2], [0.1 + 10.0 * yaw_rad.sin(), -1.5, 0.2 - 10.0 * yaw_rad.cos()], 60.0)
+}
+
+fn picture(lod: Lod, samples: u32, camera: &Camera) -> Vec<f64> {
+    let settings = Settings { lod, pattern: Pattern::Sobol, ..settings(WIDTH, HEIGHT, samples, 0) };
+    film(&board(), camera, &settings).pixels().iter().map(|pixel| pixel.mean()[0]).collect()
+}
+
+/// What the picture tends to.
+static REFERENCE: LazyLock<Vec<f64>> = LazyLock::new(|| picture(Lod::None, 4096, &view(0.0)));
+
+/// Distance along the view of the board under the middle of each pixel; `None` above the horizon.
+fn distances() -> Vec<Option<f64>> {
+    let scene = board();
+    let tracer = BruteForce::new(&scene);
+    let view = View::new(&view(0.0), WIDTH, HEIGHT).unwrap();
+    let middle = |i: u32| [f64::from(i % WIDTH) + 0.5, f64::from(i / WIDTH) + 0.5];
+    (0..WIDTH * HEIGHT).map(|i| tracer.closest_hit(&view.ray(middle(i)), &mut ()).map(|hit| f64::from(hit.t))).collect()
+}
+
+fn mean_square(of: impl Iterator<Item = f64> + Clone) -> f64 {
+    of.clone().map(|x| x * x).sum::<f64>() / of.count() as f64
+}
+
+/// Mean squared error of the pixels whose distance lies in a range.
+fn error(picture: &[f64], range: std::ops::Range<f64>) -> f64 {
+    let pixels = picture.iter().zip(&*REFERENCE).zip(distances());
+    let errors: Vec<f64> =
+        pixels.filter(|(_, d)| d.is_some_and(|d| range.contains(&d))).map(|((a, b), _)| a - b).collect();
+    assert!(errors.len() > 50, "{} pixels", errors.len());
+    mean_square(errors.into_iter())
+}
+
+/// Distance beyond which a field is less than half a pixel high, so that the picture is grey.
+const FAR: f64 = 12.0;
+
+/// Distance up to which a texel is about a pixel or more.
+const NEAR: f64 = 3.0;
+
+#[test]
+fn an_ellipse_errs_less_than_a_square_and_a_square_less_than_a_point() {
+    for samples in [4, 16, 64] {
+        let [none, cone, aniso] =
+            [Lod::None, Lod::Cone, Lod::Aniso].map(|lod| error(&picture(lod, samples, &view(0.0)), 0.0..f64::INFINITY));
+        assert!(1.5 * aniso < cone && 1.5 * cone < none, "{samples} samples: {none} {cone} {aniso}");
+    }
+}
+
+/// Blur of near texels is at most two hundredths at 16 samples, and goes away as samples are added.
+#[test]
+fn near_texels_are_sharp() {
+    let [early, late] = [16, 64].map(|samples| error(&picture(Lod::Aniso, samples, &view(0.0)), 0.0..NEAR));
+    assert!(early < 0.02 * 0.02 && 4.0 * late < early, "{early} {late}");
+    // The check sees what is blurred: a square down the slope.
+    assert!(error(&picture(Lod::Cone, 4, &view(0.0)), 0.0..NEAR) > 0.04 * 0.04);
+}
+
+/// At one sample a pixel, the far board changes by less than three hundredths as the camera turns by a pixel; unfiltered it
+/// flickers between black and white.
+#[test]
+fn far_texels_do_not_shimmer() {
+    let change = |lod| {
+        let [a, b] = [0.0, 60.0_f32.to_radians() / HEIGHT as f32].map(|yaw| picture(lod, 1, &view(yaw)));
+        let far = a.iter().zip(&b).zip(distances()).filter(|(_, d)| d.is_some_and(|d| d > FAR));
+        let changes: Vec<f64> = far.map(|((a, b), _)| a - b).collect();
+        assert!(changes.len() > 50);
+        mean_square(changes.into_iter()).sqrt()
+    };
+    assert!(change(Lod::Aniso) < 0.03 && change(Lod::Cone) < 0.03);
+    assert!(change(Lod::None) > 0.5);
+}
+
+fn one_texel(texel: [u8; 4], encoding: Encoding) -> Texture {
+    Texture { name: String::new(), width: 1, height: 1, texels: vec![texel], encoding, wrap: [Wrap::Clamp; 2] }
+}
+
+fn only_hit() -> Hit {
+    Hit { t: 1.0, u: 0.25, v: 0.25, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front }
+}
+
+/// A triangle under a texture in each slot.
+fn slots() -> Scene {
+    let slot = |k| Some(TextureRef::plain(TextureId(k)));
+    let material = Material {
+        base_color: [0.5, 1.0, 1.0],
+        base_color_texture: slot(0),
+        metallic: 0.5,
+        roughness: 1.0,
+        metallic_roughness_texture: slot(1),
+        specular: 0.75,
+        transmission: 0.5,
+        transmission_texture: slot(2),
+        ior: 1.25,
+        emission: [2.0, 4.0, 6.0],
+        emission_texture: slot(0),
+        ..Material::default()
+    };
+    let triangle = mesh(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]], 0);
+    let mesh = Mesh { uvs: Some(vec![[0.0; 2], [1.0, 0.0], [0.0, 1.0]]), ..triangle };
+    let mut scene = scene(vec![mesh], vec![material]);
+    scene.textures = vec![
+        one_texel([255, 128, 0, 255], Encoding::Srgb),
+        one_texel([9, 51, 102, 255], Encoding::Linear),
+        one_texel([204, 0, 0, 255], Encoding::Linear),
+    ];
+    scene
+}
+
+#[test]
+fn every_slot_reaches_the_surface() {
+    let scene = slots();
+    let front = Surfaces::new(&scene).at(&only_hit(), [0.0, 0.0, -1.0]);
+    let green = 0.215_860_5;
+    let near = |a: f32, b: f32| (a - b).abs() <= 1e-6;
+    let bsdf = front.bsdf;
+    assert!(bsdf.base_color[0] == 0.5 && near(bsdf.base_color[1], green) && bsdf.base_color[2] == 0.0);
+    assert!(near(bsdf.roughness, 0.2) && near(bsdf.metallic, 0.2) && near(bsdf.transmission, 0.4));
+    assert_eq!((bsdf.specular, bsdf.ior, bsdf.thin_walled), (0.75, 1.25, false));
+    assert!(front.emission[0] == 2.0 && near(front.emission[1], 4.0 * green) && front.emission[2] == 0.0);
+    assert!(front.is_front && !bsdf.is_inside);
+    let back = Surfaces::new(&scene).at(&only_hit(), [0.0, 0.0, 1.0]);
+    assert!(!back.is_front && back.bsdf.is_inside);
+}
+
+#[test]
+fn sheets_and_what_is_opaque_have_no_inside() {
+    for spoil in [|m: &mut Material| m.thin_walled = true, |m: &mut Material| m.transmission = 0.0] {
+        let mut scene = slots();
+        spoil(&mut scene.materials[0]);
+        assert!(!Surfaces::new(&scene).at(&only_hit(), [0.0, 0.0, 1.0]).bsdf.is_inside);
+    }
+}
+
+#[test]
+fn missing_coordinates_and_images_are_white() {
+    let mut scene = slots();
+    scene.meshes[0].uvs = None;
+    let bare = Surfaces::new(&scene).at(&only_hit(), [0.0, 0.0, -1.0]);
+    assert_eq!((bare.bsdf.base_color, bare.bsdf.roughness), ([0.5, 1.0, 1.0], 1.0));
+    let mut scene = slots();
+    for texture in &mut scene.textures {
+        (texture.width, texture.height, texture.texels) = (0, 0, vec![]);
+    }
+    for lod in [Lod::None, Lod::Cone, Lod::Aniso] {
+        let view = View::new(&camera([0.0, 0.0, 2.0], [0.0; 3], 40.0), 8, 8).unwrap();
+        let cone = view.cone([4.0, 4.0], 0);
+        let empty = Surfaces::with_lod(&scene, lod).at_time(&only_hit(), [0.0, 0.0, -1.0], 0.0, cone);
+        assert_eq!(empty.bsdf.base_color, [0.5, 1.0, 1.0]);
+    }
+}
+
+#[test]
+fn vertices_tint() {
+    let mut scene = scene(vec![floor(1.0, 0.0, 0)], vec![grey(0.5)]);
+    scene.meshes[0].colors = Some(vec![[1.0, 0.5, 0.0, 1.0]; 4]);
+    let surface = Surfaces::new(&scene).at(&only_hit(), [0.0, -1.0, 0.0]);
+    assert_eq!(surface.bsdf.base_color, [0.5, 0.25, 0.0]);
+}
+
+/// A scene without textures is the same bits whatever the level of detail.
+#[test]
+fn bare_scenes_have_no_level_of_detail() {
+    let stage = Scene { environment: Some([1.0; 3].into()), ..scene(vec![floor(4.0, 0.0, 0)], vec![grey(0.5)]) };
+    let camera = camera([0.0, 2.0, 5.0], [0.0; 3], 50.0);
+    let pictures = [Lod::None, Lod::Cone, Lod::Aniso].map(|lod| {
+        let settings = Settings { lod, ..settings(16, 16, 4, 2) };
+        film(&stage, &camera, &settings).picture().pixels
+    });
+    assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
+}
+
+/// A pixel's cone is as wide as the pixel, wherever in the picture: the root of what its corners' rays enclose.
+#[test]
+fn cones_fill_their_pixels() {
+    let view = View::new(&camera([1.0, 2.0, 3.0], [0.0; 3], 70.0), 64, 48).unwrap();
+    for [x, y] in [[32.0, 24.0], [0.5, 0.5], [63.5, 20.5]] {
+        let at = |dx: f64, dy: f64| view.ray([x + dx, y + dy]).direction.map(f64::from);
+        let step = 0.5;
+        let across: Vector = std::array::from_fn(|k| at(step, 0.0)[k] - at(-step, 0.0)[k]);
+        let along: Vector = std::array::from_fn(|k| at(0.0, step)[k] - at(0.0, -step)[k]);
+        let area = crate::common::cross(across, along);
+        let width = view.cone([x, y], 0).grown(1.0).width();
+        let expected = crate::common::dot(area, area).sqrt().sqrt();
+        // A quotient of differences over a pixel: off by the square of its angle.
+        assert!((width / expected - 1.0).abs() < width * width, "{x} {y}: {width} {expected}");
+    }
+}
