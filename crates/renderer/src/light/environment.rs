@@ -77,7 +77,7 @@ fn neighbours(coordinate: f64, n: u32) -> ([i64; 2], f32) {
     ([first as i64, first as i64 + 1], (texels - first) as f32)
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the result lies in 0..n")]
+#[expect(clippy::cast_possible_truncation, reason = "the result lies in 0..n")]
 fn wrapped(i: i64, n: u32) -> usize {
     i.rem_euclid(n.into()) as usize
 }

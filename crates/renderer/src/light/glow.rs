@@ -80,8 +80,7 @@ struct Angle {
 impl Angle {
     /// None at all for a cosine that is not a number.
     fn of(cos: f64) -> Self {
-        // `min` drops what is not a number.
-        let cos = cos.min(1.0).max(-1.0);
+        let cos = if cos.is_nan() { 1.0 } else { cos.clamp(-1.0, 1.0) };
         Self { cos, sin: ((1.0 - cos) * (1.0 + cos)).sqrt() }
     }
 

@@ -3,7 +3,7 @@
 //! ```text
 //! Light         -> arrival: sun point spot, sphere disc by a point of their own  -> direct light of the hybrid integrator
 //! Environment   -> environment: radiance, SkySampler
-//! emission      -> emitters: triangle                                            -> LightSampler -> path tracing
+//! emission      -> emitters: triangle, by its spherical triangle                    -> LightSampler -> path tracing
 //! lights, emitters -> cluster (cone) -> build -> tree (glow)
 //! ```
 //!
@@ -20,6 +20,7 @@ mod environment;
 mod glow;
 mod sampler;
 mod sphere;
+mod spherical;
 mod tree;
 mod triangle;
 

@@ -226,7 +226,7 @@ fn power_of(light: &Light) -> f64 {
 
 /// Area of a disc as wide as the scene's bounds; 1 where they have no extent.
 fn cross_section(scene: &Scene) -> f64 {
-    let squared: f64 = scene.bounds_world().extent().iter().map(|&x| f64::from(x).powi(2)).sum();
+    let squared: f64 = scene.bounds_world().extent().iter().map(|x| x * x).sum();
     let area = 0.25 * PI * squared;
     if area > 0.0 && area.is_finite() { area } else { 1.0 }
 }

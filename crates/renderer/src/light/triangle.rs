@@ -1,4 +1,5 @@
 use super::disc::{area_density, plane_density};
+use super::spherical::SphericalTriangle;
 use crate::vector::{Vector, add, cross, dot, length, scale, sub, wide};
 
 /// A triangle that shines to both sides, world space.
@@ -23,16 +24,38 @@ impl Lit {
         })
     }
 
-    /// The weights of the second and third corner at a uniform point, and its density per steradian about `from`.
+    /// The weights of the second and third corner at a point, and its density per steradian about `from`.
+    ///
+    /// Uniform over the solid angle, or over the area where that comes to the same.
     pub(super) fn sample(&self, from: Vector, square: [f32; 2]) -> Option<([f64; 2], f64)> {
-        let weights = uniform_weights(square.map(f64::from));
+        let square = square.map(f64::from);
+        if let Some(seen) = SphericalTriangle::new(self.corners, from) {
+            let weights = self.weights_along(from, seen.sample(square)?)?;
+            return Some((weights, 1.0 / seen.solid_angle));
+        }
+        let weights = uniform_weights(square);
         let density = area_density(sub(self.point(weights), from), self.normal, self.area)?;
         Some((weights, density))
     }
 
-    /// Density per steradian of a unit direction from `from` that meets it.
+    /// Density per steradian with which [`Self::sample`] finds a unit direction from `from` that meets the triangle.
     pub(super) fn density(&self, from: Vector, direction: Vector) -> f64 {
-        plane_density(from, direction, self.corners[0], self.normal, self.area).unwrap_or(0.0)
+        match SphericalTriangle::new(self.corners, from) {
+            Some(seen) => 1.0 / seen.solid_angle,
+            None => plane_density(from, direction, self.corners[0], self.normal, self.area).unwrap_or(0.0),
+        }
+    }
+
+    /// Weights of the point that a direction from `from` meets, rounded into the triangle.
+    fn weights_along(&self, from: Vector, direction: Vector) -> Option<[f64; 2]> {
+        let [a, b, c] = self.corners;
+        let distance = dot(sub(a, from), self.normal) / dot(direction, self.normal);
+        let from_a = sub(add(from, scale(direction, distance)), a);
+        let share = |across: Vector| (dot(across, self.normal) / (2.0 * self.area)).clamp(0.0, 1.0);
+        let u = share(cross(from_a, sub(c, a)));
+        let v = share(cross(sub(b, a), from_a)).min(1.0 - u);
+        // What is not a number comes of a plane seen edge-on.
+        (u + v <= 1.0).then_some([u, v])
     }
 
     pub(super) fn point(&self, [u, v]: [f64; 2]) -> Vector {

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use canted_obb::Affine;
 use canted_scene::{Light, Scene};
 
-use super::{glowing, irradiance, receiver, with_sampler};
+use super::{Estimate, glowing, irradiance, numbers, receiver, with_sampler};
 use crate::common::{Vector, cross, dot, mesh, place, scene, sub, unit};
 
 const UP: Vector = [0.0, 1.0, 0.0];
@@ -119,6 +119,25 @@ fn a_triangle_from_both_sides() {
         let estimate = irradiance(&lamp, &receiver(point, normal), N);
         assert!(expected > 0.0 && estimate.agrees(expected), "{point:?}: {estimate:?}, {expected}");
     }
+}
+
+/// Close by, samples uniform over the solid angle vary far less than points uniform over the area.
+#[test]
+fn a_triangle_close_by_is_seen_by_its_solid_angle() {
+    let corners = [[-1.0, 0.3, -1.0], [1.5, 0.3, -0.5], [0.0, 0.3, 2.0]];
+    let lamp = scene(vec![mesh(corners.to_vec(), vec![[0, 1, 2]], 0)], vec![glowing(4.0)]);
+    let by_angle = irradiance(&lamp, &receiver([0.0; 3], UP), N);
+    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
+    let across = cross(sub(b, a), sub(c, a));
+    let area = 0.5 * dot(across, across).sqrt();
+    let by_area = Estimate::of(numbers(N).map(|(_, [u, v])| {
+        let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }.map(f64::from);
+        let way: Vector = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
+        4.0 * area * (way[1] / dot(way, way)).powi(2)
+    }));
+    assert!((by_area.mean - by_angle.mean).abs() < 5.0 * by_area.error, "{by_area:?} {by_angle:?}");
+    let gain = (by_area.error / by_angle.error).powi(2);
+    assert!(gain > 20.0, "{gain}");
 }
 
 /// A sheet cut out by alpha shines with what is left of it, a black one not at all, a moving one is not sampled.
