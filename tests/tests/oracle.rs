@@ -11,7 +11,7 @@ mod agree;
 mod shots;
 
 use agree::{Disagreement, agree};
-use shots::{BLUE, Shot, checker, cornell_env, cornell_point, cornell_sun, sponza_sun};
+use shots::{BLUE, Shot, checker, cornell_env, cornell_point, cornell_sun, penumbra, sponza_sun, spot};
 
 fn check(shot: Option<Shot>) {
     let Some(shot) = shot else { return };
@@ -39,6 +39,29 @@ fn sun_in_the_cornell_box() {
 #[test]
 fn lamp_in_the_cornell_box() {
     check(cornell_point("lamp_in_the_cornell_box"));
+}
+
+#[test]
+fn a_ball_of_light_and_its_penumbra() {
+    check(Some(penumbra()));
+}
+
+#[test]
+fn a_spot_on_a_floor() {
+    check(Some(spot()));
+}
+
+/// A ball that is two per cent larger.
+#[test]
+fn a_larger_ball_is_seen() {
+    let mut shot = penumbra();
+    for light in &mut shot.scene.lights {
+        if let canted_scene::Light::Sphere { radius, .. } = light {
+            *radius *= 1.02;
+        }
+    }
+    let verdict = agree(&shot.ours(), &shot.theirs());
+    assert!(matches!(verdict, Err(Disagreement::Mean { ratio, .. }) if ratio > 1.01), "{verdict:?}");
 }
 
 #[test]

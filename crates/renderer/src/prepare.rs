@@ -6,6 +6,7 @@ use canted_tlas::InstanceError;
 use canted_wide::{LaneKernel, Preset};
 
 use crate::level::{Builder, Level, LevelConfig};
+use crate::light;
 use crate::structure::{Structure, build_one, build_two};
 
 /// How many levels a scene gets.
@@ -149,5 +150,6 @@ fn left_out(scene: &Scene, one: bool, straight: &'static str) -> Vec<LeftOut> {
     without(scene.meshes.iter().any(|m| m.normals.is_some()), "shading normals", "every mesh is flat");
     without(!scene.lights.is_empty(), "shadow rays", "no light is given");
     without(scene.materials.iter().any(Material::emits), "emission", "no surface emits");
+    without(light::are_many(scene), "choice among lights", "there is one at most");
     left_out
 }

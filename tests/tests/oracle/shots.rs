@@ -80,6 +80,68 @@ pub(crate) fn cornell_point(test: &str) -> Option<Shot> {
     Some(Shot { name: "cornell-point-3", scene, n_segments: 3, ..shot })
 }
 
+/// Lambert triangles without texture, each part a colour and corners in threes.
+fn parts(parts: &[([f32; 3], Vec<[f32; 3]>)]) -> Scene {
+    let mut scene = Scene::default();
+    for (index, (base_color, corners)) in (0..).zip(parts) {
+        scene.materials.push(Material { base_color: *base_color, ..Material::default() });
+        scene.meshes.push(Mesh {
+            positions: corners.clone(),
+            triangles: (0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+            parts: vec![Part { first_triangle: 0, material: MaterialId(index) }],
+            ..Mesh::default()
+        });
+        scene.instances.push(Instance {
+            mesh: MeshId(index),
+            world_from_object: Affine::IDENTITY,
+            world_from_object_close: None,
+            first_primitive: 0,
+        });
+    }
+    scene
+}
+
+fn floor() -> ([f32; 3], Vec<[f32; 3]>) {
+    let [a, b, c, d] = [[-6.0, 0.0, 6.0], [6.0, 0.0, 6.0], [6.0, 0.0, -6.0], [-6.0, 0.0, -6.0]];
+    ([0.6, 0.5, 0.4], vec![a, b, c, a, c, d])
+}
+
+fn over_floor(name: &'static str, scene: Scene, light: Light) -> Shot {
+    let scene = Scene { lights: vec![light], environment: None, ..scene };
+    let camera = Camera::pinhole([0.0, 4.0, 8.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0);
+    Shot { name, scene, camera, size: [64, 64], n_segments: 2, samples: 128 }
+}
+
+/// A disc of 64 corners between a floor and a ball of light. Paths have no end in the reference; eight bounces between a
+/// floor and what hangs over it leave nothing that could be seen.
+pub(crate) fn penumbra() -> Shot {
+    let rim = |i: u32| {
+        let (s, c) = (std::f64::consts::TAU * f64::from(i) / 64.0).sin_cos();
+        #[expect(clippy::cast_possible_truncation, reason = "a place rounded once")]
+        [(0.8 * c) as f32, 1.0, (-0.8 * s) as f32]
+    };
+    let disc = (0..64).flat_map(|i| [[0.0, 1.0, 0.0], rim(i), rim(i + 1)]).collect();
+    let light = Light::Sphere { center: [0.5, 3.0, 0.0], radius: 0.4, radiance: [8.0; 3] };
+    let scene = parts(&[floor(), ([0.2, 0.3, 0.6], disc)]);
+    Shot { n_segments: 10, samples: 1024, ..over_floor("penumbra", scene, light) }
+}
+
+/// A spot with a hard edge.
+pub(crate) fn spot() -> Shot {
+    let [x, y, z] = [-1.5_f64, -4.0, -1.0];
+    let length = (x * x + y * y + z * z).sqrt();
+    #[expect(clippy::cast_possible_truncation, reason = "numbers rounded once")]
+    let (direction, cosine) = ([x, y, z].map(|x| (x / length) as f32), 20.0_f64.to_radians().cos() as f32);
+    let light = Light::Spot {
+        position: [1.0, 4.0, 1.0],
+        direction,
+        intensity: [20.0, 18.0, 14.0],
+        cos_inner: cosine,
+        cos_outer: cosine.next_down(),
+    };
+    over_floor("spot", parts(&[floor()]), light)
+}
+
 /// A leaning wall of four times four texels, enlarged so that the filter shows, in a white sky.
 pub(crate) fn checker() -> Shot {
     let mesh = Mesh {

@@ -25,7 +25,7 @@ mod tree;
 mod triangle;
 
 use canted_obb::PrimId;
-use canted_scene::{Environment, Light, Material, Scene};
+use canted_scene::{Environment, Instance, Light, Material, Part, Scene};
 use canted_trace::{Hit, InstanceId, Query, Ray};
 
 pub(crate) use arrival::Arrival;
@@ -148,6 +148,18 @@ pub fn environment_of(scene: &Scene) -> &Environment {
         None if emits || !scene.lights.is_empty() => BLACK,
         None => WHITE,
     }
+}
+
+/// Whether a scene has more than one light, a triangle that emits and an environment counted as such.
+pub(crate) fn are_many(scene: &Scene) -> bool {
+    let n_emitters = |instance: &Instance| {
+        let mesh = &scene.meshes[instance.mesh.0 as usize];
+        let emits = |part: &Part| scene.materials[part.material.0 as usize].emits();
+        if mesh.parts.iter().any(emits) { mesh.triangles.len().min(2) } else { 0 }
+    };
+    let is_black = *environment_of(scene) == Environment::Constant([0.0; 3]);
+    let others = scene.lights.len() + usize::from(!is_black);
+    others > 1 || others + scene.instances.iter().map(n_emitters).sum::<usize>() > 1
 }
 
 /// Luminance of linear RGB with the primaries of Rec. 709.
