@@ -9,8 +9,8 @@ use crate::wide::TRIAL;
 /// The sections, in the order of the report.
 const SECTIONS: [&str; 6] = ["build", "trace", "picture", "wide", "growth", "costs"];
 
-/// Growth is measured from its start; 2^28 triangles and their peers' trees fill 100 GB.
-pub(crate) const LOG2_TRIANGLES: RangeInclusive<u32> = 10..=28;
+/// Growth is measured from its start; 2^27 triangles are the most that a wide tree may hold.
+pub(crate) const LOG2_TRIANGLES: RangeInclusive<u32> = 10..=27;
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]

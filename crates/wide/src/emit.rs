@@ -6,7 +6,9 @@ use canted_trace::Slabs;
 
 use crate::Sizes;
 use crate::collapse::{Form, Plan};
-use crate::layout::{HALF_WORDS, Half, Line, MAX_LEAF, NOWHERE, NodeKind, Row, Word, WordKind, node_words};
+use crate::layout::{
+    HALF_WORDS, Half, Line, MAX_LEAF, NOWHERE, NodeKind, PART_LANES, PARTS, Row, Word, WordKind, node_words,
+};
 use crate::par;
 use crate::share::shared_frame;
 
@@ -20,7 +22,7 @@ struct Draft {
     children: Vec<(Child, Word)>,
 }
 
-/// A leaf before it is written: its first place among leaves, and the places of its primitives in leaf order.
+/// A leaf before it is written: the part of a place that it starts with, and its primitives in leaf order.
 #[derive(Clone, Copy, Debug)]
 struct LeafDraft {
     first: usize,
@@ -90,12 +92,16 @@ pub(crate) trait LeafForm {
     /// What a leaf takes some of.
     type Place: Copy + Send;
     const UNSET: Self::Place;
+    /// Parts of one that words can name.
+    const PARTS: usize;
+    /// Most primitives of a leaf that takes one part only.
+    const IN_PART: usize;
 
     /// How many of them `n` primitives take.
     fn n_places(n: usize) -> usize;
 
-    /// Writes the primitives of these places in leaf order.
-    fn write(source: &Source, places: &[u32], out: &mut [Self::Place]);
+    /// Writes the primitives of these places in leaf order, from a part of `out` on.
+    fn write(source: &Source, places: &[u32], part: usize, out: &mut [Self::Place]);
 }
 
 /// Leaves hold half-blocks of triangles.
@@ -104,13 +110,15 @@ enum Triangles {}
 impl LeafForm for Triangles {
     type Place = Half;
     const UNSET: Half = Half([0; HALF_WORDS]);
+    const PARTS: usize = PARTS;
+    const IN_PART: usize = PART_LANES;
 
     fn n_places(n: usize) -> usize {
         n_halves(n)
     }
 
-    fn write(source: &Source, places: &[u32], out: &mut [Half]) {
-        write_triangles(source, places, out);
+    fn write(source: &Source, places: &[u32], part: usize, out: &mut [Half]) {
+        write_triangles(source, places, part, out);
     }
 }
 
@@ -120,12 +128,14 @@ pub(crate) enum Numbers {}
 impl LeafForm for Numbers {
     type Place = PrimId;
     const UNSET: PrimId = PrimId(0);
+    const PARTS: usize = 1;
+    const IN_PART: usize = 0;
 
     fn n_places(n: usize) -> usize {
         n
     }
 
-    fn write(source: &Source, places: &[u32], out: &mut [PrimId]) {
+    fn write(source: &Source, places: &[u32], _: usize, out: &mut [PrimId]) {
         for (out, &place) in out.iter_mut().zip(places) {
             *out = source.primitives[place as usize];
         }
@@ -142,16 +152,20 @@ pub(crate) fn emit(source: &Source, plan: &Plan) -> Result<Records, TooLarge> {
 pub(crate) fn emit_as<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Records, Vec<L::Place>), TooLarge> {
     let (drafts, leaves, root, depth) = layout::<L>(source, plan)?;
     let n_lines = drafts.last().map_or(0, |draft| draft.line + draft.kind.n_lines());
-    let n_places = leaves.last().map_or(0, |leaf| leaf.first + L::n_places(leaf.n(source)));
+    let n_places = leaves.last().map_or(0, |leaf| leaf.first / L::PARTS + L::n_places(leaf.n(source)));
     let mut lines = vec![Line([0; 16]); n_lines];
     let mut places = vec![L::UNSET; n_places];
     let write_node = |draft: &Draft, out: &mut [Line]| write_node(source, draft, out);
     par::for_pieces(&drafts, &mut lines, |draft| draft.line, write_node);
-    let write_leaf = |leaf: &LeafDraft, out: &mut [L::Place]| {
-        let (places, n) = distinct(source, leaf.start, leaf.end);
-        L::write(source, &places[..n], out);
+    // Leaves that share a place are written by one job.
+    let together: Vec<&[LeafDraft]> = leaves.chunk_by(|a, b| a.first / L::PARTS == b.first / L::PARTS).collect();
+    let write_leaves = |leaves: &&[LeafDraft], out: &mut [L::Place]| {
+        for leaf in *leaves {
+            let (places, n) = distinct(source, leaf.start, leaf.end);
+            L::write(source, &places[..n], leaf.first % L::PARTS, out);
+        }
     };
-    par::for_pieces(&leaves, &mut places, |leaf| leaf.first, write_leaf);
+    par::for_pieces(&together, &mut places, |leaves| leaves[0].first / L::PARTS, write_leaves);
     Ok((Records { lines, halves: Vec::new(), root, depth }, places))
 }
 
@@ -186,11 +200,34 @@ pub(crate) fn range(tree: &Tree, child: Child) -> (u32, u32) {
     }
 }
 
-/// Gives every node and leaf its place, depth first, larger children first.
+/// Places given to leaves so far.
+#[derive(Default)]
+struct Given {
+    n_places: usize,
+    /// The second part of a place whose first is taken.
+    free: Option<usize>,
+}
+
+impl Given {
+    /// The part that a leaf of `n` primitives starts with.
+    fn next<L: LeafForm>(&mut self, n: usize) -> Result<usize, TooLarge> {
+        if let Some(part) = self.free.take_if(|_| n <= L::IN_PART) {
+            return Ok(part);
+        }
+        let first = L::PARTS * self.n_places;
+        self.n_places += L::n_places(n);
+        if n <= L::IN_PART {
+            self.free = Some(first + 1);
+        }
+        if L::PARTS * self.n_places > Word::MAX_FIRST { Err(TooLarge) } else { Ok(first) }
+    }
+}
+
+/// Gives every node and leaf its place, depth first, larger children first; leaves are sorted by theirs.
 fn layout<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<LeafDraft>, Word, u32), TooLarge> {
     let (mut drafts, mut leaves): (Vec<Draft>, Vec<LeafDraft>) = (vec![], vec![]);
     let Some(root) = source.tree.root() else { return Ok((drafts, leaves, Word::EMPTY, 0)) };
-    let (mut n_lines, mut n_places, mut deepest) = (0, 0, 0);
+    let (mut n_lines, mut given, mut deepest) = (0, Given::default(), 0);
     let mut root_word = Word::EMPTY;
     // The subtree, its parent's kind, the slot that waits for its word, and its depth.
     let mut open = vec![(root, NodeKind::Box, None, 0u32)];
@@ -198,14 +235,10 @@ fn layout<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<
         let word = match plan.form(child, parent_kind) {
             Form::Leaf => {
                 let (start, end) = range(source.tree, child);
-                let leaf = LeafDraft { first: n_places, start, end };
-                let n = leaf.n(source);
-                n_places += L::n_places(n);
-                if n_places > Word::MAX_FIRST {
-                    return Err(TooLarge);
-                }
-                leaves.push(leaf);
-                Word::leaf(leaf.first, n)
+                let (_, n) = distinct(source, start, end);
+                let first = given.next::<L>(n)?;
+                leaves.push(LeafDraft { first, start, end });
+                Word::leaf(first, n)
             }
             Form::Node(kind) => {
                 let mut children = plan.children(child, kind);
@@ -233,6 +266,7 @@ fn layout<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<
             Some((draft, i)) => drafts[draft].children[i].1 = word,
         }
     }
+    leaves.sort_unstable_by_key(|leaf| leaf.first);
     Ok((drafts, leaves, root_word, deepest))
 }
 
@@ -320,14 +354,14 @@ fn middle(lo: f32, hi: f32) -> (f32, f32) {
     (center, if f64::from(half) < reach { half.next_up() } else { half })
 }
 
-fn write_triangles(source: &Source, places: &[u32], out: &mut [Half]) {
+fn write_triangles(source: &Source, places: &[u32], part: usize, out: &mut [Half]) {
     let n = places.len();
     let words: &mut [u32] = bytemuck::cast_slice_mut(out);
     for (i, &place) in places.iter().enumerate() {
         // Blocks of eight lie before a last block of four.
         let in_four = i / 8 * 8 + 4 >= n;
         let (block, width) = if in_four { (i / 4 * 40, 4) } else { (i / 8 * 80, 8) };
-        let lane = i % width;
+        let lane = part * PART_LANES + i % width;
         let vertices = source.corners[place as usize].as_flattened();
         for (row, &x) in vertices.iter().enumerate() {
             words[block + row * width + lane] = x.to_bits();

@@ -3,7 +3,7 @@
 //! ```text
 //! at    bytes        what
 //! 0     8            "CANTWIDE"
-//! 8     4            version, 1
+//! 8     4            version, 2
 //! 12    4, 4, 4      root word; depth; most triangles of a leaf
 //! 24    8, 8, 8      cache lines of nodes; half-blocks of triangles; triangles
 //! 48    36           rows of the mesh's frame

@@ -7,6 +7,8 @@
 //! triangles    v0, v1, v2 (9 x 8), 8 numbers; or four of each                                   320, 160 bytes
 //! ```
 //!
+//! Two leaves of at most two triangles share four lanes: thin ribbons make leaves of one quad each.
+//!
 //! Everything is little tables of eight lanes, structure of arrays. Empty slots hold boxes that no ray enters, by
 //! finite numbers: no box holds NaN or infinity.
 
@@ -21,6 +23,12 @@ pub(crate) struct Line(pub(crate) [u32; 16]);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub(crate) struct Half(pub(crate) [u32; HALF_WORDS]);
+
+/// Parts of a half-block that words can name: lanes 0 and 1, lanes 2 and 3.
+pub(crate) const PARTS: usize = 2;
+
+/// Lanes of a part, and most triangles of a leaf that shares its half-block.
+pub(crate) const PART_LANES: usize = 2;
 
 /// Words of four triangles: nine coordinates and the primitive each.
 pub(crate) const HALF_WORDS: usize = 40;
@@ -66,7 +74,7 @@ impl NodeKind {
 /// A child reference: bit 31 a leaf.
 ///
 /// Leaf: bits 26 to 30 its number of primitives less one, the rest the place of its first. Node: bits 29 and 30 its
-/// kind, the rest its first line.
+/// kind, the rest its first line. Places of triangles are counted in parts of half-blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Word(pub(crate) u32);

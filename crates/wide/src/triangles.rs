@@ -2,6 +2,7 @@ use canted_trace::ScaledRay;
 
 use crate::Wide;
 use crate::emit::Records;
+use crate::layout::{PART_LANES, PARTS};
 use crate::simd::Simd;
 use crate::traced::{Leaf, Take, Traced, hit};
 use crate::traverse::{Block, LaneKernel, MeshFrame, Pads, RayTriangles};
@@ -52,10 +53,12 @@ impl<K: LaneKernel> Traced for Wide<K> {
         take: &mut T,
     ) -> f32 {
         let Leaf { first, mut n, mut t_max } = leaf;
-        let mut first = first as usize;
+        // A leaf that starts in the second part of a half-block holds no more than that.
+        let shift = first as usize % PARTS * PART_LANES;
+        let mut first = first as usize / PARTS;
         loop {
             let block = Block::at(&self.records.halves, first, n);
-            let filled = if n < 8 { (1 << n) - 1 } else { 0xff };
+            let filled = if n < 8 { ((1 << n) - 1) << shift } else { 0xff };
             let mut mask = block.candidates::<S, K>(simd, &prepared.lanes, t_max) & filled;
             while mask != 0 {
                 let lane = mask.trailing_zeros() as usize;

@@ -103,7 +103,7 @@ fn other_files_and_other_versions_are_named() {
         Wide::<Watertight>::from_bytes(&bytes).unwrap_err()
     };
     assert_eq!(with(0, b"\x7fELF").to_string(), "not a tree: it begins with \"\\x7fELFWIDE\"");
-    assert_eq!(with(8, &[2]).to_string(), "version 2 of the form; only 1 is read");
+    assert_eq!(with(8, &[1]).to_string(), "version 1 of the form; only 2 is read");
 }
 
 #[test]

@@ -52,7 +52,7 @@ fn check_nested(outline: &Outline) -> Result<(), Flaw> {
 
 fn check_lanes(outline: &Outline, records: &Records) -> Result<(), Flaw> {
     match outline.leaves.iter().find(|leaf| !refit::unused_lanes_are_zero(leaf, &records.halves)) {
-        Some(leaf) => Err(Flaw::Lane { block: leaf.first }),
+        Some(leaf) => Err(Flaw::Lane { block: leaf.half() }),
         None => Ok(()),
     }
 }

@@ -9,7 +9,7 @@ use crate::{Costs, Predicted};
 pub(super) const MAGIC: [u8; 8] = *b"CANTWIDE";
 
 /// Changes with what the bytes mean.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 
 /// Bytes before the first node.
 pub(super) const HEADER_BYTES: usize = 160;

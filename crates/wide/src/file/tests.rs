@@ -157,15 +157,18 @@ fn triangles_are_checked_by_number_and_vertex() {
     let mesh = fixtures::soup(4, 30);
     let wide = build(&mesh);
     let outline = Outline::of(&wide.records).unwrap();
-    let leaf = outline.leaves.iter().find(|leaf| (2..4).contains(&leaf.places.len())).expect("a leaf of a few");
+    let leaf = outline.leaves.iter().find(|leaf| (2..5).contains(&leaf.places.len())).expect("a leaf of a few");
     let triangles = Triangles::read(&outline, &wide.records.halves);
     let [a, b] = [0, 1].map(|i| triangles.primitives[leaf.places.start + i]);
-    let error =
-        |word: usize, value: u32| load(&forged(&wide, |wide| wide.records.halves[leaf.first].0[word] = value)).err();
+    let lane = crate::layout::PART_LANES * leaf.part();
+    let error = |word: usize, value: u32| {
+        load(&forged(&wide, |wide| wide.records.halves[leaf.half()].0[word + lane] = value)).err()
+    };
     assert_eq!(error(36, 30), Some(Flaw::Primitive { primitive: PrimId(30), n_triangles: 30 }.into()));
     assert_eq!(error(36, b.0), Some(Flaw::Different { primitive: b }.into()));
     assert_eq!(error(0, f32::NAN.to_bits()), Some(Flaw::NotFinite { primitive: a }.into()));
-    assert_eq!(error(39, 1), Some(Flaw::Lane { block: leaf.first }.into()));
+    let alone = forged(&build(&fixtures::soup(4, 1)), |wide| wide.records.halves[0].0[39] = 1);
+    assert_eq!(load(&alone).err(), Some(Flaw::Lane { block: 0 }.into()));
     let more = forged(&wide, |wide| wide.n_triangles += 1);
     assert_eq!(load(&more).unwrap_err(), LoadError::Count { n_told: 31, n_places: 30 });
     let fewer = forged(&wide, |wide| wide.n_triangles -= 1);

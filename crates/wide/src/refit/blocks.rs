@@ -4,7 +4,7 @@ use canted_lbvh::Corners;
 use canted_obb::PrimId;
 
 use super::outline::{LeafSpot, Outline};
-use crate::layout::{HALF_WORDS, Half};
+use crate::layout::{HALF_WORDS, Half, PART_LANES};
 use crate::par;
 
 /// Words of a triangle's vertices, before that of its number.
@@ -18,10 +18,10 @@ struct Lane {
 }
 
 impl Lane {
-    /// Of triangle `i` in a leaf of `n`: blocks of eight lie before a last block of four.
-    fn of(i: usize, n: usize) -> Self {
+    /// Of triangle `i` in a leaf of `n` from a part of a half-block on: blocks of eight lie before a last block of four.
+    fn of(i: usize, n: usize, part: usize) -> Self {
         if i / 8 * 8 + 4 >= n {
-            Self { first: i / 4 * HALF_WORDS + i % 4, step: 4 }
+            Self { first: i / 4 * HALF_WORDS + part * PART_LANES + i % 4, step: 4 }
         } else {
             Self { first: i / 8 * 2 * HALF_WORDS + i % 8, step: 8 }
         }
@@ -49,10 +49,10 @@ impl Triangles {
             &mut all,
             |leaf| leaf.places.start,
             |leaf, out| {
-                let words = &words[leaf.first * HALF_WORDS..];
+                let words = &words[leaf.half() * HALF_WORDS..];
                 let n = out.len();
                 for (i, (corners, primitive)) in out.iter_mut().enumerate() {
-                    let lane = Lane::of(i, n);
+                    let lane = Lane::of(i, n, leaf.part());
                     for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
                         *x = f32::from_bits(words[lane.word(row)]);
                     }
@@ -66,29 +66,35 @@ impl Triangles {
 
     /// Writes new vertices, by place, into all leaves; numbers stay.
     pub(crate) fn write(corners: &[Corners], outline: &Outline, halves: &mut [Half]) {
-        let write_leaf = |leaf: &&LeafSpot, out: &mut [Half]| {
-            let words: &mut [u32] = bytemuck::cast_slice_mut(out);
+        let write_leaf = |leaf: &LeafSpot, words: &mut [u32]| {
             let corners = &corners[leaf.places.clone()];
             for (i, corner) in corners.iter().enumerate() {
-                let lane = Lane::of(i, corners.len());
+                let lane = Lane::of(i, corners.len(), leaf.part());
                 for (row, x) in corner.as_flattened().iter().enumerate() {
                     words[lane.word(row)] = x.to_bits();
                 }
             }
         };
-        par::for_pieces(&outline.leaves_by_block(), halves, |leaf| leaf.first, write_leaf);
+        let leaves = outline.leaves_by_block();
+        // Leaves that share a half-block are written by one job.
+        let together: Vec<_> = leaves.chunk_by(|a, b| a.half() == b.half()).collect();
+        let write_leaves = |leaves: &&[&LeafSpot], out: &mut [Half]| {
+            let words: &mut [u32] = bytemuck::cast_slice_mut(out);
+            leaves.iter().for_each(|leaf| write_leaf(leaf, words));
+        };
+        par::for_pieces(&together, halves, |leaves| leaves[0].half(), write_leaves);
     }
 }
 
-/// Whether all words of a leaf's unused lanes are zero.
+/// Whether all words of a leaf's unused lanes are zero; lanes of a part that no leaf shares are its own.
 pub(crate) fn unused_lanes_are_zero(leaf: &LeafSpot, halves: &[Half]) -> bool {
     let n = leaf.places.len();
-    let end = leaf.first + crate::emit::n_halves(n);
-    let words: &[u32] = bytemuck::cast_slice(&halves[leaf.first..end]);
-    let n_lanes = n.next_multiple_of(4);
+    let end = leaf.half() + crate::emit::n_halves(n);
+    let words: &[u32] = bytemuck::cast_slice(&halves[leaf.half()..end]);
+    let n_lanes = if leaf.is_shared { PART_LANES } else { n.next_multiple_of(4) };
     (n..n_lanes).all(|i| {
         // A lane stands where it would if its block were filled.
-        let lane = Lane::of(i, n);
+        let lane = Lane::of(i, n, leaf.part());
         (0..=VERTEX_ROWS).all(|row| words[lane.word(row)] == 0)
     })
 }
@@ -115,7 +121,7 @@ mod tests {
             let n_halves = crate::emit::n_halves(n);
             let words: Vec<u32> = (0_u16..).take(n_halves * HALF_WORDS).map(|i| f32::from(i).to_bits()).collect();
             let mut halves: Vec<Half> = words.chunks_exact(HALF_WORDS).map(|w| Half(w.try_into().unwrap())).collect();
-            let leaf = LeafSpot { first: 0, places: 0..n };
+            let leaf = LeafSpot { first: 0, places: 0..n, is_shared: false };
             let outline = Outline { nodes: vec![], leaves: vec![leaf.clone()], n_places: n, depth: 0 };
             let read = Triangles::read(&outline, &halves);
             let want = walked(&halves, n);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::flaw::Flaw;
 use crate::emit::{Records, n_halves};
-use crate::layout::{NodeKind, Word, WordKind, node_words};
+use crate::layout::{NodeKind, PART_LANES, PARTS, Word, WordKind, node_words};
 
 /// What a slot of a node holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,11 +26,25 @@ pub(crate) struct NodeSpot {
     pub(crate) places: Range<usize>,
 }
 
-/// A leaf: its first half-block and its triangles.
+/// A leaf: the part of a half-block that it starts with, and its triangles.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct LeafSpot {
     pub(crate) first: usize,
     pub(crate) places: Range<usize>,
+    /// Whether another leaf stands in the same half-block.
+    pub(crate) is_shared: bool,
+}
+
+impl LeafSpot {
+    /// Its first half-block.
+    pub(crate) fn half(&self) -> usize {
+        self.first / PARTS
+    }
+
+    /// The part of it that the leaf starts with.
+    pub(crate) fn part(&self) -> usize {
+        self.first % PARTS
+    }
 }
 
 /// All nodes and leaves, parents before children.
@@ -50,7 +64,7 @@ impl Outline {
     pub(crate) fn of(records: &Records) -> Result<Self, Flaw> {
         let mut outline = Self::default();
         let mut lines = Claims::new("line", records.lines.len());
-        let mut halves = Claims::new("block", records.halves.len());
+        let mut parts = Claims::new("part of a block", PARTS * records.halves.len());
         let mut open = vec![(records.root, None, 0)];
         while let Some((word, parent, depth)) = open.pop() {
             let slot = match word.kind() {
@@ -58,7 +72,10 @@ impl Outline {
                 WordKind::Empty => return Err(Flaw::Word { word: word.0 }),
                 WordKind::Leaf { first, n } => {
                     let (first, n) = (first as usize, n as usize);
-                    halves.claim(first, n_halves(n))?;
+                    if n > PART_LANES && first % PARTS != 0 {
+                        return Err(Flaw::Word { word: word.0 });
+                    }
+                    parts.claim(first, if n > PART_LANES { PARTS * n_halves(n) } else { 1 })?;
                     outline.add_leaf(first, n)
                 }
                 WordKind::Node(kind, line) => {
@@ -76,7 +93,8 @@ impl Outline {
             }
         }
         lines.all_claimed()?;
-        halves.all_claimed()?;
+        outline.share(&mut parts);
+        parts.all_claimed()?;
         outline.close()?;
         Ok(outline)
     }
@@ -84,8 +102,18 @@ impl Outline {
     fn add_leaf(&mut self, first: usize, n: usize) -> Slot {
         let start = self.n_places;
         self.n_places += n;
-        self.leaves.push(LeafSpot { first, places: start..self.n_places });
+        self.leaves.push(LeafSpot { first, places: start..self.n_places, is_shared: false });
         Slot::Leaf(self.leaves.len() - 1)
+    }
+
+    /// Lets every small leaf know whether it shares its half-block; one in a first part owns the second that none has.
+    fn share(&mut self, parts: &mut Claims) {
+        for leaf in self.leaves.iter_mut().filter(|leaf| leaf.places.len() <= PART_LANES) {
+            leaf.is_shared = parts.taken[leaf.first ^ 1];
+        }
+        for leaf in self.leaves.iter().filter(|leaf| !leaf.is_shared && leaf.part() == 0) {
+            parts.taken[leaf.first | 1] = true;
+        }
     }
 
     fn add_node(&mut self, kind: NodeKind, line: usize, depth: u32) -> Slot {
@@ -124,7 +152,7 @@ impl Outline {
         nodes
     }
 
-    /// Leaves in the order of their blocks.
+    /// Leaves in the order of their blocks and parts.
     pub(crate) fn leaves_by_block(&self) -> Vec<&LeafSpot> {
         let mut leaves: Vec<_> = self.leaves.iter().collect();
         leaves.sort_unstable_by_key(|leaf| leaf.first);

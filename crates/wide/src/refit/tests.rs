@@ -5,7 +5,7 @@ use canted_obb::{Aabb, PrimId};
 use canted_trace::{Hit, Kernel, Ray, ScaledRay, Watertight};
 
 use super::*;
-use crate::layout::{Line, NodeKind, Row, Word, WordKind, node_words};
+use crate::layout::{Line, NodeKind, PARTS, Row, Word, WordKind, node_words};
 use crate::{Config, Costs, SimdPath};
 
 fn build(mesh: &Mesh) -> Wide<Watertight> {
@@ -216,11 +216,49 @@ fn the_walk_sees_every_broken_reference() {
         flaw(Word::node(NodeKind::Lean, n_lines)),
         Flaw::Outside { unit: "line", at: n_lines + 7, n_units: n_lines }
     );
-    assert!(matches!(flaw(Word::EMPTY), Flaw::Unreached { unit: "line" | "block", .. }));
+    assert!(matches!(flaw(Word::EMPTY), Flaw::Unreached { unit: "line" | "part of a block", .. }));
     // Two slots that hold the same.
     let first = node_words(&wide.records.lines, outline.nodes[0].kind, 0)[1];
     assert!(matches!(flaw(first), Flaw::Twice { .. }));
     let deepest = outline.nodes.len() - 1;
-    let outside = Outline::of(&with_word(&wide, deepest, 0, Word::leaf(wide.records.halves.len(), 1)));
-    assert!(matches!(outside, Err(Flaw::Outside { unit: "block", .. })), "{outside:?}");
+    let outside = Outline::of(&with_word(&wide, deepest, 0, Word::leaf(PARTS * wide.records.halves.len(), 1)));
+    assert!(matches!(outside, Err(Flaw::Outside { unit: "part of a block", .. })), "{outside:?}");
+}
+
+/// Quads far apart: a leaf each.
+fn quads(n: u8) -> Mesh {
+    let corners = |i: u8| [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| [x, y, 100.0 * f32::from(i)]);
+    let triangles = |i: u8| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|corner| 4 * u32::from(i) + corner));
+    Mesh { positions: (0..n).flat_map(corners).collect(), triangles: (0..n).flat_map(triangles).collect() }
+}
+
+#[test]
+fn leaves_of_two_share_a_block() {
+    let wide = build(&quads(5));
+    let outline = Outline::of(&wide.records).unwrap();
+    assert_eq!(outline.leaves.iter().map(|leaf| leaf.places.len()).collect::<Vec<_>>(), [2; 5]);
+    assert_eq!(outline.leaves_by_block().iter().map(|leaf| leaf.first).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    assert_eq!(outline.leaves.iter().filter(|leaf| leaf.is_shared).count(), 4);
+    assert_eq!(wide.records.halves.len(), 3);
+    for path in SimdPath::ALL {
+        let wide = wide.clone().with_path(path);
+        for ray in quads(5).positions.iter().map(|&[_, _, z]| Ray::new([0.75, 0.5, z + 1.0], [0.0, 0.0, -1.0])) {
+            assert_eq!(wide.closest_hit(&ray).map(|hit| hit.t), Some(1.0), "{path:?} {ray:?}");
+        }
+    }
+}
+
+#[test]
+fn parts_of_blocks_are_reached_once() {
+    let wide = build(&quads(5));
+    let slot_of = |first: usize| {
+        let words = node_words(&wide.records.lines, NodeKind::Box, 0);
+        words.iter().position(|&word| word == Word::leaf(first, 2)).expect("the root holds all leaves")
+    };
+    let flaw = |slot, word| Outline::of(&with_word(&wide, 0, slot, word)).err();
+    assert_eq!(flaw(slot_of(4), Word::leaf(4, 1)), None, "another number of triangles is seen by the lanes left over");
+    assert_eq!(flaw(slot_of(4), Word::leaf(3, 2)), Some(Flaw::Twice { unit: "part of a block", at: 3 }));
+    assert_eq!(flaw(slot_of(4), Word::leaf(5, 2)), Some(Flaw::Unreached { unit: "part of a block", at: 4 }));
+    assert_eq!(flaw(slot_of(4), Word::leaf(5, 3)), Some(Flaw::Word { word: Word::leaf(5, 3).0 }));
+    assert_eq!(flaw(slot_of(0), Word::leaf(0, 3)), Some(Flaw::Twice { unit: "part of a block", at: 1 }));
 }

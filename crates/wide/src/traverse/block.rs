@@ -110,7 +110,7 @@ pub(crate) enum Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// The block at `first` that holds at most `n` triangles.
+    /// The block from half-block `first` that holds at most `n` triangles.
     #[inline(always)]
     pub(crate) fn at(halves: &'a [Half], first: usize, n: u32) -> Self {
         if n > 4 {
