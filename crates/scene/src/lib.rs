@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! file -> read/{obj, mtl, ply, gltf, image, environment} -> Scene -> describe
+//! scene file (TOML) -> file/ -> those that it names -> Scene
 //! ```
 //!
 //! ```
@@ -28,6 +29,7 @@ mod builtin;
 mod camera;
 mod describe;
 mod environment;
+mod file;
 mod light;
 mod material;
 mod mesh;
@@ -39,6 +41,10 @@ pub use builtin::builtin;
 pub use camera::{Camera, Lens, Projection};
 pub use describe::Description;
 pub use environment::{Environment, EnvironmentImage};
+pub use file::{
+    Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, NewMaterial, Override, Placement, SceneFile,
+    Setting, nearest,
+};
 pub use light::Light;
 pub use material::{AlphaMode, Material, MaterialId};
 pub use mesh::{Instance, Mesh, MeshId, Part};

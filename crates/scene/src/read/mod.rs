@@ -21,6 +21,7 @@ use crate::Scene;
 
 pub use environment::read_environment;
 pub use error::ReadError;
+pub(crate) use image::decode;
 
 /// What a reader is told beside the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,0 +1,198 @@
+//! Many assets become one scene: indices are shifted, transforms composed, materials changed.
+
+use std::collections::HashMap;
+use std::fs;
+use std::ops::Range;
+
+use super::placement::after;
+use super::read::unknown;
+use super::table::error_at;
+use super::{Asset, AssetInstance, AssetSource, MaterialEdits, SceneFile};
+use crate::{
+    Encoding, Instance, Material, MaterialId, Part, ReadError, ReadOptions, Scene, Texture, TextureId, builtin,
+    read_with,
+};
+
+/// A scene in the making.
+pub(super) struct Assembled<'a> {
+    file: &'a SceneFile,
+    pub(super) scene: Scene,
+    /// Materials of each asset.
+    pub(super) of_assets: Vec<Range<usize>>,
+    /// Instances of each asset as its own file has them.
+    instances: HashMap<&'a str, Vec<Instance>>,
+    /// Meshes that get a new material, by its name.
+    repainted: Vec<(Range<usize>, &'a str)>,
+    /// Textures that this file names.
+    textures: HashMap<(String, Encoding), TextureId>,
+    n_primitives: u32,
+}
+
+impl<'a> Assembled<'a> {
+    pub(super) fn new(file: &'a SceneFile) -> Self {
+        Self {
+            file,
+            scene: Scene::default(),
+            of_assets: Vec::new(),
+            instances: HashMap::new(),
+            repainted: Vec::new(),
+            textures: HashMap::new(),
+            n_primitives: 0,
+        }
+    }
+
+    /// Takes in an asset; one that is not placed is not read.
+    pub(super) fn add(&mut self, asset: &'a Asset, is_placed: bool) -> Result<(), ReadError> {
+        let first_material = self.scene.materials.len();
+        if is_placed {
+            let own = match &asset.source {
+                AssetSource::Builtin => builtin(),
+                AssetSource::File(file) => read_with(&self.file.resolve(file), &ReadOptions { time: asset.time })?,
+            };
+            self.take(asset, own)?;
+        } else {
+            self.scene.warnings.push(format!("asset {:?} is placed nowhere", asset.name));
+        }
+        self.of_assets.push(first_material..self.scene.materials.len());
+        Ok(())
+    }
+
+    fn take(&mut self, asset: &'a Asset, own: Scene) -> Result<(), ReadError> {
+        let too_many =
+            || error_at(&self.file.path, asset.line, "more meshes, materials or triangles than 32 bits count");
+        let shift = |n: usize| u32::try_from(n).map_err(|_| too_many());
+        let first_mesh = self.scene.meshes.len();
+        let (mesh_shift, texture_shift) = (shift(first_mesh)?, shift(self.scene.textures.len())?);
+        let material_shift = shift(self.scene.materials.len())?;
+        let n_primitives = own.instances.iter().map(|instance| {
+            let n_triangles = own.meshes[instance.mesh.0 as usize].triangles.len();
+            u32::try_from(n_triangles).ok()?.checked_add(instance.first_primitive)
+        });
+        let n_primitives = n_primitives.fold(Some(0), |most: Option<u32>, n| Some(most?.max(n?)));
+        let all = n_primitives.and_then(|n| self.n_primitives.checked_add(n)).ok_or_else(too_many)?;
+
+        let Scene { mut meshes, mut instances, mut materials, textures, lights, environment, cameras, warnings } = own;
+        for instance in &mut instances {
+            instance.mesh.0 += mesh_shift;
+            instance.first_primitive += self.n_primitives;
+        }
+        self.n_primitives = all;
+        for mesh in &mut meshes {
+            mesh.parts.iter_mut().for_each(|part| part.material.0 += material_shift);
+        }
+        for reference in materials.iter_mut().flat_map(Material::textures_mut).flatten() {
+            reference.texture.0 += texture_shift;
+        }
+        self.instances.insert(&asset.name, instances);
+        self.scene.meshes.extend(meshes);
+        if let Some(material) = &asset.material {
+            self.repainted.push((first_mesh..self.scene.meshes.len(), material));
+        } else {
+            self.scene.materials.extend(materials);
+            self.scene.textures.extend(textures);
+        }
+        self.scene.lights.extend(lights);
+        self.scene.cameras.extend(cameras);
+        self.scene.warnings.extend(warnings);
+        self.scene.environment = self.scene.environment.take().or(environment);
+        Ok(())
+    }
+
+    /// Places an asset once more.
+    pub(super) fn place(&mut self, instance: &AssetInstance) {
+        let open = instance.open.affine();
+        let close = instance.close.map(|close| close.affine());
+        for own in self.instances.get(&instance.asset[..]).into_iter().flatten() {
+            let moves = close.is_some() || own.world_from_object_close.is_some();
+            let own_close = own.world_from_object_close.unwrap_or(own.world_from_object);
+            self.scene.instances.push(Instance {
+                world_from_object: after(&open, &own.world_from_object),
+                world_from_object_close: moves.then(|| after(&close.unwrap_or(open), &own_close)),
+                ..*own
+            });
+        }
+    }
+
+    /// Applies the overrides in their order.
+    pub(super) fn change_materials(&mut self) -> Result<(), ReadError> {
+        let file = self.file;
+        let owners: Vec<(&str, usize)> = file
+            .assets
+            .iter()
+            .zip(&self.of_assets)
+            .flat_map(|(asset, range)| range.clone().map(|material| (&asset.name[..], material)))
+            .collect();
+        for change in &file.overrides {
+            let concerned: Vec<usize> = owners
+                .iter()
+                .filter(|&&(asset, material)| change.concerns(asset, &self.scene.materials[material]))
+                .map(|&(_, material)| material)
+                .collect();
+            if concerned.is_empty() {
+                let of_asset = |asset: &str| change.asset.as_ref().is_none_or(|name| name == asset);
+                let known = owners.iter().filter(|(asset, _)| of_asset(asset));
+                let names = known.map(|&(_, material)| &self.scene.materials[material].name[..]);
+                return Err(error_at(&file.path, change.line, unknown("material", &change.material, names)));
+            }
+            for material in concerned {
+                self.edit(material, &change.edits, change.line)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the new materials and puts them on.
+    pub(super) fn add_new_materials(&mut self) -> Result<(), ReadError> {
+        let file = self.file;
+        let first = self.scene.materials.len();
+        for new in &file.materials {
+            self.scene.materials.push(Material { name: new.name.clone(), ..Material::default() });
+        }
+        for (meshes, name) in std::mem::take(&mut self.repainted) {
+            let position = file.materials.iter().position(|new| new.name == *name).map_or(first, |k| first + k);
+            #[expect(clippy::cast_possible_truncation, reason = "few materials are written by hand")]
+            let material = MaterialId(position as u32);
+            self.scene.meshes[meshes]
+                .iter_mut()
+                .for_each(|mesh| mesh.parts = vec![Part { first_triangle: 0, material }]);
+        }
+        for (k, new) in file.materials.iter().enumerate() {
+            self.edit(first + k, &new.edits, new.line)?;
+        }
+        Ok(())
+    }
+
+    fn edit(&mut self, material: usize, edits: &MaterialEdits, line: usize) -> Result<(), ReadError> {
+        let mut changed = self.scene.materials[material].clone();
+        edits.apply(&mut changed, |file, encoding| self.texture(file, encoding, line))?;
+        if edits.adds_texture() {
+            let lacks = |mesh: &&crate::Mesh| {
+                mesh.uvs.is_none() && mesh.parts.iter().any(|part| part.material.0 as usize == material)
+            };
+            if let Some(mesh) = self.scene.meshes.iter().find(lacks) {
+                let message = format!(
+                    "material {:?} gets a texture, but mesh {:?} has no texture coordinates",
+                    changed.name, mesh.name
+                );
+                return Err(error_at(&self.file.path, line, message));
+            }
+        }
+        self.scene.materials[material] = changed;
+        Ok(())
+    }
+
+    /// The texture of an image file, read once.
+    fn texture(&mut self, file: &str, encoding: Encoding, line: usize) -> Result<TextureId, ReadError> {
+        let key = (file.to_owned(), encoding);
+        if let Some(&known) = self.textures.get(&key) {
+            return Ok(known);
+        }
+        let refuse = |reason: String| error_at(&self.file.path, line, format!("image {file:?}: {reason}"));
+        let bytes = fs::read(self.file.resolve(file)).map_err(|error| refuse(error.to_string()))?;
+        let texture = crate::read::decode(file, &bytes).map_err(|error| refuse(error.to_string()))?;
+        let id = u32::try_from(self.scene.textures.len()).map_err(|_| refuse("there are too many textures".into()))?;
+        self.scene.textures.push(Texture { encoding, ..texture });
+        self.textures.insert(key, TextureId(id));
+        Ok(TextureId(id))
+    }
+}

@@ -1,0 +1,69 @@
+//! Paths from one folder to files that may lie elsewhere.
+
+use std::fs;
+use std::io;
+use std::path::{Component, Path, PathBuf};
+
+use super::{AssetSource, EnvironmentSource, SceneFile};
+use crate::ReadError;
+
+impl SceneFile {
+    /// The file that a path in this one means.
+    pub(super) fn resolve(&self, file: &str) -> PathBuf {
+        folder(&self.path).join(file)
+    }
+
+    /// The same scene for a file at `path`: the paths in it change so that they mean the same files.
+    ///
+    /// # Errors
+    /// A file that is not there, or whose path is not UTF-8.
+    pub fn moved_to(mut self, path: &Path) -> Result<Self, ReadError> {
+        let from = folder(&self.path).to_owned();
+        let to = folder(path);
+        for file in self.files_mut() {
+            *file = relative(&from.join(&file), to)?;
+        }
+        path.clone_into(&mut self.path);
+        Ok(self)
+    }
+
+    /// All paths in this file.
+    fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let assets = self.assets.iter_mut().filter_map(|asset| match &mut asset.source {
+            AssetSource::File(file) => Some(file),
+            AssetSource::Builtin => None,
+        });
+        let environment = self.environment.iter_mut().filter_map(|environment| match environment {
+            EnvironmentSource::Image { file, .. } => Some(file),
+            EnvironmentSource::Constant(_) => None,
+        });
+        let materials = self.materials.iter_mut().flat_map(|material| material.edits.files_mut());
+        let overrides = self.overrides.iter_mut().flat_map(|change| change.edits.files_mut());
+        assets.chain(environment).chain(materials).chain(overrides)
+    }
+}
+
+/// The folder that a file lies in; empty for the current one.
+fn folder(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
+}
+
+/// The path from `folder` to `file`, both of which are there, with `/` between names.
+pub(super) fn relative(file: &Path, folder: &Path) -> Result<String, ReadError> {
+    let real = |path: &Path| fs::canonicalize(path).map_err(|source| ReadError::Io { path: path.to_owned(), source });
+    let not_utf8 = || {
+        let source = io::Error::new(io::ErrorKind::InvalidInput, "its path is not UTF-8");
+        ReadError::Io { path: file.to_owned(), source }
+    };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let (target, folder) = (real(file)?, real(folder)?);
+    let n_common = target.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    if target.components().take(n_common).all(|component| matches!(component, Component::Prefix(_))) {
+        // Another drive: no relative path leads there.
+        return target.to_str().map(str::to_owned).ok_or_else(not_utf8);
+    }
+    let up = folder.components().skip(n_common).map(|_| Some(".."));
+    let down = target.components().skip(n_common).map(|component| component.as_os_str().to_str());
+    let names: Option<Vec<&str>> = up.chain(down).collect();
+    Ok(names.ok_or_else(not_utf8)?.join("/"))
+}

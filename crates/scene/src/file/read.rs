@@ -1,0 +1,160 @@
+//! From text to [`SceneFile`].
+
+use std::fs;
+use std::path::Path;
+
+use toml_edit::Document;
+
+use super::table::{Bounds, Source, Table};
+use super::{
+    Asset, AssetInstance, AssetSource, MaterialEdits, NewMaterial, Override, Placement, SceneFile, Setting, camera,
+    environment, light, nearest, placement,
+};
+use crate::ReadError;
+
+/// Bytes that a scene file may have: what stands for a hundred thousand instances, and no film by mistake.
+const MAX_BYTES: u64 = 1 << 26;
+
+const KEYS: [&str; 8] =
+    ["assets", "instances", "camera", "lights", "environment", "materials", "overrides", "settings"];
+
+impl SceneFile {
+    /// Reads a scene file, but none of the files that it names.
+    ///
+    /// # Errors
+    /// [`ReadError`], a sentence that names the file, the line, the key and the value found there; for a key that is
+    /// unknown the nearest known one too.
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
+        let io_error = |source| ReadError::Io { path: path.to_owned(), source };
+        let n_bytes = fs::metadata(path).map_err(io_error)?.len();
+        if n_bytes > MAX_BYTES {
+            return Err(ReadError::unsupported(
+                path,
+                format!("a scene file of {n_bytes} bytes, more than {MAX_BYTES},"),
+            ));
+        }
+        Self::parse(&fs::read(path).map_err(io_error)?, path)
+    }
+
+    /// Reads the bytes of a scene file that stands at `path`.
+    ///
+    /// # Errors
+    /// As [`SceneFile::read`].
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, ReadError> {
+        let text = std::str::from_utf8(bytes).map_err(|error| {
+            let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count();
+            super::table::error_at(path, line, "the bytes are not UTF-8")
+        })?;
+        let source = Source::new(path, text);
+        let document = Document::parse(text).map_err(|error| {
+            let at = error.span().map_or(0, |span| span.start);
+            source.error(at, error.message().split_whitespace().collect::<Vec<_>>().join(" "))
+        })?;
+        let root = Table::root(&source, document.as_table());
+        root.only(&KEYS)?;
+        let file = Self {
+            path: path.to_owned(),
+            assets: list(&root, "assets", asset)?.unwrap_or_default(),
+            instances: list(&root, "instances", instance)?,
+            camera: root.table("camera")?.map(|table| camera::read(&table)).transpose()?,
+            lights: list(&root, "lights", light::read)?,
+            environment: root.table("environment")?.map(|table| environment::read(&table)).transpose()?,
+            materials: list(&root, "materials", material)?.unwrap_or_default(),
+            overrides: list(&root, "overrides", override_)?.unwrap_or_default(),
+            settings: root.table("settings")?.map_or(Ok(Vec::new()), |table| settings(&table))?,
+        };
+        file.check_names()?;
+        Ok(file)
+    }
+
+    /// Every name is there once, and every name that is used is there.
+    fn check_names(&self) -> Result<(), ReadError> {
+        let fail = |line, message: String| Err(super::table::error_at(&self.path, line, message));
+        let assets: Vec<&str> = self.assets.iter().map(|asset| &asset.name[..]).collect();
+        let materials: Vec<&str> = self.materials.iter().map(|material| &material.name[..]).collect();
+        let lines = self.assets.iter().map(|asset| asset.line);
+        if let Some((line, name)) = repeated(&assets, lines) {
+            return fail(line, format!("two assets have the name {name:?}"));
+        }
+        if let Some((line, name)) = repeated(&materials, self.materials.iter().map(|material| material.line)) {
+            return fail(line, format!("two materials have the name {name:?}"));
+        }
+        let used_assets = self.instances.iter().flatten().map(|instance| (&instance.asset, instance.line));
+        let overridden = self.overrides.iter().filter_map(|change| Some((change.asset.as_ref()?, change.line)));
+        let known: std::collections::HashSet<&str> = assets.iter().copied().collect();
+        if let Some((name, line)) = used_assets.chain(overridden).find(|(name, _)| !known.contains(&name[..])) {
+            return fail(line, unknown("asset", name, assets));
+        }
+        let used = self.assets.iter().filter_map(|asset| Some((asset.material.as_ref()?, asset.line)));
+        if let Some((name, line)) = used.into_iter().find(|(name, _)| !materials.contains(&&name[..])) {
+            return fail(line, unknown("new material", name, materials));
+        }
+        Ok(())
+    }
+}
+
+/// That a name is not known, and which is nearest.
+pub(super) fn unknown<'a>(kind: &str, name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    match nearest(name, known) {
+        Some(near) => format!("no {kind} has the name {name:?}; the nearest is {near:?}"),
+        None => format!("no {kind} has the name {name:?}, for there is none"),
+    }
+}
+
+/// The first name that was there before, and its line.
+fn repeated<'a>(names: &[&'a str], lines: impl Iterator<Item = usize>) -> Option<(usize, &'a str)> {
+    let mut seen = std::collections::HashSet::new();
+    names.iter().zip(lines).find(|(name, _)| !seen.insert(**name)).map(|(&name, line)| (line, name))
+}
+
+/// Reads each table of a list.
+fn list<T>(
+    root: &Table<'_>,
+    key: &str,
+    read: impl Fn(Table<'_>) -> Result<T, ReadError>,
+) -> Result<Option<Vec<T>>, ReadError> {
+    root.tables(key)?.map(|tables| tables.into_iter().map(read).collect()).transpose()
+}
+
+fn asset(table: Table<'_>) -> Result<Asset, ReadError> {
+    table.only(&["name", "file", "builtin", "time", "material"])?;
+    let name = table.required("name", table.text("name")?)?.to_owned();
+    let source = match (table.text("file")?, table.flag("builtin")?.unwrap_or(false)) {
+        (Some(file), false) => AssetSource::File(file.to_owned()),
+        (None, true) => AssetSource::Builtin,
+        (Some(_), true) => return Err(table.error("builtin", "an asset with a `file` is not `builtin`")),
+        (None, false) => table.required("file", None)?,
+    };
+    let time = table.number("time", Bounds::Finite)?;
+    Ok(Asset { name, source, time, material: table.text("material")?.map(str::to_owned), line: table.line() })
+}
+
+fn instance(table: Table<'_>) -> Result<AssetInstance, ReadError> {
+    table.only(&[&["asset", "close"][..], &placement::KEYS].concat())?;
+    let asset = table.required("asset", table.text("asset")?)?.to_owned();
+    let open = placement::read(&table, &Placement::IDENTITY)?;
+    let close = table.table("close")?.map(|close| {
+        let close = close.called("[instances.close]");
+        close.only(&placement::KEYS)?;
+        placement::read(&close, &open)
+    });
+    Ok(AssetInstance { asset, open, close: close.transpose()?, line: table.line() })
+}
+
+fn material(table: Table<'_>) -> Result<NewMaterial, ReadError> {
+    let edits = MaterialEdits::read(&table, &["name"])?;
+    Ok(NewMaterial { name: table.required("name", table.text("name")?)?.to_owned(), edits, line: table.line() })
+}
+
+fn override_(table: Table<'_>) -> Result<Override, ReadError> {
+    let edits = MaterialEdits::read(&table, &["asset", "material"])?;
+    let material = table.required("material", table.text("material")?)?.to_owned();
+    Ok(Override { asset: table.text("asset")?.map(str::to_owned), material, edits, line: table.line() })
+}
+
+fn settings(table: &Table<'_>) -> Result<Vec<Setting>, ReadError> {
+    let setting = |(key, line): (&str, usize)| {
+        Ok(Setting { key: key.to_owned(), value: Some(table.word(key)?), comment: String::new(), line })
+    };
+    table.keys().map(setting).collect()
+}
