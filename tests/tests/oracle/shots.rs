@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use canted_obb::Affine;
-use canted_renderer::{Film, Pattern, Picture, Settings, prepare, read_picture, render};
+use canted_renderer::{Film, Lod, Pattern, Picture, Settings, prepare, read_picture, render};
 use canted_scene::{
     Camera, Encoding, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId, TextureRef,
     Wrap, read,
@@ -202,6 +202,8 @@ impl Shot {
             samples: self.samples,
             bounces: self.n_segments - 2,
             pattern: Pattern::Random,
+            // The other renderer looks textures up at full size.
+            lod: Lod::None,
             ao_radius: Some(f32::INFINITY),
             ..Settings::default()
         };

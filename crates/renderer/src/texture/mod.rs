@@ -10,7 +10,7 @@ mod footprint;
 mod lookup;
 mod pyramid;
 
-use canted_scene::{AlphaMode, Material, Scene, Texture};
+use canted_scene::{Material, Scene, Texture, TextureId, TextureRef};
 use rayon::prelude::*;
 
 pub use cone::Cone;
@@ -43,21 +43,19 @@ impl<'a> Textures<'a> {
     pub(crate) fn new(scene: &'a Scene, lod: Lod) -> Self {
         let mut uses = vec![Use::default(); scene.textures.len()];
         for material in &scene.materials {
-            let is_cut_out = material.alpha_mode != AlphaMode::Opaque;
             for slot in averaged(material) {
-                let Use { is_averaged, is_cut_out: is_weighted } = &mut uses[slot.texture.0 as usize];
-                *is_averaged = lod != Lod::None;
-                *is_weighted |= is_cut_out;
+                let asked = &mut uses[slot.texture.0 as usize];
+                asked.is_averaged = lod != Lod::None;
+                asked.is_cut_out |= material.is_cut_out();
             }
         }
-        let pyramid = |(texture, needed): (&'a Texture, &Use)| match needed {
-            Use { is_averaged: true, is_cut_out } => Pyramid::new(texture, *is_cut_out),
-            _ => Pyramid::flat(texture),
+        let pyramid = |(texture, asked): (&'a Texture, &Use)| {
+            if asked.is_averaged { Pyramid::new(texture, asked.is_cut_out) } else { Pyramid::flat(texture) }
         };
         Self { pyramids: scene.textures.par_iter().zip(&uses).map(pyramid).collect() }
     }
 
-    pub(crate) fn get(&self, id: canted_scene::TextureId) -> &Pyramid<'a> {
+    pub(crate) fn get(&self, id: TextureId) -> &Pyramid<'a> {
         &self.pyramids[id.0 as usize]
     }
 }
@@ -71,7 +69,7 @@ struct Use {
 }
 
 /// The textures of a material but that of alpha.
-pub(crate) fn averaged(material: &Material) -> impl Iterator<Item = &canted_scene::TextureRef> {
+pub(crate) fn averaged(material: &Material) -> impl Iterator<Item = &TextureRef> {
     [
         &material.base_color_texture,
         &material.metallic_roughness_texture,

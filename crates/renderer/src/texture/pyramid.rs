@@ -157,3 +157,79 @@ fn reduced(from: [u32; 2], to: [u32; 2], is_cut_out: bool, texel: impl Fn(usize)
     let row = |row: &Cover| columns.iter().map(|column| mean(row, column)).collect::<Vec<_>>();
     rows.par_iter().flat_map_iter(row).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canted_scene::Wrap;
+
+    fn texture(width: u32, height: u32, encoding: Encoding, texel: impl Fn(u32) -> [u8; 4]) -> Texture {
+        let texels = (0..width * height).map(texel).collect();
+        Texture { name: String::new(), width, height, texels, encoding, wrap: [Wrap::Repeat; 2] }
+    }
+
+    /// Bytes without a pattern.
+    fn noise(i: u32) -> [u8; 4] {
+        i.wrapping_mul(2_654_435_761).rotate_left(i % 32).to_le_bytes()
+    }
+
+    fn mean(pyramid: &Pyramid, level: usize) -> [f64; 4] {
+        let image = pyramid.level(level);
+        let sum = image
+            .texels
+            .iter()
+            .map(|&texel| pyramid.decoded(texel))
+            .fold([0.0; 4], |sum: [f64; 4], texel| std::array::from_fn(|k| sum[k] + f64::from(texel[k])));
+        sum.map(|x| x / image.texels.len() as f64)
+    }
+
+    /// The first level whose mean is not that of the texture but for half a byte: at the steep end of the sRGB curve, whose
+    /// slope is 2.4 / 1.055, that is the most. Sums of `f32` round by far less than the millionth.
+    fn loses_light(pyramid: &Pyramid) -> Option<usize> {
+        const HALF_BYTE: f64 = 0.5 / 255.0 * 2.4 / 1.055 + 1e-6;
+        let all = mean(pyramid, 0);
+        (1..pyramid.n_levels()).find(|&level| (0..4).any(|k| (mean(pyramid, level)[k] - all[k]).abs() > HALF_BYTE))
+    }
+
+    #[test]
+    fn known_images_are_halved_in_linear_light() {
+        let checker = |i: u32| if (i / 2 + i).is_multiple_of(2) { [0, 0, 0, 255] } else { [255; 4] };
+        let half = |encoding| Pyramid::new(&texture(2, 2, encoding, checker), false).level(1).texels.to_vec();
+        // Half of the light is byte 188 of the sRGB curve.
+        assert_eq!(half(Encoding::Srgb), [[188, 188, 188, 255]]);
+        assert_eq!(half(Encoding::Linear), [[128, 128, 128, 255]]);
+        // Five columns become two of two and a half: the middle one is shared.
+        let row = texture(5, 1, Encoding::Linear, |i| [[10, 20, 30, 60, 120][i as usize]; 4]);
+        assert_eq!(Pyramid::new(&row, false).level(1).texels, [[18; 4], [78; 4]]);
+    }
+
+    #[test]
+    fn no_level_loses_light() {
+        for [width, height] in [[64, 64], [1, 1], [1, 37], [29, 1], [31, 17], [100, 3], [5, 6]] {
+            for encoding in [Encoding::Srgb, Encoding::Linear] {
+                let texture = texture(width, height, encoding, noise);
+                let pyramid = Pyramid::new(&texture, false);
+                assert_eq!(pyramid.level(pyramid.n_levels() - 1).size, [1, 1]);
+                assert_eq!(loses_light(&pyramid), None, "{width} x {height} {encoding:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_check_sees_a_level_that_is_too_bright() {
+        let texture = texture(16, 16, Encoding::Linear, noise);
+        let mut pyramid = Pyramid::new(&texture, false);
+        for texel in &mut pyramid.reduced[1].texels {
+            texel[0] = texel[0].saturating_add(3);
+        }
+        assert_eq!(loses_light(&pyramid), Some(2));
+    }
+
+    #[test]
+    fn what_is_cut_out_lends_no_colour() {
+        let leaf = texture(2, 1, Encoding::Srgb, |i| if i == 0 { [200, 10, 0, 255] } else { [0, 255, 255, 0] });
+        assert_eq!(Pyramid::new(&leaf, true).level(1).texels, [[200, 10, 0, 128]]);
+        let clear = texture(2, 1, Encoding::Linear, |i| if i == 0 { [200, 10, 0, 0] } else { [100, 20, 0, 0] });
+        assert_eq!(Pyramid::new(&clear, true).level(1).texels, [[150, 15, 0, 0]]);
+    }
+}
