@@ -3,18 +3,36 @@
 use std::path::Path;
 
 use anyhow::{Result, anyhow};
-use canted_scene::Scene;
+use canted_scene::{Scene, SceneFile};
 
-use crate::output;
+use crate::{output, settings};
 
 /// Reads a scene, or makes the built-in one; warnings go to standard error, each once.
 pub(crate) fn scene(path: Option<&Path>) -> Result<Scene> {
     let Some(path) = path else { return Ok(canted_scene::builtin()) };
-    let scene = canted_scene::read(path).map_err(|error| anyhow!("{error}"))?;
+    let scene = if is_scene_file(path) { scene_file(path)?.load() } else { canted_scene::read(path) };
+    let scene = scene.map_err(|error| anyhow!("{error}"))?;
+    warn(&scene);
+    Ok(scene)
+}
+
+/// Prints the warnings of a scene.
+pub(crate) fn warn(scene: &Scene) {
     for warning in &scene.warnings {
         output::to_stderr(&format!("warning: {warning}"));
     }
-    Ok(scene)
+}
+
+/// Reads a scene file, but nothing that it names; its settings are those that this program knows.
+pub(crate) fn scene_file(path: &Path) -> Result<SceneFile> {
+    let file = SceneFile::read(path).map_err(|error| anyhow!("{error}"))?;
+    settings::check(&file.settings, path)?;
+    Ok(file)
+}
+
+/// Whether a file's name says that it is a scene file.
+pub(crate) fn is_scene_file(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
 }
 
 /// The scene's name in messages.

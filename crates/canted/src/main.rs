@@ -13,13 +13,16 @@ mod merge;
 mod options;
 mod output;
 mod render;
+mod scene;
+mod settings;
 mod stats;
 mod tree;
 
 use std::process::ExitCode;
 
+use anyhow::Result;
 use canted_renderer::RenderError;
-use clap::{Parser, Subcommand};
+use clap::{ArgMatches, FromArgMatches, Parser, Subcommand};
 
 /// Ray tracing with oriented bounding boxes: boxes that lean with the geometry.
 ///
@@ -35,6 +38,8 @@ struct Cli {
 enum Command {
     /// Render a picture.
     Render(Box<render::Args>),
+    /// Write a scene, and all that its picture is made by, as a file to change.
+    Scene(scene::Args),
     /// What each volume strategy costs and buys.
     Stats(stats::Args),
     /// Answer a file of rays.
@@ -55,18 +60,23 @@ pub(crate) enum Outcome {
     No,
 }
 
-fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let result = match cli.command {
+/// Does what the command line asks for.
+fn run(matches: &ArgMatches) -> Result<Outcome> {
+    let cli = Cli::from_arg_matches(matches).unwrap_or_else(|error| error.exit());
+    match cli.command {
         None => render::run(&render::Args::built_in()),
         Some(Command::Render(args)) => render::run(&args),
+        Some(Command::Scene(args)) => scene::run(&args, matches),
         Some(Command::Stats(args)) => stats::run(&args),
         Some(Command::Cast(args)) => cast::run(&args),
         Some(Command::Tree(args)) => tree::run(&args),
         Some(Command::Compare(args)) => compare::run(&args),
         Some(Command::Merge(args)) => merge::run(&args),
-    };
-    match result {
+    }
+}
+
+fn main() -> ExitCode {
+    match settings::command_line().and_then(|matches| run(&matches)) {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::No) => ExitCode::from(1),
         Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => ExitCode::from(130),

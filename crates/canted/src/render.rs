@@ -4,6 +4,7 @@ mod camera;
 mod checkpoint;
 mod exposure;
 mod facts;
+mod look;
 mod samples;
 
 use std::{
@@ -14,7 +15,7 @@ use std::{
 use anyhow::{Result, anyhow};
 use canted_renderer::{
     Film, Integrator, Measure, Monitor, Picture, Prepared, Record, RenderError, Settings, Surfaces, Tile, heatmap,
-    light_hash, prepare, resume, scene_hash, write_exr, write_film, write_png,
+    light_hash, resume, scene_hash, write_exr, write_film, write_png,
 };
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -24,7 +25,7 @@ use serde_json::{Value, json};
 
 use crate::{
     Outcome, interrupt,
-    light::{self, LightArgs},
+    light::LightArgs,
     load, memory,
     options::{self, FilterArg, IntegratorArg, LodArg, StructureArgs, with_kernel},
     output,
@@ -32,21 +33,21 @@ use crate::{
 use camera::CameraArgs;
 use checkpoint::Keeper;
 pub(crate) use checkpoint::difference;
-use exposure::strength_of_default_light;
 use facts::Fact;
+pub(crate) use look::{Looked, look};
 use samples::SampleArgs;
 
 /// Options of `canted render`.
 #[derive(clap::Args, Clone)]
 pub(crate) struct Args {
     /// The scene: OBJ, PLY, glTF or GLB; the built-in one without it.
-    scene: Option<PathBuf>,
+    pub(crate) scene: Option<PathBuf>,
     /// The picture: `.png` (sRGB) or `.exr` (linear).
     #[arg(short, long, default_value = "canted.png", value_name = "FILE")]
-    output: PathBuf,
+    pub(crate) output: PathBuf,
     /// Pixels, as 1280x720.
     #[arg(long, value_parser = options::size, default_value = "1280x720", value_name = "WxH")]
-    size: [u32; 2],
+    pub(crate) size: [u32; 2],
     #[command(flatten)]
     samples: SampleArgs,
     /// How light around the middle of a pixel is weighed.
@@ -64,9 +65,9 @@ pub(crate) struct Args {
     #[command(flatten)]
     camera: CameraArgs,
     #[command(flatten)]
-    light: LightArgs,
+    pub(crate) light: LightArgs,
     #[command(flatten)]
-    structure: StructureArgs,
+    pub(crate) structure: StructureArgs,
     /// World-space distance over which cut-off bounces' light returns beside an occluder; `inf` for none.
     #[arg(long, value_parser = options::radius, value_name = "LENGTH", allow_hyphen_values = true)]
     ao_radius: Option<f32>,
@@ -118,7 +119,7 @@ impl Args {
         }
     }
 
-    fn settings(&self) -> Result<Settings> {
+    pub(crate) fn settings(&self) -> Result<Settings> {
         let [width, height] = self.size;
         let Self { seed, ao_radius, .. } = *self;
         let (filter, lod) = (self.filter.filter(), self.lod.lod());
@@ -223,16 +224,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
 }
 
 fn trace<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool, load_time: Duration) -> Result<Run> {
-    let name = load::name(args.scene.as_deref());
-    let prepared: Prepared<K> = prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
-    let mut facts = facts::built(scene, &prepared, load_time);
-    let camera = args.camera.camera(scene, &prepared, args.size);
+    let Looked { prepared, camera, default_light } = look::<K>(scene, args, default_light)?;
     let settings = args.settings()?;
-    if default_light && args.heatmap.is_none() {
-        let strength = strength_of_default_light(scene, &prepared, &camera, &settings)?;
-        light::set_default(scene, strength);
-        facts.push(("default_light", json!(strength)));
-    }
+    let mut facts = facts::built(scene, &prepared, load_time);
+    facts.extend(default_light.map(|strength| ("default_light", json!(strength))));
     let scene: &Scene = scene;
     let start = Instant::now();
     let mut keeper = None;

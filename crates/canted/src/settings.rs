@@ -1,0 +1,163 @@
+//! Settings of scene files: the options of `canted render` that make the picture, by the names that they have there.
+//!
+//! There is no list of them: an option is a setting unless it is one of the few below. The command line's own options
+//! stand behind those of the file, so they have the last word; what neither says is as ever.
+
+use std::{ffi::OsString, path::Path, path::PathBuf};
+
+use anyhow::{Result, anyhow};
+use canted_scene::{Setting, nearest};
+use clap::{
+    ArgMatches, Args as _, Command, CommandFactory,
+    error::{ContextKind, ContextValue},
+    parser::ValueSource,
+};
+
+use crate::{Cli, load, render};
+
+/// Options about the run: what is read, written, kept and told.
+const OF_THE_RUN: [&str; 10] = [
+    "scene",
+    "output",
+    "samples",
+    "aovs",
+    "checkpoint",
+    "checkpoint_every",
+    "heatmap",
+    "heatmap_scale",
+    "threads",
+    "json",
+];
+
+/// Options that a scene file says in other tables.
+const ELSEWHERE: [(&str, &str); 12] = [
+    ("eye", "[camera]"),
+    ("target", "[camera]"),
+    ("up", "[camera]"),
+    ("fov", "[camera]"),
+    ("aperture", "[camera]"),
+    ("focus", "[camera]"),
+    ("env", "[environment]"),
+    ("env_turn", "[environment]"),
+    ("env_scale", "[environment]"),
+    ("sun", "[[lights]]"),
+    ("point", "[[lights]]"),
+    ("time", "[[assets]]"),
+];
+
+/// `canted render`, to be asked for its options.
+fn render_command() -> Command {
+    render::Args::augment_args(Command::new("render")).disable_help_flag(true)
+}
+
+/// The options that are settings.
+fn known(command: &Command) -> impl Iterator<Item = &clap::Arg> {
+    let is_setting = |id: &str| !OF_THE_RUN.contains(&id) && ELSEWHERE.iter().all(|&(other, _)| other != id);
+    command.get_arguments().filter(move |arg| is_setting(arg.get_id().as_str()))
+}
+
+/// Refuses settings that are unknown, or whose value the option does not take.
+pub(crate) fn check(settings: &[Setting], path: &Path) -> Result<()> {
+    let command = render_command();
+    for setting in settings {
+        check_one(setting, &command).map_err(|why| anyhow!("{}: line {}: {why}", path.display(), setting.line))?;
+    }
+    Ok(())
+}
+
+fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<(), String> {
+    if let Some((_, table)) = ELSEWHERE.iter().find(|(other, _)| other == key) {
+        return Err(format!("`{key}` is no key of [settings]; it is said in {table}"));
+    }
+    let names: Vec<&str> = known(command).map(|arg| arg.get_id().as_str()).collect();
+    if !names.contains(&&key[..]) {
+        let near = nearest(key, names).unwrap_or_default();
+        return Err(format!("[settings] has no key `{}`; the nearest is `{near}`", key.escape_debug()));
+    }
+    let Some(value) = value else { return Ok(()) };
+    let refused = command.clone().try_get_matches_from(["render".into(), option(key, value)]).err();
+    refused.map_or(Ok(()), |error| Err(format!("`{key}` of [settings] is {value:?}{}", reason(&error, value))))
+}
+
+/// A setting as an option.
+fn option(key: &str, value: &str) -> OsString {
+    format!("--{}={value}", key.replace('_', "-")).into()
+}
+
+/// Why an option does not take a value, on one line.
+fn reason(error: &clap::Error, value: &str) -> String {
+    if let Some(ContextValue::Strings(words)) = error.get(ContextKind::ValidValue) {
+        let near = nearest(value, words.iter().map(|word| &word[..])).unwrap_or_default();
+        return format!(", not one of {}; the nearest is {near}", words.join(", "));
+    }
+    let source = std::error::Error::source(error).map(ToString::to_string).unwrap_or_default();
+    format!(": {}", source.split_whitespace().collect::<Vec<_>>().join(" "))
+}
+
+/// The command line, behind the settings of the scene file that it names.
+///
+/// # Errors
+/// The scene file cannot be read, or is wrong.
+pub(crate) fn command_line() -> Result<ArgMatches> {
+    let own = Cli::command().get_matches();
+    let Some((name @ ("render" | "scene"), options)) = own.subcommand() else { return Ok(own) };
+    let path = options.get_one::<PathBuf>("scene").filter(|path| load::is_scene_file(path));
+    let Some(path) = path else { return Ok(own) };
+    let settings = load::scene_file(path)?.settings;
+    let mut words: Vec<OsString> = std::env::args_os().collect();
+    let rest = words.split_off(words.len().min(2));
+    words.extend(
+        settings
+            .iter()
+            .filter(|setting| counts(setting, &settings, options))
+            .filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))),
+    );
+    words.extend(rest);
+    let command = Cli::command().mut_subcommand(name, |command| command.args_override_self(true));
+    Ok(command.get_matches_from(words))
+}
+
+/// Whether a setting has a say beside options of the command line that stand for several.
+///
+/// `--samples` says which samples are taken, and so how many, where their number does not decide what they are.
+fn counts(setting: &Setting, all: &[Setting], options: &ArgMatches) -> bool {
+    if options.value_source("samples") != Some(ValueSource::CommandLine) {
+        return true;
+    }
+    let of_options = options.get_raw("sampler").and_then(|mut words| words.next()?.to_str());
+    let of_file = || all.iter().find(|setting| setting.key == "sampler")?.value.as_deref();
+    let is_stratified = of_options.or_else(of_file) == Some("stratified");
+    match &setting.key[..] {
+        "noise" => false,
+        "spp" => is_stratified,
+        _ => true,
+    }
+}
+
+/// All settings as `options` and the defaults have them, but those that `resolved` knows better.
+pub(crate) fn spelled_out(options: &ArgMatches, resolved: &[(&str, String)]) -> Vec<Setting> {
+    let command = render_command();
+    let setting = |arg: &clap::Arg| {
+        let key = arg.get_id().as_str();
+        let said = || {
+            let words: Option<Vec<&str>> = options.get_raw(key)?.map(|word| word.to_str()).collect();
+            Some(words?.join(","))
+        };
+        let value = resolved.iter().find(|(name, _)| *name == key).map(|(_, value)| value.clone()).or_else(said);
+        let help = arg.get_help().map(|help| help.to_string().replace('\n', " ")).unwrap_or_default();
+        Setting { key: key.to_owned(), value, comment: help, line: 0 }
+    };
+    known(&command).map(setting).collect()
+}
+
+/// The option about a run that the command line names, if any but scene and output.
+pub(crate) fn about_the_run(options: &ArgMatches) -> Option<String> {
+    let is_given = |id: &&str| options.value_source(id) == Some(ValueSource::CommandLine);
+    OF_THE_RUN[2..].iter().copied().find(is_given).map(|id| format!("--{}", id.replace('_', "-")))
+}
+
+/// Hides the options about a run from the help of a command.
+pub(crate) fn hide_the_run(arg: clap::Arg) -> clap::Arg {
+    let is_hidden = OF_THE_RUN[2..].contains(&arg.get_id().as_str());
+    arg.hide(is_hidden)
+}
