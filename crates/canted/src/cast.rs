@@ -22,7 +22,7 @@ use hits::Answer;
 /// Options of `canted cast`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The scene: OBJ, PLY, glTF or GLB.
+    /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML.
     scene: PathBuf,
     /// Rays, `.csv` (ox,oy,oz,dx,dy,dz,tmax) or `.bin` (seven little-endian f32 a ray).
     #[arg(long, value_name = "FILE")]

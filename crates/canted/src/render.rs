@@ -40,7 +40,7 @@ use samples::SampleArgs;
 /// Options of `canted render`.
 #[derive(clap::Args, Clone)]
 pub(crate) struct Args {
-    /// The scene: OBJ, PLY, glTF or GLB; the built-in one without it.
+    /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML; the built-in one without it.
     pub(crate) scene: Option<PathBuf>,
     /// The picture: `.png` (sRGB) or `.exr` (linear).
     #[arg(short, long, default_value = "canted.png", value_name = "FILE")]

@@ -20,7 +20,7 @@ use crate::{
 /// Options of `canted stats`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The scene: OBJ, PLY, glTF or GLB; the built-in one without it.
+    /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML; the built-in one without it.
     scene: Option<PathBuf>,
     /// Presets of wide trees to build, separated by commas: `fast`, `balanced`, `quality`, which takes the longest.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "balanced", value_name = "PRESETS")]

@@ -12,7 +12,7 @@ use crate::{Outcome, load, output};
 /// Options of `canted tree`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The scene: OBJ, PLY, glTF or GLB; taken as one mesh in world space.
+    /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML; taken as one mesh in world space.
     scene: PathBuf,
     /// Length of the Morton codes.
     #[arg(long, value_enum, default_value_t = BitsArg::B63, value_name = "BITS")]

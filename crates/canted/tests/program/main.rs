@@ -12,6 +12,7 @@ mod outputs;
 mod random;
 mod render;
 mod samples;
+mod scene_file;
 #[cfg(target_os = "linux")]
 mod slurm;
 mod stats;

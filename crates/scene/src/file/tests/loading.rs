@@ -109,3 +109,18 @@ fn a_texture_needs_coordinates() {
         SceneFile::parse(text.as_bytes(), &folder.path().join("s.toml")).unwrap().load().unwrap_err().to_string();
     assert!(message.contains("line 4") && message.contains("no texture coordinates"), "{message}");
 }
+
+#[test]
+fn the_examples_load() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
+    let mut n = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|ending| ending == "toml") {
+            let scene = SceneFile::read(&path).unwrap().load().unwrap();
+            assert_eq!(scene.warnings, [""; 0], "{}", path.display());
+            n += 1;
+        }
+    }
+    assert_eq!(n, 4);
+}

@@ -1,0 +1,79 @@
+//! Scene files: written, rendered, refused.
+
+use crate::support::Folder;
+
+/// A picture of 24x16 pixels by these options.
+#[track_caller]
+fn same_bits(scene: &str, options: &str) {
+    let folder = Folder::with_small();
+    folder.run(&format!("scene {scene} --size 24x16 --spp 2 {options} -o s.toml")).done();
+    folder.run(&format!("render {scene} --size 24x16 --spp 2 {options} -o a.exr")).done();
+    folder.run("render s.toml -o b.exr").done();
+    assert_eq!(folder.bytes("a.exr"), folder.bytes("b.exr"), "{scene} {options}: {}", folder.text("s.toml"));
+    // A file that says all says the same once more.
+    folder.run("scene s.toml -o t.toml").done();
+    assert_eq!(folder.text("s.toml"), folder.text("t.toml"), "{scene} {options}");
+}
+
+#[test]
+fn a_scene_and_its_file_make_the_same_picture() {
+    same_bits("", "");
+    same_bits("small.obj", "");
+    same_bits("small.obj", "--eye 2,3,4 --target 0,0,0 --fov 30 --aperture 0.1 --focus 4 --seed 7 --filter tent");
+    same_bits("small.obj", "--sun -1,-1,-1,1,2,3 --point 0.1,2,0,1,1,1 --ao-radius inf --bounces 0");
+    same_bits("small.obj", "--integrator path --env 0.1,0.2,0.3 --sampler sobol --noise 0.5");
+}
+
+#[test]
+fn the_command_line_has_the_last_word() {
+    let folder = Folder::with_small();
+    folder.run("scene small.obj --size 24x16 --spp 2 --seed 3 -o s.toml").done();
+    folder.run("render s.toml --seed 4 --size 24x16 -o a.exr").done();
+    folder.run("render small.obj --size 24x16 --spp 2 --seed 4 -o b.exr").done();
+    assert_eq!(folder.bytes("a.exr"), folder.bytes("b.exr"));
+    folder.run("render s.toml -o c.exr").done();
+    assert_ne!(folder.bytes("a.exr"), folder.bytes("c.exr"));
+    // A part of the samples, whose number the file says.
+    folder.run("render s.toml --samples 0..1 -o 0.exr").done();
+    folder.run("render s.toml --samples 1..2 -o 1.exr").done();
+    folder.run("merge 0.exr 1.exr -o whole.exr").done();
+    folder.run("render s.toml --sampler sobol --samples 0..3 -o sobol.exr").done();
+}
+
+#[test]
+fn every_command_reads_scene_files() {
+    let folder = Folder::with_small();
+    folder.write("s.toml", "[[assets]]\nname = 'small'\nfile = 'small.obj'\n");
+    folder.run("stats s.toml").done();
+    folder.run("tree s.toml --codes c.csv --nodes n.csv").done();
+    folder.run("tree small.obj --codes c2.csv --nodes n2.csv").done();
+    assert_eq!(folder.text("c.csv"), folder.text("c2.csv"));
+}
+
+#[test]
+fn what_is_wrong_is_told_in_a_sentence_and_nothing_is_written() {
+    let folder = Folder::with_small();
+    let asset = "[[assets]]\nname = 'small'\nfile = 'small.obj'\n";
+    let cases: &[(&str, &[&str])] = &[
+        ("[settings]\nssp = 3", &["line 5", "`ssp`", "`spp`"]),
+        ("[settings]\nspp = 0", &["line 5", "`spp`", "\"0\""]),
+        ("[settings]\nspp = 'many'", &["line 5", "`spp`", "many"]),
+        ("[settings]\nfilter = 'bocks'", &["line 5", "`filter`", "bocks", "box"]),
+        ("[settings]\nao_radius = -1", &["line 5", "`ao_radius`", "-1"]),
+        ("[settings]\nsize = '0x3'", &["line 5", "`size`", "0x3"]),
+        ("[settings]\nfov = 30", &["line 5", "`fov`", "[camera]"]),
+        ("[settings]\nthreads = 1", &["line 5", "`threads`"]),
+        ("[camera]\neye = [0, 0, nan]\ntarget = [0, 0, 0]", &["line 5", "`eye`", "nan"]),
+        ("[light]\n", &["line 4", "`light`", "`lights`"]),
+    ];
+    for (text, words) in cases {
+        folder.write("s.toml", format!("{asset}{text}"));
+        for command in ["render s.toml -o a.png", "scene s.toml -o t.toml", "stats s.toml"] {
+            folder.run(command).refused(words);
+        }
+    }
+    folder.run("scene small.obj -o s.obj").refused(&["s.obj", ".toml"]);
+    folder.run("scene small.obj --threads 1 -o t.toml").refused(&["--threads"]);
+    folder.run("scene absent.obj -o t.toml").refused(&["absent.obj"]);
+    assert_eq!(folder.names(), ["s.toml", "small.obj"], "nothing is written");
+}
