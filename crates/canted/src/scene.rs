@@ -18,6 +18,7 @@ use crate::{
 
 /// Options of `canted scene`: those of `canted render` that make the picture.
 #[derive(clap::Args)]
+#[group(skip)]
 #[command(
     mut_args(settings::hide_the_run),
     mut_arg("output", |arg| arg.default_value("scene.toml").help("The scene file: `.toml`"))
