@@ -87,7 +87,7 @@ fn parts(parts: &[([f32; 3], Vec<[f32; 3]>)]) -> Scene {
         scene.materials.push(Material { base_color: *base_color, ..Material::default() });
         scene.meshes.push(Mesh {
             positions: corners.clone(),
-            triangles: (0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+            triangles: (0..u32::try_from(corners.len() / 3).unwrap()).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
             parts: vec![Part { first_triangle: 0, material: MaterialId(index) }],
             ..Mesh::default()
         });

@@ -92,7 +92,7 @@ mod tests {
         let light = |i: u32| {
             let middle = [50.0 * number(i, 0), 5.0 * number(i, 1), 5.0 * number(i, 2)];
             let half = [0.3, 0.0, 0.1].map(|size| size * number(i, 3));
-            let flat = Cone::about(direction(i, 4), i % 2 == 0);
+            let flat = Cone::about(direction(i, 4), i.is_multiple_of(2));
             let cone = match i % 4 {
                 0 | 1 => flat,
                 2 => Cone::ALL,

@@ -16,7 +16,8 @@ fn hall(n: u32) -> Scene {
     for i in 0..n {
         let number = |k: u32| sampler.single(i, 0, k);
         let middle = [40.0 * number(0), 0.5 + 4.0 * number(1), 20.0 * number(2)];
-        let corner = |j: u32| std::array::from_fn(|k| middle[k] + 0.1 * (number(3 + 3 * j + k as u32) - 0.5));
+        let corner =
+            |j: u32| std::array::from_fn(|k| middle[k] + 0.1 * (number(3 + 3 * j + u32::try_from(k).unwrap()) - 0.5));
         meshes.push(mesh(vec![corner(0), corner(1), corner(2)], vec![[0, 1, 2]], i));
         materials.push(Material { ..glowing(1.0 + 9.0 * number(12)) });
     }
