@@ -6,28 +6,52 @@ use std::time::Instant;
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Seconds {
     pub(crate) wall: f64,
-    /// Of this thread alone: a neighbour's work does not lengthen it. Wall time where the system does not tell.
+    /// Of this thread, or of all threads: a neighbour's work does not lengthen it. Wall time where the system does not tell.
     pub(crate) cpu: f64,
 }
 
-/// Measures `work`.
+/// Measures `work` on this thread.
 pub(crate) fn time<T>(work: impl FnOnce() -> T) -> (T, Seconds) {
-    let start = (Instant::now(), thread_seconds());
+    measure(thread_seconds, work)
+}
+
+/// Measures `work` on all threads of this process.
+pub(crate) fn time_all<T>(work: impl FnOnce() -> T) -> (T, Seconds) {
+    measure(process_seconds, work)
+}
+
+fn measure<T>(processor: fn() -> Option<f64>, work: impl FnOnce() -> T) -> (T, Seconds) {
+    let start = (Instant::now(), processor());
     let result = work();
-    let (cpu_end, wall) = (thread_seconds(), start.0.elapsed().as_secs_f64());
+    let (cpu_end, wall) = (processor(), start.0.elapsed().as_secs_f64());
     let cpu = start.1.zip(cpu_end).map_or(wall, |(start, end)| end - start);
     (result, Seconds { wall, cpu })
 }
 
 #[cfg(unix)]
-#[expect(clippy::cast_precision_loss, reason = "the seconds of a thread's life fit 52 bits")]
 fn thread_seconds() -> Option<f64> {
-    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-    Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
+    Some(seconds_of(rustix::time::ClockId::ThreadCPUTime))
+}
+
+#[cfg(unix)]
+fn process_seconds() -> Option<f64> {
+    Some(seconds_of(rustix::time::ClockId::ProcessCPUTime))
+}
+
+#[cfg(unix)]
+#[expect(clippy::cast_precision_loss, reason = "the seconds of a process's life fit 52 bits")]
+fn seconds_of(clock: rustix::time::ClockId) -> f64 {
+    let time = rustix::time::clock_gettime(clock);
+    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
 #[cfg(not(unix))]
 fn thread_seconds() -> Option<f64> {
+    None
+}
+
+#[cfg(not(unix))]
+fn process_seconds() -> Option<f64> {
     None
 }
 

@@ -8,6 +8,7 @@ mod build;
 mod clock;
 mod costs;
 mod interleave;
+mod load;
 mod models;
 mod options;
 mod picture;
@@ -26,6 +27,9 @@ fn main() -> Result<()> {
         return wide::trial(&options);
     }
     let mut out = String::new();
+    if options.wants("load") {
+        load::section(&mut out, options.rounds)?;
+    }
     if options.wants("build") {
         build::section(&mut out, options.rounds)?;
     }

@@ -36,9 +36,10 @@ impl Model {
 }
 
 /// Real models by name: file in the folder of scenes, and views where it is an interior.
-const FILES: [(&str, &str, Option<[View; 4]>); 11] = [
+const FILES: [(&str, &str, Option<[View; 4]>); 12] = [
     ("bunny", "stanford/bunny.ply", None),
     ("sponza", "sponza/sponza.obj", Some(SPONZA_VIEWS)),
+    ("sponza_gltf", "sponza/sponza.gltf", Some(SPONZA_VIEWS)),
     ("dragon_res2", "stanford/dragon_res2.ply", None),
     ("dragon_871k", "stanford/dragon_871k.glb", None),
     ("country_kitchen", "kitchen/country_kitchen.glb", Some(COUNTRY_KITCHEN_VIEWS)),
@@ -93,10 +94,14 @@ fn placed(scene: &Scene) -> Placed {
 
 /// Reads a real model; `None` where it is not at hand.
 pub(crate) fn scene(name: &str) -> Result<Option<Scene>> {
+    Ok(path(name)?.map(|path| canted_scene::read(&path)).transpose()?)
+}
+
+/// The file of a real model; `None` where it is not at hand.
+pub(crate) fn path(name: &str) -> Result<Option<PathBuf>> {
     let (_, file, _) =
         FILES.iter().find(|(known, _, _)| *known == name).ok_or_else(|| anyhow!("there is no scene '{name}'"))?;
-    let path = folder().join(file);
-    Ok(if path.exists() { Some(canted_scene::read(&path)?) } else { None })
+    Ok(Some(folder().join(file)).filter(|path| path.exists()))
 }
 
 /// The binary tree that the program builds where wide nodes are not asked for.

@@ -30,7 +30,7 @@ const KEPT: &[(&str, &[&str])] = &[
     ("libloading", &["benches"]),
     ("wgpu", &["gpu"]),
     ("naga", &["shaders"]),
-    ("gltf", &["scene"]),
+    ("gltf", &["scene", "benches"]),
     ("tobj", &["scene"]),
     ("clap", &["canted", "xtask", "benches"]),
     ("indicatif", &["canted"]),

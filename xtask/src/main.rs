@@ -8,6 +8,7 @@ mod ci;
 mod command;
 mod count;
 mod fixtures;
+mod fuzz;
 mod grazing;
 mod png;
 mod test;
@@ -21,9 +22,10 @@ const USAGE: &str = "usage: cargo xtask TASK
   test              run every test of the workspace; the last line counts them
   ci                everything that is checked before a change is taken
   tidy              the rules of style that a program can check
-  bench [ARGS]      measure, and write into benches/RESULTS.md; build, trace, picture, wide, growth, --rounds N,
+  bench [ARGS]      measure, and write into benches/RESULTS.md; load, build, trace, picture, wide, growth, --rounds N,
                     --scenes A,B, --engines A,B, --quick, --max-log2 N, --peers (Embree, tinybvh)
   grazing [ARGS]    shoot grazing rays at wide trees, and write into tests/GRAZING.md; --rays N, 10 million without
+  fuzz [ARGS]       read changed files by every reader, and write into tests/FUZZ.md; --minutes N, one without, --seed N
   fixtures [DIR]    write the procedural scenes, into target/fixtures without DIR";
 
 fn main() -> ExitCode {
@@ -35,6 +37,7 @@ fn main() -> ExitCode {
         ["tidy"] => tidy::run(),
         ["bench", ref args @ ..] => bench::run(args),
         ["grazing", ref args @ ..] => grazing::run(args),
+        ["fuzz", ref args @ ..] => fuzz::run(args),
         ["fixtures"] => fixtures::run(&workspace::root().join("target/fixtures")),
         ["fixtures", dir] => fixtures::run(dir.as_ref()),
         _ => Err(anyhow::anyhow!("{USAGE}")),

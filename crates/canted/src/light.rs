@@ -1,22 +1,47 @@
 //! What lights a scene: the options, else the file, else a sky and a sun.
 
-use anyhow::{Result, anyhow};
-use canted_scene::{Light, Material, Scene};
+use std::path::{Path, PathBuf};
 
-use crate::options;
+use anyhow::{Result, anyhow};
+use canted_scene::{Environment, EnvironmentImage, Light, Material, Scene};
+
+use crate::{load, options};
 
 /// Lights from the command line. Any of them replaces the lights of the file.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct LightArgs {
-    /// Constant radiance from outside.
-    #[arg(long, value_parser = options::triple, value_name = "R,G,B", allow_hyphen_values = true)]
-    env: Option<[f32; 3]>,
+    /// Radiance from outside: the same from everywhere, or a picture of all directions (`.hdr`, `.exr`).
+    #[arg(long, value_parser = environment, value_name = "R,G,B|FILE", allow_hyphen_values = true)]
+    env: Option<EnvironmentArg>,
+    /// Turns the picture of `--env` by so many degrees about the y axis, counter-clockwise seen from above.
+    #[arg(long, value_parser = options::number, value_name = "DEG", requires = "env", allow_hyphen_values = true)]
+    env_turn: Option<f32>,
+    /// Factor of the radiance of `--env`.
+    #[arg(long, value_parser = options::factor, value_name = "X", requires = "env", allow_hyphen_values = true)]
+    env_scale: Option<f32>,
     /// Direction in which sunlight travels, and its irradiance on a surface that faces it.
     #[arg(long, value_parser = options::sextuple, value_name = "DX,DY,DZ,R,G,B", allow_hyphen_values = true)]
     sun: Vec<[f32; 6]>,
     /// Position and radiant intensity (W/sr) of a point light.
     #[arg(long, value_parser = options::sextuple, value_name = "X,Y,Z,R,G,B", allow_hyphen_values = true)]
     point: Vec<[f32; 6]>,
+}
+
+/// What `--env` names.
+#[derive(Clone, Debug)]
+enum EnvironmentArg {
+    Constant([f32; 3]),
+    Picture(PathBuf),
+}
+
+/// A file by its ending, else three numbers.
+fn environment(text: &str) -> Result<EnvironmentArg, String> {
+    let ending = Path::new(text).extension().unwrap_or_default();
+    if ["hdr", "exr"].iter().any(|known| ending.eq_ignore_ascii_case(known)) {
+        return Ok(EnvironmentArg::Picture(text.into()));
+    }
+    let color = options::triple(text).map_err(|why| format!("{why}; a file ends in .hdr or .exr"))?;
+    Ok(EnvironmentArg::Constant(color))
 }
 
 impl LightArgs {
@@ -30,14 +55,7 @@ impl LightArgs {
             }
             return Ok(is_dark);
         }
-        let color = |name: &str, color: [f32; 3]| {
-            if color.iter().all(|&c| c >= 0.0) {
-                Ok(color)
-            } else {
-                Err(anyhow!("{name} {},{},{} has a negative colour", color[0], color[1], color[2]))
-            }
-        };
-        scene.environment = Some(color("--env", self.env.unwrap_or([0.0; 3]))?.into());
+        scene.environment = Some(self.environment()?);
         scene.lights.clear();
         for &[x, y, z, r, g, b] in &self.sun {
             if [x, y, z] == [0.0; 3] {
@@ -52,6 +70,30 @@ impl LightArgs {
         }
         Ok(false)
     }
+
+    /// Black without `--env`.
+    fn environment(&self) -> Result<Environment> {
+        let scale = self.env_scale.unwrap_or(1.0);
+        match &self.env {
+            None => Ok([0.0; 3].into()),
+            Some(EnvironmentArg::Constant(radiance)) => Ok(color("--env", *radiance)?.map(|c| c * scale).into()),
+            Some(EnvironmentArg::Picture(path)) => {
+                let mut warnings = Vec::new();
+                let image = canted_scene::read_environment(path, &mut warnings)?;
+                load::warn(&warnings);
+                let turn_degrees = self.env_turn.unwrap_or(0.0);
+                Ok(Environment::Image(EnvironmentImage { scale: [scale; 3], turn_degrees, ..image }))
+            }
+        }
+    }
+}
+
+/// A colour of an option, which no component makes negative.
+fn color(name: &str, color: [f32; 3]) -> Result<[f32; 3]> {
+    if color.iter().all(|&c| c >= 0.0) {
+        return Ok(color);
+    }
+    Err(anyhow!("{name} {},{},{} has a negative colour", color[0], color[1], color[2]))
 }
 
 /// A blue sky and a sun high up, times `strength`.

@@ -3,22 +3,31 @@
 use std::path::Path;
 
 use anyhow::{Result, anyhow};
-use canted_scene::{Scene, SceneFile};
+use canted_scene::{ReadOptions, Scene, SceneFile};
 
 use crate::{output, settings};
 
 /// Reads a scene, or makes the built-in one; warnings go to standard error, each once.
 pub(crate) fn scene(path: Option<&Path>) -> Result<Scene> {
+    scene_at(path, None)
+}
+
+/// As [`scene`], posed by its animation at a time in seconds.
+pub(crate) fn scene_at(path: Option<&Path>, time: Option<f32>) -> Result<Scene> {
     let Some(path) = path else { return Ok(canted_scene::builtin()) };
-    let scene = if is_scene_file(path) { scene_file(path)?.load() } else { canted_scene::read(path) };
+    let scene = match (is_scene_file(path), time) {
+        (true, None) => scene_file(path)?.load(),
+        (true, Some(_)) => return Err(anyhow!("{}: --time poses a glTF file, not a scene file", path.display())),
+        (false, time) => canted_scene::read_with(path, &ReadOptions { time }),
+    };
     let scene = scene.map_err(|error| anyhow!("{error}"))?;
-    warn(&scene);
+    warn(&scene.warnings);
     Ok(scene)
 }
 
-/// Prints the warnings of a scene.
-pub(crate) fn warn(scene: &Scene) {
-    for warning in &scene.warnings {
+/// Tells what was repaired or left out in a file.
+pub(crate) fn warn(warnings: &[String]) {
+    for warning in warnings {
         output::to_stderr(&format!("warning: {warning}"));
     }
 }

@@ -236,6 +236,16 @@ pub(crate) fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
     Ok(numbers)
 }
 
+/// A finite number.
+pub(crate) fn number(text: &str) -> Result<f32, String> {
+    text.trim().parse::<f32>().ok().filter(|x| x.is_finite()).ok_or_else(|| format!("'{text}' is not a finite number"))
+}
+
+/// A finite number that is not negative.
+pub(crate) fn factor(text: &str) -> Result<f32, String> {
+    number(text).ok().filter(|&x| x >= 0.0).ok_or_else(|| format!("'{text}' is not a finite number from 0 on"))
+}
+
 /// Three finite numbers separated by commas.
 pub(crate) fn triple(text: &str) -> Result<[f32; 3], String> {
     numbers::<3>(text)

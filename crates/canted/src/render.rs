@@ -42,6 +42,9 @@ use samples::SampleArgs;
 pub(crate) struct Args {
     /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML; the built-in one without it.
     pub(crate) scene: Option<PathBuf>,
+    /// Seconds into the file's first animation; the pose that the file has without it.
+    #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
+    time: Option<f32>,
     /// The picture: `.png` (sRGB) or `.exr` (linear).
     #[arg(short, long, default_value = "canted.png", value_name = "FILE")]
     pub(crate) output: PathBuf,
@@ -100,6 +103,7 @@ impl Args {
         let settings = Settings::default();
         Self {
             scene: None,
+            time: None,
             output: "canted.png".into(),
             size: [settings.width, settings.height],
             samples: SampleArgs::defaults(),
@@ -201,7 +205,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     // A place that cannot be written is told before the work.
     drop(output::Whole::create(&args.output)?);
     let start = Instant::now();
-    let mut scene = load::scene(args.scene.as_deref())?;
+    let mut scene = load::scene_at(args.scene.as_deref(), args.time)?;
     let default_light = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
     let run = with_kernel!(args.structure.triangles, trace(&mut scene, args, default_light, load_time))?;

@@ -47,7 +47,7 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<Outcome> {
         scene => SceneFile::of(scene, path).map_err(error)?,
     };
     let (mut scene, mut file) = file.load_spelled_out().map_err(error)?;
-    load::warn(&scene);
+    load::warn(&scene.warnings);
     with_kernel!(args.structure.triangles, look(&mut scene, args, &mut file))?;
     let picture = args.settings()?;
     let sampler = format!("{:?}", picture.pattern).to_lowercase();

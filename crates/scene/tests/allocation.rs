@@ -1,4 +1,5 @@
-//! No file makes a reader take memory out of proportion to its size. Images, whose texels are many a byte, are not covered.
+//! No file makes a reader take memory out of proportion to its size, nor a real scene much more than it holds in the end.
+//! In the first promise images, whose texels are many a byte, are not covered.
 
 mod common;
 
@@ -7,7 +8,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use canted_scene::read;
+use canted_scene::{Description, ReadError, Scene, read};
 
 /// The system's allocator, with the bytes in use and their peak.
 struct Counting;
@@ -34,12 +35,12 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Peak bytes that reading a file adds to what was in use.
-fn peak_bytes(path: &Path) -> usize {
+/// What reading a file gives, and the peak of bytes that it adds to what was in use.
+fn peak_bytes(path: &Path) -> (Result<Scene, ReadError>, usize) {
     let before = IN_USE.load(Ordering::Relaxed);
     PEAK.store(before, Ordering::Relaxed);
-    drop(read(path));
-    PEAK.load(Ordering::Relaxed) - before
+    let scene = read(path);
+    (scene, PEAK.load(Ordering::Relaxed) - before)
 }
 
 /// Bytes of memory for a byte of file.
@@ -54,8 +55,19 @@ const MAX_FIXED_BYTES: usize = 1 << 20;
 
 fn assert_bounded(path: &Path) {
     let file_bytes = usize::try_from(fs::metadata(path).unwrap().len()).unwrap();
-    let peak = peak_bytes(path);
+    let (_, peak) = peak_bytes(path);
     assert!(peak <= MAX_FIXED_BYTES + MAX_RATIO * file_bytes, "{}: {peak} for {file_bytes} bytes", path.display());
+}
+
+/// Peak of memory while a scene is read, over what it holds in the end: geometry and texels. The file itself is among it.
+const MAX_OVER_DECODED: usize = 3;
+
+fn assert_lean(path: &Path) {
+    let (scene, peak) = peak_bytes(path);
+    let scene = scene.unwrap();
+    let counts = Description::of(&scene);
+    let decoded = counts.geometry_bytes + counts.texture_bytes;
+    assert!(peak <= MAX_OVER_DECODED * decoded, "{}: {peak} for {decoded} decoded bytes", path.display());
 }
 
 /// One test: the counters are those of the whole process.
@@ -107,5 +119,8 @@ fn memory_is_in_proportion_to_the_file() {
         for entry in fs::read_dir(models.join("nasty").join(kind)).unwrap() {
             assert_bounded(&entry.unwrap().path());
         }
+    }
+    for file in ["kitchen/country_kitchen.glb", "sponza/sponza.gltf", "stanford/dragon_871k.glb"] {
+        assert_lean(&models.join(file));
     }
 }

@@ -5,14 +5,25 @@ mod common;
 use std::fs;
 use std::path::Path;
 
-use canted_scene::{ReadError, Scene, read};
+use canted_scene::{ReadError, read, read_environment};
+
+/// What a scene file says while it is read.
+fn scene(path: &Path) -> Result<Vec<String>, ReadError> {
+    read(path).map(|scene| scene.warnings)
+}
+
+/// What an environment says while it is read.
+fn environment(path: &Path) -> Result<Vec<String>, ReadError> {
+    let mut warnings = Vec::new();
+    read_environment(path, &mut warnings).map(|_| warnings)
+}
 
 /// What the table says of a file, and what the reader did with it; `None` where they agree.
-fn disagreement(expected: &str, path: &Path, got: &Result<Scene, ReadError>) -> Option<String> {
+fn disagreement(expected: &str, path: &Path, got: &Result<Vec<String>, ReadError>) -> Option<String> {
     let file = path.file_name().unwrap().to_string_lossy();
     let got = match got {
-        Ok(scene) if scene.warnings.is_empty() => "load".to_owned(),
-        Ok(scene) => format!("warn {:?}", scene.warnings),
+        Ok(warnings) if warnings.is_empty() => "load".to_owned(),
+        Ok(warnings) => format!("warn {warnings:?}"),
         Err(error) if error.to_string().contains(&*file) => format!("error {error}"),
         Err(error) => format!("an error that does not name the file: {error}"),
     };
@@ -38,7 +49,7 @@ fn check(test: &str, folder: &str, n_rows_least: usize) {
         .iter()
         .filter_map(|(file, expected)| {
             let path = models.join("nasty").join(file);
-            disagreement(expected, &path, &read(&path))
+            disagreement(expected, &path, &scene(&path))
         })
         .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -59,13 +70,43 @@ fn gltf() {
     check("gltf", "gltf", 47);
 }
 
-/// Each image alone, as the texture of a triangle. Radiance and EXR files are environments and no textures.
+/// Radiance and EXR files are environments and no textures.
+fn is_environment(file: &str) -> bool {
+    file.ends_with(".hdr") || file.ends_with(".exr")
+}
+
+#[test]
+fn environments() {
+    let Some(models) = common::models("environments") else { return };
+    let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
+    let rows: Vec<_> = rows(&table, "img").into_iter().filter(|(file, _)| is_environment(file)).collect();
+    assert!(rows.len() >= 7, "{} rows", rows.len());
+    let outcome = |(file, expected): &(&str, &str)| {
+        let path = models.join("nasty").join(file);
+        disagreement(expected, &path, &environment(&path))
+    };
+    let wrong: Vec<String> = rows.iter().filter_map(outcome).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Every row is one of those that the other tests take.
+#[test]
+fn no_row_is_left_out() {
+    let Some(models) = common::models("no_row_is_left_out") else { return };
+    let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
+    let n_rows = table.lines().filter(|line| !line.starts_with('#')).count() - 1;
+    assert_eq!(["obj", "ply", "gltf", "img"].map(|folder| rows(&table, folder).len()).iter().sum::<usize>(), n_rows);
+    let is_taken = |file: &str| [".png", ".jpg", ".hdr", ".exr", "/images.obj"].iter().any(|end| file.ends_with(end));
+    assert!(rows(&table, "img").iter().all(|(file, _)| is_taken(file)));
+}
+
+/// Each image alone, as the texture of a triangle.
 #[test]
 fn img() {
     let Some(models) = common::models("img") else { return };
     let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
-    let is_texture = |file: &str| file.ends_with(".png") || file.ends_with(".jpg");
-    let rows: Vec<_> = rows(&table, "img").into_iter().filter(|(file, _)| is_texture(file)).collect();
+    let rows: Vec<_> =
+        rows(&table, "img").into_iter().filter(|(file, _)| file.ends_with(".png") || file.ends_with(".jpg")).collect();
     assert!(rows.len() >= 10, "{} rows", rows.len());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.obj");
@@ -74,7 +115,7 @@ fn img() {
         let name = file.trim_start_matches("img/");
         fs::copy(models.join("nasty").join(file), folder.path().join(name)).unwrap();
         fs::write(folder.path().join("m.mtl"), format!("newmtl a\nmap_Kd {name}\n")).unwrap();
-        disagreement(expected, &path, &read(&path)).map(|said| format!("{name}: {said}"))
+        disagreement(expected, &path, &scene(&path)).map(|said| format!("{name}: {said}"))
     };
     let wrong: Vec<String> = rows.iter().filter_map(outcome).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -114,11 +155,9 @@ fn counts_in_words() {
 #[test]
 fn the_check_sees_every_kind_of_disagreement() {
     let path = Path::new("a.obj");
-    let scene = |warnings: &[&str]| {
-        Ok(Scene { warnings: warnings.iter().map(|&warning| warning.to_owned()).collect(), ..Scene::default() })
-    };
+    let read = |warnings: &[&str]| Ok(warnings.iter().map(|&warning| warning.to_owned()).collect());
     let error = |path: &str| Err(ReadError::UnknownFormat { path: path.into() });
-    let agree = [("load", scene(&[])), ("warn", scene(&["w"])), ("error", error("a.obj"))];
+    let agree = [("load", read(&[])), ("warn", read(&["w"])), ("error", error("a.obj"))];
     for (k, (expected, _)) in agree.iter().enumerate() {
         for (j, (_, got)) in agree.iter().enumerate() {
             assert_eq!(disagreement(expected, path, got).is_none(), j == k, "{expected} {got:?}");

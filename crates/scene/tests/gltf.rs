@@ -3,8 +3,10 @@
 mod common;
 
 use std::fs;
+use std::path::Path;
 
-use canted_scene::{Light, Projection, Scene, UvSet, read};
+use canted_obb::Aabb;
+use canted_scene::{Light, Projection, ReadOptions, Scene, UvSet, read, read_with};
 
 /// What is known of a file: the counts that its list states, and the world bounds of its default pose, found by another
 /// program in double precision and noted to seven digits.
@@ -142,6 +144,62 @@ fn errors_name_what_is_at_fault() {
     ] {
         let error = read(&folder.join("nasty/gltf").join(file)).expect_err(file).to_string();
         assert!(error.contains(thing), "{error}");
+    }
+}
+
+/// The scene of a real file at a time.
+fn at(folder: &Path, file: &str, time: f32) -> Scene {
+    read_with(&folder.join(file), &ReadOptions { time: Some(time) }).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A sheet of two by one, standing on its lower edge, whose upper half a joint at half height turns.
+#[test]
+fn a_skin_at_known_times() {
+    let Some(folder) = common::models("a_skin_at_known_times") else { return };
+    // Each corner is turned, moved and mixed in double precision from numbers below 2, and rounded once.
+    let bound = 2.0 * f32::EPSILON;
+    let edge_turned = [[-1.0, 0.5, 0.0], [-1.0, 1.5, 0.0]];
+    let edge_turned_back = [[1.0, 1.5, 0.0], [1.0, 0.5, 0.0]];
+    let edge_at_rest = [[-0.5, 2.0, 0.0], [0.5, 2.0, 0.0]];
+    for (time, edge) in [
+        (-1.0, edge_at_rest),
+        (1.0, edge_turned),
+        (1.25, edge_turned),
+        (4.0, edge_turned_back),
+        (5.5, edge_at_rest),
+        (99.0, edge_at_rest),
+    ] {
+        let scene = at(&folder, "gltf/SimpleSkin.gltf", time);
+        let positions = &scene.meshes[0].positions;
+        for (found, want) in positions[8..].iter().zip(edge) {
+            assert!((0..3).all(|k| (found[k] - want[k]).abs() <= bound), "{found:?} for {want:?} at {time}");
+        }
+        assert_eq!(positions[..2], [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]], "the lower edge stands");
+    }
+    // Half way from an eighth of a turn, which the file has to three digits, to a quarter.
+    let scene = at(&folder, "gltf/SimpleSkin.gltf", 0.75);
+    let (sin, cos) = 67.5_f32.to_radians().sin_cos();
+    let [x, y, _] = scene.meshes[0].positions[9];
+    let want = [0.5 * cos - sin, 1.0 + 0.5 * sin + cos];
+    assert!((x - want[0]).abs() < 1e-3 && (y - want[1]).abs() < 1e-3, "{x} {y} for {want:?}");
+}
+
+#[test]
+fn every_real_animation_poses_its_scene() {
+    let Some(folder) = common::models("every_real_animation_poses_its_scene") else { return };
+    for (file, warning) in [("Fox.glb", "animation 0 \"Survey\""), ("CesiumMan.glb", ""), ("SimpleMorph.gltf", "")] {
+        let file = format!("gltf/{file}");
+        let rest = read(&folder.join(&file)).unwrap_or_else(|error| panic!("{error}")).bounds_world();
+        let posed: Vec<Scene> = [0.5, 1.0].map(|time| at(&folder, &file, time)).into();
+        for scene in &posed {
+            assert_consistent(scene, &file);
+            assert!(scene.warnings.join("|").ends_with(warning), "{:?}", scene.warnings);
+            // A figure that walks on the spot stays about as large as it is.
+            let largest = |bounds: Aabb| bounds.extent().into_iter().fold(0.0, f64::max);
+            let ratio = largest(scene.bounds_world()) / largest(rest);
+            assert!((0.5..2.0).contains(&ratio), "{file}: {ratio}");
+        }
+        assert_ne!(posed[0].bounds_world(), posed[1].bounds_world(), "{file} moves");
     }
 }
 

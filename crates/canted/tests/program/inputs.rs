@@ -55,14 +55,19 @@ struct Row {
     code: i32,
 }
 
-/// Rows of `EXPECT.tsv` that are scenes: models of the three formats, and the OBJ file that names every image.
+/// Rows of `EXPECT.tsv` that the program is given by themselves: models of the three formats, the OBJ file that names every
+/// image, and environments.
 fn table(folder: &Path) -> Vec<Row> {
     let table = fs::read_to_string(folder.join("EXPECT.tsv")).unwrap();
     let rows = table.lines().filter(|line| !line.starts_with('#')).skip(1);
     rows.map(|line| line.split('\t').collect::<Vec<_>>())
-        .filter(|row| row[0].split_once('/').is_some_and(|(kind, _)| kind != "img") || row[0].ends_with(".obj"))
+        .filter(|row| !row[0].starts_with("img/") || row[0].ends_with(".obj") || is_environment(Path::new(row[0])))
         .map(|row| Row { path: folder.join(row[0]), expected: row[2].to_owned(), code: row[3].parse().unwrap() })
         .collect()
+}
+
+fn is_environment(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "hdr" || ending == "exr")
 }
 
 #[test]
@@ -77,14 +82,19 @@ fn malformed_files_end_as_their_table_says() {
         }
         return;
     }
-    let folder = Folder::new();
+    let folder = Folder::with_small();
     folder.write("rays.csv", "0,0,100,0,0,-1,inf\n");
     let rows = table(&nasty);
-    assert!(rows.len() > 80, "the table has only {} scenes", rows.len());
+    assert!(rows.len() > 100, "the table has only {} rows", rows.len());
     let mut wrong = vec![];
     for Row { path, expected, code } in rows {
+        let line = if is_environment(&path) {
+            "render small.obj --size 8x8 --samples 1 -o env.png --env"
+        } else {
+            "cast --rays rays.csv --hits hits.csv"
+        };
         let output = folder
-            .command("cast --rays rays.csv --hits hits.csv")
+            .command(line)
             .arg(&path)
             .output()
             .map(|output| (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned()));

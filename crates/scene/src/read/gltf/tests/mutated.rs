@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use super::{File, TRIANGLE, U8, read_bytes};
-use crate::Scene;
+use crate::{ReadOptions, Scene, read_with};
 
 /// A small file with something of everything.
 fn rich() -> &'static File {
@@ -29,11 +29,31 @@ fn rich() -> &'static File {
         let png = crate::read::image::tests::encoded(image::ImageFormat::Png);
         let view = file.view(&png);
         file.json["images"] = json!([{ "bufferView": view }]);
-        file.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }]);
+        let (tangents, colors) = (file.reals("VEC4", &[1.0; 12]), file.reals("VEC3", &[0.5; 9]));
+        file.json["materials"] = json!([{
+            "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } },
+            "normalTexture": { "index": 0, "texCoord": 1, "extensions": { "KHR_texture_transform": { "rotation": 1 } } },
+            "extensions": { "KHR_materials_transmission": { "transmissionFactor": 0.5 }, "KHR_materials_ior": { "ior": 1.25 } },
+        }]);
+        let (times, turns) = (file.reals("SCALAR", &[0.0, 1.0]), file.reals("VEC4", &[0.0, 0.0, 0.0, 1.0].repeat(2)));
+        let cubic = file.reals("SCALAR", &[0.0, 0.5, 0.0, 1.0, 0.25, 0.0]);
+        file.json["animations"] = json!([{
+            "channels": [
+                { "sampler": 0, "target": { "node": 2, "path": "rotation" } },
+                { "sampler": 1, "target": { "node": 0, "path": "weights" } },
+            ],
+            "samplers": [
+                { "input": times, "output": turns },
+                { "input": times, "output": cubic, "interpolation": "CUBICSPLINE" },
+            ],
+        }]);
         file.json["skins"] = json!([{ "joints": [2] }]);
         file.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 1, "znear": 1 } }]);
         file.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
-        let attributes = json!({ "POSITION": positions, "TEXCOORD_0": uvs, "JOINTS_0": joints, "WEIGHTS_0": weights });
+        let attributes = json!({
+            "POSITION": positions, "TEXCOORD_0": uvs, "TEXCOORD_1": uvs, "TANGENT": tangents, "COLOR_0": colors,
+            "JOINTS_0": joints, "WEIGHTS_0": weights,
+        });
         file.mesh(json!([{ "attributes": attributes, "material": 0, "targets": [{ "POSITION": positions }] }]));
         file.mesh(json!([{ "attributes": { "POSITION": strip }, "indices": indices, "mode": 5 }]));
         file.json["meshes"][0]["weights"] = json!([0.5]);
@@ -54,7 +74,9 @@ fn is_sound(scene: &Scene) -> bool {
         let corner_is_sound =
             |&corner: &u32| mesh.positions.get(corner as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()));
         mesh.triangles.as_flattened().iter().all(corner_is_sound)
-            && mesh.uvs.as_ref().is_none_or(|uvs| uvs.len() == n_vertices)
+            && [&mesh.uvs, &mesh.second_uvs].into_iter().flatten().all(|uvs| uvs.len() == n_vertices)
+            && mesh.tangents.as_ref().is_none_or(|tangents| tangents.len() == n_vertices)
+            && mesh.colors.as_ref().is_none_or(|colors| colors.len() == n_vertices)
             && mesh.normals.as_ref().is_none_or(|normals| normals.len() == n_vertices)
             && mesh.parts.first().is_some_and(|part| part.first_triangle == 0)
             && mesh.parts.iter().all(|part| (part.material.0 as usize) < scene.materials.len())
@@ -72,7 +94,11 @@ fn the_unchanged_file_has_everything() {
     let scene = read_bytes(folder.path(), "rich.glb", &rich().glb()).unwrap();
     assert!(is_sound(&scene));
     assert_eq!((scene.meshes.len(), scene.instances.len(), scene.n_placed_triangles()), (2, 4, 10));
-    assert_eq!((scene.textures.len(), scene.cameras.len(), scene.lights.len()), (1, 1, 1));
+    assert_eq!((scene.textures.len(), scene.cameras.len(), scene.lights.len()), (2, 1, 1));
+    let mesh = &scene.meshes[1];
+    assert!(mesh.second_uvs.is_some() && mesh.tangents.is_some() && mesh.colors.is_some());
+    let posed = outcome(&rich().glb()).unwrap();
+    assert!(is_sound(&posed) && posed.meshes[1].positions != mesh.positions);
 }
 
 #[test]
@@ -146,10 +172,12 @@ fn overwrite(bytes: &mut [u8], patches: Vec<(prop::sample::Index, Vec<u8>)>) {
     }
 }
 
-/// Reads a GLB; `None` for an error.
+/// Reads a GLB at a time between its keys; `None` for an error.
 fn outcome(glb: &[u8]) -> Option<Scene> {
     let folder = tempfile::tempdir().unwrap();
-    read_bytes(folder.path(), "mutated.glb", glb).ok()
+    let path = folder.path().join("mutated.glb");
+    std::fs::write(&path, glb).unwrap();
+    read_with(&path, &ReadOptions { time: Some(0.5) }).ok()
 }
 
 proptest! {

@@ -1,0 +1,90 @@
+//! `--env` with pictures of all directions, and scenes at a time of their animation.
+
+use std::path::PathBuf;
+
+use crate::support::{Folder, Run};
+
+/// A picture of 2 x 1 texels in Radiance's flat RGBE: the left half of all directions is red, the right half green.
+const TWO: [u8; 8] = [128, 0, 0, 129, 0, 128, 0, 129];
+
+/// A folder with `two.hdr`, and a model far behind the camera of [`render`].
+fn folder() -> Folder {
+    let folder = Folder::with_small();
+    folder.write("two.hdr", [b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".as_slice(), &TWO].concat());
+    folder
+}
+
+/// The directions around -z, which are the middle of the picture.
+fn render(folder: &Folder, options: &str) -> Run {
+    let camera = "--eye 0,0,-9 --target 0,0,-10 --size 8x4 --samples 4";
+    folder.run(&format!("render small.obj -o out.png {camera} {options}"))
+}
+
+/// How much red and green the left and right half of the picture have.
+fn halves(folder: &Folder, options: &str) -> [[u8; 2]; 2] {
+    render(folder, options).done();
+    let image = image::load_from_memory(&folder.bytes("out.png")).unwrap().to_rgb8();
+    [0, 7].map(|x| [image.get_pixel(x, 1).0[0], image.get_pixel(x, 1).0[1]])
+}
+
+#[test]
+fn a_picture_is_behind_the_scene() {
+    let folder = folder();
+    let [left, right] = halves(&folder, "--env two.hdr");
+    assert!(left[0] > left[1] && right[1] > right[0], "{left:?} {right:?}");
+    let [left, right] = halves(&folder, "--env two.hdr --env-turn 180");
+    assert!(left[1] > left[0] && right[0] > right[1], "turned: {left:?} {right:?}");
+    let [dark, _] = halves(&folder, "--env two.hdr --env-scale 0.25");
+    assert!(dark[0] > 0 && dark[0] < 200, "scaled: {dark:?}");
+}
+
+#[test]
+fn a_constant_has_a_factor_too() {
+    let folder = folder();
+    assert_eq!(halves(&folder, "--env 0.5,1,0 --env-scale 2"), halves(&folder, "--env 1,2,0"));
+}
+
+#[test]
+fn environments_that_are_none_are_named() {
+    let folder = folder();
+    folder.write("text.exr", "text");
+    folder.write("cut.hdr", &folder.bytes("two.hdr")[..40]);
+    render(&folder, "--env absent.hdr").refused(&["absent.hdr", "cannot be read"]);
+    render(&folder, "--env text.exr").refused(&["text.exr", "neither Radiance HDR nor OpenEXR"]);
+    render(&folder, "--env cut.hdr").refused(&["cut.hdr"]);
+    render(&folder, "--env two.jpg").refused(&["--env", "a file ends in .hdr or .exr"]);
+    render(&folder, "--env 1,1,1 --env-scale -1").refused(&["--env-scale"]);
+    render(&folder, "--env-turn 90").refused(&["--env"]);
+    assert!(!folder.names().iter().any(|name| name == "out.png"));
+}
+
+#[test]
+fn both_files_of_one_sky_make_one_picture() {
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
+    let models = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
+    let [exr, hdr] = ["exr", "hdr"].map(|ending| models.join(format!("env/sky_64x32.{ending}")));
+    if !exr.is_file() {
+        #[expect(clippy::print_stderr, reason = "a skipped test says so")]
+        {
+            eprintln!("skipped both_files_of_one_sky_make_one_picture: there is no {}", exr.display());
+        }
+        return;
+    }
+    let folder = Folder::with_small();
+    let pictures = [exr, hdr].map(|sky| {
+        folder.run(&format!("render small.obj -o out.png --size 32x16 --env {}", sky.display())).done();
+        image::load_from_memory(&folder.bytes("out.png")).unwrap().to_rgb8().into_raw()
+    });
+    // RGBE has eight bits of the largest channel: a few steps of the 256 in the picture.
+    let most = pictures[0].iter().zip(&pictures[1]).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(most.is_some_and(|most| most <= 4), "{most:?}");
+}
+
+#[test]
+fn a_time_poses_what_is_animated_and_is_idle_elsewhere() {
+    let folder = Folder::with_small();
+    let run = folder.run("render small.obj -o out.png --size 8x8 --time 1.5").done();
+    assert_eq!(run.n_warnings(), 1, "{}", run.stderr);
+    folder.run("render -o out.png --time 1").refused(&["SCENE"]);
+    folder.run("render small.obj -o out.png --time nan").refused(&["--time"]);
+}

@@ -1,0 +1,101 @@
+//! The files that cases start from: the small ones of the folder of scenes.
+
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+/// Files of more bytes are left out, for they make cases slow.
+pub(crate) const MOST_BYTES: u64 = 1 << 18;
+
+/// What reads a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Kind {
+    Obj,
+    Mtl,
+    Ply,
+    Gltf,
+    Glb,
+    Texture,
+    Hdr,
+    Exr,
+}
+
+/// A file of the corpus.
+pub(crate) struct Entry {
+    /// Below the folder of scenes.
+    pub(crate) file: PathBuf,
+    pub(crate) kind: Kind,
+    /// The scene that names it, or itself.
+    pub(crate) read_through: PathBuf,
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// All files.
+pub(crate) struct Corpus {
+    pub(crate) entries: Vec<Entry>,
+    /// Files that scenes name and no case changes.
+    others: Vec<(PathBuf, Vec<u8>)>,
+}
+
+impl Corpus {
+    /// Reads the folder `CANTED_SCENES`, else `../shared/scenes` beside the workspace; `None` where it is absent or empty.
+    pub(crate) fn load() -> Option<Self> {
+        let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
+        let root = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
+        let mut corpus = Self { entries: Vec::new(), others: Vec::new() };
+        let mut files = Vec::new();
+        list(&root, &mut files).ok()?;
+        // The order of a folder is the system's, that of the cases should not be.
+        files.sort();
+        for path in files {
+            let (Ok(bytes), Ok(file)) = (fs::read(&path), path.strip_prefix(&root)) else { continue };
+            match kind(file) {
+                Some((kind, read_through)) if root.join(&read_through).is_file() => {
+                    corpus.entries.push(Entry { file: file.to_owned(), kind, read_through, bytes });
+                }
+                _ => corpus.others.push((file.to_owned(), bytes)),
+            }
+        }
+        (!corpus.entries.is_empty()).then_some(corpus)
+    }
+
+    /// Writes all files below a folder.
+    pub(crate) fn write(&self, folder: &Path) -> io::Result<()> {
+        let others = self.others.iter().map(|(file, bytes)| (file, bytes));
+        for (file, bytes) in self.entries.iter().map(|entry| (&entry.file, &entry.bytes)).chain(others) {
+            let path = folder.join(file);
+            fs::create_dir_all(path.parent().unwrap_or(folder))?;
+            fs::write(path, bytes)?;
+        }
+        Ok(())
+    }
+}
+
+/// All small files below a folder.
+fn list(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            list(&entry.path(), files)?;
+        } else if entry.metadata()?.len() <= MOST_BYTES {
+            files.push(entry.path());
+        }
+    }
+    Ok(())
+}
+
+/// What reads a file, and through which scene.
+fn kind(file: &Path) -> Option<(Kind, PathBuf)> {
+    let ending = file.extension()?.to_str()?;
+    let kind = match ending {
+        "obj" => Kind::Obj,
+        "ply" => Kind::Ply,
+        "gltf" => Kind::Gltf,
+        "glb" => Kind::Glb,
+        "hdr" => Kind::Hdr,
+        "exr" => Kind::Exr,
+        "mtl" => return Some((Kind::Mtl, file.with_extension("obj"))),
+        "png" | "jpg" => return Some((Kind::Texture, file.with_file_name("images.obj"))),
+        _ => return None,
+    };
+    Some((kind, file.to_owned()))
+}

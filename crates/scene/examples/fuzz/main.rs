@@ -1,0 +1,153 @@
+//! The long run: files with bytes and numbers changed, through every reader.
+//!
+//! `cargo xtask fuzz --minutes N` runs it and keeps the table. Each case takes a real or malformed file, changes it, and
+//! reads it: any answer but a panic, an unsound scene or half a minute is right. Cases follow from `--seed` and the
+//! number of their thread. What was found is kept in `target/fuzz`; the exit code is then 1.
+//!
+//! Not covered: memory (a test of its own counts it), files of more than [`corpus::MOST_BYTES`], names of files that lead
+//! elsewhere.
+#![forbid(unsafe_code)]
+
+mod corpus;
+mod mutate;
+mod sound;
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+use std::{fs, thread};
+
+use canted_scene::{ReadOptions, read_environment, read_with};
+use corpus::{Corpus, Entry, Kind};
+use mutate::Random;
+
+/// No case of the corpus takes a second; a reader that takes so long has lost its bounds.
+const MOST_TIME: Duration = Duration::from_secs(30);
+
+/// What happened to the cases of a kind.
+#[derive(Clone, Debug, Default)]
+struct Tally {
+    n_read: u64,
+    n_refused: u64,
+    findings: Vec<String>,
+}
+
+impl Tally {
+    fn add(&mut self, other: Self) {
+        self.n_read += other.n_read;
+        self.n_refused += other.n_refused;
+        self.findings.extend(other.findings);
+    }
+}
+
+fn main() -> ExitCode {
+    let Some((minutes, seed)) = options() else {
+        let _ = writeln!(std::io::stderr(), "usage: fuzz [--minutes N] [--seed N]");
+        return ExitCode::from(2);
+    };
+    let Some(corpus) = Corpus::load() else {
+        let _ = writeln!(std::io::stderr(), "there is no folder of scenes; CANTED_SCENES may name one");
+        return ExitCode::from(2);
+    };
+    // Findings are told in the table; a line for each panic would hide them.
+    std::panic::set_hook(Box::new(|_| {}));
+    let end = Instant::now() + Duration::from_secs_f64(60.0 * minutes);
+    let n_threads = thread::available_parallelism().map_or(1, usize::from) as u64;
+    let mut tallies = BTreeMap::new();
+    thread::scope(|scope| {
+        let corpus = &corpus;
+        let work = |number: u64| scope.spawn(move || run(corpus, Random::new(seed * n_threads + number), end));
+        for worker in (0..n_threads).map(work).collect::<Vec<_>>() {
+            for (kind, tally) in worker.join().unwrap_or_default() {
+                tallies.entry(kind).or_insert_with(Tally::default).add(tally);
+            }
+        }
+    });
+    let _ = write!(std::io::stdout(), "{}", table(&corpus, &tallies));
+    let is_clean = !tallies.is_empty() && tallies.values().all(|tally| tally.findings.is_empty());
+    if is_clean { ExitCode::SUCCESS } else { ExitCode::from(1) }
+}
+
+/// Minutes to run and the seed; `None` where the arguments say something else.
+fn options() -> Option<(f64, u64)> {
+    let (mut minutes, mut seed) = (1.0, 0);
+    let mut args = std::env::args().skip(1);
+    while let Some(arg) = args.next() {
+        match &arg[..] {
+            "--minutes" => minutes = args.next()?.parse().ok().filter(|&n: &f64| (0.0..1e6).contains(&n))?,
+            "--seed" => seed = args.next()?.parse::<u32>().ok()?.into(),
+            _ => return None,
+        }
+    }
+    Some((minutes, seed))
+}
+
+/// One thread's cases, in a copy of the corpus of its own.
+fn run(corpus: &Corpus, mut random: Random, end: Instant) -> BTreeMap<Kind, Tally> {
+    let mut tallies = BTreeMap::<Kind, Tally>::new();
+    let Ok(copy) = tempfile::tempdir() else { return tallies };
+    if corpus.write(copy.path()).is_err() {
+        return tallies;
+    }
+    while Instant::now() < end {
+        let entry = &corpus.entries[random.below(corpus.entries.len())];
+        let bytes = mutate::mutated(entry, corpus, &mut random);
+        let tally = tallies.entry(entry.kind).or_default();
+        match case(copy.path(), entry, &bytes, &mut random) {
+            Ok(true) => tally.n_read += 1,
+            Ok(false) => tally.n_refused += 1,
+            Err(finding) => tally.findings.push(kept(entry, &bytes, &finding)),
+        }
+    }
+    tallies
+}
+
+/// Reads one changed file; whether it was read, or what is wrong with that.
+fn case(folder: &Path, entry: &Entry, bytes: &[u8], random: &mut Random) -> Result<bool, String> {
+    let path = folder.join(&entry.file);
+    fs::write(&path, bytes).map_err(|error| error.to_string())?;
+    let time = [None, None, Some(0.7), Some(-1.0), Some(f32::NAN), Some(1e38)][random.below(6)];
+    let start = Instant::now();
+    let answer = catch_unwind(AssertUnwindSafe(|| match entry.kind {
+        Kind::Hdr | Kind::Exr => {
+            read_environment(&path, &mut Vec::new()).map(|image| sound::flaw_of_environment(&image)).ok()
+        }
+        _ => read_with(&folder.join(&entry.read_through), &ReadOptions { time }).map(|scene| sound::flaw(&scene)).ok(),
+    }));
+    fs::write(&path, &entry.bytes).map_err(|error| error.to_string())?;
+    if start.elapsed() > MOST_TIME {
+        return Err(format!("took {:?}", start.elapsed()));
+    }
+    match answer {
+        Err(panic) => {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            Err(format!("panic: {}", text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without words")))
+        }
+        Ok(None) => Ok(false),
+        Ok(Some(None)) => Ok(true),
+        Ok(Some(Some(flaw))) => Err(flaw),
+    }
+}
+
+/// Writes down the bytes of a finding, and says what it is.
+fn kept(entry: &Entry, bytes: &[u8], finding: &str) -> String {
+    let name = entry.file.to_string_lossy().replace(['/', '\\'], "-");
+    let path = Path::new("target/fuzz").join(format!("{:08x}-{name}", mutate::hash(bytes)));
+    let _ = fs::create_dir_all("target/fuzz").and_then(|()| fs::write(&path, bytes));
+    format!("{}: {finding}", path.display())
+}
+
+fn table(corpus: &Corpus, tallies: &BTreeMap<Kind, Tally>) -> String {
+    let mut table =
+        "| reader | files | cases | read | refused | findings |\n| --- | --- | --- | --- | --- | --- |\n".to_owned();
+    for (kind, Tally { n_read, n_refused, findings }) in tallies {
+        let n_files = corpus.entries.iter().filter(|entry| entry.kind == *kind).count();
+        let n_cases = n_read + n_refused + findings.len() as u64;
+        table += &format!("| {kind:?} | {n_files} | {n_cases} | {n_read} | {n_refused} | {} |\n", findings.len());
+    }
+    let findings = tallies.values().flat_map(|tally| &tally.findings);
+    table + &findings.map(|finding| format!("\n* {finding}")).collect::<String>()
+}
