@@ -41,10 +41,8 @@ impl Pyramid<'_> {
 
     /// The levels next to a width, given by its binary logarithm, and the weight of the second.
     fn levels(&self, level: f64) -> ([usize; 2], f32) {
-        #[expect(clippy::cast_precision_loss, reason = "at most 33")]
         let coarsest = (self.n_levels() - 1) as f64;
-        // So written that a NaN is 0.
-        #[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
+        // So written that a NaN is 0; clamp would keep it.
         let level = level.max(0.0).min(coarsest);
         let finer = level.floor();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the last level")]
