@@ -3,7 +3,7 @@ use crate::layout::{MAX_LEAF, NodeKind};
 /// What a ray's visit costs, in visits of a box node: what the collapse weighs.
 ///
 /// `canted-bench costs` measures them: on an AMD EPYC (Zen 5) with AVX-512 leaning nodes cost 1.4 to 2.0, leaves at least
-/// 1.9, for they end in branches that are seldom foreseen, and another eight triangles in one next to nothing. Of such
+/// 1.8, for they end in branches that are seldom foreseen, and another eight triangles in one next to nothing. Of such
 /// constants the defaults traced fastest in whole runs; `benches/TRIED.md` has both tables.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
