@@ -64,11 +64,11 @@ impl<'a> Assembled<'a> {
         let first_mesh = self.scene.meshes.len();
         let (mesh_shift, texture_shift) = (shift(first_mesh)?, shift(self.scene.textures.len())?);
         let material_shift = shift(self.scene.materials.len())?;
-        let n_primitives = own.instances.iter().map(|instance| {
+        let mut ends = own.instances.iter().map(|instance| {
             let n_triangles = own.meshes[instance.mesh.0 as usize].triangles.len();
             u32::try_from(n_triangles).ok()?.checked_add(instance.first_primitive)
         });
-        let n_primitives = n_primitives.fold(Some(0), |most: Option<u32>, n| Some(most?.max(n?)));
+        let n_primitives = ends.try_fold(0, |most: u32, n| Some(most.max(n?)));
         let all = n_primitives.and_then(|n| self.n_primitives.checked_add(n)).ok_or_else(too_many)?;
 
         let Scene { mut meshes, mut instances, mut materials, textures, lights, environment, cameras, warnings } = own;
