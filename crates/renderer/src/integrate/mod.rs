@@ -30,7 +30,7 @@ pub(crate) enum Method<'a> {
         ao_radius: f64,
     },
     /// See `path`.
-    Path(LightSampler<'a>),
+    Path(Box<LightSampler<'a>>),
 }
 
 /// Dimension that numbers rays, for surfaces that stop some and let others pass; apart from those that are counted up.

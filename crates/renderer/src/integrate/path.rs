@@ -104,9 +104,9 @@ impl Vertex {
         &self.surface.bsdf
     }
 
-    /// Whether light from behind counts.
+    /// Whether light from behind the shading normal counts: it comes through, or is folded to the front.
     fn transmits(&self) -> bool {
-        self.bsdf().transmission > 0.0
+        self.bsdf().transmission > 0.0 || self.is_bent
     }
 
     /// What is scattered from a world-space direction: of itself, and of the direction that is folded onto it.

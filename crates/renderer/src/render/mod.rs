@@ -125,7 +125,7 @@ impl<T: Tracer> Picture<'_, T> {
             bounces,
             method: match self.settings.integrator {
                 Integrator::Hybrid => Method::Hybrid { ao_radius: self.ao_radius },
-                Integrator::Path => Method::Path(LightSampler::new(Lights::new(self.scene), self.surfaces)),
+                Integrator::Path => Method::Path(Box::new(LightSampler::new(Lights::new(self.scene), self.surfaces))),
             },
         };
         let layout = Layout::new(self.settings);
