@@ -39,7 +39,7 @@ enum Command {
     /// Render a picture.
     Render(Box<render::Args>),
     /// Write a scene, and all that its picture is made by, as a file to change.
-    Scene(scene::Args),
+    Scene(Box<scene::Args>),
     /// What each volume strategy costs and buys.
     Stats(stats::Args),
     /// Answer a file of rays.

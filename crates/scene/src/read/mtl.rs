@@ -67,26 +67,45 @@ impl Recipe {
             b"Kd" => kept(&mut self.base_color, colour(line, 1.0), line),
             b"Ke" => kept(&mut self.emission, colour(line, f32::MAX), line),
             // These colour mirrors and glass alone, so doubts about them are rarely worth a word.
-            b"Ks" => Ok(self.specular = colour(line, 1.0).ok().map(|(_, kept)| kept)),
-            b"Tf" => Ok(self.filter = colour(line, 1.0).ok().map(|(_, kept)| kept)),
+            b"Ks" => {
+                self.specular = colour(line, 1.0).ok().map(|(_, kept)| kept);
+                Ok(())
+            }
+            b"Tf" => {
+                self.filter = colour(line, 1.0).ok().map(|(_, kept)| kept);
+                Ok(())
+            }
             b"Ns" => kept(&mut self.shininess, number(line, 0.0..=f32::MAX), line),
             b"Pr" => kept(&mut self.roughness, number(line, 0.0..=1.0), line),
             b"Pm" => kept(&mut self.metallic, number(line, 0.0..=1.0), line),
             b"Ni" => kept(&mut self.ior, number(line, 1.0..=f32::MAX), line),
             b"d" => kept(&mut self.opacity, number(line, 0.0..=1.0), line),
             b"Tr" => kept(&mut self.transparency, number(line, 0.0..=1.0), line),
-            b"illum" => Ok(self.illumination = std::str::from_utf8(line.rest).ok().and_then(|rest| rest.parse().ok())),
+            b"illum" => {
+                self.illumination = std::str::from_utf8(line.rest).ok().and_then(|rest| rest.parse().ok());
+                Ok(())
+            }
             b"map_Kd" => file(&mut self.base_color_map, line),
             b"map_d" => file(&mut self.mask, line),
             b"map_Ke" => file(&mut self.emission_map, line),
             b"norm" => file(&mut self.normal_map, line),
-            b"map_Bump" | b"map_bump" | b"bump" => Ok(self.ignore("map_Bump")),
-            b"map_Pr" => Ok(self.ignore("map_Pr")),
-            b"map_Pm" => Ok(self.ignore("map_Pm")),
+            b"map_Bump" | b"map_bump" | b"bump" => {
+                self.ignore("map_Bump");
+                Ok(())
+            }
+            b"map_Pr" => {
+                self.ignore("map_Pr");
+                Ok(())
+            }
+            b"map_Pm" => {
+                self.ignore("map_Pm");
+                Ok(())
+            }
             _ => Ok(()),
         }
     }
 
+    /// Remembers, once, what is not read.
     fn ignore(&mut self, keyword: &'static str) {
         if !self.ignored.contains(&keyword) {
             self.ignored.push(keyword);

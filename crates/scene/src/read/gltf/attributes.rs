@@ -101,8 +101,7 @@ impl Attributes<'_> {
                 let [red, green, blue] = colors.reals(vertex);
                 [red, green, blue, 1.0]
             };
-            // In this order NaN becomes 0.
-            color.map(|x| x.max(0.0).min(1.0))
+            color.map(fraction)
         };
         let colors: Vec<_> = self.vertices.iter().map(color).collect();
         Ok(colors.iter().any(|color| *color != [1.0; 4]).then_some(colors))
@@ -123,4 +122,10 @@ impl Attributes<'_> {
         let message = format!("has {count} {attribute} for {} vertices", self.n_all);
         Err(self.reading.document.malformed(self.reading.place, message))
     }
+}
+
+/// A number clamped to 0..=1; NaN becomes 0.
+#[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
+pub(super) fn fraction(x: f32) -> f32 {
+    x.max(0.0).min(1.0)
 }

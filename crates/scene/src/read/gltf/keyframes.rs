@@ -46,7 +46,7 @@ impl<'a> Keyframes<'a> {
         let values = Accessor::open(document, sampler.output.value(), place, element, REALS)?;
         let keyframes = Self { times, values, interpolation };
         let needed = keyframes.times.len() * keyframes.n_parts();
-        if keyframes.values.count < needed || keyframes.values.count % needed != 0 {
+        if keyframes.values.count < needed || !keyframes.values.count.is_multiple_of(needed) {
             let message = format!("has {} values for {} keys", keyframes.values.count, keyframes.times.len());
             return Err(document.malformed(place, message));
         }

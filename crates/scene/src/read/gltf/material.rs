@@ -5,6 +5,7 @@ use gltf::json::extensions::material::Material as Extensions;
 use gltf::json::material::{AlphaMode, PbrMetallicRoughness};
 use gltf::json::validation::Checked;
 
+use super::attributes::fraction;
 use super::document::Document;
 use super::lookup::Lookup;
 use super::texture::Textures;
@@ -154,8 +155,7 @@ impl Reading<'_, '_, '_> {
 
     /// Factors clamped to 0..=1, which is said where it changes them.
     fn fractions<const N: usize>(&mut self, what: &str, factors: [f32; N]) -> [f32; N] {
-        // NaN becomes 0, though no JSON spells it.
-        let clamped = factors.map(|x| x.max(0.0).min(1.0));
+        let clamped = factors.map(fraction);
         if clamped != factors {
             self.warnings.push(format!("{}: {what} {factors:?} is clamped to 0..=1", self.place));
         }
