@@ -16,7 +16,7 @@ fn folder() -> Folder {
 
 /// The directions around -z, which are the middle of the picture.
 fn render(folder: &Folder, options: &str) -> Run {
-    let camera = "--eye 0,0,-9 --target 0,0,-10 --size 8x4 --samples 4";
+    let camera = "--eye 0,0,-9 --target 0,0,-10 --size 8x4 --spp 4";
     folder.run(&format!("render small.obj -o out.png {camera} {options}"))
 }
 

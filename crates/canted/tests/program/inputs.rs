@@ -89,7 +89,7 @@ fn malformed_files_end_as_their_table_says() {
     let mut wrong = vec![];
     for Row { path, expected, code } in rows {
         let line = if is_environment(&path) {
-            "render small.obj --size 8x8 --samples 1 -o env.png --env"
+            "render small.obj --size 8x8 --spp 1 -o env.png --env"
         } else {
             "cast --rays rays.csv --hits hits.csv"
         };
