@@ -11,7 +11,10 @@ mod agree;
 mod shots;
 
 use agree::{Disagreement, agree};
-use shots::{BLUE, Shot, checker, cornell_env, cornell_point, cornell_sun, penumbra, sponza_sun, spot};
+use shots::{
+    BLUE, Shot, checker, cornell_env, cornell_paths, cornell_point, cornell_sun, penumbra, sponza_paths, sponza_sun,
+    spot,
+};
 
 fn check(shot: Option<Shot>) {
     let Some(shot) = shot else { return };
@@ -27,7 +30,11 @@ fn sky_in_the_cornell_box() {
 #[test]
 fn sky_in_the_cornell_box_after_bounces() {
     for (name, n_segments) in [("cornell-env-3", 3), ("cornell-env-4", 4)] {
-        check(cornell_env("sky_in_the_cornell_box_after_bounces").map(|shot| Shot { name, n_segments, ..shot }));
+        check(cornell_env("sky_in_the_cornell_box_after_bounces").map(|shot| Shot {
+            name,
+            n_segments: Some(n_segments),
+            ..shot
+        }));
     }
 }
 
@@ -83,6 +90,27 @@ fn a_texture_upside_down_is_seen() {
 #[test]
 fn sun_over_sponza() {
     check(sponza_sun("sun_over_sponza"));
+}
+
+#[test]
+fn paths_in_the_cornell_box() {
+    for shot in cornell_paths("paths_in_the_cornell_box").into_iter().flatten() {
+        check(Some(shot));
+    }
+}
+
+#[test]
+fn paths_in_sponza() {
+    check(sponza_paths("paths_in_sponza"));
+}
+
+/// Light that bounces once less is missed.
+#[test]
+fn paths_that_stop_are_seen() {
+    let Some([sky, ..]) = cornell_paths("paths_that_stop_are_seen") else { return };
+    let short = Shot { n_segments: Some(5), ..sky };
+    let verdict = agree(&short.ours(), &short.theirs());
+    assert!(verdict.is_err(), "{verdict:?}");
 }
 
 /// Two per cent more light from everywhere.

@@ -1,8 +1,8 @@
 //! Pictures from scenes: camera rays, light, film, files.
 //!
 //! ```text
-//! Scene -> frame -> Camera -> View -> rays -> Tracer -> Hit -> Surface
-//! Surface -> direct light, cosine-sampled bounces, ambient occlusion -> Film -> Picture -> PNG, EXR
+//! Scene -> frame -> Camera -> View -> rays -> Tracer -> Hit -> Surface (textures, Bsdf)
+//! Surface -> light -> integrate/{hybrid, path} -> Film -> Picture -> PNG, EXR
 //! ```
 //!
 //! Nothing here knows how rays are traced: a [`Tracer`] answers them. Radiance is linear RGB, `f32` per sample with

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use canted_obb::Affine;
-use canted_renderer::{Film, Lod, Pattern, Picture, Settings, prepare, read_picture, render};
+use canted_renderer::{Film, Integrator, Lod, Pattern, Picture, Settings, prepare, read_picture, render};
 use canted_scene::{
     Camera, Encoding, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId, TextureRef,
     Wrap, read,
@@ -19,8 +19,8 @@ pub(crate) struct Shot {
     pub(crate) scene: Scene,
     pub(crate) camera: Camera,
     pub(crate) size: [u32; 2],
-    /// Segments of a path, the camera's included.
-    pub(crate) n_segments: u32,
+    /// Segments of a path, the camera's included, where paths stop; the hybrid integrator then takes the picture.
+    pub(crate) n_segments: Option<u32>,
     /// Samples per pixel: as many as the mean radiance asks for.
     pub(crate) samples: u32,
 }
@@ -62,14 +62,14 @@ fn with_sun(scene: Scene, towards: [f64; 3], irradiance: [f32; 3]) -> Scene {
 pub(crate) fn cornell_env(test: &str) -> Option<Shot> {
     let scene = Scene { environment: Some(BLUE.into()), ..model(test, "cornell/cornellBox.obj")? };
     let camera = Camera::pinhole([-0.23, 2.58, 9.0], [-0.23, 2.58, -3.0], [0.0, 1.0, 0.0], 36.0);
-    Some(Shot { name: "cornell-env-2", scene, camera, size: [64, 64], n_segments: 2, samples: 128 })
+    Some(Shot { name: "cornell-env-2", scene, camera, size: [64, 64], n_segments: Some(2), samples: 128 })
 }
 
 /// The same, with a sun that shines in through the open side.
 pub(crate) fn cornell_sun(test: &str) -> Option<Shot> {
     let shot = cornell_env(test)?;
     let scene = with_sun(shot.scene, [0.3, -0.5, -1.0], [3.0, 2.8, 2.5]);
-    Some(Shot { name: "cornell-sun-3", scene, n_segments: 3, ..shot })
+    Some(Shot { name: "cornell-sun-3", scene, n_segments: Some(3), ..shot })
 }
 
 /// The box in the light of a lamp between its ceiling and its boxes.
@@ -77,7 +77,7 @@ pub(crate) fn cornell_point(test: &str) -> Option<Shot> {
     let shot = cornell_env(test)?;
     let lights = vec![Light::Point { position: [-0.9, 3.5, -1.2], intensity: [8.0, 7.0, 6.0] }];
     let scene = Scene { environment: None, lights, ..shot.scene };
-    Some(Shot { name: "cornell-point-3", scene, n_segments: 3, ..shot })
+    Some(Shot { name: "cornell-point-3", scene, n_segments: Some(3), ..shot })
 }
 
 /// Lambert triangles without texture, each part a colour and corners in threes.
@@ -109,7 +109,7 @@ fn floor() -> ([f32; 3], Vec<[f32; 3]>) {
 fn over_floor(name: &'static str, scene: Scene, light: Light) -> Shot {
     let scene = Scene { lights: vec![light], environment: None, ..scene };
     let camera = Camera::pinhole([0.0, 4.0, 8.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0);
-    Shot { name, scene, camera, size: [64, 64], n_segments: 2, samples: 128 }
+    Shot { name, scene, camera, size: [64, 64], n_segments: Some(2), samples: 128 }
 }
 
 /// A disc of 64 corners between a floor and a ball of light. Paths have no end in the reference; eight bounces between a
@@ -123,7 +123,7 @@ pub(crate) fn penumbra() -> Shot {
     let disc = (0..64).flat_map(|i| [[0.0, 1.0, 0.0], rim(i), rim(i + 1)]).collect();
     let light = Light::Sphere { center: [0.5, 3.0, 0.0], radius: 0.4, radiance: [8.0; 3] };
     let scene = parts(&[floor(), ([0.2, 0.3, 0.6], disc)]);
-    Shot { n_segments: 10, samples: 1024, ..over_floor("penumbra", scene, light) }
+    Shot { n_segments: Some(10), samples: 1024, ..over_floor("penumbra", scene, light) }
 }
 
 /// A spot with a hard edge.
@@ -174,7 +174,7 @@ pub(crate) fn checker() -> Shot {
         ..Scene::default()
     };
     let camera = Camera::pinhole([0.0, 4.0, 8.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0);
-    Shot { name: "checker", scene, camera, size: [64, 64], n_segments: 2, samples: 256 }
+    Shot { name: "checker", scene, camera, size: [64, 64], n_segments: Some(2), samples: 256 }
 }
 
 /// Sponza at noon, seen across its court.
@@ -182,7 +182,30 @@ pub(crate) fn sponza_sun(test: &str) -> Option<Shot> {
     let scene = Scene { environment: Some(BLUE.into()), ..model(test, "sponza/sponza.obj")? };
     let scene = with_sun(scene, [-0.15, -1.0, 0.12], [12.0, 11.0, 9.0]);
     let camera = Camera::pinhole([700.0, 700.0, -100.0], [-300.0, 250.0, 100.0], [0.0, 1.0, 0.0], 60.0);
-    Some(Shot { name: "sponza-sun-3", scene, camera, size: [96, 64], n_segments: 3, samples: 128 })
+    Some(Shot { name: "sponza-sun-3", scene, camera, size: [96, 64], n_segments: Some(3), samples: 128 })
+}
+
+/// Paths without end in the Cornell box: under its sky, with the sun, by a ball of light, and by its own lamp.
+pub(crate) fn cornell_paths(test: &str) -> Option<[Shot; 4]> {
+    let sky = Shot { name: "cornell-env", n_segments: None, samples: 256, ..cornell_env(test)? };
+    let sun = Shot { name: "cornell-sun", n_segments: None, samples: 256, ..cornell_sun(test)? };
+    let shot = cornell_env(test)?;
+    let lights = vec![Light::Sphere { center: [-0.9, 2.2, -1.2], radius: 0.3, radiance: [9.0, 8.0, 6.0] }];
+    let scene = Scene { environment: None, lights, ..shot.scene };
+    let ball = Shot { name: "cornell-sphere", scene, n_segments: None, samples: 512, ..shot };
+    let shot = cornell_env(test)?;
+    let mut scene = Scene { environment: None, ..shot.scene };
+    let own = read(&models(test)?.join("cornell/cornellBox.obj")).unwrap();
+    for (material, own) in scene.materials.iter_mut().zip(own.materials) {
+        material.emission = own.emission;
+    }
+    let lamp = Shot { name: "cornell-light", scene, n_segments: None, samples: 512, ..shot };
+    Some([sky, sun, ball, lamp])
+}
+
+/// Paths without end in Sponza at noon.
+pub(crate) fn sponza_paths(test: &str) -> Option<Shot> {
+    Some(Shot { name: "sponza-sun", n_segments: None, samples: 256, ..sponza_sun(test)? })
 }
 
 impl Shot {
@@ -196,15 +219,20 @@ impl Shot {
 
     fn film(&self) -> Film {
         let [width, height] = self.size;
+        let (integrator, bounces, ao_radius) = match self.n_segments {
+            Some(n) => (Integrator::Hybrid, n - 2, Some(f32::INFINITY)),
+            None => (Integrator::Path, Integrator::Path.bounces(), None),
+        };
         let settings = Settings {
             width,
             height,
             samples: self.samples,
-            bounces: self.n_segments - 2,
+            integrator,
+            bounces,
             pattern: Pattern::Random,
             // The other renderer looks textures up at full size.
             lod: Lod::None,
-            ao_radius: Some(f32::INFINITY),
+            ao_radius,
             ..Settings::default()
         };
         let prepared = prepare::<Watertight>(&self.scene, &canted_renderer::StructureConfig::default()).unwrap();
