@@ -185,27 +185,20 @@ pub(crate) fn sponza_sun(test: &str) -> Option<Shot> {
     Some(Shot { name: "sponza-sun-3", scene, camera, size: [96, 64], n_segments: Some(3), samples: 128 })
 }
 
-/// Paths without end in the Cornell box: under its sky, with the sun, by a ball of light, and by its own lamp.
-pub(crate) fn cornell_paths(test: &str) -> Option<[Shot; 4]> {
+/// Paths without end in the Cornell box: under its sky, with the sun, and by a ball of light.
+pub(crate) fn cornell_paths(test: &str) -> Option<[Shot; 3]> {
     let sky = Shot { name: "cornell-env", n_segments: None, samples: 256, ..cornell_env(test)? };
     let sun = Shot { name: "cornell-sun", n_segments: None, samples: 256, ..cornell_sun(test)? };
     let shot = cornell_env(test)?;
     let lights = vec![Light::Sphere { center: [-0.9, 2.2, -1.2], radius: 0.3, radiance: [9.0, 8.0, 6.0] }];
     let scene = Scene { environment: None, lights, ..shot.scene };
-    let ball = Shot { name: "cornell-sphere", scene, n_segments: None, samples: 512, ..shot };
-    let shot = cornell_env(test)?;
-    let mut scene = Scene { environment: None, ..shot.scene };
-    let own = read(&models(test)?.join("cornell/cornellBox.obj")).unwrap();
-    for (material, own) in scene.materials.iter_mut().zip(own.materials) {
-        material.emission = own.emission;
-    }
-    let lamp = Shot { name: "cornell-light", scene, n_segments: None, samples: 512, ..shot };
-    Some([sky, sun, ball, lamp])
+    let ball = Shot { name: "cornell-sphere", scene, n_segments: None, samples: 2048, ..shot };
+    Some([sky, sun, ball])
 }
 
 /// Paths without end in Sponza at noon.
 pub(crate) fn sponza_paths(test: &str) -> Option<Shot> {
-    Some(Shot { name: "sponza-sun", n_segments: None, samples: 256, ..sponza_sun(test)? })
+    Some(Shot { name: "sponza-sun", n_segments: None, samples: 768, ..sponza_sun(test)? })
 }
 
 impl Shot {
