@@ -8,8 +8,7 @@ mod ci;
 mod command;
 mod count;
 mod fixtures;
-mod fuzz;
-mod grazing;
+mod kept;
 mod png;
 mod test;
 mod tidy;
@@ -36,8 +35,8 @@ fn main() -> ExitCode {
         ["ci"] => ci::run(),
         ["tidy"] => tidy::run(),
         ["bench", ref args @ ..] => bench::run(args),
-        ["grazing", ref args @ ..] => grazing::run(args),
-        ["fuzz", ref args @ ..] => fuzz::run(args),
+        ["grazing", ref args @ ..] => kept::GRAZING.run(args),
+        ["fuzz", ref args @ ..] => kept::FUZZ.run(args),
         ["fixtures"] => fixtures::run(&workspace::root().join("target/fixtures")),
         ["fixtures", dir] => fixtures::run(dir.as_ref()),
         _ => Err(anyhow::anyhow!("{USAGE}")),

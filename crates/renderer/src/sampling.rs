@@ -30,9 +30,7 @@ impl Basis {
         let [t, b, n] = &self.axes;
         std::array::from_fn(|k| local[0] * t[k] + local[1] * b[k] + local[2] * n[k])
     }
-}
 
-impl Basis {
     /// The coordinates of a direction along the three axes.
     #[must_use]
     pub fn coordinates(&self, direction: [f32; 3]) -> [f32; 3] {

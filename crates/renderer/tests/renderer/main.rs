@@ -3,6 +3,7 @@
 mod alpha;
 mod bsdf;
 mod camera;
+mod chi_square;
 mod common;
 mod files;
 mod film;

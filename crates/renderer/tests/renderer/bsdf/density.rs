@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use canted_renderer::{Bsdf, Evaluation};
 
 use super::{materials, numbers, outgoing};
+use crate::chi_square::deviation;
 use crate::common::narrow;
 
 const RINGS: usize = 16;
@@ -45,27 +46,6 @@ fn expected(density: impl Fn([f32; 3]) -> f32) -> Vec<f64> {
     }
     cells[RINGS * SECTORS] = 1.0 - cells.iter().sum::<f64>();
     cells
-}
-
-/// Pearson's statistic less its mean, in standard deviations. Cells that expect fewer than ten are thrown together.
-fn deviation(counts: &[f64], probabilities: &[f64]) -> f64 {
-    let (mut statistic, mut freedom, mut rare) = (0.0, -1.0, (0.0, 0.0));
-    let mut add = |count: f64, expected: f64| {
-        statistic += (count - expected).powi(2) / expected;
-        freedom += 1.0;
-    };
-    for (&count, &probability) in counts.iter().zip(probabilities) {
-        let expected = probability * f64::from(N);
-        if expected < 10.0 { rare = (rare.0 + count, rare.1 + expected) } else { add(count, expected) }
-    }
-    if rare.1 >= 10.0 {
-        add(rare.0, rare.1);
-    } else {
-        // Too few for the statistic's distribution; none may be where none is expected.
-        assert!(rare.0 <= rare.1.max(0.0) + 6.0 * (rare.1.max(0.0) + 1.0).sqrt(), "{rare:?}");
-    }
-    let freedom: f64 = freedom;
-    (statistic - freedom) / (2.0 * freedom.max(1.0)).sqrt()
 }
 
 /// Six standard deviations leave no room for chance.

@@ -8,6 +8,7 @@ use canted_trace::Ray;
 
 use super::environment::sunny;
 use super::{glowing, numbers, receiver, with_sampler};
+use crate::chi_square::deviation;
 use crate::common::{BruteForce, narrow, parallelogram, scene};
 
 const RINGS: usize = 16;
@@ -75,24 +76,6 @@ fn expected(sampler: &LightSampler, scene: &Scene) -> Vec<f64> {
     }
     cells[RINGS * SECTORS] = 1.0 - cells.iter().sum::<f64>();
     cells
-}
-
-/// Pearson's statistic less its mean, in standard deviations. Cells that expect fewer than ten are thrown together.
-fn deviation(counts: &[f64], probabilities: &[f64]) -> f64 {
-    let (mut statistic, mut freedom, mut rare) = (0.0, -1.0, (0.0, 0.0));
-    let mut add = |count: f64, expected: f64| {
-        statistic += (count - expected).powi(2) / expected;
-        freedom += 1.0;
-    };
-    for (&count, &probability) in counts.iter().zip(probabilities) {
-        let expected = probability * f64::from(N);
-        if expected < 10.0 { rare = (rare.0 + count, rare.1 + expected) } else { add(count, expected) }
-    }
-    if rare.1 >= 10.0 {
-        add(rare.0, rare.1);
-    }
-    let freedom: f64 = freedom;
-    (statistic - freedom) / (2.0 * freedom).sqrt()
 }
 
 /// Six standard deviations leave no room for chance, but little for the quadrature along the edges of the lights.

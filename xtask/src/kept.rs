@@ -1,0 +1,94 @@
+//! Long runs whose last table is kept in the repository.
+
+use std::{fs, process::Stdio, thread};
+
+use anyhow::{Context, Result};
+
+use crate::{
+    bench::{facts_of, processor},
+    command::{self, cargo, say},
+    workspace,
+};
+
+/// A run whose table is kept.
+pub(crate) struct Kept {
+    /// What follows `cargo xtask`.
+    name: &'static str,
+    /// Arguments of cargo, up to those of the run.
+    cargo: &'static [&'static str],
+    /// Where the page is, from the root of the workspace.
+    file: &'static str,
+    /// The head of the page.
+    preamble: &'static str,
+}
+
+/// Millions of grazing rays at wide trees.
+pub(crate) const GRAZING: Kept = Kept {
+    name: "grazing",
+    cargo: &["run", "--release", "--package", "canted-tests", "--example", "grazing", "--"],
+    file: "tests/GRAZING.md",
+    preamble: "# Grazing rays
+
+Written by `cargo xtask grazing [--rays N]`; change nothing by hand. Rays through vertices and edges, within 10⁻³ rad of
+face planes, along axes, from inside, from 100, 1,000 and 10,000 sizes away, each traced through the trees of all three
+presets: `t`, `u`, `v` and primitive, and occlusion, beside what judges them.
+",
+};
+
+/// Changed files through every reader; the profile is that of tests, which checks for overflow.
+pub(crate) const FUZZ: Kept = Kept {
+    name: "fuzz",
+    cargo: &["run", "--package", "canted-scene", "--example", "fuzz", "--"],
+    file: "tests/FUZZ.md",
+    preamble: "# Changed files
+
+Written by `cargo xtask fuzz [--minutes N] [--seed N]`; change nothing by hand. Real and malformed files of every format with
+bytes, pieces and numbers changed, one to four times each, are read: the answer may be a scene that keeps its promises or an
+error, but neither a panic nor half a minute without any.
+",
+};
+
+impl Kept {
+    /// Runs, and writes the page; whether nothing was found.
+    pub(crate) fn run(&self, args: &[&str]) -> Result<bool> {
+        let facts = self.facts(args)?;
+        let output = cargo(self.cargo).args(args).stderr(Stdio::inherit()).output().context("cannot start cargo")?;
+        let table = String::from_utf8(output.stdout).context("the run wrote something that is not text")?;
+        anyhow::ensure!(table.starts_with('|'), "the run failed: {}", output.status);
+        let path = workspace::root().join(self.file);
+        fs::write(&path, self.page(&facts, &table)).with_context(|| format!("cannot write {}", path.display()))?;
+        say(table.trim_end());
+        Ok(output.status.success())
+    }
+
+    fn facts(&self, args: &[&str]) -> Result<String> {
+        let threads = thread::available_parallelism().map_or(1, usize::from);
+        let words: Vec<&str> = ["cargo xtask", self.name].iter().chain(args).copied().collect();
+        Ok(facts_of(&[
+            &format!("{}, {threads} threads", processor()),
+            &command::output("rustc", &["--version"])?,
+            &command::output("git", &["describe", "--always", "--dirty=, with changes"])?,
+            &command::output("date", &["-u", "+%F"])?,
+            &format!("`{}`", words.join(" ")),
+        ]))
+    }
+
+    fn page(&self, facts: &str, table: &str) -> String {
+        format!("{}\n{facts}\n\n{}\n", self.preamble, table.trim_end())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_say_how_and_what() {
+        for (kept, title) in [(GRAZING, "# Grazing rays\n"), (FUZZ, "# Changed files\n")] {
+            let page = kept.page("*then*", "| a |\n\n");
+            assert!(page.starts_with(title) && page.ends_with("\n\n*then*\n\n| a |\n"), "{page}");
+        }
+        assert!(GRAZING.facts(&["--rays", "9"]).unwrap().contains("`cargo xtask grazing --rays 9`"));
+        assert!(FUZZ.facts(&["--minutes", "9"]).unwrap().contains("`cargo xtask fuzz --minutes 9`"));
+    }
+}
