@@ -1,0 +1,148 @@
+//! Which adapters there are, and which one is meant.
+
+use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor};
+
+use crate::GpuError;
+
+/// What is known of an adapter before it is opened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AdapterFacts {
+    /// Name that the driver gives.
+    pub name: String,
+    /// What it is.
+    pub kind: AdapterKind,
+    /// The interface it is reached through: `Vulkan`, `Metal` or `Dx12`.
+    pub backend: String,
+    /// Driver and its version, as far as it says.
+    pub driver: String,
+    /// Most bytes of one storage binding.
+    pub max_binding_bytes: u64,
+    /// Most bytes of one buffer.
+    pub max_buffer_bytes: u64,
+    /// Whether passes can be timed.
+    pub has_timestamps: bool,
+}
+
+/// Kinds of adapters, the ones to prefer first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum AdapterKind {
+    /// A GPU with memory of its own.
+    Discrete,
+    /// A GPU that shares the CPU's memory.
+    Integrated,
+    /// A share of a GPU.
+    Virtual,
+    /// A driver that does not say.
+    Other,
+    /// The CPU, behind a driver.
+    Software,
+}
+
+impl std::fmt::Display for AdapterKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Discrete => "discrete GPU",
+            Self::Integrated => "integrated GPU",
+            Self::Virtual => "virtual GPU",
+            Self::Other => "unknown kind",
+            Self::Software => "software",
+        })
+    }
+}
+
+/// Which adapter a caller wants.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// The first of the best kind, software last.
+    Best,
+    /// The first of the best kind, software never.
+    Hardware,
+    /// The best whose name contains this text, in any case.
+    Named(String),
+}
+
+impl std::fmt::Display for Choice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Best => f.write_str("gpu"),
+            Self::Hardware => f.write_str("hardware gpu"),
+            Self::Named(name) => f.write_str(name),
+        }
+    }
+}
+
+const BACKENDS: Backends = Backends::VULKAN.union(Backends::METAL).union(Backends::DX12);
+
+/// All adapters, the ones to prefer first; empty where no driver is installed.
+#[must_use]
+pub fn adapters() -> Vec<AdapterFacts> {
+    listed().iter().map(facts).collect()
+}
+
+/// The chosen adapter and its facts.
+pub(crate) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterFacts), GpuError> {
+    let all = listed();
+    let found = all.iter().map(|adapter| adapter.get_info().name).collect();
+    let fits = |facts: &AdapterFacts| match choice {
+        Choice::Best => true,
+        Choice::Hardware => facts.kind != AdapterKind::Software,
+        Choice::Named(name) => facts.name.to_lowercase().contains(&name.to_lowercase()),
+    };
+    all.into_iter()
+        .map(|adapter| {
+            let facts = facts(&adapter);
+            (adapter, facts)
+        })
+        .find(|(_, facts)| fits(facts))
+        .ok_or_else(|| GpuError::NoAdapter { wanted: choice.to_string(), found })
+}
+
+fn listed() -> Vec<wgpu::Adapter> {
+    let mut descriptor = InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = BACKENDS;
+    let mut all = pollster::block_on(Instance::new(descriptor).enumerate_adapters(BACKENDS));
+    all.sort_by_key(|adapter| kind(adapter.get_info().device_type));
+    all
+}
+
+fn kind(device_type: DeviceType) -> AdapterKind {
+    match device_type {
+        DeviceType::DiscreteGpu => AdapterKind::Discrete,
+        DeviceType::IntegratedGpu => AdapterKind::Integrated,
+        DeviceType::VirtualGpu => AdapterKind::Virtual,
+        DeviceType::Other => AdapterKind::Other,
+        DeviceType::Cpu => AdapterKind::Software,
+    }
+}
+
+fn facts(adapter: &wgpu::Adapter) -> AdapterFacts {
+    let info = adapter.get_info();
+    let limits = adapter.limits();
+    AdapterFacts {
+        kind: kind(info.device_type),
+        backend: format!("{:?}", info.backend),
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+        name: info.name,
+        max_binding_bytes: limits.max_storage_buffer_binding_size,
+        max_buffer_bytes: limits.max_buffer_size,
+        has_timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_there_is_said_with_what_there_is() {
+        let error = choose(&Choice::Named("no such adapter".to_owned())).unwrap_err().to_string();
+        assert!(error.starts_with("no adapter for device 'no such adapter': "), "{error}");
+    }
+
+    #[test]
+    fn software_comes_last() {
+        let kinds: Vec<_> = adapters().iter().map(|facts| facts.kind).collect();
+        assert!(kinds.is_sorted(), "{kinds:?}");
+        assert!(AdapterKind::Discrete < AdapterKind::Integrated && AdapterKind::Other < AdapterKind::Software);
+    }
+}

@@ -1,0 +1,136 @@
+//! Typed arrays in the device's memory.
+
+use std::{marker::PhantomData, sync::mpsc};
+
+use bytemuck::Pod;
+use wgpu::{BufferDescriptor, BufferUsages, MapMode};
+
+use crate::{Gpu, GpuError};
+
+/// `len` values of `T` in the device's memory; never without a word, for an empty binding is not allowed.
+pub struct Buffer<T> {
+    pub(crate) raw: wgpu::Buffer,
+    len: usize,
+    values: PhantomData<T>,
+}
+
+impl<T> Buffer<T> {
+    /// Number of values.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Bytes that the device keeps.
+    #[must_use]
+    pub fn n_bytes(&self) -> u64 {
+        self.raw.size()
+    }
+}
+
+impl Gpu {
+    /// A storage buffer that holds `values`.
+    ///
+    /// # Errors
+    /// More bytes than a binding may have, or than the device's memory holds.
+    pub fn buffer<T: Pod>(&self, what: &str, values: &[T]) -> Result<Buffer<T>, GpuError> {
+        let buffer = self.zeroed(what, values.len())?;
+        if !values.is_empty() {
+            self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
+        }
+        Ok(buffer)
+    }
+
+    /// A storage buffer of `len` zeros.
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`].
+    pub fn zeroed<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, GpuError> {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        self.allocate(what, len, usage, self.limits().max_storage_buffer_binding_size, "bytes of a storage binding")
+    }
+
+    /// A uniform buffer that holds one value.
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`].
+    pub fn uniform<T: Pod>(&self, what: &str, value: &T) -> Result<Buffer<T>, GpuError> {
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let most = self.limits().max_uniform_buffer_binding_size;
+        let buffer = self.allocate(what, 1, usage, most, "bytes of a uniform binding")?;
+        self.queue.write_buffer(&buffer.raw, 0, bytemuck::bytes_of(value));
+        Ok(buffer)
+    }
+
+    /// Writes `values` over the first of `buffer`'s, before what is submitted next.
+    pub fn write<T: Pod>(&self, buffer: &Buffer<T>, values: &[T]) {
+        assert!(values.len() <= buffer.len, "a buffer of {} takes no {} values", buffer.len, values.len());
+        self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
+    }
+
+    /// Where timestamps go.
+    pub(crate) fn resolve_target(&self, len: usize) -> Result<Buffer<u64>, GpuError> {
+        let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
+        self.allocate("timestamps", len, usage, self.limits().max_buffer_size, "bytes of a buffer")
+    }
+
+    fn allocate<T: Pod>(
+        &self,
+        what: &str,
+        len: usize,
+        usage: BufferUsages,
+        most: u64,
+        limit: &'static str,
+    ) -> Result<Buffer<T>, GpuError> {
+        self.check()?;
+        // Sizes are multiples of a word; what has no value still has a word.
+        let size = (len * size_of::<T>()).max(size_of::<T>().max(4)).next_multiple_of(4) as u64;
+        let most = most.min(self.limits().max_buffer_size);
+        if size > most {
+            let remedy = "use a smaller scene or --device cpu";
+            return Err(GpuError::Limit { what: what.to_owned(), need: size, limit, most, remedy });
+        }
+        let descriptor = BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
+        let raw = self.device.create_buffer(&descriptor);
+        self.check()?;
+        Ok(Buffer { raw, len, values: PhantomData })
+    }
+
+    /// The values of `buffer` after all that was submitted.
+    ///
+    /// # Errors
+    /// A device that is lost, or does not finish.
+    pub fn read<T: Pod>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, GpuError> {
+        if buffer.is_empty() {
+            return Ok(vec![]);
+        }
+        self.check()?;
+        let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+        let size = buffer.raw.size();
+        let descriptor = BufferDescriptor { label: Some("read back"), size, usage, mapped_at_creation: false };
+        let staging = self.device.create_buffer(&descriptor);
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(&buffer.raw, 0, &staging, 0, size);
+        let submission = self.queue.submit([encoder.finish()]);
+        let (send, receive) = mpsc::channel();
+        staging.map_async(MapMode::Read, .., move |result| {
+            // The receiver is gone only where the wait has failed.
+            let _ = send.send(result);
+        });
+        self.wait(Some(submission))?;
+        match receive.recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(GpuError::Lost { message: error.to_string() }),
+            Err(error) => return Err(GpuError::Lost { message: error.to_string() }),
+        }
+        let view = staging.get_mapped_range(..).map_err(|error| GpuError::Lost { message: error.to_string() })?;
+        let n_bytes = buffer.len * size_of::<T>();
+        Ok(bytemuck::pod_collect_to_vec(&view[..n_bytes]))
+    }
+}

@@ -1,0 +1,155 @@
+//! An open device.
+
+use std::{
+    collections::HashMap,
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
+
+use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, PollType, SubmissionIndex, Trace};
+
+use crate::{AdapterFacts, Choice, GpuError, Kernel, Specialisation, adapter};
+
+/// Longest wait for a submission, which should take about 100 ms: beyond this the device hangs.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Most storage buffers of a stage that any of our kernels asks for.
+const STORAGE_BUFFERS: u32 = 24;
+
+/// An open device with its queue, and the kernels compiled on it.
+///
+/// Errors that the driver reports late are kept and returned by the next call that can fail.
+pub struct Gpu {
+    facts: AdapterFacts,
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    limits: Limits,
+    trouble: Arc<Mutex<Option<GpuError>>>,
+    kernels: Mutex<HashMap<String, Arc<Kernel>>>,
+}
+
+impl Gpu {
+    /// Opens the chosen adapter.
+    ///
+    /// # Errors
+    /// No such adapter, or one that gives no device.
+    pub fn open(choice: &Choice) -> Result<Self, GpuError> {
+        Self::with_limits(choice, |limits| limits)
+    }
+
+    /// Opens the chosen adapter with limits that `lower` lowers: to see what weaker devices would do.
+    ///
+    /// # Errors
+    /// As [`Gpu::open`].
+    pub fn with_limits(choice: &Choice, lower: impl FnOnce(Limits) -> Limits) -> Result<Self, GpuError> {
+        let (adapter, facts) = adapter::choose(choice)?;
+        // What every device has, raised only where our kernels need it: a device takes no more than was asked for.
+        let most = adapter.limits();
+        let limits = lower(Limits {
+            max_storage_buffer_binding_size: most.max_storage_buffer_binding_size,
+            max_buffer_size: most.max_buffer_size,
+            max_storage_buffers_per_shader_stage: most.max_storage_buffers_per_shader_stage.min(STORAGE_BUFFERS),
+            max_compute_workgroup_storage_size: most.max_compute_workgroup_storage_size.min(32_768),
+            max_color_attachment_bytes_per_sample: most.max_color_attachment_bytes_per_sample.min(64),
+            ..Limits::defaults()
+        });
+        let (device, queue) = pollster::block_on(adapter.request_device(&DeviceDescriptor {
+            label: Some("canted"),
+            required_features: adapter.features() & Features::TIMESTAMP_QUERY,
+            required_limits: limits.clone(),
+            experimental_features: ExperimentalFeatures::disabled(),
+            memory_hints: MemoryHints::Performance,
+            trace: Trace::Off,
+        }))
+        .map_err(|error| GpuError::Refused { adapter: facts.name.clone(), message: error.to_string() })?;
+        let trouble = Arc::new(Mutex::new(None));
+        let (late, lost) = (trouble.clone(), trouble.clone());
+        // Without a handler errors outside a scope panic.
+        device.on_uncaptured_error(Arc::new(move |error| keep(&late, from_wgpu(&error))));
+        device.set_device_lost_callback(move |reason, message| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                keep(&lost, GpuError::Lost { message });
+            }
+        });
+        Ok(Self { facts, device, queue, limits, trouble, kernels: Mutex::default() })
+    }
+
+    /// What the adapter is.
+    #[must_use]
+    pub fn facts(&self) -> &AdapterFacts {
+        &self.facts
+    }
+
+    /// What the device allows.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// Whether passes can be timed.
+    #[must_use]
+    pub fn has_timestamps(&self) -> bool {
+        self.device.features().contains(Features::TIMESTAMP_QUERY)
+    }
+
+    /// Kernel `name` as `chosen`, compiled once.
+    ///
+    /// # Errors
+    /// A kernel that is not valid, or that the device's limits do not allow.
+    pub fn kernel(&self, name: &str, chosen: &Specialisation) -> Result<Arc<Kernel>, GpuError> {
+        let key = format!("{name} {chosen:?}");
+        let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = kernels.get(&key) {
+            return Ok(kernel.clone());
+        }
+        let kernel = Arc::new(Kernel::new(self, name, chosen)?);
+        kernels.insert(key, kernel.clone());
+        Ok(kernel)
+    }
+
+    /// The first error that the device reported since the last call, if any.
+    ///
+    /// # Errors
+    /// That error.
+    pub fn check(&self) -> Result<(), GpuError> {
+        let mut trouble = self.trouble.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*trouble {
+            None => Ok(()),
+            // A lost device stays lost.
+            Some(error @ GpuError::Lost { .. }) => Err(error.clone()),
+            Some(_) => Err(trouble.take().expect("matched")),
+        }
+    }
+
+    /// Waits until the device has done a submission, or all of them.
+    pub(crate) fn wait(&self, submission: Option<SubmissionIndex>) -> Result<(), GpuError> {
+        let poll = PollType::Wait { submission_index: submission, timeout: Some(PATIENCE) };
+        match self.device.poll(poll) {
+            Ok(_) => self.check(),
+            Err(wgpu::PollError::Timeout) => Err(GpuError::TimedOut { seconds: PATIENCE.as_secs() }),
+            Err(error) => Err(GpuError::Invalid { message: error.to_string() }),
+        }
+    }
+
+    /// Loses the device as a driver would, to see what becomes of its callers.
+    #[doc(hidden)]
+    pub fn lose(&self) {
+        keep(&self.trouble, GpuError::Lost { message: "destroyed by its owner".to_owned() });
+        self.device.destroy();
+    }
+}
+
+fn keep(trouble: &Mutex<Option<GpuError>>, error: GpuError) {
+    // The first error is the cause; a loss outweighs what followed from it.
+    let mut kept = trouble.lock().unwrap_or_else(PoisonError::into_inner);
+    if kept.is_none() || matches!(error, GpuError::Lost { .. }) {
+        *kept = Some(error);
+    }
+}
+
+fn from_wgpu(error: &wgpu::Error) -> GpuError {
+    match error {
+        wgpu::Error::OutOfMemory { source } => GpuError::OutOfMemory { what: source.to_string() },
+        error => GpuError::Invalid { message: error.to_string().replace('\n', " ") },
+    }
+}

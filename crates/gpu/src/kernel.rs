@@ -1,0 +1,82 @@
+//! Compiled kernels.
+
+use canted_shaders::{Binding, BindingKind, Entry, Shader, Specialisation};
+use wgpu::{ComputePipelineDescriptor, Limits, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource};
+
+use crate::{Gpu, GpuError};
+
+/// A compute kernel on a device.
+pub struct Kernel {
+    pub(crate) name: String,
+    pub(crate) pipeline: wgpu::ComputePipeline,
+    entry: Entry,
+}
+
+impl Kernel {
+    pub(crate) fn new(gpu: &Gpu, name: &str, chosen: &Specialisation) -> Result<Self, GpuError> {
+        gpu.check()?;
+        let shader = Shader::new(name, chosen)?;
+        let entry =
+            shader.entry("main").ok_or_else(|| GpuError::Invalid { message: format!("'{name}' has no main") })?;
+        fits(name, entry, gpu.limits())?;
+        let module = gpu.device.create_shader_module(ShaderModuleDescriptor {
+            label: Some(name),
+            source: ShaderSource::Wgsl(shader.source.as_str().into()),
+        });
+        let constants: Vec<(&str, f64)> =
+            shader.overrides.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        let pipeline = gpu.device.create_compute_pipeline(&ComputePipelineDescriptor {
+            label: Some(name),
+            layout: None,
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: PipelineCompilationOptions { constants: &constants, ..Default::default() },
+            cache: None,
+        });
+        gpu.check()?;
+        Ok(Self { name: name.to_owned(), pipeline, entry: entry.clone() })
+    }
+
+    /// What it binds.
+    #[must_use]
+    pub fn bindings(&self) -> &[Binding] {
+        &self.entry.bindings
+    }
+
+    /// Invocations of a work-group.
+    #[must_use]
+    pub fn group_size(&self) -> u32 {
+        self.entry.workgroup_size.iter().product()
+    }
+
+    /// Work-groups for `items` invocations, in rows that no axis's limit cuts: see `shared/groups.wgsl`.
+    #[must_use]
+    pub fn groups(&self, items: u32) -> [u32; 3] {
+        const MOST: u32 = 65_535;
+        let groups = items.div_ceil(self.group_size());
+        // Rows as even as may be, so that few groups have nothing to do.
+        let rows = groups.div_ceil(MOST).max(1);
+        [groups.div_ceil(rows), rows, 1]
+    }
+}
+
+/// Whether the device's limits allow a kernel; `wgpu` does not check all of them.
+pub(crate) fn fits(kernel: &str, entry: &Entry, limits: &Limits) -> Result<(), GpuError> {
+    let remedy = "use --device cpu";
+    let check = |need: u32, most: u32, limit: &'static str| {
+        if need <= most {
+            return Ok(());
+        }
+        Err(GpuError::Limit { what: format!("kernel '{kernel}'"), need: need.into(), limit, most: most.into(), remedy })
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "bindings are few")]
+    let count =
+        |wanted: fn(&BindingKind) -> bool| entry.bindings.iter().filter(|binding| wanted(&binding.kind)).count() as u32;
+    let invocations: u32 = entry.workgroup_size.iter().product();
+    check(invocations, limits.max_compute_invocations_per_workgroup, "invocations of a work-group")?;
+    check(entry.workgroup_bytes, limits.max_compute_workgroup_storage_size, "bytes of workgroup memory")?;
+    let storage = count(|kind| matches!(kind, BindingKind::Storage { .. }));
+    check(storage, limits.max_storage_buffers_per_shader_stage, "storage buffers of a stage")?;
+    let uniform = count(|kind| matches!(kind, BindingKind::Uniform));
+    check(uniform, limits.max_uniform_buffers_per_shader_stage, "uniform buffers of a stage")
+}

@@ -1,0 +1,74 @@
+//! Devices, buffers and dispatches.
+
+use canted_gpu::{Choice, Gpu, GpuError, Specialisation, loop_turns};
+
+/// The best adapter, or the sentence of a skipped test.
+fn gpu(test: &str) -> Option<Gpu> {
+    match Gpu::open(&Choice::Best) {
+        Ok(gpu) => Some(gpu),
+        Err(error) => {
+            println!("skipped {test}: {error}");
+            None
+        }
+    }
+}
+
+#[test]
+fn buffers_come_back_as_they_went() {
+    let Some(gpu) = gpu("buffers_come_back_as_they_went") else { return };
+    for n in [0_u32, 1, 3, 1000] {
+        let values: Vec<u32> = (0..n).collect();
+        assert_eq!(gpu.read(&gpu.buffer("values", &values).unwrap()).unwrap(), values);
+    }
+}
+
+#[test]
+fn a_kernel_runs_and_is_timed() {
+    let Some(gpu) = gpu("a_kernel_runs_and_is_timed") else { return };
+    assert_eq!(loop_turns(&gpu, 1000).unwrap(), 1000);
+    let kernel = gpu.kernel("check/loops", &Specialisation::none()).unwrap();
+    let wanted = gpu.uniform("wanted", &[7_u32, 0, 0, 0]).unwrap();
+    let counted = gpu.zeroed::<u32>("counted", 5000).unwrap();
+    let mut work = gpu.timed_work();
+    work.dispatch(&kernel, &[("wanted", &wanted), ("counted", &counted)], kernel.groups(5000)).unwrap();
+    let times = work.times().unwrap();
+    assert_eq!(times.len(), usize::from(gpu.has_timestamps()));
+    assert!(gpu.read(&counted).unwrap().iter().all(|&turns| turns == 7));
+}
+
+#[test]
+fn what_is_not_given_is_named() {
+    let Some(gpu) = gpu("what_is_not_given_is_named") else { return };
+    let kernel = gpu.kernel("check/loops", &Specialisation::none()).unwrap();
+    let counted = gpu.zeroed::<u32>("counted", 1).unwrap();
+    let error = gpu.work().dispatch(&kernel, &[("counted", &counted)], [1, 1, 1]).unwrap_err().to_string();
+    assert!(error.contains("'check/loops' binds 'wanted', which is not given"), "{error}");
+}
+
+#[test]
+fn a_low_limit_is_refused_with_limit_need_and_remedy() {
+    let lowered = Gpu::with_limits(&Choice::Best, |limits| canted_gpu::Limits {
+        max_storage_buffer_binding_size: 1 << 20,
+        ..limits
+    });
+    let Ok(gpu) = lowered else {
+        println!("skipped a_low_limit_is_refused_with_limit_need_and_remedy: no adapter");
+        return;
+    };
+    let error = gpu.zeroed::<u32>("the nodes", 1 << 20).err().expect("4 MiB do not fit in 1 MiB").to_string();
+    assert_eq!(
+        error,
+        "the nodes needs 4194304 of bytes of a storage binding, the device has 1048576; use a smaller scene or --device cpu"
+    );
+}
+
+#[test]
+fn a_lost_device_stays_lost() {
+    let Some(gpu) = gpu("a_lost_device_stays_lost") else { return };
+    let buffer = gpu.buffer("values", &[1_u32, 2]).unwrap();
+    gpu.lose();
+    for _ in 0..2 {
+        assert!(matches!(gpu.read(&buffer), Err(GpuError::Lost { .. })));
+        assert!(matches!(gpu.zeroed::<u32>("more", 4).err(), Some(GpuError::Lost { .. })));
+    }
+}

@@ -1,0 +1,18 @@
+//! The GPU's kernels in WGSL, and what can be known of them without a device.
+//!
+//! One kernel a file, in folders named as the CPU's stations; what several share lies in `shared/`. A kernel's entry point is
+//! `main`; a file with a vertex and a fragment stage has `vertex` and `fragment`. Nothing here names a device: [`Shader`] is text,
+//! and the facts that a caller binds buffers and chooses work-groups by, read by `naga` from the text as it will be compiled.
+//!
+//! ```text
+//! file -> source (parts, choices, constants) -> Shader (entries, bindings, work-group, layouts)
+//! ```
+#![forbid(unsafe_code)]
+
+mod error;
+mod reflection;
+mod source;
+
+pub use error::ShaderError;
+pub use reflection::{Binding, BindingKind, Entry, Layout, Shader, Stage};
+pub use source::{FILES, Specialisation, assemble, kernels};

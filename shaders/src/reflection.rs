@@ -1,0 +1,225 @@
+//! What a kernel binds, uses and lays out, as `naga` reads it.
+
+use naga::{
+    AddressSpace, Module, StorageAccess, TypeInner,
+    valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
+};
+
+use crate::{ShaderError, Specialisation, assemble};
+
+/// A kernel ready to be compiled, and what its caller must know.
+#[derive(Clone, Debug)]
+pub struct Shader {
+    /// The file's name.
+    pub name: String,
+    /// WGSL, with all parts.
+    pub source: String,
+    /// What the overrides are.
+    pub overrides: Vec<(String, f64)>,
+    /// Its stages, in the order of the text.
+    pub entries: Vec<Entry>,
+    /// Its structures.
+    pub layouts: Vec<Layout>,
+}
+
+/// A stage of a kernel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Name of the function.
+    pub name: String,
+    /// What it is.
+    pub stage: Stage,
+    /// Invocations of a work-group along each axis; zero for other stages.
+    pub workgroup_size: [u32; 3],
+    /// Memory that a work-group shares, bytes.
+    pub workgroup_bytes: u32,
+    /// What this stage uses, by group and number.
+    pub bindings: Vec<Binding>,
+}
+
+/// Kinds of stages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Work-groups over buffers.
+    Compute,
+    /// Vertices of a raster pass.
+    Vertex,
+    /// Pixels of a raster pass.
+    Fragment,
+}
+
+/// A resource that a stage uses.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// Number of its group.
+    pub group: u32,
+    /// Number in the group.
+    pub number: u32,
+    /// Name of the variable, by which a caller gives it.
+    pub name: String,
+    /// What it is.
+    pub kind: BindingKind,
+    /// Bytes of the fixed part, and of one element of an array without a size.
+    pub least_bytes: u32,
+}
+
+/// Kinds of resources.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindingKind {
+    /// A small block that is read.
+    Uniform,
+    /// A buffer, and whether the kernel writes it.
+    Storage {
+        /// The kernel writes it.
+        writes: bool,
+    },
+    /// A texture, sampled or written.
+    Texture,
+    /// A sampler.
+    Sampler,
+}
+
+/// A structure as the device sees it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Its name.
+    pub name: String,
+    /// Name and offset in bytes of each member.
+    pub members: Vec<(String, u32)>,
+    /// Bytes, with padding.
+    pub size: u32,
+}
+
+impl Shader {
+    /// Kernel `name` as `chosen`, checked.
+    ///
+    /// # Errors
+    /// What [`assemble`] refuses, text that `naga` refuses, overrides that the kernel lacks or that have no value.
+    pub fn new(name: &str, chosen: &Specialisation) -> Result<Self, ShaderError> {
+        let source = assemble(name, chosen)?;
+        let (module, info) = specialised(name, &source, chosen.overrides())?;
+        let entries = (0..module.entry_points.len()).map(|index| entry(&module, &info, index)).collect();
+        let layouts = module.types.iter().filter_map(|(_, ty)| layout(ty)).collect();
+        Ok(Self { name: name.to_owned(), source, overrides: chosen.overrides().to_vec(), entries, layouts })
+    }
+
+    /// The stage of this name.
+    #[must_use]
+    pub fn entry(&self, name: &str) -> Option<&Entry> {
+        self.entries.iter().find(|entry| entry.name == name)
+    }
+
+    /// The structure of this name.
+    #[must_use]
+    pub fn layout(&self, name: &str) -> Option<&Layout> {
+        self.layouts.iter().find(|layout| layout.name == name)
+    }
+}
+
+/// The module of a text whose overrides have values.
+pub(crate) fn specialised(
+    name: &str,
+    source: &str,
+    overrides: &[(String, f64)],
+) -> Result<(Module, ModuleInfo), ShaderError> {
+    let invalid = |message: String| ShaderError::Invalid { kernel: name.to_owned(), message };
+    let module = naga::front::wgsl::parse_str(source).map_err(|error| invalid(error.emit_to_string(source)))?;
+    for (known, _) in overrides {
+        if !module.overrides.iter().any(|(_, o)| o.name.as_deref() == Some(known)) {
+            return Err(ShaderError::NotOpen { kernel: name.to_owned(), what: known.clone() });
+        }
+    }
+    // No capability beyond what every device has: what needs more fails here and not on a stranger's machine.
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+    let info = validator.validate(&module).map_err(|error| invalid(error.emit_to_string(source)))?;
+    let values = overrides.iter().cloned().collect();
+    let (module, info) = naga::back::pipeline_constants::process_overrides(&module, &info, None, &values)
+        .map_err(|error| invalid(error.to_string()))?;
+    Ok((module.into_owned(), info.into_owned()))
+}
+
+fn entry(module: &Module, info: &ModuleInfo, index: usize) -> Entry {
+    let point = &module.entry_points[index];
+    let used = info.get_entry_point(index);
+    let mut bindings = vec![];
+    let mut workgroup_bytes = 0;
+    for (handle, variable) in module.global_variables.iter().filter(|(handle, _)| !used[*handle].is_empty()) {
+        let size = module.types[variable.ty].inner.size(module.to_ctx());
+        if variable.space == AddressSpace::WorkGroup {
+            workgroup_bytes += size.next_multiple_of(16);
+        }
+        let Some(place) = &variable.binding else { continue };
+        bindings.push(Binding {
+            group: place.group,
+            number: place.binding,
+            name: variable.name.clone().unwrap_or_default(),
+            kind: kind(&module.types[variable.ty].inner, variable.space, used[handle]),
+            least_bytes: size,
+        });
+    }
+    bindings.sort_by_key(|binding| (binding.group, binding.number));
+    Entry {
+        name: point.name.clone(),
+        stage: match point.stage {
+            naga::ShaderStage::Vertex => Stage::Vertex,
+            naga::ShaderStage::Fragment => Stage::Fragment,
+            _ => Stage::Compute,
+        },
+        workgroup_size: point.workgroup_size,
+        workgroup_bytes,
+        bindings,
+    }
+}
+
+fn kind(inner: &TypeInner, space: AddressSpace, used: naga::valid::GlobalUse) -> BindingKind {
+    match (inner, space) {
+        (TypeInner::Sampler { .. }, _) => BindingKind::Sampler,
+        (TypeInner::Image { .. }, _) => BindingKind::Texture,
+        (_, AddressSpace::Uniform) => BindingKind::Uniform,
+        (_, AddressSpace::Storage { access }) => BindingKind::Storage {
+            // A layout is made from the declaration, whatever the kernel does.
+            writes: access.contains(StorageAccess::STORE) || used.contains(naga::valid::GlobalUse::WRITE),
+        },
+        _ => BindingKind::Uniform,
+    }
+}
+
+fn layout(ty: &naga::Type) -> Option<Layout> {
+    let TypeInner::Struct { members, span } = &ty.inner else { return None };
+    let members = members.iter().map(|member| (member.name.clone().unwrap_or_default(), member.offset)).collect();
+    Some(Layout { name: ty.name.clone()?, members, size: *span })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kernel_says_what_it_binds() {
+        let shader = Shader::new("check/loops", &Specialisation::none()).unwrap();
+        let main = shader.entry("main").unwrap();
+        assert_eq!(main.workgroup_size, [64, 1, 1]);
+        let bindings: Vec<_> = main.bindings.iter().map(|b| (b.number, b.name.as_str(), b.kind)).collect();
+        assert_eq!(
+            bindings,
+            [(0, "wanted", BindingKind::Uniform), (1, "counted", BindingKind::Storage { writes: true })]
+        );
+    }
+
+    #[test]
+    fn wrong_text_is_refused_with_its_place() {
+        let error = specialised("x", "fn f() -> u32 { return 1.5; }", &[]).unwrap_err().to_string();
+        assert!(error.starts_with("kernel 'x' is not valid") && error.contains("1.5"), "{error}");
+    }
+
+    #[test]
+    fn overrides_size_what_work_groups_share() {
+        let text = "override N: u32 = 4u; var<workgroup> shared_words: array<u32, N>;
+            @compute @workgroup_size(N) fn main(@builtin(local_invocation_index) i: u32) { shared_words[i] = i; }";
+        let (module, info) = specialised("x", text, &[("N".to_owned(), 64.0)]).unwrap();
+        let entry = entry(&module, &info, 0);
+        assert_eq!((entry.workgroup_size, entry.workgroup_bytes), ([64, 1, 1], 256));
+        let error = specialised("x", text, &[("M".to_owned(), 1.0)]).unwrap_err();
+        assert_eq!(error.to_string(), "kernel 'x' has no 'M' to choose");
+    }
+}
