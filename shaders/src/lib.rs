@@ -7,6 +7,9 @@
 //! ```text
 //! file -> source (parts, choices, constants) -> Shader (entries, bindings, work-group, layouts)
 //! ```
+//!
+//! Parts that kernels share bind in groups of their own, so that any of them go together: 0 is what rays are traced through, 1
+//! the picture and its samples, 2 the surfaces, 3 the lights. A kernel without them numbers as it likes.
 #![forbid(unsafe_code)]
 
 mod error;
