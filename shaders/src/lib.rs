@@ -13,9 +13,11 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod lint;
 mod reflection;
 mod source;
 
 pub use error::ShaderError;
+pub use lint::complaints;
 pub use reflection::{Binding, BindingKind, Entry, Layout, Shader, Stage};
 pub use source::{FILES, Specialisation, assemble, kernels};

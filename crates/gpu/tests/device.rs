@@ -6,11 +6,14 @@ use canted_gpu::{Choice, Gpu, GpuError, Specialisation, loop_turns};
 fn gpu(test: &str) -> Option<Gpu> {
     match Gpu::open(&Choice::Best) {
         Ok(gpu) => Some(gpu),
-        Err(error) => {
-            println!("skipped {test}: {error}");
-            None
-        }
+        Err(error) => skip(test, &error.to_string()),
     }
+}
+
+#[expect(clippy::print_stderr, reason = "a skipped test says so")]
+fn skip<T>(test: &str, reason: &str) -> Option<T> {
+    eprintln!("skipped {test}: {reason}");
+    None
 }
 
 #[test]
@@ -52,7 +55,7 @@ fn a_low_limit_is_refused_with_limit_need_and_remedy() {
         ..limits
     });
     let Ok(gpu) = lowered else {
-        println!("skipped a_low_limit_is_refused_with_limit_need_and_remedy: no adapter");
+        skip::<()>("a_low_limit_is_refused_with_limit_need_and_remedy", "no adapter");
         return;
     };
     let error = gpu.zeroed::<u32>("the nodes", 1 << 20).err().expect("4 MiB do not fit in 1 MiB").to_string();

@@ -1,0 +1,306 @@
+//! Barriers that some invocations of a work-group may not reach.
+//!
+//! On such a barrier a GPU hangs or goes on with half of the data; `naga` lets it pass. A value is uniform where all
+//! invocations of a work-group have the same: constants, uniforms, what is read from memory that no kernel writes at a
+//! uniform place, `workgroupUniformLoad`, numbers of work-groups. Control flow varies behind a condition that is not
+//! uniform, behind a `return` that only some take, and in a loop that some leave earlier.
+//!
+//! A local variable counts as varying everywhere if any store to it does, so the check may refuse what is sound, but lets
+//! nothing pass that is not; pointers handed to functions make what they point to vary.
+
+use std::collections::{HashMap, HashSet};
+
+use naga::{
+    AddressSpace, Binding, Block, BuiltIn, Expression, Function, Handle, LocalVariable, Module, Span, Statement,
+    StorageAccess,
+};
+
+/// A barrier in varying control flow: where.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Stray {
+    pub(super) span: Span,
+}
+
+/// The barriers of all entry points that not all invocations of a work-group need reach.
+pub(super) fn stray_barriers(module: &Module) -> Vec<Stray> {
+    let mut checker = Checker { module, stray: vec![] };
+    for point in module.entry_points.iter().filter(|point| point.stage == naga::ShaderStage::Compute) {
+        let arguments = point.function.arguments.iter().map(|argument| is_uniform_builtin(argument.binding.as_ref()));
+        checker.function(&point.function, arguments.collect(), false);
+    }
+    checker.stray.dedup();
+    checker.stray
+}
+
+fn is_uniform_builtin(binding: Option<&Binding>) -> bool {
+    matches!(binding, Some(Binding::BuiltIn(BuiltIn::WorkGroupId | BuiltIn::NumWorkGroups | BuiltIn::WorkGroupSize)))
+}
+
+struct Checker<'a> {
+    module: &'a Module,
+    stray: Vec<Stray>,
+}
+
+/// How control leaves a block while some invocations stay in it.
+#[derive(Clone, Copy, Default)]
+struct Left {
+    function: bool,
+    /// By `break`.
+    turn: bool,
+    /// By `continue`.
+    rest: bool,
+}
+
+impl Left {
+    fn join(&mut self, other: Self) {
+        self.function |= other.function;
+        self.turn |= other.turn;
+        self.rest |= other.rest;
+    }
+
+    fn any(self) -> bool {
+        self.function || self.turn || self.rest
+    }
+}
+
+/// What is known of a call of a function.
+struct Frame<'a> {
+    function: &'a Function,
+    /// Whether each argument is uniform.
+    arguments: Vec<bool>,
+    varying: HashSet<Handle<LocalVariable>>,
+    /// Whether the result of a call or of `workgroupUniformLoad` is uniform.
+    results: HashMap<Handle<Expression>, bool>,
+    returns_uniform: bool,
+}
+
+impl<'a> Checker<'a> {
+    /// Follows a call; whether what it returns is uniform.
+    fn function(&mut self, function: &'a Function, arguments: Vec<bool>, varies: bool) -> bool {
+        let results = HashMap::new();
+        let mut frame = Frame { function, arguments, varying: HashSet::new(), results, returns_uniform: true };
+        // What loops store is known after a turn or more: until nothing new varies.
+        loop {
+            let (n_varying, n_stray) = (frame.varying.len(), self.stray.len());
+            frame.returns_uniform = true;
+            self.block(&mut frame, &function.body, varies);
+            if frame.varying.len() == n_varying {
+                return frame.returns_uniform;
+            }
+            self.stray.truncate(n_stray);
+        }
+    }
+
+    fn block(&mut self, frame: &mut Frame<'a>, block: &'a Block, mut varies: bool) -> Left {
+        let outside = varies;
+        let mut left = Left::default();
+        for (statement, span) in block.span_iter() {
+            let now = self.statement(frame, statement, *span, varies);
+            left.join(now);
+            // Behind a place that only some leave by, the others are alone.
+            varies = outside || left.any();
+        }
+        left
+    }
+
+    fn statement(&mut self, frame: &mut Frame<'a>, statement: &'a Statement, span: Span, varies: bool) -> Left {
+        match statement {
+            Statement::Block(block) => return self.block(frame, block, varies),
+            Statement::If { condition, accept, reject } => {
+                let varies = varies || !self.is_uniform(frame, *condition);
+                let mut left = self.block(frame, accept, varies);
+                left.join(self.block(frame, reject, varies));
+                return left;
+            }
+            Statement::Switch { selector, cases } => {
+                let varies = varies || !self.is_uniform(frame, *selector);
+                let mut left = Left::default();
+                for case in cases {
+                    left.join(self.block(frame, &case.body, varies));
+                }
+                // A `break` leaves the switch alone.
+                return Left { turn: false, ..left };
+            }
+            Statement::Loop { body, continuing, break_if } => {
+                return self.repeated(frame, body, continuing, *break_if, varies);
+            }
+            Statement::Break => return Left { turn: varies, ..Left::default() },
+            Statement::Continue => return Left { rest: varies, ..Left::default() },
+            Statement::Kill => return Left { function: varies, ..Left::default() },
+            Statement::Return { value } => {
+                let uniform = !varies && value.is_none_or(|value| self.is_uniform(frame, value));
+                frame.returns_uniform &= uniform;
+                return Left { function: varies, ..Left::default() };
+            }
+            Statement::ControlBarrier(_) => self.barrier(span, varies),
+            Statement::WorkGroupUniformLoad { result, .. } => {
+                self.barrier(span, varies);
+                frame.results.insert(*result, true);
+            }
+            Statement::Store { pointer, value }
+                if varies || !self.is_uniform(frame, *value) || !self.is_uniform_place(frame, *pointer) =>
+            {
+                self.makes_varying(frame, *pointer);
+            }
+            Statement::Call { function, arguments, result } => {
+                let uniform: Vec<bool> = arguments.iter().map(|&argument| self.is_uniform(frame, argument)).collect();
+                for &argument in arguments {
+                    self.makes_varying(frame, argument);
+                }
+                let is_uniform = self.function(&self.module.functions[*function], uniform, varies);
+                if let Some(result) = result {
+                    frame.results.insert(*result, is_uniform);
+                }
+            }
+            _ => {}
+        }
+        Left::default()
+    }
+
+    fn repeated(
+        &mut self,
+        frame: &mut Frame<'a>,
+        body: &'a Block,
+        continuing: &'a Block,
+        break_if: Option<Handle<Expression>>,
+        varies: bool,
+    ) -> Left {
+        let n_stray = self.stray.len();
+        let mut varies = varies;
+        loop {
+            let mut left = self.block(frame, body, varies);
+            // All that go on meet again before the next turn.
+            let alone = varies || left.function || left.turn;
+            left.join(self.block(frame, continuing, alone));
+            left.turn |= break_if.is_some_and(|condition| !self.is_uniform(frame, condition));
+            if varies || !(left.turn || left.function) {
+                return Left { function: left.function, ..Left::default() };
+            }
+            // Some leave earlier: those that stay do all turns alone.
+            varies = true;
+            self.stray.truncate(n_stray);
+        }
+    }
+
+    fn barrier(&mut self, span: Span, varies: bool) {
+        if varies {
+            self.stray.push(Stray { span });
+        }
+    }
+
+    /// Notes that the local variable behind a pointer varies, if there is one.
+    fn makes_varying(&self, frame: &mut Frame<'a>, pointer: Handle<Expression>) {
+        match frame.function.expressions[pointer] {
+            Expression::LocalVariable(variable) => {
+                frame.varying.insert(variable);
+            }
+            Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => self.makes_varying(frame, base),
+            _ => {}
+        }
+    }
+
+    /// Whether all indices on the way to a pointer's place are uniform.
+    fn is_uniform_place(&self, frame: &Frame<'a>, pointer: Handle<Expression>) -> bool {
+        match frame.function.expressions[pointer] {
+            Expression::Access { base, index } => self.is_uniform(frame, index) && self.is_uniform_place(frame, base),
+            Expression::AccessIndex { base, .. } => self.is_uniform_place(frame, base),
+            _ => true,
+        }
+    }
+
+    fn is_uniform(&self, frame: &Frame<'a>, expression: Handle<Expression>) -> bool {
+        let all = |list: &[Handle<Expression>]| list.iter().all(|&e| self.is_uniform(frame, e));
+        match &frame.function.expressions[expression] {
+            Expression::Literal(_)
+            | Expression::Constant(_)
+            | Expression::Override(_)
+            | Expression::ZeroValue(_)
+            | Expression::ArrayLength(_) => true,
+            Expression::FunctionArgument(index) => frame.arguments[*index as usize],
+            Expression::GlobalVariable(variable) => match self.module.global_variables[*variable].space {
+                AddressSpace::Uniform | AddressSpace::Handle | AddressSpace::Immediate => true,
+                AddressSpace::Storage { access } => !access.contains(StorageAccess::STORE),
+                _ => false,
+            },
+            Expression::LocalVariable(variable) => !frame.varying.contains(variable),
+            Expression::CallResult(_) | Expression::WorkGroupUniformLoadResult { .. } => {
+                frame.results.get(&expression).copied().unwrap_or(false)
+            }
+            Expression::Compose { components, .. } => all(components),
+            Expression::Access { base, index } => all(&[*base, *index]),
+            Expression::AccessIndex { base, .. } => all(&[*base]),
+            Expression::Splat { value, .. } => all(&[*value]),
+            Expression::Swizzle { vector, .. } => all(&[*vector]),
+            Expression::Load { pointer } => all(&[*pointer]),
+            Expression::Unary { expr, .. } | Expression::As { expr, .. } => all(&[*expr]),
+            Expression::Binary { left, right, .. } => all(&[*left, *right]),
+            Expression::Select { condition, accept, reject } => all(&[*condition, *accept, *reject]),
+            Expression::Relational { argument, .. } => all(&[*argument]),
+            Expression::Math { arg, arg1, arg2, arg3, .. } => {
+                let rest: Vec<_> = [Some(*arg), *arg1, *arg2, *arg3].into_iter().flatten().collect();
+                all(&rest)
+            }
+            // Atomics, images, subgroups, derivatives: assumed to differ.
+            _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn n_stray(body: &str) -> usize {
+        let text = format!(
+            "@group(0) @binding(0) var<uniform> turns: u32;
+             @group(0) @binding(1) var<storage, read> fixed: array<u32>;
+             @group(0) @binding(2) var<storage, read_write> words: array<u32>;
+             var<workgroup> both: array<u32, 64>;
+             fn meet() {{ workgroupBarrier(); }}
+             fn odd(i: u32) -> bool {{ return (i & 1u) == 1u; }}
+             @compute @workgroup_size(64)
+             fn main(@builtin(local_invocation_index) i: u32, @builtin(workgroup_id) group: vec3<u32>) {{ {body} }}"
+        );
+        stray_barriers(&naga::front::wgsl::parse_str(&text).unwrap()).len()
+    }
+
+    #[test]
+    fn barriers_that_all_reach_pass() {
+        for body in [
+            "workgroupBarrier();",
+            "for (var k = 0u; k < turns; k++) { both[i] = k; workgroupBarrier(); }",
+            "if fixed[group.x] > 3u { workgroupBarrier(); }",
+            "if group.x > 3u { return; } workgroupBarrier();",
+            "let n = workgroupUniformLoad(&both[0]); for (var k = 0u; k < n; k++) { meet(); }",
+            "if i < 3u { both[i] = 1u; } workgroupBarrier();",
+            "for (var k = 0u; k < i; k++) { both[i] += k; } workgroupBarrier();",
+            "loop { if turns > 3u { break; } workgroupBarrier(); }",
+            "if odd(group.x) { meet(); }",
+            "switch turns { case 1u: { workgroupBarrier(); } default: {} }",
+            "for (var k = 0u; k < 4u; k++) { if i < k { continue; } both[i] = k; } workgroupBarrier();",
+        ] {
+            assert_eq!(n_stray(body), 0, "{body}");
+        }
+    }
+
+    #[test]
+    fn barriers_that_some_miss_are_found() {
+        for body in [
+            "if i < 3u { workgroupBarrier(); }",
+            "if i < 3u { return; } workgroupBarrier();",
+            "for (var k = 0u; k < i; k++) { workgroupBarrier(); }",
+            "for (var k = 0u; k < words[0]; k++) { meet(); }",
+            "loop { if i > 3u { break; } workgroupBarrier(); }",
+            "loop { workgroupBarrier(); if both[0] > 3u { break; } }",
+            "for (var k = 0u; k < 4u; k++) { if i < k { continue; } workgroupBarrier(); }",
+            "var n = turns; if i == 2u { n = 5u; } for (var k = 0u; k < n; k++) { workgroupBarrier(); }",
+            "var n = turns; for (var k = 0u; k < 4u; k++) { if n > 3u { workgroupBarrier(); } n = i; }",
+            "if odd(i) { meet(); }",
+            "switch i { case 1u: { workgroupBarrier(); } default: {} }",
+            "let n = both[0]; if n == 3u { let m = workgroupUniformLoad(&both[1]); words[i] = m; }",
+            "loop { if i == 1u { return; } meet(); if turns == 1u { break; } }",
+        ] {
+            assert!(n_stray(body) > 0, "{body}");
+        }
+    }
+}
