@@ -18,7 +18,16 @@ macro_rules! files {
 }
 
 /// Every file by its path without the ending, and its text.
-pub const FILES: &[(&str, &str)] = files!["check/loops", "shared/groups"];
+pub const FILES: &[(&str, &str)] = files![
+    "check/arrival",
+    "check/loops",
+    "shared/angle",
+    "shared/groups",
+    "shared/light/arrival",
+    "shared/light/list",
+    "shared/numbers",
+    "shared/sampling",
+];
 
 /// What a caller chooses of a kernel.
 #[derive(Clone, Debug, Default, PartialEq)]

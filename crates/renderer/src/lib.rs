@@ -18,6 +18,7 @@ mod checkpoint;
 mod colormap;
 mod compare;
 mod content;
+mod device;
 mod digits;
 mod film;
 mod filter;

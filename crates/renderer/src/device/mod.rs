@@ -1,0 +1,5 @@
+//! Pictures on a device: what its kernels read, packed from what the CPU's integrators read.
+
+mod lights;
+#[cfg(test)]
+mod twins;
