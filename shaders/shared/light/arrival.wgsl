@@ -13,7 +13,7 @@ const DARK: u32 = 0u;
 /// A shadow ray ends at `place`.
 const NEAR: u32 = 1u;
 /// A shadow ray goes along `to_light` without end.
-const FAR: u32 = 2u;
+const ENDLESS: u32 = 2u;
 
 /// Light that would arrive at a point.
 struct Arrival {
@@ -23,7 +23,7 @@ struct Arrival {
     density: f32,
     /// Radiance over density; of a light without extent the irradiance on what faces it.
     radiance: vec3<f32>,
-    /// `DARK`, `NEAR` or `FAR`.
+    /// `DARK`, `NEAR` or `ENDLESS`.
     reach: u32,
     /// The point of the light, where it is near.
     place: vec3<f32>,
@@ -36,7 +36,7 @@ fn no_arrival() -> Arrival {
 /// What comes from a light of the list to a point; `square` is used by lights that have an extent.
 fn arrival_of(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> Arrival {
     switch light.kind {
-        case SUN: { return Arrival(-light.direction, 0.0, bounded(light.color), FAR, vec3(0.0)); }
+        case SUN: { return Arrival(-light.direction, 0.0, bounded(light.color), ENDLESS, vec3(0.0)); }
         case BALL: { return ball_arrival(light, at, square); }
         case DISC: { return disc_arrival(light, at, square); }
         default: { return point_arrival(light, at); }
