@@ -11,6 +11,8 @@ pub(crate) struct Count {
     pub(crate) failed: usize,
     /// Tests that were ignored, or said that they lacked something.
     pub(crate) skipped: usize,
+    /// Of those, tests that found no GPU.
+    pub(crate) without_adapter: usize,
     /// Within what passing tests of the current program printed.
     within_successes: bool,
     /// Whether the current passing test has said that it was skipped.
@@ -35,6 +37,7 @@ impl Count {
             _ if line.starts_with("---- ") && line.ends_with(" ----") => self.is_skipped = false,
             _ if tells_of_skipping(line) => {
                 self.said += usize::from(!self.is_skipped);
+                self.without_adapter += usize::from(!self.is_skipped && line.contains("no adapter"));
                 self.is_skipped = true;
                 return true;
             }
@@ -129,6 +132,17 @@ test result: ok. 1 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; fini
         assert!(shown.contains(&"b: skipped, there is no folder models"));
         assert!(shown.contains(&"c is wrong; e: skipped"));
         assert_eq!(shown.iter().filter(|line| line.starts_with("test result")).count(), 2);
+    }
+
+    #[test]
+    fn tests_that_found_no_adapter_are_counted_apart() {
+        let mut count = Count::default();
+        for line in
+            ["successes:", "---- x stdout ----", "skipped x: no adapter for device 'gpu': this machine shows none"]
+        {
+            count.take(line);
+        }
+        assert_eq!(count.without_adapter, 1);
     }
 
     #[test]

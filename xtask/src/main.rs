@@ -7,6 +7,7 @@ mod bench;
 mod ci;
 mod command;
 mod count;
+mod driver;
 mod fixtures;
 mod kept;
 mod png;

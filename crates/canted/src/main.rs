@@ -5,6 +5,7 @@
 
 mod cast;
 mod compare;
+mod devices;
 mod interrupt;
 mod light;
 mod load;
@@ -48,6 +49,8 @@ enum Command {
     Tree(tree::Args),
     /// Compare two pictures.
     Compare(compare::Args),
+    /// List what pictures and rays can be computed on.
+    Devices(devices::Args),
     /// Merge parts of the samples of a picture, made apart, into one.
     Merge(merge::Args),
 }
@@ -71,6 +74,7 @@ fn run(matches: &ArgMatches) -> Result<Outcome> {
         Some(Command::Cast(args)) => cast::run(&args),
         Some(Command::Tree(args)) => tree::run(&args),
         Some(Command::Compare(args)) => compare::run(&args),
+        Some(Command::Devices(args)) => devices::run(&args),
         Some(Command::Merge(args)) => merge::run(&args),
     }
 }

@@ -5,6 +5,7 @@
 mod cast;
 mod checkpoint;
 mod compare;
+mod devices;
 mod environment;
 mod inputs;
 mod noise;
