@@ -45,6 +45,11 @@ pub enum GpuError {
         /// Seconds that were waited.
         seconds: u64,
     },
+    /// A scene that the device's kernels do not trace.
+    Untraceable {
+        /// What they do not trace.
+        what: String,
+    },
     /// A kernel is not what it should be.
     Shader(ShaderError),
     /// Commands that the device does not accept: an error of this crate.
@@ -73,6 +78,7 @@ impl std::fmt::Display for GpuError {
             Self::OutOfMemory { what } => write!(f, "the device has not enough memory: {what}"),
             Self::Lost { message } => write!(f, "the device is lost: {message}"),
             Self::TimedOut { seconds } => write!(f, "the device did not finish within {seconds} s"),
+            Self::Untraceable { what } => write!(f, "the device does not trace {what}; use --device cpu"),
             Self::Shader(error) => error.fmt(f),
             Self::Invalid { message } => write!(f, "the device does not accept a command: {message}"),
         }

@@ -16,6 +16,7 @@ mod canary;
 mod device;
 mod error;
 mod kernel;
+mod trace;
 mod work;
 
 pub use adapter::{AdapterFacts, AdapterKind, Choice, adapters};
@@ -25,5 +26,6 @@ pub use canted_shaders::Specialisation;
 pub use device::Gpu;
 pub use error::GpuError;
 pub use kernel::Kernel;
+pub use trace::{Answer, DeviceHit, DeviceRay, HIT_ERROR, TracedScene};
 pub use wgpu::Limits;
 pub use work::{AsBinding, Bound, PassTime, Work};

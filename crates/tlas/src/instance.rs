@@ -23,6 +23,22 @@ impl Instance {
     pub fn still(blas: u32, world_from_object: Affine) -> Self {
         Self { blas, world_from_object, world_from_object_close: None }
     }
+
+    /// Rows of the inverse of where the instance stands, or starts, each with its translation last, computed in `f64`.
+    ///
+    /// # Errors
+    /// A transform that [`Tlas::new`](crate::Tlas::new) refuses, told of the instance with this number.
+    pub fn object_from_world(&self, index: usize) -> Result<[[f64; 4]; 3], InstanceError> {
+        if !self.world_from_object.is_finite() {
+            return Err(InstanceError::NotFinite { instance: index });
+        }
+        let inverse = invert(&self.world_from_object.columns.map(|column| column.map(f64::from)));
+        let condition = condition(motion::norm_of(&self.world_from_object), norm(&inverse));
+        if condition > MAX_CONDITION {
+            return Err(InstanceError::IllConditioned { instance: index, condition });
+        }
+        Ok(inverse)
+    }
 }
 
 /// Why instances cannot be placed.

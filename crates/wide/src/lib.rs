@@ -102,6 +102,7 @@ mod traverse;
 mod triangles;
 mod visits;
 mod wide;
+mod words;
 
 pub use config::{Config, Preset};
 pub use costs::Costs;
@@ -114,3 +115,4 @@ pub use simd::SimdPath;
 pub use traverse::LaneKernel;
 pub use visits::Visits;
 pub use wide::{Predicted, Sizes, Wide};
+pub use words::Words;

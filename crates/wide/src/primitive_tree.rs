@@ -33,12 +33,12 @@ const CHUNK: usize = 1 << 12;
 /// ```
 #[derive(Clone, Debug)]
 pub struct PrimitiveTree<P> {
-    records: Records,
-    frame: MeshFrame,
+    pub(crate) records: Records,
+    pub(crate) frame: MeshFrame,
     bounds: Aabb,
     primitives: Vec<P>,
     /// What leaves hold.
-    numbers: Vec<PrimId>,
+    pub(crate) numbers: Vec<PrimId>,
     path: SimdPath,
 }
 

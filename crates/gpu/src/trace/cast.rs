@@ -1,0 +1,134 @@
+//! Rays by the batch.
+
+use std::time::{Duration, Instant};
+
+use bytemuck::Pod;
+use canted_trace::{Ray, ScaledRay};
+
+use super::ray::{CUT, DeviceHit, DeviceRay, NONE};
+use super::scene::TracedScene;
+use crate::{Gpu, GpuError, Kernel, Specialisation};
+
+/// What became of a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Answer<T> {
+    /// It is known.
+    Known(T),
+    /// The walk was cut short by the driver's limit of loops: the CPU must answer.
+    Cut,
+}
+
+/// Rays of the first slice, and most of any.
+const FIRST_SLICE: usize = 1 << 12;
+const MOST_SLICE: usize = 1 << 21;
+
+/// What a slice should take: well below where displays stall and drivers lose patience.
+const SLICE_TIME: Duration = Duration::from_millis(50);
+
+impl TracedScene {
+    /// The first hit of each ray, `None` for a miss; ties go to the lowest instance, then the lowest primitive.
+    ///
+    /// # Errors
+    /// A device that is lost or does not finish.
+    pub fn closest_hits(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Answer<Option<DeviceHit>>>, GpuError> {
+        let kernel = self.kernel(gpu, "trace/closest")?;
+        let mut answers = Vec::with_capacity(rays.len());
+        self.in_slices(gpu, &kernel, "hits", rays, |slice, hits: Vec<DeviceHit>| {
+            answers.extend(slice.iter().zip(hits).map(|(ray, hit)| match (hit.instance, ray) {
+                (CUT, _) => Answer::Cut,
+                (NONE, _) | (_, None) => Answer::Known(None),
+                (_, Some(ray)) => Answer::Known(Some(DeviceHit { t: ray.caller_t(hit.t), ..hit })),
+            }));
+        })?;
+        Ok(answers)
+    }
+
+    /// Whether each ray hits anything.
+    ///
+    /// # Errors
+    /// As [`TracedScene::closest_hits`].
+    pub fn occluded(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Answer<bool>>, GpuError> {
+        let kernel = self.kernel(gpu, "trace/occluded")?;
+        let mut answers = Vec::with_capacity(rays.len());
+        self.in_slices(gpu, &kernel, "found", rays, |_, found: Vec<u32>| {
+            answers
+                .extend(found.iter().map(|&found| if found == CUT { Answer::Cut } else { Answer::Known(found == 1) }));
+        })?;
+        Ok(answers)
+    }
+
+    fn kernel(&self, gpu: &Gpu, name: &str) -> Result<std::sync::Arc<Kernel>, GpuError> {
+        let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+        gpu.kernel(name, &self.specialise(chosen))
+    }
+
+    /// Hands rays to the device in slices that grow until one takes its time, and the answers to `take`.
+    fn in_slices<T: Pod>(
+        &self,
+        gpu: &Gpu,
+        kernel: &Kernel,
+        into: &str,
+        rays: &[Ray],
+        mut take: impl FnMut(&[Option<ScaledRay>], Vec<T>),
+    ) -> Result<(), GpuError> {
+        let most = MOST_SLICE.min(most_rays(gpu));
+        let (mut waiting, mut n) = (rays, FIRST_SLICE.min(most));
+        while !waiting.is_empty() {
+            let (slice, rest) = waiting.split_at(n.min(waiting.len()));
+            let scaled: Vec<Option<ScaledRay>> = slice.iter().map(ScaledRay::new).collect();
+            let device_rays: Vec<DeviceRay> =
+                scaled.iter().map(|ray| ray.as_ref().map_or(DeviceRay::NOTHING, DeviceRay::scaled)).collect();
+            let start = Instant::now();
+            let answers = self.slice(gpu, kernel, into, &device_rays)?;
+            take(&scaled, answers);
+            n = next_size(n, start.elapsed()).min(most);
+            waiting = rest;
+        }
+        Ok(())
+    }
+
+    fn slice<T: Pod>(&self, gpu: &Gpu, kernel: &Kernel, into: &str, rays: &[DeviceRay]) -> Result<Vec<T>, GpuError> {
+        let rays_there = gpu.buffer("rays", rays)?;
+        let answers = gpu.zeroed::<T>("answers", rays.len())?;
+        let mut bound = self.bindings();
+        bound.push(("rays", &rays_there));
+        bound.push((into, &answers));
+        let mut work = gpu.work();
+        let n_rays = u32::try_from(rays.len()).unwrap_or(u32::MAX);
+        work.dispatch(kernel, &bound, kernel.groups(n_rays))?;
+        work.run()?;
+        gpu.read(&answers)
+    }
+}
+
+/// Rays that a binding holds.
+fn most_rays(gpu: &Gpu) -> usize {
+    let limits = gpu.limits();
+    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / size_of::<DeviceRay>() as u64;
+    usize::try_from(most).unwrap_or(usize::MAX)
+}
+
+/// Rays of the slice after one of `n` that took `time`: four times as many at most.
+fn next_size(n: usize, time: Duration) -> usize {
+    let times = SLICE_TIME.as_nanos() / time.as_nanos().max(1);
+    match times {
+        0 => (n / 2).max(FIRST_SLICE / 4),
+        1 => n,
+        2 | 3 => 2 * n,
+        _ => 4 * n,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slices_grow_and_shrink_by_their_time() {
+        assert_eq!(next_size(4096, Duration::from_millis(1)), 16_384);
+        assert_eq!(next_size(4096, Duration::from_millis(40)), 4096);
+        assert_eq!(next_size(4096, Duration::from_millis(400)), 2048);
+        assert_eq!(next_size(1024, Duration::from_secs(4)), 1024);
+        assert_eq!(next_size(4096, Duration::ZERO), 16_384);
+    }
+}

@@ -1,0 +1,18 @@
+//! Rays through a scene in the device's memory.
+//!
+//! ```text
+//! Wide (one tree), or Wide a mesh + instances -> TracedScene -> closest hits and occlusion of rays; parts of other kernels
+//! ```
+//!
+//! The device walks the words that the CPU walks; what it needs besides is a tree of boxes around instances, made here.
+
+mod cast;
+mod outer;
+mod ray;
+mod scene;
+mod words;
+
+pub use cast::Answer;
+pub use ray::{DeviceHit, DeviceRay};
+pub use scene::TracedScene;
+pub use words::HIT_ERROR;

@@ -1,0 +1,141 @@
+//! The tree over instances, and how far hits in them may be off in world space.
+
+use canted_obb::{Aabb, Affine, PrimId};
+use canted_tlas::{Instance, InstanceError};
+use canted_trace::ScaledRay;
+use canted_wide::{Config, Preset, Primitive, PrimitiveHit, PrimitiveTree, Words};
+
+use super::words::{HIT_ERROR, HitError, PlaceWords};
+use crate::GpuError;
+
+/// Greatest condition of a transform that kernels trace through: of 2^10, three of the seven digits of an f32 are left.
+const MAX_CONDITION: f64 = 1024.0;
+
+/// Instances ready for upload.
+pub(super) struct Outer {
+    pub(super) places: Vec<PlaceWords>,
+    pub(super) tree: PrimitiveTree<InstanceBox>,
+    pub(super) error: HitError,
+    /// The instance of each of the tree's primitives: those without triangles have none.
+    pub(super) instances: Vec<u32>,
+}
+
+/// The box of an instance, world space: nothing in it is met by the CPU.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InstanceBox(Aabb);
+
+impl Primitive for InstanceBox {
+    const ERROR: f32 = 0.0;
+
+    fn bounds(&self) -> Aabb {
+        self.0
+    }
+
+    fn intersect(&self, _: &ScaledRay, _: f32) -> Option<PrimitiveHit> {
+        None
+    }
+}
+
+impl Outer {
+    /// Places instances of meshes whose trees have these words and boxes.
+    pub(super) fn new(meshes: &[(Words<'_>, Aabb)], instances: &[Instance]) -> Result<Self, GpuError> {
+        let mut outer = Placing::default();
+        for (index, instance) in instances.iter().enumerate() {
+            outer.add(index, instance, meshes)?;
+        }
+        let Placing { places, boxes, numbers, error } = outer;
+        // A leaf of the outer tree is one instance: kernels enter one at a time.
+        let preset = Config::preset(Preset::Fast);
+        let config = Config { costs: canted_wide::Costs { max_leaf: 1, ..preset.costs }, ..preset };
+        let tree = PrimitiveTree::build(boxes, &config).map_err(|error| untraceable(&error))?;
+        let instances = tree.words().1.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
+        Ok(Self { places, tree, error, instances })
+    }
+}
+
+#[derive(Default)]
+struct Placing {
+    places: Vec<PlaceWords>,
+    boxes: Vec<InstanceBox>,
+    /// Instance of each box.
+    numbers: Vec<u32>,
+    error: HitError,
+}
+
+impl Placing {
+    #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
+    fn add(&mut self, index: usize, instance: &Instance, meshes: &[(Words<'_>, Aabb)]) -> Result<(), GpuError> {
+        if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
+            return Err(GpuError::Untraceable { what: format!("instance {index}, which moves") });
+        }
+        let Some((words, bounds)) = meshes.get(instance.blas as usize) else {
+            return Err(untraceable(&InstanceError::NoSuchBlas { instance: index, blas: instance.blas }));
+        };
+        let inverse = instance.object_from_world(index).map_err(|error| untraceable(&error))?;
+        let world = &instance.world_from_object;
+        let (forward, backward) = (norm_of(world), norm(&inverse));
+        if forward * backward > MAX_CONDITION {
+            let condition = forward * backward;
+            let what =
+                format!("instance {index}, whose transform has condition {condition:e}, beyond {MAX_CONDITION:e}");
+            return Err(GpuError::Untraceable { what });
+        }
+        // The tree over instances is the first of all trees.
+        self.places.push(PlaceWords::new(&inverse, world, instance.blas + 1));
+        if !bounds.is_empty() {
+            self.boxes.push(InstanceBox(image(bounds, world)));
+            self.numbers.push(index as u32);
+            self.error = self.error.with(forward, backward, world.columns[3], words.reach);
+        }
+        Ok(())
+    }
+}
+
+impl Default for HitError {
+    fn default() -> Self {
+        Self { per_origin: 0.0, fixed: 0.0 }
+    }
+}
+
+impl HitError {
+    /// The error with that of an instance, in world space.
+    ///
+    /// In object space, of an origin within `A = ‖M⁻¹‖·(|o| + |c|)` and with `ρ` the reach, a hit is off its triangle by at most
+    /// `HIT_ERROR·(A + ρ)` and twice the drift of sheared coordinates, which is twice that of the ray: four times `6 E·A` for the
+    /// origin and `5 E·‖M⁻¹‖·t|d|` for the direction. The ray itself is off by these once more. The world ray reaches
+    /// `t|d| <= |o| + |c| + ‖M‖·ρ`. Times `‖M‖`, with `k = ‖M‖·‖M⁻¹‖ >= 1`: less than `(64 + 30 + 25) E·k·(|o| + |c| + ‖M‖·ρ)`;
+    /// 128 E leave room for the box's own rounding and second order.
+    #[expect(clippy::cast_possible_truncation, reason = "there is room for a rounding")]
+    fn with(self, forward: f64, backward: f64, at: [f32; 3], reach: f32) -> Self {
+        let relative = 2.0 * f64::from(HIT_ERROR) * forward * backward;
+        let at = at.iter().map(|x| f64::from(x.abs())).fold(0.0, f64::max);
+        let fixed = relative * (at + forward * f64::from(reach));
+        Self { per_origin: self.per_origin.max(relative as f32), fixed: self.fixed.max(fixed as f32) }
+    }
+}
+
+/// A box around the image of a box; its rounding is within the error of hits.
+#[expect(clippy::cast_possible_truncation, reason = "the rounding is within the error of hits")]
+fn image(bounds: &Aabb, world_from_object: &Affine) -> Aabb {
+    let mut all = Aabb::EMPTY;
+    for corner in 0..8 {
+        let point = std::array::from_fn(|k| if corner >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] });
+        let image = world_from_object.point_f64(point.map(f64::from)).map(|x| x as f32);
+        all = all.union(Aabb { min: image, max: image });
+    }
+    all
+}
+
+fn untraceable(error: &dyn std::error::Error) -> GpuError {
+    GpuError::Untraceable { what: format!("instances as they stand: {error}") }
+}
+
+/// Greatest row sum of the linear part.
+fn norm(rows: &[[f64; 4]; 3]) -> f64 {
+    rows.iter().map(|row| row[..3].iter().map(|x| x.abs()).sum()).fold(0.0, f64::max)
+}
+
+/// Greatest row sum of the linear part of a map.
+fn norm_of(map: &Affine) -> f64 {
+    (0..3).map(|k| map.columns[..3].iter().map(|column| f64::from(column[k]).abs()).sum()).fold(0.0, f64::max)
+}

@@ -1,0 +1,183 @@
+//! A scene's trees in the device's memory.
+
+use bytemuck::Pod;
+use canted_obb::Aabb;
+use canted_tlas::Instance;
+use canted_wide::{LaneKernel, Wide, Words};
+
+use super::outer::Outer;
+use super::words::{HitError, PlaceWords, Quad, Start, TreeWords};
+use crate::{Bound, Buffer, Gpu, GpuError, Specialisation, loop_turns};
+
+/// Most entries of the stack in an invocation's own memory: trees of ours have about ten levels.
+const MOST_STACK: u32 = 128;
+
+/// Turns of loops that are asked for, to see whether the driver leaves loops early.
+const WANTED_TURNS: u32 = 100_000;
+
+/// Most turns of an invocation where it does not: about a second of the slowest devices, far more than rays need.
+const MOST_TURNS: u32 = 1 << 18;
+
+/// Invocations that share one count of turns where the driver leaves loops early: those of one vector.
+const SHARING: u32 = 8;
+
+/// Trees of a scene, ready for kernels that trace rays: `trace/closest`, `trace/occluded`, and all that use `shared/trace`.
+///
+/// The device walks the nodes and triangles that the CPU walks. Its triangle test hits whatever
+/// [`Watertight`](canted_trace::Watertight) hits, and what comes within [`HIT_ERROR`](crate::HIT_ERROR) of a ray besides, so a
+/// first hit may be another than the CPU's by that much.
+pub struct TracedScene {
+    nodes: Buffer<Quad>,
+    halves: Buffer<Quad>,
+    trees: Buffer<TreeWords>,
+    level: Level,
+    stack: u32,
+    turns: u32,
+}
+
+/// What stands above the trees of meshes.
+enum Level {
+    /// Nothing: one instance.
+    One,
+    /// First triangles of all instances, whose triangles are under one tree.
+    Flat(Buffer<u32>),
+    /// Instances, and their numbers in the order of the outer tree.
+    Two(Buffer<PlaceWords>, Buffer<u32>),
+}
+
+impl TracedScene {
+    /// Uploads one tree over the triangles of all instances, in world space; `first_triangles` has the number of each
+    /// instance's first, in order.
+    ///
+    /// # Errors
+    /// More than the device's limits allow, or a device that is lost.
+    pub fn one<K: LaneKernel>(gpu: &Gpu, tree: &Wide<K>, first_triangles: &[u32]) -> Result<Self, GpuError> {
+        let words = tree.words();
+        let level = if first_triangles.len() > 1 {
+            Level::Flat(gpu.buffer("first triangles of instances", first_triangles)?)
+        } else {
+            Level::One
+        };
+        let error = HitError::of_triangles(words.reach);
+        Self::new(gpu, &[(words, error)], level, words.depth)
+    }
+
+    /// Uploads a tree a mesh and the instances that place them, with a tree over these.
+    ///
+    /// # Errors
+    /// As [`TracedScene::one`]; instances that no bottom level belongs to, that move, or whose transform is nearer to singular
+    /// than the arithmetic of kernels allows.
+    pub fn two<K: LaneKernel>(gpu: &Gpu, meshes: &[&Wide<K>], instances: &[Instance]) -> Result<Self, GpuError> {
+        let words: Vec<(Words<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
+        let outer = Outer::new(&words, instances)?;
+        let level = Level::Two(
+            gpu.buffer("instances", &outer.places)?,
+            gpu.buffer("instances in the order of their tree", &outer.instances)?,
+        );
+        let deepest = words.iter().map(|(words, _)| words.depth).max().unwrap_or(0);
+        let (outer_words, _) = outer.tree.words();
+        let trees: Vec<_> = std::iter::once((outer_words, outer.error))
+            .chain(words.iter().map(|(words, _)| (*words, HitError::of_triangles(words.reach))))
+            .collect();
+        Self::new(gpu, &trees, level, outer_words.depth + deepest)
+    }
+
+    fn new(gpu: &Gpu, trees: &[(Words<'_>, HitError)], level: Level, depth: u32) -> Result<Self, GpuError> {
+        if depth > MOST_STACK {
+            return Err(GpuError::Limit {
+                what: "the stack of a ray".to_owned(),
+                need: depth.into(),
+                limit: "levels of nodes",
+                most: MOST_STACK.into(),
+                remedy: "use another --builder or --device cpu",
+            });
+        }
+        let nodes: Vec<&[u32]> = trees.iter().map(|(words, _)| words.nodes).collect();
+        let blocks: Vec<&[u32]> = trees.iter().map(|(words, _)| words.blocks).collect();
+        let mut start = Start::default();
+        let headers = trees.iter().map(|(words, error)| {
+            let header = TreeWords::new(words, start, *error);
+            start = start.after(words);
+            header
+        });
+        let headers: Vec<TreeWords> = headers.collect();
+        let counted = loop_turns(gpu, WANTED_TURNS)?;
+        let turns = if counted < WANTED_TURNS { counted / SHARING } else { MOST_TURNS };
+        Ok(Self {
+            nodes: joined(gpu, "nodes", &nodes)?,
+            halves: joined(gpu, "blocks of triangles", &blocks)?,
+            trees: gpu.buffer("trees", &headers)?,
+            level,
+            stack: depth.max(1),
+            turns,
+        })
+    }
+
+    /// Everything that kernels which trace rays bind, by the names of their variables.
+    #[must_use]
+    pub fn bindings(&self) -> Vec<Bound<'_>> {
+        let mut bound: Vec<Bound<'_>> = vec![("nodes", &self.nodes), ("halves", &self.halves), ("trees", &self.trees)];
+        match &self.level {
+            Level::One => {}
+            Level::Flat(first) => bound.push(("first_triangles", first)),
+            Level::Two(places, instances) => {
+                bound.push(("places", places));
+                bound.push(("instances", instances));
+            }
+        }
+        bound
+    }
+
+    /// `chosen` with the parts and numbers that the scene's kind needs. The caller still chooses the parts `mask` and `count`.
+    #[must_use]
+    pub fn specialise(&self, chosen: Specialisation) -> Specialisation {
+        let level = match self.level {
+            Level::One => "shared/level/one",
+            Level::Flat(_) => "shared/level/flat",
+            Level::Two(..) => "shared/level/two",
+        };
+        chosen.part("level", level).number("STACK", self.stack).number("TURNS", self.turns)
+    }
+
+    /// Bytes in the device's memory.
+    #[must_use]
+    pub fn n_bytes(&self) -> u64 {
+        let level = match &self.level {
+            Level::One => 0,
+            Level::Flat(first) => first.n_bytes(),
+            Level::Two(places, instances) => places.n_bytes() + instances.n_bytes(),
+        };
+        self.nodes.n_bytes() + self.halves.n_bytes() + self.trees.n_bytes() + level
+    }
+
+    /// The same scene whose walks end after this many turns of loops: to see what becomes of rays that are cut short.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_turns(self, turns: u32) -> Self {
+        Self { turns, ..self }
+    }
+}
+
+impl Start {
+    /// The start of the tree that follows one.
+    #[expect(clippy::cast_possible_truncation, reason = "a buffer of more than 2^32 quads is refused by its size")]
+    fn after(self, words: &Words<'_>) -> Self {
+        Self {
+            node: self.node.wrapping_add((words.nodes.len() / 4) as u32),
+            block: self.block.wrapping_add((words.blocks.len() / 4) as u32),
+        }
+    }
+}
+
+/// Words of all trees, one after another.
+fn joined(gpu: &Gpu, what: &str, parts: &[&[u32]]) -> Result<Buffer<Quad>, GpuError> {
+    match parts {
+        [one] => gpu.buffer(what, quads(one)),
+        _ => gpu.buffer(what, &parts.iter().flat_map(|part| quads(part)).copied().collect::<Vec<Quad>>()),
+    }
+}
+
+/// Words in fours; lines and blocks are made of whole ones.
+fn quads<T: Pod>(words: &[T]) -> &[Quad] {
+    bytemuck::cast_slice(words)
+}

@@ -1,0 +1,133 @@
+//! Rays on the device: what each scene's kind and each driver's limit leads to. Twins of whole scenes are in the package of
+//! tests.
+
+use canted_gpu::{Answer, Choice, Gpu, GpuError, TracedScene};
+use canted_obb::Affine;
+use canted_tlas::Instance;
+use canted_trace::{Ray, Watertight};
+use canted_wide::{Config, Wide};
+
+#[expect(clippy::print_stderr, reason = "a skipped test says so")]
+fn gpu(test: &str) -> Option<Gpu> {
+    Gpu::open(&Choice::Best).map_err(|error| eprintln!("skipped {test}: {error}")).ok()
+}
+
+type Tree = Wide<Watertight>;
+
+/// A floor of `n` by `n` squares in the plane z = 0, from 0 to `n`.
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn floor(n: u32) -> Tree {
+    let positions: Vec<[f32; 3]> = (0..=n).flat_map(|y| (0..=n).map(move |x| [x as f32, y as f32, 0.0])).collect();
+    let triangles: Vec<[u32; 3]> = (0..n)
+        .flat_map(|y| (0..n).map(move |x| y * (n + 1) + x))
+        .flat_map(|i| [[i, i + 1, i + n + 2], [i, i + n + 2, i + n + 1]])
+        .collect();
+    Wide::build(&positions, &triangles, &Config::default()).unwrap()
+}
+
+fn nothing() -> Tree {
+    Wide::build(&[], &[], &Config::default()).unwrap()
+}
+
+fn down(x: f32, y: f32) -> Ray {
+    Ray::new([x, y, 4.0], [0.0, 0.0, -2.0])
+}
+
+/// `t`, primitive and instance of each hit.
+fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray]) -> Vec<Option<(f32, u32, u32)>> {
+    let answers = scene.closest_hits(gpu, rays).unwrap();
+    let known = answers.into_iter().map(|answer| match answer {
+        Answer::Known(hit) => hit.map(|hit| (hit.t, hit.primitive, hit.instance)),
+        Answer::Cut => panic!("no walk here is long"),
+    });
+    known.collect()
+}
+
+#[test]
+fn one_tree_is_traced() {
+    let Some(gpu) = gpu("one_tree_is_traced") else { return };
+    let scene = TracedScene::one(&gpu, &floor(20), &[0]).unwrap();
+    let rays = [down(3.75, 0.25), down(-1.0, 3.0), down(0.25, 19.75), Ray::new([0.0; 3], [0.0; 3])];
+    assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 6, 0)), None, Some((2.0, 19 * 40 + 1, 0)), None]);
+    let found: Vec<_> = scene.occluded(&gpu, &rays).unwrap();
+    assert_eq!(found, [true, false, true, false].map(Answer::Known));
+}
+
+#[test]
+fn triangles_of_a_flat_tree_belong_to_instances() {
+    let Some(gpu) = gpu("triangles_of_a_flat_tree_belong_to_instances") else { return };
+    // The second instance has no triangle.
+    let scene = TracedScene::one(&gpu, &floor(4), &[0, 8, 8, 31]).unwrap();
+    let rays = [down(0.75, 0.25), down(0.75, 1.25), down(3.25, 3.75)];
+    assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 0)), Some((2.0, 0, 2)), Some((2.0, 0, 3))]);
+}
+
+#[test]
+fn instances_are_mirrored_scaled_and_empty() {
+    let Some(gpu) = gpu("instances_are_mirrored_scaled_and_empty") else { return };
+    let place = |x: f32, z: f32, at: [f32; 3]| Affine { columns: [[x, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, z], at] };
+    let instances = [
+        Instance::still(1, Affine::IDENTITY),
+        Instance::still(0, place(-2.0, 1.0, [0.0; 3])),
+        Instance::still(0, place(0.5, -3.0, [10.0, 0.0, -2.0])),
+    ];
+    let scene = TracedScene::two(&gpu, &[&floor(4), &nothing()], &instances).unwrap();
+    let rays = [down(-1.5, 0.25), down(10.375, 0.25), down(1.0, 1.0)];
+    assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 1)), Some((3.0, 0, 2)), None]);
+}
+
+#[test]
+fn nothing_is_hit_where_nothing_is() {
+    let Some(gpu) = gpu("nothing_is_hit_where_nothing_is") else { return };
+    let rays = [down(0.0, 0.0)];
+    let empty = nothing();
+    for scene in [
+        TracedScene::one(&gpu, &empty, &[]),
+        TracedScene::two::<Watertight>(&gpu, &[], &[]),
+        TracedScene::two(&gpu, &[&empty], &[Instance::still(0, Affine::IDENTITY)]),
+    ] {
+        let scene = scene.unwrap();
+        assert_eq!(hits(&gpu, &scene, &rays), [None]);
+        assert!(scene.closest_hits(&gpu, &[]).unwrap().is_empty());
+    }
+}
+
+#[test]
+fn a_walk_that_is_cut_short_says_so() {
+    let Some(gpu) = gpu("a_walk_that_is_cut_short_says_so") else { return };
+    let scene = TracedScene::one(&gpu, &floor(20), &[0]).unwrap().with_turns(2);
+    let rays = [down(3.75, 0.25), down(-100.0, 3.0)];
+    let answers = scene.closest_hits(&gpu, &rays).unwrap();
+    assert_eq!(answers, [Answer::Cut, Answer::Known(None)]);
+    assert_eq!(scene.occluded(&gpu, &rays).unwrap(), [Answer::Cut, Answer::Known(false)]);
+}
+
+#[test]
+fn what_kernels_do_not_trace_is_refused() {
+    let Some(gpu) = gpu("what_kernels_do_not_trace_is_refused") else { return };
+    let floor = floor(1);
+    let refused = |instance: Instance| match TracedScene::two(&gpu, &[&floor], &[instance]) {
+        Ok(_) => panic!("{instance:?} is traced"),
+        Err(error) => error.to_string(),
+    };
+    let moved = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0; 3]] };
+    let moving = Instance { world_from_object_close: Some(moved), ..Instance::still(0, Affine::IDENTITY) };
+    assert_eq!(refused(moving), "the device does not trace instance 0, which moves; use --device cpu");
+    let flat = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1e-4], [0.0; 3]] };
+    assert!(refused(Instance::still(0, flat)).contains("condition"));
+    assert!(refused(Instance::still(3, Affine::IDENTITY)).contains("bottom level 3"));
+}
+
+#[test]
+fn a_scene_above_the_limit_is_refused_with_limit_need_and_remedy() {
+    let lowered = Gpu::with_limits(&Choice::Best, |limits| canted_gpu::Limits {
+        max_storage_buffer_binding_size: 1 << 16,
+        ..limits
+    });
+    let Ok(gpu) = lowered else { return };
+    match TracedScene::one(&gpu, &floor(60), &[0]) {
+        Err(GpuError::Limit { need, most, .. }) => assert!(need > most && most == 1 << 16),
+        Err(error) => panic!("{error}"),
+        Ok(_) => panic!("a large scene fits"),
+    }
+}

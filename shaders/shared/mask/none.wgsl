@@ -1,0 +1,5 @@
+// Every hit stands.
+
+fn accepts(hit: Hit) -> bool {
+    return true;
+}

@@ -1,0 +1,217 @@
+// Where a ray meets triangles: four at once are looked at, those that may be hit are tested one by one.
+//
+// # What is hit
+// As in `canted_trace`'s watertight test the ray becomes the z axis: `x = a_x - s_x a_z` for a vertex `a` from the origin.
+// That test decides by exact signs, for which WGSL has no arithmetic; here what is hit is a little more: every triangle that
+// comes within a bound of the ray, so that whatever that test hits is hit here. Let E = 2^-23 be a bound of one rounding,
+// M the greatest coordinate of the three `a`; all sheared coordinates are at most 2 M.
+//
+// *Coordinates.* `a` is off by E, `s` by 2.5 E, product and difference by E each: 7.5 E M. The CPU's vertices may be off by
+// 5 E M, of a shear along another axis; with what an instance's transform adds (`space.drift`), by as much as `g = 12.5 E M +
+// drift.y M + drift.x` the coordinates of the CPU's triangle are others. It holds the origin.
+//
+// *Filter.* An edge function of the CPU's triangle differs from the computed `b_x c_y - b_y c_x` by at most `g` times the
+// four coordinates and `2 g g`, and by its own roundings, `2 E (|b_x c_y| + |b_y c_x|) <= 4 E M (|b_x| + |b_y|)`. With N the
+// sum of the three vertices' coordinates, `(g + 5 E M) (N + 2 g)` is more. Where one function is beyond that on one side
+// and another on the other, the CPU misses. M is taken for the whole ray, from `space.reach`.
+//
+// *Edges.* The CPU's triangle moves into the computed one with no vertex moved by more than `g`. If the origin lies in the
+// first and not in the second, an edge sweeps over it, so some computed edge passes within `2 g` of it along the axis in which
+// the edge is shorter, counted at the place where its longer axis is zero, or at its end. There the quotient `p / (p - q)` has
+// no cancellation: it is off by 4.5 E of itself, the other coordinate by `(4.5 + 2) E |p|` at most, as the edge is no steeper
+// than 1. So the test of `2 g + 15 E M` loses nothing.
+//
+// *Inside.* Else the computed triangle holds the origin and no edge passes within 40 E M, so the line x = 0 runs through two
+// edges above and below it. Where they cross is computed by quotients without cancellation, and so is the place between.
+//
+// *Error.* The weights are of a point of the computed triangle. On an edge it is off the ray by `2 g + (15 + 6) E M`, of
+// which 6 are for rounding the place and the weights, and its z by 3 E M; inside by 27 E M and 7 E M. The computed triangle
+// is off by 7.5 E M across and E M along, `t` is rounded by 2.5 E. With no drift that is `(25 + 21 + 7.5) E M` across and
+// 6.5 E M along the ray, which shear adds up: 60 E M in each coordinate; 64 leave room for second order.
+// Source: Woop, Benthin, Wald 2013 for the shear.
+// use shared/tree
+
+/// How far the CPU's sheared coordinates may be from ours, relative to M.
+const SHEAR_ROUNDING: f32 = 12.5 * ROUNDING;
+
+/// How much an edge function is off besides, as a part of M and the sum of coordinates.
+const FILTER_ROUNDING: f32 = 5.0 * ROUNDING;
+
+/// How much the place on an edge is off, relative to M.
+const EDGE_ROUNDING: f32 = 15.0 * ROUNDING;
+
+/// Least divisor.
+const LEAST_DIVISOR: f32 = 1.1754944e-38;
+
+/// Quads of words of a half-block: nine coordinates of four triangles, then their numbers.
+const HALF_QUADS: u32 = 10u;
+
+/// What triangles want of a ray: axes that play x, y, z, and the shear.
+struct Shear {
+    axes: vec3<u32>,
+    origin: vec3<f32>,
+    factors: vec2<f32>,
+    /// Direction along z.
+    depth: f32,
+    /// `g + 5 E M` for the greatest M of any triangle in the tree, and `2 g`.
+    apart: vec2<f32>,
+}
+
+var<private> shear: Shear;
+
+/// Where a triangle is hit: scaled `t`, weights of its vertices. `t` is negative for a miss.
+struct Met {
+    t: f32,
+    weights: vec3<f32>,
+}
+
+/// Makes the shear of `space`'s ray, among vertices within `scale` of its origin.
+fn prepare_triangles(scale: f32) {
+    let d = abs(space.direction);
+    shear.axes = vec3<u32>(0u, 1u, 2u);
+    if d.x >= d.y && d.x >= d.z {
+        shear.axes = vec3<u32>(1u, 2u, 0u);
+    } else if d.y >= d.z {
+        shear.axes = vec3<u32>(2u, 0u, 1u);
+    }
+    shear.origin = along_axes(space.origin);
+    let direction = along_axes(space.direction);
+    shear.depth = direction.z;
+    shear.factors = vec2<f32>(guarded_quotient(direction.x, direction.z), guarded_quotient(direction.y, direction.z));
+    let apart = off(scale);
+    shear.apart = vec2<f32>(apart + FILTER_ROUNDING * scale, 2.0 * apart);
+}
+
+/// By how much sheared coordinates may differ from the CPU's, of a triangle within `m`.
+fn off(m: f32) -> f32 {
+    return (SHEAR_ROUNDING + space.drift.y) * m + space.drift.x;
+}
+
+fn along_axes(v: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(v[shear.axes.x], v[shear.axes.y], v[shear.axes.z]);
+}
+
+/// `a / b`, zero where the divisor is.
+fn guarded_quotient(a: f32, b: f32) -> f32 {
+    return select(a / b, 0.0, abs(b) < LEAST_DIVISOR);
+}
+
+/// Sheared x and y of a vertex of four triangles.
+struct Four {
+    x: vec4<f32>,
+    y: vec4<f32>,
+}
+
+/// Four triangles' vertex `corner`; rows are `stride` quads long, a quad of the first at `at`.
+fn four(at: u32, stride: u32, corner: u32) -> Four {
+    let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
+    let x = bitcast<vec4<f32>>(halves[rows.x]) - vec4<f32>(shear.origin.x);
+    let y = bitcast<vec4<f32>>(halves[rows.y]) - vec4<f32>(shear.origin.y);
+    let z = bitcast<vec4<f32>>(halves[rows.z]) - vec4<f32>(shear.origin.z);
+    return Four(x - shear.factors.x * z, y - shear.factors.y * z);
+}
+
+/// Which of four triangles the ray may hit, a bit each.
+fn candidates(at: u32, stride: u32) -> u32 {
+    let a = four(at, stride, 0u);
+    let b = four(at, stride, 1u);
+    let c = four(at, stride, 2u);
+    let u = c.x * b.y - c.y * b.x;
+    let v = a.x * c.y - a.y * c.x;
+    let w = b.x * a.y - b.y * a.x;
+    let sum = ((abs(a.x) + abs(a.y)) + (abs(b.x) + abs(b.y))) + (abs(c.x) + abs(c.y));
+    let error = shear.apart.x * (sum + vec4<f32>(shear.apart.y)) + vec4<f32>(TINY);
+    let is_mixed = (min(u, min(v, w)) < -error) & (max(u, max(v, w)) > error);
+    let bits = select(vec4<u32>(1u, 2u, 4u, 8u), vec4<u32>(0u), is_mixed);
+    return (bits.x | bits.y) | (bits.z | bits.w);
+}
+
+/// A vertex from the origin, the axis that plays z last.
+fn vertex(at: u32, stride: u32, corner: u32, lane: u32) -> vec3<f32> {
+    let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
+    let bits = vec3<u32>(halves[rows.x][lane], halves[rows.y][lane], halves[rows.z][lane]);
+    return bitcast<vec3<f32>>(bits) - shear.origin;
+}
+
+fn sheared(v: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(v.xy - shear.factors * v.z, v.z);
+}
+
+/// Tests one of four triangles.
+fn meet(at: u32, stride: u32, lane: u32) -> Met {
+    let from_a = vertex(at, stride, 0u, lane);
+    let from_b = vertex(at, stride, 1u, lane);
+    let from_c = vertex(at, stride, 2u, lane);
+    // The CPU misses what has two equal vertices.
+    if all(from_a == from_b) || all(from_b == from_c) || all(from_c == from_a) {
+        return Met(-1.0, vec3<f32>(0.0));
+    }
+    let m = max(greatest(from_a), max(greatest(from_b), greatest(from_c)));
+    let corners = array<vec3<f32>, 3>(sheared(from_a), sheared(from_b), sheared(from_c));
+    var place = nearest_edge(corners);
+    if place.w > 2.0 * off(m) + EDGE_ROUNDING * m + TINY {
+        place = inside(corners);
+        if place.w < 0.0 {
+            return Met(-1.0, vec3<f32>(0.0));
+        }
+    }
+    let z = place.x * corners[0].z + (place.y * corners[1].z + place.z * corners[2].z);
+    return Met(guarded_quotient(z, shear.depth), place.xyz);
+}
+
+/// Weights of the place on an edge that is nearest to the ray, and how far off it is.
+fn nearest_edge(corners: array<vec3<f32>, 3>) -> vec4<f32> {
+    let ab = on_edge(corners[0], corners[1]);
+    let bc = on_edge(corners[1], corners[2]);
+    let ca = on_edge(corners[2], corners[0]);
+    var place = vec4<f32>(1.0 - ab.x, ab.x, 0.0, ab.y);
+    if bc.y < place.w {
+        place = vec4<f32>(0.0, 1.0 - bc.x, bc.x, bc.y);
+    }
+    if ca.y < place.w {
+        place = vec4<f32>(ca.x, 0.0, 1.0 - ca.x, ca.y);
+    }
+    return place;
+}
+
+/// The place on an edge where its longer axis is zero, or the end nearest to that: weight of `q`, and how far off it is.
+fn on_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
+    let length = abs(q.xy - p.xy);
+    let is_x = length.x >= length.y;
+    let start = select(p.y, p.x, is_x);
+    let end = select(q.y, q.x, is_x);
+    let s = clamp(guarded_quotient(start, start - end), 0.0, 1.0);
+    let place = p.xy + s * (q.xy - p.xy);
+    return vec2<f32>(s, max(abs(place.x), abs(place.y)));
+}
+
+/// Weights of the place where the ray runs through a triangle; last a number below zero where it does not.
+fn inside(corners: array<vec3<f32>, 3>) -> vec4<f32> {
+    let right = vec3<bool>(corners[0].x >= 0.0, corners[1].x >= 0.0, corners[2].x >= 0.0);
+    if right.x == right.y && right.y == right.z {
+        return vec4<f32>(-1.0);
+    }
+    // The vertex that is alone on its side of x = 0, and the two others in order.
+    if right.y == right.z {
+        return across(corners[0], corners[1], corners[2]);
+    }
+    if right.x == right.z {
+        return across(corners[1], corners[2], corners[0]).zxyw;
+    }
+    return across(corners[2], corners[0], corners[1]).yzxw;
+}
+
+/// The same where `p` is alone: between the places where its edges cross x = 0.
+fn across(p: vec3<f32>, q: vec3<f32>, r: vec3<f32>) -> vec4<f32> {
+    let to_q = clamp(guarded_quotient(p.x, p.x - q.x), 0.0, 1.0);
+    let to_r = clamp(guarded_quotient(p.x, p.x - r.x), 0.0, 1.0);
+    let y_q = p.y + to_q * (q.y - p.y);
+    let y_r = p.y + to_r * (r.y - p.y);
+    if min(y_q, y_r) > 0.0 || max(y_q, y_r) < 0.0 {
+        return vec4<f32>(-1.0);
+    }
+    let s = clamp(guarded_quotient(y_q, y_q - y_r), 0.0, 1.0);
+    let weight_q = (1.0 - s) * to_q;
+    let weight_r = s * to_r;
+    return vec4<f32>((1.0 - weight_q) - weight_r, weight_q, weight_r, 0.0);
+}

@@ -1,0 +1,148 @@
+// A ray's way through nodes and triangles, nearest first.
+//
+// The stack holds one entry a level at most: a node's word and, three bits each, its children that wait, nearest first. When
+// the ray comes back to a node it tests the next of them again, by what it has hit since, so entries need no distances.
+// use shared/ray
+// use shared/node
+// use shared/triangle
+// use ?level
+// use ?mask
+// use ?count
+// const STACK
+// const TURNS
+
+/// Places of a leaf's first triangle: two a half-block.
+const LEAF_FIRST: u32 = 0x03ffffffu;
+
+/// Turns of loops that this invocation took, for all its rays.
+var<private> turns: u32;
+
+/// Whether a walk of this invocation ended early, after `TURNS` turns: its answer may not be the first hit, or none.
+var<private> is_cut: bool;
+
+/// What the walk has found, `t` the caller's, the primitive as the tree numbers it.
+var<private> best: Hit;
+
+/// Where the walk stands: scaled `t` of the best hit, stack entries, and those of them that belong to the outer level.
+var<private> t_max: f32;
+
+/// The first hit, or any; a miss where there is none.
+fn walk(ray: Ray, any: bool) -> Hit {
+    best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
+    var word = enter_outer(ray);
+    t_max = scaled_t(ray.t_max);
+    var stack: array<vec2<u32>, STACK>;
+    var n_waiting = 0u;
+    // Entries of the outer level while the walk is in an instance.
+    var n_outer = 0u;
+    var is_inner = !HAS_INSTANCES;
+    loop {
+        if word == EMPTY {
+            if is_inner && HAS_INSTANCES && n_waiting == n_outer {
+                // The instance is done.
+                is_inner = false;
+                n_outer = 0u;
+                enter_outer(ray);
+                t_max = scaled_t(best.t);
+            }
+            if n_waiting == 0u {
+                break;
+            }
+            let entry = stack[n_waiting - 1u];
+            let child = entry.y & 7u;
+            if enter(entry.x, child >> 2u, t_max)[child & 3u] == MISSED {
+                // What waits behind it is farther still.
+                n_waiting -= 1u;
+            } else {
+                word = child_word(entry.x, child);
+                stack[n_waiting - 1u].y = next(entry.y);
+                if (entry.y >> 24u) == 1u {
+                    n_waiting -= 1u;
+                }
+            }
+        }
+        turns += 1u;
+        if turns > TURNS {
+            is_cut = true;
+            break;
+        }
+        if word == EMPTY {
+            continue;
+        }
+        if (word & LEAF) == 0u {
+            count_boxes(8u);
+            let children = ordered(enter(word, 0u, t_max), enter(word, 1u, t_max));
+            let n = children >> 24u;
+            if n > 1u {
+                stack[n_waiting] = vec2<u32>(word, next(children));
+                n_waiting += 1u;
+            }
+            let nearest = child_word(word, children & 7u);
+            word = select(nearest, EMPTY, n == 0u);
+        } else if is_inner {
+            leaf(word);
+            word = EMPTY;
+            if any && best.primitive != NONE {
+                break;
+            }
+        } else {
+            is_inner = true;
+            n_outer = n_waiting;
+            word = enter_inner(ray, word);
+            t_max = scaled_t(best.t);
+        }
+    }
+    if best.primitive == NONE {
+        return miss();
+    }
+    return placed(best);
+}
+
+/// Children without the first of them.
+fn next(children: u32) -> u32 {
+    return ((children & 0xffffffu) >> 3u) | ((children & 0xff000000u) - 0x1000000u);
+}
+
+/// Tests the triangles of a leaf: blocks of eight, then one of four; a leaf of two may be the second half of one of four.
+fn leaf(word: u32) {
+    let first = word & LEAF_FIRST;
+    var n = ((word >> 26u) & 31u) + 1u;
+    var at = space.first_half + (first >> 1u) * HALF_QUADS;
+    var is_second = false;
+    count_triangles(n);
+    loop {
+        let stride = select(1u, 2u, is_second || n > 4u);
+        let first_quad = at + select(0u, 1u, is_second);
+        let filled = ((1u << min(n, 4u)) - 1u) << ((first & 1u) * 2u);
+        four_triangles(first_quad, stride, filled);
+        if n <= 4u {
+            break;
+        }
+        n -= 4u;
+        at += select(0u, 2u * HALF_QUADS, is_second);
+        is_second = !is_second;
+    }
+}
+
+/// Tests those of four triangles that `filled` names.
+fn four_triangles(at: u32, stride: u32, filled: u32) {
+    var waiting = candidates(at, stride) & filled;
+    turns += 1u + countOneBits(waiting);
+    loop {
+        if waiting == 0u {
+            break;
+        }
+        let lane = firstTrailingBit(waiting);
+        waiting &= waiting - 1u;
+        let met = meet(at, stride, lane);
+        // The comparison of `t` in the caller's units decides, as everywhere.
+        if met.t >= space.t_min && met.t <= t_max {
+            let number = halves[at + 9u * stride][lane];
+            let hit = Hit(caller_t(met.t), met.weights.y, met.weights.z, number, space.instance);
+            if before(hit, best) && accepts(placed(hit)) {
+                best = hit;
+                t_max = met.t;
+            }
+        }
+    }
+}
