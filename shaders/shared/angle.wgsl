@@ -2,7 +2,7 @@
 // a few units on every device, as lookups and twins of the CPU's functions need.
 // use shared/numbers
 
-/// Cosine and sine of a number of turns, in -1..=1; each within 4 * 2^-24.
+/// Cosine and sine of a number of turns, in -2..=2; each within 4 * 2^-24.
 ///
 /// The nearest quarter is taken off without rounding. What is left is at most an eighth of a turn, where Taylor's series
 /// to these terms lack less than 2^-28.

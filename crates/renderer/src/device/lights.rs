@@ -1,10 +1,13 @@
-//! Lights as kernels read them.
+//! Lights as kernels read them: the list, and what a path samples of all lights.
 
 use bytemuck::{Pod, Zeroable};
+use canted_gpu::{Bound, Buffer, Gpu, GpuError, Specialisation};
 use canted_scene::Light;
+use canted_trace::InstanceId;
 
-/// Greatest colour of a light on a device, so that no product of a kernel overflows.
-const BRIGHTEST: f32 = 1e18;
+use crate::LightSampler;
+use crate::light::packed::{Emitter, LightNode, LightShares, SkyRow, SunShare};
+pub(super) use crate::light::packed::bounded;
 
 /// A light of the list: `ListLight` of `shared/light/list`, which says what each kind has.
 #[repr(C)]
@@ -39,7 +42,87 @@ impl From<&Light> for ListLight {
     }
 }
 
-/// A colour that a device can compute with; what is no number is black.
-pub(super) fn bounded(color: [f32; 3]) -> [f32; 3] {
-    color.map(|x| x.max(0.0).min(BRIGHTEST))
+/// What a path samples of the lights, on a device: only what the scene has.
+pub(super) struct SampledLights {
+    shares: Buffer<LightShares>,
+    tree: Option<Buffer<LightNode>>,
+    emitters: Option<Buffer<Emitter>>,
+    /// Leaf of each light of the list, where one is in the tree.
+    leaves: Option<Buffer<u32>>,
+    suns: Option<Buffer<SunShare>>,
+    sky: Option<(Buffer<SkyRow>, Buffer<f32>)>,
+    glow_is_textured: bool,
+}
+
+impl SampledLights {
+    /// Packs and uploads; `slack` is the distance that rays keep off an instance along each axis, on the device.
+    ///
+    /// # Errors
+    /// What the device's memory or limits do not hold.
+    pub(super) fn new(
+        gpu: &Gpu,
+        sampler: &LightSampler<'_>,
+        slack: impl Fn(InstanceId) -> f32,
+    ) -> Result<Self, GpuError> {
+        let packed = sampler.packed(slack);
+        let in_tree = packed.nodes.len().div_ceil(2) > packed.emitters.len();
+        Ok(Self {
+            shares: gpu.uniform("shares of lights", &packed.shares)?,
+            tree: some(gpu, "tree of lights", &packed.nodes)?,
+            emitters: some(gpu, "triangles that emit", &packed.emitters)?,
+            leaves: some(gpu, "leaves of lights", if in_tree { &packed.leaves } else { &[] })?,
+            suns: some(gpu, "shares of suns", &packed.suns)?,
+            sky: match &packed.sky {
+                Some((rows, sums)) => {
+                    Some((gpu.buffer("rows of the sky", rows)?, gpu.buffer("sums of the sky", sums)?))
+                }
+                None => None,
+            },
+            glow_is_textured: packed.glow_is_textured,
+        })
+    }
+
+    /// What `shared/light/sampler` binds, but for the list and the picture of the sky.
+    pub(super) fn bindings(&self) -> Vec<Bound<'_>> {
+        let mut bound: Vec<Bound<'_>> = vec![("light_shares", &self.shares)];
+        if let Some(tree) = &self.tree {
+            bound.push(("light_nodes", tree));
+        }
+        if let Some(emitters) = &self.emitters {
+            bound.push(("emitters", emitters));
+        }
+        if let Some(leaves) = &self.leaves {
+            bound.push(("light_leaves", leaves));
+        }
+        if let Some(suns) = &self.suns {
+            bound.push(("sun_shares", suns));
+        }
+        if let Some((rows, sums)) = &self.sky {
+            bound.extend([("sky_rows", rows as &dyn canted_gpu::AsBinding), ("sky_sums", sums)]);
+        }
+        bound
+    }
+
+    /// Chooses the parts that the scene needs.
+    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+        let local = match (&self.emitters, &self.leaves) {
+            (None, None) => "shared/local/none",
+            (Some(_), None) => "shared/local/emitters",
+            (None, Some(_)) => "shared/local/lights",
+            (Some(_), Some(_)) => "shared/local/both",
+        };
+        let skylight = if self.sky.is_some() { "shared/skylight/image" } else { "shared/skylight/cosine" };
+        let suns = if self.suns.is_some() { "shared/suns/list" } else { "shared/suns/none" };
+        let chosen = chosen.part("local", local).part("skylight", skylight).part("suns", suns);
+        match (&self.emitters, self.glow_is_textured) {
+            (None, _) => chosen,
+            (Some(_), false) => chosen.part("glow", "shared/glow/plain"),
+            (Some(_), true) => chosen.part("glow", "shared/glow/surface"),
+        }
+    }
+}
+
+/// A buffer of what there is.
+fn some<T: Pod>(gpu: &Gpu, what: &str, values: &[T]) -> Result<Option<Buffer<T>>, GpuError> {
+    if values.is_empty() { Ok(None) } else { gpu.buffer(what, values).map(Some) }
 }

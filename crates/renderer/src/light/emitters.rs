@@ -12,11 +12,11 @@ use crate::{Surface, Surfaces, srgb};
 
 /// A triangle that gives light, of an instance that stands still.
 #[derive(Clone, Copy, Debug)]
-struct Emitter {
-    instance: InstanceId,
-    primitive: PrimId,
+pub(super) struct Emitter {
+    pub(super) instance: InstanceId,
+    pub(super) primitive: PrimId,
     /// World space.
-    corners: [[f32; 3]; 3],
+    pub(super) corners: [[f32; 3]; 3],
 }
 
 /// All triangles that give light, in the order of instances and primitives.
@@ -24,7 +24,7 @@ struct Emitter {
 /// Those of moving instances are not among them, for they are in another place for each ray: they are found by chance.
 pub(super) struct Emitters<'a> {
     surfaces: &'a Surfaces<'a>,
-    list: Vec<Emitter>,
+    pub(super) list: Vec<Emitter>,
 }
 
 impl<'a> Emitters<'a> {
@@ -100,10 +100,25 @@ impl<'a> Emitters<'a> {
         Lit::new(self.list[number].corners).map_or(0.0, |lit| lit.density(from.position, direction))
     }
 
-    fn radiance(&self, hit: &Hit, direction: [f32; 3]) -> Option<Vector> {
+    /// Whether what any of them gives differs from point to point.
+    pub(super) fn are_textured(&self) -> bool {
+        let material = |emitter: &Emitter| self.material(emitter.instance, emitter.primitive);
+        self.list.iter().map(material).any(|material| material.is_cut_out() || material.emission_texture.is_some())
+    }
+
+    /// Radiance of an emitter before its texture, linear RGB.
+    pub(super) fn emission(&self, emitter: &Emitter) -> [f32; 3] {
+        self.material(emitter.instance, emitter.primitive).emission
+    }
+
+    fn material(&self, instance: InstanceId, primitive: PrimId) -> &'a Material {
         let scene = self.surfaces.scene();
-        let mesh = &scene.meshes[scene.instances[hit.instance.0 as usize].mesh.0 as usize];
-        let material = &scene.materials[mesh.material_of(hit.primitive.0).0 as usize];
+        let mesh = &scene.meshes[scene.instances[instance.0 as usize].mesh.0 as usize];
+        &scene.materials[mesh.material_of(primitive.0).0 as usize]
+    }
+
+    fn radiance(&self, hit: &Hit, direction: [f32; 3]) -> Option<Vector> {
+        let material = self.material(hit.instance, hit.primitive);
         // Of light that a blended surface gives, rays that are sampled for it carry the share of those that would meet it.
         let presence = if material.is_cut_out() { self.surfaces.presence(hit) } else { 1.0 };
         let radiance = match material.emission_texture {

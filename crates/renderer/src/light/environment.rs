@@ -138,11 +138,11 @@ fn mean_of(image: &EnvironmentImage) -> [f32; 3] {
 /// A texel is chosen by its mean luminance times its solid angle, then a direction uniform over the solid angle: the
 /// density is one number a texel, and above zero wherever the bilinear picture is.
 pub(super) struct SkySampler<'a> {
-    image: &'a EnvironmentImage,
+    pub(super) image: &'a EnvironmentImage,
     /// Running sums along each row, which begins with 0.
     within_rows: Vec<f64>,
     /// Running sums of the rows, beginning with 0.
-    rows: Vec<f64>,
+    pub(super) rows: Vec<f64>,
 }
 
 impl<'a> SkySampler<'a> {
@@ -189,7 +189,7 @@ impl<'a> SkySampler<'a> {
         (sums[column + 1] - sums[column]) / (total * solid_angle(self.image, row))
     }
 
-    fn row(&self, row: usize) -> &[f64] {
+    pub(super) fn row(&self, row: usize) -> &[f64] {
         let n = self.image.width as usize + 1;
         &self.within_rows[row * n..(row + 1) * n]
     }

@@ -12,15 +12,15 @@ pub(super) struct Receiver {
 /// What a cluster of lights might do to a point, in the form that is asked for it: a ball, and the cone by its cosines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Glow {
-    middle: Vector,
-    radius: f64,
-    axis: Vector,
-    spread: Angle,
+    pub(super) middle: Vector,
+    pub(super) radius: f64,
+    pub(super) axis: Vector,
+    pub(super) spread: Angle,
     /// Cosine of the angle to a light's axis beyond which it is dark.
-    cos_reach: f64,
-    is_two_sided: bool,
+    pub(super) cos_reach: f64,
+    pub(super) is_two_sided: bool,
     /// W/sr by luminance.
-    intensity: f64,
+    pub(super) intensity: f64,
 }
 
 /// Far enough below the greatest number that two of them add up.
@@ -72,9 +72,9 @@ impl Glow {
 
 /// An angle in 0..=π.
 #[derive(Clone, Copy, Debug)]
-struct Angle {
-    cos: f64,
-    sin: f64,
+pub(super) struct Angle {
+    pub(super) cos: f64,
+    pub(super) sin: f64,
 }
 
 impl Angle {

@@ -5,6 +5,7 @@
 //! Environment   -> environment: radiance, SkySampler
 //! emission      -> emitters: triangle, by its spherical triangle                    -> LightSampler -> path tracing
 //! lights, emitters -> cluster (cone) -> build -> tree (glow)
+//! LightSampler  -> packed, for devices
 //! ```
 //!
 //! Spheres and discs are bodies: rays see them, and they stand in the light of others. They reflect nothing, and are
@@ -18,6 +19,7 @@ mod disc;
 mod emitters;
 mod environment;
 mod glow;
+pub(crate) mod packed;
 mod sampler;
 mod sphere;
 mod spherical;

@@ -46,19 +46,19 @@ pub struct LightSample {
 /// are found by chance only: their density is 0.
 pub struct LightSampler<'a> {
     lights: Lights<'a>,
-    emitters: Emitters<'a>,
-    tree: Option<Tree>,
+    pub(super) emitters: Emitters<'a>,
+    pub(super) tree: Option<Tree>,
     /// Number in the tree of each light of the list; emitters come first.
-    places: Vec<Option<u32>>,
+    pub(super) places: Vec<Option<u32>>,
     /// The list's index of each light of the tree that is no emitter.
-    placed: Vec<u32>,
-    sky: Option<SkySampler<'a>>,
+    pub(super) placed: Vec<u32>,
+    pub(super) sky: Option<SkySampler<'a>>,
     /// What is chosen first, with the shares.
-    shares: Vec<(Choice, f64)>,
+    pub(super) shares: Vec<(Choice, f64)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Choice {
+pub(super) enum Choice {
     Tree,
     Environment,
     Sun(u32),
@@ -205,7 +205,7 @@ impl<'a> LightSampler<'a> {
         Some((chosen, share, (rest / share).clamp(0.0, 1.0 - f64::EPSILON)))
     }
 
-    fn share(&self, choice: Choice) -> f64 {
+    pub(super) fn share(&self, choice: Choice) -> f64 {
         self.shares.iter().find(|(known, _)| *known == choice).map_or(0.0, |&(_, share)| share)
     }
 }

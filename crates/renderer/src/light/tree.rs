@@ -7,9 +7,9 @@ use super::glow::Receiver;
 /// From the root down a child is chosen by its importance, so lights far off are told apart by the sums of their
 /// clusters and near ones by themselves; after Conty Estevez and Kulla 2018 without their splitting, one light a choice.
 pub(super) struct Tree {
-    nodes: Vec<Node>,
+    pub(super) nodes: Vec<Node>,
     /// The leaf of each light.
-    leaves: Vec<u32>,
+    pub(super) leaves: Vec<u32>,
 }
 
 impl Tree {

@@ -36,7 +36,13 @@ fn lights() -> Vec<Light> {
         Light::Sun { direction: direction(0, 0), irradiance: [1.0, 2.0, 3.0] },
         Light::Point { position: [0.0; 3], intensity: [0.0; 3] },
         Light::Point { position: [1e6, -2e6, 3.0], intensity: [1e12; 3] },
-        Light::Spot { position: [0.5; 3], direction: direction(1, 0), intensity: [5.0; 3], cos_inner: 0.5, cos_outer: 0.5 },
+        Light::Spot {
+            position: [0.5; 3],
+            direction: direction(1, 0),
+            intensity: [5.0; 3],
+            cos_inner: 0.5,
+            cos_outer: 0.5,
+        },
         Light::Sphere { center: [3e5, 0.0, 0.0], radius: 1e-3, radiance: [1e9; 3] },
     ];
     for i in 2..20 {
@@ -45,7 +51,13 @@ fn lights() -> Vec<Light> {
         let radius = 0.01 + number(i, 20);
         lights.push(Light::Point { position: center, intensity: radiance });
         let [cos_outer, cos_inner] = [0.9 * number(i, 30), 0.9 + 0.1 * number(i, 31)];
-        lights.push(Light::Spot { position: center, direction: direction(i, 40), intensity: radiance, cos_inner, cos_outer });
+        lights.push(Light::Spot {
+            position: center,
+            direction: direction(i, 40),
+            intensity: radiance,
+            cos_inner,
+            cos_outer,
+        });
         lights.push(Light::Sphere { center, radius, radiance });
         lights.push(Light::Disc { center, normal: direction(i, 50), radius, radiance });
     }
@@ -178,6 +190,11 @@ fn narrowed(v: Vector) -> [f32; 3] {
 
 #[test]
 fn layouts_are_the_kernels() {
-    same_layout!("check/arrival", "ListLight", ListLight { place, kind, direction, extent, color, cos_outer });
-    same_layout!("check/arrival", "Query", Query { at, light, square });
+    same_layout!(
+        "check/arrival",
+        &Specialisation::none(),
+        "ListLight",
+        ListLight { place, kind, direction, extent, color, cos_outer }
+    );
+    same_layout!("check/arrival", &Specialisation::none(), "Query", Query { at, light, square });
 }

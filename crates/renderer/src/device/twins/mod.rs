@@ -1,6 +1,8 @@
 //! Functions of kernels beside those of the CPU, each over a buffer of inputs.
 
 mod arrival;
+mod bsdf;
+mod light;
 
 use bytemuck::Pod;
 use canted_gpu::{Bound, Choice, Gpu, Specialisation};
@@ -40,6 +42,21 @@ fn answers<Q: Pod, A: Pod>(
     gpu.read(&answers).unwrap()
 }
 
+/// How many answers were the CPU's, and how many lay at an edge of choices; else what is wrong with the first.
+fn compare<Q, A>(
+    one: impl Fn(&Q, &A) -> Result<bool, String>,
+    queries: &[Q],
+    answers: &[A],
+) -> Result<[usize; 2], String> {
+    let compared: Vec<_> = queries.iter().zip(answers).map(|(query, answer)| one(query, answer)).collect();
+    let wrong: Vec<_> = compared.iter().filter_map(|result| result.as_ref().err()).collect();
+    if let Some(first) = wrong.first() {
+        return Err(format!("{first}; {} of {} are wrong", wrong.len(), queries.len()));
+    }
+    let n_equal = compared.iter().filter(|result| matches!(result, Ok(true))).count();
+    Ok([n_equal, queries.len() - n_equal])
+}
+
 /// A number in `[0, 1)` for each pair of indices.
 fn number(i: u32, k: u32) -> f32 {
     Sampler::new(Pattern::Random, 1, 1).single(i, 0, k)
@@ -60,8 +77,8 @@ fn are_near(a: [f32; 3], b: [f64; 3], bound: f64) -> bool {
 
 /// Members of the Rust structure and their offsets, as the kernel's structure of that name has them.
 macro_rules! same_layout {
-    ($kernel:expr, $name:literal, $ty:ty { $($member:ident),* $(,)? }) => {{
-        let shader = canted_shaders::Shader::new($kernel, &canted_gpu::Specialisation::none()).unwrap();
+    ($kernel:expr, $chosen:expr, $name:literal, $ty:ty { $($member:ident),* $(,)? }) => {{
+        let shader = canted_shaders::Shader::new($kernel, $chosen).unwrap();
         let layout = shader.layout($name).unwrap();
         let members = [$((stringify!($member).to_owned(), std::mem::offset_of!($ty, $member) as u32)),*];
         assert_eq!((layout.members.as_slice(), layout.size as usize), (members.as_slice(), size_of::<$ty>()));

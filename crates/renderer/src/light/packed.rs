@@ -1,0 +1,207 @@
+//! A [`LightSampler`] as kernels read it: in f32, without what the scene does not have.
+
+use bytemuck::{Pod, Zeroable};
+use canted_scene::EnvironmentImage;
+use canted_trace::InstanceId;
+
+use super::emitters::Emitters;
+use super::environment::{SkySampler, cosine_above, solid_angle};
+use super::sampler::{Choice, LightSampler};
+use super::tree::Tree;
+
+/// Greatest colour of a light on a device, so that no product of a kernel overflows.
+const BRIGHTEST: f32 = 1e18;
+
+/// Marks emitting triangles among the lights of the tree.
+const EMITTER: u32 = 1 << 31;
+
+/// Leaf of a light that is not in the tree.
+const NO_LEAF: u32 = u32::MAX;
+
+/// A cluster of lights: `LightNode` of `shared/light/tree`, which explains its members.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct LightNode {
+    pub(crate) middle: [f32; 3],
+    pub(crate) radius: f32,
+    pub(crate) axis: [f32; 3],
+    pub(crate) cos_reach: f32,
+    pub(crate) spread: [f32; 2],
+    pub(crate) intensity: f32,
+    pub(crate) is_two_sided: u32,
+    pub(crate) parent: u32,
+    pub(crate) first_child: u32,
+    pub(crate) light: u32,
+    pub(crate) padding: u32,
+}
+
+/// A triangle that gives light: `Emitter` of `shared/light/emitters`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Emitter {
+    pub(crate) corner: [f32; 3],
+    pub(crate) instance: u32,
+    pub(crate) first: [f32; 3],
+    pub(crate) primitive: u32,
+    pub(crate) second: [f32; 3],
+    pub(crate) leaf: u32,
+    pub(crate) radiance: [f32; 3],
+    pub(crate) slack: f32,
+}
+
+/// How likely each kind of light is chosen: `LightShares` of `shared/light/sampler`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct LightShares {
+    pub(crate) local: f32,
+    pub(crate) sky: f32,
+}
+
+/// A sun and its share: `SunShare` of `shared/suns/list`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct SunShare {
+    pub(crate) light: u32,
+    pub(crate) share: f32,
+}
+
+/// A picture of all directions: `SkyImage` of `shared/sky/image`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct SkyImage {
+    pub(crate) scale: [f32; 3],
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) turn: f32,
+    pub(crate) padding: [u32; 2],
+}
+
+/// A row of the picture by its brightness: `SkyRow` of `shared/skylight/image`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct SkyRow {
+    pub(crate) sum: f32,
+    pub(crate) cosine: f32,
+    pub(crate) per_steradian: f32,
+}
+
+/// The lights that are sampled.
+pub(crate) struct PackedLights {
+    pub(crate) shares: LightShares,
+    /// None without lights that have a place.
+    pub(crate) nodes: Vec<LightNode>,
+    pub(crate) emitters: Vec<Emitter>,
+    /// Leaf of each light of the list.
+    pub(crate) leaves: Vec<u32>,
+    pub(crate) suns: Vec<SunShare>,
+    /// Rows and sums of a picture that is sampled by its brightness.
+    pub(crate) sky: Option<(Vec<SkyRow>, Vec<f32>)>,
+    /// Whether what an emitter gives differs from point to point.
+    pub(crate) glow_is_textured: bool,
+}
+
+impl LightSampler<'_> {
+    /// The sampler in f32; `slack` is the distance that rays keep off an instance along each axis, on the device.
+    pub(crate) fn packed(&self, slack: impl Fn(InstanceId) -> f32) -> PackedLights {
+        let share = |wanted: Choice| narrowed(self.share(wanted));
+        let suns = self.shares.iter().filter_map(|&(choice, share)| match choice {
+            Choice::Sun(light) => Some(SunShare { light, share: narrowed(share) }),
+            _ => None,
+        });
+        let (nodes, leaves) = self.tree.as_ref().map_or_else(Default::default, |tree| self.nodes(tree));
+        PackedLights {
+            shares: LightShares { local: share(Choice::Tree), sky: share(Choice::Environment) },
+            emitters: emitters(&self.emitters, &leaves, slack),
+            leaves: self.places.iter().map(|place| place.map_or(NO_LEAF, |place| leaves[place as usize])).collect(),
+            nodes,
+            suns: suns.collect(),
+            sky: self.sky.as_ref().map(|sky| (rows(sky), sums(sky))),
+            glow_is_textured: self.emitters.are_textured(),
+        }
+    }
+
+    /// The tree, and the leaf of each of its lights.
+    fn nodes(&self, tree: &Tree) -> (Vec<LightNode>, Vec<u32>) {
+        let n_emitters = self.emitters.len();
+        let all = tree.nodes[0].glow.intensity;
+        let nodes = tree.nodes.iter().map(|node| {
+            let glow = &node.glow;
+            let number = node.light as usize;
+            LightNode {
+                middle: glow.middle.map(narrowed),
+                radius: narrowed(glow.radius),
+                axis: glow.axis.map(narrowed),
+                cos_reach: narrowed(glow.cos_reach),
+                spread: [glow.spread.cos, glow.spread.sin].map(narrowed),
+                // Shares of all, which f32 holds; none is taken from a light, however weak.
+                intensity: narrowed(glow.intensity / all).max(1e-30),
+                is_two_sided: glow.is_two_sided.into(),
+                parent: node.parent.unwrap_or(0),
+                first_child: node.children.map_or(0, |children| children[0]),
+                light: if number < n_emitters { node.light | EMITTER } else { self.placed[number - n_emitters] },
+                padding: 0,
+            }
+        });
+        (nodes.collect(), tree.leaves.clone())
+    }
+}
+
+fn emitters(all: &Emitters<'_>, leaves: &[u32], slack: impl Fn(InstanceId) -> f32) -> Vec<Emitter> {
+    let packed = all.list.iter().zip(leaves).map(|(emitter, &leaf)| {
+        let [a, b, c] = emitter.corners.map(|corner| corner.map(f64::from));
+        let from_a = |corner: [f64; 3]| std::array::from_fn(|k| narrowed(corner[k] - a[k]));
+        Emitter {
+            corner: emitter.corners[0],
+            instance: emitter.instance.0,
+            first: from_a(b),
+            primitive: emitter.primitive.0,
+            second: from_a(c),
+            leaf,
+            radiance: bounded(all.emission(emitter)),
+            slack: slack(emitter.instance),
+        }
+    });
+    packed.collect()
+}
+
+/// The picture without its texels.
+pub(crate) fn sky_image(image: &EnvironmentImage) -> SkyImage {
+    SkyImage {
+        scale: bounded(image.scale),
+        width: image.width,
+        height: image.height,
+        turn: narrowed((f64::from(image.turn_degrees) / 360.0).rem_euclid(1.0)),
+        padding: [0; 2],
+    }
+}
+
+fn rows(sky: &SkySampler<'_>) -> Vec<SkyRow> {
+    let total = sky.rows[sky.rows.len() - 1];
+    let row = |(number, sum): (usize, &f64)| SkyRow {
+        sum: narrowed(sum / total),
+        cosine: narrowed(cosine_above(sky.image, number)),
+        per_steradian: narrowed(1.0 / solid_angle(sky.image, number)),
+    };
+    sky.rows.iter().enumerate().map(row).collect()
+}
+
+/// Sums along each row as shares of it; a black row is never chosen.
+fn sums(sky: &SkySampler<'_>) -> Vec<f32> {
+    let rows = 0..sky.rows.len() - 1;
+    rows.flat_map(|row| {
+        let sums = sky.row(row);
+        let total = sums[sums.len() - 1];
+        sums.iter().map(move |sum| if total > 0.0 { narrowed(sum / total) } else { 0.0 })
+    })
+    .collect()
+}
+
+/// A colour that a device can compute with; what is no number is black.
+pub(crate) fn bounded(color: [f32; 3]) -> [f32; 3] {
+    color.map(|x| x.max(0.0).min(BRIGHTEST))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+fn narrowed(x: f64) -> f32 {
+    x as f32
+}

@@ -1,0 +1,57 @@
+// Samples the lights of a scene and tells densities, for comparison with the CPU's.
+// use shared/groups
+// use shared/light/sampler
+// use ?sky
+
+struct Query {
+    position: vec3<f32>,
+    choice: f32,
+    normal: vec3<f32>,
+    transmits: u32,
+    square: vec2<f32>,
+    /// What a direction meets: 0 the sky, 1 a body, 2 a triangle; its number or instance, its primitive.
+    kind: u32,
+    number: u32,
+    to_light: vec3<f32>,
+    primitive: u32,
+}
+
+struct Answer {
+    to_light: vec3<f32>,
+    density: f32,
+    radiance: vec3<f32>,
+    reach: u32,
+    place: vec3<f32>,
+    body: u32,
+    is_emission: u32,
+    /// Of the direction of the query.
+    density_there: f32,
+}
+
+@group(0) @binding(0) var<storage, read> queries: array<Query>;
+@group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let index = invocation(group, groups, 64u, local);
+    if index >= arrayLength(&answers) {
+        return;
+    }
+    let q = queries[index];
+    let receiver = Receiver(q.position, q.normal, q.transmits != 0u);
+    let light = sample_light(receiver, q.choice, q.square);
+    var density = sky_light_density(receiver, q.to_light);
+    if q.kind == 1u {
+        density = body_light_density(receiver, q.number, q.to_light);
+    } else if q.kind == 2u {
+        density = surface_light_density(receiver, q.number, q.primitive, q.to_light);
+    }
+    let found = light.arrival;
+    answers[index] = Answer(
+        found.to_light, found.density, found.radiance, found.reach, found.place, light.body, u32(light.is_emission), density,
+    );
+}

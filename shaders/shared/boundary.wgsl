@@ -1,0 +1,255 @@
+// The boundary seen from one direction; twin of crates/renderer/src/bsdf/boundary.rs, where each step is explained.
+// use shared/numbers
+// use shared/sampling
+// use shared/scattering
+// use shared/fresnel
+// use shared/ggx
+
+/// The least difference of `eta` from 1 that bends light of a rough boundary; below, it passes straight.
+const LEAST_BEND: f32 = 1.0 / 128.0;
+
+/// A material from one outgoing direction.
+struct Boundary {
+    bsdf: Bsdf,
+    outgoing: vec3<f32>,
+    is_inside: bool,
+    /// Index of the far side over that of the side of `outgoing`.
+    eta: f32,
+    /// 0 for a mirror.
+    alpha: f32,
+    diffuse_probability: f32,
+}
+
+/// What a facet does with the light of one direction.
+struct Facet {
+    reflected: vec3<f32>,
+    transmitted: vec3<f32>,
+    /// That a sample which found this facet is reflected; the rest is transmitted.
+    reflection_probability: f32,
+}
+
+fn boundary_of(bsdf: Bsdf, outgoing: vec3<f32>) -> Boundary {
+    let is_inside = bsdf.is_inside && bsdf.transmission > 0.0 && !bsdf.thin_walled;
+    let eta = select(bsdf.ior, 1.0 / bsdf.ior, is_inside);
+    var boundary = Boundary(bsdf, outgoing, is_inside, eta, slope_width(bsdf.roughness), 0.0);
+    boundary.diffuse_probability = share_of_base(boundary);
+    return boundary;
+}
+
+/// What comes from `incident`, whose z is not 0.
+fn evaluate_boundary(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
+    if incident.z > 0.0 {
+        return reflected_by(boundary, incident);
+    }
+    return transmitted_by(boundary, incident);
+}
+
+/// Light that leaves on the side it came from.
+fn reflected_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
+    let lambert = incident.z / PI;
+    let diffuse = Evaluation(base_of(boundary, incident.z) * lambert, boundary.diffuse_probability * lambert);
+    if boundary.alpha == 0.0 {
+        return diffuse;
+    }
+    let gloss = mirrored_by(boundary, incident, false);
+    return Evaluation(diffuse.value + gloss.value, diffuse.density + gloss.density);
+}
+
+/// Light that comes through.
+fn transmitted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
+    if boundary.alpha == 0.0 || boundary.bsdf.transmission <= 0.0 {
+        return no_evaluation();
+    }
+    if boundary.bsdf.thin_walled {
+        return mirrored_by(boundary, vec3(incident.xy, -incident.z), true);
+    }
+    return refracted_by(boundary, incident);
+}
+
+/// Facets that mirror `incident` into `outgoing`: what they reflect, or what a sheet lets through.
+fn mirrored_by(boundary: Boundary, incident: vec3<f32>, is_through: bool) -> Evaluation {
+    let normal = unit_of(boundary.outgoing + incident);
+    let facet = facet_of(boundary, dot(boundary.outgoing, normal));
+    let color = select(facet.reflected, facet.transmitted, is_through);
+    let probability = select(facet.reflection_probability, 1.0 - facet.reflection_probability, is_through);
+    let outgoing = boundary.outgoing.z;
+    let area = ggx_distribution(boundary.alpha, normal) * ggx_masking(boundary.alpha, outgoing, incident.z);
+    // Four times the cosine to the facet is the stretch of normals to directions; the cosine cancels.
+    let density = ggx_density(boundary.alpha, outgoing, normal) / 4.0;
+    return Evaluation(color * area, (1.0 - boundary.diffuse_probability) * probability * density);
+}
+
+/// Facets that refract `incident` into `outgoing`, after Walter et al. 2007, equations 16, 17 and 21.
+fn refracted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
+    if !bends(boundary) {
+        return no_evaluation();
+    }
+    let eta = boundary.eta;
+    // It lies along no + eta * ni, on the side of the thinner medium.
+    let sum = unit_of(boundary.outgoing + eta * incident);
+    let normal = select(sum, -sum, sum.z < 0.0);
+    let near = dot(boundary.outgoing, normal);
+    let far = dot(incident, normal);
+    if near <= 0.0 || far >= 0.0 {
+        return no_evaluation();
+    }
+    let facet = facet_of(boundary, near);
+    // The stretch of normals to directions; by Snell's law the sum is at least 1 - 1 / eta, absolute.
+    let sum_of_cosines = far + near / eta;
+    let stretch = quotient(-far, sum_of_cosines * sum_of_cosines);
+    let masking = 4.0 * near * ggx_masking(boundary.alpha, boundary.outgoing.z, -incident.z);
+    let area = ggx_distribution(boundary.alpha, normal) * masking * stretch / (eta * eta);
+    let density = near * ggx_density(boundary.alpha, boundary.outgoing.z, normal) * stretch;
+    let probability = (1.0 - boundary.diffuse_probability) * (1.0 - facet.reflection_probability);
+    return Evaluation(facet.transmitted * area, probability * density);
+}
+
+/// A direction by one of the lobes, without its weight unless it is the only one of its lobe.
+fn sample_boundary(boundary: Boundary, square: vec2<f32>, choice: f32) -> Scattered {
+    if choice < boundary.diffuse_probability {
+        return towards(cosine_hemisphere(square));
+    }
+    // What is left of the number chooses once more.
+    let left = (choice - boundary.diffuse_probability) / (1.0 - boundary.diffuse_probability);
+    var normal = vec3(0.0, 0.0, 1.0);
+    if boundary.alpha > 0.0 {
+        normal = ggx_sample(boundary.alpha, boundary.outgoing, square);
+    }
+    let facet = facet_of(boundary, dot(boundary.outgoing, normal));
+    if left < facet.reflection_probability {
+        return sample_reflected(boundary, facet, normal);
+    }
+    return sample_transmitted(boundary, facet, normal);
+}
+
+fn sample_reflected(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Scattered {
+    let outgoing = boundary.outgoing;
+    if boundary.alpha == 0.0 {
+        return mirror(boundary, vec3(-outgoing.xy, outgoing.z), facet.reflected, facet.reflection_probability);
+    }
+    let incident = mirrored_at(outgoing, normal);
+    if incident.z < LEAST_COSINE {
+        return nothing_scattered();
+    }
+    return towards(incident);
+}
+
+fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Scattered {
+    let outgoing = boundary.outgoing;
+    let eta = boundary.eta;
+    let probability = 1.0 - facet.reflection_probability;
+    if boundary.bsdf.thin_walled {
+        if boundary.alpha == 0.0 {
+            return mirror(boundary, -outgoing, facet.transmitted, probability);
+        }
+        let incident = mirrored_at(outgoing, normal);
+        if incident.z < LEAST_COSINE {
+            return nothing_scattered();
+        }
+        return towards(vec3(incident.xy, -incident.z));
+    }
+    let color = facet.transmitted / (eta * eta);
+    if boundary.alpha > 0.0 && !bends(boundary) {
+        return mirror(boundary, -outgoing, color, probability);
+    }
+    let cosine = dot(outgoing, normal);
+    let refracted = refracted_cosine(cosine, eta);
+    if refracted == TOTAL {
+        return nothing_scattered();
+    }
+    // Snell's law divides the tangential part by eta, and its error if the far side is the thinner.
+    let tangent = outgoing - cosine * normal;
+    let incident = unit_of(-tangent / eta - refracted * normal);
+    if boundary.alpha == 0.0 {
+        return mirror(boundary, incident, color, probability);
+    }
+    if incident.z > -LEAST_COSINE {
+        return nothing_scattered();
+    }
+    return towards(incident);
+}
+
+/// A direction of a lobe that has a width.
+fn towards(incident: vec3<f32>) -> Scattered {
+    return Scattered(incident, 0.0, vec3(0.0), false, false, true);
+}
+
+/// The only direction of its lobe.
+fn mirror(boundary: Boundary, incident: vec3<f32>, color: vec3<f32>, share: f32) -> Scattered {
+    let probability = share * (1.0 - boundary.diffuse_probability);
+    if probability <= 0.0 {
+        return nothing_scattered();
+    }
+    return Scattered(incident, 0.0, color * quotient(1.0, probability), true, incident.z < 0.0, true);
+}
+
+/// The direction that a facet mirrors `outgoing` into.
+fn mirrored_at(outgoing: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    return 2.0 * dot(outgoing, normal) * normal - outgoing;
+}
+
+/// Whether a rough boundary bends light by more than rounding does.
+fn bends(boundary: Boundary) -> bool {
+    return abs(boundary.eta - 1.0) >= LEAST_BEND;
+}
+
+fn facet_of(boundary: Boundary, cosine_to_facet: f32) -> Facet {
+    let bsdf = boundary.bsdf;
+    // Rounding may leave the cosine just outside.
+    let cosine = clamp(cosine_to_facet, 0.0, 1.0);
+    let layer = layer_of(boundary, cosine);
+    let gloss = (1.0 - bsdf.metallic) * layer * select(1.0, bsdf.transmission, boundary.is_inside);
+    let reflected = bsdf.metallic * schlick(cosine, bsdf.base_color) + gloss;
+    let transmitted = ((1.0 - bsdf.metallic) * bsdf.transmission * (1.0 - layer)) * bsdf.base_color;
+    let r = mean_of(reflected);
+    let t = mean_of(transmitted);
+    var probability = 1.0;
+    if t > 0.0 {
+        probability = r / (r + t);
+    }
+    return Facet(reflected, transmitted, probability);
+}
+
+/// Albedo of the diffuse base under the layer, for light of this cosine; from inside it lies before the layer.
+fn base_of(boundary: Boundary, incident: f32) -> vec3<f32> {
+    let color = diffuse_color(boundary.bsdf);
+    if boundary.is_inside {
+        return color;
+    }
+    let passed = (1.0 - layer_of(boundary, boundary.outgoing.z)) * (1.0 - layer_of(boundary, incident));
+    // The mean is at most a third.
+    return color * passed / (1.0 - boundary.bsdf.specular * mean_below(boundary.eta));
+}
+
+/// What the layer of a non-metal reflects; total reflection is total at any strength.
+fn layer_of(boundary: Boundary, cosine: f32) -> f32 {
+    let refracted = refracted_cosine(cosine, boundary.eta);
+    if refracted == TOTAL {
+        return 1.0;
+    }
+    return boundary.bsdf.specular * dielectric(cosine, refracted, boundary.eta);
+}
+
+/// The diffuse base's part of the light along the mirrored direction.
+fn share_of_base(boundary: Boundary) -> f32 {
+    var passed = 1.0;
+    if !boundary.is_inside {
+        passed = 1.0 - layer_of(boundary, boundary.outgoing.z);
+    }
+    let base = mean_of(diffuse_color(boundary.bsdf)) * passed;
+    let facet = facet_of(boundary, boundary.outgoing.z);
+    // A black metal is not black on all its facets.
+    if base <= 0.0 {
+        return 0.0;
+    }
+    return base / (base + mean_of(facet.reflected) + mean_of(facet.transmitted));
+}
+
+/// Albedo of the diffuse base before the layer takes its share.
+fn diffuse_color(bsdf: Bsdf) -> vec3<f32> {
+    return bsdf.base_color * ((1.0 - bsdf.metallic) * (1.0 - bsdf.transmission));
+}
+
+fn mean_of(color: vec3<f32>) -> f32 {
+    return (color.x + color.y + color.z) / 3.0;
+}

@@ -1,0 +1,36 @@
+// Diffuse surfaces only.
+// use shared/sampling
+// use shared/scattering
+
+/// Scattering from `incident` into `outgoing`.
+fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evaluation {
+    if outgoing.z < LEAST_COSINE || incident.z < LEAST_COSINE {
+        return no_evaluation();
+    }
+    let density = cosine_density(incident.z);
+    return Evaluation(bsdf.base_color * density, density);
+}
+
+/// A direction to look for light in, from a point of the unit square.
+fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> Scattered {
+    if outgoing.z < LEAST_COSINE {
+        return nothing_scattered();
+    }
+    let incident = cosine_hemisphere(square);
+    return Scattered(incident, cosine_density(incident.z), bsdf.base_color, false, false, true);
+}
+
+/// Whether `evaluate_bsdf` is zero everywhere.
+fn is_delta_only(bsdf: Bsdf) -> bool {
+    return false;
+}
+
+/// Whether light comes through.
+fn is_transmitting(bsdf: Bsdf) -> bool {
+    return false;
+}
+
+/// Factor of radiance on its way out through the boundary.
+fn compression_of(bsdf: Bsdf) -> f32 {
+    return 1.0;
+}

@@ -1,0 +1,83 @@
+// Triangles that give light, of instances that stand still; twin of crates/renderer/src/light/emitters.rs.
+//
+// `?glow` tells what they emit at a point.
+// use shared/light/sample
+// use shared/light/tree
+// use shared/light/triangle
+// use ?glow
+
+/// A triangle that gives light, in the order of instances and primitives.
+struct Emitter {
+    /// First corner, world space.
+    corner: vec3<f32>,
+    instance: u32,
+    /// From the first corner to the second.
+    first: vec3<f32>,
+    primitive: u32,
+    /// From the first corner to the third.
+    second: vec3<f32>,
+    /// Its leaf in the tree.
+    leaf: u32,
+    /// Emitted radiance where no texture says otherwise.
+    radiance: vec3<f32>,
+    /// Distance that rays keep off it, along each axis.
+    slack: f32,
+}
+
+@group(3) @binding(5) var<storage, read> emitters: array<Emitter>;
+
+/// Light from a point of an emitter; none where it is black or cut out.
+fn sample_emitter(number: u32, at: vec3<f32>, square: vec2<f32>) -> LightSample {
+    let emitter = emitters[number];
+    let point = sample_triangle(emitter.corner, emitter.first, emitter.second, at, square);
+    let place = emitter.corner + (point.weights.x * emitter.first + point.weights.y * emitter.second);
+    let way = (emitter.corner - at) + (point.weights.x * emitter.first + point.weights.y * emitter.second);
+    if point.density <= 0.0 || dot(way, way) < LEAST_SQUARE {
+        return no_light();
+    }
+    let to_light = normalize(way);
+    let radiance = emitted_by(emitter, point.weights, to_light);
+    if all(radiance <= vec3(0.0)) {
+        return no_light();
+    }
+    // The ray ends as far off the emitter as rays leave from there, so that rounding never lets it end behind.
+    let normal = normal_of(cross(emitter.first, emitter.second));
+    let off = normal * (-sign_of(dot(normal, way)) * emitter.slack * dot(abs(normal), vec3(1.0)));
+    let weighed = bounded(radiance * quotient(1.0, point.density));
+    return LightSample(Arrival(to_light, point.density, weighed, NEAR, place + off), NO_BODY, true);
+}
+
+/// Number of the emitter of a hit; the count of all if it moves, has no area or is black all over.
+fn emitter_of(instance: u32, primitive: u32) -> u32 {
+    let n = arrayLength(&emitters);
+    var first = 0u;
+    var last = n;
+    // Halves until one is left.
+    loop {
+        if first >= last {
+            break;
+        }
+        let middle = first + (last - first) / 2u;
+        let emitter = emitters[middle];
+        if emitter.instance < instance || emitter.instance == instance && emitter.primitive < primitive {
+            first = middle + 1u;
+        } else {
+            last = middle;
+        }
+    }
+    if first < n && emitters[first].instance == instance && emitters[first].primitive == primitive {
+        return first;
+    }
+    return n;
+}
+
+/// Density of a unit direction that meets a triangle, the choice of the triangle included.
+fn emitter_density(receiver: Receiver, instance: u32, primitive: u32, direction: vec3<f32>) -> f32 {
+    let number = emitter_of(instance, primitive);
+    if number >= arrayLength(&emitters) {
+        return 0.0;
+    }
+    let emitter = emitters[number];
+    let density = triangle_density(emitter.corner, emitter.first, emitter.second, receiver.position, direction);
+    return light_probability(emitter.leaf, receiver) * density;
+}

@@ -1,0 +1,146 @@
+// A light chosen by what it might do to a point; twin of crates/renderer/src/light/{tree,glow}.rs.
+//
+// Importance is never a number of its own here, for the square of a distance times an intensity may leave the range of
+// f32: siblings are compared by quotients.
+// use shared/numbers
+// use shared/light/receiver
+
+/// A cluster of lights: a ball, and the cone by its cosines. World space.
+struct LightNode {
+    middle: vec3<f32>,
+    radius: f32,
+    /// Unit vector.
+    axis: vec3<f32>,
+    /// Cosine of the angle to a light's axis beyond which it is dark.
+    cos_reach: f32,
+    /// Cosine and sine of the angle between `axis` and any light's own.
+    spread: vec2<f32>,
+    /// Above zero; a share of that of all lights.
+    intensity: f32,
+    is_two_sided: u32,
+    parent: u32,
+    /// The first of two children that stand side by side; 0 for a leaf, for the root is no child.
+    first_child: u32,
+    /// Of a leaf: `EMITTER` and a number among the emitters, or a number of the list.
+    light: u32,
+}
+
+/// Marks lights of the tree that are emitting triangles.
+const EMITTER: u32 = 0x80000000u;
+
+@group(3) @binding(4) var<storage, read> light_nodes: array<LightNode>;
+
+/// What a cluster might do: at `strength` 0 nothing.
+struct Glow {
+    strength: f32,
+    distance_squared: f32,
+}
+
+/// A leaf of the tree and its probability; 0 where no light reaches the receiver.
+struct Chosen {
+    light: u32,
+    probability: f32,
+}
+
+/// Half the angle of a cone, as cosine and sine, reduced by another; none where that is the greater.
+fn less(angle: vec2<f32>, other: vec2<f32>) -> vec2<f32> {
+    if angle.x >= other.x {
+        return vec2(1.0, 0.0);
+    }
+    return vec2(dot(angle, other), angle.y * other.x - angle.x * other.y);
+}
+
+/// The angle between unit vectors; its sine keeps its digits where the cosine is near 1.
+fn angle_between(a: vec3<f32>, b: vec3<f32>) -> vec2<f32> {
+    return vec2(clamp(dot(a, b), -1.0, 1.0), length(cross(a, b)));
+}
+
+fn glow_of(node: LightNode, receiver: Receiver) -> Glow {
+    let way = receiver.position - node.middle;
+    let square = dot(way, way);
+    let radius_squared = node.radius * node.radius;
+    let distance_squared = max(max(square, radius_squared), LEAST_SQUARE);
+    let distance = sqrt(max(square, LEAST_SQUARE));
+    // Half the angle under which the ball is seen; all around from within.
+    var ball = vec2(-1.0, 0.0);
+    if square > radius_squared {
+        let sine = node.radius / distance;
+        ball = vec2(sqrt(max((1.0 - sine) * (1.0 + sine), 0.0)), sine);
+    }
+    // A light without extent in the receiver shines, if it does, from all sides.
+    let direction = way / distance;
+    let is_apart = square >= LEAST_SQUARE;
+    var emitted = vec2(1.0, 0.0);
+    var received = 1.0;
+    if is_apart {
+        emitted = angle_between(node.axis, direction);
+        if node.is_two_sided != 0u {
+            emitted.x = abs(emitted.x);
+        }
+        if !receiver.transmits {
+            received = less(angle_between(receiver.normal, -direction), ball).x;
+        }
+    }
+    emitted = less(less(emitted, node.spread), ball);
+    // A rounding more than the cosines have, so that no light at its horizon is lost.
+    if emitted.x < node.cos_reach - 1e-6 {
+        return Glow(0.0, distance_squared);
+    }
+    return Glow(max(node.intensity * emitted.x, 0.0) * max(received, 0.0), distance_squared);
+}
+
+/// The probabilities of two siblings; both zero where neither has any.
+fn shares_of(first: u32, receiver: Receiver) -> vec2<f32> {
+    let a = glow_of(light_nodes[first], receiver);
+    let b = glow_of(light_nodes[first + 1u], receiver);
+    if a.strength <= 0.0 || b.strength <= 0.0 {
+        return vec2(select(0.0, 1.0, a.strength > 0.0), select(0.0, 1.0, b.strength > 0.0));
+    }
+    let nearest = min(a.distance_squared, b.distance_squared);
+    let strongest = max(a.strength, b.strength);
+    // Neither is zero, however weak and far.
+    let x = max(a.strength / strongest * (nearest / a.distance_squared), 1e-30);
+    let y = max(b.strength / strongest * (nearest / b.distance_squared), 1e-30);
+    return vec2(x, y) / (x + y);
+}
+
+/// A light, from a number in `[0, 1)`.
+fn choose_light(receiver: Receiver, number: f32) -> Chosen {
+    var choice = number;
+    var node = 0u;
+    var probability = 1.0;
+    loop {
+        let first = light_nodes[node].first_child;
+        if first == 0u {
+            break;
+        }
+        let shares = shares_of(first, receiver);
+        // The second is taken only if it has a share: the first of a pair without a second has all of it.
+        let is_second = choice >= shares.x;
+        let share = select(shares.x, shares.y, is_second);
+        if share <= 0.0 {
+            return Chosen(0u, 0.0);
+        }
+        choice = clamp((choice - select(0.0, shares.x, is_second)) / share, 0.0, 0.99999994);
+        probability *= share;
+        node = first + select(0u, 1u, is_second);
+    }
+    return Chosen(light_nodes[node].light, probability);
+}
+
+/// The probability with which `choose_light` finds the light of a leaf.
+fn light_probability(leaf: u32, receiver: Receiver) -> f32 {
+    var child = leaf;
+    var probability = 1.0;
+    loop {
+        if child == 0u || probability <= 0.0 {
+            break;
+        }
+        let parent = light_nodes[child].parent;
+        let first = light_nodes[parent].first_child;
+        let shares = shares_of(first, receiver);
+        probability *= select(shares.x, shares.y, child != first);
+        child = parent;
+    }
+    return probability;
+}

@@ -1,0 +1,28 @@
+// Suns of the list, each chosen with a share that is the same everywhere.
+// use shared/light/lights
+// use shared/light/sample
+
+struct SunShare {
+    /// Number of the list.
+    light: u32,
+    share: f32,
+}
+
+@group(3) @binding(9) var<storage, read> sun_shares: array<SunShare>;
+
+/// Light of the sun in whose share a number falls; the last has what rounding leaves.
+fn sample_sun(choice: f32) -> LightSample {
+    let last = arrayLength(&sun_shares) - 1u;
+    var number = 0u;
+    var rest = choice;
+    loop {
+        if number >= last || rest < sun_shares[number].share {
+            break;
+        }
+        rest -= sun_shares[number].share;
+        number++;
+    }
+    let sun = sun_shares[number];
+    let arrival = arrival_of(lights[sun.light], vec3(0.0), vec2(0.0));
+    return chosen_with(sun.share, LightSample(arrival, sun.light, false));
+}
