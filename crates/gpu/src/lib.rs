@@ -12,6 +12,7 @@
 
 mod adapter;
 mod buffer;
+pub mod build;
 mod canary;
 mod device;
 mod error;

@@ -1,0 +1,123 @@
+//! Stations as lists of dispatches, none of them long, each timed where asked for.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::{Bound, Gpu, GpuError, Kernel, Work};
+
+/// Most invocations of a dispatch: software drivers then stay near 100 milliseconds.
+const INVOCATIONS: u32 = 1 << 18;
+
+/// Milliseconds that the device took for a station.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StationTime {
+    /// The station, named as on the CPU.
+    pub station: &'static str,
+    /// Milliseconds on the device, all its dispatches together.
+    pub milliseconds: f64,
+}
+
+/// Stations done one after another.
+pub struct Run<'a> {
+    gpu: &'a Gpu,
+    timed: bool,
+    times: Vec<StationTime>,
+}
+
+impl<'a> Run<'a> {
+    /// Stations submitted one after another, without waiting.
+    #[must_use]
+    pub fn new(gpu: &'a Gpu) -> Self {
+        Self { gpu, timed: false, times: vec![] }
+    }
+
+    /// Stations each waited for and timed; without times where the device has no timestamps.
+    #[must_use]
+    pub fn timed(gpu: &'a Gpu) -> Self {
+        Self { gpu, timed: true, times: vec![] }
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn gpu(&self) -> &'a Gpu {
+        self.gpu
+    }
+
+    /// What was timed, a line for each station in the order of their first dispatch.
+    #[must_use]
+    pub fn times(&self) -> &[StationTime] {
+        &self.times
+    }
+
+    /// Does what `record` lists under the name of `station`.
+    pub(super) fn station(
+        &mut self,
+        station: &'static str,
+        record: impl FnOnce(&mut Dispatches<'a>) -> Result<(), GpuError>,
+    ) -> Result<(), GpuError> {
+        let work = if self.timed { self.gpu.timed_work() } else { self.gpu.work() };
+        let mut dispatches = Dispatches { gpu: self.gpu, work };
+        record(&mut dispatches)?;
+        if !self.timed {
+            return dispatches.work.submit();
+        }
+        let times = dispatches.work.times()?;
+        let milliseconds = times.iter().map(|pass| pass.milliseconds).sum::<f64>();
+        match self.times.iter_mut().find(|time| time.station == station) {
+            Some(time) => time.milliseconds += milliseconds,
+            None if times.is_empty() => {}
+            None => self.times.push(StationTime { station, milliseconds }),
+        }
+        Ok(())
+    }
+}
+
+/// Dispatches of one station.
+pub(super) struct Dispatches<'a> {
+    pub(super) gpu: &'a Gpu,
+    pub(super) work: Work<'a>,
+}
+
+/// As in `shared/build/slice.wgsl`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Slice {
+    pub(super) first: u32,
+    pub(super) end: u32,
+}
+
+impl Dispatches<'_> {
+    /// An invocation for each of `n` items.
+    pub(super) fn items(&mut self, kernel: &Kernel, bound: &[Bound<'_>], n: u32) -> Result<(), GpuError> {
+        self.range(kernel, bound, [0, n])
+    }
+
+    /// An invocation for each item of `first..end`.
+    pub(super) fn range(&mut self, kernel: &Kernel, bound: &[Bound<'_>], range: [u32; 2]) -> Result<(), GpuError> {
+        self.sliced(kernel, bound, range, INVOCATIONS, |n| kernel.groups(n))
+    }
+
+    /// A work-group for each of `n` tiles.
+    pub(super) fn tiles(&mut self, kernel: &Kernel, bound: &[Bound<'_>], n: u32) -> Result<(), GpuError> {
+        let most = (INVOCATIONS / kernel.group_size()).min(65_535);
+        self.sliced(kernel, bound, [0, n], most, |n| [n, 1, 1])
+    }
+
+    fn sliced(
+        &mut self,
+        kernel: &Kernel,
+        bound: &[Bound<'_>],
+        [mut first, end]: [u32; 2],
+        most: u32,
+        groups: impl Fn(u32) -> [u32; 3],
+    ) -> Result<(), GpuError> {
+        while first < end {
+            let slice = Slice { first, end: end.min(first + most) };
+            let uniform = self.gpu.uniform("slice", &slice)?;
+            let mut with_slice: Vec<Bound<'_>> = vec![("slice", &uniform)];
+            with_slice.extend_from_slice(bound);
+            self.work.dispatch(kernel, &with_slice, groups(slice.end - first))?;
+            first = slice.end;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,156 @@
+//! Items in the order of their keys.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{
+    Run, count,
+    run::Dispatches,
+};
+use crate::{Bound, Buffer, Gpu, GpuError, Kernel, Specialisation};
+
+/// Invocations of a work-group.
+const GROUP: u32 = 64;
+
+/// Keys of an invocation. A tile is GROUP times as many: enough for runs of whole cache lines under each value of a digit.
+const KEYS_EACH: u32 = 16;
+
+/// Bits of a digit: few enough that the counters of a work-group fit any device.
+const DIGIT_BITS: u32 = 4;
+const RADIX: u32 = 1 << DIGIT_BITS;
+
+/// As in `shared/build/digit.wgsl`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Digit {
+    n_keys: u32,
+    n_tiles: u32,
+    shift: u32,
+}
+
+/// Kernels of a stable radix sort.
+pub struct Sorter {
+    number: Arc<Kernel>,
+    count: Arc<Kernel>,
+    scan: Arc<Kernel>,
+    scatter: Arc<Kernel>,
+    gather: Arc<Kernel>,
+}
+
+/// Items in an order that further words of their keys refine.
+struct Order {
+    n: u32,
+    /// What is sorted by, and the items, each with a second buffer that digits are moved to and from.
+    keys: [Buffer<u32>; 2],
+    items: [Buffer<u32>; 2],
+    counts: Buffer<u32>,
+    totals: Buffer<u32>,
+}
+
+impl Sorter {
+    /// Compiles the kernels.
+    ///
+    /// # Errors
+    /// A device that does not allow them.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let tiled = Specialisation::none().number("GROUP", GROUP).number("KEYS_EACH", KEYS_EACH).number("RADIX", RADIX);
+        Ok(Self {
+            number: gpu.kernel("build/number", &Specialisation::none())?,
+            count: gpu.kernel("build/sort_count", &tiled)?,
+            scan: gpu.kernel("build/sort_scan", &tiled)?,
+            scatter: gpu.kernel("build/sort_scatter", &tiled)?,
+            gather: gpu.kernel("build/gather", &Specialisation::none())?,
+        })
+    }
+
+    /// The items `0..` of `words` by key, stably: the key's words from the least significant to the most, each with the
+    /// number of its bits that count.
+    ///
+    /// # Errors
+    /// A device that lacks the memory, or is lost.
+    pub fn sort(&self, run: &mut Run<'_>, words: &[(&Buffer<u32>, u32)]) -> Result<Buffer<u32>, GpuError> {
+        let n = words.first().map_or(0, |(word, _)| word.len());
+        let mut order = Order::new(run.gpu(), n)?;
+        run.station("sort", |dispatches| {
+            dispatches.items(&self.number, &[("items", &order.items[0])], order.n)?;
+            for &(word, bits) in words {
+                dispatches.items(&self.gather, &order.gathering(word), order.n)?;
+                self.by_keys(dispatches, &mut order, bits)?;
+            }
+            Ok(())
+        })?;
+        Ok(order.into_items())
+    }
+
+    /// `words` in the order of `items`.
+    ///
+    /// # Errors
+    /// As [`Sorter::sort`].
+    pub fn in_order(
+        &self,
+        run: &mut Run<'_>,
+        words: &Buffer<u32>,
+        items: &Buffer<u32>,
+    ) -> Result<Buffer<u32>, GpuError> {
+        let gathered = run.gpu().zeroed("words in order", items.len())?;
+        let bound: [Bound<'_>; 3] = [("words", words), ("items", items), ("gathered", &gathered)];
+        run.station("sort", |dispatches| dispatches.items(&self.gather, &bound, count(items.len())))?;
+        Ok(gathered)
+    }
+
+    /// Sorts by the lowest `bits` bits of the keys.
+    fn by_keys(
+        &self,
+        dispatches: &mut Dispatches<'_>,
+        order: &mut Order,
+        bits: u32,
+    ) -> Result<(), GpuError> {
+        let n_tiles = order.n.div_ceil(GROUP * KEYS_EACH);
+        for shift in (0..bits).step_by(DIGIT_BITS as usize) {
+            let digit = dispatches.gpu.uniform("digit", &Digit { n_keys: order.n, n_tiles, shift })?;
+            let [keys_in, keys_out] = &order.keys;
+            let [values_in, values_out] = &order.items;
+            let bound = [
+                ("digit", &digit as _),
+                ("keys_in", keys_in as _),
+                ("values_in", values_in as _),
+                ("keys_out", keys_out as _),
+                ("values_out", values_out as _),
+                ("counts", &order.counts as _),
+                ("totals", &order.totals as _),
+            ];
+            dispatches.tiles(&self.count, &bound, n_tiles)?;
+            if n_tiles > 0 {
+                dispatches.work.dispatch(&self.scan, &bound, [RADIX, 1, 1])?;
+            }
+            dispatches.tiles(&self.scatter, &bound, n_tiles)?;
+            order.keys.swap(0, 1);
+            order.items.swap(0, 1);
+        }
+        Ok(())
+    }
+}
+
+impl Order {
+    fn new(gpu: &Gpu, n: usize) -> Result<Self, GpuError> {
+        let n_tiles = n.div_ceil((GROUP * KEYS_EACH) as usize);
+        Ok(Self {
+            n: count(n),
+            keys: [gpu.zeroed("keys", n)?, gpu.zeroed("keys moved", n)?],
+            items: [gpu.zeroed("items", n)?, gpu.zeroed("items moved", n)?],
+            counts: gpu.zeroed("counts of a digit", n_tiles * RADIX as usize)?,
+            totals: gpu.zeroed("totals of a digit", RADIX as usize)?,
+        })
+    }
+
+    /// Bindings of a kernel that fills the keys from `words` by item.
+    fn gathering<'a>(&'a self, words: &'a Buffer<u32>) -> [Bound<'a>; 3] {
+        [("words", words), ("items", &self.items[0]), ("gathered", &self.keys[0])]
+    }
+
+    fn into_items(self) -> Buffer<u32> {
+        let [items, _] = self.items;
+        items
+    }
+}

@@ -1,0 +1,27 @@
+// Codes.
+// Reads: grids, items. Writes: a Morton code an item, in input order.
+// Holds: the same integers as on the CPU: sums in this order, a subtraction, then a product, which no compiler can fuse.
+// Source: Lauterbach et al. 2009.
+// use shared/build/slice
+// use shared/build/forest
+// use ?item
+// use ?code
+// use shared/build/grid
+
+@group(0) @binding(1) var<storage, read> domains: array<Domain>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let item = slice_item(group, groups, 64u, local);
+    if item >= slice.end {
+        return;
+    }
+    let domain = domains[tree_of(item)];
+    let last = f32((1u << CELL_BITS) - 1u);
+    let cells = (item_sum(item) - domain.offset) * domain.scale;
+    write_code(item, vec3<u32>(clamp(cells, vec3(0.0), vec3(last))));
+}

@@ -1,0 +1,34 @@
+// Tree, from the leaves up.
+// Reads: parents. Writes: nodes on the longest way down from each inner node, the leaf included, and the greatest of all.
+// Holds: the word that says who came second is the word that carries the height, so nothing else must be seen with it. 0 says
+// that nobody came yet.
+// use shared/build/slice
+// use shared/build/node
+
+@group(0) @binding(1) var<storage, read> parents: array<u32>;
+@group(0) @binding(2) var<storage, read_write> heights: array<atomic<u32>>;
+@group(0) @binding(3) var<storage, read_write> depth: atomic<u32>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let leaf = slice_item(group, groups, 64u, local);
+    if leaf >= slice.end {
+        return;
+    }
+    var height = 1u;
+    var node = parents[arrayLength(&parents) / 2u + leaf];
+    while node != NONE {
+        let sibling = atomicExchange(&heights[node], height);
+        if sibling == 0u {
+            return;
+        }
+        height = 1u + max(height, sibling);
+        atomicStore(&heights[node], height);
+        node = parents[node];
+    }
+    atomicMax(&depth, height);
+}

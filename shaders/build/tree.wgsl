@@ -1,0 +1,89 @@
+// Tree.
+// Reads: sorted codes. Writes: an inner node for each leaf but the last of a tree, and parents.
+// Holds: each node splits its range where the highest bit of (code, position) differs; the integers of the CPU.
+// Source: Karras 2012.
+// use shared/build/slice
+// use shared/build/forest
+// use shared/build/node
+// use ?code
+
+@group(0) @binding(1) var<storage, read_write> nodes: array<Node>;
+/// Parents of inner nodes by slot, then those of leaves by position.
+@group(0) @binding(2) var<storage, read_write> parents: array<u32>;
+
+/// Leading bits that leaves i and j of a tree have in common, positions behind codes; −1 for what is not in the tree.
+fn common(range: Range, i: i32, j: i32) -> i32 {
+    if j < 0 || j >= i32(range.count) {
+        return -1;
+    }
+    let bits = common_bits(range.first + u32(i), range.first + u32(j));
+    return i32(select(bits, CODE_BITS + countLeadingZeros(u32(i ^ j)), bits == CODE_BITS));
+}
+
+/// The other end of the range of node `i`, on the side `toward`: the farthest leaf that has more in common with it than the
+/// neighbour on the other side.
+fn other_end(range: Range, i: i32, toward: i32) -> i32 {
+    let least = common(range, i, i - toward);
+    var reach = 2;
+    while common(range, i, i + reach * toward) > least {
+        reach *= 2;
+    }
+    var length = 0;
+    for (var step = reach / 2; step >= 1; step /= 2) {
+        if common(range, i, i + (length + step) * toward) > least {
+            length += step;
+        }
+    }
+    return i + length * toward;
+}
+
+/// Last leaf of the lower part of the range between `i` and `end`.
+fn split_of(range: Range, i: i32, end: i32, toward: i32) -> i32 {
+    let shared_bits = common(range, i, end);
+    var offset = 0;
+    var step = abs(end - i);
+    while step > 1 {
+        step = (step + 1) / 2;
+        if common(range, i, i + (offset + step) * toward) > shared_bits {
+            offset += step;
+        }
+    }
+    return i + offset * toward + min(toward, 0);
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let slot = slice_item(group, groups, 64u, local);
+    if slot >= slice.end {
+        return;
+    }
+    let range = ranges[tree_of(slot)];
+    let n_slots = arrayLength(&parents) / 2u;
+    let i = i32(slot - range.first);
+    if i == 0 {
+        // The root, or the only leaf.
+        parents[select(slot, n_slots + slot, range.count == 1u)] = NONE;
+    }
+    if i + 1 >= i32(range.count) {
+        return;
+    }
+    let toward = select(-1, 1, common(range, i, i + 1) > common(range, i, i - 1));
+    let end = other_end(range, i, toward);
+    let split = range.first + u32(split_of(range, i, end, toward));
+    let first = range.first + u32(min(i, end));
+    let last = range.first + u32(max(i, end));
+    let left_is_leaf = first == split;
+    let right_is_leaf = split + 1u == last;
+    nodes[slot] = Node(
+        select(split, split | LEAF, left_is_leaf),
+        select(split + 1u, (split + 1u) | LEAF, right_is_leaf),
+        first,
+        last,
+    );
+    parents[select(split, n_slots + split, left_is_leaf)] = slot;
+    parents[select(split + 1u, n_slots + split + 1u, right_is_leaf)] = slot;
+}

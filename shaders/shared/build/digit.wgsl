@@ -1,0 +1,26 @@
+// A digit of a radix sort, and the tiles of keys that work-groups share out.
+// use shared/build/slice
+// const GROUP
+// const KEYS_EACH
+// const RADIX
+
+const TILE: u32 = GROUP * KEYS_EACH;
+
+struct Digit {
+    n_keys: u32,
+    n_tiles: u32,
+    /// Lowest bit of the digit.
+    shift: u32,
+}
+
+@group(0) @binding(1) var<uniform> digit: Digit;
+
+/// Value of a key's digit.
+fn digit_of(key: u32) -> u32 {
+    return (key >> digit.shift) & (RADIX - 1u);
+}
+
+/// Tile of a work-group: a slice counts tiles. At or beyond `slice.end` there is none.
+fn tile_of(group: vec3<u32>, row: vec3<u32>) -> u32 {
+    return slice.first + group.y * row.x + group.x;
+}

@@ -1,0 +1,8 @@
+//! Each station of the build on the device beside its twin on the CPU.
+//!
+//! Integers are equal bit for bit. Not covered here: volumes (`twins_volumes.rs`).
+
+#[path = "twins_build/setup.rs"]
+mod setup;
+#[path = "twins_build/sort.rs"]
+mod sort;

@@ -1,0 +1,14 @@
+//! What the tests share.
+
+use canted_gpu::{Choice, Gpu};
+
+/// The best adapter, or the sentence of a skipped test.
+pub(crate) fn gpu(test: &str) -> Option<Gpu> {
+    match Gpu::open(&Choice::Best) {
+        Ok(gpu) => Some(gpu),
+        Err(error) => {
+            println!("skipped {test}: {error}");
+            None
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! The sort beside the stable sort of the CPU.
+
+use canted_fixtures::SplitMix64;
+use canted_gpu::{
+    Gpu,
+    build::{Run, Sorter},
+};
+use canted_lbvh::{Bits, by_code};
+
+use crate::setup::gpu;
+
+/// `n` codes of 63 bits, `distinct` of them.
+fn codes(n: usize, distinct: usize) -> Vec<u64> {
+    let mut rng = SplitMix64::new(n as u64);
+    (0..n).map(|_| (rng.below(distinct) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 1).collect()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the words of a code")]
+fn words(codes: &[u64]) -> [Vec<u32>; 2] {
+    [codes.iter().map(|&code| code as u32).collect(), codes.iter().map(|&code| (code >> 32) as u32).collect()]
+}
+
+fn sorted(gpu: &Gpu, sorter: &Sorter, codes: &[u64]) -> Vec<u32> {
+    let [low, high] = words(codes).map(|word| gpu.buffer("codes", &word).unwrap());
+    gpu.read(&sorter.sort(&mut Run::new(gpu), &[(&low, 32), (&high, 31)]).unwrap()).unwrap()
+}
+
+fn sorted_by_cpu(codes: &[u64]) -> Vec<u32> {
+    by_code(codes, Bits::B63).leaves.iter().map(|leaf| leaf.0).collect()
+}
+
+#[test]
+fn the_sort_is_stable_across_sizes_and_duplicates() {
+    let Some(gpu) = gpu("the_sort_is_stable_across_sizes_and_duplicates") else { return };
+    let sorter = Sorter::new(&gpu).unwrap();
+    for n in [0, 1, 2, 255, 256, 257, 1023, 1024, 1025, 70_000] {
+        for distinct in [1, 3, 1 << 40] {
+            let codes = codes(n, distinct);
+            assert_eq!(sorted(&gpu, &sorter, &codes), sorted_by_cpu(&codes), "{n} codes, {distinct} distinct");
+        }
+    }
+}
+
+#[test]
+fn the_comparison_sees_one_wrong_bit() {
+    let Some(gpu) = gpu("the_comparison_sees_one_wrong_bit") else { return };
+    let sorter = Sorter::new(&gpu).unwrap();
+    let codes = codes(1000, 1 << 40);
+    let mut other = codes.clone();
+    other[500] ^= 1 << 62;
+    assert_ne!(sorted(&gpu, &sorter, &other), sorted_by_cpu(&codes));
+}
