@@ -6,3 +6,5 @@
 mod setup;
 #[path = "twins_build/sort.rs"]
 mod sort;
+#[path = "twins_build/stations.rs"]
+mod stations;

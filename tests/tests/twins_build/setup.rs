@@ -1,14 +1,99 @@
-//! What the tests share.
+//! What the tests share: meshes, and what the CPU makes of them.
 
-use canted_gpu::{Choice, Gpu};
+use canted_fixtures::{Mesh, SplitMix64, icosphere, identical, outlier, slivers, soup, thin_box};
+use canted_gpu::{
+    Choice, Gpu,
+    build::{Items, Node},
+};
+use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, Sorted, Tree};
 
 /// The best adapter, or the sentence of a skipped test.
 pub(crate) fn gpu(test: &str) -> Option<Gpu> {
     match Gpu::open(&Choice::Best) {
         Ok(gpu) => Some(gpu),
-        Err(error) => {
-            println!("skipped {test}: {error}");
-            None
-        }
+        Err(error) => skip(test, &error.to_string()),
     }
+}
+
+#[expect(clippy::print_stderr, reason = "a skipped test says so")]
+pub(crate) fn skip<T>(test: &str, reason: &str) -> Option<T> {
+    eprintln!("skipped {test}: {reason}");
+    None
+}
+
+/// What the CPU makes of a mesh, station by station.
+pub(crate) struct Twin {
+    pub(crate) corners: Vec<Corners>,
+    pub(crate) domain: Domain,
+    pub(crate) codes: Vec<u64>,
+    pub(crate) sorted: Sorted,
+    pub(crate) tree: Tree,
+}
+
+impl Twin {
+    pub(crate) fn of(mesh: &Mesh, bits: Bits) -> Self {
+        let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
+        let domain = Domain::new(&bounds, 3, bits);
+        let codes = lbvh::codes(&domain, &corners);
+        let sorted = lbvh::by_code(&codes, bits);
+        let tree = lbvh::radix(sorted.clone());
+        Self { corners, domain, codes, sorted, tree }
+    }
+
+    /// In the order of the leaves.
+    pub(crate) fn leaves(&self) -> Vec<Corners> {
+        lbvh::in_leaf_order(&self.corners, &self.tree.leaves)
+    }
+}
+
+/// The meshes on the device, a tree each.
+pub(crate) fn items(gpu: &Gpu, twins: &[Twin]) -> Items {
+    Items::triangles(gpu, twins.iter().map(|twin| &twin.corners[..])).unwrap()
+}
+
+/// The two words of each code, of all meshes one after another.
+#[expect(clippy::cast_possible_truncation, reason = "the words of a code")]
+pub(crate) fn words<'a>(codes: impl Iterator<Item = &'a u64> + Clone) -> [Vec<u32>; 2] {
+    [codes.clone().map(|&code| code as u32).collect(), codes.map(|&code| (code >> 32) as u32).collect()]
+}
+
+/// Nodes of a tree of its own, numbered as those of a tree whose items begin at `first`.
+pub(crate) fn shifted(tree: &Tree, first: u32) -> Vec<Node> {
+    let child = |child: Child| match child.kind() {
+        ChildKind::Leaf(position) => (position + first) | 1 << 31,
+        ChildKind::Inner(id) => id.0 + first,
+    };
+    let node = |node: &lbvh::Node| Node {
+        left: child(node.left),
+        right: child(node.right),
+        first: node.first + first,
+        last: node.last + first,
+    };
+    tree.nodes.iter().map(node).collect()
+}
+
+/// Small, empty, equal, flat and far meshes: as many of each as a scene might have.
+pub(crate) fn meshes() -> Vec<Mesh> {
+    let far = icosphere(2);
+    let far = Mesh { positions: far.positions.iter().map(|p| p.map(|x| x * 50.0 + 1e7)).collect(), ..far };
+    let mut meshes = vec![soup(1, 0), soup(2, 1), soup(3, 2), soup(4, 0), soup(5, 255), soup(6, 256), soup(7, 257)];
+    meshes.extend([identical(100), thin_box(0.0), slivers(8, 200), outlier(300), far, point(), soup(9, 0)]);
+    meshes
+}
+
+/// Triangles that are one point.
+fn point() -> Mesh {
+    Mesh { positions: vec![[0.1, -2.0, 3.0]], triangles: vec![[0; 3]; 20] }
+}
+
+/// A number of triangles that takes several slices and tiles.
+pub(crate) fn large(seed: u64, n: u32) -> Mesh {
+    let mut rng = SplitMix64::new(seed);
+    let mut mesh = soup(seed, n);
+    // Some stand on others.
+    for _ in 0..mesh.triangles.len() / 10 {
+        let [from, to] = [(); 2].map(|()| rng.below(mesh.triangles.len()));
+        mesh.triangles[to] = mesh.triangles[from];
+    }
+    mesh
 }

@@ -7,7 +7,7 @@ use canted_gpu::{
 };
 use canted_lbvh::{Bits, by_code};
 
-use crate::setup::gpu;
+use crate::setup::{gpu, words};
 
 /// `n` codes of 63 bits, `distinct` of them.
 fn codes(n: usize, distinct: usize) -> Vec<u64> {
@@ -15,13 +15,8 @@ fn codes(n: usize, distinct: usize) -> Vec<u64> {
     (0..n).map(|_| (rng.below(distinct) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 1).collect()
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "the words of a code")]
-fn words(codes: &[u64]) -> [Vec<u32>; 2] {
-    [codes.iter().map(|&code| code as u32).collect(), codes.iter().map(|&code| (code >> 32) as u32).collect()]
-}
-
 fn sorted(gpu: &Gpu, sorter: &Sorter, codes: &[u64]) -> Vec<u32> {
-    let [low, high] = words(codes).map(|word| gpu.buffer("codes", &word).unwrap());
+    let [low, high] = words(codes.iter()).map(|word| gpu.buffer("codes", &word).unwrap());
     gpu.read(&sorter.sort(&mut Run::new(gpu), &[(&low, 32), (&high, 31)]).unwrap()).unwrap()
 }
 

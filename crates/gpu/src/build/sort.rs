@@ -4,10 +4,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{
-    Run, count,
-    run::Dispatches,
-};
+use super::{Run, count, run::Dispatches};
 use crate::{Bound, Buffer, Gpu, GpuError, Kernel, Specialisation};
 
 /// Invocations of a work-group.
@@ -100,12 +97,7 @@ impl Sorter {
     }
 
     /// Sorts by the lowest `bits` bits of the keys.
-    fn by_keys(
-        &self,
-        dispatches: &mut Dispatches<'_>,
-        order: &mut Order,
-        bits: u32,
-    ) -> Result<(), GpuError> {
+    fn by_keys(&self, dispatches: &mut Dispatches<'_>, order: &mut Order, bits: u32) -> Result<(), GpuError> {
         let n_tiles = order.n.div_ceil(GROUP * KEYS_EACH);
         for shift in (0..bits).step_by(DIGIT_BITS as usize) {
             let digit = dispatches.gpu.uniform("digit", &Digit { n_keys: order.n, n_tiles, shift })?;

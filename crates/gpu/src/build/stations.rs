@@ -175,12 +175,8 @@ pub fn tree(run: &mut Run<'_>, items: &Items, sorted: &Codes) -> Result<Trees, G
         depth: gpu.zeroed("depth", 1)?,
     };
     let mut bound = items.bound(&sorted.bound("sorted_low", "sorted_high"));
-    let made: [Bound<'_>; 4] = [
-        ("nodes", &trees.nodes),
-        ("parents", &trees.parents),
-        ("heights", &trees.heights),
-        ("depth", &trees.depth),
-    ];
+    let made: [Bound<'_>; 4] =
+        [("nodes", &trees.nodes), ("parents", &trees.parents), ("heights", &trees.heights), ("depth", &trees.depth)];
     bound.extend(made);
     run.station("tree", |dispatches| {
         let kernel = gpu.kernel("build/tree", &coded(Specialisation::none(), sorted.bits()))?;

@@ -1,0 +1,107 @@
+//! Boxes of the nodes.
+
+use canted_lbvh::Strategy;
+use canted_obb::{Aabb, Obb};
+
+use super::{Items, Run, Sorter, Trees, count};
+use crate::{Bound, Buffer, GpuError, Specialisation};
+
+/// Heights that a tree may have: bits of a code and of a position, and the leaf.
+const HEIGHTS: usize = 128;
+
+/// Bits of a height.
+const HEIGHT_BITS: u32 = 7;
+
+/// The axis-aligned box of each inner node, by slot.
+///
+/// # Errors
+/// A device that lacks the memory, or is lost.
+pub fn aabbs(
+    run: &mut Run<'_>,
+    items: &Items,
+    leaves: &Buffer<u32>,
+    trees: &Trees,
+) -> Result<Buffer<Aabb>, GpuError> {
+    let gpu = run.gpu();
+    let aabbs = gpu.zeroed("axis-aligned boxes", items.len() as usize)?;
+    let bound = items.bound(&[("parents", &trees.parents), ("leaves", leaves), ("aabbs", &aabbs)]);
+    run.station("aabb", |dispatches| {
+        let kernel = gpu.kernel("build/aabbs", &items.part())?;
+        dispatches.items(&kernel, &bound, items.len())
+    })?;
+    Ok(aabbs)
+}
+
+/// The nodes of a level's trees from the lowest to the highest.
+pub struct Schedule {
+    /// Slots by height.
+    order: Buffer<u32>,
+    /// The part of `order` that each height takes, from the lowest.
+    levels: Vec<[u32; 2]>,
+}
+
+impl Schedule {
+    /// Sorts the nodes by height, and reads back where each height begins.
+    ///
+    /// # Errors
+    /// As [`aabbs`].
+    pub fn new(run: &mut Run<'_>, trees: &Trees) -> Result<Self, GpuError> {
+        let gpu = run.gpu();
+        let sorter = Sorter::new(gpu)?;
+        let order = sorter.sort_as("levels", run, &[(&trees.heights, HEIGHT_BITS)])?;
+        let ends = gpu.zeroed::<u32>("ends of levels", HEIGHTS)?;
+        let bound: [Bound<'_>; 3] = [("heights", &trees.heights), ("order", &order), ("ends", &ends)];
+        run.station("levels", |dispatches| {
+            let kernel = gpu.kernel("build/levels", &Specialisation::none())?;
+            dispatches.items(&kernel, &bound, count(order.len()))
+        })?;
+        let ends = gpu.read(&ends)?;
+        // Empty slots have height 0; heights in between that no node has end where they begin.
+        let mut first = ends[0];
+        let mut levels = vec![];
+        for &end in ends[1..].iter().filter(|&&end| end > 0) {
+            levels.push([first, end]);
+            first = end;
+        }
+        Ok(Self { order, levels })
+    }
+}
+
+/// The box of each inner node, by slot: leaning where that has less area than the axis-aligned one.
+///
+/// # Errors
+/// As [`aabbs`]; a strategy that the device has no kernel for.
+pub fn obbs(
+    run: &mut Run<'_>,
+    items: &Items,
+    leaves: &Buffer<u32>,
+    trees: &Trees,
+    aabbs: &Buffer<Aabb>,
+    strategy: Strategy,
+) -> Result<Buffer<Obb>, GpuError> {
+    let rule = match strategy {
+        Strategy::PcaBounded => "shared/rule/pca_bounded",
+        Strategy::Quaternion => "shared/rule/quaternion",
+        Strategy::Combined => "shared/rule/combined",
+        Strategy::Dop => return super::dop::obbs(run, items, leaves, trees, aabbs),
+        Strategy::Aabb | Strategy::PcaUnbounded => {
+            let message = format!("volumes of strategy {strategy:?} are not made on the device");
+            return Err(GpuError::Invalid { message });
+        }
+    };
+    let gpu = run.gpu();
+    let schedule = Schedule::new(run, trees)?;
+    let obbs = gpu.zeroed("leaning boxes", items.len() as usize)?;
+    let bound = items.bound(&[
+        ("order", &schedule.order),
+        ("nodes", &trees.nodes),
+        ("leaves", leaves),
+        ("aabbs", aabbs),
+        ("obbs", &obbs),
+    ]);
+    run.station("obb", |dispatches| {
+        let kernel = gpu.kernel("build/merge", &items.part().part("rule", rule))?;
+        schedule.levels.iter().try_for_each(|&level| dispatches.range(&kernel, &bound, level))
+    })?;
+    Ok(obbs)
+}

@@ -1,0 +1,64 @@
+// Volumes: leaning boxes, one dispatch for all nodes of one height.
+// Reads: children's boxes, axis-aligned boxes. Writes: a box a node, along the axes of the space where that has no more area.
+// Holds: a box contains its children's boxes and its items exactly; see shared/build/enclosure.
+// use shared/build/slice
+// use shared/build/node
+// use shared/build/enclosure
+// use ?item
+// use ?rule
+
+@group(0) @binding(1) var<storage, read> order: array<u32>;
+@group(0) @binding(2) var<storage, read> nodes: array<Node>;
+@group(0) @binding(3) var<storage, read> leaves: array<u32>;
+@group(0) @binding(4) var<storage, read> aabbs: array<f32>;
+/// Fifteen numbers a node: midpoint, three axes, half-extents.
+@group(0) @binding(5) var<storage, read_write> obbs: array<f32>;
+
+fn part(slot: u32, index: u32) -> vec3<f32> {
+    let at = 15u * slot + 3u * index;
+    return vec3<f32>(obbs[at], obbs[at + 1u], obbs[at + 2u]);
+}
+
+fn put(slot: u32, index: u32, value: vec3<f32>) {
+    let at = 15u * slot + 3u * index;
+    obbs[at] = value.x;
+    obbs[at + 1u] = value.y;
+    obbs[at + 2u] = value.z;
+}
+
+fn child_content(child: u32) -> Content {
+    if (child & LEAF) != 0u {
+        return item_content(leaves[child & ~LEAF]);
+    }
+    let columns = mat3x3<f32>(part(child, 1u), part(child, 2u), part(child, 3u));
+    return Content(true, part(child, 0u), columns, part(child, 4u));
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let i = slice_item(group, groups, 64u, local);
+    if i >= slice.end {
+        return;
+    }
+    let slot = order[i];
+    let a = child_content(nodes[slot].left);
+    let b = child_content(nodes[slot].right);
+    let at = 6u * slot;
+    let low = vec3<f32>(aabbs[at], aabbs[at + 1u], aabbs[at + 2u]);
+    let high = vec3<f32>(aabbs[at + 3u], aabbs[at + 4u], aabbs[at + 5u]);
+    var volume = box_of(low, high);
+    let leaning = enclosed(frame_of(a, b), a, b);
+    // What was refused has negative half-extents and a positive area.
+    if all(leaning.half >= vec3(0.0)) && half_area(leaning.half) < half_area(0.5 * (high - low)) {
+        volume = leaning;
+    }
+    put(slot, 0u, volume.center);
+    put(slot, 1u, volume.frame[0]);
+    put(slot, 2u, volume.frame[1]);
+    put(slot, 3u, volume.frame[2]);
+    put(slot, 4u, volume.half);
+}

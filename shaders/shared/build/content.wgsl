@@ -1,0 +1,30 @@
+// What a node's child holds.
+
+/// A box, all points `center + columns * q` with `|q[k]| <= half[k]`; or a triangle, its corners the columns.
+struct Content {
+    is_box: bool,
+    /// Midpoint of a box, a corner of a triangle.
+    center: vec3<f32>,
+    columns: mat3x3<f32>,
+    half: vec3<f32>,
+}
+
+/// The three edges from a box's midpoint to its faces.
+fn sides(box: Content) -> mat3x3<f32> {
+    return mat3x3<f32>(box.columns[0] * box.half.x, box.columns[1] * box.half.y, box.columns[2] * box.half.z);
+}
+
+fn length_1(v: vec3<f32>) -> f32 {
+    return abs(v.x) + abs(v.y) + abs(v.z);
+}
+
+/// Surface area: of a triangle both sides.
+fn content_area(content: Content) -> f32 {
+    let columns = content.columns;
+    if !content.is_box {
+        return length(cross(columns[1] - columns[0], columns[2] - columns[0]));
+    }
+    let edges = sides(content);
+    let faces = length(cross(edges[0], edges[1])) + length(cross(edges[1], edges[2])) + length(cross(edges[2], edges[0]));
+    return 8.0 * faces;
+}

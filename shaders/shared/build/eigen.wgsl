@@ -1,0 +1,70 @@
+// Principal axes: eigenvectors of symmetric matrices.
+// use shared/build/frame
+
+/// Sweeps after which the iteration stops; convergence is quadratic.
+const MOST_SWEEPS: u32 = 6u;
+
+/// Coupling left between axes: what `f32` holds anyway.
+const COUPLING: f32 = 2.4e-7;
+
+/// Square of a coupling that counts as zero beside entries near one.
+const NEGLIGIBLE: f32 = 1e-30;
+
+/// A symmetric matrix on its way to a diagonal one; entry k of `coupling` joins the two axes other than k.
+struct Turned {
+    diagonal: vec3<f32>,
+    coupling: vec3<f32>,
+    axes: mat3x3<f32>,
+}
+
+/// Turns axes p and q about axis r so that they are no longer coupled (Jacobi 1846).
+fn uncoupled(given: Turned, p: u32, q: u32, r: u32) -> Turned {
+    var from = given;
+    var turned = given;
+    let coupled = from.coupling[r];
+    if coupled * coupled <= COUPLING * COUPLING * abs(from.diagonal[p] * from.diagonal[q]) + NEGLIGIBLE {
+        return turned;
+    }
+    let difference = from.diagonal[q] - from.diagonal[p];
+    let twice = 2.0 * coupled;
+    let adjacent = abs(difference) + sqrt(difference * difference + twice * twice);
+    let opposite = select(twice, -twice, difference < 0.0);
+    let hypotenuse = sqrt(adjacent * adjacent + opposite * opposite);
+    if !(hypotenuse > 1e-15) {
+        return turned;
+    }
+    let cosine = adjacent / hypotenuse;
+    let sine = opposite / hypotenuse;
+    let change = opposite / adjacent * coupled;
+    turned.diagonal[p] -= change;
+    turned.diagonal[q] += change;
+    turned.coupling[r] = 0.0;
+    let with_p = from.coupling[q];
+    let with_q = from.coupling[p];
+    turned.coupling[q] = cosine * with_p - sine * with_q;
+    turned.coupling[p] = sine * with_p + cosine * with_q;
+    turned.axes[p] = cosine * from.axes[p] - sine * from.axes[q];
+    turned.axes[q] = sine * from.axes[p] + cosine * from.axes[q];
+    return turned;
+}
+
+/// Orthonormal axes of a matrix with entries near one: diagonal xx, yy, zz, coupling yz, xz, xy; the longest first.
+fn principal_axes(diagonal: vec3<f32>, coupling: vec3<f32>) -> mat3x3<f32> {
+    var turned = Turned(diagonal, coupling, mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0));
+    for (var sweep = 0u; sweep < MOST_SWEEPS; sweep++) {
+        turned = uncoupled(turned, 0u, 1u, 2u);
+        turned = uncoupled(turned, 0u, 2u, 1u);
+        turned = uncoupled(turned, 1u, 2u, 0u);
+    }
+    let values = turned.diagonal;
+    let x_first = values.x >= values.y && values.x >= values.z;
+    let y_first = !x_first && values.y >= values.z;
+    if x_first {
+        let y_second = values.y >= values.z;
+        return axes_along(turned.axes[0], select(turned.axes[2], turned.axes[1], y_second));
+    }
+    if y_first {
+        return axes_along(turned.axes[1], select(turned.axes[2], turned.axes[0], values.x >= values.z));
+    }
+    return axes_along(turned.axes[2], select(turned.axes[1], turned.axes[0], values.x >= values.y));
+}
