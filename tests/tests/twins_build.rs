@@ -1,6 +1,6 @@
 //! Each station of the build on the device beside its twin on the CPU.
 //!
-//! Integers are equal bit for bit. Not covered here: volumes (`twins_volumes.rs`).
+//! Integers are equal bit for bit. Leaning boxes contain what is below them, exactly.
 
 #[path = "twins_build/setup.rs"]
 mod setup;
@@ -8,3 +8,5 @@ mod setup;
 mod sort;
 #[path = "twins_build/stations.rs"]
 mod stations;
+#[path = "twins_build/volumes.rs"]
+mod volumes;

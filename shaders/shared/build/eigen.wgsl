@@ -19,13 +19,13 @@ struct Turned {
 
 /// Turns axes p and q about axis r so that they are no longer coupled (Jacobi 1846).
 fn uncoupled(given: Turned, p: u32, q: u32, r: u32) -> Turned {
-    var from = given;
+    var before = given;
     var turned = given;
-    let coupled = from.coupling[r];
-    if coupled * coupled <= COUPLING * COUPLING * abs(from.diagonal[p] * from.diagonal[q]) + NEGLIGIBLE {
+    let coupled = before.coupling[r];
+    if coupled * coupled <= COUPLING * COUPLING * abs(before.diagonal[p] * before.diagonal[q]) + NEGLIGIBLE {
         return turned;
     }
-    let difference = from.diagonal[q] - from.diagonal[p];
+    let difference = before.diagonal[q] - before.diagonal[p];
     let twice = 2.0 * coupled;
     let adjacent = abs(difference) + sqrt(difference * difference + twice * twice);
     let opposite = select(twice, -twice, difference < 0.0);
@@ -39,12 +39,12 @@ fn uncoupled(given: Turned, p: u32, q: u32, r: u32) -> Turned {
     turned.diagonal[p] -= change;
     turned.diagonal[q] += change;
     turned.coupling[r] = 0.0;
-    let with_p = from.coupling[q];
-    let with_q = from.coupling[p];
+    let with_p = before.coupling[q];
+    let with_q = before.coupling[p];
     turned.coupling[q] = cosine * with_p - sine * with_q;
     turned.coupling[p] = sine * with_p + cosine * with_q;
-    turned.axes[p] = cosine * from.axes[p] - sine * from.axes[q];
-    turned.axes[q] = sine * from.axes[p] + cosine * from.axes[q];
+    turned.axes[p] = cosine * before.axes[p] - sine * before.axes[q];
+    turned.axes[q] = sine * before.axes[p] + cosine * before.axes[q];
     return turned;
 }
 

@@ -13,6 +13,7 @@
 //
 // So the pad is (12 E + 1.01 (r + 13 E)) S; TINY stands for what underflows in fewer than a thousand operations.
 // use shared/build/content
+// use shared/build/slice
 
 const ROUNDING: f32 = 1.1920929e-7;
 const TINY: f32 = 1e-35;
@@ -83,7 +84,7 @@ fn enclosed(frame: mat3x3<f32>, a: Content, b: Content) -> Box {
     let low = min(of_a.low, of_b.low);
     let high = max(of_a.high, of_b.high);
     // Any midpoint will do, since half-extents are measured from it as stored.
-    let center = origin + frame * (0.5 * (low + high));
+    let center = stored(origin + frame * (0.5 * (low + high)));
     let offset = center - origin;
     let middle = along(frame, offset);
     let size = max(of_a.size, of_b.size) + length_1(offset);
@@ -94,7 +95,7 @@ fn enclosed(frame: mat3x3<f32>, a: Content, b: Content) -> Box {
 /// The box along the axes of the space around an axis-aligned one: the difference, the product and the factor's own rounding take
 /// 3 E of the half-extent. A flat box stays flat.
 fn box_of(low: vec3<f32>, high: vec3<f32>) -> Box {
-    let middle = 0.5 * low + 0.5 * high;
+    let middle = stored(0.5 * low + 0.5 * high);
     // Compared as integers, for a small difference may be flushed to zero.
     let flat = bitcast<vec3<u32>>(low) == bitcast<vec3<u32>>(high);
     let center = select(middle, low, flat);

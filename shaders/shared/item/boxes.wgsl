@@ -1,11 +1,15 @@
 // Items that are boxes, by the axis-aligned boxes around them.
 // use shared/build/ordered
+// use shared/build/content
 
 /// Points whose sum codes an item.
 const N_POINTS: f32 = 2.0;
 
 /// Bits of the ends, three low ones and three high ones a box.
 @group(1) @binding(0) var<storage, read> item_aabbs: array<u32>;
+
+/// Fifteen numbers a box: midpoint, three axes, half-extents.
+@group(1) @binding(1) var<storage, read> item_boxes: array<f32>;
 
 fn ends(item: u32, side: u32) -> vec3<u32> {
     let at = 6u * item + 3u * side;
@@ -20,4 +24,14 @@ fn item_reach(item: u32) -> Reach {
     let low = ends(item, 0u);
     let high = ends(item, 1u);
     return Reach(reach_of(low.x, low.y, low.z).low, reach_of(high.x, high.y, high.z).high);
+}
+
+fn box_part(item: u32, part: u32) -> vec3<f32> {
+    let at = 15u * item + 3u * part;
+    return vec3<f32>(item_boxes[at], item_boxes[at + 1u], item_boxes[at + 2u]);
+}
+
+fn item_content(item: u32) -> Content {
+    let columns = mat3x3<f32>(box_part(item, 1u), box_part(item, 2u), box_part(item, 3u));
+    return Content(true, box_part(item, 0u), columns, box_part(item, 4u));
 }

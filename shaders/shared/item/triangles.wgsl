@@ -1,5 +1,6 @@
 // Items that are triangles, by their corners.
 // use shared/build/ordered
+// use shared/build/content
 
 /// Points whose sum codes an item.
 const N_POINTS: f32 = 3.0;
@@ -22,4 +23,9 @@ fn item_reach(item: u32) -> Reach {
         reach = joined(reach, reach_of(corners[at], corners[at + 1u], corners[at + 2u]));
     }
     return reach;
+}
+
+fn item_content(item: u32) -> Content {
+    let columns = mat3x3<f32>(corner(item, 0u), corner(item, 1u), corner(item, 2u));
+    return Content(false, columns[0], columns, vec3(0.0));
 }

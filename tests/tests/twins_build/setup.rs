@@ -1,6 +1,8 @@
 //! What the tests share: meshes, and what the CPU makes of them.
 
-use canted_fixtures::{Mesh, SplitMix64, icosphere, identical, outlier, slivers, soup, thin_box};
+use canted_fixtures::{
+    Hair, Mesh, SplitMix64, Strand, hair, icosphere, identical, outlier, scaffold_of, slivers, soup, thin_box,
+};
 use canted_gpu::{
     Choice, Gpu,
     build::{Items, Node},
@@ -96,4 +98,10 @@ pub(crate) fn large(seed: u64, n: u32) -> Mesh {
         mesh.triangles[to] = mesh.triangles[from];
     }
     mesh
+}
+
+/// Long thin things in all directions, of which leaning boxes are made for.
+pub(crate) fn needles() -> Vec<Mesh> {
+    let tubes = Hair { n_strands: 40, n_segments: 8, width: 0.0006, strand: Strand::Tube };
+    vec![hair(3, &tubes), scaffold_of(1, true, 3), slivers(9, 600)]
 }

@@ -83,6 +83,7 @@ pub(super) struct Dispatches<'a> {
 pub(super) struct Slice {
     pub(super) first: u32,
     pub(super) end: u32,
+    pub(super) zero: u32,
 }
 
 impl Dispatches<'_> {
@@ -111,7 +112,7 @@ impl Dispatches<'_> {
         groups: impl Fn(u32) -> [u32; 3],
     ) -> Result<(), GpuError> {
         while first < end {
-            let slice = Slice { first, end: end.min(first + most) };
+            let slice = Slice { first, end: end.min(first + most), zero: 0 };
             let uniform = self.gpu.uniform("slice", &slice)?;
             let mut with_slice: Vec<Bound<'_>> = vec![("slice", &uniform)];
             with_slice.extend_from_slice(bound);

@@ -67,9 +67,19 @@ impl Sorter {
     /// # Errors
     /// A device that lacks the memory, or is lost.
     pub fn sort(&self, run: &mut Run<'_>, words: &[(&Buffer<u32>, u32)]) -> Result<Buffer<u32>, GpuError> {
+        self.sort_as("sort", run, words)
+    }
+
+    /// [`Sorter::sort`] as part of another station.
+    pub(super) fn sort_as(
+        &self,
+        station: &'static str,
+        run: &mut Run<'_>,
+        words: &[(&Buffer<u32>, u32)],
+    ) -> Result<Buffer<u32>, GpuError> {
         let n = words.first().map_or(0, |(word, _)| word.len());
         let mut order = Order::new(run.gpu(), n)?;
-        run.station("sort", |dispatches| {
+        run.station(station, |dispatches| {
             dispatches.items(&self.number, &[("items", &order.items[0])], order.n)?;
             for &(word, bits) in words {
                 dispatches.items(&self.gather, &order.gathering(word), order.n)?;

@@ -16,12 +16,7 @@ const HEIGHT_BITS: u32 = 7;
 ///
 /// # Errors
 /// A device that lacks the memory, or is lost.
-pub fn aabbs(
-    run: &mut Run<'_>,
-    items: &Items,
-    leaves: &Buffer<u32>,
-    trees: &Trees,
-) -> Result<Buffer<Aabb>, GpuError> {
+pub fn aabbs(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>, trees: &Trees) -> Result<Buffer<Aabb>, GpuError> {
     let gpu = run.gpu();
     let aabbs = gpu.zeroed("axis-aligned boxes", items.len() as usize)?;
     let bound = items.bound(&[("parents", &trees.parents), ("leaves", leaves), ("aabbs", &aabbs)]);
@@ -33,7 +28,7 @@ pub fn aabbs(
 }
 
 /// The nodes of a level's trees from the lowest to the highest.
-pub struct Schedule {
+pub(super) struct Schedule {
     /// Slots by height.
     order: Buffer<u32>,
     /// The part of `order` that each height takes, from the lowest.
@@ -45,7 +40,7 @@ impl Schedule {
     ///
     /// # Errors
     /// As [`aabbs`].
-    pub fn new(run: &mut Run<'_>, trees: &Trees) -> Result<Self, GpuError> {
+    pub(super) fn new(run: &mut Run<'_>, trees: &Trees) -> Result<Self, GpuError> {
         let gpu = run.gpu();
         let sorter = Sorter::new(gpu)?;
         let order = sorter.sort_as("levels", run, &[(&trees.heights, HEIGHT_BITS)])?;
@@ -83,8 +78,7 @@ pub fn obbs(
         Strategy::PcaBounded => "shared/rule/pca_bounded",
         Strategy::Quaternion => "shared/rule/quaternion",
         Strategy::Combined => "shared/rule/combined",
-        Strategy::Dop => return super::dop::obbs(run, items, leaves, trees, aabbs),
-        Strategy::Aabb | Strategy::PcaUnbounded => {
+        Strategy::Aabb | Strategy::PcaUnbounded | Strategy::Dop => {
             let message = format!("volumes of strategy {strategy:?} are not made on the device");
             return Err(GpuError::Invalid { message });
         }
