@@ -107,12 +107,21 @@ impl Gpu {
     /// # Errors
     /// A device that is lost, or does not finish.
     pub fn read<T: Pod>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, GpuError> {
-        if buffer.is_empty() {
+        self.read_first(buffer, buffer.len)
+    }
+
+    /// The first `len` values of `buffer`, or all where it has fewer, after all that was submitted.
+    ///
+    /// # Errors
+    /// As [`Gpu::read`].
+    pub fn read_first<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, GpuError> {
+        let n_bytes = buffer.len.min(len) * size_of::<T>();
+        if n_bytes == 0 {
             return Ok(vec![]);
         }
         self.check()?;
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-        let size = buffer.raw.size();
+        let size = n_bytes.next_multiple_of(4) as u64;
         let descriptor = BufferDescriptor { label: Some("read back"), size, usage, mapped_at_creation: false };
         let staging = self.device.create_buffer(&descriptor);
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -130,7 +139,6 @@ impl Gpu {
             Err(error) => return Err(GpuError::Lost { message: error.to_string() }),
         }
         let view = staging.get_mapped_range(..).map_err(|error| GpuError::Lost { message: error.to_string() })?;
-        let n_bytes = buffer.len * size_of::<T>();
         Ok(bytemuck::pod_collect_to_vec(&view[..n_bytes]))
     }
 }

@@ -13,15 +13,15 @@ use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 /// pixel (0, 0) is (0.5, 0.5). Pixels are square.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    eye: Vector,
+    pub(crate) eye: Vector,
     /// Unit vector into the picture.
-    forward: Vector,
+    pub(crate) forward: Vector,
     /// Step of one pixel to the right, on the plane at distance 1 of a perspective.
-    right: Vector,
+    pub(crate) right: Vector,
     /// Step of one pixel down, likewise.
-    down: Vector,
-    is_perspective: bool,
-    lens: Option<Lens>,
+    pub(crate) down: Vector,
+    pub(crate) is_perspective: bool,
+    pub(crate) lens: Option<Lens>,
     /// Picture size in pixels.
     size: [f64; 2],
 }

@@ -118,6 +118,20 @@ impl FilterSampler {
         Some(Self { filter, before: before.into_iter().map(|x| x / all).collect(), excess })
     }
 
+    /// Absolute weight of a sample along one axis.
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+    pub(crate) fn excess(&self) -> f32 {
+        self.excess as f32
+    }
+
+    /// The table as a device reads it: the share before each step, negative where the step's weight is.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "rounding to f32 is the result")]
+    pub(crate) fn table(&self) -> Vec<f32> {
+        let middle = |step: usize| f64::from(self.filter.radius()) * (step as f64 + 0.5) / STEPS as f64;
+        let signed = |(step, &before): (usize, &f64)| (before as f32).copysign(self.filter.value(middle(step)) as f32);
+        self.before.iter().enumerate().map(signed).collect()
+    }
+
     /// Where a sample lies from the pixel's centre, in pixels, and what it weighs, for a point of the unit square.
     #[must_use]
     pub fn place(&self, square: [f32; 2]) -> ([f64; 2], f32) {

@@ -52,6 +52,7 @@ pub use camera::{CameraError, View};
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
 pub use content::{Hash, light_hash, scene_hash};
+pub use device::{DeviceError, DevicePicture};
 pub use film::{Aov, Aovs, Block, Film, Guide, JoinError, Part, Pixel};
 pub use filter::{Filter, FilterSampler};
 pub use framing::frame;

@@ -31,6 +31,11 @@ impl<K: LaneKernel> Flat<K> {
         &self.blas
     }
 
+    /// Number of the first triangle of each instance.
+    pub(crate) fn first(&self) -> &[u32] {
+        &self.first
+    }
+
     /// A hit with instance and triangle of its mesh, for one that counts through all instances.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
@@ -134,7 +139,13 @@ pub(crate) fn build_two<K: LaneKernel>(scene: &Scene, config: &LevelConfig) -> R
         .par_iter()
         .map(|mesh| build_level(&mesh.positions, &mesh.triangles, config))
         .collect::<Result<Vec<_>, _>>()?;
-    let instances: Vec<Instance> = scene
+    let top = VolumeConfig { strategy: config.strategy.unwrap_or(Strategy::Aabb), fallback: true };
+    Ok(Structure::Two(Tlas::new(levels, &instances(scene), top)?))
+}
+
+/// The instances of a scene as the top level knows them.
+pub(crate) fn instances(scene: &Scene) -> Vec<Instance> {
+    scene
         .instances
         .iter()
         .map(|instance| Instance {
@@ -142,7 +153,5 @@ pub(crate) fn build_two<K: LaneKernel>(scene: &Scene, config: &LevelConfig) -> R
             world_from_object: instance.world_from_object,
             world_from_object_close: instance.world_from_object_close,
         })
-        .collect();
-    let top = VolumeConfig { strategy: config.strategy.unwrap_or(Strategy::Aabb), fallback: true };
-    Ok(Structure::Two(Tlas::new(levels, &instances, top)?))
+        .collect()
 }

@@ -6,8 +6,8 @@ use canted_scene::Light;
 use canted_trace::InstanceId;
 
 use crate::LightSampler;
-use crate::light::packed::{Emitter, LightNode, LightShares, SkyRow, SunShare};
 pub(super) use crate::light::packed::bounded;
+use crate::light::packed::{Emitter, LightNode, LightShares, SkyRow, SunShare};
 
 /// A light of the list: `ListLight` of `shared/light/list`, which says what each kind has.
 #[repr(C)]

@@ -1,6 +1,19 @@
 //! Pictures on a device: what its kernels read, packed from what the CPU's integrators read.
 
 mod environment;
+mod error;
+mod film;
+mod geometry;
 mod lights;
+mod materials;
+mod picture;
+mod render;
+mod scene;
+mod slack;
+mod slices;
+mod textures;
 #[cfg(test)]
 mod twins;
+
+pub use error::DeviceError;
+pub use render::DevicePicture;

@@ -16,7 +16,8 @@ use crate::{
 };
 pub use error::RenderError;
 pub use tile::Tile;
-use tile::{Layout, Work};
+use tile::Work;
+pub(crate) use tile::{CELL, Course, Layout, Sums};
 
 /// What a render tells its caller while it works, from any thread.
 #[derive(Clone, Copy)]
@@ -64,14 +65,14 @@ pub fn resume<T: Tracer>(
     done: Vec<Tile>,
     monitor: &Monitor,
 ) -> Result<Film, RenderError> {
-    let ao_radius = checked_ao_radius(scene, settings)?;
-    let view = View::new(camera, settings.width, settings.height).map_err(RenderError::Camera)?;
-    let filter =
-        FilterSampler::new(settings.filter).ok_or(RenderError::FilterRadius { radius: settings.filter.radius() })?;
     let surfaces = Surfaces::with_lod(scene, settings.lod);
+    let rendering = Rendering::new(scene, tracer, &surfaces, camera, settings)?;
     // Masks cost a texture lookup a hit: a scene without them runs code that has none.
-    let picture = Picture { scene, tracer, surfaces: &surfaces, view, filter, settings, ao_radius, monitor };
-    if mask::is_needed(scene) { picture.run(Masked::new(&surfaces, ()), done) } else { picture.run((), done) }
+    if mask::is_needed(scene) {
+        rendering.run(Masked::new(&surfaces, ()), done, monitor)
+    } else {
+        rendering.run((), done, monitor)
+    }
 }
 
 fn checked_ao_radius(scene: &Scene, settings: &Settings) -> Result<f64, RenderError> {
@@ -102,19 +103,42 @@ fn checked_ao_radius(scene: &Scene, settings: &Settings) -> Result<f64, RenderEr
     }
 }
 
-struct Picture<'a, T> {
+/// What a picture is made of, checked.
+pub(crate) struct Rendering<'a, T> {
     scene: &'a Scene,
     tracer: &'a T,
     surfaces: &'a Surfaces<'a>,
-    view: View,
-    filter: FilterSampler,
+    pub(crate) view: View,
+    pub(crate) filter: FilterSampler,
     settings: &'a Settings,
-    ao_radius: f64,
-    monitor: &'a Monitor<'a>,
+    pub(crate) ao_radius: f64,
 }
 
-impl<T: Tracer> Picture<'_, T> {
-    fn run<Q: Numbered + Sync>(&self, query: Q, done: Vec<Tile>) -> Result<Film, RenderError> {
+impl<'a, T: Tracer> Rendering<'a, T> {
+    pub(crate) fn new(
+        scene: &'a Scene,
+        tracer: &'a T,
+        surfaces: &'a Surfaces<'a>,
+        camera: &Camera,
+        settings: &'a Settings,
+    ) -> Result<Self, RenderError> {
+        let ao_radius = checked_ao_radius(scene, settings)?;
+        let view = View::new(camera, settings.width, settings.height).map_err(RenderError::Camera)?;
+        let filter = FilterSampler::new(settings.filter)
+            .ok_or(RenderError::FilterRadius { radius: settings.filter.radius() })?;
+        Ok(Self { scene, tracer, surfaces, view, filter, settings, ao_radius })
+    }
+
+    /// Takes a sample of a pixel into its sums; returns the rays traced for it.
+    pub(crate) fn take(&self, at: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
+        if mask::is_needed(self.scene) {
+            self.with_work(Masked::new(self.surfaces, ()), |work| work.sample(at, sample, sums))
+        } else {
+            self.with_work((), |work| work.sample(at, sample, sums))
+        }
+    }
+
+    fn with_work<Q: Numbered, R>(&self, query: Q, then: impl FnOnce(&Work<T, Q>) -> R) -> R {
         let Settings { samples, bounces, seed, pattern, .. } = *self.settings;
         let transport = Transport {
             tracer: self.tracer,
@@ -128,41 +152,52 @@ impl<T: Tracer> Picture<'_, T> {
                 Integrator::Path => Method::Path(Box::new(LightSampler::new(Lights::new(self.scene), self.surfaces))),
             },
         };
-        let layout = Layout::new(self.settings);
-        let mut slots: Vec<Option<Tile>> = (0..layout.n_tiles()).map(|_| None).collect();
-        for tile in done {
-            let number = tile.number;
-            match slots.get_mut(number) {
-                Some(slot) if layout.fits(&tile) => *slot = Some(tile),
-                _ => return Err(RenderError::Tile { number }),
-            }
-        }
-        let n_tiles = slots.len();
-        let n_done = AtomicUsize::new(slots.iter().flatten().count());
-        let work = Work {
+        then(&Work {
             transport: &transport,
             view: &self.view,
             moves: self.scene.moves(),
             filter: &self.filter,
             settings: self.settings,
-            layout,
-        };
-        let render = |(number, slot): (usize, Option<Tile>)| {
-            if slot.is_some() {
-                return slot;
-            }
-            let tile = work.tile(number, self.monitor.cancel)?;
-            (self.monitor.finished)(&tile);
-            (self.monitor.progress)(n_done.fetch_add(1, Ordering::Relaxed) + 1, n_tiles);
-            Some(tile)
-        };
-        let tiles: Option<Vec<Tile>> = slots.into_par_iter().enumerate().map(render).collect();
+            layout: Layout::new(self.settings),
+        })
+    }
+
+    fn run<Q: Numbered + Sync>(&self, query: Q, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, RenderError> {
+        let layout = Layout::new(self.settings);
+        let slots = in_place(&layout, done)?;
+        let n_tiles = slots.len();
+        let n_done = AtomicUsize::new(slots.iter().flatten().count());
+        let tiles: Option<Vec<Tile>> = self.with_work(query, |work| {
+            let render = |(number, slot): (usize, Option<Tile>)| {
+                if slot.is_some() {
+                    return slot;
+                }
+                let tile = work.tile(number, monitor.cancel)?;
+                (monitor.finished)(&tile);
+                (monitor.progress)(n_done.fetch_add(1, Ordering::Relaxed) + 1, n_tiles);
+                Some(tile)
+            };
+            slots.into_par_iter().enumerate().map(render).collect()
+        });
         Ok(assembled(self.settings, &layout, &tiles.ok_or(RenderError::Cancelled)?))
     }
 }
 
+/// Finished tiles in the order of their numbers, with room for the others.
+pub(crate) fn in_place(layout: &Layout, done: Vec<Tile>) -> Result<Vec<Option<Tile>>, RenderError> {
+    let mut slots: Vec<Option<Tile>> = (0..layout.n_tiles()).map(|_| None).collect();
+    for tile in done {
+        let number = tile.number;
+        match slots.get_mut(number) {
+            Some(slot) if layout.fits(&tile) => *slot = Some(tile),
+            _ => return Err(RenderError::Tile { number }),
+        }
+    }
+    Ok(slots)
+}
+
 /// The film of all tiles.
-fn assembled(settings: &Settings, layout: &Layout, tiles: &[Tile]) -> Film {
+pub(crate) fn assembled(settings: &Settings, layout: &Layout, tiles: &[Tile]) -> Film {
     let Settings { width, height, .. } = *settings;
     let n_sums = layout.n_sums();
     let n = width as usize * height as usize * n_sums;

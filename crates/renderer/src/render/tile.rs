@@ -19,7 +19,7 @@ const TIME: u32 = u32::MAX;
 const LENS: u32 = u32::MAX - 1;
 
 /// Pixels along the side of a cell: neighbours that stop together, wherever tiles end.
-const CELL: u32 = 8;
+pub(crate) const CELL: u32 = 8;
 
 /// Samples after which the error of a cell is looked at for the first time; then at each power of two.
 const FIRST_LOOK: u32 = 8;
@@ -39,53 +39,102 @@ pub struct Tile {
 
 /// How a picture is cut into tiles, and what each pixel keeps.
 #[derive(Clone, Copy)]
-pub(super) struct Layout {
+pub(crate) struct Layout {
     picture: [u32; 2],
     side: u32,
     columns: u32,
     rows: u32,
     n_sums: usize,
+    /// Whether each block of the samples is kept by itself.
+    is_part: bool,
     is_guided: bool,
 }
 
 impl Layout {
-    pub(super) fn new(settings: &Settings) -> Self {
+    pub(crate) fn new(settings: &Settings) -> Self {
         let Settings { width, height, tile, aovs, .. } = *settings;
         // Tiles are made of whole cells; the greatest side that can be rounded up is far above any picture.
         let side = tile.clamp(1, 1 << 16).next_multiple_of(CELL);
         let n_sums = settings.part.map_or(1, |_| Block::of(settings.range()).len());
         let [columns, rows] = [width, height].map(|n| n.div_ceil(side));
-        Self { picture: [width, height], side, columns, rows, n_sums, is_guided: !aovs.is_empty() }
+        Self {
+            picture: [width, height],
+            side,
+            columns,
+            rows,
+            n_sums,
+            is_part: settings.part.is_some(),
+            is_guided: !aovs.is_empty(),
+        }
     }
 
-    pub(super) fn n_tiles(&self) -> usize {
+    pub(crate) fn n_tiles(&self) -> usize {
         self.columns as usize * self.rows as usize
     }
 
     /// Sums kept for each pixel.
-    pub(super) fn n_sums(&self) -> usize {
+    pub(crate) fn n_sums(&self) -> usize {
         self.n_sums
     }
 
-    pub(super) fn is_guided(&self) -> bool {
+    pub(crate) fn is_guided(&self) -> bool {
         self.is_guided
     }
 
     /// Column and row of the top left pixel.
     #[expect(clippy::cast_possible_truncation, reason = "quotient and remainder by a u32 of a number below 2^32")]
-    pub(super) fn corner(&self, number: usize) -> [u32; 2] {
+    pub(crate) fn corner(&self, number: usize) -> [u32; 2] {
         let columns = self.columns as usize;
         [(number % columns) as u32 * self.side, (number / columns) as u32 * self.side]
     }
 
     /// Width and height in pixels.
-    pub(super) fn size(&self, number: usize) -> [u32; 2] {
+    pub(crate) fn size(&self, number: usize) -> [u32; 2] {
         let corner = self.corner(number);
         std::array::from_fn(|k| self.side.min(self.picture[k] - corner[k]))
     }
 
+    /// An empty tile of this number.
+    pub(crate) fn tile(&self, number: usize) -> Tile {
+        let [width, height] = self.size(number);
+        let n = width as usize * height as usize * self.n_sums;
+        let n_guides = if self.is_guided { n } else { 0 };
+        Tile { number, pixels: vec![Pixel::default(); n], guides: vec![Guide::default(); n_guides], n_rays: 0 }
+    }
+
+    /// The pixels of each cell of a tile, by column and row in it.
+    pub(crate) fn cells(&self, number: usize) -> impl Iterator<Item = Vec<[u32; 2]>> + use<> {
+        let [width, height] = self.size(number);
+        cells(height)
+            .flat_map(move |y| cells(width).map(move |x| (y.clone(), x)))
+            .map(|(y, x)| y.flat_map(|y| x.clone().map(move |x| [x, y])).collect())
+    }
+
+    /// Puts what is kept of the sums of a cell's pixels into a tile.
+    pub(crate) fn keep(&self, pixels: &[[u32; 2]], sums: &[Sums], tile: &mut Tile) {
+        let [width, _] = self.size(tile.number);
+        for ([x, y], sums) in pixels.iter().zip(sums) {
+            let first = (y * width + x) as usize * self.n_sums;
+            self.keep_values(&sums.pixel, &mut tile.pixels[first..]);
+            if self.is_guided {
+                self.keep_values(&sums.guide, &mut tile.guides[first..]);
+            }
+        }
+    }
+
+    /// Puts what is kept of a pixel's sums to the front of `place`.
+    fn keep_values<S: Copy + Default + std::ops::Add<Output = S>>(&self, sums: &Dyadic<S>, place: &mut [S]) {
+        if !self.is_part {
+            place[0] = total(sums.values());
+            return;
+        }
+        for (place, value) in place.iter_mut().zip(sums.values()) {
+            *place = value;
+        }
+    }
+
     /// Whether `tile` has the sums that this picture keeps.
-    pub(super) fn fits(&self, tile: &Tile) -> bool {
+    pub(crate) fn fits(&self, tile: &Tile) -> bool {
         if tile.number >= self.n_tiles() {
             return false;
         }
@@ -108,45 +157,58 @@ pub(super) struct Work<'a, T, Q> {
 
 /// The sums of one pixel while its samples are taken.
 #[derive(Clone, Default)]
-struct Sums {
-    pixel: Dyadic<Pixel>,
-    guide: Dyadic<Guide>,
+pub(crate) struct Sums {
+    pub(crate) pixel: Dyadic<Pixel>,
+    pub(crate) guide: Dyadic<Guide>,
+}
+
+/// How far the samples of a cell have got.
+pub(crate) struct Course {
+    /// The samples to take now.
+    pub(crate) next: Range<u32>,
+    /// One past the last that there are.
+    last: u32,
+    /// What half of the samples said before them; nothing at first.
+    before: f64,
+}
+
+impl Course {
+    pub(crate) fn new(settings: &Settings) -> Self {
+        let Range { start, end: last } = settings.range();
+        let end = if settings.noise.is_some() { FIRST_LOOK.min(last) } else { last };
+        Self { next: start..end, last, before: f64::INFINITY }
+    }
+
+    /// Goes on after `next` was taken, into the sums of the cell's pixels; whether there is more to take.
+    pub(crate) fn goes_on(&mut self, settings: &Settings, sums: &[Sums]) -> bool {
+        if self.next.end == self.last {
+            return false;
+        }
+        if let Some(noise) = settings.noise {
+            let now = error(sums);
+            // Luck must strike twice: the first half, by itself, must have foretold that this many are enough.
+            if now.max(self.before / SQRT_2) <= f64::from(noise) {
+                return false;
+            }
+            self.before = now;
+        }
+        self.next = self.next.end..self.next.end.saturating_mul(2).min(self.last);
+        true
+    }
 }
 
 impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
     /// Renders a tile; `None` once the work is cancelled.
     pub(super) fn tile(&self, number: usize, cancel: &AtomicBool) -> Option<Tile> {
         let [left, top] = self.layout.corner(number);
-        let [width, height] = self.layout.size(number);
-        let n = width as usize * height as usize * self.layout.n_sums;
-        let n_guides = if self.layout.is_guided { n } else { 0 };
-        let mut tile =
-            Tile { number, pixels: vec![Pixel::default(); n], guides: vec![Guide::default(); n_guides], n_rays: 0 };
+        let mut tile = self.layout.tile(number);
         let mut sums = vec![Sums::default(); (CELL * CELL) as usize];
-        for (y, x) in cells(height).flat_map(|y| cells(width).map(move |x| (y.clone(), x))) {
-            let pixels: Vec<[u32; 2]> = y.flat_map(|y| x.clone().map(move |x| [x, y])).collect();
+        for pixels in self.layout.cells(number) {
             let positions = pixels.iter().map(|&[x, y]| [left + x, top + y]);
             self.cell(positions, &mut sums, &mut tile.n_rays, cancel)?;
-            for ([x, y], sums) in pixels.iter().zip(&sums) {
-                let first = (y * width + x) as usize * self.layout.n_sums;
-                self.keep(&sums.pixel, &mut tile.pixels[first..]);
-                if self.layout.is_guided {
-                    self.keep(&sums.guide, &mut tile.guides[first..]);
-                }
-            }
+            self.layout.keep(&pixels, &sums, &mut tile);
         }
         Some(tile)
-    }
-
-    /// Puts what is kept of a pixel's sums to the front of `place`.
-    fn keep<S: Copy + Default + std::ops::Add<Output = S>>(&self, sums: &Dyadic<S>, place: &mut [S]) {
-        if self.settings.part.is_none() {
-            place[0] = total(sums.values());
-            return;
-        }
-        for (place, value) in place.iter_mut().zip(sums.values()) {
-            *place = value;
-        }
     }
 
     /// Takes the samples of neighbouring pixels, all of them or until their noise is low enough.
@@ -162,36 +224,24 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
             sums.pixel.clear();
             sums.guide.clear();
         }
-        let Range { start: mut next, end: last } = self.settings.range();
-        let mut end = if self.settings.noise.is_some() { FIRST_LOOK.min(last) } else { last };
-        // What half of the samples said before them; nothing at first.
-        let mut before = f64::INFINITY;
+        let mut course = Course::new(self.settings);
         loop {
             for ([x, y], sums) in pixels.clone().zip(&mut *sums) {
                 if cancel.load(Ordering::Relaxed) {
                     return None;
                 }
-                for sample in next..end {
+                for sample in course.next.clone() {
                     *n_rays += self.sample([x, y], sample, sums);
                 }
             }
-            if end == last {
+            if !course.goes_on(self.settings, sums) {
                 return Some(());
             }
-            if let Some(noise) = self.settings.noise {
-                let now = error(sums);
-                // Luck must strike twice: the first half, by itself, must have foretold that this many are enough.
-                if now.max(before / SQRT_2) <= f64::from(noise) {
-                    return Some(());
-                }
-                before = now;
-            }
-            (next, end) = (end, end.saturating_mul(2).min(last));
         }
     }
 
     /// Takes one sample; returns the rays traced for it.
-    fn sample(&self, [x, y]: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
+    pub(super) fn sample(&self, [x, y]: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
         let number = y * self.settings.width + x;
         let square = self.transport.sampler.pair(number, sample, PIXEL_POSITION);
         let ([dx, dy], weight) = self.filter.place(square);

@@ -48,6 +48,12 @@ impl Sampler {
         Self { pattern, seed, columns, rows: samples / columns }
     }
 
+    /// Columns and rows of the grid of cells, one for each sample.
+    #[must_use]
+    pub fn grid(&self) -> [u32; 2] {
+        [self.columns, self.rows]
+    }
+
     /// A point of the unit square for sample `sample` of pixel `pixel`; each use along a path has its own `dimension`.
     ///
     /// Strata hold for `sample` below the count given to [`Sampler::new`]; later samples begin again with cell 0. The Sobol

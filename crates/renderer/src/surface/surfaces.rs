@@ -51,6 +51,11 @@ impl<'a> Surfaces<'a> {
         self.scene
     }
 
+    /// Its textures, ready to be looked up.
+    pub(crate) fn textures(&self) -> &Textures<'a> {
+        &self.textures
+    }
+
     /// The surface at a hit of a world-space ray along `direction`, as the shutter opens, with textures at full size.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {

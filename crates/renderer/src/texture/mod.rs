@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 pub use cone::Cone;
 pub(crate) use footprint::{Footprint, Plane};
-use pyramid::Pyramid;
+pub(crate) use pyramid::Pyramid;
 
 /// How much of a texture a lookup averages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]

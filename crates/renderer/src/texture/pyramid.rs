@@ -36,9 +36,9 @@ struct Reduced {
 
 /// One level.
 #[derive(Clone, Copy)]
-pub(super) struct Image<'a> {
-    pub(super) size: [u32; 2],
-    pub(super) texels: &'a [[u8; 4]],
+pub(crate) struct Image<'a> {
+    pub(crate) size: [u32; 2],
+    pub(crate) texels: &'a [[u8; 4]],
 }
 
 impl<'a> Pyramid<'a> {
@@ -74,12 +74,12 @@ impl<'a> Pyramid<'a> {
     }
 
     /// Number of levels, that of the texture included.
-    pub(super) fn n_levels(&self) -> usize {
+    pub(crate) fn n_levels(&self) -> usize {
         1 + self.reduced.len()
     }
 
     /// A level; 0 is the texture.
-    pub(super) fn level(&self, level: usize) -> Image<'_> {
+    pub(crate) fn level(&self, level: usize) -> Image<'_> {
         match level.checked_sub(1) {
             None => Image { size: [self.texture.width, self.texture.height], texels: &self.texture.texels },
             Some(k) => Image { size: self.reduced[k].size, texels: &self.reduced[k].texels },

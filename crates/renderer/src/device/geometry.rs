@@ -1,0 +1,244 @@
+//! Triangles and vertices as kernels read them.
+
+use bytemuck::{Pod, Zeroable};
+use canted_obb::{Aabb, Affine};
+use canted_scene::{Instance, Mesh, Scene};
+
+use super::materials::Materials;
+use super::slack;
+use crate::motion::cofactors;
+use crate::vector::{Vector, cross, length, narrow, scale, sub, unit, wide};
+
+/// Where what a vertex has begins among its words; 0 for what no vertex has. Positions come first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Columns {
+    pub(super) stride: u32,
+    pub(super) normal: u32,
+    pub(super) tangent: u32,
+    pub(super) color: u32,
+    pub(super) uv: u32,
+    pub(super) second_uv: u32,
+}
+
+impl Columns {
+    /// What the meshes of `scene` have of what materials ask for.
+    pub(super) fn of(scene: &Scene, is_textured: bool, is_bent: bool) -> Self {
+        let any = |has: fn(&Mesh) -> bool| scene.meshes.iter().any(has);
+        let mut columns = Self { stride: 3, ..Self::default() };
+        let mut add = |is_there: bool, n_words: u32| {
+            let column = columns.stride;
+            columns.stride += if is_there { n_words } else { 0 };
+            if is_there { column } else { 0 }
+        };
+        let normal = add(any(|mesh| mesh.normals.is_some()), 3);
+        let tangent = add(is_bent && any(|mesh| mesh.tangents.is_some()), 4);
+        let color = add(any(|mesh| mesh.colors.is_some()), 4);
+        let uv = add(is_textured && any(|mesh| mesh.uvs.is_some()), 2);
+        let second_uv = add(is_textured && any(|mesh| mesh.second_uvs.is_some()), 2);
+        Self { normal, tangent, color, uv, second_uv, ..columns }
+    }
+}
+
+/// `Triangle` of `shared/mesh`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(super) struct PackedTriangle {
+    pub(super) vertices: [u32; 3],
+    pub(super) material: u32,
+    pub(super) normal: [f32; 3],
+    pub(super) area_root: f32,
+}
+
+/// Set where a flattened instance mirrors.
+const MIRRORED: u32 = 1 << 31;
+
+/// `Placement` of `shared/placed/instances`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct PackedPlacement {
+    pub(super) x: [f32; 3],
+    pub(super) slack: f32,
+    pub(super) y: [f32; 3],
+    pub(super) handedness: f32,
+    pub(super) z: [f32; 3],
+    pub(super) first_triangle: u32,
+    pub(super) shift: [f32; 3],
+    pub(super) scale_root: f32,
+    pub(super) cofactor_x: [f32; 3],
+    padding_x: u32,
+    pub(super) cofactor_y: [f32; 3],
+    padding_y: u32,
+    pub(super) cofactor_z: [f32; 3],
+    padding_z: u32,
+}
+
+/// Where meshes are.
+pub(super) enum Placed {
+    /// One instance in world space.
+    One,
+    /// Instances in world space, by the number of their first triangle.
+    Flat(Vec<u32>),
+    /// Meshes in object space.
+    Instances(Vec<PackedPlacement>),
+}
+
+/// All triangles of a scene.
+pub(super) struct Geometry {
+    pub(super) vertices: Vec<f32>,
+    pub(super) triangles: Vec<PackedTriangle>,
+    pub(super) placed: Placed,
+    /// Of a scene in world space.
+    pub(super) slack: f32,
+}
+
+impl Geometry {
+    /// Packs the meshes where they are, or where `is_flat` all instances in world space, as a tree over them has them.
+    pub(super) fn pack(scene: &Scene, columns: &Columns, is_flat: bool, materials: &mut Materials) -> Self {
+        let mut all = Self { vertices: vec![], triangles: vec![], placed: Placed::One, slack: 0.0 };
+        if is_flat {
+            let mut firsts = vec![];
+            let mut reach = 0.0_f32;
+            for instance in &scene.instances {
+                firsts.push(all.count());
+                let mesh = &scene.meshes[instance.mesh.0 as usize];
+                reach = reach.max(all.add(mesh, columns, &instance.world_from_object, materials));
+            }
+            all.slack = slack::in_world(reach);
+            if firsts.len() != 1 {
+                all.placed = Placed::Flat(firsts);
+            }
+            return all;
+        }
+        let of_meshes: Vec<(u32, f32)> = scene
+            .meshes
+            .iter()
+            .map(|mesh| (all.count(), all.add(mesh, columns, &Affine::IDENTITY, materials)))
+            .collect();
+        let placement = |instance: &Instance| {
+            let (first_triangle, reach) = of_meshes[instance.mesh.0 as usize];
+            packed_placement(&instance.world_from_object, first_triangle, reach)
+        };
+        all.placed = Placed::Instances(scene.instances.iter().map(placement).collect());
+        all
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "triangles are numbered by u32")]
+    fn count(&self) -> u32 {
+        self.triangles.len() as u32
+    }
+
+    /// Adds a mesh under a map; returns its greatest absolute coordinate.
+    fn add(&mut self, mesh: &Mesh, columns: &Columns, map: &Affine, materials: &mut Materials) -> f32 {
+        let is_mirrored = map.determinant() < 0.0;
+        let stride = columns.stride as usize;
+        #[expect(clippy::cast_possible_truncation, reason = "vertices are numbered by u32")]
+        let base = (self.vertices.len() / stride) as u32;
+        let start = self.vertices.len();
+        self.vertices.resize(start + stride * mesh.positions.len(), 0.0);
+        let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|&p| map.point(p)).collect();
+        let words = &mut self.vertices[start..];
+        put(words, stride, 0, &positions);
+        put_attributes(words, mesh, columns, map);
+        let mut parts = mesh.parts.iter().peekable();
+        let mut material = 0;
+        for (index, corners) in (0..).zip(&mesh.triangles) {
+            while let Some(part) = parts.next_if(|part| part.first_triangle <= index) {
+                material = materials.number(part.material, mesh);
+            }
+            let [a, b, c] = corners.map(|i| wide(positions[i as usize]));
+            let winding = cross(sub(b, a), sub(c, a));
+            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+            self.triangles.push(PackedTriangle {
+                vertices: corners.map(|i| base + i),
+                material: material | if is_mirrored { MIRRORED } else { 0 },
+                normal: unit(winding).map_or([0.0; 3], narrow),
+                area_root: length(winding).sqrt() as f32,
+            });
+        }
+        Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
+    }
+}
+
+/// Writes a column of all vertices.
+fn put<const N: usize>(words: &mut [f32], stride: usize, column: u32, values: &[[f32; N]]) {
+    let column = column as usize;
+    for (vertex, value) in words.chunks_exact_mut(stride).zip(values) {
+        vertex[column..column + N].copy_from_slice(&value.map(tame));
+    }
+}
+
+/// What kernels may compute with: finite, and far from overflow.
+fn tame(x: f32) -> f32 {
+    // So written that what is not a number is zero.
+    if x.abs() <= 1e18 {
+        x
+    } else if x.is_nan() {
+        0.0
+    } else {
+        1e18_f32.copysign(x)
+    }
+}
+
+/// Writes normals, tangents, colours and coordinates: those of the mesh, or what stands for none.
+fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, map: &Affine) {
+    let stride = columns.stride as usize;
+    if let Some(normals) = mesh.normals.as_ref().filter(|_| columns.normal > 0) {
+        let cofactors = in_range(&cofactors(&map.columns.map(wide)));
+        let image = |n: &[f32; 3]| narrow(by_columns(&cofactors, wide(*n)));
+        put(words, stride, columns.normal, &normals.iter().map(image).collect::<Vec<_>>());
+    }
+    if let Some(tangents) = mesh.tangents.as_ref().filter(|_| columns.tangent > 0) {
+        let [x, y, z, _] = map.columns.map(wide);
+        let linear = in_range(&[x, y, z]);
+        let image = |&[x, y, z, sign]: &[f32; 4]| {
+            let [x, y, z] = narrow(by_columns(&linear, wide([x, y, z])));
+            [x, y, z, sign]
+        };
+        put(words, stride, columns.tangent, &tangents.iter().map(image).collect::<Vec<_>>());
+    }
+    if columns.color > 0 {
+        let white = || vec![[1.0; 4]; mesh.positions.len()];
+        put(words, stride, columns.color, &mesh.colors.clone().unwrap_or_else(white));
+    }
+    for (column, uvs) in [(columns.uv, &mesh.uvs), (columns.second_uv, &mesh.second_uvs)] {
+        if let Some(uvs) = uvs.as_ref().filter(|_| column > 0) {
+            // Beyond 2^23 coordinates have no fraction.
+            let bounded: Vec<_> = uvs.iter().map(|uv| uv.map(|x| tame(x).clamp(-8_388_608.0, 8_388_608.0))).collect();
+            put(words, stride, column, &bounded);
+        }
+    }
+}
+
+fn by_columns(columns: &[Vector; 3], [x, y, z]: Vector) -> Vector {
+    let [a, b, c] = [scale(columns[0], x), scale(columns[1], y), scale(columns[2], z)];
+    std::array::from_fn(|k| a[k] + b[k] + c[k])
+}
+
+/// The same columns but for a factor, so that their lengths are about 1.
+fn in_range(columns: &[Vector; 3]) -> [Vector; 3] {
+    let size = length(columns.map(length));
+    columns.map(|column| scale(column, 1.0 / size))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+fn packed_placement(map: &Affine, first_triangle: u32, reach: f32) -> PackedPlacement {
+    let [x, y, z, shift] = map.columns;
+    let cofactors = cofactors(&map.columns.map(wide));
+    let [cofactor_x, cofactor_y, cofactor_z] = in_range(&cofactors).map(narrow);
+    PackedPlacement {
+        x,
+        slack: slack::of_instance(map, reach),
+        y,
+        handedness: if map.determinant() < 0.0 { -1.0 } else { 1.0 },
+        z,
+        first_triangle,
+        shift,
+        scale_root: length(cofactors.map(length)).sqrt() as f32,
+        cofactor_x,
+        padding_x: 0,
+        cofactor_y,
+        padding_y: 0,
+        cofactor_z,
+        padding_z: 0,
+    }
+}

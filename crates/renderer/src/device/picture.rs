@@ -1,0 +1,83 @@
+//! What all samples of a picture share, as kernels read it.
+
+use bytemuck::{Pod, Zeroable};
+use canted_gpu::Specialisation;
+
+use crate::vector::{length, narrow};
+use crate::{Filter, FilterSampler, Pattern, Sampler, Settings, View};
+
+/// `Picture` of `shared/picture`, which says what is what.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct PackedPicture {
+    pub(super) eye: [f32; 3],
+    pub(super) pixel: f32,
+    pub(super) forward: [f32; 3],
+    pub(super) lens_radius: f32,
+    pub(super) right: [f32; 3],
+    pub(super) focus_distance: f32,
+    pub(super) down: [f32; 3],
+    pub(super) filter_radius: f32,
+    pub(super) size: [u32; 2],
+    pub(super) bounces: u32,
+    pub(super) inverse_ao_radius: f32,
+    pub(super) sampler: [u32; 4],
+    pub(super) ambient: [f32; 3],
+    pub(super) slack: f32,
+    pub(super) filter_excess: f32,
+    pub(super) padding: [u32; 3],
+}
+
+/// `Slice` of `shared/picture`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Slice {
+    pub(super) first_group: u32,
+    pub(super) end_group: u32,
+    pub(super) first_sample: u32,
+    pub(super) n_samples: u32,
+}
+
+/// Everything but what the scene decides.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+pub(super) fn picture(view: &View, filter: &FilterSampler, settings: &Settings, ao_radius: f64) -> PackedPicture {
+    let Settings { width, height, samples, bounces, seed, pattern, .. } = *settings;
+    let [columns, rows] = Sampler::new(pattern, samples, seed).grid();
+    let lens = view.lens;
+    PackedPicture {
+        eye: narrow(view.eye),
+        pixel: length(view.right) as f32,
+        forward: narrow(view.forward),
+        lens_radius: lens.map_or(0.0, |lens| lens.radius),
+        right: narrow(view.right),
+        focus_distance: lens.map_or(0.0, |lens| lens.focus_distance),
+        down: narrow(view.down),
+        filter_radius: settings.filter.radius(),
+        size: [width, height],
+        bounces,
+        // Shorter radii than the least that is told from zero leave no ambient light out at any distance.
+        inverse_ao_radius: (1.0 / ao_radius).min(1e30) as f32,
+        sampler: [seed, columns, rows, columns.saturating_mul(rows)],
+        ambient: [0.0; 3],
+        slack: 0.0,
+        filter_excess: filter.excess(),
+        padding: [0; 3],
+    }
+}
+
+/// Chooses the parts of a kernel that make camera rays.
+pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Settings) -> Specialisation {
+    let pattern = match settings.pattern {
+        Pattern::Random => "shared/pattern/random",
+        Pattern::Stratified => "shared/pattern/stratified",
+        Pattern::Sobol => "shared/pattern/sobol",
+    };
+    let projection = if view.is_perspective { "shared/view/perspective" } else { "shared/view/orthographic" };
+    let lens = if view.lens.is_some() { "shared/lens/disc" } else { "shared/lens/pinhole" };
+    let is_box = matches!(settings.filter, Filter::Box(_));
+    chosen
+        .part("pattern", pattern)
+        .part("view", projection)
+        .part("lens", lens)
+        .part("filter", if is_box { "shared/filter/box" } else { "shared/filter/table" })
+}

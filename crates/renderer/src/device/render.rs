@@ -1,0 +1,151 @@
+//! Pictures by a device.
+
+use std::sync::Arc;
+
+use canted_gpu::{Bound, Buffer, Gpu, Kernel, Specialisation, TracedScene};
+use canted_scene::{Camera, Scene};
+use canted_wide::{LaneKernel, Wide};
+
+use super::DeviceError;
+use super::film::{self, Taker};
+use super::picture::{self, PackedPicture};
+use super::scene::{self, PackedScene};
+use super::slices::Slicer;
+use crate::render::{Layout, Rendering, Sums, assembled, in_place};
+use crate::structure::instances;
+use crate::{Film, Filter, Integrator, Level, Monitor, Pattern, RenderError, Settings, Structure, Surfaces, Tile};
+
+/// Most samples of a pixel whose strata kernels count in 32 bits.
+const MOST_STRATIFIED: u32 = 1 << 20;
+
+/// A picture's scene and settings on a device, ready to be rendered.
+pub struct DevicePicture<'a, K: LaneKernel> {
+    gpu: &'a Gpu,
+    settings: &'a Settings,
+    /// Takes the samples that the device could not finish.
+    on_cpu: Rendering<'a, Structure<K>>,
+    traced: TracedScene,
+    packed: PackedScene,
+    picture: Buffer<PackedPicture>,
+    filter_table: Option<Buffer<f32>>,
+    kernel: Arc<Kernel>,
+}
+
+impl<'a, K: LaneKernel> DevicePicture<'a, K> {
+    /// Takes to the device what the picture needs of a scene, and of the structure that answers its rays.
+    ///
+    /// # Errors
+    /// Scenes and settings that make no picture, that kernels do not know, or that the device has no room for.
+    pub fn new(
+        gpu: &'a Gpu,
+        surfaces: &'a Surfaces<'a>,
+        structure: &'a Structure<K>,
+        camera: &Camera,
+        settings: &'a Settings,
+    ) -> Result<Self, DeviceError> {
+        let scene = surfaces.scene();
+        let on_cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
+        film::check(settings)?;
+        check_known(scene, settings)?;
+        let traced = traced(gpu, scene, structure)?;
+        let is_flat = matches!(structure, Structure::One(_));
+        let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, settings.integrator)?;
+        let ambient = scene::constant_sky(scene).unwrap_or_default();
+        let Rendering { view, filter, ao_radius, .. } = &on_cpu;
+        let facts = picture::picture(view, filter, settings, *ao_radius);
+        let facts = PackedPicture { ambient, slack: packed.slack, ..facts };
+        let filter_table = match settings.filter {
+            Filter::Box(_) => None,
+            _ => Some(gpu.buffer("filter", &filter.table())?),
+        };
+        let chosen = Specialisation::none()
+            .part("sky", "shared/sky/constant")
+            .part("film", "shared/film/samples")
+            .part("count", "shared/count/none");
+        let chosen = traced.specialise(packed.specialise(picture::specialise(chosen, view, settings)));
+        let kernel = gpu.kernel("render/hybrid", &chosen)?;
+        let picture = gpu.uniform("picture", &facts)?;
+        Ok(Self { gpu, settings, on_cpu, traced, packed, picture, filter_table, kernel })
+    }
+
+    /// Names of the storage buffers that the kernel binds.
+    #[must_use]
+    pub fn bindings(&self) -> Vec<&str> {
+        self.kernel.bindings().iter().map(|binding| &binding.name[..]).collect()
+    }
+
+    /// Renders what is not in `done`: tiles that an earlier call, here or on the CPU, finished.
+    ///
+    /// Samples are those of the CPU but for roundings, and for paths that these send elsewhere; sums are made as there, in
+    /// the same order.
+    ///
+    /// # Errors
+    /// A tile that cannot be of this picture, [`RenderError::Cancelled`], or the loss of the device.
+    pub fn render(&self, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, DeviceError> {
+        let layout = Layout::new(self.settings);
+        let mut slots = in_place(&layout, done)?;
+        let left: Vec<usize> = (0..slots.len()).filter(|&number| slots[number].is_none()).collect();
+        let mut n_done = slots.len() - left.len();
+        let slicer = Slicer::new(self.gpu, self.kernel.clone())?;
+        let on_cpu = |at, sample, sums: &mut Sums| self.on_cpu.take(at, sample, sums);
+        let mut taker = Taker { slicer, bound: self.bound(), settings: self.settings, on_cpu: &on_cpu };
+        let mut left = &left[..];
+        while !left.is_empty() {
+            let (now, later) = left.split_at(film::next_run(&taker.slicer, &layout, self.settings, left));
+            left = later;
+            let made = film::tiles(&mut taker, &layout, now, monitor)?;
+            for tile in made.ok_or(RenderError::Cancelled)? {
+                (monitor.finished)(&tile);
+                n_done += 1;
+                (monitor.progress)(n_done, layout.n_tiles());
+                let number = tile.number;
+                slots[number] = Some(tile);
+            }
+        }
+        let tiles: Vec<Tile> = slots.into_iter().flatten().collect();
+        Ok(assembled(self.settings, &layout, &tiles))
+    }
+
+    fn bound(&self) -> Vec<Bound<'_>> {
+        let mut bound = self.packed.bindings();
+        bound.push(("picture", &self.picture));
+        bound.extend(self.filter_table.as_ref().map(|table| -> Bound<'_> { ("filter_table", table) }));
+        bound.extend(self.traced.bindings());
+        bound
+    }
+}
+
+/// The structure in the device's memory.
+fn traced<K: LaneKernel>(gpu: &Gpu, scene: &Scene, structure: &Structure<K>) -> Result<TracedScene, DeviceError> {
+    fn wide<K: LaneKernel>(level: &Level<K>) -> Result<&Wide<K>, DeviceError> {
+        match level {
+            Level::Wide(wide) => Ok(wide),
+            Level::Binary(..) => Err(DeviceError::Unknown { what: "binary trees, which --volumes by name makes" }),
+        }
+    }
+    Ok(match structure {
+        Structure::One(flat) => TracedScene::one(gpu, wide(flat.blas())?, flat.first())?,
+        Structure::Two(tlas) => {
+            let meshes = tlas.blas().iter().map(wide).collect::<Result<Vec<_>, _>>()?;
+            TracedScene::two(gpu, &meshes, &instances(scene))?
+        }
+    })
+}
+
+/// Refuses what there are no kernels for.
+fn check_known(scene: &Scene, settings: &Settings) -> Result<(), DeviceError> {
+    let unknown = [
+        (settings.integrator != Integrator::Hybrid, "with the path integrator"),
+        (scene::constant_sky(scene).is_none(), "environments that are pictures"),
+        (scene.moves(), "moving instances"),
+        (!settings.aovs.is_empty(), "channels beside light"),
+        (
+            settings.pattern == Pattern::Stratified && settings.samples > MOST_STRATIFIED,
+            "more than 1048576 stratified samples of a pixel",
+        ),
+    ];
+    match unknown.into_iter().find(|(is_asked, _)| *is_asked) {
+        Some((_, what)) => Err(DeviceError::Unknown { what }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,156 @@
+//! What kernels that render read of a scene, and nothing that it does without.
+
+use canted_gpu::{Bound, Buffer, Gpu, GpuError, Specialisation};
+use canted_scene::{Environment, Light, Scene};
+
+use super::geometry::{Columns, Geometry, PackedPlacement, PackedTriangle, Placed};
+use super::lights::ListLight;
+use super::materials::{Materials, PackedMaterial, Slot, looked_at};
+use super::textures::{Heads, Images, Texels};
+use crate::light::environment_of;
+use crate::texture::Textures;
+use crate::{Integrator, Lod, mask};
+
+/// A scene in a device's memory, but for what rays are traced through.
+pub(super) struct PackedScene {
+    materials: Buffer<PackedMaterial>,
+    triangles: Buffer<PackedTriangle>,
+    vertices: Buffer<f32>,
+    firsts: Option<Buffer<u32>>,
+    placements: Option<Buffer<PackedPlacement>>,
+    images: Option<(Buffer<Slot>, Buffer<[u32; 4]>, Texels)>,
+    lights: Option<Buffer<ListLight>>,
+    columns: Columns,
+    has: Has,
+    lod: Lod,
+    /// Error along each axis between a triangle's plane and a ray that leaves it, of a scene in world space.
+    pub(super) slack: f32,
+}
+
+/// What a scene has.
+#[derive(Clone, Copy, Debug)]
+struct Has {
+    instances: bool,
+    normals: bool,
+    normal_maps: bool,
+    masks: bool,
+    mask_textures: bool,
+    bodies: bool,
+}
+
+impl PackedScene {
+    /// Packs `scene`, its meshes in world space where `is_flat`.
+    pub(super) fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        textures: &Textures,
+        lod: Lod,
+        is_flat: bool,
+        integrator: Integrator,
+    ) -> Result<Self, GpuError> {
+        let images = Images::pack(scene, textures, integrator);
+        let used = |which: usize| {
+            let slots = scene.materials.iter().map(|material| looked_at(material, integrator)[which]);
+            slots.flatten().next().is_some()
+        };
+        let (normal_maps, mask_textures) = (used(NORMAL_MAP), used(ALPHA));
+        let columns = Columns::of(scene, images.is_some(), normal_maps);
+        let none = Heads::none();
+        let heads = images.as_ref().map_or(&none, |images| &images.heads);
+        let mut materials = Materials::new(scene, integrator, &columns, heads);
+        let geometry = Geometry::pack(scene, &columns, is_flat, &mut materials);
+        let (firsts, placements) = match &geometry.placed {
+            Placed::One => (None, None),
+            Placed::Flat(firsts) => (Some(gpu.buffer("first triangles", firsts)?), None),
+            Placed::Instances(placements) => (None, Some(gpu.buffer("instances", placements)?)),
+        };
+        let has = Has {
+            instances: placements.is_some(),
+            normals: columns.normal > 0,
+            normal_maps,
+            masks: mask::is_needed(scene),
+            mask_textures,
+            bodies: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disc { .. })),
+        };
+        let images = match &images {
+            None => None,
+            Some(images) => {
+                let slots = gpu.buffer("texture slots", &materials.slots)?;
+                Some((slots, gpu.buffer("images", &images.images)?, images.upload(gpu)?))
+            }
+        };
+        let lights: Vec<ListLight> = scene.lights.iter().map(ListLight::from).collect();
+        let lights = if lights.is_empty() { None } else { Some(gpu.buffer("lights", &lights)?) };
+        Ok(Self {
+            materials: gpu.buffer("materials", &materials.packed)?,
+            triangles: gpu.buffer("triangles", &geometry.triangles)?,
+            vertices: gpu.buffer("vertices", &geometry.vertices)?,
+            firsts,
+            placements,
+            images,
+            lights,
+            columns,
+            has,
+            lod,
+            slack: geometry.slack,
+        })
+    }
+
+    /// The variables of all that there is.
+    pub(super) fn bindings(&self) -> Vec<Bound<'_>> {
+        let mut bound: Vec<Bound<'_>> =
+            vec![("materials", &self.materials), ("triangles", &self.triangles), ("vertices", &self.vertices)];
+        bound.extend(self.firsts.as_ref().map(|firsts| -> Bound<'_> { ("firsts", firsts) }));
+        bound.extend(self.placements.as_ref().map(|placements| -> Bound<'_> { ("placements", placements) }));
+        bound.extend(self.lights.as_ref().map(|lights| -> Bound<'_> { ("lights", lights) }));
+        if let Some((slots, images, texels)) = &self.images {
+            bound.push(("slots", slots));
+            bound.push(("images", images));
+            bound.extend(
+                Texels::NAMES.into_iter().zip(&texels.bindings).map(|(name, buffer)| -> Bound<'_> { (name, buffer) }),
+            );
+        }
+        bound
+    }
+
+    /// Chooses the parts of a kernel that read the scene.
+    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+        let Has { instances, normals, normal_maps, masks, mask_textures, bodies } = self.has;
+        let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
+        let placed = match (instances, &self.firsts) {
+            (true, _) => "shared/placed/instances",
+            (false, Some(_)) => "shared/placed/flat",
+            (false, None) => "shared/placed/one",
+        };
+        let bent =
+            pick(normal_maps, "shared/normal/mapped", pick(normals, "shared/normal/smooth", "shared/normal/flat"));
+        let chosen = chosen
+            .part("placed", placed)
+            .part("normal", bent)
+            .part("mask", pick(masks, "shared/mask/alpha", "shared/mask/none"))
+            .part("direct", pick(self.lights.is_some(), "shared/direct/list", "shared/direct/none"))
+            .part("bodies", pick(bodies, "shared/bodies/list", "shared/bodies/none"))
+            .number("STRIDE", self.columns.stride)
+            .number("COLOR", self.columns.color);
+        let chosen = if normals || normal_maps { chosen.number("NORMAL", self.columns.normal) } else { chosen };
+        let chosen = if normal_maps { chosen.number("TANGENT", self.columns.tangent) } else { chosen };
+        let alpha = pick(mask_textures, "shared/alpha/texture", "shared/alpha/plain");
+        let chosen = if masks { chosen.part("alpha", alpha) } else { chosen };
+        match &self.images {
+            Some((.., texels)) => texels.specialise(chosen, self.lod),
+            None => chosen.part("texture", "shared/texture/none"),
+        }
+    }
+}
+
+/// Places among the textures that are looked at.
+const NORMAL_MAP: usize = 3;
+const ALPHA: usize = 5;
+
+/// The environment's mean radiance where it is the same from everywhere; `None` for an image.
+pub(super) fn constant_sky(scene: &Scene) -> Option<[f32; 3]> {
+    match environment_of(scene) {
+        Environment::Constant(radiance) => Some(super::lights::bounded(*radiance)),
+        Environment::Image(_) => None,
+    }
+}

@@ -1,0 +1,75 @@
+//! How far off a surface the device's rays start.
+//!
+//! The argument is that of the CPU's placements, with a device's arithmetic: `E = 2⁻²³` bounds one rounding of a sum or product,
+//! whichever way it goes and whatever is fused. `W` is the greatest absolute coordinate in world space, of all instances in a
+//! scene of one level, else of the one. Along each axis,
+//!
+//! - tracing accepts points within `64·E·S` of a triangle, `S <= 2·W` for origins on it: `128 E`;
+//! - the hit point is three products of weights, of which `1 - u - v` is off by `2 E`, and vertices, in two sums: `5 E`; its
+//!   transform four terms more, `4 E`; moved along the normal, `E`: together `10 E`;
+//! - the normal comes from `f64`, rounded and made a unit vector: it leans by `3 E`, and a ray that leads away from a plane that
+//!   leans gets below the true one by that much of its way, at most `2·√3·W` within the instance: `11 E`;
+//! - the sign of a product with the normal decides the side and the fold of directions; it is right but for `3 E`, as above:
+//!   `11 E`.
+//!
+//! An instance's transform adds, with `κ` the greatest row sum of `|M⁻¹|·|M|`: ray and origin in object space are off by
+//! `2·(6 + 5) E` of sums of absolute products, at most `2 κ` of the reach (`shared/level/two`); and cofactors take a normal to
+//! one that leans by `4 E` of `‖M‖·‖M⁻¹‖` in Frobenius norms.
+
+use canted_obb::Affine;
+
+use crate::motion::cofactors;
+use crate::vector::{Vector, dot, length, wide};
+
+/// A bound of one rounding, relative.
+const E: f64 = f32::EPSILON as f64;
+
+/// Second order, and what is subnormal.
+const ROOM: f64 = 1.0 + 1.0 / 1024.0;
+
+/// Error along each axis, relative to `W`, where vertices are in world space.
+const IN_WORLD: f64 = (128.0 + 10.0 + 11.0 + 11.0) * E;
+
+/// Error along each world axis between the plane of a triangle and a ray that leaves it, for vertices in world space whose
+/// greatest absolute coordinate is `reach`.
+pub(super) fn in_world(reach: f32) -> f32 {
+    rounded_up(IN_WORLD * f64::from(reach))
+}
+
+/// The same for an instance of a mesh with greatest absolute coordinate `reach_object`.
+pub(super) fn of_instance(world_from_object: &Affine, reach_object: f32) -> f32 {
+    let m: [Vector; 4] = world_from_object.columns.map(wide);
+    let reach_world = (0..3)
+        .map(|k| f64::from(reach_object) * (m[0][k].abs() + m[1][k].abs() + m[2][k].abs()) + m[3][k].abs())
+        .fold(0.0, f64::max);
+    // Rows of the inverse are the columns of cofactors over the determinant.
+    let inverse = cofactors(&m).map(|row| row.map(|x| x / dot(m[0], cofactors(&m)[0])));
+    let row_sum =
+        |i: usize| -> f64 { (0..3).map(|j| (0..3).map(|k| (inverse[i][k] * m[j][k]).abs()).sum::<f64>()).sum() };
+    let kappa = (0..3).map(row_sum).fold(0.0, f64::max);
+    let frobenius = |rows: [Vector; 3]| length(rows.map(length));
+    let condition = frobenius([m[0], m[1], m[2]]) * frobenius(inverse);
+    let lean = 4.0 * 2.0 * 3.0_f64.sqrt() * condition;
+    rounded_up((IN_WORLD + (2.0 * 22.0 * kappa + lean) * E) * reach_world)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the room is greater than the rounding")]
+fn rounded_up(slack: f64) -> f32 {
+    (ROOM * slack).min(f64::from(f32::MAX)) as f32 + f32::MIN_POSITIVE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slack_grows_with_the_scene_and_with_what_shear_amplifies() {
+        assert!((in_world(2.0) / in_world(1.0) - 2.0).abs() < 1e-5);
+        let plain = of_instance(&Affine::IDENTITY, 1.0);
+        assert!(plain > in_world(1.0));
+        let mut sheared = Affine::IDENTITY;
+        sheared.columns[1][0] = 50.0;
+        // Coordinates are 51 times as great, and errors are amplified besides.
+        assert!(of_instance(&sheared, 1.0) > 2.0 * 51.0 * plain);
+    }
+}

@@ -1,0 +1,105 @@
+//! Samples of cells, in dispatches of about 100 ms.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use canted_gpu::{Bound, Buffer, Gpu, GpuError, Kernel};
+
+use super::picture::Slice;
+
+/// How long a dispatch should take: short enough for a display that waits behind it, long beside what starting one costs.
+const WANTED: Duration = Duration::from_millis(100);
+
+/// Pixels of a cell, and invocations of a work-group.
+pub(super) const CELL_PIXELS: usize = 64;
+
+/// Work-groups of the first dispatch, before anything is known of the device.
+const FIRST: u32 = 64;
+
+/// Most work-groups of a dispatch: 32 MiB of samples.
+const MOST: u32 = 1 << 15;
+
+/// A sample: linear RGB, and the number of rays traced for it.
+pub(super) type Taken = [f32; 4];
+
+/// Takes samples of cells on a device.
+pub(super) struct Slicer<'a> {
+    gpu: &'a Gpu,
+    kernel: Arc<Kernel>,
+    slice: Buffer<Slice>,
+    samples: Buffer<Taken>,
+    /// Work-groups of the next dispatch.
+    n_groups: u32,
+}
+
+impl<'a> Slicer<'a> {
+    pub(super) fn new(gpu: &'a Gpu, kernel: Arc<Kernel>) -> Result<Self, GpuError> {
+        let slice = gpu.uniform("slice", &Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1 })?;
+        let most = gpu.limits().max_storage_buffer_binding_size / (CELL_PIXELS * size_of::<Taken>()) as u64;
+        let n = u32::try_from(most).unwrap_or(MOST).min(MOST);
+        let samples = gpu.zeroed("samples", n as usize * CELL_PIXELS)?;
+        Ok(Self { gpu, kernel, slice, samples, n_groups: FIRST.min(n) })
+    }
+
+    /// Cells that are worth being handed over at once where each takes `n_samples` samples.
+    pub(super) fn worth(&self, n_samples: u32) -> usize {
+        self.n_groups.div_ceil(n_samples.max(1)) as usize
+    }
+
+    /// Takes samples `first_sample..first_sample + n_samples` of each cell. `each` gets the samples of 64 pixels at a time, cell by
+    /// cell and in the order of their numbers; it stops the work by returning false.
+    ///
+    /// # Errors
+    /// What the device refuses, or its loss.
+    pub(super) fn take(
+        &mut self,
+        cells: &[u32],
+        [first_sample, n_samples]: [u32; 2],
+        bound: &[Bound<'_>],
+        mut each: impl FnMut(&[Taken]) -> bool,
+    ) -> Result<(), GpuError> {
+        let all = cells.len() as u64 * u64::from(n_samples);
+        let mut done = 0;
+        while done < all {
+            // In windows of whole cells, so that work-groups are counted in 32 bits.
+            #[expect(clippy::cast_possible_truncation, reason = "quotient and remainder by a u32 of what cells number")]
+            let (cell, begun) = ((done / u64::from(n_samples)) as usize, (done % u64::from(n_samples)) as u32);
+            let n = u64::from(self.n_groups).min(all - done);
+            #[expect(clippy::cast_possible_truncation, reason = "at most n_groups")]
+            let end_group = begun + n as u32;
+            let window = &cells[cell..(cell + end_group.div_ceil(n_samples) as usize)];
+            let slice = Slice { first_group: begun, end_group, first_sample, n_samples };
+            let taken = self.dispatch(window, slice, bound)?;
+            done += n;
+            if !taken.chunks_exact(CELL_PIXELS).all(&mut each) {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    fn dispatch(&mut self, cells: &[u32], slice: Slice, bound: &[Bound<'_>]) -> Result<Vec<Taken>, GpuError> {
+        let start = Instant::now();
+        let n = slice.end_group - slice.first_group;
+        let cells = self.gpu.buffer("cells", cells)?;
+        self.gpu.write(&self.slice, &[slice]);
+        let own: [Bound<'_>; 3] = [("slice", &self.slice), ("cells", &cells), ("samples", &self.samples)];
+        let bound: Vec<Bound<'_>> = own.into_iter().chain(bound.iter().copied()).collect();
+        let mut work = self.gpu.work();
+        let size = self.kernel.group_size();
+        work.dispatch(&self.kernel, &bound, self.kernel.groups(n * size))?;
+        work.run()?;
+        let share = WANTED.as_secs_f64() / start.elapsed().as_secs_f64().max(1e-6);
+        let taken = self.gpu.read_first(&self.samples, n as usize * CELL_PIXELS)?;
+        self.adapt(n, share);
+        Ok(taken)
+    }
+
+    /// Chooses the size of the next dispatch after one of `n` work-groups that could have taken `share` times as long.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the room for samples")]
+    fn adapt(&mut self, n: u32, share: f64) {
+        let room = (self.samples.len() / CELL_PIXELS) as f64;
+        // The first dispatch compiles too, so one measurement must not say all.
+        self.n_groups = (f64::from(n) * share.clamp(0.25, 4.0)).clamp(1.0, room) as u32;
+    }
+}

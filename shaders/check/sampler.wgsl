@@ -1,0 +1,40 @@
+// The sampler's numbers, to be compared with the CPU's.
+// use shared/groups
+// use shared/sampler
+
+struct Ask {
+    pixel: u32,
+    sample: u32,
+    dimension: u32,
+    seed: u32,
+    columns: u32,
+    rows: u32,
+}
+
+struct Answer {
+    pair: vec2<f32>,
+    single: f32,
+    bits: u32,
+}
+
+@group(0) @binding(0) var<storage, read> asks: array<Ask>;
+@group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let index = invocation(group, groups, 64u, local);
+    if index >= arrayLength(&asks) {
+        return;
+    }
+    let ask = asks[index];
+    let sampler = Sampler(ask.seed, ask.columns, ask.rows, ask.columns * ask.rows);
+    answers[index] = Answer(
+        pair(sampler, ask.pixel, ask.sample, ask.dimension),
+        single(sampler, ask.pixel, ask.sample, ask.dimension),
+        bits(sampler, ask.pixel, ask.sample, ask.dimension),
+    );
+}

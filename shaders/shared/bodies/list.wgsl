@@ -1,0 +1,82 @@
+// Balls and discs of the list as rays meet them: they stand in the light of others and are black where they do not shine.
+// use shared/light/lights
+// use shared/numbers
+
+/// Whether a body but the light `except` stands along a ray.
+fn hides(ray: Ray, except: u32) -> bool {
+    for (var number = 0u; number < arrayLength(&lights); number++) {
+        if number != except && crossed(lights[number], ray).t <= ray.t_max {
+            return true;
+        }
+    }
+    return false;
+}
+
+/// The light of the nearest body along a ray; of equals the one that comes first in the list.
+struct BodyMet {
+    is_body: bool,
+    radiance: vec3<f32>,
+}
+
+fn meet_body(ray: Ray) -> BodyMet {
+    var met = BodyMet(false, vec3(0.0));
+    var nearest = ray.t_max;
+    for (var number = 0u; number < arrayLength(&lights); number++) {
+        let crossing = crossed(lights[number], ray);
+        if crossing.t < nearest || (crossing.t == nearest && !met.is_body) {
+            nearest = crossing.t;
+            met = BodyMet(true, select(vec3(0.0), lights[number].color, crossing.shines));
+        }
+    }
+    return met;
+}
+
+/// Where a ray meets a body first, and whether on the side that shines.
+struct Crossing {
+    /// Beyond `FAR` where it does not.
+    t: f32,
+    shines: bool,
+}
+
+const NO_CROSSING: f32 = 3.2e38;
+
+fn crossed(light: ListLight, ray: Ray) -> Crossing {
+    switch light.kind {
+        case BALL: { return ball_crossed(light, ray); }
+        case DISC: { return disc_crossed(light, ray); }
+        default: { return Crossing(NO_CROSSING, false); }
+    }
+}
+
+/// The discriminant comes from the vector from the centre to the line, at right angles to it, so small and far balls lose few
+/// digits (Haines et al. 2019).
+fn ball_crossed(light: ListLight, ray: Ray) -> Crossing {
+    let from_center = ray.origin - light.place;
+    let d_squared = dot(ray.direction, ray.direction);
+    let closest = -dot(from_center, ray.direction) / max(d_squared, LEAST_SQUARE);
+    let distance = length(from_center + closest * ray.direction);
+    let chord_squared = (light.extent - distance) * (light.extent + distance);
+    if chord_squared < 0.0 || d_squared < LEAST_SQUARE {
+        return Crossing(NO_CROSSING, false);
+    }
+    let half_chord = sqrt(chord_squared / d_squared);
+    let enters = closest - half_chord;
+    if ray.t_min <= enters && enters <= ray.t_max {
+        return Crossing(enters, true);
+    }
+    let leaves = closest + half_chord;
+    let is_within = ray.t_min <= leaves && leaves <= ray.t_max;
+    return Crossing(select(NO_CROSSING, leaves, is_within), false);
+}
+
+/// Rim included; rays in its plane pass by.
+fn disc_crossed(light: ListLight, ray: Ray) -> Crossing {
+    let slope = dot(ray.direction, light.direction);
+    let height = dot(light.place - ray.origin, light.direction);
+    // As quotients of absolute values, which stay in range.
+    let t = quotient(abs(height), abs(slope)) * sign_of(height) * sign_of(slope);
+    let from_center = (ray.origin + t * ray.direction) - light.place;
+    let is_inside = dot(from_center, from_center) <= light.extent * light.extent;
+    let is_within = slope != 0.0 && ray.t_min <= t && t <= ray.t_max;
+    return Crossing(select(NO_CROSSING, t, is_inside && is_within), slope < 0.0);
+}

@@ -1,0 +1,16 @@
+// No light has a body.
+
+/// Whether a body but the light `except` stands along a ray.
+fn hides(ray: Ray, except: u32) -> bool {
+    return false;
+}
+
+/// The light of the nearest body along a ray before `t_max`.
+struct BodyMet {
+    is_body: bool,
+    radiance: vec3<f32>,
+}
+
+fn meet_body(ray: Ray) -> BodyMet {
+    return BodyMet(false, vec3(0.0));
+}

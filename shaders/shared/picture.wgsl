@@ -1,0 +1,75 @@
+// What all samples of a picture share, and which of them a dispatch takes.
+// use shared/sampler
+
+struct Picture {
+    eye: vec3<f32>,
+    /// Side of a pixel, on the plane at distance 1 of a perspective.
+    pixel: f32,
+    /// Unit vector into the picture.
+    forward: vec3<f32>,
+    /// 0 without a lens.
+    lens_radius: f32,
+    /// Step of one pixel to the right, on that plane.
+    right: vec3<f32>,
+    focus_distance: f32,
+    /// Step of one pixel down, likewise.
+    down: vec3<f32>,
+    /// Of the filter, in pixels.
+    filter_radius: f32,
+    /// Pixels in a row, and rows.
+    size: vec2<u32>,
+    bounces: u32,
+    /// Reciprocal of the radius of ambient occlusion; 0 where it is infinite.
+    inverse_ao_radius: f32,
+    sampler: Sampler,
+    /// Mean radiance of the environment.
+    ambient: vec3<f32>,
+    /// Error along each axis between the plane of a triangle and a ray that leaves it, of a scene of one level.
+    slack: f32,
+    /// Absolute weight of a sample along an axis, by the filter.
+    filter_excess: f32,
+}
+
+/// Work-groups of a dispatch: each takes one sample of the 8 x 8 pixels of a cell.
+struct Slice {
+    /// Number of the first work-group among those of all cells and samples.
+    first_group: u32,
+    /// One past the last.
+    end_group: u32,
+    first_sample: u32,
+    /// Samples of a cell.
+    n_samples: u32,
+}
+
+@group(1) @binding(0) var<uniform> picture: Picture;
+@group(1) @binding(1) var<uniform> slice: Slice;
+/// Place of each cell in the picture: column in the lower 16 bits, row in the upper.
+@group(1) @binding(2) var<storage, read> cells: array<u32>;
+
+/// One sample of a pixel.
+struct PixelSample {
+    /// Column and row of the pixel.
+    at: vec2<u32>,
+    /// Its number.
+    pixel: u32,
+    sample: u32,
+    /// False for what lies beyond the picture, or beyond the dispatch.
+    is_inside: bool,
+}
+
+/// What an invocation of a work-group takes.
+fn taken(group: u32, local: u32) -> PixelSample {
+    let number = slice.first_group + group;
+    if number >= slice.end_group {
+        return PixelSample(vec2(0u), 0u, 0u, false);
+    }
+    let cell = cells[number / slice.n_samples];
+    let at = 8u * vec2(cell & 0xffffu, cell >> 16u) + vec2(local % 8u, local / 8u);
+    let sample = slice.first_sample + number % slice.n_samples;
+    return PixelSample(at, at.y * picture.size.x + at.x, sample, at.x < picture.size.x && at.y < picture.size.y);
+}
+
+/// Point of the unit square that a sample uses along its path for `dimension`.
+fn square(one: PixelSample, dimension: u32) -> vec2<f32> {
+    return pair(picture.sampler, one.pixel, one.sample, dimension);
+}

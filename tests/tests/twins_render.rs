@@ -1,0 +1,20 @@
+//! The renderer's stations on the device beside those on the CPU.
+
+mod twins_render {
+    mod pictures;
+    mod sampler;
+    mod scenes;
+
+    use canted_gpu::{Choice, Gpu};
+
+    /// The best adapter, or the sentence of a skipped test.
+    pub(crate) fn gpu(test: &str) -> Option<Gpu> {
+        match Gpu::open(&Choice::Best) {
+            Ok(gpu) => Some(gpu),
+            Err(error) => {
+                println!("skipped {test}: {error}");
+                None
+            }
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Small scenes that have what kernels must know.
+
+use canted_obb::Affine;
+use canted_scene::{Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
+
+pub(super) fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, material: u32) -> Mesh {
+    let parts = vec![Part { first_triangle: 0, material: MaterialId(material) }];
+    Mesh { positions, triangles, parts, ..Mesh::default() }
+}
+
+/// A box; its fronts outside.
+fn cuboid(half: [f32; 3], material: u32) -> Mesh {
+    let corner = |i: usize| std::array::from_fn(|k| if i >> k & 1 == 1 { half[k] } else { -half[k] });
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    mesh((0..8).map(corner).collect(), triangles, material)
+}
+
+pub(super) fn place(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
+    let world_from_object = Affine { columns };
+    Instance { mesh: MeshId(mesh), world_from_object, world_from_object_close: None, first_primitive: 0 }
+}
+
+/// A grey room open to the front, in it a turned block, a sheared and mirrored one whose normals are smooth, and one that
+/// glows; a lamp of each kind, and some light from outside.
+pub(super) fn room() -> (Scene, Camera) {
+    let grey = Material { base_color: [0.7, 0.7, 0.7], ..Material::default() };
+    let red = Material { base_color: [0.8, 0.2, 0.1], ..Material::default() };
+    let glowing = Material { emission: [2.0, 1.5, 0.5], ..Material::default() };
+    let mut smooth = cuboid([1.0; 3], 1);
+    smooth.normals = Some(smooth.positions.iter().map(|p| p.map(|x| x / 3.0_f32.sqrt())).collect());
+    let mut walls = cuboid([3.0, 2.0, 3.0], 0);
+    // The face towards the camera is open.
+    walls.triangles.retain(|t| !t.iter().all(|&i| walls.positions[i as usize][2] > 0.0));
+    let meshes = vec![walls, cuboid([1.0; 3], 1), smooth, cuboid([0.3; 3], 2)];
+    let (s, c) = 0.4_f32.sin_cos();
+    let instances = vec![
+        place(0, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]]),
+        place(1, [[0.7 * c, 0.0, -0.7 * s], [0.0, 1.2, 0.0], [0.7 * s, 0.0, 0.7 * c], [1.2, -0.8, -0.7]]),
+        place(2, [[-0.6, 0.1, 0.0], [0.2, 0.6, 0.1], [0.0, -0.1, 0.6], [-1.3, -1.2, 0.5]]),
+        place(3, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-0.2, -1.7, 1.5]]),
+    ];
+    let down = [0.0, -1.0, 0.0];
+    let lights = vec![
+        Light::Point { position: [-2.0, 1.0, 1.0], intensity: [3.0, 3.0, 4.0] },
+        Light::Spot { position: [2.0, 1.8, 1.0], direction: down, intensity: [6.0; 3], cos_inner: 0.9, cos_outer: 0.7 },
+        Light::Sphere { center: [0.3, 0.5, -1.5], radius: 0.3, radiance: [4.0, 3.0, 2.0] },
+        Light::Disc { center: [0.0, 1.9, 0.0], normal: down, radius: 0.6, radiance: [5.0; 3] },
+        Light::Sun { direction: [0.6, -0.48, -0.64], irradiance: [0.5; 3] },
+    ];
+    let materials = vec![grey, red, glowing];
+    let environment = Some([0.2, 0.3, 0.4].into());
+    let scene = Scene { meshes, instances, materials, lights, environment, ..Scene::default() };
+    (scene, Camera::pinhole([0.0, 0.0, 8.0], [0.0, -0.2, 0.0], [0.0, 1.0, 0.0], 38.0))
+}
