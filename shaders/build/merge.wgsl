@@ -3,7 +3,7 @@
 // Holds: a box contains its children's boxes and its items exactly; see shared/build/enclosure.
 // use shared/build/slice
 // use shared/build/node
-// use shared/build/enclosure
+// use shared/build/boxes
 // use ?item
 // use ?rule
 
@@ -11,20 +11,6 @@
 @group(0) @binding(2) var<storage, read> nodes: array<Node>;
 @group(0) @binding(3) var<storage, read> leaves: array<u32>;
 @group(0) @binding(4) var<storage, read> aabbs: array<f32>;
-/// Fifteen numbers a node: midpoint, three axes, half-extents.
-@group(0) @binding(5) var<storage, read_write> obbs: array<f32>;
-
-fn part(slot: u32, index: u32) -> vec3<f32> {
-    let at = 15u * slot + 3u * index;
-    return vec3<f32>(obbs[at], obbs[at + 1u], obbs[at + 2u]);
-}
-
-fn put(slot: u32, index: u32, value: vec3<f32>) {
-    let at = 15u * slot + 3u * index;
-    obbs[at] = value.x;
-    obbs[at + 1u] = value.y;
-    obbs[at + 2u] = value.z;
-}
 
 fn child_content(child: u32) -> Content {
     if (child & LEAF) != 0u {
@@ -56,9 +42,5 @@ fn main(
     if all(leaning.half >= vec3(0.0)) && half_area(leaning.half) < half_area(0.5 * (high - low)) {
         volume = leaning;
     }
-    put(slot, 0u, volume.center);
-    put(slot, 1u, volume.frame[0]);
-    put(slot, 2u, volume.frame[1]);
-    put(slot, 3u, volume.frame[2]);
-    put(slot, 4u, volume.half);
+    put_box(slot, volume);
 }

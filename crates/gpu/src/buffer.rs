@@ -102,6 +102,21 @@ impl Gpu {
         Ok(Buffer { raw, len, values: PhantomData })
     }
 
+    /// The values of `buffer` at the places `at`, after all that was submitted: for a few of many.
+    ///
+    /// # Errors
+    /// As [`Gpu::read`].
+    pub(crate) fn read_at<T: Pod>(&self, buffer: &Buffer<T>, at: &[u32]) -> Result<Vec<T>, GpuError> {
+        let gathered = self.zeroed::<T>("values in places", at.len())?;
+        let size = size_of::<T>() as u64;
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for (to, &from) in (0u64..).zip(at) {
+            encoder.copy_buffer_to_buffer(&buffer.raw, u64::from(from) * size, &gathered.raw, to * size, size);
+        }
+        self.queue.submit([encoder.finish()]);
+        self.read(&gathered)
+    }
+
     /// The values of `buffer` after all that was submitted.
     ///
     /// # Errors

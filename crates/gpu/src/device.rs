@@ -121,6 +121,16 @@ impl Gpu {
         }
     }
 
+    /// Waits until the device has done all that was submitted.
+    ///
+    /// # Errors
+    /// A device that is lost, or does not finish.
+    pub fn finish(&self) -> Result<(), GpuError> {
+        // What is written to buffers goes with the next submission.
+        let written = self.queue.submit([]);
+        self.wait(Some(written))
+    }
+
     /// Waits until the device has done a submission, or all of them.
     pub(crate) fn wait(&self, submission: Option<SubmissionIndex>) -> Result<(), GpuError> {
         let poll = PollType::Wait { submission_index: submission, timeout: Some(PATIENCE) };

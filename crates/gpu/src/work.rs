@@ -154,12 +154,34 @@ impl Work<'_> {
     /// # Errors
     /// As [`Work::run`].
     pub fn times(self) -> Result<Vec<PassTime>, GpuError> {
+        let (kernels, ends) = self.ends()?;
+        Ok(kernels
+            .into_iter()
+            .zip(ends)
+            .map(|(kernel, [begin, end])| PassTime { kernel, milliseconds: end - begin })
+            .collect())
+    }
+
+    /// Submits the dispatches, waits for them, and tells the milliseconds from the begin of the first to the end of the last; 0
+    /// where they are not timed.
+    ///
+    /// # Errors
+    /// As [`Work::run`].
+    pub(crate) fn span(self) -> Result<f64, GpuError> {
+        let (_, ends) = self.ends()?;
+        let begin = ends.iter().map(|[begin, _]| *begin).fold(f64::INFINITY, f64::min);
+        Ok(ends.iter().map(|[_, end]| end - begin).fold(0.0, f64::max))
+    }
+
+    /// Submits the dispatches and waits for them: the kernel of each that is timed, and milliseconds of its begin and end since the
+    /// begin of the first.
+    fn ends(self) -> Result<(Vec<String>, Vec<[f64; 2]>), GpuError> {
         let Self { gpu, mut encoder, timed } = self;
         gpu.check()?;
         let Some(timed) = timed.filter(|timed| !timed.kernels.is_empty()) else {
             let submission = gpu.queue.submit([encoder.finish()]);
             gpu.wait(Some(submission))?;
-            return Ok(vec![]);
+            return Ok((vec![], vec![]));
         };
         let n_queries = 2 * timed.kernels.len();
         let ticks = gpu.resolve_target(n_queries)?;
@@ -167,14 +189,10 @@ impl Work<'_> {
         encoder.resolve_query_set(&timed.queries, 0..n_queries as u32, &ticks.raw, 0);
         gpu.queue.submit([encoder.finish()]);
         let ticks = gpu.read(&ticks)?;
-        let period = f64::from(gpu.queue.get_timestamp_period());
-        let pairs = timed.kernels.into_iter().zip(ticks.chunks_exact(2));
+        let milliseconds_each = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
         #[expect(clippy::cast_precision_loss, reason = "a difference of ticks")]
-        Ok(pairs
-            .map(|(kernel, pair)| PassTime {
-                kernel,
-                milliseconds: pair[1].saturating_sub(pair[0]) as f64 * period * 1e-6,
-            })
-            .collect())
+        let since_first = |tick: u64| tick.saturating_sub(ticks[0]) as f64 * milliseconds_each;
+        let ends = ticks.chunks_exact(2).map(|pair| [since_first(pair[0]), since_first(pair[1])]).collect();
+        Ok((timed.kernels, ends))
     }
 }

@@ -9,9 +9,9 @@
 //   1 + 3 + 2, and one for the ends: 8 E of D. The midpoint takes 5 E of c. The half-extent's difference and its sum with
 //   the pad take 2 E of S. With the lengths' own roundings and second order 12 E of S.
 // * A point's true coordinates are A^-1 F^T d with A = F^T F, which differ from F^T d by the greatest row sum r of |A - 1|,
-//   over 1 - r, of S. The sum is measured, with 4 roundings an entry: 13 E a row. Frames with r > 2^-10 are refused.
+//   over 1 - r, of S. Where the sum is measured, 4 roundings an entry add 13 E a row. Frames with r > 2^-10 are refused.
 //
-// So the pad is (12 E + 1.01 (r + 13 E)) S; TINY stands for what underflows in fewer than a thousand operations.
+// So the pad is (12 E + 1.01 r) S; TINY stands for what underflows in fewer than a thousand operations.
 // use shared/build/content
 // use shared/build/slice
 
@@ -73,23 +73,27 @@ fn skewness(frame: mat3x3<f32>) -> f32 {
 
 /// The box along the axes of `frame` around both, which contains them exactly; of negative half-extents where the frame is refused.
 fn enclosed(frame: mat3x3<f32>, a: Content, b: Content) -> Box {
-    let skew = skewness(frame);
+    let origin = a.center;
+    let both = joined_extents(extent_of(frame, origin, a), extent_of(frame, origin, b));
+    return box_around(frame, origin, both, skewness(frame) + 13.0 * ROUNDING);
+}
+
+fn joined_extents(a: Extent, b: Extent) -> Extent {
+    return Extent(min(a.low, b.low), max(a.high, b.high), max(a.size, b.size));
+}
+
+/// The box along the axes of `frame` around what has this extent from `origin`; `skew` is not less than r.
+fn box_around(frame: mat3x3<f32>, origin: vec3<f32>, extent: Extent, skew: f32) -> Box {
     // Also what is no number is refused.
     if !(skew <= SKEWNESS) {
-        return Box(a.center, UNTURNED, vec3(-1.0));
+        return Box(origin, UNTURNED, vec3(-1.0));
     }
-    let origin = a.center;
-    let of_a = extent_of(frame, origin, a);
-    let of_b = extent_of(frame, origin, b);
-    let low = min(of_a.low, of_b.low);
-    let high = max(of_a.high, of_b.high);
     // Any midpoint will do, since half-extents are measured from it as stored.
-    let center = stored(origin + frame * (0.5 * (low + high)));
+    let center = stored(origin + frame * (0.5 * (extent.low + extent.high)));
     let offset = center - origin;
     let middle = along(frame, offset);
-    let size = max(of_a.size, of_b.size) + length_1(offset);
-    let pad = (12.0 * ROUNDING + 1.01 * (skew + 13.0 * ROUNDING)) * size + TINY;
-    return Box(center, frame, max(high - middle, middle - low) + pad);
+    let pad = (12.0 * ROUNDING + 1.01 * skew) * (extent.size + length_1(offset)) + TINY;
+    return Box(center, frame, max(extent.high - middle, middle - extent.low) + pad);
 }
 
 /// The box along the axes of the space around an axis-aligned one: the difference, the product and the factor's own rounding take

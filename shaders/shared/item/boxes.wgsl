@@ -11,18 +11,18 @@ const N_POINTS: f32 = 2.0;
 /// Fifteen numbers a box: midpoint, three axes, half-extents.
 @group(1) @binding(1) var<storage, read> item_boxes: array<f32>;
 
-fn ends(item: u32, side: u32) -> vec3<u32> {
+fn box_ends(item: u32, side: u32) -> vec3<u32> {
     let at = 6u * item + 3u * side;
     return vec3<u32>(item_aabbs[at], item_aabbs[at + 1u], item_aabbs[at + 2u]);
 }
 
 fn item_sum(item: u32) -> vec3<f32> {
-    return bitcast<vec3<f32>>(ends(item, 0u)) + bitcast<vec3<f32>>(ends(item, 1u));
+    return bitcast<vec3<f32>>(box_ends(item, 0u)) + bitcast<vec3<f32>>(box_ends(item, 1u));
 }
 
 fn item_reach(item: u32) -> Reach {
-    let low = ends(item, 0u);
-    let high = ends(item, 1u);
+    let low = box_ends(item, 0u);
+    let high = box_ends(item, 1u);
     return Reach(reach_of(low.x, low.y, low.z).low, reach_of(high.x, high.y, high.z).high);
 }
 

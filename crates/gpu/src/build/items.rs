@@ -51,13 +51,15 @@ impl Items {
         Self::new(gpu, ranges, leaf)
     }
 
-    /// Boxes of instances under one tree, each with the axis-aligned box around it.
+    /// Boxes of instances under one tree.
     ///
     /// # Errors
     /// A device that lacks the memory.
-    pub fn boxes(gpu: &Gpu, boxes: Buffer<Obb>, aabbs: Buffer<Aabb>) -> Result<Self, GpuError> {
+    pub fn boxes(gpu: &Gpu, boxes: &[Obb]) -> Result<Self, GpuError> {
         let ranges = vec![Range { first: 0, count: count(boxes.len()) }];
-        Self::new(gpu, ranges, Leaf::Box { boxes, aabbs })
+        let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
+        let leaf = Leaf::Box { boxes: gpu.buffer("boxes", boxes)?, aabbs: gpu.buffer("boxes around boxes", &aabbs)? };
+        Self::new(gpu, ranges, leaf)
     }
 
     fn new(gpu: &Gpu, ranges: Vec<Range>, leaf: Leaf) -> Result<Self, GpuError> {

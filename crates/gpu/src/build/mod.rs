@@ -1,28 +1,37 @@
 //! Trees built on the device, station by station as on the CPU.
 //!
 //! ```text
-//! corners of all meshes -> Items -> domain -> codes -> sort -> tree -> volumes
+//! corners of all meshes -> Items -> domain -> codes -> sort -> tree -> volumes       bottom levels
+//! roots, instances      -> Items -> the same stations                                top level, alone where instances move
 //! ```
 //!
 //! All trees of a level go through the same dispatches: their items lie one tree after another, and the tree is the most
 //! significant word of the key that items are sorted by.
 
+mod dop;
 mod items;
 mod run;
 mod sort;
 mod stations;
+mod two_levels;
 mod volumes;
 
 pub use items::{Items, Range};
 pub use run::{Run, StationTime};
 pub use sort::Sorter;
 pub use stations::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
+pub use two_levels::TwoLevels;
 pub use volumes::{aabbs, obbs};
 
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::{Aabb, Obb};
 
 use crate::{Buffer, GpuError};
+
+/// What volumes a device has kernels for, the axis-aligned ones first. The unbounded principal axes are left to the CPU: their boxes
+/// are measured by every point below each node, which took a device more than a minute (Sabino 2020, 4.3).
+pub const STRATEGIES: [Strategy; 5] =
+    [Strategy::Aabb, Strategy::PcaBounded, Strategy::Quaternion, Strategy::Combined, Strategy::Dop];
 
 /// How trees are built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

@@ -3,7 +3,7 @@
 use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Obb};
 
-use super::{Items, Run, Sorter, Trees, count};
+use super::{Items, Run, Sorter, Trees, count, dop::dop};
 use crate::{Bound, Buffer, GpuError, Specialisation};
 
 /// Heights that a tree may have: bits of a code and of a position, and the leaf.
@@ -19,7 +19,7 @@ const HEIGHT_BITS: u32 = 7;
 pub fn aabbs(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>, trees: &Trees) -> Result<Buffer<Aabb>, GpuError> {
     let gpu = run.gpu();
     let aabbs = gpu.zeroed("axis-aligned boxes", items.len() as usize)?;
-    let bound = items.bound(&[("parents", &trees.parents), ("leaves", leaves), ("aabbs", &aabbs)]);
+    let bound = items.bound(&[("parents", &trees.parents), ("leaves", leaves), ("ends", &aabbs)]);
     run.station("aabb", |dispatches| {
         let kernel = gpu.kernel("build/aabbs", &items.part())?;
         dispatches.items(&kernel, &bound, items.len())
@@ -78,7 +78,8 @@ pub fn obbs(
         Strategy::PcaBounded => "shared/rule/pca_bounded",
         Strategy::Quaternion => "shared/rule/quaternion",
         Strategy::Combined => "shared/rule/combined",
-        Strategy::Aabb | Strategy::PcaUnbounded | Strategy::Dop => {
+        Strategy::Dop => return dop(run, items, leaves, trees, aabbs),
+        Strategy::Aabb | Strategy::PcaUnbounded => {
             let message = format!("volumes of strategy {strategy:?} are not made on the device");
             return Err(GpuError::Invalid { message });
         }
