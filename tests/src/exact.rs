@@ -61,6 +61,21 @@ pub fn contains(obb: &Obb, p: [f32; 3]) -> bool {
         })
 }
 
+/// Whether `obb` contains all of `inner`: along each of its axes the farthest corner; a singular frame contains nothing.
+#[must_use]
+pub fn contains_box(obb: &Obb, inner: &Obb) -> bool {
+    let frame = obb.frame.map(point);
+    let offset = sub(&point(inner.center), &point(obb.center));
+    let determinant = abs(dot(&frame[0], &cross(&frame[1], &frame[2])));
+    determinant > BigInt::ZERO
+        && (0..3).all(|k| {
+            let cofactors = cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]);
+            let sides = inner.frame.iter().zip(inner.half);
+            let support: BigInt = sides.map(|(axis, half)| abs(dot(&cofactors, &point(*axis))) * whole(half)).sum();
+            (abs(dot(&cofactors, &offset)) << UNIT_BITS) + support <= whole(obb.half[k]) * &determinant
+        })
+}
+
 /// What a ray does to a triangle of which each vertex may lie elsewhere, by a margin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
@@ -181,6 +196,16 @@ mod tests {
         assert!(contains(&obb, [2.0, 2.0, 2.0]) && !contains(&obb, [2.0, 2.0, 2.0f32.next_up()]));
         assert!(!contains(&obb, [2.0f32.next_up(), 2.0, 1.0]));
         assert!(!contains(&Obb { frame: [[1.0; 3]; 3], ..obb }, [1.0; 3]));
+    }
+
+    #[test]
+    fn boxes_contain_boxes_up_to_their_corners() {
+        let outer = Obb { center: [1.0; 3], frame: Obb::IDENTITY_FRAME, half: [2.0; 3] };
+        let diamond =
+            Obb { center: [1.0; 3], frame: [[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]], half: [1.0; 3] };
+        assert!(contains_box(&outer, &outer) && contains_box(&outer, &diamond));
+        assert!(!contains_box(&outer, &Obb { half: [1.0f32.next_up(), 1.0, 1.0], ..diamond }));
+        assert!(!contains_box(&outer, &Obb { center: [1.0, 1.0, 2.0f32.next_up()], ..diamond }));
     }
 
     #[test]

@@ -6,5 +6,7 @@ pub mod closed;
 pub mod exact;
 pub mod instances;
 pub mod judge;
+pub mod models;
 pub mod rays;
 pub mod scenes;
+pub mod transforms;

@@ -2,11 +2,17 @@
 //!
 //! Integers are equal bit for bit. Leaning boxes contain what is below them, exactly.
 
+#[path = "twins_build/compare.rs"]
+mod compare;
+#[path = "twins_build/models.rs"]
+mod models;
 #[path = "twins_build/setup.rs"]
 mod setup;
 #[path = "twins_build/sort.rs"]
 mod sort;
 #[path = "twins_build/stations.rs"]
 mod stations;
+#[path = "twins_build/two_levels.rs"]
+mod two_levels;
 #[path = "twins_build/volumes.rs"]
 mod volumes;

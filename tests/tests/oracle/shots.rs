@@ -1,13 +1,12 @@
 //! The pictures of the oracle as our renderer takes them: the same numbers as in `tests/oracle/scenes.py`.
 
-use std::path::PathBuf;
-
 use canted_obb::Affine;
 use canted_renderer::{Film, Integrator, Lod, Pattern, Picture, Settings, prepare, read_picture, render};
 use canted_scene::{
     Camera, Encoding, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId, TextureRef,
     Wrap, read,
 };
+use canted_tests::models::models;
 use canted_trace::Watertight;
 
 use crate::agree::{Block, blocks_of_film, blocks_of_reference};
@@ -26,18 +25,6 @@ pub(crate) struct Shot {
 }
 
 pub(crate) const BLUE: [f32; 3] = [0.4, 0.5, 0.65];
-
-/// The folder of models: `CANTED_SCENES`, else `../shared/scenes` beside the workspace; `None`, said aloud, where absent.
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
-fn models(test: &str) -> Option<PathBuf> {
-    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes");
-    let folder = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
-    if !folder.is_dir() {
-        eprintln!("{test}: skipped, there is no folder {}", folder.display());
-        return None;
-    }
-    Some(folder)
-}
 
 /// A model as both renderers see it: flat triangles that give no light of their own.
 fn model(test: &str, file: &str) -> Option<Scene> {

@@ -3,11 +3,11 @@
 use canted_fixtures::{
     Hair, Mesh, SplitMix64, Strand, hair, icosphere, identical, outlier, scaffold_of, slivers, soup, thin_box,
 };
-use canted_gpu::{
-    Choice, Gpu,
-    build::{Items, Node},
-};
-use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, Sorted, Tree};
+use canted_gpu::{Choice, Gpu, build::Items};
+use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Sorted, Tree};
+use canted_obb::{Aabb, Obb};
+
+pub(crate) const BOTH: [Bits; 2] = [Bits::B30, Bits::B63];
 
 /// The best adapter, or the sentence of a skipped test.
 pub(crate) fn gpu(test: &str) -> Option<Gpu> {
@@ -23,9 +23,9 @@ pub(crate) fn skip<T>(test: &str, reason: &str) -> Option<T> {
     None
 }
 
-/// What the CPU makes of a mesh, station by station.
-pub(crate) struct Twin {
-    pub(crate) corners: Vec<Corners>,
+/// What the CPU makes of items under one tree, station by station.
+pub(crate) struct Twin<L = Corners> {
+    pub(crate) items: Vec<L>,
     pub(crate) domain: Domain,
     pub(crate) codes: Vec<u64>,
     pub(crate) sorted: Sorted,
@@ -37,41 +37,47 @@ impl Twin {
         let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
         let domain = Domain::new(&bounds, 3, bits);
         let codes = lbvh::codes(&domain, &corners);
-        let sorted = lbvh::by_code(&codes, bits);
+        Self::coded(corners, domain, codes)
+    }
+}
+
+impl Twin<Obb> {
+    pub(crate) fn of_boxes(boxes: &[Obb], bits: Bits) -> Self {
+        let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
+        let bounds = aabbs.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
+        let domain = Domain::new(&bounds, 2, bits);
+        let codes = lbvh::codes_of_boxes(&domain, &aabbs);
+        Self::coded(boxes.to_vec(), domain, codes)
+    }
+}
+
+impl<L: Copy> Twin<L> {
+    fn coded(items: Vec<L>, domain: Domain, codes: Vec<u64>) -> Self {
+        let sorted = lbvh::by_code(&codes, domain.bits);
         let tree = lbvh::radix(sorted.clone());
-        Self { corners, domain, codes, sorted, tree }
+        Self { items, domain, codes, sorted, tree }
     }
 
     /// In the order of the leaves.
-    pub(crate) fn leaves(&self) -> Vec<Corners> {
-        lbvh::in_leaf_order(&self.corners, &self.tree.leaves)
+    pub(crate) fn leaves(&self) -> Vec<L> {
+        self.tree.leaves.iter().map(|leaf| self.items[leaf.index()]).collect()
     }
+}
+
+/// What the CPU makes of each mesh.
+pub(crate) fn twins(meshes: &[Mesh], bits: Bits) -> Vec<Twin> {
+    meshes.iter().map(|mesh| Twin::of(mesh, bits)).collect()
 }
 
 /// The meshes on the device, a tree each.
 pub(crate) fn items(gpu: &Gpu, twins: &[Twin]) -> Items {
-    Items::triangles(gpu, twins.iter().map(|twin| &twin.corners[..])).unwrap()
+    Items::triangles(gpu, twins.iter().map(|twin| &twin.items[..])).unwrap()
 }
 
 /// The two words of each code, of all meshes one after another.
 #[expect(clippy::cast_possible_truncation, reason = "the words of a code")]
 pub(crate) fn words<'a>(codes: impl Iterator<Item = &'a u64> + Clone) -> [Vec<u32>; 2] {
     [codes.clone().map(|&code| code as u32).collect(), codes.map(|&code| (code >> 32) as u32).collect()]
-}
-
-/// Nodes of a tree of its own, numbered as those of a tree whose items begin at `first`.
-pub(crate) fn shifted(tree: &Tree, first: u32) -> Vec<Node> {
-    let child = |child: Child| match child.kind() {
-        ChildKind::Leaf(position) => (position + first) | 1 << 31,
-        ChildKind::Inner(id) => id.0 + first,
-    };
-    let node = |node: &lbvh::Node| Node {
-        left: child(node.left),
-        right: child(node.right),
-        first: node.first + first,
-        last: node.last + first,
-    };
-    tree.nodes.iter().map(node).collect()
 }
 
 /// Small, empty, equal, flat and far meshes: as many of each as a scene might have.

@@ -1,14 +1,14 @@
-//! Boxes of nodes: the axis-aligned ones equal the CPU's, the leaning ones contain what is below them, exactly, and have about
-//! the area of the CPU's.
+//! Leaning boxes of nodes contain what is below them, exactly, and have about the area of the CPU's.
 
 use canted_gpu::{
     Gpu,
-    build::{BuildConfig, Built, Range, Run},
+    build::{BuildConfig, Built, Range, Run, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb};
+use rayon::prelude::*;
 
-use crate::setup::{Twin, gpu, items, large, meshes, needles};
+use crate::setup::{Twin, gpu, items, meshes, needles, twins};
 
 /// Boxes of one mesh's nodes, read back.
 struct Boxes<'a> {
@@ -28,37 +28,31 @@ fn with_boxes(gpu: &Gpu, twins: &[Twin], strategy: Strategy, look: impl Fn(usize
     }
 }
 
-/// The first corner that a node's box does not contain.
+/// A corner that a node's box does not contain.
 fn escaped(twin: &Twin, leaves: &[Corners], obbs: &[Obb]) -> Option<String> {
-    twin.tree.nodes.iter().zip(obbs).enumerate().find_map(|(index, (node, obb))| {
+    twin.tree.nodes.par_iter().zip(obbs).enumerate().find_map_first(|(index, (node, obb))| {
         let below = &leaves[node.first as usize..=node.last as usize];
         let corner = below.as_flattened().iter().find(|&&corner| !obb.contains(corner))?;
         Some(format!("{corner:?} is not in {obb:?} of node {index}"))
     })
 }
 
-#[test]
-fn axis_aligned_boxes_are_those_of_the_cpu() {
-    let Some(gpu) = gpu("axis_aligned_boxes_are_those_of_the_cpu") else { return };
-    let twins: Vec<Twin> = meshes().iter().chain([&large(3, 20_000)]).map(|mesh| Twin::of(mesh, Bits::B63)).collect();
-    with_boxes(&gpu, &twins, Strategy::Aabb, |index, twin, boxes| {
-        let cpu = lbvh::volumes(&twin.tree, &twin.leaves(), &VolumeConfig::default());
-        assert_eq!(boxes.aabbs, cpu.aabbs, "mesh {index}");
+/// Asserts that each node's box contains all corners below it, exactly.
+pub(crate) fn assert_contained(gpu: &Gpu, twins: &[Twin], strategy: Strategy, name: &str) {
+    with_boxes(gpu, twins, strategy, |index, twin, boxes| {
+        assert_eq!(boxes.obbs.len(), twin.tree.nodes.len());
+        let escaped = escaped(twin, &twin.leaves(), boxes.obbs);
+        assert!(escaped.is_none(), "{name}, mesh {index}, {strategy:?}: {}", escaped.unwrap_or_default());
     });
 }
-
-const LEANING: [Strategy; 3] = [Strategy::PcaBounded, Strategy::Quaternion, Strategy::Combined];
 
 #[test]
 fn leaning_boxes_contain_all_below_them() {
     let Some(gpu) = gpu("leaning_boxes_contain_all_below_them") else { return };
-    let twins: Vec<Twin> = meshes().iter().chain(&needles()).map(|mesh| Twin::of(mesh, Bits::B63)).collect();
-    for strategy in LEANING {
-        with_boxes(&gpu, &twins, strategy, |index, twin, boxes| {
-            assert_eq!(boxes.obbs.len(), twin.tree.nodes.len());
-            let escaped = escaped(twin, &twin.leaves(), boxes.obbs);
-            assert!(escaped.is_none(), "mesh {index}, {strategy:?}: {}", escaped.unwrap_or_default());
-        });
+    let meshes = [meshes(), needles()].concat();
+    let twins = twins(&meshes, Bits::B63);
+    for strategy in &STRATEGIES[1..] {
+        assert_contained(&gpu, &twins, *strategy, "generated");
     }
 }
 
@@ -69,10 +63,10 @@ const MORE_AREA: f64 = 0.01;
 #[test]
 fn leaning_boxes_have_the_area_of_the_cpus() {
     let Some(gpu) = gpu("leaning_boxes_have_the_area_of_the_cpus") else { return };
-    let twins: Vec<Twin> = needles().iter().map(|mesh| Twin::of(mesh, Bits::B63)).collect();
-    for strategy in LEANING {
-        with_boxes(&gpu, &twins, strategy, |index, twin, boxes| {
-            let cpu = lbvh::volumes(&twin.tree, &twin.leaves(), &VolumeConfig { strategy, fallback: true });
+    let twins = twins(&needles(), Bits::B63);
+    for strategy in &STRATEGIES[1..] {
+        with_boxes(&gpu, &twins, *strategy, |index, twin, boxes| {
+            let cpu = lbvh::volumes(&twin.tree, &twin.leaves(), &VolumeConfig { strategy: *strategy, fallback: true });
             let ids = || (0..).zip(&twin.tree.nodes).map(|(id, _)| lbvh::NodeId(id));
             let cpu: f64 = ids().map(|id| cpu.of(id).area()).sum();
             let axis_aligned: f64 = boxes.aabbs.iter().map(Aabb::area).sum();
@@ -86,7 +80,7 @@ fn leaning_boxes_have_the_area_of_the_cpus() {
 #[test]
 fn the_check_sees_a_box_that_is_too_small() {
     let Some(gpu) = gpu("the_check_sees_a_box_that_is_too_small") else { return };
-    let twins: Vec<Twin> = needles()[..1].iter().map(|mesh| Twin::of(mesh, Bits::B63)).collect();
+    let twins = twins(&needles()[..1], Bits::B63);
     with_boxes(&gpu, &twins, Strategy::Combined, |_, twin, boxes| {
         let shrunken: Vec<Obb> =
             boxes.obbs.iter().map(|obb| Obb { half: obb.half.map(|half| half * 0.999), ..*obb }).collect();
