@@ -1,10 +1,13 @@
 //! Material libraries of OBJ files, with the keys `Pr`, `Pm` and `norm` of their extension for metals and roughness.
 //! Everything else is ignored.
 
+mod map;
+
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
 use super::text::{self, Line};
+pub(crate) use map::Map;
 
 /// A material as its library states it; `None` for what it does not state.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,14 +34,14 @@ pub(crate) struct Recipe {
     pub(crate) opacity: Option<f32>,
     /// `Tr`, in 0..=1.
     pub(crate) transparency: Option<f32>,
-    /// File named by `map_Kd`.
-    pub(crate) base_color_map: Option<String>,
-    /// File named by `map_d`.
-    pub(crate) mask: Option<String>,
-    /// File named by `map_Ke`.
-    pub(crate) emission_map: Option<String>,
-    /// File named by `norm`.
-    pub(crate) normal_map: Option<String>,
+    /// Texture of `map_Kd`.
+    pub(crate) base_color_map: Option<Map>,
+    /// Texture of `map_d`.
+    pub(crate) mask: Option<Map>,
+    /// Texture of `map_Ke`.
+    pub(crate) emission_map: Option<Map>,
+    /// Texture of `norm`.
+    pub(crate) normal_map: Option<Map>,
     /// What else it asks for.
     pub(crate) ignored: Vec<&'static str>,
 }
@@ -85,10 +88,10 @@ impl Recipe {
                 self.illumination = std::str::from_utf8(line.rest).ok().and_then(|rest| rest.parse().ok());
                 Ok(())
             }
-            b"map_Kd" => file(&mut self.base_color_map, line),
-            b"map_d" => file(&mut self.mask, line),
-            b"map_Ke" => file(&mut self.emission_map, line),
-            b"norm" => file(&mut self.normal_map, line),
+            b"map_Kd" => texture(&mut self.base_color_map, line),
+            b"map_d" => texture(&mut self.mask, line),
+            b"map_Ke" => texture(&mut self.emission_map, line),
+            b"norm" => texture(&mut self.normal_map, line),
             b"map_Bump" | b"map_bump" | b"bump" => {
                 self.ignore("map_Bump");
                 Ok(())
@@ -124,11 +127,15 @@ fn kept<T: Copy + PartialEq>(slot: &mut Option<T>, values: Result<(T, T), String
     Err(format!("{keyword} {} is out of range and clamped", text::quoted(line.rest)))
 }
 
-/// Keeps the file that a line names.
-fn file(slot: &mut Option<String>, line: &Line) -> Result<(), String> {
-    let (name, doubt) = texture(line)?;
-    *slot = Some(name);
-    doubt
+/// Keeps the texture that a line names; the error says which of its options are not applied.
+fn texture(slot: &mut Option<Map>, line: &Line) -> Result<(), String> {
+    let (map, not_applied) = map::read(line)?;
+    *slot = Some(map);
+    if not_applied.is_empty() {
+        return Ok(());
+    }
+    let keyword = String::from_utf8_lossy(line.keyword);
+    Err(format!("{keyword}: not applied: {}", not_applied.join(", ")))
 }
 
 /// The number of a line as stated and as kept, in a range.
@@ -153,69 +160,4 @@ fn colour(line: &Line, most: f32) -> Result<([f32; 3], [f32; 3]), String> {
         return Err(format!("{keyword} {} is not a number; it keeps its default", text::quoted(line.rest)));
     }
     Ok((stated, stated.map(|component| component.clamp(0.0, most))))
-}
-
-/// An option before the file name of a texture.
-struct TextureOption {
-    name: &'static [u8],
-    n_arguments_most: usize,
-    /// The argument that leaves the texture where it is; `None` for options that do not move it.
-    neutral: Option<&'static [u8]>,
-}
-
-const OPTIONS: [TextureOption; 13] = [
-    moving(b"-s", 3, b"1"),
-    moving(b"-o", 3, b"0"),
-    moving(b"-t", 3, b"0"),
-    moving(b"-clamp", 1, b"off"),
-    other(b"-mm", 2),
-    other(b"-bm", 1),
-    other(b"-boost", 1),
-    other(b"-texres", 1),
-    other(b"-blendu", 1),
-    other(b"-blendv", 1),
-    other(b"-cc", 1),
-    other(b"-imfchan", 1),
-    other(b"-type", 1),
-];
-
-const fn moving(name: &'static [u8], n_arguments_most: usize, neutral: &'static [u8]) -> TextureOption {
-    TextureOption { name, n_arguments_most, neutral: Some(neutral) }
-}
-
-const fn other(name: &'static [u8], n_arguments_most: usize) -> TextureOption {
-    TextureOption { name, n_arguments_most, neutral: None }
-}
-
-/// The file that a texture line names, which may contain blanks, behind its options; and a doubt where an option would
-/// move the texture.
-fn texture(line: &Line) -> Result<(String, Result<(), String>), String> {
-    let mut rest = line.rest;
-    let mut doubt = Ok(());
-    while let Some(option) = OPTIONS.iter().find(|option| first_word(rest) == option.name) {
-        rest = rest[option.name.len()..].trim_ascii_start();
-        for k in 0..option.n_arguments_most {
-            let word = first_word(rest);
-            // The second and third number of a vector may be left out.
-            if word.is_empty() || k > 0 && text::float(word).is_none() {
-                break;
-            }
-            let changes = |neutral: &[u8]| match (text::float(word), text::float(neutral)) {
-                (Some(number), Some(neutral)) => number != neutral,
-                _ => word != neutral,
-            };
-            if option.neutral.is_some_and(changes) {
-                doubt = Err(format!("texture option {} is not applied", text::quoted(option.name)));
-            }
-            rest = rest[word.len()..].trim_ascii_start();
-        }
-    }
-    if rest.is_empty() {
-        return Err(format!("{} names no file", String::from_utf8_lossy(line.keyword)));
-    }
-    Ok((String::from_utf8_lossy(rest).into_owned(), doubt))
-}
-
-fn first_word(text: &[u8]) -> &[u8] {
-    &text[..text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len())]
 }

@@ -2,13 +2,13 @@
 
 use std::io::Cursor;
 
-use exr::prelude::{AnyChannels, FlatSamples, MetaData, ReadChannels as _, ReadLayers as _, Vec2, read};
+use exr::prelude::{AnyChannels, Error, FlatSamples, MetaData, ReadChannels as _, ReadLayers as _, Vec2, read};
 
 use super::{MAX_TEXELS, MAX_TEXELS_PER_BYTE, Texels};
 
 /// Decodes the first layer that has a colour.
 pub(super) fn decode(bytes: &[u8]) -> Result<Texels, String> {
-    let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|error| error.to_string())?;
+    let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(reason)?;
     check_sizes(&metadata, bytes.len())?;
     let image = read()
         .no_deep_data()
@@ -18,11 +18,22 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Texels, String> {
         .all_attributes()
         .non_parallel()
         .from_buffered(Cursor::new(bytes))
-        .map_err(|error| error.to_string())?;
+        .map_err(reason)?;
     let mut layers = image.layer_data.iter();
     layers
         .find_map(|layer| texels(layer.size, &layer.channel_data))
         .ok_or_else(|| "no layer has the channels R, G and B, or Y alone".to_owned())
+}
+
+/// What is wrong with a file, for those who did not write its decoder.
+fn reason(error: Error) -> String {
+    match error {
+        // What the decoder says where it wants bytes behind the last.
+        Error::Invalid(what) if what == "reference to missing bytes" => "the OpenEXR ends early".to_owned(),
+        Error::Invalid(what) => format!("the OpenEXR is damaged: {what}"),
+        Error::NotSupported(what) => format!("the OpenEXR is of a kind that is not read: {what}"),
+        Error::Io(_) | Error::Aborted => format!("the OpenEXR cannot be decoded: {error}"),
+    }
 }
 
 /// Refuses layers that together promise more samples than the file can hold, before anything is allocated for them.

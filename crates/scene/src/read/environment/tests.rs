@@ -102,6 +102,25 @@ fn every_truncation_is_refused() {
     }
 }
 
+/// Offset of the first byte of an attribute's value, behind its name, its type and its length.
+fn value_of(bytes: &[u8], name_and_type: &[u8]) -> usize {
+    bytes.windows(name_and_type.len()).position(|window| window == name_and_type).unwrap() + name_and_type.len() + 4
+}
+
+#[test]
+fn what_is_wrong_with_an_exr_is_one_sentence() {
+    let whole = exr_bytes(Encoding::UNCOMPRESSED);
+    refused(&whole[..whole.len() - 8], "environment: the OpenEXR ends early");
+    let mut damaged = whole.clone();
+    // A window whose last column lies before its first.
+    let window = value_of(&whole, b"dataWindow\0box2i\0");
+    damaged[window + 8..window + 12].copy_from_slice(&(-7_i32).to_le_bytes());
+    refused(&damaged, "environment: the OpenEXR is damaged: ");
+    let mut newer = whole;
+    newer[4] = 3;
+    refused(&newer, "environment: the OpenEXR is of a kind that is not read: file versions other than 2.0");
+}
+
 #[test]
 fn sizes_are_checked_before_anything_is_allocated() {
     refused(b"#?RADIANCE\n\n-Y 100000 +X 100000\n", "promises 100000 x 100000 texels");

@@ -15,10 +15,12 @@ use crate::read::folder::Folder;
 
 /// Extensions that a file may require.
 ///
-/// Those of materials change what this crate's surfaces cannot say anyway; without them the picture is an approximation,
-/// not wrong geometry.
-const SUPPORTED: [&str; 15] = [
+/// Those of materials change what this crate's surfaces cannot say anyway, and those of textures bring images that are not
+/// read; without them the picture is an approximation, not wrong geometry, and what is left out is said.
+const SUPPORTED: [&str; 19] = [
     instancing::NAME,
+    "EXT_texture_avif",
+    "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
@@ -32,7 +34,9 @@ const SUPPORTED: [&str; 15] = [
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
+    "MSFT_texture_dds",
 ];
 
 /// A file in memory.

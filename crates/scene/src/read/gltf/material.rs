@@ -184,8 +184,8 @@ impl Reading<'_, '_, '_> {
                 .push(format!("{}: a KHR_texture_transform is not finite, its texture is left out", self.place));
             return Ok(None);
         };
-        let texture = self.textures.request(lookup.texture, encoding, &self.place)?;
-        Ok(Some(TextureRef { texture, uv_set, texture_from_mesh }))
+        let texture = self.textures.request(lookup.texture, encoding, &self.place, self.remarks)?;
+        Ok(texture.map(|texture| TextureRef { texture, uv_set, texture_from_mesh }))
     }
 }
 

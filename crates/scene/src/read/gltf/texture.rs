@@ -10,6 +10,7 @@ use super::document::Document;
 use super::uri;
 use crate::read::ReadError;
 use crate::read::image;
+use crate::read::remarks::Remarks;
 use crate::{Encoding, Scene, Texture, TextureId, Wrap};
 
 /// The textures that materials ask for.
@@ -23,6 +24,9 @@ pub(super) struct Textures<'a, 'b> {
 /// An image, what lies outside it, and what its bytes mean.
 type Key = (usize, [Wrap; 2], Encoding);
 
+/// What the `gltf` crate puts where a texture names no image.
+const NO_SOURCE: usize = u32::MAX as usize;
+
 struct Request {
     key: Key,
     /// Who asks first.
@@ -34,21 +38,44 @@ impl<'a, 'b> Textures<'a, 'b> {
         Self { document, requests: Vec::new(), known: HashMap::new() }
     }
 
-    /// The id that texture `index` of the file has until [`Textures::load`].
-    pub(super) fn request(&mut self, index: usize, encoding: Encoding, place: &str) -> Result<TextureId, ReadError> {
-        let key = self.key(index, encoding, place)?;
+    /// The id that texture `index` of the file has until [`Textures::load`]; `None` where it has no image that is read,
+    /// which `remarks` then say.
+    pub(super) fn request(
+        &mut self,
+        index: usize,
+        encoding: Encoding,
+        place: &str,
+        remarks: &mut Remarks,
+    ) -> Result<Option<TextureId>, ReadError> {
+        let Some(key) = self.key(index, encoding, place, remarks)? else { return Ok(None) };
         let next = u32::try_from(self.requests.len())
             .map_err(|_| self.document.malformed(place, "names more textures than 32 bits count"))?;
         let id = *self.known.entry(key).or_insert(TextureId(next));
         if id.0 == next {
             self.requests.push(Request { key, place: place.to_owned() });
         }
-        Ok(id)
+        Ok(Some(id))
     }
 
-    fn key(&self, index: usize, encoding: Encoding, place: &str) -> Result<Key, ReadError> {
+    fn key(
+        &self,
+        index: usize,
+        encoding: Encoding,
+        place: &str,
+        remarks: &mut Remarks,
+    ) -> Result<Option<Key>, ReadError> {
         let root = &self.document.root;
         let texture = self.document.get(&root.textures, index, "texture", place)?;
+        if texture.source.value() == NO_SOURCE {
+            let elsewhere: Vec<&str> =
+                texture.extensions.iter().flat_map(|all| all.others.keys()).map(String::as_str).collect();
+            let what = match &elsewhere[..] {
+                [] => "a texture names no image".to_owned(),
+                names => format!("a texture has its image by {}, which is not read", names.join(", ")),
+            };
+            remarks.note(&format!("{what}; a plain colour stands for it"), place);
+            return Ok(None);
+        }
         let place = format!("texture {index}");
         let wrap = match texture.sampler {
             Some(sampler) => {
@@ -58,7 +85,7 @@ impl<'a, 'b> Textures<'a, 'b> {
             None => [Wrap::Repeat; 2],
         };
         self.document.get(&root.images, texture.source.value(), "image", &place)?;
-        Ok((texture.source.value(), wrap, encoding))
+        Ok(Some((texture.source.value(), wrap, encoding)))
     }
 
     /// Decodes each image once, all at the same time, and gives the scene's materials their textures.

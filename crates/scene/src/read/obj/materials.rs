@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::surface::surface;
 use crate::read::folder::Folder;
-use crate::read::mtl::{self, Recipe};
+use crate::read::mtl::{self, Map, Recipe};
 use crate::read::remarks::Remarks;
 use crate::read::{ReadError, image, text};
-use crate::{AlphaMode, Encoding, Material, Scene, Texture, TextureId, TextureRef};
+use crate::{AlphaMode, Encoding, Material, Scene, Texture, TextureId, Wrap};
 
 /// What a texture is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +43,7 @@ impl Role {
 struct Request {
     path: PathBuf,
     content: Content,
+    wrap: Wrap,
     /// For messages.
     name: String,
     material: usize,
@@ -79,8 +80,8 @@ pub(super) fn materials(
         scene.materials.push(surface(shown_name, recipe));
         for (map, role) in maps(recipe) {
             match requests.add(map, role.content(), k) {
-                Ok(request) => wanted.push((k, role, request)),
-                Err(refusal) => scene.warnings.push(texture_warning(&scene.materials[k], map, &refusal)),
+                Ok(request) => wanted.push((k, role, map, request)),
+                Err(refusal) => scene.warnings.push(texture_warning(&scene.materials[k], &map.file, &refusal)),
             }
         }
         for keyword in &recipe.ignored {
@@ -91,9 +92,9 @@ pub(super) fn materials(
     remarks.finish(&mut scene.warnings);
 
     let textures = load(&requests.list, scene);
-    for (k, role, request) in wanted {
-        if let Some(texture) = textures[request].map(TextureRef::plain) {
-            assign(&mut scene.materials[k], role, texture);
+    for (k, role, map, request) in wanted {
+        if let Some(texture) = textures[request] {
+            assign(&mut scene.materials[k], role, map, texture);
         }
     }
     Ok(())
@@ -122,8 +123,8 @@ fn library_files(folder: &Folder, statements: &[&[u8]], warnings: &mut Vec<Strin
     files
 }
 
-/// The files that a material wants. Where it emits nothing by its own word, a texture of that is none.
-fn maps(recipe: &Recipe) -> impl Iterator<Item = (&str, Role)> {
+/// The textures that a material wants. Where it emits nothing by its own word, a texture of that is none.
+fn maps(recipe: &Recipe) -> impl Iterator<Item = (&Map, Role)> {
     let emission_map = recipe.emission_map.as_ref().filter(|_| recipe.emission != Some([0.0; 3]));
     let maps = [
         (recipe.base_color_map.as_ref(), Role::BaseColor),
@@ -131,13 +132,17 @@ fn maps(recipe: &Recipe) -> impl Iterator<Item = (&str, Role)> {
         (emission_map, Role::Emission),
         (recipe.normal_map.as_ref(), Role::Normals),
     ];
-    maps.into_iter().filter_map(|(map, role)| Some((&map?[..], role)))
+    maps.into_iter().filter_map(|(map, role)| Some((map?, role)))
 }
 
-fn assign(material: &mut Material, role: Role, texture: TextureRef) {
+fn assign(material: &mut Material, role: Role, map: &Map, texture: TextureId) {
+    let texture = map.placed(texture);
     match role {
         Role::BaseColor => material.base_color_texture = Some(texture),
-        Role::Normals => material.normal_texture = Some(texture),
+        Role::Normals => {
+            material.normal_texture = Some(texture);
+            material.normal_scale = map.strength;
+        }
         Role::Mask => {
             material.alpha_texture = Some(texture);
             material.alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
@@ -152,20 +157,20 @@ fn assign(material: &mut Material, role: Role, texture: TextureRef) {
     }
 }
 
-/// Textures to load, each file once for each content.
+/// Textures to load, each file once for each content and each way to go on beyond its border.
 struct Requests<'a> {
     folder: &'a Folder,
     list: Vec<Request>,
-    ids: HashMap<(PathBuf, Content), usize>,
+    ids: HashMap<(PathBuf, Content, Wrap), usize>,
 }
 
 impl Requests<'_> {
-    fn add(&mut self, name: &str, content: Content, material: usize) -> Result<usize, String> {
-        let path = self.folder.resolve(name).map_err(|refusal| refusal.to_string())?;
-        let next = self.list.len();
-        let id = *self.ids.entry((path.clone(), content)).or_insert(next);
+    fn add(&mut self, map: &Map, content: Content, material: usize) -> Result<usize, String> {
+        let path = self.folder.resolve(&map.file).map_err(|refusal| refusal.to_string())?;
+        let (next, wrap) = (self.list.len(), map.wrap());
+        let id = *self.ids.entry((path.clone(), content, wrap)).or_insert(next);
         if id == next {
-            self.list.push(Request { path, content, name: name.to_owned(), material });
+            self.list.push(Request { path, content, wrap, name: map.file.clone(), material });
         }
         Ok(id)
     }
@@ -194,6 +199,7 @@ fn load(requests: &[Request], scene: &mut Scene) -> Vec<Option<TextureId>> {
 fn decode(request: &Request) -> Result<Texture, String> {
     let bytes = std::fs::read(&request.path).map_err(|error| error.to_string())?;
     let texture = image::decode(&request.name, &bytes).map_err(|error| error.to_string())?;
+    let texture = Texture { wrap: [request.wrap; 2], ..texture };
     Ok(match request.content {
         Content::Color => texture,
         Content::Mask => image::into_mask(texture),

@@ -162,6 +162,29 @@ fn images_that_cannot_be_read_leave_a_plain_colour() {
 }
 
 #[test]
+fn images_of_formats_that_are_not_read_are_said() {
+    for name in ["EXT_texture_webp", "KHR_texture_basisu"] {
+        let mut file = file(textured(json!({})));
+        file.json["textures"][0] = json!({ "extensions": { name: { "source": 0 } } });
+        file.json["extensionsUsed"] = json!([name]);
+        file.json["extensionsRequired"] = json!([name]);
+        file.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.5, 0.25, 0, 1]);
+        file.push("materials", file.json["materials"][0].clone());
+        let scene =
+            file.warned(&format!("a texture has its image by {name}, which is not read; a plain colour stands for it"));
+        assert!(scene.warnings[0].ends_with(": material 0 and 1 more"), "{:?}", scene.warnings);
+        assert_eq!((scene.materials[0].base_color, scene.materials[0].base_color_texture), ([0.5, 0.25, 0.0], None));
+        assert!(scene.textures.is_empty() && scene.meshes[0].uvs.is_none());
+        // One that is read beside it is taken.
+        file.json["textures"][0]["source"] = json!(0);
+        assert_eq!(file.scene().textures.len(), 1);
+    }
+    let mut file = file(textured(json!({})));
+    file.json["textures"][0] = json!({});
+    file.warned("a texture names no image; a plain colour stands for it");
+}
+
+#[test]
 fn images_beside_the_file_and_in_the_text() {
     let mut beside = file(textured(json!({})));
     beside.json["images"][0] = json!({ "uri": "tex%20tures/a.png" });

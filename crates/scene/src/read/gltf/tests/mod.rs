@@ -213,7 +213,7 @@ fn versions_and_required_extensions() {
     with("asset", json!({ "version": "1.0" })).refused("version 1.0");
     with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).refused("version 2.1");
     with("extensionsRequired", json!(["KHR_mesh_quantization"])).scene();
-    with("extensionsRequired", json!(["KHR_texture_basisu"])).refused("KHR_texture_basisu");
+    with("extensionsRequired", json!(["KHR_draco_mesh_compression"])).refused("KHR_draco_mesh_compression");
     with("extensionsUsed", json!(["EXT_unheard_of"])).scene();
 }
 

@@ -3,7 +3,7 @@
 use std::fs;
 
 use super::*;
-use crate::{Wrap, read};
+use crate::{TextureRef, Wrap, read};
 
 /// A folder with `model.obj` that uses each of `names` once, `m.mtl`, and images.
 struct Case {
@@ -152,14 +152,29 @@ fn images_that_cannot_be_had_leave_a_plain_colour() {
 }
 
 #[test]
-fn options_that_move_a_texture_are_said() {
-    for (options, is_said) in
-        [("-s 1 1 1", false), ("-s 2 1 1", true), ("-o 0 0.5", true), ("-clamp on", true), ("-mm 0 2", false)]
-    {
-        let (material, warnings) = only(&format!("map_Kd {options} rgb.png"));
-        assert!(material.base_color_texture.is_some(), "{options}");
-        assert_eq!(!warnings.is_empty(), is_said, "{options}: {warnings:?}");
-    }
+fn options_lay_a_texture_on() {
+    let mtl = "newmtl a\nmap_Kd -s 2 4 1 -o 0.5 -clamp on rgb.png\nmap_d -s 2 rgb.png\nnewmtl b\nmap_Kd rgb.png\n\
+               norm -bm 0.5 rgb.png\nnewmtl c\nmap_Kd -clamp on -o 1 rgb.png";
+    let scene = Case::new(mtl, &["a", "b", "c"]).read();
+    assert_eq!(scene.warnings, [""; 0]);
+    let [a, b, c] = &scene.materials[..] else { panic!("three materials") };
+    let rows = |texture: Option<TextureRef>| texture.unwrap().texture_from_mesh.rows;
+    assert_eq!(rows(a.base_color_texture), [[2.0, 0.0, 0.5], [0.0, 4.0, 0.0]]);
+    assert_eq!(rows(a.alpha_texture), [[2.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let wrap = |texture: Option<TextureRef>| scene.textures[texture.unwrap().texture.0 as usize].wrap;
+    let wraps = [a.base_color_texture, a.alpha_texture, b.base_color_texture].map(wrap);
+    assert_eq!(wraps, [[Wrap::Clamp; 2], [Wrap::Repeat; 2], [Wrap::Repeat; 2]]);
+    assert_eq!(b.base_color_texture, b.base_color_texture.map(|texture| TextureRef::plain(texture.texture)));
+    assert_eq!((a.normal_scale, b.normal_scale), (1.0, 0.5));
+    let texture = |material: &Material| material.base_color_texture.unwrap().texture;
+    assert!(texture(a) == texture(c) && texture(a) != texture(b), "an image is decoded once for each wrap");
+}
+
+#[test]
+fn options_that_are_not_applied_are_said() {
+    let (material, warnings) = only("map_Kd -mm 0.1 2 -t 1 1 1 -s x rgb.png\nmap_d -mm 0 1 rgb.png");
+    assert_eq!(material.base_color_texture, Some(TextureRef::plain(TextureId(0))));
+    assert_eq!(warnings, ["m.mtl, line 2: material `a`: map_Kd: not applied: -mm, -t, -s"]);
 }
 
 #[cfg(unix)]
