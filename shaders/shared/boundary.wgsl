@@ -1,12 +1,12 @@
 // The boundary seen from one direction; twin of crates/renderer/src/bsdf/boundary.rs, where each step is explained.
+//
+// `?through` is what light does that does not come back: nothing in scenes without glass.
 // use shared/numbers
 // use shared/sampling
 // use shared/scattering
 // use shared/fresnel
 // use shared/ggx
-
-/// The least difference of `eta` from 1 that bends light of a rough boundary; below, it passes straight.
-const LEAST_BEND: f32 = 1.0 / 128.0;
+// use ?through
 
 /// A material from one outgoing direction.
 struct Boundary {
@@ -55,17 +55,6 @@ fn reflected_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     return Evaluation(diffuse.value + gloss.value, diffuse.density + gloss.density);
 }
 
-/// Light that comes through.
-fn transmitted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
-    if boundary.alpha == 0.0 || boundary.bsdf.transmission <= 0.0 {
-        return no_evaluation();
-    }
-    if boundary.bsdf.thin_walled {
-        return mirrored_by(boundary, vec3(incident.xy, -incident.z), true);
-    }
-    return refracted_by(boundary, incident);
-}
-
 /// Facets that mirror `incident` into `outgoing`: what they reflect, or what a sheet lets through.
 fn mirrored_by(boundary: Boundary, incident: vec3<f32>, is_through: bool) -> Evaluation {
     let normal = unit_of(boundary.outgoing + incident);
@@ -79,35 +68,10 @@ fn mirrored_by(boundary: Boundary, incident: vec3<f32>, is_through: bool) -> Eva
     return Evaluation(color * area, (1.0 - boundary.diffuse_probability) * probability * density);
 }
 
-/// Facets that refract `incident` into `outgoing`, after Walter et al. 2007, equations 16, 17 and 21.
-fn refracted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
-    if !bends(boundary) {
-        return no_evaluation();
-    }
-    let eta = boundary.eta;
-    // It lies along no + eta * ni, on the side of the thinner medium.
-    let sum = unit_of(boundary.outgoing + eta * incident);
-    let normal = select(sum, -sum, sum.z < 0.0);
-    let near = dot(boundary.outgoing, normal);
-    let far = dot(incident, normal);
-    if near <= 0.0 || far >= 0.0 {
-        return no_evaluation();
-    }
-    let facet = facet_of(boundary, near);
-    // The stretch of normals to directions; by Snell's law the sum is at least 1 - 1 / eta, absolute.
-    let sum_of_cosines = far + near / eta;
-    let stretch = quotient(-far, sum_of_cosines * sum_of_cosines);
-    let masking = 4.0 * near * ggx_masking(boundary.alpha, boundary.outgoing.z, -incident.z);
-    let area = ggx_distribution(boundary.alpha, normal) * masking * stretch / (eta * eta);
-    let density = near * ggx_density(boundary.alpha, boundary.outgoing.z, normal) * stretch;
-    let probability = (1.0 - boundary.diffuse_probability) * (1.0 - facet.reflection_probability);
-    return Evaluation(facet.transmitted * area, probability * density);
-}
-
 /// A direction by one of the lobes, without its weight unless it is the only one of its lobe.
 fn sample_boundary(boundary: Boundary, square: vec2<f32>, choice: f32) -> Scattered {
     if choice < boundary.diffuse_probability {
-        return towards(cosine_hemisphere(square));
+        return into_lobe(cosine_hemisphere(square));
     }
     // What is left of the number chooses once more.
     let left = (choice - boundary.diffuse_probability) / (1.0 - boundary.diffuse_probability);
@@ -131,46 +95,11 @@ fn sample_reflected(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Scat
     if incident.z < LEAST_COSINE {
         return nothing_scattered();
     }
-    return towards(incident);
-}
-
-fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Scattered {
-    let outgoing = boundary.outgoing;
-    let eta = boundary.eta;
-    let probability = 1.0 - facet.reflection_probability;
-    if boundary.bsdf.thin_walled {
-        if boundary.alpha == 0.0 {
-            return mirror(boundary, -outgoing, facet.transmitted, probability);
-        }
-        let incident = mirrored_at(outgoing, normal);
-        if incident.z < LEAST_COSINE {
-            return nothing_scattered();
-        }
-        return towards(vec3(incident.xy, -incident.z));
-    }
-    let color = facet.transmitted / (eta * eta);
-    if boundary.alpha > 0.0 && !bends(boundary) {
-        return mirror(boundary, -outgoing, color, probability);
-    }
-    let cosine = dot(outgoing, normal);
-    let refracted = refracted_cosine(cosine, eta);
-    if refracted == TOTAL {
-        return nothing_scattered();
-    }
-    // Snell's law divides the tangential part by eta, and its error if the far side is the thinner.
-    let tangent = outgoing - cosine * normal;
-    let incident = unit_of(-tangent / eta - refracted * normal);
-    if boundary.alpha == 0.0 {
-        return mirror(boundary, incident, color, probability);
-    }
-    if incident.z > -LEAST_COSINE {
-        return nothing_scattered();
-    }
-    return towards(incident);
+    return into_lobe(incident);
 }
 
 /// A direction of a lobe that has a width.
-fn towards(incident: vec3<f32>) -> Scattered {
+fn into_lobe(incident: vec3<f32>) -> Scattered {
     return Scattered(incident, 0.0, vec3(0.0), false, false, true);
 }
 
@@ -186,11 +115,6 @@ fn mirror(boundary: Boundary, incident: vec3<f32>, color: vec3<f32>, share: f32)
 /// The direction that a facet mirrors `outgoing` into.
 fn mirrored_at(outgoing: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     return 2.0 * dot(outgoing, normal) * normal - outgoing;
-}
-
-/// Whether a rough boundary bends light by more than rounding does.
-fn bends(boundary: Boundary) -> bool {
-    return abs(boundary.eta - 1.0) >= LEAST_BEND;
 }
 
 fn facet_of(boundary: Boundary, cosine_to_facet: f32) -> Facet {

@@ -8,14 +8,12 @@
 // use ?level
 // use ?mask
 // use ?count
+// use shared/turns
 // const STACK
 // const TURNS
 
 /// Places of a leaf's first triangle: two a half-block.
 const LEAF_FIRST: u32 = 0x03ffffffu;
-
-/// Turns of loops that this invocation took, for all its rays.
-var<private> turns: u32;
 
 /// Whether a walk of this invocation ended early, after `TURNS` turns: its answer may not be the first hit, or none.
 var<private> is_cut: bool;

@@ -1,4 +1,5 @@
 // All vertices are in world space.
+// use shared/picture
 
 fn point_world(instance: u32, point: vec3<f32>) -> vec3<f32> {
     return point;

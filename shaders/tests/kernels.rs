@@ -8,7 +8,7 @@ const NUMBER: u32 = 16;
 /// What every device allows: the defaults of WebGPU, and the storage buffers that the program asks for.
 const MOST_INVOCATIONS: u32 = 256;
 const MOST_WORKGROUP_BYTES: u32 = 16_384;
-const MOST_STORAGE_BUFFERS: usize = 24;
+const MOST_STORAGE_BUFFERS: usize = 28;
 
 /// Choices of what a kernel leaves open, for a part `name` among the files of `shared/name/`: so many that each file is in one.
 ///
@@ -21,7 +21,10 @@ fn choices(kernel: &str) -> Vec<Specialisation> {
         while let Err(error) = assemble(kernel, &chosen) {
             let ShaderError::NotChosen { what, .. } = error else { panic!("{error}") };
             let folder = format!("shared/{what}/");
-            let files: Vec<_> = FILES.iter().map(|(name, _)| *name).filter(|name| name.starts_with(&folder)).collect();
+            // Alpha is a matter of surfaces, which are no part of tracing.
+            let is_apart = |name: &str| kernel.starts_with("trace/") && name == "shared/mask/alpha";
+            let files = FILES.iter().map(|(name, _)| *name).filter(|name| name.starts_with(&folder) && !is_apart(name));
+            let files: Vec<_> = files.collect();
             n_choices = n_choices.max(files.len());
             chosen = match files.get(all.len() % files.len().max(1)) {
                 Some(file) => chosen.part(&what, file),

@@ -1,6 +1,8 @@
 //! The renderer's stations on the device beside those on the CPU.
 
 mod twins_render {
+    mod compared;
+    mod paths;
     mod pictures;
     mod sampler;
     mod scenes;

@@ -14,7 +14,7 @@ use crate::{AdapterFacts, Choice, GpuError, Kernel, Specialisation, adapter};
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Most storage buffers of a stage that any of our kernels asks for.
-const STORAGE_BUFFERS: u32 = 24;
+const STORAGE_BUFFERS: u32 = 28;
 
 /// An open device with its queue, and the kernels compiled on it.
 ///

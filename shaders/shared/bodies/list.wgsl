@@ -1,9 +1,11 @@
 // Balls and discs of the list as rays meet them: they stand in the light of others and are black where they do not shine.
 // use shared/light/lights
 // use shared/numbers
+// use shared/turns
 
 /// Whether a body but the light `except` stands along a ray.
 fn hides(ray: Ray, except: u32) -> bool {
+    turns += arrayLength(&lights);
     for (var number = 0u; number < arrayLength(&lights); number++) {
         if number != except && crossed(lights[number], ray).t <= ray.t_max {
             return true;
@@ -15,17 +17,20 @@ fn hides(ray: Ray, except: u32) -> bool {
 /// The light of the nearest body along a ray; of equals the one that comes first in the list.
 struct BodyMet {
     is_body: bool,
+    /// Of the list.
+    number: u32,
     radiance: vec3<f32>,
 }
 
 fn meet_body(ray: Ray) -> BodyMet {
-    var met = BodyMet(false, vec3(0.0));
+    turns += arrayLength(&lights);
+    var met = BodyMet(false, 0u, vec3(0.0));
     var nearest = ray.t_max;
     for (var number = 0u; number < arrayLength(&lights); number++) {
         let crossing = crossed(lights[number], ray);
         if crossing.t < nearest || (crossing.t == nearest && !met.is_body) {
             nearest = crossing.t;
-            met = BodyMet(true, select(vec3(0.0), lights[number].color, crossing.shines));
+            met = BodyMet(true, number, select(vec3(0.0), lights[number].color, crossing.shines));
         }
     }
     return met;

@@ -8,9 +8,10 @@ fn hides(ray: Ray, except: u32) -> bool {
 /// The light of the nearest body along a ray before `t_max`.
 struct BodyMet {
     is_body: bool,
+    number: u32,
     radiance: vec3<f32>,
 }
 
 fn meet_body(ray: Ray) -> BodyMet {
-    return BodyMet(false, vec3(0.0));
+    return BodyMet(false, 0u, vec3(0.0));
 }

@@ -49,17 +49,6 @@ fn is_delta_only(bsdf: Bsdf) -> bool {
     return slope_width(bsdf.roughness) == 0.0 && all(diffuse_color(bsdf) == vec3(0.0));
 }
 
-/// Whether light comes through.
-fn is_transmitting(bsdf: Bsdf) -> bool {
-    return bsdf.transmission > 0.0;
-}
-
-/// Factor of radiance on its way out through the boundary, towards `outgoing`.
-fn compression_of(bsdf: Bsdf) -> f32 {
-    let square = bsdf.ior * bsdf.ior;
-    return select(select(1.0 / square, square, bsdf.is_inside), 1.0, bsdf.thin_walled);
-}
-
 fn is_lambert(bsdf: Bsdf) -> bool {
     return bsdf.metallic == 0.0 && bsdf.specular == 0.0 && bsdf.transmission == 0.0;
 }

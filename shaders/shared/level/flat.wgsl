@@ -26,7 +26,7 @@ fn placed(hit: Hit) -> Hit {
         if high - low <= 1u {
             break;
         }
-        let middle = (low + high) / 2u;
+        let middle = (low + high) >> 1u;
         if first_triangles[middle] <= hit.primitive {
             low = middle;
         } else {

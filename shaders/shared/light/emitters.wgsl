@@ -4,6 +4,7 @@
 // use shared/light/sample
 // use shared/light/tree
 // use shared/light/triangle
+// use shared/turns
 // use ?glow
 
 /// A triangle that gives light, in the order of instances and primitives.
@@ -54,6 +55,7 @@ fn emitter_of(instance: u32, primitive: u32) -> u32 {
     var last = n;
     // Halves until one is left.
     loop {
+        turns += 1u;
         if first >= last {
             break;
         }

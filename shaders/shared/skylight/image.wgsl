@@ -6,6 +6,7 @@
 // use shared/sky/image
 // use shared/light/receiver
 // use shared/light/sample
+// use shared/turns
 
 struct SkyRow {
     /// Share of the rows above.
@@ -58,6 +59,7 @@ fn sky_row_of(number: f32) -> u32 {
     var first = 1u;
     var last = sky_image.height;
     loop {
+        turns += 1u;
         if first >= last {
             break;
         }
@@ -76,6 +78,7 @@ fn sky_column_of(start: u32, number: f32) -> u32 {
     var first = 1u;
     var last = sky_image.width;
     loop {
+        turns += 1u;
         if first >= last {
             break;
         }

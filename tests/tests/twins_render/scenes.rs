@@ -1,7 +1,10 @@
 //! Small scenes that have what kernels must know.
 
 use canted_obb::Affine;
-use canted_scene::{Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
+use canted_scene::{
+    AlphaMode, Camera, Encoding, Environment, EnvironmentImage, Instance, Light, Material, MaterialId, Mesh, MeshId,
+    Part, Scene, Texture, TextureId, TextureRef, Wrap,
+};
 
 pub(super) fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, material: u32) -> Mesh {
     let parts = vec![Part { first_triangle: 0, material: MaterialId(material) }];
@@ -52,4 +55,74 @@ pub(super) fn room() -> (Scene, Camera) {
     let environment = Some([0.2, 0.3, 0.4].into());
     let scene = Scene { meshes, instances, materials, lights, environment, ..Scene::default() };
     (scene, Camera::pinhole([0.0, 0.0, 8.0], [0.0, -0.2, 0.0], [0.0, 1.0, 0.0], 38.0))
+}
+
+/// A sky with a bright spot and a dark ground.
+pub(super) fn sky() -> Environment {
+    let (width, height) = (16, 8);
+    let texel = |i: u32| match (i % width, i / width) {
+        (9, 2) => [30.0, 25.0, 20.0],
+        (_, 6..) => [0.0; 3],
+        (x, y) => [0.2, 0.1 * f32::from(u8::try_from(y).unwrap_or(0)), 0.02 * f32::from(u8::try_from(x).unwrap_or(0))],
+    };
+    let texels = (0..width * height).map(texel).collect();
+    let name = "sky".to_owned();
+    Environment::Image(EnvironmentImage { name, width, height, texels, scale: [1.0; 3], turn_degrees: 30.0 })
+}
+
+/// A texture of blocks of four texels with the bytes that `texel` says, by column and row of the block.
+fn texture(encoding: Encoding, texel: impl Fn(u8, u8) -> [u8; 4]) -> Texture {
+    let of = |i: u8| texel(i % 16 / 4, i / 16 / 4);
+    let wrap = [Wrap::Repeat, Wrap::Mirror];
+    Texture { name: "blocks".to_owned(), width: 16, height: 16, texels: (0..=255).map(of).collect(), encoding, wrap }
+}
+
+/// A floor whose colour, gloss and normals vary under a screen that shines here and there and has holes.
+pub(super) fn textured() -> (Scene, Camera) {
+    let quad = |z: f32, half: f32, material: u32| {
+        let corners = vec![[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]];
+        let uvs = vec![[-0.3, 0.0], [1.7, 0.0], [1.7, 2.0], [-0.3, 2.0]];
+        Mesh { uvs: Some(uvs), ..mesh(corners, vec![[0, 1, 2], [0, 2, 3]], material) }
+    };
+    let slot = |texture: u32| Some(TextureRef::plain(TextureId(texture)));
+    let floor = Material {
+        base_color_texture: slot(0),
+        metallic: 1.0,
+        specular: 1.0,
+        metallic_roughness_texture: slot(1),
+        normal_texture: slot(2),
+        ..Material::default()
+    };
+    let screen = Material {
+        emission: [2.0; 3],
+        emission_texture: slot(0),
+        alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
+        alpha_texture: slot(3),
+        ..Material::default()
+    };
+    let pane = Material {
+        specular: 0.5,
+        transmission: 1.0,
+        transmission_texture: slot(1),
+        roughness: 0.1,
+        thin_walled: true,
+        alpha_mode: AlphaMode::Blend,
+        alpha: 0.7,
+        ..Material::default()
+    };
+    let tilt = [[1.0, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, -0.6, 0.8], [0.0; 3]];
+    let scene = Scene {
+        meshes: vec![quad(-1.0, 3.0, 0), quad(1.0, 0.9, 1), quad(0.0, 1.2, 2)],
+        instances: vec![place(0, tilt), place(1, tilt), place(2, tilt)],
+        materials: vec![floor, screen, pane],
+        textures: vec![
+            texture(Encoding::Srgb, |x, y| [60 * x, 60 * y, 200, 255]),
+            texture(Encoding::Linear, |x, y| [100 * (x % 2), 80 * y, 60 * x, 255]),
+            texture(Encoding::Linear, |x, y| [108 + 10 * x, 108 + 10 * y, 240, 255]),
+            texture(Encoding::Linear, |x, y| [0, 0, 0, 255 * ((x + y) % 2)]),
+        ],
+        environment: Some([0.3, 0.3, 0.4].into()),
+        ..Scene::default()
+    };
+    (scene, Camera::pinhole([0.5, -3.0, 5.0], [0.0; 3], [0.0, 1.0, 0.0], 45.0))
 }

@@ -51,6 +51,8 @@ pub(super) struct SampledLights {
     leaves: Option<Buffer<u32>>,
     suns: Option<Buffer<SunShare>>,
     sky: Option<(Buffer<SkyRow>, Buffer<f32>)>,
+    /// Whether a constant sky is sampled.
+    sky_is_sampled: bool,
     glow_is_textured: bool,
 }
 
@@ -78,6 +80,7 @@ impl SampledLights {
                 }
                 None => None,
             },
+            sky_is_sampled: packed.shares.sky > 0.0,
             glow_is_textured: packed.glow_is_textured,
         })
     }
@@ -103,6 +106,11 @@ impl SampledLights {
         bound
     }
 
+    /// Whether emitters are asked as surfaces for what they give, by `shared/glow/surface`.
+    pub(super) fn glow_is_surfaces(&self) -> bool {
+        self.emitters.is_some() && self.glow_is_textured
+    }
+
     /// Chooses the parts that the scene needs.
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
         let local = match (&self.emitters, &self.leaves) {
@@ -111,10 +119,14 @@ impl SampledLights {
             (None, Some(_)) => "shared/local/lights",
             (Some(_), Some(_)) => "shared/local/both",
         };
-        let skylight = if self.sky.is_some() { "shared/skylight/image" } else { "shared/skylight/cosine" };
+        let skylight = match (&self.sky, self.sky_is_sampled) {
+            (Some(_), _) => "shared/skylight/image",
+            (None, true) => "shared/skylight/cosine",
+            (None, false) => "shared/skylight/black",
+        };
         let suns = if self.suns.is_some() { "shared/suns/list" } else { "shared/suns/none" };
         let chosen = chosen.part("local", local).part("skylight", skylight).part("suns", suns);
-        match (&self.emitters, self.glow_is_textured) {
+        match (&self.emitters, self.glow_is_surfaces()) {
             (None, _) => chosen,
             (Some(_), false) => chosen.part("glow", "shared/glow/plain"),
             (Some(_), true) => chosen.part("glow", "shared/glow/surface"),

@@ -7,13 +7,17 @@ use canted_scene::{Camera, Scene};
 use canted_wide::{LaneKernel, Wide};
 
 use super::DeviceError;
+use super::environment::DeviceSky;
 use super::film::{self, Taker};
+use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
-use super::scene::{self, PackedScene};
+use super::scene::PackedScene;
 use super::slices::Slicer;
 use crate::render::{Layout, Rendering, Sums, assembled, in_place};
 use crate::structure::instances;
-use crate::{Film, Filter, Integrator, Level, Monitor, Pattern, RenderError, Settings, Structure, Surfaces, Tile};
+use crate::{
+    Film, Filter, Integrator, Level, Lights, Monitor, Pattern, RenderError, Settings, Structure, Surfaces, Tile,
+};
 
 /// Most samples of a pixel whose strata kernels count in 32 bits.
 const MOST_STRATIFIED: u32 = 1 << 20;
@@ -26,6 +30,9 @@ pub struct DevicePicture<'a, K: LaneKernel> {
     on_cpu: Rendering<'a, Structure<K>>,
     traced: TracedScene,
     packed: PackedScene,
+    sky: DeviceSky,
+    /// What the path integrator samples.
+    sampled: Option<SampledLights>,
     picture: Buffer<PackedPicture>,
     filter_table: Option<Buffer<f32>>,
     kernel: Arc<Kernel>,
@@ -50,7 +57,8 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let traced = traced(gpu, scene, structure)?;
         let is_flat = matches!(structure, Structure::One(_));
         let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, settings.integrator)?;
-        let ambient = scene::constant_sky(scene).unwrap_or_default();
+        let sky = DeviceSky::new(gpu, scene)?;
+        let ambient = bounded(Lights::new(scene).ambient());
         let Rendering { view, filter, ao_radius, .. } = &on_cpu;
         let facts = picture::picture(view, filter, settings, *ao_radius);
         let facts = PackedPicture { ambient, slack: packed.slack, ..facts };
@@ -58,14 +66,18 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             Filter::Box(_) => None,
             _ => Some(gpu.buffer("filter", &filter.table())?),
         };
-        let chosen = Specialisation::none()
-            .part("sky", "shared/sky/constant")
-            .part("film", "shared/film/samples")
-            .part("count", "shared/count/none");
-        let chosen = traced.specialise(packed.specialise(picture::specialise(chosen, view, settings)));
-        let kernel = gpu.kernel("render/hybrid", &chosen)?;
+        let chosen = Specialisation::none().part("film", "shared/film/samples").part("count", "shared/count/none");
+        let chosen = traced.specialise(sky.specialise(picture::specialise(chosen, view, settings)));
+        let (kernel, chosen, sampled) = match settings.integrator {
+            Integrator::Hybrid => ("render/hybrid", packed.specialise_hybrid(chosen), None),
+            Integrator::Path => {
+                let sampled = SampledLights::new(gpu, on_cpu.light_sampler(), |instance| packed.slack_of(instance))?;
+                ("render/path", packed.specialise_path(chosen, &sampled), Some(sampled))
+            }
+        };
+        let kernel = gpu.kernel(kernel, &chosen)?;
         let picture = gpu.uniform("picture", &facts)?;
-        Ok(Self { gpu, settings, on_cpu, traced, packed, picture, filter_table, kernel })
+        Ok(Self { gpu, settings, on_cpu, traced, packed, sky, sampled, picture, filter_table, kernel })
     }
 
     /// Names of the storage buffers that the kernel binds.
@@ -108,6 +120,8 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
 
     fn bound(&self) -> Vec<Bound<'_>> {
         let mut bound = self.packed.bindings();
+        bound.extend(self.sky.bindings());
+        bound.extend(self.sampled.iter().flat_map(SampledLights::bindings));
         bound.push(("picture", &self.picture));
         bound.extend(self.filter_table.as_ref().map(|table| -> Bound<'_> { ("filter_table", table) }));
         bound.extend(self.traced.bindings());
@@ -135,8 +149,6 @@ fn traced<K: LaneKernel>(gpu: &Gpu, scene: &Scene, structure: &Structure<K>) -> 
 /// Refuses what there are no kernels for.
 fn check_known(scene: &Scene, settings: &Settings) -> Result<(), DeviceError> {
     let unknown = [
-        (settings.integrator != Integrator::Hybrid, "with the path integrator"),
-        (scene::constant_sky(scene).is_none(), "environments that are pictures"),
         (scene.moves(), "moving instances"),
         (!settings.aovs.is_empty(), "channels beside light"),
         (

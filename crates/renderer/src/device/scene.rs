@@ -1,13 +1,13 @@
 //! What kernels that render read of a scene, and nothing that it does without.
 
 use canted_gpu::{Bound, Buffer, Gpu, GpuError, Specialisation};
-use canted_scene::{Environment, Light, Scene};
+use canted_scene::{Light, Material, Scene};
+use canted_trace::InstanceId;
 
 use super::geometry::{Columns, Geometry, PackedPlacement, PackedTriangle, Placed};
-use super::lights::ListLight;
+use super::lights::{ListLight, SampledLights};
 use super::materials::{Materials, PackedMaterial, Slot, looked_at};
 use super::textures::{Heads, Images, Texels};
-use crate::light::environment_of;
 use crate::texture::Textures;
 use crate::{Integrator, Lod, mask};
 
@@ -23,8 +23,10 @@ pub(super) struct PackedScene {
     columns: Columns,
     has: Has,
     lod: Lod,
-    /// Error along each axis between a triangle's plane and a ray that leaves it, of a scene in world space.
+    /// Error along each axis between a triangle's plane and a ray that leaves it: of a scene in world space, and of each
+    /// instance else.
     pub(super) slack: f32,
+    slacks: Vec<f32>,
 }
 
 /// What a scene has.
@@ -36,6 +38,9 @@ struct Has {
     masks: bool,
     mask_textures: bool,
     bodies: bool,
+    /// Materials that are not diffuse.
+    gloss: bool,
+    glass: bool,
 }
 
 impl PackedScene {
@@ -59,6 +64,10 @@ impl PackedScene {
         let heads = images.as_ref().map_or(&none, |images| &images.heads);
         let mut materials = Materials::new(scene, integrator, &columns, heads);
         let geometry = Geometry::pack(scene, &columns, is_flat, &mut materials);
+        let slacks = match &geometry.placed {
+            Placed::Instances(placements) => placements.iter().map(|placement| placement.slack).collect(),
+            Placed::One | Placed::Flat(_) => vec![],
+        };
         let (firsts, placements) = match &geometry.placed {
             Placed::One => (None, None),
             Placed::Flat(firsts) => (Some(gpu.buffer("first triangles", firsts)?), None),
@@ -70,6 +79,8 @@ impl PackedScene {
             normal_maps,
             masks: mask::is_needed(scene),
             mask_textures,
+            gloss: scene.materials.iter().any(is_glossy),
+            glass: scene.materials.iter().any(|material| material.transmission > 0.0),
             bodies: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disc { .. })),
         };
         let images = match &images {
@@ -93,6 +104,7 @@ impl PackedScene {
             has,
             lod,
             slack: geometry.slack,
+            slacks,
         })
     }
 
@@ -115,7 +127,7 @@ impl PackedScene {
 
     /// Chooses the parts of a kernel that read the scene.
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
-        let Has { instances, normals, normal_maps, masks, mask_textures, bodies } = self.has;
+        let Has { instances, normals, normal_maps, masks, bodies, .. } = self.has;
         let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
         let placed = match (instances, &self.firsts) {
             (true, _) => "shared/placed/instances",
@@ -128,29 +140,51 @@ impl PackedScene {
             .part("placed", placed)
             .part("normal", bent)
             .part("mask", pick(masks, "shared/mask/alpha", "shared/mask/none"))
-            .part("direct", pick(self.lights.is_some(), "shared/direct/list", "shared/direct/none"))
             .part("bodies", pick(bodies, "shared/bodies/list", "shared/bodies/none"))
             .number("STRIDE", self.columns.stride)
             .number("COLOR", self.columns.color);
         let chosen = if normals || normal_maps { chosen.number("NORMAL", self.columns.normal) } else { chosen };
         let chosen = if normal_maps { chosen.number("TANGENT", self.columns.tangent) } else { chosen };
-        let alpha = pick(mask_textures, "shared/alpha/texture", "shared/alpha/plain");
-        let chosen = if masks { chosen.part("alpha", alpha) } else { chosen };
+        let chosen = if masks { self.with_alpha(chosen) } else { chosen };
         match &self.images {
             Some((.., texels)) => texels.specialise(chosen, self.lod),
             None => chosen.part("texture", "shared/texture/none"),
         }
     }
+
+    /// Chooses the parts of the kernel of the hybrid integrator.
+    pub(super) fn specialise_hybrid(&self, chosen: Specialisation) -> Specialisation {
+        let direct = if self.lights.is_some() { "shared/direct/list" } else { "shared/direct/none" };
+        self.specialise(chosen).part("direct", direct)
+    }
+
+    /// Chooses the parts of the kernel of the path integrator.
+    pub(super) fn specialise_path(&self, chosen: Specialisation, lights: &SampledLights) -> Specialisation {
+        let chosen = lights.specialise(self.specialise(chosen));
+        // Emitters that ask surfaces ask for alpha, where there is a mask or not.
+        let chosen = if lights.glow_is_surfaces() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
+        if !self.has.gloss {
+            return chosen.part("material", "shared/material/lambert").part("bsdf", "shared/bsdf/lambert");
+        }
+        let through = if self.has.glass { "shared/through/glass" } else { "shared/through/none" };
+        chosen.part("material", "shared/material/full").part("bsdf", "shared/bsdf/full").part("through", through)
+    }
+
+    fn with_alpha(&self, chosen: Specialisation) -> Specialisation {
+        chosen.part("alpha", if self.has.mask_textures { "shared/alpha/texture" } else { "shared/alpha/plain" })
+    }
+
+    /// Error along each axis between the plane of a triangle of an instance and a ray that leaves it.
+    pub(super) fn slack_of(&self, instance: InstanceId) -> f32 {
+        self.slacks.get(instance.0 as usize).copied().unwrap_or(self.slack)
+    }
+}
+
+/// Whether a material does more than scatter diffusely; textures only weaken what its numbers say.
+fn is_glossy(material: &Material) -> bool {
+    material.metallic != 0.0 || material.specular != 0.0 || material.transmission != 0.0
 }
 
 /// Places among the textures that are looked at.
 const NORMAL_MAP: usize = 3;
 const ALPHA: usize = 5;
-
-/// The environment's mean radiance where it is the same from everywhere; `None` for an image.
-pub(super) fn constant_sky(scene: &Scene) -> Option<[f32; 3]> {
-    match environment_of(scene) {
-        Environment::Constant(radiance) => Some(super::lights::bounded(*radiance)),
-        Environment::Image(_) => None,
-    }
-}

@@ -30,7 +30,7 @@ pub(crate) enum Method<'a> {
         ao_radius: f64,
     },
     /// See `path`.
-    Path(Box<LightSampler<'a>>),
+    Path(&'a LightSampler<'a>),
 }
 
 /// Dimension that numbers rays, for surfaces that stop some and let others pass; apart from those that are counted up.
@@ -63,7 +63,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
     pub(crate) fn sample(&self, start: &Start, first: Option<Hit>) -> Sample {
         match self.method {
             Method::Hybrid { ao_radius } => self.hybrid_sample(start, first, ao_radius),
-            Method::Path(ref lights) => self.path_sample(lights, start, first),
+            Method::Path(lights) => self.path_sample(lights, start, first),
         }
     }
 

@@ -3,6 +3,7 @@
 mod error;
 mod tile;
 
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use canted_scene::{Camera, Scene};
@@ -112,6 +113,8 @@ pub(crate) struct Rendering<'a, T> {
     pub(crate) filter: FilterSampler,
     settings: &'a Settings,
     pub(crate) ao_radius: f64,
+    /// Made when first asked for.
+    light_sampler: OnceLock<LightSampler<'a>>,
 }
 
 impl<'a, T: Tracer> Rendering<'a, T> {
@@ -126,7 +129,12 @@ impl<'a, T: Tracer> Rendering<'a, T> {
         let view = View::new(camera, settings.width, settings.height).map_err(RenderError::Camera)?;
         let filter = FilterSampler::new(settings.filter)
             .ok_or(RenderError::FilterRadius { radius: settings.filter.radius() })?;
-        Ok(Self { scene, tracer, surfaces, view, filter, settings, ao_radius })
+        Ok(Self { scene, tracer, surfaces, view, filter, settings, ao_radius, light_sampler: OnceLock::new() })
+    }
+
+    /// What the path integrator samples of the lights.
+    pub(crate) fn light_sampler(&self) -> &LightSampler<'a> {
+        self.light_sampler.get_or_init(|| LightSampler::new(Lights::new(self.scene), self.surfaces))
     }
 
     /// Takes a sample of a pixel into its sums; returns the rays traced for it.
@@ -149,7 +157,7 @@ impl<'a, T: Tracer> Rendering<'a, T> {
             bounces,
             method: match self.settings.integrator {
                 Integrator::Hybrid => Method::Hybrid { ao_radius: self.ao_radius },
-                Integrator::Path => Method::Path(Box::new(LightSampler::new(Lights::new(self.scene), self.surfaces))),
+                Integrator::Path => Method::Path(self.light_sampler()),
             },
         };
         then(&Work {

@@ -199,11 +199,16 @@ fn queries(n: u32) -> Vec<Query> {
         .collect()
 }
 
+/// All that a material can be.
+fn full() -> Specialisation {
+    Specialisation::none().part("bsdf", "shared/bsdf/full").part("through", "shared/through/glass")
+}
+
 #[test]
 fn surfaces_scatter_as_on_the_cpu() {
     let Some(gpu) = gpu("surfaces_scatter_as_on_the_cpu") else { return };
     let queries = queries(20_000);
-    let chosen = Specialisation::none().part("bsdf", "shared/bsdf/full");
+    let chosen = full();
     let mut answers: Vec<Answer> = answers(&gpu, "check/bsdf", &chosen, &queries, &[]);
     let [n_equal, n_else] = compare(compare_one, &queries, &answers).unwrap();
     // A choice falls to the other side where its number and a probability are within some roundings.
@@ -221,10 +226,8 @@ fn diffuse_surfaces_need_no_more() {
     let diffuse =
         |query: Query| Query { metallic: 0.0, specular: 0.0, transmission: 0.0, roughness: 1.0, flags: 0, ..query };
     let queries: Vec<Query> = queries(2000).into_iter().map(diffuse).collect();
-    let [few, all] = ["lambert", "full"].map(|file| {
-        let chosen = Specialisation::none().part("bsdf", &format!("shared/bsdf/{file}"));
-        answers::<_, Answer>(&gpu, "check/bsdf", &chosen, &queries, &[])
-    });
+    let lambert = Specialisation::none().part("bsdf", "shared/bsdf/lambert");
+    let [few, all] = [lambert, full()].map(|chosen| answers::<_, Answer>(&gpu, "check/bsdf", &chosen, &queries, &[]));
     compare(compare_one, &queries, &all).unwrap();
     for (few, all) in few.iter().zip(&all) {
         // The factor of light that comes through is asked for only where some does.
@@ -233,8 +236,23 @@ fn diffuse_surfaces_need_no_more() {
 }
 
 #[test]
+fn what_lets_no_light_through_needs_no_glass() {
+    let Some(gpu) = gpu("what_lets_no_light_through_needs_no_glass") else { return };
+    let queries: Vec<Query> = queries(2000).into_iter().map(|query| Query { transmission: 0.0, ..query }).collect();
+    let opaque = Specialisation::none().part("bsdf", "shared/bsdf/full").part("through", "shared/through/none");
+    let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &opaque, &queries, &[]);
+    // Of what lets nothing through no factor is asked.
+    let told = |query: &Query, answer: &Answer| {
+        let compression = query.bsdf().compression();
+        compare_one(query, &Answer { compression, ..*answer })
+    };
+    let [n_equal, n_else] = compare(told, &queries, &answers).unwrap();
+    assert!(n_else * 1000 < n_equal, "{n_else} of {n_equal} fell to another side");
+}
+
+#[test]
 fn layouts_are_the_kernels() {
-    let full = Specialisation::none().part("bsdf", "shared/bsdf/full");
+    let full = full();
     same_layout!(
         "check/bsdf",
         &full,

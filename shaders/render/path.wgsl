@@ -1,0 +1,30 @@
+// Light along paths: one sample of one pixel an invocation, a cell of 8 x 8 pixels a work-group.
+//
+// `?film` keeps what was found. All rays of a path, those to lights too, are traced at one place of the text, and all that happens
+// between two rays is at one: compilers copy functions to where they are called.
+// use shared/path
+// use shared/walk
+// use ?film
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group_id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let group = group_id.y * groups.x + group_id.x;
+    let one = taken(group, local);
+    if one.is_inside {
+        let start = camera_ray(one);
+        var path = path_from(start);
+        loop {
+            ray_key = key_of(path, one);
+            let hit = walk(path.ray, path.stage == TO_LIGHT);
+            advance(&path, one, hit);
+            if path.stage == DONE || is_cut {
+                break;
+            }
+        }
+        keep(group, local, start.weight * path.radiance, path.n_rays);
+    }
+}

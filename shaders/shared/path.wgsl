@@ -1,0 +1,257 @@
+// A path from one ray to the next; twin of crates/renderer/src/integrate/path.rs, which says what is gathered and how techniques
+// are weighed.
+//
+// A vertex scatters before its shadow ray is traced, so that while a ray is on its way nothing of the surface is kept but what
+// weighs light found by chance.
+//
+// `?bodies` and `?sky` are what rays meet beside triangles.
+// use shared/camera
+// use shared/picture
+// use shared/ray_key
+// use shared/vertex
+// use shared/light/sampler
+// use ?bodies
+// use ?sky
+
+/// Vertices before roulette starts.
+const FIRST_ROULETTE: u32 = 4u;
+
+/// Least share of the paths that roulette ends.
+const LEAST_END: f32 = 0.05;
+
+/// Dimensions of the sampler at each vertex, behind the position in the pixel.
+const LIGHT: u32 = 0u;
+const LIGHT_CHOICE: u32 = 1u;
+const SCATTERING: u32 = 2u;
+const SCATTERING_CHOICE: u32 = 3u;
+const ROULETTE: u32 = 4u;
+const N_DIMENSIONS: u32 = 5u;
+
+/// What a path waits for: the end of the ray that goes on, of a ray to a light, or nothing.
+const ONWARD: u32 = 0u;
+const TO_LIGHT: u32 = 1u;
+const DONE: u32 = 2u;
+
+/// A path on its way.
+struct Path {
+    /// The ray that is traced now.
+    ray: Ray,
+    radiance: vec3<f32>,
+    /// `ONWARD`, `TO_LIGHT` or `DONE`.
+    stage: u32,
+    /// What light from the next vertex is multiplied with.
+    throughput: vec3<f32>,
+    /// The factor that boundaries put into the throughput, which comes out again where the path leaves the body.
+    compression: f32,
+    /// What the ray to a light brings if nothing stands along it.
+    waiting: vec3<f32>,
+    /// Vertices so far.
+    n_vertices: u32,
+    /// The ray behind the one to a light, without end; its direction is zero where the path ends.
+    onward_origin: vec3<f32>,
+    /// Density of the onward direction; below 0 where no light was sampled for it.
+    density: f32,
+    onward_direction: vec3<f32>,
+    n_rays: u32,
+    /// Receiver of light at the vertex that the onward ray leaves.
+    position: vec3<f32>,
+    transmits: u32,
+    normal: vec3<f32>,
+    /// Cone of the onward ray.
+    cone_width: f32,
+    cone_spread: f32,
+    cone_share: f32,
+    cone_is_direct: u32,
+}
+
+/// A path that begins at the camera.
+fn path_from(start: CameraRay) -> Path {
+    var path: Path;
+    path.ray = start.ray;
+    path.throughput = vec3(1.0);
+    path.compression = 1.0;
+    path.density = -1.0;
+    path.n_rays = 1u;
+    set_cone(&path, start.cone);
+    return path;
+}
+
+/// The key of the ray that is traced now: that of the vertex which it leaves, or a number of those.
+fn key_of(path: Path, one: PixelSample) -> u32 {
+    let all = numbered(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE));
+    let onward = numbered(all, path.n_vertices);
+    return select(onward, numbered(onward, 0u), path.stage == TO_LIGHT);
+}
+
+/// Takes a path on by what its ray met.
+fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
+    if (*path).stage == TO_LIGHT {
+        (*path).radiance += select(vec3(0.0), (*path).waiting, hit.instance == NONE);
+        go_on(path);
+        return;
+    }
+    let ray = (*path).ray;
+    if ends(path, hit) {
+        (*path).stage = DONE;
+        return;
+    }
+    let number = (*path).n_vertices;
+    let surface = surface_at(hit, ray.direction, cone_of(*path));
+    if any(surface.emission != vec3(0.0)) {
+        let density = surface_light_density(left(*path), hit.instance, hit.primitive, ray.direction);
+        gather(path, surface.emission, density);
+    }
+    let vertex = vertex_of(surface);
+    let receiver = Receiver(surface.position, surface.shading_normal, vertex_transmits(vertex));
+    (*path).n_vertices += 1u;
+    let asks = !is_delta_only(vertex.bsdf) && look_for_light(path, one, surface, vertex, receiver, number);
+    if !scatter(path, one, surface, vertex, number) {
+        (*path).onward_direction = vec3(0.0);
+    }
+    (*path).position = receiver.position;
+    (*path).normal = receiver.normal;
+    (*path).transmits = u32(receiver.transmits);
+    if asks {
+        (*path).stage = TO_LIGHT;
+    } else {
+        go_on(path);
+    }
+}
+
+/// Goes on along the onward ray, if there is one.
+fn go_on(path: ptr<function, Path>) {
+    let direction = (*path).onward_direction;
+    (*path).ray = endless((*path).onward_origin, direction);
+    (*path).stage = select(ONWARD, DONE, all(direction == vec3(0.0)));
+}
+
+/// Whether an onward ray meets no surface to go on from; gathers what it met.
+fn ends(path: ptr<function, Path>, hit: Hit) -> bool {
+    let ray = (*path).ray;
+    let is_miss = hit.instance == NONE;
+    let met = meet_body(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
+    if met.is_body {
+        gather(path, met.radiance, body_light_density(left(*path), met.number, ray.direction));
+        return true;
+    }
+    if is_miss {
+        gather(path, sky_radiance(ray.direction), sky_light_density(left(*path), ray.direction));
+        return true;
+    }
+    return (*path).n_vertices > picture.bounces;
+}
+
+/// Adds light that the onward ray found by chance, where sampling lights finds its direction with a density.
+fn gather(path: ptr<function, Path>, radiance: vec3<f32>, density: f32) {
+    let share = select(weight_beside((*path).density, density), 1.0, (*path).density < 0.0);
+    (*path).radiance += (*path).throughput * radiance * share;
+}
+
+/// The vertex that the onward ray left.
+fn left(path: Path) -> Receiver {
+    return Receiver(path.position, path.normal, path.transmits != 0u);
+}
+
+/// Samples light for a vertex: what comes without a ray is added, else the path's ray is one to a light and true is returned.
+fn look_for_light(
+    path: ptr<function, Path>,
+    one: PixelSample,
+    surface: Surface,
+    vertex: Vertex,
+    receiver: Receiver,
+    number: u32,
+) -> bool {
+    let choice = single(picture.sampler, one.pixel, one.sample, dimension(LIGHT_CHOICE, number));
+    let light = sample_light(receiver, choice, square(one, dimension(LIGHT, number)));
+    // Emission of surfaces belongs to the vertex there.
+    if light.arrival.reach == DARK || (light.is_emission && number == picture.bounces) {
+        return false;
+    }
+    let found = evaluate(vertex, light.arrival.to_light);
+    if all(found.value == vec3(0.0)) {
+        return false;
+    }
+    // What has no extent is found by no other technique.
+    let density = light.arrival.density;
+    let share = select(weight_beside(density, found.density), 1.0, density == 0.0);
+    let brought = (*path).throughput * (found.value * light.arrival.radiance) * share;
+    let is_near = light.arrival.reach == NEAR;
+    let ray = towards(surface, select(light.arrival.to_light, light.arrival.place, is_near), is_near);
+    if ray.t_max <= 0.0 {
+        (*path).radiance += brought;
+        return false;
+    }
+    (*path).n_rays += 1u;
+    (*path).waiting = brought;
+    (*path).ray = ray;
+    return !hides(ray, light.body);
+}
+
+/// The ray that leaves a vertex, with what it carries; false where none does.
+fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex: Vertex, number: u32) -> bool {
+    if number >= FIRST_ROULETTE && !survives(path, single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number))) {
+        return false;
+    }
+    let choice = single(picture.sampler, one.pixel, one.sample, dimension(SCATTERING_CHOICE, number));
+    let found = sample_bsdf(vertex.bsdf, vertex.outgoing, square(one, dimension(SCATTERING, number)), choice);
+    if !found.is_found {
+        return false;
+    }
+    let direction = world_direction(vertex, found.incident);
+    (*path).throughput *= found.weight;
+    if found.is_transmitted {
+        (*path).compression *= compression_of(vertex.bsdf);
+    }
+    if all((*path).throughput <= vec3(0.0)) {
+        return false;
+    }
+    var density = found.density;
+    if vertex.is_bent && !found.is_delta {
+        // Both densities that make a direction count, also that of the light that is folded onto it.
+        density = evaluate(vertex, direction).density;
+    }
+    (*path).density = select(density, -1.0, found.is_delta);
+    if found.is_delta {
+        set_cone(path, surface.cone);
+    } else {
+        set_cone(path, scattered(surface.cone, density));
+    }
+    let ray = leave(surface, direction);
+    (*path).onward_origin = ray.origin;
+    (*path).onward_direction = ray.direction;
+    (*path).n_rays += 1u;
+    return true;
+}
+
+/// Ends the path with the probability of what it does not carry, or makes it carry more.
+fn survives(path: ptr<function, Path>, choice: f32) -> bool {
+    let throughput = (*path).throughput;
+    let carried = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);
+    let share = min(carried, 1.0 - LEAST_END);
+    if choice >= share {
+        return false;
+    }
+    (*path).throughput /= share;
+    return true;
+}
+
+/// Weight of a sample of one technique beside another: the power heuristic with exponent 2.
+fn weight_beside(density: f32, other: f32) -> f32 {
+    let ratio = quotient(other, max(density, 0.0));
+    return 1.0 / (1.0 + ratio * ratio);
+}
+
+fn dimension(use_of_it: u32, number: u32) -> u32 {
+    return 1u + number * N_DIMENSIONS + use_of_it;
+}
+
+fn set_cone(path: ptr<function, Path>, cone: Cone) {
+    (*path).cone_width = cone.width;
+    (*path).cone_spread = cone.spread;
+    (*path).cone_share = cone.share;
+    (*path).cone_is_direct = u32(cone.is_direct);
+}
+
+fn cone_of(path: Path) -> Cone {
+    return Cone(path.cone_width, path.cone_spread, path.cone_share, path.cone_is_direct != 0u);
+}

@@ -1,0 +1,68 @@
+// A surface with the frame that its scattering is told in. Where shading normal and triangle disagree about the side of a
+// direction, it is mirrored in the plane of the triangle: light is scattered as from itself and from what is folded onto it.
+//
+// `?material` reads the parameters that `?bsdf` scatters by.
+// use shared/sampling
+// use shared/surface
+// use shared/turns
+// use ?bsdf
+// use ?material
+
+struct Vertex {
+    bsdf: Bsdf,
+    /// Columns are the axes of the frame.
+    basis: mat3x3<f32>,
+    /// Unit vector towards the viewer, in that frame.
+    outgoing: vec3<f32>,
+    /// Unit normal of the triangle.
+    normal: vec3<f32>,
+    /// Whether the frame's normal is not that of the triangle.
+    is_bent: bool,
+}
+
+fn vertex_of(surface: Surface) -> Vertex {
+    let viewer = -surface.seen.direction;
+    // Where the shading normal turns its back on the viewer, the triangle's faces him.
+    let faces = dot(surface.shading_normal, viewer) > 0.0;
+    let normal = select(surface.normal, surface.shading_normal, faces);
+    let basis = basis_about(normal);
+    return Vertex(bsdf_of(surface), basis, viewer * basis, surface.normal, any(normal != surface.normal));
+}
+
+/// Whether light from behind the shading normal counts: it comes through, or is folded to the front.
+fn vertex_transmits(vertex: Vertex) -> bool {
+    return is_transmitting(vertex.bsdf) || vertex.is_bent;
+}
+
+/// What is scattered from a world-space direction: of itself, and of the direction that is folded onto it.
+fn evaluate(vertex: Vertex, to_light: vec3<f32>) -> Evaluation {
+    let height = dot(vertex.normal, to_light);
+    var local = to_light * vertex.basis;
+    var sum = no_evaluation();
+    // One place of the text, for it is long. A direction stays where triangle and frame agree on its side, and is folded where
+    // they do not.
+    for (var turn = 0u; turn < 2u; turn++) {
+        turns += 1u;
+        if !vertex.is_bent || local.z * height > 0.0 {
+            let found = evaluate_bsdf(vertex.bsdf, vertex.outgoing, local);
+            sum = Evaluation(sum.value + found.value, sum.density + found.density);
+        }
+        if !vertex.is_bent {
+            break;
+        }
+        local = in_plane_mirrored(vertex, to_light) * vertex.basis;
+    }
+    return sum;
+}
+
+/// A sampled direction of the frame in world space, on the side of the triangle that it has in the frame.
+fn world_direction(vertex: Vertex, incident: vec3<f32>) -> vec3<f32> {
+    let direction = vertex.basis * incident;
+    let agrees = !vertex.is_bent || incident.z * dot(vertex.normal, direction) >= 0.0;
+    return select(in_plane_mirrored(vertex, direction), direction, agrees);
+}
+
+/// A direction mirrored in the plane of the triangle.
+fn in_plane_mirrored(vertex: Vertex, direction: vec3<f32>) -> vec3<f32> {
+    return direction - vertex.normal * (2.0 * dot(vertex.normal, direction));
+}

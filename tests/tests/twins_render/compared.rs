@@ -1,0 +1,126 @@
+//! Two pictures of the same samples.
+//!
+//! A device's roundings move a path a little; where that takes it over an edge it meets something else, and the sample is
+//! another. So most pixels agree to roundings and some go astray. What those differ by favours no side: whichever picture took
+//! the other way, it might have been the other one. Of numbers `d` with random signs `|Σd|` exceeds `x·√Σd²` with a
+//! probability of at most `2·exp(-x²/2)` (Hoeffding 1963), whatever their sizes, so sums over the picture and over each block
+//! are held to that: a bias that is small beside each pixel's noise adds up and is seen.
+
+use std::sync::atomic::AtomicBool;
+
+use canted_gpu::Gpu;
+use canted_renderer::{
+    DevicePicture, Film, Levels, Monitor, Prepared, Settings, StructureConfig, Surfaces, frame, prepare, render,
+};
+use canted_scene::{Camera, Scene};
+use canted_trace::Watertight;
+
+/// Relative difference of a pixel, above a floor of a twentieth of white, up to which only roundings differ: ten bounces of 30
+/// roundings of 2⁻²³ each are `2⁻¹⁵`; lookups of textures with f32 coordinates may have eight times that.
+const ROUNDING: f64 = 1.0 / 4096.0;
+
+/// Most of `|Σd|/√Σd²`: exceeded by chance once in 10⁷ sums.
+const DRIFT: f64 = 6.0;
+
+/// Pixels along the side of a block.
+const BLOCK: usize = 8;
+
+/// What pictures that should be equal differ in.
+#[derive(Debug)]
+pub(super) struct Difference {
+    /// Share of pixels that differ by more than [`ROUNDING`].
+    pub(super) astray: f64,
+    /// Of the means, relative.
+    pub(super) of_means: f64,
+    /// `|Σd|/√Σd²` of what pixels astray differ by: of all of them, and of the worst block.
+    pub(super) drift: [f64; 2],
+}
+
+impl Difference {
+    /// Fails where more than a share of the pixels goes astray, the means are farther apart than `of_means`, or what goes astray
+    /// favours a side.
+    #[track_caller]
+    pub(super) fn check(&self, name: &str, [astray, of_means]: [f64; 2]) {
+        println!("{name}: {self:?}");
+        let is_fair = self.drift.iter().all(|&drift| drift <= DRIFT);
+        assert!(self.astray <= astray && self.of_means <= of_means && is_fair, "{name}: {self:?}");
+    }
+}
+
+pub(super) fn prepared(scene: &Scene, levels: Levels) -> Prepared<Watertight> {
+    prepare(scene, &StructureConfig { levels, ..StructureConfig::default() }).unwrap()
+}
+
+/// The scene's camera, or one that shows all of it.
+pub(super) fn frame_of(scene: &Scene) -> Camera {
+    let prepared = prepared(scene, Levels::Auto);
+    scene.cameras.first().copied().unwrap_or_else(|| frame(scene, &prepared.structure, 64.0 / 36.0))
+}
+
+pub(super) fn on_device(
+    gpu: &Gpu,
+    scene: &Scene,
+    prepared: &Prepared<Watertight>,
+    camera: &Camera,
+    settings: &Settings,
+) -> Film {
+    let surfaces = Surfaces::with_lod(scene, settings.lod);
+    let picture = DevicePicture::new(gpu, &surfaces, &prepared.structure, camera, settings).unwrap();
+    let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
+    picture.render(vec![], &monitor).unwrap()
+}
+
+pub(super) fn on_cpu(scene: &Scene, prepared: &Prepared<Watertight>, camera: &Camera, settings: &Settings) -> Film {
+    render(scene, &prepared.structure, camera, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+}
+
+/// Both pictures of a scene, compared.
+pub(super) fn compared(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels, settings: &Settings) -> Difference {
+    let prepared = prepared(scene, levels);
+    let ours = on_device(gpu, scene, &prepared, camera, settings);
+    difference(&ours, &on_cpu(scene, &prepared, camera, settings))
+}
+
+pub(super) fn difference(ours: &Film, theirs: &Film) -> Difference {
+    let width = theirs.width() as usize;
+    let columns = width.div_ceil(BLOCK);
+    let n_blocks = columns * (theirs.height() as usize).div_ceil(BLOCK);
+    let (mut n_astray, mut sums) = (0_u32, [0.0; 2]);
+    let (mut all, mut blocks) = (Drift::default(), vec![Drift::default(); n_blocks]);
+    for (index, (a, b)) in ours.pixels().iter().zip(theirs.pixels()).enumerate() {
+        assert_eq!(a.n_taken(), b.n_taken());
+        let (a, b) = (a.mean(), b.mean());
+        if (0..3).any(|k| (a[k] - b[k]).abs() > ROUNDING * (b[k].abs() + 0.05)) {
+            n_astray += 1;
+            let apart = a.iter().sum::<f64>() - b.iter().sum::<f64>();
+            all.add(apart);
+            blocks[index / width / BLOCK * columns + index % width / BLOCK].add(apart);
+        }
+        sums[0] += a.iter().sum::<f64>();
+        sums[1] += b.iter().sum::<f64>();
+    }
+    #[expect(clippy::cast_precision_loss, reason = "few pixels")]
+    let n = theirs.pixels().len() as f64;
+    Difference {
+        astray: f64::from(n_astray) / n,
+        of_means: (sums[0] / sums[1] - 1.0).abs(),
+        drift: [all.value(), blocks.iter().map(Drift::value).fold(0.0, f64::max)],
+    }
+}
+
+#[derive(Clone, Default)]
+struct Drift {
+    sum: f64,
+    squares: f64,
+}
+
+impl Drift {
+    fn add(&mut self, apart: f64) {
+        self.sum += apart;
+        self.squares += apart * apart;
+    }
+
+    fn value(&self) -> f64 {
+        if self.squares > 0.0 { self.sum.abs() / self.squares.sqrt() } else { 0.0 }
+    }
+}
