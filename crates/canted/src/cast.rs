@@ -24,6 +24,9 @@ use hits::Answer;
 pub(crate) struct Args {
     /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML.
     scene: PathBuf,
+    /// Seconds into the file's first animation; the pose that the file has without it.
+    #[arg(long, value_parser = options::number, value_name = "SECONDS", allow_hyphen_values = true)]
+    time: Option<f32>,
     /// Rays, `.csv` (ox,oy,oz,dx,dy,dz,tmax) or `.bin` (seven little-endian f32 a ray).
     #[arg(long, value_name = "FILE")]
     rays: PathBuf,
@@ -45,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
     let format = hits::Format::of(&args.hits)?;
     let rays = rays::read(&args.rays)?;
-    let scene = load::scene(Some(&args.scene))?;
+    let scene = load::scene_at(Some(&args.scene), args.time)?;
     // A place that cannot be written is told before the work.
     output::probe(&args.hits)?;
     let answers = with_kernel!(args.structure.triangles, answer(&scene, &rays, args))?;

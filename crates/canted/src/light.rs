@@ -25,6 +25,9 @@ pub(crate) struct LightArgs {
     /// Position and radiant intensity (W/sr) of a point light.
     #[arg(long, value_parser = options::sextuple, value_name = "X,Y,Z,R,G,B", allow_hyphen_values = true)]
     point: Vec<[f32; 6]>,
+    /// Middle, radius and radiance of a ball of light; spots and discs are for scene files.
+    #[arg(long, value_parser = options::numbers::<7>, value_name = "X,Y,Z,RADIUS,R,G,B", allow_hyphen_values = true)]
+    sphere: Vec<[f32; 7]>,
 }
 
 /// What `--env` names.
@@ -47,7 +50,7 @@ fn environment(text: &str) -> Result<EnvironmentArg, String> {
 impl LightArgs {
     /// Puts the lights into the scene; says whether they are nobody's choice but ours.
     pub(crate) fn apply(&self, scene: &mut Scene) -> Result<bool> {
-        if self.env.is_none() && self.sun.is_empty() && self.point.is_empty() {
+        if self.env.is_none() && self.sun.is_empty() && self.point.is_empty() && self.sphere.is_empty() {
             let emits = scene.materials.iter().any(Material::emits);
             let is_dark = scene.lights.is_empty() && scene.environment.is_none() && !emits;
             if is_dark {
@@ -67,6 +70,13 @@ impl LightArgs {
         for &[x, y, z, r, g, b] in &self.point {
             let intensity = color("--point", [r, g, b])?;
             scene.lights.push(Light::Point { position: [x, y, z], intensity });
+        }
+        for &[x, y, z, radius, r, g, b] in &self.sphere {
+            if radius <= 0.0 {
+                return Err(anyhow!("--sphere has the radius {radius}, which is not above zero"));
+            }
+            let radiance = color("--sphere", [r, g, b])?;
+            scene.lights.push(Light::Sphere { center: [x, y, z], radius, radiance });
         }
         Ok(false)
     }

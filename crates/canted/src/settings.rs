@@ -30,7 +30,7 @@ const OF_THE_RUN: [&str; 10] = [
 ];
 
 /// Options that a scene file says in other tables.
-const ELSEWHERE: [(&str, &str); 12] = [
+const ELSEWHERE: [(&str, &str); 13] = [
     ("eye", "[camera]"),
     ("target", "[camera]"),
     ("up", "[camera]"),
@@ -42,6 +42,7 @@ const ELSEWHERE: [(&str, &str); 12] = [
     ("env_scale", "[environment]"),
     ("sun", "[[lights]]"),
     ("point", "[[lights]]"),
+    ("sphere", "[[lights]]"),
     ("time", "[[assets]]"),
 ];
 

@@ -22,6 +22,9 @@ use crate::{
 pub(crate) struct Args {
     /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML; the built-in one without it.
     scene: Option<PathBuf>,
+    /// Seconds into the file's first animation; the pose that the file has without it.
+    #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
+    time: Option<f32>,
     /// Presets of wide trees to build, separated by commas: `fast`, `balanced`, `quality`, which takes the longest.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "balanced", value_name = "PRESETS")]
     presets: Vec<PresetArg>,
@@ -36,7 +39,7 @@ pub(crate) struct Args {
 /// Builds the scene with every strategy and with presets, in one level and in two, and prints the tables.
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
-    let scene = load::scene(args.scene.as_deref())?;
+    let scene = load::scene_at(args.scene.as_deref(), args.time)?;
     let name = load::name(args.scene.as_deref());
     let measured = measure::measure(&scene).map_err(|error| anyhow!("{name}: {error}"))?;
     let wide = wide::measure(&scene, &args.presets).map_err(|error| anyhow!("{name}: {error}"))?;

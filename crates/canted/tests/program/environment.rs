@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::support::{Folder, Run};
+use crate::support::{Folder, Run, rows};
 
 /// A picture of 2 x 1 texels in Radiance's flat RGBE: the left half of all directions is red, the right half green.
 const TWO: [u8; 8] = [128, 0, 0, 129, 0, 128, 0, 129];
@@ -87,4 +87,34 @@ fn a_time_poses_what_is_animated_and_is_idle_elsewhere() {
     assert_eq!(run.n_warnings(), 1, "{}", run.stderr);
     folder.run("render -o out.png --time 1").refused(&["SCENE"]);
     folder.run("render small.obj -o out.png --time nan").refused(&["--time"]);
+}
+
+/// A triangle in z = 0 that travels by ten units along x in two seconds.
+const TRAVELLER: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"buffers":[{"uri":"numbers.bin","byteLength":68}],
+"bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":8},
+{"buffer":0,"byteOffset":44,"byteLength":24}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},
+{"bufferView":1,"componentType":5126,"count":2,"type":"SCALAR"},
+{"bufferView":2,"componentType":5126,"count":2,"type":"VEC3"}],
+"animations":[{"samplers":[{"input":1,"output":2}],
+"channels":[{"sampler":0,"target":{"node":0,"path":"translation"}}]}]}"#;
+
+#[test]
+fn rays_meet_a_file_as_it_is_posed() {
+    let folder = Folder::new();
+    let corners = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let numbers = corners.into_iter().chain([0.0, 2.0]).chain([0.0, 0.0, 0.0, 10.0, 0.0, 0.0]);
+    folder.write("numbers.bin", numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>());
+    folder.write("traveller.gltf", TRAVELLER);
+    folder.write("rays.csv", "ox,oy,oz,dx,dy,dz,tmax\n0.25,0.25,1,0,0,-1,inf\n5.25,0.25,1,0,0,-1,inf\n");
+    let is_hit = |options: &str| -> Vec<bool> {
+        folder.run(&format!("cast traveller.gltf --rays rays.csv --hits hits.csv {options}")).done();
+        let hits = rows::<f64>(&folder.text("hits.csv"), "t,prim,u,v,instance");
+        hits.iter().map(|hit| hit[1] >= 0.0).collect()
+    };
+    assert_eq!(is_hit(""), [true, false]);
+    assert_eq!(is_hit("--time 1"), [false, true]);
+    folder.run("stats traveller.gltf --time 1 --threads 1").done();
+    folder.run("stats --time 1").refused(&["SCENE"]);
 }

@@ -40,6 +40,7 @@ fn nonsense_is_refused_by_name_and_value() {
         ("render --env 1,1", &["--env", "1,1"]),
         ("render --sun 1,1,1", &["--sun", "1,1,1"]),
         ("render --point 0,0,0,1,1,1e99", &["--point", "1e99"]),
+        ("render --sphere 0,0,0,1,1,1", &["--sphere", "7 numbers"]),
         ("render --levels three", &["--levels", "three"]),
         ("render --builder embree", &["--builder", "embree", "auto", "sah", "ploc", "lbvh", "obvhs"]),
         ("render --preset best", &["--preset", "best", "fast", "balanced", "quality"]),
@@ -54,6 +55,8 @@ fn nonsense_is_refused_by_name_and_value() {
         ("render --seed 4294967296", &["--seed", "4294967296"]),
         ("stats small.obj --presets fast,slow", &["--presets", "slow", "balanced"]),
         ("stats small.obj --presets ,", &["--presets"]),
+        ("stats small.obj --time soon", &["--time", "soon"]),
+        ("cast small.obj --rays a.csv --hits b.csv --time inf", &["--time", "inf"]),
         ("stats small.obj --threads two", &["--threads", "two"]),
         ("cast small.obj --rays a.csv", &["--hits"]),
         ("cast small.obj --hits a.csv", &["--rays"]),
@@ -80,6 +83,8 @@ fn values_that_only_the_scene_makes_nonsense_are_refused_too() {
         ("--sun 0,0,0,1,1,1", &["--sun", "0,0,0"]),
         ("--sun 0,-1,0,1,-2,1", &["--sun", "-2"]),
         ("--point 0,0,0,1,1,-3", &["--point", "-3"]),
+        ("--sphere 0,9,0,0,1,1,1", &["--sphere", "radius 0"]),
+        ("--sphere 0,9,0,1,1,1,-3", &["--sphere", "-3"]),
     ];
     for (options, words) in cases {
         folder.run(&format!("render small.obj -o out.png --size 8x8 --spp 1 {options}")).refused(words);

@@ -21,6 +21,7 @@ fn a_scene_and_its_file_make_the_same_picture() {
     same_bits("small.obj", "");
     same_bits("small.obj", "--eye 2,3,4 --target 0,0,0 --fov 30 --aperture 0.1 --focus 4 --seed 7 --filter tent");
     same_bits("small.obj", "--sun -1,-1,-1,1,2,3 --point 0.1,2,0,1,1,1 --ao-radius inf --bounces 0");
+    same_bits("small.obj", "--integrator path --sphere 0.5,3,-1,0.25,9,8,7");
     same_bits("small.obj", "--integrator path --env 0.1,0.2,0.3 --sampler sobol --noise 0.5");
 }
 
