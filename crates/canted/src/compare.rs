@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_renderer::read_picture;
+use canted_renderer::{Comparison, PIXELS_PER_DEGREE, flip, flip_hdr, read_picture, write_png};
 use serde_json::json;
 
 use crate::{Outcome, output};
@@ -18,9 +18,33 @@ pub(crate) struct Args {
     /// Say no (exit code 1) where the relative mean square error is above this.
     #[arg(long, value_name = "RELMSE", allow_negative_numbers = true)]
     max: Option<f64>,
+    /// What FLIP looks at: what a screen shows of the pictures clamped to 0..=1, or of all exposures from the
+    /// reference's brightest to its median.
+    #[arg(long, value_enum, default_value_t = Range::Ldr, value_name = "RANGE")]
+    flip: Range,
+    /// Pixels in a degree of the viewer's sight, from which FLIP follows what the eye resolves: at most 1000.
+    #[arg(long, value_name = "N", default_value_t = PIXELS_PER_DEGREE, value_parser = pixels_per_degree)]
+    pixels_per_degree: f64,
+    /// Write FLIP's errors as a PNG: dark where the pictures agree, yellow where they differ most.
+    #[arg(long, value_name = "FILE")]
+    errors: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// What FLIP looks at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Range {
+    /// Low dynamic range: the pictures clamped to 0..=1.
+    Ldr,
+    /// High dynamic range: tone-mapped at several exposures.
+    Hdr,
+}
+
+fn pixels_per_degree(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|n: &f64| (1.0..=1000.0).contains(n));
+    value.ok_or_else(|| "not a number of pixels in 1..=1000".to_owned())
 }
 
 /// Compares the two pictures.
@@ -32,15 +56,32 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     }
     let a = read_picture(&args.a)?;
     let b = read_picture(&args.b)?;
-    let found = canted_renderer::compare(&a, &b)
-        .map_err(|error| anyhow!("{} and {}: {error}", args.a.display(), args.b.display()))?;
+    let named = |error| anyhow!("{} and {}: {error}", args.a.display(), args.b.display());
+    let found = canted_renderer::compare(&a, &b).map_err(named)?;
+    let (flip, word) = match args.flip {
+        Range::Ldr => (flip(&a, &b, args.pixels_per_degree), "FLIP"),
+        Range::Hdr => (flip_hdr(&a, &b, args.pixels_per_degree), "HDR-FLIP"),
+    };
+    let flip = flip.map_err(named)?;
+    if let Some(path) = &args.errors {
+        write_png(path, &flip.picture())?;
+    }
+    let Comparison { mean_ratio, mse, rmse, mae, rel_mse, .. } = found;
     let text = if args.json {
-        json!({ "mean_ratio": found.mean_ratio, "rmse": found.rmse, "relmse": found.rel_mse }).to_string()
+        json!({
+            "mean_ratio": mean_ratio, "mse": mse, "rmse": rmse, "mae": mae, "relmse": rel_mse,
+            word.to_lowercase().replace('-', "_"): flip.mean(),
+        })
+        .to_string()
     } else {
-        format!("mean ratio {:.6}   RMSE {:.6}   relMSE {:.6}", found.mean_ratio, found.rmse, found.rel_mse)
+        format!(
+            "mean ratio {mean_ratio:.6}   RMSE {rmse:.6}   relMSE {rel_mse:.6}   MSE {mse:.6e}   MAE {mae:.6}   \
+             {word} {:.6}",
+            flip.mean()
+        )
     };
     output::to_stdout(&text);
     // An error that is not a number is within no limit.
-    let is_within = args.max.is_none_or(|max| found.rel_mse <= max);
+    let is_within = args.max.is_none_or(|max| rel_mse <= max);
     Ok(if is_within { Outcome::Done } else { Outcome::No })
 }

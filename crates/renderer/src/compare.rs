@@ -11,8 +11,12 @@ pub const REL_MSE_FLOOR: f64 = 1e-2;
 pub struct Comparison {
     /// Mean of the picture over mean of the reference; 1 where both are black.
     pub mean_ratio: f64,
+    /// Mean squared difference.
+    pub mse: f64,
     /// Root of the mean squared difference.
     pub rmse: f64,
+    /// Mean absolute difference.
+    pub mae: f64,
     /// Mean of `(a - b)² / (b² + ε)` with the reference `b` and `ε` = [`REL_MSE_FLOOR`].
     pub rel_mse: f64,
     /// Greatest absolute difference of a channel.
@@ -26,20 +30,17 @@ pub struct Comparison {
 /// # Errors
 /// [`CompareError::Size`] where their sizes differ, [`CompareError::NothingFinite`] where no pixel is finite in both.
 pub fn compare(picture: &Picture, reference: &Picture) -> Result<Comparison, CompareError> {
-    let sizes = [[picture.width, picture.height], [reference.width, reference.height]];
-    if sizes[0] != sizes[1] {
-        return Err(CompareError::Size { picture: sizes[0], reference: sizes[1] });
-    }
-    let finite = |pixel: &[f32; 3]| pixel.iter().all(|x| x.is_finite());
-    let (mut sums, mut squares, mut relative, mut max_difference) = ([0.0; 2], 0.0, 0.0, 0.0_f64);
+    check_sizes(picture, reference)?;
+    let (mut sums, mut squares, mut relative, mut absolute, mut max_difference) = ([0.0; 2], 0.0, 0.0, 0.0, 0.0_f64);
     let mut n_pixels = 0;
-    for (a, b) in picture.pixels.iter().zip(&reference.pixels).filter(|(a, b)| finite(a) && finite(b)) {
+    for (a, b) in picture.pixels.iter().zip(&reference.pixels).filter(|(a, b)| are_finite(a, b)) {
         n_pixels += 1;
         for (a, b) in a.map(f64::from).into_iter().zip(b.map(f64::from)) {
             let square = (a - b) * (a - b);
             sums[0] += a;
             sums[1] += b;
             squares += square;
+            absolute += (a - b).abs();
             relative += square / (b * b + REL_MSE_FLOOR);
             max_difference = max_difference.max((a - b).abs());
         }
@@ -51,11 +52,24 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Comparison, Com
     let n_channels = 3.0 * n_pixels as f64;
     Ok(Comparison {
         mean_ratio: if sums == [0.0; 2] { 1.0 } else { sums[0] / sums[1] },
+        mse: squares / n_channels,
         rmse: (squares / n_channels).sqrt(),
+        mae: absolute / n_channels,
         rel_mse: relative / n_channels,
         max_difference,
         n_not_finite: picture.pixels.len() - n_pixels,
     })
+}
+
+/// Refuses pictures of two sizes.
+pub(crate) fn check_sizes(picture: &Picture, reference: &Picture) -> Result<(), CompareError> {
+    let [picture, reference] = [picture, reference].map(|picture| [picture.width, picture.height]);
+    if picture == reference { Ok(()) } else { Err(CompareError::Size { picture, reference }) }
+}
+
+/// Whether two pixels can be compared.
+pub(crate) fn are_finite(a: &[f32; 3], b: &[f32; 3]) -> bool {
+    a.iter().chain(b).all(|x| x.is_finite())
 }
 
 /// Why two pictures cannot be compared.
@@ -98,6 +112,8 @@ mod tests {
         // One channel of six is off by 0.3, which f32 knows to a part in 2^24.
         assert!((result.mean_ratio - 6.3 / 6.0).abs() < 1e-7);
         assert!((result.rmse - (0.09_f64 / 6.0).sqrt()).abs() < 1e-7);
+        assert!((result.mse - 0.09 / 6.0).abs() < 1e-7);
+        assert!((result.mae - 0.3 / 6.0).abs() < 1e-7);
         assert!((result.rel_mse - 0.09 / 1.01 / 6.0).abs() < 1e-7);
         assert!((result.max_difference - 0.3).abs() < 1e-7);
         assert_eq!(result.n_not_finite, 0);
@@ -107,8 +123,9 @@ mod tests {
     fn equal_pictures_do_not_differ() {
         for value in [0.0, 0.5, 1e30] {
             let picture = Picture::filled(3, 2, [value; 3]);
-            let same = Comparison { mean_ratio: 1.0, rmse: 0.0, rel_mse: 0.0, max_difference: 0.0, n_not_finite: 0 };
-            assert_eq!(compare(&picture, &picture).unwrap(), same);
+            let found = compare(&picture, &picture).unwrap();
+            assert_eq!((found.mean_ratio, found.max_difference, found.n_not_finite), (1.0, 0.0, 0));
+            assert_eq!([found.mse, found.rmse, found.mae, found.rel_mse], [0.0; 4]);
         }
     }
 

@@ -63,6 +63,27 @@ fn a_limit_turns_the_answer_into_an_exit_code() {
 }
 
 #[test]
+fn mean_errors_and_flip_are_told() {
+    let folder = folder();
+    let json = folder.run("compare half.png white.png --json --errors errors.png").done().json();
+    for key in ["mse", "mae"] {
+        assert_eq!(json[key].as_f64().unwrap(), 0.5, "{key}");
+    }
+    // Two pixels of four are black for white, the others see it through the filters of the eye.
+    let flip = json["flip"].as_f64().unwrap();
+    assert!((0.5..1.0).contains(&flip), "{flip}");
+    assert_eq!(image::open(folder.path("errors.png")).unwrap().to_rgb8().dimensions(), (2, 2));
+    let far = folder.run("compare half.png white.png --pixels-per-degree 1 --json").done().json();
+    assert_ne!(far["flip"], json["flip"]);
+    let json = folder.run("compare half.png half.png --flip hdr --json").done().json();
+    assert_eq!((json["hdr_flip"].as_f64(), json["flip"].as_f64()), (Some(0.0), None));
+    for wrong in ["--pixels-per-degree 0", "--pixels-per-degree nan", "--flip sdr", "--errors missing/errors.png"] {
+        let value = wrong.split(' ').next_back().unwrap();
+        folder.run(&format!("compare half.png white.png {wrong}")).refused(&[value]);
+    }
+}
+
+#[test]
 fn what_cannot_be_compared_is_refused() {
     let folder = folder();
     folder.run("compare small.png white.png").refused(&["small.png", "white.png", "1 x 2", "2 x 2"]);
