@@ -79,7 +79,8 @@ fn groups(name: &str, options: &Options) -> Result<Option<Vec<Vec<Sample>>>> {
     let build = |config: &Config| Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, config);
     let trees = configs().iter().map(build).collect::<Result<Vec<_>, _>>()?;
     let mut groups = vec![];
-    for rays in wide::closest_sets(&model, &trees[0], options) {
+    let resolution = canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 };
+    for rays in wide::closest_sets(&model, &trees[0], resolution) {
         let seconds = wide::closest_seconds(trees.clone(), &rays, options.rounds);
         let sample = |(tree, seconds): (&Wide<Watertight>, &Vec<f64>)| Sample {
             counts: counts(&rays, &tree.visits(&rays)),

@@ -1,6 +1,6 @@
 //! `canted-bench`: measures ours beside the peers in one interleaved run and prints Markdown.
 //!
-//! `cargo xtask bench` runs it and writes `benches/RESULTS.md`.
+//! `cargo xtask bench` runs it and writes `benches/RESULTS.md`; `cargo xtask report` has it measure and write the report.
 
 #![forbid(unsafe_code)]
 
@@ -12,6 +12,7 @@ mod load;
 mod models;
 mod options;
 mod picture;
+mod report;
 mod trace;
 mod wide;
 
@@ -22,7 +23,11 @@ use anyhow::Result;
 use crate::options::Options;
 
 fn main() -> Result<()> {
-    let options = Options::read(std::env::args().skip(1))?;
+    let mut args = std::env::args().skip(1).peekable();
+    if args.next_if(|arg| arg == report::REPORT).is_some() {
+        return report::run(args);
+    }
+    let options = Options::read(args)?;
     if options.is_trial() {
         return wide::trial(&options);
     }
@@ -43,7 +48,7 @@ fn main() -> Result<()> {
         wide::section(&mut out, &options)?;
     }
     if options.wants("growth") {
-        wide::growth(&mut out, &options)?;
+        wide::growing(&mut out, &options)?;
     }
     if options.wants("costs") {
         costs::section(&mut out, &options)?;

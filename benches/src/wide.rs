@@ -5,21 +5,21 @@
 //! ```
 
 mod built;
-mod duel;
+pub(crate) mod duel;
 #[cfg(feature = "peers")]
-mod embree;
-mod engine;
-mod entries;
-mod growth;
+pub(crate) mod embree;
+pub(crate) mod engine;
+pub(crate) mod entries;
+pub(crate) mod growth;
 mod judge;
-mod obvhs;
-mod ours;
+pub(crate) mod obvhs;
+pub(crate) mod ours;
 mod record;
-mod sets;
+pub(crate) mod sets;
 mod subject;
 mod tables;
 #[cfg(all(feature = "peers", target_feature = "avx2"))]
-mod tinybvh;
+pub(crate) mod tinybvh;
 
 use std::io::Write;
 
@@ -33,7 +33,7 @@ use crate::{
 };
 use {subject::Subject, tables::Tables};
 
-pub(crate) use growth::section as growth;
+pub(crate) use growth::section as growing;
 pub(crate) use record::Record;
 
 /// The section that is run by this program itself, in a process of its own, to see whether tinybvh lives through it.
@@ -95,8 +95,8 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
 }
 
 /// Camera and diffuse rays of a model, whose hits `tree` tells.
-pub(crate) fn closest_sets(model: &Model, tree: &Wide<Watertight>, options: &Options) -> [Vec<Ray>; 2] {
-    let camera = sets::camera(model, canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 });
+pub(crate) fn closest_sets(model: &Model, tree: &Wide<Watertight>, resolution: u32) -> [Vec<Ray>; 2] {
+    let camera = sets::camera(model, resolution);
     let mut hits = vec![None; camera.len()];
     tree.par_closest_hits(&camera, &mut hits);
     let [diffuse, _] = sets::secondary(model, &camera, &hits);

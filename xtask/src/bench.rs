@@ -12,12 +12,15 @@ use crate::{
 /// Where no section is measured again: what stands above all of them.
 const PREAMBLE: &str = "# Results
 
-Written by `cargo xtask bench`; change nothing by hand. A run replaces the sections it measures; each says where, when and
+Written by `cargo xtask bench` and `cargo xtask report --keep`; change nothing by hand. A run replaces the sections it measures; each says where, when and
 how it was measured.
 ";
 
+/// Where results are kept, from the root of the workspace.
+pub(crate) const RESULTS: &str = "benches/RESULTS.md";
+
 /// The word among the arguments that builds the peers in other languages too.
-const PEERS: &str = "--peers";
+pub(crate) const PEERS: &str = "--peers";
 
 /// Variables that change what is measured.
 const VARIABLES: [&str; 2] = ["RUSTFLAGS", "CANTED_EMBREE"];
@@ -34,16 +37,26 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
         bail!("canted-bench failed: {}", output.status);
     }
     let measured = String::from_utf8(output.stdout).context("canted-bench wrote something that is not text")?;
-    let path = workspace::root().join("benches/RESULTS.md");
-    let old = fs::read_to_string(&path).unwrap_or_default();
-    fs::write(&path, merged(&old, &measured, &facts)).with_context(|| format!("cannot write {}", path.display()))?;
-    say(&format!("wrote {}", path.display()));
+    merge(&measured, &facts)?;
     Ok(true)
+}
+
+/// Writes measured sections into the results, each with where, when and how.
+pub(crate) fn merge(measured: &str, facts: &str) -> Result<()> {
+    let path = workspace::root().join(RESULTS);
+    let old = fs::read_to_string(&path).unwrap_or_default();
+    fs::write(&path, merged(&old, measured, facts)).with_context(|| format!("cannot write {}", path.display()))?;
+    say(&format!("wrote {}", path.display()));
+    Ok(())
+}
+
+/// Processor and number of threads.
+pub(crate) fn machine() -> String {
+    format!("{}, {} threads", processor(), thread::available_parallelism().map_or(1, usize::from))
 }
 
 /// One line: machine, compiler, commit, date, command.
 fn facts(args: &[&str]) -> Result<String> {
-    let threads = thread::available_parallelism().map_or(1, usize::from);
     let variables = VARIABLES.iter().filter_map(|name| match (*name, env::var(name)) {
         (_, Err(_)) => None,
         // Where a library lies is nobody's business; that one was named is.
@@ -52,7 +65,7 @@ fn facts(args: &[&str]) -> Result<String> {
     });
     let words = variables.chain(["cargo xtask bench"].iter().chain(args).map(|&word| word.to_owned()));
     Ok(facts_of(&[
-        &format!("{}, {threads} threads", processor()),
+        &machine(),
         &command::output("rustc", &["--version"])?,
         &command::output("git", &["describe", "--always", "--dirty=, with changes"])?,
         &command::output("date", &["-u", "+%F"])?,

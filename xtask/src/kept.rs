@@ -1,11 +1,11 @@
 //! Long runs whose last table is kept in the repository.
 
-use std::{fs, process::Stdio, thread};
+use std::{fs, process::Stdio};
 
 use anyhow::{Context, Result};
 
 use crate::{
-    bench::{facts_of, processor},
+    bench::{facts_of, machine},
     command::{self, cargo, say},
     workspace,
 };
@@ -62,10 +62,9 @@ impl Kept {
     }
 
     fn facts(&self, args: &[&str]) -> Result<String> {
-        let threads = thread::available_parallelism().map_or(1, usize::from);
         let words: Vec<&str> = ["cargo xtask", self.name].iter().chain(args).copied().collect();
         Ok(facts_of(&[
-            &format!("{}, {threads} threads", processor()),
+            &machine(),
             &command::output("rustc", &["--version"])?,
             &command::output("git", &["describe", "--always", "--dirty=, with changes"])?,
             &command::output("date", &["-u", "+%F"])?,

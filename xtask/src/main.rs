@@ -5,12 +5,14 @@
 
 mod bench;
 mod ci;
+mod claims;
 mod command;
 mod count;
 mod driver;
 mod fixtures;
 mod kept;
 mod png;
+mod report;
 mod test;
 mod tidy;
 mod workspace;
@@ -24,6 +26,8 @@ const USAGE: &str = "usage: cargo xtask TASK
   tidy              the rules of style that a program can check
   bench [ARGS]      measure, and write into benches/RESULTS.md; load, build, trace, picture, wide, growth, --rounds N,
                     --scenes A,B, --engines A,B, --quick, --max-log2 N, --peers (Embree, tinybvh)
+  report [ARGS]     measure what each choice costs and buys, and write target/report; --quick, names of chapters, --peers,
+                    --keep (into benches/RESULTS.md and benches/report.json)
   grazing [ARGS]    shoot grazing rays at wide trees, and write into tests/GRAZING.md; --rays N, 10 million without
   fuzz [ARGS]       read changed files by every reader, and write into tests/FUZZ.md; --minutes N, one without, --seed N
   fixtures [DIR]    write the procedural scenes, into target/fixtures without DIR";
@@ -36,6 +40,7 @@ fn main() -> ExitCode {
         ["ci"] => ci::run(),
         ["tidy"] => tidy::run(),
         ["bench", ref args @ ..] => bench::run(args),
+        ["report", ref args @ ..] => report::run(args),
         ["grazing", ref args @ ..] => kept::GRAZING.run(args),
         ["fuzz", ref args @ ..] => kept::FUZZ.run(args),
         ["fixtures"] => fixtures::run(&workspace::root().join("target/fixtures")),

@@ -11,7 +11,7 @@ use std::{
 
 use anyhow::{Context, Result};
 
-use crate::{command::say, workspace};
+use crate::{claims::Measured, command::say, workspace};
 
 /// What breaks a rule, or comes near.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,6 +49,7 @@ fn findings() -> Result<Vec<Finding>> {
     let manifest_path = root.join("Cargo.toml");
     let manifest =
         fs::read_to_string(&manifest_path).with_context(|| format!("cannot read {}", manifest_path.display()))?;
+    let measured = Measured::read()?;
     let mut findings = vec![];
     for path in workspace::files()? {
         // What is not UTF-8 is a picture or a model.
@@ -61,6 +62,9 @@ fn findings() -> Result<Vec<Finding>> {
         }
         if is_crate_root(&path) {
             rules::forbids_unsafe(&path, &text, &mut findings);
+        }
+        if path.extension().is_some_and(|extension| extension == "md") {
+            rules::figures(&path, &text, &measured, &mut findings);
         }
         if path.ends_with("README.md") || path.ends_with("Cargo.toml") {
             rules::versions(&path, &text, &manifest, &mut findings);

@@ -23,10 +23,10 @@ const RESOLUTION: u32 = canted_fixtures::RESOLUTION / 2;
 /// Trees of more triangles than this are built once.
 const MANY: usize = 1 << 20;
 
-type Generate = fn(u32) -> Mesh;
+pub(crate) type Generate = fn(u32) -> Mesh;
 
-/// The scenes that come in every size.
-const SCENES: [(&str, Generate); 2] =
+/// The scenes that come in every size: from two to a power of triangles at most.
+pub(crate) const SCENES: [(&str, Generate); 2] =
     [("scaffold", |log2| scaffold_of(1, false, scaffold_nodes(log2))), ("grid", |log2| grid(5, grid_cells(log2)))];
 
 /// What one size took: seconds of each engine.

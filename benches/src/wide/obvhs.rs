@@ -99,7 +99,8 @@ pub(crate) fn medium(mesh: &Mesh) -> Entry<'_> {
     binary("obvhs BVH2 medium", mesh, BvhBuildParams::medium_build())
 }
 
-fn binary<'a>(name: &str, mesh: &'a Mesh, params: BvhBuildParams) -> Entry<'a> {
+/// Their binary tree, walked by themselves.
+pub(crate) fn binary<'a>(name: &str, mesh: &'a Mesh, params: BvhBuildParams) -> Entry<'a> {
     entry(name, move || {
         let all = triangles(mesh);
         let tree = build_bvh2_from_tris(&all, params, &mut Duration::default());

@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use super::Finding;
-use crate::workspace;
+use crate::{
+    claims::{self, Measured},
+    workspace,
+};
 
 /// One file is one sitting: above this many lines a look is worth while …
 const LONG_LINES: usize = 300;
@@ -99,6 +102,15 @@ pub(super) fn versions(path: &Path, text: &str, manifest: &str, findings: &mut V
             }
         }
     }
+}
+
+/// Marked figures of documents are those that were measured; the first page has no others.
+pub(super) fn figures(path: &Path, text: &str, measured: &Measured, findings: &mut Vec<Finding>) {
+    let mut wrong = measured.wrong(text);
+    if path == Path::new("README.md") {
+        wrong.extend(claims::unmarked(text));
+    }
+    findings.extend(wrong.into_iter().map(|(line, message)| Finding::error(path, format!("line {line}: {message}"))));
 }
 
 /// The version in a line `canted… = "VERSION"` or `canted… = { …, version = "VERSION" … }`.

@@ -1,0 +1,99 @@
+//! What a report was asked for.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, anyhow};
+
+use super::model::Facts;
+
+/// How much is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Effort {
+    /// As little as makes every plot and table: for tests.
+    Tiny,
+    /// Five minutes on two cores.
+    Quick,
+    /// An hour on two cores.
+    Full,
+}
+
+impl Effort {
+    /// The value for each effort.
+    pub(crate) fn pick<T>(self, tiny: T, quick: T, full: T) -> T {
+        match self {
+            Self::Tiny => tiny,
+            Self::Quick => quick,
+            Self::Full => full,
+        }
+    }
+}
+
+/// The options of the command line.
+#[derive(Debug)]
+pub(crate) struct Request {
+    pub(crate) effort: Effort,
+    /// Folder of the files.
+    pub(crate) out: PathBuf,
+    pub(crate) facts: Facts,
+    chapters: Vec<String>,
+}
+
+impl Request {
+    /// Reads the arguments behind `report`; `known` are the chapters.
+    pub(crate) fn read(mut args: impl Iterator<Item = String>, known: &[&str]) -> Result<Self> {
+        let out = PathBuf::from("target/report");
+        let mut request = Self { effort: Effort::Full, out, facts: Facts::default(), chapters: vec![] };
+        while let Some(arg) = args.next() {
+            let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
+            match arg.as_str() {
+                "--tiny" => request.effort = Effort::Tiny,
+                "--quick" => request.effort = Effort::Quick,
+                "--out" => request.out = value()?.into(),
+                "--machine" => request.facts.machine = value()?,
+                "--compiler" => request.facts.compiler = value()?,
+                "--commit" => request.facts.commit = value()?,
+                "--date" => request.facts.date = value()?,
+                "--command" => request.facts.command = value()?,
+                chapter if known.contains(&chapter) => request.chapters.push(arg),
+                _ => {
+                    let known = known.join(", ");
+                    return Err(anyhow!("'{arg}' is none of the chapters {known}, nor --quick or --out FOLDER"));
+                }
+            }
+        }
+        request.facts.is_quick = request.effort != Effort::Full;
+        Ok(request)
+    }
+
+    /// Whether a chapter is measured: all are where none is named.
+    pub(crate) fn wants(&self, chapter: &str) -> bool {
+        self.chapters.is_empty() || self.chapters.iter().any(|wanted| wanted == chapter)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(args: &str) -> Result<Request> {
+        Request::read(args.split_whitespace().map(str::to_owned), &["boxes", "growth"])
+    }
+
+    #[test]
+    fn options_are_read() {
+        let request = read("--quick growth --out there --commit abc").unwrap();
+        assert_eq!(
+            (request.effort, request.out.to_str(), &request.facts.commit[..]),
+            (Effort::Quick, Some("there"), "abc")
+        );
+        assert!(request.wants("growth") && !request.wants("boxes") && request.facts.is_quick);
+        assert!(read("").unwrap().wants("boxes"));
+    }
+
+    #[test]
+    fn a_wrong_word_is_named() {
+        for (args, word) in [("wild", "wild"), ("--out", "--out")] {
+            assert!(read(args).unwrap_err().to_string().contains(word));
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! What can be said of a binary tree without tracing through it, and what its rays tested.
+
+use anyhow::Result;
+use canted_lbvh::{Corners, Costs, Tree, Volumes, end_point_overlap, in_leaf_order, sums};
+use canted_obb::Aabb;
+use canted_tlas::{Blas, MeshBlas, PairOrder};
+use canted_trace::{Counts, InstanceId, Ray, Watertight};
+
+/// Metrics of one tree; lengths are in units of the scene's extent.
+pub(super) struct Metrics {
+    sah: f64,
+    overlap: f64,
+    area: f64,
+    volume: f64,
+    boxes: f64,
+    triangles: f64,
+}
+
+/// Their names, and how they are read.
+pub(super) const METRICS: [(&str, fn(&Metrics) -> f64); 7] = [
+    ("SAH cost", |m| m.sah),
+    ("end-point overlap", |m| m.overlap),
+    ("area sum", |m| m.area),
+    ("volume sum", |m| m.volume),
+    ("box tests a ray", |m| m.boxes),
+    ("triangle tests a ray", |m| m.triangles),
+    ("tests a ray", |m| m.boxes + m.triangles),
+];
+
+/// Triangles that stand for all in the overlap.
+const OVERLAP_TRIANGLES: usize = 4096;
+
+impl Metrics {
+    #[expect(clippy::cast_precision_loss, reason = "counts of rays")]
+    pub(super) fn of(tree: Tree, volumes: &Volumes, corners: &[Corners], bounds: &Aabb, rays: &[Ray]) -> Result<Self> {
+        let sorted = in_leaf_order(corners, &tree.leaves);
+        let unit = bounds.extent().into_iter().fold(f64::MIN_POSITIVE, f64::max);
+        let sums = sums(&tree, volumes, &sorted, &Costs::default(), unit);
+        let stride = (corners.len() / OVERLAP_TRIANGLES).max(1);
+        let overlap = end_point_overlap(&tree, volumes, &sorted, stride);
+        let blas = MeshBlas::<Watertight>::new(tree, volumes, sorted, bounds, PairOrder::DepthFirst);
+        let mut counts = Counts::default();
+        for ray in rays {
+            blas.closest_hit(ray, InstanceId(0), &mut counts);
+        }
+        let each = |n: u64| n as f64 / rays.len() as f64;
+        Ok(Self {
+            sah: sums.sah,
+            overlap,
+            area: sums.area,
+            volume: sums.volume,
+            boxes: each(counts.boxes),
+            triangles: each(counts.triangles),
+        })
+    }
+}

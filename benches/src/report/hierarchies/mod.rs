@@ -1,0 +1,181 @@
+//! Hierarchies: what a tree costs to build and what it buys in rays, every builder and strategy beside the peers.
+
+mod metrics;
+mod trees;
+
+use anyhow::Result;
+use canted_fixtures::{object_views, scaffold_nodes, scaffold_of};
+
+use super::effort::Effort;
+use super::fits;
+use super::growth;
+use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table, sentences};
+use super::samples::{Samples, number};
+use crate::models::{self, Model};
+use crate::wide::{closest_sets, duel, engine::Engine};
+use metrics::{METRICS, Metrics};
+use trees::{Family, Tree};
+
+/// One tree, measured.
+struct Measured {
+    name: String,
+    family: Family,
+    build: Samples,
+    /// Million rays a second.
+    rate: Samples,
+    bytes_a_triangle: f64,
+    metrics: Option<Metrics>,
+}
+
+/// Measures the chapter.
+pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
+    let mut chapter = Chapter { id: "hierarchies", title: "Hierarchies: rays over build time", ..Chapter::default() };
+    let names: &[&str] = effort.pick(
+        &["small scaffold"],
+        &["truss", "bunny"],
+        &["truss", "scaffold", "hair_thin_tubes", "bunny", "sponza", "country_kitchen", "grid"],
+    );
+    if cfg!(not(feature = "peers")) {
+        chapter
+            .skipped
+            .push("Embree and tinybvh: built without the feature `peers` (`cargo xtask report --peers`).".to_owned());
+    }
+    let mut says = vec![];
+    for &name in names {
+        match subject(name)? {
+            Some(model) => says.push(add(&mut chapter, name, &model, effort)?),
+            None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
+        }
+    }
+    chapter.says = sentences(&says);
+    chapter.method = METHOD.map(str::to_owned).to_vec();
+    Ok(chapter)
+}
+
+const METHOD: [&str; 3] = [
+    "One run, one thread: each tree is built so often, then all answer the same camera and diffuse rays in turn every few \
+     milliseconds. Rates are of thread seconds. Trees of `obvhs` and of other peers are walked by their own code.",
+    "The front joins the trees that no other beats in both build time and rate.",
+    "SAH cost, end-point overlap (Aila et al. 2013) and sums of area and volume are of binary trees, whose walk is the same; the \
+     correlation is that of the logarithms of a metric and of nanoseconds a ray over these trees. Tests are boxes and triangles.",
+];
+
+fn subject(name: &str) -> Result<Option<Model>> {
+    if name != "small scaffold" {
+        return models::load(name);
+    }
+    let mesh = scaffold_of(1, false, scaffold_nodes(10));
+    let views = object_views(&mesh);
+    Ok(Some(Model { mesh, views, placed: None }))
+}
+
+fn add(chapter: &mut Chapter, scene: &str, model: &Model, effort: Effort) -> Result<String> {
+    let measured = measure(scene, model, effort)?;
+    let front = front(&measured);
+    plot(chapter, scene, &measured, &front);
+    table(chapter, scene, &measured);
+    let best = metric_table(chapter, scene, &measured);
+    let words = front.iter().map(|&i| format!("'{}'", measured[i].name)).collect::<Vec<_>>().join(", ");
+    let predicts = best
+        .map_or_else(String::new, |(name, r)| format!("; {name} predicts the time of binary trees best (r = {r:.2})"));
+    Ok(format!("On {scene} no tree beats {words} in both build time and rate{predicts}."))
+}
+
+#[expect(clippy::cast_precision_loss, reason = "rays and triangles are fewer than 2^53")]
+fn measure(scene: &str, model: &Model, effort: Effort) -> Result<Vec<Measured>> {
+    let trees = trees::all(scene, model);
+    let n_triangles = model.mesh.triangles.len();
+    let (mut engines, mut builds): (Vec<Box<dyn Engine>>, _) = (vec![], vec![]);
+    for tree in &trees {
+        engines.push((tree.entry.build)(rayon::current_num_threads())?);
+        builds.push(growth::build_seconds(&tree.entry, 1, effort.pick(2, 3, 5))?);
+    }
+    let rays = closest_sets(model, &trees::any(&model.mesh)?, effort.pick(16, 48, 128)).concat();
+    let (seconds, _) = duel::closest(&engines, &rays, effort.pick(2, 5, 7));
+    let mut measured = vec![];
+    for (((Tree { entry, family, metrics }, engine), build), rounds) in
+        trees.into_iter().zip(engines).zip(builds).zip(seconds)
+    {
+        measured.push(Measured {
+            name: entry.name,
+            family,
+            build,
+            rate: rounds.iter().map(|s| rays.len() as f64 / s.cpu * 1e-6).collect::<Vec<_>>().into(),
+            bytes_a_triangle: engine.n_bytes() as f64 / n_triangles as f64,
+            metrics: metrics.map(|metrics| metrics(&rays)).transpose()?,
+        });
+    }
+    Ok(measured)
+}
+
+/// Those that no other beats in both, by build time.
+fn front(measured: &[Measured]) -> Vec<usize> {
+    let beats = |a: &Measured, b: &Measured| {
+        let (build, rate) = (a.build.median(), a.rate.median());
+        build <= b.build.median() && rate >= b.rate.median() && (build < b.build.median() || rate > b.rate.median())
+    };
+    let mut front: Vec<usize> =
+        (0..measured.len()).filter(|&i| !measured.iter().any(|other| beats(other, &measured[i]))).collect();
+    front.sort_by(|&a, &b| measured[a].build.median().total_cmp(&measured[b].build.median()));
+    front
+}
+
+fn plot(chapter: &mut Chapter, scene: &str, measured: &[Measured], front: &[usize]) {
+    let point = |tree: &Measured| Point { label: tree.name.clone(), x: tree.build.scaled(1e3), y: tree.rate.clone() };
+    let mut series: Vec<Series> = Family::ALL
+        .iter()
+        .map(|&family| Series {
+            name: family.name().to_owned(),
+            points: measured.iter().filter(|tree| tree.family == family).map(point).collect(),
+            is_joined: false,
+        })
+        .filter(|series| !series.points.is_empty())
+        .collect();
+    let on_front = front.iter().map(|&i| point(&measured[i])).collect();
+    series.push(Series { name: "front".to_owned(), points: on_front, is_joined: true });
+    chapter.plots.push(Plot {
+        title: format!("{scene}: rays a second over build time"),
+        x: Axis::log("build on one thread, ms"),
+        y: Axis::linear("million rays a second"),
+        series,
+    });
+}
+
+fn table(chapter: &mut Chapter, scene: &str, measured: &[Measured]) {
+    let mut table = Table::new(format!("{scene}: trees"), &["tree", "build", "M rays/s", "bytes a triangle"]);
+    table.head.extend(METRICS.iter().map(|(name, _)| (*name).to_owned()));
+    for tree in measured {
+        let mut row = vec![
+            Cell::text(tree.name.clone()),
+            Cell::measured(tree.build.scaled(1e3), "ms"),
+            Cell::measured(tree.rate.clone(), ""),
+            Cell::text(number(tree.bytes_a_triangle)),
+        ];
+        row.extend(
+            METRICS.iter().map(|(_, of)| Cell::text(tree.metrics.as_ref().map_or("–".to_owned(), |m| number(of(m))))),
+        );
+        table.rows.push(row);
+    }
+    chapter.tables.push(table);
+}
+
+/// The correlation of each metric with time over binary trees; the strongest.
+fn metric_table(chapter: &mut Chapter, scene: &str, measured: &[Measured]) -> Option<(&'static str, f64)> {
+    let mut table = Table::new(format!("{scene}: which metric predicts time"), &["metric", "correlation", "trees"]);
+    let mut best: Option<(&'static str, f64)> = None;
+    for (name, of) in METRICS {
+        let pairs: Vec<(f64, f64)> = measured
+            .iter()
+            .filter_map(|tree| Some((of(tree.metrics.as_ref()?).ln(), -tree.rate.median().ln())))
+            .filter(|(metric, _)| metric.is_finite())
+            .collect();
+        let found = fits::correlation(&pairs);
+        let text = found.map_or("–".to_owned(), |r| format!("{r:.3}"));
+        table.rows.push(vec![Cell::text(name), Cell::text(text), Cell::text(pairs.len().to_string())]);
+        if let Some(r) = found.filter(|r| best.is_none_or(|(_, best)| *r > best)) {
+            best = Some((name, r));
+        }
+    }
+    chapter.tables.push(table);
+    best
+}

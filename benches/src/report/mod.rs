@@ -1,0 +1,63 @@
+//! One page that measures every trade this project offers, `cargo xtask report`.
+//!
+//! ```text
+//! chapters (plots, tables, each number with its repetitions) -> index.html, report.json, report.md
+//! ```
+
+mod effort;
+mod fits;
+mod growth;
+mod hierarchies;
+mod left_out;
+mod markdown;
+mod model;
+mod page;
+mod pictures;
+mod samples;
+mod sources;
+
+use std::{fs, io::Write as _, path::Path};
+
+use anyhow::{Context, Result};
+
+use effort::Request;
+use model::{Chapter, Report};
+
+/// The word among the arguments that asks for a report.
+pub(crate) const REPORT: &str = "report";
+
+/// A chapter by name, and what measures it.
+type Measure = fn(effort::Effort) -> Result<Chapter>;
+
+/// All chapters, in the order of the page.
+const CHAPTERS: [(&str, Measure); 5] = [
+    ("pictures", pictures::chapter),
+    ("hierarchies", hierarchies::chapter),
+    ("sources", sources::chapter),
+    ("left-out", left_out::chapter),
+    ("growth", growth::chapter),
+];
+
+/// Measures what is asked for and writes the three files.
+pub(crate) fn run(args: impl Iterator<Item = String>) -> Result<()> {
+    let request = Request::read(args, &CHAPTERS.map(|(name, _)| name))?;
+    let mut chapters = vec![];
+    let mut stderr = std::io::stderr();
+    for (name, measure) in CHAPTERS.iter().filter(|(name, _)| request.wants(name)) {
+        writeln!(stderr, "measuring {name}")?;
+        let (chapter, took) = crate::clock::time_all(|| measure(request.effort));
+        chapters.push(chapter.with_context(|| format!("chapter '{name}'"))?);
+        writeln!(stderr, "{name}: {:.1} s", took.wall)?;
+    }
+    let report = Report { facts: request.facts, chapters };
+    write(&request.out, "index.html", &page::page(&report)?)?;
+    write(&request.out, "report.json", &serde_json::to_string(&report)?)?;
+    write(&request.out, "report.md", &markdown::markdown(&report))
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> Result<()> {
+    let path = folder.join(name);
+    fs::create_dir_all(folder)
+        .and_then(|()| fs::write(&path, text))
+        .with_context(|| format!("cannot write {}", path.display()))
+}

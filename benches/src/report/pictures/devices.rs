@@ -1,0 +1,52 @@
+//! The CPU beside the adapter of a device, on the same samples.
+
+use anyhow::Result;
+use canted_gpu::{Choice, Gpu};
+use canted_renderer::{DevicePicture, Film, Integrator, Monitor, Pattern, Settings, Surfaces};
+use std::sync::atomic::AtomicBool;
+
+use super::race::{self, Clock, Racer};
+use super::stage::Stage;
+use super::{methods, reference};
+use crate::report::{effort::Effort, model::Chapter};
+
+/// Adds the race of devices; what it shows, where an adapter opens.
+pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Result<Option<String>> {
+    let gpu = match Gpu::open(&Choice::Best) {
+        Ok(gpu) => gpu,
+        Err(error) => {
+            chapter.skipped.push(format!("Devices but the CPU: {error}."));
+            return Ok(None);
+        }
+    };
+    let (integrator, pattern) = (Integrator::Hybrid, Pattern::Stratified);
+    let reference = methods::reference(stage, integrator, pattern, effort)?;
+    let settings = |n, seed| stage.settings(integrator, pattern, n, seed);
+    let device = format!("{} ({})", gpu.facts().name, gpu.facts().kind);
+    let racers = [
+        Racer {
+            name: format!("CPU, {} threads", rayon::current_num_threads()),
+            reference: &reference,
+            build: &stage.build,
+            render: Box::new(move |n, seed| reference::film(stage, &settings(n, seed))),
+        },
+        Racer {
+            name: device.clone(),
+            reference: &reference,
+            build: &stage.build,
+            render: Box::new(|n, seed| film(&gpu, stage, &settings(n, seed))),
+        },
+    ];
+    let samples: Vec<u32> = (0..=effort.pick(1, 2, 4)).map(|log2| 1 << log2).collect();
+    let courses = race::race(&racers, &samples, effort.pick(2, 4, 16))?;
+    race::show(chapter, &format!("{} on devices", stage.name), &courses, &samples, Clock::Wall);
+    Ok(race::best(&courses.iter().collect::<Vec<_>>(), Clock::Wall).map(|best| format!("Of devices, {best}.")))
+}
+
+/// Renders on the device; what the kernel reads is packed each time, as a program that makes one picture does.
+fn film(gpu: &Gpu, stage: &Stage, settings: &Settings) -> Result<Film> {
+    let surfaces = Surfaces::with_lod(&stage.scene, settings.lod);
+    let picture = DevicePicture::new(gpu, &surfaces, &stage.prepared.structure, &stage.camera, settings)?;
+    let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel: &AtomicBool::new(false) };
+    Ok(picture.render(vec![], &monitor)?)
+}

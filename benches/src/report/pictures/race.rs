@@ -1,0 +1,202 @@
+//! Several ways to make one picture, in turn, and the errors that each reaches.
+
+use anyhow::Result;
+use canted_renderer::{Film, PIXELS_PER_DEGREE, flip};
+
+use super::reference::{Errors, Reference};
+use crate::clock::{self, Seconds};
+use crate::report::{
+    fits::{self, Line},
+    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+    samples::{Samples, number},
+};
+
+/// A way to make the picture: from a number of samples and a seed.
+pub(super) struct Racer<'a> {
+    pub(super) name: String,
+    pub(super) reference: &'a Reference,
+    /// Added to the seconds where building counts.
+    pub(super) build: &'a Samples,
+    pub(super) render: Box<dyn Fn(u32, u32) -> Result<Film> + 'a>,
+}
+
+/// What one racer reached at one number of samples: an entry a seed.
+#[derive(Default)]
+pub(super) struct Reached {
+    pub(super) wall: Vec<f64>,
+    pub(super) cpu: Vec<f64>,
+    pub(super) mse: Vec<f64>,
+    rel_mse: Vec<f64>,
+    flip: Vec<f64>,
+}
+
+/// What one racer reached, by number of samples.
+pub(super) struct Course {
+    pub(super) name: String,
+    build: Samples,
+    pub(super) reached: Vec<Reached>,
+    share_of_reference: f64,
+}
+
+/// Runs all racers over all numbers of samples and all seeds, in turn.
+pub(super) fn race(racers: &[Racer<'_>], samples: &[u32], n_seeds: u32) -> Result<Vec<Course>> {
+    let empty = || samples.iter().map(|_| Reached::default()).collect();
+    let mut reached: Vec<Vec<Reached>> = racers.iter().map(|_| empty()).collect();
+    for racer in racers {
+        (racer.render)(samples[0], u32::MAX)?;
+    }
+    for seed in 0..n_seeds {
+        for (k, &n) in samples.iter().enumerate() {
+            for (racer, reached) in racers.iter().zip(&mut reached) {
+                let (film, took) = clock::time_all(|| (racer.render)(n, seed));
+                reached[k].add(took, &film?, racer.reference)?;
+            }
+        }
+    }
+    let courses = racers.iter().zip(reached).map(|(racer, reached)| {
+        let last = mean(&reached[samples.len() - 1].mse);
+        let share_of_reference = racer.reference.share(last);
+        Course { name: racer.name.clone(), build: racer.build.clone(), reached, share_of_reference }
+    });
+    Ok(courses.collect())
+}
+
+impl Reached {
+    fn add(&mut self, took: Seconds, film: &Film, reference: &Reference) -> Result<()> {
+        let picture = film.picture();
+        let Errors { mse, rel_mse } = reference.errors(&picture)?;
+        self.wall.push(took.wall);
+        self.cpu.push(took.cpu);
+        self.mse.push(mse);
+        self.rel_mse.push(rel_mse);
+        self.flip.push(flip(&picture, &reference.picture, PIXELS_PER_DEGREE)?.mean());
+        Ok(())
+    }
+}
+
+/// Which clock a race is shown by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Clock {
+    /// Seconds of the processor, all threads together.
+    Processor,
+    /// Seconds that pass, where part of the work is a device's.
+    Wall,
+}
+
+impl Clock {
+    fn seconds(self, reached: &Reached) -> Samples {
+        match self {
+            Self::Processor => reached.cpu.clone().into(),
+            Self::Wall => reached.wall.clone().into(),
+        }
+    }
+
+    fn label(self) -> &'static str {
+        match self {
+            Self::Processor => "processor seconds",
+            Self::Wall => "seconds",
+        }
+    }
+}
+
+impl Course {
+    /// Efficiency at the most samples, and the interval that its seeds leave it.
+    pub(super) fn efficiency(&self, clock: Clock) -> (f64, [f64; 2]) {
+        let last = &self.reached[self.reached.len() - 1];
+        let (mse, seconds): (Samples, Samples) = (last.mse.clone().into(), clock.seconds(last));
+        let of = |drawn: &[usize]| 1.0 / (fits::drawn_mean(&mse, drawn) * fits::drawn_mean(&seconds, drawn));
+        let all: Vec<usize> = (0..last.mse.len()).collect();
+        (of(&all), fits::interval(all.len(), of))
+    }
+
+    /// Exponent of an error over seconds.
+    pub(super) fn slope(&self, clock: Clock, error: Pick) -> Option<Line> {
+        let point = |reached: &Reached| (clock.seconds(reached).median(), mean(error(reached)));
+        fits::power(&self.reached.iter().map(point).collect::<Vec<_>>())
+    }
+
+    fn series(&self, clock: Clock, with_build: bool, samples: &[u32], error: Pick) -> Series {
+        let build = if with_build { self.build.median() } else { 0.0 };
+        let point = |(&n, reached): (&u32, &Reached)| Point {
+            label: format!("{n} samples"),
+            x: clock.seconds(reached).values().iter().map(|x| x + build).collect::<Vec<_>>().into(),
+            y: error(reached).clone().into(),
+        };
+        let points = samples.iter().zip(&self.reached).map(point).collect();
+        Series { name: self.name.clone(), points, is_joined: true }
+    }
+}
+
+/// One of the errors that were reached.
+type Pick = fn(&Reached) -> &Vec<f64>;
+
+/// Adds a race's plots and table: relMSE and MSE, without and with the time of the build.
+pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], samples: &[u32], clock: Clock) {
+    const REL_MSE: (&str, Pick) = ("relMSE", |reached| &reached.rel_mse);
+    const MSE: (&str, Pick) = ("MSE", |reached| &reached.mse);
+    for ((error, pick), with_build) in [(REL_MSE, false), (MSE, false), (REL_MSE, true), (MSE, true)] {
+        let series = courses.iter().map(|course| course.series(clock, with_build, samples, pick)).collect();
+        let build = if with_build { ", build included" } else { "" };
+        chapter.plots.push(Plot {
+            title: format!("{what}: {error} over {}{build}", clock.label()),
+            x: Axis::log(format!("{}{build}", clock.label())),
+            y: Axis::log(error),
+            series,
+        });
+    }
+    let (first, last) = (samples[0], samples[samples.len() - 1]);
+    let (head_first, head_last) = (format!("FLIP at {first}"), format!("FLIP at {last}"));
+    let mut table = Table::new(
+        format!("{what}: how error falls"),
+        &[
+            "method",
+            "relMSE ~ time^",
+            "MSE ~ time^",
+            "1/(MSE s)",
+            "95% interval",
+            &head_first,
+            &head_last,
+            "cpu at most",
+            "wall at most",
+            "reference's share",
+        ],
+    );
+    for course in courses {
+        let slope = |error: Pick| {
+            let line = course.slope(clock, error);
+            Cell::text(line.map_or_else(|| "–".to_owned(), |line| format!("{:.2} ±{:.2}", line.slope, line.error)))
+        };
+        let (efficiency, [low, high]) = course.efficiency(clock);
+        let (start, end) = (&course.reached[0], &course.reached[course.reached.len() - 1]);
+        table.rows.push(vec![
+            Cell::text(course.name.clone()),
+            slope(|reached| &reached.rel_mse),
+            slope(|reached| &reached.mse),
+            Cell::text(number(efficiency)),
+            Cell::text(format!("{} to {}", number(low), number(high))),
+            Cell::measured(start.flip.clone(), ""),
+            Cell::measured(end.flip.clone(), ""),
+            Cell::measured(end.cpu.clone(), "s"),
+            Cell::measured(end.wall.clone(), "s"),
+            Cell::text(format!("{}%", number(100.0 * course.share_of_reference))),
+        ]);
+    }
+    chapter.tables.push(table);
+}
+
+/// The most efficient course and how it compares with another: with words of noise where their intervals meet.
+pub(super) fn best(courses: &[&Course], clock: Clock) -> Option<String> {
+    let mut ranked: Vec<_> = courses.iter().map(|course| (course, course.efficiency(clock))).collect();
+    ranked.sort_by(|a, b| b.1.0.total_cmp(&a.1.0));
+    let [(first, (efficiency, [low, _])), (second, (other, [_, high])), ..] = &ranked[..] else { return None };
+    let ratio = number(efficiency / other);
+    Some(if low > high {
+        format!("{} is the most efficient, {ratio} times {}", first.name, second.name)
+    } else {
+        format!("{} and {} are as efficient as each other but for noise ({ratio} times)", first.name, second.name)
+    })
+}
+
+pub(super) fn mean(values: &[f64]) -> f64 {
+    Samples::from(values.to_vec()).mean()
+}

@@ -1,0 +1,116 @@
+//! Volumes of boxes (the dissertation's tables 3 and 4) and tests of boxes (its figures 12 and 13).
+
+use anyhow::Result;
+use canted_lbvh::{Bits, Costs, Domain, Strategy, VolumeConfig};
+use canted_tlas::{Blas, MeshBlas, PairOrder};
+use canted_trace::{Counts, InstanceId, Watertight};
+
+use super::subjects;
+use crate::report::{
+    effort::Effort,
+    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+    samples::number,
+};
+use crate::wide::sets;
+
+/// What the dissertation prints: scene, strategy, sum of volumes over that of axis-aligned boxes, per cent of nodes that lean.
+const THEIRS: [(&str, Strategy, f64, f64); 6] = [
+    ("bunny", Strategy::PcaUnbounded, 17.7811 / 19.5222, 97.2488),
+    ("bunny", Strategy::PcaBounded, 19.3396 / 19.5222, 76.0658),
+    ("bunny", Strategy::Quaternion, 19.4029 / 19.5222, 71.6519),
+    ("sponza", Strategy::PcaUnbounded, 5.22532 / 5.33077, 77.9693),
+    ("sponza", Strategy::PcaBounded, 5.25907 / 5.33077, 54.0539),
+    ("sponza", Strategy::Quaternion, 5.31018 / 5.33077, 52.8521),
+];
+
+/// What one strategy makes of a scene.
+struct Row {
+    strategy: Strategy,
+    /// Sum of volumes over that of axis-aligned boxes.
+    volume: f64,
+    leaning_percent: f64,
+    /// Box tests a camera ray.
+    boxes: f64,
+}
+
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+    let mut table = Table::new(
+        "Volumes (tables 3 and 4): sums over axis-aligned, nodes that lean, box tests a camera ray",
+        &[
+            "scene",
+            "triangles",
+            "strategy",
+            "volume, theirs",
+            "volume, ours",
+            "leaning, theirs",
+            "leaning, ours",
+            "box tests, ours",
+        ],
+    );
+    let (mut series, mut best) = (vec![], None);
+    for (name, model) in subjects(effort, &["bunny", "sponza"], chapter)? {
+        let rows = rows(&model, effort)?;
+        for row in &rows {
+            let theirs = THEIRS.iter().find(|(scene, strategy, ..)| *scene == name && *strategy == row.strategy);
+            let or_dash = |value: Option<String>| Cell::text(value.unwrap_or_else(|| "–".to_owned()));
+            table.rows.push(vec![
+                Cell::text(name),
+                Cell::text(model.mesh.triangles.len().to_string()),
+                Cell::text(format!("{:?}", row.strategy)),
+                or_dash(theirs.map(|(_, _, volume, _)| format!("{volume:.3}"))),
+                Cell::text(format!("{:.3}", row.volume)),
+                or_dash(theirs.map(|(_, _, _, percent)| format!("{percent:.1}%"))),
+                Cell::text(format!("{:.1}%", row.leaning_percent)),
+                Cell::text(number(row.boxes)),
+            ]);
+        }
+        let point =
+            |row: &Row| Point { label: format!("{:?}", row.strategy), x: row.volume.into(), y: row.boxes.into() };
+        series.push(Series { name: name.to_owned(), points: rows.iter().map(point).collect(), is_joined: false });
+        let fewest = rows
+            .iter()
+            .min_by(|a, b| a.boxes.total_cmp(&b.boxes))
+            .map(|row| (name, row.strategy, row.boxes / rows[0].boxes));
+        best = best.or(fewest);
+    }
+    chapter.plots.push(Plot {
+        title: "Box tests over sum of volumes, by strategy (figures 12 and 13 as numbers)".to_owned(),
+        x: Axis::linear("sum of volumes over that of axis-aligned boxes"),
+        y: Axis::linear("box tests a camera ray"),
+        series,
+    });
+    chapter.tables.push(table);
+    Ok(best.map_or_else(String::new, |(name, strategy, share)| {
+        format!("On {name} {strategy:?} boxes are tested least, {} times as often as axis-aligned ones.", number(share))
+    }))
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts of rays and nodes")]
+fn rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Row>> {
+    let (corners, bounds) = canted_lbvh::gather(&model.mesh.positions, &model.mesh.triangles)?;
+    let codes = canted_lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
+    let tree = canted_lbvh::radix(canted_lbvh::by_code(&codes, Bits::B63));
+    let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
+    let rays = sets::camera(model, effort.pick(16, 48, 128));
+    let mut rows: Vec<Row> = vec![];
+    let mut aligned_volume = 1.0;
+    for strategy in Strategy::ALL {
+        let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
+        let sums = canted_lbvh::sums(&tree, &volumes, &sorted, &Costs::default(), 1.0);
+        let blas = MeshBlas::<Watertight>::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst);
+        let mut counts = Counts::default();
+        for ray in &rays {
+            blas.closest_hit(ray, InstanceId(0), &mut counts);
+        }
+        if strategy == Strategy::Aabb {
+            aligned_volume = sums.volume;
+        }
+        rows.push(Row {
+            strategy,
+            volume: sums.volume / aligned_volume,
+            leaning_percent: 100.0 * sums.n_leaning as f64 / sums.n_nodes as f64,
+            boxes: counts.boxes as f64 / rays.len() as f64,
+        });
+    }
+    Ok(rows)
+}

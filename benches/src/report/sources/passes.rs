@@ -1,0 +1,102 @@
+//! Milliseconds of each pass of a build on the CPU: the dissertation's table 5 and figure 11.
+
+use anyhow::Result;
+use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
+
+use super::subjects;
+use crate::clock;
+use crate::models::Model;
+use crate::report::{
+    effort::Effort,
+    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+    samples::{Samples, number},
+};
+
+const PASSES: [&str; 6] = ["codes", "sort", "nodes", "boxes, PCA bounded", "boxes, quaternion", "boxes, PCA unbounded"];
+
+/// What the dissertation prints for the CPU, ms.
+const THEIRS: [(&str, [f64; 6]); 3] = [
+    ("dragon_871k", [14.40, 100.80, 28.42, 316.26, 520.10, 626.26]),
+    ("sponza", [4.27, 23.62, 8.52, 756.01, 490.58, 723.99]),
+    ("bunny", [2.37, 12.51, 4.36, 51.90, 84.76, 90.27]),
+];
+
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+    let mut table = Table::new(
+        "Passes of a build on the CPU (table 5, figure 11)",
+        &["scene", "pass", "theirs", "ours", "ours over theirs"],
+    );
+    let (mut series, mut says) = (vec![], String::new());
+    for (name, model) in
+        subjects(effort, effort.pick(&[][..], &["sponza"], &["dragon_871k", "sponza", "bunny"]), chapter)?
+    {
+        let ours = one_thread(|| measure(&model, effort.pick(2, 3, 7)))??;
+        let theirs = THEIRS.iter().find(|(scene, _)| *scene == name).map(|(_, passes)| passes);
+        let mut points = vec![];
+        for (i, (pass, ms)) in PASSES.iter().zip(&ours).enumerate() {
+            let their = theirs.map(|passes| passes[i]);
+            table.rows.push(vec![
+                Cell::text(name),
+                Cell::text(*pass),
+                Cell::text(their.map_or("–".to_owned(), |ms| format!("{ms} ms"))),
+                Cell::measured(ms.clone(), "ms"),
+                Cell::text(their.map_or("–".to_owned(), |their| number(ms.median() / their))),
+            ]);
+            // A scene that they have not is set beside itself, so that its passes are seen.
+            points.push(Point {
+                label: (*pass).to_owned(),
+                x: their.unwrap_or_else(|| ms.median()).into(),
+                y: ms.clone(),
+            });
+        }
+        if let Some(theirs) = theirs {
+            let share = |passes: &[f64]| passes[3] / (passes[0] + passes[1] + passes[2] + passes[3]);
+            let medians: Vec<f64> = ours.iter().map(Samples::median).collect();
+            says = format!(
+                "Boxes from bounded principal axes take {:.0}% of the build of {name} here, {:.0}% in the dissertation.",
+                100.0 * share(&medians),
+                100.0 * share(theirs)
+            );
+        }
+        series.push(Series { name: name.to_owned(), points, is_joined: false });
+    }
+    chapter.plots.push(Plot {
+        title: "Passes of a build on one thread: ours over the dissertation's".to_owned(),
+        x: Axis::log("theirs, ms"),
+        y: Axis::log("ours, ms"),
+        series,
+    });
+    chapter.tables.push(table);
+    Ok(says)
+}
+
+/// Runs on a pool of one thread.
+pub(super) fn one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
+    Ok(rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(work))
+}
+
+fn measure(model: &Model, repeats: usize) -> Result<[Samples; 6]> {
+    let (corners, bounds) = canted_lbvh::gather(&model.mesh.positions, &model.mesh.triangles)?;
+    let mut ms: [Vec<f64>; 6] = Default::default();
+    for repeat in 0..=repeats {
+        let mut keep = |pass: usize, took: clock::Seconds| {
+            if repeat > 0 {
+                ms[pass].push(took.wall * 1e3);
+            }
+        };
+        let (codes, took) = clock::time(|| canted_lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners));
+        keep(0, took);
+        let (sorted, took) = clock::time(|| canted_lbvh::by_code(&codes, Bits::B63));
+        keep(1, took);
+        let (tree, took) = clock::time(|| canted_lbvh::radix(sorted));
+        keep(2, took);
+        let leaves = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
+        for (i, strategy) in
+            [Strategy::PcaBounded, Strategy::Quaternion, Strategy::PcaUnbounded].into_iter().enumerate()
+        {
+            let config = VolumeConfig { strategy, fallback: true };
+            keep(3 + i, clock::time(|| canted_lbvh::volumes(&tree, &leaves, &config)).1);
+        }
+    }
+    Ok(ms.map(Samples::from))
+}

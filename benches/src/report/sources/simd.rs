@@ -1,0 +1,65 @@
+//! Vector instructions beside one lane, and no hierarchy beside one: what survives of Silva's charts.
+
+use anyhow::Result;
+use canted_trace::Watertight;
+use canted_wide::{Config, Preset, SimdPath, Wide};
+
+use super::passes::one_thread;
+use super::subjects;
+use crate::report::{
+    effort::Effort,
+    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+    samples::{Samples, number},
+};
+use crate::wide::{closest_seconds, sets};
+
+/// What Silva prints: four lanes over a scalar test that the compiler made vectors of too.
+const THEIRS: [(&str, &str); 2] = [("SSE, triangles (Silva)", "1.32"), ("SSE, boxes (Silva)", "1.5")];
+
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+    let mut table = Table::new(
+        "Vector instructions (Silva's chart): the wide tree by path",
+        &["scene", "path", "a camera ray", "over scalar"],
+    );
+    let mut says = String::new();
+    let mut series = vec![];
+    for (name, model) in subjects(effort, effort.pick(&[][..], &["truss"], &["truss", "bunny", "sponza"]), chapter)? {
+        let mesh = &model.mesh;
+        let paths: Vec<SimdPath> = SimdPath::ALL.into_iter().filter(|path| path.is_available()).collect();
+        let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
+        let trees = paths.iter().map(|&path| tree.clone().with_path(path)).collect();
+        let rays = sets::camera(&model, effort.pick(16, 64, 128));
+        let seconds = one_thread(|| closest_seconds(trees, &rays, effort.pick(2, 5, 9)))?;
+        #[expect(clippy::cast_precision_loss, reason = "rays are counted in thousands")]
+        let ns: Vec<Samples> = seconds.into_iter().map(|s| Samples::from(s).scaled(1e9 / rays.len() as f64)).collect();
+        let mut points = vec![];
+        for (i, path) in paths.iter().enumerate() {
+            let gain = ns[0].median() / ns[i].median();
+            table.rows.push(vec![
+                Cell::text(name),
+                Cell::text(format!("{path:?}")),
+                Cell::measured(ns[i].clone(), "ns"),
+                Cell::text(number(gain)),
+            ]);
+            #[expect(clippy::cast_precision_loss, reason = "paths are few")]
+            let place = i as f64;
+            points.push(Point { label: format!("{path:?}"), x: place.into(), y: ns[i].clone() });
+            if i + 1 == paths.len() && says.is_empty() {
+                says = format!("On {name} the path {path:?} is {} times as fast as one lane at a time.", number(gain));
+            }
+        }
+        let order = paths.iter().map(|path| format!("{path:?}")).collect::<Vec<_>>().join(", ");
+        series.push(Series { name: format!("{name}: {order}"), points, is_joined: true });
+    }
+    for (what, gain) in THEIRS {
+        table.rows.push([what, "4 lanes", "–", gain].map(Cell::text).to_vec());
+    }
+    chapter.tables.push(table);
+    chapter.plots.push(Plot {
+        title: "A camera ray through the wide tree, by path".to_owned(),
+        x: Axis::linear("path, in the order of the legend"),
+        y: Axis::linear("ns"),
+        series,
+    });
+    Ok(says)
+}

@@ -1,0 +1,99 @@
+//! What the files hold.
+
+use serde_json::Value;
+
+use super::MADE;
+
+/// The entries of an array in a JSON object.
+fn entries<'a>(value: &'a Value, key: &str) -> &'a [Value] {
+    value[key].as_array().unwrap()
+}
+
+fn n_points(plot: &Value) -> usize {
+    entries(plot, "series").iter().map(|series| entries(series, "points").len()).sum()
+}
+
+#[test]
+fn no_chapter_is_empty() {
+    let chapters = MADE.chapters();
+    assert!(chapters.len() >= 5, "{} chapters", chapters.len());
+    for chapter in chapters {
+        let title = chapter["title"].as_str().unwrap();
+        assert!(chapter["says"].as_str().unwrap().ends_with('.'), "{title} says nothing: {}", chapter["says"]);
+        for part in ["plots", "tables", "method"] {
+            assert!(!entries(chapter, part).is_empty(), "{title} has no {part}");
+        }
+        for plot in entries(chapter, "plots") {
+            assert!(n_points(plot) > 0, "{title}: '{}' has no point", plot["title"]);
+        }
+        for table in entries(chapter, "tables") {
+            let n_columns = entries(table, "head").len();
+            assert!(!entries(table, "rows").is_empty(), "{title}: '{}' has no row", table["title"]);
+            for row in entries(table, "rows") {
+                assert_eq!(row.as_array().unwrap().len(), n_columns, "{title}: '{}': {row}", table["title"]);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_measured_point_has_its_samples() {
+    for chapter in MADE.chapters() {
+        for series in entries(chapter, "plots").iter().flat_map(|plot| entries(plot, "series")) {
+            for point in entries(series, "points") {
+                for axis in ["x", "y"] {
+                    let samples = entries(point, axis);
+                    assert!(!samples.is_empty() && samples.iter().all(Value::is_f64), "{}: {point}", series["name"]);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_plot_is_drawn_for_wide_and_narrow_screens_with_its_points() {
+    let html = &MADE.html;
+    let mut figures = html.split("<figure ").skip(1);
+    for plot in MADE.chapters().iter().flat_map(|chapter| entries(chapter, "plots")) {
+        let figure = figures.next().unwrap().split("</figure>").next().unwrap();
+        let n = n_points(plot);
+        assert!(figure.starts_with(&format!("data-points=\"{n}\"")), "{}", &figure[..40]);
+        let drawings: Vec<&str> = figure.split("<svg").skip(1).collect();
+        assert_eq!(drawings.len(), 2, "{}", plot["title"]);
+        for drawing in drawings {
+            assert_eq!(drawing.matches("<circle").count(), n, "{}", plot["title"]);
+        }
+    }
+    assert!(figures.next().is_none());
+}
+
+#[test]
+fn the_page_needs_nothing_but_itself() {
+    for word in ["<script", "<link", "<img", "src=", "url(", "@import"] {
+        assert!(!MADE.html.contains(word), "{word}");
+    }
+    // Names of formats are addresses too; nothing is fetched from them.
+    let addresses = MADE.html.matches("http").count();
+    assert_eq!(addresses, MADE.html.matches("xmlns=\"http://www.w3.org/2000/svg\"").count());
+    assert!(MADE.html.contains("&lt;machine&gt;") && !MADE.html.contains("<machine>"), "text is escaped");
+}
+
+#[test]
+fn the_text_has_every_chapter_and_table() {
+    for chapter in MADE.chapters() {
+        assert!(MADE.markdown.contains(&format!("## Report: {}\n", chapter["title"].as_str().unwrap())));
+        for table in entries(chapter, "tables") {
+            assert!(MADE.markdown.contains(&format!("### {}\n", table["title"].as_str().unwrap())));
+        }
+    }
+}
+
+#[test]
+fn pictures_say_how_good_their_reference_is() {
+    let pictures = &MADE.chapters()[0];
+    let table = entries(pictures, "tables").iter().find(|table| table["title"] == "built-in: how error falls").unwrap();
+    let place = entries(table, "head").iter().position(|word| word == "reference's share").unwrap();
+    for row in entries(table, "rows") {
+        assert!(row[place].as_str().unwrap().ends_with('%'), "{row}");
+    }
+}

@@ -1,0 +1,258 @@
+//! Figures in documents, each marked with where it was measured.
+//!
+//! ```text
+//! <!-- measured: SECTION | ROW, ROW | COLUMN -->7.7 / 5.4<!-- / -->    a table of benches/RESULTS.md
+//! <!-- measured: report | KEY -->3.21<!-- / -->                        a claim of benches/report.json
+//! ```
+//!
+//! A row's numbers stand as the table's, joined by ` / ` and rounded as one likes; `A to B` are the least and the greatest of all.
+
+use std::{collections::BTreeMap, fs};
+
+use anyhow::{Context, Result};
+use serde_json::{Value, json};
+
+use crate::{bench::RESULTS, workspace};
+
+/// The claims of the last report that was kept, from the root of the workspace.
+const CLAIMS: &str = "benches/report.json";
+
+const OPEN: &str = "<!-- measured: ";
+const CLOSE: &str = "<!-- / -->";
+
+/// What was measured, for documents to be compared with.
+pub(crate) struct Measured {
+    results: String,
+    claims: BTreeMap<String, String>,
+}
+
+/// Keeps the claims of a report, with where, when and how it was made.
+pub(crate) fn keep(report: &str) -> Result<()> {
+    let report: Value = serde_json::from_str(report).context("the report is not JSON")?;
+    // A report of few chapters leaves what others claimed before.
+    let mut kept = fs::read_to_string(workspace::root().join(CLAIMS))
+        .ok()
+        .and_then(|text| serde_json::from_str::<Value>(&text).ok())
+        .unwrap_or_else(|| json!({}));
+    for chapter in report["chapters"].as_array().into_iter().flatten() {
+        if let Some(id) = chapter["id"].as_str() {
+            kept[id] = json!({ "facts": report["facts"], "says": chapter["says"], "claims": chapter["claims"] });
+        }
+    }
+    let path = workspace::root().join(CLAIMS);
+    fs::write(&path, format!("{kept:#}\n")).with_context(|| format!("cannot write {}", path.display()))
+}
+
+impl Measured {
+    /// Reads results and claims.
+    pub(crate) fn read() -> Result<Self> {
+        let read = |name: &str| fs::read_to_string(workspace::root().join(name)).unwrap_or_default();
+        Self::of(read(RESULTS), &read(CLAIMS))
+    }
+
+    fn of(results: String, claims: &str) -> Result<Self> {
+        let chapters: Value = match claims {
+            "" => json!({}),
+            text => serde_json::from_str(text).with_context(|| format!("{CLAIMS} is not JSON"))?,
+        };
+        let of_chapter = |(id, chapter): (&String, &Value)| -> Vec<(String, String)> {
+            let claims = chapter["claims"].as_object().into_iter().flatten();
+            claims.map(|(key, value)| (format!("{id}.{key}"), value.as_str().unwrap_or_default().to_owned())).collect()
+        };
+        Ok(Self { results, claims: chapters.as_object().into_iter().flatten().flat_map(of_chapter).collect() })
+    }
+
+    /// What is wrong with the marked figures of a document, with the line of each.
+    pub(crate) fn wrong(&self, text: &str) -> Vec<(usize, String)> {
+        let mut wrong = vec![];
+        let mut at = 0;
+        while let Some(found) = text[at..].find(OPEN) {
+            let start = at + found;
+            // An example in a code span marks nothing.
+            if text[..start].ends_with('`') {
+                at = start + OPEN.len();
+                continue;
+            }
+            let is_line_start = start == 0 || text[..start].ends_with('\n');
+            let line = text[..start].lines().count().max(1) + usize::from(text[..start].ends_with('\n'));
+            let rest = &text[start + OPEN.len()..];
+            let Some(((key, stated), after)) =
+                rest.split_once(CLOSE).and_then(|(mark, after)| Some((mark.split_once("-->")?, after)))
+            else {
+                wrong.push((line, format!("a mark without its end '{CLOSE}'")));
+                break;
+            };
+            at = text.len() - after.len();
+            // Markdown ends a paragraph at a line that begins with a comment.
+            if is_line_start {
+                wrong.push((line, "a mark at the start of a line".to_owned()));
+            }
+            if let Err(message) = self.check(key.trim(), &plain(stated)) {
+                wrong.push((line, message));
+            }
+        }
+        wrong
+    }
+
+    fn check(&self, key: &str, stated: &str) -> Result<(), String> {
+        let parts: Vec<&str> = key.split('|').map(str::trim).collect();
+        match parts[..] {
+            ["report", key] => match self.claims.get(key) {
+                Some(value) if value == stated => Ok(()),
+                Some(value) => Err(format!("{key} is {value} in {CLAIMS}, not {stated}")),
+                None => Err(format!("{CLAIMS} has no claim '{key}'")),
+            },
+            [section, rows, column] => {
+                let rows: Vec<&str> = rows.split(',').map(str::trim).collect();
+                let measured =
+                    rows.iter().map(|row| cell(&self.results, section, row, column)).collect::<Result<Vec<_>, _>>()?;
+                if is_said(stated, &measured) {
+                    Ok(())
+                } else {
+                    Err(format!("'{stated}' is not what '{key}' of {RESULTS} says: {measured:?}"))
+                }
+            }
+            _ => Err(format!("'{key}' names neither a cell nor a claim")),
+        }
+    }
+}
+
+/// The numbers of a cell in a table of a section, or of a part of one.
+fn cell(results: &str, section: &str, row: &str, column: &str) -> Result<Vec<f64>, String> {
+    let titled = |line: &str| line.trim_start_matches('#').trim() == section && line.starts_with("##");
+    let mut lines = results.lines().skip_while(|line| !titled(line)).skip(1).take_while(|line| !line.starts_with('#'));
+    let head = lines.find(|line| line.starts_with('|')).ok_or_else(|| format!("{RESULTS} has no table '{section}'"))?;
+    let place = cells(head).position(|word| word == column);
+    let place = place.ok_or_else(|| format!("'{section}' of {RESULTS} has no column '{column}'"))?;
+    let found = lines.find(|line| cells(line).next() == Some(row));
+    let found = found.ok_or_else(|| format!("'{section}' of {RESULTS} has no row '{row}'"))?;
+    let cell = cells(found).nth(place).unwrap_or_default();
+    cell.split(" / ").map(|part| number(part).ok_or_else(|| format!("'{part}' of '{row}' is no number"))).collect()
+}
+
+fn cells(line: &str) -> impl Iterator<Item = &str> {
+    line.trim().trim_matches('|').split('|').map(str::trim)
+}
+
+/// The number that a text begins with, emphasis aside.
+fn number(text: &str) -> Option<f64> {
+    let text = text.trim().trim_start_matches('*');
+    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.' && c != '-').unwrap_or(text.len());
+    text[..end].parse().ok()
+}
+
+/// Whether the stated numbers are the measured ones, each rounded to the digits it is stated in.
+fn is_said(stated: &str, measured: &[Vec<f64>]) -> bool {
+    let all = || measured.iter().flatten().copied();
+    let (words, values): (Vec<&str>, Vec<f64>) = match stated.split_once(" to ") {
+        Some((low, high)) => (vec![low, high], vec![all().fold(f64::MAX, f64::min), all().fold(f64::MIN, f64::max)]),
+        None => (stated.split('/').collect(), all().collect()),
+    };
+    words.len() == values.len()
+        && words.iter().zip(values).all(|(word, value)| {
+            let word = word.trim();
+            let digits = word.split_once('.').map_or(0, |(_, digits)| digits.len());
+            let half = 0.5 * 10f64.powi(-i32::try_from(digits).unwrap_or(i32::MAX));
+            // Half-way either rounding will do: the table's own digits are rounded too.
+            word.parse().is_ok_and(|stated: f64| (stated - value).abs() <= half * (1.0 + 1e-9))
+        })
+}
+
+/// Text in one line, without emphasis.
+fn plain(text: &str) -> String {
+    text.replace('*', "").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Decimal fractions outside marks, code and versions, with their lines: nobody can say where these were measured.
+pub(crate) fn unmarked(text: &str) -> Vec<(usize, String)> {
+    let mut found = vec![];
+    let (mut is_code, mut is_marked) = (false, false);
+    for (i, line) in text.lines().enumerate() {
+        if line.starts_with("```") {
+            is_code = !is_code;
+        }
+        let mut before = "";
+        // Marks may begin in one line and end in another.
+        for word in line.replace(OPEN, " \u{1} ").replace(CLOSE, " \u{2} ").split_whitespace().map(str::to_owned) {
+            match word.as_str() {
+                "\u{1}" => is_marked = true,
+                "\u{2}" => is_marked = false,
+                _ if !is_code && !is_marked && is_fraction(&word) && !VERSIONED.contains(&before) => {
+                    found.push((i + 1, format!("'{word}' is typed by hand: mark where it was measured")));
+                }
+                _ => {}
+            }
+            before = VERSIONED.iter().find(|&&name| name == word.trim_start_matches('(')).copied().unwrap_or("");
+        }
+    }
+    found
+}
+
+/// What a version follows.
+const VERSIONED: [&str; 2] = ["Rust", "Embree"];
+
+/// Whether a word is a decimal fraction, punctuation aside; code and links are not.
+fn is_fraction(word: &str) -> bool {
+    let bare = word.trim_matches(|c: char| !c.is_ascii_alphanumeric());
+    let digits = |text: &str| !text.is_empty() && text.chars().all(|c| c.is_ascii_digit());
+    !word.contains('`') && bare.split_once('.').is_some_and(|(whole, part)| digits(whole) && digits(part))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measured() -> Measured {
+        let results = "# R\n\n## A\n\n### B\n\n| scene | x | y |\n| --- | --- | --- |\n| s | 1 | **7.73** (±2 %) / **5.35** |\n\
+                       | t | 2 | **1.04** / 1.26 |\n";
+        let claims = r#"{ "pictures": { "claims": { "gain": "3.21" } } }"#;
+        Measured::of(results.to_owned(), claims).unwrap()
+    }
+
+    #[test]
+    fn marked_figures_are_those_that_were_measured() {
+        for right in [
+            "x <!-- measured: B | s | y -->7.7 /\n**5.35**<!-- / -->",
+            "x <!-- measured: B | s, t | y -->1.0 to 7.7<!-- / -->",
+            "x <!-- measured: report | pictures.gain -->3.21<!-- / -->",
+            "as `<!-- measured: SECTION | ROW | COLUMN -->7.7<!-- / -->` is",
+        ] {
+            assert_eq!(measured().wrong(right), [], "{right}");
+        }
+    }
+
+    #[test]
+    fn figures_that_drifted_are_seen() {
+        for (wrong, part) in [
+            ("<!-- measured: B | s | y -->7.8 / 5.4<!-- / -->", "7.73"),
+            ("<!-- measured: B | s | y -->7.7<!-- / -->", "7.73"),
+            ("<!-- measured: B | u | y -->1<!-- / -->", "row 'u'"),
+            ("<!-- measured: B | s | z -->1<!-- / -->", "column 'z'"),
+            ("<!-- measured: C | s | y -->1<!-- / -->", "table 'C'"),
+            ("<!-- measured: report | gain -->3.21<!-- / -->", "no claim 'gain'"),
+            ("<!-- measured: report | pictures.gain -->3.2<!-- / -->", "not 3.2"),
+            ("<!-- measured: B | s | y -->1", "without its end"),
+            ("<!-- measured: B -->1<!-- / -->", "neither"),
+        ] {
+            let found = measured().wrong(&format!("one\nx {wrong}"));
+            assert!(found.len() == 1 && found[0].0 == 2 && found[0].1.contains(part), "{wrong}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn a_mark_does_not_break_its_paragraph() {
+        let found = measured().wrong("x\n<!-- measured: B | s, t | x -->1 to 2<!-- / -->");
+        assert_eq!(found, [(2, "a mark at the start of a line".to_owned())]);
+    }
+
+    #[test]
+    fn figures_typed_by_hand_are_seen() {
+        for (text, n) in [
+            ("It is 1.5 times, or (2.25).", 2),
+            ("It is <!-- measured: x | y | z -->1.5\nor 2.5<!-- / --> times.", 0),
+            ("Rust 1.89, Embree 4.4's mode, `t = 1.5`\n```\n1.5\n```\nand 3 or 1e7 or v1.2.3", 0),
+        ] {
+            assert_eq!(unmarked(text).len(), n, "{text}");
+        }
+    }
+}
