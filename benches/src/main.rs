@@ -7,6 +7,7 @@
 mod build;
 mod clock;
 mod costs;
+mod extremes;
 mod interleave;
 mod load;
 mod models;
@@ -26,6 +27,9 @@ fn main() -> Result<()> {
     let mut args = std::env::args().skip(1).peekable();
     if args.next_if(|arg| arg == report::REPORT).is_some() {
         return report::run(args);
+    }
+    if args.next_if(|word| word == extremes::EXTREMES).is_some() {
+        return extremes::run(args);
     }
     let options = Options::read(args)?;
     if options.is_trial() {

@@ -14,6 +14,7 @@ pub(crate) mod growth;
 mod judge;
 pub(crate) mod obvhs;
 pub(crate) mod ours;
+mod peers;
 mod record;
 pub(crate) mod sets;
 mod subject;
@@ -34,6 +35,7 @@ use crate::{
 use {subject::Subject, tables::Tables};
 
 pub(crate) use growth::section as growing;
+pub(crate) use peers::ways as peers;
 pub(crate) use record::Record;
 
 /// The section that is run by this program itself, in a process of its own, to see whether tinybvh lives through it.

@@ -8,9 +8,9 @@ use canted_trace::Ray;
 use num_bigint::BigInt;
 
 /// Bits after the point of the unit 2^-149.
-const UNIT_BITS: u32 = 149;
+pub(crate) const UNIT_BITS: u32 = 149;
 
-type Point = [BigInt; 3];
+pub(crate) type Point = [BigInt; 3];
 
 /// `x` in units of 2^-149.
 ///
@@ -28,23 +28,23 @@ pub fn whole(x: f32) -> BigInt {
     if x.is_sign_negative() { -magnitude } else { magnitude }
 }
 
-fn point(p: [f32; 3]) -> Point {
+pub(crate) fn point(p: [f32; 3]) -> Point {
     p.map(whole)
 }
 
-fn sub(a: &Point, b: &Point) -> Point {
+pub(crate) fn sub(a: &Point, b: &Point) -> Point {
     std::array::from_fn(|k| &a[k] - &b[k])
 }
 
-fn cross(a: &Point, b: &Point) -> Point {
+pub(crate) fn cross(a: &Point, b: &Point) -> Point {
     std::array::from_fn(|k| &a[(k + 1) % 3] * &b[(k + 2) % 3] - &a[(k + 2) % 3] * &b[(k + 1) % 3])
 }
 
-fn dot(a: &Point, b: &Point) -> BigInt {
+pub(crate) fn dot(a: &Point, b: &Point) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
 }
 
-fn abs(x: BigInt) -> BigInt {
+pub(crate) fn abs(x: BigInt) -> BigInt {
     if x < BigInt::ZERO { -x } else { x }
 }
 
@@ -145,7 +145,7 @@ pub fn near_plane(ray: &Ray, t: f32, corners: [[f32; 3]; 3], along: f32) -> bool
 }
 
 /// A normal of any length, and its product with the way from `origin` to the plane.
-fn plane(corners: &[[f32; 3]; 3], origin: &Point) -> (Point, BigInt) {
+pub(crate) fn plane(corners: &[[f32; 3]; 3], origin: &Point) -> (Point, BigInt) {
     let [a, b, c] = corners.map(point);
     let normal = cross(&sub(&b, &a), &sub(&c, &a));
     let offset = dot(&normal, &sub(&a, origin));

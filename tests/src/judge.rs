@@ -16,6 +16,13 @@ const U: f32 = 0.5 * f32::EPSILON;
 /// terms.
 const ACROSS: f32 = 5.0 * std::f32::consts::SQRT_2 * U;
 
+/// What underflow adds to the distance of a reported point, as `HIT_ERROR` is documented: 2^-127.
+const UNDERFLOW: f32 = 0.5 * f32::MIN_POSITIVE;
+
+/// What underflow moves a vertex across the ray: the product that shears is off by half of 2^-149, on two axes; the margin
+/// itself, where it is rounded, by as much.
+const UNDERFLOW_ACROSS: f32 = f32::from_bits(2);
+
 fn greatest(numbers: impl IntoIterator<Item = f32>) -> f32 {
     numbers.into_iter().fold(0.0, |all, x| all.max(x.abs()))
 }
@@ -34,7 +41,7 @@ pub fn margin(ray: &Ray, corners: &[[f32; 3]; 3]) -> Margin {
     let reach = greatest(corners.iter().flatten().copied());
     // Along each of three axes, so √3 in the direction of a normal.
     let along = 3.0f32.sqrt() * HIT_ERROR * (origin + reach);
-    Margin { across: 1.001 * ACROSS * away, along: 1.001 * along }
+    Margin { across: 1.001 * ACROSS * away + UNDERFLOW_ACROSS, along: 1.001 * along + UNDERFLOW }
 }
 
 /// How many pairs of ray and triangle got which verdict.

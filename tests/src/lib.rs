@@ -3,10 +3,16 @@
 
 pub mod brute;
 pub mod closed;
+pub mod clouds;
 pub mod exact;
+pub mod extremes;
+pub mod fractions;
 pub mod instances;
 pub mod judge;
+pub mod leaks;
 pub mod models;
 pub mod rays;
+pub mod rotations;
 pub mod scenes;
+pub mod tracers;
 pub mod transforms;

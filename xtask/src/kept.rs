@@ -14,8 +14,10 @@ use crate::{
 pub(crate) struct Kept {
     /// What follows `cargo xtask`.
     name: &'static str,
-    /// Arguments of cargo, up to those of the run.
+    /// Arguments of cargo, up to those of the program.
     cargo: &'static [&'static str],
+    /// Arguments of the program, up to those of the run.
+    program: &'static [&'static str],
     /// Where the page is, from the root of the workspace.
     file: &'static str,
     /// The head of the page.
@@ -25,7 +27,8 @@ pub(crate) struct Kept {
 /// Millions of grazing rays at wide trees.
 pub(crate) const GRAZING: Kept = Kept {
     name: "grazing",
-    cargo: &["run", "--release", "--package", "canted-tests", "--example", "grazing", "--"],
+    cargo: &["run", "--release", "--package", "canted-tests", "--example", "grazing"],
+    program: &[],
     file: "tests/GRAZING.md",
     preamble: "# Grazing rays
 
@@ -38,7 +41,8 @@ presets: `t`, `u`, `v` and primitive, and occlusion, beside what judges them.
 /// Changed files through every reader; the profile is that of tests, which checks for overflow.
 pub(crate) const FUZZ: Kept = Kept {
     name: "fuzz",
-    cargo: &["run", "--package", "canted-scene", "--example", "fuzz", "--"],
+    cargo: &["run", "--package", "canted-scene", "--example", "fuzz"],
+    program: &[],
     file: "tests/FUZZ.md",
     preamble: "# Changed files
 
@@ -48,11 +52,49 @@ error, but neither a panic nor half a minute without any.
 ",
 };
 
+/// Rays at vertices and edges of closed meshes.
+pub(crate) const WATERTIGHT: Kept = Kept {
+    name: "watertight",
+    cargo: &["run", "--package", "canted-tests", "--example", "watertight"],
+    program: &[],
+    file: "tests/WATERTIGHT.md",
+    preamble: "# Closed meshes
+
+Written by `cargo xtask watertight [--rays N]`; change nothing by hand. Rays at shared vertices and edges of closed meshes, half
+of them from inside, half from outside to a point inside; as they are, at 1e-6, 2^-10, 2^10 and 1e6, at 1e7, sheared and
+mirrored. Each is asked for its first hit and for any hit (a leak where either is none), or counted through: then a leak is a
+ray that crosses the surface otherwise than as often inward as outward, less the one time that it began inside. The profile is
+that of tests.
+",
+};
+
+/// Every promise on every case, beside the peers.
+pub(crate) const EXTREMES: Kept = Kept {
+    name: "extremes",
+    cargo: &["run", "--package", "canted-benches", "--bin", "canted-bench"],
+    program: &["extremes"],
+    file: "tests/EXTREMES.md",
+    preamble: "# Extremes
+
+Written by `cargo xtask extremes [--effort N] [--peers]`; change nothing by hand. The numerical contract, case by case: what is
+promised, what judges it, the bound, and the worst that each routine of ours did; a test asserts every line
+(`tests/tests/extremes.rs`). A value stands before the number of inputs and the routines that it belongs to. A bound that is
+`told` promises nothing: the value is for information. Of peers nothing is promised: their values stand beside ours because
+their users asked for the same, and a peer may rightly decide an edge otherwise. No value depends on a clock.
+",
+};
+
+/// The word among the arguments that builds the peers in other languages too.
+const PEERS: &str = "--peers";
+
 impl Kept {
     /// Runs, and writes the page; whether nothing was found.
     pub(crate) fn run(&self, args: &[&str]) -> Result<bool> {
         let facts = self.facts(args)?;
-        let output = cargo(self.cargo).args(args).stderr(Stdio::inherit()).output().context("cannot start cargo")?;
+        let features: &[&str] = if args.contains(&PEERS) { &["--features", "peers"] } else { &[] };
+        let mut command = cargo(self.cargo);
+        command.args(features).arg("--").args(self.program).args(args.iter().filter(|&&arg| arg != PEERS));
+        let output = command.stderr(Stdio::inherit()).output().context("cannot start cargo")?;
         let table = String::from_utf8(output.stdout).context("the run wrote something that is not text")?;
         anyhow::ensure!(table.starts_with('|'), "the run failed: {}", output.status);
         let path = workspace::root().join(self.file);
@@ -83,7 +125,12 @@ mod tests {
 
     #[test]
     fn pages_say_how_and_what() {
-        for (kept, title) in [(GRAZING, "# Grazing rays\n"), (FUZZ, "# Changed files\n")] {
+        for (kept, title) in [
+            (GRAZING, "# Grazing rays\n"),
+            (FUZZ, "# Changed files\n"),
+            (WATERTIGHT, "# Closed meshes\n"),
+            (EXTREMES, "# Extremes\n"),
+        ] {
             let page = kept.page("*then*", "| a |\n\n");
             assert!(page.starts_with(title) && page.ends_with("\n\n*then*\n\n| a |\n"), "{page}");
         }

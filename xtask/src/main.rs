@@ -29,6 +29,8 @@ const USAGE: &str = "usage: cargo xtask TASK
   report [ARGS]     measure what each choice costs and buys, and write target/report; --quick, names of chapters, --peers,
                     --keep (into benches/RESULTS.md and benches/report.json)
   grazing [ARGS]    shoot grazing rays at wide trees, and write into tests/GRAZING.md; --rays N, 10 million without
+  watertight [ARGS] shoot rays at the edges of closed meshes, and write into tests/WATERTIGHT.md; --rays N, 10 million without
+  extremes [ARGS]   put every promise to the test, and write into tests/EXTREMES.md; --effort N times the inputs, --peers
   fuzz [ARGS]       read changed files by every reader, and write into tests/FUZZ.md; --minutes N, one without, --seed N
   fixtures [DIR]    write the procedural scenes, into target/fixtures without DIR";
 
@@ -42,6 +44,8 @@ fn main() -> ExitCode {
         ["bench", ref args @ ..] => bench::run(args),
         ["report", ref args @ ..] => report::run(args),
         ["grazing", ref args @ ..] => kept::GRAZING.run(args),
+        ["watertight", ref args @ ..] => kept::WATERTIGHT.run(args),
+        ["extremes", ref args @ ..] => kept::EXTREMES.run(args),
         ["fuzz", ref args @ ..] => kept::FUZZ.run(args),
         ["fixtures"] => fixtures::run(&workspace::root().join("target/fixtures")),
         ["fixtures", dir] => fixtures::run(dir.as_ref()),

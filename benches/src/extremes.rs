@@ -1,0 +1,35 @@
+//! The table of extremes, ours beside the peers: `cargo xtask extremes`.
+
+use std::io::Write as _;
+
+use anyhow::{Result, anyhow, ensure};
+use canted_tests::{
+    extremes::{self, Row},
+    tracers,
+};
+
+use crate::wide;
+
+/// The word among the arguments that asks for it.
+pub(crate) const EXTREMES: &str = "extremes";
+
+/// Prints the table; an error where a promise of ours is broken.
+pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
+    let mut effort = 1;
+    while let Some(arg) = args.next() {
+        ensure!(arg == "--effort", "'{arg}' is not --effort N");
+        let value = args.next().ok_or_else(|| anyhow!("--effort needs a value"))?;
+        let number = value.parse().ok().filter(|&effort| effort > 0);
+        effort = number.ok_or_else(|| anyhow!("--effort '{value}' is not a number of times"))?;
+    }
+    let (mut ways, missing) = tracers::ours();
+    for name in missing {
+        writeln!(std::io::stderr(), "not tried, this machine has no {name}")?;
+    }
+    ways.extend(wide::peers());
+    let rows = extremes::rows(effort, &ways);
+    writeln!(std::io::stdout(), "{}", extremes::table(&rows))?;
+    let n_broken = rows.iter().filter(|row| !row.is_peer && !Row::holds(row)).count();
+    ensure!(n_broken == 0, "{n_broken} promises are broken");
+    Ok(())
+}

@@ -1,0 +1,228 @@
+//! Rotations out of matrices: the measured failures of the source by name, beside the source's own listing.
+
+use std::f64::consts::PI;
+
+use canted_fixtures::SplitMix64;
+use canted_obb::{
+    Quaternion,
+    eigen::{self, FULL_PRECISION, Symmetric},
+    rotation::{MOST_ITERATIONS, Status, extract},
+};
+
+use super::{Oracle, Promise, Row};
+use crate::{
+    clouds::random_rotation,
+    rotations::{Matrix, Vector, angle_rad, as_listed, diagonal, dot, svd_polar, times, transposed},
+};
+
+/// Noise of torque and trace: the extraction's own, 64 roundings of `f64`, and as much for the oracle.
+const NOISE: f64 = 128.0 * f64::EPSILON;
+
+/// Turns after which the listing gives up.
+const CAP: usize = 1000;
+
+/// Residual of an eigenvector: each turn rounds an entry a few times; six sweeps of three, doubled.
+const RESIDUAL: f64 = 128.0 * f64::EPSILON;
+
+fn promise(case: &'static str, promise: &'static str, oracle: Oracle, bound: f64, unit: &'static str) -> Promise {
+    Promise { station: "rotation", case, promise, oracle, bound, unit }
+}
+
+/// Matrices of one kind and the rotations in them.
+struct Known {
+    case: &'static str,
+    bound: f64,
+    inputs: Vec<(Matrix, Quaternion)>,
+}
+
+/// `turn` times a stretch by `values` along random axes, or along those of the space.
+fn stretched(turn: Quaternion, values: Vector, axes: Option<&mut SplitMix64>) -> Matrix {
+    let v = axes.map_or(diagonal([1.0; 3]), |rng| random_rotation(rng).columns());
+    times(turn.columns(), times(v, times(diagonal(values), transposed(v))))
+}
+
+fn known(effort: usize) -> Vec<Known> {
+    let mut rng = SplitMix64::new(92);
+    let n = 100 * effort;
+    let mut kinds = vec![];
+    for (case, values) in [
+        ("condition 1e6, one small value", [1.0, 1.0, 1e-6]),
+        ("condition 1e12, one small value", [1.0, 1.0, 1e-12]),
+        ("condition 1e6, two small values", [1.0, 1e-6, 1e-6]),
+        ("condition 1e12, two small values", [1.0, 1e-12, 1e-12]),
+        ("condition 1e12, values apart", [1.0, 1e-6, 1e-12]),
+    ] {
+        let turn = |rng: &mut SplitMix64| {
+            let turn = random_rotation(rng);
+            (stretched(turn, values, Some(rng)), turn)
+        };
+        // Noise over the least resistance to a turn, that about the first axis.
+        let bound = 8.0 * NOISE / (values[1] + values[2]);
+        kinds.push(Known { case, bound, inputs: (0..n).map(|_| turn(&mut rng)).collect() });
+    }
+    for (case, degrees) in [("179.999° away", 179.999_f64), ("180° away, to the bit of f64", 180.0)] {
+        let turn = |rng: &mut SplitMix64| {
+            let turn = Quaternion::about(random_rotation(rng).columns()[0], degrees.to_radians());
+            (stretched(turn, [5.0, 2.0, 0.1], None), turn)
+        };
+        kinds.push(Known { case, bound: 16.0 * NOISE, inputs: (0..n).map(|_| turn(&mut rng)).collect() });
+    }
+    let halves = [[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(|signs| {
+        let a = diagonal(signs);
+        (a, Quaternion::from_columns(a))
+    });
+    kinds.push(Known { case: "half turns about the axes", bound: 0.0, inputs: halves.to_vec() });
+    let rank_two = |rng: &mut SplitMix64| {
+        let (u, v) = (random_rotation(rng), random_rotation(rng));
+        let a = times(u.columns(), times(diagonal([2.0, 0.5, 0.0]), transposed(v.columns())));
+        (a, u.times(v.conjugate()))
+    };
+    kinds.push(Known { case: "rank two", bound: 16.0 * NOISE, inputs: (0..n).map(|_| rank_two(&mut rng)).collect() });
+    let short = 1e-4;
+    let mean = |rng: &mut SplitMix64| {
+        let (p, axis) = (random_rotation(rng), random_rotation(rng).columns()[0]);
+        let turned = |angle: f64| Quaternion::about(axis, angle).times(p);
+        let (a, b) = (p.columns(), turned(PI - short).columns());
+        ([0, 1, 2].map(|k| [0, 1, 2].map(|j| 0.5 * (a[k][j] + b[k][j]))), turned(0.5 * (PI - short)))
+    };
+    kinds.push(Known {
+        case: "mean of two frames 1e-4 short of half a turn apart",
+        bound: 8.0 * NOISE / short,
+        inputs: (0..n).map(|_| mean(&mut rng)).collect(),
+    });
+    for (case, exponent) in [("scale 2^-300", -300), ("scale 2^300", 300)] {
+        let scale = 2.0_f64.powi(exponent);
+        let turn = |rng: &mut SplitMix64| {
+            let turn = random_rotation(rng);
+            (stretched(turn, [3.0, 2.0, 1.0], Some(rng)).map(|column| column.map(|x| x * scale)), turn)
+        };
+        kinds.push(Known { case, bound: 16.0 * NOISE, inputs: (0..n).map(|_| turn(&mut rng)).collect() });
+    }
+    kinds
+}
+
+pub(super) fn rows(effort: usize) -> Vec<Row> {
+    let mut rows = vec![];
+    for Known { case, bound, inputs } in known(effort) {
+        let promise = promise(case, "the rotation, up to rounding over condition", Oracle::Known, bound, "rad");
+        let worst = |of: &dyn Fn(Matrix) -> Quaternion| {
+            inputs.iter().map(|&(a, turn)| angle_rad(of(a), turn)).fold(0.0, |worst: f64, x| worst.max(x))
+        };
+        rows.push(promise.row("extract", inputs.len(), worst(&|a| extract(a, MOST_ITERATIONS).rotation)));
+        let listed = promise.row("as the paper lists it", inputs.len(), worst(&|a| as_listed(a, CAP).0));
+        rows.push(Row { is_peer: true, ..listed });
+    }
+    rows.extend([greatest_trace(effort), turns(effort)]);
+    rows.extend(degenerate(effort));
+    rows.push(graded(effort));
+    rows
+}
+
+fn random_matrix(rng: &mut SplitMix64) -> Matrix {
+    [rng.signed3(), rng.signed3(), rng.signed3()]
+}
+
+/// Matrices of any kind, mirrors among them: no rotation has a greater trace.
+fn greatest_trace(effort: usize) -> Row {
+    let mut rng = SplitMix64::new(91);
+    let n = 2000 * effort;
+    let lacks = |a: Matrix| {
+        let found = extract(a, MOST_ITERATIONS).rotation.columns();
+        let greatest = a.iter().flatten().fold(0.0, |all: f64, x| all.max(x.abs()));
+        (svd_polar(a).1 - (0..3).map(|k| dot(found[k], a[k])).sum::<f64>()) / greatest
+    };
+    let worst = (0..n).map(|_| lacks(random_matrix(&mut rng))).fold(0.0, f64::max);
+    promise(
+        "any matrix, half of them mirrors",
+        "no rotation fits better",
+        Oracle::Jacobi,
+        NOISE,
+        "of the greatest entry",
+    )
+    .row("extract", n, worst)
+}
+
+/// Turns taken, over random matrices and those of every condition.
+fn turns(effort: usize) -> Row {
+    let mut rng = SplitMix64::new(93);
+    let inputs: Vec<Matrix> = known(effort)
+        .into_iter()
+        .flat_map(|known| known.inputs.into_iter().map(|(a, _)| a))
+        .chain((0..1000 * effort).map(|_| random_matrix(&mut rng)))
+        .collect();
+    #[expect(clippy::cast_precision_loss, reason = "few turns")]
+    let taken = |a: &Matrix| extract(*a, MOST_ITERATIONS).iterations as f64;
+    // A quarter of the cap leaves what no input here shows.
+    #[expect(clippy::cast_precision_loss, reason = "a small number")]
+    let bound = MOST_ITERATIONS as f64 / 4.0;
+    promise("all of these", "ends far below the cap", Oracle::Structure, bound, "turns").row(
+        "extract",
+        inputs.len(),
+        inputs.iter().map(taken).fold(0.0, f64::max),
+    )
+}
+
+/// What has no rotation, or many: said by the status.
+fn degenerate(effort: usize) -> Vec<Row> {
+    let mut rng = SplitMix64::new(95);
+    let mut row = |case, wanted: &'static str, n: usize, is_other: &mut dyn FnMut(&mut SplitMix64) -> bool| {
+        let failed = (0..n).filter(|_| is_other(&mut rng)).count();
+        promise(case, wanted, Oracle::Structure, 0.0, "other answers").count("extract", n, failed)
+    };
+    let is = |a: Matrix, status: Status| {
+        let found = extract(a, MOST_ITERATIONS);
+        let is_unit = (found.rotation.dot(found.rotation) - 1.0).abs() < 8.0 * f64::EPSILON;
+        is_unit && found.status == status
+    };
+    let zero = [[0.0; 3]; 3];
+    vec![
+        row("zero", "no turn, and rank deficient", 1, &mut |_| {
+            !is(zero, Status::RankDeficient) || extract(zero, MOST_ITERATIONS).rotation != Quaternion::IDENTITY
+        }),
+        row("rank one", "rank deficient", 100 * effort, &mut |rng| {
+            let (u, v) = (rng.on_sphere(), rng.on_sphere());
+            !is(v.map(|x| u.map(|y| 3.0 * x * y)), Status::RankDeficient)
+        }),
+        row(
+            "reflected: (3, 2, -1), (1, 1, -1), (1, 1e-9, -1e-9)",
+            "a proper rotation, and reflected",
+            99 * effort,
+            &mut |rng| {
+                let values = [[3.0, 2.0, -1.0], [1.0, 1.0, -1.0], [1.0, 1e-9, -1e-9]][rng.below(3)];
+                let (u, v) = (random_rotation(rng).columns(), random_rotation(rng).columns());
+                !is(times(u, times(diagonal(values), transposed(v))), Status::Reflected)
+            },
+        ),
+        row("NaN, infinity", "no turn, and capped", 2, &mut |rng| {
+            let bad = [f64::NAN, f64::INFINITY][rng.below(2)];
+            !is([[bad, 0.0, 0.0], [0.0; 3], [0.0; 3]], Status::Capped)
+        }),
+    ]
+}
+
+/// Eigenvectors where eigenvalues are 1, 1e-6 and 1e-12.
+fn graded(effort: usize) -> Row {
+    let mut rng = SplitMix64::new(96);
+    let n = 200 * effort;
+    let values = [1.0, 1e-6, 1e-12];
+    let residual = |rng: &mut SplitMix64| {
+        let axes = random_rotation(rng).columns();
+        let entry = |i: usize, j: usize| (0..3).map(|k| values[k] * axes[k][i] * axes[k][j]).sum::<f64>();
+        let [xx, xy, xz, yy, yz, zz]: Symmetric =
+            [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)];
+        let found = eigen::symmetric([xx, xy, xz, yy, yz, zz], FULL_PRECISION);
+        let rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+        let off = |v: usize, i: usize| dot(rows[i], found.vectors[v]) - found.values[v] * found.vectors[v][i];
+        (0..9).map(|i| off(i / 3, i % 3).abs()).fold(0.0, f64::max)
+    };
+    let worst = (0..n).map(|_| residual(&mut rng)).fold(0.0, f64::max);
+    Promise {
+        station: "eigenvectors",
+        case: "eigenvalues 1, 1e-6, 1e-12",
+        promise: "residual of rounding alone",
+        oracle: Oracle::Structure,
+        bound: RESIDUAL,
+        unit: "of the greatest entry",
+    }
+    .row("symmetric", n, worst)
+}

@@ -1,0 +1,232 @@
+//! Rays and boxes, judged by fractions: a box that holds any point of a ray is entered.
+//!
+//! Boxes seem larger than they are by a derived pad; how many rays that miss enter is told, and not promised. Not covered:
+//! rays whose hits are off by more than exact ones (the proof at `canted_trace`'s `slab`, tested there).
+
+use canted_fixtures::SplitMix64;
+use canted_obb::Obb;
+use canted_trace::{Ray, ray_aabb, ray_obb};
+
+use super::{Oracle, Promise, Row};
+use crate::{clouds::random_rotation, fractions};
+
+/// A ray and a box.
+pub type Pair = (Ray, Obb);
+
+/// Pairs of one kind.
+pub struct Case {
+    /// The kind.
+    pub name: &'static str,
+    /// The pairs.
+    pub pairs: Vec<Pair>,
+}
+
+fn signed_f32(rng: &mut SplitMix64, scale: f64) -> [f32; 3] {
+    #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
+    rng.signed3().map(|x| (scale * x) as f32)
+}
+
+/// A point of a box: a corner, a point of an edge or a face, or one inside.
+fn target(rng: &mut SplitMix64, obb: &Obb) -> [f64; 3] {
+    let q: [f64; 3] = std::array::from_fn(|_| [-1.0, 1.0, rng.signed()][rng.below(3)]);
+    std::array::from_fn(|k| {
+        let along = |a: usize| f64::from(obb.frame[a][k]) * f64::from(obb.half[a]) * q[a];
+        f64::from(obb.center[k]) + along(0) + along(1) + along(2)
+    })
+}
+
+/// From `distance` away to a point of the box, rounded.
+#[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
+fn aimed(rng: &mut SplitMix64, obb: &Obb, distance: f64) -> Ray {
+    let (target, away) = (target(rng, obb), rng.on_sphere());
+    let origin: [f32; 3] = std::array::from_fn(|k| (target[k] + distance * away[k]) as f32);
+    Ray::new(origin, std::array::from_fn(|k| (target[k] - f64::from(origin[k])) as f32))
+}
+
+fn leaning(rng: &mut SplitMix64, scale: f64, shift: f32) -> Obb {
+    let center = signed_f32(rng, scale).map(|x| x + shift);
+    Obb { center, frame: random_rotation(rng).frame(), half: signed_f32(rng, scale).map(f32::abs) }
+}
+
+/// Whole coordinates from -4 to 4: faces, edges and corners are met exactly.
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn on_lattice(rng: &mut SplitMix64) -> Pair {
+    let mut whole = || std::array::from_fn(|_| rng.below(9) as f32 - 4.0);
+    let (center, origin): ([f32; 3], [f32; 3]) = (whole(), whole());
+    let half = std::array::from_fn(|_| rng.below(3) as f32);
+    let mut direction = [[0.0, -0.0][rng.below(2)]; 3];
+    direction[rng.below(3)] = [1.0, -1.0, 2.0, -0.5][rng.below(4)];
+    if rng.below(3) == 0 {
+        direction[rng.below(3)] = [1.0, -1.0][rng.below(2)];
+    }
+    (Ray::new(origin, direction), Obb { center, frame: Obb::IDENTITY_FRAME, half })
+}
+
+/// Every kind.
+#[must_use]
+pub fn cases(effort: usize) -> Vec<Case> {
+    let n = 400 * effort;
+    let mut rng = SplitMix64::new(70);
+    let mut case = |name, make: &dyn Fn(&mut SplitMix64) -> Pair| Case {
+        name,
+        pairs: (0..n).map(|_| make(&mut rng)).filter(|(ray, _)| ray.direction.iter().any(|&d| d != 0.0)).collect(),
+    };
+    let at = |distance: f64| move |rng: &mut SplitMix64, obb: Obb| (aimed(rng, &obb, distance), obb);
+    vec![
+        case("along axes, in faces, edges, corners; flat boxes and points", &on_lattice),
+        case("from far, at corners and edges, leaning", &|rng| {
+            let obb = leaning(rng, 1.0, 0.0);
+            at(1e3)(rng, obb)
+        }),
+        case("at 1e7, leaning", &|rng| {
+            let obb = leaning(rng, 10.0, 1e7);
+            at(30.0)(rng, obb)
+        }),
+        case("from 1e7 away at a box of one", &|rng| {
+            let obb = leaning(rng, 1.0, 0.0);
+            at(1e7)(rng, obb)
+        }),
+        case("origin inside or on it", &|rng| {
+            let obb = leaning(rng, 1.0, 0.0);
+            let start = target(rng, &obb);
+            #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
+            (Ray::new(start.map(|x| x as f32), signed_f32(rng, 1.0)), obb)
+        }),
+        case("flat and needle-like, leaning", &|rng| {
+            let mut obb = leaning(rng, 1.0, 0.0);
+            (0..3).filter(|_| rng.below(2) == 0).for_each(|k| obb.half[k] *= [0.0, 1e-6, 1e-20][k]);
+            at(2.0)(rng, obb)
+        }),
+        case("1e-19 large, among ones", &|rng| {
+            let obb = Obb { half: signed_f32(rng, 1e-19).map(f32::abs), ..leaning(rng, 1.0, 0.0) };
+            at(1.0)(rng, obb)
+        }),
+        case("all at 1e-19", &|rng| {
+            let obb = leaning(rng, 1e-19, 0.0);
+            at(1e-19)(rng, obb)
+        }),
+        case("all at 1e15", &|rng| {
+            let obb = leaning(rng, 1e15, 0.0);
+            at(1e15)(rng, obb)
+        }),
+        case("along a leaning axis, but for 1e-9", &|rng| {
+            let obb = leaning(rng, 1.0, 0.0);
+            let (along, stray) = (obb.frame[rng.below(3)], signed_f32(rng, 1e-9));
+            let start = aimed(rng, &obb, 0.0).origin;
+            let direction = std::array::from_fn(|k| along[k] + stray[k]);
+            (Ray::new(std::array::from_fn(|k| start[k] - 3.0 * direction[k]), direction), obb)
+        }),
+        case("directions of length 1e-30 and 1e30", &|rng| {
+            let obb = leaning(rng, 1.0, 0.0);
+            let (ray, scale) = (aimed(rng, &obb, 3.0), [1e-30, 1e30][rng.below(2)]);
+            (Ray { direction: ray.direction.map(|d| d * scale), ..ray }, obb)
+        }),
+        case("denormal components, and denormal directions", &|rng| {
+            let obb = leaning(rng, 1.0, 0.0);
+            let ray = aimed(rng, &obb, 3.0);
+            let scale = if rng.below(2) == 0 { [1.0, 1e-39, 1e-39] } else { [1e-39; 3] };
+            (Ray { direction: [0, 1, 2].map(|k| ray.direction[k] * scale[k]), ..ray }, obb)
+        }),
+        case("skewed frames", &|rng| {
+            let mut obb = leaning(rng, 1.0, 0.0);
+            obb.frame[1] = [0, 1, 2].map(|k| obb.frame[1][k] + 0.7 * obb.frame[0][k]);
+            at(3.0)(rng, obb)
+        }),
+        case("intervals that end or begin in a face", &|rng| {
+            let (ray, obb) = on_lattice(rng);
+            let end = [0.0, 1.0, 2.0, 3.0, 4.0][rng.below(5)];
+            match rng.below(3) {
+                0 => (Ray { t_max: end, ..ray }, obb),
+                1 => (Ray { t_min: end, ..ray }, obb),
+                _ => (Ray { t_min: end, t_max: end, ..ray }, obb),
+            }
+        }),
+    ]
+}
+
+pub(super) fn rows(effort: usize) -> Vec<Row> {
+    let mut rows = vec![];
+    for Case { name, pairs } in cases(effort) {
+        let none_lost = Promise::none("box", name, "what meets the box enters it", Oracle::Exact, "rays lost");
+        let told = Promise {
+            bound: f64::INFINITY,
+            promise: "misses that enter, for the pad",
+            unit: "of all misses",
+            ..none_lost
+        };
+        let straight = |obb: &Obb| obb.frame == Obb::IDENTITY_FRAME;
+        type Enters = fn(&Pair) -> bool;
+        let routines: [(&str, Enters); 2] = [
+            ("ray_obb", |(ray, obb)| ray_obb(ray, obb).is_some()),
+            ("ray_aabb", |(ray, obb)| ray_aabb(ray, &obb.aabb()).is_some()),
+        ];
+        let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::meets_box(ray, obb)).collect();
+        // A leaning box lies in its straight one: what meets it must enter that too.
+        for (routine, enters) in routines {
+            let lost = pairs.iter().zip(&verdicts).filter(|&(pair, &meets)| meets && !enters(pair)).count();
+            rows.push(none_lost.count(routine, pairs.len(), lost));
+        }
+        let all_straight = pairs.iter().all(|(_, obb)| straight(obb));
+        let n_missed = verdicts.iter().filter(|&&meets| !meets).count();
+        for (routine, enters) in routines.into_iter().take(if all_straight { 2 } else { 1 }) {
+            let entered = pairs.iter().zip(&verdicts).filter(|&(pair, &meets)| !meets && enters(pair)).count();
+            #[expect(clippy::cast_precision_loss, reason = "small counts")]
+            let share = entered as f64 / n_missed.max(1) as f64;
+            rows.push(told.row(routine, pairs.len(), share));
+        }
+    }
+    [rows, same(effort)].concat()
+}
+
+/// Rays that are the same but for the sign of zeros, or for a power of two in the direction; rays that are none.
+fn same(effort: usize) -> Vec<Row> {
+    const ZEROS: Promise =
+        Promise::none("box", "-0.0 for +0.0", "the same interval, bit for bit", Oracle::Same, "rays differ");
+    const LENGTH: Promise = Promise::none(
+        "box",
+        "directions times 2^-90 to 2^90",
+        "the same interval, scaled, bit for bit",
+        Oracle::Same,
+        "rays differ",
+    );
+    const NONE: Promise =
+        Promise::none("box", "inverted interval, NaN, zero direction", "a miss", Oracle::Known, "rays that enter");
+    let mut rng = SplitMix64::new(71);
+    let lattice: Vec<Pair> = (0..400 * effort).map(|_| on_lattice(&mut rng)).collect();
+    let with_zero = |(ray, obb): &Pair, zero: f32| {
+        let direction = ray.direction.map(|d| if d == 0.0 { zero } else { d });
+        let ray = Ray { direction, ..*ray };
+        (ray_obb(&ray, obb), ray_aabb(&ray, &obb.aabb()))
+    };
+    let differ = lattice.iter().filter(|pair| with_zero(pair, 0.0) != with_zero(pair, -0.0)).count();
+    let any: Vec<Pair> = (0..200 * effort)
+        .map(|_| {
+            let obb = leaning(&mut rng, 1.0, 0.0);
+            (aimed(&mut rng, &obb, 3.0), obb)
+        })
+        .collect();
+    let of_length = |(ray, obb): &Pair, exponent: i32| {
+        let scale = 2.0f32.powi(exponent);
+        let scaled = Ray { direction: ray.direction.map(|d| d * scale), ..*ray };
+        ray_obb(&scaled, obb).map(|(near, far)| (near * scale, far * scale))
+    };
+    let lengths = [-90, -45, 45, 90];
+    let is_other = |pair: &&Pair| lengths.iter().filter(|&&e| of_length(pair, e) != of_length(pair, 0)).count() > 0;
+    let differ_in_length = any.iter().filter(is_other).count();
+    let (ray, obb) = any[0];
+    let none = [
+        Ray { t_min: 2.0, t_max: 1.0, ..ray },
+        Ray { t_min: f32::NAN, ..ray },
+        Ray { t_max: f32::NAN, ..ray },
+        Ray { direction: [0.0, -0.0, 0.0], ..ray },
+        Ray { direction: [f32::NAN, 1.0, 0.0], ..ray },
+        Ray { direction: [f32::INFINITY, 1.0, 0.0], ..ray },
+        Ray { origin: [f32::NAN; 3], ..ray },
+    ];
+    let enters = none.iter().filter(|ray| ray_obb(ray, &obb).is_some() || ray_aabb(ray, &obb.aabb()).is_some()).count();
+    vec![
+        ZEROS.count("ray_obb, ray_aabb", lattice.len(), differ),
+        LENGTH.count("ray_obb", any.len(), differ_in_length),
+        NONE.count("ray_obb, ray_aabb", none.len(), enters),
+    ]
+}

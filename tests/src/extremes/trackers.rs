@@ -1,0 +1,77 @@
+//! What other libraries' users reported, as cases of ours by the number of the thread, beside what those libraries do.
+//!
+//! Inputs follow the reports' words; where a report came with files, the shape that it describes takes their place.
+
+mod embree;
+mod tinybvh;
+
+use canted_fixtures::{Mesh, displaced_icosphere};
+use canted_obb::Affine;
+use canted_trace::Ray;
+
+use super::{Oracle, Promise, Row};
+use crate::{
+    closed::{Closed, rays},
+    tracers::{Way, Word},
+};
+
+/// A report, and the rows that answer it.
+pub struct Tracker {
+    /// Library and number: also the name of the test.
+    pub name: &'static str,
+    /// What each way does on the report's input.
+    pub rows: fn(&[Way]) -> Vec<Row>,
+}
+
+/// Every report.
+pub const TRACKERS: [Tracker; 9] = [
+    Tracker { name: "embree_174", rows: embree::embree_174 },
+    Tracker { name: "embree_181", rows: embree::embree_181 },
+    Tracker { name: "embree_188", rows: embree::embree_188 },
+    Tracker { name: "embree_387", rows: embree::embree_387 },
+    Tracker { name: "tinybvh_277", rows: tinybvh::tinybvh_277 },
+    Tracker { name: "tinybvh_282", rows: tinybvh::tinybvh_282 },
+    Tracker { name: "tinybvh_283", rows: tinybvh::tinybvh_283 },
+    Tracker { name: "tinybvh_286", rows: tinybvh::tinybvh_286 },
+    Tracker { name: "parry_444", rows: parry_444 },
+];
+
+/// A row for each way: rays, and those that went wrong.
+fn each(promise: Promise, ways: &[Way], failed: impl Fn(&Way) -> (usize, usize)) -> Vec<Row> {
+    let row = |way: &Way| {
+        let (n, n_failed) = failed(way);
+        Row { is_peer: way.word == Word::Peer, ..promise.count(&way.name, n, n_failed) }
+    };
+    ways.iter().map(row).collect()
+}
+
+/// Rays that nothing stops, or that an occlusion query lets pass.
+fn slipped(way: &Way, mesh: &Mesh, rays: &[Ray]) -> (usize, usize) {
+    let tracer = way.of(mesh);
+    let (hits, occluded) = (tracer.closest(rays), tracer.occluded(rays));
+    (rays.len(), hits.iter().zip(occluded).filter(|(hit, occluded)| hit.is_none() || !occluded).count())
+}
+
+fn ball(mesh: Mesh) -> Closed {
+    Closed { name: "ball", mesh, heart: [0.0; 3], room: [0.4; 3] }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
+fn rounded(x: [f64; 3]) -> [f32; 3] {
+    x.map(|x| x as f32)
+}
+
+/// A closed scan is littered with holes one pixel large.
+fn parry_444(ways: &[Way]) -> Vec<Row> {
+    const PROMISE: Promise = Promise::none(
+        "parry #444",
+        "a closed bumpy mesh of 5,120 triangles from outside, at its edges",
+        "none slips in",
+        Oracle::Known,
+        "rays",
+    );
+    let ball = ball(displaced_icosphere(3, 4));
+    let from_outside: Vec<Ray> =
+        rays(&ball.mesh, &ball, &Affine::IDENTITY, 8_000, 444).into_iter().skip(1).step_by(2).collect();
+    each(PROMISE, ways, |way| slipped(way, &ball.mesh, &from_outside))
+}

@@ -1,0 +1,178 @@
+//! Reports to Embree's tracker.
+
+use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, icosphere};
+use canted_obb::Affine;
+use canted_trace::{Hit, Ray, Side, Watertight};
+use canted_wide::{Config, SimdPath, Wide};
+
+use super::super::{Oracle, Promise, Row, hierarchy};
+use super::{ball, each, rounded, slipped};
+use crate::{
+    closed::rays,
+    tracers::{Way, lean},
+};
+
+/// In robust mode rays from inside leave a closed mesh through a vertex.
+pub(super) fn embree_174(ways: &[Way]) -> Vec<Row> {
+    const PROMISE: Promise = Promise::none(
+        "Embree #174",
+        "from inside a closed mesh, at its vertices",
+        "none slips through",
+        Oracle::Known,
+        "rays",
+    );
+    let ball = ball(displaced_icosphere(3, 3));
+    let mut rng = SplitMix64::new(174);
+    let mut at_vertex = |vertex: &[f32; 3]| {
+        let origin: [f32; 3] = if rng.below(2) == 0 { [0.0; 3] } else { rounded(rng.signed3().map(|x| 0.3 * x)) };
+        Ray::new(origin, std::array::from_fn(|k| vertex[k] - origin[k]))
+    };
+    let rays: Vec<Ray> = ball.mesh.positions.iter().map(&mut at_vertex).collect();
+    each(PROMISE, ways, |way| slipped(way, &ball.mesh, &rays))
+}
+
+/// Rings of vertices of a tube: its ends are open, its middle is not.
+const RINGS: [f64; 3] = [-20.0, 0.0, 20.0];
+
+/// Corners of a tube.
+const SIDES: u32 = 12;
+
+/// Side walls of nested tubes, the k-th of radius `k + 1`, out of their axes.
+fn tubes(n: u32) -> Mesh {
+    let (mut mesh, turn) = (Mesh::default(), Rotation::turn());
+    for k in 0..n {
+        let first = SIDES * 3 * k;
+        for side in 0..SIDES {
+            let (sin, cos) = canted_fixtures::sin_cos(std::f64::consts::TAU * f64::from(side) / f64::from(SIDES));
+            let radius = f64::from(k + 1);
+            mesh.positions.extend(RINGS.map(|z| rounded(turn.apply([radius * cos, radius * sin, z]))));
+            let [a, b] = [first + 3 * side, first + 3 * ((side + 1) % SIDES)];
+            for ring in 0..2 {
+                let [p, q] = [a + ring, b + ring];
+                mesh.triangles.extend([[p, q, q + 1], [p, q + 1, p + 1]]);
+            }
+        }
+    }
+    mesh
+}
+
+/// Of ten nested tubes a ray from one at a vertex of the next passes that and meets a later one.
+pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
+    const PROMISE: Promise = Promise::none(
+        "Embree #181",
+        "nested tubes: from one to a vertex or edge of the next",
+        "the next one is hit",
+        Oracle::Known,
+        "rays",
+    );
+    let (mesh, turn) = (tubes(10), Rotation::turn());
+    let mut rng = SplitMix64::new(181);
+    let mut asked: Vec<(Ray, u32)> = vec![];
+    for tube in 1..10u32 {
+        for i in 0..120 {
+            // A vertex of the middle ring, or a point of an edge along the tube.
+            let middle = (SIDES * 3 * tube) as usize + 3 * (i % SIDES as usize) + 1;
+            let [vertex, end] = [middle, middle + 1].map(|index| mesh.positions[index].map(f64::from));
+            let along = if i < 2 * SIDES as usize { 0.0 } else { 0.9 * rng.unit() };
+            let target: [f64; 3] = std::array::from_fn(|k| vertex[k] + along * (end[k] - vertex[k]));
+            let axis = turn.apply([0.0, 0.0, 1.0]);
+            let height: f64 = (0..3).map(|k| axis[k] * target[k]).sum();
+            // Outside of the tube before this one at any angle: its corners are nearer to the axis.
+            let share = (f64::from(tube) + 0.3) / f64::from(tube + 1);
+            let origin = rounded(std::array::from_fn(|k| {
+                height * axis[k] * (1.0 - share) + share * target[k] + 0.1 * rng.signed() * axis[k]
+            }));
+            let direction = rounded(std::array::from_fn(|k| target[k] - f64::from(origin[k])));
+            asked.push((Ray::new(origin, direction), tube));
+        }
+    }
+    let rays: Vec<Ray> = asked.iter().map(|&(ray, _)| ray).collect();
+    each(PROMISE, ways, |way| {
+        let hits = way.of(&mesh).closest(&rays);
+        let is_other = |(hit, (_, tube)): &(&Option<Hit>, &(Ray, u32))| {
+            hit.is_none_or(|hit| hit.primitive.0 / (4 * SIDES) != *tube)
+        };
+        (rays.len(), hits.iter().zip(&asked).filter(is_other).count())
+    })
+}
+
+/// All hits of a ray through an edge or vertex count the surface twice.
+pub(super) fn embree_188(_: &[Way]) -> Vec<Row> {
+    const PROMISE: Promise = Promise::none(
+        "Embree #188",
+        "through a convex mesh at edges and vertices",
+        "one crossing inward, one outward",
+        Oracle::Known,
+        "rays",
+    );
+    let ball = ball(icosphere(3));
+    let through: Vec<Ray> = rays(&ball.mesh, &ball, &Affine::IDENTITY, 2_000, 188)
+        .into_iter()
+        .enumerate()
+        // Of these pairs the second comes from outside, through the edge to a point inside.
+        .filter_map(|(i, ray)| (i % 2 == 1).then_some(ray))
+        .collect();
+    let mut rows = vec![];
+    for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+        for (kind, config) in [("", Config::default()), ("lean ", lean())] {
+            let tree = Wide::<Watertight>::build(&ball.mesh.positions, &ball.mesh.triangles, &config)
+                .expect("fixtures are valid")
+                .with_path(path);
+            let mut crossings = vec![];
+            let is_other = |ray: &&Ray| {
+                tree.crossings(ray, &mut crossings);
+                crossings.iter().map(|hit| hit.side).ne([Side::Front, Side::Back])
+            };
+            let n_other = through.iter().filter(is_other).count();
+            rows.push(PROMISE.count(format!("wide {kind}{}", path.name()), through.len(), n_other));
+        }
+    }
+    rows
+}
+
+/// A skinny triangle, edges of 11.2, 9.7 and about 1.5, half a degree from the ray: a hit at an absurd distance.
+pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
+    const PROMISE: Promise = Promise::none(
+        "Embree #387",
+        "a skinny triangle within a degree of the ray, 600 away",
+        "no certain hit lost, none invented",
+        Oracle::Exact,
+        "rays",
+    );
+    let mut rng = SplitMix64::new(387);
+    let mut meshes = vec![];
+    for _ in 0..12 {
+        let (along, place) = (rng.on_sphere(), rng.signed3().map(|x| 300.0 * x));
+        let across = loop {
+            let other = rng.on_sphere();
+            let share: f64 = (0..3).map(|k| other[k] * along[k]).sum();
+            let rest: [f64; 3] = std::array::from_fn(|k| other[k] - share * along[k]);
+            let length = rest.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if length > 0.1 {
+                break rest.map(|x| x / length);
+            }
+        };
+        let at = |s: f64, h: f64| rounded(std::array::from_fn(|k| place[k] + s * along[k] + h * across[k]));
+        let positions = vec![at(0.0, 0.0), at(11.2, 0.0), at(9.7, 0.3)];
+        let normal: [f64; 3] = std::array::from_fn(|k| {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            along[i] * across[j] - along[j] * across[i]
+        });
+        let mut ray = || {
+            let (s, h) = (14.0 * rng.unit() - 1.0, 0.8 * rng.unit() - 0.3);
+            let (turn, tilt) = (std::f64::consts::TAU * rng.unit(), 0.017 * rng.signed());
+            let (sin, cos) = canted_fixtures::sin_cos(turn);
+            let target: [f64; 3] = std::array::from_fn(|k| place[k] + s * along[k] + h * across[k]);
+            let way: [f64; 3] = std::array::from_fn(|k| cos * along[k] + sin * across[k] + tilt * normal[k]);
+            let distance = 600.0 * rng.unit();
+            let origin = rounded(std::array::from_fn(|k| target[k] - distance * way[k]));
+            Ray::new(origin, rounded(std::array::from_fn(|k| target[k] - f64::from(origin[k]))))
+        };
+        let rays: Vec<Ray> = (0..60).map(|_| ray()).collect();
+        meshes.push((Mesh { positions, triangles: vec![[0, 1, 2]] }, rays));
+    }
+    each(PROMISE, ways, |way| {
+        let counts = meshes.iter().map(|(mesh, rays)| (rays.len(), hierarchy::n_wrong(way, mesh, rays)));
+        counts.fold((0, 0), |(n, wrong), (more, more_wrong)| (n + more, wrong + more_wrong))
+    })
+}

@@ -1,0 +1,186 @@
+//! Reports to tinybvh's tracker.
+
+use canted_fixtures::{Mesh, coplanar_quads, thin_box};
+use canted_lbvh::VolumeConfig;
+use canted_obb::Affine;
+use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas};
+use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
+use canted_wide::{Config, Wide};
+
+use super::super::{Oracle, Promise, Row};
+use super::each;
+use crate::{
+    brute,
+    tracers::{Way, Word},
+};
+
+/// Accepts hits of one instance, and notes what it was shown.
+struct Only(InstanceId, Vec<f32>);
+
+impl Query for Only {
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        self.1.push(hit.t);
+        hit.instance == self.0
+    }
+}
+
+/// On the way from the top level to a bottom level a ray's interval, and whom a query is asked about, get lost.
+pub(super) fn tinybvh_277(_: &[Way]) -> Vec<Row> {
+    fn n_failed<B: Blas>(blas: B, name: &str) -> Row {
+        const PROMISE: Promise = Promise::none(
+            "tinybvh #277",
+            "two levels: interval and instance, axis-parallel too",
+            "what the query sees is the ray's own",
+            Oracle::Known,
+            "rays",
+        );
+        // Plates at z = 0, 8 and 16, of which the second is scaled and the third mirrored.
+        let at = |scale: f32, z: f32| {
+            let columns = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0, 0.0, z]];
+            Instance::still(0, Affine { columns })
+        };
+        let tlas = Tlas::new(vec![blas], &[at(1.0, 0.0), at(64.0, 8.0), at(-4.0, 16.0)], VolumeConfig::default())
+            .expect("scales are invertible");
+        let (mut n, mut failed) = (0, 0);
+        for (x, y) in [(0.0, 0.0), (0.125, -0.25), (-0.375, 0.375)] {
+            for length in [1.0f32, -0.0078125, 1024.0] {
+                let start = if length > 0.0 { -4.0 } else { 20.0 };
+                let ray = Ray::new([x, y, start], [0.0, -0.0, length]);
+                for (id, z) in [(0, 0.0), (1, 8.0), (2, 16.0)] {
+                    let t = (z - start) / length;
+                    let ask = |t_min: f32, t_max: f32| {
+                        let mut query = Only(InstanceId(id), vec![]);
+                        let ray = Ray { t_min, t_max, ..ray };
+                        let hit = tlas.closest_hit(&ray, &mut query).map(|hit| (hit.t, hit.instance.0));
+                        let seen_beyond = query.1.iter().any(|&t| !(t_min <= t && t <= t_max));
+                        let agrees = tlas.occluded(&ray, &mut Only(InstanceId(id), vec![])) == hit.is_some();
+                        (hit, seen_beyond || !agrees)
+                    };
+                    let asked = [
+                        (ask(0.0, f32::INFINITY), Some((t, id))),
+                        (ask(t, t), Some((t, id))),
+                        (ask(0.0, t.next_down()), None),
+                        (ask(t.next_up(), f32::INFINITY), None),
+                    ];
+                    n += asked.len();
+                    failed += asked.iter().filter(|((hit, is_bad), want)| hit != want || *is_bad).count();
+                }
+            }
+        }
+        PROMISE.count(name, n, failed)
+    }
+    let plate = thin_box(0.0);
+    let binary = MeshBlas::<Watertight>::build(&plate.positions, &plate.triangles, &BuildConfig::default());
+    let wide = Wide::<Watertight>::build(&plate.positions, &plate.triangles, &Config::default());
+    vec![
+        n_failed(binary.expect("fixtures are valid"), "two levels of binary"),
+        n_failed(wide.expect("fixtures are valid"), "two levels of wide"),
+    ]
+}
+
+/// Axis-parallel rays both ways through a mesh whose coordinates are `step` apart, with zeros of this sign.
+fn along_axes(mesh: &Mesh, zero: f32) -> Vec<Ray> {
+    let [min, max] = mesh.bounds();
+    let mut rays = vec![];
+    for position in &mesh.positions {
+        for axis in 0..3 {
+            for (from, way) in [(min[axis] - 1.0, 1.0), (max[axis] + 1.0, -1.0)] {
+                let (mut origin, mut direction) = (*position, [zero; 3]);
+                (origin[axis], direction[axis]) = (from, way);
+                rays.push(Ray::new(origin, direction));
+            }
+        }
+    }
+    rays
+}
+
+/// Cubes, turned by nothing, whose coordinates are no powers of two.
+fn cubes() -> Mesh {
+    let cube = thin_box(1.0);
+    let mut mesh = Mesh::default();
+    for i in 0..8u8 {
+        let first = u32::from(i) * 8;
+        let corner = |p: &[f32; 3]| std::array::from_fn(|k| 0.1 * p[k] + 0.3 * f32::from(i >> k & 1));
+        mesh.positions.extend(cube.positions.iter().map(corner));
+        mesh.triangles.extend(cube.triangles.iter().map(|t| t.map(|index| index + first)));
+    }
+    mesh
+}
+
+/// A negative zero in the direction takes the wrong octant.
+pub(super) fn tinybvh_282(ways: &[Way]) -> Vec<Row> {
+    const PROMISE: Promise = Promise::none(
+        "tinybvh #282",
+        "axis-parallel rays, zeros of either sign",
+        "the same answers",
+        Oracle::Same,
+        "rays",
+    );
+    let mesh = cubes();
+    let (plus, minus) = (along_axes(&mesh, 0.0), along_axes(&mesh, -0.0));
+    each(PROMISE, ways, |way| {
+        let tracer = way.of(&mesh);
+        let (with_plus, with_minus) = (tracer.closest(&plus), tracer.closest(&minus));
+        let short = |hit: &Option<Hit>| hit.map(|hit| (hit.t, hit.primitive));
+        (plus.len(), with_plus.iter().zip(&with_minus).filter(|(a, b)| short(a) != short(b)).count())
+    })
+}
+
+/// A determinant's absolute epsilon drops small triangles.
+pub(super) fn tinybvh_283(ways: &[Way]) -> Vec<Row> {
+    const PROMISE: Promise = Promise::none(
+        "tinybvh #283",
+        "a right triangle of legs 2e-4 down to 2e-13, ray at its third",
+        "hit at one",
+        Oracle::Known,
+        "triangles",
+    );
+    let legs: Vec<f32> = (4..=13).map(|digits| 2.0 * 10.0f32.powi(-digits)).collect();
+    each(PROMISE, ways, |way| {
+        let is_missed = |leg: &&f32| {
+            let leg = **leg;
+            let positions = vec![[0.0; 3], [leg, 0.0, 0.0], [0.0, leg, 0.0]];
+            let mesh = Mesh { positions, triangles: vec![[0, 1, 2]] };
+            let ray = Ray::new([leg / 3.0, leg / 3.0, -1.0], [0.0, 0.0, 1.0]);
+            // Of others no more is asked than of a device.
+            let off = if way.word == Word::Loop { 0.0 } else { canted_gpu::HIT_ERROR };
+            way.of(&mesh).closest(&[ray])[0].is_none_or(|hit| (hit.t - 1.0).abs() > off)
+        };
+        (legs.len(), legs.iter().filter(is_missed).count())
+    })
+}
+
+/// A ray in the face of a box misses what touches that face.
+pub(super) fn tinybvh_286(ways: &[Way]) -> Vec<Row> {
+    const PROMISE: Promise = Promise::none(
+        "tinybvh #286",
+        "axis-parallel rays in faces and edges of boxes",
+        "what every triangle tried gives",
+        Oracle::Loop,
+        "rays",
+    );
+    let quads = coplanar_quads(6);
+    let tenths = Mesh { positions: quads.positions.iter().map(|p| p.map(|x| 0.1 * x)).collect(), ..quads };
+    let meshes = [cubes(), tenths];
+    let asked = meshes.map(|mesh| {
+        let rays = along_axes(&mesh, 0.0);
+        let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
+        let wants: Vec<bool> =
+            rays.iter().map(|ray| brute::closest_hit::<Watertight>(&records, ray).is_some()).collect();
+        (mesh, rays, wants)
+    });
+    each(PROMISE, ways, |way| {
+        let mut counts = (0, 0);
+        for (mesh, rays, wants) in &asked {
+            let hits = way.of(mesh).closest(rays);
+            // Of a device only what it loses counts: it may hit what is nearer than its error.
+            let is_wrong = |(hit, want): &(&Option<Hit>, &bool)| match way.word {
+                Word::Device(_) => **want && hit.is_none(),
+                Word::Loop | Word::Peer => hit.is_some() != **want,
+            };
+            counts.0 += rays.len();
+            counts.1 += hits.iter().zip(wants).filter(is_wrong).count();
+        }
+        counts
+    })
+}

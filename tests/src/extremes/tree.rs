@@ -1,0 +1,148 @@
+//! Binary trees over what codes cannot tell apart: every primitive once, parents around children, a bounded depth.
+//!
+//! Not covered: time, which grows no faster than the scene (`degenerate.rs`); the device's trees, which are these bit for bit
+//! (`twins_build`).
+
+use canted_fixtures::{Mesh, SplitMix64, identical, outlier, soup};
+use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Tree, VolumeConfig};
+use canted_obb::Aabb;
+use canted_sah::{Builder, PlocConfig, TopDownConfig, build};
+
+use super::{Oracle, Promise, Row};
+
+/// A builder by name.
+type Way = (&'static str, fn(&[Corners], &Aabb) -> Tree);
+
+const WAYS: [Way; 4] = [
+    ("lbvh, 30 bits", |corners, bounds| radix(corners, bounds, Bits::B30)),
+    ("lbvh, 63 bits", |corners, bounds| radix(corners, bounds, Bits::B63)),
+    ("ploc", |corners, bounds| of_boxes(corners, bounds, &Builder::Ploc(PlocConfig::NEAR, None))),
+    ("top down", |corners, bounds| of_boxes(corners, bounds, &Builder::TopDown(TopDownConfig::BINNED, None))),
+];
+
+fn radix(corners: &[Corners], bounds: &Aabb, bits: Bits) -> Tree {
+    lbvh::radix(lbvh::by_code(&lbvh::codes(&Domain::new(bounds, 3, bits), corners), bits))
+}
+
+fn of_boxes(corners: &[Corners], bounds: &Aabb, builder: &Builder) -> Tree {
+    let boxes: Vec<Aabb> = corners.iter().map(|corners| Aabb::of_points(*corners)).collect();
+    build(&boxes, bounds, builder)
+}
+
+fn placed(mesh: &Mesh, place: impl Fn([f32; 3]) -> [f32; 3]) -> Mesh {
+    Mesh { positions: mesh.positions.iter().map(|&p| place(p)).collect(), triangles: mesh.triangles.clone() }
+}
+
+/// Triangles of different planes whose vertices sum to zero, exactly: one code for all.
+#[expect(clippy::cast_precision_loss, reason = "whole numbers below 2^24")]
+fn equal_centroids(n: u32) -> Mesh {
+    let mut rng = SplitMix64::new(6);
+    let mut mesh = Mesh::default();
+    for i in 0..n {
+        let mut whole = || std::array::from_fn(|_| rng.below(2001) as f32 - 1000.0);
+        let (a, b): ([f32; 3], [f32; 3]) = (whole(), whole());
+        mesh.positions.extend([a, b, std::array::from_fn(|k| -(a[k] + b[k]))]);
+        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    mesh
+}
+
+/// Kinds of input, each with the numbers of triangles that are tried.
+fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
+    vec![
+        ("0, 1, 2 triangles", (0..3).map(|n| soup(3, n)).collect()),
+        ("2^k and 2^k ± 1 triangles", [3, 4, 5, 255, 256, 257, 4095, 4096, 4097].map(|n| soup(4, n)).into()),
+        ("20,000 equal triangles", vec![identical(20_000)]),
+        ("20,000 equal centroids", vec![equal_centroids(20_000)]),
+        ("equal triangles among others", vec![joined(&soup(5, 2_000), &identical(2_000))]),
+        ("all on the x axis", vec![placed(&soup(6, 2_000), |[x, _, _]| [x, 0.0, 0.0])]),
+        ("in one plane", vec![placed(&soup(7, 2_000), |[x, y, _]| [x, y, 0.25])]),
+        ("one far outlier, 1e7", vec![outlier(20_000)]),
+        ("denormal extent", vec![placed(&soup(8, 500), |p| p.map(|x| x * 1e-40))]),
+        (
+            "scales over 1e12",
+            vec![joined(
+                &placed(&soup(9, 500), |p| p.map(|x| x * 1e-6)),
+                &placed(&soup(10, 500), |p| p.map(|x| x * 1e6)),
+            )],
+        ),
+    ]
+}
+
+fn joined(a: &Mesh, b: &Mesh) -> Mesh {
+    let first = u32::try_from(a.positions.len()).expect("few vertices");
+    let moved = b.triangles.iter().map(|t| t.map(|index| index + first));
+    Mesh {
+        positions: [&a.positions[..], &b.positions].concat(),
+        triangles: a.triangles.iter().copied().chain(moved).collect(),
+    }
+}
+
+pub(super) fn rows() -> Vec<Row> {
+    let mut rows = vec![];
+    for (case, meshes) in cases() {
+        let sound =
+            Promise::none("tree", case, "each primitive once, inside all above", Oracle::Structure, "trees flawed");
+        let trees = WAYS.map(|(name, way)| (name, meshes.iter().map(|mesh| judge(mesh, way)).collect::<Vec<_>>()));
+        for (name, judged) in &trees {
+            rows.push(sound.count(*name, judged.len(), judged.iter().filter(|(flawed, _)| *flawed).count()));
+        }
+        for ((name, judged), n_bits) in trees.iter().zip([30.0, 63.0]) {
+            let deep = Promise {
+                station: "tree",
+                case,
+                promise: "no deeper than bits of the code and of the count",
+                oracle: Oracle::Structure,
+                bound: 1.0,
+                unit: "of bits + ⌈log2 n⌉ + 1",
+            };
+            let of_bound = |(mesh, (_, depth)): (&Mesh, &(bool, u32))| {
+                let n_bits_of_count = mesh.triangles.len().max(1).next_power_of_two().trailing_zeros();
+                f64::from(*depth) / (n_bits + f64::from(n_bits_of_count) + 1.0)
+            };
+            rows.push(deep.row(*name, judged.len(), meshes.iter().zip(judged).map(of_bound).fold(0.0, f64::max)));
+        }
+    }
+    [rows, cells()].concat()
+}
+
+/// Whether the tree is flawed, and its depth.
+fn judge(mesh: &Mesh, way: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
+    let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).expect("finite vertices");
+    let tree = way(&corners, &bounds);
+    let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
+    let volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig::default());
+    (lbvh::check(&tree, &volumes, &sorted).is_err(), tree.depth)
+}
+
+/// Cells at the ends of the grid, and of zeros of either sign.
+fn cells() -> Vec<Row> {
+    const LAST: Promise = Promise::none(
+        "cells",
+        "the greatest coordinate",
+        "the last cell, not the first",
+        Oracle::Known,
+        "cells elsewhere",
+    );
+    const ZEROS: Promise = Promise::none("cells", "-0.0", "the cell of +0.0", Oracle::Same, "codes differ");
+    let both = [("30 bits", Bits::B30), ("63 bits", Bits::B63)];
+    let mut rows = vec![];
+    for (name, bits) in both {
+        let wrong = |extent: &&f32| {
+            let domain = Domain::new(&Aabb { min: [0.0; 3], max: [**extent; 3] }, 3, bits);
+            domain.cell(0, 3.0 * **extent) != (1 << bits.per_axis()) - 1 || domain.cell(0, 0.0) != 0
+        };
+        let extents = [1.0, 0.1, 1e-20, 1e15, 3.7e5];
+        rows.push(LAST.count(name, extents.len(), extents.iter().filter(wrong).count()));
+    }
+    for (name, bits) in both {
+        let at = |zero: f32| {
+            let corners = [[[zero, -1.0, 0.5], [zero, 0.3, zero], [zero; 3]], [[-1.0; 3], [1.0; 3], [zero; 3]]];
+            let bounds = Aabb::of_points(corners.iter().flatten().copied());
+            lbvh::codes(&Domain::new(&bounds, 3, bits), &corners)
+        };
+        let differ = at(0.0).iter().zip(at(-0.0)).filter(|&(&a, b)| a != b).count();
+        rows.push(ZEROS.count(name, 2, differ));
+    }
+    rows
+}

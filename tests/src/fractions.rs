@@ -1,0 +1,147 @@
+//! Rays, boxes and triangles in fractions: where integers alone would not say how much.
+
+use canted_obb::Obb;
+use canted_trace::Ray;
+use num_bigint::BigInt;
+use num_rational::BigRational;
+use num_traits::{Signed, ToPrimitive, Zero};
+
+use crate::exact::{UNIT_BITS, abs, cross, dot, plane, point, sub, whole};
+
+/// Whether a ray is in a box for any real `t` of its closed interval; a singular frame has no inside.
+#[must_use]
+pub fn meets_box(ray: &Ray, obb: &Obb) -> bool {
+    let frame = obb.frame.map(point);
+    let determinant = abs(dot(&frame[0], &cross(&frame[1], &frame[2])));
+    if determinant.is_zero() {
+        return false;
+    }
+    let offset = sub(&point(ray.origin), &point(obb.center));
+    let direction = point(ray.direction);
+    let t = |x: f32| BigRational::new(whole(x), BigInt::from(1) << UNIT_BITS);
+    let mut first = t(ray.t_min);
+    let mut last = ray.t_max.is_finite().then(|| t(ray.t_max));
+    for k in 0..3 {
+        let row = cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]);
+        // All three in units of 2^(-149·3), times 2^149 for the half-extent.
+        let (start, rate) = (dot(&row, &offset) << UNIT_BITS, dot(&row, &direction) << UNIT_BITS);
+        let half = whole(obb.half[k]) * &determinant;
+        if rate.is_zero() {
+            if start.abs() > half {
+                return false;
+            }
+            continue;
+        }
+        let ends = [-&half - &start, &half - &start].map(|end| BigRational::new(end, rate.clone()));
+        let [near, far] = if ends[0] <= ends[1] { ends } else { [ends[1].clone(), ends[0].clone()] };
+        first = first.max(near);
+        last = Some(last.map_or_else(|| far.clone(), |last| last.min(far.clone())));
+    }
+    last.is_none_or(|last| first <= last)
+}
+
+/// Where a ray's line meets a triangle's plane, without rounding.
+#[derive(Clone, Debug)]
+pub struct Piercing {
+    /// Distance in units of the direction, then the weights of the second and third vertex.
+    pub tuv: [BigRational; 3],
+}
+
+impl Piercing {
+    /// Of a line that does not run in or along the plane.
+    #[must_use]
+    pub fn of(ray: &Ray, corners: [[f32; 3]; 3]) -> Option<Self> {
+        let [a, b, c] = corners.map(point);
+        let (e1, e2) = (sub(&b, &a), sub(&c, &a));
+        let (direction, offset) = (point(ray.direction), sub(&point(ray.origin), &a));
+        let p = cross(&direction, &e2);
+        let q = cross(&offset, &e1);
+        let determinant = dot(&p, &e1);
+        // All products of three lengths, so in one unit.
+        let over = |x: BigInt| BigRational::new(x, determinant.clone());
+        (!determinant.is_zero())
+            .then(|| Self { tuv: [over(dot(&q, &e2)), over(dot(&p, &offset)), over(dot(&q, &direction))] })
+    }
+
+    /// Whether it is a point of the triangle, edges included, in the ray's interval.
+    #[must_use]
+    pub fn is_hit(&self, ray: &Ray) -> bool {
+        let [t, u, v] = &self.tuv;
+        let at = |x: f32| BigRational::new(whole(x), BigInt::from(1) << UNIT_BITS);
+        let one = BigRational::from_integer(BigInt::from(1));
+        !u.is_negative()
+            && !v.is_negative()
+            && u + v <= one
+            && *t >= at(ray.t_min)
+            && (ray.t_max == f32::INFINITY || *t <= at(ray.t_max))
+    }
+
+    /// Error of `t`, `u`, `v`: of `t` in units in the last place of the true value, of weights in those of one half.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "the unit in the last place is that of the rounded value")]
+    pub fn error_ulps(&self, tuv: [f32; 3]) -> [f64; 3] {
+        let weight_ulp = f64::from(f32::EPSILON) / 2.0;
+        std::array::from_fn(|k| {
+            let truth = self.tuv[k].to_f64().unwrap_or(f64::NAN) as f32;
+            let ulp = if k == 0 { f64::from(truth.abs().next_up()) - f64::from(truth.abs()) } else { weight_ulp };
+            let difference = BigRational::new(whole(tuv[k]), BigInt::from(1) << UNIT_BITS) - &self.tuv[k];
+            difference.to_f64().unwrap_or(f64::NAN).abs() / ulp
+        })
+    }
+}
+
+/// Distance of the point at `t` from the triangle's plane, in units of the space; infinite for a triangle without one.
+#[must_use]
+pub fn plane_distance(ray: &Ray, t: f32, corners: [[f32; 3]; 3]) -> f64 {
+    let (normal, offset) = plane(&corners, &point(ray.origin));
+    let square = dot(&normal, &normal);
+    if square.is_zero() {
+        return f64::INFINITY;
+    }
+    let distance = whole(t) * dot(&normal, &point(ray.direction)) - (offset << UNIT_BITS);
+    // The distance counts in 2^(-149·4) and the normal in 2^(-149·2): both squared leave 2^(-149·4).
+    let quotient = BigRational::new(&distance * &distance, square << (4 * UNIT_BITS));
+    quotient.to_f64().unwrap_or(f64::INFINITY).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_meet_boxes_whose_ends_are_closed() {
+        let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0, 1.0, 0.0] };
+        let along_z = |x: f32| Ray::new([x, 0.5, -2.0], [0.0, 0.0, 1.0]);
+        assert!(meets_box(&along_z(1.0), &obb) && !meets_box(&along_z(1.0f32.next_up()), &obb));
+        assert!(meets_box(&Ray { t_max: 2.0, ..along_z(0.0) }, &obb));
+        assert!(!meets_box(&Ray { t_max: 2.0f32.next_down(), ..along_z(0.0) }, &obb));
+        assert!(meets_box(&Ray { t_min: 2.0, ..along_z(0.0) }, &obb));
+        assert!(!meets_box(&Ray { t_min: 2.0f32.next_up(), ..along_z(0.0) }, &obb));
+        assert!(meets_box(&Ray::new([-5.0, 1.0, 0.0], [1.0, 0.0, 0.0]), &obb), "in two faces at once");
+        assert!(!meets_box(&Ray::new([0.0; 3], [1.0; 3]), &Obb { frame: [[1.0; 3]; 3], ..obb }));
+    }
+
+    #[test]
+    fn piercings_are_exact_and_their_errors_count_units() {
+        let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
+        let ray = Ray::new([2.0, 1.0, -2.0], [0.0, 0.0, 2.0]);
+        let found = Piercing::of(&ray, corners).unwrap();
+        assert!(found.is_hit(&ray) && !found.is_hit(&Ray { t_max: 1.5f32.next_down(), ..ray }));
+        assert_eq!(found.error_ulps([1.5, 0.5, 0.25]), [0.0; 3]);
+        assert_eq!(found.error_ulps([1.5f32.next_up(), 0.5f32.next_down(), 0.25]), [1.0, 0.5, 0.0]);
+        let beside = Ray::new([2.0, 2.0f32.next_up(), -2.0], [0.0, 0.0, 2.0]);
+        assert!(!Piercing::of(&beside, corners).unwrap().is_hit(&beside));
+        assert!(Piercing::of(&Ray::new([0.0; 3], [1.0, 0.0, 0.0]), corners).is_none());
+    }
+
+    #[test]
+    fn distances_from_planes_are_lengths() {
+        let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
+        let ray = Ray::new([1.0, 1.0, 0.0], [0.0, 0.0, 2.0]);
+        assert_eq!(plane_distance(&ray, 0.5, corners), 0.0);
+        assert_eq!(plane_distance(&ray, 2.0, corners), 3.0);
+        let tiny = corners.map(|corner| corner.map(|x| x * 2.0f32.powi(-60)));
+        let from = Ray { origin: ray.origin.map(|x| x * 2.0f32.powi(-60)), ..ray };
+        assert_eq!(plane_distance(&from, 0.0, tiny), 2.0f64.powi(-60));
+        assert_eq!(plane_distance(&ray, 0.0, [[1.0; 3]; 3]), f64::INFINITY);
+}

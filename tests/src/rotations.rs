@@ -1,0 +1,150 @@
+//! Rotations out of matrices in other ways than ours: as the paper lists it, and by singular values.
+
+use canted_obb::Quaternion;
+use num_rational::BigRational;
+use num_traits::Signed;
+
+/// A vector, or a matrix's column.
+pub type Vector = [f64; 3];
+
+/// Columns.
+pub type Matrix = [Vector; 3];
+
+/// The scalar product.
+#[must_use]
+pub fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The vector product.
+#[must_use]
+pub fn cross(a: Vector, b: Vector) -> Vector {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// `a · b`.
+#[must_use]
+pub fn times(a: Matrix, b: Matrix) -> Matrix {
+    b.map(|column| [0, 1, 2].map(|i| (0..3).map(|k| a[k][i] * column[k]).sum()))
+}
+
+/// Rows as columns.
+#[must_use]
+pub fn transposed(a: Matrix) -> Matrix {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|k| a[k][i]))
+}
+
+/// The matrix with these values on its diagonal.
+#[must_use]
+pub fn diagonal([x, y, z]: Vector) -> Matrix {
+    [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]]
+}
+
+/// Angle between two rotations, in radians, also where it is small.
+#[must_use]
+pub fn angle_rad(p: Quaternion, q: Quaternion) -> f64 {
+    let turn = p.conjugate().times(q);
+    2.0 * dot([turn.x, turn.y, turn.z], [turn.x, turn.y, turn.z]).sqrt().atan2(turn.w.abs())
+}
+
+/// The iteration of Müller et al. 2016 as they give it: start without a rotation, turn by `τ / (|trace| + 1e-9)` until that
+/// is shorter than 1e-9 or `most` turns are taken. The rotation and the turns.
+#[must_use]
+pub fn as_listed(a: Matrix, most: usize) -> (Quaternion, usize) {
+    let mut q = Quaternion::IDENTITY;
+    for turns in 0..most {
+        let r = q.columns();
+        let torque = (0..3).map(|k| cross(r[k], a[k])).fold([0.0; 3], |sum, x| [0, 1, 2].map(|k| sum[k] + x[k]));
+        let trace: f64 = (0..3).map(|k| dot(r[k], a[k])).sum();
+        let omega = torque.map(|x| x / (trace.abs() + 1e-9));
+        let angle = dot(omega, omega).sqrt();
+        if angle < 1e-9 {
+            return (q, turns);
+        }
+        q = Quaternion::about(omega.map(|x| x / angle), angle).times(q).normalised();
+    }
+    (q, most)
+}
+
+/// Sweeps of [`svd_polar`]: three suffice for full precision but where values differ by many orders.
+const SWEEPS: usize = 30;
+
+/// The polar rotation `U Vᵀ`, by turning pairs of columns until all are at right angles (Hestenes 1958): Jacobi's method on
+/// `AᵀA` without squaring; for a mirror that which has the least value reversed. The greatest trace that a rotation has
+/// comes with it.
+#[must_use]
+pub fn svd_polar(a: Matrix) -> (Quaternion, f64) {
+    let (mut columns, mut v) = (a, diagonal([1.0; 3]));
+    for _ in 0..SWEEPS {
+        let mut is_done = true;
+        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+            let (p, q) = (columns[i], columns[j]);
+            let (pq, pp, qq) = (dot(p, q), dot(p, p), dot(q, q));
+            if pq.abs() <= f64::EPSILON * (pp * qq).sqrt() {
+                continue;
+            }
+            is_done = false;
+            let (sin, cos) = (0.5 * (2.0 * pq).atan2(pp - qq)).sin_cos();
+            let turn = |m: &mut Matrix| {
+                let (p, q) = (m[i], m[j]);
+                m[i] = [0, 1, 2].map(|k| cos * p[k] + sin * q[k]);
+                m[j] = [0, 1, 2].map(|k| cos * q[k] - sin * p[k]);
+            };
+            turn(&mut columns);
+            turn(&mut v);
+        }
+        if is_done {
+            break;
+        }
+    }
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| dot(columns[j], columns[j]).total_cmp(&dot(columns[i], columns[i])));
+    let values = order.map(|k| dot(columns[k], columns[k]).sqrt());
+    let [first, second, _] = order;
+    let unit = |x: Vector| x.map(|component| component / dot(x, x).sqrt());
+    // Of the third direction only the side is in question, and a proper rotation decides it.
+    let (u_0, u_1) = (unit(columns[first]), unit(columns[second]));
+    let u = [u_0, u_1, cross(u_0, u_1)];
+    let v = [v[first], v[second], cross(v[first], v[second])];
+    let rotation = Quaternion::from_columns(times(u, transposed(v)));
+    let third = if mirrors(a) { -values[2] } else { values[2] };
+    (rotation, values[0] + values[1] + third)
+}
+
+/// Whether a matrix mirrors, by exact arithmetic: in `f64` the sign is lost at a condition of 1e8.
+#[must_use]
+pub fn mirrors(a: Matrix) -> bool {
+    let exact = |x: f64| BigRational::from_float(x).expect("a finite number");
+    let [x, y, z] = a.map(|column| column.map(exact));
+    let minor = |i: usize, j: usize| &x[i] * &y[j] - &x[j] * &y[i];
+    (minor(1, 2) * &z[0] + minor(2, 0) * &z[1] + minor(0, 1) * &z[2]).is_negative()
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+
+    use super::*;
+    use crate::clouds::random_rotation;
+
+    #[test]
+    fn both_find_the_rotation_of_a_stretched_one() {
+        let mut rng = SplitMix64::new(1);
+        for _ in 0..200 {
+            let turn = Quaternion::about(random_rotation(&mut rng).columns()[0], 2.0 * rng.unit());
+            let v = random_rotation(&mut rng).columns();
+            let a = times(turn.columns(), times(v, times(diagonal([3.0, 2.0, 1.0]), transposed(v))));
+            let (polar, trace) = svd_polar(a);
+            assert!(angle_rad(polar, turn) < 1e-14 && (trace - 6.0).abs() < 1e-13, "{a:?}");
+            assert!(angle_rad(as_listed(a, 1000).0, turn) < 1e-8, "{a:?}");
+        }
+    }
+
+    #[test]
+    fn the_listing_stops_at_half_a_turn() {
+        let half = diagonal([1.0, -1.0, -1.0]);
+        let (q, turns) = as_listed(half, 1000);
+        assert_eq!((q, turns), (Quaternion::IDENTITY, 0));
+        assert!(angle_rad(svd_polar(half).0, Quaternion { w: 0.0, x: 1.0, y: 0.0, z: 0.0 }) < 1e-15);
+    }
+}

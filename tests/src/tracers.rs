@@ -1,0 +1,219 @@
+//! Everything that traces rays through a mesh, by name: both kinds of tree, one level and two, every path, the device.
+
+use std::rc::Rc;
+
+use canted_fixtures::Mesh;
+use canted_gpu::{Answer, Choice, DeviceHit, Gpu, HIT_ERROR, TracedScene};
+use canted_lbvh::{Strategy, VolumeConfig};
+use canted_obb::{Affine, PrimId};
+use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas};
+use canted_trace::{Hit, InstanceId, Ray, Side, Watertight};
+use canted_wide::{Config, Costs, Preset, SimdPath, Wide};
+
+use crate::closed::baked;
+
+/// Something that holds a mesh and answers rays.
+pub trait Tracer {
+    /// The nearest hit of each ray; of a peer's only `t` and the primitive count.
+    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>>;
+
+    /// Whether each ray hits anything.
+    fn occluded(&self, rays: &[Ray]) -> Vec<bool>;
+}
+
+/// What a tracer promises.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Word {
+    /// The answers of a loop over all triangles, bit for bit.
+    Loop,
+    /// Whatever that loop hits, and besides only what is within this much of the ray, relative to `|o|∞ + ρ∞`.
+    Device(f32),
+    /// Nothing: another project's.
+    Peer,
+}
+
+/// Makes a tracer for a mesh and where it stands.
+pub type Make = Box<dyn Fn(&Mesh, &Affine) -> Box<dyn Tracer>>;
+
+/// A way to trace, by name.
+pub struct Way {
+    /// The name in tables.
+    pub name: String,
+    /// What it promises.
+    pub word: Word,
+    /// Builds it. Where there is one level, vertices are moved and rounded.
+    pub make: Make,
+}
+
+impl Way {
+    /// Builds it for a mesh that stands as it is.
+    #[must_use]
+    pub fn of(&self, mesh: &Mesh) -> Box<dyn Tracer> {
+        (self.make)(mesh, &Affine::IDENTITY)
+    }
+
+    fn of_one<T: Tracer + 'static>(name: impl Into<String>, make: impl Fn(&Mesh) -> T + 'static) -> Self {
+        let make: Make = Box::new(move |mesh, place| Box::new(make(&baked(mesh, place))));
+        Self { name: name.into(), word: Word::Loop, make }
+    }
+
+    fn of_two<B: Blas + 'static>(name: impl Into<String>, make: impl Fn(&Mesh) -> B + 'static) -> Self {
+        let make: Make = Box::new(move |mesh, place| Box::new(TwoLevels::new(make(mesh), mesh, place)));
+        Self { name: name.into(), word: Word::Loop, make }
+    }
+}
+
+/// Every way of ours that this machine has; those that it lacks, by name.
+#[must_use]
+pub fn ours() -> (Vec<Way>, Vec<String>) {
+    let (there, lacking): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
+    let mut missing: Vec<String> = lacking.into_iter().map(|path| path.name().to_owned()).collect();
+    let mut ways = vec![
+        Way::of_one("binary aabb", |mesh| binary(mesh, Strategy::Aabb)),
+        Way::of_one("binary dop", |mesh| binary(mesh, Strategy::Dop)),
+        Way::of_one("binary combined", |mesh| binary(mesh, Strategy::Combined)),
+        Way::of_two("two levels of binary", |mesh| binary(mesh, Strategy::Dop)),
+    ];
+    for path in there {
+        let name = path.name();
+        ways.push(Way::of_one(format!("wide {name}"), move |mesh| wide(mesh, &Config::default()).with_path(path)));
+        ways.push(Way::of_one(format!("wide lean {name}"), move |mesh| wide(mesh, &lean()).with_path(path)));
+    }
+    ways.push(Way::of_two("two levels of wide", |mesh| wide(mesh, &Config::default())));
+    match Gpu::open(&Choice::Best) {
+        Ok(gpu) => ways.extend(on_device(&Rc::new(gpu))),
+        Err(error) => missing.push(format!("device ({error})")),
+    }
+    (ways, missing)
+}
+
+/// Both numbers of levels on a device.
+fn on_device(gpu: &Rc<Gpu>) -> [Way; 2] {
+    let (of_one, of_two) = (Rc::clone(gpu), Rc::clone(gpu));
+    let one: Make = Box::new(move |mesh, place| {
+        let tree = wide(&baked(mesh, place), &Config::default());
+        let scene = TracedScene::one(&of_one, &tree, &[0]).expect("small meshes fit every device");
+        Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree) })
+    });
+    let two: Make = Box::new(move |mesh, place| {
+        let tree = wide(mesh, &Config::default());
+        let scene = TracedScene::two(&of_two, &[&tree], &[Instance::still(0, *place)]);
+        let scene = scene.expect("places of tests are well conditioned");
+        Box::new(Device { gpu: Rc::clone(&of_two), scene, tree: Box::new(TwoLevels::new(tree, mesh, place)) })
+    });
+    // Through an instance that stands still hits may be off by twice as much (`HitError::with` in `canted-gpu`).
+    [("device", HIT_ERROR, one), ("two levels on the device", 2.0 * HIT_ERROR, two)].map(|(name, error, make)| Way {
+        name: name.to_owned(),
+        word: Word::Device(error),
+        make,
+    })
+}
+
+/// A binary tree with these volumes.
+fn binary(mesh: &Mesh, strategy: Strategy) -> MeshBlas<Watertight> {
+    let config = BuildConfig { volumes: VolumeConfig { strategy, fallback: true }, ..BuildConfig::default() };
+    MeshBlas::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
+}
+
+/// An eight-wide tree.
+fn wide(mesh: &Mesh, config: &Config) -> Wide<Watertight> {
+    Wide::build(&mesh.positions, &mesh.triangles, config).expect("a mesh of finite vertices")
+}
+
+/// Nodes with a frame for each child so cheap that hardly another is worth having, over leaves of one triangle.
+#[must_use]
+pub fn lean() -> Config {
+    let costs = Costs { box_node: 1e6, shared_node: 1e6, lean_node: 0.01, leaf: 0.0, block: 0.01, max_leaf: 1 };
+    Config { costs, turn: false, ..Config::preset(Preset::Balanced) }
+}
+
+impl Tracer for MeshBlas<Watertight> {
+    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        rays.iter().map(|ray| self.closest_hit(ray, InstanceId(0), &mut ())).collect()
+    }
+
+    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        rays.iter().map(|ray| Blas::occluded(self, ray, InstanceId(0), &mut ())).collect()
+    }
+}
+
+impl Tracer for Wide<Watertight> {
+    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        let mut hits = vec![None; rays.len()];
+        self.closest_hits(rays, &mut hits);
+        hits
+    }
+
+    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        let mut occluded = vec![false; rays.len()];
+        self.occluded_many(rays, &mut occluded);
+        occluded
+    }
+}
+
+/// A mesh where it stands, and once more far off, which makes the top level a tree.
+struct TwoLevels<B: Blas>(Tlas<B>);
+
+impl<B: Blas> TwoLevels<B> {
+    #[expect(clippy::cast_possible_truncation, reason = "far off will do")]
+    fn new(blas: B, mesh: &Mesh, place: &Affine) -> Self {
+        let here = Instance::still(0, *place);
+        let mut there = here;
+        there.world_from_object.columns[3][0] += (9.0 * baked(mesh, place).diagonal()) as f32;
+        Self(Tlas::new(vec![blas], &[here, there], VolumeConfig::default()).expect("a shift is invertible"))
+    }
+}
+
+impl<B: Blas> Tracer for TwoLevels<B> {
+    /// Only the instance that stands where the mesh does is asked.
+    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        rays.iter().map(|ray| self.0.closest_hit(ray, &mut OfTheFirst)).collect()
+    }
+
+    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        rays.iter().map(|ray| self.0.occluded(ray, &mut OfTheFirst)).collect()
+    }
+}
+
+/// Accepts hits of the first instance alone.
+struct OfTheFirst;
+
+impl canted_trace::Query for OfTheFirst {
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        hit.instance == InstanceId(0)
+    }
+}
+
+/// A scene on the device, and on the CPU for walks that a driver cuts short.
+struct Device {
+    gpu: Rc<Gpu>,
+    scene: TracedScene,
+    tree: Box<dyn Tracer>,
+}
+
+impl Tracer for Device {
+    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        let answers = self.scene.closest_hits(&self.gpu, rays).expect("the device stays");
+        let known = |(answer, ray): (Answer<Option<DeviceHit>>, &Ray)| match answer {
+            Answer::Cut => self.tree.closest(std::slice::from_ref(ray))[0],
+            Answer::Known(hit) => hit.map(|hit| Hit {
+                t: hit.t,
+                u: hit.u,
+                v: hit.v,
+                primitive: PrimId(hit.primitive),
+                instance: InstanceId(hit.instance),
+                side: Side::Front,
+            }),
+        };
+        answers.into_iter().zip(rays).map(known).collect()
+    }
+
+    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        let answers = self.scene.occluded(&self.gpu, rays).expect("the device stays");
+        let known = |(answer, ray): (Answer<bool>, &Ray)| match answer {
+            Answer::Cut => self.tree.occluded(std::slice::from_ref(ray))[0],
+            Answer::Known(found) => found,
+        };
+        answers.into_iter().zip(rays).map(known).collect()
+    }
+}
