@@ -10,7 +10,7 @@
 
 mod film;
 mod fit;
-mod hierarchy;
+pub mod hierarchy;
 mod instance;
 mod merge;
 mod rotation;

@@ -144,4 +144,5 @@ mod tests {
         let from = Ray { origin: ray.origin.map(|x| x * 2.0f32.powi(-60)), ..ray };
         assert_eq!(plane_distance(&from, 0.0, tiny), 2.0f64.powi(-60));
         assert_eq!(plane_distance(&ray, 0.0, [[1.0; 3]; 3]), f64::INFINITY);
+    }
 }

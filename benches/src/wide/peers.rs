@@ -34,10 +34,10 @@ type Offer = fn(&Model) -> Vec<Entry<'_>>;
 /// Every peer at hand that does not take this process down on such input: `obvhs`, and with the feature `peers` the newest
 /// Embree.
 pub(crate) fn ways() -> Vec<Way> {
-    let mut ways = of(|model| super::obvhs::entries(&model.mesh));
+    let ways = of(|model| super::obvhs::entries(&model.mesh)).into_iter();
     #[cfg(feature = "peers")]
-    ways.extend(of(super::embree::newest));
-    ways
+    let ways = ways.chain(of(super::embree::newest));
+    ways.collect()
 }
 
 fn of(offer: Offer) -> Vec<Way> {

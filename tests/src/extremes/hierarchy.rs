@@ -107,7 +107,9 @@ fn margin(word: Word, ray: &Ray, corners: &[[f32; 3]; 3]) -> Margin {
     Margin { across: 2.0 * std::f32::consts::SQRT_2 * along, along }
 }
 
-pub(super) fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
+/// What each way does on every case; `effort` multiplies the rays.
+#[must_use]
+pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
     let mut rows = vec![];
     for Case { name, mesh, rays } in cases(effort) {
         // Judged once for each bound that any way has.

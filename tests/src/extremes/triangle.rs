@@ -9,8 +9,7 @@ use super::{Oracle, Promise, Row};
 use crate::{
     brute,
     exact::{self, Margin, Verdict},
-    fractions,
-    judge,
+    fractions, judge,
 };
 
 /// A ray and the corners of a triangle.
