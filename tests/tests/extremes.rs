@@ -2,7 +2,7 @@
 
 use canted_obb::PrimId;
 use canted_tests::{
-    extremes::{self, Row, TRACKERS, hierarchy},
+    extremes::{self, Oracle, Row, TRACKERS, hierarchy},
     tracers::{self, Make, Tracer, Way, Word},
 };
 use canted_trace::{Hit, InstanceId, Ray, Side};
@@ -50,11 +50,12 @@ const ANY: Hit = Hit { t: 1.0, u: 0.25, v: 0.25, primitive: PrimId(0), instance:
 fn who_sees_nothing_or_anything_breaks_every_promise() {
     for answer in [None, Some(ANY)] {
         let rows = hierarchy::rows(1, &[stubborn(answer)]);
-        let kept: Vec<_> = rows.iter().filter(|row| row.holds()).map(|row| row.promise).collect();
-        // Of needles without area and of what underflows nothing is certain: only the loop says what is right.
-        let is_certain = |case: &str| !["denormal coordinates", "slivers, some without area"].contains(&case);
-        let wrongly: Vec<_> = kept.iter().filter(|promise| is_certain(promise.case)).collect();
-        assert!(wrongly.is_empty(), "{answer:?}: {wrongly:?}");
+        for oracle in [Oracle::Exact, Oracle::Loop] {
+            let judged: Vec<&Row> = rows.iter().filter(|row| row.promise.oracle == oracle).collect();
+            let n_kept = judged.iter().filter(|row| row.holds()).count();
+            // Of needles without area, and where rounding is larger than triangles, nothing is certain.
+            assert!(judged.len() > 10 && 4 * n_kept <= judged.len(), "{answer:?}, {oracle:?}: {n_kept} kept");
+        }
     }
 }
 
