@@ -7,10 +7,13 @@
 
 #[path = "oracle/agree.rs"]
 mod agree;
+#[path = "oracle/rooms.rs"]
+mod rooms;
 #[path = "oracle/shots.rs"]
 mod shots;
 
 use agree::{Disagreement, agree};
+use rooms::{kitchen, lens};
 use shots::{
     BLUE, Shot, checker, cornell_env, cornell_paths, cornell_point, cornell_sun, penumbra, sponza_paths, sponza_sun,
     spot,
@@ -102,6 +105,27 @@ fn paths_in_the_cornell_box() {
 #[test]
 fn paths_in_sponza() {
     check(sponza_paths("paths_in_sponza"));
+}
+
+#[test]
+fn glass_and_metal_in_the_kitchen() {
+    for shot in kitchen("glass_and_metal_in_the_kitchen").into_iter().flatten() {
+        check(Some(shot));
+    }
+}
+
+#[test]
+fn what_a_lens_blurs() {
+    check(Some(lens()));
+}
+
+/// A lens that is a tenth wider.
+#[test]
+fn a_wider_lens_is_seen() {
+    let mut shot = lens();
+    shot.camera.lens = shot.camera.lens.map(|lens| canted_scene::Lens { radius: 1.1 * lens.radius, ..lens });
+    let verdict = agree(&shot.ours(), &shot.theirs());
+    assert!(matches!(verdict, Err(Disagreement::Block { .. })), "{verdict:?}");
 }
 
 /// Light that bounces once less is missed.

@@ -27,7 +27,7 @@ pub(crate) struct Shot {
 pub(crate) const BLUE: [f32; 3] = [0.4, 0.5, 0.65];
 
 /// A model as both renderers see it: flat triangles that give no light of their own.
-fn model(test: &str, file: &str) -> Option<Scene> {
+pub(crate) fn model(test: &str, file: &str) -> Option<Scene> {
     let mut scene = read(&models(test)?.join(file)).unwrap();
     for mesh in &mut scene.meshes {
         mesh.normals = None;
@@ -68,7 +68,7 @@ pub(crate) fn cornell_point(test: &str) -> Option<Shot> {
 }
 
 /// Lambert triangles without texture, each part a colour and corners in threes.
-fn parts(parts: &[([f32; 3], Vec<[f32; 3]>)]) -> Scene {
+pub(crate) fn parts(parts: &[([f32; 3], Vec<[f32; 3]>)]) -> Scene {
     let mut scene = Scene::default();
     for (index, (base_color, corners)) in (0..).zip(parts) {
         scene.materials.push(Material { base_color: *base_color, ..Material::default() });
@@ -88,7 +88,7 @@ fn parts(parts: &[([f32; 3], Vec<[f32; 3]>)]) -> Scene {
     scene
 }
 
-fn floor() -> ([f32; 3], Vec<[f32; 3]>) {
+pub(crate) fn floor() -> ([f32; 3], Vec<[f32; 3]>) {
     let [a, b, c, d] = [[-6.0, 0.0, 6.0], [6.0, 0.0, 6.0], [6.0, 0.0, -6.0], [-6.0, 0.0, -6.0]];
     ([0.6, 0.5, 0.4], vec![a, b, c, a, c, d])
 }
