@@ -41,6 +41,7 @@ pub const FILES: &[(&str, &str)] = files![
     "check/light",
     "check/loops",
     "check/sampler",
+    "render/gbuffer",
     "render/hybrid",
     "render/path",
     "shared/alpha/plain",

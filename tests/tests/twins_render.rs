@@ -4,6 +4,7 @@ mod twins_render {
     mod compared;
     mod paths;
     mod pictures;
+    mod raster;
     mod sampler;
     mod scenes;
 

@@ -17,6 +17,7 @@ mod canary;
 mod device;
 mod error;
 mod kernel;
+mod raster;
 mod trace;
 mod work;
 
@@ -27,6 +28,7 @@ pub use canted_shaders::Specialisation;
 pub use device::Gpu;
 pub use error::GpuError;
 pub use kernel::Kernel;
+pub use raster::{Draw, Drawn, Raster, TARGETS};
 pub use trace::{Answer, DeviceHit, DeviceRay, HIT_ERROR, TracedScene};
 pub use wgpu::Limits;
 pub use work::{AsBinding, Bound, PassTime, Work};

@@ -1,9 +1,10 @@
 //! Dispatches in order.
 
 use bytemuck::Pod;
+use canted_shaders::Binding;
 use wgpu::{
-    BindGroupDescriptor, BindGroupEntry, CommandEncoder, CommandEncoderDescriptor, ComputePassDescriptor,
-    ComputePassTimestampWrites, QuerySet, QuerySetDescriptor, QueryType,
+    BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, CommandEncoder, CommandEncoderDescriptor,
+    ComputePassDescriptor, ComputePassTimestampWrites, QuerySet, QuerySetDescriptor, QueryType,
 };
 
 use crate::{Buffer, Gpu, GpuError, Kernel};
@@ -78,7 +79,9 @@ impl Work<'_> {
         if groups.contains(&0) {
             return Ok(());
         }
-        let bind_groups = self.bind(kernel, bound)?;
+        let bind_groups = bind_groups(self.gpu, &kernel.name, kernel.bindings(), bound, |number| {
+            kernel.pipeline.get_bind_group_layout(number)
+        })?;
         let timestamp_writes =
             self.timed.as_mut().filter(|timed| timed.kernels.len() < MOST_TIMED as usize).map(|timed| {
                 #[expect(clippy::cast_possible_truncation, reason = "below MOST_TIMED")]
@@ -110,25 +113,6 @@ impl Work<'_> {
     /// Fills `buffer` with zeros.
     pub fn clear<T>(&mut self, buffer: &Buffer<T>) {
         self.encoder.clear_buffer(&buffer.raw, 0, None);
-    }
-
-    fn bind(&self, kernel: &Kernel, bound: &[Bound<'_>]) -> Result<Vec<(u32, wgpu::BindGroup)>, GpuError> {
-        let mut numbers: Vec<u32> = kernel.bindings().iter().map(|binding| binding.group).collect();
-        numbers.dedup();
-        let group = |number: u32| {
-            let entries = kernel.bindings().iter().filter(|binding| binding.group == number).map(|binding| {
-                let given = bound.iter().find(|(name, _)| *name == binding.name);
-                let (_, given) = given.ok_or_else(|| GpuError::Invalid {
-                    message: format!("kernel '{}' binds '{}', which is not given", kernel.name, binding.name),
-                })?;
-                Ok(BindGroupEntry { binding: binding.number, resource: given.resource() })
-            });
-            let entries = entries.collect::<Result<Vec<_>, GpuError>>()?;
-            let layout = kernel.pipeline.get_bind_group_layout(number);
-            let descriptor = BindGroupDescriptor { label: Some(&kernel.name), layout: &layout, entries: &entries };
-            Ok((number, self.gpu.device.create_bind_group(&descriptor)))
-        };
-        numbers.into_iter().map(group).collect()
     }
 
     /// Submits the dispatches and waits for them.
@@ -195,4 +179,33 @@ impl Work<'_> {
         let ends = ticks.chunks_exact(2).map(|pair| [since_first(pair[0]), since_first(pair[1])]).collect();
         Ok((timed.kernels, ends))
     }
+}
+
+/// The groups that a pipeline binds, with their numbers.
+///
+/// # Errors
+/// A variable that is not given.
+pub(crate) fn bind_groups(
+    gpu: &Gpu,
+    name: &str,
+    bindings: &[Binding],
+    bound: &[Bound<'_>],
+    layout_of: impl Fn(u32) -> BindGroupLayout,
+) -> Result<Vec<(u32, BindGroup)>, GpuError> {
+    let mut numbers: Vec<u32> = bindings.iter().map(|binding| binding.group).collect();
+    numbers.dedup();
+    let group = |number: u32| {
+        let entries = bindings.iter().filter(|binding| binding.group == number).map(|binding| {
+            let given = bound.iter().find(|(known, _)| *known == binding.name);
+            let (_, given) = given.ok_or_else(|| GpuError::Invalid {
+                message: format!("kernel '{name}' binds '{}', which is not given", binding.name),
+            })?;
+            Ok(BindGroupEntry { binding: binding.number, resource: given.resource() })
+        });
+        let entries = entries.collect::<Result<Vec<_>, GpuError>>()?;
+        let layout = layout_of(number);
+        let descriptor = BindGroupDescriptor { label: Some(name), layout: &layout, entries: &entries };
+        Ok((number, gpu.device.create_bind_group(&descriptor)))
+    };
+    numbers.into_iter().map(group).collect()
 }

@@ -53,7 +53,7 @@ pub use camera::{CameraError, View};
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
 pub use content::{Hash, light_hash, scene_hash};
-pub use device::{DeviceError, DevicePicture};
+pub use device::{DeviceError, DevicePicture, GBuffer, Seen};
 pub use film::{Aov, Aovs, Block, Film, Guide, JoinError, Part, Pixel};
 pub use filter::{Filter, FilterSampler};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip, flip_hdr};

@@ -70,12 +70,14 @@ pub(super) struct Materials<'a> {
     heads: &'a Heads,
     numbers: BTreeMap<(u32, [bool; 2]), u32>,
     pub(super) packed: Vec<PackedMaterial>,
+    /// The scene's material of each.
+    pub(super) ids: Vec<MaterialId>,
     pub(super) slots: Vec<Slot>,
 }
 
 impl<'a> Materials<'a> {
     pub(super) fn new(scene: &'a Scene, integrator: Integrator, columns: &'a Columns, heads: &'a Heads) -> Self {
-        Self { scene, integrator, columns, heads, numbers: BTreeMap::new(), packed: vec![], slots: vec![] }
+        Self { scene, integrator, columns, heads, numbers: BTreeMap::new(), packed: vec![], ids: vec![], slots: vec![] }
     }
 
     /// Number of a material as triangles of `mesh` have it.
@@ -91,6 +93,7 @@ impl<'a> Materials<'a> {
         let number = self.packed.len() as u32;
         let packed = self.pack(&self.scene.materials[id.0 as usize], has);
         self.packed.push(packed);
+        self.ids.push(id);
         self.numbers.insert((id.0, has), number);
         number
     }

@@ -3,6 +3,7 @@
 mod environment;
 mod error;
 mod film;
+mod gbuffer;
 mod geometry;
 mod lights;
 mod materials;
@@ -16,4 +17,5 @@ mod textures;
 mod twins;
 
 pub use error::DeviceError;
+pub use gbuffer::{GBuffer, Seen};
 pub use render::DevicePicture;

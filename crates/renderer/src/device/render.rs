@@ -24,12 +24,13 @@ const MOST_STRATIFIED: u32 = 1 << 20;
 
 /// A picture's scene and settings on a device, ready to be rendered.
 pub struct DevicePicture<'a, K: LaneKernel> {
-    gpu: &'a Gpu,
-    settings: &'a Settings,
+    pub(super) gpu: &'a Gpu,
+    pub(super) surfaces: &'a Surfaces<'a>,
+    pub(super) settings: &'a Settings,
     /// Takes the samples that the device could not finish.
-    on_cpu: Rendering<'a, Structure<K>>,
+    pub(super) on_cpu: Rendering<'a, Structure<K>>,
     traced: TracedScene,
-    packed: PackedScene,
+    pub(super) packed: PackedScene,
     sky: DeviceSky,
     /// What the path integrator samples.
     sampled: Option<SampledLights>,
@@ -77,7 +78,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         };
         let kernel = gpu.kernel(kernel, &chosen)?;
         let picture = gpu.uniform("picture", &facts)?;
-        Ok(Self { gpu, settings, on_cpu, traced, packed, sky, sampled, picture, filter_table, kernel })
+        Ok(Self { gpu, surfaces, settings, on_cpu, traced, packed, sky, sampled, picture, filter_table, kernel })
     }
 
     /// Names of the storage buffers that the kernel binds.
@@ -118,7 +119,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         Ok(assembled(self.settings, &layout, &tiles))
     }
 
-    fn bound(&self) -> Vec<Bound<'_>> {
+    pub(super) fn bound(&self) -> Vec<Bound<'_>> {
         let mut bound = self.packed.bindings();
         bound.extend(self.sky.bindings());
         bound.extend(self.sampled.iter().flat_map(SampledLights::bindings));

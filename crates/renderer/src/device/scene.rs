@@ -1,7 +1,7 @@
 //! What kernels that render read of a scene, and nothing that it does without.
 
 use canted_gpu::{Bound, Buffer, Gpu, GpuError, Specialisation};
-use canted_scene::{Light, Material, Scene};
+use canted_scene::{Light, Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
 use super::geometry::{Columns, Geometry, PackedPlacement, PackedTriangle, Placed};
@@ -27,6 +27,8 @@ pub(super) struct PackedScene {
     /// instance else.
     pub(super) slack: f32,
     slacks: Vec<f32>,
+    /// The scene's material of each that kernels know.
+    material_ids: Vec<MaterialId>,
 }
 
 /// What a scene has.
@@ -105,6 +107,7 @@ impl PackedScene {
             lod,
             slack: geometry.slack,
             slacks,
+            material_ids: materials.ids,
         })
     }
 
@@ -127,7 +130,7 @@ impl PackedScene {
 
     /// Chooses the parts of a kernel that read the scene.
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
-        let Has { instances, normals, normal_maps, masks, bodies, .. } = self.has;
+        let Has { instances, normals, normal_maps, masks, .. } = self.has;
         let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
         let placed = match (instances, &self.firsts) {
             (true, _) => "shared/placed/instances",
@@ -140,7 +143,6 @@ impl PackedScene {
             .part("placed", placed)
             .part("normal", bent)
             .part("mask", pick(masks, "shared/mask/alpha", "shared/mask/none"))
-            .part("bodies", pick(bodies, "shared/bodies/list", "shared/bodies/none"))
             .number("STRIDE", self.columns.stride)
             .number("COLOR", self.columns.color);
         let chosen = if normals || normal_maps { chosen.number("NORMAL", self.columns.normal) } else { chosen };
@@ -155,12 +157,12 @@ impl PackedScene {
     /// Chooses the parts of the kernel of the hybrid integrator.
     pub(super) fn specialise_hybrid(&self, chosen: Specialisation) -> Specialisation {
         let direct = if self.lights.is_some() { "shared/direct/list" } else { "shared/direct/none" };
-        self.specialise(chosen).part("direct", direct)
+        self.with_bodies(self.specialise(chosen)).part("direct", direct)
     }
 
     /// Chooses the parts of the kernel of the path integrator.
     pub(super) fn specialise_path(&self, chosen: Specialisation, lights: &SampledLights) -> Specialisation {
-        let chosen = lights.specialise(self.specialise(chosen));
+        let chosen = lights.specialise(self.with_bodies(self.specialise(chosen)));
         // Emitters that ask surfaces ask for alpha, where there is a mask or not.
         let chosen = if lights.glow_is_surfaces() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
         if !self.has.gloss {
@@ -170,8 +172,17 @@ impl PackedScene {
         chosen.part("material", "shared/material/full").part("bsdf", "shared/bsdf/full").part("through", through)
     }
 
+    fn with_bodies(&self, chosen: Specialisation) -> Specialisation {
+        chosen.part("bodies", if self.has.bodies { "shared/bodies/list" } else { "shared/bodies/none" })
+    }
+
     fn with_alpha(&self, chosen: Specialisation) -> Specialisation {
         chosen.part("alpha", if self.has.mask_textures { "shared/alpha/texture" } else { "shared/alpha/plain" })
+    }
+
+    /// The scene's material of a number that kernels tell.
+    pub(super) fn material(&self, number: u32) -> MaterialId {
+        self.material_ids[number as usize]
     }
 
     /// Error along each axis between the plane of a triangle of an instance and a ray that leaves it.

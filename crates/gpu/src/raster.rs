@@ -1,0 +1,197 @@
+//! Raster passes: triangles that shaders fetch themselves, into whole texels of bits.
+
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+use canted_shaders::{Binding, Shader, Specialisation};
+use wgpu::{
+    Color, CompareFunction, DepthStencilState, Extent3d, FragmentState, LoadOp, MultisampleState, Operations,
+    PipelineCompilationOptions, PrimitiveState, RenderPassColorAttachment, RenderPassDepthStencilAttachment,
+    RenderPassDescriptor, RenderPipelineDescriptor, ShaderModuleDescriptor, ShaderSource, StoreOp, Texture,
+    TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, VertexState,
+};
+
+use crate::work::bind_groups;
+use crate::{Bound, Buffer, Gpu, GpuError};
+
+/// A texel of each target.
+pub const TARGETS: usize = 4;
+
+/// Bytes of a pixel over all targets.
+const PIXEL_BYTES: u32 = 16 * TARGETS as u32;
+
+/// Rows of a texture that is copied begin at multiples of so many bytes.
+const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
+
+/// Stages `vertex` and `fragment` of one file, which write [`TARGETS`] targets of four words a pixel. The greatest depth stays.
+pub struct Raster {
+    name: String,
+    pipeline: wgpu::RenderPipeline,
+    bindings: Vec<Binding>,
+}
+
+/// Some instances of a run of vertices.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Draw {
+    /// Numbers that the vertex stage gets, three a triangle.
+    pub vertices: Range<u32>,
+    /// Numbers of the instances.
+    pub instances: Range<u32>,
+}
+
+/// What a pass wrote.
+pub struct Drawn {
+    /// For each target its texels, row by row; zero where nothing was drawn.
+    pub targets: [Vec<[u32; 4]>; TARGETS],
+    /// From submission to completion of the pass alone.
+    pub time: Duration,
+}
+
+impl Gpu {
+    /// Compiles a raster pass.
+    ///
+    /// # Errors
+    /// As of [`Gpu::kernel`], and a device whose pixels hold too few bytes.
+    pub fn raster(&self, name: &str, chosen: &Specialisation) -> Result<Raster, GpuError> {
+        self.check()?;
+        let most = self.limits().max_color_attachment_bytes_per_sample;
+        if most < PIXEL_BYTES {
+            let (limit, remedy) = ("bytes of a pixel over all targets", "trace primary rays");
+            let what = format!("raster pass '{name}'");
+            return Err(GpuError::Limit { what, need: PIXEL_BYTES.into(), limit, most: most.into(), remedy });
+        }
+        let shader = Shader::new(name, chosen)?;
+        let mut bindings: Vec<Binding> = shader.entries.iter().flat_map(|entry| entry.bindings.clone()).collect();
+        bindings.sort_by_key(|binding| (binding.group, binding.number));
+        bindings.dedup_by_key(|binding| (binding.group, binding.number));
+        let module = self.device.create_shader_module(ShaderModuleDescriptor {
+            label: Some(name),
+            source: ShaderSource::Wgsl(shader.source.as_str().into()),
+        });
+        let constants: Vec<(&str, f64)> =
+            shader.overrides.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        let options = PipelineCompilationOptions { constants: &constants, ..Default::default() };
+        let targets = [const { Some(TextureFormat::Rgba32Uint) }; TARGETS].map(|format| format.map(Into::into));
+        let pipeline = self.device.create_render_pipeline(&RenderPipelineDescriptor {
+            label: Some(name),
+            layout: None,
+            vertex: VertexState {
+                module: &module,
+                entry_point: Some("vertex"),
+                compilation_options: options.clone(),
+                buffers: &[],
+            },
+            primitive: PrimitiveState::default(),
+            depth_stencil: Some(DepthStencilState {
+                format: TextureFormat::Depth32Float,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(CompareFunction::Greater),
+                stencil: Default::default(),
+                bias: Default::default(),
+            }),
+            multisample: MultisampleState::default(),
+            fragment: Some(FragmentState {
+                module: &module,
+                entry_point: Some("fragment"),
+                compilation_options: options,
+                targets: &targets,
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        self.check()?;
+        Ok(Raster { name: name.to_owned(), pipeline, bindings })
+    }
+
+    /// Draws a picture in one pass and reads its texels.
+    ///
+    /// # Errors
+    /// A variable that is not given, a picture that is larger than the device's textures, or the loss of the device.
+    pub fn draw(
+        &self,
+        raster: &Raster,
+        bound: &[Bound<'_>],
+        [width, height]: [u32; 2],
+        draws: &[Draw],
+    ) -> Result<Drawn, GpuError> {
+        let most = self.limits().max_texture_dimension_2d;
+        let need = width.max(height);
+        if need > most {
+            let what = format!("a picture of {width} x {height} pixels");
+            let (limit, remedy) = ("pixels along a side of a texture", "use a smaller picture");
+            return Err(GpuError::Limit { what, need: need.into(), limit, most: most.into(), remedy });
+        }
+        let size = Extent3d { width, height, depth_or_array_layers: 1 };
+        let (colors, depth) = (self.targets(size), self.texture(size, TextureFormat::Depth32Float));
+        let groups = bind_groups(self, &raster.name, &raster.bindings, bound, |number| {
+            raster.pipeline.get_bind_group_layout(number)
+        })?;
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let views = colors.each_ref().map(|color| color.create_view(&Default::default()));
+        let depth = depth.create_view(&Default::default());
+        {
+            let ops = Operations { load: LoadOp::Clear(Color::TRANSPARENT), store: StoreOp::Store };
+            let attachments = views
+                .each_ref()
+                .map(|view| Some(RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }));
+            let depth_ops = Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Discard });
+            let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
+                label: Some(&raster.name),
+                color_attachments: &attachments,
+                depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
+                    view: &depth,
+                    depth_ops,
+                    stencil_ops: None,
+                }),
+                ..Default::default()
+            });
+            pass.set_pipeline(&raster.pipeline);
+            for (number, group) in &groups {
+                pass.set_bind_group(*number, group, &[]);
+            }
+            for draw in draws {
+                pass.draw(draw.vertices.clone(), draw.instances.clone());
+            }
+        }
+        let start = Instant::now();
+        let submission = self.queue.submit([encoder.finish()]);
+        self.wait(Some(submission))?;
+        let time = start.elapsed();
+        let mut targets = [const { vec![] }; TARGETS];
+        for (texels, color) in targets.iter_mut().zip(&colors) {
+            *texels = self.texels(color, size)?;
+        }
+        Ok(Drawn { targets, time })
+    }
+
+    fn targets(&self, size: Extent3d) -> [Texture; TARGETS] {
+        std::array::from_fn(|_| self.texture(size, TextureFormat::Rgba32Uint))
+    }
+
+    fn texture(&self, size: Extent3d, format: TextureFormat) -> Texture {
+        self.device.create_texture(&TextureDescriptor {
+            label: None,
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: TextureDimension::D2,
+            format,
+            usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC,
+            view_formats: &[],
+        })
+    }
+
+    /// All texels of a target.
+    fn texels(&self, target: &Texture, size: Extent3d) -> Result<Vec<[u32; 4]>, GpuError> {
+        let row_bytes = (16 * size.width).next_multiple_of(ROW_BYTES);
+        let row = row_bytes as usize / 16;
+        let copied: Buffer<[u32; 4]> = self.zeroed("texels of a target", row * size.height as usize)?;
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row_bytes), rows_per_image: None };
+        let to = wgpu::TexelCopyBufferInfo { buffer: &copied.raw, layout };
+        encoder.copy_texture_to_buffer(target.as_image_copy(), to, size);
+        self.queue.submit([encoder.finish()]);
+        let texels = self.read(&copied)?;
+        Ok(texels.chunks_exact(row).flat_map(|texels| &texels[..size.width as usize]).copied().collect())
+    }
+}

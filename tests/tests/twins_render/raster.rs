@@ -1,0 +1,171 @@
+//! The raster pass beside primary rays through the centres of pixels.
+//!
+//! A rasteriser places vertices on a grid of 1/256 of a pixel, and f32 places them to some 2⁻²² of the picture's width before: a
+//! centre as near as that to an edge may be seen on either side of it, and everywhere else both see the same triangle.
+
+use canted_gpu::Gpu;
+use canted_renderer::{
+    DevicePicture, Integrator, Levels, Lod, Masked, Prepared, Seen, Settings, Surface, Surfaces, Tracer, View,
+};
+use canted_scene::{Camera, Scene};
+use canted_trace::{Hit, Watertight};
+
+use super::compared::{frame_of, prepared};
+use super::{gpu, scenes};
+
+const SIZE: [u32; 2] = [96, 54];
+
+/// How far from a centre the rasteriser's edges may be, in pixels: half a step of the grid along each axis, twice for the two ends
+/// of an edge, and as much again for the roundings of f32.
+const EDGE: f64 = 1.0 / 64.0;
+
+/// Of positions and distances, relative to the reach of scene and eye and for views from straight above: some dozen roundings of the
+/// ray's and the triangle's numbers.
+const ROUNDING: f64 = 64.0 * f32::EPSILON as f64;
+
+fn settings() -> Settings {
+    let [width, height] = SIZE;
+    Settings { width, height, samples: 1, lod: Lod::Aniso, integrator: Integrator::Hybrid, ..Settings::default() }
+}
+
+/// What primary rays see.
+struct Rays<'a> {
+    view: View,
+    surfaces: &'a Surfaces<'a>,
+    prepared: &'a Prepared<Watertight>,
+}
+
+impl Rays<'_> {
+    /// The first hit through a place of the picture, in pixels, and the surface there.
+    fn seen(&self, at: [f64; 2]) -> Option<(Hit, Surface)> {
+        let ray = self.view.ray(at);
+        let hit = self.prepared.structure.closest_hit(&ray, &mut Masked::new(self.surfaces, ()))?;
+        Some((hit, self.surfaces.at_time(&hit, ray.direction, 0.0, self.view.cone(at, 0))))
+    }
+
+    /// Whether all rays about a centre, as near as the rasteriser's edges may be, meet the same as the one through it.
+    fn is_within(&self, [x, y]: [f64; 2]) -> bool {
+        let same = |hit: Option<(Hit, Surface)>| hit.map(|(hit, _)| (hit.instance, hit.primitive));
+        let here = same(self.seen([x, y]));
+        let around =
+            [[EDGE, 0.0], [-EDGE, 0.0], [0.0, EDGE], [0.0, -EDGE], [EDGE, EDGE], [-EDGE, -EDGE], [EDGE, -EDGE]];
+        around.iter().chain(&[[-EDGE, EDGE]]).all(|[dx, dy]| same(self.seen([x + dx, y + dy])) == here)
+    }
+}
+
+/// Height over its longest edge of a triangle in world space, and how much its instance's transform amplifies roundings of normals.
+fn shape(scene: &Scene, hit: &Hit) -> [f64; 2] {
+    let instance = &scene.instances[hit.instance.0 as usize];
+    let mesh = &scene.meshes[instance.mesh.0 as usize];
+    let [a, b, c] = mesh.triangles[hit.primitive.0 as usize]
+        .map(|i| instance.world_from_object.point(mesh.positions[i as usize]).map(f64::from));
+    let sub = |p: [f64; 3], q: [f64; 3]| -> [f64; 3] { std::array::from_fn(|k| p[k] - q[k]) };
+    let cross = |p: [f64; 3], q: [f64; 3]| -> [f64; 3] {
+        std::array::from_fn(|k| p[(k + 1) % 3] * q[(k + 2) % 3] - p[(k + 2) % 3] * q[(k + 1) % 3])
+    };
+    let length = |p: [f64; 3]| p.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let longest = [sub(b, a), sub(c, b), sub(a, c)].map(length).into_iter().fold(0.0, f64::max);
+    // Norm of the matrix times that of its inverse, whose rows are cofactors over the determinant.
+    let [x, y, z, _] = instance.world_from_object.columns.map(|column| column.map(f64::from));
+    let norm = |columns: [[f64; 3]; 3]| length(columns.map(length));
+    let determinant: f64 = cross(x, y).iter().zip(z).map(|(a, b)| a * b).sum();
+    let condition = norm([x, y, z]) * norm([cross(x, y), cross(y, z), cross(z, x)]) / determinant.abs();
+    [length(cross(sub(b, a), sub(c, a))) / longest, condition]
+}
+
+/// What is wrong with a pixel, if anything: nothing is said of what may differ by roundings.
+fn differs(
+    scene: &Scene,
+    seen: &Seen,
+    hit: &Hit,
+    surface: &Surface,
+    direction: [f32; 3],
+    reach: f64,
+) -> Option<&'static str> {
+    if (seen.instance, seen.primitive) != (hit.instance, hit.primitive) {
+        return Some("triangle");
+    }
+    let cosine: f64 = (0..3).map(|k| f64::from(direction[k]) * surface.normal[k]).sum::<f64>().abs();
+    let near = |a: [f32; 3], b: [f64; 3], bound: f64| (0..3).all(|k| (f64::from(a[k]) - b[k]).abs() <= bound);
+    let moved = ROUNDING * reach / cosine.max(1e-3);
+    if !near(seen.position, surface.position, moved) || f64::from((seen.distance - hit.t).abs()) > moved {
+        return Some("position");
+    }
+    let [height, condition] = shape(scene, hit);
+    // The share of the triangle by which the place moves: as much its corners lean the triangle, and a normal between them turns.
+    let share = moved / height;
+    let turn = share + ROUNDING * condition;
+    if !near(seen.normal, surface.normal, turn) || !near(seen.shading_normal, surface.shading_normal, 4.0 * turn) {
+        return Some("normal");
+    }
+    // Textures change by all of their range within a quarter of a block, of which there are eight along a triangle.
+    let color = surface.bsdf.base_color.map(f64::from);
+    if near(seen.albedo, color, 32.0 * turn) { None } else { Some("albedo") }
+}
+
+/// Pixels that differ where rays say they must not, and the share of those that lie on edges.
+fn wrong(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels, spoil: fn(&mut Seen)) -> (Vec<String>, f64) {
+    let settings = settings();
+    let prepared = prepared(scene, levels);
+    let surfaces = Surfaces::with_lod(scene, settings.lod);
+    let [width, height] = SIZE;
+    let rays = Rays { view: View::new(camera, width, height).unwrap(), surfaces: &surfaces, prepared: &prepared };
+    let picture = DevicePicture::new(gpu, &surfaces, &prepared.structure, camera, &settings).unwrap();
+    let drawn = picture.first_surfaces().unwrap();
+    let reach = scene.bounds_world().reach().max(camera.eye.iter().fold(0.0, |most, x| x.abs().max(most)));
+    let (mut wrong, mut n_edges) = (vec![], 0.0);
+    for (k, seen) in (0..).zip(drawn.pixels) {
+        let at = [f64::from(k % width) + 0.5, f64::from(k / width) + 0.5];
+        if !rays.is_within(at) {
+            n_edges += 1.0;
+            continue;
+        }
+        let found = match (seen, rays.seen(at)) {
+            (None, None) => None,
+            (Some(mut seen), Some((hit, surface))) => {
+                spoil(&mut seen);
+                let direction = rays.view.ray(at).direction;
+                differs(scene, &seen, &hit, &surface, direction, reach.into())
+                    .map(|what| format!("{what} at {at:?}: {seen:?} {hit:?} {surface:?}"))
+            }
+            (seen, expected) => Some(format!("at {at:?}: {seen:?} {expected:?}")),
+        };
+        wrong.extend(found);
+    }
+    (wrong, n_edges / f64::from(width * height))
+}
+
+#[track_caller]
+fn check(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels) {
+    let (wrong, edges) = wrong(gpu, scene, camera, levels, |_| ());
+    assert!(wrong.is_empty() && edges < 0.5, "{} wrong, {edges} on edges: {}", wrong.len(), wrong[0]);
+}
+
+#[test]
+fn a_raster_pass_sees_what_primary_rays_see() {
+    let Some(gpu) = gpu("a_raster_pass_sees_what_primary_rays_see") else { return };
+    let builtin = canted_scene::builtin();
+    let (room, room_camera) = scenes::room();
+    let (mut textured, textured_camera) = scenes::textured();
+    // What is blended is there for some rays only, which are numbered otherwise here and there.
+    textured.materials[2].alpha = 1.0;
+    for levels in [Levels::One, Levels::Two] {
+        check(&gpu, &builtin, &frame_of(&builtin), levels);
+        check(&gpu, &room, &room_camera, levels);
+        check(&gpu, &textured, &textured_camera, levels);
+    }
+    // From within, so that triangles reach behind the eye.
+    let inside = Camera::pinhole([0.2, 0.1, 0.3], [1.0, -0.5, -1.0], [0.0, 1.0, 0.0], 80.0);
+    check(&gpu, &room, &inside, Levels::One);
+}
+
+#[test]
+fn another_point_or_colour_is_seen() {
+    let Some(gpu) = gpu("another_point_or_colour_is_seen") else { return };
+    let (scene, camera) = scenes::textured();
+    let n_wrong = |spoil: fn(&mut Seen)| wrong(&gpu, &scene, &camera, Levels::One, spoil).0.len();
+    assert!(n_wrong(|seen| seen.position[0] += 0.002) > 1000);
+    assert!(n_wrong(|seen| seen.shading_normal[1] += 0.01) > 1000);
+    assert!(n_wrong(|seen| seen.albedo[2] += 0.02) > 1000);
+    assert!(n_wrong(|seen| seen.primitive.0 ^= 1) > 1000);
+}
