@@ -7,6 +7,7 @@
 mod build;
 mod clock;
 mod costs;
+mod device;
 mod extremes;
 mod interleave;
 mod load;
@@ -36,6 +37,9 @@ fn main() -> Result<()> {
         return wide::trial(&options);
     }
     let mut out = String::new();
+    if let Some(choice) = &options.device {
+        device::section(&mut out, choice, &options)?;
+    }
     if options.wants("load") {
         load::section(&mut out, options.rounds)?;
     }

@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use anyhow::{Result, anyhow};
+use canted_gpu::Choice;
 
 use crate::wide::TRIAL;
 
@@ -20,6 +21,8 @@ pub(crate) struct Options {
     pub(crate) rounds: usize,
     scenes: Vec<String>,
     engines: Vec<String>,
+    /// The device that is measured, alone unless sections are named: `gpu` is the best, others are parts of an adapter's name.
+    pub(crate) device: Option<Choice>,
     /// A quarter of the rays, and each tree built once.
     pub(crate) is_quick: bool,
     /// Growth is measured up to two to this power of triangles.
@@ -29,8 +32,15 @@ pub(crate) struct Options {
 impl Options {
     /// Reads the arguments, without the program's name.
     pub(crate) fn read(mut args: impl Iterator<Item = String>) -> Result<Self> {
-        let mut options =
-            Self { sections: vec![], rounds: 5, scenes: vec![], engines: vec![], is_quick: false, max_log2: 22 };
+        let mut options = Self {
+            sections: vec![],
+            rounds: 5,
+            scenes: vec![],
+            engines: vec![],
+            device: None,
+            is_quick: false,
+            max_log2: 22,
+        };
         while let Some(arg) = args.next() {
             let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
             match arg.as_str() {
@@ -47,12 +57,17 @@ impl Options {
                 }
                 "--scenes" => options.scenes = list(&value()?),
                 "--engines" => options.engines = list(&value()?),
+                "--device" => {
+                    let name = value()?;
+                    options.device = Some(if name == "gpu" { Choice::Best } else { Choice::Named(name) });
+                }
                 "--quick" => options.is_quick = true,
                 section if SECTIONS.contains(&section) || section == TRIAL => options.sections.push(arg),
                 _ => {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
-                        "'{arg}' is none of {sections}, --rounds N, --scenes A,B, --engines A,B, --quick, --max-log2 N"
+                        "'{arg}' is none of {sections}, --rounds N, --scenes A,B, --engines A,B, --device gpu|NAME, --quick, \
+                         --max-log2 N"
                     ));
                 }
             }
@@ -60,9 +75,9 @@ impl Options {
         Ok(options)
     }
 
-    /// Whether a section is measured: all are where none is named.
+    /// Whether a section is measured: all are where neither one nor a device is named.
     pub(crate) fn wants(&self, section: &str) -> bool {
-        self.sections.is_empty() || self.sections.iter().any(|wanted| wanted == section)
+        (self.sections.is_empty() && self.device.is_none()) || self.sections.iter().any(|wanted| wanted == section)
     }
 
     /// Whether this process is the trial of a peer.
@@ -111,12 +126,23 @@ mod tests {
     }
 
     #[test]
+    fn a_device_is_measured_alone() {
+        let options = read("--device gpu --rounds 2").unwrap();
+        assert_eq!(options.device, Some(Choice::Best));
+        assert!(SECTIONS.iter().all(|section| !options.wants(section)));
+        let options = read("build --device llvmpipe").unwrap();
+        assert_eq!(options.device, Some(Choice::Named("llvmpipe".to_owned())));
+        assert!(options.wants("build") && !options.wants("trace"));
+    }
+
+    #[test]
     fn a_wrong_word_is_named() {
         for (args, word) in [
             ("wild", "wild"),
             ("--rounds x", "x"),
             ("--rounds 0", "0"),
             ("--scenes", "--scenes"),
+            ("--device", "--device"),
             ("--max-log2 9", "9"),
         ] {
             assert!(read(args).unwrap_err().to_string().contains(word));

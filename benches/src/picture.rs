@@ -4,7 +4,7 @@ use std::{fmt::Write, sync::atomic::AtomicBool, time::Instant};
 
 use anyhow::Result;
 use canted_renderer::{Settings, StructureConfig, frame, prepare, render};
-use canted_scene::Light;
+use canted_scene::{Light, Scene};
 use canted_trace::Watertight;
 
 use crate::models;
@@ -12,13 +12,10 @@ use crate::models;
 /// Renders once and writes the section.
 pub(crate) fn section(out: &mut String) -> Result<()> {
     out.push_str("\n## Sponza, 1920 x 1080, 24 samples, 2 bounces, all threads\n\n");
-    let Some(mut scene) = models::scene("sponza")? else {
+    let Some(scene) = sponza()? else {
         out.push_str("Sponza is not at hand.\n");
         return Ok(());
     };
-    // One sun and a sky, so that every vertex casts a shadow ray.
-    scene.environment = Some([4.0, 5.0, 6.5].into());
-    scene.lights = vec![Light::Sun { direction: [-0.282_166, -0.940_553, -0.188_111], irradiance: [20.0, 19.0, 17.0] }];
     let start = Instant::now();
     let prepared = prepare::<Watertight>(&scene, &StructureConfig::default())?;
     let build = start.elapsed().as_secs_f64();
@@ -38,4 +35,11 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
         rayon::current_num_threads()
     );
     Ok(())
+}
+
+/// Sponza under one sun and a sky, so that every vertex casts a shadow ray; `None` where it is not at hand.
+pub(crate) fn sponza() -> Result<Option<Scene>> {
+    let sun = Light::Sun { direction: [-0.282_166, -0.940_553, -0.188_111], irradiance: [20.0, 19.0, 17.0] };
+    let lit = |scene| Scene { environment: Some([4.0, 5.0, 6.5].into()), lights: vec![sun], ..scene };
+    Ok(models::scene("sponza")?.map(lit))
 }

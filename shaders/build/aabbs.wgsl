@@ -4,6 +4,8 @@
 // use shared/build/climb
 // use ?item
 
+@group(0) @binding(2) var<storage, read> leaves: array<u32>;
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -12,6 +14,6 @@ fn main(
 ) {
     let leaf = slice_item(group, groups, 64u, local);
     if leaf < slice.end {
-        climb(leaf, item_reach(leaves[leaf]));
+        climb(parent_of_leaf(leaf), item_reach(leaves[leaf]));
     }
 }

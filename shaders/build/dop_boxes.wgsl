@@ -1,37 +1,19 @@
 // Volumes, `dop`, second dispatch of a frame: the box along it takes a node's place where it has less area.
-// Reads: extents along the frame, axis-aligned boxes, leaves. Writes: boxes.
+// Reads: extents along the frame, axis-aligned boxes, nodes, leaves. Writes: boxes.
 // Holds: a box contains the items below it exactly; see shared/build/enclosure.
 // use shared/build/slice
-// use shared/build/node
 // use shared/build/boxes
+// use shared/build/few
 // use shared/build/fixed
-// use ?item
 
-@group(0) @binding(1) var<storage, read> nodes: array<Node>;
-@group(0) @binding(2) var<storage, read> leaves: array<u32>;
 @group(0) @binding(3) var<storage, read> ends: array<f32>;
 @group(0) @binding(6) var<storage, read> aabbs: array<f32>;
-
-/// Nodes of so many leaves are measured once more, from one of their own points: far from the origin theirs are the boxes that
-/// pads would swell most.
-const FEW: u32 = 8u;
 
 fn three(at: u32, is_end: bool) -> vec3<f32> {
     if is_end {
         return vec3<f32>(ends[at], ends[at + 1u], ends[at + 2u]);
     }
     return vec3<f32>(aabbs[at], aabbs[at + 1u], aabbs[at + 2u]);
-}
-
-/// The box along the frame around the leaves of a small node.
-fn box_of_few(node: Node) -> Box {
-    let first = item_content(leaves[node.first]);
-    let origin = first.center;
-    var extent = extent_of(fixed.frame, origin, first);
-    for (var leaf = node.first + 1u; leaf <= node.last; leaf++) {
-        extent = joined_extents(extent, extent_of(fixed.frame, origin, item_content(leaves[leaf])));
-    }
-    return box_around(fixed.frame, origin, extent, fixed.skewness);
 }
 
 /// The box along the frame by the extents that came up. What is below reaches no farther from the origin than its axis-aligned
@@ -58,8 +40,10 @@ fn main(
         return;
     }
     var volume = Box();
-    if node.last - node.first < FEW {
-        volume = box_of_few(node);
+    if is_few(node) {
+        let origin = item_content(leaves[node.first]).center;
+        let extent = extent_of_leaves(fixed.frame, origin, node.first, node.last);
+        volume = box_around(fixed.frame, origin, extent, fixed.skewness);
     } else {
         volume = box_of_many(slot);
     }

@@ -1,11 +1,11 @@
 // Volumes, `dop`, first dispatch of a frame: extents along its axes, from the leaves up.
-// Reads: parents, leaves, a frame. Writes: the coordinates of both ends of what is below each inner node, from the origin.
+// Reads: nodes, parents, leaves, a frame. Writes: the coordinates of both ends of what is below each node of many leaves, from
+// the origin.
 // Source: Klosowski et al. 1998, three directions at a time.
 // use shared/build/slice
 // use shared/build/climb
-// use shared/build/enclosure
+// use shared/build/few
 // use shared/build/fixed
-// use ?item
 
 @compute @workgroup_size(64)
 fn main(
@@ -17,8 +17,24 @@ fn main(
     if leaf >= slice.end {
         return;
     }
-    let extent = extent_of(fixed.frame, vec3(0.0), item_content(leaves[leaf]));
+    // The first leaf of a node of few speaks for all of them.
+    var first = leaf;
+    var last = leaf;
+    var above = parent_of_leaf(leaf);
+    while above != NONE {
+        let node = nodes[above];
+        if !is_few(node) {
+            break;
+        }
+        first = node.first;
+        last = node.last;
+        above = parents[above];
+    }
+    if first != leaf || above == NONE {
+        return;
+    }
+    let extent = extent_of_leaves(fixed.frame, vec3(0.0), first, last);
     let low = bitcast<vec3<u32>>(extent.low);
     let high = bitcast<vec3<u32>>(extent.high);
-    climb(leaf, Reach(reach_of(low.x, low.y, low.z).low, reach_of(high.x, high.y, high.z).high));
+    climb(above, Reach(reach_of(low.x, low.y, low.z).low, reach_of(high.x, high.y, high.z).high));
 }

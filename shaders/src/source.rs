@@ -61,6 +61,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/build/digit",
     "shared/build/eigen",
     "shared/build/enclosure",
+    "shared/build/few",
     "shared/build/fixed",
     "shared/build/forest",
     "shared/build/frame",

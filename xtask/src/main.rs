@@ -25,7 +25,8 @@ const USAGE: &str = "usage: cargo xtask TASK
   ci                everything that is checked before a change is taken
   tidy              the rules of style that a program can check
   bench [ARGS]      measure, and write into benches/RESULTS.md; load, build, trace, picture, wide, growth, --rounds N,
-                    --scenes A,B, --engines A,B, --quick, --max-log2 N, --peers (Embree, tinybvh)
+                    --scenes A,B, --engines A,B, --quick, --max-log2 N, --peers (Embree, tinybvh); --device gpu|NAME
+                    measures an adapter alone
   report [ARGS]     measure what each choice costs and buys, and write target/report; --quick, names of chapters, --peers,
                     --keep (into benches/RESULTS.md and benches/report.json)
   grazing [ARGS]    shoot grazing rays at wide trees, and write into tests/GRAZING.md; --rays N, 10 million without

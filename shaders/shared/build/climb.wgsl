@@ -5,16 +5,20 @@
 // use shared/build/node
 // use shared/build/ordered
 
-@group(0) @binding(1) var<storage, read> parents: array<u32>;
-/// The item of each leaf.
-@group(0) @binding(2) var<storage, read> leaves: array<u32>;
+/// Parents of inner nodes by slot, then of leaves by position.
+@group(0) @binding(6) var<storage, read> parents: array<u32>;
 /// Six words an inner node: a child's reach, until the second one comes; then bits of the three low ends and the three high ones.
 @group(0) @binding(3) var<storage, read_write> ends: array<atomic<u32>>;
 
-fn climb(leaf: u32, own: Reach) {
+fn parent_of_leaf(leaf: u32) -> u32 {
+    return parents[arrayLength(&parents) / 2u + leaf];
+}
+
+/// Carries what is below a child of `parent` up from there.
+fn climb(parent: u32, own: Reach) {
     var reach = array<u32, 6>(own.low.x, own.low.y, own.low.z, own.high.x, own.high.y, own.high.z);
     var climbing = 63u;
-    var node = parents[arrayLength(&parents) / 2u + leaf];
+    var node = parent;
     while node != NONE && climbing != 0u {
         for (var k = 0u; k < 6u; k++) {
             if (climbing & (1u << k)) == 0u {

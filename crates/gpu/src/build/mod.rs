@@ -10,6 +10,7 @@
 
 mod dop;
 mod items;
+mod passes;
 mod run;
 mod sort;
 mod stations;
@@ -17,6 +18,7 @@ mod two_levels;
 mod volumes;
 
 pub use items::{Items, Range};
+pub use passes::Passes;
 pub use run::{Run, StationTime};
 pub use sort::Sorter;
 pub use stations::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};

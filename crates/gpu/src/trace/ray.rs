@@ -31,7 +31,8 @@ impl DeviceRay {
     pub(super) const NOTHING: Self = Self { origin: [0.0; 3], t_min: 0.0, direction: [0.0; 3], t_max: 0.0 };
 
     /// A ray in scaled units, which kernels then need not scale.
-    pub(super) fn scaled(ray: &ScaledRay) -> Self {
+    #[must_use]
+    pub fn scaled(ray: &ScaledRay) -> Self {
         Self { origin: ray.origin, t_min: ray.t_min.min(FAR), direction: ray.direction, t_max: ray.t_max.min(FAR) }
     }
 }

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
+use rayon::prelude::*;
 
 use super::materials::Materials;
 use super::slack;
@@ -139,23 +140,26 @@ impl Geometry {
         let words = &mut self.vertices[start..];
         put(words, stride, 0, &positions);
         put_attributes(words, mesh, columns, map);
-        let mut parts = mesh.parts.iter().peekable();
-        let mut material = 0;
-        for (index, corners) in (0..).zip(&mesh.triangles) {
-            while let Some(part) = parts.next_if(|part| part.first_triangle <= index) {
-                material = materials.number(part.material, mesh);
-            }
-            let [a, b, c] = corners.map(|i| wide(positions[i as usize]));
-            let winding = cross(sub(b, a), sub(c, a));
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-            self.triangles.push(PackedTriangle {
-                vertices: corners.map(|i| base + i),
-                material: material | if is_mirrored { MIRRORED } else { 0 },
-                normal: unit(winding).map_or([0.0; 3], narrow),
-                area_root: length(winding).sqrt() as f32,
-            });
+        for (index, part) in mesh.parts.iter().enumerate() {
+            let end = mesh.parts.get(index + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
+            let material = materials.number(part.material, mesh) | if is_mirrored { MIRRORED } else { 0 };
+            let own = mesh.triangles[part.first_triangle as usize..end].par_iter();
+            self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, &positions, material)));
         }
         Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
+    }
+}
+
+/// A triangle whose vertices are numbered from `base` on, at these positions.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+fn packed_triangle(corners: [u32; 3], base: u32, positions: &[[f32; 3]], material: u32) -> PackedTriangle {
+    let [a, b, c] = corners.map(|i| wide(positions[i as usize]));
+    let winding = cross(sub(b, a), sub(c, a));
+    PackedTriangle {
+        vertices: corners.map(|i| base + i),
+        material,
+        normal: unit(winding).map_or([0.0; 3], narrow),
+        area_root: length(winding).sqrt() as f32,
     }
 }
 

@@ -1,0 +1,172 @@
+//! Rays through wide trees: nodes that lean where that pays, and nodes along the axes alone.
+
+use std::{fmt::Write, time::Instant};
+
+use anyhow::Result;
+use canted_gpu::{Bound, Buffer, DeviceHit, DeviceRay, Gpu, GpuError, Specialisation, TracedScene};
+use canted_trace::{Ray, ScaledRay, Watertight};
+use canted_wide::{Config, Preset, Wide};
+
+use super::Bench;
+use crate::{
+    models,
+    wide::sets::{self, Kind},
+};
+
+/// An ordinary scene, and two of thin leaning parts.
+const SCENES: [&str; 3] = ["sponza", "eiffel", "truss"];
+
+/// Rays of a dispatch.
+const SLICE: usize = 1 << 20;
+
+/// Side of the squares of pixels whose rays a work-group traces.
+const SQUARE: usize = 8;
+
+/// Measures and writes the table.
+pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
+    let _ = writeln!(
+        out,
+        "\n### Rays\n\nPreset balanced; nodes that lean where that pays, and nodes along the axes of the space alone. {0} x {0} camera rays \
+         of each of four views, in squares of {SQUARE} x {SQUARE}; one diffuse ray from each of their hits, and whether anything is near. \
+         Million rays a second, by time on the device alone; rays whose walk the driver cut short are counted too.\n\n\
+         | scene | rays | number | leaning | axis-aligned | ratio | cut |\n| --- | --- | --- | --- | --- | --- | --- |",
+        bench.scale.resolution
+    );
+    for name in SCENES {
+        let Some(model) = models::load(name)? else {
+            let _ = writeln!(out, "| {name} | not at hand |");
+            continue;
+        };
+        let leaning = Config::preset(Preset::Balanced);
+        let straight = Config { lean: false, share: false, turn: false, ..leaning };
+        let build = |config: &Config| Wide::<Watertight>::build(&model.mesh.positions, &model.mesh.triangles, config);
+        let [leaning, straight] = [build(&leaning)?, build(&straight)?];
+        let camera = sets::camera(&model, bench.scale.resolution);
+        let mut hits = vec![None; camera.len()];
+        leaning.par_closest_hits(&camera, &mut hits);
+        let [diffuse, occlusion] = sets::secondary(&model, &camera, &hits);
+        let camera = in_squares(&camera, bench.scale.resolution as usize);
+        let traced = [TracedScene::one(&bench.gpu, &leaning, &[0])?, TracedScene::one(&bench.gpu, &straight, &[0])?];
+        for (kind, rays) in Kind::ALL.into_iter().zip([camera, diffuse, occlusion]) {
+            let [leaning, straight] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];
+            let _ = writeln!(
+                out,
+                "| {name} | {} | {} | {:.2} | {:.2} | {:.2}x | {} |",
+                kind.name(),
+                rays.len(),
+                leaning.rate(rays.len()),
+                straight.rate(rays.len()),
+                straight.milliseconds / leaning.milliseconds,
+                leaning.n_cut.max(straight.n_cut)
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Rays of square pictures in scanline order, square by square.
+fn in_squares(rays: &[Ray], side: usize) -> Vec<Ray> {
+    let pixels = |square: usize| (0..SQUARE * SQUARE).map(move |i| (square, i / SQUARE, i % SQUARE));
+    let n_across = side / SQUARE;
+    let at = |(square, row, column): (usize, usize, usize)| {
+        (square / n_across * SQUARE + row) * side + square % n_across * SQUARE + column
+    };
+    rays.chunks_exact(side * side)
+        .flat_map(|picture| (0..n_across * n_across).flat_map(pixels).map(move |place| picture[at(place)]))
+        .collect()
+}
+
+/// What casting rays took.
+struct Cast {
+    milliseconds: f64,
+    n_cut: usize,
+}
+
+impl Cast {
+    /// Million rays a second.
+    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
+    fn rate(&self, n_rays: usize) -> f64 {
+        n_rays as f64 / (1e3 * self.milliseconds)
+    }
+}
+
+/// Casts all rays several times; the least time counts.
+fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result<Cast, GpuError> {
+    let gpu = &bench.gpu;
+    let slices = rays
+        .chunks(SLICE)
+        .map(|slice| {
+            let scaled: Vec<DeviceRay> =
+                slice.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();
+            gpu.buffer("rays", &scaled)
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut least = Cast { milliseconds: f64::MAX, n_cut: 0 };
+    for round in 0..=bench.rounds {
+        let mut milliseconds = 0.0;
+        least.n_cut = 0;
+        for slice in &slices {
+            let (taken, n_cut) = once(gpu, traced, kind, slice)?;
+            milliseconds += taken;
+            least.n_cut += n_cut;
+        }
+        if round > 0 {
+            least.milliseconds = least.milliseconds.min(milliseconds);
+        }
+    }
+    Ok(least)
+}
+
+/// Milliseconds of one dispatch, and how many rays it cut.
+fn once(gpu: &Gpu, traced: &TracedScene, kind: Kind, rays: &Buffer<DeviceRay>) -> Result<(f64, usize), GpuError> {
+    /// As in the kernels.
+    const CUT: u32 = u32::MAX - 1;
+    let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+    let chosen = traced.specialise(chosen);
+    if kind == Kind::Occlusion {
+        let found = gpu.zeroed::<u32>("found", rays.len())?;
+        let ms = dispatched(gpu, "trace/occluded", &chosen, traced, &[("rays", rays), ("found", &found)], rays.len())?;
+        return Ok((ms, gpu.read(&found)?.iter().filter(|&&found| found == CUT).count()));
+    }
+    let hits = gpu.zeroed::<DeviceHit>("hits", rays.len())?;
+    let ms = dispatched(gpu, "trace/closest", &chosen, traced, &[("rays", rays), ("hits", &hits)], rays.len())?;
+    Ok((ms, gpu.read(&hits)?.iter().filter(|hit| hit.instance == CUT).count()))
+}
+
+fn dispatched(
+    gpu: &Gpu,
+    name: &str,
+    chosen: &Specialisation,
+    traced: &TracedScene,
+    own: &[Bound<'_>],
+    n_rays: usize,
+) -> Result<f64, GpuError> {
+    let kernel = gpu.kernel(name, chosen)?;
+    let mut bound = traced.bindings();
+    bound.extend_from_slice(own);
+    let mut work = gpu.timed_work();
+    work.dispatch(&kernel, &bound, kernel.groups(u32::try_from(n_rays).unwrap_or(u32::MAX)))?;
+    gpu.finish()?;
+    let start = Instant::now();
+    let times = work.times()?;
+    let on_wall = start.elapsed().as_secs_f64() * 1e3;
+    Ok(if gpu.has_timestamps() { times.iter().map(|pass| pass.milliseconds).sum() } else { on_wall })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_keep_every_ray() {
+        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+        let rays: Vec<Ray> = (0..2 * 16 * 16).map(|i| Ray::new([i as f32, 0.0, 0.0], [1.0; 3])).collect();
+        let squared: Vec<f32> = in_squares(&rays, 16).iter().map(|ray| ray.origin[0]).collect();
+        assert_eq!(squared[7..9], [7.0, 16.0]);
+        assert_eq!(squared[64], 8.0);
+        assert_eq!(squared[256], 256.0);
+        let mut sorted = squared;
+        sorted.sort_by(f32::total_cmp);
+        assert!(sorted.iter().zip(&rays).all(|(x, ray)| *x == ray.origin[0]));
+    }
+}
