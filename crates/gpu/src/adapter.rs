@@ -73,6 +73,9 @@ impl std::fmt::Display for Choice {
 
 const BACKENDS: Backends = Backends::VULKAN.union(Backends::METAL).union(Backends::DX12);
 
+/// Share of its memory that a driver may give us.
+const MEMORY_PERCENT: u8 = 95;
+
 /// All adapters, the ones to prefer first; empty where no driver is installed.
 #[must_use]
 pub fn adapters() -> Vec<AdapterFacts> {
@@ -100,6 +103,8 @@ pub(crate) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterFacts), G
 fn listed() -> Vec<wgpu::Adapter> {
     let mut descriptor = InstanceDescriptor::new_without_display_handle();
     descriptor.backends = BACKENDS;
+    // Where drivers tell how much memory is left, a buffer beyond it is an error before it is the system's.
+    descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_PERCENT);
     let mut all = pollster::block_on(Instance::new(descriptor).enumerate_adapters(BACKENDS));
     all.sort_by_key(|adapter| kind(adapter.get_info().device_type));
     all

@@ -98,7 +98,11 @@ impl Gpu {
         }
         let descriptor = BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
         let raw = self.device.create_buffer(&descriptor);
-        self.check()?;
+        self.check().map_err(|error| match error {
+            // The driver does not know the buffer's name.
+            GpuError::OutOfMemory { .. } => GpuError::OutOfMemory { what: format!("{what} of {size} bytes") },
+            error => error,
+        })?;
         Ok(Buffer { raw, len, values: PhantomData })
     }
 

@@ -63,19 +63,19 @@ impl std::fmt::Display for GpuError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::NoAdapter { wanted, found } if found.is_empty() => {
-                write!(
-                    f,
-                    "no adapter for device '{wanted}': this machine shows none (a Vulkan, Metal or DX12 driver is needed)"
-                )
+                write!(f, "no adapter for device '{wanted}': this machine shows none; ")?;
+                write!(f, "install a driver for Vulkan, Metal or DX12, or use --device cpu")
             }
             Self::NoAdapter { wanted, found } => {
                 write!(f, "no adapter for device '{wanted}': there are {}", found.join(", "))
             }
             Self::Refused { adapter, message } => write!(f, "adapter '{adapter}' gives no device: {message}"),
             Self::Limit { what, need, limit, most, remedy } => {
-                write!(f, "{what} needs {need} of {limit}, the device has {most}; {remedy}")
+                write!(f, "{what}: {need} {limit} are needed, the device has {most}; {remedy}")
             }
-            Self::OutOfMemory { what } => write!(f, "the device has not enough memory: {what}"),
+            Self::OutOfMemory { what } => {
+                write!(f, "the device has not enough memory for {what}; use a smaller scene or --device cpu")
+            }
             Self::Lost { message } => write!(f, "the device is lost: {message}"),
             Self::TimedOut { seconds } => write!(f, "the device did not finish within {seconds} s"),
             Self::Untraceable { what } => write!(f, "the device does not trace {what}; use --device cpu"),

@@ -41,11 +41,18 @@ pub trait AsBinding {
     /// The whole of it.
     #[doc(hidden)]
     fn resource(&self) -> wgpu::BindingResource<'_>;
+
+    /// Bytes that the device keeps of it.
+    fn n_bytes(&self) -> u64;
 }
 
 impl<T> AsBinding for Buffer<T> {
     fn resource(&self) -> wgpu::BindingResource<'_> {
         self.raw.as_entire_binding()
+    }
+
+    fn n_bytes(&self) -> u64 {
+        Self::n_bytes(self)
     }
 }
 

@@ -61,7 +61,7 @@ fn a_low_limit_is_refused_with_limit_need_and_remedy() {
     let error = gpu.zeroed::<u32>("the nodes", 1 << 20).err().expect("4 MiB do not fit in 1 MiB").to_string();
     assert_eq!(
         error,
-        "the nodes needs 4194304 of bytes of a storage binding, the device has 1048576; use a smaller scene or --device cpu"
+        "the nodes: 4194304 bytes of a storage binding are needed, the device has 1048576; use a smaller scene or --device cpu"
     );
 }
 
@@ -74,4 +74,26 @@ fn a_lost_device_stays_lost() {
         assert!(matches!(gpu.read(&buffer), Err(GpuError::Lost { .. })));
         assert!(matches!(gpu.zeroed::<u32>("more", 4).err(), Some(GpuError::Lost { .. })));
     }
+}
+
+#[test]
+fn more_than_the_memory_is_refused_in_a_sentence() {
+    let Some(gpu) = gpu("more_than_the_memory_is_refused_in_a_sentence") else { return };
+    // Memory is taken as it is written, so that none of this costs any.
+    let words = usize::try_from(gpu.facts().max_binding_bytes.min(1 << 28) / 4).unwrap();
+    let mut kept = vec![];
+    let refused = (0..4096).find_map(|_| gpu.zeroed::<u32>("ballast", words).map(|buffer| kept.push(buffer)).err());
+    let n_bytes = kept.len() * 4 * words;
+    let Some(error) = refused else {
+        skip::<()>("more_than_the_memory_is_refused_in_a_sentence", &format!("the driver gave {n_bytes} bytes"));
+        return;
+    };
+    let sentence = format!(
+        "the device has not enough memory for ballast of {} bytes; use a smaller scene or --device cpu",
+        4 * words
+    );
+    assert_eq!(error.to_string(), sentence, "after {n_bytes} bytes");
+    // The device still works.
+    drop(kept);
+    assert_eq!(gpu.read(&gpu.buffer("values", &[7_u32]).unwrap()).unwrap(), [7]);
 }
