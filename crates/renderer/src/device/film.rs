@@ -1,13 +1,12 @@
 //! Tiles made of a device's samples.
 
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 
 use canted_gpu::{Bound, GpuError};
 
 use super::slices::{CELL_PIXELS, Slicer, Taken};
 use crate::render::{CELL, Course, Layout, Sums};
-use crate::{Monitor, Pixel, RenderError, Settings, Tile};
+use crate::{Pixel, RenderError, Settings, Tile};
 
 /// A cell while its samples are taken.
 struct Cell {
@@ -33,19 +32,19 @@ pub(super) struct Taker<'a> {
 }
 
 /// Makes the tiles of these numbers together: all their cells take the same samples in the same dispatches, and those that are done
-/// drop out. `None` once the work is cancelled.
+/// drop out. `None` once `stop` says so, which is asked between dispatches.
 pub(super) fn tiles(
     taker: &mut Taker,
     layout: &Layout,
     numbers: &[usize],
-    monitor: &Monitor,
+    stop: &dyn Fn() -> bool,
 ) -> Result<Option<Vec<Tile>>, GpuError> {
     let mut waiting: Vec<Cell> =
         numbers.iter().enumerate().flat_map(|(tile, &number)| cells(tile, number, layout, taker.settings)).collect();
     let mut tiles: Vec<Tile> = numbers.iter().map(|&number| layout.tile(number)).collect();
     while let Some(Range { start, end }) = waiting.first().map(|cell| cell.course.next.clone()) {
-        take(taker, &mut waiting, [start, end - start], monitor)?;
-        if monitor.cancel.load(Ordering::Relaxed) {
+        take(taker, &mut waiting, [start, end - start], stop)?;
+        if stop() {
             return Ok(None);
         }
         // All cells that wait have taken the same samples, so they go on to the same ones.
@@ -74,7 +73,7 @@ fn cells(tile: usize, number: usize, layout: &Layout, settings: &Settings) -> im
 }
 
 /// Takes the same samples of all cells.
-fn take(taker: &mut Taker, waiting: &mut [Cell], samples: [u32; 2], monitor: &Monitor) -> Result<(), GpuError> {
+fn take(taker: &mut Taker, waiting: &mut [Cell], samples: [u32; 2], stop: &dyn Fn() -> bool) -> Result<(), GpuError> {
     let places: Vec<u32> = waiting.iter().map(|Cell { at: [x, y], .. }| x | y << 16).collect();
     let [first, n] = samples;
     let (mut cell, mut sample) = (0, first);
@@ -85,7 +84,7 @@ fn take(taker: &mut Taker, waiting: &mut [Cell], samples: [u32; 2], monitor: &Mo
         if sample == first + n {
             (cell, sample) = (cell + 1, first);
         }
-        !monitor.cancel.load(Ordering::Relaxed)
+        !stop()
     })
 }
 

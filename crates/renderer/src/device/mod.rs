@@ -1,5 +1,7 @@
 //! Pictures on a device: what its kernels read, packed from what the CPU's integrators read.
 
+mod both;
+mod division;
 mod environment;
 mod error;
 mod film;
@@ -16,6 +18,7 @@ mod textures;
 #[cfg(test)]
 mod twins;
 
+pub use both::SharedFilm;
 pub use error::DeviceError;
 pub use gbuffer::{GBuffer, Seen};
-pub use render::DevicePicture;
+pub use render::{DevicePicture, traced_scene};

@@ -1,6 +1,7 @@
 //! Pictures by a device.
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use canted_gpu::{Bound, Buffer, Gpu, Kernel, Specialisation, TracedScene};
 use canted_scene::{Camera, Scene};
@@ -36,7 +37,7 @@ pub struct DevicePicture<'a, K: LaneKernel> {
     sampled: Option<SampledLights>,
     picture: Buffer<PackedPicture>,
     filter_table: Option<Buffer<f32>>,
-    kernel: Arc<Kernel>,
+    pub(super) kernel: Arc<Kernel>,
 }
 
 impl<'a, K: LaneKernel> DevicePicture<'a, K> {
@@ -55,7 +56,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let on_cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
         film::check(settings)?;
         check_known(scene, settings)?;
-        let traced = traced(gpu, scene, structure)?;
+        let traced = traced_scene(gpu, scene, structure)?;
         let is_flat = matches!(structure, Structure::One(_));
         let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, settings.integrator)?;
         let sky = DeviceSky::new(gpu, scene)?;
@@ -81,10 +82,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         Ok(Self { gpu, surfaces, settings, on_cpu, traced, packed, sky, sampled, picture, filter_table, kernel })
     }
 
-    /// Names of the storage buffers that the kernel binds.
+    /// What the kernel binds of scene and picture, and the bytes of each in the device's memory.
     #[must_use]
-    pub fn bindings(&self) -> Vec<&str> {
-        self.kernel.bindings().iter().map(|binding| &binding.name[..]).collect()
+    pub fn buffers(&self) -> Vec<(&str, u64)> {
+        let is_bound = |name: &str| self.kernel.bindings().iter().any(|binding| binding.name == name);
+        let bound = self.bound().into_iter().filter(|(name, _)| is_bound(name));
+        bound.map(|(name, buffer)| (name, buffer.n_bytes())).collect()
     }
 
     /// Renders what is not in `done`: tiles that an earlier call, here or on the CPU, finished.
@@ -106,7 +109,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         while !left.is_empty() {
             let (now, later) = left.split_at(film::next_run(&taker.slicer, &layout, self.settings, left));
             left = later;
-            let made = film::tiles(&mut taker, &layout, now, monitor)?;
+            let made = film::tiles(&mut taker, &layout, now, &|| monitor.cancel.load(Ordering::Relaxed))?;
             for tile in made.ok_or(RenderError::Cancelled)? {
                 (monitor.finished)(&tile);
                 n_done += 1;
@@ -130,8 +133,15 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     }
 }
 
-/// The structure in the device's memory.
-fn traced<K: LaneKernel>(gpu: &Gpu, scene: &Scene, structure: &Structure<K>) -> Result<TracedScene, DeviceError> {
+/// The structure of a scene in a device's memory, ready for rays.
+///
+/// # Errors
+/// Binary trees, which kernels do not know; more than the device has room for; instances that it does not trace.
+pub fn traced_scene<K: LaneKernel>(
+    gpu: &Gpu,
+    scene: &Scene,
+    structure: &Structure<K>,
+) -> Result<TracedScene, DeviceError> {
     fn wide<K: LaneKernel>(level: &Level<K>) -> Result<&Wide<K>, DeviceError> {
         match level {
             Level::Wide(wide) => Ok(wide),

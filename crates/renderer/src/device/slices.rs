@@ -89,17 +89,43 @@ impl<'a> Slicer<'a> {
         let size = self.kernel.group_size();
         work.dispatch(&self.kernel, &bound, self.kernel.groups(n * size))?;
         work.run()?;
-        let share = WANTED.as_secs_f64() / start.elapsed().as_secs_f64().max(1e-6);
+        let time = start.elapsed();
         let taken = self.gpu.read_first(&self.samples, n as usize * CELL_PIXELS)?;
-        self.adapt(n, share);
+        self.n_groups = next_size(n, time, self.samples.len() / CELL_PIXELS);
         Ok(taken)
     }
+}
 
-    /// Chooses the size of the next dispatch after one of `n` work-groups that could have taken `share` times as long.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the room for samples")]
-    fn adapt(&mut self, n: u32, share: f64) {
-        let room = (self.samples.len() / CELL_PIXELS) as f64;
-        // The first dispatch compiles too, so one measurement must not say all.
-        self.n_groups = (f64::from(n) * share.clamp(0.25, 4.0)).clamp(1.0, room) as u32;
+/// Work-groups of the dispatch after one of `n` that took `time`, where there is room for the samples of `room`.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the room for samples")]
+fn next_size(n: u32, time: Duration, room: usize) -> u32 {
+    let share = WANTED.as_secs_f64() / time.as_secs_f64().max(1e-6);
+    // The first dispatch compiles too, so one measurement must not say all.
+    (f64::from(n) * share.clamp(0.25, 4.0)).clamp(1.0, room as f64) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dispatches_come_near_to_the_time_wanted() {
+        // A device that takes a group in so many microseconds, and 50 ms more at first, to compile.
+        for of_group in [1.0, 40.0, 3_000.0, 60_000.0, 400_000.0] {
+            let mut n = FIRST;
+            for turn in 0..20 {
+                let micros = f64::from(n) * of_group + if turn == 0 { 50e3 } else { 0.0 };
+                n = next_size(n, Duration::from_secs_f64(1e-6 * micros), MOST as usize);
+            }
+            let time = Duration::from_secs_f64(1e-6 * f64::from(n) * of_group);
+            assert!(time <= WANTED || n == 1, "{n} groups of {of_group} us take {time:?}");
+            assert!(2 * time >= WANTED || n == MOST, "{n} groups of {of_group} us take {time:?}");
+        }
+    }
+
+    #[test]
+    fn no_dispatch_has_more_than_there_is_room_for() {
+        assert_eq!(next_size(100, Duration::ZERO, 128), 128);
+        assert_eq!(next_size(1, Duration::from_secs(10), 128), 1);
     }
 }

@@ -104,6 +104,9 @@ fn checked_ao_radius(scene: &Scene, settings: &Settings) -> Result<f64, RenderEr
     }
 }
 
+/// Makes the tile of a number; `None` once the other argument says to stop.
+pub(crate) type TileMaker<'a> = dyn Fn(usize, &dyn Fn() -> bool) -> Option<Tile> + Sync + 'a;
+
 /// What a picture is made of, checked.
 pub(crate) struct Rendering<'a, T> {
     scene: &'a Scene,
@@ -146,6 +149,15 @@ impl<'a, T: Tracer> Rendering<'a, T> {
         }
     }
 
+    /// Hands out what makes tiles.
+    pub(crate) fn with_tiles<R>(&self, then: impl FnOnce(&TileMaker<'_>) -> R) -> R {
+        if mask::is_needed(self.scene) {
+            self.with_work(Masked::new(self.surfaces, ()), |work| then(&|number, stop| work.tile(number, stop)))
+        } else {
+            self.with_work((), |work| then(&|number, stop| work.tile(number, stop)))
+        }
+    }
+
     fn with_work<Q: Numbered, R>(&self, query: Q, then: impl FnOnce(&Work<T, Q>) -> R) -> R {
         let Settings { samples, bounces, seed, pattern, .. } = *self.settings;
         let transport = Transport {
@@ -180,7 +192,7 @@ impl<'a, T: Tracer> Rendering<'a, T> {
                 if slot.is_some() {
                     return slot;
                 }
-                let tile = work.tile(number, monitor.cancel)?;
+                let tile = work.tile(number, &|| monitor.cancel.load(Ordering::Relaxed))?;
                 (monitor.finished)(&tile);
                 (monitor.progress)(n_done.fetch_add(1, Ordering::Relaxed) + 1, n_tiles);
                 Some(tile)

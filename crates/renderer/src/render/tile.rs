@@ -1,6 +1,5 @@
 use std::f64::consts::SQRT_2;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use canted_trace::{Counts, Hit, Query};
 
@@ -198,14 +197,14 @@ impl Course {
 }
 
 impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
-    /// Renders a tile; `None` once the work is cancelled.
-    pub(super) fn tile(&self, number: usize, cancel: &AtomicBool) -> Option<Tile> {
+    /// Renders a tile; `None` once `stop` says so, which is asked at every pixel.
+    pub(super) fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile> {
         let [left, top] = self.layout.corner(number);
         let mut tile = self.layout.tile(number);
         let mut sums = vec![Sums::default(); (CELL * CELL) as usize];
         for pixels in self.layout.cells(number) {
             let positions = pixels.iter().map(|&[x, y]| [left + x, top + y]);
-            self.cell(positions, &mut sums, &mut tile.n_rays, cancel)?;
+            self.cell(positions, &mut sums, &mut tile.n_rays, stop)?;
             self.layout.keep(&pixels, &sums, &mut tile);
         }
         Some(tile)
@@ -217,7 +216,7 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         pixels: impl ExactSizeIterator<Item = [u32; 2]> + Clone,
         sums: &mut [Sums],
         n_rays: &mut u64,
-        cancel: &AtomicBool,
+        stop: &dyn Fn() -> bool,
     ) -> Option<()> {
         let sums = &mut sums[..pixels.len()];
         for sums in &mut *sums {
@@ -227,7 +226,7 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         let mut course = Course::new(self.settings);
         loop {
             for ([x, y], sums) in pixels.clone().zip(&mut *sums) {
-                if cancel.load(Ordering::Relaxed) {
+                if stop() {
                     return None;
                 }
                 for sample in course.next.clone() {
