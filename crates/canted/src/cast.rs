@@ -1,6 +1,7 @@
 //! `canted cast`: batch ray queries.
 
 mod hits;
+mod on_device;
 mod rays;
 
 use std::{path::PathBuf, time::Instant};
@@ -8,12 +9,14 @@ use std::{path::PathBuf, time::Instant};
 use anyhow::{Result, anyhow};
 use canted_renderer::{Prepared, Tracer, prepare};
 use canted_scene::Scene;
-use canted_trace::Ray;
+use canted_trace::{Hit, Ray};
 use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
 use crate::{
-    Outcome, load,
+    Outcome,
+    device::{DeviceArg, Machine},
+    load,
     options::{self, StructureArgs, with_kernel},
     output,
 };
@@ -38,6 +41,10 @@ pub(crate) struct Args {
     occluded: bool,
     #[command(flatten)]
     structure: StructureArgs,
+    /// What computes: `auto` takes a GPU where there is one that knows the scene, else the CPU; `gpu` the best adapter; else
+    /// a part of an adapter's name, which `canted devices` lists.
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    device: DeviceArg,
     /// Number of threads; all processors without it.
     #[arg(long, value_parser = options::threads, value_name = "N")]
     threads: Option<usize>,
@@ -47,38 +54,39 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
     let format = hits::Format::of(&args.hits)?;
+    if matches!(args.device, DeviceArg::Both(_)) {
+        return Err(anyhow!("--device both shares out tiles of pictures, not rays: use cpu, gpu or an adapter's name"));
+    }
+    let machine = args.device.open()?;
     let rays = rays::read(&args.rays)?;
     let scene = load::scene_at(Some(&args.scene), args.time)?;
     // A place that cannot be written is told before the work.
     output::probe(&args.hits)?;
-    let answers = with_kernel!(args.structure.triangles, answer(&scene, &rays, args))?;
+    let answers = with_kernel!(args.structure.triangles, answer(&scene, &rays, args, &machine))?;
     let out = output::Whole::create(&args.hits)?;
     hits::write(out, format, &answers).map_err(|error| anyhow!("cannot write {}: {error}", args.hits.display()))?;
     Ok(Outcome::Done)
 }
 
-fn answer<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args) -> Result<Vec<Answer>> {
+fn answer<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<Vec<Answer>> {
     let Prepared { structure, .. } =
         prepare::<K>(scene, &args.structure.config()).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
-    let start = Instant::now();
-    let answers: Vec<Answer> = rays
-        .par_iter()
-        .map(|ray| {
-            if args.occluded {
-                return if structure.occluded(ray, &mut ()) { Answer::OCCLUDED } else { Answer::MISS };
-            }
-            structure.closest_hit(ray, &mut ()).map_or(Answer::MISS, |hit| {
-                let first = scene.instances[hit.instance.0 as usize].first_primitive;
-                Answer {
-                    t: hit.t,
-                    prim: i64::from(first) + i64::from(hit.primitive.0),
-                    u: hit.u,
-                    v: hit.v,
-                    instance: i64::from(hit.instance.0),
-                }
-            })
+    let on_cpu = |ray: &Ray| {
+        if args.occluded {
+            return if structure.occluded(ray, &mut ()) { Answer::OCCLUDED } else { Answer::MISS };
+        }
+        structure.closest_hit(ray, &mut ()).map_or(Answer::MISS, |Hit { t, u, v, primitive, instance, .. }| {
+            let first = scene.instances[instance.0 as usize].first_primitive;
+            Answer::hit([t, u, v], [first, primitive.0, instance.0])
         })
-        .collect();
+    };
+    let traced = on_device::traced(machine, scene, &structure, args)?;
+    let start = Instant::now();
+    let answers = match (machine.gpu(), traced) {
+        (Some(gpu), Some(traced)) => on_device::answers(gpu, &traced, scene, rays, args.occluded, on_cpu)
+            .map_err(|error| machine.named(error.into()))?,
+        _ => rays.par_iter().map(on_cpu).collect(),
+    };
     let seconds = start.elapsed().as_secs_f64();
     #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     let rate = rays.len() as f64 / seconds.max(1e-9) * 1e-6;

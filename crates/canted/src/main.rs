@@ -5,6 +5,7 @@
 
 mod cast;
 mod compare;
+mod device;
 mod devices;
 mod interrupt;
 mod light;

@@ -4,6 +4,7 @@ mod camera;
 mod checkpoint;
 mod exposure;
 mod facts;
+mod film;
 mod look;
 mod samples;
 
@@ -14,17 +15,17 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_renderer::{
-    Film, Integrator, Measure, Monitor, Picture, Prepared, Record, RenderError, Settings, Surfaces, Tile, heatmap,
-    light_hash, resume, scene_hash, write_exr, write_film, write_png,
+    Film, Integrator, Measure, Picture, Record, Settings, Surfaces, heatmap, light_hash, scene_hash, write_exr,
+    write_film, write_png,
 };
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
 use crate::{
-    Outcome, interrupt,
+    Outcome,
+    device::{DeviceArg, Machine},
     light::LightArgs,
     load, memory,
     options::{self, FilterArg, IntegratorArg, LodArg, StructureArgs, with_kernel},
@@ -34,6 +35,7 @@ use camera::CameraArgs;
 use checkpoint::Keeper;
 pub(crate) use checkpoint::difference;
 use facts::Fact;
+use film::Maker;
 pub(crate) use look::{Looked, look};
 use samples::SampleArgs;
 
@@ -80,6 +82,10 @@ pub(crate) struct Args {
     /// Tests shown in the brightest colour of a heat map; a wide node counts as eight boxes.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, value_name = "N")]
     heatmap_scale: u32,
+    /// What computes: `auto` takes a GPU where there is one that knows the scene, else the CPU; `gpu` the best adapter;
+    /// `both` shares the tiles out; else a part of an adapter's name, which `canted devices` lists.
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    device: DeviceArg,
     /// Number of threads; all processors without it.
     #[arg(long, value_parser = options::threads, value_name = "N")]
     threads: Option<usize>,
@@ -117,6 +123,7 @@ impl Args {
             ao_radius: None,
             heatmap: None,
             heatmap_scale: 128,
+            device: DeviceArg::Auto,
             threads: None,
             seed: settings.seed,
             json: false,
@@ -138,13 +145,14 @@ impl Args {
         Ok(settings)
     }
 
-    /// What decides the value of a sample, by name.
-    fn record(&self, scene: &Scene, camera: &Camera, settings: &Settings) -> Record {
+    /// What decides the value of a sample, by name; `device` does by its roundings.
+    fn record(&self, scene: &Scene, camera: &Camera, settings: &Settings, device: String) -> Record {
         let own = [
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
             ("scene", format!("{:016x}", scene_hash(scene))),
             ("light", format!("{:016x}", light_hash(scene))),
             ("triangles", format!("{:?}", self.structure.triangles).to_lowercase()),
+            ("device", device),
         ];
         // The camera last: it may be another for another size.
         let camera = ("camera", format!("{camera:?}"));
@@ -202,13 +210,14 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
     check_output(args)?;
     args.settings()?;
+    let machine = machine(args)?;
     // A place that cannot be written is told before the work.
     drop(output::Whole::create(&args.output)?);
     let start = Instant::now();
     let mut scene = load::scene_at(args.scene.as_deref(), args.time)?;
     let default_light = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
-    let run = with_kernel!(args.structure.triangles, trace(&mut scene, args, default_light, load_time))?;
+    let run = with_kernel!(args.structure.triangles, trace(&mut scene, args, &machine, default_light, load_time))?;
     run.made.write(args)?;
     if let Some(keeper) = run.keeper {
         keeper.remove()?;
@@ -227,7 +236,22 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn trace<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool, load_time: Duration) -> Result<Run> {
+/// Opens what computes the picture.
+fn machine(args: &Args) -> Result<Machine> {
+    match (args.heatmap, &args.device) {
+        (None, device) => device.open(),
+        (Some(_), DeviceArg::Auto | DeviceArg::Cpu) => Ok(Machine::Cpu),
+        (Some(_), _) => Err(anyhow!("--heatmap shows the tests of the CPU: use --device cpu")),
+    }
+}
+
+fn trace<K: LaneKernel>(
+    scene: &mut Scene,
+    args: &Args,
+    machine: &Machine,
+    default_light: bool,
+    load_time: Duration,
+) -> Result<Run> {
     let Looked { prepared, camera, default_light } = look::<K>(scene, args, default_light)?;
     let settings = args.settings()?;
     let mut facts = facts::built(scene, &prepared, load_time);
@@ -247,15 +271,18 @@ fn trace<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool, loa
         facts.push(("triangle_tests_per_ray", json!(triangles)));
         Made::Picture(map.picture)
     } else {
+        let surfaces = machine.gpu().map(|_| Surfaces::with_lod(scene, settings.lod));
+        let maker = Maker::new(machine, args, surfaces.as_ref(), &prepared.structure, &camera, &settings)?;
         let needs_record = settings.part.is_some() || args.samples.checkpoint.is_some();
-        let record = if needs_record { args.record(scene, &camera, &settings) } else { Record::new() };
+        let record = if needs_record { args.record(scene, &camera, &settings, maker.device()) } else { Record::new() };
         let mut done = Vec::new();
         if let Some(path) = &args.samples.checkpoint {
             let interval = Duration::from_secs(args.samples.checkpoint_every.into());
             let (opened, tiles) = Keeper::open(path.clone(), interval, &of_tiles(&record, &settings))?;
             (keeper, done) = (Some(opened), tiles);
         }
-        let film = film(scene, &prepared, &camera, &settings, keeper.as_ref(), done)?;
+        let (film, of_device) = maker.film(scene, &prepared, &camera, (args, &settings), keeper.as_ref(), done)?;
+        facts.extend(of_device);
         facts.extend(facts::of_film(&film, &settings, start.elapsed()));
         if film.n_dropped() > 0 {
             output::to_stderr(&format!("warning: {} samples were not finite and were dropped", film.n_dropped()));
@@ -281,36 +308,4 @@ fn of_tiles(record: &Record, settings: &Settings) -> Record {
         ("tile", settings.tile.to_string()),
     ];
     record.iter().cloned().chain(own.map(|(name, value)| (name.to_owned(), value))).collect()
-}
-
-/// Renders what is not done, with a progress bar.
-fn film<K: LaneKernel>(
-    scene: &Scene,
-    prepared: &Prepared<K>,
-    camera: &Camera,
-    settings: &Settings,
-    keeper: Option<&Keeper>,
-    done: Vec<Tile>,
-) -> Result<Film, RenderError> {
-    // Hidden by the library where standard error is no terminal.
-    let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
-        bar.set_style(style);
-    }
-    let progress = |done: usize, all: usize| {
-        bar.set_length(all as u64);
-        bar.set_position(done as u64);
-    };
-    let finished = |tile: &Tile| {
-        if let Some(keeper) = keeper {
-            keeper.add(tile);
-        }
-    };
-    let monitor = Monitor { progress: &progress, finished: &finished, cancel: interrupt::flag() };
-    let film = resume(scene, &prepared.structure, camera, settings, done, &monitor);
-    bar.finish_and_clear();
-    if let (Err(RenderError::Cancelled), Some(keeper)) = (&film, keeper) {
-        keeper.save();
-    }
-    film
 }

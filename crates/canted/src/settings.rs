@@ -16,7 +16,7 @@ use clap::{
 use crate::{Cli, load, render};
 
 /// Options about the run: what is read, written, kept and told.
-const OF_THE_RUN: [&str; 10] = [
+const OF_THE_RUN: [&str; 11] = [
     "scene",
     "output",
     "samples",
@@ -25,6 +25,7 @@ const OF_THE_RUN: [&str; 10] = [
     "checkpoint_every",
     "heatmap",
     "heatmap_scale",
+    "device",
     "threads",
     "json",
 ];

@@ -1,6 +1,7 @@
 //! `canted stats`: what each volume strategy costs and buys, in the layout of the dissertation's tables 3 to 5, and what
 //! wide trees are made of.
 
+mod device;
 mod measure;
 mod tables;
 mod wide;
@@ -12,7 +13,9 @@ use anyhow::{Result, anyhow};
 use canted_scene::Scene;
 
 use crate::{
-    Outcome, load,
+    Outcome,
+    device::DeviceArg,
+    load,
     options::{self, PresetArg},
     output,
 };
@@ -28,6 +31,9 @@ pub(crate) struct Args {
     /// Presets of wide trees to build, separated by commas: `fast`, `balanced`, `quality`, which takes the longest.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "balanced", value_name = "PRESETS")]
     presets: Vec<PresetArg>,
+    /// Tell what a device needs for the scene, too: `gpu`, or a part of an adapter's name; `auto` does where there is a GPU.
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    device: DeviceArg,
     /// Number of threads; all processors without it.
     #[arg(long, value_parser = options::threads, value_name = "N")]
     threads: Option<usize>,
@@ -39,12 +45,14 @@ pub(crate) struct Args {
 /// Builds the scene with every strategy and with presets, in one level and in two, and prints the tables.
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
+    let machine = args.device.open()?;
     let scene = load::scene_at(args.scene.as_deref(), args.time)?;
     let name = load::name(args.scene.as_deref());
     let measured = measure::measure(&scene).map_err(|error| anyhow!("{name}: {error}"))?;
     let wide = wide::measure(&scene, &args.presets).map_err(|error| anyhow!("{name}: {error}"))?;
+    let device = device::measure(&machine, &scene, &name)?;
     let table = if args.json { tables::json } else { tables::text };
-    let text = table(&name, &scene, &measured, &wide);
+    let text = table(&name, &scene, &measured, &wide, device.as_ref());
     output::to_stdout(&text);
     Ok(Outcome::Done)
 }

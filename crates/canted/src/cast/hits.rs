@@ -37,6 +37,10 @@ pub(super) struct Answer {
 impl Answer {
     /// Nothing is hit: `prim` says so, `t` is infinite.
     pub(super) const MISS: Self = Self { t: f32::INFINITY, prim: -1, u: 0.0, v: 0.0, instance: -1 };
+    /// A hit at `[t, u, v]`; the instance's first primitive, the primitive in its mesh, and the instance.
+    pub(super) fn hit([t, u, v]: [f32; 3], [first, primitive, instance]: [u32; 3]) -> Self {
+        Self { t, prim: i64::from(first) + i64::from(primitive), u, v, instance: instance.into() }
+    }
     /// Something is hit; what and where was not asked.
     pub(super) const OCCLUDED: Self = Self { t: 0.0, prim: 0, u: 0.0, v: 0.0, instance: 0 };
 }

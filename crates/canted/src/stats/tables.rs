@@ -7,12 +7,18 @@ use canted_scene::Scene;
 use serde_json::{Value, json};
 
 use super::measure::{Level, Measured, Passes, Row};
-use super::{wide, wide_tables};
+use super::{device, wide, wide_tables};
 use crate::{memory, options::strategy_name};
 
 /// All numbers as JSON.
-pub(super) fn json(name: &str, scene: &Scene, measured: &Measured, wide: &wide::Measured) -> String {
-    json!({
+pub(super) fn json(
+    name: &str,
+    scene: &Scene,
+    measured: &Measured,
+    wide: &wide::Measured,
+    device: Option<&device::Measured>,
+) -> String {
+    let mut all = json!({
         "scene": name,
         "meshes": scene.meshes.len(),
         "instances": scene.instances.len(),
@@ -22,8 +28,11 @@ pub(super) fn json(name: &str, scene: &Scene, measured: &Measured, wide: &wide::
         "one_level": level_json(&measured.one),
         "two_level": { "bottom": level_json(&measured.bottom), "top": level_json(&measured.top) },
         "wide": wide_tables::json(wide),
-    })
-    .to_string()
+    });
+    if let Some(device) = device {
+        all["device"] = device.json();
+    }
+    all.to_string()
 }
 
 fn level_json(level: &Level) -> Value {
@@ -68,7 +77,13 @@ fn n_vertices(scene: &Scene) -> usize {
 }
 
 /// All numbers as tables for people.
-pub(super) fn text(name: &str, scene: &Scene, measured: &Measured, wide: &wide::Measured) -> String {
+pub(super) fn text(
+    name: &str,
+    scene: &Scene,
+    measured: &Measured,
+    wide: &wide::Measured,
+    device: Option<&device::Measured>,
+) -> String {
     let mut out = String::new();
     // Writing to a String cannot fail.
     let _ = writeln!(
@@ -85,6 +100,9 @@ pub(super) fn text(name: &str, scene: &Scene, measured: &Measured, wide: &wide::
     boxes(&mut out, "two levels, top", &measured.top);
     wide_tables::text(&mut out, wide);
     passes(&mut out, measured);
+    if let Some(device) = device {
+        device.text(&mut out);
+    }
     out
 }
 

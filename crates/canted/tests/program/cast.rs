@@ -4,8 +4,11 @@
 
 mod oracle;
 
-use crate::support::{Folder, rows};
-use oracle::{Judged, Model, judged_rays, model};
+use crate::{
+    on_device::adapter,
+    support::{Folder, rows},
+};
+use oracle::{By, Judged, Model, judged_rays, model};
 
 const HEADER: &str = "t,prim,u,v,instance";
 
@@ -16,10 +19,14 @@ fn csv(rays: &[Judged]) -> String {
     "ox,oy,oz,dx,dy,dz,tmax\n".to_owned() + &rays.iter().map(row).collect::<String>()
 }
 
-/// Enough triangles that many hide behind each other, and rays of which many hit and many miss.
 fn model_and_rays() -> (Model, Vec<Judged>) {
+    model_and_rays_by(By::Cpu)
+}
+
+/// Enough triangles that many hide behind each other, and rays of which many hit and many miss.
+fn model_and_rays_by(by: By) -> (Model, Vec<Judged>) {
     let model = model(60);
-    let rays = judged_rays(&model, N_RAYS);
+    let rays = judged_rays(&model, N_RAYS, by);
     let n_hits = rays.iter().filter(|(_, answer)| answer.is_some()).count();
     assert!((N_RAYS / 4..N_RAYS * 3 / 4).contains(&n_hits), "{n_hits} of {N_RAYS} rays hit");
     (model, rays)
@@ -68,12 +75,33 @@ fn every_preset_and_builder_of_wide_trees_answers_as_every_triangle_tried() {
 }
 
 #[test]
+fn a_device_answers_as_every_triangle_tried() {
+    let Some(_) = adapter("a_device_answers_as_every_triangle_tried") else { return };
+    let (model, rays) = model_and_rays_by(By::Device);
+    let folder = Folder::new();
+    folder.write("model.obj", &model.obj);
+    folder.write("rays.csv", csv(&rays));
+    for levels in ["one", "two"] {
+        let options = format!("--levels {levels} --device gpu");
+        let cast = |more: &str| -> Vec<Vec<f64>> {
+            folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv {options} {more}")).done();
+            rows(&folder.text("hits.csv"), HEADER)
+        };
+        assert_answers(&cast(""), &rays, &options);
+        for (hit, (ray, answer)) in cast("--occluded").iter().zip(&rays) {
+            let expected = if answer.is_some() { [0.0; 5] } else { [f64::INFINITY, -1.0, 0.0, 0.0, -1.0] };
+            assert_eq!(hit[..], expected, "{options}: {ray:?}");
+        }
+    }
+}
+
+#[test]
 fn the_check_sees_two_primitives_swapped() {
     let (mut model, rays) = model_and_rays();
     let hit = rays.iter().find_map(|(_, answer)| answer.as_ref()).unwrap().0;
     let other = (hit + 1) % model.triangles.len();
     model.triangles.swap(hit, other);
-    let swapped = judged_rays(&model, N_RAYS);
+    let swapped = judged_rays(&model, N_RAYS, By::Cpu);
     let prim = |(_, answer): &Judged| answer.as_ref().map(|(prim, _)| *prim);
     assert_ne!(rays.iter().map(prim).collect::<Vec<_>>(), swapped.iter().map(prim).collect::<Vec<_>>());
 }

@@ -9,6 +9,7 @@ mod devices;
 mod environment;
 mod inputs;
 mod noise;
+mod on_device;
 mod options;
 mod outputs;
 mod random;

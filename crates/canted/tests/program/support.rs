@@ -63,7 +63,13 @@ impl Folder {
     /// Runs the program to its end.
     #[track_caller]
     pub(crate) fn run(&self, line: &str) -> Run {
-        let output = self.command(line).output().unwrap();
+        self.run_with(line, &[])
+    }
+
+    /// As [`Folder::run`], with these variables in the environment.
+    #[track_caller]
+    pub(crate) fn run_with(&self, line: &str, variables: &[(&str, &str)]) -> Run {
+        let output = self.command(line).envs(variables.iter().copied()).output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
         let (stdout, stderr) = (text(output.stdout), text(output.stderr));
         assert!(!stderr.contains("panicked"), "{line}: {stderr}");

@@ -8,8 +8,26 @@ fn gamma(n: f64) -> f64 {
     n * u / (1.0 - n * u)
 }
 
-/// Roundings on one term of a determinant: differences, shear, two products, sums, the division.
-const ROUNDINGS: f64 = 16.0;
+/// Whose roundings may decide.
+#[derive(Clone, Copy)]
+pub(super) enum By {
+    /// The CPU's, on each term of a determinant: differences, shear, two products, sums, the division.
+    Cpu,
+    /// A device's: its hits are off their triangles by 64 roundings to either side, twice as coarse as the CPU's, of the
+    /// greatest coordinates of origin and triangle (`canted_gpu::HIT_ERROR`).
+    Device,
+}
+
+impl By {
+    /// What coordinates are off by, from the greatest distance between origin and triangle and the greatest coordinates.
+    fn error(self, distance: f64, size: f64) -> f64 {
+        match self {
+            Self::Cpu => gamma(16.0) * distance,
+            Self::Device => gamma(128.0) * size,
+        }
+    }
+}
+
 /// Terms of all three edge functions: each is a difference of two products of sheared, so two-term, coordinates.
 const TERMS: f64 = 24.0;
 
@@ -68,15 +86,17 @@ pub(super) struct Crossing {
 
 impl Crossing {
     /// By Cramer's rule; not finite where the line runs in the plane's direction.
-    fn of(origin: Point, direction: Point, [a, b, c]: [Point; 3]) -> Self {
+    fn of(origin: Point, direction: Point, [a, b, c]: [Point; 3], by: By) -> Self {
         let (e1, e2, s, d) = (sub(b, a), sub(c, a), sub(origin, a), direction.map(f64::from));
         let determinant = dot(cross(d, e2), e1);
         let tuv = [dot(cross(s, e1), e2), dot(cross(d, e2), s), dot(cross(s, e1), d)].map(|x| x / determinant);
         let largest = |v: [f64; 3]| v.into_iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let reach = [a, b, c].map(|p| largest(sub(p, origin))).into_iter().fold(0.0, f64::max);
         let speed = largest(d);
+        let size = largest(origin.map(f64::from))
+            + [a, b, c].map(|p| largest(p.map(f64::from))).into_iter().fold(0.0, f64::max);
         // Numerators and denominator err by this share of their largest term, over the determinant.
-        let term = gamma(ROUNDINGS) * TERMS * reach * reach / determinant.abs();
+        let term = TERMS * by.error(reach, size) * reach / determinant.abs();
         let unit = |x: f64| term * speed * (1.0 + x.abs());
         let bounds = [term * (reach + tuv[0].abs() * speed), unit(tuv[1]), unit(tuv[2])];
         Self { tuv, bounds }
@@ -98,10 +118,10 @@ impl Crossing {
 }
 
 /// The closest triangle; `Err` where rounding may decide which it is.
-fn closest(model: &Model, origin: Point, direction: Point) -> Result<Option<(usize, Crossing)>, TooClose> {
+fn closest(model: &Model, origin: Point, direction: Point, by: By) -> Result<Option<(usize, Crossing)>, TooClose> {
     let mut best: Option<(usize, Crossing)> = None;
     for (i, &triangle) in model.triangles.iter().enumerate() {
-        let crossing = Crossing::of(origin, direction, triangle);
+        let crossing = Crossing::of(origin, direction, triangle, by);
         if !crossing.is_hit().ok_or(TooClose)? {
             continue;
         }
@@ -126,14 +146,14 @@ struct TooClose;
 pub(super) type Judged = ([Point; 2], Option<(usize, Crossing)>);
 
 /// Rays that the oracle can judge, with its answers.
-pub(super) fn judged_rays(model: &Model, n: usize) -> Vec<Judged> {
+pub(super) fn judged_rays(model: &Model, n: usize, by: By) -> Vec<Judged> {
     let mut random = Random(12);
     let mut rays = vec![];
     while rays.len() < n {
         let origin = random.point(16);
         let aim = random.point(24);
         let direction = std::array::from_fn(|k| aim[k] - origin[k]);
-        if let Ok(answer) = closest(model, origin, direction) {
+        if let Ok(answer) = closest(model, origin, direction, by) {
             rays.push(([origin, direction], answer));
         }
     }

@@ -1,0 +1,129 @@
+//! Pictures by a device, and all that goes with them.
+
+use std::process::Stdio;
+
+use crate::support::Folder;
+
+use super::adapter;
+
+const RENDER: &str = "render small.obj --size 100x70 --env 0.5,0.7,1 --sun 0,-1,-1,2,2,2";
+
+/// Relative mean squared error up to which pictures are the same but for roundings. A path that these send past an edge brings
+/// another sample: of a few in a thousand samples, each wrong by all of itself.
+const SAME: f64 = 1e-3;
+
+/// The difference of two pictures.
+fn rel_mse(folder: &Folder, a: &str, b: &str) -> f64 {
+    let found = folder.run(&format!("compare {a} {b} --json")).done().json();
+    found["relmse"].as_f64().unwrap()
+}
+
+#[test]
+fn a_device_makes_the_picture_of_the_cpu() {
+    let Some(name) = adapter("a_device_makes_the_picture_of_the_cpu") else { return };
+    let folder = Folder::with_small();
+    for options in ["--spp 4", "--spp 64 --noise 0.05", "--sampler sobol --spp 4 --filter tent"] {
+        folder.run(&format!("{RENDER} {options} -o cpu.exr --device cpu")).done();
+        let run = folder.run(&format!("{RENDER} {options} -o gpu.exr --device gpu --json")).done().json();
+        assert_eq!(run["device"], *name);
+        let part = name.split_whitespace().next().unwrap_or_default();
+        let both = folder.run(&format!("{RENDER} {options} -o both.exr --device both:{part} --json")).done().json();
+        assert_eq!(both["device"], format!("cpu and {name}"));
+        assert!(both["tiles_of_device"].as_u64().unwrap() <= 12, "{both}");
+        for picture in ["gpu.exr", "both.exr"] {
+            let found = rel_mse(&folder, picture, "cpu.exr");
+            assert!(found < SAME, "{options}: {picture}: {found}");
+        }
+        // The comparison sees another seed.
+        folder.run(&format!("{RENDER} {options} -o other.exr --device cpu --seed 1")).done();
+        assert!(rel_mse(&folder, "other.exr", "cpu.exr") > SAME, "{options}");
+    }
+    folder.run(&format!("{RENDER} --spp 1 -o gpu.png --device gpu")).done();
+}
+
+#[test]
+fn parts_of_a_device_merge_to_its_whole_and_not_with_the_cpus() {
+    let Some(name) = adapter("parts_of_a_device_merge_to_its_whole_and_not_with_the_cpus") else { return };
+    let folder = Folder::with_small();
+    let part = |range: &str, device: &str| {
+        let file = format!("{device}-{}.exr", range.replace("..", "-"));
+        folder.run(&format!("{RENDER} --samples {range} --device {device} -o {file}")).done();
+        file
+    };
+    let [whole, start, end] = ["0..8", "0..3", "3..8"].map(|range| part(range, "gpu"));
+    folder.run(&format!("merge {end} {start} -o merged.exr")).done();
+    assert!(folder.bytes("merged.exr") == folder.bytes(&whole));
+    let other = part("3..8", "cpu");
+    folder.run(&format!("merge {start} {other} -o mixed.exr")).refused(&["device", "cpu", &name]);
+    let part = name.split_whitespace().next().unwrap_or_default();
+    folder.run(&format!("{RENDER} --samples 0..3 --device both:{part} -o both.exr")).refused(&["--samples", "both"]);
+    assert!(!folder.names().iter().any(|name| name == "mixed.exr" || name == "both.exr"));
+}
+
+#[cfg(unix)]
+mod interrupted {
+    use std::{
+        process::{Child, Command},
+        thread::sleep,
+        time::Duration,
+    };
+
+    use super::*;
+    use crate::outputs::interrupted::{catches_interrupt, wait_until};
+
+    fn start(folder: &Folder, line: &str) -> Child {
+        let child = folder.command(line).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        wait_until(|| catches_interrupt(&child).unwrap_or(true));
+        child
+    }
+
+    fn interrupt(mut child: Child) {
+        assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        assert_eq!(child.wait().unwrap().code(), Some(130));
+    }
+
+    #[test]
+    fn ctrl_c_leaves_a_picture_of_the_tiles_that_are_done() {
+        let folder = Folder::with_small();
+        let mut devices = vec!["cpu"];
+        devices.extend(adapter("ctrl_c_leaves_a_picture_of_the_tiles_that_are_done").map(|_| "gpu"));
+        for device in devices {
+            let line = format!("render small.obj --size 2048x2048 --spp 128 --env 1,1,1 -o out.png --device {device}");
+            // How long a tile takes on this machine nobody knows: before the first there is no picture.
+            for seconds in [1, 4, 16, 64] {
+                let child = start(&folder, &line);
+                sleep(Duration::from_secs(seconds));
+                interrupt(child);
+                if folder.path("out.png").exists() {
+                    break;
+                }
+            }
+            assert_eq!(folder.names(), ["out.png", "small.obj"], "{device}");
+            let picture = image::open(folder.path("out.png")).unwrap().into_rgb8();
+            assert_eq!(picture.dimensions(), (2048, 2048));
+            let n_done = picture.pixels().filter(|pixel| pixel.0 != [0; 3]).count();
+            assert!(n_done > 0 && n_done < 2048 * 2048, "{device}: {n_done} pixels are done");
+            std::fs::remove_file(folder.path("out.png")).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_checkpoint_goes_on_to_the_same_bytes_on_the_same_device_only() {
+        let Some(name) = adapter("a_checkpoint_goes_on_to_the_same_bytes_on_the_same_device_only") else { return };
+        let folder = Folder::with_small();
+        let line = format!("{RENDER} --spp 512 -o out.exr --device gpu");
+        folder.run(&line).done();
+        let expected = folder.bytes("out.exr");
+        std::fs::remove_file(folder.path("out.exr")).unwrap();
+        let line = format!("{line} --checkpoint work.ckpt --checkpoint-every 0");
+        let child = start(&folder, &line);
+        wait_until(|| folder.path("work.ckpt").exists());
+        interrupt(child);
+        assert_eq!(folder.names(), ["small.obj", "work.ckpt"]);
+        folder.run(&line.replace("--device gpu", "--device cpu")).refused(&["work.ckpt", "device", &name]);
+        folder.run(&line).done();
+        assert!(folder.bytes("out.exr") == expected);
+        assert_eq!(folder.names(), ["out.exr", "small.obj"]);
+    }
+}
