@@ -4,6 +4,7 @@
 pub mod brute;
 pub mod closed;
 pub mod clouds;
+pub mod distance;
 pub mod exact;
 pub mod extremes;
 pub mod fractions;

@@ -2,7 +2,7 @@
 
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
-use canted_tests::{exact, instances as oracle};
+use canted_tests::{distance::distance, exact, instances as oracle};
 use canted_tlas::{Blas, Tlas};
 use canted_trace::{Hit, Ray, Watertight};
 
@@ -24,21 +24,6 @@ fn dot(a: Vector, b: Vector) -> f64 {
 
 fn length(a: Vector) -> f64 {
     dot(a, a).sqrt()
-}
-
-/// Distance of a point from a triangle: from its plane where it projects inside, else from its edges.
-fn distance(p: Vector, corners: [Vector; 3]) -> f64 {
-    let normal = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
-    let edges = [0, 1, 2].map(|i| (corners[i], sub(corners[(i + 1) % 3], corners[i])));
-    if dot(normal, normal) > 0.0 && edges.iter().all(|(start, edge)| dot(cross(*edge, sub(p, *start)), normal) >= 0.0) {
-        return dot(sub(p, corners[0]), normal).abs() / length(normal);
-    }
-    let to_edge = |(start, edge): &(Vector, Vector)| {
-        let squared = dot(*edge, *edge);
-        let along = if squared > 0.0 { (dot(sub(p, *start), *edge) / squared).clamp(0.0, 1.0) } else { 0.0 };
-        length(sub(p, std::array::from_fn(|k| start[k] + along * edge[k])))
-    };
-    edges.iter().map(to_edge).fold(f64::INFINITY, f64::min)
 }
 
 /// A triangle in world space, and how far off a hit of it may be.

@@ -1,0 +1,62 @@
+//! Pictures on a device: what it needs for them, what it shares with the CPU, and what becomes of them when it fails.
+
+mod device {
+    mod both;
+    mod failures;
+    mod needs;
+    mod scenes;
+
+    use canted_gpu::{Choice, Gpu};
+    use canted_renderer::{
+        DeviceError, DevicePicture, Film, Levels, Monitor, Prepared, Settings, StructureConfig, Surfaces, prepare,
+        render,
+    };
+    use canted_scene::{Camera, Scene};
+    use canted_trace::Watertight;
+    use std::sync::atomic::AtomicBool;
+
+    /// The best adapter, or the sentence of a skipped test.
+    pub(crate) fn gpu(test: &str) -> Option<Gpu> {
+        match Gpu::open(&Choice::Best) {
+            Ok(gpu) => Some(gpu),
+            Err(error) => {
+                println!("skipped {test}: {error}");
+                None
+            }
+        }
+    }
+
+    pub(crate) fn small() -> Settings {
+        Settings { width: 40, height: 30, samples: 4, tile: 8, ..Settings::default() }
+    }
+
+    /// From the front, a little above.
+    pub(crate) fn camera() -> Camera {
+        Camera::pinhole([0.2, 0.7, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0)
+    }
+
+    /// What a picture of the scene in so many levels is asked on a device.
+    pub(crate) fn with_picture<R>(
+        gpu: &Gpu,
+        scene: &Scene,
+        levels: Levels,
+        settings: &Settings,
+        ask: impl FnOnce(&DevicePicture<'_, Watertight>) -> R,
+    ) -> Result<R, DeviceError> {
+        let config = StructureConfig { levels, ..StructureConfig::default() };
+        let Prepared { structure, .. } = prepare::<Watertight>(scene, &config).unwrap();
+        let surfaces = Surfaces::with_lod(scene, settings.lod);
+        Ok(ask(&DevicePicture::new(gpu, &surfaces, &structure, &camera(), settings)?))
+    }
+
+    /// The CPU's picture.
+    pub(crate) fn on_cpu(scene: &Scene, settings: &Settings) -> Film {
+        let Prepared { structure, .. } = prepare::<Watertight>(scene, &StructureConfig::default()).unwrap();
+        render(scene, &structure, &camera(), settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+    }
+
+    /// Someone who does not listen.
+    pub(crate) fn silent(cancel: &AtomicBool) -> Monitor<'_> {
+        Monitor { progress: &|_, _| (), finished: &|_| (), cancel }
+    }
+}

@@ -1,0 +1,81 @@
+//! A picture by the device and the CPU together: each tile has the bits of one of them.
+
+use std::sync::atomic::AtomicBool;
+
+use canted_renderer::{DeviceError, Film, Levels, Monitor, RenderError, Settings};
+
+use super::scenes::full;
+use super::{gpu, on_cpu, silent, small, with_picture};
+
+/// Pixels of a tile, for each tile.
+fn tiles(film: &Film, settings: &Settings) -> Vec<Vec<[f64; 3]>> {
+    let side = settings.tile as usize;
+    let [width, height] = [settings.width, settings.height].map(|n| n as usize);
+    let mut tiles = vec![vec![]; width.div_ceil(side) * height.div_ceil(side)];
+    for (i, pixel) in film.pixels().iter().enumerate() {
+        tiles[i / width / side * width.div_ceil(side) + i % width / side].push(pixel.mean());
+    }
+    tiles
+}
+
+#[test]
+fn every_tile_is_the_cpus_or_the_devices() {
+    let Some(gpu) = gpu("every_tile_is_the_cpus_or_the_devices") else { return };
+    let (scene, settings) = (full(), Settings { samples: 16, ..small() });
+    let cancel = AtomicBool::new(false);
+    let theirs = tiles(&on_cpu(&scene, &settings), &settings);
+    let (ours, shared) = with_picture(&gpu, &scene, Levels::Auto, &settings, |picture| {
+        let ours = picture.render(vec![], &silent(&cancel)).unwrap();
+        (ours, picture.render_with_cpu(vec![], &silent(&cancel)).unwrap())
+    })
+    .unwrap();
+    let ours = tiles(&ours, &settings);
+    assert!(ours.iter().zip(&theirs).any(|(a, b)| a != b), "roundings are seen nowhere: the test says nothing");
+    assert!(shared.stopped.is_none());
+    let of_one = |tile: usize, pixels: &Vec<[f64; 3]>| *pixels == ours[tile] || *pixels == theirs[tile];
+    for (tile, pixels) in tiles(&shared.film, &settings).iter().enumerate() {
+        assert!(of_one(tile, pixels), "tile {tile} is neither's");
+    }
+    println!("{} of {} tiles by the device", shared.n_tiles_of_device, theirs.len());
+}
+
+#[test]
+fn a_device_that_is_lost_leaves_the_rest_to_the_cpu() {
+    let Some(gpu) = gpu("a_device_that_is_lost_leaves_the_rest_to_the_cpu") else { return };
+    let (scene, settings) = (full(), small());
+    let cancel = AtomicBool::new(false);
+    let shared = with_picture(&gpu, &scene, Levels::Auto, &settings, |picture| {
+        gpu.lose();
+        picture.render_with_cpu(vec![], &silent(&cancel)).unwrap()
+    })
+    .unwrap();
+    assert_eq!(shared.n_tiles_of_device, 0);
+    assert!(shared.stopped.unwrap().to_string().contains("lost"));
+    assert!(shared.film.pixels() == on_cpu(&scene, &settings).pixels(), "not the CPU's picture");
+}
+
+#[test]
+fn cancelled_work_ends_and_keeps_what_was_told() {
+    let Some(gpu) = gpu("cancelled_work_ends_and_keeps_what_was_told") else { return };
+    let (scene, settings) = (full(), small());
+    let cancel = AtomicBool::new(false);
+    let told = std::sync::Mutex::new(vec![]);
+    let finished = |tile: &canted_renderer::Tile| {
+        told.lock().unwrap().push(tile.clone());
+        cancel.store(true, std::sync::atomic::Ordering::Relaxed);
+    };
+    let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
+    with_picture(&gpu, &scene, Levels::Auto, &settings, |picture| {
+        let ended = picture.render_with_cpu(vec![], &monitor).map(|shared| shared.n_tiles_of_device);
+        assert_eq!(ended, Err(DeviceError::Render(RenderError::Cancelled)));
+        let done = std::mem::take(&mut *told.lock().unwrap());
+        assert!(!done.is_empty());
+        cancel.store(false, std::sync::atomic::Ordering::Relaxed);
+        let n_done = done.len();
+        let again = AtomicBool::new(false);
+        let shared = picture.render_with_cpu(done, &silent(&again)).unwrap();
+        assert!(shared.n_tiles_of_device + n_done <= 20);
+        assert!(shared.film.pixels().iter().all(|pixel| pixel.n_taken() == settings.samples));
+    })
+    .unwrap();
+}

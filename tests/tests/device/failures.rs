@@ -1,0 +1,81 @@
+//! Devices that are lost, and limits that are lower than what a scene needs.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use canted_gpu::{Choice, Gpu, GpuError, Limits};
+use canted_renderer::{DeviceError, Levels, Monitor, RenderError, Settings};
+use canted_scene::Scene;
+
+use super::scenes::{full, texture};
+use super::{gpu, silent, small, with_picture};
+
+#[test]
+fn a_device_lost_on_the_way_is_an_error() {
+    let Some(gpu) = gpu("a_device_lost_on_the_way_is_an_error") else { return };
+    let cancel = AtomicBool::new(false);
+    let n_done = AtomicUsize::new(0);
+    let progress = |done: usize, _: usize| {
+        n_done.store(done, Ordering::Relaxed);
+        gpu.lose();
+    };
+    let monitor = Monitor { progress: &progress, finished: &|_| (), cancel: &cancel };
+    // Tiles of more samples than one dispatch takes.
+    let settings = Settings { samples: 256, ..small() };
+    let lost = with_picture(&gpu, &full(), Levels::Auto, &settings, |picture| picture.render(vec![], &monitor).err());
+    match lost {
+        Ok(Some(DeviceError::Gpu(GpuError::Lost { .. }))) => {}
+        other => panic!("{other:?}"),
+    }
+    assert!(n_done.into_inner() < 20, "the picture was done");
+}
+
+#[test]
+fn a_picture_is_cancelled_between_dispatches() {
+    let Some(gpu) = gpu("a_picture_is_cancelled_between_dispatches") else { return };
+    let cancel = AtomicBool::new(true);
+    let settings = Settings { samples: 1 << 16, ..small() };
+    let ended = with_picture(&gpu, &full(), Levels::Auto, &settings, |picture| {
+        picture.render(vec![], &silent(&cancel)).map(|film| film.n_rays())
+    });
+    assert_eq!(ended, Ok(Err(DeviceError::Render(RenderError::Cancelled))));
+}
+
+/// A device whose storage bindings have this many bytes at most.
+fn lowered(test: &str, most: u64) -> Option<Gpu> {
+    gpu(test)?;
+    Gpu::with_limits(&Choice::Best, |limits| Limits { max_storage_buffer_binding_size: most, ..limits }).ok()
+}
+
+fn textured(side: u32) -> Scene {
+    Scene { textures: vec![texture(side)], ..full() }
+}
+
+#[test]
+fn textures_above_a_binding_are_split_and_looked_up_as_before() {
+    let test = "textures_above_a_binding_are_split_and_looked_up_as_before";
+    let (Some(gpu), Some(low)) = (gpu(test), lowered(test, 8 << 10)) else { return };
+    let picture = |gpu: &Gpu| {
+        let cancel = AtomicBool::new(false);
+        with_picture(gpu, &textured(64), Levels::Auto, &small(), |picture| {
+            let n_texels = picture.buffers().iter().filter(|(name, _)| name.starts_with("texels")).count();
+            (n_texels, picture.render(vec![], &silent(&cancel)).unwrap())
+        })
+        .unwrap()
+    };
+    let ((one, whole), (four, split)) = (picture(&gpu), picture(&low));
+    assert_eq!((one, four), (1, 4));
+    assert!(whole.pixels() == split.pixels(), "another picture");
+}
+
+#[test]
+fn what_does_not_fit_is_refused_with_limit_need_and_remedy() {
+    let Some(gpu) = lowered("what_does_not_fit_is_refused_with_limit_need_and_remedy", 4 << 10) else { return };
+    let refused = with_picture(&gpu, &textured(64), Levels::Auto, &small(), |_| ()).unwrap_err();
+    // All levels of 64 x 64 texels, and the curve.
+    let need = 4 * ((64 * 64 * 4 - 1) / 3 + 256);
+    let sentence = format!(
+        "the textures: {need} bytes of four storage bindings are needed, the device has 16384; use --lod none, smaller textures \
+         or --device cpu"
+    );
+    assert_eq!(refused.to_string(), sentence);
+}

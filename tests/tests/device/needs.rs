@@ -1,0 +1,33 @@
+//! Only what the scene needs: buffers and bytes of a bare scene beside those of a full one.
+
+use canted_renderer::Levels;
+
+use super::scenes::{bare, full};
+use super::{gpu, small, with_picture};
+
+#[test]
+fn a_bare_scene_binds_few_buffers_and_few_bytes() {
+    let Some(gpu) = gpu("a_bare_scene_binds_few_buffers_and_few_bytes") else { return };
+    let needs = |scene, levels| -> Vec<(String, u64)> {
+        let buffers = with_picture(&gpu, scene, levels, &small(), |picture| {
+            picture.buffers().iter().map(|(name, n_bytes)| ((*name).to_owned(), *n_bytes)).collect()
+        });
+        let mut buffers: Vec<(String, u64)> = buffers.unwrap();
+        buffers.sort();
+        buffers
+    };
+    let bytes_of = |all: &[(String, u64)], name: &str| all.iter().find(|(other, _)| other == name).map(|(_, n)| *n);
+    let sum = |all: &[(String, u64)]| all.iter().map(|(_, n)| n).sum::<u64>();
+    let bare = needs(&bare(), Levels::Auto);
+    let full = needs(&full(), Levels::Two);
+    println!("bare {bare:?}\nfull {full:?}");
+    let names = |all: &[(String, u64)]| all.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&bare), ["halves", "lights", "materials", "nodes", "picture", "trees", "triangles", "vertices"]);
+    let only_full: Vec<String> = names(&full).into_iter().filter(|name| bytes_of(&bare, name).is_none()).collect();
+    assert_eq!(only_full, ["images", "instances", "placements", "places", "slots", "texels_0"]);
+    assert!(names(&bare).iter().all(|name| bytes_of(&full, name) >= bytes_of(&bare, name)));
+    // Four vertices of three words; of eleven more for normal, tangent and colour, and two for the texture.
+    assert_eq!((bytes_of(&bare, "vertices"), bytes_of(&full, "vertices")), (Some(4 * 12), Some(4 * (12 + 44 + 8))));
+    assert_eq!((bytes_of(&bare, "triangles"), bytes_of(&bare, "lights")), (Some(2 * 32), Some(48)));
+    assert!(2 * sum(&bare) < sum(&full), "{bare:?}, {full:?}");
+}

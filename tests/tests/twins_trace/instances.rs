@@ -1,0 +1,55 @@
+//! Two levels: instances that are turned, mirrored, sheared, tiny, huge and far away.
+
+use canted_lbvh::{Strategy, VolumeConfig};
+use canted_obb::Affine;
+use canted_tests::{
+    closed::{baked, places},
+    rays, scenes,
+};
+use canted_tlas::{Instance, Tlas};
+use canted_trace::{Ray, Watertight};
+use canted_wide::Wide;
+
+use super::gpu;
+use super::judge::{Tally, World, error_of_instance};
+use super::setup::{build, few_ways};
+
+#[test]
+fn rays_through_instances_lose_no_hit() {
+    let Some(gpu) = gpu("rays_through_instances_lose_no_hit") else { return };
+    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).turned()];
+    let reach = meshes
+        .each_ref()
+        .map(|mesh| mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs())));
+    let placed: Vec<Affine> = places().iter().flat_map(|place| [place.world_from_object; 2]).collect();
+    let instances: Vec<Instance> =
+        placed.iter().zip([0, 1].into_iter().cycle()).map(|(&at, blas)| Instance::still(blas, at)).collect();
+    let all_rays: Vec<Ray> = placed
+        .iter()
+        .zip(0..)
+        .flat_map(|(at, i)| {
+            let mesh = baked(&meshes[i % 2], at);
+            [rays::of_all_classes(&mesh, 30, 90 + i as u64), rays::from_inside(&mesh, 60, 120 + i as u64)].concat()
+        })
+        .collect();
+    let corners = |instance: u32, primitive: u32| {
+        let i = instance as usize;
+        meshes[i % 2].corners(primitive as usize).map(|p| placed[i].point_f64(p))
+    };
+    let error = |ray: &Ray, instance: u32| {
+        let i = instance as usize;
+        error_of_instance(ray, &placed[i], reach[i % 2])
+    };
+    let world = World { corners: &corners, error: &error };
+    for (way, config) in few_ways() {
+        let bottom: Vec<Wide<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
+        let scene = canted_gpu::TracedScene::two(&gpu, &bottom.iter().collect::<Vec<_>>(), &instances).unwrap();
+        let volumes = VolumeConfig { strategy: Strategy::Aabb, fallback: true };
+        let tlas = Tlas::new(bottom, &instances, volumes).unwrap();
+        let mut tally = Tally::default();
+        world
+            .judge_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray, &mut ()), &mut tally)
+            .unwrap_or_else(|error| panic!("{way}: {error}"));
+        tally.report(&way);
+    }
+}

@@ -1,0 +1,158 @@
+//! A device's answer beside the CPU's.
+//!
+//! Let `B` bound how far off its triangle, in each coordinate, the point of a hit on the device may be. The device hits every
+//! triangle that the CPU hits, at `t` of its own: at both, and so at all `t` between, the ray is within `B` of the triangle. So if
+//! the device's first hit is later than the CPU's, it still lies within `B` of the CPU's triangle; and if there is none, the end of
+//! the interval that stands between does.
+
+use canted_gpu::{Answer, DeviceHit, Gpu, HIT_ERROR, TracedScene};
+use canted_obb::Affine;
+use canted_tests::{distance::distance, instances::object_from_world};
+use canted_trace::{Hit, Ray};
+
+type Corners = [[f64; 3]; 3];
+
+/// Where triangles are, and how far off them hits may be.
+pub(crate) struct World<'a> {
+    /// Corners of a triangle of an instance, world space.
+    pub(crate) corners: &'a dyn Fn(u32, u32) -> Corners,
+    /// `B` for a ray and a triangle of an instance.
+    pub(crate) error: &'a dyn Fn(&Ray, u32) -> f64,
+}
+
+/// How often answers are what.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Tally {
+    /// The same triangle.
+    pub(crate) n_same: usize,
+    /// Another triangle, within the bound.
+    pub(crate) n_ties: usize,
+    /// A hit on the device alone, within the bound.
+    pub(crate) n_besides: usize,
+    /// A miss on the device alone, where the interval ends.
+    pub(crate) n_at_ends: usize,
+    /// A miss on both.
+    pub(crate) n_missed: usize,
+    /// No answer from the device.
+    pub(crate) n_cut: usize,
+    /// Greatest relative difference of `t` on the same triangle.
+    pub(crate) t: f64,
+}
+
+/// Length of a vector whose components are 1 at most, with room for the `f64` here.
+const SQRT_3: f64 = 1.733;
+
+fn greatest(v: [f32; 3]) -> f64 {
+    v.iter().map(|x| f64::from(x.abs())).fold(0.0, f64::max)
+}
+
+/// `B` of a tree over triangles in world space whose coordinates do not exceed `reach`.
+pub(crate) fn error_of_one_level(ray: &Ray, reach: f64) -> f64 {
+    f64::from(HIT_ERROR) * (greatest(ray.origin) + reach)
+}
+
+/// `B` of an instance of a mesh whose coordinates do not exceed `reach`: twice as much for its transform, amplified by that.
+pub(crate) fn error_of_instance(ray: &Ray, world_from_object: &Affine, reach: f64) -> f64 {
+    let [a, b, c, at] = world_from_object.columns;
+    let sum = |row: [f64; 3]| row.iter().map(|x| x.abs()).sum::<f64>();
+    let forward = (0..3).map(|k| sum([a[k], b[k], c[k]].map(f64::from))).fold(0.0, f64::max);
+    let backward =
+        object_from_world(world_from_object).map(|[x, y, z, _]| sum([x, y, z])).into_iter().fold(0.0, f64::max);
+    2.0 * f64::from(HIT_ERROR) * forward * backward * (greatest(ray.origin) + greatest(at) + forward * reach)
+}
+
+impl World<'_> {
+    /// Whether a point of the ray is within the bound of a triangle.
+    fn is_on(&self, ray: &Ray, t: f32, instance: u32, primitive: u32) -> bool {
+        let off = distance(ray.at(f64::from(t)), (self.corners)(instance, primitive));
+        off <= SQRT_3 * (self.error)(ray, instance)
+    }
+
+    /// Counts what a ray's answers are.
+    ///
+    /// # Errors
+    /// A lost hit, or one beyond the bound.
+    pub(crate) fn judge(
+        &self,
+        ray: &Ray,
+        cpu: Option<Hit>,
+        device: Answer<Option<DeviceHit>>,
+        tally: &mut Tally,
+    ) -> Result<(), String> {
+        let Answer::Known(device) = device else {
+            tally.n_cut += 1;
+            return Ok(());
+        };
+        if let Some(hit) = device {
+            if !(hit.t >= ray.t_min && hit.t <= ray.t_max) {
+                return Err(format!("{ray:?} is hit outside of its interval: {hit:?}"));
+            }
+            if !self.is_on(ray, hit.t, hit.instance, hit.primitive) {
+                return Err(format!("{ray:?}: {hit:?} is off its triangle"));
+            }
+        }
+        let Some(cpu) = cpu else {
+            tally.n_besides += usize::from(device.is_some());
+            tally.n_missed += usize::from(device.is_none());
+            return Ok(());
+        };
+        let (instance, primitive) = (cpu.instance.0, cpu.primitive.0);
+        let ends_on =
+            || [ray.t_min, ray.t_max].iter().any(|t| t.is_finite() && self.is_on(ray, *t, instance, primitive));
+        match device {
+            Some(hit) if hit.t > cpu.t && !self.is_on(ray, hit.t, instance, primitive) && !ends_on() => {
+                return Err(format!("{ray:?}: {cpu:?} is lost, {hit:?} behind it found"));
+            }
+            Some(hit) if (hit.instance, hit.primitive) == (instance, primitive) => {
+                tally.n_same += 1;
+                tally.t = tally.t.max((f64::from(hit.t) / f64::from(cpu.t) - 1.0).abs());
+            }
+            Some(_) => tally.n_ties += 1,
+            None if ends_on() => tally.n_at_ends += 1,
+            None => return Err(format!("{ray:?}: {cpu:?} is lost")),
+        }
+        Ok(())
+    }
+
+    /// Asks the device all rays, both questions, and judges the answers beside `on_cpu`'s.
+    ///
+    /// # Errors
+    /// The first answer that is wrong.
+    pub(crate) fn judge_all(
+        &self,
+        gpu: &Gpu,
+        scene: &TracedScene,
+        rays: &[Ray],
+        on_cpu: impl Fn(&Ray) -> Option<Hit>,
+        tally: &mut Tally,
+    ) -> Result<(), String> {
+        let hits = scene.closest_hits(gpu, rays).unwrap();
+        let occluded = scene.occluded(gpu, rays).unwrap();
+        assert_eq!((hits.len(), occluded.len()), (rays.len(), rays.len()));
+        for ((ray, hit), occluded) in rays.iter().zip(hits).zip(occluded) {
+            self.judge(ray, on_cpu(ray), hit, tally)?;
+            match (hit, occluded) {
+                (Answer::Known(hit), Answer::Known(occluded)) if hit.is_some() != occluded => {
+                    return Err(format!("{ray:?}: {hit:?}, and occluded is {occluded}"));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Tally {
+    /// Rays that hit on both, as far as they were answered.
+    pub(crate) fn n_hits(&self) -> usize {
+        self.n_same + self.n_ties
+    }
+
+    /// Prints the counts, and fails where little was tested.
+    #[track_caller]
+    pub(crate) fn report(&self, name: &str) {
+        println!("{name}: {self:?}");
+        assert!(self.n_hits() > 100 && self.n_missed > 0, "{name}: {self:?}");
+        assert!(self.n_cut * 10 < self.n_hits(), "{name}: {self:?}");
+    }
+}

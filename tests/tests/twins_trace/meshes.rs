@@ -1,0 +1,94 @@
+//! Generated meshes: 0, 1, 2, equal and degenerate triangles, flat boxes, scales from 1e-6 to 1e6, far from the origin.
+
+use canted_fixtures::Mesh;
+use canted_gpu::{Gpu, TracedScene};
+use canted_tests::{rays, scenes};
+use canted_trace::{Ray, Watertight};
+use canted_wide::Config;
+
+use super::gpu;
+use super::judge::{Tally, World, error_of_one_level};
+use super::setup::{build, few_ways};
+
+fn reach(mesh: &Mesh) -> f64 {
+    mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
+}
+
+/// Judges the device's tree over `there` beside the CPU's over `mesh`.
+fn judged(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: &Config, rays: &[Ray]) -> Result<Tally, String> {
+    let reach = reach(mesh);
+    let world = World {
+        corners: &|_, primitive| mesh.corners(primitive as usize),
+        error: &|ray, _| error_of_one_level(ray, reach),
+    };
+    let scene = TracedScene::one(gpu, &build::<Watertight>(there, config), &[0]).unwrap();
+    let on_cpu = build::<Watertight>(mesh, config);
+    let mut tally = Tally::default();
+    world.judge_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
+    Ok(tally)
+}
+
+fn all_rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
+    [rays::of_all_classes(mesh, n, 20), rays::from_inside(mesh, 2 * n, 30), rays::from_afar(mesh, 1e3, n, 40)].concat()
+}
+
+fn add(all: &mut Tally, one: &Tally) {
+    all.n_same += one.n_same;
+    all.n_ties += one.n_ties;
+    all.n_besides += one.n_besides;
+    all.n_at_ends += one.n_at_ends;
+    all.n_missed += one.n_missed;
+    all.n_cut += one.n_cut;
+    all.t = all.t.max(one.t);
+}
+
+#[test]
+fn grazing_rays_lose_no_hit() {
+    let Some(gpu) = gpu("grazing_rays_lose_no_hit") else { return };
+    let ways = few_ways();
+    let mut all = Tally::default();
+    // Each mesh one way, in turn; those of which leaning boxes are made every way.
+    for (case, (way, config)) in scenes::cases().iter().zip(ways.iter().cycle()) {
+        let tally = judged(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 30));
+        add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {way}: {error}", case.name)));
+    }
+    for case in scenes::needles() {
+        for (way, config) in &ways {
+            let tally = judged(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 30));
+            add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {way}: {error}", case.name)));
+        }
+    }
+    all.report("generated meshes");
+}
+
+#[test]
+fn rays_in_the_planes_of_faces_lose_no_hit() {
+    let Some(gpu) = gpu("rays_in_the_planes_of_faces_lose_no_hit") else { return };
+    let mut all = Tally::default();
+    for (case, (way, config)) in scenes::cases().iter().step_by(2).zip(few_ways().iter().cycle()) {
+        let mesh = rays::on_lattice(&case.mesh);
+        let tally = judged(&gpu, &mesh, &mesh, config, &rays::in_planes(&mesh, 150, 40));
+        add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {way}: {error}", case.name)));
+    }
+    all.report("rays in planes");
+}
+
+#[test]
+fn the_comparison_sees_what_is_lost_moved_or_renumbered() {
+    let Some(gpu) = gpu("the_comparison_sees_what_is_lost_moved_or_renumbered") else { return };
+    let mesh = scenes::shapes().remove(0).mesh;
+    let config = Config::default();
+    let rays = all_rays(&mesh, 100);
+    let fails = |change: &dyn Fn(&mut Mesh)| {
+        let mut there = mesh.clone();
+        change(&mut there);
+        judged(&gpu, &mesh, &there, &config, &rays).expect_err("the change is not seen")
+    };
+    // A triangle without area is hit by nothing.
+    let lost = fails(&|there| there.triangles[7][1] = there.triangles[7][0]);
+    assert!(lost.contains("lost"), "{lost}");
+    let moved = fails(&|there| there.positions.iter_mut().for_each(|p| p[0] += 1e-3));
+    assert!(moved.contains("off its triangle") || moved.contains("lost"), "{moved}");
+    let renumbered = fails(&|there| there.triangles.swap(3, 4));
+    assert!(renumbered.contains("off its triangle"), "{renumbered}");
+}

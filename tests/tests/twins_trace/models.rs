@@ -1,0 +1,65 @@
+//! Real models, as the renderer prepares them.
+
+use std::path::Path;
+
+use canted_fixtures::Mesh;
+use canted_gpu::Gpu;
+use canted_renderer::{Levels, Prepared, StructureConfig, Tracer, flatten, prepare, traced_scene};
+use canted_tests::{models::models, rays};
+use canted_trace::{Ray, Watertight};
+
+use super::gpu;
+use super::judge::{Tally, World, error_of_instance, error_of_one_level};
+
+fn reach(positions: &[[f32; 3]]) -> f64 {
+    positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
+}
+
+/// Judges a model on the device, in one level or in two.
+fn judge(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
+    let scene = canted_scene::read(&folder.join(file)).unwrap();
+    let config = StructureConfig { levels, ..StructureConfig::default() };
+    let Prepared { structure, .. } = prepare::<Watertight>(&scene, &config).unwrap();
+    let traced = traced_scene(gpu, &scene, &structure).unwrap();
+    let (positions, triangles, first) = flatten(&scene);
+    let reach_world = reach(&positions);
+    let reaches: Vec<f64> = scene.meshes.iter().map(|mesh| reach(&mesh.positions)).collect();
+    let flat = Mesh { positions, triangles };
+    let all_rays =
+        [rays::of_all_classes(&flat, 300, 7), rays::from_inside(&flat, 2000, 8), rays::from_afar(&flat, 10.0, 500, 9)]
+            .concat();
+    // In one level the tree is over vertices that were rounded in world space, in two over those of the meshes.
+    let of_flat = |instance: u32, primitive: u32| flat.corners((first[instance as usize] + primitive) as usize);
+    let of_instance = |instance: u32, primitive: u32| {
+        let instance = &scene.instances[instance as usize];
+        let mesh = &scene.meshes[instance.mesh.0 as usize];
+        let corner = |i: u32| instance.world_from_object.point_f64(mesh.positions[i as usize].map(f64::from));
+        mesh.triangles[primitive as usize].map(corner)
+    };
+    let error_of_flat = |ray: &Ray, _: u32| error_of_one_level(ray, reach_world);
+    let error_of_placed = |ray: &Ray, instance: u32| {
+        let instance = &scene.instances[instance as usize];
+        error_of_instance(ray, &instance.world_from_object, reaches[instance.mesh.0 as usize])
+    };
+    let world = if levels == Levels::Two {
+        World { corners: &of_instance, error: &error_of_placed }
+    } else {
+        World { corners: &of_flat, error: &error_of_flat }
+    };
+    let mut tally = Tally::default();
+    world
+        .judge_all(gpu, &traced, &all_rays, |ray| structure.closest_hit(ray, &mut ()), &mut tally)
+        .unwrap_or_else(|error| panic!("{file}, {levels:?}: {error}"));
+    tally.report(&format!("{file}, {levels:?}"));
+}
+
+#[test]
+fn models_lose_no_hit() {
+    let Some(gpu) = gpu("models_lose_no_hit") else { return };
+    let Some(folder) = models("models_lose_no_hit") else { return };
+    judge(&gpu, &folder, "stanford/bunny.ply", Levels::One);
+    judge(&gpu, &folder, "sponza/sponza.obj", Levels::One);
+    judge(&gpu, &folder, "sponza/sponza.obj", Levels::Two);
+    judge(&gpu, &folder, "kitchen/country_kitchen.glb", Levels::Two);
+    judge(&gpu, &folder, "instanced/pine_forest.glb", Levels::Two);
+}
