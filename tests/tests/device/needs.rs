@@ -1,6 +1,7 @@
 //! Only what the scene needs: buffers and bytes of a bare scene beside those of a full one.
 
 use canted_renderer::Levels;
+use canted_scene::Scene;
 
 use super::scenes::{bare, full};
 use super::{gpu, small, with_picture};
@@ -8,7 +9,7 @@ use super::{gpu, small, with_picture};
 #[test]
 fn a_bare_scene_binds_few_buffers_and_few_bytes() {
     let Some(gpu) = gpu("a_bare_scene_binds_few_buffers_and_few_bytes") else { return };
-    let needs = |scene, levels| -> Vec<(String, u64)> {
+    let needs = |scene: &Scene, levels| -> Vec<(String, u64)> {
         let buffers = with_picture(&gpu, scene, levels, &small(), |picture| {
             picture.buffers().iter().map(|(name, n_bytes)| ((*name).to_owned(), *n_bytes)).collect()
         });

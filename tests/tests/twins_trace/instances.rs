@@ -5,6 +5,7 @@ use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, places},
     rays, scenes,
+    transforms::transforms,
 };
 use canted_tlas::{Instance, Tlas};
 use canted_trace::{Ray, Watertight};
@@ -21,7 +22,12 @@ fn rays_through_instances_lose_no_hit() {
     let reach = meshes
         .each_ref()
         .map(|mesh| mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs())));
-    let placed: Vec<Affine> = places().iter().flat_map(|place| [place.world_from_object; 2]).collect();
+    let placed: Vec<Affine> = places()
+        .iter()
+        .map(|place| place.world_from_object)
+        .chain(transforms().into_iter().map(|(_, at)| at))
+        .flat_map(|at| [at; 2])
+        .collect();
     let instances: Vec<Instance> =
         placed.iter().zip([0, 1].into_iter().cycle()).map(|(&at, blas)| Instance::still(blas, at)).collect();
     let all_rays: Vec<Ray> = placed

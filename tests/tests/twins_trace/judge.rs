@@ -35,8 +35,8 @@ pub(crate) struct Tally {
     pub(crate) n_missed: usize,
     /// No answer from the device.
     pub(crate) n_cut: usize,
-    /// Greatest relative difference of `t` on the same triangle.
-    pub(crate) t: f64,
+    /// Greatest distance of a hit from its triangle, as a share of what is allowed.
+    pub(crate) off: f64,
 }
 
 /// Length of a vector whose components are 1 at most, with room for the `f64` here.
@@ -62,10 +62,14 @@ pub(crate) fn error_of_instance(ray: &Ray, world_from_object: &Affine, reach: f6
 }
 
 impl World<'_> {
-    /// Whether a point of the ray is within the bound of a triangle.
-    fn is_on(&self, ray: &Ray, t: f32, instance: u32, primitive: u32) -> bool {
+    /// How far a point of the ray is from a triangle, as a share of what is allowed.
+    fn off(&self, ray: &Ray, t: f32, instance: u32, primitive: u32) -> f64 {
         let off = distance(ray.at(f64::from(t)), (self.corners)(instance, primitive));
-        off <= SQRT_3 * (self.error)(ray, instance)
+        off / (SQRT_3 * (self.error)(ray, instance))
+    }
+
+    fn is_on(&self, ray: &Ray, t: f32, instance: u32, primitive: u32) -> bool {
+        self.off(ray, t, instance, primitive) <= 1.0
     }
 
     /// Counts what a ray's answers are.
@@ -87,9 +91,12 @@ impl World<'_> {
             if !(hit.t >= ray.t_min && hit.t <= ray.t_max) {
                 return Err(format!("{ray:?} is hit outside of its interval: {hit:?}"));
             }
-            if !self.is_on(ray, hit.t, hit.instance, hit.primitive) {
+            let off = self.off(ray, hit.t, hit.instance, hit.primitive);
+            // So written that what is not a number is off.
+            if !(off <= 1.0) {
                 return Err(format!("{ray:?}: {hit:?} is off its triangle"));
             }
+            tally.off = tally.off.max(off);
         }
         let Some(cpu) = cpu else {
             tally.n_besides += usize::from(device.is_some());
@@ -103,10 +110,7 @@ impl World<'_> {
             Some(hit) if hit.t > cpu.t && !self.is_on(ray, hit.t, instance, primitive) && !ends_on() => {
                 return Err(format!("{ray:?}: {cpu:?} is lost, {hit:?} behind it found"));
             }
-            Some(hit) if (hit.instance, hit.primitive) == (instance, primitive) => {
-                tally.n_same += 1;
-                tally.t = tally.t.max((f64::from(hit.t) / f64::from(cpu.t) - 1.0).abs());
-            }
+            Some(hit) if (hit.instance, hit.primitive) == (instance, primitive) => tally.n_same += 1,
             Some(_) => tally.n_ties += 1,
             None if ends_on() => tally.n_at_ends += 1,
             None => return Err(format!("{ray:?}: {cpu:?} is lost")),

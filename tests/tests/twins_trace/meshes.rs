@@ -39,7 +39,7 @@ fn add(all: &mut Tally, one: &Tally) {
     all.n_at_ends += one.n_at_ends;
     all.n_missed += one.n_missed;
     all.n_cut += one.n_cut;
-    all.t = all.t.max(one.t);
+    all.off = all.off.max(one.off);
 }
 
 #[test]
