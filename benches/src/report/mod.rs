@@ -15,6 +15,7 @@ mod page;
 mod pictures;
 mod samples;
 mod sources;
+mod subjects;
 
 use std::{fs, io::Write as _, path::Path};
 

@@ -69,19 +69,14 @@ fn the_page_reads_well_on_phones_and_desks_light_and_dark() {
 #[test]
 fn faults_are_seen() {
     let faults = [
-        (
-            "wide",
-            "<main>",
-            "<main><p style=\"white-space:nowrap\">a line that is much too long for any phone or desk, and goes on and on and on without an end that anybody could see from where it began, to the right and farther to the right, past every edge of every screen</p>",
-            "wide",
-        ),
+        ("wide", "<main>", "<main><p style=\"width:3000px\">wide</p>", "wide"),
         ("faint", "--soft: #4d4d4d", "--soft: #cccccc", "contrast"),
         ("lost", "<circle", "<ellipse", "points"),
-        ("tiny", "font-size=\"", "font-size=\"0", "small"),
+        ("tiny", "font-size=\"", "font-size=\"0.1\" data-was=\"", "small"),
     ];
     for (name, from, to, word) in faults {
         assert!(MADE.html.contains(from), "{name}: '{from}' is not in the page");
-        match wrong(name, &MADE.html.replacen(from, to, if name == "tiny" { usize::MAX } else { 1 }), 360, false) {
+        match wrong(name, &MADE.html.replace(from, to), 360, false) {
             None => return println!("skipped faults_are_seen: no browser found"),
             Some(said) => assert!(said.contains(word), "{name}: {said}"),
         }

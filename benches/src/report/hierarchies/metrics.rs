@@ -16,6 +16,9 @@ pub(super) struct Metrics {
     triangles: f64,
 }
 
+/// Those that are known without tracing a ray stand first.
+pub(super) const N_KNOWN: usize = 4;
+
 /// Their names, and how they are read.
 pub(super) const METRICS: [(&str, fn(&Metrics) -> f64); 7] = [
     ("SAH cost", |m| m.sah),

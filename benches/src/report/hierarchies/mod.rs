@@ -4,16 +4,16 @@ mod metrics;
 mod trees;
 
 use anyhow::Result;
-use canted_fixtures::{object_views, scaffold_nodes, scaffold_of};
 
 use super::effort::Effort;
 use super::fits;
 use super::growth;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table, sentences};
 use super::samples::{Samples, number};
-use crate::models::{self, Model};
+use super::subjects;
+use crate::models::Model;
 use crate::wide::{closest_sets, duel, engine::Engine};
-use metrics::{METRICS, Metrics};
+use metrics::{METRICS, Metrics, N_KNOWN};
 use trees::{Family, Tree};
 
 /// One tree, measured.
@@ -31,7 +31,7 @@ struct Measured {
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "hierarchies", title: "Hierarchies: rays over build time", ..Chapter::default() };
     let names: &[&str] = effort.pick(
-        &["small scaffold"],
+        &[subjects::SMALL],
         &["truss", "bunny"],
         &["truss", "scaffold", "hair_thin_tubes", "bunny", "sponza", "country_kitchen", "grid"],
     );
@@ -42,7 +42,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     }
     let mut says = vec![];
     for &name in names {
-        match subject(name)? {
+        match subjects::load(name)? {
             Some(model) => says.push(add(&mut chapter, name, &model, effort)?),
             None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
         }
@@ -60,25 +60,39 @@ const METHOD: [&str; 3] = [
      correlation is that of the logarithms of a metric and of nanoseconds a ray over these trees. Tests are boxes and triangles.",
 ];
 
-fn subject(name: &str) -> Result<Option<Model>> {
-    if name != "small scaffold" {
-        return models::load(name);
-    }
-    let mesh = scaffold_of(1, false, scaffold_nodes(10));
-    let views = object_views(&mesh);
-    Ok(Some(Model { mesh, views, placed: None }))
-}
-
 fn add(chapter: &mut Chapter, scene: &str, model: &Model, effort: Effort) -> Result<String> {
     let measured = measure(scene, model, effort)?;
     let front = front(&measured);
     plot(chapter, scene, &measured, &front);
     table(chapter, scene, &measured);
     let best = metric_table(chapter, scene, &measured);
-    let words = front.iter().map(|&i| format!("'{}'", measured[i].name)).collect::<Vec<_>>().join(", ");
-    let predicts = best
-        .map_or_else(String::new, |(name, r)| format!("; {name} predicts the time of binary trees best (r = {r:.2})"));
-    Ok(format!("On {scene} no tree beats {words} in both build time and rate{predicts}."))
+    for tree in measured.iter().filter(|tree| tree.family == Family::Wide) {
+        chapter.claims.insert(format!("{scene}.{}", tree.name), number(tree.rate.median()));
+    }
+    let predicts = best.map_or_else(String::new, |(name, r)| {
+        format!("; of what is known without tracing {name} predicts the time of binary trees best (r = {r:.2})")
+    });
+    Ok(format!("On {scene} {}{predicts}.", fastest(&measured, &front)))
+}
+
+/// The fastest tree of ours and of the peers, and how many stand on the front.
+fn fastest(measured: &[Measured], front: &[usize]) -> String {
+    let of = |is_ours: bool| {
+        let rates = measured.iter().filter(|tree| tree.family.is_ours() == is_ours);
+        rates.max_by(|a, b| a.rate.median().total_cmp(&b.rate.median()))
+    };
+    let n_ours = front.iter().filter(|&&i| measured[i].family.is_ours()).count();
+    let on_front = format!("{n_ours} of {} trees on the front are ours", front.len());
+    match (of(true), of(false)) {
+        (Some(ours), Some(peer)) if ours.rate.is_noise_beside(&peer.rate) => {
+            format!("'{}' and '{}' trace as fast as each other but for noise, {on_front}", ours.name, peer.name)
+        }
+        (Some(ours), Some(peer)) => {
+            let ratio = number(ours.rate.median() / peer.rate.median());
+            format!("'{}' traces {ratio} times the rays of the fastest peer, '{}', {on_front}", ours.name, peer.name)
+        }
+        _ => on_front,
+    }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "rays and triangles are fewer than 2^53")]
@@ -159,11 +173,11 @@ fn table(chapter: &mut Chapter, scene: &str, measured: &[Measured]) {
     chapter.tables.push(table);
 }
 
-/// The correlation of each metric with time over binary trees; the strongest.
+/// The correlation of each metric with time over binary trees; the strongest of those known without tracing.
 fn metric_table(chapter: &mut Chapter, scene: &str, measured: &[Measured]) -> Option<(&'static str, f64)> {
     let mut table = Table::new(format!("{scene}: which metric predicts time"), &["metric", "correlation", "trees"]);
     let mut best: Option<(&'static str, f64)> = None;
-    for (name, of) in METRICS {
+    for (i, (name, of)) in METRICS.into_iter().enumerate() {
         let pairs: Vec<(f64, f64)> = measured
             .iter()
             .filter_map(|tree| Some((of(tree.metrics.as_ref()?).ln(), -tree.rate.median().ln())))
@@ -172,7 +186,7 @@ fn metric_table(chapter: &mut Chapter, scene: &str, measured: &[Measured]) -> Op
         let found = fits::correlation(&pairs);
         let text = found.map_or("–".to_owned(), |r| format!("{r:.3}"));
         table.rows.push(vec![Cell::text(name), Cell::text(text), Cell::text(pairs.len().to_string())]);
-        if let Some(r) = found.filter(|r| best.is_none_or(|(_, best)| *r > best)) {
+        if let Some(r) = found.filter(|r| i < N_KNOWN && best.is_none_or(|(_, best)| *r > best)) {
             best = Some((name, r));
         }
     }

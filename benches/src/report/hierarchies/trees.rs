@@ -30,6 +30,10 @@ pub(super) enum Family {
 impl Family {
     pub(super) const ALL: [Self; 5] = [Self::Aligned, Self::Leaning, Self::Wide, Self::Obvhs, Self::Other];
 
+    pub(super) fn is_ours(self) -> bool {
+        matches!(self, Self::Aligned | Self::Leaning | Self::Wide)
+    }
+
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Aligned => "ours, binary, axis-aligned",

@@ -84,7 +84,7 @@ mod tests {
     fn ticks_are_round_and_within() {
         let scale = Scale::over([1e-5, 3.0].into_iter(), true);
         assert_eq!(
-            scale.ticks(6).iter().map(|x| label(*x)).collect::<Vec<_>>(),
+            scale.ticks(7).iter().map(|x| label(*x)).collect::<Vec<_>>(),
             ["1e-5", "1e-4", "0.001", "0.01", "0.1", "1"]
         );
         let scale = Scale::over([0.0, 97.0].into_iter(), false);

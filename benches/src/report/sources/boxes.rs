@@ -5,7 +5,7 @@ use canted_lbvh::{Bits, Costs, Domain, Strategy, VolumeConfig};
 use canted_tlas::{Blas, MeshBlas, PairOrder};
 use canted_trace::{Counts, InstanceId, Watertight};
 
-use super::subjects;
+use super::scenes;
 use crate::report::{
     effort::Effort,
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
@@ -48,7 +48,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         ],
     );
     let (mut series, mut best) = (vec![], None);
-    for (name, model) in subjects(effort, &["bunny", "sponza"], chapter)? {
+    for (name, model) in scenes(effort, &["bunny", "sponza"], chapter)? {
         let rows = rows(&model, effort)?;
         for row in &rows {
             let theirs = THEIRS.iter().find(|(scene, strategy, ..)| *scene == name && *strategy == row.strategy);

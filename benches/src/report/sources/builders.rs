@@ -1,7 +1,7 @@
 //! A cheap builder beside a careful one, build and picture: the BIH thesis's table 1 and Novak's tables.
 
 use anyhow::Result;
-use canted_fixtures::{object_views, scaffold_nodes, scaffold_of};
+use canted_fixtures::{scaffold_nodes, scaffold_of};
 use canted_lbvh::Leaf;
 use canted_obb::Aabb;
 use canted_sah::{Builder, TopDownConfig};
@@ -15,6 +15,7 @@ use crate::report::{
     effort::Effort,
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
     samples::{Samples, number},
+    subjects,
 };
 use crate::wide::sets;
 
@@ -81,9 +82,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     }
     let mut last = (f64::NAN, f64::NAN);
     for log2 in effort.pick(&[8][..], &[11, 15, 17], &[11, 15, 17, 20, 21]) {
-        let mesh = scaffold_of(1, false, scaffold_nodes(*log2));
-        let views = object_views(&mesh);
-        let model = Model { mesh, views, placed: None };
+        let model = subjects::of_mesh(scaffold_of(1, false, scaffold_nodes(*log2)));
         let ms = one_thread(|| measure(&model, effort))??;
         last = row("ours", "scaffold", model.mesh.triangles.len(), ms);
         series[2].points.push(Point { label: "scaffold".to_owned(), x: last.0.into(), y: last.1.into() });
@@ -121,8 +120,8 @@ fn measure(model: &Model, effort: Effort) -> Result<[Samples; 4]> {
                 }
             });
             if repeat > 0 {
-                ms[2 * place].push(build.wall * 1e3);
-                ms[2 * place + 1].push(picture.wall * 1e3);
+                ms[2 * place].push(build.cpu * 1e3);
+                ms[2 * place + 1].push(picture.cpu * 1e3);
             }
         }
     }

@@ -11,7 +11,8 @@ use anyhow::Result;
 
 use super::effort::Effort;
 use super::model::{Chapter, sentences};
-use crate::models::{self, Model};
+use super::subjects;
+use crate::models::Model;
 
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
@@ -43,19 +44,19 @@ const ABSENT: [&str; 4] = [
     "Novak's frames on three GPUs: no such device is here.",
 ];
 
-/// A scene of the dissertation, or a lattice of few triangles where a test asks for little.
-fn subjects(effort: Effort, names: &[&'static str], chapter: &mut Chapter) -> Result<Vec<(&'static str, Model)>> {
-    if effort == Effort::Tiny {
-        let mesh = canted_fixtures::scaffold_of(1, false, canted_fixtures::scaffold_nodes(10));
-        let views = canted_fixtures::object_views(&mesh);
-        return Ok(vec![("small scaffold", Model { mesh, views, placed: None })]);
-    }
-    let mut subjects = vec![];
+/// Scenes of the dissertation, or a lattice of few triangles where a test asks for little.
+fn scenes(effort: Effort, names: &[&'static str], chapter: &mut Chapter) -> Result<Vec<(&'static str, Model)>> {
+    let names = if effort == Effort::Tiny { &[subjects::SMALL] } else { names };
+    let mut scenes = vec![];
     for &name in names {
-        match models::load(name)? {
-            Some(model) => subjects.push((name, model)),
+        match subjects::load(name)? {
+            Some(model) => scenes.push((name, model)),
             None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
         }
     }
-    Ok(subjects)
+    if scenes.is_empty() {
+        // Generated, so always at hand.
+        scenes.extend(subjects::load("truss")?.map(|model| ("truss", model)));
+    }
+    Ok(scenes)
 }

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
 
-use super::subjects;
+use super::scenes;
 use crate::clock;
 use crate::models::Model;
 use crate::report::{
@@ -28,7 +28,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     );
     let (mut series, mut says) = (vec![], String::new());
     for (name, model) in
-        subjects(effort, effort.pick(&[][..], &["sponza"], &["dragon_871k", "sponza", "bunny"]), chapter)?
+        scenes(effort, effort.pick(&[][..], &["sponza"], &["dragon_871k", "sponza", "bunny"]), chapter)?
     {
         let ours = one_thread(|| measure(&model, effort.pick(2, 3, 7)))??;
         let theirs = THEIRS.iter().find(|(scene, _)| *scene == name).map(|(_, passes)| passes);
@@ -81,7 +81,7 @@ fn measure(model: &Model, repeats: usize) -> Result<[Samples; 6]> {
     for repeat in 0..=repeats {
         let mut keep = |pass: usize, took: clock::Seconds| {
             if repeat > 0 {
-                ms[pass].push(took.wall * 1e3);
+                ms[pass].push(took.cpu * 1e3);
             }
         };
         let (codes, took) = clock::time(|| canted_lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners));

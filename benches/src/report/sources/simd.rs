@@ -5,7 +5,7 @@ use canted_trace::Watertight;
 use canted_wide::{Config, Preset, SimdPath, Wide};
 
 use super::passes::one_thread;
-use super::subjects;
+use super::scenes;
 use crate::report::{
     effort::Effort,
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
@@ -23,7 +23,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     );
     let mut says = String::new();
     let mut series = vec![];
-    for (name, model) in subjects(effort, effort.pick(&[][..], &["truss"], &["truss", "bunny", "sponza"]), chapter)? {
+    for (name, model) in scenes(effort, effort.pick(&[][..], &["truss"], &["truss", "bunny", "sponza"]), chapter)? {
         let mesh = &model.mesh;
         let paths: Vec<SimdPath> = SimdPath::ALL.into_iter().filter(|path| path.is_available()).collect();
         let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;

@@ -1,0 +1,92 @@
+//! Parts that scenes do without, and how they come back.
+
+use canted_obb::Affine;
+use canted_renderer::Levels;
+use canted_scene::{
+    AlphaMode, Encoding, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId,
+    TextureRef, Wrap,
+};
+
+/// A part that `prepare` names as left out, and how it comes back.
+pub(super) struct Forcing {
+    pub(super) part: &'static str,
+    pub(super) force: fn(Scene) -> (Scene, Levels),
+}
+
+pub(super) const FORCINGS: [Forcing; 5] = [
+    Forcing { part: "top level", force: |scene| (scene, Levels::Two) },
+    Forcing { part: "textures", force: |scene| (with_white(scene), Levels::Auto) },
+    Forcing { part: "alpha test", force: |scene| (with_masks(scene), Levels::Auto) },
+    Forcing { part: "shading normals", force: |scene| (with_flat_normals(scene), Levels::Auto) },
+    Forcing { part: "choice among lights", force: |scene| (with_dark_sun(scene), Levels::Auto) },
+];
+
+/// One mesh in grey under a sun and a sky.
+pub(super) fn bare(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene {
+    let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
+    Scene {
+        meshes: vec![Mesh { positions, triangles, parts, ..Mesh::default() }],
+        instances: vec![Instance {
+            mesh: MeshId(0),
+            world_from_object: Affine::IDENTITY,
+            world_from_object_close: None,
+            first_primitive: 0,
+        }],
+        materials: vec![Material { specular: 0.0, ..Material::default() }],
+        lights: vec![Light::Sun { direction: [0.48, -0.64, 0.6], irradiance: [2.0; 3] }],
+        environment: Some([0.4, 0.5, 0.6].into()),
+        ..Scene::default()
+    }
+}
+
+fn with_white(mut scene: Scene) -> Scene {
+    let texture = TextureRef::plain(TextureId(0));
+    scene.textures = vec![Texture {
+        name: "white".to_owned(),
+        width: 1,
+        height: 1,
+        texels: vec![[255; 4]],
+        encoding: Encoding::Srgb,
+        wrap: [Wrap::Repeat; 2],
+    }];
+    for mesh in &mut scene.meshes {
+        mesh.uvs = Some(vec![[0.5; 2]; mesh.positions.len()]);
+    }
+    for material in &mut scene.materials {
+        material.base_color_texture = Some(texture);
+    }
+    scene
+}
+
+fn with_masks(mut scene: Scene) -> Scene {
+    for material in &mut scene.materials {
+        material.alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
+    }
+    scene
+}
+
+fn with_dark_sun(mut scene: Scene) -> Scene {
+    scene.lights.push(Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [0.0; 3] });
+    scene
+}
+
+/// Vertices of their own for every triangle, with its normal.
+fn with_flat_normals(mut scene: Scene) -> Scene {
+    for mesh in &mut scene.meshes {
+        let corners: Vec<[[f32; 3]; 3]> =
+            mesh.triangles.iter().map(|triangle| triangle.map(|i| mesh.positions[i as usize])).collect();
+        mesh.normals = Some(corners.iter().flat_map(|corners| [normal(corners); 3]).collect());
+        mesh.positions = corners.concat();
+        mesh.triangles = (0..).step_by(3).take(corners.len()).map(|first| [first, first + 1, first + 2]).collect();
+    }
+    scene
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how normals are stored")]
+fn normal(&[a, b, c]: &[[f32; 3]; 3]) -> [f32; 3] {
+    let sub = |p: [f32; 3], q: [f32; 3]| -> [f64; 3] { std::array::from_fn(|k| f64::from(p[k]) - f64::from(q[k])) };
+    let ([p, q, r], [x, y, z]) = (sub(b, a), sub(c, a));
+    let normal = [q * z - r * y, r * x - p * z, p * y - q * x];
+    let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if length > 0.0 { normal.map(|x| (x / length) as f32) } else { [0.0, 0.0, 1.0] }
+}

@@ -1,0 +1,122 @@
+//! Leaning nodes where a mesh needs none, boxes along the axes where it needs others, and counters.
+
+use anyhow::Result;
+use canted_trace::{Counts, Hit, InstanceId, Ray, Watertight};
+use canted_wide::{Config, Costs, Preset, Wide};
+
+use crate::models::Model;
+use crate::report::{
+    effort::Effort,
+    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+    samples::{Samples, faster},
+    subjects,
+};
+use crate::wide::{closest_sets, duel, engine::Engine};
+
+/// Leaning nodes are taken for this much of their cost where they are forced back in.
+const BELITTLED: f32 = 0.1;
+
+/// A tree whose walk counts boxes and triangles.
+struct Counted(Wide<Watertight>);
+
+impl Engine for Counted {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        let mut counts = Counts::default();
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.0.closest_hit_with(ray, InstanceId(0), &mut counts);
+        }
+        std::hint::black_box(counts);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        self.0.occluded_many(rays, occluded);
+    }
+
+    fn n_bytes(&self) -> usize {
+        self.0.n_bytes()
+    }
+}
+
+/// The same walk, ray by ray, without counters.
+struct Uncounted(Wide<Watertight>);
+
+impl Engine for Uncounted {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.0.closest_hit_with(ray, InstanceId(0), &mut ());
+        }
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        self.0.occluded_many(rays, occluded);
+    }
+
+    fn n_bytes(&self) -> usize {
+        self.0.n_bytes()
+    }
+}
+
+const NAMES: [&str; 5] =
+    ["as chosen", "leaning nodes forced in", "leaning nodes left out", "ray by ray", "ray by ray, counted"];
+
+fn engines(model: &Model) -> Result<Vec<Box<dyn Engine>>> {
+    let mesh = &model.mesh;
+    let usual = Config::preset(Preset::Balanced);
+    let build = |config| Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config);
+    let lean_node = BELITTLED * usual.costs.lean_node;
+    let chosen = build(usual)?;
+    Ok(vec![
+        Box::new(chosen.clone()),
+        Box::new(build(Config { costs: Costs { lean_node, ..usual.costs }, lean: true, ..usual })?),
+        Box::new(build(Config { lean: false, share: false, turn: false, ..usual })?),
+        Box::new(Uncounted(chosen.clone())),
+        Box::new(Counted(chosen)),
+    ])
+}
+
+/// Adds what trees do without; what it shows.
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+    let mut table =
+        Table::new("Trees: a camera or diffuse ray, and bytes", &["scene", "tree", "a ray", "bytes", "same hits"]);
+    let (mut series, mut says): (Vec<Series>, Vec<String>) = (vec![], vec![]);
+    for name in effort.pick(&[subjects::SMALL][..], &["grid", "truss"], &["grid", "truss", "bunny", "sponza"]) {
+        let Some(model) = subjects::load(name)? else {
+            chapter.skipped.push(format!("{name}: the model is not at hand."));
+            continue;
+        };
+        let engines = engines(&model)?;
+        let tree = Wide::build(&model.mesh.positions, &model.mesh.triangles, &Config::preset(Preset::Fast))?;
+        let rays = closest_sets(&model, &tree, effort.pick(16, 48, 128)).concat();
+        let (seconds, hits) = duel::closest(&engines, &rays, effort.pick(2, 7, 11));
+        #[expect(clippy::cast_precision_loss, reason = "rays are counted in thousands")]
+        let to_ns = 1e9 / rays.len() as f64;
+        let ns: Vec<Samples> =
+            seconds.iter().map(|s| s.iter().map(|s| s.cpu * to_ns).collect::<Vec<_>>().into()).collect();
+        let mut points = vec![];
+        for (i, what) in NAMES.into_iter().enumerate() {
+            let n_bytes = engines[i].n_bytes();
+            table.rows.push(vec![
+                Cell::text(*name),
+                Cell::text(what),
+                Cell::measured(ns[i].clone(), "ns"),
+                Cell::text(n_bytes.to_string()),
+                Cell::text(if hits[i] == hits[0] { "yes" } else { "no" }),
+            ]);
+            #[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]
+            let x = n_bytes as f64;
+            points.push(Point { label: what.to_owned(), x: x.into(), y: ns[i].clone() });
+        }
+        series.push(Series { name: (*name).to_owned(), points, is_joined: false });
+        let said = [("the tree as chosen", 0, "one of leaning nodes", 1), ("the walk", 3, "the same with counters", 4)]
+            .map(|(a, i, b, k)| faster((a, &ns[i]), (b, &ns[k])));
+        says.push(format!("On {name} {}.", said.join("; ")));
+    }
+    chapter.tables.push(table);
+    chapter.plots.push(Plot {
+        title: "Trees: time of a ray over bytes, as chosen and with or without leaning nodes".to_owned(),
+        x: Axis::log("bytes"),
+        y: Axis::log("ns a ray"),
+        series,
+    });
+    Ok(says.join(" "))
+}
