@@ -80,7 +80,8 @@ pub fn svd_polar(a: Matrix) -> (Quaternion, f64) {
         for (i, j) in [(0, 1), (0, 2), (1, 2)] {
             let (p, q) = (columns[i], columns[j]);
             let (pq, pp, qq) = (dot(p, q), dot(p, p), dot(q, q));
-            if pq.abs() <= f64::EPSILON * (pp * qq).sqrt() {
+            // Dot products of three terms are no better known.
+            if pq.abs() <= 4.0 * f64::EPSILON * (pp * qq).sqrt() {
                 continue;
             }
             is_done = false;

@@ -55,7 +55,8 @@ error, but neither a panic nor half a minute without any.
 /// Rays at vertices and edges of closed meshes.
 pub(crate) const WATERTIGHT: Kept = Kept {
     name: "watertight",
-    cargo: &["run", "--package", "canted-tests", "--example", "watertight"],
+    // Without a package named, what tests compiled is used again.
+    cargo: &["run", "--example", "watertight"],
     program: &[],
     file: "tests/WATERTIGHT.md",
     preamble: "# Closed meshes
@@ -71,7 +72,7 @@ that of tests.
 /// Every promise on every case, beside the peers.
 pub(crate) const EXTREMES: Kept = Kept {
     name: "extremes",
-    cargo: &["run", "--package", "canted-benches", "--bin", "canted-bench"],
+    cargo: &["run", "--bin", "canted-bench"],
     program: &["extremes"],
     file: "tests/EXTREMES.md",
     preamble: "# Extremes

@@ -4,15 +4,18 @@
 //! chapters (plots, tables, each number with its repetitions) -> index.html, report.json, report.md
 //! ```
 
+mod boxes;
 mod effort;
 mod fits;
 mod growth;
 mod hierarchies;
+mod kernels;
 mod left_out;
 mod markdown;
 mod model;
 mod page;
 mod pictures;
+mod rotation;
 mod samples;
 mod sources;
 mod subjects;
@@ -31,8 +34,11 @@ pub(crate) const REPORT: &str = "report";
 type Measure = fn(effort::Effort) -> Result<Chapter>;
 
 /// All chapters, in the order of the page.
-const CHAPTERS: [(&str, Measure); 5] = [
+const CHAPTERS: [(&str, Measure); 8] = [
     ("pictures", pictures::chapter),
+    ("boxes", boxes::chapter),
+    ("rotation", rotation::chapter),
+    ("kernels", kernels::chapter),
     ("hierarchies", hierarchies::chapter),
     ("sources", sources::chapter),
     ("left-out", left_out::chapter),

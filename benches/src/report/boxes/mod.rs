@@ -1,0 +1,219 @@
+//! Boxes: how large a fit's or a merge's box is beside the least that a search finds, and what it costs.
+
+mod inputs;
+mod search;
+
+use anyhow::Result;
+use canted_obb::{
+    Fit, Obb, fit,
+    merge::{self, Child, Weight},
+};
+
+use super::effort::Effort;
+use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
+use super::samples::{Samples, number};
+use crate::interleave::{self, Contender};
+use inputs::{Kind, Set};
+
+const FITS: [(&str, Fit); 5] = [
+    ("straight", Fit::Aabb),
+    ("principal axes of points", Fit::Pca),
+    ("principal axes of the surface", Fit::AreaPca),
+    ("ditetrahedron", Fit::Dito),
+    ("fixed directions", Fit::Dop),
+];
+
+/// A rule by name.
+type Rule = (&'static str, fn(&Obb, &Obb) -> Obb);
+
+const MERGES: [Rule; 4] = [
+    ("principal axes of corners", |a, b| merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Corners)),
+    ("the same, by area", |a, b| merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Area)),
+    ("quaternion", |a, b| merge::quaternion(a, b, [a.area(), b.area()])),
+    ("best of five frames", |a, b| merge::best(a, b, None)),
+];
+
+/// What one way made of one kind of input.
+struct Outcome {
+    way: &'static str,
+    /// Area, then volume, over the least found: a sample an input.
+    ratios: [Samples; 2],
+    /// Nanoseconds a box: a sample a round.
+    ns: Samples,
+}
+
+/// Measures the chapter.
+pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
+    let mut chapter = Chapter { id: "boxes", title: "Boxes: size over the least, against time", ..Chapter::default() };
+    let kinds = inputs::kinds(effort.pick(2, 12, 40));
+    let rounds = effort.pick(2, 5, 9);
+    let mut fits = vec![];
+    let mut merges = vec![];
+    for kind in kinds.iter().filter(|kind| !kind.sets.is_empty()) {
+        let [of_fits, of_merges] = measure(kind, rounds);
+        fits.push((kind.name, of_fits));
+        merges.push((kind.name, of_merges));
+    }
+    chapter.says = format!("{} {}", sentence("Of fits", &fits), sentence("Of merges of two fitted boxes", &merges));
+    chapter.method = METHOD.map(str::to_owned).to_vec();
+    for (title, all) in [("Fits", &fits), ("Merges", &merges)] {
+        for (i, size) in ["area", "volume"].into_iter().enumerate() {
+            chapter.plots.push(plot(title, size, i, all));
+        }
+        chapter.tables.push(table(title, all));
+    }
+    Ok(chapter)
+}
+
+const METHOD: [&str; 3] = [
+    "Clusters are 24 triangles in a turned shape; nodes are what a radix tree over the mesh holds, 8 to 64 triangles each. A merge \
+     gets the boxes of the two halves (of a node: its children), each fitted by the principal axes of its surface.",
+    "The least size is that of the best of 400 random rotations, four of which are improved by ever smaller turns, and of every box \
+     that takes part: so no ratio is below one. For merges it is the least box of the points, not of the children's boxes, which \
+     no rule sees. Area and volume are searched each for itself. A volume of nothing counts as least.",
+    "A point is the median over inputs, its bars reach from the best to the worst of them; nanoseconds are those of a box, all \
+     ways in turn, round by round, after a warm-up.",
+];
+
+/// Both contests on one kind of input.
+fn measure(kind: &Kind, rounds: usize) -> [Vec<Outcome>; 2] {
+    let mut ratios = [vec![[vec![], vec![]]; FITS.len()], vec![[vec![], vec![]]; MERGES.len()]];
+    let pairs: Vec<[Obb; 2]> = kind.sets.iter().map(children).collect();
+    for ((set, [a, b]), seed) in kind.sets.iter().zip(&pairs).zip(0..) {
+        let fitted = FITS.map(|(_, method)| fitted(set, method));
+        let merged = MERGES.map(|(_, rule)| rule(a, b));
+        let known: Vec<Obb> = fitted.iter().chain(&merged).copied().collect();
+        let least = search::least(&set.points, &known, seed);
+        for (ratios, boxes) in ratios.iter_mut().zip([&fitted[..], &merged[..]]) {
+            for (ratios, obb) in ratios.iter_mut().zip(boxes) {
+                for (ratios, (size, least)) in ratios.iter_mut().zip([obb.area(), obb.volume()].into_iter().zip(least))
+                {
+                    ratios.push(if size == least { 1.0 } else { size / least });
+                }
+            }
+        }
+    }
+    let [fit_ratios, merge_ratios] = ratios;
+    let fits = FITS.map(|(name, method)| {
+        Contender::new(name, move || {
+            for set in &kind.sets {
+                std::hint::black_box(fitted(set, method));
+            }
+        })
+    });
+    let merges = MERGES.map(|(name, rule)| {
+        let pairs = &pairs;
+        Contender::new(name, move || {
+            // Too short to be timed once: as often as a fit has points.
+            for _ in 0..MERGE_REPEATS {
+                for [a, b] in pairs {
+                    std::hint::black_box(rule(a, b));
+                }
+            }
+        })
+    });
+    [
+        outcomes(FITS.map(|(name, _)| name).to_vec(), fit_ratios, fits.into(), rounds, kind.sets.len()),
+        outcomes(
+            MERGES.map(|(name, _)| name).to_vec(),
+            merge_ratios,
+            merges.into(),
+            rounds,
+            MERGE_REPEATS * pairs.len(),
+        ),
+    ]
+}
+
+const MERGE_REPEATS: usize = 64;
+
+fn outcomes(
+    names: Vec<&'static str>,
+    ratios: Vec<[Vec<f64>; 2]>,
+    contenders: Vec<Contender<'_>>,
+    rounds: usize,
+    n_boxes: usize,
+) -> Vec<Outcome> {
+    #[expect(clippy::cast_precision_loss, reason = "few boxes")]
+    let to_ns = 1e9 / n_boxes as f64;
+    let timings = interleave::run(rounds, contenders);
+    let outcome = |((way, ratios), timing): ((&'static str, [Vec<f64>; 2]), interleave::Timing)| Outcome {
+        way,
+        ratios: ratios.map(Samples::from),
+        ns: Samples::from(timing.seconds).scaled(to_ns),
+    };
+    names.into_iter().zip(ratios).zip(timings).map(outcome).collect()
+}
+
+/// As the crate offers it: the straight box takes the place of one that has more area.
+fn fitted(set: &Set, method: Fit) -> Obb {
+    fit(&set.points, &set.triangles(), method).unwrap_or_else(|_| unreachable!("points of inputs are finite"))
+}
+
+/// Boxes of the two halves.
+fn children(set: &Set) -> [Obb; 2] {
+    let (a, b) = set.points.split_at(set.split);
+    [a, b].map(|points| fitted(&Set { points: points.to_vec(), split: 0 }, Fit::AreaPca))
+}
+
+/// Which way is tightest, and at what price, over all kinds.
+fn sentence(what: &str, all: &[(&'static str, Vec<Outcome>)]) -> String {
+    let n_ways = all.first().map_or(0, |(_, outcomes)| outcomes.len());
+    let over_kinds = |of: &dyn Fn(&Outcome) -> f64, way: usize| {
+        Samples::from(all.iter().map(|(_, outcomes)| of(&outcomes[way])).collect::<Vec<_>>()).median()
+    };
+    let ranked = |of: &dyn Fn(&Outcome) -> f64| {
+        (0..n_ways).map(|way| (over_kinds(of, way), way)).min_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let area = |outcome: &Outcome| outcome.ratios[0].median();
+    let (Some((tight, way)), Some((ns, cheap))) = (ranked(&area), ranked(&|outcome| outcome.ns.median())) else {
+        return String::new();
+    };
+    let name = |way: usize| all[0].1[way].way;
+    format!(
+        "{what}, {} comes nearest to the least area ({} times it, median of all kinds, for {} ns), and {} is cheapest ({} ns, {} times).",
+        name(way),
+        number(tight),
+        number(over_kinds(&|outcome| outcome.ns.median(), way)),
+        name(cheap),
+        number(ns),
+        number(over_kinds(&area, cheap)),
+    )
+}
+
+fn plot(title: &str, size: &str, i: usize, all: &[(&'static str, Vec<Outcome>)]) -> Plot {
+    let mut series: Vec<Series> = vec![];
+    for (kind, outcomes) in all {
+        for (way, outcome) in outcomes.iter().enumerate() {
+            if series.len() <= way {
+                series.push(Series { name: outcome.way.to_owned(), points: vec![], is_joined: false });
+            }
+            let point = Point { label: (*kind).to_owned(), x: outcome.ns.clone(), y: outcome.ratios[i].clone() };
+            series[way].points.push(point);
+        }
+    }
+    // What has no volume has no ratio that a plot could show.
+    series.iter_mut().for_each(|series| series.points.retain(|point| point.y.range().iter().all(|y| y.is_finite())));
+    Plot {
+        title: format!("{title}: {size} over the least found"),
+        x: Axis::log("ns a box"),
+        y: Axis::log(format!("{size} over least")),
+        series,
+    }
+}
+
+fn table(title: &str, all: &[(&'static str, Vec<Outcome>)]) -> Table {
+    let mut table = Table::new(title, &["input", "way", "area over least", "worst", "volume over least", "time"]);
+    for (kind, outcomes) in all {
+        for outcome in outcomes {
+            table.rows.push(vec![
+                Cell::text(*kind),
+                Cell::text(outcome.way),
+                Cell::text(number(outcome.ratios[0].median())),
+                Cell::text(number(outcome.ratios[0].range()[1])),
+                Cell::text(number(outcome.ratios[1].median())),
+                Cell::measured(outcome.ns.clone(), "ns"),
+            ]);
+        }
+    }
+    table
+}

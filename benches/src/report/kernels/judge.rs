@@ -1,0 +1,78 @@
+//! The truth about a ray and a triangle, and how far answers are from it.
+
+use canted_tests::fractions::Piercing;
+
+use super::super::samples::Samples;
+use super::Pair;
+
+/// `t`, `u`, `v` of a hit; weights that are no numbers were not told.
+pub(super) type Answer = Option<[f32; 3]>;
+
+/// Where the ray meets the triangle's plane, and whether that is in the triangle.
+pub(super) struct Judged {
+    piercing: Option<Piercing>,
+    is_hit: bool,
+}
+
+impl Judged {
+    pub(super) fn of((ray, corners): &Pair) -> Self {
+        let piercing = Piercing::of(ray, *corners);
+        let is_hit = piercing.as_ref().is_some_and(|piercing| piercing.is_hit(ray));
+        Self { piercing, is_hit }
+    }
+}
+
+/// What all answers of one kernel come to.
+pub(super) struct Judgement {
+    /// Error of `t` of each hit that is one.
+    pub(super) t_ulps: Samples,
+    /// The greater error of `u` and `v` of each.
+    pub(super) uv_ulps: Samples,
+    /// Share of all rays that are hits to the kernel alone.
+    pub(super) wrong_hits: f64,
+    /// Share of all rays that are misses to the kernel alone.
+    pub(super) wrong_misses: f64,
+}
+
+impl Judgement {
+    #[expect(clippy::cast_precision_loss, reason = "small counts")]
+    pub(super) fn of(truths: &[Judged], answers: &[Answer]) -> Self {
+        let (mut t, mut uv) = (vec![], vec![]);
+        let (mut wrong_hits, mut wrong_misses) = (0usize, 0usize);
+        for (truth, answer) in truths.iter().zip(answers) {
+            match (truth.is_hit, answer) {
+                (false, Some(_)) => wrong_hits += 1,
+                (true, None) => wrong_misses += 1,
+                (true, &Some([t_found, u, v])) => {
+                    let Some(piercing) = &truth.piercing else { continue };
+                    let told = u.is_finite() && v.is_finite();
+                    let [of_t, of_u, of_v] =
+                        piercing.error_ulps(if told { [t_found, u, v] } else { [t_found, 0.0, 0.0] });
+                    t.push(of_t);
+                    uv.extend(told.then_some(of_u.max(of_v)));
+                }
+                (false, None) => {}
+            }
+        }
+        let share = |count: usize| count as f64 / truths.len().max(1) as f64;
+        let (wrong_hits, wrong_misses) = (share(wrong_hits), share(wrong_misses));
+        Self { t_ulps: t.into(), uv_ulps: uv.into(), wrong_hits, wrong_misses }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_trace::Ray;
+
+    use super::*;
+
+    #[test]
+    fn wrong_answers_and_errors_are_told_apart() {
+        let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
+        let ray = |x: f32| Ray::new([x, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        let truths: Vec<Judged> = [1.0, 1.0, 3.5, 3.5].map(|x| Judged::of(&(ray(x), corners))).into();
+        let found = Judgement::of(&truths, &[Some([1.0f32.next_up(), 0.25, 0.25]), None, Some([1.0, 0.9, 0.2]), None]);
+        assert_eq!((found.wrong_hits, found.wrong_misses), (0.25, 0.25));
+        assert_eq!((found.t_ulps.values(), found.uv_ulps.values()), (&[1.0][..], &[0.0][..]));
+    }
+}
