@@ -140,21 +140,24 @@ impl Geometry {
         let words = &mut self.vertices[start..];
         put(words, stride, 0, &positions);
         put_attributes(words, mesh, columns, map);
+        let [x, y, z, _] = map.columns.map(wide);
         for (index, part) in mesh.parts.iter().enumerate() {
             let end = mesh.parts.get(index + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
             let material = materials.number(part.material, mesh) | if is_mirrored { MIRRORED } else { 0 };
             let own = mesh.triangles[part.first_triangle as usize..end].par_iter();
-            self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, &positions, material)));
+            self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &[x, y, z], material)));
         }
         Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
     }
 }
 
-/// A triangle whose vertices are numbered from `base` on, at these positions.
+/// A triangle of a mesh whose vertices are numbered from `base` on, under a linear map.
+///
+/// Its normal is that of corners which are not rounded: far from the origin a small triangle between rounded ones would lean.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-fn packed_triangle(corners: [u32; 3], base: u32, positions: &[[f32; 3]], material: u32) -> PackedTriangle {
-    let [a, b, c] = corners.map(|i| wide(positions[i as usize]));
-    let winding = cross(sub(b, a), sub(c, a));
+fn packed_triangle(corners: [u32; 3], base: u32, mesh: &Mesh, map: &[Vector; 3], material: u32) -> PackedTriangle {
+    let [a, b, c] = corners.map(|i| wide(mesh.positions[i as usize]));
+    let winding = cross(by_columns(map, sub(b, a)), by_columns(map, sub(c, a)));
     PackedTriangle {
         vertices: corners.map(|i| base + i),
         material,

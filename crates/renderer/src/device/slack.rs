@@ -9,6 +9,8 @@
 //!   transform four terms more, `4 E`; moved along the normal, `E`: together `10 E`;
 //! - the normal comes from `f64`, rounded and made a unit vector: it leans by `3 E`, and a ray that leads away from a plane that
 //!   leans gets below the true one by that much of its way, at most `2·√3·W` within the instance: `11 E`;
+//! - in world space the normal is that of the triangle before its corners were rounded, each by half an `E`: nowhere in the
+//!   triangle are the two planes farther apart, at either end of a ray's way along it; with room, `2 E`;
 //! - the sign of a product with the normal decides the side and the fold of directions; it is right but for `3 E`, as above:
 //!   `11 E`.
 //!
@@ -28,7 +30,7 @@ const E: f64 = f32::EPSILON as f64;
 const ROOM: f64 = 1.0 + 1.0 / 1024.0;
 
 /// Error along each axis, relative to `W`, where vertices are in world space.
-const IN_WORLD: f64 = (128.0 + 10.0 + 11.0 + 11.0) * E;
+const IN_WORLD: f64 = (128.0 + 10.0 + 11.0 + 2.0 + 11.0) * E;
 
 /// Error along each world axis between the plane of a triangle and a ray that leaves it, for vertices in world space whose
 /// greatest absolute coordinate is `reach`.
