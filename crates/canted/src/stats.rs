@@ -3,6 +3,7 @@
 
 mod device;
 mod measure;
+mod passes;
 mod tables;
 mod wide;
 mod wide_tables;

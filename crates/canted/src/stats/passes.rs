@@ -1,0 +1,166 @@
+//! What the passes of a build take on a device, in the layout of the dissertation's table 5.
+
+use std::{fmt::Write, time::Instant};
+
+use anyhow::Result;
+use canted_gpu::{
+    Gpu, GpuError,
+    build::{BuildConfig, Built, Items, Passes, Run, STRATEGIES, TwoLevels},
+};
+use canted_lbvh::{self as lbvh, Bits, Corners, Strategy};
+use canted_scene::Scene;
+use canted_tlas::Instance;
+use serde_json::{Map, Value, json};
+
+use crate::options::strategy_name;
+
+/// Runs of which each pass's least time counts; one more comes before them, in which drivers compile.
+const ROUNDS: usize = 3;
+
+/// One level of trees.
+struct Level {
+    /// Triangles, or instances.
+    n_items: u32,
+    /// Milliseconds to gather triangles and to hand them to the device, by the clock on the wall.
+    upload: Option<f64>,
+    passes: Passes,
+}
+
+/// Everything measured on a device.
+pub(super) struct Measured {
+    by_timestamps: bool,
+    /// A title, and the level; or why the device does not build it.
+    levels: [(&'static str, Result<Level, GpuError>); 3],
+    /// Milliseconds from other transforms of the instances to the tree over them, by the clock on the wall.
+    moved: Option<f64>,
+}
+
+/// Builds the scene in one level and in two on a device.
+///
+/// # Errors
+/// Geometry that makes no tree.
+pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<Measured> {
+    let start = Instant::now();
+    let (positions, triangles, _) = canted_renderer::flatten(scene);
+    let (corners, _) = lbvh::gather(&positions, &triangles)?;
+    let one = uploaded(gpu, start, &[corners]).and_then(|(items, upload)| level(gpu, &items, Some(upload)));
+    let start = Instant::now();
+    let meshes: Vec<Vec<Corners>> =
+        scene.meshes.iter().map(|mesh| Ok(lbvh::gather(&mesh.positions, &mesh.triangles)?.0)).collect::<Result<_>>()?;
+    let (bottom, top, moved) =
+        match uploaded(gpu, start, &meshes).and_then(|(items, upload)| two_levels(gpu, scene, items, upload)) {
+            Ok(([bottom, top], moved)) => (Ok(bottom), Ok(top), Some(moved)),
+            Err(error) => (Err(error.clone()), Err(error), None),
+        };
+    Ok(Measured {
+        by_timestamps: gpu.has_timestamps(),
+        levels: [("one level", one), ("bottom levels", bottom), ("top level", top)],
+        moved,
+    })
+}
+
+/// The meshes in the device's memory, and the milliseconds since `start`.
+fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Items, f64), GpuError> {
+    let items = Items::triangles(gpu, meshes.iter().map(|corners| &corners[..]))?;
+    gpu.finish()?;
+    Ok((items, start.elapsed().as_secs_f64() * 1e3))
+}
+
+/// Both levels, and the milliseconds of a top level built again alone.
+fn two_levels(gpu: &Gpu, scene: &Scene, items: Items, upload: f64) -> Result<([Level; 2], f64), GpuError> {
+    let bottom = level(gpu, &items, Some(upload))?;
+    let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Combined };
+    let mut run = Run::new(gpu);
+    let built = Built::new(&mut run, items, config)?;
+    let instances: Vec<Instance> =
+        scene.instances.iter().map(|i| Instance::still(i.mesh.0, i.world_from_object)).collect();
+    let mut two = TwoLevels::new(&mut run, built, &instances, config)?;
+    gpu.finish()?;
+    let start = Instant::now();
+    two.place(&mut run, &instances)?;
+    gpu.finish()?;
+    let moved = start.elapsed().as_secs_f64() * 1e3;
+    Ok(([bottom, level(gpu, &two.top.items, None)?], moved))
+}
+
+/// Times every pass over these items.
+fn level(gpu: &Gpu, items: &Items, upload: Option<f64>) -> Result<Level, GpuError> {
+    let passes = Passes::measure(gpu, items, Bits::B63, ROUNDS)?;
+    Ok(Level { n_items: items.len(), upload, passes })
+}
+
+impl Measured {
+    /// Adds the table for people.
+    pub(super) fn text(&self, out: &mut String, adapter: &str) {
+        let clock = if self.by_timestamps { "its timestamps" } else { "the clock on the wall" };
+        // Writing to a String cannot fail.
+        let _ = write!(
+            out,
+            "\n\nMilliseconds a pass on {adapter}, by {clock}, least of {ROUNDS} runs; upload by the clock on the wall\n{:<20}{:>9}",
+            "", "upload"
+        );
+        for title in ["domain", "codes", "sort", "nodes"] {
+            let _ = write!(out, "{title:>9}");
+        }
+        for strategy in STRATEGIES {
+            let _ = write!(out, "{:>14}", strategy_name(strategy));
+        }
+        for (title, level) in &self.levels {
+            let _ = write!(out, "\n{title:<20}");
+            match level {
+                Err(error) => {
+                    let _ = write!(out, " {error}");
+                }
+                Ok(level) => {
+                    let Passes { domain, codes, sort, tree, boxes } = level.passes;
+                    let upload = level.upload.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}"));
+                    let _ = write!(out, "{upload:>9}");
+                    for ms in [domain, codes, sort, tree] {
+                        let _ = write!(out, "{ms:>9.2}");
+                    }
+                    for ms in boxes {
+                        let _ = write!(out, "{ms:>14.2}");
+                    }
+                }
+            }
+        }
+        out.push('\n');
+        if let Some(ms) = self.moved {
+            let _ = writeln!(out, "Instances moved, their tree alone built again: {ms:.2} by the clock on the wall");
+        }
+    }
+
+    /// The table for programs.
+    pub(super) fn json(&self) -> Value {
+        let of = |(title, level): &(&str, Result<Level, GpuError>)| {
+            let value = match level {
+                Ok(level) => level_json(level),
+                Err(error) => json!({ "refused": error.to_string() }),
+            };
+            (title.replace(' ', "_"), value)
+        };
+        let levels: Map<String, Value> = self.levels.iter().map(of).collect();
+        let mut all = json!({ "by_timestamps": self.by_timestamps, "runs": ROUNDS, "levels": levels });
+        if let Some(ms) = self.moved {
+            all["moved_ms"] = ms.into();
+        }
+        all
+    }
+}
+
+fn level_json(level: &Level) -> Value {
+    let Passes { domain, codes, sort, tree, boxes } = level.passes;
+    let boxes: Map<String, Value> = STRATEGIES
+        .into_iter()
+        .zip(boxes)
+        .map(|(strategy, ms)| (strategy_name(strategy).to_owned(), ms.into()))
+        .collect();
+    let mut all = json!({
+        "items": level.n_items, "domain_ms": domain, "codes_ms": codes, "sort_ms": sort, "tree_ms": tree,
+        "boxes_ms": boxes,
+    });
+    if let Some(ms) = level.upload {
+        all["upload_ms"] = ms.into();
+    }
+    all
+}
