@@ -16,11 +16,12 @@ mod device {
     use std::sync::atomic::AtomicBool;
 
     /// The best adapter, or the sentence of a skipped test.
+    #[expect(clippy::print_stderr, reason = "a skipped test says so")]
     pub(crate) fn gpu(test: &str) -> Option<Gpu> {
         match Gpu::open(&Choice::Best) {
             Ok(gpu) => Some(gpu),
             Err(error) => {
-                println!("skipped {test}: {error}");
+                eprintln!("skipped {test}: {error}");
                 None
             }
         }

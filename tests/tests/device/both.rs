@@ -36,7 +36,7 @@ fn every_tile_is_the_cpus_or_the_devices() {
     for (tile, pixels) in tiles(&shared.film, &settings).iter().enumerate() {
         assert!(of_one(tile, pixels), "tile {tile} is neither's");
     }
-    println!("{} of {} tiles by the device", shared.n_tiles_of_device, theirs.len());
+    assert!(shared.n_tiles_of_device <= theirs.len());
 }
 
 #[test]

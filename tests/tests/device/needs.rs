@@ -21,7 +21,6 @@ fn a_bare_scene_binds_few_buffers_and_few_bytes() {
     let sum = |all: &[(String, u64)]| all.iter().map(|(_, n)| n).sum::<u64>();
     let bare = needs(&bare(), Levels::Auto);
     let full = needs(&full(), Levels::Two);
-    println!("bare {bare:?}\nfull {full:?}");
     let names = |all: &[(String, u64)]| all.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&bare), ["halves", "lights", "materials", "nodes", "picture", "trees", "triangles", "vertices"]);
     let only_full: Vec<String> = names(&full).into_iter().filter(|name| bytes_of(&bare, name).is_none()).collect();

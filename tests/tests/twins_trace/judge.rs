@@ -92,8 +92,7 @@ impl World<'_> {
                 return Err(format!("{ray:?} is hit outside of its interval: {hit:?}"));
             }
             let off = self.off(ray, hit.t, hit.instance, hit.primitive);
-            // So written that what is not a number is off.
-            if !(off <= 1.0) {
+            if off.is_nan() || off > 1.0 {
                 return Err(format!("{ray:?}: {hit:?} is off its triangle"));
             }
             tally.off = tally.off.max(off);
@@ -152,10 +151,11 @@ impl Tally {
         self.n_same + self.n_ties
     }
 
-    /// Prints the counts, and fails where little was tested.
+    /// Tells the counts, and fails where little was tested.
     #[track_caller]
+    #[expect(clippy::print_stderr, reason = "the share of ties is told")]
     pub(crate) fn report(&self, name: &str) {
-        println!("{name}: {self:?}");
+        eprintln!("{name}: {self:?}");
         assert!(self.n_hits() > 100 && self.n_missed > 0, "{name}: {self:?}");
         assert!(self.n_cut * 10 < self.n_hits(), "{name}: {self:?}");
     }

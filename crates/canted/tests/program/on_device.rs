@@ -9,11 +9,12 @@ mod pictures;
 use crate::support::Folder;
 
 /// The best adapter's name; `None` with the sentence of a skipped test.
+#[expect(clippy::print_stderr, reason = "a skipped test says so")]
 pub(crate) fn adapter(test: &str) -> Option<String> {
     let found = Folder::new().run("devices --json").done().json();
     let name = found["adapters"][0]["name"].as_str().map(str::to_owned);
     if name.is_none() {
-        println!("skipped {test}: no adapter for device 'gpu'");
+        eprintln!("skipped {test}: no adapter for device 'gpu'");
     }
     name
 }
