@@ -1,6 +1,10 @@
 //! `cargo xtask bench`: measures, and writes into `benches/RESULTS.md`.
 
-use std::{env, fs, process::Stdio, thread};
+use std::{
+    env, fs,
+    process::{Command, Stdio},
+    thread,
+};
 
 use anyhow::{Context, Result, bail};
 
@@ -29,9 +33,8 @@ const VARIABLES: [&str; 2] = ["RUSTFLAGS", "CANTED_EMBREE"];
 pub(crate) fn run(args: &[&str]) -> Result<bool> {
     // Asked before the measuring, which may take an hour in which files change.
     let facts = facts(args)?;
-    let features: &[&str] = if args.contains(&PEERS) { &["--features", "peers"] } else { &[] };
-    let mut command = cargo(&["run", "--release", "--package", "canted-benches", "--bin", "canted-bench"]);
-    command.args(features).arg("--").args(args.iter().filter(|&&arg| arg != PEERS));
+    let mut command = program(args);
+    command.args(args.iter().filter(|&&arg| arg != PEERS));
     let output = command.stderr(Stdio::inherit()).output().context("cannot start cargo")?;
     if !output.status.success() {
         bail!("canted-bench failed: {}", output.status);
@@ -39,6 +42,17 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
     let measured = String::from_utf8(output.stdout).context("canted-bench wrote something that is not text")?;
     merge(&measured, &facts)?;
     Ok(true)
+}
+
+/// The benches' program, with the peers where `args` ask for them. All packages stand in the selection, so that it shares what
+/// `cargo build --release` compiled.
+pub(crate) fn program(args: &[&str]) -> Command {
+    let mut command = cargo(&["run", "--release", "--bin", "canted-bench"]);
+    if args.contains(&PEERS) {
+        command.args(["--features", "canted-benches/peers"]);
+    }
+    command.arg("--");
+    command
 }
 
 /// Writes measured sections into the results, each with where, when and how.

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use crate::{
     bench::{self, PEERS},
     claims,
-    command::{self, cargo, say},
+    command::{self, say},
     workspace,
 };
 
@@ -25,9 +25,8 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
     let commit = command::output("git", &["describe", "--always", "--dirty=, with changes"])?;
     let date = command::output("date", &["-u", "+%F"])?;
     let words = [&["cargo xtask report"], args].concat().join(" ");
-    let features: &[&str] = if args.contains(&PEERS) { &["--features", "peers"] } else { &[] };
-    let mut command = cargo(&["run", "--release", "--package", "canted-benches", "--bin", "canted-bench"]);
-    command.args(features).args(["--", "report", "--out", FOLDER]);
+    let mut command = bench::program(args);
+    command.args(["report", "--out", FOLDER]);
     for (name, value) in
         [("machine", &machine), ("compiler", &compiler), ("commit", &commit), ("date", &date), ("command", &words)]
     {

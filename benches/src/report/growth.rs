@@ -9,7 +9,7 @@ use super::fits::{self, Line};
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table, sentences};
 use super::samples::Samples;
 use super::subjects;
-use crate::clock;
+use crate::clock::{self, Seconds};
 use crate::models::Model;
 use crate::options::Options;
 use crate::wide::{duel, engine::Entry, entries, growth, sets};
@@ -52,8 +52,8 @@ const METHOD: [&str; 3] = [
      Builds on one thread and camera rays in thread seconds, engines in turn every few milliseconds.",
     "Exponents are of triangles, fitted by least squares to logarithms with the standard error that the line leaves: a build of \
      exponent 1 is linear.",
-    "The chart of Silva's study that is lost, seconds over primitives with a hierarchy, is this one; on threads the speed-up is \
-     that of all rounds' medians over one thread's.",
+    "The chart of Silva's study that is lost, seconds over primitives with a hierarchy, is this one; builds on \
+     several threads are timed by the clock on the wall.",
 ];
 
 fn growing(model: &Model) -> Result<Vec<Entry<'_>>> {
@@ -62,17 +62,21 @@ fn growing(model: &Model) -> Result<Vec<Entry<'_>>> {
     Ok(entries)
 }
 
-/// Seconds of each build on a number of threads, so often: of the thread where it is one, else by the clock on the wall.
-pub(super) fn build_seconds(entry: &Entry<'_>, n_threads: usize, repeats: usize) -> Result<Samples> {
+/// Seconds of each build on a number of threads, so often.
+fn builds(entry: &Entry<'_>, n_threads: usize, repeats: usize) -> Result<Vec<Seconds>> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build()?;
     let mut seconds = vec![];
     for _ in 0..repeats {
         let (built, took) = pool.install(|| clock::time(|| (entry.build)(n_threads).map(drop)));
         built.with_context(|| format!("cannot build {}", entry.name))?;
-        // What one thread does is not lengthened by a neighbour; what several do together is what the clock says.
-        seconds.push(if n_threads == 1 { took.cpu } else { took.wall });
+        seconds.push(took);
     }
-    Ok(seconds.into())
+    Ok(seconds)
+}
+
+/// Thread seconds of each build on one thread, which a neighbour does not lengthen.
+pub(super) fn build_seconds(entry: &Entry<'_>, repeats: usize) -> Result<Samples> {
+    Ok(builds(entry, 1, repeats)?.iter().map(|seconds| seconds.cpu).collect::<Vec<_>>().into())
 }
 
 #[expect(clippy::cast_precision_loss, reason = "rays are counted in thousands")]
@@ -82,11 +86,11 @@ fn measure(model: &Model, entries: &[Entry<'_>], effort: Effort) -> Result<Vec<T
     for entry in entries {
         // The tree that is kept is the same on any number of threads, and warms the caches for those that are timed.
         engines.push((entry.build)(rayon::current_num_threads())?);
-        builds.push(build_seconds(entry, 1, repeats)?);
+        builds.push(build_seconds(entry, repeats)?);
     }
     let camera = sets::camera(model, effort.pick(16, 64, 128));
     let (seconds, _) = duel::closest(&engines, &camera, effort.pick(2, 5, 7));
-    let each = |rounds: &Vec<clock::Seconds>| -> Samples {
+    let each = |rounds: &Vec<Seconds>| -> Samples {
         rounds.iter().map(|seconds| seconds.cpu * 1e9 / camera.len() as f64).collect::<Vec<_>>().into()
     };
     Ok(builds.into_iter().zip(&seconds).map(|(build, rounds)| Took { build, ray: each(rounds) }).collect())
@@ -165,7 +169,8 @@ fn threads(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     for entry in &entries {
         let mut took = vec![];
         for &n in &counts {
-            took.push(build_seconds(entry, n, effort.pick(2, 5, 7))?);
+            let seconds = builds(entry, n, effort.pick(2, 5, 7))?;
+            took.push(Samples::from(seconds.iter().map(|seconds| seconds.wall).collect::<Vec<_>>()));
         }
         let cells = took.iter().map(|seconds| Cell::measured(seconds.scaled(1e3), "ms"));
         table.rows.push([Cell::text(entry.name.clone())].into_iter().chain(cells).collect());

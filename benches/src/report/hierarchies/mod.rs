@@ -70,7 +70,7 @@ fn add(chapter: &mut Chapter, scene: &str, model: &Model, effort: Effort) -> Res
         chapter.claims.insert(format!("{scene}.{}", tree.name), number(tree.rate.median()));
     }
     let predicts = best.map_or_else(String::new, |(name, r)| {
-        format!("; of what is known without tracing {name} predicts the time of binary trees best (r = {r:.2})")
+        format!("; of what is known without tracing {name} goes best with the time of binary trees (r = {r:.2})")
     });
     Ok(format!("On {scene} {}{predicts}.", fastest(&measured, &front)))
 }
@@ -102,7 +102,7 @@ fn measure(scene: &str, model: &Model, effort: Effort) -> Result<Vec<Measured>> 
     let (mut engines, mut builds): (Vec<Box<dyn Engine>>, _) = (vec![], vec![]);
     for tree in &trees {
         engines.push((tree.entry.build)(rayon::current_num_threads())?);
-        builds.push(growth::build_seconds(&tree.entry, 1, effort.pick(2, 3, 5))?);
+        builds.push(growth::build_seconds(&tree.entry, effort.pick(2, 3, 5))?);
     }
     let rays = closest_sets(model, &trees::any(&model.mesh)?, effort.pick(16, 48, 128)).concat();
     let (seconds, _) = duel::closest(&engines, &rays, effort.pick(2, 5, 7));

@@ -21,20 +21,21 @@ pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Resul
     };
     let (integrator, pattern) = (Integrator::Hybrid, Pattern::Stratified);
     let reference = methods::reference(stage, integrator, pattern, effort)?;
-    let settings = |n, seed| stage.settings(integrator, pattern, n, seed);
     let device = format!("{} ({})", gpu.facts().name, gpu.facts().kind);
     let racers = [
         Racer {
             name: format!("CPU, {} threads", rayon::current_num_threads()),
             reference: &reference,
             build: &stage.build,
-            render: Box::new(move |n, seed| reference::film(stage, &settings(n, seed))),
+            settings: stage.settings(integrator, pattern, 1, 0),
+            render: Box::new(|settings| reference::film(stage, settings)),
         },
         Racer {
             name: device.clone(),
             reference: &reference,
             build: &stage.build,
-            render: Box::new(|n, seed| film(&gpu, stage, &settings(n, seed))),
+            settings: stage.settings(integrator, pattern, 1, 0),
+            render: Box::new(|settings| film(&gpu, stage, settings)),
         },
     ];
     let samples: Vec<u32> = (0..=effort.pick(1, 2, 4)).map(|log2| 1 << log2).collect();

@@ -19,20 +19,18 @@ const LODS: [(&str, Lod); 3] = [("texels", Lod::None), ("cone", Lod::Cone), ("el
 /// Adds the race of footprints; what it shows.
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     let stage = Stage::new("checked plain", plain(), effort)?;
-    let settings = |lod, pattern, n, seed| Settings { lod, ..stage.settings(Integrator::Path, pattern, n, seed) };
+    let settings = |lod, pattern, n| Settings { lod, ..stage.settings(Integrator::Path, pattern, n, 0) };
     // Without averaging the mean of many samples is the truth; averaging has a bias, which its error shows.
-    let truth = settings(Lod::None, Pattern::Sobol, effort.pick(8, 256, 2048), 0);
+    let truth = settings(Lod::None, Pattern::Sobol, effort.pick(8, 256, 2048));
     let reference = Reference::new(&stage, &truth, 8)?;
     let racers: Vec<Racer<'_>> = LODS
         .iter()
-        .map(|&(name, lod)| {
-            let (stage, settings) = (&stage, &settings);
-            Racer {
-                name: name.to_owned(),
-                reference: &reference,
-                build: &stage.build,
-                render: Box::new(move |n, seed| reference::film(stage, &settings(lod, Pattern::Stratified, n, seed))),
-            }
+        .map(|&(name, lod)| Racer {
+            name: name.to_owned(),
+            reference: &reference,
+            build: &stage.build,
+            settings: settings(lod, Pattern::Stratified, 1),
+            render: Box::new(|settings| reference::film(&stage, settings)),
         })
         .collect();
     let samples = methods::samples(effort);

@@ -43,7 +43,8 @@ pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Resul
             name: format!("{integrator_name}, {pattern_name}"),
             reference,
             build: &stage.build,
-            render: Box::new(move |n, seed| reference::film(stage, &stage.settings(integrator, pattern, n, seed))),
+            settings: stage.settings(integrator, pattern, 1, 0),
+            render: Box::new(|settings| reference::film(stage, settings)),
         })
         .collect();
     let samples = samples(effort);

@@ -35,7 +35,8 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
 const METHOD: [&str; 4] = [
     "Every method renders the same view at doubling numbers of samples, once for each of several seeds, in turn: seed by seed, \
      number by number, method by method, after a warm-up. A point's bars reach over the seeds. Seconds are those that the \
-     processor spent on all threads, which a busy neighbour hardly lengthens, except where devices are compared.",
+     processor spent on all threads, which a busy neighbour hardly lengthens, except where devices are compared; what a render spends \
+     before its first sample, measured by a picture of one pixel, is counted with the build.",
     "Errors are against a reference of the same integrator (the hybrid one is biased, and its bias is not what is asked here) made \
      by another sampler with seeds of its own, as the mean of several pictures. Their differences tell the reference's own error, \
      which is subtracted from every error shown; the tables say how large a share of the smallest it was.",

@@ -1,7 +1,7 @@
 //! Several ways to make one picture, in turn, and the errors that each reaches.
 
 use anyhow::Result;
-use canted_renderer::{Film, PIXELS_PER_DEGREE, flip};
+use canted_renderer::{Film, PIXELS_PER_DEGREE, Settings, flip};
 
 use super::reference::{Errors, Reference};
 use crate::clock::{self, Seconds};
@@ -11,14 +11,19 @@ use crate::report::{
     samples::{Samples, number},
 };
 
-/// A way to make the picture: from a number of samples and a seed.
+/// A way to make the picture.
 pub(super) struct Racer<'a> {
     pub(super) name: String,
     pub(super) reference: &'a Reference,
     /// Added to the seconds where building counts.
     pub(super) build: &'a Samples,
-    pub(super) render: Box<dyn Fn(u32, u32) -> Result<Film> + 'a>,
+    /// Of the picture, but for its number of samples and its seed.
+    pub(super) settings: Settings,
+    pub(super) render: Box<dyn Fn(&Settings) -> Result<Film> + 'a>,
 }
+
+/// Seconds that sampling takes at least, where its set-up seems to have taken all.
+const LEAST_SECONDS: f64 = 1e-6;
 
 /// What one racer reached at one number of samples: an entry a seed.
 #[derive(Default)]
@@ -34,6 +39,8 @@ pub(super) struct Reached {
 pub(super) struct Course {
     pub(super) name: String,
     build: Samples,
+    /// What a render spends before its first sample.
+    setup: Vec<Seconds>,
     pub(super) reached: Vec<Reached>,
     share_of_reference: f64,
 }
@@ -42,21 +49,32 @@ pub(super) struct Course {
 pub(super) fn race(racers: &[Racer<'_>], samples: &[u32], n_seeds: u32) -> Result<Vec<Course>> {
     let empty = || samples.iter().map(|_| Reached::default()).collect();
     let mut reached: Vec<Vec<Reached>> = racers.iter().map(|_| empty()).collect();
+    let mut setups = vec![vec![]; racers.len()];
     for racer in racers {
-        (racer.render)(samples[0], u32::MAX)?;
+        (racer.render)(&racer.settings)?;
     }
     for seed in 0..n_seeds {
+        for (racer, setups) in racers.iter().zip(&mut setups) {
+            let settings = Settings { width: 1, height: 1, samples: 1, seed, ..racer.settings };
+            let (film, took) = clock::time_all(|| (racer.render)(&settings));
+            film?;
+            setups.push(took);
+        }
         for (k, &n) in samples.iter().enumerate() {
             for (racer, reached) in racers.iter().zip(&mut reached) {
-                let (film, took) = clock::time_all(|| (racer.render)(n, seed));
+                let settings = Settings { samples: n, seed, ..racer.settings };
+                let (film, took) = clock::time_all(|| (racer.render)(&settings));
                 reached[k].add(took, &film?, racer.reference)?;
             }
         }
     }
-    let courses = racers.iter().zip(reached).map(|(racer, reached)| {
+    let courses = racers.iter().zip(reached).zip(setups).map(|((racer, mut reached), setup)| {
+        for reached in &mut reached {
+            reached.leave_out(&setup);
+        }
         let last = mean(&reached[samples.len() - 1].mse);
         let share_of_reference = racer.reference.share(last);
-        Course { name: racer.name.clone(), build: racer.build.clone(), reached, share_of_reference }
+        Course { name: racer.name.clone(), build: racer.build.clone(), setup, reached, share_of_reference }
     });
     Ok(courses.collect())
 }
@@ -71,6 +89,14 @@ impl Reached {
         self.rel_mse.push(rel_mse);
         self.flip.push(flip(&picture, &reference.picture, PIXELS_PER_DEGREE)?.mean());
         Ok(())
+    }
+
+    /// Takes the median of the set-up from all seconds.
+    fn leave_out(&mut self, setup: &[Seconds]) {
+        for (clock, seconds) in [(Clock::Wall, &mut self.wall), (Clock::Processor, &mut self.cpu)] {
+            let setup = clock.of(setup).median();
+            seconds.iter_mut().for_each(|seconds| *seconds = (*seconds - setup).max(LEAST_SECONDS));
+        }
     }
 }
 
@@ -89,6 +115,11 @@ impl Clock {
             Self::Processor => reached.cpu.clone().into(),
             Self::Wall => reached.wall.clone().into(),
         }
+    }
+
+    fn of(self, seconds: &[Seconds]) -> Samples {
+        let pick = |seconds: &Seconds| if self == Self::Wall { seconds.wall } else { seconds.cpu };
+        seconds.iter().map(pick).collect::<Vec<_>>().into()
     }
 
     fn label(self) -> &'static str {
@@ -116,7 +147,7 @@ impl Course {
     }
 
     fn series(&self, clock: Clock, with_build: bool, samples: &[u32], error: Pick) -> Series {
-        let build = if with_build { self.build.median() } else { 0.0 };
+        let build = if with_build { self.build.median() + clock.of(&self.setup).median() } else { 0.0 };
         let point = |(&n, reached): (&u32, &Reached)| Point {
             label: format!("{n} samples"),
             x: clock.seconds(reached).values().iter().map(|x| x + build).collect::<Vec<_>>().into(),
@@ -136,7 +167,7 @@ pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], sample
     const MSE: (&str, Pick) = ("MSE", |reached| &reached.mse);
     for ((error, pick), with_build) in [(REL_MSE, false), (MSE, false), (REL_MSE, true), (MSE, true)] {
         let series = courses.iter().map(|course| course.series(clock, with_build, samples, pick)).collect();
-        let build = if with_build { ", build included" } else { "" };
+        let build = if with_build { ", set-up and build included" } else { "" };
         chapter.plots.push(Plot {
             title: format!("{what}: {error} over {}{build}", clock.label()),
             x: Axis::log(format!("{}{build}", clock.label())),
@@ -156,6 +187,7 @@ pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], sample
             "95% interval",
             &head_first,
             &head_last,
+            "set-up",
             "cpu at most",
             "wall at most",
             "reference's share",
@@ -176,6 +208,7 @@ pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], sample
             Cell::text(format!("{} to {}", number(low), number(high))),
             Cell::measured(start.flip.clone(), ""),
             Cell::measured(end.flip.clone(), ""),
+            Cell::measured(clock.of(&course.setup).scaled(1e3), "ms"),
             Cell::measured(end.cpu.clone(), "s"),
             Cell::measured(end.wall.clone(), "s"),
             Cell::text(format!("{}%", number(100.0 * course.share_of_reference))),

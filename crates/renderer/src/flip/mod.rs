@@ -59,7 +59,7 @@ impl Flip {
 /// Pixels that are not finite in one of them count as black in both, and have no error of their own.
 ///
 /// # Errors
-/// As [`crate::compare`].
+/// As [`crate::compare()`].
 pub fn flip(picture: &Picture, reference: &Picture, pixels_per_degree: f64) -> Result<Flip, CompareError> {
     let pair = Pair::new(picture, reference)?;
     let errors = errors(&pair.planes(|x| x.clamp(0.0, 1.0)), pixels_per_degree);
@@ -70,7 +70,7 @@ pub fn flip(picture: &Picture, reference: &Picture, pixels_per_degree: f64) -> R
 /// pixel's error is its greatest.
 ///
 /// # Errors
-/// As [`crate::compare`].
+/// As [`crate::compare()`].
 pub fn flip_hdr(picture: &Picture, reference: &Picture, pixels_per_degree: f64) -> Result<Flip, CompareError> {
     let pair = Pair::new(picture, reference)?;
     let planes = pair.planes(|x| x.max(0.0));
