@@ -36,6 +36,9 @@ fn main() -> Result<()> {
     if options.is_trial() {
         return wide::trial(&options);
     }
+    if options.is_peak() {
+        return load::print_peak(&options);
+    }
     let mut out = String::new();
     if let Some(choice) = &options.device {
         device::section(&mut out, choice, &options)?;

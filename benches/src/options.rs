@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use anyhow::{Result, anyhow};
 use canted_gpu::Choice;
 
-use crate::wide::TRIAL;
+use crate::{load::PEAK, wide::TRIAL};
 
 /// The sections, in the order of the report.
 const SECTIONS: [&str; 7] = ["load", "build", "trace", "picture", "wide", "growth", "costs"];
@@ -62,7 +62,9 @@ impl Options {
                     options.device = Some(if name == "gpu" { Choice::Best } else { Choice::Named(name) });
                 }
                 "--quick" => options.is_quick = true,
-                section if SECTIONS.contains(&section) || section == TRIAL => options.sections.push(arg),
+                section if SECTIONS.contains(&section) || [TRIAL, PEAK].contains(&section) => {
+                    options.sections.push(arg)
+                }
                 _ => {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
@@ -83,6 +85,11 @@ impl Options {
     /// Whether this process is the trial of a peer.
     pub(crate) fn is_trial(&self) -> bool {
         self.sections == [TRIAL]
+    }
+
+    /// Whether this process only reads a file, to be asked for its memory.
+    pub(crate) fn is_peak(&self) -> bool {
+        self.sections == [PEAK]
     }
 
     /// The named scenes, or the usual ones.
