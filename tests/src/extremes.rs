@@ -117,6 +117,12 @@ pub struct Row {
 }
 
 impl Row {
+    /// Whether ours promises it: neither a peer's nor one that is only told.
+    #[must_use]
+    pub fn is_promise(&self) -> bool {
+        !self.is_peer && self.promise.bound.is_finite()
+    }
+
     /// Whether the promise was kept; what is not a number keeps none.
     #[must_use]
     pub fn holds(&self) -> bool {
@@ -157,8 +163,8 @@ pub fn table(rows: &[Row]) -> String {
         "|---|---|---|---|---|---|---|".to_owned(),
     ];
     lines.extend(self::lines(rows).into_iter().map(|line| format!("| {} |", line.join(" | "))));
-    let n_held = rows.iter().filter(|row| !row.is_peer && row.holds()).count();
-    let n_ours = rows.iter().filter(|row| !row.is_peer).count();
+    let promised = || rows.iter().filter(|row| row.is_promise());
+    let (n_held, n_ours) = (promised().filter(|row| row.holds()).count(), promised().count());
     lines.push(format!("| all | | | | | {n_held} of {n_ours} promises kept | |"));
     lines.join("\n")
 }

@@ -1,6 +1,10 @@
 //! Long runs whose last table is kept in the repository.
 
-use std::{fs, process::Stdio};
+use std::{
+    env, fs,
+    path::PathBuf,
+    process::{Command, Stdio},
+};
 
 use anyhow::{Context, Result};
 
@@ -16,6 +20,9 @@ pub(crate) struct Kept {
     name: &'static str,
     /// Arguments of cargo, up to those of the program.
     cargo: &'static [&'static str],
+    /// Where cargo builds the program, below its folder for the profile of tests, if it builds and does not run it: so what
+    /// tests compiled is used again, which `cargo run` of one package would compile anew.
+    built: Option<&'static str>,
     /// Arguments of the program, up to those of the run.
     program: &'static [&'static str],
     /// Where the page is, from the root of the workspace.
@@ -28,6 +35,7 @@ pub(crate) struct Kept {
 pub(crate) const GRAZING: Kept = Kept {
     name: "grazing",
     cargo: &["run", "--release", "--package", "canted-tests", "--example", "grazing"],
+    built: None,
     program: &[],
     file: "tests/GRAZING.md",
     preamble: "# Grazing rays
@@ -42,6 +50,7 @@ presets: `t`, `u`, `v` and primitive, and occlusion, beside what judges them.
 pub(crate) const FUZZ: Kept = Kept {
     name: "fuzz",
     cargo: &["run", "--package", "canted-scene", "--example", "fuzz"],
+    built: None,
     program: &[],
     file: "tests/FUZZ.md",
     preamble: "# Changed files
@@ -55,8 +64,8 @@ error, but neither a panic nor half a minute without any.
 /// Rays at vertices and edges of closed meshes.
 pub(crate) const WATERTIGHT: Kept = Kept {
     name: "watertight",
-    // Without a package named, what tests compiled is used again.
-    cargo: &["run", "--example", "watertight"],
+    cargo: &["build", "--example", "watertight"],
+    built: Some("examples/watertight"),
     program: &[],
     file: "tests/WATERTIGHT.md",
     preamble: "# Closed meshes
@@ -72,7 +81,8 @@ that of tests.
 /// Every promise on every case, beside the peers.
 pub(crate) const EXTREMES: Kept = Kept {
     name: "extremes",
-    cargo: &["run", "--bin", "canted-bench"],
+    cargo: &["build", "--bin", "canted-bench"],
+    built: Some("canted-bench"),
     program: &["extremes"],
     file: "tests/EXTREMES.md",
     preamble: "# Extremes
@@ -88,13 +98,27 @@ their users asked for the same, and a peer may rightly decide an edge otherwise.
 /// The word among the arguments that builds the peers in other languages too.
 const PEERS: &str = "--peers";
 
+/// What cargo built for the profile of tests.
+fn program(built: &str) -> PathBuf {
+    let target = env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace::root().join("target"), PathBuf::from);
+    target.join("debug").join(format!("{built}{}", env::consts::EXE_SUFFIX))
+}
+
 impl Kept {
     /// Runs, and writes the page; whether nothing was found.
     pub(crate) fn run(&self, args: &[&str]) -> Result<bool> {
         let facts = self.facts(args)?;
         let features: &[&str] = if args.contains(&PEERS) { &["--features", "peers"] } else { &[] };
         let mut command = cargo(self.cargo);
-        command.args(features).arg("--").args(self.program).args(args.iter().filter(|&&arg| arg != PEERS));
+        command.args(features);
+        match self.built {
+            None => drop(command.arg("--")),
+            Some(built) => {
+                anyhow::ensure!(command::succeeds(&mut command)?, "cargo {} failed", self.cargo.join(" "));
+                command = Command::new(program(built));
+            }
+        }
+        command.args(self.program).args(args.iter().filter(|&&arg| arg != PEERS));
         let output = command.stderr(Stdio::inherit()).output().context("cannot start cargo")?;
         let table = String::from_utf8(output.stdout).context("the run wrote something that is not text")?;
         anyhow::ensure!(table.starts_with('|'), "the run failed: {}", output.status);

@@ -6,6 +6,7 @@
 
 mod boxes;
 mod effort;
+mod extremes;
 mod fits;
 mod growth;
 mod hierarchies;
@@ -34,7 +35,7 @@ pub(crate) const REPORT: &str = "report";
 type Measure = fn(effort::Effort) -> Result<Chapter>;
 
 /// All chapters, in the order of the page.
-const CHAPTERS: [(&str, Measure); 8] = [
+const CHAPTERS: [(&str, Measure); 9] = [
     ("pictures", pictures::chapter),
     ("boxes", boxes::chapter),
     ("rotation", rotation::chapter),
@@ -43,6 +44,7 @@ const CHAPTERS: [(&str, Measure); 8] = [
     ("sources", sources::chapter),
     ("left-out", left_out::chapter),
     ("growth", growth::chapter),
+    ("extremes", extremes::chapter),
 ];
 
 /// Measures what is asked for and writes the three files.

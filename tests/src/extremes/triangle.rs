@@ -138,7 +138,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             promise: "the point lies in the plane",
             bound: 1.0,
             // The bound holds on each of three axes.
-            unit: "of √3·HIT_ERROR·(|o| + |v|)",
+            unit: "of √3·HIT_ERROR·(o + v)",
             ..lost
         };
         let answers = ROUTINES.map(|(_, ask)| pairs.iter().map(ask).collect::<Vec<_>>());

@@ -1,0 +1,74 @@
+//! Extremes: the numerical contract, case by case, ours beside the peers on the same input.
+
+use anyhow::Result;
+use canted_tests::{
+    extremes::{self, Row},
+    tracers,
+};
+
+use super::effort::Effort;
+use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
+use crate::wide;
+
+/// Puts every promise to the test.
+pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
+    let mut chapter = Chapter { id: "extremes", title: "Extremes: what is promised, and kept", ..Chapter::default() };
+    let (mut ways, missing) = tracers::ours();
+    chapter.skipped = missing;
+    ways.extend(wide::peers());
+    let rows = extremes::rows(effort.pick(1, 1, 4), &ways);
+    let ours: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();
+    let n_kept = ours.iter().filter(|row| row.holds()).count();
+    let n_inputs: usize = ours.iter().map(|row| row.n_inputs).sum();
+    chapter.says = format!("Of {} promises, tried on {n_inputs} inputs, {n_kept} are kept.", ours.len());
+    chapter.method = METHOD.map(str::to_owned).to_vec();
+    chapter.plots = vec![used(&ours)];
+    let mut stations: Vec<&'static str> = vec![];
+    for row in &rows {
+        if !stations.contains(&row.promise.station) {
+            stations.push(row.promise.station);
+        }
+    }
+    for station in stations {
+        let head = ["case", "promise", "judged by", "bound", "worst of ours", "peers"];
+        let mut table = Table::new(station, &head);
+        let of_station: Vec<Row> = rows.iter().filter(|row| row.promise.station == station).cloned().collect();
+        let lines = extremes::lines(&of_station);
+        table.rows = lines.into_iter().map(|line| line[1..].iter().map(Cell::text).collect()).collect();
+        chapter.tables.push(table);
+    }
+    Ok(chapter)
+}
+
+/// What a logarithmic axis shows of no error.
+const LEAST_SHARE: f64 = 1e-6;
+
+/// How much of its bound each promise uses that allows anything: below one it is kept.
+fn used(ours: &[&Row]) -> Plot {
+    let mut series: Vec<Series> = vec![];
+    for row in ours.iter().filter(|row| row.promise.bound > 0.0) {
+        let name = row.promise.station;
+        let point = Point {
+            label: format!("{}: {}, {}", row.promise.case, row.promise.promise, row.routine),
+            x: row.promise.bound.into(),
+            y: (row.worst / row.promise.bound).max(LEAST_SHARE).into(),
+        };
+        match series.iter_mut().find(|series| series.name == name) {
+            Some(series) => series.points.push(point),
+            None => series.push(Series { name: name.to_owned(), points: vec![point], is_joined: false }),
+        }
+    }
+    Plot {
+        title: "How much of its bound each promise uses".to_owned(),
+        x: Axis::log("bound, in units of the promise"),
+        y: Axis::log("worst over bound"),
+        series,
+    }
+}
+
+const METHOD: [&str; 2] = [
+    "Each line is one promise on one kind of input. A value stands before the number of inputs and the routines that it belongs to. A \
+     bound that is told promises nothing. A test of the workspace asserts every line of ours; no value depends on a clock.",
+    "Of peers nothing is promised: their values stand beside ours because their users asked for the same, and a peer may rightly \
+     decide an edge otherwise than we do.",
+];
