@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use canted_gpu::{AdapterKind, Choice, Gpu, GpuError};
 use canted_renderer::DeviceError;
 
-use crate::{options::TrianglesArg, output};
+use crate::{memory, options::TrianglesArg, output};
 
 /// What `--device` says.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -94,6 +94,10 @@ fn opened(choice: &Choice) -> Result<Gpu> {
     if facts.kind == AdapterKind::Software {
         let name = &facts.name;
         output::to_stderr(&format!("warning: '{name}' is a software driver: it computes on the CPU, and slower"));
+        // Its memory is this machine's, of which it gives more than there is.
+        if let Some(n_bytes) = memory::available_bytes() {
+            gpu.bound_memory(n_bytes);
+        }
     }
     Ok(gpu)
 }

@@ -7,6 +7,13 @@ pub(crate) fn peak_bytes() -> Option<u64> {
     line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
+/// Memory that this machine has left; `None` where the system does not say.
+pub(crate) fn available_bytes() -> Option<u64> {
+    let facts = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = facts.lines().find(|line| line.starts_with("MemAvailable:"))?;
+    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib * 1024)
+}
+
 /// Bytes as people read them.
 pub(crate) fn human(n_bytes: u64) -> String {
     #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]

@@ -5,6 +5,7 @@ use std::{marker::PhantomData, sync::mpsc};
 use bytemuck::Pod;
 use wgpu::{BufferDescriptor, BufferUsages, MapMode};
 
+use crate::memory::Share;
 use crate::{Gpu, GpuError};
 
 /// `len` values of `T` in the device's memory; never without a word, for an empty binding is not allowed.
@@ -12,6 +13,8 @@ pub struct Buffer<T> {
     pub(crate) raw: wgpu::Buffer,
     len: usize,
     values: PhantomData<T>,
+    /// Given back with the buffer.
+    _share: Share,
 }
 
 impl<T> Buffer<T> {
@@ -96,14 +99,16 @@ impl Gpu {
             let remedy = "use a smaller scene or --device cpu";
             return Err(GpuError::Limit { what: what.to_owned(), need: size, limit, most, remedy });
         }
+        // The driver does not know the buffer's name.
+        let no_memory = || GpuError::OutOfMemory { what: format!("{what} of {size} bytes") };
+        let share = self.memory.take(size).ok_or_else(no_memory)?;
         let descriptor = BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
         let raw = self.device.create_buffer(&descriptor);
         self.check().map_err(|error| match error {
-            // The driver does not know the buffer's name.
-            GpuError::OutOfMemory { .. } => GpuError::OutOfMemory { what: format!("{what} of {size} bytes") },
+            GpuError::OutOfMemory { .. } => no_memory(),
             error => error,
         })?;
-        Ok(Buffer { raw, len, values: PhantomData })
+        Ok(Buffer { raw, len, values: PhantomData, _share: share })
     }
 
     /// The values of `buffer` at the places `at`, after all that was submitted: for a few of many.

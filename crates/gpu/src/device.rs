@@ -8,6 +8,7 @@ use std::{
 
 use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, PollType, SubmissionIndex, Trace};
 
+use crate::memory::Memory;
 use crate::{AdapterFacts, Choice, GpuError, Kernel, Specialisation, adapter};
 
 /// Longest wait for a submission, which should take about 100 ms: beyond this the device hangs.
@@ -25,6 +26,7 @@ pub struct Gpu {
     pub(crate) queue: wgpu::Queue,
     limits: Limits,
     trouble: Arc<Mutex<Option<GpuError>>>,
+    pub(crate) memory: Memory,
     kernels: Mutex<HashMap<String, Arc<Kernel>>>,
 }
 
@@ -71,7 +73,7 @@ impl Gpu {
                 keep(&lost, GpuError::Lost { message });
             }
         });
-        Ok(Self { facts, device, queue, limits, trouble, kernels: Mutex::default() })
+        Ok(Self { facts, device, queue, limits, trouble, memory: Memory::unbounded(), kernels: Mutex::default() })
     }
 
     /// What the adapter is.
@@ -84,6 +86,12 @@ impl Gpu {
     #[must_use]
     pub fn limits(&self) -> &Limits {
         &self.limits
+    }
+
+    /// Refuses buffers that together with those that there are take more than this: for drivers that give more than there is, and
+    /// leave it to the system to end the process.
+    pub fn bound_memory(&self, n_bytes: u64) {
+        self.memory.bound(n_bytes);
     }
 
     /// Whether passes can be timed.

@@ -17,6 +17,7 @@ mod canary;
 mod device;
 mod error;
 mod kernel;
+mod memory;
 mod raster;
 mod trace;
 mod work;

@@ -1,0 +1,47 @@
+//! What buffers take of a device's memory, and how much they may.
+
+use std::sync::{
+    Arc,
+    atomic::{AtomicU64, Ordering},
+};
+
+/// Bytes taken, of those that may be.
+#[derive(Clone)]
+pub(crate) struct Memory(Arc<Bytes>);
+
+struct Bytes {
+    taken: AtomicU64,
+    most: AtomicU64,
+}
+
+/// Bytes that a buffer takes, until it is gone.
+pub(crate) struct Share {
+    memory: Memory,
+    n_bytes: u64,
+}
+
+impl Memory {
+    /// Memory without a bound of its own: drivers tell when there is no more, or do not.
+    pub(crate) fn unbounded() -> Self {
+        Self(Arc::new(Bytes { taken: AtomicU64::new(0), most: AtomicU64::new(u64::MAX) }))
+    }
+
+    /// Bounds what is taken from now on.
+    pub(crate) fn bound(&self, n_bytes: u64) {
+        self.0.most.store(n_bytes, Ordering::Relaxed);
+    }
+
+    /// Takes bytes, where there are as many.
+    pub(crate) fn take(&self, n_bytes: u64) -> Option<Share> {
+        let most = self.0.most.load(Ordering::Relaxed);
+        let add = |taken: u64| taken.checked_add(n_bytes).filter(|&taken| taken <= most);
+        self.0.taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add).ok()?;
+        Some(Share { memory: self.clone(), n_bytes })
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        self.memory.0.taken.fetch_sub(self.n_bytes, Ordering::Relaxed);
+    }
+}
