@@ -111,7 +111,6 @@ fn miscounted(tree: &Wide<Watertight>, rays: &[Ray]) -> usize {
 /// A closed mesh of one without: each hole is closed by a fan around one of its vertices. `None` where an edge has more
 /// than two triangles, or nothing is inside.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "vertices are numbered by u32")]
 pub fn closed_up(name: &'static str, mut mesh: canted_fixtures::Mesh) -> Option<Closed> {
     weld(&mut mesh);
     let mut next = std::collections::BTreeMap::new();
@@ -134,7 +133,7 @@ pub fn closed_up(name: &'static str, mut mesh: canted_fixtures::Mesh) -> Option<
         let fan = around.windows(2).skip(1).map(|pair| [around[0], pair[0], pair[1]]);
         mesh.triangles.extend(fan.collect::<Vec<_>>());
     }
-    if mesh.open_edge().is_some() || mesh.positions.len() > u32::MAX as usize {
+    if mesh.open_edge().is_some() {
         return None;
     }
     let heart = inside(&mesh)?;
