@@ -66,14 +66,25 @@ pub fn as_listed(a: Matrix, most: usize) -> (Quaternion, usize) {
     (q, most)
 }
 
-/// Sweeps of [`svd_polar`]: three suffice for full precision but where values differ by many orders.
+/// Sweeps of [`svd`]: three suffice for full precision but where values differ by many orders.
 const SWEEPS: usize = 30;
 
-/// The polar rotation `U Vᵀ`, by turning pairs of columns until all are at right angles (Hestenes 1958): Jacobi's method on
-/// `AᵀA` without squaring; for a mirror that which has the least value reversed. The greatest trace that a rotation has
-/// comes with it.
+/// The polar rotation `U Vᵀ`; for a mirror that which has the least value reversed.
 #[must_use]
-pub fn svd_polar(a: Matrix) -> (Quaternion, f64) {
+pub fn svd_polar(a: Matrix) -> Quaternion {
+    svd(a).0
+}
+
+/// The greatest `trace(Rᵀ a)` of any rotation: the sum of the singular values, the least one negative for a mirror.
+#[must_use]
+pub fn greatest_trace(a: Matrix) -> f64 {
+    let [first, second, third] = svd(a).1;
+    first + second + if mirrors(a) { -third } else { third }
+}
+
+/// The polar rotation and the singular values, falling, by turning pairs of columns until all are at right angles (Hestenes
+/// 1958): Jacobi's method on `AᵀA` without squaring.
+fn svd(a: Matrix) -> (Quaternion, Vector) {
     let (mut columns, mut v) = (a, diagonal([1.0; 3]));
     for _ in 0..SWEEPS {
         let mut is_done = true;
@@ -107,9 +118,7 @@ pub fn svd_polar(a: Matrix) -> (Quaternion, f64) {
     let (u_0, u_1) = (unit(columns[first]), unit(columns[second]));
     let u = [u_0, u_1, cross(u_0, u_1)];
     let v = [v[first], v[second], cross(v[first], v[second])];
-    let rotation = Quaternion::from_columns(times(u, transposed(v)));
-    let third = if mirrors(a) { -values[2] } else { values[2] };
-    (rotation, values[0] + values[1] + third)
+    (Quaternion::from_columns(times(u, transposed(v))), values)
 }
 
 /// Whether a matrix mirrors, by exact arithmetic: in `f64` the sign is lost at a condition of 1e8.
@@ -135,7 +144,7 @@ mod tests {
             let turn = Quaternion::about(random_rotation(&mut rng).columns()[0], 2.0 * rng.unit());
             let v = random_rotation(&mut rng).columns();
             let a = times(turn.columns(), times(v, times(diagonal([3.0, 2.0, 1.0]), transposed(v))));
-            let (polar, trace) = svd_polar(a);
+            let (polar, trace) = (svd_polar(a), greatest_trace(a));
             assert!(angle_rad(polar, turn) < 1e-14 && (trace - 6.0).abs() < 1e-13, "{a:?}");
             assert!(angle_rad(as_listed(a, 1000).0, turn) < 1e-8, "{a:?}");
         }
@@ -146,6 +155,6 @@ mod tests {
         let half = diagonal([1.0, -1.0, -1.0]);
         let (q, turns) = as_listed(half, 1000);
         assert_eq!((q, turns), (Quaternion::IDENTITY, 0));
-        assert!(angle_rad(svd_polar(half).0, Quaternion { w: 0.0, x: 1.0, y: 0.0, z: 0.0 }) < 1e-15);
+        assert!(angle_rad(svd_polar(half), Quaternion { w: 0.0, x: 1.0, y: 0.0, z: 0.0 }) < 1e-15);
     }
 }

@@ -28,7 +28,7 @@ type Way = (&'static str, fn(Matrix, usize) -> Quaternion, usize);
 const WAYS: [Way; 3] = [
     ("extract", |a, most| extract(a, most).rotation, MOST_ITERATIONS),
     ("as the paper lists it", |a, most| as_listed(a, most).0, LISTED_CAP),
-    ("singular values, f64", |a, _| svd_polar(a).0, 0),
+    ("singular values, f64", |a, _| svd_polar(a), 0),
 ];
 
 /// Matrices of one condition and the rotations in them.

@@ -12,7 +12,7 @@ use canted_obb::{
 use super::{Oracle, Promise, Row};
 use crate::{
     clouds::random_rotation,
-    rotations::{Matrix, Vector, angle_rad, as_listed, diagonal, dot, svd_polar, times, transposed},
+    rotations::{self, Matrix, Vector, angle_rad, as_listed, diagonal, dot, times, transposed},
 };
 
 /// Noise of torque and trace: the extraction's own, 64 roundings of `f64`, and as much for the oracle.
@@ -129,7 +129,7 @@ fn greatest_trace(effort: usize) -> Row {
     let lacks = |a: Matrix| {
         let found = extract(a, MOST_ITERATIONS).rotation.columns();
         let greatest = a.iter().flatten().fold(0.0, |all: f64, x| all.max(x.abs()));
-        (svd_polar(a).1 - (0..3).map(|k| dot(found[k], a[k])).sum::<f64>()) / greatest
+        (rotations::greatest_trace(a) - (0..3).map(|k| dot(found[k], a[k])).sum::<f64>()) / greatest
     };
     let worst = (0..n).map(|_| lacks(random_matrix(&mut rng))).fold(0.0, f64::max);
     promise(
