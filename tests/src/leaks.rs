@@ -163,7 +163,7 @@ fn inside(mesh: &canted_fixtures::Mesh) -> Option<[f64; 3]> {
         let around = (0..7).map(|i: usize| {
             let mut q: [f64; 3] = *p;
             if i < 6 {
-                q[i / 2] += if i % 2 == 0 { step } else { -step };
+                q[i / 2] += if i.is_multiple_of(2) { step } else { -step };
             }
             q
         });
