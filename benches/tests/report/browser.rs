@@ -2,7 +2,11 @@
 //!
 //! A copy of the page measures itself within a frame of the wanted width, for browsers' own windows have a least one.
 
-use std::{fs, path::PathBuf, process::Command};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
 
 use super::MADE;
 
@@ -15,16 +19,21 @@ const MEASURE: &str = include_str!("measure.js");
 /// What the measuring says of a page without faults.
 const WELL: &str = "nothing wrong";
 
-fn browser() -> Option<PathBuf> {
+/// The browser, or the sentence of a skipped test.
+#[expect(clippy::print_stderr, reason = "a skipped test says so")]
+fn browser(test: &str) -> Option<PathBuf> {
     let named = std::env::var_os("CANTED_BROWSER").map(PathBuf::from);
     let runs =
         |name: &PathBuf| Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success());
-    named.into_iter().chain(BROWSERS.map(PathBuf::from)).find(runs)
+    let found = named.into_iter().chain(BROWSERS.map(PathBuf::from)).find(runs);
+    if found.is_none() {
+        eprintln!("skipped {test}: no browser found");
+    }
+    found
 }
 
-/// What is wrong with a page at a width, and in which scheme; `None` without a browser.
-fn wrong(name: &str, html: &str, width: u32, is_dark: bool) -> Option<String> {
-    let browser = browser()?;
+/// What is wrong with a page at a width, and in which scheme.
+fn wrong(browser: &Path, name: &str, html: &str, width: u32, is_dark: bool) -> String {
     let folder = MADE.folder().join(format!("{name}-{width}-{is_dark}"));
     fs::create_dir_all(&folder).unwrap();
     // The scheme of the machine does not matter: the rules for the dark hold always, or never.
@@ -47,27 +56,23 @@ fn wrong(name: &str, html: &str, width: u32, is_dark: bool) -> Option<String> {
         .unwrap();
     let dom = String::from_utf8_lossy(&output.stdout).into_owned();
     let said = dom.split("<pre>").nth(1).and_then(|rest| rest.split("</pre>").next());
-    Some(said.unwrap_or_else(|| panic!("no answer: {dom}")).to_owned())
+    said.unwrap_or_else(|| panic!("no answer: {dom}")).to_owned()
 }
 
 #[test]
 fn the_page_reads_well_on_phones_and_desks_light_and_dark() {
+    let Some(browser) = browser("the_page_reads_well_on_phones_and_desks_light_and_dark") else { return };
     for width in [360, 1400] {
         for is_dark in [false, true] {
-            match wrong("whole", &MADE.html, width, is_dark) {
-                None => {
-                    return println!(
-                        "skipped the_page_reads_well_on_phones_and_desks_light_and_dark: no browser found"
-                    );
-                }
-                Some(said) => assert!(said.ends_with(WELL), "{width} pixels, dark {is_dark}: {said}"),
-            }
+            let said = wrong(&browser, "whole", &MADE.html, width, is_dark);
+            assert!(said.ends_with(WELL), "{width} pixels, dark {is_dark}: {said}");
         }
     }
 }
 
 #[test]
 fn faults_are_seen() {
+    let Some(browser) = browser("faults_are_seen") else { return };
     let faults = [
         ("wide", "<main>", "<main><p style=\"width:3000px\">wide</p>", "wide"),
         ("faint", "--soft: #4d4d4d", "--soft: #cccccc", "contrast"),
@@ -76,9 +81,7 @@ fn faults_are_seen() {
     ];
     for (name, from, to, word) in faults {
         assert!(MADE.html.contains(from), "{name}: '{from}' is not in the page");
-        match wrong(name, &MADE.html.replace(from, to), 360, false) {
-            None => return println!("skipped faults_are_seen: no browser found"),
-            Some(said) => assert!(said.contains(word), "{name}: {said}"),
-        }
+        let said = wrong(&browser, name, &MADE.html.replace(from, to), 360, false);
+        assert!(said.contains(word), "{name}: {said}");
     }
 }
