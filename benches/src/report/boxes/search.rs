@@ -46,7 +46,8 @@ fn improved(start: (f64, Quaternion), of: &impl Fn(Quaternion) -> f64) -> f64 {
         let turned = |i: usize| {
             let mut axis = [0.0; 3];
             axis[i / 2] = 1.0;
-            let q = Quaternion::about(axis, if i % 2 == 0 { angle } else { -angle }).times(best.1).normalised();
+            let q =
+                Quaternion::about(axis, if i.is_multiple_of(2) { angle } else { -angle }).times(best.1).normalised();
             (of(q), q)
         };
         match (0..6).map(turned).min_by(|a, b| a.0.total_cmp(&b.0)) {
