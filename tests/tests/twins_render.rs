@@ -11,11 +11,12 @@ mod twins_render {
     use canted_gpu::{Choice, Gpu};
 
     /// The best adapter, or the sentence of a skipped test.
+    #[expect(clippy::print_stderr, reason = "a skipped test says so")]
     pub(crate) fn gpu(test: &str) -> Option<Gpu> {
         match Gpu::open(&Choice::Best) {
             Ok(gpu) => Some(gpu),
             Err(error) => {
-                println!("skipped {test}: {error}");
+                eprintln!("skipped: {test}: {error}");
                 None
             }
         }

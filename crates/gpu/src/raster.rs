@@ -18,7 +18,8 @@ use crate::{Bound, Buffer, Gpu, GpuError};
 pub const TARGETS: usize = 4;
 
 /// Bytes of a pixel over all targets.
-const PIXEL_BYTES: u32 = 16 * TARGETS as u32;
+#[expect(clippy::cast_possible_truncation, reason = "sixteen bytes a target")]
+const PIXEL_BYTES: u32 = size_of::<[[u32; 4]; TARGETS]>() as u32;
 
 /// Rows of a texture that is copied begin at multiples of so many bytes.
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;

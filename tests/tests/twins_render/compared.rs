@@ -41,7 +41,6 @@ impl Difference {
     /// favours a side.
     #[track_caller]
     pub(super) fn check(&self, name: &str, [astray, of_means]: [f64; 2]) {
-        println!("{name}: {self:?}");
         let is_fair = self.drift.iter().all(|&drift| drift <= DRIFT);
         assert!(self.astray <= astray && self.of_means <= of_means && is_fair, "{name}: {self:?}");
     }

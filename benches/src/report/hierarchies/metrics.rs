@@ -19,8 +19,11 @@ pub(super) struct Metrics {
 /// Those that are known without tracing a ray stand first.
 pub(super) const N_KNOWN: usize = 4;
 
+/// A metric of a tree.
+type Read = fn(&Metrics) -> f64;
+
 /// Their names, and how they are read.
-pub(super) const METRICS: [(&str, fn(&Metrics) -> f64); 7] = [
+pub(super) const METRICS: [(&str, Read); 7] = [
     ("SAH cost", |m| m.sah),
     ("end-point overlap", |m| m.overlap),
     ("area sum", |m| m.area),

@@ -11,6 +11,9 @@ use crate::report::{
     samples::{Samples, number},
 };
 
+/// Makes a picture by its settings.
+type Render<'a> = dyn Fn(&Settings) -> Result<Film> + 'a;
+
 /// A way to make the picture.
 pub(super) struct Racer<'a> {
     pub(super) name: String,
@@ -19,7 +22,7 @@ pub(super) struct Racer<'a> {
     pub(super) build: &'a Samples,
     /// Of the picture, but for its number of samples and its seed.
     pub(super) settings: Settings,
-    pub(super) render: Box<dyn Fn(&Settings) -> Result<Film> + 'a>,
+    pub(super) render: Box<Render<'a>>,
 }
 
 /// Seconds that sampling takes at least, where its set-up seems to have taken all.

@@ -114,6 +114,7 @@ pub(crate) mod interrupted {
     }
 
     /// Whether Ctrl-C does nothing here, as under `nohup`: programs inherit that and keep it, so the test is skipped by name.
+    #[expect(clippy::print_stderr, reason = "a skipped test says so")]
     pub(crate) fn is_ignored(test: &str) -> bool {
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
         let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -197,6 +197,7 @@ fn sums(sky: &SkySampler<'_>) -> Vec<f32> {
 }
 
 /// A colour that a device can compute with; what is no number is black.
+#[expect(clippy::manual_clamp, reason = "clamp keeps what is no number")]
 pub(crate) fn bounded(color: [f32; 3]) -> [f32; 3] {
     color.map(|x| x.max(0.0).min(BRIGHTEST))
 }

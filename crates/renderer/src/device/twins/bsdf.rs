@@ -122,7 +122,8 @@ fn compare_one(query: &Query, answer: &Answer) -> Result<bool, String> {
         return fail("compression");
     }
     let sample = query.sampled();
-    let flags = sample.map_or(0, |s| FOUND | u32::from(s.is_delta) * DELTA | u32::from(s.is_transmitted) * TRANSMITTED);
+    let flags =
+        sample.map_or(0, |s| FOUND | (u32::from(s.is_delta) * DELTA) | (u32::from(s.is_transmitted) * TRANSMITTED));
     if answer.flags & !ALL_DELTA != flags {
         return Ok(false);
     }
@@ -149,14 +150,18 @@ fn compare_one(query: &Query, answer: &Answer) -> Result<bool, String> {
     if is_right { Ok(true) } else { fail("weight") }
 }
 
+/// One of `n` numbers, each as likely.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers lie in 0..1")]
+fn index(number: f32, n: u8) -> usize {
+    (f32::from(n) * number) as usize
+}
+
 /// Materials at random and at their ends, seen from all heights, lit from anywhere and from where it matters.
 fn queries(n: u32) -> Vec<Query> {
     (0..n)
         .map(|i| {
-            let of = |k: u32, ends: &[f32]| {
-                let j = (8.0 * number(i, k)) as usize;
-                ends.get(j).copied().unwrap_or_else(|| number(i, k + 100))
-            };
+            let of =
+                |k: u32, ends: &[f32]| ends.get(index(number(i, k), 8)).copied().unwrap_or_else(|| number(i, k + 100));
             let mut outgoing = direction(i, 10);
             outgoing[2] = outgoing[2].abs();
             let height = of(20, &[1.0, 1e-3, 1e-6]);
@@ -187,7 +192,7 @@ fn queries(n: u32) -> Vec<Query> {
                 roughness: of(44, &[0.0, 0.03125, 0.032, 0.1, 1.0]),
                 specular: of(45, &[0.0, 1.0, 1.0]),
                 transmission,
-                ior: iors.get((8.0 * number(i, 46)) as usize).copied().unwrap_or(1.0 + number(i, 47)),
+                ior: iors.get(index(number(i, 46), 8)).copied().unwrap_or(1.0 + number(i, 47)),
                 outgoing,
                 choice: number(i, 48),
                 incident,

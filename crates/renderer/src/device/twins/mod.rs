@@ -13,11 +13,12 @@ use crate::{Pattern, Sampler};
 const U: f64 = 0.5 * f32::EPSILON as f64;
 
 /// The best adapter, or the sentence of a skipped test.
+#[expect(clippy::print_stderr, reason = "a skipped test says so")]
 fn gpu(test: &str) -> Option<Gpu> {
     match Gpu::open(&Choice::Best) {
         Ok(gpu) => Some(gpu),
         Err(error) => {
-            println!("skipped {test}: {error}");
+            eprintln!("skipped: {test}: {error}");
             None
         }
     }
@@ -80,8 +81,9 @@ macro_rules! same_layout {
     ($kernel:expr, $chosen:expr, $name:literal, $ty:ty { $($member:ident),* $(,)? }) => {{
         let shader = canted_shaders::Shader::new($kernel, $chosen).unwrap();
         let layout = shader.layout($name).unwrap();
-        let members = [$((stringify!($member).to_owned(), std::mem::offset_of!($ty, $member) as u32)),*];
-        assert_eq!((layout.members.as_slice(), layout.size as usize), (members.as_slice(), size_of::<$ty>()));
+        let members = [$((stringify!($member).to_owned(), std::mem::offset_of!($ty, $member))),*];
+        let found: Vec<(String, usize)> = layout.members.iter().map(|(name, at)| (name.clone(), *at as usize)).collect();
+        assert_eq!((found.as_slice(), layout.size as usize), (members.as_slice(), size_of::<$ty>()));
     }};
 }
 use same_layout;
