@@ -111,9 +111,10 @@ pub(super) fn all<'a>(scene: &str, model: &'a Model) -> Vec<Tree<'a>> {
 
 #[cfg(feature = "peers")]
 fn others<'a>(scene: &str, model: &'a Model, trees: &mut Vec<Tree<'a>>) {
-    let mut entries = crate::wide::embree::newest(model);
+    let entries = crate::wide::embree::newest(model);
     #[cfg(target_feature = "avx2")]
-    entries.extend(crate::wide::tinybvh::entry(scene, &model.mesh));
+    let entries: Vec<_> = entries.into_iter().chain(crate::wide::tinybvh::entry(scene, &model.mesh)).collect();
+    #[cfg(not(target_feature = "avx2"))]
     let _ = scene;
     trees.extend(entries.into_iter().map(|entry| Tree { entry, family: Family::Other, metrics: None }));
 }
