@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::materials::Materials;
 use super::slack;
 use crate::motion::cofactors;
-use crate::vector::{Vector, cross, length, narrow, scale, sub, unit, wide};
+use crate::vector::{Vector, add, cross, length, narrow, scale, sub, unit, wide};
 
 /// Where what a vertex has begins among its words; 0 for what no vertex has. Positions come first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -140,24 +140,33 @@ impl Geometry {
         let words = &mut self.vertices[start..];
         put(words, stride, 0, &positions);
         put_attributes(words, mesh, columns, map);
-        let [x, y, z, _] = map.columns.map(wide);
+        let cofactors = cofactors(&map.columns.map(wide));
         for (index, part) in mesh.parts.iter().enumerate() {
             let end = mesh.parts.get(index + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
             let material = materials.number(part.material, mesh) | if is_mirrored { MIRRORED } else { 0 };
             let own = mesh.triangles[part.first_triangle as usize..end].par_iter();
-            self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &[x, y, z], material)));
+            self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &cofactors, material)));
         }
         Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
     }
 }
 
-/// A triangle of a mesh whose vertices are numbered from `base` on, under a linear map.
+/// A triangle of a mesh whose vertices are numbered from `base` on, under the map of these cofactors.
 ///
-/// Its normal is that of corners which are not rounded: far from the origin a small triangle between rounded ones would lean.
+/// Its normal is that of corners which are not rounded: far from the origin a small triangle between rounded ones would lean. It is
+/// the CPU's to the bit, for a frame about it is another where a component that should be zero has the other sign.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-fn packed_triangle(corners: [u32; 3], base: u32, mesh: &Mesh, map: &[Vector; 3], material: u32) -> PackedTriangle {
+fn packed_triangle(
+    corners: [u32; 3],
+    base: u32,
+    mesh: &Mesh,
+    cofactors: &[Vector; 3],
+    material: u32,
+) -> PackedTriangle {
     let [a, b, c] = corners.map(|i| wide(mesh.positions[i as usize]));
-    let winding = cross(by_columns(map, sub(b, a)), by_columns(map, sub(c, a)));
+    let [x, y, z] = cross(sub(b, a), sub(c, a));
+    // In the order of the CPU's `Placement::normal_world`.
+    let winding = add(scale(cofactors[0], x), add(scale(cofactors[1], y), scale(cofactors[2], z)));
     PackedTriangle {
         vertices: corners.map(|i| base + i),
         material,
