@@ -1,22 +1,6 @@
 //! How far a point is from a triangle, in `f64`.
 
-type Vector = [f64; 3];
-
-fn sub(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn length(a: Vector) -> f64 {
-    dot(a, a).sqrt()
-}
+use crate::vector::{Vector, cross, dot, length, sub};
 
 /// Distance of a point from a triangle, degenerate ones too: from its plane where it projects inside, else from its edges.
 #[must_use]

@@ -3,18 +3,10 @@
 use canted_obb::Affine;
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Ray};
 
+use crate::vector::{Vector, cross, dot};
+
 /// Half of `f32::EPSILON`: the relative error of one rounding.
 const U: f64 = 0.5 * f32::EPSILON as f64;
-
-type Vector = [f64; 3];
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
 
 /// Rows of the inverse, translation last: cofactors over the determinant, in `f64`.
 #[must_use]

@@ -17,3 +17,4 @@ pub mod rotations;
 pub mod scenes;
 pub mod tracers;
 pub mod transforms;
+pub mod vector;

@@ -4,23 +4,10 @@ use canted_obb::Quaternion;
 use num_rational::BigRational;
 use num_traits::Signed;
 
-/// A vector, or a matrix's column.
-pub type Vector = [f64; 3];
+use crate::vector::{Vector, cross, dot};
 
 /// Columns.
 pub type Matrix = [Vector; 3];
-
-/// The scalar product.
-#[must_use]
-pub fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// The vector product.
-#[must_use]
-pub fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
 
 /// `a · b`.
 #[must_use]

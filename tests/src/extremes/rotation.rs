@@ -12,7 +12,8 @@ use canted_obb::{
 use super::{Oracle, Promise, Row};
 use crate::{
     clouds::random_rotation,
-    rotations::{self, Matrix, Vector, angle_rad, as_listed, diagonal, dot, times, transposed},
+    rotations::{self, Matrix, angle_rad, as_listed, diagonal, times, transposed},
+    vector::{Vector, dot},
 };
 
 /// Noise of torque and trace: the extraction's own, 64 roundings of `f64`, and as much for the oracle.

@@ -2,29 +2,15 @@
 
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
-use canted_tests::{distance::distance, exact, instances as oracle};
+use canted_tests::{
+    distance::distance,
+    exact, instances as oracle,
+    vector::{Vector, cross, dot, length, sub},
+};
 use canted_tlas::{Blas, Tlas};
 use canted_trace::{Hit, Ray, Watertight};
 
 use super::setup::{all_rays, blas_of, build, crowd, instances, meshes, rays, transforms};
-
-type Vector = [f64; 3];
-
-fn sub(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn length(a: Vector) -> f64 {
-    dot(a, a).sqrt()
-}
 
 /// A triangle in world space, and how far off a hit of it may be.
 struct Target {
