@@ -6,7 +6,7 @@ use canted_fixtures::Mesh;
 use canted_gpu::{Answer, Choice, DeviceHit, Gpu, HIT_ERROR, TracedScene};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, PrimId};
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas};
+use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Ray, Side, Watertight};
 use canted_wide::{Config, Costs, Preset, SimdPath, Wide};
 
@@ -160,7 +160,7 @@ impl<B: Blas> TwoLevels<B> {
         let here = Instance::still(0, *place);
         let mut there = here;
         there.world_from_object.columns[3][0] += (9.0 * baked(mesh, place).diagonal()) as f32;
-        Self(Tlas::new(vec![blas], &[here, there], VolumeConfig::default()).expect("a shift is invertible"))
+        Self(Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible"))
     }
 }
 

@@ -8,7 +8,7 @@ use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tests::closed::{Place, baked, closed, places, rays};
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, PairOrder, Tlas};
+use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, PairOrder, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
 
 /// Rays from inside, and as many from outside, for each mesh, place, strategy and number of levels.
@@ -32,7 +32,7 @@ fn leaks(mesh: &Mesh, world_from_object: &Affine, strategy: Strategy, rays: &[Ra
     // A second instance far off makes the top level a tree.
     let mut other = instance;
     other.world_from_object.columns[3][0] += far_off(&world);
-    let two = Tlas::new(vec![bottom], &[instance, other], config(strategy).volumes).unwrap();
+    let two = Tlas::new(vec![bottom], &[instance, other], TopConfig::Binary(config(strategy).volumes)).unwrap();
     let leaks_one = |ray: &&Ray| {
         one.closest_hit(ray, InstanceId(0), &mut ()).is_none() || !one.occluded(ray, InstanceId(0), &mut ())
     };

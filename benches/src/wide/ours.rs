@@ -3,7 +3,7 @@
 use anyhow::Result;
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_tlas::{Blas, BuildConfig, MeshBlas, Tlas};
+use canted_tlas::{Blas, BuildConfig, MeshBlas, Tlas, TopConfig};
 use canted_trace::{Hit, Kernel, MollerTrumbore, Ray, Watertight};
 use canted_wide::{Config, LaneKernel, Preset, Wide};
 
@@ -41,7 +41,7 @@ impl<B: Blas> Engine for TwoLevels<B> {
     }
 
     fn n_bytes(&self) -> usize {
-        self.1 + self.0.binary().n_bytes()
+        self.1 + self.0.n_bytes()
     }
 }
 
@@ -88,7 +88,8 @@ pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<MeshBlas<K>> {
 /// A tree of each mesh, and one of the instances.
 pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<MeshBlas<K>>> {
     let blas = placed.meshes.iter().map(one_level).collect::<Result<_>>()?;
-    Ok(Tlas::new(blas, &placed.instances, VolumeConfig { strategy: Strategy::Combined, fallback: true })?)
+    let top = TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true });
+    Ok(Tlas::new(blas, &placed.instances, top)?)
 }
 
 /// A wide tree of each mesh, and one of the instances.
@@ -97,8 +98,5 @@ fn wide_levels<K: LaneKernel>(placed: &Placed) -> Result<TwoLevels<Wide<K>>> {
     let build = |mesh: &Mesh| Ok(Wide::<K>::build(&mesh.positions, &mesh.triangles, &config)?);
     let blas = placed.meshes.iter().map(build).collect::<Result<Vec<_>>>()?;
     let n_bytes = blas.iter().map(Wide::n_bytes).sum();
-    Ok(TwoLevels(
-        Tlas::new(blas, &placed.instances, VolumeConfig { strategy: Strategy::Combined, fallback: true })?,
-        n_bytes,
-    ))
+    Ok(TwoLevels(Tlas::new(blas, &placed.instances, TopConfig::Wide(config))?, n_bytes))
 }

@@ -1,9 +1,9 @@
-use canted_lbvh::{Strategy, VolumeConfig};
+use canted_lbvh::VolumeConfig;
 use canted_obb::PrimId;
 use canted_scene::Scene;
-use canted_tlas::{Blas, Instance, Tlas};
+use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray};
-use canted_wide::LaneKernel;
+use canted_wide::{Config, LaneKernel};
 use rayon::prelude::*;
 
 use crate::level::{Level, LevelConfig, build_level};
@@ -86,7 +86,7 @@ impl<K: LaneKernel> Structure<K> {
         let bottom: usize = self.bottom().iter().map(Level::n_bytes).sum();
         match self {
             Self::One(_) => bottom,
-            Self::Two(tlas) => bottom + tlas.binary().n_bytes(),
+            Self::Two(tlas) => bottom + tlas.n_bytes(),
         }
     }
 }
@@ -139,7 +139,10 @@ pub(crate) fn build_two<K: LaneKernel>(scene: &Scene, config: &LevelConfig) -> R
         .par_iter()
         .map(|mesh| build_level(&mesh.positions, &mesh.triangles, config))
         .collect::<Result<Vec<_>, _>>()?;
-    let top = VolumeConfig { strategy: config.strategy.unwrap_or(Strategy::Aabb), fallback: true };
+    let top = match config.strategy {
+        None => TopConfig::Wide(Config::preset(config.preset)),
+        Some(strategy) => TopConfig::Binary(VolumeConfig { strategy, fallback: true }),
+    };
     Ok(Structure::Two(Tlas::new(levels, &instances(scene), top)?))
 }
 

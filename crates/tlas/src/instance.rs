@@ -1,5 +1,5 @@
-use canted_obb::{Affine, Obb};
-use canted_trace::{HIT_ERROR, Query, Ray};
+use canted_obb::{Aabb, Affine, Obb};
+use canted_trace::{HIT_ERROR, Query, Ray, ScaledRay};
 
 use crate::motion::{self, Motion, invert, norm};
 
@@ -72,6 +72,16 @@ pub enum InstanceError {
         /// The greatest ‖M‖ of the way times ‖M⁻¹‖ at that time, in the greatest-row-sum norm; infinite where singular.
         condition: f64,
     },
+    /// A transform carries the bottom level's box out of the numbers.
+    OutOfRange {
+        /// The instance.
+        instance: usize,
+    },
+    /// More instances than a tree can name.
+    TooMany {
+        /// Number of instances.
+        n_instances: usize,
+    },
 }
 
 impl std::fmt::Display for InstanceError {
@@ -91,6 +101,10 @@ impl std::fmt::Display for InstanceError {
                      beyond {MAX_CONDITION:e}"
                 )
             }
+            Self::OutOfRange { instance } => {
+                write!(f, "the transform of instance {instance} carries its box beyond what f32 can hold")
+            }
+            Self::TooMany { n_instances } => write!(f, "{n_instances} instances are more than a tree can hold"),
         }
     }
 }
@@ -103,7 +117,28 @@ pub const MAX_CONDITION: f64 = 1_048_576.0;
 /// Half of `f32::EPSILON`: the relative error of one rounding.
 const U: f64 = 1.0 / 16_777_216.0;
 
-/// An instance ready for rays: its inverse, computed once, and how far rounding can carry a hit in world space.
+/// By how much a hit may be off in world space, in each coordinate: `per_origin · |o|∞ + fixed`, `o` the ray's origin.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct WorldError {
+    per_origin: f64,
+    fixed: f64,
+}
+
+impl WorldError {
+    /// An error that is at least both.
+    pub(crate) fn max(self, other: Self) -> Self {
+        Self { per_origin: self.per_origin.max(other.per_origin), fixed: self.fixed.max(other.fixed) }
+    }
+
+    /// The error of hits by this ray.
+    #[inline]
+    pub(crate) fn at(&self, ray_world: &ScaledRay) -> f64 {
+        let [x, y, z] = ray_world.origin.map(f32::abs);
+        self.per_origin * f64::from(x.max(y).max(z)) + self.fixed
+    }
+}
+
+/// An instance ready for rays: its inverse, computed once.
 #[derive(Clone, Debug)]
 pub(crate) struct Placed {
     pub(crate) blas: u32,
@@ -111,15 +146,11 @@ pub(crate) struct Placed {
     object_from_world: [[f64; 4]; 3],
     /// The way of an instance that moves, which the inverse of each ray's time takes the place of.
     motion: Option<Box<Motion>>,
-    /// The image of the bottom level's box, at all times.
-    pub(crate) bounds_world: Obb,
-    /// The world-space error of a hit is at most `error_per_origin · |o|∞ + error`; see [`Placed::new`].
-    pub(crate) error_per_origin: f64,
-    pub(crate) error: f64,
 }
 
 impl Placed {
-    /// Inverts the transform and bounds the error of the way through object space.
+    /// Inverts the transform and bounds the error of the way through object space; with the image of the bottom level's
+    /// `bounds`, at all times.
     ///
     /// A world ray `o + t·d` is traced as the object ray `o' = fl(M⁻¹(o - c))`, `d' = fl(M⁻¹d)`: computed in `f64`, each
     /// component rounded once, by at most `u` relative. A hit accepted at `t` lies within `HIT_ERROR·(|o'| + ρ)` of its
@@ -130,7 +161,11 @@ impl Placed {
     ///
     /// Of a moving instance this holds with the greatest `‖M‖`, `|c|` and `‖M⁻¹‖` of the way. The first two are those of
     /// an end, since norms are convex; the last is bounded by [`Motion::norm_of_inverse`].
-    pub(crate) fn new(index: usize, instance: &Instance, bounds: &Obb) -> Result<Self, InstanceError> {
+    pub(crate) fn new(
+        index: usize,
+        instance: &Instance,
+        bounds: &Obb,
+    ) -> Result<(Self, Obb, WorldError), InstanceError> {
         let open = &instance.world_from_object;
         // What ends where it begins stands still.
         let close = instance.world_from_object_close.as_ref().filter(|close| *close != open);
@@ -158,14 +193,16 @@ impl Placed {
         let reach = f64::from(bounds.aabb().reach());
         let translation = greatest(&|m| m.columns[3].iter().map(|c| f64::from(c.abs())).fold(0.0, f64::max));
         let relative = f64::from(HIT_ERROR) + 4.0 * U;
-        Ok(Self {
-            blas: instance.blas,
-            object_from_world: inverse,
-            motion,
-            bounds_world: swept(bounds, open, close),
-            error_per_origin: relative * (forward * backward),
-            error: relative * forward * (backward * translation + reach) + 2.0 * U * translation,
-        })
+        let error = WorldError {
+            per_origin: relative * (forward * backward),
+            fixed: relative * forward * (backward * translation + reach) + 2.0 * U * translation,
+        };
+        let bounds_world = swept(bounds, open, close);
+        let Aabb { min, max } = bounds_world.aabb();
+        if ![min, max].as_flattened().iter().all(|x| x.is_finite()) {
+            return Err(InstanceError::OutOfRange { instance: index });
+        }
+        Ok((Self { blas: instance.blas, object_from_world: inverse, motion }, bounds_world, error))
     }
 
     /// The world ray in object space; `t` stays the same number. `query` tells the ray's time where the instance moves.

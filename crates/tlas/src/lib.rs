@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! triangles -> canted-lbvh -> binary (traced form) -> MeshBlas
-//! MeshBlas + Affine -> instance -> canted-lbvh over root boxes -> Tlas -> closest_hit, occluded
+//! MeshBlas | canted-wide + Affine -> instance -> top: wide | binary, over root boxes -> Tlas -> closest_hit, occluded
 //! ```
 //!
 //! A direction is never renormalised on its way down, so `t` is one number at every level.
@@ -24,9 +24,11 @@ mod binary;
 mod blas;
 mod instance;
 mod motion;
+mod tlas;
 mod top;
 
 pub use binary::{Binary, PairOrder, TracedLeaf};
 pub use blas::{Blas, BuildConfig, MeshBlas};
 pub use instance::{Instance, InstanceError, MAX_CONDITION};
-pub use top::Tlas;
+pub use tlas::Tlas;
+pub use top::TopConfig;

@@ -1,125 +1,120 @@
 use canted_lbvh::{self as lbvh, Bits, Domain, VolumeConfig};
-use canted_obb::Aabb;
-use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, SlabRay};
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_trace::{InstanceId, Query, ScaledRay, SlabRay};
+use canted_wide::{BoxTree, Config, PrimitiveError};
 
-use crate::{Binary, Blas, Instance, InstanceError, PairOrder, instance::Placed};
+use crate::{Binary, InstanceError, PairOrder};
 
-/// Two levels: a tree over instances, each a bottom level under an affine transform.
-///
-/// The top level is built over the root boxes of the bottom levels as they stand in the world. Moving instances
-/// rebuilds it alone.
-pub struct Tlas<B: Blas> {
-    blas: Vec<B>,
-    placed: Vec<Placed>,
-    /// Instance of each leaf of the top level.
-    leaves: Vec<InstanceId>,
-    binary: Binary,
-    volumes: VolumeConfig,
-    /// World-space error of any hit: `error_per_origin · |o|∞ + error`.
-    error_per_origin: f64,
-    error: f64,
+/// How the tree over instances is built.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TopConfig {
+    /// Eight-wide nodes over the instances' boxes along the axes: the fastest to trace.
+    Wide(Config),
+    /// The radix tree over the instances' boxes, with these volumes.
+    Binary(VolumeConfig),
 }
 
-impl<B: Blas> Tlas<B> {
-    /// Places `instances` of `blas`, with `volumes` for the nodes of the top level.
-    ///
-    /// # Errors
-    /// The first instance that names no bottom level, or whose transform is not finite or too near singular.
-    pub fn new(blas: Vec<B>, instances: &[Instance], volumes: VolumeConfig) -> Result<Self, InstanceError> {
-        let mut tlas = Self {
-            blas,
-            placed: vec![],
-            leaves: vec![],
-            binary: Binary::empty(),
-            volumes,
-            error_per_origin: 0.0,
-            error: 0.0,
-        };
-        tlas.place(instances)?;
-        Ok(tlas)
+impl Default for TopConfig {
+    fn default() -> Self {
+        Self::Wide(Config::default())
     }
+}
 
-    /// Places other instances of the same bottom levels: rebuilds the top level and nothing else.
-    ///
-    /// # Errors
-    /// As [`Tlas::new`]; the old instances then stay.
-    pub fn place(&mut self, instances: &[Instance]) -> Result<(), InstanceError> {
-        let placed = instances
-            .iter()
-            .enumerate()
-            .map(|(index, instance)| match self.blas.get(instance.blas as usize) {
-                None => Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas }),
-                Some(blas) => Placed::new(index, instance, &blas.bounds()),
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let boxes: Vec<Aabb> = placed.iter().map(|placed| placed.bounds_world.aabb()).collect();
-        let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
-        let codes = lbvh::codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes);
-        let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
-        let sorted: Vec<_> = tree.leaves.iter().map(|leaf| placed[leaf.index()].bounds_world).collect();
-        let volumes = lbvh::volumes(&tree, &sorted, &self.volumes);
-        self.binary = Binary::new(&tree, &volumes, &sorted, &bounds, PairOrder::Numbered);
-        self.leaves = tree.leaves.iter().map(|leaf| InstanceId(leaf.0)).collect();
-        self.error_per_origin = placed.iter().map(|p| p.error_per_origin).fold(0.0, f64::max);
-        self.error = placed.iter().map(|p| p.error).fold(0.0, f64::max);
-        self.placed = placed;
-        Ok(())
-    }
+/// The tree over instances.
+pub(crate) enum Top {
+    Wide(BoxTree),
+    /// With the instance of each leaf.
+    Binary(Binary, Vec<InstanceId>),
+}
 
-    /// The bottom levels.
-    #[must_use]
-    pub fn blas(&self) -> &[B] {
-        &self.blas
-    }
-
-    /// Number of instances.
-    #[must_use]
-    pub fn n_instances(&self) -> usize {
-        self.placed.len()
-    }
-
-    /// The traced top level.
-    #[must_use]
-    pub fn binary(&self) -> &Binary {
-        &self.binary
-    }
-
-    /// The accepted hit of least `t`; ties go to the lowest (instance, primitive).
-    pub fn closest_hit<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> Option<Hit> {
-        let ray = ScaledRay::new(ray_world)?;
-        let mut best: Option<Hit> = None;
-        self.binary.closest(&self.slab_ray(&ray), ray.t_max, query, |leaf, t_max, query| {
-            let instance = self.leaves[leaf as usize];
-            let placed = &self.placed[instance.0 as usize];
-            let ray_object = placed.ray_object(ray_world, best.map_or(ray_world.t_max, |best| best.t), query);
-            match self.blas[placed.blas as usize].closest_hit(&ray_object, instance, query) {
-                Some(hit) if best.is_none_or(|best| hit.before(&best)) => {
-                    best = Some(hit);
-                    ray.scaled_t(hit.t)
-                }
-                _ => t_max,
+impl Top {
+    /// Builds over a box an instance, world space.
+    pub(crate) fn new(instances: &[Obb], config: &TopConfig) -> Result<Self, InstanceError> {
+        let boxes: Vec<Aabb> = instances.iter().map(Obb::aabb).collect();
+        match config {
+            TopConfig::Wide(config) => Ok(Self::Wide(BoxTree::build(&boxes, config)?)),
+            TopConfig::Binary(volumes) => {
+                let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
+                let codes = lbvh::codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes);
+                let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
+                let sorted: Vec<Obb> = tree.leaves.iter().map(|leaf| instances[leaf.index()]).collect();
+                let volumes = lbvh::volumes(&tree, &sorted, volumes);
+                let binary = Binary::new(&tree, &volumes, &sorted, &bounds, PairOrder::Numbered);
+                Ok(Self::Binary(binary, tree.leaves.iter().map(|leaf| InstanceId(leaf.0)).collect()))
             }
-        });
-        best
+        }
     }
 
-    /// Whether the ray meets anything that the query accepts.
-    pub fn occluded<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> bool {
-        let Some(ray) = ScaledRay::new(ray_world) else { return false };
-        let mut found = false;
-        self.binary.any(&self.slab_ray(&ray), ray.t_max, query, |leaf, t_max, query| {
-            let instance = self.leaves[leaf as usize];
-            let placed = &self.placed[instance.0 as usize];
-            let ray_object = placed.ray_object(ray_world, ray_world.t_max, query);
-            found = self.blas[placed.blas as usize].occluded(&ray_object, instance, query);
-            if found { -1.0 } else { t_max }
-        });
-        found
+    /// Box around all instances; empty for none.
+    pub(crate) fn aabb(&self) -> Aabb {
+        match self {
+            Self::Wide(tree) => tree.aabb(),
+            Self::Binary(_, leaves) if leaves.is_empty() => Aabb::EMPTY,
+            Self::Binary(binary, _) => binary.bounds().aabb(),
+        }
     }
 
-    /// The ray for the top level's boxes, padded by what the way through object space can add.
-    fn slab_ray(&self, ray: &ScaledRay) -> SlabRay {
-        let origin = ray.origin.iter().map(|o| f64::from(o.abs())).fold(0.0, f64::max);
-        SlabRay::with_error(ray, self.binary.reach(), self.error_per_origin * origin + self.error)
+    /// Memory of nodes and numbers.
+    pub(crate) fn n_bytes(&self) -> usize {
+        match self {
+            Self::Wide(tree) => tree.n_bytes(),
+            Self::Binary(binary, leaves) => binary.n_bytes() + size_of_val(&leaves[..]),
+        }
+    }
+
+    /// Calls `enter` with each instance whose box `ray` enters at or before `t_max`, nearer subtrees first.
+    ///
+    /// `enter` is given the scaled `t_max` and returns the new one. A box is entered no later than any hit that lies within
+    /// `error` of it, world space, and while that is `<= t_max`: so ties are met, whatever the tree.
+    #[inline]
+    pub(crate) fn nearest_first<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        error: f64,
+        query: &mut Q,
+        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+    ) {
+        match self {
+            Self::Wide(tree) => tree.nearest_first(ray, error, query, by_number(enter)),
+            Self::Binary(binary, leaves) => {
+                let slab_ray = SlabRay::with_error(ray, binary.reach(), error);
+                binary.closest(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
+                    enter(leaves[leaf as usize], t_max, query)
+                });
+            }
+        }
+    }
+
+    /// As [`Top::nearest_first`], in any order, until `enter` returns a `t_max` below zero.
+    #[inline]
+    pub(crate) fn in_any_order<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        error: f64,
+        query: &mut Q,
+        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+    ) {
+        match self {
+            Self::Wide(tree) => tree.in_any_order(ray, error, query, by_number(enter)),
+            Self::Binary(binary, leaves) => {
+                let slab_ray = SlabRay::with_error(ray, binary.reach(), error);
+                binary
+                    .any(&slab_ray, ray.t_max, query, |leaf, t_max, query| enter(leaves[leaf as usize], t_max, query));
+            }
+        }
+    }
+}
+
+/// The boxes of a wide top level are numbered as the instances are.
+fn by_number<Q>(mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32) -> impl FnMut(PrimId, f32, &mut Q) -> f32 {
+    move |PrimId(number), t_max, query| enter(InstanceId(number), t_max, query)
+}
+
+impl From<PrimitiveError> for InstanceError {
+    fn from(error: PrimitiveError) -> Self {
+        match error {
+            PrimitiveError::Bounds { primitive } => Self::OutOfRange { instance: primitive.index() },
+            PrimitiveError::TooMany { n_primitives } => Self::TooMany { n_instances: n_primitives },
+        }
     }
 }

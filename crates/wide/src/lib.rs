@@ -30,7 +30,8 @@
 //! Those are as good, and leaning boxes bring **nothing**, on scans, terrain and architecture in its own axes; there
 //! this is one more eight-wide tree. Where each ray counts for little and the mesh changes in every frame,
 //! `canted-lbvh` with `canted-tlas` builds sooner. For many placed copies of a mesh, stand these trees under
-//! `canted-tlas`. Spheres, curves and shapes of your own go into a [`PrimitiveTree`].
+//! `canted-tlas`. Spheres, curves and shapes of your own go into a [`PrimitiveTree`]; a
+//! [`BoxTree`] tells only which boxes a ray enters.
 //!
 //! # How it works
 //! ```text
@@ -79,6 +80,7 @@
 
 mod answers;
 mod binary;
+mod box_tree;
 mod build;
 mod collapse;
 mod config;
@@ -104,6 +106,7 @@ mod visits;
 mod wide;
 mod words;
 
+pub use box_tree::BoxTree;
 pub use config::{Config, Preset};
 pub use costs::Costs;
 pub use file::LoadError;

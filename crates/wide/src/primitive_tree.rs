@@ -1,15 +1,14 @@
 use std::fmt;
 
-use canted_obb::{Aabb, Obb, PrimId};
+use canted_obb::{Aabb, PrimId};
 use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay};
 
 use crate::answers::{AllOfOne, Any, Closest, Every, Occluded, One, parallel, serial};
-use crate::collapse::{Areas, Plan};
-use crate::emit::{Numbers, Records, Source, TooLarge, emit_as};
+use crate::emit::Records;
 use crate::simd::Simd;
 use crate::traced::{Leaf, Take, Traced, hit};
 use crate::traverse::{MeshFrame, Pads};
-use crate::{Config, Costs, Primitive, SimdPath, binary, measure, par};
+use crate::{BoxTree, Config, Primitive, SimdPath, par};
 
 /// Most primitives of a leaf: their own tests run one by one, eight boxes at once.
 const MAX_LEAF: usize = 2;
@@ -33,13 +32,8 @@ const CHUNK: usize = 1 << 12;
 /// ```
 #[derive(Clone, Debug)]
 pub struct PrimitiveTree<P> {
-    pub(crate) records: Records,
-    pub(crate) frame: MeshFrame,
-    bounds: Aabb,
+    boxes: BoxTree,
     primitives: Vec<P>,
-    /// What leaves hold.
-    pub(crate) numbers: Vec<PrimId>,
-    path: SimdPath,
 }
 
 /// Why primitives make no tree.
@@ -75,32 +69,21 @@ impl<P: Primitive> PrimitiveTree<P> {
     /// # Errors
     /// The first primitive whose bounds are empty or not finite, or more primitives than a tree can name.
     pub fn build(primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
-        let n_primitives = primitives.len();
-        let too_many = PrimitiveError::TooMany { n_primitives };
-        if n_primitives > crate::layout::Word::MAX_FIRST {
-            return Err(too_many);
-        }
         let boxes = par::map(&primitives, CHUNK, Aabb::EMPTY, P::bounds);
-        if let Some((_, primitive)) = boxes.iter().zip((0..).map(PrimId)).find(|(aabb, _)| !is_sound(aabb)) {
-            return Err(PrimitiveError::Bounds { primitive });
-        }
-        let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
-        let (records, numbers) = emit_boxes(&boxes, &bounds, config).map_err(|TooLarge| too_many)?;
-        let frame = MeshFrame::new(Obb::IDENTITY_FRAME);
-        Ok(Self { records, frame, bounds, primitives, numbers, path: SimdPath::detect() })
+        Ok(Self { boxes: BoxTree::with_leaves(&boxes, MAX_LEAF, config)?, primitives })
     }
 
     /// The same tree traced on another path; on the scalar one where this machine lacks it.
     #[must_use]
     pub fn with_path(mut self, path: SimdPath) -> Self {
-        self.path = if path.is_available() { path } else { SimdPath::Scalar };
+        self.boxes = self.boxes.with_path(path);
         self
     }
 
     /// Box around all primitives, object space; empty for none.
     #[must_use]
     pub fn aabb(&self) -> Aabb {
-        self.bounds
+        self.boxes.aabb()
     }
 
     /// The primitives, in the order in which they were given.
@@ -123,73 +106,48 @@ impl<P: Primitive> PrimitiveTree<P> {
 
     /// Every hit with `t_min <= t <= t_max`: least `t`, then lowest primitive. Replaces what `hits` held.
     pub fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>) {
-        self.path.run(AllOfOne { tree: self, ray, instance: InstanceId(0), query: &mut (), hits });
+        self.boxes.path.run(AllOfOne { tree: self, ray, instance: InstanceId(0), query: &mut (), hits });
     }
 
     /// The hit of least `t` that the query accepts, as a hit on `instance`; ties go to the lowest primitive.
     pub fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.path.run(One::<_, _, true> { tree: self, ray, instance, query })
+        self.boxes.path.run(One::<_, _, true> { tree: self, ray, instance, query })
     }
 
     /// Whether the query accepts any hit.
     pub fn occluded_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.path.run(One::<_, _, false> { tree: self, ray, instance, query }).is_some()
+        self.boxes.path.run(One::<_, _, false> { tree: self, ray, instance, query }).is_some()
     }
 
     /// The closest hit of each ray. Panics, like all of the following, where the slices differ in length.
     pub fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        serial(self.path, self, &Closest(Any), rays, hits);
+        serial(self.boxes.path, self, &Closest(Any), rays, hits);
     }
 
     /// The closest hit of each ray, on all threads.
     pub fn par_closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        parallel(self.path, self, &Closest(Any), rays, hits);
+        parallel(self.boxes.path, self, &Closest(Any), rays, hits);
     }
 
     /// Whether each ray hits anything.
     pub fn occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
-        serial(self.path, self, &Occluded(Any), rays, occluded);
+        serial(self.boxes.path, self, &Occluded(Any), rays, occluded);
     }
 
     /// Whether each ray hits anything, on all threads.
     pub fn par_occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
-        parallel(self.path, self, &Occluded(Any), rays, occluded);
+        parallel(self.boxes.path, self, &Occluded(Any), rays, occluded);
     }
 
     /// Every hit of each ray.
     pub fn all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        serial(self.path, self, &Every(Any), rays, hits);
+        serial(self.boxes.path, self, &Every(Any), rays, hits);
     }
 
     /// Every hit of each ray, on all threads.
     pub fn par_all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        parallel(self.path, self, &Every(Any), rays, hits);
+        parallel(self.boxes.path, self, &Every(Any), rays, hits);
     }
-}
-
-fn is_sound(aabb: &Aabb) -> bool {
-    (0..3).all(|k| aabb.min[k] <= aabb.max[k] && aabb.min[k].is_finite() && aabb.max[k].is_finite())
-}
-
-/// Box nodes over boxes, and the number of each place in leaf order.
-fn emit_boxes(boxes: &[Aabb], bounds: &Aabb, config: &Config) -> Result<(Records, Vec<PrimId>), TooLarge> {
-    let costs = Costs { max_leaf: config.costs.max_leaf.clamp(1, MAX_LEAF), ..config.costs };
-    let (tree, aligned) = binary::over_boxes(boxes, measure::unit_scale(bounds), &Config { costs, ..*config });
-    let areas = |area: f32| Areas::new(area, f32::MAX);
-    let inner: Vec<Areas> = aligned.inner_areas.iter().map(|&area| areas(area)).collect();
-    let leaf = |place: u32| areas(aligned.leaf_areas[place as usize]);
-    let plan = Plan::new(&tree, &inner, &leaf, &costs, false);
-    let source = Source {
-        share: false,
-        scale: 1.0,
-        tree: &tree,
-        corners: &[],
-        primitives: &tree.leaves,
-        leaf_boxes: &aligned.leaf_boxes,
-        inner_boxes: &aligned.inner_boxes,
-        frames: &|_| Obb::IDENTITY_FRAME,
-    };
-    emit_as::<Numbers>(&source, &plan)
 }
 
 /// Leaves hold places among the primitives.
@@ -199,17 +157,17 @@ impl<P: Primitive> Traced for PrimitiveTree<P> {
 
     #[inline(always)]
     fn records(&self) -> &Records {
-        &self.records
+        &self.boxes.records
     }
 
     #[inline(always)]
     fn frame(&self) -> &MeshFrame {
-        &self.frame
+        &MeshFrame::IDENTITY
     }
 
     #[inline(always)]
     fn reach(&self) -> f32 {
-        self.bounds.reach()
+        self.boxes.reach()
     }
 
     #[inline(always)]
@@ -227,7 +185,7 @@ impl<P: Primitive> Traced for PrimitiveTree<P> {
     fn leaf<S: Simd, T: Take<P>>(&self, _: S, (): &(), ray: &ScaledRay, leaf: Leaf, take: &mut T) -> f32 {
         let Leaf { first, n, mut t_max } = leaf;
         let range = first as usize..(first + n) as usize;
-        for &number in &self.numbers[range] {
+        for &number in &self.boxes.numbers[range] {
             t_max = meet(&self.primitives[number.index()], number, *ray, t_max, take);
             if t_max < 0.0 {
                 break;

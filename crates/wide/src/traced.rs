@@ -24,7 +24,7 @@ pub(crate) trait Traced: Sync {
     /// Greatest coordinate of anything in the tree.
     fn reach(&self) -> f32;
 
-    /// By how much rays are thickened.
+    /// By how much rays are thickened, relative to their and its coordinates.
     fn pads(&self) -> Pads;
 
     /// Prepares `ray` for leaves.
@@ -73,7 +73,8 @@ pub(crate) fn trace<S: Simd, W: Traced, T: Take<W::Met>>(
     stack: &mut Stack,
     take: &mut T,
 ) {
-    let lanes = RayLanes::new(simd, ray, tree.frame(), tree.reach(), tree.pads());
+    let pads = tree.pads().along(ray, tree.reach());
+    let lanes = RayLanes::new(simd, ray, tree.frame(), &pads);
     let mut leaves = Leaves { simd, tree, prepared: None, ray, take };
     let records = tree.records();
     if T::ORDERED {

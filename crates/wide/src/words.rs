@@ -2,7 +2,7 @@ use canted_obb::PrimId;
 
 use crate::emit::Records;
 use crate::traverse::{LaneKernel, MeshFrame};
-use crate::{Primitive, PrimitiveTree, Wide};
+use crate::{BoxTree, Wide};
 
 /// A tree's records as rays read them, for whoever walks them without this crate: a kernel on another device.
 ///
@@ -13,12 +13,12 @@ use crate::{Primitive, PrimitiveTree, Wide};
 ///
 /// Leaves of triangles start at half a block of four: blocks have 40 words, nine coordinates of four triangles and their
 /// numbers. While more than four triangles of a leaf remain, the next two blocks are one whose rows have eight. Leaves of
-/// other primitives start at a place in the order that goes with the words.
+/// boxes start at a place in the order that goes with the words.
 #[derive(Clone, Copy, Debug)]
 pub struct Words<'a> {
     /// Nodes, in lines of sixteen words.
     pub nodes: &'a [u32],
-    /// Triangles, in blocks of forty words; nothing of other primitives.
+    /// Triangles, in blocks of forty words; nothing of boxes.
     pub blocks: &'a [u32],
     /// The root's word.
     pub root: u32,
@@ -52,11 +52,10 @@ impl<K: LaneKernel> Wide<K> {
     }
 }
 
-impl<P: Primitive> PrimitiveTree<P> {
-    /// The tree's records as words, and the primitives in the order that its leaves name places of.
+impl BoxTree {
+    /// The tree's records as words, and the boxes in the order that its leaves name places of.
     #[must_use]
     pub fn words(&self) -> (Words<'_>, &[PrimId]) {
-        let reach = if self.primitives().is_empty() { 0.0 } else { self.aabb().reach() };
-        (Words { reach, ..Words::of(&self.records, &self.frame, reach) }, &self.numbers)
+        (Words::of(&self.records, &MeshFrame::IDENTITY, self.reach()), &self.numbers)
     }
 }

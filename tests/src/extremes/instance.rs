@@ -3,9 +3,8 @@
 //! Not covered: seams between instances, which no promise closes (`ARCHITECTURE.md`); what moves (`instances/moving.rs`).
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, soup};
-use canted_lbvh::VolumeConfig;
 use canted_obb::Affine;
-use canted_tlas::{Blas, Instance, MAX_CONDITION, MeshBlas, Tlas};
+use canted_tlas::{Blas, Instance, MAX_CONDITION, MeshBlas, Tlas, TopConfig};
 use canted_trace::{Hit, Ray, Watertight};
 use canted_wide::{Config, Wide};
 
@@ -103,7 +102,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
 }
 
 fn closest<B: Blas>(blas: B, instance: Instance, rays: &[Ray]) -> Vec<Option<Hit>> {
-    let tlas = Tlas::new(vec![blas], &[instance], VolumeConfig::default()).expect("the condition is within the bound");
+    let tlas = Tlas::new(vec![blas], &[instance], TopConfig::default()).expect("the condition is within the bound");
     rays.iter().map(|ray| tlas.closest_hit(ray, &mut ())).collect()
 }
 
@@ -131,7 +130,7 @@ fn refused(mesh: &Mesh) -> Row {
     let is_taken = |map: &&Affine| {
         let blas = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default());
         let instances = [Instance::still(0, Affine::IDENTITY), Instance::still(0, **map)];
-        let placed = Tlas::new(vec![blas.expect("fixtures are valid")], &instances, VolumeConfig::default());
+        let placed = Tlas::new(vec![blas.expect("fixtures are valid")], &instances, TopConfig::default());
         placed.err().is_none_or(|error| !error.to_string().contains("instance 1"))
     };
     REFUSED.count("Tlas::new", bad.len(), bad.iter().filter(is_taken).count())

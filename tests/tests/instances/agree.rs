@@ -4,8 +4,9 @@ use canted_fixtures::{Mesh, Rotation, thin_box};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, PrimId};
 use canted_tests::{brute, instances as oracle};
-use canted_tlas::{Instance, Tlas};
+use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Ray, Watertight};
+use canted_wide::{Config, Preset};
 
 use super::setup::{affine, all_rays, blas_of, build, crowd, instances, meshes};
 
@@ -34,10 +35,12 @@ fn agrees<K: Kernel>(n: usize) {
     let wants = loop_over_all::<K>(&placed, &rays);
     assert!(wants.iter().flatten().count() * 3 > rays.len(), "too few rays hit");
     for strategy in Strategy::ALL {
-        for fallback in [true, false] {
+        let binary = |fallback| TopConfig::Binary(VolumeConfig { strategy, fallback });
+        let wide = |preset| TopConfig::Wide(Config::preset(preset));
+        for top in [binary(true), binary(false), wide(Preset::Fast), wide(Preset::Quality)] {
             let bottom = vec![build::<K>(&soup, strategy), build::<K>(&torus, strategy)];
-            let tlas = Tlas::new(bottom, &instances(&placed), VolumeConfig { strategy, fallback }).unwrap();
-            assert_eq!(first_difference(&tlas, &rays, &wants), None, "{strategy:?}, fallback {fallback}");
+            let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
+            assert_eq!(first_difference(&tlas, &rays, &wants), None, "{strategy:?} under {top:?}");
         }
     }
 }
@@ -60,21 +63,24 @@ fn an_instance_moved_by_a_hair_is_seen() {
     let mut moved = instances(&placed);
     moved[1].world_from_object.columns[3][0] += 1e-5;
     let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
-    let tlas = Tlas::new(bottom, &moved, VolumeConfig::default()).unwrap();
+    let tlas = Tlas::new(bottom, &moved, TopConfig::default()).unwrap();
     assert!(first_difference(&tlas, &rays, &wants).is_some());
 }
 
 #[test]
 fn the_top_level_leaves_most_instances_out() {
     let (placed, [soup, torus]) = (crowd(), meshes());
-    let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
-    let tlas = Tlas::new(bottom, &instances(&placed), VolumeConfig::default()).unwrap();
-    let (rays, mut counts) = (all_rays(&placed, 10), Counts::default());
-    for ray in &rays {
-        tlas.closest_hit(ray, &mut counts);
+    let rays = all_rays(&placed, 10);
+    for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
+        let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
+        let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
+        let mut counts = Counts::default();
+        for ray in &rays {
+            tlas.closest_hit(ray, &mut counts);
+        }
+        let all = (rays.len() * placed.len() * 120) as u64;
+        assert!(counts.triangles * 20 < all, "{counts:?} of {all}");
     }
-    let all = (rays.len() * placed.len() * 120) as u64;
-    assert!(counts.triangles * 20 < all, "{counts:?} of {all}");
 }
 
 #[test]
@@ -88,16 +94,18 @@ fn ties_go_to_the_lowest_instance_then_primitive() {
         let instances: Vec<Instance> =
             order.into_iter().zip([0, 1, 1, 0]).map(|(place, blas)| Instance::still(blas, places[place])).collect();
         for strategy in [Strategy::Aabb, Strategy::Dop] {
-            let bottom = vec![build::<Watertight>(&doubled, strategy), build(&doubled, Strategy::Aabb)];
-            let tlas = Tlas::new(bottom, &instances, VolumeConfig { strategy, fallback: true }).unwrap();
-            let mut n_hits = 0;
-            for hit in all_rays(&places, 40).iter().filter_map(|ray| tlas.closest_hit(ray, &mut ())) {
-                let place = order[hit.instance.0 as usize];
-                assert_eq!(hit.instance.0 as usize, order.iter().position(|&p| p == place).unwrap(), "{hit:?}");
-                assert!(hit.primitive < PrimId(120), "{hit:?}");
-                n_hits += 1;
+            for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig { strategy, fallback: true })] {
+                let bottom = vec![build::<Watertight>(&doubled, strategy), build(&doubled, Strategy::Aabb)];
+                let tlas = Tlas::new(bottom, &instances, top).unwrap();
+                let mut n_hits = 0;
+                for hit in all_rays(&places, 40).iter().filter_map(|ray| tlas.closest_hit(ray, &mut ())) {
+                    let place = order[hit.instance.0 as usize];
+                    assert_eq!(hit.instance.0 as usize, order.iter().position(|&p| p == place).unwrap(), "{hit:?}");
+                    assert!(hit.primitive < PrimId(120), "{hit:?}");
+                    n_hits += 1;
+                }
+                assert!(n_hits > 100, "{n_hits} hits");
             }
-            assert!(n_hits > 100, "{n_hits} hits");
         }
     }
 }
@@ -107,8 +115,7 @@ fn t_is_one_number_at_every_scale() {
     let plate = thin_box(0.0);
     let at = |scale: f64, z: f32| Instance::still(0, affine(&Rotation::IDENTITY, [scale; 3], [0.0, 0.0, z]));
     let instances = [at(1024.0, 16.0), at(1.0 / 1024.0, 5.0), at(-1.0, 7.0)];
-    let tlas =
-        Tlas::new(vec![build::<Watertight>(&plate, Strategy::Aabb)], &instances, VolumeConfig::default()).unwrap();
+    let tlas = Tlas::new(vec![build::<Watertight>(&plate, Strategy::Aabb)], &instances, TopConfig::default()).unwrap();
     for length in [1.0, 8.0, 1.0 / 64.0] {
         let nearest = |x: f32| {
             let hit = tlas.closest_hit(&Ray::new([x, 0.0, 0.0], [0.0, 0.0, length]), &mut ()).unwrap();
@@ -122,11 +129,14 @@ fn t_is_one_number_at_every_scale() {
 
 #[test]
 fn no_instance_is_a_miss() {
-    let mut tlas = Tlas::<canted_tlas::MeshBlas<Watertight>>::new(vec![], &[], VolumeConfig::default()).unwrap();
-    let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
-    assert_eq!((tlas.closest_hit(&ray, &mut ()), tlas.occluded(&ray, &mut ())), (None, false));
-    assert!(tlas.place(&[]).is_ok());
-    let nothing = build::<Watertight>(&Mesh::default(), Strategy::Dop);
-    let tlas = Tlas::new(vec![nothing], &[Instance::still(0, Affine::IDENTITY)], VolumeConfig::default()).unwrap();
-    assert_eq!((tlas.closest_hit(&ray, &mut ()), tlas.occluded(&ray, &mut ())), (None, false));
+    for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
+        let mut tlas = Tlas::<canted_tlas::MeshBlas<Watertight>>::new(vec![], &[], top).unwrap();
+        let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
+        assert_eq!((tlas.closest_hit(&ray, &mut ()), tlas.occluded(&ray, &mut ())), (None, false));
+        assert!(tlas.place(&[]).is_ok());
+        assert!(tlas.aabb().is_empty());
+        let nothing = build::<Watertight>(&Mesh::default(), Strategy::Dop);
+        let tlas = Tlas::new(vec![nothing], &[Instance::still(0, Affine::IDENTITY)], top).unwrap();
+        assert_eq!((tlas.closest_hit(&ray, &mut ()), tlas.occluded(&ray, &mut ())), (None, false));
+    }
 }

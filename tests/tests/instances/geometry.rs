@@ -7,7 +7,7 @@ use canted_tests::{
     exact, instances as oracle,
     vector::{Vector, cross, dot, length, sub},
 };
-use canted_tlas::{Blas, Tlas};
+use canted_tlas::{Blas, Tlas, TopConfig};
 use canted_trace::{Hit, Ray, Watertight};
 
 use super::setup::{all_rays, blas_of, build, crowd, instances, meshes, rays, transforms};
@@ -90,8 +90,7 @@ fn hits_lie_on_the_images_of_triangles_and_none_is_nearer() {
         let placed = [affine, affine];
         let [soup, torus] = meshes();
         let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Quaternion)];
-        let tlas =
-            Tlas::new(bottom, &instances(&placed), VolumeConfig { strategy: Strategy::Dop, fallback: true }).unwrap();
+        let tlas = Tlas::new(bottom, &instances(&placed), TopConfig::default()).unwrap();
         let mut n_certain = 0;
         for ray in rays(&soup, &affine, 60, 9).iter().chain(&rays(&torus, &affine, 60, 10)) {
             let hit = tlas.closest_hit(ray, &mut ());
@@ -110,8 +109,8 @@ fn a_crowd_of_instances_agrees_with_exact_geometry() {
     let placed = crowd();
     let [soup, torus] = meshes();
     let bottom = vec![build::<Watertight>(&soup, Strategy::Aabb), build(&torus, Strategy::Dop)];
-    let tlas =
-        Tlas::new(bottom, &instances(&placed), VolumeConfig { strategy: Strategy::Combined, fallback: true }).unwrap();
+    let top = TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true });
+    let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
     let n_certain: usize = all_rays(&placed, 4)
         .iter()
         .map(|ray| judge(ray, tlas.closest_hit(ray, &mut ()).as_ref(), &placed, reaches()).unwrap())
@@ -124,7 +123,7 @@ fn the_judge_sees_a_hit_that_is_off_late_or_lost() {
     let placed = [transforms()[1].1; 2];
     let [soup, torus] = meshes();
     let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
-    let tlas = Tlas::new(bottom, &instances(&placed), VolumeConfig::default()).unwrap();
+    let tlas = Tlas::new(bottom, &instances(&placed), TopConfig::default()).unwrap();
     let (mut n_lost, mut n_off) = (0, 0);
     for ray in rays(&torus, &placed[1], 40, 3) {
         let Some(hit) = tlas.closest_hit(&ray, &mut ()) else { continue };

@@ -5,7 +5,7 @@ use canted_lbvh::{self as lbvh, Strategy, VolumeConfig};
 use canted_obb::Obb;
 use canted_renderer::obvhs_tree;
 use canted_tests::{brute, instances as oracle};
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas};
+use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas, TopConfig};
 use canted_trace::{BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Query, Ray, Watertight};
 
 use super::setup::{all_rays, build, crowd, meshes};
@@ -71,7 +71,8 @@ fn tlas(order: &[u32]) -> Tlas<Mixed> {
         .zip(order.iter().cycle())
         .map(|(world_from_object, &blas)| Instance::still(blas, world_from_object))
         .collect();
-    Tlas::new(kinds(), &instances, VolumeConfig { strategy: Strategy::Combined, fallback: true }).unwrap()
+    Tlas::new(kinds(), &instances, TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true }))
+        .unwrap()
 }
 
 fn hits(tlas: &Tlas<Mixed>, rays: &[Ray]) -> Vec<Option<Hit>> {

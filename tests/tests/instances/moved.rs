@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
-use canted_tlas::{Blas, Instance, MeshBlas, Tlas};
+use canted_tlas::{Blas, Instance, MeshBlas, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
 
 use super::setup::{all_rays, build, crowd, instances, meshes};
@@ -44,7 +44,7 @@ impl Blas for Counted {
     }
 }
 
-const TOP: VolumeConfig = VolumeConfig { strategy: Strategy::Dop, fallback: true };
+const TOP: TopConfig = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
 
 fn tlas(instances: &[Instance]) -> Tlas<Counted> {
     let [soup, torus] = meshes();

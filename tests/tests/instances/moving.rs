@@ -6,14 +6,14 @@
 use canted_fixtures::{Rotation, SplitMix64};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
-use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas};
+use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
 
 use super::agree::loop_over_all;
 use super::geometry::{judge, reaches};
 use super::setup::{affine, blas_of, build, meshes, rays};
 
-const TOP: VolumeConfig = VolumeConfig { strategy: Strategy::Dop, fallback: true };
+const TOP: TopConfig = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
 
 /// A ray's time and nothing else.
 struct At(f32);
@@ -133,13 +133,14 @@ fn a_crowd_that_moves_is_hit_at_any_time() {
     // Half of them stand still, where they begin.
     let ways: Vec<_> = ways.iter().enumerate().map(|(i, way)| if i % 3 == 0 { [way[0]; 2] } else { *way }).collect();
     instances.iter_mut().step_by(3).for_each(|instance| instance.world_from_object_close = None);
-    for strategy in [Strategy::Aabb, Strategy::Dop, Strategy::Quaternion] {
-        let tlas = Tlas::new(bottom(), &instances, VolumeConfig { strategy, fallback: true }).unwrap();
+    let binary = |strategy| TopConfig::Binary(VolumeConfig { strategy, fallback: true });
+    for top in [TopConfig::default(), binary(Strategy::Aabb), binary(Strategy::Dop), binary(Strategy::Quaternion)] {
+        let tlas = Tlas::new(bottom(), &instances, top).unwrap();
         let mut rng = SplitMix64::new(6);
         for i in 0..8 {
             let time = time(&mut rng);
             let (placed, rays) = shots(&ways, time, 3, i);
-            assert_eq!(first_difference(&tlas, &placed, &rays, time), None, "{strategy:?}");
+            assert_eq!(first_difference(&tlas, &placed, &rays, time), None, "{top:?}");
         }
     }
 }
@@ -156,7 +157,7 @@ fn no_motion_is_standing_still() {
             assert_eq!(moving.closest_hit(ray, &mut At(time)), still.closest_hit(ray, &mut ()));
         }
     }
-    assert_eq!(moving.binary().bounds(), still.binary().bounds());
+    assert_eq!(moving.aabb(), still.aabb());
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Transforms that cannot be inverted are refused by the index of their instance.
 
 use canted_fixtures::Rotation;
-use canted_lbvh::{Strategy, VolumeConfig};
+use canted_lbvh::Strategy;
 use canted_obb::Affine;
-use canted_tlas::{Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas};
+use canted_tlas::{Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas, TopConfig};
 use canted_trace::Watertight;
 
 use super::setup::{affine, build, meshes};
@@ -13,7 +13,7 @@ fn place(blas: u32, third: Affine) -> Result<(), InstanceError> {
     let bottom: Vec<MeshBlas<Watertight>> = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Aabb)];
     let sound = Instance::still(0, Affine::IDENTITY);
     let instances = [sound, sound, Instance::still(blas, third)];
-    Tlas::new(bottom, &instances, VolumeConfig::default()).map(|_| ())
+    Tlas::new(bottom, &instances, TopConfig::default()).map(|_| ())
 }
 
 #[test]
@@ -71,4 +71,14 @@ fn errors_say_what_where_and_how_much() {
     assert_eq!(sentence(place(0, affine)), "the transform of instance 2 is not finite");
     affine.columns = [[0.0; 3]; 4];
     assert_eq!(sentence(place(0, affine)), "the transform of instance 2 has condition inf, beyond 1.048576e6");
+}
+
+#[test]
+fn boxes_beyond_the_numbers_are_refused() {
+    let mut affine = Affine::IDENTITY;
+    affine.columns[0][0] = 1e38;
+    affine.columns[1][1] = 1e38;
+    affine.columns[2][2] = 1e38;
+    affine.columns[3] = [3e38; 3];
+    assert_eq!(place(0, affine), Err(InstanceError::OutOfRange { instance: 2 }));
 }

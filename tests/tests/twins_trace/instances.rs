@@ -1,13 +1,12 @@
 //! Two levels: instances that are turned, mirrored, sheared, tiny, huge and far away.
 
-use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, places},
     rays, scenes,
     transforms::transforms,
 };
-use canted_tlas::{Instance, Tlas};
+use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, Watertight};
 use canted_wide::Wide;
 
@@ -50,8 +49,7 @@ fn rays_through_instances_lose_no_hit() {
     for (way, config) in few_ways() {
         let bottom: Vec<Wide<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
         let scene = canted_gpu::TracedScene::two(&gpu, &bottom.iter().collect::<Vec<_>>(), &instances).unwrap();
-        let volumes = VolumeConfig { strategy: Strategy::Aabb, fallback: true };
-        let tlas = Tlas::new(bottom, &instances, volumes).unwrap();
+        let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
         let mut tally = Tally::default();
         world
             .judge_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray, &mut ()), &mut tally)

@@ -1,10 +1,9 @@
 //! From inside a closed mesh no ray gets out, and from outside none gets in, unseen: through one level and two.
 
 use canted_fixtures::Mesh;
-use canted_lbvh::VolumeConfig;
 use canted_obb::Affine;
 use canted_tests::closed::{Place, baked, closed, places, rays};
-use canted_tlas::{Instance, Tlas};
+use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
 use canted_wide::{Config, Wide};
 
@@ -26,7 +25,7 @@ fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: 
     let instance = Instance::still(0, *world_from_object);
     let mut other = instance;
     other.world_from_object.columns[3][0] += (9.0 * baked(mesh, world_from_object).diagonal()) as f32;
-    let tlas = Tlas::new(vec![build::<Watertight>(mesh, config)], &[instance, other], VolumeConfig::default()).unwrap();
+    let tlas = Tlas::new(vec![build::<Watertight>(mesh, config)], &[instance, other], TopConfig::default()).unwrap();
     let leaks = |ray: &&Ray| {
         tlas.closest_hit(ray, &mut ()).is_none_or(|hit| hit.instance != InstanceId(0)) || !tlas.occluded(ray, &mut ())
     };

@@ -7,7 +7,7 @@ use canted_tests::{
     closed::{baked, places},
     instances as oracle, rays, scenes,
 };
-use canted_tlas::{Instance, Tlas};
+use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{MollerTrumbore, Ray, Watertight};
 use canted_wide::{LaneKernel, Wide};
 
@@ -35,12 +35,12 @@ fn agrees<K: LaneKernel + Clone>() {
     for (way, config) in few_ways() {
         for path in paths().0 {
             let bottom: Vec<Wide<K>> = meshes.iter().map(|mesh| build(mesh, &config).with_path(path)).collect();
-            for strategy in [Strategy::Aabb, Strategy::Dop] {
-                let volumes = VolumeConfig { strategy, fallback: true };
-                let tlas = Tlas::new(bottom.clone(), &instances, volumes).unwrap();
+            let binary = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
+            for top in [TopConfig::Wide(config), binary] {
+                let tlas = Tlas::new(bottom.clone(), &instances, top).unwrap();
                 for (ray, want) in all_rays.iter().zip(&wants) {
                     let got = (tlas.closest_hit(ray, &mut ()), tlas.occluded(ray, &mut ()));
-                    assert_eq!(got, (*want, want.is_some()), "{way}, {}, {strategy:?}, {ray:?}", path.name());
+                    assert_eq!(got, (*want, want.is_some()), "{way}, {}, {top:?}, {ray:?}", path.name());
                 }
             }
         }

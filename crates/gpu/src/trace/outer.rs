@@ -2,8 +2,7 @@
 
 use canted_obb::{Aabb, Affine, PrimId};
 use canted_tlas::{Instance, InstanceError};
-use canted_trace::ScaledRay;
-use canted_wide::{Config, Preset, Primitive, PrimitiveHit, PrimitiveTree, Words};
+use canted_wide::{BoxTree, Config, Preset, Words};
 
 use super::words::{HIT_ERROR, HitError, PlaceWords};
 use crate::GpuError;
@@ -14,26 +13,10 @@ const MAX_CONDITION: f64 = 1024.0;
 /// Instances ready for upload.
 pub(super) struct Outer {
     pub(super) places: Vec<PlaceWords>,
-    pub(super) tree: PrimitiveTree<InstanceBox>,
+    pub(super) tree: BoxTree,
     pub(super) error: HitError,
-    /// The instance of each of the tree's primitives: those without triangles have none.
+    /// The instance of each of the tree's boxes: those without triangles have none.
     pub(super) instances: Vec<u32>,
-}
-
-/// The box of an instance, world space: nothing in it is met by the CPU.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct InstanceBox(Aabb);
-
-impl Primitive for InstanceBox {
-    const ERROR: f32 = 0.0;
-
-    fn bounds(&self) -> Aabb {
-        self.0
-    }
-
-    fn intersect(&self, _: &ScaledRay, _: f32) -> Option<PrimitiveHit> {
-        None
-    }
 }
 
 impl Outer {
@@ -44,10 +27,7 @@ impl Outer {
             outer.add(index, instance, meshes)?;
         }
         let Placing { places, boxes, numbers, error } = outer;
-        // A leaf of the outer tree is one instance: kernels enter one at a time.
-        let preset = Config::preset(Preset::Fast);
-        let config = Config { costs: canted_wide::Costs { max_leaf: 1, ..preset.costs }, ..preset };
-        let tree = PrimitiveTree::build(boxes, &config).map_err(|error| untraceable(&error))?;
+        let tree = BoxTree::build(&boxes, &Config::preset(Preset::Fast)).map_err(|error| untraceable(&error))?;
         let instances = tree.words().1.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
         Ok(Self { places, tree, error, instances })
     }
@@ -56,7 +36,8 @@ impl Outer {
 #[derive(Default)]
 struct Placing {
     places: Vec<PlaceWords>,
-    boxes: Vec<InstanceBox>,
+    /// World space.
+    boxes: Vec<Aabb>,
     /// Instance of each box.
     numbers: Vec<u32>,
     error: HitError,
@@ -83,7 +64,7 @@ impl Placing {
         // The tree over instances is the first of all trees.
         self.places.push(PlaceWords::new(&inverse, world, instance.blas + 1));
         if !bounds.is_empty() {
-            self.boxes.push(InstanceBox(image(bounds, world)));
+            self.boxes.push(image(bounds, world));
             self.numbers.push(index as u32);
             self.error = self.error.with(forward, backward, world.columns[3], words.reach);
         }

@@ -8,7 +8,7 @@ const U: f32 = f32::EPSILON / 2.0;
 /// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
 const SQRT_3: f32 = 1.732_050_9;
 
-/// By how much a ray is thickened against boxes, relative to `|o|∞ + ρ∞`; derived at `traverse`.
+/// By how much a ray is thickened against boxes, in units of the space, or relative to `|o|∞ + ρ∞`; derived at `traverse`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pads {
     /// Against boxes along the coordinate axes.
@@ -20,9 +20,33 @@ pub(crate) struct Pads {
 }
 
 impl Pads {
-    /// Pads for hits that lie within `error·(|o|∞ + ρ∞)` of what the boxes bound, in each coordinate.
+    /// Relative pads for hits that lie within `error·(|o|∞ + ρ∞)` of what the boxes bound, in each coordinate.
     pub(crate) const fn of(error: f32) -> Self {
         Self { aligned: error + 6.0 * U, turned: SQRT_3 * (error + 9.0 * U), lean: SQRT_3 * (error + 14.0 * U) }
+    }
+
+    /// Relative pads in units of the space, for a ray among boxes whose coordinates do not exceed `reach`.
+    #[inline(always)]
+    pub(crate) fn along(self, ray: &ScaledRay, reach: f32) -> Self {
+        let [x, y, z] = ray.origin.map(f32::abs);
+        let scale = x.max(y).max(z) + reach;
+        let pad = |relative: f32| relative * scale + f32::MIN_POSITIVE;
+        Self { aligned: pad(self.aligned), turned: pad(self.turned), lean: pad(self.lean) }
+    }
+
+    /// Pads in units of the space for hits within `error` of what the boxes bound, in those units.
+    ///
+    /// The way to the hit is longer by the error, so roundings are relative to `S + e` in place of `S`.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "the step upward covers the rounding")]
+    pub(crate) fn within(error: f64, ray: &ScaledRay, reach: f32) -> Self {
+        let [x, y, z] = ray.origin.map(f32::abs);
+        let scale = f64::from(x.max(y).max(z)) + f64::from(reach) + error;
+        let Self { aligned, turned, lean } = const { Self::of(0.0) };
+        let pad = |roundings: f32, stretch: f32| {
+            ((f64::from(stretch) * error + f64::from(roundings) * scale) as f32).next_up() + f32::MIN_POSITIVE
+        };
+        Self { aligned: pad(aligned, 1.0), turned: pad(turned, SQRT_3), lean: pad(lean, SQRT_3) }
     }
 }
 
@@ -34,6 +58,9 @@ pub(crate) struct MeshFrame {
 }
 
 impl MeshFrame {
+    /// The axes as they are.
+    pub(crate) const IDENTITY: Self = Self { rows: canted_obb::Obb::IDENTITY_FRAME, is_identity: true };
+
     pub(crate) fn new(rows: [[f32; 3]; 3]) -> Self {
         Self { rows, is_identity: rows == canted_obb::Obb::IDENTITY_FRAME }
     }
@@ -70,17 +97,14 @@ pub(crate) struct RayLanes<S: Simd> {
 }
 
 impl<S: Simd> RayLanes<S> {
-    /// The lanes of `ray` against boxes around vertices whose coordinates do not exceed `reach`.
+    /// The lanes of `ray`, thickened by `pads` in units of the space.
     #[inline(always)]
-    pub(crate) fn new(simd: S, ray: &ScaledRay, frame: &MeshFrame, reach: f32, pads: Pads) -> Self {
-        let [x, y, z] = ray.origin.map(f32::abs);
-        let scale = x.max(y).max(z) + reach;
+    pub(crate) fn new(simd: S, ray: &ScaledRay, frame: &MeshFrame, pads: &Pads) -> Self {
         let (origin, direction, pad) = if frame.is_identity {
-            (ray.origin, ray.direction, pads.aligned * scale)
+            (ray.origin, ray.direction, pads.aligned)
         } else {
-            (frame.turned(ray.origin), frame.turned(ray.direction), pads.turned * scale)
+            (frame.turned(ray.origin), frame.turned(ray.direction), pads.turned)
         };
-        let pad = pad + f32::MIN_POSITIVE;
         let recip = direction.map(reciprocal);
         let flipped = recip.map(|r| r < 0.0);
         // Against a negative direction the near plane is the upper one, met from the lowered origin.
@@ -99,7 +123,7 @@ impl<S: Simd> RayLanes<S> {
             t_min: simd.splat(ray.t_min + 0.0),
             origin: splat3(simd, ray.origin),
             direction: splat3(simd, ray.direction),
-            pad_lean: simd.splat(pads.lean * scale + f32::MIN_POSITIVE),
+            pad_lean: simd.splat(pads.lean),
             min_direction: simd.splat(MIN_DIRECTION),
             one: simd.splat(1.0),
         }

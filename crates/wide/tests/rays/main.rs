@@ -1,5 +1,6 @@
 //! What rays ask of trees, against every primitive tried.
 
+mod boxes;
 mod common;
 mod crossings;
 mod hits;

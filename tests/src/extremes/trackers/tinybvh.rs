@@ -1,9 +1,8 @@
 //! Reports to tinybvh's tracker.
 
 use canted_fixtures::{Mesh, coplanar_quads, thin_box};
-use canted_lbvh::VolumeConfig;
 use canted_obb::Affine;
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas};
+use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
 use canted_wide::{Config, Wide};
 
@@ -39,7 +38,7 @@ pub(super) fn tinybvh_277(_: &[Way]) -> Vec<Row> {
             let columns = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0, 0.0, z]];
             Instance::still(0, Affine { columns })
         };
-        let tlas = Tlas::new(vec![blas], &[at(1.0, 0.0), at(64.0, 8.0), at(-4.0, 16.0)], VolumeConfig::default())
+        let tlas = Tlas::new(vec![blas], &[at(1.0, 0.0), at(64.0, 8.0), at(-4.0, 16.0)], TopConfig::default())
             .expect("scales are invertible");
         let (mut n, mut failed) = (0, 0);
         for (x, y) in [(0.0, 0.0), (0.125, -0.25), (-0.375, 0.375)] {

@@ -1,0 +1,165 @@
+//! Boxes of the caller's: which are entered, by a walk and by a loop in `f64`.
+#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
+
+use std::collections::BTreeSet;
+
+use canted_fixtures::SplitMix64;
+use canted_obb::{Aabb, PrimId};
+use canted_trace::{Ray, ScaledRay};
+use canted_wide::{BoxTree, Config, Preset, PrimitiveError};
+
+use crate::common::paths;
+
+/// Half of `f32::EPSILON`: the relative error of one rounding.
+const U: f64 = 0.5 * f32::EPSILON as f64;
+
+/// What `f64` may be off by in the loop, relative: a hundred of its roundings.
+const F64_SLACK: f64 = 100.0 * f64::EPSILON;
+
+/// Boxes of all sizes, some flat, some points, some twice.
+fn boxes(n: usize, scale: f32, offset: f32) -> Vec<Aabb> {
+    let mut rng = SplitMix64::new(31);
+    let mut boxes: Vec<Aabb> = (0..n)
+        .map(|i| {
+            let min: [f32; 3] = std::array::from_fn(|_| scale * (8.0 * rng.unit() as f32 - 4.0) + offset);
+            let size = [0.0, 0.01, 0.3, 3.0][i % 4];
+            let flat = i % 5;
+            let max =
+                std::array::from_fn(|k| if k == flat { min[k] } else { min[k] + scale * size * rng.unit() as f32 });
+            Aabb { min, max }
+        })
+        .collect();
+    boxes.extend_from_within(..n / 4);
+    boxes
+}
+
+/// At corners, along edges and faces, from inside, far away and bounded.
+fn rays(boxes: &[Aabb], n: usize, scale: f32) -> Vec<Ray> {
+    let mut rng = SplitMix64::new(32);
+    (0..n)
+        .map(|i| {
+            let target = boxes[rng.below(boxes.len())];
+            let corner: [f32; 3] = std::array::from_fn(|k| if i >> k & 1 == 0 { target.min[k] } else { target.max[k] });
+            let random: [f32; 3] = rng.on_sphere().map(|x| x as f32);
+            let distance = scale * [0.0, 0.1, 10.0, 1e3][i % 4];
+            let origin: [f32; 3] = std::array::from_fn(|k| corner[k] + distance * random[k]);
+            let mut direction: [f32; 3] = std::array::from_fn(|k| corner[k] - origin[k]);
+            if i % 7 == 0 || direction == [0.0; 3] {
+                direction = [[1.0, 0.0, -0.0], [0.0, -1.0, 0.0], random][i % 3];
+            }
+            let t_max = if i % 6 == 0 { 1.0 } else { f32::INFINITY };
+            Ray { t_max, ..Ray::new(origin, direction) }
+        })
+        .collect()
+}
+
+/// Boxes that the ray enters when they are grown by `grown` in each coordinate, and the interval by a relative `slack`.
+fn entered(boxes: &[Aabb], ray: &ScaledRay, grown: f64, slack: f64) -> BTreeSet<u32> {
+    let enters = |aabb: &Aabb| {
+        let (mut near, mut far) = (f64::from(ray.t_min), f64::from(ray.t_max));
+        for k in 0..3 {
+            let (o, d) = (f64::from(ray.origin[k]), f64::from(ray.direction[k]));
+            let (lo, hi) = (f64::from(aabb.min[k]) - grown - o, f64::from(aabb.max[k]) + grown - o);
+            if d == 0.0 {
+                if lo > 0.0 || hi < 0.0 {
+                    return false;
+                }
+                continue;
+            }
+            near = near.max((lo / d).min(hi / d));
+            far = far.min((lo / d).max(hi / d));
+        }
+        near <= far + slack * far.abs().min(1e30)
+    };
+    (0..).zip(boxes).filter(|(_, aabb)| enters(aabb)).map(|(number, _)| number).collect()
+}
+
+fn visited(tree: &BoxTree, ray: &ScaledRay, error: f64) -> BTreeSet<u32> {
+    let mut numbers = BTreeSet::new();
+    tree.nearest_first(ray, error, &mut (), |PrimId(number), t_max, ()| {
+        assert!(numbers.insert(number), "box {number} is entered twice");
+        t_max
+    });
+    let mut in_any_order = BTreeSet::new();
+    tree.in_any_order(ray, error, &mut (), |PrimId(number), t_max, ()| {
+        in_any_order.insert(number);
+        t_max
+    });
+    assert_eq!(numbers, in_any_order);
+    numbers
+}
+
+#[test]
+fn what_an_exact_ray_enters_is_entered_and_little_else() {
+    for (scale, offset) in [(1.0, 0.0), (1e-6, 0.0), (1e6, 0.0), (1.0, 1e5)] {
+        let boxes = boxes(300, scale, offset);
+        let reach = boxes.iter().map(Aabb::reach).fold(0.0, f32::max);
+        let rays = rays(&boxes, 400, scale);
+        for preset in [Preset::Fast, Preset::Quality] {
+            let tree = BoxTree::build(&boxes, &Config::preset(preset)).expect("sound boxes");
+            for path in paths() {
+                let tree = tree.clone().with_path(path);
+                for (i, ray) in rays.iter().enumerate() {
+                    let ray = ScaledRay::new(ray).expect("a ray");
+                    let size = f64::from(ray.origin.iter().fold(reach, |all, o| all.max(o.abs())));
+                    let error = [0.0, 1e-3, 1.0][i % 3] * f64::from(scale);
+                    let visited = visited(&tree, &ray, error);
+                    let least = entered(&boxes, &ray, error * (1.0 - F64_SLACK), -F64_SLACK);
+                    let lost: Vec<_> = least.difference(&visited).collect();
+                    assert!(lost.is_empty(), "{scale} {offset} {}: {ray:?} does not enter {lost:?}", path.name());
+                    // 6 u of pad, 5 u of rounding, relative to at most twice the size and the error.
+                    let most = entered(&boxes, &ray, error + 11.0 * U * (2.0 * size + error), F64_SLACK);
+                    let needless: Vec<_> = visited.difference(&most).collect();
+                    assert!(needless.is_empty(), "{scale} {offset} {}: {ray:?} enters {needless:?}", path.name());
+                }
+            }
+        }
+    }
+}
+
+/// A stated error of zero leaves out what one of a tenth enters.
+#[test]
+fn the_stated_error_is_what_lets_near_misses_in() {
+    let boxes = boxes(300, 1.0, 0.0);
+    let tree = BoxTree::build(&boxes, &Config::default()).expect("sound boxes");
+    let lost = |error: f64| {
+        let rays = rays(&boxes, 400, 1.0).into_iter().filter_map(|ray| ScaledRay::new(&ray));
+        rays.map(|ray| entered(&boxes, &ray, 0.1, -F64_SLACK).difference(&visited(&tree, &ray, error)).count())
+            .sum::<usize>()
+    };
+    assert_eq!(lost(0.1001), 0);
+    assert!(lost(0.0) > 100, "{} lost", lost(0.0));
+}
+
+#[test]
+fn a_walk_goes_forward_and_ends_where_it_is_told() {
+    let row: Vec<Aabb> = (0..100u8).map(f32::from).map(|x| Aabb { min: [x; 3], max: [x + 0.5; 3] }).collect();
+    let tree = BoxTree::build(&row, &Config::default()).expect("sound boxes");
+    let ray = ScaledRay::new(&Ray::new([-1.0; 3], [1.0; 3])).expect("a ray");
+    let (mut order, mut n) = (vec![], 0);
+    // Something in box 40 is hit.
+    tree.nearest_first(&ray, 0.0, &mut (), |PrimId(number), t_max, ()| {
+        order.push(number);
+        if number == 40 { 41.25 } else { t_max }
+    });
+    assert_eq!(order, (0..=40).collect::<Vec<_>>());
+    tree.in_any_order(&ray, 0.0, &mut (), |_, _, ()| {
+        n += 1;
+        if n == 3 { -1.0 } else { 1e9 }
+    });
+    assert_eq!(n, 3);
+}
+
+#[test]
+fn unsound_boxes_are_refused_by_number() {
+    let sound = Aabb { min: [0.0; 3], max: [1.0; 3] };
+    for bad in [Aabb::EMPTY, Aabb { min: [f32::NAN; 3], ..sound }, Aabb { max: [f32::INFINITY; 3], ..sound }] {
+        let refused = BoxTree::build(&[sound, bad, sound], &Config::default()).map(|_| ());
+        assert_eq!(refused, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{bad:?}");
+    }
+    let none = BoxTree::build(&[], &Config::default()).expect("no box is unsound");
+    assert!(none.aabb().is_empty());
+    none.nearest_first(&ScaledRay::new(&Ray::new([0.0; 3], [1.0; 3])).expect("a ray"), 1.0, &mut (), |_, _, ()| {
+        panic!("nothing can be entered")
+    });
+}
