@@ -1,14 +1,19 @@
 //! From a plan to records: first where everything stands, then, on all threads, what it holds.
 
+mod leaf;
+mod node;
+
 use canted_lbvh::{Child, ChildKind, Corners, Tree};
 use canted_obb::{Aabb, PrimId};
-use canted_trace::Slabs;
+
+use leaf::{LeafForm, Triangles, distinct};
+pub(crate) use leaf::{Numbers, n_halves};
+use node::write_node;
+pub(crate) use node::{write_boxes, write_slabs};
 
 use crate::Sizes;
 use crate::collapse::{Form, Plan};
-use crate::layout::{
-    HALF_WORDS, Half, Line, MAX_LEAF, NOWHERE, NodeKind, PART_LANES, PARTS, Row, Word, WordKind, node_words,
-};
+use crate::layout::{Half, Line, NodeKind, Word, WordKind, node_words};
 use crate::par;
 use crate::share::shared_frame;
 
@@ -82,66 +87,6 @@ impl Records {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct TooLarge;
 
-/// Half-blocks that hold `n` triangles.
-pub(crate) fn n_halves(n: usize) -> usize {
-    n.div_ceil(4)
-}
-
-/// What leaves hold.
-pub(crate) trait LeafForm {
-    /// What a leaf takes some of.
-    type Place: Copy + Send;
-    const UNSET: Self::Place;
-    /// Parts of one that words can name.
-    const PARTS: usize;
-    /// Most primitives of a leaf that takes one part only.
-    const IN_PART: usize;
-
-    /// How many of them `n` primitives take.
-    fn n_places(n: usize) -> usize;
-
-    /// Writes the primitives of these places in leaf order, from a part of `out` on.
-    fn write(source: &Source, places: &[u32], part: usize, out: &mut [Self::Place]);
-}
-
-/// Leaves hold half-blocks of triangles.
-enum Triangles {}
-
-impl LeafForm for Triangles {
-    type Place = Half;
-    const UNSET: Half = Half([0; HALF_WORDS]);
-    const PARTS: usize = PARTS;
-    const IN_PART: usize = PART_LANES;
-
-    fn n_places(n: usize) -> usize {
-        n_halves(n)
-    }
-
-    fn write(source: &Source, places: &[u32], part: usize, out: &mut [Half]) {
-        write_triangles(source, places, part, out);
-    }
-}
-
-/// Leaves hold numbers of primitives.
-pub(crate) enum Numbers {}
-
-impl LeafForm for Numbers {
-    type Place = PrimId;
-    const UNSET: PrimId = PrimId(0);
-    const PARTS: usize = 1;
-    const IN_PART: usize = 0;
-
-    fn n_places(n: usize) -> usize {
-        n
-    }
-
-    fn write(source: &Source, places: &[u32], _: usize, out: &mut [PrimId]) {
-        for (out, &place) in out.iter_mut().zip(places) {
-            *out = source.primitives[place as usize];
-        }
-    }
-}
-
 /// Writes the wide tree of `plan` over triangles.
 pub(crate) fn emit(source: &Source, plan: &Plan) -> Result<Records, TooLarge> {
     let (records, halves) = emit_as::<Triangles>(source, plan)?;
@@ -174,20 +119,6 @@ impl LeafDraft {
     fn n(&self, source: &Source) -> usize {
         distinct(source, self.start, self.end).1
     }
-}
-
-/// Places of a leaf's primitives, each primitive once, and their number: references may share one.
-fn distinct(source: &Source, start: u32, end: u32) -> ([u32; MAX_LEAF], usize) {
-    let mut places = [0; MAX_LEAF];
-    let mut n = 0;
-    for place in start..end {
-        let primitive = source.primitives[place as usize];
-        if !places[..n].iter().any(|&p| source.primitives[p as usize] == primitive) {
-            places[n] = place;
-            n += 1;
-        }
-    }
-    (places, n)
 }
 
 pub(crate) fn range(tree: &Tree, child: Child) -> (u32, u32) {
@@ -268,104 +199,4 @@ fn layout<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<
     }
     leaves.sort_unstable_by_key(|leaf| leaf.first);
     Ok((drafts, leaves, root_word, deepest))
-}
-
-fn write_node(source: &Source, draft: &Draft, out: &mut [Line]) {
-    let rows: &mut [Row] = bytemuck::cast_slice_mut(out);
-    let word_row = match draft.kind {
-        NodeKind::Box => {
-            write_boxes(&mut rows[..6], |i| {
-                let aabb = aligned_box(source, draft.children.get(i)?.0);
-                Some((aabb.min, aabb.max))
-            });
-            6
-        }
-        NodeKind::Shared => {
-            let frame = draft.frame.unwrap_or(canted_obb::Obb::IDENTITY_FRAME);
-            for (i, &x) in frame.as_flattened().iter().enumerate() {
-                rows[i / 8][i % 8] = x;
-            }
-            write_boxes(&mut rows[2..8], |i| {
-                let slabs = slabs_of(source, draft.children.get(i)?.0, frame);
-                Some((slabs.lo, slabs.hi))
-            });
-            8
-        }
-        NodeKind::Lean => {
-            let slabs = |&(child, _): &(Child, Word)| slabs_of(source, child, (source.frames)(child));
-            for i in 0..8 {
-                write_slabs(rows, i, draft.children.get(i).map(slabs).as_ref());
-            }
-            15
-        }
-    };
-    for (i, slot) in rows[word_row].iter_mut().enumerate() {
-        let word = draft.children.get(i).map_or(Word::EMPTY, |&(_, word)| word);
-        *slot = f32::from_bits(word.0);
-    }
-}
-
-fn aligned_box(source: &Source, child: Child) -> Aabb {
-    match child.kind() {
-        ChildKind::Leaf(place) => source.leaf_boxes[place as usize],
-        ChildKind::Inner(id) => source.inner_boxes[id.index()],
-    }
-}
-
-/// Rows lo x, hi x, lo y, hi y, lo z, hi z; slots without a box hold one that no ray enters.
-pub(crate) fn write_boxes(rows: &mut [Row], bounds: impl Fn(usize) -> Option<([f32; 3], [f32; 3])>) {
-    for i in 0..8 {
-        let (lo, hi) = bounds(i).unwrap_or(([NOWHERE; 3], [-NOWHERE; 3]));
-        for (k, planes) in rows.chunks_exact_mut(2).enumerate() {
-            planes[0][i] = lo[k];
-            planes[1][i] = hi[k];
-        }
-    }
-}
-
-/// A box with these rows around all vertices below a child.
-fn slabs_of(source: &Source, child: Child, rows: [[f32; 3]; 3]) -> Slabs {
-    let (start, end) = range(source.tree, child);
-    Slabs::of_points(rows, source.corners[start as usize..end as usize].iter().flatten().copied())
-}
-
-/// For each axis a row, a centre and a half-extent; a slot without a box holds one that no ray enters.
-pub(crate) fn write_slabs(rows: &mut [Row], i: usize, slabs: Option<&Slabs>) {
-    for k in 0..3 {
-        let (row, (center, half)) = match slabs {
-            Some(slabs) => (slabs.rows[k], middle(slabs.lo[k], slabs.hi[k])),
-            None => ([0.0; 3], (0.0, -NOWHERE)),
-        };
-        for axis in 0..3 {
-            rows[5 * k + axis][i] = row[axis];
-        }
-        rows[5 * k + 3][i] = center;
-        rows[5 * k + 4][i] = half;
-    }
-}
-
-/// An interval by its middle and a half-extent that reaches both ends.
-#[expect(clippy::cast_possible_truncation, reason = "the half-extent is taken from the rounded middle, and upward")]
-fn middle(lo: f32, hi: f32) -> (f32, f32) {
-    let center = (0.5 * (f64::from(lo) + f64::from(hi))) as f32;
-    // Differences of f32 are exact in f64 but for a last bit, which the step upward covers.
-    let reach = (f64::from(hi) - f64::from(center)).max(f64::from(center) - f64::from(lo)).next_up();
-    let half = reach as f32;
-    (center, if f64::from(half) < reach { half.next_up() } else { half })
-}
-
-fn write_triangles(source: &Source, places: &[u32], part: usize, out: &mut [Half]) {
-    let n = places.len();
-    let words: &mut [u32] = bytemuck::cast_slice_mut(out);
-    for (i, &place) in places.iter().enumerate() {
-        // Blocks of eight lie before a last block of four.
-        let in_four = i / 8 * 8 + 4 >= n;
-        let (block, width) = if in_four { (i / 4 * 40, 4) } else { (i / 8 * 80, 8) };
-        let lane = part * PART_LANES + i % width;
-        let vertices = source.corners[place as usize].as_flattened();
-        for (row, &x) in vertices.iter().enumerate() {
-            words[block + row * width + lane] = x.to_bits();
-        }
-        words[block + 9 * width + lane] = source.primitives[place as usize].0;
-    }
 }
