@@ -11,13 +11,12 @@ mod agree;
 mod rooms;
 #[path = "oracle/shots.rs"]
 mod shots;
+#[path = "oracle/sponza.rs"]
+mod sponza;
 
 use agree::{Disagreement, agree};
-use rooms::{kitchen, lens};
-use shots::{
-    BLUE, Shot, checker, cornell_env, cornell_paths, cornell_point, cornell_sun, penumbra, sponza_paths, sponza_sun,
-    spot,
-};
+use rooms::{cornell_lamp, kitchen_ball, kitchen_sky, kitchen_sun, lens};
+use shots::{BLUE, Shot, checker, cornell_env, cornell_paths, cornell_point, cornell_sun, penumbra, spot};
 
 fn check(shot: Option<Shot>) {
     let Some(shot) = shot else { return };
@@ -92,7 +91,7 @@ fn a_texture_upside_down_is_seen() {
 
 #[test]
 fn sun_over_sponza() {
-    check(sponza_sun("sun_over_sponza"));
+    check(sponza::sun("sun_over_sponza"));
 }
 
 #[test]
@@ -103,15 +102,43 @@ fn paths_in_the_cornell_box() {
 }
 
 #[test]
-fn paths_in_sponza() {
-    check(sponza_paths("paths_in_sponza"));
+fn the_box_by_its_own_lamp() {
+    check(cornell_lamp("the_box_by_its_own_lamp"));
 }
 
 #[test]
-fn glass_and_metal_in_the_kitchen() {
-    for shot in kitchen("glass_and_metal_in_the_kitchen").into_iter().flatten() {
-        check(Some(shot));
-    }
+fn paths_in_sponza_by_the_sun() {
+    check(sponza::sun_paths("paths_in_sponza_by_the_sun"));
+}
+
+#[test]
+fn paths_in_sponza_by_a_ball_of_light() {
+    check(sponza::ball("paths_in_sponza_by_a_ball_of_light"));
+}
+
+#[test]
+fn paths_in_sponza_under_a_blue_sky() {
+    check(sponza::blue_sky("paths_in_sponza_under_a_blue_sky"));
+}
+
+#[test]
+fn paths_in_sponza_under_a_picture_of_the_sky() {
+    check(sponza::pictured_sky("paths_in_sponza_under_a_picture_of_the_sky"));
+}
+
+#[test]
+fn glass_and_metal_in_the_kitchen_under_its_sky() {
+    check(kitchen_sky("glass_and_metal_in_the_kitchen_under_its_sky"));
+}
+
+#[test]
+fn glass_and_metal_in_the_kitchen_by_a_ball_of_light() {
+    check(kitchen_ball("glass_and_metal_in_the_kitchen_by_a_ball_of_light"));
+}
+
+#[test]
+fn the_sun_on_the_floor_of_the_kitchen() {
+    check(kitchen_sun("the_sun_on_the_floor_of_the_kitchen"));
 }
 
 #[test]

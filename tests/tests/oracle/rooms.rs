@@ -2,9 +2,11 @@
 //!
 //! Paths have no end. The numbers are those of `tests/oracle/scenes.py`.
 
+use std::collections::BTreeSet;
+
 use canted_scene::{Camera, Lens, Light, Material, MaterialId, MeshId, Scene};
 
-use crate::shots::{BLUE, Shot, checker, floor, model, parts};
+use crate::shots::{BLUE, Shot, checker, cornell_env, flat_model, floor, model, parts, with_sun};
 
 /// The material as Mitsuba has it: a smooth dielectric with an inside, or GGX in the metal's colour, or Lambert.
 fn as_the_other_has_it(material: &mut Material) {
@@ -25,17 +27,47 @@ fn as_the_other_has_it(material: &mut Material) {
     }
 }
 
-/// The kitchen in the light of a blue sky through its window, and of a ball in it.
-pub(crate) fn kitchen(test: &str) -> Option<[Shot; 2]> {
+/// The kitchen in the light of a blue sky through its window.
+pub(crate) fn kitchen_sky(test: &str) -> Option<Shot> {
     let mut scene = model(test, "kitchen/country_kitchen.glb")?;
     scene.materials.iter_mut().for_each(as_the_other_has_it);
     (scene.lights, scene.environment) = (Vec::new(), Some(BLUE.into()));
     let camera = Camera::pinhole([1.211, 1.80475, 3.85239], [0.7729, 1.76308, 2.95443], [0.0, 1.0, 0.0], 36.5);
+    Some(Shot { name: "kitchen-env", scene, camera, size: [112, 64], n_segments: None, samples: 256 })
+}
+
+/// The same by a ball of light in it.
+pub(crate) fn kitchen_ball(test: &str) -> Option<Shot> {
+    let shot = kitchen_sky(test)?;
     let ball = Light::Sphere { center: [1.9, 2.5, 2.2], radius: 0.15, radiance: [20.0, 18.0, 15.0] };
-    let lit = Scene { lights: vec![ball], environment: None, ..scene.clone() };
-    let size = [112, 64];
-    let sky = Shot { name: "kitchen-env", scene, camera, size, n_segments: None, samples: 256 };
-    Some([sky, Shot { name: "kitchen-sphere", scene: lit, camera, size, n_segments: None, samples: 512 }])
+    let scene = Scene { lights: vec![ball], environment: None, ..shot.scene };
+    Some(Shot { name: "kitchen-sphere", scene, samples: 512, ..shot })
+}
+
+/// Its floor, where the sun reaches it through the window.
+pub(crate) fn kitchen_sun(test: &str) -> Option<Shot> {
+    let shot = kitchen_sky(test)?;
+    let scene = with_sun(shot.scene, [0.3, -0.5, 1.0], [60.0, 55.0, 45.0]);
+    let camera = Camera::pinhole([0.7, 2.0, 3.0], [1.5, 0.0, 1.3], [0.0, 1.0, 0.0], 36.0);
+    Some(Shot { name: "kitchen-sun", scene, camera, size: [96, 64], samples: 512, ..shot })
+}
+
+/// The Cornell box in the light of its own lamp, hung lower.
+pub(crate) fn cornell_lamp(test: &str) -> Option<Shot> {
+    const DROP: f32 = 0.5;
+    let mut scene = flat_model(test, "cornell/cornellBox.obj")?;
+    for mesh in &mut scene.meshes {
+        let ends = mesh.parts.iter().skip(1).map(|part| part.first_triangle as usize).chain([mesh.triangles.len()]);
+        for (part, end) in mesh.parts.iter().zip(ends) {
+            if scene.materials[part.material.0 as usize].emission != [0.0; 3] {
+                let lamp: BTreeSet<u32> =
+                    mesh.triangles[part.first_triangle as usize..end].iter().flatten().copied().collect();
+                lamp.into_iter().for_each(|vertex| mesh.positions[vertex as usize][1] -= DROP);
+            }
+        }
+    }
+    let camera = Camera::pinhole([-0.23, 2.58, 9.0], [-0.23, 1.74, -3.0], [0.0, 1.0, 0.0], 27.0);
+    Some(Shot { name: "cornell-light", scene, camera, n_segments: None, samples: 1536, ..cornell_env(test)? })
 }
 
 /// A wall that a wide lens focuses on, and the floor that it does not.

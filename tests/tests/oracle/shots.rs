@@ -26,19 +26,25 @@ pub(crate) struct Shot {
 
 pub(crate) const BLUE: [f32; 3] = [0.4, 0.5, 0.65];
 
-/// A model as both renderers see it: flat triangles that give no light of their own.
-pub(crate) fn model(test: &str, file: &str) -> Option<Scene> {
+/// A model as both renderers see it: flat triangles.
+pub(crate) fn flat_model(test: &str, file: &str) -> Option<Scene> {
     let mut scene = read(&models(test)?.join(file)).unwrap();
     for mesh in &mut scene.meshes {
         mesh.normals = None;
     }
+    Some(scene)
+}
+
+/// The same, giving no light of its own.
+pub(crate) fn model(test: &str, file: &str) -> Option<Scene> {
+    let mut scene = flat_model(test, file)?;
     for material in &mut scene.materials {
         material.emission = [0.0; 3];
     }
     Some(scene)
 }
 
-fn with_sun(scene: Scene, towards: [f64; 3], irradiance: [f32; 3]) -> Scene {
+pub(crate) fn with_sun(scene: Scene, towards: [f64; 3], irradiance: [f32; 3]) -> Scene {
     let length = towards.map(|x| x * x).iter().sum::<f64>().sqrt();
     #[expect(clippy::cast_possible_truncation, reason = "a direction rounded once")]
     let direction = towards.map(|x| (x / length) as f32);
@@ -164,14 +170,6 @@ pub(crate) fn checker() -> Shot {
     Shot { name: "checker", scene, camera, size: [64, 64], n_segments: Some(2), samples: 256 }
 }
 
-/// Sponza at noon, seen across its court.
-pub(crate) fn sponza_sun(test: &str) -> Option<Shot> {
-    let scene = Scene { environment: Some(BLUE.into()), ..model(test, "sponza/sponza.obj")? };
-    let scene = with_sun(scene, [-0.15, -1.0, 0.12], [12.0, 11.0, 9.0]);
-    let camera = Camera::pinhole([700.0, 700.0, -100.0], [-300.0, 250.0, 100.0], [0.0, 1.0, 0.0], 60.0);
-    Some(Shot { name: "sponza-sun-3", scene, camera, size: [96, 64], n_segments: Some(3), samples: 128 })
-}
-
 /// Paths without end in the Cornell box: under its sky, with the sun, and by a ball of light.
 pub(crate) fn cornell_paths(test: &str) -> Option<[Shot; 3]> {
     let sky = Shot { name: "cornell-env", n_segments: None, samples: 256, ..cornell_env(test)? };
@@ -181,11 +179,6 @@ pub(crate) fn cornell_paths(test: &str) -> Option<[Shot; 3]> {
     let scene = Scene { environment: None, lights, ..shot.scene };
     let ball = Shot { name: "cornell-sphere", scene, n_segments: None, samples: 2048, ..shot };
     Some([sky, sun, ball])
-}
-
-/// Paths without end in Sponza at noon.
-pub(crate) fn sponza_paths(test: &str) -> Option<Shot> {
-    Some(Shot { name: "sponza-sun", n_segments: None, samples: 768, ..sponza_sun(test)? })
 }
 
 impl Shot {

@@ -1,0 +1,121 @@
+"""Ours beside Mitsuba on Sponza under a constant sky: time at equal samples, error, and what error is left in equal time.
+
+    python equal_time.py PATH/TO/canted [SAMPLES [PICTURES]]
+
+Prints a table in Markdown. Both renderers take PICTURES pictures of SAMPLES samples a pixel with seeds of their own, by
+turns, and each picture is timed: rendering alone, without loading, building and translating. Both estimate the same
+light without bias, so the mean squared error of a picture is the variance between a renderer's own. A scalar variant
+takes `SCALAR_SHARE` of the samples, for it is slow; its row says so.
+
+Leaves are opaque on both sides, for Python cannot be called from a scalar kernel at speed; textures are looked up
+bilinearly at full size.
+"""
+
+import json
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from importlib import reload
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+
+mi.set_variant("scalar_rgb")
+import scenes
+
+SIZE = (320, 180)
+SCALAR_SHARE = 1 / 8
+
+
+class Mitsuba:
+    def __init__(self, variant, sampler, samples, folder):
+        self.name = f"Mitsuba `{variant}`, `{sampler}`"
+        self.variant, self.samples = variant, samples
+        mi.set_variant(variant)
+        reload(scenes)
+        described = scenes.scene(scenes.replace(scenes.SPONZA, environment=scenes.BLUE, size=SIZE), folder)
+        described["integrator"]["type"] = "path"
+        described["camera"]["sampler"] = {"type": sampler, "sample_count": samples}
+        for part in described.values():
+            surface = part.get("bsdf", {}) if isinstance(part, dict) else {}
+            if surface.get("type") == "mask":
+                part["bsdf"] = surface["inner"]
+        self.scene = mi.load_dict(described)
+        # Kernels are translated with the first picture.
+        self.picture(0)
+
+    def picture(self, seed):
+        """A picture, and the seconds and processors' seconds that it took."""
+        mi.set_variant(self.variant)
+        start = time.perf_counter(), time.process_time()
+        picture = np.array(mi.render(self.scene, spp=self.samples, seed=seed), np.float64)
+        return picture, time.perf_counter() - start[0], time.process_time() - start[1]
+
+
+class Canted:
+    def __init__(self, program, sampler, samples, folder):
+        self.name, self.samples = f"canted, `{sampler}`", samples
+        self.folder, self.out = folder, folder / "out.exr"
+        shot = scenes.SPONZA
+        words = lambda numbers: ",".join(map(str, numbers))
+        view = f"--eye={words(shot.eye)} --target={words(shot.target)} --fov={shot.fov} --env={words(scenes.BLUE)}"
+        how = f"--integrator=path --lod=none --device=cpu --sampler={sampler} --json -o {self.out}"
+        self.command = [program, "render", folder / "sponza.obj", *view.split(), *how.split()]
+        # What is not rendering: a picture of one sample.
+        self.setup = self.run((1, 1), 1, 0)[1]
+
+    def run(self, size, samples, seed):
+        """Facts about a run, and its processors' seconds."""
+        used = lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+        start = used()
+        settings = [f"--size={size[0]}x{size[1]}", f"--spp={samples}", f"--seed={seed}"]
+        done = subprocess.run([*self.command, *settings], check=True, capture_output=True)
+        assert b"warning" not in done.stderr, done.stderr
+        return json.loads(done.stdout), used() - start
+
+    def picture(self, seed):
+        facts, processors = self.run(SIZE, self.samples, seed)
+        return np.array(mi.Bitmap(str(self.out)), np.float64), facts["trace_seconds"], processors - self.setup
+
+
+def opaque_sponza(folder):
+    """Sponza without masks, as `sponza.obj` in the folder."""
+    source = (scenes.ASSETS / "sponza").resolve()
+    shutil.copy(source / "sponza.obj", folder)
+    shutil.copytree(source / "textures", folder / "textures")
+    lines = (source / "sponza.mtl").read_text().splitlines()
+    (folder / "sponza.mtl").write_text("\n".join(line for line in lines if not line.startswith("map_d")))
+
+
+def main(program, samples=64, n_pictures=8):
+    samples, n_pictures = int(samples), int(n_pictures)
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        opaque_sponza(folder)
+        contestants = [
+            Mitsuba("llvm_ad_rgb", "independent", samples, folder),
+            Mitsuba("llvm_ad_rgb", "multijitter", samples, folder),
+            Mitsuba("scalar_rgb", "independent", int(samples * SCALAR_SHARE), folder),
+            *(Canted(program, sampler, samples, folder) for sampler in ("random", "stratified", "sobol")),
+        ]
+        # By turns, so that what else the machine does meets all alike.
+        taken = [[each.picture(seed) for each in contestants] for seed in range(1, n_pictures + 1)]
+    print("| renderer, sampler | samples | mean | seconds | of processors | MSE / mean² | × seconds, beside the first |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    first = None
+    for each, taken in zip(contestants, zip(*taken)):
+        pictures = np.array([picture for picture, _, _ in taken])
+        mean = pictures.mean()
+        error = pictures.var(axis=0, ddof=1).mean() / mean**2
+        seconds, processors = np.median([times for _, *times in taken], axis=0)
+        first = first or error * seconds
+        numbers = f"{each.samples} | {mean:.5f} | {seconds:.2f} | {processors:.2f} | {error:.4f}"
+        print(f"| {each.name} | {numbers} | {error * seconds / first:.2f} |")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
