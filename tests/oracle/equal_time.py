@@ -104,17 +104,19 @@ def main(program, samples=64, n_pictures=8):
         ]
         # By turns, so that what else the machine does meets all alike.
         taken = [[each.picture(seed) for each in contestants] for seed in range(1, n_pictures + 1)]
-    print("| renderer, sampler | samples | mean | seconds | of processors | MSE / mean² | × seconds, beside the first |")
-    print("| --- | --- | --- | --- | --- | --- | --- |")
+    head = ["renderer, sampler", "samples", "mean", "seconds", "of processors", "MSE / mean²"]
+    head += ["× seconds, beside the first", "× processors"]
+    print(f"| {' | '.join(head)} |\n{'| --- ' * len(head)}|")
     first = None
     for each, taken in zip(contestants, zip(*taken)):
         pictures = np.array([picture for picture, _, _ in taken])
         mean = pictures.mean()
         error = pictures.var(axis=0, ddof=1).mean() / mean**2
-        seconds, processors = np.median([times for _, *times in taken], axis=0)
-        first = first or error * seconds
-        numbers = f"{each.samples} | {mean:.5f} | {seconds:.2f} | {processors:.2f} | {error:.4f}"
-        print(f"| {each.name} | {numbers} | {error * seconds / first:.2f} |")
+        times = np.median([times for _, *times in taken], axis=0)
+        first = error * times if first is None else first
+        costs = error * times / first
+        numbers = f"{each.samples} | {mean:.5f} | {times[0]:.2f} | {times[1]:.2f} | {error:.4f} | {costs[0]:.2f} | {costs[1]:.2f}"
+        print(f"| {each.name} | {numbers} |")
 
 
 if __name__ == "__main__":
