@@ -43,11 +43,16 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let items = Items::triangles(&bench.gpu, [&corners[..]])?;
         bench.gpu.finish()?;
         let upload = milliseconds(start);
-        let Passes { domain, codes, sort, tree, boxes } = Passes::measure(&bench.gpu, &items, Bits::B63, bench.rounds)?;
+        let Passes { domain, codes, sort, tree, boxes, refused } =
+            Passes::measure(&bench.gpu, &items, Bits::B63, bench.rounds)?;
         let whole = |strategy| whole(bench, &corners, strategy);
         let _ = write!(out, "| {name} | {} | {upload:.1} |", corners.len());
         for ms in [domain, codes, sort, tree].into_iter().chain(boxes) {
-            let _ = write!(out, " {ms:.2} |");
+            let _ = write!(out, " {} |", ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}")));
+        }
+        if let Some(error) = refused {
+            let _ = writeln!(out, " {error} | |");
+            continue;
         }
         let _ = writeln!(out, " {:.2} | {:.2} |", whole(Strategy::Aabb)?, whole(Strategy::Combined)?);
         if let Some((_, [codes, sort, nodes, bounded, quaternion])) =

@@ -47,11 +47,15 @@ pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<Measured> {
     let start = Instant::now();
     let meshes: Vec<Vec<Corners>> =
         scene.meshes.iter().map(|mesh| Ok(lbvh::gather(&mesh.positions, &mesh.triangles)?.0)).collect::<Result<_>>()?;
-    let (bottom, top, moved) =
-        match uploaded(gpu, start, &meshes).and_then(|(items, upload)| two_levels(gpu, scene, items, upload)) {
-            Ok(([bottom, top], moved)) => (Ok(bottom), Ok(top), Some(moved)),
-            Err(error) => (Err(error.clone()), Err(error), None),
-        };
+    let (bottom, top, moved) = match uploaded(gpu, start, &meshes) {
+        Err(error) => (Err(error.clone()), Err(error), None),
+        Ok((items, upload)) => {
+            let bottom = level(gpu, &items, Some(upload));
+            let (top, moved) =
+                top(gpu, scene, items).map_or_else(|error| (Err(error), None), |(top, ms)| (Ok(top), Some(ms)));
+            (bottom, top, moved)
+        }
+    };
     Ok(Measured {
         by_timestamps: gpu.has_timestamps(),
         levels: [("one level", one), ("bottom levels", bottom), ("top level", top)],
@@ -66,9 +70,8 @@ fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Items
     Ok((items, start.elapsed().as_secs_f64() * 1e3))
 }
 
-/// Both levels, and the milliseconds of a top level built again alone.
-fn two_levels(gpu: &Gpu, scene: &Scene, items: Items, upload: f64) -> Result<([Level; 2], f64), GpuError> {
-    let bottom = level(gpu, &items, Some(upload))?;
+/// The top level over bottom levels with leaning boxes, and the milliseconds to build it again alone.
+fn top(gpu: &Gpu, scene: &Scene, items: Items) -> Result<(Level, f64), GpuError> {
     let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Combined };
     let mut run = Run::new(gpu);
     let built = Built::new(&mut run, items, config)?;
@@ -80,7 +83,7 @@ fn two_levels(gpu: &Gpu, scene: &Scene, items: Items, upload: f64) -> Result<([L
     two.place(&mut run, &instances)?;
     gpu.finish()?;
     let moved = start.elapsed().as_secs_f64() * 1e3;
-    Ok(([bottom, level(gpu, &two.top.items, None)?], moved))
+    Ok((level(gpu, &two.top.items, None)?, moved))
 }
 
 /// Times every pass over these items.
@@ -112,14 +115,16 @@ impl Measured {
                     let _ = write!(out, " {error}");
                 }
                 Ok(level) => {
-                    let Passes { domain, codes, sort, tree, boxes } = level.passes;
-                    let upload = level.upload.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}"));
-                    let _ = write!(out, "{upload:>9}");
-                    for ms in [domain, codes, sort, tree] {
-                        let _ = write!(out, "{ms:>9.2}");
+                    let Passes { domain, codes, sort, tree, boxes, refused } = &level.passes;
+                    let text = |ms: Option<f64>| ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}"));
+                    for ms in [level.upload, *domain, *codes, *sort, *tree] {
+                        let _ = write!(out, "{:>9}", text(ms));
                     }
                     for ms in boxes {
-                        let _ = write!(out, "{ms:>14.2}");
+                        let _ = write!(out, "{:>14}", text(*ms));
+                    }
+                    if let Some(error) = refused {
+                        let _ = write!(out, "\n{:<20} {error}", "");
                     }
                 }
             }
@@ -149,11 +154,11 @@ impl Measured {
 }
 
 fn level_json(level: &Level) -> Value {
-    let Passes { domain, codes, sort, tree, boxes } = level.passes;
+    let Passes { domain, codes, sort, tree, boxes, refused } = &level.passes;
     let boxes: Map<String, Value> = STRATEGIES
         .into_iter()
         .zip(boxes)
-        .map(|(strategy, ms)| (strategy_name(strategy).to_owned(), ms.into()))
+        .map(|(strategy, ms)| (strategy_name(strategy).to_owned(), (*ms).into()))
         .collect();
     let mut all = json!({
         "items": level.n_items, "domain_ms": domain, "codes_ms": codes, "sort_ms": sort, "tree_ms": tree,
@@ -161,6 +166,9 @@ fn level_json(level: &Level) -> Value {
     });
     if let Some(ms) = level.upload {
         all["upload_ms"] = ms.into();
+    }
+    if let Some(error) = refused {
+        all["refused"] = error.to_string().into();
     }
     all
 }
