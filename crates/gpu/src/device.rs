@@ -3,16 +3,26 @@
 use std::{
     collections::HashMap,
     sync::{Arc, Mutex, PoisonError},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, PollType, SubmissionIndex, Trace};
 
 use crate::memory::Memory;
-use crate::{AdapterFacts, Choice, GpuError, Kernel, Specialisation, adapter};
+use crate::{AdapterFacts, AdapterKind, Choice, GpuError, Kernel, Specialisation, adapter};
 
-/// Longest wait for a submission, which should take about 100 ms: beyond this the device hangs.
+/// Longest wait for a submission, which should take about 100 ms: beyond this the device hangs. Systems that watch over GPUs reset
+/// them after some 2 to 10 seconds.
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The same of software drivers, which nobody watches over. They hang only in loops without end, and kernels have none; but they
+/// share processors with all that runs there, and the first wait holds a compiler's second too: of a processor shared by a hundred
+/// that is minutes.
+const PATIENCE_WITH_SOFTWARE: Duration = Duration::from_secs(600);
+
+/// How many times as long as the longest wait before it one may be: dispatches grow fourfold at most, and work of the same kind is
+/// no more than that apart again.
+const MOST_GROWTH: u32 = 16;
 
 /// Most storage buffers of a stage that any of our kernels asks for.
 const STORAGE_BUFFERS: u32 = 28;
@@ -27,6 +37,8 @@ pub struct Gpu {
     limits: Limits,
     trouble: Arc<Mutex<Option<GpuError>>>,
     pub(crate) memory: Memory,
+    /// The longest wait that ended well.
+    longest_wait: Mutex<Duration>,
     kernels: Mutex<HashMap<String, Arc<Kernel>>>,
 }
 
@@ -73,7 +85,16 @@ impl Gpu {
                 keep(&lost, GpuError::Lost { message });
             }
         });
-        Ok(Self { facts, device, queue, limits, trouble, memory: Memory::unbounded(), kernels: Mutex::default() })
+        Ok(Self {
+            facts,
+            device,
+            queue,
+            limits,
+            trouble,
+            memory: Memory::unbounded(),
+            longest_wait: Mutex::default(),
+            kernels: Mutex::default(),
+        })
     }
 
     /// What the adapter is.
@@ -141,10 +162,16 @@ impl Gpu {
 
     /// Waits until the device has done a submission, or all of them.
     pub(crate) fn wait(&self, submission: Option<SubmissionIndex>) -> Result<(), GpuError> {
-        let poll = PollType::Wait { submission_index: submission, timeout: Some(PATIENCE) };
-        match self.device.poll(poll) {
-            Ok(_) => self.check(),
-            Err(wgpu::PollError::Timeout) => Err(GpuError::TimedOut { seconds: PATIENCE.as_secs() }),
+        let longest = || self.longest_wait.lock().unwrap_or_else(PoisonError::into_inner);
+        let patience = patience(self.facts.kind, *longest());
+        let start = Instant::now();
+        match self.device.poll(PollType::Wait { submission_index: submission, timeout: Some(patience) }) {
+            Ok(_) => {
+                let mut longest = longest();
+                *longest = start.elapsed().max(*longest);
+                self.check()
+            }
+            Err(wgpu::PollError::Timeout) => Err(GpuError::TimedOut { seconds: patience.as_secs() }),
             Err(error) => Err(GpuError::Invalid { message: error.to_string() }),
         }
     }
@@ -155,6 +182,12 @@ impl Gpu {
         keep(&self.trouble, GpuError::Lost { message: "destroyed by its owner".to_owned() });
         self.device.destroy();
     }
+}
+
+/// How long a device may take for a submission, after others that took `longest` at most.
+fn patience(kind: AdapterKind, longest: Duration) -> Duration {
+    let least = if kind == AdapterKind::Software { PATIENCE_WITH_SOFTWARE } else { PATIENCE };
+    least.max(MOST_GROWTH * longest)
 }
 
 fn keep(trouble: &Mutex<Option<GpuError>>, error: GpuError) {
@@ -169,5 +202,18 @@ fn from_wgpu(error: &wgpu::Error) -> GpuError {
     match error {
         wgpu::Error::OutOfMemory { source } => GpuError::OutOfMemory { what: source.to_string() },
         error => GpuError::Invalid { message: error.to_string().replace('\n', " ") },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patience_grows_with_what_a_device_has_taken() {
+        let seconds = Duration::from_secs;
+        assert_eq!(patience(AdapterKind::Discrete, seconds(0)), seconds(60));
+        assert_eq!(patience(AdapterKind::Discrete, seconds(30)), seconds(480));
+        assert_eq!(patience(AdapterKind::Software, seconds(1)), seconds(600));
     }
 }
