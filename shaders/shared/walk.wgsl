@@ -35,7 +35,14 @@ fn walk(ray: Ray, any: bool) -> Hit {
     var n_outer = 0u;
     var is_inner = !HAS_INSTANCES;
     loop {
-        if word == EMPTY {
+        // Nodes are entered at one place of the text, by those who come down to one and those who come back: lanes of a vector do
+        // both at once, and compilers copy functions to where they are called.
+        var node = word;
+        var half = 0u;
+        var end = 2u;
+        var entry = vec2<u32>(0u);
+        let is_back = word == EMPTY;
+        if is_back {
             if is_inner && HAS_INSTANCES && n_waiting == n_outer {
                 // The instance is done.
                 is_inner = false;
@@ -46,37 +53,49 @@ fn walk(ray: Ray, any: bool) -> Hit {
             if n_waiting == 0u {
                 break;
             }
-            let entry = stack[n_waiting - 1u];
-            let child = entry.y & 7u;
-            if enter(entry.x, child >> 2u, t_max)[child & 3u] == MISSED {
-                // What waits behind it is farther still.
-                n_waiting -= 1u;
-            } else {
-                word = child_word(entry.x, child);
-                stack[n_waiting - 1u].y = next(entry.y);
-                if (entry.y >> 24u) == 1u {
-                    n_waiting -= 1u;
-                }
-            }
+            entry = stack[n_waiting - 1u];
+            node = entry.x;
+            half = (entry.y & 7u) >> 2u;
+            end = half + 1u;
         }
         turns += 1u;
         if turns > TURNS {
             is_cut = true;
             break;
         }
-        if word == EMPTY {
-            continue;
-        }
-        if (word & LEAF) == 0u {
-            count_boxes(8u);
-            let children = ordered(enter(word, 0u, t_max), enter(word, 1u, t_max));
-            let n = children >> 24u;
-            if n > 1u {
-                stack[n_waiting] = vec2<u32>(word, next(children));
-                n_waiting += 1u;
+        if (node & LEAF) == 0u {
+            var keys = array<vec4<u32>, 2>(vec4<u32>(MISSED), vec4<u32>(MISSED));
+            loop {
+                keys[half] = enter(node, half, t_max);
+                half += 1u;
+                turns += 1u;
+                if half >= end {
+                    break;
+                }
             }
-            let nearest = child_word(word, children & 7u);
-            word = select(nearest, EMPTY, n == 0u);
+            if is_back {
+                let child = entry.y & 7u;
+                if keys[child >> 2u][child & 3u] == MISSED {
+                    // What waits behind it is farther still.
+                    n_waiting -= 1u;
+                } else {
+                    word = child_word(node, child);
+                    stack[n_waiting - 1u].y = next(entry.y);
+                    if (entry.y >> 24u) == 1u {
+                        n_waiting -= 1u;
+                    }
+                }
+            } else {
+                count_boxes(8u);
+                let children = ordered(keys[0], keys[1]);
+                let n = children >> 24u;
+                if n > 1u {
+                    stack[n_waiting] = vec2<u32>(node, next(children));
+                    n_waiting += 1u;
+                }
+                let nearest = child_word(node, children & 7u);
+                word = select(nearest, EMPTY, n == 0u);
+            }
         } else if is_inner {
             leaf(word);
             word = EMPTY;
