@@ -1,8 +1,8 @@
 // Direct light, diffuse bounces, ambient light with occlusion: one sample of one pixel an invocation, a cell of 8 x 8 pixels a
 // work-group. The twin of the CPU's hybrid integrator, whose documentation says what is gathered and with which bias.
 //
-// `?direct` and `?bodies` are the lights of the list, `?sky` what is behind everything, `?film` keeps what was found; `?mask`, of
-// tracing, is alpha.
+// `?direct` and `?bodies` are the lights of the list, `?sky` what is behind everything, `?film` keeps what was found, `?time` says when
+// rays fly; `?mask`, of tracing, is alpha.
 //
 // All rays of a path, shadow rays too, are traced at one place of the text: compilers copy functions to where they are called,
 // and traversal is by far the greatest.
@@ -16,6 +16,7 @@
 // use ?direct
 // use ?film
 // use ?sky
+// use ?time
 
 /// Dimension of the first bounce.
 const FIRST_BOUNCE: u32 = 1u;
@@ -29,6 +30,7 @@ fn main(
     let group = group_id.y * groups.x + group_id.x;
     let one = taken(group, local);
     if one.is_inside {
+        choose_time(one);
         let start = camera_ray(one);
         let light = gathered(one, start.ray, start.cone);
         keep(group, local, start.weight * light.radiance, light.n_rays);

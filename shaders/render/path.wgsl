@@ -1,10 +1,11 @@
 // Light along paths: one sample of one pixel an invocation, a cell of 8 x 8 pixels a work-group.
 //
-// `?film` keeps what was found. All rays of a path, those to lights too, are traced at one place of the text, and all that happens
+// `?film` keeps what was found, `?time` says when it flies. All rays of a path, those to lights too, are traced at one place of the text, and all that happens
 // between two rays is at one: compilers copy functions to where they are called.
 // use shared/path
 // use shared/walk
 // use ?film
+// use ?time
 
 @compute @workgroup_size(64)
 fn main(
@@ -15,8 +16,8 @@ fn main(
     let group = group_id.y * groups.x + group_id.x;
     let one = taken(group, local);
     if one.is_inside {
-        let start = camera_ray(one);
-        var path = path_from(start);
+        choose_time(one);
+        var path = path_from(camera_ray(one));
         loop {
             ray_key = key_of(path, one);
             let hit = walk(path.ray, path.stage == TO_LIGHT);
@@ -25,6 +26,6 @@ fn main(
                 break;
             }
         }
-        keep(group, local, start.weight * path.radiance, path.n_rays);
+        keep(group, local, path.weight * path.radiance, path.n_rays);
     }
 }

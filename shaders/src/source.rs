@@ -40,8 +40,10 @@ pub const FILES: &[(&str, &str)] = files![
     "check/bsdf",
     "check/light",
     "check/loops",
+    "check/moving",
     "check/sampler",
     "render/gbuffer",
+    "render/guide",
     "render/hybrid",
     "render/path",
     "shared/alpha/plain",
@@ -92,6 +94,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/lens/disc",
     "shared/lens/pinhole",
     "shared/level/flat",
+    "shared/level/moving",
     "shared/level/one",
     "shared/level/two",
     "shared/light/arrival",
@@ -118,22 +121,29 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/material/lambert",
     "shared/mesh",
     "shared/mix",
+    "shared/motion",
     "shared/node",
     "shared/normal/flat",
     "shared/normal/mapped",
     "shared/normal/smooth",
     "shared/numbers",
     "shared/path",
+    "shared/paths",
     "shared/pattern/random",
     "shared/pattern/sobol",
     "shared/pattern/stratified",
     "shared/picture",
+    "shared/place",
     "shared/placed/flat",
     "shared/placed/instances",
+    "shared/placed/moving",
     "shared/placed/one",
+    "shared/placement",
     "shared/presence",
+    "shared/queue",
     "shared/ray",
     "shared/ray_key",
+    "shared/ray_time",
     "shared/rule/combined",
     "shared/rule/pca_bounded",
     "shared/rule/quaternion",
@@ -156,6 +166,8 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/texture/none",
     "shared/through/glass",
     "shared/through/none",
+    "shared/time/shutter",
+    "shared/time/still",
     "shared/trace",
     "shared/tree",
     "shared/triangle",
@@ -169,6 +181,9 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/world",
     "trace/closest",
     "trace/occluded",
+    "wave/generate",
+    "wave/shade",
+    "wave/trace",
 ];
 
 /// What a caller chooses of a kernel.
@@ -207,6 +222,19 @@ impl Specialisation {
         self
     }
 
+    /// What of it a kernel leaves open, where all that the kernel leaves open is chosen: kernels that share a choice need not leave
+    /// the same open.
+    ///
+    /// # Errors
+    /// A name without a file, and what is left open.
+    pub fn of_kernel(&self, name: &str) -> Result<Self, ShaderError> {
+        let open = joined(name, self)?.open;
+        let mut own = self.clone();
+        own.parts.retain(|(name, _)| open.contains(name));
+        own.numbers.retain(|(name, _)| open.contains(name));
+        Ok(own)
+    }
+
     /// The overrides, as a pipeline takes them.
     #[must_use]
     pub fn overrides(&self) -> &[(String, f64)] {
@@ -224,8 +252,7 @@ pub fn kernels() -> impl Iterator<Item = &'static str> {
 /// # Errors
 /// A name without a file, and what is left open, or chosen and not open.
 pub fn assemble(name: &str, chosen: &Specialisation) -> Result<String, ShaderError> {
-    let mut joined = Joined { kernel: name, chosen, text: String::new(), files: vec![], open: vec![] };
-    joined.add(name)?;
+    let joined = joined(name, chosen)?;
     let given = chosen.parts.iter().map(|(name, _)| name).chain(chosen.numbers.iter().map(|(name, _)| name));
     for what in given {
         if !joined.open.contains(what) {
@@ -233,6 +260,12 @@ pub fn assemble(name: &str, chosen: &Specialisation) -> Result<String, ShaderErr
         }
     }
     Ok(joined.text)
+}
+
+fn joined<'a>(name: &'a str, chosen: &'a Specialisation) -> Result<Joined<'a>, ShaderError> {
+    let mut joined = Joined { kernel: name, chosen, text: String::new(), files: vec![], open: vec![] };
+    joined.add(name)?;
+    Ok(joined)
 }
 
 struct Joined<'a> {

@@ -22,7 +22,8 @@ fn choices(kernel: &str) -> Vec<Specialisation> {
             let ShaderError::NotChosen { what, .. } = error else { panic!("{error}") };
             let folder = format!("shared/{what}/");
             // Alpha is a matter of surfaces, which are no part of tracing.
-            let is_apart = |name: &str| kernel.starts_with("trace/") && name == "shared/mask/alpha";
+            let only_traces = kernel.starts_with("trace/") || kernel == "check/moving";
+            let is_apart = |name: &str| only_traces && name == "shared/mask/alpha";
             let files = FILES.iter().map(|(name, _)| *name).filter(|name| name.starts_with(&folder) && !is_apart(name));
             let files: Vec<_> = files.collect();
             n_choices = n_choices.max(files.len());

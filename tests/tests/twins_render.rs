@@ -2,6 +2,7 @@
 
 mod twins_render {
     mod compared;
+    mod guides;
     mod paths;
     mod pictures;
     mod raster;

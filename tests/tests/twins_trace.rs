@@ -8,6 +8,7 @@ mod twins_trace {
     mod judge;
     mod meshes;
     mod models;
+    mod moving;
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "the ways to build are shared, the comparison is not")]
     mod setup;

@@ -1,6 +1,6 @@
 //! Compiled kernels.
 
-use canted_shaders::{Binding, BindingKind, Entry, Shader, Specialisation};
+use canted_shaders::{Binding, BindingKind, Entry, Layout, Shader, Specialisation};
 use wgpu::{ComputePipelineDescriptor, Limits, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource};
 
 use crate::{Gpu, GpuError};
@@ -10,6 +10,7 @@ pub struct Kernel {
     pub(crate) name: String,
     pub(crate) pipeline: wgpu::ComputePipeline,
     entry: Entry,
+    layouts: Vec<Layout>,
 }
 
 impl Kernel {
@@ -34,13 +35,19 @@ impl Kernel {
             cache: None,
         });
         gpu.check()?;
-        Ok(Self { name: name.to_owned(), pipeline, entry: entry.clone() })
+        Ok(Self { name: name.to_owned(), pipeline, entry: entry.clone(), layouts: shader.layouts })
     }
 
     /// What it binds.
     #[must_use]
     pub fn bindings(&self) -> &[Binding] {
         &self.entry.bindings
+    }
+
+    /// Bytes of a structure that it names; `None` where it has none of this name.
+    #[must_use]
+    pub fn bytes_of(&self, structure: &str) -> Option<u32> {
+        self.layouts.iter().find(|layout| layout.name == structure).map(|layout| layout.size)
     }
 
     /// Invocations of a work-group.

@@ -30,6 +30,6 @@ pub use device::Gpu;
 pub use error::GpuError;
 pub use kernel::Kernel;
 pub use raster::{Draw, Drawn, Raster, TARGETS};
-pub use trace::{Answer, DeviceHit, DeviceRay, HIT_ERROR, TracedScene};
+pub use trace::{Answer, DeviceHit, DeviceRay, HIT_ERROR, Motion, TracedScene};
 pub use wgpu::Limits;
 pub use work::{AsBinding, Bound, PassTime, Work};

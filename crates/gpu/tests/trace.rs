@@ -110,9 +110,16 @@ fn what_kernels_do_not_trace_is_refused() {
         Ok(_) => panic!("{instance:?} is traced"),
         Err(error) => error.to_string(),
     };
-    let moved = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0; 3]] };
-    let moving = Instance { world_from_object_close: Some(moved), ..Instance::still(0, Affine::IDENTITY) };
-    assert_eq!(refused(moving), "the device does not trace instance 0, which moves; use --device cpu");
+    let about_z = |[sine, cosine]: [f32; 2]| Affine {
+        columns: [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0], [0.0; 3]],
+    };
+    // By 135 degrees.
+    let turning =
+        Instance { world_from_object_close: Some(about_z([0.7, -0.7])), ..Instance::still(0, Affine::IDENTITY) };
+    assert_eq!(
+        refused(turning),
+        "the device does not trace instance 0, whose motion has condition inf, beyond 1.024e3; use --device cpu"
+    );
     let flat = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1e-4], [0.0; 3]] };
     assert!(refused(Instance::still(0, flat)).contains("condition"));
     assert!(refused(Instance::still(3, Affine::IDENTITY)).contains("bottom level 3"));

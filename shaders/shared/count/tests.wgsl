@@ -10,3 +10,7 @@ fn count_boxes(n: u32) {
 fn count_triangles(n: u32) {
     tested.y += n;
 }
+
+fn n_tested() -> vec2<u32> {
+    return tested;
+}

@@ -3,7 +3,9 @@
 //! Mirrors and glass amplify what a rounding moves, and paths have many vertices that may fork, so more pixels go astray than of
 //! the hybrid integrator; the shares here are about twice what was measured, and sums over what is astray are held to chance.
 
-use canted_renderer::{DevicePicture, Integrator, Levels, Settings, Surfaces};
+use std::sync::atomic::AtomicBool;
+
+use canted_renderer::{DevicePicture, Integrator, Levels, Monitor, Pattern, Settings, Surfaces};
 use canted_scene::{Camera, Environment, Material, Scene};
 
 use super::compared::{compared, difference, on_cpu, on_device, prepared};
@@ -55,6 +57,49 @@ fn metal_and_glass_before_a_sky() {
         scene.materials[3] = material;
         compared(&gpu, &scene, &camera, Levels::One, &small(4)).check(name, [0.4, 0.02]);
     }
+}
+
+#[test]
+fn a_wavefront_takes_the_samples_of_one_kernel() {
+    let Some(gpu) = gpu("a_wavefront_takes_the_samples_of_one_kernel") else { return };
+    let cancel = AtomicBool::new(false);
+    let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
+    for (scene, camera) in [of_all_materials(), scenes::textured(), scenes::in_motion(scenes::room())] {
+        let prepared = prepared(&scene, Levels::Auto);
+        // Cells that are cut by the picture's border, and more samples than a first dispatch takes.
+        let settings = Settings { width: 60, height: 35, ..small(4) };
+        let surfaces = Surfaces::with_lod(&scene, settings.lod);
+        let picture = || DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
+        let one = picture().render(vec![], &monitor).unwrap();
+        let waves = picture().in_waves().unwrap().render(vec![], &monitor).unwrap();
+        // Compilers may contract sums and products of one text otherwise in another kernel, and few paths fork by that.
+        difference(&waves, &one).check("waves", [0.02, 1e-3]);
+        assert!(waves.n_rays().abs_diff(one.n_rays()) * 100 < one.n_rays());
+        let other = Settings { seed: 1, ..settings };
+        let other = DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &other).unwrap();
+        let other = other.in_waves().unwrap().render(vec![], &monitor).unwrap();
+        assert!(difference(&other, &one).astray > 0.3);
+    }
+}
+
+#[test]
+fn what_moves_while_the_shutter_is_open() {
+    let Some(gpu) = gpu("what_moves_while_the_shutter_is_open") else { return };
+    let (mut scene, camera) = scenes::in_motion(scenes::textured());
+    for pattern in [Pattern::Random, Pattern::Stratified, Pattern::Sobol] {
+        let settings = Settings { pattern, ..small(4) };
+        compared(&gpu, &scene, &camera, Levels::Auto, &settings).check("textures", [0.4, 0.02]);
+    }
+    (scene, _) = scenes::in_motion(scenes::room());
+    let (_, camera) = scenes::room();
+    let settings = Settings { integrator: Integrator::Hybrid, ..small(4) };
+    compared(&gpu, &scene, &camera, Levels::Auto, &settings).check("room", [0.3, 0.01]);
+    // The comparison sees what stands still.
+    let prepared = prepared(&scene, Levels::Auto);
+    let ours = on_device(&gpu, &scene, &prepared, &camera, &settings);
+    let (still, _) = scenes::room();
+    let found = difference(&ours, &on_cpu(&still, &super::compared::prepared(&still, Levels::Two), &camera, &settings));
+    assert!(found.astray > 0.5, "{found:?}");
 }
 
 #[test]

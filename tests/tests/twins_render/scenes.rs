@@ -126,3 +126,15 @@ pub(super) fn textured() -> (Scene, Camera) {
     };
     (scene, Camera::pinhole([0.5, -3.0, 5.0], [0.0; 3], [0.0, 1.0, 0.0], 45.0))
 }
+
+/// The same scene, in which every second instance is turned, sheared and shifted while the shutter is open.
+pub(super) fn in_motion((mut scene, camera): (Scene, Camera)) -> (Scene, Camera) {
+    for instance in scene.instances.iter_mut().skip(1).step_by(2) {
+        let mut close = instance.world_from_object;
+        for [x, y, z] in &mut close.columns {
+            (*x, *y, *z) = (*x - 0.3 * *y + 0.1, *y + 0.2 * *x, 1.1 * *z);
+        }
+        instance.world_from_object_close = Some(close);
+    }
+    (scene, camera)
+}

@@ -7,12 +7,14 @@
 //! The device walks the words that the CPU walks; what it needs besides is a tree of boxes around instances, made here.
 
 mod cast;
+mod motion;
 mod outer;
 mod ray;
 mod scene;
 mod words;
 
 pub use cast::Answer;
+pub use motion::Motion;
 pub use ray::{DeviceHit, DeviceRay};
 pub use scene::TracedScene;
 pub use words::HIT_ERROR;

@@ -5,6 +5,7 @@ use canted_obb::Aabb;
 use canted_tlas::Instance;
 use canted_wide::{LaneKernel, Wide, Words};
 
+use super::motion::MotionWords;
 use super::outer::Outer;
 use super::words::{HitError, PlaceWords, Quad, Start, TreeWords};
 use crate::{Bound, Buffer, Gpu, GpuError, Specialisation, loop_turns};
@@ -41,8 +42,17 @@ enum Level {
     One,
     /// First triangles of all instances, whose triangles are under one tree.
     Flat(Buffer<u32>),
-    /// Instances, and their numbers in the order of the outer tree.
-    Two(Buffer<PlaceWords>, Buffer<u32>),
+    /// Instances under a tree.
+    Two(Instances),
+}
+
+/// Instances in the device's memory.
+struct Instances {
+    places: Buffer<PlaceWords>,
+    /// Their numbers in the order of the outer tree.
+    order: Buffer<u32>,
+    /// Ways of those that move, where any does.
+    motions: Option<Buffer<MotionWords>>,
 }
 
 impl TracedScene {
@@ -65,15 +75,17 @@ impl TracedScene {
     /// Uploads a tree a mesh and the instances that place them, with a tree over these.
     ///
     /// # Errors
-    /// As [`TracedScene::one`]; instances that no bottom level belongs to, that move, or whose transform is nearer to singular
-    /// than the arithmetic of kernels allows.
+    /// As [`TracedScene::one`]; instances that no bottom level belongs to, or whose transform is nearer to singular, anywhere on
+    /// its way, than the arithmetic of kernels allows ([`Motion::norm_of_inverse`](crate::Motion::norm_of_inverse)).
     pub fn two<K: LaneKernel>(gpu: &Gpu, meshes: &[&Wide<K>], instances: &[Instance]) -> Result<Self, GpuError> {
         let words: Vec<(Words<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
         let outer = Outer::new(&words, instances)?;
-        let level = Level::Two(
-            gpu.buffer("instances", &outer.places)?,
-            gpu.buffer("instances in the order of their tree", &outer.instances)?,
-        );
+        let motions = Some(&outer.motions).filter(|motions| !motions.is_empty());
+        let level = Level::Two(Instances {
+            places: gpu.buffer("instances", &outer.places)?,
+            order: gpu.buffer("instances in the order of their tree", &outer.instances)?,
+            motions: motions.map(|motions| gpu.buffer("motions of instances", motions)).transpose()?,
+        });
         let deepest = words.iter().map(|(words, _)| words.depth).max().unwrap_or(0);
         let (outer_words, _) = outer.tree.words();
         let trees: Vec<_> = std::iter::once((outer_words, outer.error))
@@ -120,9 +132,10 @@ impl TracedScene {
         match &self.level {
             Level::One => {}
             Level::Flat(first) => bound.push(("first_triangles", first)),
-            Level::Two(places, instances) => {
+            Level::Two(Instances { places, order, motions }) => {
                 bound.push(("places", places));
-                bound.push(("instances", instances));
+                bound.push(("instances", order));
+                bound.extend(motions.as_ref().map(|motions| -> Bound<'_> { ("motions", motions) }));
             }
         }
         bound
@@ -134,7 +147,8 @@ impl TracedScene {
         let level = match self.level {
             Level::One => "shared/level/one",
             Level::Flat(_) => "shared/level/flat",
-            Level::Two(..) => "shared/level/two",
+            Level::Two(Instances { motions: None, .. }) => "shared/level/two",
+            Level::Two(_) => "shared/level/moving",
         };
         chosen.part("level", level).number("STACK", self.stack).number("TURNS", self.turns)
     }
@@ -145,7 +159,9 @@ impl TracedScene {
         let level = match &self.level {
             Level::One => 0,
             Level::Flat(first) => first.n_bytes(),
-            Level::Two(places, instances) => places.n_bytes() + instances.n_bytes(),
+            Level::Two(Instances { places, order, motions }) => {
+                places.n_bytes() + order.n_bytes() + motions.as_ref().map_or(0, Buffer::n_bytes)
+            }
         };
         self.nodes.n_bytes() + self.halves.n_bytes() + self.trees.n_bytes() + level
     }

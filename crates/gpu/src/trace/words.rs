@@ -1,4 +1,4 @@
-//! Trees, instances and their error bounds as the kernels lay them out: `shared/tree.wgsl`, `shared/level/two.wgsl`.
+//! Trees, instances and their error bounds as the kernels lay them out: `shared/tree.wgsl`, `shared/place.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::{Affine, Obb};
@@ -62,19 +62,19 @@ impl TreeWords {
 pub(super) struct PlaceWords {
     /// Rows of the linear part of `object_from_world`, each with a component of where the object's origin stands.
     rows: [[f32; 4]; 3],
-    /// Its tree.
+    /// Its tree, and one more than the number of its motion, 0 for none.
     tree: Quad,
 }
 
 impl PlaceWords {
     #[expect(clippy::cast_possible_truncation, reason = "the rounding is within the kernel's bound")]
-    pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, tree: u32) -> Self {
+    pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, [tree, motion]: [u32; 2]) -> Self {
         let at = world_from_object.columns[3];
         let row = |k: usize| {
             let [x, y, z, _] = object_from_world[k].map(|x| x as f32);
             [x, y, z, at[k]]
         };
-        Self { rows: [row(0), row(1), row(2)], tree: [tree, 0, 0, 0] }
+        Self { rows: [row(0), row(1), row(2)], tree: [tree, motion, 0, 0] }
     }
 }
 

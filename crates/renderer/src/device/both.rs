@@ -43,7 +43,7 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
     }
 
     fn by_device(&self, layout: &Layout, division: &Division) -> Result<(), GpuError> {
-        let slicer = Slicer::new(self.gpu, self.kernel.clone())?;
+        let slicer = Slicer::new(self.gpu, self.stages.clone())?;
         let on_cpu = |at, sample, sums: &mut Sums| self.on_cpu.take(at, sample, sums);
         let mut taker = Taker { slicer, bound: self.bound(), settings: self.settings, on_cpu: &on_cpu };
         loop {

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use canted_gpu::{Bound, GpuError};
 
-use super::slices::{CELL_PIXELS, Slicer, Taken};
+use super::slices::{CELL_PIXELS, Seen, Slicer, Taken};
 use crate::render::{CELL, Course, Layout, Sums};
-use crate::{Pixel, RenderError, Settings, Tile};
+use crate::{Guide, Pixel, RenderError, Settings, Tile};
 
 /// A cell while its samples are taken.
 struct Cell {
@@ -78,8 +78,8 @@ fn take(taker: &mut Taker, waiting: &mut [Cell], samples: [u32; 2], stop: &dyn F
     let [first, n] = samples;
     let (mut cell, mut sample) = (0, first);
     let on_cpu = taker.on_cpu;
-    taker.slicer.take(&places, samples, &taker.bound, |taken: &[Taken]| {
-        add(taken, &mut waiting[cell], sample, on_cpu);
+    taker.slicer.take(&places, samples, &taker.bound, |taken: &[Taken], seen: &[Seen]| {
+        add(taken, seen, &mut waiting[cell], sample, on_cpu);
         sample += 1;
         if sample == first + n {
             (cell, sample) = (cell + 1, first);
@@ -89,11 +89,12 @@ fn take(taker: &mut Taker, waiting: &mut [Cell], samples: [u32; 2], stop: &dyn F
 }
 
 /// Adds a sample of each of a cell's pixels.
-fn add(taken: &[Taken], cell: &mut Cell, sample: u32, on_cpu: &dyn Fn([u32; 2], u32, &mut Sums) -> u64) {
+fn add(taken: &[Taken], seen: &[Seen], cell: &mut Cell, sample: u32, on_cpu: &dyn Fn([u32; 2], u32, &mut Sums) -> u64) {
     let corner = cell.pixels[0];
     for (&[x, y], sums) in cell.pixels.iter().zip(&mut cell.sums) {
         let [column, row] = [x - corner[0], y - corner[1]];
-        let [red, green, blue, rays] = taken[(row * CELL + column) as usize];
+        let local = (row * CELL + column) as usize;
+        let [red, green, blue, rays] = taken[local];
         if rays < 0.0 {
             // A ray was cut short: what it brought is not known.
             let at = [cell.at[0] * CELL + column, cell.at[1] * CELL + row];
@@ -101,9 +102,25 @@ fn add(taken: &[Taken], cell: &mut Cell, sample: u32, on_cpu: &dyn Fn([u32; 2], 
             continue;
         }
         sums.pixel.push_sample(sample, Pixel::of([red, green, blue]));
+        if let Some(seen) = seen.get(local) {
+            sums.guide.push_sample(sample, guide(seen));
+        }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of rays")]
         let rays = rays as u64;
         cell.n_rays += rays;
+    }
+}
+
+fn guide(seen: &Seen) -> Guide {
+    let is_hit = seen.instance != u32::MAX;
+    Guide {
+        n_hits: is_hit.into(),
+        first: is_hit.then_some([seen.instance, seen.primitive]),
+        depth: seen.depth.into(),
+        normal: seen.normal.map(f64::from),
+        shading_normal: seen.shading_normal.map(f64::from),
+        albedo: seen.albedo.map(f64::from),
+        tests: [seen.n_boxes, seen.n_triangles].map(f64::from),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Triangles and vertices as kernels read them.
 
 use bytemuck::{Pod, Zeroable};
+use canted_gpu::Motion;
 use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
 use rayon::prelude::*;
@@ -8,6 +9,7 @@ use rayon::prelude::*;
 use super::materials::Materials;
 use super::slack;
 use crate::motion::cofactors;
+use crate::structure::instances;
 use crate::vector::{Vector, add, cross, length, narrow, scale, sub, unit, wide};
 
 /// Where what a vertex has begins among its words; 0 for what no vertex has. Positions come first.
@@ -53,7 +55,7 @@ pub(super) struct PackedTriangle {
 /// Set where a flattened instance mirrors.
 const MIRRORED: u32 = 1 << 31;
 
-/// `Placement` of `shared/placed/instances`.
+/// `Placement` of `shared/placement`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct PackedPlacement {
@@ -66,7 +68,7 @@ pub(super) struct PackedPlacement {
     pub(super) shift: [f32; 3],
     pub(super) scale_root: f32,
     pub(super) cofactor_x: [f32; 3],
-    padding_x: u32,
+    pub(super) motion: u32,
     pub(super) cofactor_y: [f32; 3],
     padding_y: u32,
     pub(super) cofactor_z: [f32; 3],
@@ -115,11 +117,23 @@ impl Geometry {
             .iter()
             .map(|mesh| (all.count(), all.add(mesh, columns, &Affine::IDENTITY, materials)))
             .collect();
-        let placement = |instance: &Instance| {
+        let motions: Vec<Option<Motion>> = instances(scene).iter().map(Motion::of).collect();
+        let mut n_motions = 0;
+        let placement = |(instance, motion): (&Instance, &Option<Motion>)| {
             let (first_triangle, reach) = of_meshes[instance.mesh.0 as usize];
-            packed_placement(&instance.world_from_object, first_triangle, reach)
+            let still = packed_placement(&instance.world_from_object, first_triangle, reach);
+            let Some(motion) = motion else { return still };
+            // Motions are numbered as the tree over instances numbers them.
+            n_motions += 1;
+            let ends = [Some(instance.world_from_object), instance.world_from_object_close];
+            PackedPlacement {
+                motion: n_motions - 1,
+                slack: slack::of_moving(ends.into_iter().flatten(), motion, reach),
+                scale_root: rounded(motion.scale().sqrt()),
+                ..still
+            }
         };
-        all.placed = Placed::Instances(scene.instances.iter().map(placement).collect());
+        all.placed = Placed::Instances(scene.instances.iter().zip(&motions).map(placement).collect());
         all
     }
 
@@ -237,6 +251,10 @@ fn in_range(columns: &[Vector; 3]) -> [Vector; 3] {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+fn rounded(x: f64) -> f32 {
+    x as f32
+}
+
 fn packed_placement(map: &Affine, first_triangle: u32, reach: f32) -> PackedPlacement {
     let [x, y, z, shift] = map.columns;
     let cofactors = cofactors(&map.columns.map(wide));
@@ -249,9 +267,9 @@ fn packed_placement(map: &Affine, first_triangle: u32, reach: f32) -> PackedPlac
         z,
         first_triangle,
         shift,
-        scale_root: length(cofactors.map(length)).sqrt() as f32,
+        scale_root: rounded(length(cofactors.map(length)).sqrt()),
         cofactor_x,
-        padding_x: 0,
+        motion: u32::MAX,
         cofactor_y,
         padding_y: 0,
         cofactor_z,

@@ -14,6 +14,7 @@ mod render;
 mod scene;
 mod slack;
 mod slices;
+mod stages;
 mod textures;
 #[cfg(test)]
 mod twins;

@@ -1,9 +1,8 @@
 //! Pictures by a device.
 
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use canted_gpu::{Bound, Buffer, Gpu, Kernel, Specialisation, TracedScene};
+use canted_gpu::{Bound, Buffer, Gpu, Specialisation, TracedScene};
 use canted_scene::{Camera, Scene};
 use canted_wide::{LaneKernel, Wide};
 
@@ -14,10 +13,11 @@ use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
 use super::scene::PackedScene;
 use super::slices::Slicer;
+use super::stages::{Light, Stages};
 use crate::render::{Layout, Rendering, Sums, assembled, in_place};
 use crate::structure::instances;
 use crate::{
-    Film, Filter, Integrator, Level, Lights, Monitor, Pattern, RenderError, Settings, Structure, Surfaces, Tile,
+    Aov, Film, Filter, Integrator, Level, Lights, Monitor, Pattern, RenderError, Settings, Structure, Surfaces, Tile,
 };
 
 /// Most samples of a pixel whose strata kernels count in 32 bits.
@@ -37,7 +37,9 @@ pub struct DevicePicture<'a, K: LaneKernel> {
     sampled: Option<SampledLights>,
     picture: Buffer<PackedPicture>,
     filter_table: Option<Buffer<f32>>,
-    pub(super) kernel: Arc<Kernel>,
+    /// What is chosen of its kernel.
+    chosen: Specialisation,
+    pub(super) stages: Stages,
 }
 
 impl<'a, K: LaneKernel> DevicePicture<'a, K> {
@@ -55,10 +57,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let scene = surfaces.scene();
         let on_cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
         film::check(settings)?;
-        check_known(scene, settings)?;
+        check_known(settings)?;
         let traced = traced_scene(gpu, scene, structure)?;
+        // Channels beside light tell of materials what the path integrator knows of them.
+        let looks = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
         let is_flat = matches!(structure, Structure::One(_));
-        let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, settings.integrator)?;
+        let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, looks)?;
         let sky = DeviceSky::new(gpu, scene)?;
         let ambient = bounded(Lights::new(scene).ambient());
         let Rendering { view, filter, ao_radius, .. } = &on_cpu;
@@ -68,8 +72,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             Filter::Box(_) => None,
             _ => Some(gpu.buffer("filter", &filter.table())?),
         };
-        let chosen = Specialisation::none().part("film", "shared/film/samples").part("count", "shared/count/none");
-        let chosen = traced.specialise(sky.specialise(picture::specialise(chosen, view, settings)));
+        let time = if scene.moves() { "shared/time/shutter" } else { "shared/time/still" };
+        let shared = |count: &str| {
+            let chosen = Specialisation::none().part("count", count).part("time", time);
+            traced.specialise(picture::specialise(chosen, view, settings))
+        };
+        let chosen = sky.specialise(shared("shared/count/none").part("film", "shared/film/samples"));
         let (kernel, chosen, sampled) = match settings.integrator {
             Integrator::Hybrid => ("render/hybrid", packed.specialise_hybrid(chosen), None),
             Integrator::Path => {
@@ -77,16 +85,47 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
                 ("render/path", packed.specialise_path(chosen, &sampled), Some(sampled))
             }
         };
-        let kernel = gpu.kernel(kernel, &chosen)?;
+        let guide = || {
+            let counts = settings.aovs.contains(Aov::Tests);
+            let chosen = shared(if counts { "shared/count/tests" } else { "shared/count/none" });
+            gpu.kernel("render/guide", &packed.specialise_guide(chosen))
+        };
+        let guide = (!settings.aovs.is_empty()).then(guide).transpose()?;
+        let stages = Stages { light: Light::One(gpu.kernel(kernel, &chosen)?), guide };
         let picture = gpu.uniform("picture", &facts)?;
-        Ok(Self { gpu, surfaces, settings, on_cpu, traced, packed, sky, sampled, picture, filter_table, kernel })
+        Ok(Self {
+            gpu,
+            surfaces,
+            settings,
+            on_cpu,
+            traced,
+            packed,
+            sky,
+            sampled,
+            picture,
+            filter_table,
+            chosen,
+            stages,
+        })
+    }
+
+    /// The same picture by a wavefront: kernels that generate, trace and shade hand paths to each other, and those that go on are
+    /// closed up between (Laine, Karras, Aila 2013). Samples are the same but for how a compiler contracts sums and products.
+    ///
+    /// # Errors
+    /// The hybrid integrator, which has no such kernels; what the device refuses.
+    pub fn in_waves(self) -> Result<Self, DeviceError> {
+        if self.settings.integrator != Integrator::Path {
+            return Err(DeviceError::Unknown { what: "a wavefront of the hybrid integrator" });
+        }
+        let light = Light::waves(self.gpu, &self.chosen)?;
+        Ok(Self { stages: Stages { light, ..self.stages }, ..self })
     }
 
     /// What the kernel binds of scene and picture, and the bytes of each in the device's memory.
     #[must_use]
     pub fn buffers(&self) -> Vec<(&str, u64)> {
-        let is_bound = |name: &str| self.kernel.bindings().iter().any(|binding| binding.name == name);
-        let bound = self.bound().into_iter().filter(|(name, _)| is_bound(name));
+        let bound = self.bound().into_iter().filter(|(name, _)| self.stages.binds(name));
         bound.map(|(name, buffer)| (name, buffer.n_bytes())).collect()
     }
 
@@ -102,7 +141,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let mut slots = in_place(&layout, done)?;
         let left: Vec<usize> = (0..slots.len()).filter(|&number| slots[number].is_none()).collect();
         let mut n_done = slots.len() - left.len();
-        let slicer = Slicer::new(self.gpu, self.kernel.clone())?;
+        let slicer = Slicer::new(self.gpu, self.stages.clone())?;
         let on_cpu = |at, sample, sums: &mut Sums| self.on_cpu.take(at, sample, sums);
         let mut taker = Taker { slicer, bound: self.bound(), settings: self.settings, on_cpu: &on_cpu };
         let mut left = &left[..];
@@ -158,15 +197,11 @@ pub fn traced_scene<K: LaneKernel>(
 }
 
 /// Refuses what there are no kernels for.
-fn check_known(scene: &Scene, settings: &Settings) -> Result<(), DeviceError> {
-    let unknown = [
-        (scene.moves(), "moving instances"),
-        (!settings.aovs.is_empty(), "channels beside light"),
-        (
-            settings.pattern == Pattern::Stratified && settings.samples > MOST_STRATIFIED,
-            "more than 1048576 stratified samples of a pixel",
-        ),
-    ];
+fn check_known(settings: &Settings) -> Result<(), DeviceError> {
+    let unknown = [(
+        settings.pattern == Pattern::Stratified && settings.samples > MOST_STRATIFIED,
+        "more than 1048576 stratified samples of a pixel",
+    )];
     match unknown.into_iter().find(|(is_asked, _)| *is_asked) {
         Some((_, what)) => Err(DeviceError::Unknown { what }),
         None => Ok(()),

@@ -35,6 +35,7 @@ pub(super) struct PackedScene {
 #[derive(Clone, Copy, Debug)]
 struct Has {
     instances: bool,
+    motion: bool,
     normals: bool,
     normal_maps: bool,
     masks: bool,
@@ -77,6 +78,7 @@ impl PackedScene {
         };
         let has = Has {
             instances: placements.is_some(),
+            motion: scene.moves(),
             normals: columns.normal > 0,
             normal_maps,
             masks: mask::is_needed(scene),
@@ -130,10 +132,10 @@ impl PackedScene {
 
     /// Chooses the parts of a kernel that read the scene.
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
-        let Has { instances, normals, normal_maps, masks, .. } = self.has;
+        let Has { instances, motion, normals, normal_maps, masks, .. } = self.has;
         let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
         let placed = match (instances, &self.firsts) {
-            (true, _) => "shared/placed/instances",
+            (true, _) => pick(motion, "shared/placed/moving", "shared/placed/instances"),
             (false, Some(_)) => "shared/placed/flat",
             (false, None) => "shared/placed/one",
         };
@@ -166,10 +168,19 @@ impl PackedScene {
         // Emitters that ask surfaces ask for alpha, where there is a mask or not.
         let chosen = if lights.glow_is_surfaces() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
         if !self.has.gloss {
-            return chosen.part("material", "shared/material/lambert").part("bsdf", "shared/bsdf/lambert");
+            return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
         }
         let through = if self.has.glass { "shared/through/glass" } else { "shared/through/none" };
-        chosen.part("material", "shared/material/full").part("bsdf", "shared/bsdf/full").part("through", through)
+        self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("through", through)
+    }
+
+    /// Chooses the parts of the kernel that tells what camera rays meet.
+    pub(super) fn specialise_guide(&self, chosen: Specialisation) -> Specialisation {
+        self.with_material(self.specialise(chosen))
+    }
+
+    fn with_material(&self, chosen: Specialisation) -> Specialisation {
+        chosen.part("material", if self.has.gloss { "shared/material/full" } else { "shared/material/lambert" })
     }
 
     fn with_bodies(&self, chosen: Specialisation) -> Specialisation {

@@ -17,7 +17,14 @@
 //! An instance's transform adds, with `κ` the greatest row sum of `|M⁻¹|·|M|`: ray and origin in object space are off by
 //! `2·(6 + 5) E` of sums of absolute products, at most `2 κ` of the reach (`shared/level/two`); and cofactors take a normal to
 //! one that leans by `4 E` of `‖M‖·‖M⁻¹‖` in Frobenius norms.
+//!
+//! Of what moves, `W` and `‖M‖` are the greatest of the way and `‖M⁻¹‖` is of absolute terms, all greatest row sums, with `k` their
+//! product. The transform's own numbers are off by `2 E` of themselves, of coordinates once and of the shift once: `4 E`. In object
+//! space a direction is off by `2·20 E` and an origin by `2·21 E·9/8` of `‖M⁻¹‖` times no more than `2·W`, which `‖M‖` takes to `175 E·k`
+//! of `W`, with room; cofactors are off by `4.5 E`, their products by `3 E`, so a normal leans by `8 E` of Frobenius norms, which are at most
+//! `3·k`.
 
+use canted_gpu::Motion;
 use canted_obb::Affine;
 
 use crate::motion::cofactors;
@@ -41,9 +48,7 @@ pub(super) fn in_world(reach: f32) -> f32 {
 /// The same for an instance of a mesh with greatest absolute coordinate `reach_object`.
 pub(super) fn of_instance(world_from_object: &Affine, reach_object: f32) -> f32 {
     let m: [Vector; 4] = world_from_object.columns.map(wide);
-    let reach_world = (0..3)
-        .map(|k| f64::from(reach_object) * (m[0][k].abs() + m[1][k].abs() + m[2][k].abs()) + m[3][k].abs())
-        .fold(0.0, f64::max);
+    let reach_world = reach_world(world_from_object, reach_object);
     // Rows of the inverse are the columns of cofactors over the determinant.
     let inverse = cofactors(&m).map(|row| row.map(|x| x / dot(m[0], cofactors(&m)[0])));
     let row_sum =
@@ -53,6 +58,24 @@ pub(super) fn of_instance(world_from_object: &Affine, reach_object: f32) -> f32 
     let condition = frobenius([m[0], m[1], m[2]]) * frobenius(inverse);
     let lean = 4.0 * 2.0 * 3.0_f64.sqrt() * condition;
     rounded_up((IN_WORLD + (2.0 * 22.0 * kappa + lean) * E) * reach_world)
+}
+
+/// The same for an instance that moves between two transforms.
+pub(super) fn of_moving(ends: impl Iterator<Item = Affine> + Clone, motion: &Motion, reach_object: f32) -> f32 {
+    let reach_world = ends.clone().map(|end| reach_world(&end, reach_object)).fold(0.0, f64::max);
+    let row_sum = |m: &Affine, k: usize| m.columns[..3].iter().map(|column| f64::from(column[k].abs())).sum::<f64>();
+    let forward = ends.map(|end| (0..3).map(|k| row_sum(&end, k)).fold(0.0, f64::max)).fold(0.0, f64::max);
+    let condition = forward * motion.norm_of_inverse();
+    let lean = 8.0 * 2.0 * 3.0_f64.sqrt() * 3.0 * condition;
+    rounded_up((IN_WORLD + (4.0 + 175.0 * condition + lean) * E) * reach_world)
+}
+
+/// The greatest absolute coordinate of an instance.
+fn reach_world(world_from_object: &Affine, reach_object: f32) -> f64 {
+    let [x, y, z, shift] = world_from_object.columns.map(wide);
+    (0..3)
+        .map(|k| f64::from(reach_object) * (x[k].abs() + y[k].abs() + z[k].abs()) + shift[k].abs())
+        .fold(0.0, f64::max)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "the room is greater than the rounding")]

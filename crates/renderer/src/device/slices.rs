@@ -1,11 +1,12 @@
 //! Samples of cells, in dispatches of about 100 ms.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use canted_gpu::{Bound, Buffer, Gpu, GpuError, Kernel};
+use bytemuck::{Pod, Zeroable};
+use canted_gpu::{Bound, Buffer, Gpu, GpuError};
 
 use super::picture::Slice;
+use super::stages::{Ready, Stages};
 
 /// How long a dispatch should take: short enough for a display that waits behind it, long beside what starting one costs.
 const WANTED: Duration = Duration::from_millis(100);
@@ -22,23 +23,42 @@ const MOST: u32 = 1 << 15;
 /// A sample: linear RGB, and the number of rays traced for it.
 pub(super) type Taken = [f32; 4];
 
+/// `Guide` of `render/guide`: what a camera ray meets first.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Seen {
+    pub(super) normal: [f32; 3],
+    pub(super) depth: f32,
+    pub(super) shading_normal: [f32; 3],
+    pub(super) n_boxes: f32,
+    pub(super) albedo: [f32; 3],
+    pub(super) n_triangles: f32,
+    pub(super) primitive: u32,
+    /// `u32::MAX` for a miss.
+    pub(super) instance: u32,
+    padding: [u32; 2],
+}
+
 /// Takes samples of cells on a device.
 pub(super) struct Slicer<'a> {
     gpu: &'a Gpu,
-    kernel: Arc<Kernel>,
+    kernels: Ready,
     slice: Buffer<Slice>,
     samples: Buffer<Taken>,
+    /// What camera rays meet, where that is asked for.
+    guides: Option<Buffer<Seen>>,
     /// Work-groups of the next dispatch.
     n_groups: u32,
 }
 
 impl<'a> Slicer<'a> {
-    pub(super) fn new(gpu: &'a Gpu, kernel: Arc<Kernel>) -> Result<Self, GpuError> {
+    pub(super) fn new(gpu: &'a Gpu, stages: Stages) -> Result<Self, GpuError> {
         let slice = gpu.uniform("slice", &Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1 })?;
-        let most = gpu.limits().max_storage_buffer_binding_size / (CELL_PIXELS * size_of::<Taken>()) as u64;
-        let n = u32::try_from(most).unwrap_or(MOST).min(MOST);
+        let kernels = Ready::new(gpu, stages, MOST)?;
+        let n = kernels.most_groups;
         let samples = gpu.zeroed("samples", n as usize * CELL_PIXELS)?;
-        Ok(Self { gpu, kernel, slice, samples, n_groups: FIRST.min(n) })
+        let guides = kernels.is_guided().then(|| gpu.zeroed("guides", n as usize * CELL_PIXELS)).transpose()?;
+        Ok(Self { gpu, kernels, slice, samples, guides, n_groups: FIRST.min(n) })
     }
 
     /// Cells that are worth being handed over at once where each takes `n_samples` samples.
@@ -46,8 +66,9 @@ impl<'a> Slicer<'a> {
         self.n_groups.div_ceil(n_samples.max(1)) as usize
     }
 
-    /// Takes samples `first_sample..first_sample + n_samples` of each cell. `each` gets the samples of 64 pixels at a time, cell by
-    /// cell and in the order of their numbers; it stops the work by returning false.
+    /// Takes samples `first_sample..first_sample + n_samples` of each cell. `each` gets the samples of 64 pixels at a time, with
+    /// what their camera rays meet where that is asked for, cell by cell and in the order of their numbers; it stops the work by
+    /// returning false.
     ///
     /// # Errors
     /// What the device refuses, or its loss.
@@ -56,7 +77,7 @@ impl<'a> Slicer<'a> {
         cells: &[u32],
         [first_sample, n_samples]: [u32; 2],
         bound: &[Bound<'_>],
-        mut each: impl FnMut(&[Taken]) -> bool,
+        mut each: impl FnMut(&[Taken], &[Seen]) -> bool,
     ) -> Result<(), GpuError> {
         let all = cells.len() as u64 * u64::from(n_samples);
         let mut done = 0;
@@ -69,30 +90,36 @@ impl<'a> Slicer<'a> {
             let end_group = begun + n as u32;
             let window = &cells[cell..(cell + end_group.div_ceil(n_samples) as usize)];
             let slice = Slice { first_group: begun, end_group, first_sample, n_samples };
-            let taken = self.dispatch(window, slice, bound)?;
+            let (taken, seen) = self.dispatch(window, slice, bound)?;
             done += n;
-            if !taken.chunks_exact(CELL_PIXELS).all(&mut each) {
+            let seen = seen.chunks_exact(CELL_PIXELS).chain(std::iter::repeat(&[][..]));
+            if !taken.chunks_exact(CELL_PIXELS).zip(seen).all(|(taken, seen)| each(taken, seen)) {
                 return Ok(());
             }
         }
         Ok(())
     }
 
-    fn dispatch(&mut self, cells: &[u32], slice: Slice, bound: &[Bound<'_>]) -> Result<Vec<Taken>, GpuError> {
+    fn dispatch(
+        &mut self,
+        cells: &[u32],
+        slice: Slice,
+        bound: &[Bound<'_>],
+    ) -> Result<(Vec<Taken>, Vec<Seen>), GpuError> {
         let start = Instant::now();
         let n = slice.end_group - slice.first_group;
         let cells = self.gpu.buffer("cells", cells)?;
         self.gpu.write(&self.slice, &[slice]);
         let own: [Bound<'_>; 3] = [("slice", &self.slice), ("cells", &cells), ("samples", &self.samples)];
-        let bound: Vec<Bound<'_>> = own.into_iter().chain(bound.iter().copied()).collect();
-        let mut work = self.gpu.work();
-        let size = self.kernel.group_size();
-        work.dispatch(&self.kernel, &bound, self.kernel.groups(n * size))?;
-        work.run()?;
+        let guides = self.guides.as_ref().map(|guides| -> Bound<'_> { ("guides", guides) });
+        let bound: Vec<Bound<'_>> = own.into_iter().chain(guides).chain(bound.iter().copied()).collect();
+        self.kernels.run(self.gpu, &bound, n)?;
         let time = start.elapsed();
-        let taken = self.gpu.read_first(&self.samples, n as usize * CELL_PIXELS)?;
+        let n_pixels = n as usize * CELL_PIXELS;
+        let taken = self.gpu.read_first(&self.samples, n_pixels)?;
+        let seen = self.guides.as_ref().map_or(Ok(vec![]), |guides| self.gpu.read_first(guides, n_pixels))?;
         self.n_groups = next_size(n, time, self.samples.len() / CELL_PIXELS);
-        Ok(taken)
+        Ok((taken, seen))
     }
 }
 
