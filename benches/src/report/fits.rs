@@ -1,30 +1,86 @@
 //! Lines, correlations and intervals.
 
+use std::fmt;
+
 use canted_fixtures::SplitMix64;
 
 use super::samples::Samples;
 
-/// A straight line by least squares.
+/// The exponent of a power law, by least squares through logarithms.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     pub(crate) slope: f64,
-    /// Standard error of the slope, from what the line leaves unexplained; not a number for two points.
+    /// Standard error of the slope, from what the line leaves unexplained.
     pub(crate) error: f64,
 }
 
-/// The line through the logarithms of `points`: its slope is the exponent of a power law. `None` below two points.
-pub(crate) fn power(points: &[(f64, f64)]) -> Option<Line> {
-    let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
-    if logs.len() < 2 || logs.iter().any(|(x, y)| !x.is_finite() || !y.is_finite()) {
-        return None;
+impl fmt::Display for Line {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.2} ±{:.2}", self.slope, self.error)
+    }
+}
+
+/// Why points have no exponent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unfit {
+    /// A line through two points has no error, through one no slope.
+    Few,
+    /// Repetitions of a point lie as far apart as the points do.
+    Noise,
+    /// Something that has no logarithm: what is measured is less than what is subtracted from it.
+    Subtracted,
+}
+
+impl fmt::Display for Unfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Few => "– (fewer than three points)",
+            Self::Noise => "– (noise)",
+            Self::Subtracted => "– (below what is subtracted)",
+        })
+    }
+}
+
+/// What tables print of a fit: the exponent with its error, or why there is none.
+pub(crate) fn told(fit: Result<Line, Unfit>) -> String {
+    fit.map_or_else(|why| why.to_string(), |line| line.to_string())
+}
+
+/// Errors of x flatten a least-squares slope by their share of the variance of x (Fuller 1987, section 1.1): beyond this share
+/// there is no exponent.
+const MOST_FLATTENED: f64 = 0.05;
+
+/// The exponent of the power law through `points`, each the repetitions of its x and one y.
+pub(crate) fn exponent(points: &[(Samples, f64)]) -> Result<Line, Unfit> {
+    if points.len() < 3 {
+        return Err(Unfit::Few);
+    }
+    let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.median().ln(), y.ln())).collect();
+    let is_positive = points.iter().all(|(x, _)| x.values().iter().all(|x| *x > 0.0));
+    if !is_positive || logs.iter().any(|(x, y)| !x.is_finite() || !y.is_finite()) {
+        return Err(Unfit::Subtracted);
     }
     let [mean_x, mean_y] = [mean(logs.iter().map(|p| p.0)), mean(logs.iter().map(|p| p.1))];
-    let variance: f64 = logs.iter().map(|(x, _)| (x - mean_x).powi(2)).sum();
-    let slope = logs.iter().map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>() / variance;
+    let squares: f64 = logs.iter().map(|(x, _)| (x - mean_x).powi(2)).sum();
+    let of_errors: f64 = points.iter().map(|(x, _)| squared_error(x)).sum();
+    // Of points whose x are all the same nothing is left to fit, whatever their errors.
+    if of_errors >= MOST_FLATTENED * squares {
+        return Err(Unfit::Noise);
+    }
+    let slope = logs.iter().map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>() / squares;
     let residual: f64 = logs.iter().map(|(x, y)| (y - mean_y - slope * (x - mean_x)).powi(2)).sum();
     #[expect(clippy::cast_precision_loss, reason = "points are few")]
     let freedom = logs.len() as f64 - 2.0;
-    Some(Line { slope, error: (residual / freedom / variance).sqrt() })
+    Ok(Line { slope, error: (residual / freedom / squares).sqrt() })
+}
+
+/// Squared standard error of the mean logarithm of repetitions; nothing is known of one alone.
+fn squared_error(samples: &Samples) -> f64 {
+    let logs = || samples.values().iter().map(|x| x.ln());
+    #[expect(clippy::cast_precision_loss, reason = "repetitions are few")]
+    let n = samples.values().len() as f64;
+    let middle = mean(logs());
+    if n > 1.0 { logs().map(|x| (x - middle).powi(2)).sum::<f64>() / (n * (n - 1.0)) } else { 0.0 }
 }
 
 /// Pearson's correlation; `None` where one of the two does not vary, or there are fewer than three.
@@ -67,12 +123,30 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
 
+    /// Points whose x has no repetitions.
+    fn once(points: &[(f64, f64)]) -> Vec<(Samples, f64)> {
+        points.iter().map(|&(x, y)| (x.into(), y)).collect()
+    }
+
     #[test]
-    fn powers_are_found_with_their_error() {
-        let line = power(&[(1.0, 2.0), (2.0, 1.0), (4.0, 0.5), (8.0, 0.25)]).unwrap();
+    fn exponents_are_found_with_their_error() {
+        let line = exponent(&once(&[(1.0, 2.0), (2.0, 1.0), (4.0, 0.5), (8.0, 0.25)])).unwrap();
         assert!((line.slope + 1.0).abs() < 1e-12 && line.error < 1e-12, "{line:?}");
-        assert!(power(&[(1.0, 2.0), (2.0, 1.0), (4.0, 1.0)]).unwrap().error > 0.1);
-        assert!(power(&[(1.0, 2.0)]).is_none() && power(&[(0.0, 1.0), (1.0, 1.0)]).is_none());
+        assert!(exponent(&once(&[(1.0, 2.0), (2.0, 1.0), (4.0, 1.0)])).unwrap().error > 0.1);
+    }
+
+    #[test]
+    fn what_has_no_exponent_says_why() {
+        let few = once(&[(1.0, 2.0), (2.0, 1.0)]);
+        let none = once(&[(1.0, 2.0), (2.0, 1.0), (4.0, -0.1)]);
+        let same = once(&[(1.0, 2.0), (1.0, 1.0), (1.0, 0.5)]);
+        // Medians 1, 1.01 and 1.02, whose repetitions reach from 0.5 to 1.6.
+        let noisy: Vec<(Samples, f64)> =
+            (0..3).map(|i| (vec![0.5, 1.0 + 0.01 * f64::from(i), 1.6].into(), 0.5f64.powi(i))).collect();
+        for (points, why) in [(few, Unfit::Few), (none, Unfit::Subtracted), (same, Unfit::Noise), (noisy, Unfit::Noise)]
+        {
+            assert_eq!(exponent(&points).unwrap_err(), why);
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 use anyhow::{Context, Result};
 
 use super::effort::Effort;
-use super::fits::{self, Line};
+use super::fits;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table, sentences};
 use super::samples::Samples;
 use super::subjects;
@@ -102,14 +102,12 @@ fn show(chapter: &mut Chapter, scene: &str, names: &[String], sizes: &[(usize, V
     const PICKS: [(&str, &str, Pick); 2] =
         [("build", "s", |took| &took.build), ("a camera ray", "ns", |took| &took.ray)];
     let mut table = Table::new(format!("{scene}: exponents"), &["engine", "build ~ triangles^", "ray ~ triangles^"]);
-    let exponent = |engine: usize, pick: Pick| -> Option<Line> {
-        let point = |(n, tooks): &(usize, Vec<Took>)| (*n as f64, pick(&tooks[engine]).median());
-        fits::power(&sizes.iter().map(point).collect::<Vec<_>>())
+    let exponent = |engine: usize, pick: Pick| {
+        let point = |(n, tooks): &(usize, Vec<Took>)| (Samples::from(*n as f64), pick(&tooks[engine]).median());
+        fits::exponent(&sizes.iter().map(point).collect::<Vec<_>>())
     };
-    let text =
-        |line: Option<Line>| line.map_or("–".to_owned(), |line| format!("{:.2} ±{:.2}", line.slope, line.error));
     for (engine, name) in names.iter().enumerate() {
-        let cells = PICKS.map(|(_, _, pick)| Cell::text(text(exponent(engine, pick))));
+        let cells = PICKS.map(|(_, _, pick)| Cell::text(fits::told(exponent(engine, pick))));
         table.rows.push([vec![Cell::text(name.clone())], cells.to_vec()].concat());
     }
     for (what, unit, pick) in PICKS {
@@ -140,15 +138,20 @@ fn show(chapter: &mut Chapter, scene: &str, names: &[String], sizes: &[(usize, V
         chapter.tables.push(sizes_table);
     }
     chapter.tables.push(table);
-    let last = names.len() - 1;
-    let slope = |engine| exponent(engine, PICKS[0].2).map_or(f64::NAN, |line| line.slope);
-    chapter.claims.insert(format!("{scene}.build-exponent"), format!("{:.2}", slope(0)));
+    let [ours, peer] = [0, names.len() - 1].map(|engine| (&names[engine], exponent(engine, PICKS[0].2)));
+    if let Ok(line) = ours.1 {
+        chapter.claims.insert(format!("{scene}.build-exponent"), format!("{:.2}", line.slope));
+    }
+    let noise = match (ours.1, peer.1) {
+        (Ok(a), Ok(b)) if (a.slope - b.slope).abs() <= a.error + b.error => "; that they differ is noise",
+        _ => "",
+    };
     format!(
-        "On {scene} the build of '{}' grows as triangles to the power {:.2}, that of '{}' as {:.2}.",
-        names[0],
-        slope(0),
-        names[last],
-        slope(last)
+        "On {scene} the exponent of triangles is {} for builds of '{}', and {} for those of '{}'{noise}.",
+        fits::told(ours.1),
+        ours.0,
+        fits::told(peer.1),
+        peer.0
     )
 }
 

@@ -56,7 +56,7 @@ pub(crate) fn run(args: impl Iterator<Item = String>) -> Result<()> {
         writeln!(stderr, "measuring {name}")?;
         let (chapter, took) = crate::clock::time_all(|| measure(request.effort));
         chapters.push(chapter.with_context(|| format!("chapter '{name}'"))?);
-        writeln!(stderr, "{name}: {:.1} s", took.wall)?;
+        writeln!(stderr, "{name}: {:.1} s, of all processors {:.1} s", took.wall, took.cpu)?;
     }
     let report = Report { facts: request.facts, chapters };
     write(&request.out, "index.html", &page::page(&report)?)?;

@@ -110,6 +110,16 @@ pub(crate) fn faster(a: (&str, &Samples), b: (&str, &Samples)) -> String {
     }
 }
 
+/// Who has the least median, in quotes, and who differs from that by noise alone: from times.
+pub(crate) fn first(of: &[(&str, Samples)]) -> String {
+    let Some((name, least)) = of.iter().min_by(|a, b| a.1.median().total_cmp(&b.1.median())) else {
+        return "nobody".to_owned();
+    };
+    let is_tied = |(other, samples): &&(&str, Samples)| other != name && samples.is_noise_beside(least);
+    let tied: Vec<String> = of.iter().filter(is_tied).map(|(other, _)| format!("'{other}'")).collect();
+    if tied.is_empty() { format!("'{name}'") } else { format!("'{name}' (as, but for noise, {})", tied.join(", ")) }
+}
+
 /// How far a ratio lies from 1.
 pub(crate) fn percent(ratio: f64) -> String {
     format!("{}%", number(100.0 * (ratio - 1.0).abs()))
@@ -145,5 +155,7 @@ mod tests {
         assert_eq!(faster(("a", &fast), ("b", &slow)), "a is 1.95 times as fast as b");
         assert_eq!(faster(("b", &slow), ("a", &fast)), "b takes 1.95 times as long as a");
         assert!(faster(("a", &fast), ("c", &loose)).ends_with("which is noise"));
+        assert_eq!(first(&[("b", slow.clone()), ("a", fast.clone())]), "'a'");
+        assert_eq!(first(&[("c", loose), ("b", slow), ("a", fast)]), "'a' (as, but for noise, 'c')");
     }
 }

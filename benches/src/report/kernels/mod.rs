@@ -100,6 +100,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
             let wrong = 100.0 * (found.wrong_hits + found.wrong_misses);
             wrongs[i].points.push(Point { label: case.to_owned(), x: ns.clone(), y: wrong.into() });
             sums[i].wrong.push(wrong);
+            sums[i].cases.push(case);
             sums[i].ns.push(ns.median());
             if !found.t_ulps.values().is_empty() {
                 sums[i].ulps.push(found.t_ulps.median());
@@ -137,19 +138,24 @@ struct Sum {
     ns: Vec<f64>,
     /// Per cent.
     wrong: Vec<f64>,
+    /// The cases, in the same order.
+    cases: Vec<&'static str>,
     ulps: Vec<f64>,
 }
 
 impl Sum {
     fn sentence(&self) -> String {
         let [ns, wrong, ulps] = [&self.ns, &self.wrong, &self.ulps].map(|of| Samples::from(of.clone()));
+        let worst = wrong.range()[1];
+        let place = self.wrong.iter().position(|&wrong| wrong >= worst);
+        let case = place.map_or("no case", |place| self.cases[place]);
         format!(
-            "{} takes {} ns, is off in t by {} ulps (medians), and answers {}% of rays wrong (mean; {}% at worst, at a vertex or edge)",
+            "{} takes {} ns, is off in t by {} ulps (medians), and answers {}% of rays wrong (mean; {}% at worst, '{case}')",
             self.name,
             number(ns.median()),
             number(ulps.median()),
             number(wrong.mean()),
-            number(wrong.range()[1]),
+            number(worst),
         )
     }
 }

@@ -35,7 +35,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         .collect();
     let samples = methods::samples(effort);
     let courses = race::race(&racers, &samples, methods::n_seeds(effort))?;
-    race::show(chapter, stage.name, &courses, &samples, Clock::Processor);
+    race::show(chapter, &stage.sized(), &courses, &samples, Clock::Processor);
     let one = |k: usize| race::mean(&courses[k].reached[0].mse);
     let best = race::best(&courses.iter().collect::<Vec<_>>(), Clock::Processor).unwrap_or_default();
     Ok(format!(

@@ -49,7 +49,7 @@ pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Resul
         .collect();
     let samples = samples(effort);
     let courses = race::race(&racers, &samples, n_seeds(effort))?;
-    race::show(chapter, stage.name, &courses, &samples, Clock::Processor);
+    race::show(chapter, &stage.sized(), &courses, &samples, Clock::Processor);
     let mut says = vec![];
     for (k, (integrator, _)) in INTEGRATORS.iter().enumerate() {
         let of_one: Vec<_> = courses[k * PATTERNS.len()..][..PATTERNS.len()].iter().collect();

@@ -6,7 +6,7 @@ use canted_renderer::{Film, PIXELS_PER_DEGREE, Settings, flip};
 use super::reference::{Errors, Reference};
 use crate::clock::{self, Seconds};
 use crate::report::{
-    fits::{self, Line},
+    fits::{self, Line, Unfit},
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
     samples::{Samples, number},
 };
@@ -25,7 +25,7 @@ pub(super) struct Racer<'a> {
     pub(super) render: Box<Render<'a>>,
 }
 
-/// Seconds that sampling takes at least, where its set-up seems to have taken all.
+/// What plots and efficiencies take for the seconds of sampling where the set-up seems to have taken all.
 const LEAST_SECONDS: f64 = 1e-6;
 
 /// What one racer reached at one number of samples: an entry a seed.
@@ -94,11 +94,11 @@ impl Reached {
         Ok(())
     }
 
-    /// Takes the median of the set-up from all seconds.
+    /// Takes the median of the set-up from all seconds; where it varies more than sampling takes, less than nothing is left.
     fn leave_out(&mut self, setup: &[Seconds]) {
         for (clock, seconds) in [(Clock::Wall, &mut self.wall), (Clock::Processor, &mut self.cpu)] {
             let setup = clock.of(setup).median();
-            seconds.iter_mut().for_each(|seconds| *seconds = (*seconds - setup).max(LEAST_SECONDS));
+            seconds.iter_mut().for_each(|seconds| *seconds -= setup);
         }
     }
 }
@@ -138,22 +138,24 @@ impl Course {
     pub(super) fn efficiency(&self, clock: Clock) -> (f64, [f64; 2]) {
         let last = &self.reached[self.reached.len() - 1];
         let (mse, seconds): (Samples, Samples) = (last.mse.clone().into(), clock.seconds(last));
-        let of = |drawn: &[usize]| 1.0 / (fits::drawn_mean(&mse, drawn) * fits::drawn_mean(&seconds, drawn));
+        let of = |drawn: &[usize]| {
+            1.0 / (fits::drawn_mean(&mse, drawn) * fits::drawn_mean(&seconds, drawn).max(LEAST_SECONDS))
+        };
         let all: Vec<usize> = (0..last.mse.len()).collect();
         (of(&all), fits::interval(all.len(), of))
     }
 
     /// Exponent of an error over seconds.
-    pub(super) fn slope(&self, clock: Clock, error: Pick) -> Option<Line> {
-        let point = |reached: &Reached| (clock.seconds(reached).median(), mean(error(reached)));
-        fits::power(&self.reached.iter().map(point).collect::<Vec<_>>())
+    fn slope(&self, clock: Clock, error: Pick) -> Result<Line, Unfit> {
+        let point = |reached: &Reached| (clock.seconds(reached), mean(error(reached)));
+        fits::exponent(&self.reached.iter().map(point).collect::<Vec<_>>())
     }
 
     fn series(&self, clock: Clock, with_build: bool, samples: &[u32], error: Pick) -> Series {
         let build = if with_build { self.build.median() + clock.of(&self.setup).median() } else { 0.0 };
         let point = |(&n, reached): (&u32, &Reached)| Point {
             label: format!("{n} samples"),
-            x: clock.seconds(reached).values().iter().map(|x| x + build).collect::<Vec<_>>().into(),
+            x: clock.seconds(reached).values().iter().map(|x| x.max(LEAST_SECONDS) + build).collect::<Vec<_>>().into(),
             y: error(reached).clone().into(),
         };
         let points = samples.iter().zip(&self.reached).map(point).collect();
@@ -197,10 +199,7 @@ pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], sample
         ],
     );
     for course in courses {
-        let slope = |error: Pick| {
-            let line = course.slope(clock, error);
-            Cell::text(line.map_or_else(|| "–".to_owned(), |line| format!("{:.2} ±{:.2}", line.slope, line.error)))
-        };
+        let slope = |error: Pick| Cell::text(fits::told(course.slope(clock, error)));
         let (efficiency, [low, high]) = course.efficiency(clock);
         let (start, end) = (&course.reached[0], &course.reached[course.reached.len() - 1]);
         table.rows.push(vec![

@@ -42,6 +42,12 @@ impl Stage {
         Ok(Self { name, is_first: false, scene, camera, size, ao_radius, prepared, build: seconds.into() })
     }
 
+    /// Its name and the size of its pictures: errors over seconds are of both.
+    pub(super) fn sized(&self) -> String {
+        let [width, height] = self.size;
+        format!("{}, {width} x {height}", self.name)
+    }
+
     /// Settings of a picture of this stage.
     pub(super) fn settings(&self, integrator: Integrator, pattern: Pattern, samples: u32, seed: u32) -> Settings {
         let [width, height] = self.size;

@@ -12,7 +12,7 @@ use crate::clock;
 use crate::report::{
     effort::Effort,
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
-    samples::{Samples, number},
+    samples::{Samples, first, number},
 };
 
 /// The structures, the program's own choice first.
@@ -39,8 +39,9 @@ struct Cost {
 }
 
 impl Cost {
-    fn after(&self, n: f64) -> f64 {
-        self.build.median() + n * self.sample.median()
+    /// Seconds until `n` samples a pixel are there.
+    fn after(&self, n: f64) -> Samples {
+        self.sample.with(&self.build, |sample, build| build + n * sample)
     }
 
     /// Samples a pixel from which `self`, dearer to build, is ahead of `cheap`; `None` where it never is, or where their
@@ -90,11 +91,7 @@ fn show(chapter: &mut Chapter, stage: &Stage, costs: &[Cost]) -> String {
         name: cost.name.to_owned(),
         points: numbers
             .iter()
-            .map(|&n| Point {
-                label: format!("{n} samples"),
-                x: n.into(),
-                y: cost.sample.with(&cost.build, |s, b| b + n * s),
-            })
+            .map(|&n| Point { label: format!("{n} samples"), x: n.into(), y: cost.after(n) })
             .collect(),
         is_joined: true,
     });
@@ -127,12 +124,13 @@ fn show(chapter: &mut Chapter, stage: &Stage, costs: &[Cost]) -> String {
         ]);
     }
     chapter.tables.push(table);
-    let best = |n: f64| costs.iter().min_by(|a, b| a.after(n).total_cmp(&b.after(n))).map_or("", |cost| cost.name);
+    let best = |n: f64| first(&costs.iter().map(|cost| (cost.name, cost.after(n))).collect::<Vec<_>>());
+    let builds: Vec<(&str, Samples)> = costs.iter().map(|cost| (cost.name, cost.build.clone())).collect();
     format!(
-        "All {} structures make the same picture bit for bit; '{}' is built first, '{}' has it first at 16 samples of {width} x \
-         {height} pixels and '{}' at 4096.",
+        "All {} structures make the same picture bit for bit; {} is built first, {} has it first at 16 samples of {width} x \
+         {height} pixels and {} at 4096.",
         costs.len(),
-        cheapest.name,
+        first(&builds),
         best(16.0),
         best(4096.0)
     )
