@@ -1,16 +1,17 @@
 //! What was left out: parts that a scene does without, forced back in, and what each would have cost.
 
+mod bindings;
 mod forcings;
 mod trees;
 
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
-use canted_renderer::{Film, Integrator, Levels, Pattern, Settings, StructureConfig, frame, prepare, render};
-use canted_scene::{Mesh, Scene};
+use canted_renderer::{Film, Integrator, Pattern, Prepared, Settings, StructureConfig, frame, prepare, render};
+use canted_scene::{Camera, Mesh, Scene};
 use canted_trace::Watertight;
 
-use forcings::{FORCINGS, Forcing, bare};
+use forcings::{FORCINGS, Forcing, NOT_FORCED, bare};
 
 use super::effort::Effort;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table, sentences};
@@ -18,7 +19,14 @@ use super::samples::{Samples, number};
 use crate::clock;
 use crate::models;
 
-/// What a scene takes, bare or with a part forced in.
+/// A scene as it is, or with a part forced in.
+struct Variant {
+    what: &'static str,
+    scene: Scene,
+    prepared: Prepared<Watertight>,
+}
+
+/// What a variant takes.
 struct Cost {
     what: &'static str,
     seconds: Samples,
@@ -46,56 +54,102 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     Ok(chapter)
 }
 
-const METHOD: [&str; 3] = [
-    "Each scene is rendered as it is and with one part forced back in, in turn: a white texture on every material, masks that cut \
-     nothing out, normals that say what the triangles say, a second light without power, two levels. Seconds are the processor's, all \
-     threads, of the path integrator; bytes those of the structure and of the scene's arrays.",
+const METHOD: [&str; 4] = [
+    "Each scene is rendered as it is and with one part forced back in, in turn: two levels; instances that move by the least number \
+     above nothing, which need two levels too; a white texture on every material; coordinates that nothing looks up; masks that cut \
+     nothing out; normals that say what the triangles say; surfaces that emit 1e-30, all of which lights are then chosen from; a second \
+     light without power. Seconds are the processor's, all threads, of the path integrator; bytes those of the structure and of the \
+     scene's arrays.",
+    "On a device, where one opens, the same parts are counted as bindings of the picture's kernel and their bytes, and timed by the \
+     clock on the wall, which a software driver shares with everything else.",
     "Trees are wide and balanced, traced on one thread in turn: as the collapse chose them, with leaning nodes taken for a tenth of \
      their cost so that they come back everywhere, without any, and with a counter of boxes and triangles in the walk.",
-    "A part that changes roundings changes bits: two levels map rays into each mesh's space, and normals are interpolated.",
+    "A part that changes roundings changes bits: two levels map rays into each mesh's space, normals are interpolated, and lights \
+     are chosen by other numbers where there are more of them.",
 ];
 
 fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Result<String> {
-    let left_out: Vec<&str> =
-        prepare::<Watertight>(scene, &StructureConfig::default())?.left_out.iter().map(|item| item.part).collect();
-    let forcings: Vec<&Forcing> = FORCINGS.iter().filter(|forcing| left_out.contains(&forcing.part)).collect();
-    let costs = measure(scene, &forcings, effort)?;
+    let variants = variants(scene)?;
+    let [width, height] = size(effort);
+    let camera = frame(scene, &variants[0].prepared.structure, f64::from(width) / f64::from(height));
+    let costs = measure(&variants, &camera, effort)?;
     let bare = &costs[0];
     let mut table = Table::new(
         format!("{name}: forced back in"),
         &["part", "render", "over the bare scene", "bytes", "more bytes", "same picture, bit for bit"],
     );
     for cost in &costs {
-        let ratio = cost.seconds.median() / bare.seconds.median();
-        let noise = if cost.seconds.is_noise_beside(&bare.seconds) { ", noise" } else { "" };
         let more = cost.n_bytes.saturating_sub(bare.n_bytes);
         table.rows.push(vec![
             Cell::text(cost.what),
             Cell::measured(cost.seconds.scaled(1e3), "ms"),
-            Cell::text(format!("{:+.1}%{noise}", 100.0 * (ratio - 1.0))),
+            Cell::text(over(&cost.seconds, &bare.seconds)),
             Cell::text(cost.n_bytes.to_string()),
             Cell::text(more.to_string()),
             Cell::text(if cost.is_same { "yes" } else { "no" }),
         ]);
     }
     chapter.tables.push(table);
-    let named: Vec<&str> = left_out.iter().filter(|part| !forcings.iter().any(|f| f.part == **part)).copied().collect();
-    chapter.skipped.push(format!("{name}, left out too but not forced: {}.", named.join(", ")));
-    plot(chapter, name, &costs);
+    for (part, why) in NOT_FORCED {
+        if variants[0].prepared.left_out.iter().any(|item| item.part == part) {
+            chapter.skipped.push(format!("{name}, {part}: left out too, but {why}."));
+        }
+    }
+    plot(chapter, &format!("{name}, {width} x {height}"), &costs);
+    bindings::add(chapter, name, &variants, &camera, effort)?;
     let dearest = costs[1..].iter().max_by(|a, b| a.seconds.median().total_cmp(&b.seconds.median()));
     Ok(match dearest {
         Some(cost) if !cost.seconds.is_noise_beside(&bare.seconds) && cost.seconds.median() > bare.seconds.median() => {
             let share = 100.0 * (cost.seconds.median() / bare.seconds.median() - 1.0);
             format!(
-                "On {name} leaving out {} parts saves most with '{}': {}% of the time.",
-                costs.len() - 1,
+                "On {name} '{}' costs most of the {} parts left out: {}% of the time, were it in.",
                 cost.what,
+                costs.len() - 1,
                 number(share)
             )
         }
         Some(_) => format!("On {name} what {} parts left out save of the time is noise.", costs.len() - 1),
         None => format!("On {name} nothing is left out."),
     })
+}
+
+/// How much longer than the bare scene, and whether that is noise.
+fn over(seconds: &Samples, bare: &Samples) -> String {
+    let ratio = seconds.median() / bare.median();
+    let noise = if seconds.is_noise_beside(bare) { ", noise" } else { "" };
+    format!("{:+.1}%{noise}", 100.0 * (ratio - 1.0))
+}
+
+/// The scene as it is, then with each part that it does without.
+fn variants(scene: &Scene) -> Result<Vec<Variant>> {
+    let usual = StructureConfig::default();
+    let prepared = prepare::<Watertight>(scene, &usual)?;
+    let is_left_out = |forcing: &&Forcing| prepared.left_out.iter().any(|item| item.part == forcing.part);
+    let forcings: Vec<&Forcing> = FORCINGS.iter().filter(is_left_out).collect();
+    let mut variants = vec![Variant { what: "nothing", scene: scene.clone(), prepared }];
+    for forcing in forcings {
+        let (scene, levels) = (forcing.force)(scene.clone());
+        let prepared = prepare(&scene, &StructureConfig { levels, ..usual })?;
+        variants.push(Variant { what: forcing.part, scene, prepared });
+    }
+    Ok(variants)
+}
+
+fn size(effort: Effort) -> [u32; 2] {
+    effort.pick([24, 14], [96, 54], [160, 90])
+}
+
+fn settings([width, height]: [u32; 2], samples: u32) -> Settings {
+    Settings {
+        width,
+        height,
+        samples,
+        integrator: Integrator::Path,
+        pattern: Pattern::Sobol,
+        bounces: 3,
+        tile: 8,
+        ..Settings::default()
+    }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]
@@ -113,40 +167,17 @@ fn plot(chapter: &mut Chapter, name: &str, costs: &[Cost]) {
     });
 }
 
-/// The bare scene first, then with each part.
-fn measure(scene: &Scene, forcings: &[&Forcing], effort: Effort) -> Result<Vec<Cost>> {
-    let mut variants = vec![("nothing", scene.clone(), Levels::Auto)];
-    variants.extend(forcings.iter().map(|forcing| {
-        let (scene, levels) = (forcing.force)(scene.clone());
-        (forcing.part, scene, levels)
-    }));
-    let [width, height] = effort.pick([24, 14], [96, 54], [160, 90]);
-    let samples = effort.pick(1, 4, 16);
-    let settings = Settings {
-        width,
-        height,
-        samples,
-        integrator: Integrator::Path,
-        pattern: Pattern::Sobol,
-        bounces: 3,
-        tile: 8,
-        ..Settings::default()
-    };
-    let prepared = variants
-        .iter()
-        .map(|(_, scene, levels)| {
-            prepare::<Watertight>(scene, &StructureConfig { levels: *levels, ..StructureConfig::default() })
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    let camera = frame(scene, &prepared[0].structure, f64::from(width) / f64::from(height));
+/// Renders all variants in turn.
+fn measure(variants: &[Variant], camera: &Camera, effort: Effort) -> Result<Vec<Cost>> {
+    let settings = settings(size(effort), effort.pick(1, 4, 16));
     let rounds = effort.pick(2, 7, 11);
     let mut seconds = vec![vec![]; variants.len()];
     let mut films: Vec<Option<Film>> = vec![None; variants.len()];
     for round in 0..=rounds {
-        for (i, (_, scene, _)) in variants.iter().enumerate() {
+        for (i, Variant { scene, prepared, .. }) in variants.iter().enumerate() {
             let cancel = AtomicBool::new(false);
             let (film, took) =
-                clock::time_all(|| render(scene, &prepared[i].structure, &camera, &settings, &|_, _| {}, &cancel));
+                clock::time_all(|| render(scene, &prepared.structure, camera, &settings, &|_, _| {}, &cancel));
             films[i] = Some(film?);
             if round > 0 {
                 seconds[i].push(took.cpu);
@@ -154,17 +185,13 @@ fn measure(scene: &Scene, forcings: &[&Forcing], effort: Effort) -> Result<Vec<C
         }
     }
     let pixels = |i: usize| films[i].as_ref().map(Film::pixels);
-    Ok(variants
-        .iter()
-        .zip(seconds)
-        .enumerate()
-        .map(|(i, ((what, scene, _), seconds))| Cost {
-            what,
-            seconds: seconds.into(),
-            n_bytes: prepared[i].structure.n_bytes() + n_bytes(scene),
-            is_same: pixels(i) == pixels(0),
-        })
-        .collect())
+    let cost = |(i, (variant, seconds)): (usize, (&Variant, Vec<f64>))| Cost {
+        what: variant.what,
+        seconds: seconds.into(),
+        n_bytes: variant.prepared.structure.n_bytes() + n_bytes(&variant.scene),
+        is_same: pixels(i) == pixels(0),
+    };
+    Ok(variants.iter().zip(seconds).enumerate().map(cost).collect())
 }
 
 /// Bytes of the arrays of meshes and textures.
