@@ -1,4 +1,4 @@
-//! Volumes of boxes (the dissertation's tables 3 and 4) and tests of boxes (its figures 12 and 13).
+//! Volumes of boxes in one level (the dissertation's table 4, parts 1 and 2) and tests of boxes (its figures 12 and 13).
 
 use anyhow::Result;
 use canted_lbvh::{Bits, Costs, Domain, Strategy, VolumeConfig};
@@ -35,7 +35,7 @@ struct Row {
 
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     let mut table = Table::new(
-        "Volumes (tables 3 and 4): sums over axis-aligned, nodes that lean, box tests a camera ray",
+        "Volumes in one level (table 4, 1 and 2): sums over axis-aligned, nodes that lean, box tests a camera ray",
         &[
             "scene",
             "triangles",

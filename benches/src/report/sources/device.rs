@@ -1,0 +1,66 @@
+//! Milliseconds of each pass of a build on a device: the dissertation's table 5, its rows of a TITAN Xp.
+
+use anyhow::Result;
+use canted_gpu::{
+    AdapterKind, Choice, Gpu,
+    build::{Items, Passes, STRATEGIES},
+};
+use canted_lbvh::{Bits, Strategy};
+
+use super::scenes;
+use crate::report::{
+    effort::Effort,
+    model::{Cell, Chapter, Table},
+    samples::number,
+};
+
+const PASSES: [&str; 4] = ["codes", "nodes", "boxes, PCA bounded", "boxes, quaternion"];
+
+/// What the dissertation prints: its sort is on the CPU, its unbounded boxes take more than a minute.
+const THEIRS: [(&str, [f64; 4]); 3] = [
+    ("dragon_871k", [13.14, 2.08, 50.90, 50.04]),
+    ("sponza", [3.81, 0.64, 14.14, 13.40]),
+    ("bunny", [1.90, 0.36, 7.67, 7.23]),
+];
+
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+    let gpu = match Gpu::open(&Choice::Best) {
+        Ok(gpu) => gpu,
+        Err(error) => {
+            chapter.skipped.push(format!("Passes on a device (table 5): {error}."));
+            return Ok(String::new());
+        }
+    };
+    let runs = effort.pick(1, 2, 5);
+    let title = format!(
+        "Passes of a build on a device (table 5, figure 11): {} ({}), least of {runs} runs",
+        gpu.facts().name,
+        gpu.facts().kind
+    );
+    let mut table = Table::new(title, &["scene", "pass", "TITAN Xp, theirs", "ours", "ours over theirs"]);
+    // A software driver takes half a minute a run for the dragon.
+    let names =
+        if gpu.facts().kind == AdapterKind::Software { &["bunny"][..] } else { &["dragon_871k", "sponza", "bunny"] };
+    for (name, model) in scenes(effort, names, chapter)? {
+        let (corners, _) = canted_lbvh::gather(&model.mesh.positions, &model.mesh.triangles)?;
+        let items = Items::triangles(&gpu, [&corners[..]])?;
+        let Passes { codes, tree, boxes, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
+        let of = |wanted: Strategy| {
+            STRATEGIES.iter().position(|&strategy| strategy == wanted).map_or(f64::NAN, |i| boxes[i])
+        };
+        let ours = [codes, tree, of(Strategy::PcaBounded), of(Strategy::Quaternion)];
+        let theirs = THEIRS.iter().find(|(scene, _)| *scene == name).map(|(_, passes)| passes);
+        for (i, (pass, ms)) in PASSES.into_iter().zip(ours).enumerate() {
+            let their = theirs.map(|passes| passes[i]);
+            table.rows.push(vec![
+                Cell::text(name),
+                Cell::text(pass),
+                Cell::text(their.map_or_else(|| "–".to_owned(), |ms| format!("{ms} ms"))),
+                Cell::text(format!("{} ms", number(ms))),
+                Cell::text(their.map_or_else(|| "–".to_owned(), |their| number(ms / their))),
+            ]);
+        }
+    }
+    chapter.tables.push(table);
+    Ok(String::new())
+}

@@ -1,0 +1,165 @@
+//! Two levels beside one: the dissertation's table 4, parts 3a and 3b.
+
+use std::collections::HashMap;
+
+use anyhow::Result;
+use canted_fixtures::Mesh;
+use canted_lbvh::{Bits, Costs, Domain, Strategy, Sums, Tree, VolumeConfig};
+use canted_obb::{Aabb, Obb};
+
+use super::scenes;
+use crate::report::{
+    effort::Effort,
+    model::{Cell, Chapter, Table},
+    samples::number,
+};
+
+/// What the dissertation prints for Sponza: sum of volumes of both levels, per cent of nodes that lean, top and bottom.
+const THEIRS: [(Strategy, f64, Option<f64>, Option<f64>); 4] = [
+    (Strategy::Aabb, 2.507_26, None, None),
+    (Strategy::PcaUnbounded, 2.506_91, None, Some(94.2567)),
+    (Strategy::PcaBounded, 2.506_93, Some(10.7143), Some(60.4837)),
+    (Strategy::Quaternion, 2.506_93, Some(13.7755), Some(60.3462)),
+];
+
+/// Theirs, of axis-aligned boxes in one level.
+const THEIR_ONE_LEVEL: f64 = 5.330_77;
+
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+    let mut says = String::new();
+    for (name, model) in scenes(effort, &["sponza"], chapter)? {
+        let pieces = pieces(&model.mesh);
+        let title = format!("Two levels (table 4, 3a and 3b): {name} in {} pieces, theirs in 393 meshes", pieces.len());
+        let head = [
+            "strategy",
+            "volume over one level, theirs",
+            "ours",
+            "over axis-aligned, theirs",
+            "ours",
+            "top leaning, theirs",
+            "ours",
+            "bottom leaning, theirs",
+            "ours",
+        ];
+        let mut table = Table::new(title, &head);
+        let unit = model.mesh.diagonal();
+        let one = bottom(&model.mesh, Strategy::Aabb, unit)?.0.volume;
+        let mut aligned = f64::NAN;
+        for (strategy, their_volume, their_top, their_bottom) in THEIRS {
+            let (top, bottom) = two_levels(&pieces, strategy, unit)?;
+            let volume = top.volume + bottom.volume;
+            if strategy == Strategy::Aabb {
+                aligned = volume;
+                says = format!(
+                    "Two levels leave {} of the volume that axis-aligned boxes have in one on {name} here, {} in the dissertation.",
+                    number(volume / one),
+                    number(their_volume / THEIR_ONE_LEVEL)
+                );
+            }
+            let percent = |theirs: Option<f64>| theirs.map_or_else(|| "–".to_owned(), |p| format!("{p:.1}%"));
+            #[expect(clippy::cast_precision_loss, reason = "counts of nodes")]
+            let leaning = |sums: &Sums| format!("{:.1}%", 100.0 * sums.n_leaning as f64 / sums.n_nodes.max(1) as f64);
+            let cells = [
+                format!("{strategy:?}"),
+                format!("{:.3}", their_volume / THEIR_ONE_LEVEL),
+                format!("{:.3}", volume / one),
+                format!("{:.5}", their_volume / THEIRS[0].1),
+                format!("{:.5}", volume / aligned),
+                percent(their_top),
+                leaning(&top),
+                percent(their_bottom),
+                leaning(&bottom),
+            ];
+            table.rows.push(cells.map(Cell::text).to_vec());
+        }
+        chapter.tables.push(table);
+    }
+    Ok(says)
+}
+
+/// Sums of the tree over the pieces, and of all trees of pieces.
+fn two_levels(pieces: &[Mesh], strategy: Strategy, unit: f64) -> Result<(Sums, Sums)> {
+    let mut all = Sums::default();
+    let mut roots = vec![];
+    for piece in pieces {
+        let (sums, root) = bottom(piece, strategy, unit)?;
+        all.n_nodes += sums.n_nodes;
+        all.n_leaning += sums.n_leaning;
+        all.volume += sums.volume;
+        roots.push(root);
+    }
+    let boxes: Vec<Aabb> = roots.iter().map(Obb::aabb).collect();
+    let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
+    let tree = radix(&canted_lbvh::codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes));
+    let sorted: Vec<Obb> = tree.leaves.iter().map(|leaf| roots[leaf.index()]).collect();
+    let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
+    Ok((canted_lbvh::sums(&tree, &volumes, &sorted, &Costs::default(), unit), all))
+}
+
+/// Sums of a piece's tree, and the box of the piece as the level above sees it.
+fn bottom(piece: &Mesh, strategy: Strategy, unit: f64) -> Result<(Sums, Obb)> {
+    let (corners, bounds) = canted_lbvh::gather(&piece.positions, &piece.triangles)?;
+    let tree = radix(&canted_lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners));
+    let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
+    let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
+    Ok((canted_lbvh::sums(&tree, &volumes, &sorted, &Costs::default(), unit), Obb::from_aabb(&bounds)))
+}
+
+fn radix(codes: &[u64]) -> Tree {
+    canted_lbvh::radix(canted_lbvh::by_code(codes, Bits::B63))
+}
+
+/// The mesh cut where no vertex is shared, in the order of first triangles.
+fn pieces(mesh: &Mesh) -> Vec<Mesh> {
+    let mut first_at = HashMap::new();
+    let welded: Vec<usize> = (0..)
+        .zip(&mesh.positions)
+        .map(|(i, position)| *first_at.entry(position.map(|x| (x + 0.0).to_bits())).or_insert(i))
+        .collect();
+    let mut parents: Vec<usize> = (0..mesh.positions.len()).collect();
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|i| root(&mut parents, welded[i as usize]));
+        parents[b] = a;
+        let c = root(&mut parents, c);
+        parents[c] = a;
+    }
+    let mut places = HashMap::new();
+    let mut pieces: Vec<Mesh> = vec![];
+    for triangle in &mesh.triangles {
+        let n = pieces.len();
+        let place = *places.entry(root(&mut parents, welded[triangle[0] as usize])).or_insert(n);
+        if place == n {
+            pieces.push(Mesh { positions: vec![], triangles: vec![] });
+        }
+        let Mesh { positions, triangles } = &mut pieces[place];
+        #[expect(clippy::cast_possible_truncation, reason = "no more than three times the triangles, which u32 counts")]
+        let first = positions.len() as u32;
+        positions.extend(triangle.map(|i| mesh.positions[i as usize]));
+        triangles.push([first, first + 1, first + 2]);
+    }
+    pieces
+}
+
+/// The vertex that stands for a piece; ways to it are halved as they are walked.
+fn root(parents: &mut [usize], mut vertex: usize) -> usize {
+    while parents[vertex] != vertex {
+        parents[vertex] = parents[parents[vertex]];
+        vertex = parents[vertex];
+    }
+    vertex
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_share_no_vertex() {
+        // Two triangles with an edge in common, of vertices of their own, and one far off.
+        let positions =
+            vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [9.0; 3], [1.0, 0.0, 0.0], [-0.0, 1.0, 0.0], [1.0; 3]];
+        let triangles = vec![[0, 1, 2], [3, 3, 3], [4, 5, 6]];
+        let counts: Vec<usize> = pieces(&Mesh { positions, triangles }).iter().map(|p| p.triangles.len()).collect();
+        assert_eq!(counts, [2, 1]);
+    }
+}

@@ -1,0 +1,97 @@
+//! No hierarchy beside one: what Silva's lost chart of seconds over primitives asks.
+
+use anyhow::Result;
+use canted_tests::brute;
+use canted_trace::{Hit, Kernel, Ray, Watertight};
+use canted_wide::{Config, Preset, Wide};
+
+use super::builders::scaffold;
+use crate::report::{
+    effort::Effort,
+    fits,
+    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+    samples::{Samples, number},
+};
+use crate::wide::{duel, engine::Engine, sets};
+
+/// Every triangle, one after the other.
+struct Every(Vec<<Watertight as Kernel>::Record>);
+
+impl Engine for Every {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = brute::closest_hit::<Watertight>(&self.0, ray);
+        }
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        for (ray, occluded) in rays.iter().zip(occluded) {
+            *occluded = brute::closest_hit::<Watertight>(&self.0, ray).is_some();
+        }
+    }
+
+    fn n_bytes(&self) -> usize {
+        size_of_val(&self.0[..])
+    }
+}
+
+const NAMES: [&str; 2] = ["every triangle", "wide tree, balanced"];
+
+#[expect(clippy::cast_precision_loss, reason = "counts of rays and triangles")]
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+    let mut table =
+        Table::new("No hierarchy beside one (Silva's chart): a camera ray", &["triangles", NAMES[0], NAMES[1], "gain"]);
+    let mut points: [Vec<(usize, Samples)>; 2] = Default::default();
+    for &log2 in effort.pick(&[7, 8, 9][..], &[8, 10, 12], &[8, 10, 12, 14]) {
+        let model = scaffold(log2);
+        let mesh = &model.mesh;
+        let n = mesh.triangles.len();
+        let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
+        let every = Every(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
+        let engines: [Box<dyn Engine>; 2] = [Box::new(every), Box::new(tree)];
+        let rays = sets::camera(&model, effort.pick(8, 24, 48));
+        let (seconds, _) = duel::closest(&engines, &rays, effort.pick(2, 5, 7));
+        let ns = |i: usize| -> Samples {
+            seconds[i].iter().map(|s| s.cpu * 1e9 / rays.len() as f64).collect::<Vec<_>>().into()
+        };
+        let gain = number(ns(0).median() / ns(1).median());
+        table.rows.push(vec![
+            Cell::text(n.to_string()),
+            Cell::measured(ns(0), "ns"),
+            Cell::measured(ns(1), "ns"),
+            Cell::text(gain),
+        ]);
+        for (i, points) in points.iter_mut().enumerate() {
+            points.push((n, ns(i)));
+        }
+    }
+    let exponents = points.each_ref().map(|points| {
+        let of_one = points.iter().map(|(n, ns)| (Samples::from(*n as f64), ns.median()));
+        fits::told(fits::exponent(&of_one.collect::<Vec<_>>()))
+    });
+    table.rows.push(vec![
+        Cell::text("exponent"),
+        Cell::text(&exponents[0]),
+        Cell::text(&exponents[1]),
+        Cell::text("Silva: 'quadratic' and 'much more linear', without numbers"),
+    ]);
+    chapter.tables.push(table);
+    let series = NAMES.into_iter().zip(points).map(|(name, points)| Series {
+        name: name.to_owned(),
+        points: points
+            .into_iter()
+            .map(|(n, ns)| Point { label: format!("{n} triangles"), x: (n as f64).into(), y: ns })
+            .collect(),
+        is_joined: true,
+    });
+    chapter.plots.push(Plot {
+        title: "A camera ray over triangles, without a hierarchy and with one".to_owned(),
+        x: Axis::log("triangles"),
+        y: Axis::log("ns"),
+        series: series.collect(),
+    });
+    let [every, tree] = exponents;
+    Ok(format!(
+        "For fixed rays the time of one grows as triangles to the power {every} where every triangle is tried, and {tree} through a tree."
+    ))
+}

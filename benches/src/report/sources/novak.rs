@@ -1,0 +1,126 @@
+//! A careful builder beside a cheap one: Novak's tables of builds, frames and memory.
+
+use anyhow::Result;
+
+use super::builders::{RADIX, SWEPT, measure, scaffold};
+use crate::report::{
+    effort::Effort,
+    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+    samples::{Samples, faster, number},
+};
+
+/// Novak's scenes: triangles where they survive, megabytes of the tree built on the CPU and of that built on the GPU.
+const SCENES: [(&str, Option<usize>, [f64; 2]); 6] = [
+    ("scene 1", None, [59.0, 66.0]),
+    ("scene 2", None, [94.0, 125.0]),
+    ("scene 3", None, [106.0, 162.0]),
+    ("scene 4", Some(1_099_995), [213.0, 302.0]),
+    ("scene 5", Some(1_468_284), [251.0, 347.0]),
+    ("scene 6", Some(2_880_000), [372.0, 446.0]),
+];
+
+/// By scene and machine: build and frame of the radix tree from the GPU, build and frame of the SAH tree from the CPU, ms.
+const THEIRS: [[[f64; 4]; 3]; 6] = [
+    [[153.02, 34.82, 218.87, 62.52], [18.04, 4.89, 167.81, 7.49], [19.21, 5.73, 167.85, 9.11]],
+    [[186.15, 117.22, 582.61, 231.91], [35.13, 17.35, 477.59, 21.91], [37.77, 21.26, 476.81, 25.18]],
+    [[197.33, 117.28, 1271.21, 155.82], [77.11, 7.74, 1033.91, 14.38], [81.56, 10.94, 1033.98, 17.63]],
+    [[466.33, 62.13, 2745.89, 95.72], [222.04, 5.82, 2241.39, 8.63], [231.86, 8.21, 2241.89, 11.58]],
+    [[539.11, 134.82, 3774.12, 272.22], [181.62, 32.31, 3063.49, 44.55], [192.71, 36.19, 3063.46, 49.74]],
+    [[792.15, 891.92, 9359.67, 896.72], [371.08, 368.45, 7263.72, 319.68], [384.16, 386.65, 7264.15, 347.55]],
+];
+
+const MACHINES: [&str; 3] = ["GTX 950", "RTX 2080 Ti", "RX Vega 64"];
+
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+    let head = [
+        "source",
+        "scene",
+        "triangles",
+        "cheap: build",
+        "picture",
+        "careful: build",
+        "picture",
+        "build gain",
+        "picture gain",
+        "pictures until the careful one is ahead",
+    ];
+    let mut times = Table::new("A cheap builder beside a careful one (Novak's tables)", &head);
+    let mut memory = Table::new(
+        "Bytes of trees (Novak's memory)",
+        &["source", "scene", "triangles", "cheap", "careful", "cheap, a triangle", "careful, a triangle"],
+    );
+    let mut series: Vec<Series> = MACHINES
+        .iter()
+        .map(|machine| format!("Novak, {machine}"))
+        .chain(["ours".to_owned()])
+        .map(|name| Series { name, points: vec![], is_joined: false })
+        .collect();
+    let point = |scene: &str, (build, picture): (f64, f64)| Point {
+        label: scene.to_owned(),
+        x: build.into(),
+        y: picture.into(),
+    };
+    for ((scene, n_triangles, megabytes), machines) in SCENES.into_iter().zip(THEIRS) {
+        let n = n_triangles.map_or_else(|| "lost".to_owned(), |n| n.to_string());
+        for ((machine, ms), series) in MACHINES.iter().zip(machines).zip(&mut series) {
+            let gains = row(&mut times, [&format!("Novak, {machine}"), scene, &n], ms.map(Samples::from));
+            series.points.push(point(scene, gains));
+        }
+        // The table's first column is of the CPU.
+        memory.rows.push(bytes(["Novak", scene, &n], n_triangles, [megabytes[1] * 1e6, megabytes[0] * 1e6]));
+    }
+    let mut says = String::new();
+    for &log2 in effort.pick(&[8][..], &[15, 17], &[15, 17, 20, 21]) {
+        let model = scaffold(log2);
+        let n_triangles = model.mesh.triangles.len();
+        let n = n_triangles.to_string();
+        let took = measure(&model, &[RADIX, SWEPT], effort)?;
+        let [cheap, careful] = [&took[0], &took[1]];
+        says = format!(
+            "On a scaffold of {n} triangles {}; {}.",
+            faster(("the radix tree's build", &cheap.build), ("one that tries every split", &careful.build)),
+            faster(("the careful tree's picture", &careful.picture), ("the radix tree's", &cheap.picture)),
+        );
+        let ms = [&cheap.build, &cheap.picture, &careful.build, &careful.picture].map(Samples::clone);
+        let gains = row(&mut times, ["ours", "scaffold", &n], ms);
+        series[MACHINES.len()].points.push(point("scaffold", gains));
+        #[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]
+        let sizes = [0, 1].map(|i| took[i].n_bytes as f64);
+        memory.rows.push(bytes(["ours", "scaffold", &n], Some(n_triangles), sizes));
+    }
+    chapter.plots.push(Plot {
+        title: "What a careful builder buys: picture gain over build cost".to_owned(),
+        x: Axis::log("careful build over cheap build"),
+        y: Axis::log("cheap picture over careful picture"),
+        series,
+    });
+    chapter.tables.extend([times, memory]);
+    Ok(says)
+}
+
+/// Adds a row; build gain and picture gain.
+fn row(table: &mut Table, [source, scene, n]: [&str; 3], ms: [Samples; 4]) -> (f64, f64) {
+    let [build, picture, careful_build, careful_picture] = ms.each_ref().map(Samples::median);
+    let gain = picture - careful_picture;
+    let is_noise = ms[1].is_noise_beside(&ms[3]);
+    let crossing = match (is_noise, gain > 0.0) {
+        (true, _) => "noise".to_owned(),
+        (false, true) => number(((careful_build - build) / gain).ceil()),
+        (false, false) => "never".to_owned(),
+    };
+    let [a, b, c, d] = ms.map(|samples| Cell::measured(samples, "ms"));
+    let [source, scene, n] = [source, scene, n].map(Cell::text);
+    let gains = (careful_build / build, picture / careful_picture);
+    let [build_gain, picture_gain] = [gains.0, gains.1].map(|gain| Cell::text(number(gain)));
+    table.rows.push(vec![source, scene, n, a, b, c, d, build_gain, picture_gain, Cell::text(crossing)]);
+    gains
+}
+
+fn bytes([source, scene, n]: [&str; 3], n_triangles: Option<usize>, sizes: [f64; 2]) -> Vec<Cell> {
+    let mut cells = [source, scene, n].map(Cell::text).to_vec();
+    cells.extend(sizes.map(|size| Cell::text(format!("{} MB", number(size * 1e-6)))));
+    #[expect(clippy::cast_precision_loss, reason = "triangles are fewer than 2^53")]
+    let each = |size: f64| n_triangles.map_or_else(|| "–".to_owned(), |n| format!("{} B", number(size / n as f64)));
+    cells.extend(sizes.map(|size| Cell::text(each(size))));
+    cells
+}
