@@ -23,12 +23,16 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
         effort = number.ok_or_else(|| anyhow!("--effort '{value}' is not a number of times"))?;
     }
     let (mut ways, missing) = tracers::ours();
-    for name in missing {
-        writeln!(std::io::stderr(), "not tried, this machine has no {name}")?;
-    }
     ways.extend(wide::peers());
     let rows = extremes::rows(effort, &ways);
-    writeln!(std::io::stdout(), "{}", extremes::table(&rows))?;
+    let mut out = std::io::stdout();
+    writeln!(out, "{}\n\nNot tried:\n", extremes::table(&rows))?;
+    for name in missing {
+        writeln!(out, "* {name}, which this machine has not.")?;
+    }
+    for peer in wide::peers_left_out() {
+        writeln!(out, "* {peer}.")?;
+    }
     let n_broken = rows.iter().filter(|row| !row.is_peer && !Row::holds(row)).count();
     ensure!(n_broken == 0, "{n_broken} promises are broken");
     Ok(())

@@ -15,7 +15,9 @@ mod models;
 mod options;
 mod picture;
 mod report;
+mod textures;
 mod trace;
+mod watertight;
 mod wide;
 
 use std::io::Write;
@@ -31,6 +33,9 @@ fn main() -> Result<()> {
     }
     if args.next_if(|word| word == extremes::EXTREMES).is_some() {
         return extremes::run(args);
+    }
+    if args.next_if(|word| word == watertight::WATERTIGHT).is_some() {
+        return watertight::run(args);
     }
     let options = Options::read(args)?;
     if options.is_trial() {
@@ -54,6 +59,9 @@ fn main() -> Result<()> {
     }
     if options.wants("picture") {
         picture::section(&mut out)?;
+    }
+    if options.wants("textures") {
+        textures::section(&mut out, options.rounds)?;
     }
     if options.wants("wide") {
         wide::section(&mut out, &options)?;

@@ -14,7 +14,8 @@ use crate::wide;
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "extremes", title: "Extremes: what is promised, and kept", ..Chapter::default() };
     let (mut ways, missing) = tracers::ours();
-    chapter.skipped = missing;
+    chapter.skipped.extend(missing.into_iter().map(|name| format!("{name}, which this machine has not.")));
+    chapter.skipped.extend(wide::peers_left_out().into_iter().map(|peer| format!("{peer}.")));
     ways.extend(wide::peers());
     let rows = extremes::rows(effort.pick(1, 1, 4), &ways);
     let ours: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();

@@ -54,6 +54,20 @@ pub(crate) fn ways() -> Vec<Way> {
     ways.collect()
 }
 
+/// Peers that are not among the ways, by name, each with the reason.
+pub(crate) fn left_out() -> Vec<String> {
+    #[cfg(not(feature = "peers"))]
+    let left_out = ["Embree and tinybvh: built without the feature `peers`, which `--peers` adds"];
+    #[cfg(feature = "peers")]
+    let left_out = [
+        "tinybvh: what it takes for a fatal error ends the process that asks it, and its bindings lack occlusion",
+        "Embree: there is no library, of the system or where `CANTED_EMBREE` points",
+    ];
+    #[cfg(feature = "peers")]
+    let left_out = left_out.into_iter().take(1 + usize::from(canted_peers::embree::libraries().is_empty()));
+    left_out.into_iter().map(str::to_owned).collect()
+}
+
 fn of(offer: Offer) -> Vec<Way> {
     let names: Vec<String> = offer(&model(one())).into_iter().map(|entry| entry.name).collect();
     let way = |(i, name): (usize, String)| {

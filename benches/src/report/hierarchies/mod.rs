@@ -40,6 +40,11 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
             .skipped
             .push("Embree and tinybvh: built without the feature `peers` (`cargo xtask report --peers`).".to_owned());
     }
+    if cfg!(all(feature = "peers", not(target_feature = "avx2"))) {
+        chapter
+            .skipped
+            .push("tinybvh: its bindings offer the wide tree only where the compiler may assume AVX2.".to_owned());
+    }
     let mut says = vec![];
     for &name in names {
         match subjects::load(name)? {

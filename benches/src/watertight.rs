@@ -1,0 +1,81 @@
+//! The long run: rays at every vertex and edge of closed meshes, by every way to trace; nothing may slip through.
+//!
+//! `cargo xtask watertight [--rays N]` runs it and keeps the table. Each ray is asked for its first hit and for any, or
+//! counted through. Where the folder of real models is (`CANTED_SCENES`, else `../shared/scenes` beside the workspace) the
+//! bunny is among them, its holes closed.
+
+use std::{collections::BTreeMap, io::Write as _};
+
+use anyhow::{Result, anyhow, ensure};
+use canted_fixtures::Mesh;
+use canted_tests::{
+    closed::{Closed, closed},
+    leaks::{Found, closed_up, places, search},
+    tracers,
+};
+
+use crate::models;
+
+/// The word among the arguments that asks for it.
+pub(crate) const WATERTIGHT: &str = "watertight";
+
+/// Rays without `--rays`.
+const N_RAYS: usize = 10_000_000;
+
+/// Prints the table; an error where a ray slips through.
+pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
+    let mut n_rays = N_RAYS;
+    while let Some(arg) = args.next() {
+        ensure!(arg == "--rays", "'{arg}' is not --rays N");
+        let value = args.next().ok_or_else(|| anyhow!("--rays needs a value"))?;
+        let number = value.parse().ok().filter(|&rays| rays > 0);
+        n_rays = number.ok_or_else(|| anyhow!("--rays '{value}' is not a number of rays"))?;
+    }
+    let (ways, missing) = tracers::ours();
+    let mut not_tried: Vec<String> = missing.iter().map(|name| format!("{name}, which this machine has not")).collect();
+    let mut meshes = closed();
+    match bunny()? {
+        Some(bunny) => meshes.push(bunny),
+        None => not_tried.push("the bunny, which is not in the folder of models".to_owned()),
+    }
+    let found = search(&meshes, &places(), &ways, n_rays);
+    let mut out = std::io::stdout();
+    writeln!(out, "{}", table(&found))?;
+    if !not_tried.is_empty() {
+        writeln!(out, "\nNot tried: {}.", not_tried.join("; "))?;
+    }
+    let n_leaks: usize = found.iter().map(|found| found.n_leaks).sum();
+    ensure!(n_leaks == 0, "{n_leaks} rays slip through");
+    Ok(())
+}
+
+/// The bunny with its holes closed; `None` where it is not at hand.
+fn bunny() -> Result<Option<Closed>> {
+    let Some(scene) = models::scene("bunny")? else { return Ok(None) };
+    let mesh = scene.meshes.into_iter().next().ok_or_else(|| anyhow!("the bunny's file has no mesh"))?;
+    let closed = closed_up("bunny, closed", Mesh { positions: mesh.positions, triangles: mesh.triangles });
+    closed.map(Some).ok_or_else(|| anyhow!("the bunny's holes cannot be closed"))
+}
+
+/// A line each way, over all meshes; then one each mesh, over all ways.
+fn table(found: &[Found]) -> String {
+    let mut lines =
+        vec!["| traced by, or mesh | triangles | rays | leaks |".to_owned(), "|---|---|---|---|".to_owned()];
+    let mut by_name: BTreeMap<(u8, &str), (String, usize, usize)> = BTreeMap::new();
+    for row in found {
+        let kinds = [
+            (0, row.way.as_str(), String::new()),
+            (1, row.mesh, row.n_triangles.to_string()),
+            (2, "all", String::new()),
+        ];
+        for (kind, name, triangles) in kinds {
+            let (_, n_rays, n_leaks) = by_name.entry((kind, name)).or_insert((triangles, 0, 0));
+            *n_rays += row.n_rays;
+            *n_leaks += row.n_leaks;
+        }
+    }
+    for ((_, name), (triangles, n_rays, n_leaks)) in by_name {
+        lines.push(format!("| {name} | {triangles} | {n_rays} | {n_leaks} |"));
+    }
+    lines.join("\n")
+}
