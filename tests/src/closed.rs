@@ -78,6 +78,8 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 pub fn rays(mesh: &Mesh, closed: &Closed, world_from_object: &Affine, n: usize, seed: u64) -> Vec<Ray> {
     let mut rng = SplitMix64::new(seed);
+    // Asks every triangle, so once for all rays.
+    let diagonal = mesh.diagonal();
     (0..n)
         .map(|i| {
             // A third from the heart itself: there coordinates repeat, and rays meet vertices exactly.
@@ -89,7 +91,7 @@ pub fn rays(mesh: &Mesh, closed: &Closed, world_from_object: &Affine, n: usize, 
             let along_edge = [0.0, 0.5, rng.unit()][i / 2 % 3];
             let target = between(corners[first], corners[(first + 1) % 3], along_edge);
             // The mesh ends within a diagonal of the target.
-            let outside = between(inside, target, 1.0 + mesh.diagonal() / distance(inside, target));
+            let outside = between(inside, target, 1.0 + diagonal / distance(inside, target));
             let (from, to) = if i % 2 == 0 { (inside, target) } else { (outside, inside) };
             let origin = from.map(|x| x as f32);
             let direction = std::array::from_fn(|k| (to[k] - f64::from(origin[k])) as f32);

@@ -60,7 +60,7 @@ pub(super) fn add(
     let ms: Vec<Samples> = ms.into_iter().map(Samples::from).collect();
     let Some(bare) = pictures.first().map(|(_, picture)| picture.buffers()) else { return Ok(()) };
     let sum = |buffers: &[(&str, u64)]| buffers.iter().map(|(_, n_bytes)| n_bytes).sum::<u64>();
-    for ((what, picture), ms_of_one) in pictures.iter().zip(&ms) {
+    for (i, ((what, picture), ms_of_one)) in pictures.iter().zip(&ms).enumerate() {
         let buffers = picture.buffers();
         let is_new = |name: &&str| bare.iter().all(|(known, _)| known != name);
         let new: Vec<&str> = buffers.iter().map(|(name, _)| *name).filter(is_new).collect();
@@ -71,7 +71,7 @@ pub(super) fn add(
             Cell::text(sum(&buffers).saturating_sub(sum(&bare)).to_string()),
             Cell::text(if new.is_empty() { "–".to_owned() } else { new.join(", ") }),
             Cell::measured(ms_of_one.clone(), "ms"),
-            Cell::text(over(ms_of_one, &ms[0])),
+            Cell::text(if i == 0 { "–".to_owned() } else { over(ms_of_one, &ms[0]) }),
         ]);
     }
     chapter.tables.push(table);

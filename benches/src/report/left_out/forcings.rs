@@ -30,7 +30,7 @@ pub(super) const NOT_FORCED: [(&str, &str); 2] = [
     ("shadow rays", "a light for them to go to would light the picture, and one without power is never sampled"),
 ];
 
-/// What surfaces emit where emission is forced back in: vanishes beside any light that is seen, and its powers are normal numbers.
+/// What a triangle emits where emission is forced back in: vanishes beside any light that is seen, and its power is a normal number.
 const LEAST_RADIANCE: f32 = 1e-30;
 
 /// One mesh in grey under a sun and a sky.
@@ -84,10 +84,16 @@ fn with_least_motion(mut scene: Scene) -> Scene {
     scene
 }
 
+/// The last triangle of the first mesh emits: a light tree over all of them would be measured instead.
 fn with_least_light(mut scene: Scene) -> Scene {
-    for material in &mut scene.materials {
-        material.emission = [LEAST_RADIANCE; 3];
-    }
+    let mesh = &mut scene.meshes[0];
+    let material = mesh.parts.last().map_or(MaterialId(0), |part| part.material);
+    let glowing = Material { emission: [LEAST_RADIANCE; 3], ..scene.materials[material.0 as usize].clone() };
+    let n = scene.materials.len();
+    scene.materials.push(glowing);
+    let last = u32::try_from(mesh.triangles.len() - 1).unwrap_or(u32::MAX);
+    mesh.parts.retain(|part| part.first_triangle < last);
+    mesh.parts.push(Part { first_triangle: last, material: MaterialId(u32::try_from(n).unwrap_or(u32::MAX)) });
     scene
 }
 

@@ -55,9 +55,9 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
 }
 
 const METHOD: [&str; 4] = [
-    "Each scene is rendered as it is and with one part forced back in, in turn: two levels; instances that move by the least number \
-     above nothing, which need two levels too; a white texture on every material; coordinates that nothing looks up; masks that cut \
-     nothing out; normals that say what the triangles say; surfaces that emit 1e-30, all of which lights are then chosen from; a second \
+    "Each scene is rendered as it is and with one part forced back in, in turn: two levels; instances that move by one unit in the \
+     last place, which need two levels too; a white texture on every material; coordinates that nothing looks up; masks that cut \
+     nothing out; normals that say what the triangles say; one triangle that emits 1e-30; a second \
      light without power. Seconds are the processor's, all threads, of the path integrator; bytes those of the structure and of the \
      scene's arrays.",
     "On a device, where one opens, the same parts are counted as bindings of the picture's kernel and their bytes, and timed by the \
@@ -83,7 +83,7 @@ fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Resu
         table.rows.push(vec![
             Cell::text(cost.what),
             Cell::measured(cost.seconds.scaled(1e3), "ms"),
-            Cell::text(over(&cost.seconds, &bare.seconds)),
+            Cell::text(if std::ptr::eq(cost, bare) { "–".to_owned() } else { over(&cost.seconds, &bare.seconds) }),
             Cell::text(cost.n_bytes.to_string()),
             Cell::text(more.to_string()),
             Cell::text(if cost.is_same { "yes" } else { "no" }),

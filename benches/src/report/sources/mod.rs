@@ -59,7 +59,7 @@ const METHOD: [&str; 5] = [
 ];
 
 const ABSENT: [&str; 6] = [
-    "Table 3 to 5, Breakfast room, Buddha, Pirate ship and Sibenik: these models are not at hand.",
+    "Tables 3 to 5, Breakfast room, Buddha, Pirate ship and Sibenik: these models are not at hand.",
     "Figure 11 is table 5 in bars; figures 12 and 13 are pictures of box tests without numbers: ours stand as box tests a camera ray.",
     "Table 5, unbounded principal axes on a device: the dissertation's took more than a minute, here they stay on the CPU.",
     "Chart 2 of the BIH thesis for Dino, Bunny and Alien: its bars are lost.",
