@@ -7,7 +7,7 @@ mod rays;
 use std::{path::PathBuf, time::Instant};
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Prepared, Tracer, prepare};
+use canted_renderer::{Prepared, Tracer, Whole, prepare};
 use canted_scene::Scene;
 use canted_trace::{Hit, Ray};
 use canted_wide::LaneKernel;
@@ -54,6 +54,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
     let format = hits::Format::of(&args.hits)?;
+    output::check_distinct(("--rays", &args.rays), ("--hits", &args.hits))?;
     if matches!(args.device, DeviceArg::Both(_)) {
         return Err(anyhow!("--device both shares out tiles of pictures, not rays: use cpu, gpu or an adapter's name"));
     }
@@ -63,8 +64,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     // A place that cannot be written is told before the work.
     output::probe(&args.hits)?;
     let answers = with_kernel!(args.structure.triangles, answer(&scene, &rays, args, &machine))?;
-    let out = output::Whole::create(&args.hits)?;
-    hits::write(out, format, &answers).map_err(|error| anyhow!("cannot write {}: {error}", args.hits.display()))?;
+    let mut out = Whole::create(&args.hits)?;
+    out.write(|out| hits::write(out, format, &answers))?;
+    out.finish()?;
     Ok(Outcome::Done)
 }
 

@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use canted_renderer::{Comparison, PIXELS_PER_DEGREE, flip, flip_hdr, read_picture, write_png};
 use serde_json::json;
 
-use crate::{Outcome, output};
+use crate::{Outcome, output, render};
 
 /// Options of `canted compare`.
 #[derive(clap::Args)]
@@ -15,8 +15,8 @@ pub(crate) struct Args {
     a: PathBuf,
     /// The reference, PNG or EXR.
     b: PathBuf,
-    /// Say no (exit code 1) where the relative mean square error is above this.
-    #[arg(long, value_name = "RELMSE", allow_negative_numbers = true)]
+    /// Say no (exit code 1) where the relative mean square error is above this, or a pixel is not finite.
+    #[arg(long, value_name = "RELMSE")]
     max: Option<f64>,
     /// What FLIP looks at: what a screen shows of the pictures clamped to 0..=1, or of all exposures from the
     /// reference's brightest to its median.
@@ -54,6 +54,14 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     {
         return Err(anyhow!("--max {max} is not a relative mean square error"));
     }
+    if let Some(path) = &args.errors {
+        if !render::is_png(path) {
+            return Err(anyhow!("{}: --errors ends in .png", path.display()));
+        }
+        output::probe(path)?;
+        output::check_distinct(("A", &args.a), ("--errors", path))?;
+        output::check_distinct(("B", &args.b), ("--errors", path))?;
+    }
     let a = read_picture(&args.a)?;
     let b = read_picture(&args.b)?;
     let named = |error| anyhow!("{} and {}: {error}", args.a.display(), args.b.display());
@@ -66,10 +74,14 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     if let Some(path) = &args.errors {
         write_png(path, &flip.picture())?;
     }
-    let Comparison { mean_ratio, mse, rmse, mae, rel_mse, .. } = found;
+    let Comparison { mean_ratio, mse, rmse, mae, rel_mse, n_not_finite, .. } = found;
+    if n_not_finite > 0 {
+        output::to_stderr(&format!("warning: {n_not_finite} pixels are not finite in both pictures and are left out"));
+    }
     let text = if args.json {
         json!({
             "mean_ratio": mean_ratio, "mse": mse, "rmse": rmse, "mae": mae, "relmse": rel_mse,
+            "not_finite": n_not_finite,
             word.to_lowercase().replace('-', "_"): flip.mean(),
         })
         .to_string()
@@ -80,8 +92,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
             flip.mean()
         )
     };
-    output::to_stdout(&text);
-    // An error that is not a number is within no limit.
-    let is_within = args.max.is_none_or(|max| rel_mse <= max);
+    output::to_stdout(&text)?;
+    // A pixel that is not a number is within no limit.
+    let is_within = args.max.is_none_or(|max| rel_mse <= max && n_not_finite == 0);
     Ok(if is_within { Outcome::Done } else { Outcome::No })
 }

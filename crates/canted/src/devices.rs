@@ -18,7 +18,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let found = adapters();
     let n_threads = rayon::current_num_threads();
-    output::to_stdout(&if args.json { as_json(&found, n_threads).to_string() } else { as_text(&found, n_threads) });
+    output::to_stdout(&if args.json { as_json(&found, n_threads).to_string() } else { as_text(&found, n_threads) })?;
     Ok(Outcome::Done)
 }
 

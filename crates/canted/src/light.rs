@@ -81,20 +81,27 @@ impl LightArgs {
         Ok(false)
     }
 
+    /// The file of `--env`, the factor of its radiance and the angle by which it is turned.
+    pub(crate) fn environment_file(&self) -> Option<(&Path, [f32; 3], f32)> {
+        let Some(EnvironmentArg::Picture(path)) = &self.env else { return None };
+        Some((path, [self.env_scale.unwrap_or(1.0); 3], self.env_turn.unwrap_or(0.0)))
+    }
+
     /// Black without `--env`.
     fn environment(&self) -> Result<Environment> {
-        let scale = self.env_scale.unwrap_or(1.0);
-        match &self.env {
-            None => Ok([0.0; 3].into()),
-            Some(EnvironmentArg::Constant(radiance)) => Ok(color("--env", *radiance)?.map(|c| c * scale).into()),
-            Some(EnvironmentArg::Picture(path)) => {
-                let mut warnings = Vec::new();
-                let image = canted_scene::read_environment(path, &mut warnings)?;
-                load::warn(&warnings);
-                let turn_degrees = self.env_turn.unwrap_or(0.0);
-                Ok(Environment::Image(EnvironmentImage { scale: [scale; 3], turn_degrees, ..image }))
-            }
+        if let Some((path, scale, turn_degrees)) = self.environment_file() {
+            let mut warnings = Vec::new();
+            let image = canted_scene::read_environment(path, &mut warnings)?;
+            load::warn(&warnings);
+            return Ok(Environment::Image(EnvironmentImage { scale, turn_degrees, ..image }));
         }
+        let Some(EnvironmentArg::Constant(radiance)) = &self.env else { return Ok([0.0; 3].into()) };
+        let scale = self.env_scale.unwrap_or(1.0);
+        let scaled = color("--env", *radiance)?.map(|c| c * scale);
+        if !scaled.iter().all(|c| c.is_finite()) {
+            return Err(anyhow!("--env times --env-scale {scale} is more than single precision holds"));
+        }
+        Ok(scaled.into())
     }
 }
 

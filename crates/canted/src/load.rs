@@ -15,14 +15,23 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<Scene> {
 /// As [`scene`], posed by its animation at a time in seconds.
 pub(crate) fn scene_at(path: Option<&Path>, time: Option<f32>) -> Result<Scene> {
     let Some(path) = path else { return Ok(canted_scene::builtin()) };
-    let scene = match (is_scene_file(path), time) {
-        (true, None) => scene_file(path)?.load(),
-        (true, Some(_)) => return Err(anyhow!("{}: --time poses a glTF file, not a scene file", path.display())),
-        (false, time) => canted_scene::read_with(path, &ReadOptions { time }),
+    let scene = if is_scene_file(path) {
+        check_time(path, time)?;
+        scene_file(path)?.load()
+    } else {
+        canted_scene::read_with(path, &ReadOptions { time })
     };
     let scene = scene.map_err(|error| anyhow!("{error}"))?;
     warn(&scene.warnings);
     Ok(scene)
+}
+
+/// Refuses a time for a scene file, whose assets have their own.
+pub(crate) fn check_time(scene_file: &Path, time: Option<f32>) -> Result<()> {
+    match time {
+        None => Ok(()),
+        Some(_) => Err(anyhow!("{}: --time poses a glTF file, not a scene file", scene_file.display())),
+    }
 }
 
 /// Tells what was repaired or left out in a file.

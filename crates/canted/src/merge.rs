@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let whole = Part::join(parts).map_err(|error| named(&error, &ranges))?;
     let film = Film::of_part(width, height, whole, 0);
     write_film(&args.output, &film, aovs, &record)?;
-    report(args, &film);
+    report(args, &film)?;
     Ok(Outcome::Done)
 }
 
@@ -88,7 +88,7 @@ fn named(error: &JoinError, ranges: &[(&Path, Range<u32>)]) -> anyhow::Error {
     anyhow!("{}: {error}", files.join(" and "))
 }
 
-fn report(args: &Args, film: &Film) {
+fn report(args: &Args, film: &Film) -> Result<()> {
     let samples = film.part().map(|part| format!("{:?}", part.range())).unwrap_or_default();
     let text = if args.json {
         let size = [film.width(), film.height()];
@@ -98,5 +98,5 @@ fn report(args: &Args, film: &Film) {
     } else {
         format!("{}: samples {samples} of {} parts", args.output.display(), args.parts.len())
     };
-    output::to_stdout(&text);
+    output::to_stdout(&text)
 }

@@ -1,16 +1,23 @@
-//! The only place that prints.
+//! What is printed, and checks of the places that are written.
 
 use std::{
-    fs::File,
-    io::{BufWriter, Write},
+    fs,
+    io::{ErrorKind, Write},
     path::{Path, PathBuf},
 };
 
 use anyhow::{Result, anyhow};
+use canted_renderer::{Whole, WriteError};
 
 /// Writes a line of results. A closed pipe is not an error: whoever read has read enough.
-pub(crate) fn to_stdout(text: &str) {
-    let _ = writeln!(std::io::stdout(), "{text}");
+///
+/// # Errors
+/// Standard output that takes no more, as a file on a full disk.
+pub(crate) fn to_stdout(text: &str) -> Result<()> {
+    match writeln!(std::io::stdout(), "{text}") {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(anyhow!("cannot write standard output: {error}")),
+        _ => Ok(()),
+    }
 }
 
 /// Writes a line about the run.
@@ -19,61 +26,21 @@ pub(crate) fn to_stderr(text: &str) {
 }
 
 /// Tells of a place that cannot be written; nothing is left there, so that work after it may be interrupted.
-pub(crate) fn probe(path: &Path) -> Result<()> {
+pub(crate) fn probe(path: &Path) -> Result<(), WriteError> {
     Whole::create(path).map(drop)
 }
 
-/// A file that appears under its name only when it is whole.
-pub(crate) struct Whole {
-    path: PathBuf,
-    temporary: tempfile::TempPath,
-    writer: BufWriter<File>,
+/// Refuses two options that name one file, of which one is written.
+pub(crate) fn check_distinct(a: (&str, &Path), b: (&str, &Path)) -> Result<()> {
+    if meant(a.1) != meant(b.1) {
+        return Ok(());
+    }
+    Err(anyhow!("{} and {} are one file, {}", a.0, b.0, b.1.display()))
 }
 
-impl Whole {
-    /// Opens a temporary file beside `path`.
-    pub(crate) fn create(path: &Path) -> Result<Self> {
-        if path.is_dir() {
-            return Err(anyhow!("cannot write {}: it is a folder", path.display()));
-        }
-        let folder = match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
-        let (file, temporary) = tempfile::Builder::new()
-            .prefix(".canted-")
-            .suffix(".tmp")
-            .tempfile_in(folder)
-            .map_err(|error| anyhow!("cannot write {}: {}", path.display(), reason(&error)))?
-            .into_parts();
-        Ok(Self { path: path.to_owned(), temporary, writer: BufWriter::new(file) })
-    }
-
-    /// Renames the finished file to its name.
-    pub(crate) fn finish(mut self) -> Result<()> {
-        let name = |error: std::io::Error| anyhow!("cannot write {}: {}", self.path.display(), reason(&error));
-        self.writer.flush().map_err(name)?;
-        // A temporary file is private to its owner; a result is as readable as any other new file.
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            self.writer.get_ref().set_permissions(std::fs::Permissions::from_mode(0o644)).map_err(name)?;
-        }
-        self.temporary.persist(&self.path).map_err(|error| name(error.error))
-    }
-}
-
-impl Write for Whole {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.writer.write(bytes)
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        self.writer.flush()
-    }
-}
-
-/// The system's reason without its number.
-fn reason(error: &std::io::Error) -> String {
-    let text = error.to_string();
-    text.split(" (os error").next().unwrap_or(&text).to_lowercase()
+/// The file that a name means, whether it is there or not.
+fn meant(path: &Path) -> PathBuf {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let beside = || Some(fs::canonicalize(folder).ok()?.join(path.file_name()?));
+    fs::canonicalize(path).ok().or_else(beside).unwrap_or_else(|| path.to_owned())
 }

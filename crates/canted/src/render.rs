@@ -46,12 +46,12 @@ pub(crate) struct Args {
     pub(crate) scene: Option<PathBuf>,
     /// Seconds into the file's first animation; the pose that the file has without it.
     #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
-    time: Option<f32>,
+    pub(crate) time: Option<f32>,
     /// The picture: `.png` (sRGB) or `.exr` (linear).
     #[arg(short, long, default_value = "canted.png", value_name = "FILE")]
     pub(crate) output: PathBuf,
     /// Pixels, as 1280x720.
-    #[arg(long, value_parser = options::size, default_value = "1280x720", value_name = "WxH")]
+    #[arg(long, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
     pub(crate) size: [u32; 2],
     #[command(flatten)]
     samples: SampleArgs,
@@ -80,7 +80,7 @@ pub(crate) struct Args {
     #[arg(long, value_enum, value_name = "TESTS")]
     heatmap: Option<HeatmapArg>,
     /// Tests shown in the brightest colour of a heat map; a wide node counts as eight boxes.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, value_name = "N")]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
     heatmap_scale: u32,
     /// What computes: `auto` takes a GPU where there is one that knows the scene, else the CPU; `gpu` the best adapter;
     /// `both` shares the tiles out; else a part of an adapter's name, which `canted devices` lists.
@@ -166,10 +166,15 @@ pub(crate) fn is_exr(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr"))
 }
 
+/// Whether a file's name says PNG.
+pub(crate) fn is_png(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"))
+}
+
 /// Tells of names of files that are no pictures, and of options that the picture has no room for.
 fn check_output(args: &Args) -> Result<()> {
     let path = &args.output;
-    if !is_exr(path) && !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+    if !is_exr(path) && !is_png(path) {
         return Err(anyhow!("{}: pictures end in .png or .exr", path.display()));
     }
     args.samples.check(is_exr(path), args.heatmap.is_some())
@@ -212,7 +217,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     args.settings()?;
     let machine = machine(args)?;
     // A place that cannot be written is told before the work.
-    drop(output::Whole::create(&args.output)?);
+    output::probe(&args.output)?;
+    if let Some(checkpoint) = &args.samples.checkpoint {
+        output::check_distinct(("--output", &args.output), ("--checkpoint", checkpoint))?;
+    }
     let start = Instant::now();
     let mut scene = load::scene_at(args.scene.as_deref(), args.time)?;
     let default_light = args.light.apply(&mut scene)?;
@@ -232,7 +240,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         facts.push(("peak_memory_bytes", json!(bytes)));
     }
     facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
-    facts::report(&facts, args.json);
+    facts::report(&facts, args.json)?;
     Ok(Outcome::Done)
 }
 

@@ -1,9 +1,7 @@
 //! `canted scene`: a scene and all that its picture is made by, as a file to change.
 
-use std::io::Write;
-
 use anyhow::{Result, anyhow};
-use canted_renderer::{View, environment_of};
+use canted_renderer::{View, Whole, environment_of};
 use canted_scene::{Environment, EnvironmentSource, Scene, SceneFile};
 use canted_wide::LaneKernel;
 use clap::ArgMatches;
@@ -42,10 +40,19 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<Outcome> {
     output::probe(path)?;
     options::use_threads(None)?;
     let error = |error| anyhow!("{error}");
-    let file = match args.scene.as_deref() {
-        Some(scene) if load::is_scene_file(scene) => load::scene_file(scene)?.moved_to(path).map_err(error)?,
+    let mut file = match args.scene.as_deref() {
+        Some(scene) if load::is_scene_file(scene) => {
+            load::check_time(scene, args.time)?;
+            load::scene_file(scene)?.moved_to(path).map_err(error)?
+        }
         scene => SceneFile::of(scene, path).map_err(error)?,
     };
+    if let Some(time) = args.time {
+        file = file.posed_at(time);
+    }
+    if let Some((image, scale, turn_degrees)) = args.light.environment_file() {
+        file = file.under(image, scale, turn_degrees).map_err(error)?;
+    }
     let (mut scene, mut file) = file.load_spelled_out().map_err(error)?;
     load::warn(&scene.warnings);
     with_kernel!(args.structure.triangles, look(&mut scene, args, &mut file))?;
@@ -79,7 +86,7 @@ fn write(file: &SceneFile, args: &render::Args) -> Result<()> {
     let text = file.to_toml();
     let back = SceneFile::parse(text.as_bytes(), path).map_err(|error| anyhow!("the scene has no file: {error}"))?;
     settings::check(&back.settings, path)?;
-    let mut out = output::Whole::create(path)?;
-    out.write_all(text.as_bytes()).map_err(|error| anyhow!("cannot write {}: {error}", path.display()))?;
-    out.finish()
+    let mut out = Whole::create(path)?;
+    out.write(|out| out.write_all(text.as_bytes()))?;
+    Ok(out.finish()?)
 }

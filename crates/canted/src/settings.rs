@@ -96,12 +96,17 @@ fn reason(error: &clap::Error, value: &str) -> String {
     format!(": {}", source.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
+/// The program's command line, in which `-1` is a value, so that the option whose it is can refuse it by name.
+fn command() -> Command {
+    Cli::command().mut_subcommands(|command| command.mut_args(|arg| arg.allow_negative_numbers(true)))
+}
+
 /// The command line, behind the settings of the scene file that it names.
 ///
 /// # Errors
 /// The scene file cannot be read, or is wrong.
 pub(crate) fn command_line() -> Result<ArgMatches> {
-    let own = Cli::command().get_matches();
+    let own = command().get_matches();
     let Some((name @ ("render" | "scene"), options)) = own.subcommand() else { return Ok(own) };
     let path = options.get_one::<PathBuf>("scene").filter(|path| load::is_scene_file(path));
     let Some(path) = path else { return Ok(own) };
@@ -115,7 +120,7 @@ pub(crate) fn command_line() -> Result<ArgMatches> {
             .filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))),
     );
     words.extend(rest);
-    let command = Cli::command().mut_subcommand(name, |command| command.args_override_self(true));
+    let command = command().mut_subcommand(name, |command| command.args_override_self(true));
     Ok(command.get_matches_from(words))
 }
 

@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let device = device::measure(&machine, &scene, &name)?;
     let table = if args.json { tables::json } else { tables::text };
     let text = table(&name, &scene, &measured, &wide, device.as_ref());
-    output::to_stdout(&text);
+    output::to_stdout(&text)?;
     Ok(Outcome::Done)
 }
 

@@ -1,9 +1,10 @@
 //! `canted tree`: codes and topology, for checking.
 
-use std::{io::Write, path::PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Domain, Sorted, Tree};
+use canted_renderer::Whole;
 use canted_scene::Scene;
 use clap::ValueEnum;
 
@@ -39,34 +40,29 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         BitsArg::B30 => Bits::B30,
         BitsArg::B63 => Bits::B63,
     };
-    if args.codes == args.nodes {
-        return Err(anyhow!("--codes and --nodes are one file, {}", args.codes.display()));
-    }
+    output::check_distinct(("--codes", &args.codes), ("--nodes", &args.nodes))?;
     let scene = load::scene(Some(&args.scene))?;
     // Places that cannot be written are told before the work.
     output::probe(&args.codes)?;
     output::probe(&args.nodes)?;
     let (sorted, tree) = build(&scene, bits).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
-    let mut codes_out = output::Whole::create(&args.codes)?;
-    let mut nodes_out = output::Whole::create(&args.nodes)?;
+    let mut codes_out = Whole::create(&args.codes)?;
+    let mut nodes_out = Whole::create(&args.nodes)?;
     let numbers = file_numbers(&scene);
-    let name = |path: &PathBuf, error: std::io::Error| anyhow!("cannot write {}: {error}", path.display());
-    (|| {
-        writeln!(codes_out, "code,prim")?;
-        for (code, leaf) in sorted.codes.iter().zip(&sorted.leaves) {
-            writeln!(codes_out, "{code},{}", numbers[leaf.index()])?;
-        }
-        Ok(())
-    })()
-    .map_err(|error| name(&args.codes, error))?;
-    (|| {
-        writeln!(nodes_out, "left,right,first,last")?;
-        for node in &tree.nodes {
-            writeln!(nodes_out, "{},{},{},{}", reference(node.left), reference(node.right), node.first, node.last)?;
-        }
-        Ok(())
-    })()
-    .map_err(|error| name(&args.nodes, error))?;
+    codes_out.write(|out| {
+        writeln!(out, "code,prim")?;
+        sorted
+            .codes
+            .iter()
+            .zip(&sorted.leaves)
+            .try_for_each(|(code, leaf)| writeln!(out, "{code},{}", numbers[leaf.index()]))
+    })?;
+    nodes_out.write(|out| {
+        writeln!(out, "left,right,first,last")?;
+        tree.nodes.iter().try_for_each(|node| {
+            writeln!(out, "{},{},{},{}", reference(node.left), reference(node.right), node.first, node.last)
+        })
+    })?;
     codes_out.finish()?;
     nodes_out.finish()?;
     Ok(Outcome::Done)

@@ -11,7 +11,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::content::Hash;
-use crate::output::{Record, WritePictureError, record_from_lines, record_lines, write_whole};
+use crate::output::{Record, WriteError, record_from_lines, record_lines, write_whole};
 use crate::{Guide, Pixel, ReadPictureError, Tile};
 
 const KIND: &str = "canted checkpoint 1\n";
@@ -48,8 +48,8 @@ impl Checkpoint {
     /// Writes what is there; the file appears whole or not at all.
     ///
     /// # Errors
-    /// [`WritePictureError`] with the file and the reason.
-    pub fn write(&self, path: &Path) -> Result<(), WritePictureError> {
+    /// [`WriteError`] with the file and the reason.
+    pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         let mut bytes = self.bytes.clone();
         bytes.extend(checksum(&bytes).to_le_bytes());
         write_whole(path, &bytes)

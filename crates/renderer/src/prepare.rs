@@ -128,19 +128,24 @@ pub fn prepare<K: LaneKernel>(scene: &Scene, config: &StructureConfig) -> Result
         _ if structure.bottom().iter().any(Level::leans) => "",
         _ => "no gain by predicted cost",
     };
-    let left_out = left_out(scene, one, straight);
+    let one_because = match config.levels {
+        _ if !one => "",
+        Levels::One => "one level is asked for",
+        _ => "meshes are hardly repeated",
+    };
+    let left_out = left_out(scene, one_because, straight);
     Ok(Prepared { structure, left_out, build_time: start.elapsed() })
 }
 
-/// What `scene` does without; `straight` says why no box leans, empty where one does.
-fn left_out(scene: &Scene, one: bool, straight: &'static str) -> Vec<LeftOut> {
+/// What `scene` does without; `one` says why there is one level, `straight` why no box leans, both empty where it is not so.
+fn left_out(scene: &Scene, one: &'static str, straight: &'static str) -> Vec<LeftOut> {
     let mut left_out = vec![];
     let mut without = |needed: bool, part, because| {
         if !needed {
             left_out.push(LeftOut { part, because });
         }
     };
-    without(!one, "top level", "meshes are hardly repeated");
+    without(one.is_empty(), "top level", one);
     without(scene.moves(), "motion", "no instance moves");
     without(straight.is_empty(), "leaning boxes", straight);
     let textured = scene.materials.iter().any(|m| m.textures().next().is_some());
@@ -148,7 +153,7 @@ fn left_out(scene: &Scene, one: bool, straight: &'static str) -> Vec<LeftOut> {
     without(scene.meshes.iter().any(|m| m.uvs.is_some()), "texture coordinates", "no texture is looked up");
     without(scene.materials.iter().any(Material::is_cut_out), "alpha test", "every surface is opaque");
     without(scene.meshes.iter().any(|m| m.normals.is_some()), "shading normals", "every mesh is flat");
-    without(!scene.lights.is_empty(), "shadow rays", "no light is given");
+    without(!scene.lights.is_empty(), "listed lights", "none is given");
     without(scene.materials.iter().any(Material::emits), "emission", "no surface emits");
     without(light::are_many(scene), "choice among lights", "there is one at most");
     left_out

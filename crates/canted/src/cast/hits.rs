@@ -1,10 +1,11 @@
 //! Files of hits.
 
-use std::{io::Write, path::Path};
+use std::{
+    io::{self, Write},
+    path::Path,
+};
 
 use anyhow::{Result, anyhow};
-
-use crate::output::Whole;
 
 /// How hits are written.
 #[derive(Clone, Copy)]
@@ -46,7 +47,7 @@ impl Answer {
 }
 
 /// Writes one row a ray, in order.
-pub(super) fn write(mut out: Whole, format: Format, answers: &[Answer]) -> Result<()> {
+pub(super) fn write(out: &mut dyn Write, format: Format, answers: &[Answer]) -> io::Result<()> {
     match format {
         Format::Csv => {
             writeln!(out, "t,prim,u,v,instance")?;
@@ -57,13 +58,14 @@ pub(super) fn write(mut out: Whole, format: Format, answers: &[Answer]) -> Resul
         Format::Bin => {
             for answer in answers {
                 out.write_all(&answer.t.to_le_bytes())?;
-                let prim = i32::try_from(answer.prim)
-                    .map_err(|_| anyhow!("triangle {} does not fit in the 32 bits of a .bin row", answer.prim))?;
+                let prim = i32::try_from(answer.prim).map_err(|_| {
+                    io::Error::other(format!("triangle {} is beyond the 32 bits of a .bin row", answer.prim))
+                })?;
                 out.write_all(&prim.to_le_bytes())?;
                 out.write_all(&answer.u.to_le_bytes())?;
                 out.write_all(&answer.v.to_le_bytes())?;
             }
         }
     }
-    out.finish()
+    Ok(())
 }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use anyhow::Result;
 use canted_obb::Obb;
 use canted_renderer::{Film, Level, Prepared, Settings, Structure};
 use canted_scene::Scene;
@@ -86,12 +87,11 @@ fn volumes_of<K: LaneKernel>(levels: &[Level<K>]) -> String {
 }
 
 /// Prints the facts, as JSON or a line each.
-pub(super) fn report(facts: &[Fact], as_json: bool) {
+pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     if as_json {
         let object: serde_json::Map<String, Value> =
             facts.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
-        output::to_stdout(&Value::Object(object).to_string());
-        return;
+        return output::to_stdout(&Value::Object(object).to_string());
     }
     for (key, value) in facts {
         let text = match (*key, value) {
@@ -109,6 +109,7 @@ pub(super) fn report(facts: &[Fact], as_json: bool) {
             (_, Value::String(text)) => text.clone(),
             (_, other) => other.to_string(),
         };
-        output::to_stdout(&format!("{:<24} {text}", key.replace('_', " ").replace(" bytes", "")));
+        output::to_stdout(&format!("{:<24} {text}", key.replace('_', " ").replace(" bytes", "")))?;
     }
+    Ok(())
 }

@@ -20,7 +20,7 @@ pub(crate) struct SampleArgs {
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SAMPLES)), value_name = "N")]
     spp: Option<u32>,
     /// Take the samples with the numbers A to B-1 and keep their exact sums in the EXR, for `canted merge`.
-    #[arg(long, value_parser = range, value_name = "A..B", conflicts_with = "noise")]
+    #[arg(long, value_parser = range, value_name = "A..B", conflicts_with = "noise", allow_hyphen_values = true)]
     samples: Option<[u32; 2]>,
     /// How the samples of a pixel are spread: `stratified` without it; `sobol`, whose samples do not depend on how many
     /// there are, with --samples and --noise.

@@ -42,7 +42,7 @@ mod stopped {
 
     use super::{RENDER, whole};
     use crate::{
-        outputs::interrupted::{catches_interrupt, interrupt, is_ignored, wait_until},
+        outputs::interrupted::{catches_interrupt, is_ignored, send, wait_until},
         support::Folder,
     };
 
@@ -91,13 +91,15 @@ mod stopped {
         let folder = Folder::with_small();
         let line = slow("--spp 256");
         let expected = whole(&folder, &line);
-        // One write a day: only the interrupt writes.
-        let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
-        let mut child = command.stdout(Stdio::null()).spawn().unwrap();
-        wait_until(|| catches_interrupt(&child).unwrap_or(true));
-        sleep(Duration::from_millis(200));
-        assert_eq!(interrupt(&mut child), Some(130));
-        assert_eq!(folder.names(), ["small.obj", "work.ckpt"]);
+        // One write a day: only the signal writes, Ctrl-C or what a scheduler sends.
+        for signal in ["-INT", "-TERM"] {
+            let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
+            let mut child = command.stdout(Stdio::null()).spawn().unwrap();
+            wait_until(|| catches_interrupt(&child).unwrap_or(true));
+            sleep(Duration::from_millis(200));
+            assert_eq!(send(signal, &mut child), Some(130), "{signal}");
+            assert_eq!(folder.names(), ["small.obj", "work.ckpt"], "{signal}");
+        }
         folder.run(&line).done();
         assert!(folder.bytes("out.exr") == expected);
         assert_eq!(folder.names(), ["out.exr", "small.obj"]);

@@ -1,5 +1,6 @@
 //! `canted compare` on pictures whose differences are known.
 
+use canted_renderer::{Picture, write_exr};
 use image::{Rgb, RgbImage};
 
 use crate::support::Folder;
@@ -77,10 +78,34 @@ fn mean_errors_and_flip_are_told() {
     assert_ne!(far["flip"], json["flip"]);
     let json = folder.run("compare half.png half.png --flip hdr --json").done().json();
     assert_eq!((json["hdr_flip"].as_f64(), json["flip"].as_f64()), (Some(0.0), None));
-    for wrong in ["--pixels-per-degree 0", "--pixels-per-degree nan", "--flip sdr", "--errors missing/errors.png"] {
+    for wrong in [
+        "--pixels-per-degree 0",
+        "--pixels-per-degree -1",
+        "--pixels-per-degree nan",
+        "--flip sdr",
+        "--errors missing/errors.png",
+        "--errors errors.exr",
+    ] {
         let value = wrong.split(' ').next_back().unwrap();
         folder.run(&format!("compare half.png white.png {wrong}")).refused(&[value]);
     }
+}
+
+/// A pixel that is not a number lies within no limit, however well the others agree.
+#[test]
+fn pixels_that_are_not_finite_are_told() {
+    let folder = folder();
+    for (name, x) in [("one.exr", 1.0), ("nan.exr", f32::NAN)] {
+        let picture = Picture { width: 2, height: 1, pixels: vec![[x; 3], [1.0; 3]] };
+        write_exr(&folder.path(name), &picture).unwrap();
+    }
+    for pair in ["nan.exr one.exr", "one.exr nan.exr"] {
+        let run = folder.run(&format!("compare {pair} --max 1 --json"));
+        assert_eq!((run.code, run.n_warnings()), (Some(1), 1), "{pair}: {}", run.stderr);
+        assert_eq!((run.json()["not_finite"].as_u64(), run.json()["mse"].as_f64()), (Some(1), Some(0.0)));
+    }
+    let run = folder.run("compare one.exr one.exr --max 0").done();
+    assert_eq!(run.n_warnings(), 0);
 }
 
 #[test]

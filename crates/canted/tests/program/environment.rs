@@ -54,6 +54,7 @@ fn environments_that_are_none_are_named() {
     render(&folder, "--env cut.hdr").refused(&["cut.hdr"]);
     render(&folder, "--env two.jpg").refused(&["--env", "a file ends in .hdr or .exr"]);
     render(&folder, "--env 1,1,1 --env-scale -1").refused(&["--env-scale"]);
+    render(&folder, "--env 3e38,1,1 --env-scale 10").refused(&["--env", "--env-scale 10"]);
     render(&folder, "--env-turn 90").refused(&["--env"]);
     assert!(!folder.names().iter().any(|name| name == "out.png"));
 }
@@ -100,13 +101,19 @@ const TRAVELLER: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"node
 "animations":[{"samplers":[{"input":1,"output":2}],
 "channels":[{"sampler":0,"target":{"node":0,"path":"translation"}}]}]}"#;
 
-#[test]
-fn rays_meet_a_file_as_it_is_posed() {
+/// A folder with that.
+pub(crate) fn traveller() -> Folder {
     let folder = Folder::new();
     let corners = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     let numbers = corners.into_iter().chain([0.0, 2.0]).chain([0.0, 0.0, 0.0, 10.0, 0.0, 0.0]);
     folder.write("numbers.bin", numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>());
     folder.write("traveller.gltf", TRAVELLER);
+    folder
+}
+
+#[test]
+fn rays_meet_a_file_as_it_is_posed() {
+    let folder = traveller();
     folder.write("rays.csv", "ox,oy,oz,dx,dy,dz,tmax\n0.25,0.25,1,0,0,-1,inf\n5.25,0.25,1,0,0,-1,inf\n");
     let is_hit = |options: &str| -> Vec<bool> {
         folder.run(&format!("cast traveller.gltf --rays rays.csv --hits hits.csv {options}")).done();

@@ -48,6 +48,15 @@ fn a_repaired_file_warns_on_standard_error_and_answers_on_standard_output() {
     assert!(!run.stdout.contains("warning"));
 }
 
+/// A scene that fills the range of numbers is seen from its edge: no eye stands beyond.
+#[test]
+fn coordinates_at_the_end_of_the_numbers_make_a_picture() {
+    let folder = Folder::new();
+    folder.write("huge.obj", "v -3e38 0 0\nv 3e38 0 0\nv 0 3e38 -3e38\nf 1 2 3\n");
+    let run = folder.run("render huge.obj -o out.png --size 8x8 --spp 1").done();
+    assert_eq!(run.n_warnings(), 1, "{}", run.stderr);
+}
+
 /// What a row of the table of malformed files expects.
 struct Row {
     path: PathBuf,

@@ -90,7 +90,44 @@ fn success_replaces_what_stood_there_and_leaves_nothing_beside_it() {
 fn one_name_is_not_two_files() {
     let folder = folder();
     folder.run("tree small.obj --codes both.csv --nodes both.csv").refused(&["--codes", "--nodes", "both.csv"]);
+    folder.run("tree small.obj --codes both.csv --nodes ./both.csv").refused(&["--codes", "--nodes", "./both.csv"]);
+    folder.run("cast small.obj --rays rays.csv --hits ./rays.csv").refused(&["--rays", "--hits", "./rays.csv"]);
+    folder.run("render small.obj -o a.exr --checkpoint a.exr").refused(&["--output", "--checkpoint", "a.exr"]);
     assert_eq!(folder.names(), ["rays.csv", "small.obj"]);
+    assert_eq!(folder.text("rays.csv"), RAYS);
+    folder.run("render small.obj --size 4x4 --spp 1 -o a.png").done();
+    folder.run("compare a.png a.png --errors ./a.png").refused(&["--errors", "./a.png"]);
+}
+
+/// Devices and pipes are no files that a result may replace: for the superuser `/dev/null` would become one.
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_not_replaced() {
+    let folder = folder();
+    let is_file = |name: &str| fs::symlink_metadata(folder.path(name)).unwrap().is_file();
+    let _sockets =
+        ["out.png", "out.csv"].map(|name| std::os::unix::net::UnixListener::bind(folder.path(name)).unwrap());
+    for line in WRITERS {
+        folder.run(&line.replace("OUT", "out")).refused(&["cannot write out", "no regular file"]);
+    }
+    folder.run("render small.obj -o a.png --checkpoint out.csv").refused(&["cannot write out.csv"]);
+    assert!(!is_file("out.png") && !is_file("out.csv"));
+}
+
+/// Results that nobody can have are no success; a reader that has read enough is one.
+#[cfg(target_os = "linux")]
+#[test]
+fn standard_output_that_is_full_is_an_error() {
+    let folder = folder();
+    let run = |out: &str| {
+        let out = fs::File::create(out).unwrap();
+        folder.command("stats small.obj --json").stdout(out).output().unwrap()
+    };
+    let full = run("/dev/full");
+    let message = String::from_utf8(full.stderr).unwrap();
+    assert_eq!(full.status.code(), Some(2), "{message}");
+    assert!(message.starts_with("error: cannot write standard output"), "{message}");
+    assert_eq!(run("/dev/null").status.code(), Some(0));
 }
 
 #[cfg(unix)]
@@ -128,8 +165,13 @@ pub(crate) mod interrupted {
 
     /// Sends Ctrl-C; the exit code as a shell shows it.
     pub(crate) fn interrupt(child: &mut Child) -> Option<i32> {
+        send("-INT", child)
+    }
+
+    /// Sends a signal, as above.
+    pub(crate) fn send(signal: &str, child: &mut Child) -> Option<i32> {
         assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
-        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
         wait_until(|| child.try_wait().unwrap().is_some());
         let status = child.wait().unwrap();
         status.code().or_else(|| status.signal().map(|signal| 128 + signal))

@@ -74,6 +74,25 @@ fn leaning_boxes_are_left_out_for_a_reason() {
     assert_eq!(reason(""), None, "towers of the built-in scene lean");
 }
 
+/// Reasons are those of the run, and nothing that an integrator uses is said to be left out.
+#[test]
+fn what_is_left_out_is_true() {
+    let folder = Folder::with_small();
+    let parts = |options: &str| -> Vec<(String, String)> {
+        let facts =
+            folder.run(&format!("render small.obj --size 8x5 --spp 1 --json -o out.png {options}")).done().json();
+        let text = |value: &serde_json::Value| value.as_str().unwrap().to_owned();
+        facts["left_out"].as_array().unwrap().iter().map(|left| (text(&left["part"]), text(&left["because"]))).collect()
+    };
+    let has = |parts: &[(String, String)], part: &str, because: &str| parts.contains(&(part.into(), because.into()));
+    assert!(has(&parts(""), "top level", "meshes are hardly repeated"));
+    assert!(has(&parts("--levels one"), "top level", "one level is asked for"));
+    // The sky is sampled by shadow rays although no light is listed.
+    let sky = parts("--integrator path --env 1,1,1");
+    assert!(has(&sky, "listed lights", "none is given"), "{sky:?}");
+    assert!(!sky.iter().any(|(part, _)| part.contains("shadow")), "{sky:?}");
+}
+
 #[test]
 fn threads_do_not_change_a_byte() {
     let folder = Folder::with_small();

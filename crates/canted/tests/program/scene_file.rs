@@ -1,6 +1,6 @@
 //! Scene files: written, rendered, refused.
 
-use crate::support::Folder;
+use crate::{environment::traveller, support::Folder};
 
 /// A picture of 24x16 pixels by these options.
 #[track_caller]
@@ -23,6 +23,22 @@ fn a_scene_and_its_file_make_the_same_picture() {
     same_bits("small.obj", "--sun -1,-1,-1,1,2,3 --point 0.1,2,0,1,1,1 --ao-radius inf --bounces 0");
     same_bits("small.obj", "--integrator path --sphere 0.5,3,-1,0.25,9,8,7");
     same_bits("small.obj", "--integrator path --env 0.1,0.2,0.3 --sampler sobol --noise 0.5");
+}
+
+/// What options name is in the file too: the picture of the sky, and the pose.
+#[test]
+fn files_and_poses_of_options_are_in_the_file() {
+    let folder = traveller();
+    folder.run("render traveller.gltf --size 8x4 --spp 1 -o sky.exr").done();
+    folder.run("render traveller.gltf --size 24x16 --spp 2 -o rest.exr").done();
+    for options in ["--env sky.exr --env-turn 40 --env-scale 2", "--time 1"] {
+        folder.run(&format!("scene traveller.gltf --size 24x16 --spp 2 {options} -o s.toml")).done();
+        folder.run(&format!("render traveller.gltf --size 24x16 --spp 2 {options} -o a.exr")).done();
+        folder.run("render s.toml -o b.exr").done();
+        assert_ne!(folder.bytes("a.exr"), folder.bytes("rest.exr"), "{options} changes nothing");
+        assert_eq!(folder.bytes("a.exr"), folder.bytes("b.exr"), "{options}: {}", folder.text("s.toml"));
+    }
+    folder.run("scene s.toml --time 1 -o t.toml").refused(&["s.toml", "--time"]);
 }
 
 #[test]

@@ -28,7 +28,9 @@ pub(super) fn fit(scene: &Scene, center: Vector, direction: Vector, aspect: f64)
     let distance = if nearest > 0.0 { nearest } else { 1.0 };
     let target = add(center, add(scale(right, across.offset(distance)), scale(up, high.offset(distance))));
     let eye = sub(target, scale(forward, distance));
-    Camera::pinhole(narrow(eye), narrow(target), narrow(UP), FOV_DEGREES)
+    // Of a scene that fills the range of numbers no point lies outside.
+    let within = |v: Vector| v.map(|x| x.clamp(f32::MIN.into(), f32::MAX.into()));
+    Camera::pinhole(narrow(within(eye)), narrow(within(target)), narrow(UP), FOV_DEGREES)
 }
 
 /// Every vertex that triangles use, in world space, once for each instance.

@@ -17,7 +17,7 @@ use exr::prelude::{
     LayerAttributes, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
 };
 
-use super::{ENCODING, Record, WritePictureError, canonical, record_from_lines, record_lines, write_whole};
+use super::{ENCODING, Record, WriteError, canonical, record_from_lines, record_lines, write_whole};
 use crate::content::Hash;
 use crate::film::Block;
 use crate::input::{MAX_PIXELS, ReadPictureError};
@@ -39,8 +39,8 @@ const COUNTS: [&str; 2] = ["count.summed", "count.dropped"];
 /// Names and values of the record hold no line break, names no colon. The file appears whole or not at all.
 ///
 /// # Errors
-/// [`WritePictureError`] with the file and the reason.
-pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, String)]) -> Result<(), WritePictureError> {
+/// [`WriteError`] with the file and the reason.
+pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, String)]) -> Result<(), WriteError> {
     let size = Vec2(film.width() as usize, film.height() as usize);
     let named = |name: &str| LayerAttributes { layer_name: Some(Text::from(name)), ..LayerAttributes::default() };
     let picture = AnyChannels::sort(picture_channels(film, aovs).into_iter().collect());
@@ -66,7 +66,7 @@ pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, Strin
         .write()
         .non_parallel()
         .to_buffered(&mut file)
-        .map_err(|error| WritePictureError::new(path, error))?;
+        .map_err(|error| WriteError::new(path, error))?;
     write_whole(path, file.get_ref())
 }
 

@@ -2,13 +2,10 @@
 
 mod film;
 mod record;
+mod whole;
 
-use std::ffi::OsString;
-use std::fmt;
-use std::fs::{self, File};
-use std::io::{self, Cursor, Write};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::io::Cursor;
+use std::path::Path;
 
 use exr::prelude::{
     Blocks, Compression, Encoding, Image, Layer, LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage,
@@ -20,19 +17,21 @@ use crate::{Picture, srgb};
 pub use film::{read_part, write_film};
 pub use record::Record;
 pub(crate) use record::{record_from_lines, record_lines};
+pub(crate) use whole::write_whole;
+pub use whole::{Whole, WriteError};
 
 /// Writes `picture` as an 8-bit RGB PNG: clamped to 0..=1, encoded by the sRGB curve, rounded to the nearest byte.
 ///
 /// The file appears whole or not at all.
 ///
 /// # Errors
-/// [`WritePictureError`] with the file and the reason.
-pub fn write_png(path: &Path, picture: &Picture) -> Result<(), WritePictureError> {
+/// [`WriteError`] with the file and the reason.
+pub fn write_png(path: &Path, picture: &Picture) -> Result<(), WriteError> {
     let bytes: Vec<u8> = picture.pixels.iter().flatten().map(|&x| srgb::encode(x)).collect();
     let mut file = Vec::new();
     PngEncoder::new(&mut file)
         .write_image(&bytes, picture.width, picture.height, image::ExtendedColorType::Rgb8)
-        .map_err(|error| WritePictureError::new(path, error))?;
+        .map_err(|error| WriteError::new(path, error))?;
     write_whole(path, &file)
 }
 
@@ -42,8 +41,8 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), WritePictureError
 /// file appears whole or not at all.
 ///
 /// # Errors
-/// [`WritePictureError`] with the file and the reason.
-pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), WritePictureError> {
+/// [`WriteError`] with the file and the reason.
+pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), WriteError> {
     let size = Vec2(picture.width as usize, picture.height as usize);
     let pixel = |position: Vec2<usize>| {
         let [r, g, b] = picture.pixels[position.1 * size.0 + position.0].map(canonical);
@@ -55,7 +54,7 @@ pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), WritePictureError
         .write()
         .non_parallel()
         .to_buffered(&mut file)
-        .map_err(|error| WritePictureError::new(path, error))?;
+        .map_err(|error| WriteError::new(path, error))?;
     write_whole(path, file.get_ref())
 }
 
@@ -72,64 +71,6 @@ fn canonical(x: f32) -> f32 {
         x + 0.0
     }
 }
-
-/// Writes a temporary file beside `path` and renames it: the file appears whole or not at all.
-///
-/// # Errors
-/// [`WritePictureError`] with the file and the reason.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WritePictureError> {
-    let temporary = temporary_beside(path);
-    let write = || {
-        let mut file = File::create_new(&temporary)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&temporary, path)
-    };
-    write().map_err(|error: io::Error| {
-        // A file of that name that was there before is not ours to remove. Failure to remove is less than the failure
-        // being reported.
-        if error.kind() != io::ErrorKind::AlreadyExists {
-            let _ = fs::remove_file(&temporary);
-        }
-        WritePictureError::new(path, error)
-    })
-}
-
-/// A name in the folder of `path` that no other call uses, here or in another process.
-fn temporary_beside(path: &Path) -> PathBuf {
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    let mut name = OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
-    path.with_file_name(name)
-}
-
-/// Why a picture was not written.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct WritePictureError {
-    path: PathBuf,
-    reason: String,
-}
-
-impl WritePictureError {
-    fn new(path: &Path, reason: impl fmt::Display) -> Self {
-        Self { path: path.to_owned(), reason: reason.to_string() }
-    }
-
-    /// The file that was to be written.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-}
-
-impl fmt::Display for WritePictureError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot write {}: {}", self.path.display(), self.reason)
-    }
-}
-
-impl std::error::Error for WritePictureError {}
 
 #[cfg(test)]
 mod tests {

@@ -24,7 +24,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<EnvironmentSource, ReadError> {
     let constant = table.numbers("constant", Bounds::NotNegative)?;
     let scale = table.numbers("scale", Bounds::NotNegative)?;
     let turn_degrees = table.number("turn_degrees", Bounds::Finite)?;
-    let Some(file) = table.text("image")? else {
+    let Some(file) = table.file("image")? else {
         if let Some(key) = ["scale", "turn_degrees"].into_iter().find(|key| table.has(key)) {
             return Err(table.error(key, format!("`{key}` of the environment needs an `image`")));
         }

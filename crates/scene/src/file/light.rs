@@ -42,7 +42,7 @@ fn spot(table: &Table<'_>) -> Result<Light, ReadError> {
     let inner = table.number_f64("inner_degrees", Bounds::ConeAngle)?.unwrap_or(0.0);
     let (cos_inner, cos_outer) = (cos(inner), cos(outer));
     if cos_outer >= cos_inner {
-        return Err(table.refuse("inner_degrees", &format!("less than `outer_degrees`, {outer}")));
+        return Err(table.refuse("outer_degrees", &format!("more than `inner_degrees`, {inner}")));
     }
     let (position, direction) = (point(table, "position")?, direction::read(table, "direction")?);
     Ok(Light::Spot { position, direction, intensity: color(table, "intensity")?, cos_inner, cos_outer })

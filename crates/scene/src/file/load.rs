@@ -17,9 +17,8 @@ impl SceneFile {
         let (name, source) = match scene {
             None => ("builtin".to_owned(), AssetSource::Builtin),
             Some(scene) => {
-                let folder = path.parent().unwrap_or(Path::new(""));
                 let stem = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                (stem, AssetSource::File(super::paths::relative(scene, folder)?))
+                (stem, AssetSource::File(super::paths::relative(scene, super::paths::folder(path))?))
             }
         };
         let asset = Asset { name, source, time: None, material: None, line: 0 };
@@ -31,6 +30,16 @@ impl SceneFile {
     pub fn posed_at(mut self, time: f32) -> Self {
         self.assets.iter_mut().for_each(|asset| asset.time = Some(time));
         self
+    }
+
+    /// The same scene under the picture of an environment in another file, times `scale`, turned by `turn_degrees`.
+    ///
+    /// # Errors
+    /// The other file is not there, or its path is not UTF-8.
+    pub fn under(mut self, image: &Path, scale: [f32; 3], turn_degrees: f32) -> Result<Self, ReadError> {
+        let file = super::paths::relative(image, super::paths::folder(&self.path))?;
+        self.environment = Some(EnvironmentSource::Image { file, scale, turn_degrees });
+        Ok(self)
     }
 
     /// Reads the files named and puts the scene together.

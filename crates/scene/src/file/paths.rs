@@ -44,7 +44,7 @@ impl SceneFile {
 }
 
 /// The folder that a file lies in; empty for the current one.
-fn folder(path: &Path) -> &Path {
+pub(super) fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 

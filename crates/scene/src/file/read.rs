@@ -119,7 +119,7 @@ fn list<T>(
 fn asset(table: Table<'_>) -> Result<Asset, ReadError> {
     table.only(&["name", "file", "builtin", "time", "material"])?;
     let name = table.required("name", table.text("name")?)?.to_owned();
-    let source = match (table.text("file")?, table.flag("builtin")?.unwrap_or(false)) {
+    let source = match (table.file("file")?, table.flag("builtin")?.unwrap_or(false)) {
         (Some(file), false) => AssetSource::File(file.to_owned()),
         (None, true) => AssetSource::Builtin,
         (Some(_), true) => return Err(table.error("builtin", "an asset with a `file` is not `builtin`")),

@@ -143,8 +143,10 @@ impl<'a> Table<'a> {
 
     /// The value of a key is not what it should be.
     pub(super) fn refuse(&self, key: &str, wanted: &str) -> ReadError {
-        let span = self.items.get(key).and_then(Item::span);
-        self.error(key, format!("`{key}` of {} is {}, not {wanted}", self.name, self.source.quote(span)))
+        let Some(item) = self.items.get(key) else {
+            return self.error(key, format!("{} needs `{key}`, {wanted}", self.name));
+        };
+        self.error(key, format!("`{key}` of {} is {}, not {wanted}", self.name, self.source.quote(item.span())))
     }
 
     pub(super) fn number(&self, key: &str, bounds: Bounds) -> Result<Option<f32>, ReadError> {
@@ -180,6 +182,14 @@ impl<'a> Table<'a> {
     pub(super) fn text(&self, key: &str) -> Result<Option<&'a str>, ReadError> {
         let Some(value) = self.value(key)? else { return Ok(None) };
         value.as_str().map(Some).ok_or_else(|| self.refuse(key, "a text in quotes"))
+    }
+
+    /// The name of a file.
+    pub(super) fn file(&self, key: &str) -> Result<Option<&'a str>, ReadError> {
+        match self.text(key)? {
+            Some(name) if name.trim().is_empty() => Err(self.refuse(key, "the name of a file")),
+            name => Ok(name),
+        }
     }
 
     pub(super) fn flag(&self, key: &str) -> Result<Option<bool>, ReadError> {

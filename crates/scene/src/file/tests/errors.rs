@@ -54,7 +54,10 @@ fn wrong_types_and_values_are_quoted() {
     refused("radius = 0.5", "radius = -0.5", &["`radius`", "-0.5", "above 0"]);
     refused("direction = [0, -2, 0]", "direction = [0, 0, 0]", &["`direction`", "length is 0"]);
     refused("irradiance = [3, 3, 3]", "irradiance = [3, -3, 3]", &["`irradiance`", "[3, -3, 3]", "0 or more"]);
-    refused("inner_degrees = 20", "inner_degrees = 90", &["`inner_degrees`", "90", "less than"]);
+    refused("outer_degrees = 90", "outer_degrees = 20", &["`outer_degrees`", "20", "more than `inner_degrees`"]);
+    let upright = FULL.replacen("up = [0, 1, 0]\n", "", 1).replacen("eye = [1, 2, 3.5]", "eye = [0.0, 2, 0]", 1);
+    assert!(parse(&upright).unwrap_err().to_string().ends_with("[camera] needs `up`, a direction across the view"));
+    refused("file = \"a.obj\"", "file = \"\"", &["`file` of [[assets]] is \"\", not the name of a file"]);
     refused("type = \"sun\"", "type = \"son\"", &["`type`", "\"son\"", "the nearest is sun"]);
     refused("constant = [0.1, 0.2, 0.3]", "constant = [0.1, 0.2, -0.3]", &["`constant`", "-0.3"]);
     refused("constant =", "turn_degrees = 3\nconstant =", &["`turn_degrees`", "`image`"]);

@@ -3,6 +3,7 @@
 use gltf::json::Material as Source;
 use gltf::json::extensions::material::Material as Extensions;
 use gltf::json::material::{AlphaMode, PbrMetallicRoughness};
+use gltf::json::mesh::Semantic;
 use gltf::json::validation::Checked;
 
 use super::attributes::fraction;
@@ -29,6 +30,12 @@ pub(super) fn read(document: &Document<'_>, remarks: &mut Remarks, scene: &mut S
     if primitives.any(|primitive| primitive.material.is_none()) {
         read("default".to_owned(), &Source::default(), scene)?;
     }
+    // Emission has no colour of vertices.
+    for k in
+        (0..document.root.materials.len()).filter(|&k| is_unlit(&document.root.materials[k]) && is_tinted(document, k))
+    {
+        remarks.note("vertex colours of KHR_materials_unlit are ignored", &format!("material {k}"));
+    }
     textures.load(scene)
 }
 
@@ -53,15 +60,14 @@ impl Reading<'_, '_, '_> {
             ..Material::default()
         };
         self.alpha(source, alpha, &mut material);
-        let extensions = source.extensions.as_ref();
-        if extensions.is_some_and(|extensions| extensions.unlit.is_some()) {
+        if is_unlit(source) {
             self.remarks.note("KHR_materials_unlit becomes emission, which lights the scene", &self.place);
             return Ok(unlit(material));
         }
         self.scattering(pbr, &mut material)?;
         self.normals(source, &mut material)?;
         self.emission(source, &mut material)?;
-        if let Some(extensions) = extensions {
+        if let Some(extensions) = &source.extensions {
             self.interface(extensions, &mut material)?;
         }
         if source.occlusion_texture.is_some() {
@@ -187,6 +193,19 @@ impl Reading<'_, '_, '_> {
         let texture = self.textures.request(lookup.texture, encoding, &self.place, self.remarks)?;
         Ok(texture.map(|texture| TextureRef { texture, uv_set, texture_from_mesh }))
     }
+}
+
+fn is_unlit(source: &Source) -> bool {
+    source.extensions.as_ref().is_some_and(|extensions| extensions.unlit.is_some())
+}
+
+/// Whether a primitive of a material has colours at its vertices.
+fn is_tinted(document: &Document<'_>, material: usize) -> bool {
+    let colors = Checked::Valid(Semantic::Colors(0));
+    let mut primitives = document.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    primitives.any(|primitive| {
+        primitive.material.is_some_and(|index| index.value() == material) && primitive.attributes.contains_key(&colors)
+    })
 }
 
 /// A surface that shows its colour in any light: it emits it, and reflects nothing.

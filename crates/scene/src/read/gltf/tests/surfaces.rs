@@ -120,6 +120,12 @@ fn unlit_surfaces_emit_their_colour() {
     };
     assert_eq!(scene.materials[0], want);
     assert_eq!(scene.textures.len(), 1);
+
+    let mut tinted = file(json!({ "extensions": { "KHR_materials_unlit": {} } }));
+    let colors = tinted.reals("VEC3", &[0.5; 9]);
+    tinted.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(colors);
+    let warnings = tinted.read().unwrap().warnings;
+    assert_eq!(warnings[1], "vertex colours of KHR_materials_unlit are ignored: material 0");
 }
 
 #[test]
