@@ -226,10 +226,12 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let default_light = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
     let run = with_kernel!(args.structure.triangles, trace(&mut scene, args, &machine, default_light, load_time))?;
-    run.made.write(args)?;
+    let written = run.made.write(args);
     if let Some(keeper) = run.keeper {
-        keeper.remove()?;
+        // A picture that finds no place, on a full disk say, is not to be made once more.
+        if written.is_ok() { keeper.remove()? } else { keeper.save() }
     }
+    written?;
     let mut facts = vec![
         ("scene", json!(load::name(args.scene.as_deref()))),
         ("picture", json!(args.output.display().to_string())),

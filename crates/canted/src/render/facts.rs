@@ -99,6 +99,7 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
             (key, Value::Number(n)) if key.ends_with("seconds") => format!("{:.3} s", n.as_f64().unwrap_or(0.0)),
             ("rays_per_second", Value::Number(n)) => format!("{:.2} M", n.as_f64().unwrap_or(0.0) * 1e-6),
             ("noise_reached", Value::Number(n)) => format!("{:.5}", n.as_f64().unwrap_or(0.0)),
+            ("noise_reached", Value::Null) => "unknown".to_owned(),
             (_, Value::Number(n)) if n.is_f64() => format!("{:.2}", n.as_f64().unwrap_or(0.0)),
             ("size", Value::Array(sides)) => format!("{} x {}", sides[0], sides[1]),
             ("left_out", Value::Array(parts)) => parts

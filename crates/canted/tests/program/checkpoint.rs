@@ -83,6 +83,23 @@ mod stopped {
         }
     }
 
+    /// The folder of the picture goes away while it is made: its tiles are kept.
+    #[test]
+    fn a_picture_without_a_place_is_kept() {
+        let folder = Folder::with_small();
+        let line = slow("--spp 64").replace("out.exr", "sub/out.exr");
+        std::fs::create_dir(folder.path("sub")).unwrap();
+        let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        wait_until(|| catches_interrupt(&child).unwrap_or(true));
+        std::fs::remove_dir(folder.path("sub")).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(2));
+        assert_eq!(folder.names(), ["small.obj", "work.ckpt"]);
+        std::fs::create_dir(folder.path("sub")).unwrap();
+        folder.run(&line).done();
+        assert_eq!(folder.names(), ["small.obj", "sub"]);
+    }
+
     #[test]
     fn ctrl_c_writes_the_checkpoint_and_ends_with_130() {
         if is_ignored("ctrl_c_writes_the_checkpoint_and_ends_with_130") {

@@ -28,6 +28,8 @@ fn less_noise_takes_more_samples() {
 #[test]
 fn the_most_samples_are_an_end_too() {
     let folder = Folder::with_small();
+    let one = folder.run(&format!("{RENDER} --spp 1 --noise 0.1 -o a.exr")).done().stdout;
+    assert!(one.lines().any(|line| line.starts_with("noise reached") && line.ends_with("unknown")), "{one}");
     let facts = folder.run(&format!("{RENDER} --spp 24 --noise 1e-6 --json -o a.exr")).done().json();
     assert!(number(&facts, "noise_reached") > 1e-6, "{facts}");
     // Cells that see the sky alone have no noise and stop at 16.

@@ -61,9 +61,12 @@ impl Pixel {
     ///
     /// The floor makes the error of pixels darker than a tenth of white an absolute one. `s` is the weighted sum of the
     /// channels' standard errors: that of the luminance where channels vary together, more where they do not
-    /// (Cauchy-Schwarz), so never less than is true of the samples.
+    /// (Cauchy-Schwarz), so never less than is true of the samples. Infinite where fewer than two say nothing about it.
     #[must_use]
     pub fn squared_error(&self) -> f64 {
+        if self.n_samples < 2 {
+            return f64::INFINITY;
+        }
         let weighted = |values: [f64; 3]| (0..3).map(|k| LUMINANCE[k] * values[k]).sum::<f64>();
         let error = weighted(self.variance_of_mean().map(f64::sqrt));
         let mean = weighted(self.mean());
@@ -109,6 +112,7 @@ mod tests {
         assert!((pixel.squared_error() - 0.25 / (1.0 + REL_MSE_FLOOR)).abs() < 1e-15);
         let black = Pixel::of([0.0; 3]) + Pixel::of([0.0; 3]);
         assert_eq!(black.squared_error(), 0.0);
+        assert_eq!(Pixel::of([0.5; 3]).squared_error(), f64::INFINITY, "one sample does not know");
     }
 
     #[test]
