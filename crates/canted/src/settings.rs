@@ -98,7 +98,11 @@ fn reason(error: &clap::Error, value: &str) -> String {
 
 /// The program's command line, in which `-1` is a value, so that the option whose it is can refuse it by name.
 fn command() -> Command {
-    Cli::command().mut_subcommands(|command| command.mut_args(|arg| arg.allow_negative_numbers(true)))
+    let negative = |arg: clap::Arg| {
+        let takes_values = arg.get_action().takes_values();
+        arg.allow_negative_numbers(takes_values)
+    };
+    Cli::command().mut_subcommands(|command| command.mut_args(negative))
 }
 
 /// The command line, behind the settings of the scene file that it names.

@@ -1,6 +1,5 @@
 //! A file that appears under its name whole or not at all.
 
-use std::ffi::OsString;
 use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -76,10 +75,8 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
 /// A name in the folder of `path` that no other call uses, here or in another process.
 fn temporary_beside(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
-    let mut name = OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
-    path.with_file_name(name)
+    // Without the name of the file, which may be as long as the system allows.
+    path.with_file_name(format!(".canted-{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)))
 }
 
 /// Why a file was not written.
@@ -160,6 +157,12 @@ mod tests {
         assert_eq!(error.to_string(), format!("cannot write {}: of the caller", path.display()));
         drop(file);
         assert!(names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn names_may_be_as_long_as_the_system_allows() {
+        let folder = tempfile::tempdir().unwrap();
+        write_whole(&folder.path().join("x".repeat(255)), b"").unwrap();
     }
 
     #[test]
