@@ -50,6 +50,15 @@ impl Mesh {
         }
     }
 
+    /// Positions of the vertices that triangles use, each once.
+    pub(crate) fn used_positions(&self) -> Vec<[f32; 3]> {
+        let mut is_used = vec![false; self.positions.len()];
+        for &index in self.triangles.iter().flatten() {
+            is_used[index as usize] = true;
+        }
+        self.positions.iter().zip(is_used).filter_map(|(&position, is_used)| is_used.then_some(position)).collect()
+    }
+
     /// Material of a triangle.
     #[must_use]
     pub fn material_of(&self, triangle: u32) -> MaterialId {

@@ -45,11 +45,11 @@ impl Scene {
     /// Smallest world-space box around all used vertices of all instances, of moving ones at both ends of their way.
     #[must_use]
     pub fn bounds_world(&self) -> Aabb {
+        // Triangles share vertices: each is placed once, not once a triangle.
+        let used: Vec<Vec<[f32; 3]>> = self.meshes.iter().map(Mesh::used_positions).collect();
         let mut bounds = Aabb::EMPTY;
         for instance in &self.instances {
-            let mesh = &self.meshes[instance.mesh.0 as usize];
-            for &index in mesh.triangles.iter().flatten() {
-                let position = mesh.positions[index as usize];
+            for &position in &used[instance.mesh.0 as usize] {
                 bounds.grow(instance.world_from_object.point(position));
                 if let Some(close) = instance.world_from_object_close {
                     bounds.grow(close.point(position));

@@ -96,6 +96,8 @@ fn checked_ao_radius(scene: &Scene, settings: &Settings) -> Result<f64, RenderEr
     match ao_radius {
         Some(radius) if radius > 0.0 => Ok(f64::from(radius)),
         Some(radius) => Err(RenderError::AoRadius { radius }),
+        // Asked by no one, and the bounds of a scene take their time.
+        None if settings.integrator == Integrator::Path => Ok(f64::INFINITY),
         None => {
             let [x, y, z] = scene.bounds_world().extent();
             // A scene of no extent has nothing to occlude; any radius serves.
