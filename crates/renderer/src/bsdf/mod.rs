@@ -170,7 +170,8 @@ impl Bsdf {
         }
     }
 
-    fn is_lambert(&self) -> bool {
+    /// Whether all is scattered by one lobe, so that the number that chooses one does not matter.
+    pub(crate) fn is_lambert(&self) -> bool {
         self.metallic == 0.0 && self.specular == 0.0 && self.transmission == 0.0
     }
 

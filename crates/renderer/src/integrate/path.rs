@@ -151,13 +151,14 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         let mut walk = Walk { radiance: [0.0; 3], throughput: [1.0; 3], compression: 1.0, n_rays: 1 };
         let path_query = self.path_query(start);
         let mut hit = first;
-        // The vertex that the ray left and the density of its direction; `None` where no light was sampled for it.
-        let mut left: Option<(Vertex, f32)> = None;
+        // The vertex that the ray left, and the density of its direction; `None` where no light was sampled for it.
+        let mut left: Option<Vertex> = None;
+        let mut density: Option<f32> = None;
         for n in 0.. {
             // The share of light that was found by chance beside what is sampled.
             let share = |source: Source| {
-                left.as_ref().map_or(1.0, |(vertex, density)| {
-                    weight(*density, lights.density(&vertex.surface, vertex.transmits(), ray.direction, source))
+                left.as_ref().zip(density).map_or(1.0, |(vertex, density)| {
+                    weight(density, lights.density(&vertex.surface, vertex.transmits(), ray.direction, source))
                 })
             };
             if let Some(met) = lights.lights().meet(&ray, hit.as_ref()) {
@@ -169,15 +170,14 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
             if surface.emission != [0.0; 3] {
                 walk.add(surface.emission, share(Source::of_hit(&found)));
             }
-            let vertex = Vertex::new(surface, ray.direction);
+            let vertex = &*left.insert(Vertex::new(surface, ray.direction));
             let query = path_query.numbered(1 + n);
             if !vertex.bsdf().is_delta_only() {
-                self.add_light(&mut walk, lights, &vertex, n, &query, start);
+                self.add_light(&mut walk, lights, vertex, n, &query, start);
             }
-            let Some((next, density)) = self.scatter(&mut walk, &vertex, n, start) else { break };
-            ray = next;
+            let Some(next) = self.scatter(&mut walk, vertex, n, start) else { break };
+            (ray, density) = next;
             cone = density.map_or(vertex.surface.cone, |density| vertex.surface.cone.scattered(density));
-            left = density.map(|density| (vertex, density));
             walk.n_rays += 1;
             hit = self.tracer.closest_hit(&ray, &mut query.clone());
         }
@@ -194,7 +194,8 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         query: &Timed<Q>,
         &Start { pixel, sample, .. }: &Start,
     ) {
-        let choice = self.sampler.single(pixel, sample, Dimension::LightChoice.at(n));
+        let choice =
+            if lights.chooses() { self.sampler.single(pixel, sample, Dimension::LightChoice.at(n)) } else { 0.0 };
         let square = self.sampler.pair(pixel, sample, Dimension::Light.at(n));
         let Some(light) = lights.sample(&vertex.surface, vertex.transmits(), choice, square) else { return };
         // Emission of surfaces belongs to the vertex there.
@@ -229,7 +230,9 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
             return None;
         }
         let square = self.sampler.pair(pixel, sample, Dimension::Scattering.at(n));
-        let choice = self.sampler.single(pixel, sample, Dimension::ScatteringChoice.at(n));
+        let is_lambert = vertex.bsdf().is_lambert();
+        let choice =
+            if is_lambert { 0.0 } else { self.sampler.single(pixel, sample, Dimension::ScatteringChoice.at(n)) };
         let scattered = vertex.bsdf().sample(vertex.outgoing, square, choice)?;
         let direction = vertex.direction(scattered.incident);
         walk.throughput = std::array::from_fn(|k| walk.throughput[k] * scattered.weight[k]);

@@ -101,6 +101,11 @@ impl<'a> LightSampler<'a> {
         &self.lights
     }
 
+    /// Whether the number that chooses matters: not for a sky alone, or for one sun.
+    pub(crate) fn chooses(&self) -> bool {
+        self.shares.len() > 1 || self.tree.is_some()
+    }
+
     /// Light that would arrive at a surface, from a number in `[0, 1)` that chooses and a point of the unit square.
     ///
     /// Light from behind the shading normal is looked for only where `transmits`. `None` where no light was found.

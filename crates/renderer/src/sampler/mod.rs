@@ -32,6 +32,7 @@ pub enum Pattern {
 #[derive(Clone, Copy, Debug)]
 pub struct Sampler {
     pattern: Pattern,
+    /// The seed, mixed.
     seed: u32,
     /// Cells along x; the divisor of the sample count next below its square root.
     columns: u32,
@@ -45,7 +46,7 @@ impl Sampler {
     pub fn new(pattern: Pattern, samples: u32, seed: u32) -> Self {
         let samples = samples.max(1);
         let columns = (1..=samples.isqrt()).rev().find(|a| samples.is_multiple_of(*a)).unwrap_or(1);
-        Self { pattern, seed, columns, rows: samples / columns }
+        Self { pattern, seed: mix(seed), columns, rows: samples / columns }
     }
 
     /// Columns and rows of the grid of cells, one for each sample.
@@ -102,7 +103,7 @@ impl Sampler {
 
     /// What tells the uses of the random numbers apart.
     fn key(&self, pixel: u32, dimension: u32) -> u32 {
-        mix(mix(mix(self.seed) ^ pixel) ^ dimension)
+        mix(mix(self.seed ^ pixel) ^ dimension)
     }
 }
 
@@ -119,6 +120,7 @@ pub(crate) fn unit(steps: u32) -> f32 {
 ///
 /// Two rounds of xor-shift and odd multiplication; the constants are those Wellons found by search in 2018 ("low
 /// bias"). The sum moves zero off its fixed point.
+#[inline]
 pub(crate) fn mix(x: u32) -> u32 {
     let x = x.wrapping_add(0x9e37_79b9);
     let x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);

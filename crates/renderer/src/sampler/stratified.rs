@@ -6,9 +6,16 @@ use super::{STEPS, mix, unit};
 ///
 /// From 2²⁴ strata on, some hold no such multiple; the one next above serves them.
 pub(super) fn jittered(k: u32, n: u32, random: u32) -> f32 {
-    let first = |k: u64| (k * STEPS).div_ceil(u64::from(n));
-    let (low, high) = (first(u64::from(k)), first(u64::from(k) + 1));
-    let steps = low + ((u64::from(random) * (high - low)) >> 32);
+    let (low, width) = if n.is_power_of_two() && u64::from(n) <= STEPS {
+        // The same as below, without its divisions.
+        let width = STEPS >> n.trailing_zeros();
+        (u64::from(k) * width, width)
+    } else {
+        let first = |k: u64| (k * STEPS).div_ceil(u64::from(n));
+        let low = first(u64::from(k));
+        (low, first(u64::from(k) + 1) - low)
+    };
+    let steps = low + ((u64::from(random) * width) >> 32);
     unit(steps.min(STEPS - 1) as u32)
 }
 
@@ -17,7 +24,7 @@ pub(super) fn jittered(k: u32, n: u32, random: u32) -> f32 {
 /// Rounds that are each a bijection of `0..2^k` for the least `2^k >= n`; values outside `0..n` walk on along their
 /// cycle until they are inside (cycle walking, Black and Rogaway 2002), which takes fewer than two turns on average.
 /// A rotation of `0..n` at the end makes every place equally likely, however small `n`.
-#[expect(clippy::cast_possible_truncation, reason = "remainder by a u32")]
+#[expect(clippy::cast_possible_truncation, reason = "the upper half of a product")]
 pub(super) fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
     let bits = u32::BITS - (n - 1).leading_zeros();
     let mask = if bits == u32::BITS { u32::MAX } else { (1 << bits) - 1 };
@@ -33,8 +40,10 @@ pub(super) fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
             break;
         }
     }
-    let turn = (u64::from(mix(key ^ 3)) * u64::from(n)) >> 32;
-    ((u64::from(i) + turn) % u64::from(n)) as u32
+    let turn = ((u64::from(mix(key ^ 3)) * u64::from(n)) >> 32) as u32;
+    // The sum modulo n, which could leave 32 bits.
+    let rest = n - turn;
+    if i < rest { i + turn } else { i - rest }
 }
 
 #[cfg(test)]
@@ -91,7 +100,7 @@ mod tests {
 
     #[test]
     fn strata_keep_their_closed_and_open_ends() {
-        for n in [1_u32, 3, 6, 7, 24, 1009, 65_535] {
+        for n in [1_u32, 3, 6, 7, 16, 24, 64, 1009, 65_535, 65_536] {
             for k in [0, n / 2, n - 1] {
                 for random in [0, 1, u32::MAX / 2, u32::MAX] {
                     let steps = f64::from(jittered(k, n, random)) * f64::from(n);
