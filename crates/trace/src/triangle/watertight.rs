@@ -63,7 +63,7 @@ impl Shear {
     }
 
     /// A vertex in sheared coordinates.
-    #[inline]
+    #[inline(always)]
     fn vertex(&self, ray: &ScaledRay, v: [f32; 3]) -> [f32; 3] {
         let [x, y, z] = self.axis.last(sub(v, ray.origin));
         let [s_x, s_y] = self.factors;
@@ -85,7 +85,8 @@ impl Kernel for Watertight {
         Shear::new(ray)
     }
 
-    #[inline]
+    // Always, so that a path's instructions serve it too.
+    #[inline(always)]
     fn intersect(shear: &Shear, ray: &ScaledRay, vertices: &Self::Record, t_max: f32) -> Option<TriangleHit> {
         let sheared = vertices.map(|v| shear.vertex(ray, v));
         if mixed(edge_functions(sheared)) {
@@ -98,7 +99,7 @@ impl Kernel for Watertight {
 }
 
 /// Twice the signed areas, seen along z, of the origin with each edge; the first faces the first vertex.
-#[inline]
+#[inline(always)]
 fn edge_functions<T: Copy + Sub<Output = T> + Mul<Output = T>>([a, b, c]: [[T; 3]; 3]) -> [T; 3] {
     [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]]
 }
@@ -112,7 +113,7 @@ fn mixed<T: Copy + PartialOrd + Default>([u, v, w]: [T; 3]) -> bool {
 }
 
 /// `t`, `u`, `v` and the side of a sheared f32 triangle, its edge functions without error; `None` for a miss.
-#[inline]
+#[inline(always)]
 fn solve(sheared: [[f64; 3]; 3], d_z: f64) -> Option<(f32, f32, f32, Side)> {
     let [u, v, w] = edge_functions(sheared);
     let det = u + v + w;
