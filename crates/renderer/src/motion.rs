@@ -22,26 +22,41 @@ impl Motion {
         #[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
         let time = f64::from(time.max(0.0).min(1.0));
         let columns = std::array::from_fn(|j| add(self.open[j], scale(self.change[j], time)));
-        Pose { columns, cofactor: cofactors(&columns) }
+        Pose::new(columns)
     }
 }
 
-/// A transform on the way.
+/// `world_from_object` of an instance that stands still, or at a time on the way, ready for points and normals.
 #[derive(Clone, Debug)]
 pub(crate) struct Pose {
     columns: [Vector; 4],
-    /// Columns of the cofactor matrix.
-    pub(crate) cofactor: [Vector; 3],
+    /// Columns of the cofactor matrix, which takes object normals to world normals but for length and sign.
+    cofactor: [Vector; 3],
 }
 
 impl Pose {
-    pub(crate) fn point_world(&self, [x, y, z]: Vector) -> Vector {
-        let [a, b, c, shift] = self.columns;
-        add(add(scale(a, x), add(scale(b, y), scale(c, z))), shift)
+    fn new(columns: [Vector; 4]) -> Self {
+        Self { columns, cofactor: cofactors(&columns) }
+    }
+
+    pub(crate) fn still(map: &Affine) -> Self {
+        Self::new(map.columns.map(wide))
+    }
+
+    pub(crate) fn point_world(&self, point_object: Vector) -> Vector {
+        add(self.vector_world(point_object), self.columns[3])
     }
 
     pub(crate) fn vector_world(&self, [x, y, z]: Vector) -> Vector {
         let [a, b, c, _] = self.columns;
+        add(add(scale(a, x), scale(b, y)), scale(c, z))
+    }
+
+    /// World-space direction perpendicular to the image of a plane with normal `normal_object`; any length, either side.
+    ///
+    /// The inverse transpose would give the same direction; cofactors need no division.
+    pub(crate) fn normal_world(&self, [x, y, z]: Vector) -> Vector {
+        let [a, b, c] = self.cofactor;
         add(scale(a, x), add(scale(b, y), scale(c, z)))
     }
 }

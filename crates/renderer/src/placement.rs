@@ -23,11 +23,13 @@
 //! closer to a surface than its offset, be it a coplanar surface of another instance or the far wall of a wedge, is
 //! below what `f32` positions resolve and may be missed or met.
 
+use std::borrow::Cow;
+
 use canted_obb::Affine;
 use canted_trace::HIT_ERROR;
 
-use crate::motion::{Motion, Pose, cofactors};
-use crate::vector::{Vector, add, scale, wide};
+use crate::motion::{Motion, Pose};
+use crate::vector::{Vector, wide};
 
 /// Half a unit in the last place of 1.
 const U: f64 = 0.5 * f32::EPSILON as f64;
@@ -38,8 +40,8 @@ const ROOM: f64 = 1.0 + 1.0 / 1024.0;
 /// One instance, prepared for shading.
 #[derive(Clone, Debug)]
 pub(crate) struct Placement {
-    /// Columns of the cofactor matrix, which takes object normals to world normals but for length and sign.
-    cofactor: [Vector; 3],
+    /// Where it stands, or where a moving one starts.
+    still: Pose,
     /// Error along each world axis between the plane of a triangle and a ray that leaves it.
     slack: f64,
     is_mirrored: bool,
@@ -58,7 +60,7 @@ impl Placement {
             .map(|map| reach_world(map, reach_object))
             .fold(0.0, f64::max);
         Self {
-            cofactor: cofactors(&world_from_object.columns.map(wide)),
+            still: Pose::still(world_from_object),
             // No transform on the way is singular, so none changes the side.
             is_mirrored: world_from_object.determinant() < 0.0,
             motion: close.map(|close| Box::new(Motion::new(world_from_object, close))),
@@ -72,19 +74,12 @@ impl Placement {
         self.is_mirrored
     }
 
-    /// Where the instance is at a time of the shutter; `None` where it stands still.
-    pub(crate) fn pose(&self, time: f32) -> Option<Pose> {
-        self.motion.as_ref().map(|motion| motion.pose(time))
-    }
-
-    /// World-space direction perpendicular to the image of a plane with normal `normal_object`, as the instance stands or
-    /// in the pose it moved to; any length, either side.
-    ///
-    /// The inverse transpose would give the same direction; cofactors need no division.
-    pub(crate) fn normal_world(&self, pose: Option<&Pose>, normal_object: Vector) -> Vector {
-        let cofactor = pose.map_or(&self.cofactor, |pose| &pose.cofactor);
-        let [x, y, z] = normal_object;
-        add(scale(cofactor[0], x), add(scale(cofactor[1], y), scale(cofactor[2], z)))
+    /// Where the instance is at a time of the shutter.
+    pub(crate) fn pose(&self, time: f32) -> Cow<'_, Pose> {
+        match &self.motion {
+            None => Cow::Borrowed(&self.still),
+            Some(motion) => Cow::Owned(motion.pose(time)),
+        }
     }
 
     /// Distance that new rays keep off a surface with this unit normal, in world units.

@@ -35,20 +35,28 @@ impl<K: LaneKernel> Flat<K> {
     pub(crate) fn first(&self) -> &[u32] {
         &self.first
     }
+}
 
-    /// A hit with instance and triangle of its mesh, for one that counts through all instances.
-    #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
-    fn placed(first: &[u32], hit: Hit) -> Hit {
-        let instance = first.partition_point(|&first| first <= hit.primitive.0) - 1;
-        Hit { instance: InstanceId(instance as u32), primitive: PrimId(hit.primitive.0 - first[instance]), ..hit }
-    }
+/// A hit with instance and triangle of its mesh, for one that counts through all instances.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
+fn placed(first: &[u32], hit: Hit) -> Hit {
+    let instance = first.partition_point(|&first| first <= hit.primitive.0) - 1;
+    Hit { instance: InstanceId(instance as u32), primitive: PrimId(hit.primitive.0 - first[instance]), ..hit }
 }
 
 /// A query that sees hits placed.
 struct Placing<'a, Q> {
     first: &'a [u32],
     query: &'a mut Q,
+    /// The last that was accepted: of a search for the closest, the answer, for only what comes before it is asked about.
+    accepted: Option<Hit>,
+}
+
+impl<'a, Q> Placing<'a, Q> {
+    fn new(first: &'a [u32], query: &'a mut Q) -> Self {
+        Self { first, query, accepted: None }
+    }
 }
 
 impl<Q: Query> Query for Placing<'_, Q> {
@@ -66,7 +74,12 @@ impl<Q: Query> Query for Placing<'_, Q> {
     }
     #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {
-        self.query.accepts(&Flat::<canted_trace::Watertight>::placed(self.first, *hit))
+        let placed = placed(self.first, *hit);
+        let accepts = self.query.accepts(&placed);
+        if accepts {
+            self.accepted = Some(placed);
+        }
+        accepts
     }
 }
 
@@ -95,9 +108,9 @@ impl<K: LaneKernel> Tracer for Structure<K> {
     fn closest_hit<Q: Query>(&self, ray: &Ray, query: &mut Q) -> Option<Hit> {
         match self {
             Self::One(flat) => {
-                let mut query = Placing { first: &flat.first, query };
-                let hit = flat.blas.closest_hit(ray, InstanceId(0), &mut query)?;
-                Some(Flat::<K>::placed(&flat.first, hit))
+                let mut query = Placing::new(&flat.first, query);
+                flat.blas.closest_hit(ray, InstanceId(0), &mut query)?;
+                query.accepted
             }
             Self::Two(tlas) => tlas.closest_hit(ray, query),
         }
@@ -105,7 +118,7 @@ impl<K: LaneKernel> Tracer for Structure<K> {
 
     fn occluded<Q: Query>(&self, ray: &Ray, query: &mut Q) -> bool {
         match self {
-            Self::One(flat) => flat.blas.occluded(ray, InstanceId(0), &mut Placing { first: &flat.first, query }),
+            Self::One(flat) => flat.blas.occluded(ray, InstanceId(0), &mut Placing::new(&flat.first, query)),
             Self::Two(tlas) => tlas.occluded(ray, query),
         }
     }

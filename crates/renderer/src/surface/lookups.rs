@@ -25,21 +25,25 @@ impl Lookups<'_> {
 
     /// What a texture says; `None` where the mesh has no coordinates for it.
     pub(super) fn found(&self, slot: &TextureRef) -> Option<[f32; 4]> {
-        let uv = slot.texture_from_mesh.point(self.corners.uv(slot.uv_set)?);
+        let uvs = self.corners.uvs(slot.uv_set)?;
+        let uv = slot.texture_from_mesh.point(self.corners.between(uvs));
         let pyramid = self.textures.get(slot.texture);
         let footprint = if self.lod == Lod::None || self.cone.is_line() {
             Footprint::POINT
         } else {
-            let along = self.uv_edges(slot)?;
-            Footprint::new(self.lod, &self.cone, self.direction, &self.plane, along, pyramid.size())
+            Footprint::new(self.lod, &self.cone, self.direction, &self.plane, edges(slot, uvs), pyramid.size())
         };
         Some(pyramid.lookup(uv, &footprint))
     }
 
     /// Changes of texture coordinates along the edges of the triangle.
     pub(super) fn uv_edges(&self, slot: &TextureRef) -> Option<[[f64; 2]; 2]> {
-        let uvs = self.corners.uvs(slot.uv_set)?;
-        let [a, b, c] = uvs.map(|uv| slot.texture_from_mesh.point(uv));
-        Some([b, c].map(|uv| std::array::from_fn(|k| uv[k] - a[k])))
+        self.corners.uvs(slot.uv_set).map(|uvs| edges(slot, uvs))
     }
+}
+
+/// Changes of a texture's coordinates from the first vertex to the second and to the third.
+fn edges(slot: &TextureRef, uvs: [[f64; 2]; 3]) -> [[f64; 2]; 2] {
+    let [a, b, c] = uvs.map(|uv| slot.texture_from_mesh.point(uv));
+    [b, c].map(|uv| std::array::from_fn(|k| uv[k] - a[k]))
 }

@@ -1,8 +1,7 @@
-use canted_scene::{Instance, Mesh, UvSet};
+use canted_scene::{Mesh, UvSet};
 use canted_trace::Hit;
 
 use crate::motion::Pose;
-use crate::placement::Placement;
 use crate::vector::{Vector, cross, sub, unit};
 
 /// The three vertices of a hit triangle and the weights of the point between them.
@@ -24,14 +23,13 @@ impl<'a> Corners<'a> {
 
     /// What the vertices have, at the point.
     pub(super) fn blend<const N: usize>(&self, values: &[[f32; N]]) -> [f64; N] {
-        let values = self.of_3(values);
-        std::array::from_fn(|k| (0..3).map(|i| self.weights[i] * values[i][k]).sum())
+        self.between(self.of_3(values))
     }
 
-    /// From the first vertex to the second and to the third, object space.
-    fn edges(&self) -> [Vector; 2] {
-        let [v0, v1, v2] = self.of_3(&self.mesh.positions);
-        [sub(v1, v0), sub(v2, v0)]
+    /// What lies between three values at the point.
+    pub(super) fn between<const N: usize>(&self, [a, b, c]: [[f64; N]; 3]) -> [f64; N] {
+        let [u, v, w] = self.weights;
+        std::array::from_fn(|k| u * a[k] + v * b[k] + w * c[k])
     }
 
     /// Texture coordinates of the point.
@@ -55,44 +53,37 @@ impl<'a> Corners<'a> {
 /// A hit triangle where its instance is.
 pub(super) struct Placed<'a> {
     pub(super) corners: Corners<'a>,
-    pub(super) instance: &'a Instance,
-    pub(super) placement: &'a Placement,
-    /// Of an instance that moves.
-    pub(super) pose: Option<Pose>,
+    pub(super) pose: &'a Pose,
+    pub(super) is_mirrored: bool,
+    /// The point, object space.
+    position_object: Vector,
+    /// From the first vertex to the second and to the third, object space.
+    edges_object: [Vector; 2],
+    /// The cross product of the edges in world space: along it the triangle runs counter-clockwise.
+    pub(super) winding: Vector,
 }
 
-impl Placed<'_> {
-    /// The point, world space.
-    pub(super) fn position(&self) -> Vector {
-        let position_object = self.corners.blend(&self.corners.mesh.positions);
-        match &self.pose {
-            None => self.instance.world_from_object.point_f64(position_object),
-            Some(pose) => pose.point_world(position_object),
-        }
+impl<'a> Placed<'a> {
+    pub(super) fn new(corners: Corners<'a>, pose: &'a Pose, is_mirrored: bool) -> Self {
+        let vertices @ [v0, v1, v2] = corners.of_3(&corners.mesh.positions);
+        let edges_object @ [a, b] = [sub(v1, v0), sub(v2, v0)];
+        let winding = pose.normal_world(cross(a, b));
+        Self { position_object: corners.between(vertices), corners, pose, is_mirrored, edges_object, winding }
     }
 
-    /// World-space image of an object-space direction along the surface.
-    pub(super) fn vector_world(&self, vector_object: Vector) -> Vector {
-        match &self.pose {
-            None => self.instance.world_from_object.vector_f64(vector_object),
-            Some(pose) => pose.vector_world(vector_object),
-        }
+    /// The point, world space.
+    pub(super) fn position(&self) -> Vector {
+        self.pose.point_world(self.position_object)
     }
 
     /// Edges of the triangle from its first vertex, world space.
     pub(super) fn edges_world(&self) -> [Vector; 2] {
-        self.corners.edges().map(|edge| self.vector_world(edge))
-    }
-
-    /// The cross product of the edges in world space: along it the triangle runs counter-clockwise.
-    pub(super) fn winding_world(&self) -> Vector {
-        let [a, b] = self.corners.edges();
-        self.placement.normal_world(self.pose.as_ref(), cross(a, b))
+        self.edges_object.map(|edge| self.pose.vector_world(edge))
     }
 
     /// The unit normal that the vertices' say, on their side; `None` where they say none.
     pub(super) fn smooth_normal(&self) -> Option<Vector> {
         let normals = self.corners.mesh.normals.as_ref()?;
-        unit(self.placement.normal_world(self.pose.as_ref(), self.corners.blend(normals)))
+        unit(self.pose.normal_world(self.corners.blend(normals)))
     }
 }

@@ -42,7 +42,7 @@ pub(super) fn shading_normal(
     let map = material.normal_texture.as_ref().zip(lookups);
     let shown = map.and_then(|(slot, lookups)| {
         // Cofactors take normals to the other side where the transform mirrors.
-        let outward = scale(smooth.or_else(|| unit(placed.winding_world()))?, handedness(placed));
+        let outward = scale(smooth.or_else(|| unit(placed.winding))?, handedness(placed));
         let mapped = mapped(slot, material.normal_scale, placed, lookups, outward)?;
         let turned = if dot(outward, normal) < 0.0 { scale(mapped, -1.0) } else { mapped };
         Some(lifted(turned, normal, unit(towards_viewer)?))
@@ -68,13 +68,13 @@ fn mapped(slot: &TextureRef, factor: f32, placed: &Placed, lookups: &Lookups, ou
 
 /// -1 where the instance mirrors, so that cross products in world space are on the other side of those in object space.
 fn handedness(placed: &Placed) -> f64 {
-    if placed.placement.is_mirrored() { -1.0 } else { 1.0 }
+    if placed.is_mirrored { -1.0 } else { 1.0 }
 }
 
 /// The tangents that the file gives.
 fn of_vertices(placed: &Placed, outward: Vector) -> Option<[Vector; 2]> {
     let [x, y, z, sign] = placed.corners.blend(placed.corners.mesh.tangents.as_ref()?);
-    let u = orthonormal(placed.vector_world([x, y, z]), outward)?;
+    let u = orthonormal(placed.pose.vector_world([x, y, z]), outward)?;
     Some([u, scale(cross(outward, u), 1.0_f64.copysign(sign) * handedness(placed))])
 }
 

@@ -20,6 +20,8 @@ pub struct Surfaces<'a> {
     lod: Lod,
     /// Of each material, whether what it looks like depends on textures.
     is_textured: Vec<bool>,
+    /// Of each instance, whether rays may pass where it is hit.
+    is_cut_out: Vec<bool>,
 }
 
 impl<'a> Surfaces<'a> {
@@ -42,7 +44,13 @@ impl<'a> Surfaces<'a> {
             })
             .collect();
         let is_textured = scene.materials.iter().map(|material| averaged(material).next().is_some()).collect();
-        Self { scene, placements, textures: Textures::new(scene, lod), lod, is_textured }
+        let is_cut_out = scene
+            .instances
+            .iter()
+            .map(|instance| &scene.meshes[instance.mesh.0 as usize])
+            .map(|mesh| mesh.parts.iter().any(|part| scene.materials[part.material.0 as usize].is_cut_out()))
+            .collect();
+        Self { scene, placements, textures: Textures::new(scene, lod), lod, is_textured, is_cut_out }
     }
 
     /// The scene they belong to.
@@ -72,11 +80,12 @@ impl<'a> Surfaces<'a> {
         let instance = &self.scene.instances[hit.instance.0 as usize];
         let placement = &self.placements[hit.instance.0 as usize];
         let corners = Corners::of(&self.scene.meshes[instance.mesh.0 as usize], hit);
-        let placed = Placed { corners, instance, placement, pose: placement.pose(time) };
+        let pose = placement.pose(time);
+        let placed = Placed::new(corners, &pose, placement.is_mirrored());
 
         let direction = wide(direction);
         let towards_viewer = scale(direction, -1.0);
-        let winding = placed.winding_world();
+        let winding = placed.winding;
         // A triangle that was hit has an area; for a tracer that errs, facing the viewer is a harmless answer.
         let normal = unit(winding)
             .map(|n| facing(n, towards_viewer))
@@ -116,12 +125,17 @@ impl<'a> Surfaces<'a> {
     /// on key, instance and triangle alone, so it is the same whatever way a tracer takes.
     #[must_use]
     pub fn is_present(&self, hit: &Hit, key: u32) -> bool {
-        mask::number(key, hit) < self.presence(hit)
+        let presence = self.presence(hit);
+        presence >= 1.0 || mask::number(key, hit) < presence
     }
 
     /// The share of rays that meet the surface at a hit: alpha where it is blended, else all or none.
     #[must_use]
     pub fn presence(&self, hit: &Hit) -> f32 {
+        // Nearly every hit is on an instance that is all there.
+        if !self.is_cut_out[hit.instance.0 as usize] {
+            return 1.0;
+        }
         let instance = &self.scene.instances[hit.instance.0 as usize];
         let mesh = &self.scene.meshes[instance.mesh.0 as usize];
         let material = self.material(mesh.material_of(hit.primitive.0));
