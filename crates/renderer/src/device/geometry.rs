@@ -179,7 +179,7 @@ fn packed_triangle(
 ) -> PackedTriangle {
     let [a, b, c] = corners.map(|i| wide(mesh.positions[i as usize]));
     let [x, y, z] = cross(sub(b, a), sub(c, a));
-    // In the order of the CPU's `Placement::normal_world`.
+    // In the order of the CPU's `Pose::normal_world`.
     let winding = add(scale(cofactors[0], x), add(scale(cofactors[1], y), scale(cofactors[2], z)));
     PackedTriangle {
         vertices: corners.map(|i| base + i),

@@ -24,7 +24,6 @@ pub(super) fn jittered(k: u32, n: u32, random: u32) -> f32 {
 /// Rounds that are each a bijection of `0..2^k` for the least `2^k >= n`; values outside `0..n` walk on along their
 /// cycle until they are inside (cycle walking, Black and Rogaway 2002), which takes fewer than two turns on average.
 /// A rotation of `0..n` at the end makes every place equally likely, however small `n`.
-#[expect(clippy::cast_possible_truncation, reason = "the upper half of a product")]
 pub(super) fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
     let bits = u32::BITS - (n - 1).leading_zeros();
     let mask = if bits == u32::BITS { u32::MAX } else { (1 << bits) - 1 };
