@@ -44,10 +44,9 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     for (name, model) in scenes(effort, names, chapter)? {
         let (corners, _) = canted_lbvh::gather(&model.mesh.positions, &model.mesh.triangles)?;
         let items = Items::triangles(&gpu, [&corners[..]])?;
-        let Passes { codes, tree, boxes, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
-        let of = |wanted: Strategy| {
-            STRATEGIES.iter().position(|&strategy| strategy == wanted).map_or(f64::NAN, |i| boxes[i])
-        };
+        let Passes { codes, tree, boxes, refused, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
+        chapter.skipped.extend(refused.map(|refused| format!("Some passes of {name} on the device: {refused}.")));
+        let of = |wanted: Strategy| STRATEGIES.iter().position(|&strategy| strategy == wanted).and_then(|i| boxes[i]);
         let ours = [codes, tree, of(Strategy::PcaBounded), of(Strategy::Quaternion)];
         let theirs = THEIRS.iter().find(|(scene, _)| *scene == name).map(|(_, passes)| passes);
         for (i, (pass, ms)) in PASSES.into_iter().zip(ours).enumerate() {
@@ -55,12 +54,16 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
             table.rows.push(vec![
                 Cell::text(name),
                 Cell::text(pass),
-                Cell::text(their.map_or_else(|| "–".to_owned(), |ms| format!("{ms} ms"))),
-                Cell::text(format!("{} ms", number(ms))),
-                Cell::text(their.map_or_else(|| "–".to_owned(), |their| number(ms / their))),
+                Cell::text(or_dash(their.map(|ms| format!("{ms} ms")))),
+                Cell::text(or_dash(ms.map(|ms| format!("{} ms", number(ms))))),
+                Cell::text(or_dash(their.zip(ms).map(|(their, ms)| number(ms / their)))),
             ]);
         }
     }
     chapter.tables.push(table);
     Ok(String::new())
+}
+
+fn or_dash(text: Option<String>) -> String {
+    text.unwrap_or_else(|| "–".to_owned())
 }
