@@ -27,7 +27,7 @@ pub(super) const FORCINGS: [Forcing; 8] = [
 /// Parts that are not forced back in here, and why.
 pub(super) const NOT_FORCED: [(&str, &str); 2] = [
     ("leaning boxes", "they are forced in the table of trees"),
-    ("listed lights", "a light for them to go to would light the picture, and one without power is never sampled"),
+    ("listed lights", "one that shines would light the picture, and one without power is never sampled"),
 ];
 
 /// What a triangle emits where emission is forced back in: vanishes beside any light that is seen, and its power is a normal number.
