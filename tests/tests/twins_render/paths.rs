@@ -3,10 +3,11 @@
 //! Mirrors and glass amplify what a rounding moves, and paths have many vertices that may fork, so more pixels go astray than of
 //! the hybrid integrator; the shares here are about twice what was measured, and sums over what is astray are held to chance.
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use canted_renderer::{DevicePicture, Integrator, Levels, Monitor, Pattern, Settings, Surfaces};
-use canted_scene::{Camera, Environment, Material, Scene};
+use canted_scene::{Camera, Environment, Material, Scene, SceneFile};
 
 use super::compared::{compared, difference, on_cpu, on_device, prepared};
 use super::{gpu, scenes};
@@ -100,6 +101,15 @@ fn what_moves_while_the_shutter_is_open() {
     let (still, _) = scenes::room();
     let found = difference(&ours, &on_cpu(&still, &super::compared::prepared(&still, Levels::Two), &camera, &settings));
     assert!(found.astray > 0.5, "{found:?}");
+}
+
+#[test]
+fn the_example_of_motion() {
+    let Some(gpu) = gpu("the_example_of_motion") else { return };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/motion.toml");
+    let scene = SceneFile::read(&path).unwrap().load().unwrap();
+    let camera = scene.cameras[0];
+    compared(&gpu, &scene, &camera, Levels::Auto, &small(8)).check("motion.toml", [0.3, 0.01]);
 }
 
 #[test]
