@@ -87,7 +87,7 @@ mod stopped {
     #[test]
     fn a_picture_without_a_place_is_kept() {
         let folder = Folder::with_small();
-        let line = slow("--spp 64").replace("out.exr", "sub/out.exr");
+        let line = slow("--spp 512").replace("out.exr", "sub/out.exr");
         std::fs::create_dir(folder.path("sub")).unwrap();
         let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();

@@ -180,6 +180,7 @@ pub(crate) mod interrupted {
     /// Whether the process catches Ctrl-C: bit 1 of the mask of caught signals; `None` where the system does not say.
     pub(crate) fn catches_interrupt(child: &Child) -> Option<bool> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+        assert!(!status.contains("\nState:\tZ"), "the work was over too soon");
         let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
         Some(u64::from_str_radix(mask.trim(), 16).ok()? >> 1 & 1 == 1)
     }
