@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 
 use super::effort::Effort;
 use super::fits;
-use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table, sentences};
+use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
 use super::samples::Samples;
 use super::subjects;
 use crate::clock::{self, Seconds};
@@ -42,7 +42,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
         says.push(show(&mut chapter, scene, &names, &sizes));
     }
     says.push(threads(&mut chapter, effort)?);
-    chapter.says = sentences(&says);
+    chapter.tell(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     Ok(chapter)
 }

@@ -11,6 +11,12 @@ pub(super) fn markdown(report: &Report) -> String {
 
 fn section(chapter: &Chapter) -> String {
     let mut out = format!("## Report: {}\n\n**{}**\n\n", chapter.title, chapter.says);
+    for finding in &chapter.findings {
+        let _ = writeln!(out, "* {finding}");
+    }
+    if !chapter.findings.is_empty() {
+        out.push('\n');
+    }
     for paragraph in &chapter.method {
         let _ = writeln!(out, "{paragraph}\n");
     }
@@ -45,11 +51,14 @@ mod tests {
     fn tables_are_markdown() {
         let mut table = Table::new("T", &["a", "b"]);
         table.rows.push(vec![Cell::text("x|y"), Cell::measured(vec![1.0, 1.0], "ms")]);
-        let says = "It shows.".to_owned();
-        let chapter =
-            Chapter { title: "C", says, tables: vec![table], skipped: vec!["z".to_owned()], ..Chapter::default() };
+        let mut chapter =
+            Chapter { title: "C", tables: vec![table], skipped: vec!["z".to_owned()], ..Chapter::default() };
+        chapter.tell(["", "It shows.", "", "And more."].map(str::to_owned));
         let text = markdown(&Report { facts: Facts::default(), chapters: vec![chapter] });
-        assert!(text.starts_with("## Report: C\n\n**It shows.**\n\n### T\n\n| a | b |\n| --- | --- |\n"), "{text}");
+        assert!(
+            text.starts_with("## Report: C\n\n**It shows.**\n\n* And more.\n\n### T\n\n| a | b |\n| --- | --- |\n"),
+            "{text}"
+        );
         assert!(text.ends_with("| x\\|y | 1.00 ±0% ms |\n\n* Not measured: z\n\n"), "{text}");
     }
 }

@@ -34,6 +34,8 @@ pub(crate) struct Chapter {
     pub(crate) title: &'static str,
     /// The one sentence that the chapter shows, made from its numbers.
     pub(crate) says: String,
+    /// What else it shows, a sentence each.
+    pub(crate) findings: Vec<String>,
     /// How it was measured: a paragraph each.
     pub(crate) method: Vec<String>,
     pub(crate) plots: Vec<Plot>,
@@ -42,6 +44,16 @@ pub(crate) struct Chapter {
     pub(crate) skipped: Vec<String>,
     /// Values that other pages quote, by name.
     pub(crate) claims: BTreeMap<String, String>,
+}
+
+impl Chapter {
+    /// Takes the first sentence as what the chapter shows and the others as findings; empty ones are of what was not there to
+    /// be measured.
+    pub(crate) fn tell(&mut self, sentences: impl IntoIterator<Item = String>) {
+        let mut told = sentences.into_iter().filter(|sentence| !sentence.is_empty());
+        self.says = told.next().unwrap_or_default();
+        self.findings = told.collect();
+    }
 }
 
 /// Points in a plane.
@@ -136,9 +148,4 @@ impl Cell {
             }
         }
     }
-}
-
-/// Sentences in a row; empty ones, of what was not there to be measured, leave no gap.
-pub(crate) fn sentences(says: &[String]) -> String {
-    says.iter().filter(|sentence| !sentence.is_empty()).cloned().collect::<Vec<_>>().join(" ")
 }

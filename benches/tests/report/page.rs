@@ -20,6 +20,8 @@ fn no_chapter_is_empty() {
     for chapter in chapters {
         let title = chapter["title"].as_str().unwrap();
         assert!(chapter["says"].as_str().unwrap().ends_with('.'), "{title} says nothing: {}", chapter["says"]);
+        let says = chapter["says"].as_str().unwrap();
+        assert!(!says.contains(". "), "{title} opens with more than one sentence: {says}");
         for part in ["plots", "tables", "method"] {
             assert!(!entries(chapter, part).is_empty(), "{title} has no {part}");
         }

@@ -54,7 +54,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
         fits.push((kind.name, of_fits));
         merges.push((kind.name, of_merges));
     }
-    chapter.says = format!("{} {}", sentence("Of fits", &fits), sentence("Of merges of two fitted boxes", &merges));
+    chapter.tell([sentence("Of fits", &fits), sentence("Of merges of two fitted boxes", &merges)]);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     for (title, all) in [("Fits", &fits), ("Merges", &merges)] {
         for (i, size) in ["area", "volume"].into_iter().enumerate() {

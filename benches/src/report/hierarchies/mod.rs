@@ -8,7 +8,7 @@ use anyhow::Result;
 use super::effort::Effort;
 use super::fits;
 use super::growth;
-use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table, sentences};
+use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
 use super::samples::{Samples, number};
 use super::subjects;
 use crate::models::Model;
@@ -45,14 +45,19 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
             .skipped
             .push("tinybvh: its bindings offer the wide tree only where the compiler may assume AVX2.".to_owned());
     }
-    let mut says = vec![];
+    let (mut standings, mut says) = (vec![], vec![]);
     for &name in names {
         match subjects::load(name)? {
-            Some(model) => says.push(add(&mut chapter, name, &model, effort)?),
+            Some(model) => {
+                let (standing, finding) = add(&mut chapter, name, &model, effort)?;
+                standings.extend(standing);
+                says.push(finding);
+            }
             None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
         }
     }
-    chapter.says = sentences(&says);
+    says.insert(0, over_scenes(&standings));
+    chapter.tell(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     Ok(chapter)
 }
@@ -65,7 +70,37 @@ const METHOD: [&str; 3] = [
      correlation is that of the logarithms of a metric and of nanoseconds a ray over these trees. Tests are boxes and triangles.",
 ];
 
-fn add(chapter: &mut Chapter, scene: &str, model: &Model, effort: Effort) -> Result<String> {
+/// Our fastest tree on a scene beside the fastest of the peers.
+struct Standing {
+    scene: String,
+    /// Rays a second, ours over theirs.
+    ratio: f64,
+    is_noise: bool,
+}
+
+/// On how many scenes ours is ahead, and how far.
+fn over_scenes(standings: &[Standing]) -> String {
+    let [ahead, even, behind] = [
+        |of: &Standing| !of.is_noise && of.ratio > 1.0,
+        |of: &Standing| of.is_noise,
+        |of: &Standing| !of.is_noise && of.ratio <= 1.0,
+    ]
+    .map(|is: fn(&Standing) -> bool| standings.iter().filter(|of| is(of)).count());
+    let ratio = |a: &&Standing, b: &&Standing| a.ratio.total_cmp(&b.ratio);
+    let (Some(most), Some(least)) = (standings.iter().max_by(ratio), standings.iter().min_by(ratio)) else {
+        return String::new();
+    };
+    format!(
+        "Beside the fastest tree of all peers our fastest is ahead on {ahead} scenes, even but for noise on {even} and behind on \
+         {behind}: it traces from {} ({}) to {} ({}) times the rays.",
+        number(least.ratio),
+        least.scene,
+        number(most.ratio),
+        most.scene
+    )
+}
+
+fn add(chapter: &mut Chapter, scene: &str, model: &Model, effort: Effort) -> Result<(Option<Standing>, String)> {
     let measured = measure(scene, model, effort)?;
     let front = front(&measured);
     plot(chapter, scene, &measured, &front);
@@ -77,27 +112,28 @@ fn add(chapter: &mut Chapter, scene: &str, model: &Model, effort: Effort) -> Res
     let predicts = best.map_or_else(String::new, |(name, r)| {
         format!("; of what is known without tracing {name} goes best with the time of binary trees (r = {r:.2})")
     });
-    Ok(format!("On {scene} {}{predicts}.", fastest(&measured, &front)))
+    let (standing, fastest) = fastest(scene, &measured, &front);
+    Ok((standing, format!("On {scene} {fastest}{predicts}.")))
 }
 
 /// The fastest tree of ours and of the peers, and how many stand on the front.
-fn fastest(measured: &[Measured], front: &[usize]) -> String {
+fn fastest(scene: &str, measured: &[Measured], front: &[usize]) -> (Option<Standing>, String) {
     let of = |is_ours: bool| {
         let rates = measured.iter().filter(|tree| tree.family.is_ours() == is_ours);
         rates.max_by(|a, b| a.rate.median().total_cmp(&b.rate.median()))
     };
     let n_ours = front.iter().filter(|&&i| measured[i].family.is_ours()).count();
     let on_front = format!("{n_ours} of {} trees on the front are ours", front.len());
-    match (of(true), of(false)) {
-        (Some(ours), Some(peer)) if ours.rate.is_noise_beside(&peer.rate) => {
-            format!("'{}' and '{}' trace as fast as each other but for noise, {on_front}", ours.name, peer.name)
-        }
-        (Some(ours), Some(peer)) => {
-            let ratio = number(ours.rate.median() / peer.rate.median());
-            format!("'{}' traces {ratio} times the rays of the fastest peer, '{}', {on_front}", ours.name, peer.name)
-        }
-        _ => on_front,
-    }
+    let (Some(ours), Some(peer)) = (of(true), of(false)) else { return (None, on_front) };
+    let ratio = ours.rate.median() / peer.rate.median();
+    let is_noise = ours.rate.is_noise_beside(&peer.rate);
+    let told = if is_noise {
+        format!("'{}' and '{}' trace as fast as each other but for noise, {on_front}", ours.name, peer.name)
+    } else {
+        let ratio = number(ratio);
+        format!("'{}' traces {ratio} times the rays of the fastest peer, '{}', {on_front}", ours.name, peer.name)
+    };
+    (Some(Standing { scene: scene.to_owned(), ratio, is_noise }), told)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "rays and triangles are fewer than 2^53")]

@@ -125,8 +125,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     chapter.tables.push(boxes::table(effort.pick(1, 2, 6), rounds));
     let lanes = lanes::measure(effort, rounds, &mut chapter.skipped)?;
     chapter.tables.push(lanes);
-    chapter.says =
-        format!("Of single tests, over all cases: {}.", sums.iter().map(Sum::sentence).collect::<Vec<_>>().join("; "));
+    chapter.tell(std::iter::once(least(&sums)).chain(sums.iter().map(Sum::sentence)));
     chapter.method = METHOD.map(str::to_owned).to_vec();
     Ok(chapter)
 }
@@ -143,6 +142,25 @@ struct Sum {
     ulps: Vec<f64>,
 }
 
+/// Which of ours is fastest, which errs least, and the peer, which comes last.
+fn least(sums: &[Sum]) -> String {
+    let [ours @ .., peer] = sums else { return String::new() };
+    let median = |of: &[f64]| Samples::from(of.to_vec()).median();
+    let least = |of: fn(&Sum) -> &Vec<f64>| ours.iter().min_by(|a, b| median(of(a)).total_cmp(&median(of(b))));
+    let (Some(fast), Some(exact)) = (least(|sum| &sum.ns), least(|sum| &sum.ulps)) else { return String::new() };
+    format!(
+        "Of our single tests '{}' takes the least time, {} ns, and '{}' errs least in t, by {} ulps; '{}' takes {} ns and errs by \
+         {} (medians of cases).",
+        fast.name,
+        number(median(&fast.ns)),
+        exact.name,
+        number(median(&exact.ulps)),
+        peer.name,
+        number(median(&peer.ns)),
+        number(median(&peer.ulps)),
+    )
+}
+
 impl Sum {
     fn sentence(&self) -> String {
         let [ns, wrong, ulps] = [&self.ns, &self.wrong, &self.ulps].map(|of| Samples::from(of.clone()));
@@ -150,14 +168,19 @@ impl Sum {
         let place = self.wrong.iter().position(|&wrong| wrong >= worst);
         let case = place.map_or("no case", |place| self.cases[place]);
         format!(
-            "{} takes {} ns, is off in t by {} ulps (medians), and answers {}% of rays wrong (mean; {}% at worst, '{case}')",
-            self.name,
+            "{} takes {} ns, is off in t by {} ulps (medians), and answers {}% of rays wrong (mean; {}% at worst, '{case}').",
+            capital(self.name),
             number(ns.median()),
             number(ulps.median()),
             number(wrong.mean()),
             number(worst),
         )
     }
+}
+
+/// A name as a sentence begins; that of a library stays as it is written.
+fn capital(name: &str) -> String {
+    if name == "watertight" { "Watertight".to_owned() } else { name.to_owned() }
 }
 
 /// What a logarithmic axis shows of no error.

@@ -14,7 +14,7 @@ use canted_trace::Watertight;
 use forcings::{FORCINGS, Forcing, NOT_FORCED, bare};
 
 use super::effort::Effort;
-use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table, sentences};
+use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
 use super::samples::{Samples, number};
 use crate::clock;
 use crate::models;
@@ -44,12 +44,14 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
             None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
         }
     }
-    let mut says = vec![];
+    let (mut savings, mut says) = (vec![], vec![]);
     for (name, scene) in scenes {
-        says.push(add(&mut chapter, name, &scene, effort)?);
+        savings.push((name, add(&mut chapter, name, &scene, effort)?));
     }
-    says.push(trees::add(&mut chapter, effort)?);
-    chapter.says = sentences(&says);
+    says.push(over_scenes(&savings));
+    says.extend(savings.iter().map(|(name, parts)| sentence(name, parts)));
+    says.extend(trees::add(&mut chapter, effort)?);
+    chapter.tell(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     Ok(chapter)
 }
@@ -68,7 +70,51 @@ const METHOD: [&str; 4] = [
      are chosen by other numbers where there are more of them.",
 ];
 
-fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Result<String> {
+/// What a part that is left out would cost, were it in.
+struct Saving {
+    part: &'static str,
+    /// Over the bare scene's, less one.
+    time: f64,
+    is_noise: bool,
+    n_bytes: usize,
+}
+
+/// Of all parts on all scenes, how many save time, and the most.
+fn over_scenes(savings: &[(&str, Vec<Saving>)]) -> String {
+    let all = || savings.iter().flat_map(|(scene, parts)| parts.iter().map(move |part| (*scene, part)));
+    let real = || all().filter(|(_, part)| !part.is_noise && part.time > 0.0);
+    let dearest = real().max_by(|a, b| a.1.time.total_cmp(&b.1.time)).map_or_else(String::new, |(scene, part)| {
+        format!(", at most {}% ('{}' on {scene})", number(100.0 * part.time), part.part)
+    });
+    let heaviest = all().max_by_key(|(_, part)| part.n_bytes).map_or_else(String::new, |(scene, part)| {
+        #[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]
+        let megabytes = part.n_bytes as f64 / 1e6;
+        format!(", and up to {} MB ('{}' on {scene})", number(megabytes), part.part)
+    });
+    format!(
+        "Of {} parts that {} scenes do without {} save time beyond noise{dearest}{heaviest}.",
+        all().count(),
+        savings.len(),
+        real().count()
+    )
+}
+
+/// What the parts of one scene would cost.
+fn sentence(name: &str, parts: &[Saving]) -> String {
+    let real = parts.iter().filter(|part| !part.is_noise && part.time > 0.0);
+    match real.max_by(|a, b| a.time.total_cmp(&b.time)) {
+        Some(part) => format!(
+            "On {name} '{}' costs most of the {} parts left out: {}% of the time, were it in.",
+            part.part,
+            parts.len(),
+            number(100.0 * part.time)
+        ),
+        None if parts.is_empty() => format!("On {name} nothing is left out."),
+        None => format!("On {name} what {} parts left out save of the time is noise.", parts.len()),
+    }
+}
+
+fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Result<Vec<Saving>> {
     let variants = variants(scene)?;
     let [width, height] = size(effort);
     let camera = frame(scene, &variants[0].prepared.structure, f64::from(width) / f64::from(height));
@@ -97,20 +143,13 @@ fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Resu
     }
     plot(chapter, &format!("{name}, {width} x {height}"), &costs);
     bindings::add(chapter, name, &variants, &camera, effort)?;
-    let dearest = costs[1..].iter().max_by(|a, b| a.seconds.median().total_cmp(&b.seconds.median()));
-    Ok(match dearest {
-        Some(cost) if !cost.seconds.is_noise_beside(&bare.seconds) && cost.seconds.median() > bare.seconds.median() => {
-            let share = 100.0 * (cost.seconds.median() / bare.seconds.median() - 1.0);
-            format!(
-                "On {name} '{}' costs most of the {} parts left out: {}% of the time, were it in.",
-                cost.what,
-                costs.len() - 1,
-                number(share)
-            )
-        }
-        Some(_) => format!("On {name} what {} parts left out save of the time is noise.", costs.len() - 1),
-        None => format!("On {name} nothing is left out."),
-    })
+    let saving = |cost: &Cost| Saving {
+        part: cost.what,
+        time: cost.seconds.median() / bare.seconds.median() - 1.0,
+        is_noise: cost.seconds.is_noise_beside(&bare.seconds),
+        n_bytes: cost.n_bytes.saturating_sub(bare.n_bytes),
+    };
+    Ok(costs[1..].iter().map(saving).collect())
 }
 
 /// How much longer than the bare scene, and whether that is noise.

@@ -74,8 +74,8 @@ fn engines(model: &Model) -> Result<Vec<Box<dyn Engine>>> {
     ])
 }
 
-/// Adds what trees do without; what it shows.
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+/// Adds what trees do without; what each shows.
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Vec<String>> {
     let mut table =
         Table::new("Trees: a camera or diffuse ray, and bytes", &["scene", "tree", "a ray", "bytes", "same hits"]);
     let (mut series, mut says): (Vec<Series>, Vec<String>) = (vec![], vec![]);
@@ -118,5 +118,5 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         y: Axis::log("ns a ray"),
         series,
     });
-    Ok(says.join(" "))
+    Ok(says)
 }

@@ -49,6 +49,7 @@ pub(super) fn page(report: &Report) -> Result<String> {
 fn section(out: &mut String, chapter: &Chapter) -> Result<()> {
     let _ = writeln!(out, "<section id=\"{}\">\n<h2>{}</h2>", chapter.id, escaped(chapter.title));
     let _ = writeln!(out, "<p class=\"says\">{}</p>", escaped(&chapter.says));
+    list(out, "findings", &chapter.findings);
     for plot in &chapter.plots {
         figure(out, plot)?;
     }
@@ -59,14 +60,22 @@ fn section(out: &mut String, chapter: &Chapter) -> Result<()> {
         let _ = writeln!(out, "<p class=\"method\">{}</p>", escaped(paragraph));
     }
     if !chapter.skipped.is_empty() {
-        out.push_str("<p class=\"method\">Not measured:</p>\n<ul class=\"method\">\n");
-        for skipped in &chapter.skipped {
-            let _ = writeln!(out, "<li>{}</li>", escaped(skipped));
-        }
-        out.push_str("</ul>\n");
+        out.push_str("<p class=\"method\">Not measured:</p>\n");
+        list(out, "method", &chapter.skipped);
     }
     out.push_str("</section>\n");
     Ok(())
+}
+
+fn list(out: &mut String, class: &str, items: &[String]) {
+    if items.is_empty() {
+        return;
+    }
+    let _ = writeln!(out, "<ul class=\"{class}\">");
+    for item in items {
+        let _ = writeln!(out, "<li>{}</li>", escaped(item));
+    }
+    out.push_str("</ul>\n");
 }
 
 fn figure(out: &mut String, plot: &Plot) -> Result<()> {

@@ -13,7 +13,7 @@ mod structures;
 use anyhow::Result;
 
 use super::effort::Effort;
-use super::model::{Chapter, sentences};
+use super::model::Chapter;
 
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
@@ -27,7 +27,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
         }
     }
     says.push(footprints::add(&mut chapter, effort)?);
-    chapter.says = sentences(&says);
+    chapter.tell(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     Ok(chapter)
 }

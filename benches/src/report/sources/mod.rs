@@ -16,7 +16,7 @@ mod simd;
 use anyhow::Result;
 
 use super::effort::Effort;
-use super::model::{Chapter, sentences};
+use super::model::Chapter;
 use super::subjects;
 use crate::models::Model;
 
@@ -34,7 +34,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     for part in PARTS {
         says.push(part(&mut chapter, effort)?);
     }
-    chapter.says = sentences(&says);
+    chapter.tell(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     chapter.skipped.extend(ABSENT.map(str::to_owned));
     Ok(chapter)
