@@ -66,5 +66,6 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
     sorted::section(out, &bench)?;
     handed::section(out, &bench)?;
     rays::section(out, &bench)?;
+    rays::walks(out, &bench)?;
     picture::section(out, &bench)
 }

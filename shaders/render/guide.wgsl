@@ -5,7 +5,7 @@
 // use shared/picture
 // use shared/ray_key
 // use shared/surface
-// use shared/walk
+// use shared/trace
 // use ?material
 // use ?time
 

@@ -11,7 +11,7 @@
 // use shared/ray_key
 // use shared/sampling
 // use shared/surface
-// use shared/walk
+// use shared/trace
 // use ?bodies
 // use ?direct
 // use ?film

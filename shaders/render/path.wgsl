@@ -3,7 +3,7 @@
 // `?film` keeps what was found, `?time` says when it flies. All rays of a path, those to lights too, are traced at one place of the text, and all that happens
 // between two rays is at one: compilers copy functions to where they are called.
 // use shared/path
-// use shared/walk
+// use shared/trace
 // use ?film
 // use ?time
 

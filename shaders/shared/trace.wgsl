@@ -1,6 +1,6 @@
 // Questions to the scene.
 // use shared/ray
-// use shared/walk
+// use ?walk
 
 /// The first hit that the mask accepts; of equal `t` the lowest instance, then the lowest primitive.
 ///

@@ -1,7 +1,7 @@
 // What the rays of paths meet: one ray an invocation.
 // use shared/groups
 // use shared/paths
-// use shared/walk
+// use shared/trace
 // use ?time
 
 @compute @workgroup_size(64)

@@ -3,6 +3,7 @@
 mod twins_render {
     mod compared;
     mod guides;
+    mod models;
     mod paths;
     mod pictures;
     mod raster;

@@ -12,6 +12,7 @@ mod twins_trace {
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "the ways to build are shared, the comparison is not")]
     mod setup;
+    mod walks;
 
     use canted_gpu::{Choice, Gpu};
 

@@ -3,13 +3,13 @@
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
-use canted_gpu::{Bound, Buffer, DeviceHit, DeviceRay, Gpu, GpuError, Specialisation, TracedScene};
+use canted_gpu::{Bound, Buffer, DeviceHit, DeviceRay, Gpu, GpuError, Specialisation, TracedScene, Walk};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::{Config, Preset, Wide};
 
 use super::Bench;
 use crate::{
-    models,
+    models::{self, Model},
     wide::sets::{self, Kind},
 };
 
@@ -39,15 +39,10 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         };
         let leaning = Config::preset(Preset::Balanced);
         let straight = Config { lean: false, share: false, turn: false, ..leaning };
-        let build = |config: &Config| Wide::<Watertight>::build(&model.mesh.positions, &model.mesh.triangles, config);
-        let [leaning, straight] = [build(&leaning)?, build(&straight)?];
-        let camera = sets::camera(&model, bench.scale.resolution);
-        let mut hits = vec![None; camera.len()];
-        leaning.par_closest_hits(&camera, &mut hits);
-        let [diffuse, occlusion] = sets::secondary(&model, &camera, &hits);
-        let camera = in_squares(&camera, bench.scale.resolution as usize);
+        let [leaning, straight] = [build(&model, &leaning)?, build(&model, &straight)?];
+        let sets = sets(&model, &leaning, bench);
         let traced = [TracedScene::one(&bench.gpu, &leaning, &[0])?, TracedScene::one(&bench.gpu, &straight, &[0])?];
-        for (kind, rays) in Kind::ALL.into_iter().zip([camera, diffuse, occlusion]) {
+        for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let [leaning, straight] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];
             let _ = writeln!(
                 out,
@@ -62,6 +57,57 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Measures every walk in turn and writes the table.
+pub(super) fn walks(out: &mut String, bench: &Bench) -> Result<()> {
+    let _ = writeln!(
+        out,
+        "\n### Ways back up the tree\n\nThe same rays through the trees of the preset balanced, by what a ray keeps: {}. Million rays a \
+         second, by time on the device alone, and the ratio to the first; `-` where a tree is too deep.\n\n\
+         | scene | rays | {} |\n| --- | --- | --- | --- | --- |",
+        Walk::ALL.map(Walk::name).join("; "),
+        Walk::ALL.map(Walk::name).join(" | ")
+    );
+    for name in SCENES {
+        let Some(model) = models::load(name)? else {
+            let _ = writeln!(out, "| {name} | not at hand |");
+            continue;
+        };
+        let tree = build(&model, &Config::preset(Preset::Balanced))?;
+        let sets = sets(&model, &tree, bench);
+        let traced = Walk::ALL.map(|walk| TracedScene::one(&bench.gpu, &tree, &[0])?.walked(&bench.gpu, walk));
+        for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
+            let _ = write!(out, "| {name} | {} |", kind.name());
+            let mut first = f64::NAN;
+            for traced in &traced {
+                let Ok(traced) = traced else {
+                    out.push_str(" - |");
+                    continue;
+                };
+                let cast = cast(bench, traced, kind, &rays)?;
+                if first.is_nan() {
+                    first = cast.milliseconds;
+                }
+                let _ = write!(out, " {:.2}, {:.2}x |", cast.rate(rays.len()), first / cast.milliseconds);
+            }
+            out.push('\n');
+        }
+    }
+    Ok(())
+}
+
+fn build(model: &Model, config: &Config) -> Result<Wide<Watertight>> {
+    Ok(Wide::build(&model.mesh.positions, &model.mesh.triangles, config)?)
+}
+
+/// Rays of each kind: those of cameras in squares, then from their hits.
+fn sets(model: &Model, tree: &Wide<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
+    let camera = sets::camera(model, bench.scale.resolution);
+    let mut hits = vec![None; camera.len()];
+    tree.par_closest_hits(&camera, &mut hits);
+    let [diffuse, occlusion] = sets::secondary(model, &camera, &hits);
+    [in_squares(&camera, bench.scale.resolution as usize), diffuse, occlusion]
 }
 
 /// Rays of square pictures in scanline order, square by square.

@@ -5,12 +5,14 @@ use std::time::{Duration, Instant};
 
 use canted_shaders::{Binding, Shader, Specialisation};
 use wgpu::{
-    Color, CompareFunction, DepthStencilState, Extent3d, FragmentState, LoadOp, MultisampleState, Operations,
-    PipelineCompilationOptions, PrimitiveState, RenderPassColorAttachment, RenderPassDepthStencilAttachment,
-    RenderPassDescriptor, RenderPipelineDescriptor, ShaderModuleDescriptor, ShaderSource, StoreOp, Texture,
-    TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, VertexState,
+    BindGroup, Color, CompareFunction, DepthStencilState, Extent3d, FragmentState, LoadOp, MultisampleState,
+    Operations, PipelineCompilationOptions, PrimitiveState, RenderPassColorAttachment,
+    RenderPassDepthStencilAttachment, RenderPassDescriptor, RenderPipelineDescriptor, ShaderModuleDescriptor,
+    ShaderSource, StoreOp, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
+    VertexState,
 };
 
+use crate::pieces::Pieces;
 use crate::work::bind_groups;
 use crate::{Bound, Buffer, Gpu, GpuError};
 
@@ -44,7 +46,7 @@ pub struct Draw {
 pub struct Drawn {
     /// For each target its texels, row by row; zero where nothing was drawn.
     pub targets: [Vec<[u32; 4]>; TARGETS],
-    /// From submission to completion of the pass alone.
+    /// From the first submission to the completion of the last piece.
     pub time: Duration,
 }
 
@@ -104,7 +106,7 @@ impl Gpu {
         Ok(Raster { name: name.to_owned(), pipeline, bindings })
     }
 
-    /// Draws a picture in one pass and reads its texels.
+    /// Draws a picture, in pieces of about 100 ms, and reads its texels.
     ///
     /// # Errors
     /// A variable that is not given, a picture that is larger than the device's textures, or the loss of the device.
@@ -127,42 +129,67 @@ impl Gpu {
         let groups = bind_groups(self, &raster.name, &raster.bindings, bound, |number| {
             raster.pipeline.get_bind_group_layout(number)
         })?;
-        let mut encoder = self.device.create_command_encoder(&Default::default());
         let views = colors.each_ref().map(|color| color.create_view(&Default::default()));
         let depth = depth.create_view(&Default::default());
-        {
-            let ops = Operations { load: LoadOp::Clear(Color::TRANSPARENT), store: StoreOp::Store };
-            let attachments = views
-                .each_ref()
-                .map(|view| Some(RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }));
-            let depth_ops = Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Discard });
-            let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-                label: Some(&raster.name),
-                color_attachments: &attachments,
-                depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
-                    view: &depth,
-                    depth_ops,
-                    stencil_ops: None,
-                }),
-                ..Default::default()
-            });
-            pass.set_pipeline(&raster.pipeline);
-            for (number, group) in &groups {
-                pass.set_bind_group(*number, group, &[]);
-            }
-            for draw in draws {
-                pass.draw(draw.vertices.clone(), draw.instances.clone());
-            }
-        }
         let start = Instant::now();
-        let submission = self.queue.submit([encoder.finish()]);
-        self.wait(Some(submission))?;
+        let mut pieces = Pieces::new(draws);
+        // Targets are cleared even where nothing is drawn.
+        let mut piece = pieces.next().unwrap_or_default();
+        let mut is_first = true;
+        loop {
+            let begin = Instant::now();
+            self.draw_piece(raster, &groups, &views, &depth, &piece, is_first)?;
+            pieces.took(begin.elapsed());
+            is_first = false;
+            let Some(next) = pieces.next() else { break };
+            piece = next;
+        }
         let time = start.elapsed();
         let mut targets = [const { vec![] }; TARGETS];
         for (texels, color) in targets.iter_mut().zip(&colors) {
             *texels = self.texels(color, size)?;
         }
         Ok(Drawn { targets, time })
+    }
+
+    /// Draws some, upon what is there but for the first.
+    fn draw_piece(
+        &self,
+        raster: &Raster,
+        groups: &[(u32, BindGroup)],
+        colors: &[TextureView; TARGETS],
+        depth: &TextureView,
+        draws: &[Draw],
+        is_first: bool,
+    ) -> Result<(), GpuError> {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let load = if is_first { LoadOp::Clear(Color::TRANSPARENT) } else { LoadOp::Load };
+        let ops = Operations { load, store: StoreOp::Store };
+        let depth_load = if is_first { LoadOp::Clear(0.0) } else { LoadOp::Load };
+        let depth_ops = Some(Operations { load: depth_load, store: StoreOp::Store });
+        let attachments = colors
+            .each_ref()
+            .map(|view| Some(RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }));
+        let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
+            label: Some(&raster.name),
+            color_attachments: &attachments,
+            depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
+                view: depth,
+                depth_ops,
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        });
+        pass.set_pipeline(&raster.pipeline);
+        for (number, group) in groups {
+            pass.set_bind_group(*number, group, &[]);
+        }
+        for draw in draws {
+            pass.draw(draw.vertices.clone(), draw.instances.clone());
+        }
+        drop(pass);
+        let submission = self.queue.submit([encoder.finish()]);
+        self.wait(Some(submission))
     }
 
     fn targets(&self, size: Extent3d) -> [Texture; TARGETS] {

@@ -122,6 +122,12 @@ impl Work<'_> {
         self.encoder.clear_buffer(&buffer.raw, 0, None);
     }
 
+    /// Submits what was added so far, so that others may have the device before what is added next.
+    pub(crate) fn flush(&mut self) {
+        let next = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
+        self.gpu.queue.submit([std::mem::replace(&mut self.encoder, next).finish()]);
+    }
+
     /// Submits the dispatches and waits for them.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 // Every sample by itself: the host sums them in f64.
 // use shared/picture
-// use shared/walk
+// use shared/trace
 
 /// Radiance of each sample, linear RGB, and the rays traced for it, -1 where one of them was cut short: for each work-group its
 /// 64 pixels, row by row.

@@ -6,8 +6,8 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::{AdapterKind, Bound, Gpu, GpuError, Kernel, Work};
 
-/// Most invocations of a dispatch of software drivers, which then stay near 100 milliseconds, and of others, which do sixteen
-/// times as many in less.
+/// Most invocations of a submission of software drivers, which then stays near 100 milliseconds, and of others, which do sixteen
+/// times as many in less. A dispatch has no more either.
 const SOFTWARE_INVOCATIONS: u32 = 1 << 18;
 const INVOCATIONS: u32 = 1 << 22;
 
@@ -60,7 +60,7 @@ impl<'a> Run<'a> {
         record: impl FnOnce(&mut Dispatches<'a>) -> Result<(), GpuError>,
     ) -> Result<(), GpuError> {
         let work = if self.timed { self.gpu.timed_work() } else { self.gpu.work() };
-        let mut dispatches = Dispatches { gpu: self.gpu, work };
+        let mut dispatches = Dispatches { gpu: self.gpu, work, n_waiting: 0 };
         let start = Instant::now();
         record(&mut dispatches)?;
         if !self.timed {
@@ -81,6 +81,8 @@ impl<'a> Run<'a> {
 pub(super) struct Dispatches<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) work: Work<'a>,
+    /// Invocations that were not submitted yet.
+    n_waiting: u32,
 }
 
 /// As in `shared/build/slice.wgsl`.
@@ -121,12 +123,19 @@ impl Dispatches<'_> {
         most: u32,
         groups: impl Fn(u32) -> [u32; 3],
     ) -> Result<(), GpuError> {
+        let of_each = if most < self.invocations() { kernel.group_size() } else { 1 };
         while first < end {
             let slice = Slice { first, end: end.min(first + most), zero: 0 };
             let uniform = self.gpu.uniform("slice", &slice)?;
             let mut with_slice: Vec<Bound<'_>> = vec![("slice", &uniform)];
             with_slice.extend_from_slice(bound);
+            let n = (slice.end - first).saturating_mul(of_each);
+            if self.n_waiting > 0 && self.n_waiting.saturating_add(n) > self.invocations() {
+                self.work.flush();
+                self.n_waiting = 0;
+            }
             self.work.dispatch(kernel, &with_slice, groups(slice.end - first))?;
+            self.n_waiting += n;
             first = slice.end;
         }
         Ok(())

@@ -11,10 +11,12 @@ mod motion;
 mod outer;
 mod ray;
 mod scene;
+mod walk;
 mod words;
 
 pub use cast::Answer;
 pub use motion::Motion;
 pub use ray::{DeviceHit, DeviceRay};
 pub use scene::TracedScene;
+pub use walk::Walk;
 pub use words::HIT_ERROR;

@@ -185,6 +185,8 @@ mod tests {
     fn words_lie_as_kernels_read_them() {
         let chosen = Specialisation::none()
             .part("level", "shared/level/moving")
+            .part("kinds", "shared/kinds/any")
+            .part("walk", "shared/walk/stack")
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
             .number("STACK", 4)

@@ -7,11 +7,15 @@ use canted_wide::{LaneKernel, Wide, Words};
 
 use super::motion::MotionWords;
 use super::outer::Outer;
+use super::walk::{LinkWords, Walk, is_aligned, links};
 use super::words::{HitError, PlaceWords, Quad, Start, TreeWords};
 use crate::{Bound, Buffer, Gpu, GpuError, Specialisation, loop_turns};
 
 /// Most entries of the stack in an invocation's own memory: trees of ours have about ten levels.
 const MOST_STACK: u32 = 128;
+
+/// Levels whose waiting children four words hold, eight bits each.
+const MOST_BITS: u32 = 16;
 
 /// Turns of loops that are asked for, to see whether the driver leaves loops early.
 const WANTED_TURNS: u32 = 100_000;
@@ -32,7 +36,13 @@ pub struct TracedScene {
     halves: Buffer<Quad>,
     trees: Buffer<TreeWords>,
     level: Level,
-    stack: u32,
+    walk: Walk,
+    /// Ways up the trees, where the walk needs them.
+    links: Option<Buffer<LinkWords>>,
+    /// Whether no node leans.
+    is_aligned: bool,
+    /// Nodes on the longest way down.
+    depth: u32,
     turns: u32,
 }
 
@@ -96,13 +106,7 @@ impl TracedScene {
 
     fn new(gpu: &Gpu, trees: &[(Words<'_>, HitError)], level: Level, depth: u32) -> Result<Self, GpuError> {
         if depth > MOST_STACK {
-            return Err(GpuError::Limit {
-                what: "the stack of a ray".to_owned(),
-                need: depth.into(),
-                limit: "levels of nodes",
-                most: MOST_STACK.into(),
-                remedy: "use another --builder or --device cpu",
-            });
+            return Err(too_deep(depth, MOST_STACK));
         }
         let nodes: Vec<&[u32]> = trees.iter().map(|(words, _)| words.nodes).collect();
         let blocks: Vec<&[u32]> = trees.iter().map(|(words, _)| words.blocks).collect();
@@ -120,15 +124,47 @@ impl TracedScene {
             halves: joined(gpu, "blocks of triangles", &blocks)?,
             trees: gpu.buffer("trees", &headers)?,
             level,
-            stack: depth.max(1),
+            walk: Walk::Stack,
+            links: None,
+            is_aligned: trees.iter().all(|(words, _)| is_aligned(quads(words.nodes), words.root)),
+            depth,
             turns,
         })
+    }
+
+    /// The same scene, in which rays find their way back otherwise.
+    ///
+    /// # Errors
+    /// Trees too deep for the walk, or a device that is lost.
+    pub fn walked(self, gpu: &Gpu, walk: Walk) -> Result<Self, GpuError> {
+        if walk == Walk::Bits && self.depth > MOST_BITS {
+            return Err(too_deep(self.depth, MOST_BITS));
+        }
+        let links = match walk {
+            Walk::Stack => None,
+            Walk::Bits | Walk::Links => {
+                let (nodes, trees) = (gpu.read(&self.nodes)?, gpu.read(&self.trees)?);
+                Some(gpu.buffer("ways up", &links(&nodes, &trees))?)
+            }
+        };
+        Ok(Self { walk, links, ..self })
+    }
+
+    /// The same scene with links that lead nowhere: to see that tests see it.
+    ///
+    /// # Errors
+    /// A device that is lost.
+    #[doc(hidden)]
+    pub fn without_links(self, gpu: &Gpu) -> Result<Self, GpuError> {
+        let n = self.links.as_ref().map_or(0, Buffer::len);
+        Ok(Self { links: Some(gpu.buffer("ways up", &vec![LinkWords::NOWHERE; n])?), ..self })
     }
 
     /// Everything that kernels which trace rays bind, by the names of their variables.
     #[must_use]
     pub fn bindings(&self) -> Vec<Bound<'_>> {
         let mut bound: Vec<Bound<'_>> = vec![("nodes", &self.nodes), ("halves", &self.halves), ("trees", &self.trees)];
+        bound.extend(self.links.as_ref().map(|links| -> Bound<'_> { ("links", links) }));
         match &self.level {
             Level::One => {}
             Level::Flat(first) => bound.push(("first_triangles", first)),
@@ -150,7 +186,10 @@ impl TracedScene {
             Level::Two(Instances { motions: None, .. }) => "shared/level/two",
             Level::Two(_) => "shared/level/moving",
         };
-        chosen.part("level", level).number("STACK", self.stack).number("TURNS", self.turns)
+        let kinds = if self.is_aligned { "shared/kinds/aligned" } else { "shared/kinds/any" };
+        let chosen = chosen.part("level", level).part("kinds", kinds).part("walk", self.walk.file());
+        let chosen = chosen.number("TURNS", self.turns);
+        if self.walk == Walk::Stack { chosen.number("STACK", self.depth.max(1)) } else { chosen }
     }
 
     /// Bytes in the device's memory.
@@ -163,7 +202,8 @@ impl TracedScene {
                 places.n_bytes() + order.n_bytes() + motions.as_ref().map_or(0, Buffer::n_bytes)
             }
         };
-        self.nodes.n_bytes() + self.halves.n_bytes() + self.trees.n_bytes() + level
+        let links = self.links.as_ref().map_or(0, Buffer::n_bytes);
+        self.nodes.n_bytes() + self.halves.n_bytes() + self.trees.n_bytes() + links + level
     }
 
     /// The same scene whose walks end after this many turns of loops: to see what becomes of rays that are cut short.
@@ -171,6 +211,16 @@ impl TracedScene {
     #[must_use]
     pub fn with_turns(self, turns: u32) -> Self {
         Self { turns, ..self }
+    }
+}
+
+fn too_deep(depth: u32, most: u32) -> GpuError {
+    GpuError::Limit {
+        what: "the stack of a ray".to_owned(),
+        need: depth.into(),
+        limit: "levels of nodes",
+        most: most.into(),
+        remedy: "use another --builder or --device cpu",
     }
 }
 

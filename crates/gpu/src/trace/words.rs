@@ -90,6 +90,8 @@ mod tests {
     fn layout(of: &str) -> Layout {
         let chosen = Specialisation::none()
             .part("level", "shared/level/two")
+            .part("kinds", "shared/kinds/any")
+            .part("walk", "shared/walk/stack")
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
             .number("STACK", 4)

@@ -1,0 +1,34 @@
+//! Real models, by both integrators: the same samples on both devices.
+
+use canted_renderer::{Integrator, Levels, Settings};
+use canted_scene::{Light, Scene};
+use canted_tests::models::models;
+
+use super::compared::{compared, frame_of};
+use super::gpu;
+
+/// Files, from the folder of models, and the most that may go astray: leaves and thin textured cloth fork many rays.
+const FILES: [(&str, f64); 4] = [
+    ("sponza/sponza.gltf", 0.3),
+    ("kitchen/country_kitchen.glb", 0.3),
+    ("truss/eiffel.glb", 0.3),
+    ("instanced/pine_forest.glb", 0.4),
+];
+
+#[test]
+fn models_are_the_same_pictures() {
+    let Some(gpu) = gpu("models_are_the_same_pictures") else { return };
+    let Some(folder) = models("models_are_the_same_pictures") else { return };
+    for (file, astray) in FILES {
+        let scene = canted_scene::read(&folder.join(file)).unwrap();
+        let sun = Light::Sun { direction: [-0.2, -0.95, -0.25], irradiance: [3.0, 2.9, 2.6] };
+        let scene = Scene { environment: Some([0.6, 0.8, 1.0].into()), lights: vec![sun], ..scene };
+        let camera = frame_of(&scene);
+        for integrator in [Integrator::Hybrid, Integrator::Path] {
+            let settings =
+                Settings { width: 48, height: 27, samples: 2, integrator, bounces: 3, ..Settings::default() };
+            let found = compared(&gpu, &scene, &camera, Levels::Auto, &settings);
+            found.check(&format!("{file}, {integrator:?}"), [astray, 0.02]);
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Every way back up a tree: no hit is lost by any.
+
+use canted_fixtures::Mesh;
+use canted_gpu::{Gpu, TracedScene, Walk};
+use canted_obb::Affine;
+use canted_tests::{closed::places, rays, scenes};
+use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_trace::{Ray, Watertight};
+
+use super::gpu;
+use super::judge::{Tally, World, error_of_instance};
+use super::setup::{build, few_ways};
+
+/// The mesh, large enough for trees of several levels, where closed meshes are placed in the other tests.
+fn placed() -> (Mesh, Vec<Instance>) {
+    let instances = places().iter().map(|place| Instance::still(0, place.world_from_object)).collect();
+    (scenes::room(3, 40).turned(), instances)
+}
+
+#[test]
+fn no_walk_loses_a_hit() {
+    let Some(gpu) = gpu("no_walk_loses_a_hit") else { return };
+    let (mesh, instances) = placed();
+    let reach = mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()));
+    let (way, config) = few_ways().remove(0);
+    let tree = build::<Watertight>(&mesh, &config);
+    let at_home = [Instance::still(0, Affine::IDENTITY)];
+    let tlas = [&at_home[..], &instances].map(|instances| {
+        let bottom = vec![build::<Watertight>(&mesh, &config)];
+        Tlas::new(bottom, instances, TopConfig::default()).unwrap()
+    });
+    for walk in Walk::ALL {
+        let scenes: [TracedScene; 2] =
+            [TracedScene::one(&gpu, &tree, &[0]).unwrap(), TracedScene::two(&gpu, &[&tree], &instances).unwrap()];
+        for ((scene, tlas), instances) in scenes.into_iter().zip(&tlas).zip([&at_home[..], &instances]) {
+            let scene = scene.walked(&gpu, walk).unwrap();
+            let place = |instance: u32| instances[instance as usize].world_from_object;
+            let corners =
+                |instance: u32, primitive: u32| mesh.corners(primitive as usize).map(|p| place(instance).point_f64(p));
+            let error = |ray: &Ray, instance: u32| error_of_instance(ray, &place(instance), reach);
+            let world = World { corners: &corners, error: &error };
+            let mut tally = Tally::default();
+            world
+                .judge_all(&gpu, &scene, &all_rays(&mesh, instances), |ray| tlas.closest_hit(ray, &mut ()), &mut tally)
+                .unwrap_or_else(|error| panic!("{walk:?}, {way}, {} instances: {error}", instances.len()));
+            tally.report(&format!("{walk:?}, {} instances", instances.len()));
+        }
+    }
+}
+
+/// Rays at the mesh wherever it stands.
+fn all_rays(mesh: &Mesh, instances: &[Instance]) -> Vec<Ray> {
+    let at = |instance: &Instance| {
+        let there = canted_tests::closed::baked(mesh, &instance.world_from_object);
+        [rays::of_all_classes(&there, 30, 3), rays::from_inside(&there, 200, 4)].concat()
+    };
+    instances.iter().flat_map(at).collect()
+}
+
+#[test]
+fn a_walk_without_its_links_is_seen() {
+    let Some(gpu) = gpu("a_walk_without_its_links_is_seen") else { return };
+    let (mesh, _) = placed();
+    let tree = build::<Watertight>(&mesh, &few_ways().remove(0).1);
+    let rays = rays::from_inside(&mesh, 500, 4);
+    let hits = |gpu: &Gpu, scene: &TracedScene| scene.closest_hits(gpu, &rays).unwrap();
+    let scene = |walk: Walk| TracedScene::one(&gpu, &tree, &[0]).unwrap().walked(&gpu, walk).unwrap();
+    let stack = hits(&gpu, &scene(Walk::Stack));
+    for walk in [Walk::Bits, Walk::Links] {
+        assert_eq!(hits(&gpu, &scene(walk)).len(), stack.len());
+        assert_ne!(hits(&gpu, &scene(walk).without_links(&gpu).unwrap()), stack, "{walk:?}");
+    }
+}
