@@ -4,6 +4,7 @@
 
 #![forbid(unsafe_code)]
 
+mod bias;
 mod build;
 mod clock;
 mod costs;
@@ -12,6 +13,7 @@ mod extremes;
 mod interleave;
 mod load;
 mod models;
+mod noise;
 mod options;
 mod picture;
 mod report;
@@ -62,6 +64,12 @@ fn main() -> Result<()> {
     }
     if options.wants("textures") {
         textures::section(&mut out, options.rounds)?;
+    }
+    if options.wants("bias") {
+        bias::section(&mut out)?;
+    }
+    if options.wants("noise") {
+        noise::section(&mut out)?;
     }
     if options.wants("wide") {
         wide::section(&mut out, &options)?;

@@ -8,7 +8,8 @@ use canted_gpu::Choice;
 use crate::{load::PEAK, wide::TRIAL};
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 8] = ["load", "build", "trace", "picture", "textures", "wide", "growth", "costs"];
+const SECTIONS: [&str; 10] =
+    ["load", "build", "trace", "picture", "textures", "bias", "noise", "wide", "growth", "costs"];
 
 /// Growth is measured from its start; 2^27 triangles are the most that a wide tree may hold.
 pub(crate) const LOG2_TRIANGLES: RangeInclusive<u32> = 10..=27;

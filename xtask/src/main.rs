@@ -25,9 +25,9 @@ const USAGE: &str = "usage: cargo xtask TASK
   test              run every test of the workspace; the last line counts them
   ci                everything that is checked before a change is taken
   tidy              the rules of style that a program can check
-  bench [ARGS]      measure, and write into benches/RESULTS.md; load, build, trace, picture, textures, wide, growth,
-                    costs, --rounds N, --scenes A,B, --engines A,B, --quick, --max-log2 N, --peers (Embree, tinybvh);
-                    --device gpu|NAME measures an adapter alone
+  bench [ARGS]      measure, and write into benches/RESULTS.md; load, build, trace, picture, textures, bias, noise,
+                    wide, growth, costs, --rounds N, --scenes A,B, --engines A,B, --quick, --max-log2 N,
+                    --peers (Embree, tinybvh); --device gpu|NAME measures an adapter alone
   report [ARGS]     measure what each choice costs and buys, and write target/report; --quick, names of chapters, --peers,
                     --keep (into benches/RESULTS.md and benches/report.json)
   agree A B         whether two report.json, as of a quick and a full run, agree within their spreads on what both measured
