@@ -54,7 +54,8 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
     let format = hits::Format::of(&args.hits)?;
-    output::check_distinct(("--rays", &args.rays), ("--hits", &args.hits))?;
+    let inputs = load::Inputs::of(Some(&args.scene))?.and("--rays", &args.rays);
+    output::check_distinct(&inputs.named(), &[("--hits", &args.hits)])?;
     if matches!(args.device, DeviceArg::Both(_)) {
         return Err(anyhow!("--device both shares out tiles of pictures, not rays: use cpu, gpu or an adapter's name"));
     }

@@ -58,9 +58,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         if !render::is_png(path) {
             return Err(anyhow!("{}: --errors ends in .png", path.display()));
         }
+        output::check_distinct(&[("A", &args.a), ("B", &args.b)], &[("--errors", path)])?;
         output::probe(path)?;
-        output::check_distinct(("A", &args.a), ("--errors", path))?;
-        output::check_distinct(("B", &args.b), ("--errors", path))?;
     }
     let a = read_picture(&args.a)?;
     let b = read_picture(&args.b)?;

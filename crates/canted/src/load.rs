@@ -1,11 +1,44 @@
 //! Scenes from files, or the built-in one.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_scene::{ReadOptions, Scene, SceneFile};
 
-use crate::{output, settings};
+use crate::{
+    output::{self, Named},
+    settings,
+};
+
+/// The files that a command reads, each with what the command line calls it.
+pub(crate) struct Inputs(Vec<(String, PathBuf)>);
+
+impl Inputs {
+    /// The scene's own file; of a scene file those, too, that it names.
+    ///
+    /// # Errors
+    /// A scene file that cannot be read, or is wrong.
+    pub(crate) fn of(scene: Option<&Path>) -> Result<Self> {
+        let Some(path) = scene else { return Ok(Self(Vec::new())) };
+        let inputs = Self(Vec::new()).and("SCENE", path);
+        if !is_scene_file(path) {
+            return Ok(inputs);
+        }
+        let name = format!("what {} names", path.display());
+        Ok(scene_file(path)?.files().iter().fold(inputs, |inputs, file| inputs.and(&name, file)))
+    }
+
+    /// These, and one more.
+    pub(crate) fn and(mut self, name: &str, path: &Path) -> Self {
+        self.0.push((name.to_owned(), path.to_owned()));
+        self
+    }
+
+    /// All of them.
+    pub(crate) fn named(&self) -> Vec<Named<'_>> {
+        self.0.iter().map(|(name, path)| (&name[..], path.as_path())).collect()
+    }
+}
 
 /// Reads a scene, or makes the built-in one; warnings go to standard error, each once.
 pub(crate) fn scene(path: Option<&Path>) -> Result<Scene> {

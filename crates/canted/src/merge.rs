@@ -9,7 +9,11 @@ use anyhow::{Result, anyhow};
 use canted_renderer::{Aovs, Film, JoinError, Part, Record, read_part, write_film};
 use serde_json::json;
 
-use crate::{Outcome, output, render};
+use crate::{
+    Outcome,
+    output::{self, Named},
+    render,
+};
 
 /// Options of `canted merge`.
 #[derive(clap::Args)]
@@ -38,6 +42,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     if !render::is_exr(&args.output) {
         return Err(anyhow!("{}: merged pictures end in .exr", args.output.display()));
     }
+    let parts: Vec<Named> = args.parts.iter().map(|part| ("a part", part.as_path())).collect();
+    output::check_distinct(&parts, &[("--output", &args.output)])?;
     output::probe(&args.output)?;
     let mut pieces = Vec::new();
     for path in &args.parts {

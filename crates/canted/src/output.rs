@@ -30,12 +30,20 @@ pub(crate) fn probe(path: &Path) -> Result<(), WriteError> {
     Whole::create(path).map(drop)
 }
 
-/// Refuses two options that name one file, of which one is written.
-pub(crate) fn check_distinct(a: (&str, &Path), b: (&str, &Path)) -> Result<()> {
-    if meant(a.1) != meant(b.1) {
-        return Ok(());
+/// A file, and what the command line calls it.
+pub(crate) type Named<'a> = (&'a str, &'a Path);
+
+/// Refuses outputs that would replace an input or each other, by whatever way their names lead to one file.
+pub(crate) fn check_distinct(inputs: &[Named], outputs: &[Named]) -> Result<()> {
+    let mut taken: Vec<(&str, PathBuf)> = inputs.iter().map(|&(name, path)| (name, meant(path))).collect();
+    for &(name, path) in outputs {
+        let file = meant(path);
+        if let Some((earlier, _)) = taken.iter().find(|(_, other)| *other == file) {
+            return Err(anyhow!("{earlier} and {name} are one file, {}", path.display()));
+        }
+        taken.push((name, file));
     }
-    Err(anyhow!("{} and {} are one file, {}", a.0, b.0, b.1.display()))
+    Ok(())
 }
 
 /// The file that a name means, whether it is there or not.

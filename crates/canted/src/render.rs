@@ -27,9 +27,10 @@ use crate::{
     Outcome,
     device::{DeviceArg, Machine},
     light::LightArgs,
-    load, memory,
+    load::{self, Inputs},
+    memory,
     options::{self, FilterArg, IntegratorArg, LodArg, StructureArgs, with_kernel},
-    output,
+    output::{self, Named},
 };
 use camera::CameraArgs;
 use checkpoint::Keeper;
@@ -130,6 +131,15 @@ impl Args {
         }
     }
 
+    /// What is read.
+    pub(crate) fn inputs(&self) -> Result<Inputs> {
+        let inputs = Inputs::of(self.scene.as_deref())?;
+        Ok(match self.light.environment_file() {
+            Some((image, ..)) => inputs.and("--env", image),
+            None => inputs,
+        })
+    }
+
     pub(crate) fn settings(&self) -> Result<Settings> {
         let [width, height] = self.size;
         let Self { seed, ao_radius, .. } = *self;
@@ -214,13 +224,13 @@ struct Run {
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
     check_output(args)?;
+    let checkpoint = args.samples.checkpoint.as_deref().map(|path| ("--checkpoint", path));
+    let outputs: Vec<Named> = [("--output", args.output.as_path())].into_iter().chain(checkpoint).collect();
+    output::check_distinct(&args.inputs()?.named(), &outputs)?;
     args.settings()?;
     let machine = machine(args)?;
     // A place that cannot be written is told before the work.
     output::probe(&args.output)?;
-    if let Some(checkpoint) = &args.samples.checkpoint {
-        output::check_distinct(("--output", &args.output), ("--checkpoint", checkpoint))?;
-    }
     let start = Instant::now();
     let mut scene = load::scene_at(args.scene.as_deref(), args.time)?;
     let default_light = args.light.apply(&mut scene)?;

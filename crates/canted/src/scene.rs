@@ -37,6 +37,7 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<Outcome> {
     if !load::is_scene_file(path) {
         return Err(anyhow!("{}: scene files end in .toml", path.display()));
     }
+    output::check_distinct(&args.inputs()?.named(), &[("--output", path)])?;
     output::probe(path)?;
     options::use_threads(None)?;
     let error = |error| anyhow!("{error}");

@@ -40,7 +40,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         BitsArg::B30 => Bits::B30,
         BitsArg::B63 => Bits::B63,
     };
-    output::check_distinct(("--codes", &args.codes), ("--nodes", &args.nodes))?;
+    let inputs = load::Inputs::of(Some(&args.scene))?;
+    output::check_distinct(&inputs.named(), &[("--codes", &args.codes), ("--nodes", &args.nodes)])?;
     let scene = load::scene(Some(&args.scene))?;
     // Places that cannot be written are told before the work.
     output::probe(&args.codes)?;

@@ -99,6 +99,42 @@ fn one_name_is_not_two_files() {
     folder.run("compare a.png a.png --errors ./a.png").refused(&["--errors", "./a.png"]);
 }
 
+/// Whatever a command reads is still there afterwards, however the output's name leads to it.
+#[test]
+fn inputs_are_not_replaced() {
+    let folder = folder();
+    let own = "[[assets]]\nname = 'small'\nfile = 'small.obj'\n[environment]\nimage = 'sky.exr'\n";
+    folder.write("s.toml", own);
+    folder.run("render small.obj --size 8x4 --spp 1 -o sky.exr").done();
+    for range in ["0..1", "1..2"] {
+        folder.run(&format!("render small.obj --size 8x4 --samples {range} -o {}.exr", &range[..1])).done();
+    }
+    let mut cases = vec![
+        ("merge 0.exr 1.exr -o ./1.exr", "1.exr", ["a part", "--output"]),
+        ("render small.obj --env sky.exr -o ./sky.exr", "sky.exr", ["--env", "--output"]),
+        ("render s.toml -o sky.exr", "sky.exr", ["s.toml", "--output"]),
+        ("render small.obj --checkpoint small.obj -o a.exr", "small.obj", ["SCENE", "--checkpoint"]),
+        ("scene s.toml -o ./s.toml", "s.toml", ["SCENE", "--output"]),
+        ("tree small.obj --codes ./small.obj --nodes n.csv", "small.obj", ["SCENE", "--codes"]),
+        ("tree s.toml --codes c.csv --nodes small.obj", "small.obj", ["s.toml", "--nodes"]),
+    ];
+    if cfg!(unix) {
+        #[cfg(unix)]
+        for (file, link) in [("0.exr", "part.exr"), ("rays.csv", "hits.csv")] {
+            std::os::unix::fs::symlink(file, folder.path(link)).unwrap();
+        }
+        cases.push(("merge 0.exr 1.exr -o part.exr", "0.exr", ["a part", "--output"]));
+        cases.push(("cast small.obj --rays rays.csv --hits hits.csv", "rays.csv", ["--rays", "--hits"]));
+    }
+    let names = folder.names();
+    for (line, file, words) in cases {
+        let before = folder.bytes(file);
+        folder.run(line).refused(&words);
+        assert!(folder.bytes(file) == before, "{line}");
+    }
+    assert_eq!(folder.names(), names);
+}
+
 /// Devices and pipes are no files that a result may replace: for the superuser `/dev/null` would become one.
 #[cfg(unix)]
 #[test]

@@ -27,6 +27,12 @@ impl SceneFile {
         Ok(self)
     }
 
+    /// The files that this one names, in the folders where they are sought.
+    #[must_use]
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.clone().files_mut().map(|file| self.resolve(file)).collect()
+    }
+
     /// All paths in this file.
     fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         let assets = self.assets.iter_mut().filter_map(|asset| match &mut asset.source {
