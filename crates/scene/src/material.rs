@@ -48,7 +48,7 @@ pub struct Material {
     pub transmission: f32,
     /// Texture of the transmission (red).
     pub transmission_texture: Option<TextureRef>,
-    /// Index of refraction, 1 or more.
+    /// Index of refraction, from 1 to [`Material::MAX_IOR`].
     pub ior: f32,
     /// Whether the surface is a sheet, which light passes straight, or the skin of a body, which bends it.
     pub thin_walled: bool,
@@ -95,6 +95,10 @@ impl Default for Material {
 }
 
 impl Material {
+    /// Greatest index of refraction: a boundary that reflects nearly all. Squares of it and of its inverse are far from the
+    /// ends of single precision.
+    pub const MAX_IOR: f32 = 1000.0;
+
     /// All textures, as the material refers to them.
     pub fn textures(&self) -> impl Iterator<Item = &TextureRef> {
         [

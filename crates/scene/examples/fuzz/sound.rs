@@ -1,6 +1,6 @@
 //! What scenes promise, whatever file they are from.
 
-use canted_scene::{EnvironmentImage, Light, Mesh, Projection, Scene};
+use canted_scene::{EnvironmentImage, Light, Material, Mesh, Projection, Scene};
 
 /// The first promise that a scene breaks.
 pub(crate) fn flaw(scene: &Scene) -> Option<String> {
@@ -70,7 +70,7 @@ fn flaw_of_materials(scene: &Scene) -> Option<String> {
     let bad = scene.materials.iter().find(|material| {
         let numbers = [material.metallic, material.roughness, material.specular, material.transmission, material.alpha];
         let is_sound = numbers.iter().chain(&material.base_color).all(|x| unit.contains(x))
-            && material.ior >= 1.0
+            && (1.0..=Material::MAX_IOR).contains(&material.ior)
             && material.normal_scale.is_finite()
             && material.emission.iter().all(|x| x.is_finite() && *x >= 0.0)
             && material.textures().all(|texture| {

@@ -20,7 +20,7 @@ const FIELDS: [(&str, Part, &str); 18] = [
     ("roughness", Part::Number(Bounds::Fraction, |m| &mut m.roughness), "0 for polished, 1 for rough"),
     ("specular", Part::Number(Bounds::Fraction, |m| &mut m.specular), "0 to 1; 0 makes bodies Lambert"),
     ("transmission", Part::Number(Bounds::Fraction, |m| &mut m.transmission), "0 to 1; 1 for glass"),
-    ("ior", Part::Number(Bounds::OneOrMore, |m| &mut m.ior), "index of refraction, 1 or more"),
+    ("ior", Part::Number(Bounds::Ior, |m| &mut m.ior), "index of refraction, 1 to 1000"),
     ("thin_walled", Part::Flag(|m| &mut m.thin_walled), "a sheet, which light passes straight"),
     ("normal_scale", Part::Number(Bounds::Finite, |m| &mut m.normal_scale), "of the texture of normals"),
     ("emission", Part::Color(Bounds::NotNegative, |m| &mut m.emission), "radiance on both sides, W/(m2 sr)"),

@@ -6,7 +6,7 @@ use std::path::Path;
 use toml_edit::{Array, Item, TableLike, Value};
 
 use super::nearest;
-use crate::ReadError;
+use crate::{Material, ReadError};
 
 /// The text of a scene file, for messages.
 pub(super) struct Source<'a> {
@@ -54,7 +54,8 @@ pub(super) enum Bounds {
     NotNegative,
     Positive,
     Fraction,
-    OneOrMore,
+    /// From 1 to [`Material::MAX_IOR`].
+    Ior,
     /// Between 0 and 180, both excluded.
     FieldOfView,
     /// Between axis and side of a cone.
@@ -69,7 +70,7 @@ impl Bounds {
                 Self::NotNegative => x >= 0.0,
                 Self::Positive => x > 0.0,
                 Self::Fraction => (0.0..=1.0).contains(&x),
-                Self::OneOrMore => x >= 1.0,
+                Self::Ior => (1.0..=f64::from(Material::MAX_IOR)).contains(&x),
                 Self::FieldOfView => x > 0.0 && x < 180.0,
                 Self::ConeAngle => (0.0..=180.0).contains(&x),
             }
@@ -81,7 +82,7 @@ impl Bounds {
             Self::NotNegative => "0 or more",
             Self::Positive => "above 0",
             Self::Fraction => "from 0 to 1",
-            Self::OneOrMore => "1 or more",
+            Self::Ior => "from 1 to 1000",
             Self::FieldOfView => "an angle between 0 and 180",
             Self::ConeAngle => "an angle from 0 to 180",
         }

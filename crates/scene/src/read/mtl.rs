@@ -7,6 +7,7 @@ use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
 use super::text::{self, Line};
+use crate::Material;
 pub(crate) use map::Map;
 
 /// A material as its library states it; `None` for what it does not state.
@@ -26,7 +27,7 @@ pub(crate) struct Recipe {
     pub(crate) roughness: Option<f32>,
     /// `Pm`, in 0..=1.
     pub(crate) metallic: Option<f32>,
-    /// `Ni`, 1 or more.
+    /// `Ni`, from 1 to [`Material::MAX_IOR`].
     pub(crate) ior: Option<f32>,
     /// `illum`.
     pub(crate) illumination: Option<u32>,
@@ -81,7 +82,7 @@ impl Recipe {
             b"Ns" => kept(&mut self.shininess, number(line, 0.0..=f32::MAX), line),
             b"Pr" => kept(&mut self.roughness, number(line, 0.0..=1.0), line),
             b"Pm" => kept(&mut self.metallic, number(line, 0.0..=1.0), line),
-            b"Ni" => kept(&mut self.ior, number(line, 1.0..=f32::MAX), line),
+            b"Ni" => kept(&mut self.ior, number(line, 1.0..=Material::MAX_IOR), line),
             b"d" => kept(&mut self.opacity, number(line, 0.0..=1.0), line),
             b"Tr" => kept(&mut self.transparency, number(line, 0.0..=1.0), line),
             b"illum" => {

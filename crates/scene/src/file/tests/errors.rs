@@ -1,6 +1,7 @@
 //! What is wrong is told by file, line, key and value.
 
 use super::*;
+use crate::Material;
 
 /// [`FULL`] with its first `from` replaced is refused with all of `words`.
 #[track_caller]
@@ -68,7 +69,8 @@ fn wrong_types_and_values_are_quoted() {
     refused("matrix = [[1, 0, 0, 7], [0", "matrix = [[1, 0, 7], [0", &["`matrix`", "3 rows of 4"]);
     refused("matrix = [[1, 0, 0, 8], [0, 1, 0, 8], [0, 0.5, 1, 9]]", "scale = [1, 1, 1]", &["`scale`", "`matrix`"]);
     refused("asset = \"b\"", "asset = \"b\"\nscale = [1, 1, 1]", &["`scale`", "`matrix`"]);
-    refused("ior = 1.33", "ior = 0.9", &["`ior`", "0.9", "1 or more"]);
+    refused("ior = 1.33", "ior = 0.9", &["`ior`", "0.9", "from 1 to 1000"]);
+    refused("ior = 1.33", "ior = 1e20", &["`ior`", "1e20", &format!("from 1 to {}", Material::MAX_IOR)]);
     refused("thin_walled = false", "thin_walled = 0", &["`thin_walled`", "true or false"]);
     refused("base_color = [1, 0, 0]", "base_color = [2, 0, 0]", &["`base_color`", "from 0 to 1"]);
     refused("alpha_mode = \"mask\"", "alpha_mode = \"masked\"", &["`alpha_mode`", "nearest is mask"]);

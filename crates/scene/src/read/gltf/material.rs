@@ -136,11 +136,7 @@ impl Reading<'_, '_, '_> {
             }
         }
         if let Some(ior) = extensions.ior.as_ref().map(|ior| ior.ior.0) {
-            if ior >= 1.0 && ior.is_finite() {
-                material.ior = ior;
-            } else {
-                self.warnings.push(format!("{}: ior {ior} is below 1 and left at {}", self.place, material.ior));
-            }
+            self.ior(ior, material);
         }
         if let Some(transmission) = &extensions.transmission {
             [material.transmission] = self.fractions("transmission factor", [transmission.transmission_factor.0]);
@@ -157,6 +153,20 @@ impl Reading<'_, '_, '_> {
             self.remarks.note(&format!("{name} is ignored"), &self.place);
         }
         Ok(())
+    }
+
+    /// 0 stands for a boundary that reflects all (`KHR_materials_ior`), which the greatest index nearly does.
+    fn ior(&mut self, ior: f32, material: &mut Material) {
+        if ior == 0.0 || ior > Material::MAX_IOR {
+            material.ior = Material::MAX_IOR;
+        } else if ior >= 1.0 {
+            material.ior = ior;
+        } else {
+            self.warnings.push(format!("{}: ior {ior} is below 1 and left at {}", self.place, material.ior));
+        }
+        if ior > Material::MAX_IOR {
+            self.warnings.push(format!("{}: ior {ior} is clamped to {}", self.place, material.ior));
+        }
     }
 
     /// Factors clamped to 0..=1, which is said where it changes them.

@@ -86,8 +86,18 @@ fn glass_is_a_sheet_unless_it_is_thick() {
         assert_eq!(glass.thin_walled, thin_walled);
     }
     assert!(!with(json!({ "KHR_materials_volume": {} })).thin_walled, "what lets no light through is neither");
-    let low = file(json!({ "extensions": { "KHR_materials_ior": { "ior": 0 } } })).warned("ior 0");
-    assert_eq!(low.materials[0].ior, 1.5);
+    let with_ior = |ior: f64| file(json!({ "extensions": { "KHR_materials_ior": { "ior": ior } } }));
+    for (ior, read) in [(0.0, Material::MAX_IOR), (1.0, 1.0), (1000.0, Material::MAX_IOR)] {
+        assert_eq!(with_ior(ior).scene().materials[0].ior, read, "{ior}");
+    }
+    for (ior, what, read) in [
+        (0.5, "ior 0.5 is below 1", 1.5),
+        (-1.0, "ior -1 is below 1", 1.5),
+        (1e20, "ior 100000000000000000000 is clamped to 1000", Material::MAX_IOR),
+        (1e39, "ior inf is clamped to 1000", Material::MAX_IOR),
+    ] {
+        assert_eq!(with_ior(ior).warned(what).materials[0].ior, read, "{ior}");
+    }
 }
 
 #[test]

@@ -77,6 +77,10 @@ fn colours_are_read_and_doubtful_ones_said_once() {
         assert_eq!(material.base_color, albedo, "{line}");
         assert_eq!(warnings.join("|"), warning, "{line}");
     }
+    for (stated, kept, n_warnings) in [("1000", 1000.0, 0), ("1e20", Material::MAX_IOR, 1), ("0.5", 1.0, 1)] {
+        let (material, warnings) = only(&format!("illum 4\nNi {stated}"));
+        assert_eq!((material.ior, warnings.len()), (kept, n_warnings), "{stated}: {warnings:?}");
+    }
     assert_eq!(only("Ke 17 12 4").0.emission, [17.0, 12.0, 4.0]);
     assert_eq!(only("Ke -1 inf 4").0.emission, [0.0, f32::MAX, 4.0]);
     assert_eq!(only("Kd 0 0 0\nnewmtl a\nKd 1 1 1").0.base_color, [1.0; 3], "the later of two counts");
