@@ -4,8 +4,8 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Result, anyhow};
 use canted_renderer::{
-    DevicePicture, Film, Monitor, Partial, Prepared, RenderError, Settings, SharedFilm, Structure, Surfaces, Tile,
-    resume,
+    DevicePicture, Film, Monitor, Partial, Prepared, Record, RenderError, Settings, SharedFilm, Structure, Surfaces,
+    Tile, resume, write_film,
 };
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -58,8 +58,8 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
         }
     }
 
-    /// Renders what is not done, with a progress bar. Where Ctrl-C stops it, the finished tiles are written as a picture, unless
-    /// a checkpoint or a part keeps their sums.
+    /// Renders what is not done, with a progress bar. Where Ctrl-C or a failure stops it, the finished tiles are written as a
+    /// picture, unless a checkpoint or a part keeps their sums.
     pub(super) fn film(
         &self,
         scene: &Scene,
@@ -114,14 +114,26 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
         };
         bar.finish_and_clear();
         let Err(error) = film else { return Ok((film?, facts)) };
+        // What is done is not lost, whatever stopped the rest: Ctrl-C, or the loss of a device.
         if let Some(keeper) = keeper {
-            // What is done is not lost, whatever stopped the rest.
             keeper.save();
         }
-        if let (Some(RenderError::Cancelled), Some(partial)) = (error.downcast_ref(), &partial) {
-            write_partial(args, &partial.lock().unwrap_or_else(PoisonError::into_inner))?;
+        let partial = partial.as_ref().map(|partial| partial.lock().unwrap_or_else(PoisonError::into_inner));
+        let written = partial.map_or(Ok(()), |partial| write_partial(args, &partial));
+        Err(stopped(error, written))
+    }
+}
+
+/// The error of a picture that was stopped, of which the rest could be written or not: a failure is told before that of its
+/// rest, which is then a warning.
+fn stopped(error: anyhow::Error, written: Result<()>) -> anyhow::Error {
+    match written {
+        Err(why) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => why,
+        Err(why) => {
+            output::to_stderr(&format!("warning: {why}"));
+            error
         }
-        Err(error)
+        Ok(()) => error,
     }
 }
 
@@ -131,8 +143,52 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
     if n_done == 0 {
         return Ok(());
     }
-    write_picture(&args.output, partial.picture())?;
+    match partial.film() {
+        Some(film) => write_film(&args.output, &film, args.samples.aovs(), &Record::new())?,
+        None => write_picture(&args.output, partial.picture())?,
+    }
     let name = args.output.display();
     output::to_stderr(&format!("warning: {name} has {n_done} of {n_tiles} tiles, and is black elsewhere"));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use canted_renderer::{StructureConfig, frame, prepare, read_picture};
+    use canted_trace::Watertight;
+
+    use super::*;
+
+    /// A device that is lost cannot be had on purpose; what follows is the same for every failure behind the first tile.
+    #[test]
+    fn a_failure_leaves_the_finished_tiles_and_stays_the_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let args = Args { output: folder.path().join("out.exr"), ..Args::built_in() };
+        let settings = Settings { width: 16, height: 8, samples: 1, tile: 8, ..Settings::default() };
+        let scene = canted_scene::builtin();
+        let Prepared { structure, .. } = prepare::<Watertight>(&scene, &StructureConfig::default()).unwrap();
+        let camera = frame(&scene, &structure, 2.0);
+        let tiles = Mutex::new(Vec::new());
+        let (finished, cancel) = (|tile: &Tile| tiles.lock().unwrap().push(tile.clone()), AtomicBool::new(false));
+        let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
+        let whole = resume(&scene, &structure, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
+        let mut partial = Partial::new(&settings);
+        write_partial(&args, &partial).unwrap();
+        assert!(!args.output.exists(), "there is nothing to write");
+        tiles.lock().unwrap().iter().filter(|tile| tile.number == 1).for_each(|tile| partial.add(tile));
+        let error = stopped(anyhow!("the device is lost"), write_partial(&args, &partial));
+        assert_eq!(error.to_string(), "the device is lost");
+        let left = read_picture(&args.output).unwrap();
+        for (x, y) in (0..8).flat_map(|y| (0..16).map(move |x| (x, y))) {
+            let at = left.index(x, y);
+            assert_eq!(left.pixels[at], if x < 8 { [0.0; 3] } else { whole.pixels[at] }, "{x}, {y}");
+        }
+        let nowhere = Args { output: folder.path().join("no/out.exr"), ..args };
+        let error = stopped(anyhow!("the device is lost"), write_partial(&nowhere, &partial));
+        assert_eq!(error.to_string(), "the device is lost");
+        let error = stopped(RenderError::Cancelled.into(), write_partial(&nowhere, &partial));
+        assert!(error.to_string().starts_with("cannot write"), "{error}");
+    }
 }

@@ -78,27 +78,41 @@ mod interrupted {
         if is_ignored("ctrl_c_leaves_a_picture_of_the_tiles_that_are_done") {
             return;
         }
-        let folder = Folder::with_small();
         let mut devices = vec!["cpu"];
         devices.extend(adapter("ctrl_c_leaves_a_picture_of_the_tiles_that_are_done").map(|_| "gpu"));
         for device in devices {
-            let line = format!("render small.obj --size 2048x2048 --spp 128 --env 1,1,1 -o out.png --device {device}");
-            // How long a tile takes on this machine nobody knows: before the first there is no picture.
-            for seconds in [1, 4, 16, 64] {
-                let mut child = start(&folder, &line);
-                sleep(Duration::from_secs(seconds));
-                assert_eq!(interrupt(&mut child), Some(130));
-                if folder.path("out.png").exists() {
-                    break;
-                }
-            }
-            assert_eq!(folder.names(), ["out.png", "small.obj"], "{device}");
+            let folder = interrupted(&format!("--device {device}"), "out.png");
             let picture = image::open(folder.path("out.png")).unwrap().into_rgb8();
             assert_eq!(picture.dimensions(), (2048, 2048));
             let n_done = picture.pixels().filter(|pixel| pixel.0 != [0; 3]).count();
             assert!(n_done > 0 && n_done < 2048 * 2048, "{device}: {n_done} pixels are done");
-            std::fs::remove_file(folder.path("out.png")).unwrap();
         }
+    }
+
+    #[test]
+    fn ctrl_c_leaves_the_channels_beside_light_too() {
+        if is_ignored("ctrl_c_leaves_the_channels_beside_light_too") {
+            return;
+        }
+        let bytes = interrupted("--device cpu --aovs normal", "out.exr").bytes("out.exr");
+        assert!(bytes.windows(4).any(|name| name == b"N.Z\0"), "no channel of normals");
+    }
+
+    /// A folder with what Ctrl-C left of a great picture, which is at least a tile.
+    fn interrupted(options: &str, output: &str) -> Folder {
+        let folder = Folder::with_small();
+        let line = format!("render small.obj --size 2048x2048 --spp 128 --env 1,1,1 -o {output} {options}");
+        // How long a tile takes on this machine nobody knows: before the first there is no picture.
+        for seconds in [1, 4, 16, 64] {
+            let mut child = start(&folder, &line);
+            sleep(Duration::from_secs(seconds));
+            assert_eq!(interrupt(&mut child), Some(130));
+            if folder.path(output).exists() {
+                break;
+            }
+        }
+        assert_eq!(folder.names(), [output, "small.obj"], "{options}");
+        folder
     }
 
     #[test]
