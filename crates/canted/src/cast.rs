@@ -72,8 +72,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
 }
 
 fn answer<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<Vec<Answer>> {
-    let Prepared { structure, .. } =
-        prepare::<K>(scene, &args.structure.config()).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
+    let Prepared { structure, .. } = prepare::<K>(scene, &args.structure.config(scene))
+        .map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let on_cpu = |ray: &Ray| {
         if args.occluded {
             return if structure.occluded(ray, &mut ()) { Answer::OCCLUDED } else { Answer::MISS };

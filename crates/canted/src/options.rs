@@ -2,8 +2,11 @@
 
 use canted_lbvh::Strategy;
 use canted_renderer::{Builder, Filter, Integrator, Levels, Lod, Pattern, StructureConfig};
+use canted_scene::Scene;
 use canted_wide::Preset;
 use clap::ValueEnum;
+
+use crate::output;
 
 /// How rays find triangles.
 #[derive(clap::Args, Clone, Debug)]
@@ -38,7 +41,11 @@ impl StructureArgs {
         }
     }
 
-    pub(crate) fn config(&self) -> StructureConfig {
+    /// What is asked of the structure of a scene. That one level cannot be had is told.
+    pub(crate) fn config(&self, scene: &Scene) -> StructureConfig {
+        if matches!(self.levels, LevelsArg::One) && scene.moves() {
+            output::to_stderr("warning: --levels one makes two levels here: instances move");
+        }
         StructureConfig {
             levels: match self.levels {
                 LevelsArg::Auto => Levels::Auto,

@@ -13,7 +13,7 @@ use clap::{
     parser::ValueSource,
 };
 
-use crate::{Cli, load, render};
+use crate::{Cli, load, output, render};
 
 /// Options about the run: what is read, written, kept and told.
 const OF_THE_RUN: [&str; 11] = [
@@ -112,6 +112,7 @@ fn command() -> Command {
 pub(crate) fn command_line() -> Result<ArgMatches> {
     let own = command().get_matches();
     let Some((name @ ("render" | "scene"), options)) = own.subcommand() else { return Ok(own) };
+    tell_idle(options);
     let path = options.get_one::<PathBuf>("scene").filter(|path| load::is_scene_file(path));
     let Some(path) = path else { return Ok(own) };
     let settings = load::scene_file(path)?.settings;
@@ -126,6 +127,35 @@ pub(crate) fn command_line() -> Result<ArgMatches> {
     words.extend(rest);
     let command = command().mut_subcommand(name, |command| command.args_override_self(true));
     Ok(command.get_matches_from(words))
+}
+
+/// Options that say which light is gathered and how, of which a heat map shows nothing.
+const OF_LIGHT: [&str; 14] = [
+    "spp",
+    "sampler",
+    "seed",
+    "filter",
+    "lod",
+    "integrator",
+    "bounces",
+    "ao_radius",
+    "env",
+    "env_turn",
+    "env_scale",
+    "sun",
+    "point",
+    "sphere",
+];
+
+/// Tells, once, of what the command line says and a heat map has no use for. Settings of a scene file are for other pictures too.
+fn tell_idle(options: &ArgMatches) {
+    let is_given = |id: &str| options.value_source(id) == Some(ValueSource::CommandLine);
+    let idle: Vec<String> =
+        OF_LIGHT.into_iter().filter(|id| is_given(id)).map(|id| format!("--{}", id.replace('_', "-"))).collect();
+    if is_given("heatmap") && !idle.is_empty() {
+        let idle = idle.join(", ");
+        output::to_stderr(&format!("warning: --heatmap shows tests of camera rays, to which {idle} does nothing"));
+    }
 }
 
 /// Whether a setting has a say beside options of the command line that stand for several.

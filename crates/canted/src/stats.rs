@@ -46,6 +46,9 @@ pub(crate) struct Args {
 /// Builds the scene with every strategy and with presets, in one level and in two, and prints the tables.
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
+    if matches!(args.device, DeviceArg::Both(_)) {
+        return Err(anyhow!("--device both shares out tiles of pictures: use cpu, gpu or an adapter's name"));
+    }
     let machine = args.device.open()?;
     let scene = load::scene_at(args.scene.as_deref(), args.time)?;
     let name = load::name(args.scene.as_deref());

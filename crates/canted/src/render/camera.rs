@@ -1,5 +1,6 @@
 //! Where a picture is taken from: the options, else the scene, else a view that frames it.
 
+use anyhow::{Result, anyhow};
 use canted_renderer::{Prepared, frame};
 use canted_scene::{Camera, Lens, Projection, Scene};
 use canted_wide::LaneKernel;
@@ -31,12 +32,15 @@ pub(crate) struct CameraArgs {
 
 impl CameraArgs {
     /// The camera of the options, else of the file, else one that frames the scene.
+    ///
+    /// # Errors
+    /// A distance of focus for a camera without a lens.
     pub(super) fn camera<K: LaneKernel>(
         &self,
         scene: &Scene,
         prepared: &Prepared<K>,
         [width, height]: [u32; 2],
-    ) -> Camera {
+    ) -> Result<Camera> {
         let mut camera = match scene.cameras.first() {
             Some(camera) => *camera,
             None => frame(scene, &prepared.structure, f64::from(width) / f64::from(height)),
@@ -57,7 +61,12 @@ impl CameraArgs {
             camera.projection = Projection::Perspective { fov_degrees: fov };
         }
         camera.lens = self.lens(&camera);
-        camera
+        if self.focus.is_some() && camera.lens.is_none() {
+            return Err(anyhow!(
+                "--focus says nothing of a pinhole, which sees all things sharp: --aperture gives it a lens"
+            ));
+        }
+        Ok(camera)
     }
 
     /// The lens of the options, else the camera's own; an option replaces its part of the lens.

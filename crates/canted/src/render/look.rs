@@ -19,8 +19,9 @@ pub(crate) struct Looked<K: LaneKernel> {
 /// Builds the scene and chooses the camera; `default_light` says that the light is ours to choose too.
 pub(crate) fn look<K: LaneKernel>(scene: &mut Scene, args: &Args, default_light: bool) -> Result<Looked<K>> {
     let name = load::name(args.scene.as_deref());
-    let prepared: Prepared<K> = prepare(scene, &args.structure.config()).map_err(|error| anyhow!("{name}: {error}"))?;
-    let camera = args.camera.camera(scene, &prepared, args.size);
+    let prepared: Prepared<K> =
+        prepare(scene, &args.structure.config(scene)).map_err(|error| anyhow!("{name}: {error}"))?;
+    let camera = args.camera.camera(scene, &prepared, args.size)?;
     let settings = args.settings()?;
     let mut strength = None;
     if default_light && args.heatmap.is_none() {

@@ -99,6 +99,32 @@ fn values_that_only_the_scene_makes_nonsense_are_refused_too() {
     assert_eq!(folder.names(), ["small.obj"], "nothing is written");
 }
 
+/// An option that changes nothing is refused, or told of where the same words serve other pictures.
+#[test]
+fn options_that_change_nothing_are_told() {
+    let folder = Folder::with_small();
+    let run = |options: &str| folder.run(&format!("render {options} --size 8x8 -o out.png"));
+    run("small.obj --focus 3").refused(&["--focus", "pinhole", "--aperture"]);
+    run("small.obj --focus 3 --aperture 0").refused(&["--focus", "pinhole", "--aperture"]);
+    run("small.obj --focus 3 --aperture 0.1 --spp 1").done();
+    let asset = "[[assets]]\nname = 'a'\nfile = 'small.obj'\n[settings]\nspp = 1\n";
+    let moves = "[[instances]]\nasset = 'a'\nclose = { translation = [1, 0, 0] }\n";
+    folder.write("still.toml", asset);
+    folder.write("moves.toml", format!("{asset}{moves}"));
+    for (options, words) in [
+        ("small.obj --heatmap boxes", ""),
+        ("small.obj --heatmap boxes --spp 2 --lod none --env 1,1,1", "to which --spp, --lod, --env does nothing"),
+        ("still.toml --heatmap boxes", ""),
+        ("still.toml --levels one", ""),
+        ("moves.toml --levels auto", ""),
+        ("moves.toml --levels one", "instances move"),
+    ] {
+        let run = run(&format!("{options} --device cpu")).done();
+        assert_eq!(run.n_warnings(), usize::from(!words.is_empty()), "{options}: {}", run.stderr);
+        assert!(run.stderr.contains(words), "{options}: {}", run.stderr);
+    }
+}
+
 #[test]
 fn endings_that_name_no_format_are_refused() {
     let folder = Folder::with_small();
