@@ -3,13 +3,11 @@ use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use exr::prelude::{MetaData, ReadChannels, ReadLayers, RgbChannels, Vec2};
+use canted_scene::promised_samples;
+use exr::prelude::{ReadChannels, ReadLayers, RgbChannels, Vec2};
 use image::{DynamicImage, ImageReader};
 
 use crate::{Picture, srgb};
-
-/// Pixels that a picture may have: a limit that keeps a broken header from asking for all memory.
-pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
 /// The first four bytes of an EXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -48,14 +46,8 @@ fn read_image(bytes: &[u8]) -> Result<Picture, image::ImageError> {
 }
 
 fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
-    // Look at the sizes before anything of that size is allocated.
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|error| error.to_string())?;
-    for header in &meta.headers {
-        let Vec2(width, height) = header.layer_size;
-        if width.checked_mul(height).is_none_or(|n| n > MAX_PIXELS) {
-            return Err(format!("{width} x {height} pixels are more than {MAX_PIXELS}"));
-        }
-    }
+    // Before anything of the size that it promises is allocated.
+    promised_samples(bytes)?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

@@ -48,6 +48,6 @@ pub use file::{
 pub use light::Light;
 pub use material::{AlphaMode, Material, MaterialId};
 pub use mesh::{Instance, Mesh, MeshId, Part};
-pub use read::{ReadError, ReadOptions, read, read_environment, read_with};
+pub use read::{ReadError, ReadOptions, promised_samples, read, read_environment, read_with};
 pub use scene::Scene;
 pub use texture::{Encoding, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};

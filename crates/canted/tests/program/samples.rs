@@ -134,6 +134,24 @@ fn files_that_are_no_parts_are_refused_by_name() {
     }
 }
 
+/// A header's promise is held against the bytes of its file before memory is asked for.
+#[test]
+fn parts_that_promise_more_than_they_hold_are_refused() {
+    let folder = Folder::with_small();
+    let name = part(&folder, "0..4", "");
+    let mut bytes = folder.bytes(&name);
+    let window = b"dataWindow\0box2i\0";
+    let places: Vec<usize> = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(window)).collect();
+    for at in places {
+        // Behind the length, and least column and row: the greatest ones.
+        let last = at + window.len() + 4 + 8;
+        bytes[last..last + 8].copy_from_slice(&[8191_i32.to_le_bytes(); 2].concat());
+    }
+    folder.write("huge.exr", bytes);
+    folder.run(&format!("merge huge.exr {name} -o out.exr")).refused(&["huge.exr", "promises 8192 x 8192 texels"]);
+    folder.run(&format!("compare huge.exr {name}")).refused(&["huge.exr", "promises 8192 x 8192 texels"]);
+}
+
 #[test]
 fn options_that_contradict_each_other_are_refused() {
     let folder = Folder::with_small();

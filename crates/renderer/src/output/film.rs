@@ -12,15 +12,16 @@ use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
+use canted_scene::promised_samples;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer,
-    LayerAttributes, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
+    LayerAttributes, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
 };
 
 use super::{ENCODING, Record, WriteError, canonical, record_from_lines, record_lines, write_whole};
 use crate::content::Hash;
 use crate::film::Block;
-use crate::input::{MAX_PIXELS, ReadPictureError};
+use crate::input::ReadPictureError;
 use crate::{Aov, Aovs, Film, Guide, Part, Pixel};
 
 /// Name of the attribute that holds the record, and of its lines about the film.
@@ -173,11 +174,8 @@ pub fn read_part(path: &Path) -> Result<(Film, Aovs, Record), ReadPictureError> 
 }
 
 fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
-    // Look at the sizes before anything of that size is allocated.
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|error| error.to_string())?;
-    if meta.headers.iter().any(|header| header.layer_size.0.saturating_mul(header.layer_size.1) > MAX_PIXELS) {
-        return Err(format!("it has more than {MAX_PIXELS} pixels"));
-    }
+    // Before anything of the size that it promises is allocated.
+    promised_samples(bytes)?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

@@ -2,6 +2,7 @@
 
 mod environment;
 mod error;
+mod exr;
 mod folder;
 mod gltf;
 mod image;
@@ -19,6 +20,7 @@ use std::path::Path;
 
 use crate::Scene;
 
+pub use self::exr::promised_samples;
 pub use environment::read_environment;
 pub use error::ReadError;
 pub(crate) use image::decode;

@@ -5,7 +5,10 @@ use std::io::Cursor;
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder};
 
-use super::{MAX_TEXELS, MAX_TEXELS_PER_BYTE, Texels};
+use super::{MAX_TEXELS, Texels};
+
+/// Texels that a byte of file never stands for: run lengths come to 16.
+const MAX_TEXELS_PER_BYTE: u64 = 1032;
 
 /// Decodes the picture.
 pub(super) fn decode(bytes: &[u8]) -> Result<Texels, String> {

@@ -14,10 +14,6 @@ use crate::EnvironmentImage;
 /// Most texels of a picture: 16384 x 8192, 1.5 GiB as `f32`.
 const MAX_TEXELS: u64 = 1 << 27;
 
-/// Most texels that a byte of file can stand for: deflate, the tightest compression of EXR, expands at most 1032 times;
-/// the run lengths of HDR come to 16.
-const MAX_TEXELS_PER_BYTE: u64 = 1032;
-
 /// The texels of a picture, as the file has them.
 struct Texels {
     width: u32,

@@ -125,6 +125,11 @@ fn what_is_wrong_with_an_exr_is_one_sentence() {
 fn sizes_are_checked_before_anything_is_allocated() {
     refused(b"#?RADIANCE\n\n-Y 100000 +X 100000\n", "promises 100000 x 100000 texels");
     refused(b"#?RADIANCE\n\n-Y 0 +X 5\n", "promises 5 x 0 texels");
+    let mut exr = exr_bytes(Encoding::SMALL_LOSSLESS);
+    let window = value_of(&exr, b"dataWindow\0box2i\0");
+    exr[window + 8..window + 12].copy_from_slice(&8191_i32.to_le_bytes());
+    exr[window + 12..window + 16].copy_from_slice(&8191_i32.to_le_bytes());
+    refused(&exr, "promises 8192 x 8192 texels");
     refused(b"", "neither Radiance HDR nor OpenEXR");
     refused(b"\x89PNG", "neither Radiance HDR nor OpenEXR");
 }
