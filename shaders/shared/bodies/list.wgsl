@@ -80,8 +80,13 @@ fn disc_crossed(light: ListLight, ray: Ray) -> Crossing {
     let height = dot(light.place - ray.origin, light.direction);
     // As quotients of absolute values, which stay in range.
     let t = quotient(abs(height), abs(slope)) * sign_of(height) * sign_of(slope);
-    let from_center = (ray.origin + t * ray.direction) - light.place;
-    let is_inside = dot(from_center, from_center) <= light.extent * light.extent;
+    // A ray almost in the plane crosses it so far off that a long direction would leave the range: there is no disc.
+    let way = abs(light.place - ray.origin);
+    let length = abs(ray.direction);
+    let farthest = 2.0 * (max(way.x, max(way.y, way.z)) + light.extent);
+    let is_near = abs(t) <= quotient(farthest, max(length.x, max(length.y, length.z)));
+    let from_center = (ray.origin + select(0.0, t, is_near) * ray.direction) - light.place;
+    let is_inside = is_near && dot(from_center, from_center) <= light.extent * light.extent;
     let is_within = slope != 0.0 && ray.t_min <= t && t <= ray.t_max;
     return Crossing(select(NO_CROSSING, t, is_inside && is_within), slope < 0.0);
 }

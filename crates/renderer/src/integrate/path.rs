@@ -74,8 +74,12 @@ impl Walk {
 
 /// Weight of a sample of one technique beside another: the power heuristic with exponent 2.
 ///
-/// Computed from the quotient, so that no square overflows; densities are finite, `other` may be zero.
+/// Computed from the quotient, so that no square overflows; densities are finite, and both may be zero: what no other
+/// technique finds has all of the weight.
 fn weight(density: f32, other: f32) -> f32 {
+    if other == 0.0 {
+        return 1.0;
+    }
     let quotient = other / density;
     1.0 / (1.0 + quotient * quotient)
 }
@@ -245,5 +249,24 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
             let density = if vertex.is_bent { vertex.evaluate(direction).density } else { scattered.density };
             (vertex.surface.leave(direction), (!scattered.is_delta).then_some(density))
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_are_numbers_for_any_densities() {
+        for (density, other, want) in [
+            (0.0, 0.0, 1.0),
+            (1.0, 0.0, 1.0),
+            (0.0, 1.0, 0.0),
+            (2.0, 2.0, 0.5),
+            (f32::MAX, f32::MIN_POSITIVE, 1.0),
+            (f32::MIN_POSITIVE, f32::MAX, 0.0),
+        ] {
+            assert_eq!(weight(density, other), want, "{density} {other}");
+        }
     }
 }

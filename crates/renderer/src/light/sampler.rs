@@ -101,9 +101,9 @@ impl<'a> LightSampler<'a> {
         &self.lights
     }
 
-    /// Whether the number that chooses matters: not for a sky alone, or for one sun.
+    /// Whether the number that chooses matters: not where there is one light.
     pub(crate) fn chooses(&self) -> bool {
-        self.shares.len() > 1 || self.tree.is_some()
+        self.shares.len() > 1 || self.tree.as_ref().is_some_and(|tree| tree.leaves.len() > 1)
     }
 
     /// Light that would arrive at a surface, from a number in `[0, 1)` that chooses and a point of the unit square.
@@ -244,4 +244,57 @@ fn receiver(from: &Surface, transmits: bool) -> Receiver {
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn finite(density: f64) -> f32 {
     density.min(f32::MAX.into()) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_obb::Affine;
+    use canted_scene::{Instance, Material, MaterialId, Mesh, MeshId, Part};
+
+    use super::super::are_many;
+    use super::*;
+
+    /// A triangle in this light; it emits by itself where `emission` is not black.
+    fn lit(lights: &[Light], environment: [f32; 3], emission: [f32; 3]) -> Scene {
+        let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
+        Scene {
+            meshes: vec![Mesh { positions, triangles: vec![[0, 1, 2]], parts, ..Mesh::default() }],
+            instances: vec![Instance {
+                mesh: MeshId(0),
+                world_from_object: Affine::IDENTITY,
+                world_from_object_close: None,
+                first_primitive: 0,
+            }],
+            materials: vec![Material { emission, ..Material::default() }],
+            lights: lights.to_vec(),
+            environment: Some(environment.into()),
+            ..Scene::default()
+        }
+    }
+
+    /// What is said to be left out of one light is left out: no number chooses it, and its probability is 1.
+    #[test]
+    fn one_light_is_not_chosen() {
+        let sun = Light::Sun { direction: [0.0, 0.0, -1.0], irradiance: [1.0; 3] };
+        let point = Light::Point { position: [0.25, 0.25, 3.0], intensity: [1.0; 3] };
+        let (black, white) = ([0.0; 3], [1.0; 3]);
+        for (lights, environment, emission, chooses) in [
+            (&[][..], white, black, false),
+            (&[sun], black, black, false),
+            (&[point], black, black, false),
+            (&[], black, white, false),
+            (&[point], white, black, true),
+            (&[point], black, white, true),
+            (&[point, point], black, black, true),
+            (&[sun, sun], black, black, true),
+        ] {
+            let scene = lit(lights, environment, emission);
+            let surfaces = Surfaces::new(&scene);
+            let sampler = LightSampler::new(Lights::new(&scene), &surfaces);
+            let what = format!("{lights:?} {environment:?} {emission:?}");
+            assert_eq!((sampler.chooses(), are_many(&scene)), (chooses, chooses), "{what}");
+            assert!(chooses || sampler.shares[0].1 == 1.0, "{what}");
+        }
+    }
 }
