@@ -21,6 +21,13 @@ impl Remarks {
         }
     }
 
+    /// As [`Remarks::note`], where nothing has noted it yet.
+    pub(crate) fn note_once(&mut self, what: &str, place: &str) {
+        if self.list.iter().all(|remark| remark.what != what) {
+            self.note(what, place);
+        }
+    }
+
     /// Adds a sentence for each thing noted.
     pub(crate) fn finish(self, warnings: &mut Vec<String>) {
         warnings.extend(self.list.into_iter().map(|Remark { what, first, n_more }| match n_more {
@@ -40,6 +47,7 @@ mod tests {
         for (what, place) in [("b is ignored", "node 1"), ("a is ignored", "node 2"), ("b is ignored", "node 3")] {
             remarks.note(what, place);
         }
+        remarks.note_once("b is ignored", "the file");
         let mut warnings = Vec::new();
         remarks.finish(&mut warnings);
         assert_eq!(warnings, ["b is ignored: node 1 and 1 more", "a is ignored: node 2"]);

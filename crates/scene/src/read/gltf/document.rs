@@ -12,6 +12,7 @@ use super::instancing;
 use super::uri;
 use crate::read::ReadError;
 use crate::read::folder::Folder;
+use crate::read::remarks::Remarks;
 
 /// Extensions that a file may require.
 ///
@@ -45,6 +46,8 @@ pub(super) struct Document<'a> {
     pub(super) root: Root,
     /// The folder that images are read from.
     pub(super) folder: Folder,
+    /// Channels of the first animation that name no node.
+    pub(super) n_channels_without_node: usize,
     path: &'a Path,
     buffers: Vec<Cow<'a, [u8]>>,
 }
@@ -53,17 +56,30 @@ impl<'a> Document<'a> {
     /// Parses the file and loads its buffers.
     pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ReadError> {
         let container = container::split(path, bytes)?;
-        let root = parse(container.json).map_err(|source| ReadError::malformed(path, "json", source.to_string()))?;
+        let (root, n_channels_without_node) =
+            parse(container.json).map_err(|source| ReadError::malformed(path, "json", source.to_string()))?;
         check_version(path, &root)?;
         if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
             return Err(ReadError::unsupported(path, format!("the required extension {extension}")));
         }
         let folder = Folder::of(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-        let mut document = Self { root, folder, path, buffers: Vec::new() };
+        let mut document = Self { root, folder, n_channels_without_node, path, buffers: Vec::new() };
         document.buffers = (0..document.root.buffers.len())
             .map(|k| document.load_buffer(k, container.bin))
             .collect::<Result<_, _>>()?;
         Ok(document)
+    }
+
+    /// Notes what the file's extensions say and nobody reads, but for those that `remarks` know from the materials.
+    pub(super) fn note_extensions(&self, remarks: &mut Remarks) {
+        let of_nodes = self.root.nodes.iter().enumerate().flat_map(|(k, node)| {
+            let names = node.extensions.iter().flat_map(|all| all.others.keys());
+            names.map(move |name| (name, format!("node {k}")))
+        });
+        let used = self.root.extensions_used.iter().map(|name| (name, "extensionsUsed".to_owned()));
+        for (name, place) in of_nodes.chain(used).filter(|(name, _)| !SUPPORTED.contains(&name.as_str())) {
+            remarks.note_once(&format!("{name} is ignored"), &place);
+        }
     }
 
     /// A breach of the rules at a place in this file.
@@ -120,21 +136,25 @@ impl<'a> Document<'a> {
 /// Parses the JSON; nesting beyond 128 levels is refused by the parser.
 ///
 /// A scene may lack `nodes` and a channel of an animation a node, but not for the structures of `gltf`: the list is added
-/// and the channel left out before they are made.
-fn parse(json: &[u8]) -> Result<Root, Error> {
+/// and the channel left out before they are made. Such channels of the first animation are counted.
+fn parse(json: &[u8]) -> Result<(Root, usize), Error> {
+    let mut n_left_out = 0;
     let mut value: Value = from_slice(json)?;
     for scene in value.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
         if let Some(scene) = scene.as_object_mut() {
             scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
         }
     }
-    for animation in value.get_mut("animations").and_then(Value::as_array_mut).into_iter().flatten() {
+    for (k, animation) in value.get_mut("animations").and_then(Value::as_array_mut).into_iter().flatten().enumerate() {
         if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
+            let n_channels = channels.len();
             channels.retain(|channel| channel.get("target").is_none_or(|target| target.get("node").is_some()));
+            n_left_out += if k == 0 { n_channels - channels.len() } else { 0 };
         }
     }
     // Where that fails, only the text knows the line.
-    from_value(value).or_else(|_| from_slice(json))
+    let root = from_value(value).or_else(|_| from_slice(json))?;
+    Ok((root, n_left_out))
 }
 
 /// `length` bytes from `offset` on, if there are as many.

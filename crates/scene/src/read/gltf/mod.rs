@@ -61,6 +61,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scene, ReadErro
     place::read(&document, &nodes, &mut repair, &mut scene)?;
     camera::read(&document, &nodes, &mut scene)?;
     light::read(&document, &nodes, &mut remarks, &mut scene)?;
+    document.note_extensions(&mut remarks);
     remarks.finish(&mut scene.warnings);
     repair.finish(path, &mut scene)?;
     if scene.instances.is_empty() {

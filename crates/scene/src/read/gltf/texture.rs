@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use gltf::json::texture::WrappingMode;
+use gltf::json::texture::{MagFilter, MinFilter, Sampler, WrappingMode};
 use gltf::json::validation::Checked;
 use rayon::prelude::*;
 
@@ -80,6 +80,9 @@ impl<'a, 'b> Textures<'a, 'b> {
         let wrap = match texture.sampler {
             Some(sampler) => {
                 let sampler = self.document.get(&root.samplers, sampler.value(), "sampler", &place)?;
+                if asks_for_nearest(sampler) {
+                    remarks.note("the filter NEAREST is ignored, texels blend", &place);
+                }
                 [sampler.wrap_s, sampler.wrap_t].map(wrap)
             }
             None => [Wrap::Repeat; 2],
@@ -144,6 +147,13 @@ fn decode(document: &Document<'_>, index: usize, place: &str) -> Result<Result<T
         (None, None) => return Ok(Err(warning("it has neither a buffer view nor a uri".to_owned()))),
     };
     Ok(image::decode(&name, bytes).map_err(|error| warning(error.to_string())))
+}
+
+/// Whether a sampler asks for single texels. How levels of detail blend is nothing that a picture without them could show.
+fn asks_for_nearest(sampler: &Sampler) -> bool {
+    use MinFilter::{Nearest, NearestMipmapLinear, NearestMipmapNearest};
+    matches!(sampler.mag_filter, Some(Checked::Valid(MagFilter::Nearest)))
+        || matches!(sampler.min_filter, Some(Checked::Valid(Nearest | NearestMipmapLinear | NearestMipmapNearest)))
 }
 
 /// Unknown modes repeat, as missing ones do.

@@ -150,7 +150,7 @@ fn what_an_animation_cannot_do_is_said() {
     assert!(said(&odd).contains("animation 0 channel 0"));
     let loose =
         with(&|json| drop(json["animations"][0]["channels"][0]["target"].as_object_mut().unwrap().remove("node")));
-    assert_eq!(said(&loose), "", "a channel without a node is for extensions");
+    assert_eq!(said(&loose), "what animates no node is ignored: animation 0, 1 channels");
 }
 
 #[test]

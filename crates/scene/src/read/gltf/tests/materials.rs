@@ -146,6 +146,21 @@ fn textures_with_the_same_image_and_wrap_are_one() {
 }
 
 #[test]
+fn filters_that_are_not_followed_are_said_once() {
+    let with = |sampler: Value| {
+        let mut file = file(textured(json!({})));
+        file.push("samplers", sampler);
+        file.json["textures"][0]["sampler"] = json!(0);
+        file.push("textures", json!({ "source": 0, "sampler": 0 }));
+        file.push("materials", json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 1 } } }));
+        file
+    };
+    with(json!({ "magFilter": 9729, "minFilter": 9987 })).scene();
+    with(json!({ "magFilter": 9728 })).warned("the filter NEAREST is ignored, texels blend: texture 0 and 1 more");
+    with(json!({ "minFilter": 9984 })).warned("the filter NEAREST is ignored");
+}
+
+#[test]
 fn images_that_cannot_be_read_leave_a_plain_colour() {
     let with = |image: Value| {
         let mut file = file(textured(json!({})));

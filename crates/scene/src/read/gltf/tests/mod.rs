@@ -214,7 +214,12 @@ fn versions_and_required_extensions() {
     with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).refused("version 2.1");
     with("extensionsRequired", json!(["KHR_mesh_quantization"])).scene();
     with("extensionsRequired", json!(["KHR_draco_mesh_compression"])).refused("KHR_draco_mesh_compression");
-    with("extensionsUsed", json!(["EXT_unheard_of"])).scene();
+    with("extensionsUsed", json!(["KHR_mesh_quantization", "KHR_lights_punctual"])).scene();
+    with("extensionsUsed", json!(["EXT_unheard_of"])).warned("EXT_unheard_of is ignored: extensionsUsed");
+    let hidden = json!([{ "mesh": 0, "extensions": { "KHR_node_visibility": { "visible": false } } }]);
+    let mut file = with("nodes", hidden);
+    file.json["extensionsUsed"] = json!(["KHR_node_visibility"]);
+    file.warned("KHR_node_visibility is ignored: node 0");
 }
 
 #[test]
