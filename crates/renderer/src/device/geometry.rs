@@ -197,15 +197,18 @@ fn put<const N: usize>(words: &mut [f32], stride: usize, column: u32, values: &[
     }
 }
 
-/// What kernels may compute with: finite, and far from overflow.
+/// Greatest coordinate that kernels compute with: squares of distances stay far from overflow.
+pub(super) const MOST_REACH: f32 = 1e18;
+
+/// What kernels may compute with: finite, and far from overflow. Positions of triangles are, or their scene is refused.
 fn tame(x: f32) -> f32 {
     // So written that what is not a number is zero.
-    if x.abs() <= 1e18 {
+    if x.abs() <= MOST_REACH {
         x
     } else if x.is_nan() {
         0.0
     } else {
-        1e18_f32.copysign(x)
+        MOST_REACH.copysign(x)
     }
 }
 

@@ -71,7 +71,7 @@ pub(super) fn of_moving(ends: impl Iterator<Item = Affine> + Clone, motion: &Mot
 }
 
 /// The greatest absolute coordinate of an instance.
-fn reach_world(world_from_object: &Affine, reach_object: f32) -> f64 {
+pub(super) fn reach_world(world_from_object: &Affine, reach_object: f32) -> f64 {
     let [x, y, z, shift] = world_from_object.columns.map(wide);
     (0..3)
         .map(|k| f64::from(reach_object) * (x[k].abs() + y[k].abs() + z[k].abs()) + shift[k].abs())

@@ -55,17 +55,22 @@ fn what_kernels_do_not_know_is_named() {
     let Some(_) = adapter("what_kernels_do_not_know_is_named") else { return };
     let folder = Folder::with_small();
     folder.write("rays.csv", "0,0,1,0,0,-1,inf\n");
+    folder.write("far.obj", crate::support::SMALL.replace("v 1 0 0", "v 2e18 0 0"));
     let cast = "cast small.obj --rays rays.csv --hits hits.csv --device";
     let cases = [
         (format!("{RENDER} gpu --volumes aabb"), "binary trees"),
         (format!("{RENDER} gpu --triangles baldwin-weber"), "triangle tests other than watertight"),
         (format!("{RENDER} gpu --heatmap boxes"), "--heatmap"),
+        (format!("{RENDER} gpu").replace("small.obj", "far.obj"), "coordinates above 1e18"),
+        (format!("{RENDER} gpu --levels two").replace("small.obj", "far.obj"), "coordinates above 1e18"),
+        (format!("{cast} gpu").replace("small.obj", "far.obj"), "coordinates above 1e18"),
         (format!("{cast} gpu --volumes dop"), "binary trees"),
         (format!("{cast} gpu --triangles moller-trumbore"), "triangle tests other than watertight"),
         (format!("{cast} both"), "--device both"),
+        ("stats small.obj --device both".to_owned(), "--device both"),
     ];
     for (line, word) in cases {
         folder.run(&line).refused(&[word, "cpu"]);
     }
-    assert_eq!(folder.names(), ["rays.csv", "small.obj"]);
+    assert_eq!(folder.names(), ["far.obj", "rays.csv", "small.obj"]);
 }
