@@ -1,8 +1,8 @@
 // The surfaces that a pinhole sees at the centres of pixels, by rasterisation: instances of a mesh are drawn together, three
 // invocations a triangle, and the triangle that covers a centre is met there as by the ray through it.
 //
-// A fragment's depth is its ray's `t`, so that what is nearest is decided by the same number as among hits; of equal ones the first
-// drawn stays, which has the lowest instance and primitive. Rasterisers place vertices on a grid of 1/256 of a pixel: a centre that
+// A fragment's depth is its ray's `t` but for the last bit, so that what is nearest is decided by the number that decides among hits;
+// of equal ones the first drawn stays, which has the lowest instance and primitive, also of two that differ in that bit alone. Rasterisers place vertices on a grid of 1/256 of a pixel: a centre that
 // is as near as that to an edge may go to either side.
 //
 // `?mask` is alpha.
@@ -82,7 +82,7 @@ fn in_triangle(ray: Ray, instance: u32, primitive: u32) -> Hit {
     return Hit(max(dot(second, along) * share, 0.0), u, v, primitive, instance);
 }
 
-/// A number of 0..=1 that falls where `t` grows, by the order of bits: as fine for far things as for near ones.
+/// A number of 0..=1 that falls where `t` grows, by the order of bits but the last: as fine for far things as for near ones.
 fn falling(t: f32) -> f32 {
     return bitcast<f32>(0x3f800000u - (bitcast<u32>(min(t, 1e38)) >> 1u));
 }

@@ -31,7 +31,7 @@ pub struct Monitor<'a> {
     pub cancel: &'a AtomicBool,
 }
 
-/// Renders `scene` by the hybrid integrator in the caller's thread pool.
+/// Renders `scene` by the integrator of the settings in the caller's thread pool.
 ///
 /// `progress` hears, from any thread, how many tiles of how many are done; `cancel` stops the work within a pixel once
 /// it is set. The film is the same bits for any number of threads and any tile size.
