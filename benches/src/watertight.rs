@@ -4,13 +4,18 @@
 //! counted through. Where the folder of real models is (`CANTED_SCENES`, else `../shared/scenes` beside the workspace) the
 //! bunny is among them, its holes closed.
 
-use std::{collections::BTreeMap, io::Write as _};
+use std::{
+    collections::BTreeMap,
+    io::Write as _,
+    time::{Duration, Instant},
+};
 
 use anyhow::{Result, anyhow, ensure};
 use canted_fixtures::Mesh;
 use canted_tests::{
     closed::{Closed, closed},
-    leaks::{Found, closed_up, places, search},
+    holes::closed_up,
+    leaks::{Found, Progress, places, search},
     tracers,
 };
 
@@ -21,6 +26,9 @@ pub(crate) const WATERTIGHT: &str = "watertight";
 
 /// Rays without `--rays`.
 const N_RAYS: usize = 10_000_000;
+
+/// Between two lines of progress, at least.
+const SILENCE: Duration = Duration::from_secs(10);
 
 /// Prints the table; an error where a ray slips through.
 pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
@@ -38,7 +46,14 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
         Some(bunny) => meshes.push(bunny),
         None => not_tried.push("the bunny, which is not in the folder of models".to_owned()),
     }
-    let found = search(&meshes, &places(), &ways, n_rays);
+    let mut said = Instant::now();
+    let found = search(&meshes, &places(), &ways, n_rays, &mut |progress| {
+        if said.elapsed() >= SILENCE {
+            said = Instant::now();
+            // Who does not look on is no reason to stop.
+            let _ = writeln!(std::io::stderr(), "{}", line(progress));
+        }
+    });
     let mut out = std::io::stdout();
     writeln!(out, "{}", table(&found))?;
     if !not_tried.is_empty() {
@@ -47,6 +62,13 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
     let n_leaks: usize = found.iter().map(|found| found.n_leaks).sum();
     ensure!(n_leaks == 0, "{n_leaks} rays slip through");
     Ok(())
+}
+
+/// How far the search has come, in words.
+fn line(progress: &Progress<'_>) -> String {
+    let Progress { at: [mesh, place], way, n_rays: [n_shot, n_all], n_leaks } = progress;
+    let percent = 100 * n_shot / n_all;
+    format!("{n_shot} of {n_all} rays, {percent} %, {n_leaks} leaks; now {mesh}, {place}, by {way}")
 }
 
 /// The bunny with its holes closed; `None` where it is not at hand.
@@ -59,9 +81,11 @@ fn bunny() -> Result<Option<Closed>> {
 
 /// A line each way, over all meshes; then one each mesh, over all ways.
 fn table(found: &[Found]) -> String {
-    let mut lines =
-        vec!["| traced by, or mesh | triangles | rays | leaks |".to_owned(), "|---|---|---|---|".to_owned()];
-    let mut by_name: BTreeMap<(u8, &str), (String, usize, usize)> = BTreeMap::new();
+    let mut lines = vec![
+        "| traced by, or mesh | triangles | rays | answers cut by the driver | leaks |".to_owned(),
+        "|---|---|---|---|---|".to_owned(),
+    ];
+    let mut by_name: BTreeMap<(u8, &str), (String, [usize; 3])> = BTreeMap::new();
     for row in found {
         let kinds = [
             (0, row.way.as_str(), String::new()),
@@ -69,13 +93,14 @@ fn table(found: &[Found]) -> String {
             (2, "all", String::new()),
         ];
         for (kind, name, triangles) in kinds {
-            let (_, n_rays, n_leaks) = by_name.entry((kind, name)).or_insert((triangles, 0, 0));
-            *n_rays += row.n_rays;
-            *n_leaks += row.n_leaks;
+            let (_, sums) = by_name.entry((kind, name)).or_insert((triangles, [0; 3]));
+            for (sum, n) in sums.iter_mut().zip([row.n_rays, row.n_cut, row.n_leaks]) {
+                *sum += n;
+            }
         }
     }
-    for ((_, name), (triangles, n_rays, n_leaks)) in by_name {
-        lines.push(format!("| {name} | {triangles} | {n_rays} | {n_leaks} |"));
+    for ((_, name), (triangles, [n_rays, n_cut, n_leaks])) in by_name {
+        lines.push(format!("| {name} | {triangles} | {n_rays} | {n_cut} | {n_leaks} |"));
     }
     lines.join("\n")
 }

@@ -4,6 +4,8 @@ use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, icosphere
 use canted_obb::Affine;
 use canted_trace::Ray;
 
+use crate::vector::{cross, dot};
+
 /// A closed mesh, star-shaped as seen from `heart` but for the torus, which is only tight around it.
 pub struct Closed {
     /// For messages.
@@ -14,6 +16,8 @@ pub struct Closed {
     pub heart: [f64; 3],
     /// Every point within this of `heart`, along each axis, is inside.
     pub room: [f64; 3],
+    /// Known not to cut itself, so that every ray leads in and out of it in turn.
+    pub is_simple: bool,
 }
 
 /// One of each shape that has an inside.
@@ -21,10 +25,16 @@ pub struct Closed {
 pub fn closed() -> Vec<Closed> {
     let origin = [0.0; 3];
     vec![
-        Closed { name: "icosphere", mesh: icosphere(2), heart: origin, room: [0.5; 3] },
-        Closed { name: "displaced icosphere", mesh: displaced_icosphere(3, 2), heart: origin, room: [0.4; 3] },
-        Closed { name: "torus", mesh: torus(24, 8), heart: [1.0, 0.0, 0.0], room: [0.2; 3] },
-        Closed { name: "thin box", mesh: thin_box(0.01), heart: origin, room: [0.4, 0.4, 0.004] },
+        Closed { name: "icosphere", mesh: icosphere(2), heart: origin, room: [0.5; 3], is_simple: true },
+        Closed {
+            name: "displaced icosphere",
+            mesh: displaced_icosphere(3, 2),
+            heart: origin,
+            room: [0.4; 3],
+            is_simple: true,
+        },
+        Closed { name: "torus", mesh: torus(24, 8), heart: [1.0, 0.0, 0.0], room: [0.2; 3], is_simple: true },
+        Closed { name: "thin box", mesh: thin_box(0.01), heart: origin, room: [0.4, 0.4, 0.004], is_simple: true },
     ]
 }
 
@@ -61,6 +71,13 @@ pub fn places() -> Vec<Place> {
 pub fn baked(mesh: &Mesh, world_from_object: &Affine) -> Mesh {
     let positions = mesh.positions.iter().map(|&p| world_from_object.point(p)).collect();
     Mesh { positions, triangles: mesh.triangles.clone() }
+}
+
+/// Whether a place turns inside and outside of what stands there.
+#[must_use]
+pub fn mirrors(place: &Affine) -> bool {
+    let [a, b, c, _] = place.columns.map(|column| column.map(f64::from));
+    dot(a, cross(b, c)) < 0.0
 }
 
 /// `a + by·(b - a)`.

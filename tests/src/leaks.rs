@@ -1,17 +1,16 @@
-//! Closed meshes by the ray: what slips through, and what is crossed otherwise than as often inward as outward.
+//! Closed meshes by the ray: what slips through, and what is crossed otherwise than in and out in turn.
 //!
 //! Every way to trace, every mesh, every place. Rays are aimed at shared vertices and edges: every other one from inside,
-//! the rest from far outside to a point inside. Not covered: meshes whose neighbours do not share vertices, and seams between
-//! instances; both have gaps in their data.
+//! the rest from far outside to a point inside. Not covered: crossings on devices, which tell first hits alone; meshes whose
+//! neighbours do not share vertices, and seams between instances, both of which have gaps in their data.
 
-use canted_fixtures::SplitMix64;
 use canted_obb::Affine;
-use canted_trace::{Ray, Side, Watertight};
-use canted_wide::{Config, SimdPath, Wide};
+use canted_trace::{Ray, Side};
 
 use crate::{
-    closed::{Closed, Place, baked, rays},
-    tracers::{Way, lean},
+    closed::{Closed, Place, baked, mirrors, rays},
+    crossings::{are_balanced, are_in_turn, opposite},
+    tracers::{Tracer, Way, Word},
 };
 
 /// Rays that a structure is built for, at least: more of them in one place than building takes.
@@ -30,157 +29,100 @@ pub struct Found {
     pub n_rays: usize,
     /// Rays that one of the two answers let through, or whose crossings are wrong.
     pub n_leaks: usize,
+    /// Answers, of two a ray, that the CPU gave because a driver cut the device's walk short.
+    pub n_cut: usize,
 }
 
-/// About `n_rays` rays, shared out over meshes, places and ways; each of them gets some.
+/// How far a search has come.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<'a> {
+    /// The mesh and the place that rays are shot at.
+    pub at: [&'static str; 2],
+    /// By whom.
+    pub way: &'a str,
+    /// Rays shot so far, and rays in all.
+    pub n_rays: [usize; 2],
+    /// Leaks so far.
+    pub n_leaks: usize,
+}
+
+/// About `n_rays` rays, shared out over meshes, places and ways; each of them gets some. `tell` hears of every batch.
 ///
-/// Rows of crossings stand beside those of leaks: there a leak is a surface that is not crossed as often inward as outward.
+/// Whoever traces on the CPU is asked for crossings, too, by other rays: a leak is then a ray that does not lead in and out of the
+/// surface in turn, at least once.
 #[must_use]
-pub fn search(meshes: &[Closed], places: &[Place], ways: &[Way], n_rays: usize) -> Vec<Found> {
-    let counters = counters();
-    let share = n_rays.div_ceil(meshes.len() * places.len() * (ways.len() + counters.len()));
+pub fn search(
+    meshes: &[Closed],
+    places: &[Place],
+    ways: &[Way],
+    n_rays: usize,
+    tell: &mut dyn FnMut(&Progress<'_>),
+) -> Vec<Found> {
+    let jobs: Vec<(&Way, bool)> = ways
+        .iter()
+        .map(|way| (way, false))
+        .chain(ways.iter().filter(|way| way.word == Word::Loop).map(|way| (way, true)))
+        .collect();
+    let share = n_rays.div_ceil(meshes.len() * places.len() * jobs.len());
+    let (mut n_shot, mut n_leaks) = (0, 0);
+    let n_all = share * meshes.len() * places.len() * jobs.len();
     let mut found = vec![];
     for closed in meshes {
-        let mut by_way: Vec<Found> = ways
-            .iter()
-            .map(|way| way.name.clone())
-            .chain(counters.iter().map(|(name, ..)| name.clone()))
-            .map(|way| Found {
-                mesh: closed.name,
-                n_triangles: closed.mesh.triangles.len(),
-                way,
-                n_rays: 0,
-                n_leaks: 0,
-            })
-            .collect();
+        let mut of_mesh: Vec<Found> = jobs.iter().map(|(way, counts)| Found::none(closed, way, *counts)).collect();
         for (place, seed) in places.iter().zip((1u64..).map(|i| i << 32)) {
             let world = baked(&closed.mesh, &place.world_from_object);
-            let batches = |seed: u64| {
-                let sizes = (0..share).step_by(BATCH).map(move |first| BATCH.min(share - first));
-                let batch = |(n, seed)| rays(&world, closed, &place.world_from_object, n, seed);
-                sizes.zip(seed..).map(batch).collect::<Vec<_>>()
-            };
-            for (i, way) in ways.iter().enumerate() {
+            for (i, ((way, counts), row)) in jobs.iter().zip(&mut of_mesh).enumerate() {
                 let tracer = (way.make)(&closed.mesh, &place.world_from_object);
-                for rays in batches(seed + ((i as u64) << 20)) {
-                    let (hits, occluded) = (tracer.closest(&rays), tracer.occluded(&rays));
-                    by_way[i].n_rays += rays.len();
-                    by_way[i].n_leaks +=
-                        hits.iter().zip(&occluded).filter(|&(hit, &occluded)| hit.is_none() || !occluded).count();
-                }
-            }
-            for (i, (_, path, config)) in counters.iter().enumerate() {
-                let tree = Wide::<Watertight>::build(&world.positions, &world.triangles, config);
-                let tree = tree.expect("places keep coordinates finite").with_path(*path);
-                let row = &mut by_way[ways.len() + i];
-                for rays in batches(seed + ((i as u64) << 16)) {
-                    row.n_rays += rays.len();
-                    row.n_leaks += miscounted(&tree, &rays);
+                let sizes = (0..share).step_by(BATCH).map(|first| BATCH.min(share - first));
+                for (n, seed) in sizes.zip(seed + ((i as u64) << 20)..) {
+                    let rays = rays(&world, closed, &place.world_from_object, n, seed);
+                    let leaks = || match counts {
+                        false => slipped(tracer.as_ref(), &rays),
+                        true => miscounted(tracer.as_ref(), closed, place, &rays),
+                    };
+                    let (leaks, cut) = way.with_cuts(leaks);
+                    row.n_rays += n;
+                    row.n_leaks += leaks;
+                    row.n_cut += cut;
+                    n_shot += n;
+                    n_leaks += leaks;
+                    let at = [closed.name, place.name];
+                    tell(&Progress { at, way: &row.way, n_rays: [n_shot, n_all], n_leaks });
                 }
             }
         }
-        found.extend(by_way);
+        found.extend(of_mesh);
     }
     found
 }
 
-/// Trees whose crossings are counted: every path, either kind of node.
-fn counters() -> Vec<(String, SimdPath, Config)> {
-    let there = SimdPath::ALL.into_iter().filter(|path| path.is_available());
-    let both = |path: SimdPath| {
-        [("", Config::default()), ("lean ", lean())]
-            .map(|(kind, config)| (format!("crossings, {kind}{}", path.name()), path, config))
-    };
-    there.flat_map(both).collect()
+impl Found {
+    fn none(closed: &Closed, way: &Way, counts: bool) -> Self {
+        Self {
+            mesh: closed.name,
+            n_triangles: closed.mesh.triangles.len(),
+            way: if counts { format!("crossings, {}", way.name) } else { way.name.clone() },
+            n_rays: 0,
+            n_leaks: 0,
+            n_cut: 0,
+        }
+    }
 }
 
-/// Rays that cross the surface otherwise than in turn outward and inward: those of even number begin inside.
-fn miscounted(tree: &Wide<Watertight>, rays: &[Ray]) -> usize {
-    let mut crossings = vec![];
-    let is_wrong = |(i, ray): &(usize, &Ray)| {
-        tree.crossings(ray, &mut crossings);
-        let n_front = crossings.iter().filter(|hit| hit.side == Side::Front).count();
-        let n_back = crossings.len() - n_front;
-        // A place that mirrors turns inside and outside.
-        let more = n_front.abs_diff(n_back);
-        more != usize::from(i % 2 == 0)
+/// Rays that nothing stops, or that an occlusion query lets pass.
+fn slipped(tracer: &dyn Tracer, rays: &[Ray]) -> usize {
+    let (hits, occluded) = (tracer.closest(rays), tracer.occluded(rays));
+    hits.iter().zip(&occluded).filter(|&(hit, &occluded)| hit.is_none() || !occluded).count()
+}
+
+/// Rays whose crossings are wrong, or that are not told: those of even number begin inside.
+fn miscounted(tracer: &dyn Tracer, closed: &Closed, place: &Place, rays: &[Ray]) -> usize {
+    let inward = if mirrors(&place.world_from_object) { opposite(Side::Front) } else { Side::Front };
+    let are_right = if closed.is_simple { are_in_turn } else { are_balanced };
+    let is_wrong = |&(i, ray): &(usize, &Ray)| {
+        tracer.crossings(ray).is_none_or(|crossings| !are_right(&crossings, inward, i % 2 == 0))
     };
     rays.iter().enumerate().filter(is_wrong).count()
-}
-
-/// A closed mesh of one without: each hole is closed by a fan around one of its vertices. `None` where an edge has more
-/// than two triangles, or nothing is inside.
-#[must_use]
-pub fn closed_up(name: &'static str, mut mesh: canted_fixtures::Mesh) -> Option<Closed> {
-    weld(&mut mesh);
-    let mut next = std::collections::BTreeMap::new();
-    let all: std::collections::BTreeSet<[u32; 2]> =
-        mesh.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
-    for &[a, b] in &all {
-        if !all.contains(&[b, a]) && next.insert(b, a).is_some() {
-            return None;
-        }
-    }
-    while let Some((&first, _)) = next.iter().next() {
-        let mut around = vec![first];
-        let mut at = first;
-        while let Some(after) = next.remove(&at) {
-            around.push(after);
-            at = after;
-        }
-        // Back where it began.
-        around.pop();
-        let fan = around.windows(2).skip(1).map(|pair| [around[0], pair[0], pair[1]]);
-        mesh.triangles.extend(fan.collect::<Vec<_>>());
-    }
-    if mesh.open_edge().is_some() {
-        return None;
-    }
-    let heart = inside(&mesh)?;
-    let room = [0.002 * mesh.diagonal(); 3];
-    Some(Closed { name, mesh, heart, room })
-}
-
-/// Vertices of equal coordinates become one, and triangles that lose a corner by it go.
-fn weld(mesh: &mut canted_fixtures::Mesh) {
-    let mut first_of = std::collections::HashMap::new();
-    let first: Vec<u32> = (0u32..)
-        .zip(&mesh.positions)
-        .map(|(i, position)| *first_of.entry(position.map(|x| (x + 0.0).to_bits())).or_insert(i))
-        .collect();
-    for triangle in &mut mesh.triangles {
-        *triangle = triangle.map(|index| first[index as usize]);
-    }
-    mesh.triangles.retain(|&[a, b, c]| a != b && b != c && c != a);
-}
-
-/// A point about which the surface winds once, as do points a two-hundredth of the diagonal away.
-fn inside(mesh: &canted_fixtures::Mesh) -> Option<[f64; 3]> {
-    let [min, max] = mesh.bounds().map(|p| p.map(f64::from));
-    let mut rng = SplitMix64::new(5);
-    let step = 0.005 * mesh.diagonal();
-    (0..100).map(|_| std::array::from_fn(|k| min[k] + (0.3 + 0.4 * rng.unit()) * (max[k] - min[k]))).find(|p| {
-        let around = (0..7).map(|i: usize| {
-            let mut q: [f64; 3] = *p;
-            if i < 6 {
-                q[i / 2] += if i.is_multiple_of(2) { step } else { -step };
-            }
-            q
-        });
-        around.into_iter().all(|q| (winding(mesh, q) - 1.0).abs() < 1e-6)
-    })
-}
-
-/// How often the surface winds about a point: its solid angle over that of a sphere (Van Oosterom, Strackee 1983).
-fn winding(mesh: &canted_fixtures::Mesh, p: [f64; 3]) -> f64 {
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let solid_angle = |i: usize| {
-        let [a, b, c] = mesh.corners(i).map(|corner| std::array::from_fn(|k| corner[k] - p[k]));
-        let [la, lb, lc] = [a, b, c].map(|v| dot(v, v).sqrt());
-        let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
-        2.0 * dot(a, cross).atan2(la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
-    };
-    (0..mesh.triangles.len()).map(solid_angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
 }
 
 /// Every place that leaks are searched in: as it is, tiny, huge, far off, sheared and mirrored, and scales between.
@@ -197,52 +139,71 @@ pub fn places() -> Vec<Place> {
 
 #[cfg(test)]
 mod tests {
-    use canted_fixtures::{displaced_icosphere, icosphere};
+    use canted_fixtures::icosphere;
+    use canted_trace::Hit;
 
     use super::*;
-    use crate::tracers::{self, Make};
-
-    #[test]
-    fn holes_are_closed_and_their_inside_is_found() {
-        let mut mesh = displaced_icosphere(3, 2);
-        // Two neighbours and one that shares only a vertex with neither.
-        let n = mesh.triangles.len();
-        mesh.triangles.remove(n - 1);
-        mesh.triangles.remove(n - 2);
-        mesh.triangles.remove(3);
-        let closed = closed_up("ball", mesh.clone()).expect("two simple holes");
-        assert_eq!(closed.mesh.open_edge(), None);
-        assert!((winding(&closed.mesh, closed.heart) - 1.0).abs() < 1e-9);
-        assert!(winding(&closed.mesh, [9.0, 0.0, 0.0]).abs() < 1e-9);
-        // An edge of three triangles belongs to no surface.
-        mesh.triangles.push([0, 1, 2]);
-        mesh.triangles.push([0, 1, 3]);
-        assert!(closed_up("none", mesh).is_none());
-    }
+    use crate::{
+        closed::closed,
+        tracers::{self, Make},
+    };
 
     /// A way that leaves out every triangle around the first vertex.
     fn without_some(way: Way) -> Way {
-        let Way { name, word, make } = way;
         let make: Make = Box::new(move |mesh, place| {
             let mut open = mesh.clone();
             open.triangles.retain(|triangle| !triangle.contains(&0));
-            make(&open, place)
+            (way.make)(&open, place)
         });
-        Way { name, word, make }
+        Way::new(way.name, way.word, make)
     }
 
     #[test]
     fn a_hole_is_found_by_every_way() {
-        let ball = || Closed { name: "ball", mesh: icosphere(0), heart: [0.0; 3], room: [0.4; 3] };
+        let ball = Closed { name: "ball", mesh: icosphere(0), heart: [0.0; 3], room: [0.4; 3], is_simple: true };
         let ways: Vec<Way> = tracers::ours().0.into_iter().map(without_some).collect();
-        let n_rays = 400 * (ways.len() + counters().len());
-        let found = search(&[ball()], &places()[..1], &ways, n_rays);
-        let is_by_way = |found: &&Found| !found.way.starts_with("crossings");
-        assert!(found.iter().filter(is_by_way).all(|found| found.n_leaks > 0), "{found:?}");
-        // Crossings are counted in trees of the mesh itself.
-        let mut open = ball();
-        open.mesh.triangles.pop();
-        let found = search(&[open], &places()[..1], &[], 4_000 * counters().len());
-        assert!(!found.is_empty() && found.iter().all(|found| found.n_leaks > 0), "{found:?}");
+        let n_cpu = ways.iter().filter(|way| way.word == Word::Loop).count();
+        let n_rays = 400 * (ways.len() + n_cpu);
+        let mut told = 0;
+        let found = search(&[ball], &places()[..1], &ways, n_rays, &mut |progress| told = progress.n_rays[0]);
+        assert!(found.iter().all(|found| found.n_leaks > 0), "{found:?}");
+        assert_eq!((found.len(), told), (ways.len() + n_cpu, n_rays));
+    }
+
+    /// A way whose crossings are spoilt.
+    struct Spoilt(Box<dyn Tracer>, fn(&mut Vec<Hit>));
+
+    impl Tracer for Spoilt {
+        fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+            self.0.closest(rays)
+        }
+
+        fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+            self.0.occluded(rays)
+        }
+
+        fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
+            let mut crossings = self.0.crossings(ray)?;
+            (self.1)(&mut crossings);
+            Some(crossings)
+        }
+    }
+
+    #[test]
+    fn crossings_that_are_doubled_missing_or_none_are_leaks() {
+        let spoil: [fn(&mut Vec<Hit>); 3] =
+            [|all| all.extend_from_within(..), |all| all.truncate(all.len() - 1), Vec::clear];
+        for spoil in spoil {
+            let spoilt = |Way { name, word, make, .. }: Way| {
+                let make: Make = Box::new(move |mesh, place| Box::new(Spoilt(make(mesh, place), spoil)));
+                Way::new(name, word, make)
+            };
+            let ways = tracers::ours().0.into_iter().filter(|way| way.word == Word::Loop);
+            let ways: Vec<Way> = ways.map(spoilt).collect();
+            for found in search(&closed()[..1], &places(), &ways, 2_000, &mut |_| ()) {
+                let is_count = found.way.starts_with("crossings");
+                assert_eq!(found.n_leaks, if is_count { found.n_rays } else { 0 }, "{found:?}");
+            }
+        }
     }
 }

@@ -4,10 +4,12 @@
 pub mod brute;
 pub mod closed;
 pub mod clouds;
+pub mod crossings;
 pub mod distance;
 pub mod exact;
 pub mod extremes;
 pub mod fractions;
+pub mod holes;
 pub mod instances;
 pub mod judge;
 pub mod leaks;

@@ -1,6 +1,6 @@
 //! Everything that traces rays through a mesh, by name: both kinds of tree, one level and two, every path, the device.
 
-use std::rc::Rc;
+use std::{cell::Cell, rc::Rc};
 
 use canted_fixtures::Mesh;
 use canted_gpu::{Answer, Choice, DeviceHit, Gpu, HIT_ERROR, TracedScene};
@@ -10,7 +10,11 @@ use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Ray, Side, Watertight};
 use canted_wide::{Config, Costs, Preset, SimdPath, Wide};
 
-use crate::closed::baked;
+use crate::{
+    closed::{baked, mirrors},
+    crossings::{self, all_hits, opposite},
+    instances,
+};
 
 /// Something that holds a mesh and answers rays.
 pub trait Tracer {
@@ -19,6 +23,11 @@ pub trait Tracer {
 
     /// Whether each ray hits anything.
     fn occluded(&self, rays: &[Ray]) -> Vec<bool>;
+
+    /// Every crossing of the surface, in order, its side by the winding in world space; `None` of who tells first hits alone.
+    fn crossings(&self, _: &Ray) -> Option<Vec<Hit>> {
+        None
+    }
 }
 
 /// What a tracer promises.
@@ -43,23 +52,38 @@ pub struct Way {
     pub word: Word,
     /// Builds it. Where there is one level, vertices are moved and rounded.
     pub make: Make,
+    /// Answers so far that a driver cut short: the CPU gave them in the device's place.
+    n_cut: Rc<Cell<usize>>,
 }
 
 impl Way {
+    /// A way of which no answer is cut short.
+    #[must_use]
+    pub fn new(name: impl Into<String>, word: Word, make: Make) -> Self {
+        Self { name: name.into(), word, make, n_cut: Rc::default() }
+    }
+
+    /// What `ask` gives, and how many answers a driver cut short meanwhile.
+    pub fn with_cuts<T>(&self, ask: impl FnOnce() -> T) -> (T, usize) {
+        let before = self.n_cut.get();
+        let answer = ask();
+        (answer, self.n_cut.get() - before)
+    }
+
     /// Builds it for a mesh that stands as it is.
     #[must_use]
     pub fn of(&self, mesh: &Mesh) -> Box<dyn Tracer> {
         (self.make)(mesh, &Affine::IDENTITY)
     }
 
-    fn of_one<T: Tracer + 'static>(name: impl Into<String>, make: impl Fn(&Mesh) -> T + 'static) -> Self {
-        let make: Make = Box::new(move |mesh, place| Box::new(make(&baked(mesh, place))));
-        Self { name: name.into(), word: Word::Loop, make }
+    fn of_one<T: Tracer + 'static>(name: impl Into<String>, make: impl Fn(Mesh) -> T + 'static) -> Self {
+        let make: Make = Box::new(move |mesh, place| Box::new(make(baked(mesh, place))));
+        Self::new(name, Word::Loop, make)
     }
 
     fn of_two<B: Blas + 'static>(name: impl Into<String>, make: impl Fn(&Mesh) -> B + 'static) -> Self {
         let make: Make = Box::new(move |mesh, place| Box::new(TwoLevels::new(make(mesh), mesh, place)));
-        Self { name: name.into(), word: Word::Loop, make }
+        Self::new(name, Word::Loop, make)
     }
 }
 
@@ -69,15 +93,15 @@ pub fn ours() -> (Vec<Way>, Vec<String>) {
     let (there, lacking): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
     let mut missing: Vec<String> = lacking.into_iter().map(|path| path.name().to_owned()).collect();
     let mut ways = vec![
-        Way::of_one("binary aabb", |mesh| binary(mesh, Strategy::Aabb)),
-        Way::of_one("binary dop", |mesh| binary(mesh, Strategy::Dop)),
-        Way::of_one("binary combined", |mesh| binary(mesh, Strategy::Combined)),
+        Way::of_one("binary aabb", |mesh| OneLevel::new(mesh, Strategy::Aabb)),
+        Way::of_one("binary dop", |mesh| OneLevel::new(mesh, Strategy::Dop)),
+        Way::of_one("binary combined", |mesh| OneLevel::new(mesh, Strategy::Combined)),
         Way::of_two("two levels of binary", |mesh| binary(mesh, Strategy::Dop)),
     ];
     for path in there {
         let name = path.name();
-        ways.push(Way::of_one(format!("wide {name}"), move |mesh| wide(mesh, &Config::default()).with_path(path)));
-        ways.push(Way::of_one(format!("wide lean {name}"), move |mesh| wide(mesh, &lean()).with_path(path)));
+        ways.push(Way::of_one(format!("wide {name}"), move |mesh| wide(&mesh, &Config::default()).with_path(path)));
+        ways.push(Way::of_one(format!("wide lean {name}"), move |mesh| wide(&mesh, &lean()).with_path(path)));
     }
     ways.push(Way::of_two("two levels of wide", |mesh| wide(mesh, &Config::default())));
     match Gpu::open(&Choice::Best) {
@@ -89,24 +113,26 @@ pub fn ours() -> (Vec<Way>, Vec<String>) {
 
 /// Both numbers of levels on a device.
 fn on_device(gpu: &Rc<Gpu>) -> [Way; 2] {
-    let (of_one, of_two) = (Rc::clone(gpu), Rc::clone(gpu));
+    let cuts: [Rc<Cell<usize>>; 2] = Default::default();
+    let [(of_one, cuts_of_one), (of_two, cuts_of_two)] = cuts.each_ref().map(|cuts| (Rc::clone(gpu), Rc::clone(cuts)));
     let one: Make = Box::new(move |mesh, place| {
         let tree = wide(&baked(mesh, place), &Config::default());
         let scene = TracedScene::one(&of_one, &tree, &[0]).expect("small meshes fit every device");
-        Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree) })
+        Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree), n_cut: Rc::clone(&cuts_of_one) })
     });
     let two: Make = Box::new(move |mesh, place| {
         let tree = wide(mesh, &Config::default());
         let scene = TracedScene::two(&of_two, &[&tree], &[Instance::still(0, *place)]);
         let scene = scene.expect("places of tests are well conditioned");
-        Box::new(Device { gpu: Rc::clone(&of_two), scene, tree: Box::new(TwoLevels::new(tree, mesh, place)) })
+        let tree = Box::new(TwoLevels::new(tree, mesh, place));
+        Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })
     });
+    let [cuts_of_one, cuts_of_two] = cuts;
     // Through an instance that stands still hits may be off by twice as much (`HitError::with` in `canted-gpu`).
-    [("device", HIT_ERROR, one), ("two levels on the device", 2.0 * HIT_ERROR, two)].map(|(name, error, make)| Way {
-        name: name.to_owned(),
-        word: Word::Device(error),
-        make,
-    })
+    [
+        Way { n_cut: cuts_of_one, ..Way::new("device", Word::Device(HIT_ERROR), one) },
+        Way { n_cut: cuts_of_two, ..Way::new("two levels on the device", Word::Device(2.0 * HIT_ERROR), two) },
+    ]
 }
 
 /// A binary tree with these volumes.
@@ -127,13 +153,30 @@ pub fn lean() -> Config {
     Config { costs, turn: false, ..Config::preset(Preset::Balanced) }
 }
 
-impl Tracer for MeshBlas<Watertight> {
+/// A binary tree and what it is over.
+struct OneLevel {
+    blas: MeshBlas<Watertight>,
+    mesh: Mesh,
+}
+
+impl OneLevel {
+    fn new(mesh: Mesh, strategy: Strategy) -> Self {
+        Self { blas: binary(&mesh, strategy), mesh }
+    }
+}
+
+impl Tracer for OneLevel {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.iter().map(|ray| self.closest_hit(ray, InstanceId(0), &mut ())).collect()
+        rays.iter().map(|ray| self.blas.closest_hit(ray, InstanceId(0), &mut ())).collect()
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        rays.iter().map(|ray| Blas::occluded(self, ray, InstanceId(0), &mut ())).collect()
+        rays.iter().map(|ray| self.blas.occluded(ray, InstanceId(0), &mut ())).collect()
+    }
+
+    fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
+        let hits = all_hits(|query| self.blas.closest_hit(ray, InstanceId(0), query));
+        Some(crossings::of_hits(&self.mesh, ray, hits))
     }
 }
 
@@ -149,10 +192,20 @@ impl Tracer for Wide<Watertight> {
         self.occluded_many(rays, &mut occluded);
         occluded
     }
+
+    fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
+        let mut found = vec![];
+        Self::crossings(self, ray, &mut found);
+        Some(found)
+    }
 }
 
 /// A mesh where it stands, and once more far off, which makes the top level a tree.
-struct TwoLevels<B: Blas>(Tlas<B>);
+struct TwoLevels<B: Blas> {
+    tlas: Tlas<B>,
+    mesh: Mesh,
+    place: Affine,
+}
 
 impl<B: Blas> TwoLevels<B> {
     #[expect(clippy::cast_possible_truncation, reason = "far off will do")]
@@ -160,18 +213,29 @@ impl<B: Blas> TwoLevels<B> {
         let here = Instance::still(0, *place);
         let mut there = here;
         there.world_from_object.columns[3][0] += (9.0 * baked(mesh, place).diagonal()) as f32;
-        Self(Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible"))
+        let tlas = Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible");
+        Self { tlas, mesh: mesh.clone(), place: *place }
     }
 }
 
 impl<B: Blas> Tracer for TwoLevels<B> {
     /// Only the instance that stands where the mesh does is asked.
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.iter().map(|ray| self.0.closest_hit(ray, &mut OfTheFirst)).collect()
+        rays.iter().map(|ray| self.tlas.closest_hit(ray, &mut OfTheFirst)).collect()
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        rays.iter().map(|ray| self.0.occluded(ray, &mut OfTheFirst)).collect()
+        rays.iter().map(|ray| self.tlas.occluded(ray, &mut OfTheFirst)).collect()
+    }
+
+    /// As the triangles see the ray: in object space, whose winding a mirror turns.
+    fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
+        let hits = all_hits(|query| self.tlas.closest_hit(ray, query));
+        let mut crossings = crossings::of_hits(&self.mesh, &instances::ray_object(&self.place, ray), hits);
+        if mirrors(&self.place) {
+            crossings.iter_mut().for_each(|hit| hit.side = opposite(hit.side));
+        }
+        Some(crossings)
     }
 }
 
@@ -189,13 +253,22 @@ struct Device {
     gpu: Rc<Gpu>,
     scene: TracedScene,
     tree: Box<dyn Tracer>,
+    n_cut: Rc<Cell<usize>>,
+}
+
+impl Device {
+    /// What the CPU says in place of the device.
+    fn cut<T>(&self, ask: impl FnOnce(&dyn Tracer) -> T) -> T {
+        self.n_cut.update(|n| n + 1);
+        ask(self.tree.as_ref())
+    }
 }
 
 impl Tracer for Device {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         let answers = self.scene.closest_hits(&self.gpu, rays).expect("the device stays");
         let known = |(answer, ray): (Answer<Option<DeviceHit>>, &Ray)| match answer {
-            Answer::Cut => self.tree.closest(std::slice::from_ref(ray))[0],
+            Answer::Cut => self.cut(|tree| tree.closest(std::slice::from_ref(ray))[0]),
             Answer::Known(hit) => hit.map(|hit| Hit {
                 t: hit.t,
                 u: hit.u,
@@ -211,7 +284,7 @@ impl Tracer for Device {
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
         let answers = self.scene.occluded(&self.gpu, rays).expect("the device stays");
         let known = |(answer, ray): (Answer<bool>, &Ray)| match answer {
-            Answer::Cut => self.tree.occluded(std::slice::from_ref(ray))[0],
+            Answer::Cut => self.cut(|tree| tree.occluded(std::slice::from_ref(ray))[0]),
             Answer::Known(found) => found,
         };
         answers.into_iter().zip(rays).map(known).collect()

@@ -41,7 +41,7 @@ impl Tracer for Stubborn {
 
 fn stubborn(answer: Option<Hit>) -> Way {
     let make: Make = Box::new(move |_, _| Box::new(Stubborn(answer)));
-    Way { name: "stubborn".to_owned(), word: Word::Loop, make }
+    Way::new("stubborn", Word::Loop, make)
 }
 
 const ANY: Hit = Hit { t: 1.0, u: 0.25, v: 0.25, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front };

@@ -73,7 +73,9 @@ pub(crate) const WATERTIGHT: Kept = Kept {
 Written by `cargo xtask watertight [--rays N]`; change nothing by hand. Rays at shared vertices and edges of closed meshes, half
 of them from inside, half from outside to a point inside; as they are, at 1e-6, 2^-10, 2^10 and 1e6, at 1e7, sheared and
 mirrored. Each is asked for its first hit and for any hit (a leak where either is none), or counted through: then a leak is a
-ray that crosses the surface otherwise than as often inward as outward, less the one time that it began inside. The profile is
+ray that does not cross the surface at least once, in and out in turn, beginning with out where it starts inside. Of the bunny,
+whose holes are closed by fans that may cut the rest, crossings need only be as many in as out. They are counted on the CPU alone:
+devices tell first hits. Where a driver cuts a device's walk short the CPU answers; how often is in the table. The profile is
 release; tests shoot fewer rays in theirs.
 ",
 };
@@ -89,10 +91,12 @@ pub(crate) const EXTREMES: Kept = Kept {
 
 Written by `cargo xtask extremes [--effort N] [--peers]`; change nothing by hand. The numerical contract, case by case: what is
 promised, what judges it, the bound, and the worst that each routine of ours did; a test asserts every line
-(`tests/tests/extremes.rs`). A value stands before the number of inputs and the routines that it belongs to. A bound that is
-`told` promises nothing: the value is for information. Of peers nothing is promised: their values stand beside ours because
-their users asked for the same, and a peer may rightly decide an edge otherwise. No value depends on a clock. The profile is
-release; the test runs in its own. What such cases revealed, and how it was mended, stands in `docs/mended.md`.
+(`tests/tests/extremes.rs`). Inputs are those of which the judge is certain. A count is of inputs that failed, any other value is
+the worst of all inputs; behind it stand the routines that it belongs to. A bound that is `told` promises nothing: the value is
+for information, or no input is certain. Answers that a driver cut short on a device are the CPU's. Of peers nothing is promised:
+their values stand beside ours because their users asked for the same, and a peer may rightly decide an edge otherwise. No value
+depends on a clock. The profile is release; the test runs in its own. What such cases revealed, and how it was mended, stands in
+`docs/mended.md`.
 ",
 };
 

@@ -76,7 +76,7 @@ fn of(offer: Offer) -> Vec<Way> {
             let build = || (offer(&model)[i].build)(1).ok();
             Box::new(Peer(catch_unwind(AssertUnwindSafe(build)).ok().flatten()))
         });
-        Way { name, word: Word::Peer, make }
+        Way::new(name, Word::Peer, make)
     };
     names.into_iter().enumerate().map(way).collect()
 }

@@ -53,7 +53,7 @@ fn slipped(way: &Way, mesh: &Mesh, rays: &[Ray]) -> (usize, usize) {
 }
 
 fn ball(mesh: Mesh) -> Closed {
-    Closed { name: "ball", mesh, heart: [0.0; 3], room: [0.4; 3] }
+    Closed { name: "ball", mesh, heart: [0.0; 3], room: [0.4; 3], is_simple: true }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]

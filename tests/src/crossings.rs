@@ -1,0 +1,191 @@
+//! Crossings of a surface: those among all hits of a ray, and whether they lead in and out of it in turn.
+//!
+//! Not covered: devices, which tell first hits alone, and these only up to their error.
+
+use canted_fixtures::Mesh;
+use canted_obb::PrimId;
+use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, Shear, Side};
+
+use crate::judge::corners;
+
+/// Notes what it is shown of the first instance, and accepts nothing, so that it is shown every hit.
+pub(crate) struct Everything(Vec<Hit>);
+
+impl Query for Everything {
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        if hit.instance == InstanceId(0) {
+            self.0.push(*hit);
+        }
+        false
+    }
+}
+
+/// Every hit on the first instance that a closest-hit query asks about, in any order, some perhaps twice.
+pub(crate) fn all_hits(ask: impl FnOnce(&mut Everything) -> Option<Hit>) -> Vec<Hit> {
+    let mut everything = Everything(vec![]);
+    let accepted = ask(&mut everything);
+    assert!(accepted.is_none(), "what is not accepted is no answer: {accepted:?}");
+    everything.0
+}
+
+/// Of all hits of a ray on the watertight kernel's triangles those that cross the surface, least `t` first.
+///
+/// They are the hits that the ray has as well where it is moved by an infinitesimal `(ε, ε²)` across itself: then it meets no edge
+/// and no vertex. The rule is that of `Wide::crossings`, which names the lowest triangle around an edge in their place.
+#[must_use]
+pub fn of_hits(mesh: &Mesh, ray: &Ray, mut hits: Vec<Hit>) -> Vec<Hit> {
+    let Some(scaled) = ScaledRay::new(ray) else { return vec![] };
+    let shear = Shear::new(&scaled);
+    hits.sort_unstable_by_key(|hit| hit.primitive);
+    hits.dedup_by_key(|hit| hit.primitive);
+    hits.retain(|hit| is_crossed(&shear, &scaled, corners(mesh, &mesh.triangles[hit.primitive.index()])));
+    hits.sort_by(|a, b| a.t.total_cmp(&b.t));
+    hits
+}
+
+/// Whether the moved ray pierces a triangle, seen along the ray at the kernel's own coordinates.
+fn is_crossed(shear: &Shear, ray: &ScaledRay, corners: [[f32; 3]; 3]) -> bool {
+    let [s_x, s_y] = shear.factors();
+    let [a, b, c] = corners.map(|corner| {
+        let [x, y, z] = shear.axis().last(std::array::from_fn(|k| corner[k] - ray.origin[k]));
+        [x - s_x * z, y - s_y * z]
+    });
+    let sides = [side(a, b), side(b, c), side(c, a)];
+    sides == [1; 3] || sides == [-1; 3]
+}
+
+/// On which side of the line from `p` to `q` the point `(ε, ε²)` lies; zero where they are one point.
+///
+/// `(p - e) × (q - e) = p × q + (p_y - q_y)·ε + (q_x - p_x)·ε²`, whose first term is exact in `f64`: the first that is not zero
+/// decides.
+fn side(p: [f32; 2], q: [f32; 2]) -> i8 {
+    let [[p_x, p_y], [q_x, q_y]] = [p, q].map(|point| point.map(f64::from));
+    let terms = [p_x * q_y - p_y * q_x, p_y - q_y, q_x - p_x];
+    terms.into_iter().find(|&term| term != 0.0).map_or(0, |term| if term > 0.0 { 1 } else { -1 })
+}
+
+/// The other side.
+#[must_use]
+pub fn opposite(side: Side) -> Side {
+    match side {
+        Side::Front => Side::Back,
+        Side::Back => Side::Front,
+    }
+}
+
+/// Whether crossings of a closed surface, least `t` first, are as they must be of a ray from inside or outside that is known to
+/// meet it: at least one, no triangle twice, and as often inward as outward, less the one time that it began inside.
+#[must_use]
+pub fn are_balanced(crossings: &[Hit], inward: Side, from_inside: bool) -> bool {
+    let mut primitives: Vec<PrimId> = crossings.iter().map(|hit| hit.primitive).collect();
+    primitives.sort_unstable();
+    let n_inward = crossings.iter().filter(|hit| hit.side == inward).count();
+    let are_once = primitives.windows(2).all(|pair| pair[0] != pair[1]);
+    are_once && !crossings.is_empty() && n_inward + usize::from(from_inside) == crossings.len() - n_inward
+}
+
+/// Whether they moreover lead in and out in turn, as they do of a surface that does not cut itself.
+///
+/// Crossings are those of one mesh near the true one, whose vertices lie where the kernel sees them, in the order along the ray.
+/// The division and the rounding of `t` keep that order but among neighbours: `t` that are equal or next to each other stand in
+/// any order.
+#[must_use]
+pub fn are_in_turn(crossings: &[Hit], inward: Side, from_inside: bool) -> bool {
+    let mut n_around = usize::from(from_inside);
+    let leads_on = |around: &[Hit]| {
+        let n_inward = around.iter().filter(|hit| hit.side == inward).count();
+        n_around = (n_around + n_inward).wrapping_sub(around.len() - n_inward);
+        n_around <= 1
+    };
+    let is_one_place = |a: &Hit, b: &Hit| b.t <= a.t.next_up();
+    are_balanced(crossings, inward, from_inside) && crossings.chunk_by(is_one_place).all(leads_on)
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::{icosphere, torus};
+    use canted_obb::Affine;
+    use canted_trace::Watertight;
+    use canted_wide::{Config, Wide};
+
+    use super::*;
+    use crate::closed::{Closed, rays};
+
+    /// Rays at vertices and edges, those of even number from inside, each with all of its hits and with its crossings.
+    fn asked() -> Vec<(Mesh, Vec<(Ray, Vec<Hit>, Vec<Hit>)>)> {
+        let ball = Closed { name: "", mesh: icosphere(1), heart: [0.0; 3], room: [0.4; 3], is_simple: true };
+        let ring = Closed { mesh: torus(24, 8), heart: [1.0, 0.0, 0.0], room: [0.2; 3], ..ball };
+        let ball = Closed { mesh: icosphere(1), heart: [0.0; 3], room: [0.4; 3], ..ring };
+        let of = |closed: Closed| {
+            let tree = Wide::<Watertight>::build(&closed.mesh.positions, &closed.mesh.triangles, &Config::default())
+                .expect("fixtures are valid");
+            let both = |ray: Ray| {
+                let (mut hits, mut crossings) = (vec![], vec![]);
+                tree.all_hits(&ray, &mut hits);
+                tree.crossings(&ray, &mut crossings);
+                (ray, hits, crossings)
+            };
+            let rays = rays(&closed.mesh, &closed, &Affine::IDENTITY, 600, 9);
+            (closed.mesh, rays.into_iter().map(both).collect())
+        };
+        vec![of(ball), of(ring)]
+    }
+
+    #[test]
+    fn both_ways_count_the_same_crossings() {
+        let mut n_more = 0;
+        for (mesh, asked) in asked() {
+            for (ray, hits, crossings) in asked {
+                n_more += usize::from(hits.len() > crossings.len());
+                let sides = |hits: &[Hit], side| hits.iter().filter(|hit| hit.side == side).count();
+                let found = of_hits(&mesh, &ray, hits);
+                for side in [Side::Front, Side::Back] {
+                    assert_eq!(sides(&found, side), sides(&crossings, side), "{ray:?}: {found:?}, {crossings:?}");
+                }
+            }
+        }
+        // Without the rule these would be counted twice.
+        assert!(n_more > 300, "{n_more} rays meet an edge or a vertex");
+    }
+
+    #[test]
+    fn a_doubled_a_missing_and_a_shifted_crossing_are_seen() {
+        let elsewhere = |hit: &Hit| Hit { primitive: PrimId(hit.primitive.0 + 10_000), ..*hit };
+        for (_, asked) in asked() {
+            for (i, (ray, _, crossings)) in asked.into_iter().enumerate() {
+                let check = |crossings: &[Hit]| are_in_turn(crossings, Side::Front, i % 2 == 0);
+                assert!(check(&crossings), "{ray:?}: {crossings:?}");
+                assert!(!check(&[]), "no crossing is none missed");
+                for k in 0..crossings.len() {
+                    let (mut missing, mut doubled, mut beside) =
+                        (crossings.clone(), crossings.clone(), crossings.clone());
+                    missing.remove(k);
+                    doubled.insert(k, crossings[k]);
+                    beside.insert(k, elsewhere(&crossings[k]));
+                    assert!(![missing, doubled, beside].iter().any(|bad| check(bad)), "{ray:?}: {crossings:?}, {k}");
+                }
+                let all_doubled: Vec<Hit> = crossings.iter().flat_map(|hit| [*hit, elsewhere(hit)]).collect();
+                assert!(!check(&all_doubled), "{ray:?}");
+                // The other way round it would come from inside.
+                assert!(!are_in_turn(&crossings, Side::Back, i % 2 == 0), "{ray:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_only_balanced_leads_not_in_turn() {
+        let at = |t: f32, side, primitive| Hit {
+            t,
+            u: 0.0,
+            v: 0.0,
+            primitive: PrimId(primitive),
+            instance: InstanceId(0),
+            side,
+        };
+        let out_and_in = [at(1.0, Side::Back, 0), at(2.0, Side::Front, 1)];
+        assert!(are_balanced(&out_and_in, Side::Front, false) && !are_in_turn(&out_and_in, Side::Front, false));
+        // Next to each other they may stand in any order.
+        let near = [at(1.0, Side::Back, 0), at(1.0f32.next_up(), Side::Front, 1)];
+        assert!(are_in_turn(&near, Side::Front, false));
+    }
+}
