@@ -34,18 +34,37 @@ pub fn angle_rad(p: Quaternion, q: Quaternion) -> f64 {
     2.0 * dot([turn.x, turn.y, turn.z], [turn.x, turn.y, turn.z]).sqrt().atan2(turn.w.abs())
 }
 
-/// The iteration of Müller et al. 2016 as they give it: start without a rotation, turn by `τ / (|trace| + 1e-9)` until that
-/// is shorter than 1e-9 or `most` turns are taken. The rotation and the turns.
+/// What guards the listing's division by the trace, and the turn below which it stops, in radians.
+const GUARD: f64 = 1e-9;
+
+/// The iteration of Müller et al. 2016: start without a rotation, turn by `τ / (|trace| + 1e-9)` until that is shorter than 1e-9 or
+/// `most` turns are taken. The rotation and the turns.
+///
+/// Listings differ in where the guard stands. In the denominator it outweighs the trace of a matrix below about 1e-12, whose
+/// turns are then too short to count; see [`as_copied`].
 #[must_use]
 pub fn as_listed(a: Matrix, most: usize) -> (Quaternion, usize) {
+    listed(a, most, |trace| 1.0 / (trace + GUARD))
+}
+
+/// [`as_listed`] as copies of the paper's code have it: the turn is `τ · (1 / |trace| + 1e-9)`.
+///
+/// That divides by a trace of zero, and multiplies the torque of a matrix above about 1e12 by more than its trace allows.
+#[must_use]
+pub fn as_copied(a: Matrix, most: usize) -> (Quaternion, usize) {
+    listed(a, most, |trace| 1.0 / trace + GUARD)
+}
+
+/// The iteration with one guard or the other.
+fn listed(a: Matrix, most: usize, reciprocal: fn(f64) -> f64) -> (Quaternion, usize) {
     let mut q = Quaternion::IDENTITY;
     for turns in 0..most {
         let r = q.columns();
         let torque = (0..3).map(|k| cross(r[k], a[k])).fold([0.0; 3], |sum, x| [0, 1, 2].map(|k| sum[k] + x[k]));
         let trace: f64 = (0..3).map(|k| dot(r[k], a[k])).sum();
-        let omega = torque.map(|x| x / (trace.abs() + 1e-9));
+        let omega = torque.map(|x| x * reciprocal(trace.abs()));
         let angle = dot(omega, omega).sqrt();
-        if angle < 1e-9 {
+        if angle < GUARD {
             return (q, turns);
         }
         q = Quaternion::about(omega.map(|x| x / angle), angle).times(q).normalised();
@@ -134,7 +153,22 @@ mod tests {
             let (polar, trace) = (svd_polar(a), greatest_trace(a));
             assert!(angle_rad(polar, turn) < 1e-14 && (trace - 6.0).abs() < 1e-13, "{a:?}");
             assert!(angle_rad(as_listed(a, 1000).0, turn) < 1e-8, "{a:?}");
+            assert!(angle_rad(as_copied(a, 1000).0, turn) < 1e-8, "{a:?}");
         }
+    }
+
+    #[test]
+    fn either_guard_fails_at_another_scale() {
+        let turn = Quaternion::about([0.0, 0.6, 0.8], 1.0);
+        let scaled = |exponent: i32| {
+            let scale = 2.0f64.powi(exponent);
+            turn.columns().map(|column| column.map(|x| scale * x))
+        };
+        let error =
+            |way: fn(Matrix, usize) -> (Quaternion, usize), exponent| angle_rad(way(scaled(exponent), 1000).0, turn);
+        assert!(error(as_listed, -300) > 0.9 && error(as_listed, 300) < 1e-8);
+        assert!(error(as_copied, -300) < 1e-8 && !(error(as_copied, 300) < 0.1));
+        assert!(as_copied(diagonal([0.0; 3]), 1000).0.w.is_nan());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Rotations out of matrices: the measured failures of the source by name, beside the source's own listing.
+//! Rotations out of matrices: the measured failures of the source by name, beside the source's listing in both its forms.
 
 use std::f64::consts::PI;
 
@@ -12,12 +12,15 @@ use canted_obb::{
 use super::{Oracle, Promise, Row};
 use crate::{
     clouds::random_rotation,
-    rotations::{self, Matrix, angle_rad, as_listed, diagonal, times, transposed},
+    rotations::{self, Matrix, angle_rad, as_copied, as_listed, diagonal, times, transposed},
     vector::{Vector, dot},
 };
 
 /// Noise of torque and trace: the extraction's own, 64 roundings of `f64`, and as much for the oracle.
 const NOISE: f64 = 128.0 * f64::EPSILON;
+
+/// The source's iteration, with its guard in either place.
+type Listing = fn(Matrix, usize) -> (Quaternion, usize);
 
 /// Turns after which the listing gives up.
 const CAP: usize = 1000;
@@ -107,11 +110,17 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     for Known { case, bound, inputs } in known(effort) {
         let promise = promise(case, "the rotation, up to rounding over condition", Oracle::Known, bound, "rad");
         let worst = |of: &dyn Fn(Matrix) -> Quaternion| {
-            inputs.iter().map(|&(a, turn)| angle_rad(of(a), turn)).fold(0.0, |worst: f64, x| worst.max(x))
+            let error = |&(a, turn): &(Matrix, Quaternion)| angle_rad(of(a), turn);
+            // What is not a number is no rotation: as wrong as any.
+            inputs.iter().map(error).fold(0.0, |worst: f64, x| worst.max(if x.is_nan() { PI } else { x }))
         };
         rows.push(promise.row("extract", inputs.len(), worst(&|a| extract(a, MOST_ITERATIONS).rotation)));
-        let listed = promise.row("as the paper lists it", inputs.len(), worst(&|a| as_listed(a, CAP).0));
-        rows.push(Row { is_peer: true, ..listed });
+        let listings: [(&str, Listing); 2] =
+            [("listed, guard in the denominator", as_listed), ("listed, guard beside the quotient", as_copied)];
+        for (name, listing) in listings {
+            let listed = promise.row(name, inputs.len(), worst(&|a| listing(a, CAP).0));
+            rows.push(Row { is_peer: true, ..listed });
+        }
     }
     rows.extend([greatest_trace(effort), turns(effort)]);
     rows.extend(degenerate(effort));
