@@ -165,11 +165,11 @@ impl Scene {
         usize::try_from(self.device.n_bytes.load(Ordering::Relaxed)).unwrap_or(0)
     }
 
-    /// The nearest hit with `t` in `0..=t_max`.
+    /// The nearest hit with `t` in the closed interval.
     #[inline]
     #[must_use]
-    pub fn closest(&self, origin: [f32; 3], direction: [f32; 3], t_max: f32) -> Option<Found> {
-        let mut ray = RayHit::new(origin, direction, t_max);
+    pub fn closest(&self, origin: [f32; 3], direction: [f32; 3], interval: [f32; 2]) -> Option<Found> {
+        let mut ray = RayHit::new(origin, direction, interval);
         self.query(self.device.library.functions.intersect, &mut ray);
         (ray.geometry != INVALID).then_some(Found {
             t: ray.t_far,
@@ -180,11 +180,11 @@ impl Scene {
         })
     }
 
-    /// Whether anything is hit with `t` in `0..=t_max`.
+    /// Whether anything is hit with `t` in the closed interval.
     #[inline]
     #[must_use]
-    pub fn occluded(&self, origin: [f32; 3], direction: [f32; 3], t_max: f32) -> bool {
-        let mut ray = RayHit::new(origin, direction, t_max);
+    pub fn occluded(&self, origin: [f32; 3], direction: [f32; 3], interval: [f32; 2]) -> bool {
+        let mut ray = RayHit::new(origin, direction, interval);
         self.query(self.device.library.functions.occluded, &mut ray);
         // Embree says so by an end of minus infinity.
         ray.t_far < 0.0
@@ -278,10 +278,10 @@ impl Drop for Scene {
 
 impl RayHit {
     #[inline]
-    fn new(origin: [f32; 3], direction: [f32; 3], t_max: f32) -> Self {
+    fn new(origin: [f32; 3], direction: [f32; 3], [t_min, t_max]: [f32; 2]) -> Self {
         Self {
             origin,
-            t_near: 0.0,
+            t_near: t_min,
             direction,
             time: 0.0,
             t_far: t_max,

@@ -10,7 +10,7 @@ use crate::models::Model;
 impl Engine for Scene {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (ray, out) in rays.iter().zip(hits) {
-            *out = Scene::closest(self, ray.origin, ray.direction, ray.t_max).map(|found| Hit {
+            *out = Scene::closest(self, ray.origin, ray.direction, [ray.t_min, ray.t_max]).map(|found| Hit {
                 t: found.t,
                 u: found.u,
                 v: found.v,
@@ -23,7 +23,7 @@ impl Engine for Scene {
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         for (ray, out) in rays.iter().zip(occluded) {
-            *out = Scene::occluded(self, ray.origin, ray.direction, ray.t_max);
+            *out = Scene::occluded(self, ray.origin, ray.direction, [ray.t_min, ray.t_max]);
         }
     }
 

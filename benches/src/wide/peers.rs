@@ -10,10 +10,11 @@ use canted_tests::{
     closed::baked,
     tracers::{Make, Tracer, Way, Word},
 };
+use canted_tlas::Instance;
 use canted_trace::{Hit, Ray};
 
 use super::engine::{Engine, Entry};
-use crate::models::Model;
+use crate::models::{Model, Placed};
 
 /// An engine that answers rays by the slice; none where building it failed.
 struct Peer(Option<Box<dyn Engine>>);
@@ -45,12 +46,20 @@ impl Tracer for Peer {
 /// What offers engines for a mesh.
 type Offer = fn(&Model) -> Vec<Entry<'_>>;
 
-/// Every peer at hand that does not end this process on such input, as tinybvh may: `obvhs`, and with the feature `peers` the newest
-/// Embree.
-pub(crate) fn ways() -> Vec<Way> {
-    let ways = of(|model| super::obvhs::entries(&model.mesh)).into_iter();
+/// Whether a mesh that stands elsewhere is moved, its vertices rounded, or placed as an instance.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Placing {
+    Moved,
     #[cfg(feature = "peers")]
-    let ways = ways.chain(of(super::embree::newest));
+    Placed,
+}
+
+/// Every peer at hand that does not end this process on such input, as tinybvh may: `obvhs`, and with the feature `peers` the newest
+/// Embree, which knows instances.
+pub(crate) fn ways() -> Vec<Way> {
+    let ways = of(|model| super::obvhs::entries(&model.mesh), Placing::Moved).into_iter();
+    #[cfg(feature = "peers")]
+    let ways = ways.chain(of(super::embree::newest, Placing::Placed));
     ways.collect()
 }
 
@@ -68,11 +77,15 @@ pub(crate) fn left_out() -> Vec<String> {
     left_out.into_iter().map(str::to_owned).collect()
 }
 
-fn of(offer: Offer) -> Vec<Way> {
+fn of(offer: Offer, placing: Placing) -> Vec<Way> {
     let names: Vec<String> = offer(&model(one())).into_iter().map(|entry| entry.name).collect();
     let way = |(i, name): (usize, String)| {
         let make: Make = Box::new(move |mesh: &Mesh, place: &Affine| {
-            let model = model(baked(mesh, place));
+            let mut model = model(baked(mesh, place));
+            if placing != Placing::Moved && *place != Affine::IDENTITY {
+                let instances = vec![Instance::still(0, *place)];
+                model.placed = Some(Placed { meshes: vec![mesh.clone()], instances });
+            }
             let build = || (offer(&model)[i].build)(1).ok();
             Box::new(Peer(catch_unwind(AssertUnwindSafe(build)).ok().flatten()))
         });
