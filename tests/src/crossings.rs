@@ -103,19 +103,18 @@ pub fn are_in_turn(crossings: &[Hit], inward: Side, from_inside: bool) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use canted_fixtures::{icosphere, torus};
     use canted_obb::Affine;
     use canted_trace::Watertight;
     use canted_wide::{Config, Wide};
 
     use super::*;
-    use crate::closed::{Closed, rays};
+    use crate::closed::{Closed, closed, rays};
 
-    /// Rays at vertices and edges, those of even number from inside, each with all of its hits and with its crossings.
-    fn asked() -> Vec<(Mesh, Vec<(Ray, Vec<Hit>, Vec<Hit>)>)> {
-        let ball = Closed { name: "", mesh: icosphere(1), heart: [0.0; 3], room: [0.4; 3], is_simple: true };
-        let ring = Closed { mesh: torus(24, 8), heart: [1.0, 0.0, 0.0], room: [0.2; 3], ..ball };
-        let ball = Closed { mesh: icosphere(1), heart: [0.0; 3], room: [0.4; 3], ..ring };
+    /// A ray, all of its hits and its crossings.
+    type Asked = (Ray, Vec<Hit>, Vec<Hit>);
+
+    /// Rays at vertices and edges of closed meshes, those of even number from inside.
+    fn asked() -> Vec<(Mesh, Vec<Asked>)> {
         let of = |closed: Closed| {
             let tree = Wide::<Watertight>::build(&closed.mesh.positions, &closed.mesh.triangles, &Config::default())
                 .expect("fixtures are valid");
@@ -128,7 +127,7 @@ mod tests {
             let rays = rays(&closed.mesh, &closed, &Affine::IDENTITY, 600, 9);
             (closed.mesh, rays.into_iter().map(both).collect())
         };
-        vec![of(ball), of(ring)]
+        closed().into_iter().map(of).collect()
     }
 
     #[test]

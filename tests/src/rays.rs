@@ -1,7 +1,9 @@
 //! Rays that trees and triangle tests get wrong first.
 
 use canted_fixtures::{Grazing, Mesh, RayData, SplitMix64, grazing};
-use canted_trace::Ray;
+use canted_trace::{HIT_ERROR, Ray};
+
+use crate::vector::{Vector, cross, length, sub};
 
 /// A ray that hits nothing that is there: what is asked of a mesh without triangles.
 const ASIDE: Ray = Ray { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 0.0, t_max: f32::INFINITY };
@@ -92,6 +94,29 @@ pub fn from_inside(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
             if i % 3 == 1 { Ray { t_max: 1.0, ..ray } } else { ray }
         })
         .collect()
+}
+
+/// `n` rays at inner points of triangles, nearly along their normals, from as near as the error of hits allows: where any ray
+/// pierces a triangle beyond doubt, such do. Triangles without area give no ray.
+#[must_use]
+pub fn at_insides(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
+    let mut rng = SplitMix64::new(seed);
+    let mut ray = |i: usize| {
+        let [a, b, c] = mesh.corners(rng.below(mesh.triangles.len()));
+        let normal = cross(sub(b, a), sub(c, a));
+        let (double_area, stray) = (length(normal), rng.on_sphere());
+        let [u, v] = [0.2 + 0.25 * rng.unit(), 0.2 + 0.25 * rng.unit()];
+        let target: Vector = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
+        let longest = [sub(b, a), sub(c, b), sub(a, c)].map(length).into_iter().fold(0.0, f64::max);
+        let reach = [a, b, c].iter().flatten().fold(0.0f64, |all, x| all.max(x.abs()));
+        // The origin is as far out as the triangle, and the error is that of both; underflow adds half of the least normal number.
+        let error = 3.0f64.sqrt() * f64::from(HIT_ERROR) * 2.0 * reach + 0.5 * f64::from(f32::MIN_POSITIVE);
+        let away = [1.2, 2.0, 8.0][i % 3] * (error + double_area / longest) * [1.0, -1.0][i % 2];
+        let origin = std::array::from_fn(|k| target[k] + away * (normal[k] / double_area + 0.1 * stray[k]));
+        (double_area > 0.0).then(|| aimed(origin, target))
+    };
+    let is_ray = |ray: &Ray| ray.direction.iter().any(|&d| d != 0.0);
+    (0..n).filter_map(&mut ray).filter(is_ray).collect()
 }
 
 /// Steps of [`on_lattice`] from the origin to the farthest coordinate, at most.

@@ -167,7 +167,8 @@ mod tests {
         let error =
             |way: fn(Matrix, usize) -> (Quaternion, usize), exponent| angle_rad(way(scaled(exponent), 1000).0, turn);
         assert!(error(as_listed, -300) > 0.9 && error(as_listed, 300) < 1e-8);
-        assert!(error(as_copied, -300) < 1e-8 && !(error(as_copied, 300) < 0.1));
+        let too_far = error(as_copied, 300);
+        assert!(error(as_copied, -300) < 1e-8 && (too_far.is_nan() || too_far > 0.1));
         assert!(as_copied(diagonal([0.0; 3]), 1000).0.w.is_nan());
     }
 

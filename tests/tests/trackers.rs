@@ -1,9 +1,11 @@
 //! What other libraries' users reported, by the number of the thread: ours passes.
 //!
-//! What those libraries do on the same input stands in `tests/EXTREMES.md`.
+//! What Embree and `obvhs` do on the same inputs stands in `tests/EXTREMES.md`, where `--peers` was given. tinybvh is not asked: what it
+//! takes for a fatal error ends the process. Neither is parry: `parry3d` would bring more than a dozen crates along, a triangulator
+//! and a tree of rectangles among them, for one row.
 
 use canted_tests::{
-    extremes::{self, TRACKERS},
+    extremes::{self, Row, TRACKERS},
     tracers,
 };
 
@@ -11,7 +13,8 @@ use canted_tests::{
 fn passes(name: &str) {
     let tracker = TRACKERS.iter().find(|tracker| tracker.name == name).expect("a known report");
     let rows = (tracker.rows)(&tracers::ours().0);
-    assert!(rows.len() >= 2 && rows.iter().all(|row| row.holds()), "{}", extremes::table(&rows));
+    assert!(!rows.iter().any(Row::is_broken), "{}", extremes::table(&rows));
+    assert!(rows.iter().filter(|row| row.is_promise()).count() >= 2, "{}", extremes::table(&rows));
 }
 
 #[test]

@@ -19,9 +19,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     ways.extend(wide::peers());
     let rows = extremes::rows(effort.pick(1, 1, 4), &ways);
     let ours: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();
-    let n_kept = ours.iter().filter(|row| row.holds()).count();
-    let n_inputs: usize = ours.iter().map(|row| row.n_inputs).sum();
-    chapter.says = format!("Of {} promises, tried on {n_inputs} inputs, {n_kept} are kept.", ours.len());
+    chapter.says = extremes::summary(&rows);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     chapter.plots = vec![used(&ours)];
     let mut stations: Vec<&'static str> = vec![];
@@ -68,8 +66,11 @@ fn used(ours: &[&Row]) -> Plot {
 }
 
 const METHOD: [&str; 2] = [
-    "Each line is one promise on one kind of input. A value stands before the number of inputs and the routines that it belongs to. A \
-     bound that is told promises nothing. A test of the workspace asserts every line of ours; no value depends on a clock.",
+    "Each line is one promise on one kind of input, over the inputs of which its judge is certain: those that say nothing about the \
+     promise are not counted. A count is of inputs that failed, any other value is the worst of all inputs; behind it stand the \
+     routines that it belongs to. A bound that is told promises nothing, as do inputs of which none is certain. A test of the \
+     workspace asserts every line of ours; no value depends on a clock.",
     "Of peers nothing is promised: their values stand beside ours because their users asked for the same, and a peer may rightly \
-     decide an edge otherwise than we do.",
+     decide an edge otherwise than we do. Answers cut by the driver are those of a device whose walk ended at the driver's limit: the \
+     CPU gave them.",
 ];

@@ -9,7 +9,11 @@ use canted_trace::{Hit, Ray, Watertight};
 use canted_wide::{Config, Wide};
 
 use super::{Oracle, Promise, Row};
-use crate::{brute, instances as oracle, transforms::affine};
+use crate::{
+    brute, instances as oracle,
+    tracers::{Way, Word},
+    transforms::affine,
+};
 
 /// Placements by name.
 fn places() -> Vec<(&'static str, Affine)> {
@@ -62,7 +66,7 @@ fn norm(map: &Affine) -> f64 {
     (0..3).map(|k| map.columns[..3].iter().map(|column| f64::from(column[k].abs())).sum()).fold(0.0, f64::max)
 }
 
-pub(super) fn rows(effort: usize) -> Vec<Row> {
+pub(super) fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
     let mut rows = vec![];
     let mesh = soup(25, 80);
     let binary = || {
@@ -87,15 +91,22 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         let instance = Instance::still(0, world_from_object);
         let of = |hits: &[Option<Hit>]| {
             let n_other = hits.iter().zip(&wants).filter(|(hit, want)| hit != want).count();
+            let n_hits = hits.iter().flatten().count();
             let share = |(ray, hit): (&Ray, &Option<Hit>)| {
                 hit.as_ref().map_or(0.0, |hit| of_promised(&mesh, &world_from_object, ray, hit))
             };
-            (n_other, rays.iter().zip(hits).map(share).fold(0.0, f64::max))
+            (n_other, n_hits, rays.iter().zip(hits).map(share).fold(0.0, f64::max))
         };
         let answers =
             [("binary", of(&closest(binary(), instance, &rays))), ("wide", of(&closest(wide(), instance, &rays)))];
-        rows.extend(answers.map(|(kind, (n_other, _))| same.count(kind, rays.len(), n_other)));
-        rows.extend(answers.map(|(kind, (_, worst))| near.row(kind, rays.len(), worst)));
+        rows.extend(answers.map(|(kind, (n_other, ..))| same.count(kind, rays.len(), n_other)));
+        for way in ways.iter().filter(|way| way.word == Word::Peer) {
+            // Whether anything is hit: a peer may round the ray or the vertices, and none says what it does.
+            let hits = (way.make)(&mesh, &world_from_object).closest(&rays);
+            let n_other = hits.iter().zip(&wants).filter(|(hit, want)| hit.is_some() != want.is_some()).count();
+            rows.push(Row { is_peer: true, ..same.count(&way.name, rays.len(), n_other) });
+        }
+        rows.extend(answers.map(|(kind, (_, n_hits, worst))| near.row(kind, n_hits, worst)));
     }
     rows.push(refused(&mesh));
     rows

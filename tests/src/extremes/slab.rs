@@ -148,12 +148,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for Case { name, pairs } in cases(effort) {
         let none_lost = Promise::none("box", name, "what meets the box enters it", Oracle::Exact, "rays lost");
-        let told = Promise {
-            bound: f64::INFINITY,
-            promise: "misses that enter, for the pad",
-            unit: "of all misses",
-            ..none_lost
-        };
+        let told = Promise { promise: "misses that enter, for the pad", unit: "of all misses", ..none_lost }.told();
         let straight = |obb: &Obb| obb.frame == Obb::IDENTITY_FRAME;
         type Enters = fn(&Pair) -> bool;
         let routines: [(&str, Enters); 2] = [
@@ -161,18 +156,16 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             ("ray_aabb", |(ray, obb)| ray_aabb(ray, &obb.aabb()).is_some()),
         ];
         let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::meets_box(ray, obb)).collect();
+        let n_missed = verdicts.iter().filter(|&&meets| !meets).count();
         // A leaning box lies in its straight one: what meets it must enter that too.
         for (routine, enters) in routines {
             let lost = pairs.iter().zip(&verdicts).filter(|&(pair, &meets)| meets && !enters(pair)).count();
-            rows.push(none_lost.count(routine, pairs.len(), lost));
+            rows.push(none_lost.count(routine, pairs.len() - n_missed, lost));
         }
         let all_straight = pairs.iter().all(|(_, obb)| straight(obb));
-        let n_missed = verdicts.iter().filter(|&&meets| !meets).count();
         for (routine, enters) in routines.into_iter().take(if all_straight { 2 } else { 1 }) {
             let entered = pairs.iter().zip(&verdicts).filter(|&(pair, &meets)| !meets && enters(pair)).count();
-            #[expect(clippy::cast_precision_loss, reason = "small counts")]
-            let share = entered as f64 / n_missed.max(1) as f64;
-            rows.push(told.row(routine, pairs.len(), share));
+            rows.push(told.share(routine, n_missed, entered));
         }
     }
     [rows, same(effort)].concat()

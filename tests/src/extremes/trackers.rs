@@ -37,12 +37,16 @@ pub const TRACKERS: [Tracker; 9] = [
 ];
 
 /// A row for each way: rays, and those that went wrong.
-fn each(promise: Promise, ways: &[Way], failed: impl Fn(&Way) -> (usize, usize)) -> Vec<Row> {
+fn each<'a>(
+    promise: Promise,
+    ways: impl IntoIterator<Item = &'a Way>,
+    failed: impl Fn(&Way) -> (usize, usize),
+) -> Vec<Row> {
     let row = |way: &Way| {
-        let (n, n_failed) = failed(way);
-        Row { is_peer: way.word == Word::Peer, ..promise.count(&way.name, n, n_failed) }
+        let ((n, n_failed), n_cut) = way.with_cuts(|| failed(way));
+        Row { is_peer: way.word == Word::Peer, n_cut, ..promise.count_certain(&way.name, n, n_failed) }
     };
-    ways.iter().map(row).collect()
+    ways.into_iter().map(row).collect()
 }
 
 /// Rays that nothing stops, or that an occlusion query lets pass.

@@ -105,6 +105,7 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
         case("at an edge", &on_rim(false)),
         case("at a vertex", &on_rim(true)),
         case("slivers, 1e6 : 1", &of(1.0, 0.0, 1e-6, 2.0)),
+        case("slivers, 1e6 : 1, from near", &of(1.0, 0.0, 1e-6, 0.01)),
         case("1e-6 large", &of(1e-6, 0.0, 0.7, 2.0)),
         case("1e-6 large, from as near", &of(1e-6, 0.0, 0.7, 2e-6)),
         case("at 1e-20", &of(1e-20, 0.0, 0.7, 2e-20)),
@@ -112,6 +113,7 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
         case("at 1e7", &of(50.0, 1e7, 0.7, 100.0)),
         case("from 1e7 away", &of(10.0, 0.0, 0.7, 1e7)),
         case("denormal coordinates", &of(1e-40, 0.0, 0.7, 2e-40)),
+        case("denormal coordinates, from 4e-38 away", &of(1e-40, 0.0, 0.7, 4e-38)),
         case("origin on it", &of(1.0, 0.0, 0.7, 1e-7)),
         case("in its plane, but for 1e-9", &in_plane),
         case("without area", &no_area),
@@ -148,24 +150,29 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         });
         for (i, (name, _)) in ROUTINES.iter().enumerate() {
             // Only the watertight kernel hits whatever is pierced: the others leave out what they cannot solve well.
-            let promise = if i == 0 { lost } else { Promise { bound: f64::INFINITY, ..lost } };
-            let is_lost = |&(verdict, answer): &(&Verdict, &Answer)| *verdict == Verdict::Pierced && answer.is_none();
-            let n = verdicts[i.min(1)].iter().zip(&answers[i]).filter(is_lost).count();
-            rows.push(promise.count(*name, pairs.len(), n));
+            let promise = if i == 0 { lost } else { lost.told() };
+            let [n, n_lost] = certain(&verdicts[i.min(1)], Verdict::Pierced, &answers[i], |answer| answer.is_none());
+            rows.push(promise.count_certain(*name, n, n_lost));
         }
         for (i, (name, _)) in ROUTINES.iter().enumerate() {
-            let is_invented =
-                |&(verdict, answer): &(&Verdict, &Answer)| *verdict == Verdict::Missed && answer.is_some();
-            let n = verdicts[i.min(1)].iter().zip(&answers[i]).filter(is_invented).count();
-            rows.push(invented.count(*name, pairs.len(), n));
+            let [n, n_invented] = certain(&verdicts[i.min(1)], Verdict::Missed, &answers[i], |answer| answer.is_some());
+            rows.push(invented.count_certain(*name, n, n_invented));
         }
         for (i, (name, _)) in ROUTINES.iter().enumerate() {
             let share = |(pair, answer): (&Pair, &Answer)| answer.map_or(0.0, |(t, _)| of_promised(pair, t));
             let worst = pairs.iter().zip(&answers[i]).map(share).fold(0.0, f64::max);
-            rows.push(off.row(*name, pairs.len(), worst));
+            let n_hits = answers[i].iter().flatten().count();
+            let promise = if n_hits == 0 { off.told() } else { off };
+            rows.push(promise.row(*name, n_hits, worst));
         }
     }
     [rows, ties(), hubs()].concat()
+}
+
+/// Rays of this verdict, and those of them whose answer is wrong.
+fn certain(verdicts: &[Verdict], of: Verdict, answers: &[Answer], is_wrong: fn(&Answer) -> bool) -> [usize; 2] {
+    let answers = || verdicts.iter().zip(answers).filter(|(verdict, _)| **verdict == of).map(|(_, answer)| answer);
+    [answers().count(), answers().filter(|answer| is_wrong(answer)).count()]
 }
 
 /// Distance of the point at `t` from the plane, over what is promised of it.

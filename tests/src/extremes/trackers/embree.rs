@@ -2,14 +2,17 @@
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, icosphere};
 use canted_obb::Affine;
-use canted_trace::{Hit, Ray, Side, Watertight};
-use canted_wide::{Config, SimdPath, Wide};
+use canted_trace::{Hit, Ray, Side};
 
-use super::super::{Oracle, Promise, Row, hierarchy};
+use super::super::{
+    Oracle, Promise, Row,
+    hierarchy::{self, Certain},
+};
 use super::{ball, each, rounded, slipped};
 use crate::{
     closed::rays,
-    tracers::{Way, lean},
+    tracers::{Tracer, Way, Word},
+    vector::{cross, dot, sub},
 };
 
 /// In robust mode rays from inside leave a closed mesh through a vertex.
@@ -97,10 +100,12 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
 }
 
 /// All hits of a ray through an edge or vertex count the surface twice.
-pub(super) fn embree_188(_: &[Way]) -> Vec<Row> {
+///
+/// Devices tell first hits alone, and these up to an error that is wider than an edge: they are not asked.
+pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #188",
-        "through a convex mesh at edges and vertices",
+        "through a convex mesh at edges and vertices; peers walk from hit to hit",
         "one crossing inward, one outward",
         Oracle::Known,
         "rays",
@@ -112,33 +117,40 @@ pub(super) fn embree_188(_: &[Way]) -> Vec<Row> {
         // Of these pairs the second comes from outside, through the edge to a point inside.
         .filter_map(|(i, ray)| (i % 2 == 1).then_some(ray))
         .collect();
-    let mut rows = vec![];
-    for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-        for (kind, config) in [("", Config::default()), ("lean ", lean())] {
-            let tree = Wide::<Watertight>::build(&ball.mesh.positions, &ball.mesh.triangles, &config)
-                .expect("fixtures are valid")
-                .with_path(path);
-            let mut crossings = vec![];
-            let is_other = |ray: &&Ray| {
-                tree.crossings(ray, &mut crossings);
-                crossings.iter().map(|hit| hit.side).ne([Side::Front, Side::Back])
-            };
-            let n_other = through.iter().filter(is_other).count();
-            rows.push(PROMISE.count(format!("wide {kind}{}", path.name()), through.len(), n_other));
-        }
+    let asked = ways.iter().filter(|way| !matches!(way.word, Word::Device(_)));
+    each(PROMISE, asked, |way| {
+        let tracer = way.of(&ball.mesh);
+        let is_other = |ray: &&Ray| {
+            let crossings = tracer.crossings(ray).unwrap_or_else(|| walked(tracer.as_ref(), &ball.mesh, ray));
+            crossings.iter().map(|hit| hit.side).ne([Side::Front, Side::Back])
+        };
+        (through.len(), through.iter().filter(is_other).count())
+    })
+}
+
+/// Hits that a caller finds who asks again from just behind the last: more than two are enough to be wrong.
+fn walked(tracer: &dyn Tracer, mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
+    let (mut rest, mut hits) = (*ray, vec![]);
+    while hits.len() < 3 {
+        let Some(hit) = tracer.closest(&[rest])[0] else { break };
+        let [a, b, c] = mesh.corners(hit.primitive.index());
+        let along = dot(cross(sub(b, a), sub(c, a)), ray.direction.map(f64::from));
+        hits.push(Hit { side: if along < 0.0 { Side::Front } else { Side::Back }, ..hit });
+        rest.t_min = hit.t.next_up();
     }
-    rows
+    hits
 }
 
 /// A skinny triangle, edges of 11.2, 9.7 and about 1.5, half a degree from the ray: a hit at an absurd distance.
 pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
-    const PROMISE: Promise = Promise::none(
+    const PIERCED: Promise = Promise::none(
         "Embree #387",
         "a skinny triangle within a degree of the ray, 600 away",
-        "no certain hit lost, none invented",
+        hierarchy::PIERCED,
         Oracle::Exact,
         "rays",
     );
+    const MISSED: Promise = Promise { promise: hierarchy::MISSED, ..PIERCED };
     let mut rng = SplitMix64::new(387);
     let mut meshes = vec![];
     for _ in 0..12 {
@@ -171,8 +183,11 @@ pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
         let rays: Vec<Ray> = (0..60).map(|_| ray()).collect();
         meshes.push((Mesh { positions, triangles: vec![[0, 1, 2]] }, rays));
     }
-    each(PROMISE, ways, |way| {
-        let counts = meshes.iter().map(|(mesh, rays)| (rays.len(), hierarchy::n_wrong(way, mesh, rays)));
-        counts.fold((0, 0), |(n, wrong), (more, more_wrong)| (n + more, wrong + more_wrong))
-    })
+    let counted = |promise, of: fn(&Certain) -> [usize; 2]| {
+        each(promise, ways, |way| {
+            let counts = meshes.iter().map(|(mesh, rays)| of(&Certain::of_way(way, mesh, rays)));
+            counts.fold((0, 0), |(n, n_failed), [more, more_failed]| (n + more, n_failed + more_failed))
+        })
+    };
+    [counted(PIERCED, |certain| certain.pierced), counted(MISSED, |certain| certain.missed)].concat()
 }

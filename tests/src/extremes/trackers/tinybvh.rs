@@ -23,58 +23,79 @@ impl Query for Only {
     }
 }
 
-/// On the way from the top level to a bottom level a ray's interval, and whom a query is asked about, get lost.
-pub(super) fn tinybvh_277(_: &[Way]) -> Vec<Row> {
-    fn n_failed<B: Blas>(blas: B, name: &str) -> Row {
-        const PROMISE: Promise = Promise::none(
-            "tinybvh #277",
-            "two levels: interval and instance, axis-parallel too",
-            "what the query sees is the ray's own",
-            Oracle::Known,
-            "rays",
-        );
-        // Plates at z = 0, 8 and 16, of which the second is scaled and the third mirrored.
-        let at = |scale: f32, z: f32| {
-            let columns = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0, 0.0, z]];
-            Instance::still(0, Affine { columns })
-        };
-        let tlas = Tlas::new(vec![blas], &[at(1.0, 0.0), at(64.0, 8.0), at(-4.0, 16.0)], TopConfig::default())
-            .expect("scales are invertible");
-        let (mut n, mut failed) = (0, 0);
-        for (x, y) in [(0.0, 0.0), (0.125, -0.25), (-0.375, 0.375)] {
-            for length in [1.0f32, -0.0078125, 1024.0] {
-                let start = if length > 0.0 { -4.0 } else { 20.0 };
-                let ray = Ray::new([x, y, start], [0.0, -0.0, length]);
-                for (id, z) in [(0, 0.0), (1, 8.0), (2, 16.0)] {
-                    let t = (z - start) / length;
-                    let ask = |t_min: f32, t_max: f32| {
-                        let mut query = Only(InstanceId(id), vec![]);
-                        let ray = Ray { t_min, t_max, ..ray };
-                        let hit = tlas.closest_hit(&ray, &mut query).map(|hit| (hit.t, hit.instance.0));
-                        let seen_beyond = query.1.iter().any(|&t| !(t_min <= t && t <= t_max));
-                        let agrees = tlas.occluded(&ray, &mut Only(InstanceId(id), vec![])) == hit.is_some();
-                        (hit, seen_beyond || !agrees)
-                    };
-                    let asked = [
-                        (ask(0.0, f32::INFINITY), Some((t, id))),
-                        (ask(t, t), Some((t, id))),
-                        (ask(0.0, t.next_down()), None),
-                        (ask(t.next_up(), f32::INFINITY), None),
-                    ];
-                    n += asked.len();
-                    failed += asked.iter().filter(|((hit, is_bad), want)| hit != want || *is_bad).count();
-                }
+/// Plates at z = 0, 8 and 16, of which the second is scaled and the third mirrored.
+fn plates() -> [(Affine, f32); 3] {
+    [(1.0, 0.0), (64.0, 8.0), (-4.0, 16.0)].map(|(scale, z): (f32, f32)| {
+        let columns = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0, 0.0, z]];
+        (Affine { columns }, z)
+    })
+}
+
+/// Rays through all plates, the number of one of them, intervals of the ray, and the `t` at which the plate is met in each.
+fn through_plates() -> Vec<(Ray, usize, Option<f32>)> {
+    let mut asked = vec![];
+    for (x, y) in [(0.0, 0.0), (0.125, -0.25), (-0.375, 0.375)] {
+        for length in [1.0f32, -0.0078125, 1024.0] {
+            let start = if length > 0.0 { -4.0 } else { 20.0 };
+            let ray = Ray::new([x, y, start], [0.0, -0.0, length]);
+            for (plate, (_, z)) in plates().into_iter().enumerate() {
+                let t = (z - start) / length;
+                let intervals = [
+                    (0.0, f32::INFINITY, Some(t)),
+                    (t, t, Some(t)),
+                    (0.0, t.next_down(), None),
+                    (t.next_up(), f32::INFINITY, None),
+                ];
+                asked.extend(intervals.map(|(t_min, t_max, want)| (Ray { t_min, t_max, ..ray }, plate, want)));
             }
         }
-        PROMISE.count(name, n, failed)
+    }
+    asked
+}
+
+/// On the way from the top level to a bottom level a ray's interval, and whom a query is asked about, get lost.
+///
+/// Peers have no such query: each plate stands alone before them, under its transform where they know instances.
+pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
+    const PROMISE: Promise = Promise::none(
+        "tinybvh #277",
+        "two levels: interval and instance, axis-parallel too; peers: one plate at a time",
+        "what the query sees is the ray's own",
+        Oracle::Known,
+        "rays",
+    );
+    fn of_levels<B: Blas>(blas: B, name: &str) -> Row {
+        let instances = plates().map(|(place, _)| Instance::still(0, place));
+        let tlas = Tlas::new(vec![blas], &instances, TopConfig::default()).expect("scales are invertible");
+        let is_wrong = |(ray, plate, want): &&(Ray, usize, Option<f32>)| {
+            let only = || Only(InstanceId(u32::try_from(*plate).expect("three plates")), vec![]);
+            let mut query = only();
+            let hit = tlas.closest_hit(ray, &mut query).map(|hit| (hit.t, hit.instance));
+            let seen_beyond = query.1.iter().any(|&t| !(ray.t_min <= t && t <= ray.t_max));
+            let agrees = tlas.occluded(ray, &mut only()) == hit.is_some();
+            hit != want.map(|t| (t, query.0)) || seen_beyond || !agrees
+        };
+        let asked = through_plates();
+        PROMISE.count(name, asked.len(), asked.iter().filter(is_wrong).count())
     }
     let plate = thin_box(0.0);
     let binary = MeshBlas::<Watertight>::build(&plate.positions, &plate.triangles, &BuildConfig::default());
     let wide = Wide::<Watertight>::build(&plate.positions, &plate.triangles, &Config::default());
-    vec![
-        n_failed(binary.expect("fixtures are valid"), "two levels of binary"),
-        n_failed(wide.expect("fixtures are valid"), "two levels of wide"),
-    ]
+    let mut rows = vec![
+        of_levels(binary.expect("fixtures are valid"), "two levels of binary"),
+        of_levels(wide.expect("fixtures are valid"), "two levels of wide"),
+    ];
+    let peers = ways.iter().filter(|way| way.word == Word::Peer);
+    rows.extend(each(PROMISE, peers, |way| {
+        let tracers = plates().map(|(place, _)| (way.make)(&plate, &place));
+        let asked = through_plates();
+        let is_wrong = |(ray, plate, want): &&(Ray, usize, Option<f32>)| {
+            let (hits, occluded) = (tracers[*plate].closest(&[*ray]), tracers[*plate].occluded(&[*ray]));
+            hits[0].map(|hit| hit.t) != *want || occluded[0] != want.is_some()
+        };
+        (asked.len(), asked.iter().filter(is_wrong).count())
+    }));
+    rows
 }
 
 /// Axis-parallel rays both ways through a mesh whose coordinates are `step` apart, with zeros of this sign.

@@ -1,0 +1,79 @@
+//! Boxes along the axes in nodes of eight, on every path that the machine has: the kinds of `slab`.
+//!
+//! Leaning boxes of wide nodes belong to a tree of triangles (`hierarchy`): their tests have no door of their own.
+
+use canted_obb::Aabb;
+use canted_trace::ScaledRay;
+use canted_wide::{BoxTree, Config, SimdPath};
+
+use super::{
+    Oracle, Promise, Row,
+    slab::{Case, Pair, cases},
+};
+use crate::fractions;
+
+/// Boxes of one tree: those of a node.
+const LANES: usize = 8;
+
+pub(super) fn rows(effort: usize) -> Vec<Row> {
+    let paths = || SimdPath::ALL.into_iter().filter(|path| path.is_available());
+    let mut rows = vec![];
+    for Case { name, pairs } in cases(effort) {
+        let lost =
+            Promise::none("box in a node of eight", name, "what meets the box enters it", Oracle::Exact, "rays lost");
+        let told = Promise { promise: "misses that enter, for the pad", unit: "of all misses", ..lost }.told();
+        // A product and a sum may be rounded once or twice (`canted_wide`'s `simd`): pads cover both, and no path is held to another.
+        let same = Promise {
+            promise: "rays that enter other boxes than on the scalar path, for fused roundings",
+            oracle: Oracle::Same,
+            unit: "of all rays",
+            ..lost
+        }
+        .told();
+        // A leaning box lies in its straight one: what meets it must enter that.
+        let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::meets_box(ray, obb)).collect();
+        let n_met = verdicts.iter().filter(|&&meets| meets).count();
+        let straight = pairs.iter().all(|(_, obb)| obb.frame == canted_obb::Obb::IDENTITY_FRAME);
+        let wants = entered(&pairs, SimdPath::Scalar);
+        let mut by_promise: [Vec<Row>; 3] = Default::default();
+        for path in paths() {
+            let found = entered(&pairs, path);
+            let own = |meets: bool, enters: bool| {
+                let is_so =
+                    |(i, among): (usize, &Vec<usize>)| verdicts[i] == meets && among.contains(&(i % LANES)) == enters;
+                found.iter().enumerate().filter(|&pair| is_so(pair)).count()
+            };
+            by_promise[0].push(lost.count(path.name(), n_met, own(true, false)));
+            if straight {
+                by_promise[1].push(told.share(path.name(), pairs.len() - n_met, own(false, true)));
+            }
+            if path != SimdPath::Scalar {
+                let n_other = found.iter().zip(&wants).filter(|(found, wanted)| found != wanted).count();
+                by_promise[2].push(same.share(path.name(), pairs.len(), n_other));
+            }
+        }
+        rows.extend(by_promise.concat());
+    }
+    rows
+}
+
+/// For each ray which boxes of its node it enters, rising; its own box stands where it stands among the pairs.
+fn entered(pairs: &[Pair], path: SimdPath) -> Vec<Vec<usize>> {
+    let of_node = |pairs: &[Pair]| {
+        let boxes: Vec<Aabb> = pairs.iter().map(|(_, obb)| obb.aabb()).collect();
+        let tree = BoxTree::build(&boxes, &Config::default()).expect("boxes are finite").with_path(path);
+        let of_ray = |(ray, _): &Pair| {
+            let mut entered = vec![];
+            if let Some(ray) = ScaledRay::new(ray) {
+                tree.in_any_order(&ray, 0.0, &mut (), |number, t_max, ()| {
+                    entered.push(number.index());
+                    t_max
+                });
+            }
+            entered.sort_unstable();
+            entered
+        };
+        pairs.iter().map(of_ray).collect::<Vec<_>>()
+    };
+    pairs.chunks(LANES).flat_map(of_node).collect()
+}

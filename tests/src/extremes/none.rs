@@ -1,0 +1,72 @@
+//! Rays that are none, in a batch with others: a number that is not finite, no direction, an interval that ends before it begins.
+
+use canted_fixtures::soup;
+use canted_trace::{Hit, Ray};
+
+use super::{Oracle, Promise, Row};
+use crate::{
+    judge,
+    tracers::{Way, Word},
+};
+
+/// What a ray becomes when it is spoilt.
+fn spoilt(ray: &Ray) -> Vec<Ray> {
+    let mut rays = vec![
+        Ray { direction: [0.0, -0.0, 0.0], ..*ray },
+        Ray { t_min: f32::NAN, ..*ray },
+        Ray { t_max: f32::NAN, ..*ray },
+        Ray { t_min: 2.0, t_max: 1.0, ..*ray },
+    ];
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for axis in 0..3 {
+            let (mut of_origin, mut of_direction) = (*ray, *ray);
+            of_origin.origin[axis] = bad;
+            of_direction.direction[axis] = bad;
+            rays.extend([of_origin, of_direction]);
+        }
+    }
+    rays
+}
+
+pub(super) fn rows(ways: &[Way]) -> Vec<Row> {
+    const NONE: Promise = Promise::none(
+        "tree of triangles",
+        "NaN, infinity, no direction, an empty interval",
+        "nothing is hit",
+        Oracle::Known,
+        "rays hit",
+    );
+    const BESIDE: Promise = Promise {
+        promise: "the rays among them are answered as without them",
+        oracle: Oracle::Same,
+        unit: "rays differ",
+        ..NONE
+    };
+    let mesh = soup(26, 60);
+    let good = judge::rays(&mesh, 60, 97);
+    // One good ray, then all that became of it.
+    let mixed: Vec<(bool, Ray)> = good
+        .iter()
+        .flat_map(|ray| std::iter::once((true, *ray)).chain(spoilt(ray).into_iter().map(|ray| (false, ray))))
+        .collect();
+    let rays: Vec<Ray> = mixed.iter().map(|&(_, ray)| ray).collect();
+    let mut by_promise: [Vec<Row>; 2] = Default::default();
+    for way in ways {
+        let tracer = way.of(&mesh);
+        let ask = |rays: &[Ray]| {
+            let short = |hit: Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
+            tracer.closest(rays).into_iter().map(short).zip(tracer.occluded(rays)).collect::<Vec<_>>()
+        };
+        let ((alone, among), n_cut) = way.with_cuts(|| (ask(&good), ask(&rays)));
+        let of = |is_good: bool| {
+            mixed.iter().zip(&among).filter(move |((good, _), _)| *good == is_good).map(|(_, found)| *found)
+        };
+        let n_hit = of(false).filter(|&found| found != (None, false)).count();
+        let n_other = of(true).zip(&alone).filter(|(among, alone)| among != *alone).count();
+        let counts = [(rays.len() - good.len(), n_hit), (good.len(), n_other)];
+        for ((of_promise, promise), (n, n_failed)) in by_promise.iter_mut().zip([NONE, BESIDE]).zip(counts) {
+            of_promise.push(Row { is_peer: way.word == Word::Peer, n_cut, ..promise.count(&way.name, n, n_failed) });
+        }
+    }
+    by_promise.concat()
+}

@@ -1,0 +1,145 @@
+//! Rows as lines of a table: what was promised, and what each routine did, in words.
+
+use std::collections::BTreeSet;
+
+use super::{Measure, Promise, Row};
+
+/// A line each promise: station, case, promise, judge, bound, the worst of ours, peers; routines of equal value side by side.
+#[must_use]
+pub fn lines(rows: &[Row]) -> Vec<[String; 7]> {
+    let line = |around: &[Row]| {
+        let Promise { station, case, promise, oracle, .. } = around[0].promise;
+        let [station, case, promise, oracle] = [station, case, promise, oracle.name()].map(str::to_owned);
+        [station, case, promise, oracle, bounds(around), values(around, false), values(around, true)]
+    };
+    rows.chunk_by(|a, b| key(a) == key(b)).map(line).collect()
+}
+
+/// The rows as Markdown.
+#[must_use]
+pub fn table(rows: &[Row]) -> String {
+    let mut lines = vec![
+        "| station | case | promise | judged by | bound | worst of ours | peers |".to_owned(),
+        "|---|---|---|---|---|---|---|".to_owned(),
+    ];
+    lines.extend(self::lines(rows).into_iter().map(|line| format!("| {} |", line.join(" | "))));
+    lines.push(format!("| all | | | | | {} | |", summary(rows)));
+    lines.join("\n")
+}
+
+/// How many promises were made, on how many kinds of input, and how many of them every routine kept that made them.
+#[must_use]
+pub fn summary(rows: &[Row]) -> String {
+    let promised: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();
+    let all: BTreeSet<[&str; 3]> = promised.iter().map(|row| key(row)).collect();
+    let cases: BTreeSet<[&str; 2]> = all.iter().map(|&[station, case, _]| [station, case]).collect();
+    let broken: BTreeSet<[&str; 3]> = promised.iter().filter(|row| row.is_broken()).map(|row| key(row)).collect();
+    format!("Of {} promises on {} cases, {} are kept.", all.len(), cases.len(), all.len() - broken.len())
+}
+
+fn key(row: &Row) -> [&'static str; 3] {
+    [row.promise.station, row.promise.case, row.promise.promise]
+}
+
+/// `words (routines)`, in the order of the first routine of each words.
+fn together(told: impl Iterator<Item = (String, String)>) -> String {
+    let mut order: Vec<(String, Vec<String>)> = vec![];
+    for (words, routine) in told {
+        match order.iter_mut().find(|(known, _)| *known == words) {
+            Some((_, routines)) => routines.push(routine),
+            None => order.push((words, vec![routine])),
+        }
+    }
+    let words = order.into_iter().map(|(words, routines)| format!("{words} ({})", routines.join(", ")));
+    words.collect::<Vec<_>>().join("; ")
+}
+
+/// The bound of all routines of ours, or each bound with those that it binds.
+fn bounds(rows: &[Row]) -> String {
+    let bound = |row: &Row| {
+        let Promise { bound, unit, .. } = row.promise;
+        if bound.is_finite() { format!("{} {unit}", number(bound)) } else { "told".to_owned() }
+    };
+    let ours = || rows.iter().filter(|row| !row.is_peer);
+    let one = ours().next().map(bound).filter(|first| ours().all(|row| bound(row) == *first));
+    one.unwrap_or_else(|| together(ours().map(|row| (bound(row), row.routine.clone()))))
+}
+
+/// The values of ours, or of peers, with their inputs.
+fn values(rows: &[Row], is_peer: bool) -> String {
+    together(rows.iter().filter(|row| row.is_peer == is_peer).map(|row| (value(row), who(row))))
+}
+
+/// The value and its inputs, in words.
+fn value(row: &Row) -> String {
+    let Row { promise: Promise { unit, .. }, n_inputs, worst, .. } = row;
+    let inputs = if *n_inputs == 1 { "1 input".to_owned() } else { format!("{n_inputs} inputs") };
+    let value = match row.measure {
+        _ if *n_inputs == 0 => "no input is certain".to_owned(),
+        Measure::Failed => format!("{} of {inputs}", number(*worst)),
+        Measure::Worst => format!("{} {unit}, {inputs}", number(*worst)),
+        Measure::Share => format!("{} % {unit}, {inputs}", number(100.0 * worst)),
+    };
+    if row.is_broken() { format!("**broken** {value}") } else { value }
+}
+
+/// The routine, and what was not its own answer.
+fn who(row: &Row) -> String {
+    let Row { routine, n_cut, .. } = row;
+    if *n_cut == 0 { routine.clone() } else { format!("{routine} [{n_cut} answers cut by the driver]") }
+}
+
+/// A number as tables show it: whole where it is, else three digits.
+fn number(x: f64) -> String {
+    if x == x.round() && x.abs() < 1e7 {
+        format!("{x}")
+    } else if (1e-3..1e5).contains(&x.abs()) {
+        format!("{x:.4}")
+    } else {
+        format!("{x:.2e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::extremes::Oracle;
+
+    const PROMISE: Promise = Promise::none("fit", "a case", "holds", Oracle::Exact, "points");
+
+    #[test]
+    fn what_is_broken_is_seen_and_told() {
+        let rows = [PROMISE.count("a", 3, 0), PROMISE.count("b", 3, 0), PROMISE.count("c", 3, 2)];
+        assert_eq!(rows.iter().map(Row::holds).collect::<Vec<_>>(), [true, true, false]);
+        let broken = table(&rows);
+        assert!(broken.contains("| 0 points | 0 of 3 inputs (a, b); **broken** 2 of 3 inputs (c) |  |"), "{broken}");
+        assert!(broken.ends_with("Of 1 promises on 1 cases, 0 are kept. | |"), "{broken}");
+        assert!(table(&rows[..2]).ends_with("Of 1 promises on 1 cases, 1 are kept. | |"));
+    }
+
+    #[test]
+    fn bounds_stand_with_whom_they_bind() {
+        let peer = Row { is_peer: true, ..PROMISE.count("peer", 3, 3) };
+        let rows = [PROMISE.count("a", 3, 0), PROMISE.told().count("b", 3, 2), peer];
+        assert!(
+            table(&rows)
+                .contains("| 0 points (a); told (b) | 0 of 3 inputs (a); 2 of 3 inputs (b) | 3 of 3 inputs (peer) |")
+        );
+        assert!(table(&rows[..1]).contains("| 0 points | 0 of 3 inputs (a) |  |"));
+    }
+
+    #[test]
+    fn values_say_what_they_are() {
+        let told = Promise { unit: "of all misses", ..PROMISE.told() };
+        assert_eq!(value(&told.share("a", 400, 400)), "100 % of all misses, 400 inputs");
+        assert_eq!(value(&told.row("a", 1, 0.25)), "0.2500 of all misses, 1 input");
+        let cut = Row { n_cut: 7, ..PROMISE.count("device", 3, 0) };
+        assert_eq!(lines(&[cut])[0][5], "0 of 3 inputs (device [7 answers cut by the driver])");
+        assert_eq!(lines(&[PROMISE.count_certain("a", 0, 0)])[0][4..6], ["told", "no input is certain (a)"]);
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!([0.0, 1.0, 0.25, 1e-9, 12_345_678.0].map(number), ["0", "1", "0.2500", "1.00e-9", "1.23e7"]);
+    }
+}
