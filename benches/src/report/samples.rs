@@ -1,4 +1,9 @@
 //! Repetitions of one measurement, and what they say together.
+//!
+//! What is compared is measured in turn, round by round, so that a machine's drift falls on both: it is the ratios within rounds that
+//! say whether two differ. A difference is noise where the interval of their median holds 1.
+//! Source: the interval is that of order statistics, which asks nothing of the distribution (David, Nagaraja, Order Statistics, 2003,
+//! section 7.1).
 
 use std::fmt;
 
@@ -48,10 +53,32 @@ impl Samples {
         0.5 * (high - low) / self.median().abs()
     }
 
-    /// Whether a difference from `other` lies within what repetitions differ by: their ranges meet.
+    /// The interval that holds the median of what was drawn from, with a chance of [`CERTAINTY`] at least: from one order
+    /// statistic to its mirror image. From least to greatest of five rounds; `None` for fewer, of which no interval is that certain.
+    pub(crate) fn interval_of_median(&self) -> Option<[f64; 2]> {
+        let n = self.0.len();
+        let rank = (0..n / 2).take_while(|&rank| certainty(n, rank) >= CERTAINTY).last()?;
+        let mut sorted = self.0.clone();
+        sorted.sort_by(f64::total_cmp);
+        Some([sorted[rank], sorted[n - 1 - rank]])
+    }
+
+    /// `self` over `other`: round by round where both have as many rounds and these suffice, else the medians', with what their
+    /// ranges leave it.
+    pub(crate) fn over(&self, other: &Self) -> Ratio {
+        let ratios = self.with(other, |a, b| a / b);
+        match ratios.interval_of_median().filter(|_| self.0.len() == other.0.len()) {
+            Some(interval) => Ratio { median: ratios.median(), interval },
+            None => {
+                let ([low, high], [other_low, other_high]) = (self.range(), other.range());
+                Ratio { median: self.median() / other.median(), interval: [low / other_high, high / other_low] }
+            }
+        }
+    }
+
+    /// Whether a difference from `other` is what rounds differ by anyway.
     pub(crate) fn is_noise_beside(&self, other: &Self) -> bool {
-        let ([low, high], [other_low, other_high]) = (self.range(), other.range());
-        low <= other_high && other_low <= high
+        self.over(other).is_noise()
     }
 
     /// Each repetition by `factor`.
@@ -63,6 +90,38 @@ impl Samples {
     pub(crate) fn with(&self, other: &Self, join: impl Fn(f64, f64) -> f64) -> Self {
         Self(self.0.iter().zip(&other.0).map(|(&a, &b)| join(a, b)).collect())
     }
+}
+
+/// How two measurements compare.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ratio {
+    pub(crate) median: f64,
+    /// Where the median of all rounds that could have been is to be looked for.
+    pub(crate) interval: [f64; 2],
+}
+
+impl Ratio {
+    /// Whether both may be the same for all that the rounds tell; so they may where a ratio is no number.
+    pub(crate) fn is_noise(&self) -> bool {
+        let [low, high] = self.interval;
+        let is_apart = low > 1.0 || high < 1.0;
+        !is_apart
+    }
+}
+
+/// With what chance intervals of medians hold what they are about, at least.
+const CERTAINTY: f64 = 0.93;
+
+/// The chance that the median lies from the value of this rank, counted from 0, to that of the same rank from above: `rank` or fewer
+/// of `n` tosses of a coin do not come out on either side.
+fn certainty(n: usize, rank: usize) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "repetitions are few")]
+    let ways = (1..=rank).scan(1.0, |ways, k| {
+        *ways *= (n - k + 1) as f64 / k as f64;
+        Some(*ways)
+    });
+    let tails: f64 = 1.0 + ways.sum::<f64>();
+    1.0 - 2.0 * tails * (0..n).fold(1.0, |half, _| 0.5 * half)
 }
 
 impl fmt::Display for Samples {
@@ -100,8 +159,9 @@ pub(crate) fn number(x: f64) -> String {
 
 /// "`a` is 1.4 times as fast as `b`", or that they do not differ by more than repetitions do: from times, less is faster.
 pub(crate) fn faster(a: (&str, &Samples), b: (&str, &Samples)) -> String {
-    let ratio = b.1.median() / a.1.median();
-    if a.1.is_noise_beside(b.1) {
+    let found = b.1.over(a.1);
+    let ratio = found.median;
+    if found.is_noise() {
         format!("{} and {} differ by {}, which is noise", a.0, b.0, percent(ratio))
     } else if ratio >= 1.0 {
         format!("{} is {} times as fast as {}", a.0, number(ratio), b.0)
@@ -147,6 +207,43 @@ mod tests {
             assert_eq!(number(x), text);
         }
         assert_eq!(number(f64::NAN), "–");
+    }
+
+    #[test]
+    fn intervals_of_medians_are_as_certain_as_they_say() {
+        // Of five tosses all fall on one side once in sixteen times; of nine, eight or more in 20 of 512.
+        assert_eq!((certainty(5, 0), certainty(9, 1)), (1.0 - 2.0 / 32.0, 1.0 - 20.0 / 512.0));
+        assert_eq!(samples(&[4.0, 1.0, 3.0, 9.0, 2.0]).interval_of_median(), Some([1.0, 9.0]));
+        let nine: Vec<f64> = (1..=9).map(f64::from).collect();
+        assert_eq!(samples(&nine).interval_of_median(), Some([2.0, 8.0]));
+        assert_eq!(samples(&nine[..4]).interval_of_median(), None);
+    }
+
+    #[test]
+    fn rounds_are_compared_in_pairs() {
+        // The machine slows down by half, and in every round the second is slower by a twentieth.
+        let a = samples(&[1.0, 1.1, 1.2, 1.3, 1.5]);
+        let b = a.scaled(1.05);
+        assert!(!b.is_noise_beside(&a) && (b.over(&a).median - 1.05).abs() < 1e-12);
+        // In the other order nothing is left but what rounds differ by, and a round more has no pair.
+        assert!(samples(&[1.575, 1.365, 1.26, 1.155, 1.05]).is_noise_beside(&a));
+        assert!(b.is_noise_beside(&samples(&[1.0, 1.1, 1.2, 1.3, 1.5, 1.5])));
+        assert!(samples(&[f64::NAN; 5]).is_noise_beside(&a));
+    }
+
+    #[test]
+    fn more_rounds_make_no_more_noise() {
+        // A tenth apart, each round off by up to a quarter, every eighth pair the other way round.
+        let pair = |i: u32| {
+            let drift = 1.0 + 0.05 * f64::from(i * 7 % 5);
+            if i % 8 == 3 { (1.1 * drift, drift) } else { (drift, 1.1 * drift) }
+        };
+        let of = |n: u32| -> (Samples, Samples) {
+            let (a, b): (Vec<f64>, Vec<f64>) = (0..n).map(pair).unzip();
+            (a.into(), b.into())
+        };
+        let is_noise = |n: u32| of(n).0.is_noise_beside(&of(n).1);
+        assert!(is_noise(5) && !is_noise(11) && !is_noise(40));
     }
 
     #[test]
