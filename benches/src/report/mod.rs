@@ -5,6 +5,7 @@
 //! ```
 
 mod boxes;
+mod builds;
 mod effort;
 mod extremes;
 mod fits;

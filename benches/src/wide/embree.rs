@@ -30,6 +30,10 @@ impl Engine for Scene {
     fn n_bytes(&self) -> usize {
         Scene::n_bytes(self)
     }
+
+    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
+        Some(self)
+    }
 }
 
 /// The modes that are measured.

@@ -10,6 +10,11 @@ pub(crate) trait Engine {
 
     /// Bytes of everything that tracing reads.
     fn n_bytes(&self) -> usize;
+
+    /// The same for several threads to ask at once; `None` where it is not to be.
+    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
+        None
+    }
 }
 
 /// Whose engine it is.

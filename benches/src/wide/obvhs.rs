@@ -61,6 +61,10 @@ impl Engine for Obvhs<Bvh2> {
     fn n_bytes(&self) -> usize {
         size_of_val(&self.tree.nodes[..]) + size_of_val(&self.triangles[..]) + size_of_val(&self.primitives[..])
     }
+
+    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
+        Some(self)
+    }
 }
 
 impl Engine for Obvhs<CwBvh> {
@@ -80,6 +84,10 @@ impl Engine for Obvhs<CwBvh> {
 
     fn n_bytes(&self) -> usize {
         size_of_val(&self.tree.nodes[..]) + size_of_val(&self.triangles[..]) + size_of_val(&self.primitives[..])
+    }
+
+    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
+        Some(self)
     }
 }
 

@@ -22,6 +22,10 @@ impl<K: LaneKernel> Engine for Wide<K> {
     fn n_bytes(&self) -> usize {
         Wide::n_bytes(self)
     }
+
+    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
+        Some(self)
+    }
 }
 
 /// Trees of meshes, and a tree of their instances.
