@@ -74,6 +74,17 @@ pub(crate) fn exponent(points: &[(Samples, f64)]) -> Result<Line, Unfit> {
     Ok(Line { slope, error: (residual / freedom / squares).sqrt() })
 }
 
+/// What does not grow with `x` in `y = a + b·x`, not below zero: least squares of relative errors, so that large values do not
+/// decide alone. Nothing where all `x` are the same.
+pub(crate) fn intercept(points: &[(f64, f64)]) -> f64 {
+    // Each equation over its y: a·(1/y) + b·(x/y) = 1.
+    let sum = |of: fn(f64, f64) -> f64| points.iter().map(|&(x, y)| of(x, y) / (y * y)).sum::<f64>();
+    let [ones, xs, squares] = [sum(|_, _| 1.0), sum(|x, _| x), sum(|x, _| x * x)];
+    let [ys, products] = [sum(|_, y| y), sum(|x, y| x * y)];
+    let found = (squares * ys - xs * products) / (ones * squares - xs * xs);
+    if found.is_finite() { found.max(0.0) } else { 0.0 }
+}
+
 /// Squared standard error of the mean logarithm of repetitions; nothing is known of one alone.
 fn squared_error(samples: &Samples) -> f64 {
     let logs = || samples.values().iter().map(|x| x.ln());
@@ -133,6 +144,18 @@ mod tests {
         let line = exponent(&once(&[(1.0, 2.0), (2.0, 1.0), (4.0, 0.5), (8.0, 0.25)])).unwrap();
         assert!((line.slope + 1.0).abs() < 1e-12 && line.error < 1e-12, "{line:?}");
         assert!(exponent(&once(&[(1.0, 2.0), (2.0, 1.0), (4.0, 1.0)])).unwrap().error > 0.1);
+    }
+
+    #[test]
+    fn what_does_not_grow_is_found_and_never_below_zero() {
+        let line = |a: f64, b: f64| (0..5).map(|k| f64::from(1 << k)).map(|x| (x, a + b * x)).collect::<Vec<_>>();
+        assert!((intercept(&line(0.5, 2.0)) - 0.5).abs() < 1e-12);
+        assert_eq!(intercept(&line(-0.5, 2.0)), 0.0);
+        assert_eq!(intercept(&[(1.0, 3.0)]), 0.0);
+        // A twentieth more at the far end is one relative error of five: unweighed it would take everything.
+        let mut points = line(0.5, 2.0);
+        points[4].1 *= 1.05;
+        assert!((intercept(&points) - 0.5).abs() < 0.1, "{}", intercept(&points));
     }
 
     #[test]

@@ -35,13 +35,17 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
 const METHOD: [&str; 4] = [
     "Every method renders the same view at doubling numbers of samples, once for each of several seeds, in turn: seed by seed, \
      number by number, method by method, after a warm-up. A point's bars reach over the seeds. Seconds are those that the \
-     processor spent on all threads, which a busy neighbour hardly lengthens, except where devices are compared; what a render spends \
-     before its first sample, measured by a picture of one pixel, is counted with the build.",
+     processor spent on all threads, which a busy neighbour hardly lengthens, except where devices are compared. What a render spends \
+     whatever its samples, its set-up, is where the line through seconds over samples begins (medians of the seeds, weighed by \
+     1/seconds²); it is counted with the build.",
     "Errors are against a reference of the same integrator (the hybrid one is biased, and its bias is not what is asked here) made \
      by another sampler with seeds of its own, as the mean of several pictures. Their differences tell the reference's own error, \
      which is subtracted from every error shown; the tables say how large a share of the smallest it was.",
     "relMSE is the mean of (a - b)²/(b² + 0.01) over channels and pixels; FLIP that of Andersson et al. 2020 at 67 pixels a degree. \
-     Efficiency is 1/(MSE x seconds) at the most samples, its interval that of 95 in 100 resamplings of the seeds.",
+     Efficiency is 1/(MSE x seconds) at the most samples, its interval that of 95 in 100 resamplings of the seeds, which of few \
+     seeds, as between devices in a quick run, tells little. Behind an exponent ± is its standard error.",
     "Structures answer the same rays with the same hits: that all pictures are equal bit for bit is checked, so structures differ \
-     in time alone, and a dearer build pays from the number of samples on at which the lines cross.",
+     in time alone, and a dearer build pays from the number of samples on at which the lines cross. A sample's seconds are the difference \
+     between a picture of many samples and one of one, over their number; crossings are found round by round, and stand with the \
+     interval of their median.",
 ];

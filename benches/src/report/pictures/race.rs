@@ -5,6 +5,7 @@ use canted_renderer::{Film, PIXELS_PER_DEGREE, Settings, flip};
 
 use super::reference::{Errors, Reference};
 use crate::clock::{self, Seconds};
+use crate::interleave::median;
 use crate::report::{
     fits::{self, Line, Unfit},
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
@@ -42,8 +43,8 @@ pub(super) struct Reached {
 pub(super) struct Course {
     pub(super) name: String,
     build: Samples,
-    /// What a render spends before its first sample.
-    setup: Vec<Seconds>,
+    /// What a render spends whatever its number of samples.
+    setup: Seconds,
     pub(super) reached: Vec<Reached>,
     share_of_reference: f64,
 }
@@ -52,17 +53,10 @@ pub(super) struct Course {
 pub(super) fn race(racers: &[Racer<'_>], samples: &[u32], n_seeds: u32) -> Result<Vec<Course>> {
     let empty = || samples.iter().map(|_| Reached::default()).collect();
     let mut reached: Vec<Vec<Reached>> = racers.iter().map(|_| empty()).collect();
-    let mut setups = vec![vec![]; racers.len()];
     for racer in racers {
         (racer.render)(&racer.settings)?;
     }
     for seed in 0..n_seeds {
-        for (racer, setups) in racers.iter().zip(&mut setups) {
-            let settings = Settings { width: 1, height: 1, samples: 1, seed, ..racer.settings };
-            let (film, took) = clock::time_all(|| (racer.render)(&settings));
-            film?;
-            setups.push(took);
-        }
         for (k, &n) in samples.iter().enumerate() {
             for (racer, reached) in racers.iter().zip(&mut reached) {
                 let settings = Settings { samples: n, seed, ..racer.settings };
@@ -71,10 +65,8 @@ pub(super) fn race(racers: &[Racer<'_>], samples: &[u32], n_seeds: u32) -> Resul
             }
         }
     }
-    let courses = racers.iter().zip(reached).zip(setups).map(|((racer, mut reached), setup)| {
-        for reached in &mut reached {
-            reached.leave_out(&setup);
-        }
+    let courses = racers.iter().zip(reached).map(|(racer, mut reached)| {
+        let setup = leave_out_setup(samples, &mut reached);
         let last = mean(&reached[samples.len() - 1].mse);
         let share_of_reference = racer.reference.share(last);
         Course { name: racer.name.clone(), build: racer.build.clone(), setup, reached, share_of_reference }
@@ -93,14 +85,18 @@ impl Reached {
         self.flip.push(flip(&picture, &reference.picture, PIXELS_PER_DEGREE)?.mean());
         Ok(())
     }
+}
 
-    /// Takes the median of the set-up from all seconds; where it varies more than sampling takes, less than nothing is left.
-    fn leave_out(&mut self, setup: &[Seconds]) {
-        for (clock, seconds) in [(Clock::Wall, &mut self.wall), (Clock::Processor, &mut self.cpu)] {
-            let setup = clock.of(setup).median();
-            seconds.iter_mut().for_each(|seconds| *seconds -= setup);
-        }
-    }
+/// Takes from all seconds what does not grow with the number of samples, and tells it. A picture of one pixel would not tell it:
+/// part of it grows with pixels.
+fn leave_out_setup(samples: &[u32], reached: &mut [Reached]) -> Seconds {
+    let mut take = |seconds: fn(&mut Reached) -> &mut Vec<f64>| {
+        let point = |(&n, reached): (&u32, &mut Reached)| (f64::from(n), median(seconds(reached)));
+        let setup = fits::intercept(&samples.iter().zip(reached.iter_mut()).map(point).collect::<Vec<_>>());
+        reached.iter_mut().flat_map(seconds).for_each(|seconds| *seconds -= setup);
+        setup
+    };
+    Seconds { wall: take(|reached| &mut reached.wall), cpu: take(|reached| &mut reached.cpu) }
 }
 
 /// Which clock a race is shown by.
@@ -120,9 +116,8 @@ impl Clock {
         }
     }
 
-    fn of(self, seconds: &[Seconds]) -> Samples {
-        let pick = |seconds: &Seconds| if self == Self::Wall { seconds.wall } else { seconds.cpu };
-        seconds.iter().map(pick).collect::<Vec<_>>().into()
+    fn of(self, seconds: Seconds) -> f64 {
+        if self == Self::Wall { seconds.wall } else { seconds.cpu }
     }
 
     fn label(self) -> &'static str {
@@ -151,8 +146,14 @@ impl Course {
         fits::exponent(&self.reached.iter().map(point).collect::<Vec<_>>())
     }
 
+    /// Exponent of the MSE over the number of samples.
+    fn slope_of_samples(&self, samples: &[u32]) -> Result<Line, Unfit> {
+        let point = |(&n, reached): (&u32, &Reached)| (Samples::from(f64::from(n)), mean(&reached.mse));
+        fits::exponent(&samples.iter().zip(&self.reached).map(point).collect::<Vec<_>>())
+    }
+
     fn series(&self, clock: Clock, with_build: bool, samples: &[u32], error: Pick) -> Series {
-        let build = if with_build { self.build.median() + clock.of(&self.setup).median() } else { 0.0 };
+        let build = if with_build { self.build.median() + clock.of(self.setup) } else { 0.0 };
         let point = |(&n, reached): (&u32, &Reached)| Point {
             label: format!("{n} samples"),
             x: clock.seconds(reached).values().iter().map(|x| x.max(LEAST_SECONDS) + build).collect::<Vec<_>>().into(),
@@ -181,20 +182,20 @@ pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], sample
         });
     }
     let (first, last) = (samples[0], samples[samples.len() - 1]);
-    let (head_first, head_last) = (format!("FLIP at {first}"), format!("FLIP at {last}"));
     let mut table = Table::new(
         format!("{what}: how error falls"),
         &[
             "method",
             "relMSE ~ time^",
             "MSE ~ time^",
+            "MSE ~ samples^",
             "1/(MSE s)",
-            "95% interval",
-            &head_first,
-            &head_last,
+            &format!("95% interval, {} seeds", courses.first().map_or(0, |course| course.reached[0].mse.len())),
+            &format!("FLIP at {first}"),
+            &format!("FLIP at {last}"),
             "set-up",
-            "cpu at most",
-            "wall at most",
+            &format!("cpu at {last} samples"),
+            &format!("wall at {last} samples"),
             "reference's share",
         ],
     );
@@ -206,11 +207,12 @@ pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], sample
             Cell::text(course.name.clone()),
             slope(|reached| &reached.rel_mse),
             slope(|reached| &reached.mse),
+            Cell::text(fits::told(course.slope_of_samples(samples))),
             Cell::text(number(efficiency)),
             Cell::text(format!("{} to {}", number(low), number(high))),
             Cell::measured(start.flip.clone(), ""),
             Cell::measured(end.flip.clone(), ""),
-            Cell::measured(clock.of(&course.setup).scaled(1e3), "ms"),
+            Cell::measured(1e3 * clock.of(course.setup), "ms"),
             Cell::measured(end.cpu.clone(), "s"),
             Cell::measured(end.wall.clone(), "s"),
             Cell::text(format!("{}%", number(100.0 * course.share_of_reference))),
@@ -234,4 +236,29 @@ pub(super) fn best(courses: &[&Course], clock: Clock) -> Option<String> {
 
 pub(super) fn mean(values: &[f64]) -> f64 {
     Samples::from(values.to_vec()).mean()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn random_samples_err_with_the_root_of_their_time_whatever_a_picture_costs_besides() {
+        let samples = [1, 2, 4, 8, 16];
+        // Seconds of five seeds that differ by a fiftieth; half a sample's besides, which a picture of one pixel has not.
+        let of = |n: u32| Reached {
+            cpu: (0..5).map(|seed| (0.5 + f64::from(n)) * (1.0 + 0.01 * f64::from(seed - 2))).collect(),
+            wall: vec![f64::from(n); 5],
+            mse: vec![1.0 / f64::from(n); 5],
+            ..Reached::default()
+        };
+        let mut reached: Vec<Reached> = samples.map(of).into();
+        let setup = leave_out_setup(&samples, &mut reached);
+        assert!((setup.cpu - 0.5).abs() < 1e-9 && setup.wall < 1e-9, "{setup:?}");
+        let course = Course { name: String::new(), build: 0.0.into(), setup, reached, share_of_reference: 0.0 };
+        let slopes = [course.slope(Clock::Processor, |reached| &reached.mse), course.slope_of_samples(&samples)];
+        for slope in slopes.map(Result::unwrap) {
+            assert!((slope.slope + 1.0).abs() < 1e-9, "{slope}");
+        }
+    }
 }

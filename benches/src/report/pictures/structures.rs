@@ -30,58 +30,80 @@ fn structures() -> [(&'static str, StructureConfig); 7] {
     ]
 }
 
-/// What one structure costs.
+/// What one structure costs, a sample a round.
 struct Cost {
     name: &'static str,
     build: Samples,
+    /// Seconds of a picture whatever its number of samples.
+    setup: Samples,
     /// Seconds of one sample of every pixel.
     sample: Samples,
 }
 
 impl Cost {
-    /// Seconds until `n` samples a pixel are there.
-    fn after(&self, n: f64) -> Samples {
-        self.sample.with(&self.build, |sample, build| build + n * sample)
+    /// From the seconds of a build, of a picture of one sample and of one of `n`.
+    fn of(name: &'static str, rounds: &[[f64; 3]], n: u32) -> Self {
+        let samples = |of: &dyn Fn(&[f64; 3]) -> f64| Samples::from(rounds.iter().map(of).collect::<Vec<_>>());
+        let each = |&[_, one, many]: &[f64; 3]| (many - one) / f64::from(n - 1);
+        // A picture of one sample varies by more than its set-up takes: less than nothing is none.
+        let setup = |round: &[f64; 3]| (round[1] - each(round)).max(0.0);
+        Self { name, build: samples(&|round| round[0]), setup: samples(&setup), sample: samples(&each) }
     }
 
-    /// Samples a pixel from which `self`, dearer to build, is ahead of `cheap`; `None` where it never is, or where their
-    /// samples differ by noise.
-    fn crossing(&self, cheap: &Self) -> Option<f64> {
-        let gain = cheap.sample.median() - self.sample.median();
-        let is_real = !self.sample.is_noise_beside(&cheap.sample) && gain > 0.0;
-        is_real.then(|| ((self.build.median() - cheap.build.median()) / gain).max(0.0))
+    /// Seconds until `n` samples a pixel are there.
+    fn after(&self, n: f64) -> Samples {
+        let fixed = self.build.with(&self.setup, |build, setup| build + setup);
+        self.sample.with(&fixed, |sample, fixed| fixed + n * sample)
     }
+
+    /// Samples a pixel from which `self`, dearer to build, is ahead of `cheap`, round by round; `None` where it never is, or where
+    /// their samples differ by noise.
+    fn crossing(&self, cheap: &Self) -> Option<Samples> {
+        let gain = cheap.sample.with(&self.sample, |cheap, own| cheap - own);
+        let more = self.after(0.0).with(&cheap.after(0.0), |own, cheap| own - cheap);
+        let is_real = !self.sample.is_noise_beside(&cheap.sample) && gain.median() > 0.0;
+        // In a round without a gain the lines never cross.
+        let crossing = |more: f64, gain: f64| if gain > 0.0 { (more / gain).max(0.0).ceil() } else { f64::INFINITY };
+        is_real.then(|| more.with(&gain, crossing))
+    }
+}
+
+/// A crossing as its median, and the interval that its rounds leave it.
+fn told(crossing: &Samples) -> String {
+    let [low, high] = crossing.interval_of_median().unwrap_or_else(|| crossing.range());
+    let end = |n: f64| if n.is_finite() { number(n) } else { "never".to_owned() };
+    format!("{} ({} to {})", end(crossing.median()), end(low), end(high))
 }
 
 /// Adds what structures cost on a stage; what it shows.
 pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Result<String> {
-    let n_samples = effort.pick(1, 4, 16);
-    let settings = stage.settings(Integrator::Path, Pattern::Sobol, n_samples, 7);
+    let n_samples = effort.pick(2, 16, 32);
     let rounds = effort.pick(2, 5, 9);
-    let mut costs: Vec<(Vec<f64>, Vec<f64>)> = vec![Default::default(); structures().len()];
-    let mut first: Option<Film> = None;
+    let mut seconds: Vec<Vec<[f64; 3]>> = vec![vec![]; structures().len()];
+    let mut firsts: [Option<Film>; 2] = [None, None];
     for round in 0..=rounds {
-        for ((name, config), (builds, samples)) in structures().iter().zip(&mut costs) {
+        for ((name, config), seconds) in structures().iter().zip(&mut seconds) {
             let (prepared, build) = clock::time_all(|| prepare::<Watertight>(&stage.scene, config));
             let prepared = prepared?;
-            let cancel = AtomicBool::new(false);
-            let (film, took) = clock::time_all(|| {
-                render(&stage.scene, &prepared.structure, &stage.camera, &settings, &|_, _| {}, &cancel)
-            });
-            let film = film?;
-            let first = first.get_or_insert_with(|| film.clone());
-            ensure!(first.pixels() == film.pixels(), "{}: the picture of '{name}' is not the first's", stage.name);
+            let mut took = [build.cpu, 0.0, 0.0];
+            for ((n, first), took) in [1, n_samples].into_iter().zip(&mut firsts).zip(&mut took[1..]) {
+                let settings = stage.settings(Integrator::Path, Pattern::Sobol, n, 7);
+                let cancel = AtomicBool::new(false);
+                let (film, seconds) = clock::time_all(|| {
+                    render(&stage.scene, &prepared.structure, &stage.camera, &settings, &|_, _| {}, &cancel)
+                });
+                let film = film?;
+                let first = first.get_or_insert_with(|| film.clone());
+                ensure!(first.pixels() == film.pixels(), "{}: the picture of '{name}' is not the first's", stage.name);
+                *took = seconds.cpu;
+            }
             if round > 0 {
-                builds.push(build.cpu);
-                samples.push(took.cpu / f64::from(n_samples));
+                seconds.push(took);
             }
         }
     }
-    let costs: Vec<Cost> = structures()
-        .iter()
-        .zip(costs)
-        .map(|((name, _), (build, sample))| Cost { name, build: build.into(), sample: sample.into() })
-        .collect();
+    let costs: Vec<Cost> =
+        structures().iter().zip(&seconds).map(|((name, _), rounds)| Cost::of(name, rounds, n_samples)).collect();
     Ok(show(chapter, stage, &costs))
 }
 
@@ -110,15 +132,17 @@ fn show(chapter: &mut Chapter, stage: &Stage, costs: &[Cost]) -> String {
         &[
             "structure",
             "build",
+            "set-up",
             "a sample of every pixel",
-            &format!("ahead of '{}' from, samples a pixel", cheapest.name),
+            &format!("ahead of '{}' from, samples a pixel at {width} x {height} (interval)", cheapest.name),
         ],
     );
     for cost in costs {
-        let crossing = cost.crossing(cheapest).map_or_else(|| "never, or noise".to_owned(), |n| number(n.ceil()));
+        let crossing = cost.crossing(cheapest).map_or_else(|| "never, or noise".to_owned(), |n| told(&n));
         table.rows.push(vec![
             Cell::text(cost.name),
             Cell::measured(cost.build.scaled(1e3), "ms"),
+            Cell::measured(cost.setup.scaled(1e3), "ms"),
             Cell::measured(cost.sample.scaled(1e3), "ms"),
             Cell::text(if std::ptr::eq(cost, cheapest) { "–".to_owned() } else { crossing }),
         ]);
@@ -134,4 +158,25 @@ fn show(chapter: &mut Chapter, stage: &Stage, costs: &[Cost]) -> String {
         best(16.0),
         best(4096.0)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_costs_what_more_samples_cost_more() {
+        // A build of 8, a set-up of 3 and 2 a sample, twice as much in the last rounds.
+        let rounds = |build: f64, sample: f64| -> Vec<[f64; 3]> {
+            let round = |i| [build, 3.0 + sample, 3.0 + 16.0 * sample].map(|s| if i < 3 { s } else { 2.0 * s });
+            (0..5).map(round).collect()
+        };
+        let cheap = Cost::of("cheap", &rounds(8.0, 2.0), 16);
+        assert_eq!([&cheap.build, &cheap.setup, &cheap.sample].map(Samples::median), [8.0, 3.0, 2.0]);
+        assert_eq!(cheap.after(100.0).median(), 211.0);
+        // 30 more for half a second less a sample, in every round.
+        let dear = Cost::of("dear", &rounds(38.0, 1.5), 16);
+        assert_eq!(told(&dear.crossing(&cheap).unwrap()), "60.0 (60.0 to 60.0)");
+        assert!(cheap.crossing(&dear).is_none() && cheap.crossing(&cheap).is_none());
+    }
 }
