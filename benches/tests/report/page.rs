@@ -58,12 +58,16 @@ fn every_plot_is_drawn_for_wide_and_narrow_screens_with_its_points() {
     let mut figures = html.split("<figure ").skip(1);
     for plot in MADE.chapters().iter().flat_map(|chapter| entries(chapter, "plots")) {
         let figure = figures.next().unwrap().split("</figure>").next().unwrap();
-        let n = n_points(plot);
-        assert!(figure.starts_with(&format!("data-points=\"{n}\"")), "{}", &figure[..40]);
+        let [n, n_left_out]: [usize; 2] = ["data-points", "data-left-out"].map(|name| {
+            let value = figure.split(&format!("{name}=\"")).nth(1).unwrap();
+            value.split('"').next().unwrap().parse().unwrap()
+        });
+        assert_eq!(n + n_left_out, n_points(plot), "{}", plot["title"]);
         let drawings: Vec<&str> = figure.split("<svg").skip(1).collect();
         assert_eq!(drawings.len(), 2, "{}", plot["title"]);
         for drawing in drawings {
             assert_eq!(drawing.matches("<circle").count(), n, "{}", plot["title"]);
+            assert_eq!(drawing.matches("</title></circle>").count(), n, "{}", plot["title"]);
         }
     }
     assert!(figures.next().is_none());

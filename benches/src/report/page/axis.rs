@@ -2,6 +2,14 @@
 
 use crate::report::samples::number;
 
+/// Below this a logarithmic axis shows nothing: what is so small is what an underflow left of a number.
+const LEAST: f64 = 1e-300;
+
+/// Whether a number has a place on an axis.
+pub(super) fn is_shown(value: f64, is_log: bool) -> bool {
+    value.is_finite() && (!is_log || value >= LEAST)
+}
+
 /// The ends of an axis, a little beyond what it shows.
 pub(super) struct Scale {
     low: f64,
@@ -10,20 +18,19 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// The axis that holds `values`; those that a logarithmic one cannot hold are left out.
+    /// The axis that holds `values`; those without a place on it are left out.
     pub(super) fn over(values: impl Iterator<Item = f64>, is_log: bool) -> Self {
-        let shown =
-            values.filter(|x| x.is_finite() && (!is_log || *x > 0.0)).map(|x| if is_log { x.log10() } else { x });
+        let shown = values.filter(|x| is_shown(*x, is_log)).map(|x| if is_log { x.log10() } else { x });
         let (low, high) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
         let room = if high > low { 0.05 * (high - low) } else { 0.5 * low.abs().max(0.2) };
         Self { low: low - room, high: high + room, is_log }
     }
 
-    /// 0 at the low end, 1 at the high one.
+    /// 0 at the low end, 1 at the high one; the nearer end for what has no place between.
     pub(super) fn place(&self, value: f64) -> f64 {
-        let along = if self.is_log { value.max(f64::MIN_POSITIVE).log10() } else { value };
-        (along - self.low) / (self.high - self.low)
+        let along = if self.is_log { value.max(LEAST).log10() } else { value };
+        ((along - self.low) / (self.high - self.low)).clamp(0.0, 1.0)
     }
 
     /// The least and the greatest value.
@@ -101,6 +108,22 @@ mod tests {
                 assert!(scale.place(1.0).is_finite() && !scale.ticks(4).is_empty(), "{values:?}");
             }
         }
+    }
+
+    #[test]
+    fn what_has_no_place_is_not_shown_and_ends_at_the_axis() {
+        for (value, is_log, shown) in [
+            (1e-308, true, false),
+            (-1.0, true, false),
+            (0.0, true, false),
+            (-1.0, false, true),
+            (f64::NAN, false, false),
+        ] {
+            assert_eq!(is_shown(value, is_log), shown, "{value}");
+        }
+        let scale = Scale::over([1e-308, -2.0, 1.0, 100.0].into_iter(), true);
+        assert!(scale.ends()[0] > 0.5, "{:?}", scale.ends());
+        assert_eq!([1e-308, -2.0, 1e9].map(|x| scale.place(x)), [0.0, 0.0, 1.0]);
     }
 
     #[test]

@@ -1,11 +1,14 @@
 //! A plot as SVG, in colours that the page's style sheet gives.
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, anyhow, ensure};
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged};
 use plotters::prelude::{ChartBuilder, Circle, DrawingArea, IntoDrawingArea, PathElement, RGBColor, SVGBackend};
 use plotters::style::{Color, IntoFont, ShapeStyle, TextStyle};
 
-use super::axis::Scale;
+use super::{
+    axis::{self, Scale},
+    escaped,
+};
 use crate::report::model::{Plot, Point, Series};
 
 /// Width and height in pixels, for screens that are wide and for phones.
@@ -65,17 +68,54 @@ impl plotters::coord::ranged1d::ValueFormatter<f64> for Ticked {
     }
 }
 
+/// Whether a point has a place on both axes.
+pub(super) fn is_shown(plot: &Plot, point: &Point) -> bool {
+    let (x, y) = place(point);
+    axis::is_shown(x, plot.x.is_log) && axis::is_shown(y, plot.y.is_log)
+}
+
+/// The points of a series that are drawn.
+fn shown<'a>(plot: &'a Plot, series: &'a Series) -> impl Iterator<Item = &'a Point> {
+    series.points.iter().filter(|point| is_shown(plot, point))
+}
+
 /// Draws a plot.
 pub(super) fn svg(plot: &Plot, [width, height]: [u32; 2]) -> Result<String> {
     let mut out = String::new();
     let area = SVGBackend::with_string(&mut out, (width, height)).into_drawing_area();
     draw(plot, &area, width).map_err(|error| anyhow!("cannot draw '{}': {error}", plot.title))?;
     drop(area);
+    titled(plot, &out)
+}
+
+/// Each circle with what it stands for, which browsers show under the pointer. The drawing library has no such thing.
+fn titled(plot: &Plot, svg: &str) -> Result<String> {
+    let titles: Vec<String> =
+        plot.series.iter().flat_map(|series| shown(plot, series).map(|point| title(plot, series, point))).collect();
+    let mut pieces = svg.split("<circle");
+    let mut out = pieces.next().unwrap_or_default().to_owned();
+    let circles: Vec<(&str, &str)> = pieces.filter_map(|piece| piece.split_once("/>")).collect();
+    ensure!(
+        circles.len() == titles.len(),
+        "'{}' has {} circles for {} points",
+        plot.title,
+        circles.len(),
+        titles.len()
+    );
+    for ((attributes, rest), title) in circles.into_iter().zip(titles) {
+        out += &format!("<circle{attributes}><title>{}</title></circle>{rest}", escaped(&title));
+    }
     Ok(out)
 }
 
+/// Series, label and both values of a point.
+fn title(plot: &Plot, series: &Series, point: &Point) -> String {
+    let label = if point.label.is_empty() { String::new() } else { format!(", {}", point.label) };
+    format!("{}{label}: {} {}; {} {}", series.name, plot.x.label, point.x, plot.y.label, point.y)
+}
+
 fn draw(plot: &Plot, area: &DrawingArea<SVGBackend, plotters::coord::Shift>, width: u32) -> Result<()> {
-    let points = || plot.series.iter().flat_map(|series| &series.points);
+    let points = || plot.series.iter().flat_map(|series| shown(plot, series));
     let [x, y] = [
         Scale::over(points().flat_map(|point| point.x.range()), plot.x.is_log),
         Scale::over(points().flat_map(|point| point.y.range()), plot.y.is_log),
@@ -101,15 +141,15 @@ fn draw(plot: &Plot, area: &DrawingArea<SVGBackend, plotters::coord::Shift>, wid
         .draw()
         .map_err(|error| anyhow!("{error}"))?;
     for (number, series) in plot.series.iter().enumerate() {
-        chart.draw_series(bars(series, color(number))).map_err(|error| anyhow!("{error}"))?;
+        chart.draw_series(bars(shown(plot, series), color(number))).map_err(|error| anyhow!("{error}"))?;
         if series.is_joined {
-            let line = series.points.iter().map(place).collect::<Vec<_>>();
+            let line = shown(plot, series).map(place).collect::<Vec<_>>();
             chart
                 .draw_series([PathElement::new(line, color(number).stroke_width(2))])
                 .map_err(|error| anyhow!("{error}"))?;
         }
         let style = ShapeStyle { color: color(number).to_rgba(), filled: !mark(number).1, stroke_width: 2 };
-        let marks = series.points.iter().map(|point| Circle::new(place(point), 4, style));
+        let marks = shown(plot, series).map(|point| Circle::new(place(point), 4, style));
         chart.draw_series(marks).map_err(|error| anyhow!("{error}"))?;
     }
     area.present().map_err(|error| anyhow!("{error}"))
@@ -120,8 +160,8 @@ fn place(point: &Point) -> (f64, f64) {
 }
 
 /// From least to greatest, along both axes.
-fn bars(series: &Series, color: RGBColor) -> impl Iterator<Item = PathElement<(f64, f64)>> {
-    series.points.iter().flat_map(move |point| {
+fn bars<'a>(points: impl Iterator<Item = &'a Point>, color: RGBColor) -> impl Iterator<Item = PathElement<(f64, f64)>> {
+    points.flat_map(move |point| {
         let ((x, y), [left, right], [low, high]) = (place(point), point.x.range(), point.y.range());
         [vec![(left, y), (right, y)], vec![(x, low), (x, high)]]
             .map(|ends| PathElement::new(ends, color.stroke_width(1)))
@@ -133,20 +173,34 @@ mod tests {
     use super::*;
     use crate::report::model::Axis;
 
+    fn point(x: f64) -> Point {
+        Point { label: "<p>".to_owned(), x: x.into(), y: vec![x, 2.0 * x].into() }
+    }
+
+    fn plot(series: Vec<Series>) -> Plot {
+        Plot { title: "t".to_owned(), x: Axis::log("n"), y: Axis::linear("s"), series }
+    }
+
     #[test]
-    fn every_point_is_a_circle() {
-        let point = |x: f64| Point { label: String::new(), x: x.into(), y: vec![x, 2.0 * x].into() };
+    fn every_point_is_a_circle_that_says_what_it_is() {
         let series = |n: i32| Series {
             name: "a".to_owned(),
             points: (1..=n).map(|x| point(f64::from(x))).collect(),
             is_joined: n > 2,
         };
-        let plot =
-            Plot { title: "t".to_owned(), x: Axis::log("x"), y: Axis::linear("y"), series: vec![series(3), series(1)] };
         for (_, size) in SIZES {
-            let svg = svg(&plot, size).unwrap();
+            let svg = svg(&plot(vec![series(3), series(1)]), size).unwrap();
             assert_eq!(svg.matches("<circle").count(), 4);
+            assert_eq!(svg.matches("<title>a, &lt;p&gt;: n 1.00; s 1.50 ±33.3%</title></circle>").count(), 2, "{svg}");
             assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"), "{svg}");
         }
+    }
+
+    #[test]
+    fn what_has_no_place_is_not_drawn() {
+        let points = [1.0, 2.0, -1.0, 1e-308].map(point).into();
+        let plot = plot(vec![Series { name: "a".to_owned(), points, is_joined: true }]);
+        let svg = svg(&plot, SIZES[0].1).unwrap();
+        assert_eq!(svg.matches("<circle").count(), 2);
     }
 }
