@@ -1,6 +1,6 @@
 //! Rays, boxes and triangles in fractions: where integers alone would not say how much.
 
-use canted_obb::Obb;
+use canted_obb::{Aabb, Obb};
 use canted_trace::Ray;
 use num_bigint::BigInt;
 use num_rational::BigRational;
@@ -11,33 +11,98 @@ use crate::exact::{UNIT_BITS, abs, cross, dot, plane, point, sub, whole};
 /// Whether a ray is in a box for any real `t` of its closed interval; a singular frame has no inside.
 #[must_use]
 pub fn meets_box(ray: &Ray, obb: &Obb) -> bool {
-    let frame = obb.frame.map(point);
-    let determinant = abs(dot(&frame[0], &cross(&frame[1], &frame[2])));
-    if determinant.is_zero() {
-        return false;
-    }
-    let offset = sub(&point(ray.origin), &point(obb.center));
-    let direction = point(ray.direction);
-    let t = |x: f32| BigRational::new(whole(x), BigInt::from(1) << UNIT_BITS);
-    let mut first = t(ray.t_min);
-    let mut last = ray.t_max.is_finite().then(|| t(ray.t_max));
-    for k in 0..3 {
-        let row = cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]);
-        // All three in units of 2^(-149·3), times 2^149 for the half-extent.
-        let (start, rate) = (dot(&row, &offset) << UNIT_BITS, dot(&row, &direction) << UNIT_BITS);
-        let half = whole(obb.half[k]) * &determinant;
-        if rate.is_zero() {
-            if start.abs() > half {
-                return false;
-            }
-            continue;
+    BoxEntry::of(ray, obb).is_some()
+}
+
+/// Where a ray enters a box, without rounding.
+#[derive(Clone, Debug)]
+pub struct BoxEntry {
+    /// The least `t` of the ray's interval in the box, in units of the direction.
+    pub t: BigRational,
+}
+
+impl BoxEntry {
+    /// Of a ray that is in the box for any real `t` of its closed interval; a singular frame has no inside.
+    #[must_use]
+    pub fn of(ray: &Ray, obb: &Obb) -> Option<Self> {
+        let frame = obb.frame.map(point);
+        let determinant = abs(dot(&frame[0], &cross(&frame[1], &frame[2])));
+        if determinant.is_zero() {
+            return None;
         }
-        let ends = [-&half - &start, &half - &start].map(|end| BigRational::new(end, rate.clone()));
-        let [near, far] = if ends[0] <= ends[1] { ends } else { [ends[1].clone(), ends[0].clone()] };
-        first = first.max(near);
-        last = Some(last.map_or_else(|| far.clone(), |last| last.min(far.clone())));
+        let offset = sub(&point(ray.origin), &point(obb.center));
+        let direction = point(ray.direction);
+        let slab = |k: usize| {
+            let row = cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]);
+            // All three in units of 2^(-149·3), times 2^149 for the half-extent.
+            let (start, rate) = (dot(&row, &offset) << UNIT_BITS, dot(&row, &direction) << UNIT_BITS);
+            let half = whole(obb.half[k]) * &determinant;
+            ([-&half - &start, half - start], rate)
+        };
+        Self::within(ray, slab)
     }
-    last.is_none_or(|last| first <= last)
+
+    /// Of a ray and a box along the axes, likewise; an empty one is entered by none.
+    #[must_use]
+    pub fn of_aabb(ray: &Ray, aabb: &Aabb) -> Option<Self> {
+        let [min, max] = [aabb.min, aabb.max].map(point);
+        let (origin, direction) = (point(ray.origin), point(ray.direction));
+        let slab = |k: usize| ([&min[k] - &origin[k], &max[k] - &origin[k]], direction[k].clone());
+        Self::within(ray, slab)
+    }
+
+    /// Clips a ray's interval to three slabs, each the least and the greatest place in it, from the origin, and the rate at which the
+    /// ray crosses it.
+    fn within(ray: &Ray, slab: impl Fn(usize) -> ([BigInt; 2], BigInt)) -> Option<Self> {
+        let mut first = number(ray.t_min);
+        let mut last = ray.t_max.is_finite().then(|| number(ray.t_max));
+        for k in 0..3 {
+            let ([low, high], rate) = slab(k);
+            if low > high {
+                return None;
+            }
+            if rate.is_zero() {
+                if low.is_positive() || high.is_negative() {
+                    return None;
+                }
+                continue;
+            }
+            let ends = [low, high].map(|end| BigRational::new(end, rate.clone()));
+            let [near, far] = if ends[0] <= ends[1] { ends } else { [ends[1].clone(), ends[0].clone()] };
+            first = first.max(near);
+            last = Some(last.map_or_else(|| far.clone(), |last| last.min(far.clone())));
+        }
+        last.is_none_or(|last| first <= last).then_some(Self { t: first })
+    }
+
+    /// Whether the ray begins before it enters.
+    #[must_use]
+    pub fn is_behind_start(&self, ray: &Ray) -> bool {
+        self.t > number(ray.t_min)
+    }
+
+    /// Error of `t` in units in the last place of the true value; no number where that is beyond all of `f32`.
+    #[must_use]
+    pub fn error_ulps(&self, t: f32) -> f64 {
+        distance(t, &self.t) / ulp(&self.t)
+    }
+}
+
+/// A number as a fraction.
+fn number(x: f32) -> BigRational {
+    BigRational::new(whole(x), BigInt::from(1) << UNIT_BITS)
+}
+
+/// How far a number is off; without end where it is none.
+fn distance(found: f32, truth: &BigRational) -> f64 {
+    if found.is_finite() { (number(found) - truth).to_f64().unwrap_or(f64::NAN).abs() } else { f64::INFINITY }
+}
+
+/// The unit in the last place of the rounded value.
+#[expect(clippy::cast_possible_truncation, reason = "the unit in the last place is that of the rounded value")]
+fn ulp(truth: &BigRational) -> f64 {
+    let truth = (truth.to_f64().unwrap_or(f64::NAN) as f32).abs();
+    f64::from(truth.next_up()) - f64::from(truth)
 }
 
 /// Where a ray's line meets a triangle's plane, without rounding.
@@ -67,25 +132,21 @@ impl Piercing {
     #[must_use]
     pub fn is_hit(&self, ray: &Ray) -> bool {
         let [t, u, v] = &self.tuv;
-        let at = |x: f32| BigRational::new(whole(x), BigInt::from(1) << UNIT_BITS);
         let one = BigRational::from_integer(BigInt::from(1));
         !u.is_negative()
             && !v.is_negative()
             && u + v <= one
-            && *t >= at(ray.t_min)
-            && (ray.t_max == f32::INFINITY || *t <= at(ray.t_max))
+            && *t >= number(ray.t_min)
+            && (ray.t_max == f32::INFINITY || *t <= number(ray.t_max))
     }
 
     /// Error of `t`, `u`, `v`: of `t` in units in the last place of the true value, of weights in those of one half.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "the unit in the last place is that of the rounded value")]
     pub fn error_ulps(&self, tuv: [f32; 3]) -> [f64; 3] {
         let weight_ulp = f64::from(f32::EPSILON) / 2.0;
         std::array::from_fn(|k| {
-            let truth = self.tuv[k].to_f64().unwrap_or(f64::NAN) as f32;
-            let ulp = if k == 0 { f64::from(truth.abs().next_up()) - f64::from(truth.abs()) } else { weight_ulp };
-            let difference = BigRational::new(whole(tuv[k]), BigInt::from(1) << UNIT_BITS) - &self.tuv[k];
-            difference.to_f64().unwrap_or(f64::NAN).abs() / ulp
+            let ulp = if k == 0 { ulp(&self.tuv[0]) } else { weight_ulp };
+            distance(tuv[k], &self.tuv[k]) / ulp
         })
     }
 }
@@ -119,6 +180,30 @@ mod tests {
         assert!(!meets_box(&Ray { t_min: 2.0f32.next_up(), ..along_z(0.0) }, &obb));
         assert!(meets_box(&Ray::new([-5.0, 1.0, 0.0], [1.0, 0.0, 0.0]), &obb), "in two faces at once");
         assert!(!meets_box(&Ray::new([0.0; 3], [1.0; 3]), &Obb { frame: [[1.0; 3]; 3], ..obb }));
+    }
+
+    #[test]
+    fn entries_are_exact_and_their_errors_count_units() {
+        let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0, 1.0, 0.5] };
+        let ray = Ray::new([0.5, 0.5, -2.0], [0.0, 0.0, 2.0]);
+        let entry = BoxEntry::of(&ray, &obb).unwrap();
+        assert!(entry.is_behind_start(&ray));
+        assert_eq!([0.75, 0.75f32.next_up(), 0.75f32.next_down()].map(|t| entry.error_ulps(t)), [0.0, 1.0, 1.0]);
+        // A slower ray enters when no f32 is left.
+        let slow = Ray { direction: [0.0, 0.0, 2e-39], ..ray };
+        assert!(entry.error_ulps(f32::INFINITY) == f64::INFINITY);
+        assert!(BoxEntry::of(&slow, &obb).unwrap().error_ulps(f32::INFINITY).is_nan());
+        let inside = Ray { origin: [0.5, 0.5, 0.0], ..ray };
+        assert!(!BoxEntry::of(&inside, &obb).unwrap().is_behind_start(&inside));
+        assert!(BoxEntry::of(&Ray { origin: [2.0, 0.0, -2.0], ..ray }, &obb).is_none());
+        // A third has no half-extent whose ends are this box's.
+        let aabb = Aabb { min: [0.0, 0.0, -0.1], max: [1.0, 1.0, 1.0 / 3.0] };
+        let met = |origin: [f32; 3]| BoxEntry::of_aabb(&Ray { origin, direction: [1.0, 0.0, 0.0], ..ray }, &aabb);
+        assert_eq!(met([-1.0, 1.0, 1.0 / 3.0]).unwrap().error_ulps(1.0), 0.0);
+        assert!(
+            met([-1.0, 1.0, (1.0f32 / 3.0).next_up()]).is_none() && met([-1.0, 1.0, (-0.1f32).next_down()]).is_none()
+        );
+        assert!(BoxEntry::of_aabb(&ray, &Aabb::EMPTY).is_none());
     }
 
     #[test]
