@@ -56,12 +56,13 @@ impl Inputs {
         self.matrices.iter().map(error).collect::<Vec<_>>().into()
     }
 
-    /// Nanoseconds of each way, a sample a round.
-    fn times(&self, rounds: usize, most: [usize; 3]) -> Vec<Samples> {
-        let contenders = WAYS.iter().zip(most).map(|(&(name, way, _), most)| {
+    /// Nanoseconds of ways, each within so many turns, a sample a round.
+    fn times(&self, rounds: usize, runs: &[(usize, usize)]) -> Vec<Samples> {
+        let contenders = runs.iter().map(|&(way, most)| {
+            let (name, run, _) = WAYS[way];
             let work = move || {
                 for &(a, _) in &self.matrices {
-                    std::hint::black_box(way(a, most));
+                    std::hint::black_box(run(a, most));
                 }
             };
             Contender::new(name, work)
@@ -125,13 +126,15 @@ const METHOD: [&str; 2] = [
      1/condition leave of f64 is about condition times 1e-16: no way can do better, ours promises eight times its noise over the \
      sum of the two lesser values.",
     "The listing starts without a rotation and stops when a turn is shorter than 1e-9 rad or after 1,000 turns; singular values are \
-     by Jacobi's method on columns until all are at right angles. Nanoseconds are those of one matrix, all ways in turn.",
+     by Jacobi's method on columns until all are at right angles. Nanoseconds are those of one matrix; all ways are in turn, and where \
+     error is shown over time all turns allowed too.",
 ];
 
 /// Errors and times of every way on each input, and their lines in the table.
 fn measure(inputs: &[Inputs], rounds: usize, caps: [usize; 3], table: &mut Table) -> Vec<Vec<(Samples, Samples)>> {
     let of = |inputs: &Inputs| {
-        let times = inputs.times(rounds, caps);
+        let runs: Vec<(usize, usize)> = caps.into_iter().enumerate().collect();
+        let times = inputs.times(rounds, &runs);
         let errors = WAYS.iter().zip(caps).map(|(&(_, way, _), most)| inputs.errors(way, most));
         let both: Vec<(Samples, Samples)> = errors.zip(times).collect();
         for ((name, ..), (errors, ns)) in WAYS.iter().zip(&both) {
@@ -161,26 +164,25 @@ fn over(title: String, x: Axis, places: &[f64], measured: &[Vec<(Samples, Sample
     Plot { title, x, y: Axis::log("error, rad"), series: series.collect() }
 }
 
-/// Error over the turns allowed, and over the time that they take.
+/// Turns allowed to each way where error is shown over them; singular values take none.
+const TURNS: [&[usize]; 3] =
+    [&[1, 2, 3, 4, 5, 6, 8, 12, 16], &[1, 2, 3, 5, 8, 12, 20, 30, 50, 100, 200, 500, 1000], &[1]];
+
+/// Error over the turns allowed, and over the time that they take: all ways with all turns in turn, round by round.
 fn by_turns(inputs: &Inputs, rounds: usize) -> [Plot; 2] {
-    let most = |way: usize| -> Vec<usize> {
-        match way {
-            0 => vec![1, 2, 3, 4, 5, 6, 8, 12, 16],
-            1 => vec![1, 2, 3, 5, 8, 12, 20, 30, 50, 100, 200, 500, 1000],
-            _ => vec![1],
-        }
-    };
     let mut plots = ["turns allowed", "ns a matrix"].map(|x| Plot {
         title: format!("Error over {x}: {}", inputs.name),
         x: Axis::log(x),
         y: Axis::log("error, rad"),
         series: vec![],
     });
+    let runs: Vec<(usize, usize)> =
+        TURNS.iter().enumerate().flat_map(|(way, turns)| turns.iter().map(move |&most| (way, most))).collect();
+    let mut times = inputs.times(rounds, &runs).into_iter();
     for (i, (name, way, _)) in WAYS.iter().enumerate() {
         let mut points: [Vec<Point>; 2] = [vec![], vec![]];
-        for most in most(i) {
+        for (&most, ns) in TURNS[i].iter().zip(&mut times) {
             let errors = inputs.errors(*way, most);
-            let ns = inputs.times_of(i, most, rounds);
             #[expect(clippy::cast_precision_loss, reason = "few turns")]
             let turns = Samples::from(most as f64);
             for (points, x) in points.iter_mut().zip([turns, ns]) {
@@ -191,46 +193,84 @@ fn by_turns(inputs: &Inputs, rounds: usize) -> [Plot; 2] {
             plot.series.push(Series { name: (*name).to_owned(), points, is_joined: true });
         }
     }
-    // Singular values take no turns.
     plots[0].series.pop();
     plots
 }
 
-impl Inputs {
-    /// Nanoseconds of one way within `most` turns.
-    fn times_of(&self, way: usize, most: usize, rounds: usize) -> Samples {
-        let (name, run, _) = WAYS[way];
-        let work = move || {
-            for &(a, _) in &self.matrices {
-                std::hint::black_box(run(a, most));
-            }
-        };
-        #[expect(clippy::cast_precision_loss, reason = "few matrices")]
-        let to_ns = 1e9 / self.matrices.len() as f64;
-        let timings = interleave::run(rounds, vec![Contender::new(name, work)]);
-        timings.into_iter().next().map_or_else(|| Samples::from(f64::NAN), |t| Samples::from(t.seconds).scaled(to_ns))
-    }
+/// How an opening sentence calls the ways.
+const CALLED: [&str; 3] = ["ours", "the paper's listing", "singular values"];
+
+/// Errors at worst and times of every way, which of them is most exact over angles and over conditions, and which is fastest.
+fn sentence(by_condition: &[Vec<(Samples, Samples)>], by_angle: &[Vec<(Samples, Samples)>]) -> String {
+    let worst = |rows: &[Vec<(Samples, Samples)>]| -> [f64; 3] {
+        std::array::from_fn(|way| rows.iter().map(|ways| ways[way].0.range()[1]).fold(0.0, f64::max))
+    };
+    let ns: [f64; 3] = std::array::from_fn(|way| {
+        let all: Vec<f64> = by_condition.iter().chain(by_angle).map(|ways| ways[way].1.median()).collect();
+        Samples::from(all).median()
+    });
+    let least = |of: [f64; 3]| CALLED[(0..3).min_by(|&a, &b| of[a].total_cmp(&of[b])).unwrap_or(0)];
+    let told = |of: [f64; 3], unit: &str| {
+        let all: Vec<String> = CALLED.iter().zip(of).map(|(name, x)| format!("{name} {}{unit}", number(x))).collect();
+        all.join(", ")
+    };
+    let [angles, conditions] = [worst(by_angle), worst(by_condition)];
+    let exact = match (least(angles), least(conditions)) {
+        (a, b) if a == b => format!("{a} {} most exact at worst over angles and over conditions", is(a)),
+        (a, b) => format!("{a} {} most exact at worst over angles and {b} over conditions", is(a)),
+    };
+    let fast = least(ns);
+    format!(
+        "{}, and {fast} {} least time: over angles up to 180° {} at worst, over conditions up to 1e12 {}, and a matrix takes {} \
+         (medians).",
+        capital(&exact),
+        if fast == CALLED[2] { "take" } else { "takes" },
+        told(angles, " rad"),
+        told(conditions, " rad"),
+        told(ns, " ns"),
+    )
 }
 
-fn sentence(by_condition: &[Vec<(Samples, Samples)>], by_angle: &[Vec<(Samples, Samples)>]) -> String {
-    let worst = |rows: &[Vec<(Samples, Samples)>], way: usize| {
-        rows.iter().map(|ways| ways[way].0.range()[1]).fold(0.0, f64::max)
-    };
-    let medians = |way: usize| {
-        let all: Vec<f64> = by_condition.iter().chain(by_angle).map(|ways| ways[way].1.median()).collect();
-        number(Samples::from(all).median())
-    };
-    format!(
-        "Over angles up to 180° ours is off by {} rad at worst, the paper's listing by {}, singular values by {}; over conditions up to \
-         1e12 by {}, {} and {}; the median of all takes {}, {} and {} ns a matrix.",
-        number(worst(by_angle, 0)),
-        number(worst(by_angle, 1)),
-        number(worst(by_angle, 2)),
-        number(worst(by_condition, 0)),
-        number(worst(by_condition, 1)),
-        number(worst(by_condition, 2)),
-        medians(0),
-        medians(1),
-        medians(2),
-    )
+fn is(name: &str) -> &'static str {
+    if name == CALLED[2] { "are" } else { "is" }
+}
+
+fn capital(text: &str) -> String {
+    let (first, rest) = text.split_at(1);
+    first.to_uppercase() + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sentence_says_who_is_best() {
+        let of = |errors: [f64; 3], ns: [f64; 3]| -> Vec<(Samples, Samples)> {
+            errors.into_iter().zip(ns).map(|(error, ns)| (error.into(), ns.into())).collect()
+        };
+        let ns = [300.0, 900.0, 100.0];
+        let said = sentence(&[of([1e-5, 3.0, 1e-6], ns)], &[of([1e-15, 1e-9, 1e-16], ns)]);
+        assert!(said.starts_with(
+            "Singular values are most exact at worst over angles and over conditions, and singular values take"
+        ));
+        let said = sentence(&[of([1e-7, 3.0, 1e-6], ns)], &[of([1e-15, 1e-9, 1e-16], [50.0, 900.0, 100.0])]);
+        assert!(
+            said.starts_with("Singular values are most exact at worst over angles and ours over conditions"),
+            "{said}"
+        );
+        assert!(
+            said.ends_with("a matrix takes ours 175 ns, the paper's listing 900 ns, singular values 100 ns (medians).")
+        );
+    }
+
+    #[test]
+    fn every_turn_has_its_time() {
+        let inputs = Inputs::new("plain".to_owned(), [1.0, 0.5, 0.25], None, 2);
+        let [over_turns, over_time] = by_turns(&inputs, 1);
+        let counts = |plot: &Plot| plot.series.iter().map(|series| series.points.len()).collect::<Vec<_>>();
+        assert_eq!(counts(&over_turns), TURNS.map(<[usize]>::len)[..2]);
+        assert_eq!(counts(&over_time), TURNS.map(<[usize]>::len));
+        assert!(over_time.series[1].points.iter().all(|point| point.x.values().len() == 1));
+    }
 }
