@@ -11,7 +11,7 @@ use canted_obb::{
 
 use super::effort::Effort;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
-use super::samples::{Samples, number};
+use super::samples::{Samples, number, percent};
 use crate::interleave::{self, Contender};
 use inputs::{Kind, Set};
 
@@ -23,14 +23,25 @@ const FITS: [(&str, Fit); 5] = [
     ("fixed directions", Fit::Dop),
 ];
 
-/// A rule by name.
-type Rule = (&'static str, fn(&Obb, &Obb) -> Obb);
+/// Two halves of a set.
+struct Pair {
+    boxes: [Obb; 2],
+    /// The same as a tree sees them: a half of one triangle is that triangle.
+    children: [Child; 2],
+}
 
-const MERGES: [Rule; 4] = [
-    ("principal axes of corners", |a, b| merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Corners)),
-    ("the same, by area", |a, b| merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Area)),
-    ("quaternion", |a, b| merge::quaternion(a, b, [a.area(), b.area()])),
-    ("best of five frames", |a, b| merge::best(a, b, None)),
+/// A rule by name.
+type Rule = (&'static str, fn(&Pair) -> Obb);
+
+const MERGES: [Rule; 6] = [
+    ("straight, of both boxes' straight ones", |Pair { boxes: [a, b], .. }| Obb::from_aabb(&a.aabb().union(b.aabb()))),
+    ("principal axes of corners", |Pair { boxes: [a, b], .. }| {
+        merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Corners)
+    }),
+    ("the same, by area", |Pair { boxes: [a, b], .. }| merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Area)),
+    ("quaternion", |Pair { boxes: [a, b], .. }| merge::quaternion(a, b, [a.area(), b.area()])),
+    ("combined, by kind of child", |Pair { children: [a, b], .. }| merge::combined(a, b)),
+    ("best of five frames", |Pair { boxes: [a, b], .. }| merge::best(a, b, None)),
 ];
 
 /// What one way made of one kind of input.
@@ -49,13 +60,18 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let rounds = effort.pick(2, 5, 9);
     let mut fits = vec![];
     let mut merges = vec![];
+    let mut seconds: [Vec<f64>; 2] = Default::default();
     for kind in kinds.iter().filter(|kind| !kind.sets.is_empty()) {
-        let [of_fits, of_merges] = measure(kind, rounds);
+        let ([of_fits, of_merges], of_search) = measure(kind, rounds);
         fits.push((kind.name, of_fits));
         merges.push((kind.name, of_merges));
+        for (seconds, of_search) in seconds.iter_mut().zip(of_search) {
+            seconds.extend(of_search);
+        }
     }
     chapter.tell([sentence("Of fits", &fits), sentence("Of merges of two fitted boxes", &merges)]);
     chapter.method = METHOD.map(str::to_owned).to_vec();
+    chapter.method.push(gap(seconds.map(Samples::from)));
     for (title, all) in [("Fits", &fits), ("Merges", &merges)] {
         for (i, size) in ["area", "volume"].into_iter().enumerate() {
             chapter.plots.push(plot(title, size, i, all));
@@ -66,24 +82,45 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
 }
 
 const METHOD: [&str; 3] = [
-    "Clusters are 24 triangles in a turned shape; nodes are what a radix tree over the mesh holds, 8 to 64 triangles each. A merge \
-     gets the boxes of the two halves (of a node: its children), each fitted by the principal axes of its surface.",
+    "Clusters are 24 triangles in a turned shape; nodes are what a radix tree over the mesh holds, 8 to 64 triangles each. A fit is that \
+     of `fit`, which gives the straight box where a way's own has more area: so no way does worse than straight, and its time is \
+     that of both. A merge gets the boxes of the two halves (of a node: its children), each fitted by the principal axes of its \
+     surface, and has no such fallback; 'combined' is the quaternion's rule but where a half is one triangle, of which it gets the \
+     corners.",
     "The least size is that of the best of 400 random rotations, four of which are improved by ever smaller turns, and of every box \
      that takes part: so no ratio is below one. For merges it is the least box of the points, not of the children's boxes, which \
      no rule sees. Area and volume are searched each for itself. A volume of nothing counts as least.",
     "A point is the median over inputs, its bars reach from the best to the worst of them; nanoseconds are those of a box, all \
-     ways in turn, round by round, after a warm-up.",
+     ways in turn, round by round, after a warm-up, each 64 times over so that the clock does not show.",
 ];
 
-/// Both contests on one kind of input.
-fn measure(kind: &Kind, rounds: usize) -> [Vec<Outcome>; 2] {
+/// What the search leaves open, from the second of its ends over the best of area and of volume.
+fn gap(seconds: [Samples; 2]) -> String {
+    let [area, volume] = seconds.map(|seconds| {
+        let known: Vec<f64> = seconds.values().iter().copied().filter(|second| second.is_finite()).collect();
+        let known = Samples::from(known);
+        format!("{} in the median and {} at worst", percent(known.median()), percent(known.range()[1]))
+    });
+    format!(
+        "How good the search is, itself says: of its four ways down the second ends above the best by {area} of the area, by \
+         {volume} of the volume. Where ways down end apart, a fifth might end lower."
+    )
+}
+
+/// Both contests on one kind of input; of area and of volume, the second of the search's ends over the best, an entry an input.
+fn measure(kind: &Kind, rounds: usize) -> ([Vec<Outcome>; 2], [Vec<f64>; 2]) {
     let mut ratios = [vec![[vec![], vec![]]; FITS.len()], vec![[vec![], vec![]]; MERGES.len()]];
-    let pairs: Vec<[Obb; 2]> = kind.sets.iter().map(children).collect();
-    for ((set, [a, b]), seed) in kind.sets.iter().zip(&pairs).zip(0..) {
+    let mut seconds: [Vec<f64>; 2] = Default::default();
+    let pairs: Vec<Pair> = kind.sets.iter().map(Pair::of).collect();
+    for ((set, pair), seed) in kind.sets.iter().zip(&pairs).zip(0..) {
         let fitted = FITS.map(|(_, method)| fitted(set, method));
-        let merged = MERGES.map(|(_, rule)| rule(a, b));
+        let merged = MERGES.map(|(_, rule)| rule(pair));
         let known: Vec<Obb> = fitted.iter().chain(&merged).copied().collect();
-        let least = search::least(&set.points, &known, seed);
+        let found = search::least(&set.points, &known, seed);
+        for (seconds, found) in seconds.iter_mut().zip(found) {
+            seconds.push(found.second);
+        }
+        let least = found.map(|found| found.size);
         for (ratios, boxes) in ratios.iter_mut().zip([&fitted[..], &merged[..]]) {
             for (ratios, obb) in ratios.iter_mut().zip(boxes) {
                 for (ratios, (size, least)) in ratios.iter_mut().zip([obb.area(), obb.volume()].into_iter().zip(least))
@@ -96,7 +133,8 @@ fn measure(kind: &Kind, rounds: usize) -> [Vec<Outcome>; 2] {
     let [fit_ratios, merge_ratios] = ratios;
     let fits = FITS.map(|(name, method)| {
         Contender::new(name, move || {
-            for set in &kind.sets {
+            // Too short to be timed once, as merges are.
+            for set in (0..REPEATS).flat_map(|_| &kind.sets) {
                 std::hint::black_box(fitted(set, method));
             }
         })
@@ -104,27 +142,20 @@ fn measure(kind: &Kind, rounds: usize) -> [Vec<Outcome>; 2] {
     let merges = MERGES.map(|(name, rule)| {
         let pairs = &pairs;
         Contender::new(name, move || {
-            // Too short to be timed once: as often as a fit has points.
-            for _ in 0..MERGE_REPEATS {
-                for [a, b] in pairs {
-                    std::hint::black_box(rule(a, b));
-                }
+            for pair in (0..REPEATS).flat_map(|_| pairs) {
+                std::hint::black_box(rule(pair));
             }
         })
     });
-    [
+    let outcomes = [
         outcomes(FITS.map(|(name, _)| name).to_vec(), fit_ratios, fits.into(), rounds, kind.sets.len()),
-        outcomes(
-            MERGES.map(|(name, _)| name).to_vec(),
-            merge_ratios,
-            merges.into(),
-            rounds,
-            MERGE_REPEATS * pairs.len(),
-        ),
-    ]
+        outcomes(MERGES.map(|(name, _)| name).to_vec(), merge_ratios, merges.into(), rounds, pairs.len()),
+    ];
+    (outcomes, seconds)
 }
 
-const MERGE_REPEATS: usize = 64;
+/// How often each way makes all boxes in a round.
+const REPEATS: usize = 64;
 
 fn outcomes(
     names: Vec<&'static str>,
@@ -134,7 +165,7 @@ fn outcomes(
     n_boxes: usize,
 ) -> Vec<Outcome> {
     #[expect(clippy::cast_precision_loss, reason = "few boxes")]
-    let to_ns = 1e9 / n_boxes as f64;
+    let to_ns = 1e9 / (REPEATS * n_boxes) as f64;
     let timings = interleave::run(rounds, contenders);
     let outcome = |((way, ratios), timing): ((&'static str, [Vec<f64>; 2]), interleave::Timing)| Outcome {
         way,
@@ -149,10 +180,17 @@ fn fitted(set: &Set, method: Fit) -> Obb {
     fit(&set.points, &set.triangles(), method).unwrap_or_else(|_| unreachable!("points of inputs are finite"))
 }
 
-/// Boxes of the two halves.
-fn children(set: &Set) -> [Obb; 2] {
-    let (a, b) = set.points.split_at(set.split);
-    [a, b].map(|points| fitted(&Set { points: points.to_vec(), split: 0 }, Fit::AreaPca))
+impl Pair {
+    /// Of the two halves of a set.
+    fn of(set: &Set) -> Self {
+        let (a, b) = set.points.split_at(set.split);
+        let halves = [a, b].map(|points| {
+            let obb = fitted(&Set { points: points.to_vec(), split: 0 }, Fit::AreaPca);
+            let child = if let &[a, b, c] = points { Child::Triangle([a, b, c]) } else { Child::Box(obb) };
+            (obb, child)
+        });
+        Self { boxes: halves.map(|half| half.0), children: halves.map(|half| half.1) }
+    }
 }
 
 /// Which way is tightest, and at what price, over all kinds.
@@ -216,4 +254,30 @@ fn table(title: &str, all: &[(&'static str, Vec<Outcome>)]) -> Table {
         }
     }
     table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn merges_hold_both_halves_and_the_combined_one_sees_triangles() {
+        let corners =
+            [[0.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 3.0], [4.0, 5.0, 6.0], [5.0, 5.0, 7.0], [4.0, 6.0, 6.5f32]];
+        let pair = Pair::of(&Set { points: corners.to_vec(), split: 3 });
+        assert!(pair.children.iter().all(|child| matches!(child, Child::Triangle(_))));
+        for (name, rule) in MERGES {
+            assert!(rule(&pair).volume() > 0.0 && rule(&pair).aabb().contains(corners[5]), "{name}");
+        }
+        let of = |points: usize| Pair::of(&Set { points: [corners, corners].concat(), split: points });
+        let [quaternion, combined] = [3, 4].map(|i| MERGES[i].1);
+        assert_eq!(quaternion(&of(6)), combined(&of(6)));
+        assert_ne!(quaternion(&of(3)), combined(&of(3)));
+    }
+
+    #[test]
+    fn the_search_tells_its_gap() {
+        let said = gap([vec![1.0, 1.02, f64::NAN, 1.5].into(), 1.0.into()]);
+        assert!(said.contains("2.00% in the median and 50.0% at worst of the area"), "{said}");
+    }
 }
