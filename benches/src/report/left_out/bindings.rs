@@ -7,7 +7,7 @@ use canted_gpu::{Choice, Gpu};
 use canted_renderer::{DevicePicture, Monitor, Surfaces};
 use canted_scene::Camera;
 
-use super::{Variant, over, settings};
+use super::{Variant, more, over, settings};
 use crate::clock;
 use crate::report::{
     effort::Effort,
@@ -68,7 +68,7 @@ pub(super) fn add(
             Cell::text(*what),
             Cell::text(buffers.len().to_string()),
             Cell::text(sum(&buffers).to_string()),
-            Cell::text(sum(&buffers).saturating_sub(sum(&bare)).to_string()),
+            Cell::text(format!("{:+}", more(sum(&buffers), sum(&bare)))),
             Cell::text(if new.is_empty() { "–".to_owned() } else { new.join(", ") }),
             Cell::measured(ms_of_one.clone(), "ms"),
             Cell::text(if i == 0 { "–".to_owned() } else { over(ms_of_one, &ms[0]) }),

@@ -116,9 +116,19 @@ fn with_flat_normals(mut scene: Scene) -> Scene {
             mesh.triangles.iter().map(|triangle| triangle.map(|i| mesh.positions[i as usize])).collect();
         mesh.normals = Some(corners.iter().flat_map(|corners| [normal(corners); 3]).collect());
         mesh.positions = corners.concat();
+        let triangles = &mesh.triangles;
+        mesh.uvs = mesh.uvs.take().map(|values| of_corners(&values, triangles));
+        mesh.second_uvs = mesh.second_uvs.take().map(|values| of_corners(&values, triangles));
+        mesh.tangents = mesh.tangents.take().map(|values| of_corners(&values, triangles));
+        mesh.colors = mesh.colors.take().map(|values| of_corners(&values, triangles));
         mesh.triangles = (0..).step_by(3).take(corners.len()).map(|first| [first, first + 1, first + 2]).collect();
     }
     scene
+}
+
+/// A value for each corner of each triangle, from one for each vertex.
+fn of_corners<T: Copy>(values: &[T], triangles: &[[u32; 3]]) -> Vec<T> {
+    triangles.iter().flatten().map(|&i| values[i as usize]).collect()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how normals are stored")]
@@ -128,4 +138,19 @@ fn normal(&[a, b, c]: &[[f32; 3]; 3]) -> [f32; 3] {
     let normal = [q * z - r * y, r * x - p * z, p * y - q * x];
     let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
     if length > 0.0 { normal.map(|x| (x / length) as f32) } else { [0.0, 0.0, 1.0] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flat_normals_leave_every_corner_its_coordinates() {
+        let mut scene =
+            bare(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], vec![[0, 1, 2], [2, 1, 3]]);
+        scene.meshes[0].uvs = Some((0..4u8).map(|i| [f32::from(i), 0.0]).collect());
+        let flat = with_flat_normals(scene).meshes.remove(0);
+        assert_eq!(flat.uvs.unwrap().iter().map(|uv| uv[0]).collect::<Vec<_>>(), [0.0, 1.0, 2.0, 2.0, 1.0, 3.0]);
+        assert_eq!((flat.positions.len(), flat.normals), (6, Some(vec![[0.0, 0.0, 1.0]; 6])));
+    }
 }

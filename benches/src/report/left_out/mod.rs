@@ -16,6 +16,7 @@ use forcings::{FORCINGS, Forcing, NOT_FORCED, bare};
 use super::effort::Effort;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
 use super::samples::{Samples, number};
+use super::subjects;
 use crate::clock;
 use crate::models;
 
@@ -34,13 +35,20 @@ struct Cost {
     is_same: bool,
 }
 
+/// The scene that has textures and masks of its own.
+const SPONZA: &str = "sponza";
+
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "left-out", title: "What was left out", ..Chapter::default() };
     let mut scenes = vec![("built-in", canted_scene::builtin())];
-    for name in effort.pick(&[][..], &["bunny"], &["bunny", "truss", "sponza"]) {
-        match models::load(name)? {
-            Some(model) => scenes.push((name, bare(model.mesh.positions, model.mesh.triangles))),
+    for name in effort.pick(&[][..], &["bunny"], &["bunny", "truss", SPONZA]) {
+        let scene = match *name {
+            SPONZA => subjects::lit_sponza()?,
+            name => models::load(name)?.map(|model| bare(model.mesh.positions, model.mesh.triangles)),
+        };
+        match scene {
+            Some(scene) => scenes.push((name, scene)),
             None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
         }
     }
@@ -57,9 +65,10 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
 }
 
 const METHOD: [&str; 4] = [
-    "Each scene is rendered as it is and with one part forced back in, in turn: two levels; instances that move by one unit in the \
-     last place, which need two levels too; a white texture on every material; coordinates that nothing looks up; masks that cut \
-     nothing out; normals that say what the triangles say; one triangle that emits 1e-30; a second \
+    "Sponza is the whole scene, with its textures and masks, lit as in the chapter of pictures; bunny and truss are grey meshes under a \
+     sun and a sky. Each scene is rendered as it is and with one part forced back in, in turn: two levels; instances that move by one \
+     unit in the last place, which need two levels too; a white texture on every material; coordinates that nothing looks up; masks \
+     that cut nothing out; normals that say what the triangles say; one triangle that emits 1e-30; a second \
      light without power. Seconds are the processor's, all threads, of the path integrator; bytes those of the structure and of the \
      scene's arrays.",
     "On a device, where one opens, the same parts are counted as bindings of the picture's kernel and their bytes, and timed by the \
@@ -76,7 +85,8 @@ struct Saving {
     /// Over the bare scene's, less one.
     time: f64,
     is_noise: bool,
-    n_bytes: usize,
+    /// More bytes than the bare scene's; fewer where the structure has less to hold.
+    n_bytes: i64,
 }
 
 /// Of all parts on all scenes, how many save time, and the most.
@@ -125,13 +135,12 @@ fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Resu
         &["part", "render", "over the bare scene", "bytes", "more bytes", "same picture, bit for bit"],
     );
     for cost in &costs {
-        let more = cost.n_bytes.saturating_sub(bare.n_bytes);
         table.rows.push(vec![
             Cell::text(cost.what),
             Cell::measured(cost.seconds.scaled(1e3), "ms"),
             Cell::text(if std::ptr::eq(cost, bare) { "–".to_owned() } else { over(&cost.seconds, &bare.seconds) }),
             Cell::text(cost.n_bytes.to_string()),
-            Cell::text(more.to_string()),
+            Cell::text(format!("{:+}", more(cost.n_bytes, bare.n_bytes))),
             Cell::text(if cost.is_same { "yes" } else { "no" }),
         ]);
     }
@@ -143,20 +152,25 @@ fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Resu
     }
     plot(chapter, &format!("{name}, {width} x {height}"), &costs);
     bindings::add(chapter, name, &variants, &camera, effort)?;
-    let saving = |cost: &Cost| Saving {
-        part: cost.what,
-        time: cost.seconds.median() / bare.seconds.median() - 1.0,
-        is_noise: cost.seconds.is_noise_beside(&bare.seconds),
-        n_bytes: cost.n_bytes.saturating_sub(bare.n_bytes),
+    let saving = |cost: &Cost| {
+        let ratio = cost.seconds.over(&bare.seconds);
+        let n_bytes = more(cost.n_bytes, bare.n_bytes);
+        Saving { part: cost.what, time: ratio.median - 1.0, is_noise: ratio.is_noise(), n_bytes }
     };
     Ok(costs[1..].iter().map(saving).collect())
 }
 
 /// How much longer than the bare scene, and whether that is noise.
 fn over(seconds: &Samples, bare: &Samples) -> String {
-    let ratio = seconds.median() / bare.median();
-    let noise = if seconds.is_noise_beside(bare) { ", noise" } else { "" };
-    format!("{:+.1}%{noise}", 100.0 * (ratio - 1.0))
+    let ratio = seconds.over(bare);
+    let noise = if ratio.is_noise() { ", noise" } else { "" };
+    format!("{:+.1}%{noise}", 100.0 * (ratio.median - 1.0))
+}
+
+/// How many bytes more than the bare scene's, or how many fewer.
+fn more<N: TryInto<i64>>(n_bytes: N, bare: N) -> i64 {
+    let [n_bytes, bare] = [n_bytes, bare].map(|n| n.try_into().unwrap_or(i64::MAX));
+    n_bytes - bare
 }
 
 /// The scene as it is, then with each part that it does without.
@@ -243,4 +257,21 @@ fn n_bytes(scene: &Scene) -> usize {
     };
     let of_textures = scene.textures.iter().map(|texture| size_of_val(&texture.texels[..])).sum::<usize>();
     scene.meshes.iter().map(of_mesh).sum::<usize>() + of_textures
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fewer_bytes_are_said_to_be_fewer() {
+        assert_eq!(format!("{:+} {:+}", more(4_369_680usize, 4_371_984), more(5u64, 3)), "-2304 +2");
+    }
+
+    #[test]
+    fn times_are_compared_round_by_round() {
+        let bare = Samples::from(vec![1.0, 1.1, 1.2, 1.3, 1.5]);
+        assert_eq!(over(&bare.scaled(1.25), &bare), "+25.0%");
+        assert_eq!(over(&bare, &bare), "+0.0%, noise");
+    }
 }

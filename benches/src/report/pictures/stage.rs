@@ -2,12 +2,13 @@
 
 use anyhow::Result;
 use canted_renderer::{Integrator, Pattern, Prepared, Settings, StructureConfig, frame, prepare};
-use canted_scene::{Camera, Light, Scene};
+use canted_scene::{Camera, Scene};
 use canted_trace::Watertight;
 
 use crate::clock;
 use crate::report::effort::Effort;
 use crate::report::samples::Samples;
+use crate::report::subjects;
 
 /// A scene with a view, built.
 pub(super) struct Stage {
@@ -75,13 +76,8 @@ pub(super) fn stages(effort: Effort, skipped: &mut Vec<String>) -> Result<Vec<St
         skipped.push("Pictures of Sponza: a full run has them.".to_owned());
         return Ok(stages);
     }
-    match crate::models::scene("sponza")? {
-        Some(mut scene) => {
-            scene.environment = Some([4.0, 5.0, 6.5].into());
-            let direction = [-0.282_166, -0.940_553, -0.188_111];
-            scene.lights = vec![Light::Sun { direction, irradiance: [20.0, 19.0, 17.0] }];
-            stages.push(Stage::new("sponza", scene, effort)?);
-        }
+    match subjects::lit_sponza()? {
+        Some(scene) => stages.push(Stage::new("sponza", scene, effort)?),
         None => skipped.push("Pictures of Sponza: the model is not at hand.".to_owned()),
     }
     Ok(stages)
