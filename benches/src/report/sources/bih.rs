@@ -5,6 +5,7 @@ use canted_trace::Watertight;
 use canted_wide::{Config, Costs, Preset, Wide};
 
 use super::builders::{HALVED, RADIX, SWEPT, Took, measure, scaffold};
+use super::orders::Found;
 use super::passes::one_thread;
 use crate::clock;
 use crate::report::{
@@ -41,13 +42,13 @@ const CHARTS: [(&str, &str, &str, &str, &str); 10] = [
 /// Most triangles of a leaf of ours.
 const MOST: [usize; 4] = [1, 4, 8, 32];
 
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
-    let says = table_1(chapter, effort)?;
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let found = table_1(chapter, effort)?;
     charts(chapter, effort)?;
-    Ok(says)
+    Ok(found)
 }
 
-fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table = Table::new(
         "Trees built anew for each picture (the BIH thesis's table 1)",
         &["source", "scene", "triangles", "structure", "build", "picture", "both", "pictures a second"],
@@ -70,13 +71,18 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<String> {
             series[0].points.push(Point { label, x: build.into(), y: picture.into() });
         }
     }
-    let mut says = String::new();
-    for &log2 in effort.pick(&[8][..], &[11, 15, 17], &[11, 15, 17]) {
+    let mut found = Found::default();
+    for (&log2, (.., theirs)) in effort.pick(&[8][..], &[11, 15, 17], &[11, 15, 17]).iter().zip(THEIRS) {
         let model = scaffold(log2);
         let n = model.mesh.triangles.len();
         let took = measure(&model, &[HALVED, RADIX, SWEPT], effort)?;
         let both = |took: &Took| (took.name, took.build.with(&took.picture, |build, picture| build + picture));
-        says = format!(
+        // Theirs without larger leaves beside the tree halved in space, their kd-tree beside the one whose splits are all tried.
+        let beside = [(theirs[0], &took[0]), (theirs[3], &took[2])]
+            .map(|([build, picture], took)| [[build, took.build.median()], [picture, took.picture.median()]]);
+        let sum = |[build, picture]: [[f64; 2]; 2]| [build[0] + picture[0], build[1] + picture[1]];
+        found.compared.extend([beside.map(|of| of[0]), beside.map(|of| of[1]), beside.map(sum)].map(Vec::from));
+        found.says = format!(
             "Built anew for each picture, the scaffold of {n} triangles has it first by the tree {}; theirs by the BIH.",
             first(&took.iter().map(both).collect::<Vec<_>>())
         );
@@ -93,7 +99,7 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         y: Axis::log("picture, ms"),
         series,
     });
-    Ok(says)
+    Ok(found)
 }
 
 /// Chart 1, pictures a second, and chart 2, memory, over the most primitives that a leaf may hold.

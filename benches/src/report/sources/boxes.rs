@@ -5,6 +5,7 @@ use canted_lbvh::{Bits, Costs, Domain, Strategy, VolumeConfig};
 use canted_tlas::{Blas, MeshBlas, PairOrder};
 use canted_trace::{Counts, InstanceId, Watertight};
 
+use super::orders::Found;
 use super::scenes;
 use crate::report::{
     effort::Effort,
@@ -33,7 +34,7 @@ struct Row {
     boxes: f64,
 }
 
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table = Table::new(
         "Volumes in one level (table 4, 1 and 2): sums over axis-aligned, nodes that lean, box tests a camera ray",
         &[
@@ -47,11 +48,16 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
             "box tests, ours",
         ],
     );
-    let (mut series, mut best) = (vec![], None);
+    let (mut series, mut best, mut compared) = (vec![], None, vec![]);
     for (name, model) in scenes(effort, &["bunny", "sponza"], chapter)? {
         let rows = rows(&model, effort)?;
+        let (mut volumes, mut leaning) = (vec![], vec![]);
         for row in &rows {
             let theirs = THEIRS.iter().find(|(scene, strategy, ..)| *scene == name && *strategy == row.strategy);
+            if let Some(&(_, _, volume, percent)) = theirs {
+                volumes.push([volume, row.volume]);
+                leaning.push([percent, row.leaning_percent]);
+            }
             let or_dash = |value: Option<String>| Cell::text(value.unwrap_or_else(|| "–".to_owned()));
             table.rows.push(vec![
                 Cell::text(name),
@@ -64,6 +70,11 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
                 Cell::text(number(row.boxes)),
             ]);
         }
+        if !volumes.is_empty() {
+            // Theirs of axis-aligned boxes is the unit.
+            volumes.push([1.0, 1.0]);
+        }
+        compared.extend([volumes, leaning]);
         let point =
             |row: &Row| Point { label: format!("{:?}", row.strategy), x: row.volume.into(), y: row.boxes.into() };
         series.push(Series { name: name.to_owned(), points: rows.iter().map(point).collect(), is_joined: false });
@@ -80,9 +91,10 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         series,
     });
     chapter.tables.push(table);
-    Ok(best.map_or_else(String::new, |(name, strategy, share)| {
+    let says = best.map_or_else(String::new, |(name, strategy, share)| {
         format!("On {name} {strategy:?} boxes are tested least, {} times as often as axis-aligned ones.", number(share))
-    }))
+    });
+    Ok(Found { says, compared })
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts of rays and nodes")]

@@ -7,6 +7,7 @@ use canted_gpu::{
 };
 use canted_lbvh::{Bits, Strategy};
 
+use super::orders::Found;
 use super::scenes;
 use crate::report::{
     effort::Effort,
@@ -23,12 +24,12 @@ const THEIRS: [(&str, [f64; 4]); 3] = [
     ("bunny", [1.90, 0.36, 7.67, 7.23]),
 ];
 
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let gpu = match Gpu::open(&Choice::Best) {
         Ok(gpu) => gpu,
         Err(error) => {
             chapter.skipped.push(format!("Passes on a device (table 5): {error}."));
-            return Ok(String::new());
+            return Ok(Found::default());
         }
     };
     let runs = effort.pick(1, 2, 5);
@@ -38,6 +39,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         gpu.facts().kind
     );
     let mut table = Table::new(title, &["scene", "pass", "TITAN Xp, theirs", "ours", "ours over theirs"]);
+    let mut found = Found::default();
     // A software driver takes half a minute a run for the dragon.
     let names =
         if gpu.facts().kind == AdapterKind::Software { &["bunny"][..] } else { &["dragon_871k", "sponza", "bunny"] };
@@ -49,6 +51,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         let of = |wanted: Strategy| STRATEGIES.iter().position(|&strategy| strategy == wanted).and_then(|i| boxes[i]);
         let ours = [codes, tree, of(Strategy::PcaBounded), of(Strategy::Quaternion)];
         let theirs = THEIRS.iter().find(|(scene, _)| *scene == name).map(|(_, passes)| passes);
+        let both = |(&their, ms): (&f64, &Option<f64>)| Some([their, (*ms)?]);
+        found.compared.extend(theirs.map(|theirs| theirs.iter().zip(&ours).filter_map(both).collect()));
         for (i, (pass, ms)) in PASSES.into_iter().zip(ours).enumerate() {
             let their = theirs.map(|passes| passes[i]);
             table.rows.push(vec![
@@ -61,7 +65,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         }
     }
     chapter.tables.push(table);
-    Ok(String::new())
+    Ok(found)
 }
 
 fn or_dash(text: Option<String>) -> String {

@@ -7,12 +7,17 @@ use canted_fixtures::Mesh;
 use canted_lbvh::{Bits, Costs, Domain, Strategy, Sums, Tree, VolumeConfig};
 use canted_obb::{Aabb, Obb};
 
+use super::orders::Found;
 use super::scenes;
+use crate::models::{self, Model};
 use crate::report::{
     effort::Effort,
     model::{Cell, Chapter, Table},
     samples::number,
 };
+
+/// The scene of which the dissertation prints two levels.
+const SPONZA: &str = "sponza";
 
 /// What the dissertation prints for Sponza: sum of volumes of both levels, per cent of nodes that lean, top and bottom.
 const THEIRS: [(Strategy, f64, Option<f64>, Option<f64>); 4] = [
@@ -25,11 +30,11 @@ const THEIRS: [(Strategy, f64, Option<f64>, Option<f64>); 4] = [
 /// Theirs, of axis-aligned boxes in one level.
 const THEIR_ONE_LEVEL: f64 = 5.330_77;
 
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
-    let mut says = String::new();
-    for (name, model) in scenes(effort, &["sponza"], chapter)? {
-        let pieces = pieces(&model.mesh);
-        let title = format!("Two levels (table 4, 3a and 3b): {name} in {} pieces, theirs in 393 meshes", pieces.len());
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let mut found = Found::default();
+    for (name, model) in scenes(effort, &[SPONZA], chapter)? {
+        let pieces = meshes(name, &model)?;
+        let title = format!("Two levels (table 4, 3a and 3b): {name} in {} meshes, theirs in 393", pieces.len());
         let head = [
             "strategy",
             "volume over one level, theirs",
@@ -45,20 +50,24 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         let unit = model.mesh.diagonal();
         let one = bottom(&model.mesh, Strategy::Aabb, unit)?.0.volume;
         let mut aligned = f64::NAN;
+        let (mut volumes, mut leaning_bottom) = (vec![], vec![]);
         for (strategy, their_volume, their_top, their_bottom) in THEIRS {
             let (top, bottom) = two_levels(&pieces, strategy, unit)?;
             let volume = top.volume + bottom.volume;
             if strategy == Strategy::Aabb {
                 aligned = volume;
-                says = format!(
+                found.says = format!(
                     "Two levels leave {} of the volume that axis-aligned boxes have in one on {name} here, {} in the dissertation.",
                     number(volume / one),
                     number(their_volume / THEIR_ONE_LEVEL)
                 );
             }
+            if name == SPONZA {
+                volumes.push([their_volume, volume]);
+                leaning_bottom.extend(their_bottom.map(|theirs| [theirs, leaning_percent(&bottom)]));
+            }
             let percent = |theirs: Option<f64>| theirs.map_or_else(|| "–".to_owned(), |p| format!("{p:.1}%"));
-            #[expect(clippy::cast_precision_loss, reason = "counts of nodes")]
-            let leaning = |sums: &Sums| format!("{:.1}%", 100.0 * sums.n_leaning as f64 / sums.n_nodes.max(1) as f64);
+            let leaning = |sums: &Sums| format!("{:.1}%", leaning_percent(sums));
             let cells = [
                 format!("{strategy:?}"),
                 format!("{:.3}", their_volume / THEIR_ONE_LEVEL),
@@ -73,8 +82,41 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
             table.rows.push(cells.map(Cell::text).to_vec());
         }
         chapter.tables.push(table);
+        found.compared.extend([volumes, leaning_bottom]);
     }
-    Ok(says)
+    Ok(found)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts of nodes")]
+fn leaning_percent(sums: &Sums) -> f64 {
+    100.0 * sums.n_leaning as f64 / sums.n_nodes.max(1) as f64
+}
+
+/// The meshes of the scene's file, where they stand; of a generated lattice, which is one mesh, its struts.
+fn meshes(name: &str, model: &Model) -> Result<Vec<Mesh>> {
+    let scene = if name == SPONZA { models::scene(name)? } else { None };
+    Ok(scene.map_or_else(|| pieces(&model.mesh), |scene| cut(canted_renderer::flatten(&scene))))
+}
+
+/// Triangles in runs that begin at the given ones.
+fn cut((positions, triangles, first): (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>)) -> Vec<Mesh> {
+    let ends = first[1..].iter().map(|&end| end as usize).chain([triangles.len()]);
+    let runs = first.iter().zip(ends).map(|(&first, end)| &triangles[first as usize..end]);
+    runs.filter(|run| !run.is_empty()).map(|run| of_corners(&positions, run)).collect()
+}
+
+/// A mesh with vertices of its own for every corner.
+fn of_corners(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
+    let mut mesh = Mesh { positions: vec![], triangles: vec![] };
+    triangles.iter().for_each(|triangle| add_triangle(&mut mesh, triangle.map(|i| positions[i as usize])));
+    mesh
+}
+
+fn add_triangle(mesh: &mut Mesh, corners: [[f32; 3]; 3]) {
+    #[expect(clippy::cast_possible_truncation, reason = "no more than three times the triangles, which u32 counts")]
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend(corners);
+    mesh.triangles.push([first, first + 1, first + 2]);
 }
 
 /// Sums of the tree over the pieces, and of all trees of pieces.
@@ -131,11 +173,7 @@ fn pieces(mesh: &Mesh) -> Vec<Mesh> {
         if place == n {
             pieces.push(Mesh { positions: vec![], triangles: vec![] });
         }
-        let Mesh { positions, triangles } = &mut pieces[place];
-        #[expect(clippy::cast_possible_truncation, reason = "no more than three times the triangles, which u32 counts")]
-        let first = positions.len() as u32;
-        positions.extend(triangle.map(|i| mesh.positions[i as usize]));
-        triangles.push([first, first + 1, first + 2]);
+        add_triangle(&mut pieces[place], triangle.map(|i| mesh.positions[i as usize]));
     }
     pieces
 }
@@ -152,6 +190,14 @@ fn root(parents: &mut [usize], mut vertex: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_is_cut_where_its_meshes_begin() {
+        let positions = (0..4u8).map(|i| [f32::from(i); 3]).collect();
+        let meshes = cut((positions, vec![[0, 1, 2], [1, 2, 3], [0, 2, 3]], vec![0, 2, 2]));
+        let counts: Vec<usize> = meshes.iter().map(|mesh| mesh.triangles.len()).collect();
+        assert_eq!((counts, meshes[1].positions.clone()), (vec![2, 1], vec![[0.0; 3], [2.0; 3], [3.0; 3]]));
+    }
 
     #[test]
     fn pieces_share_no_vertex() {

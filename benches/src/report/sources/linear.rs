@@ -6,6 +6,7 @@ use canted_trace::{Hit, Kernel, Ray, Watertight};
 use canted_wide::{Config, Preset, Wide};
 
 use super::builders::scaffold;
+use super::orders::Found;
 use crate::report::{
     effort::Effort,
     fits,
@@ -38,7 +39,7 @@ impl Engine for Every {
 const NAMES: [&str; 2] = ["every triangle", "wide tree, balanced"];
 
 #[expect(clippy::cast_precision_loss, reason = "counts of rays and triangles")]
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table =
         Table::new("No hierarchy beside one (Silva's chart): a camera ray", &["triangles", NAMES[0], NAMES[1], "gain"]);
     let mut points: [Vec<(usize, Samples)>; 2] = Default::default();
@@ -91,7 +92,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         series: series.collect(),
     });
     let [every, tree] = exponents;
-    Ok(format!(
+    Ok(Found::from(format!(
         "For fixed rays the time of one grows as triangles to the power {every} where every triangle is tried, and {tree} through a tree."
-    ))
+    )))
 }

@@ -3,6 +3,7 @@
 use anyhow::Result;
 
 use super::builders::{RADIX, SWEPT, measure, scaffold};
+use super::orders::Found;
 use crate::report::{
     effort::Effort,
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
@@ -31,7 +32,7 @@ const THEIRS: [[[f64; 4]; 3]; 6] = [
 
 const MACHINES: [&str; 3] = ["GTX 950", "RTX 2080 Ti", "RX Vega 64"];
 
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let head = [
         "source",
         "scene",
@@ -95,7 +96,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         series,
     });
     chapter.tables.extend([times, memory]);
-    Ok(says)
+    Ok(says.into())
 }
 
 /// Adds a row; build gain and picture gain.

@@ -3,6 +3,7 @@
 use anyhow::Result;
 use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
 
+use super::orders::Found;
 use super::scenes;
 use crate::clock;
 use crate::models::Model;
@@ -21,12 +22,12 @@ const THEIRS: [(&str, [f64; 6]); 3] = [
     ("bunny", [2.37, 12.51, 4.36, 51.90, 84.76, 90.27]),
 ];
 
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table = Table::new(
         "Passes of a build on the CPU (table 5, figure 11)",
         &["scene", "pass", "theirs", "ours", "ours over theirs"],
     );
-    let (mut series, mut says) = (vec![], String::new());
+    let (mut series, mut found) = (vec![], Found::default());
     for (name, model) in
         scenes(effort, effort.pick(&[][..], &["sponza"], &["dragon_871k", "sponza", "bunny"]), chapter)?
     {
@@ -52,7 +53,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         if let Some(theirs) = theirs {
             let share = |passes: &[f64]| passes[3] / (passes[0] + passes[1] + passes[2] + passes[3]);
             let medians: Vec<f64> = ours.iter().map(Samples::median).collect();
-            says = format!(
+            found.compared.push(theirs.iter().zip(&medians).map(|(&their, &our)| [their, our]).collect());
+            found.says = format!(
                 "Boxes from bounded principal axes take {:.0}% of the build of {name} here, {:.0}% in the dissertation.",
                 100.0 * share(&medians),
                 100.0 * share(theirs)
@@ -67,7 +69,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         series,
     });
     chapter.tables.push(table);
-    Ok(says)
+    Ok(found)
 }
 
 /// Runs on a pool of one thread.

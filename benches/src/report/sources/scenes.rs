@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 
+use super::orders::Found;
 use crate::models;
 use crate::report::{
     effort::Effort,
@@ -20,7 +21,7 @@ const THEIRS: [(&str, usize, usize, usize, Option<&str>); 7] = [
 ];
 
 /// Adds the table; it says nothing by itself.
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let head = ["scene", "meshes, theirs", "vertices, theirs", "triangles, theirs", "meshes", "vertices", "triangles"];
     let mut table = Table::new("Scenes (table 3): theirs, and the models of them at hand", &head);
     for (scene, n_meshes, n_vertices, n_triangles, ours) in THEIRS {
@@ -38,5 +39,5 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         table.rows.push(row);
     }
     chapter.tables.push(table);
-    Ok(String::new())
+    Ok(Found::default())
 }

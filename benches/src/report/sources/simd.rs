@@ -4,6 +4,7 @@ use anyhow::Result;
 use canted_trace::Watertight;
 use canted_wide::{Config, Preset, SimdPath, Wide};
 
+use super::orders::Found;
 use super::passes::one_thread;
 use super::scenes;
 use crate::report::{
@@ -21,7 +22,7 @@ const THEIRS: [(&str, &str, &str); 4] = [
     ("tests alone (Silva)", "OpenCL, 128 lanes", "about 30"),
 ];
 
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
+pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table = Table::new(
         "Vector instructions (Silva's chart): the wide tree by path",
         &["scene", "path", "a camera ray", "over scalar"],
@@ -68,5 +69,5 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
         y: Axis::linear("ns"),
         series,
     });
-    Ok(says)
+    Ok(says.into())
 }
