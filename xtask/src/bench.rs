@@ -71,20 +71,24 @@ pub(crate) fn machine() -> String {
 
 /// One line: machine, compiler, commit, date, command.
 fn facts(args: &[&str]) -> Result<String> {
-    let variables = VARIABLES.iter().filter_map(|name| match (*name, env::var(name)) {
-        (_, Err(_)) => None,
-        // Where a library lies is nobody's business; that one was named is.
-        ("CANTED_EMBREE", Ok(_)) => Some("CANTED_EMBREE=…".to_owned()),
-        (name, Ok(value)) => Some(format!("{name}='{value}'")),
-    });
-    let words = variables.chain(["cargo xtask bench"].iter().chain(args).map(|&word| word.to_owned()));
     Ok(facts_of(&[
         &machine(),
         &command::output("rustc", &["--version"])?,
         &command::output("git", &["describe", "--always", "--dirty=, with changes"])?,
         &command::output("date", &["-u", "+%F"])?,
-        &format!("`{}`", words.collect::<Vec<_>>().join(" ")),
+        &format!("`{}`", words("bench", args, |name| env::var(name).ok())),
     ]))
+}
+
+/// The command as it was given: the variables that change what is measured, then `cargo xtask` with the task and its arguments.
+pub(crate) fn words(task: &str, args: &[&str], variable: impl Fn(&str) -> Option<String>) -> String {
+    let variables = VARIABLES.iter().filter_map(|&name| match (name, variable(name)?) {
+        // Where a library lies is nobody's business; that one was named is.
+        ("CANTED_EMBREE", _) => Some("CANTED_EMBREE=…".to_owned()),
+        (name, value) => Some(format!("{name}='{value}'")),
+    });
+    let words = ["cargo xtask", task].into_iter().chain(args.iter().copied()).map(str::to_owned);
+    variables.chain(words).collect::<Vec<_>>().join(" ")
 }
 
 /// The values as one line in italics.
@@ -164,6 +168,18 @@ mod tests {
         for part in ["; rustc 1.", "cargo xtask bench --rounds 3`*", "; 20"] {
             assert!(facts.contains(part), "{facts}");
         }
+    }
+
+    #[test]
+    fn variables_that_change_what_is_measured_stand_before_the_command() {
+        let set = |name: &str| match name {
+            "RUSTFLAGS" => Some("-C target-cpu=x86-64-v3".to_owned()),
+            "CANTED_EMBREE" => Some("/a/folder".to_owned()),
+            _ => None,
+        };
+        let said = words("report", &["--quick"], set);
+        assert_eq!(said, "RUSTFLAGS='-C target-cpu=x86-64-v3' CANTED_EMBREE=… cargo xtask report --quick");
+        assert_eq!(words("bench", &[], |_| None), "cargo xtask bench");
     }
 
     #[test]

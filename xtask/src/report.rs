@@ -1,6 +1,6 @@
 //! `cargo xtask report`: measures every chapter and writes the page; `--keep` takes it into the repository.
 
-use std::{fs, path::Path};
+use std::{env, fs, path::Path};
 
 use anyhow::{Context, Result};
 
@@ -24,7 +24,7 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
     // Asked before the measuring, which may take an hour in which files change.
     let commit = command::output("git", &["describe", "--always", "--dirty=, with changes"])?;
     let date = command::output("date", &["-u", "+%F"])?;
-    let words = [&["cargo xtask report"], args].concat().join(" ");
+    let words = bench::words("report", args, |name| env::var(name).ok());
     let mut command = bench::program(args);
     command.args(["report", "--out", FOLDER]);
     for (name, value) in
