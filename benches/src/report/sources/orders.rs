@@ -52,7 +52,7 @@ mod tests {
     fn pairs_that_turn_round_are_not_the_same() {
         // The last two change places, and the first two are equal in the source: five pairs are left, of which one is turned.
         let list = vec![[1.0, 9.0], [1.0, 8.0], [2.0, 30.0], [3.0, 20.0]];
-        assert_eq!(Pairs::of(&[list.clone()]), Pairs { n_same: 4, n_all: 5 });
+        assert_eq!(Pairs::of(std::slice::from_ref(&list)), Pairs { n_same: 4, n_all: 5 });
         // What is equal here is in no order.
         assert_eq!(Pairs::of(&[vec![[1.0, 5.0], [2.0, 5.0]], list]), Pairs { n_same: 4, n_all: 6 });
     }
