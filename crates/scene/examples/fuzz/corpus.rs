@@ -1,4 +1,4 @@
-//! The files that cases start from: the small ones of the folder of scenes.
+//! The files that cases start from: the small ones of the folder of scenes, and the examples of scene files.
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -17,11 +17,12 @@ pub(crate) enum Kind {
     Texture,
     Hdr,
     Exr,
+    SceneFile,
 }
 
 /// A file of the corpus.
 pub(crate) struct Entry {
-    /// Below the folder of scenes.
+    /// Below its folder, of scenes or of examples.
     pub(crate) file: PathBuf,
     pub(crate) kind: Kind,
     /// The scene that names it, or itself.
@@ -42,20 +43,28 @@ impl Corpus {
         let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
         let root = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
         let mut corpus = Self { entries: Vec::new(), others: Vec::new() };
+        corpus.add(&root).ok()?;
+        let is_empty = corpus.entries.is_empty();
+        corpus.add(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples"))).ok()?;
+        (!is_empty).then_some(corpus)
+    }
+
+    /// Adds the small files of a folder.
+    fn add(&mut self, root: &Path) -> io::Result<()> {
         let mut files = Vec::new();
-        list(&root, &mut files).ok()?;
+        list(root, &mut files)?;
         // The order of a folder is the system's, that of the cases should not be.
         files.sort();
         for path in files {
-            let (Ok(bytes), Ok(file)) = (fs::read(&path), path.strip_prefix(&root)) else { continue };
+            let (Ok(bytes), Ok(file)) = (fs::read(&path), path.strip_prefix(root)) else { continue };
             match kind(file) {
                 Some((kind, read_through)) if root.join(&read_through).is_file() => {
-                    corpus.entries.push(Entry { file: file.to_owned(), kind, read_through, bytes });
+                    self.entries.push(Entry { file: file.to_owned(), kind, read_through, bytes });
                 }
-                _ => corpus.others.push((file.to_owned(), bytes)),
+                _ => self.others.push((file.to_owned(), bytes)),
             }
         }
-        (!corpus.entries.is_empty()).then_some(corpus)
+        Ok(())
     }
 
     /// Writes all files below a folder.
@@ -93,6 +102,7 @@ fn kind(file: &Path) -> Option<(Kind, PathBuf)> {
         "glb" => Kind::Glb,
         "hdr" => Kind::Hdr,
         "exr" => Kind::Exr,
+        "toml" => Kind::SceneFile,
         "mtl" => return Some((Kind::Mtl, file.with_extension("obj"))),
         "png" | "jpg" => return Some((Kind::Texture, file.with_file_name("images.obj"))),
         _ => return None,

@@ -1,7 +1,8 @@
 //! The long run: files with bytes and numbers changed, through every reader.
 //!
 //! `cargo xtask fuzz --minutes N` runs it and keeps the table. Each case takes a real or malformed file, changes it, and
-//! reads it: any answer but a panic, an unsound scene or half a minute is right. Cases follow from `--seed` and the
+//! reads it: any answer but a panic, an unsound scene or half a minute is right. Half of the changes of JSON and of scene files
+//! keep these well-formed, so that what is behind the parsers is met too. Cases follow from `--seed` and the
 //! number of their thread. What was found is kept in `target/fuzz`; the exit code is then 1.
 //!
 //! Not covered: memory (a test of its own counts it), files of more than [`corpus::MOST_BYTES`], names of files that lead
@@ -11,6 +12,7 @@
 mod corpus;
 mod mutate;
 mod sound;
+mod structure;
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -20,7 +22,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
-use canted_scene::{ReadOptions, read_environment, read_with};
+use canted_scene::{ReadOptions, SceneFile, read_environment, read_with};
 use corpus::{Corpus, Entry, Kind};
 use mutate::Random;
 
@@ -115,6 +117,7 @@ fn case(folder: &Path, entry: &Entry, bytes: &[u8], random: &mut Random) -> Resu
         Kind::Hdr | Kind::Exr => {
             read_environment(&path, &mut Vec::new()).map(|image| sound::flaw_of_environment(&image)).ok()
         }
+        Kind::SceneFile => SceneFile::read(&path).and_then(|file| file.load()).map(|scene| sound::flaw(&scene)).ok(),
         _ => read_with(&folder.join(&entry.read_through), &ReadOptions { time }).map(|scene| sound::flaw(&scene)).ok(),
     }));
     fs::write(&path, &entry.bytes).map_err(|error| error.to_string())?;

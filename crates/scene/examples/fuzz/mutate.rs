@@ -1,6 +1,7 @@
 //! Changes of files: bytes, pieces, numbers in text, pieces of other files.
 
 use crate::corpus::{Corpus, Entry, Kind};
+use crate::structure;
 
 /// Random numbers by SplitMix64 (Steele et al. 2014).
 pub(crate) struct Random(u64);
@@ -46,7 +47,7 @@ const UGLY_BYTES: [[u8; 4]; 8] = [
 ];
 
 /// Numbers that texts have rarely.
-const UGLY_NUMBERS: [&str; 14] = [
+pub(crate) const UGLY_NUMBERS: [&str; 14] = [
     "0",
     "-1",
     "1",
@@ -66,8 +67,13 @@ const UGLY_NUMBERS: [&str; 14] = [
 /// Longest piece that is cut out, doubled or taken from another file.
 const MOST_PIECE: usize = 64;
 
-/// The file with one to four changes.
+/// The file with one to four changes: of what the parser makes of it, where it is JSON or TOML, in half of the cases.
 pub(crate) fn mutated(entry: &Entry, corpus: &Corpus, random: &mut Random) -> Vec<u8> {
+    if random.below(2) == 0
+        && let Some(bytes) = well_formed(entry, random)
+    {
+        return bytes;
+    }
     if entry.kind == Kind::Glb
         && let Some((json, bin)) = parts(&entry.bytes)
         && random.below(4) > 0
@@ -81,6 +87,19 @@ pub(crate) fn mutated(entry: &Entry, corpus: &Corpus, random: &mut Random) -> Ve
     let mut bytes = entry.bytes.clone();
     change_often(&mut bytes, corpus, random);
     bytes
+}
+
+/// The file with changes that leave it well-formed; `None` where it has no such structure.
+fn well_formed(entry: &Entry, random: &mut Random) -> Option<Vec<u8>> {
+    match entry.kind {
+        Kind::Gltf => structure::json(&entry.bytes, random),
+        Kind::Glb => {
+            let (json, bin) = parts(&entry.bytes)?;
+            Some(joined(&structure::json(json, random)?, bin))
+        }
+        Kind::SceneFile => Some(structure::toml(&entry.bytes, random)),
+        _ => None,
+    }
 }
 
 fn change_often(bytes: &mut Vec<u8>, corpus: &Corpus, random: &mut Random) {

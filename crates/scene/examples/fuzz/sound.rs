@@ -98,7 +98,13 @@ fn flaw_of_lights(scene: &Scene) -> Option<String> {
         Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
             [position, direction, intensity].as_flattened().iter().all(|x| x.is_finite()) && cos_outer < cos_inner
         }
-        Light::Sphere { .. } | Light::Disc { .. } => false,
+        Light::Sphere { center, radius, radiance } => {
+            [center, radiance].as_flattened().iter().all(|x| x.is_finite()) && radius > 0.0 && radius.is_finite()
+        }
+        Light::Disc { center, normal, radius, radiance } => {
+            let numbers = [center, normal, radiance];
+            numbers.as_flattened().iter().all(|x| x.is_finite()) && radius > 0.0 && radius.is_finite()
+        }
     };
     let bad = scene.lights.iter().find(|light| !is_finite(light))?;
     Some(format!("{bad:?} is not sound"))
