@@ -189,13 +189,16 @@ pub(crate) fn unmarked(text: &str) -> Vec<(usize, String)> {
 }
 
 /// What a version follows.
-const VERSIONED: [&str; 2] = ["Rust", "Embree"];
+const VERSIONED: [&str; 3] = ["Rust", "Embree", "CC-BY"];
 
-/// Whether a word is a decimal fraction, punctuation aside; code and links are not.
+/// Whether a word has a decimal fraction, punctuation and a unit aside; code and links have none.
 fn is_fraction(word: &str) -> bool {
-    let bare = word.trim_matches(|c: char| !c.is_ascii_alphanumeric());
     let digits = |text: &str| !text.is_empty() && text.chars().all(|c| c.is_ascii_digit());
-    !word.contains('`') && bare.split_once('.').is_some_and(|(whole, part)| digits(whole) && digits(part))
+    let is_one = |part: &str| {
+        let bare = part.trim_matches(|c: char| !c.is_ascii_alphanumeric()).trim_end_matches('x');
+        bare.split_once('.').is_some_and(|(whole, part)| digits(whole) && digits(part))
+    };
+    !word.contains('`') && !word.contains("](") && word.split('/').any(is_one)
 }
 
 #[cfg(test)]
@@ -249,8 +252,9 @@ mod tests {
     fn figures_typed_by_hand_are_seen() {
         for (text, n) in [
             ("It is 1.5 times, or (2.25).", 2),
+            ("It is 2.6x, 7.7/5.4, 1.5× and 28.5%.", 4),
             ("It is <!-- measured: x | y | z -->1.5\nor 2.5<!-- / --> times.", 0),
-            ("Rust 1.89, Embree 4.4's mode, `t = 1.5`\n```\n1.5\n```\nand 3 or 1e7 or v1.2.3", 0),
+            ("Rust 1.89, Embree 4.4's mode, CC-BY 3.0, `t = 1.5`\n```\n1.5\n```\nand 3 or 1e7 or v1.2.3", 0),
         ] {
             assert_eq!(unmarked(text).len(), n, "{text}");
         }

@@ -107,13 +107,13 @@ fn of_rays(model: &Model, entries: &[Entry<'_>], counts: &[usize], effort: Effor
 #[expect(clippy::cast_precision_loss, reason = "threads are few")]
 fn show(chapter: &mut Chapter, [scene, what, label]: [&str; 3], unit: &'static str, counts: &[usize], all: &[Course]) {
     let mut table = Table::new(format!("{scene}: {what} by threads"), &["engine"]);
-    table.head.extend(counts.iter().map(|n| format!("{n} threads")));
+    table.head.extend(counts.iter().map(|&n| of_threads(n)));
     let mut series = vec![];
     for Course { name, took } in all {
         let cells = took.iter().map(|took| Cell::measured(took.clone(), unit));
         table.rows.push([Cell::text(name)].into_iter().chain(cells).collect());
         let points = counts.iter().zip(took).map(|(&n, took)| Point {
-            label: format!("{n} threads"),
+            label: of_threads(n),
             x: (n as f64).into(),
             y: took.clone(),
         });
@@ -126,6 +126,10 @@ fn show(chapter: &mut Chapter, [scene, what, label]: [&str; 3], unit: &'static s
         y: Axis::log(label),
         series,
     });
+}
+
+fn of_threads(n: usize) -> String {
+    if n == 1 { "1 thread".to_owned() } else { format!("{n} threads") }
 }
 
 #[cfg(test)]

@@ -66,9 +66,12 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     Ok(chapter)
 }
 
+/// Meshes of more triangles are built fewer times: all of a full report takes an hour.
+const LARGE: usize = 1 << 18;
+
 /// Builds of each tree that are timed.
-fn n_builds(effort: Effort) -> usize {
-    effort.pick(2, 3, 5)
+fn n_builds(effort: Effort, n_triangles: usize) -> usize {
+    effort.pick(2, 3, if n_triangles > LARGE { 3 } else { 5 })
 }
 
 /// How trees were built: what depends on the run.
@@ -78,12 +81,17 @@ fn built(effort: Effort) -> String {
     } else {
         "the same flags as ours, which ask for no instructions beyond the processor's family"
     };
+    let (times, times_of_large) = (n_builds(effort, 0), n_builds(effort, usize::MAX));
+    let fewer = if times_of_large < times {
+        format!(" ({times_of_large} times where triangles are more than {LARGE})")
+    } else {
+        String::new()
+    };
     format!(
-        "Each tree is built once unmeasured and then {} times on one thread, all in turn; seconds are the processor's over all threads of \
-         the program, because Embree builds on threads of its own. `obvhs` is compiled with {flags}; Embree and ours choose \
-         instructions while running. Bytes of Embree's trees are what its device allocates: it reads the meshes where they \
-         lie, and these are not counted; ours and those of `obvhs` hold their triangles, and tinybvh does not tell.",
-        n_builds(effort)
+        "Each tree is built once unmeasured and then {times} times on one thread{fewer}, all in turn; seconds are the processor's \
+         over all threads of the program, because Embree builds on threads of its own. `obvhs` is compiled with {flags}; Embree and \
+         ours choose instructions while running. Bytes of Embree's trees are what its device allocates: it reads the meshes where \
+         they lie, and these are not counted; ours and those of `obvhs` hold their triangles, and tinybvh does not tell."
     )
 }
 
@@ -169,7 +177,7 @@ fn measure(scene: &str, model: &Model, effort: Effort) -> Result<Vec<Measured>> 
     let entries: Vec<&Entry<'_>> = trees.iter().map(|tree| &tree.entry).collect();
     let build = |entry: &&Entry<'_>| (entry.build)(rayon::current_num_threads());
     let engines = entries.iter().map(build).collect::<Result<Vec<Box<dyn Engine>>>>()?;
-    let builds = builds::on_one_thread(&entries, n_builds(effort))?;
+    let builds = builds::on_one_thread(&entries, n_builds(effort, n_triangles))?;
     let rays = closest_sets(model, &trees::any(&model.mesh)?, effort.pick(16, 48, 128)).concat();
     let (seconds, _) = duel::closest(&engines, &rays, effort.pick(2, 5, 7));
     let mut measured = vec![];
