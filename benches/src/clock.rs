@@ -2,8 +2,10 @@
 
 use std::time::Instant;
 
+use serde::Serialize;
+
 /// What a piece of work took, in seconds.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize)]
 pub(crate) struct Seconds {
     pub(crate) wall: f64,
     /// Of this thread, or of all threads: a neighbour's work does not lengthen it. Wall time where the system does not tell.

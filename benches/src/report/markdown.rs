@@ -29,6 +29,7 @@ fn section(chapter: &Chapter) -> String {
     if !chapter.skipped.is_empty() {
         out.push('\n');
     }
+    let _ = writeln!(out, "Measured in {}.\n", chapter.took());
     out
 }
 
@@ -45,20 +46,27 @@ fn rows(out: &mut String, table: &Table) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::Seconds;
     use crate::report::model::{Cell, Facts};
 
     #[test]
     fn tables_are_markdown() {
         let mut table = Table::new("T", &["a", "b"]);
         table.rows.push(vec![Cell::text("x|y"), Cell::measured(vec![1.0, 1.0], "ms")]);
-        let mut chapter =
-            Chapter { title: "C", tables: vec![table], skipped: vec!["z".to_owned()], ..Chapter::default() };
+        let mut chapter = Chapter {
+            title: "C",
+            tables: vec![table],
+            skipped: vec!["z".to_owned()],
+            seconds: Seconds { wall: 61.24, cpu: 120.0 },
+            ..Chapter::default()
+        };
         chapter.tell(["", "It shows.", "", "And more."].map(str::to_owned));
         let text = markdown(&Report { facts: Facts::default(), chapters: vec![chapter] });
         assert!(
             text.starts_with("## Report: C\n\n**It shows.**\n\n* And more.\n\n### T\n\n| a | b |\n| --- | --- |\n"),
             "{text}"
         );
-        assert!(text.ends_with("| x\\|y | 1.00 ±0% ms |\n\n* Not measured: z\n\n"), "{text}");
+        let end = "| x\\|y | 1.00 ±0% ms |\n\n* Not measured: z\n\nMeasured in 61.2 s, of all processors 120.0 s.\n\n";
+        assert!(text.ends_with(end), "{text}");
     }
 }

@@ -55,9 +55,10 @@ pub(crate) fn run(args: impl Iterator<Item = String>) -> Result<()> {
     let mut stderr = std::io::stderr();
     for (name, measure) in CHAPTERS.iter().filter(|(name, _)| request.wants(name)) {
         writeln!(stderr, "measuring {name}")?;
-        let (chapter, took) = crate::clock::time_all(|| measure(request.effort));
-        chapters.push(chapter.with_context(|| format!("chapter '{name}'"))?);
-        writeln!(stderr, "{name}: {:.1} s, of all processors {:.1} s", took.wall, took.cpu)?;
+        let (chapter, seconds) = crate::clock::time_all(|| measure(request.effort));
+        let chapter = Chapter { seconds, ..chapter.with_context(|| format!("chapter '{name}'"))? };
+        writeln!(stderr, "{name}: {}", chapter.took())?;
+        chapters.push(chapter);
     }
     let report = Report { facts: request.facts, chapters };
     write(&request.out, "index.html", &page::page(&report)?)?;

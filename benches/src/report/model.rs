@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::samples::Samples;
+use crate::clock::Seconds;
 
 /// Everything that was measured, and where, when and how.
 #[derive(Serialize)]
@@ -44,6 +45,8 @@ pub(crate) struct Chapter {
     pub(crate) skipped: Vec<String>,
     /// Values that other pages quote, by name.
     pub(crate) claims: BTreeMap<String, String>,
+    /// What measuring it took, the processors' of all threads.
+    pub(crate) seconds: Seconds,
 }
 
 impl Chapter {
@@ -53,6 +56,11 @@ impl Chapter {
         let mut told = sentences.into_iter().filter(|sentence| !sentence.is_empty());
         self.says = told.next().unwrap_or_default();
         self.findings = told.collect();
+    }
+
+    /// What measuring it took, in words.
+    pub(crate) fn took(&self) -> String {
+        format!("{:.1} s, of all processors {:.1} s", self.seconds.wall, self.seconds.cpu)
     }
 }
 

@@ -95,6 +95,16 @@ fn the_text_has_every_chapter_and_table() {
 }
 
 #[test]
+fn every_chapter_says_what_measuring_it_took() {
+    for chapter in MADE.chapters() {
+        let [wall, cpu] = ["wall", "cpu"].map(|clock| chapter["seconds"][clock].as_f64().unwrap());
+        assert!(wall > 0.0 && cpu > 0.0, "{}: {wall} {cpu}", chapter["title"]);
+        let said = format!("Measured in {wall:.1} s, of all processors {cpu:.1} s.");
+        assert!(MADE.markdown.contains(&said) && MADE.html.contains(&said), "{}: {said}", chapter["title"]);
+    }
+}
+
+#[test]
 fn pictures_say_how_good_their_reference_is() {
     let pictures = &MADE.chapters()[0];
     let table = entries(pictures, "tables")

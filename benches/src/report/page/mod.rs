@@ -65,6 +65,7 @@ fn section(out: &mut String, chapter: &Chapter) -> Result<()> {
         out.push_str("<p class=\"method\">Not measured:</p>\n");
         list(out, "method", &chapter.skipped);
     }
+    let _ = writeln!(out, "<p class=\"method\">Measured in {}.</p>", chapter.took());
     out.push_str("</section>\n");
     Ok(())
 }
