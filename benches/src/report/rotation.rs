@@ -101,7 +101,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
         ));
         by_condition.extend(measured);
     }
-    let angles_deg = [1.0, 30.0, 60.0, 90.0, 120.0, 150.0, 170.0, 179.0, 179.999, 180.0];
+    let angles_deg = [0.0, 1.0, 30.0, 60.0, 90.0, 120.0, 150.0, 170.0, 179.0, 179.999, 180.0];
     let inputs: Vec<Inputs> = angles_deg
         .iter()
         .map(|&angle: &f64| Inputs::new(format!("{angle}° away"), [3.0, 2.0, 1.0], Some(angle.to_radians()), n))
@@ -262,6 +262,19 @@ mod tests {
         assert!(
             said.ends_with("a matrix takes ours 175 ns, the paper's listing 900 ns, singular values 100 ns (medians).")
         );
+    }
+
+    #[test]
+    fn no_turn_and_no_error_have_a_place_on_logarithmic_axes() {
+        let exact =
+            Inputs { name: "none".to_owned(), matrices: vec![(diagonal([3.0, 2.0, 1.0]), Quaternion::IDENTITY)] };
+        let rounded = Inputs::new("0° away".to_owned(), [3.0, 2.0, 1.0], Some(0.0), 5);
+        for (name, way, most) in WAYS {
+            assert_eq!(exact.errors(way, most).values(), [NOTHING_RAD], "{name}");
+            let errors = rounded.errors(way, most);
+            let [least, greatest] = errors.range();
+            assert!(least >= NOTHING_RAD && greatest < 1e-8 && errors.spread().is_finite(), "{name}: {errors:?}");
+        }
     }
 
     #[test]
