@@ -83,7 +83,7 @@ fn cluster(rng: &mut SplitMix64, half: [f64; 3], shape: impl Fn([f64; 3]) -> [f6
 }
 
 /// What `n` nodes of the radix tree hold, evenly from all that are neither leaves nor large.
-fn nodes(mesh: &Mesh, n: usize) -> Vec<Set> {
+pub(super) fn nodes(mesh: &Mesh, n: usize) -> Vec<Set> {
     let Ok((corners, bounds)) = lbvh::gather(&mesh.positions, &mesh.triangles) else { return vec![] };
     let tree = lbvh::radix(lbvh::by_code(&lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners), Bits::B63));
     let sorted: Vec<Corners> = lbvh::in_leaf_order(&corners, &tree.leaves);

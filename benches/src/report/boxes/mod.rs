@@ -1,19 +1,19 @@
 //! Boxes: how large a fit's or a merge's box is beside the least that a search finds, and what it costs.
 
 mod inputs;
+mod merges;
 mod search;
 
 use anyhow::Result;
-use canted_obb::{
-    Fit, Obb, fit,
-    merge::{self, Child, Weight},
-};
+use canted_obb::{Fit, Obb, fit};
 
 use super::effort::Effort;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
 use super::samples::{Samples, number, percent};
+use super::subjects;
 use crate::interleave::{self, Contender};
 use inputs::{Kind, Set};
+use merges::{MERGES, Pair};
 
 const FITS: [(&str, Fit); 5] = [
     ("straight", Fit::Aabb),
@@ -21,27 +21,6 @@ const FITS: [(&str, Fit); 5] = [
     ("principal axes of the surface", Fit::AreaPca),
     ("ditetrahedron", Fit::Dito),
     ("fixed directions", Fit::Dop),
-];
-
-/// Two halves of a set.
-struct Pair {
-    boxes: [Obb; 2],
-    /// The same as a tree sees them: a half of one triangle is that triangle.
-    children: [Child; 2],
-}
-
-/// A rule by name.
-type Rule = (&'static str, fn(&Pair) -> Obb);
-
-const MERGES: [Rule; 6] = [
-    ("straight, of both boxes' straight ones", |Pair { boxes: [a, b], .. }| Obb::from_aabb(&a.aabb().union(b.aabb()))),
-    ("principal axes of corners", |Pair { boxes: [a, b], .. }| {
-        merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Corners)
-    }),
-    ("the same, by area", |Pair { boxes: [a, b], .. }| merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Area)),
-    ("quaternion", |Pair { boxes: [a, b], .. }| merge::quaternion(a, b, [a.area(), b.area()])),
-    ("combined, by kind of child", |Pair { children: [a, b], .. }| merge::combined(a, b)),
-    ("best of five frames", |Pair { boxes: [a, b], .. }| merge::best(a, b, None)),
 ];
 
 /// What one way made of one kind of input.
@@ -53,10 +32,20 @@ struct Outcome {
     ns: Samples,
 }
 
+/// Real models whose nodes are inputs, and how these are called.
+const MODELS: [(&str, &str); 1] = [("bunny", "nodes of the bunny")];
+
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "boxes", title: "Boxes: size over the least, against time", ..Chapter::default() };
-    let kinds = inputs::kinds(effort.pick(2, 12, 40));
+    let n_sets = effort.pick(2, 12, 40);
+    let mut kinds = inputs::kinds(n_sets);
+    for &(model, name) in effort.pick(&[][..], &MODELS, &MODELS) {
+        match subjects::load(model)? {
+            Some(model) => kinds.push(Kind { name, sets: inputs::nodes(&model.mesh, n_sets) }),
+            None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
+        }
+    }
     let rounds = effort.pick(2, 5, 9);
     let mut fits = vec![];
     let mut merges = vec![];
@@ -69,7 +58,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
             seconds.extend(of_search);
         }
     }
-    chapter.tell([sentence("Of fits", &fits), sentence("Of merges of two fitted boxes", &merges)]);
+    chapter.tell([sentence("Of fits", &fits), sentence("Of merges of two halves", &merges)]);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     chapter.method.push(gap(seconds.map(Samples::from)));
     for (title, all) in [("Fits", &fits), ("Merges", &merges)] {
@@ -86,10 +75,12 @@ const METHOD: [&str; 3] = [
      of `fit`, which gives the straight box where a way's own has more area: so no way does worse than straight, and its time is \
      that of both. A merge gets the boxes of the two halves (of a node: its children), each fitted by the principal axes of its \
      surface, and has no such fallback; 'combined' is the quaternion's rule but where a half is one triangle, of which it gets the \
-     corners.",
+     corners. Two rules get what a tree carries up in place of boxes: 'principal axes of all below' joins the moments of both halves' \
+     surfaces and then measures all their points, 'extents carried up' joins those along 25 directions and sees no point again. What is \
+     carried is made before time is taken.",
     "The least size is that of the best of 400 random rotations, four of which are improved by ever smaller turns, and of every box \
-     that takes part: so no ratio is below one. For merges it is the least box of the points, not of the children's boxes, which \
-     no rule sees. Area and volume are searched each for itself. A volume of nothing counts as least.",
+     that takes part: so no ratio is below one. For merges it is the least box of the points, which the rules of boxes do not see. \
+     Area and volume are searched each for itself. A volume of nothing counts as least.",
     "A point is the median over inputs, its bars reach from the best to the worst of them; nanoseconds are those of a box, all \
      ways in turn, round by round, after a warm-up, each 64 times over so that the clock does not show.",
 ];
@@ -180,19 +171,6 @@ fn fitted(set: &Set, method: Fit) -> Obb {
     fit(&set.points, &set.triangles(), method).unwrap_or_else(|_| unreachable!("points of inputs are finite"))
 }
 
-impl Pair {
-    /// Of the two halves of a set.
-    fn of(set: &Set) -> Self {
-        let (a, b) = set.points.split_at(set.split);
-        let halves = [a, b].map(|points| {
-            let obb = fitted(&Set { points: points.to_vec(), split: 0 }, Fit::AreaPca);
-            let child = if let &[a, b, c] = points { Child::Triangle([a, b, c]) } else { Child::Box(obb) };
-            (obb, child)
-        });
-        Self { boxes: halves.map(|half| half.0), children: halves.map(|half| half.1) }
-    }
-}
-
 /// Which way is tightest, and at what price, over all kinds.
 fn sentence(what: &str, all: &[(&'static str, Vec<Outcome>)]) -> String {
     let n_ways = all.first().map_or(0, |(_, outcomes)| outcomes.len());
@@ -259,21 +237,6 @@ fn table(title: &str, all: &[(&'static str, Vec<Outcome>)]) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn merges_hold_both_halves_and_the_combined_one_sees_triangles() {
-        let corners =
-            [[0.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 3.0], [4.0, 5.0, 6.0], [5.0, 5.0, 7.0], [4.0, 6.0, 6.5f32]];
-        let pair = Pair::of(&Set { points: corners.to_vec(), split: 3 });
-        assert!(pair.children.iter().all(|child| matches!(child, Child::Triangle(_))));
-        for (name, rule) in MERGES {
-            assert!(rule(&pair).volume() > 0.0 && rule(&pair).aabb().contains(corners[5]), "{name}");
-        }
-        let of = |points: usize| Pair::of(&Set { points: [corners, corners].concat(), split: points });
-        let [quaternion, combined] = [3, 4].map(|i| MERGES[i].1);
-        assert_eq!(quaternion(&of(6)), combined(&of(6)));
-        assert_ne!(quaternion(&of(3)), combined(&of(3)));
-    }
 
     #[test]
     fn the_search_tells_its_gap() {
