@@ -1,15 +1,15 @@
 //! Timing of several contenders in one run, in turn, so that a machine's drift falls on all of them.
 
-use std::time::Instant;
+use std::{convert::Infallible, time::Instant};
 
 /// A contender: its name, and one measured piece of work.
-pub(crate) struct Contender<'a> {
+pub(crate) struct Contender<'a, T = ()> {
     pub(crate) name: String,
-    pub(crate) work: Box<dyn FnMut() + 'a>,
+    pub(crate) work: Box<dyn FnMut() -> T + 'a>,
 }
 
-impl<'a> Contender<'a> {
-    pub(crate) fn new(name: impl Into<String>, work: impl FnMut() + 'a) -> Self {
+impl<'a, T> Contender<'a, T> {
+    pub(crate) fn new(name: impl Into<String>, work: impl FnMut() -> T + 'a) -> Self {
         Self { name: name.into(), work: Box::new(work) }
     }
 }
@@ -44,12 +44,24 @@ pub(crate) fn median(values: &[f64]) -> f64 {
 }
 
 /// One warm-up, then `rounds` rounds in which every contender works once, in turn.
-pub(crate) fn run(rounds: usize, mut contenders: Vec<Contender<'_>>) -> Vec<Timing> {
+pub(crate) fn run<'a>(rounds: usize, contenders: Vec<Contender<'a>>) -> Vec<Timing> {
+    let never_fails = |Contender { name, mut work }: Contender<'a>| {
+        Contender::new(name, move || -> Result<(), Infallible> {
+            work();
+            Ok(())
+        })
+    };
+    let Ok(timings) = try_run(rounds, contenders.into_iter().map(never_fails).collect());
+    timings
+}
+
+/// As [`run`], of work that may fail: the first failure ends it.
+pub(crate) fn try_run<E>(rounds: usize, mut contenders: Vec<Contender<'_, Result<(), E>>>) -> Result<Vec<Timing>, E> {
     let mut seconds = vec![Vec::with_capacity(rounds); contenders.len()];
     for round in 0..=rounds {
         for (contender, seconds) in contenders.iter_mut().zip(&mut seconds) {
             let start = Instant::now();
-            (contender.work)();
+            (contender.work)()?;
             let elapsed = start.elapsed().as_secs_f64();
             if round > 0 {
                 seconds.push(elapsed);
@@ -57,12 +69,43 @@ pub(crate) fn run(rounds: usize, mut contenders: Vec<Contender<'_>>) -> Vec<Timi
         }
     }
     let first = seconds[0].clone();
-    contenders
-        .into_iter()
-        .zip(seconds)
-        .map(|(contender, seconds)| {
-            let ratios: Vec<f64> = first.iter().zip(&seconds).map(|(a, b)| a / b).collect();
-            Timing { name: contender.name, seconds, speed_ratio: median(&ratios) }
-        })
-        .collect()
+    let timing = |(contender, seconds): (Contender<'_, _>, Vec<f64>)| {
+        let speed_ratio = ratio(&first, &seconds);
+        Timing { name: contender.name, seconds, speed_ratio }
+    };
+    Ok(contenders.into_iter().zip(seconds).map(timing).collect())
+}
+
+/// Median over rounds of one contender's time over another's in the same round.
+pub(crate) fn ratio(of: &[f64], over: &[f64]) -> f64 {
+    median(&of.iter().zip(over).map(|(a, b)| a / b).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_work_in_turn_until_one_fails() {
+        let said = std::cell::RefCell::new(String::new());
+        let say = |word: &'static str| {
+            let said = &said;
+            Contender::new(word, move || {
+                said.borrow_mut().push_str(word);
+                if said.borrow().len() < 5 { Ok(()) } else { Err("tired") }
+            })
+        };
+        let timings = try_run(1, vec![say("a"), say("b")]);
+        assert!(timings.is_ok_and(|timings| timings.len() == 2 && timings.iter().all(|t| t.seconds.len() == 1)));
+        assert_eq!(*said.borrow(), "abab");
+        assert_eq!(try_run(1, vec![say("c"), say("d")]).err(), Some("tired"));
+        assert_eq!(*said.borrow(), "ababc");
+    }
+
+    #[test]
+    fn ratios_are_of_the_same_round() {
+        // The machine slows down tenfold, the second stays twice as fast.
+        assert_eq!(ratio(&[1.0, 10.0, 5.0], &[0.5, 5.0, 2.5]), 2.0);
+        assert_eq!((median(&[3.0, 1.0]), median(&[5.0, 1.0, 2.0])), (2.0, 2.0));
+    }
 }
