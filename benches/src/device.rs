@@ -1,6 +1,8 @@
-//! Everything that a device does, on the device that `--device` names: build, sort, rays, a picture.
+//! Everything that a device does, on the device that `--device` names: build, sort, rays, pictures, also beside the CPU.
 
+mod both;
 mod built;
+mod first;
 mod handed;
 mod picture;
 mod rays;
@@ -23,15 +25,19 @@ struct Scale {
     resolution: u32,
     /// Width and height of the picture, and samples of a pixel.
     picture: [u32; 3],
+    /// The same of the one that the CPU shares.
+    shared: [u32; 3],
 }
 
-const SMALL: Scale = Scale { built: &["bunny", "sponza"], sorted: &[18], resolution: 64, picture: [320, 180, 1] };
+const SMALL: Scale =
+    Scale { built: &["bunny", "sponza"], sorted: &[18], resolution: 64, picture: [320, 180, 1], shared: [320, 180, 2] };
 
 const FULL: Scale = Scale {
     built: &["bunny", "sponza", "dragon_871k", "country_kitchen"],
     sorted: &[20, 24],
     resolution: 1024,
     picture: [1920, 1080, 24],
+    shared: [1920, 1080, 16],
 };
 
 /// A device, and how much of it is measured.
@@ -67,5 +73,7 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
     handed::section(out, &bench)?;
     rays::section(out, &bench)?;
     rays::walks(out, &bench)?;
-    picture::section(out, &bench)
+    picture::section(out, &bench)?;
+    both::section(out, &bench)?;
+    first::section(out, choice)
 }

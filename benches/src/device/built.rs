@@ -1,16 +1,23 @@
-//! Trees built on the device, pass by pass, beside the dissertation's.
+//! Trees built on the device, pass by pass, beside the CPU's and the dissertation's.
 
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
 use canted_gpu::{
-    Gpu, GpuError,
+    Gpu,
     build::{BuildConfig, Built, Items, Passes, Run, STRATEGIES},
 };
-use canted_lbvh::{Bits, Strategy};
+use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Strategy, VolumeConfig};
+use canted_obb::Aabb;
 
 use super::Bench;
 use crate::models;
+
+/// Columns before those of strategies.
+const PASSES: [&str; 7] = ["scene", "triangles", "upload", "domain", "codes", "sort", "nodes"];
+
+/// Strategies whose builds are measured as a whole, on the CPU too.
+const WHOLE: [Strategy; 2] = [Strategy::Aabb, Strategy::Combined];
 
 /// Sabino 2020, table 5, on a TITAN Xp: codes, sort (on the CPU), nodes, boxes of variant 2, of variant 3.
 const DISSERTATION: [(&str, [f64; 5]); 3] = [
@@ -21,55 +28,120 @@ const DISSERTATION: [(&str, [f64; 5]); 3] = [
 
 /// Measures and writes the table.
 pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
-    out.push_str(
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
         "\n### Build\n\nCodes of 63 bits, one tree over all triangles; milliseconds a pass. Upload: gathering corners on the CPU and \
-         handing them over, by the clock on the wall. Whole: a build from what was uploaded, by the clock on the wall, submissions \
-         and the wait included. In italics the dissertation's table 5 on a TITAN Xp, whose sort ran on the CPU.\n\n\
-         | scene | triangles | upload | domain | codes | sort | nodes |",
+         handing them over. Whole: a build from what was uploaded, submissions and the wait included. CPU: a build of the same volumes \
+         from gathered corners on {} threads. Both by the clock on the wall, least of {} runs. Then how many times as long the CPU takes: \
+         without the upload, and with the upload on the device's side and gathering alone on the CPU's. In italics the dissertation's \
+         table 5 on a TITAN Xp, whose sort ran on the CPU.\n",
+        rayon::current_num_threads(),
+        bench.rounds
     );
-    for strategy in STRATEGIES {
-        let _ = write!(out, " {strategy:?} |");
-    }
-    out.push_str(" whole, Aabb | whole, Combined |\n");
-    let _ = writeln!(out, "|{}", " --- |".repeat(STRATEGIES.len() + 9));
+    let heads = heads();
+    out.push_str(&row(&heads));
+    out.push_str(&row(&vec!["---".to_owned(); heads.len()]));
     for name in bench.scale.built {
         let Some(model) = models::load(name)? else {
-            let _ = writeln!(out, "| {name} | not at hand |");
+            out.push_str(&row(&filled(vec![(*name).to_owned(), "not at hand".to_owned()])));
             continue;
         };
-        let mesh = &model.mesh;
-        let start = Instant::now();
-        let (corners, _) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
-        let items = Items::triangles(&bench.gpu, [&corners[..]])?;
-        bench.gpu.finish()?;
-        let upload = milliseconds(start);
-        let Passes { domain, codes, sort, tree, boxes, refused } =
-            Passes::measure(&bench.gpu, &items, Bits::B63, bench.rounds)?;
-        let whole = |strategy| whole(bench, &corners, strategy);
-        let _ = write!(out, "| {name} | {} | {upload:.1} |", corners.len());
-        for ms in [domain, codes, sort, tree].into_iter().chain(boxes) {
-            let _ = write!(out, " {} |", ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}")));
-        }
-        if let Some(error) = refused {
-            let _ = writeln!(out, " {error} | |");
-            continue;
-        }
-        let _ = writeln!(out, " {:.2} | {:.2} |", whole(Strategy::Aabb)?, whole(Strategy::Combined)?);
-        if let Some((_, [codes, sort, nodes, bounded, quaternion])) =
-            DISSERTATION.iter().find(|(known, _)| known == name)
-        {
-            let _ = writeln!(
-                out,
-                "| *{name}, 2020* | | | | *{codes}* | *{sort}* | *{nodes}* | | *{bounded}* | *{quaternion}* | | | | |"
-            );
+        out.push_str(&row(&measured(name, &model.mesh.positions, &model.mesh.triangles, bench)?));
+        if let Some((_, theirs)) = DISSERTATION.iter().find(|(known, _)| known == name) {
+            out.push_str(&row(&dissertation(name, *theirs)));
         }
     }
     Ok(())
 }
 
-/// The least milliseconds of a whole build, by the clock on the wall.
-fn whole(bench: &Bench, corners: &[canted_lbvh::Corners], strategy: Strategy) -> Result<f64, GpuError> {
-    let once = |gpu: &Gpu| -> Result<f64, GpuError> {
+/// Names of all columns.
+fn heads() -> Vec<String> {
+    let passes = PASSES.iter().map(|&name| name.to_owned());
+    let boxes = STRATEGIES.iter().map(|strategy| format!("{strategy:?}"));
+    let whole = WHOLE.iter().flat_map(|s| {
+        [
+            format!("whole, {s:?}"),
+            format!("CPU, {s:?}"),
+            format!("CPU over device, {s:?}"),
+            format!("with upload, {s:?}"),
+        ]
+    });
+    passes.chain(boxes).chain(whole).collect()
+}
+
+fn row(cells: &[String]) -> String {
+    format!("| {} |\n", cells.join(" | "))
+}
+
+/// A row of which only the first cells are known.
+fn filled(mut cells: Vec<String>) -> Vec<String> {
+    cells.resize(heads().len(), String::new());
+    cells
+}
+
+/// The cells of one scene.
+fn measured(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]], bench: &Bench) -> Result<Vec<String>> {
+    let (corners, bounds) = lbvh::gather(positions, triangles)?;
+    let gather = least(bench.rounds, || {
+        std::hint::black_box(lbvh::gather(positions, triangles)?);
+        Ok(())
+    })?;
+    let upload = least(bench.rounds, || {
+        let (corners, _) = lbvh::gather(positions, triangles)?;
+        let items = Items::triangles(&bench.gpu, [&corners[..]])?;
+        bench.gpu.finish()?;
+        drop(items);
+        Ok(())
+    })?;
+    let items = Items::triangles(&bench.gpu, [&corners[..]])?;
+    let passes = Passes::measure(&bench.gpu, &items, Bits::B63, bench.rounds)?;
+    let mut cells = vec![name.to_owned(), corners.len().to_string(), format!("{upload:.1}")];
+    let known = [passes.domain, passes.codes, passes.sort, passes.tree].into_iter().chain(passes.boxes);
+    cells.extend(known.map(|ms| ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}"))));
+    if let Some(error) = passes.refused {
+        cells.push(error.to_string());
+        return Ok(filled(cells));
+    }
+    for strategy in WHOLE {
+        let whole = Whole {
+            gather,
+            upload,
+            device: on_device(bench, &corners, strategy)?,
+            cpu: least(bench.rounds, || {
+                on_cpu(&corners, &bounds, strategy);
+                Ok(())
+            })?,
+        };
+        cells.extend(whole.cells());
+    }
+    Ok(cells)
+}
+
+/// Milliseconds of a whole build in both places, and of what goes before it.
+struct Whole {
+    gather: f64,
+    /// Gathering included.
+    upload: f64,
+    device: f64,
+    cpu: f64,
+}
+
+impl Whole {
+    /// How many times as long the CPU takes: from corners that are where they are needed, and from the mesh.
+    fn ratios(&self) -> [f64; 2] {
+        [self.cpu / self.device, (self.gather + self.cpu) / (self.upload + self.device)]
+    }
+
+    fn cells(&self) -> [String; 4] {
+        let [without, with] = self.ratios();
+        [format!("{:.2}", self.device), format!("{:.2}", self.cpu), format!("{without:.2}x"), format!("{with:.2}x")]
+    }
+}
+
+/// Milliseconds of a build on the device from what was uploaded.
+fn on_device(bench: &Bench, corners: &[Corners], strategy: Strategy) -> Result<f64> {
+    let once = |gpu: &Gpu| -> Result<f64> {
         let items = Items::triangles(gpu, [corners])?;
         gpu.finish()?;
         let start = Instant::now();
@@ -81,6 +153,60 @@ fn whole(bench: &Bench, corners: &[canted_lbvh::Corners], strategy: Strategy) ->
     (0..bench.rounds).try_fold(f64::MAX, |least, _| Ok(least.min(once(&bench.gpu)?)))
 }
 
+/// The device's stations on the CPU.
+fn on_cpu(corners: &[Corners], bounds: &Aabb, strategy: Strategy) {
+    let codes = lbvh::codes(&Domain::new(bounds, 3, Bits::B63), corners);
+    let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
+    let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
+    std::hint::black_box(lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true }));
+}
+
+/// The dissertation's times in the columns of ours.
+fn dissertation(name: &str, [codes, sort, nodes, bounded, quaternion]: [f64; 5]) -> Vec<String> {
+    let mut cells = filled(vec![format!("*{name}, 2020*")]);
+    let columns = heads();
+    let theirs =
+        [("codes", codes), ("sort", sort), ("nodes", nodes), ("PcaBounded", bounded), ("Quaternion", quaternion)];
+    for (cell, column) in cells.iter_mut().zip(&columns) {
+        if let Some((_, ms)) = theirs.iter().find(|(name, _)| name == column) {
+            *cell = format!("*{ms}*");
+        }
+    }
+    cells
+}
+
+/// The least milliseconds of several runs by the clock on the wall.
+fn least(rounds: usize, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
+    let mut once = || -> Result<f64> {
+        let start = Instant::now();
+        work()?;
+        Ok(milliseconds(start))
+    };
+    (0..rounds).try_fold(f64::MAX, |least, _| Ok(least.min(once()?)))
+}
+
 fn milliseconds(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_leave_the_upload_out_and_count_it() {
+        let whole = Whole { gather: 2.0, upload: 6.0, device: 4.0, cpu: 18.0 };
+        assert_eq!(whole.ratios(), [4.5, 2.0]);
+        assert_eq!(whole.cells(), ["4.00", "18.00", "4.50x", "2.00x"]);
+    }
+
+    #[test]
+    fn theirs_stand_in_the_columns_of_ours() {
+        let cells = dissertation("bunny", DISSERTATION[0].1);
+        let heads = heads();
+        assert_eq!(cells.len(), heads.len());
+        let at = |head: &str| &cells[heads.iter().position(|known| known == head).unwrap()][..];
+        assert_eq!([at("scene"), at("sort"), at("PcaBounded")], ["*bunny, 2020*", "*12.51*", "*7.67*"]);
+        assert_eq!(cells.iter().filter(|cell| !cell.is_empty()).count(), 6);
+    }
 }
