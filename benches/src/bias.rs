@@ -7,10 +7,13 @@ use anyhow::Result;
 use canted_renderer::{
     Comparison, Integrator, Pattern, Picture, Prepared, Settings, StructureConfig, compare, frame, prepare, render,
 };
-use canted_scene::{Camera, Light, Scene, SceneFile};
+use canted_scene::{Camera, Scene, SceneFile};
 use canted_trace::Watertight;
 
-use crate::{models, picture::sponza};
+use crate::{
+    models,
+    picture::{kitchen, outside, sponza},
+};
 
 const SIZE: [u32; 2] = [160, 90];
 
@@ -80,17 +83,13 @@ fn subjects() -> Result<Vec<Subject>> {
         Subject { name: "room with glass and mirror", scene: example("cornell.toml")?, camera: None, samples: 256 },
     ];
     if let Some(scene) = models::scene("eiffel")? {
-        let sun = Light::Sun { direction: [-0.282_166, -0.940_553, -0.188_111], irradiance: [3.0, 2.9, 2.6] };
-        let scene = Scene { environment: Some([0.6, 0.8, 1.0].into()), lights: vec![sun], ..scene };
-        subjects.push(Subject { name: "Eiffel Tower", scene, camera: None, samples: 32 });
+        subjects.push(Subject { name: "Eiffel Tower", scene: outside(scene), camera: None, samples: 32 });
     }
     if let Some(scene) = sponza()? {
         let camera = Camera::pinhole([700.0, 700.0, -100.0], [-300.0, 250.0, 100.0], [0.0, 1.0, 0.0], 60.0);
         subjects.push(Subject { name: "Sponza", scene, camera: Some(camera), samples: 48 });
     }
-    if let Some(scene) = models::scene("country_kitchen")? {
-        let ball = Light::Sphere { center: [-0.5, 2.4, 3.2], radius: 0.25, radiance: [34.0, 30.0, 24.0] };
-        let scene = Scene { environment: Some([1.5, 1.7, 2.0].into()), lights: vec![ball], ..scene };
+    if let Some(scene) = kitchen()? {
         subjects.push(Subject { name: "kitchen", scene, camera: None, samples: 48 });
     }
     Ok(subjects)
