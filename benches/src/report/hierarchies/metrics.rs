@@ -37,13 +37,15 @@ pub(super) const METRICS: [(&str, Read); 7] = [
 const OVERLAP_TRIANGLES: usize = 4096;
 
 impl Metrics {
+    /// The overlap is of trees that hold each triangle once, for others it is no number.
     #[expect(clippy::cast_precision_loss, reason = "counts of rays")]
     pub(super) fn of(tree: Tree, volumes: &Volumes, corners: &[Corners], bounds: &Aabb, rays: &[Ray]) -> Result<Self> {
         let sorted = in_leaf_order(corners, &tree.leaves);
         let unit = bounds.extent().into_iter().fold(f64::MIN_POSITIVE, f64::max);
         let sums = sums(&tree, volumes, &sorted, &Costs::default(), unit);
         let stride = (corners.len() / OVERLAP_TRIANGLES).max(1);
-        let overlap = end_point_overlap(&tree, volumes, &sorted, stride);
+        let is_split = sorted.len() > corners.len();
+        let overlap = if is_split { f64::NAN } else { end_point_overlap(&tree, volumes, &sorted, stride) };
         let blas = MeshBlas::<Watertight>::new(tree, volumes, sorted, bounds, PairOrder::DepthFirst);
         let mut counts = Counts::default();
         for ray in rays {

@@ -2,9 +2,9 @@
 
 use anyhow::Result;
 use canted_fixtures::Mesh;
-use canted_lbvh::{Corners, Leaf, Strategy, VolumeConfig, in_leaf_order, volumes};
-use canted_obb::Aabb;
-use canted_sah::{Builder, PlocConfig, ReinsertConfig, TopDownConfig};
+use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig, Volumes, in_leaf_order, volumes};
+use canted_obb::{Aabb, Obb};
+use canted_sah::{Axes, Builder, PlocConfig, ReinsertConfig, SpatialConfig, Split, TopDownConfig};
 use canted_tlas::{Blas, MeshBlas, PairOrder};
 use canted_trace::{Hit, InstanceId, Ray, Watertight};
 use canted_wide::{Config, Preset, Wide};
@@ -57,7 +57,7 @@ pub(super) struct Tree<'a> {
 }
 
 /// Our builders of binary trees.
-const BUILDERS: [(&str, Builder); 7] = [
+const BUILDERS: [(&str, Builder); 9] = [
     ("radix", Builder::Lbvh),
     ("radix, reinserted", Builder::Reinserted(ReinsertConfig::BALANCED)),
     ("PLOC", Builder::FAST),
@@ -65,14 +65,26 @@ const BUILDERS: [(&str, Builder); 7] = [
     ("PLOC, wide, reinserted more", Builder::Ploc(PlocConfig::WIDE, Some(ReinsertConfig::QUALITY))),
     ("binned SAH", Builder::TopDown(TopDownConfig::BINNED, None)),
     ("swept SAH", Builder::TopDown(TopDownConfig::SWEEP, None)),
+    ("midpoint", halving(Split::Midpoint)),
+    ("median", halving(Split::Median)),
 ];
 
+/// Nodes are halved along their longest axis, whatever that costs.
+const fn halving(split: Split) -> Builder {
+    Builder::TopDown(TopDownConfig { split, axes: Axes::Longest, ..TopDownConfig::BINNED }, None)
+}
+
+/// Extra references a triangle that trees with spatial splits may take.
+const BUDGETS: [f32; 2] = [0.3, 1.0];
+
 /// Presets of `obvhs`.
-fn presets() -> [(&'static str, BvhBuildParams); 4] {
+fn presets() -> [(&'static str, BvhBuildParams); 6] {
     [
         ("obvhs, fastest", BvhBuildParams::fastest_build()),
+        ("obvhs, very fast", BvhBuildParams::very_fast_build()),
         ("obvhs, fast", BvhBuildParams::fast_build()),
         ("obvhs, medium", BvhBuildParams::medium_build()),
+        ("obvhs, slow", BvhBuildParams::slow_build()),
         ("obvhs, very slow", BvhBuildParams::very_slow_build()),
     ]
 }
@@ -89,6 +101,7 @@ pub(super) fn all<'a>(scene: &str, model: &'a Model) -> Vec<Tree<'a>> {
         .iter()
         .map(|&(name, builder)| binary(format!("{name}, AABB"), mesh, builder, Strategy::Aabb))
         .collect();
+    trees.extend(BUDGETS.map(|extra| with_splits(mesh, extra)));
     for (name, builder) in [BUILDERS[0], BUILDERS[3]] {
         for strategy in &Strategy::ALL[1..] {
             trees.push(binary(format!("{name}, {strategy:?}"), mesh, builder, *strategy));
@@ -127,24 +140,54 @@ fn ours<'a>(name: String, build: impl Fn(usize) -> Result<Box<dyn Engine>> + Sen
     Entry { name, owner, promise, is_placed: false, is_parallel: true, build: Box::new(build) }
 }
 
+/// All that a binary tree is walked with.
+struct Made {
+    tree: lbvh::Tree,
+    volumes: Volumes,
+    corners: Vec<Corners>,
+    /// The corners in the order of leaves.
+    sorted: Vec<Corners>,
+    bounds: Aabb,
+}
+
 fn binary(name: String, mesh: &Mesh, builder: Builder, strategy: Strategy) -> Tree<'_> {
-    let made = move || -> Result<_> {
-        let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+    let family = if strategy == Strategy::Aabb { Family::Aligned } else { Family::Leaning };
+    walked(name, family, move || {
+        let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles)?;
         let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
         let tree = canted_sah::build(&boxes, &bounds, &builder);
         let sorted = in_leaf_order(&corners, &tree.leaves);
         let volumes = volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
-        Ok((tree, volumes, corners, sorted, bounds))
-    };
+        Ok(Made { tree, volumes, corners, sorted, bounds })
+    })
+}
+
+/// A tree whose nodes may part triangles by planes, with at most `extra` references a triangle beside its first.
+///
+/// The boxes of inner nodes are around the parts below them. Those of leaves are around whole triangles, as all that a tree of
+/// triangles is walked with: a ray that enters one beside its part tests a triangle for nothing, and loses no hit.
+fn with_splits(mesh: &Mesh, extra: f32) -> Tree<'_> {
+    walked(format!("spatial splits, {extra} a triangle, AABB"), Family::Aligned, move || {
+        let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let (mut tree, references) =
+            canted_sah::spatial(&corners, &SpatialConfig { extra, ..SpatialConfig::default() });
+        let parts: Vec<Obb> = tree.leaves.iter().map(|part| Obb::from_aabb(&references.boxes[part.index()])).collect();
+        let volumes = volumes(&tree, &parts, &VolumeConfig { strategy: Strategy::Aabb, fallback: true });
+        tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
+        let sorted = in_leaf_order(&corners, &tree.leaves);
+        Ok(Made { tree, volumes, corners, sorted, bounds })
+    })
+}
+
+fn walked<'a>(name: String, family: Family, made: impl Fn() -> Result<Made> + Copy + Send + Sync + 'a) -> Tree<'a> {
     let build = move |_| -> Result<Box<dyn Engine>> {
-        let (tree, volumes, _, sorted, bounds) = made()?;
+        let Made { tree, volumes, sorted, bounds, .. } = made()?;
         Ok(Box::new(Walked(MeshBlas::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst))))
     };
     let metrics = move |rays: &[Ray]| {
-        let (tree, volumes, corners, _, bounds): (_, _, Vec<Corners>, _, _) = made()?;
+        let Made { tree, volumes, corners, bounds, .. } = made()?;
         Metrics::of(tree, &volumes, &corners, &bounds, rays)
     };
-    let family = if strategy == Strategy::Aabb { Family::Aligned } else { Family::Leaning };
     Tree { entry: ours(name, build), family, metrics: Some(Box::new(metrics)) }
 }
 
@@ -166,5 +209,44 @@ impl Engine for Walked {
 
     fn n_bytes(&self) -> usize {
         self.0.n_bytes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::hierarchies::metrics::METRICS;
+    use crate::report::subjects;
+    use crate::wide::closest_sets;
+
+    #[test]
+    fn binary_trees_answer_alike_and_splits_take_no_more_than_their_budget() {
+        let model = subjects::load(subjects::SMALL).unwrap().unwrap();
+        let rays = closest_sets(&model, &any(&model.mesh).unwrap(), 32).concat();
+        let binary: Vec<Tree<'_>> =
+            all(subjects::SMALL, &model).into_iter().filter(|tree| tree.metrics.is_some()).collect();
+        let answers = |tree: &Tree<'_>| {
+            let engine = (tree.entry.build)(1).unwrap();
+            let mut hits = vec![None; rays.len()];
+            engine.closest(&rays, &mut hits);
+            (hits, engine.n_bytes())
+        };
+        let (hits, n_bytes) = answers(&binary[0]);
+        let n_hits = hits.iter().flatten().count();
+        assert!(n_hits > 100, "{n_hits} of {} rays hit", rays.len());
+        let mut n_split = 0;
+        for tree in &binary {
+            let (found, found_bytes) = answers(tree);
+            assert_eq!(found, hits, "{}", tree.entry.name);
+            if tree.entry.name.starts_with("spatial") {
+                n_split += usize::from(found_bytes > n_bytes);
+                // A leaf more is a node more, but for the first leaf.
+                let most = 2 * n_bytes + n_bytes / model.mesh.triangles.len();
+                assert!(found_bytes <= most, "{}: {found_bytes} bytes, whole {n_bytes}", tree.entry.name);
+                let metrics = tree.metrics.as_ref().unwrap()(&rays).unwrap();
+                assert!(METRICS.iter().any(|(_, of)| of(&metrics).is_nan()), "a triangle is held in several leaves");
+            }
+        }
+        assert_eq!(n_split, BUDGETS.len());
     }
 }
