@@ -33,7 +33,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         out,
         "\n### Build\n\nCodes of 63 bits, one tree over all triangles; milliseconds a pass. Upload: gathering corners on the CPU and \
          handing them over. Whole: a build from what was uploaded, submissions and the wait included. CPU: a build of the same volumes \
-         from gathered corners on {} threads. Both by the clock on the wall, least of {} runs. Then how many times as long the CPU takes: \
+         from gathered corners on {} threads. Both by the clock on the wall, least of {} runs after one that warms up. Then how many times as long the CPU takes: \
          without the upload, and with the upload on the device's side and gathering alone on the CPU's. In italics the dissertation's \
          table 5 on a TITAN Xp, whose sort ran on the CPU.\n",
         rayon::current_num_threads(),
@@ -175,13 +175,14 @@ fn dissertation(name: &str, [codes, sort, nodes, bounded, quaternion]: [f64; 5])
     cells
 }
 
-/// The least milliseconds of several runs by the clock on the wall.
+/// The least milliseconds of several runs after one that warms up, by the clock on the wall.
 fn least(rounds: usize, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
     let mut once = || -> Result<f64> {
         let start = Instant::now();
         work()?;
         Ok(milliseconds(start))
     };
+    once()?;
     (0..rounds).try_fold(f64::MAX, |least, _| Ok(least.min(once()?)))
 }
 
