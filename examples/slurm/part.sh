@@ -15,5 +15,5 @@ shift 3
 task=$SLURM_ARRAY_TASK_ID
 first=$((samples * task / tasks))
 last=$((samples * (task + 1) / tasks))
-exec canted render "$@" --samples "$first..$last" --threads "${SLURM_CPUS_PER_TASK:-1}" \
+exec canted render "$@" --device cpu --samples "$first..$last" --threads "${SLURM_CPUS_PER_TASK:-1}" \
     --checkpoint "$folder/$task.checkpoint" --output "$folder/$task.exr"

@@ -8,6 +8,7 @@
 //! `cargo xtask extremes` writes all of them, with what peers do on the same input, and the report shows them. Nothing here
 //! depends on a clock: the same rows on every run. Not covered: how long anything takes (`degenerate.rs`, the benches).
 
+mod built;
 mod film;
 mod fit;
 pub mod hierarchy;
@@ -31,10 +32,11 @@ use crate::tracers::Way;
 
 /// Every row of every station.
 ///
-/// `effort` multiplies the inputs tried: tests use 1. `ways` are whom the cases with rays are put before.
+/// `effort` multiplies the inputs tried. `ways` are whom the cases with rays are put before.
 #[must_use]
 pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
-    let mut rows = [fit::rows(effort), merge::rows(effort), rotation::rows(effort), tree::rows()].concat();
+    let mut rows =
+        [fit::rows(effort), merge::rows(effort), rotation::rows(effort), tree::rows(), built::rows()].concat();
     rows.extend([slab::rows(effort), lanes::rows(effort), triangle::rows(effort)].concat());
     rows.extend([hierarchy::rows(effort, ways), none::rows(ways), instance::rows(effort, ways), film::rows()].concat());
     rows.extend(TRACKERS.iter().flat_map(|tracker| (tracker.rows)(ways)));

@@ -12,6 +12,7 @@ use canted_scene::Scene;
 use canted_trace::{Hit, Ray};
 use canted_wide::LaneKernel;
 use rayon::prelude::*;
+use serde_json::json;
 
 use crate::{
     Outcome,
@@ -30,10 +31,11 @@ pub(crate) struct Args {
     /// Seconds into the file's first animation; the pose that the file has without it.
     #[arg(long, value_parser = options::number, value_name = "SECONDS", allow_hyphen_values = true)]
     time: Option<f32>,
-    /// Rays, `.csv` (ox,oy,oz,dx,dy,dz,tmax) or `.bin` (seven little-endian f32 a ray).
+    /// Rays, `.csv` (ox,oy,oz,dx,dy,dz,tmax) or `.bin` (seven little-endian f32 a ray): in world space, tmax in lengths of the
+    /// direction.
     #[arg(long, value_name = "FILE")]
     rays: PathBuf,
-    /// Hits to write, `.csv` (t,prim,u,v,instance) or `.bin` (f32 t, i32 prim, f32 u, f32 v).
+    /// Hits to write, `.csv` (t,prim,u,v,instance) or `.bin` (f32 t, i32 prim, f32 u, f32 v); t in lengths of the ray's direction.
     #[arg(long, value_name = "FILE")]
     hits: PathBuf,
     /// Only ask whether anything is hit: prim is 0 where it is and -1 where not.
@@ -41,13 +43,16 @@ pub(crate) struct Args {
     occluded: bool,
     #[command(flatten)]
     structure: StructureArgs,
-    /// What computes: `auto` takes a GPU where there is one that knows the scene, else the CPU; `gpu` the best adapter; else
-    /// a part of an adapter's name, which `canted devices` lists.
+    /// What computes: `auto` takes a GPU where there is one that knows the scene, else the CPU; `cpu`; `gpu` the best adapter;
+    /// else a part of an adapter's name, which `canted devices` lists.
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     device: DeviceArg,
     /// Number of threads; all processors without it.
     #[arg(long, value_parser = options::threads, value_name = "N")]
     threads: Option<usize>,
+    /// Print the facts about the run as JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Answers all rays.
@@ -64,14 +69,36 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let scene = load::scene_at(Some(&args.scene), args.time)?;
     // A place that cannot be written is told before the work.
     output::probe(&args.hits)?;
-    let answers = with_kernel!(args.structure.triangles, answer(&scene, &rays, args, &machine))?;
+    let (answers, seconds) = with_kernel!(args.structure.triangles, answer(&scene, &rays, args, &machine))?;
     let mut out = Whole::create(&args.hits)?;
     out.write(|out| hits::write(out, format, &answers))?;
     out.finish()?;
+    report(&answers, seconds, args)?;
     Ok(Outcome::Done)
 }
 
-fn answer<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<Vec<Answer>> {
+/// Says how many rays were answered in how many seconds: people as a side note, programs as the result.
+fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
+    let n_rays = answers.len();
+    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
+    let rate = n_rays as f64 / seconds.max(1e-9);
+    if !args.json {
+        output::to_stderr(&format!("{n_rays} rays in {seconds:.3} s, {:.2} M rays/s", rate * 1e-6));
+        return Ok(());
+    }
+    let n_hits = answers.iter().filter(|answer| answer.is_hit()).count();
+    let facts = json!({
+        "hits_file": args.hits.display().to_string(),
+        "rays": n_rays,
+        "hits": n_hits,
+        "trace_seconds": seconds,
+        "rays_per_second": rate,
+    });
+    output::to_stdout(&facts.to_string())
+}
+
+/// All answers, and the seconds that they took.
+fn answer<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<(Vec<Answer>, f64)> {
     let Prepared { structure, .. } = prepare::<K>(scene, &args.structure.config(scene))
         .map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let on_cpu = |ray: &Ray| {
@@ -90,9 +117,5 @@ fn answer<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Mac
             .map_err(|error| machine.named(error.into()))?,
         _ => rays.par_iter().map(on_cpu).collect(),
     };
-    let seconds = start.elapsed().as_secs_f64();
-    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
-    let rate = rays.len() as f64 / seconds.max(1e-9) * 1e-6;
-    output::to_stderr(&format!("{} rays in {seconds:.3} s, {rate:.2} M rays/s", rays.len()));
-    Ok(answers)
+    Ok((answers, start.elapsed().as_secs_f64()))
 }

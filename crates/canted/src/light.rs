@@ -7,10 +7,11 @@ use canted_scene::{Environment, EnvironmentImage, Light, Material, Scene};
 
 use crate::{load, options};
 
-/// Lights from the command line. Any of them replaces the lights of the file.
+/// Lights from the command line. Any of them replaces all lights of the file and its environment.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct LightArgs {
-    /// Radiance from outside: the same from everywhere, or a picture of all directions (`.hdr`, `.exr`).
+    /// Radiance (W/(m² sr)) from outside: the same from everywhere, or a picture of all directions (`.hdr`, `.exr`). `--env`, `--sun`,
+    /// `--point` and `--sphere` together replace all lights of the scene and its environment.
     #[arg(long, value_parser = environment, value_name = "R,G,B|FILE", allow_hyphen_values = true)]
     env: Option<EnvironmentArg>,
     /// Turns the picture of `--env` by so many degrees about the y axis, counter-clockwise seen from above.
@@ -19,13 +20,13 @@ pub(crate) struct LightArgs {
     /// Factor of the radiance of `--env`.
     #[arg(long, value_parser = options::factor, value_name = "X", requires = "env", allow_hyphen_values = true)]
     env_scale: Option<f32>,
-    /// Direction in which sunlight travels, and its irradiance on a surface that faces it.
+    /// Direction in which sunlight travels, and its irradiance (W/m²) on a surface that faces it; the sky is black without `--env`.
     #[arg(long, value_parser = options::sextuple, value_name = "DX,DY,DZ,R,G,B", allow_hyphen_values = true)]
     sun: Vec<[f32; 6]>,
     /// Position and radiant intensity (W/sr) of a point light.
     #[arg(long, value_parser = options::sextuple, value_name = "X,Y,Z,R,G,B", allow_hyphen_values = true)]
     point: Vec<[f32; 6]>,
-    /// Middle, radius and radiance of a ball of light; spots and discs are for scene files.
+    /// Middle, radius and radiance (W/(m² sr)) of a ball of light; spots and discs are for scene files.
     #[arg(long, value_parser = options::numbers::<7>, value_name = "X,Y,Z,RADIUS,R,G,B", allow_hyphen_values = true)]
     sphere: Vec<[f32; 7]>,
 }

@@ -8,6 +8,7 @@ mod compare;
 mod device;
 mod devices;
 mod interrupt;
+mod left_out;
 mod light;
 mod load;
 mod memory;

@@ -21,7 +21,7 @@ pub(crate) struct StructureArgs {
     /// `lbvh` is the radix tree as it is, `sah` splits from the root down, `obvhs` is the peer's.
     #[arg(long, value_enum, default_value_t = BuilderArg::Auto, value_name = "BUILDER")]
     pub(crate) builder: BuilderArg,
-    /// Volumes of the nodes: `auto` makes eight-wide nodes that lean where their predicted cost is lower, mesh by mesh;
+    /// Volumes of the nodes: `auto` makes eight-wide nodes that lean where their predicted cost is lower, node by node;
     /// the others keep a binary tree.
     #[arg(long, value_enum, default_value_t = VolumesArg::Auto, value_name = "VOLUMES")]
     pub(crate) volumes: VolumesArg,

@@ -21,11 +21,12 @@ use canted_renderer::{
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use clap::ValueEnum;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::{
     Outcome,
     device::{DeviceArg, Machine},
+    left_out,
     light::LightArgs,
     load::{self, Inputs},
     memory,
@@ -74,7 +75,8 @@ pub(crate) struct Args {
     pub(crate) light: LightArgs,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
-    /// World-space distance over which cut-off bounces' light returns beside an occluder; `inf` for none.
+    /// World-space distance over which cut-off bounces' light returns beside an occluder, for `hybrid`; `inf` for none, a tenth of
+    /// the scene's diagonal without it.
     #[arg(long, value_parser = options::radius, value_name = "LENGTH", allow_hyphen_values = true)]
     ao_radius: Option<f32>,
     /// Show what primary rays cost instead of light.
@@ -83,8 +85,9 @@ pub(crate) struct Args {
     /// Tests shown in the brightest colour of a heat map; a wide node counts as eight boxes.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
     heatmap_scale: u32,
-    /// What computes: `auto` takes a GPU where there is one that knows the scene, else the CPU; `gpu` the best adapter;
-    /// `both` shares the tiles out; else a part of an adapter's name, which `canted devices` lists.
+    /// What computes: `auto` takes a GPU where there is one that knows the scene, else the CPU; `cpu`; `gpu` the best adapter;
+    /// `both` shares the tiles out between CPU and GPU, and is the CPU alone where the only adapter is software; `both:NAME` shares
+    /// with this one; else a part of an adapter's name, which `canted devices` lists.
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     device: DeviceArg,
     /// Number of threads; all processors without it.
@@ -311,9 +314,7 @@ fn trace<K: LaneKernel>(
     };
     facts.push(("trace_seconds", json!(start.elapsed().as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
-    let left_out: Vec<Value> =
-        prepared.left_out.iter().map(|left| json!({ "part": left.part, "because": left.because })).collect();
-    facts.push(("left_out", json!(left_out)));
+    facts.push(("left_out", left_out::json(&prepared.left_out, args.heatmap.is_some())));
     Ok(Run { made, facts, keeper })
 }
 

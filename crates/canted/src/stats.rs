@@ -11,13 +11,17 @@ mod wide_tables;
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
+use canted_renderer::prepare;
 use canted_scene::Scene;
+use canted_trace::Watertight;
 
 use crate::{
     Outcome,
     device::DeviceArg,
+    left_out,
+    light::LightArgs,
     load,
-    options::{self, PresetArg},
+    options::{self, PresetArg, StructureArgs},
     output,
 };
 
@@ -32,7 +36,8 @@ pub(crate) struct Args {
     /// Presets of wide trees to build, separated by commas: `fast`, `balanced`, `quality`, which takes the longest.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "balanced", value_name = "PRESETS")]
     presets: Vec<PresetArg>,
-    /// Tell what a device needs for the scene, too: `gpu`, or a part of an adapter's name; `auto` does where there is a GPU.
+    /// Tell what a device needs for the scene, too: `gpu`, or a part of an adapter's name; `auto` does where there is a GPU,
+    /// `cpu` does not.
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     device: DeviceArg,
     /// Number of threads; all processors without it.
@@ -50,13 +55,18 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         return Err(anyhow!("--device both shares out tiles of pictures: use cpu, gpu or an adapter's name"));
     }
     let machine = args.device.open()?;
-    let scene = load::scene_at(args.scene.as_deref(), args.time)?;
+    let mut scene = load::scene_at(args.scene.as_deref(), args.time)?;
+    // A picture's light, which a scene without any gets there.
+    LightArgs::default().apply(&mut scene)?;
     let name = load::name(args.scene.as_deref());
     let measured = measure::measure(&scene).map_err(|error| anyhow!("{name}: {error}"))?;
     let wide = wide::measure(&scene, &args.presets).map_err(|error| anyhow!("{name}: {error}"))?;
+    let config = StructureArgs::defaults().config(&scene);
+    let prepared = prepare::<Watertight>(&scene, &config).map_err(|error| anyhow!("{name}: {error}"))?;
+    let left_out = left_out::json(&prepared.left_out, false);
     let device = device::measure(&machine, &scene, &name)?;
     let table = if args.json { tables::json } else { tables::text };
-    let text = table(&name, &scene, &measured, &wide, device.as_ref());
+    let text = table(&name, &scene, &measured, &wide, &left_out, device.as_ref());
     output::to_stdout(&text)?;
     Ok(Outcome::Done)
 }

@@ -114,7 +114,7 @@ pub const PIERCED: &str = "what is certainly pierced is hit";
 /// The promise that it must not invent hits.
 pub const MISSED: &str = "nothing is hit that is certainly missed, or off its plane";
 /// The promise that no bit depends on the tree.
-pub const SAME: &str = "the loop's answers, bit for bit; on a device nothing that it hits is lost";
+pub const SAME: &str = "the loop's answers, bit for bit; a device loses nothing that it hits, but where the ray begins within its error of the plane";
 
 /// What each way does on every case; `effort` multiplies the rays.
 #[must_use]
@@ -137,7 +137,10 @@ pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
             let verdicts = judged.iter().find(|(known, _)| *known == error).map_or(&[][..], |(_, of)| of);
             let Certain { pierced, missed } = Certain::of(way.word, &mesh, &rays, verdicts, &hits);
             // Of a device only what it loses counts: it may hit what is nearer than its error.
-            let counts = |&i: &usize| wants[i].is_some() || (hits[i].is_some() && !matches!(way.word, Word::Device(_)));
+            let counts = |&i: &usize| match (way.word, &wants[i]) {
+                (Word::Device(_), want) => want.is_some_and(|want| !begins_in(way.word, &mesh, &rays[i], &want)),
+                (_, want) => want.is_some() || hits[i].is_some(),
+            };
             let differs = |&i: &usize| match way.word {
                 Word::Loop => !is_same(hits[i], wants[i]) || occluded[i] != wants[i].is_some(),
                 Word::Device(_) => hits[i].is_none() || !occluded[i],
@@ -202,6 +205,12 @@ fn is_invented(word: Word, mesh: &Mesh, ray: &Ray, verdicts: &[Verdict], hit: &H
     let corners = corners(mesh, &mesh.triangles[id]);
     let is_near = || hit.t.is_finite() && near_plane(ray, hit.t, corners, margin(word, ray, &corners).along);
     verdicts[id] == Verdict::Missed || !is_near()
+}
+
+/// Whether a ray without end begins so near the plane of the triangle that it hits that either side of its start is right.
+fn begins_in(word: Word, mesh: &Mesh, ray: &Ray, hit: &Hit) -> bool {
+    let corners = corners(mesh, &mesh.triangles[hit.primitive.index()]);
+    near_plane(ray, ray.t_min, corners, margin(word, ray, &corners).along)
 }
 
 /// Whether two answers are the same bits; `==` would take -0.0 for 0.0.

@@ -1,7 +1,6 @@
 //! Binary trees over what codes cannot tell apart: every primitive once, parents around children, a bounded depth.
 //!
-//! Not covered: time, which grows no faster than the scene (`degenerate.rs`); the device's trees, which are these bit for bit
-//! (`twins_build`).
+//! Not covered: time, which grows no faster than the scene (`degenerate.rs`); the device's trees (`built`).
 
 use canted_fixtures::{Mesh, SplitMix64, identical, outlier, soup};
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Tree, VolumeConfig};
@@ -48,7 +47,7 @@ fn equal_centroids(n: u32) -> Mesh {
 }
 
 /// Kinds of input, each with the numbers of triangles that are tried.
-fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
+pub(super) fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
     vec![
         ("0, 1, 2 triangles", (0..3).map(|n| soup(3, n)).collect()),
         ("2^k and 2^k ± 1 triangles", [3, 4, 5, 255, 256, 257, 4095, 4096, 4097].map(|n| soup(4, n)).into()),

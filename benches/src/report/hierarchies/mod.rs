@@ -148,6 +148,9 @@ fn add(chapter: &mut Chapter, scene: &str, model: &Model, effort: Effort) -> Res
         chapter.claims.insert(format!("{scene}.{}", tree.name), number(tree.rate.median()));
     }
     let (standing, fastest) = fastest(scene, &measured, &front);
+    if let Some(standing) = &standing {
+        chapter.claims.insert(format!("{scene}.over-fastest-peer"), number(standing.ratio));
+    }
     let names: Vec<String> = front.iter().map(|&i| format!("'{}'", measured[i].name)).collect();
     let finding = format!("On {scene} {fastest}; by build time the front is {}; {predicts}.", names.join(", "));
     Ok((standing, finding))

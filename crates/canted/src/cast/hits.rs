@@ -44,6 +44,11 @@ impl Answer {
     }
     /// Something is hit; what and where was not asked.
     pub(super) const OCCLUDED: Self = Self { t: 0.0, prim: 0, u: 0.0, v: 0.0, instance: 0 };
+
+    /// Whether anything was hit.
+    pub(super) fn is_hit(&self) -> bool {
+        self.prim >= 0
+    }
 }
 
 /// Writes one row a ray, in order.

@@ -10,13 +10,13 @@ use crate::options;
 /// The camera, option by option; what is not given comes from the scene.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct CameraArgs {
-    /// Where the camera stands.
+    /// Where the camera stands, in world space.
     #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]
     eye: Option<[f32; 3]>,
-    /// What it looks at.
+    /// What it looks at, a point of world space.
     #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]
     target: Option<[f32; 3]>,
-    /// What points up in the picture.
+    /// What points up in the picture, a direction of world space.
     #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]
     up: Option<[f32; 3]>,
     /// Vertical field of view in degrees.
@@ -25,7 +25,7 @@ pub(crate) struct CameraArgs {
     /// Radius of the lens in scene units: what is not in focus blurs. 0 for a pinhole.
     #[arg(long, value_parser = options::lens_radius, value_name = "LENGTH")]
     aperture: Option<f32>,
-    /// Distance from the eye, along the view, of what is in focus; that of the target without it.
+    /// Distance from the eye, along the view and in scene units, of what is in focus; that of the target without it.
     #[arg(long, value_parser = options::radius, value_name = "LENGTH")]
     focus: Option<f32>,
 }

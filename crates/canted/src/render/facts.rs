@@ -9,7 +9,7 @@ use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};
 
-use crate::{memory, options::strategy_name, output};
+use crate::{left_out, memory, options::strategy_name, output};
 
 /// A fact and its name.
 pub(super) type Fact = (&'static str, Value);
@@ -102,11 +102,7 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
             ("noise_reached", Value::Null) => "unknown".to_owned(),
             (_, Value::Number(n)) if n.is_f64() => format!("{:.2}", n.as_f64().unwrap_or(0.0)),
             ("size", Value::Array(sides)) => format!("{} x {}", sides[0], sides[1]),
-            ("left_out", Value::Array(parts)) => parts
-                .iter()
-                .map(|p| format!("{} ({})", p["part"].as_str().unwrap_or(""), p["because"].as_str().unwrap_or("")))
-                .collect::<Vec<_>>()
-                .join(", "),
+            ("left_out", parts) => left_out::text(parts),
             (_, Value::String(text)) => text.clone(),
             (_, other) => other.to_string(),
         };

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::measure::{Level, Measured, Passes, Row};
 use super::{device, wide, wide_tables};
-use crate::{memory, options::strategy_name};
+use crate::{left_out, memory, options::strategy_name};
 
 /// All numbers as JSON.
 pub(super) fn json(
@@ -16,6 +16,7 @@ pub(super) fn json(
     scene: &Scene,
     measured: &Measured,
     wide: &wide::Measured,
+    left_out: &Value,
     device: Option<&device::Measured>,
 ) -> String {
     let mut all = json!({
@@ -28,6 +29,7 @@ pub(super) fn json(
         "one_level": level_json(&measured.one),
         "two_level": { "bottom": level_json(&measured.bottom), "top": level_json(&measured.top) },
         "wide": wide_tables::json(wide),
+        "left_out": left_out,
     });
     if let Some(device) = device {
         all["device"] = device.json();
@@ -82,6 +84,7 @@ pub(super) fn text(
     scene: &Scene,
     measured: &Measured,
     wide: &wide::Measured,
+    left_out: &Value,
     device: Option<&device::Measured>,
 ) -> String {
     let mut out = String::new();
@@ -100,6 +103,7 @@ pub(super) fn text(
     boxes(&mut out, "two levels, top", &measured.top);
     wide_tables::text(&mut out, wide);
     passes(&mut out, measured);
+    let _ = writeln!(out, "\nLeft out of pictures: {}", left_out::text(left_out));
     if let Some(device) = device {
         device.text(&mut out);
     }

@@ -60,6 +60,21 @@ fn hits_are_those_of_every_triangle_tried() {
 }
 
 #[test]
+fn programs_are_told_how_many_rays_hit() {
+    let (model, rays) = model_and_rays();
+    let folder = Folder::new();
+    folder.write("model.obj", &model.obj);
+    folder.write("rays.csv", csv(&rays));
+    let n_hits = rays.iter().filter(|(_, answer)| answer.is_some()).count();
+    for options in ["", "--occluded"] {
+        let facts =
+            folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv --json {options}")).done().json();
+        assert_eq!((&facts["rays"], &facts["hits"]), (&N_RAYS.into(), &n_hits.into()), "{options}: {facts}");
+        assert!(facts["trace_seconds"].as_f64().unwrap() > 0.0 && facts["rays_per_second"].as_f64().unwrap() > 0.0);
+    }
+}
+
+#[test]
 fn every_preset_and_builder_of_wide_trees_answers_as_every_triangle_tried() {
     let (model, rays) = model_and_rays();
     let folder = Folder::new();

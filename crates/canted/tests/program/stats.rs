@@ -184,6 +184,23 @@ fn numbers_are_finite_and_consistent() {
     assert!(number(dop, "leaning_share") > 0.5 && number(dop, "area_ratio_to_aabb") < 0.95, "bars lean: {dop}");
 }
 
+/// What `render` says of the same scene, `stats` says too.
+#[test]
+fn what_pictures_do_without_is_told() {
+    let folder = Folder::with_small();
+    let stats = folder.run("stats small.obj --json").done().json();
+    let render = folder.run("render small.obj --size 8x5 --spp 1 --device cpu --json -o out.png").done().json();
+    assert_eq!(stats["left_out"], render["left_out"]);
+    let text = folder.run("stats small.obj").done().stdout;
+    for left in stats["left_out"].as_array().unwrap() {
+        let said = format!("{} ({})", left["part"].as_str().unwrap(), left["because"].as_str().unwrap());
+        assert!(text.contains(&said), "{said}: {text}");
+    }
+    let map = folder.run("render small.obj --size 8x5 --heatmap boxes --json -o map.png").done().json();
+    let counts = |facts: &Value| facts["left_out"].as_array().unwrap().iter().all(|left| left["part"] != "counters");
+    assert!(counts(&map) && !counts(&render), "{map}");
+}
+
 #[test]
 fn tables_name_every_strategy() {
     let folder = Folder::with_small();

@@ -1,7 +1,10 @@
 //! The files that cases start from: the small ones of the folder of scenes, and the examples of scene files.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
+
+use crate::mutate::Random;
 
 /// Files of more bytes are left out, for they make cases slow.
 pub(crate) const MOST_BYTES: u64 = 1 << 18;
@@ -47,6 +50,15 @@ impl Corpus {
         let is_empty = corpus.entries.is_empty();
         corpus.add(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples"))).ok()?;
         (!is_empty).then_some(corpus)
+    }
+
+    /// A file of a kind that is drawn first, so that readers of few files are asked as often as others.
+    pub(crate) fn draw(&self, random: &mut Random) -> &Entry {
+        let kinds: BTreeSet<Kind> = self.entries.iter().map(|entry| entry.kind).collect();
+        let kinds: Vec<Kind> = kinds.into_iter().collect();
+        let kind = kinds[random.below(kinds.len())];
+        let of_kind: Vec<&Entry> = self.entries.iter().filter(|entry| entry.kind == kind).collect();
+        of_kind[random.below(of_kind.len())]
     }
 
     /// Adds the small files of a folder.

@@ -95,7 +95,7 @@ fn run(corpus: &Corpus, mut random: Random, end: Instant) -> BTreeMap<Kind, Tall
         return tallies;
     }
     while Instant::now() < end {
-        let entry = &corpus.entries[random.below(corpus.entries.len())];
+        let entry = corpus.draw(&mut random);
         let bytes = mutate::mutated(entry, corpus, &mut random);
         let tally = tallies.entry(entry.kind).or_default();
         match case(copy.path(), entry, &bytes, &mut random) {
