@@ -7,6 +7,9 @@ use anyhow::{Result, anyhow};
 use super::model::Facts;
 
 /// How much is measured.
+///
+/// A quick report has fewer scenes, seeds and rounds than a full one, but of what both show as many rays and inputs: fewer would suit
+/// caches and the prediction of branches better, and so be other times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Effort {
     /// As little as makes every plot and table: for tests.

@@ -78,7 +78,7 @@ impl Inputs {
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let title = "Rotation extraction: error over turns and time";
     let mut chapter = Chapter { id: "rotation", title, ..Chapter::default() };
-    let (n, rounds) = (effort.pick(4, 60, 300), effort.pick(2, 5, 9));
+    let (n, rounds) = (effort.pick(4, 300, 300), effort.pick(2, 5, 9));
     let caps = WAYS.map(|(.., cap)| cap);
     let conditions: Vec<f64> = (0..=6).map(|i| 100.0_f64.powi(i)).collect();
     let mut table =

@@ -38,7 +38,7 @@ const MODELS: [(&str, &str); 1] = [("bunny", "nodes of the bunny")];
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "boxes", title: "Boxes: size over the least, against time", ..Chapter::default() };
-    let n_sets = effort.pick(2, 12, 40);
+    let n_sets = effort.pick(2, 40, 40);
     let mut kinds = inputs::kinds(n_sets);
     for &(model, name) in effort.pick(&[][..], &MODELS, &MODELS) {
         match subjects::load(model)? {

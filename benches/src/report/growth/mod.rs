@@ -89,7 +89,7 @@ fn measure(model: &Model, entries: &[Entry<'_>], effort: Effort) -> Result<Vec<T
     let build = |entry: &Entry<'_>| (entry.build)(rayon::current_num_threads());
     let engines = entries.iter().map(build).collect::<Result<Vec<_>>>()?;
     let builds = builds::on_one_thread(&entries.iter().collect::<Vec<_>>(), rounds)?;
-    let camera = sets::camera(model, effort.pick(16, 64, 128));
+    let camera = sets::camera(model, effort.pick(16, 128, 128));
     let (seconds, _) = duel::closest(&engines, &camera, effort.pick(2, 5, 7));
     let each = |rounds: &Vec<Seconds>| -> Samples {
         rounds.iter().map(|seconds| seconds.cpu * 1e9 / camera.len() as f64).collect::<Vec<_>>().into()

@@ -184,7 +184,7 @@ fn measure(scene: &str, model: &Model, effort: Effort) -> Result<Vec<Measured>> 
     let build = |entry: &&Entry<'_>| (entry.build)(rayon::current_num_threads());
     let engines = entries.iter().map(build).collect::<Result<Vec<Box<dyn Engine>>>>()?;
     let builds = builds::on_one_thread(&entries, n_builds(effort, n_triangles))?;
-    let rays = closest_sets(model, &trees::any(&model.mesh)?, effort.pick(16, 48, 128)).concat();
+    let rays = closest_sets(model, &trees::any(&model.mesh)?, effort.pick(16, 128, 128)).concat();
     let (seconds, _) = duel::closest(&engines, &rays, effort.pick(2, 5, 7));
     let mut measured = vec![];
     for (((Tree { entry, family, metrics }, engine), build), rounds) in

@@ -23,7 +23,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, skipped: &mut Vec<String>) 
         Costs { box_node: 1e6, shared_node: 1e6, lean_node: 1e6, max_leaf: N_TRIANGLES as usize, ..Costs::default() };
     let config = Config { costs, turn: false, ..Config::default() };
     let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config)?;
-    let rays: Vec<Ray> = from_inside(&mesh, effort.pick(500, 20_000, 100_000), 7);
+    let rays: Vec<Ray> = from_inside(&mesh, effort.pick(500, 100_000, 100_000), 7);
     let (there, missing): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
     skipped.extend(missing.iter().map(|path| format!("the path {}, which this machine lacks", path.name())));
     let trees: Vec<Wide<Watertight>> = there.iter().map(|&path| tree.clone().with_path(path)).collect();

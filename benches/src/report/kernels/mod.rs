@@ -84,7 +84,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut errors: Vec<Series> = vec![];
     let mut wrongs: Vec<Series> = vec![];
     let mut sums: Vec<Sum> = vec![];
-    for (case, mut pairs) in triangle::cases(effort.pick(1, 3, 10)) {
+    for (case, mut pairs) in triangle::cases(effort.pick(1, 10, 10)) {
         pairs.retain(|(ray, _)| ScaledRay::new(ray).is_some());
         let truths: Vec<Judged> = pairs.iter().map(Judged::of).collect();
         let routines = Routine::all(&pairs);
@@ -126,7 +126,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
         },
     ];
     chapter.tables.push(table);
-    let boxes::Found { table, plots, says } = boxes::measure(effort.pick(1, 2, 6), rounds);
+    let boxes::Found { table, plots, says } = boxes::measure(effort.pick(1, 6, 6), rounds);
     chapter.tables.push(table);
     chapter.plots.extend(plots);
     let lanes = lanes::measure(effort, rounds, &mut chapter.skipped)?;

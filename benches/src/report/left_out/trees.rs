@@ -86,7 +86,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Vec<String>> 
         };
         let engines = engines(&model)?;
         let tree = Wide::build(&model.mesh.positions, &model.mesh.triangles, &Config::preset(Preset::Fast))?;
-        let rays = closest_sets(&model, &tree, effort.pick(16, 48, 128)).concat();
+        let rays = closest_sets(&model, &tree, effort.pick(16, 128, 128)).concat();
         let (seconds, hits) = duel::closest(&engines, &rays, effort.pick(2, 7, 11));
         #[expect(clippy::cast_precision_loss, reason = "rays are counted in thousands")]
         let to_ns = 1e9 / rays.len() as f64;

@@ -117,7 +117,7 @@ fn charts(chapter: &mut Chapter, effort: Effort) -> Result<()> {
     let model = scaffold(effort.pick(8, 15, 17));
     let mesh = &model.mesh;
     let usual = Config::preset(Preset::Fast);
-    let rays = sets::camera(&model, effort.pick(16, 128, 512));
+    let rays = sets::camera(&model, effort.pick(16, 128, 128));
     let rounds = effort.pick(2, 3, 5);
     let (builds, trees) = one_thread(|| -> Result<_> {
         let (mut builds, mut trees) = (vec![], vec![]);

@@ -103,7 +103,7 @@ fn rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Row>> {
     let codes = canted_lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
     let tree = canted_lbvh::radix(canted_lbvh::by_code(&codes, Bits::B63));
     let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
-    let rays = sets::camera(model, effort.pick(16, 48, 128));
+    let rays = sets::camera(model, effort.pick(16, 128, 128));
     let mut rows: Vec<Row> = vec![];
     let mut aligned_volume = 1.0;
     for strategy in Strategy::ALL {

@@ -50,7 +50,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
         let every = Every(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
         let engines: [Box<dyn Engine>; 2] = [Box::new(every), Box::new(tree)];
-        let rays = sets::camera(&model, effort.pick(8, 24, 48));
+        let rays = sets::camera(&model, effort.pick(8, 48, 48));
         let (seconds, _) = duel::closest(&engines, &rays, effort.pick(2, 5, 7));
         let ns = |i: usize| -> Samples {
             seconds[i].iter().map(|s| s.cpu * 1e9 / rays.len() as f64).collect::<Vec<_>>().into()

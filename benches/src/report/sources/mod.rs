@@ -85,8 +85,8 @@ const METHOD: [&str; 6] = [
     "The BIH thesis, on an i7 at 3.2 GHz that builds and a GTX 480 that traces. There is no bounding interval hierarchy and no kd-tree \
      here. In place of the first stands a tree whose nodes are halved in space on their longest axis, as its are, with boxes where it has \
      two planes; in place of the second one for which every split was tried, as its kd-tree's are chosen by the same heuristic, \
-     but which cuts no triangle. So cost and care can be compared, structures cannot. Ours trace 256 x 256 rays in a quick run and \
-     1024 x 1024 in a full one; theirs do not say how many.",
+     but which cuts no triangle. So cost and care can be compared, structures cannot. Ours trace 256 x 256 rays; theirs \
+     do not say how many.",
     "Novak's cheap tree is a radix tree that a GPU builds, his careful one that of a CPU by the surface area heuristic along one \
      axis from a few candidates; both are traced by the GPU. Ours are both built and traced on one thread of a CPU.",
     "Silva's study compares vector instructions, a GPU, threads, and no hierarchy with one; its charts are lost, what is quoted survives \

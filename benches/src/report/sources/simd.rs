@@ -34,7 +34,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         let paths: Vec<SimdPath> = SimdPath::ALL.into_iter().filter(|path| path.is_available()).collect();
         let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
         let trees = paths.iter().map(|&path| tree.clone().with_path(path)).collect();
-        let rays = sets::camera(&model, effort.pick(16, 64, 128));
+        let rays = sets::camera(&model, effort.pick(16, 128, 128));
         let seconds = one_thread(|| closest_seconds(trees, &rays, effort.pick(2, 5, 9)))?;
         #[expect(clippy::cast_precision_loss, reason = "rays are counted in thousands")]
         let ns: Vec<Samples> = seconds.into_iter().map(|s| Samples::from(s).scaled(1e9 / rays.len() as f64)).collect();
