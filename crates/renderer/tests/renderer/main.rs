@@ -13,6 +13,7 @@ mod furnace;
 mod heatmap;
 mod light;
 mod lighting;
+mod mirrors;
 mod motion;
 mod normal_map;
 mod occlusion;

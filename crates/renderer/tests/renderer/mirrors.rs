@@ -1,0 +1,245 @@
+//! Mirrors that see each other, by the number of reflections, and facets that become a mirror.
+
+use std::f64::consts::{FRAC_PI_4, PI, SQRT_2};
+
+use canted_obb::Affine;
+use canted_renderer::{Film, Integrator, Settings, View};
+use canted_scene::{Camera, Instance, Light, Material, Mesh, Scene};
+
+use crate::common::{Vector, camera, dot, film, floor, grey, mesh, parallelogram, place, probe, scene, settings, unit};
+
+/// Half of a probe's field, across its diagonal.
+const HALF_FIELD_RAD: f64 = 0.01 / 180.0 * PI / SQRT_2;
+
+fn paths(settings: Settings) -> Settings {
+    Settings { integrator: Integrator::Path, ..settings }
+}
+
+fn metal(base_color: [f32; 3], roughness: f32) -> Material {
+    Material { base_color, metallic: 1.0, roughness, ..Material::default() }
+}
+
+fn glowing(emission: [f32; 3]) -> Material {
+    Material { emission, ..grey(0.0) }
+}
+
+const LEFT: [f32; 3] = [1.0, 0.8, 0.25];
+const RIGHT: [f32; 3] = [1.0, 0.5, 0.9];
+
+/// Mirrors in the planes x = 0 and x = 1 up to y = 1, and a ceiling at y = 2.
+fn facing(ceiling: Option<Material>) -> Scene {
+    let mirror = |x, material| parallelogram([x, -10.0, -10.0], [0.0, 11.0, 0.0], [0.0, 0.0, 20.0], material);
+    let mut meshes = vec![mirror(0.0, 0), mirror(1.0, 1)];
+    meshes.extend(ceiling.iter().map(|_| floor(20.0, 2.0, 2)));
+    scene(meshes, [metal(LEFT, 0.0), metal(RIGHT, 0.0)].into_iter().chain(ceiling).collect())
+}
+
+/// What is seen from the middle between both after `k` reflections, the first of them on the right.
+///
+/// Unfolded, the line rises by 1/k from each mirror to the next, so it meets the last one at y = 1 - 1/(2k) and leaves.
+fn after(k: u8, scene: &Scene, bounces: u32) -> Vector {
+    let target = if k == 0 { [0.5, 1.0, 0.0] } else { [1.0, 0.5 / f32::from(k), 0.0] };
+    probe(scene, [0.5, 0.0, 0.0], target, paths(settings(1, 1, 4, bounces)))
+}
+
+/// Share of a channel that `k` reflections leave, by Schlick's formula.
+fn share(k: u8, channel: usize) -> f64 {
+    let cosine = f64::from(k) / f64::from(k).hypot(1.0);
+    let of_one = |i: u8| {
+        let color = f64::from(if i.is_multiple_of(2) { RIGHT[channel] } else { LEFT[channel] });
+        color + (1.0 - color) * (1.0 - cosine).powi(5)
+    };
+    (0..k).map(of_one).product()
+}
+
+/// `value` is `expected` after `k` reflections, up to `footprint` of it and what each reflection adds.
+#[track_caller]
+fn check(value: Vector, k: u8, expected: Vector, footprint: f64) {
+    // Schlick's term changes by 5·(1 - cosθ)⁴·sinθ of the angle, at most 0.027 up to 45 degrees, of reflectances from 0.25
+    // up; in f32 each reflection rounds less than eight times.
+    let of_each = 0.027 * HALF_FIELD_RAD / 0.25 + 8.0 * f64::from(f32::EPSILON);
+    let bound = footprint + f64::from(k + 1) * of_each;
+    for channel in 0..3 {
+        let (value, expected) = (value[channel], expected[channel]);
+        assert!((value - expected).abs() <= bound * expected, "{k} reflections: {value} for {expected}");
+    }
+}
+
+#[test]
+fn facing_mirrors_show_a_lamp_by_the_number_of_bounces() {
+    let lamp = [2.0, 3.0, 5.0];
+    let lit = facing(Some(glowing(lamp)));
+    for k in 0..=3 {
+        let expected = std::array::from_fn(|channel| f64::from(lamp[channel]) * share(k, channel));
+        for bounces in 0..=4 {
+            let value = after(k, &lit, bounces);
+            // The lamp is the surface after k mirrors.
+            if bounces < u32::from(k) {
+                assert_eq!(value, [0.0; 3], "{k} reflections in {bounces} bounces");
+            } else {
+                check(value, k, expected, 0.0);
+            }
+        }
+    }
+}
+
+/// The sky is no surface: the ray that leaves the last mirror brings it.
+#[test]
+fn facing_mirrors_show_the_sky_one_bounce_earlier() {
+    let mut open = facing(None);
+    open.environment = Some([0.5, 1.0, 4.0].into());
+    for k in 0..=3 {
+        let expected = std::array::from_fn(|channel| [0.5, 1.0, 4.0][channel] * share(k, channel));
+        for bounces in 0..=3 {
+            let value = after(k, &open, bounces);
+            if bounces + 1 < u32::from(k) {
+                assert_eq!(value, [0.0; 3], "{k} reflections in {bounces} bounces");
+            } else {
+                check(value, k, expected, 0.0);
+            }
+        }
+    }
+}
+
+/// What is no mirror keeps its own colour: `ρ·I/(π·h²)` under a light at distance h, times what the mirrors leave.
+#[test]
+fn mirrors_keep_the_colour_of_what_they_show() {
+    let paint = [0.2_f32, 0.4, 0.8];
+    let mut lit = facing(Some(Material { base_color: paint, ..Material::default() }));
+    for k in 0..=3_u8 {
+        // Where the line meets the ceiling, folded back; the light half a unit below that.
+        let x = if k % 2 == 1 { 0.5 - f32::from(k) } else { 0.5 + f32::from(k) };
+        lit.lights = vec![Light::Point { position: [x, 1.5, 0.0], intensity: [3.0; 3] }];
+        let expected = std::array::from_fn(|channel| f64::from(paint[channel]) * 3.0 / (PI * 0.25) * share(k, channel));
+        // Beside the light its irradiance falls by 3/2 of the square of the distance over h. The line is 2·√(k² + 1) long and
+        // leans by as much.
+        let stretch = 2.0 * (f64::from(k).powi(2) + 1.0) * HALF_FIELD_RAD;
+        check(after(k, &lit, k.into()), k, expected, 1.5 * (stretch / 0.5).powi(2));
+        if k > 0 {
+            assert_eq!(after(k, &lit, u32::from(k) - 1), [0.0; 3], "{k}");
+        }
+    }
+}
+
+/// Three lamps of different colours and no symmetry, where x and y are above zero.
+fn lamps() -> [Mesh; 3] {
+    let triangle = vec![[1.6, 1.5, 0.4], [2.2, 1.6, 0.0], [1.7, 2.1, 0.1]];
+    [
+        parallelogram([1.0, 1.0, 0.2], [1.2, 0.0, 0.0], [0.0, 0.3, 0.0], 1),
+        parallelogram([1.0, 1.3, 0.2], [0.3, 0.0, 0.0], [0.0, 0.9, 0.1], 2),
+        mesh(triangle, vec![[0, 1, 2]], 3),
+    ]
+}
+
+fn of_lamps(meshes: impl IntoIterator<Item = Mesh>) -> Scene {
+    let lamps = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.25], [0.5, 0.0, 4.0]].map(glowing);
+    scene(meshes.into_iter().collect(), std::iter::once(metal([1.0; 3], 0.0)).chain(lamps).collect())
+}
+
+/// A corner of white mirrors shows what the lamps themselves would look like beyond it: those of one reflection by one bounce,
+/// those turned by half a circle by two, and nothing more by three. White mirrors keep every bit.
+#[test]
+fn mirrors_at_a_right_angle_show_the_room_four_times() {
+    let view = camera([4.0, 3.0, 8.0], [0.0; 3], 36.0);
+    let of = |scene: &Scene, bounces| film(scene, &view, &paths(settings(40, 40, 4, bounces)));
+    let walls = [
+        parallelogram([0.0, 0.0, -50.0], [0.0, 100.0, 0.0], [0.0, 0.0, 100.0], 0),
+        parallelogram([0.0, 0.0, -50.0], [0.0, 0.0, 100.0], [100.0, 0.0, 0.0], 0),
+    ];
+    let corner = of_lamps(lamps().into_iter().chain(walls));
+    let mut n_lit = vec![];
+    for bounces in 0..=3 {
+        let mut unfolded = of_lamps(lamps());
+        let signs = [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]];
+        let images = signs.into_iter().filter(|[x, y]| [x, y].into_iter().filter(|&&s| s < 0.0).count() <= bounces);
+        unfolded.instances = images.flat_map(images_of).collect();
+        let (found, expected) = (of(&corner, u32::try_from(bounces).unwrap()), of(&unfolded, 0));
+        assert!(found.pixels() == expected.pixels(), "{bounces} bounces");
+        n_lit.push(found.pixels().iter().filter(|pixel| pixel.sum != [0.0; 3]).count());
+    }
+    assert!(n_lit[0] > 20 && n_lit[1] > 2 * n_lit[0] && n_lit[2] > n_lit[1] + 20 && n_lit[3] == n_lit[2], "{n_lit:?}");
+}
+
+/// The lamps with x and y times these.
+fn images_of([x, y]: [f32; 2]) -> [Instance; 3] {
+    let columns = [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
+    [0, 1, 2].map(|lamp| place(lamp, Affine { columns }))
+}
+
+/// The hybrid integrator takes all surfaces for Lambert's, mirrors too.
+#[test]
+fn mirrors_are_paint_by_the_hybrid_integrator() {
+    let mut stage = scene(vec![floor(5.0, 0.0, 0), floor(1.0, 3.0, 1)], vec![metal(RIGHT, 0.0), glowing([3.0; 3])]);
+    stage.environment = Some([0.3, 0.4, 0.6].into());
+    let view = camera([4.0, 2.0, 5.0], [0.0; 3], 40.0);
+    let of = |stage: &Scene, settings: &Settings| film(stage, &view, settings);
+    let mut painted = stage.clone();
+    painted.materials[0] = Material { base_color: RIGHT, ..Material::default() };
+    let hybrid = settings(16, 16, 4, 2);
+    assert!(of(&stage, &hybrid) == of(&painted, &hybrid), "a mirror is not paint");
+    assert!(of(&stage, &paths(hybrid)) != of(&painted, &paths(hybrid)), "a mirror is paint by paths");
+}
+
+const COLUMNS: u32 = 8;
+const ROWS: u32 = 25;
+
+/// A metal floor, seen at 45 degrees from height 1, and a lamp without end whose lower edge is mirrored in the middle row.
+fn edge_in_metal(roughness: f32, fov_degrees: f32) -> (Film, Camera) {
+    let lamp = parallelogram([10.0, 9.0, -500.0], [0.0, 1000.0, 0.0], [0.0, 0.0, 1000.0], 1);
+    let stage = scene(vec![floor(50.0, 0.0, 0), lamp], vec![metal([1.0; 3], roughness), glowing([1.0; 3])]);
+    let view = camera([0.0, 1.0, 0.0], [1.0, 0.0, 0.0], fov_degrees);
+    (film(&stage, &view, &paths(settings(COLUMNS, ROWS, 512, 1))), view)
+}
+
+/// Signed angles by which the mirrored rays through the corners of a row miss the edge: the least, the greatest.
+fn angles(view: &Camera, row: u32) -> [f64; 2] {
+    let view = View::new(view, COLUMNS, ROWS).unwrap();
+    let corners = [[0, row], [COLUMNS, row], [0, row + 1], [COLUMNS, row + 1]];
+    let angles = corners.map(|corner| {
+        let [x, y, z] = view.ray(corner.map(f64::from)).direction.map(f64::from);
+        // The plane of the mirrored eye, at y = -1, and the edge, at x = 10 and y = 9.
+        dot([x, -y, z], unit([-1.0, 1.0, 0.0])).asin()
+    });
+    [angles.into_iter().fold(FRAC_PI_4, f64::min), angles.into_iter().fold(-FRAC_PI_4, f64::max)]
+}
+
+/// Rows that are not the mirror's within what facets of width `alpha` turn across the edge, and how many were looked at.
+///
+/// GGX has facets beyond the slope x in the share `α²/(α² + x²)`, and a facet turns a ray by at most twice its own angle, so
+/// that is more than reaches over an edge at twice the angle: half of all lean the other way, and those that lean away from the
+/// viewer are seen up to twice as often as those that lean to him, at slopes below 0.8 and 45 degrees. `10·α²` go below the
+/// horizon: facets steeper than 19 degrees, and what is masked.
+fn rows_off((film, view): &(Film, Camera), alpha: f64) -> (usize, usize) {
+    let (mut n_off, mut n_rows) = (0, 0);
+    for (row, pixels) in (0..).zip(film.pixels().chunks(COLUMNS as usize)) {
+        let [least, most] = angles(view, row);
+        if least < 0.0 && most > 0.0 {
+            continue;
+        }
+        let (mirrored, angle) = if least >= 0.0 { (1.0, least) } else { (0.0, -most) };
+        let mean = pixels.iter().map(|pixel| pixel.mean()[0]).sum::<f64>() / f64::from(COLUMNS);
+        let variance = pixels.iter().map(|pixel| pixel.variance_of_mean()[0]).sum::<f64>();
+        let noise = 5.3 * variance.sqrt() / f64::from(COLUMNS);
+        let turned = alpha.powi(2) / (alpha.powi(2) + (0.5 * angle).tan().powi(2));
+        n_rows += 1;
+        n_off += usize::from((mean - mirrored).abs() > turned + 10.0 * alpha.powi(2) + noise);
+    }
+    (n_off, n_rows)
+}
+
+#[test]
+fn smoother_metals_come_to_be_the_mirror() {
+    const WIDE: f32 = 12.0;
+    let mirror = edge_in_metal(0.0, WIDE);
+    assert_eq!(rows_off(&mirror, 0.0), (0, ROWS as usize - 1));
+    for roughness in [0.125_f32, 0.0625, 0.031_25] {
+        let alpha = f64::from(roughness).powi(2);
+        // The whole picture, and the edge with rows a third as wide as the lobe.
+        let [far, near] = [WIDE, 64.0 * WIDE * roughness * roughness].map(|fov| edge_in_metal(roughness, fov));
+        assert_eq!((rows_off(&far, alpha).0, rows_off(&near, alpha).0), (0, 0), "{roughness}");
+        // Facets half as rough turn a quarter as far, and it is seen that these turn farther.
+        assert!(rows_off(&near, alpha / 4.0).0 > 0, "{roughness}");
+    }
+    // Below 1/32 there is no facet.
+    assert!(edge_in_metal(0.031_249, WIDE).0 == mirror.0, "a mirror is not its own limit");
+}
