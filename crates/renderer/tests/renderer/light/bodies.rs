@@ -2,11 +2,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use canted_renderer::{Lights, Pattern, Settings, Source};
-use canted_scene::{Light, Scene};
+use canted_renderer::{Integrator, Lights, Pattern, Pixel, Settings, Source};
+use canted_scene::{Camera, Light, Projection, Scene};
 use canted_trace::{Hit, InstanceId, Ray, Side};
 
-use crate::common::{BruteForce, floor, grey, parallelogram, probe, scene, settings};
+use crate::common::{BruteForce, Vector, camera, film, floor, grey, parallelogram, probe, scene, settings};
 
 const SPHERE: Light = Light::Sphere { center: [0.0, 5.0, 0.0], radius: 1.0, radiance: [3.0; 3] };
 const DISC: Light = Light::Disc { center: [0.0, 9.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 2.0, radiance: [4.0; 3] };
@@ -120,5 +120,55 @@ fn the_penumbra_of_a_disc() {
         assert!((value - expected).abs() < 5.0 * 0.35 * 0.5 / 64.0 + 0.35 / 400.0, "{place}: {value} {expected}");
         assert!(value >= before - 0.02 && (place > -1.0 || value == 0.0), "{place}: {value}");
         before = value;
+    }
+}
+
+/// Light on the floor below a screen that ends at x = 1 and y = 1, with shadow up to x = 4/3 of a light at a height of 4: a row
+/// of 33 pixels, each 1/30 wide, the middle one with the shadow's edge in its middle.
+fn shadow_of(light: Light, integrator: Integrator) -> Vec<Vector> {
+    let screen = parallelogram([-50.0, 1.0, -50.0], [51.0, 0.0, 0.0], [0.0, 0.0, 100.0], 0);
+    let stage = Scene { lights: vec![light], ..scene(vec![floor(50.0, 0.0, 0), screen], vec![grey(0.5)]) };
+    let edge = 4.0 / 3.0;
+    // Below the screen, so that it hides nothing.
+    let view = camera([edge, 0.9, 0.0], [edge, 0.0, 0.0], 1.0);
+    let view = Camera { projection: Projection::Orthographic { height: 1.0 / 30.0 }, ..view };
+    let film = film(&stage, &view, &Settings { integrator, ..settings(33, 1, 64, 0) });
+    film.pixels().iter().map(Pixel::mean).collect()
+}
+
+/// A ball as small as a ten-thousandth of its distance, with a point's power: the point's light, and its hard shadow.
+#[test]
+fn a_sphere_without_extent_casts_the_shadow_of_a_point() {
+    const INTENSITY: f32 = 10.0;
+    let center = [0.0, 4.0, 0.0];
+    let point = Light::Point { position: center, intensity: [INTENSITY; 3] };
+    let sphere = |radius: f32| {
+        let radiance = [INTENSITY / (std::f32::consts::PI * radius * radius); 3];
+        Light::Sphere { center, radius, radiance }
+    };
+    // A sample's direction turns by at most r/d, and its cosine by at most tanθ of that; tanθ is below 1/2 up to x = 2. From a
+    // radius to a radiance and from there to a pixel there are some sixteen roundings.
+    let is_near = |value: Vector, expected: Vector| {
+        let bound = 0.5 * 1e-4 + 16.0 * f64::from(f32::EPSILON);
+        (0..3).all(|k| (value[k] - expected[k]).abs() <= bound * expected[k])
+    };
+    for integrator in [Integrator::Hybrid, Integrator::Path] {
+        let hard = shadow_of(point, integrator);
+        let small = shadow_of(sphere(4e-4), integrator);
+        let lit = hard[17][0];
+        for (column, (&hard, &small)) in hard.iter().zip(&small).enumerate() {
+            // The penumbra is a third of the ball's width, and so lies within the middle pixel.
+            match column {
+                0..16 => assert_eq!((hard, small), ([0.0; 3], [0.0; 3]), "{integrator:?}, column {column}"),
+                16 => assert!([hard, small].iter().all(|value| value[0] > 0.0 && value[0] < lit), "{hard:?} {small:?}"),
+                _ => assert!(
+                    is_near(small, hard) && hard[0] > 0.0,
+                    "{integrator:?}, column {column}: {small:?} {hard:?}"
+                ),
+            }
+        }
+        // One that is a twentieth of its distance wide has a penumbra two pixels wide.
+        let wide = shadow_of(sphere(0.1), integrator);
+        assert!(wide[15][0] > 0.0 && !is_near(wide[17], hard[17]), "{integrator:?}: {wide:?}");
     }
 }
