@@ -1,11 +1,13 @@
 //! Direct light and its shadows, bounces, and how errors fall.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, SQRT_2};
 
-use canted_renderer::{Pattern, Settings};
-use canted_scene::{Light, Material};
+use canted_renderer::{Filter, Integrator, Pattern, Settings};
+use canted_scene::{Camera, Light, Material, Mesh, Projection};
 
-use crate::common::{camera, cuboid, film, floor, grey, parallelogram, probe, scene, settings};
+use crate::common::{
+    camera, cross, cuboid, dot, film, floor, grey, parallelogram, probe, scene, settings, sphere, sub, unit,
+};
 
 /// Relative error of a radiance in `f32`: a dozen roundings, and a pixel a hundredth of a degree wide.
 const PROBE_ERROR: f64 = 1e-3;
@@ -36,6 +38,72 @@ fn a_sun_gives_its_irradiance_times_the_cosine() {
         plane.lights = vec![Light::Sun { direction, irradiance: [std::f32::consts::PI; 3] }];
         let radiance = probe(&plane, [0.0, 5.0, 5.0], [0.0; 3], settings(1, 1, 4, 0));
         assert!(near(radiance[0], 0.5 * cosine), "{direction:?}: {radiance:?}");
+    }
+}
+
+/// Least distance from the middle of a unit ball to the planes of its triangles: by as much less than 1 a place on them may lie
+/// too deep, and as far as the angle of this cosine their normals lean.
+fn least_plane(ball: &Mesh) -> f64 {
+    let planes = ball.triangles.iter().map(|triangle| {
+        let [a, b, c] = triangle.map(|i| ball.positions[i as usize].map(f64::from));
+        dot(unit(cross(sub(b, a), sub(c, a))), a)
+    });
+    planes.fold(1.0, f64::min)
+}
+
+/// Each pixel of a ball under one sun is Lambert's `ρ/π·E·cosθ` at its middle, bright side, dark side and between.
+#[test]
+fn a_ball_under_a_sun_is_lamberts_pixel_by_pixel() {
+    const N: u32 = 24;
+    const HEIGHT: f64 = 2.2;
+    let albedo = [0.25_f32, 0.5, 0.75];
+    let irradiance = [3.0_f32, 2.0, 1.0];
+    let mut ball = sphere([0.0; 3], 1.0, 4, 0);
+    ball.normals = Some(ball.positions.clone());
+    let plane = least_plane(&ball);
+    let mut stage = scene(vec![ball], vec![Material { base_color: albedo, ..Material::default() }]);
+    stage.lights = vec![Light::Sun { direction: [-0.48, -0.6, -0.64], irradiance }];
+    let to_sun = [0.48, 0.6, 0.64];
+    let parallel = Projection::Orthographic { height: 2.2 };
+    let view = Camera { projection: parallel, ..camera([0.0, 0.0, 5.0], [0.0; 3], 1.0) };
+    // Samples keep to a thousandth of a pixel about its middle.
+    let filter = Filter::Box(1.0 / 1024.0);
+    let footprint = SQRT_2 / 1024.0 * HEIGHT / f64::from(N);
+    for integrator in [Integrator::Hybrid, Integrator::Path] {
+        let film = film(&stage, &view, &Settings { integrator, filter, ..settings(N, N, 2, 0) });
+        let (mut n_bright, mut n_dark) = (0, 0);
+        for (index, pixel) in (0..).zip(film.pixels()) {
+            let [x, y] = [index % N, index / N].map(|i| (f64::from(i) + 0.5) / f64::from(N) - 0.5);
+            let (x, y) = (x * HEIGHT, -y * HEIGHT);
+            // On a triangle the place is not as far out as on the ball, so the same sine is another angle; at the rim all is
+            // steep.
+            let far = x.hypot(y) / plane + footprint;
+            if far > 0.95 {
+                continue;
+            }
+            let error = (far - x.hypot(y)) / (1.0 - far * far).sqrt();
+            let cosine = dot([x, y, (1.0 - x * x - y * y).sqrt()], to_sun);
+            // Where the sun is lower than twice as much as triangles lean, their own horizon may hide it, and paths fold up what
+            // would come from below that: at most as much again.
+            let low = 2.0 * (plane.acos().sin() + error);
+            let value = pixel.mean();
+            for k in 0..3 {
+                let full = f64::from(albedo[k]) * f64::from(irradiance[k]) / PI;
+                let bound = full * (error + 16.0 * f64::from(f32::EPSILON));
+                let expected = full * cosine.max(0.0);
+                let is_right = if cosine > low {
+                    (value[k] - expected).abs() <= bound
+                } else if cosine < -error {
+                    value[k] == 0.0
+                } else {
+                    (0.0..=2.0 * (expected + bound)).contains(&value[k])
+                };
+                assert!(is_right, "{integrator:?} at {x}, {y}: {} for {expected} ± {bound}", value[k]);
+            }
+            n_bright += u32::from(cosine > low);
+            n_dark += u32::from(cosine < -error);
+        }
+        assert!(n_bright > 150 && n_dark > 20, "{n_bright} {n_dark}");
     }
 }
 
