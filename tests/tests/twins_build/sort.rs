@@ -36,6 +36,17 @@ fn the_sort_is_stable_across_sizes_and_duplicates() {
     }
 }
 
+/// A million pairs, which take several slices of items: short codes with many duplicates, and long ones with hardly any.
+#[test]
+fn a_million_pairs_are_sorted_stably() {
+    let Some(gpu) = gpu("a_million_pairs_are_sorted_stably") else { return };
+    let sorter = Sorter::new(&gpu).unwrap();
+    for distinct in [1000, 1 << 40] {
+        let codes = codes(1 << 20, distinct);
+        assert!(sorted(&gpu, &sorter, &codes) == sorted_by_cpu(&codes), "{distinct} distinct");
+    }
+}
+
 #[test]
 fn the_comparison_sees_one_wrong_bit() {
     let Some(gpu) = gpu("the_comparison_sees_one_wrong_bit") else { return };
