@@ -307,8 +307,8 @@ fn trace<K: LaneKernel>(
         let (film, of_device) = maker.film(scene, &prepared, &camera, (args, &settings), keeper.as_ref(), done)?;
         facts.extend(of_device);
         facts.extend(facts::of_film(&film, &settings, start.elapsed()));
-        if film.n_dropped() > 0 {
-            output::to_stderr(&format!("warning: {} samples were not finite and were dropped", film.n_dropped()));
+        if let Some(warning) = facts::of_dropped(&film) {
+            output::to_stderr(&warning);
         }
         Made::Film(film, record)
     };

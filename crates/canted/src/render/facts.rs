@@ -58,6 +58,15 @@ pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration) -> Vec<F
     facts
 }
 
+/// What is told of samples that were not finite: how many, and in which pixel the first, by column and row from the top left.
+pub(super) fn of_dropped(film: &Film) -> Option<String> {
+    let [x, y] = film.first_dropped()?;
+    Some(match film.n_dropped() {
+        1 => format!("warning: 1 sample was not finite and was dropped, in pixel ({x}, {y})"),
+        n => format!("warning: {n} samples were not finite and were dropped, the first in pixel ({x}, {y})"),
+    })
+}
+
 /// What boxes the bottom levels have, in words; all levels are of one kind.
 fn volumes_of<K: LaneKernel>(levels: &[Level<K>]) -> String {
     let mut nodes = [0; NodeKind::ALL.len()];
@@ -109,4 +118,59 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
         output::to_stdout(&format!("{:<24} {text}", key.replace('_', " ").replace(" bytes", "")))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use canted_obb::Affine;
+    use canted_renderer::{Prepared, StructureConfig, prepare, render};
+    use canted_scene::{Camera, Instance, Material, MaterialId, Mesh, MeshId, Part, Projection};
+    use canted_trace::Watertight;
+
+    use super::*;
+
+    /// A picture of 4 x 2 pixels, each of one unit of the plane z = 0, with a square that emits this between the corners.
+    fn film(emission: f32, [left, top, right, bottom]: [f32; 4], samples: u32) -> Film {
+        // The middle of the picture is at x = 2 and, as y is up and rows go down, at y = -1.
+        let corners = [[left, top], [left, bottom], [right, bottom], [right, top]];
+        let mesh = Mesh {
+            positions: corners.map(|[x, y]| [x, -y, 0.0]).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            parts: vec![Part { first_triangle: 0, material: MaterialId(0) }],
+            ..Mesh::default()
+        };
+        let world_from_object = Affine::IDENTITY;
+        let instance =
+            Instance { mesh: MeshId(0), world_from_object, world_from_object_close: None, first_primitive: 0 };
+        let scene = Scene {
+            meshes: vec![mesh],
+            instances: vec![instance],
+            materials: vec![Material { emission: [0.0, emission, 0.0], ..Material::default() }],
+            ..Scene::default()
+        };
+        let projection = Projection::Orthographic { height: 2.0 };
+        let camera = Camera { projection, ..Camera::pinhole([2.0, -1.0, 5.0], [2.0, -1.0, 0.0], [0.0, 1.0, 0.0], 1.0) };
+        let settings = Settings { width: 4, height: 2, samples, ..Settings::default() };
+        let Prepared { structure, .. } = prepare::<Watertight>(&scene, &StructureConfig::default()).unwrap();
+        render(&scene, &structure, &camera, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+    }
+
+    #[test]
+    fn samples_that_are_not_finite_are_counted_and_named() {
+        let told = |emission, corners, samples| of_dropped(&film(emission, corners, samples));
+        // All of the pixels (2, 1) and (3, 1).
+        let two = [2.0, 1.0, 4.0, 2.0];
+        assert_eq!(
+            told(f32::NAN, two, 3).as_deref(),
+            Some("warning: 6 samples were not finite and were dropped, the first in pixel (2, 1)")
+        );
+        let one = [3.0, 0.0, 4.0, 1.0];
+        assert_eq!(
+            told(f32::INFINITY, one, 1).as_deref(),
+            Some("warning: 1 sample was not finite and was dropped, in pixel (3, 0)")
+        );
+        assert_eq!(told(1.0, two, 3), None);
+    }
 }

@@ -85,6 +85,15 @@ impl Film {
         self.pixels.iter().map(|pixel| u64::from(pixel.n_dropped)).sum()
     }
 
+    /// Column and row of the first pixel, row by row, that has a sample which was not finite.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "quotient and remainder by a u32 of what two u32 number")]
+    pub fn first_dropped(&self) -> Option<[u32; 2]> {
+        let index = self.pixels.iter().position(|pixel| pixel.n_dropped > 0)?;
+        let width = self.width as usize;
+        Some([(index % width) as u32, (index / width) as u32])
+    }
+
     /// Rays traced, shadow rays included; none for parts read from files.
     #[must_use]
     pub fn n_rays(&self) -> u64 {

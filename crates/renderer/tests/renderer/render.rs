@@ -68,10 +68,14 @@ fn samples_that_are_not_finite_are_dropped_and_do_not_spread() {
         film(&stage, &view, &SETTINGS)
     };
     let clean = poison(0.0);
-    assert_eq!(clean.n_dropped(), 0);
+    assert_eq!((clean.n_dropped(), clean.first_dropped()), (0, None));
     for emission in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let film = poison(emission);
         assert!(film.n_dropped() > 0);
+        // Named is the first of them, row by row.
+        let [x, y] = film.first_dropped().unwrap();
+        let (before, from) = film.pixels().split_at((y * SETTINGS.width + x) as usize);
+        assert!(x < SETTINGS.width && from[0].n_dropped > 0 && before.iter().all(|pixel| pixel.n_dropped == 0));
         let (mut n_partly, mut n_same) = (0, 0);
         for (pixel, clean) in film.pixels().iter().zip(clean.pixels()) {
             assert_eq!(pixel.n_samples + pixel.n_dropped, SETTINGS.samples);
