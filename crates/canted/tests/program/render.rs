@@ -193,3 +193,43 @@ fn light_is_the_light_that_was_asked_for() {
     assert_eq!(found["mean_ratio"].as_f64().unwrap(), 2.0);
     assert!(found["rmse"].as_f64().unwrap() > 0.0, "lit ground is not black");
 }
+
+/// A lens without a width is none: from options and from scene files the picture is the pinhole's to the last bit.
+#[test]
+fn an_aperture_of_zero_is_a_pinhole() {
+    const CAMERA: &str = "--eye 0.5,2,4 --target 0.5,0.5,0 --size 48x27 --spp 2";
+    let folder = Folder::with_small();
+    let picture = |scene: &str| {
+        folder.run(&format!("render {scene} -o out.exr")).done();
+        folder.bytes("out.exr")
+    };
+    for integrator in ["hybrid", "path"] {
+        let plain = format!("small.obj {CAMERA} --integrator {integrator}");
+        folder.run(&format!("scene {plain} --aperture 0.25 -o lens.toml")).done();
+        let file = folder.text("lens.toml");
+        assert!(file.contains("aperture_radius = 0.25"), "{file}");
+        folder.write("none.toml", file.replace("aperture_radius = 0.25", "aperture_radius = 0.0"));
+        let pinhole = picture(&plain);
+        for scene in [&format!("{plain} --aperture 0"), "lens.toml --aperture 0", "none.toml"] {
+            assert!(picture(scene) == pinhole, "{scene}, {integrator}");
+        }
+        assert!(picture("lens.toml") != pinhole, "{integrator}: no blur");
+    }
+}
+
+/// Light and what a surface reflects of it are numbers of f32 each, and their sum is none.
+#[test]
+fn samples_that_overflow_are_counted_and_the_first_is_named() {
+    let folder = Folder::with_small();
+    folder.write("bright.mtl", "newmtl bright\nKd 0.8 0.8 0.8\nKe 3e38 0 0\n");
+    folder.write("bright.obj", "mtllib bright.mtl\nusemtl bright\nv 0 0 0\nv 9 0 0\nv 9 9 0\nv 0 9 0\nf 1 2 3 4\n");
+    // A square from the middle of the picture to the right and up, before an even sky: below and on the left all is finite.
+    let camera = "--eye 0,0,1 --target 0,0,0 --up 0,1,0 --fov 90 --size 8x4 --spp 3 --device cpu --bounces 0";
+    let run = folder.run(&format!("render bright.obj {camera} --env 3e38,0,0 --json -o out.exr")).done();
+    assert_eq!(run.json()["dropped_samples"], 4 * 2 * 3);
+    assert_eq!(run.n_warnings(), 1, "{}", run.stderr);
+    let told = "warning: 24 samples were not finite and were dropped, the first in pixel (4, 0)";
+    assert!(run.stderr.contains(told), "{}", run.stderr);
+    let finite = folder.run(&format!("render bright.obj {camera} --env 3e37,0,0 --json -o out.exr")).done();
+    assert_eq!((&finite.json()["dropped_samples"], finite.n_warnings()), (&0.into(), 0), "{}", finite.stderr);
+}
