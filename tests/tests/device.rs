@@ -5,6 +5,7 @@ mod device {
     mod failures;
     mod needs;
     mod scenes;
+    mod tiles;
 
     use canted_gpu::{Choice, Gpu};
     use canted_renderer::{

@@ -1,0 +1,82 @@
+//! The side of a tile is a choice about work: whatever it is, the device makes the same bits.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use canted_gpu::Gpu;
+use canted_renderer::{
+    Aov, DevicePicture, Film, Integrator, Monitor, Pixel, Prepared, Settings, StructureConfig, Surfaces, prepare,
+};
+use canted_scene::Scene;
+use canted_trace::Watertight;
+
+use super::scenes::full;
+use super::{camera, gpu, small};
+
+/// Pixels of no whole number of tiles: tiles of the last column and row are cut, and so are cells.
+fn odd(integrator: Integrator) -> Settings {
+    Settings { width: 27, height: 19, samples: 2, integrator, ..small() }
+}
+
+/// The device's picture, by one kernel or by a wavefront, and the number of its tiles.
+fn picture(gpu: &Gpu, scene: &Scene, settings: &Settings, in_waves: bool) -> (Film, usize) {
+    let Prepared { structure, .. } = prepare::<Watertight>(scene, &StructureConfig::default()).unwrap();
+    let surfaces = Surfaces::with_lod(scene, settings.lod);
+    let picture = DevicePicture::new(gpu, &surfaces, &structure, &camera(), settings).unwrap();
+    let picture = if in_waves { picture.in_waves().unwrap() } else { picture };
+    let (n_tiles, cancel) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let progress = |_, all| n_tiles.store(all, Ordering::Relaxed);
+    let monitor = Monitor { progress: &progress, finished: &|_| (), cancel: &cancel };
+    let film = picture.render(vec![], &monitor).unwrap();
+    (film, n_tiles.into_inner())
+}
+
+/// Pictures in tiles of 8 pixels and of more are one; the number of tiles tells that they were others.
+#[track_caller]
+fn check(gpu: &Gpu, settings: &Settings, in_waves: bool) {
+    let scene = full();
+    let of_side = |tile| picture(gpu, &scene, &Settings { tile, ..*settings }, in_waves);
+    let (reference, n_tiles) = of_side(8);
+    assert_eq!(n_tiles, 4 * 3);
+    for (tile, n_expected) in [(16, 2 * 2), (32, 1)] {
+        let (film, n_tiles) = of_side(tile);
+        assert_eq!(n_tiles, n_expected);
+        assert!(film == reference, "{settings:?}, waves {in_waves}: tiles of {tile} make another picture");
+    }
+    let (other, _) = picture(gpu, &scene, &Settings { seed: settings.seed + 1, ..*settings }, in_waves);
+    assert!(other != reference, "the comparison sees nothing");
+}
+
+#[test]
+fn tiles_do_not_change_a_bit_of_a_devices_picture() {
+    let Some(gpu) = gpu("tiles_do_not_change_a_bit_of_a_devices_picture") else { return };
+    for integrator in [Integrator::Hybrid, Integrator::Path] {
+        check(&gpu, &odd(integrator), false);
+    }
+}
+
+#[test]
+fn tiles_do_not_change_a_bit_of_a_wavefront() {
+    let Some(gpu) = gpu("tiles_do_not_change_a_bit_of_a_wavefront") else { return };
+    check(&gpu, &odd(Integrator::Path), true);
+}
+
+/// What camera rays meet comes from a kernel of its own, and a part of the samples keeps the sums of its blocks.
+#[test]
+fn tiles_do_not_change_a_bit_of_guides_and_parts() {
+    let Some(gpu) = gpu("tiles_do_not_change_a_bit_of_guides_and_parts") else { return };
+    let aovs = Aov::ALL.into_iter().collect();
+    check(&gpu, &Settings { aovs, part: Some([1, 6]), samples: 8, ..odd(Integrator::Hybrid) }, false);
+}
+
+/// Cells of 8 pixels stop together, wherever tiles end.
+#[test]
+fn tiles_do_not_change_where_samples_stop() {
+    let Some(gpu) = gpu("tiles_do_not_change_where_samples_stop") else { return };
+    let settings = Settings { noise: Some(0.02), samples: 64, ..odd(Integrator::Hybrid) };
+    check(&gpu, &settings, false);
+    let (film, _) = picture(&gpu, &full(), &settings, false);
+    let mut taken: Vec<u32> = film.pixels().iter().map(Pixel::n_taken).collect();
+    taken.sort_unstable();
+    taken.dedup();
+    assert!(taken.len() > 1, "all pixels take {taken:?} samples");
+}
