@@ -104,10 +104,12 @@ pub(super) fn versions(path: &Path, text: &str, manifest: &str, findings: &mut V
     }
 }
 
-/// Marked figures of documents are those that were measured; the first page has no others.
+/// Marked figures of documents are those that were measured; the first page and those of `docs` have no others. What measuring
+/// mended is told with the commits that have the figures.
 pub(super) fn figures(path: &Path, text: &str, measured: &Measured, findings: &mut Vec<Finding>) {
     let mut wrong = measured.wrong(text);
-    if path == Path::new("README.md") {
+    let is_claim = path == Path::new("README.md") || path.starts_with("docs") && path != Path::new("docs/mended.md");
+    if is_claim {
         wrong.extend(claims::unmarked(text));
     }
     findings.extend(wrong.into_iter().map(|(line, message)| Finding::error(path, format!("line {line}: {message}"))));
