@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let config = StructureArgs::defaults().config(&scene);
     let prepared = prepare::<Watertight>(&scene, &config).map_err(|error| anyhow!("{name}: {error}"))?;
     let left_out = left_out::json(&prepared.left_out, false);
-    let device = device::measure(&machine, &scene, &name)?;
+    let device = device::measure(&machine, &scene, &prepared.structure, &name)?;
     let table = if args.json { tables::json } else { tables::text };
     let text = table(&name, &scene, &measured, &wide, &left_out, device.as_ref());
     output::to_stdout(&text)?;

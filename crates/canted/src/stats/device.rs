@@ -4,9 +4,9 @@
 use std::fmt::Write;
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{DevicePicture, Prepared, Settings, StructureConfig, Surfaces, frame, prepare};
+use canted_renderer::{DevicePicture, Settings, Structure, Surfaces, frame};
 use canted_scene::Scene;
-use canted_trace::Watertight;
+use canted_wide::LaneKernel;
 use serde_json::{Value, json};
 
 use super::passes;
@@ -21,16 +21,19 @@ pub(super) struct Measured {
 }
 
 /// Takes the scene to the machine's device; `None` where it has none.
-pub(super) fn measure(machine: &Machine, scene: &Scene, scene_name: &str) -> Result<Option<Measured>> {
+pub(super) fn measure<K: LaneKernel>(
+    machine: &Machine,
+    scene: &Scene,
+    structure: &Structure<K>,
+    scene_name: &str,
+) -> Result<Option<Measured>> {
     let Some(gpu) = machine.gpu() else { return Ok(None) };
     let passes = passes::measure(gpu, scene).map_err(|error| anyhow!("{scene_name}: {error}"))?;
-    let Prepared { structure, .. } =
-        prepare::<Watertight>(scene, &StructureConfig::default()).map_err(|error| anyhow!("{scene_name}: {error}"))?;
     let settings = Settings::default();
     let [width, height] = [settings.width, settings.height].map(f64::from);
-    let camera = scene.cameras.first().copied().unwrap_or_else(|| frame(scene, &structure, width / height));
+    let camera = scene.cameras.first().copied().unwrap_or_else(|| frame(scene, structure, width / height));
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let picture = machine.ready(|gpu| DevicePicture::new(gpu, &surfaces, &structure, &camera, &settings))?;
+    let picture = machine.ready(|gpu| DevicePicture::new(gpu, &surfaces, structure, &camera, &settings))?;
     let buffers = picture
         .map(|picture| picture.buffers().into_iter().map(|(name, n_bytes)| (name.to_owned(), n_bytes)).collect());
     Ok(Some(Measured { name: gpu.facts().name.clone(), passes, buffers }))
