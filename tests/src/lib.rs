@@ -5,6 +5,7 @@ pub mod brute;
 pub mod closed;
 pub mod clouds;
 pub mod crossings;
+pub mod device;
 pub mod distance;
 pub mod exact;
 pub mod extremes;

@@ -7,26 +7,15 @@ mod device {
     mod scenes;
     mod tiles;
 
-    use canted_gpu::{Choice, Gpu};
+    use canted_gpu::Gpu;
     use canted_renderer::{
         DeviceError, DevicePicture, Film, Levels, Monitor, Prepared, Settings, StructureConfig, Surfaces, prepare,
         render,
     };
     use canted_scene::{Camera, Scene};
+    pub(crate) use canted_tests::device::gpu;
     use canted_trace::Watertight;
     use std::sync::atomic::AtomicBool;
-
-    /// The best adapter, or the sentence of a skipped test.
-    #[expect(clippy::print_stderr, reason = "a skipped test says so")]
-    pub(crate) fn gpu(test: &str) -> Option<Gpu> {
-        match Gpu::open(&Choice::Best) {
-            Ok(gpu) => Some(gpu),
-            Err(error) => {
-                eprintln!("skipped {test}: {error}");
-                None
-            }
-        }
-    }
 
     pub(crate) fn small() -> Settings {
         Settings { width: 40, height: 30, samples: 4, tile: 8, ..Settings::default() }

@@ -14,17 +14,5 @@ mod twins_trace {
     mod setup;
     mod walks;
 
-    use canted_gpu::{Choice, Gpu};
-
-    /// The best adapter, or the sentence of a skipped test.
-    #[expect(clippy::print_stderr, reason = "a skipped test says so")]
-    pub(crate) fn gpu(test: &str) -> Option<Gpu> {
-        match Gpu::open(&Choice::Best) {
-            Ok(gpu) => Some(gpu),
-            Err(error) => {
-                eprintln!("skipped {test}: {error}");
-                None
-            }
-        }
-    }
+    pub(crate) use canted_tests::device::gpu;
 }

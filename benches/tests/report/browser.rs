@@ -8,6 +8,8 @@ use std::{
     process::Command,
 };
 
+use canted_fixtures::or_skip;
+
 use super::MADE;
 
 /// What a browser may be called; `CANTED_BROWSER` names another.
@@ -20,16 +22,12 @@ const MEASURE: &str = include_str!("measure.js");
 const WELL: &str = "nothing wrong";
 
 /// The browser, or the sentence of a skipped test.
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
 fn browser(test: &str) -> Option<PathBuf> {
     let named = std::env::var_os("CANTED_BROWSER").map(PathBuf::from);
     let runs =
         |name: &PathBuf| Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success());
     let found = named.into_iter().chain(BROWSERS.map(PathBuf::from)).find(runs);
-    if found.is_none() {
-        eprintln!("skipped {test}: no browser found");
-    }
-    found
+    or_skip(test, found.ok_or("no browser found"))
 }
 
 /// What is wrong with a page at a width, and in which scheme.

@@ -1,18 +1,14 @@
 //! Builds on devices that have no room for all of one. Twins of whole builds are in the package of tests.
 
+#[expect(dead_code, reason = "no test here has a device without such a limit")]
+mod common;
+
 use canted_gpu::{
-    Choice, Gpu, GpuError, Limits,
+    GpuError,
     build::{Items, Passes},
 };
 use canted_lbvh::{Bits, Corners, Strategy};
-
-/// A device whose storage bindings have this many bytes at most, or the sentence of a skipped test.
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
-fn lowered(test: &str, most: u64) -> Option<Gpu> {
-    Gpu::with_limits(&Choice::Best, |limits| Limits { max_storage_buffer_binding_size: most, ..limits })
-        .map_err(|error| eprintln!("skipped {test}: {error}"))
-        .ok()
-}
+use common::lowered;
 
 #[test]
 fn passes_that_fit_are_timed_where_others_are_refused() {

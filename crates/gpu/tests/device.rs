@@ -1,20 +1,9 @@
 //! Devices, buffers and dispatches.
 
-use canted_gpu::{Choice, Gpu, GpuError, Specialisation, loop_turns};
+mod common;
 
-/// The best adapter, or the sentence of a skipped test.
-fn gpu(test: &str) -> Option<Gpu> {
-    match Gpu::open(&Choice::Best) {
-        Ok(gpu) => Some(gpu),
-        Err(error) => skip(test, &error.to_string()),
-    }
-}
-
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
-fn skip<T>(test: &str, reason: &str) -> Option<T> {
-    eprintln!("skipped {test}: {reason}");
-    None
-}
+use canted_gpu::{GpuError, Specialisation, loop_turns};
+use common::{gpu, lowered};
 
 #[test]
 fn buffers_come_back_as_they_went() {
@@ -50,14 +39,7 @@ fn what_is_not_given_is_named() {
 
 #[test]
 fn a_low_limit_is_refused_with_limit_need_and_remedy() {
-    let lowered = Gpu::with_limits(&Choice::Best, |limits| canted_gpu::Limits {
-        max_storage_buffer_binding_size: 1 << 20,
-        ..limits
-    });
-    let Ok(gpu) = lowered else {
-        skip::<()>("a_low_limit_is_refused_with_limit_need_and_remedy", "no adapter");
-        return;
-    };
+    let Some(gpu) = lowered("a_low_limit_is_refused_with_limit_need_and_remedy", 1 << 20) else { return };
     let error = gpu.zeroed::<u32>("the nodes", 1 << 20).err().expect("4 MiB do not fit in 1 MiB").to_string();
     assert_eq!(
         error,

@@ -1,16 +1,14 @@
 //! Rays on the device: what each scene's kind and each driver's limit leads to. Twins of whole scenes are in the package of
 //! tests.
 
-use canted_gpu::{Answer, Choice, Gpu, GpuError, TracedScene};
+mod common;
+
+use canted_gpu::{Answer, Gpu, GpuError, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, Wide};
-
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
-fn gpu(test: &str) -> Option<Gpu> {
-    Gpu::open(&Choice::Best).map_err(|error| eprintln!("skipped {test}: {error}")).ok()
-}
+use common::{gpu, lowered};
 
 type Tree = Wide<Watertight>;
 
@@ -127,11 +125,8 @@ fn what_kernels_do_not_trace_is_refused() {
 
 #[test]
 fn a_scene_above_the_limit_is_refused_with_limit_need_and_remedy() {
-    let lowered = Gpu::with_limits(&Choice::Best, |limits| canted_gpu::Limits {
-        max_storage_buffer_binding_size: 1 << 16,
-        ..limits
-    });
-    let Ok(gpu) = lowered else { return };
+    let test = "a_scene_above_the_limit_is_refused_with_limit_need_and_remedy";
+    let Some(gpu) = lowered(test, 1 << 16) else { return };
     match TracedScene::one(&gpu, &floor(60), &[0]) {
         Err(GpuError::Limit { need, most, .. }) => assert!(need > most && most == 1 << 16),
         Err(error) => panic!("{error}"),

@@ -2,9 +2,10 @@
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use canted_gpu::{Choice, Gpu, GpuError, Limits};
+use canted_gpu::{Gpu, GpuError};
 use canted_renderer::{DeviceError, Levels, Monitor, RenderError, Settings};
 use canted_scene::Scene;
+use canted_tests::device::lowered;
 
 use super::scenes::{full, texture};
 use super::{gpu, silent, small, with_picture};
@@ -38,12 +39,6 @@ fn a_picture_is_cancelled_between_dispatches() {
         picture.render(vec![], &silent(&cancel)).map(|film| film.n_rays())
     });
     assert_eq!(ended, Ok(Err(DeviceError::Render(RenderError::Cancelled))));
-}
-
-/// A device whose storage bindings have this many bytes at most.
-fn lowered(test: &str, most: u64) -> Option<Gpu> {
-    gpu(test)?;
-    Gpu::with_limits(&Choice::Best, |limits| Limits { max_storage_buffer_binding_size: most, ..limits }).ok()
 }
 
 fn textured(side: u32) -> Scene {

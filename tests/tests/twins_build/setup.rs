@@ -3,25 +3,12 @@
 use canted_fixtures::{
     Hair, Mesh, SplitMix64, Strand, hair, icosphere, identical, outlier, scaffold_of, slivers, soup, thin_box,
 };
-use canted_gpu::{Choice, Gpu, build::Items};
+use canted_gpu::{Gpu, build::Items};
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Sorted, Tree};
 use canted_obb::{Aabb, Obb};
+pub(crate) use canted_tests::device::gpu;
 
 pub(crate) const BOTH: [Bits; 2] = [Bits::B30, Bits::B63];
-
-/// The best adapter, or the sentence of a skipped test.
-pub(crate) fn gpu(test: &str) -> Option<Gpu> {
-    match Gpu::open(&Choice::Best) {
-        Ok(gpu) => Some(gpu),
-        Err(error) => skip(test, &error.to_string()),
-    }
-}
-
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
-pub(crate) fn skip<T>(test: &str, reason: &str) -> Option<T> {
-    eprintln!("skipped {test}: {reason}");
-    None
-}
 
 /// What the CPU makes of items under one tree, station by station.
 pub(crate) struct Twin<L = Corners> {

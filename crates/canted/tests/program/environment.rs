@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use canted_fixtures::skip;
+
 use crate::support::{Folder, Run, rows};
 
 /// A picture of 2 x 1 texels in Radiance's flat RGBE: the left half of all directions is red, the right half green.
@@ -65,10 +67,7 @@ fn both_files_of_one_sky_make_one_picture() {
     let models = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
     let [exr, hdr] = ["exr", "hdr"].map(|ending| models.join(format!("env/sky_64x32.{ending}")));
     if !exr.is_file() {
-        #[expect(clippy::print_stderr, reason = "a skipped test says so")]
-        {
-            eprintln!("skipped both_files_of_one_sky_make_one_picture: there is no {}", exr.display());
-        }
+        skip::<()>("both_files_of_one_sky_make_one_picture", format_args!("there is no {}", exr.display()));
         return;
     }
     let folder = Folder::with_small();

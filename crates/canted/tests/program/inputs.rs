@@ -5,6 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use canted_fixtures::skip;
+
 use crate::support::Folder;
 
 #[test]
@@ -85,10 +87,8 @@ fn malformed_files_end_as_their_table_says() {
     let models = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
     let nasty = models.join("nasty");
     if !nasty.is_dir() {
-        #[expect(clippy::print_stderr, reason = "a skipped test says so")]
-        {
-            eprintln!("skipped malformed_files_end_as_their_table_says: there is no folder {}", nasty.display());
-        }
+        let reason = format_args!("there is no folder {}", nasty.display());
+        skip::<()>("malformed_files_end_as_their_table_says", reason);
         return;
     }
     let folder = Folder::with_small();

@@ -6,15 +6,13 @@ mod choice;
 mod needs;
 mod pictures;
 
+use canted_fixtures::or_skip;
+
 use crate::support::Folder;
 
 /// The best adapter's name; `None` with the sentence of a skipped test.
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
 pub(crate) fn adapter(test: &str) -> Option<String> {
     let found = Folder::new().run("devices --json").done().json();
     let name = found["adapters"][0]["name"].as_str().map(str::to_owned);
-    if name.is_none() {
-        eprintln!("skipped {test}: no adapter for device 'gpu'");
-    }
-    name
+    or_skip(test, name.ok_or("no adapter for device 'gpu'"))
 }

@@ -175,6 +175,8 @@ pub(crate) mod interrupted {
         time::{Duration, Instant},
     };
 
+    use canted_fixtures::skip;
+
     use crate::{random::Random, support::Folder};
 
     /// Waits until `is_true`, for a minute at most.
@@ -187,14 +189,13 @@ pub(crate) mod interrupted {
     }
 
     /// Whether Ctrl-C does nothing here, as under `nohup`: programs inherit that and keep it, so the test is skipped by name.
-    #[expect(clippy::print_stderr, reason = "a skipped test says so")]
     pub(crate) fn is_ignored(test: &str) -> bool {
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
         let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
         let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
         let is_ignored = mask.is_some_and(|mask| mask >> 1 & 1 == 1);
         if is_ignored {
-            eprintln!("skipped: {test}: Ctrl-C is ignored where the tests were started");
+            skip::<()>(test, "Ctrl-C is ignored where the tests were started");
         }
         is_ignored
     }

@@ -14,6 +14,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use canted_fixtures::skip;
+
 use crate::support::Folder;
 
 const PROGRAMS: [&str; 4] = ["munged", "slurmctld", "slurmd", "sbatch"];
@@ -126,10 +128,10 @@ fn wait_until(what: &str, mut is_true: impl FnMut() -> bool) {
 }
 
 #[test]
-#[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 fn an_array_of_parts_and_a_merge_make_the_picture_of_one_machine() {
     if let Some(missing) = PROGRAMS.into_iter().find(|program| !is_installed(program)) {
-        eprintln!("skipped: {missing} of Debian's slurm-wlm and munge is not installed");
+        let reason = format_args!("{missing} of Debian's slurm-wlm and munge is not installed");
+        skip::<()>("an_array_of_parts_and_a_merge_make_the_picture_of_one_machine", reason);
         return;
     }
     let folder = Folder::with_small();

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use canted_fixtures::skip;
 use canted_renderer::{StructureConfig, View, frame, prepare};
 use canted_scene::{Camera, Mesh, Projection, Scene};
 use canted_trace::Watertight;
@@ -167,11 +168,7 @@ fn models() -> PathBuf {
 fn of_model(name: &str) -> Option<(Camera, bool)> {
     let path = models().join(name);
     if !path.exists() {
-        #[expect(clippy::print_stderr, reason = "a skipped test says so")]
-        {
-            eprintln!("skipped {name}: not in {}", models().display());
-        }
-        return None;
+        return skip(&format!("the view of {name}"), format_args!("not in {}", models().display()));
     }
     let scene = canted_scene::read(&path).unwrap();
     let prepared = prepare::<Watertight>(&scene, &StructureConfig::default()).unwrap();

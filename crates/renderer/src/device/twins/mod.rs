@@ -5,6 +5,7 @@ mod bsdf;
 mod light;
 
 use bytemuck::Pod;
+use canted_fixtures::or_skip;
 use canted_gpu::{Bound, Choice, Gpu, Specialisation};
 
 use crate::{Pattern, Sampler};
@@ -13,15 +14,8 @@ use crate::{Pattern, Sampler};
 const U: f64 = 0.5 * f32::EPSILON as f64;
 
 /// The best adapter, or the sentence of a skipped test.
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
 fn gpu(test: &str) -> Option<Gpu> {
-    match Gpu::open(&Choice::Best) {
-        Ok(gpu) => Some(gpu),
-        Err(error) => {
-            eprintln!("skipped: {test}: {error}");
-            None
-        }
-    }
+    or_skip(test, Gpu::open(&Choice::Best))
 }
 
 /// What a kernel of `check/` writes into `answers` for each of `queries`.
