@@ -1,6 +1,12 @@
 //! Counts of tests, from what `cargo test -- --show-output` prints.
+//!
+//! A test that finds out that it lacks something has passed for Cargo, and says so among the output of passing tests, which
+//! comes behind all of a program's results. So these wait for the end of their program, and the test is shown as ignored.
 
-use std::fmt;
+use std::{fmt, mem};
+
+/// What errors of GPUs say of a machine without one: there is no adapter, or it gives no device.
+const WITHOUT_DEVICE: [&str; 2] = ["no adapter", "gives no device"];
 
 /// Tests of all test programs of a run, and what of their output is worth showing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -12,57 +18,92 @@ pub(crate) struct Count {
     /// Tests that were ignored, or said that they lacked something.
     pub(crate) skipped: usize,
     /// Of those, tests that found no GPU.
-    pub(crate) without_adapter: usize,
+    pub(crate) without_device: usize,
+    /// Tests of the current program that ended as passed.
+    held: Vec<String>,
     /// Within what passing tests of the current program printed.
     within_successes: bool,
-    /// Whether the current passing test has said that it was skipped.
-    is_skipped: bool,
-    /// Tests of the current program that ended as passed and said that they were skipped.
-    said: usize,
+    /// The passing test whose output this is.
+    test: String,
+    /// Passing tests of the current program that said that they were skipped, and why; in the order of their output.
+    said: Vec<(String, String)>,
 }
 
 impl Count {
-    /// Takes the next line in; whether people should see it.
+    /// Takes the next line in; the lines that people should see now.
     ///
-    /// Of what passing tests print only the lines are shown that tell of a skipped test.
-    pub(crate) fn take(&mut self, line: &str) -> bool {
+    /// Of what passing tests print nothing is shown but why they were skipped.
+    pub(crate) fn take(&mut self, line: &str) -> Vec<String> {
         if let Some(result) = line.strip_prefix("test result: ") {
-            self.add(result);
-            return true;
+            return self.program(result);
         }
         match line {
             "successes:" => self.within_successes = true,
             "failures:" => self.within_successes = false,
-            _ if !self.within_successes => return true,
-            _ if line.starts_with("---- ") && line.ends_with(" ----") => self.is_skipped = false,
-            _ if tells_of_skipping(line) => {
-                self.said += usize::from(!self.is_skipped);
-                self.without_adapter += usize::from(!self.is_skipped && line.contains("no adapter"));
-                self.is_skipped = true;
-                return true;
+            _ if self.within_successes => self.output(line),
+            _ if passed(line).is_some() => {
+                self.held.push(line.to_owned());
+                return vec![];
+            }
+            // The program before it has ended without a result.
+            _ if line.starts_with("running ") => {
+                return mem::take(&mut self.held).into_iter().chain([line.to_owned()]).collect();
             }
             _ => {}
         }
-        !self.within_successes
+        if self.within_successes { vec![] } else { vec![line.to_owned()] }
     }
 
-    /// Adds the totals of one test program: `ok. 3 passed; 0 failed; 1 ignored; …`.
-    fn add(&mut self, result: &str) {
-        let totals = result.split_once(". ").map_or("", |(_, totals)| totals);
-        let total = |name: &str| -> usize {
+    /// What is left to show where the last program ended without a result.
+    pub(crate) fn rest(&mut self) -> Vec<String> {
+        mem::take(&mut self.held)
+    }
+
+    /// A line that a passing test printed, or the heading of its output.
+    fn output(&mut self, line: &str) {
+        if let Some(test) = line.strip_prefix("---- ").and_then(|line| line.strip_suffix(" stdout ----")) {
+            test.clone_into(&mut self.test);
+        } else if let Some(reason) = canted_fixtures::skipped(line) {
+            match self.said.last_mut() {
+                // Who asks for two devices lacks both for one reason.
+                Some((test, reasons)) if *test == self.test && reasons.contains(reason) => {}
+                Some((test, reasons)) if *test == self.test => *reasons = format!("{reasons}; {reason}"),
+                _ => self.said.push((self.test.clone(), reason.to_owned())),
+            }
+        }
+    }
+
+    /// The end of a test program: `ok. 3 passed; 0 failed; 1 ignored; …`. Its results, with what was skipped among them.
+    fn program(&mut self, result: &str) -> Vec<String> {
+        let said = mem::take(&mut self.said);
+        let (verdict, totals) = result.split_once(". ").unwrap_or_default();
+        let (mut counts, mut totals) = ([0_usize; 3], totals.to_owned());
+        for (count, name) in counts.iter_mut().zip(["passed", "failed", "ignored"]) {
             let number = totals.split("; ").find_map(|part| part.strip_suffix(name)?.trim().parse().ok());
-            number.unwrap_or(0)
+            *count = number.unwrap_or(0);
+        }
+        let [passing, failed, ignored] = counts;
+        let [passed_now, ignored_now] = [passing.saturating_sub(said.len()), ignored + said.len()];
+        totals = totals.replacen(&format!("{passing} passed"), &format!("{passed_now} passed"), 1);
+        totals = totals.replacen(&format!("{ignored} ignored"), &format!("{ignored_now} ignored"), 1);
+        self.passed += passed_now;
+        self.failed += failed;
+        self.skipped += ignored_now;
+        let lacks_device = |reason: &str| WITHOUT_DEVICE.iter().any(|words| reason.contains(words));
+        self.without_device += said.iter().filter(|(_, reason)| lacks_device(reason)).count();
+        (self.within_successes, self.test) = (false, String::new());
+        let shown = |line: String| match said.iter().find(|(test, _)| passed(&line) == Some(test)) {
+            Some((test, reason)) => format!("test {test} ... ignored, {reason}"),
+            None => line,
         };
-        self.passed += total("passed").saturating_sub(self.said);
-        self.failed += total("failed");
-        self.skipped += total("ignored") + self.said;
-        (self.within_successes, self.is_skipped, self.said) = (false, false, 0);
+        let held = mem::take(&mut self.held).into_iter().map(shown);
+        held.chain([String::new(), format!("test result: {verdict}. {totals}")]).collect()
     }
 }
 
-/// The sentence of a test that lacked something: `skipped NAME: …`, or `NAME: skipped, …`.
-fn tells_of_skipping(line: &str) -> bool {
-    line.starts_with("skipped ") || line.contains(": skipped")
+/// The test that a line says to have passed.
+fn passed(line: &str) -> Option<&str> {
+    line.strip_prefix("test ")?.strip_suffix(" ... ok")
 }
 
 impl fmt::Display for Count {
@@ -75,10 +116,11 @@ impl fmt::Display for Count {
 mod tests {
     use super::*;
 
-    fn count(output: &str) -> (String, Vec<&str>) {
+    fn count(output: &str) -> (Count, Vec<String>) {
         let mut count = Count::default();
-        let shown = output.lines().filter(|line| count.take(line)).collect();
-        (count.to_string(), shown)
+        let mut shown: Vec<String> = output.lines().flat_map(|line| count.take(line)).collect();
+        shown.extend(count.rest());
+        (count, shown)
     }
 
     const TWO_PROGRAMS: &str = "\
@@ -94,8 +136,9 @@ successes:
 a number
 
 ---- b stdout ----
-b: skipped, there is no folder models
-b: skipped, there is no folder skies
+skipped b: there is no folder models
+skipped b: there is no folder models
+skipped b of skies: there is no folder skies
 
 successes:
     a
@@ -104,7 +147,8 @@ successes:
 failures:
 
 ---- c stdout ----
-c is wrong; e: skipped
+c is wrong
+skipped c: not said where it counts
 
 failures:
     c
@@ -122,31 +166,56 @@ test result: ok. 1 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; fini
 
     #[test]
     fn programs_are_summed_and_a_test_that_skipped_has_not_passed() {
-        assert_eq!(count(TWO_PROGRAMS).0, "2 passed, 1 failed, 2 skipped");
+        assert_eq!(count(TWO_PROGRAMS).0.to_string(), "2 passed, 1 failed, 2 skipped");
     }
 
     #[test]
-    fn failures_and_skips_are_shown_and_the_chatter_of_passing_tests_is_not() {
+    fn failures_are_shown_skipped_tests_as_ignored_and_the_chatter_of_passing_tests_is_not() {
         let (_, shown) = count(TWO_PROGRAMS);
-        assert!(!shown.contains(&"a number"));
-        assert!(shown.contains(&"b: skipped, there is no folder models"));
-        assert!(shown.contains(&"c is wrong; e: skipped"));
-        assert_eq!(shown.iter().filter(|line| line.starts_with("test result")).count(), 2);
+        let shown: Vec<&str> = shown.iter().map(|line| &line[..]).filter(|line| !line.is_empty()).collect();
+        let want = [
+            "running 4 tests",
+            "test c ... FAILED",
+            "test d ... ignored, no adapter",
+            "failures:",
+            "---- c stdout ----",
+            "c is wrong",
+            "skipped c: not said where it counts",
+            "failures:",
+            "    c",
+            "test a ... ok",
+            "test b ... ignored, there is no folder models; there is no folder skies",
+            "test result: FAILED. 1 passed; 1 failed; 2 ignored; 0 measured; 0 filtered out; finished in 0.00s",
+            "running 1 test",
+            "test e ... ok",
+            "test result: ok. 1 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; finished in 0.00s",
+        ];
+        assert_eq!(shown, want);
+    }
+
+    /// A program that ends with a signal has no result.
+    #[test]
+    fn no_result_is_lost_with_a_program() {
+        let (count, shown) = count("running 2 tests\ntest a ... ok\nrunning 1 test\ntest b ... ok");
+        assert_eq!(shown, ["running 2 tests", "test a ... ok", "running 1 test", "test b ... ok"]);
+        assert_eq!(count.to_string(), "0 passed, 0 failed, 0 skipped");
     }
 
     #[test]
-    fn tests_that_found_no_adapter_are_counted_apart() {
-        let mut count = Count::default();
-        for line in
-            ["successes:", "---- x stdout ----", "skipped x: no adapter for device 'gpu': this machine shows none"]
-        {
-            count.take(line);
-        }
-        assert_eq!(count.without_adapter, 1);
+    fn tests_that_found_no_device_are_counted_apart() {
+        let of = |reason: &str| {
+            let said = format!("test x ... ok\nsuccesses:\n---- x stdout ----\nskipped x: {reason}");
+            let (count, shown) = count(&format!("{said}\ntest result: ok. 1 passed; 0 failed; 0 ignored; 0 measured"));
+            assert_eq!(shown[0], format!("test x ... ignored, {reason}"));
+            (count.skipped, count.without_device)
+        };
+        assert_eq!(of("no adapter for device 'gpu': this machine shows none"), (1, 1));
+        assert_eq!(of("adapter 'llvmpipe' gives no device: out of memory"), (1, 1));
+        assert_eq!(of("there is no folder models"), (1, 0));
     }
 
     #[test]
     fn no_program_is_no_test() {
-        assert_eq!(count("error: could not compile").0, "0 passed, 0 failed, 0 skipped");
+        assert_eq!(count("error: could not compile").0.to_string(), "0 passed, 0 failed, 0 skipped");
     }
 }

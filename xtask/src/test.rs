@@ -26,14 +26,13 @@ pub(crate) fn count() -> Result<(Count, bool)> {
     let mut cargo = command::cargo(&["test", "--workspace", "--no-fail-fast", "--", "--show-output"]);
     driver::quieten(&mut cargo);
     let is_well = command::for_each_line(&mut cargo, |line| {
-        if count.take(line) {
-            say(line);
-        }
+        count.take(line).iter().for_each(|line| say(line));
     })?;
-    if has_driver && count.without_adapter > 0 {
+    count.rest().iter().for_each(|line| say(line));
+    if has_driver && count.without_device > 0 {
         // A driver that is there and opens no device would let all tests of the GPU pass by doing nothing.
-        let n = count.without_adapter;
-        say(&format!("{n} tests of the GPU found no adapter though a driver is installed: counted as one failure"));
+        let n = count.without_device;
+        say(&format!("{n} tests of the GPU found no device though a driver is installed: counted as one failure"));
         count.failed += 1;
         return Ok((count, false));
     }
