@@ -9,10 +9,9 @@ use canted_renderer::DeviceError;
 use crate::{memory, options::TrianglesArg, output};
 
 /// What `--device` says.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum DeviceArg {
     /// A GPU where there is one that knows what is asked, else the CPU.
-    #[default]
     Auto,
     Cpu,
     /// The best adapter, software or not.

@@ -8,7 +8,7 @@ use canted_scene::{Environment, EnvironmentImage, Light, Material, Scene};
 use crate::{load, options};
 
 /// Lights from the command line. Any of them replaces all lights of the file and its environment.
-#[derive(clap::Args, Clone, Debug, Default)]
+#[derive(clap::Args, Clone, Debug)]
 pub(crate) struct LightArgs {
     /// Radiance (W/(m² sr)) from outside: the same from everywhere, or a picture of all directions (`.hdr`, `.exr`). `--env`, `--sun`,
     /// `--point` and `--sphere` together replace all lights of the scene and its environment.

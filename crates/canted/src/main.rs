@@ -69,7 +69,7 @@ pub(crate) enum Outcome {
 fn run(matches: &ArgMatches) -> Result<Outcome> {
     let cli = Cli::from_arg_matches(matches).unwrap_or_else(|error| error.exit());
     match cli.command {
-        None => render::run(&render::Args::built_in()),
+        None => render::run(&options::defaults()),
         Some(Command::Render(args)) => render::run(&args),
         Some(Command::Scene(args)) => scene::run(&args, matches),
         Some(Command::Stats(args)) => stats::run(&args),

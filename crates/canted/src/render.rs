@@ -1,7 +1,9 @@
 //! `canted render`: a picture, and what it took.
 
+mod args;
 mod camera;
 mod checkpoint;
+mod choices;
 mod exposure;
 mod facts;
 mod film;
@@ -9,170 +11,30 @@ mod look;
 mod samples;
 
 use std::{
-    path::{Path, PathBuf},
+    path::Path,
     time::{Duration, Instant},
 };
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{
-    Film, Integrator, Measure, Picture, Record, Settings, Surfaces, heatmap, light_hash, scene_hash, write_exr,
-    write_film, write_png,
-};
-use canted_scene::{Camera, Scene};
+use canted_renderer::{Film, Measure, Picture, Record, Surfaces, heatmap, write_exr, write_film, write_png};
+use canted_scene::Scene;
 use canted_wide::LaneKernel;
-use clap::ValueEnum;
 use serde_json::json;
 
 use crate::{
     Outcome,
     device::{DeviceArg, Machine},
-    left_out,
-    light::LightArgs,
-    load::{self, Inputs},
-    memory,
-    options::{self, FilterArg, IntegratorArg, LodArg, StructureArgs, with_kernel},
+    left_out, load, memory,
+    options::{self, with_kernel},
     output::{self, Named},
 };
-use camera::CameraArgs;
+pub(crate) use args::Args;
+use args::{HeatmapArg, of_tiles};
 use checkpoint::Keeper;
 pub(crate) use checkpoint::difference;
 use facts::Fact;
 use film::Maker;
 pub(crate) use look::{Looked, look};
-use samples::SampleArgs;
-
-/// Options of `canted render`.
-#[derive(clap::Args, Clone)]
-pub(crate) struct Args {
-    /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML; the built-in one without it.
-    pub(crate) scene: Option<PathBuf>,
-    /// Seconds into the file's first animation; the pose that the file has without it.
-    #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
-    pub(crate) time: Option<f32>,
-    /// The picture: `.png` (sRGB) or `.exr` (linear).
-    #[arg(short, long, default_value = "canted.png", value_name = "FILE")]
-    pub(crate) output: PathBuf,
-    /// Pixels, as 1280x720.
-    #[arg(long, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
-    pub(crate) size: [u32; 2],
-    #[command(flatten)]
-    samples: SampleArgs,
-    /// How light around the middle of a pixel is weighed.
-    #[arg(long, value_enum, default_value_t = FilterArg::Box, value_name = "FILTER")]
-    filter: FilterArg,
-    /// How much of a texture a lookup averages: the texels about a point, a square, or the ellipse that is seen.
-    #[arg(long, value_enum, default_value_t = LodArg::Aniso, value_name = "LOD")]
-    lod: LodArg,
-    /// Which light is gathered: `hybrid` is fast and approximate, `path` computes what materials and lights say.
-    #[arg(long, value_enum, default_value_t = IntegratorArg::Hybrid, value_name = "INTEGRATOR")]
-    integrator: IntegratorArg,
-    /// Bounces after the surface that the camera sees: 2 for `hybrid`, 32 for `path` without it.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(0..=4096), value_name = "N")]
-    bounces: Option<u32>,
-    #[command(flatten)]
-    camera: CameraArgs,
-    #[command(flatten)]
-    pub(crate) light: LightArgs,
-    #[command(flatten)]
-    pub(crate) structure: StructureArgs,
-    /// World-space distance over which cut-off bounces' light returns beside an occluder, for `hybrid`; `inf` for none, a tenth of
-    /// the scene's diagonal without it.
-    #[arg(long, value_parser = options::radius, value_name = "LENGTH", allow_hyphen_values = true)]
-    ao_radius: Option<f32>,
-    /// Show what primary rays cost instead of light.
-    #[arg(long, value_enum, value_name = "TESTS")]
-    heatmap: Option<HeatmapArg>,
-    /// Tests shown in the brightest colour of a heat map; a wide node counts as eight boxes.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
-    heatmap_scale: u32,
-    /// What computes: `auto` takes a GPU where there is one that knows the scene, else the CPU; `cpu`; `gpu` the best adapter;
-    /// `both` shares the tiles out between CPU and GPU, and is the CPU alone where the only adapter is software; `both:NAME` shares
-    /// with this one; else a part of an adapter's name, which `canted devices` lists.
-    #[arg(long, default_value = "auto", value_name = "DEVICE")]
-    device: DeviceArg,
-    /// Number of threads; all processors without it.
-    #[arg(long, value_parser = options::threads, value_name = "N")]
-    threads: Option<usize>,
-    /// Chooses the random numbers.
-    #[arg(long, default_value_t = 0, value_name = "N", allow_hyphen_values = true)]
-    seed: u32,
-    /// Print the facts about the run as JSON.
-    #[arg(long)]
-    json: bool,
-}
-
-#[derive(ValueEnum, Clone, Copy)]
-enum HeatmapArg {
-    Boxes,
-    Triangles,
-}
-
-impl Args {
-    /// What `canted` alone does.
-    pub(crate) fn built_in() -> Self {
-        let settings = Settings::default();
-        Self {
-            scene: None,
-            time: None,
-            output: "canted.png".into(),
-            size: [settings.width, settings.height],
-            samples: SampleArgs::defaults(),
-            filter: FilterArg::Box,
-            lod: LodArg::Aniso,
-            bounces: None,
-            camera: CameraArgs::default(),
-            integrator: IntegratorArg::Hybrid,
-            light: LightArgs::default(),
-            structure: StructureArgs::defaults(),
-            ao_radius: None,
-            heatmap: None,
-            heatmap_scale: 128,
-            device: DeviceArg::Auto,
-            threads: None,
-            seed: settings.seed,
-            json: false,
-        }
-    }
-
-    /// What is read.
-    pub(crate) fn inputs(&self) -> Result<Inputs> {
-        let inputs = Inputs::of(self.scene.as_deref())?;
-        Ok(match self.light.environment_file() {
-            Some((image, ..)) => inputs.and("--env", image),
-            None => inputs,
-        })
-    }
-
-    pub(crate) fn settings(&self) -> Result<Settings> {
-        let [width, height] = self.size;
-        let Self { seed, ao_radius, .. } = *self;
-        let (filter, lod) = (self.filter.filter(), self.lod.lod());
-        let integrator = self.integrator.integrator();
-        if ao_radius.is_some() && integrator != Integrator::Hybrid {
-            return Err(anyhow!("--ao-radius is of the hybrid integrator alone"));
-        }
-        let bounces = self.bounces.unwrap_or(integrator.bounces());
-        let mut settings =
-            Settings { width, height, integrator, filter, lod, bounces, seed, ao_radius, ..Settings::default() };
-        self.samples.apply(&mut settings)?;
-        Ok(settings)
-    }
-
-    /// What decides the value of a sample, by name; `device` does by its roundings.
-    fn record(&self, scene: &Scene, camera: &Camera, settings: &Settings, device: String) -> Record {
-        let own = [
-            ("version", env!("CARGO_PKG_VERSION").to_owned()),
-            ("scene", format!("{:016x}", scene_hash(scene))),
-            ("light", format!("{:016x}", light_hash(scene))),
-            ("triangles", format!("{:?}", self.structure.triangles).to_lowercase()),
-            ("device", device),
-        ];
-        // The camera last: it may be another for another size.
-        let camera = ("camera", format!("{camera:?}"));
-        let named = |(name, value): (&str, String)| (name.to_owned(), value);
-        own.map(named).into_iter().chain(settings.record()).chain([named(camera)]).collect()
-    }
-}
 
 /// Whether a file's name says EXR.
 pub(crate) fn is_exr(path: &Path) -> bool {
@@ -316,17 +178,4 @@ fn trace<K: LaneKernel>(
     facts.push(("threads", json!(rayon::current_num_threads())));
     facts.push(("left_out", left_out::json(&prepared.left_out, args.heatmap.is_some())));
     Ok(Run { made, facts, keeper })
-}
-
-/// The record of a checkpoint: what its tiles are sums of, too.
-fn of_tiles(record: &Record, settings: &Settings) -> Record {
-    let noise = settings.noise.map_or_else(|| "none".to_owned(), |noise| noise.to_string());
-    let own = [
-        ("samples", format!("{:?}", settings.range())),
-        ("is part", settings.part.is_some().to_string()),
-        ("noise", noise),
-        ("aovs", settings.aovs.to_string()),
-        ("tile", settings.tile.to_string()),
-    ];
-    record.iter().cloned().chain(own.map(|(name, value)| (name.to_owned(), value))).collect()
 }

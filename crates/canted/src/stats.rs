@@ -57,11 +57,11 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let machine = args.device.open()?;
     let mut scene = load::scene_at(args.scene.as_deref(), args.time)?;
     // A picture's light, which a scene without any gets there.
-    LightArgs::default().apply(&mut scene)?;
+    options::defaults::<LightArgs>().apply(&mut scene)?;
     let name = load::name(args.scene.as_deref());
     let measured = measure::measure(&scene).map_err(|error| anyhow!("{name}: {error}"))?;
     let wide = wide::measure(&scene, &args.presets).map_err(|error| anyhow!("{name}: {error}"))?;
-    let config = StructureArgs::defaults().config(&scene);
+    let config = options::defaults::<StructureArgs>().config(&scene);
     let prepared = prepare::<Watertight>(&scene, &config).map_err(|error| anyhow!("{name}: {error}"))?;
     let left_out = left_out::json(&prepared.left_out, false);
     let device = device::measure(&machine, &scene, &prepared.structure, &name)?;

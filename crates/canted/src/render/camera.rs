@@ -8,7 +8,7 @@ use canted_wide::LaneKernel;
 use crate::options;
 
 /// The camera, option by option; what is not given comes from the scene.
-#[derive(clap::Args, Clone, Debug, Default)]
+#[derive(clap::Args, Clone, Debug)]
 pub(crate) struct CameraArgs {
     /// Where the camera stands, in world space.
     #[arg(long, value_parser = options::triple, value_name = "X,Y,Z", allow_hyphen_values = true)]

@@ -160,12 +160,13 @@ mod tests {
     use canted_trace::Watertight;
 
     use super::*;
+    use crate::options;
 
     /// A device that is lost cannot be had on purpose; what follows is the same for every failure behind the first tile.
     #[test]
     fn a_failure_leaves_the_finished_tiles_and_stays_the_error() {
         let folder = tempfile::tempdir().unwrap();
-        let args = Args { output: folder.path().join("out.exr"), ..Args::built_in() };
+        let args = Args { output: folder.path().join("out.exr"), ..options::defaults() };
         let settings = Settings { width: 16, height: 8, samples: 1, tile: 8, ..Settings::default() };
         let scene = canted_scene::builtin();
         let Prepared { structure, .. } = prepare::<Watertight>(&scene, &StructureConfig::default()).unwrap();

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Result, anyhow};
 use canted_renderer::{Aov, Aovs, Pattern, Settings};
 
-use crate::options::SamplerArg;
+use super::choices::SamplerArg;
 
 /// Most samples of a pixel, a bound that keeps a slip of the finger from running for years.
 const MAX_SAMPLES: u32 = 1 << 20;
@@ -14,7 +14,7 @@ const MAX_SAMPLES: u32 = 1 << 20;
 const DEFAULT_SAMPLES: u32 = 16;
 
 /// Options of `canted render` about samples.
-#[derive(clap::Args, Clone, Debug, Default)]
+#[derive(clap::Args, Clone, Debug)]
 pub(crate) struct SampleArgs {
     /// Samples per pixel, 16 without it; with --noise the most that a pixel takes.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SAMPLES)), value_name = "N")]
@@ -41,11 +41,6 @@ pub(crate) struct SampleArgs {
 }
 
 impl SampleArgs {
-    /// What `canted` alone does.
-    pub(super) fn defaults() -> Self {
-        Self { checkpoint_every: 60, ..Self::default() }
-    }
-
     /// The options that only an EXR, or only light, has room for; with why.
     pub(super) fn check(&self, is_exr: bool, is_heatmap: bool) -> Result<()> {
         let given = [
