@@ -97,6 +97,11 @@ impl LightArgs {
             return Ok(Environment::Image(EnvironmentImage { scale, turn_degrees, ..image }));
         }
         let Some(EnvironmentArg::Constant(radiance)) = &self.env else { return Ok([0.0; 3].into()) };
+        if self.env_turn.is_some() {
+            return Err(anyhow!(
+                "--env-turn says nothing of an --env that is the same from everywhere: it turns pictures"
+            ));
+        }
         let scale = self.env_scale.unwrap_or(1.0);
         let scaled = color("--env", *radiance)?.map(|c| c * scale);
         if !scaled.iter().all(|c| c.is_finite()) {

@@ -23,11 +23,12 @@ pub(crate) struct StructureArgs {
     /// Levels of trees: `auto` takes two where meshes are repeated so often that one level would waste memory.
     #[arg(long, value_enum, default_value_t = LevelsArg::Auto, value_name = "LEVELS")]
     pub(crate) levels: LevelsArg,
-    /// How much is spent on the build: `fast`, `balanced`, or `quality` for the fastest rays.
+    /// How much is spent on the build of wide trees: `fast`, `balanced`, or `quality` for the fastest rays. Volumes by name make
+    /// binary ones, which have no presets.
     #[arg(long, value_enum, default_value_t = PresetArg::Balanced, value_name = "PRESET")]
     pub(crate) preset: PresetArg,
-    /// Builder of the binary trees that wide ones are made of: `auto` is the preset's; `ploc` joins neighbours by area,
-    /// `lbvh` is the radix tree as it is, `sah` splits from the root down, `obvhs` is the peer's.
+    /// Builder of the binary trees, of which wide ones are made: `auto` is the preset's, and `ploc` with volumes by name; `ploc`
+    /// joins neighbours by area, `lbvh` is the radix tree as it is, `sah` splits from the root down, `obvhs` is the peer's.
     #[arg(long, value_enum, default_value_t = BuilderArg::Auto, value_name = "BUILDER")]
     pub(crate) builder: BuilderArg,
     /// Volumes of the nodes: `auto` makes eight-wide nodes that lean where their predicted cost is lower, node by node;

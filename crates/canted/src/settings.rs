@@ -111,11 +111,17 @@ fn command() -> Command {
 /// The scene file cannot be read, or is wrong.
 pub(crate) fn command_line() -> Result<ArgMatches> {
     let own = command().get_matches();
-    let Some((name @ ("render" | "scene"), options)) = own.subcommand() else { return Ok(own) };
-    tell_idle(options);
-    let path = options.get_one::<PathBuf>("scene").filter(|path| load::is_scene_file(path));
-    let Some(path) = path else { return Ok(own) };
-    let settings = load::scene_file(path)?.settings;
+    let Some((name @ ("render" | "scene" | "cast"), options)) = own.subcommand() else { return Ok(own) };
+    let makes_pictures = name != "cast";
+    let path = options.get_one::<PathBuf>("scene").filter(|path| makes_pictures && load::is_scene_file(path));
+    let settings = path.map(|path| load::scene_file(path)).transpose()?.map_or_else(Vec::new, |file| file.settings);
+    if makes_pictures {
+        tell_of_light(options);
+    }
+    tell_of_preset(options, &settings);
+    if settings.is_empty() {
+        return Ok(own);
+    }
     let mut words: Vec<OsString> = std::env::args_os().collect();
     let rest = words.split_off(words.len().min(2));
     words.extend(
@@ -129,8 +135,13 @@ pub(crate) fn command_line() -> Result<ArgMatches> {
     Ok(command.get_matches_from(words))
 }
 
-/// Options that say which light is gathered and how, of which a heat map shows nothing.
-const OF_LIGHT: [&str; 14] = [
+/// Whether the command line itself says it.
+fn is_given(options: &ArgMatches, id: &str) -> bool {
+    options.value_source(id) == Some(ValueSource::CommandLine)
+}
+
+/// Options that say which light is gathered and how, of which a heat map shows nothing: its rays pass the middle of the lens.
+const OF_LIGHT: [&str; 16] = [
     "spp",
     "sampler",
     "seed",
@@ -145,16 +156,27 @@ const OF_LIGHT: [&str; 14] = [
     "sun",
     "point",
     "sphere",
+    "aperture",
+    "focus",
 ];
 
 /// Tells, once, of what the command line says and a heat map has no use for. Settings of a scene file are for other pictures too.
-fn tell_idle(options: &ArgMatches) {
-    let is_given = |id: &str| options.value_source(id) == Some(ValueSource::CommandLine);
-    let idle: Vec<String> =
-        OF_LIGHT.into_iter().filter(|id| is_given(id)).map(|id| format!("--{}", id.replace('_', "-"))).collect();
-    if is_given("heatmap") && !idle.is_empty() {
+fn tell_of_light(options: &ArgMatches) {
+    let idle = OF_LIGHT.into_iter().filter(|id| is_given(options, id));
+    let idle: Vec<String> = idle.map(|id| format!("--{}", id.replace('_', "-"))).collect();
+    if is_given(options, "heatmap") && !idle.is_empty() {
         let idle = idle.join(", ");
         output::to_stderr(&format!("warning: --heatmap shows tests of camera rays, to which {idle} does nothing"));
+    }
+}
+
+/// Tells of a preset, which is of wide trees, that stands beside volumes of binary ones: a file's settings may be for both.
+fn tell_of_preset(options: &ArgMatches, settings: &[Setting]) {
+    let of_options = options.get_raw("volumes").and_then(|mut words| words.next()?.to_str());
+    let of_file = || settings.iter().find(|setting| setting.key == "volumes")?.value.as_deref();
+    let volumes = of_options.filter(|_| is_given(options, "volumes")).or_else(of_file).unwrap_or("auto");
+    if is_given(options, "preset") && volumes != "auto" {
+        output::to_stderr(&format!("warning: --volumes {volumes} makes a binary tree, to which --preset does nothing"));
     }
 }
 
@@ -162,7 +184,7 @@ fn tell_idle(options: &ArgMatches) {
 ///
 /// `--samples` says which samples are taken, and so how many, where their number does not decide what they are.
 fn counts(setting: &Setting, all: &[Setting], options: &ArgMatches) -> bool {
-    if options.value_source("samples") != Some(ValueSource::CommandLine) {
+    if !is_given(options, "samples") {
         return true;
     }
     let of_options = options.get_raw("sampler").and_then(|mut words| words.next()?.to_str());
@@ -193,8 +215,7 @@ pub(crate) fn spelled_out(options: &ArgMatches, resolved: &[(&str, String)]) -> 
 
 /// The option about a run that the command line names, if any but scene and output.
 pub(crate) fn about_the_run(options: &ArgMatches) -> Option<String> {
-    let is_given = |id: &&str| options.value_source(id) == Some(ValueSource::CommandLine);
-    OF_THE_RUN[2..].iter().copied().find(is_given).map(|id| format!("--{}", id.replace('_', "-")))
+    OF_THE_RUN[2..].iter().copied().find(|id| is_given(options, id)).map(|id| format!("--{}", id.replace('_', "-")))
 }
 
 /// Hides the options about a run from the help of a command.

@@ -9,7 +9,7 @@ use crate::PrepareError;
 /// Which builder makes the binary trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Builder {
-    /// The preset's.
+    /// The preset's; [`Builder::Ploc`] for volumes by name, which have no preset.
     #[default]
     Auto,
     /// Neighbours along the curve joined by area, then subtrees reinserted.

@@ -28,7 +28,7 @@ pub struct StructureConfig {
     pub levels: Levels,
     /// Builder of the binary trees.
     pub builder: Builder,
-    /// How much is spent on wide trees.
+    /// How much is spent on wide trees; binary ones have no presets.
     pub preset: Preset,
     /// Volumes of binary trees; `None` makes wide ones, whose nodes lean where their predicted cost is lower.
     pub volumes: Option<Strategy>,

@@ -107,15 +107,34 @@ fn options_that_change_nothing_are_told() {
     run("small.obj --focus 3").refused(&["--focus", "pinhole", "--aperture"]);
     run("small.obj --focus 3 --aperture 0").refused(&["--focus", "pinhole", "--aperture"]);
     run("small.obj --focus 3 --aperture 0.1 --spp 1").done();
+    run("small.obj --env 1,1,1 --env-turn 90").refused(&["--env-turn", "the same from everywhere"]);
     let asset = "[[assets]]\nname = 'a'\nfile = 'small.obj'\n[settings]\nspp = 1\n";
     let moves = "[[instances]]\nasset = 'a'\nclose = { translation = [1, 0, 0] }\n";
     folder.write("still.toml", asset);
     folder.write("moves.toml", format!("{asset}{moves}"));
+    folder.write("binary.toml", format!("{asset}volumes = 'aabb'\npreset = 'quality'\n"));
+    folder.write("rays.csv", "0,0,1,0,0,-1,9\n");
+    let cast =
+        folder.run("cast small.obj --rays rays.csv --hits hits.csv --device cpu --volumes aabb --preset fast").done();
+    assert!(cast.n_warnings() == 1 && cast.stderr.contains("to which --preset does nothing"), "{}", cast.stderr);
     for (options, words) in [
         ("small.obj --heatmap boxes", ""),
+        ("small.obj --heatmap boxes --eye 0,0,9 --fov 30", ""),
+        ("small.obj --heatmap boxes --aperture 0.1", "to which --aperture does nothing"),
+        ("small.obj --heatmap boxes --aperture 0.1 --focus 3", "to which --aperture, --focus does nothing"),
+        ("small.obj --preset fast --spp 1", ""),
+        ("small.obj --volumes dop --spp 1", ""),
+        ("small.obj --volumes auto --preset quality --spp 1", ""),
+        (
+            "small.obj --volumes dop --preset quality --spp 1",
+            "--volumes dop makes a binary tree, to which --preset does nothing",
+        ),
         ("small.obj --heatmap boxes --spp 2 --lod none --env 1,1,1", "to which --spp, --lod, --env does nothing"),
         ("still.toml --heatmap boxes", ""),
         ("still.toml --levels one", ""),
+        ("binary.toml", ""),
+        ("binary.toml --volumes auto --preset fast", ""),
+        ("binary.toml --preset fast", "--volumes aabb makes a binary tree"),
         ("moves.toml --levels auto", ""),
         ("moves.toml --levels one", "instances move"),
     ] {
