@@ -5,7 +5,7 @@
 //! and the facts that a caller binds buffers and chooses work-groups by, read by `naga` from the text as it will be compiled.
 //!
 //! ```text
-//! file -> source (parts, choices, constants) -> Shader (entries, bindings, work-group, layouts)
+//! files -> source (parts, choices, constants) -> Shader (entries, bindings, work-group, layouts)
 //! ```
 //!
 //! Parts that kernels share bind in groups of their own, so that any of them go together: 0 is what rays are traced through, 1
@@ -13,11 +13,13 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod files;
 mod lint;
 mod reflection;
 mod source;
 
 pub use error::ShaderError;
+pub use files::{FILES, kernels};
 pub use lint::complaints;
 pub use reflection::{Binding, BindingKind, Entry, Layout, Shader, Stage};
-pub use source::{FILES, Specialisation, assemble, kernels};
+pub use source::{Specialisation, assemble};

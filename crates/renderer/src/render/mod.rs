@@ -1,6 +1,8 @@
 //! Samples of all pixels, tile by tile.
 
+mod course;
 mod error;
+mod layout;
 mod tile;
 
 use std::sync::OnceLock;
@@ -15,10 +17,11 @@ use crate::{
     Film, FilterSampler, Guide, Integrator, LightSampler, Lights, Masked, Part, Pixel, Sampler, Settings, Surfaces,
     Tracer, View, mask,
 };
+pub(crate) use course::{Course, Sums};
 pub use error::RenderError;
+pub(crate) use layout::{CELL, Layout};
 pub use tile::Tile;
 use tile::Work;
-pub(crate) use tile::{CELL, Course, Layout, Sums};
 
 /// What a render tells its caller while it works, from any thread.
 #[derive(Clone, Copy)]

@@ -1,12 +1,11 @@
-use std::f64::consts::SQRT_2;
-use std::ops::Range;
+//! Samples of a tile.
 
 use canted_trace::{Counts, Hit, Query};
 
-use crate::film::{Dyadic, total};
+use super::{CELL, Course, Layout, Sums};
 use crate::integrate::{Start, Transport};
 use crate::mask::Numbered;
-use crate::{Aov, FilterSampler, Guide, Pixel, Settings, Tracer, View, film::Block};
+use crate::{Aov, FilterSampler, Guide, Pixel, Settings, Tracer, View};
 
 /// Dimension of the sampler that places a sample in its pixel.
 const PIXEL_POSITION: u32 = 0;
@@ -16,12 +15,6 @@ const TIME: u32 = u32::MAX;
 
 /// Dimension that places a sample on the lens, likewise.
 const LENS: u32 = u32::MAX - 1;
-
-/// Pixels along the side of a cell: neighbours that stop together, wherever tiles end.
-pub(crate) const CELL: u32 = 8;
-
-/// Samples after which the error of a cell is looked at for the first time; then at each power of two.
-const FIRST_LOOK: u32 = 8;
 
 /// A rectangle of pixels whose samples are summed.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,113 +29,6 @@ pub struct Tile {
     pub n_rays: u64,
 }
 
-/// How a picture is cut into tiles, and what each pixel keeps.
-#[derive(Clone, Copy)]
-pub(crate) struct Layout {
-    picture: [u32; 2],
-    side: u32,
-    columns: u32,
-    rows: u32,
-    n_sums: usize,
-    /// Whether each block of the samples is kept by itself.
-    is_part: bool,
-    is_guided: bool,
-}
-
-impl Layout {
-    pub(crate) fn new(settings: &Settings) -> Self {
-        let Settings { width, height, tile, aovs, .. } = *settings;
-        // Tiles are made of whole cells; the greatest side that can be rounded up is far above any picture.
-        let side = tile.clamp(1, 1 << 16).next_multiple_of(CELL);
-        let n_sums = settings.part.map_or(1, |_| Block::of(settings.range()).len());
-        let [columns, rows] = [width, height].map(|n| n.div_ceil(side));
-        Self {
-            picture: [width, height],
-            side,
-            columns,
-            rows,
-            n_sums,
-            is_part: settings.part.is_some(),
-            is_guided: !aovs.is_empty(),
-        }
-    }
-
-    pub(crate) fn n_tiles(&self) -> usize {
-        self.columns as usize * self.rows as usize
-    }
-
-    /// Sums kept for each pixel.
-    pub(crate) fn n_sums(&self) -> usize {
-        self.n_sums
-    }
-
-    pub(crate) fn is_guided(&self) -> bool {
-        self.is_guided
-    }
-
-    /// Column and row of the top left pixel.
-    #[expect(clippy::cast_possible_truncation, reason = "quotient and remainder by a u32 of a number below 2^32")]
-    pub(crate) fn corner(&self, number: usize) -> [u32; 2] {
-        let columns = self.columns as usize;
-        [(number % columns) as u32 * self.side, (number / columns) as u32 * self.side]
-    }
-
-    /// Width and height in pixels.
-    pub(crate) fn size(&self, number: usize) -> [u32; 2] {
-        let corner = self.corner(number);
-        std::array::from_fn(|k| self.side.min(self.picture[k] - corner[k]))
-    }
-
-    /// An empty tile of this number.
-    pub(crate) fn tile(&self, number: usize) -> Tile {
-        let [width, height] = self.size(number);
-        let n = width as usize * height as usize * self.n_sums;
-        let n_guides = if self.is_guided { n } else { 0 };
-        Tile { number, pixels: vec![Pixel::default(); n], guides: vec![Guide::default(); n_guides], n_rays: 0 }
-    }
-
-    /// The pixels of each cell of a tile, by column and row in it.
-    pub(crate) fn cells(&self, number: usize) -> impl Iterator<Item = Vec<[u32; 2]>> + use<> {
-        let [width, height] = self.size(number);
-        cells(height)
-            .flat_map(move |y| cells(width).map(move |x| (y.clone(), x)))
-            .map(|(y, x)| y.flat_map(|y| x.clone().map(move |x| [x, y])).collect())
-    }
-
-    /// Puts what is kept of the sums of a cell's pixels into a tile.
-    pub(crate) fn keep(&self, pixels: &[[u32; 2]], sums: &[Sums], tile: &mut Tile) {
-        let [width, _] = self.size(tile.number);
-        for ([x, y], sums) in pixels.iter().zip(sums) {
-            let first = (y * width + x) as usize * self.n_sums;
-            self.keep_values(&sums.pixel, &mut tile.pixels[first..]);
-            if self.is_guided {
-                self.keep_values(&sums.guide, &mut tile.guides[first..]);
-            }
-        }
-    }
-
-    /// Puts what is kept of a pixel's sums to the front of `place`.
-    fn keep_values<S: Copy + Default + std::ops::Add<Output = S>>(&self, sums: &Dyadic<S>, place: &mut [S]) {
-        if !self.is_part {
-            place[0] = total(sums.values());
-            return;
-        }
-        for (place, value) in place.iter_mut().zip(sums.values()) {
-            *place = value;
-        }
-    }
-
-    /// Whether `tile` has the sums that this picture keeps.
-    pub(crate) fn fits(&self, tile: &Tile) -> bool {
-        if tile.number >= self.n_tiles() {
-            return false;
-        }
-        let [width, height] = self.size(tile.number).map(|n| n as usize);
-        let n = width * height * self.n_sums;
-        tile.pixels.len() == n && tile.guides.len() == if self.is_guided { n } else { 0 }
-    }
-}
-
 /// What all tiles of a picture share.
 pub(super) struct Work<'a, T, Q> {
     pub(super) transport: &'a Transport<'a, T, Q>,
@@ -152,48 +38,6 @@ pub(super) struct Work<'a, T, Q> {
     pub(super) filter: &'a FilterSampler,
     pub(super) settings: &'a Settings,
     pub(super) layout: Layout,
-}
-
-/// The sums of one pixel while its samples are taken.
-#[derive(Clone, Default)]
-pub(crate) struct Sums {
-    pub(crate) pixel: Dyadic<Pixel>,
-    pub(crate) guide: Dyadic<Guide>,
-}
-
-/// How far the samples of a cell have got.
-pub(crate) struct Course {
-    /// The samples to take now.
-    pub(crate) next: Range<u32>,
-    /// One past the last that there are.
-    last: u32,
-    /// What half of the samples said before them; nothing at first.
-    before: f64,
-}
-
-impl Course {
-    pub(crate) fn new(settings: &Settings) -> Self {
-        let Range { start, end: last } = settings.range();
-        let end = if settings.noise.is_some() { FIRST_LOOK.min(last) } else { last };
-        Self { next: start..end, last, before: f64::INFINITY }
-    }
-
-    /// Goes on after `next` was taken, into the sums of the cell's pixels; whether there is more to take.
-    pub(crate) fn goes_on(&mut self, settings: &Settings, sums: &[Sums]) -> bool {
-        if self.next.end == self.last {
-            return false;
-        }
-        if let Some(noise) = settings.noise {
-            let now = error(sums);
-            // Luck must strike twice: the first half, by itself, must have foretold that this many are enough.
-            if now.max(self.before / SQRT_2) <= f64::from(noise) {
-                return false;
-            }
-            self.before = now;
-        }
-        self.next = self.next.end..self.next.end.saturating_mul(2).min(self.last);
-        true
-    }
 }
 
 impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
@@ -252,7 +96,7 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         };
         let time = if self.moves { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
         let start = Start { ray, cone: self.view.cone(position, sample), time, pixel: number, sample };
-        let hit = if self.layout.is_guided {
+        let hit = if self.layout.is_guided() {
             let (hit, guide) = self.guide(&start);
             sums.guide.push_sample(sample, guide);
             hit
@@ -289,18 +133,6 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         };
         (Some(hit), guide)
     }
-}
-
-/// The cells along `n` pixels.
-fn cells(n: u32) -> impl Iterator<Item = Range<u32>> + Clone {
-    (0..n).step_by(CELL as usize).map(move |start| start..(start + CELL).min(n))
-}
-
-/// Root of the mean of the pixels' squared errors.
-fn error(sums: &[Sums]) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "pixels of a cell")]
-    let n = sums.len() as f64;
-    (sums.iter().map(|sums| sums.pixel.total().squared_error()).sum::<f64>() / n).sqrt()
 }
 
 /// A query that counts, and asks `inner` about hits.
