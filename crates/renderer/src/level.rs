@@ -2,7 +2,7 @@ use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb};
 use canted_tlas::{Blas, MeshBlas, PairOrder};
 use canted_trace::{Hit, InstanceId, Query, Ray};
-use canted_wide::{Config, LaneKernel, NodeKind, Preset, Wide};
+use canted_wide::{Config, LaneKernel, Preset, Wide};
 
 use crate::PrepareError;
 
@@ -58,15 +58,6 @@ impl<K: LaneKernel> Level<K> {
                 shared + lean > 0 || wide.frame() != Obb::IDENTITY_FRAME
             }
             Self::Binary(_, strategy) => *strategy != Strategy::Aabb,
-        }
-    }
-
-    /// Nodes of each kind in the order of [`NodeKind::ALL`]; `None` for a binary tree.
-    #[must_use]
-    pub fn wide_nodes(&self) -> Option<[usize; NodeKind::ALL.len()]> {
-        match self {
-            Self::Wide(wide) => Some(wide.sizes().nodes),
-            Self::Binary(..) => None,
         }
     }
 }

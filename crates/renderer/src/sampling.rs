@@ -1,7 +1,7 @@
 //! Directions over the hemisphere about a unit normal, with their densities.
 //!
 //! Densities are per steradian, after the rendering equation `L = ∫ (ρ/π)·L_i·cosθ dω`: with the cosine density
-//! `cosθ/π` the weight of a sample is `ρ`, with the uniform density `1/(2π)` it is `2ρ·cosθ`.
+//! `cosθ/π` the weight of a sample is `ρ`.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -42,27 +42,15 @@ impl Basis {
 #[must_use]
 pub fn cosine_hemisphere(square: [f32; 2]) -> [f32; 3] {
     // The point's projection is uniform in the disc; 1 - ξ is at least 2⁻²⁴ for the sampler's numbers.
-    ring((1.0 - square[0]).sqrt(), square[0].sqrt(), square[1])
+    let (cosine, sine) = ((1.0 - square[0]).sqrt(), square[0].sqrt());
+    let (s, c) = (TAU * square[1]).sin_cos();
+    [sine * c, sine * s, cosine]
 }
 
 /// Density of [`cosine_hemisphere`] at a polar cosine.
 #[must_use]
 pub fn cosine_density(cosine: f32) -> f32 {
     cosine.max(0.0) / PI
-}
-
-/// A direction about +z with density `1/(2π)`, from a point of the unit square; never in the horizon's plane.
-#[must_use]
-pub fn uniform_hemisphere(square: [f32; 2]) -> [f32; 3] {
-    let cosine = 1.0 - square[0];
-    // (1 - c)(1 + c) keeps its digits near the pole, 1 - c² does not.
-    ring(cosine, (square[0] * (1.0 + cosine)).sqrt(), square[1])
-}
-
-/// Density of [`uniform_hemisphere`] at a polar cosine.
-#[must_use]
-pub fn uniform_density(cosine: f32) -> f32 {
-    if cosine >= 0.0 { 1.0 / TAU } else { 0.0 }
 }
 
 /// A uniform point of the unit disc, from a point of the unit square; squares about the middle go to discs (Shirley and
@@ -77,9 +65,4 @@ pub fn uniform_disc(square: [f32; 2]) -> [f32; 2] {
         if a.abs() > b.abs() { (a, FRAC_PI_4 * (b / a)) } else { (b, FRAC_PI_2 - FRAC_PI_4 * (a / b)) };
     let (sin, cos) = angle.sin_cos();
     [radius * cos, radius * sin]
-}
-
-fn ring(cosine: f32, sine: f32, turn: f32) -> [f32; 3] {
-    let (s, c) = (TAU * turn).sin_cos();
-    [sine * c, sine * s, cosine]
 }
