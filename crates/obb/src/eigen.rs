@@ -9,8 +9,8 @@ pub type Symmetric = [f64; 6];
 /// Tolerance that leaves nothing to gain: a rotation for less would change no diagonal entry in `f64`.
 pub const FULL_PRECISION: f64 = U;
 
-/// Tolerance for a box at every node of a tree, in about half the time of full precision: on random clouds of 30 points,
-/// rods and plates among them, boxes had on average less than 0.1 % more area.
+/// Tolerance for a box at every node of a tree: of random clouds, rods and plates among them, boxes have hardly more area on
+/// average, and take far less time than at full precision. `benches/TRIED.md` has both, under fitting.
 pub const COARSE: f64 = 1e-2;
 
 /// Eigenvalues in falling order, and their unit vectors as a right-handed frame.

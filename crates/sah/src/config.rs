@@ -17,7 +17,7 @@ impl ReinsertConfig {
     /// Most of the gain.
     pub const BALANCED: Self = Self { rounds: 12, share: 0.1, min_gain: 1e-3 };
 
-    /// Nearly all of the gain: every subtree and 24 rounds take twice the time for 0.1 to 2 % less predicted cost.
+    /// Nearly all of the gain: what every subtree and more rounds would bring besides stands in `benches/TRIED.md`.
     pub const QUALITY: Self = Self { rounds: 8, share: 0.5, min_gain: 1e-3 };
 }
 

@@ -25,13 +25,13 @@ const WORTH_TURNING: f32 = 0.87;
 
 /// The rival's tree is taken at this part of the other's cost: nearer, the prediction says nothing.
 ///
-/// A scan whose ratio is 0.982 traces faster in the rival's tree.
+/// A scan just below it traces faster in the rival's tree: `benches/TRIED.md`.
 const WORTH_CHANGING: f32 = 0.985;
 
 /// Most triangles of a leaf where trees are compared before their frames are known.
 ///
 /// Larger leaves hide what leaning boxes would part: where one holds two struts of twelve triangles, a tree that mixes
-/// struts is foretold 8 % less cost on a truss and traces 10 % slower.
+/// struts is foretold less cost and traces slower, as measured in `benches/TRIED.md`.
 const MAX_COMPARED_LEAF: usize = 16;
 
 /// Builds the binary tree.

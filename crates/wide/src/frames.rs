@@ -52,13 +52,12 @@ pub(crate) struct BoxAreas<'a> {
 pub(crate) struct FrameConfig {
     /// Nodes of more leaves keep the mesh's frame; so do those above all of a tree's tasks.
     pub(crate) max_leaves: u32,
-    /// Times that each frame of up to 64 leaves is turned about its axes in search of less area; 0 saves three quarters of
-    /// the time.
+    /// Times that each frame of up to 64 leaves is turned about its axes in search of less area; 0 saves most of the time.
     pub(crate) rounds: u32,
 }
 
 impl Default for FrameConfig {
-    /// Without rounds: five take four times as long and save 1 to 5 % of area.
+    /// Without rounds, which take longer than all the rest and save little area: `benches/TRIED.md`.
     fn default() -> Self {
         Self { max_leaves: 1 << 12, rounds: 0 }
     }

@@ -104,27 +104,9 @@ impl<K: LaneKernel> Wide<K> {
     /// Takes new vertices for the same triangles; object space, in the order of the build.
     ///
     /// Hits are then those of every new triangle tried, whatever the motion. What suffers is speed: which triangles
-    /// share a node, and which way boxes lean, is as it was built. By how much, the drift foretells. Below, meshes
-    /// were deformed more and more; nodes, triangles and time are those of tracing camera rays through the refitted
-    /// tree over those through one built anew, with leaves of at most 16. Angles are per diagonal; times of a noisy
-    /// machine, one digit at best:
-    ///
-    /// | drift | motion | nodes | triangles | time |
-    /// | --- | --- | --- | --- | --- |
-    /// | 1.1 | hair twisted by 72 degrees | 1.1 | 2.1 | 1.2 |
-    /// | 1.2 | scaffold twisted by 36 degrees | 1.0 | 5 | 1.3 |
-    /// | 1.3 | hair bent to a circle | 1.3 | 4.2 | 1.3 |
-    /// | 1.5 | hair twisted by 288 degrees | 1.4 | 4.8 | 1.6 |
-    /// | 1.6 | trusses twisted by 36 degrees | 1.1 | 11 | 1.5 |
-    /// | 1.7 | terrain twisted by 288 degrees | 1.3 | 1.8 | 1.5 |
-    /// | 2.2 | trusses twisted by 72 degrees | 1.2 | 21 | 2.1 |
-    /// | 3.0 | scaffold, cells moved apart by 3 % | 1.2 | 19 | 1.8 |
-    /// | 3.1 | terrain, each vertex moved by 1 % | 1.1 | 1.0 | 1.4 |
-    /// | 9.2 | hair, cells moved apart by 10 % | 3.2 | 18 | 3.2 |
-    ///
-    /// Where vertices move at random (the last row but one), the mesh itself becomes dearer and a rebuild gains little;
-    /// it is advised once, for the rebuilt tree starts anew. A refit took a twentieth to a fifth of a build's
-    /// time (`balanced`).
+    /// share a node, and which way boxes lean, is as it was built. By how much, the drift foretells: `benches/TRIED.md` has what
+    /// trees of deformed meshes lost beside their drift. Where vertices move at random the mesh itself becomes dearer and a
+    /// rebuild gains little; it is advised once, for the rebuilt tree starts anew. A refit takes a small part of a build's time.
     ///
     /// # Errors
     /// Another number of triangles, or the first triangle with a vertex that is missing or not finite. The tree is

@@ -3,8 +3,8 @@ const INLINE: usize = Stack::places(12);
 
 /// Subtrees to come back to: the entry's bits above the child word, so that order is order of integers.
 ///
-/// A stack is made for each single ray, so it must cost little: less than a kilobyte of zeros, about 10 ns where
-/// memory of its own took 45. Only trees of more levels ask for that.
+/// A stack is made for each single ray, so it must cost little: less than a kilobyte of zeros, where memory of its own would take
+/// longer (`benches/TRIED.md`). Only trees of more levels ask for that.
 #[derive(Clone, Debug)]
 pub(crate) struct Stack {
     inline: [u64; INLINE],
