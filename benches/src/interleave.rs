@@ -30,9 +30,7 @@ impl Timing {
 
     /// Half the distance between the slowest and the fastest round, over the median.
     pub(crate) fn spread(&self) -> f64 {
-        let (least, greatest) =
-            self.seconds.iter().fold((f64::MAX, 0.0f64), |(least, greatest), &s| (least.min(s), greatest.max(s)));
-        0.5 * (greatest - least) / self.median()
+        spread(&self.seconds)
     }
 }
 
@@ -41,6 +39,17 @@ pub(crate) fn median(values: &[f64]) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let n = sorted.len();
     if n == 0 { f64::NAN } else { 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]) }
+}
+
+/// The least and the greatest.
+pub(crate) fn range(values: &[f64]) -> [f64; 2] {
+    values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
+}
+
+/// Half the distance between least and greatest, over the median.
+pub(crate) fn spread(values: &[f64]) -> f64 {
+    let [low, high] = range(values);
+    0.5 * (high - low) / median(values).abs()
 }
 
 /// One warm-up, then `rounds` rounds in which every contender works once, in turn.

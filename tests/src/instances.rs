@@ -1,12 +1,21 @@
 //! Two levels by a loop over all instances, with the ray taken to object space as the documents of `canted-tlas` say.
 
 use canted_obb::Affine;
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Ray};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray};
 
 use crate::vector::{Vector, cross, dot};
 
 /// Half of `f32::EPSILON`: the relative error of one rounding.
 const U: f64 = 0.5 * f32::EPSILON as f64;
+
+/// A ray's time and nothing else.
+pub struct At(pub f32);
+
+impl Query for At {
+    fn time(&self) -> f32 {
+        self.0
+    }
+}
 
 /// Rows of the inverse, translation last: cofactors over the determinant, in `f64`.
 #[must_use]

@@ -6,7 +6,7 @@
 
 use std::time::{Duration, Instant};
 
-use canted_fixtures::{Grazing, Mesh, SplitMix64, grazing, identical, outlier, soup};
+use canted_fixtures::{Grazing, Mesh, equal_centroids, grazing, identical, outlier, soup};
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_tests::brute;
 use canted_tlas::{Blas, BuildConfig, MeshBlas};
@@ -18,20 +18,6 @@ fn config(strategy: Strategy, bits: Bits) -> BuildConfig {
 
 fn build(mesh: &Mesh, config: &BuildConfig) -> MeshBlas<Watertight> {
     MeshBlas::build(&mesh.positions, &mesh.triangles, config).unwrap()
-}
-
-/// `n` triangles of different planes whose vertices sum to zero, exactly: one Morton code for all.
-#[expect(clippy::cast_precision_loss, reason = "whole numbers below 2^24")]
-fn equal_centroids(n: u32) -> Mesh {
-    let mut rng = SplitMix64::new(6);
-    let mut mesh = Mesh::default();
-    for i in 0..n {
-        let whole = |rng: &mut SplitMix64| rng.below(2001) as f32 - 1000.0;
-        let [a, b]: [[f32; 3]; 2] = std::array::from_fn(|_| std::array::from_fn(|_| whole(&mut rng)));
-        mesh.positions.extend([a, b, std::array::from_fn(|k| -(a[k] + b[k]))]);
-        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
-    }
-    mesh
 }
 
 /// A scene of `n` triangles by name.

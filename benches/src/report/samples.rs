@@ -9,7 +9,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::interleave::median;
+use crate::interleave::{median, range, spread};
 
 /// Every repetition of one measurement, at least one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,13 +44,12 @@ impl Samples {
 
     /// The least and the greatest.
     pub(crate) fn range(&self) -> [f64; 2] {
-        self.0.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
+        range(&self.0)
     }
 
     /// Half the distance between least and greatest, over the median.
     pub(crate) fn spread(&self) -> f64 {
-        let [low, high] = self.range();
-        0.5 * (high - low) / self.median().abs()
+        spread(&self.0)
     }
 
     /// The interval that holds the median of what was drawn from, with a chance of [`CERTAINTY`] at least: from one order

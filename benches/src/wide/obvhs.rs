@@ -43,53 +43,38 @@ impl<T> Obvhs<T> {
     }
 }
 
-impl Engine for Obvhs<Bvh2> {
-    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        for (ray, out) in rays.iter().zip(hits) {
-            let mut hit = RayHit::none();
-            let found = self.tree.ray_traverse(theirs(ray), &mut hit, |ray, i| self.triangles[i].intersect(ray));
-            *out = self.hit(found, &hit);
+/// Both of their trees have walks of the same names, and no trait says so.
+macro_rules! engine_of {
+    ($tree:ty) => {
+        impl Engine for Obvhs<$tree> {
+            fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+                for (ray, out) in rays.iter().zip(hits) {
+                    let mut hit = RayHit::none();
+                    let found =
+                        self.tree.ray_traverse(theirs(ray), &mut hit, |ray, i| self.triangles[i].intersect(ray));
+                    *out = self.hit(found, &hit);
+                }
+            }
+
+            fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+                for (ray, out) in rays.iter().zip(occluded) {
+                    *out = !self.tree.ray_traverse_miss(theirs(ray), |ray, i| self.triangles[i].intersect(ray));
+                }
+            }
+
+            fn n_bytes(&self) -> usize {
+                size_of_val(&self.tree.nodes[..]) + size_of_val(&self.triangles[..]) + size_of_val(&self.primitives[..])
+            }
+
+            fn shared(&self) -> Option<&(dyn Engine + Sync)> {
+                Some(self)
+            }
         }
-    }
-
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        for (ray, out) in rays.iter().zip(occluded) {
-            *out = !self.tree.ray_traverse_miss(theirs(ray), |ray, i| self.triangles[i].intersect(ray));
-        }
-    }
-
-    fn n_bytes(&self) -> usize {
-        size_of_val(&self.tree.nodes[..]) + size_of_val(&self.triangles[..]) + size_of_val(&self.primitives[..])
-    }
-
-    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
-        Some(self)
-    }
+    };
 }
 
-impl Engine for Obvhs<CwBvh> {
-    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        for (ray, out) in rays.iter().zip(hits) {
-            let mut hit = RayHit::none();
-            let found = self.tree.ray_traverse(theirs(ray), &mut hit, |ray, i| self.triangles[i].intersect(ray));
-            *out = self.hit(found, &hit);
-        }
-    }
-
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        for (ray, out) in rays.iter().zip(occluded) {
-            *out = !self.tree.ray_traverse_miss(theirs(ray), |ray, i| self.triangles[i].intersect(ray));
-        }
-    }
-
-    fn n_bytes(&self) -> usize {
-        size_of_val(&self.tree.nodes[..]) + size_of_val(&self.triangles[..]) + size_of_val(&self.primitives[..])
-    }
-
-    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
-        Some(self)
-    }
-}
+engine_of!(Bvh2);
+engine_of!(CwBvh);
 
 #[inline]
 fn theirs(ray: &Ray) -> TheirRay {

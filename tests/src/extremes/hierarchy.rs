@@ -24,19 +24,6 @@ struct Case {
     rays: Vec<Ray>,
 }
 
-fn placed(mesh: &Mesh, place: impl Fn([f32; 3]) -> [f32; 3]) -> Mesh {
-    Mesh { positions: mesh.positions.iter().map(|&p| place(p)).collect(), triangles: mesh.triangles.clone() }
-}
-
-fn joined(a: &Mesh, b: &Mesh) -> Mesh {
-    let first = u32::try_from(a.positions.len()).expect("few vertices");
-    let moved = b.triangles.iter().map(|t| t.map(|index| index + first));
-    Mesh {
-        positions: [&a.positions[..], &b.positions].concat(),
-        triangles: a.triangles.iter().copied().chain(moved).collect(),
-    }
-}
-
 /// What is judged by integers has no end.
 fn is_endless(ray: &Ray) -> bool {
     ray.t_min == 0.0 && ray.t_max == f32::INFINITY
@@ -64,14 +51,14 @@ fn cases(effort: usize) -> Vec<Case> {
         cases.push(Case { name, mesh, rays });
     };
     add("of any kind", base.clone());
-    add("at 1e-20", placed(&base, |p| p.map(|x| x * 1e-20)));
-    add("at 1e15", placed(&base, |p| p.map(|x| x * 1e15)));
-    add("denormal coordinates", placed(&base, |p| p.map(|x| x * 1e-40)));
-    add("at 1e7, 5e3 large", placed(&base, |p| p.map(|x| x * 5e3 + 1e7)));
-    add("at 1e7 along x, 1e-3 across", placed(&base, |p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3]));
-    add("1e7 long, 1e-3 thick", placed(&base, |p| [p[0] * 1e7, p[1] * 1e7, p[2] * 1e-3]));
-    let (tiny, huge) = (placed(&soup(22, 30), |p| p.map(|x| x * 1e-6)), placed(&soup(23, 30), |p| p.map(|x| x * 1e6)));
-    add("scales over 1e12 in one mesh", joined(&tiny, &huge));
+    add("at 1e-20", base.placed(|p| p.map(|x| x * 1e-20)));
+    add("at 1e15", base.placed(|p| p.map(|x| x * 1e15)));
+    add("denormal coordinates", base.placed(|p| p.map(|x| x * 1e-40)));
+    add("at 1e7, 5e3 large", base.placed(|p| p.map(|x| x * 5e3 + 1e7)));
+    add("at 1e7 along x, 1e-3 across", base.placed(|p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3]));
+    add("1e7 long, 1e-3 thick", base.placed(|p| [p[0] * 1e7, p[1] * 1e7, p[2] * 1e-3]));
+    let (tiny, huge) = (soup(22, 30).placed(|p| p.map(|x| x * 1e-6)), soup(23, 30).placed(|p| p.map(|x| x * 1e6)));
+    add("scales over 1e12 in one mesh", tiny.joined(&huge));
     add("slivers, some without area", slivers(8, 60));
     add("box 1e-6 thin, turned", thin_box(1e-6).turned());
     add("flat box, turned", thin_box(0.0).turned());

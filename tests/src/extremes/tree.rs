@@ -2,7 +2,7 @@
 //!
 //! Not covered: time, which grows no faster than the scene (`degenerate.rs`); the device's trees (`built`).
 
-use canted_fixtures::{Mesh, SplitMix64, identical, outlier, soup};
+use canted_fixtures::{Mesh, equal_centroids, identical, outlier, soup};
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Tree, VolumeConfig};
 use canted_obb::Aabb;
 use canted_sah::{Builder, PlocConfig, TopDownConfig, build};
@@ -28,24 +28,6 @@ fn of_boxes(corners: &[Corners], bounds: &Aabb, builder: &Builder) -> Tree {
     build(&boxes, bounds, builder)
 }
 
-fn placed(mesh: &Mesh, place: impl Fn([f32; 3]) -> [f32; 3]) -> Mesh {
-    Mesh { positions: mesh.positions.iter().map(|&p| place(p)).collect(), triangles: mesh.triangles.clone() }
-}
-
-/// Triangles of different planes whose vertices sum to zero, exactly: one code for all.
-#[expect(clippy::cast_precision_loss, reason = "whole numbers below 2^24")]
-fn equal_centroids(n: u32) -> Mesh {
-    let mut rng = SplitMix64::new(6);
-    let mut mesh = Mesh::default();
-    for i in 0..n {
-        let mut whole = || std::array::from_fn(|_| rng.below(2001) as f32 - 1000.0);
-        let (a, b): ([f32; 3], [f32; 3]) = (whole(), whole());
-        mesh.positions.extend([a, b, std::array::from_fn(|k| -(a[k] + b[k]))]);
-        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
-    }
-    mesh
-}
-
 /// Kinds of input, each with the numbers of triangles that are tried.
 pub(super) fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
     vec![
@@ -53,28 +35,16 @@ pub(super) fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
         ("2^k and 2^k ± 1 triangles", [3, 4, 5, 255, 256, 257, 4095, 4096, 4097].map(|n| soup(4, n)).into()),
         ("20,000 equal triangles", vec![identical(20_000)]),
         ("20,000 equal centroids", vec![equal_centroids(20_000)]),
-        ("equal triangles among others", vec![joined(&soup(5, 2_000), &identical(2_000))]),
-        ("all on the x axis", vec![placed(&soup(6, 2_000), |[x, _, _]| [x, 0.0, 0.0])]),
-        ("in one plane", vec![placed(&soup(7, 2_000), |[x, y, _]| [x, y, 0.25])]),
+        ("equal triangles among others", vec![soup(5, 2_000).joined(&identical(2_000))]),
+        ("all on the x axis", vec![soup(6, 2_000).placed(|[x, _, _]| [x, 0.0, 0.0])]),
+        ("in one plane", vec![soup(7, 2_000).placed(|[x, y, _]| [x, y, 0.25])]),
         ("one far outlier, 1e7", vec![outlier(20_000)]),
-        ("denormal extent", vec![placed(&soup(8, 500), |p| p.map(|x| x * 1e-40))]),
+        ("denormal extent", vec![soup(8, 500).placed(|p| p.map(|x| x * 1e-40))]),
         (
             "scales over 1e12",
-            vec![joined(
-                &placed(&soup(9, 500), |p| p.map(|x| x * 1e-6)),
-                &placed(&soup(10, 500), |p| p.map(|x| x * 1e6)),
-            )],
+            vec![soup(9, 500).placed(|p| p.map(|x| x * 1e-6)).joined(&soup(10, 500).placed(|p| p.map(|x| x * 1e6)))],
         ),
     ]
-}
-
-fn joined(a: &Mesh, b: &Mesh) -> Mesh {
-    let first = u32::try_from(a.positions.len()).expect("few vertices");
-    let moved = b.triangles.iter().map(|t| t.map(|index| index + first));
-    Mesh {
-        positions: [&a.positions[..], &b.positions].concat(),
-        triangles: a.triangles.iter().copied().chain(moved).collect(),
-    }
 }
 
 pub(super) fn rows() -> Vec<Row> {

@@ -6,6 +6,7 @@
 use canted_fixtures::{Rotation, SplitMix64};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
+use canted_tests::instances::At;
 use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
 
@@ -14,15 +15,6 @@ use super::geometry::{judge, reaches};
 use super::setup::{affine, blas_of, build, meshes, rays};
 
 const TOP: TopConfig = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
-
-/// A ray's time and nothing else.
-struct At(f32);
-
-impl Query for At {
-    fn time(&self) -> f32 {
-        self.0
-    }
-}
 
 /// One of 1025 times, of ten bits.
 fn time(rng: &mut SplitMix64) -> f32 {

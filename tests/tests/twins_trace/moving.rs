@@ -5,24 +5,16 @@ use canted_gpu::{Answer, DeviceHit, DeviceRay, Gpu, HIT_ERROR, Motion, Specialis
 use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, places},
+    instances::At,
     rays, scenes,
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{Query, Ray, ScaledRay, Watertight};
+use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::Wide;
 
 use super::gpu;
 use super::judge::{Tally, World, error_of_instance};
 use super::setup::{build, few_ways};
-
-/// A ray's time and nothing else.
-struct At(f32);
-
-impl Query for At {
-    fn time(&self) -> f32 {
-        self.0
-    }
-}
 
 /// Where an instance ends that is turned about z, grows and is shifted while the shutter is open.
 #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]

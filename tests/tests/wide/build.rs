@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use canted_fixtures::{Mesh, SplitMix64, identical, outlier, scaffold_of, slivers, soup};
+use canted_fixtures::{Mesh, equal_centroids, identical, outlier, scaffold_of, slivers, soup};
 use canted_tests::{rays, scenes};
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
 use canted_wide::{Config, Preset};
@@ -35,19 +35,6 @@ fn another_scene_or_preset_has_other_bytes() {
     assert_eq!(of(1, Preset::Fast), of(1, Preset::Fast));
     assert_ne!(of(1, Preset::Fast), of(2, Preset::Fast));
     assert_ne!(of(1, Preset::Fast), of(1, Preset::Quality));
-}
-
-/// `n` triangles of different planes whose vertices sum to zero, exactly.
-#[expect(clippy::cast_precision_loss, reason = "whole numbers below 2^24")]
-fn equal_centroids(n: u32) -> Mesh {
-    let mut rng = SplitMix64::new(6);
-    let mut mesh = Mesh::default();
-    for i in 0..n {
-        let [a, b]: [[f32; 3]; 2] = std::array::from_fn(|_| std::array::from_fn(|_| rng.below(2001) as f32 - 1000.0));
-        mesh.positions.extend([a, b, std::array::from_fn(|k| -(a[k] + b[k]))]);
-        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
-    }
-    mesh
 }
 
 /// A scene of `n` triangles by name.

@@ -44,32 +44,18 @@ fn rays_from_afar_hit() {
     }
 }
 
-fn placed(mesh: &Mesh, place: impl Fn([f32; 3]) -> [f32; 3]) -> Mesh {
-    Mesh { positions: mesh.positions.iter().map(|&p| place(p)).collect(), triangles: mesh.triangles.clone() }
-}
-
-/// Two meshes as one.
-fn joined(a: &Mesh, b: &Mesh) -> Mesh {
-    let first = u32::try_from(a.positions.len()).expect("few vertices");
-    let moved = b.triangles.iter().map(|t| t.map(|index| index + first));
-    Mesh {
-        positions: [&a.positions[..], &b.positions].concat(),
-        triangles: a.triangles.iter().copied().chain(moved).collect(),
-    }
-}
-
 #[test]
 fn coordinates_of_1e7_lose_no_hit() {
     for Case { name, mesh } in shapes() {
         // Steps of f32 are 1 at 1e7, so what is small there is flat: along one axis, or along all but one.
         let places: [(&str, Mesh); 5] = [
-            ("at 1e7", placed(&mesh, |p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7])),
-            ("at 1e7 along x, 1e-3 across", placed(&mesh, |p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3])),
-            ("at 1e7 along x and y, 1e-3 along z", placed(&mesh, |p| [p[0] + 1e7, p[1] * 30.0 - 1e7, p[2] * 1e-3])),
-            ("1e7 long, 1e-3 thick", placed(&mesh, |p| [p[0] * 1e7, p[1] * 1e7, p[2] * 1e-3])),
+            ("at 1e7", mesh.placed(|p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7])),
+            ("at 1e7 along x, 1e-3 across", mesh.placed(|p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3])),
+            ("at 1e7 along x and y, 1e-3 along z", mesh.placed(|p| [p[0] + 1e7, p[1] * 30.0 - 1e7, p[2] * 1e-3])),
+            ("1e7 long, 1e-3 thick", mesh.placed(|p| [p[0] * 1e7, p[1] * 1e7, p[2] * 1e-3])),
             (
                 "1e-3 large beside 1e7",
-                joined(&placed(&mesh, |p| p.map(|x| x * 1e-3)), &placed(&mesh, |p| p.map(|x| x * 1e7))),
+                mesh.placed(|p| p.map(|x| x * 1e-3)).joined(&mesh.placed(|p| p.map(|x| x * 1e7))),
             ),
         ];
         for (place, mesh) in places {
@@ -86,7 +72,7 @@ fn coordinates_of_1e7_lose_no_hit() {
 fn scales_of_1e_6_and_1e6_lose_no_hit() {
     for Case { name, mesh } in shapes() {
         for scale in [1e-6, 1e6] {
-            let mesh = placed(&mesh, |p| p.map(|x| x * scale));
+            let mesh = mesh.placed(|p| p.map(|x| x * scale));
             let mut rays = rays::of_all_classes(&mesh, 60, 70);
             rays.extend(rays::from_inside(&mesh, 200, 71));
             agrees::<Watertight>(&format!("{name}, {scale:e}"), &mesh, &every_way(), &rays);
@@ -99,14 +85,14 @@ fn scales_by_powers_of_two_change_no_bit() {
     // Small enough that rays at 2^60 times begin within the promised 2^62.
     let meshes =
         [canted_fixtures::soup(7, 300), canted_fixtures::scaffold_of(1, true, 3), scenes::room(3, 40).turned()];
-    for mesh in meshes.map(|mesh| placed(&mesh, |p| p.map(|x| x / 16.0))) {
+    for mesh in meshes.map(|mesh| mesh.placed(|p| p.map(|x| x / 16.0))) {
         let classes = [Grazing::Vertices, Grazing::Edges, Grazing::Planes, Grazing::Axes];
         let rays = rays::of_classes(&mesh, &classes, 60, 80);
         let wants = loop_over_all::<Watertight>(&mesh, &rays);
         assert!(wants.iter().flatten().count() > 50);
         for exponent in (-60..=60).step_by(12) {
             let scale = 2.0f32.powi(exponent);
-            let scaled = placed(&mesh, |p| p.map(|x| x * scale));
+            let scaled = mesh.placed(|p| p.map(|x| x * scale));
             // Of a ray, the origin; what is aimed at is then `scale` times as far, in units of the direction.
             let rays: Vec<_> = rays
                 .iter()
