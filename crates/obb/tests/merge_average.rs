@@ -50,7 +50,8 @@ fn ninety_and_a_hundred_and_eighty_degrees_are_no_turn() {
         }
         // What averaging without care would make of two such boxes, as a volume.
         let parent = merge::quaternion(&all[0], &all[8], [1.0, 1.0]);
-        assert!((parent.volume() / 2.0 - 1.0).abs() < 1e-5, "{}", parent.volume());
+        // Each half-extent may grow by that part of the greatest: the volume by it times 2 · (1/2 + 1/0.5 + 1/0.25).
+        assert!((parent.volume() / 2.0 - 1.0).abs() <= 13.0 * REFRAMED, "{}", parent.volume());
     }
 }
 

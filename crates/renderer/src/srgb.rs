@@ -60,13 +60,16 @@ fn from_linear(x: f64) -> u8 {
 mod tests {
     use super::*;
 
+    /// Half of the last digit that was computed by hand, and a rounding of each number, which is below a quarter.
+    const BY_HAND: f32 = 0.5e-7 + 0.125 * f32::EPSILON;
+
     #[test]
     fn known_values() {
         // Byte 128 is linear 0.2158605; middle grey 0.18 is byte 118; both from the standard's formula by hand.
         for (linear, byte) in [(0.0, 0), (1.0, 255), (0.18, 118), (0.5, 188), (0.215_860_5, 128), (0.003_130_8, 10)] {
             assert_eq!(encode(linear), byte, "{linear}");
         }
-        assert!((decode(128) - 0.215_860_5).abs() < 1e-7);
+        assert!((decode(128) - 0.215_860_5).abs() <= BY_HAND);
         assert_eq!(decode(0), 0.0);
         assert_eq!(decode(255), 1.0);
     }

@@ -176,12 +176,14 @@ fn a_skin_at_known_times() {
         }
         assert_eq!(positions[..2], [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]], "the lower edge stands");
     }
-    // Half way from an eighth of a turn, which the file has to three digits, to a quarter.
+    // Half way from an eighth of a turn to a quarter. The file has the cosine and the sine of half of the first to three digits:
+    // what they lack turns the sheet by their sum at most, twice for the angle and half for the way, at its corner's distance.
+    let bound = 0.5e-3 * (0.924 + 0.383) * 1.25_f32.sqrt();
     let scene = at(&folder, "gltf/SimpleSkin.gltf", 0.75);
     let (sin, cos) = 67.5_f32.to_radians().sin_cos();
     let [x, y, _] = scene.meshes[0].positions[9];
     let want = [0.5 * cos - sin, 1.0 + 0.5 * sin + cos];
-    assert!((x - want[0]).abs() < 1e-3 && (y - want[1]).abs() < 1e-3, "{x} {y} for {want:?}");
+    assert!((x - want[0]).abs() < bound && (y - want[1]).abs() < bound, "{x} {y} for {want:?}");
 }
 
 #[test]

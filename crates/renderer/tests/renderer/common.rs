@@ -9,6 +9,9 @@ use canted_trace::{Hit, InstanceId, Query, Ray, Side};
 
 pub(crate) type Vector = [f64; 3];
 
+/// Half of `f32::EPSILON`: the relative error of one rounding.
+pub(crate) const U: f64 = 0.5 * f32::EPSILON as f64;
+
 pub(crate) fn sub(a: Vector, b: Vector) -> Vector {
     std::array::from_fn(|k| a[k] - b[k])
 }

@@ -77,6 +77,9 @@ fn an_exr_and_its_png_differ_by_less_than_a_byte() {
     assert!(result.max_difference > 0.0 && result.max_difference < 2.3 * 0.5 / 255.0, "{result:?}");
 }
 
+/// Half of the last digit that was computed by hand, and a rounding of each number, which is below a quarter.
+const BY_HAND: f32 = 0.5e-7 + 0.125 * f32::EPSILON;
+
 #[test]
 fn greys_and_sixteen_bits_are_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -84,7 +87,7 @@ fn greys_and_sixteen_bits_are_read() {
     image::GrayImage::from_raw(2, 1, vec![0, 128]).unwrap().save(&path).unwrap();
     let grey = read_picture(&path).unwrap();
     assert_eq!(grey.pixels[0], [0.0; 3]);
-    assert!((grey.pixels[1][0] - 0.215_860_5).abs() < 1e-7 && grey.pixels[1][0] == grey.pixels[1][2]);
+    assert!((grey.pixels[1][0] - 0.215_860_5).abs() <= BY_HAND && grey.pixels[1][0] == grey.pixels[1][2]);
     image::ImageBuffer::<image::Rgb<u16>, _>::from_raw(1, 1, vec![0_u16, 128 * 257, 65535])
         .unwrap()
         .save(&path)

@@ -5,7 +5,7 @@ use std::f32::consts::TAU;
 use canted_renderer::sampling::{Basis, cosine_density, cosine_hemisphere};
 use canted_renderer::{Pattern, Sampler};
 
-use crate::common::{cross, dot};
+use crate::common::{U, cross, dot};
 
 const N: u32 = 100_000;
 
@@ -39,9 +39,6 @@ fn integral(density: impl Fn(f32) -> f32) -> f64 {
 /// The midpoint rule is exact for the linear and the constant density but for rounding: in `f32` the cosine rounds once, π once
 /// and the quotient once, which a mean of positive numbers keeps; the fourth is for all that `f64` adds, and for second order.
 const DENSITY_ERROR: f64 = 4.0 * U;
-
-/// Half of `f32::EPSILON`: the relative error of one rounding.
-const U: f64 = 0.5 * f32::EPSILON as f64;
 
 #[test]
 fn densities_integrate_to_one() {
