@@ -91,6 +91,12 @@ impl Aabb {
         std::array::from_fn(|i| std::array::from_fn(|k| if i >> k & 1 == 1 { self.max[k] } else { self.min[k] }))
     }
 
+    /// Whether every coordinate is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        [self.min, self.max].as_flattened().iter().all(|x| x.is_finite())
+    }
+
     /// Greatest absolute coordinate, zero where empty.
     #[must_use]
     pub fn reach(&self) -> f32 {

@@ -41,9 +41,40 @@ impl Affine {
         a[0] * (b[1] * d[2] - b[2] * d[1]) + a[1] * (b[2] * d[0] - b[0] * d[2]) + a[2] * (b[0] * d[1] - b[1] * d[0])
     }
 
+    /// Greatest row sum of absolute values of the linear part: of a point, no coordinate grows by more.
+    #[must_use]
+    pub fn row_sum_norm(&self) -> f64 {
+        (0..3).map(|k| self.columns[..3].iter().map(|column| f64::from(column[k]).abs()).sum()).fold(0.0, f64::max)
+    }
+
+    /// Greatest absolute coordinate that the image of a point has whose own coordinates do not exceed `reach`.
+    #[must_use]
+    pub fn reach(&self, reach: f32) -> f64 {
+        let [x, y, z, shift] = self.columns.map(|column| column.map(|c| f64::from(c).abs()));
+        (0..3).map(|k| f64::from(reach) * (x[k] + y[k] + z[k]) + shift[k]).fold(0.0, f64::max)
+    }
+
     /// Whether every number is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         self.columns.iter().flatten().all(|x| x.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_corner_of_a_cube_reaches_farther_and_one_reaches_as_far() {
+        let map = Affine { columns: [[1.0, -2.0, 0.5], [4.0, 3.0, 0.0], [-0.25, 0.0, 8.0], [-10.0, 0.0, 1.0]] };
+        let corners = (0..8).map(|i| std::array::from_fn(|k| if i >> k & 1 == 0 { -2.0 } else { 2.0 }));
+        let images = corners.clone().map(|corner| map.point_f64(corner));
+        let greatest = images.flatten().map(f64::abs).fold(0.0, f64::max);
+        assert_eq!(map.reach(2.0), greatest);
+        let linear = corners.map(|corner| map.vector_f64(corner));
+        let greatest = linear.flatten().map(f64::abs).fold(0.0, f64::max);
+        assert_eq!(2.0 * map.row_sum_norm(), greatest);
+        assert_eq!((Affine::IDENTITY.reach(3.0), Affine::IDENTITY.row_sum_norm()), (3.0, 1.0));
     }
 }

@@ -1,30 +1,9 @@
 use canted_obb::Affine;
+use canted_tlas::Motion;
 use canted_trace::{Hit, Query};
 
 use crate::mask::Numbered;
-use crate::vector::{Vector, add, cross, scale, sub, wide};
-
-/// The way of a moving instance: each number of its transform changes in a straight line.
-#[derive(Clone, Debug)]
-pub(crate) struct Motion {
-    open: [Vector; 4],
-    change: [Vector; 4],
-}
-
-impl Motion {
-    pub(crate) fn new(open: &Affine, close: &Affine) -> Self {
-        let [open, close] = [open, close].map(|map| map.columns.map(wide));
-        Self { open, change: std::array::from_fn(|j| sub(close[j], open[j])) }
-    }
-
-    /// The transform at a time, by the arithmetic that tracing uses; 0 for a time that is not a number.
-    pub(crate) fn pose(&self, time: f32) -> Pose {
-        #[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
-        let time = f64::from(time.max(0.0).min(1.0));
-        let columns = std::array::from_fn(|j| add(self.open[j], scale(self.change[j], time)));
-        Pose::new(columns)
-    }
-}
+use crate::vector::{Vector, add, cross, scale, wide};
 
 /// `world_from_object` of an instance that stands still, or at a time on the way, ready for points and normals.
 #[derive(Clone, Debug)]
@@ -37,6 +16,10 @@ pub(crate) struct Pose {
 impl Pose {
     fn new(columns: [Vector; 4]) -> Self {
         Self { columns, cofactor: cofactors(&columns) }
+    }
+
+    pub(crate) fn on_the_way(motion: &Motion, time: f32) -> Self {
+        Self::new(motion.world_from_object(time))
     }
 
     pub(crate) fn still(map: &Affine) -> Self {

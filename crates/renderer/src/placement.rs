@@ -26,10 +26,11 @@
 use std::borrow::Cow;
 
 use canted_obb::Affine;
+use canted_tlas::Motion;
 use canted_trace::HIT_ERROR;
 
-use crate::motion::{Motion, Pose};
-use crate::vector::{Vector, wide};
+use crate::motion::Pose;
+use crate::vector::Vector;
 
 /// Half a unit in the last place of 1.
 const U: f64 = 0.5 * f32::EPSILON as f64;
@@ -55,10 +56,8 @@ impl Placement {
     /// One that moves to `close` has the greater `W` of the two ends: `R_k` and `|T_k|` are convex along a straight line, so
     /// no time between exceeds it. It is traced with two levels.
     pub(crate) fn new(world_from_object: &Affine, close: Option<&Affine>, reach_object: f32) -> Self {
-        let reach_world = std::iter::once(world_from_object)
-            .chain(close)
-            .map(|map| reach_world(map, reach_object))
-            .fold(0.0, f64::max);
+        let reach_world =
+            std::iter::once(world_from_object).chain(close).map(|map| map.reach(reach_object)).fold(0.0, f64::max);
         Self {
             still: Pose::still(world_from_object),
             // No transform on the way is singular, so none changes the side.
@@ -78,7 +77,7 @@ impl Placement {
     pub(crate) fn pose(&self, time: f32) -> Cow<'_, Pose> {
         match &self.motion {
             None => Cow::Borrowed(&self.still),
-            Some(motion) => Cow::Owned(motion.pose(time)),
+            Some(motion) => Cow::Owned(Pose::on_the_way(motion, time)),
         }
     }
 
@@ -86,12 +85,4 @@ impl Placement {
     pub(crate) fn offset(&self, normal_world: Vector) -> f64 {
         self.slack * normal_world.iter().map(|x| x.abs()).sum::<f64>()
     }
-}
-
-/// The greatest absolute coordinate of an instance.
-fn reach_world(world_from_object: &Affine, reach_object: f32) -> f64 {
-    let [x, y, z, shift] = world_from_object.columns.map(wide);
-    (0..3)
-        .map(|k| f64::from(reach_object) * (x[k].abs() + y[k].abs() + z[k].abs()) + shift[k].abs())
-        .fold(0.0, f64::max)
 }

@@ -1,7 +1,7 @@
-use canted_obb::{Aabb, Affine, Obb};
+use canted_obb::{Affine, Obb};
 use canted_trace::{HIT_ERROR, Query, Ray, ScaledRay};
 
-use crate::motion::{self, Motion, invert, norm};
+use crate::motion::{Motion, invert, row_sum_norm};
 
 /// A placed bottom level, still or moving.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,13 +27,14 @@ impl Instance {
     /// Rows of the inverse of where the instance stands, or starts, each with its translation last, computed in `f64`.
     ///
     /// # Errors
-    /// A transform that [`Tlas::new`](crate::Tlas::new) refuses, told of the instance with this number.
+    /// A transform as the shutter opens that is not finite or too near singular, told of the instance with this number. What
+    /// [`Tlas::new`](crate::Tlas::new) refuses besides is not looked at: the way from there on, and boxes that leave the numbers.
     pub fn object_from_world(&self, index: usize) -> Result<[[f64; 4]; 3], InstanceError> {
         if !self.world_from_object.is_finite() {
             return Err(InstanceError::NotFinite { instance: index });
         }
         let inverse = invert(&self.world_from_object.columns.map(|column| column.map(f64::from)));
-        let condition = condition(motion::norm_of(&self.world_from_object), norm(&inverse));
+        let condition = condition(self.world_from_object.row_sum_norm(), row_sum_norm(&inverse));
         if condition > MAX_CONDITION {
             return Err(InstanceError::IllConditioned { instance: index, condition });
         }
@@ -176,10 +177,10 @@ impl Placed {
         let inverse = invert(&open.columns.map(|column| column.map(f64::from)));
         let motion = close.map(|close| Box::new(Motion::new(open, close)));
         let greatest = |of: &dyn Fn(&Affine) -> f64| matrices().map(of).fold(0.0, f64::max);
-        let forward = greatest(&motion::norm_of);
+        let forward = greatest(&Affine::row_sum_norm);
         let backward = match &motion {
             None => {
-                let backward = norm(&inverse);
+                let backward = row_sum_norm(&inverse);
                 let condition = condition(forward, backward);
                 if condition > MAX_CONDITION {
                     return Err(InstanceError::IllConditioned { instance: index, condition });
@@ -198,8 +199,7 @@ impl Placed {
             fixed: relative * forward * (backward * translation + reach) + 2.0 * U * translation,
         };
         let bounds_world = swept(bounds, open, close);
-        let Aabb { min, max } = bounds_world.aabb();
-        if ![min, max].as_flattened().iter().all(|x| x.is_finite()) {
+        if !bounds_world.aabb().is_finite() {
             return Err(InstanceError::OutOfRange { instance: index });
         }
         Ok((Self { blas: instance.blas, object_from_world: inverse, motion }, bounds_world, error))

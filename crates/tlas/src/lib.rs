@@ -30,5 +30,6 @@ mod top;
 pub use binary::{Binary, PairOrder, TracedLeaf};
 pub use blas::{Blas, BuildConfig, MeshBlas};
 pub use instance::{Instance, InstanceError, MAX_CONDITION};
+pub use motion::{Motion, row_sum_norm};
 pub use tlas::Tlas;
 pub use top::TopConfig;

@@ -7,16 +7,27 @@ type Columns = [[f64; 3]; 4];
 type Rows = [[f64; 4]; 3];
 
 /// The way of a moving instance: `M(s) = open + s·change`, for times `s` in `[0, 1]`.
+///
+/// Each number of the transform changes in a straight line.
 #[derive(Clone, Debug)]
-pub(crate) struct Motion {
+pub struct Motion {
     open: Columns,
     change: Columns,
 }
 
 impl Motion {
-    pub(crate) fn new(open: &Affine, close: &Affine) -> Self {
+    /// The way between where an instance is as the shutter opens and where it is as it closes, `world_from_object` both.
+    #[must_use]
+    pub fn new(open: &Affine, close: &Affine) -> Self {
         let [open, close] = [open, close].map(|map| map.columns.map(|column| column.map(f64::from)));
         Self { open, change: zip(open, close, |open, close| close - open) }
+    }
+
+    /// Columns of the map at a time, as rays meet it, computed in `f64`; a time that is not a number counts as 0.
+    #[inline]
+    #[must_use]
+    pub fn world_from_object(&self, time: f32) -> [[f64; 3]; 4] {
+        self.at(within_shutter(time))
     }
 
     /// The inverse at a time, computed in `f64`; a time that is not a number counts as 0.
@@ -26,15 +37,17 @@ impl Motion {
     /// thirtieth of a rounding to `f32`.
     #[inline]
     pub(crate) fn object_from_world(&self, time: f32) -> Rows {
-        // In this order a NaN becomes 0.
-        #[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
-        let time = f64::from(time.max(0.0).min(1.0));
-        self.inverse(time)
+        self.inverse(within_shutter(time))
     }
 
     #[inline]
     fn inverse(&self, time: f64) -> Rows {
-        invert(&zip(self.open, self.change, |open, change| open + time * change))
+        invert(&self.at(time))
+    }
+
+    #[inline]
+    fn at(&self, time: f64) -> Columns {
+        zip(self.open, self.change, |open, change| open + time * change)
     }
 
     /// A bound of `‖M(s)⁻¹‖` over all times, the greatest row sum, at most 4/3 of the greatest value.
@@ -48,14 +61,14 @@ impl Motion {
     pub(crate) fn norm_of_inverse(&self, limit: f64) -> Result<f64, (f64, f64)> {
         let mut greatest = 0.0_f64;
         for end in [0.0, 1.0] {
-            greatest = greatest.max(within(end, norm(&self.inverse(end)), limit)?);
+            greatest = greatest.max(within(end, row_sum_norm(&self.inverse(end)), limit)?);
         }
         // Middles and half-widths, exact in f64.
         let mut waiting = vec![(0.5, 0.5)];
         while let Some((middle, half)) = waiting.pop() {
             let inverse = self.inverse(middle);
-            let at_middle = within(middle, norm(&inverse), limit)?;
-            let shrink = half * norm(&product(&inverse, &self.change));
+            let at_middle = within(middle, row_sum_norm(&inverse), limit)?;
+            let shrink = half * row_sum_norm(&product(&inverse, &self.change));
             if shrink <= 0.25 {
                 greatest = greatest.max(at_middle / (1.0 - shrink));
             } else {
@@ -64,6 +77,13 @@ impl Motion {
         }
         Ok(greatest)
     }
+}
+
+/// The time of a ray in `[0, 1]`, in which order a NaN becomes 0.
+#[inline]
+#[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
+fn within_shutter(time: f32) -> f64 {
+    f64::from(time.max(0.0).min(1.0))
 }
 
 /// `norm`, or both where it is above `limit` or infinite.
@@ -80,18 +100,15 @@ fn product(rows: &Rows, columns: &Columns) -> Rows {
     rows.map(|row| std::array::from_fn(|j| if j < 3 { (0..3).map(|k| row[k] * columns[j][k]).sum() } else { 0.0 }))
 }
 
-/// Greatest row sum of the linear part; infinite where a number of the map is not finite.
-pub(crate) fn norm(rows: &Rows) -> f64 {
+/// Greatest row sum of absolute values of the linear part of a map by its rows, each with its translation last; infinite where
+/// a number of the map is not finite.
+#[must_use]
+pub fn row_sum_norm(rows: &[[f64; 4]; 3]) -> f64 {
     // A singular matrix of rank one has an inverse of NaNs, which a maximum passes over.
     if !rows.iter().flatten().all(|x| x.is_finite()) {
         return f64::INFINITY;
     }
     rows.iter().map(|row| row[..3].iter().map(|x| x.abs()).sum()).fold(0.0, f64::max)
-}
-
-/// Greatest row sum of the linear part of a map.
-pub(crate) fn norm_of(map: &Affine) -> f64 {
-    (0..3).map(|k| map.columns[..3].iter().map(|column| f64::from(column[k]).abs()).sum()).fold(0.0, f64::max)
 }
 
 /// Rows of the inverse map, by cofactors in `f64`; not finite where the matrix is singular.
@@ -131,10 +148,27 @@ mod tests {
                 let motion = Motion::new(&open, &turned(0.2 + angle, scale, [1e7; 3]));
                 let bound = motion.norm_of_inverse(1e12).unwrap();
                 let times = (0..=100_000).map(|i| f64::from(i) / 100_000.0);
-                let greatest = times.map(|time| norm(&motion.inverse(time))).fold(0.0, f64::max);
+                let greatest = times.map(|time| row_sum_norm(&motion.inverse(time))).fold(0.0, f64::max);
                 assert!(greatest <= bound && bound <= 1.34 * greatest, "{angle} {scale:?}: {greatest} {bound}");
             }
         }
+    }
+
+    #[test]
+    fn ways_begin_and_end_where_they_are_told_to_at_any_time() {
+        let (open, close) = (turned(0.2, [1.0; 3], [0.0; 3]), turned(1.2, [3.0, 1.0, 0.5], [1e3; 3]));
+        let motion = Motion::new(&open, &close);
+        let columns = |map: &Affine| map.columns.map(|column| column.map(f64::from));
+        for time in [0.0, -0.0, -1.0, f32::NEG_INFINITY, f32::NAN] {
+            assert_eq!(motion.world_from_object(time), columns(&open), "{time}");
+        }
+        for time in [1.0, 2.0, f32::INFINITY] {
+            let off = zip(motion.world_from_object(time), columns(&close), |a, b| (a - b).abs());
+            assert!(off.as_flattened().iter().all(|&off| off <= 1e3 * f64::EPSILON), "{time}: {off:?}");
+        }
+        let [half, whole] = [0.5, 1.0].map(|time| motion.world_from_object(time)[3][0]);
+        assert_eq!(half, 0.5 * whole);
+        assert_eq!(motion.object_from_world(0.5), invert(&motion.world_from_object(0.5)));
     }
 
     #[test]
