@@ -124,6 +124,30 @@ fn what_kernels_do_not_trace_is_refused() {
 }
 
 #[test]
+fn coordinates_beyond_the_proof_are_refused() {
+    let Some(gpu) = gpu("coordinates_beyond_the_proof_are_refused") else { return };
+    let reaching = |far: f32| {
+        let positions = [[0.0; 3], [far, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        Tree::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap()
+    };
+    let there = |shift: f32| {
+        let mut map = Affine::IDENTITY;
+        map.columns[3][1] = shift;
+        Instance::still(0, map)
+    };
+    assert!(TracedScene::one(&gpu, &reaching(1e18), &[0]).is_ok());
+    assert!(TracedScene::two(&gpu, &[&floor(1)], &[there(-9e17)]).is_ok());
+    for (name, scene) in [
+        ("tree over all instances", TracedScene::one(&gpu, &reaching(1.1e18), &[0])),
+        ("mesh 0", TracedScene::two(&gpu, &[&reaching(f32::MAX)], &[])),
+        ("instance 1", TracedScene::two(&gpu, &[&floor(1)], &[there(0.0), there(-2e18)])),
+    ] {
+        let Err(error) = scene else { panic!("{name} is traced") };
+        assert!(error.to_string().contains(&format!("{name}, which has coordinates above 1e18")), "{error}");
+    }
+}
+
+#[test]
 fn a_scene_above_the_limit_is_refused_with_limit_need_and_remedy() {
     let test = "a_scene_above_the_limit_is_refused_with_limit_need_and_remedy";
     let Some(gpu) = lowered(test, 1 << 16) else { return };

@@ -25,8 +25,8 @@ impl TwoLevels {
     /// Places `instances` of the meshes under `bottom`, which a tree of `config` is built over.
     ///
     /// # Errors
-    /// An instance of no mesh, one that moves while the shutter is open, or a transform that is not finite; a device that lacks
-    /// the memory, or is lost.
+    /// An instance of no mesh, one that moves while the shutter is open, or a transform that is not finite or carries its box out of
+    /// the numbers; a device that lacks the memory, or is lost.
     pub fn new(
         run: &mut Run<'_>,
         bottom: Built,
@@ -57,8 +57,8 @@ fn top(
 ) -> Result<(Built, Vec<u32>), GpuError> {
     let (mut boxes, mut numbers) = (vec![], vec![]);
     for (number, instance) in (0u32..).zip(instances) {
-        if let Some(root) = root_of(number, instance, roots)? {
-            boxes.push(root.transformed(&instance.world_from_object));
+        if let Some(placed) = placed(number, instance, roots)? {
+            boxes.push(placed);
             numbers.push(number);
         }
     }
@@ -66,8 +66,8 @@ fn top(
     Ok((Built::new(run, items, config)?, numbers))
 }
 
-/// The box of an instance's mesh; `None` where that has no triangle.
-fn root_of(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Option<Obb>, GpuError> {
+/// The box of an instance in the world; `None` where its mesh has no triangle.
+fn placed(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Option<Obb>, GpuError> {
     let index = number as usize;
     if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
         return Err(GpuError::Untraceable { what: format!("instance {index}, which moves") });
@@ -75,9 +75,13 @@ fn root_of(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Op
     let root = match roots.get(instance.blas as usize) {
         None => Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas }),
         Some(_) if !instance.world_from_object.is_finite() => Err(InstanceError::NotFinite { instance: index }),
-        Some(root) => Ok(*root),
+        Some(root) => Ok(root.map(|root| root.transformed(&instance.world_from_object))),
     };
-    root.map_err(|error| GpuError::Untraceable { what: format!("instances as they stand: {error}") })
+    let in_range = root.and_then(|placed| match placed {
+        Some(placed) if !placed.aabb().is_finite() => Err(InstanceError::OutOfRange { instance: index }),
+        placed => Ok(placed),
+    });
+    in_range.map_err(|error| GpuError::Untraceable { what: format!("instances as they stand: {error}") })
 }
 
 impl Built {
@@ -107,5 +111,31 @@ impl Built {
             _ => nodes.next(),
         };
         Ok(self.items.ranges().iter().map(|range| range.count).map(of_tree).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_obb::Affine;
+
+    use super::*;
+
+    fn scaled(by: f32, shift: f32) -> Affine {
+        Affine { columns: [[by, 0.0, 0.0], [0.0, by, 0.0], [0.0, 0.0, by], [shift, 0.0, 0.0]] }
+    }
+
+    #[test]
+    fn boxes_out_of_the_numbers_are_refused_by_instance() {
+        let roots = [Some(Obb::from_aabb(&Aabb { min: [-1e10; 3], max: [1e10; 3] })), None];
+        let refused = |number, map| placed(number, &Instance::still(0, map), &roots).unwrap_err().to_string();
+        for (number, map) in [(3, scaled(1e30, 0.0)), (4, scaled(f32::MAX, f32::MAX))] {
+            let error = refused(number, map);
+            assert!(error.contains(&format!("instance {number} carries its box beyond what f32 can hold")), "{error}");
+        }
+        assert!(refused(5, scaled(1.0, f32::NAN)).contains("instance 5 is not finite"));
+        let inside = placed(0, &Instance::still(0, scaled(1e20, -1e30)), &roots).unwrap().unwrap();
+        assert!(inside.aabb().is_finite());
+        // What has no triangle has no box that could be too large.
+        assert_eq!(placed(0, &Instance::still(1, scaled(1e30, 0.0)), &roots), Ok(None));
     }
 }

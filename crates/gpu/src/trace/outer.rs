@@ -1,10 +1,11 @@
 //! The tree over instances, and how far hits in them may be off in world space.
 
 use canted_obb::{Aabb, Affine, PrimId};
-use canted_tlas::{Instance, InstanceError};
-use canted_wide::{BoxTree, Config, Preset, Words};
+use canted_tlas::{Instance, InstanceError, row_sum_norm};
+use canted_wide::{BoxTree, Config, Preset, PrimitiveError, Words};
 
 use super::motion::{Motion, MotionWords};
+use super::reach::check_reach;
 use super::words::{HIT_ERROR, HitError, PlaceWords};
 use crate::GpuError;
 
@@ -25,12 +26,23 @@ pub(super) struct Outer {
 impl Outer {
     /// Places instances of meshes whose trees have these words and boxes.
     pub(super) fn new(meshes: &[(Words<'_>, Aabb)], instances: &[Instance]) -> Result<Self, GpuError> {
+        for (index, (words, _)) in meshes.iter().enumerate() {
+            check_reach(|| format!("mesh {index}"), words.reach.into())?;
+        }
         let mut outer = Placing::default();
         for (index, instance) in instances.iter().enumerate() {
             outer.add(index, instance, meshes)?;
         }
         let Placing { places, motions, boxes, numbers, error } = outer;
-        let tree = BoxTree::build(&boxes, &Config::preset(Preset::Fast)).map_err(|error| untraceable(&error))?;
+        let of_instance = |error| match error {
+            // Meshes without triangles have no box: instances are not numbered as boxes are.
+            PrimitiveError::Bounds { primitive } => {
+                InstanceError::OutOfRange { instance: numbers[primitive.index()] as usize }
+            }
+            PrimitiveError::TooMany { .. } => InstanceError::TooMany { n_instances: instances.len() },
+        };
+        let tree =
+            BoxTree::build(&boxes, &Config::preset(Preset::Fast)).map_err(|error| untraceable(&of_instance(error)))?;
         let instances = tree.words().1.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
         Ok(Self { places, motions, tree, error, instances })
     }
@@ -57,8 +69,8 @@ impl Placing {
         let motion = Motion::of(instance);
         let ends = || [Some(instance.world_from_object), instance.world_from_object_close].into_iter().flatten();
         // Norms of a transform, and the box of what it moves, are convex: on the way they are within those of the ends.
-        let forward = ends().map(|end| norm_of(&end)).fold(0.0, f64::max);
-        let backward = motion.as_ref().map_or_else(|| norm(&inverse), Motion::norm_of_inverse);
+        let forward = ends().map(|end| end.row_sum_norm()).fold(0.0, f64::max);
+        let backward = motion.as_ref().map_or_else(|| row_sum_norm(&inverse), Motion::norm_of_inverse);
         let condition = forward * backward;
         if !ends().all(|end| end.is_finite()) || condition > MAX_CONDITION {
             let transform = if motion.is_some() { "motion" } else { "transform" };
@@ -66,6 +78,8 @@ impl Placing {
                 format!("instance {index}, whose {transform} has condition {condition:e}, beyond {MAX_CONDITION:e}");
             return Err(GpuError::Untraceable { what });
         }
+        let reach = ends().map(|end| end.reach(words.reach)).fold(0.0, f64::max);
+        check_reach(|| format!("instance {index}"), reach)?;
         self.motions.extend(motion.as_ref().map(Motion::words));
         let number = motion.as_ref().map_or(0, |_| self.motions.len() as u32);
         // The tree over instances is the first of all trees.
@@ -127,12 +141,54 @@ fn untraceable(error: &dyn std::error::Error) -> GpuError {
     GpuError::Untraceable { what: format!("instances as they stand: {error}") }
 }
 
-/// Greatest row sum of the linear part.
-fn norm(rows: &[[f64; 4]; 3]) -> f64 {
-    rows.iter().map(|row| row[..3].iter().map(|x| x.abs()).sum()).fold(0.0, f64::max)
-}
+#[cfg(test)]
+mod tests {
+    use canted_trace::Watertight;
+    use canted_wide::Wide;
 
-/// Greatest row sum of the linear part of a map.
-fn norm_of(map: &Affine) -> f64 {
-    (0..3).map(|k| map.columns[..3].iter().map(|column| f64::from(column[k]).abs()).sum()).fold(0.0, f64::max)
+    use super::*;
+
+    /// A triangle whose greatest coordinate is `reach`; nothing for zero.
+    fn mesh(reach: f32) -> Wide<Watertight> {
+        let triangles: &[[u32; 3]] = if reach > 0.0 { &[[0, 1, 2]] } else { &[] };
+        let positions = [[0.0; 3], [reach, 0.0, 0.0], [0.0, reach, 0.0]];
+        Wide::build(&positions, triangles, &Config::preset(Preset::Fast)).unwrap()
+    }
+
+    fn placed(reaches: &[f32], instances: &[Instance]) -> Result<Outer, String> {
+        let meshes: Vec<_> = reaches.iter().map(|&reach| mesh(reach)).collect();
+        let words: Vec<_> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
+        Outer::new(&words, instances).map_err(|error| error.to_string())
+    }
+
+    fn at(blas: u32, scale: f32, shift: f32) -> Instance {
+        let [x, y, z] = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale]];
+        Instance::still(blas, Affine { columns: [x, y, z, [shift, 0.0, 0.0]] })
+    }
+
+    #[test]
+    fn what_reaches_beyond_the_proof_is_refused_by_number() {
+        let refused = |reaches: &[f32], instances: &[Instance]| match placed(reaches, instances) {
+            Ok(_) => panic!("{reaches:?} {instances:?} are placed"),
+            Err(error) => error,
+        };
+        let of = |name: &str| {
+            format!("the device does not trace {name}, which has coordinates above 1e18; use --device cpu")
+        };
+        assert_eq!(refused(&[1.0, 1e19], &[]), of("mesh 1"));
+        assert_eq!(refused(&[1.0], &[at(0, 1.0, 0.0), at(0, 1e19, 0.0)]), of("instance 1"));
+        // The first has no box: boxes are not numbered as instances are.
+        assert_eq!(refused(&[0.0, 1.0], &[at(0, 1.0, 0.0), at(1, 1.0, 1.0), at(1, 1.0, -2e18)]), of("instance 2"));
+        let leaving = Instance { world_from_object_close: Some(at(0, 1.0, 1e30).world_from_object), ..at(0, 1.0, 0.0) };
+        assert_eq!(refused(&[1.0], &[leaving]), of("instance 0"));
+    }
+
+    #[test]
+    fn what_reaches_as_far_as_the_proof_is_placed() {
+        let outer = placed(&[1e18, 0.0], &[at(1, 1.0, 0.0), at(0, 1.0, 0.0), at(0, 1e-18, 9e17)]).unwrap();
+        assert_eq!(outer.places.len(), 3);
+        let mut instances = outer.instances;
+        instances.sort_unstable();
+        assert_eq!(instances, [1, 2]);
+    }
 }

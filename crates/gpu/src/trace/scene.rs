@@ -7,6 +7,7 @@ use canted_wide::{LaneKernel, Wide, Words};
 
 use super::motion::MotionWords;
 use super::outer::Outer;
+use super::reach::check_reach;
 use super::walk::{LinkWords, Walk, is_aligned, links};
 use super::words::{HitError, PlaceWords, Quad, Start, TreeWords};
 use crate::{Bound, Buffer, Gpu, GpuError, Specialisation, loop_turns};
@@ -70,9 +71,10 @@ impl TracedScene {
     /// instance's first, in order.
     ///
     /// # Errors
-    /// More than the device's limits allow, or a device that is lost.
+    /// Coordinates above [`MOST_REACH`](crate::MOST_REACH), more than the device's limits allow, or a device that is lost.
     pub fn one<K: LaneKernel>(gpu: &Gpu, tree: &Wide<K>, first_triangles: &[u32]) -> Result<Self, GpuError> {
         let words = tree.words();
+        check_reach(|| "the tree over all instances".to_owned(), words.reach.into())?;
         let level = if first_triangles.len() > 1 {
             Level::Flat(gpu.buffer("first triangles of instances", first_triangles)?)
         } else {
@@ -85,8 +87,9 @@ impl TracedScene {
     /// Uploads a tree a mesh and the instances that place them, with a tree over these.
     ///
     /// # Errors
-    /// As [`TracedScene::one`]; instances that no bottom level belongs to, or whose transform is nearer to singular, anywhere on
-    /// its way, than the arithmetic of kernels allows ([`Motion::norm_of_inverse`](crate::Motion::norm_of_inverse)).
+    /// As [`TracedScene::one`], of coordinates in the world, too; instances that no bottom level belongs to, or whose transform is
+    /// nearer to singular, anywhere on its way, than the arithmetic of kernels allows
+    /// ([`Motion::norm_of_inverse`](crate::Motion::norm_of_inverse)).
     pub fn two<K: LaneKernel>(gpu: &Gpu, meshes: &[&Wide<K>], instances: &[Instance]) -> Result<Self, GpuError> {
         let words: Vec<(Words<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
         let outer = Outer::new(&words, instances)?;

@@ -1,7 +1,7 @@
 //! Triangles and vertices as kernels read them.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::Motion;
+use canted_gpu::{MOST_REACH, Motion};
 use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
 use rayon::prelude::*;
@@ -196,9 +196,6 @@ fn put<const N: usize>(words: &mut [f32], stride: usize, column: u32, values: &[
         vertex[column..column + N].copy_from_slice(&value.map(tame));
     }
 }
-
-/// Greatest coordinate that kernels compute with: squares of distances stay far from overflow.
-pub(super) const MOST_REACH: f32 = 1e18;
 
 /// What kernels may compute with: finite, and far from overflow. Positions of triangles are, or their scene is refused.
 fn tame(x: f32) -> f32 {

@@ -9,11 +9,9 @@ use canted_wide::{LaneKernel, Wide};
 use super::DeviceError;
 use super::environment::DeviceSky;
 use super::film::{self, Taker};
-use super::geometry::MOST_REACH;
 use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
 use super::scene::PackedScene;
-use super::slack;
 use super::slices::Slicer;
 use super::stages::{Light, Stages};
 use crate::render::{Layout, Rendering, Sums, assembled, in_place};
@@ -190,30 +188,12 @@ pub fn traced_scene<K: LaneKernel>(
         }
     }
     Ok(match structure {
-        Structure::One(flat) => {
-            let tree = wide(flat.blas())?;
-            check_reach([tree.words().reach.into()].into_iter())?;
-            TracedScene::one(gpu, tree, flat.first())?
-        }
+        Structure::One(flat) => TracedScene::one(gpu, wide(flat.blas())?, flat.first())?,
         Structure::Two(tlas) => {
             let meshes = tlas.blas().iter().map(wide).collect::<Result<Vec<_>, _>>()?;
-            let of_meshes: Vec<f32> = meshes.iter().map(|mesh| mesh.words().reach).collect();
-            let placed = scene.instances.iter().flat_map(|instance| {
-                let ends = [Some(instance.world_from_object), instance.world_from_object_close].into_iter().flatten();
-                ends.map(|end| slack::reach_world(&end, of_meshes[instance.mesh.0 as usize]))
-            });
-            check_reach(of_meshes.iter().map(|&reach| reach.into()).chain(placed))?;
             TracedScene::two(gpu, &meshes, &instances(scene))?
         }
     })
-}
-
-/// Refuses scenes with coordinates that kernels do not compute with, by the greatest of each mesh and each instance.
-fn check_reach(mut reaches: impl Iterator<Item = f64>) -> Result<(), DeviceError> {
-    match reaches.any(|reach| reach > MOST_REACH.into()) {
-        true => Err(DeviceError::Unknown { what: "coordinates above 1e18" }),
-        false => Ok(()),
-    }
 }
 
 /// Refuses what there are no kernels for.

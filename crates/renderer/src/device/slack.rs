@@ -48,7 +48,7 @@ pub(super) fn in_world(reach: f32) -> f32 {
 /// The same for an instance of a mesh with greatest absolute coordinate `reach_object`.
 pub(super) fn of_instance(world_from_object: &Affine, reach_object: f32) -> f32 {
     let m: [Vector; 4] = world_from_object.columns.map(wide);
-    let reach_world = reach_world(world_from_object, reach_object);
+    let reach_world = world_from_object.reach(reach_object);
     // Rows of the inverse are the columns of cofactors over the determinant.
     let inverse = cofactors(&m).map(|row| row.map(|x| x / dot(m[0], cofactors(&m)[0])));
     let row_sum =
@@ -61,21 +61,16 @@ pub(super) fn of_instance(world_from_object: &Affine, reach_object: f32) -> f32 
 }
 
 /// The same for an instance that moves between two transforms.
-pub(super) fn of_moving(ends: impl Iterator<Item = Affine> + Clone, motion: &Motion, reach_object: f32) -> f32 {
-    let reach_world = ends.clone().map(|end| reach_world(&end, reach_object)).fold(0.0, f64::max);
-    let row_sum = |m: &Affine, k: usize| m.columns[..3].iter().map(|column| f64::from(column[k].abs())).sum::<f64>();
-    let forward = ends.map(|end| (0..3).map(|k| row_sum(&end, k)).fold(0.0, f64::max)).fold(0.0, f64::max);
+pub(super) fn of_moving(
+    ends: impl Iterator<Item = Affine> + Clone,
+    motion: &Motion,
+    reach_object: f32,
+) -> f32 {
+    let reach_world = ends.clone().map(|end| end.reach(reach_object)).fold(0.0, f64::max);
+    let forward = ends.map(|end| end.row_sum_norm()).fold(0.0, f64::max);
     let condition = forward * motion.norm_of_inverse();
     let lean = 8.0 * 2.0 * 3.0_f64.sqrt() * 3.0 * condition;
     rounded_up((IN_WORLD + (4.0 + 175.0 * condition + lean) * E) * reach_world)
-}
-
-/// The greatest absolute coordinate of an instance.
-pub(super) fn reach_world(world_from_object: &Affine, reach_object: f32) -> f64 {
-    let [x, y, z, shift] = world_from_object.columns.map(wide);
-    (0..3)
-        .map(|k| f64::from(reach_object) * (x[k].abs() + y[k].abs() + z[k].abs()) + shift[k].abs())
-        .fold(0.0, f64::max)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "the room is greater than the rounding")]
