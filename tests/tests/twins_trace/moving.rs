@@ -1,7 +1,7 @@
 //! Instances that move while the shutter is open: at each ray's time the device hits what the CPU hits there.
 
 use canted_fixtures::{Mesh, SplitMix64};
-use canted_gpu::{Answer, DeviceHit, DeviceRay, Gpu, HIT_ERROR, Motion, Specialisation, TracedScene};
+use canted_gpu::{Answer, DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Specialisation, TracedScene};
 use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, places},
@@ -55,7 +55,9 @@ fn corners_at(instance: &Instance, mesh: &Mesh, primitive: u32, time: f32) -> [[
 
 /// `B` of an instance, wherever it is on its way.
 fn error(ray: &Ray, instance: &Instance, reach: f64) -> f64 {
-    let Some(motion) = Motion::of(instance) else { return error_of_instance(ray, &instance.world_from_object, reach) };
+    let Some(motion) = MotionPolynomials::of(instance) else {
+        return error_of_instance(ray, &instance.world_from_object, reach);
+    };
     let ends = [instance.world_from_object, instance.world_from_object_close.unwrap()];
     let row_sum = |m: &Affine, k: usize| m.columns[..3].iter().map(|column| f64::from(column[k].abs())).sum::<f64>();
     let forward = ends.iter().flat_map(|m| (0..3).map(|k| row_sum(m, k))).fold(0.0, f64::max);

@@ -16,7 +16,7 @@ mod walk;
 mod words;
 
 pub use cast::Answer;
-pub use motion::Motion;
+pub use motion::MotionPolynomials;
 pub use ray::{DeviceHit, DeviceRay};
 pub use reach::MOST_REACH;
 pub use scene::TracedScene;

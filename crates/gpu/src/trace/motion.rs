@@ -10,16 +10,16 @@ type Vector = [f64; 3];
 /// Bernstein coefficients.
 ///
 /// Kernels divide one by the other. Where all coefficients of the determinant have one sign, that loses no more digits anywhere
-/// on the way than [`Motion::norm_of_inverse`] says. Turns of less than 120 degrees between transforms that scale alike are so.
+/// on the way than [`MotionPolynomials::norm_of_inverse`] says. Turns of less than 120 degrees between transforms that scale alike are so.
 #[derive(Clone, Debug)]
-pub struct Motion {
+pub struct MotionPolynomials {
     /// For each axis the coefficients of its cofactors: rows of the inverse times the determinant.
     cofactors: [[Vector; 3]; 3],
     determinant: [f64; 4],
     close: Affine,
 }
 
-impl Motion {
+impl MotionPolynomials {
     /// The way of an instance that moves; `None` where it stands still.
     #[must_use]
     pub fn of(instance: &Instance) -> Option<Self> {
@@ -145,7 +145,7 @@ mod tests {
     fn cofactors_over_determinant_are_the_inverse_within_its_bound_at_all_times() {
         for (angle, scale) in [(0.0, 1.0), (0.4, 1.0), (1.5, 1e-3), (2.0, 3.0), (-1.0, 0.2)] {
             let (open, close) = (about_z(0.3, 1.0), about_z(0.3 + angle, scale));
-            let motion = Motion::new(&open, close);
+            let motion = MotionPolynomials::new(&open, close);
             let bound = motion.norm_of_inverse();
             let mut greatest = 0.0_f64;
             for step in 0..=64 {
@@ -173,11 +173,11 @@ mod tests {
         // A turn of 130 degrees, one through a singular map, and a mirror.
         for angle in [130.0_f64, 180.0] {
             assert_eq!(
-                Motion::new(&about_z(0.0, 1.0), about_z(angle.to_radians(), 1.0)).norm_of_inverse(),
+                MotionPolynomials::new(&about_z(0.0, 1.0), about_z(angle.to_radians(), 1.0)).norm_of_inverse(),
                 f64::INFINITY
             );
         }
-        assert_eq!(Motion::new(&Affine::IDENTITY, about_z(0.0, 1.0)).norm_of_inverse(), f64::INFINITY);
+        assert_eq!(MotionPolynomials::new(&Affine::IDENTITY, about_z(0.0, 1.0)).norm_of_inverse(), f64::INFINITY);
     }
 
     #[test]

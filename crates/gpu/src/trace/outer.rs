@@ -4,7 +4,7 @@ use canted_obb::{Aabb, Affine, PrimId};
 use canted_tlas::{Instance, InstanceError, row_sum_norm};
 use canted_wide::{BoxTree, Config, Preset, PrimitiveError, Words};
 
-use super::motion::{Motion, MotionWords};
+use super::motion::{MotionPolynomials, MotionWords};
 use super::reach::check_reach;
 use super::words::{HIT_ERROR, HitError, PlaceWords};
 use crate::GpuError;
@@ -66,11 +66,11 @@ impl Placing {
             return Err(untraceable(&InstanceError::NoSuchBlas { instance: index, blas: instance.blas }));
         };
         let inverse = instance.object_from_world(index).map_err(|error| untraceable(&error))?;
-        let motion = Motion::of(instance);
+        let motion = MotionPolynomials::of(instance);
         let ends = || [Some(instance.world_from_object), instance.world_from_object_close].into_iter().flatten();
         // Norms of a transform, and the box of what it moves, are convex: on the way they are within those of the ends.
         let forward = ends().map(|end| end.row_sum_norm()).fold(0.0, f64::max);
-        let backward = motion.as_ref().map_or_else(|| row_sum_norm(&inverse), Motion::norm_of_inverse);
+        let backward = motion.as_ref().map_or_else(|| row_sum_norm(&inverse), MotionPolynomials::norm_of_inverse);
         let condition = forward * backward;
         if !ends().all(|end| end.is_finite()) || condition > MAX_CONDITION {
             let transform = if motion.is_some() { "motion" } else { "transform" };
@@ -80,7 +80,7 @@ impl Placing {
         }
         let reach = ends().map(|end| end.reach(words.reach)).fold(0.0, f64::max);
         check_reach(|| format!("instance {index}"), reach)?;
-        self.motions.extend(motion.as_ref().map(Motion::words));
+        self.motions.extend(motion.as_ref().map(MotionPolynomials::words));
         let number = motion.as_ref().map_or(0, |_| self.motions.len() as u32);
         // The tree over instances is the first of all trees.
         self.places.push(PlaceWords::new(&inverse, &instance.world_from_object, [instance.blas + 1, number]));

@@ -89,7 +89,7 @@ impl TracedScene {
     /// # Errors
     /// As [`TracedScene::one`], of coordinates in the world, too; instances that no bottom level belongs to, or whose transform is
     /// nearer to singular, anywhere on its way, than the arithmetic of kernels allows
-    /// ([`Motion::norm_of_inverse`](crate::Motion::norm_of_inverse)).
+    /// ([`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse)).
     pub fn two<K: LaneKernel>(gpu: &Gpu, meshes: &[&Wide<K>], instances: &[Instance]) -> Result<Self, GpuError> {
         let words: Vec<(Words<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
         let outer = Outer::new(&words, instances)?;

@@ -1,7 +1,7 @@
 //! Triangles and vertices as kernels read them.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{MOST_REACH, Motion};
+use canted_gpu::{MOST_REACH, MotionPolynomials};
 use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
 use rayon::prelude::*;
@@ -117,9 +117,9 @@ impl Geometry {
             .iter()
             .map(|mesh| (all.count(), all.add(mesh, columns, &Affine::IDENTITY, materials)))
             .collect();
-        let motions: Vec<Option<Motion>> = instances(scene).iter().map(Motion::of).collect();
+        let motions: Vec<Option<MotionPolynomials>> = instances(scene).iter().map(MotionPolynomials::of).collect();
         let mut n_motions = 0;
-        let placement = |(instance, motion): (&Instance, &Option<Motion>)| {
+        let placement = |(instance, motion): (&Instance, &Option<MotionPolynomials>)| {
             let (first_triangle, reach) = of_meshes[instance.mesh.0 as usize];
             let still = packed_placement(&instance.world_from_object, first_triangle, reach);
             let Some(motion) = motion else { return still };

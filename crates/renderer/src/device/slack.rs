@@ -24,7 +24,7 @@
 //! of `W`, with room; cofactors are off by `4.5 E`, their products by `3 E`, so a normal leans by `8 E` of Frobenius norms, which are at most
 //! `3·k`.
 
-use canted_gpu::Motion;
+use canted_gpu::MotionPolynomials;
 use canted_obb::Affine;
 
 use crate::motion::cofactors;
@@ -63,7 +63,7 @@ pub(super) fn of_instance(world_from_object: &Affine, reach_object: f32) -> f32 
 /// The same for an instance that moves between two transforms.
 pub(super) fn of_moving(
     ends: impl Iterator<Item = Affine> + Clone,
-    motion: &Motion,
+    motion: &MotionPolynomials,
     reach_object: f32,
 ) -> f32 {
     let reach_world = ends.clone().map(|end| end.reach(reach_object)).fold(0.0, f64::max);
