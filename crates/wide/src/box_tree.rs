@@ -58,8 +58,9 @@ impl BoxTree {
             return Err(PrimitiveError::Bounds { primitive });
         }
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
-        let costs = Costs { max_leaf: config.costs.max_leaf.clamp(1, max_leaf), ..config.costs };
-        let (records, numbers) = emit(boxes, &bounds, &Config { costs, ..*config }).map_err(|TooLarge| too_many)?;
+        let config = Config { lean: false, ..*config }.usable();
+        let costs = Costs { max_leaf: config.costs.max_leaf.min(max_leaf), ..config.costs };
+        let (records, numbers) = emit(boxes, &bounds, &Config { costs, ..config }).map_err(|TooLarge| too_many)?;
         Ok(Self { records, bounds, numbers, path: SimdPath::detect() })
     }
 
@@ -116,7 +117,7 @@ impl BoxTree {
 }
 
 fn is_sound(aabb: &Aabb) -> bool {
-    (0..3).all(|k| aabb.min[k] <= aabb.max[k] && aabb.min[k].is_finite() && aabb.max[k].is_finite())
+    (0..3).all(|k| aabb.min[k] <= aabb.max[k]) && aabb.is_finite()
 }
 
 /// Box nodes over boxes, and the number of each place in leaf order.

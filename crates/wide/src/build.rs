@@ -19,8 +19,9 @@ impl<K: LaneKernel> Wide<K> {
     /// The first triangle with a vertex that is missing or not finite, or more triangles than a tree can name.
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
         let (corners, bounds) = lbvh::gather(positions, triangles)?;
-        let chosen = binary::choose(&corners, &bounds, config);
-        assemble(&chosen, &corners, &bounds, config)
+        let config = config.usable();
+        let chosen = binary::choose(&corners, &bounds, &config);
+        assemble(&chosen, &corners, &bounds, &config)
     }
 
     /// Collapses a binary tree of any builder; `corners` in primitive order and finite, `bounds` around them.
@@ -31,7 +32,7 @@ impl<K: LaneKernel> Wide<K> {
         let scale = measure::unit_scale(bounds);
         let rows = Obb::IDENTITY_FRAME;
         let aligned = Aligned::of(tree, &measure::boxes(corners, rows), scale);
-        assemble(&Chosen { tree: tree.clone(), rows, aligned, scale }, corners, bounds, config)
+        assemble(&Chosen { tree: tree.clone(), rows, aligned, scale }, corners, bounds, &config.usable())
     }
 }
 

@@ -37,7 +37,7 @@ pub(crate) enum Form {
     Node(NodeKind),
 }
 
-/// Costs of a subtree: `shared_out[kind][j - 1]` is the least where a parent of that kind gives it `j` slots, and
+/// Costs of a subtree: `slots[kind][j - 1]` is the least where a parent of that kind gives it `j` slots, and
 /// `node[kind]` the least over ways to fill a node of that kind with it.
 #[derive(Clone, Copy, Debug)]
 struct Table {
@@ -193,10 +193,14 @@ fn join(areas: Areas, node: &Node, left: &Table, right: &Table, costs: &Costs, n
     table
 }
 
-/// The cheapest form of a subtree whose box has `area` in its parent.
+/// The cheapest form of a subtree whose box has `area` in its parent; where no form has a finite cost, one that holds it.
 #[inline]
 fn best_form(table: &Table, area: f32, n_leaves: usize, costs: &Costs, n_kinds: usize) -> (f32, Form) {
-    let mut best = (area * costs.leaf_of(n_leaves), Form::Leaf);
+    let mut best = if n_leaves <= costs.max_leaf {
+        (area * costs.leaf_of(n_leaves), Form::Leaf)
+    } else {
+        (f32::INFINITY, Form::Node(NodeKind::Box))
+    };
     for (kind, below) in KIND.into_iter().zip(table.node).take(n_kinds) {
         let cost = area * costs.node(kind) + below;
         if cost < best.0 {

@@ -56,6 +56,11 @@ impl Config {
             },
         }
     }
+
+    /// The settings as builds take them: see [`Costs`].
+    pub(crate) fn usable(&self) -> Self {
+        Self { costs: self.costs.usable(self.lean), ..*self }
+    }
 }
 
 impl Default for Config {

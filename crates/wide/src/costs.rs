@@ -5,6 +5,8 @@ use crate::layout::{MAX_LEAF, NodeKind};
 /// `canted-bench costs` measures them: on an AMD EPYC (Zen 5) with AVX-512 leaning nodes cost 1.4 to 2.0, leaves at least
 /// 1.8, for they end in branches that are seldom foreseen, and another eight triangles in one next to nothing. Of such
 /// constants the defaults traced fastest in whole runs; `benches/TRIED.md` has both tables.
+///
+/// An infinite cost forbids a kind of node, unless no other is left. Costs below zero, or that are no numbers, count as infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
     /// A node with boxes along the mesh's axes.
@@ -17,7 +19,7 @@ pub struct Costs {
     pub leaf: f32,
     /// A block of up to eight triangles.
     pub block: f32,
-    /// Most triangles of a leaf, at most 32.
+    /// Most triangles of a leaf, 1 to 32; what lies outside counts as the nearer end.
     pub max_leaf: usize,
 }
 
@@ -38,9 +40,20 @@ impl Costs {
         }
     }
 
-    /// The cost of a visit to a leaf of `n` primitives; infinite where no leaf holds so many.
+    /// These costs as builds weigh by them; `lean` says whether nodes may lean.
+    pub(crate) fn usable(&self, lean: bool) -> Self {
+        let [box_node, shared_node, lean_node, leaf, block] =
+            [self.box_node, self.shared_node, self.lean_node, self.leaf, self.block]
+                .map(|cost| if cost >= 0.0 { cost } else { f32::INFINITY });
+        // Forbidden altogether, nodes would be filled as if all cost the same, with two children each.
+        let is_left = box_node.is_finite() || lean && lean_node.is_finite();
+        let box_node = if is_left { box_node } else { Self::default().box_node };
+        Self { box_node, shared_node, lean_node, leaf, block, max_leaf: self.max_leaf.clamp(1, MAX_LEAF) }
+    }
+
+    /// The cost of a visit to a leaf of `n` primitives, if one holds so many.
     #[expect(clippy::cast_precision_loss, reason = "at most 32 primitives")]
     pub(crate) fn leaf_of(&self, n: usize) -> f32 {
-        if n <= self.max_leaf.min(MAX_LEAF) { self.leaf + self.block * n.div_ceil(8) as f32 } else { f32::INFINITY }
+        self.leaf + self.block * n.div_ceil(8) as f32
     }
 }

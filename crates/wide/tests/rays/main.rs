@@ -2,6 +2,7 @@
 
 mod boxes;
 mod common;
+mod costs;
 mod crossings;
 mod hits;
 mod primitives;

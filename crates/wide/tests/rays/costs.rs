@@ -1,0 +1,113 @@
+//! Costs at their extremes: whatever they are, the tree hits what every triangle tried hits.
+
+use canted_fixtures as fixtures;
+use canted_trace::{Sphere, Watertight};
+use canted_wide::{Config, Costs, NodeKind, Preset, PrimitiveTree, Wide};
+
+use crate::common::{brute, rays};
+
+/// Default costs with one of them, or all, at each extreme; by name.
+fn extremes() -> Vec<(String, Costs)> {
+    let usual = Costs::default();
+    let mut all = vec![];
+    for value in [f32::INFINITY, f32::NAN, f32::MAX, f32::MIN_POSITIVE, 0.0, -0.0, -1.0, f32::NEG_INFINITY] {
+        let costs = [
+            ("box_node", Costs { box_node: value, ..usual }),
+            ("shared_node", Costs { shared_node: value, ..usual }),
+            ("lean_node", Costs { lean_node: value, ..usual }),
+            ("nodes", Costs { box_node: value, shared_node: value, lean_node: value, ..usual }),
+            ("leaf", Costs { leaf: value, ..usual }),
+            ("block", Costs { block: value, ..usual }),
+            (
+                "all",
+                Costs { box_node: value, shared_node: value, lean_node: value, leaf: value, block: value, ..usual },
+            ),
+        ];
+        all.extend(costs.map(|(name, costs)| (format!("{name} {value}"), costs)));
+    }
+    for max_leaf in [0, 1, 33, usize::MAX] {
+        all.push((format!("max_leaf {max_leaf}"), Costs { max_leaf, ..usual }));
+    }
+    all
+}
+
+/// Whether nodes may lean, and whether they may share a frame.
+const KINDS: [[bool; 2]; 3] = [[false, false], [true, false], [true, true]];
+
+#[test]
+fn triangles_are_hit_whatever_visits_cost() {
+    let scenes = [fixtures::soup(1, 300), fixtures::scaffold_of(1, true, 2), fixtures::identical(100)];
+    for mesh in scenes {
+        let rays = rays(&mesh, 10, 5);
+        let want: Vec<_> = rays.iter().map(|ray| brute::<Watertight>(&mesh, ray).first().copied()).collect();
+        for (name, costs) in extremes() {
+            for preset in [Preset::Balanced, Preset::Quality] {
+                for [lean, share] in KINDS {
+                    let config = Config { costs, lean, share, ..Config::preset(preset) };
+                    let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+                    let hits: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray)).collect();
+                    assert_eq!(hits, want, "{name}, {preset:?}, lean {lean}, share {share}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tree_of_any_costs_is_refitted_written_and_read() {
+    let mesh = fixtures::soup(1, 300);
+    for (name, costs) in extremes() {
+        let config = Config { costs, ..Config::default() };
+        let mut tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+        let refit = tree.refit(&mesh.positions, &mesh.triangles).unwrap();
+        assert!(!refit.drift.is_nan(), "{name}: {refit:?}");
+        let bytes = tree.to_bytes();
+        let back = Wide::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(back.to_bytes(), bytes, "{name}");
+    }
+}
+
+#[test]
+fn primitives_of_the_callers_are_hit_whatever_visits_cost() {
+    let spheres: Vec<Sphere> =
+        (0..100u8).map(|i| Sphere { center: [3.0 * f32::from(i), 0.0, 0.0], radius: 1.0 }).collect();
+    for (name, costs) in extremes() {
+        let tree = PrimitiveTree::build(spheres.clone(), &Config { costs, ..Config::default() }).unwrap();
+        for i in 0..100u8 {
+            let ray = canted_trace::Ray::new([3.0 * f32::from(i), 5.0, 0.0], [0.0, -1.0, 0.0]);
+            let hit = tree.closest_hit(&ray).map(|hit| (hit.t, hit.primitive.0));
+            assert_eq!(hit, Some((4.0, u32::from(i))), "{name}");
+        }
+    }
+}
+
+#[test]
+fn an_infinite_cost_forbids_a_kind_of_node() {
+    let mesh = fixtures::scaffold_of(1, true, 3);
+    let n_nodes = |costs: Costs, lean: bool| {
+        let config = Config { costs, lean, ..Config::default() };
+        Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap().sizes().nodes
+    };
+    let usual = Costs::default();
+    let of = |kind: NodeKind, nodes: [usize; 3]| nodes[kind as usize];
+    let both = n_nodes(usual, true);
+    assert!(of(NodeKind::Box, both) > 0 && of(NodeKind::Lean, both) > 0, "{both:?}");
+    for infinite in [f32::INFINITY, f32::NAN] {
+        assert_eq!(of(NodeKind::Box, n_nodes(Costs { box_node: infinite, ..usual }, true)), 0);
+        assert_eq!(of(NodeKind::Lean, n_nodes(Costs { lean_node: infinite, ..usual }, true)), 0);
+        // The last kind cannot be forbidden, and its nodes are as full as ever.
+        assert_eq!(n_nodes(Costs { box_node: infinite, ..usual }, false), n_nodes(usual, false));
+    }
+}
+
+#[test]
+fn leaves_hold_one_to_thirty_two_triangles() {
+    let mesh = fixtures::soup(1, 300);
+    let bytes = |max_leaf: usize| {
+        let config = Config { costs: Costs { max_leaf, ..Costs::default() }, ..Config::default() };
+        Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap().to_bytes()
+    };
+    assert_eq!(bytes(0), bytes(1));
+    assert_eq!(bytes(33), bytes(32));
+    assert_ne!(bytes(1), bytes(32));
+}
