@@ -20,7 +20,7 @@ pub struct SpatialConfig {
     pub min_overlap: f32,
     /// Slices an axis, 2 to 64.
     pub slices: u32,
-    /// How subtrees are built in which nothing is left to split.
+    /// How subtrees are built in which nothing is left to split; its limit of depth is the whole tree's.
     pub below: TopDownConfig,
 }
 
@@ -47,7 +47,8 @@ const FEW: usize = 8;
 ///
 /// Reads: corners (finite). Writes: a tree whose leaves' [`PrimId`]s number *references*, and these.
 /// Holds: at most `1 + extra` references a triangle, at least one each; every point of a triangle inside one of its
-/// references' boxes; a depth of at most 96; the same bits for any number of threads.
+/// references' boxes; a depth of at most `below.max_depth`, as [`top_down`](crate::top_down()) keeps it; the same bits for any
+/// number of threads.
 /// Source: Stich, Friedrich & Dietrich 2009 with unsplitting; Popov et al. 2009 on what may be gained. Departure: each
 /// child gets a share of the extra references by the areas of its boxes, so that subtrees do not wait for each other.
 #[must_use]
@@ -141,7 +142,7 @@ impl Builder<'_> {
     /// The subtree over fragments that stay whole.
     fn rest(&self, fragments: &[Fragment], depth: u32) -> Part {
         let boxes: Vec<_> = fragments.iter().map(|fragment| fragment.aabb).collect();
-        let max_depth = (self.config.below.max_depth + 1).saturating_sub(depth);
+        let max_depth = self.config.below.max_depth.saturating_add(1).saturating_sub(depth);
         let tree = top_down(&boxes, &TopDownConfig { max_depth, ..self.config.below });
         Part {
             children: tree.nodes.iter().map(|node| [node.left, node.right]).collect(),

@@ -98,6 +98,24 @@ fn splits_pay_on_needles_and_stay_within_their_budget() {
     assert!(before < 0.9 * whole, "{before} split, {whole} whole");
 }
 
+/// Needles that halve in size towards a corner: planes cut off one after another.
+#[test]
+fn the_depth_keeps_its_limit() {
+    let needles: Vec<Corners> =
+        (0..120).map(|i| 2.0f32.powi(-i)).map(|x| [[x, 0.0, 0.0], [0.0, 1.5 * x, 0.0], [0.0, 0.0, 0.75 * x]]).collect();
+    let depth = |max_depth| {
+        let below = TopDownConfig { max_depth, ..TopDownConfig::BINNED };
+        let (tree, references) = spatial(&needles, &SpatialConfig { below, ..EAGER });
+        checked(&tree, &references.boxes).0.depth
+    };
+    let unlimited = depth(u32::MAX);
+    assert!(unlimited > 12, "depth {unlimited} without a limit");
+    assert_eq!(depth(u32::MAX - 1), unlimited);
+    for max_depth in [0, 1, 8, 9, 12] {
+        assert!(depth(max_depth) <= max_depth.max(1 + 7), "{} beyond {max_depth}", depth(max_depth));
+    }
+}
+
 #[test]
 fn same_bits_on_any_number_of_threads() {
     let corners = corners(&fixtures::scaffold(1, false));
