@@ -30,13 +30,13 @@ pub(super) fn read(document: &Document<'_>) -> Result<Nodes, ReadError> {
         .collect::<Result<Vec<Matrix>, _>>()?;
 
     let roots: Vec<usize> = (0..nodes.len()).filter(|&k| parents[k].is_none()).collect();
-    let mut n_reached = roots.len();
+    let mut is_reached: Vec<bool> = parents.iter().map(Option::is_none).collect();
     descend(nodes, &roots, |parent, child| {
-        n_reached += 1;
+        is_reached[child] = true;
         world_from_node[child] = world_from_node[parent].after(&world_from_node[child]);
     });
-    if n_reached < nodes.len() {
-        return Err(cycle_error(document, &parents));
+    if let Some(below_no_root) = is_reached.iter().position(|is_reached| !is_reached) {
+        return Err(cycle_error(document, &parents, below_no_root));
     }
 
     let scene_roots = match default_scene(document)? {
@@ -116,9 +116,9 @@ fn last_row_error(document: &Document<'_>, node: usize) -> ReadError {
     document.malformed(format!("node {node}"), "has a matrix whose last row is not 0 0 0 1")
 }
 
-/// Names a node that is its own ancestor. Each node has one parent at most and some node is below no root.
-fn cycle_error(document: &Document<'_>, parents: &[Option<usize>]) -> ReadError {
-    // From a node above which there is no root, as many steps up as there are nodes end inside the cycle.
-    let in_cycle = (0..parents.len()).find_map(|start| (0..parents.len()).try_fold(start, |node, _| parents[node]));
-    document.malformed(format!("node {}", in_cycle.unwrap_or_default()), "is its own ancestor")
+/// Names a node that is its own ancestor, above one that is below no root. Each node has one parent at most.
+fn cycle_error(document: &Document<'_>, parents: &[Option<usize>], below_no_root: usize) -> ReadError {
+    // Where no root is above, as many steps up as there are nodes end inside the cycle.
+    let in_cycle = parents.iter().fold(below_no_root, |node, _| parents[node].unwrap_or(node));
+    document.malformed(format!("node {in_cycle}"), "is its own ancestor")
 }

@@ -1,9 +1,11 @@
 //! The hierarchy: chains of transforms against one point carried through them node by node, and trees that are none.
 
+use std::time::{Duration, Instant};
+
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::File;
+use super::{File, read_bytes};
 
 /// Half the spacing of `f32` numbers at one.
 const U: f64 = f32::EPSILON as f64 / 2.0;
@@ -166,6 +168,20 @@ fn the_cycle_is_named_not_what_hangs_below_it() {
     let nodes = json!([below, { "children": [2] }, { "children": [1, 0] }]);
     let error = File::of_nodes(nodes).read().unwrap_err().to_string();
     assert!(error.contains("node 1: ") || error.contains("node 2: "), "{error}");
+}
+
+/// Where every node is walked up from, half a million times half a million steps take minutes.
+#[test]
+fn a_cycle_beside_a_long_chain_is_found_in_one_walk() {
+    let n = 500_000;
+    let chain: String = (1..n).map(|child| format!("{{\"children\":[{child}]}},")).collect();
+    let cycle = format!("{{}},{{\"children\":[{}]}},{{\"children\":[{n}]}}", n + 1);
+    let text = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{chain}{cycle}]}}");
+    let folder = tempfile::tempdir().unwrap();
+    let start = Instant::now();
+    let error = read_bytes(folder.path(), "test.gltf", text.as_bytes()).unwrap_err().to_string();
+    assert!(error.contains(&format!("node {n}: is its own ancestor")), "{error}");
+    assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
 }
 
 #[test]
