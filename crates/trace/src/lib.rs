@@ -31,6 +31,8 @@
 #![forbid(unsafe_code)]
 
 mod hit;
+#[doc(hidden)]
+pub mod lanes;
 mod query;
 mod ray;
 mod rounding;

@@ -1,5 +1,5 @@
 /// Relative error of one f32 rounding, 2^-24.
-pub(crate) const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
+pub const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
 
 /// Relative error of one f64 rounding, 2^-53.
 pub(crate) const UNIT_ROUNDOFF_F64: f64 = f64::EPSILON / 2.0;

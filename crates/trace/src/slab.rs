@@ -32,7 +32,7 @@
 //! Source: the slab test of Kay, Kajiya 1986; Ize 2013 for conservative bounds, there of exact rays, here of rotated
 //! rays and inexact hits too.
 
-mod slab_ray;
+pub(crate) mod slab_ray;
 mod slabs;
 
 pub use slab_ray::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay};

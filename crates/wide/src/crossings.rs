@@ -99,7 +99,8 @@ impl Take<[[f32; 3]; 3]> for Met<'_> {
 /// On which edge or vertex of a triangle that it hits a ray lies, and whether the moved ray hits the triangle;
 /// `None` inside.
 fn rim(shear: &Shear, ray: &ScaledRay, vertices: &[[f32; 3]; 3]) -> Option<([[u32; 3]; 2], bool)> {
-    let [a, b, c] = vertices.map(|v| sheared(shear, ray, v));
+    // Across the ray: the kernel's own f32 coordinates.
+    let [a, b, c] = vertices.map(|v| shear.vertex(ray, v)).map(|[x, y, _]| [x, y]);
     // An edge function belongs to the vertex that it faces.
     let functions = [across(c, b), across(a, c), across(b, a)];
     let mut on = (0..3).filter(|&i| functions[i] != 0.0).map(|i| vertices[i].map(|x| (x + 0.0).to_bits()));
@@ -112,13 +113,6 @@ fn rim(shear: &Shear, ray: &ScaledRay, vertices: &[[f32; 3]; 3]) -> Option<([[u3
     let is_positive = functions.iter().any(|&f| f > 0.0);
     let counts = (0..3).all(|i| functions[i] != 0.0 || moved[i] == is_positive);
     Some(([first.min(second), first.max(second)], counts))
-}
-
-/// A vertex across the ray: the kernel's own f32 coordinates.
-fn sheared(shear: &Shear, ray: &ScaledRay, v: [f32; 3]) -> [f32; 2] {
-    let [x, y, z] = shear.axis().last(std::array::from_fn(|k| v[k] - ray.origin[k]));
-    let [s_x, s_y] = shear.factors();
-    [x - s_x * z, y - s_y * z]
 }
 
 /// Edge function of the origin; its sign is exact, as the products are.

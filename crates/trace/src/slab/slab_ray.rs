@@ -11,7 +11,7 @@ use crate::{HIT_ERROR, ScaledRay};
 pub const AABB_PAD: f32 = HIT_ERROR + 5.0 * UNIT_ROUNDOFF;
 
 /// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
-const SQRT_3: f32 = 1.732_050_9;
+pub const SQRT_3: f32 = 1.732_050_9;
 
 /// By how much, relative to `|o|∞ + ρ∞`, a rotated ray is thickened against oriented boxes.
 ///
@@ -177,8 +177,9 @@ impl SlabRay {
 }
 
 /// `1/d`, bounded and never of a negative zero.
-#[inline]
-fn reciprocal(d: f32) -> f32 {
+#[inline(always)]
+#[must_use]
+pub fn reciprocal(d: f32) -> f32 {
     // Adding zero makes -0.0 positive, so that both zeros give the same bits.
     let d = d + 0.0;
     1.0 / max(d.abs(), MIN_DIRECTION).copysign(d)

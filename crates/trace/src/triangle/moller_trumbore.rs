@@ -6,10 +6,10 @@ use crate::rounding::UNIT_ROUNDOFF;
 use crate::vector::{cross, dot, sub};
 
 /// Error of the weights, relative to `E·(S + E)`, see below.
-const ERROR: f32 = 17.0 * UNIT_ROUNDOFF;
+pub const ERROR: f32 = 17.0 * UNIT_ROUNDOFF;
 
 /// No number of the filter exceeds `HEADROOM·E·(S + E)`: where that is finite, nothing overflows.
-const HEADROOM: f32 = 4.0;
+pub const HEADROOM: f32 = 4.0;
 
 /// The kernel that needs nothing precomputed; of rays exactly through shared edges it promises nothing.
 ///

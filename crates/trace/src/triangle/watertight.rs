@@ -62,9 +62,11 @@ impl Shear {
         self.factors
     }
 
-    /// A vertex in sheared coordinates.
+    /// A vertex in sheared coordinates, as the kernel computes them.
+    #[doc(hidden)]
     #[inline(always)]
-    fn vertex(&self, ray: &ScaledRay, v: [f32; 3]) -> [f32; 3] {
+    #[must_use]
+    pub fn vertex(&self, ray: &ScaledRay, v: [f32; 3]) -> [f32; 3] {
         let [x, y, z] = self.axis.last(sub(v, ray.origin));
         let [s_x, s_y] = self.factors;
         [x - s_x * z, y - s_y * z, z]

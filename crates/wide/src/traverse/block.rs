@@ -1,15 +1,10 @@
 use canted_obb::PrimId;
+use canted_trace::lanes::{UNIT_ROUNDOFF as U, WEIGHTS_ERROR, WEIGHTS_HEADROOM};
 use canted_trace::{Axis, BaldwinWeber, Kernel, MollerTrumbore, ScaledRay, Shear, TriangleHit, Watertight};
 
 use super::ray::splat3;
 use crate::layout::{HALF_WORDS, Half};
 use crate::simd::Simd;
-
-/// Half of `f32::EPSILON`: the relative error of one rounding.
-const U: f32 = f32::EPSILON / 2.0;
-
-/// Error of the weights of Möller and Trumbore, relative to `E·(S + E)`: derived at [`MollerTrumbore`].
-const WEIGHTS_ERROR: f32 = 17.0 * U;
 
 /// A triangle test whose filter runs over eight triangles at once.
 ///
@@ -224,9 +219,8 @@ impl<'a> Block<'a> {
         let p = cross(simd, ray.direction, e2);
         let tiny = simd.splat(f32::MIN_POSITIVE);
         let edges = simd.add(simd.add(norm(simd, e1), norm(simd, e2)), tiny);
-        // No number exceeds four times `edges·(norm(s) + edges)`: where that is finite, nothing overflows.
-        let largest = simd.mul(simd.splat(4.0), simd.mul(edges, simd.add(norm(simd, s), edges)));
-        let error = simd.add(simd.mul(simd.splat(WEIGHTS_ERROR / 4.0), largest), tiny);
+        let largest = simd.mul(simd.splat(WEIGHTS_HEADROOM), simd.mul(edges, simd.add(norm(simd, s), edges)));
+        let error = simd.add(simd.mul(simd.splat(WEIGHTS_ERROR / WEIGHTS_HEADROOM), largest), tiny);
         let det = dot(simd, p, e1);
         let u = simd.xor_sign(dot(simd, p, s), det);
         let v = simd.xor_sign(dot(simd, cross(simd, s, e1), ray.direction), det);

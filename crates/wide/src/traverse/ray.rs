@@ -1,12 +1,7 @@
+use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U, reciprocal};
 use canted_trace::{MIN_DIRECTION, ScaledRay};
 
 use crate::simd::Simd;
-
-/// Half of `f32::EPSILON`: the relative error of one rounding.
-const U: f32 = f32::EPSILON / 2.0;
-
-/// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
-const SQRT_3: f32 = 1.732_050_9;
 
 /// By how much a ray is thickened against boxes, in units of the space, or relative to `|o|∞ + ρ∞`; derived at `traverse`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,11 +129,4 @@ impl<S: Simd> RayLanes<S> {
 #[inline(always)]
 pub(super) fn splat3<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [S::F; 3] {
     [simd.splat(x), simd.splat(y), simd.splat(z)]
-}
-
-/// `1/d`, bounded and never of a negative zero.
-#[inline(always)]
-fn reciprocal(d: f32) -> f32 {
-    let d = d + 0.0;
-    1.0 / d.abs().max(MIN_DIRECTION).copysign(d)
 }
