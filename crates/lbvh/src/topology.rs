@@ -5,10 +5,15 @@ use crate::{Child, ChildKind, Node, NodeId, Task, Tree};
 /// Why children's references do not make a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TopologyError {
-    /// A node refers to a node that is not in the list.
+    /// A node refers to a node that is not in the list, or there is none: not even the root, node 0.
     NoSuchNode {
         /// The node referred to.
         node: u32,
+    },
+    /// A leaf names a primitive beyond the number of nodes, the last that a tree of so many has.
+    NoSuchPrimitive {
+        /// The primitive named.
+        primitive: u32,
     },
     /// A node or primitive can be reached in two ways.
     ReachedTwice {
@@ -17,17 +22,23 @@ pub enum TopologyError {
         /// Whether `index` is a primitive.
         is_leaf: bool,
     },
-    /// Nodes or primitives cannot be reached from the root, or a leaf names a primitive beyond `n`.
-    Unreached,
+    /// A node cannot be reached from the root.
+    Unreached {
+        /// The first such node.
+        node: u32,
+    },
 }
 
 impl std::fmt::Display for TopologyError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::NoSuchNode { node } => write!(f, "node {node} is referred to but does not exist"),
+            Self::NoSuchPrimitive { primitive } => {
+                write!(f, "a leaf names primitive {primitive}, which a tree of so many nodes does not have")
+            }
             Self::ReachedTwice { index, is_leaf: true } => write!(f, "primitive {index} is in two leaves"),
             Self::ReachedTwice { index, is_leaf: false } => write!(f, "node {index} has two parents"),
-            Self::Unreached => write!(f, "the leaves are not the primitives, each once"),
+            Self::Unreached { node } => write!(f, "node {node} is not below the root"),
         }
     }
 }
@@ -113,7 +124,7 @@ fn parents_first(children: &[[Child; 2]]) -> Result<Vec<NodeId>, TopologyError> 
     let mut node_seen = vec![false; children.len()];
     let mut leaf_seen = vec![false; children.len() + 1];
     let mut order = Vec::with_capacity(children.len());
-    let mut stack = if children.is_empty() { vec![] } else { vec![NodeId::ROOT] };
+    let mut stack = vec![NodeId::ROOT];
     while let Some(id) = stack.pop() {
         let node = children.get(id.index()).ok_or(TopologyError::NoSuchNode { node: id.0 })?;
         if std::mem::replace(&mut node_seen[id.index()], true) {
@@ -124,14 +135,18 @@ fn parents_first(children: &[[Child; 2]]) -> Result<Vec<NodeId>, TopologyError> 
             match child.kind() {
                 ChildKind::Inner(id) => stack.push(id),
                 ChildKind::Leaf(primitive) => match leaf_seen.get_mut(primitive as usize) {
-                    None => return Err(TopologyError::Unreached),
+                    None => return Err(TopologyError::NoSuchPrimitive { primitive }),
                     Some(seen) if *seen => return Err(TopologyError::ReachedTwice { index: primitive, is_leaf: true }),
                     Some(seen) => *seen = true,
                 },
             }
         }
     }
-    if order.len() != children.len() || children.is_empty() { Err(TopologyError::Unreached) } else { Ok(order) }
+    // Where every node has been met once, so has every primitive: no two leaves name the same, and there are as many.
+    match (0..).zip(&node_seen).find(|(_, is_seen)| !**is_seen) {
+        Some((node, _)) => Err(TopologyError::Unreached { node }),
+        None => Ok(order),
+    }
 }
 
 #[cfg(test)]
@@ -162,6 +177,13 @@ mod tests {
             Err(TopologyError::ReachedTwice { index: 1, is_leaf: true })
         );
         assert_eq!(Tree::from_children(&[[a, Child::leaf(0)]]), Err(TopologyError::NoSuchNode { node: 1 }));
-        assert_eq!(Tree::from_children(&[[Child::leaf(2), Child::leaf(0)]]), Err(TopologyError::Unreached));
+        let beyond = Err(TopologyError::NoSuchPrimitive { primitive: 2 });
+        assert_eq!(Tree::from_children(&[[Child::leaf(2), Child::leaf(0)]]), beyond);
+        let [left, right] = [Child::leaf(0), Child::leaf(1)];
+        assert_eq!(
+            Tree::from_children(&[[left, a], [right, Child::leaf(2)], [Child::leaf(3), Child::leaf(3)]]),
+            Err(TopologyError::Unreached { node: 2 })
+        );
+        assert_eq!(Tree::from_children(&[]), Err(TopologyError::NoSuchNode { node: 0 }));
     }
 }
