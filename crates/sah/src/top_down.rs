@@ -129,7 +129,8 @@ fn part(span: &mut Span<'_>, config: &TopDownConfig, depth: u32) -> usize {
     }
     let axes = choose_axes(config.axes, depth, || centers);
     let n_cells = match config.split {
-        Split::Median | Split::Sweep => return median::part(span.references, axes),
+        Split::Median => return median::part(span.references, axes),
+        Split::Sweep => unreachable!("sweeps are built by `sweep`"),
         Split::Midpoint => 2,
         Split::Binned { cells, .. } => cells.min(few_cells(n)),
     };
