@@ -5,14 +5,16 @@ use bytemuck::{Pod, Zeroable};
 use super::words::{Quad, TreeWords};
 
 /// How a ray finds its way back to nodes whose children wait. Each finds the same hits.
+///
+/// `benches/TRIED.md` has what the others cost beside the stack, on a software driver; on hardware that is not measured yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Walk {
     /// A stack in the invocation's own memory: what is used.
     #[default]
     Stack,
-    /// Eight bits a level in registers, and links up; sixteen levels at most. To be measured beside the stack.
+    /// Eight bits a level in registers, and links up; sixteen levels at most.
     Bits,
-    /// Links up, and the key of the child that the ray comes from. To be measured beside the stack.
+    /// Links up, and the key of the child that the ray comes from.
     Links,
 }
 
