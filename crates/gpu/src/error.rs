@@ -85,10 +85,31 @@ impl std::fmt::Display for GpuError {
     }
 }
 
-impl std::error::Error for GpuError {}
+impl std::error::Error for GpuError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        if let Self::Shader(error) = self { Some(error) } else { None }
+    }
+}
 
 impl From<ShaderError> for GpuError {
     fn from(error: ShaderError) -> Self {
         Self::Shader(error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error;
+
+    use super::*;
+
+    #[test]
+    fn a_kernels_error_is_the_source() {
+        let Err(kernel) = canted_shaders::assemble("no/such", &canted_shaders::Specialisation::none()) else {
+            panic!("there is no such kernel");
+        };
+        let message = kernel.to_string();
+        assert_eq!(GpuError::from(kernel).source().map(ToString::to_string), Some(message));
+        assert!(GpuError::TimedOut { seconds: 1 }.source().is_none());
     }
 }

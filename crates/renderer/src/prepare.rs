@@ -61,7 +61,16 @@ impl std::fmt::Display for PrepareError {
     }
 }
 
-impl std::error::Error for PrepareError {}
+impl std::error::Error for PrepareError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Geometry(error) => Some(error),
+            Self::Instance(error) => Some(error),
+            Self::Topology(error) => Some(error),
+            Self::TooMany { .. } => None,
+        }
+    }
+}
 
 impl From<GeometryError> for PrepareError {
     fn from(error: GeometryError) -> Self {
@@ -157,4 +166,22 @@ fn left_out(scene: &Scene, one: &'static str, straight: &'static str) -> Vec<Lef
     without(scene.materials.iter().any(Material::emits), "emission", "no surface emits");
     without(light::are_many(scene), "choice among lights", "there is one at most");
     left_out
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error;
+
+    use super::*;
+
+    #[test]
+    fn what_is_wrapped_is_the_source() {
+        let instance = InstanceError::NotFinite { instance: 3 };
+        assert_eq!(PrepareError::from(instance).source().map(ToString::to_string), Some(instance.to_string()));
+        let geometry = GeometryError::TooMany { n_triangles: 1 << 31 };
+        assert_eq!(PrepareError::from(geometry).source().map(ToString::to_string), Some(geometry.to_string()));
+        let topology = TopologyError::Unreached { node: 1 };
+        assert_eq!(PrepareError::from(topology).source().map(ToString::to_string), Some(topology.to_string()));
+        assert!(PrepareError::TooMany { n_triangles: 1 << 31 }.source().is_none());
+    }
 }

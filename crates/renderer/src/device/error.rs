@@ -28,7 +28,15 @@ impl fmt::Display for DeviceError {
     }
 }
 
-impl std::error::Error for DeviceError {}
+impl std::error::Error for DeviceError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Render(error) => Some(error),
+            Self::Gpu(error) => Some(error),
+            Self::Unknown { .. } => None,
+        }
+    }
+}
 
 impl From<RenderError> for DeviceError {
     fn from(error: RenderError) -> Self {
@@ -39,5 +47,21 @@ impl From<RenderError> for DeviceError {
 impl From<GpuError> for DeviceError {
     fn from(error: GpuError) -> Self {
         Self::Gpu(error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error;
+
+    use super::*;
+
+    #[test]
+    fn what_is_wrapped_is_the_source() {
+        let lost = GpuError::Lost { message: "gone".to_owned() };
+        assert_eq!(DeviceError::from(lost.clone()).source().map(ToString::to_string), Some(lost.to_string()));
+        let none = RenderError::NoSamples;
+        assert_eq!(DeviceError::from(none).source().map(ToString::to_string), Some(none.to_string()));
+        assert!(DeviceError::Unknown { what: "anything" }.source().is_none());
     }
 }
