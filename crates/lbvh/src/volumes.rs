@@ -1,250 +1,131 @@
-use canted_obb::{Aabb, Dop, Enclosure, Frame, Moments, Obb, merge};
+use canted_obb::{Aabb, Dop, Enclosure, Moments, Obb, eigen, merge};
 
-use crate::{Child, ChildKind, Corners, NodeId};
+use crate::{
+    Child, ChildKind, Costs, Leaf, Node, NodeId, Strategy, Tree, VolumeConfig, Volumes,
+    bottom_up::{bottom_up, bottom_up_into},
+    par,
+};
 
-/// What a tree is built over: triangles, by their corners, or boxes.
-pub trait Leaf: Copy + Send + Sync {
-    /// Smallest axis-aligned box around it.
-    fn aabb(&self) -> Aabb;
+const CHUNK: usize = 1 << 8;
 
-    /// It as the child of a node that merges boxes.
-    fn child(&self) -> merge::Child;
-
-    /// Its surface, for principal axes.
-    fn moments(&self) -> Moments;
-
-    /// Grows extents along fixed directions to it.
-    fn grow_dop(&self, dop: &mut Dop);
-
-    /// Grows a box to it.
-    fn grow(&self, enclosure: &mut Enclosure);
-
-    /// Axes, of length one but for rounding, of the leaning box that fits it best.
-    fn frame(&self) -> Frame;
-
-    /// Surface area of that box.
-    fn leaning_area(&self) -> f64;
-
-    /// Points that every volume above must contain exactly.
-    fn points(&self) -> impl Iterator<Item = [f32; 3]>;
-}
-
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-impl Leaf for Corners {
-    #[inline]
-    fn aabb(&self) -> Aabb {
-        let [a, b, c] = *self;
-        let mut aabb = Aabb { min: a, max: a };
-        aabb.grow(b);
-        aabb.grow(c);
-        aabb
-    }
-
-    fn child(&self) -> merge::Child {
-        merge::Child::Triangle(*self)
-    }
-
-    fn moments(&self) -> Moments {
-        Moments::of_triangle(*self)
-    }
-
-    fn grow_dop(&self, dop: &mut Dop) {
-        self.iter().for_each(|&corner| dop.grow(corner));
-    }
-
-    fn grow(&self, enclosure: &mut Enclosure) {
-        self.iter().for_each(|&corner| enclosure.add_point(corner));
-    }
-
-    /// Along the longest edge: of all rectangles around a triangle the smallest. The axes of the space for a triangle
-    /// without area.
-    fn frame(&self) -> Frame {
-        let [a, b, c] = self.map(|p| p.map(f64::from));
-        let edges = [sub(b, a), sub(c, b), sub(a, c)];
-        let longest =
-            (1..3).fold(0, |best, i| if dot(edges[i], edges[i]) > dot(edges[best], edges[best]) { i } else { best });
-        let normal = cross(edges[longest], edges[(longest + 1) % 3]);
-        let (edge, up) = (dot(edges[longest], edges[longest]).sqrt(), dot(normal, normal).sqrt());
-        // Negated, so that what overflowed to NaN goes the same way.
-        if !(up > 0.0 && up.is_finite()) {
-            return Obb::IDENTITY_FRAME;
+/// Fits every node's volume; `leaves` are in leaf order.
+///
+/// Reads: the tree, its leaves. Writes: a box a node, axis-aligned and, where asked for, leaning.
+/// Holds: each volume contains every point below it, exactly; the same bits for any number of threads.
+/// Source: Sabino 2020, 3.5, with moments merged exactly (Gottschalk et al. 1996) in place of a scan a node.
+#[must_use]
+pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Volumes {
+    let leaf = |position: u32| &leaves[position as usize];
+    let aabbs = bottom_up(tree, Aabb::EMPTY, |i| leaf(i).aabb(), |_, _, a, b| a.union(*b));
+    let mut volumes = Volumes { aabbs, obbs: vec![], leans: vec![], pair_leans: vec![], leaf_leans: vec![] };
+    let kept = |obb: Obb, aabb: &Aabb| if config.fallback { obb.or_aabb(aabb) } else { obb };
+    volumes.obbs = match config.strategy {
+        Strategy::Aabb => return volumes,
+        Strategy::PcaUnbounded => {
+            let of_leaf = |i: u32| leaf(i).moments();
+            let axes = |_, moments: &Moments| moments.axes(eigen::COARSE);
+            let unset = (Moments::EMPTY, Obb::IDENTITY_FRAME);
+            let frames = bottom_up_into(tree, unset, of_leaf, |a, b| a.merged(b), axes);
+            from_points(tree, leaves, |id| frames[id.index()])
         }
-        let (along, normal) = (edges[longest].map(|x| x / edge), normal.map(|x| x / up));
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-        let rounded = |axis: [f64; 3]| axis.map(|x| x as f32);
-        [rounded(along), rounded(cross(normal, along)), rounded(normal)]
-    }
-
-    /// Both sides of the rectangle along the longest edge, which is twice the triangle.
-    fn leaning_area(&self) -> f64 {
-        let [a, b, c] = self.map(|p| p.map(f64::from));
-        let normal = cross(sub(b, a), sub(c, a));
-        2.0 * dot(normal, normal).sqrt()
-    }
-
-    fn points(&self) -> impl Iterator<Item = [f32; 3]> {
-        self.iter().copied()
-    }
-}
-
-/// The box of an instance.
-impl Leaf for Obb {
-    fn aabb(&self) -> Aabb {
-        Self::aabb(self)
-    }
-
-    fn child(&self) -> merge::Child {
-        merge::Child::Box(*self)
-    }
-
-    fn moments(&self) -> Moments {
-        Moments::of_corners(self, self.area())
-    }
-
-    #[expect(clippy::cast_possible_truncation, reason = "the extents only choose a frame")]
-    fn grow_dop(&self, dop: &mut Dop) {
-        self.corners().iter().for_each(|corner| dop.grow(corner.map(|x| x as f32)));
-    }
-
-    fn grow(&self, enclosure: &mut Enclosure) {
-        enclosure.add_box(self);
-    }
-
-    /// Its own axes, at length one where they are orthogonal.
-    fn frame(&self) -> Frame {
-        self.frame
-    }
-
-    fn leaning_area(&self) -> f64 {
-        self.area()
-    }
-
-    /// The centre: corners are no `f32` numbers.
-    fn points(&self) -> impl Iterator<Item = [f32; 3]> {
-        std::iter::once(self.center)
-    }
-}
-
-/// A node's volume.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Volume<'a> {
-    /// Axis-aligned.
-    Aabb(&'a Aabb),
-    /// Leaning.
-    Obb(&'a Obb),
-}
-
-impl Volume<'_> {
-    /// Surface area in square scene units.
-    #[must_use]
-    pub fn area(&self) -> f64 {
-        match self {
-            Self::Aabb(aabb) => aabb.area(),
-            Self::Obb(obb) => obb.area(),
+        Strategy::Dop => {
+            let of_leaf = |i: u32| {
+                let mut dop = Dop::EMPTY;
+                leaf(i).grow_dop(&mut dop);
+                dop
+            };
+            let aabbs = &volumes.aabbs;
+            let best = |id: NodeId, dop: &Dop| dop.best_box().unwrap_or_else(|| Obb::from_aabb(&aabbs[id.index()]));
+            bottom_up_into(tree, (Dop::EMPTY, UNSET), of_leaf, Dop::union, best)
         }
-    }
-
-    /// Volume in cubic scene units.
-    #[must_use]
-    pub fn volume(&self) -> f64 {
-        match self {
-            Self::Aabb(aabb) => aabb.volume(),
-            Self::Obb(obb) => obb.volume(),
+        Strategy::PcaBounded => {
+            merged(tree, leaves, &volumes.aabbs, kept, |a, b| merge::bounded(a, b, merge::Weight::Area))
         }
-    }
+        Strategy::Quaternion => {
+            let as_box = |child: &merge::Child| match child {
+                merge::Child::Box(obb) => *obb,
+                merge::Child::Triangle(corners) => canted_obb::bound(corners.frame(), *corners),
+            };
+            merged(tree, leaves, &volumes.aabbs, kept, |a, b| {
+                let (a, b) = (as_box(a), as_box(b));
+                merge::quaternion(&a, &b, [a.area(), b.area()])
+            })
+        }
+        Strategy::Combined => merged(tree, leaves, &volumes.aabbs, kept, merge::combined),
+    };
+    volumes.choose(tree, leaves, config.fallback);
+    volumes
 }
 
-/// How leaning volumes are found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
-pub enum Strategy {
-    /// Axis-aligned boxes only.
-    #[default]
-    Aabb,
-    /// Principal axes of everything below, extents of every point below.
-    PcaUnbounded,
-    /// Principal axes of the children's corners, or of points where children are leaves.
-    PcaBounded,
-    /// The rotation halfway between the children's.
-    Quaternion,
-    /// By the children: unbounded over two leaves, bounded over one, quaternion over none.
-    Combined,
-    /// The best frame for extents along fixed directions, carried up exactly.
-    Dop,
+/// Boxes along `frame_of` each node around every point below it: cost is the sum of all subtrees' sizes.
+fn from_points<L: Leaf>(tree: &Tree, leaves: &[L], frame_of: impl Fn(NodeId) -> canted_obb::Frame + Sync) -> Vec<Obb> {
+    let mut obbs = vec![UNSET; tree.nodes.len()];
+    par::for_chunks(&mut obbs, CHUNK, |first, out| {
+        for (i, (obb, node)) in out.iter_mut().zip(&tree.nodes[first..]).enumerate() {
+            #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
+            let frame = frame_of(NodeId((first + i) as u32));
+            let below = &leaves[node.first as usize..=node.last as usize];
+            let origin = below[0].points().next().unwrap_or_default();
+            let mut enclosure = Enclosure::new(frame, origin);
+            for leaf in below {
+                leaf.grow(&mut enclosure);
+            }
+            *obb = enclosure.finish();
+        }
+    });
+    obbs
 }
 
-impl Strategy {
-    /// All strategies, the axis-aligned one first.
-    pub const ALL: [Self; 6] =
-        [Self::Aabb, Self::PcaUnbounded, Self::PcaBounded, Self::Quaternion, Self::Combined, Self::Dop];
+/// Boxes that `rule` makes of two children, from the leaves up.
+fn merged<L: Leaf>(
+    tree: &Tree,
+    leaves: &[L],
+    aabbs: &[Aabb],
+    kept: impl Fn(Obb, &Aabb) -> Obb + Sync,
+    rule: impl Fn(&merge::Child, &merge::Child) -> Obb + Sync,
+) -> Vec<Obb> {
+    let as_child = |child: Child, below: &Obb| match child.kind() {
+        ChildKind::Leaf(position) => leaves[position as usize].child(),
+        ChildKind::Inner(_) => merge::Child::Box(*below),
+    };
+    let join = |id: NodeId, node: &Node, a: &Obb, b: &Obb| {
+        kept(rule(&as_child(node.left, a), &as_child(node.right, b)), &aabbs[id.index()])
+    };
+    bottom_up(tree, UNSET, |_| UNSET, join)
 }
 
-/// How volumes are made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct VolumeConfig {
-    /// Where frames come from.
-    pub strategy: Strategy,
-    /// Whether the axis-aligned box takes the place of a leaning one whose area is not less. Its loose boxes would
-    /// otherwise make those above looser still.
-    pub fallback: bool,
-}
-
-impl Default for VolumeConfig {
-    fn default() -> Self {
-        Self { strategy: Strategy::Aabb, fallback: true }
-    }
-}
-
-/// The volumes of a tree's nodes. Each contains every point below it, exactly.
-#[derive(Clone, Debug)]
-pub struct Volumes {
-    /// Axis-aligned box of each inner node.
-    pub aabbs: Vec<Aabb>,
-    /// Leaning box of each inner node; empty under [`Strategy::Aabb`].
-    pub(crate) obbs: Vec<Obb>,
-    /// Whether the leaning box is the node's volume.
-    pub(crate) leans: Vec<bool>,
-    /// Whether a node's children are worth testing as leaning boxes; empty under [`Strategy::Aabb`].
-    pub(crate) pair_leans: Vec<bool>,
-    /// Whether a leaf's leaning box has less area than its axis-aligned one; empty under [`Strategy::Aabb`].
-    pub(crate) leaf_leans: Vec<bool>,
-}
+/// A place to be filled.
+const UNSET: Obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [0.0; 3] };
 
 impl Volumes {
-    /// The volume of an inner node.
-    #[inline]
-    #[must_use]
-    pub fn of(&self, id: NodeId) -> Volume<'_> {
-        match self.leans.get(id.index()) {
-            Some(true) => Volume::Obb(&self.obbs[id.index()]),
-            _ => Volume::Aabb(&self.aabbs[id.index()]),
-        }
-    }
-
-    /// Whether a node's children are to be tested as leaning boxes: by predicted cost, see [`crate::Costs`].
-    #[inline]
-    #[must_use]
-    pub fn pair_leans(&self, id: NodeId) -> bool {
-        self.pair_leans.get(id.index()).copied().unwrap_or(false)
-    }
-
-    /// Whether a child's volume is a leaning box.
-    #[inline]
-    #[must_use]
-    pub fn leans(&self, child: Child) -> bool {
-        match child.kind() {
-            ChildKind::Inner(id) => self.leans.get(id.index()).copied().unwrap_or(false),
-            ChildKind::Leaf(position) => self.leaf_leans.get(position as usize).copied().unwrap_or(false),
-        }
+    /// Decides node by node whether the leaning box is the volume: with `fallback` only where its area is less.
+    fn choose<L: Leaf>(&mut self, tree: &Tree, leaves: &[L], fallback: bool) {
+        self.leans = vec![false; self.obbs.len()];
+        par::for_chunks(&mut self.leans, CHUNK, |first, out| {
+            for (leans, (obb, aabb)) in out.iter_mut().zip(self.obbs[first..].iter().zip(&self.aabbs[first..])) {
+                *leans = !fallback || obb.area() < aabb.area();
+            }
+        });
+        self.leaf_leans = vec![false; leaves.len()];
+        par::for_chunks(&mut self.leaf_leans, CHUNK, |first, out| {
+            for (leans, leaf) in out.iter_mut().zip(&leaves[first..]) {
+                *leans = leaf.leaning_area() < leaf.aabb().area();
+            }
+        });
+        let costs = Costs::default();
+        let mut pair_leans = vec![false; tree.nodes.len()];
+        par::for_chunks(&mut pair_leans, CHUNK, |first, out| {
+            for (i, (leans, node)) in out.iter_mut().zip(&tree.nodes[first..]).enumerate() {
+                #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
+                let id = NodeId((first + i) as u32);
+                let children = [node.left, node.right];
+                *leans = if fallback {
+                    costs.leaning_gain(self, leaves, id, children) > 0.0
+                } else {
+                    children.iter().any(|&child| self.leans(child))
+                };
+            }
+        });
+        self.pair_leans = pair_leans;
     }
 }
