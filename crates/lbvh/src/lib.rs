@@ -37,6 +37,6 @@ pub use overlap::end_point_overlap;
 pub use radix::radix;
 pub use sort::{Sorted, by_code};
 pub use topology::TopologyError;
-pub use tree::{Child, ChildKind, Node, NodeId, Task, Tree};
+pub use tree::{Child, ChildKind, MAX_DEPTH, Node, NodeId, Task, Tree};
 pub use volume::{Strategy, Volume, VolumeConfig, Volumes};
 pub use volumes::volumes;

@@ -1,6 +1,6 @@
 use std::{collections::BTreeMap, ops::Range};
 
-use crate::{Child, Node, NodeId, Sorted, Task, Tree, par};
+use crate::{Child, MAX_DEPTH, Node, NodeId, Sorted, Task, Tree, par};
 
 /// Binary radix tree over sorted codes.
 ///
@@ -110,7 +110,7 @@ fn build_task(codes: &[u64], range: Range<u32>, nodes: &mut [Node], order: &mut 
     }
     let level_left = if range.start == 0 { u8::MAX } else { level(codes, range.start - 1) };
     let level_right = |leaf: u32| if leaf as usize + 1 == codes.len() { u8::MAX } else { level(codes, leaf) };
-    let mut stack: Vec<Waiting> = Vec::with_capacity(96);
+    let mut stack: Vec<Waiting> = Vec::with_capacity(MAX_DEPTH as usize);
     let mut order = order.iter_mut();
     for leaf in range.clone() {
         let right = level_right(leaf);

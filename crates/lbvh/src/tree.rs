@@ -2,6 +2,10 @@ use std::ops::Range;
 
 use canted_obb::PrimId;
 
+/// Nodes from the root to a leaf, the leaf included, of the deepest radix tree: one for each of the 63 bits of a code and the 32
+/// of a position that may differ. Builders that could go deeper keep to it, and it is what traversal holds without allocating.
+pub const MAX_DEPTH: u32 = 96;
+
 /// Index of an inner node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(transparent)]

@@ -1,4 +1,4 @@
-use canted_lbvh::Tree;
+use canted_lbvh::{MAX_DEPTH, Tree};
 use canted_obb::Aabb;
 
 use crate::{ReinsertConfig, pairs::Pairs, par, scale::unit_scale, search, select};
@@ -6,14 +6,11 @@ use crate::{ReinsertConfig, pairs::Pairs, par, scale::unit_scale, search, select
 /// Subtrees searched by one job.
 const CHUNK: usize = 64;
 
-/// Depth up to which a tree may grow: what traversal holds without allocating.
-const MAX_DEPTH: u32 = 96;
-
 /// Moves subtrees to where the surface areas of all boxes sum to less.
 ///
 /// Reads: a tree, the box of each leaf (finite, in leaf order). Writes: a tree over the same primitives, renumbered,
 /// with an order of leaves of its own. Holds: the sum of areas does not rise; the depth is at most the greater of the
-/// tree's and 96; the same bits for any number of threads.
+/// tree's and [`MAX_DEPTH`]; the same bits for any number of threads.
 /// Source: Bittner, Hapala & Havran 2013; in rounds of parallel search after Meister & Bittner 2018. In place of locks
 /// each move is weighed as it is made.
 ///

@@ -1,4 +1,4 @@
-use canted_lbvh::Tree;
+use canted_lbvh::{MAX_DEPTH, Tree};
 use canted_obb::{Aabb, PrimId};
 
 use crate::{
@@ -66,9 +66,6 @@ impl Default for TopDownConfig {
         Self::BINNED
     }
 }
-
-/// Depth up to which trees grow: what traversal holds without allocating.
-pub(crate) const MAX_DEPTH: u32 = 96;
 
 /// Leaves above which a node's children are built side by side.
 pub(crate) const FORK: usize = 1 << 12;

@@ -1,9 +1,10 @@
+use canted_lbvh::MAX_DEPTH;
 use canted_trace::{Query, SlabRay};
 
 use super::{Binary, ChildWord, ChildWordKind, PairRay, pair::Entries};
 
-/// Subtrees to come back to that fit without an allocation: any tree over codes and 2^32 primitives.
-const INLINE_STACK: usize = 96;
+/// Subtrees to come back to that fit without an allocation: any radix tree's.
+const INLINE_STACK: usize = MAX_DEPTH as usize;
 
 /// A subtree left for later, and where the ray enters it.
 #[derive(Clone, Copy)]
