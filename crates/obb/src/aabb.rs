@@ -65,6 +65,17 @@ impl Aabb {
         std::array::from_fn(|k| (f64::from(self.max[k]) - f64::from(self.min[k])).max(0.0))
     }
 
+    /// The power of two that brings the longest side to 1 or just above, so that no area leaves the range of `f32`; `None` where
+    /// no side has a length, or one that is finite.
+    #[must_use]
+    pub fn unit_scale(&self) -> Option<f32> {
+        let extent = self.extent().into_iter().fold(0.0, f64::max);
+        // The exponents whose powers of two `f32` holds; a shorter side stays short, and its areas are few anyway.
+        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+        let exponent = extent.log2().floor().clamp(-126.0, 126.0) as i32;
+        (extent > 0.0 && extent.is_finite()).then(|| 2.0f32.powi(-exponent))
+    }
+
     /// Midpoint in `f64`.
     #[must_use]
     pub fn center(&self) -> [f64; 3] {
@@ -104,5 +115,24 @@ impl Aabb {
             return 0.0;
         }
         (0..3).map(|k| self.min[k].abs().max(self.max[k].abs())).fold(0.0, f32::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scaled_box_is_about_one_long() {
+        for length in [1.0, 1.999, 2.0, 1e38, 1e-20, f32::MIN_POSITIVE, 0.75] {
+            let aabb = Aabb { min: [0.0; 3], max: [0.0, length, 0.5 * length] };
+            let scaled = length * aabb.unit_scale().unwrap();
+            assert!((1.0..2.0).contains(&scaled), "{length} becomes {scaled}");
+        }
+        let widest = Aabb { min: [f32::MIN; 3], max: [f32::MAX; 3] };
+        assert_eq!(widest.unit_scale(), Some(2.0f32.powi(-126)));
+        for nothing in [Aabb::EMPTY, Aabb::of_points([[1.0; 3]]), Aabb { min: [0.0; 3], max: [f32::INFINITY; 3] }] {
+            assert_eq!(nothing.unit_scale(), None);
+        }
     }
 }

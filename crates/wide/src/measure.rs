@@ -21,12 +21,9 @@ pub(crate) fn boxes(corners: &[Corners], rows: [[f32; 3]; 3]) -> Vec<Aabb> {
     })
 }
 
-/// A power of two that brings the largest extent to about 1, so that no area leaves the range of `f32`.
+/// The scale of a mesh with these bounds: [`Aabb::unit_scale`], and 1 for one without extent.
 pub(crate) fn unit_scale(bounds: &Aabb) -> f32 {
-    let extent = bounds.extent().into_iter().fold(0.0, f64::max);
-    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-    let exponent = extent.log2().floor().clamp(-126.0, 126.0) as i32;
-    if extent > 0.0 { 2f32.powi(-exponent) } else { 1.0 }
+    bounds.unit_scale().unwrap_or(1.0)
 }
 
 /// Half of a box's surface area in the scaled scene.
