@@ -19,7 +19,7 @@ fn main(
         var hit = closest_hit(rays[index]);
         // As in trace/closest.
         if is_cut {
-            hit.instance = 0xfffffffeu;
+            hit.instance = CUT;
         }
         hits[index] = hit;
     }

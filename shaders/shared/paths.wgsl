@@ -7,6 +7,3 @@
 @group(1) @binding(7) var<storage, read> n_living: array<u32>;
 /// What their rays met, in the same order.
 @group(1) @binding(8) var<storage, read_write> hits: array<Hit>;
-
-/// The instance of a ray whose walk was cut short.
-const CUT: u32 = 0xfffffffeu;

@@ -3,6 +3,9 @@
 /// No primitive, no instance; the instance of a miss.
 const NONE: u32 = 0xffffffffu;
 
+/// The instance of a ray whose walk was cut short: the answer is not known.
+const CUT: u32 = 0xfffffffeu;
+
 /// Farther than anything: what stands for infinity.
 const FAR: f32 = 3e38;
 

@@ -6,9 +6,6 @@
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
 
-/// The instance of a ray whose walk was cut short: the answer is not known.
-const CUT: u32 = 0xfffffffeu;
-
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,

@@ -6,8 +6,6 @@
 /// 1 where anything is hit, 0 where nothing is, CUT where the walk was cut short and has found nothing.
 @group(1) @binding(1) var<storage, read_write> found: array<u32>;
 
-const CUT: u32 = 0xfffffffeu;
-
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,

@@ -6,6 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use canted_shaders::MOST_STORAGE_BUFFERS;
 use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, PollType, SubmissionIndex, Trace};
 
 use crate::memory::Memory;
@@ -23,9 +24,6 @@ const PATIENCE_WITH_SOFTWARE: Duration = Duration::from_secs(600);
 /// How many times as long as the longest wait before it one may be: dispatches grow fourfold at most, and work of the same kind is
 /// no more than that apart again.
 const MOST_GROWTH: u32 = 16;
-
-/// Most storage buffers of a stage that any of our kernels asks for.
-const STORAGE_BUFFERS: u32 = 28;
 
 /// An open device with its queue, and the kernels compiled on it.
 ///
@@ -62,7 +60,7 @@ impl Gpu {
         let limits = lower(Limits {
             max_storage_buffer_binding_size: most.max_storage_buffer_binding_size,
             max_buffer_size: most.max_buffer_size,
-            max_storage_buffers_per_shader_stage: most.max_storage_buffers_per_shader_stage.min(STORAGE_BUFFERS),
+            max_storage_buffers_per_shader_stage: most.max_storage_buffers_per_shader_stage.min(MOST_STORAGE_BUFFERS),
             max_compute_workgroup_storage_size: most.max_compute_workgroup_storage_size.min(32_768),
             max_color_attachment_bytes_per_sample: most.max_color_attachment_bytes_per_sample.min(64),
             ..Limits::defaults()

@@ -24,9 +24,9 @@ struct SkyRow {
 
 /// Light from the sky.
 fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
-    let row = sky_row_of(square.y);
+    let row = sky_interval(true, 0u, sky_image.height, square.y);
     let first = row * (sky_image.width + 1u);
-    let column = sky_column_of(first, square.x);
+    let column = sky_interval(false, first, sky_image.width, square.x);
     let down = share_between(sky_rows[row].sum, sky_rows[row + 1u].sum, square.y);
     let within = share_between(sky_sums[first + column], sky_sums[first + column + 1u], square.x);
     let across = (f32(column) + within) / f32(sky_image.width);
@@ -54,36 +54,25 @@ fn share_between(low: f32, high: f32, number: f32) -> f32 {
     return clamp(quotient(number - low, high - low), 0.0, 1.0);
 }
 
-/// The row whose interval of sums holds a number below 1; rows of no width are never found.
-fn sky_row_of(number: f32) -> u32 {
-    var first = 1u;
-    var last = sky_image.height;
-    loop {
-        turns += 1u;
-        if first >= last {
-            break;
-        }
-        let middle = (first + last) / 2u;
-        if sky_rows[middle].sum <= number {
-            first = middle + 1u;
-        } else {
-            last = middle;
-        }
+/// A running sum: of rows, or else of the columns whose sums begin at `start`.
+fn sky_sum(is_row: bool, start: u32, place: u32) -> f32 {
+    if is_row {
+        return sky_rows[place].sum;
     }
-    return first - 1u;
+    return sky_sums[start + place];
 }
 
-/// The column likewise, of the row whose sums begin at `start`.
-fn sky_column_of(start: u32, number: f32) -> u32 {
+/// Which of `n` intervals of running sums holds a number below 1; intervals of no width are never found.
+fn sky_interval(is_row: bool, start: u32, n: u32, number: f32) -> u32 {
     var first = 1u;
-    var last = sky_image.width;
+    var last = n;
     loop {
         turns += 1u;
         if first >= last {
             break;
         }
         let middle = (first + last) / 2u;
-        if sky_sums[start + middle] <= number {
+        if sky_sum(is_row, start, middle) <= number {
             first = middle + 1u;
         } else {
             last = middle;
