@@ -51,7 +51,7 @@ impl SceneFile {
     }
 
     /// Puts the scene together, and says all of it that this file could have said: where each asset stands, and every
-    /// number of every material that has a name of its own.
+    /// number of every material that has a name of its own; what was said of a name that several have stays as it was said.
     ///
     /// # Errors
     /// As [`SceneFile::load`].
@@ -72,23 +72,26 @@ impl SceneFile {
         Ok((scene, file))
     }
 
-    /// Full changes of the materials that are the only ones of their name in an asset.
+    /// Full changes of the materials that are the only ones of their name in an asset, and of others what was said of their name.
     fn overrides_of(&self, asset: &Asset, materials: &[Material]) -> Vec<Override> {
         let mut n_of_name: HashMap<&str, usize> = HashMap::new();
         materials.iter().for_each(|material| *n_of_name.entry(&material.name).or_default() += 1);
-        let unique = materials.iter().filter(|material| n_of_name[&material.name[..]] == 1);
-        let full = unique.map(|material| {
+        let mut is_told = HashSet::new();
+        let told = materials.iter().filter(|material| is_told.insert(&material.name[..]));
+        let change = told.filter_map(|material| {
             // What was said of textures stays said; the last word counts.
             let said = self.overrides.iter().rev().filter(|change| change.concerns(&asset.name, material));
             let edits = said.map(|change| &change.edits).fold(MaterialEdits::default(), |all, edits| all.or(edits));
-            Override {
+            let is_alone = n_of_name[&material.name[..]] == 1;
+            let edits = if is_alone { edits.spelled_out(material) } else { edits };
+            (edits != MaterialEdits::default()).then(|| Override {
                 asset: Some(asset.name.clone()),
                 material: material.name.clone(),
-                edits: edits.spelled_out(material),
+                edits,
                 line: 0,
-            }
+            })
         });
-        full.collect()
+        change.collect()
     }
 
     /// The instances, one for each asset where nothing is said.
