@@ -54,6 +54,11 @@ pub(super) fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 
+/// The folder itself, or where the program stands.
+fn here(folder: &Path) -> &Path {
+    if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
+}
+
 /// The path from `folder` to `file`, both of which are there, with `/` between names.
 pub(super) fn relative(file: &Path, folder: &Path) -> Result<String, ReadError> {
     let real = |path: &Path| fs::canonicalize(path).map_err(|source| ReadError::Io { path: path.to_owned(), source });
@@ -61,8 +66,12 @@ pub(super) fn relative(file: &Path, folder: &Path) -> Result<String, ReadError> 
         let source = io::Error::new(io::ErrorKind::InvalidInput, "its path is not UTF-8");
         ReadError::Io { path: file.to_owned(), source }
     };
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let (target, folder) = (real(file)?, real(folder)?);
+    // The file keeps its own name where it is a link: what it asks for lies beside the link.
+    let target = match (real(file)?, file.file_name()) {
+        (_, Some(name)) => real(here(self::folder(file)))?.join(name),
+        (target, None) => target,
+    };
+    let folder = real(here(folder))?;
     let n_common = target.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     if target.components().take(n_common).all(|component| matches!(component, Component::Prefix(_))) {
         // Another drive: no relative path leads there.
