@@ -48,7 +48,12 @@ impl SceneFile {
         let source = Source::new(path, text);
         let document = Document::parse(text).map_err(|error| {
             let at = error.span().map_or(0, |span| span.start);
-            source.error(at, error.message().split_whitespace().collect::<Vec<_>>().join(" "))
+            let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
+            let key = error
+                .span()
+                .filter(|_| message == "duplicate key")
+                .map(|span| format!(" `{}`", source.quote(Some(span))));
+            source.error(at, message + &key.unwrap_or_default())
         })?;
         let root = Table::root(&source, document.as_table());
         root.only(&KEYS)?;

@@ -33,7 +33,7 @@ impl<'a> Source<'a> {
     }
 
     /// What stands there, shortened to one line.
-    fn quote(&self, span: Option<ops::Range<usize>>) -> String {
+    pub(super) fn quote(&self, span: Option<ops::Range<usize>>) -> String {
         const MAX_CHARS: usize = 60;
         let text = span.and_then(|span| self.text.get(span)).unwrap_or("something else").trim();
         let short: String = text.chars().take_while(|&c| c != '\n').take(MAX_CHARS).collect();
@@ -212,7 +212,9 @@ impl<'a> Table<'a> {
     pub(super) fn word(&self, key: &str) -> Result<String, ReadError> {
         let one = |value: &Value| match value {
             Value::String(text) => Some(text.value().clone()),
-            Value::Integer(_) | Value::Float(_) => Some(self.raw(value)),
+            // However it is written: 0x10 and 1_000 are whole numbers too.
+            Value::Integer(number) => Some(number.value().to_string()),
+            Value::Float(_) => Some(self.raw(value)),
             _ => None,
         };
         let value = self.value(key)?;

@@ -91,7 +91,7 @@ fn names_must_be_known_and_single() {
 #[test]
 fn what_is_no_toml_is_told_by_line() {
     refused("[camera]", "[camera", &["line 9"]);
-    refused("spp = 4", "spp = 4\nspp = 5", &["duplicate"]);
+    refused("spp = 4", "spp = 4\nspp = 5", &["duplicate key `spp`"]);
     let message = SceneFile::parse(b"# a\n# \xff", Path::new("x")).unwrap_err().to_string();
     assert_eq!(message, "x: line 2: the bytes are not UTF-8");
     assert!(parse(&format!("a = {}", "[".repeat(100_000))).is_err());

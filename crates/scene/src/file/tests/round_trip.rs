@@ -97,6 +97,44 @@ fn everything_spelled_out_is_the_same_scene_and_stays_as_it_is() {
     assert_eq!(format!("{:?}", bare(again_full)), format!("{:?}", bare(back)));
 }
 
+/// Materials of one name cannot be told apart in a scene file: what was said of the name is said again, and no more.
+#[test]
+fn what_was_said_of_a_name_that_two_have_is_kept() {
+    let folder = folder();
+    std::fs::write(folder.path().join("a.mtl"), TWO_MTL.replace("green", "red")).unwrap();
+    let text = "[[assets]]\nname = \"a\"\nfile = \"a.gltf\"\n\
+                [[overrides]]\nmaterial = \"red\"\nbase_color = [0, 0, 1]\n\
+                [[overrides]]\nmaterial = \"red\"\nroughness = 0.25\n";
+    let gltf = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+        "materials": [{ "name": "red" }, { "name": "red", "pbrMetallicRoughness": { "metallicFactor": 0.5 } }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 },
+                                    { "attributes": { "POSITION": 0 }, "material": 1 }] }],
+        "accessors": [{ "componentType": 5126, "type": "VEC3", "count": 3, "bufferView": 0 }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 36 }], "buffers": [{ "byteLength": 36, "uri": "a.bin" }] }"#;
+    std::fs::write(folder.path().join("a.gltf"), gltf).unwrap();
+    let corners = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].map(f32::to_le_bytes);
+    std::fs::write(folder.path().join("a.bin"), corners.concat()).unwrap();
+    let path = folder.path().join("scene.toml");
+    let (scene, full) = SceneFile::parse(text.as_bytes(), &path).unwrap().load_spelled_out().unwrap();
+    assert_eq!(full.overrides.len(), 1);
+    let again = SceneFile::parse(full.to_toml().as_bytes(), &path).unwrap().load().unwrap();
+    assert!(again.materials.iter().filter(|material| material.base_color == [0.0, 0.0, 1.0]).count() == 2);
+    assert_eq!(format!("{:?}", again.materials), format!("{:?}", scene.materials));
+}
+
+/// What a file asks for lies beside the name by which it was reached.
+#[test]
+#[cfg(unix)]
+fn a_link_stays_the_file_that_is_named() {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("store")).unwrap();
+    std::fs::rename(folder.path().join("a.obj"), folder.path().join("store/1f2e.obj")).unwrap();
+    std::os::unix::fs::symlink("store/1f2e.obj", folder.path().join("a.obj")).unwrap();
+    let file = SceneFile::parse(FULL.as_bytes(), &folder.path().join("scene.toml")).unwrap();
+    let moved = file.moved_to(&folder.path().join("sub/scene.toml")).unwrap();
+    assert!(moved.to_toml().contains("\"../a.obj\""), "{}", moved.to_toml());
+}
+
 #[test]
 fn a_file_that_moves_means_the_same_files() {
     let folder = folder();
