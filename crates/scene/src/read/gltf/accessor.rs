@@ -14,6 +14,9 @@ pub(super) const REALS: &[ComponentType] =
 /// Components that stand for indices.
 pub(super) const INDICES: &[ComponentType] = &[ComponentType::U8, ComponentType::U16, ComponentType::U32];
 
+/// Elements that an accessor without a buffer view may have, whatever the size of the file: 64 MiB of the largest.
+const MAX_ZEROS: usize = 1 << 20;
+
 /// What an element without bytes reads as; the largest element is a 4 x 4 matrix of `f32`.
 const ZEROS: [u8; 64] = [0; 64];
 
@@ -81,8 +84,8 @@ impl<'a> Accessor<'a> {
                     .ok_or_else(|| malformed(format!("has {count} elements that reach beyond its buffer view")))?;
                 Some(Dense { bytes, stride })
             }
-            // Zeros accompany other elements, and those have a byte each at least.
-            None if count > document.n_buffer_bytes() => {
+            // Zeros that no byte stands for are as many as a file likes to say.
+            None if count > MAX_ZEROS.max(document.n_buffer_bytes()) => {
                 return Err(malformed(format!("has {count} elements and no buffer view")));
             }
             None => None,
