@@ -2,6 +2,8 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::text::printable;
+
 /// Why a file gave no scene: one sentence that names the file, the place in it and the value found there.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -75,13 +77,14 @@ impl ReadError {
 impl fmt::Display for ReadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let file = self.path().display();
-        match self {
-            Self::Io { source, .. } => write!(f, "{file}: cannot be read: {source}"),
-            Self::UnknownFormat { .. } => write!(f, "{file}: is neither OBJ, PLY, glTF nor GLB"),
-            Self::Malformed { place, message, .. } => write!(f, "{file}: {place}: {message}"),
-            Self::Unsupported { feature, .. } => write!(f, "{file}: {feature} is not supported"),
-            Self::Empty { reason, .. } => write!(f, "{file}: nothing to draw: {reason}"),
-        }
+        let sentence = match self {
+            Self::Io { source, .. } => format!("{file}: cannot be read: {source}"),
+            Self::UnknownFormat { .. } => format!("{file}: is neither OBJ, PLY, glTF nor GLB"),
+            Self::Malformed { place, message, .. } => format!("{file}: {place}: {message}"),
+            Self::Unsupported { feature, .. } => format!("{file}: {feature} is not supported"),
+            Self::Empty { reason, .. } => format!("{file}: nothing to draw: {reason}"),
+        };
+        f.write_str(&printable(&sentence))
     }
 }
 

@@ -1,5 +1,7 @@
 //! What a file asks for and the scene cannot say: each thing is told once, with who asks for it first.
 
+use super::text::printable;
+
 /// The remarks about a file, in the order of their first cause.
 #[derive(Default)]
 pub(crate) struct Remarks {
@@ -31,8 +33,8 @@ impl Remarks {
     /// Adds a sentence for each thing noted.
     pub(crate) fn finish(self, warnings: &mut Vec<String>) {
         warnings.extend(self.list.into_iter().map(|Remark { what, first, n_more }| match n_more {
-            0 => format!("{what}: {first}"),
-            _ => format!("{what}: {first} and {n_more} more"),
+            0 => printable(&format!("{what}: {first}")).into_owned(),
+            _ => printable(&format!("{what}: {first} and {n_more} more")).into_owned(),
         }));
     }
 }

@@ -1,5 +1,7 @@
 //! Lines, words and numbers of text formats; nothing is copied.
 
+use std::borrow::Cow;
+
 /// A line with content: comments and blank lines are left out, continued lines are one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Line<'a> {
@@ -73,6 +75,15 @@ pub(crate) fn integer(word: &[u8]) -> Option<i64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
+/// A message on one line: the control characters of what it quotes are escaped, as a terminal would obey them.
+pub(crate) fn printable(message: &str) -> Cow<'_, str> {
+    if !message.contains(char::is_control) {
+        return message.into();
+    }
+    let escaped = |c: char| if c.is_control() { c.escape_debug().to_string() } else { c.to_string() };
+    message.chars().map(escaped).collect()
+}
+
 /// Bytes of a file as a quotation for messages: shortened, control characters escaped.
 pub(crate) fn quoted(bytes: &[u8]) -> String {
     const MAX_CHARS: usize = 60;
@@ -96,6 +107,12 @@ mod tests {
         let got = read(text);
         let got: Vec<_> = got.iter().map(|(number, keyword, rest)| (*number, &keyword[..], &rest[..])).collect();
         assert_eq!(got, want, "{text:?}");
+    }
+
+    #[test]
+    fn messages_stay_on_one_line() {
+        assert_eq!(printable("a \u{1b}[31m\nb, `é`"), "a \\u{1b}[31m\\nb, `é`");
+        assert!(matches!(printable("plain"), Cow::Borrowed("plain")));
     }
 
     #[test]
