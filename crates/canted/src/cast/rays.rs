@@ -38,16 +38,21 @@ fn from_bin(bytes: &[u8]) -> Result<Vec<Ray>> {
 fn from_csv(bytes: &[u8]) -> Result<Vec<Ray>> {
     let text = std::str::from_utf8(bytes).map_err(|_| anyhow!("this is not text"))?;
     let mut rays = vec![];
+    let mut is_first = true;
     for (line, row) in text.lines().enumerate() {
         let row = row.trim().trim_start_matches('\u{feff}');
-        // The first line may name the columns.
-        let is_header = line == 0 && row.starts_with(|c: char| c.is_ascii_alphabetic());
-        if row.is_empty() || row.starts_with('#') || is_header {
+        if row.is_empty() || row.starts_with('#') {
             continue;
         }
         let fields: Vec<&str> = row.split(',').map(str::trim).collect();
         if fields.len() != 7 {
             return Err(anyhow!("line {}: {} fields where a ray has 7", line + 1, fields.len()));
+        }
+        // The first may name the columns; `inf` and `nan` are numbers, if no good ones.
+        let is_header = is_first && fields.iter().all(|field| is_name(field));
+        is_first = false;
+        if is_header {
+            continue;
         }
         let mut numbers = [0.0; 7];
         for (number, field) in numbers.iter_mut().zip(&fields) {
@@ -56,6 +61,11 @@ fn from_csv(bytes: &[u8]) -> Result<Vec<Ray>> {
         rays.push(ray(numbers).map_err(|error| anyhow!("line {}: {error}", line + 1))?);
     }
     Ok(rays)
+}
+
+/// Whether a field is a name: a word that is no number.
+fn is_name(field: &str) -> bool {
+    field.starts_with(|c: char| c.is_ascii_alphabetic()) && field.parse::<f32>().is_err()
 }
 
 /// A ray from its numbers; a zero direction or an interval that ends before 0 is a ray that misses.
@@ -90,5 +100,19 @@ mod tests {
         assert_eq!(from_csv(b"1,2\n").unwrap_err().to_string(), "line 1: 2 fields where a ray has 7");
         assert_eq!(from_bin(&[0; 29]).unwrap_err().to_string(), "29 bytes are not a multiple of the 28 of a ray");
         assert!(from_csv(b"0,0,nan,1,0,0,1\n").is_err());
+        let error = from_csv(b"inf,0,0,0,0,1,1\n0,0,0,0,0,1,1\n").unwrap_err().to_string();
+        assert_eq!(error, "line 1: origin [inf, 0.0, 0.0] or direction [0.0, 0.0, 1.0] is not finite");
+    }
+
+    #[test]
+    fn a_header_has_a_name_for_each_column_and_comes_first() {
+        let row = "0,0,0,1,0,0,1\n";
+        for before in ["", "\n", "# of a scan\n", "\u{feff}"] {
+            let text = format!("{before}ox,oy,oz,dx,dy,dz,tmax\n{row}");
+            assert_eq!(from_csv(text.as_bytes()).unwrap().len(), 1, "{before:?}");
+        }
+        assert_eq!(from_csv(b"a,b,c\n").unwrap_err().to_string(), "line 1: 3 fields where a ray has 7");
+        let error = from_csv(format!("{row}ox,oy,oz,dx,dy,dz,tmax\n").as_bytes()).unwrap_err().to_string();
+        assert_eq!(error, "line 2: 'ox' is not a number");
     }
 }
