@@ -172,29 +172,31 @@ fn tell_of_light(options: &ArgMatches) {
 
 /// Tells of a preset, which is of wide trees, that stands beside volumes of binary ones: a file's settings may be for both.
 fn tell_of_preset(options: &ArgMatches, settings: &[Setting]) {
-    let of_options = options.get_raw("volumes").and_then(|mut words| words.next()?.to_str());
-    let of_file = || settings.iter().find(|setting| setting.key == "volumes")?.value.as_deref();
-    let volumes = of_options.filter(|_| is_given(options, "volumes")).or_else(of_file).unwrap_or("auto");
+    let volumes = said("volumes", options, settings).unwrap_or("auto");
     if is_given(options, "preset") && volumes != "auto" {
         output::to_stderr(&format!("warning: --volumes {volumes} makes a binary tree, to which --preset does nothing"));
     }
 }
 
-/// Whether a setting has a say beside options of the command line that stand for several.
+/// Whether a setting has a say beside options of the command line that leave it none.
 ///
 /// `--samples` says which samples are taken, and so how many, where their number does not decide what they are.
 fn counts(setting: &Setting, all: &[Setting], options: &ArgMatches) -> bool {
-    if !is_given(options, "samples") {
-        return true;
-    }
-    let of_options = options.get_raw("sampler").and_then(|mut words| words.next()?.to_str());
-    let of_file = || all.iter().find(|setting| setting.key == "sampler")?.value.as_deref();
-    let is_stratified = of_options.or_else(of_file) == Some("stratified");
+    let is_given = |id: &str| is_given(options, id);
     match &setting.key[..] {
-        "noise" => false,
-        "spp" => is_stratified,
+        "noise" => !is_given("samples") && !is_given("heatmap"),
+        "spp" if is_given("samples") => said("sampler", options, all) == Some("stratified"),
+        "ao_radius" if is_given("integrator") => said("integrator", options, all) == Some("hybrid"),
         _ => true,
     }
+}
+
+/// The value of an option on the command line, else that of the file.
+fn said<'a>(id: &str, options: &'a ArgMatches, settings: &'a [Setting]) -> Option<&'a str> {
+    if is_given(options, id) {
+        return options.get_raw(id)?.next()?.to_str();
+    }
+    settings.iter().find(|setting| setting.key == id)?.value.as_deref()
 }
 
 /// All settings as `options` and the defaults have them, but those that `resolved` knows better.

@@ -57,6 +57,21 @@ fn the_command_line_has_the_last_word() {
     folder.run("render s.toml --sampler sobol --samples 0..3 -o sobol.exr").done();
 }
 
+/// What a file says of one kind of picture does not stand in the way of another.
+#[test]
+fn settings_that_other_options_have_no_room_for_give_way() {
+    let folder = Folder::with_small();
+    folder.run("scene small.obj --size 24x16 --spp 2 --noise 0.5 --ao-radius 1 -o s.toml").done();
+    folder.run("render s.toml --heatmap boxes -o heat.png").done();
+    folder.run("render s.toml --integrator path --noise 0.5 -o a.exr").done();
+    folder.run("render small.obj --size 24x16 --spp 2 --noise 0.5 --integrator path -o b.exr").done();
+    assert_eq!(folder.bytes("a.exr"), folder.bytes("b.exr"));
+    folder.run("scene s.toml --integrator path -o t.toml").done();
+    folder.run("render t.toml -o c.exr").done();
+    assert_eq!(folder.bytes("a.exr"), folder.bytes("c.exr"));
+    folder.run("render s.toml --integrator path --ao-radius 2 -o d.exr").refused(&["--ao-radius"]);
+}
+
 #[test]
 fn every_command_reads_scene_files() {
     let folder = Folder::with_small();
