@@ -190,7 +190,10 @@ impl fmt::Display for CameraError {
             }
             Self::Height { height } => write!(f, "camera picture height {height} is not above zero"),
             Self::Lens { radius, focus_distance } => {
-                write!(f, "camera lens radius {radius} and focus distance {focus_distance} are not both above zero")
+                write!(
+                    f,
+                    "camera lens radius {radius} and focus distance {focus_distance} are not both finite and above zero"
+                )
             }
             Self::NoDirection { eye } => write!(f, "camera target equals its eye {eye:?}"),
             Self::NoUp { up } => write!(f, "camera up {up:?} does not differ from the view direction"),
