@@ -1,7 +1,9 @@
 //! `cargo xtask agree A B`: whether two reports, as of a quick run and of a full one, say the same of what both measured.
 //!
 //! Points of plots are compared that have the same plot, series, label and place; they agree where their repetitions meet.
-//! Plots of other sizes have other titles, so what was made larger in a full run is not compared with what was not.
+//! Plots of other sizes have other titles, so what was made larger in a full run is not compared with what was not. What is
+//! interleaved is a plot, and between two runs the machine's clock and caches change: so times are compared after the median ratio
+//! of the times of their plot, which is told.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -20,25 +22,70 @@ pub(crate) fn run(a: &Path, b: &Path) -> Result<bool> {
         Ok(measured(&serde_json::from_str(&text).with_context(|| format!("{} is not JSON", path.display()))?))
     });
     let (a, b) = (a?, b?);
-    let (n_shared, apart) = compare(&a, &b);
+    let Compared { n_shared, n_times, n_times_apart, speeds, apart } = compare(&a, &b);
     ensure!(n_shared > 0, "the two reports measured nothing in common");
-    for line in &apart {
+    for line in speeds.iter().chain(&apart) {
         say(line);
     }
-    say(&format!("{} of {n_shared} shared values agree within their spreads", n_shared - apart.len()));
+    let n_others = n_shared - n_times;
+    say(&format!(
+        "{} of {n_times} times agree within their spreads, and {} of {n_others} other values",
+        n_times - n_times_apart,
+        n_others + n_times_apart - apart.len()
+    ));
     Ok(apart.is_empty())
 }
 
-/// How many values both measured, and a line for each that does not agree.
-fn compare(a: &Measured, b: &Measured) -> (usize, Vec<String>) {
-    let shared: Vec<_> = a.iter().filter_map(|(key, a)| Some((key, a, b.get(key)?))).collect();
-    let line = |&(key, a, b): &(&[String; 4], &Vec<f64>, &Vec<f64>)| {
-        let ([low, high], [other_low, other_high]) = (range(a), range(b));
-        let meets = low <= other_high && other_low <= high;
-        let words = key.iter().filter(|word| !word.is_empty()).cloned().collect::<Vec<_>>().join(", ");
-        (!meets).then(|| format!("{words}: {low:.4e} to {high:.4e} and {other_low:.4e} to {other_high:.4e}"))
-    };
-    (shared.len(), shared.iter().filter_map(line).collect())
+/// What two reports say of the same.
+#[derive(Debug, Default, PartialEq)]
+struct Compared {
+    n_shared: usize,
+    n_times: usize,
+    n_times_apart: usize,
+    /// A line for each plot of times: how much more those of the second report are.
+    speeds: Vec<String>,
+    /// A line for each value that does not agree.
+    apart: Vec<String>,
+}
+
+fn compare(a: &Measured, b: &Measured) -> Compared {
+    let mut plots: BTreeMap<[&str; 2], Vec<_>> = BTreeMap::new();
+    for (key, a) in a {
+        if let Some(b) = b.get(key) {
+            plots.entry([&key[0], &key[3]]).or_default().push((key, a, b));
+        }
+    }
+    let mut all = Compared::default();
+    for ([plot, axis], shared) in plots {
+        all.n_shared += shared.len();
+        let mut speed = 1.0;
+        if is_of_time(axis) {
+            all.n_times += shared.len();
+            speed = median(shared.iter().map(|(_, a, b)| median(b.iter().copied()) / median(a.iter().copied())));
+            all.speeds.push(format!("{plot}, {axis}: {speed:.2} times, by the median"));
+        }
+        for (key, a, b) in shared {
+            let ([low, high], [other_low, other_high]) = (range(a), range(b));
+            if low * speed > other_high || other_low > high * speed {
+                all.n_times_apart += usize::from(is_of_time(axis));
+                let words = key.iter().filter(|word| !word.is_empty()).cloned().collect::<Vec<_>>().join(", ");
+                all.apart.push(format!("{words}: {low:.4e} to {high:.4e} and {other_low:.4e} to {other_high:.4e}"));
+            }
+        }
+    }
+    all
+}
+
+/// Whether an axis shows what a machine's speed changes.
+fn is_of_time(axis: &str) -> bool {
+    let unit = axis.split_once(' ').map_or(axis, |(first, _)| first);
+    unit == "ns" || axis.ends_with(" a second") || [", s", ", ms", ", ns"].iter().any(|unit| axis.ends_with(unit))
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 fn range(values: &[f64]) -> [f64; 2] {
@@ -78,26 +125,48 @@ mod tests {
 
     use super::*;
 
-    fn report(title: &str, place: f64, values: &[f64]) -> Measured {
-        let point = json!({ "label": "p", "x": [place], "y": values });
-        let series = json!([{ "name": "s", "points": [point] }]);
-        let plot = json!({ "title": title, "x": { "label": "n" }, "y": { "label": "ns" }, "series": series });
+    /// A report of one plot, with a point for each list.
+    fn report(title: &str, axis: &str, lists: &[&[f64]]) -> Measured {
+        let point = |(i, values): (usize, &&[f64])| json!({ "label": "p", "x": [i], "y": values });
+        let points: Vec<Value> = lists.iter().enumerate().map(point).collect();
+        let series = json!([{ "name": "s", "points": points }]);
+        let plot = json!({ "title": title, "x": { "label": "n" }, "y": { "label": axis }, "series": series });
         measured(&json!({ "chapters": [{ "plots": [plot] }] }))
     }
 
     #[test]
     fn repetitions_that_meet_agree() {
-        let a = report("t", 1.0, &[1.0, 2.0]);
-        assert_eq!(compare(&a, &report("t", 1.0, &[2.0, 3.0])), (1, vec![]));
-        let (n, apart) = compare(&a, &report("t", 1.0, &[2.1, 3.0]));
-        assert!(n == 1 && apart.len() == 1 && apart[0].starts_with("t, s, p 1, ns: 1"), "{apart:?}");
+        let a = report("t", "area", &[&[1.0, 2.0]]);
+        let met = compare(&a, &report("t", "area", &[&[2.0, 3.0]]));
+        assert_eq!(met, Compared { n_shared: 1, ..Compared::default() });
+        let apart = compare(&a, &report("t", "area", &[&[2.1, 3.0]])).apart;
+        assert!(apart.len() == 1 && apart[0].starts_with("t, s, p 0, area: 1"), "{apart:?}");
+    }
+
+    #[test]
+    fn a_slower_machine_is_told_and_another_order_is_apart() {
+        let lists: [&[f64]; 3] = [&[1.0, 1.1], &[2.0, 2.1], &[3.0, 3.1]];
+        let a = report("t", "ns a ray", &lists);
+        let slower: [&[f64]; 3] = [&[2.0, 2.2], &[4.0, 4.2], &[6.0, 6.2]];
+        let met = compare(&a, &report("t", "ns a ray", &slower));
+        assert!(met.apart.is_empty() && met.n_times == 3 && met.speeds[0].contains("2.00 times"), "{met:?}");
+        let swapped: [&[f64]; 3] = [&[2.0, 2.2], &[6.0, 6.2], &[4.0, 4.2]];
+        assert_eq!(compare(&a, &report("t", "ns a ray", &swapped)).n_times_apart, 2);
+        assert_eq!(compare(&report("t", "area", &lists), &report("t", "area", &slower)).apart.len(), 3);
+    }
+
+    #[test]
+    fn units_of_time_are_known() {
+        assert!(["ns", "ns a test", "build, s", "picture, ms", "a camera ray, ns", "million rays a second"].map(is_of_time) == [true; 6]);
+        assert!(["area over least", "error, rad", "n", "units in the last place"].map(is_of_time) == [false; 4]);
     }
 
     #[test]
     fn other_plots_places_and_single_values_are_not_compared() {
-        let a = report("t", 1.0, &[1.0, 2.0]);
-        for b in [report("u", 1.0, &[9.0, 9.5]), report("t", 2.0, &[9.0, 9.5]), report("t", 1.0, &[9.0])] {
-            assert_eq!(compare(&a, &b).0, 0);
+        let a = report("t", "ns", &[&[1.0, 2.0]]);
+        let (one, other) = (&[9.0][..], &[9.0, 9.5][..]);
+        for b in [report("u", "ns", &[other]), report("t", "ns", &[one, other]), report("t", "ns", &[one])] {
+            assert_eq!(compare(&a, &b).n_shared, 0);
         }
     }
 }
