@@ -41,12 +41,35 @@ impl Tiny {
     /// Their nearest hit before the ray's end.
     #[inline]
     fn hit(&self, ray: &Ray) -> Option<tinybvh_rs::Intersection> {
-        let mut theirs = tinybvh_rs::Ray::new(ray.origin, ray.direction);
         let t_max = ray.t_max.min(INFINITE);
-        theirs.hit.t = t_max;
-        self.0.intersect(&mut theirs);
-        (theirs.hit.t < t_max).then_some(theirs.hit)
+        let mut theirs = Roomy {
+            ray: tinybvh_rs::Ray {
+                origin: ray.origin,
+                dir: ray.direction,
+                r_d: ray.direction.map(reciprocal),
+                hit: tinybvh_rs::Intersection { t: t_max, ..Default::default() },
+                ..Default::default()
+            },
+            _beyond: [0; 64],
+        };
+        self.0.intersect(&mut theirs.ray);
+        (theirs.ray.hit.t < t_max).then_some(theirs.ray.hit)
     }
+}
+
+/// A ray with the room and the alignment that the library's own has.
+///
+/// The bindings' ray (0.1.0-beta.3) is half as long, and their `Ray::new` lets the library clear all of its own: 64 bytes of the
+/// caller's stack besides. So its fields are filled here, with the direction as long as it is, in whose units `t` stays.
+#[repr(C, align(64))]
+struct Roomy {
+    ray: tinybvh_rs::Ray,
+    _beyond: [u8; 64],
+}
+
+/// As the library takes it of directions along an axis.
+fn reciprocal(x: f32) -> f32 {
+    if x.abs() > 1e-12 { 1.0 / x } else { INFINITE }
 }
 
 impl Engine for Tiny {
