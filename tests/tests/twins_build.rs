@@ -6,6 +6,8 @@
 mod compare;
 #[path = "twins_build/models.rs"]
 mod models;
+#[path = "twins_build/repeated.rs"]
+mod repeated;
 #[path = "twins_build/scan.rs"]
 mod scan;
 #[path = "twins_build/setup.rs"]

@@ -1,0 +1,87 @@
+//! The same build again and again: no bit depends on which work-group came first.
+
+use bytemuck::Pod;
+use canted_fixtures::Mesh;
+use canted_gpu::{
+    Buffer, Gpu,
+    build::{self, BuildConfig, Built, Run, STRATEGIES},
+};
+use canted_lbvh::{Bits, Strategy};
+
+use crate::setup::{Twin, gpu, items, large, needles, twins};
+
+/// Builds that are compared, the first with each other one.
+const ROUNDS: usize = 20;
+
+/// Words of buffers by name.
+pub(crate) type Words = Vec<(&'static str, Vec<u32>)>;
+
+fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Vec<u32> {
+    bytemuck::cast_slice(&gpu.read(buffer).unwrap()).to_vec()
+}
+
+/// All that a build leaves in the device's memory.
+pub(crate) fn words_of(gpu: &Gpu, built: &Built) -> Words {
+    let trees = &built.trees;
+    let obbs = built.obbs.as_ref().map(|obbs| read(gpu, obbs)).unwrap_or_default();
+    vec![
+        ("leaves", read(gpu, &built.leaves)),
+        ("nodes", read(gpu, &trees.nodes)),
+        ("parents", read(gpu, &trees.parents)),
+        ("heights", read(gpu, &trees.heights)),
+        ("depth", read(gpu, &trees.depth)),
+        ("axis-aligned boxes", read(gpu, &built.aabbs)),
+        ("leaning boxes", obbs),
+    ]
+}
+
+/// All that the stations of a build make, the grids and codes that it drops among them.
+fn stations(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
+    let bits = Bits::B63;
+    let mut run = Run::new(gpu);
+    let items = items(gpu, twins);
+    let domains = build::domain(&mut run, &items, bits).unwrap();
+    let codes = build::codes(&mut run, &items, &domains, bits).unwrap();
+    let built = Built::new(&mut run, items, BuildConfig { bits, strategy }).unwrap();
+    let mut words = vec![
+        ("grids", read(gpu, &domains)),
+        ("low words of codes", read(gpu, &codes.low)),
+        ("high words of codes", read(gpu, codes.high.as_ref().unwrap())),
+    ];
+    words.extend(words_of(gpu, &built));
+    words
+}
+
+/// The first buffer that differs.
+pub(crate) fn changed(before: &Words, after: &Words) -> Option<&'static str> {
+    before.iter().zip(after).find(|(before, after)| before != after).map(|((name, _), _)| *name)
+}
+
+/// Many work-groups over one mesh, and a tree of needles, most of whose boxes lean.
+fn meshes() -> [Mesh; 2] {
+    [large(7, 4_000), needles().remove(0)]
+}
+
+#[test]
+fn every_build_of_the_same_has_the_same_bits() {
+    let Some(gpu) = gpu("every_build_of_the_same_has_the_same_bits") else { return };
+    let twins = twins(&meshes(), Bits::B63);
+    for strategy in STRATEGIES {
+        let first = stations(&gpu, &twins, strategy);
+        for round in 1..ROUNDS {
+            let again = stations(&gpu, &twins, strategy);
+            assert_eq!(changed(&first, &again), None, "{strategy:?}, build {round}");
+        }
+    }
+}
+
+#[test]
+fn the_comparison_sees_one_step_of_one_vertex() {
+    let Some(gpu) = gpu("the_comparison_sees_one_step_of_one_vertex") else { return };
+    let mut twins = twins(&meshes(), Bits::B63);
+    let first = stations(&gpu, &twins, Strategy::Combined);
+    let corner = twins[0].items.iter_mut().flatten().max_by(|a, b| a[0].total_cmp(&b[0])).unwrap();
+    corner[0] = corner[0].next_up();
+    let moved = stations(&gpu, &twins, Strategy::Combined);
+    assert!(changed(&first, &moved).is_some());
+}
