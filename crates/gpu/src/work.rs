@@ -26,6 +26,8 @@ pub struct Work<'a> {
     gpu: &'a Gpu,
     encoder: CommandEncoder,
     timed: Option<Timed>,
+    /// Work-groups of all dispatches so far.
+    n_groups: u64,
 }
 
 struct Timed {
@@ -61,7 +63,7 @@ impl Gpu {
     #[must_use]
     pub fn work(&self) -> Work<'_> {
         let encoder = self.device.create_command_encoder(&CommandEncoderDescriptor::default());
-        Work { gpu: self, encoder, timed: None }
+        Work { gpu: self, encoder, timed: None, n_groups: 0 }
     }
 
     /// Starts a list of dispatches whose times [`Work::times`] tells, where the device can.
@@ -108,7 +110,13 @@ impl Work<'_> {
         }
         let [x, y, z] = groups;
         pass.dispatch_workgroups(x, y, z);
+        self.n_groups += groups.map(u64::from).iter().product::<u64>();
         Ok(())
+    }
+
+    /// Work-groups of all dispatches so far.
+    pub(crate) fn n_groups(&self) -> u64 {
+        self.n_groups
     }
 
     /// Copies all of `from` over the first of `to`.
@@ -173,7 +181,7 @@ impl Work<'_> {
     /// Submits the dispatches and waits for them: the kernel of each that is timed, and milliseconds of its begin and end since the
     /// begin of the first.
     fn ends(self) -> Result<(Vec<String>, Vec<[f64; 2]>), GpuError> {
-        let Self { gpu, mut encoder, timed } = self;
+        let Self { gpu, mut encoder, timed, .. } = self;
         gpu.check()?;
         let Some(timed) = timed.filter(|timed| !timed.kernels.is_empty()) else {
             let submission = gpu.queue.submit([encoder.finish()]);

@@ -3,7 +3,7 @@
 use canted_fixtures::{Mesh, icosphere, soup};
 use canted_gpu::{
     Gpu,
-    build::{BuildConfig, Built, Run, STRATEGIES, TwoLevels},
+    build::{BuildConfig, Built, Items, Run, STRATEGIES, TwoLevels},
 };
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::{Affine, Obb};
@@ -15,6 +15,7 @@ use canted_tlas::Instance;
 
 use crate::{
     compare::{stations, whole},
+    repeated::{changed, words_of},
     setup::{Twin, gpu, items, twins},
 };
 
@@ -100,6 +101,11 @@ fn roots_contain_their_meshes() {
     }
 }
 
+/// Work-groups by station.
+fn groups(run: &Run<'_>) -> Vec<(&'static str, u64)> {
+    run.times().iter().map(|time| (time.station, time.n_groups)).collect()
+}
+
 #[test]
 fn instances_that_move_change_the_top_level_alone() {
     let Some(gpu) = gpu("instances_that_move_change_the_top_level_alone") else { return };
@@ -109,9 +115,11 @@ fn instances_that_move_change_the_top_level_alone() {
     placed.rotate_left(7);
     placed.truncate(30);
     let moved = instances(&placed);
+    let bottom = words_of(&gpu, &levels.bottom);
     let mut run = Run::timed(&gpu);
     levels.place(&mut run, &moved).unwrap();
     assert_top(&gpu, &levels, &moved, config);
+    assert_eq!(changed(&bottom, &words_of(&gpu, &levels.bottom)), None);
 
     let nowhere = [Instance::still(0, Affine::IDENTITY), Instance::still(7, Affine::IDENTITY)];
     let error = levels.place(&mut run, &nowhere).unwrap_err().to_string();
@@ -121,6 +129,14 @@ fn instances_that_move_change_the_top_level_alone() {
     let error = levels.place(&mut run, &[endless]).unwrap_err().to_string();
     assert!(error.contains("the transform of instance 0 is not finite"), "{error}");
     assert_top(&gpu, &levels, &moved, config);
+
+    // Of the device it took what a tree over these boxes takes, and what was refused took nothing.
+    let mut alone = Run::timed(&gpu);
+    let boxes = Items::boxes(&gpu, &self::placed(&gpu, &levels, &moved)).unwrap();
+    Built::new(&mut alone, boxes, config).unwrap();
+    assert_eq!(groups(&run), groups(&alone));
+    Built::new(&mut alone, items(&gpu, &twins(&meshes(), config.bits)), config).unwrap();
+    assert!(groups(&run).iter().zip(groups(&alone)).all(|(top, both)| top.1 < both.1), "the bottom level goes unseen");
 }
 
 #[test]

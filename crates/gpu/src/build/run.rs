@@ -11,7 +11,7 @@ use crate::{AdapterKind, Bound, Gpu, GpuError, Kernel, Work};
 const SOFTWARE_INVOCATIONS: u32 = 1 << 18;
 const INVOCATIONS: u32 = 1 << 22;
 
-/// Milliseconds that the device took for a station.
+/// What a station took of the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StationTime {
     /// The station, named as on the CPU.
@@ -19,6 +19,8 @@ pub struct StationTime {
     /// Milliseconds from its first dispatch to its last, by the device's timestamps; by the clock on the wall where
     /// [`Gpu::has_timestamps`] says that it has none, the submission and the wait included.
     pub milliseconds: f64,
+    /// Work-groups of its dispatches, a count that no other load of the machine changes.
+    pub n_groups: u64,
 }
 
 /// Stations done one after another.
@@ -66,12 +68,16 @@ impl<'a> Run<'a> {
         if !self.timed {
             return dispatches.work.submit();
         }
+        let n_groups = dispatches.work.n_groups();
         let on_device = dispatches.work.span()?;
         let on_wall = start.elapsed().as_secs_f64() * 1e3;
         let milliseconds = if self.gpu.has_timestamps() { on_device } else { on_wall };
         match self.times.iter_mut().find(|time| time.station == station) {
-            Some(time) => time.milliseconds += milliseconds,
-            None => self.times.push(StationTime { station, milliseconds }),
+            Some(time) => {
+                time.milliseconds += milliseconds;
+                time.n_groups += n_groups;
+            }
+            None => self.times.push(StationTime { station, milliseconds, n_groups }),
         }
         Ok(())
     }
