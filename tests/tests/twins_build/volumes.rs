@@ -1,11 +1,14 @@
-//! Leaning boxes of nodes contain what is below them, exactly, and have about the area of the CPU's.
+//! Leaning boxes of nodes contain what is below them, exactly, have no more area than boxes along the axes, and about that of the
+//! CPU's.
+
+use std::cell::Cell;
 
 use canted_gpu::{
     Gpu,
     build::{BuildConfig, Built, Range, Run, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy, VolumeConfig};
-use canted_obb::{Aabb, Obb};
+use canted_obb::{Aabb, Frame, Obb, dop};
 use rayon::prelude::*;
 
 use crate::setup::{Twin, gpu, items, meshes, needles, twins};
@@ -73,6 +76,83 @@ fn leaning_boxes_have_the_area_of_the_cpus() {
             let device: f64 = boxes.obbs.iter().map(Obb::area).sum();
             assert!(device <= cpu * (1.0 + MORE_AREA), "mesh {index}, {strategy:?}: {device} beside {cpu}");
             assert!(device < 0.95 * axis_aligned, "mesh {index}, {strategy:?} gains nothing");
+        });
+    }
+}
+
+/// Most that one rounding of a device is off by, and least lengths: as in `shared/build/enclosure.wgsl`.
+const ROUNDING: f64 = f32::EPSILON as f64;
+const TINY: f64 = 1e-35;
+
+/// Most that axes may lack of being orthonormal: what is measured, and 13 roundings of that.
+const SKEWNESS: f64 = 1.0 / 1024.0 + 13.0 * ROUNDING;
+
+/// Greatest row sum of `|FᵀF - 1|`.
+fn skewness(frame: &Frame) -> f64 {
+    let dot = |a: usize, b: usize| (0..3).map(|k| f64::from(frame[a][k]) * f64::from(frame[b][k])).sum::<f64>();
+    let row = |a: usize| (0..3).map(|b| (dot(a, b) - f64::from(u8::from(a == b))).abs()).sum::<f64>();
+    (0..3).map(row).fold(0.0, f64::max)
+}
+
+/// The most area that a node's box may have: that of the axis-aligned box around the same, and what kernels round.
+///
+/// With E the rounding: a box along the axes of the space has its midpoint off by E of the coordinates, and half-extents of four
+/// roundings beyond their factor of 1 + 4 E: 17 E of an area, with second order. One that leans was found to have less area, by
+/// numbers of at most 3 roundings, 2 more in the extents of the axis-aligned box; `dop` compares once a frame, each time 6 E. Its
+/// axes may make faces greater by their skewness.
+fn most_area(aabb: &Aabb, obb: &Obb, n_compared: usize) -> f64 {
+    let [x, y, z] = std::array::from_fn(|k| {
+        let reach = f64::from(aabb.min[k].abs().max(aabb.max[k].abs()));
+        aabb.extent()[k] + 2.0 * (ROUNDING * reach + 2.0 * TINY)
+    });
+    #[expect(clippy::cast_precision_loss, reason = "a few frames")]
+    let roundings = 17.0 + 6.0 * n_compared as f64;
+    2.0 * (x * y + y * z + z * x) * (1.0 + roundings * ROUNDING) * (1.0 + skewness(&obb.frame))
+}
+
+/// The first node whose box has more area than it may.
+fn too_large(boxes: &Boxes<'_>, strategy: Strategy) -> Option<(usize, Obb)> {
+    let n_compared = if strategy == Strategy::Dop { dop::N_FRAMES - 1 } else { 1 };
+    let is_too_large =
+        |(aabb, obb): (&Aabb, &Obb)| skewness(&obb.frame) > SKEWNESS || obb.area() > most_area(aabb, obb, n_compared);
+    let index = boxes.aabbs.iter().zip(boxes.obbs).position(is_too_large)?;
+    Some((index, boxes.obbs[index]))
+}
+
+#[test]
+#[expect(clippy::print_stderr, reason = "the share of boxes along the axes is told")]
+fn no_box_has_more_area_than_the_axis_aligned_one() {
+    let Some(gpu) = gpu("no_box_has_more_area_than_the_axis_aligned_one") else { return };
+    let twins = twins(&[meshes(), needles()].concat(), Bits::B63);
+    for &strategy in &STRATEGIES[1..] {
+        let (n_nodes, n_straight) = (Cell::new(0), Cell::new(0));
+        with_boxes(&gpu, &twins, strategy, |index, _, boxes| {
+            assert_eq!(too_large(&boxes, strategy), None, "mesh {index}, {strategy:?}");
+            let straight = boxes.obbs.iter().filter(|obb| obb.frame == Obb::IDENTITY_FRAME);
+            n_straight.set(n_straight.get() + straight.count());
+            n_nodes.set(n_nodes.get() + boxes.obbs.len());
+        });
+        let (n_nodes, n_straight) = (n_nodes.get(), n_straight.get());
+        eprintln!("{strategy:?}: {n_straight} of {n_nodes} boxes stand along the axes of the space");
+        assert!(0 < n_straight && n_straight < n_nodes, "{strategy:?}: one kind of box was not met");
+    }
+}
+
+#[test]
+fn the_check_sees_a_box_that_is_too_large() {
+    let Some(gpu) = gpu("the_check_sees_a_box_that_is_too_large") else { return };
+    let twins = twins(&needles()[..1], Bits::B63);
+    for &strategy in &STRATEGIES[1..] {
+        with_boxes(&gpu, &twins, strategy, |_, _, Boxes { aabbs, obbs }| {
+            let mut grown = obbs.to_vec();
+            // As large as the axis-aligned one, and by little more than roundings larger.
+            #[expect(clippy::cast_possible_truncation, reason = "a factor near one")]
+            let factor = (aabbs[5].area() / obbs[5].area()).sqrt() as f32 * (1.0 + 1e-3);
+            grown[5].half = grown[5].half.map(|half| half * factor);
+            assert_eq!(too_large(&Boxes { aabbs, obbs: &grown }, strategy), Some((5, grown[5])));
+            let mut skewed = obbs.to_vec();
+            skewed[3].frame[0][1] += 0.01;
+            assert_eq!(too_large(&Boxes { aabbs, obbs: &skewed }, strategy), Some((3, skewed[3])));
         });
     }
 }
