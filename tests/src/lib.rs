@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod brute;
+pub mod chains;
 pub mod closed;
 pub mod clouds;
 pub mod crossings;

@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use canted_fixtures::{Mesh, scaffold_of, soup};
-use canted_lbvh::{Child, NodeId, Tree, gather};
+use canted_lbvh::{Tree, gather};
 use canted_sah::{Builder, ReinsertConfig, SpatialConfig, TopDownConfig};
-use canted_tests::{rays, scenes};
+use canted_tests::{chains::chain, rays, scenes};
 use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, Wide};
 
@@ -22,17 +22,6 @@ fn over_agrees(name: &str, mesh: &Mesh, tree: &Tree, rays: &[Ray]) {
             assert_eq!(difference, None, "{name}, {way}, {}", path.name());
         }
     }
-}
-
-/// A chain over `n` primitives: each node a leaf and the rest, the leaf on the side that `is_left` says.
-fn chain(n: u32, is_left: impl Fn(u32) -> bool) -> Tree {
-    let children: Vec<_> = (0..n - 1)
-        .map(|i| {
-            let rest = if i + 2 < n { Child::inner(NodeId(i + 1)) } else { Child::leaf(n - 1) };
-            if is_left(i) { [Child::leaf(i), rest] } else { [rest, Child::leaf(i)] }
-        })
-        .collect();
-    Tree::from_children(&children).unwrap()
 }
 
 /// Which leaves of a chain are on the left, by name.

@@ -1,0 +1,147 @@
+//! Trees as deep as each way back up can bear, and one level deeper.
+
+use canted_fixtures::Mesh;
+use canted_gpu::{Answer, Gpu, GpuError, TracedScene, Walk};
+use canted_lbvh::gather;
+use canted_obb::Affine;
+use canted_tests::chains::chain;
+use canted_tlas::Instance;
+use canted_trace::{Ray, Watertight};
+use canted_wide::{NodeKind, Wide};
+
+use super::gpu;
+use super::setup::{loop_over_all, of_one_kind};
+
+/// Sectors of the unit square, all from its corner: a triangle fills most of one, and its box those below too.
+const SECTORS: u16 = 16;
+
+/// Sectors with few triangles: the first has none, each other one, from the first of the chain to the last. Rays through them enter
+/// the boxes of all triangles of the sectors above, so children wait on every level.
+const RARE: u16 = 8;
+
+/// Half of a triangle's and of a ray's part of a sector, so that no ray comes near an edge and all arithmetic agrees.
+const FILLED: f32 = 0.4;
+const AIMED: f32 = 0.2;
+
+/// Children of a node.
+const WIDTH: u16 = 8;
+
+/// The slope of a line from the corner: `across` is -1/2 to 1/2 in its sector.
+fn slope(sector: u16, across: f32) -> f32 {
+    (f32::from(sector) + 0.5 + across) / f32::from(SECTORS)
+}
+
+/// Triangles in as many nodes: each holds seven and the node of the rest, the last one eight.
+fn n_triangles(depth: u16) -> u16 {
+    (WIDTH - 1) * depth + 1
+}
+
+/// Triangles across x, one behind another from 0 to 1, and the tree of this depth over them.
+fn deep(depth: u16) -> (Mesh, Wide<Watertight>) {
+    let n = n_triangles(depth);
+    let sector = |i: u16| {
+        let rare = (1..RARE).find(|&rare| i == (rare - 1) * (n - 1) / (RARE - 2));
+        rare.unwrap_or(RARE + i % (SECTORS - RARE))
+    };
+    let corners = |i: u16| {
+        let x = f32::from(i) / f32::from(n);
+        [[x, 0.0, 0.0], [x, 1.0, slope(sector(i), -FILLED)], [x, 1.0, slope(sector(i), FILLED)]]
+    };
+    let positions = (0..n).flat_map(corners).collect();
+    let mesh = Mesh { positions, triangles: (0..u32::from(n)).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect() };
+    let (corners, bounds) = gather(&mesh.positions, &mesh.triangles).unwrap();
+    let tree = chain(n.into(), |i| i % 2 == 0);
+    let wide = Wide::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Box)).unwrap();
+    assert_eq!(wide.words().depth, u32::from(depth));
+    (mesh, wide)
+}
+
+/// Rays through every sector: past all triangles from both sides, and from between two of them; a little away from the corner.
+fn rays(depth: u16) -> Vec<Ray> {
+    let n = n_triangles(depth);
+    let behind = |i: u16| (f32::from(i) + 0.5) / f32::from(n);
+    let mut rays = vec![];
+    for sector in 0..SECTORS {
+        for (from, to) in [(-0.5, 1.0), (1.5, -1.0), (behind(n / 3), 1.0), (behind(2 * n / 3), -1.0)] {
+            for (across, y) in [(-1.0, 0.3), (-0.4, 0.7), (0.2, 0.5), (0.9, 0.4)] {
+                let slope = slope(sector, AIMED * across);
+                rays.push(Ray::new([from, y, y * slope], [to, 0.1, 0.1 * slope]));
+            }
+        }
+    }
+    rays
+}
+
+fn walked(gpu: &Gpu, tree: &Wide<Watertight>, walk: Walk) -> Result<TracedScene, GpuError> {
+    TracedScene::one(gpu, tree, &[0])?.walked(gpu, walk)
+}
+
+/// The first ray whose answers are not the triangle that a loop over all finds.
+fn first_difference(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], wants: &[Option<u32>]) -> Option<String> {
+    let hits = scene.closest_hits(gpu, rays).unwrap();
+    let occluded = scene.occluded(gpu, rays).unwrap();
+    assert_eq!((hits.len(), occluded.len()), (rays.len(), rays.len()));
+    rays.iter().zip(hits).zip(occluded).zip(wants).find_map(|(((ray, hit), occluded), &want)| {
+        let is_right = match hit {
+            Answer::Known(hit) => hit.map(|hit| hit.primitive) == want && occluded == Answer::Known(want.is_some()),
+            Answer::Cut => false,
+        };
+        (!is_right).then(|| format!("{ray:?}: {hit:?} and {occluded:?} for {want:?}"))
+    })
+}
+
+fn wants(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<u32>> {
+    loop_over_all::<Watertight>(mesh, rays).into_iter().map(|hit| hit.map(|hit| hit.primitive.0)).collect()
+}
+
+#[test]
+fn every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear() {
+    let Some(gpu) = gpu("every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear") else { return };
+    for (depth, walks) in [
+        (16, &Walk::ALL[..]),
+        (17, &[Walk::Stack, Walk::Links]),
+        (33, &[Walk::Stack, Walk::Links]),
+        (52, &[Walk::Stack, Walk::Links]),
+        (128, &[Walk::Stack, Walk::Links]),
+    ] {
+        let ((mesh, tree), rays) = (deep(depth), rays(depth));
+        let wants = wants(&mesh, &rays);
+        let n_hit = wants.iter().flatten().count();
+        // The first sector is empty, and rays from among the triangles leave some rare ones behind.
+        assert!(n_hit > rays.len() / 2 && wants.len() - n_hit >= rays.len() / usize::from(SECTORS), "{n_hit}");
+        for &walk in walks {
+            let scene = walked(&gpu, &tree, walk).unwrap();
+            assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "{walk:?}, depth {depth}");
+        }
+    }
+}
+
+#[test]
+fn trees_too_deep_for_a_walk_are_refused_by_name() {
+    let Some(gpu) = gpu("trees_too_deep_for_a_walk_are_refused_by_name") else { return };
+    let refused = |depth: u32, most: u32| {
+        format!(
+            "the stack of a ray: {depth} levels of nodes are needed, the device has {most}; use another --builder or --device cpu"
+        )
+    };
+    let error = |scene: Result<TracedScene, GpuError>| scene.err().expect("the tree is too deep").to_string();
+    let (_, tree) = deep(17);
+    assert_eq!(error(walked(&gpu, &tree, Walk::Bits)), refused(17, 16));
+    let (_, tree) = deep(129);
+    for walk in Walk::ALL {
+        assert_eq!(error(walked(&gpu, &tree, walk)), refused(129, 128));
+    }
+    // The levels of both trees count where one stands above the other.
+    let (_, tree) = deep(16);
+    assert!(walked(&gpu, &tree, Walk::Bits).is_ok());
+    let two = TracedScene::two(&gpu, &[&tree], &[Instance::still(0, Affine::IDENTITY); 2]).unwrap();
+    assert_eq!(error(two.walked(&gpu, Walk::Bits)), refused(17, 16));
+}
+
+#[test]
+fn the_comparison_sees_a_hit_that_a_deep_tree_lost() {
+    let Some(gpu) = gpu("the_comparison_sees_a_hit_that_a_deep_tree_lost") else { return };
+    let ((mesh, tree), rays) = (deep(16), rays(16));
+    let scene = walked(&gpu, &tree, Walk::Links).unwrap().without_links(&gpu).unwrap();
+    assert!(first_difference(&gpu, &scene, &rays, &wants(&mesh, &rays)).is_some());
+}
