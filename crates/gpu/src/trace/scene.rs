@@ -120,8 +120,7 @@ impl TracedScene {
             header
         });
         let headers: Vec<TreeWords> = headers.collect();
-        let counted = loop_turns(gpu, WANTED_TURNS)?;
-        let turns = if counted < WANTED_TURNS { counted / SHARING } else { MOST_TURNS };
+        let turns = turns_of(loop_turns(gpu, WANTED_TURNS)?);
         Ok(Self {
             nodes: joined(gpu, "nodes", &nodes)?,
             halves: joined(gpu, "blocks of triangles", &blocks)?,
@@ -217,6 +216,11 @@ impl TracedScene {
     }
 }
 
+/// Turns that a walk may take where the driver let a loop of `WANTED_TURNS` take `counted`.
+fn turns_of(counted: u32) -> u32 {
+    if counted < WANTED_TURNS { counted / SHARING } else { MOST_TURNS }
+}
+
 fn too_deep(depth: u32, most: u32) -> GpuError {
     GpuError::Limit {
         what: "the stack of a ray".to_owned(),
@@ -249,4 +253,34 @@ fn joined(gpu: &Gpu, what: &str, parts: &[&[u32]]) -> Result<Buffer<Quad>, GpuEr
 /// Words in fours; lines and blocks are made of whole ones.
 fn quads<T: Pod>(words: &[T]) -> &[Quad] {
     bytemuck::cast_slice(words)
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::or_skip;
+    use canted_trace::Watertight;
+
+    use super::*;
+    use crate::Choice;
+
+    #[test]
+    fn a_driver_that_leaves_loops_early_leaves_each_of_a_vector_its_share() {
+        assert_eq!(turns_of(65_535), 8_191);
+        assert_eq!(turns_of(WANTED_TURNS - 1), (WANTED_TURNS - 1) / SHARING);
+        assert_eq!([turns_of(0), turns_of(SHARING - 1)], [0, 0]);
+        assert_eq!(turns_of(WANTED_TURNS), MOST_TURNS);
+    }
+
+    /// Whatever the driver does, the count of a walk ends it before the driver would.
+    #[test]
+    fn walks_may_take_what_the_driver_lets_loops_take() {
+        let test = "walks_may_take_what_the_driver_lets_loops_take";
+        let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
+        let tree = Wide::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
+        let scene = TracedScene::one(&gpu, &tree, &[0]).unwrap();
+        let counted = loop_turns(&gpu, 100_000).unwrap();
+        let fits = if counted == 100_000 { scene.turns == MOST_TURNS } else { scene.turns * SHARING <= counted };
+        assert!(fits, "{} turns of a walk, where a loop takes {counted}", scene.turns);
+        assert_eq!(scene.turns, turns_of(counted));
+    }
 }
