@@ -16,9 +16,13 @@ use crate::{ShaderError, Specialisation, assemble, reflection};
 /// # Errors
 /// A kernel that cannot be made.
 pub fn complaints(name: &str, chosen: &Specialisation) -> Result<Vec<String>, ShaderError> {
-    let source = assemble(name, chosen)?;
-    let (module, _) = reflection::specialised(name, &source, chosen.overrides())?;
-    let at = |span: Span| span.location(&source).line_number;
+    of_text(name, &assemble(name, chosen)?, chosen.overrides())
+}
+
+/// The same of a text, under the name of a kernel.
+fn of_text(name: &str, source: &str, overrides: &[(String, f64)]) -> Result<Vec<String>, ShaderError> {
+    let (module, _) = reflection::specialised(name, source, overrides)?;
+    let at = |span: Span| span.location(source).line_number;
     let mut complaints = vec![];
     for stray in uniform::stray_barriers(&module) {
         let line = at(stray.span);
@@ -75,5 +79,66 @@ fn visit(block: &Block, each: &mut impl FnMut(&Statement, Span)) {
             }
             _ => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is wrong with a kernel of this folder whose third line is `declared` and whose body begins in the fifth.
+    fn found_in(folder: &str, declared: &str, body: &str) -> Vec<String> {
+        let text = format!(
+            "@group(0) @binding(0) var<storage, read_write> words: array<u32>;
+             var<workgroup> both: array<u32, 64>;
+             {declared}
+             @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {{
+             {body} }}"
+        );
+        of_text(&format!("{folder}/flawed"), &text, &[]).unwrap()
+    }
+
+    fn found(declared: &str, body: &str) -> Vec<String> {
+        found_in("build", declared, body)
+    }
+
+    #[test]
+    fn fences_between_work_groups_are_found() {
+        let fence_in = |line: u32| {
+            format!(
+                "build/flawed: line {line} fences storage, which other work-groups do not see before a later dispatch"
+            )
+        };
+        for body in [
+            "words[i] = 1u;\nstorageBarrier();\nboth[i] = words[i + 64u];",
+            "for (var k = 0u; k < 3u; k++) {\nstorageBarrier(); }",
+            "if arrayLength(&words) > 3u { words[i] = 1u; } else {\nstorageBarrier(); }",
+            "switch arrayLength(&words) { case 1u: {\nstorageBarrier(); } default: {} }",
+        ] {
+            assert_eq!(found("", body), [fence_in(6)], "{body}");
+        }
+        let fence = "fn fence() { storageBarrier(); }";
+        assert_eq!(found(fence, "words[i] = 1u; fence(); both[i] = words[i + 64u];"), [fence_in(3)]);
+    }
+
+    #[test]
+    fn barriers_of_what_a_work_group_shares_are_sound() {
+        for body in [
+            "words[i] = 1u;\nworkgroupBarrier();\nboth[i] = words[63u - i];",
+            "both[i] = words[i]; meet(); words[i] = both[63u - i];",
+            "words[i] = workgroupUniformLoad(&both[3]);",
+        ] {
+            assert_eq!(found("fn meet() { workgroupBarrier(); }", body), [""; 0], "{body}");
+        }
+    }
+
+    #[test]
+    fn every_rule_names_its_line() {
+        let stray = "build/flawed: not all invocations of a work-group reach the barrier in line 5";
+        assert_eq!(found("", "if i < 3u { workgroupBarrier(); }"), [stray]);
+        let quotient = "words[i] = u32(1.0 / f32(i));";
+        let wild = "trace/flawed: line 5: a quotient outside of a function that guards its divisor";
+        assert_eq!(found_in("trace", "", quotient), [wild]);
+        assert_eq!(found("", quotient), [""; 0]);
     }
 }
