@@ -68,6 +68,9 @@ pub(crate) enum Outcome {
 /// Does what the command line asks for.
 fn run(matches: &ArgMatches) -> Result<Outcome> {
     let cli = Cli::from_arg_matches(matches).unwrap_or_else(|error| error.exit());
+    if !matches!(cli.command, None | Some(Command::Render(_))) {
+        interrupt::ends_the_process();
+    }
     match cli.command {
         None => render::run(&options::defaults()),
         Some(Command::Render(args)) => render::run(&args),
@@ -85,7 +88,7 @@ fn main() -> ExitCode {
     match settings::command_line().and_then(|matches| run(&matches)) {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::No) => ExitCode::from(1),
-        Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => ExitCode::from(130),
+        Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => ExitCode::from(interrupt::CODE),
         Err(error) => {
             output::to_stderr(&format!("error: {error}"));
             ExitCode::from(2)

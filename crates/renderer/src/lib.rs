@@ -64,7 +64,9 @@ pub use input::{ReadPictureError, read_picture};
 pub use level::{Builder, Level};
 pub use light::{LightSample, LightSampler, Lights, Met, Source, environment_of};
 pub use mask::Masked;
-pub use output::{Record, Whole, WriteError, read_part, write_exr, write_film, write_png};
+pub use output::{
+    Discarded, Record, Whole, WriteError, discard_unfinished, read_part, write_exr, write_film, write_png,
+};
 pub use partial::Partial;
 pub use picture::Picture;
 pub use prepare::{LeftOut, Levels, PrepareError, Prepared, StructureConfig, prepare};

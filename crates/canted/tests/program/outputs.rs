@@ -253,4 +253,29 @@ pub(crate) mod interrupted {
         assert_eq!(interrupt(&mut child), Some(130));
         assert_eq!(folder.names(), ["rays.csv", "tangle.obj"]);
     }
+
+    /// Whoever writes is interrupted in the middle, by Ctrl-C or what a scheduler sends.
+    #[test]
+    fn nothing_half_written_remains() {
+        if is_ignored("nothing_half_written_remains") {
+            return;
+        }
+        let folder = Folder::with_small();
+        let ray: Vec<u8> = [9.0f32, 9.0, 9.0, 0.0, 0.0, 1.0, 1.0].into_iter().flat_map(f32::to_le_bytes).collect();
+        folder.write("rays.bin", ray.repeat(3_000_000));
+        folder.write("many.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(1_500_000));
+        // The first temporary files only prove that the place can be written.
+        for (line, n_probes) in [
+            ("cast small.obj --rays rays.bin --hits hits.csv --device cpu", 1),
+            ("tree many.obj --codes codes.csv --nodes nodes.csv", 2),
+        ] {
+            for signal in ["-INT", "-TERM"] {
+                let mut child = folder.command(line).spawn().unwrap();
+                let temporary = folder.path(&format!(".canted-{}-{n_probes}.tmp", child.id()));
+                wait_until(|| temporary.exists() || child.try_wait().unwrap().is_some());
+                assert_eq!(send(signal, &mut child), Some(130), "{line}, {signal}");
+                assert_eq!(folder.names(), ["many.obj", "rays.bin", "small.obj"], "{line}, {signal}");
+            }
+        }
+    }
 }

@@ -18,7 +18,7 @@ pub use film::{read_part, write_film};
 pub use record::Record;
 pub(crate) use record::{record_from_lines, record_lines};
 pub(crate) use whole::write_whole;
-pub use whole::{Whole, WriteError};
+pub use whole::{Discarded, Whole, WriteError, discard_unfinished};
 
 /// Writes `picture` as an 8-bit RGB PNG: clamped to 0..=1, encoded by the sRGB curve, rounded to the nearest byte.
 ///

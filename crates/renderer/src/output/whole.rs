@@ -5,6 +5,30 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Temporary files of this process that have no name yet.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Takes away what is there of files in the making, for a process that is about to end without coming back to them.
+///
+/// While the value lives no file is begun, named or given up: whoever tries waits, so that nothing appears behind it.
+pub fn discard_unfinished() -> Discarded {
+    let files = unfinished();
+    files.iter().for_each(|file| drop(fs::remove_file(file)));
+    Discarded { _held: files }
+}
+
+/// Nothing is left of files in the making: [`discard_unfinished`].
+#[must_use = "files may be begun again once it is dropped"]
+#[derive(Debug)]
+pub struct Discarded {
+    _held: MutexGuard<'static, Vec<PathBuf>>,
+}
 
 /// A file in the making, beside the one that it is to be: [`Whole::finish`] gives it its name, and without that nothing is
 /// left of it.
@@ -32,7 +56,10 @@ impl Whole {
             _ => {}
         }
         let temporary = temporary_beside(&target);
+        // Noted under the lock that the file is made under: there is none that is not noted.
+        let mut unfinished = unfinished();
         let file = File::create_new(&temporary).map_err(|error| WriteError::io(path, &error))?;
+        unfinished.push(temporary.clone());
         Ok(Self { path: path.to_owned(), target, temporary, writer: BufWriter::new(file) })
     }
 
@@ -52,6 +79,7 @@ impl Whole {
         let mut named = || {
             self.writer.flush()?;
             self.writer.get_ref().sync_all()?;
+            let _unfinished = unfinished();
             fs::rename(&self.temporary, &self.target)
         };
         named().map_err(|error| WriteError::io(&self.path, &error))
@@ -60,6 +88,8 @@ impl Whole {
 
 impl Drop for Whole {
     fn drop(&mut self) {
+        let mut unfinished = unfinished();
+        unfinished.retain(|file| *file != self.temporary);
         // Nothing of that name is left where the file was finished.
         let _ = fs::remove_file(&self.temporary);
     }
