@@ -74,7 +74,7 @@ pub(crate) fn load(name: &str) -> Result<Option<Model>> {
         return Ok(Some(Model { mesh, views, placed: None }));
     }
     let Some(scene) = scene(name)? else { return Ok(None) };
-    let (positions, triangles, _) = canted_renderer::flatten(&scene);
+    let (positions, triangles, _) = canted_renderer::flatten(&scene)?;
     let mesh = Mesh { positions, triangles };
     let views = FILES.iter().find_map(|(known, _, views)| (*known == name).then_some(*views)).flatten();
     let views = views.unwrap_or_else(|| object_views(&mesh));

@@ -14,6 +14,7 @@ mod fit;
 pub mod hierarchy;
 mod instance;
 mod lanes;
+mod limits;
 mod merge;
 mod none;
 mod promise;
@@ -36,7 +37,8 @@ use crate::tracers::Way;
 #[must_use]
 pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
     let mut rows =
-        [fit::rows(effort), merge::rows(effort), rotation::rows(effort), tree::rows(), built::rows()].concat();
+        [fit::rows(effort), merge::rows(effort), rotation::rows(effort), tree::rows(), limits::rows()].concat();
+    rows.extend(built::rows());
     rows.extend([slab::rows(effort), lanes::rows(effort), triangle::rows(effort)].concat());
     rows.extend([hierarchy::rows(effort, ways), none::rows(ways), instance::rows(effort, ways), film::rows()].concat());
     rows.extend(TRACKERS.iter().flat_map(|tracker| (tracker.rows)(ways)));

@@ -29,6 +29,7 @@ fn every_promise_is_kept() {
         "rotation",
         "tree",
         "cells",
+        "limits",
         "box",
         "box in a node of eight",
         "triangle",

@@ -157,7 +157,10 @@ mod tests {
 
     #[test]
     fn units_of_time_are_known() {
-        assert!(["ns", "ns a test", "build, s", "picture, ms", "a camera ray, ns", "million rays a second"].map(is_of_time) == [true; 6]);
+        assert!(
+            ["ns", "ns a test", "build, s", "picture, ms", "a camera ray, ns", "million rays a second"].map(is_of_time)
+                == [true; 6]
+        );
         assert!(["area over least", "error, rad", "n", "units in the last place"].map(is_of_time) == [false; 4]);
     }
 

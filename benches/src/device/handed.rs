@@ -33,7 +33,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         };
         let gpu = &bench.gpu;
         let corners = || -> Result<()> {
-            let (positions, triangles, _) = flatten(&scene);
+            let (positions, triangles, _) = flatten(&scene)?;
             let (corners, _) = canted_lbvh::gather(&positions, &triangles)?;
             let items = Items::triangles(gpu, [&corners[..]])?;
             gpu.finish()?;

@@ -22,7 +22,7 @@ pub enum GeometryError {
         /// The triangle.
         triangle: PrimId,
     },
-    /// More triangles than node references can name.
+    /// More triangles than the references of a tree can name.
     TooMany {
         /// Number of triangles.
         n_triangles: usize,
@@ -37,7 +37,7 @@ impl std::fmt::Display for GeometryError {
             }
             Self::NotFinite { triangle } => write!(f, "triangle {triangle} has a vertex that is not finite"),
             Self::TooMany { n_triangles } => {
-                write!(f, "{n_triangles} triangles are more than the {} a tree can hold", MAX_PRIMITIVES)
+                write!(f, "{n_triangles} triangles are more than a tree can hold")
             }
         }
     }
@@ -45,17 +45,27 @@ impl std::fmt::Display for GeometryError {
 
 impl std::error::Error for GeometryError {}
 
-/// Greatest number of primitives: a child reference keeps two bits for itself.
-pub(crate) const MAX_PRIMITIVES: usize = 1 << 30;
+/// Most primitives of a binary tree: a child reference keeps two bits for itself.
+pub const MAX_PRIMITIVES: usize = 1 << 30;
 
 const CHUNK: usize = 1 << 14;
 
 /// Fetches the corners of indexed triangles and the box around them, in input order.
 ///
 /// # Errors
-/// The first triangle, in input order, with an index out of range or a vertex that is not finite.
+/// More than [`MAX_PRIMITIVES`] triangles, before any is looked at; the first triangle, in input order, with an index out of range
+/// or a vertex that is not finite.
 pub fn gather(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(Vec<Corners>, Aabb), GeometryError> {
-    if triangles.len() > MAX_PRIMITIVES {
+    gather_at_most(MAX_PRIMITIVES, positions, triangles)
+}
+
+/// As [`gather`], of at most so many triangles.
+fn gather_at_most(
+    most: usize,
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+) -> Result<(Vec<Corners>, Aabb), GeometryError> {
+    if triangles.len() > most {
         return Err(GeometryError::TooMany { n_triangles: triangles.len() });
     }
     let mut corners = vec![[[0.0; 3]; 3]; triangles.len()];
@@ -123,6 +133,17 @@ mod tests {
             gather(&positions, &[[0, 1, 0], [0, 3, 1]]).unwrap_err(),
             GeometryError::IndexOutOfRange { triangle: PrimId(1), index: 3, n_vertices: 3 }
         );
+    }
+
+    #[test]
+    fn too_many_are_told_before_any_is_looked_at() {
+        let [positions, bad] = [[[0.0; 3]; 3], [[f32::NAN; 3]; 3]];
+        let triangles = [[0, 1, 2]; 8];
+        assert_eq!(gather_at_most(8, &positions, &triangles).unwrap().0.len(), 8);
+        for positions in [&positions[..], &bad, &[]] {
+            let error = gather_at_most(7, positions, &triangles).unwrap_err();
+            assert_eq!(error, GeometryError::TooMany { n_triangles: 8 });
+        }
     }
 
     #[test]

@@ -28,7 +28,7 @@ mod volumes;
 
 pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
-pub use corners::{Corners, GeometryError, gather, in_leaf_order};
+pub use corners::{Corners, GeometryError, MAX_PRIMITIVES, gather, in_leaf_order};
 pub use cost::{Costs, Sums, sums};
 pub use domain::{Bits, Domain};
 pub use leaf::Leaf;

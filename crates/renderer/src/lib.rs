@@ -73,7 +73,7 @@ pub use prepare::{LeftOut, Levels, PrepareError, Prepared, StructureConfig, prep
 pub use render::{Monitor, RenderError, Tile, render, resume};
 pub use sampler::{Pattern, Sampler};
 pub use settings::{Integrator, Settings};
-pub use structure::{Flat, Structure, flatten};
+pub use structure::{Flat, Flattened, Structure, flatten};
 pub use surface::{Surface, Surfaces};
 pub use texture::{Cone, Lod};
 pub use tracer::Tracer;

@@ -1,9 +1,9 @@
-use canted_lbvh::VolumeConfig;
+use canted_lbvh::{MAX_PRIMITIVES, Strategy, VolumeConfig};
 use canted_obb::PrimId;
 use canted_scene::Scene;
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray};
-use canted_wide::{Config, LaneKernel};
+use canted_wide::{Config, LaneKernel, MAX_TRIANGLES};
 use rayon::prelude::*;
 
 use crate::level::{Level, LevelConfig, build_level};
@@ -126,14 +126,20 @@ impl<K: LaneKernel> Tracer for Structure<K> {
 
 /// All instances' triangles in world space, under one tree.
 pub(crate) fn build_one<K: LaneKernel>(scene: &Scene, config: &LevelConfig) -> Result<Structure<K>, PrepareError> {
-    let (positions, triangles, first) = flatten(scene);
+    let (positions, triangles, first) = flatten(scene)?;
     Ok(Structure::One(Flat { blas: build_level(&positions, &triangles, config)?, first }))
 }
 
-/// The scene as one mesh in world space, moving instances where they are as the shutter opens: positions, triangles, and each instance's first triangle.
-#[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "triangles and vertices are numbered by u32")]
-pub fn flatten(scene: &Scene) -> (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>) {
+/// A scene as one mesh in world space: positions, triangles, and each instance's first triangle.
+pub type Flattened = (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>);
+
+/// The scene as one mesh in world space, moving instances where they are as the shutter opens.
+///
+/// # Errors
+/// More triangles than a tree can name, or more vertices than triangles can, before any is placed.
+#[expect(clippy::cast_possible_truncation, reason = "triangles and vertices are few enough to be numbered by u32")]
+pub fn flatten(scene: &Scene) -> Result<Flattened, PrepareError> {
+    Room { n_triangles: MAX_PRIMITIVES, n_vertices: Room::N_VERTICES }.check(scene)?;
     let (mut positions, mut triangles, mut first) = (vec![], vec![], vec![]);
     for instance in &scene.instances {
         let mesh = &scene.meshes[instance.mesh.0 as usize];
@@ -142,7 +148,35 @@ pub fn flatten(scene: &Scene) -> (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>) {
         positions.extend(mesh.positions.iter().map(|&p| instance.world_from_object.point(p)));
         triangles.extend(mesh.triangles.iter().map(|t| t.map(|i| base + i)));
     }
-    (positions, triangles, first)
+    Ok((positions, triangles, first))
+}
+
+/// What one tree has room for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Room {
+    pub(crate) n_triangles: usize,
+    pub(crate) n_vertices: usize,
+}
+
+impl Room {
+    /// As many vertices as indices can name.
+    pub(crate) const N_VERTICES: usize = u32::MAX as usize;
+
+    /// Of a tree with such volumes; `None` for a wide one.
+    pub(crate) fn under(volumes: Option<Strategy>) -> Self {
+        let n_triangles = if volumes.is_some() { MAX_PRIMITIVES } else { MAX_TRIANGLES };
+        Self { n_triangles, n_vertices: Self::N_VERTICES }
+    }
+
+    /// Refuses a scene whose instances together have more.
+    pub(crate) fn check(self, scene: &Scene) -> Result<(), PrepareError> {
+        let n_triangles = scene.n_placed_triangles();
+        let n_vertices = scene.instances.iter().map(|i| scene.meshes[i.mesh.0 as usize].positions.len()).sum();
+        if n_triangles > self.n_triangles || n_vertices > self.n_vertices {
+            return Err(PrepareError::TooMany { n_triangles, n_vertices });
+        }
+        Ok(())
+    }
 }
 
 /// A tree a mesh, and a tree over the instances.

@@ -22,8 +22,8 @@ impl<B: Blas> Tlas<B> {
     /// Places `instances` of `blas`, under a top level built as `config` says.
     ///
     /// # Errors
-    /// The first instance that names no bottom level, or whose transform is not finite, too near singular, or carries its
-    /// box out of the numbers; or more instances than a tree can name.
+    /// More instances than the tree over them can name, before any is looked at; the first that names no bottom level, or whose
+    /// transform is not finite, too near singular, or carries its box out of the numbers.
     pub fn new(blas: Vec<B>, instances: &[Instance], config: TopConfig) -> Result<Self, InstanceError> {
         let top = Top::new(&[], &config)?;
         let mut tlas = Self { blas, placed: vec![], top, config, error: WorldError::default() };
@@ -36,6 +36,14 @@ impl<B: Blas> Tlas<B> {
     /// # Errors
     /// As [`Tlas::new`]; the old instances then stay.
     pub fn place(&mut self, instances: &[Instance]) -> Result<(), InstanceError> {
+        self.place_at_most(self.config.most_instances(), instances)
+    }
+
+    /// As [`Tlas::place`], of at most so many instances.
+    fn place_at_most(&mut self, most: usize, instances: &[Instance]) -> Result<(), InstanceError> {
+        if instances.len() > most {
+            return Err(InstanceError::TooMany { n_instances: instances.len() });
+        }
         let mut placed = Vec::with_capacity(instances.len());
         let mut boxes: Vec<Obb> = Vec::with_capacity(instances.len());
         let mut error = WorldError::default();
@@ -107,5 +115,33 @@ impl<B: Blas> Tlas<B> {
             if found { -1.0 } else { t_max }
         });
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_lbvh::VolumeConfig;
+    use canted_obb::Affine;
+    use canted_trace::Watertight;
+    use canted_wide::{Config, Wide};
+
+    use super::*;
+
+    #[test]
+    fn too_many_instances_are_told_before_any_is_looked_at() {
+        let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let wide = || Wide::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap();
+        let good = Instance::still(0, Affine::IDENTITY);
+        for config in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
+            let mut tlas = Tlas::new(vec![wide()], &[good], config).unwrap();
+            tlas.place_at_most(3, &[good; 3]).unwrap();
+            // A mesh that is not there would be told if any were looked at; what stood before stays.
+            for instance in [good, Instance::still(7, Affine::IDENTITY)] {
+                assert_eq!(tlas.place_at_most(3, &[instance; 4]), Err(InstanceError::TooMany { n_instances: 4 }));
+                assert_eq!(tlas.n_instances(), 3);
+            }
+        }
+        assert_eq!(TopConfig::default().most_instances(), 1 << 26);
+        assert_eq!(TopConfig::Binary(VolumeConfig::default()).most_instances(), 1 << 30);
     }
 }

@@ -1,7 +1,7 @@
 use canted_lbvh::{self as lbvh, Bits, Domain, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{InstanceId, Query, ScaledRay, SlabRay};
-use canted_wide::{BoxTree, Config, PrimitiveError};
+use canted_wide::{BoxTree, Config, MAX_PRIMITIVES, PrimitiveError};
 
 use crate::{Binary, InstanceError, PairOrder};
 
@@ -25,6 +25,16 @@ pub(crate) enum Top {
     Wide(BoxTree),
     /// With the instance of each leaf.
     Binary(Binary, Vec<InstanceId>),
+}
+
+impl TopConfig {
+    /// Most instances that the tree can name.
+    pub(crate) fn most_instances(&self) -> usize {
+        match self {
+            Self::Wide(_) => MAX_PRIMITIVES,
+            Self::Binary(_) => lbvh::MAX_PRIMITIVES,
+        }
+    }
 }
 
 impl Top {

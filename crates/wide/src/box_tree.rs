@@ -3,7 +3,7 @@ use canted_trace::{Query, ScaledRay};
 
 use crate::collapse::{Areas, Plan};
 use crate::emit::{Numbers, Records, Source, TooLarge, emit_as};
-use crate::layout::{NodeKind, Word};
+use crate::layout::{Limits, NodeKind};
 use crate::simd::{Simd, Task};
 use crate::traverse::{MeshFrame, Pads, RayLanes, Stack, Visit, walk};
 use crate::{Config, Costs, PrimitiveError, SimdPath, binary, measure};
@@ -43,24 +43,29 @@ impl BoxTree {
     /// turning do not matter.
     ///
     /// # Errors
-    /// The first box that is empty or not finite, or more boxes than a tree can name.
+    /// More than [`MAX_PRIMITIVES`](crate::MAX_PRIMITIVES) boxes, before any is looked at, or so many that their tree is too large; the
+    /// first box that is empty or not finite.
     pub fn build(boxes: &[Aabb], config: &Config) -> Result<Self, PrimitiveError> {
-        Self::with_leaves(boxes, 1, config)
+        Self::build_within(&Limits::OF_WORDS, boxes, 1, config)
     }
 
-    /// Builds a tree with at most `max_leaf` boxes a leaf.
-    pub(crate) fn with_leaves(boxes: &[Aabb], max_leaf: usize, config: &Config) -> Result<Self, PrimitiveError> {
+    /// Builds a tree with at most `max_leaf` boxes a leaf, where words can name no more than this.
+    pub(crate) fn build_within(
+        limits: &Limits,
+        boxes: &[Aabb],
+        max_leaf: usize,
+        config: &Config,
+    ) -> Result<Self, PrimitiveError> {
+        check_number(boxes.len(), limits)?;
         let too_many = PrimitiveError::TooMany { n_primitives: boxes.len() };
-        if boxes.len() > Word::MAX_FIRST {
-            return Err(too_many);
-        }
         if let Some((_, primitive)) = boxes.iter().zip((0..).map(PrimId)).find(|(aabb, _)| !is_sound(aabb)) {
             return Err(PrimitiveError::Bounds { primitive });
         }
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
         let config = Config { lean: false, ..*config }.usable();
         let costs = Costs { max_leaf: config.costs.max_leaf.min(max_leaf), ..config.costs };
-        let (records, numbers) = emit(boxes, &bounds, &Config { costs, ..config }).map_err(|TooLarge| too_many)?;
+        let (records, numbers) =
+            emit(boxes, &bounds, &Config { costs, ..config }, limits).map_err(|TooLarge| too_many)?;
         Ok(Self { records, bounds, numbers, path: SimdPath::detect() })
     }
 
@@ -116,12 +121,17 @@ impl BoxTree {
     }
 }
 
+/// More boxes than leaves can name are told before the work.
+pub(crate) fn check_number(n_primitives: usize, limits: &Limits) -> Result<(), PrimitiveError> {
+    if n_primitives > limits.n_parts { Err(PrimitiveError::TooMany { n_primitives }) } else { Ok(()) }
+}
+
 fn is_sound(aabb: &Aabb) -> bool {
     (0..3).all(|k| aabb.min[k] <= aabb.max[k]) && aabb.is_finite()
 }
 
 /// Box nodes over boxes, and the number of each place in leaf order.
-fn emit(boxes: &[Aabb], bounds: &Aabb, config: &Config) -> Result<(Records, Vec<PrimId>), TooLarge> {
+fn emit(boxes: &[Aabb], bounds: &Aabb, config: &Config, limits: &Limits) -> Result<(Records, Vec<PrimId>), TooLarge> {
     let (tree, aligned) = binary::over_boxes(boxes, measure::unit_scale(bounds), config);
     let areas = |area: f32| Areas::new(area, f32::MAX);
     let inner: Vec<Areas> = aligned.inner_areas.iter().map(|&area| areas(area)).collect();
@@ -137,7 +147,7 @@ fn emit(boxes: &[Aabb], bounds: &Aabb, config: &Config) -> Result<(Records, Vec<
         inner_boxes: &aligned.inner_boxes,
         frames: &|_| Obb::IDENTITY_FRAME,
     };
-    emit_as::<Numbers>(&source, &plan)
+    emit_as::<Numbers>(&source, &plan, limits)
 }
 
 /// One ray through one tree.

@@ -7,6 +7,7 @@ use crate::binary::{self, Chosen};
 use crate::collapse::{Areas, Plan};
 use crate::emit::{Source, emit};
 use crate::frames::{self, BoxAreas, Fits, FrameConfig};
+use crate::layout::Limits;
 use crate::measure::{self, Aligned};
 use crate::refit::Wear;
 use crate::traverse::{LaneKernel, MeshFrame};
@@ -16,24 +17,43 @@ impl<K: LaneKernel> Wide<K> {
     /// Builds a tree over triangles.
     ///
     /// # Errors
-    /// The first triangle with a vertex that is missing or not finite, or more triangles than a tree can name.
+    /// More than [`MAX_TRIANGLES`](crate::MAX_TRIANGLES), before any is looked at, or so many that their tree is too large; the first
+    /// triangle with a vertex that is missing or not finite.
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
+        Self::build_within(&Limits::OF_WORDS, positions, triangles, config)
+    }
+
+    /// As [`Wide::build`], where words can name no more than this.
+    pub(crate) fn build_within(
+        limits: &Limits,
+        positions: &[[f32; 3]],
+        triangles: &[[u32; 3]],
+        config: &Config,
+    ) -> Result<Self, GeometryError> {
+        check_number(triangles.len(), limits)?;
         let (corners, bounds) = lbvh::gather(positions, triangles)?;
         let config = config.usable();
         let chosen = binary::choose(&corners, &bounds, &config);
-        assemble(&chosen, &corners, &bounds, &config)
+        assemble(&chosen, &corners, &bounds, &config, limits)
     }
 
     /// Collapses a binary tree of any builder; `corners` in primitive order and finite, `bounds` around them.
     ///
     /// # Errors
-    /// More triangles than a tree can name.
+    /// As [`Wide::build`] where there are too many triangles.
     pub fn over(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Self, GeometryError> {
+        let limits = &Limits::OF_WORDS;
+        check_number(corners.len(), limits)?;
         let scale = measure::unit_scale(bounds);
         let rows = Obb::IDENTITY_FRAME;
         let aligned = Aligned::of(tree, &measure::boxes(corners, rows), scale);
-        assemble(&Chosen { tree: tree.clone(), rows, aligned, scale }, corners, bounds, &config.usable())
+        assemble(&Chosen { tree: tree.clone(), rows, aligned, scale }, corners, bounds, &config.usable(), limits)
     }
+}
+
+/// More triangles than leaves can name are told before the work.
+fn check_number(n_triangles: usize, limits: &Limits) -> Result<(), GeometryError> {
+    if n_triangles > limits.n_triangles() { Err(GeometryError::TooMany { n_triangles }) } else { Ok(()) }
 }
 
 /// Finds frames, plans the collapse and writes the records.
@@ -42,6 +62,7 @@ fn assemble<K: LaneKernel>(
     corners: &[Corners],
     bounds: &Aabb,
     config: &Config,
+    limits: &Limits,
 ) -> Result<Wide<K>, GeometryError> {
     let Chosen { tree, rows, aligned, scale } = chosen;
     let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
@@ -72,7 +93,7 @@ fn assemble<K: LaneKernel>(
         inner_boxes: &aligned.inner_boxes,
         frames: &frame_of,
     };
-    let records = emit(&source, &plan).map_err(|_| GeometryError::TooMany { n_triangles: corners.len() })?;
+    let records = emit(&source, &plan, limits).map_err(|_| GeometryError::TooMany { n_triangles: corners.len() })?;
     Ok(Wide {
         records,
         frame: MeshFrame::new(*rows),

@@ -2,6 +2,8 @@
 
 mod leaf;
 mod node;
+#[cfg(test)]
+mod tests;
 
 use canted_lbvh::{Child, ChildKind, Corners, Tree};
 use canted_obb::{Aabb, PrimId};
@@ -13,7 +15,7 @@ pub(crate) use node::{write_boxes, write_slabs};
 
 use crate::Sizes;
 use crate::collapse::{Form, Plan};
-use crate::layout::{Half, Line, NodeKind, Word, WordKind, node_words};
+use crate::layout::{Half, Limits, Line, NodeKind, Word, WordKind, node_words};
 use crate::par;
 use crate::share::shared_frame;
 
@@ -88,14 +90,18 @@ impl Records {
 pub(crate) struct TooLarge;
 
 /// Writes the wide tree of `plan` over triangles.
-pub(crate) fn emit(source: &Source, plan: &Plan) -> Result<Records, TooLarge> {
-    let (records, halves) = emit_as::<Triangles>(source, plan)?;
+pub(crate) fn emit(source: &Source, plan: &Plan, limits: &Limits) -> Result<Records, TooLarge> {
+    let (records, halves) = emit_as::<Triangles>(source, plan, limits)?;
     Ok(Records { halves, ..records })
 }
 
-/// Writes the wide tree of `plan`, and apart from it what its leaves hold.
-pub(crate) fn emit_as<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Records, Vec<L::Place>), TooLarge> {
-    let (drafts, leaves, root, depth) = layout::<L>(source, plan)?;
+/// Writes the wide tree of `plan`, and apart from it what its leaves hold; nothing is written of one that is too large.
+pub(crate) fn emit_as<L: LeafForm>(
+    source: &Source,
+    plan: &Plan,
+    limits: &Limits,
+) -> Result<(Records, Vec<L::Place>), TooLarge> {
+    let (drafts, leaves, root, depth) = layout::<L>(source, plan, limits)?;
     let n_lines = drafts.last().map_or(0, |draft| draft.line + draft.kind.n_lines());
     let n_places = leaves.last().map_or(0, |leaf| leaf.first / L::PARTS + L::n_places(leaf.n(source)));
     let mut lines = vec![Line([0; 16]); n_lines];
@@ -141,7 +147,7 @@ struct Given {
 
 impl Given {
     /// The part that a leaf of `n` primitives starts with.
-    fn next<L: LeafForm>(&mut self, n: usize) -> Result<usize, TooLarge> {
+    fn next<L: LeafForm>(&mut self, n: usize, limits: &Limits) -> Result<usize, TooLarge> {
         if let Some(part) = self.free.take_if(|_| n <= L::IN_PART) {
             return Ok(part);
         }
@@ -150,12 +156,16 @@ impl Given {
         if n <= L::IN_PART {
             self.free = Some(first + 1);
         }
-        if L::PARTS * self.n_places > Word::MAX_FIRST { Err(TooLarge) } else { Ok(first) }
+        if L::PARTS * self.n_places > limits.n_parts { Err(TooLarge) } else { Ok(first) }
     }
 }
 
 /// Gives every node and leaf its place, depth first, larger children first; leaves are sorted by theirs.
-fn layout<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<LeafDraft>, Word, u32), TooLarge> {
+fn layout<L: LeafForm>(
+    source: &Source,
+    plan: &Plan,
+    limits: &Limits,
+) -> Result<(Vec<Draft>, Vec<LeafDraft>, Word, u32), TooLarge> {
     let (mut drafts, mut leaves): (Vec<Draft>, Vec<LeafDraft>) = (vec![], vec![]);
     let Some(root) = source.tree.root() else { return Ok((drafts, leaves, Word::EMPTY, 0)) };
     let (mut n_lines, mut given, mut deepest) = (0, Given::default(), 0);
@@ -167,7 +177,7 @@ fn layout<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<
             Form::Leaf => {
                 let (start, end) = range(source.tree, child);
                 let (_, n) = distinct(source, start, end);
-                let first = given.next::<L>(n)?;
+                let first = given.next::<L>(n, limits)?;
                 leaves.push(LeafDraft { first, start, end });
                 Word::leaf(first, n)
             }
@@ -180,7 +190,7 @@ fn layout<L: LeafForm>(source: &Source, plan: &Plan) -> Result<(Vec<Draft>, Vec<
                 let kind = if frame.is_some() { NodeKind::Shared } else { kind };
                 let line = n_lines;
                 n_lines += kind.n_lines();
-                if n_lines > Word::MAX_LINE {
+                if n_lines > limits.n_lines {
                     return Err(TooLarge);
                 }
                 let index = drafts.len();

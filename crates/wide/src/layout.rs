@@ -130,6 +130,30 @@ impl Word {
     }
 }
 
+/// Most primitives of the caller's, or boxes, of a tree.
+pub const MAX_PRIMITIVES: usize = Limits::OF_WORDS.n_parts;
+
+/// Most triangles of a tree, where all blocks are full; one whose blocks are not, or that has too many nodes, may hold fewer.
+pub const MAX_TRIANGLES: usize = Limits::OF_WORDS.n_triangles();
+
+/// How much the words of a tree can name: of tests less, for nobody builds what does not fit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    /// Parts of what leaves hold: of half-blocks, or whole numbers.
+    pub(crate) n_parts: usize,
+    /// Lines of nodes.
+    pub(crate) n_lines: usize,
+}
+
+impl Limits {
+    pub(crate) const OF_WORDS: Self = Self { n_parts: Word::MAX_FIRST, n_lines: Word::MAX_LINE };
+
+    /// Most triangles, all lanes of all parts.
+    pub(crate) const fn n_triangles(self) -> usize {
+        PART_LANES * self.n_parts
+    }
+}
+
 /// Eight lanes of a record.
 pub(crate) type Row = [f32; 8];
 

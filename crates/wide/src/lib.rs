@@ -73,8 +73,8 @@
 //! # What it costs
 //! A node takes 256 (box), 320 (shared) or 512 bytes (lean), four triangles 160. Building is dearer than for boxes along
 //! the axes: [`Preset::Fast`] collapses a radix tree, [`Preset::Balanced`] looks for a frame of the mesh and optimises
-//! the tree, [`Preset::Quality`] builds two and refines frames. At most 2^27 triangles fit where leaves are full: 2^25
-//! blocks of four. The crate needs `glam` and `bytemuck`, and `rayon` with the feature `parallel`, which is on unless
+//! the tree, [`Preset::Quality`] builds two and refines frames. At most 2^27 triangles fit where leaves are full
+//! ([`MAX_TRIANGLES`]), 2^25 blocks of four. The crate needs `glam` and `bytemuck`, and `rayon` with the feature `parallel`, which is on unless
 //! you say `default-features = false`; no result depends on it.
 #![deny(unsafe_code)]
 
@@ -110,7 +110,7 @@ pub use box_tree::BoxTree;
 pub use config::{Config, Preset};
 pub use costs::Costs;
 pub use file::LoadError;
-pub use layout::NodeKind;
+pub use layout::{MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind};
 pub use primitive::{Primitive, PrimitiveHit};
 pub use primitive_tree::{PrimitiveError, PrimitiveTree};
 pub use refit::{Flaw, Refit, RefitError};

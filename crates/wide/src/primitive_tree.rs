@@ -4,7 +4,9 @@ use canted_obb::{Aabb, PrimId};
 use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay};
 
 use crate::answers::{AllOfOne, Any, Closest, Every, Occluded, One, parallel, serial};
+use crate::box_tree::check_number;
 use crate::emit::Records;
+use crate::layout::Limits;
 use crate::simd::Simd;
 use crate::traced::{Leaf, Take, Traced, hit};
 use crate::traverse::{MeshFrame, Pads};
@@ -67,10 +69,13 @@ impl<P: Primitive> PrimitiveTree<P> {
     /// matter.
     ///
     /// # Errors
-    /// The first primitive whose bounds are empty or not finite, or more primitives than a tree can name.
+    /// More than [`MAX_PRIMITIVES`](crate::MAX_PRIMITIVES), before any is asked for its bounds, or so many that their tree is too
+    /// large; the first primitive whose bounds are empty or not finite.
     pub fn build(primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
+        let limits = &Limits::OF_WORDS;
+        check_number(primitives.len(), limits)?;
         let boxes = par::map(&primitives, CHUNK, Aabb::EMPTY, P::bounds);
-        Ok(Self { boxes: BoxTree::with_leaves(&boxes, MAX_LEAF, config)?, primitives })
+        Ok(Self { boxes: BoxTree::build_within(limits, &boxes, MAX_LEAF, config)?, primitives })
     }
 
     /// The same tree traced on another path; on the scalar one where this machine lacks it.

@@ -21,7 +21,7 @@ fn judge(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
     let config = StructureConfig { levels, ..StructureConfig::default() };
     let Prepared { structure, .. } = prepare::<Watertight>(&scene, &config).unwrap();
     let traced = traced_scene(gpu, &scene, &structure).unwrap();
-    let (positions, triangles, first) = flatten(&scene);
+    let (positions, triangles, first) = flatten(&scene).unwrap();
     let reach_world = reach(&positions);
     let reaches: Vec<f64> = scene.meshes.iter().map(|mesh| reach(&mesh.positions)).collect();
     let flat = Mesh { positions, triangles };

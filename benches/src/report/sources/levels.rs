@@ -95,11 +95,14 @@ fn leaning_percent(sums: &Sums) -> f64 {
 /// The meshes of the scene's file, where they stand; of a generated lattice, which is one mesh, its struts.
 fn meshes(name: &str, model: &Model) -> Result<Vec<Mesh>> {
     let scene = if name == SPONZA { models::scene(name)? } else { None };
-    Ok(scene.map_or_else(|| pieces(&model.mesh), |scene| cut(canted_renderer::flatten(&scene))))
+    Ok(match scene {
+        Some(scene) => cut(canted_renderer::flatten(&scene)?),
+        None => pieces(&model.mesh),
+    })
 }
 
 /// Triangles in runs that begin at the given ones.
-fn cut((positions, triangles, first): (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>)) -> Vec<Mesh> {
+fn cut((positions, triangles, first): canted_renderer::Flattened) -> Vec<Mesh> {
     let ends = first[1..].iter().map(|&end| end as usize).chain([triangles.len()]);
     let runs = first.iter().zip(ends).map(|(&first, end)| &triangles[first as usize..end]);
     runs.filter(|run| !run.is_empty()).map(|run| of_corners(&positions, run)).collect()

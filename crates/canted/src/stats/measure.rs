@@ -62,7 +62,7 @@ pub(super) struct Measured {
 /// Builds the scene in one level and in two.
 pub(super) fn measure(scene: &Scene) -> Result<Measured> {
     let extent = scene.bounds_world().extent().into_iter().fold(f64::MIN_POSITIVE, f64::max);
-    let (positions, triangles, _) = canted_renderer::flatten(scene);
+    let (positions, triangles, _) = canted_renderer::flatten(scene)?;
     let mut one = Level::default();
     add_mesh(&mut one, &positions, &triangles, extent)?;
     let mut bottom = Level::default();

@@ -41,7 +41,7 @@ pub(super) struct Measured {
 /// Geometry that makes no tree.
 pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<Measured> {
     let start = Instant::now();
-    let (positions, triangles, _) = canted_renderer::flatten(scene);
+    let (positions, triangles, _) = canted_renderer::flatten(scene)?;
     let (corners, _) = lbvh::gather(&positions, &triangles)?;
     let one = uploaded(gpu, start, &[corners]).and_then(|(items, upload)| level(gpu, &items, Some(upload)));
     let start = Instant::now();

@@ -101,7 +101,7 @@ impl Row {
 /// Builds the scene in one level and in two, with each preset.
 pub(super) fn measure(scene: &Scene, presets: &[PresetArg]) -> Result<Measured> {
     let empty = || Level { trees: 0, rows: presets.iter().map(|&preset| (preset, Row::default())).collect() };
-    let (positions, triangles, _) = canted_renderer::flatten(scene);
+    let (positions, triangles, _) = canted_renderer::flatten(scene)?;
     let mut one = empty();
     add_mesh(&mut one, &positions, &triangles, 1.0)?;
     let mut bottom = empty();

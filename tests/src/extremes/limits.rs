@@ -1,0 +1,89 @@
+//! More than a tree can name: an error that says how many, before anything is looked at.
+//!
+//! Not covered: just at the limits, and above those of 2^30 triangles in memory and of 2^26 instances, for which machines are too
+//! small; the crates' own tests go there with smaller limits (`emit/tests.rs` of `canted-wide`, `corners.rs` of `canted-lbvh`, `tlas.rs`
+//! of `canted-tlas`, `prepare.rs` of `canted-renderer`).
+
+use std::fmt::Display;
+
+use canted_lbvh::Strategy;
+use canted_obb::{Aabb, Affine};
+use canted_renderer::{Levels, StructureConfig, flatten, prepare};
+use canted_scene::{Instance, Mesh, MeshId, Scene};
+use canted_trace::{ScaledRay, Watertight};
+use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, PrimitiveTree, Wide};
+
+use super::{Oracle, Promise, Row};
+
+/// A shape without memory, of which a tree of any number can be asked for; whoever looks at it finds it flawed.
+#[derive(Clone, Copy)]
+struct Flawed;
+
+impl Primitive for Flawed {
+    fn bounds(&self) -> Aabb {
+        Aabb::EMPTY
+    }
+
+    fn intersect(&self, _: &ScaledRay, _: f32) -> Option<PrimitiveHit> {
+        None
+    }
+}
+
+/// Triangles of [`scene`]'s mesh.
+const OF_MESH: usize = 1 << 14;
+
+/// A mesh placed so often that there are `n` triangles and a mesh more; whoever looks at it misses its vertices.
+fn scene(n: usize) -> Scene {
+    let place = Instance {
+        mesh: MeshId(0),
+        world_from_object: Affine::IDENTITY,
+        world_from_object_close: None,
+        first_primitive: 0,
+    };
+    let mesh = Mesh { triangles: vec![[7, 8, 9]; OF_MESH], ..Mesh::default() };
+    Scene { meshes: vec![mesh], instances: vec![place; n / OF_MESH + 1], ..Scene::default() }
+}
+
+/// Whether it is refused for the number, and says it.
+fn is_told<T>(built: Result<T, impl Display>, n: usize) -> bool {
+    built.is_err_and(|error| error.to_string().starts_with(&format!("{n} ")))
+}
+
+pub(super) fn rows() -> Vec<Row> {
+    const TOLD: Promise = Promise::none(
+        "limits",
+        "more than a tree can name: 2^27 triangles, 2^26 shapes, 2^30 triangles under a binary tree",
+        "an error that says how many, before any is looked at",
+        Oracle::Known,
+        "inputs taken",
+    );
+    let mut rows = vec![];
+    let mut row = |routine: &str, is_told: bool| rows.push(TOLD.count(routine, 1, usize::from(!is_told)));
+    // The system lends pages of zeros, and takes them back unread.
+    let triangles = vec![[0u32; 3]; MAX_TRIANGLES + 1];
+    row("Wide::build", is_told(Wide::<Watertight>::build(&[], &triangles, &Config::default()), triangles.len()));
+    let shapes = vec![Flawed; MAX_PRIMITIVES + 1];
+    row("PrimitiveTree::build", is_told(PrimitiveTree::build(shapes, &Config::default()), MAX_PRIMITIVES + 1));
+    let one = StructureConfig { levels: Levels::One, ..StructureConfig::default() };
+    let crowd = scene(MAX_TRIANGLES);
+    row("prepare, one level", is_told(prepare::<Watertight>(&crowd, &one), crowd.n_placed_triangles()));
+    let crowd = scene(canted_lbvh::MAX_PRIMITIVES);
+    let binary = StructureConfig { volumes: Some(Strategy::Dop), ..one };
+    row("prepare, one binary level", is_told(prepare::<Watertight>(&crowd, &binary), crowd.n_placed_triangles()));
+    row("flatten", is_told(flatten(&crowd), crowd.n_placed_triangles()));
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_takes_it_or_says_no_number_is_seen() {
+        assert!(is_told(Err::<(), _>("9 triangles are more than a tree can hold"), 9));
+        assert!(!is_told(Ok::<_, String>(()), 9));
+        for error in ["99 triangles are too many", "triangle 9 has no vertices"] {
+            assert!(!is_told(Err::<(), _>(error), 9), "{error}");
+        }
+    }
+}
