@@ -12,7 +12,7 @@ mod built;
 mod film;
 mod fit;
 pub mod hierarchy;
-mod instance;
+pub mod instance;
 mod lanes;
 mod limits;
 mod merge;
@@ -29,7 +29,7 @@ pub use promise::{Measure, Oracle, Promise, Row};
 pub use table::{lines, summary, table};
 pub use trackers::{TRACKERS, Tracker};
 
-use crate::tracers::Way;
+use crate::tracers::{self, Way, Word};
 
 /// Every row of every station.
 ///
@@ -40,7 +40,10 @@ pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
         [fit::rows(effort), merge::rows(effort), rotation::rows(effort), tree::rows(), limits::rows()].concat();
     rows.extend(built::rows());
     rows.extend([slab::rows(effort), lanes::rows(effort), triangle::rows(effort)].concat());
-    rows.extend([hierarchy::rows(effort, ways), none::rows(ways), instance::rows(effort, ways), film::rows()].concat());
+    rows.extend([hierarchy::rows(effort, ways), none::rows(ways)].concat());
+    let placed = tracers::two_levels();
+    let placed: Vec<&Way> = placed.iter().chain(ways.iter().filter(|way| way.word == Word::Peer)).collect();
+    rows.extend([instance::rows(effort, &placed), film::rows()].concat());
     rows.extend(TRACKERS.iter().flat_map(|tracker| (tracker.rows)(ways)));
     rows
 }

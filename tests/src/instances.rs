@@ -69,11 +69,38 @@ pub fn closest_hit(
 /// `|o'| <= ‖M⁻¹‖·(|o| + |c|)`. A unit more covers second-order terms.
 #[must_use]
 pub fn hit_error(world_from_object: &Affine, reach_object: f32, ray_world: &Ray) -> f64 {
-    let greatest = |v: Vector| v.iter().fold(0.0, |all: f64, x| all.max(x.abs()));
-    let norm = |rows: [Vector; 3]| rows.iter().map(|row| row.iter().map(|x| x.abs()).sum()).fold(0.0, f64::max);
-    let [a, b, c, shift] = world_from_object.columns.map(|column| column.map(f64::from));
-    let forward = norm(std::array::from_fn(|k| [a[k], b[k], c[k]]));
-    let backward = norm(object_from_world(world_from_object).map(|[x, y, z, _]| [x, y, z]));
+    let [forward, backward] = norms(world_from_object);
+    let shift = world_from_object.columns[3].map(f64::from);
     let origin_object = backward * (greatest(ray_world.origin.map(f64::from)) + greatest(shift));
     forward * (f64::from(HIT_ERROR) + 3.0 * U) * (origin_object + f64::from(reach_object))
+}
+
+/// The same of a device: twice its error for the transform, amplified by that; `HitError::with` in `canted-gpu` derives it.
+#[must_use]
+pub fn device_hit_error(ray_world: &Ray, world_from_object: &Affine, reach_object: f64) -> f64 {
+    let [forward, backward] = norms(world_from_object);
+    let [origin, shift] = [ray_world.origin, world_from_object.columns[3]].map(|v| greatest(v.map(f64::from)));
+    2.0 * f64::from(canted_gpu::HIT_ERROR) * forward * backward * (origin + shift + forward * reach_object)
+}
+
+/// Length of a vector whose components are 1 at most, with room for the `f64` here.
+pub const SQRT_3: f64 = 1.733;
+
+/// `‖M‖·‖M⁻¹‖`, by which instances are refused.
+#[must_use]
+pub fn condition(world_from_object: &Affine) -> f64 {
+    let [forward, backward] = norms(world_from_object);
+    forward * backward
+}
+
+/// Row sums of the linear part and of its inverse.
+fn norms(world_from_object: &Affine) -> [f64; 2] {
+    let norm = |rows: [Vector; 3]| rows.iter().map(|row| row.iter().map(|x| x.abs()).sum()).fold(0.0, f64::max);
+    let [a, b, c, _] = world_from_object.columns.map(|column| column.map(f64::from));
+    let inverse = object_from_world(world_from_object).map(|[x, y, z, _]| [x, y, z]);
+    [norm(std::array::from_fn(|k| [a[k], b[k], c[k]])), norm(inverse)]
+}
+
+fn greatest(v: Vector) -> f64 {
+    v.iter().fold(0.0, |all: f64, x| all.max(x.abs()))
 }

@@ -1,13 +1,15 @@
 //! Everything that traces rays through a mesh, by name: both kinds of tree, one level and two, every path, the device.
 
+mod device;
+
 use std::{cell::Cell, rc::Rc};
 
 use canted_fixtures::Mesh;
-use canted_gpu::{Answer, Choice, DeviceHit, Gpu, HIT_ERROR, TracedScene};
+use canted_gpu::{Choice, Gpu};
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_obb::{Affine, PrimId};
+use canted_obb::Affine;
 use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas, TopConfig};
-use canted_trace::{Hit, InstanceId, Ray, Side, Watertight};
+use canted_trace::{Hit, InstanceId, Ray, Watertight};
 use canted_wide::{Config, Costs, Preset, SimdPath, Wide};
 
 use crate::{
@@ -105,34 +107,29 @@ pub fn ours() -> (Vec<Way>, Vec<String>) {
     }
     ways.push(Way::of_two("two levels of wide", |mesh| wide(mesh, &Config::default())));
     match Gpu::open(&Choice::Best) {
-        Ok(gpu) => ways.extend(on_device(&Rc::new(gpu))),
+        Ok(gpu) => ways.extend(device::ways(&Rc::new(gpu))),
         Err(error) => missing.push(format!("device ({error})")),
     }
     (ways, missing)
 }
 
-/// Both numbers of levels on a device.
-fn on_device(gpu: &Rc<Gpu>) -> [Way; 2] {
-    let cuts: [Rc<Cell<usize>>; 2] = Default::default();
-    let [(of_one, cuts_of_one), (of_two, cuts_of_two)] = cuts.each_ref().map(|cuts| (Rc::clone(gpu), Rc::clone(cuts)));
-    let one: Make = Box::new(move |mesh, place| {
-        let tree = wide(&baked(mesh, place), &Config::default());
-        let scene = TracedScene::one(&of_one, &tree, &[0]).expect("small meshes fit every device");
-        Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree), n_cut: Rc::clone(&cuts_of_one) })
-    });
-    let two: Make = Box::new(move |mesh, place| {
-        let tree = wide(mesh, &Config::default());
-        let scene = TracedScene::two(&of_two, &[&tree], &[Instance::still(0, *place)]);
-        let scene = scene.expect("places of tests are well conditioned");
-        let tree = Box::new(TwoLevels::new(tree, mesh, place));
-        Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })
-    });
-    let [cuts_of_one, cuts_of_two] = cuts;
-    // Through an instance that stands still hits may be off by twice as much (`HitError::with` in `canted-gpu`).
-    [
-        Way { n_cut: cuts_of_one, ..Way::new("device", Word::Device(HIT_ERROR), one) },
-        Way { n_cut: cuts_of_two, ..Way::new("two levels on the device", Word::Device(2.0 * HIT_ERROR), two) },
-    ]
+/// Two levels by each kind of tree, both levels of the wide one on every path that this machine has, and by the device if it has
+/// one.
+#[must_use]
+pub fn two_levels() -> Vec<Way> {
+    let mut ways = vec![Way::of_two("binary", |mesh| binary(mesh, Strategy::Dop))];
+    for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+        let make: Make = Box::new(move |mesh, place| {
+            let tree = wide(mesh, &Config::default()).with_path(path);
+            Box::new(TwoLevels::new(tree, mesh, place).with_path(path))
+        });
+        ways.push(Way::new(format!("wide {}", path.name()), Word::Loop, make));
+    }
+    if let Ok(gpu) = Gpu::open(&Choice::Best) {
+        let [_, two] = device::ways(&Rc::new(gpu));
+        ways.push(Way { name: "device".to_owned(), ..two });
+    }
+    ways
 }
 
 /// A binary tree with these volumes.
@@ -216,6 +213,10 @@ impl<B: Blas> TwoLevels<B> {
         let tlas = Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible");
         Self { tlas, mesh: mesh.clone(), place: *place }
     }
+
+    fn with_path(self, path: SimdPath) -> Self {
+        Self { tlas: self.tlas.with_path(path), ..self }
+    }
 }
 
 impl<B: Blas> Tracer for TwoLevels<B> {
@@ -245,48 +246,5 @@ struct OfTheFirst;
 impl canted_trace::Query for OfTheFirst {
     fn accepts(&mut self, hit: &Hit) -> bool {
         hit.instance == InstanceId(0)
-    }
-}
-
-/// A scene on the device, and on the CPU for walks that a driver cuts short.
-struct Device {
-    gpu: Rc<Gpu>,
-    scene: TracedScene,
-    tree: Box<dyn Tracer>,
-    n_cut: Rc<Cell<usize>>,
-}
-
-impl Device {
-    /// What the CPU says in place of the device.
-    fn cut<T>(&self, ask: impl FnOnce(&dyn Tracer) -> T) -> T {
-        self.n_cut.update(|n| n + 1);
-        ask(self.tree.as_ref())
-    }
-}
-
-impl Tracer for Device {
-    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        let answers = self.scene.closest_hits(&self.gpu, rays).expect("the device stays");
-        let known = |(answer, ray): (Answer<Option<DeviceHit>>, &Ray)| match answer {
-            Answer::Cut => self.cut(|tree| tree.closest(std::slice::from_ref(ray))[0]),
-            Answer::Known(hit) => hit.map(|hit| Hit {
-                t: hit.t,
-                u: hit.u,
-                v: hit.v,
-                primitive: PrimId(hit.primitive),
-                instance: InstanceId(hit.instance),
-                side: Side::Front,
-            }),
-        };
-        answers.into_iter().zip(rays).map(known).collect()
-    }
-
-    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        let answers = self.scene.occluded(&self.gpu, rays).expect("the device stays");
-        let known = |(answer, ray): (Answer<bool>, &Ray)| match answer {
-            Answer::Cut => self.cut(|tree| tree.occluded(std::slice::from_ref(ray))[0]),
-            Answer::Known(found) => found,
-        };
-        answers.into_iter().zip(rays).map(known).collect()
     }
 }

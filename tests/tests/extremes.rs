@@ -5,6 +5,7 @@ use canted_tests::{
     extremes::{
         self, Row, TRACKERS,
         hierarchy::{self, MISSED, PIERCED, SAME},
+        instance::{self, NEAR},
     },
     tracers::{self, Make, Tracer, Way, Word},
 };
@@ -75,6 +76,33 @@ fn who_sees_nothing_or_anything_breaks_every_promise() {
             assert!(promised.len() > 15 && kept.is_empty(), "{} of {words}; kept: {kept:#?}", promised.len());
         }
     }
+}
+
+/// The names of cases among these rows.
+fn cases<'a>(rows: &'a [Row], promise: &'a str, is: impl Fn(&Row) -> bool) -> Vec<&'a str> {
+    rows.iter().filter(|row| row.promise.promise == promise && is(row)).map(|row| row.promise.case).collect()
+}
+
+#[test]
+fn who_sees_nothing_or_anything_breaks_every_promise_of_instances() {
+    let [nothing, anything] = [None, Some(ANY)].map(|answer| instance::rows(1, &[&stubborn(answer)]));
+    for rows in [&nothing, &anything] {
+        assert_eq!(cases(rows, SAME, Row::is_broken).len(), 8, "{rows:#?}");
+    }
+    assert_eq!(cases(&nothing, NEAR, Row::is_broken).len(), 8, "no hit is where it should be: {nothing:#?}");
+    // There the error that is stated is larger than the mesh.
+    let large = ["1e-3 large at 1e7", "condition just below 2^20"];
+    assert_eq!(cases(&anything, NEAR, Row::holds), large);
+}
+
+#[test]
+fn a_device_that_sees_nothing_breaks_every_promise_of_instances() {
+    let blind = Way::new("blind", Word::Device(canted_gpu::HIT_ERROR), stubborn(None).make);
+    let rows = instance::rows(1, &[&blind]);
+    // It is not asked where it refuses, and nothing is certain where its error is larger than the mesh.
+    assert_eq!(cases(&rows, SAME, |row| !row.is_promise()), ["1e-3 large at 1e7"]);
+    let broken = ["mirrored", "sheared", "scaled by 1e-6", "scaled by 1e6", "condition just below 2^10"];
+    assert_eq!(cases(&rows, SAME, Row::is_broken), broken);
 }
 
 /// Where rounding leaves any doubt out, some ray has none: of these alone nothing is promised.

@@ -1,5 +1,6 @@
 use canted_obb::{Aabb, Obb};
 use canted_trace::{Hit, Query, Ray, ScaledRay};
+use canted_wide::SimdPath;
 
 use crate::instance::{Placed, WorldError};
 use crate::top::{Top, TopConfig};
@@ -14,6 +15,8 @@ pub struct Tlas<B: Blas> {
     placed: Vec<Placed>,
     top: Top,
     config: TopConfig,
+    /// What the top level is walked on, where it is wide.
+    path: SimdPath,
     /// Greatest world-space error of any hit.
     error: WorldError,
 }
@@ -26,9 +29,17 @@ impl<B: Blas> Tlas<B> {
     /// transform is not finite, too near singular, or carries its box out of the numbers.
     pub fn new(blas: Vec<B>, instances: &[Instance], config: TopConfig) -> Result<Self, InstanceError> {
         let top = Top::new(&[], &config)?;
-        let mut tlas = Self { blas, placed: vec![], top, config, error: WorldError::default() };
+        let (path, error) = (SimdPath::detect(), WorldError::default());
+        let mut tlas = Self { blas, placed: vec![], top, config, path, error };
         tlas.place(instances)?;
         Ok(tlas)
+    }
+
+    /// The same instances, the tree over which is walked on another path where it is wide; on the scalar one where this machine
+    /// lacks it. Bottom levels have paths of their own.
+    #[must_use]
+    pub fn with_path(self, path: SimdPath) -> Self {
+        Self { top: self.top.with_path(path), path, ..self }
     }
 
     /// Places other instances of the same bottom levels: rebuilds the top level and nothing else.
@@ -56,7 +67,7 @@ impl<B: Blas> Tlas<B> {
             boxes.push(bounds_world);
             error = error.max(its_error);
         }
-        self.top = Top::new(&boxes, &self.config)?;
+        self.top = Top::new(&boxes, &self.config)?.with_path(self.path);
         self.placed = placed;
         self.error = error;
         Ok(())

@@ -1,7 +1,7 @@
 use canted_lbvh::{self as lbvh, Bits, Domain, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{InstanceId, Query, ScaledRay, SlabRay};
-use canted_wide::{BoxTree, Config, MAX_PRIMITIVES, PrimitiveError};
+use canted_wide::{BoxTree, Config, MAX_PRIMITIVES, PrimitiveError, SimdPath};
 
 use crate::{Binary, InstanceError, PairOrder};
 
@@ -52,6 +52,14 @@ impl Top {
                 let binary = Binary::new(&tree, &volumes, &sorted, &bounds, PairOrder::Numbered);
                 Ok(Self::Binary(binary, tree.leaves.iter().map(|leaf| InstanceId(leaf.0)).collect()))
             }
+        }
+    }
+
+    /// The same tree walked on another path, where it is wide.
+    pub(crate) fn with_path(self, path: SimdPath) -> Self {
+        match self {
+            Self::Wide(tree) => Self::Wide(tree.with_path(path)),
+            binary @ Self::Binary(..) => binary,
         }
     }
 

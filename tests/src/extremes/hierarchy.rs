@@ -201,7 +201,7 @@ fn begins_in(word: Word, mesh: &Mesh, ray: &Ray, hit: &Hit) -> bool {
 }
 
 /// Whether two answers are the same bits; `==` would take -0.0 for 0.0.
-fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
+pub(super) fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
     let bits = |hit: Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive, hit.instance, hit.side);
     a.map(bits) == b.map(bits)
 }

@@ -3,14 +3,20 @@
 //! Not covered: seams between instances, which no promise closes (`ARCHITECTURE.md`); what moves (`instances/moving.rs`).
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, soup};
+use canted_gpu::{Choice, Gpu, TracedScene};
 use canted_obb::Affine;
-use canted_tlas::{Blas, Instance, MAX_CONDITION, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Instance, MAX_CONDITION, Tlas, TopConfig};
 use canted_trace::{Hit, Ray, Watertight};
 use canted_wide::{Config, Wide};
 
-use super::{Oracle, Promise, Row};
+use super::{
+    Oracle, Promise, Row,
+    hierarchy::{SAME, is_same},
+};
 use crate::{
-    brute, instances as oracle,
+    brute,
+    distance::distance,
+    instances as oracle,
     tracers::{Way, Word},
     transforms::affine,
 };
@@ -27,6 +33,10 @@ fn places() -> Vec<(&'static str, Affine)> {
         ("scaled by 1e-6", affine(&turn, [1e-6; 3], [0.0; 3])),
         ("scaled by 1e6", affine(&turn, [1e6; 3], [0.0; 3])),
         ("1e-3 large at 1e7", affine(&turn, [1e-3; 3], [1e7, -1e7, 1e7])),
+        (
+            "condition just below 2^10",
+            affine(&Rotation::IDENTITY, [1.0, 1.0, 1.01 / canted_gpu::MAX_CONDITION], [0.5; 3]),
+        ),
         ("condition just below 2^20", affine(&Rotation::IDENTITY, [1.0, 1.0, 1.01 / MAX_CONDITION], [0.5; 3])),
     ]
 }
@@ -47,18 +57,50 @@ fn rays(mesh: &Mesh, world_from_object: &Affine, n: usize) -> Vec<Ray> {
     (0..n).map(ray).filter(|ray| ray.direction.iter().any(|&d| d != 0.0)).collect()
 }
 
-/// Distance of the point on the ray from the image of the point by weights, over what is promised; both in `f64`, whose
-/// roundings are a billionth of it.
-fn of_promised(mesh: &Mesh, world_from_object: &Affine, ray: &Ray, hit: &Hit) -> f64 {
-    let [a, b, c] = mesh.corners(hit.primitive.index());
-    let (u, v) = (f64::from(hit.u), f64::from(hit.v));
-    let object: [f64; 3] = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
-    let (image, on_ray) = (world_from_object.point_f64(object), ray.at(f64::from(hit.t)));
-    let reach = mesh.positions.iter().flatten().fold(0.0f32, |all, x| all.max(x.abs()));
-    // The weights are rounded too: by a unit of two edges, which the bound on the point leaves out.
-    let weights = f64::from(f32::EPSILON) * norm(world_from_object) * f64::from(reach);
-    let distance = (0..3).map(|k| (image[k] - on_ray[k]).abs()).fold(0.0, f64::max);
-    distance / (oracle::hit_error(world_from_object, reach, ray) + weights)
+/// A mesh where it stands, by the words of who answers.
+struct Place<'a> {
+    mesh: &'a Mesh,
+    world_from_object: Affine,
+    /// Greatest coordinate of the mesh.
+    reach: f32,
+}
+
+impl Place<'_> {
+    /// Distance of a hit from where it should be, over what is promised; all in `f64`, whose roundings are a billionth of it.
+    fn of_promised(&self, word: Word, ray: &Ray, hit: &Hit) -> f64 {
+        let Self { mesh, world_from_object, reach } = self;
+        if let Word::Device(_) = word {
+            return self.off_device(ray, hit.t, hit);
+        }
+        // Of the point on the ray from the image of the point by weights.
+        let [a, b, c] = mesh.corners(hit.primitive.index());
+        let (u, v) = (f64::from(hit.u), f64::from(hit.v));
+        let object: [f64; 3] = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
+        let (image, on_ray) = (world_from_object.point_f64(object), ray.at(f64::from(hit.t)));
+        // The weights are rounded too: by a unit of two edges, which the bound on the point leaves out.
+        let weights = f64::from(f32::EPSILON) * norm(world_from_object) * f64::from(*reach);
+        let distances = [0, 1, 2].map(|k| (image[k] - on_ray[k]).abs());
+        let distance = distances.iter().fold(0.0, greater);
+        distance / (oracle::hit_error(world_from_object, *reach, ray) + weights)
+    }
+
+    /// Distance of a point on the ray from the triangle that was hit, over what a device promises.
+    fn off_device(&self, ray: &Ray, t: f32, hit: &Hit) -> f64 {
+        let Self { mesh, world_from_object, reach } = self;
+        let corners = mesh.corners(hit.primitive.index()).map(|corner| world_from_object.point_f64(corner));
+        let promised = oracle::SQRT_3 * oracle::device_hit_error(ray, world_from_object, f64::from(*reach));
+        distance(ray.at(f64::from(t)), corners) / promised
+    }
+
+    /// Whether a ray begins so near the triangle that a device may take it to begin on either side.
+    fn begins_in(&self, ray: &Ray, hit: &Hit) -> bool {
+        self.off_device(ray, ray.t_min, hit) <= 1.0
+    }
+}
+
+/// The greater of two, and what is not a number where either is not: `f64::max` would forget it.
+fn greater(all: f64, &x: &f64) -> f64 {
+    if x > all || x.is_nan() { x } else { all }
 }
 
 /// Greatest row sum of the linear part.
@@ -66,59 +108,63 @@ fn norm(map: &Affine) -> f64 {
     (0..3).map(|k| map.columns[..3].iter().map(|column| f64::from(column[k].abs())).sum()).fold(0.0, f64::max)
 }
 
-pub(super) fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
+/// What these ways do: ours at every place that their kind takes, and of peers whether anything is hit, for they may round the ray
+/// or the vertices, and none says what it does.
+#[must_use]
+pub fn rows(effort: usize, ways: &[&Way]) -> Vec<Row> {
     let mut rows = vec![];
-    let mesh = soup(25, 80);
-    let binary = || {
-        MeshBlas::<Watertight>::build(&mesh.positions, &mesh.triangles, &canted_tlas::BuildConfig::default())
-            .expect("fixtures are valid")
-    };
-    let wide =
-        || Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("fixtures are valid");
+    let mesh = &soup(25, 80);
+    let reach = mesh.positions.iter().flatten().fold(0.0f32, |all, x| all.max(x.abs()));
+    let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
     for (name, world_from_object) in places() {
-        let same = Promise::none("instance", name, "the loop's answers, bit for bit", Oracle::Loop, "rays");
-        let near = Promise {
-            promise: "hits lie on the image of their triangle",
-            oracle: Oracle::Known,
-            bound: 1.0,
-            unit: "of the stated error",
-            ..same
-        };
-        let rays = rays(&mesh, &world_from_object, 300 * effort);
-        let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
+        let same = Promise::none("instance", name, SAME, Oracle::Loop, "rays");
+        let near = Promise { promise: NEAR, oracle: Oracle::Known, bound: 1.0, unit: "of the stated error", ..same };
+        let place = Place { mesh, world_from_object, reach };
+        let rays = rays(mesh, &world_from_object, 300 * effort);
         let trace = |_: usize, ray: &Ray| brute::closest_hit::<Watertight>(&records, ray);
         let wants: Vec<_> = rays.iter().map(|ray| oracle::closest_hit(&[world_from_object], ray, trace)).collect();
-        let instance = Instance::still(0, world_from_object);
-        let of = |hits: &[Option<Hit>]| {
-            let n_other = hits.iter().zip(&wants).filter(|(hit, want)| hit != want).count();
-            let n_hits = hits.iter().flatten().count();
-            let share = |(ray, hit): (&Ray, &Option<Hit>)| {
-                hit.as_ref().map_or(0.0, |hit| of_promised(&mesh, &world_from_object, ray, hit))
+        let mut by_promise: [Vec<Row>; 2] = Default::default();
+        let is_ill = oracle::condition(&world_from_object) > canted_gpu::MAX_CONDITION;
+        for way in ways.iter().filter(|way| !(is_ill && matches!(way.word, Word::Device(_)))) {
+            let tracer = (way.make)(mesh, &world_from_object);
+            let ((hits, occluded), n_cut) = way.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
+            let differs = |i: usize| match (way.word, wants[i], hits[i]) {
+                (Word::Loop, want, hit) => !is_same(hit, want) || occluded[i] != want.is_some(),
+                (Word::Peer, want, hit) => hit.is_some() != want.is_some(),
+                (Word::Device(_), None, _) => false,
+                (Word::Device(_), Some(_), None) => true,
+                // What is hit later must be within the error of what is nearer.
+                (Word::Device(_), Some(want), Some(hit)) => {
+                    !occluded[i] || hit.t > want.t && place.off_device(&rays[i], hit.t, &want) > 1.0
+                }
             };
-            (n_other, n_hits, rays.iter().zip(hits).map(share).fold(0.0, f64::max))
-        };
-        let answers =
-            [("binary", of(&closest(binary(), instance, &rays))), ("wide", of(&closest(wide(), instance, &rays)))];
-        rows.extend(answers.map(|(kind, (n_other, ..))| same.count(kind, rays.len(), n_other)));
-        for way in ways.iter().filter(|way| way.word == Word::Peer) {
-            // Whether anything is hit: a peer may round the ray or the vertices, and none says what it does.
-            let hits = (way.make)(&mesh, &world_from_object).closest(&rays);
-            let n_other = hits.iter().zip(&wants).filter(|(hit, want)| hit.is_some() != want.is_some()).count();
-            rows.push(Row { is_peer: true, ..same.count(&way.name, rays.len(), n_other) });
+            // Of a device only what it loses counts.
+            let counts = |&i: &usize| match way.word {
+                Word::Device(_) => wants[i].is_some_and(|want| !place.begins_in(&rays[i], &want)),
+                Word::Loop | Word::Peer => true,
+            };
+            let counted: Vec<usize> = (0..rays.len()).filter(counts).collect();
+            let n_other = counted.iter().filter(|&&i| differs(i)).count();
+            let is_peer = way.word == Word::Peer;
+            by_promise[0].push(Row { is_peer, n_cut, ..same.count_certain(&way.name, counted.len(), n_other) });
+            if !is_peer {
+                let share = |(ray, hit): (&Ray, &Option<Hit>)| Some(place.of_promised(way.word, ray, hit.as_ref()?));
+                let shares: Vec<f64> = rays.iter().zip(&hits).filter_map(share).collect();
+                let worst = shares.iter().fold(0.0, greater);
+                by_promise[1].push(Row { n_cut, ..near.row(&way.name, shares.len(), worst) });
+            }
         }
-        rows.extend(answers.map(|(kind, (_, n_hits, worst))| near.row(kind, n_hits, worst)));
+        rows.extend(by_promise.concat());
     }
-    rows.push(refused(&mesh));
+    rows.extend(refused(mesh));
     rows
 }
 
-fn closest<B: Blas>(blas: B, instance: Instance, rays: &[Ray]) -> Vec<Option<Hit>> {
-    let tlas = Tlas::new(vec![blas], &[instance], TopConfig::default()).expect("the condition is within the bound");
-    rays.iter().map(|ray| tlas.closest_hit(ray, &mut ())).collect()
-}
+/// The promise that hits are where they should be.
+pub const NEAR: &str = "hits lie on the image of their triangle";
 
-/// Transforms that leave too little of object space.
-fn refused(mesh: &Mesh) -> Row {
+/// Transforms that leave too little of object space, on the CPU and on the best device, if there is one.
+fn refused(mesh: &Mesh) -> Vec<Row> {
     const REFUSED: Promise = Promise::none(
         "instance",
         "singular; condition above 2^20; NaN, infinity",
@@ -126,6 +172,8 @@ fn refused(mesh: &Mesh) -> Row {
         Oracle::Known,
         "transforms taken",
     );
+    const ON_DEVICE: Promise =
+        Promise { case: "singular; condition above 2^10, on a device; NaN, infinity", ..REFUSED };
     let turn = Rotation::turn();
     let mut bad = vec![
         affine(&turn, [1.0, 1.0, 0.0], [0.0; 3]),
@@ -138,11 +186,22 @@ fn refused(mesh: &Mesh) -> Row {
         map.columns[1][2] = x;
         bad.push(map);
     }
-    let is_taken = |map: &&Affine| {
-        let blas = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default());
-        let instances = [Instance::still(0, Affine::IDENTITY), Instance::still(0, **map)];
-        let placed = Tlas::new(vec![blas.expect("fixtures are valid")], &instances, TopConfig::default());
-        placed.err().is_none_or(|error| !error.to_string().contains("instance 1"))
+    let wide =
+        || Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("finite vertices");
+    let row = |promise: Promise, routine: &str, bad: &[Affine], error: &dyn Fn(&[Instance]) -> Option<String>| {
+        let instances = |map: &Affine| [Affine::IDENTITY, *map].map(|map| Instance::still(0, map));
+        let is_taken = |map: &&Affine| error(&instances(map)).is_none_or(|error| !error.contains("instance 1"));
+        promise.count(routine, bad.len(), bad.iter().filter(is_taken).count())
     };
-    REFUSED.count("Tlas::new", bad.len(), bad.iter().filter(is_taken).count())
+    let on_cpu = |instances: &[Instance]| {
+        Tlas::new(vec![wide()], instances, TopConfig::default()).err().map(|error| error.to_string())
+    };
+    let mut rows = vec![row(REFUSED, "Tlas::new", &bad, &on_cpu)];
+    if let Ok(gpu) = Gpu::open(&Choice::Best) {
+        bad.push(affine(&Rotation::IDENTITY, [1.0, 1.0, 0.99 / canted_gpu::MAX_CONDITION], [0.5; 3]));
+        let on_device =
+            |instances: &[Instance]| TracedScene::two(&gpu, &[&wide()], instances).err().map(|error| error.to_string());
+        rows.push(row(ON_DEVICE, "TracedScene::two", &bad, &on_device));
+    }
+    rows
 }

@@ -6,8 +6,8 @@
 //! the interval that stands between does.
 
 use canted_gpu::{Answer, DeviceHit, Gpu, HIT_ERROR, TracedScene};
-use canted_obb::Affine;
-use canted_tests::{distance::distance, instances::object_from_world};
+pub(crate) use canted_tests::instances::device_hit_error as error_of_instance;
+use canted_tests::{distance::distance, instances::SQRT_3};
 use canted_trace::{Hit, Ray};
 
 type Corners = [[f64; 3]; 3];
@@ -39,9 +39,6 @@ pub(crate) struct Tally {
     pub(crate) off: f64,
 }
 
-/// Length of a vector whose components are 1 at most, with room for the `f64` here.
-const SQRT_3: f64 = 1.733;
-
 fn greatest(v: [f32; 3]) -> f64 {
     v.iter().map(|x| f64::from(x.abs())).fold(0.0, f64::max)
 }
@@ -49,16 +46,6 @@ fn greatest(v: [f32; 3]) -> f64 {
 /// `B` of a tree over triangles in world space whose coordinates do not exceed `reach`.
 pub(crate) fn error_of_one_level(ray: &Ray, reach: f64) -> f64 {
     f64::from(HIT_ERROR) * (greatest(ray.origin) + reach)
-}
-
-/// `B` of an instance of a mesh whose coordinates do not exceed `reach`: twice as much for its transform, amplified by that.
-pub(crate) fn error_of_instance(ray: &Ray, world_from_object: &Affine, reach: f64) -> f64 {
-    let [a, b, c, at] = world_from_object.columns;
-    let sum = |row: [f64; 3]| row.iter().map(|x| x.abs()).sum::<f64>();
-    let forward = (0..3).map(|k| sum([a[k], b[k], c[k]].map(f64::from))).fold(0.0, f64::max);
-    let backward =
-        object_from_world(world_from_object).map(|[x, y, z, _]| sum([x, y, z])).into_iter().fold(0.0, f64::max);
-    2.0 * f64::from(HIT_ERROR) * forward * backward * (greatest(ray.origin) + greatest(at) + forward * reach)
 }
 
 impl World<'_> {

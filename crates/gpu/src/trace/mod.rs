@@ -17,6 +17,7 @@ mod words;
 
 pub use cast::Answer;
 pub use motion::MotionPolynomials;
+pub use outer::MAX_CONDITION;
 pub use ray::{DeviceHit, DeviceRay};
 pub use reach::MOST_REACH;
 pub use scene::TracedScene;

@@ -10,7 +10,7 @@ use super::words::{HIT_ERROR, HitError, PlaceWords};
 use crate::GpuError;
 
 /// Greatest condition of a transform that kernels trace through: of 2^10, three of the seven digits of an f32 are left.
-const MAX_CONDITION: f64 = 1024.0;
+pub const MAX_CONDITION: f64 = 1024.0;
 
 /// Instances ready for upload.
 pub(super) struct Outer {

@@ -1,0 +1,79 @@
+//! A device, and the CPU in its place where a driver cuts a walk short.
+
+use std::{cell::Cell, rc::Rc};
+
+use canted_gpu::{Answer, DeviceHit, Gpu, HIT_ERROR, TracedScene};
+use canted_obb::PrimId;
+use canted_tlas::Instance;
+use canted_trace::{Hit, InstanceId, Ray, Side};
+use canted_wide::Config;
+
+use super::{Make, Tracer, TwoLevels, Way, Word, wide};
+use crate::closed::baked;
+
+/// Both numbers of levels on a device.
+pub(super) fn ways(gpu: &Rc<Gpu>) -> [Way; 2] {
+    let cuts: [Rc<Cell<usize>>; 2] = Default::default();
+    let [(of_one, cuts_of_one), (of_two, cuts_of_two)] = cuts.each_ref().map(|cuts| (Rc::clone(gpu), Rc::clone(cuts)));
+    let one: Make = Box::new(move |mesh, place| {
+        let tree = wide(&baked(mesh, place), &Config::default());
+        let scene = TracedScene::one(&of_one, &tree, &[0]).expect("small meshes fit every device");
+        Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree), n_cut: Rc::clone(&cuts_of_one) })
+    });
+    let two: Make = Box::new(move |mesh, place| {
+        let tree = wide(mesh, &Config::default());
+        let scene = TracedScene::two(&of_two, &[&tree], &[Instance::still(0, *place)]);
+        let scene = scene.expect("places of tests are well conditioned");
+        let tree = Box::new(TwoLevels::new(tree, mesh, place));
+        Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })
+    });
+    let [cuts_of_one, cuts_of_two] = cuts;
+    // Through an instance that stands still hits may be off by twice as much (`HitError::with` in `canted-gpu`).
+    [
+        Way { n_cut: cuts_of_one, ..Way::new("device", Word::Device(HIT_ERROR), one) },
+        Way { n_cut: cuts_of_two, ..Way::new("two levels on the device", Word::Device(2.0 * HIT_ERROR), two) },
+    ]
+}
+
+/// A scene on the device, and on the CPU for walks that a driver cuts short.
+struct Device {
+    gpu: Rc<Gpu>,
+    scene: TracedScene,
+    tree: Box<dyn Tracer>,
+    n_cut: Rc<Cell<usize>>,
+}
+
+impl Device {
+    /// What the CPU says in place of the device.
+    fn cut<T>(&self, ask: impl FnOnce(&dyn Tracer) -> T) -> T {
+        self.n_cut.update(|n| n + 1);
+        ask(self.tree.as_ref())
+    }
+}
+
+impl Tracer for Device {
+    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        let answers = self.scene.closest_hits(&self.gpu, rays).expect("the device stays");
+        let known = |(answer, ray): (Answer<Option<DeviceHit>>, &Ray)| match answer {
+            Answer::Cut => self.cut(|tree| tree.closest(std::slice::from_ref(ray))[0]),
+            Answer::Known(hit) => hit.map(|hit| Hit {
+                t: hit.t,
+                u: hit.u,
+                v: hit.v,
+                primitive: PrimId(hit.primitive),
+                instance: InstanceId(hit.instance),
+                side: Side::Front,
+            }),
+        };
+        answers.into_iter().zip(rays).map(known).collect()
+    }
+
+    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        let answers = self.scene.occluded(&self.gpu, rays).expect("the device stays");
+        let known = |(answer, ray): (Answer<bool>, &Ray)| match answer {
+            Answer::Cut => self.cut(|tree| tree.occluded(std::slice::from_ref(ray))[0]),
+            Answer::Known(found) => found,
+        };
+        answers.into_iter().zip(rays).map(known).collect()
+    }
+}
