@@ -24,8 +24,8 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
     let rows = extremes::rows(effort, &ways);
     let mut out = std::io::stdout();
     writeln!(out, "{}\n\nNot tried:\n", extremes::table(&rows))?;
-    for name in missing {
-        writeln!(out, "* {name}, which this machine has not.")?;
+    for what in extremes::not_tried(&missing) {
+        writeln!(out, "* {what}.")?;
     }
     for peer in wide::peers_left_out() {
         writeln!(out, "* {peer}.")?;

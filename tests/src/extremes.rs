@@ -48,6 +48,14 @@ pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
     rows
 }
 
+/// What is not tried on this machine, in words: what it lacks, by the names that [`tracers::ours`] gives, and the stations that need a
+/// device where there is none.
+#[must_use]
+pub fn not_tried(lacking: &[String]) -> Vec<String> {
+    let lacking = lacking.iter().map(|name| format!("{name}, which this machine has not"));
+    lacking.chain(built::not_tried()).collect()
+}
+
 /// What rounding a frame to `f32` may add to a box that is merged along it, relative to its greatest half-extent.
 ///
 /// The frame is rounded in the child and in the parent, by half a unit in the last place of each of three entries, and

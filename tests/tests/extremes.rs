@@ -18,8 +18,9 @@ const AS_A_REPORT: usize = 4;
 #[expect(clippy::print_stderr, reason = "what this machine has not is named")]
 fn every_promise_is_kept() {
     let (ways, missing) = tracers::ours();
-    for name in missing {
-        eprintln!("not tested, this machine has no {name}");
+    let not_tried = extremes::not_tried(&missing);
+    for what in &not_tried {
+        eprintln!("not tried: {what}");
     }
     let rows = extremes::rows(AS_A_REPORT, &ways);
     let broken: Vec<&Row> = rows.iter().filter(|row| row.is_broken()).collect();
@@ -31,6 +32,7 @@ fn every_promise_is_kept() {
         "tree",
         "cells",
         "limits",
+        "tree on a device",
         "box",
         "box in a node of eight",
         "triangle",
@@ -40,7 +42,8 @@ fn every_promise_is_kept() {
     ];
     for station in stations {
         let n = rows.iter().filter(|row| row.promise.station == station && row.is_promise()).count();
-        assert!(n >= 2, "{station}: {n} rows");
+        let is_told = not_tried.iter().any(|what| what.contains(&format!("\"{station}\"")));
+        assert!(n >= 2 || is_told, "{station}: {n} rows");
     }
 }
 

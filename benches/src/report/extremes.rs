@@ -14,7 +14,7 @@ use crate::wide;
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "extremes", title: "Extremes: what is promised, and kept", ..Chapter::default() };
     let (mut ways, missing) = tracers::ours();
-    chapter.skipped.extend(missing.into_iter().map(|name| format!("{name}, which this machine has not.")));
+    chapter.skipped.extend(extremes::not_tried(&missing).into_iter().map(|what| format!("{what}.")));
     chapter.skipped.extend(wide::peers_left_out().into_iter().map(|peer| format!("{peer}.")));
     ways.extend(wide::peers());
     let rows = extremes::rows(effort.pick(1, 1, 4), &ways);

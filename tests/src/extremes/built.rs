@@ -16,6 +16,14 @@ use super::{Oracle, Promise, Row, tree};
 /// Of this case devices promise nothing: they may take for zero what is smaller than any normal number.
 const BELOW_NORMAL: &str = "denormal extent";
 
+const STATION: &str = "tree on a device";
+
+/// That there are no rows, where there is no adapter.
+pub(super) fn not_tried() -> Option<String> {
+    let there_is_none = Gpu::open(&Choice::Best).is_err();
+    there_is_none.then(|| format!("the station \"{STATION}\", and instances on a device, for want of one"))
+}
+
 /// The rows of the best adapter; none where there is no adapter.
 pub(super) fn rows() -> Vec<Row> {
     let Ok(gpu) = Gpu::open(&Choice::Best) else { return vec![] };
@@ -23,7 +31,6 @@ pub(super) fn rows() -> Vec<Row> {
 }
 
 fn of_case(gpu: &Gpu, case: &'static str, meshes: &[Mesh]) -> Vec<Row> {
-    const STATION: &str = "tree on a device";
     let of = |promise, oracle, unit| {
         let promise = Promise::none(STATION, case, promise, oracle, unit);
         if case == BELOW_NORMAL { promise.told() } else { promise }
