@@ -7,12 +7,15 @@
 //!
 //! A row's numbers stand as the table's, joined by ` / ` and rounded as one likes; `A to B` are the least and the greatest of all.
 
+mod typed;
+
 use std::{collections::BTreeMap, fs};
 
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
 
 use crate::{bench::RESULTS, workspace};
+pub(crate) use typed::typed_by_hand;
 
 /// The claims of the last report that was kept, from the root of the workspace.
 const CLAIMS: &str = "benches/report.json";
@@ -163,44 +166,6 @@ fn plain(text: &str) -> String {
     text.replace('*', "").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Decimal fractions outside marks, code and versions, with their lines: nobody can say where these were measured.
-pub(crate) fn unmarked(text: &str) -> Vec<(usize, String)> {
-    let mut found = vec![];
-    let (mut is_code, mut is_marked) = (false, false);
-    for (i, line) in text.lines().enumerate() {
-        if line.starts_with("```") {
-            is_code = !is_code;
-        }
-        let mut before = "";
-        // Marks may begin in one line and end in another.
-        for word in line.replace(OPEN, " \u{1} ").replace(CLOSE, " \u{2} ").split_whitespace().map(str::to_owned) {
-            match word.as_str() {
-                "\u{1}" => is_marked = true,
-                "\u{2}" => is_marked = false,
-                _ if !is_code && !is_marked && is_fraction(&word) && !VERSIONED.contains(&before) => {
-                    found.push((i + 1, format!("'{word}' is typed by hand: mark where it was measured")));
-                }
-                _ => {}
-            }
-            before = VERSIONED.iter().find(|&&name| name == word.trim_start_matches('(')).copied().unwrap_or("");
-        }
-    }
-    found
-}
-
-/// What a version follows.
-const VERSIONED: [&str; 3] = ["Rust", "Embree", "CC-BY"];
-
-/// Whether a word has a decimal fraction, punctuation and a unit aside; code and links have none.
-fn is_fraction(word: &str) -> bool {
-    let digits = |text: &str| !text.is_empty() && text.chars().all(|c| c.is_ascii_digit());
-    let is_one = |part: &str| {
-        let bare = part.trim_matches(|c: char| !c.is_ascii_alphanumeric()).trim_end_matches('x');
-        bare.split_once('.').is_some_and(|(whole, part)| digits(whole) && digits(part))
-    };
-    !word.contains('`') && !word.contains("](") && word.split('/').any(is_one)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -246,17 +211,5 @@ mod tests {
     fn a_mark_does_not_break_its_paragraph() {
         let found = measured().wrong("x\n<!-- measured: B | s, t | x -->1 to 2<!-- / -->");
         assert_eq!(found, [(2, "a mark at the start of a line".to_owned())]);
-    }
-
-    #[test]
-    fn figures_typed_by_hand_are_seen() {
-        for (text, n) in [
-            ("It is 1.5 times, or (2.25).", 2),
-            ("It is 2.6x, 7.7/5.4, 1.5× and 28.5%.", 4),
-            ("It is <!-- measured: x | y | z -->1.5\nor 2.5<!-- / --> times.", 0),
-            ("Rust 1.89, Embree 4.4's mode, CC-BY 3.0, `t = 1.5`\n```\n1.5\n```\nand 3 or 1e7 or v1.2.3", 0),
-        ] {
-            assert_eq!(unmarked(text).len(), n, "{text}");
-        }
     }
 }

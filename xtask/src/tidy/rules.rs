@@ -110,7 +110,7 @@ pub(super) fn figures(path: &Path, text: &str, measured: &Measured, findings: &m
     let mut wrong = measured.wrong(text);
     let is_claim = path == Path::new("README.md") || path.starts_with("docs") && path != Path::new("docs/mended.md");
     if is_claim {
-        wrong.extend(claims::unmarked(text));
+        wrong.extend(claims::typed_by_hand(text));
     }
     findings.extend(wrong.into_iter().map(|(line, message)| Finding::error(path, format!("line {line}: {message}"))));
 }
