@@ -52,12 +52,22 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     says.push(threads::add(&mut chapter, effort)?);
     chapter.tell(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
-    chapter.method.push(format!(
-        "Left out are {}, `obvhs` with more care than its medium preset, and tinybvh: they build for minutes where triangles are \
-         most, or, as tinybvh, may end the program. The chapter of hierarchies has them at sizes of real models.",
-        left_out.join(", ")
-    ));
+    chapter.method.push(not_grown(&left_out, cfg!(all(feature = "peers", target_feature = "avx2"))));
     Ok(chapter)
+}
+
+/// What does not grow with the others, and where it is measured: tinybvh only in builds that have it.
+fn not_grown(careful: &[String], has_tinybvh: bool) -> String {
+    let tinybvh = if has_tinybvh {
+        ""
+    } else {
+        ", but not tinybvh, which takes the feature `peers` and a compiler that may assume AVX2"
+    };
+    format!(
+        "Left out are {}, `obvhs` with more care than its medium preset, and tinybvh: they build for minutes where triangles are \
+         most, or, as tinybvh, may end the program. The chapter of hierarchies has them at sizes of real models{tinybvh}.",
+        careful.join(", ")
+    )
 }
 
 const METHOD: [&str; 3] = [
@@ -185,5 +195,13 @@ mod tests {
         let one = beside(&ours, &[("b", line(1.2))]);
         assert_eq!(one, format!("{begin}that of the only peer's 1.20 ±0.02 ('b')"));
         assert!(beside(&ours, &[]).ends_with("no peer's has one"));
+    }
+
+    #[test]
+    fn nothing_is_said_to_be_elsewhere_that_is_nowhere() {
+        let careful = ["'a'".to_owned(), "'b'".to_owned()];
+        assert!(not_grown(&careful, true).ends_with("at sizes of real models."));
+        let without = not_grown(&careful, false);
+        assert!(without.starts_with("Left out are 'a', 'b', ") && without.contains("but not tinybvh"), "{without}");
     }
 }
