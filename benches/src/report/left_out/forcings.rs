@@ -1,5 +1,6 @@
 //! Parts that scenes do without, and how they come back.
 
+use canted_fixtures::grid;
 use canted_obb::Affine;
 use canted_renderer::Levels;
 use canted_scene::{
@@ -49,6 +50,14 @@ pub(super) fn bare(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene 
         environment: Some([0.4, 0.5, 0.6].into()),
         ..Scene::default()
     }
+}
+
+/// Terrain of a few thousand triangles that has no light but its sun.
+pub(super) fn one_light() -> Scene {
+    let terrain = grid(5, [64, 64]);
+    // Its heights are along z, and the sun shines down along y.
+    let positions = terrain.positions.into_iter().map(|[x, y, z]| [x, z, -y]).collect();
+    Scene { environment: None, ..bare(positions, terrain.triangles) }
 }
 
 fn with_white(mut scene: Scene) -> Scene {

@@ -11,7 +11,7 @@ use canted_renderer::{Film, Integrator, Pattern, Prepared, Settings, StructureCo
 use canted_scene::{Camera, Mesh, Scene};
 use canted_trace::Watertight;
 
-use forcings::{FORCINGS, Forcing, NOT_FORCED, bare};
+use forcings::{FORCINGS, Forcing, NOT_FORCED, bare, one_light};
 
 use super::effort::Effort;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
@@ -41,7 +41,7 @@ const SPONZA: &str = "sponza";
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "left-out", title: "What was left out", ..Chapter::default() };
-    let mut scenes = vec![("built-in", canted_scene::builtin())];
+    let mut scenes = vec![("built-in", canted_scene::builtin()), ("terrain under a sun alone", one_light())];
     for name in effort.pick(&[][..], &["bunny"], &["bunny", "truss", SPONZA]) {
         let scene = match *name {
             SPONZA => subjects::lit_sponza()?,
@@ -66,11 +66,11 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
 
 const METHOD: [&str; 4] = [
     "Sponza is the whole scene, with its textures and masks, lit as in the chapter of pictures; bunny and truss are grey meshes under a \
-     sun and a sky. Each scene is rendered as it is and with one part forced back in, in turn: two levels; instances that move by one \
-     unit in the last place, which need two levels too; a white texture on every material; coordinates that nothing looks up; masks \
-     that cut nothing out; normals that say what the triangles say; one triangle that emits 1e-30; a second \
-     light without power. Seconds are the processor's, all threads, of the path integrator; bytes those of the structure and of the \
-     scene's arrays.",
+     sun and a sky; the terrain is grey under a sun and a black sky, for only a scene of one light does without a choice among lights. \
+     Each scene is rendered as it is and with one part forced back in, in turn: two levels; instances that move by one unit in the last \
+     place, which need two levels too; a white texture on every material; coordinates that nothing looks up; masks that cut nothing \
+     out; normals that say what the triangles say; one triangle that emits 1e-30; a second light without power. Seconds are the \
+     processor's, all threads, of the path integrator; bytes those of the structure and of the scene's arrays.",
     "On a device, where one opens, the same parts are counted as bindings of the picture's kernel and their bytes, and timed by the \
      clock on the wall, which a software driver shares with everything else.",
     "Trees are wide and balanced, traced on one thread in turn: as the collapse chose them, with leaning nodes taken for a tenth of \
@@ -266,6 +266,15 @@ mod tests {
     #[test]
     fn fewer_bytes_are_said_to_be_fewer() {
         assert_eq!(format!("{:+} {:+}", more(4_369_680usize, 4_371_984), more(5u64, 3)), "-2304 +2");
+    }
+
+    #[test]
+    fn every_part_that_can_be_forced_is_left_out_somewhere() {
+        let scenes = [canted_scene::builtin(), one_light()];
+        let left_out: Vec<&str> = scenes.iter().flat_map(|scene| variants(scene).unwrap()).map(|v| v.what).collect();
+        for Forcing { part, .. } in &FORCINGS {
+            assert!(left_out.contains(part), "'{part}' is never forced back in");
+        }
     }
 
     #[test]
