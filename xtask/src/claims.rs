@@ -20,6 +20,9 @@ pub(crate) use typed::typed_by_hand;
 /// The claims of the last report that was kept, from the root of the workspace.
 const CLAIMS: &str = "benches/report.json";
 
+/// What measuring all chapters took stands beside them under this name.
+const WHOLE: &str = "all chapters";
+
 const OPEN: &str = "<!-- measured: ";
 const CLOSE: &str = "<!-- / -->";
 
@@ -32,18 +35,28 @@ pub(crate) struct Measured {
 /// Keeps the claims of a report, with where, when and how it was made.
 pub(crate) fn keep(report: &str) -> Result<()> {
     let report: Value = serde_json::from_str(report).context("the report is not JSON")?;
-    // A report of few chapters leaves what others claimed before.
-    let mut kept = fs::read_to_string(workspace::root().join(CLAIMS))
+    let before = fs::read_to_string(workspace::root().join(CLAIMS))
         .ok()
         .and_then(|text| serde_json::from_str::<Value>(&text).ok())
         .unwrap_or_else(|| json!({}));
+    let path = workspace::root().join(CLAIMS);
+    fs::write(&path, format!("{:#}\n", kept(before, &report)))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// What was kept before, with what a report claims and what it took: one of few chapters leaves the others as they were.
+fn kept(mut before: Value, report: &Value) -> Value {
+    let facts = &report["facts"];
     for chapter in report["chapters"].as_array().into_iter().flatten() {
         if let Some(id) = chapter["id"].as_str() {
-            kept[id] = json!({ "facts": report["facts"], "says": chapter["says"], "claims": chapter["claims"] });
+            let [says, claims, seconds] = ["says", "claims", "seconds"].map(|key| &chapter[key]);
+            before[id] = json!({ "facts": facts, "says": says, "claims": claims, "seconds": seconds });
         }
     }
-    let path = workspace::root().join(CLAIMS);
-    fs::write(&path, format!("{kept:#}\n")).with_context(|| format!("cannot write {}", path.display()))
+    if report["is_whole"] == true {
+        before[WHOLE] = json!({ "facts": facts, "seconds": report["seconds"] });
+    }
+    before
 }
 
 impl Measured {
@@ -175,6 +188,23 @@ mod tests {
                        | t | 2 | **1.04** / 1.26 |\n";
         let claims = r#"{ "pictures": { "claims": { "gain": "3.21" } } }"#;
         Measured::of(results.to_owned(), claims).unwrap()
+    }
+
+    #[test]
+    fn claims_are_kept_with_what_measuring_took() {
+        let before = json!({ "a": 1, "b": 2 });
+        let chapter =
+            json!({ "id": "b", "says": "It is.", "claims": { "x": "1" }, "seconds": { "wall": 3.0 }, "plots": [] });
+        let mut report =
+            json!({ "facts": { "date": "now" }, "chapters": [chapter], "seconds": { "wall": 4.0 }, "is_whole": false });
+        let part = kept(before, &report);
+        assert_eq!(
+            (&part["a"], &part["b"]["seconds"]["wall"], &part["b"]["claims"]["x"]),
+            (&json!(1), &json!(3.0), &json!("1"))
+        );
+        assert_eq!((&part[WHOLE], &part["b"]["plots"]), (&Value::Null, &Value::Null));
+        report["is_whole"] = json!(true);
+        assert_eq!(kept(part, &report)[WHOLE], json!({ "facts": { "date": "now" }, "seconds": { "wall": 4.0 } }));
     }
 
     #[test]

@@ -2,11 +2,24 @@
 
 use std::fmt::Write as _;
 
-use super::model::{Chapter, Report, Table};
+use super::model::{Cell, Chapter, Report, Table};
+use crate::clock::Seconds;
 
-/// All chapters.
+/// All chapters, then what they took.
 pub(super) fn markdown(report: &Report) -> String {
-    report.chapters.iter().map(section).collect()
+    report.chapters.iter().map(section).chain([times(report)]).collect()
+}
+
+/// What each chapter took, and all of them; runs of another kind keep a section of their own.
+fn times(report: &Report) -> String {
+    let mut table = Table::new("Seconds by chapter", &["chapter", "seconds", "of all processors"]);
+    let all = report.chapters.iter().map(|chapter| (chapter.id, chapter.seconds)).chain([("all", report.seconds)]);
+    for (name, Seconds { wall, cpu }) in all {
+        table.rows.push([name.to_owned(), format!("{wall:.1}"), format!("{cpu:.1}")].map(Cell::text).to_vec());
+    }
+    let mut out = format!("## Report: What {} takes\n\n**Measured in {}.**\n\n", report.kind(), report.took());
+    rows(&mut out, &table);
+    out
 }
 
 fn section(chapter: &Chapter) -> String {
@@ -46,14 +59,14 @@ fn rows(out: &mut String, table: &Table) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clock::Seconds;
-    use crate::report::model::{Cell, Facts};
+    use crate::report::model::Facts;
 
     #[test]
     fn tables_are_markdown() {
         let mut table = Table::new("T", &["a", "b"]);
         table.rows.push(vec![Cell::text("x|y"), Cell::measured(vec![1.0, 1.0], "ms")]);
         let mut chapter = Chapter {
+            id: "c",
             title: "C",
             tables: vec![table],
             skipped: vec!["z".to_owned()],
@@ -61,12 +74,20 @@ mod tests {
             ..Chapter::default()
         };
         chapter.tell(["", "It shows.", "", "And more."].map(str::to_owned));
-        let text = markdown(&Report { facts: Facts::default(), chapters: vec![chapter] });
+        let seconds = Seconds { wall: 62.0, cpu: 121.0 };
+        let mut report = Report { facts: Facts::default(), chapters: vec![chapter], is_whole: true, seconds };
+        let text = markdown(&report);
         assert!(
             text.starts_with("## Report: C\n\n**It shows.**\n\n* And more.\n\n### T\n\n| a | b |\n| --- | --- |\n"),
             "{text}"
         );
+        let (chapter, times) = text.split_once("## Report: What a full run takes\n\n").unwrap();
         let end = "| x\\|y | 1.00 ±0% ms |\n\n* Not measured: z\n\nMeasured in 61.2 s, of all processors 120.0 s.\n\n";
-        assert!(text.ends_with(end), "{text}");
+        assert!(chapter.ends_with(end), "{text}");
+        assert!(times.starts_with("**Measured in 62.0 s, of all processors 121.0 s.**\n\n### Seconds by chapter\n"));
+        assert!(times.ends_with("| c | 61.2 | 120.0 |\n| all | 62.0 | 121.0 |\n\n"), "{times}");
+        // A run of less does not stand where that of all stood.
+        (report.is_whole, report.facts.is_quick) = (false, true);
+        assert!(markdown(&report).contains("## Report: What a quick run of some chapters takes\n"));
     }
 }

@@ -26,6 +26,7 @@ use std::{fs, io::Write as _, path::Path};
 
 use anyhow::{Context, Result};
 
+use crate::clock::time_all;
 use effort::Request;
 use model::{Chapter, Report};
 
@@ -51,19 +52,27 @@ const CHAPTERS: [(&str, Measure); 9] = [
 /// Measures what is asked for and writes the three files.
 pub(crate) fn run(args: impl Iterator<Item = String>) -> Result<()> {
     let request = Request::read(args, &CHAPTERS.map(|(name, _)| name))?;
+    let (chapters, seconds) = time_all(|| measured(&request));
+    let chapters = chapters?;
+    let report = Report { is_whole: chapters.len() == CHAPTERS.len(), facts: request.facts, chapters, seconds };
+    writeln!(std::io::stderr(), "{}: {}", report.kind(), report.took())?;
+    write(&request.out, "index.html", &page::page(&report)?)?;
+    write(&request.out, "report.json", &serde_json::to_string(&report)?)?;
+    write(&request.out, "report.md", &markdown::markdown(&report))
+}
+
+/// Every chapter that is asked for.
+fn measured(request: &Request) -> Result<Vec<Chapter>> {
     let mut chapters = vec![];
     let mut stderr = std::io::stderr();
     for (name, measure) in CHAPTERS.iter().filter(|(name, _)| request.wants(name)) {
         writeln!(stderr, "measuring {name}")?;
-        let (chapter, seconds) = crate::clock::time_all(|| measure(request.effort));
+        let (chapter, seconds) = time_all(|| measure(request.effort));
         let chapter = Chapter { seconds, ..chapter.with_context(|| format!("chapter '{name}'"))? };
         writeln!(stderr, "{name}: {}", chapter.took())?;
         chapters.push(chapter);
     }
-    let report = Report { facts: request.facts, chapters };
-    write(&request.out, "index.html", &page::page(&report)?)?;
-    write(&request.out, "report.json", &serde_json::to_string(&report)?)?;
-    write(&request.out, "report.md", &markdown::markdown(&report))
+    Ok(chapters)
 }
 
 fn write(folder: &Path, name: &str, text: &str) -> Result<()> {

@@ -12,6 +12,23 @@ use crate::clock::Seconds;
 pub(crate) struct Report {
     pub(crate) facts: Facts,
     pub(crate) chapters: Vec<Chapter>,
+    /// Whether no chapter is left out.
+    pub(crate) is_whole: bool,
+    /// What measuring all of it took, the processors' of all threads.
+    pub(crate) seconds: Seconds,
+}
+
+impl Report {
+    /// How much was run, in words.
+    pub(crate) fn kind(&self) -> String {
+        let kind = if self.facts.is_quick { "quick run" } else { "full run" };
+        if self.is_whole { format!("a {kind}") } else { format!("a {kind} of some chapters") }
+    }
+
+    /// What all of it took, in words.
+    pub(crate) fn took(&self) -> String {
+        told(self.seconds)
+    }
 }
 
 /// Where, when and how a report was made.
@@ -60,8 +77,12 @@ impl Chapter {
 
     /// What measuring it took, in words.
     pub(crate) fn took(&self) -> String {
-        format!("{:.1} s, of all processors {:.1} s", self.seconds.wall, self.seconds.cpu)
+        told(self.seconds)
     }
+}
+
+fn told(Seconds { wall, cpu }: Seconds) -> String {
+    format!("{wall:.1} s, of all processors {cpu:.1} s")
 }
 
 /// Points in a plane.

@@ -122,6 +122,18 @@ fn every_chapter_says_what_measuring_it_took() {
 }
 
 #[test]
+fn the_report_says_what_all_of_it_took() {
+    let of = |value: &Value| ["wall", "cpu"].map(|clock| value["seconds"][clock].as_f64().unwrap());
+    let sum = MADE.chapters().iter().map(of).fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+    let [wall, cpu] = of(&MADE.json);
+    // Nothing but the chapters is in it, and little besides.
+    assert!(wall >= sum[0] && cpu >= sum[1] && wall < sum[0] + 1.0, "{wall} {cpu} {sum:?}");
+    let said = format!("easured in {wall:.1} s, of all processors {cpu:.1} s");
+    assert!(MADE.html.contains(&format!("This is a quick run, m{said}: ")), "{said}");
+    assert!(MADE.markdown.contains(&format!("## Report: What a quick run takes\n\n**M{said}.**\n")), "{said}");
+}
+
+#[test]
 fn pictures_say_how_good_their_reference_is() {
     let pictures = &MADE.chapters()[0];
     let table = entries(pictures, "tables")

@@ -23,13 +23,14 @@ pub(super) fn page(report: &Report) -> Result<String> {
          buys</h1>\n",
         placeholders()
     );
-    let kind = if facts.is_quick { "Quick run" } else { "Full run" };
     let _ = writeln!(
         out,
-        "<p>{kind}: {}; {}; commit {}; {}; <code>{}</code>. Points are medians; bars reach from the least to the greatest \
+        "<p>This is {}, measured in {}: {}; {}; commit {}; {}; <code>{}</code>. Points are medians; bars reach from the least to the greatest \
          repetition, ± is half that distance, but behind an exponent its standard error. What is compared takes turns: a difference is \
          called noise where the ratios of five rounds or more leave an interval of their median (of order statistics, right 93 times \
          in 100 at least) that holds 1; where rounds are fewer, or not as many of both, where least to greatest of both meet.</p>",
+        report.kind(),
+        report.took(),
         escaped(&facts.machine),
         escaped(&facts.compiler),
         escaped(&facts.commit),
