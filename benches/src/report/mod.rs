@@ -18,7 +18,7 @@ mod model;
 mod page;
 mod pictures;
 mod rotation;
-mod samples;
+pub(crate) mod samples;
 mod sources;
 mod subjects;
 
