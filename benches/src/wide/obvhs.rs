@@ -76,8 +76,9 @@ macro_rules! engine_of {
 engine_of!(Bvh2);
 engine_of!(CwBvh);
 
+/// Our ray as theirs.
 #[inline]
-fn theirs(ray: &Ray) -> TheirRay {
+pub(crate) fn theirs(ray: &Ray) -> TheirRay {
     TheirRay::new(ray.origin.into(), ray.direction.into(), ray.t_min, ray.t_max)
 }
 
@@ -122,7 +123,8 @@ fn entry<'a>(name: &str, build: impl Fn() -> Box<dyn Engine> + Send + Sync + 'a)
     }
 }
 
-fn triangles(mesh: &Mesh) -> Vec<Triangle> {
+/// Their triangles, in the mesh's order.
+pub(crate) fn triangles(mesh: &Mesh) -> Vec<Triangle> {
     let corner = |i: u32| glam::Vec3A::from_array(mesh.positions[i as usize]);
     mesh.triangles.iter().map(|&[a, b, c]| Triangle { v0: corner(a), v1: corner(b), v2: corner(c) }).collect()
 }

@@ -29,7 +29,7 @@ impl Correlation {
     }
 }
 
-/// Adds the correlation of each metric with time over binary trees; which of those known without tracing stands out.
+/// Adds the correlation of each metric with time over our binary trees, whose walk is the same; which of those known without tracing stands out.
 pub(super) fn add(chapter: &mut Chapter, scene: &str, measured: &[Measured]) -> String {
     let head = ["metric", "correlation", "95% interval", "trees"];
     let mut table = Table::new(format!("{scene}: which metric predicts time"), &head);
@@ -37,6 +37,7 @@ pub(super) fn add(chapter: &mut Chapter, scene: &str, measured: &[Measured]) -> 
     for (i, (metric, of)) in METRICS.into_iter().enumerate() {
         let pairs: Vec<(f64, f64)> = measured
             .iter()
+            .filter(|tree| tree.family.is_binary_of_ours())
             .filter_map(|tree| Some((of(tree.metrics.as_ref()?).ln(), -tree.rate.median().ln())))
             .filter(|(metric, _)| metric.is_finite())
             .collect();

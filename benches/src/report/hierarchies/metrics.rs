@@ -1,4 +1,4 @@
-//! What can be said of a binary tree without tracing through it, and what its rays tested.
+//! What can be said of a binary tree of ours without tracing through it, and what its rays tested.
 
 use anyhow::Result;
 use canted_lbvh::{Corners, Costs, Tree, Volumes, end_point_overlap, in_leaf_order, sums};
@@ -6,14 +6,14 @@ use canted_obb::Aabb;
 use canted_tlas::{Blas, MeshBlas, PairOrder};
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
 
-/// Metrics of one tree; lengths are in units of the scene's extent.
+/// Metrics of one tree, no number where it does not tell; lengths are in units of the scene's extent.
 pub(super) struct Metrics {
-    sah: f64,
-    overlap: f64,
-    area: f64,
-    volume: f64,
-    boxes: f64,
-    triangles: f64,
+    pub(super) sah: f64,
+    pub(super) overlap: f64,
+    pub(super) area: f64,
+    pub(super) volume: f64,
+    pub(super) boxes: f64,
+    pub(super) triangles: f64,
 }
 
 /// Those that are known without tracing a ray stand first.
@@ -37,6 +37,16 @@ pub(super) const METRICS: [(&str, Read); 7] = [
 const OVERLAP_TRIANGLES: usize = 4096;
 
 impl Metrics {
+    /// Of a tree that tells nothing.
+    pub(super) const UNKNOWN: Self = Self {
+        sah: f64::NAN,
+        overlap: f64::NAN,
+        area: f64::NAN,
+        volume: f64::NAN,
+        boxes: f64::NAN,
+        triangles: f64::NAN,
+    };
+
     /// The overlap is of trees that hold each triangle once, for others it is no number.
     #[expect(clippy::cast_precision_loss, reason = "counts of rays")]
     pub(super) fn of(tree: Tree, volumes: &Volumes, corners: &[Corners], bounds: &Aabb, rays: &[Ray]) -> Result<Self> {

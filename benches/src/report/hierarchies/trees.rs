@@ -10,6 +10,7 @@ use canted_trace::{Hit, InstanceId, Ray, Watertight};
 use canted_wide::{Config, Preset, Wide};
 use obvhs::BvhBuildParams;
 
+use super::foreign;
 use super::metrics::Metrics;
 use crate::models::Model;
 use crate::wide::{
@@ -34,6 +35,11 @@ impl Family {
         matches!(self, Self::Aligned | Self::Leaning | Self::Wide)
     }
 
+    /// Whether all of them are walked by the same code.
+    pub(super) fn is_binary_of_ours(self) -> bool {
+        matches!(self, Self::Aligned | Self::Leaning)
+    }
+
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Aligned => "ours, binary, axis-aligned",
@@ -52,7 +58,7 @@ type Measure<'a> = Box<dyn Fn(&[Ray]) -> Result<Metrics> + 'a>;
 pub(super) struct Tree<'a> {
     pub(super) entry: Entry<'a>,
     pub(super) family: Family,
-    /// Of binary trees.
+    /// Of trees that tell any.
     pub(super) metrics: Option<Measure<'a>>,
 }
 
@@ -108,13 +114,14 @@ pub(super) fn all<'a>(scene: &str, model: &'a Model) -> Vec<Tree<'a>> {
         }
     }
     for (name, preset) in [("fast", Preset::Fast), ("balanced", Preset::Balanced), ("quality", Preset::Quality)] {
-        let build = move |_| -> Result<Box<dyn Engine>> {
-            Ok(Box::new(Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset))?))
-        };
-        trees.push(Tree { entry: ours(format!("wide, {name}"), build), family: Family::Wide, metrics: None });
+        let made = move || Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset));
+        let entry = ours(format!("wide, {name}"), move |_| Ok(Box::new(made()?)));
+        let metrics: Measure<'a> = Box::new(move |rays| Ok(foreign::of_wide(&made()?, rays)));
+        trees.push(Tree { entry, family: Family::Wide, metrics: Some(metrics) });
     }
     for (name, params) in presets() {
-        trees.push(Tree { entry: peer::binary(name, mesh, params), family: Family::Obvhs, metrics: None });
+        let metrics: Measure<'a> = Box::new(move |rays| foreign::of_obvhs(mesh, params, rays));
+        trees.push(Tree { entry: peer::binary(name, mesh, params), family: Family::Obvhs, metrics: Some(metrics) });
     }
     let cwbvh = peer::entries(mesh).into_iter().filter(|entry| entry.name.contains("CWBVH"));
     trees.extend(cwbvh.map(|entry| Tree { entry, family: Family::Obvhs, metrics: None }));
@@ -224,7 +231,7 @@ mod tests {
         let model = subjects::load(subjects::SMALL).unwrap().unwrap();
         let rays = closest_sets(&model, &any(&model.mesh).unwrap(), 32).concat();
         let binary: Vec<Tree<'_>> =
-            all(subjects::SMALL, &model).into_iter().filter(|tree| tree.metrics.is_some()).collect();
+            all(subjects::SMALL, &model).into_iter().filter(|tree| tree.family.is_binary_of_ours()).collect();
         let answers = |tree: &Tree<'_>| {
             let engine = (tree.entry.build)(1).unwrap();
             let mut hits = vec![None; rays.len()];
