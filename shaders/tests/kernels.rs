@@ -23,7 +23,7 @@ fn choices(kernel: &str) -> Vec<Specialisation> {
             let ShaderError::NotChosen { what, .. } = error else { panic!("{error}") };
             let folder = format!("shared/{what}/");
             // Alpha is a matter of surfaces, which are no part of tracing.
-            let only_traces = kernel.starts_with("trace/") || kernel == "check/moving";
+            let only_traces = kernel.starts_with("trace/") || ["check/moving", "check/triangle"].contains(&kernel);
             let is_apart = |name: &str| only_traces && name == "shared/mask/alpha";
             let files = FILES.iter().map(|(name, _)| *name).filter(|name| name.starts_with(&folder) && !is_apart(name));
             let files: Vec<_> = files.collect();

@@ -3,7 +3,7 @@
 use canted_tests::fractions::Piercing;
 
 use super::super::samples::Samples;
-use super::Pair;
+use super::triangles::Pair;
 
 /// `t`, `u`, `v` of a hit; weights that are no numbers were not told.
 pub(super) type Answer = Option<[f32; 3]>;

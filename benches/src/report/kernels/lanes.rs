@@ -1,8 +1,9 @@
-//! The same triangles eight at a time on every path, and on a device.
+//! Triangles eight at a time on every path: those of a case, and the same ones for paths and a device.
 
 use anyhow::{Result, ensure};
 use canted_fixtures::soup;
-use canted_gpu::{Choice, Gpu, TracedScene};
+use canted_gpu::TracedScene;
+use canted_lbvh::Corners;
 use canted_tests::rays::from_inside;
 use canted_trace::{Hit, Ray, Watertight};
 use canted_wide::{Config, Costs, SimdPath, Wide};
@@ -10,22 +11,77 @@ use canted_wide::{Config, Costs, SimdPath, Wide};
 use super::super::effort::Effort;
 use super::super::model::{Cell, Table};
 use super::super::samples::Samples;
+use super::contest::Test;
+use super::device::Device;
+use super::judge::Answer;
+use super::triangles::Pair;
 use crate::interleave::{self, Contender};
 
 /// Triangles of a leaf: four blocks of eight, so that little but triangles is tested.
-const N_TRIANGLES: u32 = 32;
+pub(super) const LEAF: usize = 32;
+
+/// All triangles in one leaf: nodes are too dear.
+fn one_leaf() -> Config {
+    let costs = Costs { box_node: 1e6, shared_node: 1e6, lean_node: 1e6, max_leaf: LEAF, ..Costs::default() };
+    Config { costs, turn: false, ..Config::default() }
+}
+
+fn leaf(corners: &[Corners]) -> Result<Wide<Watertight>> {
+    let triangles: Vec<[u32; 3]> = (0..).step_by(3).take(corners.len()).map(|i| [i, i + 1, i + 2]).collect();
+    Ok(Wide::build(corners.as_flattened(), &triangles, &one_leaf())?)
+}
+
+/// A tree for each triangle.
+pub(super) fn singles(corners: &[Corners]) -> Result<Vec<Wide<Watertight>>> {
+    corners.iter().map(|corners| leaf(std::slice::from_ref(corners))).collect()
+}
+
+/// The paths that this machine has, and those that it lacks.
+pub(super) fn paths() -> (Vec<SimdPath>, Vec<SimdPath>) {
+    SimdPath::ALL.into_iter().partition(|path| path.is_available())
+}
+
+/// Tests of a case on every path, whose answers must be those of the single test, bit for bit; times are of rays through leaves of
+/// the case's triangles.
+pub(super) fn tests(
+    pairs: &[Pair],
+    trees: &[Wide<Watertight>],
+    singly: &[Answer],
+) -> Result<Vec<Test<'static, Answer>>> {
+    let (rays, corners): (Vec<Ray>, Vec<Corners>) = pairs.iter().copied().unzip();
+    let leaves = corners.chunks(LEAF).map(leaf).collect::<Result<Vec<_>>>()?;
+    let n_tests = leaves.iter().zip(rays.chunks(LEAF)).map(|(leaf, rays)| leaf.n_triangles() * rays.len()).sum();
+    let test = |path: SimdPath| {
+        let on_path = |tree: &Wide<Watertight>| tree.clone().with_path(path);
+        let answer = |(tree, ray): (&Wide<Watertight>, &Ray)| {
+            on_path(tree).closest_hit(ray).map(|Hit { t, u, v, .. }| [t, u, v])
+        };
+        let answers: Vec<Answer> = trees.iter().zip(&rays).map(answer).collect();
+        ensure!(bits(&answers) == bits(singly), "{} differs from the single test", path.name());
+        let leaves: Vec<Wide<Watertight>> = leaves.iter().map(on_path).collect();
+        let rays = rays.clone();
+        let work = move || {
+            let mut hits: [Option<Hit>; LEAF] = [None; LEAF];
+            for (leaf, rays) in leaves.iter().zip(rays.chunks(LEAF)) {
+                leaf.closest_hits(rays, &mut hits[..rays.len()]);
+                std::hint::black_box(&hits);
+            }
+        };
+        Ok(Test { name: format!("{}, {LEAF} in a leaf", path.name()), answers, work: Box::new(work), n_tests })
+    };
+    paths().0.into_iter().map(test).collect()
+}
+
+fn bits(answers: &[Answer]) -> Vec<Option<[u32; 3]>> {
+    answers.iter().map(|answer| answer.map(|tuv| tuv.map(f32::to_bits))).collect()
+}
 
 /// Times a ray of every path that this machine has, and of the device where there is one.
-pub(super) fn measure(effort: Effort, rounds: usize, skipped: &mut Vec<String>) -> Result<Table> {
-    let mesh = soup(32, N_TRIANGLES);
-    // Nodes so dear that all triangles are one leaf.
-    let costs =
-        Costs { box_node: 1e6, shared_node: 1e6, lean_node: 1e6, max_leaf: N_TRIANGLES as usize, ..Costs::default() };
-    let config = Config { costs, turn: false, ..Config::default() };
-    let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config)?;
+pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) -> Result<Table> {
+    let mesh = soup(32, u32::try_from(LEAF)?);
+    let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &one_leaf())?;
     let rays: Vec<Ray> = from_inside(&mesh, effort.pick(500, 100_000, 100_000), 7);
-    let (there, missing): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
-    skipped.extend(missing.iter().map(|path| format!("the path {}, which this machine lacks", path.name())));
+    let (there, _) = paths();
     let trees: Vec<Wide<Watertight>> = there.iter().map(|&path| tree.clone().with_path(path)).collect();
     let hits = |tree: &Wide<Watertight>| {
         let mut hits: Vec<Option<Hit>> = vec![None; rays.len()];
@@ -34,26 +90,19 @@ pub(super) fn measure(effort: Effort, rounds: usize, skipped: &mut Vec<String>) 
     };
     let scalar = hits(&trees[0]);
     ensure!(trees.iter().all(|tree| hits(tree) == scalar), "paths differ in a hit");
-    let device = match Gpu::open(&Choice::Best) {
-        Ok(gpu) => Some((TracedScene::one(&gpu, &tree, &[0])?, gpu)),
-        Err(error) => {
-            skipped.push(format!("the device: {error}"));
-            None
-        }
-    };
+    let scene = device.map(|device| TracedScene::one(&device.gpu, &tree, &[0])).transpose()?;
     let mut contenders: Vec<Contender<'_>> = there
         .iter()
         .zip(&trees)
         .map(|(path, tree)| Contender::new(path.name(), || drop(std::hint::black_box(hits(tree)))))
         .collect();
-    if let Some((scene, gpu)) = &device {
+    if let Some((scene, device)) = scene.as_ref().zip(device) {
         // Asked once before, for its errors; in the contest they cannot come back.
-        scene.closest_hits(gpu, &rays)?;
-        let name = format!("device: {}", gpu.facts().name);
-        contenders.push(Contender::new(name, || drop(std::hint::black_box(scene.closest_hits(gpu, &rays)))));
+        scene.closest_hits(&device.gpu, &rays)?;
+        let work = || drop(std::hint::black_box(scene.closest_hits(&device.gpu, &rays)));
+        contenders.push(Contender::new(device.name(), work));
     }
-    let title =
-        format!("{N_TRIANGLES} triangles in a leaf, closest hits of rays from inside, one thread or one device");
+    let title = format!("{LEAF} triangles in a leaf, closest hits of rays from inside, one thread or one device");
     let mut table = Table::new(title, &["path", "time a ray", "speed beside scalar"]);
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
     let to_ns = 1e9 / rays.len() as f64;
@@ -65,4 +114,22 @@ pub(super) fn measure(effort: Effort, rounds: usize, skipped: &mut Vec<String>) 
         ]);
     }
     Ok(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_that_answers_otherwise_is_seen() {
+        let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
+        let pairs = [1.0, 9.0].map(|x| (Ray::new([x, 1.0, 0.0], [0.0, 0.0, 1.0]), corners));
+        let trees = singles(&[corners; 2]).unwrap();
+        let of = |answers: [Answer; 2]| tests(&pairs, &trees, &answers);
+        let right = of([Some([1.0, 0.25, 0.25]), None]).unwrap();
+        assert_eq!((right.len(), right[0].n_tests), (paths().0.len(), 4));
+        for wrong in [[Some([1.0f32.next_up(), 0.25, 0.25]), None], [None, None]] {
+            assert!(of(wrong).is_err(), "{wrong:?}");
+        }
+    }
 }

@@ -1,0 +1,166 @@
+//! Single tests on a device: triangles and nodes as every walk tests them, with no walk around them.
+
+use anyhow::{Result, ensure};
+use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, Specialisation, TracedScene};
+use canted_trace::{Ray, ScaledRay, Watertight};
+use canted_wide::Wide;
+
+use super::super::{effort::Effort, samples::Samples};
+use super::contest::Tested;
+use super::judge::Answer;
+use super::nodes::LANES;
+
+/// What kernels write for a miss, as instance of a hit or as entry into a box.
+const NONE: u32 = u32::MAX;
+
+/// Bits of an entry that number the box: without them entries are a little earlier.
+const BOX_BITS: u32 = 7;
+
+/// A device, and how many rays one dispatch tests.
+pub(super) struct Device {
+    pub(super) gpu: Gpu,
+    n_rays: usize,
+}
+
+impl Device {
+    /// The best one; where none opens, the reason among what is skipped.
+    pub(super) fn open(effort: Effort, skipped: &mut Vec<String>) -> Option<Self> {
+        match Gpu::open(&Choice::Best) {
+            Ok(gpu) => {
+                // So many that the device has enough to do, and a processor in its place does not take all day.
+                let n_rays = if gpu.facts().kind == AdapterKind::Software { 1 << 16 } else { 1 << 20 };
+                Some(Self { gpu, n_rays: effort.pick(1 << 10, n_rays, n_rays) })
+            }
+            Err(error) => {
+                skipped.push(format!("the device: {error}"));
+                None
+            }
+        }
+    }
+
+    pub(super) fn name(&self) -> String {
+        format!("device: {}", self.gpu.facts().name)
+    }
+
+    /// What a table's title says of the device in its rows.
+    pub(super) fn titled(title: &str, device: Option<&Self>) -> String {
+        device.map_or_else(|| title.to_owned(), |device| format!("{title}; the device is {}", device.gpu.facts().name))
+    }
+
+    /// Each ray and the only triangle of its tree.
+    pub(super) fn triangles(&self, trees: &[Wide<Watertight>], rays: &[Ray], rounds: usize) -> Result<Tested<Answer>> {
+        ensure!(trees.iter().all(|tree| tree.sizes().depth == 0), "a tree of one triangle has a node");
+        let (hits, ns) = self.tested(("check/triangle", "hits"), trees, rays, rounds)?;
+        let answer = |(ray, &[t, u, v, _, instance]): (&Ray, &[u32; 5])| {
+            let ray = ScaledRay::new(ray).filter(|_| instance != NONE)?;
+            Some([ray.caller_t(f32::from_bits(t)), f32::from_bits(u), f32::from_bits(v)])
+        };
+        Ok(Tested { name: "device".to_owned(), answers: rays.iter().zip(&hits).map(answer).collect(), ns })
+    }
+
+    /// Each ray and the eight equal boxes of its tree's only node.
+    pub(super) fn boxes(&self, trees: &[Wide<Watertight>], rays: &[Ray], rounds: usize) -> Result<Tested<Option<f32>>> {
+        ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0, 0]), "a tree of eight boxes is not one node");
+        let (entries, ns) = self.tested(("check/node", "entries"), trees, rays, rounds)?;
+        let answer = |(ray, &[entry]): (&Ray, &[u32; 1])| {
+            let ray = ScaledRay::new(ray).filter(|_| entry != NONE)?;
+            Some(ray.caller_t(f32::from_bits(entry & !BOX_BITS)))
+        };
+        #[expect(clippy::cast_precision_loss, reason = "eight")]
+        let each = ns.scaled(1.0 / LANES as f64);
+        let name = format!("its straight box, device, of {LANES}");
+        Ok(Tested { name, answers: rays.iter().zip(&entries).map(answer).collect(), ns: each })
+    }
+
+    /// The words that a kernel writes for each ray and its tree, and the nanoseconds of one, by the device's own clock where it has
+    /// one.
+    fn tested<const N: usize>(
+        &self,
+        (name, into): (&str, &str),
+        trees: &[Wide<Watertight>],
+        rays: &[Ray],
+        rounds: usize,
+    ) -> Result<(Vec<[u32; N]>, Samples)> {
+        let gpu = &self.gpu;
+        let scene = TracedScene::two(gpu, &trees.iter().collect::<Vec<_>>(), &[])?;
+        let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+        let kernel = gpu.kernel(name, &scene.specialise(chosen).of_kernel(name)?)?;
+        let own: Vec<DeviceRay> = rays.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();
+        ensure!(own.len() == trees.len() && !own.is_empty(), "{} rays of {} trees", own.len(), trees.len());
+        // Whole turns through the trees, so that every ray has its own.
+        let all = gpu.buffer("rays", &own.repeat(self.n_rays.div_ceil(own.len())))?;
+        let answers = gpu.zeroed::<[u32; N]>("answers", all.len())?;
+        let mut bound = scene.bindings();
+        bound.push(("rays", &all));
+        bound.push((into, &answers));
+        #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
+        let to_ns = 1.0 / all.len() as f64;
+        let mut ns = vec![];
+        // In round 0 the driver compiles.
+        for round in 0..=rounds {
+            let mut work = gpu.timed_work();
+            work.dispatch(&kernel, &bound, kernel.groups(u32::try_from(all.len())?))?;
+            let (times, wall) = crate::clock::time(|| work.times());
+            let passes = times?;
+            let on_device = passes.iter().map(|pass| pass.milliseconds * 1e6).sum::<f64>();
+            if round > 0 {
+                ns.push(to_ns * if passes.is_empty() { wall.wall * 1e9 } else { on_device });
+            }
+        }
+        Ok((gpu.read_first(&answers, own.len())?, ns.into()))
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::print_stderr, reason = "a skipped test says so")]
+mod tests {
+    use canted_trace::Ray;
+
+    use super::super::{lanes, nodes};
+    use super::*;
+
+    /// A device whose dispatches hold every ray several times.
+    fn device(test: &str) -> Option<Device> {
+        let mut skipped = vec![];
+        let device = Device::open(Effort::Tiny, &mut skipped);
+        skipped.iter().for_each(|reason| eprintln!("skipped {test}: {reason}"));
+        device.map(|device| Device { n_rays: 100, ..device })
+    }
+
+    /// Rays along z from the origin's plane; places that only one of the triangles and boxes covers.
+    fn rays() -> Vec<Ray> {
+        [0.25, 10.25, 20.25, 5.0].map(|x| Ray::new([x, 0.25, 0.0], [0.0, 0.0, 0.5])).into()
+    }
+
+    const LOW: [f32; 4] = [0.0, 10.0, 20.0, 30.0];
+
+    #[test]
+    fn a_device_tests_each_ray_with_its_own_triangle() {
+        let Some(device) = device("a_device_tests_each_ray_with_its_own_triangle") else { return };
+        let corners = LOW.map(|x| [[x, 0.0, 1.0 + x], [x + 1.0, 0.0, 1.0 + x], [x, 1.0, 1.0 + x]]);
+        let trees = lanes::singles(&corners).unwrap();
+        let Tested { answers, ns, .. } = device.triangles(&trees, &rays(), 2).unwrap();
+        for (i, answer) in answers.iter().enumerate() {
+            let near = |found: &[f32; 3]| {
+                let wanted = [2.0 + 2.0 * LOW[i], 0.25, 0.25];
+                found.iter().zip(wanted).all(|(x, wanted)| (x - wanted).abs() < 1e-4)
+            };
+            assert_eq!(answer.as_ref().map(near), (i < 3).then_some(true), "{i}: {answer:?}");
+        }
+        assert!(ns.values().len() == 2 && ns.range()[0] > 0.0, "{ns:?}");
+    }
+
+    #[test]
+    fn a_device_tests_each_ray_with_its_own_boxes() {
+        let Some(device) = device("a_device_tests_each_ray_with_its_own_boxes") else { return };
+        let boxes = LOW.map(|x| canted_obb::Aabb { min: [x, 0.0, 1.0 + x], max: [x + 1.0, 1.0, 2.0 + x] });
+        let trees = nodes::of_equal(&boxes).unwrap();
+        let Tested { answers, .. } = device.boxes(&trees, &rays(), 1).unwrap();
+        for (i, answer) in answers.iter().enumerate() {
+            let wanted = 2.0 + 2.0 * LOW[i];
+            // Early by the pad, and by the bits that number the box.
+            let near = |found: f32| found <= wanted && found > wanted - 1e-2;
+            assert_eq!(answer.map(near), (i < 3).then_some(true), "{i}: {answer:?}");
+        }
+    }
+}
