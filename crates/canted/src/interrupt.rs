@@ -10,16 +10,43 @@ static STOP: AtomicBool = AtomicBool::new(false);
 
 /// A flag that Ctrl-C sets, for work that looks at it and has something to keep.
 pub(crate) fn flag() -> &'static AtomicBool {
-    // Without a handler Ctrl-C ends the process as ever, which is as good.
-    let _ = ctrlc::try_set_handler(|| STOP.store(true, Ordering::Relaxed));
+    on_signals(|| STOP.store(true, Ordering::Relaxed));
     &STOP
 }
 
 /// Lets Ctrl-C end the process, for work that has nothing to keep; where this was called, nobody sets the flag.
 pub(crate) fn ends_the_process() {
-    // Without a handler it ends too, but for what is half-written just then.
-    let _ = ctrlc::try_set_handler(|| {
+    on_signals(|| {
         let _discarded = canted_renderer::discard_unfinished();
         std::process::exit(CODE.into());
     });
+}
+
+/// Calls the first function that is given at each of the signals; without a handler they end the process as ever.
+#[cfg(unix)]
+fn on_signals(call: fn()) {
+    use signal_hook::{consts, iterator::Signals};
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        // Where nobody tells whether `nohup` has it ignored, SIGHUP keeps its own way.
+        let hang_up = cfg!(target_os = "linux").then_some(consts::SIGHUP);
+        let all = [consts::SIGINT, consts::SIGTERM].into_iter().chain(hang_up);
+        let wanted = all.filter(|&signal| !is_ignored(signal));
+        let Ok(mut signals) = Signals::new(wanted) else { return };
+        std::thread::spawn(move || signals.forever().for_each(|_| call()));
+    });
+}
+
+#[cfg(not(unix))]
+fn on_signals(call: fn()) {
+    let _ = ctrlc::try_set_handler(call);
+}
+
+/// Whether whoever started the process wants a signal to be ignored, as `nohup` does and a script's `&`; known on Linux alone.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|digits| u64::from_str_radix(digits.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }

@@ -31,6 +31,8 @@ pub use device::Gpu;
 pub use error::GpuError;
 pub use kernel::Kernel;
 pub use raster::{Draw, Drawn, Raster, TARGETS};
-pub use trace::{Answer, DeviceHit, DeviceRay, HIT_ERROR, MAX_CONDITION, MOST_REACH, MotionPolynomials, TracedScene, Walk};
+pub use trace::{
+    Answer, DeviceHit, DeviceRay, HIT_ERROR, MAX_CONDITION, MOST_REACH, MotionPolynomials, TracedScene, Walk,
+};
 pub use wgpu::Limits;
 pub use work::{AsBinding, Bound, PassTime, Work};

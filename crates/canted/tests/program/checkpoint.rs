@@ -35,14 +35,14 @@ fn files_that_are_no_checkpoints_are_refused_and_kept() {
 #[cfg(unix)]
 mod stopped {
     use std::{
-        process::{Child, Stdio},
+        process::{Child, Command, Stdio},
         thread::sleep,
         time::Duration,
     };
 
     use super::{RENDER, whole};
     use crate::{
-        outputs::interrupted::{catches_interrupt, is_ignored, send, wait_until},
+        outputs::interrupted::{catches, is_ignored, send, wait_until},
         support::Folder,
     };
 
@@ -95,7 +95,7 @@ mod stopped {
         std::fs::create_dir(folder.path("sub")).unwrap();
         let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        wait_until(|| catches_interrupt(&child).unwrap_or(true));
+        wait_until(|| catches("INT", &child).unwrap_or(true));
         std::fs::remove_dir(folder.path("sub")).unwrap();
         assert_eq!(child.wait().unwrap().code(), Some(2));
         assert_eq!(folder.names(), ["small.obj", "work.ckpt"]);
@@ -116,7 +116,7 @@ mod stopped {
         for signal in ["-INT", "-TERM"] {
             let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
             let mut child = command.stdout(Stdio::null()).spawn().unwrap();
-            wait_until(|| catches_interrupt(&child).unwrap_or(true));
+            wait_until(|| catches("INT", &child).unwrap_or(true));
             sleep(Duration::from_millis(200));
             assert_eq!(send(signal, &mut child), Some(130), "{signal}");
             assert_eq!(folder.names(), ["small.obj", "work.ckpt"], "{signal}");
@@ -124,6 +124,22 @@ mod stopped {
         folder.run(&line).done();
         assert!(folder.bytes("out.exr") == expected);
         assert_eq!(folder.names(), ["out.exr", "small.obj"]);
+    }
+
+    /// As a script starts it with `&`, or `nohup` does: those signals stay ignored, and a scheduler's is heard.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_is_ignored_stays_so_and_other_signals_are_heard() {
+        let folder = Folder::with_small();
+        let program = folder.command(&format!("{} --checkpoint-every 86400", slow("--spp 256")));
+        let mut command = Command::new("sh");
+        command.args(["-c", "trap '' INT HUP; exec \"$@\"", "sh"]).arg(program.get_program()).args(program.get_args());
+        let mut child = command.current_dir(folder.path("")).stdout(Stdio::null()).spawn().unwrap();
+        wait_until(|| catches("TERM", &child).unwrap_or(true));
+        assert_eq!(["INT", "HUP"].map(|signal| catches(signal, &child)), [Some(false); 2]);
+        sleep(Duration::from_millis(200));
+        assert_eq!(send("-TERM", &mut child), Some(130));
+        assert_eq!(folder.names(), ["small.obj", "work.ckpt"]);
     }
 
     #[test]

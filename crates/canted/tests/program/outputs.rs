@@ -214,12 +214,13 @@ pub(crate) mod interrupted {
         status.code().or_else(|| status.signal().map(|signal| 128 + signal))
     }
 
-    /// Whether the process catches Ctrl-C: bit 1 of the mask of caught signals; `None` where the system does not say.
-    pub(crate) fn catches_interrupt(child: &Child) -> Option<bool> {
+    /// Whether the process catches a signal, by the mask of those it does; `None` where the system does not say.
+    pub(crate) fn catches(signal: &str, child: &Child) -> Option<bool> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
         assert!(!status.contains("\nState:\tZ"), "the work was over too soon");
         let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
-        Some(u64::from_str_radix(mask.trim(), 16).ok()? >> 1 & 1 == 1)
+        let (_, bit) = [("HUP", 0), ("INT", 1), ("TERM", 14)].into_iter().find(|&(name, _)| name == signal)?;
+        Some(u64::from_str_radix(mask.trim(), 16).ok()? >> bit & 1 == 1)
     }
 
     #[test]
@@ -230,7 +231,7 @@ pub(crate) mod interrupted {
         let folder = Folder::with_small();
         let mut command = folder.command("render small.obj -o out.png --size 1024x1024 --spp 1048576");
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
-        wait_until(|| catches_interrupt(&child).unwrap_or(true));
+        wait_until(|| catches("INT", &child).unwrap_or(true));
         assert_eq!(interrupt(&mut child), Some(130));
         assert_eq!(folder.names(), ["small.obj"]);
     }

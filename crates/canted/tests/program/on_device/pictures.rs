@@ -65,11 +65,11 @@ mod interrupted {
     use std::{process::Child, thread::sleep, time::Duration};
 
     use super::*;
-    use crate::outputs::interrupted::{catches_interrupt, interrupt, is_ignored, wait_until};
+    use crate::outputs::interrupted::{catches, interrupt, is_ignored, wait_until};
 
     fn start(folder: &Folder, line: &str) -> Child {
         let child = folder.command(line).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-        wait_until(|| catches_interrupt(&child).unwrap_or(true));
+        wait_until(|| catches("INT", &child).unwrap_or(true));
         child
     }
 
