@@ -81,7 +81,9 @@ fn sparse_elements_replace_others_or_zeros() {
     assert_eq!(positions(&sparse(true, &[1, 2])), [[0.0; 3], [5.0, 6.0, 7.0], [8.0, 9.0, 10.0]]);
     let mut many = sparse(true, &[1, 2]);
     many.json["accessors"][0]["count"] = json!(3000);
-    assert_eq!(many.scene().meshes[0].positions.len(), 3000, "more zeros than the file has bytes");
+    let scene = many.read().unwrap();
+    assert_eq!(scene.meshes[0].positions.len(), 3000, "more zeros than the file has bytes");
+    assert_eq!(scene.warnings, ["triangles without area: 999"]);
     sparse(false, &[2, 1]).refused("sparse index 1 behind 2");
     sparse(false, &[1, 1]).refused("sparse index 1 behind 1");
     sparse(false, &[1, 3]).refused("sparse index 3 of 3");
