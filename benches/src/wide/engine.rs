@@ -8,7 +8,7 @@ pub(crate) trait Engine {
     /// Whether each ray hits anything.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]);
 
-    /// Bytes of everything that tracing reads.
+    /// Bytes of everything that tracing reads, 0 of an engine that does not tell.
     fn n_bytes(&self) -> usize;
 
     /// The same for several threads to ask at once; `None` where it is not to be.
