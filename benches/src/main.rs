@@ -80,6 +80,6 @@ fn main() -> Result<()> {
     if options.wants("costs") {
         costs::section(&mut out, &options)?;
     }
-    std::io::stdout().write_all(out.as_bytes())?;
+    std::io::stdout().write_all(options.titled(&out).as_bytes())?;
     Ok(())
 }

@@ -98,6 +98,16 @@ impl Options {
         if self.scenes.is_empty() { usual.iter().map(|&name| name.to_owned()).collect() } else { self.scenes.clone() }
     }
 
+    /// Sections with the named scenes in their titles, so that those of some scenes do not take the place of those of all.
+    pub(crate) fn titled(&self, sections: &str) -> String {
+        if self.scenes.is_empty() {
+            return sections.to_owned();
+        }
+        let of_scenes = format!(": {}", self.scenes.join(", "));
+        let title = |line: &str| if line.starts_with("## ") || line.starts_with("### ") { &of_scenes[..] } else { "" };
+        sections.lines().map(|line| format!("{line}{}\n", title(line))).collect()
+    }
+
     /// Whether an engine is measured: its name contains one of the words of `--engines`.
     pub(crate) fn wants_engine(&self, name: &str) -> bool {
         let name = name.to_lowercase();
@@ -124,6 +134,14 @@ mod tests {
         assert_eq!(options.scenes(&["grid"]), ["truss", "bunny"]);
         assert!(options.wants("wide") && !options.wants("build"));
         assert!(options.wants_engine("Embree 4.4 high") && !options.wants_engine("obvhs BVH2"));
+    }
+
+    #[test]
+    fn sections_of_some_scenes_say_so_in_their_titles() {
+        let sections = "\n## Trees\n\nText.\n\n### Table\n| a |\n";
+        assert_eq!(read("wide").unwrap().titled(sections), sections);
+        let titled = read("wide --scenes truss,grid").unwrap().titled(sections);
+        assert_eq!(titled, "\n## Trees: truss, grid\n\nText.\n\n### Table: truss, grid\n| a |\n");
     }
 
     #[test]
