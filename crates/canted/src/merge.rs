@@ -102,7 +102,11 @@ fn report(args: &Args, film: &Film) -> Result<()> {
         json!({ "picture": picture, "size": size, "parts": parts, "samples": samples, "dropped_samples": film.n_dropped() })
             .to_string()
     } else {
-        format!("{}: samples {samples} of {} parts", args.output.display(), args.parts.len())
+        let dropped = match film.n_dropped() {
+            0 => String::new(),
+            n => format!("; {n} of its pixels' samples were not finite and were dropped"),
+        };
+        format!("{}: samples {samples} of {} parts{dropped}", args.output.display(), args.parts.len())
     };
     output::to_stdout(&text)
 }

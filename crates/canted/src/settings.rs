@@ -3,7 +3,11 @@
 //! There is no list of them: an option is a setting unless it is one of the few below. The command line's own options
 //! stand behind those of the file, so they have the last word; what neither says is as ever.
 
-use std::{ffi::OsString, path::Path, path::PathBuf};
+use std::{
+    ffi::OsString,
+    num::{IntErrorKind, ParseIntError},
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Result, anyhow};
 use canted_scene::{Setting, nearest};
@@ -92,7 +96,12 @@ fn reason(error: &clap::Error, value: &str) -> String {
         let near = nearest(value, words.iter().map(|word| &word[..])).unwrap_or_default();
         return format!(", not one of {}; the nearest is {near}", words.join(", "));
     }
-    let source = std::error::Error::source(error).map(ToString::to_string).unwrap_or_default();
+    let source = std::error::Error::source(error);
+    let kind = source.and_then(|source| source.downcast_ref::<ParseIntError>()).map(ParseIntError::kind);
+    if matches!(kind, Some(IntErrorKind::InvalidDigit | IntErrorKind::Empty)) {
+        return ", which is no whole number".to_owned();
+    }
+    let source = source.map(ToString::to_string).unwrap_or_default();
     format!(": {}", source.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 

@@ -2,6 +2,7 @@
 
 mod inputs;
 mod merges;
+mod rectangle;
 mod search;
 
 use anyhow::Result;
@@ -78,14 +79,15 @@ const METHOD: [&str; 3] = [
      corners. Two rules get what a tree carries up in place of boxes: 'principal axes of all below' joins the moments of both halves' \
      surfaces and then measures all their points, 'extents carried up' joins those along 25 directions and sees no point again. What is \
      carried is made before time is taken.",
-    "The least size is that of the best of 400 random rotations, four of which are improved by ever smaller turns, and of every box \
-     that takes part: so no ratio is below one. For merges it is the least box of the points, which the rules of boxes do not see. \
-     Area and volume are searched each for itself. A volume of nothing counts as least.",
+    "The least size is searched for exhaustively, area and volume each for itself: of 3,000 directions of an edge, 2.6 degrees from each \
+     other, every one gets its least rectangle, which is exact, and eight of the best are improved by ever smaller steps. It is the \
+     least of two such searches, with directions of their own, and of every box that takes part: so no ratio is below one. For \
+     merges it is the least box of the points, which the rules of boxes do not see. A volume of nothing counts as least.",
     "A point is the median over inputs, its bars reach from the best to the worst of them; nanoseconds are those of a box, all \
      ways in turn, round by round, after a warm-up, each 64 times over so that the clock does not show.",
 ];
 
-/// What the search leaves open, from the second of its ends over the best of area and of volume.
+/// What the search leaves open, from the greater of its ends over the lesser, of area and of volume.
 fn gap(seconds: [Samples; 2]) -> String {
     let [area, volume] = seconds.map(|seconds| {
         let known: Vec<f64> = seconds.values().iter().copied().filter(|second| second.is_finite()).collect();
@@ -93,12 +95,12 @@ fn gap(seconds: [Samples; 2]) -> String {
         format!("{} in the median and {} at worst", percent(known.median()), percent(known.range()[1]))
     });
     format!(
-        "How good the search is, itself says: of its four ways down the second ends above the best by {area} of the area, by \
-         {volume} of the volume. Where ways down end apart, a fifth might end lower."
+        "How good the search is, itself says: one of its two halves ends above the other by {area} of the area, by {volume} of the \
+         volume."
     )
 }
 
-/// Both contests on one kind of input; of area and of volume, the second of the search's ends over the best, an entry an input.
+/// Both contests on one kind of input; of area and of volume, the greater of the search's ends over the lesser, an entry an input.
 fn measure(kind: &Kind, rounds: usize) -> ([Vec<Outcome>; 2], [Vec<f64>; 2]) {
     let mut ratios = [vec![[vec![], vec![]]; FITS.len()], vec![[vec![], vec![]]; MERGES.len()]];
     let mut seconds: [Vec<f64>; 2] = Default::default();

@@ -1,72 +1,138 @@
-//! The least box of a set of points that a search over rotations finds: what fits and merges are compared with.
+//! The least box of a set of points: what fits and merges are compared with.
 //!
-//! No closed form gives the least area; of the rotations tried, the fits' own among them, the best is improved by ever smaller
-//! turns. So a ratio to it is at least one by construction.
+//! Exhaustive: for every direction of an edge the least rectangle around the points as seen along it is exact. Two spirals of
+//! directions are searched, each for itself, so that what one misses shows beside the other.
 
 use canted_fixtures::SplitMix64;
 use canted_obb::{Frame, Obb, Quaternion, bound};
 use canted_tests::clouds::random_rotation;
+use canted_tests::vector::{Vector, cross, dot};
 
-/// Rotations tried before the best are improved.
-const N_TRIED: usize = 400;
+use super::rectangle::{extent, turns};
+
+/// Directions on half a sphere, each about 2.6 degrees from the next.
+const N_DIRECTIONS: u32 = 3000;
 
 /// Of these many each is improved.
-const N_IMPROVED: usize = 4;
+const N_IMPROVED: usize = 8;
 
-/// First and last angle of the turns that improve one, and by how much they shrink.
-const TURNS_RAD: [f64; 2] = [0.2, 1e-4];
+/// Cosine of the angle, 8 degrees, that lies at least between two of them: three rings of neighbours on the spiral.
+const APART: f64 = 0.99;
+
+/// First and last step of the walk that improves one, and by how much steps shrink.
+const STEPS_RAD: [f64; 2] = [0.03, 1e-8];
 const SHRINK: f64 = 0.6;
 
 /// What was found of one size.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Least {
     pub(super) size: f64,
-    /// The second least of what the improved rotations came to over the least of them: how far the search may be from its aim.
+    /// What one spiral came to over what the other did, at least 1: how far the search may be from its aim.
     pub(super) second: f64,
 }
 
-/// Least area and least volume around `points`, of everything that is tried, `known` boxes included.
+/// Least area and least volume around `points`, `known` boxes included.
 pub(super) fn least(points: &[[f32; 3]], known: &[Obb], seed: u64) -> [Least; 2] {
-    [Obb::area, Obb::volume].map(|size| {
-        let [searched, second] = least_of(points, size, seed);
-        Least { size: known.iter().map(size).fold(searched, f64::min), second: second / searched }
+    let exact: Vec<Vector> = points.iter().map(|p| p.map(f64::from)).collect();
+    let mut rng = SplitMix64::new(seed);
+    let spirals = [0; 2].map(|_: u8| searched(&exact, random_rotation(&mut rng).columns()));
+    [(0, Obb::area as fn(&Obb) -> f64), (1, Obb::volume)].map(|(k, size)| {
+        // Measured as those of all others are, roundings outwards included.
+        let [a, b] = spirals.map(|frames| size(&bound(frames[k], points.iter().copied())));
+        Least { size: known.iter().map(size).fold(a.min(b), f64::min), second: a.max(b) / a.min(b) }
     })
 }
 
-/// The two least sizes that the best rotations come to.
-fn least_of(points: &[[f32; 3]], size: fn(&Obb) -> f64, seed: u64) -> [f64; 2] {
-    let of = |q: Quaternion| size(&along(q.frame(), points));
-    let mut rng = SplitMix64::new(seed);
-    let mut tried: Vec<(f64, Quaternion)> =
-        (0..N_TRIED).map(|_| random_rotation(&mut rng)).map(|q| (of(q), q)).collect();
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut improved: Vec<f64> = tried.into_iter().take(N_IMPROVED).map(|start| improved(start, &of)).collect();
-    improved.sort_by(f64::total_cmp);
-    [improved[0], improved[1]]
+/// A box by the directions of two of its edges, and its size.
+#[derive(Clone, Copy)]
+struct Found {
+    size: f64,
+    edges: [Vector; 2],
 }
 
-fn along(frame: Frame, points: &[[f32; 3]]) -> Obb {
-    bound(frame, points.iter().copied())
+impl Found {
+    fn lesser(self, other: Self) -> Self {
+        if other.size < self.size { other } else { self }
+    }
+
+    fn frame(&self) -> Frame {
+        let [a, b] = self.edges;
+        Quaternion::from_columns([a, b, cross(a, b)]).frame()
+    }
 }
 
-/// The least size on a way down by turns about the three axes.
-fn improved(start: (f64, Quaternion), of: &impl Fn(Quaternion) -> f64) -> f64 {
+/// Frames of the box of least area and of that of least volume, over a spiral turned by `columns`.
+fn searched(points: &[Vector], columns: [Vector; 3]) -> [Frame; 2] {
+    let tried: Vec<[Found; 2]> = (0..N_DIRECTIONS)
+        .map(|i| {
+            // The golden angle; equal areas between one height and the next.
+            let height = (f64::from(i) + 0.5) / f64::from(N_DIRECTIONS);
+            let (sine, cosine) = (f64::from(i) * std::f64::consts::PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
+            let radius = (1.0 - height * height).sqrt();
+            let on_spiral = [radius * cosine, radius * sine, height];
+            along(std::array::from_fn(|k| (0..3).map(|a| columns[a][k] * on_spiral[a]).sum()), points)
+        })
+        .collect();
+    [0, 1].map(|k| {
+        let mut tried: Vec<Found> = tried.iter().map(|found| found[k]).collect();
+        tried.sort_by(|a, b| a.size.total_cmp(&b.size));
+        let mut starts: Vec<Found> = vec![];
+        for found in tried {
+            let is_apart = |start: &Found| dot(start.edges[0], found.edges[0]).abs() < APART;
+            if starts.len() < N_IMPROVED && starts.iter().all(is_apart) {
+                starts.push(found);
+            }
+        }
+        let ends = starts.iter().map(|&start| improved(start, &|direction| along(direction, points)[k]));
+        ends.fold(starts[0], Found::lesser).frame()
+    })
+}
+
+/// The box of least area and that of least volume that have an edge along a unit vector.
+fn along(direction: Vector, points: &[Vector]) -> [Found; 2] {
+    let [u, v] = across(direction);
+    let height = extent(points.iter().map(|&p| dot(p, direction)));
+    let seen = points.iter().map(|&p| [dot(p, u), dot(p, v)]).collect();
+    let mut least = [Found { size: f64::INFINITY, edges: [direction, u] }; 2];
+    for ([c, s], [w, l]) in turns(seen) {
+        let edges = [direction, std::array::from_fn(|k| c * u[k] + s * v[k])];
+        let sizes = [2.0 * (w * l + height * (w + l)), w * l * height];
+        least = std::array::from_fn(|k| least[k].lesser(Found { size: sizes[k], edges }));
+    }
+    least
+}
+
+/// Where a walk from `start` ends: every edge takes the place of the first, then nearby directions do.
+fn improved(start: Found, of: &impl Fn(Vector) -> Found) -> Found {
     let mut best = start;
-    let [mut angle, last] = TURNS_RAD;
-    while angle > last {
-        let turned = |i: usize| {
-            let mut axis = [0.0; 3];
-            axis[i / 2] = 1.0;
-            let q =
-                Quaternion::about(axis, if i.is_multiple_of(2) { angle } else { -angle }).times(best.1).normalised();
-            (of(q), q)
-        };
-        match (0..6).map(turned).min_by(|a, b| a.0.total_cmp(&b.0)) {
-            Some(next) if next.0 < best.0 => best = next,
-            _ => angle *= SHRINK,
+    let [mut step, last] = STEPS_RAD;
+    while step > last {
+        let [a, b] = best.edges;
+        let third = cross(a, b);
+        let beside = (0..8).map(|i| {
+            let (sine, cosine) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
+            unit(std::array::from_fn(|k| a[k] + step * (cosine * b[k] + sine * third[k])))
+        });
+        let next = [b, third].into_iter().chain(beside).map(of).fold(best, Found::lesser);
+        if next.size < best.size {
+            best = next;
+        } else {
+            step *= SHRINK;
         }
     }
-    best.0
+    best
+}
+
+/// Two unit vectors across a third.
+fn across(direction: Vector) -> [Vector; 2] {
+    let least = (0..3).min_by(|&i, &k| direction[i].abs().total_cmp(&direction[k].abs())).unwrap_or(0);
+    let u = unit(cross(direction, std::array::from_fn(|k| if k == least { 1.0 } else { 0.0 })));
+    [u, cross(direction, u)]
+}
+
+fn unit(v: Vector) -> Vector {
+    let length = dot(v, v).sqrt();
+    v.map(|x| x / length)
 }
 
 #[cfg(test)]
@@ -75,22 +141,65 @@ mod tests {
 
     use super::*;
 
+    fn sign(i: usize, k: usize) -> f64 {
+        if i >> k & 1 == 1 { 1.0 } else { -1.0 }
+    }
+
+    /// Corners are rounded to 2^-24 of at most 4, and boxes outwards by as little again.
+    const BOUND: f64 = 1e-5;
+
     #[test]
-    fn a_turned_box_is_found() {
+    fn boxes_and_a_tetrahedron_are_found() {
         let mut rng = SplitMix64::new(8);
         for seed in 0..5 {
             let turn = random_rotation(&mut rng);
-            let sign = |i: usize, k: usize| if i >> k & 1 == 1 { 1.0 } else { -1.0 };
-            let corners: Vec<[f32; 3]> =
-                (0..8).map(|i| placed(&turn, [3.0, 1.0, 0.5], [0.0; 3], [0, 1, 2].map(|k| sign(i, k)))).collect();
+            let at = |half, x| placed(&turn, half, [0.0; 3], x);
+            let corners: Vec<[f32; 3]> = (0..8).map(|i| at([3.0, 1.0, 0.5], [0, 1, 2].map(|k| sign(i, k)))).collect();
             let found = least(&corners, &[], seed);
-            let [area, volume] = found.map(|least| least.size);
-            // 8·(3·1 + 3·0.5 + 1·0.5), 8·3·1·0.5, and what the last turns leave.
-            assert!((40.0 - 1e-4..40.1).contains(&area) && (12.0 - 1e-4..12.1).contains(&volume), "{area} {volume}");
-            // A smaller box that is known is the least, whatever the search found; the search's own gap stays.
-            let known = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0; 3] };
-            let beside = least(&corners, &[known], seed)[0];
-            assert!(beside.size == 24.0 && beside.second == found[0].second && beside.second >= 1.0, "{beside:?}");
+            // 8·(3·1 + 3·0.5 + 1·0.5) and 8·3·1·0.5.
+            for (least, exact) in found.iter().zip([40.0, 12.0]) {
+                assert!((least.size / exact - 1.0).abs() < BOUND && least.second < 1.0 + BOUND, "{found:?}");
+            }
+            // Of a regular tetrahedron the cube whose every second corner it has.
+            let every_second: Vec<[f32; 3]> =
+                [0, 3, 5, 6].iter().map(|&i| at([1.0; 3], [0, 1, 2].map(|k| sign(i, k)))).collect();
+            let found = least(&every_second, &[], seed);
+            for (least, exact) in found.iter().zip([24.0, 8.0]) {
+                assert!((least.size / exact - 1.0).abs() < BOUND, "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_random_frame_is_less() {
+        let mut rng = SplitMix64::new(9);
+        for seed in 0..3 {
+            let points: Vec<[f32; 3]> =
+                (0..20).map(|_| placed(&random_rotation(&mut rng), [1.0, 0.5, 0.1], [0.0; 3], [1.0; 3])).collect();
+            let found = least(&points, &[], seed);
+            for _ in 0..20_000 {
+                let tried = bound(random_rotation(&mut rng).frame(), points.iter().copied());
+                assert!(tried.area() > found[0].size * (1.0 - BOUND), "{} {found:?}", tried.area());
+                assert!(tried.volume() > found[1].size * (1.0 - BOUND), "{} {found:?}", tried.volume());
+            }
+        }
+    }
+
+    #[test]
+    fn a_known_box_that_is_less_is_the_least_and_leaves_the_gap() {
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let found = least(&points, &[], 1)[0];
+        let known = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [0.1; 3] };
+        let beside = least(&points, &[known], 1)[0];
+        assert!(beside.size == known.area() && beside.second == found.second && beside.second >= 1.0, "{beside:?}");
+    }
+
+    #[test]
+    fn points_on_a_line_and_one_alone_have_boxes() {
+        let line: Vec<[f32; 3]> = (0..5_u8).map(|i| [f32::from(i), 2.0 * f32::from(i), 0.0]).collect();
+        for points in [&line[..], &line[..1]] {
+            let found = least(points, &[], 3);
+            assert!(found.iter().all(|least| least.size >= 0.0 && least.size < BOUND), "{found:?}");
         }
     }
 }

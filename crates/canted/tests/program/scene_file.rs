@@ -89,6 +89,7 @@ fn what_is_wrong_is_told_in_a_sentence_and_nothing_is_written() {
     let cases: &[(&str, &[&str])] = &[
         ("[settings]\nssp = 3", &["line 5", "`ssp`", "`spp`"]),
         ("[settings]\nspp = 0", &["line 5", "`spp`", "\"0\""]),
+        ("[settings]\nspp = 4.0", &["line 5", "`spp`", "4.0", "whole number"]),
         ("[settings]\nspp = 'many'", &["line 5", "`spp`", "many"]),
         ("[settings]\nfilter = 'bocks'", &["line 5", "`filter`", "bocks", "box"]),
         ("[settings]\nao_radius = -1", &["line 5", "`ao_radius`", "-1"]),
