@@ -79,10 +79,11 @@ const METHOD: [&str; 3] = [
      corners. Two rules get what a tree carries up in place of boxes: 'principal axes of all below' joins the moments of both halves' \
      surfaces and then measures all their points, 'extents carried up' joins those along 25 directions and sees no point again. What is \
      carried is made before time is taken.",
-    "The least size is searched for exhaustively, area and volume each for itself: of 3,000 directions of an edge, 2.6 degrees from each \
-     other, every one gets its least rectangle, which is exact, and eight of the best are improved by ever smaller steps. It is the \
-     least of two such searches, with directions of their own, and of every box that takes part: so no ratio is below one. For \
-     merges it is the least box of the points, which the rules of boxes do not see. A volume of nothing counts as least.",
+    "The least size is searched for exhaustively, area and volume each for itself: of 750 directions of an edge all around, 5 degrees from \
+     each other, of those of the triangles' edges and of those across every two of these, every one gets its least rectangle, which \
+     is exact, and four of the best are improved by ever smaller steps. It is the least of two such searches, turned otherwise, and \
+     of every box that takes part: so no ratio is below one. For merges it is the least box of the points, which the rules of boxes \
+     do not see. A volume of nothing counts as least.",
     "A point is the median over inputs, its bars reach from the best to the worst of them; nanoseconds are those of a box, all \
      ways in turn, round by round, after a warm-up, each 64 times over so that the clock does not show.",
 ];

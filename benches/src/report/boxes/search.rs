@@ -1,27 +1,32 @@
 //! The least box of a set of points: what fits and merges are compared with.
 //!
-//! Exhaustive: for every direction of an edge the least rectangle around the points as seen along it is exact. Two spirals of
-//! directions are searched, each for itself, so that what one misses shows beside the other.
+//! Exhaustive: for every direction of an edge the least rectangle around the points as seen along it is exact. Directions lie
+//! on a spiral all around, along the edges of the triangles and across every two of these, as the sides of the box of least
+//! volume do that lie on two edges each (O'Rourke 1985). Two spirals are searched, each for itself, so that what one misses
+//! shows beside the other.
+
+use std::cmp::Ordering;
 
 use canted_fixtures::SplitMix64;
 use canted_obb::{Frame, Obb, Quaternion, bound};
 use canted_tests::clouds::random_rotation;
-use canted_tests::vector::{Vector, cross, dot};
+use canted_tests::vector::{Vector, cross, dot, sub};
 
 use super::rectangle::{extent, turns};
 
-/// Directions on half a sphere, each about 2.6 degrees from the next.
-const N_DIRECTIONS: u32 = 3000;
+/// Directions on half a sphere, each about 5.2 degrees from the next.
+const N_DIRECTIONS: u32 = 750;
 
 /// Of these many each is improved.
-const N_IMPROVED: usize = 8;
+const N_IMPROVED: usize = 4;
 
-/// Cosine of the angle, 8 degrees, that lies at least between two of them: three rings of neighbours on the spiral.
-const APART: f64 = 0.99;
+/// Cosine of the angle, 15 degrees, that lies at least between two of them: three neighbours on the spiral.
+const APART: f64 = 0.966;
 
-/// First and last step of the walk that improves one, and by how much steps shrink.
-const STEPS_RAD: [f64; 2] = [0.03, 1e-8];
-const SHRINK: f64 = 0.6;
+/// First and last step of the walk that improves one, by how much steps shrink, and what share of the size is worth one.
+const STEPS_RAD: [f64; 2] = [0.05, 1e-7];
+const SHRINK: f64 = 0.8;
+const GAIN: f64 = 1e-9;
 
 /// What was found of one size.
 #[derive(Clone, Copy, Debug)]
@@ -31,11 +36,14 @@ pub(super) struct Least {
     pub(super) second: f64,
 }
 
-/// Least area and least volume around `points`, `known` boxes included.
+/// Least area and least volume around `points`, three a triangle, `known` boxes included.
 pub(super) fn least(points: &[[f32; 3]], known: &[Obb], seed: u64) -> [Least; 2] {
-    let exact: Vec<Vector> = points.iter().map(|p| p.map(f64::from)).collect();
+    let mut exact: Vec<Vector> = points.iter().map(|p| p.map(f64::from)).collect();
+    exact.sort_by(in_order);
+    exact.dedup();
     let mut rng = SplitMix64::new(seed);
-    let spirals = [0; 2].map(|_: u8| searched(&exact, random_rotation(&mut rng).columns()));
+    let of_edges = of_edges(points);
+    let spirals = [0; 2].map(|_: u8| searched(&exact, &of_edges, random_rotation(&mut rng).columns()));
     [(0, Obb::area as fn(&Obb) -> f64), (1, Obb::volume)].map(|(k, size)| {
         // Measured as those of all others are, roundings outwards included.
         let [a, b] = spirals.map(|frames| size(&bound(frames[k], points.iter().copied())));
@@ -61,18 +69,39 @@ impl Found {
     }
 }
 
-/// Frames of the box of least area and of that of least volume, over a spiral turned by `columns`.
-fn searched(points: &[Vector], columns: [Vector; 3]) -> [Frame; 2] {
-    let tried: Vec<[Found; 2]> = (0..N_DIRECTIONS)
-        .map(|i| {
-            // The golden angle; equal areas between one height and the next.
-            let height = (f64::from(i) + 0.5) / f64::from(N_DIRECTIONS);
-            let (sine, cosine) = (f64::from(i) * std::f64::consts::PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
-            let radius = (1.0 - height * height).sqrt();
-            let on_spiral = [radius * cosine, radius * sine, height];
-            along(std::array::from_fn(|k| (0..3).map(|a| columns[a][k] * on_spiral[a]).sum()), points)
-        })
-        .collect();
+/// Unit vectors along the edges of the triangles that points are, three each, and across every two of them.
+fn of_edges(points: &[[f32; 3]]) -> Vec<Vector> {
+    let sides = |corners: &[[f32; 3]]| {
+        let [a, b, c] = [0, 1, 2].map(|i| corners[i].map(f64::from));
+        [sub(b, a), sub(c, b), sub(a, c)]
+    };
+    let mut edges: Vec<Vector> = points.chunks_exact(3).flat_map(sides).filter_map(unit).collect();
+    // Neighbours have an edge in common, once each way round.
+    for edge in &mut edges {
+        *edge = edge.map(|x| x * edge.iter().copied().find(|&x| x != 0.0).unwrap_or(1.0).signum());
+    }
+    edges.sort_by(in_order);
+    edges.dedup();
+    let across = edges.iter().enumerate().flat_map(|(i, &a)| edges[..i].iter().filter_map(move |&b| unit(cross(a, b))));
+    across.chain(edges.iter().copied()).collect()
+}
+
+fn in_order(a: &Vector, b: &Vector) -> Ordering {
+    a.partial_cmp(b).unwrap_or(Ordering::Equal)
+}
+
+/// Frames of the box of least area and of that of least volume, over a spiral turned by `columns` and `others`.
+fn searched(points: &[Vector], others: &[Vector], columns: [Vector; 3]) -> [Frame; 2] {
+    let spiral = (0..N_DIRECTIONS).map(|i| {
+        // The golden angle; equal areas between one height and the next.
+        let height = (f64::from(i) + 0.5) / f64::from(N_DIRECTIONS);
+        let (sine, cosine) = (f64::from(i) * std::f64::consts::PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
+        let radius = (1.0 - height * height).sqrt();
+        let on_spiral = [radius * cosine, radius * sine, height];
+        std::array::from_fn(|k| (0..3).map(|a| columns[a][k] * on_spiral[a]).sum())
+    });
+    let tried: Vec<[Found; 2]> =
+        spiral.chain(others.iter().copied()).map(|direction| along(direction, points)).collect();
     [0, 1].map(|k| {
         let mut tried: Vec<Found> = tried.iter().map(|found| found[k]).collect();
         tried.sort_by(|a, b| a.size.total_cmp(&b.size));
@@ -106,15 +135,19 @@ fn along(direction: Vector, points: &[Vector]) -> [Found; 2] {
 fn improved(start: Found, of: &impl Fn(Vector) -> Found) -> Found {
     let mut best = start;
     let [mut step, last] = STEPS_RAD;
+    let mut phase = 0.0;
     while step > last {
+        // Valleys have sharp floors: the same eight ways again and again would end on their sides.
+        phase += 1.0;
         let [a, b] = best.edges;
         let third = cross(a, b);
         let beside = (0..8).map(|i| {
-            let (sine, cosine) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
-            unit(std::array::from_fn(|k| a[k] + step * (cosine * b[k] + sine * third[k])))
+            let (sine, cosine) = (f64::from(i) * std::f64::consts::FRAC_PI_4 + phase).sin_cos();
+            std::array::from_fn(|k| a[k] + step * (cosine * b[k] + sine * third[k]))
         });
-        let next = [b, third].into_iter().chain(beside).map(of).fold(best, Found::lesser);
-        if next.size < best.size {
+        // Of unit length again each time: a search for less would find a measure that shrinks.
+        let next = [b, third].into_iter().chain(beside).filter_map(unit).map(of).fold(best, Found::lesser);
+        if next.size < best.size * (1.0 - GAIN) {
             best = next;
         } else {
             step *= SHRINK;
@@ -126,13 +159,15 @@ fn improved(start: Found, of: &impl Fn(Vector) -> Found) -> Found {
 /// Two unit vectors across a third.
 fn across(direction: Vector) -> [Vector; 2] {
     let least = (0..3).min_by(|&i, &k| direction[i].abs().total_cmp(&direction[k].abs())).unwrap_or(0);
-    let u = unit(cross(direction, std::array::from_fn(|k| if k == least { 1.0 } else { 0.0 })));
+    let other = std::array::from_fn(|k| if k == least { 1.0 } else { 0.0 });
+    let u = unit(cross(direction, other)).unwrap_or(other);
     [u, cross(direction, u)]
 }
 
-fn unit(v: Vector) -> Vector {
+/// `None` where a vector has no length.
+fn unit(v: Vector) -> Option<Vector> {
     let length = dot(v, v).sqrt();
-    v.map(|x| x / length)
+    (length > 0.0).then(|| v.map(|x| x / length))
 }
 
 #[cfg(test)]
@@ -161,9 +196,10 @@ mod tests {
                 assert!((least.size / exact - 1.0).abs() < BOUND && least.second < 1.0 + BOUND, "{found:?}");
             }
             // Of a regular tetrahedron the cube whose every second corner it has.
-            let every_second: Vec<[f32; 3]> =
-                [0, 3, 5, 6].iter().map(|&i| at([1.0; 3], [0, 1, 2].map(|k| sign(i, k)))).collect();
-            let found = least(&every_second, &[], seed);
+            let faces = [[0, 3, 5], [0, 3, 6], [0, 5, 6], [3, 5, 6]].concat();
+            let tetrahedron: Vec<[f32; 3]> =
+                faces.into_iter().map(|i| at([1.0; 3], [0, 1, 2].map(|k| sign(i, k)))).collect();
+            let found = least(&tetrahedron, &[], seed);
             for (least, exact) in found.iter().zip([24.0, 8.0]) {
                 assert!((least.size / exact - 1.0).abs() < BOUND, "{found:?}");
             }

@@ -66,7 +66,8 @@ impl Footprint {
         let area = length(plane.normal);
         // The cosine times the area; both ends of the range are left to the clamp of the lookup.
         let seen = dot(plane.normal, direction).abs() / length(direction);
-        Self::round(0.5 * (n_texels / area).log2() + (cone.width() * area / seen).log2())
+        let stretch = cone.width() / seen;
+        Self::round(0.5 * (n_texels * area * stretch * stretch).log2())
     }
 
     /// The ellipse in which a cone cuts the plane (Akenine-Möller et al. 2021), for one so narrow that its sides are parallel.
