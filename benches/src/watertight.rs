@@ -25,7 +25,7 @@ use crate::models;
 pub(crate) const WATERTIGHT: &str = "watertight";
 
 /// Rays without `--rays`.
-const N_RAYS: usize = 10_000_000;
+const N_RAYS: usize = 100_000_000;
 
 /// Between two lines of progress, at least.
 const SILENCE: Duration = Duration::from_secs(10);

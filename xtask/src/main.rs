@@ -32,7 +32,7 @@ const USAGE: &str = "usage: cargo xtask TASK
                     --keep (into benches/RESULTS.md and benches/report.json)
   agree A B         whether two report.json, as of a quick and a full run, agree within their spreads on what both measured
   grazing [ARGS]    shoot grazing rays at wide trees, and write into tests/GRAZING.md; --rays N, 10 million without
-  watertight [ARGS] shoot rays at the edges of closed meshes, and write into tests/WATERTIGHT.md; --rays N, 10 million without
+  watertight [ARGS] shoot rays at the edges of closed meshes, and write into tests/WATERTIGHT.md; --rays N, 100 million without
   extremes [ARGS]   put every promise to the test, and write into tests/EXTREMES.md; --effort N times the inputs, --peers
   fuzz [ARGS]       read changed files by every reader, and write into tests/FUZZ.md; --minutes N, one without, --seed N
   fixtures [DIR]    write the procedural scenes, into target/fixtures without DIR";
