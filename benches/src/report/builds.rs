@@ -43,10 +43,6 @@ mod tests {
         fn closest(&self, _: &[Ray], _: &mut [Option<Hit>]) {}
 
         fn occluded(&self, _: &[Ray], _: &mut [bool]) {}
-
-        fn n_bytes(&self) -> usize {
-            0
-        }
     }
 
     #[test]

@@ -17,7 +17,7 @@ pub(crate) struct Built {
     pub(crate) one_thread: f64,
     /// Wall seconds on two threads.
     pub(crate) two_threads: Option<f64>,
-    pub(crate) n_bytes: usize,
+    pub(crate) n_bytes: Option<usize>,
 }
 
 /// An engine with the wall seconds of its builds.

@@ -86,10 +86,6 @@ mod tests {
                 *occluded = ray.t_max > 5.0;
             }
         }
-
-        fn n_bytes(&self) -> usize {
-            0
-        }
     }
 
     #[test]

@@ -27,8 +27,8 @@ impl Engine for Scene {
         }
     }
 
-    fn n_bytes(&self) -> usize {
-        Scene::n_bytes(self)
+    fn n_bytes(&self) -> Option<usize> {
+        Some(Scene::n_bytes(self))
     }
 
     fn shared(&self) -> Option<&(dyn Engine + Sync)> {

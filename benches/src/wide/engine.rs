@@ -8,8 +8,10 @@ pub(crate) trait Engine {
     /// Whether each ray hits anything.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]);
 
-    /// Bytes of everything that tracing reads, 0 of an engine that does not tell.
-    fn n_bytes(&self) -> usize;
+    /// Bytes of everything that tracing reads; `None` where an engine does not tell.
+    fn n_bytes(&self) -> Option<usize> {
+        None
+    }
 
     /// The same for several threads to ask at once; `None` where it is not to be.
     fn shared(&self) -> Option<&(dyn Engine + Sync)> {

@@ -62,8 +62,12 @@ macro_rules! engine_of {
                 }
             }
 
-            fn n_bytes(&self) -> usize {
-                size_of_val(&self.tree.nodes[..]) + size_of_val(&self.triangles[..]) + size_of_val(&self.primitives[..])
+            fn n_bytes(&self) -> Option<usize> {
+                Some(
+                    size_of_val(&self.tree.nodes[..])
+                        + size_of_val(&self.triangles[..])
+                        + size_of_val(&self.primitives[..]),
+                )
             }
 
             fn shared(&self) -> Option<&(dyn Engine + Sync)> {

@@ -19,8 +19,8 @@ impl<K: LaneKernel> Engine for Wide<K> {
         self.occluded_many(rays, occluded);
     }
 
-    fn n_bytes(&self) -> usize {
-        Wide::n_bytes(self)
+    fn n_bytes(&self) -> Option<usize> {
+        Some(Wide::n_bytes(self))
     }
 
     fn shared(&self) -> Option<&(dyn Engine + Sync)> {
@@ -44,8 +44,8 @@ impl<B: Blas> Engine for TwoLevels<B> {
         }
     }
 
-    fn n_bytes(&self) -> usize {
-        self.1 + self.0.n_bytes()
+    fn n_bytes(&self) -> Option<usize> {
+        Some(self.1 + self.0.n_bytes())
     }
 }
 

@@ -196,8 +196,9 @@ impl Tables {
                 let built = measured.contestants[i].built;
                 let two = built.two_threads.map_or_else(String::new, |two| format!(" ({two:.3})"));
                 #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
-                let bytes = built.n_bytes as f64 / measured.n_triangles as f64;
-                format!("{:.3}{two} s, {bytes:.0} B", built.one_thread)
+                let a_triangle = |n_bytes: usize| format!("{:.0} B", n_bytes as f64 / measured.n_triangles as f64);
+                let bytes = built.n_bytes.map_or_else(|| "–".to_owned(), a_triangle);
+                format!("{:.3}{two} s, {bytes}", built.one_thread)
             });
         }
     }

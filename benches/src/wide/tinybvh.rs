@@ -92,11 +92,6 @@ impl Engine for Tiny {
             *out = self.hit(ray).is_some();
         }
     }
-
-    /// The bindings do not tell.
-    fn n_bytes(&self) -> usize {
-        0
-    }
 }
 
 /// The tree, where its trial on this scene ends well.

@@ -50,18 +50,18 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let rounds = effort.pick(2, 5, 9);
     let mut fits = vec![];
     let mut merges = vec![];
-    let mut seconds: [Vec<f64>; 2] = Default::default();
+    let mut gaps: [Vec<f64>; 2] = Default::default();
     for kind in kinds.iter().filter(|kind| !kind.sets.is_empty()) {
         let ([of_fits, of_merges], of_search) = measure(kind, rounds);
         fits.push((kind.name, of_fits));
         merges.push((kind.name, of_merges));
-        for (seconds, of_search) in seconds.iter_mut().zip(of_search) {
-            seconds.extend(of_search);
+        for (gaps, of_search) in gaps.iter_mut().zip(of_search) {
+            gaps.extend(of_search);
         }
     }
     chapter.tell([sentence("Of fits", &fits), sentence("Of merges of two halves", &merges)]);
     chapter.method = METHOD.map(str::to_owned).to_vec();
-    chapter.method.push(gap(seconds.map(Samples::from)));
+    chapter.method.push(told(gaps.map(Samples::from)));
     for (title, all) in [("Fits", &fits), ("Merges", &merges)] {
         for (i, size) in ["area", "volume"].into_iter().enumerate() {
             chapter.plots.push(plot(title, size, i, all));
@@ -89,9 +89,9 @@ const METHOD: [&str; 3] = [
 ];
 
 /// What the search leaves open, from the greater of its ends over the lesser, of area and of volume.
-fn gap(seconds: [Samples; 2]) -> String {
-    let [area, volume] = seconds.map(|seconds| {
-        let known: Vec<f64> = seconds.values().iter().copied().filter(|second| second.is_finite()).collect();
+fn told(gaps: [Samples; 2]) -> String {
+    let [area, volume] = gaps.map(|gaps| {
+        let known: Vec<f64> = gaps.values().iter().copied().filter(|gap| gap.is_finite()).collect();
         let known = Samples::from(known);
         format!("{} in the median and {} at worst", percent(known.median()), percent(known.range()[1]))
     });
@@ -104,15 +104,15 @@ fn gap(seconds: [Samples; 2]) -> String {
 /// Both contests on one kind of input; of area and of volume, the greater of the search's ends over the lesser, an entry an input.
 fn measure(kind: &Kind, rounds: usize) -> ([Vec<Outcome>; 2], [Vec<f64>; 2]) {
     let mut ratios = [vec![[vec![], vec![]]; FITS.len()], vec![[vec![], vec![]]; MERGES.len()]];
-    let mut seconds: [Vec<f64>; 2] = Default::default();
+    let mut gaps: [Vec<f64>; 2] = Default::default();
     let pairs: Vec<Pair> = kind.sets.iter().map(Pair::of).collect();
     for ((set, pair), seed) in kind.sets.iter().zip(&pairs).zip(0..) {
         let fitted = FITS.map(|(_, method)| fitted(set, method));
         let merged = MERGES.map(|(_, rule)| rule(pair));
         let known: Vec<Obb> = fitted.iter().chain(&merged).copied().collect();
         let found = search::least(&set.points, &known, seed);
-        for (seconds, found) in seconds.iter_mut().zip(found) {
-            seconds.push(found.second);
+        for (gaps, found) in gaps.iter_mut().zip(found) {
+            gaps.push(found.gap);
         }
         let least = found.map(|found| found.size);
         for (ratios, boxes) in ratios.iter_mut().zip([&fitted[..], &merged[..]]) {
@@ -145,7 +145,7 @@ fn measure(kind: &Kind, rounds: usize) -> ([Vec<Outcome>; 2], [Vec<f64>; 2]) {
         outcomes(FITS.map(|(name, _)| name).to_vec(), fit_ratios, fits.into(), rounds, kind.sets.len()),
         outcomes(MERGES.map(|(name, _)| name).to_vec(), merge_ratios, merges.into(), rounds, pairs.len()),
     ];
-    (outcomes, seconds)
+    (outcomes, gaps)
 }
 
 /// How often each way makes all boxes in a round.
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn the_search_tells_its_gap() {
-        let said = gap([vec![1.0, 1.02, f64::NAN, 1.5].into(), 1.0.into()]);
+        let said = told([vec![1.0, 1.02, f64::NAN, 1.5].into(), 1.0.into()]);
         assert!(said.contains("2.00% in the median and 50.0% at worst of the area"), "{said}");
     }
 }

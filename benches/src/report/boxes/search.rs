@@ -10,7 +10,7 @@ use std::cmp::Ordering;
 use canted_fixtures::SplitMix64;
 use canted_obb::{Frame, Obb, Quaternion, bound};
 use canted_tests::clouds::random_rotation;
-use canted_tests::vector::{Vector, cross, dot, sub};
+use canted_tests::vector::{Vector, cross, dot, length, sub};
 
 use super::rectangle::{extent, turns};
 
@@ -33,7 +33,7 @@ const GAIN: f64 = 1e-9;
 pub(super) struct Least {
     pub(super) size: f64,
     /// What one spiral came to over what the other did, at least 1: how far the search may be from its aim.
-    pub(super) second: f64,
+    pub(super) gap: f64,
 }
 
 /// Least area and least volume around `points`, three a triangle, `known` boxes included.
@@ -47,7 +47,7 @@ pub(super) fn least(points: &[[f32; 3]], known: &[Obb], seed: u64) -> [Least; 2]
     [(0, Obb::area as fn(&Obb) -> f64), (1, Obb::volume)].map(|(k, size)| {
         // Measured as those of all others are, roundings outwards included.
         let [a, b] = spirals.map(|frames| size(&bound(frames[k], points.iter().copied())));
-        Least { size: known.iter().map(size).fold(a.min(b), f64::min), second: a.max(b) / a.min(b) }
+        Least { size: known.iter().map(size).fold(a.min(b), f64::min), gap: a.max(b) / a.min(b) }
     })
 }
 
@@ -166,7 +166,7 @@ fn across(direction: Vector) -> [Vector; 2] {
 
 /// `None` where a vector has no length.
 fn unit(v: Vector) -> Option<Vector> {
-    let length = dot(v, v).sqrt();
+    let length = length(v);
     (length > 0.0).then(|| v.map(|x| x / length))
 }
 
@@ -193,7 +193,7 @@ mod tests {
             let found = least(&corners, &[], seed);
             // 8·(3·1 + 3·0.5 + 1·0.5) and 8·3·1·0.5.
             for (least, exact) in found.iter().zip([40.0, 12.0]) {
-                assert!((least.size / exact - 1.0).abs() < BOUND && least.second < 1.0 + BOUND, "{found:?}");
+                assert!((least.size / exact - 1.0).abs() < BOUND && least.gap < 1.0 + BOUND, "{found:?}");
             }
             // Of a regular tetrahedron the cube whose every second corner it has.
             let faces = [[0, 3, 5], [0, 3, 6], [0, 5, 6], [3, 5, 6]].concat();
@@ -227,7 +227,7 @@ mod tests {
         let found = least(&points, &[], 1)[0];
         let known = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [0.1; 3] };
         let beside = least(&points, &[known], 1)[0];
-        assert!(beside.size == known.area() && beside.second == found.second && beside.second >= 1.0, "{beside:?}");
+        assert!(beside.size == known.area() && beside.gap == found.gap && beside.gap >= 1.0, "{beside:?}");
     }
 
     #[test]

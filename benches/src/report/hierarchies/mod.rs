@@ -201,7 +201,7 @@ fn measure(scene: &str, model: &Model, effort: Effort) -> Result<Vec<Measured>> 
             family,
             build,
             rate: rounds.iter().map(|s| rays.len() as f64 / s.cpu * 1e-6).collect::<Vec<_>>().into(),
-            bytes_a_triangle: (engine.n_bytes() > 0).then(|| engine.n_bytes() as f64 / n_triangles as f64),
+            bytes_a_triangle: engine.n_bytes().map(|n_bytes| n_bytes as f64 / n_triangles as f64),
             metrics: metrics.map(|metrics| metrics(&rays)).transpose()?,
         });
     }

@@ -214,8 +214,8 @@ impl Engine for Walked {
         }
     }
 
-    fn n_bytes(&self) -> usize {
-        self.0.n_bytes()
+    fn n_bytes(&self) -> Option<usize> {
+        Some(self.0.n_bytes())
     }
 }
 
@@ -236,7 +236,7 @@ mod tests {
             let engine = (tree.entry.build)(1).unwrap();
             let mut hits = vec![None; rays.len()];
             engine.closest(&rays, &mut hits);
-            (hits, engine.n_bytes())
+            (hits, engine.n_bytes().unwrap())
         };
         let (hits, n_bytes) = answers(&binary[0]);
         let n_hits = hits.iter().flatten().count();

@@ -1,6 +1,6 @@
 //! Leaning nodes where a mesh needs none, boxes along the axes where it needs others, and counters.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use canted_trace::{Counts, Hit, InstanceId, Ray, Watertight};
 use canted_wide::{Config, Costs, Preset, Wide};
 
@@ -32,8 +32,8 @@ impl Engine for Counted {
         self.0.occluded_many(rays, occluded);
     }
 
-    fn n_bytes(&self) -> usize {
-        self.0.n_bytes()
+    fn n_bytes(&self) -> Option<usize> {
+        Some(self.0.n_bytes())
     }
 }
 
@@ -51,8 +51,8 @@ impl Engine for Uncounted {
         self.0.occluded_many(rays, occluded);
     }
 
-    fn n_bytes(&self) -> usize {
-        self.0.n_bytes()
+    fn n_bytes(&self) -> Option<usize> {
+        Some(self.0.n_bytes())
     }
 }
 
@@ -94,7 +94,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Vec<String>> 
             seconds.iter().map(|s| s.iter().map(|s| s.cpu * to_ns).collect::<Vec<_>>().into()).collect();
         let mut points = vec![];
         for (i, what) in NAMES.into_iter().enumerate() {
-            let n_bytes = engines[i].n_bytes();
+            let n_bytes = engines[i].n_bytes().with_context(|| format!("'{what}' does not tell its bytes"))?;
             table.rows.push(vec![
                 Cell::text(*name),
                 Cell::text(what),

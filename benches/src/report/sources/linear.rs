@@ -31,8 +31,8 @@ impl Engine for Every {
         }
     }
 
-    fn n_bytes(&self) -> usize {
-        size_of_val(&self.0[..])
+    fn n_bytes(&self) -> Option<usize> {
+        Some(size_of_val(&self.0[..]))
     }
 }
 
