@@ -14,10 +14,14 @@
 // use ?sky
 
 /// Vertices before roulette starts.
-const FIRST_ROULETTE: u32 = 4u;
+const FIRST_ROULETTE: u32 = 1u;
 
-/// Least share of the paths that roulette ends.
+/// What a path carries of a new one's light, from which on it is worth its rays.
+const SURE: f32 = 0.5;
+
+/// Least share of the paths that roulette ends, and vertices before that.
 const LEAST_END: f32 = 0.05;
+const FIRST_END: u32 = 4u;
 
 /// Dimensions of the sampler at each vertex, behind the position in the pixel.
 const LIGHT: u32 = 0u;
@@ -192,7 +196,7 @@ fn look_for_light(
 
 /// The ray that leaves a vertex, with what it carries; false where none does.
 fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex: Vertex, number: u32) -> bool {
-    if number >= FIRST_ROULETTE && !survives(path, single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number))) {
+    if number >= FIRST_ROULETTE && !survives(path, number, single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number))) {
         return false;
     }
     let choice = single(picture.sampler, one.pixel, one.sample, dimension(SCATTERING_CHOICE, number));
@@ -227,10 +231,10 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
 }
 
 /// Ends the path with the probability of what it does not carry, or makes it carry more.
-fn survives(path: ptr<function, Path>, choice: f32) -> bool {
+fn survives(path: ptr<function, Path>, number: u32, choice: f32) -> bool {
     let throughput = (*path).throughput;
     let carried = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);
-    let share = min(carried, 1.0 - LEAST_END);
+    let share = min(carried / SURE, select(1.0 - LEAST_END, 1.0, number < FIRST_END));
     if choice >= share {
         return false;
     }

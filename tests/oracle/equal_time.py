@@ -32,13 +32,15 @@ SCALAR_SHARE = 1 / 8
 
 
 class Mitsuba:
-    def __init__(self, variant, sampler, samples, folder):
-        self.name = f"Mitsuba `{variant}`, `{sampler}`"
+    def __init__(self, variant, sampler, samples, folder, rr_depth=None):
+        self.name = f"Mitsuba `{variant}`, `{sampler}`" + (f", `rr_depth` {rr_depth}" if rr_depth else "")
         self.variant, self.samples = variant, samples
         mi.set_variant(variant)
         reload(scenes)
         described = scenes.scene(scenes.replace(scenes.SPONZA, environment=scenes.BLUE, size=SIZE), folder)
         described["integrator"]["type"] = "path"
+        if rr_depth:
+            described["integrator"]["rr_depth"] = rr_depth
         described["camera"]["sampler"] = {"type": sampler, "sample_count": samples}
         for part in described.values():
             surface = part.get("bsdf", {}) if isinstance(part, dict) else {}
@@ -99,6 +101,9 @@ def main(program, samples=64, n_pictures=8):
         contestants = [
             Mitsuba("llvm_ad_rgb", "independent", samples, folder),
             Mitsuba("llvm_ad_rgb", "multijitter", samples, folder),
+            # Roulette from the vertex from which ours plays it.
+            Mitsuba("llvm_ad_rgb", "independent", samples, folder, rr_depth=2),
+            Mitsuba("llvm_ad_rgb", "multijitter", samples, folder, rr_depth=2),
             Mitsuba("scalar_rgb", "independent", int(samples * SCALAR_SHARE), folder),
             *(Canted(program, sampler, samples, folder) for sampler in ("random", "stratified", "sobol")),
         ]

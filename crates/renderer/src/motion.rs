@@ -63,6 +63,8 @@ impl<Q: Numbered> Numbered for Timed<Q> {
 }
 
 impl<Q: Query> Query for Timed<Q> {
+    const MAY_REFUSE: bool = Q::MAY_REFUSE;
+
     #[inline]
     fn boxes(&mut self, n: u32) {
         self.inner.boxes(n);

@@ -49,7 +49,8 @@ fn placed(first: &[u32], hit: Hit) -> Hit {
 struct Placing<'a, Q> {
     first: &'a [u32],
     query: &'a mut Q,
-    /// The last that was accepted: of a search for the closest, the answer, for only what comes before it is asked about.
+    /// The last that was asked about and accepted: of a search for the closest, the answer, for only what comes before it is
+    /// asked about.
     accepted: Option<Hit>,
 }
 
@@ -60,6 +61,8 @@ impl<'a, Q> Placing<'a, Q> {
 }
 
 impl<Q: Query> Query for Placing<'_, Q> {
+    const MAY_REFUSE: bool = Q::MAY_REFUSE;
+
     #[inline]
     fn boxes(&mut self, n: u32) {
         self.query.boxes(n);
@@ -74,6 +77,9 @@ impl<Q: Query> Query for Placing<'_, Q> {
     }
     #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {
+        if !Q::MAY_REFUSE {
+            return true;
+        }
         let placed = placed(self.first, *hit);
         let accepts = self.query.accepts(&placed);
         if accepts {
@@ -109,8 +115,8 @@ impl<K: LaneKernel> Tracer for Structure<K> {
         match self {
             Self::One(flat) => {
                 let mut query = Placing::new(&flat.first, query);
-                flat.blas.closest_hit(ray, InstanceId(0), &mut query)?;
-                query.accepted
+                let hit = flat.blas.closest_hit(ray, InstanceId(0), &mut query)?;
+                Some(query.accepted.unwrap_or_else(|| placed(&flat.first, hit)))
             }
             Self::Two(tlas) => tlas.closest_hit(ray, query),
         }

@@ -5,6 +5,9 @@ use crate::Hit;
 /// `()` counts nothing, accepts everything and costs nothing. The answer of [`Query::accepts`] must depend on the hit
 /// alone, never on the order of calls: that order changes with the tree.
 pub trait Query {
+    /// Whether [`Query::accepts`] may refuse a hit. Where not, what only that needs is left out.
+    const MAY_REFUSE: bool = true;
+
     /// `n` ray-box tests were made.
     #[inline(always)]
     fn boxes(&mut self, n: u32) {
@@ -33,7 +36,9 @@ pub trait Query {
     }
 }
 
-impl Query for () {}
+impl Query for () {
+    const MAY_REFUSE: bool = false;
+}
 
 /// Sums of tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,6 +50,8 @@ pub struct Counts {
 }
 
 impl Query for Counts {
+    const MAY_REFUSE: bool = false;
+
     #[inline]
     fn boxes(&mut self, n: u32) {
         self.boxes += u64::from(n);

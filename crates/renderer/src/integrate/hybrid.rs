@@ -35,6 +35,7 @@
 
 use canted_trace::{Hit, Ray};
 
+use super::batch::Path;
 use super::direct::direct;
 use super::{Sample, Start, Transport};
 use crate::Tracer;
@@ -50,46 +51,45 @@ const FIRST_BOUNCE: u32 = 1;
 const FIRST_LIGHT: u32 = 1 << 16;
 
 impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
-    /// The light of a path of the hybrid integrator; see [`Transport::sample`].
-    pub(super) fn hybrid_sample(&self, start: &Start, first: Option<Hit>, ao_radius: f64) -> Sample {
-        let Start { mut ray, mut cone, time, pixel, sample } = *start;
-        let path_query = self.path_query(start);
-        let mut path = Path { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 };
-        let mut hit = match (self.lights.meet(&ray, first.as_ref()), first) {
+    /// The light of paths of the hybrid integrator; see [`Transport::samples`].
+    pub(super) fn hybrid_samples(
+        &self,
+        begun: impl Iterator<Item = (Start, Option<Hit>)>,
+        ao_radius: f64,
+    ) -> Vec<Sample> {
+        self.batch(begun, |path: &mut Path<Q, ()>, n| self.hybrid_step(path, n, ao_radius))
+    }
+
+    /// Takes a path on at its `n`-th vertex; whether it goes on.
+    fn hybrid_step(&self, path: &mut Path<Q, ()>, n: u32, ao_radius: f64) -> bool {
+        let Path { start: Start { time, pixel, sample, .. }, query, ray, cone, hit, gathered, .. } = path;
+        let hit = match (self.lights.meet(ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
-            (met, _) => return Sample { radiance: met.map_or([0.0; 3], |met| met.radiance), n_rays: 1 },
-        };
-        for vertex in 0..=self.bounces {
-            let surface = self.surfaces.at_time(&hit, ray.direction, time, cone);
-            let query = path_query.numbered(1 + vertex);
-            path.add(surface.emission, 1.0);
-            let square = |light| self.sampler.pair(pixel, sample, self.light_dimension(vertex, light));
-            let (radiance, n_shadow_rays) = direct(&self.lights, self.tracer, &query, &surface, square);
-            path.add(radiance, 1.0);
-
-            // Leave along a cosine-sampled direction, whose weight is the albedo.
-            path.throughput = std::array::from_fn(|k| path.throughput[k] * surface.bsdf.base_color[k]);
-            let square = self.sampler.pair(pixel, sample, FIRST_BOUNCE + vertex);
-            let local = cosine_hemisphere(square);
-            let direction = Basis::about(narrow(surface.shading_normal)).direction(local);
-            ray = surface.leave(surface.outward(direction));
-            cone = surface.cone.scattered(cosine_density(local[2]));
-            path.n_rays += n_shadow_rays + 1;
-
-            let next = self.tracer.closest_hit(&ray, &mut query.clone());
-            match (self.lights.meet(&ray, next.as_ref()), next) {
-                (None, Some(next)) if vertex == self.bounces => {
-                    path.add(self.lights.ambient(), unoccluded(&ray, &next, ao_radius));
-                }
-                (None, Some(next)) => hit = next,
-                (met, _) => {
-                    let sky = met.filter(|met| met.source == Source::Environment);
-                    path.add(sky.map_or([0.0; 3], |sky| sky.radiance), 1.0);
-                    break;
-                }
+            (met, _) => {
+                let seen = met.filter(|met| n == 0 || met.source == Source::Environment);
+                gathered.add(seen.map_or([0.0; 3], |seen| seen.radiance), 1.0);
+                return false;
             }
+        };
+        // The ray of the last vertex.
+        if n > self.bounces {
+            gathered.add(self.lights.ambient(), unoccluded(ray, hit, ao_radius));
+            return false;
         }
-        Sample { radiance: path.radiance, n_rays: path.n_rays }
+        let surface = self.surfaces.at_time(hit, ray.direction, *time, *cone);
+        gathered.add(surface.emission, 1.0);
+        let square = |light| self.sampler.pair(*pixel, *sample, self.light_dimension(n, light));
+        let (radiance, n_shadow_rays) = direct(&self.lights, self.tracer, &query.numbered(1 + n), &surface, square);
+        gathered.add(radiance, 1.0);
+        gathered.n_rays += n_shadow_rays;
+
+        // Leave along a cosine-sampled direction, whose weight is the albedo.
+        gathered.throughput = std::array::from_fn(|k| gathered.throughput[k] * surface.bsdf.base_color[k]);
+        let local = cosine_hemisphere(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
+        let direction = Basis::about(narrow(surface.shading_normal)).direction(local);
+        *ray = surface.leave(surface.outward(direction));
+        *cone = surface.cone.scattered(cosine_density(local[2]));
+        true
     }
 
     fn light_dimension(&self, vertex: u32, light: u32) -> u32 {
@@ -105,16 +105,4 @@ fn unoccluded(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
     let distance = f64::from(occluder.t) * length(wide(ray.direction));
     // 1 - exp(-x), exact for small x.
     -(-distance / ao_radius).exp_m1() as f32
-}
-
-struct Path {
-    radiance: [f32; 3],
-    throughput: [f32; 3],
-    n_rays: u64,
-}
-
-impl Path {
-    fn add(&mut self, radiance: [f32; 3], weight: f32) {
-        self.radiance = std::array::from_fn(|k| self.radiance[k] + self.throughput[k] * radiance[k] * weight);
-    }
 }

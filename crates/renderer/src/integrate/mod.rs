@@ -1,5 +1,6 @@
 //! Light that arrives along camera rays.
 
+mod batch;
 mod direct;
 mod hybrid;
 mod path;
@@ -59,11 +60,11 @@ pub(crate) struct Sample {
 }
 
 impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
-    /// Radiance that arrives against a camera ray whose closest hit is `first`, one sample of it.
-    pub(crate) fn sample(&self, start: &Start, first: Option<Hit>) -> Sample {
+    /// Radiance that arrives against camera rays whose closest hits are given, one sample of each.
+    pub(crate) fn samples(&self, begun: impl Iterator<Item = (Start, Option<Hit>)>) -> Vec<Sample> {
         match self.method {
-            Method::Hybrid { ao_radius } => self.hybrid_sample(start, first, ao_radius),
-            Method::Path(lights) => self.path_sample(lights, start, first),
+            Method::Hybrid { ao_radius } => self.hybrid_samples(begun, ao_radius),
+            Method::Path(lights) => self.path_samples(begun, lights),
         }
     }
 

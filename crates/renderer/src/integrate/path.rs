@@ -12,6 +12,7 @@
 
 use canted_trace::{Hit, Ray};
 
+use super::batch::{Gathered, Path};
 use super::{Sample, Start, Transport};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightSampler, Source};
@@ -21,11 +22,18 @@ use crate::sampling::Basis;
 use crate::vector::{dot, narrow, scale, sub, unit, wide};
 use crate::{Surface, Tracer};
 
-/// Vertices before roulette starts: short paths carry most of the light.
-const FIRST_ROULETTE: u32 = 4;
+/// Vertices before roulette starts: what the camera sees carries all its light.
+const FIRST_ROULETTE: u32 = 1;
 
-/// Least share of the paths that roulette ends: a path that keeps all its light still ends.
+/// What a path carries of a new one's light, from which on it is worth its rays: ending one that carries more makes more noise than
+/// it saves time, one that carries less the other way round (`benches/TRIED.md`).
+const SURE: f32 = 0.5;
+
+/// Least share of the paths that roulette ends from vertex [`FIRST_END`] on: a path that keeps all its light still ends.
 const LEAST_END: f32 = 0.05;
+
+/// Vertices before that; a mirror or two make no noise.
+const FIRST_END: u32 = 4;
 
 /// Dimensions of the sampler at each vertex, behind the position in the pixel.
 #[derive(Clone, Copy)]
@@ -45,31 +53,31 @@ impl Dimension {
     }
 }
 
-/// A path on its way.
-struct Walk {
-    radiance: [f32; 3],
-    /// What light from the next vertex is multiplied with.
-    throughput: [f32; 3],
+/// What a path keeps from one vertex to the next.
+struct Left {
+    /// The vertex that the ray left.
+    vertex: Option<Vertex>,
+    /// The density of the ray's direction; `None` where no light was sampled for it.
+    density: Option<f32>,
     /// The factor that boundaries put into the throughput, which comes out again where the path leaves the body.
     compression: f32,
-    n_rays: u64,
 }
 
-impl Walk {
-    fn add(&mut self, radiance: [f32; 3], weight: f32) {
-        self.radiance = std::array::from_fn(|k| self.radiance[k] + self.throughput[k] * radiance[k] * weight);
+impl Default for Left {
+    fn default() -> Self {
+        Self { vertex: None, density: None, compression: 1.0 }
     }
+}
 
-    /// Ends the path with the probability of what it does not carry, or makes it carry more.
-    fn survives(&mut self, choice: f32) -> bool {
-        let carried = self.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / self.compression;
-        let share = carried.min(1.0 - LEAST_END);
-        if choice >= share {
-            return false;
-        }
-        self.throughput = self.throughput.map(|x| x / share);
-        true
+/// Ends a path at its `n`-th vertex if it carries little, or makes it carry more: on average what it carried.
+fn survives(gathered: &mut Gathered, compression: f32, n: u32, choice: f32) -> bool {
+    let carried = gathered.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / compression;
+    let share = (carried / SURE).min(if n < FIRST_END { 1.0 } else { 1.0 - LEAST_END });
+    if choice >= share {
+        return false;
     }
+    gathered.throughput = gathered.throughput.map(|x| x / share);
+    true
 }
 
 /// Weight of a sample of one technique beside another: the power heuristic with exponent 2.
@@ -149,49 +157,47 @@ impl Vertex {
 }
 
 impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
-    /// The light of a path that is traced until `bounces` or roulette end it; see [`Transport::sample`].
-    pub(super) fn path_sample(&self, lights: &LightSampler, start: &Start, first: Option<Hit>) -> Sample {
-        let Start { mut ray, mut cone, time, .. } = *start;
-        let mut walk = Walk { radiance: [0.0; 3], throughput: [1.0; 3], compression: 1.0, n_rays: 1 };
-        let path_query = self.path_query(start);
-        let mut hit = first;
-        // The vertex that the ray left, and the density of its direction; `None` where no light was sampled for it.
-        let mut left: Option<Vertex> = None;
-        let mut density: Option<f32> = None;
-        for n in 0.. {
-            // The share of light that was found by chance beside what is sampled.
-            let share = |source: Source| {
-                left.as_ref().zip(density).map_or(1.0, |(vertex, density)| {
-                    weight(density, lights.density(&vertex.surface, vertex.transmits(), ray.direction, source))
-                })
-            };
-            if let Some(met) = lights.lights().meet(&ray, hit.as_ref()) {
-                walk.add(met.radiance, share(met.source));
-                break;
-            }
-            let Some(found) = hit.filter(|_| n <= self.bounces) else { break };
-            let surface = self.surfaces.at_time(&found, ray.direction, time, cone);
-            if surface.emission != [0.0; 3] {
-                walk.add(surface.emission, share(Source::of_hit(&found)));
-            }
-            let vertex = &*left.insert(Vertex::new(surface, ray.direction));
-            let query = path_query.numbered(1 + n);
-            if !vertex.bsdf().is_delta_only() {
-                self.add_light(&mut walk, lights, vertex, n, &query, start);
-            }
-            let Some(next) = self.scatter(&mut walk, vertex, n, start) else { break };
-            (ray, density) = next;
-            cone = density.map_or(vertex.surface.cone, |density| vertex.surface.cone.scattered(density));
-            walk.n_rays += 1;
-            hit = self.tracer.closest_hit(&ray, &mut query.clone());
+    /// The light of paths that are traced until `bounces` or roulette end them; see [`Transport::samples`].
+    pub(super) fn path_samples(
+        &self,
+        begun: impl Iterator<Item = (Start, Option<Hit>)>,
+        lights: &LightSampler,
+    ) -> Vec<Sample> {
+        self.batch(begun, |path: &mut Path<Q, Left>, n| self.path_step(path, n, lights))
+    }
+
+    /// Takes a path on at its `n`-th vertex; whether it goes on.
+    fn path_step(&self, path: &mut Path<Q, Left>, n: u32, lights: &LightSampler) -> bool {
+        let Path { start, query, ray, cone, hit, gathered, own: Left { vertex: left, density, compression } } = path;
+        // The share of light that was found by chance beside what is sampled.
+        let share = |source: Source| {
+            left.as_ref().zip(*density).map_or(1.0, |(vertex, density)| {
+                weight(density, lights.density(&vertex.surface, vertex.transmits(), ray.direction, source))
+            })
+        };
+        if let Some(met) = lights.lights().meet(ray, hit.as_ref()) {
+            gathered.add(met.radiance, share(met.source));
+            return false;
         }
-        Sample { radiance: walk.radiance, n_rays: walk.n_rays }
+        let Some(found) = hit.filter(|_| n <= self.bounces) else { return false };
+        let surface = self.surfaces.at_time(&found, ray.direction, start.time, *cone);
+        if surface.emission != [0.0; 3] {
+            gathered.add(surface.emission, share(Source::of_hit(&found)));
+        }
+        let vertex = &*left.insert(Vertex::new(surface, ray.direction));
+        if !vertex.bsdf().is_delta_only() {
+            self.add_light(gathered, lights, vertex, n, &query.numbered(1 + n), start);
+        }
+        let Some(next) = self.scatter(gathered, compression, vertex, n, start) else { return false };
+        (*ray, *density) = next;
+        *cone = density.map_or(vertex.surface.cone, |density| vertex.surface.cone.scattered(density));
+        true
     }
 
     /// Adds light sampled for a vertex.
     fn add_light(
         &self,
-        walk: &mut Walk,
+        gathered: &mut Gathered,
         lights: &LightSampler,
         vertex: &Vertex,
         n: u32,
@@ -211,7 +217,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
             return;
         }
         if let Some(ray) = &light.shadow_ray {
-            walk.n_rays += 1;
+            gathered.n_rays += 1;
             // Another number than the ray that leaves the vertex has.
             if !lights.lights().is_clear(ray, light.source, self.tracer, &mut query.numbered(0)) {
                 return;
@@ -219,19 +225,23 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         }
         // What has no extent is found by no other technique.
         let share = if light.is_delta { 1.0 } else { weight(light.density, density) };
-        walk.add(std::array::from_fn(|k| value[k] * light.radiance[k]), share);
+        gathered.add(std::array::from_fn(|k| value[k] * light.radiance[k]), share);
     }
 
-    /// The ray that leaves a vertex, and the density of its direction, `None` for a mirror's; takes the throughput along.
+    /// The ray that leaves a vertex, and the density of its direction, `None` for a mirror's; takes what it carries along.
     fn scatter(
         &self,
-        walk: &mut Walk,
+        gathered: &mut Gathered,
+        compression: &mut f32,
         vertex: &Vertex,
         n: u32,
         &Start { pixel, sample, .. }: &Start,
     ) -> Option<(Ray, Option<f32>)> {
-        if n >= FIRST_ROULETTE && !walk.survives(self.sampler.single(pixel, sample, Dimension::Roulette.at(n))) {
-            return None;
+        if n >= FIRST_ROULETTE {
+            let choice = self.sampler.single(pixel, sample, Dimension::Roulette.at(n));
+            if !survives(gathered, *compression, n, choice) {
+                return None;
+            }
         }
         let square = self.sampler.pair(pixel, sample, Dimension::Scattering.at(n));
         let is_lambert = vertex.bsdf().is_lambert();
@@ -239,11 +249,11 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
             if is_lambert { 0.0 } else { self.sampler.single(pixel, sample, Dimension::ScatteringChoice.at(n)) };
         let scattered = vertex.bsdf().sample(vertex.outgoing, square, choice)?;
         let direction = vertex.direction(scattered.incident);
-        walk.throughput = std::array::from_fn(|k| walk.throughput[k] * scattered.weight[k]);
+        gathered.throughput = std::array::from_fn(|k| gathered.throughput[k] * scattered.weight[k]);
         if scattered.is_transmitted {
-            walk.compression *= vertex.bsdf().compression();
+            *compression *= vertex.bsdf().compression();
         }
-        let is_lit = walk.throughput.iter().any(|&x| x > 0.0);
+        let is_lit = gathered.throughput.iter().any(|&x| x > 0.0);
         is_lit.then(|| {
             // Both densities that make a direction count, also that of the light that is folded onto it.
             let density = if vertex.is_bent { vertex.evaluate(direction).density } else { scattered.density };
@@ -255,6 +265,36 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of evenly spaced choices the share that survives carries on what all had, to within one choice. Who has half of a new
+    /// path's light, or more, never ends early and hardly later.
+    #[test]
+    fn roulette_keeps_the_light_on_average() {
+        const N: u32 = 1000;
+        for (carried, compression) in
+            [(1e-3, 1.0), (0.02, 1.0), (0.3, 1.0), (0.5, 1.0), (1.0, 1.0), (2.0, 2.25), (0.3, 2.25)]
+        {
+            for n in [FIRST_ROULETTE, FIRST_END - 1, FIRST_END] {
+                let mut sum = 0.0;
+                let mut n_left = 0;
+                for choice in 0..N {
+                    let throughput = [carried, 0.5 * carried, 0.0];
+                    let mut gathered = Gathered { radiance: [0.0; 3], throughput, n_rays: 1 };
+                    if survives(&mut gathered, compression, n, (choice as f32 + 0.5) / N as f32) {
+                        n_left += 1;
+                        sum += gathered.throughput[0];
+                        let [red, green, blue] = gathered.throughput;
+                        assert!((green - 0.5 * red).abs() <= f32::EPSILON * red && blue == 0.0, "{carried}");
+                    }
+                }
+                let of_one = sum / n_left as f32;
+                assert!((sum - N as f32 * carried).abs() <= of_one, "{carried} {compression}: {sum}");
+                if carried / compression >= SURE {
+                    assert_eq!(n_left, if n < FIRST_END { N } else { N * 19 / 20 }, "{carried}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn weights_are_numbers_for_any_densities() {

@@ -16,6 +16,9 @@ const TIME: u32 = u32::MAX;
 /// Dimension that places a sample on the lens, likewise.
 const LENS: u32 = u32::MAX - 1;
 
+/// Samples that are taken side by side: enough for waits to overlap, few enough for their paths to stay in the caches.
+const BATCH: usize = 64;
+
 /// A rectangle of pixels whose samples are summed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tile {
@@ -68,23 +71,34 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
             sums.guide.clear();
         }
         let mut course = Course::new(self.settings);
+        let mut begun = Vec::with_capacity(BATCH);
         loop {
-            for ([x, y], sums) in pixels.clone().zip(&mut *sums) {
+            for (place, pixel) in pixels.clone().enumerate() {
                 if stop() {
                     return None;
                 }
                 for sample in course.next.clone() {
-                    *n_rays += self.sample([x, y], sample, sums);
+                    begun.push(self.begin(pixel, sample, place, &mut sums[place]));
+                    if begun.len() == BATCH {
+                        *n_rays += self.finish(&mut begun, sums);
+                    }
                 }
             }
+            *n_rays += self.finish(&mut begun, sums);
             if !course.goes_on(self.settings, sums) {
                 return Some(());
             }
         }
     }
 
-    /// Takes one sample; returns the rays traced for it.
-    pub(super) fn sample(&self, [x, y]: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
+    /// Takes one sample of a pixel into its sums; returns the rays traced for it.
+    pub(super) fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
+        let begun = self.begin(pixel, sample, 0, sums);
+        self.finish(&mut vec![begun], std::slice::from_mut(sums))
+    }
+
+    /// Begins a sample of the pixel at a place of its cell, whose sums hear what the camera ray meets.
+    fn begin(&self, [x, y]: [u32; 2], sample: u32, place: usize, sums: &mut Sums) -> Begun {
         let number = y * self.settings.width + x;
         let square = self.transport.sampler.pair(number, sample, PIXEL_POSITION);
         let ([dx, dy], weight) = self.filter.place(square);
@@ -103,9 +117,18 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         } else {
             self.transport.tracer.closest_hit(&ray, &mut self.transport.camera_query(&start))
         };
-        let light = self.transport.sample(&start, hit);
-        sums.pixel.push_sample(sample, Pixel::of(light.radiance.map(|x| weight * x)));
-        light.n_rays
+        Begun { start, hit, place, weight }
+    }
+
+    /// Finishes samples, in order, into the sums of their cell; returns the rays traced for them.
+    fn finish(&self, begun: &mut Vec<Begun>, sums: &mut [Sums]) -> u64 {
+        let mut n_rays = 0;
+        let lights = self.transport.samples(begun.iter().map(|begun| (begun.start, begun.hit)));
+        for (Begun { start, place, weight, .. }, light) in begun.drain(..).zip(lights) {
+            sums[place].pixel.push_sample(start.sample, Pixel::of(light.radiance.map(|x| weight * x)));
+            n_rays += light.n_rays;
+        }
+        n_rays
     }
 
     /// What a camera ray meets first, and its properties.
@@ -135,6 +158,16 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
     }
 }
 
+/// A sample whose camera ray has been traced.
+struct Begun {
+    start: Start,
+    hit: Option<Hit>,
+    /// Of its pixel in the cell.
+    place: usize,
+    /// What its light counts for in the pixel.
+    weight: f32,
+}
+
 /// A query that counts, and asks `inner` about hits.
 struct Counted<Q> {
     inner: Q,
@@ -142,6 +175,8 @@ struct Counted<Q> {
 }
 
 impl<Q: Query> Query for Counted<Q> {
+    const MAY_REFUSE: bool = Q::MAY_REFUSE;
+
     fn boxes(&mut self, n: u32) {
         self.counts.boxes(n);
     }

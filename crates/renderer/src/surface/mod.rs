@@ -2,6 +2,7 @@ mod lookups;
 mod placed;
 mod shading_normal;
 mod surfaces;
+mod warm;
 
 use canted_trace::Ray;
 

@@ -1,3 +1,5 @@
+use std::hint::black_box;
+
 use canted_scene::{Mesh, UvSet};
 use canted_trace::Hit;
 
@@ -15,6 +17,14 @@ impl<'a> Corners<'a> {
     pub(super) fn of(mesh: &'a Mesh, hit: &Hit) -> Self {
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));
         Self { mesh, indices: mesh.triangles[hit.primitive.index()], weights: [1.0 - u - v, u, v] }
+    }
+
+    /// Reads of the vertices what every surface is made from.
+    pub(super) fn read(&self) {
+        let mesh = self.mesh;
+        black_box(self.indices.map(|i| mesh.positions[i as usize][0]));
+        black_box(mesh.uvs.as_ref().map(|uvs| self.indices.map(|i| uvs[i as usize][0])));
+        black_box(mesh.normals.as_ref().map(|normals| self.indices.map(|i| normals[i as usize][0])));
     }
 
     fn of_3<const N: usize>(&self, values: &[[f32; N]]) -> [[f64; N]; 3] {

@@ -14,12 +14,12 @@ use crate::{Bsdf, Cone, Lod, mask};
 /// The surfaces of a scene: what is looked up for each hit, with what is computed once for each instance and texture.
 #[derive(Clone, Debug)]
 pub struct Surfaces<'a> {
-    scene: &'a Scene,
+    pub(super) scene: &'a Scene,
     placements: Vec<Placement>,
-    textures: Textures<'a>,
-    lod: Lod,
+    pub(super) textures: Textures<'a>,
+    pub(super) lod: Lod,
     /// Of each material, whether what it looks like depends on textures.
-    is_textured: Vec<bool>,
+    pub(super) is_textured: Vec<bool>,
     /// Of each instance, whether rays may pass where it is hit.
     is_cut_out: Vec<bool>,
 }
@@ -164,7 +164,7 @@ impl<'a> Surfaces<'a> {
         material.alpha * texture.unwrap_or(1.0) * vertices
     }
 
-    fn material(&self, id: MaterialId) -> &'a Material {
+    pub(super) fn material(&self, id: MaterialId) -> &'a Material {
         &self.scene.materials[id.0 as usize]
     }
 }

@@ -3,6 +3,9 @@ use canted_scene::Wrap;
 use super::Footprint;
 use super::pyramid::{Image, Pyramid};
 
+/// The four texels about a point, row by row.
+pub(crate) type Texels<'a> = [[&'a [u8; 4]; 2]; 2];
+
 impl Pyramid<'_> {
     /// RGB in linear light or as plain numbers, and alpha, on average over a footprint about `uv`.
     ///
@@ -56,17 +59,27 @@ impl Pyramid<'_> {
         if weight == 0.0 { fine } else { blend(fine, self.bilinear(coarser, uv, decoded), weight) }
     }
 
+    /// The texels about a point at full size; `None` where there are none.
+    #[inline]
+    pub(crate) fn texels(&self, uv: [f64; 2]) -> Option<Texels<'_>> {
+        (!self.texture().texels.is_empty()).then(|| self.about(0, uv).0)
+    }
+
     #[inline]
     fn bilinear<const N: usize>(&self, level: usize, uv: [f64; 2], decoded: impl Fn([u8; 4]) -> [f32; N]) -> [f32; N] {
+        let (texels, [x, y]) = self.about(level, uv);
+        let [above, below] = texels.map(|[left, right]| blend(decoded(*left), decoded(*right), x));
+        blend(above, below, y)
+    }
+
+    /// The texels of a level about a point, and the weights of the second column and of the second row.
+    #[inline]
+    fn about(&self, level: usize, uv: [f64; 2]) -> (Texels<'_>, [f32; 2]) {
         let Image { size: [width, height], texels } = self.level(level);
         let [wrap_u, wrap_v] = self.texture().wrap;
         let (columns, x) = neighbours(uv[0], width, wrap_u);
         let (rows, y) = neighbours(1.0 - uv[1], height, wrap_v);
-        let row = |j: usize| {
-            let texel = |i: usize| decoded(texels[rows[j] * width as usize + columns[i]]);
-            blend(texel(0), texel(1), x)
-        };
-        blend(row(0), row(1), y)
+        (rows.map(|j| columns.map(|i| &texels[j * width as usize + i])), [x, y])
     }
 }
 
@@ -81,14 +94,32 @@ fn neighbours(coordinate: f64, n: u32, wrap: Wrap) -> ([usize; 2], f32) {
     let coordinate = if coordinate.is_finite() { coordinate } else { 0.0 };
     // Reduce first, so that the integers below stay small for any coordinate.
     let reduced = match wrap {
-        Wrap::Repeat => coordinate - coordinate.floor(),
+        Wrap::Repeat => coordinate - floor(coordinate),
         Wrap::Clamp => coordinate.clamp(0.0, 1.0),
-        Wrap::Mirror => coordinate - 2.0 * (0.5 * coordinate).floor(),
+        Wrap::Mirror => coordinate - 2.0 * floor(0.5 * coordinate),
     };
     let texels = reduced * f64::from(n) - 0.5;
-    let first = texels.floor();
+    let first = floor(texels);
     let index = |i: i64| wrapped(i, i64::from(n), wrap);
     ([index(first as i64), index(first as i64 + 1)], (texels - first) as f32)
+}
+
+/// 2^52: from here on all numbers are whole.
+const FIRST_WHOLE: f64 = (1_u64 << 52) as f64;
+
+/// The greatest whole number that is not above `x`, in a few instructions: without SSE4.1 the library's is a call.
+#[inline]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "below 2^52 all whole numbers are exact"
+)]
+fn floor(x: f64) -> f64 {
+    if x.abs() >= FIRST_WHOLE {
+        return x;
+    }
+    let towards_zero = (x as i64) as f64;
+    if towards_zero > x { towards_zero - 1.0 } else { towards_zero }
 }
 
 /// Index of texel `i` of the row that `wrap` makes of `n` texels, for `i` at most one beyond what `wrap` repeats.
@@ -164,6 +195,16 @@ mod tests {
         assert_eq!(left_edge(Wrap::Repeat), 0.5);
         assert_eq!(left_edge(Wrap::Clamp), 1.0);
         assert_eq!(left_edge(Wrap::Mirror), 1.0);
+    }
+
+    #[test]
+    fn floors_are_the_librarys() {
+        let last = FIRST_WHOLE - 0.5;
+        for x in [0.0, 1e-320, 0.5, 1.0 - 0.5 * f64::EPSILON, 1.0, 1.5, 1e9 + 0.25, last, FIRST_WHOLE, 1e30, f64::MAX] {
+            for x in [x, -x] {
+                assert_eq!(floor(x), x.floor(), "{x}");
+            }
+        }
     }
 
     #[test]
