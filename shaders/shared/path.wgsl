@@ -230,7 +230,7 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
     return true;
 }
 
-/// Ends the path with the probability of what it does not carry, or makes it carry more.
+/// Ends the path if it carries little, or makes it carry more: on average what it carried.
 fn survives(path: ptr<function, Path>, number: u32, choice: f32) -> bool {
     let throughput = (*path).throughput;
     let carried = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);

@@ -5,7 +5,7 @@ use crate::Hit;
 /// `()` counts nothing, accepts everything and costs nothing. The answer of [`Query::accepts`] must depend on the hit
 /// alone, never on the order of calls: that order changes with the tree.
 pub trait Query {
-    /// Whether [`Query::accepts`] may refuse a hit. Where not, what only that needs is left out.
+    /// Whether [`Query::accepts`] may refuse a hit. Where `false`, it must answer `true`, and need not be asked.
     const MAY_REFUSE: bool = true;
 
     /// `n` ray-box tests were made.

@@ -62,7 +62,10 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         let mut paths: Vec<Path<Q, W>> = begun.map(begin).collect();
         let mut going: Vec<usize> = (0..paths.len()).collect();
         for n in 0.. {
-            self.surfaces.warm(going.iter().filter_map(|&i| paths[i].hit.as_ref()));
+            // Of what the last ray meets no surface is made.
+            if n <= self.bounces {
+                self.surfaces.warm(going.iter().filter_map(|&i| paths[i].hit.as_ref()));
+            }
             going.retain(|&i| step(&mut paths[i], n));
             if going.is_empty() {
                 break;

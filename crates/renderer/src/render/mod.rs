@@ -30,14 +30,14 @@ pub struct Monitor<'a> {
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
     /// Sees each tile as soon as it is done.
     pub finished: &'a (dyn Fn(&Tile) + Sync),
-    /// Stops the work within a pixel once it is set.
+    /// Stops the work once it is set, within the samples of a pixel or those that are taken side by side.
     pub cancel: &'a AtomicBool,
 }
 
 /// Renders `scene` by the integrator of the settings in the caller's thread pool.
 ///
-/// `progress` hears, from any thread, how many tiles of how many are done; `cancel` stops the work within a pixel once
-/// it is set. The film is the same bits for any number of threads and any tile size.
+/// `progress` hears, from any thread, how many tiles of how many are done; `cancel` stops the work soon once it is set.
+/// The film is the same bits for any number of threads and any tile size.
 ///
 /// With [`Settings::noise`] pixels stop in cells of 8 x 8, at 16 samples or at a power of two above, as soon as the
 /// root mean square over the cell of the relative standard error of their luminance ([`Pixel::squared_error`]) is at

@@ -107,7 +107,7 @@ fn neighbours(coordinate: f64, n: u32, wrap: Wrap) -> ([usize; 2], f32) {
 /// 2^52: from here on all numbers are whole.
 const FIRST_WHOLE: f64 = (1_u64 << 52) as f64;
 
-/// The greatest whole number that is not above `x`, in a few instructions: without SSE4.1 the library's is a call.
+/// The greatest whole number that is not above a finite `x`, but for the sign of zero, in a few instructions: without SSE4.1 the library's is a call.
 #[inline]
 #[expect(
     clippy::cast_possible_truncation,
