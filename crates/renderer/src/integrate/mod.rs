@@ -4,6 +4,7 @@ mod batch;
 mod direct;
 mod hybrid;
 mod path;
+mod roulette;
 
 use canted_trace::{Hit, Ray};
 

@@ -13,7 +13,7 @@
 use canted_trace::{Hit, Ray};
 
 use super::batch::{Gathered, Path};
-use super::{Sample, Start, Transport};
+use super::{Sample, Start, Transport, roulette};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightSampler, Source};
 use crate::mask::Numbered;
@@ -21,19 +21,6 @@ use crate::motion::Timed;
 use crate::sampling::Basis;
 use crate::vector::{dot, narrow, scale, sub, unit, wide};
 use crate::{Surface, Tracer};
-
-/// Vertices before roulette starts: what the camera sees carries all its light.
-const FIRST_ROULETTE: u32 = 1;
-
-/// What a path carries of a new one's light, from which on it is worth its rays: ending one that carries more makes more noise than
-/// it saves time, one that carries less the other way round (`benches/TRIED.md`).
-const SURE: f32 = 0.5;
-
-/// Least share of the paths that roulette ends from vertex [`FIRST_END`] on: a path that keeps all its light still ends.
-const LEAST_END: f32 = 0.05;
-
-/// Vertices before that; a mirror or two make no noise.
-const FIRST_END: u32 = 4;
 
 /// Dimensions of the sampler at each vertex, behind the position in the pixel.
 #[derive(Clone, Copy)]
@@ -67,17 +54,6 @@ impl Default for Left {
     fn default() -> Self {
         Self { vertex: None, density: None, compression: 1.0 }
     }
-}
-
-/// Ends a path at its `n`-th vertex if it carries little, or makes it carry more: on average what it carried.
-fn survives(gathered: &mut Gathered, compression: f32, n: u32, choice: f32) -> bool {
-    let carried = gathered.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / compression;
-    let share = (carried / SURE).min(if n < FIRST_END { 1.0 } else { 1.0 - LEAST_END });
-    if choice >= share {
-        return false;
-    }
-    gathered.throughput = gathered.throughput.map(|x| x / share);
-    true
 }
 
 /// Weight of a sample of one technique beside another: the power heuristic with exponent 2.
@@ -237,9 +213,9 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         n: u32,
         &Start { pixel, sample, .. }: &Start,
     ) -> Option<(Ray, Option<f32>)> {
-        if n >= FIRST_ROULETTE {
+        if roulette::is_played(n) {
             let choice = self.sampler.single(pixel, sample, Dimension::Roulette.at(n));
-            if !survives(gathered, *compression, n, choice) {
+            if !roulette::survives(gathered, *compression, n, choice) {
                 return None;
             }
         }
@@ -265,36 +241,6 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Of evenly spaced choices the share that survives carries on what all had, to within one choice. Who has half of a new
-    /// path's light, or more, never ends early and hardly later.
-    #[test]
-    fn roulette_keeps_the_light_on_average() {
-        const N: u32 = 1000;
-        for (carried, compression) in
-            [(1e-3, 1.0), (0.02, 1.0), (0.3, 1.0), (0.5, 1.0), (1.0, 1.0), (2.0, 2.25), (0.3, 2.25)]
-        {
-            for n in [FIRST_ROULETTE, FIRST_END - 1, FIRST_END] {
-                let mut sum = 0.0;
-                let mut n_left = 0;
-                for choice in 0..N {
-                    let throughput = [carried, 0.5 * carried, 0.0];
-                    let mut gathered = Gathered { radiance: [0.0; 3], throughput, n_rays: 1 };
-                    if survives(&mut gathered, compression, n, (choice as f32 + 0.5) / N as f32) {
-                        n_left += 1;
-                        sum += gathered.throughput[0];
-                        let [red, green, blue] = gathered.throughput;
-                        assert!((green - 0.5 * red).abs() <= f32::EPSILON * red && blue == 0.0, "{carried}");
-                    }
-                }
-                let of_one = sum / n_left as f32;
-                assert!((sum - N as f32 * carried).abs() <= of_one, "{carried} {compression}: {sum}");
-                if carried / compression >= SURE {
-                    assert_eq!(n_left, if n < FIRST_END { N } else { N * 19 / 20 }, "{carried}");
-                }
-            }
-        }
-    }
 
     #[test]
     fn weights_are_numbers_for_any_densities() {
