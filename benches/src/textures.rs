@@ -165,8 +165,9 @@ fn mean_color(texture: &Texture) -> [f32; 3] {
         (Encoding::Srgb, x) => ((x + 0.055) / 1.055).powf(2.4),
     };
     let n = texture.texels.len() as f64;
-    let mean = |k: usize| texture.texels.iter().map(|texel| linear(texel[k])).sum::<f64>() / n;
-    if texture.texels.is_empty() { [1.0; 3] } else { std::array::from_fn(|k| mean(k) as f32) }
+    #[expect(clippy::cast_possible_truncation, reason = "a mean of numbers in 0..=1")]
+    let mean = |k: usize| (texture.texels.iter().map(|texel| linear(texel[k])).sum::<f64>() / n) as f32;
+    if texture.texels.is_empty() { [1.0; 3] } else { std::array::from_fn(mean) }
 }
 
 fn without_textures() -> Result<Subject> {
@@ -209,7 +210,7 @@ mod tests {
     fn a_mean_is_of_linear_light() {
         let texture = |encoding, texels: &[[u8; 4]]| Texture {
             name: String::new(),
-            width: texels.len() as u32,
+            width: texels.len().try_into().unwrap(),
             height: 1,
             texels: texels.to_vec(),
             encoding,

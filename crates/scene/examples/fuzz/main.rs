@@ -113,17 +113,29 @@ fn case(folder: &Path, entry: &Entry, bytes: &[u8], random: &mut Random) -> Resu
     let path = folder.join(&entry.file);
     fs::write(&path, bytes).map_err(|error| error.to_string())?;
     let time = [None, None, Some(0.7), Some(-1.0), Some(f32::NAN), Some(1e38)][random.below(6)];
-    let start = Instant::now();
-    let answer = catch_unwind(AssertUnwindSafe(|| match entry.kind {
-        Kind::Hdr | Kind::Exr => {
-            read_environment(&path, &mut Vec::new()).map(|image| sound::flaw_of_environment(&image)).ok()
-        }
-        Kind::SceneFile => SceneFile::read(&path).and_then(|file| file.load()).map(|scene| sound::flaw(&scene)).ok(),
-        _ => read_with(&folder.join(&entry.read_through), &ReadOptions { time }).map(|scene| sound::flaw(&scene)).ok(),
-    }));
+    let attempt = || {
+        let start = Instant::now();
+        let answer = catch_unwind(AssertUnwindSafe(|| match entry.kind {
+            Kind::Hdr | Kind::Exr => {
+                read_environment(&path, &mut Vec::new()).map(|image| sound::flaw_of_environment(&image)).ok()
+            }
+            Kind::SceneFile => {
+                SceneFile::read(&path).and_then(|file| file.load()).map(|scene| sound::flaw(&scene)).ok()
+            }
+            _ => read_with(&folder.join(&entry.read_through), &ReadOptions { time })
+                .map(|scene| sound::flaw(&scene))
+                .ok(),
+        }));
+        (answer, start.elapsed())
+    };
+    let (mut answer, mut took) = attempt();
+    // A machine that was put to sleep meanwhile says nothing about the reader.
+    if took > MOST_TIME {
+        (answer, took) = attempt();
+    }
     fs::write(&path, &entry.bytes).map_err(|error| error.to_string())?;
-    if start.elapsed() > MOST_TIME {
-        return Err(format!("took {:?}", start.elapsed()));
+    if took > MOST_TIME {
+        return Err(format!("took {took:?}"));
     }
     match answer {
         Err(panic) => {
