@@ -36,11 +36,12 @@ struct Subject {
 /// Renders all variants in turn and writes the section.
 pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## Textures\n\nSponza at 320 x 180 from its gallery; \"without\" is the same with the mean colour in place of each colour texture, so that \
-         masks, rays under `hybrid` and the lives of paths are the same. The built-in scene has no texture: there all columns are of one scene, and \"without\" is `--lod none` \
-         once more. Microseconds of all processors a sample: those of many samples less those of few, so that what is done once for a \
-         picture, as making the smaller copies, is no part of them; median (half spread); median ratio to \"without\" of the same \
-         round, noise where the interval of that median holds 1.\n\n",
+        "\n## Textures\n\nSponza at 320 x 180 from its gallery; \"without\" is the same with the mean colour in place of each \
+         colour texture, so that masks, rays under `hybrid` and the lives of paths are the same. The built-in scene has no \
+         texture: there all columns are of one scene, and \"without\" is `--lod none` once more. Microseconds of all \
+         processors a sample: those of many samples less those of few, so that what is done once for a picture, as making \
+         the smaller copies, is no part of them; median (half spread); median ratio to \"without\" of the same round, noise \
+         where the interval of that median holds 1.\n\n",
     );
     let mut subjects = vec![without_textures()?];
     match sponza()? {

@@ -13,9 +13,6 @@
 // use ?bodies
 // use ?sky
 
-/// Vertices before roulette starts.
-const FIRST_ROULETTE: u32 = 1u;
-
 /// What a path carries of a new one's light, from which on it is worth its rays.
 const SURE: f32 = 0.5;
 
@@ -196,7 +193,7 @@ fn look_for_light(
 
 /// The ray that leaves a vertex, with what it carries; false where none does.
 fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex: Vertex, number: u32) -> bool {
-    if number >= FIRST_ROULETTE && !survives(path, number, single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number))) {
+    if !survives(path, one, number) {
         return false;
     }
     let choice = single(picture.sampler, one.pixel, one.sample, dimension(SCATTERING_CHOICE, number));
@@ -231,11 +228,11 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
 }
 
 /// Ends the path if it carries little, or makes it carry more: on average what it carried.
-fn survives(path: ptr<function, Path>, number: u32, choice: f32) -> bool {
+fn survives(path: ptr<function, Path>, one: PixelSample, number: u32) -> bool {
     let throughput = (*path).throughput;
     let carried = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);
     let share = min(carried / SURE, select(1.0 - LEAST_END, 1.0, number < FIRST_END));
-    if choice >= share {
+    if share < 1.0 && single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number)) >= share {
         return false;
     }
     (*path).throughput /= share;

@@ -213,11 +213,9 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         n: u32,
         &Start { pixel, sample, .. }: &Start,
     ) -> Option<(Ray, Option<f32>)> {
-        if roulette::is_played(n) {
-            let choice = self.sampler.single(pixel, sample, Dimension::Roulette.at(n));
-            if !roulette::survives(gathered, *compression, n, choice) {
-                return None;
-            }
+        let choice = || self.sampler.single(pixel, sample, Dimension::Roulette.at(n));
+        if !roulette::survives(gathered, *compression, n, choice) {
+            return None;
         }
         let square = self.sampler.pair(pixel, sample, Dimension::Scattering.at(n));
         let is_lambert = vertex.bsdf().is_lambert();

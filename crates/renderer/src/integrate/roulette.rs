@@ -3,9 +3,6 @@
 
 use super::batch::Gathered;
 
-/// Vertices before roulette starts: what the camera sees carries all its light.
-const FIRST_ROULETTE: u32 = 1;
-
 /// What a path carries of a new one's light, from which on it is worth its rays: ending one that carries more makes more noise than
 /// it saves time, one that carries less the other way round (`benches/TRIED.md`).
 const SURE: f32 = 0.5;
@@ -16,16 +13,12 @@ const LEAST_END: f32 = 0.05;
 /// Vertices before that; a mirror or two make no noise.
 const FIRST_END: u32 = 4;
 
-/// Whether a path at its `n`-th vertex plays.
-pub(super) fn is_played(n: u32) -> bool {
-    n >= FIRST_ROULETTE
-}
-
-/// Ends a path at its `n`-th vertex if it carries little, or makes it carry more: on average what it carried.
-pub(super) fn survives(gathered: &mut Gathered, compression: f32, n: u32, choice: f32) -> bool {
+/// Ends a path at its `n`-th vertex if it carries little, or makes it carry more: on average what it carried. `choice` is drawn
+/// where it decides.
+pub(super) fn survives(gathered: &mut Gathered, compression: f32, n: u32, choice: impl FnOnce() -> f32) -> bool {
     let carried = gathered.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / compression;
     let share = (carried / SURE).min(if n < FIRST_END { 1.0 } else { 1.0 - LEAST_END });
-    if choice >= share {
+    if share < 1.0 && choice() >= share {
         return false;
     }
     gathered.throughput = gathered.throughput.map(|x| x / share);
@@ -44,13 +37,13 @@ mod tests {
         for (carried, compression) in
             [(1e-3, 1.0), (0.02, 1.0), (0.3, 1.0), (0.5, 1.0), (1.0, 1.0), (2.0, 2.25), (0.3, 2.25)]
         {
-            for n in [FIRST_ROULETTE, FIRST_END - 1, FIRST_END] {
+            for n in [0, FIRST_END - 1, FIRST_END] {
                 let mut sum = 0.0;
                 let mut n_left = 0;
                 for choice in 0..N {
                     let throughput = [carried, 0.5 * carried, 0.0];
                     let mut gathered = Gathered { radiance: [0.0; 3], throughput, n_rays: 1 };
-                    if survives(&mut gathered, compression, n, (choice as f32 + 0.5) / N as f32) {
+                    if survives(&mut gathered, compression, n, || (choice as f32 + 0.5) / N as f32) {
                         n_left += 1;
                         sum += gathered.throughput[0];
                         let [red, green, blue] = gathered.throughput;
