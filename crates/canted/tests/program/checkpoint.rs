@@ -60,6 +60,25 @@ mod stopped {
         child
     }
 
+    /// One write a day: only a signal writes.
+    fn rarely(line: &str) -> String {
+        format!("{line} --checkpoint-every 86400")
+    }
+
+    /// Stops a render by a signal, which must write what was done; later and later, for at first that may be nothing.
+    fn stop(folder: &Folder, signal: &str, start: impl Fn() -> Child) {
+        let read = || std::fs::read(folder.path("work.ckpt")).ok();
+        let before = read();
+        let is_written = (0..6).any(|doubled| {
+            let mut child = start();
+            sleep(Duration::from_millis(50 << doubled));
+            assert_eq!(send(signal, &mut child), Some(130), "{signal}");
+            read() != before
+        });
+        assert!(is_written, "{signal}");
+        assert_eq!(folder.names(), ["small.obj", "work.ckpt"], "{signal}");
+    }
+
     #[test]
     fn a_killed_render_goes_on_to_the_same_bytes() {
         let folder = Folder::with_small();
@@ -93,7 +112,7 @@ mod stopped {
         let folder = Folder::with_small();
         let line = slow("--spp 512").replace("out.exr", "sub/out.exr");
         std::fs::create_dir(folder.path("sub")).unwrap();
-        let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
+        let mut command = folder.command(&rarely(&line));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         wait_until(|| catches("INT", &child).unwrap_or(true));
         std::fs::remove_dir(folder.path("sub")).unwrap();
@@ -112,14 +131,13 @@ mod stopped {
         let folder = Folder::with_small();
         let line = slow("--spp 256");
         let expected = whole(&folder, &line);
-        // One write a day: only the signal writes, Ctrl-C or what a scheduler sends.
+        // Ctrl-C, or what a scheduler sends.
         for signal in ["-INT", "-TERM"] {
-            let mut command = folder.command(&format!("{line} --checkpoint-every 86400"));
-            let mut child = command.stdout(Stdio::null()).spawn().unwrap();
-            wait_until(|| catches("INT", &child).unwrap_or(true));
-            sleep(Duration::from_millis(200));
-            assert_eq!(send(signal, &mut child), Some(130), "{signal}");
-            assert_eq!(folder.names(), ["small.obj", "work.ckpt"], "{signal}");
+            stop(&folder, signal, || {
+                let child = folder.command(&rarely(&line)).stdout(Stdio::null()).spawn().unwrap();
+                wait_until(|| catches("INT", &child).unwrap_or(true));
+                child
+            });
         }
         folder.run(&line).done();
         assert!(folder.bytes("out.exr") == expected);
@@ -131,15 +149,18 @@ mod stopped {
     #[test]
     fn what_is_ignored_stays_so_and_other_signals_are_heard() {
         let folder = Folder::with_small();
-        let program = folder.command(&format!("{} --checkpoint-every 86400", slow("--spp 256")));
-        let mut command = Command::new("sh");
-        command.args(["-c", "trap '' INT HUP; exec \"$@\"", "sh"]).arg(program.get_program()).args(program.get_args());
-        let mut child = command.current_dir(folder.path("")).stdout(Stdio::null()).spawn().unwrap();
-        wait_until(|| catches("TERM", &child).unwrap_or(true));
-        assert_eq!(["INT", "HUP"].map(|signal| catches(signal, &child)), [Some(false); 2]);
-        sleep(Duration::from_millis(200));
-        assert_eq!(send("-TERM", &mut child), Some(130));
-        assert_eq!(folder.names(), ["small.obj", "work.ckpt"]);
+        let program = folder.command(&rarely(&slow("--spp 256")));
+        stop(&folder, "-TERM", || {
+            let mut command = Command::new("sh");
+            command
+                .args(["-c", "trap '' INT HUP; exec \"$@\"", "sh"])
+                .arg(program.get_program())
+                .args(program.get_args());
+            let child = command.current_dir(folder.path("")).stdout(Stdio::null()).spawn().unwrap();
+            wait_until(|| catches("TERM", &child).unwrap_or(true));
+            assert_eq!(["INT", "HUP"].map(|signal| catches(signal, &child)), [Some(false); 2]);
+            child
+        });
     }
 
     #[test]
