@@ -14,6 +14,7 @@ struct Query {
     number: u32,
     to_light: vec3<f32>,
     primitive: u32,
+    shading_normal: vec3<f32>,
 }
 
 struct Answer {
@@ -42,7 +43,7 @@ fn main(
         return;
     }
     let q = queries[index];
-    let receiver = Receiver(q.position, q.normal, q.transmits != 0u);
+    let receiver = Receiver(q.position, q.transmits != 0u, q.normal, q.shading_normal);
     let light = sample_light(receiver, q.choice, q.square);
     var density = sky_light_density(receiver, q.to_light);
     if q.kind == 1u {

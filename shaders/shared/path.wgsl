@@ -60,6 +60,7 @@ struct Path {
     normal: vec3<f32>,
     /// Cone of the onward ray.
     cone_width: f32,
+    shading_normal: vec3<f32>,
     cone_spread: f32,
     cone_share: f32,
     cone_is_direct: u32,
@@ -106,15 +107,16 @@ fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
         gather(path, surface.emission, density);
     }
     let vertex = vertex_of(surface);
-    let receiver = Receiver(surface.position, surface.shading_normal, vertex_transmits(vertex));
+    let receiver = Receiver(surface.position, is_transmitting(vertex.bsdf), surface.normal, surface.shading_normal);
     (*path).n_vertices += 1u;
     let asks = !is_delta_only(vertex.bsdf) && look_for_light(path, one, surface, vertex, receiver, number);
     if !scatter(path, one, surface, vertex, number) {
         (*path).onward_direction = vec3(0.0);
     }
     (*path).position = receiver.position;
-    (*path).normal = receiver.normal;
     (*path).transmits = u32(receiver.transmits);
+    (*path).normal = receiver.normal;
+    (*path).shading_normal = receiver.shading_normal;
     if asks {
         (*path).stage = TO_LIGHT;
     } else {
@@ -153,7 +155,7 @@ fn gather(path: ptr<function, Path>, radiance: vec3<f32>, density: f32) {
 
 /// The vertex that the onward ray left.
 fn left(path: Path) -> Receiver {
-    return Receiver(path.position, path.normal, path.transmits != 0u);
+    return Receiver(path.position, path.transmits != 0u, path.normal, path.shading_normal);
 }
 
 /// Samples light for a vertex: what comes without a ray is added, else the path's ray is one to a light and true is returned.

@@ -29,11 +29,6 @@ fn vertex_of(surface: Surface) -> Vertex {
     return Vertex(bsdf_of(surface), basis, viewer * basis, surface.normal, any(normal != surface.normal));
 }
 
-/// Whether light from behind the shading normal counts: it comes through, or is folded to the front.
-fn vertex_transmits(vertex: Vertex) -> bool {
-    return is_transmitting(vertex.bsdf) || vertex.is_bent;
-}
-
 /// What is scattered from a world-space direction: of itself, and of the direction that is folded onto it.
 fn evaluate(vertex: Vertex, to_light: vec3<f32>) -> Evaluation {
     let height = dot(vertex.normal, to_light);

@@ -35,11 +35,7 @@ mod tests {
 
     #[test]
     fn lightness_rises() {
-        // Relative luminance of linear RGB (ITU-R BT.709).
-        let luminance = |value: f64| {
-            let [r, g, b] = viridis(value).map(f64::from);
-            0.2126 * r + 0.7152 * g + 0.0722 * b
-        };
+        let luminance = |value: f64| srgb::luminance(viridis(value).map(f64::from));
         for i in 0..256 {
             let value = f64::from(i) / 256.0;
             assert!(luminance(value) < luminance(value + 1.0 / 256.0), "at {value}");

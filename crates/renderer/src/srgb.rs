@@ -1,4 +1,4 @@
-//! The sRGB curve (IEC 61966-2-1), both ways. Linear inside, sRGB at both ends.
+//! The sRGB curve (IEC 61966-2-1), both ways, and luminance by its primaries. Linear inside, sRGB at both ends.
 
 use std::sync::LazyLock;
 
@@ -24,6 +24,11 @@ pub(crate) fn linear() -> &'static [f32; 256] {
 /// Linear value of an sRGB value in 0..=1.
 pub(crate) fn to_linear(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Relative luminance of linear RGB (ITU-R BT.709).
+pub(crate) fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// Steps of the table that finds a byte: the curve is nowhere steeper than 12.92, so a step holds at most one half-way value.

@@ -7,7 +7,7 @@
 /// Light from the sky.
 fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
     let local = cosine_hemisphere(square);
-    let to_light = basis_about(receiver.normal) * local;
+    let to_light = basis_about(receiver.shading_normal) * local;
     let density = cosine_density(local.z);
     let radiance = bounded(sky_radiance(to_light) * quotient(1.0, density));
     return LightSample(Arrival(to_light, density, radiance, ENDLESS, vec3(0.0)), NO_BODY, false);
@@ -15,5 +15,5 @@ fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
 
 /// Density of `sample_sky` in a unit direction.
 fn sky_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
-    return cosine_density(dot(receiver.normal, direction));
+    return cosine_density(dot(receiver.shading_normal, direction));
 }

@@ -1,9 +1,7 @@
 use std::ops::Add;
 
 use crate::compare::REL_MSE_FLOOR;
-
-/// Weights of linear RGB in luminance (ITU-R BT.709).
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+use crate::srgb::luminance;
 
 /// Samples of one pixel, summed in `f64`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -67,9 +65,8 @@ impl Pixel {
         if self.n_samples < 2 {
             return f64::INFINITY;
         }
-        let weighted = |values: [f64; 3]| (0..3).map(|k| LUMINANCE[k] * values[k]).sum::<f64>();
-        let error = weighted(self.variance_of_mean().map(f64::sqrt));
-        let mean = weighted(self.mean());
+        let error = luminance(self.variance_of_mean().map(f64::sqrt));
+        let mean = luminance(self.mean());
         error * error / (mean * mean + REL_MSE_FLOOR)
     }
 }

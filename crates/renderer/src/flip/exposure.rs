@@ -1,5 +1,7 @@
 //! Exposures at which a picture of high dynamic range is looked at, and what a screen shows of it then.
 
+use crate::srgb::luminance;
+
 /// The filmic curve `(a x² + b x) / (c x² + d x + e)` after the Academy's reference, fitted by Narkowicz, its input scaled by
 /// 0.6: `[a, b]`.
 const ABOVE: [f64; 2] = [0.36 * 2.51, 0.6 * 0.03];
@@ -7,16 +9,13 @@ const ABOVE: [f64; 2] = [0.36 * 2.51, 0.6 * 0.03];
 const BELOW: [f64; 3] = [0.36 * 2.43, 0.6 * 0.59, 0.14];
 /// Where the curve puts the brightest luminance at the first exposure, and the median at the last.
 const SHOWN: f64 = 0.85;
-/// Relative luminance of linear RGB (ITU-R BT.709).
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 /// The least luminance from which an exposure follows.
 const DARKEST: f64 = 1e-5;
 
 /// Powers of two from that at which the brightest luminance is shown as [`SHOWN`] to that at which the median is: one for
 /// each power of two between them, and at least two.
 pub(super) fn exposures(reference: &[[f64; 3]]) -> Vec<f64> {
-    let mut luminances: Vec<f64> =
-        reference.iter().map(|pixel| pixel.iter().zip(LUMINANCE).map(|(x, w)| x * w).sum()).collect();
+    let mut luminances: Vec<f64> = reference.iter().map(|&pixel| luminance(pixel)).collect();
     luminances.sort_by(f64::total_cmp);
     let n = luminances.len();
     let median = 0.5 * (luminances[(n - 1) / 2] + luminances[n / 2]);

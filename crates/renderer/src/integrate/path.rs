@@ -92,9 +92,9 @@ impl Vertex {
         &self.surface.bsdf
     }
 
-    /// Whether light from behind the shading normal counts: it comes through, or is folded to the front.
+    /// Whether light from behind the triangle counts.
     fn transmits(&self) -> bool {
-        self.bsdf().transmission > 0.0 || self.is_bent
+        self.bsdf().transmission > 0.0
     }
 
     /// What is scattered from a world-space direction: of itself, and of the direction that is folded onto it.

@@ -4,9 +4,9 @@ use canted_scene::Light;
 use canted_trace::Ray;
 
 use super::disc::Disc;
-use super::luminance;
 use super::sphere::Ball;
 use crate::Surface;
+use crate::srgb::luminance;
 use crate::vector::{Vector, dot, narrow, scale, sub, unit, wide};
 
 /// Light on its way to a surface, if nothing stands between. World space.

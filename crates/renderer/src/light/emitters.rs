@@ -1,14 +1,17 @@
+use std::collections::HashMap;
+
 use canted_obb::PrimId;
-use canted_scene::{Encoding, Light, Material, Scene, TextureRef};
+use canted_scene::{Encoding, Light, Material, Scene, Texture, TextureRef};
 use canted_trace::{Hit, InstanceId, Side};
 
+use super::Source;
 use super::arrival::{Arrival, intensity_of};
 use super::cluster::Cluster;
 use super::cone::Cone;
 use super::triangle::Lit;
-use super::{Source, luminance};
+use crate::srgb::{self, luminance};
 use crate::vector::{Vector, add, narrow, scale, unit, wide};
-use crate::{Surface, Surfaces, srgb};
+use crate::{Surface, Surfaces};
 
 /// A triangle that gives light, of an instance that stands still.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +34,7 @@ impl<'a> Emitters<'a> {
     /// The emitters, and for each what the choice among lights needs to know.
     pub(super) fn new(surfaces: &'a Surfaces<'a>) -> (Self, Vec<Cluster>) {
         let scene = surfaces.scene();
-        let radiances: Vec<f64> = scene.materials.iter().map(|material| mean_radiance(material, scene)).collect();
+        let radiances = mean_radiances(scene);
         let (mut list, mut clusters) = (Vec::new(), Vec::new());
         for (number, instance) in (0..).map(InstanceId).zip(&scene.instances) {
             if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
@@ -164,16 +167,22 @@ impl Cluster {
     }
 }
 
-/// Luminance of what a material emits on average over its texture.
-fn mean_radiance(material: &Material, scene: &Scene) -> f64 {
-    let tint = material.emission_texture.as_ref().map_or([1.0; 3], |texture| mean_texel(texture, scene));
-    let emission = wide(material.emission);
-    luminance(std::array::from_fn(|k| emission[k] * tint[k]))
+/// Luminance of what each material emits on average over its texture.
+fn mean_radiances(scene: &Scene) -> Vec<f64> {
+    // Many materials may share a texture of many texels.
+    let mut means = HashMap::new();
+    let mut mean_radiance = |material: &Material| {
+        let tint = material.emission_texture.as_ref().map_or([1.0; 3], |TextureRef { texture, .. }| {
+            *means.entry(*texture).or_insert_with(|| mean_texel(&scene.textures[texture.0 as usize]))
+        });
+        let emission = wide(material.emission);
+        luminance(std::array::from_fn(|k| emission[k] * tint[k]))
+    };
+    scene.materials.iter().map(|material| if material.emits() { mean_radiance(material) } else { 0.0 }).collect()
 }
 
 /// Mean of all texels of a texture, linear RGB; white for a texture without texels.
-fn mean_texel(texture: &TextureRef, scene: &Scene) -> Vector {
-    let texture = &scene.textures[texture.texture.0 as usize];
+fn mean_texel(texture: &Texture) -> Vector {
     let mut counts = [[0_u32; 256]; 3];
     for texel in &texture.texels {
         for (counts, byte) in counts.iter_mut().zip(texel) {

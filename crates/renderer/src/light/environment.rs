@@ -3,7 +3,7 @@ use std::f64::consts::{PI, TAU};
 use canted_scene::{Environment, EnvironmentImage};
 use rayon::prelude::*;
 
-use super::luminance;
+use crate::srgb::luminance;
 use crate::vector::{Vector, wide};
 
 /// Radiance from infinitely far away, ready to be looked up.

@@ -37,7 +37,6 @@ pub use sampler::{LightSample, LightSampler};
 use sphere::Ball;
 
 use crate::Tracer;
-use crate::vector::Vector;
 
 /// What light came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -162,9 +161,4 @@ pub(crate) fn are_many(scene: &Scene) -> bool {
     let is_black = *environment_of(scene) == Environment::Constant([0.0; 3]);
     let others = scene.lights.len() + usize::from(!is_black);
     others > 1 || others + scene.instances.iter().map(n_emitters).sum::<usize>() > 1
-}
-
-/// Luminance of linear RGB with the primaries of Rec. 709.
-fn luminance([r, g, b]: Vector) -> f64 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }

@@ -11,8 +11,9 @@ use super::environment::SkySampler;
 use super::glow::Receiver;
 use super::sphere::Ball;
 use super::tree::Tree;
-use super::{Lights, Source, luminance};
+use super::{Lights, Source};
 use crate::sampling::cosine_hemisphere;
+use crate::srgb::luminance;
 use crate::vector::{Vector, add, dot, narrow, scale, wide};
 use crate::{Surface, Surfaces};
 
@@ -82,7 +83,6 @@ impl<'a> LightSampler<'a> {
             })
             .collect();
         let sky = lights.sky.image().and_then(SkySampler::new);
-        let cross_section = cross_section(surfaces.scene());
         let local = clusters[..emitters.len()].iter().map(|cluster| 2.0 * PI * cluster.intensity).sum::<f64>()
             + lights.list.iter().map(power_of).filter(|power| power.is_finite()).sum::<f64>();
         let far = if lights.sky.image().is_some() && sky.is_none() { 0.0 } else { luminance(wide(lights.sky.mean)) };
@@ -90,7 +90,9 @@ impl<'a> LightSampler<'a> {
             Light::Sun { irradiance, .. } => Some((Choice::Sun(index), luminance(wide(*irradiance)))),
             _ => None,
         });
-        let powers = [(Choice::Tree, local / cross_section), (Choice::Environment, PI * far)];
+        // Where no light has a place no vertex is placed for it.
+        let near = if local > 0.0 { local / cross_section(surfaces.scene()) } else { 0.0 };
+        let powers = [(Choice::Tree, near), (Choice::Environment, PI * far)];
         let shares = shares(powers.into_iter().chain(suns));
         Self { tree: Tree::new(&clusters), lights, emitters, places, placed, sky, shares }
     }
@@ -108,7 +110,7 @@ impl<'a> LightSampler<'a> {
 
     /// Light that would arrive at a surface, from a number in `[0, 1)` that chooses and a point of the unit square.
     ///
-    /// Light from behind the shading normal is looked for only where `transmits`. `None` where no light was found.
+    /// Light from behind the triangle is looked for only where `transmits`. `None` where no light was found.
     #[must_use]
     pub fn sample(&self, from: &Surface, transmits: bool, choice: f32, square: [f32; 2]) -> Option<LightSample> {
         let (chosen, share, choice) = self.choose(choice.into())?;
@@ -237,7 +239,7 @@ fn cross_section(scene: &Scene) -> f64 {
 }
 
 fn receiver(from: &Surface, transmits: bool) -> Receiver {
-    Receiver { position: from.position, normal: (!transmits).then_some(from.shading_normal) }
+    Receiver { position: from.position, normal: (!transmits).then_some(from.normal) }
 }
 
 /// A density that `f32` can hold.

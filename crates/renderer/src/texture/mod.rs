@@ -43,14 +43,16 @@ impl<'a> Textures<'a> {
     pub(crate) fn new(scene: &'a Scene, lod: Lod) -> Self {
         let mut uses = vec![Use::default(); scene.textures.len()];
         for material in &scene.materials {
+            // What this texture shows is seen where its own alpha lets it.
+            let mask = material.alpha_texture.as_ref().filter(|_| material.is_cut_out());
             for slot in averaged(material) {
                 let asked = &mut uses[slot.texture.0 as usize];
                 asked.is_averaged = lod != Lod::None;
-                asked.is_cut_out |= material.is_cut_out();
+                asked.is_seen_whole |= mask != Some(slot);
             }
         }
         let pyramid = |(texture, asked): (&'a Texture, &Use)| {
-            if asked.is_averaged { Pyramid::new(texture, asked.is_cut_out) } else { Pyramid::flat(texture) }
+            if asked.is_averaged { Pyramid::new(texture, !asked.is_seen_whole) } else { Pyramid::flat(texture) }
         };
         Self { pyramids: scene.textures.par_iter().zip(&uses).map(pyramid).collect() }
     }
@@ -64,8 +66,8 @@ impl<'a> Textures<'a> {
 #[derive(Clone, Copy, Default)]
 struct Use {
     is_averaged: bool,
-    /// Whether a material shows it only where alpha lets it.
-    is_cut_out: bool,
+    /// Whether a material shows it also where its alpha is small.
+    is_seen_whole: bool,
 }
 
 /// The textures of a material but that of alpha.
@@ -79,4 +81,47 @@ pub(crate) fn averaged(material: &Material) -> impl Iterator<Item = &TextureRef>
     ]
     .into_iter()
     .flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canted_scene::{AlphaMode, Encoding, UvSet, Wrap};
+
+    /// The colour of the smallest copy of a texture that is half white and half black, of which alpha cuts out the black.
+    fn smallest(materials: Vec<Material>) -> u8 {
+        let texels = vec![[255; 4], [0; 4]];
+        let (name, encoding, wrap) = (String::new(), Encoding::Linear, [Wrap::Repeat; 2]);
+        let texture = Texture { name, width: 2, height: 1, texels, encoding, wrap };
+        let scene = Scene { textures: vec![texture], materials, ..Scene::default() };
+        let textures = Textures::new(&scene, Lod::Aniso);
+        let pyramid = textures.get(TextureId(0));
+        pyramid.level(pyramid.n_levels() - 1).texels[0][0]
+    }
+
+    /// Colours are weighed by the alpha that says where they are seen, and by no other.
+    #[test]
+    fn colours_are_weighed_by_the_mask_that_cuts_them_out() {
+        const ALL: u8 = 128;
+        const SEEN: u8 = 255;
+        let slot = Some(TextureRef::plain(TextureId(0)));
+        let mask = Material { alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..Material::default() };
+        let leaf = Material { base_color_texture: slot, alpha_texture: slot, ..mask.clone() };
+        let sign = Material { emission_texture: slot, alpha_texture: slot, ..mask.clone() };
+        let blended = Material { alpha_mode: AlphaMode::Blend, ..leaf.clone() };
+        for seen in [&leaf, &sign, &blended] {
+            assert_eq!(smallest(vec![seen.clone()]), SEEN, "{seen:?}");
+        }
+        let elsewhere = Some(TextureRef { uv_set: UvSet::Second, ..TextureRef::plain(TextureId(0)) });
+        for whole in [
+            Material { alpha_mode: AlphaMode::Opaque, ..leaf.clone() },
+            Material { base_color_texture: slot, ..mask.clone() },
+            Material { emission_texture: slot, ..mask.clone() },
+            Material { roughness: 0.5, metallic_roughness_texture: slot, ..mask },
+            Material { base_color_texture: elsewhere, ..leaf.clone() },
+        ] {
+            assert_eq!(smallest(vec![whole.clone()]), ALL, "{whole:?}");
+            assert_eq!(smallest(vec![leaf.clone(), whole]), ALL);
+        }
+    }
 }

@@ -22,6 +22,8 @@ struct Query {
     number: u32,
     to_light: [f32; 3],
     primitive: u32,
+    shading_normal: [f32; 3],
+    _padding: u32,
 }
 
 #[repr(C)]
@@ -53,7 +55,7 @@ impl Query {
         Surface {
             position: wide(self.position),
             normal: wide(self.normal),
-            shading_normal: wide(self.normal),
+            shading_normal: wide(self.shading_normal),
             is_front: true,
             bsdf: Bsdf::lambert([0.5; 3]),
             emission: [0.0; 3],
@@ -87,6 +89,9 @@ impl Query {
                 all.push(query);
                 let mut query = *self;
                 query.normal[k] += step;
+                all.push(query);
+                let mut query = *self;
+                query.shading_normal[k] += step;
                 all.push(query);
                 let mut query = *self;
                 query.to_light[k] += step;
@@ -238,12 +243,14 @@ fn queries(sampler: &LightSampler, n: u32) -> Vec<Query> {
                 position: direction(i, 10).map(|x| [3.0, 0.3, 8.0][i as usize % 3] * x),
                 choice: number(i, 12),
                 normal: direction(i, 13),
+                shading_normal: direction(i, 19),
                 transmits: u32::from(i % 3 == 0),
                 square: [number(i, 15), number(i, 16)],
                 kind: 0,
                 number: 0,
                 to_light: direction(i, 17),
                 primitive: 0,
+                _padding: 0,
             };
             if let Some(sample) = query.sample(sampler).filter(|sample| !sample.is_delta) {
                 query.to_light = sample.to_light;
@@ -317,7 +324,7 @@ fn layouts_are_the_kernels() {
         kernel,
         &chosen,
         "Query",
-        Query { position, choice, normal, transmits, square, kind, number, to_light, primitive }
+        Query { position, choice, normal, transmits, square, kind, number, to_light, primitive, shading_normal }
     );
     same_layout!(
         kernel,

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use canted_renderer::{Pattern, Sampler};
+use canted_renderer::{Pattern, Sampler, Source, Surface};
 use canted_scene::{Light, Material, Scene};
 
 use super::irradiance::lambert;
@@ -110,6 +110,24 @@ fn the_tree_beats_power() {
         let gain = (by_power.error / by_tree.error).powi(2);
         assert!(gain > 10.0, "{gain}");
     }
+}
+
+/// Light arrives on the side of the triangle, whatever the shading normal says: no number chooses a light from behind the
+/// triangle, and one before it is chosen also where the shading normal looks away from it.
+#[test]
+fn the_triangle_says_which_lights_count() {
+    let mut scene = hall(0);
+    let bulb = |height: f32| Light::Point { position: [10.0, height, 10.0], intensity: [7.0; 3] };
+    scene.lights = [bulb(2.0)].into_iter().chain((1..=9_u8).map(|k| bulb(-f32::from(k)))).collect();
+    let bent = Surface { shading_normal: [0.8, -0.6, 0.0], ..receiver([10.0, 0.0, 10.0], UP) };
+    with_sampler(&scene, |sampler| {
+        let chosen = |transmits: bool, light: u32| {
+            let samples = numbers(500).filter_map(|(choice, square)| sampler.sample(&bent, transmits, choice, square));
+            samples.filter(|sample| sample.source == Source::Light(light)).count()
+        };
+        assert_eq!(chosen(false, 0), 500);
+        assert!(chosen(true, 0) > 0 && chosen(true, 1) > 0);
+    });
 }
 
 /// Equal scenes choose equally, and the order of the numbers is kept: nearby choices find nearby lights.

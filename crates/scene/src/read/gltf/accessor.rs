@@ -14,9 +14,6 @@ pub(super) const REALS: &[ComponentType] =
 /// Components that stand for indices.
 pub(super) const INDICES: &[ComponentType] = &[ComponentType::U8, ComponentType::U16, ComponentType::U32];
 
-/// Elements that an accessor without a buffer view may have, whatever the size of the file: 64 MiB of the largest.
-const MAX_ZEROS: usize = 1 << 20;
-
 /// What an element without bytes reads as; the largest element is a 4 x 4 matrix of `f32`.
 const ZEROS: [u8; 64] = [0; 64];
 
@@ -85,7 +82,7 @@ impl<'a> Accessor<'a> {
                 Some(Dense { bytes, stride })
             }
             // Zeros that no byte stands for are as many as a file likes to say.
-            None if count > MAX_ZEROS.max(document.n_buffer_bytes()) => {
+            None if count > document.most_from_nothing() => {
                 return Err(malformed(format!("has {count} elements and no buffer view")));
             }
             None => None,

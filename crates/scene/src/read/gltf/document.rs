@@ -105,9 +105,10 @@ impl<'a> Document<'a> {
         Ok((bytes, view.byte_stride.map(|stride| stride.0)))
     }
 
-    /// Bytes of all buffers together.
-    pub(super) fn n_buffer_bytes(&self) -> usize {
-        self.buffers.iter().map(|buffer| buffer.len()).sum()
+    /// Elements that a file may make of none of its bytes, or again and again of the same: as many as its buffers have bytes, and
+    /// 64 MiB of the largest whatever they have.
+    pub(super) fn most_from_nothing(&self) -> usize {
+        self.buffers.iter().map(|buffer| buffer.len()).sum::<usize>().max(1 << 20)
     }
 
     fn load_buffer(&self, index: usize, bin: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, ReadError> {

@@ -31,9 +31,8 @@ pub(super) fn read(document: &Document<'_>, remarks: &mut Remarks, scene: &mut S
         read("default".to_owned(), &Source::default(), scene)?;
     }
     // Emission has no colour of vertices.
-    for k in
-        (0..document.root.materials.len()).filter(|&k| is_unlit(&document.root.materials[k]) && is_tinted(document, k))
-    {
+    let tinted = tinted(document);
+    for k in (0..tinted.len()).filter(|&k| tinted[k] && is_unlit(&document.root.materials[k])) {
         remarks.note("vertex colours of KHR_materials_unlit are ignored", &format!("material {k}"));
     }
     textures.load(scene)
@@ -209,13 +208,18 @@ fn is_unlit(source: &Source) -> bool {
     source.extensions.as_ref().is_some_and(|extensions| extensions.unlit.is_some())
 }
 
-/// Whether a primitive of a material has colours at its vertices.
-fn is_tinted(document: &Document<'_>, material: usize) -> bool {
+/// Whether each material has a primitive with colours at its vertices.
+fn tinted(document: &Document<'_>) -> Vec<bool> {
     let colors = Checked::Valid(Semantic::Colors(0));
-    let mut primitives = document.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
-    primitives.any(|primitive| {
-        primitive.material.is_some_and(|index| index.value() == material) && primitive.attributes.contains_key(&colors)
-    })
+    let mut tinted = vec![false; document.root.materials.len()];
+    for primitive in document.root.meshes.iter().flat_map(|mesh| &mesh.primitives) {
+        // Who names a material that is not there is told so where primitives are read.
+        let named = primitive.material.and_then(|material| tinted.get_mut(material.value()));
+        if let Some(is_tinted) = named {
+            *is_tinted |= primitive.attributes.contains_key(&colors);
+        }
+    }
+    tinted
 }
 
 /// A surface that shows its colour in any light: it emits it, and reflects nothing.

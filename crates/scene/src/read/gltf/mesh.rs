@@ -2,6 +2,9 @@
 
 use std::ops::Range;
 
+use gltf::json::mesh::Semantic;
+use gltf::json::validation::Checked;
+
 use super::document::Document;
 use super::pose::Pose;
 use super::primitive::{Patch, Reading};
@@ -44,6 +47,19 @@ pub(super) fn read(
             .ok_or_else(|| document.malformed(place, "takes its mesh beyond what 32 bits count"))?;
     }
     Ok(read)
+}
+
+/// Vertices and indices of mesh `index` that no bytes stand for.
+pub(super) fn n_zeros(document: &Document<'_>, index: usize) -> usize {
+    let n_zeros = |accessor: usize| {
+        let accessor = document.root.accessors.get(accessor).filter(|accessor| accessor.buffer_view.is_none());
+        accessor.map_or(0, |accessor| usize::try_from(accessor.count.0).unwrap_or(usize::MAX))
+    };
+    let read = document.root.meshes[index].primitives.iter().flat_map(|primitive| {
+        let positions = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
+        [positions, primitive.indices.as_ref()].into_iter().flatten()
+    });
+    read.map(|accessor| n_zeros(accessor.value())).fold(0, usize::saturating_add)
 }
 
 /// Appends a patch; `None` where numbers exceed 32 bits.

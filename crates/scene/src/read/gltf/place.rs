@@ -24,7 +24,14 @@ pub(super) fn read(
     scene: &mut Scene,
 ) -> Result<(), ReadError> {
     let placing = placing(document, nodes)?;
+    let posed = placing.iter().filter(|&&(_, node, mesh)| is_posed(document, node, mesh)).map(|&(.., mesh)| mesh);
+    let n_zeros = posed.chain(0..document.root.meshes.len()).map(|mesh| mesh::n_zeros(document, mesh));
+    let n_zeros = n_zeros.fold(0, usize::saturating_add);
+    if n_zeros > document.most_from_nothing() {
+        return Err(document.malformed("meshes", format!("{n_zeros} vertices and indices have no buffer view")));
+    }
     let (mut meshes, first_primitives) = read_unposed(document, &placing, repair, scene)?;
+    let mut n_repeated = 0;
     for &(k, node, mesh_index) in &placing {
         let mut mesh = mesh_index;
         if is_posed(document, node, mesh_index) {
@@ -37,6 +44,12 @@ pub(super) fn read(
             continue;
         }
         let transforms = transforms(document, nodes, k)?;
+        // Many nodes may name the same accessors.
+        n_repeated += transforms.len().saturating_sub(1);
+        if n_repeated > document.most_from_nothing() {
+            let message = format!("{} instances, {n_repeated} with those before, are too many", transforms.len());
+            return Err(document.malformed(format!("node {k}"), message));
+        }
         let n_left_out = transforms.iter().filter(|transform| transform.is_none()).count();
         if n_left_out > 0 {
             let name = node.name.as_deref().unwrap_or_default();

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{File, I8};
+use super::{F32, File, I8};
 use crate::MeshId;
 
 /// A node that repeats the triangle by these attributes.
@@ -66,6 +66,31 @@ fn instances_that_break_the_rules() {
     with(json!({ "SCALE": 77 })).refused("names accessor 77");
     with(json!({ "SCALE": "1" })).refused("not the index of an accessor");
     with(json!({})).refused("has no TRANSLATION, ROTATION or SCALE");
+}
+
+/// A few kilobytes that name the same nothing again and again would fill any memory.
+#[test]
+fn nothing_repeated_without_end_is_refused() {
+    let zeros = |file: &mut File, count: u32| {
+        file.push("accessors", json!({ "componentType": F32, "type": "VEC3", "count": count }));
+        file.json["accessors"].as_array().unwrap().len() - 1
+    };
+    let mut file = File::of_nodes(json!([]));
+    let translations = zeros(&mut file, 400_000);
+    for _ in 0..2 {
+        repeated(&mut file, json!({ "TRANSLATION": translations }));
+    }
+    assert_eq!(file.scene().instances.len(), 800_000);
+    repeated(&mut file, json!({ "TRANSLATION": translations }));
+    file.refused("node 2: 400000 instances, 1199997 with those before");
+
+    let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
+    let positions = zeros(&mut file, 300_000);
+    let vertices = json!({ "attributes": { "POSITION": positions } });
+    file.mesh(json!([vertices, vertices]));
+    assert_eq!(file.scene().instances.len(), 1);
+    file.mesh(json!([vertices, { "attributes": { "POSITION": 0 }, "indices": positions }]));
+    file.refused("meshes: 1200000 vertices and indices have no buffer view");
 }
 
 #[test]
