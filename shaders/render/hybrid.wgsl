@@ -33,7 +33,7 @@ fn main(
         choose_time(one);
         let start = camera_ray(one);
         let light = gathered(one, start.ray, start.cone);
-        keep(group, local, start.weight * light.radiance, light.n_rays);
+        keep(group, local, light.radiance, light.n_rays);
     }
 }
 

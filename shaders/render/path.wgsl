@@ -26,6 +26,6 @@ fn main(
                 break;
             }
         }
-        keep(group, local, path.weight * path.radiance, path.n_rays);
+        keep(group, local, path.radiance, path.n_rays);
     }
 }

@@ -20,15 +20,13 @@ const LENS: u32 = 0xfffffffeu;
 struct CameraRay {
     ray: Ray,
     cone: Cone,
-    /// What the sample counts by the filter.
-    weight: f32,
 }
 
 fn camera_ray(one: PixelSample) -> CameraRay {
-    let placed = filtered(square(one, PIXEL_POSITION));
-    let position = (vec2<f32>(one.at) + 0.5 - 0.5 * vec2<f32>(picture.size)) + placed.offset;
+    let offset = filtered(square(one, PIXEL_POSITION));
+    let position = (vec2<f32>(one.at) + 0.5 - 0.5 * vec2<f32>(picture.size)) + offset;
     let line = through_lens(line_of(position), one);
-    return CameraRay(line, pixel_cone(position, one.sample), placed.weight);
+    return CameraRay(line, pixel_cone(position, one.sample));
 }
 
 /// A ray without end.

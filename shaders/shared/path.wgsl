@@ -64,8 +64,6 @@ struct Path {
     cone_spread: f32,
     cone_share: f32,
     cone_is_direct: u32,
-    /// What the sample counts by the filter.
-    weight: f32,
 }
 
 /// A path that begins at the camera.
@@ -76,7 +74,6 @@ fn path_from(start: CameraRay) -> Path {
     path.compression = 1.0;
     path.density = -1.0;
     path.n_rays = 1u;
-    path.weight = start.weight;
     set_cone(&path, start.cone);
     return path;
 }

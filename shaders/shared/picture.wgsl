@@ -26,8 +26,6 @@ struct Picture {
     ambient: vec3<f32>,
     /// Error along each axis between the plane of a triangle and a ray that leaves it, of a scene of one level.
     slack: f32,
-    /// Absolute weight of a sample along an axis, by the filter.
-    filter_excess: f32,
 }
 
 /// Work-groups of a dispatch: each takes one sample of the 8 x 8 pixels of a cell.

@@ -31,7 +31,7 @@ fn main(
         if goes_on {
             paths[place] = path;
         } else {
-            keep(place / 64u, place % 64u, path.weight * path.radiance, path.n_rays);
+            keep(place / 64u, place % 64u, path.radiance, path.n_rays);
         }
     }
     enqueue(goes_on, place, local);

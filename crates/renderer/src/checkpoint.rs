@@ -14,10 +14,10 @@ use crate::content::Hash;
 use crate::output::{Record, WriteError, record_from_lines, record_lines, write_whole};
 use crate::{Guide, Pixel, ReadPictureError, Tile};
 
-const KIND: &str = "canted checkpoint 1\n";
+const KIND: &str = "canted checkpoint 2\n";
 
 /// Words of a pixel and of a guide.
-const PIXEL_WORDS: usize = 7;
+const PIXEL_WORDS: usize = 8;
 const GUIDE_WORDS: usize = 14;
 
 /// Tiles finished so far, ready to be written at any time.
@@ -75,7 +75,7 @@ fn checksum(bytes: &[u8]) -> u64 {
 fn pixel_words(pixel: &Pixel) -> [u64; PIXEL_WORDS] {
     let [r, g, b] = pixel.sum.map(f64::to_bits);
     let [rr, gg, bb] = pixel.sum_of_squares.map(f64::to_bits);
-    [r, g, b, rr, gg, bb, pair([pixel.n_samples, pixel.n_dropped])]
+    [r, g, b, rr, gg, bb, pair([pixel.n_samples, pixel.n_negative]), u64::from(pixel.n_dropped)]
 }
 
 fn guide_words(guide: &Guide) -> [u64; GUIDE_WORDS] {
@@ -136,8 +136,9 @@ fn tile(number: u64, words: &mut impl ExactSizeIterator<Item = u64>) -> Option<T
     let pixels = (0..n_pixels).map(|_| {
         let sum = std::array::from_fn(|_| f64::from_bits(next()));
         let sum_of_squares = std::array::from_fn(|_| f64::from_bits(next()));
-        let [n_samples, n_dropped] = halves(next());
-        Pixel { sum, sum_of_squares, n_samples, n_dropped }
+        let [n_samples, n_negative] = halves(next());
+        let [_, n_dropped] = halves(next());
+        Pixel { sum, sum_of_squares, n_samples, n_negative, n_dropped }
     });
     let pixels = pixels.collect();
     let guides = (0..n_guides).map(|_| {

@@ -80,8 +80,8 @@ const STEPS: usize = 896;
 /// Places samples about a pixel's centre as a [`Filter`] weighs it, so that their mean is the filtered picture.
 ///
 /// Filter importance sampling after Ernst et al. 2006: a sample belongs to one pixel alone, and no pixel waits for its
-/// neighbours. Where a filter is negative, the absolute value chooses the place and the sample counts negatively, with
-/// weights that are 1 on average; other filters have weight 1.
+/// neighbours. Where a filter is negative, the absolute value chooses the place and the sample's weight is -1; everywhere
+/// else it is 1. A pixel is the sum of weighed samples over the sum of weights, so that even light stays even.
 ///
 /// Places come from a table of the integral, linear between its steps `h`: the response to an edge is that of the filter
 /// up to `h²/8` times the filter's greatest slope, less than `10⁻⁶` for radii of a few pixels.
@@ -90,8 +90,8 @@ pub struct FilterSampler {
     filter: Filter,
     /// Share of the integral of the absolute value over the radius that lies before each step; the last is 1.
     before: Vec<f64>,
-    /// Integral of the absolute value over the integral.
-    excess: f64,
+    /// Whether the filter is negative anywhere.
+    is_signed: bool,
 }
 
 impl FilterSampler {
@@ -114,22 +114,19 @@ impl FilterSampler {
         }));
         let before: Vec<f64> = before.collect();
         let all = before[STEPS];
-        let excess = all / masses.iter().sum::<f64>();
-        Some(Self { filter, before: before.into_iter().map(|x| x / all).collect(), excess })
+        let is_signed = masses.iter().any(|&mass| mass < 0.0);
+        Some(Self { filter, before: before.into_iter().map(|x| x / all).collect(), is_signed })
     }
 
-    /// Absolute weight of a sample along one axis.
+    /// Whether samples may weigh -1.
+    pub(crate) fn is_signed(&self) -> bool {
+        self.is_signed
+    }
+
+    /// The table as a device reads it: the share before each step.
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-    pub(crate) fn excess(&self) -> f32 {
-        self.excess as f32
-    }
-
-    /// The table as a device reads it: the share before each step, negative where the step's weight is.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "rounding to f32 is the result")]
     pub(crate) fn table(&self) -> Vec<f32> {
-        let middle = |step: usize| f64::from(self.filter.radius()) * (step as f64 + 0.5) / STEPS as f64;
-        let signed = |(step, &before): (usize, &f64)| (before as f32).copysign(self.filter.value(middle(step)) as f32);
-        self.before.iter().enumerate().map(signed).collect()
+        self.before.iter().map(|&before| before as f32).collect()
     }
 
     /// Where a sample lies from the pixel's centre, in pixels, and what it weighs, for a point of the unit square.
@@ -141,13 +138,12 @@ impl FilterSampler {
             return ([x, y].map(|s| s * f64::from(radius)), 1.0);
         }
         let ((x, x_weight), (y, y_weight)) = (self.along(x), self.along(y));
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-        ([x, y], (x_weight * y_weight) as f32)
+        ([x, y], x_weight * y_weight)
     }
 
     /// The place along one axis, and its weight, for a number from -1 to 1.
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
-    fn along(&self, signed: f64) -> (f64, f64) {
+    fn along(&self, signed: f64) -> (f64, f32) {
         let share = signed.abs();
         // The step that begins at or before the share; the last one for a share of 1.
         let step = self.before[..STEPS].partition_point(|&before| before <= share) - 1;
@@ -156,6 +152,6 @@ impl FilterSampler {
         let x = f64::from(self.filter.radius()) * (step as f64 + inside) / STEPS as f64;
         // No step has both signs.
         let middle = f64::from(self.filter.radius()) * (step as f64 + 0.5) / STEPS as f64;
-        (x.copysign(signed), self.excess.copysign(self.filter.value(middle)))
+        (x.copysign(signed), if self.filter.value(middle) < 0.0 { -1.0 } else { 1.0 })
     }
 }

@@ -44,8 +44,10 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
 
     fn by_device(&self, layout: &Layout, division: &Division) -> Result<(), GpuError> {
         let slicer = Slicer::new(self.gpu, self.stages.clone())?;
+        let weight = self.on_cpu.weights();
         let on_cpu = |at, sample, sums: &mut Sums| self.on_cpu.take(at, sample, sums);
-        let mut taker = Taker { slicer, bound: self.bound(), settings: self.settings, on_cpu: &on_cpu };
+        let mut taker =
+            Taker { slicer, bound: self.bound(), settings: self.settings, weight: &weight, on_cpu: &on_cpu };
         loop {
             let numbers = division.next_of_device(|shown| film::next_run(&taker.slicer, layout, self.settings, shown));
             if numbers.is_empty() || division.is_over(&numbers) {

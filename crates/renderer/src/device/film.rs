@@ -27,6 +27,8 @@ pub(super) struct Taker<'a> {
     /// What its kernel binds of picture and scene.
     pub(super) bound: Vec<Bound<'a>>,
     pub(super) settings: &'a Settings,
+    /// What a sample of a pixel weighs.
+    pub(super) weight: &'a dyn Fn([u32; 2], u32) -> f32,
     /// Takes a sample of a pixel into its sums where the device could not finish it; returns the rays.
     pub(super) on_cpu: &'a dyn Fn([u32; 2], u32, &mut Sums) -> u64,
 }
@@ -77,9 +79,9 @@ fn take(taker: &mut Taker, waiting: &mut [Cell], samples: [u32; 2], stop: &dyn F
     let places: Vec<u32> = waiting.iter().map(|Cell { at: [x, y], .. }| x | y << 16).collect();
     let [first, n] = samples;
     let (mut cell, mut sample) = (0, first);
-    let on_cpu = taker.on_cpu;
+    let Taker { weight, on_cpu, .. } = *taker;
     taker.slicer.take(&places, samples, &taker.bound, |taken: &[Taken], seen: &[Seen]| {
-        add(taken, seen, &mut waiting[cell], sample, on_cpu);
+        add(taken, seen, &mut waiting[cell], sample, weight, on_cpu);
         sample += 1;
         if sample == first + n {
             (cell, sample) = (cell + 1, first);
@@ -89,19 +91,26 @@ fn take(taker: &mut Taker, waiting: &mut [Cell], samples: [u32; 2], stop: &dyn F
 }
 
 /// Adds a sample of each of a cell's pixels.
-fn add(taken: &[Taken], seen: &[Seen], cell: &mut Cell, sample: u32, on_cpu: &dyn Fn([u32; 2], u32, &mut Sums) -> u64) {
+fn add(
+    taken: &[Taken],
+    seen: &[Seen],
+    cell: &mut Cell,
+    sample: u32,
+    weight: &dyn Fn([u32; 2], u32) -> f32,
+    on_cpu: &dyn Fn([u32; 2], u32, &mut Sums) -> u64,
+) {
     let corner = cell.pixels[0];
     for (&[x, y], sums) in cell.pixels.iter().zip(&mut cell.sums) {
         let [column, row] = [x - corner[0], y - corner[1]];
         let local = (row * CELL + column) as usize;
         let [red, green, blue, rays] = taken[local];
+        let at = [cell.at[0] * CELL + column, cell.at[1] * CELL + row];
         if rays < 0.0 {
             // A ray was cut short: what it brought is not known.
-            let at = [cell.at[0] * CELL + column, cell.at[1] * CELL + row];
             cell.n_rays += on_cpu(at, sample, sums);
             continue;
         }
-        sums.pixel.push_sample(sample, Pixel::of([red, green, blue]));
+        sums.pixel.push_sample(sample, Pixel::weighed([red, green, blue], weight(at, sample)));
         if let Some(seen) = seen.get(local) {
             sums.guide.push_sample(sample, guide(seen));
         }

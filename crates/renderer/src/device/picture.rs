@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use canted_gpu::Specialisation;
 
 use crate::vector::{length, narrow};
-use crate::{Filter, FilterSampler, Pattern, Sampler, Settings, View};
+use crate::{Filter, Pattern, Sampler, Settings, View};
 
 /// `Picture` of `shared/picture`, which says what is what.
 #[repr(C)]
@@ -24,8 +24,6 @@ pub(super) struct PackedPicture {
     pub(super) sampler: [u32; 4],
     pub(super) ambient: [f32; 3],
     pub(super) slack: f32,
-    pub(super) filter_excess: f32,
-    pub(super) padding: [u32; 3],
 }
 
 /// `Slice` of `shared/picture`.
@@ -40,7 +38,7 @@ pub(super) struct Slice {
 
 /// Everything but what the scene decides.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-pub(super) fn picture(view: &View, filter: &FilterSampler, settings: &Settings, ao_radius: f64) -> PackedPicture {
+pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> PackedPicture {
     let Settings { width, height, samples, bounces, seed, pattern, .. } = *settings;
     let [columns, rows] = Sampler::new(pattern, samples, seed).grid();
     let lens = view.lens;
@@ -60,8 +58,6 @@ pub(super) fn picture(view: &View, filter: &FilterSampler, settings: &Settings, 
         sampler: [seed, columns, rows, columns.saturating_mul(rows)],
         ambient: [0.0; 3],
         slack: 0.0,
-        filter_excess: filter.excess(),
-        padding: [0; 3],
     }
 }
 

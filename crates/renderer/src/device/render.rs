@@ -66,7 +66,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let sky = DeviceSky::new(gpu, scene)?;
         let ambient = bounded(Lights::new(scene).ambient());
         let Rendering { view, filter, ao_radius, .. } = &on_cpu;
-        let facts = picture::picture(view, filter, settings, *ao_radius);
+        let facts = picture::picture(view, settings, *ao_radius);
         let facts = PackedPicture { ambient, slack: packed.slack, ..facts };
         let filter_table = match settings.filter {
             Filter::Box(_) => None,
@@ -142,8 +142,10 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let left: Vec<usize> = (0..slots.len()).filter(|&number| slots[number].is_none()).collect();
         let mut n_done = slots.len() - left.len();
         let slicer = Slicer::new(self.gpu, self.stages.clone())?;
+        let weight = self.on_cpu.weights();
         let on_cpu = |at, sample, sums: &mut Sums| self.on_cpu.take(at, sample, sums);
-        let mut taker = Taker { slicer, bound: self.bound(), settings: self.settings, on_cpu: &on_cpu };
+        let mut taker =
+            Taker { slicer, bound: self.bound(), settings: self.settings, weight: &weight, on_cpu: &on_cpu };
         let mut left = &left[..];
         while !left.is_empty() {
             let (now, later) = left.split_at(film::next_run(&taker.slicer, &layout, self.settings, left));

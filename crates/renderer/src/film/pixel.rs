@@ -6,12 +6,14 @@ use crate::srgb::luminance;
 /// Samples of one pixel, summed in `f64`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
-    /// Sum of linear RGB.
+    /// Sum of linear RGB, less that of negative samples.
     pub sum: [f64; 3],
     /// Sum of the squares of linear RGB.
     pub sum_of_squares: [f64; 3],
     /// Samples in the sums.
     pub n_samples: u32,
+    /// Those of them that a filter weighs negatively.
+    pub n_negative: u32,
     /// Samples that were not finite: counted, in no sum.
     pub n_dropped: u32,
 }
@@ -24,7 +26,17 @@ impl Pixel {
             return Self { n_dropped: 1, ..Self::default() };
         }
         let sum = radiance.map(f64::from);
-        Self { sum, sum_of_squares: sum.map(|x| x * x), n_samples: 1, n_dropped: 0 }
+        Self { sum, sum_of_squares: sum.map(|x| x * x), n_samples: 1, ..Self::default() }
+    }
+
+    /// As [`Self::of`] a sample that weighs 1 or, where a filter is negative, -1.
+    #[must_use]
+    pub(crate) fn weighed(radiance: [f32; 3], weight: f32) -> Self {
+        let sample = Self::of(radiance);
+        if weight >= 0.0 {
+            return sample;
+        }
+        Self { sum: sample.sum.map(|x| -x), n_negative: sample.n_samples, ..sample }
     }
 
     /// Samples taken, dropped ones too.
@@ -33,25 +45,33 @@ impl Pixel {
         self.n_samples + self.n_dropped
     }
 
-    /// Mean of the finite samples; black where there is none.
+    /// Mean of the finite samples, each by its weight; black where there is none.
     #[must_use]
     pub fn mean(&self) -> [f64; 3] {
-        let n = f64::from(self.n_samples.max(1));
-        self.sum.map(|sum| sum / n)
+        let weight = self.weight();
+        self.sum.map(|sum| sum / weight)
+    }
+
+    /// Sum of the weights; 1 where it is zero, as then a quotient would say nothing.
+    fn weight(&self) -> f64 {
+        let weight = f64::from(self.n_samples) - 2.0 * f64::from(self.n_negative);
+        if weight == 0.0 { 1.0 } else { weight }
     }
 
     /// Variance of the mean of independent samples, unbiased; zero where fewer than two samples say nothing about it.
     ///
-    /// Stratified samples vary less than this estimate says.
+    /// Stratified samples vary less than this estimate says, and so do those of a filter that is negative somewhere: as if
+    /// their weights were no part of the mean.
     #[must_use]
     pub fn variance_of_mean(&self) -> [f64; 3] {
         if self.n_samples < 2 {
             return [0.0; 3];
         }
         let n = f64::from(self.n_samples);
+        let by_weight = (n / self.weight()).powi(2);
         std::array::from_fn(|k| {
             let squares = self.sum_of_squares[k] - self.sum[k] * self.sum[k] / n;
-            squares.max(0.0) / (n * (n - 1.0))
+            squares.max(0.0) / (n * (n - 1.0)) * by_weight
         })
     }
 
@@ -79,6 +99,7 @@ impl Add for Pixel {
             sum: std::array::from_fn(|k| self.sum[k] + other.sum[k]),
             sum_of_squares: std::array::from_fn(|k| self.sum_of_squares[k] + other.sum_of_squares[k]),
             n_samples: self.n_samples + other.n_samples,
+            n_negative: self.n_negative + other.n_negative,
             n_dropped: self.n_dropped + other.n_dropped,
         }
     }
@@ -100,6 +121,20 @@ mod tests {
         // Two samples a and b: the variance of their mean is ((a - b) / 2)².
         assert_eq!(pixel.mean(), [2.0, 2.0, 6.0]);
         assert_eq!(pixel.variance_of_mean(), [1.0, 0.0, 4.0]);
+    }
+
+    #[test]
+    fn negative_samples_count_down() {
+        let sample = |x: f32, weight: f32| Pixel::weighed([x; 3], weight);
+        let pixel = sample(2.0, 1.0) + sample(3.0, 1.0) + sample(1.0, -1.0);
+        assert_eq!((pixel.n_samples, pixel.n_negative, pixel.mean()), (3, 1, [4.0; 3]));
+        assert_eq!(sample(2.0, -1.0).mean(), [2.0; 3]);
+        // No quotient says anything here: one is as good as the other.
+        assert_eq!((sample(2.0, -1.0) + sample(2.0, 1.0)).mean(), [0.0; 3]);
+        let lost = sample(f32::NAN, -1.0);
+        assert_eq!((lost.n_samples, lost.n_negative, lost.n_dropped), (0, 0, 1));
+        // Never less than what varies: here nothing does, but for the weights.
+        assert!((sample(1.0, 1.0) + sample(1.0, 1.0) + sample(1.0, -1.0)).squared_error() > 0.0);
     }
 
     #[test]

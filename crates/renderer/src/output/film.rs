@@ -33,7 +33,7 @@ const CHECKSUM: &str = "checksum";
 /// Names of a pixel's numbers in `f64`.
 const LIGHT: [&str; 6] = ["sum.R", "sum.G", "sum.B", "squares.R", "squares.G", "squares.B"];
 /// Names of its counts.
-const COUNTS: [&str; 2] = ["count.summed", "count.dropped"];
+const COUNTS: [&str; 3] = ["count.summed", "count.negative", "count.dropped"];
 
 /// Writes a film as an EXR: R, G, B, the channels of `aovs`, and where the film has a part, its exact sums and `record`.
 ///
@@ -130,7 +130,7 @@ fn words(pixel: &Pixel, guide: Option<&Guide>) -> Vec<u32> {
     let light = pixel.sum.into_iter().chain(pixel.sum_of_squares);
     let doubles = light.chain(guide.into_iter().flat_map(Guide::sums)).map(f64::to_bits);
     let mut words: Vec<u32> = doubles.flat_map(|bits| [(bits >> 32) as u32, bits as u32]).collect();
-    words.extend([pixel.n_samples, pixel.n_dropped]);
+    words.extend([pixel.n_samples, pixel.n_negative, pixel.n_dropped]);
     if let Some(guide) = guide {
         let [instance, primitive] = guide.first.unwrap_or([u32::MAX; 2]);
         words.extend([guide.n_hits, instance, primitive]);
@@ -147,12 +147,13 @@ fn from_words(words: &[u32], is_guided: bool) -> (Pixel, Option<Guide>) {
         sum: std::array::from_fn(double),
         sum_of_squares: std::array::from_fn(|k| double(3 + k)),
         n_samples: counts[0],
-        n_dropped: counts[1],
+        n_negative: counts[1],
+        n_dropped: counts[2],
     };
     let guide = is_guided.then(|| {
-        let ids = [counts[3], counts[4]];
+        let ids = [counts[4], counts[5]];
         let first = (ids != [u32::MAX; 2]).then_some(ids);
-        Guide::from_sums(counts[2], first, std::array::from_fn(|k| double(LIGHT.len() + k)))
+        Guide::from_sums(counts[3], first, std::array::from_fn(|k| double(LIGHT.len() + k)))
     });
     (pixel, guide)
 }
@@ -225,7 +226,8 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
         for (block, words) in blocks.iter().zip(words.chunks(n_words)) {
             let (pixel, guide) = from_words(words, is_guided);
             let hits = guide.as_ref().map_or(0, |guide: &Guide| guide.n_hits);
-            if pixel.n_samples.checked_add(pixel.n_dropped) != Some(block.len) || hits > block.len {
+            let Pixel { n_samples, n_negative, n_dropped, .. } = pixel;
+            if n_samples.checked_add(n_dropped) != Some(block.len) || n_negative > n_samples || hits > block.len {
                 return Err(format!("pixel {at} has not {} samples from {}", block.len, block.first));
             }
             pixels.push(pixel);

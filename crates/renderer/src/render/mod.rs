@@ -154,6 +154,15 @@ impl<'a, T: Tracer> Rendering<'a, T> {
         }
     }
 
+    /// What tells the weight of a sample of a pixel, by the filter.
+    pub(crate) fn weights(&self) -> impl Fn([u32; 2], u32) -> f32 {
+        let Settings { width, samples, seed, pattern, .. } = *self.settings;
+        let sampler = Sampler::new(pattern, samples, seed);
+        move |[x, y], sample| {
+            if self.filter.is_signed() { tile::placed(&self.filter, &sampler, y * width + x, sample).1 } else { 1.0 }
+        }
+    }
+
     /// Hands out what makes tiles.
     pub(crate) fn with_tiles<R>(&self, then: impl FnOnce(&TileMaker<'_>) -> R) -> R {
         if mask::is_needed(self.scene) {

@@ -5,7 +5,7 @@ use canted_trace::{Counts, Hit, Query};
 use super::{CELL, Course, Layout, Sums};
 use crate::integrate::{Start, Transport};
 use crate::mask::Numbered;
-use crate::{Aov, FilterSampler, Guide, Pixel, Settings, Tracer, View};
+use crate::{Aov, FilterSampler, Guide, Pixel, Sampler, Settings, Tracer, View};
 
 /// Dimension of the sampler that places a sample in its pixel.
 const PIXEL_POSITION: u32 = 0;
@@ -100,8 +100,7 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
     /// Begins a sample of the pixel at a place of its cell, whose sums hear what the camera ray meets.
     fn begin(&self, [x, y]: [u32; 2], sample: u32, place: usize, sums: &mut Sums) -> Begun {
         let number = y * self.settings.width + x;
-        let square = self.transport.sampler.pair(number, sample, PIXEL_POSITION);
-        let ([dx, dy], weight) = self.filter.place(square);
+        let ([dx, dy], weight) = placed(self.filter, &self.transport.sampler, number, sample);
         let position = [f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy];
         let ray = if self.view.has_lens() {
             self.view.ray_through_lens(position, self.transport.sampler.pair(number, sample, LENS))
@@ -125,7 +124,7 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         let mut n_rays = 0;
         let lights = self.transport.samples(begun.iter().map(|begun| (begun.start, begun.hit)));
         for (Begun { start, place, weight, .. }, light) in begun.drain(..).zip(lights) {
-            sums[place].pixel.push_sample(start.sample, Pixel::of(light.radiance.map(|x| weight * x)));
+            sums[place].pixel.push_sample(start.sample, Pixel::weighed(light.radiance, weight));
             n_rays += light.n_rays;
         }
         n_rays
@@ -156,6 +155,11 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         };
         (Some(hit), guide)
     }
+}
+
+/// Where a sample lies from the centre of the pixel of that number, in pixels, and its weight.
+pub(super) fn placed(filter: &FilterSampler, sampler: &Sampler, pixel: u32, sample: u32) -> ([f64; 2], f32) {
+    filter.place(sampler.pair(pixel, sample, PIXEL_POSITION))
 }
 
 /// A sample whose camera ray has been traced.
