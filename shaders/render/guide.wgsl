@@ -1,11 +1,13 @@
 // What camera rays meet first, beside their light: one sample of one pixel an invocation, as render/path takes them.
 //
-// `?count` counts the tests of the ray, `?material` tells how it shines; `?time` says when it flies.
+// `?count` counts the tests of the ray, `?bodies` are the lights that it may meet, `?material` tells how a surface shines; `?time`
+// says when the ray flies.
 // use shared/camera
 // use shared/picture
 // use shared/ray_key
 // use shared/surface
 // use shared/trace
+// use ?bodies
 // use ?material
 // use ?time
 
@@ -19,8 +21,9 @@ struct Guide {
     /// What white light becomes, and the number of triangles tested.
     albedo: vec3<f32>,
     n_triangles: f32,
-    /// The triangle, as its mesh numbers it; the instance, `NONE` for a miss.
+    /// The triangle, as its mesh numbers it; `NONE` for a miss.
     primitive: u32,
+    /// `NONE` for a miss and for a light.
     instance: u32,
 }
 
@@ -46,7 +49,17 @@ fn main(
 fn guide_of(camera: CameraRay) -> Guide {
     let hit = walk(camera.ray, false);
     let tests = vec2<f32>(n_tested());
-    if hit.instance == NONE {
+    let ray = camera.ray;
+    let is_miss = hit.instance == NONE;
+    let met = meet_body(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
+    if met.is_body {
+        let way = met.t * ray.direction;
+        let normal = body_normal(met.number, ray.origin + way);
+        let facing = select(normal, -normal, dot(normal, ray.direction) > 0.0);
+        let depth = dot(picture.forward, (ray.origin - picture.eye) + way);
+        return Guide(facing, depth, facing, tests.x, vec3(0.0), tests.y, 0u, NONE);
+    }
+    if is_miss {
         return Guide(vec3(0.0), 0.0, vec3(0.0), tests.x, vec3(0.0), tests.y, NONE, NONE);
     }
     let surface = surface_at(hit, camera.ray.direction, camera.cone);

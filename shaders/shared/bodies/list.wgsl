@@ -20,20 +20,27 @@ struct BodyMet {
     /// Of the list.
     number: u32,
     radiance: vec3<f32>,
+    t: f32,
 }
 
 fn meet_body(ray: Ray) -> BodyMet {
     turns += arrayLength(&lights);
-    var met = BodyMet(false, 0u, vec3(0.0));
-    var nearest = ray.t_max;
+    var met = BodyMet(false, 0u, vec3(0.0), ray.t_max);
     for (var number = 0u; number < arrayLength(&lights); number++) {
         let crossing = crossed(lights[number], ray);
-        if crossing.t < nearest || (crossing.t == nearest && !met.is_body) {
-            nearest = crossing.t;
-            met = BodyMet(true, number, select(vec3(0.0), lights[number].color, crossing.shines));
+        if crossing.t < met.t || (crossing.t == met.t && !met.is_body) {
+            met = BodyMet(true, number, select(vec3(0.0), lights[number].color, crossing.shines), crossing.t);
         }
     }
     return met;
+}
+
+/// Unit normal of a body at a point of it.
+fn body_normal(number: u32, point: vec3<f32>) -> vec3<f32> {
+    if lights[number].kind == DISC {
+        return lights[number].direction;
+    }
+    return normalize(point - lights[number].place);
 }
 
 /// Where a ray meets a body first, and whether on the side that shines.

@@ -10,8 +10,14 @@ struct BodyMet {
     is_body: bool,
     number: u32,
     radiance: vec3<f32>,
+    t: f32,
 }
 
 fn meet_body(ray: Ray) -> BodyMet {
-    return BodyMet(false, 0u, vec3(0.0));
+    return BodyMet(false, 0u, vec3(0.0), ray.t_max);
+}
+
+/// Unit normal of a body at a point of it.
+fn body_normal(number: u32, point: vec3<f32>) -> vec3<f32> {
+    return vec3(0.0);
 }

@@ -121,10 +121,10 @@ fn add(
 }
 
 fn guide(seen: &Seen) -> Guide {
-    let is_hit = seen.instance != u32::MAX;
+    let is_triangle = seen.instance != u32::MAX;
     Guide {
-        n_hits: is_hit.into(),
-        first: is_hit.then_some([seen.instance, seen.primitive]),
+        n_hits: (is_triangle || seen.primitive != u32::MAX).into(),
+        first: is_triangle.then_some([seen.instance, seen.primitive]),
         depth: seen.depth.into(),
         normal: seen.normal.map(f64::from),
         shading_normal: seen.shading_normal.map(f64::from),

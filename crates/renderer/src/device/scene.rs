@@ -176,7 +176,7 @@ impl PackedScene {
 
     /// Chooses the parts of the kernel that tells what camera rays meet.
     pub(super) fn specialise_guide(&self, chosen: Specialisation) -> Specialisation {
-        self.with_material(self.specialise(chosen))
+        self.with_material(self.with_bodies(self.specialise(chosen)))
     }
 
     fn with_material(&self, chosen: Specialisation) -> Specialisation {

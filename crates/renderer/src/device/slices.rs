@@ -33,8 +33,9 @@ pub(super) struct Seen {
     pub(super) n_boxes: f32,
     pub(super) albedo: [f32; 3],
     pub(super) n_triangles: f32,
-    pub(super) primitive: u32,
     /// `u32::MAX` for a miss.
+    pub(super) primitive: u32,
+    /// `u32::MAX` for a miss and for a light.
     pub(super) instance: u32,
     padding: [u32; 2],
 }

@@ -37,6 +37,7 @@ pub use sampler::{LightSample, LightSampler};
 use sphere::Ball;
 
 use crate::Tracer;
+use crate::vector::{Vector, dot, scale, sub, unit, wide};
 
 /// What light came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,6 +99,19 @@ impl<'a> Lights<'a> {
             return Some(Met { radiance, source: Source::Light(index) });
         }
         hit.is_none().then(|| Met { radiance: self.sky.radiance(ray.direction), source: Source::Environment })
+    }
+
+    /// The ball or disc that a ray meets before `hit`: where, as its `t`, and its unit normal on the ray's side.
+    pub(crate) fn body_before(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, Vector)> {
+        let before = Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
+        let (t, index, _) = self.first_body(&before)?;
+        let normal = match self.list[index as usize] {
+            Light::Sphere { center, .. } => unit(sub(ray.at(t.into()), wide(center)))?,
+            Light::Disc { normal, .. } => wide(normal),
+            _ => return None,
+        };
+        let side = if dot(normal, wide(ray.direction)) > 0.0 { -1.0 } else { 1.0 };
+        Some((t, scale(normal, side)))
     }
 
     /// Whether nothing stands along a shadow ray to a light, which ends before it.

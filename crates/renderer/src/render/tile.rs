@@ -142,6 +142,11 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         } else {
             (self.transport.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
         };
+        if let Some((t, normal)) = self.transport.lights.body_before(ray, hit.as_ref()) {
+            // A light reflects nothing, and has no number among the instances.
+            let depth = self.view.depth(ray.at(t.into()));
+            return (hit, Guide { n_hits: 1, depth, normal, shading_normal: normal, tests, ..Guide::default() });
+        }
         let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
         let surface = self.transport.surfaces.at_time(&hit, ray.direction, *time, *cone);
         let guide = Guide {

@@ -10,7 +10,7 @@ use canted_renderer::{
 };
 use canted_scene::{Camera, Light, Material, Scene};
 
-use crate::common::{BruteForce, camera, cuboid, film, floor, grey, scene, settings, unit};
+use crate::common::{BruteForce, camera, cuboid, film, floor, grey, parallelogram, scene, settings, unit};
 
 fn stage() -> (Scene, Camera) {
     let mut stage = scene(
@@ -99,6 +99,31 @@ fn guides_are_what_camera_rays_meet() {
         }
     }
     assert!(n_misses > 10 && n_edges > 10, "{n_misses} {n_edges}");
+}
+
+/// A ball of light before a wall, and a disc that hides half of it and turns its dark side to the camera.
+#[test]
+fn guides_meet_lights_too() {
+    let wall = parallelogram([-9.0, -9.0, -5.0], [18.0, 0.0, 0.0], [0.0, 18.0, 0.0], 0);
+    let lights = vec![
+        Light::Sphere { center: [0.0; 3], radius: 1.0, radiance: [5.0; 3] },
+        Light::Disc { center: [0.5, 0.0, 2.0], normal: [0.0, 0.0, -1.0], radius: 0.5, radiance: [5.0; 3] },
+    ];
+    let stage = Scene { lights, ..scene(vec![wall], vec![grey(0.5)]) };
+    // A world unit at the depth of the middle of the ball is eight pixels.
+    let view = camera([0.0, 0.0, 6.0], [0.0; 3], 2.0 * (2.0_f32 / 6.0).atan().to_degrees());
+    let film = film(&stage, &view, &Settings { aovs: all(), ..settings(33, 33, 1, 1) });
+    let at = |x: usize, y: usize| film.guides()[33 * y + x];
+    let of_light = |guide: Guide| (guide.n_hits, guide.first, guide.albedo) == (1, None, [0.0; 3]);
+    let ball = at(14, 16);
+    assert!(of_light(ball) && ball.normal[0] < 0.0 && ball.normal[2] > 0.9 && ball.depth < 5.2, "{ball:?}");
+    let length = ball.normal.iter().map(|x| x * x).sum::<f64>();
+    assert!((length - 1.0).abs() < 1e-12 && ball.normal == ball.shading_normal, "{ball:?}");
+    let disc = at(20, 16);
+    assert!(of_light(disc) && disc.normal == [0.0, 0.0, 1.0] && (disc.depth - 4.0).abs() < 1e-6, "{disc:?}");
+    let wall = at(2, 2);
+    assert!(wall.first == Some([0, 1]) || wall.first == Some([0, 0]), "{wall:?}");
+    assert!(wall.albedo == [0.5; 3] && (wall.depth - 11.0).abs() < 1e-5, "{wall:?}");
 }
 
 #[test]
