@@ -1,10 +1,10 @@
 //! Paths that solve the rendering equation (Kajiya 1986): light is sampled at each vertex, and found by chance by the ray
 //! that leaves it; multiple importance sampling weighs the two (Veach and Guibas 1995).
 //!
-//! With `bounces` the light of longer paths is cut off, the only bias; the count is that of `hybrid`, so that both gather
-//! the same light where that has no ambient: a path has vertices `0..=bounces`, surfaces' emission is gathered at each of
-//! them, other lights and the environment also from the last. Russian roulette ends paths that carry little without
-//! bias.
+//! With `bounces` the light of longer paths is cut off, the only bias; the count is that of `hybrid`, so that both
+//! gather the same light of flat triangles where that has no ambient: a path has vertices `0..=bounces`, surfaces'
+//! emission is gathered at each of them, other lights and the environment also from the last. Russian roulette ends
+//! paths that carry little without bias.
 //!
 //! Where shading normal and triangle disagree about the side of a direction, the direction is mirrored in the plane of the
 //! triangle. Light from a direction is then scattered as from itself and from the one that is folded onto it, so no light

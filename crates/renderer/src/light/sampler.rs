@@ -90,7 +90,6 @@ impl<'a> LightSampler<'a> {
             Light::Sun { irradiance, .. } => Some((Choice::Sun(index), luminance(wide(*irradiance)))),
             _ => None,
         });
-        // Where no light has a place no vertex is placed for it.
         let near = if local > 0.0 { local / cross_section(surfaces.scene()) } else { 0.0 };
         let powers = [(Choice::Tree, near), (Choice::Environment, PI * far)];
         let shares = shares(powers.into_iter().chain(suns));
@@ -231,7 +230,7 @@ fn power_of(light: &Light) -> f64 {
     intensity_of(light).map_or(0.0, |intensity| intensity * spread_of(light))
 }
 
-/// Area of a disc as wide as the scene's bounds; 1 where they have no extent.
+/// Area of a disc as wide as the scene's bounds, which visits every vertex; 1 where they have no extent.
 fn cross_section(scene: &Scene) -> f64 {
     let squared: f64 = scene.bounds_world().extent().iter().map(|x| x * x).sum();
     let area = 0.25 * PI * squared;
@@ -280,7 +279,7 @@ mod tests {
     fn one_light_is_not_chosen() {
         let sun = Light::Sun { direction: [0.0, 0.0, -1.0], irradiance: [1.0; 3] };
         let point = Light::Point { position: [0.25, 0.25, 3.0], intensity: [1.0; 3] };
-        let (black, white) = ([0.0; 3], [1.0; 3]);
+        let [black, white] = [[0.0; 3], [1.0; 3]];
         for (lights, environment, emission, chooses) in [
             (&[][..], white, black, false),
             (&[sun], black, black, false),
