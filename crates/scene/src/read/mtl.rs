@@ -57,7 +57,8 @@ pub(crate) fn recipes<'a>(file: &str, bytes: &'a [u8], warnings: &mut Vec<String
         } else if let Some((name, recipe)) = &mut current
             && let Err(doubt) = recipe.read(&line)
         {
-            warnings.push(format!("{file}, line {}: material {}: {doubt}", line.number, text::quoted(name)));
+            let warning = format!("{file}, line {}: material {}: {doubt}", line.number, text::quoted(name));
+            warnings.push(text::printable(&warning).into_owned());
         }
     }
     recipes.extend(current);

@@ -84,13 +84,13 @@ pub(crate) fn printable(message: &str) -> Cow<'_, str> {
     message.chars().map(escaped).collect()
 }
 
-/// Bytes of a file as a quotation for messages: shortened, control characters escaped.
+/// Bytes of a file as a quotation for messages: shortened, as they are written but for control characters.
 pub(crate) fn quoted(bytes: &[u8]) -> String {
     const MAX_CHARS: usize = 60;
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4 * MAX_CHARS)]);
     let short: String = text.chars().take(MAX_CHARS).collect();
     let more = if short.len() < bytes.len() { "..." } else { "" };
-    format!("`{}{more}`", short.escape_debug())
+    format!("`{}{more}`", printable(&short))
 }
 
 #[cfg(test)]
@@ -147,7 +147,8 @@ mod tests {
 
     #[test]
     fn quotations_are_short_and_printable() {
-        assert_eq!(quoted(b"a\x1b[31m"), "`a\\u{1b}[31m`");
+        assert_eq!(quoted(b"a\x1b[31m\n"), "`a\\u{1b}[31m\\n`");
+        assert_eq!(quoted(b"C:\\x\\\"a\".png"), "`C:\\x\\\"a\".png`");
         assert!(quoted(&[b'x'; 100_000]).len() < 100);
     }
 }

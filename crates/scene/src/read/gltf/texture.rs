@@ -11,6 +11,7 @@ use super::uri;
 use crate::read::ReadError;
 use crate::read::image;
 use crate::read::remarks::Remarks;
+use crate::read::text::{self, printable};
 use crate::{Encoding, Scene, Texture, TextureId, Wrap};
 
 /// The textures that materials ask for.
@@ -133,7 +134,10 @@ impl<'a, 'b> Textures<'a, 'b> {
 fn decode(document: &Document<'_>, index: usize, place: &str) -> Result<Result<Texture, String>, ReadError> {
     let image = &document.root.images[index];
     let name = image.name.clone().unwrap_or_else(|| format!("image {index}"));
-    let warning = |why: String| format!("image {index} {name:?} of {place}: {why}; a plain colour stands for it");
+    let warning = |why: String| {
+        let shown = text::quoted(name.as_bytes());
+        printable(&format!("image {index} {shown} of {place}: {why}; a plain colour stands for it")).into_owned()
+    };
     let loaded;
     let bytes = match (image.buffer_view, &image.uri) {
         (Some(view), _) => document.view(view.value(), &format!("image {index}"))?.0,

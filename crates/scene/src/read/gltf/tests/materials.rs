@@ -178,6 +178,11 @@ fn images_that_cannot_be_read_leave_a_plain_colour() {
 
 #[test]
 fn images_of_formats_that_are_not_read_are_said() {
+
+    let mut named = file(textured(json!({})));
+    named.json["images"][0] = json!({ "name": "C:\\x\\q.png", "uri": "C%1b.png" });
+    let scene = named.warned("image 0 `C:\\x\\q.png` of material 0: `C\\u{1b}.png`: ");
+    assert!(!scene.warnings[0].contains(char::is_control));
     for name in ["EXT_texture_webp", "KHR_texture_basisu"] {
         let mut file = file(textured(json!({})));
         file.json["textures"][0] = json!({ "extensions": { name: { "source": 0 } } });
