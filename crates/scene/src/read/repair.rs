@@ -15,6 +15,8 @@ pub(crate) struct Repair {
     pub(crate) n_small_faces: usize,
     /// Polygons that cross themselves or are too intricate to be cut well.
     pub(crate) n_tangled_faces: usize,
+    /// Vertices of skins whose weights add up to zero.
+    pub(crate) n_loose_vertices: usize,
 }
 
 impl Repair {
@@ -37,11 +39,12 @@ impl Repair {
         self.n_dropped += other.n_dropped;
         self.n_small_faces += other.n_small_faces;
         self.n_tangled_faces += other.n_tangled_faces;
+        self.n_loose_vertices += other.n_loose_vertices;
     }
 
     /// Adds the warnings to the scene; triangles without any area are an error, as are no triangles.
     pub(crate) fn finish(self, path: &Path, scene: &mut Scene) -> Result<(), ReadError> {
-        let Self { n_kept, n_flat, n_dropped, n_small_faces, n_tangled_faces } = self;
+        let Self { n_kept, n_flat, n_dropped, n_small_faces, n_tangled_faces, n_loose_vertices } = self;
         if n_kept == 0 && n_dropped > 0 {
             return Err(ReadError::empty(
                 path,
@@ -57,6 +60,7 @@ impl Repair {
         let counts = [
             (n_small_faces, "faces left out for fewer than three corners"),
             (n_tangled_faces, "faces cut though they cross themselves or are too intricate"),
+            (n_loose_vertices, "vertices of weights that add up to zero follow the first joint of their skin"),
             (n_dropped, "triangles dropped for a corner that is not finite"),
             (n_flat, "triangles without area"),
         ];

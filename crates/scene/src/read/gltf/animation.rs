@@ -36,8 +36,8 @@ pub(super) fn pose(document: &mut Document<'_>, time: f32, remarks: &mut Remarks
         let name = animation.name.as_deref().unwrap_or_default();
         remarks.note("only the first of several animations poses the scene", &format!("animation 0 {name:?}"));
     }
-    if document.n_channels_without_node > 0 {
-        let place = format!("animation 0, {} channels", document.n_channels_without_node);
+    if document.left_out.n_channels_without_node > 0 {
+        let place = format!("animation 0, {} channels", document.left_out.n_channels_without_node);
         remarks.note("what animates no node is ignored", &place);
     }
     let mut changes = Vec::new();

@@ -1,6 +1,7 @@
 //! A parsed file with its buffers in memory: what the other stations look things up in.
 
 use std::borrow::Cow;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 use gltf::json::deserialize::{from_slice, from_value};
@@ -40,14 +41,26 @@ const SUPPORTED: [&str; 19] = [
     "MSFT_texture_dds",
 ];
 
+/// Attributes of meshes that morph targets may move and that are not moved here.
+pub(super) const UNMORPHED: [&str; 3] = ["TEXCOORD_0", "TEXCOORD_1", "COLOR_0"];
+
+/// What a file says and the structures of `gltf` do not keep.
+#[derive(Default)]
+pub(super) struct LeftOut {
+    /// Channels of the first animation that name no node.
+    pub(super) n_channels_without_node: usize,
+    /// By mesh, the morph targets that move one of [`UNMORPHED`], with which.
+    pub(super) unmorphed: HashMap<usize, BTreeSet<(usize, &'static str)>>,
+}
+
 /// A file in memory.
 pub(super) struct Document<'a> {
     /// The JSON. Indices in it are not checked, and arrive modulo 2^32.
     pub(super) root: Root,
     /// The folder that images are read from.
     pub(super) folder: Folder,
-    /// Channels of the first animation that name no node.
-    pub(super) n_channels_without_node: usize,
+    /// What [`Document::root`] lacks of the file.
+    pub(super) left_out: LeftOut,
     path: &'a Path,
     buffers: Vec<Cow<'a, [u8]>>,
 }
@@ -56,14 +69,14 @@ impl<'a> Document<'a> {
     /// Parses the file and loads its buffers.
     pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ReadError> {
         let container = container::split(path, bytes)?;
-        let (root, n_channels_without_node) =
+        let (root, left_out) =
             parse(container.json).map_err(|source| ReadError::malformed(path, "json", source.to_string()))?;
         check_version(path, &root)?;
         if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
             return Err(ReadError::unsupported(path, format!("the required extension {extension}")));
         }
         let folder = Folder::of(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-        let mut document = Self { root, folder, n_channels_without_node, path, buffers: Vec::new() };
+        let mut document = Self { root, folder, left_out, path, buffers: Vec::new() };
         document.buffers = (0..document.root.buffers.len())
             .map(|k| document.load_buffer(k, container.bin))
             .collect::<Result<_, _>>()?;
@@ -138,8 +151,8 @@ impl<'a> Document<'a> {
 ///
 /// A scene may lack `nodes` and a channel of an animation a node, but not for the structures of `gltf`: the list is added
 /// and the channel left out before they are made. Such channels of the first animation are counted.
-fn parse(json: &[u8]) -> Result<(Root, usize), Error> {
-    let mut n_left_out = 0;
+fn parse(json: &[u8]) -> Result<(Root, LeftOut), Error> {
+    let mut left_out = LeftOut::default();
     let mut value: Value = from_slice(json)?;
     for scene in value.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
         if let Some(scene) = scene.as_object_mut() {
@@ -150,12 +163,24 @@ fn parse(json: &[u8]) -> Result<(Root, usize), Error> {
         if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
             let n_channels = channels.len();
             channels.retain(|channel| channel.get("target").is_none_or(|target| target.get("node").is_some()));
-            n_left_out += if k == 0 { n_channels - channels.len() } else { 0 };
+            left_out.n_channels_without_node += if k == 0 { n_channels - channels.len() } else { 0 };
+        }
+    }
+    for (mesh, item) in items(&value, "meshes").enumerate() {
+        for (target, moved) in items(item, "primitives").flat_map(|primitive| items(primitive, "targets").enumerate()) {
+            for name in UNMORPHED.into_iter().filter(|name| moved.get(name).is_some()) {
+                left_out.unmorphed.entry(mesh).or_default().insert((target, name));
+            }
         }
     }
     // Where that fails, only the text knows the line.
     let root = from_value(value).or_else(|_| from_slice(json))?;
-    Ok((root, n_left_out))
+    Ok((root, left_out))
+}
+
+/// The items of a list, none where there is no list.
+fn items<'a>(value: &'a Value, list: &str) -> impl Iterator<Item = &'a Value> {
+    value.get(list).and_then(Value::as_array).into_iter().flatten()
 }
 
 /// `length` bytes from `offset` on, if there are as many.

@@ -76,7 +76,10 @@ impl Reading<'_, '_, '_> {
     }
 
     /// Alpha counts only where the mode says so. A mask that cuts nothing out is none.
-    fn alpha(&self, source: &Source, alpha: f32, material: &mut Material) {
+    fn alpha(&mut self, source: &Source, alpha: f32, material: &mut Material) {
+        if source.alpha_mode == Checked::Invalid {
+            self.remarks.note("an alphaMode other than OPAQUE, MASK and BLEND is taken as OPAQUE", &self.place);
+        }
         let cutoff = source.alpha_cutoff.unwrap_or_default().0;
         material.alpha_mode = match source.alpha_mode {
             Checked::Valid(AlphaMode::Mask) if cutoff > 0.0 => crate::AlphaMode::Mask { cutoff },

@@ -58,7 +58,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scene, ReadErro
     }
     let nodes = nodes::read(&document)?;
     material::read(&document, &mut remarks, &mut scene)?;
-    place::read(&document, &nodes, &mut repair, &mut scene)?;
+    place::read(&document, &nodes, &mut repair, &mut remarks, &mut scene)?;
     camera::read(&document, &nodes, &mut scene)?;
     light::read(&document, &nodes, &mut remarks, &mut scene)?;
     document.note_extensions(&mut remarks);

@@ -4,13 +4,14 @@ use canted_obb::Affine;
 use gltf::json::scene::Node;
 use rayon::prelude::*;
 
-use super::document::Document;
+use super::document::{Document, UNMORPHED};
 use super::instancing;
 use super::matrix::Matrix;
 use super::mesh;
 use super::nodes::Nodes;
 use super::pose::{self, Pose};
 use crate::read::ReadError;
+use crate::read::remarks::Remarks;
 use crate::read::repair::Repair;
 use crate::{Instance, Mesh, MeshId, Scene};
 
@@ -21,6 +22,7 @@ pub(super) fn read(
     document: &Document<'_>,
     nodes: &Nodes,
     repair: &mut Repair,
+    remarks: &mut Remarks,
     scene: &mut Scene,
 ) -> Result<(), ReadError> {
     let placing = placing(document, nodes)?;
@@ -30,12 +32,15 @@ pub(super) fn read(
     if n_zeros > document.most_from_nothing() {
         return Err(document.malformed("meshes", format!("{n_zeros} vertices and indices have no buffer view")));
     }
-    let (mut meshes, first_primitives) = read_unposed(document, &placing, repair, scene)?;
+    let (mut meshes, first_primitives) = read_unposed(document, &placing, repair, remarks, scene)?;
     let mut n_repeated = 0;
     for &(k, node, mesh_index) in &placing {
         let mut mesh = mesh_index;
         if is_posed(document, node, mesh_index) {
             let pose = pose_of(document, nodes, node, mesh_index, &format!("node {k}"))?;
+            let has_own_weights = node.weights.is_some();
+            let place = if has_own_weights { format!("node {k}") } else { format!("mesh {mesh_index}") };
+            note_weights(document, mesh_index, pose.weights, &place, remarks);
             mesh = meshes.len();
             let read = mesh::read(document, mesh_index, &pose, &scene.materials)?;
             meshes.push(taken(read, repair, scene));
@@ -103,20 +108,25 @@ fn read_unposed(
     document: &Document<'_>,
     placing: &[(usize, &Node, usize)],
     repair: &mut Repair,
+    remarks: &mut Remarks,
     scene: &mut Scene,
 ) -> Result<(Vec<Mesh>, Vec<u32>), ReadError> {
     let mut is_placed = vec![false; document.root.meshes.len()];
     for &(_, node, mesh) in placing {
         is_placed[mesh] |= !is_posed(document, node, mesh);
     }
+    let weights_of = |index: usize| document.root.meshes[index].weights.as_deref().unwrap_or_default();
     let read = |index: usize| {
-        let weights = document.root.meshes[index].weights.as_deref().unwrap_or_default();
-        mesh::read(document, index, &Pose { weights, ..Pose::default() }, &scene.materials)
+        let pose = Pose { weights: weights_of(index), ..Pose::default() };
+        mesh::read(document, index, &pose, &scene.materials)
     };
     let all: Vec<_> = (0..is_placed.len()).into_par_iter().map(read).collect();
     let (mut meshes, mut first_primitives, mut n_triangles) = (Vec::new(), Vec::new(), 0_usize);
-    for (read, is_placed) in all.into_iter().zip(is_placed) {
+    for (index, (read, is_placed)) in all.into_iter().zip(is_placed).enumerate() {
         let read = read?;
+        if is_placed {
+            note_weights(document, index, weights_of(index), &format!("mesh {index}"), remarks);
+        }
         let mesh = if is_placed { taken(read, repair, scene) } else { read.mesh };
         first_primitives.push(to_id(document, n_triangles)?);
         n_triangles += mesh.triangles.len();
@@ -124,6 +134,23 @@ fn read_unposed(
     }
     to_id(document, n_triangles)?;
     Ok((meshes, first_primitives))
+}
+
+/// Notes what the weights of a pose ask for and the mesh has not, or nobody moves.
+fn note_weights(document: &Document<'_>, mesh: usize, weights: &[f32], place: &str, remarks: &mut Remarks) {
+    let targets = document.root.meshes[mesh].primitives.iter().map(|primitive| primitive.targets.iter().flatten());
+    let (n_weights, n_targets) = (weights.len(), targets.map(Iterator::count).max().unwrap_or(0));
+    if n_weights > n_targets {
+        let place = format!("{place}, {n_weights} weights for {n_targets} targets");
+        remarks.note("weights beyond the last morph target are ignored", &place);
+    }
+    let Some(unmorphed) = document.left_out.unmorphed.get(&mesh) else { return };
+    for name in UNMORPHED {
+        let mut weighed = unmorphed.range(..(n_weights, "")).filter(|&&(target, _)| weights[target] != 0.0);
+        if weighed.any(|&(_, moved)| moved == name) {
+            remarks.note(&format!("{name} of morph targets is ignored"), &format!("mesh {mesh}"));
+        }
+    }
 }
 
 fn to_id(document: &Document<'_>, number: usize) -> Result<u32, ReadError> {

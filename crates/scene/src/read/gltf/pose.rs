@@ -131,7 +131,8 @@ impl<'a> Skinning<'a> {
 
     /// Transform of a vertex: the mean of its joints' transforms by weight. `Err` with the number of a missing joint.
     ///
-    /// Weights are divided by their sum, as bytes rarely add up to one; without weight the vertex is nowhere (NaN).
+    /// Weights are divided by their sum, as bytes rarely add up to one. A vertex whose weights add up to zero follows the
+    /// skin's first joint, so that it stays with the rest of the skin wherever that is taken.
     pub(super) fn at(&self, vertex: usize) -> Result<Matrix, u32> {
         let mut sum = Matrix { columns: [[0.0; 3]; 4] };
         let mut total = 0.0;
@@ -144,6 +145,14 @@ impl<'a> Skinning<'a> {
                 total += weight;
             }
         }
+        if total == 0.0 {
+            return self.world_from_bind.first().copied().ok_or(0);
+        }
         Ok(Matrix { columns: sum.columns.map(|column| column.map(|x| x / total)) })
+    }
+
+    /// Whether no joint has a hold on a vertex.
+    pub(super) fn is_loose(&self, vertex: usize) -> bool {
+        self.sets.iter().flat_map(|(_, weights)| weights.reals::<4>(vertex)).map(f64::from).sum::<f64>() == 0.0
     }
 }

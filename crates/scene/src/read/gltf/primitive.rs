@@ -73,6 +73,9 @@ impl Reading<'_, '_> {
         };
 
         let (patch, vertices) = self.compact(triangles, &positions, &bend, repair)?;
+        if let Some(skinning) = &skinning {
+            repair.n_loose_vertices += vertices.iter().filter(|&&vertex| skinning.is_loose(vertex)).count();
+        }
         let mut attributes =
             Attributes { reading: self, primitive, n_all: positions.count(), vertices: &vertices, warnings };
         Ok(Patch {

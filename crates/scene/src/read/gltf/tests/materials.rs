@@ -127,6 +127,10 @@ fn masks() {
     assert_eq!(with(1.0, json!({ "alphaMode": "MASK", "alphaCutoff": 0 })).0, AlphaMode::Opaque, "all is seen");
     assert_eq!(with(0.25, json!({ "alphaMode": "BLEND" })), (AlphaMode::Blend, 0.25));
     assert_eq!(with(1.0, json!({ "alphaMode": "OPAQUE" })).0, AlphaMode::Opaque);
+    let mut unknown = file(json!({ "alphaMode": "ADD" }));
+    unknown.push("materials", json!({ "alphaMode": "blend" }));
+    let told = "an alphaMode other than OPAQUE, MASK and BLEND is taken as OPAQUE: material 0 and 1 more";
+    assert_eq!(unknown.warned(told).materials[0].alpha_mode, AlphaMode::Opaque);
 }
 
 #[test]
@@ -174,15 +178,15 @@ fn images_that_cannot_be_read_leave_a_plain_colour() {
     with(json!({ "uri": "http://example.invalid/a.png" }));
     with(json!({ "uri": "data:image/png;base64,AAAA" }));
     with(json!({}));
-}
-
-#[test]
-fn images_of_formats_that_are_not_read_are_said() {
 
     let mut named = file(textured(json!({})));
     named.json["images"][0] = json!({ "name": "C:\\x\\q.png", "uri": "C%1b.png" });
     let scene = named.warned("image 0 `C:\\x\\q.png` of material 0: `C\\u{1b}.png`: ");
     assert!(!scene.warnings[0].contains(char::is_control));
+}
+
+#[test]
+fn images_of_formats_that_are_not_read_are_said() {
     for name in ["EXT_texture_webp", "KHR_texture_basisu"] {
         let mut file = file(textured(json!({})));
         file.json["textures"][0] = json!({ "extensions": { name: { "source": 0 } } });

@@ -55,6 +55,35 @@ fn morph_targets_must_fit() {
     file.refused("morph target of 2 elements for 3");
 }
 
+#[test]
+fn morph_targets_that_are_not_followed_are_said_where_they_count() {
+    let mut file = morphing();
+    let (shift, tint) = (file.reals("VEC2", &[0.5; 6]), file.reals("VEC4", &[0.5; 12]));
+    let target = &mut file.json["meshes"][0]["primitives"][0]["targets"][0];
+    (target["TEXCOORD_0"], target["COLOR_0"]) = (json!(shift), json!(tint));
+    file.scene();
+    file.json["nodes"][0]["weights"] = json!([0.5]);
+    file.push("nodes", json!({ "mesh": 0, "weights": [1] }));
+    let told = ["TEXCOORD_0", "COLOR_0"].map(|name| format!("{name} of morph targets is ignored: mesh 0 and 1 more"));
+    assert_eq!(file.read().unwrap().warnings, told);
+    // What nothing places is not told of.
+    let mesh = file.json["meshes"][0].clone();
+    file.push("meshes", mesh);
+    file.json["meshes"][1]["weights"] = json!([1]);
+    file.json["nodes"] = json!([{ "mesh": 0 }]);
+    file.scene();
+}
+
+#[test]
+fn weights_without_a_target_are_said() {
+    let mut file = morphing();
+    file.json["meshes"][0]["weights"] = json!([0.25, 0.5, 1]);
+    let scene = file.warned("weights beyond the last morph target are ignored: mesh 0, 3 weights for 1 targets");
+    assert_eq!(scene.meshes[0].positions[1], [1.0, 0.0, 1.0]);
+    file.json["nodes"][0]["weights"] = json!([1, 1]);
+    file.warned("weights beyond the last morph target are ignored: node 0, 2 weights for 1 targets");
+}
+
 /// The triangle in a skin of two joints that stand 10 and 30 off their bind pose; the weights are per vertex.
 fn skinned(joints: &[u8; 12], weights: &[f32; 12]) -> File {
     let mut file = File::new();
@@ -123,8 +152,14 @@ fn skins_that_break_the_rules() {
 }
 
 #[test]
-fn a_vertex_without_weight_loses_its_triangle() {
+fn a_vertex_without_weight_follows_the_first_joint() {
     let mut weights = WEIGHTS;
-    weights[0] = 0.0;
-    skinned(&JOINTS, &weights).refused("not finite");
+    (weights[4], weights[8], weights[9]) = (0.0, 1.0, -1.0);
+    let scene = skinned(&JOINTS, &weights)
+        .warned("vertices of weights that add up to zero follow the first joint of their skin: 2");
+    assert_eq!(scene.meshes[0].positions, [[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [10.0, 1.0, 0.0]]);
+    assert_eq!(scene.meshes[0].normals.as_deref().unwrap(), [[0.0, 0.0, 1.0]; 3]);
+    let mut jointless = skinned(&JOINTS, &[0.0; 12]);
+    jointless.json["skins"][0]["joints"] = json!([]);
+    jointless.refused("vertex 0 names joint 0, which its skin lacks");
 }
