@@ -1,5 +1,5 @@
 //! Material libraries of OBJ files, with the keys `Pr`, `Pm` and `norm` of their extension for metals and roughness.
-//! Everything else is ignored.
+//! What else would change a picture is told by name; hints, and what concerns rasterizers alone, are ignored.
 
 mod map;
 
@@ -9,6 +9,14 @@ use std::ops::RangeInclusive;
 use super::text::{self, Line};
 use crate::Material;
 pub(crate) use map::Map;
+
+/// Textures that others look up and nothing here does.
+const UNREAD_MAPS: &str = "bump map_bump map_Bump disp map_disp map_Disp decal map_decal refl map_refl map_Ks map_Ns map_Tr \
+                           map_Tf map_Pr map_Pm map_Ps map_Pc map_RMA map_ORM map_aniso";
+
+/// Strengths of sheen, coat and anisotropy, which surfaces here lack. At 0 there is none, as Blender writes for all that it
+/// exports; `Pcr` and `anisor` say how they are, and change nothing without them.
+const UNREAD_STRENGTHS: &str = "Ps Pc aniso";
 
 /// A material as its library states it; `None` for what it does not state.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -94,27 +102,19 @@ impl Recipe {
             b"map_d" => texture(&mut self.mask, line),
             b"map_Ke" => texture(&mut self.emission_map, line),
             b"norm" => texture(&mut self.normal_map, line),
-            b"map_Bump" | b"map_bump" | b"bump" => {
-                self.ignore("map_Bump");
+            _ => {
+                self.ignore(line);
                 Ok(())
             }
-            b"map_Pr" => {
-                self.ignore("map_Pr");
-                Ok(())
-            }
-            b"map_Pm" => {
-                self.ignore("map_Pm");
-                Ok(())
-            }
-            _ => Ok(()),
         }
     }
 
-    /// Remembers, once, what is not read.
-    fn ignore(&mut self, keyword: &'static str) {
-        if !self.ignored.contains(&keyword) {
-            self.ignored.push(keyword);
-        }
+    /// Remembers, once and as the file writes it, what is not read and would change a picture.
+    fn ignore(&mut self, line: &Line) {
+        let known = |names: &'static str| names.split(' ').find(|name| name.as_bytes() == line.keyword);
+        let is_none = || text::words(line.rest).all(|word| text::float(word) == Some(0.0));
+        let name = known(UNREAD_MAPS).or_else(|| known(UNREAD_STRENGTHS).filter(|_| !is_none()));
+        self.ignored.extend(name.filter(|name| !self.ignored.contains(name)));
     }
 }
 
@@ -143,9 +143,7 @@ fn texture(slot: &mut Option<Map>, line: &Line) -> Result<(), String> {
 /// The number of a line as stated and as kept, in a range.
 fn number(line: &Line, range: RangeInclusive<f32>) -> Result<(f32, f32), String> {
     let stated = text::words(line.rest).find(|&word| word != b"-halo").and_then(text::float);
-    let stated = stated
-        .filter(|stated| !stated.is_nan())
-        .ok_or_else(|| format!("{} is not a number", text::quoted(line.rest)))?;
+    let stated = stated.filter(|stated| !stated.is_nan()).ok_or_else(|| not_a_number(line))?;
     Ok((stated, stated.clamp(*range.start(), *range.end())))
 }
 
@@ -159,7 +157,12 @@ fn colour(line: &Line, most: f32) -> Result<([f32; 3], [f32; 3]), String> {
         _ => return Err(format!("{keyword} {} is not a colour; it keeps its default", text::quoted(line.rest))),
     };
     if stated.iter().any(|component| component.is_nan()) {
-        return Err(format!("{keyword} {} is not a number; it keeps its default", text::quoted(line.rest)));
+        return Err(not_a_number(line));
     }
     Ok((stated, stated.map(|component| component.clamp(0.0, most))))
+}
+
+fn not_a_number(line: &Line) -> String {
+    let keyword = String::from_utf8_lossy(line.keyword);
+    format!("{keyword} {} is not a number; it keeps its default", text::quoted(line.rest))
 }

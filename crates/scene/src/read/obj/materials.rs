@@ -84,7 +84,7 @@ pub(super) fn materials(
                 Err(refusal) => scene.warnings.push(texture_warning(&scene.materials[k], &map.file, &refusal)),
             }
         }
-        for keyword in &recipe.ignored {
+        for keyword in recipe.ignored.iter().copied().chain(ignored_filter(recipe, &scene.materials[k])) {
             let place = format!("material {}", text::quoted(name.unwrap_or_default()));
             remarks.note(&format!("{keyword} is ignored"), &place);
         }
@@ -133,6 +133,13 @@ fn maps(recipe: &Recipe) -> impl Iterator<Item = (&Map, Role)> {
         (recipe.normal_map.as_ref(), Role::Normals),
     ];
     maps.into_iter().filter_map(|(map, role)| Some((map?, role)))
+}
+
+/// `Tf`, where it says something and the surface is no glass, which alone is filtered. All or nothing is what exporters write
+/// for surfaces that let no light through.
+fn ignored_filter(recipe: &Recipe, material: &Material) -> Option<&'static str> {
+    let says_something = recipe.filter.is_some_and(|filter| filter != [1.0; 3] && filter != [0.0; 3]);
+    (says_something && material.transmission == 0.0).then_some("Tf")
 }
 
 fn assign(material: &mut Material, role: Role, map: &Map, texture: TextureId) {

@@ -67,9 +67,9 @@ fn colours_are_read_and_doubtful_ones_said_once() {
             "m.mtl, line 2: material `a`: Kd `spectral x.rfl` is not a colour; it keeps its default",
         ),
         ("d -halo 0.5", plain.base_color, ""),
-        ("d x", plain.base_color, "m.mtl, line 2: material `a`: `x` is not a number"),
+        ("d x", plain.base_color, "m.mtl, line 2: material `a`: d `x` is not a number; it keeps its default"),
+        ("Ni nan", plain.base_color, "m.mtl, line 2: material `a`: Ni `nan` is not a number; it keeps its default"),
         ("Tr 2", plain.base_color, "m.mtl, line 2: material `a`: Tr `2` is out of range and clamped"),
-        ("map_Bump a.png\nbump b.png", plain.base_color, "map_Bump is ignored: material `a`"),
         ("Tr 0\nd 1", plain.base_color, ""),
         ("Ns 1e30\nKs 1 1 1\nfoo", plain.base_color, ""),
     ] {
@@ -84,6 +84,29 @@ fn colours_are_read_and_doubtful_ones_said_once() {
     assert_eq!(only("Ke 17 12 4").0.emission, [17.0, 12.0, 4.0]);
     assert_eq!(only("Ke -1 inf 4").0.emission, [0.0, f32::MAX, 4.0]);
     assert_eq!(only("Kd 0 0 0\nnewmtl a\nKd 1 1 1").0.base_color, [1.0; 3], "the later of two counts");
+}
+
+#[test]
+fn what_would_change_a_picture_elsewhere_is_said_by_its_name() {
+    for (lines, told) in [
+        ("bump q.png", &["bump"][..]),
+        ("map_Bump -bm 1 a.png\nmap_bump b.png\nmap_Bump c.png", &["map_Bump", "map_bump"]),
+        ("map_Ks a.png\nmap_Ns a.png\nrefl -type sphere a.png", &["map_Ks", "map_Ns", "refl"]),
+        ("disp a.png\ndecal a.png\nmap_Pr a.png\nmap_Pm a.png", &["disp", "decal", "map_Pr", "map_Pm"]),
+        ("Pc 0.5\nPcr 0.1\nPs 1\nmap_Ps a.png\naniso 0.5\nanisor 0.1", &["Pc", "Ps", "map_Ps", "aniso"]),
+        // What Blender writes for every material says nothing.
+        ("Pc 0.000000\nPcr 0.030000\nPs 0\naniso 0.0 \nanisor 0", &[]),
+        ("Tf 0.5 1 1", &["Tf"]),
+        ("Tf 1 1 1", &[]),
+        ("Tf 0 0 0", &[]),
+        ("illum 7\nTf 0.5 1 1", &[]),
+        ("Ka 1 1 1\nmap_Ka a.png\nsharpness 60\nmap_aat on", &[]),
+    ] {
+        let told: Vec<String> = told.iter().map(|name| format!("{name} is ignored: material `a`")).collect();
+        assert_eq!(only(lines).1, told, "{lines}");
+    }
+    let two = Case::new("newmtl a\nbump q.png\nnewmtl b\nbump q.png", &["a", "b"]).read();
+    assert_eq!(two.warnings, ["bump is ignored: material `a` and 1 more"]);
 }
 
 #[test]
