@@ -3,6 +3,9 @@ use super::page::{Page, number, numbers, quoted};
 use super::table::{Bounds, Table};
 use crate::{Light, ReadError};
 
+/// About the least angle whose cosine is not 1 in single precision: that of 2^-12 radians is half-way to the number below 1.
+const LEAST_CONE_DEGREES: f64 = 0.014;
+
 const TYPES: [&str; 5] = ["sun", "point", "spot", "sphere", "disc"];
 
 /// Reads one of `[[lights]]`.
@@ -41,8 +44,15 @@ fn spot(table: &Table<'_>) -> Result<Light, ReadError> {
     let outer = table.required("outer_degrees", table.number_f64("outer_degrees", Bounds::ConeAngle)?)?;
     let inner = table.number_f64("inner_degrees", Bounds::ConeAngle)?.unwrap_or(0.0);
     let (cos_inner, cos_outer) = (cos(inner), cos(outer));
-    if cos_outer >= cos_inner {
+    if outer <= inner {
         return Err(table.refuse("outer_degrees", &format!("more than `inner_degrees`, {inner}")));
+    }
+    if cos_outer >= cos_inner {
+        let wanted = format!(
+            "an angle whose cosine single precision tells from that of `inner_degrees`, {inner}; \
+             from 0 it tells {LEAST_CONE_DEGREES} and more"
+        );
+        return Err(table.refuse("outer_degrees", &wanted));
     }
     let (position, direction) = (point(table, "position")?, direction::read(table, "direction")?);
     Ok(Light::Spot { position, direction, intensity: color(table, "intensity")?, cos_inner, cos_outer })

@@ -56,6 +56,12 @@ fn wrong_types_and_values_are_quoted() {
     refused("direction = [0, -2, 0]", "direction = [0, 0, 0]", &["`direction`", "length is 0"]);
     refused("irradiance = [3, 3, 3]", "irradiance = [3, -3, 3]", &["`irradiance`", "[3, -3, 3]", "0 or more"]);
     refused("outer_degrees = 90", "outer_degrees = 20", &["`outer_degrees`", "20", "more than `inner_degrees`"]);
+    for narrow in ["0.01", "0.0139"] {
+        let cone = format!("outer_degrees = {narrow}");
+        let told = ["`outer_degrees`", narrow, "tells from that of `inner_degrees`, 0;", "0.014 and more"];
+        refused("inner_degrees = 20\nouter_degrees = 90", &cone, &told);
+    }
+    parse(&FULL.replacen("inner_degrees = 20\nouter_degrees = 90", "outer_degrees = 0.014", 1)).unwrap();
     let upright = FULL.replacen("up = [0, 1, 0]\n", "", 1).replacen("eye = [1, 2, 3.5]", "eye = [0.0, 2, 0]", 1);
     assert!(parse(&upright).unwrap_err().to_string().ends_with("[camera] needs `up`, a direction across the view"));
     refused("file = \"a.obj\"", "file = \"\"", &["`file` of [[assets]] is \"\", not the name of a file"]);

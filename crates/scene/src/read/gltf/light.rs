@@ -68,9 +68,17 @@ fn cosines(spot: Option<&Spot>) -> Result<[f32; 2], String> {
     let (inner, outer) =
         spot.map_or((0.0, std::f32::consts::FRAC_PI_4), |spot| (spot.inner_cone_angle, spot.outer_cone_angle));
     let cosines = [inner, outer].map(|angle_rad| f64::from(angle_rad).cos() as f32);
-    let is_cone = inner >= 0.0 && inner < outer && f64::from(outer) <= FRAC_PI_2_ROUNDED && cosines[0] > cosines[1];
-    is_cone.then_some(cosines).ok_or_else(|| format!("is a spot of {inner} to {outer} radians"))
+    let what = format!("is a spot of {inner} to {outer} radians");
+    let is_cone = inner >= 0.0 && inner < outer && f64::from(outer) <= FRAC_PI_2_ROUNDED;
+    if is_cone && cosines[0] == cosines[1] {
+        let why = format!("whose cosines are one in single precision ({LEAST_CONE_RAD} is told from 0)");
+        return Err(format!("{what}, {why},"));
+    }
+    is_cone.then_some(cosines).ok_or(what)
 }
+
+/// About the least angle whose cosine is not 1 in single precision: that of 2^-12 is half-way to the number below 1.
+const LEAST_CONE_RAD: f64 = 0.000245;
 
 /// A right angle as files hold it, in single precision, which is a little more than one.
 const FRAC_PI_2_ROUNDED: f64 = std::f32::consts::FRAC_PI_2 as f64;

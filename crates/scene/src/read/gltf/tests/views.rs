@@ -114,6 +114,7 @@ fn spots() {
         // The angle in the file is rounded once and its cosine once.
         assert!(cos_inner == 1.0 && (found - cos_outer).abs() <= f32::EPSILON, "{cos_inner} {found}");
     }
+    with_light(json!({}), json!({ "type": "spot", "spot": { "outerConeAngle": 0.000245 } })).scene();
     let ranged = with_light(json!({}), json!({ "type": "point", "range": 5 })).warned("range of lights");
     assert_eq!(ranged.lights.len(), 1);
 }
@@ -126,6 +127,11 @@ fn lights_that_cannot_be_used_are_said() {
         (json!({ "type": "spot", "spot": { "innerConeAngle": 1, "outerConeAngle": 1 } }), "is a spot of 1 to 1"),
         (json!({ "type": "spot", "spot": { "innerConeAngle": -0.5 } }), "is a spot of -0.5"),
         (json!({ "type": "spot", "spot": { "outerConeAngle": 1.6 } }), "to 1.6 radians"),
+        (
+            json!({ "type": "spot", "spot": { "outerConeAngle": 1e-4 } }),
+            "is a spot of 0 to 0.0001 radians, whose cosines are one in single precision (0.000245 is told from 0), and",
+        ),
+        (json!({ "type": "spot", "spot": { "outerConeAngle": 0.000244 } }), "are one in single precision"),
         (json!({ "type": "laser" }), "unknown type"),
     ] {
         assert!(with_light(json!({}), light).warned(why).lights.is_empty());
