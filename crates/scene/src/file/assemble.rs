@@ -8,6 +8,7 @@ use super::placement::after;
 use super::read::unknown;
 use super::table::error_at;
 use super::{Asset, AssetInstance, AssetSource, MaterialEdits, SceneFile};
+use crate::read::quoted;
 use crate::{
     Encoding, Instance, Material, MaterialId, Part, ReadError, ReadOptions, Scene, Texture, TextureId, builtin,
     read_with,
@@ -47,7 +48,8 @@ impl<'a> Assembled<'a> {
         if is_placed {
             let own = match &asset.source {
                 AssetSource::Builtin => builtin(),
-                AssetSource::File(file) => read_with(&self.file.resolve(file), &ReadOptions { time: asset.time })?,
+                AssetSource::File(file) => read_with(&self.file.resolve(file), &ReadOptions { time: asset.time })
+                    .map_err(|error| self.file.error_of(asset.line, "`file` of [[assets]]", error))?,
             };
             self.take(asset, own)?;
         } else {
@@ -187,7 +189,8 @@ impl<'a> Assembled<'a> {
         if let Some(&known) = self.textures.get(&key) {
             return Ok(known);
         }
-        let refuse = |reason: String| error_at(&self.file.path, line, format!("image {file:?}: {reason}"));
+        let refuse =
+            |reason: String| error_at(&self.file.path, line, format!("image {}: {reason}", quoted(file.as_bytes())));
         let bytes = fs::read(self.file.resolve(file)).map_err(|error| refuse(error.to_string()))?;
         let texture = crate::read::decode(file, &bytes).map_err(|error| refuse(error.to_string()))?;
         let id = u32::try_from(self.scene.textures.len()).map_err(|_| refuse("there are too many textures".into()))?;

@@ -15,6 +15,8 @@ pub enum EnvironmentSource {
         scale: [f32; 3],
         /// Angle by which it is turned about +y.
         turn_degrees: f32,
+        /// Line of the scene file, 0 where it was not read.
+        line: usize,
     },
 }
 
@@ -34,7 +36,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<EnvironmentSource, ReadError> {
         return Err(table.error("image", "an environment with an `image` has no `constant`"));
     }
     let (scale, turn_degrees) = (scale.unwrap_or([1.0; 3]), turn_degrees.unwrap_or(0.0));
-    Ok(EnvironmentSource::Image { file: file.to_owned(), scale, turn_degrees })
+    Ok(EnvironmentSource::Image { file: file.to_owned(), scale, turn_degrees, line: table.line() })
 }
 
 /// Writes `[environment]`.
@@ -44,7 +46,7 @@ pub(super) fn write(environment: &EnvironmentSource, page: &mut Page) {
         EnvironmentSource::Constant(radiance) => {
             page.line("constant", &numbers(radiance), "radiance, W/(m2 sr), linear RGB");
         }
-        EnvironmentSource::Image { file, scale, turn_degrees } => {
+        EnvironmentSource::Image { file, scale, turn_degrees, line: _ } => {
             page.line("image", &quoted(file), "by longitude and latitude, +y up");
             page.line("scale", &numbers(scale), "factor of red, green and blue");
             page.line("turn_degrees", &number(*turn_degrees), "about +y, counter-clockwise from above");

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use super::assemble::Assembled;
+use super::table::error_at;
 use super::{Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, Override, Placement, SceneFile};
 use crate::{Environment, EnvironmentImage, Material, ReadError, Scene, read_environment};
 
@@ -38,14 +39,14 @@ impl SceneFile {
     /// The other file is not there, or its path is not UTF-8.
     pub fn under(mut self, image: &Path, scale: [f32; 3], turn_degrees: f32) -> Result<Self, ReadError> {
         let file = super::paths::relative(image, super::paths::folder(&self.path))?;
-        self.environment = Some(EnvironmentSource::Image { file, scale, turn_degrees });
+        self.environment = Some(EnvironmentSource::Image { file, scale, turn_degrees, line: 0 });
         Ok(self)
     }
 
     /// Reads the files named and puts the scene together.
     ///
     /// # Errors
-    /// [`ReadError`] of this file, with its line, or of the file that is at fault.
+    /// [`ReadError`] of this file, with its line, and behind it that of the file named there, where it is at fault.
     pub fn load(&self) -> Result<Scene, ReadError> {
         self.assemble().map(|assembled| assembled.scene)
     }
@@ -134,11 +135,17 @@ impl SceneFile {
         Ok(assembled)
     }
 
+    /// The error of a file that this one names in a line, by a key. Where this one was not read nothing is to be mended in it.
+    pub(super) fn error_of(&self, line: usize, key: &str, error: ReadError) -> ReadError {
+        if line == 0 { error } else { error_at(&self.path, line, format!("{key}: {error}")) }
+    }
+
     fn load_environment(&self, source: &EnvironmentSource, scene: &mut Scene) -> Result<Environment, ReadError> {
         match source {
             EnvironmentSource::Constant(radiance) => Ok(Environment::Constant(*radiance)),
-            EnvironmentSource::Image { file, scale, turn_degrees } => {
-                let image = read_environment(&self.resolve(file), &mut scene.warnings)?;
+            EnvironmentSource::Image { file, scale, turn_degrees, line } => {
+                let image = read_environment(&self.resolve(file), &mut scene.warnings)
+                    .map_err(|error| self.error_of(*line, "`image` of [environment]", error))?;
                 Ok(Environment::Image(EnvironmentImage { scale: *scale, turn_degrees: *turn_degrees, ..image }))
             }
         }

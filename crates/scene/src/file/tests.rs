@@ -5,7 +5,7 @@ mod round_trip;
 
 use std::path::Path;
 
-use super::SceneFile;
+use super::{EnvironmentSource, SceneFile};
 use crate::ReadError;
 
 /// A file that says everything once.
@@ -132,6 +132,9 @@ fn bare(mut file: SceneFile) -> SceneFile {
     file.instances.iter_mut().flatten().for_each(|instance| instance.line = 0);
     file.materials.iter_mut().for_each(|material| material.line = 0);
     file.overrides.iter_mut().for_each(|change| change.line = 0);
+    if let Some(EnvironmentSource::Image { line, .. }) = &mut file.environment {
+        *line = 0;
+    }
     for setting in &mut file.settings {
         setting.line = 0;
         setting.comment.clear();

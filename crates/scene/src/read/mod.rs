@@ -24,6 +24,7 @@ pub use self::exr::promised_samples;
 pub use environment::read_environment;
 pub use error::ReadError;
 pub(crate) use image::decode;
+pub(crate) use text::quoted;
 
 /// What a reader is told beside the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

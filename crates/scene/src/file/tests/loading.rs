@@ -95,9 +95,23 @@ fn what_cannot_be_loaded_is_told_by_line() {
     refused(&format!("{a}[[overrides]]\nmaterial = 'rod'"), &["line 4", "no material", "\"rod\"", "\"red\""]);
     refused(&format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'a.mtl'"), &["line 4", "a.mtl", "PNG"]);
     refused(&format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'no.png'"), &["line 4", "no.png"]);
-    refused("[[assets]]\nname = 'a'\nfile = 'no.obj'", &["no.obj"]);
-    refused("[[assets]]\nname = 'a'\nfile = 'scene.toml'", &["scene.toml"]);
+    let of_file = "scene.toml: line 2: `file` of [[assets]]: ";
+    refused("# a\n[[assets]]\nname = 'a'\nfile = 'no.obj'", &[of_file, "no.obj: cannot be read: "]);
+    refused("# a\n[[assets]]\nname = 'a'\nfile = 'a.mtl'", &[of_file, "a.mtl: is neither OBJ"]);
+    let of_image = "scene.toml: line 4: `image` of [environment]: ";
+    refused(&format!("{a}[environment]\nimage = 'no.hdr'"), &[of_image, "no.hdr: cannot be read: "]);
+    refused(&format!("{a}[environment]\nimage = 'a.obj'"), &[of_image, "a.obj: environment: the content is neither"]);
     refused("", &["nothing to draw"]);
+}
+
+/// A file that was made and not read has no line to name.
+#[test]
+fn errors_of_assets_stand_alone_where_no_line_names_them() {
+    let folder = folder();
+    std::fs::write(folder.path().join("bad.obj"), "v 0 0\n").unwrap();
+    let file = SceneFile::of(Some(&folder.path().join("bad.obj")), &folder.path().join("s.toml")).unwrap();
+    let message = file.load().unwrap_err().to_string();
+    assert!(message.contains("bad.obj: ") && !message.contains("s.toml"), "{message}");
 }
 
 #[test]
