@@ -31,8 +31,8 @@ pub(crate) struct Args {
     /// Seconds into the file's first animation; the pose that the file has without it.
     #[arg(long, value_parser = options::number, value_name = "SECONDS", allow_hyphen_values = true)]
     time: Option<f32>,
-    /// Rays, `.csv` (ox,oy,oz,dx,dy,dz,tmax) or `.bin` (seven little-endian f32 a ray): in world space, tmax in lengths of the
-    /// direction.
+    /// Rays, `.csv` (ox,oy,oz,dx,dy,dz,tmax, in this order) or `.bin` (seven little-endian f32 a ray): in world space, tmax in
+    /// lengths of the direction.
     #[arg(long, value_name = "FILE")]
     rays: PathBuf,
     /// Hits to write, `.csv` (t,prim,u,v,instance) or `.bin` (f32 t, i32 prim, f32 u, f32 v); t in lengths of the ray's direction.

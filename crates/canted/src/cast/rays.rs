@@ -5,6 +5,9 @@ use std::path::Path;
 use anyhow::{Result, anyhow};
 use canted_trace::Ray;
 
+/// The columns, in the order in which they are read.
+const COLUMNS: [&str; 7] = ["ox", "oy", "oz", "dx", "dy", "dz", "tmax"];
+
 /// Reads rays from a `.csv` or `.bin` file.
 pub(super) fn read(path: &Path) -> Result<Vec<Ray>> {
     let name = path.display();
@@ -52,6 +55,7 @@ fn from_csv(bytes: &[u8]) -> Result<Vec<Ray>> {
         let is_header = is_first && fields.iter().all(|field| is_name(field));
         is_first = false;
         if is_header {
+            check_order(&fields).map_err(|error| anyhow!("line {}: {error}", line + 1))?;
             continue;
         }
         let mut numbers = [0.0; 7];
@@ -61,6 +65,17 @@ fn from_csv(bytes: &[u8]) -> Result<Vec<Ray>> {
         rays.push(ray(numbers).map_err(|error| anyhow!("line {}: {error}", line + 1))?);
     }
     Ok(rays)
+}
+
+/// Refuses a header that has one of the columns in the place of another: numbers are read by their place, whatever it says.
+fn check_order(header: &[&str]) -> Result<()> {
+    let is_known = |name: &str| COLUMNS.iter().any(|column| column.eq_ignore_ascii_case(name));
+    match header.iter().zip(COLUMNS).find(|(name, column)| !name.eq_ignore_ascii_case(column) && is_known(name)) {
+        Some((name, column)) => {
+            Err(anyhow!("'{name}' stands in the place of {column}: columns are {}", COLUMNS.join(",")))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Whether a field is a name: a word that is no number.
@@ -111,8 +126,21 @@ mod tests {
             let text = format!("{before}ox,oy,oz,dx,dy,dz,tmax\n{row}");
             assert_eq!(from_csv(text.as_bytes()).unwrap().len(), 1, "{before:?}");
         }
+        assert_eq!(from_csv(format!("OX,y,from,dx,b,c,length\n{row}").as_bytes()).unwrap().len(), 1);
         assert_eq!(from_csv(b"a,b,c\n").unwrap_err().to_string(), "line 1: 3 fields where a ray has 7");
         let error = from_csv(format!("{row}ox,oy,oz,dx,dy,dz,tmax\n").as_bytes()).unwrap_err().to_string();
         assert_eq!(error, "line 2: 'ox' is not a number");
+    }
+
+    #[test]
+    fn a_header_of_another_order_is_refused() {
+        let row = "0,0,0,1,0,0,1\n";
+        for (header, words) in [
+            ("dx,dy,dz,ox,oy,oz,tmax", "line 1: 'dx' stands in the place of ox: columns are ox,oy,oz,dx,dy,dz,tmax"),
+            ("\nox,oy,oz,tmax,DY,b,c", "line 2: 'tmax' stands in the place of dx: columns are ox,oy,oz,dx,dy,dz,tmax"),
+            ("x,ox,z,a,b,c,d", "line 1: 'ox' stands in the place of oy: columns are ox,oy,oz,dx,dy,dz,tmax"),
+        ] {
+            assert_eq!(from_csv(format!("{header}\n{row}").as_bytes()).unwrap_err().to_string(), words);
+        }
     }
 }
