@@ -6,35 +6,51 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// The exit code of who was interrupted, as a shell shows it.
 pub(crate) const CODE: u8 = 130;
 
+/// Whether work looks at [`STOP`], so that a signal is no end yet.
+static IS_LOOKED_AT: AtomicBool = AtomicBool::new(false);
+
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// A flag that Ctrl-C sets, for work that looks at it and has something to keep.
+/// Lets signals end the process, which has nothing to keep until work asks for [`flag`].
+pub(crate) fn ends_the_process() {
+    on_signals(|| {
+        if IS_LOOKED_AT.load(Ordering::Relaxed) {
+            STOP.store(true, Ordering::Relaxed);
+            return;
+        }
+        let _discarded = canted_renderer::discard_unfinished();
+        leave();
+    });
+}
+
+/// A flag that a signal sets from here on, in place of the end, for work that looks at it and has something to keep. What is
+/// written behind that work is written whole.
 pub(crate) fn flag() -> &'static AtomicBool {
-    on_signals(|| STOP.store(true, Ordering::Relaxed));
+    IS_LOOKED_AT.store(true, Ordering::Relaxed);
     &STOP
 }
 
-/// Lets Ctrl-C end the process, for work that has nothing to keep; where this was called, nobody sets the flag.
-pub(crate) fn ends_the_process() {
-    on_signals(|| {
-        let _discarded = canted_renderer::discard_unfinished();
-        std::process::exit(CODE.into());
-    });
+/// Ends the process without what runs at its exit: a driver's own would take apart what another thread has it set up.
+#[cfg(unix)]
+fn leave() -> ! {
+    signal_hook::low_level::exit(CODE.into())
 }
 
-/// Calls the first function that is given at each of the signals; without a handler they end the process as ever.
+#[cfg(not(unix))]
+fn leave() -> ! {
+    std::process::exit(CODE.into())
+}
+
+/// Calls a function at each of the signals; without a handler they end the process as ever.
 #[cfg(unix)]
 fn on_signals(call: fn()) {
     use signal_hook::{consts, iterator::Signals};
-    static ONCE: std::sync::Once = std::sync::Once::new();
-    ONCE.call_once(|| {
-        // Where nobody tells whether `nohup` has it ignored, SIGHUP keeps its own way.
-        let hang_up = cfg!(target_os = "linux").then_some(consts::SIGHUP);
-        let all = [consts::SIGINT, consts::SIGTERM].into_iter().chain(hang_up);
-        let wanted = all.filter(|&signal| !is_ignored(signal));
-        let Ok(mut signals) = Signals::new(wanted) else { return };
-        std::thread::spawn(move || signals.forever().for_each(|_| call()));
-    });
+    // Where nobody tells whether `nohup` has it ignored, SIGHUP keeps its own way.
+    let hang_up = cfg!(target_os = "linux").then_some(consts::SIGHUP);
+    let all = [consts::SIGINT, consts::SIGTERM].into_iter().chain(hang_up);
+    let wanted = all.filter(|&signal| !is_ignored(signal));
+    let Ok(mut signals) = Signals::new(wanted) else { return };
+    std::thread::spawn(move || signals.forever().for_each(|_| call()));
 }
 
 #[cfg(not(unix))]

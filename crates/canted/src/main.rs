@@ -68,9 +68,6 @@ pub(crate) enum Outcome {
 /// Does what the command line asks for.
 fn run(matches: &ArgMatches) -> Result<Outcome> {
     let cli = Cli::from_arg_matches(matches).unwrap_or_else(|error| error.exit());
-    if !matches!(cli.command, None | Some(Command::Render(_))) {
-        interrupt::ends_the_process();
-    }
     match cli.command {
         None => render::run(&options::defaults()),
         Some(Command::Render(args)) => render::run(&args),
@@ -85,6 +82,7 @@ fn run(matches: &ArgMatches) -> Result<Outcome> {
 }
 
 fn main() -> ExitCode {
+    interrupt::ends_the_process();
     match settings::command_line().and_then(|matches| run(&matches)) {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::No) => ExitCode::from(1),

@@ -1,11 +1,11 @@
 //! How strong our own light is, where a scene brings none.
 
+use std::sync::atomic::AtomicBool;
+
 use anyhow::Result;
 use canted_renderer::{Aovs, Prepared, Settings, render};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
-
-use crate::interrupt;
 
 /// By how much our own light must be stronger for a picture that is not dark, as interiors lit by a sky are.
 ///
@@ -23,7 +23,8 @@ pub(super) fn strength_of_default_light<K: LaneKernel>(
     // The same for every part of the samples.
     let (samples, part, noise, aovs) = (16, None, None, Aovs::NONE);
     let probe = Settings { width, height, samples, part, noise, aovs, ..*settings };
-    let film = render(scene, &prepared.structure, camera, &probe, &|_, _| {}, interrupt::flag())?;
+    // Nobody stops it: as long as there is nothing to keep, a signal ends the process.
+    let film = render(scene, &prepared.structure, camera, &probe, &|_, _| {}, &AtomicBool::new(false))?;
     let sum: f64 = film.pixels().iter().flat_map(|pixel| pixel.mean()).sum();
     let mean = sum / f64::from(3 * width * height);
     #[expect(clippy::cast_possible_truncation, reason = "a factor of light")]

@@ -229,11 +229,56 @@ pub(crate) mod interrupted {
             return;
         }
         let folder = Folder::with_small();
-        let mut command = folder.command("render small.obj -o out.png --size 1024x1024 --spp 1048576");
-        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
-        wait_until(|| catches("INT", &child).unwrap_or(true));
-        assert_eq!(interrupt(&mut child), Some(130));
-        assert_eq!(folder.names(), ["small.obj"]);
+        // Before there is anything to stop, and while rays are traced.
+        for milliseconds in [0, 2000] {
+            let mut command = folder.command("render small.obj -o out.png --size 1024x1024 --spp 1048576");
+            let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+            wait_until(|| catches("INT", &child).unwrap_or(true));
+            sleep(Duration::from_millis(milliseconds));
+            assert_eq!(interrupt(&mut child), Some(130));
+            assert_eq!(folder.names(), ["small.obj"]);
+        }
+    }
+
+    /// Where a scene is still read, by the bytes that the process has read, nothing looks at a flag.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_render_that_still_reads_ends_with_130() {
+        if is_ignored("a_render_that_still_reads_ends_with_130") {
+            return;
+        }
+        let folder = Folder::new();
+        let scene = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(3_000_000);
+        folder.write("many.obj", &scene);
+        for signal in ["-INT", "-TERM"] {
+            let mut child = folder.command("render many.obj -o out.png --device cpu").spawn().unwrap();
+            let n_read = || {
+                let counts = std::fs::read_to_string(format!("/proc/{}/io", child.id())).unwrap();
+                let all = counts.lines().find_map(|line| line.strip_prefix("rchar: ")?.parse::<usize>().ok());
+                all.unwrap()
+            };
+            wait_until(|| n_read() > scene.len());
+            assert_eq!(send(signal, &mut child), Some(130), "{signal}");
+            assert_eq!(folder.names(), ["many.obj"], "{signal}");
+        }
+    }
+
+    /// A driver that is being set up is left as it is: what it does at an exit would take apart what it still makes.
+    #[test]
+    fn a_search_for_devices_is_interrupted_without_a_crash() {
+        if is_ignored("a_search_for_devices_is_interrupted_without_a_crash") {
+            return;
+        }
+        let folder = Folder::with_small();
+        for milliseconds in (0..120).step_by(4) {
+            let mut child = folder.command("devices").stdout(Stdio::null()).spawn().unwrap();
+            sleep(Duration::from_millis(milliseconds));
+            assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+            let status = child.wait().unwrap();
+            // It may be over already, or not have begun to catch signals.
+            let is_sane = matches!(status.code(), Some(0 | 130)) || status.signal() == Some(15);
+            assert!(is_sane, "after {milliseconds} ms: {status}");
+        }
     }
 
     #[test]
