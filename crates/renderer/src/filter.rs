@@ -1,4 +1,5 @@
 use std::f64::consts::PI;
+use std::fmt;
 
 /// How the light around a pixel's centre is weighed, the same along both axes; each with its radius in pixels, beyond
 /// which it is zero.
@@ -19,6 +20,20 @@ pub enum Filter {
     Mitchell(f32),
     /// The window of four cosines of Harris 1978: hardly any ripple, never negative.
     BlackmanHarris(f32),
+}
+
+/// The name, as `--filter` has it; the radius behind it where it is another than that of the constant.
+impl fmt::Display for Filter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, usual) = match self {
+            Self::Box(_) => ("box", Self::BOX),
+            Self::Tent(_) => ("tent", Self::TENT),
+            Self::Gaussian(_) => ("gaussian", Self::GAUSSIAN),
+            Self::Mitchell(_) => ("mitchell", Self::MITCHELL),
+            Self::BlackmanHarris(_) => ("blackman-harris", Self::BLACKMAN_HARRIS),
+        };
+        if *self == usual { f.write_str(name) } else { write!(f, "{name} of radius {}", self.radius()) }
+    }
 }
 
 impl Filter {

@@ -124,7 +124,7 @@ impl Settings {
             ("bounces", bounces.to_string()),
             ("seed", seed.to_string()),
             ("sampler", pattern),
-            ("filter", format!("{filter:?}").to_lowercase()),
+            ("filter", filter.to_string()),
             ("lod", format!("{lod:?}").to_lowercase()),
             ("ao-radius", radius),
         ]

@@ -8,7 +8,7 @@ use canted_scene::{Camera, Scene};
 use clap::ValueEnum;
 
 use super::{
-    camera::CameraArgs,
+    camera::{self, CameraArgs},
     choices::{FilterArg, IntegratorArg, LodArg},
     samples::SampleArgs,
 };
@@ -116,13 +116,12 @@ impl Args {
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
             ("scene", format!("{:016x}", scene_hash(scene))),
             ("light", format!("{:016x}", light_hash(scene))),
-            ("triangles", format!("{:?}", self.structure.triangles).to_lowercase()),
+            ("triangles", self.structure.triangles.name().to_owned()),
             ("device", device),
         ];
-        // The camera last: it may be another for another size.
-        let camera = ("camera", format!("{camera:?}"));
         let named = |(name, value): (&str, String)| (name.to_owned(), value);
-        own.map(named).into_iter().chain(settings.record()).chain([named(camera)]).collect()
+        // The camera last: it may be another for another size.
+        own.map(named).into_iter().chain(settings.record()).chain(camera::record(camera).map(named)).collect()
     }
 }
 
@@ -131,7 +130,7 @@ pub(super) fn of_tiles(record: &Record, settings: &Settings) -> Record {
     let noise = settings.noise.map_or_else(|| "none".to_owned(), |noise| noise.to_string());
     let own = [
         ("samples", format!("{:?}", settings.range())),
-        ("is part", settings.part.is_some().to_string()),
+        ("use", if settings.part.is_some() { "a part to merge" } else { "a picture" }.to_owned()),
         ("noise", noise),
         ("aovs", settings.aovs.to_string()),
         ("tile", settings.tile.to_string()),

@@ -86,3 +86,25 @@ impl CameraArgs {
         Some(Lens { radius, focus_distance })
     }
 }
+
+/// A camera by the names and values of the options that give it, to the bit.
+pub(super) fn record(camera: &Camera) -> [(&'static str, String); 6] {
+    let Camera { eye, target, up, projection, lens } = camera;
+    let triple = |[x, y, z]: &[f32; 3]| format!("{x},{y},{z}");
+    let fov = match projection {
+        Projection::Perspective { fov_degrees } => fov_degrees.to_string(),
+        Projection::Orthographic { height } => format!("none and the height {height}"),
+    };
+    let [aperture, focus] = match lens {
+        Some(Lens { radius, focus_distance }) => [radius.to_string(), focus_distance.to_string()],
+        None => ["0", "none"].map(str::to_owned),
+    };
+    [
+        ("eye", triple(eye)),
+        ("target", triple(target)),
+        ("up", triple(up)),
+        ("fov", fov),
+        ("aperture", aperture),
+        ("focus", focus),
+    ]
+}

@@ -96,10 +96,12 @@ fn parts_of_two_pictures_are_refused_by_what_differs() {
         ("--seed 3", "seed is 0 and 3"),
         ("--sampler random", "sampler is sobol and random"),
         ("--sampler stratified --spp 8", "sampler is sobol and stratified of 8"),
-        ("--filter tent", "filter is"),
+        ("--filter blackman-harris", "filter is box and blackman-harris"),
         ("--ao-radius 2", "ao-radius is auto and 2"),
-        ("--eye 3,3,3 --target 0,0,0", "camera is"),
-        ("--triangles moller-trumbore", "triangles is watertight and mollertrumbore"),
+        ("--eye 3,3,3 --target 0,0,0", " and 3,3,3"),
+        ("--fov 20.5", "fov is 40 and 20.5"),
+        ("--aperture 0.5 --focus 3", "aperture is 0 and 0.5"),
+        ("--triangles moller-trumbore", "triangles is watertight and moller-trumbore"),
         ("--aovs depth,albedo", "aovs is none and depth,albedo"),
     ] {
         render(&format!("{RENDER} {option}")).refused(&[&a, "b.exr", words]);
