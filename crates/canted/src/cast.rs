@@ -19,7 +19,7 @@ use crate::{
     device::{DeviceArg, Machine},
     load,
     options::{self, StructureArgs, with_kernel},
-    output,
+    output::{self, Named},
 };
 use hits::Answer;
 
@@ -60,13 +60,15 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     options::use_threads(args.threads)?;
     let format = hits::Format::of(&args.hits)?;
     let inputs = load::Inputs::of(Some(&args.scene))?.and("--rays", &args.rays);
-    output::check_distinct(&inputs.named(), &[("--hits", &args.hits)])?;
+    let outputs: [Named; 1] = [("--hits", &args.hits)];
+    output::check_distinct(&inputs.named(), &outputs)?;
     if matches!(args.device, DeviceArg::Both(_)) {
         return Err(anyhow!("--device both shares out tiles of pictures, not rays: use cpu, gpu or an adapter's name"));
     }
     let machine = args.device.open()?;
     let rays = rays::read(&args.rays)?;
     let scene = load::scene_at(Some(&args.scene), args.time)?;
+    load::check_outputs(Some(&args.scene), &scene, &outputs)?;
     // A place that cannot be written is told before the work.
     output::probe(&args.hits)?;
     let (answers, seconds) = with_kernel!(args.structure.triangles, answer(&scene, &rays, args, &machine))?;

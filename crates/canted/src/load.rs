@@ -24,7 +24,7 @@ impl Inputs {
         if !is_scene_file(path) {
             return Ok(inputs);
         }
-        let name = format!("what {} names", path.display());
+        let name = what_it_names(path);
         Ok(scene_file(path)?.files().iter().fold(inputs, |inputs, file| inputs.and(&name, file)))
     }
 
@@ -38,6 +38,17 @@ impl Inputs {
     pub(crate) fn named(&self) -> Vec<Named<'_>> {
         self.0.iter().map(|(name, path)| (&name[..], path.as_path())).collect()
     }
+}
+
+/// Refuses outputs that would replace a file that was read because a scene names it.
+pub(crate) fn check_outputs(path: Option<&Path>, scene: &Scene, outputs: &[Named]) -> Result<()> {
+    let name = path.map(what_it_names).unwrap_or_default();
+    let inputs: Vec<Named> = scene.files.iter().map(|file| (&name[..], file.as_path())).collect();
+    output::check_distinct(&inputs, outputs)
+}
+
+fn what_it_names(scene: &Path) -> String {
+    format!("what {} names", scene.display())
 }
 
 /// Reads a scene, or makes the built-in one; warnings go to standard error, each once.

@@ -98,6 +98,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     output::probe(&args.output)?;
     let start = Instant::now();
     let mut scene = load::scene_at(args.scene.as_deref(), args.time)?;
+    load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     let default_light = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
     let run = with_kernel!(args.structure.triangles, trace(&mut scene, args, &machine, default_light, load_time))?;

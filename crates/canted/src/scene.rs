@@ -9,7 +9,7 @@ use clap::ArgMatches;
 use crate::{
     Outcome, load,
     options::{self, with_kernel},
-    output,
+    output::{self, Named},
     render::{self, Looked},
     settings,
 };
@@ -37,7 +37,8 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<Outcome> {
     if !load::is_scene_file(path) {
         return Err(anyhow!("{}: scene files end in .toml", path.display()));
     }
-    output::check_distinct(&args.inputs()?.named(), &[("--output", path)])?;
+    let outputs: [Named; 1] = [("--output", path)];
+    output::check_distinct(&args.inputs()?.named(), &outputs)?;
     output::probe(path)?;
     options::use_threads(None)?;
     let error = |error| anyhow!("{error}");
@@ -55,6 +56,7 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<Outcome> {
         file = file.under(image, scale, turn_degrees).map_err(error)?;
     }
     let (mut scene, mut file) = file.load_spelled_out().map_err(error)?;
+    load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     load::warn(&scene.warnings);
     with_kernel!(args.structure.triangles, look(&mut scene, args, &mut file))?;
     let picture = args.settings()?;

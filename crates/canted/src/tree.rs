@@ -8,7 +8,10 @@ use canted_renderer::Whole;
 use canted_scene::Scene;
 use clap::ValueEnum;
 
-use crate::{Outcome, load, output};
+use crate::{
+    Outcome, load,
+    output::{self, Named},
+};
 
 /// Options of `canted tree`.
 #[derive(clap::Args)]
@@ -41,8 +44,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         BitsArg::B63 => Bits::B63,
     };
     let inputs = load::Inputs::of(Some(&args.scene))?;
-    output::check_distinct(&inputs.named(), &[("--codes", &args.codes), ("--nodes", &args.nodes)])?;
+    let outputs: [Named; 2] = [("--codes", &args.codes), ("--nodes", &args.nodes)];
+    output::check_distinct(&inputs.named(), &outputs)?;
     let scene = load::scene(Some(&args.scene))?;
+    load::check_outputs(Some(&args.scene), &scene, &outputs)?;
     // Places that cannot be written are told before the work.
     output::probe(&args.codes)?;
     output::probe(&args.nodes)?;

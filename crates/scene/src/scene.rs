@@ -1,3 +1,5 @@
+use std::path::PathBuf;
+
 use canted_obb::Aabb;
 
 use crate::{Camera, Environment, Instance, Light, Material, Mesh, Texture};
@@ -21,6 +23,8 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// What was repaired or left out while reading: one sentence each, said once by name.
     pub warnings: Vec<String>,
+    /// Files that were read beside the scene's own because it names them: libraries of materials, buffers and images.
+    pub files: Vec<PathBuf>,
 }
 
 impl Scene {

@@ -88,5 +88,6 @@ fn plain() -> Scene {
         environment: Some([0.4, 0.5, 0.6].into()),
         cameras: vec![Camera::pinhole([0.0, 1.7, 0.0], [0.0, 0.5, 12.0], [0.0, 1.0, 0.0], 50.0)],
         warnings: vec![],
+        files: vec![],
     }
 }

@@ -118,6 +118,33 @@ fn inputs_are_not_replaced() {
         ("tree small.obj --codes ./small.obj --nodes n.csv", "small.obj", ["SCENE", "--codes"]),
         ("tree s.toml --codes c.csv --nodes small.obj", "small.obj", ["s.toml", "--nodes"]),
     ];
+    // What a scene names, and what a scene file's scenes do.
+    folder.run("render small.obj --size 8x4 --spp 1 -o t.png").done();
+    folder.write("t.mtl", "newmtl a\nmap_Kd t.png\n");
+    folder.write("t.obj", "mtllib t.mtl\nusemtl a\n".to_owned() + crate::support::SMALL);
+    folder.write("t.toml", "[[assets]]\nname = 't'\nfile = 't.obj'\n");
+    folder.write(
+        "t.ply",
+        "ply\nformat ascii 1.0\ncomment TextureFile t.png\nelement vertex 3\nproperty float x\nproperty float y\n\
+         property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+         0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+    );
+    folder.write("t.bin", [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].map(f32::to_le_bytes).concat());
+    folder.write(
+        "t.gltf",
+        r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "buffers": [{"uri": "t.bin", "byteLength": 36}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "accessors": [{"bufferView": 0, "componentType": 5126,
+        "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}]}"#,
+    );
+    cases.extend([
+        ("render t.ply -o t.png", "t.png", ["what t.ply names", "--output"]),
+        ("cast t.gltf --rays rays.csv --hits t.bin", "t.bin", ["what t.gltf names", "--hits"]),
+        ("render t.obj -o ./t.png", "t.png", ["what t.obj names", "--output"]),
+        ("render t.obj --checkpoint t.mtl -o a.png", "t.mtl", ["what t.obj names", "--checkpoint"]),
+        ("render t.toml -o t.png", "t.png", ["what t.toml names", "--output"]),
+        ("tree t.obj --codes t.mtl --nodes n.csv", "t.mtl", ["what t.obj names", "--codes"]),
+    ]);
     if cfg!(unix) {
         #[cfg(unix)]
         for (file, link) in [("0.exr", "part.exr"), ("rays.csv", "hits.csv")] {

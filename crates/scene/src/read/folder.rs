@@ -1,9 +1,11 @@
 //! Files that a scene file names: only those in its own folder and below.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// Why a named file is not read. The message does not repeat the name.
 #[derive(Debug)]
@@ -32,13 +34,16 @@ impl fmt::Display for Refusal {
 /// The folder of a scene file; nothing outside it is opened on the file's behalf.
 pub(crate) struct Folder {
     root: PathBuf,
+    /// What was found, in an order that no thread decides.
+    found: Mutex<BTreeSet<PathBuf>>,
 }
 
 impl Folder {
     /// The folder that contains `scene_file`.
     pub(crate) fn of(scene_file: &Path) -> io::Result<Self> {
         let parent = scene_file.parent().filter(|parent| !parent.as_os_str().is_empty());
-        Ok(Self { root: fs::canonicalize(parent.unwrap_or(Path::new(".")))? })
+        let root = fs::canonicalize(parent.unwrap_or(Path::new(".")))?;
+        Ok(Self { root, found: Mutex::default() })
     }
 
     /// The real path of the regular file that `name` means; both slashes separate.
@@ -57,7 +62,16 @@ impl Folder {
         if !real.starts_with(&self.root) {
             return Err(Refusal::LeavesFolder);
         }
-        if fs::metadata(&real).map_err(Refusal::Io)?.is_file() { Ok(real) } else { Err(Refusal::NotAFile) }
+        if !fs::metadata(&real).map_err(Refusal::Io)?.is_file() {
+            return Err(Refusal::NotAFile);
+        }
+        self.found.lock().unwrap_or_else(PoisonError::into_inner).insert(real.clone());
+        Ok(real)
+    }
+
+    /// The real paths of the files that were found, each once.
+    pub(crate) fn into_found(self) -> Vec<PathBuf> {
+        self.found.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect()
     }
 
     /// The bytes of the file that `name` means.
@@ -107,6 +121,8 @@ mod tests {
             assert_eq!(folder.read(name).unwrap(), b"scene/in.png", "{name}");
         }
         assert_eq!(folder.read("sub\\deep.png").unwrap(), b"scene/sub/deep.png");
+        let root = folder.root.clone();
+        assert_eq!(folder.into_found(), ["in.png", "sub/deep.png"].map(|name| root.join(name)), "each is known once");
     }
 
     #[test]

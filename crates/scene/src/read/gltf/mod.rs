@@ -62,6 +62,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scene, ReadErro
     camera::read(&document, &nodes, &mut scene)?;
     light::read(&document, &nodes, &mut remarks, &mut scene)?;
     document.note_extensions(&mut remarks);
+    scene.files = document.folder.into_found();
     remarks.finish(&mut scene.warnings);
     repair.finish(path, &mut scene)?;
     if scene.instances.is_empty() {

@@ -97,6 +97,7 @@ pub(super) fn materials(
             assign(&mut scene.materials[k], role, map, texture);
         }
     }
+    scene.files = folder.into_found();
     Ok(())
 }
 

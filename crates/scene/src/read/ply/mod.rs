@@ -54,9 +54,11 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
 fn material(path: &Path, texture: Option<&[u8]>, scene: &mut Scene) -> Material {
     let Some(name) = texture else { return Material::default() };
     let name = String::from_utf8_lossy(name);
-    let bytes = Folder::of(path)
-        .map_err(|error| error.to_string())
-        .and_then(|folder| folder.read(&name).map_err(|refusal| refusal.to_string()));
+    let bytes = Folder::of(path).map_err(|error| error.to_string()).and_then(|folder| {
+        let bytes = folder.read(&name).map_err(|refusal| refusal.to_string());
+        scene.files = folder.into_found();
+        bytes
+    });
     match bytes.and_then(|bytes| image::decode(&name, &bytes).map_err(|error| error.to_string())) {
         Ok(texture) => {
             scene.textures.push(texture);
