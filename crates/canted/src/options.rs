@@ -133,17 +133,6 @@ pub(crate) enum TrianglesArg {
     BaldwinWeber,
 }
 
-impl TrianglesArg {
-    /// The name by which the command line knows it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Watertight => "watertight",
-            Self::MollerTrumbore => "moller-trumbore",
-            Self::BaldwinWeber => "baldwin-weber",
-        }
-    }
-}
-
 /// Calls `$run::<K>($args…)` with the kernel that `$triangles` names.
 macro_rules! with_kernel {
     ($triangles:expr, $run:ident($($args:expr),*)) => {

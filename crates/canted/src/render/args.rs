@@ -112,11 +112,12 @@ impl Args {
 
     /// What decides the value of a sample, by name; `device` does by its roundings.
     pub(super) fn record(&self, scene: &Scene, camera: &Camera, settings: &Settings, device: String) -> Record {
+        let triangles = self.structure.triangles.to_possible_value();
         let own = [
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
             ("scene", format!("{:016x}", scene_hash(scene))),
             ("light", format!("{:016x}", light_hash(scene))),
-            ("triangles", self.structure.triangles.name().to_owned()),
+            ("triangles", triangles.map_or_else(String::new, |value| value.get_name().to_owned())),
             ("device", device),
         ];
         let named = |(name, value): (&str, String)| (name.to_owned(), value);
