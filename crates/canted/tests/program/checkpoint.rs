@@ -42,7 +42,7 @@ mod stopped {
 
     use super::{RENDER, whole};
     use crate::{
-        outputs::interrupted::{catches, is_ignored, send, wait_until},
+        interrupted::{catches, is_ignored, send, wait_until},
         support::Folder,
     };
 

@@ -8,6 +8,8 @@ mod compare;
 mod devices;
 mod environment;
 mod inputs;
+#[cfg(unix)]
+mod interrupted;
 mod noise;
 mod on_device;
 mod options;

@@ -65,7 +65,7 @@ mod interrupted {
     use std::{process::Child, thread::sleep, time::Duration};
 
     use super::*;
-    use crate::outputs::interrupted::{catches, interrupt, is_ignored, wait_until};
+    use crate::interrupted::{catches, interrupt, is_ignored, wait_until};
 
     fn start(folder: &Folder, line: &str) -> Child {
         let child = folder.command(line).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();

@@ -1,0 +1,158 @@
+//! Ctrl-C and what schedulers send: the process ends with 130, and nothing half-written remains.
+
+use std::{
+    os::unix::process::ExitStatusExt,
+    process::{Child, Command, Stdio},
+    thread::sleep,
+    time::{Duration, Instant},
+};
+
+use canted_fixtures::skip;
+
+use crate::{random::Random, support::Folder};
+
+/// Waits until `is_true`, for a minute at most.
+pub(crate) fn wait_until(mut is_true: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !is_true() {
+        assert!(start.elapsed() < Duration::from_secs(60), "waited for a minute");
+        sleep(Duration::from_millis(10));
+    }
+}
+
+/// Whether Ctrl-C does nothing here, as under `nohup`: programs inherit that and keep it, so the test is skipped by name.
+pub(crate) fn is_ignored(test: &str) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    let is_ignored = mask.is_some_and(|mask| mask >> 1 & 1 == 1);
+    if is_ignored {
+        skip::<()>(test, "Ctrl-C is ignored where the tests were started");
+    }
+    is_ignored
+}
+
+/// Sends Ctrl-C; the exit code as a shell shows it.
+pub(crate) fn interrupt(child: &mut Child) -> Option<i32> {
+    send("-INT", child)
+}
+
+/// Sends a signal, as above.
+pub(crate) fn send(signal: &str, child: &mut Child) -> Option<i32> {
+    assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    wait_until(|| child.try_wait().unwrap().is_some());
+    let status = child.wait().unwrap();
+    status.code().or_else(|| status.signal().map(|signal| 128 + signal))
+}
+
+/// Whether the process catches a signal, by the mask of those it does; `None` where the system does not say.
+pub(crate) fn catches(signal: &str, child: &Child) -> Option<bool> {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+    assert!(!status.contains("\nState:\tZ"), "the work was over too soon");
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
+    let (_, bit) = [("HUP", 0), ("INT", 1), ("TERM", 14)].into_iter().find(|&(name, _)| name == signal)?;
+    Some(u64::from_str_radix(mask.trim(), 16).ok()? >> bit & 1 == 1)
+}
+
+#[test]
+fn a_render_ends_with_130_and_leaves_nothing() {
+    if is_ignored("a_render_ends_with_130_and_leaves_nothing") {
+        return;
+    }
+    let folder = Folder::with_small();
+    // Before there is anything to stop, and while rays are traced.
+    for milliseconds in [0, 2000] {
+        let mut command = folder.command("render small.obj -o out.png --size 1024x1024 --spp 1048576");
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        wait_until(|| catches("INT", &child).unwrap_or(true));
+        sleep(Duration::from_millis(milliseconds));
+        assert_eq!(interrupt(&mut child), Some(130));
+        assert_eq!(folder.names(), ["small.obj"]);
+    }
+}
+
+/// Where a scene is still read, by the bytes that the process has read, nothing looks at a flag.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_render_that_still_reads_ends_with_130() {
+    if is_ignored("a_render_that_still_reads_ends_with_130") {
+        return;
+    }
+    let folder = Folder::new();
+    let scene = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(3_000_000);
+    folder.write("many.obj", &scene);
+    for signal in ["-INT", "-TERM"] {
+        let mut child = folder.command("render many.obj -o out.png --device cpu").spawn().unwrap();
+        let n_read = || {
+            let counts = std::fs::read_to_string(format!("/proc/{}/io", child.id())).unwrap();
+            let all = counts.lines().find_map(|line| line.strip_prefix("rchar: ")?.parse::<usize>().ok());
+            all.unwrap()
+        };
+        wait_until(|| n_read() > scene.len());
+        assert_eq!(send(signal, &mut child), Some(130), "{signal}");
+        assert_eq!(folder.names(), ["many.obj"], "{signal}");
+    }
+}
+
+/// A driver that is being set up is left as it is: what it does at an exit would take apart what it still makes.
+#[test]
+fn a_search_for_devices_is_interrupted_without_a_crash() {
+    if is_ignored("a_search_for_devices_is_interrupted_without_a_crash") {
+        return;
+    }
+    let folder = Folder::with_small();
+    for milliseconds in (0..120).step_by(4) {
+        let mut child = folder.command("devices").stdout(Stdio::null()).spawn().unwrap();
+        sleep(Duration::from_millis(milliseconds));
+        assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+        let status = child.wait().unwrap();
+        // It may be over already, or not have begun to catch signals.
+        let is_sane = matches!(status.code(), Some(0 | 130)) || status.signal() == Some(15);
+        assert!(is_sane, "after {milliseconds} ms: {status}");
+    }
+}
+
+#[test]
+fn a_cast_ends_with_130_and_leaves_nothing() {
+    if is_ignored("a_cast_ends_with_130_and_leaves_nothing") {
+        return;
+    }
+    let folder = Folder::new();
+    // Triangles that all lie in each other, so that a ray tests every one of them.
+    let mut random = Random(5);
+    let corners: String =
+        (0..3 * 3000).map(|_| random.point(1000)).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    let faces: String = (0..3000).map(|i| format!("f {} {} {}\n", 3 * i + 1, 3 * i + 2, 3 * i + 3)).collect();
+    folder.write("tangle.obj", corners + &faces);
+    folder.write("rays.csv", "-2000,0.5,0.5,1,0.01,0.01,inf\n".repeat(2_000_000));
+    let mut child = folder.command("cast tangle.obj --rays rays.csv --hits hits.csv --threads 1").spawn().unwrap();
+    sleep(Duration::from_millis(500));
+    assert_eq!(interrupt(&mut child), Some(130));
+    assert_eq!(folder.names(), ["rays.csv", "tangle.obj"]);
+}
+
+/// Whoever writes is interrupted in the middle, by Ctrl-C or what a scheduler sends.
+#[test]
+fn nothing_half_written_remains() {
+    if is_ignored("nothing_half_written_remains") {
+        return;
+    }
+    let folder = Folder::with_small();
+    let ray: Vec<u8> = [9.0f32, 9.0, 9.0, 0.0, 0.0, 1.0, 1.0].into_iter().flat_map(f32::to_le_bytes).collect();
+    folder.write("rays.bin", ray.repeat(3_000_000));
+    folder.write("many.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(1_500_000));
+    // The first temporary files only prove that the place can be written.
+    for (line, n_probes) in [
+        ("cast small.obj --rays rays.bin --hits hits.csv --device cpu", 1),
+        ("tree many.obj --codes codes.csv --nodes nodes.csv", 2),
+    ] {
+        for signal in ["-INT", "-TERM"] {
+            let mut child = folder.command(line).spawn().unwrap();
+            let temporary = folder.path(&format!(".canted-{}-{n_probes}.tmp", child.id()));
+            wait_until(|| temporary.exists() || child.try_wait().unwrap().is_some());
+            assert_eq!(send(signal, &mut child), Some(130), "{line}, {signal}");
+            assert_eq!(folder.names(), ["many.obj", "rays.bin", "small.obj"], "{line}, {signal}");
+        }
+    }
+}
