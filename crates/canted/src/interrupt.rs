@@ -30,7 +30,7 @@ pub(crate) fn flag() -> &'static AtomicBool {
     &STOP
 }
 
-/// Ends the process without what runs at its exit: a driver's own would take apart what another thread has it set up.
+/// Ends the process without what runs at its exit: a driver's own would take apart what another thread still sets up.
 #[cfg(unix)]
 fn leave() -> ! {
     signal_hook::low_level::exit(CODE.into())

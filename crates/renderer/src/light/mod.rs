@@ -94,8 +94,7 @@ impl<'a> Lights<'a> {
     /// What a ray meets before `hit`, its first among the triangles, or where that is `None`, behind everything.
     #[must_use]
     pub fn meet(&self, ray: &Ray, hit: Option<&Hit>) -> Option<Met> {
-        let before = Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
-        if let Some((_, index, radiance)) = self.first_body(&before) {
+        if let Some((_, index, radiance)) = self.first_body(ray, hit) {
             return Some(Met { radiance, source: Source::Light(index) });
         }
         hit.is_none().then(|| Met { radiance: self.sky.radiance(ray.direction), source: Source::Environment })
@@ -103,8 +102,7 @@ impl<'a> Lights<'a> {
 
     /// The ball or disc that a ray meets before `hit`: where, as its `t`, and its unit normal on the ray's side.
     pub(crate) fn body_before(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, Vector)> {
-        let before = Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
-        let (t, index, _) = self.first_body(&before)?;
+        let (t, index, _) = self.first_body(ray, hit)?;
         let normal = match self.list[index as usize] {
             Light::Sphere { center, .. } => unit(sub(ray.at(t.into()), wide(center)))?,
             Light::Disc { normal, .. } => wide(normal),
@@ -126,11 +124,12 @@ impl<'a> Lights<'a> {
         self.list
     }
 
-    /// `t`, index and radiance of the first body; of equals the one that comes first in the list.
-    fn first_body(&self, ray: &Ray) -> Option<(f32, u32, [f32; 3])> {
+    /// `t`, index and radiance of the first body before `hit`; of equals the one that comes first in the list.
+    fn first_body(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, u32, [f32; 3])> {
+        let before = Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
         let mut first: Option<(f32, u32, [f32; 3])> = None;
         for &index in &self.bodies {
-            let Some((t, radiance)) = self.body(index, ray) else { continue };
+            let Some((t, radiance)) = self.body(index, &before) else { continue };
             if first.is_none_or(|(nearest, ..)| t < nearest) {
                 first = Some((t, index, radiance));
             }
