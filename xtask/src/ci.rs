@@ -139,7 +139,7 @@ fn short_render() -> Result<End> {
     if picture.exists() {
         fs::remove_file(&picture).with_context(|| format!("cannot remove {}", picture.display()))?;
     }
-    let mut command = cargo(&["run", "--release", "--package", "canted", "--", "render", "--spp", "1"]);
+    let mut command = cargo(&["run", "--release", "--package", "canted-cli", "--", "render", "--spp", "1"]);
     command.args(["--size", &format!("{}x{}", SIZE[0], SIZE[1]), "--output"]).arg(&picture);
     if !succeeds(&mut command)? {
         return Ok(End::Failed);
