@@ -2,13 +2,13 @@ use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volu
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, ScaledRay, SlabRay};
 
-use canted_wide::{LaneKernel, Wide};
+use canted_wide::{LaneKernel, TriangleBvh};
 
 use crate::{Binary, PairOrder};
 
 /// What an instance places: anything that answers rays in its object space.
 ///
-/// Implemented by [`Wide`] and [`MeshBlas`]; a scene mixes kinds through an enum of the caller's. `instance` is written into hits
+/// Implemented by [`TriangleBvh`] and [`MeshBlas`]; a scene mixes kinds through an enum of the caller's. `instance` is written into hits
 /// and shown to the query. Among hits of equal `t` the lowest primitive must win.
 pub trait Blas: Send + Sync {
     /// A box around everything, object space.
@@ -133,7 +133,7 @@ impl<K: Kernel> Blas for MeshBlas<K> {
     }
 }
 
-impl<K: LaneKernel> Blas for Wide<K> {
+impl<K: LaneKernel> Blas for TriangleBvh<K> {
     fn bounds(&self) -> Obb {
         Self::bounds(self)
     }

@@ -6,17 +6,17 @@ use canted_trace::{InstanceId, Ray, ScaledRay, Watertight};
 use super::*;
 use crate::answers::One;
 use crate::simd::SimdPath;
-use crate::{Config, LaneKernel, Wide};
+use crate::{Config, LaneKernel, TriangleBvh};
 
 /// A tree whose rays get pads of the test's choice.
 struct Padded<'a, K: LaneKernel> {
-    wide: &'a Wide<K>,
+    wide: &'a TriangleBvh<K>,
     pads: Pads,
 }
 
 impl<K: LaneKernel> Traced for Padded<'_, K> {
-    type Prepared<S: Simd> = <Wide<K> as Traced>::Prepared<S>;
-    type Met = <Wide<K> as Traced>::Met;
+    type Prepared<S: Simd> = <TriangleBvh<K> as Traced>::Prepared<S>;
+    type Met = <TriangleBvh<K> as Traced>::Met;
 
     fn records(&self) -> &Records {
         Traced::records(self.wide)
@@ -32,10 +32,10 @@ impl<K: LaneKernel> Traced for Padded<'_, K> {
     }
     #[inline(always)]
     fn prepare<S: Simd>(simd: S, ray: &ScaledRay) -> Self::Prepared<S> {
-        Wide::<K>::prepare(simd, ray)
+        TriangleBvh::<K>::prepare(simd, ray)
     }
     #[inline(always)]
-    fn leaf<S: Simd, T: Take<Self::Met>>(
+    fn leaf<S: Simd, T: HitSink<Self::Met>>(
         &self,
         simd: S,
         prepared: &Self::Prepared<S>,
@@ -49,7 +49,7 @@ impl<K: LaneKernel> Traced for Padded<'_, K> {
 
 /// How many rays get another hit than with the pads that are proven.
 fn n_different(mesh: &Mesh, config: &Config, pads: Pads, path: SimdPath) -> usize {
-    let wide = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, config).expect("a valid mesh");
+    let wide = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, config).expect("a valid mesh");
     let wide = wide.with_path(path);
     let padded = Padded { wide: &wide, pads };
     let rays = Grazing::ALL.into_iter().flat_map(|class| canted_fixtures::grazing(mesh, class, 2000, 1));
