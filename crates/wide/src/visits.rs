@@ -104,7 +104,7 @@ mod tests {
         assert!(visits.nodes.iter().all(|&n| n > 0), "{visits:?}");
         let most = counts.triangles.div_ceil(8) + visits.leaves;
         assert!(visits.leaves <= visits.blocks && visits.blocks <= most, "{visits:?} for {counts:?}");
-        assert_eq!(tree.clone().with_path(crate::SimdPath::Scalar).visits(&rays), visits);
+        assert_eq!(tree.clone().with_path(crate::SimdPath::Scalar).traversal_counts(&rays), visits);
         assert_eq!(tree.traversal_counts(&[]), TraversalCounts::default());
     }
 }

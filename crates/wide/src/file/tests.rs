@@ -11,12 +11,12 @@ use crate::layout::NodeKind;
 use crate::refit::{Outline, Triangles};
 use crate::{Config, Flaw};
 
-fn build(mesh: &Mesh) -> TriangleBvh<Watertight> {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+fn build(mesh: &Mesh) -> WideBvh<Watertight> {
+    WideBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
 }
 
-fn load(bytes: &[u8]) -> Result<TriangleBvh<Watertight>, LoadError> {
-    TriangleBvh::from_bytes(bytes)
+fn load(bytes: &[u8]) -> Result<WideBvh<Watertight>, LoadError> {
+    WideBvh::from_bytes(bytes)
 }
 
 /// The bytes with the checksum that they should have.
@@ -28,7 +28,7 @@ fn signed(mut bytes: Vec<u8>) -> Vec<u8> {
 }
 
 /// The tree with records changed by `change`, as a file.
-fn forged(wide: &TriangleBvh<Watertight>, change: impl FnOnce(&mut TriangleBvh<Watertight>)) -> Vec<u8> {
+fn forged(wide: &WideBvh<Watertight>, change: impl FnOnce(&mut WideBvh<Watertight>)) -> Vec<u8> {
     let mut wide = wide.clone();
     change(&mut wide);
     wide.to_bytes()
@@ -58,7 +58,7 @@ fn brute(triangles: &Triangles, ray: &Ray) -> Option<Hit> {
 }
 
 /// Whether all of `rays` hit what trying every stored triangle hits.
-fn agrees(wide: &TriangleBvh<Watertight>, rays: &[Ray]) -> bool {
+fn agrees(wide: &WideBvh<Watertight>, rays: &[Ray]) -> bool {
     let outline = Outline::of(&wide.records).unwrap();
     let triangles = Triangles::read(&outline, &wide.records.halves);
     rays.iter().all(|ray| {

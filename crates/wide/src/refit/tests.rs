@@ -8,8 +8,8 @@ use super::*;
 use crate::layout::{NodeKind, PARTS, Row, Word, node_words};
 use crate::{Config, SimdPath};
 
-fn build(mesh: &Mesh) -> TriangleBvh<Watertight> {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+fn build(mesh: &Mesh) -> WideBvh<Watertight> {
+    WideBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
 }
 
 /// Every vertex moved by a random step of up to `size` on each axis.
@@ -38,7 +38,7 @@ fn sum_is_positive(terms: &[f64]) -> bool {
 }
 
 /// Boxes of slots that vertices below stick out of, by exact sums of exact products.
-fn n_too_small(wide: &TriangleBvh<Watertight>) -> usize {
+fn n_too_small(wide: &WideBvh<Watertight>) -> usize {
     let outline = Outline::of(&wide.records).unwrap();
     let corners = Triangles::read(&outline, &wide.records.halves).corners;
     let mut n = 0;
@@ -125,7 +125,7 @@ fn the_oracle_sees_a_box_that_is_too_small() {
 }
 
 /// Records with one word changed.
-fn with_word(wide: &TriangleBvh<Watertight>, node: usize, slot: usize, word: Word) -> crate::emit::Records {
+fn with_word(wide: &WideBvh<Watertight>, node: usize, slot: usize, word: Word) -> crate::emit::Records {
     let mut records = wide.records.clone();
     let outline = Outline::of(&records).unwrap();
     let node = &outline.nodes[node];
