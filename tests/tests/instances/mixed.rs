@@ -45,7 +45,7 @@ impl Blas for Mixed {
 
 /// A bottom level over the topology of `obvhs`, with our volumes.
 fn foreign<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> MeshBlas<K> {
-    let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
+    let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = obvhs_tree(&corners, obvhs::BvhBuildParams::medium_build()).unwrap();
     let volumes = VolumeConfig { strategy, fallback: true };
     MeshBlas::over(tree, &corners, &bounds, &BuildConfig { volumes, ..BuildConfig::default() })

@@ -17,13 +17,13 @@ pub trait TracedLeaf: Leaf {
 
 impl TracedLeaf for Corners {
     fn slabs(&self) -> Slabs {
-        Slabs::of_points(self.frame(), *self)
+        Slabs::from_points(self.frame(), *self)
     }
 }
 
 impl TracedLeaf for Obb {
     fn slabs(&self) -> Slabs {
-        Slabs::of_obb(self)
+        Slabs::from_obb(self)
     }
 }
 
@@ -56,7 +56,7 @@ impl Binary {
             aabb_pairs,
             slab_pairs: make_all(slab_ids.len(), |i| layout.slab_pair(slab_ids[i as usize])),
             root: tree.root().map(|root| layout.word(root)),
-            root_slabs: Slabs::of_aabb(bounds),
+            root_slabs: Slabs::from_aabb(bounds),
             bounds: Obb::from_aabb(bounds),
             reach: bounds.reach(),
             depth: tree.depth,
@@ -65,7 +65,7 @@ impl Binary {
             && let Volume::Obb(obb) = volumes.of(root)
         {
             binary.bounds = *obb;
-            binary.root_slabs = Slabs::of_obb(obb);
+            binary.root_slabs = Slabs::from_obb(obb);
         }
         binary
     }
@@ -109,7 +109,7 @@ impl Order {
     fn numbered(tree: &Tree, volumes: &Volumes) -> Self {
         let mut order = Self { words: vec![], aabb_ids: vec![], slab_ids: vec![] };
         let ids = || (0..tree.nodes.len() as u32).map(NodeId);
-        if ids().any(|id| volumes.pair_leans(id)) {
+        if ids().any(|id| volumes.children_oriented(id)) {
             order.words = vec![ChildWord(0); tree.nodes.len()];
             ids().for_each(|id| order.place(id, volumes));
         }
@@ -119,7 +119,7 @@ impl Order {
     /// Puts the pair of a node behind those of its kind.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
     fn place(&mut self, id: NodeId, volumes: &Volumes) {
-        let (ids, word): (_, fn(u32) -> ChildWord) = if volumes.pair_leans(id) {
+        let (ids, word): (_, fn(u32) -> ChildWord) = if volumes.children_oriented(id) {
             (&mut self.slab_ids, ChildWord::slabs)
         } else {
             (&mut self.aabb_ids, ChildWord::aabbs)
@@ -171,12 +171,12 @@ impl<L: TracedLeaf> Layout<'_, L> {
 
     fn slabs(&self, child: Child) -> Slabs {
         match child.kind() {
-            ChildKind::Leaf(position) if self.volumes.leans(child) => self.leaves[position as usize].slabs(),
+            ChildKind::Leaf(position) if self.volumes.is_oriented(child) => self.leaves[position as usize].slabs(),
             ChildKind::Inner(id) => match self.volumes.of(id) {
-                Volume::Obb(obb) => Slabs::of_obb(obb),
-                Volume::Aabb(aabb) => Slabs::of_aabb(aabb),
+                Volume::Obb(obb) => Slabs::from_obb(obb),
+                Volume::Aabb(aabb) => Slabs::from_aabb(aabb),
             },
-            ChildKind::Leaf(_) => Slabs::of_aabb(&self.aabb(child)),
+            ChildKind::Leaf(_) => Slabs::from_aabb(&self.aabb(child)),
         }
     }
 
