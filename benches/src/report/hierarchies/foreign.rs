@@ -42,7 +42,7 @@ pub(super) fn of_obvhs(mesh: &Mesh, params: BvhBuildParams, rays: &[Ray]) -> Res
     Ok(Metrics { triangles: each(n_tested, rays), ..summed(&tree, unit) })
 }
 
-/// TreeCost over the inner nodes, and the surface area heuristic as `canted_lbvh::tree_cost` has it: a node costs the test of its two boxes,
+/// Costs over the inner nodes, and the surface area heuristic as `canted_lbvh::tree_cost` has it: a node costs the test of its two boxes,
 /// a leaf that of each of its primitives.
 fn summed(tree: &Bvh2, unit: f64) -> Metrics {
     let costs = Costs::default();

@@ -34,7 +34,7 @@ impl From<&Light> for ListLight {
             Light::Sphere { center, radius, radiance } => {
                 Self { kind: 3, place: center, extent: radius, color: radiance, ..Self::default() }
             }
-            Light::Disc { center, normal, radius, radiance } => {
+            Light::Disk { center, normal, radius, radiance } => {
                 Self { kind: 4, place: center, direction: normal, extent: radius, color: radiance, cos_outer: 0.0 }
             }
         };

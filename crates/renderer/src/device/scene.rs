@@ -78,14 +78,14 @@ impl PackedScene {
         };
         let has = Has {
             instances: placements.is_some(),
-            motion: scene.moves(),
+            motion: scene.has_motion(),
             normals: columns.normal > 0,
             normal_maps,
             masks: mask::is_needed(scene),
             mask_textures,
             gloss: scene.materials.iter().any(is_glossy),
             glass: scene.materials.iter().any(|material| material.transmission > 0.0),
-            bodies: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disc { .. })),
+            bodies: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disk { .. })),
         };
         let images = match &images {
             None => None,

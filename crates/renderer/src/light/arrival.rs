@@ -44,7 +44,7 @@ impl Arrival {
                 let (target, density) = Ball::new(center, radius).sample(surface.position, square())?;
                 Self::of_target(surface, target, wide(radiance), density)
             }
-            Light::Disc { center, normal, radius, radiance } => {
+            Light::Disk { center, normal, radius, radiance } => {
                 let (target, density) = Disc::new(center, normal, radius).sample(surface.position, square())?;
                 Self::of_target(surface, target, wide(radiance), density)
             }
@@ -96,7 +96,7 @@ pub(super) fn intensity_of(light: &Light) -> Option<f64> {
     match *light {
         Light::Sun { .. } => None,
         Light::Point { intensity, .. } | Light::Spot { intensity, .. } => Some(luminance(wide(intensity))),
-        Light::Sphere { radius, radiance, .. } | Light::Disc { radius, radiance, .. } => {
+        Light::Sphere { radius, radiance, .. } | Light::Disk { radius, radiance, .. } => {
             Some(PI * f64::from(radius).powi(2) * luminance(wide(radiance)))
         }
     }
@@ -108,7 +108,7 @@ pub(super) fn spread_of(light: &Light) -> f64 {
         Light::Sun { .. } => 0.0,
         Light::Point { .. } | Light::Sphere { .. } => 4.0 * PI,
         // The mean of the cosine over a hemisphere is a half.
-        Light::Disc { .. } => PI,
+        Light::Disk { .. } => PI,
         Light::Spot { cos_inner, cos_outer, .. } => {
             let [inner, outer] = [cos_inner, cos_outer].map(f64::from);
             // The mean of a square that rises from 0 to 1 in a straight line is a third.

@@ -80,7 +80,7 @@ impl<'a> Lights<'a> {
     /// The lights of `scene` and the environment that a picture of it uses.
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
-        let is_body = |light: &Light| matches!(light, Light::Sphere { .. } | Light::Disc { .. });
+        let is_body = |light: &Light| matches!(light, Light::Sphere { .. } | Light::Disk { .. });
         let bodies = (0..).zip(&scene.lights).filter(|(_, light)| is_body(light)).map(|(index, _)| index).collect();
         Self { list: &scene.lights, bodies, sky: Sky::new(environment_of(scene)) }
     }
@@ -105,7 +105,7 @@ impl<'a> Lights<'a> {
         let (t, index, _) = self.first_body(ray, hit)?;
         let normal = match self.list[index as usize] {
             Light::Sphere { center, .. } => unit(sub(ray.at(t.into()), wide(center)))?,
-            Light::Disc { normal, .. } => wide(normal),
+            Light::Disk { normal, .. } => wide(normal),
             _ => return None,
         };
         let side = if dot(normal, wide(ray.direction)) > 0.0 { -1.0 } else { 1.0 };
@@ -141,7 +141,7 @@ impl<'a> Lights<'a> {
     fn body(&self, index: u32, ray: &Ray) -> Option<(f32, [f32; 3])> {
         let (found, radiance) = match self.list[index as usize] {
             Light::Sphere { center, radius, radiance } => (Ball::new(center, radius).hit(ray), radiance),
-            Light::Disc { center, normal, radius, radiance } => (Disc::new(center, normal, radius).hit(ray), radiance),
+            Light::Disk { center, normal, radius, radiance } => (Disc::new(center, normal, radius).hit(ray), radiance),
             _ => return None,
         };
         found.map(|(t, shines)| (t, if shines { radiance } else { [0.0; 3] }))
@@ -156,7 +156,7 @@ impl<'a> Lights<'a> {
 pub fn environment_of(scene: &Scene) -> &Environment {
     const BLACK: &Environment = &Environment::Constant([0.0; 3]);
     const WHITE: &Environment = &Environment::Constant([1.0; 3]);
-    let emits = scene.materials.iter().any(Material::emits);
+    let emits = scene.materials.iter().any(Material::is_emissive);
     match &scene.environment {
         Some(environment) => environment,
         None if emits || !scene.lights.is_empty() => BLACK,
@@ -168,7 +168,7 @@ pub fn environment_of(scene: &Scene) -> &Environment {
 pub(crate) fn are_many(scene: &Scene) -> bool {
     let n_emitters = |instance: &Instance| {
         let mesh = &scene.meshes[instance.mesh.0 as usize];
-        let emits = |part: &Part| scene.materials[part.material.0 as usize].emits();
+        let emits = |part: &Part| scene.materials[part.material.0 as usize].is_emissive();
         if mesh.parts.iter().any(emits) { mesh.triangles.len().min(2) } else { 0 }
     };
     let is_black = *environment_of(scene) == Environment::Constant([0.0; 3]);

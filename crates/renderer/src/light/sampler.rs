@@ -146,7 +146,7 @@ impl<'a> LightSampler<'a> {
             Source::Light(index) => {
                 let density = match self.lights.list[index as usize] {
                     Light::Sphere { center, radius, .. } => Ball::new(center, radius).density(from.position),
-                    Light::Disc { center, normal, radius, .. } => {
+                    Light::Disk { center, normal, radius, .. } => {
                         Disc::new(center, normal, radius).density(from.position, direction)
                     }
                     _ => return 0.0,

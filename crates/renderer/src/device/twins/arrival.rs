@@ -59,7 +59,7 @@ fn lights() -> Vec<Light> {
             cos_outer,
         });
         lights.push(Light::Sphere { center, radius, radiance });
-        lights.push(Light::Disc { center, normal: direction(i, 50), radius, radiance });
+        lights.push(Light::Disk { center, normal: direction(i, 50), radius, radiance });
     }
     lights
 }
@@ -89,7 +89,7 @@ fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
             let (d, r) = (length(sub(wide(center), at)), f64::from(radius));
             1.0 + r / (d * d - r * r).max(0.0).sqrt()
         }
-        Light::Disc { center, normal, .. } => {
+        Light::Disk { center, normal, .. } => {
             let terms = |a: Vector| (0..3).map(|k| (a[k] * f64::from(normal[k])).abs()).sum::<f64>();
             let way = sub(place, at);
             // The point of the disc is rounded where it is, not relative to the way.

@@ -188,7 +188,7 @@ fn listed() -> Vec<Light> {
                     cos_outer: 0.2,
                 },
                 Light::Sphere { center: direction(i, 240).map(|x| 4.0 * x), radius: 0.3, radiance },
-                Light::Disc { center: direction(i, 250).map(|x| 4.0 * x), normal, radius: 0.5, radiance },
+                Light::Disk { center: direction(i, 250).map(|x| 4.0 * x), normal, radius: 0.5, radiance },
             ]
         })
         .collect()

@@ -9,7 +9,7 @@ use canted_trace::{Hit, InstanceId, Ray, Side};
 use crate::common::{BruteForce, Vector, camera, film, floor, grey, parallelogram, probe, scene, settings};
 
 const SPHERE: Light = Light::Sphere { center: [0.0, 5.0, 0.0], radius: 1.0, radiance: [3.0; 3] };
-const DISC: Light = Light::Disc { center: [0.0, 9.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 2.0, radiance: [4.0; 3] };
+const DISC: Light = Light::Disk { center: [0.0, 9.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 2.0, radiance: [4.0; 3] };
 
 fn lit_by(lights: Vec<Light>) -> Scene {
     Scene { lights, ..scene(vec![floor(50.0, 0.0, 0)], vec![grey(0.5)]) }
@@ -94,7 +94,7 @@ fn the_penumbra_of_a_disc() {
     let mut stage = scene(vec![floor(50.0, 0.0, 0), screen], vec![grey(0.5)]);
     let (height, radius) = (4.0, 1.0);
     stage.lights =
-        vec![Light::Disc { center: [0.0, 4.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 1.0, radiance: [10.0; 3] }];
+        vec![Light::Disk { center: [0.0, 4.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 1.0, radiance: [10.0; 3] }];
     // What of the disc is seen past an edge half way up lies at x > -place.
     let expected = |place: f64| {
         const STEPS: u32 = 400;

@@ -25,7 +25,7 @@ fn everything() -> Scene {
         Light::Point { position: [0.0, 3.0, -3.0], intensity: [8.0; 3] },
         Light::Sphere { center: [-2.0, 2.0, 1.0], radius: 1.2, radiance: [3.0; 3] },
         Light::Sun { direction: [0.0, -0.8, 0.6], irradiance: [3.0; 3] },
-        Light::Disc { center: [0.0, 2.0, -2.0], normal: [0.0, -0.8, 0.6], radius: 0.8, radiance: [6.0; 3] },
+        Light::Disk { center: [0.0, 2.0, -2.0], normal: [0.0, -0.8, 0.6], radius: 0.8, radiance: [6.0; 3] },
     ];
     scene
 }
