@@ -53,7 +53,7 @@ impl<Q: Clone> Masked<'_, Q> {
 
 /// Whether alpha matters to any material of the scene; else it is left out of the render code altogether.
 pub(crate) fn is_needed(scene: &Scene) -> bool {
-    scene.materials.iter().any(Material::is_cut_out)
+    scene.materials.iter().any(Material::uses_alpha)
 }
 
 /// A number in `[0, 1)` for a ray and the triangle that it meets, equally distributed over both.

@@ -84,7 +84,7 @@ pub(super) fn textured() -> (Scene, Camera) {
         let uvs = vec![[-0.3, 0.0], [1.7, 0.0], [1.7, 2.0], [-0.3, 2.0]];
         Mesh { uvs: Some(uvs), ..mesh(corners, vec![[0, 1, 2], [0, 2, 3]], material) }
     };
-    let slot = |texture: u32| Some(TextureRef::plain(TextureId(texture)));
+    let slot = |texture: u32| Some(TextureRef::new(TextureId(texture)));
     let floor = Material {
         base_color_texture: slot(0),
         metallic: 1.0,

@@ -78,7 +78,7 @@ impl PackedScene {
         };
         let has = Has {
             instances: placements.is_some(),
-            motion: scene.moves(),
+            motion: scene.has_motion(),
             normals: columns.normal > 0,
             normal_maps,
             masks: mask::is_needed(scene),

@@ -106,7 +106,7 @@ impl<'a> Emitters<'a> {
     /// Whether what any of them gives differs from point to point.
     pub(super) fn are_textured(&self) -> bool {
         let material = |emitter: &Emitter| self.material(emitter.instance, emitter.primitive);
-        self.list.iter().map(material).any(|material| material.is_cut_out() || material.emission_texture.is_some())
+        self.list.iter().map(material).any(|material| material.uses_alpha() || material.emission_texture.is_some())
     }
 
     /// Radiance of an emitter before its texture, linear RGB.
@@ -123,7 +123,7 @@ impl<'a> Emitters<'a> {
     fn radiance(&self, hit: &Hit, direction: [f32; 3]) -> Option<Vector> {
         let material = self.material(hit.instance, hit.primitive);
         // Of light that a blended surface gives, rays that are sampled for it carry the share of those that would meet it.
-        let presence = if material.is_cut_out() { self.surfaces.presence(hit) } else { 1.0 };
+        let presence = if material.uses_alpha() { self.surfaces.presence(hit) } else { 1.0 };
         let radiance = match material.emission_texture {
             None => material.emission,
             Some(_) => self.surfaces.at(hit, direction).emission,
@@ -178,7 +178,7 @@ fn mean_radiances(scene: &Scene) -> Vec<f64> {
         let emission = wide(material.emission);
         luminance(std::array::from_fn(|k| emission[k] * tint[k]))
     };
-    scene.materials.iter().map(|material| if material.emits() { mean_radiance(material) } else { 0.0 }).collect()
+    scene.materials.iter().map(|material| if material.is_emissive() { mean_radiance(material) } else { 0.0 }).collect()
 }
 
 /// Mean of all texels of a texture, linear RGB; white for a texture without texels.

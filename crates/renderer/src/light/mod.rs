@@ -158,7 +158,7 @@ impl<'a> Lights<'a> {
 pub fn environment_of(scene: &Scene) -> &Environment {
     const BLACK: &Environment = &Environment::Constant([0.0; 3]);
     const WHITE: &Environment = &Environment::Constant([1.0; 3]);
-    let emits = scene.materials.iter().any(Material::emits);
+    let emits = scene.materials.iter().any(Material::is_emissive);
     match &scene.environment {
         Some(environment) => environment,
         None if emits || !scene.lights.is_empty() => BLACK,
@@ -170,7 +170,7 @@ pub fn environment_of(scene: &Scene) -> &Environment {
 pub(crate) fn has_multiple_lights(scene: &Scene) -> bool {
     let n_emitters = |instance: &Instance| {
         let mesh = &scene.meshes[instance.mesh.0 as usize];
-        let emits = |part: &Part| scene.materials[part.material.0 as usize].emits();
+        let emits = |part: &Part| scene.materials[part.material.0 as usize].is_emissive();
         if mesh.parts.iter().any(emits) { mesh.triangles.len().min(2) } else { 0 }
     };
     let is_black = *environment_of(scene) == Environment::Constant([0.0; 3]);

@@ -189,7 +189,7 @@ impl<'a, T: Tracer> Rendering<'a, T> {
         then(&Work {
             transport: &transport,
             view: &self.view,
-            moves: self.scene.moves(),
+            moves: self.scene.has_motion(),
             filter: &self.filter,
             settings: self.settings,
             layout: Layout::new(self.settings),

@@ -51,8 +51,8 @@ impl<'a> MipMap<'a> {
         Self { texture, colors, fractions: &FRACTION, reduced: Vec::new() }
     }
 
-    /// A texture with all its copies; `is_cut_out` where alpha says which of its texels are seen.
-    pub(super) fn new(texture: &'a Texture, is_cut_out: bool) -> Self {
+    /// A texture with all its copies; `uses_alpha` where alpha says which of its texels are seen.
+    pub(super) fn new(texture: &'a Texture, uses_alpha: bool) -> Self {
         let mut mip_map = Self::flat(texture);
         if texture.texels.is_empty() {
             return mip_map;
@@ -62,9 +62,9 @@ impl<'a> MipMap<'a> {
         while size != [1, 1] {
             let (from, halved) = (size, size.map(|n| (n / 2).max(1)));
             means = if means.is_empty() {
-                reduced(from, halved, is_cut_out, |i| mip_map.decoded(texture.texels[i]))
+                reduced(from, halved, uses_alpha, |i| mip_map.decoded(texture.texels[i]))
             } else {
-                reduced(from, halved, is_cut_out, |i| means[i])
+                reduced(from, halved, uses_alpha, |i| means[i])
             };
             size = halved;
             let texels = means.par_iter().with_min_len(1024).map(|&mean| mip_map.encoded(mean)).collect();
@@ -135,7 +135,7 @@ fn covers(n: u32, m: u32) -> Vec<Cover> {
 }
 
 /// Means of the texels that `texel` tells, row by row.
-fn reduced(from: [u32; 2], to: [u32; 2], is_cut_out: bool, texel: impl Fn(usize) -> [f32; 4] + Sync) -> Vec<[f32; 4]> {
+fn reduced(from: [u32; 2], to: [u32; 2], uses_alpha: bool, texel: impl Fn(usize) -> [f32; 4] + Sync) -> Vec<[f32; 4]> {
     let [columns, rows] = [covers(from[0], to[0]), covers(from[1], to[1])];
     let width = from[0] as usize;
     let mean = |row: &Cover, column: &Cover| {
@@ -150,7 +150,7 @@ fn reduced(from: [u32; 2], to: [u32; 2], is_cut_out: bool, texel: impl Fn(usize)
         }
         // Where all of it is cut out there is nothing to weigh by.
         match weighted.map(|sum| sum / plain[3]) {
-            [r, g, b] if is_cut_out && plain[3] > 0.0 => [r, g, b, plain[3]],
+            [r, g, b] if uses_alpha && plain[3] > 0.0 => [r, g, b, plain[3]],
             _ => plain,
         }
     };

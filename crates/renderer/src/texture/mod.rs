@@ -44,7 +44,7 @@ impl<'a> Textures<'a> {
         let mut uses = vec![Use::default(); scene.textures.len()];
         for material in &scene.materials {
             // What this texture shows is seen where its own alpha lets it.
-            let mask = material.alpha_texture.as_ref().filter(|_| material.is_cut_out());
+            let mask = material.alpha_texture.as_ref().filter(|_| material.uses_alpha());
             for slot in averaged(material) {
                 let asked = &mut uses[slot.texture.0 as usize];
                 asked.is_averaged = lod != Lod::None;
@@ -104,7 +104,7 @@ mod tests {
     fn colours_are_weighed_by_the_mask_that_cuts_them_out() {
         const ALL: u8 = 128;
         const SEEN: u8 = 255;
-        let slot = Some(TextureRef::plain(TextureId(0)));
+        let slot = Some(TextureRef::new(TextureId(0)));
         let mask = Material { alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..Material::default() };
         let leaf = Material { base_color_texture: slot, alpha_texture: slot, ..mask.clone() };
         let sign = Material { emission_texture: slot, alpha_texture: slot, ..mask.clone() };
@@ -112,7 +112,7 @@ mod tests {
         for seen in [&leaf, &sign, &blended] {
             assert_eq!(smallest(vec![seen.clone()]), SEEN, "{seen:?}");
         }
-        let elsewhere = Some(TextureRef { uv_set: UvSet::Second, ..TextureRef::plain(TextureId(0)) });
+        let elsewhere = Some(TextureRef { uv_set: UvSet::Second, ..TextureRef::new(TextureId(0)) });
         for whole in [
             Material { alpha_mode: AlphaMode::Opaque, ..leaf.clone() },
             Material { base_color_texture: slot, ..mask.clone() },

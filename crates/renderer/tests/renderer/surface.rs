@@ -124,8 +124,8 @@ fn textured() -> Scene {
     };
     let material = Material {
         base_color: [0.5, 0.25, 1.0],
-        base_color_texture: Some(TextureRef::plain(TextureId(0))),
-        alpha_texture: Some(TextureRef::plain(TextureId(0))),
+        base_color_texture: Some(TextureRef::new(TextureId(0))),
+        alpha_texture: Some(TextureRef::new(TextureId(0))),
         alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
         ..Material::default()
     };
