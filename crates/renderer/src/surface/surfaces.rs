@@ -67,7 +67,7 @@ impl<'a> Surfaces<'a> {
     /// The surface at a hit of a world-space ray along `direction`, as the shutter opens, with textures at full size.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {
-        self.at_time(hit, direction, 0.0, Cone::LINE)
+        self.at_time(hit, direction, 0.0, Cone::ZERO)
     }
 
     /// The surface at a hit of a world-space ray along `direction` that flew at `time`: 0 as the shutter opens, 1 as it
