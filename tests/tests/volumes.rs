@@ -4,13 +4,13 @@
 //! Not covered here: how much smaller leaning volumes are (the program's `stats` reports it); what rays make of them
 //! (`lost_hits.rs`); the build without the feature `parallel`, which needs a compilation of its own.
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, grazing, grid, soup};
 use canted_lbvh::{
     self as lbvh, Bits, ChildKind, Corners, Domain, NodeId, Strategy, Tree, Volume, VolumeConfig, Volumes,
 };
 use canted_obb::{Obb, merge};
 use canted_tests::{exact, scenes};
-use canted_tlas::{Blas, BuildConfig, MeshBlas};
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
 
 fn configs() -> impl Iterator<Item = VolumeConfig> {
@@ -143,10 +143,10 @@ fn build_bits(mesh: &Mesh, config: &VolumeConfig) -> (Tree, Vec<u32>) {
         }
     }
     let config = BuildConfig { bits: Bits::B63, volumes: *config };
-    let blas = MeshBlas::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+    let blas = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
     let mut counts = Counts::default();
     for ray in grazing(mesh, Grazing::Edges, 200, 8) {
-        let hit = blas.closest_hit(&Ray::new(ray.origin, ray.direction), InstanceId(0), &mut counts);
+        let hit = blas.closest_hit_with(&Ray::new(ray.origin, ray.direction), InstanceId(0), &mut counts);
         bits.extend(hit.iter().flat_map(|hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive.0]));
     }
     bits.extend([counts.boxes, counts.triangles].map(|n| u32::try_from(n).unwrap()));

@@ -1,6 +1,7 @@
+use canted_bvh2::{Bvh2, PairOrder};
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb};
-use canted_tlas::{Blas, MeshBlas, PairOrder};
+use canted_tlas::Blas;
 use canted_trace::{Hit, InstanceId, Query, Ray};
 use canted_wide::{Config, LaneKernel, Preset, Wide};
 
@@ -37,7 +38,7 @@ pub enum Level<K: LaneKernel> {
     /// Eight-wide nodes that lean where that pays.
     Wide(Wide<K>),
     /// A binary tree with volumes of one strategy.
-    Binary(MeshBlas<K>, Strategy),
+    Binary(Bvh2<K>, Strategy),
 }
 
 impl<K: LaneKernel> Level<K> {
@@ -70,17 +71,17 @@ impl<K: LaneKernel> Blas for Level<K> {
         }
     }
 
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         match self {
             Self::Wide(wide) => wide.closest_hit_with(ray_object, instance, query),
-            Self::Binary(binary, _) => binary.closest_hit(ray_object, instance, query),
+            Self::Binary(binary, _) => binary.closest_hit_with(ray_object, instance, query),
         }
     }
 
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
         match self {
             Self::Wide(wide) => wide.occluded_with(ray_object, instance, query),
-            Self::Binary(binary, _) => binary.occluded(ray_object, instance, query),
+            Self::Binary(binary, _) => binary.occluded_with(ray_object, instance, query),
         }
     }
 }
@@ -98,7 +99,7 @@ pub(crate) fn build_level<K: LaneKernel>(
             let tree = binary_tree(&corners, &bounds, config.builder)?;
             let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
             let volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
-            Ok(Level::Binary(MeshBlas::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst), strategy))
+            Ok(Level::Binary(Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst), strategy))
         }
     }
 }

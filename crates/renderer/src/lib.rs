@@ -37,14 +37,14 @@ mod vector;
 
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
-pub use bsdf::{Bsdf, Evaluation, Scattered};
+pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
 pub use content::{light_hash, scene_hash};
 pub use device::{DeviceError, DevicePicture, GBuffer, Seen, SharedFilm, traced_scene};
 pub use framing::frame;
 pub use heatmap::{Heatmap, Measure, heatmap};
 pub use level::{Builder, Level};
-pub use light::{LightSample, LightSampler, Lights, Met, Source, environment_of};
+pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use mask::Masked;
 pub use prepare::{LeftOut, Levels, PrepareError, Prepared, StructureConfig, prepare};
 pub use render::{Monitor, RenderError, render, resume};

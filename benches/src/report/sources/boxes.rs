@@ -1,8 +1,8 @@
 //! Volumes of boxes in one level (the dissertation's table 4, parts 1 and 2) and tests of boxes (its figures 12 and 13).
 
 use anyhow::Result;
+use canted_bvh2::{Bvh2, PairOrder};
 use canted_lbvh::{Bits, Costs, Domain, Strategy, VolumeConfig};
-use canted_tlas::{Blas, MeshBlas, PairOrder};
 use canted_trace::{Counts, InstanceId, Watertight};
 
 use super::orders::Found;
@@ -109,10 +109,10 @@ fn rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Row>> {
     for strategy in Strategy::ALL {
         let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
         let sums = canted_lbvh::sums(&tree, &volumes, &sorted, &Costs::default(), 1.0);
-        let blas = MeshBlas::<Watertight>::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst);
+        let blas = Bvh2::<Watertight>::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst);
         let mut counts = Counts::default();
         for ray in &rays {
-            blas.closest_hit(ray, InstanceId(0), &mut counts);
+            blas.closest_hit_with(ray, InstanceId(0), &mut counts);
         }
         if strategy == Strategy::Aabb {
             aligned_volume = sums.volume;

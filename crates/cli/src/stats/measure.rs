@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use canted_bvh2::{OrientedLeaf, PairBvh, PairOrder};
 use canted_lbvh::{self as lbvh, Bits, Costs, Domain, Strategy, Tree, VolumeConfig};
 use canted_obb::{Aabb, Obb};
 use canted_scene::Scene;
-use canted_tlas::{Binary, PairOrder, TracedLeaf};
 
 /// One strategy on one level of trees.
 #[derive(Clone, Copy, Default)]
@@ -121,14 +121,14 @@ fn sorted_tree(passes: &mut Passes, codes: &[u64]) -> Tree {
     tree
 }
 
-fn add_rows<L: TracedLeaf>(level: &mut Level, tree: &Tree, leaves: &[L], bounds: &Aabb, unit: f64) {
+fn add_rows<L: OrientedLeaf>(level: &mut Level, tree: &Tree, leaves: &[L], bounds: &Aabb, unit: f64) {
     level.rows.resize(Strategy::ALL.len(), Row::default());
     for (row, strategy) in level.rows.iter_mut().zip(Strategy::ALL) {
         let start = Instant::now();
         let volumes = lbvh::volumes(tree, leaves, &VolumeConfig { strategy, fallback: true });
         row.boxes_ms += start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        let binary = Binary::new(tree, &volumes, leaves, bounds, PairOrder::Numbered);
+        let binary = PairBvh::new(tree, &volumes, leaves, bounds, PairOrder::Numbered);
         row.layout_ms += start.elapsed().as_secs_f64() * 1e3;
         let sums = lbvh::sums(tree, &volumes, leaves, &Costs::default(), unit);
         let root_area = binary.bounds().area() / (unit * unit);

@@ -5,7 +5,7 @@ use canted_trace::{Counts, Hit, Query};
 
 use super::Course;
 use crate::integrate::{Start, Transport};
-use crate::mask::Numbered;
+use crate::mask::RayKeyed;
 use crate::{Sampler, Settings, Tracer, View};
 
 /// Dimension of the sampler that places a sample in its pixel.
@@ -31,7 +31,7 @@ pub(super) struct Work<'a, T, Q> {
     pub(super) tiling: Tiling,
 }
 
-impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
+impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
     /// Renders a tile; `None` once `stop` says so, which is asked at every pixel.
     pub(super) fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile> {
         let [left, top] = self.tiling.corner(number);
@@ -129,7 +129,7 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         } else {
             (self.transport.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
         };
-        if let Some((t, normal)) = self.transport.lights.body_before(ray, hit.as_ref()) {
+        if let Some((t, normal)) = self.transport.lights.shape_light_before(ray, hit.as_ref()) {
             // A light reflects nothing, and has no number among the instances.
             let depth = self.view.depth(ray.at(t.into()));
             return (hit, Guide { n_hits: 1, depth, normal, shading_normal: normal, tests, ..Guide::default() });
