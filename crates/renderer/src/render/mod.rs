@@ -12,7 +12,7 @@ use canted_scene::{Camera, Scene};
 use rayon::prelude::*;
 
 use crate::integrate::{Method, Transport};
-use crate::mask::RayKeyed;
+use crate::query::RayKeyed;
 use crate::{
     Film, FilterSampler, Guide, Integrator, LightSampler, Lights, Masked, Part, Pixel, Sampler, Settings, Surfaces,
     Tracer, View, mask,

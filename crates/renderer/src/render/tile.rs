@@ -4,7 +4,7 @@ use canted_trace::{Counts, Hit, Query};
 
 use super::{CELL, Course, Layout, Sums};
 use crate::integrate::{Start, Transport};
-use crate::mask::RayKeyed;
+use crate::query::RayKeyed;
 use crate::{Aov, FilterSampler, Guide, Pixel, Sampler, Settings, Tracer, View};
 
 /// Dimension of the sampler that places a sample in its pixel.
