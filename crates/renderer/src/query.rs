@@ -41,7 +41,7 @@ impl<Q: RayKeyed> RayKeyed for Timed<Q> {
 }
 
 impl<Q: Query> Query for Timed<Q> {
-    const MAY_REFUSE: bool = Q::MAY_REFUSE;
+    const MAY_REJECT: bool = Q::MAY_REJECT;
 
     #[inline]
     fn boxes(&mut self, n: u32) {

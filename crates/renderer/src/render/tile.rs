@@ -184,7 +184,7 @@ struct Counted<Q> {
 }
 
 impl<Q: Query> Query for Counted<Q> {
-    const MAY_REFUSE: bool = Q::MAY_REFUSE;
+    const MAY_REJECT: bool = Q::MAY_REJECT;
 
     fn boxes(&mut self, n: u32) {
         self.counts.boxes(n);

@@ -190,5 +190,5 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
 
 /// Greatest absolute coordinate among the vertices that triangles use.
 fn reach(mesh: &Mesh) -> f32 {
-    Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
+    Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
 }
