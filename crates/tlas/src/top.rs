@@ -2,7 +2,7 @@ use canted_bvh2::{PairBvh, PairOrder};
 use canted_lbvh::{self as lbvh, Bits, Domain, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{InstanceId, Query, ScaledRay, SlabRay};
-use canted_wide::{BoxTree, Config, MAX_PRIMITIVES, PrimitiveError, SimdPath};
+use canted_wide::{Config, MAX_PRIMITIVES, PrimitiveError, SimdPath, WideBvh};
 
 use crate::InstanceError;
 
@@ -23,7 +23,7 @@ impl Default for TopConfig {
 
 /// The tree over instances.
 pub(crate) enum Top {
-    Wide(BoxTree),
+    Wide(WideBvh<Aabb>),
     /// With the instance of each leaf.
     Binary(PairBvh, Vec<InstanceId>),
 }
@@ -43,7 +43,7 @@ impl Top {
     pub(crate) fn new(instances: &[Obb], config: &TopConfig) -> Result<Self, InstanceError> {
         let boxes: Vec<Aabb> = instances.iter().map(Obb::aabb).collect();
         match config {
-            TopConfig::Wide(config) => Ok(Self::Wide(BoxTree::build(&boxes, config)?)),
+            TopConfig::Wide(config) => Ok(Self::Wide(WideBvh::<Aabb>::build(boxes, &config.axis_aligned())?)),
             TopConfig::Binary(volumes) => {
                 let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
                 let codes = lbvh::morton_codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes);

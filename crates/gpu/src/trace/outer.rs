@@ -2,7 +2,7 @@
 
 use canted_obb::{Aabb, Affine, PrimId};
 use canted_tlas::{Instance, InstanceError, row_sum_norm};
-use canted_wide::{BoxTree, Config, Preset, PrimitiveError, RawBvh};
+use canted_wide::{Config, Preset, PrimitiveError, RawBvh, WideBvh};
 
 use super::motion::{MotionPolynomials, MotionWords};
 use super::reach::check_reach;
@@ -17,7 +17,7 @@ pub(super) struct Outer {
     pub(super) places: Vec<PlaceWords>,
     /// The ways of those that move, in their order.
     pub(super) motions: Vec<MotionWords>,
-    pub(super) tree: BoxTree,
+    pub(super) tree: WideBvh<Aabb>,
     pub(super) error: HitError,
     /// The instance of each of the tree's boxes: those without triangles have none.
     pub(super) instances: Vec<u32>,
@@ -41,8 +41,8 @@ impl Outer {
             }
             PrimitiveError::TooMany { .. } => InstanceError::TooMany { n_instances: instances.len() },
         };
-        let tree =
-            BoxTree::build(&boxes, &Config::preset(Preset::Fast)).map_err(|error| untraceable(&of_instance(error)))?;
+        let tree = WideBvh::<Aabb>::build(boxes, &Config::preset(Preset::Fast).axis_aligned())
+            .map_err(|error| untraceable(&of_instance(error)))?;
         let instances = tree.words().1.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
         Ok(Self { places, motions, tree, error, instances })
     }
