@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use canted_gpu::{Bound, GpuError};
+use canted_gpu::{GpuError, NamedBinding};
 
 use super::slices::{CELL_PIXELS, Seen, Slicer, Taken};
 use crate::render::{CELL, Course, Layout, Sums};
@@ -25,7 +25,7 @@ struct Cell {
 pub(super) struct Taker<'a> {
     pub(super) slicer: Slicer<'a>,
     /// What its kernel binds of picture and scene.
-    pub(super) bound: Vec<Bound<'a>>,
+    pub(super) bound: Vec<NamedBinding<'a>>,
     pub(super) settings: &'a Settings,
     /// What a sample of a pixel weighs.
     pub(super) weight: &'a dyn Fn([u32; 2], u32) -> f32,

@@ -6,16 +6,16 @@
 // use shared/leaf
 // use ?level
 // use ?count
-// use shared/turns
-// const STACK
-// const TURNS
+// use shared/iterations
+// const STACK_SIZE
+// const MAX_ITERATIONS
 
 /// The first hit, or any; a miss where there is none.
-fn walk(ray: Ray, any: bool) -> Hit {
+fn traverse(ray: Ray, any: bool) -> Hit {
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     var word = enter_outer(ray);
     t_max = scaled_t(ray.t_max);
-    var stack: array<vec2<u32>, STACK>;
+    var stack: array<vec2<u32>, STACK_SIZE>;
     var n_waiting = 0u;
     // Entries of the outer level while the walk is in an instance.
     var n_outer = 0u;
@@ -44,9 +44,9 @@ fn walk(ray: Ray, any: bool) -> Hit {
             half = (entry.y & 7u) >> 2u;
             end = half + 1u;
         }
-        turns += 1u;
-        if turns > TURNS {
-            is_cut = true;
+        iterations += 1u;
+        if iterations > MAX_ITERATIONS {
+            is_incomplete = true;
             break;
         }
         if (node & LEAF) == 0u {
@@ -54,7 +54,7 @@ fn walk(ray: Ray, any: bool) -> Hit {
             loop {
                 keys[half] = enter(node, half, t_max);
                 half += 1u;
-                turns += 1u;
+                iterations += 1u;
                 if half >= end {
                     break;
                 }

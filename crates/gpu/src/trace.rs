@@ -8,18 +8,19 @@
 
 mod cast;
 mod motion;
-mod outer;
-mod ray;
-mod reach;
-mod scene;
-mod walk;
-mod words;
 
-pub use cast::Answer;
+mod coordinates;
+mod layout;
+mod ray;
+mod scene;
+mod top_level;
+mod traversal;
+
+pub use cast::Outcome;
+pub use coordinates::MAX_COORDINATE;
+pub use layout::HIT_ERROR;
 pub use motion::MotionPolynomials;
-pub use outer::MAX_CONDITION;
 pub use ray::{DeviceHit, DeviceRay};
-pub use reach::MOST_REACH;
 pub use scene::TracedScene;
-pub use walk::Walk;
-pub use words::HIT_ERROR;
+pub use top_level::MAX_CONDITION;
+pub use traversal::Traversal;

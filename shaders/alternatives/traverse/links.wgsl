@@ -6,12 +6,12 @@
 // use shared/leaf
 // use ?level
 // use ?count
-// use shared/turns
-// use shared/links
-// const TURNS
+// use shared/iterations
+// use alternatives/traverse/parents
+// const MAX_ITERATIONS
 
 /// The first hit, or any; a miss where there is none.
-fn walk(ray: Ray, any: bool) -> Hit {
+fn traverse(ray: Ray, any: bool) -> Hit {
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     var word = enter_outer(ray);
     t_max = scaled_t(ray.t_max);
@@ -20,9 +20,9 @@ fn walk(ray: Ray, any: bool) -> Hit {
     var outer = at;
     var is_inner = !HAS_INSTANCES;
     loop {
-        turns += 1u;
-        if turns > TURNS {
-            is_cut = true;
+        iterations += 1u;
+        if iterations > MAX_ITERATIONS {
+            is_incomplete = true;
             break;
         }
         let is_back = word == EMPTY;
@@ -41,7 +41,7 @@ fn walk(ray: Ray, any: bool) -> Hit {
             var keys = array<vec4<u32>, 2>(vec4<u32>(MISSED), vec4<u32>(MISSED));
             for (var half = 0u; half < 2u; half += 1u) {
                 keys[half] = enter(node, half, FAR);
-                turns += 1u;
+                iterations += 1u;
             }
             count_boxes(8u);
             let after = select(vec4<u32>(0u), vec4<u32>(keys[at.child >> 2u][at.child & 3u] + 1u), is_back);

@@ -1,4 +1,4 @@
-//! Raster passes in pieces that take about as long as a dispatch.
+//! RasterPipeline passes in pieces that take about as long as a dispatch.
 
 use std::{collections::VecDeque, time::Duration};
 
@@ -12,13 +12,13 @@ const FIRST: u32 = 1 << 14;
 const LEAST: u32 = 1 << 8;
 
 /// Draws that are cut into pieces, in their order.
-pub(crate) struct Pieces {
+pub(crate) struct DrawBatches {
     waiting: VecDeque<Draw>,
     /// Triangles of the next piece.
     n_triangles: u32,
 }
 
-impl Pieces {
+impl DrawBatches {
     pub(crate) fn new(draws: &[Draw]) -> Self {
         Self { waiting: draws.iter().cloned().collect(), n_triangles: FIRST }
     }
@@ -98,7 +98,7 @@ mod tests {
             Draw { vertices: 30..39, instances: 9..10 },
         ];
         for size in [1, 2, 99, 100, 101, 250, 10_000] {
-            let mut pieces = Pieces { n_triangles: size, ..Pieces::new(&draws) };
+            let mut pieces = DrawBatches { n_triangles: size, ..DrawBatches::new(&draws) };
             let mut found = vec![];
             while let Some(piece) = pieces.next() {
                 let drawn = triangles(&piece);
@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn pieces_grow_and_shrink_by_their_time() {
-        let mut pieces = Pieces::new(&[]);
+        let mut pieces = DrawBatches::new(&[]);
         pieces.took(Duration::from_millis(1));
         assert_eq!(pieces.n_triangles, 4 * FIRST);
         pieces.took(Duration::from_millis(250));

@@ -2,8 +2,8 @@
 //
 // `?film` keeps what the others found.
 // use shared/groups
-// use shared/paths
-// use shared/queue
+// use alternatives/wavefront/paths
+// use alternatives/wavefront/queue
 // use ?film
 // use ?time
 
@@ -16,18 +16,18 @@ fn main(
     let index = invocation(group, groups, 64u, local);
     var place = 0u;
     var goes_on = false;
-    if index < n_living[0] {
-        place = living[index];
+    if index < n_active[0] {
+        place = active_paths[index];
         let one = taken(place / 64u, place % 64u);
         choose_time(one);
         let hit = hits[index];
         var path = paths[place];
         ray_key = key_of(path, one);
-        is_cut = hit.instance == CUT;
-        if !is_cut {
+        is_incomplete = hit.instance == INCOMPLETE;
+        if !is_incomplete {
             advance(&path, one, hit);
         }
-        goes_on = path.stage != DONE && !is_cut;
+        goes_on = path.stage != DONE && !is_incomplete;
         if goes_on {
             paths[place] = path;
         } else {

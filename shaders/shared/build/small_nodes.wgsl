@@ -4,14 +4,14 @@
 // use shared/build/node
 // use ?item
 
-const FEW: u32 = 8u;
+const SMALL_NODE_LEAVES: u32 = 8u;
 
 @group(0) @binding(1) var<storage, read> nodes: array<Node>;
 /// The item of each leaf.
 @group(0) @binding(2) var<storage, read> leaves: array<u32>;
 
-fn is_few(node: Node) -> bool {
-    return node.last - node.first < FEW;
+fn is_small(node: Node) -> bool {
+    return node.last - node.first < SMALL_NODE_LEAVES;
 }
 
 /// The extent of all leaves from `first` to `last`.

@@ -1,6 +1,6 @@
 // What the rays of paths meet: one ray an invocation.
 // use shared/groups
-// use shared/paths
+// use alternatives/wavefront/paths
 // use shared/trace
 // use ?time
 
@@ -11,14 +11,14 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let index = invocation(group, groups, 64u, local);
-    if index < n_living[0] {
-        let place = living[index];
+    if index < n_active[0] {
+        let place = active_paths[index];
         let one = taken(place / 64u, place % 64u);
         choose_time(one);
         ray_key = key_of(paths[place], one);
-        hits[index] = walk(paths[place].ray, paths[place].stage == TO_LIGHT);
-        if is_cut {
-            hits[index].instance = CUT;
+        hits[index] = traverse(paths[place].ray, paths[place].stage == TO_LIGHT);
+        if is_incomplete {
+            hits[index].instance = INCOMPLETE;
         }
     }
 }

@@ -4,26 +4,26 @@ use canted_obb::{Aabb, Affine, PrimId};
 use canted_tlas::{Instance, InstanceError, row_sum_norm};
 use canted_wide::{BoxTree, Config, Preset, PrimitiveError, Words};
 
-use super::motion::{MotionPolynomials, MotionWords};
-use super::reach::check_reach;
-use super::words::{HIT_ERROR, HitError, PlaceWords};
+use super::coordinates::check_reach;
+use super::layout::{HIT_ERROR, HitError, InstanceData};
+use super::motion::{MotionData, MotionPolynomials};
 use crate::GpuError;
 
 /// Greatest condition of a transform that kernels trace through: of 2^10, three of the seven digits of an f32 are left.
 pub const MAX_CONDITION: f64 = 1024.0;
 
 /// Instances ready for upload.
-pub(super) struct Outer {
-    pub(super) places: Vec<PlaceWords>,
+pub(super) struct TopLevel {
+    pub(super) places: Vec<InstanceData>,
     /// The ways of those that move, in their order.
-    pub(super) motions: Vec<MotionWords>,
+    pub(super) motions: Vec<MotionData>,
     pub(super) tree: BoxTree,
     pub(super) error: HitError,
     /// The instance of each of the tree's boxes: those without triangles have none.
     pub(super) instances: Vec<u32>,
 }
 
-impl Outer {
+impl TopLevel {
     /// Places instances of meshes whose trees have these words and boxes.
     pub(super) fn new(meshes: &[(Words<'_>, Aabb)], instances: &[Instance]) -> Result<Self, GpuError> {
         for (index, (words, _)) in meshes.iter().enumerate() {
@@ -50,8 +50,8 @@ impl Outer {
 
 #[derive(Default)]
 struct Placing {
-    places: Vec<PlaceWords>,
-    motions: Vec<MotionWords>,
+    places: Vec<InstanceData>,
+    motions: Vec<MotionData>,
     /// World space, at all times.
     boxes: Vec<Aabb>,
     /// Instance of each box.
@@ -76,14 +76,14 @@ impl Placing {
             let transform = if motion.is_some() { "motion" } else { "transform" };
             let what =
                 format!("instance {index}, whose {transform} has condition {condition:e}, beyond {MAX_CONDITION:e}");
-            return Err(GpuError::Untraceable { what });
+            return Err(GpuError::Unsupported { what });
         }
         let reach = ends().map(|end| end.reach(words.reach)).fold(0.0, f64::max);
         check_reach(|| format!("instance {index}"), reach)?;
         self.motions.extend(motion.as_ref().map(MotionPolynomials::words));
         let number = motion.as_ref().map_or(0, |_| self.motions.len() as u32);
         // The tree over instances is the first of all trees.
-        self.places.push(PlaceWords::new(&inverse, &instance.world_from_object, [instance.blas + 1, number]));
+        self.places.push(InstanceData::new(&inverse, &instance.world_from_object, [instance.blas + 1, number]));
         if !bounds.is_empty() {
             self.boxes.push(ends().fold(Aabb::EMPTY, |all, end| all.union(image(bounds, &end))));
             self.numbers.push(index as u32);
@@ -138,7 +138,7 @@ fn image(bounds: &Aabb, world_from_object: &Affine) -> Aabb {
 }
 
 fn untraceable(error: &dyn std::error::Error) -> GpuError {
-    GpuError::Untraceable { what: format!("instances as they stand: {error}") }
+    GpuError::Unsupported { what: format!("instances as they stand: {error}") }
 }
 
 #[cfg(test)]
@@ -155,10 +155,10 @@ mod tests {
         Wide::build(&positions, triangles, &Config::preset(Preset::Fast)).unwrap()
     }
 
-    fn placed(reaches: &[f32], instances: &[Instance]) -> Result<Outer, String> {
+    fn placed(reaches: &[f32], instances: &[Instance]) -> Result<TopLevel, String> {
         let meshes: Vec<_> = reaches.iter().map(|&reach| mesh(reach)).collect();
         let words: Vec<_> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
-        Outer::new(&words, instances).map_err(|error| error.to_string())
+        TopLevel::new(&words, instances).map_err(|error| error.to_string())
     }
 
     fn at(blas: u32, scale: f32, shift: f32) -> Instance {

@@ -18,5 +18,5 @@ fn main(
     let at = 6u * slot;
     let low = vec3<f32>(aabbs[at], aabbs[at + 1u], aabbs[at + 2u]);
     let high = vec3<f32>(aabbs[at + 3u], aabbs[at + 4u], aabbs[at + 5u]);
-    put_box(slot, box_of(low, high));
+    put_box(slot, box_from_aabb(low, high));
 }

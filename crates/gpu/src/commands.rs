@@ -22,11 +22,11 @@ pub struct PassTime {
 }
 
 /// Dispatches that the device does one after another: what one wrote the next one reads.
-pub struct Work<'a> {
+pub struct Commands<'a> {
     gpu: &'a Gpu,
     encoder: CommandEncoder,
     timed: Option<Timed>,
-    /// Work-groups of all dispatches so far.
+    /// Commands-groups of all dispatches so far.
     n_groups: u64,
 }
 
@@ -36,7 +36,7 @@ struct Timed {
 }
 
 /// Something to bind by the name of its variable.
-pub type Bound<'a> = (&'a str, &'a dyn AsBinding);
+pub type NamedBinding<'a> = (&'a str, &'a dyn AsBinding);
 
 /// What can be bound to a kernel's variable.
 pub trait AsBinding {
@@ -61,30 +61,30 @@ impl<T> AsBinding for Buffer<T> {
 impl Gpu {
     /// Starts a list of dispatches.
     #[must_use]
-    pub fn work(&self) -> Work<'_> {
+    pub fn commands(&self) -> Commands<'_> {
         let encoder = self.device.create_command_encoder(&CommandEncoderDescriptor::default());
-        Work { gpu: self, encoder, timed: None, n_groups: 0 }
+        Commands { gpu: self, encoder, timed: None, n_groups: 0 }
     }
 
-    /// Starts a list of dispatches whose times [`Work::times`] tells, where the device can.
+    /// Starts a list of dispatches whose times [`Commands::times`] tells, where the device can.
     #[must_use]
-    pub fn timed_work(&self) -> Work<'_> {
-        let mut work = self.work();
+    pub fn timed_commands(&self) -> Commands<'_> {
+        let mut commands = self.commands();
         if self.has_timestamps() {
             let descriptor = QuerySetDescriptor { label: None, ty: QueryType::Timestamp, count: 2 * MOST_TIMED };
-            work.timed = Some(Timed { queries: self.device.create_query_set(&descriptor), kernels: vec![] });
+            commands.timed = Some(Timed { queries: self.device.create_query_set(&descriptor), kernels: vec![] });
         }
-        work
+        commands
     }
 }
 
-impl Work<'_> {
+impl Commands<'_> {
     /// Adds a dispatch of `groups` work-groups. `bound` gives every variable that the kernel uses by name; what it does
     /// not use may be given and is left out.
     ///
     /// # Errors
     /// A variable that is not given.
-    pub fn dispatch(&mut self, kernel: &Kernel, bound: &[Bound<'_>], groups: [u32; 3]) -> Result<(), GpuError> {
+    pub fn dispatch(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], groups: [u32; 3]) -> Result<(), GpuError> {
         if groups.contains(&0) {
             return Ok(());
         }
@@ -114,7 +114,7 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// Work-groups of all dispatches so far.
+    /// Commands-groups of all dispatches so far.
     pub(crate) fn n_groups(&self) -> u64 {
         self.n_groups
     }
@@ -157,7 +157,7 @@ impl Work<'_> {
     /// Submits the dispatches, waits for them, and tells how long each pass took; nothing where they are not timed.
     ///
     /// # Errors
-    /// As [`Work::run`].
+    /// As [`Commands::run`].
     pub fn times(self) -> Result<Vec<PassTime>, GpuError> {
         let (kernels, ends) = self.ends()?;
         Ok(kernels
@@ -171,7 +171,7 @@ impl Work<'_> {
     /// where they are not timed.
     ///
     /// # Errors
-    /// As [`Work::run`].
+    /// As [`Commands::run`].
     pub(crate) fn span(self) -> Result<f64, GpuError> {
         let (_, ends) = self.ends()?;
         let begin = ends.iter().map(|[begin, _]| *begin).fold(f64::INFINITY, f64::min);
@@ -210,7 +210,7 @@ pub(crate) fn bind_groups(
     gpu: &Gpu,
     name: &str,
     bindings: &[Binding],
-    bound: &[Bound<'_>],
+    bound: &[NamedBinding<'_>],
     layout_of: impl Fn(u32) -> BindGroupLayout,
 ) -> Result<Vec<(u32, BindGroup)>, GpuError> {
     let mut numbers: Vec<u32> = bindings.iter().map(|binding| binding.group).collect();

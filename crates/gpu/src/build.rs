@@ -13,15 +13,15 @@ mod items;
 mod passes;
 mod run;
 mod sort;
-mod stations;
+mod stages;
 mod two_levels;
 mod volumes;
 
 pub use items::{Items, Range};
 pub use passes::Passes;
-pub use run::{Run, StationTime};
+pub use run::{Run, StageTime};
 pub use sort::Sorter;
-pub use stations::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
+pub use stages::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
 pub use two_levels::TwoLevels;
 pub use volumes::{aabbs, obbs};
 

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use canted_lbvh::Bits;
 
 use super::{Items, Run, Sorter, count};
-use crate::{Bound, Buffer, Gpu, GpuError, Specialisation};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
 /// A tree's grid of cells, as [`canted_lbvh::Domain`].
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -71,8 +71,8 @@ impl Codes {
         if self.high.is_some() { Bits::B63 } else { Bits::B30 }
     }
 
-    fn bound<'a>(&'a self, low: &'static str, high: &'static str) -> Vec<Bound<'a>> {
-        let mut bound: Vec<Bound<'a>> = vec![(low, &self.low)];
+    fn bound<'a>(&'a self, low: &'static str, high: &'static str) -> Vec<NamedBinding<'a>> {
+        let mut bound: Vec<NamedBinding<'a>> = vec![(low, &self.low)];
         if let Some(words) = &self.high {
             bound.push((high, words));
         }
@@ -103,7 +103,7 @@ pub fn domain(run: &mut Run<'_>, items: &Items, bits: Bits) -> Result<Buffer<Gri
     let bounds = gpu.zeroed::<u32>("bounds of trees", 6 * n_trees)?;
     let domains = gpu.zeroed("domains", n_trees)?;
     let bound = items.bound(&[("bounds", &bounds), ("domains", &domains)]);
-    run.station("domain", |dispatches| {
+    run.stage("domain", |dispatches| {
         let kernel = gpu.kernel("build/bounds", &items.part())?;
         dispatches.tiles(&kernel, &bound, items.len().div_ceil(TILE))?;
         let kernel = gpu.kernel("build/domain", &coded(items.part(), bits))?;
@@ -121,7 +121,7 @@ pub fn codes(run: &mut Run<'_>, items: &Items, domains: &Buffer<Grid>, bits: Bit
     let codes = Codes::empty(gpu, items.len() as usize, bits)?;
     let mut bound = items.bound(&codes.bound("codes_low", "codes_high"));
     bound.push(("domains", domains));
-    run.station("codes", |dispatches| {
+    run.stage("codes", |dispatches| {
         let kernel = gpu.kernel("build/codes", &coded(items.part(), bits))?;
         dispatches.items(&kernel, &bound, items.len())
     })?;
@@ -153,9 +153,9 @@ pub fn sort(run: &mut Run<'_>, items: &Items, codes: &Codes) -> Result<Sorted, G
 fn trees_of(run: &mut Run<'_>, items: &Items) -> Result<Buffer<u32>, GpuError> {
     let gpu = run.gpu();
     let trees = gpu.zeroed("trees of items", items.len() as usize)?;
-    let bound = items.bound(&[("trees", &trees)]);
-    run.station("sort", |dispatches| {
-        let kernel = gpu.kernel("build/trees", &Specialisation::none())?;
+    let bound = items.bound(&[("tree_indices", &trees)]);
+    run.stage("sort", |dispatches| {
+        let kernel = gpu.kernel("build/tree_indices", &Specialisation::none())?;
         dispatches.items(&kernel, &bound, items.len())
     })?;
     Ok(trees)
@@ -175,10 +175,10 @@ pub fn tree(run: &mut Run<'_>, items: &Items, sorted: &Codes) -> Result<Trees, G
         depth: gpu.zeroed("depth", 1)?,
     };
     let mut bound = items.bound(&sorted.bound("sorted_low", "sorted_high"));
-    let made: [Bound<'_>; 4] =
+    let made: [NamedBinding<'_>; 4] =
         [("nodes", &trees.nodes), ("parents", &trees.parents), ("heights", &trees.heights), ("depth", &trees.depth)];
     bound.extend(made);
-    run.station("tree", |dispatches| {
+    run.stage("tree", |dispatches| {
         let kernel = gpu.kernel("build/tree", &coded(Specialisation::none(), sorted.bits()))?;
         dispatches.items(&kernel, &bound, items.len())?;
         let kernel = gpu.kernel("build/heights", &Specialisation::none())?;

@@ -2,13 +2,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::words::{Quad, TreeWords};
+use super::layout::{BvhHeader, Quad};
 
 /// How a ray finds its way back to nodes whose children wait. Each finds the same hits.
 ///
 /// `benches/TRIED.md` has what the others cost beside the stack, on a software driver; on hardware that is not measured yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Walk {
+pub enum Traversal {
     /// A stack in the invocation's own memory: what is used.
     #[default]
     Stack,
@@ -18,7 +18,7 @@ pub enum Walk {
     Links,
 }
 
-impl Walk {
+impl Traversal {
     /// Every walk.
     pub const ALL: [Self; 3] = [Self::Stack, Self::Bits, Self::Links];
 
@@ -34,9 +34,9 @@ impl Walk {
 
     pub(super) fn file(self) -> &'static str {
         match self {
-            Self::Stack => "shared/walk/stack",
-            Self::Bits => "shared/walk/bits",
-            Self::Links => "shared/walk/links",
+            Self::Stack => "shared/traverse/stack",
+            Self::Bits => "alternatives/traverse/bits",
+            Self::Links => "alternatives/traverse/links",
         }
     }
 }
@@ -44,12 +44,12 @@ impl Walk {
 /// A node's parent, and which of its children it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct LinkWords {
+pub(super) struct ParentLink {
     word: u32,
     child: u32,
 }
 
-impl LinkWords {
+impl ParentLink {
     /// The parent of a root.
     pub(super) const NOWHERE: Self = Self { word: EMPTY, child: 0 };
 }
@@ -61,15 +61,15 @@ const KIND_SHIFT: u32 = 29;
 const LINE_QUADS: usize = 4;
 
 /// Links of all trees, one for each line of nodes.
-pub(super) fn links(nodes: &[Quad], trees: &[TreeWords]) -> Vec<LinkWords> {
-    let mut links = vec![LinkWords::NOWHERE; nodes.len().div_ceil(LINE_QUADS)];
-    for &TreeWords { words: [root, first_quad, ..], .. } in trees {
+pub(super) fn links(nodes: &[Quad], trees: &[BvhHeader]) -> Vec<ParentLink> {
+    let mut links = vec![ParentLink::NOWHERE; nodes.len().div_ceil(LINE_QUADS)];
+    for &BvhHeader { words: [root, first_quad, ..], .. } in trees {
         let nodes = &nodes[first_quad as usize..];
         each_node(nodes, root, |word| {
             for child in 0..8 {
                 let below = child_word(nodes, word, child);
                 if is_node(below) {
-                    links[first_quad as usize / LINE_QUADS + line(below)] = LinkWords { word, child };
+                    links[first_quad as usize / LINE_QUADS + line(below)] = ParentLink { word, child };
                 }
             }
         });

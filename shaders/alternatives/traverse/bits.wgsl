@@ -7,9 +7,9 @@
 // use shared/leaf
 // use ?level
 // use ?count
-// use shared/turns
-// use shared/links
-// const TURNS
+// use shared/iterations
+// use alternatives/traverse/parents
+// const MAX_ITERATIONS
 
 /// Bits of a level.
 const LEVEL_BITS: u32 = 8u;
@@ -32,7 +32,7 @@ fn entered(keys: vec4<u32>) -> u32 {
 }
 
 /// The first hit, or any; a miss where there is none.
-fn walk(ray: Ray, any: bool) -> Hit {
+fn traverse(ray: Ray, any: bool) -> Hit {
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     var word = enter_outer(ray);
     t_max = scaled_t(ray.t_max);
@@ -42,9 +42,9 @@ fn walk(ray: Ray, any: bool) -> Hit {
     var is_inner = !HAS_INSTANCES;
     levels = vec4<u32>(0u);
     loop {
-        turns += 1u;
-        if turns > TURNS {
-            is_cut = true;
+        iterations += 1u;
+        if iterations > MAX_ITERATIONS {
+            is_incomplete = true;
             break;
         }
         let is_back = word == EMPTY;
@@ -65,7 +65,7 @@ fn walk(ray: Ray, any: bool) -> Hit {
             var keys = array<vec4<u32>, 2>(vec4<u32>(MISSED), vec4<u32>(MISSED));
             for (var half = 0u; half < 2u; half += 1u) {
                 keys[half] = enter(node, half, t_max);
-                turns += 1u;
+                iterations += 1u;
             }
             count_boxes(8u);
             let among = select(vec2<u32>(15u), vec2<u32>(levels.x & 15u, (levels.x >> 4u) & 15u), is_back);

@@ -6,7 +6,7 @@
 // or twice; what underflows may become zero. `S = |o| + reach`, greatest coordinates of the origin and of any vertex.
 //
 // A triangle test may report `t` for which the point lies within `e` of its triangle in each coordinate: 64 E of S (derived
-// at shared/triangle), and what an instance's transform adds (shared/level/two). The ray is thickened by `e` and by what the
+// at shared/triangle), and what an instance's transform adds (shared/level/instances). The ray is thickened by `e` and by what the
 // test of a box rounds, after the proof at the head of `canted_wide`'s traversal with other numbers:
 //
 // * Boxes along the axes of the mesh's frame: planes are met at `lo * r - (o + pad) * r`. Two products, the moved origin, and
@@ -32,14 +32,14 @@ const ROOT_3: f32 = 1.7320509;
 
 /// Roundings of a box test, relative to S: along the axes, along a turned frame's, along a child's own.
 const BOX_ROUNDING: f32 = 7.5 * ROUNDING;
-const TURNED_ROUNDING: f32 = 14.0 * ROUNDING;
+const ROTATED_ROUNDING: f32 = 14.0 * ROUNDING;
 const LEAN_ROUNDING: f32 = 15.0 * ROUNDING;
 
 /// Least absolute component of a direction in a box test, 2^-64.
 const LEAST_DIRECTION: f32 = 5.421010862427522e-20;
 
-/// A tree among those that lie in `nodes` and `halves`.
-struct Tree {
+/// A tree among those that lie in `nodes` and `triangle_blocks`.
+struct Bvh {
     /// Rows of the frame that its box nodes stand in; then the greatest coordinate of any vertex.
     row_x: vec4<f32>,
     /// Then how far hits may be off, as a part of the origin's greatest coordinate.
@@ -51,8 +51,8 @@ struct Tree {
 }
 
 @group(0) @binding(0) var<storage, read> nodes: array<vec4<u32>>;
-@group(0) @binding(1) var<storage, read> halves: array<vec4<u32>>;
-@group(0) @binding(2) var<storage, read> trees: array<Tree>;
+@group(0) @binding(1) var<storage, read> triangle_blocks: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> bvhs: array<Bvh>;
 
 /// The ray as nodes and triangles of a tree want it; `t` is scaled, so that the direction's greatest component is in [1, 2).
 struct Space {
@@ -89,8 +89,8 @@ fn reciprocal(d: f32) -> f32 {
 
 /// Takes the ray into `tree`'s space; `drift` is in units of that space, the second for a direction of any length.
 /// Returns the tree's root, or an empty word where the direction is as good as zero.
-fn enter_tree(index: u32, origin: vec3<f32>, direction: vec3<f32>, t_min: f32, drift: vec2<f32>, instance: u32) -> u32 {
-    let tree = trees[index];
+fn enter_bvh(index: u32, origin: vec3<f32>, direction: vec3<f32>, t_min: f32, drift: vec2<f32>, instance: u32) -> u32 {
+    let bvh = bvhs[index];
     // The power of two at or below the greatest component; its reciprocal must not underflow.
     let power = min(bitcast<u32>(greatest(direction)) & 0x7f800000u, 0x7e800000u);
     if power == 0u {
@@ -102,28 +102,28 @@ fn enter_tree(index: u32, origin: vec3<f32>, direction: vec3<f32>, t_min: f32, d
     space.direction = direction * space.from_scaled;
     space.t_min = scaled_t(t_min);
     space.drift = vec2<f32>(drift.x, drift.y * space.from_scaled);
-    space.first_node = tree.words.y;
-    space.first_half = tree.words.z;
+    space.first_node = bvh.words.y;
+    space.first_half = bvh.words.z;
     space.instance = instance;
-    thicken(tree);
-    return tree.words.x;
+    thicken(bvh);
+    return bvh.words.x;
 }
 
 /// Prepares the ray for boxes: moved by pads, in the frame of the mesh.
-fn thicken(tree: Tree) {
+fn thicken(bvh: Bvh) {
     let far_off = greatest(space.origin);
-    let scale = far_off + tree.row_x.w;
-    let error = (tree.row_y.w * far_off + tree.row_z.w) + 2.0 * (space.drift.y * scale + space.drift.x);
+    let scale = far_off + bvh.row_x.w;
+    let error = (bvh.row_y.w * far_off + bvh.row_z.w) + 2.0 * (space.drift.y * scale + space.drift.x);
     // The error lengthens the way to the hit.
     let size = scale + error;
     space.pad_lean = ROOT_3 * (error + LEAN_ROUNDING * size) + TINY;
     var pad = error + BOX_ROUNDING * size + TINY;
     var origin = space.origin;
     var direction = space.direction;
-    if tree.words.w != 0u {
-        pad = ROOT_3 * (error + TURNED_ROUNDING * size) + TINY;
-        origin = turned(tree, origin);
-        direction = turned(tree, direction);
+    if bvh.words.w != 0u {
+        pad = ROOT_3 * (error + ROTATED_ROUNDING * size) + TINY;
+        origin = rotated(bvh, origin);
+        direction = rotated(bvh, direction);
     }
     space.recip = vec3<f32>(reciprocal(direction.x), reciprocal(direction.y), reciprocal(direction.z));
     let backward = space.recip < vec3<f32>(0.0);
@@ -134,8 +134,8 @@ fn thicken(tree: Tree) {
     space.near_quads = vec3<u32>(0u, 4u, 8u) + select(vec3<u32>(0u), vec3<u32>(2u), backward);
 }
 
-fn turned(tree: Tree, v: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(project(tree.row_x.xyz, v), project(tree.row_y.xyz, v), project(tree.row_z.xyz, v));
+fn rotated(bvh: Bvh, v: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(project(bvh.row_x.xyz, v), project(bvh.row_y.xyz, v), project(bvh.row_z.xyz, v));
 }
 
 fn project(row: vec3<f32>, v: vec3<f32>) -> f32 {

@@ -3,7 +3,7 @@
 
 /// An instance: rows of the linear part of `object_from_world`, each with a component of where the object's origin stands in
 /// the world, and its tree.
-struct Place {
+struct Instance {
     row_x: vec4<f32>,
     row_y: vec4<f32>,
     row_z: vec4<f32>,
@@ -11,13 +11,13 @@ struct Place {
     tree: vec4<u32>,
 }
 
-@group(0) @binding(3) var<storage, read> places: array<Place>;
+@group(0) @binding(3) var<storage, read> instances: array<Instance>;
 /// Instances in the order of the outer tree's leaves.
-@group(0) @binding(4) var<storage, read> instances: array<u32>;
+@group(0) @binding(4) var<storage, read> instance_order: array<u32>;
 
 const HAS_INSTANCES: bool = true;
 
-/// Roundings of a direction in object space, and of an origin, where the instance stands still: see shared/level/two.
+/// Roundings of a direction in object space, and of an origin, where the instance stands still: see shared/level/instances.
 const DIRECTION_ROUNDING: f32 = 5.0 * ROUNDING;
 const ORIGIN_ROUNDING: f32 = 6.0 * ROUNDING;
 
@@ -29,12 +29,12 @@ struct Inverse {
 
 /// Takes the ray to the outer tree; its root, or an empty word for no ray.
 fn enter_outer(ray: Ray) -> u32 {
-    return enter_tree(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), NONE);
+    return enter_bvh(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), NONE);
 }
 
 /// The inverse of an instance that stands still.
-fn still(place: Place) -> Inverse {
-    let rows = mat3x3<f32>(place.row_x.xyz, place.row_y.xyz, place.row_z.xyz);
+fn still_inverse(entry: Instance) -> Inverse {
+    let rows = mat3x3<f32>(entry.row_x.xyz, entry.row_y.xyz, entry.row_z.xyz);
     return Inverse(rows, mat3x3<f32>(abs(rows[0]), abs(rows[1]), abs(rows[2])));
 }
 
@@ -46,9 +46,9 @@ fn enter_instance(
     let origin = by_rows(inverse.rows, away);
     let direction = by_rows(inverse.rows, ray.direction);
     let spread = vec2<f32>(greatest(by_rows(inverse.sizes, far_away)), greatest(by_rows(inverse.sizes, abs(ray.direction))));
-    let tree = places[instance].tree.x;
-    let root = enter_tree(tree, origin, direction, ray.t_min, 2.0 * roundings * spread, instance);
-    prepare_triangles(greatest(origin) + trees[tree].row_x.w);
+    let tree = instances[instance].tree.x;
+    let root = enter_bvh(tree, origin, direction, ray.t_min, 2.0 * roundings * spread, instance);
+    prepare_triangles(greatest(origin) + bvhs[tree].row_x.w);
     return root;
 }
 

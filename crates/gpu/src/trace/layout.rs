@@ -1,4 +1,4 @@
-//! Trees, instances and their error bounds as the kernels lay them out: `shared/tree.wgsl`, `shared/place.wgsl`.
+//! Trees, instances and their error bounds as the kernels lay them out: `shared/bvh.wgsl`, `shared/instance.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::{Affine, Obb};
@@ -17,7 +17,7 @@ pub(super) type Quad = [u32; 4];
 /// A tree among all.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct TreeWords {
+pub(super) struct BvhHeader {
     /// Rows of the mesh's frame, with the greatest coordinate, then the error of hits per origin and in all.
     pub(super) rows: [[f32; 4]; 3],
     /// Root, first quad of its nodes and of its blocks, whether the frame is turned.
@@ -45,7 +45,7 @@ pub(super) struct Start {
     pub(super) block: u32,
 }
 
-impl TreeWords {
+impl BvhHeader {
     pub(super) fn new(words: &Words<'_>, start: Start, error: HitError) -> Self {
         let [x, y, z] = words.frame;
         let with = |[a, b, c]: [f32; 3], last: f32| [a, b, c, last];
@@ -59,14 +59,14 @@ impl TreeWords {
 /// An instance.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct PlaceWords {
+pub(super) struct InstanceData {
     /// Rows of the linear part of `object_from_world`, each with a component of where the object's origin stands.
     rows: [[f32; 4]; 3],
     /// Its tree, and one more than the number of its motion, 0 for none.
     tree: Quad,
 }
 
-impl PlaceWords {
+impl InstanceData {
     #[expect(clippy::cast_possible_truncation, reason = "the rounding is within the kernel's bound")]
     pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, [tree, motion]: [u32; 2]) -> Self {
         let at = world_from_object.columns[3];
@@ -89,13 +89,13 @@ mod tests {
 
     fn layout(of: &str) -> Layout {
         let chosen = Specialisation::none()
-            .part("level", "shared/level/two")
-            .part("kinds", "shared/kinds/any")
-            .part("walk", "shared/walk/stack")
+            .part("level", "shared/level/instances")
+            .part("node_kinds", "shared/node_kinds/any")
+            .part("traverse", "shared/traverse/stack")
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
-            .number("STACK", 4)
-            .number("TURNS", 1000);
+            .number("STACK_SIZE", 4)
+            .number("MAX_ITERATIONS", 1000);
         Shader::new("trace/closest", &chosen).unwrap().layout(of).unwrap().clone()
     }
 
@@ -107,12 +107,12 @@ mod tests {
     #[test]
     #[expect(clippy::cast_possible_truncation, reason = "offsets are small")]
     fn structures_lie_as_kernels_read_them() {
-        let rows = offset_of!(TreeWords, rows) as u32;
-        let words = offset_of!(TreeWords, words) as u32;
-        assert_eq!(offsets("Tree"), (vec![rows, rows + 16, rows + 32, words], size_of::<TreeWords>() as u32));
-        let rows = offset_of!(PlaceWords, rows) as u32;
-        let tree = offset_of!(PlaceWords, tree) as u32;
-        assert_eq!(offsets("Place"), (vec![rows, rows + 16, rows + 32, tree], size_of::<PlaceWords>() as u32));
+        let rows = offset_of!(BvhHeader, rows) as u32;
+        let words = offset_of!(BvhHeader, words) as u32;
+        assert_eq!(offsets("Bvh"), (vec![rows, rows + 16, rows + 32, words], size_of::<BvhHeader>() as u32));
+        let rows = offset_of!(InstanceData, rows) as u32;
+        let tree = offset_of!(InstanceData, tree) as u32;
+        assert_eq!(offsets("Instance"), (vec![rows, rows + 16, rows + 32, tree], size_of::<InstanceData>() as u32));
         let of_ray = [
             offset_of!(DeviceRay, origin),
             offset_of!(DeviceRay, t_min),

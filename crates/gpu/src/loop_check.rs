@@ -11,12 +11,12 @@ use crate::{Gpu, GpuError};
 ///
 /// # Errors
 /// A device that is lost or does not finish.
-pub fn loop_turns(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
+pub fn loop_iterations(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
     let kernel = gpu.kernel("check/loops", &Specialisation::none())?;
     let parameters = gpu.uniform("canary", &[wanted, 0, 0, 0])?;
     let counted = gpu.zeroed::<u32>("canary's turns", 1)?;
-    let mut work = gpu.work();
-    work.dispatch(&kernel, &[("wanted", &parameters), ("counted", &counted)], kernel.groups(1))?;
-    work.run()?;
+    let mut commands = gpu.commands();
+    commands.dispatch(&kernel, &[("wanted", &parameters), ("counted", &counted)], kernel.groups(1))?;
+    commands.run()?;
     Ok(gpu.read(&counted)?[0])
 }

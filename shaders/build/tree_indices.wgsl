@@ -3,7 +3,7 @@
 // use shared/build/slice
 // use shared/build/forest
 
-@group(0) @binding(1) var<storage, read_write> trees: array<u32>;
+@group(0) @binding(1) var<storage, read_write> tree_indices: array<u32>;
 
 @compute @workgroup_size(64)
 fn main(
@@ -13,6 +13,6 @@ fn main(
 ) {
     let item = slice_item(group, groups, 64u, local);
     if item < slice.end {
-        trees[item] = tree_of(item);
+        tree_indices[item] = tree_of(item);
     }
 }
