@@ -4,11 +4,12 @@ mod device;
 
 use std::{cell::Cell, rc::Rc};
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_gpu::{Choice, Gpu};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Ray, Watertight};
 use canted_wide::{Config, Costs, Preset, SimdPath, Wide};
 
@@ -133,9 +134,9 @@ pub fn two_levels() -> Vec<Way> {
 }
 
 /// A binary tree with these volumes.
-fn binary(mesh: &Mesh, strategy: Strategy) -> MeshBlas<Watertight> {
+fn binary(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
     let config = BuildConfig { volumes: VolumeConfig { strategy, fallback: true }, ..BuildConfig::default() };
-    MeshBlas::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
+    Bvh2::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
 }
 
 /// An eight-wide tree.
@@ -152,7 +153,7 @@ pub fn lean() -> Config {
 
 /// A binary tree and what it is over.
 struct OneLevel {
-    blas: MeshBlas<Watertight>,
+    blas: Bvh2<Watertight>,
     mesh: Mesh,
 }
 
@@ -164,15 +165,15 @@ impl OneLevel {
 
 impl Tracer for OneLevel {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.iter().map(|ray| self.blas.closest_hit(ray, InstanceId(0), &mut ())).collect()
+        rays.iter().map(|ray| self.blas.closest_hit(ray)).collect()
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        rays.iter().map(|ray| self.blas.occluded(ray, InstanceId(0), &mut ())).collect()
+        rays.iter().map(|ray| self.blas.occluded(ray)).collect()
     }
 
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
-        let hits = all_hits(|query| self.blas.closest_hit(ray, InstanceId(0), query));
+        let hits = all_hits(|query| self.blas.closest_hit_with(ray, InstanceId(0), query));
         Some(crossings::of_hits(&self.mesh, ray, hits))
     }
 }
@@ -222,16 +223,16 @@ impl<B: Blas> TwoLevels<B> {
 impl<B: Blas> Tracer for TwoLevels<B> {
     /// Only the instance that stands where the mesh does is asked.
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.iter().map(|ray| self.tlas.closest_hit(ray, &mut OfTheFirst)).collect()
+        rays.iter().map(|ray| self.tlas.closest_hit_with(ray, &mut OfTheFirst)).collect()
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        rays.iter().map(|ray| self.tlas.occluded(ray, &mut OfTheFirst)).collect()
+        rays.iter().map(|ray| self.tlas.occluded_with(ray, &mut OfTheFirst)).collect()
     }
 
     /// As the triangles see the ray: in object space, whose winding a mirror turns.
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
-        let hits = all_hits(|query| self.tlas.closest_hit(ray, query));
+        let hits = all_hits(|query| self.tlas.closest_hit_with(ray, query));
         let mut crossings = crossings::of_hits(&self.mesh, &instances::ray_object(&self.place, ray), hits);
         if mirrors(&self.place) {
             crossings.iter_mut().for_each(|hit| hit.side = opposite(hit.side));

@@ -1,9 +1,10 @@
 //! Our trees.
 
 use anyhow::Result;
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_tlas::{Blas, BuildConfig, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Tlas, TopConfig};
 use canted_trace::{Hit, Kernel, MollerTrumbore, Ray, Watertight};
 use canted_wide::{Config, LaneKernel, Preset, Wide};
 
@@ -34,13 +35,13 @@ struct TwoLevels<B: Blas>(Tlas<B>, usize);
 impl<B: Blas> Engine for TwoLevels<B> {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.0.closest_hit(ray, &mut ());
+            *hit = self.0.closest_hit(ray);
         }
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.0.occluded(ray, &mut ());
+            *occluded = self.0.occluded(ray);
         }
     }
 
@@ -82,15 +83,15 @@ fn promising<'a, K: LaneKernel + 'static>(
 }
 
 /// The tree that the program builds where nothing is asked for.
-pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<MeshBlas<K>> {
-    let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<Bvh2<K>> {
+    let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
     let volumes = VolumeConfig { strategy: Strategy::Combined, fallback: true };
     let config = BuildConfig { volumes, ..BuildConfig::default() };
-    Ok(MeshBlas::over(crate::models::binary_tree(&corners, &bounds), &corners, &bounds, &config))
+    Ok(Bvh2::over(crate::models::binary_tree(&corners, &bounds), &corners, &bounds, &config))
 }
 
 /// A tree of each mesh, and one of the instances.
-pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<MeshBlas<K>>> {
+pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<Bvh2<K>>> {
     let blas = placed.meshes.iter().map(one_level).collect::<Result<_>>()?;
     let top = TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true });
     Ok(Tlas::new(blas, &placed.instances, top)?)

@@ -52,7 +52,7 @@ impl LightArgs {
     /// Puts the lights into the scene; says whether they are nobody's choice but ours.
     pub(crate) fn apply(&self, scene: &mut Scene) -> Result<bool> {
         if self.env.is_none() && self.sun.is_empty() && self.point.is_empty() && self.sphere.is_empty() {
-            let emits = scene.materials.iter().any(Material::emits);
+            let emits = scene.materials.iter().any(Material::is_emissive);
             let is_dark = scene.lights.is_empty() && scene.environment.is_none() && !emits;
             if is_dark {
                 set_default(scene, 1.0);

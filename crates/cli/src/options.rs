@@ -43,7 +43,7 @@ pub(crate) struct StructureArgs {
 impl StructureArgs {
     /// What is asked of the structure of a scene. That one level cannot be had is told.
     pub(crate) fn config(&self, scene: &Scene) -> StructureConfig {
-        if matches!(self.levels, LevelsArg::One) && scene.moves() {
+        if matches!(self.levels, LevelsArg::One) && scene.has_motion() {
             output::to_stderr("warning: --levels one makes two levels here: instances move");
         }
         StructureConfig {

@@ -47,15 +47,15 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<Outcome> {
             load::check_time(scene, args.time)?;
             load::scene_file(scene)?.moved_to(path).map_err(error)?
         }
-        scene => SceneFile::of(scene, path).map_err(error)?,
+        scene => SceneFile::for_scene(scene, path).map_err(error)?,
     };
     if let Some(time) = args.time {
-        file = file.posed_at(time);
+        file = file.with_time(time);
     }
     if let Some((image, scale, turn_degrees)) = args.light.environment_file() {
-        file = file.under(image, scale, turn_degrees).map_err(error)?;
+        file = file.with_environment(image, scale, turn_degrees).map_err(error)?;
     }
-    let (mut scene, mut file) = file.load_spelled_out().map_err(error)?;
+    let (mut scene, mut file) = file.load_explicit().map_err(error)?;
     load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     load::warn(&scene.warnings);
     with_kernel!(args.structure.triangles, look(&mut scene, args, &mut file))?;

@@ -10,7 +10,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_scene::{Setting, nearest};
+use canted_scene::{Setting, closest_match};
 use clap::{
     ArgMatches, Args as _, Command, CommandFactory,
     error::{ContextKind, ContextValue},
@@ -77,7 +77,7 @@ fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<
     }
     let names: Vec<&str> = known(command).map(|arg| arg.get_id().as_str()).collect();
     if !names.contains(&&key[..]) {
-        let near = nearest(key, names).unwrap_or_default();
+        let near = closest_match(key, names).unwrap_or_default();
         return Err(format!("[settings] has no key `{}`; the nearest is `{near}`", key.escape_debug()));
     }
     let Some(value) = value else { return Ok(()) };
@@ -93,7 +93,7 @@ fn option(key: &str, value: &str) -> OsString {
 /// Why an option does not take a value, on one line.
 fn reason(error: &clap::Error, value: &str) -> String {
     if let Some(ContextValue::Strings(words)) = error.get(ContextKind::ValidValue) {
-        let near = nearest(value, words.iter().map(|word| &word[..])).unwrap_or_default();
+        let near = closest_match(value, words.iter().map(|word| &word[..])).unwrap_or_default();
         return format!(", not one of {}; the nearest is {near}", words.join(", "));
     }
     let source = std::error::Error::source(error);

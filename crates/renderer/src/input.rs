@@ -3,7 +3,7 @@ use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use canted_scene::promised_samples;
+use canted_scene::declared_exr_samples;
 use exr::prelude::{ReadChannels, ReadLayers, RgbChannels, Vec2};
 use image::{DynamicImage, ImageReader};
 
@@ -47,7 +47,7 @@ fn read_image(bytes: &[u8]) -> Result<Picture, image::ImageError> {
 
 fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
     // Before anything of the size that it promises is allocated.
-    promised_samples(bytes)?;
+    declared_exr_samples(bytes)?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

@@ -150,7 +150,7 @@ pub(crate) fn checker() -> Shot {
         Texture { name: String::new(), width: 4, height: 4, texels, encoding: Encoding::Srgb, wrap: [Wrap::Repeat; 2] };
     let material = Material {
         base_color: [1.0; 3],
-        base_color_texture: Some(TextureRef::plain(TextureId(0))),
+        base_color_texture: Some(TextureRef::new(TextureId(0))),
         ..Material::default()
     };
     let scene = Scene {

@@ -52,7 +52,7 @@ fn rays_through_instances_lose_no_hit() {
         let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
         let mut tally = Tally::default();
         world
-            .judge_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray, &mut ()), &mut tally)
+            .judge_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray), &mut tally)
             .unwrap_or_else(|error| panic!("{way}: {error}"));
         tally.report(&way);
     }

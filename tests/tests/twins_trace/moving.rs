@@ -135,7 +135,7 @@ fn judged(gpu: &Gpu, late: f32) -> Result<Tally, String> {
             },
         };
         for (ray, hit) in rays.iter().zip(hits(gpu, &scene, &rays, time + late)) {
-            world.judge(ray, tlas.closest_hit(ray, &mut At(time)), hit, &mut tally)?;
+            world.judge(ray, tlas.closest_hit_with(ray, &mut At(time)), hit, &mut tally)?;
         }
     }
     Ok(tally)

@@ -26,9 +26,8 @@ fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: 
     let mut other = instance;
     other.world_from_object.columns[3][0] += (9.0 * baked(mesh, world_from_object).diagonal()) as f32;
     let tlas = Tlas::new(vec![build::<Watertight>(mesh, config)], &[instance, other], TopConfig::default()).unwrap();
-    let leaks = |ray: &&Ray| {
-        tlas.closest_hit(ray, &mut ()).is_none_or(|hit| hit.instance != InstanceId(0)) || !tlas.occluded(ray, &mut ())
-    };
+    let leaks =
+        |ray: &&Ray| tlas.closest_hit(ray).is_none_or(|hit| hit.instance != InstanceId(0)) || !tlas.occluded(ray);
     rays.iter().filter(leaks).count()
 }
 

@@ -39,7 +39,7 @@ fn agrees<K: LaneKernel + Clone>() {
             for top in [TopConfig::Wide(config), binary] {
                 let tlas = Tlas::new(bottom.clone(), &instances, top).unwrap();
                 for (ray, want) in all_rays.iter().zip(&wants) {
-                    let got = (tlas.closest_hit(ray, &mut ()), tlas.occluded(ray, &mut ()));
+                    let got = (tlas.closest_hit(ray), tlas.occluded(ray));
                     assert_eq!(got, (*want, want.is_some()), "{way}, {}, {top:?}, {ray:?}", path.name());
                 }
             }

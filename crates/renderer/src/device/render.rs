@@ -72,7 +72,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             Filter::Box(_) => None,
             _ => Some(gpu.buffer("filter", &filter.table())?),
         };
-        let time = if scene.moves() { "shared/time/shutter" } else { "shared/time/still" };
+        let time = if scene.has_motion() { "shared/time/shutter" } else { "shared/time/still" };
         let shared = |count: &str| {
             let chosen = Specialisation::none().part("count", count).part("time", time);
             traced.specialise(picture::specialise(chosen, view, settings))

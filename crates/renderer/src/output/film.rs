@@ -12,7 +12,7 @@ use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
-use canted_scene::promised_samples;
+use canted_scene::declared_exr_samples;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer,
     LayerAttributes, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
@@ -176,7 +176,7 @@ pub fn read_part(path: &Path) -> Result<(Film, Aovs, Record), ReadPictureError> 
 
 fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
     // Before anything of the size that it promises is allocated.
-    promised_samples(bytes)?;
+    declared_exr_samples(bytes)?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

@@ -107,7 +107,7 @@ fn guides_meet_lights_too() {
     let wall = parallelogram([-9.0, -9.0, -5.0], [18.0, 0.0, 0.0], [0.0, 18.0, 0.0], 0);
     let lights = vec![
         Light::Sphere { center: [0.0; 3], radius: 1.0, radiance: [5.0; 3] },
-        Light::Disc { center: [0.5, 0.0, 2.0], normal: [0.0, 0.0, -1.0], radius: 0.5, radiance: [5.0; 3] },
+        Light::Disk { center: [0.5, 0.0, 2.0], normal: [0.0, 0.0, -1.0], radius: 0.5, radiance: [5.0; 3] },
     ];
     let stage = Scene { lights, ..scene(vec![wall], vec![grey(0.5)]) };
     // A world unit at the depth of the middle of the ball is eight pixels.

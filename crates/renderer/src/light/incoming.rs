@@ -3,14 +3,14 @@ use std::f64::consts::PI;
 use canted_scene::Light;
 use canted_trace::Ray;
 
-use super::disc::Disc;
-use super::sphere::Ball;
+use super::disk::DiskLight;
+use super::sphere::SphereLight;
 use crate::Surface;
 use crate::srgb::luminance;
 use crate::vector::{Vector, dot, narrow, scale, sub, unit, wide};
 
 /// Light on its way to a surface, if nothing stands between. World space.
-pub(crate) struct Arrival {
+pub(crate) struct IncomingLight {
     /// Unit vector.
     pub(crate) to_light: Vector,
     /// Radiance over `density`; of a light without extent, the irradiance on what faces it.
@@ -21,7 +21,7 @@ pub(crate) struct Arrival {
     pub(crate) shadow_ray: Option<Ray>,
 }
 
-impl Arrival {
+impl IncomingLight {
     /// What comes from a light of the list; `square` gives a point of the unit square and is asked only by lights
     /// that have an extent.
     pub(crate) fn of(light: &Light, surface: &Surface, square: impl FnOnce() -> [f32; 2]) -> Option<Self> {
@@ -32,7 +32,7 @@ impl Arrival {
                     to_light: wide(to_light),
                     radiance: wide(irradiance),
                     density: None,
-                    shadow_ray: Some(surface.leave(to_light)),
+                    shadow_ray: Some(surface.spawn_ray(to_light)),
                 })
             }
             Light::Point { position, intensity } => Self::of_point(position, intensity, surface, |_| 1.0),
@@ -41,11 +41,11 @@ impl Arrival {
                 Self::of_point(position, intensity, surface, share)
             }
             Light::Sphere { center, radius, radiance } => {
-                let (target, density) = Ball::new(center, radius).sample(surface.position, square())?;
+                let (target, density) = SphereLight::new(center, radius).sample(surface.position, square())?;
                 Self::of_target(surface, target, wide(radiance), density)
             }
-            Light::Disc { center, normal, radius, radiance } => {
-                let (target, density) = Disc::new(center, normal, radius).sample(surface.position, square())?;
+            Light::Disk { center, normal, radius, radiance } => {
+                let (target, density) = DiskLight::new(center, normal, radius).sample(surface.position, square())?;
                 Self::of_target(surface, target, wide(radiance), density)
             }
         }
@@ -65,7 +65,7 @@ impl Arrival {
             to_light,
             radiance: scale(wide(intensity), factor),
             density: None,
-            shadow_ray: surface.reach(position),
+            shadow_ray: surface.spawn_ray_to(position),
         })
     }
 
@@ -75,7 +75,7 @@ impl Arrival {
             to_light: unit(sub(target, surface.position))?,
             radiance: scale(radiance, 1.0 / density),
             density: Some(density),
-            shadow_ray: surface.reach(narrow(target)),
+            shadow_ray: surface.spawn_ray_to(narrow(target)),
         })
     }
 }
@@ -96,7 +96,7 @@ pub(super) fn intensity_of(light: &Light) -> Option<f64> {
     match *light {
         Light::Sun { .. } => None,
         Light::Point { intensity, .. } | Light::Spot { intensity, .. } => Some(luminance(wide(intensity))),
-        Light::Sphere { radius, radiance, .. } | Light::Disc { radius, radiance, .. } => {
+        Light::Sphere { radius, radiance, .. } | Light::Disk { radius, radiance, .. } => {
             Some(PI * f64::from(radius).powi(2) * luminance(wide(radiance)))
         }
     }
@@ -108,7 +108,7 @@ pub(super) fn spread_of(light: &Light) -> f64 {
         Light::Sun { .. } => 0.0,
         Light::Point { .. } | Light::Sphere { .. } => 4.0 * PI,
         // The mean of the cosine over a hemisphere is a half.
-        Light::Disc { .. } => PI,
+        Light::Disk { .. } => PI,
         Light::Spot { cos_inner, cos_outer, .. } => {
             let [inner, outer] = [cos_inner, cos_outer].map(f64::from);
             // The mean of a square that rises from 0 to 1 in a straight line is a third.

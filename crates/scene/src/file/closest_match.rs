@@ -1,11 +1,11 @@
 /// The candidate that takes the fewest edits to become `word`, the first of equals.
 ///
 /// ```
-/// use canted_scene::nearest;
+/// use canted_scene::closest_match;
 ///
-/// assert_eq!(nearest("raduis", ["axis", "radius"]), Some("radius"));
+/// assert_eq!(closest_match("raduis", ["axis", "radius"]), Some("radius"));
 /// ```
-pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn closest_match<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     candidates.into_iter().min_by_key(|candidate| distance(word, candidate))
 }
 
@@ -54,7 +54,7 @@ mod tests {
 
     #[test]
     fn the_first_of_equals_is_nearest() {
-        assert_eq!(nearest("x", ["ab", "y", "z"]), Some("y"));
-        assert_eq!(nearest("x", []), None);
+        assert_eq!(closest_match("x", ["ab", "y", "z"]), Some("y"));
+        assert_eq!(closest_match("x", []), None);
     }
 }

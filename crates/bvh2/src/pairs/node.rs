@@ -1,13 +1,13 @@
 use canted_trace::{MIN_DIRECTION, SlabRay};
 use glam::{Vec4, Vec4Swizzles};
 
-use super::ChildWord;
+use super::child::ChildRef;
 
-/// A ray as the pair tests want it: each number in the lanes where it is needed.
+/// A ray prepared for pair tests: each number is in the lanes that use it.
 ///
-/// Lanes are (child 0, child 1) of the lower planes, then of the upper ones. The numbers are [`SlabRay`]'s, so the
-/// argument there, that no accepted hit is lost, holds here word by word.
-pub(crate) struct PairRay {
+/// Lanes are (child 0, child 1) of the lower planes, then of the upper ones. The numbers are those of [`SlabRay`], so
+/// its proof that no accepted hit is lost applies unchanged.
+pub(super) struct PairRay {
     origin: [Vec4; 3],
     recip: [Vec4; 3],
     origin_direction: [Vec4; 3],
@@ -16,7 +16,7 @@ pub(crate) struct PairRay {
 }
 
 impl PairRay {
-    pub(crate) fn new(ray: &SlabRay) -> Self {
+    pub(super) fn new(ray: &SlabRay) -> Self {
         let lanes = |a: f32, b: f32| Vec4::new(a, a, b, b);
         Self {
             origin: std::array::from_fn(|k| lanes(ray.origin_lo()[k], ray.origin_hi()[k])),
@@ -28,13 +28,13 @@ impl PairRay {
     }
 }
 
-/// What a ray meets of two siblings: entry `t` of each, and bit `i` set where child `i` is entered.
-pub(crate) struct Entries {
-    pub(crate) near: Vec4,
-    pub(crate) mask: u32,
+/// The boxes of two siblings that a ray enters: entry `t` of each, and bit `i` set if it enters child `i`.
+pub(super) struct Entries {
+    pub(super) near: Vec4,
+    pub(super) mask: u32,
 }
 
-/// Joins the three axes' plane distances: lanes 0 and 1 hold the answer.
+/// Combines the plane distances of the three axes. Lanes 0 and 1 hold the result.
 #[inline(always)]
 fn join(ray: &PairRay, [x, y, z]: [Vec4; 3], t_max: f32) -> Entries {
     let (swapped_x, swapped_y, swapped_z) = (x.zwxy(), y.zwxy(), z.zwxy());
@@ -46,40 +46,40 @@ fn join(ray: &PairRay, [x, y, z]: [Vec4; 3], t_max: f32) -> Entries {
 /// Two axis-aligned siblings.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub(crate) struct AabbPair {
+pub(super) struct AabbPair {
     /// For each axis: lower planes of both children, then upper planes.
-    pub(crate) planes: [Vec4; 3],
-    pub(crate) children: [ChildWord; 2],
+    pub(super) planes: [Vec4; 3],
+    pub(super) children: [ChildRef; 2],
 }
 
 impl AabbPair {
     #[inline(always)]
-    pub(crate) fn entries(&self, ray: &PairRay, t_max: f32) -> Entries {
+    pub(super) fn entries(&self, ray: &PairRay, t_max: f32) -> Entries {
         let distance = |k: usize| (self.planes[k] - ray.origin[k]) * ray.recip[k];
         join(ray, [distance(0), distance(1), distance(2)], t_max)
     }
 }
 
-/// Two siblings of which one leans at least: three unit rows each, with an interval along each row.
+/// Two siblings, at least one of them with an oriented box: three unit rows each, with an interval along each row.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub(crate) struct SlabPair {
+pub(super) struct SlabPair {
     /// For each row: x of both children, y of both.
-    pub(crate) rows_xy: [Vec4; 3],
-    /// z of both children, for rows 0 and 1, then row 2; the last two lanes hold the children's words as bits.
-    pub(crate) rows_z: [Vec4; 2],
+    pub(super) rows_xy: [Vec4; 3],
+    /// z of both children, for rows 0 and 1, then row 2; the last two lanes hold the bits of the child references.
+    pub(super) rows_z: [Vec4; 2],
     /// For each row: lower ends of both children, then upper ends.
-    pub(crate) planes: [Vec4; 3],
+    pub(super) planes: [Vec4; 3],
 }
 
 impl SlabPair {
     #[inline(always)]
-    pub(crate) fn children(&self) -> [ChildWord; 2] {
-        [ChildWord(self.rows_z[1].z.to_bits()), ChildWord(self.rows_z[1].w.to_bits())]
+    pub(super) fn children(&self) -> [ChildRef; 2] {
+        [ChildRef(self.rows_z[1].z.to_bits()), ChildRef(self.rows_z[1].w.to_bits())]
     }
 
     #[inline(always)]
-    pub(crate) fn entries(&self, ray: &PairRay, t_max: f32) -> Entries {
+    pub(super) fn entries(&self, ray: &PairRay, t_max: f32) -> Entries {
         let [o_d_x, o_d_y, o_d_z] = ray.origin_direction;
         let distance = |k: usize, z: Vec4| {
             // Lanes: origins of both children along the row, then directions.

@@ -1,48 +1,50 @@
 use canted_lbvh::MAX_DEPTH;
 use canted_trace::{Query, SlabRay};
 
-use super::{Binary, ChildWord, ChildWordKind, PairRay, pair::Entries};
+use super::bvh::PairBvh;
+use super::child::{ChildRef, ChildRefKind};
+use super::node::{Entries, PairRay};
 
-/// Subtrees to come back to that fit without an allocation: any radix tree's.
+/// Stack entries on the call stack: enough for every radix tree.
 const INLINE_STACK: usize = MAX_DEPTH as usize;
 
-/// A subtree left for later, and where the ray enters it.
+/// A subtree on the stack, and the `t` at which the ray enters it.
 #[derive(Clone, Copy)]
-struct Waiting {
-    child: ChildWord,
+struct StackEntry {
+    child: ChildRef,
     near: f32,
 }
 
-impl Binary {
+impl PairBvh {
     /// Calls `leaf` with the position of each leaf whose box `ray` enters at or before `t_max`, nearer subtrees first.
     ///
-    /// `leaf` returns the new `t_max`. A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties
-    /// reach `leaf`, whatever the tree.
+    /// `t_max` is scaled, and `leaf` returns the new one. The entry `t` of a box is at most that of any hit in it, and
+    /// boxes with an entry `<= t_max` are visited, so `leaf` sees all hits of equal `t`.
     #[inline]
-    pub(crate) fn closest<Q: Query>(
+    pub fn traverse_ordered<Q: Query>(
         &self,
         ray: &SlabRay,
         t_max: f32,
         query: &mut Q,
         leaf: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
-        self.walk::<true, Q>(ray, t_max, query, leaf);
+        self.traverse::<true, Q>(ray, t_max, query, leaf);
     }
 
-    /// Calls `leaf` for leaves in any order until it returns a `t_max` below zero.
+    /// As [`PairBvh::traverse_ordered`], in any order, until `leaf` returns a `t_max` below zero.
     #[inline]
-    pub(crate) fn any<Q: Query>(
+    pub fn traverse_any<Q: Query>(
         &self,
         ray: &SlabRay,
         t_max: f32,
         query: &mut Q,
         leaf: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
-        self.walk::<false, Q>(ray, t_max, query, leaf);
+        self.traverse::<false, Q>(ray, t_max, query, leaf);
     }
 
     #[inline(always)]
-    fn walk<const ORDERED: bool, Q: Query>(
+    fn traverse<const ORDERED: bool, Q: Query>(
         &self,
         ray: &SlabRay,
         t_max: f32,
@@ -51,12 +53,12 @@ impl Binary {
     ) {
         let Some(root) = self.root else { return };
         query.boxes(1);
-        if ray.enters_slabs(&self.root_slabs, t_max).is_none() {
+        if ray.intersect_slabs(&self.root_slabs, t_max).is_none() {
             return;
         }
         let ray = PairRay::new(ray);
-        let unset = Waiting { child: root, near: 0.0 };
-        // At most one sibling waits per level above the current node.
+        let unset = StackEntry { child: root, near: 0.0 };
+        // At most one sibling per level above the current node is on the stack.
         if self.depth as usize <= INLINE_STACK {
             self.descend::<ORDERED, Q>(root, &ray, t_max, &mut [unset; INLINE_STACK], query, leaf);
         } else {
@@ -67,29 +69,29 @@ impl Binary {
     #[inline(always)]
     fn descend<const ORDERED: bool, Q: Query>(
         &self,
-        root: ChildWord,
+        root: ChildRef,
         ray: &PairRay,
         mut t_max: f32,
-        stack: &mut [Waiting],
+        stack: &mut [StackEntry],
         query: &mut Q,
         mut leaf: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
-        let mut waiting = 0;
+        let mut n_stacked = 0;
         let mut child = root;
         loop {
             let entered = match child.kind() {
-                ChildWordKind::Leaf(position) => {
+                ChildRefKind::Leaf(position) => {
                     t_max = leaf(position, t_max, query);
                     if !ORDERED && t_max < 0.0 {
                         return;
                     }
                     None
                 }
-                ChildWordKind::Aabbs(index) => {
+                ChildRefKind::Aabbs(index) => {
                     let pair = &self.aabb_pairs[index as usize];
                     Some((pair.entries(ray, t_max), pair.children))
                 }
-                ChildWordKind::Slabs(index) => {
+                ChildRefKind::Slabs(index) => {
                     let pair = &self.slab_pairs[index as usize];
                     Some((pair.entries(ray, t_max), pair.children()))
                 }
@@ -110,21 +112,21 @@ impl Binary {
                         let swap = ORDERED && near.y < near.x;
                         let (nearer, farther, far_entry) =
                             if swap { (second, first, near.x) } else { (first, second, near.y) };
-                        stack[waiting] = Waiting { child: farther, near: far_entry };
-                        waiting += 1;
+                        stack[n_stacked] = StackEntry { child: farther, near: far_entry };
+                        n_stacked += 1;
                         child = nearer;
                         continue;
                     }
                 }
             }
-            // Come back to the last subtree that may still hold something as near.
+            // Continue with the last subtree that can still contain a hit at or before t_max.
             loop {
-                if waiting == 0 {
+                if n_stacked == 0 {
                     return;
                 }
-                waiting -= 1;
-                if stack[waiting].near <= t_max {
-                    child = stack[waiting].child;
+                n_stacked -= 1;
+                if stack[n_stacked].near <= t_max {
+                    child = stack[n_stacked].child;
                     break;
                 }
             }

@@ -4,7 +4,7 @@ use crate::Scene;
 
 /// How much a scene holds: what the tables of papers list of their test scenes, and the memory that it takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Description {
+pub struct SceneStats {
     /// Meshes, each counted once.
     pub n_meshes: usize,
     /// Placed meshes.
@@ -29,7 +29,7 @@ pub struct Description {
     pub texture_bytes: usize,
 }
 
-impl Description {
+impl SceneStats {
     /// Counts what `scene` holds.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
@@ -93,7 +93,7 @@ mod tests {
             textures: vec![texture],
             ..Scene::default()
         };
-        let want = Description {
+        let want = SceneStats {
             n_meshes: 1,
             n_instances: 3,
             n_vertices: 3,
@@ -106,6 +106,6 @@ mod tests {
             geometry_bytes: 3 * 12 + 2 * 12 + 3 * 8 + 3 * size_of::<Instance>(),
             texture_bytes: 8,
         };
-        assert_eq!(Description::of(&scene), want);
+        assert_eq!(SceneStats::of(&scene), want);
     }
 }
