@@ -112,7 +112,7 @@ fn every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear() {
         // The first sector is empty, and rays from among the triangles leave some rare ones behind.
         assert!(n_hit > rays.len() / 2 && wants.len() - n_hit >= rays.len() / usize::from(SECTORS), "{n_hit}");
         for &walk in walks {
-            let scene = walked(&gpu, &tree, walk).unwrap();
+            let scene = with_traversal(&gpu, &tree, walk).unwrap();
             assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "{walk:?}, depth {depth}");
         }
     }
@@ -128,14 +128,14 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
     };
     let error = |scene: Result<TracedScene, GpuError>| scene.err().expect("the tree is too deep").to_string();
     let (_, tree) = deep(17);
-    assert_eq!(error(walked(&gpu, &tree, Traversal::Bits)), refused(17, 16));
+    assert_eq!(error(with_traversal(&gpu, &tree, Traversal::Bits)), refused(17, 16));
     let (_, tree) = deep(129);
     for walk in Traversal::ALL {
-        assert_eq!(error(walked(&gpu, &tree, walk)), refused(129, 128));
+        assert_eq!(error(with_traversal(&gpu, &tree, walk)), refused(129, 128));
     }
     // The levels of both trees count where one stands above the other.
     let (_, tree) = deep(16);
-    assert!(walked(&gpu, &tree, Traversal::Bits).is_ok());
+    assert!(with_traversal(&gpu, &tree, Traversal::Bits).is_ok());
     let two = TracedScene::two_level(&gpu, &[&tree], &[Instance::still(0, Affine::IDENTITY); 2]).unwrap();
     assert_eq!(error(two.with_traversal(&gpu, Traversal::Bits)), refused(17, 16));
 }
@@ -144,6 +144,6 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
 fn the_comparison_sees_a_hit_that_a_deep_tree_lost() {
     let Some(gpu) = gpu("the_comparison_sees_a_hit_that_a_deep_tree_lost") else { return };
     let ((mesh, tree), rays) = (deep(16), rays(16));
-    let scene = walked(&gpu, &tree, Traversal::Links).unwrap().without_parent_links(&gpu).unwrap();
+    let scene = with_traversal(&gpu, &tree, Traversal::Links).unwrap().without_parent_links(&gpu).unwrap();
     assert!(first_difference(&gpu, &scene, &rays, &wants(&mesh, &rays)).is_some());
 }

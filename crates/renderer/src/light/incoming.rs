@@ -1,12 +1,12 @@
 use std::f64::consts::PI;
 
+use canted_film::srgb::luminance;
 use canted_scene::Light;
 use canted_trace::Ray;
 
 use super::disk::DiskLight;
 use super::sphere::SphereLight;
 use crate::Surface;
-use crate::srgb::luminance;
 use crate::vector::{Vector, dot, narrow, scale, sub, unit, wide};
 
 /// Light on its way to a surface, if nothing stands between. World space.

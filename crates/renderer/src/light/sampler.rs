@@ -1,5 +1,6 @@
 use std::f64::consts::PI;
 
+use canted_film::srgb::luminance;
 use canted_scene::{Light, Scene};
 use canted_trace::Ray;
 
@@ -13,7 +14,6 @@ use super::sphere::SphereLight;
 use super::tree::Tree;
 use super::{LightId, Lights};
 use crate::sampling::cosine_hemisphere;
-use crate::srgb::luminance;
 use crate::vector::{Vector, add, dot, narrow, scale, wide};
 use crate::{Surface, Surfaces};
 
