@@ -7,7 +7,7 @@ use canted_obb::Affine;
 use canted_tests::chains::chain;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
-use canted_wide::{NodeKind, Wide};
+use canted_wide::{NodeKind, TriangleBvh};
 
 use super::gpu;
 use super::setup::{loop_over_all, of_one_kind};
@@ -37,7 +37,7 @@ fn n_triangles(depth: u16) -> u16 {
 }
 
 /// Triangles across x, one behind another from 0 to 1, and the tree of this depth over them.
-fn deep(depth: u16) -> (Mesh, Wide<Watertight>) {
+fn deep(depth: u16) -> (Mesh, TriangleBvh<Watertight>) {
     let n = n_triangles(depth);
     let sector = |i: u16| {
         let rare = (1..RARE).find(|&rare| i == (rare - 1) * (n - 1) / (RARE - 2));
@@ -51,7 +51,7 @@ fn deep(depth: u16) -> (Mesh, Wide<Watertight>) {
     let mesh = Mesh { positions, triangles: (0..u32::from(n)).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect() };
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = chain(n.into(), |i| i % 2 == 0);
-    let wide = Wide::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Box)).unwrap();
+    let wide = TriangleBvh::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Aligned)).unwrap();
     assert_eq!(wide.words().depth, u32::from(depth));
     (mesh, wide)
 }
@@ -72,7 +72,7 @@ fn rays(depth: u16) -> Vec<Ray> {
     rays
 }
 
-fn with_traversal(gpu: &Gpu, tree: &Wide<Watertight>, walk: Traversal) -> Result<TracedScene, GpuError> {
+fn with_traversal(gpu: &Gpu, tree: &TriangleBvh<Watertight>, walk: Traversal) -> Result<TracedScene, GpuError> {
     TracedScene::single_level(gpu, tree, &[0])?.with_traversal(gpu, walk)
 }
 

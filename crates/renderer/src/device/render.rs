@@ -6,7 +6,7 @@ use canted_film::Sums;
 use canted_film::{Aov, Film, Filter, Tile};
 use canted_gpu::{Buffer, Gpu, NamedBinding, Specialisation, TracedScene};
 use canted_scene::{Camera, Scene};
-use canted_wide::{LaneKernel, Wide};
+use canted_wide::{LaneKernel, TriangleBvh};
 
 use super::DeviceError;
 use super::environment::DeviceSky;
@@ -183,7 +183,7 @@ pub fn traced_scene<K: LaneKernel>(
     scene: &Scene,
     structure: &Structure<K>,
 ) -> Result<TracedScene, DeviceError> {
-    fn wide<K: LaneKernel>(level: &Level<K>) -> Result<&Wide<K>, DeviceError> {
+    fn wide<K: LaneKernel>(level: &Level<K>) -> Result<&TriangleBvh<K>, DeviceError> {
         match level {
             Level::Wide(wide) => Ok(wide),
             Level::Binary(..) => Err(DeviceError::Unknown { what: "binary trees, which --volumes by name makes" }),
