@@ -19,6 +19,7 @@ mod disk;
 mod emitters;
 mod environment;
 mod incoming;
+#[cfg(feature = "gpu")]
 pub(crate) mod packed;
 mod sampler;
 mod sphere;
