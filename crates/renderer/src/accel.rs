@@ -6,7 +6,7 @@ use canted_obb::{Aabb, Obb};
 use canted_sah::TopDownConfig;
 use canted_tlas::{Blas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray};
-use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, Preset, Wide};
+use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, Preset, TriangleBvh};
 
 use crate::PrepareError;
 
@@ -122,25 +122,25 @@ fn wide<K: LaneKernel>(
     triangles: &[[u32; 3]],
     preset: Preset,
     builder: Option<Builder>,
-) -> Result<Wide<K>, PrepareError> {
+) -> Result<TriangleBvh<K>, PrepareError> {
     let preset = Config::preset(preset);
     let config = match builder.map(|builder| (builder, builder.own())) {
         None => preset,
-        Some((_, Some(own))) => Config { builder: own, rival: None, ..preset },
+        Some((_, Some(own))) => Config { builder: own, alternative_builder: None, ..preset },
         Some((external, None)) if triangles.len() > 1 => {
             let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
             let tree = external.tree(&corners, &bounds)?;
-            return Ok(Wide::over(&tree, &corners, &bounds, &preset)?);
+            return Ok(TriangleBvh::over(&tree, &corners, &bounds, &preset)?);
         }
         Some(_) => preset,
     };
-    Ok(Wide::build(positions, triangles, &config)?)
+    Ok(TriangleBvh::build(positions, triangles, &config)?)
 }
 
 /// A bottom-level BVH.
 pub enum Bvh<K: LaneKernel> {
     /// Eight-wide, with aligned and oriented nodes.
-    Wide(Wide<K>),
+    Wide(TriangleBvh<K>),
     /// Binary, with volumes of one strategy.
     Binary(Bvh2<K>, Strategy),
 }
@@ -159,8 +159,8 @@ impl<K: LaneKernel> Bvh<K> {
     pub(crate) fn has_oriented_nodes(&self) -> bool {
         match self {
             Self::Wide(wide) => {
-                let [_, shared, lean] = wide.sizes().nodes;
-                shared + lean > 0 || wide.frame() != Obb::IDENTITY_FRAME
+                let [_, oriented] = wide.sizes().nodes;
+                oriented > 0 || wide.frame() != Obb::IDENTITY_FRAME
             }
             Self::Binary(_, strategy) => *strategy != Strategy::Aabb,
         }
