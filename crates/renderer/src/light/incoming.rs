@@ -116,11 +116,3 @@ pub(super) fn spread_of(light: &Light) -> f64 {
         }
     }
 }
-
-/// Two unit vectors that make a right-handed frame with a unit `normal`, in `f64`; after Duff et al. 2017.
-pub(super) fn tangents([x, y, z]: Vector) -> [Vector; 2] {
-    let sign = 1.0_f64.copysign(z);
-    let a = -1.0 / (sign + z);
-    let b = x * y * a;
-    [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]]
-}

@@ -12,7 +12,7 @@ use canted_scene::{Camera, Scene};
 use rayon::prelude::*;
 
 use crate::integrate::{Method, Transport};
-use crate::mask::RayKeyed;
+use crate::query::RayKeyed;
 use crate::{Integrator, LightSampler, Lights, Masked, Sampler, Settings, Surfaces, Tracer, View, mask};
 pub(crate) use course::Course;
 pub use error::RenderError;

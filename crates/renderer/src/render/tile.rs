@@ -5,7 +5,7 @@ use canted_trace::{Counts, Hit, Query};
 
 use super::Course;
 use crate::integrate::{Start, Transport};
-use crate::mask::RayKeyed;
+use crate::query::RayKeyed;
 use crate::{Sampler, Settings, Tracer, View};
 
 /// Dimension of the sampler that places a sample in its pixel.
