@@ -1,11 +1,11 @@
-use crate::{Child, ChildKind, Corners, Tree, Volume, Volumes};
+use canted_lbvh::{Child, ChildKind, Corners, Tree, Volume, Volumes};
+use canted_obb::vector::{add, cross, length, sub};
 
 /// End-point overlap: how much surface lies in nodes that do not hold it, over all surface.
 ///
 /// Each node counts the area of the triangles inside its volume that are not below it. Every `stride`-th triangle is
 /// clipped and stands for those skipped; 1 takes all. Source: Aila, Karras & Laine 2013, with equal node costs.
-#[must_use]
-pub fn end_point_overlap(tree: &Tree, volumes: &Volumes, leaves: &[Corners], stride: usize) -> f64 {
+pub(super) fn end_point_overlap(tree: &Tree, volumes: &Volumes, leaves: &[Corners], stride: usize) -> f64 {
     let (mut foreign, mut total) = (0.0, 0.0);
     let mut stack = vec![];
     for (position, corners) in (0u32..).zip(leaves).step_by(stride.max(1)) {
@@ -30,15 +30,8 @@ pub fn end_point_overlap(tree: &Tree, volumes: &Volumes, leaves: &[Corners], str
 
 /// Area of a planar polygon.
 fn area(polygon: &[[f64; 3]]) -> f64 {
-    let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    let mut doubled = [0.0; 3];
-    for pair in polygon[1..].windows(2) {
-        let (a, b) = (sub(pair[0], polygon[0]), sub(pair[1], polygon[0]));
-        doubled[0] += a[1] * b[2] - a[2] * b[1];
-        doubled[1] += a[2] * b[0] - a[0] * b[2];
-        doubled[2] += a[0] * b[1] - a[1] * b[0];
-    }
-    0.5 * doubled.iter().map(|x| x * x).sum::<f64>().sqrt()
+    let area = |pair: &[[f64; 3]]| cross(sub(pair[0], polygon[0]), sub(pair[1], polygon[0]));
+    0.5 * length(polygon[1..].windows(2).map(area).fold([0.0; 3], add))
 }
 
 /// The part of a polygon inside a volume (Sutherland & Hodgman 1974).
