@@ -1,6 +1,4 @@
-// Takes each path on by what its ray met, and closes up those that go on.
-//
-// `?film` keeps what the others found.
+// Advances each path by the hit of its ray and compacts the paths that continue.
 // use shared/invocation/index
 // use alternatives/wavefront/paths
 // use alternatives/wavefront/paths/queue
