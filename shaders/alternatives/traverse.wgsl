@@ -58,12 +58,12 @@ fn entered(keys: vec4<u32>) -> u32 {
 /// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
-    var word = enter_outer(ray);
+    var word = enter_top(ray);
     t_max = scaled_t(ray.t_max);
     // Link of `word`, and link of the current instance in the top-level BVH.
     var at = Link(EMPTY, 0u);
     var outer = at;
-    var is_inner = !HAS_INSTANCES;
+    var is_in_instance = !HAS_INSTANCES;
     levels = vec4<u32>(0u);
     loop {
         iterations += 1u;
@@ -73,13 +73,13 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         }
         let is_back = word == EMPTY;
         if is_back && at.word == EMPTY {
-            if !(HAS_INSTANCES && is_inner) {
+            if !(HAS_INSTANCES && is_in_instance) {
                 break;
             }
             // Leave the instance.
-            is_inner = false;
+            is_in_instance = false;
             at = outer;
-            enter_outer(ray);
+            enter_top(ray);
             t_max = scaled_t(best.t);
         } else if is_back && (levels.x & 0xffu) == 0u {
             pop();
@@ -109,17 +109,17 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             } else if is_back {
                 at = link(node);
             }
-        } else if is_inner {
+        } else if is_in_instance {
             leaf(word);
             word = EMPTY;
             if any && best.primitive != NONE {
                 break;
             }
         } else {
-            is_inner = true;
+            is_in_instance = true;
             outer = at;
             at = Link(EMPTY, 0u);
-            word = enter_inner(ray, word);
+            word = enter_instance_leaf(ray, word);
             t_max = scaled_t(best.t);
         }
     }
@@ -143,12 +143,12 @@ fn traverse(ray: Ray, any: bool) -> Hit {
 /// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
-    var word = enter_outer(ray);
+    var word = enter_top(ray);
     t_max = scaled_t(ray.t_max);
     // Link of `word`, and link of the current instance in the top-level BVH.
     var at = Link(EMPTY, 0u);
     var outer = at;
-    var is_inner = !HAS_INSTANCES;
+    var is_in_instance = !HAS_INSTANCES;
     loop {
         iterations += 1u;
         if iterations > MAX_ITERATIONS {
@@ -157,13 +157,13 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         }
         let is_back = word == EMPTY;
         if is_back && at.word == EMPTY {
-            if !(HAS_INSTANCES && is_inner) {
+            if !(HAS_INSTANCES && is_in_instance) {
                 break;
             }
             // Leave the instance.
-            is_inner = false;
+            is_in_instance = false;
             at = outer;
-            enter_outer(ray);
+            enter_top(ray);
             t_max = scaled_t(best.t);
         } else if is_back || (word & LEAF) == 0u {
             // One call site for both directions, so that both compute the same keys.
@@ -188,17 +188,17 @@ fn traverse(ray: Ray, any: bool) -> Hit {
                     at = link(node);
                 }
             }
-        } else if is_inner {
+        } else if is_in_instance {
             leaf(word);
             word = EMPTY;
             if any && best.primitive != NONE {
                 break;
             }
         } else {
-            is_inner = true;
+            is_in_instance = true;
             outer = at;
             at = Link(EMPTY, 0u);
-            word = enter_inner(ray, word);
+            word = enter_instance_leaf(ray, word);
             t_max = scaled_t(best.t);
         }
     }

@@ -32,12 +32,12 @@ struct Texels {
 fn vertex(@builtin(vertex_index) number: u32, @builtin(instance_index) instance: u32) -> Corner {
     let primitive = number / 3u;
     let corners = triangles[triangle_of(Hit(0.0, 0.0, 0.0, primitive, instance))].vertices;
-    let way = point_world(instance, position_of(corners[number % 3u])) - picture.eye;
-    let forward = dot(way, picture.forward);
+    let delta = point_world(instance, position_of(corners[number % 3u])) - picture.eye;
+    let forward = dot(delta, picture.forward);
     // The two pixel steps are perpendicular and equally long.
     let scale = 2.0 / (picture.pixel * picture.pixel);
-    let across = dot(way, picture.right) * scale / f32(picture.size.x);
-    let along = dot(way, picture.down) * scale / f32(picture.size.y);
+    let across = dot(delta, picture.right) * scale / f32(picture.size.x);
+    let along = dot(delta, picture.down) * scale / f32(picture.size.y);
     // Everything in front of the eye lies between the clip planes, at any distance.
     return Corner(vec4(across, -along, 0.5 * forward, forward), instance, primitive);
 }

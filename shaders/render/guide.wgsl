@@ -51,12 +51,12 @@ fn guide_of(camera: CameraRay) -> Guide {
     let tests = vec2<f32>(n_tested());
     let ray = camera.ray;
     let is_miss = hit.instance == NONE;
-    let met = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
-    if met.is_hit {
-        let way = met.t * ray.direction;
-        let normal = shape_light_normal(met.number, ray.origin + way);
+    let light_hit = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
+    if light_hit.is_hit {
+        let delta = light_hit.t * ray.direction;
+        let normal = shape_light_normal(light_hit.number, ray.origin + delta);
         let facing = select(normal, -normal, dot(normal, ray.direction) > 0.0);
-        let depth = dot(picture.forward, (ray.origin - picture.eye) + way);
+        let depth = dot(picture.forward, (ray.origin - picture.eye) + delta);
         return Guide(facing, depth, facing, tests.x, vec3(0.0), tests.y, 0u, NONE);
     }
     if is_miss {
@@ -64,14 +64,14 @@ fn guide_of(camera: CameraRay) -> Guide {
     }
     let surface = surface_at(hit, camera.ray.direction, camera.cone);
     let depth = dot(picture.forward, surface.position - picture.eye);
-    let albedo = white_becomes(bsdf_of(surface));
+    let albedo = denoiser_albedo(bsdf_of(surface));
     return Guide(
         surface.normal, depth, surface.shading_normal, tests.x, albedo, tests.y, hit.primitive, hit.instance
     );
 }
 
 /// Albedo for a denoiser: viewed from outside along the normal.
-fn white_becomes(bsdf: Bsdf) -> vec3<f32> {
+fn denoiser_albedo(bsdf: Bsdf) -> vec3<f32> {
     let root = (1.0 - bsdf.ior) / (1.0 + bsdf.ior);
     let gloss = (1.0 - bsdf.metallic) * bsdf.specular * root * root;
     return gloss + (1.0 - gloss) * bsdf.base_color;

@@ -54,14 +54,14 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
     var vertex_key = path_key;
     ray_key = derived_key(path_key, 0u);
     // While a shadow ray is traced: its contribution, and the number of lights visited.
-    var asked = NOT_ASKED;
-    var n_asked = 0u;
+    var shadow = NO_SHADOW_RAY;
+    var n_visited = 0u;
     loop {
         light.n_rays += 1u;
-        let hit = traverse(ray, asked.is_asked);
-        if asked.is_asked {
+        let hit = traverse(ray, shadow.exists);
+        if shadow.exists {
             if hit.instance == NONE {
-                light.radiance += throughput * asked.radiance;
+                light.radiance += throughput * shadow.radiance;
             }
         } else {
             let end = end_of(ray, hit, vertex);
@@ -72,13 +72,13 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
             surface = surface_at(hit, ray.direction, cone);
             light.radiance += throughput * surface.emission;
             vertex_key = derived_key(path_key, 1u + vertex);
-            n_asked = 0u;
+            n_visited = 0u;
         }
-        asked = ask(one, vertex, surface, vertex_key, n_asked);
-        n_asked = asked.n_asked;
-        ray = asked.ray;
-        light.radiance += throughput * asked.free;
-        if !asked.is_asked {
+        shadow = next_shadow_ray(one, vertex, surface, vertex_key, n_visited);
+        n_visited = shadow.n_visited;
+        ray = shadow.ray;
+        light.radiance += throughput * shadow.unshadowed;
+        if !shadow.exists {
             // Continue in a cosine-sampled direction, whose weight is the albedo.
             throughput *= surface.base_color;
             let local = cosine_hemisphere(square(one, FIRST_BOUNCE + vertex));
@@ -100,10 +100,10 @@ struct End {
 /// The end of a ray after `n_vertices` vertices: a shape light, the background, or ambient light at the last bounce.
 fn end_of(ray: Ray, hit: Hit, n_vertices: u32) -> End {
     let is_miss = hit.instance == NONE;
-    let met = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
-    if met.is_hit {
+    let light_hit = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
+    if light_hit.is_hit {
         // Behind a surface, shadow rays have already added this light.
-        return End(true, select(vec3(0.0), met.radiance, n_vertices == 0u));
+        return End(true, select(vec3(0.0), light_hit.radiance, n_vertices == 0u));
     }
     if is_miss {
         return End(true, sky_radiance(ray.direction));

@@ -18,10 +18,10 @@
 var<workgroup> n_of_group: atomic<u32>;
 var<workgroup> first_of_group: u32;
 
-/// Appends `place` if `goes_on`. Must be called by all invocations of a work-group.
-fn enqueue(goes_on: bool, place: u32, local: u32) {
+/// Appends `place` if `is_active`. Must be called by all invocations of a work-group.
+fn enqueue(is_active: bool, place: u32, local: u32) {
     var at = 0u;
-    if goes_on {
+    if is_active {
         at = atomicAdd(&n_of_group, 1u);
     }
     workgroupBarrier();
@@ -29,7 +29,7 @@ fn enqueue(goes_on: bool, place: u32, local: u32) {
         first_of_group = atomicAdd(&n_next_active[0], atomicLoad(&n_of_group));
     }
     workgroupBarrier();
-    if goes_on {
+    if is_active {
         next_active[first_of_group + at] = place;
     }
 }

@@ -2,7 +2,7 @@
 // use shared/build/frame
 
 /// Maximum number of sweeps. Convergence is quadratic.
-const MOST_SWEEPS: u32 = 6u;
+const MAX_SWEEPS: u32 = 6u;
 
 /// Relative off-diagonal entry that counts as zero: the precision of `f32`.
 const COUPLING: f32 = 2.4e-7;
@@ -52,7 +52,7 @@ fn jacobi_rotation(given: Diagonalization, p: u32, q: u32, r: u32) -> Diagonaliz
 /// yz, xz, xy.
 fn principal_axes(diagonal: vec3<f32>, coupling: vec3<f32>) -> mat3x3<f32> {
     var rotated = Diagonalization(diagonal, coupling, mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0));
-    for (var sweep = 0u; sweep < MOST_SWEEPS; sweep++) {
+    for (var sweep = 0u; sweep < MAX_SWEEPS; sweep++) {
         rotated = jacobi_rotation(rotated, 0u, 1u, 2u);
         rotated = jacobi_rotation(rotated, 0u, 2u, 1u);
         rotated = jacobi_rotation(rotated, 1u, 2u, 0u);
