@@ -146,7 +146,7 @@ impl Machine {
 pub(crate) fn check_triangles(triangles: TrianglesArg) -> Result<(), DeviceError> {
     match triangles {
         TrianglesArg::Watertight => Ok(()),
-        _ => Err(DeviceError::Unknown { what: "triangle tests other than watertight" }),
+        _ => Err(DeviceError::Unsupported { what: "triangle tests other than watertight" }),
     }
 }
 
