@@ -78,7 +78,7 @@ fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
             continue;
         };
         let mesh = &model.mesh;
-        let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let params = BvhBuildParams { pre_split: false, max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
         let theirs: Vec<Triangle> = corners.iter().map(|c| triangle(*c)).collect();
         let bvh = build_bvh2_from_tris(&theirs, params, &mut Duration::default());
@@ -144,7 +144,7 @@ fn leaning(out: &mut String, rounds: usize) -> Result<()> {
             continue;
         };
         let mesh = &model.mesh;
-        let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let tree = crate::models::binary_tree(&corners, &bounds);
         let trees: Vec<_> = Strategy::ALL
             .into_iter()

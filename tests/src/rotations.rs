@@ -67,7 +67,7 @@ fn listed(a: Matrix, most: usize, reciprocal: fn(f64) -> f64) -> (Quaternion, us
         if angle < GUARD {
             return (q, turns);
         }
-        q = Quaternion::about(omega.map(|x| x / angle), angle).times(q).normalised();
+        q = Quaternion::about(omega.map(|x| x / angle), angle).times(q).normalized();
     }
     (q, most)
 }

@@ -69,9 +69,9 @@ fn depth_stays_within_its_bound() {
         for n in [1, 2, 3, 7, 1000, 4097, 100_000] {
             for (bits, n_bits) in [(Bits::B30, 30), (Bits::B63, 63)] {
                 let mesh = mesh(n);
-                let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
-                let codes = lbvh::codes(&Domain::new(&bounds, 3, bits), &corners);
-                let tree = lbvh::radix(lbvh::by_code(&codes, bits));
+                let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
+                let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, bits), &corners);
+                let tree = lbvh::radix(lbvh::sort_by_code(&codes, bits));
                 // Each step down tells codes apart by a bit, then positions; the leaf counts too.
                 let n_position_bits = n.next_power_of_two().trailing_zeros();
                 assert!(tree.depth <= n_bits + n_position_bits + 1, "{name}, {n}, {bits:?}: {}", tree.depth);
@@ -181,7 +181,7 @@ fn degenerate_scenes_are_traced_like_the_loop() {
 fn a_chain_breaks_the_bounds() {
     let n = 2_000u32;
     let mesh = soup(9, n);
-    let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
+    let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let chain: Vec<_> = (0..n - 1)
         .map(|i| {
             let rest = if i + 2 < n { lbvh::Child::inner(lbvh::NodeId(i + 1)) } else { lbvh::Child::leaf(n - 1) };

@@ -4,12 +4,12 @@
 
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, fan, grazing, outlier, slivers, soup};
-use canted_lbvh::{Leaf, Strategy, VolumeConfig, check, gather, in_leaf_order, volumes};
+use canted_lbvh::{Leaf, Strategy, VolumeConfig, check, in_leaf_order, triangle_corners, volumes};
 use canted_tests::brute;
 use canted_trace::{Ray, Watertight};
 
 fn holds(name: &str, mesh: &Mesh) {
-    let (corners, bounds) = gather(&mesh.positions, &mesh.triangles).unwrap();
+    let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let obvhs = canted_renderer::obvhs_tree(&corners, obvhs::BvhBuildParams::fast_build()).unwrap();
     let boxes: Vec<_> = corners.iter().map(Leaf::aabb).collect();
     let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);

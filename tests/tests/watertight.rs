@@ -74,8 +74,9 @@ fn a_hole_is_seen() {
 #[test]
 fn a_box_too_small_is_seen() {
     let closed = &closed()[0];
-    let (corners, bounds) = lbvh::gather(&closed.mesh.positions, &closed.mesh.triangles).unwrap();
-    let tree = lbvh::radix(lbvh::by_code(&lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners), Bits::B63));
+    let (corners, bounds) = lbvh::triangle_corners(&closed.mesh.positions, &closed.mesh.triangles).unwrap();
+    let tree =
+        lbvh::radix(lbvh::sort_by_code(&lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners), Bits::B63));
     let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
     let mut volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig::default());
     let rays = rays(&closed.mesh, closed, &Affine::IDENTITY, N_RAYS, 7);

@@ -4,7 +4,7 @@ use anyhow::Result;
 use canted_fixtures::SplitMix64;
 use canted_obb::{
     Quaternion,
-    rotation::{MOST_ITERATIONS, extract},
+    rotation::{MAX_ITERATIONS, extract},
 };
 use canted_tests::{
     clouds::random_rotation,
@@ -26,7 +26,7 @@ const NOTHING_RAD: f64 = f64::EPSILON / 8.0;
 type Way = (&'static str, fn(Matrix, usize) -> Quaternion, usize);
 
 const WAYS: [Way; 3] = [
-    ("extract", |a, most| extract(a, most).rotation, MOST_ITERATIONS),
+    ("extract", |a, most| extract(a, most).rotation, MAX_ITERATIONS),
     ("as the paper lists it", |a, most| as_listed(a, most).0, LISTED_CAP),
     ("singular values, f64", |a, _| svd_polar(a), 0),
 ];

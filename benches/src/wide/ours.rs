@@ -84,7 +84,7 @@ fn promising<'a, K: LaneKernel + 'static>(
 
 /// The tree that the program builds where nothing is asked for.
 pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<Bvh2<K>> {
-    let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+    let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
     let volumes = VolumeConfig { strategy: Strategy::Combined, fallback: true };
     let config = BuildConfig { volumes, ..BuildConfig::default() };
     Ok(Bvh2::over(crate::models::binary_tree(&corners, &bounds), &corners, &bounds, &config))

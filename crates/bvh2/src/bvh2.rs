@@ -32,9 +32,9 @@ impl<K: Kernel> Bvh2<K> {
     /// # Errors
     /// The first triangle with a missing vertex or a vertex that is not finite.
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &BuildConfig) -> Result<Self, GeometryError> {
-        let (corners, bounds) = lbvh::gather(positions, triangles)?;
-        let codes = lbvh::codes(&Domain::new(&bounds, 3, config.bits), &corners);
-        let tree = lbvh::radix(lbvh::by_code(&codes, config.bits));
+        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+        let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, config.bits), &corners);
+        let tree = lbvh::radix(lbvh::sort_by_code(&codes, config.bits));
         let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
         let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
         Ok(Self::new(tree, &volumes, sorted, &bounds, PairOrder::Numbered))

@@ -76,8 +76,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
 
 fn build(scene: &Scene, bits: Bits) -> Result<(Sorted, Tree)> {
     let (positions, triangles, _) = canted_renderer::flatten(scene)?;
-    let (corners, bounds) = lbvh::gather(&positions, &triangles)?;
-    let sorted = lbvh::by_code(&lbvh::codes(&Domain::new(&bounds, 3, bits), &corners), bits);
+    let (corners, bounds) = lbvh::triangle_corners(&positions, &triangles)?;
+    let sorted = lbvh::sort_by_code(&lbvh::morton_codes(&Domain::new(&bounds, 3, bits), &corners), bits);
     Ok((sorted.clone(), lbvh::radix(sorted)))
 }
 

@@ -26,13 +26,13 @@ pub fn along(first: [f64; 3], second: [f64; 3]) -> Frame {
 
 /// [`along`] before it is rounded to `f32`.
 pub(crate) fn basis(first: Vector, second: Vector) -> [Vector; 3] {
-    let x = vector::normalised(first).or_else(|| vector::normalised(second)).unwrap_or([1.0, 0.0, 0.0]);
-    let y = vector::normalised(second)
+    let x = vector::normalized(first).or_else(|| vector::normalized(second)).unwrap_or([1.0, 0.0, 0.0]);
+    let y = vector::normalized(second)
         .map(|s| vector::sub(s, vector::scale(x, dot(s, x))))
         .filter(|&rest| vector::length(rest) > PARALLEL)
-        .and_then(vector::normalised)
+        .and_then(vector::normalized)
         // A short rest carries the rounding of the projection; a second one removes it.
-        .and_then(|y| vector::normalised(vector::sub(y, vector::scale(x, dot(y, x)))))
+        .and_then(|y| vector::normalized(vector::sub(y, vector::scale(x, dot(y, x)))))
         .unwrap_or_else(|| across(x));
     [x, y, cross(x, y)]
 }
@@ -42,7 +42,7 @@ pub(crate) fn across(x: Vector) -> Vector {
     let least = (1..3).fold(0, |least, k| if x[k].abs() < x[least].abs() { k } else { least });
     let mut axis = [0.0; 3];
     axis[least] = 1.0;
-    vector::normalised(cross(x, axis)).unwrap_or([0.0, 1.0, 0.0])
+    vector::normalized(cross(x, axis)).unwrap_or([0.0, 1.0, 0.0])
 }
 
 /// The frame with its third axis reversed where it mirrors: the same boxes, a proper rotation.

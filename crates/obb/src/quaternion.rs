@@ -41,7 +41,7 @@ impl Quaternion {
             2 => [wy, xy, s, yz],
             _ => [wz, xz, yz, s],
         };
-        Self { w, x, y, z }.normalised().canonical()
+        Self { w, x, y, z }.normalized().canonical()
     }
 
     /// [`Quaternion::from_columns`] for a frame.
@@ -89,7 +89,7 @@ impl Quaternion {
     /// At length one; zero gives no rotation.
     #[inline]
     #[must_use]
-    pub fn normalised(self) -> Self {
+    pub fn normalized(self) -> Self {
         let reach = self.w.abs().max(self.x.abs()).max(self.y.abs()).max(self.z.abs());
         if reach == 0.0 {
             return Self::IDENTITY;

@@ -95,7 +95,7 @@ pub(crate) fn build_level<K: LaneKernel>(
     match config.strategy {
         None => Ok(Level::Wide(wide(positions, triangles, config)?)),
         Some(strategy) => {
-            let (corners, bounds) = lbvh::gather(positions, triangles)?;
+            let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
             let tree = binary_tree(&corners, &bounds, config.builder)?;
             let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
             let volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
@@ -112,7 +112,7 @@ fn wide<K: LaneKernel>(
     let preset = Config::preset(config.preset);
     #[cfg(feature = "baseline")]
     if config.builder == Builder::Obvhs && triangles.len() > 1 {
-        let (corners, bounds) = lbvh::gather(positions, triangles)?;
+        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
         let tree = binary_tree(&corners, &bounds, config.builder)?;
         return Ok(Wide::over(&tree, &corners, &bounds, &preset)?);
     }
@@ -143,8 +143,8 @@ fn binary_tree(corners: &[Corners], bounds: &Aabb, builder: Builder) -> Result<l
         // The radix tree of a binary level stands over centroids, as `canted tree` writes it.
         Builder::Lbvh => {
             let bits = lbvh::Bits::B63;
-            let codes = lbvh::codes(&lbvh::Domain::new(bounds, 3, bits), corners);
-            Ok(lbvh::radix(lbvh::by_code(&codes, bits)))
+            let codes = lbvh::morton_codes(&lbvh::Domain::new(bounds, 3, bits), corners);
+            Ok(lbvh::radix(lbvh::sort_by_code(&codes, bits)))
         }
         _ => {
             let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();

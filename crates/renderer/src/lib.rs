@@ -49,7 +49,7 @@ mod vector;
 
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
-pub use bsdf::{Bsdf, Evaluation, Scattered};
+pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
@@ -62,7 +62,7 @@ pub use framing::frame;
 pub use heatmap::{Heatmap, Measure, heatmap};
 pub use input::{ReadPictureError, read_picture};
 pub use level::{Builder, Level};
-pub use light::{LightSample, LightSampler, Lights, Met, Source, environment_of};
+pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use mask::Masked;
 pub use output::{
     Discarded, Record, Whole, WriteError, discard_unfinished, read_part, write_exr, write_film, write_png,

@@ -25,28 +25,28 @@ impl<'a, Q> Masked<'a, Q> {
 /// A query that can be asked for one ray of many, each by its number.
 ///
 /// A ray that is asked about twice, as by a counting query and then another, must have one number.
-pub(crate) trait Numbered: Query + Clone {
+pub(crate) trait RayKeyed: Query + Clone {
     /// The same query for a ray with this number, of those that `self` stands for.
     ///
     /// Numbers of numbers make a tree: the rays of a path, the shadow rays of one of its vertices.
     #[must_use]
-    fn numbered(&self, number: u32) -> Self;
+    fn keyed(&self, number: u32) -> Self;
 }
 
-impl Numbered for () {
-    fn numbered(&self, _: u32) -> Self {}
+impl RayKeyed for () {
+    fn keyed(&self, _: u32) -> Self {}
 }
 
-impl<Q: Query + Clone> Numbered for Masked<'_, Q> {
-    fn numbered(&self, number: u32) -> Self {
-        Masked::numbered(self, number)
+impl<Q: Query + Clone> RayKeyed for Masked<'_, Q> {
+    fn keyed(&self, number: u32) -> Self {
+        Masked::keyed(self, number)
     }
 }
 
 impl<Q: Clone> Masked<'_, Q> {
     /// The same query for a ray with this number, of those that `self` stands for: blended surfaces let other rays pass.
     #[must_use]
-    pub fn numbered(&self, number: u32) -> Self {
+    pub fn keyed(&self, number: u32) -> Self {
         Self { key: mix(self.key ^ number), ..self.clone() }
     }
 }

@@ -2,7 +2,7 @@ use canted_obb::Affine;
 use canted_tlas::Motion;
 use canted_trace::{Hit, Query};
 
-use crate::mask::Numbered;
+use crate::mask::RayKeyed;
 use crate::vector::{Vector, add, cross, scale, wide};
 
 /// `world_from_object` of an instance that stands still, or at a time on the way, ready for points and normals.
@@ -56,14 +56,14 @@ pub(crate) struct Timed<Q> {
     pub(crate) time: f32,
 }
 
-impl<Q: Numbered> Numbered for Timed<Q> {
-    fn numbered(&self, number: u32) -> Self {
-        Self { inner: self.inner.numbered(number), ..*self }
+impl<Q: RayKeyed> RayKeyed for Timed<Q> {
+    fn keyed(&self, number: u32) -> Self {
+        Self { inner: self.inner.keyed(number), ..*self }
     }
 }
 
 impl<Q: Query> Query for Timed<Q> {
-    const MAY_REFUSE: bool = Q::MAY_REFUSE;
+    const MAY_REJECT: bool = Q::MAY_REJECT;
 
     #[inline]
     fn boxes(&mut self, n: u32) {

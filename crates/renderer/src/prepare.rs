@@ -174,7 +174,7 @@ fn left_out(scene: &Scene, one: &'static str, straight: &'static str) -> Vec<Lef
     without(scene.meshes.iter().any(|m| m.normals.is_some()), "shading normals", "every mesh is flat");
     without(!scene.lights.is_empty(), "listed lights", "none is given");
     without(scene.materials.iter().any(Material::is_emissive), "emission", "no surface emits");
-    without(light::are_many(scene), "choice among lights", "there is one at most");
+    without(light::has_multiple_lights(scene), "choice among lights", "there is one at most");
     left_out
 }
 

@@ -61,7 +61,7 @@ impl<'a, Q> Placing<'a, Q> {
 }
 
 impl<Q: Query> Query for Placing<'_, Q> {
-    const MAY_REFUSE: bool = Q::MAY_REFUSE;
+    const MAY_REJECT: bool = Q::MAY_REJECT;
 
     #[inline]
     fn boxes(&mut self, n: u32) {
@@ -77,7 +77,7 @@ impl<Q: Query> Query for Placing<'_, Q> {
     }
     #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {
-        if !Q::MAY_REFUSE {
+        if !Q::MAY_REJECT {
             return true;
         }
         let placed = placed(self.first, *hit);

@@ -1,4 +1,4 @@
-use canted_lbvh::{Bits, Child, ChildKind, Corners, Leaf, NodeId, Tree, by_code, radix};
+use canted_lbvh::{Bits, Child, ChildKind, Corners, Leaf, NodeId, Tree, radix, sort_by_code};
 use canted_obb::{Aabb, PrimId};
 
 use crate::{
@@ -68,7 +68,7 @@ pub fn spatial(corners: &[Corners], config: &SpatialConfig) -> (Tree, References
         Builder { corners, config, root_area }.grow(&mut part, fragments, budget, 1);
     }
     let tree = match part.fragments.len() {
-        n @ ..2 => radix(by_code(&vec![0; n], Bits::B30)),
+        n @ ..2 => radix(sort_by_code(&vec![0; n], Bits::B30)),
         _ => Tree::from_children(&part.children).expect("each reference is in one leaf, each node below one"),
     };
     let (primitives, boxes) = part.fragments.iter().map(|fragment| (fragment.primitive, fragment.aabb)).unzip();

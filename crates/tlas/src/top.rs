@@ -46,8 +46,8 @@ impl Top {
             TopConfig::Wide(config) => Ok(Self::Wide(BoxTree::build(&boxes, config)?)),
             TopConfig::Binary(volumes) => {
                 let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
-                let codes = lbvh::codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes);
-                let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
+                let codes = lbvh::morton_codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes);
+                let tree = lbvh::radix(lbvh::sort_by_code(&codes, Bits::B63));
                 let sorted: Vec<Obb> = tree.leaves.iter().map(|leaf| instances[leaf.index()]).collect();
                 let volumes = lbvh::volumes(&tree, &sorted, volumes);
                 let binary = PairBvh::new(&tree, &volumes, &sorted, &bounds, PairOrder::Numbered);

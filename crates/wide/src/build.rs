@@ -31,7 +31,7 @@ impl<K: LaneKernel> Wide<K> {
         config: &Config,
     ) -> Result<Self, GeometryError> {
         check_number(triangles.len(), limits)?;
-        let (corners, bounds) = lbvh::gather(positions, triangles)?;
+        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
         let config = config.usable();
         let chosen = binary::choose(&corners, &bounds, &config);
         assemble(&chosen, &corners, &bounds, &config, limits)

@@ -115,7 +115,7 @@ impl<K: LaneKernel> Wide<K> {
         if triangles.len() != self.n_triangles {
             return Err(RefitError::OtherCount { n_triangles: self.n_triangles, n_given: triangles.len() });
         }
-        let (corners, bounds) = lbvh::gather(positions, triangles)?;
+        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
         let outline = Outline::of(&self.records).expect("a tree that was built or loaded is whole");
         let old = Triangles::read(&outline, &self.records.halves);
         let before = self.predict(&outline, &old.corners);

@@ -69,7 +69,7 @@ impl<K: LaneKernel> Wide<K> {
     #[must_use]
     pub fn bounds(&self) -> Obb {
         if self.n_triangles == 0 {
-            return Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [0.0; 3] };
+            return Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] };
         }
         Obb::from_aabb(&self.bounds)
     }

@@ -101,7 +101,7 @@ fn hits_survive_motion<K: LaneKernel>() {
             assert_eq!(wrong, 0, "{name} {motion}");
             n_hits += hits;
             let used = moved.triangles.iter().flatten().map(|&i| moved.positions[i as usize]);
-            assert_eq!(wide.aabb(), Aabb::of_points(used), "{name} {motion}");
+            assert_eq!(wide.aabb(), Aabb::from_points(used), "{name} {motion}");
         }
         assert!(n_hits > 100 || mesh.triangles.len() < 2, "{name}: {n_hits} hits prove little");
     }

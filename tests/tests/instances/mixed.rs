@@ -46,7 +46,7 @@ impl Blas for Mixed {
 
 /// A bottom level over the topology of `obvhs`, with our volumes.
 fn foreign<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {
-    let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
+    let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = obvhs_tree(&corners, obvhs::BvhBuildParams::medium_build()).unwrap();
     let volumes = VolumeConfig { strategy, fallback: true };
     Bvh2::over(tree, &corners, &bounds, &BuildConfig { volumes, ..BuildConfig::default() })

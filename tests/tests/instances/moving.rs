@@ -176,7 +176,7 @@ struct Shrunk(Bvh2<Watertight>);
 impl Blas for Shrunk {
     fn bounds(&self) -> Obb {
         let bounds = self.0.bounds();
-        Obb { half: bounds.half.map(|half| half * 0.1), ..bounds }
+        Obb { half_extents: bounds.half_extents.map(|half| half * 0.1), ..bounds }
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {

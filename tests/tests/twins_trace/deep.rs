@@ -2,7 +2,7 @@
 
 use canted_fixtures::Mesh;
 use canted_gpu::{Answer, Gpu, GpuError, TracedScene, Walk};
-use canted_lbvh::gather;
+use canted_lbvh::triangle_corners;
 use canted_obb::Affine;
 use canted_tests::chains::chain;
 use canted_tlas::Instance;
@@ -49,7 +49,7 @@ fn deep(depth: u16) -> (Mesh, Wide<Watertight>) {
     };
     let positions = (0..n).flat_map(corners).collect();
     let mesh = Mesh { positions, triangles: (0..u32::from(n)).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect() };
-    let (corners, bounds) = gather(&mesh.positions, &mesh.triangles).unwrap();
+    let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = chain(n.into(), |i| i % 2 == 0);
     let wide = Wide::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Box)).unwrap();
     assert_eq!(wide.words().depth, u32::from(depth));

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use canted_bvh2::{Bvh2, PairOrder};
-use canted_lbvh::{Corners, Costs, Tree, Volumes, end_point_overlap, in_leaf_order, sums};
+use canted_lbvh::{Corners, Costs, Tree, Volumes, end_point_overlap, in_leaf_order, tree_cost};
 use canted_obb::Aabb;
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
 
@@ -52,7 +52,7 @@ impl Metrics {
     pub(super) fn of(tree: Tree, volumes: &Volumes, corners: &[Corners], bounds: &Aabb, rays: &[Ray]) -> Result<Self> {
         let sorted = in_leaf_order(corners, &tree.leaves);
         let unit = bounds.extent().into_iter().fold(f64::MIN_POSITIVE, f64::max);
-        let sums = sums(&tree, volumes, &sorted, &Costs::default(), unit);
+        let sums = tree_cost(&tree, volumes, &sorted, &Costs::default(), unit);
         let stride = (corners.len() / OVERLAP_TRIANGLES).max(1);
         let is_split = sorted.len() > corners.len();
         let overlap = if is_split { f64::NAN } else { end_point_overlap(&tree, volumes, &sorted, stride) };

@@ -160,7 +160,7 @@ struct Made {
 fn binary(name: String, mesh: &Mesh, builder: Builder, strategy: Strategy) -> Tree<'_> {
     let family = if strategy == Strategy::Aabb { Family::Aligned } else { Family::Leaning };
     walked(name, family, move || {
-        let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
         let tree = canted_sah::build(&boxes, &bounds, &builder);
         let sorted = in_leaf_order(&corners, &tree.leaves);
@@ -175,7 +175,7 @@ fn binary(name: String, mesh: &Mesh, builder: Builder, strategy: Strategy) -> Tr
 /// triangles is walked with: a ray that enters one beside its part tests a triangle for nothing, and loses no hit.
 fn with_splits(mesh: &Mesh, extra: f32) -> Tree<'_> {
     walked(format!("spatial splits, {extra} a triangle, AABB"), Family::Aligned, move || {
-        let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let (mut tree, references) =
             canted_sah::spatial(&corners, &SpatialConfig { extra, ..SpatialConfig::default() });
         let parts: Vec<Obb> = tree.leaves.iter().map(|part| Obb::from_aabb(&references.boxes[part.index()])).collect();

@@ -96,7 +96,7 @@ mod tests {
         let pair = |i: u8| {
             let center = [2.0 * f32::from(i), 0.0, 0.0];
             let x = center[0] + if i.is_multiple_of(3) { 0.9 } else { 0.1 };
-            let obb = Obb { center, frame: Obb::IDENTITY_FRAME, half: [0.5; 3] };
+            let obb = Obb { center, frame: Obb::IDENTITY_FRAME, half_extents: [0.5; 3] };
             (Ray::new([x, 0.0, -3.0], [0.0, 0.0, 1.0]), obb)
         };
         (0..11).map(pair).collect()

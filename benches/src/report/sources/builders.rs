@@ -47,7 +47,7 @@ pub(super) fn measure(model: &Model, builders: &[(&'static str, Builder)], effor
 }
 
 fn measure_here(model: &Model, builders: &[(&'static str, Builder)], effort: Effort) -> Result<Vec<Took>> {
-    let (corners, bounds) = canted_lbvh::gather(&model.mesh.positions, &model.mesh.triangles)?;
+    let (corners, bounds) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
     // Four views together have the pixels of one picture of twice the width.
     let rays = sets::camera(model, effort.pick(16, 128, 128));
     let mut took: Vec<(Vec<f64>, Vec<f64>, usize)> = vec![Default::default(); builders.len()];

@@ -20,13 +20,13 @@ pub trait OrientedLeaf: Leaf {
 
 impl OrientedLeaf for Corners {
     fn slabs(&self) -> Slabs {
-        Slabs::of_points(self.frame(), *self)
+        Slabs::from_points(self.frame(), *self)
     }
 }
 
 impl OrientedLeaf for Obb {
     fn slabs(&self) -> Slabs {
-        Slabs::of_obb(self)
+        Slabs::from_obb(self)
     }
 }
 
@@ -56,7 +56,7 @@ impl PairBvh {
             aabb_pairs,
             slab_pairs: make_all(slab_ids.len(), |i| layout.slab_pair(slab_ids[i as usize])),
             root: tree.root().map(|root| layout.child_ref(root)),
-            root_slabs: Slabs::of_aabb(bounds),
+            root_slabs: Slabs::from_aabb(bounds),
             bounds: Obb::from_aabb(bounds),
             reach: bounds.reach(),
             depth: tree.depth,
@@ -65,7 +65,7 @@ impl PairBvh {
             && let Volume::Obb(obb) = volumes.of(root)
         {
             bvh.bounds = *obb;
-            bvh.root_slabs = Slabs::of_obb(obb);
+            bvh.root_slabs = Slabs::from_obb(obb);
         }
         bvh
     }
@@ -107,12 +107,12 @@ impl<L: OrientedLeaf> Layout<'_, L> {
 
     fn slabs(&self, child: Child) -> Slabs {
         match child.kind() {
-            ChildKind::Leaf(position) if self.volumes.leans(child) => self.leaves[position as usize].slabs(),
+            ChildKind::Leaf(position) if self.volumes.is_oriented(child) => self.leaves[position as usize].slabs(),
             ChildKind::Inner(id) => match self.volumes.of(id) {
-                Volume::Obb(obb) => Slabs::of_obb(obb),
-                Volume::Aabb(aabb) => Slabs::of_aabb(aabb),
+                Volume::Obb(obb) => Slabs::from_obb(obb),
+                Volume::Aabb(aabb) => Slabs::from_aabb(aabb),
             },
-            ChildKind::Leaf(_) => Slabs::of_aabb(&self.aabb(child)),
+            ChildKind::Leaf(_) => Slabs::from_aabb(&self.aabb(child)),
         }
     }
 

@@ -26,8 +26,8 @@ impl PairBvh {
             aabb_pairs: vec![],
             slab_pairs: vec![],
             root: None,
-            root_slabs: Slabs::of_aabb(&Aabb::EMPTY),
-            bounds: Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [0.0; 3] },
+            root_slabs: Slabs::from_aabb(&Aabb::EMPTY),
+            bounds: Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] },
             reach: 0.0,
             depth: 0,
         }

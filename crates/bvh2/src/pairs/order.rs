@@ -34,7 +34,7 @@ impl Order {
     fn numbered(tree: &Tree, volumes: &Volumes) -> Self {
         let mut order = Self { refs: vec![], aabb_ids: vec![], slab_ids: vec![] };
         let ids = || (0..tree.nodes.len() as u32).map(NodeId);
-        if ids().any(|id| volumes.pair_leans(id)) {
+        if ids().any(|id| volumes.children_oriented(id)) {
             order.refs = vec![ChildRef(0); tree.nodes.len()];
             ids().for_each(|id| order.append(id, volumes));
         }
@@ -62,7 +62,7 @@ impl Order {
     /// Appends the pair of a node to the pairs of its kind.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
     fn append(&mut self, id: NodeId, volumes: &Volumes) {
-        let (ids, make): (_, fn(u32) -> ChildRef) = if volumes.pair_leans(id) {
+        let (ids, make): (_, fn(u32) -> ChildRef) = if volumes.children_oriented(id) {
             (&mut self.slab_ids, ChildRef::slabs)
         } else {
             (&mut self.aabb_ids, ChildRef::aabbs)

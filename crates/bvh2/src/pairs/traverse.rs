@@ -53,7 +53,7 @@ impl PairBvh {
     ) {
         let Some(root) = self.root else { return };
         query.boxes(1);
-        if ray.enters_slabs(&self.root_slabs, t_max).is_none() {
+        if ray.intersect_slabs(&self.root_slabs, t_max).is_none() {
             return;
         }
         let ray = PairRay::new(ray);

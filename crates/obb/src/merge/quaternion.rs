@@ -31,7 +31,7 @@ pub fn between(p: Quaternion, q: Quaternion, weights: [f64; 2]) -> Quaternion {
     let [w_p, w_q] = if weights[0] + weights[1] > 0.0 { weights } else { [1.0; 2] };
     // Both signs of a symmetry are tried at once; the one chosen has a positive product, so the sum cannot cancel.
     let near = q.times(nearest_symmetry(q.conjugate().times(p)));
-    p.scaled(w_p).plus(near.scaled(w_q)).normalised()
+    p.scaled(w_p).plus(near.scaled(w_q)).normalized()
 }
 
 fn rotation_of(axes: Frame) -> Quaternion {
@@ -39,7 +39,7 @@ fn rotation_of(axes: Frame) -> Quaternion {
     if frame::is_orthonormal(axes) {
         Quaternion::from_frame(axes)
     } else {
-        rotation::extract(axes.map(vector::from_f32), rotation::MOST_ITERATIONS).rotation
+        rotation::extract(axes.map(vector::from_f32), rotation::MAX_ITERATIONS).rotation
     }
 }
 

@@ -71,7 +71,7 @@ pub struct Evaluation {
 
 /// A direction that light may arrive from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scattered {
+pub struct BsdfSample {
     /// Unit vector; z below 0 where the light comes through.
     pub incident: [f32; 3],
     /// What the radiance from there is multiplied with: value over density, of all lobes that share the direction.
@@ -105,7 +105,7 @@ impl Bsdf {
     /// Nothing where `outgoing` is below the horizon or either direction lies in it.
     #[must_use]
     pub fn evaluate(&self, outgoing: [f32; 3], incident: [f32; 3]) -> Evaluation {
-        if outgoing[2] < LEAST_COSINE || incident[2].abs() < LEAST_COSINE {
+        if outgoing[2] < MIN_COSINE || incident[2].abs() < MIN_COSINE {
             return Evaluation::default();
         }
         if self.is_lambert() {
@@ -119,15 +119,15 @@ impl Bsdf {
     ///
     /// `None` where nothing arrives: `outgoing` is not above the horizon, or light was lost between facets.
     #[must_use]
-    pub fn sample(&self, outgoing: [f32; 3], square: [f32; 2], choice: f32) -> Option<Scattered> {
-        if outgoing[2] < LEAST_COSINE {
+    pub fn sample(&self, outgoing: [f32; 3], square: [f32; 2], choice: f32) -> Option<BsdfSample> {
+        if outgoing[2] < MIN_COSINE {
             return None;
         }
         if self.is_lambert() {
             let incident = cosine_hemisphere(square);
             let density = cosine_density(incident[2]);
             let weight = self.base_color;
-            return Some(Scattered { incident, weight, density, is_delta: false, is_transmitted: false });
+            return Some(BsdfSample { incident, weight, density, is_delta: false, is_transmitted: false });
         }
         let boundary = Boundary::new(self, outgoing);
         let incident = match boundary.sample(square, choice)? {
@@ -139,7 +139,7 @@ impl Bsdf {
         // Rounding may take a direction at the edge of a lobe out of it.
         (density > 0.0).then(|| {
             let weight = value.map(|x| x / density);
-            Scattered { incident, weight, density, is_delta: false, is_transmitted }
+            BsdfSample { incident, weight, density, is_delta: false, is_transmitted }
         })
     }
 
@@ -183,4 +183,4 @@ impl Bsdf {
 }
 
 /// Cosines below it count as the horizon: the quotient of two that are not never overflows.
-const LEAST_COSINE: f32 = f32::MIN_POSITIVE;
+const MIN_COSINE: f32 = f32::MIN_POSITIVE;

@@ -161,7 +161,7 @@ impl Geometry {
             let own = mesh.triangles[part.first_triangle as usize..end].par_iter();
             self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &cofactors, material)));
         }
-        Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
+        Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
     }
 }
 

@@ -69,7 +69,7 @@ pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Setting
         Pattern::Sobol => "shared/pattern/sobol",
     };
     let projection = if view.is_perspective { "shared/view/perspective" } else { "shared/view/orthographic" };
-    let lens = if view.lens.is_some() { "shared/lens/disc" } else { "shared/lens/pinhole" };
+    let lens = if view.lens.is_some() { "shared/lens/disk" } else { "shared/lens/pinhole" };
     let is_box = matches!(settings.filter, Filter::Box(_));
     chosen
         .part("pattern", pattern)

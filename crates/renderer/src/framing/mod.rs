@@ -33,24 +33,24 @@ const THREE_QUARTERS: Vector = [1.0, 0.6, 0.8];
 #[must_use]
 pub fn frame<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64) -> Camera {
     let bounds = scene.bounds_world();
-    let sight = Sight { tracer, bounds };
-    if !is_room(&sight) {
+    let probe = Probe { tracer, bounds };
+    if !is_room(&probe) {
         return fit(scene, bounds.center(), THREE_QUARTERS, aspect);
     }
-    match open_side(&sight) {
+    match open_side(&probe) {
         Some(side) => fit(scene, bounds.center(), side, aspect),
-        None => view(&sight, aspect),
+        None => view(&probe, aspect),
     }
 }
 
 /// What can be seen inside the box of a scene.
-struct Sight<'a, T> {
+struct Probe<'a, T> {
     tracer: &'a T,
     bounds: Aabb,
 }
 
 /// What a ray meets first.
-enum Seen {
+enum Visible {
     /// The front of a triangle.
     Front {
         /// World units away.
@@ -64,20 +64,21 @@ enum Seen {
     Sky,
 }
 
-impl<T: Tracer> Sight<'_, T> {
+impl<T: Tracer> Probe<'_, T> {
     /// The point of the box at relative coordinates in 0..=1.
     fn place(&self, relative: Vector) -> Vector {
         let (center, extent) = (self.bounds.center(), self.bounds.extent());
         std::array::from_fn(|k| center[k] + (relative[k] - 0.5) * extent[k])
     }
 
-    fn look(&self, from: Vector, direction: Vector) -> Seen {
+    fn look(&self, from: Vector, direction: Vector) -> Visible {
         match self.tracer.closest_hit(&Ray::new(narrow(from), narrow(direction)), &mut ()) {
-            None => Seen::Sky,
-            Some(Hit { side: Side::Back, .. }) => Seen::Back,
-            Some(hit) => {
-                Seen::Front { distance: f64::from(hit.t) * length(direction), triangle: (hit.instance, hit.primitive) }
-            }
+            None => Visible::Sky,
+            Some(Hit { side: Side::Back, .. }) => Visible::Back,
+            Some(hit) => Visible::Front {
+                distance: f64::from(hit.t) * length(direction),
+                triangle: (hit.instance, hit.primitive),
+            },
         }
     }
 }

@@ -9,7 +9,7 @@ mod roulette;
 use canted_trace::{Hit, Ray};
 
 use crate::light::{LightSampler, Lights};
-use crate::mask::Numbered;
+use crate::mask::RayKeyed;
 use crate::motion::Timed;
 use crate::{Cone, Sampler, Surfaces, Tracer};
 
@@ -60,7 +60,7 @@ pub(crate) struct Sample {
     pub(crate) n_rays: u64,
 }
 
-impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
+impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
     /// Radiance that arrives against camera rays whose closest hits are given, one sample of each.
     pub(crate) fn samples(&self, begun: impl Iterator<Item = (Start, Option<Hit>)>) -> Vec<Sample> {
         match self.method {
@@ -71,12 +71,12 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
 
     /// The query of a camera ray: number 0 of its path.
     pub(crate) fn camera_query(&self, start: &Start) -> Timed<Q> {
-        self.path_query(start).numbered(0)
+        self.path_query(start).keyed(0)
     }
 
     /// The query of all rays of a path; each asks by a number of its own.
     fn path_query(&self, start: &Start) -> Timed<Q> {
         let Start { time, pixel, sample, .. } = *start;
-        Timed { inner: self.query.numbered(self.sampler.bits(pixel, sample, PASSAGE)), time }
+        Timed { inner: self.query.keyed(self.sampler.bits(pixel, sample, PASSAGE)), time }
     }
 }

@@ -1,24 +1,24 @@
 //! Lights: what they send to a point, how to choose among them, and how likely each choice was.
 //!
 //! ```text
-//! Light         -> arrival: sun point spot, sphere disc by a point of their own  -> direct light of the hybrid integrator
+//! Light         -> incoming: sun point spot, sphere disc by a point of their own  -> direct light of the hybrid integrator
 //! Environment   -> environment: radiance, SkySampler
 //! emission      -> emitters: triangle, by its spherical triangle                    -> LightSampler -> path tracing
-//! lights, emitters -> cluster (cone) -> build -> tree (glow)
+//! lights, emitters -> cluster (cone) -> build -> tree (bounds)
 //! LightSampler  -> packed, for devices
 //! ```
 //!
 //! Spheres and discs are bodies: rays see them, and they stand in the light of others. They reflect nothing, and are
 //! black where they do not shine: a disc from behind, a ball from inside.
 
-mod arrival;
+mod bounds;
 mod build;
 mod cluster;
 mod cone;
-mod disc;
+mod disk;
 mod emitters;
 mod environment;
-mod glow;
+mod incoming;
 pub(crate) mod packed;
 mod sampler;
 mod sphere;
@@ -30,18 +30,18 @@ use canted_obb::PrimId;
 use canted_scene::{Environment, Instance, Light, Material, Part, Scene};
 use canted_trace::{Hit, InstanceId, Query, Ray};
 
-pub(crate) use arrival::Arrival;
-use disc::Disc;
+use disk::DiskLight;
 use environment::Sky;
+pub(crate) use incoming::IncomingLight;
 pub use sampler::{LightSample, LightSampler};
-use sphere::Ball;
+use sphere::SphereLight;
 
 use crate::Tracer;
 use crate::vector::{Vector, dot, scale, sub, unit, wide};
 
 /// What light came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
+pub enum LightId {
     /// From infinitely far away.
     Environment,
     /// A light of [`Scene::lights`], by its index.
@@ -50,7 +50,7 @@ pub enum Source {
     Triangle(InstanceId, PrimId),
 }
 
-impl Source {
+impl LightId {
     /// The triangle that a ray hit.
     #[must_use]
     pub fn of_hit(hit: &Hit) -> Self {
@@ -60,11 +60,11 @@ impl Source {
 
 /// Light that a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Met {
+pub struct LightHit {
     /// Linear RGB.
     pub radiance: [f32; 3],
     /// Where from; never a triangle.
-    pub source: Source,
+    pub source: LightId,
 }
 
 /// The lights of a scene as rays meet them, triangles aside.
@@ -93,16 +93,16 @@ impl<'a> Lights<'a> {
 
     /// What a ray meets before `hit`, its first among the triangles, or where that is `None`, behind everything.
     #[must_use]
-    pub fn meet(&self, ray: &Ray, hit: Option<&Hit>) -> Option<Met> {
-        if let Some((_, index, radiance)) = self.first_body(ray, hit) {
-            return Some(Met { radiance, source: Source::Light(index) });
+    pub fn intersect(&self, ray: &Ray, hit: Option<&Hit>) -> Option<LightHit> {
+        if let Some((_, index, radiance)) = self.first_shape_light(ray, hit) {
+            return Some(LightHit { radiance, source: LightId::Light(index) });
         }
-        hit.is_none().then(|| Met { radiance: self.sky.radiance(ray.direction), source: Source::Environment })
+        hit.is_none().then(|| LightHit { radiance: self.sky.radiance(ray.direction), source: LightId::Environment })
     }
 
     /// The ball or disc that a ray meets before `hit`: where, as its `t`, and its unit normal on the ray's side.
-    pub(crate) fn body_before(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, Vector)> {
-        let (t, index, _) = self.first_body(ray, hit)?;
+    pub(crate) fn shape_light_before(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, Vector)> {
+        let (t, index, _) = self.first_shape_light(ray, hit)?;
         let normal = match self.list[index as usize] {
             Light::Sphere { center, .. } => unit(sub(ray.at(t.into()), wide(center)))?,
             Light::Disk { normal, .. } => wide(normal),
@@ -114,8 +114,8 @@ impl<'a> Lights<'a> {
 
     /// Whether nothing stands along a shadow ray to a light, which ends before it.
     #[must_use]
-    pub fn is_clear<T: Tracer, Q: Query>(&self, ray: &Ray, to: Source, tracer: &T, query: &mut Q) -> bool {
-        let others = self.bodies.iter().filter(|&&index| to != Source::Light(index));
+    pub fn is_unoccluded<T: Tracer, Q: Query>(&self, ray: &Ray, to: LightId, tracer: &T, query: &mut Q) -> bool {
+        let others = self.bodies.iter().filter(|&&index| to != LightId::Light(index));
         others.clone().all(|&index| self.body(index, ray).is_none()) && !tracer.occluded(ray, query)
     }
 
@@ -125,7 +125,7 @@ impl<'a> Lights<'a> {
     }
 
     /// `t`, index and radiance of the first body before `hit`; of equals the one that comes first in the list.
-    fn first_body(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, u32, [f32; 3])> {
+    fn first_shape_light(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, u32, [f32; 3])> {
         let before = Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
         let mut first: Option<(f32, u32, [f32; 3])> = None;
         for &index in &self.bodies {
@@ -140,8 +140,10 @@ impl<'a> Lights<'a> {
     /// Where a ray meets a body of the list, within its closed interval, and the radiance from there.
     fn body(&self, index: u32, ray: &Ray) -> Option<(f32, [f32; 3])> {
         let (found, radiance) = match self.list[index as usize] {
-            Light::Sphere { center, radius, radiance } => (Ball::new(center, radius).hit(ray), radiance),
-            Light::Disk { center, normal, radius, radiance } => (Disc::new(center, normal, radius).hit(ray), radiance),
+            Light::Sphere { center, radius, radiance } => (SphereLight::new(center, radius).hit(ray), radiance),
+            Light::Disk { center, normal, radius, radiance } => {
+                (DiskLight::new(center, normal, radius).hit(ray), radiance)
+            }
             _ => return None,
         };
         found.map(|(t, shines)| (t, if shines { radiance } else { [0.0; 3] }))
@@ -165,7 +167,7 @@ pub fn environment_of(scene: &Scene) -> &Environment {
 }
 
 /// Whether a scene has more than one light, a triangle that emits and an environment counted as such.
-pub(crate) fn are_many(scene: &Scene) -> bool {
+pub(crate) fn has_multiple_lights(scene: &Scene) -> bool {
     let n_emitters = |instance: &Instance| {
         let mesh = &scene.meshes[instance.mesh.0 as usize];
         let emits = |part: &Part| scene.materials[part.material.0 as usize].is_emissive();

@@ -12,7 +12,7 @@ use canted_scene::{Camera, Scene};
 use rayon::prelude::*;
 
 use crate::integrate::{Method, Transport};
-use crate::mask::Numbered;
+use crate::mask::RayKeyed;
 use crate::{
     Film, FilterSampler, Guide, Integrator, LightSampler, Lights, Masked, Part, Pixel, Sampler, Settings, Surfaces,
     Tracer, View, mask,
@@ -172,7 +172,7 @@ impl<'a, T: Tracer> Rendering<'a, T> {
         }
     }
 
-    fn with_work<Q: Numbered, R>(&self, query: Q, then: impl FnOnce(&Work<T, Q>) -> R) -> R {
+    fn with_work<Q: RayKeyed, R>(&self, query: Q, then: impl FnOnce(&Work<T, Q>) -> R) -> R {
         let Settings { samples, bounces, seed, pattern, .. } = *self.settings;
         let transport = Transport {
             tracer: self.tracer,
@@ -196,7 +196,7 @@ impl<'a, T: Tracer> Rendering<'a, T> {
         })
     }
 
-    fn run<Q: Numbered + Sync>(&self, query: Q, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, RenderError> {
+    fn run<Q: RayKeyed + Sync>(&self, query: Q, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, RenderError> {
         let layout = Layout::new(self.settings);
         let slots = in_place(&layout, done)?;
         let n_tiles = slots.len();

@@ -4,7 +4,7 @@ use canted_trace::{Counts, Hit, Query};
 
 use super::{CELL, Course, Layout, Sums};
 use crate::integrate::{Start, Transport};
-use crate::mask::Numbered;
+use crate::mask::RayKeyed;
 use crate::{Aov, FilterSampler, Guide, Pixel, Sampler, Settings, Tracer, View};
 
 /// Dimension of the sampler that places a sample in its pixel.
@@ -43,7 +43,7 @@ pub(super) struct Work<'a, T, Q> {
     pub(super) layout: Layout,
 }
 
-impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
+impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
     /// Renders a tile; `None` once `stop` says so, which is asked at every pixel.
     pub(super) fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile> {
         let [left, top] = self.layout.corner(number);
@@ -142,7 +142,7 @@ impl<T: Tracer, Q: Numbered> Work<'_, T, Q> {
         } else {
             (self.transport.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
         };
-        if let Some((t, normal)) = self.transport.lights.body_before(ray, hit.as_ref()) {
+        if let Some((t, normal)) = self.transport.lights.shape_light_before(ray, hit.as_ref()) {
             // A light reflects nothing, and has no number among the instances.
             let depth = self.view.depth(ray.at(t.into()));
             return (hit, Guide { n_hits: 1, depth, normal, shading_normal: normal, tests, ..Guide::default() });
@@ -184,7 +184,7 @@ struct Counted<Q> {
 }
 
 impl<Q: Query> Query for Counted<Q> {
-    const MAY_REFUSE: bool = Q::MAY_REFUSE;
+    const MAY_REJECT: bool = Q::MAY_REJECT;
 
     fn boxes(&mut self, n: u32) {
         self.counts.boxes(n);

@@ -1,8 +1,8 @@
 mod lookups;
 mod placed;
+mod prefetch;
 mod shading_normal;
 mod surfaces;
-mod warm;
 
 use canted_trace::Ray;
 
@@ -38,7 +38,7 @@ impl Surface {
     /// It starts [`Surface::offset`] off the plane, which is as much as rounding can ask for; no constant of length is
     /// involved.
     #[must_use]
-    pub fn leave(&self, direction: [f32; 3]) -> Ray {
+    pub fn spawn_ray(&self, direction: [f32; 3]) -> Ray {
         Ray::new(self.origin_towards(wide(direction)), direction)
     }
 
@@ -47,7 +47,7 @@ impl Surface {
     /// The gap is the distance that rays keep off this surface, so that a surface through the target does not count,
     /// and four roundings of the direction. `None` where the target is too close to tell apart.
     #[must_use]
-    pub fn reach(&self, target: [f32; 3]) -> Option<Ray> {
+    pub fn spawn_ray_to(&self, target: [f32; 3]) -> Option<Ray> {
         let origin = self.origin_towards(sub(wide(target), self.position));
         let way = sub(wide(target), wide(origin));
         let gap = self.offset / dot(way, way).sqrt() + 2.0 * f64::from(f32::EPSILON);
@@ -69,7 +69,7 @@ impl Surface {
     /// A direction that is above the shading normal's horizon and below the triangle's is mirrored in the triangle's
     /// plane: no ray enters the body, and no light is lost as it would be by dropping the sample.
     #[must_use]
-    pub fn outward(&self, direction: [f32; 3]) -> [f32; 3] {
+    pub fn mirror_outward(&self, direction: [f32; 3]) -> [f32; 3] {
         let height = dot(self.normal, wide(direction));
         if height >= 0.0 { direction } else { narrow(sub(wide(direction), scale(self.normal, 2.0 * height))) }
     }

@@ -67,7 +67,7 @@ impl<'a> Surfaces<'a> {
     /// The surface at a hit of a world-space ray along `direction`, as the shutter opens, with textures at full size.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {
-        self.at_time(hit, direction, 0.0, Cone::LINE)
+        self.at_time(hit, direction, 0.0, Cone::ZERO)
     }
 
     /// The surface at a hit of a world-space ray along `direction` that flew at `time`: 0 as the shutter opens, 1 as it
@@ -189,5 +189,5 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
 
 /// Greatest absolute coordinate among the vertices that triangles use.
 fn reach(mesh: &Mesh) -> f32 {
-    Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
+    Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
 }

@@ -1,21 +1,21 @@
 //! What textures say: at a point, or on average over the part of a surface that a ray stands for.
 //!
 //! ```text
-//! scene's textures -> pyramid (halved again and again, in linear light)
-//! cone of a ray, triangle -> footprint (an ellipse of texels) -> lookup in the pyramid -> numbers in 0..=1
+//! scene's textures -> mip_map (halved again and again, in linear light)
+//! cone of a ray, triangle -> footprint (an ellipse of texels) -> lookup in the mip_map -> numbers in 0..=1
 //! ```
 
 mod cone;
 mod footprint;
 mod lookup;
-mod pyramid;
+mod mip_map;
 
 use canted_scene::{Material, Scene, Texture, TextureId, TextureRef};
 use rayon::prelude::*;
 
 pub use cone::Cone;
 pub(crate) use footprint::{Footprint, Plane};
-pub(crate) use pyramid::Pyramid;
+pub(crate) use mip_map::MipMap;
 
 /// How much of a texture a lookup averages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -33,7 +33,7 @@ pub enum Lod {
 /// The textures of a scene, ready to be looked up.
 #[derive(Clone, Debug)]
 pub(crate) struct Textures<'a> {
-    pyramids: Vec<Pyramid<'a>>,
+    mip_maps: Vec<MipMap<'a>>,
 }
 
 impl<'a> Textures<'a> {
@@ -51,14 +51,14 @@ impl<'a> Textures<'a> {
                 asked.is_seen_whole |= mask != Some(slot);
             }
         }
-        let pyramid = |(texture, asked): (&'a Texture, &Use)| {
-            if asked.is_averaged { Pyramid::new(texture, !asked.is_seen_whole) } else { Pyramid::flat(texture) }
+        let mip_map = |(texture, asked): (&'a Texture, &Use)| {
+            if asked.is_averaged { MipMap::new(texture, !asked.is_seen_whole) } else { MipMap::flat(texture) }
         };
-        Self { pyramids: scene.textures.par_iter().zip(&uses).map(pyramid).collect() }
+        Self { mip_maps: scene.textures.par_iter().zip(&uses).map(mip_map).collect() }
     }
 
-    pub(crate) fn get(&self, id: TextureId) -> &Pyramid<'a> {
-        &self.pyramids[id.0 as usize]
+    pub(crate) fn get(&self, id: TextureId) -> &MipMap<'a> {
+        &self.mip_maps[id.0 as usize]
     }
 }
 
@@ -95,8 +95,8 @@ mod tests {
         let texture = Texture { name, width: 2, height: 1, texels, encoding, wrap };
         let scene = Scene { textures: vec![texture], materials, ..Scene::default() };
         let textures = Textures::new(&scene, Lod::Aniso);
-        let pyramid = textures.get(TextureId(0));
-        pyramid.level(pyramid.n_levels() - 1).texels[0][0]
+        let mip_map = textures.get(TextureId(0));
+        mip_map.level(mip_map.n_levels() - 1).texels[0][0]
     }
 
     /// Colours are weighed by the alpha that says where they are seen, and by no other.

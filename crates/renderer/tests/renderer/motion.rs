@@ -146,7 +146,7 @@ fn surfaces_are_where_the_instance_is() {
                 side: Side::Front,
             };
             let (direction, still) = ([0.3, -1.0, 0.2], Surfaces::new(&there));
-            let (a, b) = (Surfaces::new(&moving).at_time(&hit, direction, time, Cone::LINE), still.at(&hit, direction));
+            let (a, b) = (Surfaces::new(&moving).at_time(&hit, direction, time, Cone::ZERO), still.at(&hit, direction));
             for k in 0..3 {
                 assert!((a.position[k] - b.position[k]).abs() < 1e-14 && (a.normal[k] - b.normal[k]).abs() < 1e-14);
             }

@@ -94,7 +94,7 @@ impl Kernel for BaldwinWeber {
         let [v0, v1, v2] = vertices.map(wide);
         let (e1, e2) = (sub(v1, v0), sub(v2, v0));
         let normal = cross(e1, e2);
-        let axis = Axis::of_greatest(normal, f64::abs);
+        let axis = Axis::from_greatest(normal, f64::abs);
         let [n, [e1_a, e1_b, _], [e2_a, e2_b, _]] = [normal, e1, e2].map(|p| axis.last(p));
         let rows = [[e2_b, -e2_a], [-e1_b, e1_a], [n[0], n[1]]].map(|row| row.map(|x| nearest(x / n[2])));
         let factor: f32 = rows[..2].iter().flatten().map(|x| x.abs()).sum();

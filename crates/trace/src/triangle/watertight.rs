@@ -43,7 +43,7 @@ impl Shear {
     #[inline]
     #[must_use]
     pub fn new(ray: &ScaledRay) -> Self {
-        let axis = Axis::of_greatest(ray.direction, f32::abs);
+        let axis = Axis::from_greatest(ray.direction, f32::abs);
         let [d_x, d_y, d_z] = axis.last(ray.direction);
         Self { axis, factors: [d_x / d_z, d_y / d_z] }
     }

@@ -64,7 +64,7 @@ pub(crate) fn write_boxes(rows: &mut [Row], bounds: impl Fn(usize) -> Option<([f
 /// A box with these rows around all vertices below a child.
 fn slabs_of(source: &Source, child: Child, rows: [[f32; 3]; 3]) -> Slabs {
     let (start, end) = range(source.tree, child);
-    Slabs::of_points(rows, source.corners[start as usize..end as usize].iter().flatten().copied())
+    Slabs::from_points(rows, source.corners[start as usize..end as usize].iter().flatten().copied())
 }
 
 /// For each axis a row, a centre and a half-extent; a slot without a box holds one that no ray enters.

@@ -1,7 +1,7 @@
 //! What a tree can hold, with limits small enough to be reached: just at them, and one above.
 
 use canted_fixtures::{Mesh, soup};
-use canted_lbvh::{GeometryError, Leaf, gather};
+use canted_lbvh::{GeometryError, Leaf, triangle_corners};
 use canted_obb::{Aabb, PrimId};
 use canted_trace::Watertight;
 
@@ -28,7 +28,7 @@ fn boxes(boxes: &[Aabb], limits: &Limits) -> Result<BoxTree, PrimitiveError> {
 }
 
 fn boxes_of(mesh: &Mesh) -> Vec<Aabb> {
-    gather(&mesh.positions, &mesh.triangles).unwrap().0.iter().map(Leaf::aabb).collect()
+    triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0.iter().map(Leaf::aabb).collect()
 }
 
 /// One part less, and one line less.

@@ -36,7 +36,7 @@ pub(super) fn check(records: &Records, promise: &Promise) -> Result<(), LoadErro
     check_lanes(&outline, records)?;
     let triangles = Triangles::read(&outline, &records.halves);
     check_triangles(&triangles, promise.n_triangles)?;
-    let bounds = Aabb::of_points(triangles.corners.iter().flatten().copied());
+    let bounds = Aabb::from_points(triangles.corners.iter().flatten().copied());
     if bounds != promise.bounds {
         return Err(LoadError::Bounds { told: promise.bounds, found: bounds });
     }

@@ -62,7 +62,7 @@ impl<'a> Source<'a> {
             return None;
         }
         let vertices = self.corners[self.outline.places(slot)].iter().flatten().copied();
-        Some(Slabs::of_points(rows, vertices))
+        Some(Slabs::from_points(rows, vertices))
     }
 
     fn write_node(&self, node: &NodeSpot, out: &mut [Line]) {

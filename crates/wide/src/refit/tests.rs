@@ -103,7 +103,7 @@ fn boxes_hold_their_vertices_exactly_after_any_motion() {
             wide.refit(&moved.positions, &moved.triangles).unwrap();
             assert_eq!(n_too_small(&wide), 0);
             let used = moved.triangles.iter().flatten().map(|&i| moved.positions[i as usize]);
-            assert_eq!(wide.bounds, Aabb::of_points(used));
+            assert_eq!(wide.bounds, Aabb::from_points(used));
         }
     }
 }

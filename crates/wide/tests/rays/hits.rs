@@ -139,7 +139,7 @@ fn ties_go_to_the_lowest_primitive() {
 #[test]
 fn triangles_with_many_references_are_reported_once() {
     let mesh = canted_fixtures::soup(8, 300);
-    let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles).expect("a valid mesh");
+    let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("a valid mesh");
     // Three references each, in an order that puts them far apart.
     let n = corners.len() as u32;
     let leaves: Vec<PrimId> = (0..3 * n).map(|i| PrimId(i.wrapping_mul(7919) % n)).collect();

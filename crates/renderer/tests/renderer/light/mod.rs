@@ -2,11 +2,11 @@
 //!
 //! Not covered: lights whose colours are negative or not numbers, which readers refuse.
 
-mod bodies;
-mod choice;
 mod density;
 mod environment;
 mod irradiance;
+mod selection;
+mod shape_lights;
 
 use canted_renderer::{Bsdf, Cone, LightSampler, Lights, Pattern, Sampler, Surface, Surfaces};
 use canted_scene::{Material, Scene};
@@ -23,7 +23,7 @@ fn receiver(position: Vector, normal: Vector) -> Surface {
         bsdf: Bsdf::lambert([1.0; 3]),
         emission: [0.0; 3],
         offset: 1e-6,
-        cone: Cone::LINE,
+        cone: Cone::ZERO,
     }
 }
 

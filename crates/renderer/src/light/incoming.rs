@@ -3,14 +3,14 @@ use std::f64::consts::PI;
 use canted_scene::Light;
 use canted_trace::Ray;
 
-use super::disc::Disc;
-use super::sphere::Ball;
+use super::disk::DiskLight;
+use super::sphere::SphereLight;
 use crate::Surface;
 use crate::srgb::luminance;
 use crate::vector::{Vector, dot, narrow, scale, sub, unit, wide};
 
 /// Light on its way to a surface, if nothing stands between. World space.
-pub(crate) struct Arrival {
+pub(crate) struct IncomingLight {
     /// Unit vector.
     pub(crate) to_light: Vector,
     /// Radiance over `density`; of a light without extent, the irradiance on what faces it.
@@ -21,7 +21,7 @@ pub(crate) struct Arrival {
     pub(crate) shadow_ray: Option<Ray>,
 }
 
-impl Arrival {
+impl IncomingLight {
     /// What comes from a light of the list; `square` gives a point of the unit square and is asked only by lights
     /// that have an extent.
     pub(crate) fn of(light: &Light, surface: &Surface, square: impl FnOnce() -> [f32; 2]) -> Option<Self> {
@@ -32,7 +32,7 @@ impl Arrival {
                     to_light: wide(to_light),
                     radiance: wide(irradiance),
                     density: None,
-                    shadow_ray: Some(surface.leave(to_light)),
+                    shadow_ray: Some(surface.spawn_ray(to_light)),
                 })
             }
             Light::Point { position, intensity } => Self::of_point(position, intensity, surface, |_| 1.0),
@@ -41,11 +41,11 @@ impl Arrival {
                 Self::of_point(position, intensity, surface, share)
             }
             Light::Sphere { center, radius, radiance } => {
-                let (target, density) = Ball::new(center, radius).sample(surface.position, square())?;
+                let (target, density) = SphereLight::new(center, radius).sample(surface.position, square())?;
                 Self::of_target(surface, target, wide(radiance), density)
             }
             Light::Disk { center, normal, radius, radiance } => {
-                let (target, density) = Disc::new(center, normal, radius).sample(surface.position, square())?;
+                let (target, density) = DiskLight::new(center, normal, radius).sample(surface.position, square())?;
                 Self::of_target(surface, target, wide(radiance), density)
             }
         }
@@ -65,7 +65,7 @@ impl Arrival {
             to_light,
             radiance: scale(wide(intensity), factor),
             density: None,
-            shadow_ray: surface.reach(position),
+            shadow_ray: surface.spawn_ray_to(position),
         })
     }
 
@@ -75,7 +75,7 @@ impl Arrival {
             to_light: unit(sub(target, surface.position))?,
             radiance: scale(radiance, 1.0 / density),
             density: Some(density),
-            shadow_ray: surface.reach(narrow(target)),
+            shadow_ray: surface.spawn_ray_to(narrow(target)),
         })
     }
 }

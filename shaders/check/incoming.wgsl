@@ -1,6 +1,6 @@
-// Evaluates `arrival_of` and the densities of bodies, for comparison with the CPU's.
+// Evaluates `incoming_light` and the densities of bodies, for comparison with the CPU's.
 // use shared/groups
-// use shared/light/arrival
+// use shared/light/incoming
 
 struct Query {
     at: vec3<f32>,
@@ -9,7 +9,7 @@ struct Query {
 }
 
 struct Answer {
-    arrival: Arrival,
+    incoming: IncomingLight,
     /// Of the direction that was found.
     density: f32,
 }
@@ -30,12 +30,12 @@ fn main(
     }
     let query = queries[index];
     let light = lights[query.light];
-    let arrival = arrival_of(light, query.at, query.square);
+    let incoming = incoming_light(light, query.at, query.square);
     var density = 0.0;
-    if light.kind == BALL {
-        density = ball_density(light, query.at);
-    } else if light.kind == DISC {
-        density = disc_density(light, query.at, arrival.to_light);
+    if light.kind == SPHERE {
+        density = sphere_density(light, query.at);
+    } else if light.kind == DISK {
+        density = disk_density(light, query.at, incoming.to_light);
     }
-    answers[index] = Answer(arrival, density);
+    answers[index] = Answer(incoming, density);
 }

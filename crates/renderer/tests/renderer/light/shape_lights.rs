@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use canted_renderer::{Integrator, Lights, Pattern, Pixel, Settings, Source};
+use canted_renderer::{Integrator, LightId, Lights, Pattern, Pixel, Settings};
 use canted_scene::{Camera, Light, Projection, Scene};
 use canted_trace::{Hit, InstanceId, Ray, Side};
 
@@ -24,35 +24,36 @@ fn rays_meet_the_nearest_within_their_closed_interval() {
     let scene = lit_by(vec![DISC, SPHERE]);
     let lights = Lights::new(&scene);
     let up = Ray::new([0.0; 3], [0.0, 2.0, 0.0]);
-    let source =
-        |ray: Ray, hit: Option<f32>| lights.meet(&ray, hit.map(hit_at).as_ref()).map(|met| (met.source, met.radiance));
-    assert_eq!(source(up, None), Some((Source::Light(1), [3.0; 3])));
+    let source = |ray: Ray, hit: Option<f32>| {
+        lights.intersect(&ray, hit.map(hit_at).as_ref()).map(|met| (met.source, met.radiance))
+    };
+    assert_eq!(source(up, None), Some((LightId::Light(1), [3.0; 3])));
     // The sphere begins at 4 units, t = 2.
-    assert_eq!(source(up, Some(2.0)), Some((Source::Light(1), [3.0; 3])));
+    assert_eq!(source(up, Some(2.0)), Some((LightId::Light(1), [3.0; 3])));
     assert_eq!(source(up, Some(1.999)), None);
-    assert_eq!(source(Ray { t_max: 2.0, ..up }, None), Some((Source::Light(1), [3.0; 3])));
+    assert_eq!(source(Ray { t_max: 2.0, ..up }, None), Some((LightId::Light(1), [3.0; 3])));
     // From inside a ball and from behind a disc they are black.
     let above = Ray { origin: [0.0, 6.5, 0.0], ..up };
-    assert_eq!(source(above, None), Some((Source::Light(0), [4.0; 3])));
-    assert_eq!(source(Ray { origin: [0.0, 5.0, 0.0], ..up }, None), Some((Source::Light(1), [0.0; 3])));
+    assert_eq!(source(above, None), Some((LightId::Light(0), [4.0; 3])));
+    assert_eq!(source(Ray { origin: [0.0, 5.0, 0.0], ..up }, None), Some((LightId::Light(1), [0.0; 3])));
     let down = Ray::new([0.0, 20.0, 0.0], [0.0, -0.5, 0.0]);
-    assert_eq!(source(down, None), Some((Source::Light(0), [0.0; 3])));
+    assert_eq!(source(down, None), Some((LightId::Light(0), [0.0; 3])));
     // The rim belongs to the disc, its plane does not.
-    assert_eq!(source(Ray { origin: [2.0, 8.0, 0.0], ..up }, None), Some((Source::Light(0), [4.0; 3])));
-    assert_eq!(source(Ray { origin: [2.000_001, 8.0, 0.0], ..up }, None), Some((Source::Environment, [0.0; 3])));
-    assert_eq!(source(Ray::new([-5.0, 9.0, 0.0], [1.0, 0.0, 0.0]), None), Some((Source::Environment, [0.0; 3])));
+    assert_eq!(source(Ray { origin: [2.0, 8.0, 0.0], ..up }, None), Some((LightId::Light(0), [4.0; 3])));
+    assert_eq!(source(Ray { origin: [2.000_001, 8.0, 0.0], ..up }, None), Some((LightId::Environment, [0.0; 3])));
+    assert_eq!(source(Ray::new([-5.0, 9.0, 0.0], [1.0, 0.0, 0.0]), None), Some((LightId::Environment, [0.0; 3])));
 }
 
 #[test]
 fn bodies_stand_in_the_light_of_others_and_not_in_their_own() {
     let scene = lit_by(vec![DISC, SPHERE]);
     let (lights, tracer) = (Lights::new(&scene), BruteForce::new(&scene));
-    let is_clear = |ray: Ray, to| lights.is_clear(&ray, to, &tracer, &mut ());
+    let is_unoccluded = |ray: Ray, to| lights.is_unoccluded(&ray, to, &tracer, &mut ());
     let up = Ray { t_max: 8.8, ..Ray::new([0.0, 0.1, 0.0], [0.0, 1.0, 0.0]) };
-    assert!(!is_clear(up, Source::Light(0)) && is_clear(up, Source::Light(1)));
-    assert!(!is_clear(Ray { origin: [0.0, -0.1, 0.0], ..up }, Source::Light(1)), "the floor");
-    assert!(!is_clear(Ray { t_max: f32::INFINITY, ..up }, Source::Environment));
-    assert!(is_clear(Ray { origin: [1.5, 0.1, 0.0], ..up }, Source::Light(0)));
+    assert!(!is_unoccluded(up, LightId::Light(0)) && is_unoccluded(up, LightId::Light(1)));
+    assert!(!is_unoccluded(Ray { origin: [0.0, -0.1, 0.0], ..up }, LightId::Light(1)), "the floor");
+    assert!(!is_unoccluded(Ray { t_max: f32::INFINITY, ..up }, LightId::Environment));
+    assert!(is_unoccluded(Ray { origin: [1.5, 0.1, 0.0], ..up }, LightId::Light(0)));
 }
 
 /// Cameras see bodies, and their light is counted once: more bounces off a single plane bring nothing.

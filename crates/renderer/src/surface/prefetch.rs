@@ -16,7 +16,7 @@ impl Surfaces<'_> {
     /// depend on each other: a processor that executes out of order waits for many of them at once, where a whole surface
     /// would keep it waiting for one place after another. Texels are read where lookups are at full size; smaller copies
     /// mostly are in caches.
-    pub(crate) fn warm<'h>(&self, hits: impl Iterator<Item = &'h Hit>) {
+    pub(crate) fn prefetch<'h>(&self, hits: impl Iterator<Item = &'h Hit>) {
         let met: Vec<(Corners, u32)> = hits.map(|hit| (self.corners(hit), hit.primitive.0)).collect();
         for (corners, _) in &met {
             corners.read();

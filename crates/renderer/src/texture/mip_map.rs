@@ -18,7 +18,7 @@ static FRACTION: LazyLock<[f32; 256]> = LazyLock::new(|| {
 /// count by their part in it. So the mean of a texture is that of all its levels, but for the last rounding to 8 bits, which
 /// is not handed on. Of a texture that alpha cuts out, colours are weighed by alpha: what is cut out has no colour to lend.
 #[derive(Clone, Debug)]
-pub(crate) struct Pyramid<'a> {
+pub(crate) struct MipMap<'a> {
     texture: &'a Texture,
     /// Meaning of the bytes of red, green and blue.
     pub(super) colors: &'static [f32; 256],
@@ -41,7 +41,7 @@ pub(crate) struct Image<'a> {
     pub(crate) texels: &'a [[u8; 4]],
 }
 
-impl<'a> Pyramid<'a> {
+impl<'a> MipMap<'a> {
     /// A texture without copies.
     pub(super) fn flat(texture: &'a Texture) -> Self {
         let colors = match texture.encoding {
@@ -53,24 +53,24 @@ impl<'a> Pyramid<'a> {
 
     /// A texture with all its copies; `uses_alpha` where alpha says which of its texels are seen.
     pub(super) fn new(texture: &'a Texture, uses_alpha: bool) -> Self {
-        let mut pyramid = Self::flat(texture);
+        let mut mip_map = Self::flat(texture);
         if texture.texels.is_empty() {
-            return pyramid;
+            return mip_map;
         }
         let mut size = [texture.width, texture.height];
         let mut means: Vec<[f32; 4]> = Vec::new();
         while size != [1, 1] {
             let (from, halved) = (size, size.map(|n| (n / 2).max(1)));
             means = if means.is_empty() {
-                reduced(from, halved, uses_alpha, |i| pyramid.decoded(texture.texels[i]))
+                reduced(from, halved, uses_alpha, |i| mip_map.decoded(texture.texels[i]))
             } else {
                 reduced(from, halved, uses_alpha, |i| means[i])
             };
             size = halved;
-            let texels = means.par_iter().with_min_len(1024).map(|&mean| pyramid.encoded(mean)).collect();
-            pyramid.reduced.push(Reduced { size, texels });
+            let texels = means.par_iter().with_min_len(1024).map(|&mean| mip_map.encoded(mean)).collect();
+            mip_map.reduced.push(Reduced { size, texels });
         }
-        pyramid
+        mip_map
     }
 
     /// Number of levels, that of the texture included.
@@ -173,34 +173,34 @@ mod tests {
         i.wrapping_mul(2_654_435_761).rotate_left(i % 32).to_le_bytes()
     }
 
-    fn mean(pyramid: &Pyramid, level: usize) -> [f64; 4] {
-        let image = pyramid.level(level);
+    fn mean(mip_map: &MipMap, level: usize) -> [f64; 4] {
+        let image = mip_map.level(level);
         let sum = image
             .texels
             .iter()
-            .map(|&texel| pyramid.decoded(texel))
+            .map(|&texel| mip_map.decoded(texel))
             .fold([0.0; 4], |sum: [f64; 4], texel| std::array::from_fn(|k| sum[k] + f64::from(texel[k])));
         sum.map(|x| x / image.texels.len() as f64)
     }
 
     /// The first level whose mean is not that of the texture but for half a byte: at the steep end of the sRGB curve, whose
     /// slope is 2.4 / 1.055, that is the most. Sums of `f32` round by far less than the millionth.
-    fn loses_light(pyramid: &Pyramid) -> Option<usize> {
+    fn loses_light(mip_map: &MipMap) -> Option<usize> {
         const HALF_BYTE: f64 = 0.5 / 255.0 * 2.4 / 1.055 + 1e-6;
-        let all = mean(pyramid, 0);
-        (1..pyramid.n_levels()).find(|&level| (0..4).any(|k| (mean(pyramid, level)[k] - all[k]).abs() > HALF_BYTE))
+        let all = mean(mip_map, 0);
+        (1..mip_map.n_levels()).find(|&level| (0..4).any(|k| (mean(mip_map, level)[k] - all[k]).abs() > HALF_BYTE))
     }
 
     #[test]
     fn known_images_are_halved_in_linear_light() {
         let checker = |i: u32| if (i / 2 + i).is_multiple_of(2) { [0, 0, 0, 255] } else { [255; 4] };
-        let half = |encoding| Pyramid::new(&texture(2, 2, encoding, checker), false).level(1).texels.to_vec();
+        let half = |encoding| MipMap::new(&texture(2, 2, encoding, checker), false).level(1).texels.to_vec();
         // Half of the light is byte 188 of the sRGB curve.
         assert_eq!(half(Encoding::Srgb), [[188, 188, 188, 255]]);
         assert_eq!(half(Encoding::Linear), [[128, 128, 128, 255]]);
         // Five columns become two of two and a half: the middle one is shared.
         let row = texture(5, 1, Encoding::Linear, |i| [[10, 20, 30, 60, 120][i as usize]; 4]);
-        assert_eq!(Pyramid::new(&row, false).level(1).texels, [[18; 4], [78; 4]]);
+        assert_eq!(MipMap::new(&row, false).level(1).texels, [[18; 4], [78; 4]]);
     }
 
     #[test]
@@ -208,9 +208,9 @@ mod tests {
         for [width, height] in [[64, 64], [1, 1], [1, 37], [29, 1], [31, 17], [100, 3], [5, 6]] {
             for encoding in [Encoding::Srgb, Encoding::Linear] {
                 let texture = texture(width, height, encoding, noise);
-                let pyramid = Pyramid::new(&texture, false);
-                assert_eq!(pyramid.level(pyramid.n_levels() - 1).size, [1, 1]);
-                assert_eq!(loses_light(&pyramid), None, "{width} x {height} {encoding:?}");
+                let mip_map = MipMap::new(&texture, false);
+                assert_eq!(mip_map.level(mip_map.n_levels() - 1).size, [1, 1]);
+                assert_eq!(loses_light(&mip_map), None, "{width} x {height} {encoding:?}");
             }
         }
     }
@@ -218,18 +218,18 @@ mod tests {
     #[test]
     fn the_check_sees_a_level_that_is_too_bright() {
         let texture = texture(16, 16, Encoding::Linear, noise);
-        let mut pyramid = Pyramid::new(&texture, false);
-        for texel in &mut pyramid.reduced[1].texels {
+        let mut mip_map = MipMap::new(&texture, false);
+        for texel in &mut mip_map.reduced[1].texels {
             texel[0] = texel[0].saturating_add(3);
         }
-        assert_eq!(loses_light(&pyramid), Some(2));
+        assert_eq!(loses_light(&mip_map), Some(2));
     }
 
     #[test]
     fn what_is_cut_out_lends_no_colour() {
         let leaf = texture(2, 1, Encoding::Srgb, |i| if i == 0 { [200, 10, 0, 255] } else { [0, 255, 255, 0] });
-        assert_eq!(Pyramid::new(&leaf, true).level(1).texels, [[200, 10, 0, 128]]);
+        assert_eq!(MipMap::new(&leaf, true).level(1).texels, [[200, 10, 0, 128]]);
         let clear = texture(2, 1, Encoding::Linear, |i| if i == 0 { [200, 10, 0, 0] } else { [100, 20, 0, 0] });
-        assert_eq!(Pyramid::new(&clear, true).level(1).texels, [[150, 15, 0, 0]]);
+        assert_eq!(MipMap::new(&clear, true).level(1).texels, [[150, 15, 0, 0]]);
     }
 }

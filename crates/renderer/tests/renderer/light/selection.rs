@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use canted_renderer::{Pattern, Sampler, Source, Surface};
+use canted_renderer::{LightId, Pattern, Sampler, Surface};
 use canted_scene::{Light, Material, Scene};
 
 use super::irradiance::lambert;
@@ -123,7 +123,7 @@ fn the_triangle_says_which_lights_count() {
     with_sampler(&scene, |sampler| {
         let chosen = |transmits: bool, light: u32| {
             let samples = numbers(500).filter_map(|(choice, square)| sampler.sample(&bent, transmits, choice, square));
-            samples.filter(|sample| sample.source == Source::Light(light)).count()
+            samples.filter(|sample| sample.source == LightId::Light(light)).count()
         };
         assert_eq!(chosen(false, 0), 500);
         assert!(chosen(true, 0) > 0 && chosen(true, 1) > 0);

@@ -4,10 +4,10 @@
 // use shared/turns
 
 /// Whether a body but the light `except` stands along a ray.
-fn hides(ray: Ray, except: u32) -> bool {
+fn shape_light_occludes(ray: Ray, except: u32) -> bool {
     turns += arrayLength(&lights);
     for (var number = 0u; number < arrayLength(&lights); number++) {
-        if number != except && crossed(lights[number], ray).t <= ray.t_max {
+        if number != except && shape_light_crossing(lights[number], ray).t <= ray.t_max {
             return true;
         }
     }
@@ -15,29 +15,29 @@ fn hides(ray: Ray, except: u32) -> bool {
 }
 
 /// The light of the nearest body along a ray; of equals the one that comes first in the list.
-struct BodyMet {
-    is_body: bool,
+struct ShapeLightHit {
+    is_hit: bool,
     /// Of the list.
     number: u32,
     radiance: vec3<f32>,
     t: f32,
 }
 
-fn meet_body(ray: Ray) -> BodyMet {
+fn intersect_shape_lights(ray: Ray) -> ShapeLightHit {
     turns += arrayLength(&lights);
-    var met = BodyMet(false, 0u, vec3(0.0), ray.t_max);
+    var met = ShapeLightHit(false, 0u, vec3(0.0), ray.t_max);
     for (var number = 0u; number < arrayLength(&lights); number++) {
-        let crossing = crossed(lights[number], ray);
-        if crossing.t < met.t || (crossing.t == met.t && !met.is_body) {
-            met = BodyMet(true, number, select(vec3(0.0), lights[number].color, crossing.shines), crossing.t);
+        let crossing = shape_light_crossing(lights[number], ray);
+        if crossing.t < met.t || (crossing.t == met.t && !met.is_hit) {
+            met = ShapeLightHit(true, number, select(vec3(0.0), lights[number].color, crossing.shines), crossing.t);
         }
     }
     return met;
 }
 
 /// Unit normal of a body at a point of it.
-fn body_normal(number: u32, point: vec3<f32>) -> vec3<f32> {
-    if lights[number].kind == DISC {
+fn shape_light_normal(number: u32, point: vec3<f32>) -> vec3<f32> {
+    if lights[number].kind == DISK {
         return lights[number].direction;
     }
     return normalize(point - lights[number].place);
@@ -52,17 +52,17 @@ struct Crossing {
 
 const NO_CROSSING: f32 = 3.2e38;
 
-fn crossed(light: ListLight, ray: Ray) -> Crossing {
+fn shape_light_crossing(light: ListLight, ray: Ray) -> Crossing {
     switch light.kind {
-        case BALL: { return ball_crossed(light, ray); }
-        case DISC: { return disc_crossed(light, ray); }
+        case SPHERE: { return sphere_crossing(light, ray); }
+        case DISK: { return disk_crossing(light, ray); }
         default: { return Crossing(NO_CROSSING, false); }
     }
 }
 
 /// The discriminant comes from the vector from the centre to the line, at right angles to it, so small and far balls lose few
 /// digits (Haines et al. 2019).
-fn ball_crossed(light: ListLight, ray: Ray) -> Crossing {
+fn sphere_crossing(light: ListLight, ray: Ray) -> Crossing {
     let from_center = ray.origin - light.place;
     let d_squared = dot(ray.direction, ray.direction);
     let closest = -dot(from_center, ray.direction) / max(d_squared, LEAST_SQUARE);
@@ -82,7 +82,7 @@ fn ball_crossed(light: ListLight, ray: Ray) -> Crossing {
 }
 
 /// Rim included; rays in its plane pass by.
-fn disc_crossed(light: ListLight, ray: Ray) -> Crossing {
+fn disk_crossing(light: ListLight, ray: Ray) -> Crossing {
     let slope = dot(ray.direction, light.direction);
     let height = dot(light.place - ray.origin, light.direction);
     // As quotients of absolute values, which stay in range.

@@ -1,4 +1,4 @@
-// Light of the list on its way to a point, if nothing stands between; twin of crates/renderer/src/light/arrival.rs.
+// Light of the list on its way to a point, if nothing stands between; twin of crates/renderer/src/light/incoming.rs.
 //
 // All in f32: what is found has a relative error of some units in the last place of the greatest coordinate over the
 // distance, as its input has. Near a ball the cone's height changes with the square root of the distance to it, so
@@ -9,45 +9,45 @@
 // use shared/light/list
 
 /// Nothing arrives.
-const DARK: u32 = 0u;
+const NO_LIGHT: u32 = 0u;
 /// A shadow ray ends at `place`.
-const NEAR: u32 = 1u;
+const FINITE: u32 = 1u;
 /// A shadow ray goes along `to_light` without end.
-const ENDLESS: u32 = 2u;
+const INFINITE: u32 = 2u;
 
 /// Light that would arrive at a point.
-struct Arrival {
+struct IncomingLight {
     /// Unit vector.
     to_light: vec3<f32>,
     /// With which `to_light` was found, per steradian; 0 for a light without extent.
     density: f32,
     /// Radiance over density; of a light without extent the irradiance on what faces it.
     radiance: vec3<f32>,
-    /// `DARK`, `NEAR` or `ENDLESS`.
+    /// `NO_LIGHT`, `FINITE` or `INFINITE`.
     reach: u32,
     /// The point of the light, where it is near.
     place: vec3<f32>,
 }
 
-fn no_arrival() -> Arrival {
-    return Arrival(vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0), DARK, vec3(0.0));
+fn no_incoming_light() -> IncomingLight {
+    return IncomingLight(vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0), NO_LIGHT, vec3(0.0));
 }
 
 /// What comes from a light of the list to a point; `square` is used by lights that have an extent.
-fn arrival_of(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> Arrival {
+fn incoming_light(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> IncomingLight {
     switch light.kind {
-        case SUN: { return Arrival(-light.direction, 0.0, bounded(light.color), ENDLESS, vec3(0.0)); }
-        case BALL: { return ball_arrival(light, at, square); }
-        case DISC: { return disc_arrival(light, at, square); }
-        default: { return point_arrival(light, at); }
+        case SUN: { return IncomingLight(-light.direction, 0.0, bounded(light.color), INFINITE, vec3(0.0)); }
+        case SPHERE: { return incoming_from_sphere(light, at, square); }
+        case DISK: { return incoming_from_disk(light, at, square); }
+        default: { return incoming_from_point(light, at); }
     }
 }
 
-fn point_arrival(light: ListLight, at: vec3<f32>) -> Arrival {
+fn incoming_from_point(light: ListLight, at: vec3<f32>) -> IncomingLight {
     let way = light.place - at;
     let distance_squared = dot(way, way);
     if distance_squared < LEAST_SQUARE {
-        return no_arrival();
+        return no_incoming_light();
     }
     let to_light = way / sqrt(distance_squared);
     var share = 1.0;
@@ -56,9 +56,9 @@ fn point_arrival(light: ListLight, at: vec3<f32>) -> Arrival {
     }
     let factor = quotient(share, distance_squared);
     if factor <= 0.0 {
-        return no_arrival();
+        return no_incoming_light();
     }
-    return Arrival(to_light, 0.0, bounded(light.color * factor), NEAR, light.place);
+    return IncomingLight(to_light, 0.0, bounded(light.color * factor), FINITE, light.place);
 }
 
 /// Share of a spot's intensity at a cosine to its axis; a cone without a soft edge is cut.
@@ -85,12 +85,12 @@ fn cap_height(radius: f32, distance: f32) -> f32 {
 }
 
 /// A direction into the cone in which the point sees the ball, uniform over the solid angle.
-fn ball_arrival(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> Arrival {
+fn incoming_from_sphere(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> IncomingLight {
     let way = light.place - at;
     let distance = length(way);
     let height = cap_height(light.extent, distance);
     if height <= 0.0 {
-        return no_arrival();
+        return no_incoming_light();
     }
     let below = square.x * height;
     let cosine = 1.0 - below;
@@ -102,28 +102,28 @@ fn ball_arrival(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> Arrival {
     let to_light = basis_about(way / distance) * vec3(sine * circle(square.y), cosine);
     let place = at + to_light * (distance * cosine - half_chord);
     let solid_angle = TAU * height;
-    return Arrival(to_light, quotient(1.0, solid_angle), bounded(light.color * solid_angle), NEAR, place);
+    return IncomingLight(to_light, quotient(1.0, solid_angle), bounded(light.color * solid_angle), FINITE, place);
 }
 
-/// Density of `ball_arrival` in all directions that meet the ball; 0 from inside.
-fn ball_density(light: ListLight, at: vec3<f32>) -> f32 {
+/// Density of `incoming_from_sphere` in all directions that meet the ball; 0 from inside.
+fn sphere_density(light: ListLight, at: vec3<f32>) -> f32 {
     let height = cap_height(light.extent, length(light.place - at));
     return select(0.0, quotient(1.0, TAU * height), height > 0.0);
 }
 
 /// A uniform point of a disc; nothing from behind, where it is dark.
-fn disc_arrival(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> Arrival {
-    let place = light.place + basis_about(light.direction) * vec3(light.extent * uniform_disc(square), 0.0);
+fn incoming_from_disk(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> IncomingLight {
+    let place = light.place + basis_about(light.direction) * vec3(light.extent * uniform_disk(square), 0.0);
     let way = place - at;
     let density = area_density(way, light.direction, PI * light.extent * light.extent);
     if density <= 0.0 || dot(way, light.direction) >= 0.0 {
-        return no_arrival();
+        return no_incoming_light();
     }
-    return Arrival(normalize(way), density, bounded(light.color * quotient(1.0, density)), NEAR, place);
+    return IncomingLight(normalize(way), density, bounded(light.color * quotient(1.0, density)), FINITE, place);
 }
 
-/// Density of `disc_arrival` in a unit direction that meets the disc; 0 from behind.
-fn disc_density(light: ListLight, at: vec3<f32>, direction: vec3<f32>) -> f32 {
+/// Density of `incoming_from_disk` in a unit direction that meets the disc; 0 from behind.
+fn disk_density(light: ListLight, at: vec3<f32>, direction: vec3<f32>) -> f32 {
     if dot(direction, light.direction) >= 0.0 {
         return 0.0;
     }

@@ -2,7 +2,7 @@
 // use shared/sampling
 
 fn through_lens(line: Ray, one: PixelSample) -> Ray {
-    let point = picture.lens_radius * uniform_disc(square(one, LENS));
+    let point = picture.lens_radius * uniform_disk(square(one, LENS));
     // Steps of a pixel are perpendicular to each other and of one length.
     let shift = (point.x / picture.pixel) * picture.right + (point.y / picture.pixel) * picture.down;
     // The direction has length one; along the view it gets on by its cosine.

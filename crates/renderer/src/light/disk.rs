@@ -2,26 +2,26 @@ use std::f64::consts::PI;
 
 use canted_trace::Ray;
 
-use super::arrival::tangents;
-use crate::sampling::uniform_disc;
+use super::incoming::tangents;
+use crate::sampling::uniform_disk;
 use crate::vector::{Vector, add, dot, scale, sub, wide};
 
 /// A disc that shines to the side of its normal, world space.
 #[derive(Clone, Copy)]
-pub(super) struct Disc {
+pub(super) struct DiskLight {
     center: Vector,
     normal: Vector,
     radius: f64,
 }
 
-impl Disc {
+impl DiskLight {
     pub(super) fn new(center: [f32; 3], normal: [f32; 3], radius: f32) -> Self {
         Self { center: wide(center), normal: wide(normal), radius: radius.into() }
     }
 
     /// A uniform point of it and its density per steradian about `from`; `None` from behind, where it is dark.
     pub(super) fn sample(&self, from: Vector, square: [f32; 2]) -> Option<(Vector, f64)> {
-        let [x, y] = wide2(uniform_disc(square));
+        let [x, y] = wide2(uniform_disk(square));
         let [t, b] = tangents(self.normal);
         let target = add(self.center, add(scale(t, self.radius * x), scale(b, self.radius * y)));
         let way = sub(target, from);

@@ -4,7 +4,7 @@ use canted_scene::Light;
 
 use super::super::lights::ListLight;
 use super::{U, answers, are_near, direction, gpu, number, same_layout};
-use crate::light::Arrival;
+use crate::light::IncomingLight;
 use crate::vector::{Vector, add, dot, length, scale, sub, wide};
 use crate::{Bsdf, Cone, Surface};
 
@@ -74,11 +74,11 @@ fn surface(position: [f32; 3]) -> Surface {
         bsdf: Bsdf::lambert([0.5; 3]),
         emission: [0.0; 3],
         offset: 0.0,
-        cone: Cone::LINE,
+        cone: Cone::ZERO,
     }
 }
 
-/// Units in which errors of an arrival are counted, as a factor of `U`.
+/// Units in which errors of an incoming are counted, as a factor of `U`.
 ///
 /// The ways between points in f32 have one rounding an axis, and every formula from there is a chain of fewer than 32
 /// roundings and quotients, but for two: the cone of a ball, whose height has the error of its sine times the tangent,
@@ -106,7 +106,7 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
     for (query, answer) in queries.iter().zip(answers) {
         let light = &lights[query.light as usize];
         let surface = surface(query.at);
-        let expected = Arrival::of(light, &surface, || query.square);
+        let expected = IncomingLight::of(light, &surface, || query.square);
         let fail = |what: &str| Err(format!("{what}: {light:?} from {:?}: {answer:?}", query.at));
         let Some(expected) = expected else {
             if answer.reach != 0 {
@@ -173,7 +173,7 @@ fn light_arrives_as_on_the_cpu() {
     let packed = gpu.buffer("lights", &packed).unwrap();
     let queries = queries(&lights);
     let mut answers: Vec<Answer> =
-        answers(&gpu, "check/arrival", &Specialisation::none(), &queries, &[("lights", &packed)]);
+        answers(&gpu, "check/incoming", &Specialisation::none(), &queries, &[("lights", &packed)]);
     let [n_compared, n_at_edges] = compare(&lights, &queries, &answers).unwrap();
     assert!(n_compared > 1500 && n_at_edges < 10, "{n_compared} {n_at_edges}");
 
@@ -191,10 +191,10 @@ fn narrowed(v: Vector) -> [f32; 3] {
 #[test]
 fn layouts_are_the_kernels() {
     same_layout!(
-        "check/arrival",
+        "check/incoming",
         &Specialisation::none(),
         "ListLight",
         ListLight { place, kind, direction, extent, color, cos_outer }
     );
-    same_layout!("check/arrival", &Specialisation::none(), "Query", Query { at, light, square });
+    same_layout!("check/incoming", &Specialisation::none(), "Query", Query { at, light, square });
 }

@@ -11,7 +11,7 @@ pub(super) struct Receiver {
 
 /// What a cluster of lights might do to a point, in the form that is asked for it: a ball, and the cone by its cosines.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Glow {
+pub(super) struct LightBounds {
     pub(super) middle: Vector,
     pub(super) radius: f64,
     pub(super) axis: Vector,
@@ -26,7 +26,7 @@ pub(super) struct Glow {
 /// Far enough below the greatest number that two of them add up.
 const GREATEST_IMPORTANCE: f64 = 1e300;
 
-impl Glow {
+impl LightBounds {
     pub(super) fn new(cluster: &Cluster) -> Self {
         let Cluster { cone, intensity, .. } = *cluster;
         let (sin, cos) = cone.spread_rad.sin_cos();
