@@ -52,6 +52,13 @@ pub enum InstanceError {
         /// Number of instances.
         n_instances: usize,
     },
+    /// There is no bottom-level BVH of this index.
+    UnknownBlas {
+        /// The index.
+        blas: u32,
+        /// Number of bottom-level BVHs.
+        n_blas: usize,
+    },
 }
 
 impl fmt::Display for InstanceError {
@@ -80,6 +87,9 @@ impl fmt::Display for InstanceError {
             }
             Self::TooMany { n_instances } => {
                 write!(f, "a top-level BVH cannot index {n_instances} instances")
+            }
+            Self::UnknownBlas { blas, n_blas } => {
+                write!(f, "there is no bottom-level BVH {blas}: the TLAS has {n_blas}")
             }
             Self::NoSuchInstance { instance, n_instances } => {
                 write!(f, "there is no instance {instance}: the TLAS has {n_instances} instances")

@@ -92,8 +92,7 @@ impl Placement {
         if !bounds_world.aabb().is_finite() {
             return Err(InstanceError::OutOfRange { instance: index });
         }
-        let placement =
-            Self { blas: instance.blas, mask: instance.mask, object_from_world: inverse, motion, error };
+        let placement = Self { blas: instance.blas, mask: instance.mask, object_from_world: inverse, motion, error };
         Ok((placement, bounds_world))
     }
 

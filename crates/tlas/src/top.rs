@@ -1,12 +1,14 @@
 mod binary;
+mod wide;
 
 use canted_lbvh::{self as lbvh, VolumeConfig};
-use canted_obb::{Aabb, Obb, PrimId};
+use canted_obb::{Aabb, Obb};
 use canted_trace::{InstanceId, Query, ScaledRay};
-use canted_wide::{BoxTree, Config, MAX_PRIMITIVES, SimdPath};
+use canted_wide::{Config, MAX_PRIMITIVES, SimdPath};
 
 use crate::InstanceError;
 use binary::BinaryTop;
+use wide::WideTop;
 
 /// How the top-level BVH is built.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +38,7 @@ impl TopConfig {
 /// The top-level BVH.
 #[derive(Clone, Debug)]
 pub(crate) enum Top {
-    Wide(BoxTree),
+    Wide(WideTop),
     Binary(BinaryTop),
 }
 
@@ -45,7 +47,7 @@ impl Top {
     pub(crate) fn build(instances: &[Obb], config: &TopConfig, path: SimdPath) -> Result<Self, InstanceError> {
         let boxes = aabbs(instances);
         Ok(match config {
-            TopConfig::Wide(config) => Self::Wide(BoxTree::build(&boxes, config)?.with_path(path)),
+            TopConfig::Wide(config) => Self::Wide(WideTop::build(&boxes, *config, path)?),
             TopConfig::Binary(config) => Self::Binary(BinaryTop::build(instances, &boxes, *config)),
         })
     }
@@ -53,7 +55,7 @@ impl Top {
     /// The same BVH traced on another path, if it is wide.
     pub(crate) fn with_path(self, path: SimdPath) -> Self {
         match self {
-            Self::Wide(bvh) => Self::Wide(bvh.with_path(path)),
+            Self::Wide(top) => Self::Wide(top.with_path(path)),
             binary @ Self::Binary(_) => binary,
         }
     }
@@ -61,15 +63,32 @@ impl Top {
     /// Box around all instances; empty for none.
     pub(crate) fn aabb(&self) -> Aabb {
         match self {
-            Self::Wide(bvh) => bvh.aabb(),
+            Self::Wide(top) => top.aabb(),
             Self::Binary(top) => top.aabb(),
         }
     }
 
     pub(crate) fn n_bytes(&self) -> usize {
         match self {
-            Self::Wide(bvh) => bvh.n_bytes(),
+            Self::Wide(top) => top.n_bytes(),
             Self::Binary(top) => top.n_bytes(),
+        }
+    }
+
+    /// New boxes for the same instances, in the same topology.
+    pub(crate) fn refit(&mut self, instances: &[Obb]) {
+        let boxes = aabbs(instances);
+        match self {
+            Self::Wide(top) => top.refit(&boxes),
+            Self::Binary(top) => top.refit(instances, &boxes),
+        }
+    }
+
+    /// How many times the predicted traversal cost has grown since the build.
+    pub(crate) fn drift(&self) -> f32 {
+        match self {
+            Self::Wide(top) => top.drift(),
+            Self::Binary(top) => top.drift(),
         }
     }
 
@@ -86,7 +105,7 @@ impl Top {
         enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         match self {
-            Self::Wide(bvh) => bvh.traverse_ordered(ray, error, query, by_primitive(enter)),
+            Self::Wide(top) => top.traverse_ordered(ray, error, query, enter),
             Self::Binary(top) => top.traverse_ordered(ray, error, query, enter),
         }
     }
@@ -101,7 +120,7 @@ impl Top {
         enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         match self {
-            Self::Wide(bvh) => bvh.traverse_any(ray, error, query, by_primitive(enter)),
+            Self::Wide(top) => top.traverse_any(ray, error, query, enter),
             Self::Binary(top) => top.traverse_any(ray, error, query, enter),
         }
     }
@@ -109,9 +128,4 @@ impl Top {
 
 fn aabbs(instances: &[Obb]) -> Vec<Aabb> {
     instances.iter().map(Obb::aabb).collect()
-}
-
-/// The boxes of a wide top level have the numbers of the instances.
-fn by_primitive<Q>(mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32) -> impl FnMut(PrimId, f32, &mut Q) -> f32 {
-    move |PrimId(number), t_max, query| enter(InstanceId(number), t_max, query)
 }

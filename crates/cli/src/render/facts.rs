@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use anyhow::Result;
+use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{Film, Level, Prepared, Settings, Structure};
+use canted_renderer::{Level, Prepared, Settings, Structure};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};
@@ -82,7 +83,7 @@ fn volumes_of<K: LaneKernel>(levels: &[Level<K>]) -> String {
         }
     }
     let n: usize = nodes.iter().sum();
-    let leaning = n - nodes[NodeKind::Box as usize];
+    let leaning = n - nodes[NodeKind::Aligned as usize];
     let words = match (levels.len(), n) {
         (0, _) => return "none".to_owned(),
         (_, 0) => "wide, leaves only".to_owned(),

@@ -40,11 +40,12 @@ impl BinaryTop {
         (self.bvh, self.now) = lay_out(&self.tree, instances, &bounds, &self.config);
     }
 
-    /// How many times the predicted cost has grown since the build, at least by one of both predictions.
-    pub(crate) fn drift(&self) -> f64 {
+    /// How many times the predicted cost has grown since the build: the greater growth of both predictions.
+    #[expect(clippy::cast_possible_truncation, reason = "a prediction")]
+    pub(crate) fn drift(&self) -> f32 {
         let growth = |now: f64, built: f64| if built > 0.0 { now / built } else { 1.0 };
         let (now, built) = (self.now, self.built);
-        growth(now.per_ray, built.per_ray).max(growth(now.per_instance, built.per_instance))
+        growth(now.per_ray, built.per_ray).max(growth(now.per_instance, built.per_instance)) as f32
     }
 
     /// Box around all instances; empty for none.
