@@ -18,7 +18,7 @@ use super::slices::Slicer;
 use super::stages::{Light, Stages};
 use crate::render::{Rendering, in_place};
 use crate::structure::instances;
-use crate::{Integrator, Level, Lights, Monitor, Pattern, RenderError, Settings, Structure, Surfaces};
+use crate::{Bvh, Integrator, Lights, Monitor, Pattern, RenderError, Settings, Structure, Surfaces};
 
 /// Most samples of a pixel whose strata kernels count in 32 bits.
 const MOST_STRATIFIED: u32 = 1 << 20;
@@ -183,14 +183,14 @@ pub fn traced_scene<K: LaneKernel>(
     scene: &Scene,
     structure: &Structure<K>,
 ) -> Result<TracedScene, DeviceError> {
-    fn wide<K: LaneKernel>(level: &Level<K>) -> Result<&TriangleBvh<K>, DeviceError> {
-        match level {
-            Level::Wide(wide) => Ok(wide),
-            Level::Binary(..) => Err(DeviceError::Unknown { what: "binary trees, which --volumes by name makes" }),
+    fn wide<K: LaneKernel>(bvh: &Bvh<K>) -> Result<&TriangleBvh<K>, DeviceError> {
+        match bvh {
+            Bvh::Wide(wide) => Ok(wide),
+            Bvh::Binary(..) => Err(DeviceError::Unknown { what: "binary trees, which --volumes by name makes" }),
         }
     }
     Ok(match structure {
-        Structure::One(flat) => TracedScene::single_level(gpu, wide(flat.blas())?, flat.first())?,
+        Structure::One(flat) => TracedScene::single_level(gpu, wide(flat.bvh())?, flat.first())?,
         Structure::Two(tlas) => {
             let meshes = tlas.blas().iter().map(wide).collect::<Result<Vec<_>, _>>()?;
             TracedScene::two_level(gpu, &meshes, &instances(scene))?
