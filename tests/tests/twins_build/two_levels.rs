@@ -123,7 +123,7 @@ fn instances_that_move_change_the_top_level_alone() {
 
     let nowhere = [Instance::new(0, Affine::IDENTITY), Instance::new(7, Affine::IDENTITY)];
     let error = levels.place(&mut run, &nowhere).unwrap_err().to_string();
-    assert!(error.contains("instance 1 names bottom level 7"), "{error}");
+    assert!(error.contains("instance 1 refers to bottom-level BVH 7"), "{error}");
     let mut endless = Instance::new(0, Affine::IDENTITY);
     endless.world_from_object.columns[3][1] = f32::INFINITY;
     let error = levels.place(&mut run, &[endless]).unwrap_err().to_string();
