@@ -41,7 +41,6 @@ mod segment;
 mod slab;
 mod sphere;
 mod triangle;
-mod vector;
 
 #[cfg(test)]
 mod tests;
