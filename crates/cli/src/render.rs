@@ -16,7 +16,8 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Film, Measure, Picture, Record, Surfaces, heatmap, write_exr, write_film, write_png};
+use canted_film::{Film, Picture, Record, write_exr, write_film, write_png};
+use canted_renderer::{Measure, Surfaces, heatmap};
 use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::json;
@@ -177,6 +178,6 @@ fn trace<K: LaneKernel>(
     };
     facts.push(("trace_seconds", json!(start.elapsed().as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
-    facts.push(("left_out", left_out::json(&prepared.left_out, args.heatmap.is_some())));
+    facts.push(("left_out", left_out::json(&prepared.unused, args.heatmap.is_some())));
     Ok(Run { made, facts, keeper })
 }

@@ -6,7 +6,7 @@
 // use shared/sky/image
 // use shared/light/receiver
 // use shared/light/sample
-// use shared/turns
+// use shared/iterations
 
 struct SkyRow {
     /// Share of the rows above.
@@ -33,7 +33,7 @@ fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
     let to_light = sky_direction(across, mix(sky_rows[row].cosine, sky_rows[row + 1u].cosine, down));
     let density = sky_density_at(row, column);
     let radiance = bounded(sky_radiance(to_light) * quotient(1.0, density));
-    return LightSample(Arrival(to_light, density, radiance, ENDLESS, vec3(0.0)), NO_BODY, false);
+    return LightSample(IncomingLight(to_light, density, radiance, INFINITE, vec3(0.0)), NO_SHAPE_LIGHT, false);
 }
 
 /// Density of `sample_sky` in a unit direction.
@@ -67,7 +67,7 @@ fn sky_interval(is_row: bool, start: u32, n: u32, number: f32) -> u32 {
     var first = 1u;
     var last = n;
     loop {
-        turns += 1u;
+        iterations += 1u;
         if first >= last {
             break;
         }

@@ -70,7 +70,7 @@ fn top(
 fn placed(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Option<Obb>, GpuError> {
     let index = number as usize;
     if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
-        return Err(GpuError::Untraceable { what: format!("instance {index}, which moves") });
+        return Err(GpuError::Unsupported { what: format!("instance {index}, which moves") });
     }
     let root = match roots.get(instance.blas as usize) {
         None => Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas }),
@@ -81,7 +81,7 @@ fn placed(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Opt
         Some(placed) if !placed.aabb().is_finite() => Err(InstanceError::OutOfRange { instance: index }),
         placed => Ok(placed),
     });
-    in_range.map_err(|error| GpuError::Untraceable { what: format!("instances as they stand: {error}") })
+    in_range.map_err(|error| GpuError::Unsupported { what: format!("instances as they stand: {error}") })
 }
 
 impl Built {
@@ -100,7 +100,7 @@ impl Built {
         let single = of_count(|n| n == 1);
         let leaves: Vec<Obb> = match &self.items.leaf {
             Leaf::Triangle { corners } => {
-                gpu.read_at(corners, &single)?.into_iter().map(|c| Obb::from_aabb(&Aabb::of_points(c))).collect()
+                gpu.read_at(corners, &single)?.into_iter().map(|c| Obb::from_aabb(&Aabb::from_points(c))).collect()
             }
             Leaf::Box { boxes, .. } => gpu.read_at(boxes, &single)?,
         };

@@ -1,14 +1,14 @@
 //! Triangles and vertices as kernels read them.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{MOST_REACH, MotionPolynomials};
+use canted_gpu::{MAX_COORDINATE, MotionPolynomials};
 use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
 use rayon::prelude::*;
 
 use super::materials::Materials;
 use super::slack;
-use crate::motion::cofactors;
+use crate::placement::cofactors;
 use crate::structure::instances;
 use crate::vector::{Vector, add, cross, length, narrow, scale, sub, unit, wide};
 
@@ -161,7 +161,7 @@ impl Geometry {
             let own = mesh.triangles[part.first_triangle as usize..end].par_iter();
             self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &cofactors, material)));
         }
-        Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
+        Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
     }
 }
 
@@ -200,12 +200,12 @@ fn put<const N: usize>(words: &mut [f32], stride: usize, column: u32, values: &[
 /// What kernels may compute with: finite, and far from overflow. Positions of triangles are, or their scene is refused.
 fn tame(x: f32) -> f32 {
     // So written that what is not a number is zero.
-    if x.abs() <= MOST_REACH {
+    if x.abs() <= MAX_COORDINATE {
         x
     } else if x.is_nan() {
         0.0
     } else {
-        MOST_REACH.copysign(x)
+        MAX_COORDINATE.copysign(x)
     }
 }
 

@@ -2,9 +2,11 @@
 
 use std::sync::atomic::Ordering;
 
-use canted_gpu::{Bound, Buffer, Gpu, Specialisation, TracedScene};
+use canted_film::Sums;
+use canted_film::{Aov, Film, Filter, Tile};
+use canted_gpu::{Buffer, Gpu, NamedBinding, Specialisation, TracedScene};
 use canted_scene::{Camera, Scene};
-use canted_wide::{LaneKernel, Wide};
+use canted_wide::{LaneKernel, TriangleBvh};
 
 use super::DeviceError;
 use super::environment::DeviceSky;
@@ -14,11 +16,9 @@ use super::picture::{self, PackedPicture};
 use super::scene::PackedScene;
 use super::slices::Slicer;
 use super::stages::{Light, Stages};
-use crate::render::{Layout, Rendering, Sums, assembled, in_place};
+use crate::render::{Rendering, in_place};
 use crate::structure::instances;
-use crate::{
-    Aov, Film, Filter, Integrator, Level, Lights, Monitor, Pattern, RenderError, Settings, Structure, Surfaces, Tile,
-};
+use crate::{Bvh, Integrator, Lights, Monitor, Pattern, RenderError, Settings, Structure, Surfaces};
 
 /// Most samples of a pixel whose strata kernels count in 32 bits.
 const MOST_STRATIFIED: u32 = 1 << 20;
@@ -137,8 +137,8 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     /// # Errors
     /// A tile that cannot be of this picture, [`RenderError::Cancelled`], or the loss of the device.
     pub fn render(&self, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, DeviceError> {
-        let layout = Layout::new(self.settings);
-        let mut slots = in_place(&layout, done)?;
+        let tiling = self.settings.tiling();
+        let mut slots = in_place(&tiling, done)?;
         let left: Vec<usize> = (0..slots.len()).filter(|&number| slots[number].is_none()).collect();
         let mut n_done = slots.len() - left.len();
         let slicer = Slicer::new(self.gpu, self.stages.clone())?;
@@ -148,27 +148,27 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             Taker { slicer, bound: self.bound(), settings: self.settings, weight: &weight, on_cpu: &on_cpu };
         let mut left = &left[..];
         while !left.is_empty() {
-            let (now, later) = left.split_at(film::next_run(&taker.slicer, &layout, self.settings, left));
+            let (now, later) = left.split_at(film::next_run(&taker.slicer, &tiling, self.settings, left));
             left = later;
-            let made = film::tiles(&mut taker, &layout, now, &|| monitor.cancel.load(Ordering::Relaxed))?;
+            let made = film::tiles(&mut taker, &tiling, now, &|| monitor.cancel.load(Ordering::Relaxed))?;
             for tile in made.ok_or(RenderError::Cancelled)? {
                 (monitor.finished)(&tile);
                 n_done += 1;
-                (monitor.progress)(n_done, layout.n_tiles());
+                (monitor.progress)(n_done, tiling.n_tiles());
                 let number = tile.number;
                 slots[number] = Some(tile);
             }
         }
         let tiles: Vec<Tile> = slots.into_iter().flatten().collect();
-        Ok(assembled(self.settings, &layout, &tiles))
+        Ok(tiling.film(&tiles))
     }
 
-    pub(super) fn bound(&self) -> Vec<Bound<'_>> {
+    pub(super) fn bound(&self) -> Vec<NamedBinding<'_>> {
         let mut bound = self.packed.bindings();
         bound.extend(self.sky.bindings());
         bound.extend(self.sampled.iter().flat_map(SampledLights::bindings));
         bound.push(("picture", &self.picture));
-        bound.extend(self.filter_table.as_ref().map(|table| -> Bound<'_> { ("filter_table", table) }));
+        bound.extend(self.filter_table.as_ref().map(|table| -> NamedBinding<'_> { ("filter_table", table) }));
         bound.extend(self.traced.bindings());
         bound
     }
@@ -183,17 +183,17 @@ pub fn traced_scene<K: LaneKernel>(
     scene: &Scene,
     structure: &Structure<K>,
 ) -> Result<TracedScene, DeviceError> {
-    fn wide<K: LaneKernel>(level: &Level<K>) -> Result<&Wide<K>, DeviceError> {
-        match level {
-            Level::Wide(wide) => Ok(wide),
-            Level::Binary(..) => Err(DeviceError::Unknown { what: "binary trees, which --volumes by name makes" }),
+    fn wide<K: LaneKernel>(bvh: &Bvh<K>) -> Result<&TriangleBvh<K>, DeviceError> {
+        match bvh {
+            Bvh::Wide(wide) => Ok(wide),
+            Bvh::Binary(..) => Err(DeviceError::Unknown { what: "binary trees, which --volumes by name makes" }),
         }
     }
     Ok(match structure {
-        Structure::One(flat) => TracedScene::one(gpu, wide(flat.blas())?, flat.first())?,
+        Structure::One(flat) => TracedScene::single_level(gpu, wide(flat.bvh())?, flat.first())?,
         Structure::Two(tlas) => {
             let meshes = tlas.blas().iter().map(wide).collect::<Result<Vec<_>, _>>()?;
-            TracedScene::two(gpu, &meshes, &instances(scene))?
+            TracedScene::two_level(gpu, &meshes, &instances(scene))?
         }
     })
 }

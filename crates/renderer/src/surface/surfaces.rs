@@ -7,9 +7,10 @@ use super::lookups::Lookups;
 use super::placed::{Corners, Placed};
 use super::shading_normal::{facing, shading_normal};
 use crate::placement::Placement;
+use crate::query::alpha_threshold;
 use crate::texture::{Plane, Textures, averaged};
 use crate::vector::{Vector, dot, length, scale, unit, wide};
-use crate::{Bsdf, Cone, Lod, mask};
+use crate::{Bsdf, Cone, Lod};
 
 /// The surfaces of a scene: what is looked up for each hit, with what is computed once for each instance and texture.
 #[derive(Clone, Debug)]
@@ -67,7 +68,7 @@ impl<'a> Surfaces<'a> {
     /// The surface at a hit of a world-space ray along `direction`, as the shutter opens, with textures at full size.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {
-        self.at_time(hit, direction, 0.0, Cone::LINE)
+        self.at_time(hit, direction, 0.0, Cone::ZERO)
     }
 
     /// The surface at a hit of a world-space ray along `direction` that flew at `time`: 0 as the shutter opens, 1 as it
@@ -126,7 +127,7 @@ impl<'a> Surfaces<'a> {
     #[must_use]
     pub fn is_present(&self, hit: &Hit, key: u32) -> bool {
         let presence = self.presence(hit);
-        presence >= 1.0 || mask::number(key, hit) < presence
+        presence >= 1.0 || alpha_threshold(key, hit) < presence
     }
 
     /// The share of rays that meet the surface at a hit: alpha where it is blended, else all or none.
@@ -189,5 +190,5 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
 
 /// Greatest absolute coordinate among the vertices that triangles use.
 fn reach(mesh: &Mesh) -> f32 {
-    Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
+    Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
 }
