@@ -9,7 +9,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, anyhow};
-use canted_scene::Description;
+use canted_scene::SceneStats;
 
 use crate::{
     clock::{Seconds, time_all},
@@ -42,11 +42,11 @@ pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
     for name in FILES {
         let Some(path) = models::path(name)? else { continue };
         let (mut ours, mut theirs) = (Vec::new(), Vec::new());
-        let mut counts = Description::default();
+        let mut counts = SceneStats::default();
         // The first round warms the file's cache.
         for round in 0..=rounds {
             let (scene, our_time) = time_all(|| canted_scene::read(&path));
-            counts = Description::of(&scene.map_err(|error| anyhow!("{error}"))?);
+            counts = SceneStats::of(&scene.map_err(|error| anyhow!("{error}"))?);
             let (import, their_time) = time_all(|| gltf::import(&path));
             import.with_context(|| format!("gltf::import of {name}"))?;
             if round > 0 {

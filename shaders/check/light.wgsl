@@ -23,7 +23,7 @@ struct Answer {
     radiance: vec3<f32>,
     reach: u32,
     place: vec3<f32>,
-    body: u32,
+    shape_light: u32,
     is_emission: u32,
     /// Of the direction of the query.
     density_there: f32,
@@ -47,12 +47,12 @@ fn main(
     let light = sample_light(receiver, q.choice, q.square);
     var density = sky_light_density(receiver, q.to_light);
     if q.kind == 1u {
-        density = body_light_density(receiver, q.number, q.to_light);
+        density = shape_light_density(receiver, q.number, q.to_light);
     } else if q.kind == 2u {
         density = surface_light_density(receiver, q.number, q.primitive, q.to_light);
     }
-    let found = light.arrival;
+    let found = light.incoming;
     answers[index] = Answer(
-        found.to_light, found.density, found.radiance, found.reach, found.place, light.body, u32(light.is_emission), density,
+        found.to_light, found.density, found.radiance, found.reach, found.place, light.shape_light, u32(light.is_emission), density,
     );
 }

@@ -1,13 +1,13 @@
 // What camera rays meet first, beside their light: one sample of one pixel an invocation, as render/path takes them.
 //
-// `?count` counts the tests of the ray, `?bodies` are the lights that it may meet, `?material` tells how a surface shines; `?time`
+// `?count` counts the tests of the ray, `?shape_lights` are the lights that it may meet, `?material` tells how a surface shines; `?time`
 // says when the ray flies.
 // use shared/camera
 // use shared/picture
 // use shared/ray_key
 // use shared/surface
 // use shared/trace
-// use ?bodies
+// use ?shape_lights
 // use ?material
 // use ?time
 
@@ -41,7 +41,7 @@ fn main(
     if one.is_inside {
         choose_time(one);
         // The key of a path's first ray.
-        ray_key = numbered(numbered(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE)), 0u);
+        ray_key = derived_key(derived_key(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE)), 0u);
         guides[64u * group + local] = guide_of(camera_ray(one));
     }
 }
@@ -51,10 +51,10 @@ fn guide_of(camera: CameraRay) -> Guide {
     let tests = vec2<f32>(n_tested());
     let ray = camera.ray;
     let is_miss = hit.instance == NONE;
-    let met = meet_body(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
-    if met.is_body {
+    let met = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
+    if met.is_hit {
         let way = met.t * ray.direction;
-        let normal = body_normal(met.number, ray.origin + way);
+        let normal = shape_light_normal(met.number, ray.origin + way);
         let facing = select(normal, -normal, dot(normal, ray.direction) > 0.0);
         let depth = dot(picture.forward, (ray.origin - picture.eye) + way);
         return Guide(facing, depth, facing, tests.x, vec3(0.0), tests.y, 0u, NONE);

@@ -1,7 +1,7 @@
 // Direct light, diffuse bounces, ambient light with occlusion: one sample of one pixel an invocation, a cell of 8 x 8 pixels a
 // work-group. The twin of the CPU's hybrid integrator, whose documentation says what is gathered and with which bias.
 //
-// `?direct` and `?bodies` are the lights of the list, `?sky` what is behind everything, `?film` keeps what was found, `?time` says when
+// `?direct` and `?shape_lights` are the lights of the list, `?sky` what is behind everything, `?film` keeps what was found, `?time` says when
 // rays fly; `?mask`, of tracing, is alpha.
 //
 // All rays of a path, shadow rays too, are traced at one place of the text: compilers copy functions to where they are called,
@@ -12,7 +12,7 @@
 // use shared/sampling
 // use shared/surface
 // use shared/trace
-// use ?bodies
+// use ?shape_lights
 // use ?direct
 // use ?film
 // use ?sky
@@ -45,7 +45,7 @@ struct Light {
 
 /// Light that arrives against a camera ray.
 fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
-    let path_key = numbered(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE));
+    let path_key = derived_key(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE));
     var light = Light(vec3(0.0), 0u);
     var throughput = vec3(1.0);
     var ray = camera;
@@ -54,7 +54,7 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
     // Vertices before the ray's end.
     var vertex = 0u;
     var vertex_key = path_key;
-    ray_key = numbered(path_key, 0u);
+    ray_key = derived_key(path_key, 0u);
     // Where the ray is one to a light: what it brings, and the lights asked so far.
     var asked = NOT_ASKED;
     var n_asked = 0u;
@@ -73,7 +73,7 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
             }
             surface = surface_at(hit, ray.direction, cone);
             light.radiance += throughput * surface.emission;
-            vertex_key = numbered(path_key, 1u + vertex);
+            vertex_key = derived_key(path_key, 1u + vertex);
             n_asked = 0u;
         }
         asked = ask(one, vertex, surface, vertex_key, n_asked);
@@ -84,7 +84,7 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
             // Leave along a cosine-sampled direction, whose weight is the albedo.
             throughput *= surface.base_color;
             let local = cosine_hemisphere(square(one, FIRST_BOUNCE + vertex));
-            ray = leave(surface, outward(surface, basis_about(surface.shading_normal) * local));
+            ray = spawn_ray(surface, mirror_outward(surface, basis_about(surface.shading_normal) * local));
             cone = scattered(surface.cone, cosine_density(local.z));
             ray_key = vertex_key;
             vertex += 1u;
@@ -102,8 +102,8 @@ struct End {
 /// The end of a ray behind `n_vertices` of its path: a body, what is behind everything, or ambient light at the last.
 fn end_of(ray: Ray, hit: Hit, n_vertices: u32) -> End {
     let is_miss = hit.instance == NONE;
-    let met = meet_body(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
-    if met.is_body {
+    let met = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
+    if met.is_hit {
         // Behind a surface the shadow ray to it has brought its light.
         return End(true, select(vec3(0.0), met.radiance, n_vertices == 0u));
     }

@@ -69,7 +69,7 @@ fn mirrored_by(boundary: Boundary, incident: vec3<f32>, is_through: bool) -> Eva
 }
 
 /// A direction by one of the lobes, without its weight unless it is the only one of its lobe.
-fn sample_boundary(boundary: Boundary, square: vec2<f32>, choice: f32) -> Scattered {
+fn sample_boundary(boundary: Boundary, square: vec2<f32>, choice: f32) -> BsdfSample {
     if choice < boundary.diffuse_probability {
         return into_lobe(cosine_hemisphere(square));
     }
@@ -86,30 +86,30 @@ fn sample_boundary(boundary: Boundary, square: vec2<f32>, choice: f32) -> Scatte
     return sample_transmitted(boundary, facet, normal);
 }
 
-fn sample_reflected(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Scattered {
+fn sample_reflected(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> BsdfSample {
     let outgoing = boundary.outgoing;
     if boundary.alpha == 0.0 {
         return mirror(boundary, vec3(-outgoing.xy, outgoing.z), facet.reflected, facet.reflection_probability);
     }
     let incident = mirrored_at(outgoing, normal);
-    if incident.z < LEAST_COSINE {
-        return nothing_scattered();
+    if incident.z < MIN_COSINE {
+        return no_bsdf_sample();
     }
     return into_lobe(incident);
 }
 
 /// A direction of a lobe that has a width.
-fn into_lobe(incident: vec3<f32>) -> Scattered {
-    return Scattered(incident, 0.0, vec3(0.0), false, false, true);
+fn into_lobe(incident: vec3<f32>) -> BsdfSample {
+    return BsdfSample(incident, 0.0, vec3(0.0), false, false, true);
 }
 
 /// The only direction of its lobe.
-fn mirror(boundary: Boundary, incident: vec3<f32>, color: vec3<f32>, share: f32) -> Scattered {
+fn mirror(boundary: Boundary, incident: vec3<f32>, color: vec3<f32>, share: f32) -> BsdfSample {
     let probability = share * (1.0 - boundary.diffuse_probability);
     if probability <= 0.0 {
-        return nothing_scattered();
+        return no_bsdf_sample();
     }
-    return Scattered(incident, 0.0, color * quotient(1.0, probability), true, incident.z < 0.0, true);
+    return BsdfSample(incident, 0.0, color * quotient(1.0, probability), true, incident.z < 0.0, true);
 }
 
 /// The direction that a facet mirrors `outgoing` into.

@@ -5,12 +5,12 @@
 // use shared/angle
 
 /// The least `alpha` with a width; a boundary below it is a mirror.
-const LEAST_ALPHA: f32 = 1.0 / 1024.0;
+const MIN_ALPHA: f32 = 1.0 / 1024.0;
 
 /// Width of the slopes of glTF's roughness; 0 for a mirror.
 fn slope_width(roughness: f32) -> f32 {
     let alpha = roughness * roughness;
-    return select(0.0, alpha, alpha >= LEAST_ALPHA);
+    return select(0.0, alpha, alpha >= MIN_ALPHA);
 }
 
 /// Area of facets about `normal`, per steradian and area of the surface.

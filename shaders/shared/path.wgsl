@@ -4,21 +4,21 @@
 // A vertex scatters before its shadow ray is traced, so that while a ray is on its way nothing of the surface is kept but what
 // weighs light found by chance.
 //
-// `?bodies` and `?sky` are what rays meet beside triangles.
+// `?shape_lights` and `?sky` are what rays meet beside triangles.
 // use shared/camera
 // use shared/picture
 // use shared/ray_key
 // use shared/vertex
 // use shared/light/sampler
-// use ?bodies
+// use ?shape_lights
 // use ?sky
 
 /// What a path carries of a new one's light, from which on it is worth its rays.
-const SURE: f32 = 0.5;
+const FULL_THROUGHPUT: f32 = 0.5;
 
 /// Least share of the paths that roulette ends, and vertices before that.
-const LEAST_END: f32 = 0.05;
-const FIRST_END: u32 = 4u;
+const MIN_TERMINATION: f32 = 0.05;
+const MIN_TERMINATION_FROM: u32 = 4u;
 
 /// Dimensions of the sampler at each vertex, behind the position in the pixel.
 const LIGHT: u32 = 0u;
@@ -80,9 +80,9 @@ fn path_from(start: CameraRay) -> Path {
 
 /// The key of the ray that is traced now: that of the vertex which it leaves, or a number of those.
 fn key_of(path: Path, one: PixelSample) -> u32 {
-    let all = numbered(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE));
-    let onward = numbered(all, path.n_vertices);
-    return select(onward, numbered(onward, 0u), path.stage == TO_LIGHT);
+    let all = derived_key(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE));
+    let onward = derived_key(all, path.n_vertices);
+    return select(onward, derived_key(onward, 0u), path.stage == TO_LIGHT);
 }
 
 /// Takes a path on by what its ray met.
@@ -132,9 +132,9 @@ fn go_on(path: ptr<function, Path>) {
 fn ends(path: ptr<function, Path>, hit: Hit) -> bool {
     let ray = (*path).ray;
     let is_miss = hit.instance == NONE;
-    let met = meet_body(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
-    if met.is_body {
-        gather(path, met.radiance, body_light_density(left(*path), met.number, ray.direction));
+    let met = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
+    if met.is_hit {
+        gather(path, met.radiance, shape_light_density(left(*path), met.number, ray.direction));
         return true;
     }
     if is_miss {
@@ -167,19 +167,19 @@ fn look_for_light(
     let choice = single(picture.sampler, one.pixel, one.sample, dimension(LIGHT_CHOICE, number));
     let light = sample_light(receiver, choice, square(one, dimension(LIGHT, number)));
     // Emission of surfaces belongs to the vertex there.
-    if light.arrival.reach == DARK || (light.is_emission && number == picture.bounces) {
+    if light.incoming.reach == NO_LIGHT || (light.is_emission && number == picture.bounces) {
         return false;
     }
-    let found = evaluate(vertex, light.arrival.to_light);
+    let found = evaluate(vertex, light.incoming.to_light);
     if all(found.value == vec3(0.0)) {
         return false;
     }
     // What has no extent is found by no other technique.
-    let density = light.arrival.density;
+    let density = light.incoming.density;
     let share = select(weight_beside(density, found.density), 1.0, density == 0.0);
-    let brought = (*path).throughput * (found.value * light.arrival.radiance) * share;
-    let is_near = light.arrival.reach == NEAR;
-    let ray = towards(surface, select(light.arrival.to_light, light.arrival.place, is_near), is_near);
+    let brought = (*path).throughput * (found.value * light.incoming.radiance) * share;
+    let is_near = light.incoming.reach == FINITE;
+    let ray = towards(surface, select(light.incoming.to_light, light.incoming.place, is_near), is_near);
     if ray.t_max <= 0.0 {
         (*path).radiance += brought;
         return false;
@@ -187,7 +187,7 @@ fn look_for_light(
     (*path).n_rays += 1u;
     (*path).waiting = brought;
     (*path).ray = ray;
-    return !hides(ray, light.body);
+    return !shape_light_occludes(ray, light.shape_light);
 }
 
 /// The ray that leaves a vertex, with what it carries; false where none does.
@@ -219,7 +219,7 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
     } else {
         set_cone(path, scattered(surface.cone, density));
     }
-    let ray = leave(surface, direction);
+    let ray = spawn_ray(surface, direction);
     (*path).onward_origin = ray.origin;
     (*path).onward_direction = ray.direction;
     (*path).n_rays += 1u;
@@ -230,7 +230,7 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
 fn survives(path: ptr<function, Path>, one: PixelSample, number: u32) -> bool {
     let throughput = (*path).throughput;
     let carried = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);
-    let share = min(carried / SURE, select(1.0 - LEAST_END, 1.0, number < FIRST_END));
+    let share = min(carried / FULL_THROUGHPUT, select(1.0 - MIN_TERMINATION, 1.0, number < MIN_TERMINATION_FROM));
     if share < 1.0 && single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number)) >= share {
         return false;
     }

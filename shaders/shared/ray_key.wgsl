@@ -7,6 +7,6 @@ var<private> ray_key: u32;
 const PASSAGE: u32 = 0xfffffffdu;
 
 /// The key of ray `number` of those that `key` stands for; numbers of numbers make a tree.
-fn numbered(key: u32, number: u32) -> u32 {
+fn derived_key(key: u32, number: u32) -> u32 {
     return mix_bits(key ^ number);
 }

@@ -27,7 +27,7 @@ fn cosine_density(cosine: f32) -> f32 {
 }
 
 /// A uniform point of the unit disc from a point of the unit square (Shirley and Chiu 1997).
-fn uniform_disc(square: vec2<f32>) -> vec2<f32> {
+fn uniform_disk(square: vec2<f32>) -> vec2<f32> {
     let p = 2.0 * square - 1.0;
     if p.x == 0.0 && p.y == 0.0 {
         return vec2(0.0);

@@ -1,4 +1,4 @@
-// How a surface scatters light: what the files of `shared/bsdf/` take and answer; twin of crates/renderer/src/bsdf/mod.rs.
+// How a surface scatters light: what the files of `shared/bsdf/` take and answer; twin of crates/renderer/src/bsdf.rs.
 //
 // Directions are unit vectors in a local frame: +z is the shading normal on the side of `outgoing`, which points
 // towards the viewer; light arrives from `incident`, through the surface where its z is below 0.
@@ -25,7 +25,7 @@ struct Evaluation {
 }
 
 /// A direction that light may arrive from.
-struct Scattered {
+struct BsdfSample {
     incident: vec3<f32>,
     /// Per steradian; 0 where `is_delta`.
     density: f32,
@@ -38,12 +38,12 @@ struct Scattered {
 }
 
 /// Cosines below it count as the horizon: the quotient of two that are not can be multiplied without overflow.
-const LEAST_COSINE: f32 = 1e-18;
+const MIN_COSINE: f32 = 1e-18;
 
 fn no_evaluation() -> Evaluation {
     return Evaluation(vec3(0.0), 0.0);
 }
 
-fn nothing_scattered() -> Scattered {
-    return Scattered(vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0), false, false, false);
+fn no_bsdf_sample() -> BsdfSample {
+    return BsdfSample(vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0), false, false, false);
 }

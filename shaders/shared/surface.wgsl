@@ -103,7 +103,7 @@ struct Seen {
 }
 
 /// A ray without end that leaves along `direction`, on the side of the triangle to which `direction` points.
-fn leave(surface: Surface, direction: vec3<f32>) -> Ray {
+fn spawn_ray(surface: Surface, direction: vec3<f32>) -> Ray {
     return towards(surface, direction, false);
 }
 
@@ -122,6 +122,6 @@ fn towards(surface: Surface, goal: vec3<f32>, is_place: bool) -> Ray {
 }
 
 /// Turns `direction` to the outer side of the triangle, by mirroring it where shading normal and triangle disagree about it.
-fn outward(surface: Surface, direction: vec3<f32>) -> vec3<f32> {
+fn mirror_outward(surface: Surface, direction: vec3<f32>) -> vec3<f32> {
     return direction - surface.normal * (2.0 * min(dot(surface.normal, direction), 0.0));
 }

@@ -14,8 +14,7 @@
 // * Frame of the mesh turned: origin and direction are three terms each, at most three roundings a term, along a row whose
 //   absolute components sum to at most sqrt(3): with the above sqrt(3) (6 + 6.5) E of S.
 // * A frame for each child: four roundings in `row * o - c`, three in `row * d`, then the product `q * a`, the padded
-//   half-extent, its product, and 3.5 for `t * d'`: sqrt(3) (7 + 1 + 1 + 1 + 3.5) E of S. One frame for all children
-//   needs less.
+//   half-extent, its product, and 3.5 for `t * d'`: sqrt(3) (7 + 1 + 1 + 1 + 3.5) E of S.
 //
 // One or one and a half E more stand for second order and for the rounding of the pads. `TINY` covers underflow for
 // scenes between 2^-50 and 2^60 in size.

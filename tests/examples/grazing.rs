@@ -11,11 +11,11 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, displaced_icosphere, poles, scaffold, scaffold_of, soup, truss};
 use canted_tests::{brute, rays, scenes};
-use canted_tlas::{Blas, BuildConfig, MeshBlas};
-use canted_trace::{Hit, InstanceId, Ray, Watertight};
-use canted_wide::{Config, Preset, Wide};
+use canted_trace::{Hit, Ray, Watertight};
+use canted_wide::{Config, Preset, TriangleBvh};
 use rayon::prelude::*;
 
 /// Rays without `--rays`.
@@ -30,7 +30,7 @@ const MOST_FOR_THE_LOOP: usize = 2_000;
 /// What says which answer is right.
 enum Oracle {
     Loop(Vec<[[f32; 3]; 3]>),
-    Binary(Box<MeshBlas<Watertight>>),
+    Binary(Box<Bvh2<Watertight>>),
 }
 
 impl Oracle {
@@ -38,14 +38,14 @@ impl Oracle {
         if mesh.triangles.len() <= MOST_FOR_THE_LOOP {
             return Self::Loop(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
         }
-        let blas = MeshBlas::build(&mesh.positions, &mesh.triangles, &BuildConfig::default());
+        let blas = Bvh2::build(&mesh.positions, &mesh.triangles, &BuildConfig::default());
         Self::Binary(Box::new(blas.expect("fixtures are valid")))
     }
 
     fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
         match self {
             Self::Loop(records) => brute::closest_hit::<Watertight>(records, ray),
-            Self::Binary(blas) => blas.closest_hit(ray, InstanceId(0), &mut ()),
+            Self::Binary(blas) => blas.closest_hit(ray),
         }
     }
 
@@ -101,9 +101,9 @@ struct Row {
 
 fn shoot(mesh: &Mesh, oracle: &Oracle, n_rays: usize) -> Row {
     let presets = [Preset::Fast, Preset::Balanced, Preset::Quality];
-    let trees: Vec<Wide<Watertight>> = presets
+    let trees: Vec<TriangleBvh<Watertight>> = presets
         .iter()
-        .map(|&preset| Wide::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)))
+        .map(|&preset| TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)))
         .map(|tree| tree.expect("fixtures are valid"))
         .collect();
     let row = Row::default();

@@ -34,7 +34,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let gpu = &bench.gpu;
         let corners = || -> Result<()> {
             let (positions, triangles, _) = flatten(&scene)?;
-            let (corners, _) = canted_lbvh::gather(&positions, &triangles)?;
+            let (corners, _) = canted_lbvh::triangle_corners(&positions, &triangles)?;
             let items = Items::triangles(gpu, [&corners[..]])?;
             gpu.finish()?;
             drop(items);

@@ -5,7 +5,7 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_gpu::{Bound, Buffer, DeviceHit, DeviceRay, Gpu, GpuError, Specialisation, TracedScene, Walk};
 use canted_trace::{Ray, ScaledRay, Watertight};
-use canted_wide::{Config, Preset, Wide};
+use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::Bench;
 use crate::{
@@ -38,7 +38,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
             continue;
         };
         let leaning = Config::preset(Preset::Balanced);
-        let straight = Config { lean: false, share: false, turn: false, ..leaning };
+        let straight = Config { oriented: false, rotate_mesh: false, ..leaning };
         let [leaning, straight] = [build(&model, &leaning)?, build(&model, &straight)?];
         let sets = sets(&model, &leaning, bench);
         let traced = [TracedScene::one(&bench.gpu, &leaning, &[0])?, TracedScene::one(&bench.gpu, &straight, &[0])?];
@@ -97,12 +97,12 @@ pub(super) fn walks(out: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-fn build(model: &Model, config: &Config) -> Result<Wide<Watertight>> {
-    Ok(Wide::build(&model.mesh.positions, &model.mesh.triangles, config)?)
+fn build(model: &Model, config: &Config) -> Result<TriangleBvh<Watertight>> {
+    Ok(TriangleBvh::build(&model.mesh.positions, &model.mesh.triangles, config)?)
 }
 
 /// Rays of each kind: those of cameras in squares, then from their hits.
-fn sets(model: &Model, tree: &Wide<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
+fn sets(model: &Model, tree: &TriangleBvh<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
     let camera = sets::camera(model, bench.scale.resolution);
     let mut hits = vec![None; camera.len()];
     tree.par_closest_hits(&camera, &mut hits);

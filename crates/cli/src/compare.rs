@@ -3,7 +3,7 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Comparison, PIXELS_PER_DEGREE, flip, flip_hdr, read_picture, write_png};
+use canted_film::{Comparison, PIXELS_PER_DEGREE, flip, flip_hdr, read_picture, write_png};
 use serde_json::json;
 
 use crate::output;
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let b = read_picture(&args.b)?;
     let named = |error| anyhow!("{} and {}: {error}", args.a.display(), args.b.display());
     let Comparison { mean_ratio, mse, rmse, mae, rel_mse, n_not_finite, .. } =
-        canted_renderer::compare(&a, &b).map_err(named)?;
+        canted_film::compare(&a, &b).map_err(named)?;
     let (flip, name) = match args.flip {
         Range::Ldr => (flip(&a, &b, args.pixels_per_degree), "FLIP"),
         Range::Hdr => (flip_hdr(&a, &b, args.pixels_per_degree), "HDR-FLIP"),

@@ -121,7 +121,10 @@ fn open_adapter(choice: &Choice) -> Result<Gpu> {
     let gpu = Gpu::open(choice)?;
     let facts = gpu.facts();
     if facts.kind == AdapterKind::Software {
-        output::warn(&format!("'{}' is a software driver: it runs on the CPU and is slower than --device cpu", facts.name));
+        output::warn(&format!(
+            "'{}' is a software driver: it runs on the CPU and is slower than --device cpu",
+            facts.name
+        ));
         // A software driver shares the memory of the machine, and reports more than there is.
         if let Some(n_bytes) = memory::available_bytes() {
             gpu.bound_memory(n_bytes);

@@ -40,13 +40,16 @@ fn as_text(found: &[AdapterFacts], n_threads: usize) -> String {
     for facts in found {
         let AdapterFacts { name, kind, backend, driver, .. } = facts;
         let mebibytes = facts.max_binding_bytes >> 20;
-        lines.push(format!("gpu            {name} ({kind}, {backend}, {driver}), buffer bindings up to {mebibytes} MiB"));
+        lines.push(format!(
+            "gpu            {name} ({kind}, {backend}, {driver}), buffer bindings up to {mebibytes} MiB"
+        ));
     }
     lines.push(match (auto(found), found.is_empty()) {
         (Some(name), _) => format!("--device auto selects {name}"),
         (None, false) => "--device auto selects the CPU: software adapters are slower".to_owned(),
         (None, true) => {
-            "--device auto selects the CPU: no adapter found (a driver for Vulkan, Metal or DX12 is required)".to_owned()
+            "--device auto selects the CPU: no adapter found (a driver for Vulkan, Metal or DX12 is required)"
+                .to_owned()
         }
     });
     lines.join("\n")

@@ -19,7 +19,7 @@ pub(crate) fn install_handlers() {
             CANCEL.store(true, Ordering::Relaxed);
             return;
         }
-        let _discarded = canted_renderer::discard_unfinished();
+        let _discarded = canted_film::discard_unfinished();
         exit();
     });
 }

@@ -51,7 +51,7 @@ impl LightArgs {
     /// Sets the lights of the scene. Returns whether they are the default because neither options nor file have any.
     pub(crate) fn apply(&self, scene: &mut Scene) -> Result<bool> {
         if self.env.is_none() && self.sun.is_empty() && self.point.is_empty() && self.sphere.is_empty() {
-            let emits = scene.materials.iter().any(Material::emits);
+            let emits = scene.materials.iter().any(Material::is_emissive);
             let is_dark = scene.lights.is_empty() && scene.environment.is_none() && !emits;
             if is_dark {
                 set_default(scene, 1.0);

@@ -20,7 +20,8 @@ where
     T: Copy + Send + Sync,
 {
     let value = |name: String| names.iter().find(|(known, _)| *known == name).map(|&(_, value)| value);
-    PossibleValuesParser::new(names.iter().map(|(name, _)| *name)).try_map(move |name| value(name).ok_or("unknown name"))
+    PossibleValuesParser::new(names.iter().map(|(name, _)| *name))
+        .try_map(move |name| value(name).ok_or("unknown name"))
 }
 
 /// The name of a value.
@@ -90,7 +91,7 @@ impl StructureArgs {
     /// The structure to build for a scene. Warns if it cannot have one level.
     pub(crate) fn config(&self, scene: &Scene) -> StructureConfig {
         let &Self { levels, preset, builder, volumes, .. } = self;
-        if levels == Levels::One && scene.moves() {
+        if levels == Levels::One && scene.has_motion() {
             output::warn("--levels one is ignored: moving instances require two levels");
         }
         StructureConfig { levels, preset, builder, volumes }

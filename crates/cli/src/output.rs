@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Whole, WriteError};
+use canted_film::{AtomicFile, WriteError};
 
 /// Writes a line to standard output. A closed pipe is not an error: the reader may stop early.
 ///
@@ -32,7 +32,7 @@ pub(crate) fn warn(text: &str) {
 
 /// Fails if a file cannot be written, before any work is done. Leaves no file behind.
 pub(crate) fn probe(path: &Path) -> Result<(), WriteError> {
-    Whole::create(path).map(drop)
+    AtomicFile::create(path).map(drop)
 }
 
 /// Whether a file name has this extension, in lower or upper case.

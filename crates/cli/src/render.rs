@@ -15,7 +15,8 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Film, Picture, Record, Surfaces, heatmap, write_exr, write_film, write_png};
+use canted_film::{Film, Picture, Record, write_exr, write_film, write_png};
+use canted_renderer::{Surfaces, heatmap};
 use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::json;
@@ -137,7 +138,8 @@ fn render<K: LaneKernel>(
         let surfaces = machine.gpu().map(|_| Surfaces::with_lod(scene, settings.lod));
         let renderer = FilmRenderer::new(machine, args, surfaces.as_ref(), &prepared.structure, &camera, &settings)?;
         let needs_record = settings.part.is_some() || args.samples.checkpoint.is_some();
-        let record = if needs_record { args.record(scene, &camera, &settings, renderer.device()) } else { Record::new() };
+        let record =
+            if needs_record { args.record(scene, &camera, &settings, renderer.device()) } else { Record::new() };
         let mut done = Vec::new();
         if let Some(path) = &args.samples.checkpoint {
             let interval = Duration::from_secs(args.samples.checkpoint_every.into());

@@ -1,7 +1,8 @@
 //! `canted scene`: writes a scene file that contains every setting of a picture.
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{View, Whole, environment_of};
+use canted_film::AtomicFile;
+use canted_renderer::{View, environment_of};
 use canted_scene::{Environment, EnvironmentSource, Scene, SceneFile};
 use canted_wide::LaneKernel;
 use clap::ArgMatches;
@@ -46,15 +47,15 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<()> {
             load::check_time(scene, args.time)?;
             load::scene_file(scene)?.moved_to(path)?
         }
-        scene => SceneFile::of(scene, path)?,
+        scene => SceneFile::for_scene(scene, path)?,
     };
     if let Some(time) = args.time {
-        file = file.posed_at(time);
+        file = file.with_time(time);
     }
     if let Some((image, scale, turn_degrees)) = args.light.environment_file() {
-        file = file.under(image, scale, turn_degrees)?;
+        file = file.with_environment(image, scale, turn_degrees)?;
     }
-    let (mut scene, mut file) = file.load_spelled_out()?;
+    let (mut scene, mut file) = file.load_explicit()?;
     load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     load::warn(&scene.warnings);
     with_kernel!(args.structure.triangles, set_view_and_light(&mut file, &mut scene, args))?;
@@ -87,7 +88,7 @@ fn write(file: &SceneFile, args: &render::Args) -> Result<()> {
     let reread = SceneFile::parse(text.as_bytes(), path)
         .map_err(|error| anyhow!("the scene cannot be written as a scene file: {error}"))?;
     settings::check(&reread.settings, path)?;
-    let mut out = Whole::create(path)?;
+    let mut out = AtomicFile::create(path)?;
     out.write(|out| out.write_all(text.as_bytes()))?;
     Ok(out.finish()?)
 }

@@ -10,7 +10,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_scene::{Setting, nearest};
+use canted_scene::{Setting, closest_match};
 use clap::{
     ArgMatches, Args as _, Command,
     error::{ContextKind, ContextValue},
@@ -77,8 +77,7 @@ fn render_command() -> Command {
 
 /// The options that are settings.
 fn setting_options(command: &Command) -> impl Iterator<Item = &clap::Arg> {
-    let is_setting =
-        |id: &str| !RUN_OPTIONS.contains(&id) && OPTIONS_WITH_TABLE.iter().all(|&(other, _)| other != id);
+    let is_setting = |id: &str| !RUN_OPTIONS.contains(&id) && OPTIONS_WITH_TABLE.iter().all(|&(other, _)| other != id);
     command.get_arguments().filter(move |arg| is_setting(arg.get_id().as_str()))
 }
 
@@ -97,7 +96,7 @@ fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<
     }
     let names: Vec<&str> = setting_options(command).map(|arg| arg.get_id().as_str()).collect();
     if !names.contains(&&key[..]) {
-        let near = nearest(key, names).unwrap_or_default();
+        let near = closest_match(key, names).unwrap_or_default();
         return Err(format!("unknown key `{}` in [settings]; did you mean `{near}`?", key.escape_debug()));
     }
     let Some(value) = value else { return Ok(()) };
@@ -119,7 +118,7 @@ fn flag(id: &str) -> String {
 /// The reason of a parser's error, on one line.
 fn reason(error: &clap::Error, value: &str) -> String {
     if let Some(ContextValue::Strings(words)) = error.get(ContextKind::ValidValue) {
-        let near = nearest(value, words.iter().map(|word| &word[..])).unwrap_or_default();
+        let near = closest_match(value, words.iter().map(|word| &word[..])).unwrap_or_default();
         return format!("; use one of {} (did you mean {near}?)", words.join(", "));
     }
     let source = std::error::Error::source(error);

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
+use canted_film::AtomicFile;
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Domain, Sorted, Tree};
-use canted_renderer::Whole;
 use canted_scene::Scene;
 
 use crate::{
@@ -39,8 +39,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     output::probe(&args.codes)?;
     output::probe(&args.nodes)?;
     let (sorted, tree) = build(&scene, args.bits).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
-    let mut codes_out = Whole::create(&args.codes)?;
-    let mut nodes_out = Whole::create(&args.nodes)?;
+    let mut codes_out = AtomicFile::create(&args.codes)?;
+    let mut nodes_out = AtomicFile::create(&args.nodes)?;
     let numbers = file_numbers(&scene);
     codes_out.write(|out| {
         writeln!(out, "code,prim")?;
@@ -62,8 +62,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 
 fn build(scene: &Scene, bits: Bits) -> Result<(Sorted, Tree)> {
     let (positions, triangles, _) = canted_renderer::flatten(scene)?;
-    let (corners, bounds) = lbvh::gather(&positions, &triangles)?;
-    let sorted = lbvh::by_code(&lbvh::codes(&Domain::new(&bounds, 3, bits), &corners), bits);
+    let (corners, bounds) = lbvh::triangle_corners(&positions, &triangles)?;
+    let sorted = lbvh::sort_by_code(&lbvh::morton_codes(&Domain::new(&bounds, 3, bits), &corners), bits);
     Ok((sorted.clone(), lbvh::radix(sorted)))
 }
 

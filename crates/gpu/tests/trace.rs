@@ -7,10 +7,10 @@ use canted_gpu::{Answer, Gpu, GpuError, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
-use canted_wide::{Config, Wide};
+use canted_wide::{Config, TriangleBvh};
 use common::{gpu, lowered};
 
-type Tree = Wide<Watertight>;
+type Tree = TriangleBvh<Watertight>;
 
 /// A floor of `n` by `n` squares in the plane z = 0, from 0 to `n`.
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
@@ -20,11 +20,11 @@ fn floor(n: u32) -> Tree {
         .flat_map(|y| (0..n).map(move |x| y * (n + 1) + x))
         .flat_map(|i| [[i, i + 1, i + n + 2], [i, i + n + 2, i + n + 1]])
         .collect();
-    Wide::build(&positions, &triangles, &Config::default()).unwrap()
+    TriangleBvh::build(&positions, &triangles, &Config::default()).unwrap()
 }
 
 fn nothing() -> Tree {
-    Wide::build(&[], &[], &Config::default()).unwrap()
+    TriangleBvh::build(&[], &[], &Config::default()).unwrap()
 }
 
 fn down(x: f32, y: f32) -> Ray {

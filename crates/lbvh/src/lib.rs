@@ -28,14 +28,14 @@ mod volumes;
 
 pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
-pub use corners::{Corners, GeometryError, MAX_PRIMITIVES, gather, in_leaf_order};
-pub use cost::{Costs, Sums, sums};
+pub use corners::{Corners, GeometryError, MAX_PRIMITIVES, in_leaf_order, triangle_corners};
+pub use cost::{Costs, TreeCost, tree_cost};
 pub use domain::{Bits, Domain};
 pub use leaf::Leaf;
-pub use morton::{codes, codes_of_boxes};
+pub use morton::{morton_codes, morton_codes_of_boxes};
 pub use overlap::end_point_overlap;
 pub use radix::radix;
-pub use sort::{Sorted, by_code};
+pub use sort::{Sorted, sort_by_code};
 pub use topology::TopologyError;
 pub use tree::{Child, ChildKind, MAX_DEPTH, Node, NodeId, Task, Tree};
 pub use volume::{Strategy, Volume, VolumeConfig, Volumes};

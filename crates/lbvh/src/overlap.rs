@@ -48,7 +48,7 @@ fn clip(mut polygon: Vec<[f64; 3]>, volume: Volume<'_>) -> Vec<[f64; 3]> {
             (aabb.center(), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], aabb.extent().map(|e| 0.5 * e))
         }
         Volume::Obb(obb) => {
-            (obb.center.map(f64::from), obb.frame.map(|axis| axis.map(f64::from)), obb.half.map(f64::from))
+            (obb.center.map(f64::from), obb.frame.map(|axis| axis.map(f64::from)), obb.half_extents.map(f64::from))
         }
     };
     for k in 0..3 {

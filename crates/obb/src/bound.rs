@@ -117,8 +117,9 @@ impl Enclosure {
     #[inline]
     pub fn add_box(&mut self, content: &Obb) {
         // A product of two f32 is exact in f64.
-        let sides =
-            std::array::from_fn(|a| vector::scale(vector::from_f32(content.frame[a]), f64::from(content.half[a])));
+        let sides = std::array::from_fn(|a| {
+            vector::scale(vector::from_f32(content.frame[a]), f64::from(content.half_extents[a]))
+        });
         self.add_parallelepiped(vector::from_f32(content.center), sides, 0.0);
     }
 
@@ -149,7 +150,7 @@ impl Enclosure {
     #[must_use]
     pub fn finish(&self) -> Obb {
         if self.low[0] > self.high[0] {
-            return Obb { center: vector::to_f32(self.origin), frame: self.frame, half: [0.0; 3] };
+            return Obb { center: vector::to_f32(self.origin), frame: self.frame, half_extents: [0.0; 3] };
         }
         let axes = self.frame.map(vector::from_f32);
         let mut shift = [0.0; 3];
@@ -193,7 +194,7 @@ fn in_range(center: [f32; 3], mut frame: [[f32; 3]; 3], mut half: [f64; 3]) -> O
             *axis = axis.map(|x| 2.0 * x);
         }
     }
-    Obb { center, frame, half: half.map(magnitude_up) }
+    Obb { center, frame, half_extents: half.map(magnitude_up) }
 }
 
 const IDENTITY_INVERSE: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];

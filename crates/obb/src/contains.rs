@@ -26,7 +26,7 @@ pub(crate) fn contains(obb: &Obb, point: [f32; 3]) -> bool {
     determinant != Ordering::Equal
         && (0..3).all(|k| {
             let (a, b) = (frame[(k + 1) % 3], frame[(k + 2) % 3]);
-            let half = f64::from(obb.half[k]);
+            let half = f64::from(obb.half_extents[k]);
             within(half, frame, [a, b], difference)
                 .unwrap_or_else(|| within_exactly(obb, point, k, determinant == Ordering::Less))
         })
@@ -64,7 +64,7 @@ fn permanent(a: Vector, b: Vector, c: Vector) -> f64 {
 fn within_exactly(obb: &Obb, point: [f32; 3], k: usize, mirrored: bool) -> bool {
     let frame = obb.frame.map(vector::from_f32);
     let (a, b) = (frame[(k + 1) % 3], frame[(k + 2) % 3]);
-    let half = f64::from(if mirrored { -obb.half[k] } else { obb.half[k] });
+    let half = f64::from(if mirrored { -obb.half_extents[k] } else { obb.half_extents[k] });
     [1.0, -1.0].into_iter().all(|side| {
         let mut margin = ExactSum::<PARTS>::new();
         for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {

@@ -50,7 +50,7 @@ pub(crate) fn reach(a: Vector) -> f64 {
 }
 
 /// The vector at length one; `None` for zero and for what is not finite. Safe at any scale.
-pub(crate) fn normalised(a: Vector) -> Option<Vector> {
+pub(crate) fn normalized(a: Vector) -> Option<Vector> {
     let reach = reach(a);
     if !(reach > 0.0 && a.iter().all(|x| x.is_finite())) {
         return None;

@@ -4,7 +4,7 @@ use canted_scene::{Camera, Lens, Projection};
 use canted_trace::Ray;
 
 use crate::Cone;
-use crate::sampling::uniform_disc;
+use crate::sampling::uniform_disk;
 use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 
 /// A camera joined to a picture size: it turns picture positions into world-space rays.
@@ -91,7 +91,7 @@ impl View {
         let Some(Lens { radius, focus_distance }) = self.lens else {
             return Ray::new(narrow(origin), narrow(direction));
         };
-        let [x, y] = uniform_disc(square).map(|c| f64::from(c) * f64::from(radius));
+        let [x, y] = uniform_disk(square).map(|c| f64::from(c) * f64::from(radius));
         // Steps of a pixel are perpendicular to each other and of one length.
         let pixel = crate::vector::length(self.right);
         let shift = add(scale(self.right, x / pixel), scale(self.down, y / pixel));

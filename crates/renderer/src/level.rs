@@ -1,8 +1,9 @@
+use canted_bvh2::{Bvh2, PairOrder};
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb};
-use canted_tlas::{Blas, MeshBlas, PairOrder};
+use canted_tlas::Blas;
 use canted_trace::{Hit, InstanceId, Query, Ray};
-use canted_wide::{Config, LaneKernel, Preset, Wide};
+use canted_wide::{Config, LaneKernel, Preset, TriangleBvh};
 
 use crate::PrepareError;
 
@@ -35,9 +36,9 @@ pub(crate) struct LevelConfig {
 /// A bottom level of either kind.
 pub enum Level<K: LaneKernel> {
     /// Eight-wide nodes that lean where that pays.
-    Wide(Wide<K>),
+    Wide(TriangleBvh<K>),
     /// A binary tree with volumes of one strategy.
-    Binary(MeshBlas<K>, Strategy),
+    Binary(Bvh2<K>, Strategy),
 }
 
 impl<K: LaneKernel> Level<K> {
@@ -54,8 +55,8 @@ impl<K: LaneKernel> Level<K> {
     pub(crate) fn leans(&self) -> bool {
         match self {
             Self::Wide(wide) => {
-                let [_, shared, lean] = wide.sizes().nodes;
-                shared + lean > 0 || wide.frame() != Obb::IDENTITY_FRAME
+                let [_, oriented] = wide.sizes().nodes;
+                oriented > 0 || wide.frame() != Obb::IDENTITY_FRAME
             }
             Self::Binary(_, strategy) => *strategy != Strategy::Aabb,
         }
@@ -70,17 +71,17 @@ impl<K: LaneKernel> Blas for Level<K> {
         }
     }
 
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         match self {
             Self::Wide(wide) => wide.closest_hit_with(ray_object, instance, query),
-            Self::Binary(binary, _) => binary.closest_hit(ray_object, instance, query),
+            Self::Binary(binary, _) => binary.closest_hit_with(ray_object, instance, query),
         }
     }
 
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
         match self {
             Self::Wide(wide) => wide.occluded_with(ray_object, instance, query),
-            Self::Binary(binary, _) => binary.occluded(ray_object, instance, query),
+            Self::Binary(binary, _) => binary.occluded_with(ray_object, instance, query),
         }
     }
 }
@@ -94,11 +95,11 @@ pub(crate) fn build_level<K: LaneKernel>(
     match config.strategy {
         None => Ok(Level::Wide(wide(positions, triangles, config)?)),
         Some(strategy) => {
-            let (corners, bounds) = lbvh::gather(positions, triangles)?;
+            let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
             let tree = binary_tree(&corners, &bounds, config.builder)?;
             let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
             let volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
-            Ok(Level::Binary(MeshBlas::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst), strategy))
+            Ok(Level::Binary(Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst), strategy))
         }
     }
 }
@@ -107,19 +108,19 @@ fn wide<K: LaneKernel>(
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],
     config: &LevelConfig,
-) -> Result<Wide<K>, PrepareError> {
+) -> Result<TriangleBvh<K>, PrepareError> {
     let preset = Config::preset(config.preset);
     #[cfg(feature = "baseline")]
     if config.builder == Builder::Obvhs && triangles.len() > 1 {
-        let (corners, bounds) = lbvh::gather(positions, triangles)?;
+        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
         let tree = binary_tree(&corners, &bounds, config.builder)?;
-        return Ok(Wide::over(&tree, &corners, &bounds, &preset)?);
+        return Ok(TriangleBvh::over(&tree, &corners, &bounds, &preset)?);
     }
     let config = match own(config.builder) {
-        Some(builder) => Config { builder, rival: None, ..preset },
+        Some(builder) => Config { builder, alternative_builder: None, ..preset },
         None => preset,
     };
-    Ok(Wide::build(positions, triangles, &config)?)
+    Ok(TriangleBvh::build(positions, triangles, &config)?)
 }
 
 /// The builder of ours that a name stands for; `None` for the preset's.
@@ -142,8 +143,8 @@ fn binary_tree(corners: &[Corners], bounds: &Aabb, builder: Builder) -> Result<l
         // The radix tree of a binary level stands over centroids, as `canted tree` writes it.
         Builder::Lbvh => {
             let bits = lbvh::Bits::B63;
-            let codes = lbvh::codes(&lbvh::Domain::new(bounds, 3, bits), corners);
-            Ok(lbvh::radix(lbvh::by_code(&codes, bits)))
+            let codes = lbvh::morton_codes(&lbvh::Domain::new(bounds, 3, bits), corners);
+            Ok(lbvh::radix(lbvh::sort_by_code(&codes, bits)))
         }
         _ => {
             let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();

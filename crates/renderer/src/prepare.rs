@@ -132,7 +132,7 @@ fn prepare_in<K: LaneKernel>(room: Room, scene: &Scene, config: &StructureConfig
     let n_triangles = scene.n_placed_triangles();
     let fits = room.check(scene);
     let one = match config.levels {
-        _ if scene.moves() => false,
+        _ if scene.has_motion() => false,
         // A flat tree answers rays faster: it has no boxes around whole meshes that overlap, and no transforms.
         Levels::Auto => fits.is_ok() && n_triangles as f64 <= WORTH_FLATTENING * scene.n_unique_triangles() as f64,
         Levels::One => true,
@@ -165,16 +165,16 @@ fn left_out(scene: &Scene, one: &'static str, straight: &'static str) -> Vec<Lef
         }
     };
     without(one.is_empty(), "top level", one);
-    without(scene.moves(), "motion", "no instance moves");
+    without(scene.has_motion(), "motion", "no instance moves");
     without(straight.is_empty(), "leaning boxes", straight);
     let textured = scene.materials.iter().any(|m| m.textures().next().is_some());
     without(textured, "textures", "no material has one");
     without(scene.meshes.iter().any(|m| m.uvs.is_some()), "texture coordinates", "no texture is looked up");
-    without(scene.materials.iter().any(Material::is_cut_out), "alpha test", "every surface is opaque");
+    without(scene.materials.iter().any(Material::uses_alpha), "alpha test", "every surface is opaque");
     without(scene.meshes.iter().any(|m| m.normals.is_some()), "shading normals", "every mesh is flat");
     without(!scene.lights.is_empty(), "listed lights", "none is given");
-    without(scene.materials.iter().any(Material::emits), "emission", "no surface emits");
-    without(light::are_many(scene), "choice among lights", "there is one at most");
+    without(scene.materials.iter().any(Material::is_emissive), "emission", "no surface emits");
+    without(light::has_multiple_lights(scene), "choice among lights", "there is one at most");
     left_out
 }
 

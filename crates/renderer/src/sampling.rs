@@ -56,7 +56,7 @@ pub fn cosine_density(cosine: f32) -> f32 {
 /// A uniform point of the unit disc, from a point of the unit square; squares about the middle go to discs (Shirley and
 /// Chiu 1997), so that strata stay compact.
 #[must_use]
-pub fn uniform_disc(square: [f32; 2]) -> [f32; 2] {
+pub fn uniform_disk(square: [f32; 2]) -> [f32; 2] {
     let [a, b] = square.map(|x| 2.0 * x - 1.0);
     if a == 0.0 && b == 0.0 {
         return [0.0; 2];

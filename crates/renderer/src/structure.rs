@@ -61,7 +61,7 @@ impl<'a, Q> Placing<'a, Q> {
 }
 
 impl<Q: Query> Query for Placing<'_, Q> {
-    const MAY_REFUSE: bool = Q::MAY_REFUSE;
+    const MAY_REJECT: bool = Q::MAY_REJECT;
 
     #[inline]
     fn boxes(&mut self, n: u32) {
@@ -77,7 +77,7 @@ impl<Q: Query> Query for Placing<'_, Q> {
     }
     #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {
-        if !Q::MAY_REFUSE {
+        if !Q::MAY_REJECT {
             return true;
         }
         let placed = placed(self.first, *hit);
@@ -115,17 +115,17 @@ impl<K: LaneKernel> Tracer for Structure<K> {
         match self {
             Self::One(flat) => {
                 let mut query = Placing::new(&flat.first, query);
-                let hit = flat.blas.closest_hit(ray, InstanceId(0), &mut query)?;
+                let hit = flat.blas.closest_hit_with(ray, InstanceId(0), &mut query)?;
                 Some(query.accepted.unwrap_or_else(|| placed(&flat.first, hit)))
             }
-            Self::Two(tlas) => tlas.closest_hit(ray, query),
+            Self::Two(tlas) => tlas.closest_hit_with(ray, query),
         }
     }
 
     fn occluded<Q: Query>(&self, ray: &Ray, query: &mut Q) -> bool {
         match self {
-            Self::One(flat) => flat.blas.occluded(ray, InstanceId(0), &mut Placing::new(&flat.first, query)),
-            Self::Two(tlas) => tlas.occluded(ray, query),
+            Self::One(flat) => flat.blas.occluded_with(ray, InstanceId(0), &mut Placing::new(&flat.first, query)),
+            Self::Two(tlas) => tlas.occluded_with(ray, query),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Scenes as plain arrays: meshes, instances, materials, textures, lights, cameras.
 //!
 //! ```text
-//! file -> read/{obj, mtl, ply, gltf, image, environment} -> Scene -> describe
+//! file -> read/{obj, mtl, ply, gltf, image, environment} -> Scene -> stats
 //! scene file (TOML) -> file/ -> those that it names -> Scene
 //! ```
 //!
@@ -9,10 +9,10 @@
 //! # let folder = tempfile::tempdir()?;
 //! # let path = folder.path().join("model.obj");
 //! # std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4")?;
-//! use canted_scene::{Description, read};
+//! use canted_scene::{SceneStats, read};
 //!
 //! let scene = read(&path)?;
-//! let counts = Description::of(&scene);
+//! let counts = SceneStats::of(&scene);
 //! println!("{} meshes, {} instances", counts.n_meshes, counts.n_instances);
 //! println!("{} triangles, {} vertices", counts.n_placed_triangles, counts.n_vertices);
 //! for warning in &scene.warnings {
@@ -27,7 +27,6 @@
 
 mod builtin;
 mod camera;
-mod describe;
 mod environment;
 mod file;
 mod light;
@@ -35,19 +34,20 @@ mod material;
 mod mesh;
 mod read;
 mod scene;
+mod stats;
 mod texture;
 
 pub use builtin::builtin;
 pub use camera::{Camera, Lens, Projection};
-pub use describe::Description;
 pub use environment::{Environment, EnvironmentImage};
 pub use file::{
     Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, NewMaterial, Override, Placement, SceneFile,
-    Setting, nearest,
+    Setting, closest_match,
 };
 pub use light::Light;
 pub use material::{AlphaMode, Material, MaterialId};
 pub use mesh::{Instance, Mesh, MeshId, Part};
-pub use read::{ReadError, ReadOptions, promised_samples, read, read_environment, read_with};
+pub use read::{ReadError, ReadOptions, declared_exr_samples, read, read_environment, read_with};
 pub use scene::Scene;
+pub use stats::SceneStats;
 pub use texture::{Encoding, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};

@@ -39,7 +39,7 @@ pub enum Light {
         radiance: [f32; 3],
     },
     /// A flat disc that shines to one side. Rays see it; from behind it is black.
-    Disc {
+    Disk {
         /// Its middle.
         center: [f32; 3],
         /// Unit normal of the side that shines.

@@ -127,7 +127,7 @@ impl Material {
 
     /// Whether rays may pass the surface where alpha says so.
     #[must_use]
-    pub fn is_cut_out(&self) -> bool {
+    pub fn uses_alpha(&self) -> bool {
         match self.alpha_mode {
             AlphaMode::Opaque => false,
             AlphaMode::Mask { .. } | AlphaMode::Blend => true,
@@ -136,7 +136,7 @@ impl Material {
 
     /// Whether it gives light.
     #[must_use]
-    pub fn emits(&self) -> bool {
+    pub fn is_emissive(&self) -> bool {
         self.emission != [0.0; 3]
     }
 }

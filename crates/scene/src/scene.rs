@@ -42,7 +42,7 @@ impl Scene {
 
     /// Whether any instance moves while the shutter is open.
     #[must_use]
-    pub fn moves(&self) -> bool {
+    pub fn has_motion(&self) -> bool {
         self.instances.iter().any(|i| i.world_from_object_close.is_some_and(|close| close != i.world_from_object))
     }
 

@@ -55,7 +55,7 @@ pub struct TextureRef {
 impl TextureRef {
     /// A texture looked up where the first coordinates of the mesh say.
     #[must_use]
-    pub const fn plain(texture: TextureId) -> Self {
+    pub const fn new(texture: TextureId) -> Self {
         Self { texture, uv_set: UvSet::First, texture_from_mesh: UvTransform::IDENTITY }
     }
 }

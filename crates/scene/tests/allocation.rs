@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use canted_scene::{Description, ReadError, Scene, read};
+use canted_scene::{ReadError, Scene, SceneStats, read};
 
 /// The system's allocator, with the bytes in use and their peak.
 struct Counting;
@@ -65,7 +65,7 @@ const MAX_OVER_DECODED: usize = 3;
 fn assert_lean(path: &Path) {
     let (scene, peak) = peak_bytes(path);
     let scene = scene.unwrap();
-    let counts = Description::of(&scene);
+    let counts = SceneStats::of(&scene);
     let decoded = counts.geometry_bytes + counts.texture_bytes;
     assert!(peak <= MAX_OVER_DECODED * decoded, "{}: {peak} for {decoded} decoded bytes", path.display());
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use canted_scene::{Description, Scene, read};
+use canted_scene::{Scene, SceneStats, read};
 
 /// Reads a model that must load without a warning.
 fn load(test: &str, file: &str) -> Option<Scene> {
@@ -34,7 +34,7 @@ fn ply_models() {
         ("ply/triangle_face_colors.ply", 1, 3),
     ] {
         let Some(scene) = load("ply_models", file) else { return };
-        let counts = Description::of(&scene);
+        let counts = SceneStats::of(&scene);
         assert_eq!((counts.n_placed_triangles, counts.n_vertices), (n_triangles, n_vertices), "{file}");
         assert_numbered(&scene);
     }
@@ -43,7 +43,7 @@ fn ply_models() {
 #[test]
 fn sponza() {
     let Some(scene) = load("sponza", "sponza/sponza.obj") else { return };
-    let counts = Description::of(&scene);
+    let counts = SceneStats::of(&scene);
     assert_eq!(counts.n_placed_triangles, 262_267);
     assert_eq!((counts.n_materials, counts.n_textures), (25, 27), "24 colour images and 3 masks");
     assert_eq!(scene.materials.iter().filter(|material| material.alpha_texture.is_some()).count(), 3);

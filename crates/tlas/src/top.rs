@@ -1,9 +1,10 @@
+use canted_bvh2::{PairBvh, PairOrder};
 use canted_lbvh::{self as lbvh, Bits, Domain, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{InstanceId, Query, ScaledRay, SlabRay};
 use canted_wide::{BoxTree, Config, MAX_PRIMITIVES, PrimitiveError, SimdPath};
 
-use crate::{Binary, InstanceError, PairOrder};
+use crate::InstanceError;
 
 /// How the tree over instances is built.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +25,7 @@ impl Default for TopConfig {
 pub(crate) enum Top {
     Wide(BoxTree),
     /// With the instance of each leaf.
-    Binary(Binary, Vec<InstanceId>),
+    Binary(PairBvh, Vec<InstanceId>),
 }
 
 impl TopConfig {
@@ -45,11 +46,11 @@ impl Top {
             TopConfig::Wide(config) => Ok(Self::Wide(BoxTree::build(&boxes, config)?)),
             TopConfig::Binary(volumes) => {
                 let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
-                let codes = lbvh::codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes);
-                let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
+                let codes = lbvh::morton_codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes);
+                let tree = lbvh::radix(lbvh::sort_by_code(&codes, Bits::B63));
                 let sorted: Vec<Obb> = tree.leaves.iter().map(|leaf| instances[leaf.index()]).collect();
                 let volumes = lbvh::volumes(&tree, &sorted, volumes);
-                let binary = Binary::new(&tree, &volumes, &sorted, &bounds, PairOrder::Numbered);
+                let binary = PairBvh::new(&tree, &volumes, &sorted, &bounds, PairOrder::Numbered);
                 Ok(Self::Binary(binary, tree.leaves.iter().map(|leaf| InstanceId(leaf.0)).collect()))
             }
         }
@@ -85,7 +86,7 @@ impl Top {
     /// `enter` is given the scaled `t_max` and returns the new one. A box is entered no later than any hit that lies within
     /// `error` of it, world space, and while that is `<= t_max`: so ties are met, whatever the tree.
     #[inline]
-    pub(crate) fn nearest_first<Q: Query>(
+    pub(crate) fn traverse_ordered<Q: Query>(
         &self,
         ray: &ScaledRay,
         error: f64,
@@ -93,19 +94,19 @@ impl Top {
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         match self {
-            Self::Wide(tree) => tree.nearest_first(ray, error, query, by_number(enter)),
+            Self::Wide(tree) => tree.traverse_ordered(ray, error, query, by_number(enter)),
             Self::Binary(binary, leaves) => {
                 let slab_ray = SlabRay::with_error(ray, binary.reach(), error);
-                binary.closest(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
+                binary.traverse_ordered(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
                     enter(leaves[leaf as usize], t_max, query)
                 });
             }
         }
     }
 
-    /// As [`Top::nearest_first`], in any order, until `enter` returns a `t_max` below zero.
+    /// As [`Top::traverse_ordered`], in any order, until `enter` returns a `t_max` below zero.
     #[inline]
-    pub(crate) fn in_any_order<Q: Query>(
+    pub(crate) fn traverse_any<Q: Query>(
         &self,
         ray: &ScaledRay,
         error: f64,
@@ -113,11 +114,12 @@ impl Top {
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         match self {
-            Self::Wide(tree) => tree.in_any_order(ray, error, query, by_number(enter)),
+            Self::Wide(tree) => tree.traverse_any(ray, error, query, by_number(enter)),
             Self::Binary(binary, leaves) => {
                 let slab_ray = SlabRay::with_error(ray, binary.reach(), error);
-                binary
-                    .any(&slab_ray, ray.t_max, query, |leaf, t_max, query| enter(leaves[leaf as usize], t_max, query));
+                binary.traverse_any(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
+                    enter(leaves[leaf as usize], t_max, query)
+                });
             }
         }
     }

@@ -18,8 +18,8 @@
 //!
 //! // The box leans by 45 degrees about z; no coordinate of the triangle exceeds 4.
 //! let half = 0.5f32.sqrt();
-//! let slabs = Slabs::of_points([[half, half, 0.0], [-half, half, 0.0], [0.0, 0.0, 1.0]], triangle);
-//! let entry = SlabRay::new(&ray, 4.0).enters_slabs(&slabs, ray.t_max).unwrap();
+//! let slabs = Slabs::from_points([[half, half, 0.0], [-half, half, 0.0], [0.0, 0.0, 1.0]], triangle);
+//! let entry = SlabRay::new(&ray, 4.0).intersect_slabs(&slabs, ray.t_max).unwrap();
 //!
 //! let prepared = Watertight::prepare(&ray);
 //! let hit = Watertight::intersect(&prepared, &ray, &Watertight::record(triangle), ray.t_max).unwrap();

@@ -6,7 +6,7 @@ use crate::Hit;
 /// alone, never on the order of calls: that order changes with the tree.
 pub trait Query {
     /// Whether [`Query::accepts`] may refuse a hit. Where `false`, it must answer `true`, and need not be asked.
-    const MAY_REFUSE: bool = true;
+    const MAY_REJECT: bool = true;
 
     /// `n` ray-box tests were made.
     #[inline(always)]
@@ -37,7 +37,7 @@ pub trait Query {
 }
 
 impl Query for () {
-    const MAY_REFUSE: bool = false;
+    const MAY_REJECT: bool = false;
 }
 
 /// Sums of tests.
@@ -50,7 +50,7 @@ pub struct Counts {
 }
 
 impl Query for Counts {
-    const MAY_REFUSE: bool = false;
+    const MAY_REJECT: bool = false;
 
     #[inline]
     fn boxes(&mut self, n: u32) {

@@ -6,7 +6,7 @@
 
 /// Scattering from `incident` into `outgoing`, mirrors and clear boundaries left out.
 fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evaluation {
-    if outgoing.z < LEAST_COSINE || abs(incident.z) < LEAST_COSINE {
+    if outgoing.z < MIN_COSINE || abs(incident.z) < MIN_COSINE {
         return no_evaluation();
     }
     if is_lambert(bsdf) {
@@ -17,13 +17,13 @@ fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evalua
 }
 
 /// A direction to look for light in, from a point of the unit square and a number in `[0, 1)` that chooses a lobe.
-fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> Scattered {
-    if outgoing.z < LEAST_COSINE {
-        return nothing_scattered();
+fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> BsdfSample {
+    if outgoing.z < MIN_COSINE {
+        return no_bsdf_sample();
     }
     if is_lambert(bsdf) {
         let incident = cosine_hemisphere(square);
-        return Scattered(incident, cosine_density(incident.z), bsdf.base_color, false, false, true);
+        return BsdfSample(incident, cosine_density(incident.z), bsdf.base_color, false, false, true);
     }
     let boundary = boundary_of(bsdf, outgoing);
     var scattered = sample_boundary(boundary, square, choice);
@@ -32,8 +32,8 @@ fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) 
     }
     let found = evaluate_boundary(boundary, scattered.incident);
     // Rounding may take a direction at the edge of a lobe out of it.
-    if found.density < LEAST_DENSITY {
-        return nothing_scattered();
+    if found.density < MIN_DENSITY {
+        return no_bsdf_sample();
     }
     scattered.weight = found.value / found.density;
     scattered.density = found.density;
@@ -42,7 +42,7 @@ fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) 
 }
 
 /// Densities below it may have been flushed to zero.
-const LEAST_DENSITY: f32 = 1e-30;
+const MIN_DENSITY: f32 = 1e-30;
 
 /// Whether `evaluate_bsdf` is zero everywhere, so that lights need not be sampled.
 fn is_delta_only(bsdf: Bsdf) -> bool {

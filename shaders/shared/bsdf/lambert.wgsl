@@ -4,7 +4,7 @@
 
 /// Scattering from `incident` into `outgoing`.
 fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evaluation {
-    if outgoing.z < LEAST_COSINE || incident.z < LEAST_COSINE {
+    if outgoing.z < MIN_COSINE || incident.z < MIN_COSINE {
         return no_evaluation();
     }
     let density = cosine_density(incident.z);
@@ -12,12 +12,12 @@ fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evalua
 }
 
 /// A direction to look for light in, from a point of the unit square.
-fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> Scattered {
-    if outgoing.z < LEAST_COSINE {
-        return nothing_scattered();
+fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> BsdfSample {
+    if outgoing.z < MIN_COSINE {
+        return no_bsdf_sample();
     }
     let incident = cosine_hemisphere(square);
-    return Scattered(incident, cosine_density(incident.z), bsdf.base_color, false, false, true);
+    return BsdfSample(incident, cosine_density(incident.z), bsdf.base_color, false, false, true);
 }
 
 /// Whether `evaluate_bsdf` is zero everywhere.

@@ -2,7 +2,7 @@
 // every direction.
 // use shared/light/asked
 // use shared/light/lights
-// use shared/light/arrival
+// use shared/light/incoming
 // use shared/turns
 
 /// Beyond all bounces, one dimension for each vertex and light.
@@ -18,21 +18,21 @@ fn ask(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_asked
         turns += 1u;
         asked.n_asked = number + 1u;
         let dimension = FIRST_LIGHT + vertex * n_lights + number;
-        let arrival = arrival_of(lights[number], surface.position, square(one, dimension));
-        let cosine = dot(surface.shading_normal, arrival.to_light);
-        if arrival.reach == DARK || cosine <= 0.0 || dot(surface.normal, arrival.to_light) <= 0.0 {
+        let incoming = incoming_light(lights[number], surface.position, square(one, dimension));
+        let cosine = dot(surface.shading_normal, incoming.to_light);
+        if incoming.reach == NO_LIGHT || cosine <= 0.0 || dot(surface.normal, incoming.to_light) <= 0.0 {
             continue;
         }
-        let reflected = surface.base_color * (arrival.radiance * (cosine / PI));
-        let is_near = arrival.reach == NEAR;
-        let ray = towards(surface, select(arrival.to_light, arrival.place, is_near), is_near);
+        let reflected = surface.base_color * (incoming.radiance * (cosine / PI));
+        let is_near = incoming.reach == FINITE;
+        let ray = towards(surface, select(incoming.to_light, incoming.place, is_near), is_near);
         if ray.t_max <= 0.0 {
             asked.free += reflected;
-        } else if !hides(ray, number) {
+        } else if !shape_light_occludes(ray, number) {
             asked.is_asked = true;
             asked.radiance = reflected;
             asked.ray = ray;
-            ray_key = numbered(vertex_key, number);
+            ray_key = derived_key(vertex_key, number);
         }
     }
     return asked;

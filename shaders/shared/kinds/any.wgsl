@@ -1,4 +1,4 @@
-// Nodes along the axes, in a frame of their own, and with a frame for each child.
+// Axis-aligned nodes, and oriented nodes with a frame for each child.
 // use shared/node
 
 /// Keys of four children of a node.
@@ -8,9 +8,6 @@ fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
         case 0u: {
             return enter_box(at, half, t_max);
         }
-        case 1u: {
-            return enter_shared(at, half, t_max);
-        }
         default: {
             return enter_lean(at, half, t_max);
         }
@@ -19,41 +16,8 @@ fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
 
 /// The word of a child.
 fn child_word(word: u32, child: u32) -> u32 {
-    var row = 30u;
-    switch word >> 29u {
-        case 0u: {
-            row = 12u;
-        }
-        case 1u: {
-            row = 16u;
-        }
-        default: {}
-    }
+    let row = select(30u, 12u, (word >> 29u) == 0u);
     return nodes[quads_of(word) + row + (child >> 2u)][child & 3u];
-}
-
-/// Nine numbers of one frame, padding to two rows, then as a box node in that frame.
-fn enter_shared(at: u32, half: u32, t_max: f32) -> vec4<u32> {
-    let first = quad(at - half);
-    let second = quad(at - half + 1u);
-    let third = quad(at - half + 2u);
-    var near = vec4<f32>(space.t_min);
-    var far = vec4<f32>(t_max);
-    for (var k = 0u; k < 3u; k += 1u) {
-        var row = first.xyz;
-        if k == 1u {
-            row = vec3<f32>(first.w, second.x, second.y);
-        } else if k == 2u {
-            row = vec3<f32>(second.z, second.w, third.x);
-        }
-        let origin = project(row, space.origin);
-        let recip = reciprocal(project(row, space.direction));
-        let lo = (quad(at + 4u + 4u * k) - vec4<f32>(origin + space.pad_lean)) * recip;
-        let hi = (quad(at + 6u + 4u * k) - vec4<f32>(origin - space.pad_lean)) * recip;
-        near = max(min(lo, hi), near);
-        far = min(max(lo, hi), far);
-    }
-    return keys(near, far, half);
 }
 
 /// For each axis three components of the children's rows, centres, half-extents.

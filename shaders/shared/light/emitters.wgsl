@@ -1,11 +1,11 @@
 // Triangles that give light, of instances that stand still; twin of crates/renderer/src/light/emitters.rs.
 //
-// `?glow` tells what they emit at a point.
+// `?emission` tells what they emit at a point.
 // use shared/light/sample
 // use shared/light/tree
 // use shared/light/triangle
 // use shared/turns
-// use ?glow
+// use ?emission
 
 /// A triangle that gives light, in the order of instances and primitives.
 struct Emitter {
@@ -45,7 +45,7 @@ fn sample_emitter(number: u32, at: vec3<f32>, square: vec2<f32>) -> LightSample 
     let normal = normal_of(cross(emitter.first, emitter.second));
     let off = normal * (-sign_of(dot(normal, way)) * emitter.slack * dot(abs(normal), vec3(1.0)));
     let weighed = bounded(radiance * quotient(1.0, point.density));
-    return LightSample(Arrival(to_light, point.density, weighed, NEAR, place + off), NO_BODY, true);
+    return LightSample(IncomingLight(to_light, point.density, weighed, FINITE, place + off), NO_SHAPE_LIGHT, true);
 }
 
 /// Number of the emitter of a hit; the count of all if it moves, has no area or is black all over.

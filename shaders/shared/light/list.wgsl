@@ -3,8 +3,8 @@
 const SUN: u32 = 0u;
 const POINT: u32 = 1u;
 const SPOT: u32 = 2u;
-const BALL: u32 = 3u;
-const DISC: u32 = 4u;
+const SPHERE: u32 = 3u;
+const DISK: u32 = 4u;
 
 /// A light of the scene's list; what its kind does not have is zero.
 struct ListLight {

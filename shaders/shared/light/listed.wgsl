@@ -10,19 +10,19 @@ const NO_LEAF: u32 = 0xffffffffu;
 
 /// Light from a light of the list.
 fn sample_listed(number: u32, at: vec3<f32>, square: vec2<f32>) -> LightSample {
-    return LightSample(arrival_of(lights[number], at, square), number, false);
+    return LightSample(incoming_light(lights[number], at, square), number, false);
 }
 
 /// Density of a unit direction that meets a body of the list, the choice of the body included.
-fn body_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
+fn shape_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
     let light = lights[number];
     let leaf = light_leaves[number];
     if leaf == NO_LEAF {
         return 0.0;
     }
-    var density = disc_density(light, receiver.position, direction);
-    if light.kind == BALL {
-        density = ball_density(light, receiver.position);
+    var density = disk_density(light, receiver.position, direction);
+    if light.kind == SPHERE {
+        density = sphere_density(light, receiver.position);
     }
     return light_probability(leaf, receiver) * density;
 }

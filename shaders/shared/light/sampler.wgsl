@@ -40,6 +40,6 @@ fn surface_light_density(receiver: Receiver, instance: u32, primitive: u32, dire
 }
 
 /// Density with which `sample_light` finds a unit direction that meets a body of the list.
-fn body_light_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
-    return light_shares.local * body_density(receiver, number, direction);
+fn shape_light_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
+    return light_shares.local * shape_density(receiver, number, direction);
 }

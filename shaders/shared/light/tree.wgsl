@@ -1,4 +1,4 @@
-// A light chosen by what it might do to a point; twin of crates/renderer/src/light/{tree,glow}.rs.
+// A light chosen by what it might do to a point; twin of crates/renderer/src/light/{tree,bounds}.rs.
 //
 // Importance is never a number of its own here, for the square of a distance times an intensity may leave the range of
 // f32: siblings are compared by quotients.
@@ -32,7 +32,7 @@ const EMITTER: u32 = 0x80000000u;
 @group(3) @binding(4) var<storage, read> light_nodes: array<LightNode>;
 
 /// What a cluster might do: at `strength` 0 nothing.
-struct Glow {
+struct LightImportance {
     strength: f32,
     distance_squared: f32,
 }
@@ -44,7 +44,7 @@ struct Chosen {
 }
 
 /// Half the angle of a cone, as cosine and sine, reduced by another; none where that is the greater.
-fn less(angle: vec2<f32>, other: vec2<f32>) -> vec2<f32> {
+fn angle_minus(angle: vec2<f32>, other: vec2<f32>) -> vec2<f32> {
     if angle.x >= other.x {
         return vec2(1.0, 0.0);
     }
@@ -56,7 +56,7 @@ fn angle_between(a: vec3<f32>, b: vec3<f32>) -> vec2<f32> {
     return vec2(clamp(dot(a, b), -1.0, 1.0), length(cross(a, b)));
 }
 
-fn glow_of(node: LightNode, receiver: Receiver) -> Glow {
+fn light_importance(node: LightNode, receiver: Receiver) -> LightImportance {
     let way = receiver.position - node.middle;
     let square = dot(way, way);
     let radius_squared = node.radius * node.radius;
@@ -79,21 +79,21 @@ fn glow_of(node: LightNode, receiver: Receiver) -> Glow {
             emitted.x = abs(emitted.x);
         }
         if !receiver.transmits {
-            received = less(angle_between(receiver.normal, -direction), ball).x;
+            received = angle_minus(angle_between(receiver.normal, -direction), ball).x;
         }
     }
-    emitted = less(less(emitted, node.spread), ball);
+    emitted = angle_minus(angle_minus(emitted, node.spread), ball);
     // A rounding more than the cosines have, so that no light at its horizon is lost.
     if emitted.x < node.cos_reach - 1e-6 {
-        return Glow(0.0, distance_squared);
+        return LightImportance(0.0, distance_squared);
     }
-    return Glow(max(node.intensity * emitted.x, 0.0) * max(received, 0.0), distance_squared);
+    return LightImportance(max(node.intensity * emitted.x, 0.0) * max(received, 0.0), distance_squared);
 }
 
 /// The probabilities of two siblings; both zero where neither has any.
 fn shares_of(first: u32, receiver: Receiver) -> vec2<f32> {
-    let a = glow_of(light_nodes[first], receiver);
-    let b = glow_of(light_nodes[first + 1u], receiver);
+    let a = light_importance(light_nodes[first], receiver);
+    let b = light_importance(light_nodes[first + 1u], receiver);
     if a.strength <= 0.0 || b.strength <= 0.0 {
         return vec2(select(0.0, 1.0, a.strength > 0.0), select(0.0, 1.0, b.strength > 0.0));
     }

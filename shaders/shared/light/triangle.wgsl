@@ -8,14 +8,14 @@
 // that Arvo 1995 finds.
 // use shared/numbers
 // use shared/angle
-// use shared/light/arrival
+// use shared/light/incoming
 
 /// Solid angles that are sampled uniformly, in steradians; others by area.
 const LEAST_SOLID_ANGLE: f32 = 1e-4;
 const GREATEST_SOLID_ANGLE: f32 = 6.2;
 
 /// A triangle about a point.
-struct Sight {
+struct SphericalTriangle {
     /// Unit vectors to the corners.
     a: vec3<f32>,
     b: vec3<f32>,
@@ -27,7 +27,7 @@ struct Sight {
 }
 
 /// A point of a triangle.
-struct LitPoint {
+struct TriangleSample {
     /// Weights of the second and third corner.
     weights: vec2<f32>,
     /// Per steradian; 0 where there is none.
@@ -35,12 +35,12 @@ struct LitPoint {
 }
 
 /// The triangle of a corner and the edges from it, seen from `at`.
-fn sight_of(corner: vec3<f32>, first: vec3<f32>, second: vec3<f32>, at: vec3<f32>) -> Sight {
+fn spherical_triangle(corner: vec3<f32>, first: vec3<f32>, second: vec3<f32>, at: vec3<f32>) -> SphericalTriangle {
     let way = corner - at;
     let ways = mat3x3(way, way + first, way + second);
     let squares = vec3(dot(ways[0], ways[0]), dot(ways[1], ways[1]), dot(ways[2], ways[2]));
     if any(squares < vec3(LEAST_SQUARE)) {
-        return Sight(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0);
+        return SphericalTriangle(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0);
     }
     let a = ways[0] / sqrt(squares.x);
     let b = ways[1] / sqrt(squares.y);
@@ -48,22 +48,22 @@ fn sight_of(corner: vec3<f32>, first: vec3<f32>, second: vec3<f32>, at: vec3<f32
     let triple = quotient(abs(dot(a, cross(first, second))), sqrt(squares.y) * sqrt(squares.z));
     let solid_angle = 2.0 * angle_of(triple, 1.0 + dot(a, b) + dot(b, c) + dot(c, a));
     let is_sampled = solid_angle >= LEAST_SOLID_ANGLE && solid_angle < GREATEST_SOLID_ANGLE;
-    return Sight(a, b, c, triple, select(0.0, solid_angle, is_sampled));
+    return SphericalTriangle(a, b, c, triple, select(0.0, solid_angle, is_sampled));
 }
 
 /// A unit direction, uniform over the solid angle.
-fn direction_into(sight: Sight, square: vec2<f32>) -> vec3<f32> {
-    let turned = circle(square.x * (0.5 / TAU) * sight.solid_angle);
-    let one = 1.0 + dot(sight.a, sight.b);
-    let other = dot(sight.a, sight.c) + dot(sight.b, sight.c);
-    let halved = (sight.triple * turned.x - other * turned.y) * sight.a + (one * turned.y) * sight.c;
+fn direction_into(spherical: SphericalTriangle, square: vec2<f32>) -> vec3<f32> {
+    let turned = circle(square.x * (0.5 / TAU) * spherical.solid_angle);
+    let one = 1.0 + dot(spherical.a, spherical.b);
+    let other = dot(spherical.a, spherical.c) + dot(spherical.b, spherical.c);
+    let halved = (spherical.triple * turned.x - other * turned.y) * spherical.a + (one * turned.y) * spherical.c;
     // Zero only where rounding leaves nothing of a sliver.
-    let third = (2.0 * dot(halved, sight.a) / max(dot(halved, halved), LEAST_SQUARE)) * halved - sight.a;
-    let chord = third - sight.b;
+    let third = (2.0 * dot(halved, spherical.a) / max(dot(halved, halved), LEAST_SQUARE)) * halved - spherical.a;
+    let chord = third - spherical.b;
     // One minus the cosine of the arc from b.
     let height = 0.5 * dot(chord, chord);
     let share = sqrt(square.y * (2.0 - square.y * height) / max(2.0 - height, 1e-7));
-    return normalize(sight.b + share * chord + (height * (share - square.y)) * sight.b);
+    return normalize(spherical.b + share * chord + (height * (share - square.y)) * spherical.b);
 }
 
 /// A point of the triangle: uniform over the solid angle, or over the area where that comes to the same.
@@ -73,24 +73,24 @@ fn sample_triangle(
     second: vec3<f32>,
     at: vec3<f32>,
     square: vec2<f32>,
-) -> LitPoint {
+) -> TriangleSample {
     let twice = cross(first, second);
     let area = 0.5 * length(twice);
-    let sight = sight_of(corner, first, second, at);
-    if sight.solid_angle > 0.0 {
-        let direction = direction_into(sight, square);
-        return LitPoint(weights_along(corner - at, first, second, direction), 1.0 / sight.solid_angle);
+    let spherical = spherical_triangle(corner, first, second, at);
+    if spherical.solid_angle > 0.0 {
+        let direction = direction_into(spherical, square);
+        return TriangleSample(weights_along(corner - at, first, second, direction), 1.0 / spherical.solid_angle);
     }
     let weights = uniform_weights(square);
     let way = (corner - at) + weights.x * first + weights.y * second;
-    return LitPoint(weights, area_density(way, normal_of(twice), area));
+    return TriangleSample(weights, area_density(way, normal_of(twice), area));
 }
 
 /// Density with which `sample_triangle` finds a unit direction that meets the triangle.
 fn triangle_density(corner: vec3<f32>, first: vec3<f32>, second: vec3<f32>, at: vec3<f32>, direction: vec3<f32>) -> f32 {
-    let sight = sight_of(corner, first, second, at);
-    if sight.solid_angle > 0.0 {
-        return 1.0 / sight.solid_angle;
+    let spherical = spherical_triangle(corner, first, second, at);
+    if spherical.solid_angle > 0.0 {
+        return 1.0 / spherical.solid_angle;
     }
     let twice = cross(first, second);
     return plane_density(at, direction, corner, normal_of(twice), 0.5 * length(twice));

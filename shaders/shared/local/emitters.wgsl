@@ -11,6 +11,6 @@ fn sample_local(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSamp
     return chosen_with(chosen.probability, sample_emitter(chosen.light & ~EMITTER, receiver.position, square));
 }
 
-fn body_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
+fn shape_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
     return 0.0;
 }

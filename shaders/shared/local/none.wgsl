@@ -9,6 +9,6 @@ fn emitter_density(receiver: Receiver, instance: u32, primitive: u32, direction:
     return 0.0;
 }
 
-fn body_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
+fn shape_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
     return 0.0;
 }

@@ -3,7 +3,7 @@
 // use shared/square_footprint
 
 /// Most lookups along the longer axis.
-const MOST_PROBES: f32 = 16.0;
+const MAX_PROBES: f32 = 16.0;
 
 fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
     if !seen.cone.is_direct {
@@ -43,7 +43,7 @@ fn of_axes(first: vec2<f32>, second: vec2<f32>, texels: vec2<f32>) -> Footprint 
     let longest = sqrt(0.5 * (xx + yy) + half_gap);
     // Texels are the least there is to see. A longer ellipse than the probes cover is widened, not cut.
     let narrow = abs(a.x * b.y - a.y * b.x) / max(longest, 1e-30);
-    let width = max(max(narrow, 1.0), longest / MOST_PROBES);
+    let width = max(max(narrow, 1.0), longest / MAX_PROBES);
     if longest <= width {
         return Footprint(log2(max(longest, 1e-30)), vec2(0.0), 1u);
     }

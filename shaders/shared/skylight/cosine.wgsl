@@ -10,7 +10,7 @@ fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
     let to_light = basis_about(receiver.shading_normal) * local;
     let density = cosine_density(local.z);
     let radiance = bounded(sky_radiance(to_light) * quotient(1.0, density));
-    return LightSample(Arrival(to_light, density, radiance, ENDLESS, vec3(0.0)), NO_BODY, false);
+    return LightSample(IncomingLight(to_light, density, radiance, INFINITE, vec3(0.0)), NO_SHAPE_LIGHT, false);
 }
 
 /// Density of `sample_sky` in a unit direction.

@@ -33,7 +33,7 @@ fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
     let to_light = sky_direction(across, mix(sky_rows[row].cosine, sky_rows[row + 1u].cosine, down));
     let density = sky_density_at(row, column);
     let radiance = bounded(sky_radiance(to_light) * quotient(1.0, density));
-    return LightSample(Arrival(to_light, density, radiance, ENDLESS, vec3(0.0)), NO_BODY, false);
+    return LightSample(IncomingLight(to_light, density, radiance, INFINITE, vec3(0.0)), NO_SHAPE_LIGHT, false);
 }
 
 /// Density of `sample_sky` in a unit direction.

@@ -25,6 +25,6 @@ fn sample_sun(choice: f32) -> LightSample {
         number++;
     }
     let sun = sun_shares[number];
-    let arrival = arrival_of(lights[sun.light], vec3(0.0), vec2(0.0));
-    return chosen_with(sun.share, LightSample(arrival, sun.light, false));
+    let incoming = incoming_light(lights[sun.light], vec3(0.0), vec2(0.0));
+    return chosen_with(sun.share, LightSample(incoming, sun.light, false));
 }

@@ -4,7 +4,7 @@
 // use shared/ggx
 
 /// The least difference of `eta` from 1 that bends light of a rough boundary; below, it passes straight.
-const LEAST_BEND: f32 = 1.0 / 128.0;
+const MIN_IOR_STEP: f32 = 1.0 / 128.0;
 
 /// Whether light comes through.
 fn is_transmitting(bsdf: Bsdf) -> bool {
@@ -54,7 +54,7 @@ fn refracted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
 }
 
 /// A direction through a facet, without its weight unless it is the only one of its lobe.
-fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Scattered {
+fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> BsdfSample {
     let outgoing = boundary.outgoing;
     let eta = boundary.eta;
     let probability = 1.0 - facet.reflection_probability;
@@ -63,8 +63,8 @@ fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Sc
             return mirror(boundary, -outgoing, facet.transmitted, probability);
         }
         let incident = mirrored_at(outgoing, normal);
-        if incident.z < LEAST_COSINE {
-            return nothing_scattered();
+        if incident.z < MIN_COSINE {
+            return no_bsdf_sample();
         }
         return into_lobe(vec3(incident.xy, -incident.z));
     }
@@ -75,7 +75,7 @@ fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Sc
     let cosine = dot(outgoing, normal);
     let refracted = refracted_cosine(cosine, eta);
     if refracted == TOTAL {
-        return nothing_scattered();
+        return no_bsdf_sample();
     }
     // Snell's law divides the tangential part by eta, and its error if the far side is the thinner.
     let tangent = outgoing - cosine * normal;
@@ -83,13 +83,13 @@ fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Sc
     if boundary.alpha == 0.0 {
         return mirror(boundary, incident, color, probability);
     }
-    if incident.z > -LEAST_COSINE {
-        return nothing_scattered();
+    if incident.z > -MIN_COSINE {
+        return no_bsdf_sample();
     }
     return into_lobe(incident);
 }
 
 /// Whether a rough boundary bends light by more than rounding does.
 fn bends(boundary: Boundary) -> bool {
-    return abs(boundary.eta - 1.0) >= LEAST_BEND;
+    return abs(boundary.eta - 1.0) >= MIN_IOR_STEP;
 }

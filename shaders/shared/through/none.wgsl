@@ -17,6 +17,6 @@ fn transmitted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
 }
 
 /// A direction through a facet.
-fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Scattered {
-    return nothing_scattered();
+fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> BsdfSample {
+    return no_bsdf_sample();
 }

@@ -7,7 +7,7 @@ use canted_gpu::{Choice, Gpu, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::{Instance, MAX_CONDITION, Tlas, TopConfig};
 use canted_trace::{Hit, Ray, Watertight};
-use canted_wide::{Config, Wide};
+use canted_wide::{Config, TriangleBvh};
 
 use super::{
     Oracle, Promise, Row,
@@ -186,8 +186,9 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
         map.columns[1][2] = x;
         bad.push(map);
     }
-    let wide =
-        || Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("finite vertices");
+    let wide = || {
+        TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("finite vertices")
+    };
     let row = |promise: Promise, routine: &str, bad: &[Affine], error: &dyn Fn(&[Instance]) -> Option<String>| {
         let instances = |map: &Affine| [Affine::IDENTITY, *map].map(|map| Instance::still(0, map));
         let is_taken = |map: &&Affine| error(&instances(map)).is_none_or(|error| !error.contains("instance 1"));

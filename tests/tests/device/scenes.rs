@@ -59,7 +59,7 @@ pub(crate) fn full() -> Scene {
     mesh.normals = Some(vec![[0.0, 0.0, 1.0]; 4]);
     mesh.tangents = Some(vec![[1.0, 0.0, 0.0, 1.0]; 4]);
     mesh.colors = Some(vec![[0.9, 1.0, 0.8, 1.0]; 4]);
-    let texture_ref = Some(TextureRef::plain(TextureId(0)));
+    let texture_ref = Some(TextureRef::new(TextureId(0)));
     scene.materials[0] = Material {
         base_color_texture: texture_ref,
         normal_texture: texture_ref,

@@ -2,22 +2,23 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use canted_bvh2::Bvh2;
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
-use canted_tlas::{Blas, Instance, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
 
 use super::setup::{all_rays, build, crowd, instances, meshes};
 
 /// A bottom level that counts what is asked of it; it cannot be rebuilt but by making another.
 struct Counted {
-    inner: MeshBlas<Watertight>,
+    inner: Bvh2<Watertight>,
     n_bounds: AtomicUsize,
     n_rays: AtomicUsize,
 }
 
 impl Counted {
-    fn new(inner: MeshBlas<Watertight>) -> Self {
+    fn new(inner: Bvh2<Watertight>) -> Self {
         Self { inner, n_bounds: AtomicUsize::new(0), n_rays: AtomicUsize::new(0) }
     }
 
@@ -33,14 +34,14 @@ impl Blas for Counted {
         self.inner.bounds()
     }
 
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         self.n_rays.fetch_add(1, Ordering::Relaxed);
-        self.inner.closest_hit(ray_object, instance, query)
+        self.inner.closest_hit_with(ray_object, instance, query)
     }
 
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
         self.n_rays.fetch_add(1, Ordering::Relaxed);
-        self.inner.occluded(ray_object, instance, query)
+        self.inner.occluded_with(ray_object, instance, query)
     }
 }
 
@@ -53,7 +54,7 @@ fn tlas(instances: &[Instance]) -> Tlas<Counted> {
 }
 
 fn hits(tlas: &Tlas<Counted>, rays: &[Ray]) -> Vec<Option<Hit>> {
-    rays.iter().map(|ray| tlas.closest_hit(ray, &mut ())).collect()
+    rays.iter().map(|ray| tlas.closest_hit(ray)).collect()
 }
 
 /// Everything turned by a quarter about z and shifted.

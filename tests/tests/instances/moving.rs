@@ -3,11 +3,12 @@
 //! Transforms and times have so few bits that every transform on the way is exact in `f32`: what stands still in its place
 //! is then the same input, to the bit, and all oracles of still instances serve.
 
+use canted_bvh2::Bvh2;
 use canted_fixtures::{Rotation, SplitMix64};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
 use canted_tests::instances::At;
-use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
 
 use super::agree::loop_over_all;
@@ -78,7 +79,7 @@ fn moving(ways: &[[Affine; 2]]) -> Vec<Instance> {
         .collect()
 }
 
-fn bottom() -> Vec<MeshBlas<Watertight>> {
+fn bottom() -> Vec<Bvh2<Watertight>> {
     let [soup, torus] = meshes();
     vec![build(&soup, Strategy::Dop), build(&torus, Strategy::Aabb)]
 }
@@ -94,8 +95,8 @@ fn shots(ways: &[[Affine; 2]], time: f32, n: usize, seed: u64) -> (Vec<Affine>, 
 /// The first ray that is not answered as by a loop over all triangles of what stands where the instances are.
 fn first_difference<B: Blas>(tlas: &Tlas<B>, placed: &[Affine], rays: &[Ray], time: f32) -> Option<String> {
     rays.iter().zip(loop_over_all::<Watertight>(placed, rays)).find_map(|(ray, want)| {
-        let got = tlas.closest_hit(ray, &mut At(time));
-        let occluded = tlas.occluded(ray, &mut At(time));
+        let got = tlas.closest_hit_with(ray, &mut At(time));
+        let occluded = tlas.occluded_with(ray, &mut At(time));
         (got != want || occluded != want.is_some()).then(|| format!("{ray:?} at {time}: {got:?}, not {want:?}"))
     })
 }
@@ -110,7 +111,7 @@ fn each_motion_is_hit_as_what_stands_still_there_and_as_exact_geometry_says() {
             let (placed, rays) = shots(&ways, time, 12, i as u64);
             assert_eq!(first_difference(&tlas, &placed, &rays, time), None, "{name}");
             for ray in rays.iter().step_by(7) {
-                let hit = tlas.closest_hit(ray, &mut At(time));
+                let hit = tlas.closest_hit_with(ray, &mut At(time));
                 judge(ray, hit.as_ref(), &placed, reaches())
                     .unwrap_or_else(|error| panic!("{name} at {time}: {error}"));
             }
@@ -146,7 +147,7 @@ fn no_motion_is_standing_still() {
     let (_, rays) = shots(&ways, 0.0, 8, 1);
     for ray in &rays {
         for time in [0.0, 0.3, 1.0, f32::NAN] {
-            assert_eq!(moving.closest_hit(ray, &mut At(time)), still.closest_hit(ray, &mut ()));
+            assert_eq!(moving.closest_hit_with(ray, &mut At(time)), still.closest_hit(ray));
         }
     }
     assert_eq!(moving.aabb(), still.aabb());
@@ -160,26 +161,30 @@ fn times_beyond_the_shutter_are_its_ends() {
         let (placed, rays) = shots(&ways, end, 2, 3);
         assert_eq!(first_difference(&tlas, &placed, &rays, end), None);
         for ray in &rays {
-            assert_eq!(tlas.closest_hit(ray, &mut At(beyond)), tlas.closest_hit(ray, &mut At(end)), "{beyond}");
+            assert_eq!(
+                tlas.closest_hit_with(ray, &mut At(beyond)),
+                tlas.closest_hit_with(ray, &mut At(end)),
+                "{beyond}"
+            );
         }
     }
 }
 
 /// A bottom level whose box is a tenth of what it should be: so is what it sweeps.
-struct Shrunk(MeshBlas<Watertight>);
+struct Shrunk(Bvh2<Watertight>);
 
 impl Blas for Shrunk {
     fn bounds(&self) -> Obb {
         let bounds = self.0.bounds();
-        Obb { half: bounds.half.map(|half| half * 0.1), ..bounds }
+        Obb { half_extents: bounds.half_extents.map(|half| half * 0.1), ..bounds }
     }
 
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.0.closest_hit(ray_object, instance, query)
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        self.0.closest_hit_with(ray_object, instance, query)
     }
 
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.0.occluded(ray_object, instance, query)
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        self.0.occluded_with(ray_object, instance, query)
     }
 }
 

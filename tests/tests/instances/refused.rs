@@ -1,16 +1,17 @@
 //! Transforms that cannot be inverted are refused by the index of their instance.
 
+use canted_bvh2::Bvh2;
 use canted_fixtures::Rotation;
 use canted_lbvh::Strategy;
 use canted_obb::Affine;
-use canted_tlas::{Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
 use canted_trace::Watertight;
 
 use super::setup::{affine, build, meshes};
 
 fn place(blas: u32, third: Affine) -> Result<(), InstanceError> {
     let [soup, torus] = meshes();
-    let bottom: Vec<MeshBlas<Watertight>> = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Aabb)];
+    let bottom: Vec<Bvh2<Watertight>> = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Aabb)];
     let sound = Instance::still(0, Affine::IDENTITY);
     let instances = [sound, sound, Instance::still(blas, third)];
     Tlas::new(bottom, &instances, TopConfig::default()).map(|_| ())

@@ -1,7 +1,8 @@
 //! The pictures of the oracle as our renderer takes them: the same numbers as in `tests/oracle/scenes.py`.
 
+use canted_film::{Film, Picture, read_picture};
 use canted_obb::Affine;
-use canted_renderer::{Film, Integrator, Lod, Pattern, Picture, Settings, prepare, read_picture, render};
+use canted_renderer::{Integrator, Lod, Pattern, Settings, prepare, render};
 use canted_scene::{
     Camera, Encoding, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId, TextureRef,
     Wrap, read,
@@ -150,7 +151,7 @@ pub(crate) fn checker() -> Shot {
         Texture { name: String::new(), width: 4, height: 4, texels, encoding: Encoding::Srgb, wrap: [Wrap::Repeat; 2] };
     let material = Material {
         base_color: [1.0; 3],
-        base_color_texture: Some(TextureRef::plain(TextureId(0))),
+        base_color_texture: Some(TextureRef::new(TextureId(0))),
         ..Material::default()
     };
     let scene = Scene {

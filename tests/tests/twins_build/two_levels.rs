@@ -147,6 +147,6 @@ fn the_check_sees_a_box_that_lost_its_instances() {
     let levels = built(&gpu, &instances, config);
     let twin = Twin::of_boxes(&placed(&gpu, &levels, &instances), config.bits);
     let mut obbs = gpu.read(levels.top.obbs.as_ref().unwrap()).unwrap();
-    obbs[5].half = obbs[5].half.map(|half| half * 0.99);
+    obbs[5].half_extents = obbs[5].half_extents.map(|half| half * 0.99);
     assert_eq!(escaped(&twin, &twin.leaves(), &obbs).map(|(index, _)| index), Some(5));
 }

@@ -48,7 +48,7 @@ pub(super) fn room() -> (Scene, Camera) {
         Light::Point { position: [-2.0, 1.0, 1.0], intensity: [3.0, 3.0, 4.0] },
         Light::Spot { position: [2.0, 1.8, 1.0], direction: down, intensity: [6.0; 3], cos_inner: 0.9, cos_outer: 0.7 },
         Light::Sphere { center: [0.3, 0.5, -1.5], radius: 0.3, radiance: [4.0, 3.0, 2.0] },
-        Light::Disc { center: [0.0, 1.9, 0.0], normal: down, radius: 0.6, radiance: [5.0; 3] },
+        Light::Disk { center: [0.0, 1.9, 0.0], normal: down, radius: 0.6, radiance: [5.0; 3] },
         Light::Sun { direction: [0.6, -0.48, -0.64], irradiance: [0.5; 3] },
     ];
     let materials = vec![grey, red, glowing];
@@ -84,7 +84,7 @@ pub(super) fn textured() -> (Scene, Camera) {
         let uvs = vec![[-0.3, 0.0], [1.7, 0.0], [1.7, 2.0], [-0.3, 2.0]];
         Mesh { uvs: Some(uvs), ..mesh(corners, vec![[0, 1, 2], [0, 2, 3]], material) }
     };
-    let slot = |texture: u32| Some(TextureRef::plain(TextureId(texture)));
+    let slot = |texture: u32| Some(TextureRef::new(TextureId(texture)));
     let floor = Material {
         base_color_texture: slot(0),
         metallic: 1.0,

@@ -2,12 +2,12 @@
 
 use canted_fixtures::Mesh;
 use canted_gpu::{Answer, Gpu, GpuError, TracedScene, Walk};
-use canted_lbvh::gather;
+use canted_lbvh::triangle_corners;
 use canted_obb::Affine;
 use canted_tests::chains::chain;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
-use canted_wide::{NodeKind, Wide};
+use canted_wide::{NodeKind, TriangleBvh};
 
 use super::gpu;
 use super::setup::{loop_over_all, of_one_kind};
@@ -37,7 +37,7 @@ fn n_triangles(depth: u16) -> u16 {
 }
 
 /// Triangles across x, one behind another from 0 to 1, and the tree of this depth over them.
-fn deep(depth: u16) -> (Mesh, Wide<Watertight>) {
+fn deep(depth: u16) -> (Mesh, TriangleBvh<Watertight>) {
     let n = n_triangles(depth);
     let sector = |i: u16| {
         let rare = (1..RARE).find(|&rare| i == (rare - 1) * (n - 1) / (RARE - 2));
@@ -49,9 +49,9 @@ fn deep(depth: u16) -> (Mesh, Wide<Watertight>) {
     };
     let positions = (0..n).flat_map(corners).collect();
     let mesh = Mesh { positions, triangles: (0..u32::from(n)).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect() };
-    let (corners, bounds) = gather(&mesh.positions, &mesh.triangles).unwrap();
+    let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = chain(n.into(), |i| i % 2 == 0);
-    let wide = Wide::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Box)).unwrap();
+    let wide = TriangleBvh::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Aligned)).unwrap();
     assert_eq!(wide.words().depth, u32::from(depth));
     (mesh, wide)
 }
@@ -72,7 +72,7 @@ fn rays(depth: u16) -> Vec<Ray> {
     rays
 }
 
-fn walked(gpu: &Gpu, tree: &Wide<Watertight>, walk: Walk) -> Result<TracedScene, GpuError> {
+fn walked(gpu: &Gpu, tree: &TriangleBvh<Watertight>, walk: Walk) -> Result<TracedScene, GpuError> {
     TracedScene::one(gpu, tree, &[0])?.walked(gpu, walk)
 }
 

@@ -8,7 +8,7 @@ use canted_tests::{
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, Watertight};
-use canted_wide::Wide;
+use canted_wide::TriangleBvh;
 
 use super::gpu;
 use super::judge::{Tally, World, error_of_instance};
@@ -47,12 +47,12 @@ fn rays_through_instances_lose_no_hit() {
     };
     let world = World { corners: &corners, error: &error };
     for (way, config) in few_ways() {
-        let bottom: Vec<Wide<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
+        let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
         let scene = canted_gpu::TracedScene::two(&gpu, &bottom.iter().collect::<Vec<_>>(), &instances).unwrap();
         let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
         let mut tally = Tally::default();
         world
-            .judge_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray, &mut ()), &mut tally)
+            .judge_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray), &mut tally)
             .unwrap_or_else(|error| panic!("{way}: {error}"));
         tally.report(&way);
     }

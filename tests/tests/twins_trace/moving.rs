@@ -10,7 +10,7 @@ use canted_tests::{
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, ScaledRay, Watertight};
-use canted_wide::Wide;
+use canted_wide::TriangleBvh;
 
 use super::gpu;
 use super::judge::{Tally, World, error_of_instance};
@@ -96,7 +96,7 @@ fn judged(gpu: &Gpu, late: f32) -> Result<Tally, String> {
         meshes.each_ref().map(|m| m.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs())));
     let crowd = crowd();
     let (_, config) = few_ways().remove(0);
-    let bottom: Vec<Wide<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
+    let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
     let scene = TracedScene::two(gpu, &bottom.iter().collect::<Vec<_>>(), &crowd).unwrap();
     let tlas = Tlas::new(bottom, &crowd, TopConfig::default()).unwrap();
     let mut tally = Tally::default();
@@ -135,7 +135,7 @@ fn judged(gpu: &Gpu, late: f32) -> Result<Tally, String> {
             },
         };
         for (ray, hit) in rays.iter().zip(hits(gpu, &scene, &rays, time + late)) {
-            world.judge(ray, tlas.closest_hit(ray, &mut At(time)), hit, &mut tally)?;
+            world.judge(ray, tlas.closest_hit_with(ray, &mut At(time)), hit, &mut tally)?;
         }
     }
     Ok(tally)

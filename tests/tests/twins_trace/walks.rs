@@ -41,7 +41,7 @@ fn no_walk_loses_a_hit() {
             let world = World { corners: &corners, error: &error };
             let mut tally = Tally::default();
             world
-                .judge_all(&gpu, &scene, &all_rays(&mesh, instances), |ray| tlas.closest_hit(ray, &mut ()), &mut tally)
+                .judge_all(&gpu, &scene, &all_rays(&mesh, instances), |ray| tlas.closest_hit(ray), &mut tally)
                 .unwrap_or_else(|error| panic!("{walk:?}, {way}, {} instances: {error}", instances.len()));
             tally.report(&format!("{walk:?}, {} instances", instances.len()));
         }

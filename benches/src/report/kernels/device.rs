@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, Specialisation, TracedScene};
 use canted_trace::{Ray, ScaledRay, Watertight};
-use canted_wide::Wide;
+use canted_wide::TriangleBvh;
 
 use super::super::{effort::Effort, samples::Samples};
 use super::contest::Tested;
@@ -48,7 +48,12 @@ impl Device {
     }
 
     /// Each ray and the only triangle of its tree.
-    pub(super) fn triangles(&self, trees: &[Wide<Watertight>], rays: &[Ray], rounds: usize) -> Result<Tested<Answer>> {
+    pub(super) fn triangles(
+        &self,
+        trees: &[TriangleBvh<Watertight>],
+        rays: &[Ray],
+        rounds: usize,
+    ) -> Result<Tested<Answer>> {
         ensure!(trees.iter().all(|tree| tree.sizes().depth == 0), "a tree of one triangle has a node");
         let (hits, ns) = self.tested(("check/triangle", "hits"), trees, rays, rounds)?;
         let answer = |(ray, &[t, u, v, _, instance]): (&Ray, &[u32; 5])| {
@@ -59,8 +64,13 @@ impl Device {
     }
 
     /// Each ray and the eight equal boxes of its tree's only node.
-    pub(super) fn boxes(&self, trees: &[Wide<Watertight>], rays: &[Ray], rounds: usize) -> Result<Tested<Option<f32>>> {
-        ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0, 0]), "a tree of eight boxes is not one node");
+    pub(super) fn boxes(
+        &self,
+        trees: &[TriangleBvh<Watertight>],
+        rays: &[Ray],
+        rounds: usize,
+    ) -> Result<Tested<Option<f32>>> {
+        ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0]), "a tree of eight boxes is not one node");
         let (entries, ns) = self.tested(("check/node", "entries"), trees, rays, rounds)?;
         let answer = |(ray, &[entry]): (&Ray, &[u32; 1])| {
             let ray = ScaledRay::new(ray).filter(|_| entry != NONE)?;
@@ -77,7 +87,7 @@ impl Device {
     fn tested<const N: usize>(
         &self,
         (name, into): (&str, &str),
-        trees: &[Wide<Watertight>],
+        trees: &[TriangleBvh<Watertight>],
         rays: &[Ray],
         rounds: usize,
     ) -> Result<(Vec<[u32; N]>, Samples)> {

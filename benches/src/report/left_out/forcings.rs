@@ -61,7 +61,7 @@ pub(super) fn one_light() -> Scene {
 }
 
 fn with_white(mut scene: Scene) -> Scene {
-    let texture = TextureRef::plain(TextureId(0));
+    let texture = TextureRef::new(TextureId(0));
     scene.textures = vec![Texture {
         name: "white".to_owned(),
         width: 1,

@@ -70,7 +70,7 @@ fn plain() -> Scene {
     let material = Material {
         name: "checks".to_owned(),
         base_color: [1.0; 3],
-        base_color_texture: Some(TextureRef::plain(TextureId(0))),
+        base_color_texture: Some(TextureRef::new(TextureId(0))),
         specular: 0.0,
         ..Material::default()
     };

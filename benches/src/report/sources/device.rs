@@ -44,7 +44,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let names =
         if gpu.facts().kind == AdapterKind::Software { &["bunny"][..] } else { &["dragon_871k", "sponza", "bunny"] };
     for (name, model) in scenes(effort, names, chapter)? {
-        let (corners, _) = canted_lbvh::gather(&model.mesh.positions, &model.mesh.triangles)?;
+        let (corners, _) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
         let items = Items::triangles(&gpu, [&corners[..]])?;
         let Passes { codes, tree, boxes, refused, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
         chapter.skipped.extend(refused.map(|refused| format!("Some passes of {name} on the device: {refused}.")));

@@ -138,8 +138,14 @@ mod tests {
     fn rejects_a_header_in_another_order() {
         let row = "0,0,0,1,0,0,1\n";
         for (header, message) in [
-            ("dx,dy,dz,ox,oy,oz,tmax", "line 1: column 'dx' is at the position of 'ox'; use the order ox,oy,oz,dx,dy,dz,tmax"),
-            ("\nox,oy,oz,tmax,DY,b,c", "line 2: column 'tmax' is at the position of 'dx'; use the order ox,oy,oz,dx,dy,dz,tmax"),
+            (
+                "dx,dy,dz,ox,oy,oz,tmax",
+                "line 1: column 'dx' is at the position of 'ox'; use the order ox,oy,oz,dx,dy,dz,tmax",
+            ),
+            (
+                "\nox,oy,oz,tmax,DY,b,c",
+                "line 2: column 'tmax' is at the position of 'dx'; use the order ox,oy,oz,dx,dy,dz,tmax",
+            ),
             ("x,ox,z,a,b,c,d", "line 1: column 'ox' is at the position of 'oy'; use the order ox,oy,oz,dx,dy,dz,tmax"),
         ] {
             assert_eq!(from_csv(format!("{header}\n{row}").as_bytes()).unwrap_err().to_string(), message);

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Filter, Integrator, Lod, Measure, Record, Settings, light_hash, scene_hash};
+use canted_film::{Filter, Record};
+use canted_renderer::{Integrator, Lod, Measure, Settings, light_hash, scene_hash};
 use canted_scene::{Camera, Scene};
 
 use super::{

@@ -8,7 +8,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Checkpoint, Record, Tile};
+use canted_film::{Checkpoint, Record, Tile};
 
 use crate::output;
 
@@ -37,7 +37,9 @@ impl CheckpointWriter {
             let (found, tiles) = Checkpoint::read(&path)?;
             if let Some((name, theirs, ours)) = difference(&found, record) {
                 let path = path.display();
-                return Err(anyhow!("{path}: checkpoint of another picture: {name} is {theirs}, not {ours}; use another file"));
+                return Err(anyhow!(
+                    "{path}: checkpoint of another picture: {name} is {theirs}, not {ours}; use another file"
+                ));
             }
             done = tiles;
         }

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use anyhow::Result;
+use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{Film, Level, Prepared, Settings, Structure};
+use canted_renderer::{Level, Prepared, Settings, Structure};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};
@@ -81,7 +82,7 @@ fn volumes_of<K: LaneKernel>(bvhs: &[Level<K>]) -> String {
         }
     }
     let n: usize = nodes.iter().sum();
-    let n_oriented = n - nodes[NodeKind::Box as usize];
+    let n_oriented = n - nodes[NodeKind::Aligned as usize];
     let text = match (bvhs.len(), n) {
         (0, _) => return "none".to_owned(),
         (_, 0) => "wide, leaves only".to_owned(),

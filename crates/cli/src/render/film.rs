@@ -3,9 +3,9 @@
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Result, anyhow};
+use canted_film::{Film, Partial, Record, Tile, write_film};
 use canted_renderer::{
-    DevicePicture, Film, Monitor, Partial, Prepared, Record, RenderError, Settings, SharedFilm, Structure, Surfaces,
-    Tile, resume, write_film,
+    DevicePicture, Monitor, Prepared, RenderError, Settings, SharedFilm, Structure, Surfaces, resume,
 };
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -82,7 +82,7 @@ impl<'a, K: LaneKernel> FilmRenderer<'a, K> {
             bar.set_position(done as u64);
         };
         let keeps_partial = settings.part.is_none() && checkpoint.is_none();
-        let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings)));
+        let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
         let add = |tile: &Tile| {
             if let Some(partial) = &partial {
                 partial.lock().unwrap_or_else(PoisonError::into_inner).add(tile);
@@ -153,7 +153,8 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
 mod tests {
     use std::sync::atomic::AtomicBool;
 
-    use canted_renderer::{StructureConfig, frame, prepare, read_picture};
+    use canted_film::read_picture;
+    use canted_renderer::{StructureConfig, frame, prepare};
     use canted_trace::Watertight;
 
     use super::*;
@@ -172,7 +173,7 @@ mod tests {
         let (finished, cancel) = (|tile: &Tile| tiles.lock().unwrap().push(tile.clone()), AtomicBool::new(false));
         let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
         let complete = resume(&scene, &structure, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
-        let mut partial = Partial::new(&settings);
+        let mut partial = Partial::new(settings.tiling());
         write_partial(&args, &partial).unwrap();
         assert!(!args.output.exists(), "no tile is finished");
         tiles.lock().unwrap().iter().filter(|tile| tile.number == 1).for_each(|tile| partial.add(tile));

@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use canted_bvh2::{OrientedLeaf, PairBvh, PairOrder};
 use canted_lbvh::{self as lbvh, Bits, Costs, Domain, Strategy, Tree, VolumeConfig};
 use canted_obb::{Aabb, Obb};
 use canted_scene::Scene;
-use canted_tlas::{Binary, PairOrder, TracedLeaf};
 
 /// One strategy on one level of BVHs.
 #[derive(Clone, Copy, Default)]
@@ -80,9 +80,9 @@ pub(super) fn measure(scene: &Scene) -> Result<BinaryStats> {
 }
 
 fn add_mesh(level: &mut Level, positions: &[[f32; 3]], triangles: &[[u32; 3]], unit: f64) -> Result<()> {
-    let ((corners, bounds), ms) = timed(|| lbvh::gather(positions, triangles).map_err(anyhow::Error::from))?;
+    let ((corners, bounds), ms) = timed(|| lbvh::triangle_corners(positions, triangles).map_err(anyhow::Error::from))?;
     level.passes.gather_ms += ms;
-    let (codes, ms) = timed(|| Ok(lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners)))?;
+    let (codes, ms) = timed(|| Ok(lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners)))?;
     level.passes.codes_ms += ms;
     let tree = sorted_tree(&mut level.passes, &codes);
     let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
@@ -95,7 +95,7 @@ fn top_level(scene: &Scene, unit: f64) -> Level {
     let mesh_bounds: Vec<Aabb> = scene
         .meshes
         .iter()
-        .map(|mesh| Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])))
+        .map(|mesh| Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])))
         .collect();
     let boxes: Vec<Obb> = scene
         .instances
@@ -104,7 +104,7 @@ fn top_level(scene: &Scene, unit: f64) -> Level {
         .collect();
     let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
     let bounds = aabbs.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
-    let codes = lbvh::codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &aabbs);
+    let codes = lbvh::morton_codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &aabbs);
     let tree = sorted_tree(&mut level.passes, &codes);
     let sorted: Vec<Obb> = tree.leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
     add_rows(&mut level, &tree, &sorted, &bounds, unit);
@@ -113,7 +113,7 @@ fn top_level(scene: &Scene, unit: f64) -> Level {
 
 fn sorted_tree(passes: &mut Passes, codes: &[u64]) -> Tree {
     let start = Instant::now();
-    let sorted = lbvh::by_code(codes, Bits::B63);
+    let sorted = lbvh::sort_by_code(codes, Bits::B63);
     passes.sort_ms += start.elapsed().as_secs_f64() * 1e3;
     let start = Instant::now();
     let tree = lbvh::radix(sorted);
@@ -121,19 +121,19 @@ fn sorted_tree(passes: &mut Passes, codes: &[u64]) -> Tree {
     tree
 }
 
-fn add_rows<L: TracedLeaf>(level: &mut Level, tree: &Tree, leaves: &[L], bounds: &Aabb, unit: f64) {
+fn add_rows<L: OrientedLeaf>(level: &mut Level, tree: &Tree, leaves: &[L], bounds: &Aabb, unit: f64) {
     level.rows.resize(Strategy::ALL.len(), Row::default());
     for (row, strategy) in level.rows.iter_mut().zip(Strategy::ALL) {
         let start = Instant::now();
         let volumes = lbvh::volumes(tree, leaves, &VolumeConfig { strategy, fallback: true });
         row.volumes_ms += start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        let binary = Binary::new(tree, &volumes, leaves, bounds, PairOrder::Numbered);
+        let binary = PairBvh::new(tree, &volumes, leaves, bounds, PairOrder::Numbered);
         row.layout_ms += start.elapsed().as_secs_f64() * 1e3;
-        let sums = lbvh::sums(tree, &volumes, leaves, &Costs::default(), unit);
+        let sums = lbvh::tree_cost(tree, &volumes, leaves, &Costs::default(), unit);
         let root_area = binary.bounds().area() / (unit * unit);
         row.nodes += sums.n_nodes;
-        row.oriented += sums.n_leaning;
+        row.oriented += sums.n_oriented;
         row.volume += sums.volume;
         row.area += sums.area;
         row.sah += sums.sah * root_area;

@@ -43,11 +43,14 @@ pub(super) struct PassTimes {
 pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
     let start = Instant::now();
     let (positions, triangles, _) = canted_renderer::flatten(scene)?;
-    let (corners, _) = lbvh::gather(&positions, &triangles)?;
+    let (corners, _) = lbvh::triangle_corners(&positions, &triangles)?;
     let one = uploaded(gpu, start, &[corners]).and_then(|(items, upload)| level(gpu, &items, Some(upload)));
     let start = Instant::now();
-    let meshes: Vec<Vec<Corners>> =
-        scene.meshes.iter().map(|mesh| Ok(lbvh::gather(&mesh.positions, &mesh.triangles)?.0)).collect::<Result<_>>()?;
+    let meshes: Vec<Vec<Corners>> = scene
+        .meshes
+        .iter()
+        .map(|mesh| Ok(lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?.0))
+        .collect::<Result<_>>()?;
     let (bottom, top, rebuild_top) = match uploaded(gpu, start, &meshes) {
         Err(error) => (Err(error.clone()), Err(error), None),
         Ok((items, upload)) => {

@@ -165,9 +165,7 @@ fn passes(out: &mut String, stats: &BinaryStats) {
     for strategy in Strategy::ALL {
         let _ = write!(out, "{:>14}", strategy_name(strategy));
     }
-    for (title, level) in
-        [("one level", &stats.one), ("bottom levels", &stats.bottom), ("top level", &stats.top)]
-    {
+    for (title, level) in [("one level", &stats.one), ("bottom levels", &stats.bottom), ("top level", &stats.top)] {
         let Passes { gather_ms, codes_ms, sort_ms, tree_ms } = level.passes;
         let _ = write!(out, "\n{title:<20}");
         for ms in [gather_ms, codes_ms, sort_ms, tree_ms, level.rows[0].layout_ms] {

@@ -30,8 +30,8 @@ fn level_json(level: &Level) -> Value {
                 "predicted_aligned_cost": row.aligned_cost,
                 "predicted_cost": row.cost,
                 "nodes": row.n_nodes(),
-                "aligned_share": row.share(NodeKind::Box),
-                "oriented_share": row.share(NodeKind::Lean),
+                "aligned_share": row.share(NodeKind::Aligned),
+                "oriented_share": row.share(NodeKind::Oriented),
                 "rotated": row.n_rotated,
                 "max_angle_degrees": row.max_angle_rad.to_degrees(),
                 "depth": row.depth,
@@ -83,8 +83,8 @@ fn level_text(out: &mut String, title: &str, level: &Level) {
             row.aligned_cost,
             row.cost,
             row.n_nodes(),
-            percent(NodeKind::Box),
-            percent(NodeKind::Lean),
+            percent(NodeKind::Aligned),
+            percent(NodeKind::Oriented),
             format!("{}/{}", row.n_rotated, level.n_bvhs),
             row.depth,
             memory::human(row.node_bytes as u64),
@@ -109,7 +109,7 @@ fn reason(level: &Level, row: &Row) -> String {
         (_, 1) => format!("; the mesh is rotated by {degrees:.0} degrees"),
         (n, n_bvhs) => format!("; {n} of {n_bvhs} meshes are rotated, by at most {degrees:.0} degrees"),
     };
-    let share = row.share(NodeKind::Lean);
+    let share = row.share(NodeKind::Oriented);
     // The builder chooses the cheaper kind of node, so the ratio is at least 1.
     let ratio = row.aligned_cost / row.cost;
     if share == 0.0 {
@@ -138,18 +138,18 @@ mod tests {
 
     #[test]
     fn the_reason_follows_the_numbers() {
-        let row = Row { nodes: [10, 0, 90], aligned_cost: 39.0, cost: 10.0, ..Row::default() };
+        let row = Row { nodes: [10, 90], aligned_cost: 39.0, cost: 10.0, ..Row::default() };
         let many = "aligned nodes alone would cost 3.9 times as much: 90 % of nodes are oriented";
         assert_eq!(reason_of(row), many);
-        let rotated = Row { n_rotated: 1, max_angle_rad: 0.5, nodes: [100, 0, 0], cost: 39.0, ..row };
+        let rotated = Row { n_rotated: 1, max_angle_rad: 0.5, nodes: [100, 0], cost: 39.0, ..row };
         let none = "aligned nodes are cheapest: no node is oriented; the mesh is rotated by 29 degrees";
         assert_eq!(reason_of(rotated), none);
-        assert_eq!(reason_of(Row { nodes: [0; 3], ..row }), "the root is a leaf");
+        assert_eq!(reason_of(Row { nodes: [0; 2], ..row }), "the root is a leaf");
     }
 
     #[test]
     fn a_small_gain_is_a_percentage() {
-        let row = Row { nodes: [999, 0, 1], aligned_cost: 100.0, ..Row::default() };
+        let row = Row { nodes: [999, 1], aligned_cost: 100.0, ..Row::default() };
         let few = "aligned nodes alone would cost 4.9 % more: less than 1 % of nodes are oriented";
         assert_eq!(reason_of(Row { cost: 100.0 / 1.049, ..row }), few);
         let above = reason_of(Row { cost: 94.0, ..row });

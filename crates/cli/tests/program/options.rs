@@ -116,7 +116,11 @@ fn options_without_effect_are_reported() {
     folder.write("rays.csv", "0,0,1,0,0,-1,9\n");
     let cast =
         folder.run("cast small.obj --rays rays.csv --hits hits.csv --device cpu --volumes aabb --preset fast").done();
-    assert!(cast.n_warnings() == 1 && cast.stderr.contains("--preset has no effect on the binary BVH of --volumes aabb"), "{}", cast.stderr);
+    assert!(
+        cast.n_warnings() == 1 && cast.stderr.contains("--preset has no effect on the binary BVH of --volumes aabb"),
+        "{}",
+        cast.stderr
+    );
     for (options, words) in [
         ("small.obj --heatmap boxes", ""),
         ("small.obj --heatmap boxes --eye 0,0,9 --fov 30", ""),
@@ -148,7 +152,9 @@ fn options_without_effect_are_reported() {
 fn unsupported_formats_are_rejected() {
     let folder = Folder::with_small();
     folder.write("rays.csv", "0,0,1,0,0,-1,9\n");
-    folder.run("render small.obj -o out.jpg --size 8x8").refused(&["out.jpg: unsupported format '.jpg'; use .png or .exr"]);
+    folder
+        .run("render small.obj -o out.jpg --size 8x8")
+        .refused(&["out.jpg: unsupported format '.jpg'; use .png or .exr"]);
     folder.run("render small.obj -o out --size 8x8").refused(&["out: unsupported format; use .png or .exr"]);
     folder.run("cast small.obj --rays rays.csv --hits hits.txt").refused(&["hits.txt", ".csv", ".bin"]);
     folder.run("cast small.obj --rays small.obj --hits hits.csv").refused(&["small.obj", ".csv", ".bin"]);

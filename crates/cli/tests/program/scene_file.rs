@@ -19,7 +19,10 @@ fn assert_same_bits(scene: &str, options: &str) {
 fn a_scene_and_its_file_give_the_same_picture() {
     assert_same_bits("", "--preset fast");
     assert_same_bits("small.obj", "");
-    assert_same_bits("small.obj", "--eye 2,3,4 --target 0,0,0 --fov 30 --aperture 0.1 --focus 4 --seed 7 --filter tent");
+    assert_same_bits(
+        "small.obj",
+        "--eye 2,3,4 --target 0,0,0 --fov 30 --aperture 0.1 --focus 4 --seed 7 --filter tent",
+    );
     assert_same_bits("small.obj", "--sun -1,-1,-1,1,2,3 --point 0.1,2,0,1,1,1 --ao-radius inf --bounces 0");
     assert_same_bits("small.obj", "--integrator path --sphere 0.5,3,-1,0.25,9,8,7");
     assert_same_bits("small.obj", "--integrator path --env 0.1,0.2,0.3 --sampler sobol --noise 0.5");

@@ -84,8 +84,7 @@ fn assert_wide(level: &Value, n_bvhs: u64, n_triangles: f64) -> &Vec<Value> {
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{row}");
         // Nodes take 256 and 512 bytes, blocks of four triangles 160.
         let n_nodes = number(row, "nodes");
-        let node_bytes: f64 =
-            shares.iter().zip([256.0, 512.0]).map(|(share, bytes)| share * n_nodes * bytes).sum();
+        let node_bytes: f64 = shares.iter().zip([256.0, 512.0]).map(|(share, bytes)| share * n_nodes * bytes).sum();
         assert!((number(row, "node_bytes") - node_bytes).abs() < 1e-6 * node_bytes, "{row}");
         let block_bytes = number(row, "block_bytes");
         assert!(block_bytes % 160.0 == 0.0 && block_bytes >= 40.0 * n_triangles, "{row}");
@@ -181,7 +180,10 @@ fn numbers_are_finite_and_consistent() {
     assert_level(&json["two_level"]["bottom"], 2 * 399);
     assert_level(&json["two_level"]["top"], 1);
     let dop = &one[5];
-    assert!(number(dop, "oriented_share") > 0.5 && number(dop, "area_ratio_to_aabb") < 0.95, "bars are diagonal: {dop}");
+    assert!(
+        number(dop, "oriented_share") > 0.5 && number(dop, "area_ratio_to_aabb") < 0.95,
+        "bars are diagonal: {dop}"
+    );
 }
 
 /// `stats` and `render` report the same parts.
@@ -197,7 +199,8 @@ fn parts_that_are_not_needed_are_reported() {
         assert!(text.contains(&expected), "{expected}: {text}");
     }
     let map = folder.run("render small.obj --size 8x5 --heatmap boxes --json -o map.png").done().json();
-    let counts = |facts: &Value| facts["not_needed"].as_array().unwrap().iter().all(|unused| unused["part"] != "counters");
+    let counts =
+        |facts: &Value| facts["not_needed"].as_array().unwrap().iter().all(|unused| unused["part"] != "counters");
     assert!(counts(&map) && !counts(&render), "{map}");
 }
 

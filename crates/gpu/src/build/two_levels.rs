@@ -100,7 +100,7 @@ impl Built {
         let single = of_count(|n| n == 1);
         let leaves: Vec<Obb> = match &self.items.leaf {
             Leaf::Triangle { corners } => {
-                gpu.read_at(corners, &single)?.into_iter().map(|c| Obb::from_aabb(&Aabb::of_points(c))).collect()
+                gpu.read_at(corners, &single)?.into_iter().map(|c| Obb::from_aabb(&Aabb::from_points(c))).collect()
             }
             Leaf::Box { boxes, .. } => gpu.read_at(boxes, &single)?,
         };

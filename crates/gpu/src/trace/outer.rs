@@ -2,7 +2,7 @@
 
 use canted_obb::{Aabb, Affine, PrimId};
 use canted_tlas::{Instance, InstanceError, row_sum_norm};
-use canted_wide::{BoxTree, Config, Preset, PrimitiveError, Words};
+use canted_wide::{BoxTree, Config, Preset, PrimitiveError, RawBvh};
 
 use super::motion::{MotionPolynomials, MotionWords};
 use super::reach::check_reach;
@@ -25,7 +25,7 @@ pub(super) struct Outer {
 
 impl Outer {
     /// Places instances of meshes whose trees have these words and boxes.
-    pub(super) fn new(meshes: &[(Words<'_>, Aabb)], instances: &[Instance]) -> Result<Self, GpuError> {
+    pub(super) fn new(meshes: &[(RawBvh<'_>, Aabb)], instances: &[Instance]) -> Result<Self, GpuError> {
         for (index, (words, _)) in meshes.iter().enumerate() {
             check_reach(|| format!("mesh {index}"), words.reach.into())?;
         }
@@ -61,7 +61,7 @@ struct Placing {
 
 impl Placing {
     #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
-    fn add(&mut self, index: usize, instance: &Instance, meshes: &[(Words<'_>, Aabb)]) -> Result<(), GpuError> {
+    fn add(&mut self, index: usize, instance: &Instance, meshes: &[(RawBvh<'_>, Aabb)]) -> Result<(), GpuError> {
         let Some((words, bounds)) = meshes.get(instance.blas as usize) else {
             return Err(untraceable(&InstanceError::NoSuchBlas { instance: index, blas: instance.blas }));
         };
@@ -144,15 +144,15 @@ fn untraceable(error: &dyn std::error::Error) -> GpuError {
 #[cfg(test)]
 mod tests {
     use canted_trace::Watertight;
-    use canted_wide::Wide;
+    use canted_wide::TriangleBvh;
 
     use super::*;
 
     /// A triangle whose greatest coordinate is `reach`; nothing for zero.
-    fn mesh(reach: f32) -> Wide<Watertight> {
+    fn mesh(reach: f32) -> TriangleBvh<Watertight> {
         let triangles: &[[u32; 3]] = if reach > 0.0 { &[[0, 1, 2]] } else { &[] };
         let positions = [[0.0; 3], [reach, 0.0, 0.0], [0.0, reach, 0.0]];
-        Wide::build(&positions, triangles, &Config::preset(Preset::Fast)).unwrap()
+        TriangleBvh::build(&positions, triangles, &Config::preset(Preset::Fast)).unwrap()
     }
 
     fn placed(reaches: &[f32], instances: &[Instance]) -> Result<Outer, String> {

@@ -3,7 +3,7 @@
 use bytemuck::Pod;
 use canted_obb::Aabb;
 use canted_tlas::Instance;
-use canted_wide::{LaneKernel, Wide, Words};
+use canted_wide::{LaneKernel, RawBvh, TriangleBvh};
 
 use super::motion::MotionWords;
 use super::outer::Outer;
@@ -72,7 +72,7 @@ impl TracedScene {
     ///
     /// # Errors
     /// Coordinates above [`MOST_REACH`](crate::MOST_REACH), more than the device's limits allow, or a device that is lost.
-    pub fn one<K: LaneKernel>(gpu: &Gpu, tree: &Wide<K>, first_triangles: &[u32]) -> Result<Self, GpuError> {
+    pub fn one<K: LaneKernel>(gpu: &Gpu, tree: &TriangleBvh<K>, first_triangles: &[u32]) -> Result<Self, GpuError> {
         let words = tree.words();
         check_reach(|| "the tree over all instances".to_owned(), words.reach.into())?;
         let level = if first_triangles.len() > 1 {
@@ -90,8 +90,8 @@ impl TracedScene {
     /// As [`TracedScene::one`], of coordinates in the world, too; instances that no bottom level belongs to, or whose transform is
     /// nearer to singular, anywhere on its way, than the arithmetic of kernels allows
     /// ([`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse)).
-    pub fn two<K: LaneKernel>(gpu: &Gpu, meshes: &[&Wide<K>], instances: &[Instance]) -> Result<Self, GpuError> {
-        let words: Vec<(Words<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
+    pub fn two<K: LaneKernel>(gpu: &Gpu, meshes: &[&TriangleBvh<K>], instances: &[Instance]) -> Result<Self, GpuError> {
+        let words: Vec<(RawBvh<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
         let outer = Outer::new(&words, instances)?;
         let motions = Some(&outer.motions).filter(|motions| !motions.is_empty());
         let level = Level::Two(Instances {
@@ -107,7 +107,7 @@ impl TracedScene {
         Self::new(gpu, &trees, level, outer_words.depth + deepest)
     }
 
-    fn new(gpu: &Gpu, trees: &[(Words<'_>, HitError)], level: Level, depth: u32) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, trees: &[(RawBvh<'_>, HitError)], level: Level, depth: u32) -> Result<Self, GpuError> {
         if depth > MOST_STACK {
             return Err(too_deep(depth, MOST_STACK));
         }
@@ -234,7 +234,7 @@ fn too_deep(depth: u32, most: u32) -> GpuError {
 impl Start {
     /// The start of the tree that follows one.
     #[expect(clippy::cast_possible_truncation, reason = "a buffer of more than 2^32 quads is refused by its size")]
-    fn after(self, words: &Words<'_>) -> Self {
+    fn after(self, words: &RawBvh<'_>) -> Self {
         Self {
             node: self.node.wrapping_add((words.nodes.len() / 4) as u32),
             block: self.block.wrapping_add((words.blocks.len() / 4) as u32),
@@ -276,7 +276,7 @@ mod tests {
     fn walks_may_take_what_the_driver_lets_loops_take() {
         let test = "walks_may_take_what_the_driver_lets_loops_take";
         let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
-        let tree = Wide::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
+        let tree = TriangleBvh::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
         let scene = TracedScene::one(&gpu, &tree, &[0]).unwrap();
         let counted = loop_turns(&gpu, 100_000).unwrap();
         let fits = if counted == 100_000 { scene.turns == MOST_TURNS } else { scene.turns * SHARING <= counted };

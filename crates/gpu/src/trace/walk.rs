@@ -103,7 +103,6 @@ fn is_node(word: u32) -> bool {
 fn child_word(nodes: &[Quad], word: u32, child: u32) -> u32 {
     let row = match word >> KIND_SHIFT {
         0 => 12,
-        1 => 16,
         _ => 30,
     };
     nodes[line(word) * LINE_QUADS + row + child as usize / 4][child as usize % 4]

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::{Affine, Obb};
-use canted_wide::Words;
+use canted_wide::RawBvh;
 
 /// A bound of one rounding that WGSL promises, relative: 2^-23, whichever way it rounds.
 const ROUNDING: f32 = f32::EPSILON;
@@ -46,7 +46,7 @@ pub(super) struct Start {
 }
 
 impl TreeWords {
-    pub(super) fn new(words: &Words<'_>, start: Start, error: HitError) -> Self {
+    pub(super) fn new(words: &RawBvh<'_>, start: Start, error: HitError) -> Self {
         let [x, y, z] = words.frame;
         let with = |[a, b, c]: [f32; 3], last: f32| [a, b, c, last];
         Self {

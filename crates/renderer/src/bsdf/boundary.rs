@@ -4,14 +4,14 @@ use std::f32::consts::PI;
 
 use super::ggx::{Ggx, reflect};
 use super::vector::{dot, mean, unit};
-use super::{Bsdf, Evaluation, LEAST_COSINE, Scattered, fresnel};
+use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, fresnel};
 use crate::sampling::cosine_hemisphere;
 
 /// The least difference of `eta` from 1 that bends light of a rough boundary; below, it passes straight.
 ///
 /// A half vector is the sum of vectors that then nearly cancel, and has an error of 2⁻²³ over this difference: 1/64
 /// of the width of the narrowest lobe.
-const LEAST_BEND: f32 = 1.0 / 128.0;
+const MIN_IOR_STEP: f32 = 1.0 / 128.0;
 
 /// A material from one outgoing direction.
 pub(super) struct Boundary<'a> {
@@ -36,7 +36,7 @@ struct Facet {
 /// A sampled direction, and for one that only a mirror or a clear boundary makes all there is to know.
 pub(super) enum Choice {
     Direction([f32; 3]),
-    Mirrored(Scattered),
+    Mirrored(BsdfSample),
 }
 
 impl<'a> Boundary<'a> {
@@ -132,7 +132,7 @@ impl<'a> Boundary<'a> {
             return self.mirror([-x, -y, z], facet.reflected, facet.reflection_probability);
         }
         let incident = reflect(self.outgoing, normal);
-        (incident[2] >= LEAST_COSINE).then_some(Choice::Direction(incident))
+        (incident[2] >= MIN_COSINE).then_some(Choice::Direction(incident))
     }
 
     fn transmit(&self, facet: &Facet, normal: [f32; 3]) -> Option<Choice> {
@@ -142,7 +142,7 @@ impl<'a> Boundary<'a> {
                 return self.mirror(self.outgoing.map(|x| -x), facet.transmitted, probability);
             }
             let [x, y, z] = reflect(self.outgoing, normal);
-            return (z >= LEAST_COSINE).then_some(Choice::Direction([x, y, -z]));
+            return (z >= MIN_COSINE).then_some(Choice::Direction([x, y, -z]));
         }
         let color = facet.transmitted.map(|c| c / (self.eta * self.eta));
         if self.facets.is_some() && !self.bends() {
@@ -156,7 +156,7 @@ impl<'a> Boundary<'a> {
         if self.facets.is_none() {
             return self.mirror(incident, color, probability);
         }
-        (incident[2] <= -LEAST_COSINE).then_some(Choice::Direction(incident))
+        (incident[2] <= -MIN_COSINE).then_some(Choice::Direction(incident))
     }
 
     /// The only direction of its lobe.
@@ -164,7 +164,7 @@ impl<'a> Boundary<'a> {
         let probability = probability * (1.0 - self.diffuse_probability);
         let weight = color.map(|c| c / probability);
         let is_transmitted = incident[2] < 0.0;
-        (probability > 0.0).then_some(Choice::Mirrored(Scattered {
+        (probability > 0.0).then_some(Choice::Mirrored(BsdfSample {
             incident,
             weight,
             density: 0.0,
@@ -175,7 +175,7 @@ impl<'a> Boundary<'a> {
 
     /// Whether a rough boundary bends light by more than rounding does.
     fn bends(&self) -> bool {
-        (self.eta - 1.0).abs() >= LEAST_BEND
+        (self.eta - 1.0).abs() >= MIN_IOR_STEP
     }
 
     fn facet(&self, cosine: f32) -> Facet {

@@ -11,7 +11,7 @@ use super::vector::{dot, unit};
 /// Two unit vectors rounded to `f32` give their half vector to about 2⁻²³ rad, which changes the distribution by 2⁻¹²
 /// of itself at this width, and the more the narrower it is. The lobe is then 2⁻⁹ rad wide, a tenth of a degree: two
 /// pixels of a picture 1000 pixels and 60 degrees across.
-pub(super) const LEAST_ALPHA: f32 = 1.0 / 1024.0;
+pub(super) const MIN_ALPHA: f32 = 1.0 / 1024.0;
 
 /// Facets whose slopes have the width `alpha`.
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +23,7 @@ impl Ggx {
     /// Facets of glTF's roughness, `alpha = roughness²`; `None` for a mirror.
     pub(super) fn of_roughness(roughness: f32) -> Option<Self> {
         let alpha = roughness * roughness;
-        (alpha >= LEAST_ALPHA).then_some(Self { alpha })
+        (alpha >= MIN_ALPHA).then_some(Self { alpha })
     }
 
     /// Area of facets about `normal`, per steradian and area of the surface.

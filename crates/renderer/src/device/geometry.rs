@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::materials::Materials;
 use super::slack;
-use crate::motion::cofactors;
+use crate::placement::cofactors;
 use crate::structure::instances;
 use crate::vector::{Vector, add, cross, length, narrow, scale, sub, unit, wide};
 
@@ -161,7 +161,7 @@ impl Geometry {
             let own = mesh.triangles[part.first_triangle as usize..end].par_iter();
             self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &cofactors, material)));
         }
-        Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
+        Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
     }
 }
 

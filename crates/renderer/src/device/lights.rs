@@ -34,7 +34,7 @@ impl From<&Light> for ListLight {
             Light::Sphere { center, radius, radiance } => {
                 Self { kind: 3, place: center, extent: radius, color: radiance, ..Self::default() }
             }
-            Light::Disc { center, normal, radius, radiance } => {
+            Light::Disk { center, normal, radius, radiance } => {
                 Self { kind: 4, place: center, direction: normal, extent: radius, color: radiance, cos_outer: 0.0 }
             }
         };
@@ -53,7 +53,7 @@ pub(super) struct SampledLights {
     sky: Option<(Buffer<SkyRow>, Buffer<f32>)>,
     /// Whether a constant sky is sampled.
     sky_is_sampled: bool,
-    glow_is_textured: bool,
+    emission_is_textured: bool,
 }
 
 impl SampledLights {
@@ -81,7 +81,7 @@ impl SampledLights {
                 None => None,
             },
             sky_is_sampled: packed.shares.sky > 0.0,
-            glow_is_textured: packed.glow_is_textured,
+            emission_is_textured: packed.emission_is_textured,
         })
     }
 
@@ -106,9 +106,9 @@ impl SampledLights {
         bound
     }
 
-    /// Whether emitters are asked as surfaces for what they give, by `shared/glow/surface`.
-    pub(super) fn glow_is_surfaces(&self) -> bool {
-        self.emitters.is_some() && self.glow_is_textured
+    /// Whether emitters are asked as surfaces for what they give, by `shared/emission/textured`.
+    pub(super) fn needs_textured_emission(&self) -> bool {
+        self.emitters.is_some() && self.emission_is_textured
     }
 
     /// Chooses the parts that the scene needs.
@@ -126,10 +126,10 @@ impl SampledLights {
         };
         let suns = if self.suns.is_some() { "shared/suns/list" } else { "shared/suns/none" };
         let chosen = chosen.part("local", local).part("skylight", skylight).part("suns", suns);
-        match (&self.emitters, self.glow_is_surfaces()) {
+        match (&self.emitters, self.needs_textured_emission()) {
             (None, _) => chosen,
-            (Some(_), false) => chosen.part("glow", "shared/glow/plain"),
-            (Some(_), true) => chosen.part("glow", "shared/glow/surface"),
+            (Some(_), false) => chosen.part("emission", "shared/emission/constant"),
+            (Some(_), true) => chosen.part("emission", "shared/emission/textured"),
         }
     }
 }

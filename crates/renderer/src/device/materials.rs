@@ -57,8 +57,8 @@ pub(super) fn looked_at(material: &Material, integrator: Integrator) -> [Option<
         material.metallic_roughness_texture.as_ref().filter(|_| is_path),
         material.transmission_texture.as_ref().filter(|_| is_path),
         material.normal_texture.as_ref(),
-        material.emission_texture.as_ref().filter(|_| material.emits()),
-        material.alpha_texture.as_ref().filter(|_| material.is_cut_out()),
+        material.emission_texture.as_ref().filter(|_| material.is_emissive()),
+        material.alpha_texture.as_ref().filter(|_| material.uses_alpha()),
     ]
 }
 

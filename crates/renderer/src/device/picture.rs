@@ -1,10 +1,11 @@
 //! What all samples of a picture share, as kernels read it.
 
 use bytemuck::{Pod, Zeroable};
+use canted_film::Filter;
 use canted_gpu::Specialisation;
 
 use crate::vector::{length, narrow};
-use crate::{Filter, Pattern, Sampler, Settings, View};
+use crate::{Pattern, Sampler, Settings, View};
 
 /// `Picture` of `shared/picture`, which says what is what.
 #[repr(C)]
@@ -69,7 +70,7 @@ pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Setting
         Pattern::Sobol => "shared/pattern/sobol",
     };
     let projection = if view.is_perspective { "shared/view/perspective" } else { "shared/view/orthographic" };
-    let lens = if view.lens.is_some() { "shared/lens/disc" } else { "shared/lens/pinhole" };
+    let lens = if view.lens.is_some() { "shared/lens/disk" } else { "shared/lens/pinhole" };
     let is_box = matches!(settings.filter, Filter::Box(_));
     chosen
         .part("pattern", pattern)

@@ -78,14 +78,14 @@ impl PackedScene {
         };
         let has = Has {
             instances: placements.is_some(),
-            motion: scene.moves(),
+            motion: scene.has_motion(),
             normals: columns.normal > 0,
             normal_maps,
             masks: mask::is_needed(scene),
             mask_textures,
             gloss: scene.materials.iter().any(is_glossy),
             glass: scene.materials.iter().any(|material| material.transmission > 0.0),
-            bodies: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disc { .. })),
+            bodies: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disk { .. })),
         };
         let images = match &images {
             None => None,
@@ -159,14 +159,14 @@ impl PackedScene {
     /// Chooses the parts of the kernel of the hybrid integrator.
     pub(super) fn specialise_hybrid(&self, chosen: Specialisation) -> Specialisation {
         let direct = if self.lights.is_some() { "shared/direct/list" } else { "shared/direct/none" };
-        self.with_bodies(self.specialise(chosen)).part("direct", direct)
+        self.with_shape_lights(self.specialise(chosen)).part("direct", direct)
     }
 
     /// Chooses the parts of the kernel of the path integrator.
     pub(super) fn specialise_path(&self, chosen: Specialisation, lights: &SampledLights) -> Specialisation {
-        let chosen = lights.specialise(self.with_bodies(self.specialise(chosen)));
+        let chosen = lights.specialise(self.with_shape_lights(self.specialise(chosen)));
         // Emitters that ask surfaces ask for alpha, where there is a mask or not.
-        let chosen = if lights.glow_is_surfaces() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
+        let chosen = if lights.needs_textured_emission() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
         if !self.has.gloss {
             return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
         }
@@ -176,15 +176,16 @@ impl PackedScene {
 
     /// Chooses the parts of the kernel that tells what camera rays meet.
     pub(super) fn specialise_guide(&self, chosen: Specialisation) -> Specialisation {
-        self.with_material(self.with_bodies(self.specialise(chosen)))
+        self.with_material(self.with_shape_lights(self.specialise(chosen)))
     }
 
     fn with_material(&self, chosen: Specialisation) -> Specialisation {
         chosen.part("material", if self.has.gloss { "shared/material/full" } else { "shared/material/lambert" })
     }
 
-    fn with_bodies(&self, chosen: Specialisation) -> Specialisation {
-        chosen.part("bodies", if self.has.bodies { "shared/bodies/list" } else { "shared/bodies/none" })
+    fn with_shape_lights(&self, chosen: Specialisation) -> Specialisation {
+        chosen
+            .part("shape_lights", if self.has.bodies { "shared/shape_lights/list" } else { "shared/shape_lights/none" })
     }
 
     fn with_alpha(&self, chosen: Specialisation) -> Specialisation {

@@ -4,8 +4,8 @@ use canted_gpu::{Buffer, Gpu, GpuError, Specialisation};
 use canted_scene::{Encoding, Scene, Texture, TextureId, Wrap};
 
 use super::materials::looked_at;
-use crate::texture::{Pyramid, Textures};
-use crate::{Integrator, Lod, srgb};
+use crate::texture::{MipMap, Textures};
+use crate::{Integrator, Lod};
 
 /// Bindings that texels may be cut into.
 const MOST_BINDINGS: usize = 4;
@@ -55,7 +55,7 @@ impl Images {
         if !is_used.contains(&true) {
             return None;
         }
-        let curve = srgb::linear().iter().map(|x| x.to_bits()).collect();
+        let curve = canted_film::srgb::linear().iter().map(|x| x.to_bits()).collect();
         let mut all = Self { heads: Heads(vec![0; is_used.len()]), images: vec![], words: curve };
         for (index, texture) in (0..).zip(&scene.textures).filter(|&(index, _)| is_used[index as usize]) {
             all.heads.0[index as usize] = all.count();
@@ -69,7 +69,7 @@ impl Images {
         self.images.len() as u32
     }
 
-    fn add(&mut self, texture: &Texture, pyramid: &Pyramid) {
+    fn add(&mut self, texture: &Texture, mip_map: &MipMap) {
         let [wrap_u, wrap_v] = texture.wrap.map(|wrap| match wrap {
             Wrap::Repeat => 0_u32,
             Wrap::Clamp => 1,
@@ -82,9 +82,9 @@ impl Images {
             return self.add_level([1, 1], &[WHITE]);
         }
         #[expect(clippy::cast_possible_truncation, reason = "at most 32 levels")]
-        self.images.push([pyramid.n_levels() as u32, facts, 0, 0]);
-        for level in 0..pyramid.n_levels() {
-            let image = pyramid.level(level);
+        self.images.push([mip_map.n_levels() as u32, facts, 0, 0]);
+        for level in 0..mip_map.n_levels() {
+            let image = mip_map.level(level);
             self.add_level(image.size, image.texels);
         }
     }

@@ -7,8 +7,7 @@
 use canted_trace::{Hit, Ray};
 
 use super::{Sample, Start, Transport};
-use crate::mask::Numbered;
-use crate::motion::Timed;
+use crate::query::{RayKeyed, Timed};
 use crate::{Cone, Tracer};
 
 /// A path between two of its rays.
@@ -22,26 +21,26 @@ pub(super) struct Path<Q, W> {
     pub(super) cone: Cone,
     /// What the ray met.
     pub(super) hit: Option<Hit>,
-    pub(super) gathered: Gathered,
+    pub(super) gathered: PathRadiance,
     /// What its integrator keeps beside this.
     pub(super) own: W,
 }
 
 /// What a path has gathered on its way.
-pub(super) struct Gathered {
+pub(super) struct PathRadiance {
     pub(super) radiance: [f32; 3],
     /// What light from the next vertex is multiplied with.
     pub(super) throughput: [f32; 3],
     pub(super) n_rays: u64,
 }
 
-impl Gathered {
+impl PathRadiance {
     pub(super) fn add(&mut self, radiance: [f32; 3], weight: f32) {
         self.radiance = std::array::from_fn(|k| self.radiance[k] + self.throughput[k] * radiance[k] * weight);
     }
 }
 
-impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
+impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
     /// The light of paths with these camera rays, whose hits are known.
     ///
     /// `step` takes a path on at its `n`-th vertex, or at what it met instead, and says whether it left along a new ray.
@@ -56,7 +55,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
             ray: start.ray,
             cone: start.cone,
             hit,
-            gathered: Gathered { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 },
+            gathered: PathRadiance { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 },
             own: W::default(),
         };
         let mut paths: Vec<Path<Q, W>> = begun.map(begin).collect();
@@ -64,7 +63,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         for n in 0.. {
             // Of what the last ray meets no surface is made.
             if n <= self.bounces {
-                self.surfaces.warm(going.iter().filter_map(|&i| paths[i].hit.as_ref()));
+                self.surfaces.prefetch(going.iter().filter_map(|&i| paths[i].hit.as_ref()));
             }
             going.retain(|&i| step(&mut paths[i], n));
             if going.is_empty() {
@@ -73,7 +72,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
             for &i in &going {
                 let Path { query, ray, hit, gathered, .. } = &mut paths[i];
                 gathered.n_rays += 1;
-                *hit = self.tracer.closest_hit(ray, &mut query.numbered(1 + n));
+                *hit = self.tracer.closest_hit(ray, &mut query.keyed(1 + n));
             }
         }
         let sample = |path: Path<Q, W>| Sample { radiance: path.gathered.radiance, n_rays: path.gathered.n_rays };

@@ -39,8 +39,8 @@ use super::batch::Path;
 use super::direct::direct;
 use super::{Sample, Start, Transport};
 use crate::Tracer;
-use crate::light::Source;
-use crate::mask::Numbered;
+use crate::light::LightId;
+use crate::query::RayKeyed;
 use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
 use crate::vector::{length, narrow, wide};
 
@@ -50,7 +50,7 @@ const FIRST_BOUNCE: u32 = 1;
 /// Beyond all bounces, one for each vertex and light.
 const FIRST_LIGHT: u32 = 1 << 16;
 
-impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
+impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
     /// The light of paths of the hybrid integrator; see [`Transport::samples`].
     pub(super) fn hybrid_samples(
         &self,
@@ -63,10 +63,10 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
     /// Takes a path on at its `n`-th vertex; whether it goes on.
     fn hybrid_step(&self, path: &mut Path<Q, ()>, n: u32, ao_radius: f64) -> bool {
         let Path { start: Start { time, pixel, sample, .. }, query, ray, cone, hit, gathered, .. } = path;
-        let hit = match (self.lights.meet(ray, hit.as_ref()), &*hit) {
+        let hit = match (self.lights.intersect(ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (met, _) => {
-                let seen = met.filter(|met| n == 0 || met.source == Source::Environment);
+                let seen = met.filter(|met| n == 0 || met.source == LightId::Environment);
                 gathered.add(seen.map_or([0.0; 3], |seen| seen.radiance), 1.0);
                 return false;
             }
@@ -79,7 +79,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         let surface = self.surfaces.at_time(hit, ray.direction, *time, *cone);
         gathered.add(surface.emission, 1.0);
         let square = |light| self.sampler.pair(*pixel, *sample, self.light_dimension(n, light));
-        let (radiance, n_shadow_rays) = direct(&self.lights, self.tracer, &query.numbered(1 + n), &surface, square);
+        let (radiance, n_shadow_rays) = direct(&self.lights, self.tracer, &query.keyed(1 + n), &surface, square);
         gathered.add(radiance, 1.0);
         gathered.n_rays += n_shadow_rays;
 
@@ -87,7 +87,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         gathered.throughput = std::array::from_fn(|k| gathered.throughput[k] * surface.bsdf.base_color[k]);
         let local = cosine_hemisphere(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
         let direction = Basis::about(narrow(surface.shading_normal)).direction(local);
-        *ray = surface.leave(surface.outward(direction));
+        *ray = surface.spawn_ray(surface.mirror_outward(direction));
         *cone = surface.cone.scattered(cosine_density(local[2]));
         true
     }

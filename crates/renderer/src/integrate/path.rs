@@ -12,12 +12,11 @@
 
 use canted_trace::{Hit, Ray};
 
-use super::batch::{Gathered, Path};
+use super::batch::{Path, PathRadiance};
 use super::{Sample, Start, Transport, roulette};
 use crate::bsdf::{Bsdf, Evaluation};
-use crate::light::{LightSampler, Source};
-use crate::mask::Numbered;
-use crate::motion::Timed;
+use crate::light::{LightId, LightSampler};
+use crate::query::{RayKeyed, Timed};
 use crate::sampling::Basis;
 use crate::vector::{dot, narrow, scale, sub, unit, wide};
 use crate::{Surface, Tracer};
@@ -132,7 +131,7 @@ impl Vertex {
     }
 }
 
-impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
+impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
     /// The light of paths that are traced until `bounces` or roulette end them; see [`Transport::samples`].
     pub(super) fn path_samples(
         &self,
@@ -146,23 +145,23 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
     fn path_step(&self, path: &mut Path<Q, Left>, n: u32, lights: &LightSampler) -> bool {
         let Path { start, query, ray, cone, hit, gathered, own: Left { vertex: left, density, compression } } = path;
         // The share of light that was found by chance beside what is sampled.
-        let share = |source: Source| {
+        let share = |source: LightId| {
             left.as_ref().zip(*density).map_or(1.0, |(vertex, density)| {
                 weight(density, lights.density(&vertex.surface, vertex.transmits(), ray.direction, source))
             })
         };
-        if let Some(met) = lights.lights().meet(ray, hit.as_ref()) {
+        if let Some(met) = lights.lights().intersect(ray, hit.as_ref()) {
             gathered.add(met.radiance, share(met.source));
             return false;
         }
         let Some(found) = hit.filter(|_| n <= self.bounces) else { return false };
         let surface = self.surfaces.at_time(&found, ray.direction, start.time, *cone);
         if surface.emission != [0.0; 3] {
-            gathered.add(surface.emission, share(Source::of_hit(&found)));
+            gathered.add(surface.emission, share(LightId::of_hit(&found)));
         }
         let vertex = &*left.insert(Vertex::new(surface, ray.direction));
         if !vertex.bsdf().is_delta_only() {
-            self.add_light(gathered, lights, vertex, n, &query.numbered(1 + n), start);
+            self.add_light(gathered, lights, vertex, n, &query.keyed(1 + n), start);
         }
         let Some(next) = self.scatter(gathered, compression, vertex, n, start) else { return false };
         (*ray, *density) = next;
@@ -173,7 +172,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
     /// Adds light sampled for a vertex.
     fn add_light(
         &self,
-        gathered: &mut Gathered,
+        gathered: &mut PathRadiance,
         lights: &LightSampler,
         vertex: &Vertex,
         n: u32,
@@ -181,11 +180,11 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         &Start { pixel, sample, .. }: &Start,
     ) {
         let choice =
-            if lights.chooses() { self.sampler.single(pixel, sample, Dimension::LightChoice.at(n)) } else { 0.0 };
+            if lights.has_choice() { self.sampler.single(pixel, sample, Dimension::LightChoice.at(n)) } else { 0.0 };
         let square = self.sampler.pair(pixel, sample, Dimension::Light.at(n));
         let Some(light) = lights.sample(&vertex.surface, vertex.transmits(), choice, square) else { return };
         // Emission of surfaces belongs to the vertex there.
-        if matches!(light.source, Source::Triangle(..)) && n == self.bounces {
+        if matches!(light.source, LightId::Triangle(..)) && n == self.bounces {
             return;
         }
         let Evaluation { value, density } = vertex.evaluate(light.to_light);
@@ -195,7 +194,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         if let Some(ray) = &light.shadow_ray {
             gathered.n_rays += 1;
             // Another number than the ray that leaves the vertex has.
-            if !lights.lights().is_clear(ray, light.source, self.tracer, &mut query.numbered(0)) {
+            if !lights.lights().is_unoccluded(ray, light.source, self.tracer, &mut query.keyed(0)) {
                 return;
             }
         }
@@ -207,7 +206,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
     /// The ray that leaves a vertex, and the density of its direction, `None` for a mirror's; takes what it carries along.
     fn scatter(
         &self,
-        gathered: &mut Gathered,
+        gathered: &mut PathRadiance,
         compression: &mut f32,
         vertex: &Vertex,
         n: u32,
@@ -231,7 +230,7 @@ impl<T: Tracer, Q: Numbered> Transport<'_, T, Q> {
         is_lit.then(|| {
             // Both densities that make a direction count, also that of the light that is folded onto it.
             let density = if vertex.is_bent { vertex.evaluate(direction).density } else { scattered.density };
-            (vertex.surface.leave(direction), (!scattered.is_delta).then_some(density))
+            (vertex.surface.spawn_ray(direction), (!scattered.is_delta).then_some(density))
         })
     }
 }

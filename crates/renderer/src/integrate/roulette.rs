@@ -1,23 +1,23 @@
 //! Russian roulette (Arvo and Kirk 1990): paths that carry little light mostly end, and those left over carry theirs, so that none is
 //! lost on average.
 
-use super::batch::Gathered;
+use super::batch::PathRadiance;
 
 /// What a path carries of a new one's light, from which on it is worth its rays: ending one that carries more makes more noise than
 /// it saves time, one that carries less the other way round (`benches/TRIED.md`).
-const SURE: f32 = 0.5;
+const FULL_THROUGHPUT: f32 = 0.5;
 
-/// Least share of the paths that roulette ends from vertex [`FIRST_END`] on: a path that keeps all its light still ends.
-const LEAST_END: f32 = 0.05;
+/// Least share of the paths that roulette ends from vertex [`MIN_TERMINATION_FROM`] on: a path that keeps all its light still ends.
+const MIN_TERMINATION: f32 = 0.05;
 
 /// Vertices before that; a mirror or two make no noise.
-const FIRST_END: u32 = 4;
+const MIN_TERMINATION_FROM: u32 = 4;
 
 /// Ends a path at its `n`-th vertex if it carries little, or makes it carry more: on average what it carried. `choice` is drawn
 /// where it decides.
-pub(super) fn survives(gathered: &mut Gathered, compression: f32, n: u32, choice: impl FnOnce() -> f32) -> bool {
+pub(super) fn survives(gathered: &mut PathRadiance, compression: f32, n: u32, choice: impl FnOnce() -> f32) -> bool {
     let carried = gathered.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / compression;
-    let share = (carried / SURE).min(if n < FIRST_END { 1.0 } else { 1.0 - LEAST_END });
+    let share = (carried / FULL_THROUGHPUT).min(if n < MIN_TERMINATION_FROM { 1.0 } else { 1.0 - MIN_TERMINATION });
     if share < 1.0 && choice() >= share {
         return false;
     }
@@ -37,12 +37,12 @@ mod tests {
         for (carried, compression) in
             [(1e-3, 1.0), (0.02, 1.0), (0.3, 1.0), (0.5, 1.0), (1.0, 1.0), (2.0, 2.25), (0.3, 2.25)]
         {
-            for n in [0, FIRST_END - 1, FIRST_END] {
+            for n in [0, MIN_TERMINATION_FROM - 1, MIN_TERMINATION_FROM] {
                 let mut sum = 0.0;
                 let mut n_left = 0;
                 for choice in 0..N {
                     let throughput = [carried, 0.5 * carried, 0.0];
-                    let mut gathered = Gathered { radiance: [0.0; 3], throughput, n_rays: 1 };
+                    let mut gathered = PathRadiance { radiance: [0.0; 3], throughput, n_rays: 1 };
                     if survives(&mut gathered, compression, n, || (choice as f32 + 0.5) / N as f32) {
                         n_left += 1;
                         sum += gathered.throughput[0];
@@ -52,8 +52,8 @@ mod tests {
                 }
                 let of_one = sum / n_left as f32;
                 assert!((sum - N as f32 * carried).abs() <= of_one, "{carried} {compression}: {sum}");
-                if carried / compression >= SURE {
-                    assert_eq!(n_left, if n < FIRST_END { N } else { N * 19 / 20 }, "{carried}");
+                if carried / compression >= FULL_THROUGHPUT {
+                    assert_eq!(n_left, if n < MIN_TERMINATION_FROM { N } else { N * 19 / 20 }, "{carried}");
                 }
             }
         }

@@ -1,10 +1,10 @@
+use super::bounds::LightBounds;
 use super::cluster::Cluster;
-use super::glow::Glow;
 
 /// A node of a light tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
-    pub(super) glow: Glow,
+    pub(super) bounds: LightBounds,
     /// `None` for a leaf.
     pub(super) children: Option<[u32; 2]>,
     /// `None` for the root.
@@ -47,7 +47,7 @@ pub(super) fn build(lights: &[Cluster]) -> Option<Vec<Node>> {
 
 fn node_of(lights: &[Cluster], order: &[u32], parent: Option<u32>) -> Option<Node> {
     let cluster = order.iter().map(|&light| lights[light as usize]).reduce(|a, b| a.union(&b))?;
-    Some(Node { glow: Glow::new(&cluster), children: None, parent, light: *order.first()? })
+    Some(Node { bounds: LightBounds::new(&cluster), children: None, parent, light: *order.first()? })
 }
 
 /// Reorders lights so that those of the first child come first; their number, at least one and not all.

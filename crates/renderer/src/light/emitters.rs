@@ -1,15 +1,15 @@
 use std::collections::HashMap;
 
+use canted_film::srgb::{self, luminance};
 use canted_obb::PrimId;
 use canted_scene::{Encoding, Light, Material, Scene, Texture, TextureRef};
 use canted_trace::{Hit, InstanceId, Side};
 
-use super::Source;
-use super::arrival::{Arrival, intensity_of};
 use super::cluster::Cluster;
 use super::cone::Cone;
-use super::triangle::Lit;
-use crate::srgb::{self, luminance};
+use super::incoming::{IncomingLight, intensity_of};
+use super::lights::LightId;
+use super::triangle::TriangleLight;
 use crate::vector::{Vector, add, narrow, scale, unit, wide};
 use crate::{Surface, Surfaces};
 
@@ -51,7 +51,7 @@ impl<'a> Emitters<'a> {
                 for (primitive, triangle) in (part.first_triangle..).map(PrimId).zip(&mesh.triangles[start..end]) {
                     let corner = |i: u32| instance.world_from_object.point(mesh.positions[i as usize]);
                     let corners = triangle.map(corner);
-                    let Some(lit) = Lit::new(corners) else { continue };
+                    let Some(lit) = TriangleLight::new(corners) else { continue };
                     list.push(Emitter { instance: number, primitive, corners });
                     clusters.push(Cluster::of_points(
                         corners.map(wide),
@@ -68,8 +68,8 @@ impl<'a> Emitters<'a> {
         self.list.len()
     }
 
-    pub(super) fn source(&self, number: usize) -> Source {
-        Source::Triangle(self.list[number].instance, self.list[number].primitive)
+    pub(super) fn source(&self, number: usize) -> LightId {
+        LightId::Triangle(self.list[number].instance, self.list[number].primitive)
     }
 
     /// Number of the emitter that was hit; `None` if it moves, has no area or is black all over.
@@ -78,9 +78,9 @@ impl<'a> Emitters<'a> {
     }
 
     /// Light from a point of an emitter; none where it is black or cut out.
-    pub(super) fn sample(&self, number: usize, from: &Surface, square: [f32; 2]) -> Option<Arrival> {
+    pub(super) fn sample(&self, number: usize, from: &Surface, square: [f32; 2]) -> Option<IncomingLight> {
         let Emitter { instance, primitive, corners } = self.list[number];
-        let lit = Lit::new(corners)?;
+        let lit = TriangleLight::new(corners)?;
         let ([u, v], density) = lit.sample(from.position, square)?;
         let target = lit.point([u, v]);
         let to_light = unit(std::array::from_fn(|k| target[k] - from.position[k]))?;
@@ -90,23 +90,23 @@ impl<'a> Emitters<'a> {
         // The ray ends as far off the emitter as rays leave from there, so that rounding never lets it end behind.
         let normal = lit.normal_towards(from.position);
         let off = add(target, scale(normal, self.surfaces.offset(instance, normal)));
-        Some(Arrival {
+        Some(IncomingLight {
             to_light,
             radiance: scale(radiance, 1.0 / density),
             density: Some(density),
-            shadow_ray: from.reach(narrow(off)),
+            shadow_ray: from.spawn_ray_to(narrow(off)),
         })
     }
 
     /// Density per steradian with which [`Self::sample`] finds a unit direction that meets the emitter.
     pub(super) fn density(&self, number: usize, from: &Surface, direction: Vector) -> f64 {
-        Lit::new(self.list[number].corners).map_or(0.0, |lit| lit.density(from.position, direction))
+        TriangleLight::new(self.list[number].corners).map_or(0.0, |lit| lit.density(from.position, direction))
     }
 
     /// Whether what any of them gives differs from point to point.
     pub(super) fn are_textured(&self) -> bool {
         let material = |emitter: &Emitter| self.material(emitter.instance, emitter.primitive);
-        self.list.iter().map(material).any(|material| material.is_cut_out() || material.emission_texture.is_some())
+        self.list.iter().map(material).any(|material| material.uses_alpha() || material.emission_texture.is_some())
     }
 
     /// Radiance of an emitter before its texture, linear RGB.
@@ -123,7 +123,7 @@ impl<'a> Emitters<'a> {
     fn radiance(&self, hit: &Hit, direction: [f32; 3]) -> Option<Vector> {
         let material = self.material(hit.instance, hit.primitive);
         // Of light that a blended surface gives, rays that are sampled for it carry the share of those that would meet it.
-        let presence = if material.is_cut_out() { self.surfaces.presence(hit) } else { 1.0 };
+        let presence = if material.uses_alpha() { self.surfaces.presence(hit) } else { 1.0 };
         let radiance = match material.emission_texture {
             None => material.emission,
             Some(_) => self.surfaces.at(hit, direction).emission,
@@ -155,7 +155,7 @@ impl Cluster {
                 (position, [0.0; 3], if cos_outer > 0.0 { cone } else { Cone::ALL })
             }
             Light::Sphere { center, radius, .. } => (center, [f64::from(radius); 3], Cone::ALL),
-            Light::Disc { center, normal, radius, .. } => {
+            Light::Disk { center, normal, radius, .. } => {
                 // A disc reaches along each axis as far as the axis is across its normal.
                 let half = wide(normal).map(|n| f64::from(radius) * ((1.0 - n) * (1.0 + n)).max(0.0).sqrt());
                 (center, half, Cone::about(wide(normal), false))
@@ -178,7 +178,7 @@ fn mean_radiances(scene: &Scene) -> Vec<f64> {
         let emission = wide(material.emission);
         luminance(std::array::from_fn(|k| emission[k] * tint[k]))
     };
-    scene.materials.iter().map(|material| if material.emits() { mean_radiance(material) } else { 0.0 }).collect()
+    scene.materials.iter().map(|material| if material.is_emissive() { mean_radiance(material) } else { 0.0 }).collect()
 }
 
 /// Mean of all texels of a texture, linear RGB; white for a texture without texels.

@@ -97,7 +97,7 @@ pub(crate) struct PackedLights {
     /// Rows and sums of a picture that is sampled by its brightness.
     pub(crate) sky: Option<(Vec<SkyRow>, Vec<f32>)>,
     /// Whether what an emitter gives differs from point to point.
-    pub(crate) glow_is_textured: bool,
+    pub(crate) emission_is_textured: bool,
 }
 
 impl LightSampler<'_> {
@@ -116,26 +116,26 @@ impl LightSampler<'_> {
             nodes,
             suns: suns.collect(),
             sky: self.sky.as_ref().map(|sky| (rows(sky), sums(sky))),
-            glow_is_textured: self.emitters.are_textured(),
+            emission_is_textured: self.emitters.are_textured(),
         }
     }
 
     /// The tree, and the leaf of each of its lights.
     fn nodes(&self, tree: &Tree) -> (Vec<LightNode>, Vec<u32>) {
         let n_emitters = self.emitters.len();
-        let all = tree.nodes[0].glow.intensity;
+        let all = tree.nodes[0].bounds.intensity;
         let nodes = tree.nodes.iter().map(|node| {
-            let glow = &node.glow;
+            let bounds = &node.bounds;
             let number = node.light as usize;
             LightNode {
-                middle: glow.middle.map(narrowed),
-                radius: narrowed(glow.radius),
-                axis: glow.axis.map(narrowed),
-                cos_reach: narrowed(glow.cos_reach),
-                spread: [glow.spread.cos, glow.spread.sin].map(narrowed),
+                middle: bounds.middle.map(narrowed),
+                radius: narrowed(bounds.radius),
+                axis: bounds.axis.map(narrowed),
+                cos_reach: narrowed(bounds.cos_reach),
+                spread: [bounds.spread.cos, bounds.spread.sin].map(narrowed),
                 // Shares of all, which f32 holds; none is taken from a light, however weak.
-                intensity: narrowed(glow.intensity / all).max(1e-30),
-                is_two_sided: glow.is_two_sided.into(),
+                intensity: narrowed(bounds.intensity / all).max(1e-30),
+                is_two_sided: bounds.is_two_sided.into(),
                 parent: node.parent.unwrap_or(0),
                 first_child: node.children.map_or(0, |children| children[0]),
                 light: if number < n_emitters { node.light | EMITTER } else { self.placed[number - n_emitters] },

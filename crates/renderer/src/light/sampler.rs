@@ -1,20 +1,20 @@
 use std::f64::consts::PI;
 
+use canted_film::srgb::luminance;
 use canted_scene::{Light, Scene};
 use canted_trace::Ray;
 
-use super::arrival::{Arrival, intensity_of, spread_of, tangents};
+use super::bounds::Receiver;
 use super::cluster::Cluster;
-use super::disc::Disc;
+use super::disk::DiskLight;
 use super::emitters::Emitters;
 use super::environment::SkySampler;
-use super::glow::Receiver;
-use super::sphere::Ball;
+use super::incoming::{IncomingLight, intensity_of, spread_of};
+use super::lights::{LightId, Lights};
+use super::sphere::SphereLight;
 use super::tree::Tree;
-use super::{Lights, Source};
 use crate::sampling::cosine_hemisphere;
-use crate::srgb::luminance;
-use crate::vector::{Vector, add, dot, narrow, scale, wide};
+use crate::vector::{Vector, add, dot, narrow, scale, tangents, wide};
 use crate::{Surface, Surfaces};
 
 /// Light from one direction, chosen among all.
@@ -29,11 +29,11 @@ pub struct LightSample {
     pub density: f32,
     /// Whether the light has no extent, so that no other technique finds it.
     pub is_delta: bool,
-    /// What must be clear for the light to arrive, see [`Lights::is_clear`]; `None` where the light is too close for anything to
+    /// What must be clear for the light to arrive, see [`Lights::is_unoccluded`]; `None` where the light is too close for anything to
     /// stand between.
     pub shadow_ray: Option<Ray>,
     /// The light.
-    pub source: Source,
+    pub source: LightId,
 }
 
 /// Chooses one light of a scene for a point, and knows how likely the choice was.
@@ -103,7 +103,7 @@ impl<'a> LightSampler<'a> {
     }
 
     /// Whether the number that chooses matters: not where there is one light.
-    pub(crate) fn chooses(&self) -> bool {
+    pub(crate) fn has_choice(&self) -> bool {
         self.shares.len() > 1 || self.tree.as_ref().is_some_and(|tree| tree.leaves.len() > 1)
     }
 
@@ -113,47 +113,47 @@ impl<'a> LightSampler<'a> {
     #[must_use]
     pub fn sample(&self, from: &Surface, transmits: bool, choice: f32, square: [f32; 2]) -> Option<LightSample> {
         let (chosen, share, choice) = self.choose(choice.into())?;
-        let (arrival, probability, source) = match chosen {
+        let (incoming, probability, source) = match chosen {
             Choice::Tree => {
                 let (number, probability) = self.tree.as_ref()?.choose(&receiver(from, transmits), choice)?;
-                let (arrival, source) = self.local(number, from, square)?;
-                (arrival, share * probability, source)
+                let (incoming, source) = self.local(number, from, square)?;
+                (incoming, share * probability, source)
             }
-            Choice::Environment => (self.environment(from, square)?, share, Source::Environment),
+            Choice::Environment => (self.environment(from, square)?, share, LightId::Environment),
             Choice::Sun(index) => {
-                let arrival = Arrival::of(&self.lights.list[index as usize], from, || square)?;
-                (arrival, share, Source::Light(index))
+                let incoming = IncomingLight::of(&self.lights.list[index as usize], from, || square)?;
+                (incoming, share, LightId::Light(index))
             }
         };
         Some(LightSample {
-            to_light: narrow(arrival.to_light),
-            radiance: narrow(scale(arrival.radiance, 1.0 / probability)),
-            density: arrival.density.map_or(0.0, |density| finite(density * probability)),
-            is_delta: arrival.density.is_none(),
-            shadow_ray: arrival.shadow_ray,
+            to_light: narrow(incoming.to_light),
+            radiance: narrow(scale(incoming.radiance, 1.0 / probability)),
+            density: incoming.density.map_or(0.0, |density| finite(density * probability)),
+            is_delta: incoming.density.is_none(),
+            shadow_ray: incoming.shadow_ray,
             source,
         })
     }
 
     /// Density per steradian with which [`Self::sample`] finds a unit direction from `from` that meets `source`.
     #[must_use]
-    pub fn density(&self, from: &Surface, transmits: bool, to_light: [f32; 3], source: Source) -> f32 {
+    pub fn density(&self, from: &Surface, transmits: bool, to_light: [f32; 3], source: LightId) -> f32 {
         let direction = wide(to_light);
         let (number, density) = match source {
-            Source::Environment => {
+            LightId::Environment => {
                 return finite(self.share(Choice::Environment) * self.environment_density(from, direction));
             }
-            Source::Light(index) => {
+            LightId::Light(index) => {
                 let density = match self.lights.list[index as usize] {
-                    Light::Sphere { center, radius, .. } => Ball::new(center, radius).density(from.position),
-                    Light::Disc { center, normal, radius, .. } => {
-                        Disc::new(center, normal, radius).density(from.position, direction)
+                    Light::Sphere { center, radius, .. } => SphereLight::new(center, radius).density(from.position),
+                    Light::Disk { center, normal, radius, .. } => {
+                        DiskLight::new(center, normal, radius).density(from.position, direction)
                     }
                     _ => return 0.0,
                 };
                 (self.places[index as usize], density)
             }
-            Source::Triangle(instance, primitive) => {
+            LightId::Triangle(instance, primitive) => {
                 let Some(number) = self.emitters.find(instance, primitive) else { return 0.0 };
                 #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 lights")]
                 let place = number as u32;
@@ -165,18 +165,18 @@ impl<'a> LightSampler<'a> {
     }
 
     /// Light of a number of the tree.
-    fn local(&self, number: u32, from: &Surface, square: [f32; 2]) -> Option<(Arrival, Source)> {
+    fn local(&self, number: u32, from: &Surface, square: [f32; 2]) -> Option<(IncomingLight, LightId)> {
         let number = number as usize;
         if let Some(index) = number.checked_sub(self.emitters.len()) {
             let index = self.placed[index];
-            let arrival = Arrival::of(&self.lights.list[index as usize], from, || square)?;
-            return Some((arrival, Source::Light(index)));
+            let incoming = IncomingLight::of(&self.lights.list[index as usize], from, || square)?;
+            return Some((incoming, LightId::Light(index)));
         }
         Some((self.emitters.sample(number, from, square)?, self.emitters.source(number)))
     }
 
     /// A constant environment is sampled by the cosine to the shading normal, a picture by its brightness.
-    fn environment(&self, from: &Surface, square: [f32; 2]) -> Option<Arrival> {
+    fn environment(&self, from: &Surface, square: [f32; 2]) -> Option<IncomingLight> {
         let (to_light, density) = match &self.sky {
             Some(sky) => sky.sample(square),
             None => {
@@ -187,7 +187,7 @@ impl<'a> LightSampler<'a> {
         };
         let direction = narrow(to_light);
         let radiance = scale(wide(self.lights.sky.radiance(direction)), 1.0 / density);
-        Some(Arrival { to_light, radiance, density: Some(density), shadow_ray: Some(from.leave(direction)) })
+        Some(IncomingLight { to_light, radiance, density: Some(density), shadow_ray: Some(from.spawn_ray(direction)) })
     }
 
     fn environment_density(&self, from: &Surface, direction: Vector) -> f64 {
@@ -252,7 +252,7 @@ mod tests {
     use canted_obb::Affine;
     use canted_scene::{Instance, Material, MaterialId, Mesh, MeshId, Part};
 
-    use super::super::are_many;
+    use super::super::lights::has_multiple_lights;
     use super::*;
 
     /// A triangle in this light; it emits by itself where `emission` is not black.
@@ -294,7 +294,7 @@ mod tests {
             let surfaces = Surfaces::new(&scene);
             let sampler = LightSampler::new(Lights::new(&scene), &surfaces);
             let what = format!("{lights:?} {environment:?} {emission:?}");
-            assert_eq!((sampler.chooses(), are_many(&scene)), (chooses, chooses), "{what}");
+            assert_eq!((sampler.has_choice(), has_multiple_lights(&scene)), (chooses, chooses), "{what}");
             assert!(chooses || sampler.shares[0].1 == 1.0, "{what}");
         }
     }

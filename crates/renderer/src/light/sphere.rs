@@ -2,19 +2,18 @@ use std::f64::consts::TAU;
 
 use canted_trace::{Ray, Sphere};
 
-use super::arrival::tangents;
-use crate::vector::{Vector, add, dot, scale, sub, unit, wide};
+use crate::vector::{Vector, add, dot, scale, sub, tangents, unit, wide};
 
 /// A ball that shines outward, world space.
 #[derive(Clone, Copy)]
-pub(super) struct Ball {
+pub(super) struct SphereLight {
     center: Vector,
     radius: f64,
     traced: Sphere,
 }
 
 /// The cone in which a point sees a ball.
-struct Sight {
+struct SightCone {
     /// Unit vector to the middle.
     axis: Vector,
     /// From the point to the middle.
@@ -23,13 +22,13 @@ struct Sight {
     height: f64,
 }
 
-impl Ball {
+impl SphereLight {
     pub(super) fn new(center: [f32; 3], radius: f32) -> Self {
         Self { center: wide(center), radius: radius.into(), traced: Sphere { center, radius } }
     }
 
     /// `None` from inside, where it is dark.
-    fn sight(&self, from: Vector) -> Option<Sight> {
+    fn sight_cone(&self, from: Vector) -> Option<SightCone> {
         let way = sub(self.center, from);
         let distance = dot(way, way).sqrt();
         if distance.is_nan() || distance <= self.radius {
@@ -38,12 +37,12 @@ impl Ball {
         let sine = self.radius / distance;
         // As a product, so that a point near the surface loses no digits.
         let cosine = ((1.0 - sine) * (1.0 + sine)).sqrt();
-        Some(Sight { axis: unit(way)?, distance, height: sine * sine / (1.0 + cosine) })
+        Some(SightCone { axis: unit(way)?, distance, height: sine * sine / (1.0 + cosine) })
     }
 
     /// A point of the surface that is seen from `from`, uniform over the solid angle, and its density per steradian.
     pub(super) fn sample(&self, from: Vector, square: [f32; 2]) -> Option<(Vector, f64)> {
-        let Sight { axis, distance, height } = self.sight(from)?;
+        let SightCone { axis, distance, height } = self.sight_cone(from)?;
         let below = f64::from(square[0]) * height;
         let (cosine, sine_squared) = (1.0 - below, below * (2.0 - below));
         // Half the chord that the ball cuts from the direction; none at the rim, where rounding may pass zero.
@@ -58,7 +57,7 @@ impl Ball {
 
     /// Density per steradian of all directions from `from` that meet it; 0 from inside.
     pub(super) fn density(&self, from: Vector) -> f64 {
-        self.sight(from).map_or(0.0, |sight| 1.0 / (TAU * sight.height))
+        self.sight_cone(from).map_or(0.0, |sight_cone| 1.0 / (TAU * sight_cone.height))
     }
 
     /// Where a ray meets it first, and whether from outside, where it shines.

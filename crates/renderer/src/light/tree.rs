@@ -1,6 +1,6 @@
+use super::bounds::Receiver;
 use super::build::{Node, build};
 use super::cluster::Cluster;
-use super::glow::Receiver;
 
 /// A binary tree over lights, for choosing one by what it might do to a point.
 ///
@@ -62,7 +62,7 @@ impl Tree {
 
     /// The probabilities of two siblings; `None` where neither has any.
     fn shares(&self, children: [u32; 2], receiver: &Receiver) -> Option<[f64; 2]> {
-        let [first, second] = children.map(|child| self.nodes[child as usize].glow.importance(receiver));
+        let [first, second] = children.map(|child| self.nodes[child as usize].bounds.importance(receiver));
         let sum = first + second;
         (sum > 0.0).then(|| [first / sum, second / sum])
     }

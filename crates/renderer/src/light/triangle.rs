@@ -1,17 +1,17 @@
-use super::disc::{area_density, plane_density};
+use super::disk::{area_density, plane_density};
 use super::spherical::SphericalTriangle;
 use crate::vector::{Vector, add, cross, dot, length, scale, sub, wide};
 
 /// A triangle that shines to both sides, world space.
 #[derive(Clone, Copy)]
-pub(super) struct Lit {
+pub(super) struct TriangleLight {
     corners: [Vector; 3],
     /// Unit vector.
     pub(super) normal: Vector,
     pub(super) area: f64,
 }
 
-impl Lit {
+impl TriangleLight {
     /// `None` for a triangle without area.
     pub(super) fn new(corners: [[f32; 3]; 3]) -> Option<Self> {
         let corners = corners.map(wide);

@@ -27,13 +27,13 @@ impl Lookups<'_> {
     pub(super) fn found(&self, slot: &TextureRef) -> Option<[f32; 4]> {
         let uvs = self.corners.uvs(slot.uv_set)?;
         let uv = slot.texture_from_mesh.point(self.corners.between(uvs));
-        let pyramid = self.textures.get(slot.texture);
-        let footprint = if self.lod == Lod::None || self.cone.is_line() {
+        let mip_map = self.textures.get(slot.texture);
+        let footprint = if self.lod == Lod::None || self.cone.is_zero() {
             Footprint::POINT
         } else {
-            Footprint::new(self.lod, &self.cone, self.direction, &self.plane, edges(slot, uvs), pyramid.size())
+            Footprint::new(self.lod, &self.cone, self.direction, &self.plane, edges(slot, uvs), mip_map.size())
         };
-        Some(pyramid.lookup(uv, &footprint))
+        Some(mip_map.lookup(uv, &footprint))
     }
 
     /// Changes of texture coordinates along the edges of the triangle.

@@ -7,9 +7,10 @@ use super::lookups::Lookups;
 use super::placed::{Corners, Placed};
 use super::shading_normal::{facing, shading_normal};
 use crate::placement::Placement;
+use crate::query::alpha_threshold;
 use crate::texture::{Plane, Textures, averaged};
 use crate::vector::{Vector, dot, length, scale, unit, wide};
-use crate::{Bsdf, Cone, Lod, mask};
+use crate::{Bsdf, Cone, Lod};
 
 /// The surfaces of a scene: what is looked up for each hit, with what is computed once for each instance and texture.
 #[derive(Clone, Debug)]
@@ -21,7 +22,7 @@ pub struct Surfaces<'a> {
     /// Of each material, whether what it looks like depends on textures.
     pub(super) is_textured: Vec<bool>,
     /// Of each instance, whether rays may pass where it is hit.
-    is_cut_out: Vec<bool>,
+    uses_alpha: Vec<bool>,
 }
 
 impl<'a> Surfaces<'a> {
@@ -44,13 +45,13 @@ impl<'a> Surfaces<'a> {
             })
             .collect();
         let is_textured = scene.materials.iter().map(|material| averaged(material).next().is_some()).collect();
-        let is_cut_out = scene
+        let uses_alpha = scene
             .instances
             .iter()
             .map(|instance| &scene.meshes[instance.mesh.0 as usize])
-            .map(|mesh| mesh.parts.iter().any(|part| scene.materials[part.material.0 as usize].is_cut_out()))
+            .map(|mesh| mesh.parts.iter().any(|part| scene.materials[part.material.0 as usize].uses_alpha()))
             .collect();
-        Self { scene, placements, textures: Textures::new(scene, lod), lod, is_textured, is_cut_out }
+        Self { scene, placements, textures: Textures::new(scene, lod), lod, is_textured, uses_alpha }
     }
 
     /// The scene they belong to.
@@ -67,7 +68,7 @@ impl<'a> Surfaces<'a> {
     /// The surface at a hit of a world-space ray along `direction`, as the shutter opens, with textures at full size.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {
-        self.at_time(hit, direction, 0.0, Cone::LINE)
+        self.at_time(hit, direction, 0.0, Cone::ZERO)
     }
 
     /// The surface at a hit of a world-space ray along `direction` that flew at `time`: 0 as the shutter opens, 1 as it
@@ -106,7 +107,7 @@ impl<'a> Surfaces<'a> {
             cone,
         });
         let texel = |slot: &Option<TextureRef>| lookups.as_ref().map_or([1.0; 4], |all| all.texel(slot.as_ref()));
-        let glow = if material.emits() { texel(&material.emission_texture) } else { [1.0; 4] };
+        let glow = if material.is_emissive() { texel(&material.emission_texture) } else { [1.0; 4] };
         Surface {
             position: placed.position(),
             normal,
@@ -126,14 +127,14 @@ impl<'a> Surfaces<'a> {
     #[must_use]
     pub fn is_present(&self, hit: &Hit, key: u32) -> bool {
         let presence = self.presence(hit);
-        presence >= 1.0 || mask::number(key, hit) < presence
+        presence >= 1.0 || alpha_threshold(key, hit) < presence
     }
 
     /// The share of rays that meet the surface at a hit: alpha where it is blended, else all or none.
     #[must_use]
     pub fn presence(&self, hit: &Hit) -> f32 {
         // Nearly every hit is on an instance that is all there.
-        if !self.is_cut_out[hit.instance.0 as usize] {
+        if !self.uses_alpha[hit.instance.0 as usize] {
             return 1.0;
         }
         let instance = &self.scene.instances[hit.instance.0 as usize];
@@ -189,5 +190,5 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
 
 /// Greatest absolute coordinate among the vertices that triangles use.
 fn reach(mesh: &Mesh) -> f32 {
-    Aabb::of_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
+    Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
 }

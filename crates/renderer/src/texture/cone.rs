@@ -23,7 +23,7 @@ pub struct Cone {
 
 impl Cone {
     /// A ray without width, before and after scattering: textures are looked up at full size.
-    pub const LINE: Self = Self { width: 0.0, spread: 0.0, share: 0.0, is_direct: true };
+    pub const ZERO: Self = Self { width: 0.0, spread: 0.0, share: 0.0, is_direct: true };
 
     /// The cone of a pixel's sample with this number: `width` and `spread` are those of the pixel.
     pub(crate) fn of_pixel(width: f64, spread: f64, sample: u32) -> Self {
@@ -54,7 +54,7 @@ impl Cone {
     }
 
     /// Whether it has no width, so that a point is all that is seen.
-    pub(crate) fn is_line(&self) -> bool {
+    pub(crate) fn is_zero(&self) -> bool {
         self.width == 0.0
     }
 
@@ -71,7 +71,7 @@ mod tests {
     fn cones_grow_with_distance_and_narrow_with_the_number_of_the_sample() {
         assert_eq!(Cone::of_pixel(1.0, 0.5, 0).grown(4.0).width(), 3.0);
         assert_eq!(Cone::of_pixel(1.0, 0.5, 3).grown(4.0).width(), 1.5);
-        assert_eq!(Cone::LINE.grown(1e9).scattered(0.1).grown(1e9).width(), 0.0);
+        assert_eq!(Cone::ZERO.grown(1e9).scattered(0.1).grown(1e9).width(), 0.0);
     }
 
     #[test]
@@ -81,6 +81,6 @@ mod tests {
         for density in [0.0, 1e-30, 0.1] {
             assert_eq!(width(density), 1.0 + std::f64::consts::PI.sqrt(), "{density}");
         }
-        assert!(!Cone::LINE.scattered(1.0).is_direct());
+        assert!(!Cone::ZERO.scattered(1.0).is_direct());
     }
 }

@@ -2,7 +2,7 @@ use super::{Cone, Lod};
 use crate::vector::{Vector, cross, dot, length, scale, sub, unit};
 
 /// Most lookups along the longer axis.
-const MOST_PROBES: f64 = 16.0;
+const MAX_PROBES: f64 = 16.0;
 
 /// The plane of a triangle, world space, as far as texture coordinates hang on it.
 pub(crate) struct Plane {
@@ -92,7 +92,7 @@ impl Footprint {
         let greatest = 0.5 * (xx + yy) + half_gap;
         let (longest, width) = (greatest.sqrt(), (a * d - b * c).abs() / greatest.sqrt());
         // Texels are the least there is to see. A longer ellipse than the probes cover is widened, not cut.
-        let width = width.max(1.0).max(longest / MOST_PROBES);
+        let width = width.max(1.0).max(longest / MAX_PROBES);
         if !longest.is_finite() || longest <= width {
             return Self::round(longest.log2());
         }

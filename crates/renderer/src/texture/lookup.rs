@@ -1,12 +1,12 @@
 use canted_scene::Wrap;
 
 use super::Footprint;
-use super::pyramid::{Image, Pyramid};
+use super::mip_map::{Image, MipMap};
 
 /// The four texels about a point, row by row.
 pub(crate) type Texels<'a> = [[&'a [u8; 4]; 2]; 2];
 
-impl Pyramid<'_> {
+impl MipMap<'_> {
     /// RGB in linear light or as plain numbers, and alpha, on average over a footprint about `uv`.
     ///
     /// `v` runs up: row 0 of the image is the top, `v = 1`. Between levels and between the four nearest texel centres of
@@ -144,7 +144,7 @@ mod tests {
     use canted_scene::{Encoding, Texture};
 
     fn lookup(texture: &Texture, uv: [f64; 2]) -> [f32; 4] {
-        Pyramid::flat(texture).lookup(uv, &Footprint::POINT)
+        MipMap::flat(texture).lookup(uv, &Footprint::POINT)
     }
 
     /// Two columns and two rows: top left, top right, bottom left, bottom right in the red channel.

@@ -30,7 +30,7 @@ fn passing(scene: &Scene) -> f64 {
     let (tracer, surfaces) = (BruteForce::new(scene), Surfaces::new(scene));
     let all = Masked::new(&surfaces, ());
     let ray = Ray { t_max: 9.5, ..Ray::new([0.3, 10.0, 0.2], [0.0, -1.0, 0.0]) };
-    let n = (0..N).filter(|&number| !tracer.occluded(&ray, &mut all.numbered(number))).count();
+    let n = (0..N).filter(|&number| !tracer.occluded(&ray, &mut all.keyed(number))).count();
     n as f64 / f64::from(N)
 }
 

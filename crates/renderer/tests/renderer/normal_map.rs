@@ -15,7 +15,7 @@ const DOWN: [f32; 3] = [0.0, 0.0, -1.0];
 /// The triangle (0,0) (1,0) (0,1) of the plane z = 0, front up, under one texel of a normal map.
 fn stage(texel: [u8; 3], uvs: [[f32; 2]; 3]) -> Scene {
     let triangle = mesh(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]], 0);
-    let material = Material { normal_texture: Some(TextureRef::plain(TextureId(0))), ..Material::default() };
+    let material = Material { normal_texture: Some(TextureRef::new(TextureId(0))), ..Material::default() };
     let mut scene = scene(vec![Mesh { uvs: Some(uvs.to_vec()), ..triangle }], vec![material]);
     let [r, g, b] = texel;
     scene.textures = vec![Texture {

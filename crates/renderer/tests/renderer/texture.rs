@@ -34,7 +34,7 @@ fn board() -> Scene {
     let mut plane = floor(half, 0.0, 0);
     let repeats = half / (2.0 * FIELD_WORLD);
     plane.uvs = Some(plane.positions.iter().map(|p| [p[0], p[2]].map(|x| x / half * repeats)).collect());
-    let texture_ref = Some(TextureRef::plain(TextureId(0)));
+    let texture_ref = Some(TextureRef::new(TextureId(0)));
     let material = Material { base_color: [1.0; 3], base_color_texture: texture_ref, ..Material::default() };
     let environment = Some([1.0; 3].into());
     Scene { textures: vec![texture], environment, ..scene(vec![plane], vec![material]) }
@@ -123,7 +123,7 @@ fn only_hit() -> Hit {
 
 /// A triangle under a texture in each slot.
 fn slots() -> Scene {
-    let slot = |k| Some(TextureRef::plain(TextureId(k)));
+    let slot = |k| Some(TextureRef::new(TextureId(k)));
     let material = Material {
         base_color: [0.5, 1.0, 1.0],
         base_color_texture: slot(0),

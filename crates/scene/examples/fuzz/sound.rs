@@ -101,7 +101,7 @@ fn flaw_of_lights(scene: &Scene) -> Option<String> {
         Light::Sphere { center, radius, radiance } => {
             [center, radiance].as_flattened().iter().all(|x| x.is_finite()) && radius > 0.0 && radius.is_finite()
         }
-        Light::Disc { center, normal, radius, radiance } => {
+        Light::Disk { center, normal, radius, radiance } => {
             let numbers = [center, normal, radiance];
             numbers.as_flattened().iter().all(|x| x.is_finite()) && radius > 0.0 && radius.is_finite()
         }

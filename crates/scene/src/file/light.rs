@@ -34,7 +34,7 @@ pub(super) fn read(table: Table<'_>) -> Result<Light, ReadError> {
         _ => {
             table.only(&["type", "center", "normal", "radius", "radiance"])?;
             let (center, normal) = (point(&table, "center")?, direction::read(&table, "normal")?);
-            Ok(Light::Disc { center, normal, radius: radius(&table)?, radiance: color(&table, "radiance")? })
+            Ok(Light::Disk { center, normal, radius: radius(&table)?, radiance: color(&table, "radiance")? })
         }
     }
 }
@@ -119,7 +119,7 @@ fn one(light: &Light, page: &mut Page) {
             page.line("radius", &number(*radius), "");
             page.line("radiance", &numbers(radiance), RADIANCE);
         }
-        Light::Disc { center, normal, radius, radiance } => {
+        Light::Disk { center, normal, radius, radiance } => {
             kind("disc");
             page.line("center", &numbers(center), "");
             page.line("normal", &numbers(normal), "of the side that shines");

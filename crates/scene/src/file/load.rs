@@ -14,7 +14,7 @@ impl SceneFile {
     ///
     /// # Errors
     /// The other file is not there, or its path is not UTF-8.
-    pub fn of(scene: Option<&Path>, path: &Path) -> Result<Self, ReadError> {
+    pub fn for_scene(scene: Option<&Path>, path: &Path) -> Result<Self, ReadError> {
         let (name, source) = match scene {
             None => ("builtin".to_owned(), AssetSource::Builtin),
             Some(scene) => {
@@ -28,7 +28,7 @@ impl SceneFile {
 
     /// The same scene with all assets posed at a time, in seconds into their animations.
     #[must_use]
-    pub fn posed_at(mut self, time: f32) -> Self {
+    pub fn with_time(mut self, time: f32) -> Self {
         self.assets.iter_mut().for_each(|asset| asset.time = Some(time));
         self
     }
@@ -37,7 +37,7 @@ impl SceneFile {
     ///
     /// # Errors
     /// The other file is not there, or its path is not UTF-8.
-    pub fn under(mut self, image: &Path, scale: [f32; 3], turn_degrees: f32) -> Result<Self, ReadError> {
+    pub fn with_environment(mut self, image: &Path, scale: [f32; 3], turn_degrees: f32) -> Result<Self, ReadError> {
         let file = super::paths::relative(image, super::paths::folder(&self.path))?;
         self.environment = Some(EnvironmentSource::Image { file, scale, turn_degrees, line: 0 });
         Ok(self)
@@ -56,7 +56,7 @@ impl SceneFile {
     ///
     /// # Errors
     /// As [`SceneFile::load`].
-    pub fn load_spelled_out(&self) -> Result<(Scene, Self), ReadError> {
+    pub fn load_explicit(&self) -> Result<(Scene, Self), ReadError> {
         let Assembled { scene, of_assets, .. } = self.assemble()?;
         let mut file = self.clone();
         file.instances = Some(self.placed().into_owned());

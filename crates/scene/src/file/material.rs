@@ -100,7 +100,7 @@ impl MaterialEdits {
                 }
                 (Part::Texture(encoding, get), Value::Texture(file)) => {
                     let texture = if file == NO_TEXTURE { None } else { Some(load(file, encoding)?) };
-                    *get(material) = texture.map(TextureRef::plain);
+                    *get(material) = texture.map(TextureRef::new);
                 }
                 // Reading pairs each field with values of its own kind.
                 _ => {}

@@ -7,12 +7,12 @@
 
 mod assemble;
 mod camera;
+mod closest_match;
 mod direction;
 mod environment;
 mod light;
 mod load;
 mod material;
-mod nearest;
 mod page;
 mod paths;
 mod placement;
@@ -24,9 +24,9 @@ mod write;
 
 use crate::{Camera, Light};
 
+pub use closest_match::closest_match;
 pub use environment::EnvironmentSource;
 pub use material::MaterialEdits;
-pub use nearest::nearest;
 pub use placement::Placement;
 
 /// A scene as people write it down: what is drawn, from where, in which light, and how.

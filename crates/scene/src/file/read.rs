@@ -8,7 +8,7 @@ use toml_edit::Document;
 use super::table::{Bounds, Source, Table};
 use super::{
     Asset, AssetInstance, AssetSource, MaterialEdits, NewMaterial, Override, Placement, SceneFile, Setting, camera,
-    environment, light, nearest, placement,
+    closest_match, environment, light, placement,
 };
 use crate::ReadError;
 
@@ -100,7 +100,7 @@ impl SceneFile {
 
 /// That a name is not known, and which is nearest.
 pub(super) fn unknown<'a>(kind: &str, name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    match nearest(name, known) {
+    match closest_match(name, known) {
         Some(near) => format!("no {kind} has the name {name:?}; the nearest is {near:?}"),
         None => format!("no {kind} has the name {name:?}, for there is none"),
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use toml_edit::{Array, Item, TableLike, Value};
 
-use super::nearest;
+use super::closest_match;
 use crate::{Material, ReadError};
 
 /// The text of a scene file, for messages.
@@ -118,7 +118,7 @@ impl<'a> Table<'a> {
     /// Refuses keys that are none of `known`.
     pub(super) fn only(&self, known: &[&str]) -> Result<(), ReadError> {
         let Some((key, _)) = self.items.iter().find(|(key, _)| !known.contains(key)) else { return Ok(()) };
-        let near = nearest(key, known.iter().copied()).unwrap_or_default();
+        let near = closest_match(key, known.iter().copied()).unwrap_or_default();
         let message = format!("{} has no key `{}`; the nearest is `{near}`", self.name, key.escape_debug());
         Err(self.source.error(self.key_at(key), message))
     }
@@ -203,7 +203,7 @@ impl<'a> Table<'a> {
         let Some(text) = self.text(key)? else { return Ok(None) };
         let found = words.iter().position(|&word| word == text);
         found.map(Some).ok_or_else(|| {
-            let near = nearest(text, words.iter().copied()).unwrap_or_default();
+            let near = closest_match(text, words.iter().copied()).unwrap_or_default();
             self.refuse(key, &format!("one of {}; the nearest is {near}", words.join(", ")))
         })
     }

@@ -24,8 +24,8 @@ pub enum ReadError {
     Malformed {
         /// The file.
         path: PathBuf,
-        /// Place in the file: `line 7`, `accessor 3`, `element vertex`.
-        place: String,
+        /// Location in the file: `line 7`, `accessor 3`, `element vertex`.
+        location: String,
         /// What is wrong there, with the value found.
         message: String,
     },
@@ -47,8 +47,8 @@ pub enum ReadError {
 
 impl ReadError {
     /// A breach of the format's rules at a place in the file.
-    pub(crate) fn malformed(path: &Path, place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self::Malformed { path: path.to_owned(), place: place.into(), message: message.into() }
+    pub(crate) fn malformed(path: &Path, location: impl Into<String>, message: impl Into<String>) -> Self {
+        Self::Malformed { path: path.to_owned(), location: location.into(), message: message.into() }
     }
 
     /// A legal wish that is not fulfilled.
@@ -80,7 +80,7 @@ impl fmt::Display for ReadError {
         let sentence = match self {
             Self::Io { source, .. } => format!("{file}: cannot be read: {source}"),
             Self::UnknownFormat { .. } => format!("{file}: is neither OBJ, PLY, glTF nor GLB"),
-            Self::Malformed { place, message, .. } => format!("{file}: {place}: {message}"),
+            Self::Malformed { location, message, .. } => format!("{file}: {location}: {message}"),
             Self::Unsupported { feature, .. } => format!("{file}: {feature} is not supported"),
             Self::Empty { reason, .. } => format!("{file}: nothing to draw: {reason}"),
         };

@@ -11,7 +11,7 @@ const MAX_SAMPLES_PER_BYTE: u64 = 1032;
 ///
 /// # Errors
 /// A header that is damaged, has a layer without texels, or promises more than `bytes` can hold.
-pub fn promised_samples(bytes: &[u8]) -> Result<u64, String> {
+pub fn declared_exr_samples(bytes: &[u8]) -> Result<u64, String> {
     let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(reason)?;
     let n_bytes = bytes.len();
     let max = MAX_SAMPLES_PER_BYTE.saturating_mul(n_bytes as u64);

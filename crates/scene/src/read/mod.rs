@@ -20,7 +20,7 @@ use std::path::Path;
 
 use crate::Scene;
 
-pub use self::exr::promised_samples;
+pub use self::exr::declared_exr_samples;
 pub use environment::read_environment;
 pub use error::ReadError;
 pub(crate) use image::decode;

@@ -27,8 +27,8 @@ pub const MIN_DIRECTION: f32 = 1.0 / (1u128 << 64) as f32;
 
 /// A ray prepared for boxes of one space, thickened by what hits may be off.
 ///
-/// It also shows its numbers, so that wider code can repeat the arithmetic of [`SlabRay::enters_aabb`] and
-/// [`SlabRay::enters_slabs`] lane by lane.
+/// It also shows its numbers, so that wider code can repeat the arithmetic of [`SlabRay::intersect_aabb`] and
+/// [`SlabRay::intersect_slabs`] lane by lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlabRay {
     origin: [f32; 3],
@@ -85,7 +85,7 @@ impl SlabRay {
     /// `aabb` must not be empty.
     #[inline]
     #[must_use]
-    pub fn enters_aabb(&self, aabb: &Aabb, t_max: f32) -> Option<f32> {
+    pub fn intersect_aabb(&self, aabb: &Aabb, t_max: f32) -> Option<f32> {
         let (near, far) = self.clip_aabb(aabb, t_max);
         (near <= far).then_some(near)
     }
@@ -95,7 +95,7 @@ impl SlabRay {
     /// `slabs` must not be empty.
     #[inline]
     #[must_use]
-    pub fn enters_slabs(&self, slabs: &Slabs, t_max: f32) -> Option<f32> {
+    pub fn intersect_slabs(&self, slabs: &Slabs, t_max: f32) -> Option<f32> {
         let (near, far) = self.clip_slabs(slabs, t_max);
         (near <= far).then_some(near)
     }

@@ -2,7 +2,7 @@ use bytemuck::{Pod, Zeroable};
 use canted_gpu::Specialisation;
 
 use super::{U, answers, compare, direction, gpu, number, same_layout};
-use crate::{Bsdf, Evaluation, Scattered};
+use crate::{Bsdf, BsdfSample, Evaluation};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -65,7 +65,7 @@ impl Query {
         [r, g, b, density].map(f64::from)
     }
 
-    fn sampled(&self) -> Option<Scattered> {
+    fn sampled(&self) -> Option<BsdfSample> {
         self.bsdf().sample(self.outgoing, self.square, self.choice)
     }
 

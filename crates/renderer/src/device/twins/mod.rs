@@ -1,7 +1,7 @@
 //! Functions of kernels beside those of the CPU, each over a buffer of inputs.
 
-mod arrival;
 mod bsdf;
+mod incoming;
 mod light;
 
 use bytemuck::Pod;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use canted_renderer::{LightSampler, Source, Surface, Tracer};
+use canted_renderer::{LightId, LightSampler, Surface, Tracer};
 use canted_scene::{Light, Scene};
 use canted_trace::Ray;
 
@@ -25,7 +25,7 @@ fn everything() -> Scene {
         Light::Point { position: [0.0, 3.0, -3.0], intensity: [8.0; 3] },
         Light::Sphere { center: [-2.0, 2.0, 1.0], radius: 1.2, radiance: [3.0; 3] },
         Light::Sun { direction: [0.0, -0.8, 0.6], irradiance: [3.0; 3] },
-        Light::Disc { center: [0.0, 2.0, -2.0], normal: [0.0, -0.8, 0.6], radius: 0.8, radiance: [6.0; 3] },
+        Light::Disk { center: [0.0, 2.0, -2.0], normal: [0.0, -0.8, 0.6], radius: 0.8, radiance: [6.0; 3] },
     ];
     scene
 }
@@ -56,8 +56,9 @@ fn density(sampler: &LightSampler, tracer: &BruteForce, direction: [f32; 3]) -> 
     let ray = Ray::new(narrow(from().position), direction);
     let hit = tracer.closest_hit(&ray, &mut ());
     let of = |source| sampler.density(&from(), false, direction, source);
-    let body = sampler.lights().meet(&ray, None).map(|met| met.source).filter(|source| *source != Source::Environment);
-    of(Source::Environment) + body.map_or(0.0, of) + hit.map_or(0.0, |hit| of(Source::of_hit(&hit)))
+    let body =
+        sampler.lights().intersect(&ray, None).map(|met| met.source).filter(|source| *source != LightId::Environment);
+    of(LightId::Environment) + body.map_or(0.0, of) + hit.map_or(0.0, |hit| of(LightId::of_hit(&hit)))
 }
 
 fn expected(sampler: &LightSampler, scene: &Scene) -> Vec<f64> {

@@ -46,7 +46,7 @@ fn a_sphere_is_dark_inside() {
 #[test]
 fn a_disc() {
     for height in [0.3_f32, 1.0, 50.0] {
-        let disc = |normal| lit_by(Light::Disc { center: [1.0, height, 1.0], normal, radius: 2.0, radiance: [3.0; 3] });
+        let disc = |normal| lit_by(Light::Disk { center: [1.0, height, 1.0], normal, radius: 2.0, radiance: [3.0; 3] });
         let from = receiver([1.0, 0.0, 1.0], UP);
         let expected = PI * 3.0 * 4.0 / (4.0 + f64::from(height).powi(2));
         let estimate = irradiance(&disc([0.0, -1.0, 0.0]), &from, N);

@@ -18,10 +18,10 @@ fn refused(text: &str, words: &[&str]) {
 #[test]
 fn an_asset_alone_is_what_its_file_has() {
     let folder = folder();
-    let file = SceneFile::of(Some(&folder.path().join("a.obj")), &folder.path().join("sub/scene.toml")).unwrap();
+    let file = SceneFile::for_scene(Some(&folder.path().join("a.obj")), &folder.path().join("sub/scene.toml")).unwrap();
     let (alone, placed) = (crate::read(&folder.path().join("a.obj")).unwrap(), file.load().unwrap());
     assert_eq!(format!("{placed:?}"), format!("{alone:?}"));
-    let builtin = SceneFile::of(None, &folder.path().join("scene.toml")).unwrap().load().unwrap();
+    let builtin = SceneFile::for_scene(None, &folder.path().join("scene.toml")).unwrap().load().unwrap();
     assert_eq!(format!("{builtin:?}"), format!("{:?}", crate::builtin()));
 }
 
@@ -109,7 +109,7 @@ fn what_cannot_be_loaded_is_told_by_line() {
 fn errors_of_assets_stand_alone_where_no_line_names_them() {
     let folder = folder();
     std::fs::write(folder.path().join("bad.obj"), "v 0 0\n").unwrap();
-    let file = SceneFile::of(Some(&folder.path().join("bad.obj")), &folder.path().join("s.toml")).unwrap();
+    let file = SceneFile::for_scene(Some(&folder.path().join("bad.obj")), &folder.path().join("s.toml")).unwrap();
     let message = file.load().unwrap_err().to_string();
     assert!(message.contains("bad.obj: ") && !message.contains("s.toml"), "{message}");
 }

@@ -85,12 +85,12 @@ fn everything_spelled_out_is_the_same_scene_and_stays_as_it_is() {
     let folder = folder();
     let path = folder.path().join("scene.toml");
     let file = SceneFile::parse(FULL.as_bytes(), &path).unwrap();
-    let (scene, full) = file.load_spelled_out().unwrap();
+    let (scene, full) = file.load_explicit().unwrap();
     // All that a scene has but geometry; `green` was not mentioned before.
     assert!(full.overrides.iter().any(|change| change.material == "green"));
     let text = full.to_toml();
     let back = SceneFile::parse(text.as_bytes(), &path).unwrap();
-    let (again, again_full) = back.load_spelled_out().unwrap();
+    let (again, again_full) = back.load_explicit().unwrap();
     let parts =
         |scene: &crate::Scene| format!("{:?}", (&scene.instances, &scene.materials, &scene.lights, &scene.cameras));
     assert_eq!(parts(&again), parts(&scene));
@@ -115,7 +115,7 @@ fn what_was_said_of_a_name_that_two_have_is_kept() {
     let corners = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].map(f32::to_le_bytes);
     std::fs::write(folder.path().join("a.bin"), corners.concat()).unwrap();
     let path = folder.path().join("scene.toml");
-    let (scene, full) = SceneFile::parse(text.as_bytes(), &path).unwrap().load_spelled_out().unwrap();
+    let (scene, full) = SceneFile::parse(text.as_bytes(), &path).unwrap().load_explicit().unwrap();
     assert_eq!(full.overrides.len(), 1);
     let again = SceneFile::parse(full.to_toml().as_bytes(), &path).unwrap().load().unwrap();
     assert!(again.materials.iter().filter(|material| material.base_color == [0.0, 0.0, 1.0]).count() == 2);

@@ -5,13 +5,13 @@ use std::io::Cursor;
 use exr::prelude::{AnyChannels, FlatSamples, ReadChannels as _, ReadLayers as _, Vec2, read};
 
 use super::{MAX_TEXELS, Texels};
-use crate::read::exr::{promised_samples, reason};
+use crate::read::exr::{declared_exr_samples, reason};
 
 /// Decodes the first layer that has a colour.
 pub(super) fn decode(bytes: &[u8]) -> Result<Texels, String> {
     /// Channels that the largest picture may have: colour and alpha.
     const N_CHANNELS: u64 = 4;
-    let n_samples = promised_samples(bytes)?;
+    let n_samples = declared_exr_samples(bytes)?;
     if n_samples > N_CHANNELS * MAX_TEXELS {
         return Err(format!("its header promises {n_samples} samples, more than {}", N_CHANNELS * MAX_TEXELS));
     }

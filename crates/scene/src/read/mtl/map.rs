@@ -30,7 +30,7 @@ impl Map {
     pub(crate) fn placed(&self, texture: TextureId) -> TextureRef {
         let ([scale_u, scale_v], [offset_u, offset_v]) = (self.scale, self.offset);
         let texture_from_mesh = UvTransform { rows: [[scale_u, 0.0, offset_u], [0.0, scale_v, offset_v]] };
-        TextureRef { texture_from_mesh, ..TextureRef::plain(texture) }
+        TextureRef { texture_from_mesh, ..TextureRef::new(texture) }
     }
 }
 

@@ -158,7 +158,7 @@ fn assign(material: &mut Material, role: Role, map: &Map, texture: TextureId) {
         Role::Emission => {
             material.emission_texture = Some(texture);
             // A texture of which the material says no strength is as strong as it looks.
-            if !material.emits() {
+            if !material.is_emissive() {
                 material.emission = [1.0; 3];
             }
         }

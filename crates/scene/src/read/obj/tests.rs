@@ -1,7 +1,7 @@
 //! Files as byte strings: what they load as, what they warn of, and the sentence of each error.
 
 use super::*;
-use crate::Description;
+use crate::SceneStats;
 
 fn obj(text: impl AsRef<[u8]>) -> Result<Scene, ReadError> {
     parse(Path::new("model.obj"), text.as_ref())
@@ -70,7 +70,7 @@ fn faces_keep_their_order_across_groups_and_materials() {
 fn equal_groups_are_instances_with_their_own_numbers() {
     let moved = "v 5 0 2\nv 6 0 2\nv 5 1 2\nv 6 1 2\n";
     let scene = loads(square(&format!("g a\nf 1 2 4 3\n{moved}g b\nf -4 -3 -1 -2\n")), 4);
-    let counts = Description::of(&scene);
+    let counts = SceneStats::of(&scene);
     assert_eq!((counts.n_meshes, counts.n_instances, counts.n_vertices), (1, 2, 4));
     assert_eq!(scene.instances[1].first_primitive, 2);
     assert_eq!(scene.instances[1].world_from_object.columns[3], [5.0, 0.0, 2.0]);

@@ -64,7 +64,7 @@ fn material(path: &Path, texture: Option<&[u8]>, scene: &mut Scene) -> Material 
             scene.textures.push(texture);
             Material {
                 base_color: [1.0; 3],
-                base_color_texture: Some(TextureRef::plain(TextureId(0))),
+                base_color_texture: Some(TextureRef::new(TextureId(0))),
                 ..Material::default()
             }
         }

@@ -130,7 +130,7 @@ fn normals_are_kept_and_uvs_where_an_image_is_named() {
     };
     let scene = named("a b.png");
     assert_eq!(scene.meshes[0].uvs.as_deref().unwrap(), [[0.25, 0.5]; 3]);
-    assert_eq!(scene.materials[0].base_color_texture, Some(TextureRef::plain(TextureId(0))));
+    assert_eq!(scene.materials[0].base_color_texture, Some(TextureRef::new(TextureId(0))));
     assert_eq!(named("../a.png").warnings, ["texture `../a.png` is left out: the path leaves the folder of the scene"]);
 }
 

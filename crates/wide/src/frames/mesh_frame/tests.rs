@@ -1,10 +1,10 @@
 use canted_fixtures::{self as fixtures, Mesh, Rotation};
-use canted_lbvh::{Corners, gather};
+use canted_lbvh::{Corners, triangle_corners};
 
 use super::{MeshFrameConfig, candidates};
 
 fn corners(mesh: &Mesh) -> Vec<Corners> {
-    gather(&mesh.positions, &mesh.triangles).unwrap().0
+    triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0
 }
 
 fn found(mesh: &Mesh) -> Vec<[[f32; 3]; 3]> {

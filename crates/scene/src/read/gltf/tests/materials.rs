@@ -68,7 +68,7 @@ fn factors() {
 #[test]
 fn a_texture_brings_its_texels_and_coordinates() {
     let scene = file(textured(json!({}))).scene();
-    assert_eq!(scene.materials[0].base_color_texture, Some(TextureRef::plain(TextureId(0))));
+    assert_eq!(scene.materials[0].base_color_texture, Some(TextureRef::new(TextureId(0))));
     assert_eq!(scene.materials[0].alpha_texture, None);
     let texture = &scene.textures[0];
     assert_eq!((&texture.name[..], texture.width, texture.height), ("two texels", 2, 1));
@@ -117,7 +117,7 @@ fn masks() {
         let material = file(material).scene().materials.remove(0);
         assert_eq!(
             material.alpha_texture.map(|texture| texture.texture),
-            material.is_cut_out().then_some(TextureId(0))
+            material.uses_alpha().then_some(TextureId(0))
         );
         (material.alpha_mode, material.alpha)
     };

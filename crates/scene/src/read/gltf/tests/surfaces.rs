@@ -29,7 +29,7 @@ fn metal_and_roughness() {
     let scene = file(json!({ "pbrMetallicRoughness": pbr })).scene();
     let material = &scene.materials[0];
     assert_eq!((material.metallic, material.roughness), (0.25, 0.5));
-    assert_eq!(material.metallic_roughness_texture, Some(TextureRef::plain(TextureId(0))));
+    assert_eq!(material.metallic_roughness_texture, Some(TextureRef::new(TextureId(0))));
     assert_eq!(scene.textures[0].encoding, Encoding::Linear);
     let scene = file(json!({ "pbrMetallicRoughness": { "roughnessFactor": 3 } })).warned("roughness factor");
     assert_eq!(scene.materials[0].roughness, 1.0);
@@ -68,7 +68,7 @@ fn normal_textures_are_transformed_too() {
 fn emission_has_a_texture() {
     let scene = file(json!({ "emissiveFactor": [2, 1, 0], "emissiveTexture": { "index": 0 } })).scene();
     assert_eq!(scene.materials[0].emission, [2.0, 1.0, 0.0]);
-    assert_eq!(scene.materials[0].emission_texture, Some(TextureRef::plain(TextureId(0))));
+    assert_eq!(scene.materials[0].emission_texture, Some(TextureRef::new(TextureId(0))));
     assert_eq!(scene.textures[0].encoding, Encoding::Srgb);
     assert!(file(json!({ "emissiveTexture": { "index": 0 } })).scene().textures.is_empty(), "nothing is emitted");
 }
@@ -79,7 +79,7 @@ fn glass_is_a_sheet_unless_it_is_thick() {
     let transmission = json!({ "transmissionFactor": 0.75, "transmissionTexture": { "index": 0 } });
     let sheet = with(json!({ "KHR_materials_transmission": transmission, "KHR_materials_ior": { "ior": 1.25 } }));
     assert_eq!((sheet.transmission, sheet.ior, sheet.thin_walled), (0.75, 1.25, true));
-    assert_eq!(sheet.transmission_texture, Some(TextureRef::plain(TextureId(0))));
+    assert_eq!(sheet.transmission_texture, Some(TextureRef::new(TextureId(0))));
     for (thickness, thin_walled) in [(0.0, true), (0.5, false)] {
         let volume = json!({ "thicknessFactor": thickness });
         let glass = with(json!({ "KHR_materials_transmission": transmission, "KHR_materials_volume": volume }));
@@ -117,7 +117,7 @@ fn unlit_surfaces_emit_their_colour() {
     material["alphaMode"] = json!("BLEND");
     material["extensions"] = json!({ "KHR_materials_unlit": {} });
     let scene = file(material).warned("KHR_materials_unlit becomes emission");
-    let texture = Some(TextureRef::plain(TextureId(0)));
+    let texture = Some(TextureRef::new(TextureId(0)));
     let want = Material {
         name: "material 0".to_owned(),
         base_color: [0.0; 3],

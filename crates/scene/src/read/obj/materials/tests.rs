@@ -150,7 +150,7 @@ fn emission_and_normals_have_textures() {
     let scene = Case::new(mtl, &["a", "b", "c", "d"]).read();
     let [a, b, c, d] = &scene.materials[..] else { panic!("four materials") };
     assert_eq!(scene.textures.iter().map(|t| t.encoding).collect::<Vec<_>>(), [Encoding::Srgb, Encoding::Linear]);
-    let texture = |id| Some(TextureRef::plain(TextureId(id)));
+    let texture = |id| Some(TextureRef::new(TextureId(id)));
     assert_eq!((a.base_color_texture, a.emission_texture, a.normal_texture), (texture(0), texture(0), texture(1)));
     assert_eq!((a.emission, b.emission, c.emission, d.emission), ([1.0; 3], [0.0; 3], [2.0, 1.0, 0.0], [0.0; 3]));
     assert_eq!((b.emission_texture, c.emission_texture, d.emission_texture), (None, texture(0), None));
@@ -191,7 +191,7 @@ fn options_lay_a_texture_on() {
     let wrap = |texture: Option<TextureRef>| scene.textures[texture.unwrap().texture.0 as usize].wrap;
     let wraps = [a.base_color_texture, a.alpha_texture, b.base_color_texture].map(wrap);
     assert_eq!(wraps, [[Wrap::Clamp; 2], [Wrap::Repeat; 2], [Wrap::Repeat; 2]]);
-    assert_eq!(b.base_color_texture, b.base_color_texture.map(|texture| TextureRef::plain(texture.texture)));
+    assert_eq!(b.base_color_texture, b.base_color_texture.map(|texture| TextureRef::new(texture.texture)));
     assert_eq!((a.normal_scale, b.normal_scale), (1.0, 0.5));
     let texture = |material: &Material| material.base_color_texture.unwrap().texture;
     assert!(texture(a) == texture(c) && texture(a) != texture(b), "an image is decoded once for each wrap");
@@ -200,7 +200,7 @@ fn options_lay_a_texture_on() {
 #[test]
 fn options_that_are_not_applied_are_said() {
     let (material, warnings) = only("map_Kd -mm 0.1 2 -t 1 1 1 -s x rgb.png\nmap_d -mm 0 1 rgb.png");
-    assert_eq!(material.base_color_texture, Some(TextureRef::plain(TextureId(0))));
+    assert_eq!(material.base_color_texture, Some(TextureRef::new(TextureId(0))));
     assert_eq!(warnings, ["m.mtl, line 2: material `a`: map_Kd: not applied: -mm, -t, -s"]);
 }
 

@@ -1,0 +1,60 @@
+/// The candidate that takes the fewest edits to become `word`, the first of equals.
+///
+/// ```
+/// use canted_scene::closest_match;
+///
+/// assert_eq!(closest_match("raduis", ["axis", "radius"]), Some("radius"));
+/// ```
+pub fn closest_match<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    candidates.into_iter().min_by_key(|candidate| distance(word, candidate))
+}
+
+/// Characters to insert, remove or replace to make one word of the other (Wagner and Fischer 1974).
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    // Distances of the prefix of `a` read so far to all prefixes of `b`.
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, &y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By the definition, exponential.
+    fn slow(a: &[char], b: &[char]) -> usize {
+        match (a, b) {
+            ([], rest) | (rest, []) => rest.len(),
+            ([x, a_rest @ ..], [y, b_rest @ ..]) => {
+                let replaced = slow(a_rest, b_rest) + usize::from(x != y);
+                replaced.min(slow(a_rest, b) + 1).min(slow(a, b_rest) + 1)
+            }
+        }
+    }
+
+    #[test]
+    fn distances_are_those_of_the_definition() {
+        let words = ["", "a", "eye", "eeye", "up", "fov", "fvo", "\u{e4}ye", "radius"];
+        for a in words {
+            for b in words {
+                let [x, y] = [a, b].map(|word| word.chars().collect::<Vec<_>>());
+                assert_eq!(distance(a, b), slow(&x, &y), "{a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_of_equals_is_nearest() {
+        assert_eq!(closest_match("x", ["ab", "y", "z"]), Some("y"));
+        assert_eq!(closest_match("x", []), None);
+    }
+}

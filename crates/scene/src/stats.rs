@@ -1,0 +1,111 @@
+use std::mem::size_of_val;
+
+use crate::Scene;
+
+/// How much a scene holds: what the tables of papers list of their test scenes, and the memory that it takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SceneStats {
+    /// Meshes, each counted once.
+    pub n_meshes: usize,
+    /// Placed meshes.
+    pub n_instances: usize,
+    /// Vertices of all meshes, each mesh counted once. One position with two normals is two vertices.
+    pub n_vertices: usize,
+    /// Triangles of all meshes, each mesh counted once.
+    pub n_unique_triangles: usize,
+    /// Triangles of all instances.
+    pub n_placed_triangles: usize,
+    /// Materials.
+    pub n_materials: usize,
+    /// Textures.
+    pub n_textures: usize,
+    /// Lights that the file brings; emitting surfaces are not among them.
+    pub n_lights: usize,
+    /// Cameras that the file brings.
+    pub n_cameras: usize,
+    /// Memory of vertices, indices and instances.
+    pub geometry_bytes: usize,
+    /// Memory of the decoded texels.
+    pub texture_bytes: usize,
+}
+
+impl SceneStats {
+    /// Counts what `scene` holds.
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        let mesh_bytes = |mesh: &crate::Mesh| {
+            size_of_val(&mesh.positions[..])
+                + size_of_val(&mesh.triangles[..])
+                + mesh.normals.as_ref().map_or(0, |normals| size_of_val(&normals[..]))
+                + mesh.tangents.as_ref().map_or(0, |tangents| size_of_val(&tangents[..]))
+                + mesh.uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]))
+                + mesh.second_uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]))
+                + mesh.colors.as_ref().map_or(0, |colors| size_of_val(&colors[..]))
+        };
+        Self {
+            n_meshes: scene.meshes.len(),
+            n_instances: scene.instances.len(),
+            n_vertices: scene.meshes.iter().map(|mesh| mesh.positions.len()).sum(),
+            n_unique_triangles: scene.n_unique_triangles(),
+            n_placed_triangles: scene.n_placed_triangles(),
+            n_materials: scene.materials.len(),
+            n_textures: scene.textures.len(),
+            n_lights: scene.lights.len(),
+            n_cameras: scene.cameras.len(),
+            geometry_bytes: scene.meshes.iter().map(mesh_bytes).sum::<usize>() + size_of_val(&scene.instances[..]),
+            texture_bytes: scene.textures.iter().map(|texture| size_of_val(&texture.texels[..])).sum(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Encoding, Instance, Material, Mesh, MeshId, Texture, Wrap};
+    use canted_obb::Affine;
+
+    #[test]
+    fn meshes_count_once_and_instances_each() {
+        let mesh = Mesh {
+            positions: vec![[0.0; 3]; 3],
+            triangles: vec![[0, 1, 2]; 2],
+            uvs: Some(vec![[0.0; 2]; 3]),
+            ..Mesh::default()
+        };
+        let instance = Instance {
+            mesh: MeshId(0),
+            world_from_object: Affine::IDENTITY,
+            world_from_object_close: None,
+            first_primitive: 0,
+        };
+        let texture = Texture {
+            name: String::new(),
+            width: 2,
+            height: 1,
+            texels: vec![[0; 4]; 2],
+            encoding: Encoding::Srgb,
+            wrap: [Wrap::Repeat; 2],
+        };
+        let scene = Scene {
+            meshes: vec![mesh],
+            instances: vec![instance; 3],
+            materials: vec![Material::default()],
+            textures: vec![texture],
+            ..Scene::default()
+        };
+        let want = SceneStats {
+            n_meshes: 1,
+            n_instances: 3,
+            n_vertices: 3,
+            n_unique_triangles: 2,
+            n_placed_triangles: 6,
+            n_materials: 1,
+            n_textures: 1,
+            n_lights: 0,
+            n_cameras: 0,
+            geometry_bytes: 3 * 12 + 2 * 12 + 3 * 8 + 3 * size_of::<Instance>(),
+            texture_bytes: 8,
+        };
+        assert_eq!(SceneStats::of(&scene), want);
+    }
+}
