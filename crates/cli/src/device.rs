@@ -119,7 +119,7 @@ impl DeviceArg {
 
 fn open_adapter(choice: &Choice) -> Result<Gpu> {
     let gpu = Gpu::open(choice)?;
-    let facts = gpu.facts();
+    let facts = gpu.info();
     if facts.kind == AdapterKind::Software {
         output::warn(&format!(
             "'{}' is a software driver: it runs on the CPU and is slower than --device cpu",
@@ -127,7 +127,7 @@ fn open_adapter(choice: &Choice) -> Result<Gpu> {
         ));
         // A software driver shares the memory of the machine, and reports more than there is.
         if let Some(n_bytes) = memory::available_bytes() {
-            gpu.bound_memory(n_bytes);
+            gpu.limit_memory(n_bytes);
         }
     }
     Ok(gpu)
@@ -166,7 +166,7 @@ impl Machine {
     pub(crate) fn named(&self, error: DeviceError) -> anyhow::Error {
         match (error, self.gpu()) {
             (DeviceError::Render(error), _) => error.into(),
-            (DeviceError::Gpu(error), Some(gpu)) => anyhow!("{}: {error}", gpu.facts().name),
+            (DeviceError::Gpu(error), Some(gpu)) => anyhow!("{}: {error}", gpu.info().name),
             (error, _) => error.into(),
         }
     }

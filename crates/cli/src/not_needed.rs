@@ -1,13 +1,13 @@
 //! The pipeline parts that a scene does not need, as `render` and `stats` report them.
 
-use canted_renderer::LeftOut;
+use canted_renderer::UnusedFeature;
 use serde_json::{Value, json};
 
 /// The parts as JSON. Test counters are a part too: only heat maps count tests.
-pub(crate) fn json(parts: &[LeftOut], has_counters: bool) -> Value {
-    const COUNTERS: LeftOut = LeftOut { part: "counters", because: "no heat map requested" };
+pub(crate) fn json(parts: &[UnusedFeature], has_counters: bool) -> Value {
+    const COUNTERS: UnusedFeature = UnusedFeature { feature: "counters", reason: "no heat map was requested" };
     let counters = (!has_counters).then_some(&COUNTERS);
-    parts.iter().chain(counters).map(|unused| json!({ "part": unused.part, "reason": unused.because })).collect()
+    parts.iter().chain(counters).map(|unused| json!({ "part": unused.feature, "reason": unused.reason })).collect()
 }
 
 /// The parts of [`json`] in one line.

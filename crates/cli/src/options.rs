@@ -3,7 +3,7 @@
 mod numbers;
 
 use canted_lbvh::Strategy;
-use canted_renderer::{Builder, Levels, StructureConfig};
+use canted_renderer::{Accel, Builder, Levels, StructureConfig};
 use canted_scene::Scene;
 use canted_wide::Preset;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -35,8 +35,11 @@ pub(crate) fn defaults<A: clap::Args>() -> A {
     A::from_arg_matches(&command.get_matches_from([""; 0])).unwrap_or_else(|error| error.exit())
 }
 
-/// Bounding volumes of a binary BVH; `None` for a wide BVH.
-pub(crate) type Volumes = Option<Strategy>;
+/// Bounding volumes of a binary BVH; `None` for a wide BVH. An alias, because clap treats `Option` as a missing option.
+type Volumes = Option<Strategy>;
+
+/// A builder; `None` for the one that the structure chooses. An alias as [`Volumes`].
+type BuilderChoice = Option<Builder>;
 
 /// The acceleration structure.
 #[derive(clap::Args, Clone, Debug)]
@@ -49,8 +52,8 @@ pub(crate) struct StructureArgs {
     #[arg(long, default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESET")]
     preset: Preset,
     /// Builder of the binary tree below the BVH. `auto` uses the builder of the preset, or `ploc` with --volumes.
-    #[arg(long, default_value = "auto", value_parser = one_of(&BUILDERS), value_name = "BUILDER")]
-    builder: Builder,
+    #[arg(long, default_value = "auto", value_parser = one_of(BUILDERS), value_name = "BUILDER")]
+    builder: BuilderChoice,
     /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes; the others build a binary BVH.
     #[arg(long, default_value = "auto", value_parser = one_of(&VOLUMES), value_name = "VOLUMES")]
     volumes: Volumes,
@@ -64,12 +67,13 @@ const LEVELS: [(&str, Levels); 3] = [("auto", Levels::Auto), ("one", Levels::One
 pub(crate) const PRESETS: [(&str, Preset); 3] =
     [("fast", Preset::Fast), ("balanced", Preset::Balanced), ("quality", Preset::Quality)];
 
-const BUILDERS: [(&str, Builder); 5] = [
-    ("auto", Builder::Auto),
-    ("sah", Builder::Sah),
-    ("ploc", Builder::Ploc),
-    ("lbvh", Builder::Lbvh),
-    ("obvhs", Builder::Obvhs),
+const BUILDERS: &Names<Option<Builder>> = &[
+    ("auto", None),
+    ("sah", Some(Builder::Sah)),
+    ("ploc", Some(Builder::Ploc)),
+    ("lbvh", Some(Builder::Lbvh)),
+    #[cfg(feature = "baseline")]
+    ("obvhs", Some(Builder::Obvhs)),
 ];
 
 const VOLUMES: [(&str, Volumes); 7] = [
@@ -94,7 +98,11 @@ impl StructureArgs {
         if levels == Levels::One && scene.has_motion() {
             output::warn("--levels one is ignored: moving instances require two levels");
         }
-        StructureConfig { levels, preset, builder, volumes }
+        let accel = match volumes {
+            None => Accel::Wide { preset, builder },
+            Some(strategy) => Accel::Binary { strategy, builder },
+        };
+        StructureConfig { levels, accel }
     }
 }
 

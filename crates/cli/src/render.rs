@@ -158,6 +158,6 @@ fn render<K: LaneKernel>(
     };
     facts.push(("trace_seconds", json!(start.elapsed().as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
-    facts.push(("not_needed", not_needed::json(&prepared.left_out, args.heatmap.is_some())));
+    facts.push(("not_needed", not_needed::json(&prepared.unused, args.heatmap.is_some())));
     Ok(Rendered { output, facts, checkpoint })
 }

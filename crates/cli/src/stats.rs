@@ -59,7 +59,7 @@ fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -
     let wide = wide::measure(scene, &args.presets)?;
     let config = options::defaults::<StructureArgs>().config(scene);
     let prepared = prepare::<Watertight>(scene, &config)?;
-    let not_needed = not_needed::json(&prepared.left_out, false);
+    let not_needed = not_needed::json(&prepared.unused, false);
     let gpu = gpu::measure(machine, scene, &prepared.structure)?;
     Ok(tables::Report { name, scene, binary, wide, not_needed, gpu })
 }

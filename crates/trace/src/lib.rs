@@ -40,7 +40,6 @@ mod segment;
 mod slab;
 mod sphere;
 mod triangle;
-mod vector;
 
 #[cfg(test)]
 mod tests;

@@ -200,9 +200,10 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
     let mut rows = vec![row(REFUSED, "Tlas::new", &bad, &on_cpu)];
     if let Ok(gpu) = Gpu::open(&Choice::Best) {
         bad.push(affine(&Rotation::IDENTITY, [1.0, 1.0, 0.99 / canted_gpu::MAX_CONDITION], [0.5; 3]));
-        let on_device =
-            |instances: &[Instance]| TracedScene::two(&gpu, &[&wide()], instances).err().map(|error| error.to_string());
-        rows.push(row(ON_DEVICE, "TracedScene::two", &bad, &on_device));
+        let on_device = |instances: &[Instance]| {
+            TracedScene::two_level(&gpu, &[&wide()], instances).err().map(|error| error.to_string())
+        };
+        rows.push(row(ON_DEVICE, "TracedScene::two_level", &bad, &on_device));
     }
     rows
 }

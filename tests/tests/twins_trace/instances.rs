@@ -48,7 +48,7 @@ fn rays_through_instances_lose_no_hit() {
     let world = World { corners: &corners, error: &error };
     for (way, config) in few_ways() {
         let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
-        let scene = canted_gpu::TracedScene::two(&gpu, &bottom.iter().collect::<Vec<_>>(), &instances).unwrap();
+        let scene = canted_gpu::TracedScene::two_level(&gpu, &bottom.iter().collect::<Vec<_>>(), &instances).unwrap();
         let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
         let mut tally = Tally::default();
         world

@@ -90,7 +90,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     };
     let scalar = hits(&trees[0]);
     ensure!(trees.iter().all(|tree| hits(tree) == scalar), "paths differ in a hit");
-    let scene = device.map(|device| TracedScene::one(&device.gpu, &tree, &[0])).transpose()?;
+    let scene = device.map(|device| TracedScene::single_level(&device.gpu, &tree, &[0])).transpose()?;
     let mut contenders: Vec<Contender<'_>> = there
         .iter()
         .zip(&trees)

@@ -47,13 +47,13 @@ pub(super) fn answers(
 
 fn completed<T: Sync>(
     rays: &[Ray],
-    found: &[gpu::Answer<T>],
+    found: &[gpu::Outcome<T>],
     answer: impl Fn(&T) -> Answer + Sync,
     on_cpu: impl Fn(&Ray) -> Answer + Sync,
 ) -> Vec<Answer> {
-    let complete = |(ray, found): (&Ray, &gpu::Answer<T>)| match found {
-        gpu::Answer::Known(found) => answer(found),
-        gpu::Answer::Cut => on_cpu(ray),
+    let complete = |(ray, found): (&Ray, &gpu::Outcome<T>)| match found {
+        gpu::Outcome::Complete(found) => answer(found),
+        gpu::Outcome::Incomplete => on_cpu(ray),
     };
     rays.par_iter().zip(found).map(complete).collect()
 }

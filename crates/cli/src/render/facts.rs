@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::Result;
 use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{Level, Prepared, Settings, Structure};
+use canted_renderer::{Bvh, Prepared, Settings, Structure};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};
@@ -29,7 +29,7 @@ pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>,
         ("load_seconds", json!(load_time.as_secs_f64())),
         ("build_seconds", json!(prepared.build_time.as_secs_f64())),
     ];
-    if bvhs.iter().any(|bvh| matches!(bvh, Level::Wide(_))) {
+    if bvhs.iter().any(|bvh| matches!(bvh, Bvh::Wide(_))) {
         facts.push(("simd", json!(SimdPath::detect().name())));
     }
     facts
@@ -68,13 +68,13 @@ pub(super) fn dropped_samples(film: &Film) -> Option<String> {
 }
 
 /// A description of the bounding volumes. All bottom-level BVHs are of one kind.
-fn volumes_of<K: LaneKernel>(bvhs: &[Level<K>]) -> String {
+fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     let mut nodes = [0; NodeKind::ALL.len()];
     let mut n_rotated = 0;
     for bvh in bvhs {
         match bvh {
-            Level::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
-            Level::Wide(wide) => {
+            Bvh::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
+            Bvh::Wide(wide) => {
                 let of_one = wide.sizes().nodes;
                 nodes = std::array::from_fn(|i| nodes[i] + of_one[i]);
                 n_rotated += usize::from(wide.frame() != Obb::IDENTITY_FRAME);

@@ -52,8 +52,8 @@ impl<'a, K: LaneKernel> FilmRenderer<'a, K> {
     /// The names of the devices that render.
     pub(super) fn device(&self) -> String {
         match (self.machine, &self.on_device) {
-            (Machine::Both(gpu), Some(_)) => format!("cpu and {}", gpu.facts().name),
-            (Machine::Device(gpu) | Machine::Auto(gpu), Some(_)) => gpu.facts().name.clone(),
+            (Machine::Both(gpu), Some(_)) => format!("cpu and {}", gpu.info().name),
+            (Machine::Device(gpu) | Machine::Auto(gpu), Some(_)) => gpu.info().name.clone(),
             _ => "cpu".to_owned(),
         }
     }
@@ -105,7 +105,7 @@ impl<'a, K: LaneKernel> FilmRenderer<'a, K> {
                 .map(|SharedFilm { film, n_tiles_of_device, stopped }| {
                     facts.push(("gpu_tiles", json!(n_tiles_of_device)));
                     if let Some(error) = stopped {
-                        output::warn(&format!("the CPU rendered the remaining tiles: {}: {error}", gpu.facts().name));
+                        output::warn(&format!("the CPU rendered the remaining tiles: {}: {error}", gpu.info().name));
                     }
                     film
                 })

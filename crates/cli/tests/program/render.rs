@@ -65,12 +65,12 @@ fn the_report_says_why_oriented_nodes_are_not_needed() {
     let reason = |line: &str| {
         let facts = folder.run(&format!("render {line} --size 8x5 --spp 1 --json -o out.png")).done().json();
         let parts = facts["not_needed"].as_array().unwrap();
-        let oriented = parts.iter().find(|unused| unused["part"] == "leaning boxes");
+        let oriented = parts.iter().find(|unused| unused["part"] == "oriented nodes");
         oriented.map(|unused| unused["reason"].as_str().unwrap().to_owned())
     };
-    assert_eq!(reason("small.obj").as_deref(), Some("no gain by predicted cost"));
-    assert_eq!(reason("small.obj --volumes aabb").as_deref(), Some("boxes along the axes are asked for"));
-    assert_eq!(reason("--volumes aabb").as_deref(), Some("boxes along the axes are asked for"));
+    assert_eq!(reason("small.obj").as_deref(), Some("no gain in predicted cost"));
+    assert_eq!(reason("small.obj --volumes aabb").as_deref(), Some("axis-aligned boxes were requested"));
+    assert_eq!(reason("--volumes aabb").as_deref(), Some("axis-aligned boxes were requested"));
     assert_eq!(reason(""), None, "the built-in scene has diagonal beams");
 }
 
@@ -85,8 +85,8 @@ fn reported_parts_are_not_needed() {
         facts["not_needed"].as_array().unwrap().iter().map(|u| (text(&u["part"]), text(&u["reason"]))).collect()
     };
     let has = |parts: &[(String, String)], part: &str, reason: &str| parts.contains(&(part.into(), reason.into()));
-    assert!(has(&parts(""), "top level", "meshes are hardly repeated"));
-    assert!(has(&parts("--levels one"), "top level", "one level is asked for"));
+    assert!(has(&parts(""), "top-level BVH", "few meshes have several instances"));
+    assert!(has(&parts("--levels one"), "top-level BVH", "one level was requested"));
     // Shadow rays sample the sky although the scene has no lights.
     let sky = parts("--integrator path --env 1,1,1");
     assert!(has(&sky, "listed lights", "none is given"), "{sky:?}");
