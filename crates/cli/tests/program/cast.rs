@@ -6,7 +6,7 @@ mod oracle;
 
 use crate::{
     gpu::adapter,
-    support::{Folder, rows},
+    support::{BUILDERS, Folder, rows},
 };
 use oracle::{By, Judged, Model, judged_rays, model};
 
@@ -81,7 +81,7 @@ fn every_preset_and_builder_matches_a_linear_scan() {
     folder.write("model.obj", &model.obj);
     folder.write("rays.csv", csv(&rays));
     for preset in ["fast", "balanced", "quality"] {
-        for builder in ["auto", "sah", "ploc", "lbvh", "obvhs"] {
+        for builder in BUILDERS {
             let options = format!("--preset {preset} --builder {builder}");
             folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv {options}")).done();
             assert_answers(&rows(&folder.text("hits.csv"), HEADER), &rays, &options);
@@ -138,7 +138,9 @@ fn hits_are_the_same_for_all_structures() {
                 ("lbvh", "quaternion"),
                 ("lbvh", "combined"),
                 ("lbvh", "dop"),
+                #[cfg(feature = "baseline")]
                 ("obvhs", "auto"),
+                #[cfg(feature = "baseline")]
                 ("obvhs", "dop"),
                 ("auto", "auto"),
                 ("auto", "dop"),

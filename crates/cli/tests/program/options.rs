@@ -1,6 +1,6 @@
 //! Exit codes and messages for invalid arguments.
 
-use crate::support::Folder;
+use crate::support::{BUILDERS, Folder};
 
 #[test]
 fn help_and_version_go_to_standard_output() {
@@ -49,7 +49,7 @@ fn invalid_values_are_rejected_with_option_and_value() {
         ("render --point 0,0,0,1,1,1e99", &["--point", "1e99"]),
         ("render --sphere 0,0,0,1,1,1", &["--sphere", "7 numbers"]),
         ("render --levels three", &["--levels", "three"]),
-        ("render --builder embree", &["--builder", "embree", "auto", "sah", "ploc", "lbvh", "obvhs"]),
+        ("render --builder embree", &[&["--builder", "embree"], BUILDERS].concat()),
         ("render --preset best", &["--preset", "best", "fast", "balanced", "quality"]),
         ("render --preset", &["--preset"]),
         ("cast small.obj --rays a.csv --hits b.csv --preset 3", &["--preset", "3"]),

@@ -121,6 +121,7 @@ fn structures_do_not_change_a_byte() {
         "--levels two",
         "--volumes dop",
         "--levels two --volumes combined",
+        #[cfg(feature = "baseline")]
         "--builder obvhs",
         "--builder auto",
         "--builder sah",

@@ -13,6 +13,16 @@ pub(crate) const SMALL: &str = "\
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\n\
 o floor\ng a\nf 1 2 3 4\no roof\ng b\nf 5 6 7\n";
 
+/// The values of `--builder`.
+pub(crate) const BUILDERS: &[&str] = &[
+    "auto",
+    "sah",
+    "ploc",
+    "lbvh",
+    #[cfg(feature = "baseline")]
+    "obvhs",
+];
+
 /// A temporary folder, removed on drop.
 pub(crate) struct Folder(tempfile::TempDir);
 
