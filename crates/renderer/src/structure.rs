@@ -192,9 +192,8 @@ pub(crate) fn instances(scene: &Scene) -> Vec<Instance> {
         .instances
         .iter()
         .map(|instance| Instance {
-            blas: instance.mesh.0,
-            world_from_object: instance.world_from_object,
             world_from_object_close: instance.world_from_object_close,
+            ..Instance::new(instance.mesh.0, instance.world_from_object)
         })
         .collect()
 }

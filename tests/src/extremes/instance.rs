@@ -190,7 +190,7 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
         TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("finite vertices")
     };
     let row = |promise: Promise, routine: &str, bad: &[Affine], error: &dyn Fn(&[Instance]) -> Option<String>| {
-        let instances = |map: &Affine| [Affine::IDENTITY, *map].map(|map| Instance::still(0, map));
+        let instances = |map: &Affine| [Affine::IDENTITY, *map].map(|map| Instance::new(0, map));
         let is_taken = |map: &&Affine| error(&instances(map)).is_none_or(|error| !error.contains("instance 1"));
         promise.count(routine, bad.len(), bad.iter().filter(is_taken).count())
     };

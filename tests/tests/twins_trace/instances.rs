@@ -28,7 +28,7 @@ fn rays_through_instances_lose_no_hit() {
         .flat_map(|at| [at; 2])
         .collect();
     let instances: Vec<Instance> =
-        placed.iter().zip([0, 1].into_iter().cycle()).map(|(&at, blas)| Instance::still(blas, at)).collect();
+        placed.iter().zip([0, 1].into_iter().cycle()).map(|(&at, blas)| Instance::new(blas, at)).collect();
     let all_rays: Vec<Ray> = placed
         .iter()
         .zip(0..)

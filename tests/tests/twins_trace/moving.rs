@@ -37,7 +37,7 @@ fn crowd() -> Vec<Instance> {
         let open = place.world_from_object;
         (0..).zip(ways).map(move |(i, (angle, growth))| Instance {
             world_from_object_close: (i < 3).then(|| moved(&open, angle, growth, shift)),
-            ..Instance::still(i % 2, open)
+            ..Instance::new(i % 2, open)
         })
     });
     all.collect()

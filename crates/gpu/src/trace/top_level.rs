@@ -163,7 +163,7 @@ mod tests {
 
     fn at(blas: u32, scale: f32, shift: f32) -> Instance {
         let [x, y, z] = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale]];
-        Instance::still(blas, Affine { columns: [x, y, z, [shift, 0.0, 0.0]] })
+        Instance::new(blas, Affine { columns: [x, y, z, [shift, 0.0, 0.0]] })
     }
 
     #[test]
