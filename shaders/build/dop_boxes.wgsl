@@ -3,8 +3,7 @@
 // Holds: a box contains the items below it exactly; see shared/build/enclosure.
 // use shared/build/slice
 // use shared/build/boxes
-// use shared/build/small_nodes
-// use shared/build/fixed_frame
+// use shared/build/dop
 
 @group(0) @binding(3) var<storage, read> ends: array<f32>;
 @group(0) @binding(6) var<storage, read> aabbs: array<f32>;

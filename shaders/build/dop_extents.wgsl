@@ -4,8 +4,7 @@
 // Source: Klosowski et al. 1998, three directions at a time.
 // use shared/build/slice
 // use shared/build/climb
-// use shared/build/small_nodes
-// use shared/build/fixed_frame
+// use shared/build/dop
 
 @compute @workgroup_size(64)
 fn main(

@@ -2,7 +2,7 @@
 // Reads: children's boxes, axis-aligned boxes. Writes: a box a node, along the axes of the space where that has no more area.
 // Holds: a box contains its children's boxes and its items exactly; see shared/build/enclosure.
 // use shared/build/slice
-// use shared/build/node
+// use shared/build/tree
 // use shared/build/boxes
 // use ?item
 // use ?rule

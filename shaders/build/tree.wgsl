@@ -3,8 +3,8 @@
 // Holds: each node splits its range where the highest bit of (code, position) differs; the integers of the CPU.
 // Source: Karras 2012.
 // use shared/build/slice
-// use shared/build/forest
-// use shared/build/node
+// use shared/build/tree/forest
+// use shared/build/tree
 // use ?code
 
 @group(0) @binding(1) var<storage, read_write> nodes: array<Node>;

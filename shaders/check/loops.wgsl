@@ -1,5 +1,5 @@
 // Counts the iterations of a loop: some drivers leave loops early without a word, and a count that is short tells.
-// use shared/groups
+// use shared/invocation/index
 
 @group(0) @binding(0) var<uniform> wanted: vec4<u32>;
 @group(0) @binding(1) var<storage, read_write> counted: array<u32>;

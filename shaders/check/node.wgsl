@@ -1,7 +1,7 @@
 // The test of one node's boxes, as every walk makes it: what enters and what it takes, with no walk around it.
 //
 // Each ray has a tree of its own that is one node; rays that are more than the trees begin with the first again.
-// use shared/groups
+// use shared/invocation/index
 // use shared/node
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;

@@ -1,5 +1,5 @@
 // The sampler's numbers, to be compared with the CPU's.
-// use shared/groups
+// use shared/invocation/index
 // use shared/sampler
 
 struct Query {

@@ -1,7 +1,7 @@
 // The test of one triangle, as leaves of every walk make it: what it errs by and takes, with no walk around it.
 //
 // Each ray has a tree of its own that is one leaf; rays that are more than the trees begin with the first again.
-// use shared/groups
+// use shared/invocation/index
 // use shared/node
 // use shared/leaf
 

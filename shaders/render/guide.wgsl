@@ -4,9 +4,9 @@
 // says when the ray flies.
 // use shared/camera
 // use shared/picture
-// use shared/ray_key
+// use shared/hash/ray_key
 // use shared/surface
-// use shared/trace
+// use ?traverse
 // use ?shape_lights
 // use ?material
 // use ?time

@@ -8,13 +8,13 @@
 // and traversal is by far the greatest.
 // use shared/camera
 // use shared/picture
-// use shared/ray_key
+// use shared/hash/ray_key
 // use shared/sampling
 // use shared/surface
-// use shared/trace
+// use ?traverse
 // use ?shape_lights
 // use ?direct
-// use ?film
+// use shared/picture/film
 // use ?sky
 // use ?time
 

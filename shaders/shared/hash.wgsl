@@ -13,3 +13,16 @@ fn mix_bits(bits: u32) -> u32 {
 fn unit_interval(steps: u32) -> f32 {
     return f32(steps) * 0x1p-24f;
 }
+
+// part ray_key
+// What tells rays apart for surfaces that stop some and let others pass.
+
+var<private> ray_key: u32;
+
+/// Dimension that numbers rays, apart from those that are counted up.
+const PASSAGE: u32 = 0xfffffffdu;
+
+/// The key of ray `number` of those that `key` stands for; numbers of numbers make a tree.
+fn derived_key(key: u32, number: u32) -> u32 {
+    return mix_bits(key ^ number);
+}

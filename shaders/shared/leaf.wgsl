@@ -3,7 +3,7 @@
 // use ?level
 // use ?mask
 // use ?count
-// use shared/iterations
+// use shared/invocation/iterations
 
 /// Places of a leaf's first triangle: two a half-block.
 const LEAF_FIRST: u32 = 0x03ffffffu;

@@ -4,7 +4,7 @@
 // `?material` reads the parameters that `?bsdf` scatters by.
 // use shared/sampling
 // use shared/surface
-// use shared/iterations
+// use shared/invocation/iterations
 // use ?bsdf
 // use ?material
 

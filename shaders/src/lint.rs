@@ -15,7 +15,7 @@ use crate::{ShaderError, Specialisation, assemble, reflection};
 ///
 /// # Errors
 /// A kernel that cannot be made.
-pub fn complaints(name: &str, chosen: &Specialisation) -> Result<Vec<String>, ShaderError> {
+pub fn lint(name: &str, chosen: &Specialisation) -> Result<Vec<String>, ShaderError> {
     of_text(name, &assemble(name, chosen)?, chosen.overrides())
 }
 
@@ -23,23 +23,23 @@ pub fn complaints(name: &str, chosen: &Specialisation) -> Result<Vec<String>, Sh
 fn of_text(name: &str, source: &str, overrides: &[(String, f64)]) -> Result<Vec<String>, ShaderError> {
     let (module, _) = reflection::specialised(name, source, overrides)?;
     let at = |span: Span| span.location(source).line_number;
-    let mut complaints = vec![];
+    let mut findings = vec![];
     for stray in uniform::stray_barriers(&module) {
         let line = at(stray.span);
-        complaints.push(format!("{name}: not all invocations of a work-group reach the barrier in line {line}"));
+        findings.push(format!("{name}: not all invocations of a work-group reach the barrier in line {line}"));
     }
     for span in storage_barriers(&module) {
         let line = at(span);
-        complaints.push(format!(
+        findings.push(format!(
             "{name}: line {line} fences storage, which other work-groups do not see before a later dispatch"
         ));
     }
     if name.starts_with("trace/") {
-        complaints.extend(
+        findings.extend(
             numbers::wild(&module).into_iter().map(|(span, what)| format!("{name}: line {}: {what}", at(span))),
         );
     }
-    Ok(complaints)
+    Ok(findings)
 }
 
 /// All functions, entry points among them.

@@ -1,6 +1,6 @@
 // Whether each ray hits anything.
-// use shared/trace
-// use shared/groups
+// use ?traverse
+// use shared/invocation/index
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 /// 1 where anything is hit, 0 where nothing is, INCOMPLETE where the walk was cut short and has found nothing.

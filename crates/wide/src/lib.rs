@@ -78,6 +78,8 @@
 //! you say `default-features = false`; no result depends on it.
 #![deny(unsafe_code)]
 
+use canted_lbvh::par;
+
 mod answers;
 mod binary;
 mod box_tree;
@@ -91,7 +93,6 @@ mod file;
 mod frames;
 mod layout;
 mod measure;
-mod par;
 mod primitive;
 mod primitive_tree;
 mod queries;

@@ -1,6 +1,6 @@
 // Paths begin at the camera: one sample of one pixel an invocation, as render/path takes them.
 // use alternatives/wavefront/paths
-// use alternatives/wavefront/queue
+// use alternatives/wavefront/paths/queue
 // use ?time
 
 @compute @workgroup_size(64)

@@ -1,10 +1,10 @@
 // Takes each path on by what its ray met, and closes up those that go on.
 //
 // `?film` keeps what the others found.
-// use shared/groups
+// use shared/invocation/index
 // use alternatives/wavefront/paths
-// use alternatives/wavefront/queue
-// use ?film
+// use alternatives/wavefront/paths/queue
+// use shared/picture/film
 // use ?time
 
 @compute @workgroup_size(64)

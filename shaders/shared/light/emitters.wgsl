@@ -4,7 +4,7 @@
 // use shared/light/sample
 // use shared/light/tree
 // use shared/light/triangle
-// use shared/iterations
+// use shared/invocation/iterations
 // use ?emission
 
 /// A triangle that gives light, in the order of instances and primitives.

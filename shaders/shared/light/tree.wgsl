@@ -3,8 +3,8 @@
 // Importance is never a number of its own here, for the square of a distance times an intensity may leave the range of
 // f32: siblings are compared by quotients.
 // use shared/numbers
-// use shared/light/receiver
-// use shared/iterations
+// use shared/light/sample
+// use shared/invocation/iterations
 
 /// A cluster of lights: a ball, and the cone by its cosines. World space.
 struct LightNode {

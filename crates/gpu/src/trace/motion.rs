@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::Affine;
+use canted_obb::vector::{cross, dot};
 use canted_tlas::Instance;
 
 type Vector = [f64; 3];
@@ -93,14 +94,6 @@ pub(super) struct MotionData {
     cofactors: [[[f32; 4]; 3]; 3],
     determinant: [f32; 4],
     columns: [[f32; 4]; 4],
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

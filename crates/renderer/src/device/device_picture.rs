@@ -84,7 +84,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             let chosen = Specialisation::none().part("count", count).part("time", time);
             traced.specialise(picture::specialise(chosen, view, settings))
         };
-        let chosen = sky.specialise(shared("shared/count/none").part("film", "shared/film/samples"));
+        let chosen = sky.specialise(shared("shared/count/none"));
         let (kernel, chosen, sampled) = match settings.integrator {
             Integrator::Hybrid => ("render/hybrid", packed.specialise_hybrid(chosen), None),
             Integrator::Path => {
