@@ -66,7 +66,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         let hit = match (self.lights.intersect(ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (met, _) => {
-                let seen = met.filter(|met| n == 0 || met.source == LightId::Environment);
+                let seen = met.filter(|met| n == 0 || met.light == LightId::Environment);
                 gathered.add(seen.map_or([0.0; 3], |seen| seen.radiance), 1.0);
                 return false;
             }

@@ -151,7 +151,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             })
         };
         if let Some(met) = lights.lights().intersect(ray, hit.as_ref()) {
-            gathered.add(met.radiance, share(met.source));
+            gathered.add(met.radiance, share(met.light));
             return false;
         }
         let Some(found) = hit.filter(|_| n <= self.bounces) else { return false };
@@ -184,7 +184,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         let square = self.sampler.pair(pixel, sample, Dimension::Light.at(n));
         let Some(light) = lights.sample(&vertex.surface, vertex.transmits(), choice, square) else { return };
         // Emission of surfaces belongs to the vertex there.
-        if matches!(light.source, LightId::Triangle(..)) && n == self.bounces {
+        if matches!(light.light, LightId::Triangle(..)) && n == self.bounces {
             return;
         }
         let Evaluation { value, density } = vertex.evaluate(light.to_light);
@@ -194,7 +194,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         if let Some(ray) = &light.shadow_ray {
             gathered.n_rays += 1;
             // Another number than the ray that leaves the vertex has.
-            if !lights.lights().is_unoccluded(ray, light.source, self.tracer, &mut query.keyed(0)) {
+            if !lights.lights().is_unoccluded(ray, light.light, self.tracer, &mut query.keyed(0)) {
                 return;
             }
         }
