@@ -7,7 +7,7 @@ use canted_trace::Hit;
 use super::Surfaces;
 use super::hit_triangle::HitTriangle;
 use crate::Lod;
-use crate::texture::averaged;
+use crate::texture::filtered_textures;
 
 impl Surfaces<'_> {
     /// Reads what [`Surfaces::at_time`] needs for these hits, so that it is in the cache.
@@ -29,7 +29,7 @@ impl Surfaces<'_> {
             if !self.is_textured[id.0 as usize] {
                 continue;
             }
-            for slot in averaged(self.material(id)) {
+            for slot in filtered_textures(self.material(id)) {
                 if let Some(uv) = triangle.uv(slot.uv_set) {
                     texels.extend(self.textures.get(slot.texture).texels(slot.texture_from_mesh.point(uv)));
                 }

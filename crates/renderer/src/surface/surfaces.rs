@@ -8,7 +8,7 @@ use super::shading_normal::{facing, shading_normal};
 use super::texture_lookup::TextureLookup;
 use crate::placement::Placement;
 use crate::query::alpha_threshold;
-use crate::texture::{Plane, Textures, averaged};
+use crate::texture::{Plane, Textures, filtered_textures};
 use crate::vector::{Vector, dot, length, scale, unit, wide};
 use crate::{Bsdf, Cone, Lod};
 
@@ -44,7 +44,7 @@ impl<'a> Surfaces<'a> {
                 Placement::new(&instance.world_from_object, close, reaches[instance.mesh.0 as usize])
             })
             .collect();
-        let is_textured = scene.materials.iter().map(|material| averaged(material).next().is_some()).collect();
+        let is_textured = scene.materials.iter().map(|material| filtered_textures(material).next().is_some()).collect();
         let uses_alpha = scene
             .instances
             .iter()
