@@ -85,7 +85,7 @@ pub(crate) fn load(name: &str) -> Result<Option<Model>> {
 fn placed(scene: &Scene) -> Placed {
     let mesh =
         |mesh: &canted_scene::Mesh| Mesh { positions: mesh.positions.clone(), triangles: mesh.triangles.clone() };
-    let instance = |instance: &canted_scene::Instance| Instance::still(instance.mesh.0, instance.world_from_object);
+    let instance = |instance: &canted_scene::Instance| Instance::new(instance.mesh.0, instance.world_from_object);
     Placed {
         meshes: scene.meshes.iter().map(mesh).collect(),
         instances: scene.instances.iter().map(instance).collect(),

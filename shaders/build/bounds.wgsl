@@ -2,7 +2,7 @@
 // Reads: items. Writes: the box around those of each tree, as reaches.
 // Holds: the maximum of integers does not depend on who comes first.
 // use shared/build/slice
-// use shared/build/forest
+// use shared/build/tree/forest
 // use ?item
 
 /// Items of an invocation, so that few of them meet at a tree's words.

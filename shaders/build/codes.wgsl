@@ -3,10 +3,10 @@
 // Holds: the same integers as on the CPU: sums in this order, a subtraction, then a product, which no compiler can fuse.
 // Source: Lauterbach et al. 2009.
 // use shared/build/slice
-// use shared/build/forest
+// use shared/build/tree/forest
 // use ?item
 // use ?code
-// use shared/build/grid
+// use shared/code
 
 @group(0) @binding(1) var<storage, read> domains: array<Domain>;
 

@@ -3,7 +3,7 @@
 // Holds: the word that says who came second is the word that carries the height, so nothing else must be seen with it. 0 says
 // that nobody came yet.
 // use shared/build/slice
-// use shared/build/node
+// use shared/build/tree
 
 @group(0) @binding(1) var<storage, read> parents: array<u32>;
 @group(0) @binding(2) var<storage, read_write> heights: array<atomic<u32>>;

@@ -1,5 +1,5 @@
 // Evaluates the scattering of one material between two directions, and a sample of it, for comparison with the CPU's.
-// use shared/groups
+// use shared/invocation/index
 // use ?bsdf
 
 struct Query {

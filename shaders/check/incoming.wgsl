@@ -1,5 +1,5 @@
 // Evaluates `incoming_light` and the densities of bodies, for comparison with the CPU's.
-// use shared/groups
+// use shared/invocation/index
 // use shared/light/incoming
 
 struct Query {

@@ -1,5 +1,5 @@
 // Samples the lights of a scene and tells densities, for comparison with the CPU's.
-// use shared/groups
+// use shared/invocation/index
 // use shared/light/sampler
 // use ?sky
 

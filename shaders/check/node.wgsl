@@ -1,7 +1,7 @@
 // The test of one node's boxes, as every walk makes it: what enters and what it takes, with no walk around it.
 //
 // Each ray has a tree of its own that is one node; rays that are more than the trees begin with the first again.
-// use shared/groups
+// use shared/invocation/index
 // use shared/node
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
@@ -20,8 +20,8 @@ fn main(
     }
     let ray = rays[index];
     // The first tree is that over instances, of which there are none.
-    let tree = 1u + index % (arrayLength(&trees) - 1u);
-    let root = enter_tree(tree, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
+    let tree = 1u + index % (arrayLength(&bvhs) - 1u);
+    let root = enter_bvh(tree, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
     var first = vec4<u32>(MISSED);
     if root != EMPTY {
         let farthest = scaled_t(ray.t_max);

@@ -7,7 +7,7 @@
 //
 // `?mask` is alpha.
 // use shared/camera
-// use shared/ray_key
+// use shared/hash/ray_key
 // use shared/surface
 // use ?mask
 

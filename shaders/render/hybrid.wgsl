@@ -8,13 +8,13 @@
 // and traversal is by far the greatest.
 // use shared/camera
 // use shared/picture
-// use shared/ray_key
+// use shared/hash/ray_key
 // use shared/sampling
 // use shared/surface
-// use shared/trace
+// use ?traverse
 // use ?shape_lights
 // use ?direct
-// use ?film
+// use shared/picture/film
 // use ?sky
 // use ?time
 
@@ -60,7 +60,7 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
     var n_asked = 0u;
     loop {
         light.n_rays += 1u;
-        let hit = walk(ray, asked.is_asked);
+        let hit = traverse(ray, asked.is_asked);
         if asked.is_asked {
             if hit.instance == NONE {
                 light.radiance += throughput * asked.radiance;

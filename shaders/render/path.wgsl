@@ -3,8 +3,8 @@
 // `?film` keeps what was found, `?time` says when it flies. All rays of a path, those to lights too, are traced at one place of the text, and all that happens
 // between two rays is at one: compilers copy functions to where they are called.
 // use shared/path
-// use shared/trace
-// use ?film
+// use ?traverse
+// use shared/picture/film
 // use ?time
 
 @compute @workgroup_size(64)
@@ -20,9 +20,9 @@ fn main(
         var path = path_from(camera_ray(one));
         loop {
             ray_key = key_of(path, one);
-            let hit = walk(path.ray, path.stage == TO_LIGHT);
+            let hit = traverse(path.ray, path.stage == TO_LIGHT);
             advance(&path, one, hit);
-            if path.stage == DONE || is_cut {
+            if path.stage == DONE || is_incomplete {
                 break;
             }
         }

@@ -8,7 +8,7 @@
 // With E = 2^-23: the time is a multiple of 2^-24 in 0..1, so one minus it is exact. A weight of degree two is off by E of itself,
 // one of degree three by 3 E. A cofactor is off by half an E for its coefficients, E for weights, E for products, 2 E for sums: 4.5 E
 // of the sum of absolute terms. The determinant likewise by (0.5 + 3 + 1 + 3) E = 7.5 E of itself, and a place by 2 E of its terms.
-// use shared/ray_time
+// use shared/time/ray_time
 
 struct Motion {
     /// For each axis the coefficients of its cofactors, at the opening, between and at the closing, over a common factor. They are

@@ -7,7 +7,7 @@
 // `?shape_lights` and `?sky` are what rays meet beside triangles.
 // use shared/camera
 // use shared/picture
-// use shared/ray_key
+// use shared/hash/ray_key
 // use shared/vertex
 // use shared/light/sampler
 // use ?shape_lights

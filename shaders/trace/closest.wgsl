@@ -1,6 +1,6 @@
 // The first hit of each ray.
-// use shared/trace
-// use shared/groups
+// use ?traverse
+// use shared/invocation/index
 
 /// Rays as hits: a miss, or a walk that was cut short, is told by the instance.
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
@@ -17,8 +17,8 @@ fn main(
         return;
     }
     var hit = closest_hit(rays[index]);
-    if is_cut {
-        hit.instance = CUT;
+    if is_incomplete {
+        hit.instance = INCOMPLETE;
     }
     hits[index] = hit;
 }

@@ -1,13 +1,13 @@
 //! What a scene does without, as `render` and `stats` tell it.
 
-use canted_renderer::LeftOut;
+use canted_renderer::UnusedFeature;
 use serde_json::{Value, json};
 
 /// All parts as JSON; rays are counted for heat maps alone.
-pub(crate) fn json(parts: &[LeftOut], is_counted: bool) -> Value {
-    const COUNTERS: LeftOut = LeftOut { part: "counters", because: "no heat map is asked for" };
+pub(crate) fn json(parts: &[UnusedFeature], is_counted: bool) -> Value {
+    const COUNTERS: UnusedFeature = UnusedFeature { feature: "counters", reason: "no heat map is asked for" };
     let counters = (!is_counted).then_some(&COUNTERS);
-    parts.iter().chain(counters).map(|left| json!({ "part": left.part, "because": left.because })).collect()
+    parts.iter().chain(counters).map(|left| json!({ "part": left.feature, "because": left.reason })).collect()
 }
 
 /// The same in a line.

@@ -3,7 +3,7 @@
 mod numbers;
 
 use canted_lbvh::Strategy;
-use canted_renderer::{Builder, Levels, StructureConfig};
+use canted_renderer::{Accel, Builder, Levels, StructureConfig};
 use canted_scene::Scene;
 use canted_wide::Preset;
 use clap::ValueEnum;
@@ -46,28 +46,31 @@ impl StructureArgs {
         if matches!(self.levels, LevelsArg::One) && scene.has_motion() {
             output::to_stderr("warning: --levels one makes two levels here: instances move");
         }
+        let builder = match self.builder {
+            BuilderArg::Auto => None,
+            BuilderArg::Sah => Some(Builder::Sah),
+            BuilderArg::Ploc => Some(Builder::Ploc),
+            BuilderArg::Lbvh => Some(Builder::Lbvh),
+            BuilderArg::Obvhs => Some(Builder::Obvhs),
+        };
+        let strategy = match self.volumes {
+            VolumesArg::Auto => None,
+            VolumesArg::Aabb => Some(Strategy::Aabb),
+            VolumesArg::PcaUnbounded => Some(Strategy::PcaUnbounded),
+            VolumesArg::PcaBounded => Some(Strategy::PcaBounded),
+            VolumesArg::Quaternion => Some(Strategy::Quaternion),
+            VolumesArg::Combined => Some(Strategy::Combined),
+            VolumesArg::Dop => Some(Strategy::Dop),
+        };
         StructureConfig {
             levels: match self.levels {
                 LevelsArg::Auto => Levels::Auto,
                 LevelsArg::One => Levels::One,
                 LevelsArg::Two => Levels::Two,
             },
-            preset: self.preset.preset(),
-            builder: match self.builder {
-                BuilderArg::Auto => Builder::Auto,
-                BuilderArg::Sah => Builder::Sah,
-                BuilderArg::Ploc => Builder::Ploc,
-                BuilderArg::Lbvh => Builder::Lbvh,
-                BuilderArg::Obvhs => Builder::Obvhs,
-            },
-            volumes: match self.volumes {
-                VolumesArg::Auto => None,
-                VolumesArg::Aabb => Some(Strategy::Aabb),
-                VolumesArg::PcaUnbounded => Some(Strategy::PcaUnbounded),
-                VolumesArg::PcaBounded => Some(Strategy::PcaBounded),
-                VolumesArg::Quaternion => Some(Strategy::Quaternion),
-                VolumesArg::Combined => Some(Strategy::Combined),
-                VolumesArg::Dop => Some(Strategy::Dop),
+            accel: match strategy {
+                None => Accel::Wide { preset: self.preset.preset(), builder },
+                Some(strategy) => Accel::Binary { strategy, builder },
             },
         }
     }

@@ -178,6 +178,6 @@ fn trace<K: LaneKernel>(
     };
     facts.push(("trace_seconds", json!(start.elapsed().as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
-    facts.push(("left_out", left_out::json(&prepared.left_out, args.heatmap.is_some())));
+    facts.push(("left_out", left_out::json(&prepared.unused, args.heatmap.is_some())));
     Ok(Run { made, facts, keeper })
 }

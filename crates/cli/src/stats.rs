@@ -63,7 +63,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let wide = wide::measure(&scene, &args.presets).map_err(|error| anyhow!("{name}: {error}"))?;
     let config = options::defaults::<StructureArgs>().config(&scene);
     let prepared = prepare::<Watertight>(&scene, &config).map_err(|error| anyhow!("{name}: {error}"))?;
-    let left_out = left_out::json(&prepared.left_out, false);
+    let left_out = left_out::json(&prepared.unused, false);
     let device = device::measure(&machine, &scene, &prepared.structure, &name)?;
     let table = if args.json { tables::json } else { tables::text };
     let text = table(&name, &scene, &measured, &wide, &left_out, device.as_ref());

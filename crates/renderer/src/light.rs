@@ -20,6 +20,7 @@ mod emitters;
 mod environment;
 mod incoming;
 mod lights;
+#[cfg(feature = "gpu")]
 pub(crate) mod packed;
 mod sampler;
 mod sphere;

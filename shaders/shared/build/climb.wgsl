@@ -2,7 +2,7 @@
 // Holds: the word that says who came second is the word that carries the number, so nothing else must be seen with it. 0 says
 // that nobody came yet: no number's reach is 0.
 // Source: after Karras 2012, whose counter promises nothing of the data beside it.
-// use shared/build/node
+// use shared/build/tree
 // use shared/build/ordered
 
 /// Parents of inner nodes by slot, then of leaves by position.

@@ -1,5 +1,5 @@
 // The part of a station's items that one dispatch works on, so that none runs long.
-// use shared/groups
+// use shared/invocation/index
 
 struct Slice {
     first: u32,

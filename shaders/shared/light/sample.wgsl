@@ -1,6 +1,17 @@
+// A point that receives light.
+
+struct Receiver {
+    position: vec3<f32>,
+    /// Whether light from behind the triangle counts.
+    transmits: bool,
+    /// Unit normal of the triangle.
+    normal: vec3<f32>,
+    /// Unit normal to shade with.
+    shading_normal: vec3<f32>,
+}
+
 // Light from one direction, chosen among all.
 // use shared/light/incoming
-// use shared/light/receiver
 
 /// What a sample of light is worth, and what must be clear for it to arrive.
 struct LightSample {

@@ -1,7 +1,6 @@
 // One light chosen for a point, and how likely the choice was; twin of crates/renderer/src/light/sampler.rs.
 //
 // `?local` are the lights that have a place, `?skylight` the sky, `?suns` what shines from one direction.
-// use shared/light/receiver
 // use shared/light/sample
 // use ?local
 // use ?skylight

@@ -3,8 +3,8 @@
 // Importance is never a number of its own here, for the square of a distance times an intensity may leave the range of
 // f32: siblings are compared by quotients.
 // use shared/numbers
-// use shared/light/receiver
-// use shared/turns
+// use shared/light/sample
+// use shared/invocation/iterations
 
 /// A cluster of lights: a ball, and the cone by its cosines. World space.
 struct LightNode {
@@ -111,7 +111,7 @@ fn choose_light(receiver: Receiver, number: f32) -> Chosen {
     var node = 0u;
     var probability = 1.0;
     loop {
-        turns += 1u;
+        iterations += 1u;
         let first = light_nodes[node].first_child;
         if first == 0u {
             break;
@@ -135,7 +135,7 @@ fn light_probability(leaf: u32, receiver: Receiver) -> f32 {
     var child = leaf;
     var probability = 1.0;
     loop {
-        turns += 1u;
+        iterations += 1u;
         if child == 0u || probability <= 0.0 {
             break;
         }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::Result;
 use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{Level, Prepared, Settings, Structure};
+use canted_renderer::{Bvh, Prepared, Settings, Structure};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};
@@ -30,7 +30,7 @@ pub(super) fn built<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, load_t
         ("load_seconds", json!(load_time.as_secs_f64())),
         ("build_seconds", json!(prepared.build_time.as_secs_f64())),
     ];
-    if levels.iter().any(|level| matches!(level, Level::Wide(_))) {
+    if levels.iter().any(|level| matches!(level, Bvh::Wide(_))) {
         facts.push(("simd", json!(SimdPath::detect().name())));
     }
     facts
@@ -69,13 +69,13 @@ pub(super) fn of_dropped(film: &Film) -> Option<String> {
 }
 
 /// What boxes the bottom levels have, in words; all levels are of one kind.
-fn volumes_of<K: LaneKernel>(levels: &[Level<K>]) -> String {
+fn volumes_of<K: LaneKernel>(levels: &[Bvh<K>]) -> String {
     let mut nodes = [0; NodeKind::ALL.len()];
     let mut turned = 0;
     for level in levels {
         match level {
-            Level::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
-            Level::Wide(wide) => {
+            Bvh::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
+            Bvh::Wide(wide) => {
                 let of_one = wide.sizes().nodes;
                 nodes = std::array::from_fn(|i| nodes[i] + of_one[i]);
                 turned += usize::from(wide.frame() != Obb::IDENTITY_FRAME);
@@ -83,7 +83,7 @@ fn volumes_of<K: LaneKernel>(levels: &[Level<K>]) -> String {
         }
     }
     let n: usize = nodes.iter().sum();
-    let leaning = n - nodes[NodeKind::Box as usize];
+    let leaning = n - nodes[NodeKind::Aligned as usize];
     let words = match (levels.len(), n) {
         (0, _) => return "none".to_owned(),
         (_, 0) => "wide, leaves only".to_owned(),

@@ -79,7 +79,7 @@ fn top(gpu: &Gpu, scene: &Scene, items: Items) -> Result<(Level, f64), GpuError>
     let mut run = Run::new(gpu);
     let built = Built::new(&mut run, items, config)?;
     let instances: Vec<Instance> =
-        scene.instances.iter().map(|i| Instance::still(i.mesh.0, i.world_from_object)).collect();
+        scene.instances.iter().map(|i| Instance::new(i.mesh.0, i.world_from_object)).collect();
     let mut two = TwoLevels::new(&mut run, built, &instances, config)?;
     gpu.finish()?;
     let start = Instant::now();

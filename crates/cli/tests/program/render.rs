@@ -65,12 +65,12 @@ fn leaning_boxes_are_left_out_for_a_reason() {
     let reason = |line: &str| {
         let facts = folder.run(&format!("render {line} --size 8x5 --spp 1 --json -o out.png")).done().json();
         let parts = facts["left_out"].as_array().unwrap();
-        let leaning = parts.iter().find(|left| left["part"] == "leaning boxes");
+        let leaning = parts.iter().find(|left| left["part"] == "oriented nodes");
         leaning.map(|left| left["because"].as_str().unwrap().to_owned())
     };
-    assert_eq!(reason("small.obj").as_deref(), Some("no gain by predicted cost"));
-    assert_eq!(reason("small.obj --volumes aabb").as_deref(), Some("boxes along the axes are asked for"));
-    assert_eq!(reason("--volumes aabb").as_deref(), Some("boxes along the axes are asked for"));
+    assert_eq!(reason("small.obj").as_deref(), Some("no gain in predicted cost"));
+    assert_eq!(reason("small.obj --volumes aabb").as_deref(), Some("axis-aligned boxes were requested"));
+    assert_eq!(reason("--volumes aabb").as_deref(), Some("axis-aligned boxes were requested"));
     assert_eq!(reason(""), None, "towers of the built-in scene lean");
 }
 
@@ -85,8 +85,8 @@ fn what_is_left_out_is_true() {
         facts["left_out"].as_array().unwrap().iter().map(|left| (text(&left["part"]), text(&left["because"]))).collect()
     };
     let has = |parts: &[(String, String)], part: &str, because: &str| parts.contains(&(part.into(), because.into()));
-    assert!(has(&parts(""), "top level", "meshes are hardly repeated"));
-    assert!(has(&parts("--levels one"), "top level", "one level is asked for"));
+    assert!(has(&parts(""), "top-level BVH", "few meshes have several instances"));
+    assert!(has(&parts("--levels one"), "top-level BVH", "one level was requested"));
     // The sky is sampled by shadow rays although no light is listed.
     let sky = parts("--integrator path --env 1,1,1");
     assert!(has(&sky, "listed lights", "none is given"), "{sky:?}");

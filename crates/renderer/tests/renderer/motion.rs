@@ -93,11 +93,11 @@ fn a_moving_body_in_a_white_furnace_shows_its_albedo() {
 #[test]
 fn what_moves_is_traced_with_two_levels_and_what_does_not_is_left_out() {
     let stage = || scene(vec![sphere([0.0; 3], 1.0, 2, 0)], vec![grey(0.5)]);
-    let parts = |prepared: &Prepared<Watertight>| -> Vec<&str> { prepared.left_out.iter().map(|l| l.part).collect() };
+    let parts = |prepared: &Prepared<Watertight>| -> Vec<&str> { prepared.unused.iter().map(|l| l.feature).collect() };
     for levels in [Levels::Auto, Levels::One, Levels::Two] {
         let moving = prepared(&moving(stage(), shifted(1.0, 0.0)), levels);
         assert!(matches!(moving.structure, Structure::Two(_)), "{levels:?}");
-        assert!(!parts(&moving).contains(&"motion") && !parts(&moving).contains(&"top level"));
+        assert!(!parts(&moving).contains(&"motion") && !parts(&moving).contains(&"top-level BVH"));
     }
     let still = prepared(&stage(), Levels::Auto);
     assert!(matches!(still.structure, Structure::One(_)) && parts(&still).contains(&"motion"));
@@ -120,7 +120,8 @@ fn a_motion_through_a_singular_map_is_refused_by_name() {
     let stage = scene(vec![sphere([0.0; 3], 1.0, 1, 0)], vec![grey(0.5)]);
     let turned = Affine { columns: [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]] };
     let error = prepare::<Watertight>(&moving(stage, turned), &StructureConfig::default()).err().unwrap();
-    let sentence = "the transform of moving instance 0 has condition inf at time 0.5 of the shutter, beyond 1.048576e6";
+    let sentence = "the transform of moving instance 0 is too close to singular at shutter time 0.5: its condition \
+                    number is inf, at most 1.048576e6 is supported";
     assert_eq!(error.to_string(), sentence);
 }
 

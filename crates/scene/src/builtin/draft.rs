@@ -1,5 +1,7 @@
 use std::f64::consts::{FRAC_PI_4, SQRT_2, TAU};
 
+pub(super) use canted_obb::vector::{cross, sub};
+
 use super::palette::Paint;
 use crate::{Mesh, Part};
 
@@ -132,14 +134,6 @@ pub(super) fn square_rings(half: [f64; 2], height: f64, n_bays: u32) -> Vec<[Vec
 /// The point at `fraction` of the way from `a` to `b`.
 pub(super) fn between(a: Vec3, b: Vec3, fraction: f64) -> Vec3 {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * fraction)
-}
-
-pub(super) fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-pub(super) fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 pub(super) fn unit(a: Vec3) -> Vec3 {

@@ -1,6 +1,7 @@
 //! Affine maps in `f64`, so that a chain of nodes is rounded once, at its end.
 
 use canted_obb::Affine;
+pub(super) use canted_obb::vector::{cross, dot};
 
 /// An affine map as in [`Affine`]: images of the three axes, then of the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,19 +105,6 @@ impl Matrix {
 const DETERMINANT_ERROR: f64 = 4.0 * U / (1.0 - 4.0 * U);
 /// Half the spacing of `f32` numbers at one.
 const U: f64 = f32::EPSILON as f64 / 2.0;
-
-/// Scalar product.
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Vector product.
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| {
-        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-        a[i] * b[j] - a[j] * b[i]
-    })
-}
 
 /// As [`cross`], with sums of absolute products.
 fn cross_of_absolutes(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
