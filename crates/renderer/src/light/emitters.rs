@@ -105,18 +105,7 @@ impl<'a> Emitters<'a> {
             .map_or(0.0, |triangle_light| triangle_light.density(from.position, direction))
     }
 
-    /// Whether the radiance of any emitter varies over its surface.
-    pub(super) fn are_textured(&self) -> bool {
-        let material = |emitter: &Emitter| self.material(emitter.instance, emitter.primitive);
-        self.list.iter().map(material).any(|material| material.uses_alpha() || material.emission_texture.is_some())
-    }
-
-    /// Radiance of an emitter without its texture, linear RGB.
-    pub(super) fn emission(&self, emitter: &Emitter) -> [f32; 3] {
-        self.material(emitter.instance, emitter.primitive).emission
-    }
-
-    fn material(&self, instance: InstanceId, primitive: PrimId) -> &'a Material {
+    pub(super) fn material(&self, instance: InstanceId, primitive: PrimId) -> &'a Material {
         let scene = self.surfaces.scene();
         let mesh = &scene.meshes[scene.instances[instance.0 as usize].mesh.0 as usize];
         &scene.materials[mesh.material_of(primitive.0).0 as usize]

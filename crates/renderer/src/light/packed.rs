@@ -150,6 +150,19 @@ impl LightSampler<'_> {
     }
 }
 
+impl Emitters<'_> {
+    /// Whether the radiance of any emitter varies over its surface.
+    fn are_textured(&self) -> bool {
+        let material = |emitter: &super::emitters::Emitter| self.material(emitter.instance, emitter.primitive);
+        self.list.iter().map(material).any(|material| material.uses_alpha() || material.emission_texture.is_some())
+    }
+
+    /// Radiance of an emitter without its texture, linear RGB.
+    fn emission(&self, emitter: &super::emitters::Emitter) -> [f32; 3] {
+        self.material(emitter.instance, emitter.primitive).emission
+    }
+}
+
 fn emitters(all: &Emitters<'_>, leaves: &[u32], slack: impl Fn(InstanceId) -> f32) -> Vec<Emitter> {
     let packed = all.list.iter().zip(leaves).map(|(emitter, &leaf)| {
         let [a, b, c] = emitter.corners.map(|corner| corner.map(f64::from));

@@ -61,6 +61,7 @@ impl<'a> Surfaces<'a> {
     }
 
     /// Its textures.
+    #[cfg(feature = "gpu")]
     pub(crate) fn textures(&self) -> &Textures<'a> {
         &self.textures
     }
