@@ -53,6 +53,9 @@ impl<Q: Query> Query for Masked<'_, Q> {
     fn time(&self) -> f32 {
         self.inner.time()
     }
+    fn mask(&self) -> u32 {
+        self.inner.mask()
+    }
 
     fn accepts(&mut self, hit: &Hit) -> bool {
         self.surfaces.is_present(hit, self.key) && self.inner.accepts(hit)

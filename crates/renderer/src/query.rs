@@ -56,6 +56,10 @@ impl<Q: Query> Query for Timed<Q> {
         self.time
     }
     #[inline]
+    fn mask(&self) -> u32 {
+        self.inner.mask()
+    }
+    #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {
         self.inner.accepts(hit)
     }

@@ -184,6 +184,9 @@ impl<Q: Query> Query for Counted<Q> {
     fn time(&self) -> f32 {
         self.inner.time()
     }
+    fn mask(&self) -> u32 {
+        self.inner.mask()
+    }
 
     fn accepts(&mut self, hit: &Hit) -> bool {
         self.inner.accepts(hit)

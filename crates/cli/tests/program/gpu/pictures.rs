@@ -1,4 +1,4 @@
-//! Pictures by a device, and all that goes with them.
+//! Pictures rendered on a GPU, parts and checkpoints.
 
 use std::process::Stdio;
 
@@ -8,19 +8,19 @@ use super::adapter;
 
 const RENDER: &str = "render small.obj --size 100x70 --env 0.5,0.7,1 --sun 0,-1,-1,2,2,2";
 
-/// Relative mean squared error up to which pictures of 7000 pixels are the same but for roundings. Paths that these send past an edge
-/// bring another sample: of 16 a pixel, each wrong by all of itself adds 6e-7, and a few in ten thousand are.
+/// Relative mean squared error of pictures of 7000 pixels that differ by rounding only. Rounding sends a few of ten thousand
+/// paths past an edge; of 16 samples per pixel, each such path adds at most 6e-7.
 const SAME: f64 = 1e-5;
 
-/// The difference of two pictures.
+/// The relMSE of two pictures.
 fn rel_mse(folder: &Folder, a: &str, b: &str) -> f64 {
     let found = folder.run(&format!("compare {a} {b} --json")).done().json();
     found["relmse"].as_f64().unwrap()
 }
 
 #[test]
-fn a_device_makes_the_picture_of_the_cpu() {
-    let Some(name) = adapter("a_device_makes_the_picture_of_the_cpu") else { return };
+fn a_gpu_renders_the_picture_of_the_cpu() {
+    let Some(name) = adapter("a_gpu_renders_the_picture_of_the_cpu") else { return };
     let folder = Folder::with_small();
     for options in ["--spp 16", "--spp 64 --noise 0.05", "--sampler sobol --spp 16 --filter tent"] {
         folder.run(&format!("{RENDER} {options} -o cpu.exr --device cpu")).done();
@@ -29,12 +29,12 @@ fn a_device_makes_the_picture_of_the_cpu() {
         let part = name.split_whitespace().next().unwrap_or_default();
         let both = folder.run(&format!("{RENDER} {options} -o both.exr --device both:{part} --json")).done().json();
         assert_eq!(both["device"], format!("cpu and {name}"));
-        assert!(both["tiles_of_device"].as_u64().unwrap() <= 12, "{both}");
+        assert!(both["gpu_tiles"].as_u64().unwrap() <= 12, "{both}");
         for picture in ["gpu.exr", "both.exr"] {
             let found = rel_mse(&folder, picture, "cpu.exr");
             assert!(found < SAME, "{options}: {picture}: {found}");
         }
-        // The comparison sees another seed.
+        // The comparison detects another seed.
         folder.run(&format!("{RENDER} {options} -o other.exr --device cpu --seed 1")).done();
         assert!(rel_mse(&folder, "other.exr", "cpu.exr") > SAME, "{options}");
     }
@@ -42,17 +42,17 @@ fn a_device_makes_the_picture_of_the_cpu() {
 }
 
 #[test]
-fn parts_of_a_device_merge_to_its_whole_and_not_with_the_cpus() {
-    let Some(name) = adapter("parts_of_a_device_merge_to_its_whole_and_not_with_the_cpus") else { return };
+fn parts_of_one_device_merge_and_those_of_two_do_not() {
+    let Some(name) = adapter("parts_of_one_device_merge_and_those_of_two_do_not") else { return };
     let folder = Folder::with_small();
     let part = |range: &str, device: &str| {
         let file = format!("{device}-{}.exr", range.replace("..", "-"));
         folder.run(&format!("{RENDER} --samples {range} --device {device} -o {file}")).done();
         file
     };
-    let [whole, start, end] = ["0..8", "0..3", "3..8"].map(|range| part(range, "gpu"));
+    let [all, start, end] = ["0..8", "0..3", "3..8"].map(|range| part(range, "gpu"));
     folder.run(&format!("merge {end} {start} -o merged.exr")).done();
-    assert!(folder.bytes("merged.exr") == folder.bytes(&whole));
+    assert!(folder.bytes("merged.exr") == folder.bytes(&all));
     let other = part("3..8", "cpu");
     folder.run(&format!("merge {start} {other} -o mixed.exr")).refused(&["device", "cpu", &name]);
     let part = name.split_whitespace().next().unwrap_or_default();
@@ -74,12 +74,12 @@ mod interrupted {
     }
 
     #[test]
-    fn ctrl_c_leaves_a_picture_of_the_tiles_that_are_done() {
-        if is_ignored("ctrl_c_leaves_a_picture_of_the_tiles_that_are_done") {
+    fn ctrl_c_writes_the_finished_tiles() {
+        if is_ignored("ctrl_c_writes_the_finished_tiles") {
             return;
         }
         let mut devices = vec!["cpu"];
-        devices.extend(adapter("ctrl_c_leaves_a_picture_of_the_tiles_that_are_done").map(|_| "gpu"));
+        devices.extend(adapter("ctrl_c_writes_the_finished_tiles").map(|_| "gpu"));
         for device in devices {
             let folder = interrupted(&format!("--device {device}"), "out.png");
             let picture = image::open(folder.path("out.png")).unwrap().into_rgb8();
@@ -90,19 +90,19 @@ mod interrupted {
     }
 
     #[test]
-    fn ctrl_c_leaves_the_channels_beside_light_too() {
-        if is_ignored("ctrl_c_leaves_the_channels_beside_light_too") {
+    fn ctrl_c_writes_additional_channels_too() {
+        if is_ignored("ctrl_c_writes_additional_channels_too") {
             return;
         }
         let bytes = interrupted("--device cpu --aovs normal", "out.exr").bytes("out.exr");
-        assert!(bytes.windows(4).any(|name| name == b"N.Z\0"), "no channel of normals");
+        assert!(bytes.windows(4).any(|name| name == b"N.Z\0"), "no normal channel");
     }
 
-    /// A folder with what Ctrl-C left of a great picture, which is at least a tile.
+    /// Interrupts a large picture after at least one tile.
     fn interrupted(options: &str, output: &str) -> Folder {
         let folder = Folder::with_small();
         let line = format!("render small.obj --size 2048x2048 --spp 128 --env 1,1,1 -o {output} {options}");
-        // How long a tile takes on this machine nobody knows: before the first there is no picture.
+        // Retries later, because the time of a tile is unknown and no picture is written before the first.
         for seconds in [1, 4, 16, 64] {
             let mut child = start(&folder, &line);
             sleep(Duration::from_secs(seconds));
@@ -116,11 +116,11 @@ mod interrupted {
     }
 
     #[test]
-    fn a_checkpoint_goes_on_to_the_same_bytes_on_the_same_device_only() {
-        if is_ignored("a_checkpoint_goes_on_to_the_same_bytes_on_the_same_device_only") {
+    fn a_checkpoint_continues_on_the_same_device_only() {
+        if is_ignored("a_checkpoint_continues_on_the_same_device_only") {
             return;
         }
-        let Some(name) = adapter("a_checkpoint_goes_on_to_the_same_bytes_on_the_same_device_only") else { return };
+        let Some(name) = adapter("a_checkpoint_continues_on_the_same_device_only") else { return };
         let folder = Folder::with_small();
         let line = format!("{RENDER} --spp 512 -o out.exr --device gpu");
         folder.run(&line).done();

@@ -1,4 +1,4 @@
-//! Which device is taken, and what is said where there is none.
+//! Device selection, and messages where there is none.
 
 use crate::support::{Folder, Run};
 
@@ -6,7 +6,7 @@ use super::adapter;
 
 const RENDER: &str = "render small.obj -o a.png --size 16x9 --spp 1 --device";
 
-/// A run on a machine whose loader of drivers finds none.
+/// Runs the program without any Vulkan driver.
 #[cfg(target_os = "linux")]
 fn without_drivers(folder: &Folder, line: &str) -> Run {
     folder.run_with(line, &[("VK_DRIVER_FILES", "/nonexistent.json"), ("VK_ICD_FILENAMES", "/nonexistent.json")])
@@ -14,7 +14,7 @@ fn without_drivers(folder: &Folder, line: &str) -> Run {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn without_an_adapter_auto_takes_the_cpu_and_all_else_says_what_is_missing() {
+fn without_an_adapter_auto_selects_the_cpu_and_others_fail() {
     let folder = Folder::with_small();
     folder.write("rays.csv", "0,0,1,0,0,-1,inf\n");
     for device in ["gpu", "both", "both:llvmpipe", "llvmpipe"] {
@@ -28,8 +28,8 @@ fn without_an_adapter_auto_takes_the_cpu_and_all_else_says_what_is_missing() {
 }
 
 #[test]
-fn an_unknown_name_is_refused_with_those_that_there_are() {
-    let Some(name) = adapter("an_unknown_name_is_refused_with_those_that_there_are") else { return };
+fn an_unknown_name_is_rejected_with_the_available_ones() {
+    let Some(name) = adapter("an_unknown_name_is_rejected_with_the_available_ones") else { return };
     let folder = Folder::with_small();
     folder.run(&format!("{RENDER} abacus")).refused(&["'abacus'", &name]);
     folder.run(&format!("{RENDER} both:abacus")).refused(&["'abacus'", &name]);
@@ -38,8 +38,8 @@ fn an_unknown_name_is_refused_with_those_that_there_are() {
 }
 
 #[test]
-fn a_name_takes_its_adapter_and_a_software_driver_is_told_once() {
-    let Some(name) = adapter("a_name_takes_its_adapter_and_a_software_driver_is_told_once") else { return };
+fn a_name_selects_its_adapter_and_a_software_driver_is_reported_once() {
+    let Some(name) = adapter("a_name_selects_its_adapter_and_a_software_driver_is_reported_once") else { return };
     let folder = Folder::with_small();
     let is_software = folder.run("devices --json").done().json()["adapters"][0]["is_software"] == true;
     let part = name.split_whitespace().next().unwrap_or_default().to_uppercase();
@@ -51,8 +51,8 @@ fn a_name_takes_its_adapter_and_a_software_driver_is_told_once() {
 }
 
 #[test]
-fn what_kernels_do_not_know_is_named() {
-    let Some(_) = adapter("what_kernels_do_not_know_is_named") else { return };
+fn unsupported_requests_are_rejected() {
+    let Some(_) = adapter("unsupported_requests_are_rejected") else { return };
     let folder = Folder::with_small();
     folder.write("rays.csv", "0,0,1,0,0,-1,inf\n");
     folder.write("far.obj", crate::support::SMALL.replace("v 1 0 0", "v 2e18 0 0"));

@@ -1,34 +1,32 @@
-//! What a device does for the scene: the passes of a build, and the buffers that the kernel of a picture by the hybrid integrator
-//! binds.
+//! Measurements on a GPU: times of the build passes, and the buffers for a picture by the hybrid integrator.
 
 use std::fmt::Write;
 
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use canted_renderer::{DevicePicture, Settings, Structure, Surfaces, frame};
 use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::{Value, json};
 
-use super::passes;
+use super::gpu_passes::{self, PassTimes};
 use crate::{device::Machine, memory};
 
-/// What was found on a device.
-pub(super) struct Measured {
+/// The measurements.
+pub(super) struct GpuStats {
     name: String,
-    passes: passes::Measured,
-    /// `None` where `--device auto` meets what kernels do not know.
+    passes: PassTimes,
+    /// `None` where `--device auto` falls back to the CPU.
     buffers: Option<Vec<(String, u64)>>,
 }
 
-/// Takes the scene to the machine's device; `None` where it has none.
+/// Builds the scene on the GPU; `None` without a GPU.
 pub(super) fn measure<K: LaneKernel>(
     machine: &Machine,
     scene: &Scene,
     structure: &Structure<K>,
-    scene_name: &str,
-) -> Result<Option<Measured>> {
+) -> Result<Option<GpuStats>> {
     let Some(gpu) = machine.gpu() else { return Ok(None) };
-    let passes = passes::measure(gpu, scene).map_err(|error| anyhow!("{scene_name}: {error}"))?;
+    let passes = gpu_passes::measure(gpu, scene)?;
     let settings = Settings::default();
     let [width, height] = [settings.width, settings.height].map(f64::from);
     let camera = scene.cameras.first().copied().unwrap_or_else(|| frame(scene, structure, width / height));
@@ -36,15 +34,15 @@ pub(super) fn measure<K: LaneKernel>(
     let picture = machine.ready(|gpu| DevicePicture::new(gpu, &surfaces, structure, &camera, &settings))?;
     let buffers = picture
         .map(|picture| picture.buffers().into_iter().map(|(name, n_bytes)| (name.to_owned(), n_bytes)).collect());
-    Ok(Some(Measured { name: gpu.info().name.clone(), passes, buffers }))
+    Ok(Some(GpuStats { name: gpu.info().name.clone(), passes, buffers }))
 }
 
 fn sum(buffers: &[(String, u64)]) -> u64 {
     buffers.iter().map(|(_, n_bytes)| n_bytes).sum()
 }
 
-impl Measured {
-    /// All of it as JSON.
+impl GpuStats {
+    /// One JSON object.
     pub(super) fn json(&self) -> Value {
         let mut all = json!({ "name": self.name, "build": self.passes.json() });
         if let Some(buffers) = &self.buffers {
@@ -56,14 +54,14 @@ impl Measured {
         all
     }
 
-    /// Adds all of it for people.
+    /// Appends tables.
     pub(super) fn text(&self, out: &mut String) {
         self.passes.text(out, &self.name);
         let Some(buffers) = &self.buffers else { return };
         // Writing to a String cannot fail.
         let _ = writeln!(
             out,
-            "\nBuffers of a picture on {}: {}, {}",
+            "\nBuffers for a picture on {}: {}, {}",
             self.name,
             buffers.len(),
             memory::human(sum(buffers))

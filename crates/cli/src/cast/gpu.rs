@@ -1,4 +1,4 @@
-//! Rays answered by a device, and by the CPU where the device cuts a walk short.
+//! Rays traced on the GPU. The CPU traces the rays whose traversal the GPU cuts short.
 
 use anyhow::Result;
 use canted_gpu::{self as gpu, DeviceHit, Gpu, GpuError, TracedScene};
@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use super::{Args, hits::Answer};
 use crate::device::{Machine, check_triangles};
 
-/// The scene on the machine's device; `None` where the CPU answers.
-pub(super) fn traced<K: LaneKernel>(
+/// The scene on the GPU; `None` where the CPU traces all rays.
+pub(super) fn upload<K: LaneKernel>(
     machine: &Machine,
     scene: &Scene,
     structure: &Structure<K>,
@@ -24,7 +24,7 @@ pub(super) fn traced<K: LaneKernel>(
     })
 }
 
-/// Answers all rays; `on_cpu` those that the device does not finish.
+/// Traces all rays. `on_cpu` traces those that the GPU does not finish.
 pub(super) fn answers(
     gpu: &Gpu,
     traced: &TracedScene,
@@ -35,26 +35,25 @@ pub(super) fn answers(
 ) -> Result<Vec<Answer>, GpuError> {
     if is_occlusion {
         let found = traced.occluded(gpu, rays)?;
-        return Ok(finished(rays, &found, |&is_hit| if is_hit { Answer::OCCLUDED } else { Answer::MISS }, on_cpu));
+        return Ok(completed(rays, &found, |&is_hit| if is_hit { Answer::OCCLUDED } else { Answer::MISS }, on_cpu));
     }
-    let placed = |hit: &Option<DeviceHit>| {
+    let answer = |hit: &Option<DeviceHit>| {
         hit.map_or(Answer::MISS, |DeviceHit { t, u, v, primitive, instance }| {
-            Answer::hit([t, u, v], [scene.instances[instance as usize].first_primitive, primitive, instance])
+            Answer::hit([t, u, v], primitive, instance, scene)
         })
     };
-    let found = traced.closest_hits(gpu, rays)?;
-    Ok(finished(rays, &found, placed, on_cpu))
+    Ok(completed(rays, &traced.closest_hits(gpu, rays)?, answer, on_cpu))
 }
 
-fn finished<T: Sync>(
+fn completed<T: Sync>(
     rays: &[Ray],
     found: &[gpu::Outcome<T>],
-    known: impl Fn(&T) -> Answer + Sync,
+    answer: impl Fn(&T) -> Answer + Sync,
     on_cpu: impl Fn(&Ray) -> Answer + Sync,
 ) -> Vec<Answer> {
-    let answer = |(ray, found): (&Ray, &gpu::Outcome<T>)| match found {
-        gpu::Outcome::Complete(found) => known(found),
+    let complete = |(ray, found): (&Ray, &gpu::Outcome<T>)| match found {
+        gpu::Outcome::Complete(found) => answer(found),
         gpu::Outcome::Incomplete => on_cpu(ray),
     };
-    rays.par_iter().zip(found).map(answer).collect()
+    rays.par_iter().zip(found).map(complete).collect()
 }

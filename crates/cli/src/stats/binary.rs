@@ -1,4 +1,4 @@
-//! Builds and times every strategy.
+//! Binary BVHs with every bounding-volume strategy.
 
 use std::time::Instant;
 
@@ -8,32 +8,32 @@ use canted_lbvh::{self as lbvh, Bits, Costs, Domain, Strategy, Tree, VolumeConfi
 use canted_obb::{Aabb, Obb};
 use canted_scene::Scene;
 
-/// One strategy on one level of trees.
+/// One strategy on one level of BVHs.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Row {
     /// Inner nodes.
     pub(super) nodes: usize,
-    /// Of these, nodes whose leaning box won.
-    pub(super) leaning: usize,
+    /// Nodes with an oriented volume.
+    pub(super) oriented: usize,
     /// Sum of volumes, the scene scaled to the unit cube.
     pub(super) volume: f64,
     /// Sum of areas, the scene scaled to the unit cube.
     pub(super) area: f64,
-    /// Cost by the surface area heuristic; over several trees the mean by root area.
+    /// Cost by the surface area heuristic; over several BVHs, the mean weighted by root area.
     pub(super) sah: f64,
-    /// Deepest tree, leaf included.
+    /// Depth of the deepest BVH, leaf included.
     pub(super) depth: u32,
-    /// Memory of the traced nodes.
+    /// Memory of the nodes.
     pub(super) bytes: usize,
     /// Milliseconds to fit all volumes.
-    pub(super) boxes_ms: f64,
-    /// Milliseconds to lay the nodes out for tracing.
+    pub(super) volumes_ms: f64,
+    /// Milliseconds to convert the nodes to their traced layout.
     pub(super) layout_ms: f64,
-    /// Sum of the roots' areas, by which `sah` is weighted while trees are added.
+    /// Sum of the root areas, the weights of `sah`.
     root_area: f64,
 }
 
-/// The passes that do not depend on the strategy.
+/// Times of the passes that do not depend on the strategy.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Passes {
     pub(super) gather_ms: f64,
@@ -42,25 +42,25 @@ pub(super) struct Passes {
     pub(super) tree_ms: f64,
 }
 
-/// Every strategy on one level of trees, in the order of [`Strategy::ALL`].
+/// Every strategy on one level of BVHs, in the order of [`Strategy::ALL`].
 #[derive(Clone, Default)]
 pub(super) struct Level {
     pub(super) passes: Passes,
     pub(super) rows: Vec<Row>,
 }
 
-/// Everything measured.
-pub(super) struct Measured {
-    /// All triangles in world space under one tree.
+/// All levels.
+pub(super) struct BinaryStats {
+    /// One BVH over all triangles in world space.
     pub(super) one: Level,
-    /// A tree a mesh.
+    /// One BVH per mesh.
     pub(super) bottom: Level,
-    /// The tree over the instances.
+    /// The BVH over the instances.
     pub(super) top: Level,
 }
 
 /// Builds the scene in one level and in two.
-pub(super) fn measure(scene: &Scene) -> Result<Measured> {
+pub(super) fn measure(scene: &Scene) -> Result<BinaryStats> {
     let extent = scene.bounds_world().extent().into_iter().fold(f64::MIN_POSITIVE, f64::max);
     let (positions, triangles, _) = canted_renderer::flatten(scene)?;
     let mut one = Level::default();
@@ -70,7 +70,7 @@ pub(super) fn measure(scene: &Scene) -> Result<Measured> {
         add_mesh(&mut bottom, &mesh.positions, &mesh.triangles, extent / super::world_scale(scene, i))?;
     }
     let top = top_level(scene, extent);
-    let mut measured = Measured { one, bottom, top };
+    let mut measured = BinaryStats { one, bottom, top };
     for level in [&mut measured.one, &mut measured.bottom, &mut measured.top] {
         for row in &mut level.rows {
             row.sah /= row.root_area.max(f64::MIN_POSITIVE);
@@ -126,14 +126,14 @@ fn add_rows<L: OrientedLeaf>(level: &mut Level, tree: &Tree, leaves: &[L], bound
     for (row, strategy) in level.rows.iter_mut().zip(Strategy::ALL) {
         let start = Instant::now();
         let volumes = lbvh::volumes(tree, leaves, &VolumeConfig { strategy, fallback: true });
-        row.boxes_ms += start.elapsed().as_secs_f64() * 1e3;
+        row.volumes_ms += start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
         let binary = PairBvh::new(tree, &volumes, leaves, bounds, PairOrder::Numbered);
         row.layout_ms += start.elapsed().as_secs_f64() * 1e3;
         let sums = lbvh::tree_cost(tree, &volumes, leaves, &Costs::default(), unit);
         let root_area = binary.bounds().area() / (unit * unit);
         row.nodes += sums.n_nodes;
-        row.leaning += sums.n_oriented;
+        row.oriented += sums.n_oriented;
         row.volume += sums.volume;
         row.area += sums.area;
         row.sah += sums.sah * root_area;

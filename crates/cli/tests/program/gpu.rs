@@ -1,16 +1,16 @@
-//! `--device`: the same pictures as the CPU's, and what is refused.
+//! `--device`: pictures match those of the CPU, and unsupported requests are rejected.
 //!
-//! Not covered: hardware beside a software driver, which no test machine has.
+//! Not covered: machines with both hardware and a software driver.
 
-mod choice;
-mod needs;
 mod pictures;
+mod selection;
+mod stats;
 
 use canted_fixtures::or_skip;
 
 use crate::support::Folder;
 
-/// The best adapter's name; `None` with the sentence of a skipped test.
+/// The name of the best adapter. Without one, reports the test as skipped.
 pub(crate) fn adapter(test: &str) -> Option<String> {
     let found = Folder::new().run("devices --json").done().json();
     let name = found["adapters"][0]["name"].as_str().map(str::to_owned);

@@ -1,4 +1,4 @@
-//! What the passes of a build take on a device, in the layout of the dissertation's table 5.
+//! Times of the build passes on a GPU, in the layout of the dissertation's table 5.
 
 use std::{fmt::Write, time::Instant};
 
@@ -14,32 +14,33 @@ use serde_json::{Map, Value, json};
 
 use crate::options::strategy_name;
 
-/// Runs of which each pass's least time counts; one more comes before them, in which drivers compile.
-const ROUNDS: usize = 3;
+/// Measured runs, of which the least time of each pass counts. A first run, in which drivers compile, is not measured.
+const RUNS: usize = 3;
 
-/// One level of trees.
+/// One level of BVHs.
 struct Level {
     /// Triangles, or instances.
     n_items: u32,
-    /// Milliseconds to gather triangles and to hand them to the device, by the clock on the wall.
+    /// Milliseconds to gather and upload the triangles, wall-clock.
     upload: Option<f64>,
     passes: Passes,
 }
 
-/// Everything measured on a device.
-pub(super) struct Measured {
+/// All levels.
+pub(super) struct PassTimes {
+    /// Whether the times are GPU timestamps and not wall-clock times.
     by_timestamps: bool,
-    /// A title, and the level; or why the device does not build it.
+    /// Each level, or the error why the GPU cannot build it.
     levels: [(&'static str, Result<Level, GpuError>); 3],
-    /// Milliseconds from other transforms of the instances to the tree over them, by the clock on the wall.
-    moved: Option<f64>,
+    /// Milliseconds to rebuild the top level for other transforms, wall-clock.
+    rebuild_top: Option<f64>,
 }
 
-/// Builds the scene in one level and in two on a device.
+/// Builds the scene in one level and in two.
 ///
 /// # Errors
-/// Geometry that makes no tree.
-pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<Measured> {
+/// Invalid geometry.
+pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
     let start = Instant::now();
     let (positions, triangles, _) = canted_renderer::flatten(scene)?;
     let (corners, _) = lbvh::triangle_corners(&positions, &triangles)?;
@@ -50,30 +51,30 @@ pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<Measured> {
         .iter()
         .map(|mesh| Ok(lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?.0))
         .collect::<Result<_>>()?;
-    let (bottom, top, moved) = match uploaded(gpu, start, &meshes) {
+    let (bottom, top, rebuild_top) = match uploaded(gpu, start, &meshes) {
         Err(error) => (Err(error.clone()), Err(error), None),
         Ok((items, upload)) => {
             let bottom = level(gpu, &items, Some(upload));
-            let (top, moved) =
+            let (top, rebuild_top) =
                 top(gpu, scene, items).map_or_else(|error| (Err(error), None), |(top, ms)| (Ok(top), Some(ms)));
-            (bottom, top, moved)
+            (bottom, top, rebuild_top)
         }
     };
-    Ok(Measured {
+    Ok(PassTimes {
         by_timestamps: gpu.has_timestamps(),
         levels: [("one level", one), ("bottom levels", bottom), ("top level", top)],
-        moved,
+        rebuild_top,
     })
 }
 
-/// The meshes in the device's memory, and the milliseconds since `start`.
+/// Uploads meshes; also returns the milliseconds since `start`.
 fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Items, f64), GpuError> {
     let items = Items::triangles(gpu, meshes.iter().map(|corners| &corners[..]))?;
     gpu.finish()?;
     Ok((items, start.elapsed().as_secs_f64() * 1e3))
 }
 
-/// The top level over bottom levels with leaning boxes, and the milliseconds to build it again alone.
+/// The top level over bottom levels with oriented volumes, and the milliseconds to rebuild it alone.
 fn top(gpu: &Gpu, scene: &Scene, items: Items) -> Result<(Level, f64), GpuError> {
     let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Combined };
     let mut run = Run::new(gpu);
@@ -85,24 +86,24 @@ fn top(gpu: &Gpu, scene: &Scene, items: Items) -> Result<(Level, f64), GpuError>
     let start = Instant::now();
     two.place(&mut run, &instances)?;
     gpu.finish()?;
-    let moved = start.elapsed().as_secs_f64() * 1e3;
-    Ok((level(gpu, &two.top.items, None)?, moved))
+    let rebuild_ms = start.elapsed().as_secs_f64() * 1e3;
+    Ok((level(gpu, &two.top.items, None)?, rebuild_ms))
 }
 
-/// Times every pass over these items.
+/// Times every pass.
 fn level(gpu: &Gpu, items: &Items, upload: Option<f64>) -> Result<Level, GpuError> {
-    let passes = Passes::measure(gpu, items, Bits::B63, ROUNDS)?;
+    let passes = Passes::measure(gpu, items, Bits::B63, RUNS)?;
     Ok(Level { n_items: items.len(), upload, passes })
 }
 
-impl Measured {
-    /// Adds the table for people.
+impl PassTimes {
+    /// Appends the table.
     pub(super) fn text(&self, out: &mut String, adapter: &str) {
-        let clock = if self.by_timestamps { "its timestamps" } else { "the clock on the wall" };
+        let clock = if self.by_timestamps { "GPU timestamps" } else { "wall-clock" };
         // Writing to a String cannot fail.
         let _ = write!(
             out,
-            "\n\nMilliseconds a pass on {adapter}, by {clock}, least of {ROUNDS} runs; upload by the clock on the wall\n{:<20}{:>9}",
+            "\nBuild times in milliseconds on {adapter} ({clock}, least of {RUNS} runs; upload: wall-clock)\n{:<20}{:>9}",
             "", "upload"
         );
         for title in ["domain", "codes", "sort", "nodes"] {
@@ -133,24 +134,24 @@ impl Measured {
             }
         }
         out.push('\n');
-        if let Some(ms) = self.moved {
-            let _ = writeln!(out, "Instances moved, their tree alone built again: {ms:.2} by the clock on the wall");
+        if let Some(ms) = self.rebuild_top {
+            let _ = writeln!(out, "Rebuild of the top level after instances moved: {ms:.2} ms (wall-clock)");
         }
     }
 
-    /// The table for programs.
+    /// One JSON object.
     pub(super) fn json(&self) -> Value {
         let of = |(title, level): &(&str, Result<Level, GpuError>)| {
             let value = match level {
                 Ok(level) => level_json(level),
-                Err(error) => json!({ "refused": error.to_string() }),
+                Err(error) => json!({ "error": error.to_string() }),
             };
             (title.replace(' ', "_"), value)
         };
         let levels: Map<String, Value> = self.levels.iter().map(of).collect();
-        let mut all = json!({ "by_timestamps": self.by_timestamps, "runs": ROUNDS, "levels": levels });
-        if let Some(ms) = self.moved {
-            all["moved_ms"] = ms.into();
+        let mut all = json!({ "by_timestamps": self.by_timestamps, "runs": RUNS, "levels": levels });
+        if let Some(ms) = self.rebuild_top {
+            all["rebuild_top_ms"] = ms.into();
         }
         all
     }
@@ -165,13 +166,13 @@ fn level_json(level: &Level) -> Value {
         .collect();
     let mut all = json!({
         "items": level.n_items, "domain_ms": domain, "codes_ms": codes, "sort_ms": sort, "tree_ms": tree,
-        "boxes_ms": boxes,
+        "volumes_ms": boxes,
     });
     if let Some(ms) = level.upload {
         all["upload_ms"] = ms.into();
     }
     if let Some(error) = refused {
-        all["refused"] = error.to_string().into();
+        all["error"] = error.to_string().into();
     }
     all
 }
