@@ -48,7 +48,7 @@ fn fragment(corner: Corner) -> Texels {
     let ray = line_of(position);
     let hit = in_triangle(ray, corner.instance, corner.primitive);
     let at = vec2<u32>(corner.place.xy);
-    ray_key = derived_key(derived_key(0u, bits(picture.sampler, at.y * picture.size.x + at.x, 0u, PASSAGE)), 0u);
+    ray_key = derived_key(derived_key(0u, bits(picture.sampler, at.y * picture.size.x + at.x, 0u, ALPHA_DIMENSION)), 0u);
     if !accepts(hit) {
         discard;
     }

@@ -41,7 +41,7 @@ fn main(
     if one.is_inside {
         choose_time(one);
         // Key of the first ray of a path.
-        ray_key = derived_key(derived_key(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE)), 0u);
+        ray_key = derived_key(derived_key(0u, bits(picture.sampler, one.pixel, one.sample, ALPHA_DIMENSION)), 0u);
         guides[64u * group + local] = guide_of(camera_ray(one));
     }
 }

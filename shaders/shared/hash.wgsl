@@ -20,7 +20,7 @@ fn unit_interval(steps: u32) -> f32 {
 var<private> ray_key: u32;
 
 /// Sampler dimension of ray keys, separate from those that are counted up.
-const PASSAGE: u32 = 0xfffffffdu;
+const ALPHA_DIMENSION: u32 = 0xfffffffdu;
 
 /// The key of ray `number` derived from `key`. Derived keys form a tree.
 fn derived_key(key: u32, number: u32) -> u32 {

@@ -76,8 +76,8 @@ fn mapped_normal(material: u32, seen: Seen, straight: vec3<f32>, side: f32) -> v
         return vec3(0.0);
     }
     let shown = 2.0 * texel(slot, seen).xyz - 1.0;
-    let lean = materials[material].normal_scale * shown.xy;
-    return unit(u * lean.x + v * lean.y + straight * shown.z);
+    let slope = materials[material].normal_scale * shown.xy;
+    return unit(u * slope.x + v * slope.y + straight * shown.z);
 }
 
 /// Sign of the bitangent.

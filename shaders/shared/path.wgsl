@@ -13,7 +13,7 @@
 // use ?sky
 
 /// Throughput from which a path always survives roulette.
-const FULL_THROUGHPUT: f32 = 0.5;
+const SURVIVAL_THROUGHPUT: f32 = 0.5;
 
 /// Minimum probability of termination by roulette, and number of vertices before it applies.
 const MIN_TERMINATION: f32 = 0.05;
@@ -61,7 +61,7 @@ struct Path {
     cone_width: f32,
     shading_normal: vec3<f32>,
     cone_spread: f32,
-    cone_share: f32,
+    cone_scale: f32,
     cone_is_direct: u32,
 }
 
@@ -79,7 +79,7 @@ fn path_from(start: CameraRay) -> Path {
 
 /// Key of the ray that is traced now, derived from the vertex that it leaves.
 fn key_of(path: Path, one: PixelSample) -> u32 {
-    let all = derived_key(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE));
+    let all = derived_key(0u, bits(picture.sampler, one.pixel, one.sample, ALPHA_DIMENSION));
     let onward = derived_key(all, path.n_vertices);
     return select(onward, derived_key(onward, 0u), path.stage == TO_LIGHT);
 }
@@ -230,7 +230,7 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
 fn survives(path: ptr<function, Path>, one: PixelSample, number: u32) -> bool {
     let throughput = (*path).throughput;
     let carried = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);
-    let share = min(carried / FULL_THROUGHPUT, select(1.0 - MIN_TERMINATION, 1.0, number < MIN_TERMINATION_FROM));
+    let share = min(carried / SURVIVAL_THROUGHPUT, select(1.0 - MIN_TERMINATION, 1.0, number < MIN_TERMINATION_FROM));
     if share < 1.0 && single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number)) >= share {
         return false;
     }
@@ -251,10 +251,10 @@ fn dimension(use_of_it: u32, number: u32) -> u32 {
 fn set_cone(path: ptr<function, Path>, cone: Cone) {
     (*path).cone_width = cone.width;
     (*path).cone_spread = cone.spread;
-    (*path).cone_share = cone.share;
+    (*path).cone_scale = cone.scale;
     (*path).cone_is_direct = u32(cone.is_direct);
 }
 
 fn cone_of(path: Path) -> Cone {
-    return Cone(path.cone_width, path.cone_spread, path.cone_share, path.cone_is_direct != 0u);
+    return Cone(path.cone_width, path.cone_spread, path.cone_scale, path.cone_is_direct != 0u);
 }

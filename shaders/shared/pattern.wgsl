@@ -29,12 +29,12 @@ fn single(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> f32 {
 
 /// The position of sample `index` in the sequence. Maps each aligned run of `2^m` samples to an aligned run of `2^m`.
 fn shuffled(index: u32, seed: u32) -> u32 {
-    return reverseBits(upwards(reverseBits(index), seed));
+    return reverseBits(laine_karras(reverseBits(index), seed));
 }
 
 /// The scrambled coordinate with these reversed bits.
 fn scrambled(mirrored: u32, seed: u32) -> u32 {
-    return reverseBits(upwards(mirrored, seed));
+    return reverseBits(laine_karras(mirrored, seed));
 }
 
 /// Reversed second coordinate of point `index` before scrambling; the first is `index` itself.
@@ -49,7 +49,7 @@ fn second_coordinate(index: u32) -> u32 {
 
 /// A bijection in which each bit depends only on itself and lower bits (Laine and Karras 2011, with the constants of Vegdahl
 /// 2021).
-fn upwards(bits: u32, seed: u32) -> u32 {
+fn laine_karras(bits: u32, seed: u32) -> u32 {
     var x = bits ^ (bits * 0x3d20adeau);
     x += seed;
     x *= (seed >> 16u) | 1u;

@@ -29,7 +29,7 @@ fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Bs
 // use shared/ggx
 
 /// Smallest difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
-const MIN_IOR_STEP: f32 = 1.0 / 128.0;
+const MIN_ETA_DIFFERENCE: f32 = 1.0 / 128.0;
 
 /// Whether the material transmits light.
 fn is_transmitting(bsdf: Bsdf) -> bool {
@@ -116,5 +116,5 @@ fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Bs
 
 /// Whether a rough boundary refracts by more than rounding does.
 fn bends(boundary: Boundary) -> bool {
-    return abs(boundary.eta - 1.0) >= MIN_IOR_STEP;
+    return abs(boundary.eta - 1.0) >= MIN_ETA_DIFFERENCE;
 }

@@ -65,9 +65,9 @@ fn instances_are_mirrored_scaled_and_empty() {
     let Some(gpu) = gpu("instances_are_mirrored_scaled_and_empty") else { return };
     let place = |x: f32, z: f32, at: [f32; 3]| Affine { columns: [[x, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, z], at] };
     let instances = [
-        Instance::still(1, Affine::IDENTITY),
-        Instance::still(0, place(-2.0, 1.0, [0.0; 3])),
-        Instance::still(0, place(0.5, -3.0, [10.0, 0.0, -2.0])),
+        Instance::new(1, Affine::IDENTITY),
+        Instance::new(0, place(-2.0, 1.0, [0.0; 3])),
+        Instance::new(0, place(0.5, -3.0, [10.0, 0.0, -2.0])),
     ];
     let scene = TracedScene::two_level(&gpu, &[&floor(4), &nothing()], &instances).unwrap();
     let rays = [down(-1.5, 0.25), down(10.375, 0.25), down(1.0, 1.0)];
@@ -82,7 +82,7 @@ fn nothing_is_hit_where_nothing_is() {
     for scene in [
         TracedScene::single_level(&gpu, &empty, &[]),
         TracedScene::two_level::<Watertight>(&gpu, &[], &[]),
-        TracedScene::two_level(&gpu, &[&empty], &[Instance::still(0, Affine::IDENTITY)]),
+        TracedScene::two_level(&gpu, &[&empty], &[Instance::new(0, Affine::IDENTITY)]),
     ] {
         let scene = scene.unwrap();
         assert_eq!(hits(&gpu, &scene, &rays), [None]);
@@ -112,15 +112,15 @@ fn what_kernels_do_not_trace_is_refused() {
         columns: [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0], [0.0; 3]],
     };
     // By 135 degrees.
-    let turning =
-        Instance { world_from_object_close: Some(about_z([0.7, -0.7])), ..Instance::still(0, Affine::IDENTITY) };
+    let turning = Instance::moving(0, Affine::IDENTITY, about_z([0.7, -0.7]));
     assert_eq!(
         refused(turning),
         "the device does not trace instance 0, whose motion has condition inf, beyond 1.024e3; use --device cpu"
     );
     let flat = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1e-4], [0.0; 3]] };
-    assert!(refused(Instance::still(0, flat)).contains("condition"));
-    assert!(refused(Instance::still(3, Affine::IDENTITY)).contains("bottom level 3"));
+    assert!(refused(Instance::new(0, flat)).contains("condition"));
+    assert!(refused(Instance::new(3, Affine::IDENTITY)).contains("bottom-level BVH 3"));
+    assert!(refused(Instance::new(0, Affine::IDENTITY).with_mask(1)).contains("mask"));
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn coordinates_beyond_the_proof_are_refused() {
     let there = |shift: f32| {
         let mut map = Affine::IDENTITY;
         map.columns[3][1] = shift;
-        Instance::still(0, map)
+        Instance::new(0, map)
     };
     assert!(TracedScene::single_level(&gpu, &reaching(1e18), &[0]).is_ok());
     assert!(TracedScene::two_level(&gpu, &[&floor(1)], &[there(-9e17)]).is_ok());

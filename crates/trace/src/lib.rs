@@ -30,6 +30,7 @@
 //! Coordinates may be as large as 2^62; beyond that products overflow, and a ray may miss what it should hit.
 #![forbid(unsafe_code)]
 
+mod filter;
 mod hit;
 #[doc(hidden)]
 pub mod lanes;
@@ -44,6 +45,7 @@ mod triangle;
 #[cfg(test)]
 mod tests;
 
+pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};

@@ -136,7 +136,7 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
     // The levels of both trees count where one stands above the other.
     let (_, tree) = deep(16);
     assert!(with_traversal(&gpu, &tree, Traversal::Bits).is_ok());
-    let two = TracedScene::two_level(&gpu, &[&tree], &[Instance::still(0, Affine::IDENTITY); 2]).unwrap();
+    let two = TracedScene::two_level(&gpu, &[&tree], &[Instance::new(0, Affine::IDENTITY); 2]).unwrap();
     assert_eq!(error(two.with_traversal(&gpu, Traversal::Bits)), refused(17, 16));
 }
 

@@ -120,7 +120,8 @@ fn a_motion_through_a_singular_map_is_refused_by_name() {
     let stage = scene(vec![sphere([0.0; 3], 1.0, 1, 0)], vec![grey(0.5)]);
     let turned = Affine { columns: [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]] };
     let error = prepare::<Watertight>(&moving(stage, turned), &StructureConfig::default()).err().unwrap();
-    let sentence = "the transform of moving instance 0 has condition inf at time 0.5 of the shutter, beyond 1.048576e6";
+    let sentence = "the transform of moving instance 0 is too close to singular at shutter time 0.5: its condition \
+                    number is inf, at most 1.048576e6 is supported";
     assert_eq!(error.to_string(), sentence);
 }
 

@@ -57,7 +57,7 @@ fn density(sampler: &LightSampler, tracer: &BruteForce, direction: [f32; 3]) -> 
     let hit = tracer.closest_hit(&ray, &mut ());
     let of = |source| sampler.density(&from(), false, direction, source);
     let body =
-        sampler.lights().intersect(&ray, None).map(|met| met.source).filter(|source| *source != LightId::Environment);
+        sampler.lights().intersect(&ray, None).map(|met| met.light).filter(|source| *source != LightId::Environment);
     of(LightId::Environment) + body.map_or(0.0, of) + hit.map_or(0.0, |hit| of(LightId::of_hit(&hit)))
 }
 
@@ -116,7 +116,7 @@ fn samples_carry_their_density() {
         for transmits in [false, true] {
             for (choice, square) in numbers(2000) {
                 let Some(sample) = sampler.sample(&from(), transmits, choice, square) else { continue };
-                let density = sampler.density(&from(), transmits, sample.to_light, sample.source);
+                let density = sampler.density(&from(), transmits, sample.to_light, sample.light);
                 let is_near = (density / sample.density - 1.0).abs() <= DENSITY_ERROR;
                 assert!(is_near || (sample.is_delta && density == 0.0), "{sample:?} {density}");
             }

@@ -41,7 +41,7 @@ fn radiance(image: &EnvironmentImage, [x, y, z]: Vector) -> f64 {
 
 fn seen(scene: &Scene, direction: [f32; 3]) -> [f32; 3] {
     let met = Lights::new(scene).intersect(&Ray::new([5.0, -3.0, 2.0], direction), None).unwrap();
-    assert_eq!(met.source, LightId::Environment);
+    assert_eq!(met.light, LightId::Environment);
     met.radiance
 }
 

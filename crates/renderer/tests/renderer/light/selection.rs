@@ -123,7 +123,7 @@ fn the_triangle_says_which_lights_count() {
     with_sampler(&scene, |sampler| {
         let chosen = |transmits: bool, light: u32| {
             let samples = numbers(500).filter_map(|(choice, square)| sampler.sample(&bent, transmits, choice, square));
-            samples.filter(|sample| sample.source == LightId::Light(light)).count()
+            samples.filter(|sample| sample.light == LightId::Light(light)).count()
         };
         assert_eq!(chosen(false, 0), 500);
         assert!(chosen(true, 0) > 0 && chosen(true, 1) > 0);

@@ -26,7 +26,7 @@ fn rays_meet_the_nearest_within_their_closed_interval() {
     let lights = Lights::new(&scene);
     let up = Ray::new([0.0; 3], [0.0, 2.0, 0.0]);
     let source = |ray: Ray, hit: Option<f32>| {
-        lights.intersect(&ray, hit.map(hit_at).as_ref()).map(|met| (met.source, met.radiance))
+        lights.intersect(&ray, hit.map(hit_at).as_ref()).map(|met| (met.light, met.radiance))
     };
     assert_eq!(source(up, None), Some((LightId::Light(1), [3.0; 3])));
     // The sphere begins at 4 units, t = 2.
