@@ -7,15 +7,17 @@ fn stations(criterion: &mut Criterion) {
     let mesh = canted_fixtures::grid(5, [300, 300]);
     let n = mesh.triangles.len();
     let name = |station: &str| format!("{station}/grid/{n}");
-    let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles).expect("a sound mesh");
+    let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("a sound mesh");
     let domain = Domain::new(&bounds, 3, Bits::B63);
-    let codes = canted_lbvh::codes(&domain, &corners);
-    let sorted = canted_lbvh::by_code(&codes, Bits::B63);
+    let codes = canted_lbvh::morton_codes(&domain, &corners);
+    let sorted = canted_lbvh::sort_by_code(&codes, Bits::B63);
     let tree = canted_lbvh::radix(sorted.clone());
     let leaves = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
-    criterion.bench_function(&name("gather"), |b| b.iter(|| canted_lbvh::gather(&mesh.positions, &mesh.triangles)));
-    criterion.bench_function(&name("codes"), |b| b.iter(|| canted_lbvh::codes(&domain, &corners)));
-    criterion.bench_function(&name("sort"), |b| b.iter(|| canted_lbvh::by_code(&codes, Bits::B63)));
+    criterion.bench_function(&name("gather"), |b| {
+        b.iter(|| canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles))
+    });
+    criterion.bench_function(&name("codes"), |b| b.iter(|| canted_lbvh::morton_codes(&domain, &corners)));
+    criterion.bench_function(&name("sort"), |b| b.iter(|| canted_lbvh::sort_by_code(&codes, Bits::B63)));
     criterion.bench_function(&name("tree"), |b| b.iter(|| canted_lbvh::radix(sorted.clone())));
     criterion.bench_function(&name("leaf order"), |b| b.iter(|| canted_lbvh::in_leaf_order(&corners, &tree.leaves)));
     for strategy in Strategy::ALL {

@@ -3,8 +3,8 @@
 use std::{fmt::Write, hint::black_box, time::Duration};
 
 use anyhow::Result;
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_lbvh::{Bits, Strategy, VolumeConfig};
-use canted_tlas::{BuildConfig, MeshBlas};
 use canted_trace::Watertight;
 use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2_from_tris, triangle::Triangle};
 
@@ -43,7 +43,7 @@ pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
             .collect();
         let build = |bits, strategy| {
             let config = BuildConfig { bits, volumes: VolumeConfig { strategy, fallback: true } };
-            let _ = black_box(MeshBlas::<Watertight>::build(&mesh.positions, &mesh.triangles, &config));
+            let _ = black_box(Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config));
         };
         let timings = run(
             rounds,

@@ -3,13 +3,14 @@
 use std::{fmt::Write, hint::black_box, time::Duration};
 
 use anyhow::Result;
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{DIFFUSE_SEED, RayData, SurfacePoint, diffuse};
 use canted_lbvh::{Bits, Strategy, VolumeConfig};
-use canted_tlas::{Blas, BuildConfig, MeshBlas};
+use canted_tlas::Blas;
 use canted_trace::{Counts, Hit, InstanceId, MollerTrumbore, Ray, Watertight};
 use obvhs::{
     BvhBuildParams,
-    bvh2::{Bvh2, builder::build_bvh2_from_tris},
+    bvh2::{Bvh2 as ObvhsBvh2, builder::build_bvh2_from_tris},
     ray::{Ray as ObvhsRay, RayHit},
     triangle::Triangle,
 };
@@ -33,10 +34,10 @@ pub(crate) fn ray(data: &RayData) -> Ray {
 fn rays(model: &Model) -> Result<[Vec<Ray>; 2]> {
     let camera: Vec<Ray> = model.camera_rays(RESOLUTION).iter().map(ray).collect();
     let mesh = &model.mesh;
-    let blas = MeshBlas::<Watertight>::build(&mesh.positions, &mesh.triangles, &BuildConfig::default())?;
+    let blas = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &BuildConfig::default())?;
     let points: Vec<SurfacePoint> = camera
         .iter()
-        .filter_map(|ray| Some(surface_point(model, ray, &blas.closest_hit(ray, InstanceId(0), &mut ())?)))
+        .filter_map(|ray| Some(surface_point(model, ray, &blas.closest_hit(ray)?)))
         .filter(|point| point.normal != [0.0; 3])
         .collect();
     let scattered = diffuse(&points, mesh.diagonal(), DIFFUSE_SEED);
@@ -64,7 +65,7 @@ pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
 
 fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## Traversal beside obvhs\n\nOne thread, closest hit. One `obvhs` tree (`medium_build`, one primitive a leaf), \
+        "\n## Traversal compared with obvhs\n\nOne thread, closest hit. One `obvhs` tree (`medium_build`, one primitive a leaf), \
          walked by `obvhs` with its Möller-Trumbore test over triangles in leaf order, and by our binary traversal with \
          Möller-Trumbore and watertight; last our own tree (PLOC and reinsertion). Million rays a second; ratio to the \
          first, same round.\n\n\
@@ -77,17 +78,17 @@ fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
             continue;
         };
         let mesh = &model.mesh;
-        let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let params = BvhBuildParams { pre_split: false, max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
         let theirs: Vec<Triangle> = corners.iter().map(|c| triangle(*c)).collect();
         let bvh = build_bvh2_from_tris(&theirs, params, &mut Duration::default());
         let in_leaf_order: Vec<Triangle> = bvh.primitive_indices.iter().map(|&i| theirs[i as usize]).collect();
         let tree = canted_renderer::obvhs_tree(&corners, params)?;
         let config = BuildConfig::default();
-        let fast = MeshBlas::<MollerTrumbore>::over(tree.clone(), &corners, &bounds, &config);
-        let sure = MeshBlas::<Watertight>::over(tree, &corners, &bounds, &config);
+        let fast = Bvh2::<MollerTrumbore>::over(tree.clone(), &corners, &bounds, &config);
+        let sure = Bvh2::<Watertight>::over(tree, &corners, &bounds, &config);
         let own = crate::models::binary_tree(&corners, &bounds);
-        let own = MeshBlas::<Watertight>::over(own, &corners, &bounds, &config);
+        let own = Bvh2::<Watertight>::over(own, &corners, &bounds, &config);
         for (kind, rays) in ["camera", "diffuse"].into_iter().zip(rays(&model)?) {
             let timings = run(
                 rounds,
@@ -113,7 +114,7 @@ fn triangle(corners: [[f32; 3]; 3]) -> Triangle {
     Triangle { v0, v1, v2 }
 }
 
-fn obvhs_walk(bvh: &Bvh2, triangles: &[Triangle], rays: &[Ray]) {
+fn obvhs_walk(bvh: &ObvhsBvh2, triangles: &[Triangle], rays: &[Ray]) {
     for ray in rays {
         let ray = ObvhsRay::new(ray.origin.into(), ray.direction.into(), 0.0, ray.t_max);
         let mut hit = RayHit::none();
@@ -124,13 +125,13 @@ fn obvhs_walk(bvh: &Bvh2, triangles: &[Triangle], rays: &[Ray]) {
 
 fn walk(blas: &impl Blas, rays: &[Ray]) {
     for ray in rays {
-        black_box(blas.closest_hit(ray, InstanceId(0), &mut ()));
+        black_box(blas.closest_hit_with(ray, InstanceId(0), &mut ()));
     }
 }
 
 fn leaning(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## What leaning boxes save\n\nOur tree (PLOC and reinsertion), one thread, watertight: box tests + triangle tests a ray, and \
+        "\n## What oriented boxes save\n\nOur tree (PLOC and reinsertion), one thread, watertight: box tests + triangle tests a ray, and \
          million rays a second with the ratio to axis-aligned boxes, same round.\n\n| scene | rays |",
     );
     for strategy in Strategy::ALL {
@@ -143,14 +144,14 @@ fn leaning(out: &mut String, rounds: usize) -> Result<()> {
             continue;
         };
         let mesh = &model.mesh;
-        let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let tree = crate::models::binary_tree(&corners, &bounds);
         let trees: Vec<_> = Strategy::ALL
             .into_iter()
             .map(|strategy| {
                 let volumes = VolumeConfig { strategy, fallback: true };
                 let config = BuildConfig { bits: Bits::B63, volumes };
-                MeshBlas::<Watertight>::over(tree.clone(), &corners, &bounds, &config)
+                Bvh2::<Watertight>::over(tree.clone(), &corners, &bounds, &config)
             })
             .collect();
         for (kind, rays) in ["camera", "diffuse"].into_iter().zip(rays(&model)?) {
@@ -161,7 +162,7 @@ fn leaning(out: &mut String, rounds: usize) -> Result<()> {
             for (blas, timing) in trees.iter().zip(&timings) {
                 let mut counts = Counts::default();
                 for ray in rays {
-                    blas.closest_hit(ray, InstanceId(0), &mut counts);
+                    blas.closest_hit_with(ray, InstanceId(0), &mut counts);
                 }
                 #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
                 let each = |n: u64| n as f64 / rays.len() as f64;

@@ -1,5 +1,5 @@
-// Samples the lights of a scene and tells densities, for comparison with the CPU's.
-// use shared/groups
+// Samples the lights of a scene and evaluates densities, to compare with the CPU.
+// use shared/invocation/index
 // use shared/light/sampler
 // use ?sky
 
@@ -9,7 +9,7 @@ struct Query {
     normal: vec3<f32>,
     transmits: u32,
     square: vec2<f32>,
-    /// What a direction meets: 0 the sky, 1 a body, 2 a triangle; its number or instance, its primitive.
+    /// What the direction hits: 0 the sky, 1 a shape light, 2 a triangle. Then its number or instance, and its primitive.
     kind: u32,
     number: u32,
     to_light: vec3<f32>,
@@ -23,9 +23,9 @@ struct Answer {
     radiance: vec3<f32>,
     reach: u32,
     place: vec3<f32>,
-    body: u32,
+    shape_light: u32,
     is_emission: u32,
-    /// Of the direction of the query.
+    /// Density of the direction of the query.
     density_there: f32,
 }
 
@@ -47,12 +47,12 @@ fn main(
     let light = sample_light(receiver, q.choice, q.square);
     var density = sky_light_density(receiver, q.to_light);
     if q.kind == 1u {
-        density = body_light_density(receiver, q.number, q.to_light);
+        density = shape_light_density(receiver, q.number, q.to_light);
     } else if q.kind == 2u {
         density = surface_light_density(receiver, q.number, q.primitive, q.to_light);
     }
-    let found = light.arrival;
+    let found = light.incoming;
     answers[index] = Answer(
-        found.to_light, found.density, found.radiance, found.reach, found.place, light.body, u32(light.is_emission), density,
+        found.to_light, found.density, found.radiance, found.reach, found.place, light.shape_light, u32(light.is_emission), density,
     );
 }

@@ -20,6 +20,6 @@ mod source;
 
 pub use error::ShaderError;
 pub use files::{FILES, kernels};
-pub use lint::complaints;
-pub use reflection::{Binding, BindingKind, Entry, Layout, MOST_STORAGE_BUFFERS, Shader, Stage};
+pub use lint::lint;
+pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, Stage};
 pub use source::{Specialisation, assemble};

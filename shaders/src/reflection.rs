@@ -8,7 +8,7 @@ use naga::{
 use crate::{ShaderError, Specialisation, assemble};
 
 /// Most storage buffers that a stage of any kernel binds: what hosts ask of a device.
-pub const MOST_STORAGE_BUFFERS: u32 = 28;
+pub const MAX_STORAGE_BUFFERS: u32 = 28;
 
 /// A kernel ready to be compiled, and what its caller must know.
 #[derive(Clone, Debug)]
@@ -129,7 +129,7 @@ pub(crate) fn specialised(
     let module = naga::front::wgsl::parse_str(source).map_err(|error| invalid(error.emit_to_string(source)))?;
     for (known, _) in overrides {
         if !module.overrides.iter().any(|(_, o)| o.name.as_deref() == Some(known)) {
-            return Err(ShaderError::NotOpen { kernel: name.to_owned(), what: known.clone() });
+            return Err(ShaderError::UnknownChoice { kernel: name.to_owned(), what: known.clone() });
         }
     }
     // No capability beyond what every device has: what needs more fails here and not on a stranger's machine.
@@ -223,6 +223,6 @@ mod tests {
         let entry = entry(&module, &info, 0);
         assert_eq!((entry.workgroup_size, entry.workgroup_bytes), ([64, 1, 1], 256));
         let error = specialised("x", text, &[("M".to_owned(), 1.0)]).unwrap_err();
-        assert_eq!(error.to_string(), "kernel 'x' has no 'M' to choose");
+        assert_eq!(error.to_string(), "kernel 'x' has no slot or constant 'M'");
     }
 }

@@ -11,11 +11,11 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, displaced_icosphere, poles, scaffold, scaffold_of, soup, truss};
 use canted_tests::{brute, rays, scenes};
-use canted_tlas::{Blas, BuildConfig, MeshBlas};
-use canted_trace::{Hit, InstanceId, Ray, Watertight};
-use canted_wide::{Config, Preset, Wide};
+use canted_trace::{Hit, Ray, Watertight};
+use canted_wide::{Config, Preset, TriangleBvh};
 use rayon::prelude::*;
 
 /// Rays without `--rays`.
@@ -30,7 +30,7 @@ const MOST_FOR_THE_LOOP: usize = 2_000;
 /// What says which answer is right.
 enum Oracle {
     Loop(Vec<[[f32; 3]; 3]>),
-    Binary(Box<MeshBlas<Watertight>>),
+    Binary(Box<Bvh2<Watertight>>),
 }
 
 impl Oracle {
@@ -38,14 +38,14 @@ impl Oracle {
         if mesh.triangles.len() <= MOST_FOR_THE_LOOP {
             return Self::Loop(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
         }
-        let blas = MeshBlas::build(&mesh.positions, &mesh.triangles, &BuildConfig::default());
+        let blas = Bvh2::build(&mesh.positions, &mesh.triangles, &BuildConfig::default());
         Self::Binary(Box::new(blas.expect("fixtures are valid")))
     }
 
     fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
         match self {
             Self::Loop(records) => brute::closest_hit::<Watertight>(records, ray),
-            Self::Binary(blas) => blas.closest_hit(ray, InstanceId(0), &mut ()),
+            Self::Binary(blas) => blas.closest_hit(ray),
         }
     }
 
@@ -67,7 +67,7 @@ fn scenes() -> Vec<(&'static str, Mesh)> {
         ("displaced icosphere", displaced_icosphere(3, 2)),
         ("scaffold, 3 nodes", scaffold_of(1, true, 3)),
         ("scaffold, 3 nodes, at 1e7", at_1e7(scaffold_of(1, false, 3))),
-        ("room, turned", scenes::room(3, 60).turned()),
+        ("room, turned", scenes::room(3, 60).off_axis()),
     ];
     all.extend(
         ["truss, part", "tubes", "ribbons"].into_iter().zip(scenes::needles().into_iter().skip(1).map(|c| c.mesh)),
@@ -101,9 +101,9 @@ struct Row {
 
 fn shoot(mesh: &Mesh, oracle: &Oracle, n_rays: usize) -> Row {
     let presets = [Preset::Fast, Preset::Balanced, Preset::Quality];
-    let trees: Vec<Wide<Watertight>> = presets
+    let trees: Vec<TriangleBvh<Watertight>> = presets
         .iter()
-        .map(|&preset| Wide::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)))
+        .map(|&preset| TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)))
         .map(|tree| tree.expect("fixtures are valid"))
         .collect();
     let row = Row::default();

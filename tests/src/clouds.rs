@@ -18,7 +18,7 @@ pub fn random_rotation(rng: &mut SplitMix64) -> Quaternion {
         let q = Quaternion { w: rng.signed(), x: rng.signed(), y: rng.signed(), z: rng.signed() };
         let square = q.dot(q);
         if square > 0.01 && square <= 1.0 {
-            return q.normalised();
+            return q.normalized();
         }
     }
 }

@@ -57,7 +57,7 @@ pub fn contains(obb: &Obb, p: [f32; 3]) -> bool {
     determinant > BigInt::ZERO
         && (0..3).all(|k| {
             let numerator = abs(dot(&cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]), &offset));
-            numerator << UNIT_BITS <= whole(obb.half[k]) * &determinant
+            numerator << UNIT_BITS <= whole(obb.half_extents[k]) * &determinant
         })
 }
 
@@ -70,9 +70,9 @@ pub fn contains_box(obb: &Obb, inner: &Obb) -> bool {
     determinant > BigInt::ZERO
         && (0..3).all(|k| {
             let cofactors = cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]);
-            let sides = inner.frame.iter().zip(inner.half);
+            let sides = inner.frame.iter().zip(inner.half_extents);
             let support: BigInt = sides.map(|(axis, half)| abs(dot(&cofactors, &point(*axis))) * whole(half)).sum();
-            (abs(dot(&cofactors, &offset)) << UNIT_BITS) + support <= whole(obb.half[k]) * &determinant
+            (abs(dot(&cofactors, &offset)) << UNIT_BITS) + support <= whole(obb.half_extents[k]) * &determinant
         })
 }
 
@@ -191,7 +191,7 @@ mod tests {
         let obb = Obb {
             center: [1.0; 3],
             frame: [[0.5, 0.5, 0.0], [-0.5, 0.5, 0.0], [0.0, 0.0, 1.0]],
-            half: [2.0, 0.0, 1.0],
+            half_extents: [2.0, 0.0, 1.0],
         };
         assert!(contains(&obb, [2.0, 2.0, 2.0]) && !contains(&obb, [2.0, 2.0, 2.0f32.next_up()]));
         assert!(!contains(&obb, [2.0f32.next_up(), 2.0, 1.0]));
@@ -200,11 +200,14 @@ mod tests {
 
     #[test]
     fn boxes_contain_boxes_up_to_their_corners() {
-        let outer = Obb { center: [1.0; 3], frame: Obb::IDENTITY_FRAME, half: [2.0; 3] };
-        let diamond =
-            Obb { center: [1.0; 3], frame: [[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]], half: [1.0; 3] };
+        let outer = Obb { center: [1.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [2.0; 3] };
+        let diamond = Obb {
+            center: [1.0; 3],
+            frame: [[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            half_extents: [1.0; 3],
+        };
         assert!(contains_box(&outer, &outer) && contains_box(&outer, &diamond));
-        assert!(!contains_box(&outer, &Obb { half: [1.0f32.next_up(), 1.0, 1.0], ..diamond }));
+        assert!(!contains_box(&outer, &Obb { half_extents: [1.0f32.next_up(), 1.0, 1.0], ..diamond }));
         assert!(!contains_box(&outer, &Obb { center: [1.0, 1.0, 2.0f32.next_up()], ..diamond }));
     }
 

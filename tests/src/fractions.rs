@@ -36,7 +36,7 @@ impl BoxEntry {
             let row = cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]);
             // All three in units of 2^(-149·3), times 2^149 for the half-extent.
             let (start, rate) = (dot(&row, &offset) << UNIT_BITS, dot(&row, &direction) << UNIT_BITS);
-            let half = whole(obb.half[k]) * &determinant;
+            let half = whole(obb.half_extents[k]) * &determinant;
             ([-&half - &start, half - start], rate)
         };
         Self::within(ray, slab)
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn rays_meet_boxes_whose_ends_are_closed() {
-        let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0, 1.0, 0.0] };
+        let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0, 1.0, 0.0] };
         let along_z = |x: f32| Ray::new([x, 0.5, -2.0], [0.0, 0.0, 1.0]);
         assert!(meets_box(&along_z(1.0), &obb) && !meets_box(&along_z(1.0f32.next_up()), &obb));
         assert!(meets_box(&Ray { t_max: 2.0, ..along_z(0.0) }, &obb));
@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn entries_are_exact_and_their_errors_count_units() {
-        let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0, 1.0, 0.5] };
+        let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0, 1.0, 0.5] };
         let ray = Ray::new([0.5, 0.5, -2.0], [0.0, 0.0, 2.0]);
         let entry = BoxEntry::of(&ray, &obb).unwrap();
         assert!(entry.is_behind_start(&ray));

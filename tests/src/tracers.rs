@@ -4,13 +4,14 @@ mod device;
 
 use std::{cell::Cell, rc::Rc};
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_gpu::{Choice, Gpu};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Ray, Watertight};
-use canted_wide::{Config, Costs, Preset, SimdPath, Wide};
+use canted_wide::{Config, Costs, Preset, SimdPath, TriangleBvh};
 
 use crate::{
     closed::{baked, mirrors},
@@ -133,26 +134,26 @@ pub fn two_levels() -> Vec<Way> {
 }
 
 /// A binary tree with these volumes.
-fn binary(mesh: &Mesh, strategy: Strategy) -> MeshBlas<Watertight> {
+fn binary(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
     let config = BuildConfig { volumes: VolumeConfig { strategy, fallback: true }, ..BuildConfig::default() };
-    MeshBlas::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
+    Bvh2::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
 }
 
 /// An eight-wide tree.
-fn wide(mesh: &Mesh, config: &Config) -> Wide<Watertight> {
-    Wide::build(&mesh.positions, &mesh.triangles, config).expect("a mesh of finite vertices")
+fn wide(mesh: &Mesh, config: &Config) -> TriangleBvh<Watertight> {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("a mesh of finite vertices")
 }
 
 /// Nodes with a frame for each child so cheap that hardly another is worth having, over leaves of one triangle.
 #[must_use]
 pub fn lean() -> Config {
-    let costs = Costs { box_node: 1e6, shared_node: 1e6, lean_node: 0.01, leaf: 0.0, block: 0.01, max_leaf: 1 };
-    Config { costs, turn: false, ..Config::preset(Preset::Balanced) }
+    let costs = Costs { aligned_node: 1e6, oriented_node: 0.01, leaf: 0.0, block: 0.01, max_leaf: 1 };
+    Config { costs, rotate_mesh: false, ..Config::preset(Preset::Balanced) }
 }
 
 /// A binary tree and what it is over.
 struct OneLevel {
-    blas: MeshBlas<Watertight>,
+    blas: Bvh2<Watertight>,
     mesh: Mesh,
 }
 
@@ -164,20 +165,20 @@ impl OneLevel {
 
 impl Tracer for OneLevel {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.iter().map(|ray| self.blas.closest_hit(ray, InstanceId(0), &mut ())).collect()
+        rays.iter().map(|ray| self.blas.closest_hit(ray)).collect()
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        rays.iter().map(|ray| self.blas.occluded(ray, InstanceId(0), &mut ())).collect()
+        rays.iter().map(|ray| self.blas.occluded(ray)).collect()
     }
 
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
-        let hits = all_hits(|query| self.blas.closest_hit(ray, InstanceId(0), query));
+        let hits = all_hits(|query| self.blas.closest_hit_with(ray, InstanceId(0), query));
         Some(crossings::of_hits(&self.mesh, ray, hits))
     }
 }
 
-impl Tracer for Wide<Watertight> {
+impl Tracer for TriangleBvh<Watertight> {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         let mut hits = vec![None; rays.len()];
         self.closest_hits(rays, &mut hits);
@@ -207,7 +208,7 @@ struct TwoLevels<B: Blas> {
 impl<B: Blas> TwoLevels<B> {
     #[expect(clippy::cast_possible_truncation, reason = "far off will do")]
     fn new(blas: B, mesh: &Mesh, place: &Affine) -> Self {
-        let here = Instance::still(0, *place);
+        let here = Instance::new(0, *place);
         let mut there = here;
         there.world_from_object.columns[3][0] += (9.0 * baked(mesh, place).diagonal()) as f32;
         let tlas = Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible");
@@ -222,16 +223,16 @@ impl<B: Blas> TwoLevels<B> {
 impl<B: Blas> Tracer for TwoLevels<B> {
     /// Only the instance that stands where the mesh does is asked.
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.iter().map(|ray| self.tlas.closest_hit(ray, &mut OfTheFirst)).collect()
+        rays.iter().map(|ray| self.tlas.closest_hit_with(ray, &mut OfTheFirst)).collect()
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        rays.iter().map(|ray| self.tlas.occluded(ray, &mut OfTheFirst)).collect()
+        rays.iter().map(|ray| self.tlas.occluded_with(ray, &mut OfTheFirst)).collect()
     }
 
     /// As the triangles see the ray: in object space, whose winding a mirror turns.
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
-        let hits = all_hits(|query| self.tlas.closest_hit(ray, query));
+        let hits = all_hits(|query| self.tlas.closest_hit_with(ray, query));
         let mut crossings = crossings::of_hits(&self.mesh, &instances::ray_object(&self.place, ray), hits);
         if mirrors(&self.place) {
             crossings.iter_mut().for_each(|hit| hit.side = opposite(hit.side));

@@ -8,9 +8,9 @@ use canted_lbvh::{
 };
 
 fn build(mesh: &Mesh) -> (Tree, Vec<Corners>) {
-    let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
-    let codes = lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
-    let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
+    let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
+    let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
+    let tree = lbvh::radix(lbvh::sort_by_code(&codes, Bits::B63));
     let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
     (tree, sorted)
 }

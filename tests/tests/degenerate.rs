@@ -6,18 +6,18 @@
 
 use std::time::{Duration, Instant};
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, equal_centroids, grazing, identical, outlier, soup};
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_tests::brute;
-use canted_tlas::{Blas, BuildConfig, MeshBlas};
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
 
 fn config(strategy: Strategy, bits: Bits) -> BuildConfig {
     BuildConfig { bits, volumes: VolumeConfig { strategy, fallback: true } }
 }
 
-fn build(mesh: &Mesh, config: &BuildConfig) -> MeshBlas<Watertight> {
-    MeshBlas::build(&mesh.positions, &mesh.triangles, config).unwrap()
+fn build(mesh: &Mesh, config: &BuildConfig) -> Bvh2<Watertight> {
+    Bvh2::build(&mesh.positions, &mesh.triangles, config).unwrap()
 }
 
 /// A scene of `n` triangles by name.
@@ -69,9 +69,9 @@ fn depth_stays_within_its_bound() {
         for n in [1, 2, 3, 7, 1000, 4097, 100_000] {
             for (bits, n_bits) in [(Bits::B30, 30), (Bits::B63, 63)] {
                 let mesh = mesh(n);
-                let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
-                let codes = lbvh::codes(&Domain::new(&bounds, 3, bits), &corners);
-                let tree = lbvh::radix(lbvh::by_code(&codes, bits));
+                let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
+                let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, bits), &corners);
+                let tree = lbvh::radix(lbvh::sort_by_code(&codes, bits));
                 // Each step down tells codes apart by a bit, then positions; the leaf counts too.
                 let n_position_bits = n.next_power_of_two().trailing_zeros();
                 assert!(tree.depth <= n_bits + n_position_bits + 1, "{name}, {n}, {bits:?}: {}", tree.depth);
@@ -87,16 +87,16 @@ fn one_code_for_all_makes_a_balanced_tree() {
         let mesh = mesh(100_000);
         let blas = build(&mesh, &config(Strategy::Aabb, Bits::B63));
         // 2^17 is the next power of two; the leaf is one more.
-        assert_eq!(blas.binary().depth(), 18, "{name}");
+        assert_eq!(blas.pairs().depth(), 18, "{name}");
     }
 }
 
 /// Mean tests a ray, of boxes and triangles together.
 #[expect(clippy::cast_precision_loss, reason = "counts far below 2^52")]
-fn tests_per_ray(blas: &MeshBlas<Watertight>, rays: &[Ray]) -> f64 {
+fn tests_per_ray(blas: &Bvh2<Watertight>, rays: &[Ray]) -> f64 {
     let mut counts = Counts::default();
     for ray in rays {
-        blas.closest_hit(ray, InstanceId(0), &mut counts);
+        blas.closest_hit_with(ray, InstanceId(0), &mut counts);
     }
     (counts.boxes + counts.triangles) as f64 / rays.len() as f64
 }
@@ -140,7 +140,7 @@ fn triangles_that_coincide_are_tried_once_each_and_missed_at_once() {
         let blas = build(&mesh, &config(strategy, Bits::B63));
         let trace = |ray: &Ray| {
             let mut counts = Counts::default();
-            (blas.closest_hit(ray, InstanceId(0), &mut counts).map(|hit| hit.primitive.0), counts)
+            (blas.closest_hit_with(ray, InstanceId(0), &mut counts).map(|hit| hit.primitive.0), counts)
         };
         let (hit, counts) = trace(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]));
         assert_eq!((hit, counts.triangles), (Some(0), u64::from(n)), "{strategy:?}");
@@ -149,7 +149,7 @@ fn triangles_that_coincide_are_tried_once_each_and_missed_at_once() {
         assert_eq!((hit, counts.triangles), (None, 0), "{strategy:?}");
         assert!(counts.boxes <= 3, "{strategy:?}: {counts:?}");
         let mut any = Counts::default();
-        assert!(blas.occluded(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]), InstanceId(0), &mut any));
+        assert!(blas.occluded_with(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]), InstanceId(0), &mut any));
         assert_eq!(any.triangles, 1, "{strategy:?}");
         assert!(any.boxes < 40, "{strategy:?}: {any:?}");
     }
@@ -167,12 +167,8 @@ fn degenerate_scenes_are_traced_like_the_loop() {
                     let blas = build(&mesh, &config(strategy, bits));
                     for ray in &rays {
                         let want = brute::closest_hit::<Watertight>(&records, ray);
-                        assert_eq!(
-                            blas.closest_hit(ray, InstanceId(0), &mut ()),
-                            want,
-                            "{name}, {n}, {strategy:?}, {ray:?}"
-                        );
-                        assert_eq!(blas.occluded(ray, InstanceId(0), &mut ()), want.is_some());
+                        assert_eq!(blas.closest_hit(ray), want, "{name}, {n}, {strategy:?}, {ray:?}");
+                        assert_eq!(blas.occluded(ray), want.is_some());
                     }
                 }
             }
@@ -185,7 +181,7 @@ fn degenerate_scenes_are_traced_like_the_loop() {
 fn a_chain_breaks_the_bounds() {
     let n = 2_000u32;
     let mesh = soup(9, n);
-    let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
+    let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let chain: Vec<_> = (0..n - 1)
         .map(|i| {
             let rest = if i + 2 < n { lbvh::Child::inner(lbvh::NodeId(i + 1)) } else { lbvh::Child::leaf(n - 1) };
@@ -196,6 +192,6 @@ fn a_chain_breaks_the_bounds() {
     assert_eq!(tree.depth, n);
     let config = config(Strategy::Aabb, Bits::B63);
     let rays = rays_at(&mesh, 100);
-    let chained = tests_per_ray(&MeshBlas::over(tree, &corners, &bounds, &config), &rays);
+    let chained = tests_per_ray(&Bvh2::over(tree, &corners, &bounds, &config), &rays);
     assert!(chained > 10.0 * tests_per_ray(&build(&mesh, &config), &rays), "{chained} tests a ray");
 }

@@ -5,10 +5,10 @@
 //! Not covered here: rays within the margin, of which only `watertight.rs` asks something; instances, for which
 //! `instances.rs` has bounds.
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_tests::judge::{Tally, compare, corners, margin, meshes, rays};
-use canted_tlas::{Blas, BuildConfig, MeshBlas};
 use canted_trace::{Hit, InstanceId, Query, Watertight};
 
 /// Refuses every hit, and so is shown all of them.
@@ -22,9 +22,9 @@ impl Query for Collect {
     }
 }
 
-fn build(mesh: &Mesh, strategy: Strategy) -> MeshBlas<Watertight> {
+fn build(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
     let volumes = VolumeConfig { strategy, fallback: true };
-    MeshBlas::build(&mesh.positions, &mesh.triangles, &BuildConfig { volumes, ..BuildConfig::default() }).unwrap()
+    Bvh2::build(&mesh.positions, &mesh.triangles, &BuildConfig { volumes, ..BuildConfig::default() }).unwrap()
 }
 
 #[test]
@@ -35,7 +35,7 @@ fn trees_hit_what_is_pierced_and_nothing_that_is_missed() {
             let blas = build(&mesh, strategy);
             for ray in rays(&mesh, 60, seed) {
                 let mut all = Collect::default();
-                assert_eq!(blas.closest_hit(&ray, InstanceId(0), &mut all), None);
+                assert_eq!(blas.closest_hit_with(&ray, InstanceId(0), &mut all), None);
                 compare(&mesh, &ray, &all.0, &mut tally).unwrap_or_else(|e| panic!("{name}, {strategy:?}: {e}"));
             }
         }
@@ -51,9 +51,9 @@ fn the_closest_hit_is_the_least_of_all() {
     for (name, mesh) in meshes() {
         let blas = build(&mesh, Strategy::Dop);
         for ray in rays(&mesh, 60, 5) {
-            let hit = blas.closest_hit(&ray, InstanceId(0), &mut ());
+            let hit = blas.closest_hit(&ray);
             let mut all = Collect::default();
-            blas.closest_hit(&ray, InstanceId(0), &mut all);
+            blas.closest_hit_with(&ray, InstanceId(0), &mut all);
             let least = all.0.into_iter().reduce(|a, b| if b.before(&a) { b } else { a });
             assert_eq!(hit, least, "{name}: {ray:?}");
         }
@@ -67,7 +67,7 @@ fn a_vertex_moved_by_a_hundred_margins_is_seen() {
         for ray in rays(&mesh, 300, 6) {
             let blas = build(&mesh, Strategy::Aabb);
             let mut all = Collect::default();
-            blas.closest_hit(&ray, InstanceId(0), &mut all);
+            blas.closest_hit_with(&ray, InstanceId(0), &mut all);
             let mut moved = mesh.clone();
             let by = 100.0 * margin(&ray, &corners(&mesh, &mesh.triangles[0])).along;
             moved.positions.iter_mut().for_each(|p| *p = p.map(|x| x + by));

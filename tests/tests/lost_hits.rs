@@ -3,10 +3,10 @@
 //! Every strategy, with and without fallback, every kernel, rays through vertices and edges, in face planes, along
 //! axes, from far away. Not covered here: instances (`instances.rs`), pictures (`threads.rs`).
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, grazing};
 use canted_lbvh::{Bits, Strategy, VolumeConfig};
 use canted_tests::{brute, scenes};
-use canted_tlas::{Blas, BuildConfig, MeshBlas};
 use canted_trace::{BaldwinWeber, Counts, InstanceId, Kernel, MollerTrumbore, Ray, Watertight};
 
 fn rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
@@ -38,11 +38,11 @@ fn agrees<K: Kernel>(name: &str, mesh: &Mesh, configs: &[VolumeConfig], n: usize
     let wants: Vec<_> = rays.iter().map(|ray| brute::closest_hit::<K>(&records, ray)).collect();
     for &volumes in configs {
         let config = BuildConfig { bits: Bits::B63, volumes };
-        let blas = MeshBlas::<K>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+        let blas = Bvh2::<K>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
         for (ray, want) in rays.iter().zip(&wants) {
-            let got = blas.closest_hit(ray, InstanceId(0), &mut ());
+            let got = blas.closest_hit(ray);
             assert_eq!(got, *want, "{name}, {volumes:?}, {ray:?}");
-            assert_eq!(blas.occluded(ray, InstanceId(0), &mut ()), want.is_some(), "{name}, {volumes:?}, {ray:?}");
+            assert_eq!(blas.occluded(ray), want.is_some(), "{name}, {volumes:?}, {ray:?}");
         }
     }
 }
@@ -85,13 +85,14 @@ fn scales_by_powers_of_two_change_no_bit() {
     let hits = |exponent: i32| -> Vec<_> {
         let scale = 2.0f32.powi(exponent);
         let positions: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| x * scale)).collect();
-        let blas = MeshBlas::<Watertight>::build(&positions, &mesh.triangles, &config).unwrap();
+        let blas = Bvh2::<Watertight>::build(&positions, &mesh.triangles, &config).unwrap();
         let scaled = |ray: &Ray| Ray { origin: ray.origin.map(|x| x * scale), ..*ray };
         let mut counts = Counts::default();
         let hits: Vec<_> = rays(mesh, 50)
             .iter()
             .map(|ray| {
-                blas.closest_hit(&scaled(ray), InstanceId(0), &mut counts).map(|h| (h.t / scale, h.u, h.v, h.primitive))
+                blas.closest_hit_with(&scaled(ray), InstanceId(0), &mut counts)
+                    .map(|h| (h.t / scale, h.u, h.v, h.primitive))
             })
             .collect();
         assert!(hits.iter().flatten().count() > 100);
@@ -105,12 +106,12 @@ fn scales_by_powers_of_two_change_no_bit() {
 #[test]
 fn pruning_does_fewer_tests_than_the_loop() {
     let mesh = &scenes::shapes()[2].mesh;
-    let blas = MeshBlas::<Watertight>::build(&mesh.positions, &mesh.triangles, &BuildConfig::default()).unwrap();
+    let blas = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &BuildConfig::default()).unwrap();
     let rays = rays(mesh, 100);
     let (mut closest, mut any) = (Counts::default(), Counts::default());
     for ray in &rays {
-        blas.closest_hit(ray, InstanceId(0), &mut closest);
-        blas.occluded(ray, InstanceId(0), &mut any);
+        blas.closest_hit_with(ray, InstanceId(0), &mut closest);
+        blas.occluded_with(ray, InstanceId(0), &mut any);
     }
     let all = (rays.len() * mesh.triangles.len()) as u64;
     assert!(closest.triangles * 10 < all, "{closest:?} of {all}");

@@ -4,13 +4,13 @@
 //! Not covered here: how much smaller leaning volumes are (the program's `stats` reports it); what rays make of them
 //! (`lost_hits.rs`); the build without the feature `parallel`, which needs a compilation of its own.
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, grazing, grid, soup};
 use canted_lbvh::{
     self as lbvh, Bits, ChildKind, Corners, Domain, NodeId, Strategy, Tree, Volume, VolumeConfig, Volumes,
 };
 use canted_obb::{Obb, merge};
 use canted_tests::{exact, scenes};
-use canted_tlas::{Blas, BuildConfig, MeshBlas};
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
 
 fn configs() -> impl Iterator<Item = VolumeConfig> {
@@ -18,9 +18,9 @@ fn configs() -> impl Iterator<Item = VolumeConfig> {
 }
 
 fn build(mesh: &Mesh) -> (Tree, Vec<Corners>) {
-    let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
-    let codes = lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
-    let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
+    let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
+    let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
+    let tree = lbvh::radix(lbvh::sort_by_code(&codes, Bits::B63));
     let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
     (tree, sorted)
 }
@@ -45,21 +45,21 @@ fn every_strategy_contains_every_vertex() {
 /// The nodes with few leaves, where boxes are tightest, and the root.
 #[test]
 fn integers_find_every_vertex_inside() {
-    let mut n_leaning = 0;
+    let mut n_oriented = 0;
     for case in scenes::cases() {
         let (tree, leaves) = build(&case.mesh);
         for config in configs() {
             let volumes = lbvh::volumes(&tree, &leaves, &config);
             for id in nodes(&tree).filter(|id| *id == NodeId::ROOT || id.0 % 37 == 5) {
                 let (node, Volume::Obb(obb)) = (tree.nodes[id.index()], volumes.of(id)) else { continue };
-                n_leaning += 1;
+                n_oriented += 1;
                 for &p in leaves[node.first as usize..=node.last as usize].iter().take(8).flatten() {
                     assert!(exact::contains(obb, p), "{}, {config:?}, {id:?}: {p:?} outside {obb:?}", case.name);
                 }
             }
         }
     }
-    assert!(n_leaning > 1000, "{n_leaning} boxes lean");
+    assert!(n_oriented > 1000, "{n_oriented} boxes lean");
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn the_integers_see_a_box_shrunk_by_a_millionth() {
     let (tree, leaves) = build(&scenes::shapes()[0].mesh);
     let volumes = lbvh::volumes(&tree, &leaves, &VolumeConfig { strategy: Strategy::Dop, fallback: false });
     let Volume::Obb(obb) = volumes.of(NodeId::ROOT) else { panic!("the root must lean without fallback") };
-    let short = Obb { half: obb.half.map(|h| h * (1.0 - 1e-6)), ..*obb };
+    let short = Obb { half_extents: obb.half_extents.map(|h| h * (1.0 - 1e-6)), ..*obb };
     assert!(leaves.iter().flatten().any(|&p| !exact::contains(&short, p)));
 }
 
@@ -138,15 +138,15 @@ fn build_bits(mesh: &Mesh, config: &VolumeConfig) -> (Tree, Vec<u32>) {
     for id in nodes(&tree) {
         let aabb = volumes.aabbs[id.index()];
         bits.extend([aabb.min, aabb.max].into_iter().flatten().map(f32::to_bits));
-        if let Volume::Obb(Obb { center, frame: [x, y, z], half }) = volumes.of(id) {
+        if let Volume::Obb(Obb { center, frame: [x, y, z], half_extents: half }) = volumes.of(id) {
             bits.extend([*center, *x, *y, *z, *half].into_iter().flatten().map(f32::to_bits));
         }
     }
     let config = BuildConfig { bits: Bits::B63, volumes: *config };
-    let blas = MeshBlas::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+    let blas = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
     let mut counts = Counts::default();
     for ray in grazing(mesh, Grazing::Edges, 200, 8) {
-        let hit = blas.closest_hit(&Ray::new(ray.origin, ray.direction), InstanceId(0), &mut counts);
+        let hit = blas.closest_hit_with(&Ray::new(ray.origin, ray.direction), InstanceId(0), &mut counts);
         bits.extend(hit.iter().flat_map(|hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive.0]));
     }
     bits.extend([counts.boxes, counts.triangles].map(|n| u32::try_from(n).unwrap()));

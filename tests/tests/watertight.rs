@@ -4,11 +4,12 @@
 //! instances that turn, shear and mirror. Not covered here: how often a ray crosses (parity), meshes whose neighbours
 //! do not share vertices, seams between two instances; both of these have gaps in their data.
 
+use canted_bvh2::{BuildConfig, Bvh2, PairOrder};
 use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tests::closed::{Place, baked, closed, places, rays};
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, PairOrder, Tlas, TopConfig};
+use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
 
 /// Rays from inside, and as many from outside, for each mesh, place, strategy and number of levels.
@@ -26,19 +27,16 @@ fn far_off(mesh: &Mesh) -> f32 {
 /// How many rays leak through one level over the baked mesh, and through two levels over the mesh itself.
 fn leaks(mesh: &Mesh, world_from_object: &Affine, strategy: Strategy, rays: &[Ray]) -> [usize; 2] {
     let world = baked(mesh, world_from_object);
-    let one = MeshBlas::<Watertight>::build(&world.positions, &world.triangles, &config(strategy)).unwrap();
-    let bottom = MeshBlas::<Watertight>::build(&mesh.positions, &mesh.triangles, &config(strategy)).unwrap();
-    let instance = Instance::still(0, *world_from_object);
+    let one = Bvh2::<Watertight>::build(&world.positions, &world.triangles, &config(strategy)).unwrap();
+    let bottom = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config(strategy)).unwrap();
+    let instance = Instance::new(0, *world_from_object);
     // A second instance far off makes the top level a tree.
     let mut other = instance;
     other.world_from_object.columns[3][0] += far_off(&world);
     let two = Tlas::new(vec![bottom], &[instance, other], TopConfig::Binary(config(strategy).volumes)).unwrap();
-    let leaks_one = |ray: &&Ray| {
-        one.closest_hit(ray, InstanceId(0), &mut ()).is_none() || !one.occluded(ray, InstanceId(0), &mut ())
-    };
-    let leaks_two = |ray: &&Ray| {
-        two.closest_hit(ray, &mut ()).is_none_or(|hit| hit.instance != InstanceId(0)) || !two.occluded(ray, &mut ())
-    };
+    let leaks_one = |ray: &&Ray| one.closest_hit(ray).is_none() || !one.occluded(ray);
+    let leaks_two =
+        |ray: &&Ray| two.closest_hit(ray).is_none_or(|hit| hit.instance != InstanceId(0)) || !two.occluded(ray);
     [rays.iter().filter(leaks_one).count(), rays.iter().filter(leaks_two).count()]
 }
 
@@ -76,14 +74,15 @@ fn a_hole_is_seen() {
 #[test]
 fn a_box_too_small_is_seen() {
     let closed = &closed()[0];
-    let (corners, bounds) = lbvh::gather(&closed.mesh.positions, &closed.mesh.triangles).unwrap();
-    let tree = lbvh::radix(lbvh::by_code(&lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners), Bits::B63));
+    let (corners, bounds) = lbvh::triangle_corners(&closed.mesh.positions, &closed.mesh.triangles).unwrap();
+    let tree =
+        lbvh::radix(lbvh::sort_by_code(&lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners), Bits::B63));
     let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
     let mut volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig::default());
     let rays = rays(&closed.mesh, closed, &Affine::IDENTITY, N_RAYS, 7);
     let leaks = |volumes: &lbvh::Volumes| {
-        let blas = MeshBlas::<Watertight>::new(tree.clone(), volumes, sorted.clone(), &bounds, PairOrder::Numbered);
-        rays.iter().filter(|ray| blas.closest_hit(ray, InstanceId(0), &mut ()).is_none()).count()
+        let blas = Bvh2::<Watertight>::new(tree.clone(), volumes, sorted.clone(), &bounds, PairOrder::Numbered);
+        rays.iter().filter(|ray| blas.closest_hit(ray).is_none()).count()
     };
     assert_eq!(leaks(&volumes), 0);
     for aabb in &mut volumes.aabbs[1..] {

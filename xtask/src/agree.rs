@@ -1,9 +1,8 @@
-//! `cargo xtask agree A B`: whether two reports, as of a quick run and of a full one, say the same of what both measured.
+//! `cargo xtask agree A B`: compares two reports, e.g. of a quick and a full run, where they measured the same.
 //!
-//! Points of plots are compared that have the same plot, series, label and place; they agree where their repetitions meet.
-//! Plots of other sizes have other titles, so what was made larger in a full run is not compared with what was not. What is
-//! interleaved is a plot, and between two runs the machine's clock and caches change: so times are compared after the median ratio
-//! of the times of their plot, which is told.
+//! Two points are compared if plot, series, label and position are the same; they agree if the ranges of their repetitions
+//! overlap. Plots of different sizes have different titles. Clock and caches of the machine change between two runs, so
+//! times are divided by the median ratio of all times of their plot, which is printed.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -15,7 +14,7 @@ use crate::command::say;
 /// Every repetition, by what was measured: plot, series, label, axis.
 type Measured = BTreeMap<[String; 4], Vec<f64>>;
 
-/// Prints what does not agree; whether everything does.
+/// Prints the values that disagree. Returns whether all agree.
 pub(crate) fn run(a: &Path, b: &Path) -> Result<bool> {
     let [a, b] = [a, b].map(|path| -> Result<Measured> {
         let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -36,15 +35,15 @@ pub(crate) fn run(a: &Path, b: &Path) -> Result<bool> {
     Ok(apart.is_empty())
 }
 
-/// What two reports say of the same.
+/// How two reports compare.
 #[derive(Debug, Default, PartialEq)]
 struct Compared {
     n_shared: usize,
     n_times: usize,
     n_times_apart: usize,
-    /// A line for each plot of times: how much more those of the second report are.
+    /// A line for each plot of times: the ratio of the second report to the first.
     speeds: Vec<String>,
-    /// A line for each value that does not agree.
+    /// A line for each value that disagrees.
     apart: Vec<String>,
 }
 
@@ -62,7 +61,7 @@ fn compare(a: &Measured, b: &Measured) -> Compared {
         if is_of_time(axis) {
             all.n_times += shared.len();
             speed = median(shared.iter().map(|(_, a, b)| median(b.iter().copied()) / median(a.iter().copied())));
-            all.speeds.push(format!("{plot}, {axis}: {speed:.2} times, by the median"));
+            all.speeds.push(format!("{plot}, {axis}: {speed:.2} times (median)"));
         }
         for (key, a, b) in shared {
             let ([low, high], [other_low, other_high]) = (range(a), range(b));
@@ -76,7 +75,7 @@ fn compare(a: &Measured, b: &Measured) -> Compared {
     all
 }
 
-/// Whether an axis shows what a machine's speed changes.
+/// Whether an axis depends on the speed of the machine.
 fn is_of_time(axis: &str) -> bool {
     let unit = axis.split_once(' ').map_or(axis, |(first, _)| first);
     unit == "ns" || axis.ends_with(" a second") || [", s", ", ms", ", ns"].iter().any(|unit| axis.ends_with(unit))
@@ -92,7 +91,7 @@ fn range(values: &[f64]) -> [f64; 2] {
     values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
 }
 
-/// The points of a report that were measured more than once; of an axis of single numbers the number is a place.
+/// The points of a report that were measured more than once. A single number on an axis is part of the key.
 fn measured(report: &Value) -> Measured {
     let list = |value: &Value, key: &str| value[key].as_array().cloned().unwrap_or_default();
     let word = |value: &Value| value.as_str().unwrap_or_default().to_owned();
@@ -102,13 +101,13 @@ fn measured(report: &Value) -> Measured {
             for point in list(&series, "points") {
                 let [x, y] = ["x", "y"]
                     .map(|axis| -> Vec<f64> { list(&point, axis).iter().filter_map(Value::as_f64).collect() });
-                let place =
+                let position =
                     if let [x] = x[..] { format!("{} {x}", word(&point["label"])) } else { word(&point["label"]) };
                 for (axis, values) in [("x", x), ("y", y)] {
                     if values.len() > 1 {
                         let label = word(&plot[axis]["label"]);
                         all.insert(
-                            [word(&plot["title"]), word(&series["name"]), place.trim().to_owned(), label],
+                            [word(&plot["title"]), word(&series["name"]), position.trim().to_owned(), label],
                             values,
                         );
                     }
@@ -135,28 +134,31 @@ mod tests {
     }
 
     #[test]
-    fn repetitions_that_meet_agree() {
+    fn overlapping_repetitions_agree() {
         let a = report("t", "area", &[&[1.0, 2.0]]);
-        let met = compare(&a, &report("t", "area", &[&[2.0, 3.0]]));
-        assert_eq!(met, Compared { n_shared: 1, ..Compared::default() });
+        let compared = compare(&a, &report("t", "area", &[&[2.0, 3.0]]));
+        assert_eq!(compared, Compared { n_shared: 1, ..Compared::default() });
         let apart = compare(&a, &report("t", "area", &[&[2.1, 3.0]])).apart;
         assert!(apart.len() == 1 && apart[0].starts_with("t, s, p 0, area: 1"), "{apart:?}");
     }
 
     #[test]
-    fn a_slower_machine_is_told_and_another_order_is_apart() {
+    fn a_slower_machine_agrees_and_another_order_does_not() {
         let lists: [&[f64]; 3] = [&[1.0, 1.1], &[2.0, 2.1], &[3.0, 3.1]];
         let a = report("t", "ns a ray", &lists);
         let slower: [&[f64]; 3] = [&[2.0, 2.2], &[4.0, 4.2], &[6.0, 6.2]];
-        let met = compare(&a, &report("t", "ns a ray", &slower));
-        assert!(met.apart.is_empty() && met.n_times == 3 && met.speeds[0].contains("2.00 times"), "{met:?}");
+        let compared = compare(&a, &report("t", "ns a ray", &slower));
+        assert!(
+            compared.apart.is_empty() && compared.n_times == 3 && compared.speeds[0].contains("2.00 times"),
+            "{compared:?}"
+        );
         let swapped: [&[f64]; 3] = [&[2.0, 2.2], &[6.0, 6.2], &[4.0, 4.2]];
         assert_eq!(compare(&a, &report("t", "ns a ray", &swapped)).n_times_apart, 2);
         assert_eq!(compare(&report("t", "area", &lists), &report("t", "area", &slower)).apart.len(), 3);
     }
 
     #[test]
-    fn units_of_time_are_known() {
+    fn units_of_time_are_recognized() {
         assert!(
             ["ns", "ns a test", "build, s", "picture, ms", "a camera ray, ns", "million rays a second"].map(is_of_time)
                 == [true; 6]
@@ -165,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn other_plots_places_and_single_values_are_not_compared() {
+    fn other_plots_positions_and_single_values_are_not_compared() {
         let a = report("t", "ns", &[&[1.0, 2.0]]);
         let (one, other) = (&[9.0][..], &[9.0, 9.5][..]);
         for b in [report("u", "ns", &[other]), report("t", "ns", &[one, other]), report("t", "ns", &[one])] {

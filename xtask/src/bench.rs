@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: measures, and writes into `benches/RESULTS.md`.
+//! `cargo xtask bench`: runs benchmarks and writes `benches/RESULTS.md`.
 
 use std::{
     env, fs,
@@ -13,25 +13,25 @@ use crate::{
     workspace,
 };
 
-/// Where no section is measured again: what stands above all of them.
+/// The text above all sections.
 const PREAMBLE: &str = "# Results
 
-Written by `cargo xtask bench` and `cargo xtask report --keep`; change nothing by hand. A run replaces the sections it measures; each says where, when and
-how it was measured.
+Written by `cargo xtask bench` and `cargo xtask report --keep`; do not edit. A run replaces the sections it measures. Each section
+states machine, compiler, commit, date and command.
 ";
 
-/// Where results are kept, from the root of the workspace.
+/// The file of results, from the root of the workspace.
 pub(crate) const RESULTS: &str = "benches/RESULTS.md";
 
-/// The word among the arguments that builds the peers in other languages too.
+/// The argument that adds peers written in other languages.
 pub(crate) const PEERS: &str = "--peers";
 
-/// Variables that change what is measured.
+/// Environment variables that change results.
 const VARIABLES: [&str; 2] = ["RUSTFLAGS", "CANTED_EMBREE"];
 
-/// Runs the benches' program with `args`, and writes its sections into the results, each with where, when and how.
+/// Runs the benchmark program with `args` and writes its sections into the results.
 pub(crate) fn run(args: &[&str]) -> Result<bool> {
-    // Asked before the measuring, which may take an hour in which files change.
+    // Read before measuring, which may take an hour in which files change.
     let facts = facts(args)?;
     let mut command = program(args);
     command.args(args.iter().filter(|&&arg| arg != PEERS));
@@ -39,13 +39,13 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
     if !output.status.success() {
         bail!("canted-bench failed: {}", output.status);
     }
-    let measured = String::from_utf8(output.stdout).context("canted-bench wrote something that is not text")?;
+    let measured = String::from_utf8(output.stdout).context("canted-bench wrote invalid UTF-8")?;
     merge(&measured, &facts)?;
     Ok(true)
 }
 
-/// The benches' program, with the peers where `args` ask for them. All packages stand in the selection, so that it shares what
-/// `cargo build --release` compiled.
+/// The benchmark program, with the peers where `args` request them. Cargo selects all packages, so that features and therefore
+/// compiled dependencies are those of `cargo build --release`.
 pub(crate) fn program(args: &[&str]) -> Command {
     let mut command = cargo(&["run", "--release", "--bin", "canted-bench"]);
     if args.contains(&PEERS) {
@@ -55,7 +55,7 @@ pub(crate) fn program(args: &[&str]) -> Command {
     command
 }
 
-/// Writes measured sections into the results, each with where, when and how.
+/// Writes measured sections into the results, each with its facts.
 pub(crate) fn merge(measured: &str, facts: &str) -> Result<()> {
     let path = workspace::root().join(RESULTS);
     let old = fs::read_to_string(&path).unwrap_or_default();
@@ -80,10 +80,10 @@ fn facts(args: &[&str]) -> Result<String> {
     ]))
 }
 
-/// The command as it was given: the variables that change what is measured, then `cargo xtask` with the task and its arguments.
+/// The command as it was given: environment variables that change results, then `cargo xtask` with task and arguments.
 pub(crate) fn words(task: &str, args: &[&str], variable: impl Fn(&str) -> Option<String>) -> String {
     let variables = VARIABLES.iter().filter_map(|&name| match (name, variable(name)?) {
-        // Where a library lies is nobody's business; that one was named is.
+        // The path of a library is private; that one was given is not.
         ("CANTED_EMBREE", _) => Some("CANTED_EMBREE=…".to_owned()),
         (name, value) => Some(format!("{name}='{value}'")),
     });
@@ -96,10 +96,10 @@ pub(crate) fn facts_of(values: &[&str]) -> String {
     format!("*{}*", values.iter().map(|value| value.trim()).collect::<Vec<_>>().join("; "))
 }
 
-/// The old results with the measured sections in the place of those of the same title, new ones last.
+/// The old results with sections of the same title replaced, and new ones last.
 fn merged(old: &str, measured: &str, facts: &str) -> String {
     let (above, mut sections) = sections(old);
-    // Results of an older form say where, when and how once, in a table above all sections.
+    // Older results have one table of facts above all sections.
     let shared: Vec<&str> = above.lines().filter_map(table_value).collect();
     if !shared.is_empty() {
         for (_, body) in &mut sections {
@@ -120,13 +120,13 @@ fn merged(old: &str, measured: &str, facts: &str) -> String {
     text
 }
 
-/// The second cell of a table's row that names something.
+/// The second cell of a table row with a non-empty first cell.
 fn table_value(line: &str) -> Option<&str> {
     let (name, value) = line.strip_prefix("| ")?.strip_suffix('|')?.split_once('|')?;
     (!name.trim().is_empty()).then_some(value.trim())
 }
 
-/// What stands above the first section, then title and body of each.
+/// The text above the first section, then title and body of each section.
 fn sections(text: &str) -> (String, Vec<(String, String)>) {
     let (mut above, mut sections) = (String::new(), Vec::<(String, String)>::new());
     for line in text.lines() {
@@ -139,7 +139,7 @@ fn sections(text: &str) -> (String, Vec<(String, String)>) {
     (above, sections)
 }
 
-/// Name of the processor, as far as the system tells.
+/// Name of the processor, as reported by the system.
 pub(crate) fn processor() -> String {
     let linux = || model_name(&fs::read_to_string("/proc/cpuinfo").ok()?);
     let mac = || command::output("sysctl", &["-n", "machdep.cpu.brand_string"]).ok();
@@ -156,14 +156,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_processor_is_the_first_that_is_listed() {
+    fn the_processor_is_the_first_in_the_list() {
         let cpuinfo = "processor\t: 0\nmodel name\t: Fast CPU @ 3.00GHz\n\nprocessor\t: 1\nmodel name\t: Slow\n";
         assert_eq!(model_name(cpuinfo).as_deref(), Some("Fast CPU @ 3.00GHz"));
         assert_eq!(model_name("processor\t: 0\n"), None);
     }
 
     #[test]
-    fn the_facts_say_where_when_and_how() {
+    fn facts_name_compiler_date_and_command() {
         let facts = facts(&["--rounds", "3"]).unwrap();
         for part in ["; rustc 1.", "cargo xtask bench --rounds 3`*", "; 20"] {
             assert!(facts.contains(part), "{facts}");
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn variables_that_change_what_is_measured_stand_before_the_command() {
+    fn environment_variables_precede_the_command() {
         let set = |name: &str| match name {
             "RUSTFLAGS" => Some("-C target-cpu=x86-64-v3".to_owned()),
             "CANTED_EMBREE" => Some("/a/folder".to_owned()),

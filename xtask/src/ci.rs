@@ -1,6 +1,6 @@
-//! `cargo xtask ci`: everything that is checked before a change is taken.
+//! `cargo xtask ci`: all checks.
 //!
-//! Every step runs even where an earlier one failed; the tests come last, so that the output ends on their count.
+//! Every step runs, even after a failure. Tests run last, so that the output ends with their count.
 
 use std::{
     fs,
@@ -11,8 +11,8 @@ use std::{
 use anyhow::{Context, Result, ensure};
 
 use crate::{
-    command::{cargo, has_cargo_command, say, succeeds},
-    png, test, tidy, workspace,
+    command::{self, cargo, has_cargo_command, say, succeeds},
+    png, publish, test, tidy, workspace,
 };
 
 /// How a step ended.
@@ -30,18 +30,21 @@ impl End {
 
 type Step = (&'static str, fn() -> Result<End>);
 
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 11] = [
     ("formatting", formatting),
     ("tidy", || tidy::run().map(End::of)),
     ("lints", lints),
     ("documentation", documentation),
     ("features", features),
+    ("oldest compiler", oldest_compiler),
+    ("wasm32", wasm),
     ("dependencies", dependencies),
+    ("packages", packages),
     ("benches as tests", benches),
     ("a short render", short_render),
 ];
 
-/// Runs all steps, then the tests; the last line of the output is the count of tests. Whether all is well.
+/// Runs all steps, then the tests. Returns whether all passed.
 pub(crate) fn run() -> Result<bool> {
     let mut report = vec![];
     let mut is_well = true;
@@ -72,7 +75,7 @@ pub(crate) fn run() -> Result<bool> {
     Ok(is_well)
 }
 
-/// Runs a step under its heading; a step that cannot run has failed.
+/// Runs a step under its heading; a step that returns an error has failed.
 fn timed(name: &str, step: impl FnOnce() -> Result<End>) -> (End, Duration) {
     say(&format!("\n== {name}"));
     let start = Instant::now();
@@ -83,7 +86,7 @@ fn timed(name: &str, step: impl FnOnce() -> Result<End>) -> (End, Duration) {
     (end, start.elapsed())
 }
 
-/// Runs `cargo NAME`, or says that it is not installed.
+/// Runs `cargo NAME`, or skips it where it is not installed.
 fn if_installed(name: &str, command: &mut Command) -> Result<End> {
     if !has_cargo_command(name) {
         return Ok(End::Skipped(format!("cargo {name} is not installed")));
@@ -104,7 +107,7 @@ fn documentation() -> Result<End> {
     succeeds(command.env("RUSTDOCFLAGS", "-D warnings")).map(End::of)
 }
 
-/// Every package that has features, without any and with each alone.
+/// Checks every package that has features: without any, and with each one alone.
 fn features() -> Result<End> {
     let (check, flags): (_, &[_]) =
         if has_cargo_command("clippy") { ("clippy", &["--", "-D", "warnings"]) } else { ("check", &[]) };
@@ -119,23 +122,55 @@ fn features() -> Result<End> {
     Ok(End::of(is_well))
 }
 
-/// Licences, sources and duplicates; advisories are left out because they need a network.
+/// Checks the library with the oldest supported compiler, where it is installed.
+fn oldest_compiler() -> Result<End> {
+    let manifest = fs::read_to_string(workspace::root().join("Cargo.toml")).context("cannot read Cargo.toml")?;
+    let version = workspace::value(&manifest, "workspace.package", "rust-version").context("no rust-version")?;
+    let toolchains = command::output("rustup", &["toolchain", "list"]).unwrap_or_default();
+    let Some(toolchain) = toolchains.split_whitespace().find(|name| name.starts_with(version)) else {
+        return Ok(End::Skipped(format!("the Rust {version} toolchain is not installed")));
+    };
+    let mut command = Command::new("cargo");
+    command.arg(format!("+{toolchain}")).args(["check", "--package", "canted", "--package", "canted-cli"]);
+    // A cargo that runs this program pins its own toolchain for children.
+    command.current_dir(workspace::root()).env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO");
+    command.env("CARGO_TARGET_DIR", workspace::root().join("target/oldest"));
+    succeeds(&mut command).map(End::of)
+}
+
+/// Checks the library for browsers, where the target is installed.
+fn wasm() -> Result<End> {
+    const TARGET: &str = "wasm32-unknown-unknown";
+    let root = command::output("rustc", &["--print", "sysroot"])?;
+    if !std::path::Path::new(root.trim()).join("lib/rustlib").join(TARGET).is_dir() {
+        return Ok(End::Skipped(format!("the target {TARGET} is not installed")));
+    }
+    let args = ["check", "--package", "canted", "--no-default-features", "--target", TARGET];
+    succeeds(&mut cargo(&args)).map(End::of)
+}
+
+/// Builds every package from what `cargo publish` would upload.
+fn packages() -> Result<End> {
+    Ok(publish::dry_run()?.map_or_else(|| End::Skipped("the registry cannot be reached".to_owned()), End::of))
+}
+
+/// Checks licences, sources and duplicates. Advisories need a network and are skipped.
 fn dependencies() -> Result<End> {
     if_installed("deny", &mut cargo(&["deny", "check", "licenses", "bans", "sources"]))
 }
 
-/// Each measured piece of work once, in the profile of the tests, so that benches do not rot.
+/// Runs each benchmark once, in the profile of the tests.
 fn benches() -> Result<End> {
     succeeds(&mut cargo(&["test", "--workspace", "--bench", "stations"])).map(End::of)
 }
 
-/// The built-in scene through the program as users build it.
+/// Renders the built-in scene with the release program.
 fn short_render() -> Result<End> {
     const SIZE: [u32; 2] = [160, 90];
     let folder = workspace::root().join("target/ci");
-    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let picture = folder.join("canted.png");
-    // A picture of an earlier run proves nothing.
+    // A picture from an earlier run would hide a failure.
     if picture.exists() {
         fs::remove_file(&picture).with_context(|| format!("cannot remove {}", picture.display()))?;
     }

@@ -1,4 +1,4 @@
-//! Other programs, and the only place that prints.
+//! Runs other programs, and prints.
 
 use std::{
     ffi::OsString,
@@ -13,7 +13,7 @@ use crate::workspace;
 /// Writes a line to standard output.
 pub(crate) fn say(text: &str) {
     let mut out = std::io::stdout().lock();
-    // A closed pipe is not an error: whoever read has read enough.
+    // A closed pipe is not an error: the reader has seen enough.
     let _ = writeln!(out, "{text}").and_then(|()| out.flush());
 }
 
@@ -22,24 +22,38 @@ pub(crate) fn warn(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// The cargo that runs this program, in the root of the workspace.
+/// The same cargo that runs this program, in the root of the workspace.
 pub(crate) fn cargo(args: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo")));
     command.args(args).current_dir(workspace::root()).stdin(Stdio::null());
     command
 }
 
-/// Runs to the end, its output passed on; whether it ended with exit code 0.
+/// Runs a command with its output shown; whether it ended with exit code 0.
 pub(crate) fn succeeds(command: &mut Command) -> Result<bool> {
     let status = command.status().with_context(|| format!("cannot start {}", name(command)))?;
     Ok(status.success())
 }
 
-/// Runs to the end and hands each line of standard output to `each` as it comes; whether it ended with exit code 0.
+/// Runs a command with its errors shown and returned; whether it ended with exit code 0.
+pub(crate) fn with_errors(command: &mut Command) -> Result<(bool, String)> {
+    let mut child =
+        command.stderr(Stdio::piped()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
+    let mut errors = String::new();
+    for line in BufReader::new(child.stderr.take().context("standard error is piped")?).lines() {
+        let line = line.context("cannot read standard error")?;
+        warn(&line);
+        errors += &line;
+        errors.push('\n');
+    }
+    Ok((child.wait()?.success(), errors))
+}
+
+/// Runs a command and calls `each` with every line of its standard output; whether it ended with exit code 0.
 pub(crate) fn for_each_line(command: &mut Command, mut each: impl FnMut(&str)) -> Result<bool> {
     let mut child =
         command.stdout(Stdio::piped()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
-    let mut lines = BufReader::new(child.stdout.take().context("standard output was piped")?);
+    let mut lines = BufReader::new(child.stdout.take().context("standard output is piped")?);
     let mut line = vec![];
     // Tests may print any bytes.
     while lines.read_until(b'\n', &mut line)? > 0 {
@@ -49,7 +63,7 @@ pub(crate) fn for_each_line(command: &mut Command, mut each: impl FnMut(&str)) -
     Ok(child.wait()?.success())
 }
 
-/// Standard output of a program run in the root of the workspace; an error where it fails.
+/// Standard output of a program run in the root of the workspace.
 pub(crate) fn output(program: &str, args: &[&str]) -> Result<String> {
     let mut command = Command::new(program);
     command.args(args).current_dir(workspace::root()).stdin(Stdio::null());
@@ -57,10 +71,10 @@ pub(crate) fn output(program: &str, args: &[&str]) -> Result<String> {
     if !output.status.success() {
         bail!("{program} {} failed: {}", args.join(" "), String::from_utf8_lossy(&output.stderr).trim());
     }
-    String::from_utf8(output.stdout).with_context(|| format!("{program} wrote something that is not text"))
+    String::from_utf8(output.stdout).with_context(|| format!("{program} wrote invalid UTF-8"))
 }
 
-/// Whether `cargo NAME` exists here.
+/// Whether `cargo NAME` is installed.
 pub(crate) fn has_cargo_command(name: &str) -> bool {
     let mut command = cargo(&[name, "--version"]);
     command.stdout(Stdio::null()).stderr(Stdio::null());
@@ -76,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_come_one_by_one_and_failure_is_told() {
+    fn lines_arrive_one_by_one_and_failure_is_returned() {
         let mut lines = vec![];
         assert!(for_each_line(&mut cargo(&["--version"]), |line| lines.push(line.to_owned())).unwrap());
         assert_eq!(lines.len(), 1);
@@ -86,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_named() {
+    fn a_missing_program_is_named() {
         assert!(!has_cargo_command("no-such-command"));
         let error = output("canted-has-no-such-program", &[]).unwrap_err();
         assert!(error.to_string().contains("canted-has-no-such-program"));

@@ -1,38 +1,39 @@
-//! Counts of tests, from what `cargo test -- --show-output` prints.
+//! Counts tests from the output of `cargo test -- --show-output`.
 //!
-//! A test that finds out that it lacks something has passed for Cargo, and says so among the output of passing tests, which
-//! comes behind all of a program's results. So these wait for the end of their program, and the test is shown as ignored.
+//! A test that misses a prerequisite passes as far as Cargo knows, and prints `skipped …`. Cargo shows output of passing tests
+//! after the results of their program. So results of passing tests are held back until their program ends, and such tests
+//! are shown as ignored.
 
 use std::{fmt, mem};
 
-/// What errors of GPUs say of a machine without one: there is no adapter, or it gives no device.
+/// Parts of error messages on machines without a GPU.
 const WITHOUT_DEVICE: [&str; 2] = ["no adapter", "gives no device"];
 
-/// Tests of all test programs of a run, and what of their output is worth showing.
+/// Counts over all test programs of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Count {
-    /// Tests that ran and held.
+    /// Tests that passed.
     pub(crate) passed: usize,
-    /// Tests that ran and did not hold.
+    /// Tests that failed.
     pub(crate) failed: usize,
-    /// Tests that were ignored, or said that they lacked something.
+    /// Tests that were ignored, or that miss a prerequisite.
     pub(crate) skipped: usize,
-    /// Of those, tests that found no GPU.
+    /// Those of them that found no GPU.
     pub(crate) without_device: usize,
-    /// Tests of the current program that ended as passed.
+    /// Result lines of passing tests of the current program.
     held: Vec<String>,
-    /// Within what passing tests of the current program printed.
+    /// Whether the current line is output of a passing test.
     within_successes: bool,
-    /// The passing test whose output this is.
+    /// The passing test whose output is read.
     test: String,
-    /// Passing tests of the current program that said that they were skipped, and why; in the order of their output.
-    said: Vec<(String, String)>,
+    /// Passing tests of the current program that were skipped, with the reason.
+    skips: Vec<(String, String)>,
 }
 
 impl Count {
-    /// Takes the next line in; the lines that people should see now.
+    /// Reads the next line. Returns the lines to show now.
     ///
-    /// Of what passing tests print nothing is shown but why they were skipped.
+    /// Output of passing tests is hidden, except why they were skipped.
     pub(crate) fn take(&mut self, line: &str) -> Vec<String> {
         if let Some(result) = line.strip_prefix("test result: ") {
             return self.program(result);
@@ -45,7 +46,7 @@ impl Count {
                 self.held.push(line.to_owned());
                 return vec![];
             }
-            // The program before it has ended without a result.
+            // The previous program ended without a result.
             _ if line.starts_with("running ") => {
                 return mem::take(&mut self.held).into_iter().chain([line.to_owned()]).collect();
             }
@@ -54,7 +55,7 @@ impl Count {
         if self.within_successes { vec![] } else { vec![line.to_owned()] }
     }
 
-    /// What is left to show where the last program ended without a result.
+    /// Lines left to show where the last program ended without a result.
     pub(crate) fn rest(&mut self) -> Vec<String> {
         mem::take(&mut self.held)
     }
@@ -64,18 +65,18 @@ impl Count {
         if let Some(test) = line.strip_prefix("---- ").and_then(|line| line.strip_suffix(" stdout ----")) {
             test.clone_into(&mut self.test);
         } else if let Some(reason) = canted_fixtures::skipped(line) {
-            match self.said.last_mut() {
-                // Who asks for two devices lacks both for one reason.
+            match self.skips.last_mut() {
+                // A test that misses two devices reports the same reason twice.
                 Some((test, reasons)) if *test == self.test && reasons.contains(reason) => {}
                 Some((test, reasons)) if *test == self.test => *reasons = format!("{reasons}; {reason}"),
-                _ => self.said.push((self.test.clone(), reason.to_owned())),
+                _ => self.skips.push((self.test.clone(), reason.to_owned())),
             }
         }
     }
 
-    /// The end of a test program: `ok. 3 passed; 0 failed; 1 ignored; …`. Its results, with what was skipped among them.
+    /// Reads the last line of a test program: `ok. 3 passed; 0 failed; 1 ignored; …`. Returns its results.
     fn program(&mut self, result: &str) -> Vec<String> {
-        let said = mem::take(&mut self.said);
+        let skips = mem::take(&mut self.skips);
         let (verdict, totals) = result.split_once(". ").unwrap_or_default();
         let (mut counts, mut totals) = ([0_usize; 3], totals.to_owned());
         for (count, name) in counts.iter_mut().zip(["passed", "failed", "ignored"]) {
@@ -83,16 +84,16 @@ impl Count {
             *count = number.unwrap_or(0);
         }
         let [passing, failed, ignored] = counts;
-        let [passed_now, ignored_now] = [passing.saturating_sub(said.len()), ignored + said.len()];
+        let [passed_now, ignored_now] = [passing.saturating_sub(skips.len()), ignored + skips.len()];
         totals = totals.replacen(&format!("{passing} passed"), &format!("{passed_now} passed"), 1);
         totals = totals.replacen(&format!("{ignored} ignored"), &format!("{ignored_now} ignored"), 1);
         self.passed += passed_now;
         self.failed += failed;
         self.skipped += ignored_now;
         let lacks_device = |reason: &str| WITHOUT_DEVICE.iter().any(|words| reason.contains(words));
-        self.without_device += said.iter().filter(|(_, reason)| lacks_device(reason)).count();
+        self.without_device += skips.iter().filter(|(_, reason)| lacks_device(reason)).count();
         (self.within_successes, self.test) = (false, String::new());
-        let shown = |line: String| match said.iter().find(|(test, _)| passed(&line) == Some(test)) {
+        let shown = |line: String| match skips.iter().find(|(test, _)| passed(&line) == Some(test)) {
             Some((test, reason)) => format!("test {test} ... ignored, {reason}"),
             None => line,
         };
@@ -101,7 +102,7 @@ impl Count {
     }
 }
 
-/// The test that a line says to have passed.
+/// The test that a line reports as passed.
 fn passed(line: &str) -> Option<&str> {
     line.strip_prefix("test ")?.strip_suffix(" ... ok")
 }
@@ -165,12 +166,12 @@ successes:
 test result: ok. 1 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; finished in 0.00s";
 
     #[test]
-    fn programs_are_summed_and_a_test_that_skipped_has_not_passed() {
+    fn programs_are_summed_and_skipped_tests_do_not_count_as_passed() {
         assert_eq!(count(TWO_PROGRAMS).0.to_string(), "2 passed, 1 failed, 2 skipped");
     }
 
     #[test]
-    fn failures_are_shown_skipped_tests_as_ignored_and_the_chatter_of_passing_tests_is_not() {
+    fn failures_and_skips_are_shown_and_output_of_passing_tests_is_not() {
         let (_, shown) = count(TWO_PROGRAMS);
         let shown: Vec<&str> = shown.iter().map(|line| &line[..]).filter(|line| !line.is_empty()).collect();
         let want = [
@@ -193,16 +194,16 @@ test result: ok. 1 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; fini
         assert_eq!(shown, want);
     }
 
-    /// A program that ends with a signal has no result.
+    /// A program killed by a signal prints no result.
     #[test]
-    fn no_result_is_lost_with_a_program() {
+    fn results_of_a_killed_program_are_shown() {
         let (count, shown) = count("running 2 tests\ntest a ... ok\nrunning 1 test\ntest b ... ok");
         assert_eq!(shown, ["running 2 tests", "test a ... ok", "running 1 test", "test b ... ok"]);
         assert_eq!(count.to_string(), "0 passed, 0 failed, 0 skipped");
     }
 
     #[test]
-    fn tests_that_found_no_device_are_counted_apart() {
+    fn tests_without_a_device_are_counted_separately() {
         let of = |reason: &str| {
             let said = format!("test x ... ok\nsuccesses:\n---- x stdout ----\nskipped x: {reason}");
             let (count, shown) = count(&format!("{said}\ntest result: ok. 1 passed; 0 failed; 0 ignored; 0 measured"));
@@ -215,7 +216,7 @@ test result: ok. 1 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; fini
     }
 
     #[test]
-    fn no_program_is_no_test() {
+    fn output_without_tests_counts_zero() {
         assert_eq!(count("error: could not compile").0.to_string(), "0 passed, 0 failed, 0 skipped");
     }
 }

@@ -1,4 +1,4 @@
-//! A driver for the tests of the GPU: found, installed where that is allowed, or told how to get.
+//! Finds a GPU driver for the tests, or installs the software driver where that is allowed.
 
 use std::{
     env, fs,
@@ -8,17 +8,17 @@ use std::{
 
 use crate::command::say;
 
-/// Where Vulkan's loader looks for the files that name drivers.
+/// Folders that the Vulkan loader searches for driver manifests.
 const FOLDERS: [&str; 4] =
     ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/usr/local/etc/vulkan/icd.d"];
 
-/// Debian's and Ubuntu's packages of the loader and of the software driver.
+/// Packages of the loader and of the software driver on Debian and Ubuntu.
 const PACKAGES: [&str; 2] = ["libvulkan1", "mesa-vulkan-drivers"];
 
-/// What the driver and its layers should know when tests use them: nobody asks which screen is meant.
+/// Silences the device selection layer of Mesa.
 const QUIET: [(&str, &str); 1] = [("NODEVICE_SELECT", "1")];
 
-/// Whether GPU tests have a driver to run on. Installs the software one where there is none and this user may.
+/// Whether GPU tests have a driver. Installs the software driver where there is none and the user is root.
 pub(crate) fn ensure() -> bool {
     if is_there() {
         return true;
@@ -28,17 +28,15 @@ pub(crate) fn ensure() -> bool {
         return cfg!(any(target_os = "macos", target_os = "windows"));
     }
     if is_root() && install() && is_there() {
-        say("installed Mesa's software driver for the tests of the GPU");
+        say("installed Mesa's software driver for the GPU tests");
         return true;
     }
     let packages = PACKAGES.join(" ");
-    say(&format!(
-        "skipped tests of the GPU: there is no Vulkan driver (on Debian and Ubuntu: apt-get install {packages})"
-    ));
+    say(&format!("skipped GPU tests: no Vulkan driver found (on Debian and Ubuntu: apt-get install {packages})"));
     false
 }
 
-/// Lets a command's tests use the driver without chatter.
+/// Silences the driver in a command.
 pub(crate) fn quieten(command: &mut Command) {
     command.envs(QUIET);
 }
@@ -61,7 +59,7 @@ fn is_root() -> bool {
 }
 
 fn install() -> bool {
-    // The lists may be missing or old; an install without them fails and says why.
+    // Package lists may be missing or outdated.
     apt(&["update", "-qq"]);
     let words = ["install", "-y", "-qq", "--no-install-recommends"];
     apt(&[&words[..], &PACKAGES[..]].concat())

@@ -1,4 +1,4 @@
-//! `cargo xtask fixtures`: the procedural scenes as files.
+//! `cargo xtask fixtures`: writes the procedural scenes as files.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 
 use crate::command;
 
-/// Writes every procedural scene into `dir` and names the files.
+/// Writes every procedural scene into `dir` and prints the paths.
 pub(crate) fn run(dir: &Path) -> Result<bool> {
     let paths = canted_fixtures::write_all(dir).with_context(|| format!("cannot write into {}", dir.display()))?;
     for path in paths {

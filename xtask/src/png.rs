@@ -1,4 +1,4 @@
-//! The size of a PNG file, read back without the encoder that wrote it.
+//! The size of a PNG file, read without the encoder that wrote it.
 
 use std::{fs, path::Path};
 
@@ -8,13 +8,13 @@ const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// Length, type and checksum of the empty chunk that ends every file.
 const END: &[u8] = b"\0\0\0\0IEND\xae\x42\x60\x82";
 
-/// Width and height of a whole PNG file.
+/// Width and height of a complete PNG file.
 ///
 /// # Errors
-/// Where the file cannot be read, has another signature, or ends early.
+/// The file cannot be read, is not PNG, or ends early.
 pub(crate) fn size(path: &Path) -> Result<[u32; 2]> {
     let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-    size_of(&bytes).with_context(|| format!("{} is no whole PNG file", path.display()))
+    size_of(&bytes).with_context(|| format!("{} is not a complete PNG file", path.display()))
 }
 
 fn size_of(bytes: &[u8]) -> Result<[u32; 2]> {
@@ -40,7 +40,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_file_and_another_format_are_refused() {
+    fn truncated_and_foreign_files_are_rejected() {
         let whole = header(160, 90);
         assert!(size_of(&whole[..whole.len() - 1]).is_err());
         assert!(size_of(b"").is_err());

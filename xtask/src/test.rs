@@ -1,4 +1,4 @@
-//! `cargo xtask test`: every test of the workspace, counted.
+//! `cargo xtask test`: runs and counts all tests of the workspace.
 
 use anyhow::Result;
 
@@ -8,18 +8,18 @@ use crate::{
     driver, workspace,
 };
 
-/// Runs all tests; the last line of the output is their count. Whether none failed.
+/// Runs all tests and prints their count last. Returns whether none failed.
 pub(crate) fn run() -> Result<bool> {
     let (count, is_well) = count()?;
     say(&count.to_string());
     Ok(is_well)
 }
 
-/// Runs all tests, of every package to the end even where one fails; their count, and whether all is well.
+/// Runs all tests of all packages, also after a failure. Returns their count and whether all passed.
 pub(crate) fn count() -> Result<(Count, bool)> {
     let models = workspace::models();
     if !models.is_dir() {
-        say(&format!("skipped tests of real models: there is no folder {} (set CANTED_SCENES)", models.display()));
+        say(&format!("skipped tests of real models: no folder {} (set CANTED_SCENES)", models.display()));
     }
     let has_driver = driver::ensure();
     let mut count = Count::default();
@@ -30,16 +30,16 @@ pub(crate) fn count() -> Result<(Count, bool)> {
     })?;
     count.rest().iter().for_each(|line| say(line));
     if has_driver && count.without_device > 0 {
-        // A driver that is there and opens no device would let all tests of the GPU pass by doing nothing.
+        // With a driver that opens no device, all GPU tests would pass without testing anything.
         let n = count.without_device;
-        say(&format!("{n} tests of the GPU found no device though a driver is installed: counted as one failure"));
+        say(&format!("{n} GPU tests found no device although a driver is installed: counted as one failure"));
         count.failed += 1;
         return Ok((count, false));
     }
     if !is_well && count.failed == 0 {
-        // A program that does not compile or that a signal ends names no test.
+        // A program that does not compile, or is killed by a signal, names no test.
         count.failed = 1;
-        say("cargo test failed outside of any test: counted as one");
+        say("cargo test failed outside of any test: counted as one failure");
     }
     Ok((count, is_well))
 }

@@ -1,8 +1,7 @@
-//! `cargo xtask tidy`: the rules of style that a program can check.
-//!
-//! Formatting and lints have tools of their own; here is what they do not see.
+//! `cargo xtask tidy`: style rules that formatters and lints do not cover.
 
 mod rules;
+mod words;
 
 use std::{
     fs,
@@ -11,16 +10,16 @@ use std::{
 
 use anyhow::{Context, Result};
 
-use crate::{claims::Measured, command::say, workspace};
+use crate::{command::say, tables, workspace};
 
-/// What breaks a rule, or comes near.
+/// A violated rule.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Finding {
     /// The file, relative to the root.
     path: PathBuf,
-    /// What is wrong there, with place and value.
+    /// What is wrong, with line and value.
     message: String,
-    /// Whether it must be mended, not only thought about.
+    /// Whether it fails the check; otherwise it is a warning.
     is_error: bool,
 }
 
@@ -34,7 +33,7 @@ impl Finding {
     }
 }
 
-/// Prints all findings; whether none of them is an error.
+/// Prints all findings. Returns whether none is an error.
 pub(crate) fn run() -> Result<bool> {
     let findings = findings()?;
     for Finding { path, message, is_error } in &findings {
@@ -43,28 +42,29 @@ pub(crate) fn run() -> Result<bool> {
     Ok(!findings.iter().any(|finding| finding.is_error))
 }
 
-/// Reads every file of the workspace that is text and puts it before the rules.
+/// Checks every text file of the workspace.
 fn findings() -> Result<Vec<Finding>> {
     let root = workspace::root();
     let manifest_path = root.join("Cargo.toml");
     let manifest =
         fs::read_to_string(&manifest_path).with_context(|| format!("cannot read {}", manifest_path.display()))?;
-    let measured = Measured::read()?;
+    let results = tables::results()?;
     let mut findings = vec![];
     for path in workspace::files()? {
-        // What is not UTF-8 is a picture or a model.
+        // Files that are not UTF-8 are pictures or models.
         let Ok(text) = fs::read_to_string(root.join(&path)) else { continue };
         rules::machine_paths(&path, &text, &mut findings);
+        words::retired(&path, &text, &mut findings);
         if path.extension().is_some_and(|extension| extension == "rs") {
             rules::length(&path, &text, &mut findings);
             rules::unfinished(&path, &text, &mut findings);
-            rules::lifts_no_ban(&path, &text, &mut findings);
+            rules::allows_no_unsafe(&path, &text, &mut findings);
         }
         if is_crate_root(&path) {
             rules::forbids_unsafe(&path, &text, &mut findings);
         }
         if path.extension().is_some_and(|extension| extension == "md") {
-            rules::figures(&path, &text, &measured, &mut findings);
+            rules::figures(&path, &text, &results, &mut findings);
         }
         if path.ends_with("README.md") || path.ends_with("Cargo.toml") {
             rules::versions(&path, &text, &manifest, &mut findings);
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rules_see_this_workspace() {
+    fn crate_roots_of_this_workspace_are_found() {
         let files = workspace::files().unwrap();
         let roots: Vec<&PathBuf> = files.iter().filter(|path| is_crate_root(path)).collect();
         for root in ["xtask/src/main.rs", "crates/obb/src/lib.rs", "fixtures/src/lib.rs"] {

@@ -1,4 +1,4 @@
-//! Where things lie, and what the manifests say.
+//! Paths of the workspace, and values of its manifests.
 
 use std::{
     fs,
@@ -15,12 +15,12 @@ pub(crate) fn root() -> PathBuf {
     own.parent().unwrap_or(own).to_owned()
 }
 
-/// The optional folder of real models: `CANTED_SCENES`, else `../shared/scenes` beside the workspace.
+/// The optional folder of real models: `CANTED_SCENES`, else `../shared/scenes`.
 pub(crate) fn models() -> PathBuf {
     std::env::var_os("CANTED_SCENES").map_or_else(|| root().join("../shared/scenes"), PathBuf::from)
 }
 
-/// Paths, relative to the root, of all files that are tracked or would be on the next `git add`.
+/// Paths, relative to the root, of all files that are tracked or would be added by `git add`.
 pub(crate) fn files() -> Result<Vec<PathBuf>> {
     let list = command::output("git", &["ls-files", "-z", "--cached", "--others", "--exclude-standard"])?;
     // A file deleted but not yet committed is still listed.
@@ -42,7 +42,7 @@ pub(crate) fn entries<'a>(manifest: &'a str, section: &str) -> impl Iterator<Ite
         .map(|(key, value)| (key.trim(), value.trim()))
 }
 
-/// Name and features, `default` left out, of every package under `crates/` that has features.
+/// Name and features, without `default`, of every package under `crates/` that has features.
 pub(crate) fn packages_with_features() -> Result<Vec<(String, Vec<String>)>> {
     let folder = root().join("crates");
     let mut packages = vec![];

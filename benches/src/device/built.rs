@@ -82,13 +82,13 @@ fn filled(mut cells: Vec<String>) -> Vec<String> {
 
 /// The cells of one scene.
 fn measured(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]], bench: &Bench) -> Result<Vec<String>> {
-    let (corners, bounds) = lbvh::gather(positions, triangles)?;
+    let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
     let gather = least(bench.rounds, || {
-        std::hint::black_box(lbvh::gather(positions, triangles)?);
+        std::hint::black_box(lbvh::triangle_corners(positions, triangles)?);
         Ok(())
     })?;
     let upload = least(bench.rounds, || {
-        let (corners, _) = lbvh::gather(positions, triangles)?;
+        let (corners, _) = lbvh::triangle_corners(positions, triangles)?;
         let items = Items::triangles(&bench.gpu, [&corners[..]])?;
         bench.gpu.finish()?;
         drop(items);
@@ -155,8 +155,8 @@ fn on_device(bench: &Bench, corners: &[Corners], strategy: Strategy) -> Result<f
 
 /// The device's stations on the CPU.
 fn on_cpu(corners: &[Corners], bounds: &Aabb, strategy: Strategy) {
-    let codes = lbvh::codes(&Domain::new(bounds, 3, Bits::B63), corners);
-    let tree = lbvh::radix(lbvh::by_code(&codes, Bits::B63));
+    let codes = lbvh::morton_codes(&Domain::new(bounds, 3, Bits::B63), corners);
+    let tree = lbvh::radix(lbvh::sort_by_code(&codes, Bits::B63));
     let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
     std::hint::black_box(lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true }));
 }

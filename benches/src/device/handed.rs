@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use anyhow::Result;
 use canted_gpu::build::Items;
-use canted_renderer::{DevicePicture, Settings, StructureConfig, Surfaces, flatten, frame, prepare};
+use canted_renderer::{Accel, DevicePicture, Settings, StructureConfig, Surfaces, flatten, frame, prepare};
 use canted_trace::Watertight;
 use canted_wide::Preset;
 
@@ -34,13 +34,14 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let gpu = &bench.gpu;
         let corners = || -> Result<()> {
             let (positions, triangles, _) = flatten(&scene)?;
-            let (corners, _) = canted_lbvh::gather(&positions, &triangles)?;
+            let (corners, _) = canted_lbvh::triangle_corners(&positions, &triangles)?;
             let items = Items::triangles(gpu, [&corners[..]])?;
             gpu.finish()?;
             drop(items);
             Ok(())
         };
-        let config = |preset| StructureConfig { preset, ..StructureConfig::default() };
+        let config =
+            |preset| StructureConfig { accel: Accel::Wide { preset, builder: None }, ..StructureConfig::default() };
         let tree = |preset| -> Result<()> {
             drop(prepare::<Watertight>(&scene, &config(preset))?);
             Ok(())

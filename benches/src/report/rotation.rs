@@ -4,7 +4,7 @@ use anyhow::Result;
 use canted_fixtures::SplitMix64;
 use canted_obb::{
     Quaternion,
-    rotation::{MOST_ITERATIONS, extract},
+    rotation::{MAX_ITERATIONS, extract},
 };
 use canted_tests::{
     clouds::random_rotation,
@@ -26,7 +26,7 @@ const NOTHING_RAD: f64 = f64::EPSILON / 8.0;
 type Way = (&'static str, fn(Matrix, usize) -> Quaternion, usize);
 
 const WAYS: [Way; 3] = [
-    ("extract", |a, most| extract(a, most).rotation, MOST_ITERATIONS),
+    ("extract", |a, most| extract(a, most).rotation, MAX_ITERATIONS),
     ("as the paper lists it", |a, most| as_listed(a, most).0, LISTED_CAP),
     ("singular values, f64", |a, _| svd_polar(a), 0),
 ];
@@ -43,7 +43,7 @@ impl Inputs {
         let mut rng = SplitMix64::new(name.bytes().map(u64::from).sum());
         let matrix = |_| {
             let any = random_rotation(&mut rng);
-            let turn = angle_rad.map_or(any, |angle| Quaternion::about(any.columns()[0], angle));
+            let turn = angle_rad.map_or(any, |angle| Quaternion::from_axis_angle(any.columns()[0], angle));
             let v = random_rotation(&mut rng).columns();
             (times(turn.columns(), times(v, times(diagonal(values), transposed(v)))), turn)
         };

@@ -1,16 +1,17 @@
 //! Our trees.
 
 use anyhow::Result;
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_tlas::{Blas, BuildConfig, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Tlas, TopConfig};
 use canted_trace::{Hit, Kernel, MollerTrumbore, Ray, Watertight};
-use canted_wide::{Config, LaneKernel, Preset, Wide};
+use canted_wide::{Config, LaneKernel, Preset, TriangleBvh};
 
 use super::engine::{Build, Engine, Entry, Owner, Promise};
 use crate::models::{Model, Placed};
 
-impl<K: LaneKernel> Engine for Wide<K> {
+impl<K: LaneKernel> Engine for TriangleBvh<K> {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         self.closest_hits(rays, hits);
     }
@@ -20,7 +21,7 @@ impl<K: LaneKernel> Engine for Wide<K> {
     }
 
     fn n_bytes(&self) -> Option<usize> {
-        Some(Wide::n_bytes(self))
+        Some(TriangleBvh::n_bytes(self))
     }
 
     fn shared(&self) -> Option<&(dyn Engine + Sync)> {
@@ -34,13 +35,13 @@ struct TwoLevels<B: Blas>(Tlas<B>, usize);
 impl<B: Blas> Engine for TwoLevels<B> {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.0.closest_hit(ray, &mut ());
+            *hit = self.0.closest_hit(ray);
         }
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.0.occluded(ray, &mut ());
+            *occluded = self.0.occluded(ray);
         }
     }
 
@@ -71,7 +72,9 @@ fn promising<'a, K: LaneKernel + 'static>(
         Entry { name, owner: Owner::Ours, promise, is_placed, is_parallel: true, build }
     };
     let wide = |preset| -> Build<'a> {
-        Box::new(move |_| Ok(Box::new(Wide::<K>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset))?)))
+        Box::new(move |_| {
+            Ok(Box::new(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset))?))
+        })
     };
     let mut entries: Vec<Entry<'a>> = presets.iter().map(|&(name, preset)| entry(name, false, wide(preset))).collect();
     if let Some(placed) = &model.placed {
@@ -82,25 +85,25 @@ fn promising<'a, K: LaneKernel + 'static>(
 }
 
 /// The tree that the program builds where nothing is asked for.
-pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<MeshBlas<K>> {
-    let (corners, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<Bvh2<K>> {
+    let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
     let volumes = VolumeConfig { strategy: Strategy::Combined, fallback: true };
     let config = BuildConfig { volumes, ..BuildConfig::default() };
-    Ok(MeshBlas::over(crate::models::binary_tree(&corners, &bounds), &corners, &bounds, &config))
+    Ok(Bvh2::over(crate::models::binary_tree(&corners, &bounds), &corners, &bounds, &config))
 }
 
 /// A tree of each mesh, and one of the instances.
-pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<MeshBlas<K>>> {
+pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<Bvh2<K>>> {
     let blas = placed.meshes.iter().map(one_level).collect::<Result<_>>()?;
     let top = TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true });
     Ok(Tlas::new(blas, &placed.instances, top)?)
 }
 
 /// A wide tree of each mesh, and one of the instances.
-fn wide_levels<K: LaneKernel>(placed: &Placed) -> Result<TwoLevels<Wide<K>>> {
+fn wide_levels<K: LaneKernel>(placed: &Placed) -> Result<TwoLevels<TriangleBvh<K>>> {
     let config = Config::preset(Preset::Quality);
-    let build = |mesh: &Mesh| Ok(Wide::<K>::build(&mesh.positions, &mesh.triangles, &config)?);
+    let build = |mesh: &Mesh| Ok(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &config)?);
     let blas = placed.meshes.iter().map(build).collect::<Result<Vec<_>>>()?;
-    let n_bytes = blas.iter().map(Wide::n_bytes).sum();
+    let n_bytes = blas.iter().map(TriangleBvh::n_bytes).sum();
     Ok(TwoLevels(Tlas::new(blas, &placed.instances, TopConfig::Wide(config))?, n_bytes))
 }

@@ -1,8 +1,9 @@
 //! One scene with its rays and their true answers, and the measuring of all engines on it.
 
 use anyhow::Result;
-use canted_tlas::{Blas, MeshBlas, Tlas};
-use canted_trace::{Hit, InstanceId, Ray, Watertight};
+use canted_bvh2::Bvh2;
+use canted_tlas::Tlas;
+use canted_trace::{Hit, Ray, Watertight};
 use rayon::prelude::*;
 
 use super::{
@@ -18,24 +19,24 @@ use crate::{clock::Seconds, models::Model, options::Options};
 
 /// The trees that stand in for trying every triangle: they return what that returns.
 struct Truth {
-    flat: MeshBlas<Watertight>,
+    flat: Bvh2<Watertight>,
     /// For engines that place meshes: they round other numbers, so other rays graze past.
-    placed: Option<Tlas<MeshBlas<Watertight>>>,
+    placed: Option<Tlas<Bvh2<Watertight>>>,
 }
 
 impl Truth {
     fn closest(&self, is_placed: bool, rays: &[Ray]) -> Vec<Option<Hit>> {
         let hit = |ray: &Ray| match &self.placed {
-            Some(placed) if is_placed => placed.closest_hit(ray, &mut ()),
-            _ => self.flat.closest_hit(ray, InstanceId(0), &mut ()),
+            Some(placed) if is_placed => placed.closest_hit(ray),
+            _ => self.flat.closest_hit(ray),
         };
         rays.par_iter().map(hit).collect()
     }
 
     fn occluded(&self, is_placed: bool, rays: &[Ray]) -> Vec<bool> {
         let occluded = |ray: &Ray| match &self.placed {
-            Some(placed) if is_placed => placed.occluded(ray, &mut ()),
-            _ => self.flat.occluded(ray, InstanceId(0), &mut ()),
+            Some(placed) if is_placed => placed.occluded(ray),
+            _ => self.flat.occluded(ray),
         };
         rays.par_iter().map(occluded).collect()
     }

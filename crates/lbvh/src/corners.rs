@@ -55,12 +55,12 @@ const CHUNK: usize = 1 << 14;
 /// # Errors
 /// More than [`MAX_PRIMITIVES`] triangles, before any is looked at; the first triangle, in input order, with an index out of range
 /// or a vertex that is not finite.
-pub fn gather(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(Vec<Corners>, Aabb), GeometryError> {
-    gather_at_most(MAX_PRIMITIVES, positions, triangles)
+pub fn triangle_corners(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(Vec<Corners>, Aabb), GeometryError> {
+    triangle_corners_at_most(MAX_PRIMITIVES, positions, triangles)
 }
 
 /// As [`gather`], of at most so many triangles.
-fn gather_at_most(
+fn triangle_corners_at_most(
     most: usize,
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],
@@ -126,11 +126,11 @@ mod tests {
     fn errors_name_the_first_bad_triangle() {
         let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, f32::NAN, 0.0]];
         assert_eq!(
-            gather(&positions, &[[0, 1, 0], [0, 1, 2], [0, 1, 9]]).unwrap_err(),
+            triangle_corners(&positions, &[[0, 1, 0], [0, 1, 2], [0, 1, 9]]).unwrap_err(),
             GeometryError::NotFinite { triangle: PrimId(1) }
         );
         assert_eq!(
-            gather(&positions, &[[0, 1, 0], [0, 3, 1]]).unwrap_err(),
+            triangle_corners(&positions, &[[0, 1, 0], [0, 3, 1]]).unwrap_err(),
             GeometryError::IndexOutOfRange { triangle: PrimId(1), index: 3, n_vertices: 3 }
         );
     }
@@ -139,9 +139,9 @@ mod tests {
     fn too_many_are_told_before_any_is_looked_at() {
         let [positions, bad] = [[[0.0; 3]; 3], [[f32::NAN; 3]; 3]];
         let triangles = [[0, 1, 2]; 8];
-        assert_eq!(gather_at_most(8, &positions, &triangles).unwrap().0.len(), 8);
+        assert_eq!(triangle_corners_at_most(8, &positions, &triangles).unwrap().0.len(), 8);
         for positions in [&positions[..], &bad, &[]] {
-            let error = gather_at_most(7, positions, &triangles).unwrap_err();
+            let error = triangle_corners_at_most(7, positions, &triangles).unwrap_err();
             assert_eq!(error, GeometryError::TooMany { n_triangles: 8 });
         }
     }
@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn bounds_leave_unused_vertices_out() {
         let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, -2.0], [f32::NAN; 3]];
-        let (corners, bounds) = gather(&positions, &[[0, 1, 2]]).unwrap();
+        let (corners, bounds) = triangle_corners(&positions, &[[0, 1, 2]]).unwrap();
         assert_eq!(corners, [[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, -2.0]]]);
         assert_eq!(bounds, Aabb { min: [0.0, 0.0, -2.0], max: [1.0, 1.0, 0.0] });
     }

@@ -23,7 +23,7 @@ impl Costs {
     ///
     /// A line through the node meets a child's box with the ratio of areas. Each child not met saves its own pair, or
     /// its primitive; in return the node's pair costs more. What lies farther below does not depend on this choice.
-    pub(crate) fn leaning_gain<L: Leaf>(
+    pub(crate) fn oriented_gain<L: Leaf>(
         &self,
         volumes: &Volumes,
         leaves: &[L],
@@ -31,10 +31,10 @@ impl Costs {
         children: [Child; 2],
     ) -> f64 {
         let saved = |child: Child| match child.kind() {
-            _ if !volumes.leans(child) => 0.0,
+            _ if !volumes.is_oriented(child) => 0.0,
             ChildKind::Leaf(position) => {
                 let leaf = &leaves[position as usize];
-                (leaf.aabb().area() - leaf.leaning_area()) * self.primitive
+                (leaf.aabb().area() - leaf.oriented_area()) * self.primitive
             }
             ChildKind::Inner(child) => {
                 (volumes.aabbs[child.index()].area() - volumes.obbs[child.index()].area()) * 2.0 * self.aabb
@@ -45,13 +45,13 @@ impl Costs {
     }
 }
 
-/// Sums over a tree's inner nodes.
+/// Costs over a tree's inner nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sums {
+pub struct TreeCost {
     /// Inner nodes.
     pub n_nodes: usize,
     /// Of these, nodes whose leaning box won over the axis-aligned one.
-    pub n_leaning: usize,
+    pub n_oriented: usize,
     /// Sum of volumes, in cubes of the unit given.
     pub volume: f64,
     /// Sum of surface areas, in squares of the unit given.
@@ -65,8 +65,8 @@ pub struct Sums {
 /// A line that meets a node's volume meets a child's with the ratio of areas (MacDonald & Booth 1990); meeting a node
 /// costs the test of its two children's boxes, each by its kind, and meeting a leaf's box costs a primitive test.
 #[must_use]
-pub fn sums<L: Leaf>(tree: &Tree, volumes: &Volumes, leaves: &[L], costs: &Costs, unit: f64) -> Sums {
-    let mut sums = Sums { n_nodes: tree.nodes.len(), ..Sums::default() };
+pub fn tree_cost<L: Leaf>(tree: &Tree, volumes: &Volumes, leaves: &[L], costs: &Costs, unit: f64) -> TreeCost {
+    let mut sums = TreeCost { n_nodes: tree.nodes.len(), ..TreeCost::default() };
     if tree.nodes.is_empty() {
         return sums;
     }
@@ -76,17 +76,17 @@ pub fn sums<L: Leaf>(tree: &Tree, volumes: &Volumes, leaves: &[L], costs: &Costs
     let met_area = |child: Child, leaning: bool| match child.kind() {
         ChildKind::Inner(id) if leaning => volumes.of(id).area(),
         ChildKind::Inner(id) => volumes.aabbs[id.index()].area(),
-        ChildKind::Leaf(position) if leaning && volumes.leans(child) => leaves[position as usize].leaning_area(),
+        ChildKind::Leaf(position) if leaning && volumes.is_oriented(child) => leaves[position as usize].oriented_area(),
         ChildKind::Leaf(position) => leaves[position as usize].aabb().area(),
     };
-    let pair_cost = |id: NodeId| 2.0 * if volumes.pair_leans(id) { costs.obb } else { costs.aabb };
+    let pair_cost = |id: NodeId| 2.0 * if volumes.children_oriented(id) { costs.obb } else { costs.aabb };
     for (i, node) in (0..).zip(&tree.nodes) {
         let volume = volumes.of(NodeId(i));
         let children = [node.left, node.right];
-        sums.n_leaning += usize::from(volumes.leans(Child::inner(NodeId(i))));
+        sums.n_oriented += usize::from(volumes.is_oriented(Child::inner(NodeId(i))));
         sums.volume += volume.volume() * scale * scale * scale;
         sums.area += volume.area() * scale * scale;
-        let leaning = volumes.pair_leans(NodeId(i));
+        let leaning = volumes.children_oriented(NodeId(i));
         if i == 0 {
             sums.sah += pair_cost(NodeId::ROOT);
         }

@@ -1,3 +1,4 @@
+use canted_obb::vector::{cross, dot, sub};
 use canted_obb::{Aabb, Dop, Enclosure, Frame, Moments, Obb, merge};
 
 use crate::Corners;
@@ -23,22 +24,10 @@ pub trait Leaf: Copy + Send + Sync {
     fn frame(&self) -> Frame;
 
     /// Surface area of that box.
-    fn leaning_area(&self) -> f64;
+    fn oriented_area(&self) -> f64;
 
     /// Points that every volume above must contain exactly.
     fn points(&self) -> impl Iterator<Item = [f32; 3]>;
-}
-
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Leaf for Corners {
@@ -56,7 +45,7 @@ impl Leaf for Corners {
     }
 
     fn moments(&self) -> Moments {
-        Moments::of_triangle(*self)
+        Moments::from_triangle(*self)
     }
 
     fn grow_dop(&self, dop: &mut Dop) {
@@ -87,7 +76,7 @@ impl Leaf for Corners {
     }
 
     /// Both sides of the rectangle along the longest edge, which is twice the triangle.
-    fn leaning_area(&self) -> f64 {
+    fn oriented_area(&self) -> f64 {
         let [a, b, c] = self.map(|p| p.map(f64::from));
         let normal = cross(sub(b, a), sub(c, a));
         2.0 * dot(normal, normal).sqrt()
@@ -109,7 +98,7 @@ impl Leaf for Obb {
     }
 
     fn moments(&self) -> Moments {
-        Moments::of_corners(self, self.area())
+        Moments::from_box_corners(self, self.area())
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "the extents only choose a frame")]
@@ -126,7 +115,7 @@ impl Leaf for Obb {
         self.frame
     }
 
-    fn leaning_area(&self) -> f64 {
+    fn oriented_area(&self) -> f64 {
         self.area()
     }
 

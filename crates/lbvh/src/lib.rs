@@ -1,7 +1,6 @@
 //! Linear bounding volume hierarchies whose boxes may lean.
 //!
 //! ```text
-//! triangles -> corners -> domain -> morton -> sort -> radix -> volumes      + check  cost  overlap
 //!                             another builder's topology -> Tree -^
 //! ```
 //!
@@ -17,8 +16,8 @@ mod cost;
 mod domain;
 mod leaf;
 mod morton;
-mod overlap;
-mod par;
+#[doc(hidden)]
+pub mod par;
 mod radix;
 mod sort;
 mod topology;
@@ -28,14 +27,13 @@ mod volumes;
 
 pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
-pub use corners::{Corners, GeometryError, MAX_PRIMITIVES, gather, in_leaf_order};
-pub use cost::{Costs, Sums, sums};
+pub use corners::{Corners, GeometryError, MAX_PRIMITIVES, in_leaf_order, triangle_corners};
+pub use cost::{Costs, TreeCost, tree_cost};
 pub use domain::{Bits, Domain};
 pub use leaf::Leaf;
-pub use morton::{codes, codes_of_boxes};
-pub use overlap::end_point_overlap;
+pub use morton::{morton_codes, morton_codes_of_boxes};
 pub use radix::radix;
-pub use sort::{Sorted, by_code};
+pub use sort::{Sorted, sort_by_code};
 pub use topology::TopologyError;
 pub use tree::{Child, ChildKind, MAX_DEPTH, Node, NodeId, Task, Tree};
 pub use volume::{Strategy, Volume, VolumeConfig, Volumes};

@@ -10,7 +10,7 @@ const CHUNK: usize = 1 << 14;
 /// Holds: `cell = clamp(floor(((a + b) + c - 3m)·s))` on each axis, all in f32, in this order.
 /// Source: Lauterbach et al. 2009.
 #[must_use]
-pub fn codes(domain: &Domain, corners: &[Corners]) -> Vec<u64> {
+pub fn morton_codes(domain: &Domain, corners: &[Corners]) -> Vec<u64> {
     let mut codes = vec![0; corners.len()];
     par::for_chunks(&mut codes, CHUNK, |first, out| {
         for (code, [a, b, c]) in out.iter_mut().zip(&corners[first..]) {
@@ -22,7 +22,7 @@ pub fn codes(domain: &Domain, corners: &[Corners]) -> Vec<u64> {
 
 /// Morton codes of boxes by their midpoints: `(min + max) - 2m` takes the place of the triangles' sum.
 #[must_use]
-pub fn codes_of_boxes(domain: &Domain, boxes: &[Aabb]) -> Vec<u64> {
+pub fn morton_codes_of_boxes(domain: &Domain, boxes: &[Aabb]) -> Vec<u64> {
     boxes
         .iter()
         .map(|b| interleave(domain.bits, std::array::from_fn(|k| domain.cell(k, b.min[k] + b.max[k]))))

@@ -135,7 +135,7 @@ fn build_task(codes: &[u64], range: Range<u32>, nodes: &mut [Node], order: &mut 
 #[expect(clippy::cast_possible_truncation, reason = "small counts")]
 mod tests {
     use super::*;
-    use crate::{Bits, ChildKind, by_code};
+    use crate::{Bits, ChildKind, sort_by_code};
     use proptest::prelude::*;
 
     /// The tree by its definition, top down: split where the highest bit of (code, position) differs.
@@ -163,7 +163,7 @@ mod tests {
     }
 
     fn check(codes: &[u64]) {
-        let sorted = by_code(codes, Bits::B63);
+        let sorted = sort_by_code(codes, Bits::B63);
         let tree = radix(sorted.clone());
         assert_eq!(tree.nodes, oracle(&sorted.codes));
         // Children come before parents, every node once.
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn depth_is_the_longest_way() {
-        let sorted = by_code(&(0..20_000u64).map(|i| i * i * 77).collect::<Vec<_>>(), Bits::B63);
+        let sorted = sort_by_code(&(0..20_000u64).map(|i| i * i * 77).collect::<Vec<_>>(), Bits::B63);
         let tree = radix(sorted);
         let (mut longest, mut stack) = (0, vec![(tree.root().unwrap(), 1)]);
         while let Some((child, depth)) = stack.pop() {

@@ -26,7 +26,7 @@ const INDEX: u32 = 64 - LEADING;
 /// Source: least significant digit radix sort; the leading 33 bits only, since runs that agree in those are short in
 /// all but degenerate meshes and are finished by comparison. Each thread sorts a part, then parts are merged.
 #[must_use]
-pub fn by_code(codes: &[u64], bits: Bits) -> Sorted {
+pub fn sort_by_code(codes: &[u64], bits: Bits) -> Sorted {
     let below = (3 * bits.per_axis()).saturating_sub(LEADING);
     let mut keys: Vec<u64> = vec![0; codes.len()];
     // Parts of equal length, one a thread, but never so small that merging costs more than it saves.
@@ -175,7 +175,11 @@ mod tests {
             for distinct in [1, 2, 37, 1 << 40] {
                 for (bits, length) in [(Bits::B30, 30), (Bits::B63, 63)] {
                     let codes = pseudo_random(n, distinct, length);
-                    assert_eq!(by_code(&codes, bits), stable(&codes), "{n} codes, {distinct} distinct, {length} bits");
+                    assert_eq!(
+                        sort_by_code(&codes, bits),
+                        stable(&codes),
+                        "{n} codes, {distinct} distinct, {length} bits"
+                    );
                 }
             }
         }

@@ -79,11 +79,11 @@ pub struct Volumes {
     /// Leaning box of each inner node; empty under [`Strategy::Aabb`].
     pub(crate) obbs: Vec<Obb>,
     /// Whether the leaning box is the node's volume.
-    pub(crate) leans: Vec<bool>,
+    pub(crate) oriented: Vec<bool>,
     /// Whether a node's children are worth testing as leaning boxes; empty under [`Strategy::Aabb`].
-    pub(crate) pair_leans: Vec<bool>,
+    pub(crate) children_oriented: Vec<bool>,
     /// Whether a leaf's leaning box has less area than its axis-aligned one; empty under [`Strategy::Aabb`].
-    pub(crate) leaf_leans: Vec<bool>,
+    pub(crate) leaf_oriented: Vec<bool>,
 }
 
 impl Volumes {
@@ -91,7 +91,7 @@ impl Volumes {
     #[inline]
     #[must_use]
     pub fn of(&self, id: NodeId) -> Volume<'_> {
-        match self.leans.get(id.index()) {
+        match self.oriented.get(id.index()) {
             Some(true) => Volume::Obb(&self.obbs[id.index()]),
             _ => Volume::Aabb(&self.aabbs[id.index()]),
         }
@@ -100,17 +100,17 @@ impl Volumes {
     /// Whether a node's children are to be tested as leaning boxes: by predicted cost, see [`crate::Costs`].
     #[inline]
     #[must_use]
-    pub fn pair_leans(&self, id: NodeId) -> bool {
-        self.pair_leans.get(id.index()).copied().unwrap_or(false)
+    pub fn children_oriented(&self, id: NodeId) -> bool {
+        self.children_oriented.get(id.index()).copied().unwrap_or(false)
     }
 
     /// Whether a child's volume is a leaning box.
     #[inline]
     #[must_use]
-    pub fn leans(&self, child: Child) -> bool {
+    pub fn is_oriented(&self, child: Child) -> bool {
         match child.kind() {
-            ChildKind::Inner(id) => self.leans.get(id.index()).copied().unwrap_or(false),
-            ChildKind::Leaf(position) => self.leaf_leans.get(position as usize).copied().unwrap_or(false),
+            ChildKind::Inner(id) => self.oriented.get(id.index()).copied().unwrap_or(false),
+            ChildKind::Leaf(position) => self.leaf_oriented.get(position as usize).copied().unwrap_or(false),
         }
     }
 }

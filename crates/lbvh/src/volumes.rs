@@ -17,7 +17,8 @@ const CHUNK: usize = 1 << 8;
 pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Volumes {
     let leaf = |position: u32| &leaves[position as usize];
     let aabbs = bottom_up(tree, Aabb::EMPTY, |i| leaf(i).aabb(), |_, _, a, b| a.union(*b));
-    let mut volumes = Volumes { aabbs, obbs: vec![], leans: vec![], pair_leans: vec![], leaf_leans: vec![] };
+    let mut volumes =
+        Volumes { aabbs, obbs: vec![], oriented: vec![], children_oriented: vec![], leaf_oriented: vec![] };
     let kept = |obb: Obb, aabb: &Aabb| if config.fallback { obb.or_aabb(aabb) } else { obb };
     volumes.obbs = match config.strategy {
         Strategy::Aabb => return volumes,
@@ -95,37 +96,37 @@ fn merged<L: Leaf>(
 }
 
 /// A place to be filled.
-const UNSET: Obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [0.0; 3] };
+const UNSET: Obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] };
 
 impl Volumes {
     /// Decides node by node whether the leaning box is the volume: with `fallback` only where its area is less.
     fn choose<L: Leaf>(&mut self, tree: &Tree, leaves: &[L], fallback: bool) {
-        self.leans = vec![false; self.obbs.len()];
-        par::for_chunks(&mut self.leans, CHUNK, |first, out| {
+        self.oriented = vec![false; self.obbs.len()];
+        par::for_chunks(&mut self.oriented, CHUNK, |first, out| {
             for (leans, (obb, aabb)) in out.iter_mut().zip(self.obbs[first..].iter().zip(&self.aabbs[first..])) {
                 *leans = !fallback || obb.area() < aabb.area();
             }
         });
-        self.leaf_leans = vec![false; leaves.len()];
-        par::for_chunks(&mut self.leaf_leans, CHUNK, |first, out| {
+        self.leaf_oriented = vec![false; leaves.len()];
+        par::for_chunks(&mut self.leaf_oriented, CHUNK, |first, out| {
             for (leans, leaf) in out.iter_mut().zip(&leaves[first..]) {
-                *leans = leaf.leaning_area() < leaf.aabb().area();
+                *leans = leaf.oriented_area() < leaf.aabb().area();
             }
         });
         let costs = Costs::default();
-        let mut pair_leans = vec![false; tree.nodes.len()];
-        par::for_chunks(&mut pair_leans, CHUNK, |first, out| {
+        let mut children_oriented = vec![false; tree.nodes.len()];
+        par::for_chunks(&mut children_oriented, CHUNK, |first, out| {
             for (i, (leans, node)) in out.iter_mut().zip(&tree.nodes[first..]).enumerate() {
                 #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
                 let id = NodeId((first + i) as u32);
                 let children = [node.left, node.right];
                 *leans = if fallback {
-                    costs.leaning_gain(self, leaves, id, children) > 0.0
+                    costs.oriented_gain(self, leaves, id, children) > 0.0
                 } else {
-                    children.iter().any(|&child| self.leans(child))
+                    children.iter().any(|&child| self.is_oriented(child))
                 };
             }
         });
-        self.pair_leans = pair_leans;
+        self.children_oriented = children_oriented;
     }
 }

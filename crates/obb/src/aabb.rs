@@ -16,7 +16,7 @@ impl Aabb {
 
     /// Smallest box around `points`; [`Aabb::EMPTY`] for none.
     #[must_use]
-    pub fn of_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+    pub fn from_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
         let mut aabb = Self::EMPTY;
         for point in points {
             aabb.grow(point);
@@ -131,7 +131,7 @@ mod tests {
         }
         let widest = Aabb { min: [f32::MIN; 3], max: [f32::MAX; 3] };
         assert_eq!(widest.unit_scale(), Some(2.0f32.powi(-126)));
-        for nothing in [Aabb::EMPTY, Aabb::of_points([[1.0; 3]]), Aabb { min: [0.0; 3], max: [f32::INFINITY; 3] }] {
+        for nothing in [Aabb::EMPTY, Aabb::from_points([[1.0; 3]]), Aabb { min: [0.0; 3], max: [f32::INFINITY; 3] }] {
             assert_eq!(nothing.unit_scale(), None);
         }
     }

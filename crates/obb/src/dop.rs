@@ -20,7 +20,7 @@ pub const N_DIRECTIONS: usize = 25;
 /// Number of frames that the directions make.
 pub const N_FRAMES: usize = 16;
 
-/// The directions, not normalised. All entries are small integers, so the frames below are exactly orthogonal.
+/// The directions, not normalized. All entries are small integers, so the frames below are exactly orthogonal.
 pub const DIRECTIONS: [[i8; 3]; N_DIRECTIONS] = [
     [1, 0, 0],
     [0, 1, 0],
@@ -75,7 +75,7 @@ impl Dop {
     /// Extents of `points`.
     #[inline]
     #[must_use]
-    pub fn of_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+    pub fn from_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
         let mut dop = Self::EMPTY;
         for point in points {
             dop.grow(point);

@@ -20,19 +20,19 @@ const PARALLEL: f64 = 8.0 * U;
 /// Zero and parallel directions are completed the same way every time: across the least component. Lengths do not
 /// matter, at any scale; directions must be finite.
 #[must_use]
-pub fn along(first: [f64; 3], second: [f64; 3]) -> Frame {
+pub fn orthonormal(first: [f64; 3], second: [f64; 3]) -> Frame {
     basis(first, second).map(vector::to_f32)
 }
 
-/// [`along`] before it is rounded to `f32`.
+/// [`orthonormal`] before it is rounded to `f32`.
 pub(crate) fn basis(first: Vector, second: Vector) -> [Vector; 3] {
-    let x = vector::normalised(first).or_else(|| vector::normalised(second)).unwrap_or([1.0, 0.0, 0.0]);
-    let y = vector::normalised(second)
+    let x = vector::normalized(first).or_else(|| vector::normalized(second)).unwrap_or([1.0, 0.0, 0.0]);
+    let y = vector::normalized(second)
         .map(|s| vector::sub(s, vector::scale(x, dot(s, x))))
         .filter(|&rest| vector::length(rest) > PARALLEL)
-        .and_then(vector::normalised)
+        .and_then(vector::normalized)
         // A short rest carries the rounding of the projection; a second one removes it.
-        .and_then(|y| vector::normalised(vector::sub(y, vector::scale(x, dot(y, x)))))
+        .and_then(|y| vector::normalized(vector::sub(y, vector::scale(x, dot(y, x)))))
         .unwrap_or_else(|| across(x));
     [x, y, cross(x, y)]
 }
@@ -42,20 +42,20 @@ pub(crate) fn across(x: Vector) -> Vector {
     let least = (1..3).fold(0, |least, k| if x[k].abs() < x[least].abs() { k } else { least });
     let mut axis = [0.0; 3];
     axis[least] = 1.0;
-    vector::normalised(cross(x, axis)).unwrap_or([0.0, 1.0, 0.0])
+    vector::normalized(cross(x, axis)).unwrap_or([0.0, 1.0, 0.0])
 }
 
 /// The frame with its third axis reversed where it mirrors: the same boxes, a proper rotation.
 #[must_use]
 pub fn right_handed(frame: Frame) -> Frame {
-    let [x, y, z] = frame.map(vector::from_f32);
+    let [x, y, z] = frame.map(vector::to_f64);
     if dot(cross(x, y), z) < 0.0 { [frame[0], frame[1], frame[2].map(|c| -c)] } else { frame }
 }
 
 /// Whether the columns are orthonormal up to the rounding to `f32`, either handed.
 #[must_use]
 pub fn is_orthonormal(frame: Frame) -> bool {
-    let [x, y, z] = frame.map(vector::from_f32);
+    let [x, y, z] = frame.map(vector::to_f64);
     let errors = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(z, z) - 1.0, dot(x, y), dot(y, z), dot(z, x)];
     errors.iter().all(|e| e.abs() <= ORTHONORMAL_ERROR)
 }
@@ -90,7 +90,7 @@ mod tests {
             [[0.0; 3], [1.0, 0.0, 0.0], [1e-300, 0.0, 0.0], [1e300, 1e300, -1e300], [1.0, 1e-9, 0.0], [3.0, -0.0, 4.0]];
         for first in ugly {
             for second in ugly {
-                let frame = along(first, second);
+                let frame = orthonormal(first, second);
                 assert!(is_orthonormal(frame), "{first:?} {second:?} {frame:?}");
                 assert_eq!(right_handed(frame), frame, "{first:?} {second:?}");
             }
@@ -102,7 +102,7 @@ mod tests {
         for mask in 0..8 {
             let skewed = [[2.0, 1.0, 0.0], [0.0, 3e-20, 0.0], [0.0, 1e20, 1e20]];
             let directions = std::array::from_fn(|k| if mask >> k & 1 == 1 { skewed[k] } else { [0.0; 3] });
-            let [x, y, z] = complete(directions).map(vector::from_f32);
+            let [x, y, z] = complete(directions).map(vector::to_f64);
             assert!(dot(cross(x, y), z).abs() > 0.1, "{mask}");
         }
     }
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(right_handed(mirrored), crate::Obb::IDENTITY_FRAME);
         let skewed = [[1.0, 0.0, 0.0], [1e-6, 1.0, 0.0], [0.0, 0.0, 1.0]];
         assert!(!is_orthonormal(skewed));
-        let [x, y, _] = skewed.map(vector::from_f32);
-        assert!(is_orthonormal(along(x, y)));
+        let [x, y, _] = skewed.map(vector::to_f64);
+        assert!(is_orthonormal(orthonormal(x, y)));
     }
 }

@@ -15,7 +15,7 @@ pub struct Obb {
     /// Directions of the three axes, invertible as a matrix.
     pub frame: [[f32; 3]; 3],
     /// Half-extents along the axes, in units of the axes' lengths.
-    pub half: [f32; 3],
+    pub half_extents: [f32; 3],
 }
 
 impl Obb {
@@ -28,12 +28,12 @@ impl Obb {
     #[must_use]
     pub fn from_aabb(aabb: &Aabb) -> Self {
         if aabb.is_empty() {
-            return Self { center: [0.0; 3], frame: Self::IDENTITY_FRAME, half: [0.0; 3] };
+            return Self { center: [0.0; 3], frame: Self::IDENTITY_FRAME, half_extents: [0.0; 3] };
         }
         let center = vector::to_f32(aabb.center());
         let half =
             std::array::from_fn(|k| difference_up(aabb.max[k], center[k]).max(difference_up(center[k], aabb.min[k])));
-        Self { center, frame: Self::IDENTITY_FRAME, half }
+        Self { center, frame: Self::IDENTITY_FRAME, half_extents: half }
     }
 
     /// The image of the unit cube `[-1/2, 1/2]³`, exactly: the columns are the frame and no number is rounded.
@@ -42,13 +42,13 @@ impl Obb {
     /// dependent no frame can carry the image, and the axis-parallel box around it is returned.
     #[must_use]
     pub fn from_affine(space_from_cube: &Affine) -> Self {
-        let cube = Self { center: [0.0; 3], frame: Self::IDENTITY_FRAME, half: [0.5; 3] };
+        let cube = Self { center: [0.0; 3], frame: Self::IDENTITY_FRAME, half_extents: [0.5; 3] };
         let [x, y, z, center] = space_from_cube.columns;
-        let completed = frame::complete([x, y, z].map(vector::from_f32));
-        let (mut exact, flat) = (Self { center, frame: [x, y, z], half: [0.5; 3] }, [0.0; 3]);
+        let completed = frame::complete([x, y, z].map(vector::to_f64));
+        let (mut exact, flat) = (Self { center, frame: [x, y, z], half_extents: [0.5; 3] }, [0.0; 3]);
         for k in (0..3).filter(|&k| space_from_cube.columns[k] == flat) {
             exact.frame[k] = completed[k];
-            exact.half[k] = 0.0;
+            exact.half_extents[k] = 0.0;
         }
         if contains::is_singular(&exact) { cube.transformed(space_from_cube) } else { exact }
     }
@@ -60,7 +60,7 @@ impl Obb {
     #[must_use]
     pub fn to_affine(&self) -> Affine {
         let [x, y, z] = std::array::from_fn(|a| {
-            vector::to_f32(vector::scale(vector::from_f32(self.frame[a]), 2.0 * f64::from(self.half[a])))
+            vector::to_f32(vector::scale(vector::to_f64(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
         });
         Affine { columns: [x, y, z, self.center] }
     }
@@ -72,14 +72,14 @@ impl Obb {
     /// across the others; where the map makes the axes dependent the axis-parallel box around the image is returned.
     #[must_use]
     pub fn transformed(&self, to_from_self: &Affine) -> Self {
-        let center = to_from_self.point_f64(vector::from_f32(self.center));
-        let directions = self.frame.map(|axis| to_from_self.vector_f64(vector::from_f32(axis)));
-        let sides: [Vector; 3] = std::array::from_fn(|a| vector::scale(directions[a], f64::from(self.half[a])));
+        let center = to_from_self.point_f64(vector::to_f64(self.center));
+        let directions = self.frame.map(|axis| to_from_self.vector_f64(vector::to_f64(axis)));
+        let sides: [Vector; 3] = std::array::from_fn(|a| vector::scale(directions[a], f64::from(self.half_extents[a])));
         // Products of two f32 are exact in f64. A coordinate of the centre then takes three roundings, one of a side
         // two and a third for its half-extent, each relative to the sum of absolute terms; the fourth unit covers the
         // sum itself.
         let reach: Vector = std::array::from_fn(|k| {
-            let sides = (0..3).map(|a| f64::from(self.frame[a][k].abs()) * f64::from(self.half[a]));
+            let sides = (0..3).map(|a| f64::from(self.frame[a][k].abs()) * f64::from(self.half_extents[a]));
             f64::from(self.center[k].abs()) + sides.sum::<f64>()
         });
         let magnitude: Vector = std::array::from_fn(|k| {
@@ -117,7 +117,7 @@ impl Obb {
         std::array::from_fn(|i| {
             std::array::from_fn(|k| {
                 (0..3).fold(f64::from(self.center[k]), |sum, a| {
-                    let side = f64::from(self.frame[a][k]) * f64::from(self.half[a]);
+                    let side = f64::from(self.frame[a][k]) * f64::from(self.half_extents[a]);
                     if i >> a & 1 == 1 { sum + side } else { sum - side }
                 })
             })
@@ -141,7 +141,7 @@ impl Obb {
 
     /// The three edges from a corner, at full length.
     fn edges(&self) -> [Vector; 3] {
-        std::array::from_fn(|a| vector::scale(vector::from_f32(self.frame[a]), 2.0 * f64::from(self.half[a])))
+        std::array::from_fn(|a| vector::scale(vector::to_f64(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
     }
 
     /// Smallest axis-aligned box around the eight real corners, rounded outward; infinite where a corner lies beyond the
@@ -151,7 +151,8 @@ impl Obb {
         let mut aabb = Aabb::EMPTY;
         for k in 0..3 {
             let center = f64::from(self.center[k]);
-            let support: f64 = (0..3).map(|a| f64::from(self.frame[a][k].abs()) * f64::from(self.half[a])).sum();
+            let support: f64 =
+                (0..3).map(|a| f64::from(self.frame[a][k].abs()) * f64::from(self.half_extents[a])).sum();
             // The products are exact; two sums and the last difference round, relative to what they add up.
             let error = 4.0 * U * (center.abs() + support);
             aabb.min[k] = -up(-(center - support - error));

@@ -41,19 +41,19 @@ impl Quaternion {
             2 => [wy, xy, s, yz],
             _ => [wz, xz, yz, s],
         };
-        Self { w, x, y, z }.normalised().canonical()
+        Self { w, x, y, z }.normalized().canonical()
     }
 
     /// [`Quaternion::from_columns`] for a frame.
     #[inline]
     #[must_use]
     pub fn from_frame(frame: Frame) -> Self {
-        Self::from_columns(frame.map(vector::from_f32))
+        Self::from_columns(frame.map(vector::to_f64))
     }
 
     /// The rotation about `axis` (of length one) by `angle_rad`.
     #[must_use]
-    pub fn about(axis: [f64; 3], angle_rad: f64) -> Self {
+    pub fn from_axis_angle(axis: [f64; 3], angle_rad: f64) -> Self {
         let (sin, cos) = (0.5 * angle_rad).sin_cos();
         let [x, y, z] = vector::scale(axis, sin);
         Self { w: cos, x, y, z }
@@ -89,7 +89,7 @@ impl Quaternion {
     /// At length one; zero gives no rotation.
     #[inline]
     #[must_use]
-    pub fn normalised(self) -> Self {
+    pub fn normalized(self) -> Self {
         let reach = self.w.abs().max(self.x.abs()).max(self.y.abs()).max(self.z.abs());
         if reach == 0.0 {
             return Self::IDENTITY;

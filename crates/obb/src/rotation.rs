@@ -38,11 +38,11 @@ pub enum Status {
     /// The matrix has rank one or zero: of the nearest rotations the shortest, none for zero.
     RankDeficient,
     /// Still turning after the last turn allowed, or the matrix is not finite: use something else.
-    Capped,
+    NotConverged,
 }
 
 /// A cap far above what the tests see; three or four turns are usual.
-pub const MOST_ITERATIONS: usize = 64;
+pub const MAX_ITERATIONS: usize = 64;
 
 /// Rounding of a torque or a resistance, relative to the greatest entry of the matrix.
 ///
@@ -53,13 +53,13 @@ const NOISE: f64 = 64.0 * U;
 /// Second singular value over the first, below which rounding alone would decide the twist.
 const RANK_ONE: f64 = 64.0 * U;
 
-/// Extracts the rotation from the matrix with these columns in at most `most_iterations` turns. Never makes NaN.
+/// Extracts the rotation from the matrix with these columns in at most `max_iterations` turns. Never makes NaN.
 #[must_use]
-pub fn extract(columns: [[f64; 3]; 3], most_iterations: usize) -> Extraction {
+pub fn extract(columns: [[f64; 3]; 3], max_iterations: usize) -> Extraction {
     let found =
         |rotation: Quaternion, status, iterations| Extraction { rotation: rotation.canonical(), status, iterations };
     if columns.iter().flatten().any(|x| !x.is_finite()) {
-        return found(Quaternion::IDENTITY, Status::Capped, 0);
+        return found(Quaternion::IDENTITY, Status::NotConverged, 0);
     }
     let reach = greatest_entry(columns);
     if reach == 0.0 {
@@ -73,14 +73,14 @@ pub fn extract(columns: [[f64; 3]; 3], most_iterations: usize) -> Extraction {
     }
     let noise = NOISE * greatest;
     let mut rotation = best_start(a);
-    for iteration in 0..most_iterations {
+    for iteration in 0..max_iterations {
         match step(rotation.columns(), a, noise) {
-            Step::Turn(turn) => rotation = turn.times(rotation).normalised(),
+            Step::Turn(turn) => rotation = turn.times(rotation).normalized(),
             Step::Settled { mirrors: true } => return found(rotation, Status::Reflected, iteration),
             Step::Settled { mirrors: false } => return found(rotation, Status::Converged, iteration),
         }
     }
-    found(rotation, Status::Capped, most_iterations)
+    found(rotation, Status::NotConverged, max_iterations)
 }
 
 enum Step {
@@ -101,7 +101,7 @@ fn step(r: [Vector; 3], a: [Vector; 3], noise: f64) -> Step {
     // an axis without resistance must not turn at all: where many answers are equal it would never rest.
     let newton = (0..3).map(|k| (k, dot(vectors[k], torque))).filter(|(_, along)| along.abs() > noise);
     let newton = newton.map(|(k, along)| scale(vectors[k], along / resistance[k].abs().max(noise))).fold([0.0; 3], add);
-    let axis = match vector::normalised(newton) {
+    let axis = match vector::normalized(newton) {
         Some(axis) => axis,
         None if resistance[0] < -noise => vectors[0],
         // At the crest the stretch has the singular values, the least one negative for a mirror. The determinant would
@@ -111,7 +111,7 @@ fn step(r: [Vector; 3], a: [Vector; 3], noise: f64) -> Step {
     // About one axis the trace is a cosine of the angle; this is its crest.
     let along = vectors.map(|v| dot(v, axis));
     let resisted: f64 = (0..3).map(|k| resistance[k] * along[k] * along[k]).sum();
-    Step::Turn(Quaternion::about(axis, dot(torque, axis).atan2(resisted)))
+    Step::Turn(Quaternion::from_axis_angle(axis, dot(torque, axis).atan2(resisted)))
 }
 
 /// The axes made orthonormal, no turn, or half a turn about one axis: the greatest trace.
@@ -127,8 +127,8 @@ fn best_start(a: [Vector; 3]) -> Quaternion {
 /// The shortest turn that takes `v` to `u` for the matrix `s · u vᵀ`.
 fn of_rank_one(a: [Vector; 3]) -> Quaternion {
     let longest = (1..3).fold(0, |best, k| if dot(a[k], a[k]) > dot(a[best], a[best]) { k } else { best });
-    let u = vector::normalised(a[longest]).unwrap_or(IDENTITY_AXIS);
-    let v = vector::normalised(a.map(|column| dot(column, u))).unwrap_or(IDENTITY_AXIS);
+    let u = vector::normalized(a[longest]).unwrap_or(IDENTITY_AXIS);
+    let v = vector::normalized(a.map(|column| dot(column, u))).unwrap_or(IDENTITY_AXIS);
     if dot(v, u) >= 0.0 {
         return acute_turn(v, u);
     }
@@ -140,7 +140,7 @@ fn of_rank_one(a: [Vector; 3]) -> Quaternion {
 /// The turn by less than a right angle from `v` to `u`, both of length one.
 fn acute_turn(v: Vector, u: Vector) -> Quaternion {
     let [x, y, z] = cross(v, u);
-    Quaternion { w: 1.0 + dot(v, u), x, y, z }.normalised()
+    Quaternion { w: 1.0 + dot(v, u), x, y, z }.normalized()
 }
 
 const IDENTITY_AXIS: Vector = [1.0, 0.0, 0.0];

@@ -69,7 +69,7 @@ fn boxes_are_contained_with_their_real_corners() {
 fn axis_parallel_boxes_are_contained() {
     let mut random = Random(5);
     for (name, points) in clouds::all() {
-        let aabb = Aabb::of_points(points.iter().copied());
+        let aabb = Aabb::from_points(points.iter().copied());
         let straight = ExactBox::of(&Obb::from_aabb(&aabb));
         let mut enclosure = Enclosure::new(random.frame(), points[0]);
         enclosure.add_aabb(&aabb);
@@ -94,13 +94,13 @@ fn a_half_extent_less_by_one_unit_in_the_last_place_is_seen() {
     let unit_cube: Vec<[f32; 3]> = Aabb { min: [-1.0; 3], max: [1.0; 3] }.corners().to_vec();
     let mut n_tight = 0;
     for (_, points) in clouds::all().into_iter().chain([("cube".to_owned(), unit_cube)]) {
-        let straight = Obb::from_aabb(&Aabb::of_points(points.iter().copied()));
+        let straight = Obb::from_aabb(&Aabb::from_points(points.iter().copied()));
         let turned = bound(random.frame(), points.iter().copied());
         for tight in [straight, turned] {
             assert!(contains_all(&tight, &points));
-            for k in (0..3).filter(|&k| tight.half[k] > 0.0) {
+            for k in (0..3).filter(|&k| tight.half_extents[k] > 0.0) {
                 let mut shrunk = tight;
-                shrunk.half[k] = shrunk.half[k].next_down();
+                shrunk.half_extents[k] = shrunk.half_extents[k].next_down();
                 let lost = !contains_all(&shrunk, &points);
                 n_tight += usize::from(lost);
                 // The library's own test sees the same loss.
@@ -124,9 +124,9 @@ fn boxes_are_as_small_as_their_content_allows() {
             let reached = reached.fold(0.0, f64::max);
             // Rounded up once to f32, after a pad of 17 u · ρ · (D + D'): with rows of at most √3, content of at most six
             // half-extents and the centre within √3 of them, below 2⁻⁴⁵ of the greatest half-extent.
-            let extent = bounded.half.iter().fold(0.0, |a: f32, &b| a.max(b));
+            let extent = bounded.half_extents.iter().fold(0.0, |a: f32, &b| a.max(b));
             let limit = (reached + f64::from(extent) / 2.0_f64.powi(45)) as f32;
-            assert!(bounded.half[k] <= limit.next_up(), "{name}: {reached:e} {bounded:?}");
+            assert!(bounded.half_extents[k] <= limit.next_up(), "{name}: {reached:e} {bounded:?}");
         }
     }
 }
@@ -137,8 +137,8 @@ fn points_and_straight_boxes_cost_nothing() {
     for _ in 0..100 {
         let point = random.vector().map(|x| 1e7 * x as f32);
         let bounded = bound(random.frame(), [point; 5]);
-        assert_eq!((bounded.center, bounded.half), (point, [0.0; 3]));
+        assert_eq!((bounded.center, bounded.half_extents), (point, [0.0; 3]));
     }
     let wall = Obb::from_aabb(&Aabb { min: [2.5, 0.0, -1.0], max: [2.5, 4.0, 3.0] });
-    assert_eq!((wall.center, wall.half), ([2.5, 2.0, 1.0], [0.0, 2.0, 2.0]));
+    assert_eq!((wall.center, wall.half_extents), ([2.5, 2.0, 1.0], [0.0, 2.0, 2.0]));
 }

@@ -25,7 +25,7 @@ fn intervals_are_those_of_all_points() {
         if !(1e-30..1e37).contains(&reach) {
             continue;
         }
-        let dop = Dop::of_points(points.iter().copied());
+        let dop = Dop::from_points(points.iter().copied());
         for k in 0..DIRECTIONS.len() {
             let along = points.iter().map(|p| (0..3).map(|j| unit(k)[j] * f64::from(p[j])).sum::<f64>());
             let expected = along.fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(x), high.max(x)]);
@@ -33,7 +33,7 @@ fn intervals_are_those_of_all_points() {
             assert!((0..2).all(|i| (found[i] - expected[i]).abs() <= ALONG * reach), "{name}, direction {k}");
         }
         let (front, back) = points.split_at(points.len() / 2);
-        let joined = Dop::of_points(front.iter().copied()).union(&Dop::of_points(back.iter().copied()));
+        let joined = Dop::from_points(front.iter().copied()).union(&Dop::from_points(back.iter().copied()));
         assert_eq!(joined, dop, "{name}: a union is exactly that of all points");
     }
 }
@@ -55,7 +55,7 @@ fn areas_are_those_of_the_boxes() {
         let scale = random.vector();
         let turned = random.frame();
         let points: Vec<_> = (0..20).map(|_| clouds::placed(turned, scale, [0.0; 3], random.vector())).collect();
-        let dop = Dop::of_points(points.iter().copied());
+        let dop = Dop::from_points(points.iter().copied());
         let mut least = f64::MAX;
         for (&axes, area) in dop::frames().iter().zip(dop.areas()) {
             let boxed = bound(axes, points.iter().copied());
@@ -69,8 +69,8 @@ fn areas_are_those_of_the_boxes() {
 
 #[test]
 fn nothing_and_ties_stay_straight() {
-    assert_eq!(Dop::of_points([[1.0, 2.0, 3.0]]).best(), (Obb::IDENTITY_FRAME, 0.0));
-    let dop = Dop::of_points([[1.0, 2.0, 3.0], [2.0, 2.5, 3.5]]);
+    assert_eq!(Dop::from_points([[1.0, 2.0, 3.0]]).best(), (Obb::IDENTITY_FRAME, 0.0));
+    let dop = Dop::from_points([[1.0, 2.0, 3.0], [2.0, 2.5, 3.5]]);
     assert_eq!(dop.union(&Dop::EMPTY), dop);
     assert_eq!(dop.areas().len(), N_FRAMES);
 }

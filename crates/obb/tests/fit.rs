@@ -18,7 +18,7 @@ fn strip(points: &[[f32; 3]]) -> Vec<[u32; 3]> {
 /// Fits by every method and checks what every fit promises.
 #[track_caller]
 fn check(name: &str, points: &[[f32; 3]]) -> [Obb; 5] {
-    let straight = Obb::from_aabb(&Aabb::of_points(points.iter().copied()));
+    let straight = Obb::from_aabb(&Aabb::from_points(points.iter().copied()));
     METHODS.map(|method| {
         let fitted = fit(points, &strip(points), method).expect("finite points");
         let judge = ExactBox::of(&fitted);
@@ -26,7 +26,7 @@ fn check(name: &str, points: &[[f32; 3]]) -> [Obb; 5] {
             assert!(judge.contains(&exact::exact_point(point)), "{name}, {method:?}: {point:?} outside {fitted:?}");
         }
         assert!(fitted.area() <= straight.area(), "{name}, {method:?}: more area than the straight box");
-        assert!(fitted.half.iter().all(|&half| half >= 0.0 && half.is_finite()), "{name}, {method:?}");
+        assert!(fitted.half_extents.iter().all(|&half| half >= 0.0 && half.is_finite()), "{name}, {method:?}");
         assert_eq!(fitted.frame, frame::right_handed(fitted.frame), "{name}, {method:?}");
         fitted
     })
@@ -49,13 +49,13 @@ fn no_point_one_point_two_points() {
         assert_eq!(fit(&[], &[], method), Err(FitError::Empty));
     }
     for fitted in check("one", &[[0.1, -7.0, 1e7]]) {
-        assert_eq!(fitted, Obb { center: [0.1, -7.0, 1e7], frame: Obb::IDENTITY_FRAME, half: [0.0; 3] });
+        assert_eq!(fitted, Obb { center: [0.1, -7.0, 1e7], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] });
     }
     let pair = [[1.0, 2.0, 3.0], [4.0, -2.0, 3.5]];
     let [_, pca, _, dito, _] = check("two", &pair);
     for fitted in [pca, dito] {
         // Along the segment: the other extents are the rounding of a direction, half a unit in the last place.
-        let [long, rest @ ..] = fitted.half;
+        let [long, rest @ ..] = fitted.half_extents;
         let bound = SEGMENT_ULPS * f64::from(long.next_up() - long);
         assert!((f64::from(long) - 0.5 * 25.25_f64.sqrt()).abs() <= bound, "{fitted:?}");
         assert!(rest.iter().all(|&half| half <= 4.0 * f32::EPSILON * long), "{fitted:?}");
@@ -78,7 +78,7 @@ fn coincident_points_give_a_straight_box_without_extent() {
     let points = vec![[0.1, -3.3, 7.7e5]; 100_000];
     for method in METHODS {
         let fitted = fit(&points, &[[0, 1, 2]], method).expect("finite points");
-        assert_eq!(fitted, Obb { center: points[0], frame: Obb::IDENTITY_FRAME, half: [0.0; 3] });
+        assert_eq!(fitted, Obb { center: points[0], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] });
     }
 }
 
@@ -86,7 +86,7 @@ fn coincident_points_give_a_straight_box_without_extent() {
 fn equal_eigenvalues_never_cost_more_than_the_straight_box() {
     let cube = Aabb { min: [-1.0; 3], max: [1.0; 3] }.corners();
     for fitted in check("cube", &cube) {
-        assert_eq!(fitted, Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0; 3] });
+        assert_eq!(fitted, Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0; 3] });
     }
     let mut random = Random(21);
     for _ in 0..20 {
@@ -170,7 +170,7 @@ fn an_offset_of_1e7_with_detail_of_1e_3_is_contained() {
         let points: Vec<_> = (0..100).map(|_| placed(turned, [2e-3, 1e-3, 1e-3], offset, random.vector())).collect();
         for fitted in check("far", &points) {
             // Coordinates at 1e7 are whole numbers: content and centre round by at most one each.
-            assert!(fitted.half.iter().all(|&half| half <= 4.0), "{offset:?} {fitted:?}");
+            assert!(fitted.half_extents.iter().all(|&half| half <= 4.0), "{offset:?} {fitted:?}");
         }
     }
 }
@@ -180,7 +180,7 @@ fn denormals_are_points_like_others() {
     let least = f32::from_bits(1);
     let pair = [[0.0; 3], [least, 2.0 * least, 3.0 * least]];
     for fitted in check("denormal pair", &pair) {
-        assert!(fitted.half.iter().all(|&half| half < 8.0 * least), "{fitted:?}");
+        assert!(fitted.half_extents.iter().all(|&half| half < 8.0 * least), "{fitted:?}");
     }
     check("denormal triangle", &[[0.0; 3], [1e-40, 0.0, 0.0], [0.0, 3e-42, -2e-41]]);
 }
@@ -200,7 +200,7 @@ fn powers_of_two_scale_every_bit() {
                 let (one, other) = (one.unwrap(), other.unwrap());
                 assert_eq!(other.frame, one.frame, "{name}, {method:?}, 2^{exponent}");
                 assert_eq!(other.center, one.center.map(|x| x * scale), "{name}, {method:?}, 2^{exponent}");
-                assert_eq!(other.half, one.half.map(|x| x * scale), "{name}, {method:?}, 2^{exponent}");
+                assert_eq!(other.half_extents, one.half_extents.map(|x| x * scale), "{name}, {method:?}, 2^{exponent}");
             }
         }
     }
@@ -247,7 +247,9 @@ fn searched_area(points: &[[f32; 3]]) -> f64 {
         let turns = (0..6).map(|i| {
             let mut axis = [0.0; 3];
             axis[i / 2] = 1.0;
-            canted_obb::Quaternion::about(axis, if i % 2 == 0 { angle } else { -angle }).times(best.1).normalised()
+            canted_obb::Quaternion::from_axis_angle(axis, if i % 2 == 0 { angle } else { -angle })
+                .times(best.1)
+                .normalized()
         });
         let next = turns.map(|q| (area(q), q)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
         if next.0 < best.0 { best = next } else { angle *= 0.7 }

@@ -32,7 +32,7 @@ fn every_pair_of_clouds_is_contained() {
         for (rule, merged) in RULES {
             assert_contains(&format!("{rule}: {name} and {other_name}"), &merged(&a, &b), &[a, b]);
         }
-        let content = Moments::of_points(points.iter().chain(other).copied());
+        let content = Moments::from_points(points.iter().chain(other).copied());
         assert_contains("best with moments", &merge::best(&a, &b, Some(&content)), &[a, b]);
     }
 }
@@ -66,8 +66,8 @@ fn triangles_and_boxes_are_contained() {
 fn equal_and_nested_boxes_do_not_grow() {
     let mut random = Random(43);
     for _ in 0..200 {
-        let outer = Obb { center: [0.0; 3], frame: random.frame(), half: [4.0, 1.0, 0.25] };
-        let inner = Obb { half: [2.0, 0.5, 0.125], ..outer };
+        let outer = Obb { center: [0.0; 3], frame: random.frame(), half_extents: [4.0, 1.0, 0.25] };
+        let inner = Obb { half_extents: [2.0, 0.5, 0.125], ..outer };
         for (rule, merged) in RULES {
             for child in [outer, inner] {
                 let parent = merged(&outer, &child);
@@ -85,23 +85,23 @@ fn boxes_without_volume_merge() {
     let mut random = Random(49);
     for _ in 0..50 {
         let turned = random.frame();
-        let flat = Obb { center: [0.0; 3], frame: turned, half: [2.0, 1.0, 0.0] };
-        let line = Obb { half: [2.0, 0.0, 0.0], ..flat };
-        let crossing = Obb { half: [0.0, 2.0, 0.0], ..flat };
-        let point = Obb { half: [0.0; 3], ..flat };
+        let flat = Obb { center: [0.0; 3], frame: turned, half_extents: [2.0, 1.0, 0.0] };
+        let line = Obb { half_extents: [2.0, 0.0, 0.0], ..flat };
+        let crossing = Obb { half_extents: [0.0, 2.0, 0.0], ..flat };
+        let point = Obb { half_extents: [0.0; 3], ..flat };
         let beside = Obb { center: placed(turned, [1.0; 3], [0.0; 3], [5.0, 0.0, 0.0]), ..flat };
         for (rule, merged) in RULES {
             for (a, b) in [(flat, beside), (flat, point), (line, crossing), (line, line), (point, point)] {
                 let parent = merged(&a, &b);
                 assert_contains(rule, &parent, &[a, b]);
-                assert!(parent.half.iter().all(|half| half.is_finite()), "{rule}");
+                assert!(parent.half_extents.iter().all(|half| half.is_finite()), "{rule}");
                 // All lie in one plane: what stands out of it is rounding, of the frame and of the centres at five.
                 let crossed = a != b && a.area() == 0.0 && b.area() == 0.0;
                 if crossed {
                     // Two lines may be the diagonals of a box that stands out of their plane and has less area.
                     continue;
                 }
-                let thin = parent.half.iter().fold(f32::MAX, |a, &b| a.min(b));
+                let thin = parent.half_extents.iter().fold(f32::MAX, |a, &b| a.min(b));
                 assert!(thin <= 32.0 * f32::EPSILON, "{rule}: {a:?} {b:?} {parent:?}");
             }
         }
@@ -122,12 +122,12 @@ fn thirty_levels_lose_no_vertex() {
             vertices.extend(triangle);
             chain = if level % 2 == 0 { merged(&chain, &leaf) } else { merged(&leaf, &chain) };
             if level % 5 == 4 {
-                chain = chain.or_aabb(&Aabb::of_points(vertices.iter().copied()));
+                chain = chain.or_aabb(&Aabb::from_points(vertices.iter().copied()));
             }
         }
         let judge = ExactBox::of(&chain);
         assert!(vertices.iter().all(|&v| judge.contains(&exact::exact_point(v))), "{rule}");
-        let straight = Aabb::of_points(vertices).area();
+        let straight = Aabb::from_points(vertices).area();
         assert!(chain.area() < 4.0 * straight, "{rule}: {} grew over {straight}", chain.area());
     }
 }
@@ -139,7 +139,7 @@ fn the_fallback_is_never_worse_than_the_straight_box() {
     for (name, points) in clouds::all() {
         let middle = points.len().div_ceil(2);
         let halves = [&points[..middle], &points[middle - 1..]].map(|half| bound(random.frame(), half.iter().copied()));
-        let content = Aabb::of_points(points.iter().copied());
+        let content = Aabb::from_points(points.iter().copied());
         let straight = Obb::from_aabb(&content);
         for (rule, merged) in RULES {
             let with = merged(&halves[0], &halves[1]).or_aabb(&content);
@@ -158,7 +158,7 @@ fn the_best_is_no_worse_than_any_rule_it_tries() {
     for _ in 0..300 {
         let [a, b] = [0, 1].map(|_| {
             let center = random.vector().map(|x| 3.0 * x as f32);
-            Obb { center, frame: random.frame(), half: random.vector().map(|x| x.abs() as f32) }
+            Obb { center, frame: random.frame(), half_extents: random.vector().map(|x| x.abs() as f32) }
         });
         let best = merge::best(&a, &b, None).area();
         let candidates: [Frame; 4] =
@@ -190,13 +190,13 @@ fn powers_of_two_scale_every_bit() {
         let make = |random: &mut Random| Obb {
             center: random.vector().map(|x| x as f32),
             frame: random.frame(),
-            half: random.vector().map(|x| x.abs() as f32),
+            half_extents: random.vector().map(|x| x.abs() as f32),
         };
         let (a, b) = (make(&mut random), make(&mut random));
         for exponent in [-60, 60] {
             let scaled = |obb: &Obb| Obb {
                 center: obb.center.map(|x| x * 2.0_f32.powi(exponent)),
-                half: obb.half.map(|x| x * 2.0_f32.powi(exponent)),
+                half_extents: obb.half_extents.map(|x| x * 2.0_f32.powi(exponent)),
                 ..*obb
             };
             for (rule, merged) in RULES {

@@ -14,9 +14,9 @@ fn opposite_quaternions_give_the_same_bits() {
     let mut random = Random(44);
     for _ in 0..500 {
         let (p, q) = (random.rotation(), random.rotation());
-        let expected = merge::between(p, q, [1.0, 3.0]).frame();
+        let expected = merge::average_rotations(p, q, [1.0, 3.0]).frame();
         for (p, q) in [(p.scaled(-1.0), q), (p, q.scaled(-1.0)), (p.scaled(-1.0), q.scaled(-1.0))] {
-            assert_eq!(merge::between(p, q, [1.0, 3.0]).frame(), expected);
+            assert_eq!(merge::average_rotations(p, q, [1.0, 3.0]).frame(), expected);
         }
     }
 }
@@ -29,7 +29,11 @@ fn renamed(obb: &Obb) -> Vec<Obb> {
             let signed = |k: usize, flip: bool| obb.frame[k].map(|c| if flip { -c } else { c });
             let frame = [signed(x, signs & 1 == 1), signed(y, signs & 2 == 2), obb.frame[z]];
             let third = frame::right_handed(frame);
-            all.push(Obb { frame: third, half: [obb.half[x], obb.half[y], obb.half[z]], ..*obb });
+            all.push(Obb {
+                frame: third,
+                half_extents: [obb.half_extents[x], obb.half_extents[y], obb.half_extents[z]],
+                ..*obb
+            });
         }
     }
     all
@@ -39,7 +43,7 @@ fn renamed(obb: &Obb) -> Vec<Obb> {
 fn ninety_and_a_hundred_and_eighty_degrees_are_no_turn() {
     let mut random = Random(45);
     for turned in [Obb::IDENTITY_FRAME, random.frame(), random.frame(), random.frame()] {
-        let obb = Obb { center: [1.0, -2.0, 3.0], frame: turned, half: [2.0, 0.5, 0.25] };
+        let obb = Obb { center: [1.0, -2.0, 3.0], frame: turned, half_extents: [2.0, 0.5, 0.25] };
         let all = renamed(&obb);
         assert_eq!(all.len(), 24);
         for a in &all {
@@ -58,13 +62,13 @@ fn ninety_and_a_hundred_and_eighty_degrees_are_no_turn() {
 #[test]
 fn the_nearest_symmetry_is_the_nearest_of_all_twenty_four() {
     let mut random = Random(46);
-    let all = renamed(&Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0; 3] });
+    let all = renamed(&Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0; 3] });
     let symmetries: Vec<Quaternion> = all.iter().map(|obb| Quaternion::from_frame(obb.frame)).collect();
     for _ in 0..2_000 {
         let (p, q) = (random.rotation(), random.rotation());
         let least = symmetries.iter().map(|&g| p.dot(q.times(g)).abs()).fold(0.0, f64::max);
         // Halfway between the two the turn to either end is half of the least: cos(θ/4) from cos(θ/2).
-        let halfway = merge::between(p, q, [1.0, 1.0]);
+        let halfway = merge::average_rotations(p, q, [1.0, 1.0]);
         let expected = (0.5 * (1.0 + least)).sqrt();
         assert!((halfway.dot(p) - expected).abs() < 16.0 * f64::EPSILON, "{p:?} {q:?}");
         // No two frames are farther apart than 62.8° once symmetries are counted (Mackenzie 1958).
@@ -76,8 +80,8 @@ fn the_nearest_symmetry_is_the_nearest_of_all_twenty_four() {
 fn weights_draw_the_average() {
     let mut random = Random(47);
     for _ in 0..50 {
-        let great = Obb { center: [0.0; 3], frame: random.frame(), half: [4.0, 1.0, 0.01] };
-        let speck = Obb { center: [1.0, 0.0, 0.0], frame: random.frame(), half: [1e-6; 3] };
+        let great = Obb { center: [0.0; 3], frame: random.frame(), half_extents: [4.0, 1.0, 0.01] };
+        let speck = Obb { center: [1.0, 0.0, 0.0], frame: random.frame(), half_extents: [1e-6; 3] };
         assert!(parallel(merge::average(great.frame, speck.frame, [1e6, 1.0]), great.frame) > 1.0 - 1e-5);
         let evenly = merge::average(great.frame, speck.frame, [0.0, 0.0]);
         assert_eq!(evenly, merge::average(great.frame, speck.frame, [7.0, 7.0]));
@@ -99,9 +103,9 @@ fn skewed_and_mirrored_children_merge_by_their_rotations() {
     let mut random = Random(48);
     for _ in 0..50 {
         let [x, y, z] = random.frame();
-        let straight = Obb { center: [0.0; 3], frame: [x, y, z], half: [3.0, 1.0, 0.5] };
+        let straight = Obb { center: [0.0; 3], frame: [x, y, z], half_extents: [3.0, 1.0, 0.5] };
         let mirrored = Obb { frame: [x, y, z.map(|c| -c)], ..straight };
-        let stretched = Obb { frame: [x.map(|c| 4.0 * c), y, z], half: [0.75, 1.0, 0.5], ..straight };
+        let stretched = Obb { frame: [x.map(|c| 4.0 * c), y, z], half_extents: [0.75, 1.0, 0.5], ..straight };
         for other in [mirrored, stretched] {
             let parent = merge::quaternion(&straight, &other, [1.0, 1.0]);
             assert_contains("skewed", &parent, &[straight, other]);

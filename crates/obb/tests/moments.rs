@@ -44,8 +44,8 @@ fn points_in_any_order_of_merging() {
             continue;
         }
         let (mean, scatter) = exactly(&points);
-        assert_close(&name, &Moments::of_points(points.iter().copied()), mean, scatter);
-        let mut parts: Vec<Moments> = points.iter().map(|&p| Moments::of_point(p)).collect();
+        assert_close(&name, &Moments::from_points(points.iter().copied()), mean, scatter);
+        let mut parts: Vec<Moments> = points.iter().map(|&p| Moments::from_point(p)).collect();
         while parts.len() > 1 {
             parts = parts.chunks(2).map(|pair| pair[1..].iter().fold(pair[0], |a, b| a.merged(b))).collect();
         }
@@ -58,7 +58,7 @@ fn a_triangle_equals_the_quadrature_of_its_midpoints() {
     let mut random = Random(71);
     for _ in 0..200 {
         let corners: [[f32; 3]; 3] = std::array::from_fn(|_| random.vector().map(|x| x as f32));
-        let found = Moments::of_triangle(corners);
+        let found = Moments::from_triangle(corners);
         let [a, b, c] = corners.map(|p| p.map(f64::from));
         // The rule of three edge midpoints, each a third of the area, is exact for polynomials of degree two.
         let midpoints = [(a, b), (b, c), (c, a)].map(|(p, q)| [0, 1, 2].map(|k| 0.5 * (p[k] + q[k])));
@@ -82,9 +82,12 @@ fn a_triangle_equals_the_quadrature_of_its_midpoints() {
 fn corners_of_a_box_in_closed_form() {
     let mut random = Random(72);
     for _ in 0..100 {
-        let obb =
-            Obb { center: [1.0, 2.0, -3.0], frame: random.frame(), half: random.vector().map(|x| x.abs() as f32) };
-        let found = Moments::of_corners(&obb, 8.0);
+        let obb = Obb {
+            center: [1.0, 2.0, -3.0],
+            frame: random.frame(),
+            half_extents: random.vector().map(|x| x.abs() as f32),
+        };
+        let found = Moments::from_box_corners(&obb, 8.0);
         let corners = obb.corners();
         let entry =
             |i: usize, j: usize| corners.iter().map(|c| (c[i] - found.mean[i]) * (c[j] - found.mean[j])).sum::<f64>();
@@ -95,8 +98,8 @@ fn corners_of_a_box_in_closed_form() {
 
 #[test]
 fn nothing_weighs_nothing() {
-    let point = Moments::of_point([1.0, 2.0, 3.0]);
-    let needle = Moments::of_triangle([[0.0; 3], [1.0, 1.0, 1.0], [2.0, 2.0, 2.0]]);
+    let point = Moments::from_point([1.0, 2.0, 3.0]);
+    let needle = Moments::from_triangle([[0.0; 3], [1.0, 1.0, 1.0], [2.0, 2.0, 2.0]]);
     assert_eq!(needle.weight, 0.0);
     for nothing in [Moments::EMPTY, needle] {
         assert_eq!(point.merged(&nothing), point);

@@ -32,7 +32,8 @@ proptest! {
 /// Centre, frame, half-extents and point from eighteen numbers.
 fn agrees(x: &[f32; 18]) -> Result<(), TestCaseError> {
     let triple = |i: usize| [x[i], x[i + 1], x[i + 2]];
-    let obb = Obb { center: triple(0), frame: [triple(3), triple(6), triple(9)], half: triple(12).map(f32::abs) };
+    let obb =
+        Obb { center: triple(0), frame: [triple(3), triple(6), triple(9)], half_extents: triple(12).map(f32::abs) };
     let frame = obb.frame.map(exact::exact_point);
     let minor = |a: usize, b: usize| &frame[1][a] * &frame[2][b] - &frame[1][b] * &frame[2][a];
     let determinant = &frame[0][0] * minor(1, 2) + &frame[0][1] * minor(2, 0) + &frame[0][2] * minor(0, 1);
@@ -62,7 +63,8 @@ fn membership_is_exact_on_faces() {
 
 #[test]
 fn a_singular_frame_contains_nothing() {
-    let flat = Obb { center: [0.0; 3], frame: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], half: [1.0; 3] };
+    let flat =
+        Obb { center: [0.0; 3], frame: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], half_extents: [1.0; 3] };
     assert!(!flat.contains([0.0; 3]));
 }
 
@@ -110,7 +112,7 @@ const MOVED_ERROR: f64 = 1.25 * 1.7321 / 32_768.0;
 fn a_rigid_motion_keeps_the_size() {
     let mut random = Random(33);
     for _ in 0..100 {
-        let obb = Obb { center: [1.0, 2.0, 3.0], frame: random.frame(), half: [4.0, 2.0, 0.5] };
+        let obb = Obb { center: [1.0, 2.0, 3.0], frame: random.frame(), half_extents: [4.0, 2.0, 0.5] };
         let moved = obb.transformed(&maps(&mut random)[0]);
         assert!((moved.area() / obb.area() - 1.0).abs() <= MOVED_ERROR, "{obb:?} {moved:?}");
     }
@@ -131,9 +133,9 @@ fn boxes_and_matrices_convert_both_ways() {
             assert!(judge.coordinates(&corner).iter().all(|q| *q == exact::exact(0.5) || *q == exact::exact(-0.5)));
         }
     }
-    let flat = Obb { center: [1.0; 3], frame: Obb::IDENTITY_FRAME, half: [2.0, 0.0, 3.0] };
+    let flat = Obb { center: [1.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [2.0, 0.0, 3.0] };
     let back = Obb::from_affine(&flat.to_affine());
-    assert_eq!(back.half[1], 0.0);
+    assert_eq!(back.half_extents[1], 0.0);
     assert_eq!(back.area(), flat.area());
     assert!(back.contains([3.0, 1.0, 4.0]) && !back.contains([3.0, 1.0_f32.next_up(), 4.0]));
 }
@@ -141,8 +143,11 @@ fn boxes_and_matrices_convert_both_ways() {
 #[test]
 fn the_straight_box_around_a_leaning_one_contains_its_real_corners() {
     let mut random = Random(35);
-    let cancelling =
-        Obb { center: [1e7; 3], frame: [[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]], half: [1e7, 0.1, 1e7] };
+    let cancelling = Obb {
+        center: [1e7; 3],
+        frame: [[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        half_extents: [1e7, 0.1, 1e7],
+    };
     let clouds = clouds::all().into_iter().map(|(_, points)| bound(random.frame(), points));
     for obb in clouds.chain([cancelling]) {
         let aabb = obb.aabb();
@@ -162,7 +167,7 @@ fn the_layout_is_fifteen_floats_in_order() {
     let obb = Obb {
         center: [1.0, 2.0, 3.0],
         frame: [[4.0, 5.0, 6.0], [7.0, 8.0, 9.0], [10.0, 11.0, 12.0]],
-        half: [13.0, 14.0, 15.0],
+        half_extents: [13.0, 14.0, 15.0],
     };
     let numbers: &[f32] = bytemuck::cast_slice(std::slice::from_ref(&obb));
     assert!(numbers.iter().copied().eq((1..16_u8).map(f32::from)));
@@ -171,7 +176,7 @@ fn the_layout_is_fifteen_floats_in_order() {
 #[test]
 fn sizes_of_skewed_boxes_are_those_of_parallelepipeds() {
     let frame = [[2.0, 0.0, 0.0], [1.0, 3.0, 0.0], [0.0, 1.0, -4.0]];
-    let obb = Obb { center: [7.0; 3], frame, half: [1.0, 0.5, 0.25] };
+    let obb = Obb { center: [7.0; 3], frame, half_extents: [1.0, 0.5, 0.25] };
     // Edges (4,0,0), (1,3,0), (0,0.5,-2): faces 12, √(36+4+0.25), √(64+4).
     let area = 2.0 * (12.0 + (36.0_f64 + 4.0 + 0.25).sqrt() + (64.0_f64 + 4.0).sqrt());
     assert!((obb.area() - area).abs() <= 8.0 * f64::EPSILON * area);
@@ -182,9 +187,9 @@ fn sizes_of_skewed_boxes_are_those_of_parallelepipeds() {
 fn the_fallback_is_by_area_and_ties_go_straight() {
     let square = Aabb { min: [0.0; 3], max: [1.0, 1.0, 0.0] };
     let half_turn = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
-    let tie = Obb { center: [0.5, 0.5, 0.0], frame: half_turn, half: [0.5, 0.5, 0.0] };
+    let tie = Obb { center: [0.5, 0.5, 0.0], frame: half_turn, half_extents: [0.5, 0.5, 0.0] };
     assert_eq!(tie.or_aabb(&square).frame, Obb::IDENTITY_FRAME);
     // Flat boxes have no volume; by area the lesser one stays.
-    let strip = Obb { half: [0.5, 0.25, 0.0], ..tie };
+    let strip = Obb { half_extents: [0.5, 0.25, 0.0], ..tie };
     assert_eq!(strip.or_aabb(&square), strip);
 }

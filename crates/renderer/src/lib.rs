@@ -9,68 +9,50 @@
 //! sums in `f64`; randomness is a pure function of pixel, sample, dimension and seed, so a picture is the same bits
 //! for any number of threads and any tile size.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "shared with the GPU renderer, which uses more of it"))]
 
+mod accel;
 #[cfg(feature = "baseline")]
 mod baseline;
 mod bsdf;
 mod camera;
-mod checkpoint;
-mod colormap;
-mod compare;
 mod content;
+#[cfg(feature = "gpu")]
 mod device;
-mod digits;
-mod film;
-mod filter;
-mod flip;
+mod error;
 mod framing;
 mod heatmap;
-mod input;
 mod integrate;
-mod level;
 mod light;
 mod mask;
-mod motion;
-mod output;
-mod partial;
-mod picture;
 mod placement;
 mod prepare;
+mod query;
 mod render;
 mod sampler;
 pub mod sampling;
 mod settings;
-mod srgb;
 mod structure;
 mod surface;
 mod texture;
 mod tracer;
 mod vector;
 
+pub use accel::{Accel, Builder, Bvh};
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
-pub use bsdf::{Bsdf, Evaluation, Scattered};
+pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
-pub use checkpoint::Checkpoint;
-pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
-pub use content::{Hash, light_hash, scene_hash};
-pub use device::{DeviceError, DevicePicture, GBuffer, Seen, SharedFilm, traced_scene};
-pub use film::{Aov, Aovs, Block, Film, Guide, JoinError, Part, Pixel};
-pub use filter::{Filter, FilterSampler};
-pub use flip::{Flip, PIXELS_PER_DEGREE, flip, flip_hdr};
+pub use content::{light_hash, scene_hash};
+#[cfg(feature = "gpu")]
+pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, traced_scene};
+pub use error::PrepareError;
 pub use framing::frame;
 pub use heatmap::{Heatmap, Measure, heatmap};
-pub use input::{ReadPictureError, read_picture};
-pub use level::{Builder, Level};
-pub use light::{LightSample, LightSampler, Lights, Met, Source, environment_of};
+pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use mask::Masked;
-pub use output::{
-    Discarded, Record, Whole, WriteError, discard_unfinished, read_part, write_exr, write_film, write_png,
-};
-pub use partial::Partial;
-pub use picture::Picture;
-pub use prepare::{LeftOut, Levels, PrepareError, Prepared, StructureConfig, prepare};
-pub use render::{Monitor, RenderError, Tile, render, resume};
+pub use prepare::{Levels, Prepared, StructureConfig, UnusedFeature, prepare};
+pub use render::{Monitor, RenderError, render, resume};
 pub use sampler::{Pattern, Sampler};
 pub use settings::{Integrator, Settings};
 pub use structure::{Flat, Flattened, Structure, flatten};

@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn a_side_without_points_is_none() {
         let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let aabb = Aabb::of_points(corners);
+        let aabb = Aabb::from_points(corners);
         assert_eq!(clip(&corners, &aabb, 0, 2.0), [Some(aabb), None]);
         // In the plane itself it is on both.
         assert_eq!(clip(&corners, &aabb, 2, 0.0), [Some(aabb); 2]);

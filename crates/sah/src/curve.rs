@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use canted_lbvh::{Bits, Domain, Sorted, by_code, codes_of_boxes};
+use canted_lbvh::{Bits, Domain, Sorted, morton_codes_of_boxes, sort_by_code};
 use canted_obb::{Aabb, PrimId};
 
 /// Runs of more equal codes than this are ordered along a curve of their own: fewer, any order serves.
@@ -15,7 +15,7 @@ const LONG: usize = 32;
 /// over that order are as bad as trees over chance. So a long run of equal codes is sorted along a curve through the box
 /// of its own middles, and so on, until runs are short or middles equal.
 pub(crate) fn along_curve(boxes: &[Aabb], bounds: &Aabb) -> Sorted {
-    let mut sorted = by_code(&codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), boxes), Bits::B63);
+    let mut sorted = sort_by_code(&morton_codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), boxes), Bits::B63);
     let mut open = long_runs(&sorted.codes, 0);
     while let Some(run) = open.pop() {
         let n = run.len();
@@ -30,8 +30,8 @@ pub(crate) fn along_curve(boxes: &[Aabb], bounds: &Aabb) -> Sorted {
 fn refine(leaves: &mut [PrimId], boxes: &[Aabb]) -> Vec<u64> {
     let own: Vec<Aabb> = leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
     let middle = |aabb: &Aabb| std::array::from_fn(|k| 0.5 * aabb.min[k] + 0.5 * aabb.max[k]);
-    let middles = Aabb::of_points(own.iter().map(middle));
-    let sorted = by_code(&codes_of_boxes(&Domain::new(&middles, 2, Bits::B63), &own), Bits::B63);
+    let middles = Aabb::from_points(own.iter().map(middle));
+    let sorted = sort_by_code(&morton_codes_of_boxes(&Domain::new(&middles, 2, Bits::B63), &own), Bits::B63);
     let before = leaves.to_vec();
     for (leaf, place) in leaves.iter_mut().zip(&sorted.leaves) {
         *leaf = before[place.index()];
@@ -102,7 +102,8 @@ mod tests {
             assert!(found < 1.5 * without, "{found} for {without} at {far}");
             if far >= 1e8 {
                 // The check can fail: one curve through all of it is no order at all.
-                let plain = by_code(&codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes), Bits::B63);
+                let plain =
+                    sort_by_code(&morton_codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes), Bits::B63);
                 assert!(way(&near, &kept(&plain.leaves)) > 3.0 * without);
             }
         }

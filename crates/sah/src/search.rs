@@ -111,7 +111,7 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canted_lbvh::{Bits, by_code, radix};
+    use canted_lbvh::{Bits, radix, sort_by_code};
     use canted_obb::Aabb;
     use proptest::prelude::*;
 
@@ -119,7 +119,7 @@ mod tests {
     const GAIN_ERROR: f64 = 64.0 * f32::EPSILON as f64;
 
     fn tree_over(centers: &[[f32; 3]]) -> Pairs {
-        let tree = radix(by_code(&(0..centers.len() as u64).collect::<Vec<_>>(), Bits::B63));
+        let tree = radix(sort_by_code(&(0..centers.len() as u64).collect::<Vec<_>>(), Bits::B63));
         let boxes: Vec<_> = centers.iter().map(|c| Aabb { min: *c, max: c.map(|x| x + 0.25) }).collect();
         Pairs::new(&tree, &boxes, 1.0)
     }

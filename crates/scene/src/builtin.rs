@@ -18,6 +18,8 @@ mod site;
 #[cfg(test)]
 mod tests;
 
+use canted_obb::vector::to_f32;
+
 use crate::{Camera, Light, Scene};
 
 /// Generates the built-in scene: one camera, a sun, a constant sky, Lambertian materials, no textures.
@@ -34,13 +36,9 @@ pub fn builtin() -> Scene {
 
     let mut scene = builder.scene;
     scene.materials = palette::Paint::materials();
-    scene.lights = vec![Light::Sun { direction: unit([0.78, -0.40, 0.48]), irradiance: [4.6, 3.45, 2.2] }];
+    scene.lights =
+        vec![Light::Sun { direction: to_f32(mesh_builder::unit([0.78, -0.40, 0.48])), irradiance: [4.6, 3.45, 2.2] }];
     scene.environment = Some([0.36, 0.50, 0.72].into());
     scene.cameras = vec![Camera::pinhole([-300.0, 40.0, 250.0], [30.0, 48.0, 0.0], [0.0, 1.0, 0.0], 42.0)];
     scene
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how directions are stored")]
-fn unit(direction: [f64; 3]) -> [f32; 3] {
-    crate::vector::unit(direction).map(|x| x as f32)
 }

@@ -63,7 +63,6 @@ mod read;
 mod scene;
 mod stats;
 mod texture;
-mod vector;
 
 pub use builtin::builtin;
 pub use camera::{Camera, Lens, Projection};

@@ -1,154 +1,133 @@
-use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volumes};
-use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, ScaledRay, SlabRay};
+mod pointers;
 
-use canted_wide::{LaneKernel, Wide};
+use canted_bvh2::Bvh2;
+use canted_obb::Obb;
+use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, Watertight};
+use canted_wide::{LaneKernel, WideBvh};
 
-use crate::{Binary, PairOrder};
-
-/// What an instance places: anything that answers rays in its object space.
+/// A bottom-level BVH: anything that answers rays in its object space.
 ///
-/// Implemented by [`Wide`] and [`MeshBlas`]; a scene mixes kinds through an enum of the caller's. `instance` is written into hits
-/// and shown to the query. Among hits of equal `t` the lowest primitive must win.
+/// Implemented by every BVH of `canted-wide` and `canted-bvh2`, and by `&B`, `Box<B>` and `Arc<B>`: several [`Tlas`](crate::Tlas) can
+/// share one BVH through an `Arc`. `instance` is written into hits and passed to the query.
+///
+/// # Several kinds in one TLAS
+/// An enum whose methods match on the kind:
+///
+/// ```
+/// use canted_bvh2::{BuildConfig, Bvh2};
+/// use canted_obb::{Affine, Obb};
+/// use canted_tlas::{Blas, Instance, Tlas, TopConfig};
+/// use canted_trace::{Hit, InstanceId, MollerTrumbore, Query, Ray, Watertight};
+///
+/// enum Shape {
+///     Closed(Bvh2<Watertight>),
+///     Open(Bvh2<MollerTrumbore>),
+/// }
+///
+/// impl Blas for Shape {
+///     fn bounds(&self) -> Obb {
+///         match self {
+///             Self::Closed(bvh) => bvh.bounds(),
+///             Self::Open(bvh) => bvh.bounds(),
+///         }
+///     }
+///     fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+///         match self {
+///             Self::Closed(bvh) => bvh.closest_hit_with(ray, instance, query),
+///             Self::Open(bvh) => bvh.closest_hit_with(ray, instance, query),
+///         }
+///     }
+///     fn occluded_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+///         match self {
+///             Self::Closed(bvh) => bvh.occluded_with(ray, instance, query),
+///             Self::Open(bvh) => bvh.occluded_with(ray, instance, query),
+///         }
+///     }
+///     fn all_hits_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+///         match self {
+///             Self::Closed(bvh) => bvh.all_hits_with(ray, instance, query, hits),
+///             Self::Open(bvh) => bvh.all_hits_with(ray, instance, query, hits),
+///         }
+///     }
+/// }
+///
+/// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+/// let (triangles, config) = ([[0, 1, 2]], BuildConfig::default());
+/// let shapes = vec![
+///     Shape::Closed(Bvh2::build(&positions, &triangles, &config)?),
+///     Shape::Open(Bvh2::build(&positions, &triangles, &config)?),
+/// ];
+/// let instances = [Instance::new(0, Affine::IDENTITY), Instance::new(1, Affine::IDENTITY)];
+/// let tlas = Tlas::new(shapes, &instances, TopConfig::default())?;
+/// let mut hits = vec![];
+/// tlas.all_hits(&Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0]), &mut hits);
+/// assert_eq!(hits.len(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Blas: Send + Sync {
     /// A box around everything, object space.
     fn bounds(&self) -> Obb;
 
     /// The hit of least `t` that the query accepts; ties go to the lowest primitive.
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit>;
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit>;
 
-    /// Whether any hit is accepted: agrees with [`Blas::closest_hit`].
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool;
+    /// Whether the query accepts any hit: agrees with [`Blas::closest_hit_with`].
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool;
+
+    /// Every hit that the query accepts, each primitive's once: least `t` first, then lowest primitive. Replaces the
+    /// contents of `hits`.
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>);
 }
 
-/// How a bottom level is built.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub struct BuildConfig {
-    /// Length of the Morton codes.
-    pub bits: Bits,
-    /// Volumes of the nodes.
-    pub volumes: lbvh::VolumeConfig,
-}
-
-/// A bottom level over triangles: a traced binary tree and the triangles in its leaf order.
-///
-/// `K` is the triangle test.
-pub struct MeshBlas<K: Kernel> {
-    binary: Binary,
-    records: Vec<K::Record>,
-    leaves: Vec<PrimId>,
-}
-
-impl<K: Kernel> MeshBlas<K> {
-    /// Builds a radix tree over the triangles.
+/// A bottom-level BVH that counts how often a ray crosses its surfaces.
+pub trait CrossingBlas: Blas {
+    /// Every crossing of a surface, once: least `t` first, then lowest primitive. Replaces the contents of `crossings`.
     ///
-    /// # Errors
-    /// The first triangle with a vertex that is missing or not finite.
-    pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &BuildConfig) -> Result<Self, GeometryError> {
-        let (corners, bounds) = lbvh::gather(positions, triangles)?;
-        let codes = lbvh::codes(&Domain::new(&bounds, 3, config.bits), &corners);
-        let tree = lbvh::radix(lbvh::by_code(&codes, config.bits));
-        let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
-        let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
-        Ok(Self::new(tree, &volumes, sorted, &bounds, PairOrder::Numbered))
-    }
-
-    /// Traces through a tree of another builder.
-    #[must_use]
-    pub fn over(tree: Tree, corners: &[Corners], bounds: &Aabb, config: &BuildConfig) -> Self {
-        let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
-        let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
-        Self::new(tree, &volumes, sorted, bounds, PairOrder::DepthFirst)
-    }
-
-    /// Joins the results of the stations: `sorted` are the corners in leaf order.
-    #[must_use]
-    pub fn new(tree: Tree, volumes: &Volumes, sorted: Vec<Corners>, bounds: &Aabb, pair_order: PairOrder) -> Self {
-        let binary = Binary::new(&tree, volumes, &sorted, bounds, pair_order);
-        // Where a record is the vertices themselves this takes the array over as it is.
-        let records = sorted.into_iter().map(K::record).collect();
-        Self { binary, records, leaves: tree.leaves }
-    }
-
-    /// The traced tree.
-    #[must_use]
-    pub fn binary(&self) -> &Binary {
-        &self.binary
-    }
-
-    /// Memory of nodes, triangles and their numbers.
-    #[must_use]
-    pub fn n_bytes(&self) -> usize {
-        self.binary.n_bytes() + size_of_val(&self.records[..]) + size_of_val(&self.leaves[..])
-    }
-
-    /// The hit at a leaf, `t` scaled, before the query was asked.
-    #[inline(always)]
-    fn hit(&self, prepared: &K::Prepared, ray: &ScaledRay, leaf: u32, t_max: f32, instance: InstanceId) -> Option<Hit> {
-        let hit = K::intersect(prepared, ray, &self.records[leaf as usize], t_max)?;
-        let primitive = self.leaves[leaf as usize];
-        Some(Hit { t: hit.t, u: hit.u, v: hit.v, primitive, instance, side: hit.side })
-    }
+    /// A ray through an edge or a vertex hits all triangles around it, but crosses the surface there once or not at all.
+    fn crossings(&self, ray_object: &Ray, instance: InstanceId, crossings: &mut Vec<Hit>);
 }
 
-impl<K: Kernel> Blas for MeshBlas<K> {
-    fn bounds(&self) -> Obb {
-        *self.binary.bounds()
-    }
-
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        let ray = ScaledRay::new(ray_object)?;
-        let prepared = K::prepare(&ray);
-        let mut best: Option<Hit> = None;
-        let slab_ray = SlabRay::new(&ray, self.binary.reach());
-        self.binary.closest(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
-            query.triangles(1);
-            match self.hit(&prepared, &ray, leaf, t_max, instance) {
-                Some(hit) if best.is_none_or(|best| hit.before(&best)) && accepted(&hit, &ray, query) => {
-                    best = Some(hit);
-                    hit.t
-                }
-                _ => t_max,
-            }
-        });
-        best.map(|hit| Hit { t: ray.caller_t(hit.t), ..hit })
-    }
-
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        let Some(ray) = ScaledRay::new(ray_object) else { return false };
-        let prepared = K::prepare(&ray);
-        let mut found = false;
-        let slab_ray = SlabRay::new(&ray, self.binary.reach());
-        self.binary.any(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
-            query.triangles(1);
-            match self.hit(&prepared, &ray, leaf, t_max, instance) {
-                Some(hit) if accepted(&hit, &ray, query) => {
-                    found = true;
-                    -1.0
-                }
-                _ => t_max,
-            }
-        });
-        found
-    }
-}
-
-impl<K: LaneKernel> Blas for Wide<K> {
+impl<K: Kernel> Blas for Bvh2<K> {
     fn bounds(&self) -> Obb {
         Self::bounds(self)
     }
 
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.closest_hit_with(ray_object, instance, query)
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        Self::closest_hit_with(self, ray_object, instance, query)
     }
 
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.occluded_with(ray_object, instance, query)
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        Self::occluded_with(self, ray_object, instance, query)
+    }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        Self::all_hits_with(self, ray_object, instance, query, hits);
     }
 }
 
-/// Asks the query about a hit in the caller's units.
-#[inline(always)]
-fn accepted<Q: Query>(hit: &Hit, ray: &ScaledRay, query: &mut Q) -> bool {
-    query.accepts(&Hit { t: ray.caller_t(hit.t), ..*hit })
+impl<K: LaneKernel> Blas for WideBvh<K> {
+    fn bounds(&self) -> Obb {
+        Self::bounds(self)
+    }
+
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        Self::closest_hit_with(self, ray_object, instance, query)
+    }
+
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        Self::occluded_with(self, ray_object, instance, query)
+    }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        Self::all_hits_with(self, ray_object, instance, query, hits);
+    }
+}
+
+impl CrossingBlas for WideBvh<Watertight> {
+    fn crossings(&self, ray_object: &Ray, instance: InstanceId, crossings: &mut Vec<Hit>) {
+        Self::crossings(self, ray_object, crossings);
+        for crossing in crossings {
+            crossing.instance = instance;
+        }
+    }
 }

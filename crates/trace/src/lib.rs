@@ -18,8 +18,8 @@
 //!
 //! // The box leans by 45 degrees about z; no coordinate of the triangle exceeds 4.
 //! let half = 0.5f32.sqrt();
-//! let slabs = Slabs::of_points([[half, half, 0.0], [-half, half, 0.0], [0.0, 0.0, 1.0]], triangle);
-//! let entry = SlabRay::new(&ray, 4.0).enters_slabs(&slabs, ray.t_max).unwrap();
+//! let slabs = Slabs::from_points([[half, half, 0.0], [-half, half, 0.0], [0.0, 0.0, 1.0]], triangle);
+//! let entry = SlabRay::new(&ray, 4.0).intersect_slabs(&slabs, ray.t_max).unwrap();
 //!
 //! let prepared = Watertight::prepare(&ray);
 //! let hit = Watertight::intersect(&prepared, &ray, &Watertight::record(triangle), ray.t_max).unwrap();
@@ -30,6 +30,7 @@
 //! Coordinates may be as large as 2^62; beyond that products overflow, and a ray may miss what it should hit.
 #![forbid(unsafe_code)]
 
+mod filter;
 mod hit;
 #[doc(hidden)]
 pub mod lanes;
@@ -40,11 +41,11 @@ mod segment;
 mod slab;
 mod sphere;
 mod triangle;
-mod vector;
 
 #[cfg(test)]
 mod tests;
 
+pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};

@@ -6,7 +6,7 @@ use crate::Hit;
 /// alone, never on the order of calls: that order changes with the tree.
 pub trait Query {
     /// Whether [`Query::accepts`] may refuse a hit. Where `false`, it must answer `true`, and need not be asked.
-    const MAY_REFUSE: bool = true;
+    const MAY_REJECT: bool = true;
 
     /// `n` ray-box tests were made.
     #[inline(always)]
@@ -28,6 +28,14 @@ pub trait Query {
         0.0
     }
 
+    /// Which instances the ray sees: those whose own mask shares a bit with this one.
+    ///
+    /// Asked once for each ray, by BVHs over instances alone. A query that wraps another one must pass this on.
+    #[inline(always)]
+    fn mask(&self) -> u32 {
+        u32::MAX
+    }
+
     /// Whether `hit` counts; `false` lets the ray pass through, as an alpha mask does.
     #[inline(always)]
     fn accepts(&mut self, hit: &Hit) -> bool {
@@ -37,7 +45,7 @@ pub trait Query {
 }
 
 impl Query for () {
-    const MAY_REFUSE: bool = false;
+    const MAY_REJECT: bool = false;
 }
 
 /// Sums of tests.
@@ -50,7 +58,7 @@ pub struct Counts {
 }
 
 impl Query for Counts {
-    const MAY_REFUSE: bool = false;
+    const MAY_REJECT: bool = false;
 
     #[inline]
     fn boxes(&mut self, n: u32) {

@@ -59,10 +59,10 @@ pub fn ray_aabb(ray: &Ray, aabb: &Aabb) -> Option<(f32, f32)> {
 
 /// Entry and exit of `ray` through `obb`, like [`ray_aabb`]; the box may be flat or skewed.
 ///
-/// For many rays against one box, prepare a [`Slabs`] and use [`SlabRay::enters_slabs`].
+/// For many rays against one box, prepare a [`Slabs`] and use [`SlabRay::intersect_slabs`].
 #[must_use]
 pub fn ray_obb(ray: &Ray, obb: &Obb) -> Option<(f32, f32)> {
     let ray = ScaledRay::new(ray)?;
-    let (near, far) = SlabRay::new(&ray, obb.aabb().reach()).clip_slabs(&Slabs::of_obb(obb), ray.t_max);
+    let (near, far) = SlabRay::new(&ray, obb.aabb().reach()).clip_slabs(&Slabs::from_obb(obb), ray.t_max);
     (near <= far).then(|| (ray.caller_t(near), ray.caller_t(far)))
 }

@@ -16,7 +16,7 @@ pub(crate) fn boxes(corners: &[Corners], rows: [[f32; 3]; 3]) -> Vec<Aabb> {
         if identity {
             return corners.aabb();
         }
-        let slabs = Slabs::of_points(rows, *corners);
+        let slabs = Slabs::from_points(rows, *corners);
         Aabb { min: slabs.lo, max: slabs.hi }
     })
 }

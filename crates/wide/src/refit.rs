@@ -18,7 +18,7 @@ use std::fmt;
 
 use canted_lbvh::{self as lbvh, Corners, GeometryError};
 
-use crate::Wide;
+use crate::WideBvh;
 use crate::traverse::LaneKernel;
 
 pub(crate) use blocks::{Triangles, unused_lanes_are_zero};
@@ -43,7 +43,7 @@ pub struct Refit {
 }
 
 impl Refit {
-    /// Drift above which a rebuild is advised: see the table at [`Wide::refit`].
+    /// Drift above which a rebuild is advised: see the table at [`WideBvh::refit`].
     pub const MOST_DRIFT: f32 = 1.5;
 
     fn between(built: Prediction, before: Prediction, now: Prediction) -> Self {
@@ -100,7 +100,7 @@ impl From<GeometryError> for RefitError {
     }
 }
 
-impl<K: LaneKernel> Wide<K> {
+impl<K: LaneKernel> WideBvh<K> {
     /// Takes new vertices for the same triangles; object space, in the order of the build.
     ///
     /// Hits are then those of every new triangle tried, whatever the motion. What suffers is speed: which triangles
@@ -115,7 +115,7 @@ impl<K: LaneKernel> Wide<K> {
         if triangles.len() != self.n_triangles {
             return Err(RefitError::OtherCount { n_triangles: self.n_triangles, n_given: triangles.len() });
         }
-        let (corners, bounds) = lbvh::gather(positions, triangles)?;
+        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
         let outline = Outline::of(&self.records).expect("a tree that was built or loaded is whole");
         let old = Triangles::read(&outline, &self.records.halves);
         let before = self.predict(&outline, &old.corners);

@@ -61,9 +61,9 @@ struct Twin {
 
 impl Twin {
     fn of(mesh: &Mesh) -> Self {
-        let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).expect("finite vertices");
-        let codes = lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
-        Self { corners, tree: lbvh::radix(lbvh::by_code(&codes, Bits::B63)) }
+        let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("finite vertices");
+        let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
+        Self { corners, tree: lbvh::radix(lbvh::sort_by_code(&codes, Bits::B63)) }
     }
 
     fn built(&self, gpu: &Gpu, strategy: Strategy) -> Built {

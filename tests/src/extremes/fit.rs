@@ -64,7 +64,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         }
         for (name, boxes) in &boxes {
             let of_straight = |(points, fitted): &(&Vec<[f32; 3]>, Obb)| {
-                ratio(fitted.area(), Obb::from_aabb(&Aabb::of_points(points.iter().copied())).area())
+                ratio(fitted.area(), Obb::from_aabb(&Aabb::from_points(points.iter().copied())).area())
             };
             rows.push(area.row(*name, sets.len(), boxes.iter().map(of_straight).fold(0.0, f64::max)));
         }
@@ -109,7 +109,8 @@ fn scaled(effort: usize) -> Vec<Row> {
         let is_other = |exponent: &&i32| {
             let scale = |p: [f32; 3]| p.map(|x| x * 2.0f32.powi(**exponent));
             let scaled: Vec<_> = points.iter().map(|&p| scale(p)).collect();
-            fitted(&scaled, method) != Obb { center: scale(want.center), half: scale(want.half), ..want }
+            fitted(&scaled, method)
+                != Obb { center: scale(want.center), half_extents: scale(want.half_extents), ..want }
         };
         exponents.iter().filter(is_other).count()
     };
@@ -143,7 +144,7 @@ fn needles(effort: usize) -> Vec<Row> {
         })
         .collect();
     let middle = |fitted: Obb| {
-        let mut half = fitted.half;
+        let mut half = fitted.half_extents;
         half.sort_by(f32::total_cmp);
         f64::from(half[1])
     };

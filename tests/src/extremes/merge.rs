@@ -73,7 +73,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     let flats = flats(effort);
     let spoils = |rule: fn(&Obb, &Obb) -> Obb, (a, b): &(Obb, Obb)| {
         let parent = rule(a, b);
-        let is_finite = parent.half.iter().chain(&parent.center).all(|x| x.is_finite());
+        let is_finite = parent.half_extents.iter().chain(&parent.center).all(|x| x.is_finite());
         !(is_finite && exact::contains_box(&parent, a) && exact::contains_box(&parent, b))
     };
     for (promise, pairs) in [(PAIRS, &pairs), (FLAT, &flats)] {
@@ -124,7 +124,7 @@ fn pairs(effort: usize) -> Vec<(Obb, Obb)> {
     let mut a_box = |scale: f64, shift: f64| Obb {
         center: rng.signed3().map(|x| (3.0 * scale * x + shift) as f32),
         frame: random_rotation(&mut rng).frame(),
-        half: rng.signed3().map(|x| (scale * x.abs()) as f32),
+        half_extents: rng.signed3().map(|x| (scale * x.abs()) as f32),
     };
     let mut pairs = vec![];
     for _ in 0..20 * effort {
@@ -142,11 +142,11 @@ fn flats(effort: usize) -> Vec<(Obb, Obb)> {
     let mut pairs = vec![];
     for _ in 0..20 * effort {
         let turn = random_rotation(&mut rng);
-        let flat = Obb { center: [0.0; 3], frame: turn.frame(), half: [2.0, 1.0, 0.0] };
-        let line = Obb { half: [2.0, 0.0, 0.0], ..flat };
-        let crossing = Obb { half: [0.0, 2.0, 0.0], ..flat };
+        let flat = Obb { center: [0.0; 3], frame: turn.frame(), half_extents: [2.0, 1.0, 0.0] };
+        let line = Obb { half_extents: [2.0, 0.0, 0.0], ..flat };
+        let crossing = Obb { half_extents: [0.0, 2.0, 0.0], ..flat };
         let beside = Obb { center: placed(&turn, [1.0; 3], [0.0; 3], [5.0, 0.0, 0.0]), ..flat };
-        let point = Obb { half: [0.0; 3], ..flat };
+        let point = Obb { half_extents: [0.0; 3], ..flat };
         pairs.extend([(flat, beside), (flat, point), (line, crossing), (line, line), (point, point)]);
     }
     pairs
@@ -154,10 +154,10 @@ fn flats(effort: usize) -> Vec<(Obb, Obb)> {
 
 /// By how much the box of a box and itself, or one in it, exceeds it.
 fn growth(rule: fn(&Obb, &Obb) -> Obb, turn: &Quaternion) -> f64 {
-    let outer = Obb { center: [0.0; 3], frame: turn.frame(), half: [4.0, 1.0, 0.25] };
-    let inner = Obb { half: [2.0, 0.5, 0.125], ..outer };
+    let outer = Obb { center: [0.0; 3], frame: turn.frame(), half_extents: [4.0, 1.0, 0.25] };
+    let inner = Obb { half_extents: [2.0, 0.5, 0.125], ..outer };
     let excess = |child: &Obb| {
-        let mut half = rule(&outer, child).half;
+        let mut half = rule(&outer, child).half_extents;
         half.sort_by(f32::total_cmp);
         let grown = half.iter().zip([0.25, 1.0, 4.0]).map(|(&half, was)| f64::from(half) - was);
         grown.fold(0.0, f64::max) / 4.0
@@ -167,22 +167,22 @@ fn growth(rule: fn(&Obb, &Obb) -> Obb, turn: &Quaternion) -> f64 {
 
 /// Area of the box of a box and its image under a turn about its third axis, over its own.
 fn of_turned(rule: fn(&Obb, &Obb) -> Obb, turn: &Quaternion, half: [f32; 3], angle_rad: f64) -> f64 {
-    let a = Obb { center: [0.5, -1.0, 2.0], frame: turn.frame(), half };
-    let b = Obb { frame: turn.times(Quaternion::about([0.0, 0.0, 1.0], angle_rad)).frame(), ..a };
+    let a = Obb { center: [0.5, -1.0, 2.0], frame: turn.frame(), half_extents: half };
+    let b = Obb { frame: turn.times(Quaternion::from_axis_angle([0.0, 0.0, 1.0], angle_rad)).frame(), ..a };
     rule(&a, &b).area() / a.area()
 }
 
 /// Whether the mean with a rotation depends on that rotation's sign.
 fn is_sign_seen(turn: &Quaternion) -> bool {
-    let beside = turn.times(Quaternion::about([0.6, 0.0, 0.8], 0.4));
+    let beside = turn.times(Quaternion::from_axis_angle([0.6, 0.0, 0.8], 0.4));
     let bits = |q: Quaternion| [q.w, q.x, q.y, q.z].map(f64::to_bits);
-    let mean = |q: Quaternion| bits(merge::between(*turn, q, [1.0, 1.0]).canonical());
+    let mean = |q: Quaternion| bits(merge::average_rotations(*turn, q, [1.0, 1.0]).canonical());
     mean(beside) != mean(beside.scaled(-1.0))
 }
 
 /// Angle by which a weight of a millionth, at 44° to it, turns a frame.
 fn speck(turn: &Quaternion) -> f64 {
-    let beside = turn.times(Quaternion::about([0.6, 0.0, 0.8], 44.0_f64.to_radians()));
+    let beside = turn.times(Quaternion::from_axis_angle([0.6, 0.0, 0.8], 44.0_f64.to_radians()));
     let mean = Quaternion::from_frame(merge::average(turn.frame(), beside.frame(), [1e6, 1.0]));
     let left = turn.conjugate().times(mean);
     2.0 * (left.x * left.x + left.y * left.y + left.z * left.z).sqrt().atan2(left.w.abs())
@@ -202,6 +202,6 @@ fn chain(rule: fn(&Obb, &Obb) -> Obb) -> (usize, usize, f64) {
         all = if level % 2 == 0 { rule(&all, &child) } else { rule(&child, &all) };
     }
     let outside = vertices.iter().filter(|&&vertex| !exact::contains(&all, vertex)).count();
-    let straight = Aabb::of_points(vertices.iter().copied()).area();
+    let straight = Aabb::from_points(vertices.iter().copied()).area();
     (vertices.len(), outside, all.area() / straight)
 }

@@ -6,7 +6,7 @@ use canted_fixtures::SplitMix64;
 use canted_obb::{
     Quaternion,
     eigen::{self, FULL_PRECISION, Symmetric},
-    rotation::{MOST_ITERATIONS, Status, extract},
+    rotation::{MAX_ITERATIONS, Status, extract},
 };
 
 use super::{Oracle, Promise, Row};
@@ -66,7 +66,7 @@ fn known(effort: usize) -> Vec<Known> {
     }
     for (case, degrees) in [("179.999° away", 179.999_f64), ("180° away, to the bit of f64", 180.0)] {
         let turn = |rng: &mut SplitMix64| {
-            let turn = Quaternion::about(random_rotation(rng).columns()[0], degrees.to_radians());
+            let turn = Quaternion::from_axis_angle(random_rotation(rng).columns()[0], degrees.to_radians());
             (stretched(turn, [5.0, 2.0, 0.1], None), turn)
         };
         kinds.push(Known { case, bound: 16.0 * NOISE, inputs: (0..n).map(|_| turn(&mut rng)).collect() });
@@ -85,7 +85,7 @@ fn known(effort: usize) -> Vec<Known> {
     let short = 1e-4;
     let mean = |rng: &mut SplitMix64| {
         let (p, axis) = (random_rotation(rng), random_rotation(rng).columns()[0]);
-        let turned = |angle: f64| Quaternion::about(axis, angle).times(p);
+        let turned = |angle: f64| Quaternion::from_axis_angle(axis, angle).times(p);
         let (a, b) = (p.columns(), turned(PI - short).columns());
         ([0, 1, 2].map(|k| [0, 1, 2].map(|j| 0.5 * (a[k][j] + b[k][j]))), turned(0.5 * (PI - short)))
     };
@@ -114,7 +114,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             // What is not a number is no rotation: as wrong as any.
             inputs.iter().map(error).fold(0.0, |worst: f64, x| worst.max(if x.is_nan() { PI } else { x }))
         };
-        rows.push(promise.row("extract", inputs.len(), worst(&|a| extract(a, MOST_ITERATIONS).rotation)));
+        rows.push(promise.row("extract", inputs.len(), worst(&|a| extract(a, MAX_ITERATIONS).rotation)));
         let listings: [(&str, Listing); 2] =
             [("listed, guard in the denominator", as_listed), ("listed, guard beside the quotient", as_copied)];
         for (name, listing) in listings {
@@ -137,7 +137,7 @@ fn greatest_trace(effort: usize) -> Row {
     let mut rng = SplitMix64::new(91);
     let n = 2000 * effort;
     let lacks = |a: Matrix| {
-        let found = extract(a, MOST_ITERATIONS).rotation.columns();
+        let found = extract(a, MAX_ITERATIONS).rotation.columns();
         let greatest = a.iter().flatten().fold(0.0, |all: f64, x| all.max(x.abs()));
         (rotations::greatest_trace(a) - (0..3).map(|k| dot(found[k], a[k])).sum::<f64>()) / greatest
     };
@@ -161,10 +161,10 @@ fn turns(effort: usize) -> Row {
         .chain((0..1000 * effort).map(|_| random_matrix(&mut rng)))
         .collect();
     #[expect(clippy::cast_precision_loss, reason = "few turns")]
-    let taken = |a: &Matrix| extract(*a, MOST_ITERATIONS).iterations as f64;
+    let taken = |a: &Matrix| extract(*a, MAX_ITERATIONS).iterations as f64;
     // A quarter of the cap leaves what no input here shows.
     #[expect(clippy::cast_precision_loss, reason = "a small number")]
-    let bound = MOST_ITERATIONS as f64 / 4.0;
+    let bound = MAX_ITERATIONS as f64 / 4.0;
     promise("all of these", "ends far below the cap", Oracle::Structure, bound, "turns").row(
         "extract",
         inputs.len(),
@@ -180,14 +180,14 @@ fn degenerate(effort: usize) -> Vec<Row> {
         promise(case, wanted, Oracle::Structure, 0.0, "other answers").count("extract", n, failed)
     };
     let is = |a: Matrix, status: Status| {
-        let found = extract(a, MOST_ITERATIONS);
+        let found = extract(a, MAX_ITERATIONS);
         let is_unit = (found.rotation.dot(found.rotation) - 1.0).abs() < 8.0 * f64::EPSILON;
         is_unit && found.status == status
     };
     let zero = [[0.0; 3]; 3];
     vec![
         row("zero", "no turn, and rank deficient", 1, &mut |_| {
-            !is(zero, Status::RankDeficient) || extract(zero, MOST_ITERATIONS).rotation != Quaternion::IDENTITY
+            !is(zero, Status::RankDeficient) || extract(zero, MAX_ITERATIONS).rotation != Quaternion::IDENTITY
         }),
         row("rank one", "rank deficient", 100 * effort, &mut |rng| {
             let (u, v) = (rng.on_sphere(), rng.on_sphere());
@@ -205,7 +205,7 @@ fn degenerate(effort: usize) -> Vec<Row> {
         ),
         row("NaN, infinity", "no turn, and capped", 2, &mut |rng| {
             let bad = [f64::NAN, f64::INFINITY][rng.below(2)];
-            !is([[bad, 0.0, 0.0], [0.0; 3], [0.0; 3]], Status::Capped)
+            !is([[bad, 0.0, 0.0], [0.0; 3], [0.0; 3]], Status::NotConverged)
         }),
     ]
 }

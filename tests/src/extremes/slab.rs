@@ -30,7 +30,7 @@ fn signed_f32(rng: &mut SplitMix64, scale: f64) -> [f32; 3] {
 fn target(rng: &mut SplitMix64, obb: &Obb) -> [f64; 3] {
     let q: [f64; 3] = std::array::from_fn(|_| [-1.0, 1.0, rng.signed()][rng.below(3)]);
     std::array::from_fn(|k| {
-        let along = |a: usize| f64::from(obb.frame[a][k]) * f64::from(obb.half[a]) * q[a];
+        let along = |a: usize| f64::from(obb.frame[a][k]) * f64::from(obb.half_extents[a]) * q[a];
         f64::from(obb.center[k]) + along(0) + along(1) + along(2)
     })
 }
@@ -45,7 +45,7 @@ fn aimed(rng: &mut SplitMix64, obb: &Obb, distance: f64) -> Ray {
 
 fn leaning(rng: &mut SplitMix64, scale: f64, shift: f32) -> Obb {
     let center = signed_f32(rng, scale).map(|x| x + shift);
-    Obb { center, frame: random_rotation(rng).frame(), half: signed_f32(rng, scale).map(f32::abs) }
+    Obb { center, frame: random_rotation(rng).frame(), half_extents: signed_f32(rng, scale).map(f32::abs) }
 }
 
 /// Whole coordinates from -4 to 4: faces, edges and corners are met exactly.
@@ -59,7 +59,7 @@ fn on_lattice(rng: &mut SplitMix64) -> Pair {
     if rng.below(3) == 0 {
         direction[rng.below(3)] = [1.0, -1.0][rng.below(2)];
     }
-    (Ray::new(origin, direction), Obb { center, frame: Obb::IDENTITY_FRAME, half })
+    (Ray::new(origin, direction), Obb { center, frame: Obb::IDENTITY_FRAME, half_extents: half })
 }
 
 /// Every kind.
@@ -94,11 +94,11 @@ pub fn cases(effort: usize) -> Vec<Case> {
         }),
         case("flat and needle-like, leaning", &|rng| {
             let mut obb = leaning(rng, 1.0, 0.0);
-            (0..3).filter(|_| rng.below(2) == 0).for_each(|k| obb.half[k] *= [0.0, 1e-6, 1e-20][k]);
+            (0..3).filter(|_| rng.below(2) == 0).for_each(|k| obb.half_extents[k] *= [0.0, 1e-6, 1e-20][k]);
             at(2.0)(rng, obb)
         }),
         case("1e-19 large, among ones", &|rng| {
-            let obb = Obb { half: signed_f32(rng, 1e-19).map(f32::abs), ..leaning(rng, 1.0, 0.0) };
+            let obb = Obb { half_extents: signed_f32(rng, 1e-19).map(f32::abs), ..leaning(rng, 1.0, 0.0) };
             at(1.0)(rng, obb)
         }),
         case("all at 1e-19", &|rng| {

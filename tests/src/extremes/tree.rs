@@ -20,11 +20,11 @@ const WAYS: [Way; 4] = [
 ];
 
 fn radix(corners: &[Corners], bounds: &Aabb, bits: Bits) -> Tree {
-    lbvh::radix(lbvh::by_code(&lbvh::codes(&Domain::new(bounds, 3, bits), corners), bits))
+    lbvh::radix(lbvh::sort_by_code(&lbvh::morton_codes(&Domain::new(bounds, 3, bits), corners), bits))
 }
 
 fn of_boxes(corners: &[Corners], bounds: &Aabb, builder: &Builder) -> Tree {
-    let boxes: Vec<Aabb> = corners.iter().map(|corners| Aabb::of_points(*corners)).collect();
+    let boxes: Vec<Aabb> = corners.iter().map(|corners| Aabb::from_points(*corners)).collect();
     build(&boxes, bounds, builder)
 }
 
@@ -77,7 +77,7 @@ pub(super) fn rows() -> Vec<Row> {
 
 /// Whether the tree is flawed, and its depth.
 fn judge(mesh: &Mesh, way: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
-    let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).expect("finite vertices");
+    let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("finite vertices");
     let tree = way(&corners, &bounds);
     let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
     let volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig::default());
@@ -107,8 +107,8 @@ fn cells() -> Vec<Row> {
     for (name, bits) in both {
         let at = |zero: f32| {
             let corners = [[[zero, -1.0, 0.5], [zero, 0.3, zero], [zero; 3]], [[-1.0; 3], [1.0; 3], [zero; 3]]];
-            let bounds = Aabb::of_points(corners.iter().flatten().copied());
-            lbvh::codes(&Domain::new(&bounds, 3, bits), &corners)
+            let bounds = Aabb::from_points(corners.iter().flatten().copied());
+            lbvh::morton_codes(&Domain::new(&bounds, 3, bits), &corners)
         };
         let differ = at(0.0).iter().zip(at(-0.0)).filter(|&(&a, b)| a != b).count();
         rows.push(ZEROS.count(name, 2, differ));

@@ -7,7 +7,7 @@ use canted_tests::{
     exact, instances as oracle,
     vector::{Vector, cross, dot, length, sub},
 };
-use canted_tlas::{Blas, Tlas, TopConfig};
+use canted_tlas::{Tlas, TopConfig};
 use canted_trace::{Hit, Ray, Watertight};
 
 use super::setup::{all_rays, blas_of, build, crowd, instances, meshes, rays, transforms};
@@ -93,7 +93,7 @@ fn hits_lie_on_the_images_of_triangles_and_none_is_nearer() {
         let tlas = Tlas::new(bottom, &instances(&placed), TopConfig::default()).unwrap();
         let mut n_certain = 0;
         for ray in rays(&soup, &affine, 60, 9).iter().chain(&rays(&torus, &affine, 60, 10)) {
-            let hit = tlas.closest_hit(ray, &mut ());
+            let hit = tlas.closest_hit(ray);
             n_certain += judge(ray, hit.as_ref(), &placed, reaches()).unwrap_or_else(|error| panic!("{name}: {error}"));
         }
         // Far away, a small instance is no larger than what its hits may be off.
@@ -113,7 +113,7 @@ fn a_crowd_of_instances_agrees_with_exact_geometry() {
     let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
     let n_certain: usize = all_rays(&placed, 4)
         .iter()
-        .map(|ray| judge(ray, tlas.closest_hit(ray, &mut ()).as_ref(), &placed, reaches()).unwrap())
+        .map(|ray| judge(ray, tlas.closest_hit(ray).as_ref(), &placed, reaches()).unwrap())
         .sum();
     assert!(n_certain > 1000, "{n_certain} certain crossings");
 }
@@ -126,7 +126,7 @@ fn the_judge_sees_a_hit_that_is_off_late_or_lost() {
     let tlas = Tlas::new(bottom, &instances(&placed), TopConfig::default()).unwrap();
     let (mut n_lost, mut n_off) = (0, 0);
     for ray in rays(&torus, &placed[1], 40, 3) {
-        let Some(hit) = tlas.closest_hit(&ray, &mut ()) else { continue };
+        let Some(hit) = tlas.closest_hit(&ray) else { continue };
         n_lost += usize::from(judge(&ray, None, &placed, reaches()).is_err());
         // A ten-thousandth of the way: far beyond rounding, unless the ray hardly moves.
         let late = Hit { t: hit.t * 1.0001, ..hit };

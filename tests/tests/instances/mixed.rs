@@ -1,20 +1,21 @@
 //! Different kinds of bottom level side by side: builders, volumes and triangle tests.
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Strategy, VolumeConfig};
 use canted_obb::Obb;
 use canted_renderer::obvhs_tree;
 use canted_tests::{brute, instances as oracle};
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Query, Ray, Watertight};
 
 use super::setup::{all_rays, build, crowd, meshes};
 
 /// A bottom level of either kind.
 enum Mixed {
-    Watertight(MeshBlas<Watertight>),
-    MollerTrumbore(MeshBlas<MollerTrumbore>),
-    BaldwinWeber(MeshBlas<BaldwinWeber>),
+    Watertight(Bvh2<Watertight>),
+    MollerTrumbore(Bvh2<MollerTrumbore>),
+    BaldwinWeber(Bvh2<BaldwinWeber>),
 }
 
 impl Blas for Mixed {
@@ -26,29 +27,37 @@ impl Blas for Mixed {
         }
     }
 
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         match self {
-            Self::Watertight(blas) => blas.closest_hit(ray_object, instance, query),
-            Self::MollerTrumbore(blas) => blas.closest_hit(ray_object, instance, query),
-            Self::BaldwinWeber(blas) => blas.closest_hit(ray_object, instance, query),
+            Self::Watertight(blas) => blas.closest_hit_with(ray_object, instance, query),
+            Self::MollerTrumbore(blas) => blas.closest_hit_with(ray_object, instance, query),
+            Self::BaldwinWeber(blas) => blas.closest_hit_with(ray_object, instance, query),
         }
     }
 
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
         match self {
-            Self::Watertight(blas) => blas.occluded(ray_object, instance, query),
-            Self::MollerTrumbore(blas) => blas.occluded(ray_object, instance, query),
-            Self::BaldwinWeber(blas) => blas.occluded(ray_object, instance, query),
+            Self::Watertight(blas) => blas.occluded_with(ray_object, instance, query),
+            Self::MollerTrumbore(blas) => blas.occluded_with(ray_object, instance, query),
+            Self::BaldwinWeber(blas) => blas.occluded_with(ray_object, instance, query),
+        }
+    }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        match self {
+            Self::Watertight(blas) => blas.all_hits_with(ray_object, instance, query, hits),
+            Self::MollerTrumbore(blas) => blas.all_hits_with(ray_object, instance, query, hits),
+            Self::BaldwinWeber(blas) => blas.all_hits_with(ray_object, instance, query, hits),
         }
     }
 }
 
 /// A bottom level over the topology of `obvhs`, with our volumes.
-fn foreign<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> MeshBlas<K> {
-    let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
+fn foreign<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {
+    let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = obvhs_tree(&corners, obvhs::BvhBuildParams::medium_build()).unwrap();
     let volumes = VolumeConfig { strategy, fallback: true };
-    MeshBlas::over(tree, &corners, &bounds, &BuildConfig { volumes, ..BuildConfig::default() })
+    Bvh2::over(tree, &corners, &bounds, &BuildConfig { volumes, ..BuildConfig::default() })
 }
 
 /// Kinds that answer with the watertight test, then one of each other test; the even ones over the soup.
@@ -69,14 +78,14 @@ fn tlas(order: &[u32]) -> Tlas<Mixed> {
     let instances: Vec<Instance> = crowd()
         .into_iter()
         .zip(order.iter().cycle())
-        .map(|(world_from_object, &blas)| Instance::still(blas, world_from_object))
+        .map(|(world_from_object, &blas)| Instance::new(blas, world_from_object))
         .collect();
     Tlas::new(kinds(), &instances, TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true }))
         .unwrap()
 }
 
 fn hits(tlas: &Tlas<Mixed>, rays: &[Ray]) -> Vec<Option<Hit>> {
-    rays.iter().map(|ray| tlas.closest_hit(ray, &mut ())).collect()
+    rays.iter().map(|ray| tlas.closest_hit(ray)).collect()
 }
 
 #[test]
@@ -105,7 +114,7 @@ fn triangle_tests_side_by_side_equal_the_loop() {
     let mixed = tlas(&order.map(|kind| u32::try_from(kind).unwrap()));
     for ray in &rays {
         let want = oracle::closest_hit(&placed, ray, trace);
-        assert_eq!(mixed.closest_hit(ray, &mut ()), want, "{ray:?}");
-        assert_eq!(mixed.occluded(ray, &mut ()), want.is_some(), "{ray:?}");
+        assert_eq!(mixed.closest_hit(ray), want, "{ray:?}");
+        assert_eq!(mixed.occluded(ray), want.is_some(), "{ray:?}");
     }
 }

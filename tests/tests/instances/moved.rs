@@ -2,22 +2,23 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use canted_bvh2::Bvh2;
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
-use canted_tlas::{Blas, Instance, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
 
 use super::setup::{all_rays, build, crowd, instances, meshes};
 
 /// A bottom level that counts what is asked of it; it cannot be rebuilt but by making another.
 struct Counted {
-    inner: MeshBlas<Watertight>,
+    inner: Bvh2<Watertight>,
     n_bounds: AtomicUsize,
     n_rays: AtomicUsize,
 }
 
 impl Counted {
-    fn new(inner: MeshBlas<Watertight>) -> Self {
+    fn new(inner: Bvh2<Watertight>) -> Self {
         Self { inner, n_bounds: AtomicUsize::new(0), n_rays: AtomicUsize::new(0) }
     }
 
@@ -33,14 +34,19 @@ impl Blas for Counted {
         self.inner.bounds()
     }
 
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         self.n_rays.fetch_add(1, Ordering::Relaxed);
-        self.inner.closest_hit(ray_object, instance, query)
+        self.inner.closest_hit_with(ray_object, instance, query)
     }
 
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
         self.n_rays.fetch_add(1, Ordering::Relaxed);
-        self.inner.occluded(ray_object, instance, query)
+        self.inner.occluded_with(ray_object, instance, query)
+    }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        self.n_rays.fetch_add(1, Ordering::Relaxed);
+        self.inner.all_hits_with(ray_object, instance, query, hits);
     }
 }
 
@@ -53,7 +59,7 @@ fn tlas(instances: &[Instance]) -> Tlas<Counted> {
 }
 
 fn hits(tlas: &Tlas<Counted>, rays: &[Ray]) -> Vec<Option<Hit>> {
-    rays.iter().map(|ray| tlas.closest_hit(ray, &mut ())).collect()
+    rays.iter().map(|ray| tlas.closest_hit(ray)).collect()
 }
 
 /// Everything turned by a quarter about z and shifted.
@@ -76,7 +82,7 @@ fn placing_asks_for_bounds_once_an_instance_and_traces_nothing() {
     let asked = |tlas: &Tlas<Counted>| tlas.blas().iter().map(Counted::take).collect::<Vec<_>>();
     assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
     let before: Vec<*const Counted> = tlas.blas().iter().map(std::ptr::from_ref).collect();
-    tlas.place(&instances(&moved(&placed))).unwrap();
+    tlas.set_instances(&instances(&moved(&placed))).unwrap();
     assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
     assert_eq!(tlas.blas().iter().map(std::ptr::from_ref).collect::<Vec<_>>(), before);
     // The counters do count.
@@ -91,16 +97,16 @@ fn moved_instances_equal_a_fresh_build() {
     let rays = [all_rays(&placed, 5), all_rays(&after, 5)].concat();
     let mut tlas_moved = tlas(&instances(&placed));
     let before = hits(&tlas_moved, &rays);
-    tlas_moved.place(&instances(&after)).unwrap();
+    tlas_moved.set_instances(&instances(&after)).unwrap();
     let fresh = hits(&tlas(&instances(&after)), &rays);
     assert_eq!(hits(&tlas_moved, &rays), fresh);
     assert_ne!(before, fresh);
     // Fewer instances, then none, then all again.
-    tlas_moved.place(&instances(&placed[..3])).unwrap();
+    tlas_moved.set_instances(&instances(&placed[..3])).unwrap();
     assert_eq!(hits(&tlas_moved, &rays), hits(&tlas(&instances(&placed[..3])), &rays));
-    tlas_moved.place(&[]).unwrap();
+    tlas_moved.set_instances(&[]).unwrap();
     assert_eq!((tlas_moved.n_instances(), hits(&tlas_moved, &rays)), (0, vec![None; rays.len()]));
-    tlas_moved.place(&instances(&placed)).unwrap();
+    tlas_moved.set_instances(&instances(&placed)).unwrap();
     assert_eq!(hits(&tlas_moved, &rays), before);
 }
 
@@ -112,6 +118,6 @@ fn what_is_refused_leaves_the_old_instances() {
     let before = hits(&tlas, &rays);
     let mut bad = instances(&moved(&placed));
     bad[9].world_from_object.columns[0] = [0.0; 3];
-    assert!(tlas.place(&bad).is_err());
+    assert!(tlas.set_instances(&bad).is_err());
     assert_eq!((tlas.n_instances(), hits(&tlas, &rays)), (placed.len(), before));
 }

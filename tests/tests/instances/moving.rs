@@ -3,11 +3,12 @@
 //! Transforms and times have so few bits that every transform on the way is exact in `f32`: what stands still in its place
 //! is then the same input, to the bit, and all oracles of still instances serve.
 
+use canted_bvh2::Bvh2;
 use canted_fixtures::{Rotation, SplitMix64};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
 use canted_tests::instances::At;
-use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
 
 use super::agree::loop_over_all;
@@ -46,7 +47,7 @@ fn at([open, close]: &[Affine; 2], time: f32) -> Affine {
 
 /// Motions of each kind, from where to where.
 fn ways() -> Vec<(&'static str, [Affine; 2])> {
-    let turn = Rotation::turn();
+    let turn = Rotation::off_axis();
     let about_z =
         |angle: f64, scale: [f64; 3], shift: [f32; 3]| affine(&Rotation::euler(0.0, 0.0, angle), scale, shift);
     let quarter = std::f64::consts::FRAC_PI_2;
@@ -71,14 +72,11 @@ fn ways() -> Vec<(&'static str, [Affine; 2])> {
 fn moving(ways: &[[Affine; 2]]) -> Vec<Instance> {
     (0..)
         .zip(ways)
-        .map(|(i, &[open, close])| Instance {
-            world_from_object_close: Some(close),
-            ..Instance::still(u32::try_from(blas_of(i)).unwrap(), open)
-        })
+        .map(|(i, &[open, close])| Instance::moving(u32::try_from(blas_of(i)).unwrap(), open, close))
         .collect()
 }
 
-fn bottom() -> Vec<MeshBlas<Watertight>> {
+fn bottom() -> Vec<Bvh2<Watertight>> {
     let [soup, torus] = meshes();
     vec![build(&soup, Strategy::Dop), build(&torus, Strategy::Aabb)]
 }
@@ -94,8 +92,8 @@ fn shots(ways: &[[Affine; 2]], time: f32, n: usize, seed: u64) -> (Vec<Affine>, 
 /// The first ray that is not answered as by a loop over all triangles of what stands where the instances are.
 fn first_difference<B: Blas>(tlas: &Tlas<B>, placed: &[Affine], rays: &[Ray], time: f32) -> Option<String> {
     rays.iter().zip(loop_over_all::<Watertight>(placed, rays)).find_map(|(ray, want)| {
-        let got = tlas.closest_hit(ray, &mut At(time));
-        let occluded = tlas.occluded(ray, &mut At(time));
+        let got = tlas.closest_hit_with(ray, &mut At(time));
+        let occluded = tlas.occluded_with(ray, &mut At(time));
         (got != want || occluded != want.is_some()).then(|| format!("{ray:?} at {time}: {got:?}, not {want:?}"))
     })
 }
@@ -110,7 +108,7 @@ fn each_motion_is_hit_as_what_stands_still_there_and_as_exact_geometry_says() {
             let (placed, rays) = shots(&ways, time, 12, i as u64);
             assert_eq!(first_difference(&tlas, &placed, &rays, time), None, "{name}");
             for ray in rays.iter().step_by(7) {
-                let hit = tlas.closest_hit(ray, &mut At(time));
+                let hit = tlas.closest_hit_with(ray, &mut At(time));
                 judge(ray, hit.as_ref(), &placed, reaches())
                     .unwrap_or_else(|error| panic!("{name} at {time}: {error}"));
             }
@@ -146,7 +144,7 @@ fn no_motion_is_standing_still() {
     let (_, rays) = shots(&ways, 0.0, 8, 1);
     for ray in &rays {
         for time in [0.0, 0.3, 1.0, f32::NAN] {
-            assert_eq!(moving.closest_hit(ray, &mut At(time)), still.closest_hit(ray, &mut ()));
+            assert_eq!(moving.closest_hit_with(ray, &mut At(time)), still.closest_hit(ray));
         }
     }
     assert_eq!(moving.aabb(), still.aabb());
@@ -160,26 +158,34 @@ fn times_beyond_the_shutter_are_its_ends() {
         let (placed, rays) = shots(&ways, end, 2, 3);
         assert_eq!(first_difference(&tlas, &placed, &rays, end), None);
         for ray in &rays {
-            assert_eq!(tlas.closest_hit(ray, &mut At(beyond)), tlas.closest_hit(ray, &mut At(end)), "{beyond}");
+            assert_eq!(
+                tlas.closest_hit_with(ray, &mut At(beyond)),
+                tlas.closest_hit_with(ray, &mut At(end)),
+                "{beyond}"
+            );
         }
     }
 }
 
 /// A bottom level whose box is a tenth of what it should be: so is what it sweeps.
-struct Shrunk(MeshBlas<Watertight>);
+struct Shrunk(Bvh2<Watertight>);
 
 impl Blas for Shrunk {
     fn bounds(&self) -> Obb {
         let bounds = self.0.bounds();
-        Obb { half: bounds.half.map(|half| half * 0.1), ..bounds }
+        Obb { half_extents: bounds.half_extents.map(|half| half * 0.1), ..bounds }
     }
 
-    fn closest_hit<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.0.closest_hit(ray_object, instance, query)
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        self.0.closest_hit_with(ray_object, instance, query)
     }
 
-    fn occluded<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.0.occluded(ray_object, instance, query)
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        self.0.occluded_with(ray_object, instance, query)
+    }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        self.0.all_hits_with(ray_object, instance, query, hits);
     }
 }
 
@@ -199,8 +205,8 @@ fn the_check_sees_a_sweep_that_is_too_small_or_a_wrong_time() {
 #[test]
 fn motions_through_singular_maps_are_refused_with_the_time() {
     let refused = |open: Affine, close: Affine| {
-        let still = Instance::still(0, Affine::IDENTITY);
-        let moving = Instance { world_from_object_close: Some(close), ..Instance::still(0, open) };
+        let still = Instance::new(0, Affine::IDENTITY);
+        let moving = Instance::moving(0, open, close);
         Tlas::new(bottom(), &[still, moving], TOP).map(|_| ()).unwrap_err()
     };
     let about_z = |angle: f64| affine(&Rotation::euler(0.0, 0.0, angle), [1.0; 3], [0.0; 3]);
@@ -217,7 +223,8 @@ fn motions_through_singular_maps_are_refused_with_the_time() {
     let flat = refused(Affine::IDENTITY, Affine { columns: [[0.0; 3]; 4] });
     assert_eq!(
         flat.to_string(),
-        "the transform of moving instance 1 has condition inf at time 1 of the shutter, beyond 1.048576e6"
+        "the transform of moving instance 1 is too close to singular at shutter time 1: its condition number is inf, \
+         at most 1.048576e6 is supported"
     );
     let mut bad = Affine::IDENTITY;
     bad.columns[2][1] = f32::NAN;

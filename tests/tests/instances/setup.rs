@@ -1,10 +1,11 @@
 //! Bottom levels, and rays that graze them where they are placed.
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, grazing, soup, torus};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
 pub(crate) use canted_tests::transforms::{affine, crowd, transforms};
-use canted_tlas::{BuildConfig, Instance, MeshBlas};
+use canted_tlas::Instance;
 use canted_trace::{Kernel, Ray};
 
 /// Two bottom levels that instances take in turn.
@@ -19,12 +20,12 @@ pub(crate) fn blas_of(instance: usize) -> usize {
 
 pub(crate) fn instances(placed: &[Affine]) -> Vec<Instance> {
     let blas = |i: usize| u32::try_from(blas_of(i)).unwrap();
-    placed.iter().enumerate().map(|(i, &affine)| Instance::still(blas(i), affine)).collect()
+    placed.iter().enumerate().map(|(i, &affine)| Instance::new(blas(i), affine)).collect()
 }
 
-pub(crate) fn build<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> MeshBlas<K> {
+pub(crate) fn build<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {
     let volumes = VolumeConfig { strategy, fallback: true };
-    MeshBlas::build(&mesh.positions, &mesh.triangles, &BuildConfig { volumes, ..BuildConfig::default() }).unwrap()
+    Bvh2::build(&mesh.positions, &mesh.triangles, &BuildConfig { volumes, ..BuildConfig::default() }).unwrap()
 }
 
 /// Rays that graze the image of `mesh`, `n` of each class, half of them ending or beginning near where they aim.

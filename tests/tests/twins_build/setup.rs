@@ -21,9 +21,9 @@ pub(crate) struct Twin<L = Corners> {
 
 impl Twin {
     pub(crate) fn of(mesh: &Mesh, bits: Bits) -> Self {
-        let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles).unwrap();
+        let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
         let domain = Domain::new(&bounds, 3, bits);
-        let codes = lbvh::codes(&domain, &corners);
+        let codes = lbvh::morton_codes(&domain, &corners);
         Self::coded(corners, domain, codes)
     }
 }
@@ -33,14 +33,14 @@ impl Twin<Obb> {
         let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
         let bounds = aabbs.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
         let domain = Domain::new(&bounds, 2, bits);
-        let codes = lbvh::codes_of_boxes(&domain, &aabbs);
+        let codes = lbvh::morton_codes_of_boxes(&domain, &aabbs);
         Self::coded(boxes.to_vec(), domain, codes)
     }
 }
 
 impl<L: Copy> Twin<L> {
     fn coded(items: Vec<L>, domain: Domain, codes: Vec<u64>) -> Self {
-        let sorted = lbvh::by_code(&codes, domain.bits);
+        let sorted = lbvh::sort_by_code(&codes, domain.bits);
         let tree = lbvh::radix(sorted.clone());
         Self { items, domain, codes, sorted, tree }
     }

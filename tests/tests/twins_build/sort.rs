@@ -5,7 +5,7 @@ use canted_gpu::{
     Gpu,
     build::{Run, Sorter},
 };
-use canted_lbvh::{Bits, by_code};
+use canted_lbvh::{Bits, sort_by_code};
 
 use crate::setup::{gpu, words};
 
@@ -21,7 +21,7 @@ fn sorted(gpu: &Gpu, sorter: &Sorter, codes: &[u64]) -> Vec<u32> {
 }
 
 fn sorted_by_cpu(codes: &[u64]) -> Vec<u32> {
-    by_code(codes, Bits::B63).leaves.iter().map(|leaf| leaf.0).collect()
+    sort_by_code(codes, Bits::B63).leaves.iter().map(|leaf| leaf.0).collect()
 }
 
 #[test]

@@ -148,7 +148,7 @@ fn the_check_sees_a_box_that_is_too_large() {
             // As large as the axis-aligned one, and by little more than roundings larger.
             #[expect(clippy::cast_possible_truncation, reason = "a factor near one")]
             let factor = (aabbs[5].area() / obbs[5].area()).sqrt() as f32 * (1.0 + 1e-3);
-            grown[5].half = grown[5].half.map(|half| half * factor);
+            grown[5].half_extents = grown[5].half_extents.map(|half| half * factor);
             assert_eq!(too_large(&Boxes { aabbs, obbs: &grown }, strategy), Some((5, grown[5])));
             let mut skewed = obbs.to_vec();
             skewed[3].frame[0][1] += 0.01;
@@ -162,8 +162,11 @@ fn the_check_sees_a_box_that_is_too_small() {
     let Some(gpu) = gpu("the_check_sees_a_box_that_is_too_small") else { return };
     let twins = twins(&needles()[..1], Bits::B63);
     with_boxes(&gpu, &twins, Strategy::Combined, |_, twin, boxes| {
-        let shrunken: Vec<Obb> =
-            boxes.obbs.iter().map(|obb| Obb { half: obb.half.map(|half| half * 0.999), ..*obb }).collect();
+        let shrunken: Vec<Obb> = boxes
+            .obbs
+            .iter()
+            .map(|obb| Obb { half_extents: obb.half_extents.map(|half| half * 0.999), ..*obb })
+            .collect();
         assert!(escaped(twin, &twin.leaves(), &shrunken).is_some());
     });
 }

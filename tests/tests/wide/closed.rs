@@ -5,14 +5,14 @@ use canted_obb::Affine;
 use canted_tests::closed::{Place, baked, closed, places, rays};
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
-use canted_wide::{Config, Wide};
+use canted_wide::{Config, TriangleBvh};
 
 use super::setup::{build, every_way, few_ways, paths};
 
 /// Rays of each kind of leak for each mesh, place and way to build.
 const N_RAYS: usize = 1_500;
 
-fn leaks_of_one(tree: &Wide<Watertight>, rays: &[Ray]) -> usize {
+fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
     tree.closest_hits(rays, &mut hits);
     tree.occluded_many(rays, &mut occluded);
@@ -22,13 +22,12 @@ fn leaks_of_one(tree: &Wide<Watertight>, rays: &[Ray]) -> usize {
 /// Through an instance, beside another that makes the top level a tree.
 #[expect(clippy::cast_possible_truncation, reason = "far off will do")]
 fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: &[Ray]) -> usize {
-    let instance = Instance::still(0, *world_from_object);
+    let instance = Instance::new(0, *world_from_object);
     let mut other = instance;
     other.world_from_object.columns[3][0] += (9.0 * baked(mesh, world_from_object).diagonal()) as f32;
     let tlas = Tlas::new(vec![build::<Watertight>(mesh, config)], &[instance, other], TopConfig::default()).unwrap();
-    let leaks = |ray: &&Ray| {
-        tlas.closest_hit(ray, &mut ()).is_none_or(|hit| hit.instance != InstanceId(0)) || !tlas.occluded(ray, &mut ())
-    };
+    let leaks =
+        |ray: &&Ray| tlas.closest_hit(ray).is_none_or(|hit| hit.instance != InstanceId(0)) || !tlas.occluded(ray);
     rays.iter().filter(leaks).count()
 }
 

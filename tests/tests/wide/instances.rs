@@ -9,7 +9,7 @@ use canted_tests::{
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{MollerTrumbore, Ray, Watertight};
-use canted_wide::{LaneKernel, Wide};
+use canted_wide::{LaneKernel, TriangleBvh};
 
 use super::setup::{build, few_ways, paths};
 
@@ -19,7 +19,7 @@ fn placed() -> Vec<Affine> {
 }
 
 fn agrees<K: LaneKernel + Clone>() {
-    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).turned()];
+    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).off_axis()];
     let placed = placed();
     let all_rays: Vec<Ray> = placed
         .iter()
@@ -31,15 +31,15 @@ fn agrees<K: LaneKernel + Clone>() {
     let wants: Vec<_> = all_rays.iter().map(|ray| oracle::closest_hit(&placed, ray, trace)).collect();
     assert!(wants.iter().flatten().count() > 300, "too few rays hit");
     let instances: Vec<Instance> =
-        placed.iter().zip([0, 1].into_iter().cycle()).map(|(&a, blas)| Instance::still(blas, a)).collect();
+        placed.iter().zip([0, 1].into_iter().cycle()).map(|(&a, blas)| Instance::new(blas, a)).collect();
     for (way, config) in few_ways() {
         for path in paths().0 {
-            let bottom: Vec<Wide<K>> = meshes.iter().map(|mesh| build(mesh, &config).with_path(path)).collect();
+            let bottom: Vec<TriangleBvh<K>> = meshes.iter().map(|mesh| build(mesh, &config).with_path(path)).collect();
             let binary = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
             for top in [TopConfig::Wide(config), binary] {
                 let tlas = Tlas::new(bottom.clone(), &instances, top).unwrap();
                 for (ray, want) in all_rays.iter().zip(&wants) {
-                    let got = (tlas.closest_hit(ray, &mut ()), tlas.occluded(ray, &mut ()));
+                    let got = (tlas.closest_hit(ray), tlas.occluded(ray));
                     assert_eq!(got, (*want, want.is_some()), "{way}, {}, {top:?}, {ray:?}", path.name());
                 }
             }

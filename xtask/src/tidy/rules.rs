@@ -1,28 +1,25 @@
-//! One function a rule: looks at one file, adds what it finds.
+//! One function per rule: checks one file and adds its findings.
 
 use std::path::Path;
 
 use super::Finding;
-use crate::{
-    claims::{self, Measured},
-    workspace,
-};
+use crate::{figures, tables, workspace};
 
-/// One file is one sitting: above this many lines a look is worth while …
+/// Above this many lines a file should be split …
 const LONG_LINES: usize = 300;
-/// … and above this many it is split at a station.
+/// … and above this many it must be.
 const MAX_LINES: usize = 400;
 
 /// A source file is short.
 pub(super) fn length(path: &Path, text: &str, findings: &mut Vec<Finding>) {
     match text.lines().count() {
         0..=LONG_LINES => {}
-        n @ ..=MAX_LINES => findings.push(Finding::warning(path, format!("{n} lines are more than {LONG_LINES}"))),
-        n => findings.push(Finding::error(path, format!("{n} lines are more than {MAX_LINES}"))),
+        n @ ..=MAX_LINES => findings.push(Finding::warning(path, format!("{n} lines; {LONG_LINES} are enough"))),
+        n => findings.push(Finding::error(path, format!("{n} lines; at most {MAX_LINES} are allowed"))),
     }
 }
 
-/// Marks of what is not done; in halves, so that this file has none.
+/// Marks of unfinished work, in halves so that this file has none.
 const UNFINISHED: [&str; 5] = [
     concat!("#[ig", "nore"),
     concat!("to", "do!("),
@@ -31,7 +28,7 @@ const UNFINISHED: [&str; 5] = [
     concat!("TO", "DO"),
 ];
 
-/// No test is muted and nothing is left for later.
+/// No test is ignored and nothing is unfinished.
 pub(super) fn unfinished(path: &Path, text: &str, findings: &mut Vec<Finding>) {
     for (i, line) in text.lines().enumerate() {
         for mark in UNFINISHED.into_iter().filter(|mark| line.contains(mark)) {
@@ -40,11 +37,11 @@ pub(super) fn unfinished(path: &Path, text: &str, findings: &mut Vec<Finding>) {
     }
 }
 
-/// Folders that exist on one machine and mean nothing on another; in halves, so that this file names none.
+/// Folders of one machine, in halves so that this file names none.
 const MACHINE_FOLDERS: [&str; 4] =
     [concat!("/ho", "me/"), concat!("/wo", "rk/"), concat!("/tm", "p/"), concat!("/ro", "ot/")];
 
-/// No text names an absolute path of somebody's machine.
+/// No text names an absolute path of one machine.
 pub(super) fn machine_paths(path: &Path, text: &str, findings: &mut Vec<Finding>) {
     for (i, line) in text.lines().enumerate() {
         for folder in MACHINE_FOLDERS.into_iter().filter(|folder| names_folder(line, folder)) {
@@ -53,18 +50,18 @@ pub(super) fn machine_paths(path: &Path, text: &str, findings: &mut Vec<Finding>
     }
 }
 
-/// Whether `folder` starts a path in `line`: within a longer path or an address it is another folder.
+/// Whether `folder` starts a path in `line`, and is not part of a longer path or an address.
 fn names_folder(line: &str, folder: &str) -> bool {
     let is_part = |c: char| c.is_alphanumeric() || "._-}~".contains(c);
     line.match_indices(folder).any(|(at, _)| !line[..at].ends_with(is_part))
 }
 
-/// The only files that hold unsafe code, and the root of their crate.
+/// The only files with unsafe code, and the root of their crate.
 const UNSAFE_ROOT: &str = "crates/wide/src/lib.rs";
 const UNSAFE_FILES: [&str; 3] =
     ["crates/wide/src/simd/avx2.rs", "crates/wide/src/simd/avx512.rs", "crates/wide/src/simd/neon.rs"];
 
-/// A crate holds no unsafe code; one denies it but for the files that say why they hold some.
+/// Every crate forbids unsafe code; the crate with SIMD denies it except in the named files.
 pub(super) fn forbids_unsafe(path: &Path, text: &str, findings: &mut Vec<Finding>) {
     let wanted = if path == Path::new(UNSAFE_ROOT) { "deny" } else { "forbid" };
     if !text.lines().any(|line| line == format!("#![{wanted}(unsafe_code)]")) {
@@ -72,24 +69,24 @@ pub(super) fn forbids_unsafe(path: &Path, text: &str, findings: &mut Vec<Finding
     }
 }
 
-/// Of all crates, only the named files lift the ban; benches call the libraries of others as these ask for.
-pub(super) fn lifts_no_ban(path: &Path, text: &str, findings: &mut Vec<Finding>) {
+/// Only the named files allow unsafe code; benches call foreign libraries.
+pub(super) fn allows_no_unsafe(path: &Path, text: &str, findings: &mut Vec<Finding>) {
     if !path.starts_with("crates") || UNSAFE_FILES.iter().any(|file| path == Path::new(file)) {
         return;
     }
     for (i, line) in text.lines().enumerate() {
-        let lifts = |word: &&str| line.trim_start().starts_with(word) && line.contains("unsafe_code");
-        // In halves, so that this file lifts nothing.
+        let allows = |word: &&str| line.trim_start().starts_with(word) && line.contains("unsafe_code");
+        // In halves, so that this file allows nothing.
         if [concat!("#![ex", "pect("), concat!("#![al", "low("), concat!("#[ex", "pect("), concat!("#[al", "low(")]
             .iter()
-            .any(lifts)
+            .any(allows)
         {
-            findings.push(Finding::error(path, format!("line {}: unsafe code where none may be", i + 1)));
+            findings.push(Finding::error(path, format!("line {}: unsafe code is not allowed here", i + 1)));
         }
     }
 }
 
-/// Versions of our packages, and of the compiler, are those of the workspace's manifest wherever they are repeated.
+/// Repeated versions of our packages and of the compiler equal those of the workspace manifest.
 pub(super) fn versions(path: &Path, text: &str, manifest: &str, findings: &mut Vec<Finding>) {
     let own = workspace::value(manifest, "workspace.package", "version").unwrap_or_default();
     let rust = workspace::value(manifest, "workspace.package", "rust-version").unwrap_or_default();
@@ -104,15 +101,15 @@ pub(super) fn versions(path: &Path, text: &str, manifest: &str, findings: &mut V
     }
 }
 
-/// Marked figures of documents are those that were measured; the first page and those of `docs` have no others. What measuring
-/// mended is told with the commits that have the figures.
-pub(super) fn figures(path: &Path, text: &str, measured: &Measured, findings: &mut Vec<Finding>) {
-    let mut wrong = measured.wrong(text);
-    let is_claim = path == Path::new("README.md") || path.starts_with("docs") && path != Path::new("docs/mended.md");
-    if is_claim {
-        wrong.extend(claims::typed_by_hand(text));
+/// Measured tables are up to date, and README.md and `docs` have no other figures. `docs/mended.md` is exempt: it quotes
+/// figures of earlier commits.
+pub(super) fn figures(path: &Path, text: &str, results: &str, findings: &mut Vec<Finding>) {
+    findings.extend(tables::flaw(path, text, results).map(|message| Finding::error(path, message)));
+    if path == Path::new("README.md") || path.starts_with("docs") && path != Path::new("docs/mended.md") {
+        for (line, message) in figures::figures(text) {
+            findings.push(Finding::error(path, format!("line {line}: {message}")));
+        }
     }
-    findings.extend(wrong.into_iter().map(|(line, message)| Finding::error(path, format!("line {line}: {message}"))));
 }
 
 /// The version in a line `canted… = "VERSION"` or `canted… = { …, version = "VERSION" … }`.
@@ -144,13 +141,13 @@ mod tests {
     #[test]
     fn lengths_at_both_limits() {
         assert_eq!(found(length, &"x\n".repeat(300)), []);
-        assert_eq!(found(length, &"x\n".repeat(301)), [(false, "301 lines are more than 300".to_owned())]);
-        assert_eq!(found(length, &"x\n".repeat(400)), [(false, "400 lines are more than 300".to_owned())]);
-        assert_eq!(found(length, &"x\n".repeat(401)), [(true, "401 lines are more than 400".to_owned())]);
+        assert_eq!(found(length, &"x\n".repeat(301)), [(false, "301 lines; 300 are enough".to_owned())]);
+        assert_eq!(found(length, &"x\n".repeat(400)), [(false, "400 lines; 300 are enough".to_owned())]);
+        assert_eq!(found(length, &"x\n".repeat(401)), [(true, "401 lines; at most 400 are allowed".to_owned())]);
     }
 
     #[test]
-    fn every_mark_of_unfinished_work_is_seen() {
+    fn every_mark_of_unfinished_work_is_found() {
         for mark in UNFINISHED {
             assert_eq!(found(unfinished, &format!("fn f() {{\n    {mark} \n}}")), [(true, format!("line 2: {mark}"))]);
         }
@@ -158,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn paths_of_machines_are_seen_and_other_paths_are_not() {
+    fn machine_paths_are_found_and_other_paths_are_not() {
         for folder in MACHINE_FOLDERS {
             for text in
                 [format!("{folder}me"), format!("cd {folder}x"), format!("\"{folder}x\""), format!("({folder})")]
@@ -172,46 +169,46 @@ mod tests {
     }
 
     #[test]
-    fn unsafe_code_must_be_forbidden_in_so_many_words() {
+    fn crates_must_forbid_unsafe_code() {
         assert_eq!(found(forbids_unsafe, "//! A crate.\n#![forbid(unsafe_code)]\n"), []);
         assert_eq!(found(forbids_unsafe, "// #![forbid(unsafe_code)]\n").len(), 1);
-        assert_eq!(found(forbids_unsafe, "#![deny(unsafe_code)]\n").len(), 1, "this is no crate of intrinsics");
-        let of_intrinsics = |text: &str| {
+        assert_eq!(found(forbids_unsafe, "#![deny(unsafe_code)]\n").len(), 1, "only the SIMD crate may deny it");
+        let simd_root = |text: &str| {
             let mut findings = vec![];
             forbids_unsafe(Path::new(UNSAFE_ROOT), text, &mut findings);
             findings.len()
         };
-        assert_eq!([of_intrinsics("#![deny(unsafe_code)]\n"), of_intrinsics("//! Lanes.\n")], [0, 1]);
+        assert_eq!([simd_root("#![deny(unsafe_code)]\n"), simd_root("//! Lanes.\n")], [0, 1]);
     }
 
     #[test]
-    fn the_ban_is_lifted_in_named_files_only() {
-        let n_lifted = |file: &str, text: &str| {
+    fn unsafe_code_is_allowed_in_named_files_only() {
+        let n_found = |file: &str, text: &str| {
             let mut findings = vec![];
-            lifts_no_ban(Path::new(file), text, &mut findings);
+            allows_no_unsafe(Path::new(file), text, &mut findings);
             findings.len()
         };
         for line in
             [concat!("#![al", "low(unsafe_code)]"), concat!("    #[ex", "pect(unsafe_code, reason = \"fast\")]")]
         {
-            assert_eq!(n_lifted("crates/wide/src/walk.rs", line), 1, "{line}");
+            assert_eq!(n_found("crates/wide/src/walk.rs", line), 1, "{line}");
             for file in UNSAFE_FILES.into_iter().chain(["benches/peers/foreign.rs"]) {
-                assert_eq!(n_lifted(file, line), 0, "{file}: {line}");
+                assert_eq!(n_found(file, line), 0, "{file}: {line}");
             }
         }
         let harmless = "#![forbid(unsafe_code)]\n// #![expect(unsafe_code)]\n";
-        assert_eq!(n_lifted("crates/obb/src/lib.rs", harmless), 0);
+        assert_eq!(n_found("crates/obb/src/lib.rs", harmless), 0);
     }
 
     #[test]
-    fn the_named_files_are_there() {
+    fn the_named_files_exist() {
         for file in UNSAFE_FILES.into_iter().chain([UNSAFE_ROOT]) {
             assert!(workspace::root().join(file).is_file(), "{file}");
         }
     }
 
     #[test]
-    fn versions_that_drifted_are_seen() {
+    fn outdated_versions_are_found() {
         let manifest = "[workspace.package]\nversion = \"0.2.0\"\nrust-version = \"1.89\"\n";
         let rule = |path: &Path, text: &str, findings: &mut Vec<Finding>| versions(path, text, manifest, findings);
         let right = "canted-obb = \"0.2.0\"\ncanted-lbvh = { path = \"x\", version = \"0.2.0\" }\nRust 1.89 or newer.\n\

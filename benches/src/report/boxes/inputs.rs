@@ -64,7 +64,7 @@ pub(super) fn kinds(n: usize) -> Vec<Kind> {
         ("nodes of a scaffold", scaffold_of(1, true, 4)),
         ("nodes of a truss", truss(4)),
         ("nodes of hair", hair(3, &strands)),
-        ("nodes of a bumpy ball", displaced_icosphere(3, 4).turned()),
+        ("nodes of a bumpy ball", displaced_icosphere(3, 4).off_axis()),
     ] {
         kinds.push(Kind { name, sets: nodes(&mesh, n) });
     }
@@ -84,8 +84,9 @@ fn cluster(rng: &mut SplitMix64, half: [f64; 3], shape: impl Fn([f64; 3]) -> [f6
 
 /// What `n` nodes of the radix tree hold, evenly from all that are neither leaves nor large.
 pub(super) fn nodes(mesh: &Mesh, n: usize) -> Vec<Set> {
-    let Ok((corners, bounds)) = lbvh::gather(&mesh.positions, &mesh.triangles) else { return vec![] };
-    let tree = lbvh::radix(lbvh::by_code(&lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners), Bits::B63));
+    let Ok((corners, bounds)) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles) else { return vec![] };
+    let tree =
+        lbvh::radix(lbvh::sort_by_code(&lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners), Bits::B63));
     let sorted: Vec<Corners> = lbvh::in_leaf_order(&corners, &tree.leaves);
     let fit: Vec<&lbvh::Node> = tree.nodes.iter().filter(|node| NODE_TRIANGLES.contains(&node.n_leaves())).collect();
     let step = (fit.len() / n).max(1);

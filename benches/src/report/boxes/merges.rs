@@ -71,11 +71,11 @@ impl Pair {
 impl Carried {
     fn of(points: &[[f32; 3]]) -> Self {
         let (triangles, _) = points.as_chunks::<3>();
-        let join = |all: Moments, &triangle: &[[f32; 3]; 3]| all.merged(&Moments::of_triangle(triangle));
+        let join = |all: Moments, &triangle: &[[f32; 3]; 3]| all.merged(&Moments::from_triangle(triangle));
         Self {
             moments: triangles.iter().fold(Moments::EMPTY, join),
-            extents: Dop::of_points(points.iter().copied()),
-            aabb: Aabb::of_points(points.iter().copied()),
+            extents: Dop::from_points(points.iter().copied()),
+            aabb: Aabb::from_points(points.iter().copied()),
         }
     }
 }
@@ -106,7 +106,7 @@ mod tests {
     #[test]
     fn what_is_carried_makes_the_boxes_of_a_tree() {
         let (triangles, _) = CORNERS.as_chunks::<3>();
-        let tree = lbvh::radix(lbvh::by_code(&[0; 2], Bits::B30));
+        let tree = lbvh::radix(lbvh::sort_by_code(&[0; 2], Bits::B30));
         let pair = Pair::of(&Set { points: CORNERS.to_vec(), split: 3 });
         for (strategy, rule) in [(Strategy::PcaUnbounded, MERGES[6].1), (Strategy::Dop, MERGES[7].1)] {
             let volumes = lbvh::volumes(&tree, triangles, &VolumeConfig { strategy, fallback: false });

@@ -225,7 +225,7 @@ mod tests {
     fn a_known_box_that_is_less_is_the_least_and_leaves_the_gap() {
         let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let found = least(&points, &[], 1)[0];
-        let known = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [0.1; 3] };
+        let known = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.1; 3] };
         let beside = least(&points, &[known], 1)[0];
         assert!(beside.size == known.area() && beside.gap == found.gap && beside.gap >= 1.0, "{beside:?}");
     }

@@ -7,7 +7,7 @@ use canted_fixtures::Mesh;
 use canted_lbvh::Costs;
 use canted_obb::Aabb;
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
-use canted_wide::Wide;
+use canted_wide::TriangleBvh;
 use obvhs::{
     BvhBuildParams,
     bvh2::{Bvh2, builder::build_bvh2_from_tris},
@@ -18,7 +18,7 @@ use super::metrics::Metrics;
 use crate::wide::obvhs::{theirs, triangles};
 
 /// Of a wide tree: its rays count what they test, eight boxes a node.
-pub(super) fn of_wide(tree: &Wide<Watertight>, rays: &[Ray]) -> Metrics {
+pub(super) fn of_wide(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> Metrics {
     let mut counts = Counts::default();
     for ray in rays {
         tree.closest_hit_with(ray, InstanceId(0), &mut counts);
@@ -28,7 +28,7 @@ pub(super) fn of_wide(tree: &Wide<Watertight>, rays: &[Ray]) -> Metrics {
 
 /// Of a binary tree of `obvhs`: its nodes are summed, its walk tells of triangles alone.
 pub(super) fn of_obvhs(mesh: &Mesh, params: BvhBuildParams, rays: &[Ray]) -> Result<Metrics> {
-    let (_, bounds) = canted_lbvh::gather(&mesh.positions, &mesh.triangles)?;
+    let (_, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
     let all = triangles(mesh);
     let tree = build_bvh2_from_tris(&all, params, &mut Duration::default());
     let mut n_tested = 0;
@@ -42,7 +42,7 @@ pub(super) fn of_obvhs(mesh: &Mesh, params: BvhBuildParams, rays: &[Ray]) -> Res
     Ok(Metrics { triangles: each(n_tested, rays), ..summed(&tree, unit) })
 }
 
-/// Sums over the inner nodes, and the surface area heuristic as `canted_lbvh::sums` has it: a node costs the test of its two boxes,
+/// Costs over the inner nodes, and the surface area heuristic as `canted_lbvh::tree_cost` has it: a node costs the test of its two boxes,
 /// a leaf that of each of its primitives.
 fn summed(tree: &Bvh2, unit: f64) -> Metrics {
     let costs = Costs::default();
@@ -76,7 +76,7 @@ fn each(n: u64, rays: &[Ray]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use canted_lbvh::{Strategy, VolumeConfig, gather, in_leaf_order, volumes};
+    use canted_lbvh::{Strategy, VolumeConfig, in_leaf_order, triangle_corners, volumes};
 
     use super::*;
     use crate::report::{hierarchies::trees, subjects};
@@ -88,7 +88,7 @@ mod tests {
         let rays = closest_sets(&model, &trees::any(&model.mesh).unwrap(), 16).concat();
         let params = BvhBuildParams { pre_split: false, max_prims_per_leaf: 1, ..BvhBuildParams::fast_build() };
         let found = of_obvhs(&model.mesh, params, &rays).unwrap();
-        let (corners, bounds) = gather(&model.mesh.positions, &model.mesh.triangles).unwrap();
+        let (corners, bounds) = triangle_corners(&model.mesh.positions, &model.mesh.triangles).unwrap();
         let tree = canted_renderer::obvhs_tree(&corners, params).unwrap();
         let sorted = in_leaf_order(&corners, &tree.leaves);
         let fitted = volumes(&tree, &sorted, &VolumeConfig { strategy: Strategy::Aabb, fallback: true });
@@ -108,7 +108,7 @@ mod tests {
         let tree = trees::any(&model.mesh).unwrap();
         let rays = closest_sets(&model, &tree, 16).concat();
         let found = of_wide(&tree, &rays);
-        let visits = tree.visits(&rays);
+        let visits = tree.traversal_counts(&rays);
         assert!((found.boxes - 8.0 * each(visits.nodes.iter().sum(), &rays)).abs() < 1e-9);
         assert!(found.triangles > 0.0 && found.sah.is_nan());
     }

@@ -1,10 +1,12 @@
 //! What can be said of a binary tree of ours without tracing through it, and what its rays tested.
 
 use anyhow::Result;
-use canted_lbvh::{Corners, Costs, Tree, Volumes, end_point_overlap, in_leaf_order, sums};
+use canted_bvh2::{Bvh2, PairOrder};
+use canted_lbvh::{Corners, Costs, Tree, Volumes, in_leaf_order, tree_cost};
 use canted_obb::Aabb;
-use canted_tlas::{Blas, MeshBlas, PairOrder};
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
+
+use super::overlap::end_point_overlap;
 
 /// Metrics of one tree, no number where it does not tell; lengths are in units of the scene's extent.
 pub(super) struct Metrics {
@@ -52,14 +54,14 @@ impl Metrics {
     pub(super) fn of(tree: Tree, volumes: &Volumes, corners: &[Corners], bounds: &Aabb, rays: &[Ray]) -> Result<Self> {
         let sorted = in_leaf_order(corners, &tree.leaves);
         let unit = bounds.extent().into_iter().fold(f64::MIN_POSITIVE, f64::max);
-        let sums = sums(&tree, volumes, &sorted, &Costs::default(), unit);
+        let sums = tree_cost(&tree, volumes, &sorted, &Costs::default(), unit);
         let stride = (corners.len() / OVERLAP_TRIANGLES).max(1);
         let is_split = sorted.len() > corners.len();
         let overlap = if is_split { f64::NAN } else { end_point_overlap(&tree, volumes, &sorted, stride) };
-        let blas = MeshBlas::<Watertight>::new(tree, volumes, sorted, bounds, PairOrder::DepthFirst);
+        let blas = Bvh2::<Watertight>::new(tree, volumes, sorted, bounds, PairOrder::DepthFirst);
         let mut counts = Counts::default();
         for ray in rays {
-            blas.closest_hit(ray, InstanceId(0), &mut counts);
+            blas.closest_hit_with(ray, InstanceId(0), &mut counts);
         }
         let each = |n: u64| n as f64 / rays.len() as f64;
         Ok(Self {

@@ -1,13 +1,13 @@
 //! All trees of the chapter.
 
 use anyhow::Result;
+use canted_bvh2::{Bvh2, PairOrder};
 use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig, Volumes, in_leaf_order, volumes};
 use canted_obb::{Aabb, Obb};
 use canted_sah::{Axes, Builder, PlocConfig, ReinsertConfig, SpatialConfig, Split, TopDownConfig};
-use canted_tlas::{Blas, MeshBlas, PairOrder};
-use canted_trace::{Hit, InstanceId, Ray, Watertight};
-use canted_wide::{Config, Preset, Wide};
+use canted_trace::{Hit, Ray, Watertight};
+use canted_wide::{Config, Preset, TriangleBvh};
 use obvhs::BvhBuildParams;
 
 use super::foreign;
@@ -96,8 +96,8 @@ fn presets() -> [(&'static str, BvhBuildParams); 6] {
 }
 
 /// A wide tree, for whoever needs hits.
-pub(super) fn any(mesh: &Mesh) -> Result<Wide<Watertight>> {
-    Ok(Wide::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Fast))?)
+pub(super) fn any(mesh: &Mesh) -> Result<TriangleBvh<Watertight>> {
+    Ok(TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Fast))?)
 }
 
 /// Ours first.
@@ -114,7 +114,7 @@ pub(super) fn all<'a>(scene: &str, model: &'a Model) -> Vec<Tree<'a>> {
         }
     }
     for (name, preset) in [("fast", Preset::Fast), ("balanced", Preset::Balanced), ("quality", Preset::Quality)] {
-        let made = move || Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset));
+        let made = move || TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset));
         let entry = ours(format!("wide, {name}"), move |_| Ok(Box::new(made()?)));
         let metrics: Measure<'a> = Box::new(move |rays| Ok(foreign::of_wide(&made()?, rays)));
         trees.push(Tree { entry, family: Family::Wide, metrics: Some(metrics) });
@@ -160,7 +160,7 @@ struct Made {
 fn binary(name: String, mesh: &Mesh, builder: Builder, strategy: Strategy) -> Tree<'_> {
     let family = if strategy == Strategy::Aabb { Family::Aligned } else { Family::Leaning };
     walked(name, family, move || {
-        let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
         let tree = canted_sah::build(&boxes, &bounds, &builder);
         let sorted = in_leaf_order(&corners, &tree.leaves);
@@ -175,9 +175,9 @@ fn binary(name: String, mesh: &Mesh, builder: Builder, strategy: Strategy) -> Tr
 /// triangles is walked with: a ray that enters one beside its part tests a triangle for nothing, and loses no hit.
 fn with_splits(mesh: &Mesh, extra: f32) -> Tree<'_> {
     walked(format!("spatial splits, {extra} a triangle, AABB"), Family::Aligned, move || {
-        let (corners, bounds) = lbvh::gather(&mesh.positions, &mesh.triangles)?;
+        let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let (mut tree, references) =
-            canted_sah::spatial(&corners, &SpatialConfig { extra, ..SpatialConfig::default() });
+            canted_sah::spatial(&corners, &SpatialConfig { extra_references: extra, ..SpatialConfig::default() });
         let parts: Vec<Obb> = tree.leaves.iter().map(|part| Obb::from_aabb(&references.boxes[part.index()])).collect();
         let volumes = volumes(&tree, &parts, &VolumeConfig { strategy: Strategy::Aabb, fallback: true });
         tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
@@ -189,7 +189,7 @@ fn with_splits(mesh: &Mesh, extra: f32) -> Tree<'_> {
 fn walked<'a>(name: String, family: Family, made: impl Fn() -> Result<Made> + Copy + Send + Sync + 'a) -> Tree<'a> {
     let build = move |_| -> Result<Box<dyn Engine>> {
         let Made { tree, volumes, sorted, bounds, .. } = made()?;
-        Ok(Box::new(Walked(MeshBlas::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst))))
+        Ok(Box::new(Walked(Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst))))
     };
     let metrics = move |rays: &[Ray]| {
         let Made { tree, volumes, corners, bounds, .. } = made()?;
@@ -199,18 +199,18 @@ fn walked<'a>(name: String, family: Family, made: impl Fn() -> Result<Made> + Co
 }
 
 /// A binary tree of ours.
-struct Walked(MeshBlas<Watertight>);
+struct Walked(Bvh2<Watertight>);
 
 impl Engine for Walked {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.0.closest_hit(ray, InstanceId(0), &mut ());
+            *hit = self.0.closest_hit(ray);
         }
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.0.occluded(ray, InstanceId(0), &mut ());
+            *occluded = self.0.occluded(ray);
         }
     }
 

@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn what_is_lost_and_what_enters_are_told_apart() {
-        let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half: [1.0; 3] };
+        let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0; 3] };
         let pair = |x: f32, z: f32| (Ray::new([x, 0.0, z], [0.0, 0.0, 1.0]), obb);
         let pairs = [pair(0.0, -3.0), pair(0.5, -3.0), pair(2.0, -3.0), pair(3.0, -3.0), pair(0.0, 0.0)];
         // The straight box around a leaning one is a rounding larger.

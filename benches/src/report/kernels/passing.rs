@@ -27,16 +27,16 @@ fn pair(rng: &mut SplitMix64, share: f64) -> slab::Pair {
     let obb = Obb {
         center: center.map(|x| x as f32),
         frame: random_rotation(rng).frame(),
-        half: half.map(|x| x.abs() as f32),
+        half_extents: half.map(|x| x.abs() as f32),
     };
-    let size = 2.0 * obb.half.into_iter().fold(0.0, |most: f64, half| most.max(f64::from(half)));
+    let size = 2.0 * obb.half_extents.into_iter().fold(0.0, |most: f64, half| most.max(f64::from(half)));
     // A corner, or a point of an edge or a face: `place` is in half-extents, one of them at the end.
     let mut place: [f64; 3] = std::array::from_fn(|_| [-1.0, 1.0, rng.signed()][rng.below(3)]);
     place[rng.below(3)] = [-1.0, 1.0][rng.below(2)];
     let axis = |k: usize| obb.frame[k].map(f64::from);
     let sum =
         |of: &dyn Fn(usize) -> f64| -> [f64; 3] { std::array::from_fn(|i| (0..3).map(|k| of(k) * axis(k)[i]).sum()) };
-    let point = sum(&|k| place[k] * f64::from(obb.half[k]));
+    let point = sum(&|k| place[k] * f64::from(obb.half_extents[k]));
     // The box lies behind any plane through the point whose normal leans outward along every axis that ends there.
     let weights: [f64; 3] = std::array::from_fn(|_| rng.unit());
     let outward = |k: usize| if place[k].abs() == 1.0 { place[k] * (0.1 + weights[k]) } else { 0.0 };
@@ -70,10 +70,10 @@ mod tests {
             assert!(n_met <= if share < 1e-5 { 12 } else { 0 }, "{what}: {n_met}");
             // A box that is a third of a share of its size larger on every side is passed still, one that is two larger is not.
             let grown = |obb: &Obb, by: f64| {
-                let size = 2.0 * obb.half.into_iter().fold(0.0, f32::max);
+                let size = 2.0 * obb.half_extents.into_iter().fold(0.0, f32::max);
                 #[expect(clippy::cast_possible_truncation, reason = "a box that is about so large")]
                 let by = (by * share) as f32 * size;
-                Obb { half: obb.half.map(|half| half + by), ..*obb }
+                Obb { half_extents: obb.half_extents.map(|half| half + by), ..*obb }
             };
             let n_of = |by: f64| pairs.iter().filter(|(ray, obb)| meets_box(ray, &grown(obb, by))).count();
             assert!(share < 1e-5 || n_of(0.33) == 0, "{what}");

@@ -1,8 +1,8 @@
 //! Volumes of boxes in one level (the dissertation's table 4, parts 1 and 2) and tests of boxes (its figures 12 and 13).
 
 use anyhow::Result;
+use canted_bvh2::{Bvh2, PairOrder};
 use canted_lbvh::{Bits, Costs, Domain, Strategy, VolumeConfig};
-use canted_tlas::{Blas, MeshBlas, PairOrder};
 use canted_trace::{Counts, InstanceId, Watertight};
 
 use super::orders::Found;
@@ -99,20 +99,20 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
 
 #[expect(clippy::cast_precision_loss, reason = "counts of rays and nodes")]
 fn rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Row>> {
-    let (corners, bounds) = canted_lbvh::gather(&model.mesh.positions, &model.mesh.triangles)?;
-    let codes = canted_lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
-    let tree = canted_lbvh::radix(canted_lbvh::by_code(&codes, Bits::B63));
+    let (corners, bounds) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
+    let codes = canted_lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
+    let tree = canted_lbvh::radix(canted_lbvh::sort_by_code(&codes, Bits::B63));
     let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
     let rays = sets::camera(model, effort.pick(16, 128, 128));
     let mut rows: Vec<Row> = vec![];
     let mut aligned_volume = 1.0;
     for strategy in Strategy::ALL {
         let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
-        let sums = canted_lbvh::sums(&tree, &volumes, &sorted, &Costs::default(), 1.0);
-        let blas = MeshBlas::<Watertight>::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst);
+        let sums = canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), 1.0);
+        let blas = Bvh2::<Watertight>::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst);
         let mut counts = Counts::default();
         for ray in &rays {
-            blas.closest_hit(ray, InstanceId(0), &mut counts);
+            blas.closest_hit_with(ray, InstanceId(0), &mut counts);
         }
         if strategy == Strategy::Aabb {
             aligned_volume = sums.volume;
@@ -120,7 +120,7 @@ fn rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Row>> {
         rows.push(Row {
             strategy,
             volume: sums.volume / aligned_volume,
-            leaning_percent: 100.0 * sums.n_leaning as f64 / sums.n_nodes as f64,
+            leaning_percent: 100.0 * sums.n_oriented as f64 / sums.n_nodes as f64,
             boxes: counts.boxes as f64 / rays.len() as f64,
         });
     }

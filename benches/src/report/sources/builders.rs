@@ -1,12 +1,12 @@
 //! Binary trees by several builders: what each takes to build and to trace a picture.
 
 use anyhow::Result;
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{scaffold_nodes, scaffold_of};
 use canted_lbvh::Leaf;
 use canted_obb::Aabb;
 use canted_sah::{Axes, Builder, Split, TopDownConfig};
-use canted_tlas::{Blas, BuildConfig, MeshBlas};
-use canted_trace::{InstanceId, Watertight};
+use canted_trace::Watertight;
 
 use super::passes::one_thread;
 use crate::clock;
@@ -47,7 +47,7 @@ pub(super) fn measure(model: &Model, builders: &[(&'static str, Builder)], effor
 }
 
 fn measure_here(model: &Model, builders: &[(&'static str, Builder)], effort: Effort) -> Result<Vec<Took>> {
-    let (corners, bounds) = canted_lbvh::gather(&model.mesh.positions, &model.mesh.triangles)?;
+    let (corners, bounds) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
     // Four views together have the pixels of one picture of twice the width.
     let rays = sets::camera(model, effort.pick(16, 128, 128));
     let mut took: Vec<(Vec<f64>, Vec<f64>, usize)> = vec![Default::default(); builders.len()];
@@ -56,11 +56,11 @@ fn measure_here(model: &Model, builders: &[(&'static str, Builder)], effort: Eff
             let (blas, build) = clock::time(|| {
                 let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
                 let tree = canted_sah::build(&boxes, &bounds, builder);
-                MeshBlas::<Watertight>::over(tree, &corners, &bounds, &BuildConfig::default())
+                Bvh2::<Watertight>::over(tree, &corners, &bounds, &BuildConfig::default())
             });
             let (_, picture) = clock::time(|| {
                 for ray in &rays {
-                    std::hint::black_box(blas.closest_hit(ray, InstanceId(0), &mut ()));
+                    std::hint::black_box(blas.closest_hit(ray));
                 }
             });
             *n_bytes = blas.n_bytes();

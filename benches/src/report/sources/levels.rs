@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use anyhow::Result;
 use canted_fixtures::Mesh;
-use canted_lbvh::{Bits, Costs, Domain, Strategy, Sums, Tree, VolumeConfig};
+use canted_lbvh::{Bits, Costs, Domain, Strategy, Tree, TreeCost, VolumeConfig};
 use canted_obb::{Aabb, Obb};
 
 use super::orders::Found;
@@ -67,7 +67,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
                 leaning_bottom.extend(their_bottom.map(|theirs| [theirs, leaning_percent(&bottom)]));
             }
             let percent = |theirs: Option<f64>| theirs.map_or_else(|| "–".to_owned(), |p| format!("{p:.1}%"));
-            let leaning = |sums: &Sums| format!("{:.1}%", leaning_percent(sums));
+            let leaning = |sums: &TreeCost| format!("{:.1}%", leaning_percent(sums));
             let cells = [
                 format!("{strategy:?}"),
                 format!("{:.3}", their_volume / THEIR_ONE_LEVEL),
@@ -88,8 +88,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts of nodes")]
-fn leaning_percent(sums: &Sums) -> f64 {
-    100.0 * sums.n_leaning as f64 / sums.n_nodes.max(1) as f64
+fn leaning_percent(sums: &TreeCost) -> f64 {
+    100.0 * sums.n_oriented as f64 / sums.n_nodes.max(1) as f64
 }
 
 /// The meshes of the scene's file, where they stand; of a generated lattice, which is one mesh, its struts.
@@ -123,35 +123,35 @@ fn add_triangle(mesh: &mut Mesh, corners: [[f32; 3]; 3]) {
 }
 
 /// Sums of the tree over the pieces, and of all trees of pieces.
-fn two_levels(pieces: &[Mesh], strategy: Strategy, unit: f64) -> Result<(Sums, Sums)> {
-    let mut all = Sums::default();
+fn two_levels(pieces: &[Mesh], strategy: Strategy, unit: f64) -> Result<(TreeCost, TreeCost)> {
+    let mut all = TreeCost::default();
     let mut roots = vec![];
     for piece in pieces {
         let (sums, root) = bottom(piece, strategy, unit)?;
         all.n_nodes += sums.n_nodes;
-        all.n_leaning += sums.n_leaning;
+        all.n_oriented += sums.n_oriented;
         all.volume += sums.volume;
         roots.push(root);
     }
     let boxes: Vec<Aabb> = roots.iter().map(Obb::aabb).collect();
     let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
-    let tree = radix(&canted_lbvh::codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes));
+    let tree = radix(&canted_lbvh::morton_codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes));
     let sorted: Vec<Obb> = tree.leaves.iter().map(|leaf| roots[leaf.index()]).collect();
     let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
-    Ok((canted_lbvh::sums(&tree, &volumes, &sorted, &Costs::default(), unit), all))
+    Ok((canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), unit), all))
 }
 
 /// Sums of a piece's tree, and the box of the piece as the level above sees it.
-fn bottom(piece: &Mesh, strategy: Strategy, unit: f64) -> Result<(Sums, Obb)> {
-    let (corners, bounds) = canted_lbvh::gather(&piece.positions, &piece.triangles)?;
-    let tree = radix(&canted_lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners));
+fn bottom(piece: &Mesh, strategy: Strategy, unit: f64) -> Result<(TreeCost, Obb)> {
+    let (corners, bounds) = canted_lbvh::triangle_corners(&piece.positions, &piece.triangles)?;
+    let tree = radix(&canted_lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners));
     let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
     let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
-    Ok((canted_lbvh::sums(&tree, &volumes, &sorted, &Costs::default(), unit), Obb::from_aabb(&bounds)))
+    Ok((canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), unit), Obb::from_aabb(&bounds)))
 }
 
 fn radix(codes: &[u64]) -> Tree {
-    canted_lbvh::radix(canted_lbvh::by_code(codes, Bits::B63))
+    canted_lbvh::radix(canted_lbvh::sort_by_code(codes, Bits::B63))
 }
 
 /// The mesh cut where no vertex is shared, in the order of first triangles.

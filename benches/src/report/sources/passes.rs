@@ -78,7 +78,7 @@ pub(super) fn one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> 
 }
 
 fn measure(model: &Model, repeats: usize) -> Result<[Samples; 6]> {
-    let (corners, bounds) = canted_lbvh::gather(&model.mesh.positions, &model.mesh.triangles)?;
+    let (corners, bounds) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
     let mut ms: [Vec<f64>; 6] = Default::default();
     for repeat in 0..=repeats {
         let mut keep = |pass: usize, took: clock::Seconds| {
@@ -86,9 +86,9 @@ fn measure(model: &Model, repeats: usize) -> Result<[Samples; 6]> {
                 ms[pass].push(took.cpu * 1e3);
             }
         };
-        let (codes, took) = clock::time(|| canted_lbvh::codes(&Domain::new(&bounds, 3, Bits::B63), &corners));
+        let (codes, took) = clock::time(|| canted_lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners));
         keep(0, took);
-        let (sorted, took) = clock::time(|| canted_lbvh::by_code(&codes, Bits::B63));
+        let (sorted, took) = clock::time(|| canted_lbvh::sort_by_code(&codes, Bits::B63));
         keep(1, took);
         let (tree, took) = clock::time(|| canted_lbvh::radix(sorted));
         keep(2, took);

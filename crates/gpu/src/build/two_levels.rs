@@ -70,7 +70,7 @@ fn top(
 fn placed(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Option<Obb>, GpuError> {
     let index = number as usize;
     if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
-        return Err(GpuError::Untraceable { what: format!("instance {index}, which moves") });
+        return Err(GpuError::Unsupported { what: format!("instance {index}, which moves") });
     }
     let root = match roots.get(instance.blas as usize) {
         None => Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas }),
@@ -81,7 +81,7 @@ fn placed(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Opt
         Some(placed) if !placed.aabb().is_finite() => Err(InstanceError::OutOfRange { instance: index }),
         placed => Ok(placed),
     });
-    in_range.map_err(|error| GpuError::Untraceable { what: format!("instances as they stand: {error}") })
+    in_range.map_err(|error| GpuError::Unsupported { what: format!("instances as they stand: {error}") })
 }
 
 impl Built {
@@ -100,7 +100,7 @@ impl Built {
         let single = of_count(|n| n == 1);
         let leaves: Vec<Obb> = match &self.items.leaf {
             Leaf::Triangle { corners } => {
-                gpu.read_at(corners, &single)?.into_iter().map(|c| Obb::from_aabb(&Aabb::of_points(c))).collect()
+                gpu.read_at(corners, &single)?.into_iter().map(|c| Obb::from_aabb(&Aabb::from_points(c))).collect()
             }
             Leaf::Box { boxes, .. } => gpu.read_at(boxes, &single)?,
         };
@@ -127,15 +127,18 @@ mod tests {
     #[test]
     fn boxes_out_of_the_numbers_are_refused_by_instance() {
         let roots = [Some(Obb::from_aabb(&Aabb { min: [-1e10; 3], max: [1e10; 3] })), None];
-        let refused = |number, map| placed(number, &Instance::still(0, map), &roots).unwrap_err().to_string();
+        let refused = |number, map| placed(number, &Instance::new(0, map), &roots).unwrap_err().to_string();
         for (number, map) in [(3, scaled(1e30, 0.0)), (4, scaled(f32::MAX, f32::MAX))] {
             let error = refused(number, map);
-            assert!(error.contains(&format!("instance {number} carries its box beyond what f32 can hold")), "{error}");
+            assert!(
+                error.contains(&format!("the transformed bounds of instance {number} exceed the range of f32")),
+                "{error}"
+            );
         }
         assert!(refused(5, scaled(1.0, f32::NAN)).contains("instance 5 is not finite"));
-        let inside = placed(0, &Instance::still(0, scaled(1e20, -1e30)), &roots).unwrap().unwrap();
+        let inside = placed(0, &Instance::new(0, scaled(1e20, -1e30)), &roots).unwrap().unwrap();
         assert!(inside.aabb().is_finite());
         // What has no triangle has no box that could be too large.
-        assert_eq!(placed(0, &Instance::still(1, scaled(1e30, 0.0)), &roots), Ok(None));
+        assert_eq!(placed(0, &Instance::new(1, scaled(1e30, 0.0)), &roots), Ok(None));
     }
 }

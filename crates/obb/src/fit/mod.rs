@@ -72,7 +72,7 @@ impl std::error::Error for FitError {}
 /// bad triangle.
 pub fn fit(points: &[[f32; 3]], triangles: &[[u32; 3]], method: Fit) -> Result<Obb, FitError> {
     check(points, triangles)?;
-    let aabb = Aabb::of_points(points.iter().copied());
+    let aabb = Aabb::from_points(points.iter().copied());
     let frame: Frame = match method {
         Fit::Aabb => return Ok(Obb::from_aabb(&aabb)),
         Fit::Pca => pca::frame(points),

@@ -46,7 +46,7 @@ fn surface(child: &Child) -> f64 {
     match child {
         Child::Box(child) => child.area(),
         Child::Triangle(corners) => {
-            let [a, b, c] = corners.map(vector::from_f32);
+            let [a, b, c] = corners.map(vector::to_f64);
             vector::length(cross(sub(b, a), sub(c, a)))
         }
     }
@@ -55,9 +55,9 @@ fn surface(child: &Child) -> f64 {
 /// Moments of a child's corners, together of the given weight.
 fn moments(child: &Child, weight: f64) -> Moments {
     match child {
-        Child::Box(child) => Moments::of_corners(child, weight),
+        Child::Box(child) => Moments::from_box_corners(child, weight),
         Child::Triangle(corners) => {
-            let corners = Moments::of_points(*corners);
+            let corners = Moments::from_points(*corners);
             let each = weight / corners.weight;
             Moments { weight, mean: corners.mean, scatter: corners.scatter.map(|x| x * each) }
         }

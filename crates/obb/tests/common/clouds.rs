@@ -38,7 +38,7 @@ impl Random {
             let q = Quaternion { w: self.signed(), x: self.signed(), y: self.signed(), z: self.signed() };
             let square = q.dot(q);
             if square > 0.01 && square <= 1.0 {
-                return q.normalised();
+                return q.normalized();
             }
         }
     }

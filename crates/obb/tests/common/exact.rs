@@ -32,7 +32,7 @@ impl ExactBox {
         let frame = obb.frame.map(exact_point);
         // Row k of the matrix holds coordinate k of each axis.
         let rows = std::array::from_fn(|k| std::array::from_fn(|a| frame[a][k].clone()));
-        Self { center: exact_point(obb.center), inverse: inverted(rows), half: exact_point(obb.half) }
+        Self { center: exact_point(obb.center), inverse: inverted(rows), half: exact_point(obb.half_extents) }
     }
 
     pub(crate) fn coordinates(&self, p: &Point) -> Point {
@@ -52,7 +52,7 @@ pub(crate) fn corners(obb: &Obb) -> Vec<Point> {
         .map(|i| {
             std::array::from_fn(|k| {
                 (0..3).fold(exact(obb.center[k]), |sum, a| {
-                    let side = &frame[a][k] * exact(obb.half[a]);
+                    let side = &frame[a][k] * exact(obb.half_extents[a]);
                     if i >> a & 1 == 1 { sum + side } else { sum - side }
                 })
             })

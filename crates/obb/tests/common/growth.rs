@@ -19,7 +19,7 @@ pub(crate) const REFRAMED: f64 = 2.0 * 3.0 * 1.733 * 0.5 * f32::EPSILON as f64;
 /// How far the half-extents of `parent`, in any order, exceed those of `child`, over its greatest.
 pub(crate) fn growth(parent: &Obb, child: &Obb) -> f64 {
     let sorted = |obb: &Obb| {
-        let mut half = obb.half;
+        let mut half = obb.half_extents;
         half.sort_by(f32::total_cmp);
         half.map(f64::from)
     };

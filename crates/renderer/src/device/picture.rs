@@ -1,12 +1,13 @@
-//! What all samples of a picture share, as kernels read it.
+//! Packs camera and settings.
 
 use bytemuck::{Pod, Zeroable};
+use canted_film::Filter;
 use canted_gpu::Specialisation;
 
 use crate::vector::{length, narrow};
-use crate::{Filter, Pattern, Sampler, Settings, View};
+use crate::{Pattern, Sampler, Settings, View};
 
-/// `Picture` of `shared/picture`, which says what is what.
+/// `Picture` of `shared/picture`, where the members are documented.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct PackedPicture {
@@ -36,7 +37,7 @@ pub(super) struct Slice {
     pub(super) n_samples: u32,
 }
 
-/// Everything but what the scene decides.
+/// All members except those that depend on the scene.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> PackedPicture {
     let Settings { width, height, samples, bounces, seed, pattern, .. } = *settings;
@@ -53,7 +54,7 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
         filter_radius: settings.filter.radius(),
         size: [width, height],
         bounces,
-        // Shorter radii than the least that is told from zero leave no ambient light out at any distance.
+        // Clamped: at such radii any distance counts as unoccluded.
         inverse_ao_radius: (1.0 / ao_radius).min(1e30) as f32,
         sampler: [seed, columns, rows, columns.saturating_mul(rows)],
         ambient: [0.0; 3],
@@ -61,7 +62,7 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
     }
 }
 
-/// Chooses the parts of a kernel that make camera rays.
+/// Selects the parts of a kernel that generate camera rays.
 pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Settings) -> Specialisation {
     let pattern = match settings.pattern {
         Pattern::Random => "shared/pattern/random",
@@ -69,7 +70,7 @@ pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Setting
         Pattern::Sobol => "shared/pattern/sobol",
     };
     let projection = if view.is_perspective { "shared/view/perspective" } else { "shared/view/orthographic" };
-    let lens = if view.lens.is_some() { "shared/lens/disc" } else { "shared/lens/pinhole" };
+    let lens = if view.lens.is_some() { "shared/lens/disk" } else { "shared/lens/pinhole" };
     let is_box = matches!(settings.filter, Filter::Box(_));
     chosen
         .part("pattern", pattern)

@@ -1,19 +1,18 @@
 use std::f64::consts::PI;
 
-use crate::light::{Arrival, Lights, Source};
-use crate::mask::Numbered;
+use crate::light::{IncomingLight, LightId, Lights};
+use crate::query::RayKeyed;
 use crate::vector::{dot, narrow, scale};
 use crate::{Surface, Tracer};
 
-/// Radiance that a surface reflects of the listed lights, each seen along one shadow ray, and the number of those rays.
+/// Direct lighting of a diffuse surface by the lights of the scene file, one shadow ray each; returns the number of shadow rays.
 ///
-/// The ray to light `k` is number `k` of those that `query` stands for.
+/// The shadow ray to light `k` has number `k` below `query`.
 ///
-/// A Lambert surface of reflectance `ρ` sends `ρ/π` of its irradiance in every direction. The irradiance of a sun is
-/// `E·cosθ`, that of a point light `I·cosθ/r²`; spheres and discs are seen at one point, which `square` chooses by the
-/// light's index. Light reaches the side that the viewer sees, and only what lies above both the triangle's and the
-/// shading normal's horizon.
-pub(crate) fn direct<T: Tracer, Q: Numbered>(
+/// A Lambertian surface with reflectance `ρ` reflects `ρ/π` of its irradiance in every direction. The irradiance of a sun is
+/// `E·cosθ`, that of a point light `I·cosθ/r²`; `square` samples a point of a sphere or disk light by the light's index.
+/// Only light above the horizons of both the triangle and the shading normal counts, on the viewer's side.
+pub(crate) fn direct<T: Tracer, Q: RayKeyed>(
     lights: &Lights,
     tracer: &T,
     query: &Q,
@@ -23,18 +22,18 @@ pub(crate) fn direct<T: Tracer, Q: Numbered>(
     let mut radiance = [0.0; 3];
     let mut n_rays = 0;
     for (index, light) in (0..).zip(lights.list()) {
-        let Some(arrival) = Arrival::of(light, surface, || square(index)) else { continue };
-        let cosine = dot(surface.shading_normal, arrival.to_light);
-        if cosine <= 0.0 || dot(surface.normal, arrival.to_light) <= 0.0 {
+        let Some(incoming) = IncomingLight::of(light, surface, || square(index)) else { continue };
+        let cosine = dot(surface.shading_normal, incoming.to_light);
+        if cosine <= 0.0 || dot(surface.normal, incoming.to_light) <= 0.0 {
             continue;
         }
-        if let Some(ray) = arrival.shadow_ray {
+        if let Some(ray) = incoming.shadow_ray {
             n_rays += 1;
-            if !lights.is_clear(&ray, Source::Light(index), tracer, &mut query.numbered(index)) {
+            if !lights.is_unoccluded(&ray, LightId::Light(index), tracer, &mut query.keyed(index)) {
                 continue;
             }
         }
-        let reflected = narrow(scale(arrival.radiance, cosine / PI));
+        let reflected = narrow(scale(incoming.radiance, cosine / PI));
         radiance = std::array::from_fn(|k| radiance[k] + surface.bsdf.base_color[k] * reflected[k]);
     }
     (radiance, n_rays)

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use canted_lbvh::Strategy;
-use canted_renderer::{Levels, Masked, StructureConfig, Surfaces, Tracer, prepare, render};
+use canted_renderer::{Accel, Levels, Masked, StructureConfig, Surfaces, Tracer, prepare, render};
 use canted_scene::{AlphaMode, Light, Material, Scene};
 use canted_trace::{Ray, Watertight};
 
@@ -30,7 +30,7 @@ fn passing(scene: &Scene) -> f64 {
     let (tracer, surfaces) = (BruteForce::new(scene), Surfaces::new(scene));
     let all = Masked::new(&surfaces, ());
     let ray = Ray { t_max: 9.5, ..Ray::new([0.3, 10.0, 0.2], [0.0, -1.0, 0.0]) };
-    let n = (0..N).filter(|&number| !tracer.occluded(&ray, &mut all.numbered(number))).count();
+    let n = (0..N).filter(|&number| !tracer.occluded(&ray, &mut all.keyed(number))).count();
     n as f64 / f64::from(N)
 }
 
@@ -89,8 +89,9 @@ fn pictures_do_not_depend_on_the_structure() {
     };
     let first = picture(&StructureConfig { levels: Levels::One, ..StructureConfig::default() });
     for levels in [Levels::One, Levels::Two] {
-        for volumes in [None, Some(Strategy::Aabb), Some(Strategy::PcaBounded)] {
-            let config = StructureConfig { levels, volumes, ..StructureConfig::default() };
+        let binary = |strategy| Accel::Binary { strategy, builder: None };
+        for accel in [Accel::default(), binary(Strategy::Aabb), binary(Strategy::PcaBounded)] {
+            let config = StructureConfig { levels, accel };
             assert!(picture(&config) == first, "{config:?}");
         }
     }

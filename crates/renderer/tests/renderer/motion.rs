@@ -2,9 +2,10 @@
 
 use std::sync::atomic::AtomicBool;
 
+use canted_film::{Film, Filter};
 use canted_obb::Affine;
 use canted_renderer::{
-    Cone, Film, Filter, Levels, Pattern, Prepared, Settings, Structure, StructureConfig, Surfaces, prepare, render,
+    Cone, Levels, Pattern, Prepared, Settings, Structure, StructureConfig, Surfaces, prepare, render,
 };
 use canted_scene::{Camera, Material, Scene};
 use canted_trace::{Hit, InstanceId, Side, Watertight};
@@ -92,11 +93,11 @@ fn a_moving_body_in_a_white_furnace_shows_its_albedo() {
 #[test]
 fn what_moves_is_traced_with_two_levels_and_what_does_not_is_left_out() {
     let stage = || scene(vec![sphere([0.0; 3], 1.0, 2, 0)], vec![grey(0.5)]);
-    let parts = |prepared: &Prepared<Watertight>| -> Vec<&str> { prepared.left_out.iter().map(|l| l.part).collect() };
+    let parts = |prepared: &Prepared<Watertight>| -> Vec<&str> { prepared.unused.iter().map(|l| l.feature).collect() };
     for levels in [Levels::Auto, Levels::One, Levels::Two] {
         let moving = prepared(&moving(stage(), shifted(1.0, 0.0)), levels);
         assert!(matches!(moving.structure, Structure::Two(_)), "{levels:?}");
-        assert!(!parts(&moving).contains(&"motion") && !parts(&moving).contains(&"top level"));
+        assert!(!parts(&moving).contains(&"motion") && !parts(&moving).contains(&"top-level BVH"));
     }
     let still = prepared(&stage(), Levels::Auto);
     assert!(matches!(still.structure, Structure::One(_)) && parts(&still).contains(&"motion"));
@@ -119,7 +120,8 @@ fn a_motion_through_a_singular_map_is_refused_by_name() {
     let stage = scene(vec![sphere([0.0; 3], 1.0, 1, 0)], vec![grey(0.5)]);
     let turned = Affine { columns: [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]] };
     let error = prepare::<Watertight>(&moving(stage, turned), &StructureConfig::default()).err().unwrap();
-    let sentence = "the transform of moving instance 0 has condition inf at time 0.5 of the shutter, beyond 1.048576e6";
+    let sentence = "the transform of moving instance 0 is too close to singular at shutter time 0.5: its condition \
+                    number is inf, at most 1.048576e6 is supported";
     assert_eq!(error.to_string(), sentence);
 }
 
@@ -146,7 +148,7 @@ fn surfaces_are_where_the_instance_is() {
                 side: Side::Front,
             };
             let (direction, still) = ([0.3, -1.0, 0.2], Surfaces::new(&there));
-            let (a, b) = (Surfaces::new(&moving).at_time(&hit, direction, time, Cone::LINE), still.at(&hit, direction));
+            let (a, b) = (Surfaces::new(&moving).at_time(&hit, direction, time, Cone::ZERO), still.at(&hit, direction));
             for k in 0..3 {
                 assert!((a.position[k] - b.position[k]).abs() < 1e-14 && (a.normal[k] - b.normal[k]).abs() < 1e-14);
             }

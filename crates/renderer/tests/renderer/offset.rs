@@ -88,7 +88,7 @@ fn origins_keep_their_distance_and_no_more() {
                 let unit_of_rounding = 0.5 * f64::from(f32::EPSILON) * reach;
                 for direction in [narrow(surface.normal), narrow(surface.normal.map(|x| -x))] {
                     let side = dot(surface.normal, direction.map(f64::from)).signum();
-                    let height = side * height(surface.leave(direction).origin);
+                    let height = side * height(surface.spawn_ray(direction).origin);
                     let axes: f64 = surface.normal.iter().map(|x| x.abs()).sum();
                     let roundings = height / (unit_of_rounding * axes);
                     assert!((40.0..46.0).contains(&roundings), "scale {s} at {center:?}: {roundings}");
@@ -109,7 +109,7 @@ fn without_the_offset_there_is_acne() {
     surfaces_of(&scene, eye, center, |_, _, surface| {
         let bare = Ray::new(narrow(surface.position), narrow(surface.normal));
         n_met += u32::from(tracer.occluded(&bare, &mut ()));
-        assert!(!tracer.occluded(&surface.leave(narrow(surface.normal)), &mut ()));
+        assert!(!tracer.occluded(&surface.spawn_ray(narrow(surface.normal)), &mut ()));
     });
     assert!(n_met > 32, "{n_met} of 256");
 }

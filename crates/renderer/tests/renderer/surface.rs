@@ -88,26 +88,26 @@ fn surface(normal: Vector, shading_normal: Vector) -> Surface {
         bsdf: Bsdf::lambert([0.5; 3]),
         emission: [0.0; 3],
         offset: 1e-3,
-        cone: Cone::LINE,
+        cone: Cone::ZERO,
     }
 }
 
 #[test]
 fn directions_into_the_body_are_mirrored_out_of_it() {
     let s = surface([0.0, 1.0, 0.0], unit([1.0, 1.0, 0.0]));
-    assert_eq!(s.outward([0.6, 0.8, 0.0]), [0.6, 0.8, 0.0]);
-    assert_eq!(s.outward([0.8, -0.6, 0.0]), [0.8, 0.6, 0.0]);
+    assert_eq!(s.mirror_outward([0.6, 0.8, 0.0]), [0.6, 0.8, 0.0]);
+    assert_eq!(s.mirror_outward([0.8, -0.6, 0.0]), [0.8, 0.6, 0.0]);
 }
 
 #[test]
 fn rays_leave_by_the_side_they_point_to_and_stop_short_of_their_target() {
     let s = surface([0.0, 1.0, 0.0], [0.0, 1.0, 0.0]);
-    assert_eq!(s.leave([0.0, 0.1, 1.0]).origin, [0.0, 1e-3, 0.0]);
-    assert_eq!(s.leave([0.0, -0.1, 1.0]).origin, [0.0, -1e-3, 0.0]);
-    let ray = s.reach([0.0, 2.0, 0.0]).unwrap();
+    assert_eq!(s.spawn_ray([0.0, 0.1, 1.0]).origin, [0.0, 1e-3, 0.0]);
+    assert_eq!(s.spawn_ray([0.0, -0.1, 1.0]).origin, [0.0, -1e-3, 0.0]);
+    let ray = s.spawn_ray_to([0.0, 2.0, 0.0]).unwrap();
     let end = ray.at(f64::from(ray.t_max))[1];
     assert!(end < 2.0 - 0.999e-3 && end > 2.0 - 1.01e-3, "{end}");
-    assert!(s.reach([0.0, 1e-3, 0.0]).is_none() && s.reach([0.0, 1.5e-3, 0.0]).is_none());
+    assert!(s.spawn_ray_to([0.0, 1e-3, 0.0]).is_none() && s.spawn_ray_to([0.0, 1.5e-3, 0.0]).is_none());
 }
 
 /// A square of two triangles with uv over 0..=1 and a two by one texture: left red and opaque, right green and clear.

@@ -1,12 +1,13 @@
 use canted_fixtures::{self as fixtures, Mesh};
 use canted_lbvh::{
-    Corners, Costs, Flaw, Leaf, Stats, Sums, Tree, VolumeConfig, check, gather, in_leaf_order, sums, volumes,
+    Corners, Costs, Flaw, Leaf, Stats, Tree, TreeCost, VolumeConfig, check, in_leaf_order, tree_cost, triangle_corners,
+    volumes,
 };
 use canted_obb::Aabb;
 
 /// Corners of a mesh's triangles.
 pub(crate) fn corners(mesh: &Mesh) -> Vec<Corners> {
-    gather(&mesh.positions, &mesh.triangles).unwrap().0
+    triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0
 }
 
 pub(crate) fn boxes(corners: &[Corners]) -> Vec<Aabb> {
@@ -19,15 +20,15 @@ pub(crate) fn diagonals(boxes: &[Aabb]) -> Vec<Corners> {
 }
 
 /// Checks a tree with axis-aligned volumes and sums its costs.
-pub(crate) fn weigh(tree: &Tree, boxes: &[Aabb]) -> Result<(Stats, Sums), Flaw> {
+pub(crate) fn weigh(tree: &Tree, boxes: &[Aabb]) -> Result<(Stats, TreeCost), Flaw> {
     let leaves = in_leaf_order(&diagonals(boxes), &tree.leaves);
     let volumes = volumes(tree, &leaves, &VolumeConfig::default());
     let stats = check(tree, &volumes, &leaves)?;
-    Ok((stats, sums(tree, &volumes, &leaves, &Costs::default(), 1.0)))
+    Ok((stats, tree_cost(tree, &volumes, &leaves, &Costs::default(), 1.0)))
 }
 
 #[track_caller]
-pub(crate) fn checked(tree: &Tree, boxes: &[Aabb]) -> (Stats, Sums) {
+pub(crate) fn checked(tree: &Tree, boxes: &[Aabb]) -> (Stats, TreeCost) {
     weigh(tree, boxes).unwrap_or_else(|flaw| panic!("{flaw}"))
 }
 

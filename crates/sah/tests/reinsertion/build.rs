@@ -1,20 +1,20 @@
 use canted_fixtures::Mesh;
 use canted_lbvh::{
-    Bits, Corners, Costs, Domain, Leaf, Sorted, Stats, Sums, Tree, VolumeConfig, by_code, check, codes, gather,
-    in_leaf_order, radix, sums, volumes,
+    Bits, Corners, Costs, Domain, Leaf, Sorted, Stats, Tree, TreeCost, VolumeConfig, check, in_leaf_order,
+    morton_codes, radix, sort_by_code, tree_cost, triangle_corners, volumes,
 };
 use canted_obb::Aabb;
 
 /// Corners of a mesh's triangles.
 pub(crate) fn corners(mesh: &Mesh) -> Vec<Corners> {
-    gather(&mesh.positions, &mesh.triangles).unwrap().0
+    triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0
 }
 
 /// The order of triangles along the curve.
 pub(crate) fn sorted(corners: &[Corners]) -> Sorted {
-    let bounds = Aabb::of_points(corners.iter().flatten().copied());
+    let bounds = Aabb::from_points(corners.iter().flatten().copied());
     let domain = Domain::new(&bounds, 3, Bits::B63);
-    by_code(&codes(&domain, corners), Bits::B63)
+    sort_by_code(&morton_codes(&domain, corners), Bits::B63)
 }
 
 /// The radix tree over triangles.
@@ -28,9 +28,9 @@ pub(crate) fn leaf_boxes(tree: &Tree, corners: &[Corners]) -> Vec<Aabb> {
 }
 
 /// Checks the tree with axis-aligned volumes and sums its costs.
-pub(crate) fn checked(tree: &Tree, corners: &[Corners]) -> (Stats, Sums) {
+pub(crate) fn checked(tree: &Tree, corners: &[Corners]) -> (Stats, TreeCost) {
     let leaves = in_leaf_order(corners, &tree.leaves);
     let volumes = volumes(tree, &leaves, &VolumeConfig::default());
     let stats = check(tree, &volumes, &leaves).unwrap_or_else(|flaw| panic!("{flaw}"));
-    (stats, sums(tree, &volumes, &leaves, &Costs::default(), 1.0))
+    (stats, tree_cost(tree, &volumes, &leaves, &Costs::default(), 1.0))
 }

@@ -1,12 +1,13 @@
 //! A cable-stayed bridge along x: lattice girder, inclined pylons, stay cables, piers.
 
+use canted_obb::vector::{Vector as Vec3, sub};
+
 use super::{
     mesh_builder::{MeshBuilder, lerp, square_rings},
     palette::Paint,
     scene_builder::{SceneBuilder, affine, tilted, upright},
 };
 use crate::Mesh;
-use crate::vector::{Vec3, sub};
 
 /// Height of the road above the water.
 pub(super) const DECK_HEIGHT: f64 = 34.0;

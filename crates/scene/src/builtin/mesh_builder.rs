@@ -1,7 +1,8 @@
 use std::f64::consts::{FRAC_PI_4, SQRT_2, TAU};
 
+use canted_obb::vector::{Vector as Vec3, cross, length, sub};
+
 use super::palette::Paint;
-use crate::vector::{Vec3, cross, sub, unit};
 use crate::{Mesh, Part};
 
 /// A mesh under construction, object space, `f64`, y up.
@@ -131,6 +132,12 @@ pub(super) fn square_rings(half: [f64; 2], height: f64, n_bays: u32) -> Vec<[Vec
 /// Linear interpolation from `a` to `b`.
 pub(super) fn lerp(a: Vec3, b: Vec3, fraction: f64) -> Vec3 {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * fraction)
+}
+
+/// `v` scaled to length 1 by division.
+pub(super) fn unit(v: Vec3) -> Vec3 {
+    let length = length(v);
+    v.map(|x| x / length)
 }
 
 /// Two unit vectors that form a right-handed frame with `axis`; the first is horizontal.

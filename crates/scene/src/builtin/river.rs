@@ -2,6 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use canted_obb::vector::Vector as Vec3;
+
 use super::{
     land::{ground, inland},
     mesh_builder::{MeshBuilder, lerp},
@@ -9,7 +11,6 @@ use super::{
     palette::Paint,
     scene_builder::{SceneBuilder, tilted, upright},
 };
-use crate::vector::Vec3;
 use crate::{Mesh, MeshId};
 
 /// Adds barges with a `crane` each, boats and reeds.

@@ -1,6 +1,7 @@
 use canted_obb::Affine;
+use canted_obb::vector::{Vector as Vec3, cross, to_f32};
 
-use crate::vector::{Vec3, cross, unit};
+use super::mesh_builder::unit;
 use crate::{Instance, Mesh, MeshId, Scene};
 
 /// A scene under construction.
@@ -31,9 +32,8 @@ impl SceneBuilder {
 }
 
 /// The affine transform with the given images of the axes and of the origin.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how transforms are stored")]
 pub(super) fn affine(columns: [Vec3; 4]) -> Affine {
-    Affine { columns: columns.map(|column| column.map(|x| x as f32)) }
+    Affine { columns: columns.map(to_f32) }
 }
 
 /// Scales per axis, rotates about y by `heading_rad` and translates to `position`.

@@ -2,13 +2,14 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use canted_obb::vector::Vector as Vec3;
+
 use super::{
     land::ground,
     mesh_builder::{MeshBuilder, lerp, square_rings},
     palette::Paint,
     scene_builder::{SceneBuilder, tilted, upright},
 };
-use crate::vector::Vec3;
 use crate::{Mesh, MeshId};
 
 /// Height of a crane's jib.

@@ -1,22 +1,19 @@
 //! The built-in scene is valid, within its triangle budget, and fills the image.
 
+use canted_obb::vector::{Vector as Vec3, cross, dot, length, sub};
+
 use super::{
     builtin,
     land::ground,
-    mesh_builder::MeshBuilder,
+    mesh_builder::{MeshBuilder, unit},
     noise::{hills, noise},
     palette::Paint,
     scene_builder::tilted,
 };
-use crate::vector::{Vec3, cross, dot, sub, unit};
 use crate::{Light, Mesh, Scene};
 
 /// Unit roundoff of `f32`.
 const U: f64 = 0.5 * f32::EPSILON as f64;
-
-fn length(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
-}
 
 fn corners(mesh: &Mesh, triangle: usize) -> [Vec3; 3] {
     mesh.triangles[triangle].map(|index| mesh.positions[index as usize].map(f64::from))

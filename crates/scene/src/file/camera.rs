@@ -1,6 +1,7 @@
+use canted_obb::vector::{cross, sub, to_f64};
+
 use super::table::{Bounds, Table};
 use super::toml_writer::{TomlWriter, number, numbers};
-use crate::vector::{cross, sub};
 use crate::{Camera, Lens, Projection, ReadError};
 
 const KEYS: [&str; 7] = ["eye", "target", "up", "fov_degrees", "height", "aperture_radius", "focus_distance"];
@@ -17,7 +18,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<Camera, ReadError> {
     if eye == target {
         return Err(table.invalid("target", "a point other than 'eye'"));
     }
-    let [view_start, view_end, up_wide] = [eye, target, up].map(|v| v.map(f64::from));
+    let [view_start, view_end, up_wide] = [eye, target, up].map(to_f64);
     if cross(up_wide, sub(view_end, view_start)) == [0.0; 3] {
         return Err(table.invalid("up", "a direction that is not parallel to the view direction"));
     }

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use canted_obb::vector::{cross, sub};
+
 use super::ReadError;
 use super::polygon::{self, Cut};
 use crate::Scene;
-use crate::vector::{cross, sub};
 
 /// Counts of kept, degenerate and dropped elements.
 #[derive(Debug, Default)]

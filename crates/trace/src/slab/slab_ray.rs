@@ -2,8 +2,8 @@ use canted_obb::Aabb;
 
 use super::Slabs;
 use crate::rounding::{UNIT_ROUNDOFF, up};
-use crate::vector::{dot, wide};
 use crate::{HIT_ERROR, ScaledRay};
+use canted_obb::vector::{dot, to_f64};
 
 /// By how much, relative to `|o|∞ + ρ∞`, the ray is thickened against axis-aligned boxes.
 ///
@@ -27,8 +27,8 @@ pub const MIN_DIRECTION: f32 = 1.0 / (1u128 << 64) as f32;
 
 /// A ray prepared for boxes of one space, thickened by what hits may be off.
 ///
-/// It also shows its numbers, so that wider code can repeat the arithmetic of [`SlabRay::enters_aabb`] and
-/// [`SlabRay::enters_slabs`] lane by lane.
+/// It also shows its numbers, so that wider code can repeat the arithmetic of [`SlabRay::intersect_aabb`] and
+/// [`SlabRay::intersect_slabs`] lane by lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlabRay {
     origin: [f32; 3],
@@ -60,7 +60,7 @@ impl SlabRay {
     #[must_use]
     pub fn with_error(ray: &ScaledRay, reach: f32, error: f64) -> Self {
         // The error lengthens the way to the hit, so the roundings are relative to it too.
-        let scale = crate::vector::reach(wide(ray.origin)) + f64::from(reach) + error;
+        let scale = canted_obb::vector::reach(to_f64(ray.origin)) + f64::from(reach) + error;
         let pad = error + f64::from(AABB_PAD - HIT_ERROR) * scale;
         let pad_oriented = f64::from(SQRT_3) * error + f64::from(SLABS_PAD - SQRT_3 * HIT_ERROR) * scale;
         Self::with_pads(ray, up(pad) + f32::MIN_POSITIVE, up(pad_oriented) + f32::MIN_POSITIVE)
@@ -85,7 +85,7 @@ impl SlabRay {
     /// `aabb` must not be empty.
     #[inline]
     #[must_use]
-    pub fn enters_aabb(&self, aabb: &Aabb, t_max: f32) -> Option<f32> {
+    pub fn intersect_aabb(&self, aabb: &Aabb, t_max: f32) -> Option<f32> {
         let (near, far) = self.clip_aabb(aabb, t_max);
         (near <= far).then_some(near)
     }
@@ -95,7 +95,7 @@ impl SlabRay {
     /// `slabs` must not be empty.
     #[inline]
     #[must_use]
-    pub fn enters_slabs(&self, slabs: &Slabs, t_max: f32) -> Option<f32> {
+    pub fn intersect_slabs(&self, slabs: &Slabs, t_max: f32) -> Option<f32> {
         let (near, far) = self.clip_slabs(slabs, t_max);
         (near <= far).then_some(near)
     }

@@ -11,7 +11,7 @@ fn exact_corners(obb: &Obb) -> impl Iterator<Item = exact::Q3> {
     (0..8).map(|i| {
         std::array::from_fn(|k| {
             (0..3).fold(q(obb.center[k]), |sum, a| {
-                let side = q(obb.frame[a][k]) * q(obb.half[a]);
+                let side = q(obb.frame[a][k]) * q(obb.half_extents[a]);
                 if i >> a & 1 == 1 { sum + side } else { sum - side }
             })
         })
@@ -24,7 +24,7 @@ fn slabs_contain_their_boxes_and_points() {
     for setting in SETTINGS {
         for _ in 0..150 {
             let obb = obb_near(&mut rng, &setting);
-            let slabs = Slabs::of_obb(&obb);
+            let slabs = Slabs::from_obb(&obb);
             assert!(exact_corners(&obb).all(|corner| contains(&slabs, &corner)), "{obb:?}");
             for k in 0..3 {
                 // Not needlessly large: the outward step of f32, and the error of f64 with nothing to hide behind.
@@ -35,7 +35,7 @@ fn slabs_contain_their_boxes_and_points() {
                 assert!(least - q(slabs.lo[k]) <= slack + q(f32::from_bits(1)), "row {k} of {obb:?}");
             }
             let points = rng.triangle(setting.around, setting.size);
-            let slabs = Slabs::of_points(slabs.rows, points);
+            let slabs = Slabs::from_points(slabs.rows, points);
             assert!(points.iter().all(|&p| contains(&slabs, &q3(p))), "{points:?}");
             // Not needlessly large: two units in the last place less, and a point is out.
             let inward = |x: f32| x.next_up().next_up();
@@ -52,7 +52,7 @@ fn rows_are_unit_and_span_the_faces() {
     let greatest = (Q::from_integer(1.into()) + q(f32::EPSILON) * q(2.0)).pow(2);
     for _ in 0..300 {
         let obb = obb_near(&mut rng, &SETTINGS[0]);
-        for (k, row) in Slabs::of_obb(&obb).rows.into_iter().enumerate() {
+        for (k, row) in Slabs::from_obb(&obb).rows.into_iter().enumerate() {
             assert!(exact::dot(&q3(row), &q3(row)) <= greatest);
             for side in [obb.frame[(k + 1) % 3], obb.frame[(k + 2) % 3]] {
                 let slant = exact::dot(&q3(row), &q3(side));
@@ -66,10 +66,10 @@ fn rows_are_unit_and_span_the_faces() {
 fn degenerate_frames_still_contain() {
     let mut rng = Rng(3);
     for frame in [[[0.0; 3]; 3], [[1.0, 2.0, 3.0]; 3], [[1.0, 0.0, 0.0], [1.0, 1e-7, 0.0], [0.0, 0.0, 1e-30]]] {
-        let obb = Obb { center: rng.vector(3.0), frame, half: [1.0, 2.0, 0.5] };
-        assert!(exact_corners(&obb).all(|corner| contains(&Slabs::of_obb(&obb), &corner)), "{obb:?}");
+        let obb = Obb { center: rng.vector(3.0), frame, half_extents: [1.0, 2.0, 0.5] };
+        assert!(exact_corners(&obb).all(|corner| contains(&Slabs::from_obb(&obb), &corner)), "{obb:?}");
     }
-    assert!(Slabs::of_points(Obb::IDENTITY_FRAME, []).is_empty());
+    assert!(Slabs::from_points(Obb::IDENTITY_FRAME, []).is_empty());
 }
 
 /// Triangles with rays at them.
@@ -97,8 +97,8 @@ fn rays_lost(
     for _ in 0..500 {
         // The triangle's vertices are on faces of its box, so rays at them graze it.
         let (triangle, ray) = case(rng);
-        let aabb = Aabb::of_points(triangle);
-        let slabs = if oriented { Slabs::of_points(rng.frame(), triangle) } else { Slabs::of_aabb(&aabb) };
+        let aabb = Aabb::from_points(triangle);
+        let slabs = if oriented { Slabs::from_points(rng.frame(), triangle) } else { Slabs::from_aabb(&aabb) };
         let slab_ray = thicken(&ray, &aabb);
         let (near, far) = if oriented {
             slab_ray.clip_slabs(&slabs, f32::INFINITY)
@@ -142,10 +142,10 @@ fn hits_lost<K: Kernel>(
         let (triangle, ray) = case(rng);
         let Some(hit) = K::intersect(&K::prepare(&ray), &ray, &K::record(triangle), f32::INFINITY) else { continue };
         hits += 1;
-        let aabb = Aabb::of_points(triangle);
-        let slabs = Slabs::of_points(rng.frame(), triangle);
+        let aabb = Aabb::from_points(triangle);
+        let slabs = Slabs::from_points(rng.frame(), triangle);
         let slab_ray = thicken(&ray, &aabb);
-        let entries = [slab_ray.enters_aabb(&aabb, hit.t), slab_ray.enters_slabs(&slabs, hit.t)];
+        let entries = [slab_ray.intersect_aabb(&aabb, hit.t), slab_ray.intersect_slabs(&slabs, hit.t)];
         lost += u32::from(!entries.into_iter().all(|near| near.is_some_and(|near| near <= hit.t)));
     }
     (hits, lost)
@@ -180,21 +180,23 @@ fn an_error_of_the_callers_thickens_the_ray() {
         let mut entered = 0;
         for _ in 0..400 {
             let (triangle, ray) = inputs::case(&mut rng, &setting);
-            let outer = Aabb::of_points(triangle);
+            let outer = Aabb::from_points(triangle);
             // The box that points of the outer one miss by no more than the error.
             let inner =
                 Aabb { min: outer.min.map(|x| (x + error).next_down()), max: outer.max.map(|x| (x - error).next_up()) };
             if inner.is_empty() {
                 continue;
             }
-            let Some((near, _)) = exact::clip(&Slabs::of_aabb(&outer), &ray) else { continue };
+            let Some((near, _)) = exact::clip(&Slabs::from_aabb(&outer), &ray) else { continue };
             entered += 1;
             let slab_ray = SlabRay::with_error(&ray, inner.reach(), f64::from(error));
-            let slabs = Slabs::of_points(rng.frame(), inner.corners());
-            for entry in [slab_ray.enters_aabb(&inner, f32::INFINITY), slab_ray.enters_slabs(&slabs, f32::INFINITY)] {
+            let slabs = Slabs::from_points(rng.frame(), inner.corners());
+            for entry in
+                [slab_ray.intersect_aabb(&inner, f32::INFINITY), slab_ray.intersect_slabs(&slabs, f32::INFINITY)]
+            {
                 assert!(entry.is_some_and(|entry| q(entry) <= near), "{setting:?} {ray:?} {inner:?}");
             }
-            lost_without += u32::from(padded(&ray, &inner).enters_aabb(&inner, f32::INFINITY).is_none());
+            lost_without += u32::from(padded(&ray, &inner).intersect_aabb(&inner, f32::INFINITY).is_none());
         }
         assert!(entered > 50, "the case is void: {entered} in {setting:?}");
     }
@@ -229,8 +231,8 @@ fn public_tests_agree_with_six_planes() {
         let aim: Triangle = [corners[0], corners[3], corners[6]];
         let scaled = ray_at(&mut rng, &aim, setting.distance);
         let ray = Ray::new(scaled.origin, scaled.direction);
-        // `Slabs::of_obb` holds the box, so what enters exactly is what must be found.
-        if let Some((near, far)) = exact::clip(&Slabs::of_obb(&obb), &scaled) {
+        // `Slabs::from_obb` holds the box, so what enters exactly is what must be found.
+        if let Some((near, far)) = exact::clip(&Slabs::from_obb(&obb), &scaled) {
             n_entered += 1;
             let (entry, exit) = ray_obb(&ray, &obb).unwrap();
             assert!(q(entry) <= near && far.unwrap() <= q(exit), "{obb:?} {ray:?}");

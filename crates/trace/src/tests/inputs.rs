@@ -2,8 +2,8 @@
 
 use canted_obb::Obb;
 
-use crate::vector::{cross, dot, sub};
 use crate::{Ray, ScaledRay};
+use canted_obb::vector::{cross, dot, sub};
 
 pub(super) type Triangle = [[f32; 3]; 3];
 
@@ -143,10 +143,10 @@ pub(super) fn obb_near(rng: &mut Rng, setting: &Setting) -> Obb {
     let mut obb = Obb {
         center: std::array::from_fn(|k| setting.around[k] + offset[k]),
         frame: rng.frame(),
-        half: rng.vector(setting.size).map(f32::abs),
+        half_extents: rng.vector(setting.size).map(f32::abs),
     };
     match rng.below(5) {
-        0 => obb.half[rng.below(3)] = 0.0,
+        0 => obb.half_extents[rng.below(3)] = 0.0,
         1 => obb.frame[0] = std::array::from_fn(|k| 2.0 * obb.frame[0][k] + 1.5 * obb.frame[1][k]),
         2 => obb.frame = Obb::IDENTITY_FRAME,
         _ => {}

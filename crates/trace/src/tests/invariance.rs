@@ -7,12 +7,12 @@ use crate::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs
 /// Hit, then entries into the boxes, as bits.
 fn answer<K: Kernel>(ray: &Ray, triangle: &Triangle, frame: [[f32; 3]; 3]) -> [Option<Vec<u32>>; 3] {
     let scaled = ScaledRay::new(ray).unwrap();
-    let aabb = Aabb::of_points(*triangle);
+    let aabb = Aabb::from_points(*triangle);
     let slab_ray = SlabRay::new(&scaled, aabb.reach());
     [
         hit::<K>(&scaled, triangle).map(|h| bits(h).0.to_vec()),
-        slab_ray.enters_aabb(&aabb, f32::INFINITY).map(|t| vec![t.to_bits()]),
-        slab_ray.enters_slabs(&Slabs::of_points(frame, *triangle), f32::INFINITY).map(|t| vec![t.to_bits()]),
+        slab_ray.intersect_aabb(&aabb, f32::INFINITY).map(|t| vec![t.to_bits()]),
+        slab_ray.intersect_slabs(&Slabs::from_points(frame, *triangle), f32::INFINITY).map(|t| vec![t.to_bits()]),
     ]
 }
 

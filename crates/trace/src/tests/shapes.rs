@@ -67,7 +67,7 @@ fn small_far_spheres_keep_their_digits() {
 fn segment_and_box(rng: &mut Rng) -> ([f32; 3], [f32; 3], Aabb) {
     let setting = SETTINGS[rng.below(4)];
     let triangle = rng.triangle(setting.around, setting.size);
-    let aabb = Aabb::of_points(triangle);
+    let aabb = Aabb::from_points(triangle);
     let near = |rng: &mut Rng| {
         let (offset, corner) = (rng.vector(2.0 * setting.size), aabb.corners()[rng.below(8)]);
         let on_grid = rng.below(3) == 0;

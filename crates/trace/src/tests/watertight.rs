@@ -6,8 +6,8 @@ use super::exact::{self, q};
 use super::inputs::{Rng, SETTINGS, Triangle, ray_at};
 use super::kernels::hit;
 use crate::rounding::{UNIT_ROUNDOFF, UNIT_ROUNDOFF_F64};
-use crate::vector::{cross, dot, sub};
 use crate::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
+use canted_obb::vector::{cross, dot, sub};
 
 /// A subdivided octahedron, its vertices shared bit for bit; then scaled and moved, which keeps it closed.
 fn ball(levels: u32, scale: [f32; 3], around: [f32; 3]) -> Vec<Triangle> {
@@ -130,9 +130,9 @@ fn distance_is_exact_for_the_sheared_triangle() {
         let ray = ray_at(&mut rng, &triangle, setting.distance);
         let shear = Watertight::prepare(&ray);
         let [s_x, s_y] = shear.factors();
-        let [_, _, d_z] = shear.axis().last(ray.direction);
+        let [_, _, d_z] = shear.axis().permute(ray.direction);
         let sheared = triangle.map(|v| {
-            let [x, y, z] = shear.axis().last(sub(v, ray.origin));
+            let [x, y, z] = shear.axis().permute(sub(v, ray.origin));
             [x - s_x * z, y - s_y * z, z]
         });
         // Along +z from the origin of sheared space, with the distance along it in units of d_z.

@@ -12,7 +12,7 @@ pub enum Axis {
 impl Axis {
     /// The axis of the greatest absolute component, the first of equals.
     #[inline]
-    pub(super) fn of_greatest<T: Copy + PartialOrd>([x, y, z]: [T; 3], abs: impl Fn(T) -> T) -> Self {
+    pub(super) fn from_greatest<T: Copy + PartialOrd>([x, y, z]: [T; 3], abs: impl Fn(T) -> T) -> Self {
         let (x, y, z) = (abs(x), abs(y), abs(z));
         if x >= y && x >= z {
             Self::X
@@ -26,7 +26,7 @@ impl Axis {
     /// The components in cyclic order, with this axis last.
     #[inline]
     #[must_use]
-    pub fn last<T: Copy>(self, [x, y, z]: [T; 3]) -> [T; 3] {
+    pub fn permute<T: Copy>(self, [x, y, z]: [T; 3]) -> [T; 3] {
         match self {
             Self::X => [y, z, x],
             Self::Y => [z, x, y],

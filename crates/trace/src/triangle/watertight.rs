@@ -2,8 +2,8 @@ use std::ops::{Mul, Sub};
 
 use super::{Axis, Kernel, TriangleHit};
 use crate::rounding::nearest;
-use crate::vector::{sub, wide};
 use crate::{ScaledRay, Side};
+use canted_obb::vector::{sub, to_f64};
 
 /// The default kernel: a closed mesh has no holes, in any direction, at any scale.
 ///
@@ -43,8 +43,8 @@ impl Shear {
     #[inline]
     #[must_use]
     pub fn new(ray: &ScaledRay) -> Self {
-        let axis = Axis::of_greatest(ray.direction, f32::abs);
-        let [d_x, d_y, d_z] = axis.last(ray.direction);
+        let axis = Axis::from_greatest(ray.direction, f32::abs);
+        let [d_x, d_y, d_z] = axis.permute(ray.direction);
         Self { axis, factors: [d_x / d_z, d_y / d_z] }
     }
 
@@ -67,7 +67,7 @@ impl Shear {
     #[inline(always)]
     #[must_use]
     pub fn vertex(&self, ray: &ScaledRay, v: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = self.axis.last(sub(v, ray.origin));
+        let [x, y, z] = self.axis.permute(sub(v, ray.origin));
         let [s_x, s_y] = self.factors;
         [x - s_x * z, y - s_y * z, z]
     }
@@ -94,8 +94,8 @@ impl Kernel for Watertight {
         if mixed(edge_functions(sheared)) {
             return None;
         }
-        let [_, _, d_z] = shear.axis.last(ray.direction);
-        let (t, u, v, side) = solve(sheared.map(wide), f64::from(d_z))?;
+        let [_, _, d_z] = shear.axis.permute(ray.direction);
+        let (t, u, v, side) = solve(sheared.map(to_f64), f64::from(d_z))?;
         (ray.t_min <= t && t <= t_max).then_some(TriangleHit { t, u, v, side })
     }
 }

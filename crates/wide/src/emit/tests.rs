@@ -1,13 +1,13 @@
 //! What a tree can hold, with limits small enough to be reached: just at them, and one above.
 
 use canted_fixtures::{Mesh, soup};
-use canted_lbvh::{GeometryError, Leaf, gather};
+use canted_lbvh::{GeometryError, Leaf, triangle_corners};
 use canted_obb::{Aabb, PrimId};
 use canted_trace::Watertight;
 
 use super::Records;
 use crate::{
-    BoxTree, Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, Wide,
+    BoxTree, Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, TriangleBvh,
     layout::{Limits, PART_LANES, PARTS},
 };
 
@@ -19,7 +19,7 @@ fn many() -> Mesh {
 }
 
 fn wide(mesh: &Mesh, limits: &Limits) -> Result<Records, GeometryError> {
-    let built = Wide::<Watertight>::build_within(limits, &mesh.positions, &mesh.triangles, &Config::default());
+    let built = TriangleBvh::<Watertight>::build_within(limits, &mesh.positions, &mesh.triangles, &Config::default());
     Ok(built?.records)
 }
 
@@ -28,7 +28,7 @@ fn boxes(boxes: &[Aabb], limits: &Limits) -> Result<BoxTree, PrimitiveError> {
 }
 
 fn boxes_of(mesh: &Mesh) -> Vec<Aabb> {
-    gather(&mesh.positions, &mesh.triangles).unwrap().0.iter().map(Leaf::aabb).collect()
+    triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0.iter().map(Leaf::aabb).collect()
 }
 
 /// One part less, and one line less.
@@ -67,7 +67,7 @@ fn more_than_leaves_can_name_are_told_before_the_work() {
     const TWO: Limits = Limits { n_parts: 2, ..Limits::OF_WORDS };
     let missing = |n: usize| {
         let triangles = vec![[7, 8, 9]; n];
-        Wide::<Watertight>::build_within(&TWO, &[], &triangles, &Config::default()).err()
+        TriangleBvh::<Watertight>::build_within(&TWO, &[], &triangles, &Config::default()).err()
     };
     let first = GeometryError::IndexOutOfRange { triangle: PrimId(0), index: 7, n_vertices: 0 };
     let n = 2 * PART_LANES;

@@ -36,7 +36,7 @@ pub(super) fn check(records: &Records, promise: &Promise) -> Result<(), LoadErro
     check_lanes(&outline, records)?;
     let triangles = Triangles::read(&outline, &records.halves);
     check_triangles(&triangles, promise.n_triangles)?;
-    let bounds = Aabb::of_points(triangles.corners.iter().flatten().copied());
+    let bounds = Aabb::from_points(triangles.corners.iter().flatten().copied());
     if bounds != promise.bounds {
         return Err(LoadError::Bounds { told: promise.bounds, found: bounds });
     }
@@ -44,7 +44,7 @@ pub(super) fn check(records: &Records, promise: &Promise) -> Result<(), LoadErro
 }
 
 fn check_nested(outline: &Outline) -> Result<(), Flaw> {
-    let leaning = outline.nodes.iter().filter(|node| node.kind != NodeKind::Box);
+    let leaning = outline.nodes.iter().filter(|node| node.kind != NodeKind::Aligned);
     let n_inside = leaning.map(|node| node.places.len() as u64).sum();
     let most = MOST_NESTED.saturating_mul(outline.n_places as u64);
     if n_inside > most { Err(Flaw::Nested { n_inside, most }) } else { Ok(()) }

@@ -38,7 +38,7 @@ impl Below {
     /// One triangle.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 leaves")]
     pub(super) fn of_leaf(points: &Points, position: usize) -> Self {
-        let moments = Moments::of_triangle(points.triangles()[position].vertices().map(|v| v.to_array()));
+        let moments = Moments::from_triangle(points.triangles()[position].vertices().map(|v| v.to_array()));
         Self { moments, largest: position as u32, largest_area: moments.weight }
     }
 

@@ -1,10 +1,11 @@
 //! Reports to tinybvh's tracker.
 
+use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Mesh, coplanar_quads, thin_box};
 use canted_obb::Affine;
-use canted_tlas::{Blas, BuildConfig, Instance, MeshBlas, Tlas, TopConfig};
+use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
-use canted_wide::{Config, Wide};
+use canted_wide::{Config, TriangleBvh};
 
 use super::super::{Oracle, Promise, Row};
 use super::each;
@@ -65,22 +66,22 @@ pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
         "rays",
     );
     fn of_levels<B: Blas>(blas: B, name: &str) -> Row {
-        let instances = plates().map(|(place, _)| Instance::still(0, place));
+        let instances = plates().map(|(place, _)| Instance::new(0, place));
         let tlas = Tlas::new(vec![blas], &instances, TopConfig::default()).expect("scales are invertible");
         let is_wrong = |(ray, plate, want): &&(Ray, usize, Option<f32>)| {
             let only = || Only(InstanceId(u32::try_from(*plate).expect("three plates")), vec![]);
             let mut query = only();
-            let hit = tlas.closest_hit(ray, &mut query).map(|hit| (hit.t, hit.instance));
+            let hit = tlas.closest_hit_with(ray, &mut query).map(|hit| (hit.t, hit.instance));
             let seen_beyond = query.1.iter().any(|&t| !(ray.t_min <= t && t <= ray.t_max));
-            let agrees = tlas.occluded(ray, &mut only()) == hit.is_some();
+            let agrees = tlas.occluded_with(ray, &mut only()) == hit.is_some();
             hit != want.map(|t| (t, query.0)) || seen_beyond || !agrees
         };
         let asked = through_plates();
         PROMISE.count(name, asked.len(), asked.iter().filter(is_wrong).count())
     }
     let plate = thin_box(0.0);
-    let binary = MeshBlas::<Watertight>::build(&plate.positions, &plate.triangles, &BuildConfig::default());
-    let wide = Wide::<Watertight>::build(&plate.positions, &plate.triangles, &Config::default());
+    let binary = Bvh2::<Watertight>::build(&plate.positions, &plate.triangles, &BuildConfig::default());
+    let wide = TriangleBvh::<Watertight>::build(&plate.positions, &plate.triangles, &Config::default());
     let mut rows = vec![
         of_levels(binary.expect("fixtures are valid"), "two levels of binary"),
         of_levels(wide.expect("fixtures are valid"), "two levels of wide"),

@@ -8,7 +8,7 @@ use super::super::lights::{ListLight, SampledLights};
 use super::{U, answers, compare, direction, gpu, number, same_layout};
 use crate::light::packed::{Emitter, LightNode, SkyImage};
 use crate::vector::wide;
-use crate::{Bsdf, Cone, LightSample, LightSampler, Lights, Source, Surface, Surfaces};
+use crate::{Bsdf, Cone, LightId, LightSample, LightSampler, Lights, Surface, Surfaces};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -34,7 +34,7 @@ struct Answer {
     radiance: [f32; 3],
     reach: u32,
     place: [f32; 3],
-    body: u32,
+    shape_light: u32,
     is_emission: u32,
     density_there: f32,
     _padding: [u32; 2],
@@ -60,7 +60,7 @@ impl Query {
             bsdf: Bsdf::lambert([0.5; 3]),
             emission: [0.0; 3],
             offset: 0.0,
-            cone: Cone::LINE,
+            cone: Cone::ZERO,
         }
     }
 
@@ -70,9 +70,9 @@ impl Query {
 
     fn density(&self, sampler: &LightSampler) -> f64 {
         let source = match self.kind {
-            0 => Source::Environment,
-            1 => Source::Light(self.number),
-            _ => Source::Triangle(canted_trace::InstanceId(self.number), canted_obb::PrimId(self.primitive)),
+            0 => LightId::Environment,
+            1 => LightId::Light(self.number),
+            _ => LightId::Triangle(canted_trace::InstanceId(self.number), canted_obb::PrimId(self.primitive)),
         };
         sampler.density(&self.surface(), self.transmits != 0, self.to_light, source).into()
     }
@@ -129,7 +129,7 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
     let mut bounds: [f64; 7] = std::array::from_fn(|k| CHAIN * if k < 3 { 1.0 } else { here[k].abs() });
     for moved in all_moved {
         match moved.sample(sampler) {
-            Some(other) if other.source == sample.source && other.is_delta == sample.is_delta => {
+            Some(other) if other.light == sample.light && other.is_delta == sample.is_delta => {
                 let other = numbers(&other);
                 bounds = std::array::from_fn(|k| bounds[k] + (other[k] - here[k]).abs());
             }
@@ -137,10 +137,10 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
         }
     }
     let is_same = answer.reach != 0
-        && match sample.source {
-            Source::Environment => answer.body == u32::MAX && answer.is_emission == 0,
-            Source::Light(light) => answer.body == light,
-            Source::Triangle(..) => answer.is_emission == 1,
+        && match sample.light {
+            LightId::Environment => answer.shape_light == u32::MAX && answer.is_emission == 0,
+            LightId::Light(light) => answer.shape_light == light,
+            LightId::Triangle(..) => answer.is_emission == 1,
         };
     let ([x, y, z], [r, g, b]) = (answer.to_light, answer.radiance);
     let got = [x, y, z, r, g, b, answer.density].map(f64::from);
@@ -254,10 +254,10 @@ fn queries(sampler: &LightSampler, n: u32) -> Vec<Query> {
             };
             if let Some(sample) = query.sample(sampler).filter(|sample| !sample.is_delta) {
                 query.to_light = sample.to_light;
-                match sample.source {
-                    Source::Environment => {}
-                    Source::Light(light) => (query.kind, query.number) = (1, light),
-                    Source::Triangle(instance, primitive) => {
+                match sample.light {
+                    LightId::Environment => {}
+                    LightId::Light(light) => (query.kind, query.number) = (1, light),
+                    LightId::Triangle(instance, primitive) => {
                         (query.kind, query.number, query.primitive) = (2, instance.0, primitive.0);
                     }
                 }
@@ -317,7 +317,7 @@ fn layouts_are_the_kernels() {
         .part("local", "shared/local/both")
         .part("skylight", "shared/skylight/image")
         .part("suns", "shared/suns/list")
-        .part("glow", "shared/glow/plain")
+        .part("emission", "shared/emission/constant")
         .part("sky", "shared/sky/image");
     let kernel = "check/light";
     same_layout!(
@@ -330,7 +330,7 @@ fn layouts_are_the_kernels() {
         kernel,
         &chosen,
         "Answer",
-        Answer { to_light, density, radiance, reach, place, body, is_emission, density_there }
+        Answer { to_light, density, radiance, reach, place, shape_light, is_emission, density_there }
     );
     same_layout!(
         kernel,

@@ -1,6 +1,6 @@
 //! Smooth boundaries, where everything is known.
 
-use canted_renderer::{Bsdf, Pattern, Sampler, Scattered};
+use canted_renderer::{Bsdf, BsdfSample, Pattern, Sampler};
 
 use super::outgoing;
 use crate::common::{Vector, dot, narrow, unit};
@@ -12,7 +12,7 @@ fn glass(ior: f32) -> Bsdf {
 }
 
 /// The two things that a clear boundary can do, each found by a choice at its end.
-fn outcomes(bsdf: &Bsdf, outgoing: [f32; 3]) -> [Option<Scattered>; 2] {
+fn outcomes(bsdf: &Bsdf, outgoing: [f32; 3]) -> [Option<BsdfSample>; 2] {
     [0.0, 1.0 - f32::EPSILON / 2.0].map(|choice| bsdf.sample(outgoing, [0.5, 0.5], choice))
 }
 

@@ -1,6 +1,6 @@
 //! Every input in range gives numbers.
 
-use canted_renderer::{Bsdf, Pattern, Sampler, Scattered};
+use canted_renderer::{Bsdf, BsdfSample, Pattern, Sampler};
 
 use crate::common::{dot, narrow, unit};
 
@@ -55,8 +55,8 @@ impl Dice {
     }
 }
 
-fn is_sound(scattered: &Scattered) -> bool {
-    let Scattered { incident, weight, density, is_delta, is_transmitted } = *scattered;
+fn is_sound(scattered: &BsdfSample) -> bool {
+    let BsdfSample { incident, weight, density, is_delta, is_transmitted } = *scattered;
     let length = dot(incident.map(f64::from), incident.map(f64::from)).sqrt();
     weight.iter().all(|w| w.is_finite() && *w >= 0.0)
         && density.is_finite()

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use canted_renderer::{LightSampler, Source, Surface, Tracer};
+use canted_renderer::{LightId, LightSampler, Surface, Tracer};
 use canted_scene::{Light, Scene};
 use canted_trace::Ray;
 
@@ -56,8 +56,9 @@ fn density(sampler: &LightSampler, tracer: &BruteForce, direction: [f32; 3]) -> 
     let ray = Ray::new(narrow(from().position), direction);
     let hit = tracer.closest_hit(&ray, &mut ());
     let of = |source| sampler.density(&from(), false, direction, source);
-    let body = sampler.lights().meet(&ray, None).map(|met| met.source).filter(|source| *source != Source::Environment);
-    of(Source::Environment) + body.map_or(0.0, of) + hit.map_or(0.0, |hit| of(Source::of_hit(&hit)))
+    let body =
+        sampler.lights().intersect(&ray, None).map(|met| met.light).filter(|source| *source != LightId::Environment);
+    of(LightId::Environment) + body.map_or(0.0, of) + hit.map_or(0.0, |hit| of(LightId::of_hit(&hit)))
 }
 
 fn expected(sampler: &LightSampler, scene: &Scene) -> Vec<f64> {
@@ -115,7 +116,7 @@ fn samples_carry_their_density() {
         for transmits in [false, true] {
             for (choice, square) in numbers(2000) {
                 let Some(sample) = sampler.sample(&from(), transmits, choice, square) else { continue };
-                let density = sampler.density(&from(), transmits, sample.to_light, sample.source);
+                let density = sampler.density(&from(), transmits, sample.to_light, sample.light);
                 let is_near = (density / sample.density - 1.0).abs() <= DENSITY_ERROR;
                 assert!(is_near || (sample.is_delta && density == 0.0), "{sample:?} {density}");
             }

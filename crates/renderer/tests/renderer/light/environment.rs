@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use canted_renderer::{Lights, Source, environment_of};
+use canted_renderer::{LightId, Lights, environment_of};
 use canted_scene::{EnvironmentImage, Scene};
 use canted_trace::Ray;
 
@@ -40,8 +40,8 @@ fn radiance(image: &EnvironmentImage, [x, y, z]: Vector) -> f64 {
 }
 
 fn seen(scene: &Scene, direction: [f32; 3]) -> [f32; 3] {
-    let met = Lights::new(scene).meet(&Ray::new([5.0, -3.0, 2.0], direction), None).unwrap();
-    assert_eq!(met.source, Source::Environment);
+    let met = Lights::new(scene).intersect(&Ray::new([5.0, -3.0, 2.0], direction), None).unwrap();
+    assert_eq!(met.light, LightId::Environment);
     met.radiance
 }
 
@@ -159,7 +159,7 @@ fn the_sun_in_the_picture_is_found() {
         let from = receiver([0.0; 3], [0.0, 1.0, 0.0]);
         let bright = numbers(1000).filter(|&(choice, square)| {
             let sample = sampler.sample(&from, false, choice, square).unwrap();
-            sampler.lights().meet(&Ray::new([0.0; 3], sample.to_light), None).unwrap().radiance[0] > 2.0
+            sampler.lights().intersect(&Ray::new([0.0; 3], sample.to_light), None).unwrap().radiance[0] > 2.0
         });
         assert!(bright.count() > 500);
     });
@@ -181,7 +181,7 @@ fn every_lit_direction_has_a_density() {
         for (choice, [a, b]) in numbers(20_000) {
             let direction = [a - 0.5, b, choice - 0.5];
             let direction = narrow(crate::common::unit(direction.map(f64::from)));
-            let density = sampler.density(&from, false, direction, Source::Environment);
+            let density = sampler.density(&from, false, direction, LightId::Environment);
             if seen(&scene, direction)[2] > 0.0 {
                 assert!(density > 0.0, "{direction:?}");
                 lit += 1;

@@ -1,5 +1,6 @@
 //! Cameras of nodes (glTF 2.0, section 3.10).
 
+use canted_obb::vector::{cross, dot};
 use gltf::json::camera::{Camera as Source, Type};
 use gltf::json::validation::Checked;
 
@@ -7,7 +8,6 @@ use super::document::Document;
 use super::matrix::{Matrix, unit};
 use super::nodes::Nodes;
 use crate::read::ReadError;
-use crate::vector::{cross, dot};
 use crate::{Camera, Projection, Scene};
 
 /// Adds the cameras of the default scene; skips invalid ones with a warning.

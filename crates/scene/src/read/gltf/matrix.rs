@@ -1,8 +1,7 @@
 //! Affine transforms in `f64`, so that a chain of nodes is rounded only once.
 
 use canted_obb::Affine;
-
-use crate::vector::{cross, dot};
+use canted_obb::vector::{cross, dot};
 
 /// An affine transform as in [`Affine`]: images of the three axes and of the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,0 +1,101 @@
+use std::fmt;
+
+use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volumes};
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_trace::Kernel;
+
+use crate::{PairBvh, PairOrder};
+
+/// How [`Bvh2::build`] and [`Bvh2::over`] build.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct BuildConfig {
+    /// Length of the Morton codes.
+    pub bits: Bits,
+    /// Volumes of the nodes.
+    pub volumes: lbvh::VolumeConfig,
+}
+
+/// A binary BVH over triangles, with boxes of any volume strategy.
+///
+/// `K` is the triangle test. Hits are those of `K` on every triangle; ties go to the lowest primitive.
+pub struct Bvh2<K: Kernel> {
+    pub(crate) pairs: PairBvh,
+    /// The triangles in leaf order.
+    pub(crate) records: Vec<K::Record>,
+    /// The number of the triangle of each leaf.
+    pub(crate) leaves: Vec<PrimId>,
+}
+
+impl<K: Kernel> Bvh2<K> {
+    /// Builds a radix tree over the triangles.
+    ///
+    /// # Errors
+    /// The first triangle with a missing vertex or a vertex that is not finite.
+    pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &BuildConfig) -> Result<Self, GeometryError> {
+        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+        let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, config.bits), &corners);
+        let tree = lbvh::radix(lbvh::sort_by_code(&codes, config.bits));
+        let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
+        let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
+        Ok(Self::new(tree, &volumes, sorted, &bounds, PairOrder::Numbered))
+    }
+
+    /// Builds over the tree of another builder. `corners` are in the caller's order.
+    #[must_use]
+    pub fn over(tree: Tree, corners: &[Corners], bounds: &Aabb, config: &BuildConfig) -> Self {
+        let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
+        let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
+        Self::new(tree, &volumes, sorted, bounds, PairOrder::DepthFirst)
+    }
+
+    /// Combines the results of the build stages. `sorted` are the corners in leaf order.
+    #[must_use]
+    pub fn new(tree: Tree, volumes: &Volumes, sorted: Vec<Corners>, bounds: &Aabb, pair_order: PairOrder) -> Self {
+        let pairs = PairBvh::new(&tree, volumes, &sorted, bounds, pair_order);
+        // If a record is just the vertices, this reuses the allocation.
+        let records = sorted.into_iter().map(K::record).collect();
+        Self { pairs, records, leaves: tree.leaves }
+    }
+
+    /// The nodes.
+    #[must_use]
+    pub fn pairs(&self) -> &PairBvh {
+        &self.pairs
+    }
+
+    /// The box of the root.
+    #[must_use]
+    pub fn bounds(&self) -> Obb {
+        *self.pairs.bounds()
+    }
+
+    /// Number of triangles.
+    #[must_use]
+    pub fn n_triangles(&self) -> usize {
+        self.leaves.len()
+    }
+
+    /// Memory of nodes, triangles and their numbers.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        self.pairs.n_bytes() + size_of_val(&self.records[..]) + size_of_val(&self.leaves[..])
+    }
+}
+
+impl<K: Kernel> Clone for Bvh2<K> {
+    fn clone(&self) -> Self {
+        Self { pairs: self.pairs.clone(), records: self.records.clone(), leaves: self.leaves.clone() }
+    }
+}
+
+/// Sizes and bounds, not every node.
+impl<K: Kernel> fmt::Debug for Bvh2<K> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Bvh2")
+            .field("n_triangles", &self.n_triangles())
+            .field("n_pairs", &self.pairs.n_pairs())
+            .field("depth", &self.pairs.depth())
+            .field("bounds", self.pairs.bounds())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,150 @@
+//! Pictures into files and back.
+
+use std::fs;
+
+use canted_film::{Picture, compare, read_picture, write_exr, write_png};
+
+/// Values that a PNG holds exactly, and some that it must clamp.
+fn gradient() -> Picture {
+    let mut picture = Picture::filled(13, 7, [0.0; 3]);
+    for (i, pixel) in (0_u8..).zip(&mut picture.pixels) {
+        *pixel = [f32::from(i) / 90.0, f32::from(i).powi(2) * 1e-3, 1.0 / (1.0 + f32::from(i))];
+    }
+    picture
+}
+
+fn names(folder: &std::path::Path) -> Vec<String> {
+    let mut names: Vec<_> =
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort_unstable();
+    names
+}
+
+#[test]
+fn exr_keeps_every_bit_but_the_sign_of_zero() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("picture.exr");
+    let mut picture = gradient();
+    picture.pixels[3] = [-0.0, f32::MAX, f32::MIN_POSITIVE / 4.0];
+    picture.pixels[4] = [f32::NAN, f32::INFINITY, -1.5];
+    write_exr(&path, &picture).unwrap();
+    let back = read_picture(&path).unwrap();
+    assert_eq!((back.width, back.height), (13, 7));
+    for (i, (a, b)) in picture.pixels.iter().flatten().zip(back.pixels.iter().flatten()).enumerate() {
+        let expected = if a.is_nan() { f32::NAN } else { a + 0.0 };
+        assert_eq!(b.to_bits(), expected.to_bits(), "value {i}");
+    }
+    assert_eq!(names(folder.path()), ["picture.exr"]);
+    // Equal pictures are equal files.
+    let again = folder.path().join("again.exr");
+    picture.pixels[3][0] = 0.0;
+    write_exr(&again, &picture).unwrap();
+    assert_eq!(fs::read(&path).unwrap(), fs::read(&again).unwrap());
+}
+
+#[test]
+fn png_holds_the_nearest_srgb_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("picture.png");
+    let picture = Picture {
+        width: 3,
+        height: 2,
+        pixels: vec![[0.0, -0.0, f32::NAN], [1.0, 2.0, -1.0], [0.18, 0.5, 0.003], [0.2; 3], [0.05; 3], [0.9; 3]],
+    };
+    write_png(&path, &picture).unwrap();
+    let bytes = image::open(&path).unwrap().to_rgb8().into_raw();
+    // 0.18 -> 118, 0.5 -> 188, 0.003 -> 9.88 -> 10; 0.2 -> 124, 0.05 -> 63, 0.9 -> 243 by the standard's formula.
+    assert_eq!(bytes, [[0, 0, 0], [255, 255, 0], [118, 188, 10], [124; 3], [63; 3], [243; 3]].as_flattened());
+    // What was written reads back as the same bytes.
+    let back = read_picture(&path).unwrap();
+    write_png(&path, &back).unwrap();
+    assert_eq!(image::open(&path).unwrap().to_rgb8().into_raw(), bytes);
+    assert_eq!(names(folder.path()), ["picture.png"]);
+}
+
+#[test]
+fn an_exr_and_its_png_differ_by_less_than_a_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut picture = gradient();
+    for x in picture.pixels.as_flattened_mut() {
+        *x = x.clamp(0.0, 1.0);
+    }
+    let (exr, png) = (folder.path().join("a.exr"), folder.path().join("a.png"));
+    write_exr(&exr, &picture).unwrap();
+    write_png(&png, &picture).unwrap();
+    let result = compare(&read_picture(&png).unwrap(), &read_picture(&exr).unwrap()).unwrap();
+    // The curve is steepest at white, where half a byte is 1.055/2.4/255/2... its inverse slope 2.275 times 0.5/255.
+    assert!(result.max_difference > 0.0 && result.max_difference < 2.3 * 0.5 / 255.0, "{result:?}");
+}
+
+/// Half of the last digit that was computed by hand, and a rounding of each number, which is below a quarter.
+const BY_HAND: f32 = 0.5e-7 + 0.125 * f32::EPSILON;
+
+#[test]
+fn greys_and_sixteen_bits_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("grey.png");
+    image::GrayImage::from_raw(2, 1, vec![0, 128]).unwrap().save(&path).unwrap();
+    let grey = read_picture(&path).unwrap();
+    assert_eq!(grey.pixels[0], [0.0; 3]);
+    assert!((grey.pixels[1][0] - 0.215_860_5).abs() <= BY_HAND && grey.pixels[1][0] == grey.pixels[1][2]);
+    image::ImageBuffer::<image::Rgb<u16>, _>::from_raw(1, 1, vec![0_u16, 128 * 257, 65535])
+        .unwrap()
+        .save(&path)
+        .unwrap();
+    let deep = read_picture(&path).unwrap().pixels[0];
+    assert_eq!(deep, [0.0, grey.pixels[1][0], 1.0]);
+}
+
+#[test]
+fn failures_name_the_file_and_leave_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = folder.path().join("no/such/folder/picture.png");
+    for error in [write_png(&missing, &gradient()), write_exr(&missing, &gradient())] {
+        let error = error.unwrap_err();
+        assert_eq!(error.path(), missing);
+        assert!(error.to_string().contains("no/such/folder/picture.png: "), "{error}");
+    }
+    // A folder in the place of the file: the rename fails after the temporary file was written.
+    let taken = folder.path().join("taken.png");
+    fs::create_dir(&taken).unwrap();
+    fs::write(taken.join("inside"), "x").unwrap();
+    assert!(write_png(&taken, &gradient()).is_err());
+    assert_eq!(names(folder.path()), ["taken.png"]);
+    assert!(write_png(&folder.path().join("empty.png"), &Picture::filled(0, 0, [0.0; 3])).is_err());
+    assert_eq!(names(folder.path()), ["taken.png"]);
+}
+
+#[test]
+fn an_older_picture_stays_whole_until_it_is_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("picture.png");
+    write_png(&path, &Picture::filled(2, 2, [0.0; 3])).unwrap();
+    assert!(write_png(&path, &Picture::filled(0, 0, [0.0; 3])).is_err());
+    assert_eq!(read_picture(&path).unwrap().pixels, vec![[0.0; 3]; 4]);
+    write_png(&path, &Picture::filled(2, 2, [1.0; 3])).unwrap();
+    assert_eq!(read_picture(&path).unwrap().pixels, vec![[1.0; 3]; 4]);
+}
+
+#[test]
+fn files_that_are_no_pictures_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut exr = Vec::new();
+    let whole = folder.path().join("whole.exr");
+    write_exr(&whole, &gradient()).unwrap();
+    exr.extend(fs::read(&whole).unwrap());
+    let cases: [(&str, Vec<u8>); 5] = [
+        ("empty.png", Vec::new()),
+        ("text.png", b"not a picture".to_vec()),
+        ("cut.exr", exr[..exr.len() / 2].to_vec()),
+        ("magic.exr", exr[..4].to_vec()),
+        ("cut.png", b"\x89PNG\r\n\x1a\n".to_vec()),
+    ];
+    for (name, bytes) in cases {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        let error = read_picture(&path).unwrap_err();
+        assert!(error.to_string().starts_with("cannot read ") && error.to_string().contains(name), "{error}");
+    }
+    assert!(read_picture(&folder.path().join("absent.png")).is_err());
+}

@@ -1,0 +1,200 @@
+use bytemuck::{Pod, Zeroable};
+use canted_gpu::Specialisation;
+use canted_scene::Light;
+
+use super::super::lights::ListLight;
+use super::{U, answers, are_near, direction, gpu, number, same_layout};
+use crate::light::IncomingLight;
+use crate::vector::{Vector, add, dot, length, scale, sub, wide};
+use crate::{Bsdf, Cone, Surface};
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Query {
+    at: [f32; 3],
+    light: u32,
+    square: [f32; 2],
+    _padding: [u32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Answer {
+    to_light: [f32; 3],
+    density: f32,
+    radiance: [f32; 3],
+    reach: u32,
+    place: [f32; 3],
+    _padding: u32,
+    density_again: f32,
+    _more_padding: [u32; 3],
+}
+
+/// Each kind, near and far, and what shines nowhere: no colour, no radius, a cone without an edge.
+fn lights() -> Vec<Light> {
+    let mut lights = vec![
+        Light::Sun { direction: direction(0, 0), irradiance: [1.0, 2.0, 3.0] },
+        Light::Point { position: [0.0; 3], intensity: [0.0; 3] },
+        Light::Point { position: [1e6, -2e6, 3.0], intensity: [1e12; 3] },
+        Light::Spot {
+            position: [0.5; 3],
+            direction: direction(1, 0),
+            intensity: [5.0; 3],
+            cos_inner: 0.5,
+            cos_outer: 0.5,
+        },
+        Light::Sphere { center: [3e5, 0.0, 0.0], radius: 1e-3, radiance: [1e9; 3] },
+    ];
+    for i in 2..20 {
+        let center = direction(i, 2).map(|x| 5.0 * x);
+        let radiance = [0, 1, 2].map(|k| 10.0 * number(i, 10 + k));
+        let radius = 0.01 + number(i, 20);
+        lights.push(Light::Point { position: center, intensity: radiance });
+        let [cos_outer, cos_inner] = [0.9 * number(i, 30), 0.9 + 0.1 * number(i, 31)];
+        lights.push(Light::Spot {
+            position: center,
+            direction: direction(i, 40),
+            intensity: radiance,
+            cos_inner,
+            cos_outer,
+        });
+        lights.push(Light::Sphere { center, radius, radiance });
+        lights.push(Light::Disk { center, normal: direction(i, 50), radius, radiance });
+    }
+    lights
+}
+
+fn surface(position: [f32; 3]) -> Surface {
+    let up = [0.0, 0.0, 1.0];
+    Surface {
+        position: wide(position),
+        normal: up,
+        shading_normal: up,
+        is_front: true,
+        bsdf: Bsdf::lambert([0.5; 3]),
+        emission: [0.0; 3],
+        offset: 0.0,
+        cone: Cone::ZERO,
+    }
+}
+
+/// Units in which errors of an incoming are counted, as a factor of `U`.
+///
+/// The ways between points in f32 have one rounding an axis, and every formula from there is a chain of fewer than 32
+/// roundings and quotients, but for two: the cone of a ball, whose height has the error of its sine times the tangent,
+/// and a density seen at a slant, whose height over the plane is what is left of a sum of the terms of a dot product.
+fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
+    32.0 * match *light {
+        Light::Sphere { center, radius, .. } => {
+            let (d, r) = (length(sub(wide(center), at)), f64::from(radius));
+            1.0 + r / (d * d - r * r).max(0.0).sqrt()
+        }
+        Light::Disk { center, normal, .. } => {
+            let terms = |a: Vector| (0..3).map(|k| (a[k] * f64::from(normal[k])).abs()).sum::<f64>();
+            let way = sub(place, at);
+            // The point of the disc is rounded where it is, not relative to the way.
+            let absolute = terms(way) + terms(place) + terms(wide(center));
+            1.0 + absolute / dot(way, wide(normal)).abs() + length(place) / length(way)
+        }
+        _ => 1.0,
+    }
+}
+
+/// How many queries were compared, and how many that were at an edge not.
+fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u32; 2], String> {
+    let mut counts = [0, 0];
+    for (query, answer) in queries.iter().zip(answers) {
+        let light = &lights[query.light as usize];
+        let surface = surface(query.at);
+        let expected = IncomingLight::of(light, &surface, || query.square);
+        let fail = |what: &str| Err(format!("{what}: {light:?} from {:?}: {answer:?}", query.at));
+        let Some(expected) = expected else {
+            if answer.reach != 0 {
+                // At an edge, where a rounding decides, next to nothing arrives.
+                counts[1] += 1;
+            }
+            continue;
+        };
+        let place = expected.shadow_ray.map_or(surface.position, |ray| add(wide(ray.origin), wide(ray.direction)));
+        let bound = U * condition(light, surface.position, place);
+        if answer.reach == 0 || bound > 0.1 {
+            counts[1] += 1;
+            continue;
+        }
+        counts[0] += 1;
+        let soft = match *light {
+            // The share's slope over the cosine, in units of the share.
+            Light::Spot { direction, cos_outer, .. } => {
+                let cosine = -dot(wide(direction), expected.to_light);
+                2.0 / (cosine - f64::from(cos_outer)).max(1e-30)
+            }
+            _ => 0.0,
+        };
+        if !are_near(answer.to_light, expected.to_light, bound.min(64.0 * U * (1.0 + length(place)))) {
+            return fail("direction");
+        }
+        for k in 0..3 {
+            let off = (f64::from(answer.radiance[k]) - expected.radiance[k]).abs();
+            if off > bound * (1.0 + soft) * expected.radiance[k] {
+                return fail("radiance");
+            }
+        }
+        for density in [answer.density, answer.density_again] {
+            let expected = expected.density.unwrap_or(0.0);
+            if (f64::from(density) - expected).abs() > 2.0 * bound * expected {
+                return fail("density");
+            }
+        }
+        let span = length(place) + length(surface.position);
+        if expected.shadow_ray.is_some_and(|ray| ray.t_max < 1.0) && !are_near(answer.place, place, bound * span) {
+            return fail("place");
+        }
+    }
+    Ok(counts)
+}
+
+fn queries(lights: &[Light]) -> Vec<Query> {
+    let n_lights = u32::try_from(lights.len()).unwrap();
+    (0..40 * n_lights)
+        .map(|i| {
+            let scale = [1.0, 6.0, 1000.0, 1e-3][i as usize % 4];
+            let square = [number(i, 60), number(i, 61)];
+            let square = if i % 7 == 0 { [0.0, 0.0] } else { square };
+            Query { at: direction(i, 62).map(|x| scale * x), light: i % n_lights, square, _padding: [0; 2] }
+        })
+        .collect()
+}
+
+#[test]
+fn light_arrives_as_on_the_cpu() {
+    let Some(gpu) = gpu("light_arrives_as_on_the_cpu") else { return };
+    let lights = lights();
+    let packed: Vec<ListLight> = lights.iter().map(ListLight::from).collect();
+    let packed = gpu.buffer("lights", &packed).unwrap();
+    let queries = queries(&lights);
+    let mut answers: Vec<Answer> =
+        answers(&gpu, "check/incoming", &Specialisation::none(), &queries, &[("lights", &packed)]);
+    let [n_compared, n_at_edges] = compare(&lights, &queries, &answers).unwrap();
+    assert!(n_compared > 1500 && n_at_edges < 10, "{n_compared} {n_at_edges}");
+
+    // A direction that is off by a hundred thousandth is seen.
+    let lit = answers.iter().position(|answer| answer.density > 0.0).unwrap();
+    answers[lit].to_light = narrowed(add(wide(answers[lit].to_light), scale([1.0, -1.0, 1.0], 2e-5)));
+    let error = compare(&lights, &queries, &answers).unwrap_err();
+    assert!(error.starts_with("direction"), "{error}");
+}
+
+fn narrowed(v: Vector) -> [f32; 3] {
+    crate::vector::narrow(v)
+}
+
+#[test]
+fn layouts_are_the_kernels() {
+    same_layout!(
+        "check/incoming",
+        &Specialisation::none(),
+        "ListLight",
+        ListLight { place, kind, direction, extent, color, cos_outer }
+    );
+    same_layout!("check/incoming", &Specialisation::none(), "Query", Query { at, light, square });
+}

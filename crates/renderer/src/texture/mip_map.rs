@@ -1,0 +1,234 @@
+use std::sync::LazyLock;
+
+use canted_film::srgb;
+use canted_scene::{Encoding, Texture};
+use rayon::prelude::*;
+
+/// Each byte over 255.
+static FRACTION: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    #[expect(clippy::cast_possible_truncation, reason = "an index below 256")]
+    let fractions = std::array::from_fn(|byte| f32::from(byte as u8) / 255.0);
+    fractions
+});
+
+/// A texture with its mip levels. Each level is half as wide and high as the previous one, rounded down, to a single texel.
+///
+/// A texel is the mean over its box in the previous level, in linear light, with fractional weights at the edges of the box.
+/// All levels have the same mean, up to a rounding to 8 bits that does not accumulate. For a texture with cutout alpha,
+/// colors are weighted by alpha, so that transparent texels do not contribute.
+#[derive(Clone, Debug)]
+pub(crate) struct MipMap<'a> {
+    texture: &'a Texture,
+    /// Decodes bytes of red, green and blue.
+    pub(super) colors: &'static [f32; 256],
+    /// Decodes bytes of alpha.
+    pub(super) fractions: &'static [f32; 256],
+    reduced: Vec<Reduced>,
+}
+
+/// A mip level above 0.
+#[derive(Clone, Debug)]
+struct Reduced {
+    size: [u32; 2],
+    texels: Vec<[u8; 4]>,
+}
+
+/// A view of a mip level.
+#[derive(Clone, Copy)]
+pub(crate) struct Image<'a> {
+    pub(crate) size: [u32; 2],
+    pub(crate) texels: &'a [[u8; 4]],
+}
+
+impl<'a> MipMap<'a> {
+    /// A texture with only level 0.
+    pub(super) fn flat(texture: &'a Texture) -> Self {
+        let colors = match texture.encoding {
+            Encoding::Srgb => srgb::linear(),
+            Encoding::Linear => &*FRACTION,
+        };
+        Self { texture, colors, fractions: &FRACTION, reduced: Vec::new() }
+    }
+
+    /// A texture with all mip levels; with `uses_alpha`, colors are weighted by alpha.
+    pub(super) fn new(texture: &'a Texture, uses_alpha: bool) -> Self {
+        let mut mip_map = Self::flat(texture);
+        if texture.texels.is_empty() {
+            return mip_map;
+        }
+        let mut size = [texture.width, texture.height];
+        let mut means: Vec<[f32; 4]> = Vec::new();
+        while size != [1, 1] {
+            let (from, halved) = (size, size.map(|n| (n / 2).max(1)));
+            means = if means.is_empty() {
+                reduced(from, halved, uses_alpha, |i| mip_map.decoded(texture.texels[i]))
+            } else {
+                reduced(from, halved, uses_alpha, |i| means[i])
+            };
+            size = halved;
+            let texels = means.par_iter().with_min_len(1024).map(|&mean| mip_map.encoded(mean)).collect();
+            mip_map.reduced.push(Reduced { size, texels });
+        }
+        mip_map
+    }
+
+    /// Number of levels, including level 0.
+    pub(crate) fn n_levels(&self) -> usize {
+        1 + self.reduced.len()
+    }
+
+    /// A mip level; 0 is the texture.
+    pub(crate) fn level(&self, level: usize) -> Image<'_> {
+        match level.checked_sub(1) {
+            None => Image { size: [self.texture.width, self.texture.height], texels: &self.texture.texels },
+            Some(k) => Image { size: self.reduced[k].size, texels: &self.reduced[k].texels },
+        }
+    }
+
+    pub(super) fn texture(&self) -> &'a Texture {
+        self.texture
+    }
+
+    /// Width and height of the texture.
+    pub(crate) fn size(&self) -> [f64; 2] {
+        [self.texture.width, self.texture.height].map(f64::from)
+    }
+
+    #[inline]
+    pub(super) fn decoded(&self, [r, g, b, a]: [u8; 4]) -> [f32; 4] {
+        let color = |byte| self.colors[usize::from(byte)];
+        [color(r), color(g), color(b), self.fractions[usize::from(a)]]
+    }
+
+    fn encoded(&self, [r, g, b, a]: [f32; 4]) -> [u8; 4] {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of numbers in 0..=1")]
+        let plain = |x: f32| (255.0 * x).round() as u8;
+        match self.texture.encoding {
+            Encoding::Srgb => [srgb::encode(r), srgb::encode(g), srgb::encode(b), plain(a)],
+            Encoding::Linear => [r, g, b, a].map(plain),
+        }
+    }
+}
+
+/// The texels along one axis that a texel of the next level covers, with their weights.
+#[derive(Clone, Copy)]
+struct Coverage {
+    first: usize,
+    /// Two if the size is even, three if it is odd.
+    weights: [f32; 3],
+}
+
+/// The coverage of `n` texels by `m = max(n / 2, 1)` texels.
+#[expect(clippy::cast_precision_loss, reason = "a ratio, rounded")]
+fn coverage(n: u32, m: u32) -> Vec<Coverage> {
+    let (n, m) = (u64::from(n), u64::from(m));
+    // In units of 1/(n·m): a texel of the previous level is m wide, one of the next is n wide.
+    let cover = |j: u64| {
+        let first = j * n / m;
+        let part = |i: u64| ((i + 1) * m).min((j + 1) * n).saturating_sub((i * m).max(j * n)) as f32 / n as f32;
+        #[expect(clippy::cast_possible_truncation, reason = "below n, which is a u32")]
+        let first_index = first as usize;
+        Coverage { first: first_index, weights: [part(first), part(first + 1), part(first + 2)] }
+    };
+    (0..m).map(cover).collect()
+}
+
+/// Box-filters the image given by `texel`, row by row.
+fn reduced(from: [u32; 2], to: [u32; 2], uses_alpha: bool, texel: impl Fn(usize) -> [f32; 4] + Sync) -> Vec<[f32; 4]> {
+    let [columns, rows] = [coverage(from[0], to[0]), coverage(from[1], to[1])];
+    let width = from[0] as usize;
+    let mean = |row: &Coverage, column: &Coverage| {
+        let mut plain = [0.0; 4];
+        let mut weighted = [0.0; 3];
+        for (j, y) in (row.first..).zip(row.weights).filter(|(_, y)| *y > 0.0) {
+            for (i, x) in (column.first..).zip(column.weights).filter(|(_, x)| *x > 0.0) {
+                let value = texel(j * width + i);
+                plain = std::array::from_fn(|k| plain[k] + x * y * value[k]);
+                weighted = std::array::from_fn(|k| weighted[k] + x * y * value[3] * value[k]);
+            }
+        }
+        // If all texels are transparent, the weights are zero.
+        match weighted.map(|sum| sum / plain[3]) {
+            [r, g, b] if uses_alpha && plain[3] > 0.0 => [r, g, b, plain[3]],
+            _ => plain,
+        }
+    };
+    let row = |row: &Coverage| columns.iter().map(|column| mean(row, column)).collect::<Vec<_>>();
+    rows.par_iter().flat_map_iter(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canted_scene::Wrap;
+
+    fn texture(width: u32, height: u32, encoding: Encoding, texel: impl Fn(u32) -> [u8; 4]) -> Texture {
+        let texels = (0..width * height).map(texel).collect();
+        Texture { name: String::new(), width, height, texels, encoding, wrap: [Wrap::Repeat; 2] }
+    }
+
+    /// Pseudorandom bytes.
+    fn noise(i: u32) -> [u8; 4] {
+        i.wrapping_mul(2_654_435_761).rotate_left(i % 32).to_le_bytes()
+    }
+
+    fn mean(mip_map: &MipMap, level: usize) -> [f64; 4] {
+        let image = mip_map.level(level);
+        let sum = image
+            .texels
+            .iter()
+            .map(|&texel| mip_map.decoded(texel))
+            .fold([0.0; 4], |sum: [f64; 4], texel| std::array::from_fn(|k| sum[k] + f64::from(texel[k])));
+        sum.map(|x| x / image.texels.len() as f64)
+    }
+
+    /// The first level whose mean differs from the texture's by more than half a byte, at the steepest slope of the sRGB curve,
+    /// 2.4 / 1.055. The millionth exceeds the rounding error of the sums.
+    fn first_changed_level(mip_map: &MipMap) -> Option<usize> {
+        const HALF_BYTE: f64 = 0.5 / 255.0 * 2.4 / 1.055 + 1e-6;
+        let all = mean(mip_map, 0);
+        (1..mip_map.n_levels()).find(|&level| (0..4).any(|k| (mean(mip_map, level)[k] - all[k]).abs() > HALF_BYTE))
+    }
+
+    #[test]
+    fn levels_are_filtered_in_linear_light() {
+        let checker = |i: u32| if (i / 2 + i).is_multiple_of(2) { [0, 0, 0, 255] } else { [255; 4] };
+        let half = |encoding| MipMap::new(&texture(2, 2, encoding, checker), false).level(1).texels.to_vec();
+        // Linear 0.5 is sRGB byte 188.
+        assert_eq!(half(Encoding::Srgb), [[188, 188, 188, 255]]);
+        assert_eq!(half(Encoding::Linear), [[128, 128, 128, 255]]);
+        // Five columns become two of width 2.5, which share the center column.
+        let row = texture(5, 1, Encoding::Linear, |i| [[10, 20, 30, 60, 120][i as usize]; 4]);
+        assert_eq!(MipMap::new(&row, false).level(1).texels, [[18; 4], [78; 4]]);
+    }
+
+    #[test]
+    fn levels_preserve_the_mean() {
+        for [width, height] in [[64, 64], [1, 1], [1, 37], [29, 1], [31, 17], [100, 3], [5, 6]] {
+            for encoding in [Encoding::Srgb, Encoding::Linear] {
+                let texture = texture(width, height, encoding, noise);
+                let mip_map = MipMap::new(&texture, false);
+                assert_eq!(mip_map.level(mip_map.n_levels() - 1).size, [1, 1]);
+                assert_eq!(first_changed_level(&mip_map), None, "{width} x {height} {encoding:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn test_detects_level_that_is_too_bright() {
+        let texture = texture(16, 16, Encoding::Linear, noise);
+        let mut mip_map = MipMap::new(&texture, false);
+        for texel in &mut mip_map.reduced[1].texels {
+            texel[0] = texel[0].saturating_add(3);
+        }
+        assert_eq!(first_changed_level(&mip_map), Some(2));
+    }
+
+    #[test]
+    fn transparent_texels_do_not_contribute() {
+        let leaf = texture(2, 1, Encoding::Srgb, |i| if i == 0 { [200, 10, 0, 255] } else { [0, 255, 255, 0] });
+        assert_eq!(MipMap::new(&leaf, true).level(1).texels, [[200, 10, 0, 128]]);
+        let clear = texture(2, 1, Encoding::Linear, |i| if i == 0 { [200, 10, 0, 0] } else { [100, 20, 0, 0] });
+        assert_eq!(MipMap::new(&clear, true).level(1).texels, [[150, 15, 0, 0]]);
+    }
+}

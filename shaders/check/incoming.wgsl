@@ -1,0 +1,41 @@
+// Evaluates `incoming_light` and the densities of shape lights, to compare with the CPU.
+// use shared/invocation/index
+// use shared/light/incoming
+
+struct Query {
+    at: vec3<f32>,
+    light: u32,
+    square: vec2<f32>,
+}
+
+struct Answer {
+    incoming: IncomingLight,
+    /// Density of the sampled direction.
+    density: f32,
+}
+
+@group(0) @binding(0) var<storage, read> lights: array<ListLight>;
+@group(0) @binding(1) var<storage, read> queries: array<Query>;
+@group(0) @binding(2) var<storage, read_write> answers: array<Answer>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let index = invocation(group, groups, 64u, local);
+    if index >= arrayLength(&answers) {
+        return;
+    }
+    let query = queries[index];
+    let light = lights[query.light];
+    let incoming = incoming_light(light, query.at, query.square);
+    var density = 0.0;
+    if light.kind == SPHERE {
+        density = sphere_density(light, query.at);
+    } else if light.kind == DISK {
+        density = disk_density(light, query.at, incoming.to_light);
+    }
+    answers[index] = Answer(incoming, density);
+}
