@@ -176,7 +176,7 @@ impl Machine {
 pub(crate) fn check_triangles(triangles: TriangleTest) -> Result<(), DeviceError> {
     match triangles {
         TriangleTest::Watertight => Ok(()),
-        _ => Err(DeviceError::Unknown { what: "triangle tests other than watertight" }),
+        _ => Err(DeviceError::Unsupported { what: "triangle tests other than watertight" }),
     }
 }
 
