@@ -1,18 +1,19 @@
-// Tree.
-// Reads: sorted codes. Writes: an inner node for each leaf but the last of a tree, and parents.
-// Holds: each node splits its range where the highest bit of (code, position) differs; the integers of the CPU.
+// Radix tree.
+// Reads: sorted codes.
+// Writes: one inner node for each leaf but the last of a tree, and parents.
+// Holds: each node splits its range at the highest differing bit of (code, position). The integers equal the CPU's.
 // Source: Karras 2012.
 // use shared/build/slice
-// use shared/build/forest
-// use shared/build/node
+// use shared/build/tree/forest
+// use shared/build/tree
 // use ?code
 
 @group(0) @binding(1) var<storage, read_write> nodes: array<Node>;
-/// Parents of inner nodes by slot, then those of leaves by position.
+/// Parents of inner nodes by slot, followed by parents of leaves by position.
 @group(0) @binding(2) var<storage, read_write> parents: array<u32>;
 
-/// Leading bits that leaves i and j of a tree have in common, positions behind codes; −1 for what is not in the tree.
-fn alike(range: Range, i: i32, j: i32) -> i32 {
+/// Length of the common prefix of leaves i and j of a tree, of code and position; −1 for a leaf outside the tree.
+fn common_prefix(range: Range, i: i32, j: i32) -> i32 {
     if j < 0 || j >= i32(range.count) {
         return -1;
     }
@@ -20,17 +21,17 @@ fn alike(range: Range, i: i32, j: i32) -> i32 {
     return i32(select(bits, CODE_BITS + countLeadingZeros(u32(i ^ j)), bits == CODE_BITS));
 }
 
-/// The other end of the range of node `i`, on the side `toward`: the farthest leaf that has more in common with it than the
-/// neighbour on the other side.
-fn other_end(range: Range, i: i32, toward: i32) -> i32 {
-    let least = alike(range, i, i - toward);
+/// The other end of the range of node `i` in direction `toward`: the farthest leaf whose common prefix is longer than that of
+/// the neighbor on the opposite side.
+fn range_end(range: Range, i: i32, toward: i32) -> i32 {
+    let least = common_prefix(range, i, i - toward);
     var reach = 2;
-    while alike(range, i, i + reach * toward) > least {
+    while common_prefix(range, i, i + reach * toward) > least {
         reach *= 2;
     }
     var length = 0;
     for (var step = reach / 2; step >= 1; step /= 2) {
-        if alike(range, i, i + (length + step) * toward) > least {
+        if common_prefix(range, i, i + (length + step) * toward) > least {
             length += step;
         }
     }
@@ -38,13 +39,13 @@ fn other_end(range: Range, i: i32, toward: i32) -> i32 {
 }
 
 /// Last leaf of the lower part of the range between `i` and `end`.
-fn split_of(range: Range, i: i32, end: i32, toward: i32) -> i32 {
-    let shared_bits = alike(range, i, end);
+fn find_split(range: Range, i: i32, end: i32, toward: i32) -> i32 {
+    let shared_bits = common_prefix(range, i, end);
     var offset = 0;
     var step = abs(end - i);
     while step > 1 {
         step = (step + 1) / 2;
-        if alike(range, i, i + (offset + step) * toward) > shared_bits {
+        if common_prefix(range, i, i + (offset + step) * toward) > shared_bits {
             offset += step;
         }
     }
@@ -71,9 +72,9 @@ fn main(
     if i + 1 >= i32(range.count) {
         return;
     }
-    let toward = select(-1, 1, alike(range, i, i + 1) > alike(range, i, i - 1));
-    let end = other_end(range, i, toward);
-    let split = range.first + u32(split_of(range, i, end, toward));
+    let toward = select(-1, 1, common_prefix(range, i, i + 1) > common_prefix(range, i, i - 1));
+    let end = range_end(range, i, toward);
+    let split = range.first + u32(find_split(range, i, end, toward));
     let first = range.first + u32(min(i, end));
     let last = range.first + u32(max(i, end));
     let left_is_leaf = first == split;

@@ -92,7 +92,7 @@ impl Enclosure {
         Self {
             frame,
             inverse,
-            origin: vector::from_f32(origin),
+            origin: vector::to_f64(origin),
             low: [f64::MAX; 4],
             high: [f64::MIN; 4],
             slack: 0.0,
@@ -109,7 +109,7 @@ impl Enclosure {
     /// Grows to a point.
     #[inline]
     pub fn add_point(&mut self, point: [f32; 3]) {
-        let q = self.coordinates(vector::sub(vector::from_f32(point), self.origin));
+        let q = self.coordinates(vector::sub(vector::to_f64(point), self.origin));
         self.widen(q, q);
     }
 
@@ -118,9 +118,9 @@ impl Enclosure {
     pub fn add_box(&mut self, content: &Obb) {
         // A product of two f32 is exact in f64.
         let sides = std::array::from_fn(|a| {
-            vector::scale(vector::from_f32(content.frame[a]), f64::from(content.half_extents[a]))
+            vector::scale(vector::to_f64(content.frame[a]), f64::from(content.half_extents[a]))
         });
-        self.add_parallelepiped(vector::from_f32(content.center), sides, 0.0);
+        self.add_parallelepiped(vector::to_f64(content.center), sides, 0.0);
     }
 
     /// Grows to an axis-aligned box; an empty one changes nothing.
@@ -152,7 +152,7 @@ impl Enclosure {
         if self.low[0] > self.high[0] {
             return Obb { center: vector::to_f32(self.origin), frame: self.frame, half_extents: [0.0; 3] };
         }
-        let axes = self.frame.map(vector::from_f32);
+        let axes = self.frame.map(vector::to_f64);
         let mut shift = [0.0; 3];
         let mut content_reach = 0.0;
         for (k, &axis) in axes.iter().enumerate() {
@@ -162,7 +162,7 @@ impl Enclosure {
         // Any centre will do, since the half-extents are measured from it as stored.
         let limit = f64::from(f32::MAX);
         let center = vector::to_f32(vector::add(self.origin, shift).map(|x| x.clamp(-limit, limit)));
-        let offset = vector::sub(vector::from_f32(center), self.origin);
+        let offset = vector::sub(vector::to_f64(center), self.origin);
         let q = self.coordinates(offset);
         let error = SECOND_ORDER * (self.relative_error * (content_reach + vector::reach(offset)) + self.slack);
         let row = |k: usize| self.inverse[0][k].abs() + self.inverse[1][k].abs() + self.inverse[2][k].abs();
@@ -210,7 +210,7 @@ fn error_of_condition(k: f64) -> f64 {
 /// Cofactors cost about as much as testing the frame for orthonormality would, and leave no difference to cover.
 #[inline]
 fn invert(frame: [[f32; 3]; 3]) -> Option<([[f64; 4]; 3], f64)> {
-    let [x, y, z] = frame.map(vector::from_f32);
+    let [x, y, z] = frame.map(vector::to_f64);
     let cofactors = [cross(y, z), cross(z, x), cross(x, y)];
     let terms = [x[0] * cofactors[0][0], x[1] * cofactors[0][1], x[2] * cofactors[0][2]];
     let reciprocal = 1.0 / (terms[0] + terms[1] + terms[2]);

@@ -20,8 +20,8 @@ const PARTS: usize = 2 * (12 + 6);
 /// By Cramer's rule `q[k] = cofactor[k] · (p − c) / det`, so each axis asks for the sign of
 /// `half · |det| − |cofactor · (p − c)|`: first in `f64` with an error bound, then exactly.
 pub(crate) fn contains(obb: &Obb, point: [f32; 3]) -> bool {
-    let frame = obb.frame.map(vector::from_f32);
-    let difference = vector::sub(vector::from_f32(point), vector::from_f32(obb.center));
+    let frame = obb.frame.map(vector::to_f64);
+    let difference = vector::sub(vector::to_f64(point), vector::to_f64(obb.center));
     let determinant = determinant_sign(frame);
     determinant != Ordering::Equal
         && (0..3).all(|k| {
@@ -34,7 +34,7 @@ pub(crate) fn contains(obb: &Obb, point: [f32; 3]) -> bool {
 
 /// Whether the axes of the box are linearly dependent, exactly.
 pub(crate) fn is_singular(obb: &Obb) -> bool {
-    determinant_sign(obb.frame.map(vector::from_f32)) == Ordering::Equal
+    determinant_sign(obb.frame.map(vector::to_f64)) == Ordering::Equal
 }
 
 /// The filter: `None` where the rounding of `f64` could have decided.
@@ -62,7 +62,7 @@ fn permanent(a: Vector, b: Vector, c: Vector) -> f64 {
 
 /// The exact sign, for axis `k`; `mirrored` tells the sign of the determinant.
 fn within_exactly(obb: &Obb, point: [f32; 3], k: usize, mirrored: bool) -> bool {
-    let frame = obb.frame.map(vector::from_f32);
+    let frame = obb.frame.map(vector::to_f64);
     let (a, b) = (frame[(k + 1) % 3], frame[(k + 2) % 3]);
     let half = f64::from(if mirrored { -obb.half_extents[k] } else { obb.half_extents[k] });
     [1.0, -1.0].into_iter().all(|side| {

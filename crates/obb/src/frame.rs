@@ -48,14 +48,14 @@ pub(crate) fn across(x: Vector) -> Vector {
 /// The frame with its third axis reversed where it mirrors: the same boxes, a proper rotation.
 #[must_use]
 pub fn right_handed(frame: Frame) -> Frame {
-    let [x, y, z] = frame.map(vector::from_f32);
+    let [x, y, z] = frame.map(vector::to_f64);
     if dot(cross(x, y), z) < 0.0 { [frame[0], frame[1], frame[2].map(|c| -c)] } else { frame }
 }
 
 /// Whether the columns are orthonormal up to the rounding to `f32`, either handed.
 #[must_use]
 pub fn is_orthonormal(frame: Frame) -> bool {
-    let [x, y, z] = frame.map(vector::from_f32);
+    let [x, y, z] = frame.map(vector::to_f64);
     let errors = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(z, z) - 1.0, dot(x, y), dot(y, z), dot(z, x)];
     errors.iter().all(|e| e.abs() <= ORTHONORMAL_ERROR)
 }
@@ -102,7 +102,7 @@ mod tests {
         for mask in 0..8 {
             let skewed = [[2.0, 1.0, 0.0], [0.0, 3e-20, 0.0], [0.0, 1e20, 1e20]];
             let directions = std::array::from_fn(|k| if mask >> k & 1 == 1 { skewed[k] } else { [0.0; 3] });
-            let [x, y, z] = complete(directions).map(vector::from_f32);
+            let [x, y, z] = complete(directions).map(vector::to_f64);
             assert!(dot(cross(x, y), z).abs() > 0.1, "{mask}");
         }
     }
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(right_handed(mirrored), crate::Obb::IDENTITY_FRAME);
         let skewed = [[1.0, 0.0, 0.0], [1e-6, 1.0, 0.0], [0.0, 0.0, 1.0]];
         assert!(!is_orthonormal(skewed));
-        let [x, y, _] = skewed.map(vector::from_f32);
+        let [x, y, _] = skewed.map(vector::to_f64);
         assert!(is_orthonormal(orthonormal(x, y)));
     }
 }

@@ -37,7 +37,8 @@ mod prim;
 mod quaternion;
 pub mod rotation;
 mod round;
-mod vector;
+#[doc(hidden)]
+pub mod vector;
 
 pub use aabb::Aabb;
 pub use affine::Affine;

@@ -24,7 +24,7 @@ impl Moments {
     #[inline]
     #[must_use]
     pub fn from_point(point: [f32; 3]) -> Self {
-        Self { weight: 1.0, mean: vector::from_f32(point), scatter: [0.0; 6] }
+        Self { weight: 1.0, mean: vector::to_f64(point), scatter: [0.0; 6] }
     }
 
     /// Points of weight one each, in one pass (Welford 1962).
@@ -40,7 +40,7 @@ impl Moments {
     #[inline]
     #[must_use]
     pub fn from_triangle(corners: [[f32; 3]; 3]) -> Self {
-        let [a, b, c] = corners.map(vector::from_f32);
+        let [a, b, c] = corners.map(vector::to_f64);
         let (ab, ac) = (sub(b, a), sub(c, a));
         let weight = 0.5 * vector::length(cross(ab, ac));
         // Measured from the first corner, the mean is a third of the two edges.
@@ -58,10 +58,10 @@ impl Moments {
     pub fn from_box_corners(corners: &Obb, weight: f64) -> Self {
         let mut scatter = [0.0; 6];
         for k in 0..3 {
-            let side = vector::scale(vector::from_f32(corners.frame[k]), f64::from(corners.half_extents[k]));
+            let side = vector::scale(vector::to_f64(corners.frame[k]), f64::from(corners.half_extents[k]));
             add_square(&mut scatter, side, weight);
         }
-        Self { weight, mean: vector::from_f32(corners.center), scatter }
+        Self { weight, mean: vector::to_f64(corners.center), scatter }
     }
 
     /// Moments of both contents together, by the parallel-axis rule (Chan, Golub, LeVeque 1979).

@@ -44,7 +44,7 @@ impl Obb {
     pub fn from_affine(space_from_cube: &Affine) -> Self {
         let cube = Self { center: [0.0; 3], frame: Self::IDENTITY_FRAME, half_extents: [0.5; 3] };
         let [x, y, z, center] = space_from_cube.columns;
-        let completed = frame::complete([x, y, z].map(vector::from_f32));
+        let completed = frame::complete([x, y, z].map(vector::to_f64));
         let (mut exact, flat) = (Self { center, frame: [x, y, z], half_extents: [0.5; 3] }, [0.0; 3]);
         for k in (0..3).filter(|&k| space_from_cube.columns[k] == flat) {
             exact.frame[k] = completed[k];
@@ -60,7 +60,7 @@ impl Obb {
     #[must_use]
     pub fn to_affine(&self) -> Affine {
         let [x, y, z] = std::array::from_fn(|a| {
-            vector::to_f32(vector::scale(vector::from_f32(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
+            vector::to_f32(vector::scale(vector::to_f64(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
         });
         Affine { columns: [x, y, z, self.center] }
     }
@@ -72,8 +72,8 @@ impl Obb {
     /// across the others; where the map makes the axes dependent the axis-parallel box around the image is returned.
     #[must_use]
     pub fn transformed(&self, to_from_self: &Affine) -> Self {
-        let center = to_from_self.point_f64(vector::from_f32(self.center));
-        let directions = self.frame.map(|axis| to_from_self.vector_f64(vector::from_f32(axis)));
+        let center = to_from_self.point_f64(vector::to_f64(self.center));
+        let directions = self.frame.map(|axis| to_from_self.vector_f64(vector::to_f64(axis)));
         let sides: [Vector; 3] = std::array::from_fn(|a| vector::scale(directions[a], f64::from(self.half_extents[a])));
         // Products of two f32 are exact in f64. A coordinate of the centre then takes three roundings, one of a side
         // two and a third for its half-extent, each relative to the sum of absolute terms; the fourth unit covers the
@@ -141,7 +141,7 @@ impl Obb {
 
     /// The three edges from a corner, at full length.
     fn edges(&self) -> [Vector; 3] {
-        std::array::from_fn(|a| vector::scale(vector::from_f32(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
+        std::array::from_fn(|a| vector::scale(vector::to_f64(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
     }
 
     /// Smallest axis-aligned box around the eight real corners, rounded outward; infinite where a corner lies beyond the

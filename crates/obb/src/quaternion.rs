@@ -48,7 +48,7 @@ impl Quaternion {
     #[inline]
     #[must_use]
     pub fn from_frame(frame: Frame) -> Self {
-        Self::from_columns(frame.map(vector::from_f32))
+        Self::from_columns(frame.map(vector::to_f64))
     }
 
     /// The rotation about `axis` (of length one) by `angle_rad`.

@@ -9,17 +9,20 @@
 //! sums in `f64`; randomness is a pure function of pixel, sample, dimension and seed, so a picture is the same bits
 //! for any number of threads and any tile size.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "shared with the GPU renderer, which uses more of it"))]
 
+mod accel;
 #[cfg(feature = "baseline")]
 mod baseline;
 mod bsdf;
 mod camera;
 mod content;
+#[cfg(feature = "gpu")]
 mod device;
+mod error;
 mod framing;
 mod heatmap;
 mod integrate;
-mod level;
 mod light;
 mod mask;
 mod placement;
@@ -35,18 +38,20 @@ mod texture;
 mod tracer;
 mod vector;
 
+pub use accel::{Accel, Builder, Bvh};
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
 pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
 pub use content::{light_hash, scene_hash};
-pub use device::{DeviceError, DevicePicture, GBuffer, Seen, SharedFilm, traced_scene};
+#[cfg(feature = "gpu")]
+pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, traced_scene};
+pub use error::PrepareError;
 pub use framing::frame;
 pub use heatmap::{Heatmap, Measure, heatmap};
-pub use level::{Builder, Level};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use mask::Masked;
-pub use prepare::{LeftOut, Levels, PrepareError, Prepared, StructureConfig, prepare};
+pub use prepare::{Levels, Prepared, StructureConfig, UnusedFeature, prepare};
 pub use render::{Monitor, RenderError, render, resume};
 pub use sampler::{Pattern, Sampler};
 pub use settings::{Integrator, Settings};

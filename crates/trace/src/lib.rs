@@ -30,6 +30,7 @@
 //! Coordinates may be as large as 2^62; beyond that products overflow, and a ray may miss what it should hit.
 #![forbid(unsafe_code)]
 
+mod filter;
 mod hit;
 #[doc(hidden)]
 pub mod lanes;
@@ -40,11 +41,11 @@ mod segment;
 mod slab;
 mod sphere;
 mod triangle;
-mod vector;
 
 #[cfg(test)]
 mod tests;
 
+pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};

@@ -1,7 +1,7 @@
 use canted_obb::Aabb;
 
 use crate::rounding::UNIT_ROUNDOFF_F64;
-use crate::vector::{cross, wide};
+use canted_obb::vector::{cross, to_f64};
 
 /// Rounding of one comparison, relative to the sum of the absolute terms in it: eight roundings in f64 at most touch a
 /// term (two differences, a product and a sum on the left, as many on the right); doubled for second-order terms.
@@ -17,7 +17,7 @@ pub fn segment_overlaps_aabb(p0: [f32; 3], p1: [f32; 3], aabb: &Aabb) -> bool {
     if aabb.is_empty() {
         return false;
     }
-    let (p0, p1, min, max) = (wide(p0), wide(p1), wide(aabb.min), wide(aabb.max));
+    let (p0, p1, min, max) = (to_f64(p0), to_f64(p1), to_f64(aabb.min), to_f64(aabb.max));
     // Everything is doubled, which spares the halving of midpoints and extents.
     let midpoint: [f64; 3] = std::array::from_fn(|k| (p0[k] + p1[k]) - (min[k] + max[k]));
     let extent: [f64; 3] = std::array::from_fn(|k| max[k] - min[k]);

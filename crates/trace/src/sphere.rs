@@ -1,6 +1,6 @@
 use crate::rounding::nearest;
-use crate::vector::{dot, sub, wide};
 use crate::{Ray, ScaledRay};
+use canted_obb::vector::{dot, sub, to_f64};
 
 /// A sphere, in the space of the rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +21,7 @@ impl Sphere {
     #[must_use]
     pub fn roots(&self, ray: &Ray) -> Option<[f32; 2]> {
         let ray = ScaledRay::new(ray)?;
-        let (d, m) = (wide(ray.direction), sub(wide(ray.origin), wide(self.center)));
+        let (d, m) = (to_f64(ray.direction), sub(to_f64(ray.origin), to_f64(self.center)));
         let d_squared = dot(d, d);
         let closest_t = -dot(m, d) / d_squared;
         let across: [f64; 3] = std::array::from_fn(|k| m[k] + closest_t * d[k]);

@@ -24,6 +24,8 @@ mod checksum;
 mod error;
 mod header;
 
+use std::borrow::Cow;
+
 use bytemuck::Pod;
 use canted_obb::PrimId;
 
@@ -33,7 +35,7 @@ use crate::leaf::LeafPrimitive;
 use crate::primitive::SavedPrimitive;
 use crate::shape::Shapes;
 use crate::simd::SimdPath;
-use crate::traverse::{LaneKernel, MeshFrame};
+use crate::traverse::LaneKernel;
 use crate::triangle::Triangle;
 
 use check::{Expected, check_shapes, check_triangles};
@@ -41,76 +43,79 @@ use checksum::checksum;
 pub use error::LoadError;
 use header::{CHECKSUM_BYTES, HEADER_BYTES, Header};
 
-impl<K: LaneKernel> WideBvh<Triangle<K>> {
-    /// The BVH as bytes, for [`WideBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on every machine.
+/// What [`WideBvh::to_bytes`] can write: triangles, and every [`SavedPrimitive`].
+///
+/// This trait cannot be implemented directly.
+pub trait SavedLeaves: LeafPrimitive {
+    /// Bytes of a unit of leaves, and of a primitive that is stored besides; multiples of four.
+    #[doc(hidden)]
+    const SIZES: [usize; 2];
+
+    /// Units of leaves and primitives as words.
+    #[doc(hidden)]
+    fn sections(leaves: &Self::Leaves) -> [Cow<'_, [u32]>; 2];
+
+    /// Leaves from these sections, of any content.
+    #[doc(hidden)]
+    fn from_sections(units: &[u8], primitives: &[u8]) -> Self::Leaves;
+
+    /// Whether all records are those that a build makes.
+    #[doc(hidden)]
+    fn check(nodes: &Nodes, leaves: &Self::Leaves, expected: &Expected) -> Result<(), LoadError>;
+}
+
+impl<K: LaneKernel> SavedLeaves for Triangle<K> {
+    const SIZES: [usize; 2] = [size_of::<Half>(), 0];
+
+    fn sections(blocks: &Vec<Half>) -> [Cow<'_, [u32]>; 2] {
+        [Cow::Borrowed(bytemuck::cast_slice(blocks)), Cow::Borrowed(&[])]
+    }
+
+    fn from_sections(units: &[u8], _: &[u8]) -> Vec<Half> {
+        words_of(units)
+    }
+
+    fn check(nodes: &Nodes, blocks: &Vec<Half>, expected: &Expected) -> Result<(), LoadError> {
+        check_triangles(nodes, blocks, expected)
+    }
+}
+
+impl<P: SavedPrimitive> SavedLeaves for P {
+    const SIZES: [usize; 2] = {
+        let (size, align) = (size_of::<P::Data>(), align_of::<P::Data>());
+        assert!(size > 0 && size.is_multiple_of(4) && align >= 4, "primitives are written as 32-bit words");
+        [size_of::<PrimId>(), size]
+    };
+
+    fn sections(leaves: &Shapes<P>) -> [Cow<'_, [u32]>; 2] {
+        let data: Vec<P::Data> = leaves.primitives.iter().map(P::to_data).collect();
+        let order = leaves.order.iter().map(|id| id.0).collect();
+        [Cow::Owned(order), Cow::Owned(bytemuck::cast_slice(&data).to_vec())]
+    }
+
+    fn from_sections(units: &[u8], primitives: &[u8]) -> Shapes<P> {
+        let order = words_of(units).into_iter().map(PrimId).collect();
+        Shapes { order, primitives: words_of::<P::Data>(primitives).iter().map(P::from_data).collect() }
+    }
+
+    fn check(nodes: &Nodes, leaves: &Shapes<P>, expected: &Expected) -> Result<(), LoadError> {
+        check_shapes(nodes, leaves, expected)
+    }
+}
+
+impl<P: SavedLeaves> WideBvh<P> {
+    /// The BVH with its primitives as bytes, for [`WideBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on
+    /// every machine.
     ///
-    /// The triangles are included. The triangle test and the SIMD path are not: the reader chooses them.
+    /// The triangle test and the SIMD path are not part of them: the reader chooses both.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        self.write(Sizes::of::<Half, ()>(), bytemuck::cast_slice(&self.leaves), &[])
-    }
-
-    /// The BVH that [`WideBvh::to_bytes`] wrote, bit for bit.
-    ///
-    /// `bytes` may be damaged or malicious, whatever their checksum: a BVH that is returned cannot panic, loop or overflow a
-    /// stack, and finds every hit on its triangles. Needs memory in proportion to `bytes`.
-    ///
-    /// # Errors
-    /// The first thing in `bytes` that is not part of a valid BVH.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
-        let (header, nodes, units, _) = read(bytes, Sizes::of::<Half, ()>())?;
-        let leaves = words_of::<Half>(units);
-        check_triangles(&nodes, &leaves, &Expected::of(&header)?)?;
-        Ok(Self::from_header(&header, nodes, leaves))
-    }
-}
-
-impl<P: SavedPrimitive> WideBvh<P> {
-    /// The BVH as bytes, with its primitives.
-    #[must_use]
-    pub fn to_bytes(&self) -> Vec<u8> {
-        const { assert!(is_words::<P::Data>(), "primitives are written as 32-bit words") };
-        let data: Vec<P::Data> = self.leaves.primitives.iter().map(P::to_data).collect();
-        let order: Vec<u32> = self.leaves.order.iter().map(|id| id.0).collect();
-        self.write(Sizes::of::<PrimId, P::Data>(), &order, bytemuck::cast_slice(&data))
-    }
-
-    /// The BVH that [`WideBvh::to_bytes`] wrote; for damaged or malicious bytes see there.
-    ///
-    /// # Errors
-    /// The first thing in `bytes` that is not part of a valid BVH over primitives of this type.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
-        const { assert!(is_words::<P::Data>(), "primitives are read as 32-bit words") };
-        let (header, nodes, units, data) = read(bytes, Sizes::of::<PrimId, P::Data>())?;
-        let order = words_of::<u32>(units).into_iter().map(PrimId).collect();
-        let primitives = words_of::<P::Data>(data).iter().map(P::from_data).collect();
-        let leaves = Shapes { order, primitives };
-        check_shapes(&nodes, &leaves, &Expected::of(&header)?)?;
-        Ok(Self::from_header(&header, nodes, leaves))
-    }
-}
-
-/// Bytes of a unit of leaves and of a primitive that is stored besides.
-#[derive(Clone, Copy, PartialEq)]
-struct Sizes {
-    unit: u32,
-    primitive: u32,
-}
-
-impl Sizes {
-    /// Of these types; both are made of 32-bit words.
-    fn of<U, D>() -> Self {
+        let sections = P::sections(&self.leaves);
         #[expect(clippy::cast_possible_truncation, reason = "sizes of small types")]
-        let [unit, primitive] = [size_of::<U>(), size_of::<D>()].map(|n| n as u32);
-        Self { unit, primitive }
-    }
-}
-
-impl<P: LeafPrimitive> WideBvh<P> {
-    fn write(&self, sizes: Sizes, units: &[u32], primitives: &[u32]) -> Vec<u8> {
+        let [n_unit_bytes, n_primitive_bytes] = P::SIZES.map(|n| n as u32);
         let header = Header {
             n_lines: self.nodes.lines.len() as u64,
-            n_units: (size_of_val(units) / sizes.unit as usize) as u64,
+            n_units: (size_of_val(&sections[0][..]) / P::SIZES[0]) as u64,
             n_primitives: self.n_primitives as u64,
             root: self.nodes.root,
             depth: self.nodes.depth,
@@ -118,12 +123,12 @@ impl<P: LeafPrimitive> WideBvh<P> {
             bounds: self.bounds,
             predicted: self.predicted,
             baseline: self.baseline,
-            n_unit_bytes: sizes.unit,
-            n_primitive_bytes: sizes.primitive,
+            n_unit_bytes,
+            n_primitive_bytes,
         };
         let mut bytes = Vec::with_capacity(HEADER_BYTES + self.n_bytes() + CHECKSUM_BYTES);
         header.write(&mut bytes);
-        for words in [bytemuck::cast_slice(&self.nodes.lines), units, primitives] {
+        for words in [bytemuck::cast_slice(&self.nodes.lines), &sections[0], &sections[1]] {
             bytes.extend(words.iter().flat_map(|word: &u32| word.to_le_bytes()));
         }
         let sum = checksum(&bytes);
@@ -131,17 +136,26 @@ impl<P: LeafPrimitive> WideBvh<P> {
         bytes
     }
 
-    fn from_header(header: &Header, nodes: Nodes, leaves: P::Leaves) -> Self {
-        let Header { bounds, predicted, baseline, .. } = *header;
-        #[expect(clippy::cast_possible_truncation, reason = "checked to be at most the number in all leaves")]
-        let n_primitives = header.n_primitives as usize;
-        let (frame, path) = (MeshFrame::new(header.frame), SimdPath::detect());
-        Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path }
+    /// The BVH that [`WideBvh::to_bytes`] wrote, bit for bit.
+    ///
+    /// `bytes` may be damaged or malicious, whatever their checksum: a BVH that is returned cannot panic, loop or overflow a
+    /// stack, and finds every hit on its primitives. Needs memory in proportion to `bytes`.
+    ///
+    /// # Errors
+    /// The first thing in `bytes` that is not part of a valid BVH over these primitives.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
+        let (header, nodes, [units, primitives]) = read(bytes, P::SIZES)?;
+        let leaves = P::from_sections(units, primitives);
+        let expected = Expected::of(&header)?;
+        P::check(&nodes, &leaves, &expected)?;
+        let Expected { n_primitives, bounds, frame, .. } = expected;
+        let (predicted, baseline, path) = (header.predicted, header.baseline, SimdPath::detect());
+        Ok(Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path })
     }
 }
 
 /// The header, the nodes, and the bytes of leaves and primitives.
-fn read(bytes: &[u8], sizes: Sizes) -> Result<(Header, Nodes, &[u8], &[u8]), LoadError> {
+fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), LoadError> {
     let header = Header::read(bytes)?;
     if header.n_bytes() != bytes.len() as u64 {
         return Err(LoadError::Length { n_bytes: bytes.len(), n_expected: header.n_bytes() });
@@ -151,7 +165,9 @@ fn read(bytes: &[u8], sizes: Sizes) -> Result<(Header, Nodes, &[u8], &[u8]), Loa
     if computed.to_le_bytes() != sum {
         return Err(LoadError::Checksum { computed });
     }
-    let (found, expected) = ([header.n_unit_bytes, header.n_primitive_bytes], [sizes.unit, sizes.primitive]);
+    let found = [header.n_unit_bytes, header.n_primitive_bytes];
+    #[expect(clippy::cast_possible_truncation, reason = "sizes of small types")]
+    let expected = sizes.map(|n| n as u32);
     if found != expected {
         return Err(LoadError::Primitives { found, expected });
     }
@@ -161,12 +177,7 @@ fn read(bytes: &[u8], sizes: Sizes) -> Result<(Header, Nodes, &[u8], &[u8]), Loa
     let (lines, rest) = content[HEADER_BYTES..].split_at(n_line_bytes);
     let (units, primitives) = rest.split_at(n_unit_bytes);
     let nodes = Nodes { lines: words_of(lines), root: header.root, depth: header.depth };
-    Ok((header, nodes, units, primitives))
-}
-
-/// Whether values are made of 32-bit words.
-const fn is_words<D>() -> bool {
-    size_of::<D>() > 0 && size_of::<D>().is_multiple_of(4) && align_of::<D>() >= 4
+    Ok((header, nodes, [units, primitives]))
 }
 
 /// Records made of 32-bit words, least byte first.

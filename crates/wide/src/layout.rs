@@ -180,7 +180,7 @@ impl LeafLayout {
 
 /// All nodes of a BVH.
 #[derive(Clone, Debug)]
-pub(crate) struct Nodes {
+pub struct Nodes {
     pub(crate) lines: Vec<Line>,
     pub(crate) root: Word,
     /// Greatest number of nodes from the root to a leaf.

@@ -102,7 +102,6 @@ mod layout;
 mod leaf;
 mod measure;
 mod outline;
-mod par;
 mod primitive;
 mod queries;
 mod raw;
@@ -115,12 +114,14 @@ mod trace;
 mod traverse;
 mod triangle;
 
+use canted_lbvh::par;
+
 pub use build::PrimitiveError;
 pub use bvh::{PredictedCost, Sizes, TriangleBvh, WideBvh};
 pub use config::{Config, Preset};
 pub use costs::Costs;
 pub use counts::TraversalCounts;
-pub use file::LoadError;
+pub use file::{LoadError, SavedLeaves};
 pub use flaw::Flaw;
 pub use layout::{MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind};
 pub use leaf::LeafPrimitive;

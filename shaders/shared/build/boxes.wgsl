@@ -1,4 +1,4 @@
-// The nodes' boxes: fifteen numbers each, midpoint, three axes, half-extents.
+// Boxes of the nodes, fifteen floats each: center, three axes, half-extents.
 // use shared/build/enclosure
 
 @group(0) @binding(5) var<storage, read_write> obbs: array<f32>;
@@ -20,5 +20,5 @@ fn put_box(slot: u32, volume: Box) {
     put(slot, 1u, volume.frame[0]);
     put(slot, 2u, volume.frame[1]);
     put(slot, 3u, volume.frame[2]);
-    put(slot, 4u, volume.half);
+    put(slot, 4u, volume.half_extents);
 }

@@ -8,7 +8,7 @@ use std::fmt::Display;
 
 use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Affine};
-use canted_renderer::{Levels, StructureConfig, flatten, prepare};
+use canted_renderer::{Accel, Levels, StructureConfig, flatten, prepare};
 use canted_scene::{Instance, Mesh, MeshId, Scene};
 use canted_trace::{ScaledRay, Watertight};
 use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
@@ -68,7 +68,7 @@ pub(super) fn rows() -> Vec<Row> {
     let crowd = scene(MAX_TRIANGLES);
     row("prepare, one level", is_told(prepare::<Watertight>(&crowd, &one), crowd.n_placed_triangles()));
     let crowd = scene(canted_lbvh::MAX_PRIMITIVES);
-    let binary = StructureConfig { volumes: Some(Strategy::Dop), ..one };
+    let binary = StructureConfig { accel: Accel::Binary { strategy: Strategy::Dop, builder: None }, ..one };
     row("prepare, one binary level", is_told(prepare::<Watertight>(&crowd, &binary), crowd.n_placed_triangles()));
     row("flatten", is_told(flatten(&crowd), crowd.n_placed_triangles()));
     rows

@@ -38,7 +38,8 @@ impl<const PARTS: u32, const PADDED: bool> Primitive for Shrunk<PARTS, PADDED> {
 /// How many rays the tree over shrunk triangles answers otherwise than the loop.
 fn n_lost<const PARTS: u32, const PADDED: bool>(mesh: &Mesh, rays: &[Ray]) -> usize {
     let shrunk = |t: &[u32; 3]| Shrunk::<PARTS, PADDED>(t.map(|index| mesh.positions[index as usize]));
-    let tree = WideBvh::<Shrunk<PARTS, PADDED>>::build(mesh.triangles.iter().map(shrunk).collect(), &Config::default()).unwrap();
+    let tree = WideBvh::<Shrunk<PARTS, PADDED>>::build(mesh.triangles.iter().map(shrunk).collect(), &Config::default())
+        .unwrap();
     let wants = loop_over_all::<Watertight>(mesh, rays);
     rays.iter().zip(&wants).filter(|(ray, want)| tree.closest_hit(ray) != **want).count()
 }

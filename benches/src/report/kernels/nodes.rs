@@ -120,6 +120,6 @@ mod tests {
     fn equal_boxes_are_one_node_of_that_box() {
         let aabb = Aabb { min: [1.0, 2.0, 3.0], max: [4.0, 5.0, 3.0] };
         let tree = of_equal(&[aabb]).unwrap().remove(0);
-        assert_eq!((tree.sizes().nodes, tree.aabb(), tree.n_triangles()), ([1, 0], aabb, LANES));
+        assert_eq!((tree.sizes().nodes, tree.aabb(), tree.n_primitives()), ([1, 0], aabb, LANES));
     }
 }

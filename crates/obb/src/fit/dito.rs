@@ -25,8 +25,8 @@ const FLAT: f64 = 6.0 * f32::EPSILON as f64;
 /// set that is a point, a line or flat leaves out what it lacks. A departure: the apexes join the extremal points.
 pub(super) fn frame(points: &[[f32; 3]]) -> Frame {
     // Measured from the first point: translation costs nothing.
-    let origin = vector::from_f32(points[0]);
-    let points = || points.iter().map(|&p| sub(vector::from_f32(p), origin));
+    let origin = vector::to_f64(points[0]);
+    let points = || points.iter().map(|&p| sub(vector::to_f64(p), origin));
     let spans = DIRECTIONS.map(|direction| extremes(points(), direction));
     let [p, q] = spans.into_iter().fold(spans[0], |longest, span| {
         if square(sub(span[1], span[0])) > square(sub(longest[1], longest[0])) { span } else { longest }
@@ -70,7 +70,7 @@ impl Search {
         for edge in [sub(b, a), sub(c, b), sub(a, c)] {
             let frame = orthonormal(edge, normal);
             let [x, y, z] = frame.map(|axis| {
-                let axis = vector::from_f32(axis);
+                let axis = vector::to_f64(axis);
                 let [low, high] = extremes(self.measured.into_iter(), axis);
                 dot(sub(high, low), axis)
             });

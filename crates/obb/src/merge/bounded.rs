@@ -46,7 +46,7 @@ fn surface(child: &Child) -> f64 {
     match child {
         Child::Box(child) => child.area(),
         Child::Triangle(corners) => {
-            let [a, b, c] = corners.map(vector::from_f32);
+            let [a, b, c] = corners.map(vector::to_f64);
             vector::length(cross(sub(b, a), sub(c, a)))
         }
     }

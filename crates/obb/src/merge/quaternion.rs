@@ -39,7 +39,7 @@ fn rotation_of(axes: Frame) -> Quaternion {
     if frame::is_orthonormal(axes) {
         Quaternion::from_frame(axes)
     } else {
-        rotation::extract(axes.map(vector::from_f32), rotation::MAX_ITERATIONS).rotation
+        rotation::extract(axes.map(vector::to_f64), rotation::MAX_ITERATIONS).rotation
     }
 }
 

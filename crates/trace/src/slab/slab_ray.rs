@@ -2,8 +2,8 @@ use canted_obb::Aabb;
 
 use super::Slabs;
 use crate::rounding::{UNIT_ROUNDOFF, up};
-use crate::vector::{dot, wide};
 use crate::{HIT_ERROR, ScaledRay};
+use canted_obb::vector::{dot, to_f64};
 
 /// By how much, relative to `|o|∞ + ρ∞`, the ray is thickened against axis-aligned boxes.
 ///
@@ -60,7 +60,7 @@ impl SlabRay {
     #[must_use]
     pub fn with_error(ray: &ScaledRay, reach: f32, error: f64) -> Self {
         // The error lengthens the way to the hit, so the roundings are relative to it too.
-        let scale = crate::vector::reach(wide(ray.origin)) + f64::from(reach) + error;
+        let scale = canted_obb::vector::reach(to_f64(ray.origin)) + f64::from(reach) + error;
         let pad = error + f64::from(AABB_PAD - HIT_ERROR) * scale;
         let pad_oriented = f64::from(SQRT_3) * error + f64::from(SLABS_PAD - SQRT_3 * HIT_ERROR) * scale;
         Self::with_pads(ray, up(pad) + f32::MIN_POSITIVE, up(pad_oriented) + f32::MIN_POSITIVE)

@@ -2,8 +2,8 @@
 
 use canted_obb::Obb;
 
-use crate::vector::{cross, dot, sub};
 use crate::{Ray, ScaledRay};
+use canted_obb::vector::{cross, dot, sub};
 
 pub(super) type Triangle = [[f32; 3]; 3];
 

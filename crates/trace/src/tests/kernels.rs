@@ -3,8 +3,8 @@ use num_traits::{Signed, Zero};
 use super::exact::{self, Q, q, q3};
 use super::inputs::{self, Rng, SETTINGS, Triangle, any_bits, ray_at};
 use crate::rounding::UNIT_ROUNDOFF;
-use crate::vector::{cross, dot, reach, sub, wide};
 use crate::{BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, TriangleHit, Watertight};
+use canted_obb::vector::{cross, dot, reach, sub, to_f64};
 
 pub(super) fn hit<K: Kernel>(ray: &ScaledRay, triangle: &Triangle) -> Option<TriangleHit> {
     K::intersect(&K::prepare(ray), ray, &K::record(*triangle), ray.t_max)
@@ -73,8 +73,8 @@ fn hits_lie_within_the_bound_of_the_true_triangle() {
 
 /// `(t, least weight, weight error of f32)` of a well-posed case, in f64.
 fn solve(ray: &ScaledRay, triangle: &Triangle) -> Option<(f64, [f64; 3], f64)> {
-    let [v0, v1, v2] = triangle.map(wide);
-    let (o, d) = (wide(ray.origin), wide(ray.direction));
+    let [v0, v1, v2] = triangle.map(to_f64);
+    let (o, d) = (to_f64(ray.origin), to_f64(ray.direction));
     let (e1, e2) = (sub(v1, v0), sub(v2, v0));
     let normal = cross(e1, e2);
     let slope = dot(normal, d);
@@ -105,7 +105,7 @@ fn agrees_with_f64<K: Kernel>(name: &str) -> (u32, u32) {
         let Some((t, weights, error)) = solve(&ray, &triangle) else { continue };
         let least = weights.into_iter().fold(f64::INFINITY, f64::min);
         let found = hit::<K>(&ray, &triangle);
-        let span = reach(wide(ray.origin)) + triangle.iter().map(|&v| reach(wide(v))).fold(0.0, f64::max);
+        let span = reach(to_f64(ray.origin)) + triangle.iter().map(|&v| reach(to_f64(v))).fold(0.0, f64::max);
         if least > error && t > error * span {
             let found = found.unwrap_or_else(|| panic!("{name} misses {ray:?} {triangle:?}"));
             let off = [f64::from(found.u) - weights[1], f64::from(found.v) - weights[2]];

@@ -6,8 +6,8 @@ use super::exact::{self, q};
 use super::inputs::{Rng, SETTINGS, Triangle, ray_at};
 use super::kernels::hit;
 use crate::rounding::{UNIT_ROUNDOFF, UNIT_ROUNDOFF_F64};
-use crate::vector::{cross, dot, sub};
 use crate::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
+use canted_obb::vector::{cross, dot, sub};
 
 /// A subdivided octahedron, its vertices shared bit for bit; then scaled and moved, which keeps it closed.
 fn ball(levels: u32, scale: [f32; 3], around: [f32; 3]) -> Vec<Triangle> {

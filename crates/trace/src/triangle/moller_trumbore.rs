@@ -3,7 +3,7 @@ use super::finish::finish;
 use super::{Kernel, TriangleHit};
 use crate::ScaledRay;
 use crate::rounding::UNIT_ROUNDOFF;
-use crate::vector::{cross, dot, sub};
+use canted_obb::vector::{cross, dot, sub};
 
 /// Error of the weights, relative to `E·(S + E)`, see below.
 pub const ERROR: f32 = 17.0 * UNIT_ROUNDOFF;

@@ -20,11 +20,11 @@ use crate::traverse::MeshFrame;
 const MOST_NESTED: u64 = 4_096;
 
 /// What the header says of the records.
-pub(super) struct Expected {
-    n_primitives: usize,
+pub struct Expected {
+    pub(super) n_primitives: usize,
     depth: u32,
-    bounds: Aabb,
-    frame: MeshFrame,
+    pub(super) bounds: Aabb,
+    pub(super) frame: MeshFrame,
 }
 
 impl Expected {

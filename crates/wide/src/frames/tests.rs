@@ -164,7 +164,7 @@ fn the_check_detects_a_long_row_a_wrong_area_and_a_nan() {
 /// Each node of a strut, whatever its direction, gets a box as small as the strut.
 #[test]
 fn a_rotated_strut_gets_a_box_along_itself() {
-    let rotation = fixtures::Rotation::turn();
+    let rotation = fixtures::Rotation::off_axis();
     let strut = of_triangles(&box_triangles([1.0, 0.02, 0.01]));
     let input = Input::of(&strut.rotated(&rotation));
     let fits = input.fit(&FrameConfig::default());

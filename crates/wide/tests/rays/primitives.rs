@@ -121,7 +121,8 @@ fn a_refused_entry_leaves_the_exit() {
             hit.side == Side::Back
         }
     }
-    let tree = WideBvh::<Sphere>::build(vec![Sphere { center: [0.0; 3], radius: 1.0 }], &Config::default()).expect("sound");
+    let tree =
+        WideBvh::<Sphere>::build(vec![Sphere { center: [0.0; 3], radius: 1.0 }], &Config::default()).expect("sound");
     let ray = Ray::new([0.0, 0.0, -3.0], [0.0, 0.0, 0.5]);
     assert_eq!(tree.closest_hit(&ray).map(|hit| (hit.t, hit.side)), Some((4.0, Side::Front)));
     let left = tree.closest_hit_with(&ray, InstanceId(7), &mut Leaving);
@@ -205,7 +206,10 @@ fn pads_follow_the_stated_error() {
     fn lost<const STATED: bool>() -> usize {
         let spheres = spheres(200, 1.0);
         let rays = rays(&spheres, 2000, 1.0);
-        let tree = WideBvh::<Sloppy<STATED>>::build(spheres.iter().map(|&s| Sloppy::<STATED>(s)).collect(), &Config::default());
+        let tree = WideBvh::<Sloppy<STATED>>::build(
+            spheres.iter().map(|&s| Sloppy::<STATED>(s)).collect(),
+            &Config::default(),
+        );
         let tree = tree.expect("sound spheres");
         rays.iter()
             .filter(|ray| {

@@ -1,0 +1,85 @@
+//! BVH construction on the device, with the same stages as on the CPU.
+//!
+//! ```text
+//! vertices of all meshes -> Items -> domain -> codes -> sort -> tree -> volumes       bottom levels
+//! root boxes, instances  -> Items -> the same stages                                  top level
+//! ```
+//!
+//! All trees of a level share the same dispatches. Their items are stored one tree after another, and the index of the tree is
+//! the most significant word of the sort key.
+
+mod dop;
+mod items;
+mod passes;
+mod run;
+mod sort;
+mod stages;
+mod two_levels;
+mod volumes;
+
+pub use items::{Items, Range};
+pub use passes::Passes;
+pub use run::{Run, StageTime};
+pub use sort::Sorter;
+pub use stages::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
+pub use two_levels::TwoLevels;
+pub use volumes::{aabbs, obbs};
+
+use canted_lbvh::{Bits, Strategy};
+use canted_obb::{Aabb, Obb};
+
+use crate::{Buffer, GpuError};
+
+/// Volume strategies that the device supports; the axis-aligned one is first. `PcaUnbounded` is not supported: it measures each
+/// box with every point below the node, which takes too long on a device (Sabino 2020, 4.3).
+pub const STRATEGIES: [Strategy; 5] =
+    [Strategy::Aabb, Strategy::PcaBounded, Strategy::Quaternion, Strategy::Combined, Strategy::Dop];
+
+/// Build settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct BuildConfig {
+    /// Length of the Morton codes.
+    pub bits: Bits,
+    /// How the volumes of inner nodes are computed.
+    pub strategy: Strategy,
+}
+
+/// The trees of a level in device memory.
+pub struct Built {
+    /// The items of the trees.
+    pub items: Items,
+    /// The item of each leaf.
+    pub leaves: Buffer<u32>,
+    /// Inner nodes and topology.
+    pub trees: Trees,
+    /// Axis-aligned box of each inner node, by slot.
+    pub aabbs: Buffer<Aabb>,
+    /// Volume of each inner node, by slot; the axis-aligned box if an oriented one has no less area. `None` for
+    /// [`Strategy::Aabb`].
+    pub obbs: Option<Buffer<Obb>>,
+}
+
+impl Built {
+    /// Builds the trees over `items`, all with the same dispatches.
+    ///
+    /// # Errors
+    /// Out of memory, device lost, or an unsupported strategy.
+    pub fn new(run: &mut Run<'_>, items: Items, config: BuildConfig) -> Result<Self, GpuError> {
+        let domains = domain(run, &items, config.bits)?;
+        let codes = codes(run, &items, &domains, config.bits)?;
+        let Sorted { codes, leaves } = sort(run, &items, &codes)?;
+        let trees = tree(run, &items, &codes)?;
+        let aabbs = aabbs(run, &items, &leaves, &trees)?;
+        let obbs = match config.strategy {
+            Strategy::Aabb => None,
+            leaning => Some(obbs(run, &items, &leaves, &trees, &aabbs, leaning)?),
+        };
+        Ok(Self { items, leaves, trees, aabbs, obbs })
+    }
+}
+
+/// A count as `u32`.
+#[expect(clippy::cast_possible_truncation, reason = "bindings hold fewer than 2^32 values")]
+fn count(n: usize) -> u32 {
+    n as u32
+}

@@ -1,0 +1,132 @@
+//! BVHs, instances and their error bounds in the layout of `shared/bvh.wgsl` and `shared/level.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+use canted_obb::{Affine, Obb};
+use canted_wide::RawBvh;
+
+/// Upper bound of one rounding under WGSL, relative, in any rounding mode: 2^-23.
+const ROUNDING: f32 = f32::EPSILON;
+
+/// Maximum distance of a reported hit from its triangle, per coordinate and relative to `|o|∞ + ρ∞`, without an instance
+/// transform; derived in `shared/triangle.wgsl`.
+pub const HIT_ERROR: f32 = 64.0 * ROUNDING;
+
+/// Four words, the unit in which kernels read nodes and blocks.
+pub(super) type Quad = [u32; 4];
+
+/// Header of a BVH.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct BvhHeader {
+    /// Rows of the mesh's frame. Fourth components: the largest coordinate, the relative and the constant error of hits.
+    pub(super) rows: [[f32; 4]; 3],
+    /// Root, first quad of the nodes and of the blocks, whether the frame is rotated.
+    pub(super) words: Quad,
+}
+
+/// Error bound of hits: relative to the largest coordinate of the origin, and constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct HitError {
+    pub(super) per_origin: f32,
+    pub(super) fixed: f32,
+}
+
+impl HitError {
+    /// Error in object space, for triangles with coordinates up to `reach`.
+    pub(super) fn of_triangles(reach: f32) -> Self {
+        Self { per_origin: HIT_ERROR, fixed: HIT_ERROR * reach }
+    }
+}
+
+/// Where a BVH starts in the shared buffers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Start {
+    pub(super) node: u32,
+    pub(super) block: u32,
+}
+
+impl BvhHeader {
+    pub(super) fn new(words: &RawBvh<'_>, start: Start, error: HitError) -> Self {
+        let [x, y, z] = words.frame;
+        let with = |[a, b, c]: [f32; 3], last: f32| [a, b, c, last];
+        Self {
+            rows: [with(x, words.reach), with(y, error.per_origin), with(z, error.fixed)],
+            words: [words.root, start.node, start.block, u32::from(words.frame != Obb::IDENTITY_FRAME)],
+        }
+    }
+}
+
+/// An instance.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct InstanceData {
+    /// Rows of the linear part of `object_from_world`. Fourth components: the world position of the object's origin.
+    rows: [[f32; 4]; 3],
+    /// Index of its BVH; index of its motion plus one, or 0 for none.
+    tree: Quad,
+}
+
+impl InstanceData {
+    #[expect(clippy::cast_possible_truncation, reason = "the rounding is within the kernel's bound")]
+    pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, [tree, motion]: [u32; 2]) -> Self {
+        let at = world_from_object.columns[3];
+        let row = |k: usize| {
+            let [x, y, z, _] = object_from_world[k].map(|x| x as f32);
+            [x, y, z, at[k]]
+        };
+        Self { rows: [row(0), row(1), row(2)], tree: [tree, motion, 0, 0] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::offset_of;
+
+    use canted_shaders::{Layout, Shader, Specialisation};
+
+    use super::*;
+    use crate::{DeviceHit, DeviceRay};
+
+    fn layout(of: &str) -> Layout {
+        let chosen = Specialisation::none()
+            .part("level", "shared/level/instances")
+            .part("node_kinds", "shared/node_kinds/any")
+            .part("traverse", "shared/traverse/stack")
+            .part("mask", "shared/mask/none")
+            .part("count", "shared/count/none")
+            .number("STACK_SIZE", 4)
+            .number("MAX_ITERATIONS", 1000);
+        Shader::new("trace/closest", &chosen).unwrap().layout(of).unwrap().clone()
+    }
+
+    fn offsets(of: &str) -> (Vec<u32>, u32) {
+        let layout = layout(of);
+        (layout.members.iter().map(|(_, offset)| *offset).collect(), layout.size)
+    }
+
+    #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "offsets are small")]
+    fn layouts_match_the_kernels() {
+        let rows = offset_of!(BvhHeader, rows) as u32;
+        let words = offset_of!(BvhHeader, words) as u32;
+        assert_eq!(offsets("Bvh"), (vec![rows, rows + 16, rows + 32, words], size_of::<BvhHeader>() as u32));
+        let rows = offset_of!(InstanceData, rows) as u32;
+        let tree = offset_of!(InstanceData, tree) as u32;
+        assert_eq!(offsets("Instance"), (vec![rows, rows + 16, rows + 32, tree], size_of::<InstanceData>() as u32));
+        let of_ray = [
+            offset_of!(DeviceRay, origin),
+            offset_of!(DeviceRay, t_min),
+            offset_of!(DeviceRay, direction),
+            offset_of!(DeviceRay, t_max),
+        ];
+        assert_eq!(offsets("Ray"), (of_ray.map(|x| x as u32).to_vec(), size_of::<DeviceRay>() as u32));
+        let of_hit = [
+            offset_of!(DeviceHit, t),
+            offset_of!(DeviceHit, u),
+            offset_of!(DeviceHit, v),
+            offset_of!(DeviceHit, primitive),
+            offset_of!(DeviceHit, instance),
+        ];
+        assert_eq!(offsets("Hit"), (of_hit.map(|x| x as u32).to_vec(), size_of::<DeviceHit>() as u32));
+    }
+}
