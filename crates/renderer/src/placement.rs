@@ -96,8 +96,8 @@ pub(crate) struct Placement {
 impl Placement {
     /// Prepares an instance of a mesh whose maximum absolute coordinate is `reach_object`.
     ///
-    /// An instance that moves to `close` uses the larger `W` of both ends, which bounds it at all times because `R_k` and
-    /// `|T_k|` are convex along a straight line. It is traced with two levels.
+    /// An instance that moves to `close` uses the larger `W` of both ends, which bounds it at all times because `R_k`
+    /// and `|T_k|` are convex along a straight line. It is traced with two levels.
     pub(crate) fn new(world_from_object: &Affine, close: Option<&Affine>, reach_object: f32) -> Self {
         let reach_world =
             std::iter::once(world_from_object).chain(close).map(|map| map.reach(reach_object)).fold(0.0, f64::max);

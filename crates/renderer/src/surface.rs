@@ -41,10 +41,11 @@ impl Surface {
         Ray::new(self.origin_towards(wide(direction)), direction)
     }
 
-    /// A ray towards `target` that ends just before it: its direction spans the entire distance, its `t_max` is below 1.
+    /// A ray towards `target` that ends just before it: its direction spans the entire distance, its `t_max` is below
+    /// 1.
     ///
-    /// The gap is this surface's offset, so that a surface through the target is no occluder, plus four roundings of the
-    /// direction. `None` if the target is too close.
+    /// The gap is this surface's offset, so that a surface through the target is no occluder, plus four roundings of
+    /// the direction. `None` if the target is too close.
     #[must_use]
     pub fn spawn_ray_to(&self, target: [f32; 3]) -> Option<Ray> {
         let origin = self.origin_towards(sub(wide(target), self.position));
@@ -65,8 +66,8 @@ impl Surface {
 
     /// Mirrors a direction below the triangle's horizon to the outside.
     ///
-    /// A direction may be above the horizon of the shading normal and below that of the triangle. Mirroring keeps rays out of
-    /// the solid without losing energy, as rejecting the sample would.
+    /// A direction may be above the horizon of the shading normal and below that of the triangle. Mirroring keeps rays
+    /// out of the solid without losing energy, as rejecting the sample would.
     #[must_use]
     pub fn mirror_outward(&self, direction: [f32; 3]) -> [f32; 3] {
         let height = dot(self.normal, wide(direction));
