@@ -4,9 +4,9 @@ mod prefetch;
 mod shading_normal;
 mod surfaces;
 
-use canted_trace::Ray;
+use canted_trace::{Ray, SurfacePoint};
 
-use crate::vector::{Vector, add, dot, narrow, scale, sub, wide};
+use crate::vector::{dot, narrow, scale, sub, wide};
 use crate::{Bsdf, Cone};
 pub use surfaces::Surfaces;
 
@@ -26,42 +26,29 @@ pub struct Surface {
     pub bsdf: Bsdf,
     /// Emitted radiance, the same on both sides.
     pub emission: [f32; 3],
-    /// Distance that new rays keep off the triangle's plane, in world units.
+    /// Distance from the triangle's plane at which new rays start, in world units; see [`SurfacePoint`].
     pub offset: f64,
     /// The part of space that the incoming ray stood for, where it arrived.
     pub cone: Cone,
 }
 
 impl Surface {
-    /// A ray without end that leaves along `direction`, on the side of the triangle to which `direction` points.
-    ///
-    /// It starts [`Surface::offset`] off the plane, which is as much as rounding can ask for; no constant of length is
-    /// involved.
+    /// The point with its error bound, where rays continue.
+    #[must_use]
+    pub fn point(&self) -> SurfacePoint {
+        SurfacePoint { position: self.position, normal: self.normal, offset: self.offset }
+    }
+
+    /// A ray without end along `direction`: [`SurfacePoint::spawn_ray`].
     #[must_use]
     pub fn spawn_ray(&self, direction: [f32; 3]) -> Ray {
-        Ray::new(self.origin_towards(wide(direction)), direction)
+        self.point().spawn_ray(direction)
     }
 
-    /// A ray that ends short of `target`: its direction spans the whole way, its `t_max` stays below 1.
-    ///
-    /// The gap is the distance that rays keep off this surface, so that a surface through the target does not count,
-    /// and four roundings of the direction. `None` where the target is too close to tell apart.
+    /// A ray that ends just before `target`: [`SurfacePoint::spawn_ray_to`].
     #[must_use]
     pub fn spawn_ray_to(&self, target: [f32; 3]) -> Option<Ray> {
-        let origin = self.origin_towards(sub(wide(target), self.position));
-        let way = sub(wide(target), wide(origin));
-        let gap = self.offset / dot(way, way).sqrt() + 2.0 * f64::from(f32::EPSILON);
-        // False for a way of no length, whose gap is infinite or not a number.
-        (gap < 1.0).then(|| {
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is within the gap")]
-            let t_max = (1.0 - gap) as f32;
-            Ray { t_max, ..Ray::new(origin, narrow(way)) }
-        })
-    }
-
-    fn origin_towards(&self, direction: Vector) -> [f32; 3] {
-        let side = self.offset.copysign(dot(self.normal, direction));
-        narrow(add(self.position, scale(self.normal, side)))
+        self.point().spawn_ray_to(target)
     }
 
     /// Turns `direction` to the outer side of the triangle, where shading normal and triangle disagree about it.
