@@ -1,7 +1,7 @@
-// Sort, where there are several trees.
-// Writes: the tree of each item, the most significant word of its key.
+// Sort, only where there are several trees.
+// Writes: the tree of each item, which is the most significant word of its key.
 // use shared/build/slice
-// use shared/build/forest
+// use shared/build/tree/forest
 
 @group(0) @binding(1) var<storage, read_write> tree_indices: array<u32>;
 

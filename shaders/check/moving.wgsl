@@ -1,7 +1,7 @@
-// First hits of rays that fly at times of their own, to be compared with the CPU's.
-// use shared/groups
-// use shared/ray_time
-// use shared/trace
+// Closest hits of rays with individual times, to compare with the CPU.
+// use shared/invocation/index
+// use shared/time/ray_time
+// use ?traverse
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read> times: array<f32>;

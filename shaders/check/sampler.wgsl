@@ -1,5 +1,5 @@
-// The sampler's numbers, to be compared with the CPU's.
-// use shared/groups
+// Evaluates the sampler, to compare with the CPU.
+// use shared/invocation/index
 // use shared/sampler
 
 struct Query {

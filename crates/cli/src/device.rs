@@ -1,4 +1,4 @@
-//! `--device`: what computes.
+//! How a command runs: on which device, with how many threads.
 
 use std::str::FromStr;
 
@@ -6,19 +6,23 @@ use anyhow::{Result, anyhow};
 use canted_gpu::{AdapterKind, Choice, Gpu, GpuError};
 use canted_renderer::DeviceError;
 
-use crate::{memory, options::TrianglesArg, output};
+use crate::{
+    memory,
+    options::{self, TriangleTest},
+    output,
+};
 
-/// What `--device` says.
+/// The value of `--device`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum DeviceArg {
-    /// A GPU where there is one that knows what is asked, else the CPU.
+    /// A hardware GPU if there is one and it supports the request, else the CPU.
     Auto,
     Cpu,
-    /// The best adapter, software or not.
+    /// The best adapter, software drivers included.
     Gpu,
-    /// The CPU beside an adapter: one that is no software, or that of this name.
+    /// The CPU together with an adapter: the best hardware adapter, or the one of this name.
     Both(Option<String>),
-    /// The best adapter whose name has this part.
+    /// The best adapter whose name contains this text.
     Named(String),
 }
 
@@ -32,7 +36,7 @@ impl FromStr for DeviceArg {
             "gpu" => Self::Gpu,
             "both" => Self::Both(None),
             _ => match text.strip_prefix("both:").unwrap_or(text).trim() {
-                "" => return Err("a device is auto, cpu, gpu, both or a part of an adapter's name".to_owned()),
+                "" => return Err("expected auto, cpu, gpu, both or part of an adapter name".to_owned()),
                 name if text.starts_with("both:") => Self::Both(Some(name.to_owned())),
                 name => Self::Named(name.to_owned()),
             },
@@ -40,23 +44,49 @@ impl FromStr for DeviceArg {
     }
 }
 
-/// What computes, open.
+/// The options about how a command runs.
+#[derive(clap::Args, Clone)]
+pub(crate) struct RunArgs {
+    /// Compute device: auto, cpu, gpu, or part of an adapter name (see `canted devices`). `auto` uses a hardware GPU that
+    /// supports the scene, else the CPU.
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    pub(crate) device: DeviceArg,
+    /// Number of CPU threads [default: all]
+    #[arg(long, value_parser = options::threads, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Print the report as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+impl RunArgs {
+    /// Starts the threads and opens the device of a command that cannot share its work between CPU and GPU.
+    pub(crate) fn start(&self) -> Result<Machine> {
+        options::use_threads(self.threads)?;
+        if matches!(self.device, DeviceArg::Both(_)) {
+            return Err(anyhow!("--device both requires `canted render`; use cpu, gpu or an adapter name"));
+        }
+        self.device.open()
+    }
+}
+
+/// An open compute device.
 pub(crate) enum Machine {
     /// The CPU alone.
     Cpu,
-    /// An adapter alone, because it was asked for.
+    /// An adapter alone, requested explicitly.
     Device(Gpu),
-    /// An adapter as far as it knows what is asked, else the CPU.
+    /// An adapter, or the CPU where the adapter does not support the request.
     Auto(Gpu),
-    /// Both share the work out.
+    /// The CPU and an adapter together.
     Both(Gpu),
 }
 
 impl DeviceArg {
-    /// Opens what is meant; a software driver is told of.
+    /// Opens the device. Warns about a software driver.
     ///
     /// # Errors
-    /// An adapter that there is not, or that gives no device.
+    /// There is no such adapter, or it provides no device.
     pub(crate) fn open(&self) -> Result<Machine> {
         Ok(match self {
             Self::Cpu => Machine::Cpu,
@@ -64,36 +94,38 @@ impl DeviceArg {
                 Ok(gpu) => Machine::Auto(gpu),
                 Err(GpuError::NoAdapter { .. }) => Machine::Cpu,
                 Err(error) => {
-                    instead(&error);
+                    warn_fallback(&error);
                     Machine::Cpu
                 }
             },
-            Self::Gpu => Machine::Device(opened(&Choice::Best)?),
-            Self::Named(name) => Machine::Device(opened(&Choice::Named(name.clone()))?),
-            Self::Both(Some(name)) => Machine::Both(opened(&Choice::Named(name.clone()))?),
+            Self::Gpu => Machine::Device(open_adapter(&Choice::Best)?),
+            Self::Named(name) => Machine::Device(open_adapter(&Choice::Named(name.clone()))?),
+            Self::Both(Some(name)) => Machine::Both(open_adapter(&Choice::Named(name.clone()))?),
             Self::Both(None) => match Gpu::open(&Choice::Hardware) {
                 Ok(gpu) => Machine::Both(gpu),
                 Err(GpuError::NoAdapter { found, .. }) if !found.is_empty() => {
                     let name = &found[0];
-                    output::to_stderr(&format!(
-                        "warning: the CPU computes alone: '{name}' is a software driver and takes the same cores; \
-                         --device both:NAME takes it all the same"
+                    output::warn(&format!(
+                        "using the CPU alone: '{name}' is a software driver that runs on the same cores; use \
+                         --device both:NAME to include it"
                     ));
                     Machine::Cpu
                 }
-                Err(error) => return Err(anyhow!("{error}")),
+                Err(error) => return Err(error.into()),
             },
         })
     }
 }
 
-fn opened(choice: &Choice) -> Result<Gpu> {
-    let gpu = Gpu::open(choice).map_err(|error| anyhow!("{error}"))?;
+fn open_adapter(choice: &Choice) -> Result<Gpu> {
+    let gpu = Gpu::open(choice)?;
     let facts = gpu.info();
     if facts.kind == AdapterKind::Software {
-        let name = &facts.name;
-        output::to_stderr(&format!("warning: '{name}' is a software driver: it computes on the CPU, and slower"));
-        // Its memory is this machine's, of which it gives more than there is.
+        output::warn(&format!(
+            "'{}' is a software driver: it runs on the CPU and is slower than --device cpu",
+            facts.name
+        ));
+        // A software driver shares the memory of the machine, and reports more than there is.
         if let Some(n_bytes) = memory::available_bytes() {
             gpu.limit_memory(n_bytes);
         }
@@ -101,13 +133,12 @@ fn opened(choice: &Choice) -> Result<Gpu> {
     Ok(gpu)
 }
 
-/// Tells that the CPU computes in place of a device.
-fn instead(why: &dyn std::error::Error) {
-    output::to_stderr(&format!("warning: the CPU computes: {why}"));
+fn warn_fallback(error: &dyn std::error::Error) {
+    output::warn(&format!("falling back to the CPU: {error}"));
 }
 
 impl Machine {
-    /// The adapter, if any has a part in it.
+    /// The adapter, if one is used.
     pub(crate) fn gpu(&self) -> Option<&Gpu> {
         match self {
             Self::Cpu => None,
@@ -115,38 +146,37 @@ impl Machine {
         }
     }
 
-    /// What is ready on the device; `None` where the CPU computes, also because the device does not know what is asked.
+    /// Runs `prepare` on the adapter. Returns `None` where the CPU computes instead.
     ///
     /// # Errors
-    /// What was asked of the device by name and it does not do, and what is no matter of devices.
+    /// An adapter that was requested explicitly does not support the request, or the error is not the adapter's.
     pub(crate) fn ready<'a, T>(&'a self, prepare: impl FnOnce(&'a Gpu) -> Result<T, DeviceError>) -> Result<Option<T>> {
         let Some(gpu) = self.gpu() else { return Ok(None) };
         match prepare(gpu) {
             Ok(ready) => Ok(Some(ready)),
-            Err(error @ DeviceError::Render(_)) => Err(self.named(error)),
-            Err(error) if matches!(self, Self::Auto(_)) => {
-                instead(&error);
+            Err(error) if matches!(self, Self::Auto(_)) && !matches!(error, DeviceError::Render(_)) => {
+                warn_fallback(&error);
                 Ok(None)
             }
             Err(error) => Err(self.named(error)),
         }
     }
 
-    /// An error with the name of the device, where it is the device's.
+    /// Adds the name of the adapter to an error of the adapter.
     pub(crate) fn named(&self, error: DeviceError) -> anyhow::Error {
         match (error, self.gpu()) {
             (DeviceError::Render(error), _) => error.into(),
             (DeviceError::Gpu(error), Some(gpu)) => anyhow!("{}: {error}", gpu.info().name),
-            (error, _) => anyhow!("{error}"),
+            (error, _) => error.into(),
         }
     }
 }
 
-/// Refuses triangle tests that kernels do not have.
-pub(crate) fn check_triangles(triangles: TrianglesArg) -> Result<(), DeviceError> {
+/// Rejects triangle tests that the GPU kernels do not support.
+pub(crate) fn check_triangles(triangles: TriangleTest) -> Result<(), DeviceError> {
     match triangles {
-        TrianglesArg::Watertight => Ok(()),
-        _ => Err(DeviceError::Unknown { what: "triangle tests other than watertight" }),
+        TriangleTest::Watertight => Ok(()),
+        _ => Err(DeviceError::Unsupported { what: "triangle tests other than watertight" }),
     }
 }
 
@@ -155,12 +185,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn devices_are_read_by_their_names() {
-        let read = |text: &str| text.parse::<DeviceArg>();
-        assert_eq!(read("auto"), Ok(DeviceArg::Auto));
-        assert_eq!(read("both"), Ok(DeviceArg::Both(None)));
-        assert_eq!(read("both: Big GPU "), Ok(DeviceArg::Both(Some("Big GPU".to_owned()))));
-        assert_eq!(read("Big GPU"), Ok(DeviceArg::Named("Big GPU".to_owned())));
-        assert!(read("").is_err() && read("both:").is_err() && read(" ").is_err());
+    fn parses_device_names() {
+        let parse = |text: &str| text.parse::<DeviceArg>();
+        assert_eq!(parse("auto"), Ok(DeviceArg::Auto));
+        assert_eq!(parse("both"), Ok(DeviceArg::Both(None)));
+        assert_eq!(parse("both: Big GPU "), Ok(DeviceArg::Both(Some("Big GPU".to_owned()))));
+        assert_eq!(parse("Big GPU"), Ok(DeviceArg::Named("Big GPU".to_owned())));
+        assert!(parse("").is_err() && parse("both:").is_err() && parse(" ").is_err());
     }
 }

@@ -1,10 +1,10 @@
-//! `canted devices`: what `--device` can choose from.
+//! `canted devices`: the devices that `--device` can select.
 
 use anyhow::Result;
 use canted_gpu::{AdapterInfo, AdapterKind, adapters};
 use serde_json::{Value, json};
 
-use crate::{Outcome, output};
+use crate::output;
 
 /// Options of `canted devices`.
 #[derive(clap::Args)]
@@ -14,12 +14,11 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Lists the CPU and all adapters, the ones to prefer first.
-pub(crate) fn run(args: &Args) -> Result<Outcome> {
+/// Lists the CPU and all adapters, preferred ones first.
+pub(crate) fn run(args: &Args) -> Result<()> {
     let found = adapters();
     let n_threads = rayon::current_num_threads();
-    output::to_stdout(&if args.json { as_json(&found, n_threads).to_string() } else { as_text(&found, n_threads) })?;
-    Ok(Outcome::Done)
+    output::to_stdout(&if args.json { as_json(&found, n_threads).to_string() } else { as_text(&found, n_threads) })
 }
 
 fn as_json(found: &[AdapterInfo], n_threads: usize) -> Value {
@@ -41,19 +40,22 @@ fn as_text(found: &[AdapterInfo], n_threads: usize) -> String {
     for facts in found {
         let AdapterInfo { name, kind, backend, driver, .. } = facts;
         let mebibytes = facts.max_binding_bytes >> 20;
-        lines.push(format!("gpu            {name} ({kind}, {backend}, {driver}), bindings of up to {mebibytes} MiB"));
+        lines.push(format!(
+            "gpu            {name} ({kind}, {backend}, {driver}), buffer bindings up to {mebibytes} MiB"
+        ));
     }
     lines.push(match (auto(found), found.is_empty()) {
-        (Some(name), _) => format!("--device auto takes {name}"),
-        (None, false) => "--device auto takes the CPU: software adapters are slower".to_owned(),
+        (Some(name), _) => format!("--device auto selects {name}"),
+        (None, false) => "--device auto selects the CPU: software adapters are slower".to_owned(),
         (None, true) => {
-            "--device auto takes the CPU: no adapter found (it needs a driver for Vulkan, Metal or DX12)".to_owned()
+            "--device auto selects the CPU: no adapter found (a driver for Vulkan, Metal or DX12 is required)"
+                .to_owned()
         }
     });
     lines.join("\n")
 }
 
-/// The adapter that is taken where nothing is said; `None` for the CPU.
+/// The adapter that `--device auto` selects; `None` for the CPU.
 fn auto(found: &[AdapterInfo]) -> Option<&str> {
     found.iter().find(|facts| facts.kind != AdapterKind::Software).map(|facts| facts.name.as_str())
 }
@@ -75,12 +77,12 @@ mod tests {
     }
 
     #[test]
-    fn hardware_is_taken_and_software_is_not() {
+    fn auto_selects_hardware_and_not_software() {
         let software = facts("llvmpipe", AdapterKind::Software);
         assert_eq!(auto(std::slice::from_ref(&software)), None);
         let both = [facts("Big GPU", AdapterKind::Discrete), software];
         assert_eq!(auto(&both), Some("Big GPU"));
-        assert!(as_text(&both, 4).ends_with("--device auto takes Big GPU"));
+        assert!(as_text(&both, 4).ends_with("--device auto selects Big GPU"));
         assert_eq!(as_json(&both, 4)["auto"], "Big GPU");
         assert_eq!(as_json(&[], 4)["auto"], "cpu");
     }

@@ -188,4 +188,11 @@ impl<K: LaneKernel> Blas for Bvh<K> {
             Self::Binary(binary, _) => binary.occluded_with(ray_object, instance, query),
         }
     }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        match self {
+            Self::Wide(wide) => wide.all_hits_with(ray_object, instance, query, hits),
+            Self::Binary(binary, _) => binary.all_hits_with(ray_object, instance, query, hits),
+        }
+    }
 }

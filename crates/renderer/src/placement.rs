@@ -9,11 +9,11 @@ use canted_trace::{SurfacePoint, position_error};
 
 use crate::vector::{Vector, add, cross, scale, wide};
 
-/// `world_from_object` of an instance that stands still, or at a time on the way, ready for points and normals.
+/// `world_from_object` at one time, prepared for points and normals.
 #[derive(Clone, Debug)]
 pub(crate) struct Pose {
     columns: [Vector; 4],
-    /// Columns of the cofactor matrix, which takes object normals to world normals but for length and sign.
+    /// Columns of the cofactor matrix, which maps object normals to world normals up to length and sign.
     cofactor: [Vector; 3],
 }
 
@@ -39,9 +39,9 @@ impl Pose {
         add(add(scale(a, x), scale(b, y)), scale(c, z))
     }
 
-    /// World-space direction perpendicular to the image of a plane with normal `normal_object`; any length, either side.
+    /// World-space normal of the image of a plane with normal `normal_object`; any length, either side.
     ///
-    /// The inverse transpose would give the same direction; cofactors need no division.
+    /// Same direction as the inverse transpose, without a division.
     pub(crate) fn normal_world(&self, [x, y, z]: Vector) -> Vector {
         let [a, b, c] = self.cofactor;
         add(scale(a, x), add(scale(b, y), scale(c, z)))
@@ -56,17 +56,17 @@ pub(crate) fn cofactors([x, y, z, _]: &[Vector; 4]) -> [Vector; 3] {
 /// One instance, prepared for shading.
 #[derive(Clone, Debug)]
 pub(crate) struct Placement {
-    /// Where it stands, or where a moving one starts.
+    /// Pose of a static instance, or of a moving one as the shutter opens.
     fixed: Pose,
     /// Error along each world axis between the plane of a triangle and a ray that leaves it.
     slack: f64,
     is_mirrored: bool,
-    /// The way of an instance that moves.
+    /// The motion of a moving instance.
     motion: Option<Box<Motion>>,
 }
 
 impl Placement {
-    /// Prepares a mesh whose greatest absolute coordinate is `reach_object`, placed by an invertible map.
+    /// Prepares an instance of a mesh whose maximum absolute coordinate is `reach_object`.
     ///
     /// An instance that moves to `close` takes the greater reach of the two ends: every coordinate is convex along a
     /// straight line, so no time between exceeds it.
@@ -75,19 +75,19 @@ impl Placement {
             std::iter::once(world_from_object).chain(close).map(|map| map.reach(reach_object)).fold(0.0, f64::max);
         Self {
             fixed: Pose::fixed(world_from_object),
-            // No transform on the way is singular, so none changes the side.
+            // No intermediate transform is singular, so the sign is constant.
             is_mirrored: world_from_object.determinant() < 0.0,
             motion: close.map(|close| Box::new(Motion::new(world_from_object, close))),
             slack: position_error(reach_world),
         }
     }
 
-    /// Whether the transform mirrors: what runs counter-clockwise then runs clockwise.
+    /// Whether the transform mirrors, which reverses the winding of triangles.
     pub(crate) fn is_mirrored(&self) -> bool {
         self.is_mirrored
     }
 
-    /// Where the instance is at a time of the shutter.
+    /// The pose at a shutter time.
     pub(crate) fn pose(&self, time: f32) -> Cow<'_, Pose> {
         match &self.motion {
             None => Cow::Borrowed(&self.fixed),
@@ -95,7 +95,7 @@ impl Placement {
         }
     }
 
-    /// Distance that new rays keep off a surface with this unit normal, in world units.
+    /// Distance at which rays start from a surface with this unit normal, in world units.
     pub(crate) fn offset(&self, normal_world: Vector) -> f64 {
         SurfacePoint::with_error([0.0; 3], normal_world, self.slack).offset
     }

@@ -77,6 +77,10 @@ impl<Q: Query> Query for InInstance<'_, Q> {
         self.query.time()
     }
     #[inline]
+    fn mask(&self) -> u32 {
+        self.query.mask()
+    }
+    #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {
         if !Q::MAY_REJECT {
             return true;
@@ -192,9 +196,8 @@ pub(crate) fn instances(scene: &Scene) -> Vec<Instance> {
         .instances
         .iter()
         .map(|instance| Instance {
-            blas: instance.mesh.0,
-            world_from_object: instance.world_from_object,
             world_from_object_close: instance.world_from_object_close,
+            ..Instance::new(instance.mesh.0, instance.world_from_object)
         })
         .collect()
 }

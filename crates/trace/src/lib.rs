@@ -31,6 +31,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod filter;
 mod hit;
 #[doc(hidden)]
 pub mod lanes;
@@ -43,6 +44,7 @@ mod sphere;
 mod surface_point;
 mod triangle;
 
+pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};

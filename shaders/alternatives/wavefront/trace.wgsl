@@ -1,7 +1,7 @@
-// What the rays of paths meet: one ray an invocation.
-// use shared/groups
+// Traces one ray of a path per invocation.
+// use shared/invocation/index
 // use alternatives/wavefront/paths
-// use shared/trace
+// use ?traverse
 // use ?time
 
 @compute @workgroup_size(64)

@@ -1,4 +1,4 @@
-//! The film of a picture, by the CPU, a device or both.
+//! Renders the film of a picture on the CPU, on the GPU or on both.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -12,24 +12,24 @@ use canted_wide::LaneKernel;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
-use super::{Args, checkpoint::Keeper, facts::Fact, write_picture};
+use super::{Args, checkpoint::CheckpointWriter, facts::Fact, write_picture};
 use crate::{
     device::{Machine, check_triangles},
     interrupt, output,
 };
 
-/// What makes a picture's film, ready to.
-pub(super) struct Maker<'a, K: LaneKernel> {
+/// Renders films on the devices of a [`Machine`].
+pub(super) struct FilmRenderer<'a, K: LaneKernel> {
     machine: &'a Machine,
-    /// `None` where the CPU works alone.
+    /// `None` where the CPU renders alone.
     on_device: Option<DevicePicture<'a, K>>,
 }
 
-impl<'a, K: LaneKernel> Maker<'a, K> {
-    /// Takes the scene to the device where one has a part in it: `surfaces` is there for every machine with a device.
+impl<'a, K: LaneKernel> FilmRenderer<'a, K> {
+    /// Uploads the scene if the machine uses a GPU; then `surfaces` is required.
     ///
     /// # Errors
-    /// What a device that was asked for by name does not do.
+    /// A GPU that was requested explicitly does not support the scene or the settings.
     pub(super) fn new(
         machine: &'a Machine,
         args: &Args,
@@ -39,7 +39,7 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
         settings: &'a Settings,
     ) -> Result<Self> {
         if settings.part.is_some() && matches!(machine, Machine::Both(_)) {
-            return Err(anyhow!("--samples keeps sums that merge to one machine's bits, which --device both has not"));
+            return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
         }
         let Some(surfaces) = surfaces else { return Ok(Self { machine, on_device: None }) };
         let on_device = machine.ready(|gpu| {
@@ -49,7 +49,7 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
         Ok(Self { machine, on_device })
     }
 
-    /// Whose roundings the samples have.
+    /// The names of the devices that render.
     pub(super) fn device(&self) -> String {
         match (self.machine, &self.on_device) {
             (Machine::Both(gpu), Some(_)) => format!("cpu and {}", gpu.info().name),
@@ -58,19 +58,21 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
         }
     }
 
-    /// Renders what is not done, with a progress bar. Where Ctrl-C or a failure stops it, the finished tiles are written as a
-    /// picture, unless a checkpoint or a part keeps their sums.
-    pub(super) fn film(
+    /// Renders the tiles that are not in `done`, with a progress bar.
+    ///
+    /// After Ctrl-C or a failure, the finished tiles are written to the checkpoint if there is one; else to the output file,
+    /// except for parts, which must be complete to be merged.
+    pub(super) fn render(
         &self,
         scene: &Scene,
         prepared: &Prepared<K>,
         camera: &Camera,
         (args, settings): (&Args, &Settings),
-        keeper: Option<&Keeper>,
+        checkpoint: Option<&CheckpointWriter>,
         done: Vec<Tile>,
     ) -> Result<(Film, Vec<Fact>)> {
         let mut facts = vec![("device", json!(self.device()))];
-        // Hidden by the library where standard error is no terminal.
+        // indicatif hides the bar if standard error is not a terminal.
         let bar = ProgressBar::new(0);
         if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
             bar.set_style(style);
@@ -79,9 +81,8 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         };
-        // A part is for merging, and a checkpoint is what one goes on from.
-        let is_wanted = settings.part.is_none() && keeper.is_none();
-        let partial = is_wanted.then(|| Mutex::new(Partial::new(settings.tiling())));
+        let keeps_partial = settings.part.is_none() && checkpoint.is_none();
+        let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
         let add = |tile: &Tile| {
             if let Some(partial) = &partial {
                 partial.lock().unwrap_or_else(PoisonError::into_inner).add(tile);
@@ -90,11 +91,11 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
         done.iter().for_each(add);
         let finished = |tile: &Tile| {
             add(tile);
-            if let Some(keeper) = keeper {
-                keeper.add(tile);
+            if let Some(checkpoint) = checkpoint {
+                checkpoint.add(tile);
             }
         };
-        let monitor = Monitor { progress: &progress, finished: &finished, cancel: interrupt::flag() };
+        let monitor = Monitor { progress: &progress, finished: &finished, cancel: interrupt::cancel_flag() };
         let film = match (&self.on_device, self.machine) {
             (None, _) => {
                 resume(scene, &prepared.structure, camera, settings, done, &monitor).map_err(anyhow::Error::from)
@@ -102,10 +103,9 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
             (Some(picture), Machine::Both(gpu)) => picture
                 .render_with_cpu(done, &monitor)
                 .map(|SharedFilm { film, n_tiles_of_device, stopped }| {
-                    facts.push(("tiles_of_device", json!(n_tiles_of_device)));
-                    if let Some(why) = stopped {
-                        let name = &gpu.info().name;
-                        output::to_stderr(&format!("warning: the CPU made the rest: {name}: {why}"));
+                    facts.push(("gpu_tiles", json!(n_tiles_of_device)));
+                    if let Some(error) = stopped {
+                        output::warn(&format!("the CPU rendered the remaining tiles: {}: {error}", gpu.info().name));
                     }
                     film
                 })
@@ -114,9 +114,8 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
         };
         bar.finish_and_clear();
         let Err(error) = film else { return Ok((film?, facts)) };
-        // What is done is not lost, whatever stopped the rest: Ctrl-C, or the loss of a device.
-        if let Some(keeper) = keeper {
-            keeper.save();
+        if let Some(checkpoint) = checkpoint {
+            checkpoint.save();
         }
         let partial = partial.as_ref().map(|partial| partial.lock().unwrap_or_else(PoisonError::into_inner));
         let written = partial.map_or(Ok(()), |partial| write_partial(args, &partial));
@@ -124,20 +123,19 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
     }
 }
 
-/// The error of a picture that was stopped, of which the rest could be written or not: a failure is told before that of its
-/// rest, which is then a warning.
+/// The error to report for a stopped render. If it failed, a further failure to write the partial picture is only a warning.
 fn stopped(error: anyhow::Error, written: Result<()>) -> anyhow::Error {
     match written {
-        Err(why) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => why,
-        Err(why) => {
-            output::to_stderr(&format!("warning: {why}"));
+        Err(write_error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => write_error,
+        Err(write_error) => {
+            output::warn(&write_error.to_string());
             error
         }
         Ok(()) => error,
     }
 }
 
-/// Writes what is there of a picture, if anything is.
+/// Writes the finished tiles of a picture, if there are any.
 fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
     let [n_done, n_tiles] = partial.n_tiles();
     if n_done == 0 {
@@ -147,8 +145,7 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
         Some(film) => write_film(&args.output, &film, args.samples.aovs(), &Record::new())?,
         None => write_picture(&args.output, partial.picture())?,
     }
-    let name = args.output.display();
-    output::to_stderr(&format!("warning: {name} has {n_done} of {n_tiles} tiles, and is black elsewhere"));
+    output::warn(&format!("{} contains {n_done} of {n_tiles} tiles; the others are black", args.output.display()));
     Ok(())
 }
 
@@ -163,9 +160,9 @@ mod tests {
     use super::*;
     use crate::options;
 
-    /// A device that is lost cannot be had on purpose; what follows is the same for every failure behind the first tile.
+    /// Stands for the loss of a device, which a test cannot provoke: every failure after the first tile takes this path.
     #[test]
-    fn a_failure_leaves_the_finished_tiles_and_stays_the_error() {
+    fn a_failure_writes_the_finished_tiles_and_is_reported() {
         let folder = tempfile::tempdir().unwrap();
         let args = Args { output: folder.path().join("out.exr"), ..options::defaults() };
         let settings = Settings { width: 16, height: 8, samples: 1, tile: 8, ..Settings::default() };
@@ -175,17 +172,17 @@ mod tests {
         let tiles = Mutex::new(Vec::new());
         let (finished, cancel) = (|tile: &Tile| tiles.lock().unwrap().push(tile.clone()), AtomicBool::new(false));
         let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
-        let whole = resume(&scene, &structure, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
+        let complete = resume(&scene, &structure, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
         let mut partial = Partial::new(settings.tiling());
         write_partial(&args, &partial).unwrap();
-        assert!(!args.output.exists(), "there is nothing to write");
+        assert!(!args.output.exists(), "no tile is finished");
         tiles.lock().unwrap().iter().filter(|tile| tile.number == 1).for_each(|tile| partial.add(tile));
         let error = stopped(anyhow!("the device is lost"), write_partial(&args, &partial));
         assert_eq!(error.to_string(), "the device is lost");
         let left = read_picture(&args.output).unwrap();
         for (x, y) in (0..8).flat_map(|y| (0..16).map(move |x| (x, y))) {
             let at = left.index(x, y);
-            assert_eq!(left.pixels[at], if x < 8 { [0.0; 3] } else { whole.pixels[at] }, "{x}, {y}");
+            assert_eq!(left.pixels[at], if x < 8 { [0.0; 3] } else { complete.pixels[at] }, "{x}, {y}");
         }
         let nowhere = Args { output: folder.path().join("no/out.exr"), ..args };
         let error = stopped(anyhow!("the device is lost"), write_partial(&nowhere, &partial));
