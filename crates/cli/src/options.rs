@@ -92,6 +92,15 @@ pub(crate) fn strategy_name(strategy: Strategy) -> &'static str {
 }
 
 impl StructureArgs {
+    /// The first option that GPUs do not support, with its value.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn unsupported_on_gpu(&self) -> Option<String> {
+        if self.triangles != TriangleTest::Watertight {
+            return Some(format!("--triangles {}", name_of(&TRIANGLE_TESTS, &self.triangles)));
+        }
+        self.volumes.map(|strategy| format!("--volumes {}", strategy_name(strategy)))
+    }
+
     /// The structure to build for a scene. Warns if it cannot have one level.
     pub(crate) fn config(&self, scene: &Scene) -> StructureConfig {
         let &Self { levels, preset, builder, volumes, .. } = self;
