@@ -1,5 +1,6 @@
-// Volumes: axis-aligned boxes, from the leaves up.
-// Reads: parents, leaves. Writes: the box around what is below each inner node, copies of its items' coordinates.
+// Volumes: axis-aligned boxes, bottom-up.
+// Reads: parents, leaves.
+// Writes: the box of each inner node. Its coordinates are copies of coordinates of the items.
 // use shared/build/slice
 // use shared/build/climb
 // use ?item

@@ -1,5 +1,6 @@
-// Volumes, `dop`, before the first frame: boxes along the axes of the space.
-// Reads: axis-aligned boxes. Writes: the same with midpoints and half-extents.
+// Volumes, `dop`, before the first frame: converts axis-aligned boxes.
+// Reads: axis-aligned boxes.
+// Writes: the same boxes as center, identity frame and half-extents.
 // use shared/build/slice
 // use shared/build/boxes
 

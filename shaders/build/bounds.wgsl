@@ -1,11 +1,12 @@
 // Domain, first dispatch.
-// Reads: items. Writes: the box around those of each tree, as reaches.
-// Holds: the maximum of integers does not depend on who comes first.
+// Reads: items.
+// Writes: the bounding box of each tree's items, as ordered integers.
+// Holds: the maximum of integers does not depend on the order of atomics.
 // use shared/build/slice
 // use shared/build/tree/forest
 // use ?item
 
-/// Items of an invocation, so that few of them meet at a tree's words.
+/// Items per invocation. More items per invocation reduce contention on the words of a tree.
 const ITEMS_EACH: u32 = 8u;
 
 @group(0) @binding(1) var<storage, read_write> bounds: array<atomic<u32>>;
@@ -18,7 +19,7 @@ fn grow(tree: u32, reach: Reach) {
     }
 }
 
-/// A slice counts work-groups' tiles.
+/// A slice counts tiles, one per work-group.
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,

@@ -1,6 +1,7 @@
-// Codes.
-// Reads: grids, items. Writes: a Morton code an item, in input order.
-// Holds: the same integers as on the CPU: sums in this order, a subtraction, then a product, which no compiler can fuse.
+// Morton codes.
+// Reads: grids, items.
+// Writes: one code per item, in input order.
+// Holds: the same integers as on the CPU. Sums have a fixed order; a subtraction followed by a product cannot be fused.
 // Source: Lauterbach et al. 2009.
 // use shared/build/slice
 // use shared/build/tree/forest

@@ -1,5 +1,6 @@
-// Sort, between words of a key.
-// Reads: words by item, items in order. Writes: the word of each item, in that order.
+// Sort, between two words of the key.
+// Reads: words by item, items in order.
+// Writes: the word of each item, in that order.
 // use shared/build/slice
 
 @group(0) @binding(1) var<storage, read> words: array<u32>;

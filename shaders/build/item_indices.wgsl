@@ -1,5 +1,5 @@
 // Sort, before the first digit.
-// Writes: the items in input order.
+// Writes: the item indices in input order.
 // use shared/build/slice
 
 @group(0) @binding(1) var<storage, read_write> items: array<u32>;

@@ -1,5 +1,6 @@
 // Volumes, once before the levels.
-// Reads: heights, nodes in their order. Writes: how many nodes are not higher than each height.
+// Reads: heights, nodes sorted by height.
+// Writes: for each height, the number of nodes that are not higher.
 // use shared/build/slice
 
 @group(0) @binding(1) var<storage, read> heights: array<u32>;
@@ -17,7 +18,7 @@ fn main(
         return;
     }
     let height = heights[order[i]];
-    // The last of its height.
+    // The last node of this height.
     if i + 1u == arrayLength(&heights) || heights[order[i + 1u]] != height {
         ends[height] = i + 1u;
     }

@@ -1,6 +1,7 @@
-// Volumes: leaning boxes, one dispatch for all nodes of one height.
-// Reads: children's boxes, axis-aligned boxes. Writes: a box a node, along the axes of the space where that has no more area.
-// Holds: a box contains its children's boxes and its items exactly; see shared/build/enclosure.
+// Volumes: oriented boxes, one dispatch per height.
+// Reads: boxes of the children, axis-aligned boxes.
+// Writes: one box per node; the axis-aligned one if the oriented box does not have less area.
+// Holds: a box contains the boxes of its children and its items exactly; see shared/build/enclosure.
 // use shared/build/slice
 // use shared/build/tree
 // use shared/build/boxes
@@ -38,7 +39,7 @@ fn main(
     let high = vec3<f32>(aabbs[at + 3u], aabbs[at + 4u], aabbs[at + 5u]);
     var volume = box_from_aabb(low, high);
     let oriented = enclosed(frame_of(a, b), a, b);
-    // What was refused has negative half-extents and a positive area.
+    // A rejected box has negative half-extents, which can multiply to a positive area.
     if all(oriented.half_extents >= vec3(0.0)) && half_area(oriented.half_extents) < half_area(0.5 * (high - low)) {
         volume = oriented;
     }

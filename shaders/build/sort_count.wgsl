@@ -1,6 +1,7 @@
 // Sort, first dispatch of a digit.
-// Reads: keys. Writes: for each value of the digit, how many keys of each tile have it.
-// Source: least significant digit radix sort by reduce, scan and scatter: nothing waits for another work-group.
+// Reads: keys.
+// Writes: for each value of the digit, the number of keys in each tile.
+// Source: least significant digit radix sort by reduce, scan and scatter. No work-group waits for another.
 // use shared/build/digit
 
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>;

@@ -1,7 +1,8 @@
 // Sort, last dispatch of a digit.
-// Reads: keys with values, sums of counts. Writes: keys with values in the order of the digit.
-// Holds: keys of equal digits keep their order. An invocation owns consecutive keys and a column of counters, one for each
-// value of the digit; the sum over columns ranks each key in its tile.
+// Reads: keys with values, prefix sums of the counts.
+// Writes: keys with values, sorted by the digit.
+// Holds: the sort is stable. An invocation owns consecutive keys and a column of counters, one for each value of the digit; the
+// prefix sum over columns gives the rank of each key in its tile.
 // Source: Satish, Harris and Garland 2009.
 // use shared/build/digit
 // use shared/build/scan
@@ -14,7 +15,7 @@
 @group(0) @binding(7) var<storage, read> totals: array<u32>;
 
 var<workgroup> columns: array<u32, RADIX * GROUP>;
-/// Where the keys of each value go, less their first rank in the tile; wraps around.
+/// Destination of the keys of each value, minus their first rank in the tile; may wrap around.
 var<workgroup> destinations: array<u32, RADIX>;
 
 @compute @workgroup_size(GROUP)
@@ -51,7 +52,7 @@ fn main(
     }
 }
 
-/// Puts over each counter the sum of those before it, by value of the digit and then by invocation.
+/// Replaces each counter by the sum of the counters before it, ordered by value of the digit, then by invocation.
 fn rank(local: u32) {
     var sum = 0u;
     for (var c = 0u; c < RADIX; c++) {

@@ -1,5 +1,5 @@
-// Sort, where there are several trees.
-// Writes: the tree of each item, the most significant word of its key.
+// Sort, only where there are several trees.
+// Writes: the tree of each item, which is the most significant word of its key.
 // use shared/build/slice
 // use shared/build/tree/forest
 

@@ -1,4 +1,4 @@
-// Evaluates the scattering of one material between two directions, and a sample of it, for comparison with the CPU's.
+// Evaluates and samples the BSDF of one material, to compare with the CPU.
 // use shared/invocation/index
 // use ?bsdf
 
@@ -12,7 +12,7 @@ struct Query {
     outgoing: vec3<f32>,
     choice: f32,
     incident: vec3<f32>,
-    /// 1 for a sheet, 2 for the inside.
+    /// 1: thin-walled, 2: inside.
     flags: u32,
     square: vec2<f32>,
 }
@@ -23,7 +23,7 @@ struct Answer {
     incident: vec3<f32>,
     sampled_density: f32,
     weight: vec3<f32>,
-    /// 1 found, 2 delta, 4 transmitted, 8 nothing but delta.
+    /// 1: found, 2: delta, 4: transmitted, 8: only delta lobes.
     flags: u32,
     compression: f32,
 }

@@ -1,4 +1,4 @@
-// Evaluates `incoming_light` and the densities of bodies, for comparison with the CPU's.
+// Evaluates `incoming_light` and the densities of shape lights, to compare with the CPU.
 // use shared/invocation/index
 // use shared/light/incoming
 
@@ -10,7 +10,7 @@ struct Query {
 
 struct Answer {
     incoming: IncomingLight,
-    /// Of the direction that was found.
+    /// Density of the sampled direction.
     density: f32,
 }
 

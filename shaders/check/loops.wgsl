@@ -1,4 +1,4 @@
-// Counts the iterations of a loop: some drivers leave loops early without a word, and a count that is short tells.
+// Counts the iterations of a loop. Some drivers end long loops early without an error.
 // use shared/invocation/index
 
 @group(0) @binding(0) var<uniform> wanted: vec4<u32>;
@@ -14,7 +14,7 @@ fn main(
     if index >= arrayLength(&counted) {
         return;
     }
-    // The sum depends on memory, so that no compiler can do without the iterations.
+    // The step depends on memory, so that the compiler cannot remove the loop.
     var iterations = 0u;
     loop {
         if iterations >= wanted.x {

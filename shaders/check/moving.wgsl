@@ -1,4 +1,4 @@
-// First hits of rays that fly at times of their own, to be compared with the CPU's.
+// Closest hits of rays with individual times, to compare with the CPU.
 // use shared/invocation/index
 // use shared/time/ray_time
 // use ?traverse

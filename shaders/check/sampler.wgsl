@@ -1,4 +1,4 @@
-// The sampler's numbers, to be compared with the CPU's.
+// Evaluates the sampler, to compare with the CPU.
 // use shared/invocation/index
 // use shared/sampler
 

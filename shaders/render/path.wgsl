@@ -1,7 +1,7 @@
-// Light along paths: one sample of one pixel an invocation, a cell of 8 x 8 pixels a work-group.
+// Path tracer: one sample of one pixel per invocation, 8 x 8 pixels per work-group.
 //
-// `?film` keeps what was found, `?time` says when it flies. All rays of a path, those to lights too, are traced at one place of the text, and all that happens
-// between two rays is at one: compilers copy functions to where they are called.
+// `?time` is the time of rays. All rays of a path, including shadow rays, share one call site, and so does all shading.
+// Compilers inline functions at each call.
 // use shared/path
 // use ?traverse
 // use shared/picture/film

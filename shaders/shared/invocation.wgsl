@@ -1,12 +1,12 @@
 // part index
-// Work spread over more work-groups than one axis may have: 65,535.
+// One axis of a dispatch allows only 65,535 work-groups, so work-groups lie in rows.
 
-/// Number of an invocation among all of a dispatch whose work-groups of `size` invocations lie in rows of `row.x`.
+/// Index of an invocation in a dispatch whose work-groups of `size` invocations lie in rows of `row.x`.
 fn invocation(group: vec3<u32>, row: vec3<u32>, size: u32, local: u32) -> u32 {
     return (group.y * row.x + group.x) * size + local;
 }
 
 // part iterations
-// Turns of loops that an invocation took: drivers may end loops early, and what counts them knows when.
+// Loop iterations of this invocation so far. Some drivers end long loops early, so traversal counts and stops before.
 
 var<private> iterations: u32;

@@ -1,8 +1,8 @@
-// The first hit of each ray.
+// The closest hit of each ray.
 // use ?traverse
 // use shared/invocation/index
 
-/// Rays as hits: a miss, or a walk that was cut short, is told by the instance.
+/// The instance of a hit also encodes a miss and an incomplete traversal.
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
 

@@ -3,7 +3,7 @@
 // use shared/invocation/index
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
-/// 1 where anything is hit, 0 where nothing is, INCOMPLETE where the walk was cut short and has found nothing.
+/// 1 for a hit, 0 for a miss, INCOMPLETE if the traversal ended early without a hit.
 @group(1) @binding(1) var<storage, read_write> found: array<u32>;
 
 @compute @workgroup_size(64)

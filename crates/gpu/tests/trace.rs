@@ -112,15 +112,15 @@ fn what_kernels_do_not_trace_is_refused() {
         columns: [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0], [0.0; 3]],
     };
     // By 135 degrees.
-    let turning =
-        Instance { world_from_object_close: Some(about_z([0.7, -0.7])), ..Instance::new(0, Affine::IDENTITY) };
+    let turning = Instance::moving(0, Affine::IDENTITY, about_z([0.7, -0.7]));
     assert_eq!(
         refused(turning),
         "the device does not trace instance 0, whose motion has condition inf, beyond 1.024e3; use --device cpu"
     );
     let flat = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1e-4], [0.0; 3]] };
     assert!(refused(Instance::new(0, flat)).contains("condition"));
-    assert!(refused(Instance::new(3, Affine::IDENTITY)).contains("bottom level 3"));
+    assert!(refused(Instance::new(3, Affine::IDENTITY)).contains("bottom-level BVH 3"));
+    assert!(refused(Instance::new(0, Affine::IDENTITY).with_mask(1)).contains("mask"));
 }
 
 #[test]

@@ -1,27 +1,27 @@
-//! What an instance does to normals, and how far off its surfaces new rays start.
+//! Instance transforms for shading, and the offset of rays that leave a surface.
 //!
 //! # The offset
 //!
-//! A ray that leaves a surface must not meet it again through rounding. Let `u = 2⁻²⁴`, `ρ` the greatest absolute
+//! A ray that leaves a surface must not hit it again because of rounding. Let `u = 2⁻²⁴`, `ρ` the maximum absolute
 //! vertex coordinate of the mesh, `M` and `T` the linear part and translation of `world_from_object`,
-//! `R_k = ρ·Σ_i |M_ki|` and `W` the greatest `R_k + |T_k|`: no coordinate of the instance in world space is above `W`.
-//! The origin is the hit point, which `f64` knows to a part in 2⁵⁰, moved along the normal and rounded to `f32`: an
-//! error of `u·W` along each axis. Then, along each axis,
+//! `R_k = ρ·Σ_i |M_ki|` and `W` the maximum of `R_k + |T_k|`: `W` bounds the world coordinates of the instance.
+//! The origin is the hit point, which `f64` represents to a part in 2⁵⁰, moved along the normal and rounded to `f32`:
+//! an error of `u·W` along each axis. Then, along each axis,
 //!
 //! - a tracer with one level has rounded the vertices to world space, `u·W`, and accepts points within
 //!   [`HIT_ERROR`]` · (|o|∞ + ρ∞) <= HIT_ERROR · 2W` of a triangle;
 //! - a tracer with two levels rounds origin and direction to object space. Up to any point of the instance the ray
-//!   moves at most `2ρ` along an object axis, so these are `u·ρ` and `u·2ρ`; it accepts points within
-//!   `HIT_ERROR · 2ρ`. `M` takes the sum to at most `(2·HIT_ERROR + 3u)·R_k` in world space.
+//!   moves at most `2ρ` along an object axis, so these errors are `u·ρ` and `u·2ρ`; it accepts points within
+//!   `HIT_ERROR · 2ρ`. `M` maps the sum to at most `(2·HIT_ERROR + 3u)·R_k` in world space.
 //!
-//! Either way the errors of origin and hit stay within `slack = (2·HIT_ERROR + 4u)·W` along each axis, and within
-//! `slack · (|n_x| + |n_y| + |n_z|)` along a unit normal `n`. A ray that starts that far off the plane of its triangle
-//! and leads away from it meets neither that triangle nor any other of the instance on the plane's far side; that
-//! covers every neighbour over a convex edge.
+//! In both cases the error of origin and hit is at most `slack = (2·HIT_ERROR + 4u)·W` along each axis, and
+//! `slack · (|n_x| + |n_y| + |n_z|)` along a unit normal `n`. A ray that starts at this distance from the plane of its
+//! triangle and leads away from it hits neither that triangle nor any other of the instance on the far side of the
+//! plane. This covers every neighbor across a convex edge.
 //!
-//! Nothing here is a fixed length: the offset scales with the scene, bit for bit under powers of two. What lies
-//! closer to a surface than its offset, be it a coplanar surface of another instance or the far wall of a wedge, is
-//! below what `f32` positions resolve and may be missed or met.
+//! The offset scales with the scene; there is no absolute length. Geometry closer to a surface than its offset (a
+//! coplanar surface of another instance, the far wall of a wedge) is below the resolution of `f32` positions and may be
+//! hit or missed.
 
 use std::borrow::Cow;
 
@@ -34,14 +34,14 @@ use crate::vector::{Vector, add, cross, scale, wide};
 /// Half a unit in the last place of 1.
 const U: f64 = 0.5 * f32::EPSILON as f64;
 
-/// Covers terms of second order: `f64` roundings, and origins that lie above `W` by the offset itself, all below 2⁻¹⁶.
-const ROOM: f64 = 1.0 + 1.0 / 1024.0;
+/// Covers second-order terms: `f64` roundings, and origins beyond `W` by the offset itself, all below 2⁻¹⁶.
+const SECOND_ORDER: f64 = 1.0 + 1.0 / 1024.0;
 
-/// `world_from_object` of an instance that stands still, or at a time on the way, ready for points and normals.
+/// `world_from_object` at one time, prepared for points and normals.
 #[derive(Clone, Debug)]
 pub(crate) struct Pose {
     columns: [Vector; 4],
-    /// Columns of the cofactor matrix, which takes object normals to world normals but for length and sign.
+    /// Columns of the cofactor matrix, which maps object normals to world normals up to length and sign.
     cofactor: [Vector; 3],
 }
 
@@ -67,9 +67,9 @@ impl Pose {
         add(add(scale(a, x), scale(b, y)), scale(c, z))
     }
 
-    /// World-space direction perpendicular to the image of a plane with normal `normal_object`; any length, either side.
+    /// World-space normal of the image of a plane with normal `normal_object`; any length, either side.
     ///
-    /// The inverse transpose would give the same direction; cofactors need no division.
+    /// Same direction as the inverse transpose, without a division.
     pub(crate) fn normal_world(&self, [x, y, z]: Vector) -> Vector {
         let [a, b, c] = self.cofactor;
         add(scale(a, x), add(scale(b, y), scale(c, z)))
@@ -84,39 +84,39 @@ pub(crate) fn cofactors([x, y, z, _]: &[Vector; 4]) -> [Vector; 3] {
 /// One instance, prepared for shading.
 #[derive(Clone, Debug)]
 pub(crate) struct Placement {
-    /// Where it stands, or where a moving one starts.
+    /// Pose of a static instance, or of a moving one as the shutter opens.
     fixed: Pose,
     /// Error along each world axis between the plane of a triangle and a ray that leaves it.
     slack: f64,
     is_mirrored: bool,
-    /// The way of an instance that moves.
+    /// The motion of a moving instance.
     motion: Option<Box<Motion>>,
 }
 
 impl Placement {
-    /// Prepares a mesh whose greatest absolute coordinate is `reach_object`, placed by an invertible map.
+    /// Prepares an instance of a mesh whose maximum absolute coordinate is `reach_object`.
     ///
-    /// One that moves to `close` has the greater `W` of the two ends: `R_k` and `|T_k|` are convex along a straight line, so
-    /// no time between exceeds it. It is traced with two levels.
+    /// An instance that moves to `close` uses the larger `W` of both ends, which bounds it at all times because `R_k` and
+    /// `|T_k|` are convex along a straight line. It is traced with two levels.
     pub(crate) fn new(world_from_object: &Affine, close: Option<&Affine>, reach_object: f32) -> Self {
         let reach_world =
             std::iter::once(world_from_object).chain(close).map(|map| map.reach(reach_object)).fold(0.0, f64::max);
         Self {
             fixed: Pose::fixed(world_from_object),
-            // No transform on the way is singular, so none changes the side.
+            // No intermediate transform is singular, so the sign is constant.
             is_mirrored: world_from_object.determinant() < 0.0,
             motion: close.map(|close| Box::new(Motion::new(world_from_object, close))),
-            // The last term is for subnormal numbers, whose rounding is absolute.
-            slack: ROOM * (2.0 * f64::from(HIT_ERROR) + 4.0 * U) * reach_world + f64::from(f32::MIN_POSITIVE),
+            // The last term covers subnormal numbers, whose rounding error is absolute.
+            slack: SECOND_ORDER * (2.0 * f64::from(HIT_ERROR) + 4.0 * U) * reach_world + f64::from(f32::MIN_POSITIVE),
         }
     }
 
-    /// Whether the transform mirrors: what runs counter-clockwise then runs clockwise.
+    /// Whether the transform mirrors, which reverses the winding of triangles.
     pub(crate) fn is_mirrored(&self) -> bool {
         self.is_mirrored
     }
 
-    /// Where the instance is at a time of the shutter.
+    /// The pose at a shutter time.
     pub(crate) fn pose(&self, time: f32) -> Cow<'_, Pose> {
         match &self.motion {
             None => Cow::Borrowed(&self.fixed),
@@ -124,7 +124,7 @@ impl Placement {
         }
     }
 
-    /// Distance that new rays keep off a surface with this unit normal, in world units.
+    /// Distance at which rays start from a surface with this unit normal, in world units.
     pub(crate) fn offset(&self, normal_world: Vector) -> f64 {
         self.slack * normal_world.iter().map(|x| x.abs()).sum::<f64>()
     }

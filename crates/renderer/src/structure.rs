@@ -77,6 +77,10 @@ impl<Q: Query> Query for InInstance<'_, Q> {
         self.query.time()
     }
     #[inline]
+    fn mask(&self) -> u32 {
+        self.query.mask()
+    }
+    #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {
         if !Q::MAY_REJECT {
             return true;

@@ -18,6 +18,7 @@
 mod blas;
 mod edit;
 mod error;
+mod file;
 mod instance;
 mod motion;
 mod options;
@@ -30,6 +31,7 @@ mod top;
 pub use blas::{Blas, CrossingBlas};
 pub use edit::TlasEdit;
 pub use error::InstanceError;
+pub use file::{SaveBlas, TlasLoadError};
 pub use instance::{Instance, MAX_CONDITION};
 pub use motion::{Motion, row_sum_norm};
 pub use options::RayOptions;

@@ -18,7 +18,7 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
         ("identical", fixtures::identical(300)),
         ("outlier", fixtures::outlier(200)),
         ("scaffold", fixtures::scaffold_of(1, true, 4)),
-        ("turned", fixtures::coplanar_quads(500).turned()),
+        ("turned", fixtures::coplanar_quads(500).off_axis()),
         ("grid", fixtures::grid(5, [30, 20])),
     ]
 }

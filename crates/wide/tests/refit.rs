@@ -30,7 +30,7 @@ fn motions(mesh: &Mesh) -> Vec<(&'static str, Mesh)> {
     motions.push(("mirrored", moved(mesh, |[x, y, z]| [-x, y, z])));
     motions.push(("far away", moved(mesh, |p| p.map(|x| x + 1e7))));
     motions.push(("tiny", moved(mesh, |p| p.map(|x| 1e-6 * x))));
-    motions.push(("turned", mesh.turned()));
+    motions.push(("turned", mesh.off_axis()));
     motions.push((
         "twisted",
         moved(mesh, |[x, y, z]| {
@@ -52,7 +52,7 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
         ("identical", fixtures::identical(60)),
         ("hair", fixtures::hair(3, &hair)),
         ("scaffold", fixtures::scaffold_of(1, true, 3)),
-        ("quads", fixtures::coplanar_quads(200).turned()),
+        ("quads", fixtures::coplanar_quads(200).off_axis()),
     ]
 }
 

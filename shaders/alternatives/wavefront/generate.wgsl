@@ -1,4 +1,4 @@
-// Paths begin at the camera: one sample of one pixel an invocation, as render/path takes them.
+// Starts paths at the camera. Each invocation takes one sample of one pixel, in the same order as render/path.
 // use alternatives/wavefront/paths
 // use alternatives/wavefront/paths/queue
 // use ?time

@@ -1,6 +1,4 @@
-// Takes each path on by what its ray met, and closes up those that go on.
-//
-// `?film` keeps what the others found.
+// Advances each path by the hit of its ray and compacts the paths that continue.
 // use shared/invocation/index
 // use alternatives/wavefront/paths
 // use alternatives/wavefront/paths/queue
@@ -15,7 +13,7 @@ fn main(
 ) {
     let index = invocation(group, groups, 64u, local);
     var place = 0u;
-    var goes_on = false;
+    var is_active = false;
     if index < n_active[0] {
         place = active_paths[index];
         let one = taken(place / 64u, place % 64u);
@@ -27,12 +25,12 @@ fn main(
         if !is_incomplete {
             advance(&path, one, hit);
         }
-        goes_on = path.stage != DONE && !is_incomplete;
-        if goes_on {
+        is_active = path.stage != DONE && !is_incomplete;
+        if is_active {
             paths[place] = path;
         } else {
             keep(place / 64u, place % 64u, path.radiance, path.n_rays);
         }
     }
-    enqueue(goes_on, place, local);
+    enqueue(is_active, place, local);
 }

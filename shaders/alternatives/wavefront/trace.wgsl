@@ -1,4 +1,4 @@
-// What the rays of paths meet: one ray an invocation.
+// Traces one ray of a path per invocation.
 // use shared/invocation/index
 // use alternatives/wavefront/paths
 // use ?traverse

@@ -47,7 +47,7 @@ fn at([open, close]: &[Affine; 2], time: f32) -> Affine {
 
 /// Motions of each kind, from where to where.
 fn ways() -> Vec<(&'static str, [Affine; 2])> {
-    let turn = Rotation::turn();
+    let turn = Rotation::off_axis();
     let about_z =
         |angle: f64, scale: [f64; 3], shift: [f32; 3]| affine(&Rotation::euler(0.0, 0.0, angle), scale, shift);
     let quarter = std::f64::consts::FRAC_PI_2;

@@ -14,7 +14,7 @@ use super::setup::{build, few_ways};
 /// The mesh, large enough for trees of several levels, where closed meshes are placed in the other tests.
 fn placed() -> (Mesh, Vec<Instance>) {
     let instances = places().iter().map(|place| Instance::new(0, place.world_from_object)).collect();
-    (scenes::room(3, 40).turned(), instances)
+    (scenes::room(3, 40).off_axis(), instances)
 }
 
 #[test]

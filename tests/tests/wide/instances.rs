@@ -19,7 +19,7 @@ fn placed() -> Vec<Affine> {
 }
 
 fn agrees<K: LaneKernel + Clone>() {
-    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).turned()];
+    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).off_axis()];
     let placed = placed();
     let all_rays: Vec<Ray> = placed
         .iter()

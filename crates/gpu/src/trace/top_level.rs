@@ -65,6 +65,11 @@ impl Placing {
         let Some((words, bounds)) = meshes.get(instance.blas as usize) else {
             return Err(untraceable(&InstanceError::NoSuchBlas { instance: index, blas: instance.blas }));
         };
+        if instance.mask != u32::MAX {
+            return Err(GpuError::Unsupported {
+                what: format!("instance {index}, whose mask hides it from some rays"),
+            });
+        }
         let inverse = instance.object_from_world(index).map_err(|error| untraceable(&error))?;
         let motion = MotionPolynomials::of(instance);
         let ends = || [Some(instance.world_from_object), instance.world_from_object_close].into_iter().flatten();

@@ -164,7 +164,7 @@ fn the_check_sees_a_long_row_a_wrong_area_and_a_nan() {
 /// Each node of a strut, however it lies, gets a box as small as the strut's own.
 #[test]
 fn a_leaning_strut_is_boxed_along_itself() {
-    let turn = fixtures::Rotation::turn();
+    let turn = fixtures::Rotation::off_axis();
     let strut = of_triangles(&box_triangles([1.0, 0.02, 0.01]));
     let input = Input::of(&strut.rotated(&turn));
     let fits = input.fit(&FrameConfig::default());

@@ -78,7 +78,7 @@ fn motions(mesh: &Mesh) -> Vec<Mesh> {
         mesh.clone(),
         shaken(mesh, 0.05, 1),
         shaken(mesh, 10.0, 2),
-        mesh.turned(),
+        mesh.off_axis(),
         moved(|p| p.map(|x| x + 1e7)),
         moved(|[x, y, z]| [-x, y, z]),
         moved(|[x, y, _]| [x, y, 0.25]),
@@ -91,7 +91,7 @@ fn motions(mesh: &Mesh) -> Vec<Mesh> {
 #[test]
 fn boxes_hold_their_vertices_exactly_after_any_motion() {
     for mesh in
-        [fixtures::scaffold_of(1, true, 4), fixtures::soup(2, 2_000), fixtures::scaffold_of(1, false, 3).turned()]
+        [fixtures::scaffold_of(1, true, 4), fixtures::soup(2, 2_000), fixtures::scaffold_of(1, false, 3).off_axis()]
     {
         let mut wide = build(&mesh);
         assert_eq!(n_too_small(&wide), 0);

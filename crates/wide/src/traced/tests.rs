@@ -67,7 +67,7 @@ fn rays_without_pads_lose_hits() {
     let proven = Pads::of(canted_trace::HIT_ERROR);
     let straight = Config { oriented: false, rotate_mesh: false, ..Config::default() };
     let mesh = canted_fixtures::scaffold_of(1, true, 3);
-    let flat = canted_fixtures::coplanar_quads(20).turned();
+    let flat = canted_fixtures::coplanar_quads(20).off_axis();
     for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
         for (name, mesh, config) in [
             ("box nodes", &flat, straight),

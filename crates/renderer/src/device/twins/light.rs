@@ -129,7 +129,7 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
     let mut bounds: [f64; 7] = std::array::from_fn(|k| CHAIN * if k < 3 { 1.0 } else { here[k].abs() });
     for moved in all_moved {
         match moved.sample(sampler) {
-            Some(other) if other.source == sample.source && other.is_delta == sample.is_delta => {
+            Some(other) if other.light == sample.light && other.is_delta == sample.is_delta => {
                 let other = numbers(&other);
                 bounds = std::array::from_fn(|k| bounds[k] + (other[k] - here[k]).abs());
             }
@@ -137,7 +137,7 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
         }
     }
     let is_same = answer.reach != 0
-        && match sample.source {
+        && match sample.light {
             LightId::Environment => answer.shape_light == u32::MAX && answer.is_emission == 0,
             LightId::Light(light) => answer.shape_light == light,
             LightId::Triangle(..) => answer.is_emission == 1,
@@ -254,7 +254,7 @@ fn queries(sampler: &LightSampler, n: u32) -> Vec<Query> {
             };
             if let Some(sample) = query.sample(sampler).filter(|sample| !sample.is_delta) {
                 query.to_light = sample.to_light;
-                match sample.source {
+                match sample.light {
                     LightId::Environment => {}
                     LightId::Light(light) => (query.kind, query.number) = (1, light),
                     LightId::Triangle(instance, primitive) => {

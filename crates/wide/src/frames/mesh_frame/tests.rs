@@ -50,9 +50,9 @@ fn rooms() -> Mesh {
 
 #[test]
 fn turned_rooms_are_found_to_a_thousandth_of_a_degree() {
-    let frames = found(&rooms().turned());
+    let frames = found(&rooms().off_axis());
     assert_eq!(frames.len(), 1);
-    let angle = angle_deg(&frames[0], &Rotation::turn());
+    let angle = angle_deg(&frames[0], &Rotation::off_axis());
     assert!(angle < 1e-3, "{angle}");
 }
 
@@ -60,7 +60,7 @@ fn turned_rooms_are_found_to_a_thousandth_of_a_degree() {
 fn a_lattice_of_diagonals_is_found_though_no_strut_runs_along_its_axes() {
     for thin in [false, true] {
         let frames = found(&fixtures::scaffold(1, thin));
-        let angle = frames.iter().map(|rows| angle_deg(rows, &Rotation::turn())).fold(90.0, f64::min);
+        let angle = frames.iter().map(|rows| angle_deg(rows, &Rotation::off_axis())).fold(90.0, f64::min);
         // The nodes of the lattice are moved about, so its axes are known no better.
         assert!(angle < 0.5, "{thin}: {angle}");
     }
@@ -92,20 +92,20 @@ fn a_quarter_turn_is_no_turn() {
 
 #[test]
 fn offsets_and_sizes_change_nothing() {
-    let rooms = rooms().turned();
+    let rooms = rooms().off_axis();
     for (scale, by) in [(1e-30f32, 0.0f32), (1e36, 0.0), (1.0, 1e5)] {
         let positions = rooms.positions.iter().map(|p| p.map(|x| x * scale + by)).collect();
         let frames = found(&Mesh { positions, triangles: rooms.triangles.clone() });
         assert_eq!(frames.len(), 1, "{scale}, {by}");
         // At the far offset coordinates are rounded to 1/128 of a unit, cells are about one unit large.
-        let angle = angle_deg(&frames[0], &Rotation::turn());
+        let angle = angle_deg(&frames[0], &Rotation::off_axis());
         assert!(angle < if by > 0.0 { 0.1 } else { 1e-3 }, "{scale}, {by}: {angle}");
     }
 }
 
 #[test]
 fn rows_are_no_longer_than_one_but_for_rounding() {
-    for rows in found(&fixtures::truss(4)).into_iter().chain(found(&rooms().turned())).flatten() {
+    for rows in found(&fixtures::truss(4)).into_iter().chain(found(&rooms().off_axis())).flatten() {
         let length = rows.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
         assert!((length - 1.0).abs() <= 2.0 * f64::from(f32::EPSILON), "{length}");
     }
