@@ -1,11 +1,11 @@
-//! Scene files: assets, how they are placed, looked at, lit and coloured, and how the picture is made. TOML.
+//! Scene files in TOML: assets, instances, camera, lights, environment, materials, render settings.
 //!
 //! ```text
 //! text -> table -> {camera, light, environment, material, placement} -> SceneFile -> load -> Scene
 //! SceneFile -> write -> text
 //! ```
 
-mod assemble;
+mod assembly;
 mod camera;
 mod closest_match;
 mod direction;
@@ -13,13 +13,11 @@ mod environment;
 mod light;
 mod load;
 mod material;
-mod page;
 mod paths;
 mod placement;
 mod read;
 mod table;
-#[cfg(test)]
-mod tests;
+mod toml_writer;
 mod write;
 
 use crate::{Camera, Light};
@@ -29,7 +27,7 @@ pub use environment::EnvironmentSource;
 pub use material::MaterialEdits;
 pub use placement::Placement;
 
-/// A scene as people write it down: what is drawn, from where, in which light, and how.
+/// A scene file: assets, instances, camera, lights, environment, materials and render settings.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;
@@ -54,103 +52,103 @@ pub use placement::Placement;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// Paths in it are relative to its own folder and may lead out of it: whoever writes a scene file names the files meant.
-/// The files that an asset names itself stay in the asset's folder.
+/// Paths are relative to the folder of the scene file and may lead out of it. Files that an asset references must lie in
+/// the asset's folder.
 ///
-/// Camera, lights and environment replace those of all assets. Where one of them is not said, that of the assets counts, as
-/// their own files have it: instances do not move it.
+/// Camera, lights and environment replace those of all assets. If one is absent, those of the assets are used, untransformed
+/// by instances.
 #[derive(Clone, Debug, Default)]
 pub struct SceneFile {
-    /// Where it stands or will stand; paths are relative to its folder.
+    /// Path of the scene file; paths in it are relative to its folder.
     path: std::path::PathBuf,
-    /// What is drawn.
+    /// The assets.
     pub assets: Vec<Asset>,
-    /// Where; `None` places each asset once as its own file has it.
+    /// Instances of assets; `None`: one per asset, untransformed.
     pub instances: Option<Vec<AssetInstance>>,
-    /// From where; `None` leaves the choice to the assets.
+    /// The camera; `None`: that of the assets.
     pub camera: Option<Camera>,
-    /// Lights that are no triangles; `None` keeps those of the assets, an empty list has none.
+    /// Lights; `None`: those of the assets; empty: none.
     pub lights: Option<Vec<Light>>,
-    /// Light from outside; `None` keeps that of the assets.
+    /// Environment light; `None`: that of the assets.
     pub environment: Option<EnvironmentSource>,
-    /// Materials that no asset brings.
+    /// New materials.
     pub materials: Vec<NewMaterial>,
-    /// Changes of materials that assets bring.
+    /// Changes to materials of assets.
     pub overrides: Vec<Override>,
-    /// How the picture is made, in the words of whoever makes it.
+    /// Render settings; this crate does not interpret them.
     pub settings: Vec<Setting>,
 }
 
-/// Something to place.
+/// A model to instance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Asset {
-    /// By which instances call it.
+    /// Name used by instances.
     pub name: String,
-    /// What it is.
+    /// File or built-in scene.
     pub source: AssetSource,
-    /// Seconds into its animation, as [`crate::ReadOptions::time`].
+    /// Animation time, see [`crate::ReadOptions::time`].
     pub time: Option<f32>,
-    /// Name of a new material that replaces all of its own.
+    /// Name of a new material that replaces all materials of the asset.
     pub material: Option<String>,
-    /// Line of the file, 0 where it was not read.
+    /// Line in the file; 0 if not read from one.
     pub line: usize,
 }
 
-/// What an asset is.
+/// Source of an asset.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AssetSource {
-    /// A file of a format that [`crate::read`] reads.
+    /// A file supported by [`crate::read`].
     File(String),
-    /// The scene that comes with this crate.
+    /// The built-in scene, [`crate::builtin`].
     Builtin,
 }
 
-/// A placed asset.
+/// An instance of an asset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AssetInstance {
-    /// Its name.
+    /// Name of the asset.
     pub asset: String,
-    /// Where it stands; of a moving one, as the shutter opens.
+    /// Transform; for a moving instance, the one at shutter open.
     pub open: Placement,
-    /// Of a moving one, where it is as the shutter closes.
+    /// Transform at shutter close, for a moving instance.
     pub close: Option<Placement>,
-    /// Line of the file, 0 where it was not read.
+    /// Line in the file; 0 if not read from one.
     pub line: usize,
 }
 
-/// A material that no asset brings.
+/// A new material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewMaterial {
-    /// By which assets call it.
+    /// Name used by assets.
     pub name: String,
-    /// In what it differs from [`crate::Material::default`].
+    /// Changes relative to [`crate::Material::default`].
     pub edits: MaterialEdits,
-    /// Line of the file, 0 where it was not read.
+    /// Line in the file; 0 if not read from one.
     pub line: usize,
 }
 
-/// Changes of the materials of one name.
+/// Changes to all materials with a given name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Override {
-    /// The asset; `None` for all that have a material of the name.
+    /// The asset; `None` for all assets.
     pub asset: Option<String>,
     /// Name of the materials.
     pub material: String,
-    /// In what they change.
+    /// The changes.
     pub edits: MaterialEdits,
-    /// Line of the file, 0 where it was not read.
+    /// Line in the file; 0 if not read from one.
     pub line: usize,
 }
 
-/// A word to whoever makes the picture; what it means is not this crate's to say.
+/// A render setting; its meaning is defined by the renderer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// What is set.
+    /// Name of the setting.
     pub key: String,
-    /// To what; lists are joined by commas. `None` leaves it unsaid but for the comment.
+    /// Value; arrays are joined by commas. `None` writes only the comment.
     pub value: Option<String>,
-    /// What it means, for the file's reader; not read.
+    /// Explanation, written to the file but not read.
     pub comment: String,
-    /// Line of the file, 0 where it was not read.
+    /// Line in the file; 0 if not read from one.
     pub line: usize,
 }

@@ -1,4 +1,4 @@
-//! Many assets become one scene: indices are shifted, transforms composed, materials changed.
+//! Merges assets into one scene: shifts indices, composes transforms, edits materials.
 
 use std::collections::HashMap;
 use std::fs;
@@ -14,54 +14,54 @@ use crate::{
     read_with,
 };
 
-/// A scene in the making.
-pub(super) struct Assembled<'a> {
+/// A scene under construction.
+pub(super) struct Assembly<'a> {
     file: &'a SceneFile,
     pub(super) scene: Scene,
-    /// Materials of each asset.
-    pub(super) of_assets: Vec<Range<usize>>,
-    /// Instances of each asset as its own file has them.
+    /// Material range of each asset.
+    pub(super) asset_materials: Vec<Range<usize>>,
+    /// Instances within each asset's own file, by asset name.
     instances: HashMap<&'a str, Vec<Instance>>,
-    /// Meshes that get a new material, by its name.
-    repainted: Vec<(Range<usize>, &'a str)>,
-    /// Textures that this file names.
+    /// Mesh ranges whose material is replaced, with the name of the new material.
+    material_overrides: Vec<(Range<usize>, &'a str)>,
+    /// Textures that the scene file references.
     textures: HashMap<(String, Encoding), TextureId>,
     n_primitives: u32,
 }
 
-impl<'a> Assembled<'a> {
+impl<'a> Assembly<'a> {
     pub(super) fn new(file: &'a SceneFile) -> Self {
         Self {
             file,
             scene: Scene::default(),
-            of_assets: Vec::new(),
+            asset_materials: Vec::new(),
             instances: HashMap::new(),
-            repainted: Vec::new(),
+            material_overrides: Vec::new(),
             textures: HashMap::new(),
             n_primitives: 0,
         }
     }
 
-    /// Takes in an asset; one that is not placed is not read.
+    /// Reads and adds an asset; an unused one is not read.
     pub(super) fn add(&mut self, asset: &'a Asset, is_placed: bool) -> Result<(), ReadError> {
         let first_material = self.scene.materials.len();
         if is_placed {
             let own = match &asset.source {
                 AssetSource::Builtin => builtin(),
                 AssetSource::File(file) => read_with(&self.file.resolve(file), &ReadOptions { time: asset.time })
-                    .map_err(|error| self.file.error_of(asset.line, "`file` of [[assets]]", error))?,
+                    .map_err(|error| self.file.error_of(asset.line, "'file' in [[assets]]", error))?,
             };
-            self.take(asset, own)?;
+            self.append(asset, own)?;
         } else {
-            self.scene.warnings.push(format!("asset {:?} is placed nowhere", asset.name));
+            self.scene.warnings.push(format!("skipping asset {}: no instance uses it", quoted(asset.name.as_bytes())));
         }
-        self.of_assets.push(first_material..self.scene.materials.len());
+        self.asset_materials.push(first_material..self.scene.materials.len());
         Ok(())
     }
 
-    fn take(&mut self, asset: &'a Asset, own: Scene) -> Result<(), ReadError> {
+    fn append(&mut self, asset: &'a Asset, own: Scene) -> Result<(), ReadError> {
         let too_many =
-            || error_at(&self.file.path, asset.line, "more meshes, materials or triangles than 32 bits count");
+            || error_at(&self.file.path, asset.line, "too many meshes, materials or triangles (limit: 2^32)");
         let shift = |n: usize| u32::try_from(n).map_err(|_| too_many());
         let first_mesh = self.scene.meshes.len();
         let (mesh_shift, texture_shift) = (shift(first_mesh)?, shift(self.scene.textures.len())?);
@@ -89,7 +89,7 @@ impl<'a> Assembled<'a> {
         self.instances.insert(&asset.name, instances);
         self.scene.meshes.extend(meshes);
         if let Some(material) = &asset.material {
-            self.repainted.push((first_mesh..self.scene.meshes.len(), material));
+            self.material_overrides.push((first_mesh..self.scene.meshes.len(), material));
         } else {
             self.scene.materials.extend(materials);
             self.scene.textures.extend(textures);
@@ -102,8 +102,8 @@ impl<'a> Assembled<'a> {
         Ok(())
     }
 
-    /// Places an asset once more.
-    pub(super) fn place(&mut self, instance: &AssetInstance) {
+    /// Adds an instance of an asset.
+    pub(super) fn add_instance(&mut self, instance: &AssetInstance) {
         let open = instance.open.affine();
         let close = instance.close.map(|close| close.affine());
         for own in self.instances.get(&instance.asset[..]).into_iter().flatten() {
@@ -117,19 +117,19 @@ impl<'a> Assembled<'a> {
         }
     }
 
-    /// Applies the overrides in their order.
+    /// Applies the overrides in order.
     pub(super) fn change_materials(&mut self) -> Result<(), ReadError> {
         let file = self.file;
         let owners: Vec<(&str, usize)> = file
             .assets
             .iter()
-            .zip(&self.of_assets)
+            .zip(&self.asset_materials)
             .flat_map(|(asset, range)| range.clone().map(|material| (&asset.name[..], material)))
             .collect();
         for change in &file.overrides {
             let concerned: Vec<usize> = owners
                 .iter()
-                .filter(|&&(asset, material)| change.concerns(asset, &self.scene.materials[material]))
+                .filter(|&&(asset, material)| change.applies_to(asset, &self.scene.materials[material]))
                 .map(|&(_, material)| material)
                 .collect();
             if concerned.is_empty() {
@@ -145,14 +145,14 @@ impl<'a> Assembled<'a> {
         Ok(())
     }
 
-    /// Adds the new materials and puts them on.
+    /// Adds the new materials and assigns them to the assets that use them.
     pub(super) fn add_new_materials(&mut self) -> Result<(), ReadError> {
         let file = self.file;
         let first = self.scene.materials.len();
         for new in &file.materials {
             self.scene.materials.push(Material { name: new.name.clone(), ..Material::default() });
         }
-        for (meshes, name) in std::mem::take(&mut self.repainted) {
+        for (meshes, name) in std::mem::take(&mut self.material_overrides) {
             let position = file.materials.iter().position(|new| new.name == *name).map_or(first, |k| first + k);
             #[expect(clippy::cast_possible_truncation, reason = "few materials are written by hand")]
             let material = MaterialId(position as u32);
@@ -174,10 +174,8 @@ impl<'a> Assembled<'a> {
                 mesh.uvs.is_none() && mesh.parts.iter().any(|part| part.material.0 as usize == material)
             };
             if let Some(mesh) = self.scene.meshes.iter().find(lacks) {
-                let message = format!(
-                    "material {:?} gets a texture, but mesh {:?} has no texture coordinates",
-                    changed.name, mesh.name
-                );
+                let [material, mesh] = [&changed.name, &mesh.name].map(|name| quoted(name.as_bytes()));
+                let message = format!("cannot texture material {material}: mesh {mesh} has no texture coordinates");
                 return Err(error_at(&self.file.path, line, message));
             }
         }
@@ -185,17 +183,19 @@ impl<'a> Assembled<'a> {
         Ok(())
     }
 
-    /// The texture of an image file, read once.
+    /// The texture of an image file; each file is read once per encoding.
     fn texture(&mut self, file: &str, encoding: Encoding, line: usize) -> Result<TextureId, ReadError> {
         let key = (file.to_owned(), encoding);
         if let Some(&known) = self.textures.get(&key) {
             return Ok(known);
         }
-        let refuse =
-            |reason: String| error_at(&self.file.path, line, format!("image {}: {reason}", quoted(file.as_bytes())));
-        let bytes = fs::read(self.file.resolve(file)).map_err(|error| refuse(error.to_string()))?;
-        let texture = crate::read::decode(file, &bytes).map_err(|error| refuse(error.to_string()))?;
-        let id = u32::try_from(self.scene.textures.len()).map_err(|_| refuse("there are too many textures".into()))?;
+        let error_for = |reason: String| {
+            error_at(&self.file.path, line, format!("cannot load texture {}: {reason}", quoted(file.as_bytes())))
+        };
+        let bytes = fs::read(self.file.resolve(file)).map_err(|error| error_for(error.to_string()))?;
+        let texture = crate::read::decode(file, &bytes).map_err(&error_for)?;
+        let id = u32::try_from(self.scene.textures.len())
+            .map_err(|_| error_for("too many textures (limit: 2^32)".into()))?;
         self.scene.textures.push(Texture { encoding, ..texture });
         self.textures.insert(key, TextureId(id));
         Ok(TextureId(id))

@@ -1,8 +1,8 @@
-//! What scenes promise, whatever file they are from.
+//! Checks the guarantees of scenes.
 
 use canted_scene::{EnvironmentImage, Light, Material, Mesh, Projection, Scene};
 
-/// The first promise that a scene breaks.
+/// The first violated guarantee of a scene.
 pub(crate) fn flaw(scene: &Scene) -> Option<String> {
     if scene.instances.is_empty() {
         return Some("no instance".to_owned());
@@ -16,13 +16,13 @@ pub(crate) fn flaw(scene: &Scene) -> Option<String> {
         .or_else(|| flaw_of_cameras(scene))
 }
 
-/// The first promise that an environment breaks.
+/// The first violated guarantee of an environment map.
 pub(crate) fn flaw_of_environment(image: &EnvironmentImage) -> Option<String> {
     let n_texels = u64::from(image.width) * u64::from(image.height);
-    let is_sound = n_texels > 0
+    let is_valid = n_texels > 0
         && image.texels.len() as u64 == n_texels
         && image.texels.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0);
-    (!is_sound).then(|| format!("{} x {} texels are not sound", image.width, image.height))
+    (!is_valid).then(|| format!("{} x {} texels are invalid", image.width, image.height))
 }
 
 fn flaw_of_mesh(mesh: &Mesh, scene: &Scene) -> Option<String> {
@@ -33,7 +33,7 @@ fn flaw_of_mesh(mesh: &Mesh, scene: &Scene) -> Option<String> {
     };
     let is_unit_or_zero = |v: &[f32]| {
         let length = v.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
-        // Each component is rounded once, which moves the end by at most half a unit in the last place of 1.
+        // Rounding each component changes the length by at most half a unit in the last place of 1.
         length == 0.0 || (length - 1.0).abs() <= f64::from(f32::EPSILON)
     };
     let finite = |uvs: &Vec<[f32; 2]>| uvs.len() == n && uvs.as_flattened().iter().all(|x| x.is_finite());
@@ -44,7 +44,7 @@ fn flaw_of_mesh(mesh: &Mesh, scene: &Scene) -> Option<String> {
         ("uvs", mesh.uvs.as_ref().is_none_or(finite)),
         ("second uvs", mesh.second_uvs.as_ref().is_none_or(finite)),
         (
-            "colours",
+            "colors",
             mesh.colors
                 .as_ref()
                 .is_none_or(|c| c.len() == n && c.as_flattened().iter().all(|x| (0.0..=1.0).contains(x))),
@@ -53,23 +53,23 @@ fn flaw_of_mesh(mesh: &Mesh, scene: &Scene) -> Option<String> {
         ("parts", mesh.parts.is_sorted_by(|a, b| a.first_triangle < b.first_triangle)),
         ("materials", mesh.parts.iter().all(|part| (part.material.0 as usize) < scene.materials.len())),
     ];
-    fits.into_iter().find(|(_, fits)| !fits).map(|(what, _)| format!("mesh {:?}: {what} are not sound", mesh.name))
+    fits.into_iter().find(|(_, fits)| !fits).map(|(what, _)| format!("mesh {:?}: {what} are invalid", mesh.name))
 }
 
 fn flaw_of_instances(scene: &Scene) -> Option<String> {
-    let is_sound = |instance: &canted_scene::Instance| {
+    let is_valid = |instance: &canted_scene::Instance| {
         let placed = &instance.world_from_object;
         (instance.mesh.0 as usize) < scene.meshes.len() && placed.is_finite() && placed.determinant() != 0.0
     };
-    let bad = scene.instances.iter().position(|instance| !is_sound(instance))?;
-    Some(format!("instance {bad} is not sound"))
+    let bad = scene.instances.iter().position(|instance| !is_valid(instance))?;
+    Some(format!("instance {bad} is invalid"))
 }
 
 fn flaw_of_materials(scene: &Scene) -> Option<String> {
     let unit = 0.0..=1.0;
     let bad = scene.materials.iter().find(|material| {
         let numbers = [material.metallic, material.roughness, material.specular, material.transmission, material.alpha];
-        let is_sound = numbers.iter().chain(&material.base_color).all(|x| unit.contains(x))
+        let is_valid = numbers.iter().chain(&material.base_color).all(|x| unit.contains(x))
             && (1.0..=Material::MAX_IOR).contains(&material.ior)
             && material.normal_scale.is_finite()
             && material.emission.iter().all(|x| x.is_finite() && *x >= 0.0)
@@ -77,9 +77,9 @@ fn flaw_of_materials(scene: &Scene) -> Option<String> {
                 (texture.texture.0 as usize) < scene.textures.len()
                     && texture.texture_from_mesh.rows.as_flattened().iter().all(|x| x.is_finite())
             });
-        !is_sound
+        !is_valid
     })?;
-    Some(format!("{bad:?} is not sound"))
+    Some(format!("{bad:?} is invalid"))
 }
 
 fn flaw_of_textures(scene: &Scene) -> Option<String> {
@@ -88,7 +88,7 @@ fn flaw_of_textures(scene: &Scene) -> Option<String> {
         n_texels > 0 && texture.texels.len() as u64 == n_texels
     };
     let bad = scene.textures.iter().find(|texture| !has_texels(texture))?;
-    Some(format!("texture {:?} is not sound", bad.name))
+    Some(format!("texture {:?} is invalid", bad.name))
 }
 
 fn flaw_of_lights(scene: &Scene) -> Option<String> {
@@ -107,18 +107,18 @@ fn flaw_of_lights(scene: &Scene) -> Option<String> {
         }
     };
     let bad = scene.lights.iter().find(|light| !is_finite(light))?;
-    Some(format!("{bad:?} is not sound"))
+    Some(format!("{bad:?} is invalid"))
 }
 
 fn flaw_of_cameras(scene: &Scene) -> Option<String> {
-    let is_sound = |camera: &canted_scene::Camera| {
-        let size_is_sound = match camera.projection {
+    let is_valid = |camera: &canted_scene::Camera| {
+        let size_is_valid = match camera.projection {
             Projection::Perspective { fov_degrees } => fov_degrees > 0.0 && fov_degrees < 180.0,
             Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
         };
         let points = [camera.eye, camera.target, camera.up];
-        size_is_sound && camera.eye != camera.target && points.as_flattened().iter().all(|x| x.is_finite())
+        size_is_valid && camera.eye != camera.target && points.as_flattened().iter().all(|x| x.is_finite())
     };
-    let bad = scene.cameras.iter().find(|camera| !is_sound(camera))?;
-    Some(format!("{bad:?} is not sound"))
+    let bad = scene.cameras.iter().find(|camera| !is_valid(camera))?;
+    Some(format!("{bad:?} is invalid"))
 }

@@ -1,15 +1,13 @@
-//! Files written in these tests, read whole. They cover what the station's own tests do not: how stations meet.
-//!
-//! Not covered here: real exporters' habits, which the optional files of the integration test stand for.
+//! Complete generated files. Files of real exporters are covered by the integration tests.
 
 mod animation;
 mod attributes;
 mod geometry;
+mod instances;
 mod layout;
 mod materials;
 mod mutated;
 mod nodes;
-mod place;
 mod pose;
 mod surfaces;
 mod views;
@@ -23,7 +21,7 @@ use super::uri::tests::to_base64;
 use crate::Scene;
 use crate::read::{ReadError, ReadOptions};
 
-/// Numbers of component types in files.
+/// Component type codes.
 pub(super) const I8: u32 = 5120;
 pub(super) const U8: u32 = 5121;
 pub(super) const I16: u32 = 5122;
@@ -31,10 +29,10 @@ pub(super) const U16: u32 = 5123;
 pub(super) const U32: u32 = 5125;
 pub(super) const F32: u32 = 5126;
 
-/// Corners of the triangle that tests place.
+/// Positions of the test triangle.
 pub(super) const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// A file in the making: JSON and the one buffer that its views share.
+/// A file under construction: JSON and one buffer.
 #[derive(Clone)]
 pub(super) struct File {
     pub(super) json: Value,
@@ -42,12 +40,12 @@ pub(super) struct File {
 }
 
 impl File {
-    /// A file without anything in it.
+    /// An empty file.
     pub(super) fn new() -> Self {
         Self { json: json!({ "asset": { "version": "2.0" } }), buffer: Vec::new() }
     }
 
-    /// One triangle as mesh 0, and these nodes.
+    /// The test triangle as mesh 0, with the given nodes.
     pub(super) fn of_nodes(nodes: Value) -> Self {
         let mut file = Self::new();
         let positions = file.reals("VEC3", &TRIANGLE);
@@ -56,8 +54,8 @@ impl File {
         file
     }
 
-    /// One mesh of these primitives at the origin.
-    pub(super) fn place(mut self, primitives: Value) -> Self {
+    /// Adds a mesh of these primitives and a node for it.
+    pub(super) fn with_node(mut self, primitives: Value) -> Self {
         let mesh = self.mesh(primitives);
         self.push("nodes", json!({ "mesh": mesh }));
         self
@@ -113,7 +111,7 @@ impl File {
         self.accessor(U16, "SCALAR", indices.len(), &bytes)
     }
 
-    /// The JSON with the buffer as a data URI, where there is one.
+    /// The JSON with the buffer as a data URI.
     pub(super) fn text(&self) -> String {
         let mut json = self.json.clone();
         if json["buffers"].is_null() && !self.buffer.is_empty() {
@@ -141,7 +139,7 @@ impl File {
         self.read_beside(|_| {})
     }
 
-    /// As [`File::read`], with other files put beside it.
+    /// As [`File::read`], after `put` has written other files to the folder.
     pub(super) fn read_beside(&self, put: impl FnOnce(&Path)) -> Result<Scene, ReadError> {
         let folder = tempfile::tempdir().unwrap();
         put(folder.path());
@@ -164,14 +162,14 @@ impl File {
         scene
     }
 
-    /// Asserts that the file is refused with a sentence that names `thing`.
+    /// Asserts that reading fails with a message that contains `thing`.
     #[track_caller]
-    pub(super) fn refused(&self, thing: &str) {
+    pub(super) fn rejected(&self, thing: &str) {
         let error = self.read().expect_err(thing).to_string();
         assert!(error.contains("test.gltf") && error.contains(thing), "{error}");
     }
 
-    /// Asserts that the file is read with one warning, which names `thing`.
+    /// Asserts that reading gives one warning, which contains `thing`.
     #[track_caller]
     pub(super) fn warned(&self, thing: &str) -> Scene {
         let scene = self.read().unwrap_or_else(|error| panic!("{error}"));
@@ -180,7 +178,7 @@ impl File {
     }
 }
 
-/// A length as files hold it.
+/// A length as a little-endian word.
 pub(super) fn word(length: usize) -> [u8; 4] {
     u32::try_from(length).unwrap().to_le_bytes()
 }
@@ -193,7 +191,7 @@ pub(super) fn read_bytes(folder: &Path, name: &str, bytes: &[u8]) -> Result<Scen
 }
 
 #[test]
-fn json_and_glb_are_the_same_scene() {
+fn json_and_glb_give_the_same_scene() {
     let file = File::of_nodes(json!([{ "mesh": 0, "translation": [1, 2, 3] }]));
     let folder = tempfile::tempdir().unwrap();
     let glb = read_bytes(folder.path(), "test.glb", &file.glb()).unwrap();
@@ -203,27 +201,27 @@ fn json_and_glb_are_the_same_scene() {
 }
 
 #[test]
-fn versions_and_required_extensions() {
+fn checks_versions_and_required_extensions() {
     let with = |key: &str, value: Value| {
         let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
         file.json[key] = value;
         file
     };
     with("asset", json!({ "version": "2.1" })).scene();
-    with("asset", json!({ "version": "1.0" })).refused("version 1.0");
-    with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).refused("version 2.1");
+    with("asset", json!({ "version": "1.0" })).rejected("version 1.0");
+    with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).rejected("version 2.1");
     with("extensionsRequired", json!(["KHR_mesh_quantization"])).scene();
-    with("extensionsRequired", json!(["KHR_draco_mesh_compression"])).refused("KHR_draco_mesh_compression");
+    with("extensionsRequired", json!(["KHR_draco_mesh_compression"])).rejected("KHR_draco_mesh_compression");
     with("extensionsUsed", json!(["KHR_mesh_quantization", "KHR_lights_punctual"])).scene();
-    with("extensionsUsed", json!(["EXT_unheard_of"])).warned("EXT_unheard_of is ignored: extensionsUsed");
+    with("extensionsUsed", json!(["EXT_unheard_of"])).warned("ignoring EXT_unheard_of (not supported): extensionsUsed");
     let hidden = json!([{ "mesh": 0, "extensions": { "KHR_node_visibility": { "visible": false } } }]);
     let mut file = with("nodes", hidden);
     file.json["extensionsUsed"] = json!(["KHR_node_visibility"]);
-    file.warned("KHR_node_visibility is ignored: node 0");
+    file.warned("ignoring KHR_node_visibility (not supported): node 0");
 }
 
 #[test]
-fn broken_json_is_named() {
+fn invalid_json_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     for text in [
         "",

@@ -1,4 +1,4 @@
-//! Readers: from a file to a [`Scene`].
+//! Readers for OBJ, PLY, glTF and environment maps.
 
 mod environment;
 mod error;
@@ -6,15 +6,15 @@ mod exr;
 mod folder;
 mod gltf;
 mod image;
+mod mesh_checks;
 mod mtl;
 mod obj;
 mod ply;
 mod polygon;
-mod remarks;
-mod repair;
 mod text;
+mod warning_groups;
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
@@ -26,56 +26,55 @@ pub use error::ReadError;
 pub(crate) use image::decode;
 pub(crate) use text::quoted;
 
-/// What a reader is told beside the file.
+/// Options of [`read_with`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ReadOptions {
-    /// Seconds into the file's first animation, which poses the scene; `None` for the pose that the file has without it.
-    /// Before the first key and behind the last it stands still. Of a file with several animations the others are left
-    /// out, as they are as a rule alternatives; a warning says so.
+    /// Time in seconds at which the file's first animation poses the scene; `None` for the default pose. Times outside the
+    /// animation are clamped to it. Other animations are ignored with a warning, as they are usually alternatives.
     pub time: Option<f32>,
 }
 
-/// Reads an OBJ (with its MTL), PLY, glTF or GLB file, and the buffers and images that it names.
+/// Reads an OBJ (with MTL), PLY, glTF or GLB file with the buffers and images it references.
 ///
-/// The format is told by the first bytes where they are unmistakable (PLY, GLB), else by the extension. Files that the
-/// file names are only read from its own folder and below. What had to be repaired or left out is told in
-/// [`Scene::warnings`]. Coordinates are those of the file, in its own unit.
+/// The format is determined by the signature (PLY, GLB), else by the extension. Referenced files are only read from the
+/// folder of `path` and below. Repairs and skipped elements are reported in [`Scene::warnings`]. Coordinates keep the file's
+/// unit.
 ///
 /// # Errors
-/// [`ReadError`], a sentence that names the file, the place in it and the value found there.
+/// [`ReadError`] with file, location and value.
 pub fn read(path: &Path) -> Result<Scene, ReadError> {
     read_with(path, &ReadOptions::default())
 }
 
-/// As [`read`], posed by an animation of the file.
+/// As [`read`], with options.
 ///
 /// # Errors
 /// As [`read`].
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
     let format = format_of(path)?;
     let mut scene = match format {
-        Format::Obj => obj::read(path)?,
-        Format::Ply => ply::read(path)?,
+        Format::Obj => obj::parse(path, &read_file(path)?)?,
+        Format::Ply => ply::parse(path, &read_file(path)?)?,
         Format::Gltf => return gltf::read(path, options),
     };
     if let Some(time) = options.time {
-        scene.warnings.push(format!("the format knows no animation, the time {time} changes nothing"));
+        scene.warnings.push(format!("ignoring time {time}: {format:?} files have no animation"));
     }
     Ok(scene)
 }
 
-/// The formats told apart.
+#[derive(Debug)]
 enum Format {
     Obj,
     Ply,
     Gltf,
 }
 
-/// Tells the format by the first bytes, then by the extension.
+/// The format by signature, then by extension.
 fn format_of(path: &Path) -> Result<Format, ReadError> {
-    let io_error = |source| ReadError::Io { path: path.to_owned(), source };
+    let io_error = ReadError::io(path);
     let mut first = Vec::new();
-    File::open(path).map_err(io_error)?.take(4).read_to_end(&mut first).map_err(io_error)?;
+    File::open(path).map_err(&io_error)?.take(4).read_to_end(&mut first).map_err(&io_error)?;
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     match (&first[..], &extension[..]) {
         (b"glTF", _) => Ok(Format::Gltf),
@@ -85,6 +84,11 @@ fn format_of(path: &Path) -> Result<Format, ReadError> {
         (_, "obj") => Ok(Format::Obj),
         _ => Err(ReadError::UnknownFormat { path: path.to_owned() }),
     }
+}
+
+/// Reads all bytes of a file.
+fn read_file(path: &Path) -> Result<Vec<u8>, ReadError> {
+    fs::read(path).map_err(ReadError::io(path))
 }
 
 #[cfg(test)]

@@ -1,24 +1,24 @@
-//! Malformed and unusual files do what the table `EXPECT.tsv` beside them says.
-
-mod common;
+//! Malformed and unusual files give the outcomes in their table `EXPECT.tsv`.
 
 use std::fs;
 use std::path::Path;
 
 use canted_scene::{ReadError, read, read_environment};
 
-/// What a scene file says while it is read.
+use crate::folder::models;
+
+/// Warnings of a scene file.
 fn scene(path: &Path) -> Result<Vec<String>, ReadError> {
     read(path).map(|scene| scene.warnings)
 }
 
-/// What an environment says while it is read.
+/// Warnings of an environment map.
 fn environment(path: &Path) -> Result<Vec<String>, ReadError> {
     let mut warnings = Vec::new();
     read_environment(path, &mut warnings).map(|_| warnings)
 }
 
-/// What the table says of a file, and what the reader did with it; `None` where they agree.
+/// The difference between the expected and the actual outcome, if any.
 fn disagreement(expected: &str, path: &Path, got: &Result<Vec<String>, ReadError>) -> Option<String> {
     let file = path.file_name().unwrap().to_string_lossy();
     let got = match got {
@@ -30,7 +30,7 @@ fn disagreement(expected: &str, path: &Path, got: &Result<Vec<String>, ReadError
     (got.split(' ').next() != Some(expected)).then(|| format!("{file}: {expected} expected, got {got}"))
 }
 
-/// Rows of the table whose file lies in `folder`: file and expected outcome.
+/// Rows for files in `folder`: file and expected outcome.
 fn rows<'a>(table: &'a str, folder: &str) -> Vec<(&'a str, &'a str)> {
     let columns = table.lines().filter(|line| !line.starts_with('#')).skip(1).map(|line| {
         let columns: Vec<&str> = line.split('\t').collect();
@@ -40,11 +40,11 @@ fn rows<'a>(table: &'a str, folder: &str) -> Vec<(&'a str, &'a str)> {
 }
 
 #[track_caller]
-fn check(test: &str, folder: &str, n_rows_least: usize) {
-    let Some(models) = common::models(test) else { return };
+fn check(test: &str, folder: &str, min_rows: usize) {
+    let Some(models) = models(test) else { return };
     let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
     let rows = rows(&table, folder);
-    assert!(rows.len() >= n_rows_least, "{} rows", rows.len());
+    assert!(rows.len() >= min_rows, "{} rows", rows.len());
     let wrong: Vec<String> = rows
         .iter()
         .filter_map(|(file, expected)| {
@@ -70,14 +70,14 @@ fn gltf() {
     check("gltf", "gltf", 47);
 }
 
-/// Radiance and EXR files are environments and no textures.
+/// HDR and EXR files are environment maps, not textures.
 fn is_environment(file: &str) -> bool {
     file.ends_with(".hdr") || file.ends_with(".exr")
 }
 
 #[test]
 fn environments() {
-    let Some(models) = common::models("environments") else { return };
+    let Some(models) = models("environments") else { return };
     let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
     let rows: Vec<_> = rows(&table, "img").into_iter().filter(|(file, _)| is_environment(file)).collect();
     assert!(rows.len() >= 7, "{} rows", rows.len());
@@ -89,21 +89,21 @@ fn environments() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Every row is one of those that the other tests take.
+/// Every row is covered by one of the other tests.
 #[test]
-fn no_row_is_left_out() {
-    let Some(models) = common::models("no_row_is_left_out") else { return };
+fn all_rows_are_covered() {
+    let Some(models) = models("all_rows_are_covered") else { return };
     let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
     let n_rows = table.lines().filter(|line| !line.starts_with('#')).count() - 1;
     assert_eq!(["obj", "ply", "gltf", "img"].map(|folder| rows(&table, folder).len()).iter().sum::<usize>(), n_rows);
-    let is_taken = |file: &str| [".png", ".jpg", ".hdr", ".exr", "/images.obj"].iter().any(|end| file.ends_with(end));
-    assert!(rows(&table, "img").iter().all(|(file, _)| is_taken(file)));
+    let is_covered = |file: &str| [".png", ".jpg", ".hdr", ".exr", "/images.obj"].iter().any(|end| file.ends_with(end));
+    assert!(rows(&table, "img").iter().all(|(file, _)| is_covered(file)));
 }
 
-/// Each image alone, as the texture of a triangle.
+/// Each image as the texture of a triangle.
 #[test]
 fn img() {
-    let Some(models) = common::models("img") else { return };
+    let Some(models) = models("img") else { return };
     let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
     let rows: Vec<_> =
         rows(&table, "img").into_iter().filter(|(file, _)| file.ends_with(".png") || file.ends_with(".jpg")).collect();
@@ -115,7 +115,7 @@ fn img() {
         let name = file.trim_start_matches("img/");
         fs::copy(models.join("nasty").join(file), folder.path().join(name)).unwrap();
         fs::write(folder.path().join("m.mtl"), format!("newmtl a\nmap_Kd {name}\n")).unwrap();
-        disagreement(expected, &path, &scene(&path)).map(|said| format!("{name}: {said}"))
+        disagreement(expected, &path, &scene(&path)).map(|difference| format!("{name}: {difference}"))
     };
     let wrong: Vec<String> = rows.iter().filter_map(outcome).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -127,10 +127,10 @@ fn img() {
     assert_eq!(scene.n_placed_triangles(), 2 * rows.len(), "a quad for each image");
 }
 
-/// Counts that the table states in words.
+/// Triangle counts from the table's descriptions.
 #[test]
-fn counts_in_words() {
-    let Some(models) = common::models("counts_in_words") else { return };
+fn triangle_counts() {
+    let Some(models) = models("triangle_counts") else { return };
     for (file, n_triangles) in [
         ("obj/negative_ok.obj", 2),
         ("obj/nan_inf_vertex.obj", 1),
@@ -153,7 +153,7 @@ fn counts_in_words() {
 }
 
 #[test]
-fn the_check_sees_every_kind_of_disagreement() {
+fn disagreement_detects_every_mismatch() {
     let path = Path::new("a.obj");
     let read = |warnings: &[&str]| Ok(warnings.iter().map(|&warning| warning.to_owned()).collect());
     let error = |path: &str| Err(ReadError::UnknownFormat { path: path.into() });

@@ -1,3 +1,5 @@
+//! Scene files: parsing, loading, writing.
+
 mod errors;
 mod loading;
 mod mutated;
@@ -5,10 +7,9 @@ mod round_trip;
 
 use std::path::Path;
 
-use super::{EnvironmentSource, SceneFile};
-use crate::ReadError;
+use canted_scene::{EnvironmentSource, ReadError, SceneFile};
 
-/// A file that says everything once.
+/// A file with every kind of table.
 const FULL: &str = r#"
 [settings]
 size = "64x48"
@@ -112,7 +113,7 @@ base_color_texture = "none"
 const TWO: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl red\nf 1 2 3\nusemtl green\nf 1 3 4\n";
 const TWO_MTL: &str = "newmtl red\nKd 0.5 0 0\nnewmtl green\nKd 0 0.5 0\n";
 
-/// A folder with `a.obj`, of two materials, and `sub/b.obj`, of one triangle.
+/// A folder with `a.obj` (two materials) and `sub/b.obj` (one triangle).
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("sub")).unwrap();
@@ -126,8 +127,8 @@ fn parse(text: &str) -> Result<SceneFile, ReadError> {
     SceneFile::parse(text.as_bytes(), Path::new("scene.toml"))
 }
 
-/// Without the lines, which are not what is said.
-fn bare(mut file: SceneFile) -> SceneFile {
+/// Clears line numbers and comments, which do not round-trip.
+fn without_lines(mut file: SceneFile) -> SceneFile {
     file.assets.iter_mut().for_each(|asset| asset.line = 0);
     file.instances.iter_mut().flatten().for_each(|instance| instance.line = 0);
     file.materials.iter_mut().for_each(|material| material.line = 0);

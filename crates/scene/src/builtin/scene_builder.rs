@@ -1,23 +1,24 @@
 use canted_obb::Affine;
+use canted_obb::vector::{Vector as Vec3, cross, to_f32};
 
-use super::draft::{Vec3, cross, unit};
+use super::mesh_builder::unit;
 use crate::{Instance, Mesh, MeshId, Scene};
 
 /// A scene under construction.
 #[derive(Default)]
-pub(super) struct Stage {
+pub(super) struct SceneBuilder {
     pub(super) scene: Scene,
     n_placed: u32,
 }
 
-impl Stage {
-    /// Adds a mesh, not yet placed.
+impl SceneBuilder {
+    /// Adds a mesh without an instance.
     pub(super) fn mesh(&mut self, mesh: Mesh) -> MeshId {
         self.scene.meshes.push(mesh);
         MeshId(u32::try_from(self.scene.meshes.len() - 1).expect("few meshes"))
     }
 
-    /// Places a mesh.
+    /// Adds an instance.
     pub(super) fn place(&mut self, mesh: MeshId, world_from_object: Affine) {
         self.scene.instances.push(Instance {
             mesh,
@@ -30,21 +31,20 @@ impl Stage {
     }
 }
 
-/// The map whose columns are the images of the axes and of the origin.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how transforms are stored")]
+/// The affine transform with the given images of the axes and of the origin.
 pub(super) fn affine(columns: [Vec3; 4]) -> Affine {
-    Affine { columns: columns.map(|column| column.map(|x| x as f32)) }
+    Affine { columns: columns.map(to_f32) }
 }
 
-/// Scales by `scale` per axis, turns about y by `heading_rad` and moves to `position`.
+/// Scales per axis, rotates about y by `heading_rad` and translates to `position`.
 pub(super) fn upright(position: Vec3, heading_rad: f64, scale: Vec3) -> Affine {
-    leaning(position, [0.0, 1.0, 0.0], heading_rad, scale)
+    tilted(position, [0.0, 1.0, 0.0], heading_rad, scale)
 }
 
-/// Scales by `scale` per axis, turns about y by `heading_rad`, tilts y onto `upward` and moves to `position`.
+/// Scales per axis, rotates about y by `heading_rad`, tilts y to `upward` and translates to `position`.
 ///
 /// `upward` is not parallel to z.
-pub(super) fn leaning(position: Vec3, upward: Vec3, heading_rad: f64, scale: Vec3) -> Affine {
+pub(super) fn tilted(position: Vec3, upward: Vec3, heading_rad: f64, scale: Vec3) -> Affine {
     let y = unit(upward);
     let x = unit(cross(y, [0.0, 0.0, 1.0]));
     let z = cross(x, y);

@@ -1,4 +1,4 @@
-//! No bytes make the reader panic, and what it lets pass can be written.
+//! Mutated files never panic, and accepted files round-trip.
 
 use proptest::prelude::*;
 
@@ -8,7 +8,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
-    fn mutated_files_are_read_or_refused(edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0_u8..4), 1..8)) {
+    fn mutated_files_are_read_or_rejected(edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0_u8..4), 1..8)) {
         let mut bytes = FULL.as_bytes().to_vec();
         for (at, byte, kind) in edits {
             let at = at.index(bytes.len());
@@ -26,7 +26,7 @@ proptest! {
             Ok(file) => {
                 let text = file.to_toml();
                 let back = parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
-                prop_assert_eq!(format!("{:?}", bare(back)), format!("{:?}", bare(file)));
+                prop_assert_eq!(format!("{:?}", without_lines(back)), format!("{:?}", without_lines(file)));
             }
             Err(error) => prop_assert!(!error.to_string().contains('\n'), "{}", error),
         }

@@ -1,40 +1,41 @@
-//! A scene file as it is written: lines of keys, values and what they mean.
+//! Writes TOML with comments.
 
-/// Column at which comments begin where the value leaves room.
+/// Column at which comments start after short values.
 const COMMENT_COLUMN: usize = 44;
 
-/// Text in the making.
+/// TOML text under construction.
 #[derive(Default)]
-pub(super) struct Page {
+pub(super) struct TomlWriter {
     pub(super) text: String,
 }
 
-impl Page {
-    /// A line of prose.
-    pub(super) fn note(&mut self, text: &str) {
+impl TomlWriter {
+    /// Writes comment lines.
+    pub(super) fn comment(&mut self, text: &str) {
         for line in text.lines() {
             self.text.push_str(if line.is_empty() { "#" } else { "# " });
-            // What is no text in the eyes of the format has no place in a comment either.
+            // TOML forbids control characters in comments.
             self.text.extend(line.chars().filter(|c| !c.is_control()));
             self.text.push('\n');
         }
     }
 
-    /// A blank line, then the name of a table.
+    /// Writes a blank line and a table header.
     pub(super) fn heading(&mut self, name: &str) {
         self.blank();
         self.text.push_str(name);
         self.text.push('\n');
     }
 
+    /// Writes a blank line unless the text is empty.
     pub(super) fn blank(&mut self) {
         if !self.text.is_empty() {
             self.text.push('\n');
         }
     }
 
-    /// A key with its value, and a comment that may be empty.
-    pub(super) fn line(&mut self, key: &str, value: &str, comment: &str) {
+    /// Writes a key, its value and an optional comment.
+    pub(super) fn entry(&mut self, key: &str, value: &str, comment: &str) {
         let start = self.text.len();
         self.text.push_str(&format!("{key} = {value}"));
         if !comment.is_empty() {
@@ -46,17 +47,17 @@ impl Page {
     }
 }
 
-/// The shortest digits that read back as this number.
+/// The shortest digits that parse back to `x`.
 pub(super) fn number(x: f32) -> String {
     format!("{x:?}")
 }
 
-/// Numbers in brackets.
+/// An array of numbers.
 pub(super) fn numbers(numbers: &[f32]) -> String {
     format!("[{}]", numbers.iter().map(|&x| number(x)).collect::<Vec<_>>().join(", "))
 }
 
-/// A text in quotes.
+/// A quoted and escaped string.
 pub(super) fn quoted(text: &str) -> String {
     let mut quoted = String::from('"');
     for c in text.chars() {

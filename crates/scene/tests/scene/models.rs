@@ -1,17 +1,15 @@
-//! Models of the field load with the counts that their folder's page states. Skipped by name where the folder is absent.
-
-mod common;
+//! Real models load without warnings and with known counts. Skipped if the folder is absent.
 
 use canted_scene::{Scene, SceneStats, read};
 
 /// Reads a model that must load without a warning.
 fn load(test: &str, file: &str) -> Option<Scene> {
-    let scene = read(&common::models(test)?.join(file)).unwrap();
+    let scene = read(&crate::folder::models(test)?.join(file)).unwrap();
     assert_eq!(scene.warnings, [""; 0], "{file}");
     Some(scene)
 }
 
-/// The number of every triangle of the scene is that of its place in the file.
+/// Asserts that triangles are numbered consecutively in file order.
 fn assert_numbered(scene: &Scene) {
     let mut next = 0;
     for instance in &scene.instances {
@@ -47,7 +45,7 @@ fn sponza() {
     assert_eq!(counts.n_placed_triangles, 262_267);
     assert_eq!((counts.n_materials, counts.n_textures), (25, 27), "24 colour images and 3 masks");
     assert_eq!(scene.materials.iter().filter(|material| material.alpha_texture.is_some()).count(), 3);
-    assert_eq!(counts.n_instances, 393, "381 groups, of which some change their material");
+    assert_eq!(counts.n_instances, 393, "381 groups, some with several materials");
     for mesh in &scene.meshes {
         let is_textured = scene.materials[mesh.material_of(0).0 as usize].base_color_texture.is_some();
         assert_eq!((mesh.uvs.is_some(), mesh.normals.is_some()), (is_textured, false), "{}", mesh.name);

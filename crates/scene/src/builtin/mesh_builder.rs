@@ -1,20 +1,18 @@
 use std::f64::consts::{FRAC_PI_4, SQRT_2, TAU};
 
-pub(super) use canted_obb::vector::{cross, sub};
+use canted_obb::vector::{Vector as Vec3, cross, length, sub};
 
 use super::palette::Paint;
 use crate::{Mesh, Part};
 
-pub(super) type Vec3 = [f64; 3];
-
 /// A mesh under construction, object space, `f64`, y up.
 #[derive(Default)]
-pub(super) struct Draft {
+pub(super) struct MeshBuilder {
     positions: Vec<Vec3>,
     faces: Vec<(Paint, [u32; 3])>,
 }
 
-impl Draft {
+impl MeshBuilder {
     /// Index of the vertex that will be added next.
     fn next_index(&self) -> u32 {
         u32::try_from(self.positions.len()).expect("the scene is small")
@@ -37,7 +35,7 @@ impl Draft {
         self.triangle(paint, [a, c, d]);
     }
 
-    /// Adds a frustum of `n_sides` without caps between two points; `widths` across its corners, or 0 for a tip.
+    /// Adds a frustum of `n_sides` without caps between two points; `widths` are diameters, 0 for a tip.
     pub(super) fn frustum(&mut self, paint: Paint, ends: [Vec3; 2], widths: [f64; 2], n_sides: u32) {
         let [u, v] = across(sub(ends[1], ends[0]));
         let first = self.next_index();
@@ -58,7 +56,7 @@ impl Draft {
         }
     }
 
-    /// Adds a square bar of side `width`: 8 triangles. Its open ends lie inside the joints.
+    /// Adds a square bar of side `width` without caps: 8 triangles.
     pub(super) fn bar(&mut self, paint: Paint, from: Vec3, to: Vec3, width: f64) {
         self.frustum(paint, [from, to], [width * SQRT_2; 2], 4);
     }
@@ -80,8 +78,8 @@ impl Draft {
         }
     }
 
-    /// Adds a lattice through `rings`, polygons of equally many corners: bars of width `chord` from ring to ring, of
-    /// width `web` along each ring and both ways across each face between.
+    /// Adds a lattice along `rings` of `N` corners: bars of width `chord` between rings, and of width `web` along each ring and
+    /// along both diagonals of each face.
     pub(super) fn lattice<const N: usize>(
         &mut self,
         rings: &[[Vec3; N]],
@@ -100,7 +98,7 @@ impl Draft {
         }
     }
 
-    /// The mesh, its triangles in runs of one material.
+    /// The mesh, with triangles sorted by material.
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how meshes are stored")]
     pub(super) fn finish(mut self, name: &str) -> Mesh {
         self.faces.sort_by_key(|&(paint, _)| paint);
@@ -131,17 +129,18 @@ pub(super) fn square_rings(half: [f64; 2], height: f64, n_bays: u32) -> Vec<[Vec
     (0..=n_bays).map(ring).collect()
 }
 
-/// The point at `fraction` of the way from `a` to `b`.
-pub(super) fn between(a: Vec3, b: Vec3, fraction: f64) -> Vec3 {
+/// Linear interpolation from `a` to `b`.
+pub(super) fn lerp(a: Vec3, b: Vec3, fraction: f64) -> Vec3 {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * fraction)
 }
 
-pub(super) fn unit(a: Vec3) -> Vec3 {
-    let length = a.iter().map(|x| x * x).sum::<f64>().sqrt();
-    a.map(|x| x / length)
+/// `v` scaled to length 1 by division.
+pub(super) fn unit(v: Vec3) -> Vec3 {
+    let length = length(v);
+    v.map(|x| x / length)
 }
 
-/// Two unit vectors across `axis` that make a right-handed frame with it; the first is level.
+/// Two unit vectors that form a right-handed frame with `axis`; the first is horizontal.
 fn across(axis: Vec3) -> [Vec3; 2] {
     let axis = unit(axis);
     let aside = if axis[1].abs() < 0.999 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] };

@@ -1,42 +1,42 @@
-//! What a scene file says is what the scene is.
+//! Loading scene files.
 
 use super::*;
-use crate::{AlphaMode, Scene};
+use canted_scene::{AlphaMode, Placement, Scene};
 
 fn load(text: &str) -> Result<Scene, ReadError> {
     let folder = folder();
     SceneFile::parse(text.as_bytes(), &folder.path().join("scene.toml"))?.load()
 }
 
-/// The refusal, without the folder.
+/// Asserts that loading fails with a message that contains all `words`.
 #[track_caller]
-fn refused(text: &str, words: &[&str]) {
+fn rejected(text: &str, words: &[&str]) {
     let message = load(text).expect_err(text).to_string();
     assert!(words.iter().all(|word| message.contains(word)), "{message}");
 }
 
 #[test]
-fn an_asset_alone_is_what_its_file_has() {
+fn single_asset_equals_its_file() {
     let folder = folder();
     let file = SceneFile::for_scene(Some(&folder.path().join("a.obj")), &folder.path().join("sub/scene.toml")).unwrap();
-    let (alone, placed) = (crate::read(&folder.path().join("a.obj")).unwrap(), file.load().unwrap());
+    let (alone, placed) = (canted_scene::read(&folder.path().join("a.obj")).unwrap(), file.load().unwrap());
     assert_eq!(format!("{placed:?}"), format!("{alone:?}"));
     let builtin = SceneFile::for_scene(None, &folder.path().join("scene.toml")).unwrap().load().unwrap();
-    assert_eq!(format!("{builtin:?}"), format!("{:?}", crate::builtin()));
+    assert_eq!(format!("{builtin:?}"), format!("{:?}", canted_scene::builtin()));
 }
 
 #[test]
-fn instances_share_meshes_and_stand_where_they_are_said_to() {
+fn instances_share_meshes_and_are_transformed() {
     // The two materials of `a` make two meshes of it.
     let scene = load("[[assets]]\nname = 'a'\nfile = 'a.obj'\n[[assets]]\nname = 'b'\nfile = 'sub/b.obj'").unwrap();
-    assert_eq!((scene.meshes.len(), scene.instances.len()), (3, 3), "each once, where nothing is said");
+    assert_eq!((scene.meshes.len(), scene.instances.len()), (3, 3), "one instance per asset by default");
     assert_eq!(scene.instances.iter().map(|instance| instance.first_primitive).collect::<Vec<_>>(), [0, 1, 2]);
 
     let scene = load(FULL).unwrap();
-    assert_eq!((scene.meshes.len(), scene.instances.len()), (3, 5), "the bridge is placed nowhere");
-    assert_eq!(scene.warnings.len(), 2, "placed nowhere, and no animation: {:?}", scene.warnings);
+    assert_eq!((scene.meshes.len(), scene.instances.len()), (3, 5), "the bridge is not instanced");
+    assert_eq!(scene.warnings.len(), 2, "unused asset and missing animation: {:?}", scene.warnings);
     assert_eq!(scene.instances.iter().map(|instance| instance.mesh.0).collect::<Vec<_>>(), [0, 1, 0, 1, 2]);
-    // A quarter turn about z takes x to y and y to -x.
+    // A rotation by 90 degrees about z maps x to y and y to -x.
     assert_eq!(scene.instances[2].world_from_object.point([1.0, 1.0, 1.0]), [-1.0, 3.0, 0.0]);
     assert!(scene.instances[0].world_from_object_close.is_none());
     assert!(scene.instances[3].world_from_object_close.is_some());
@@ -45,9 +45,9 @@ fn instances_share_meshes_and_stand_where_they_are_said_to() {
 }
 
 #[test]
-fn rotations_turn_as_quaternions_do() {
+fn rotations_match_quaternions() {
     let (axis, angle_degrees) = ([2.0_f32 / 7.0, 3.0 / 7.0, 6.0 / 7.0], 200.0_f32);
-    let placement = crate::Placement::Parts { translation: [0.0; 3], axis, angle_degrees, scale: [1.0; 3] };
+    let placement = Placement::Parts { translation: [0.0; 3], axis, angle_degrees, scale: [1.0; 3] };
     let affine = placement.affine();
     // v + 2 q × (q × v + w v), the rotation by a unit quaternion.
     let (sin, w) = (0.5 * f64::from(angle_degrees)).to_radians().sin_cos();
@@ -57,9 +57,9 @@ fn rotations_turn_as_quaternions_do() {
     };
     for v in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.3, -2.0, 1.0]] {
         let inner = cross(q, v);
-        let turned = cross(q, std::array::from_fn(|k| inner[k] + w * v[k]));
+        let rotated = cross(q, std::array::from_fn(|k| inner[k] + w * v[k]));
         for k in 0..3 {
-            let difference = affine.vector_f64(v)[k] - (v[k] + 2.0 * turned[k]);
+            let difference = affine.vector_f64(v)[k] - (v[k] + 2.0 * rotated[k]);
             // Matrix and axis are rounded to f32; the vectors are shorter than 3.
             assert!(difference.abs() <= 3.0 * 3.0 * f64::from(f32::EPSILON), "{k}: {difference}");
         }
@@ -67,7 +67,7 @@ fn rotations_turn_as_quaternions_do() {
 }
 
 #[test]
-fn materials_change_by_name_and_no_others() {
+fn overrides_change_only_named_materials() {
     let scene = load(FULL).unwrap();
     let of = |name: &str| scene.materials.iter().find(|material| material.name == name).unwrap();
     let red = of("red");
@@ -77,11 +77,11 @@ fn materials_change_by_name_and_no_others() {
     let glass = scene.meshes[2].material_of(0);
     assert_eq!(scene.materials[glass.0 as usize].name, "glass");
     assert_eq!(scene.materials[glass.0 as usize].ior, 1.33);
-    assert_eq!(scene.materials.len(), 3, "the asset's own are gone");
+    assert_eq!(scene.materials.len(), 3, "replaced materials are removed");
 }
 
 #[test]
-fn what_the_file_says_replaces_what_assets_bring() {
+fn scene_file_replaces_lights_and_cameras_of_assets() {
     let bridge = "[[assets]]\nname = 'bridge'\nbuiltin = true\n";
     let scene = load(&format!("lights = []\n{bridge}")).unwrap();
     assert_eq!((scene.lights.len(), scene.cameras.len()), (0, 1));
@@ -90,23 +90,23 @@ fn what_the_file_says_replaces_what_assets_bring() {
 }
 
 #[test]
-fn what_cannot_be_loaded_is_told_by_line() {
+fn loading_errors_name_the_line() {
     let a = "[[assets]]\nname = 'a'\nfile = 'a.obj'\n";
-    refused(&format!("{a}[[overrides]]\nmaterial = 'rod'"), &["line 4", "no material", "\"rod\"", "\"red\""]);
-    refused(&format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'a.mtl'"), &["line 4", "a.mtl", "PNG"]);
-    refused(&format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'no.png'"), &["line 4", "no.png"]);
-    let of_file = "scene.toml: line 2: `file` of [[assets]]: ";
-    refused("# a\n[[assets]]\nname = 'a'\nfile = 'no.obj'", &[of_file, "no.obj: cannot be read: "]);
-    refused("# a\n[[assets]]\nname = 'a'\nfile = 'a.mtl'", &[of_file, "a.mtl: is neither OBJ"]);
-    let of_image = "scene.toml: line 4: `image` of [environment]: ";
-    refused(&format!("{a}[environment]\nimage = 'no.hdr'"), &[of_image, "no.hdr: cannot be read: "]);
-    refused(&format!("{a}[environment]\nimage = 'a.obj'"), &[of_image, "a.obj: environment: the content is neither"]);
-    refused("", &["nothing to draw"]);
+    rejected(&format!("{a}[[overrides]]\nmaterial = 'rod'"), &["line 4", "unknown material 'rod'", "'red'"]);
+    rejected(&format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'a.mtl'"), &["line 4", "a.mtl", "PNG"]);
+    rejected(&format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'no.png'"), &["line 4", "no.png"]);
+    let of_file = "scene.toml: line 2: 'file' in [[assets]]: ";
+    rejected("# a\n[[assets]]\nname = 'a'\nfile = 'no.obj'", &[of_file, "no.obj: cannot read file: "]);
+    rejected("# a\n[[assets]]\nname = 'a'\nfile = 'a.mtl'", &[of_file, "a.mtl: unsupported scene format"]);
+    let of_image = "scene.toml: line 4: 'image' in [environment]: ";
+    rejected(&format!("{a}[environment]\nimage = 'no.hdr'"), &[of_image, "no.hdr: cannot read file: "]);
+    rejected(&format!("{a}[environment]\nimage = 'a.obj'"), &[of_image, "a.obj: environment map: unsupported format"]);
+    rejected("", &["nothing to draw"]);
 }
 
-/// A file that was made and not read has no line to name.
+/// A generated scene file has no lines.
 #[test]
-fn errors_of_assets_stand_alone_where_no_line_names_them() {
+fn errors_of_generated_files_only_name_the_asset() {
     let folder = folder();
     std::fs::write(folder.path().join("bad.obj"), "v 0 0\n").unwrap();
     let file = SceneFile::for_scene(Some(&folder.path().join("bad.obj")), &folder.path().join("s.toml")).unwrap();
@@ -115,7 +115,7 @@ fn errors_of_assets_stand_alone_where_no_line_names_them() {
 }
 
 #[test]
-fn a_texture_needs_coordinates() {
+fn textures_require_texture_coordinates() {
     let folder = folder();
     image::RgbImage::new(1, 1).save(folder.path().join("t.png")).unwrap();
     let text = "[[assets]]\nname = 'a'\nfile = 'a.obj'\n[[overrides]]\nmaterial = 'red'\nbase_color_texture = 't.png'";
@@ -125,7 +125,7 @@ fn a_texture_needs_coordinates() {
 }
 
 #[test]
-fn the_examples_load() {
+fn examples_load() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
     let mut n = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
