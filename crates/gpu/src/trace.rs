@@ -1,10 +1,10 @@
-//! Rays through a scene in the device's memory.
+//! Ray tracing on the device.
 //!
 //! ```text
-//! Wide (one tree), or Wide a mesh + instances -> TracedScene -> closest hits and occlusion of rays; parts of other kernels
+//! TriangleBvh, or one per mesh + instances -> TracedScene -> closest hits, occlusion; bindings of other kernels
 //! ```
 //!
-//! The device walks the words that the CPU walks; what it needs besides is a tree of boxes around instances, made here.
+//! The device traverses the CPU's BVHs unchanged. Only the top-level BVH over instances is built here.
 
 mod cast;
 mod motion;

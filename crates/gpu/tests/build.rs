@@ -1,4 +1,4 @@
-//! Builds on devices that have no room for all of one. Twins of whole builds are in the package of tests.
+//! Builds on devices with too little memory. The package of tests compares whole builds with the CPU.
 
 #[expect(dead_code, reason = "no test here has a device without such a limit")]
 mod common;
@@ -11,9 +11,9 @@ use canted_lbvh::{Bits, Corners, Strategy};
 use common::lowered;
 
 #[test]
-fn passes_that_fit_are_timed_where_others_are_refused() {
-    let Some(gpu) = lowered("passes_that_fit_are_timed_where_others_are_refused", 48 << 10) else { return };
-    // Of each triangle 36 bytes of corners and 24 of an axis-aligned box, which fit, and 60 of a leaning box, which do not.
+fn stages_that_fit_are_timed_when_others_do_not_fit() {
+    let Some(gpu) = lowered("stages_that_fit_are_timed_when_others_do_not_fit", 48 << 10) else { return };
+    // Per triangle, 36 bytes of vertices and 24 of an axis-aligned box fit; 60 of an oriented box do not.
     let triangle = |i: u16| {
         let x = f32::from(i);
         [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, f32::from(i % 7)]]
@@ -28,7 +28,7 @@ fn passes_that_fit_are_timed_where_others_are_refused() {
         Some(GpuError::Limit { need: 60_000, most: 49_152, .. }) => {}
         other => panic!("{other:?}"),
     }
-    // Where all fits nothing is refused.
+    // A build that fits reports no error.
     let few = Items::triangles(&gpu, [&corners[..500]]).unwrap();
     let passes = Passes::measure(&gpu, &few, Bits::B63, 1).unwrap();
     assert!(passes.refused.is_none() && passes.boxes.iter().all(Option::is_some), "{passes:?}");

@@ -6,8 +6,8 @@ use canted_gpu::{GpuError, Specialisation, loop_iterations};
 use common::{gpu, lowered};
 
 #[test]
-fn buffers_come_back_as_they_went() {
-    let Some(gpu) = gpu("buffers_come_back_as_they_went") else { return };
+fn buffers_read_back_unchanged() {
+    let Some(gpu) = gpu("buffers_read_back_unchanged") else { return };
     for n in [0_u32, 1, 3, 1000] {
         let values: Vec<u32> = (0..n).collect();
         assert_eq!(gpu.read(&gpu.buffer("values", &values).unwrap()).unwrap(), values);
@@ -29,21 +29,21 @@ fn a_kernel_runs_and_is_timed() {
 }
 
 #[test]
-fn what_is_not_given_is_named() {
-    let Some(gpu) = gpu("what_is_not_given_is_named") else { return };
+fn a_missing_binding_is_reported() {
+    let Some(gpu) = gpu("a_missing_binding_is_reported") else { return };
     let kernel = gpu.kernel("check/loops", &Specialisation::none()).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 1).unwrap();
     let error = gpu.commands().dispatch(&kernel, &[("counted", &counted)], [1, 1, 1]).unwrap_err().to_string();
-    assert!(error.contains("'check/loops' binds 'wanted', which is not given"), "{error}");
+    assert!(error.contains("kernel 'check/loops' has no binding for 'wanted'"), "{error}");
 }
 
 #[test]
-fn a_low_limit_is_refused_with_limit_need_and_remedy() {
-    let Some(gpu) = lowered("a_low_limit_is_refused_with_limit_need_and_remedy", 1 << 20) else { return };
+fn exceeding_a_limit_is_reported_with_a_remedy() {
+    let Some(gpu) = lowered("exceeding_a_limit_is_reported_with_a_remedy", 1 << 20) else { return };
     let error = gpu.zeroed::<u32>("the nodes", 1 << 20).err().expect("4 MiB do not fit in 1 MiB").to_string();
     assert_eq!(
         error,
-        "the nodes: 4194304 bytes of a storage binding are needed, the device has 1048576; use a smaller scene or --device cpu"
+        "the nodes: requires 4194304 bytes in a storage binding, the device supports 1048576; use a smaller scene or --device cpu"
     );
 }
 
@@ -59,12 +59,11 @@ fn a_lost_device_stays_lost() {
 }
 
 #[test]
-fn more_than_the_memory_is_refused_in_a_sentence_until_there_is_room() {
-    let Some(gpu) = gpu("more_than_the_memory_is_refused_in_a_sentence_until_there_is_room") else { return };
+fn exceeding_the_memory_limit_is_an_error_until_buffers_are_dropped() {
+    let Some(gpu) = gpu("exceeding_the_memory_limit_is_an_error_until_buffers_are_dropped") else { return };
     gpu.limit_memory(1 << 20);
     let first = gpu.zeroed::<u32>("nodes", 1 << 17).unwrap();
-    let sentence =
-        "the device has not enough memory for triangles of 786432 bytes; use a smaller scene or --device cpu";
+    let sentence = "out of device memory for triangles of 786432 bytes; use a smaller scene or --device cpu";
     let refused = gpu.zeroed::<u32>("triangles", 3 << 16).map(drop).unwrap_err();
     assert_eq!(refused.to_string(), sentence);
     drop(first);

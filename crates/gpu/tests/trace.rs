@@ -1,5 +1,4 @@
-//! Rays on the device: what each scene's kind and each driver's limit leads to. Twins of whole scenes are in the package of
-//! tests.
+//! Ray tracing for each kind of scene and driver limit. The package of tests compares whole scenes with the CPU.
 
 mod common;
 
@@ -10,11 +9,11 @@ use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
 use common::{gpu, lowered};
 
-type Tree = TriangleBvh<Watertight>;
+type Bvh = TriangleBvh<Watertight>;
 
 /// A floor of `n` by `n` squares in the plane z = 0, from 0 to `n`.
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
-fn floor(n: u32) -> Tree {
+fn floor(n: u32) -> Bvh {
     let positions: Vec<[f32; 3]> = (0..=n).flat_map(|y| (0..=n).map(move |x| [x as f32, y as f32, 0.0])).collect();
     let triangles: Vec<[u32; 3]> = (0..n)
         .flat_map(|y| (0..n).map(move |x| y * (n + 1) + x))
@@ -23,7 +22,7 @@ fn floor(n: u32) -> Tree {
     TriangleBvh::build(&positions, &triangles, &Config::default()).unwrap()
 }
 
-fn nothing() -> Tree {
+fn nothing() -> Bvh {
     TriangleBvh::build(&[], &[], &Config::default()).unwrap()
 }
 
@@ -42,8 +41,8 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray]) -> Vec<Option<(f32, u32, u
 }
 
 #[test]
-fn one_tree_is_traced() {
-    let Some(gpu) = gpu("one_tree_is_traced") else { return };
+fn a_single_level_scene_is_traced() {
+    let Some(gpu) = gpu("a_single_level_scene_is_traced") else { return };
     let scene = TracedScene::single_level(&gpu, &floor(20), &[0]).unwrap();
     let rays = [down(3.75, 0.25), down(-1.0, 3.0), down(0.25, 19.75), Ray::new([0.0; 3], [0.0; 3])];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 6, 0)), None, Some((2.0, 19 * 40 + 1, 0)), None]);
@@ -52,17 +51,17 @@ fn one_tree_is_traced() {
 }
 
 #[test]
-fn triangles_of_a_flat_tree_belong_to_instances() {
-    let Some(gpu) = gpu("triangles_of_a_flat_tree_belong_to_instances") else { return };
-    // The second instance has no triangle.
+fn triangles_of_a_flattened_scene_belong_to_instances() {
+    let Some(gpu) = gpu("triangles_of_a_flattened_scene_belong_to_instances") else { return };
+    // The second instance has no triangles.
     let scene = TracedScene::single_level(&gpu, &floor(4), &[0, 8, 8, 31]).unwrap();
     let rays = [down(0.75, 0.25), down(0.75, 1.25), down(3.25, 3.75)];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 0)), Some((2.0, 0, 2)), Some((2.0, 0, 3))]);
 }
 
 #[test]
-fn instances_are_mirrored_scaled_and_empty() {
-    let Some(gpu) = gpu("instances_are_mirrored_scaled_and_empty") else { return };
+fn instances_may_be_mirrored_scaled_or_empty() {
+    let Some(gpu) = gpu("instances_may_be_mirrored_scaled_or_empty") else { return };
     let place = |x: f32, z: f32, at: [f32; 3]| Affine { columns: [[x, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, z], at] };
     let instances = [
         Instance::new(1, Affine::IDENTITY),
@@ -75,8 +74,8 @@ fn instances_are_mirrored_scaled_and_empty() {
 }
 
 #[test]
-fn nothing_is_hit_where_nothing_is() {
-    let Some(gpu) = gpu("nothing_is_hit_where_nothing_is") else { return };
+fn empty_scenes_have_no_hits() {
+    let Some(gpu) = gpu("empty_scenes_have_no_hits") else { return };
     let rays = [down(0.0, 0.0)];
     let empty = nothing();
     for scene in [
@@ -91,8 +90,8 @@ fn nothing_is_hit_where_nothing_is() {
 }
 
 #[test]
-fn a_walk_that_is_cut_short_says_so() {
-    let Some(gpu) = gpu("a_walk_that_is_cut_short_says_so") else { return };
+fn incomplete_traversal_is_reported() {
+    let Some(gpu) = gpu("incomplete_traversal_is_reported") else { return };
     let scene = TracedScene::single_level(&gpu, &floor(20), &[0]).unwrap().with_max_iterations(2);
     let rays = [down(3.75, 0.25), down(-100.0, 3.0)];
     let answers = scene.closest_hits(&gpu, &rays).unwrap();
@@ -101,8 +100,8 @@ fn a_walk_that_is_cut_short_says_so() {
 }
 
 #[test]
-fn what_kernels_do_not_trace_is_refused() {
-    let Some(gpu) = gpu("what_kernels_do_not_trace_is_refused") else { return };
+fn unsupported_instances_are_rejected() {
+    let Some(gpu) = gpu("unsupported_instances_are_rejected") else { return };
     let floor = floor(1);
     let refused = |instance: Instance| match TracedScene::two_level(&gpu, &[&floor], &[instance]) {
         Ok(_) => panic!("{instance:?} is traced"),
@@ -111,11 +110,11 @@ fn what_kernels_do_not_trace_is_refused() {
     let about_z = |[sine, cosine]: [f32; 2]| Affine {
         columns: [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0], [0.0; 3]],
     };
-    // By 135 degrees.
+    // Rotated by 135 degrees.
     let turning = Instance::moving(0, Affine::IDENTITY, about_z([0.7, -0.7]));
     assert_eq!(
         refused(turning),
-        "the device does not trace instance 0, whose motion has condition inf, beyond 1.024e3; use --device cpu"
+        "not supported on the GPU: instance 0, whose motion has condition number inf (maximum 1.024e3); use --device cpu"
     );
     let flat = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1e-4], [0.0; 3]] };
     assert!(refused(Instance::new(0, flat)).contains("condition"));
@@ -124,11 +123,11 @@ fn what_kernels_do_not_trace_is_refused() {
 }
 
 #[test]
-fn coordinates_beyond_the_proof_are_refused() {
-    let Some(gpu) = gpu("coordinates_beyond_the_proof_are_refused") else { return };
+fn too_large_coordinates_are_rejected() {
+    let Some(gpu) = gpu("too_large_coordinates_are_rejected") else { return };
     let reaching = |far: f32| {
         let positions = [[0.0; 3], [far, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        Tree::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap()
+        Bvh::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap()
     };
     let there = |shift: f32| {
         let mut map = Affine::IDENTITY;
@@ -138,7 +137,7 @@ fn coordinates_beyond_the_proof_are_refused() {
     assert!(TracedScene::single_level(&gpu, &reaching(1e18), &[0]).is_ok());
     assert!(TracedScene::two_level(&gpu, &[&floor(1)], &[there(-9e17)]).is_ok());
     for (name, scene) in [
-        ("tree over all instances", TracedScene::single_level(&gpu, &reaching(1.1e18), &[0])),
+        ("BVH over all instances", TracedScene::single_level(&gpu, &reaching(1.1e18), &[0])),
         ("mesh 0", TracedScene::two_level(&gpu, &[&reaching(f32::MAX)], &[])),
         ("instance 1", TracedScene::two_level(&gpu, &[&floor(1)], &[there(0.0), there(-2e18)])),
     ] {
@@ -148,8 +147,8 @@ fn coordinates_beyond_the_proof_are_refused() {
 }
 
 #[test]
-fn a_scene_above_the_limit_is_refused_with_limit_need_and_remedy() {
-    let test = "a_scene_above_the_limit_is_refused_with_limit_need_and_remedy";
+fn a_scene_above_a_device_limit_is_rejected() {
+    let test = "a_scene_above_a_device_limit_is_rejected";
     let Some(gpu) = lowered(test, 1 << 16) else { return };
     match TracedScene::single_level(&gpu, &floor(60), &[0]) {
         Err(GpuError::Limit { need, most, .. }) => assert!(need > most && most == 1 << 16),

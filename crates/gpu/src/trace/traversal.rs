@@ -1,28 +1,29 @@
-//! What kernels need to know of the nodes of trees: how rays find their way back up, and which kinds there are.
+//! Traversal algorithms, and properties of nodes that kernels need.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::layout::{BvhHeader, Quad};
 
-/// How a ray finds its way back to nodes whose children wait. Each finds the same hits.
+/// How a ray returns to nodes with pending children. All variants find the same hits.
 ///
-/// `benches/TRIED.md` has what the others cost beside the stack, on a software driver; on hardware that is not measured yet.
+/// Only [`Traversal::Stack`] is used for rendering. The others are measured alternatives (`alternatives/traverse.wgsl`);
+/// `benches/TRIED.md` has their timings on a software driver. They have not been measured on hardware.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Traversal {
-    /// A stack in the invocation's own memory: what is used.
+    /// A stack in private memory.
     #[default]
     Stack,
-    /// Eight bits a level in registers, and links up; sixteen levels at most.
+    /// Eight bits per level in registers, and links to parents; at most sixteen levels.
     Bits,
-    /// Links up, and the key of the child that the ray comes from.
+    /// Links to parents, and the key of the child that the ray returns from.
     Links,
 }
 
 impl Traversal {
-    /// Every walk.
+    /// All variants.
     pub const ALL: [Self; 3] = [Self::Stack, Self::Bits, Self::Links];
 
-    /// As tables call it.
+    /// Name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -41,7 +42,7 @@ impl Traversal {
     }
 }
 
-/// A node's parent, and which of its children it is.
+/// Parent of a node, and its index among the children.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct ParentLink {
@@ -50,19 +51,19 @@ pub(super) struct ParentLink {
 }
 
 impl ParentLink {
-    /// The parent of a root.
-    pub(super) const NOWHERE: Self = Self { word: EMPTY, child: 0 };
+    /// The link of a root.
+    pub(super) const OF_ROOT: Self = Self { word: EMPTY, child: 0 };
 }
 
-/// As in `shared/node.wgsl`: a bit of leaves, the word that names nothing, where a node's kind stands, and the quads of a line.
+/// As in `shared/node.wgsl`: the leaf bit, the empty word, the position of the node kind, and the quads of a line.
 const LEAF: u32 = 0x8000_0000;
 const EMPTY: u32 = 0x7fff_ffff;
 const KIND_SHIFT: u32 = 29;
 const LINE_QUADS: usize = 4;
 
-/// Links of all trees, one for each line of nodes.
+/// Links of all BVHs, one for each line of nodes.
 pub(super) fn links(nodes: &[Quad], trees: &[BvhHeader]) -> Vec<ParentLink> {
-    let mut links = vec![ParentLink::NOWHERE; nodes.len().div_ceil(LINE_QUADS)];
+    let mut links = vec![ParentLink::OF_ROOT; nodes.len().div_ceil(LINE_QUADS)];
     for &BvhHeader { words: [root, first_quad, ..], .. } in trees {
         let nodes = &nodes[first_quad as usize..];
         each_node(nodes, root, |word| {
@@ -77,14 +78,14 @@ pub(super) fn links(nodes: &[Quad], trees: &[BvhHeader]) -> Vec<ParentLink> {
     links
 }
 
-/// Whether all nodes of a tree stand along the axes, with no frame of their own.
+/// Whether all nodes below `root` are aligned.
 pub(super) fn is_aligned(nodes: &[Quad], root: u32) -> bool {
     let mut is_aligned = true;
     each_node(nodes, root, |word| is_aligned &= word >> KIND_SHIFT == 0);
     is_aligned
 }
 
-/// Visits the words of all nodes below and with `root`.
+/// Visits the words of all nodes below `root`, including it.
 fn each_node(nodes: &[Quad], root: u32, mut visit: impl FnMut(u32)) {
     let mut waiting = vec![root];
     while let Some(word) = waiting.pop() {
