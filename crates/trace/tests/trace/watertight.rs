@@ -2,12 +2,14 @@ use std::collections::HashMap;
 
 use num_traits::{Signed, Zero};
 
-use super::exact::{self, q};
-use super::inputs::{Rng, SETTINGS, Triangle, ray_at};
-use super::kernels::hit;
-use crate::rounding::{UNIT_ROUNDOFF, UNIT_ROUNDOFF_F64};
-use crate::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
+use crate::exact::{self, q};
+use crate::inputs::{Rng, SETTINGS, Triangle, ray_at};
+use crate::kernels::hit;
+use canted_trace::lanes::UNIT_ROUNDOFF;
+
+use crate::exact::UNIT_ROUNDOFF_F64;
 use canted_obb::vector::{cross, dot, sub};
+use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
 
 /// A subdivided octahedron, its vertices shared bit for bit; then scaled and moved, which keeps it closed.
 fn ball(levels: u32, scale: [f32; 3], around: [f32; 3]) -> Vec<Triangle> {

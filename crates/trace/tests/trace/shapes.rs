@@ -1,10 +1,12 @@
 use canted_obb::Aabb;
 use num_traits::{Signed, Zero};
 
-use super::exact::{self, Q, q, q3};
-use super::inputs::{Rng, SETTINGS};
-use crate::rounding::{UNIT_ROUNDOFF, UNIT_ROUNDOFF_F64};
-use crate::{Ray, Sphere, segment_overlaps_aabb};
+use crate::exact::{self, Q, q, q3};
+use crate::inputs::{Rng, SETTINGS};
+use canted_trace::lanes::UNIT_ROUNDOFF;
+
+use crate::exact::UNIT_ROUNDOFF_F64;
+use canted_trace::{Ray, Sphere, segment_overlaps_aabb};
 
 #[test]
 fn five_cases_of_a_sphere() {

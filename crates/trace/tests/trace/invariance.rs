@@ -1,8 +1,8 @@
 use canted_obb::Aabb;
 
-use super::inputs::{Rng, SETTINGS, TWO_POW_60, Triangle, ray_at};
-use super::kernels::{bits, hit};
-use crate::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight};
+use crate::inputs::{Rng, SETTINGS, TWO_POW_60, Triangle, ray_at};
+use crate::kernels::{bits, hit};
+use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight};
 
 /// Hit, then entries into the boxes, as bits.
 fn answer<K: Kernel>(ray: &Ray, triangle: &Triangle, frame: [[f32; 3]; 3]) -> [Option<Vec<u32>>; 3] {

@@ -1,17 +1,15 @@
 use num_traits::{Signed, Zero};
 
-use super::exact::{self, Q, q, q3};
-use super::inputs::{self, Rng, SETTINGS, Setting, TWO_POW_60, Triangle, any_bits};
-use crate::triangle::filter::Weights;
-use crate::triangle::finish::finish;
-use crate::triangle::{baldwin_weber, moller_trumbore};
-use crate::{BaldwinWeber, Kernel, ScaledRay};
+use crate::exact::{self, Q, q, q3};
+use crate::inputs::{self, Rng, SETTINGS, Setting, TWO_POW_60, Triangle, any_bits};
+use canted_trace::lanes::{Weights, baldwin_weber_weights, finish, moller_trumbore_weights};
+use canted_trace::{BaldwinWeber, Kernel, ScaledRay};
 
 type Filter = fn(&ScaledRay, &Triangle) -> Weights;
 
 const FILTERS: [(&str, Filter); 2] = [
-    ("moller-trumbore", moller_trumbore::weights),
-    ("baldwin-weber", |ray, triangle| baldwin_weber::weights(ray, &BaldwinWeber::record(*triangle))),
+    ("moller-trumbore", moller_trumbore_weights),
+    ("baldwin-weber", |ray, triangle| baldwin_weber_weights(ray, &BaldwinWeber::record(*triangle))),
 ];
 
 /// Triangles up to 10^4 edges from the coordinate origin, the rays' origins near, as far, or farther still.

@@ -2,40 +2,40 @@
 
 use canted_obb::Obb;
 
-use crate::{Ray, ScaledRay};
 use canted_obb::vector::{cross, dot, sub};
+use canted_trace::{Ray, ScaledRay};
 
-pub(super) type Triangle = [[f32; 3]; 3];
+pub(crate) type Triangle = [[f32; 3]; 3];
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
-pub(super) struct Rng(pub(super) u64);
+pub(crate) struct Rng(pub(crate) u64);
 
 impl Rng {
-    pub(super) fn bits(&mut self) -> u64 {
+    pub(crate) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ z >> 31
     }
 
-    pub(super) fn below(&mut self, n: u64) -> usize {
+    pub(crate) fn below(&mut self, n: u64) -> usize {
         usize::try_from(self.bits() % n).expect("small")
     }
 
     /// Uniform in [-1, 1).
-    pub(super) fn signed(&mut self) -> f32 {
+    pub(crate) fn signed(&mut self) -> f32 {
         let cells = u32::try_from(self.bits() >> 40).expect("24 bits");
         #[expect(clippy::cast_precision_loss, reason = "24 bits fit")]
         let unit = cells as f32 / (1u32 << 24) as f32;
         2.0 * unit - 1.0
     }
 
-    pub(super) fn vector(&mut self, scale: f32) -> [f32; 3] {
+    pub(crate) fn vector(&mut self, scale: f32) -> [f32; 3] {
         std::array::from_fn(|_| scale * self.signed())
     }
 
     /// An orthonormal frame, up to f32.
-    pub(super) fn frame(&mut self) -> [[f32; 3]; 3] {
+    pub(crate) fn frame(&mut self) -> [[f32; 3]; 3] {
         let unit = |a: [f32; 3]| a.map(|x| x / dot(a, a).sqrt());
         let x = unit(self.vector(1.0));
         let z = unit(cross(x, self.vector(1.0)));
@@ -43,7 +43,7 @@ impl Rng {
     }
 
     /// Convex weights; often on an edge or at a vertex.
-    pub(super) fn weights(&mut self) -> [f32; 3] {
+    pub(crate) fn weights(&mut self) -> [f32; 3] {
         let [a, b] = [self.signed().abs(), self.signed().abs()];
         match self.below(4) {
             0 => [a * (1.0 - b), a * b, 1.0 - a],
@@ -54,7 +54,7 @@ impl Rng {
     }
 
     /// A triangle near `around`: random, needle, in a coordinate plane, on a grid, or a point twice.
-    pub(super) fn triangle(&mut self, around: [f32; 3], size: f32) -> Triangle {
+    pub(crate) fn triangle(&mut self, around: [f32; 3], size: f32) -> Triangle {
         let mut corners: Triangle = std::array::from_fn(|_| self.vector(size));
         match self.below(5) {
             0 => corners[2] = std::array::from_fn(|k| corners[0][k] + 1e-4 * (corners[1][k] - corners[0][k])),
@@ -71,16 +71,16 @@ impl Rng {
 
 /// What is far, large, small or flat about a case.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Setting {
+pub(crate) struct Setting {
     /// Where the triangles are.
-    pub(super) around: [f32; 3],
+    pub(crate) around: [f32; 3],
     /// How large they are.
-    pub(super) size: f32,
+    pub(crate) size: f32,
     /// How far the rays start.
-    pub(super) distance: f32,
+    pub(crate) distance: f32,
 }
 
-pub(super) const SETTINGS: [Setting; 7] = [
+pub(crate) const SETTINGS: [Setting; 7] = [
     Setting { around: [0.0; 3], size: 1.0, distance: 2.0 },
     Setting { around: [5.0, -3.0, 7.0], size: 0.01, distance: 3.0 },
     Setting { around: [1e7, -1e7, 3e6], size: 100.0, distance: 1e3 },
@@ -90,16 +90,16 @@ pub(super) const SETTINGS: [Setting; 7] = [
     Setting { around: [0.0, 1e-21, 0.0], size: 1e-20, distance: 1e-18 },
 ];
 
-pub(super) const TWO_POW_60: f32 = (1u64 << 60) as f32;
+pub(crate) const TWO_POW_60: f32 = (1u64 << 60) as f32;
 
 /// A triangle of `setting` and a ray at it.
-pub(super) fn case(rng: &mut Rng, setting: &Setting) -> (Triangle, ScaledRay) {
+pub(crate) fn case(rng: &mut Rng, setting: &Setting) -> (Triangle, ScaledRay) {
     let triangle = rng.triangle(setting.around, setting.size);
     (triangle, ray_at(rng, &triangle, setting.distance))
 }
 
 /// A ray at a point of `triangle`: from afar, along an axis, in the face's plane, with tiny components, from a vertex.
-pub(super) fn ray_at(rng: &mut Rng, triangle: &Triangle, distance: f32) -> ScaledRay {
+pub(crate) fn ray_at(rng: &mut Rng, triangle: &Triangle, distance: f32) -> ScaledRay {
     let weights = rng.weights();
     let target: [f32; 3] = std::array::from_fn(|k| (0..3).map(|i| weights[i] * triangle[i][k]).sum());
     let axis = rng.below(3);
@@ -119,7 +119,7 @@ pub(super) fn ray_at(rng: &mut Rng, triangle: &Triangle, distance: f32) -> Scale
 }
 
 /// A triangle of any bits and a ray at it: subnormal to 2^62, coordinates up to 2^30 apart in size.
-pub(super) fn any_bits(rng: &mut Rng) -> (Triangle, ScaledRay) {
+pub(crate) fn any_bits(rng: &mut Rng) -> (Triangle, ScaledRay) {
     let greatest = rng.below(190);
     let spread = 1 + rng.below(31);
     let mut vector = || {
@@ -138,7 +138,7 @@ pub(super) fn any_bits(rng: &mut Rng) -> (Triangle, ScaledRay) {
 }
 
 /// An oriented box: any frame and extents, flat, sheared, or in axis position.
-pub(super) fn obb_near(rng: &mut Rng, setting: &Setting) -> Obb {
+pub(crate) fn obb_near(rng: &mut Rng, setting: &Setting) -> Obb {
     let offset = rng.vector(setting.size);
     let mut obb = Obb {
         center: std::array::from_fn(|k| setting.around[k] + offset[k]),

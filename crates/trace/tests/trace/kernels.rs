@@ -1,12 +1,12 @@
 use num_traits::{Signed, Zero};
 
-use super::exact::{self, Q, q, q3};
-use super::inputs::{self, Rng, SETTINGS, Triangle, any_bits, ray_at};
-use crate::rounding::UNIT_ROUNDOFF;
-use crate::{BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, TriangleHit, Watertight};
+use crate::exact::{self, Q, q, q3};
+use crate::inputs::{self, Rng, SETTINGS, Triangle, any_bits, ray_at};
 use canted_obb::vector::{cross, dot, reach, sub, to_f64};
+use canted_trace::lanes::UNIT_ROUNDOFF;
+use canted_trace::{BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, TriangleHit, Watertight};
 
-pub(super) fn hit<K: Kernel>(ray: &ScaledRay, triangle: &Triangle) -> Option<TriangleHit> {
+pub(crate) fn hit<K: Kernel>(ray: &ScaledRay, triangle: &Triangle) -> Option<TriangleHit> {
     K::intersect(&K::prepare(ray), ray, &K::record(*triangle), ray.t_max)
 }
 
@@ -144,7 +144,7 @@ fn filtered_kernels_share_their_bits() {
     assert!(n_hits > 20_000, "{n_hits}");
 }
 
-pub(super) fn bits(hit: TriangleHit) -> ([u32; 3], Side) {
+pub(crate) fn bits(hit: TriangleHit) -> ([u32; 3], Side) {
     ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.side)
 }
 

@@ -1,10 +1,12 @@
 use canted_obb::{Aabb, Obb};
 use num_traits::Signed;
 
-use super::exact::{self, Q, contains, q, q3};
-use super::inputs::{self, Rng, SETTINGS, Triangle, any_bits, obb_near, ray_at};
-use crate::rounding::UNIT_ROUNDOFF;
-use crate::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight, ray_aabb, ray_obb};
+use crate::exact::{self, Q, contains, q, q3};
+use crate::inputs::{self, Rng, SETTINGS, Triangle, any_bits, obb_near, ray_at};
+use canted_trace::lanes::UNIT_ROUNDOFF;
+use canted_trace::{
+    BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight, ray_aabb, ray_obb,
+};
 
 /// The exact corners of a box.
 fn exact_corners(obb: &Obb) -> impl Iterator<Item = exact::Q3> {
