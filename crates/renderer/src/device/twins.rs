@@ -1,4 +1,4 @@
-//! Functions of kernels beside those of the CPU, each over a buffer of inputs.
+//! Compares functions of kernels with their CPU twins, each over a buffer of inputs.
 
 mod bsdf;
 mod incoming;
@@ -10,15 +10,15 @@ use canted_gpu::{Choice, Gpu, NamedBinding, Specialisation};
 
 use crate::{Pattern, Sampler};
 
-/// Half a unit in the last place of 1: what one rounding changes at most, relative.
+/// Relative bound of one rounding: half a unit in the last place of 1.
 const U: f64 = 0.5 * f32::EPSILON as f64;
 
-/// The best adapter, or the sentence of a skipped test.
+/// The best adapter; `None` if the test is skipped.
 fn gpu(test: &str) -> Option<Gpu> {
     or_skip(test, Gpu::open(&Choice::Best))
 }
 
-/// What a kernel of `check/` writes into `answers` for each of `queries`.
+/// The results of a kernel of `check/` for each of `queries`.
 fn answers<Q: Pod, A: Pod>(
     gpu: &Gpu,
     kernel: &str,
@@ -27,9 +27,9 @@ fn answers<Q: Pod, A: Pod>(
     others: &[NamedBinding<'_>],
 ) -> Vec<A> {
     let kernel = gpu.kernel(kernel, chosen).unwrap();
-    let asked = gpu.buffer("queries", queries).unwrap();
+    let inputs = gpu.buffer("queries", queries).unwrap();
     let answers = gpu.zeroed::<A>("answers", queries.len()).unwrap();
-    let mut bound: Vec<NamedBinding<'_>> = vec![("queries", &asked), ("answers", &answers)];
+    let mut bound: Vec<NamedBinding<'_>> = vec![("queries", &inputs), ("answers", &answers)];
     bound.extend(others);
     let mut commands = gpu.commands();
     commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(queries.len()).unwrap())).unwrap();
@@ -37,7 +37,7 @@ fn answers<Q: Pod, A: Pod>(
     gpu.read(&answers).unwrap()
 }
 
-/// How many answers were the CPU's, and how many lay at an edge of choices; else what is wrong with the first.
+/// The number of equal answers and of answers at a discontinuity; otherwise the first error.
 fn compare<Q, A>(
     one: impl Fn(&Q, &A) -> Result<bool, String>,
     queries: &[Q],
@@ -70,7 +70,7 @@ fn are_near(a: [f32; 3], b: [f64; 3], bound: f64) -> bool {
     (0..3).all(|k| (f64::from(a[k]) - b[k]).abs() <= bound)
 }
 
-/// Members of the Rust structure and their offsets, as the kernel's structure of that name has them.
+/// Asserts that a Rust struct has the members, offsets and size of the kernel's struct.
 macro_rules! same_layout {
     ($kernel:expr, $chosen:expr, $name:literal, $ty:ty { $($member:ident),* $(,)? }) => {{
         let shader = canted_shaders::Shader::new($kernel, $chosen).unwrap();
