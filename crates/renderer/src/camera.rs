@@ -55,12 +55,12 @@ impl View {
         }
         let forward = unit(sub(wide(target), wide(eye))).ok_or(CameraError::NoDirection { eye })?;
         let up_unit = unit(wide(up)).ok_or(CameraError::NoUp { up })?;
-        let across = cross(forward, up_unit);
+        let right = cross(forward, up_unit);
         // A sine below the rounding error of the f32 inputs does not define up.
-        if crate::vector::length(across) < f64::from(f32::EPSILON) {
+        if crate::vector::length(right) < f64::from(f32::EPSILON) {
             return Err(CameraError::NoUp { up });
         }
-        let right = unit(across).ok_or(CameraError::NoUp { up })?;
+        let right = unit(right).ok_or(CameraError::NoUp { up })?;
         let down = cross(forward, right);
         let pixel = view_height / f64::from(height);
         Ok(Self {

@@ -123,7 +123,7 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
     let Some(gpu) = gpu("trees_too_deep_for_a_walk_are_refused_by_name") else { return };
     let refused = |depth: u32, most: u32| {
         format!(
-            "the stack of a ray: {depth} levels of nodes are needed, the device has {most}; use another --builder or --device cpu"
+            "the stack of a ray: requires {depth} levels of nodes, the device supports {most}; use another --builder or --device cpu"
         )
     };
     let error = |scene: Result<TracedScene, GpuError>| scene.err().expect("the tree is too deep").to_string();

@@ -1,4 +1,4 @@
-//! Compares functions of kernels with their CPU twins, each over a buffer of inputs.
+//! Compares shader functions with their CPU twins, over a buffer of inputs.
 
 mod bsdf;
 mod incoming;
@@ -10,15 +10,15 @@ use canted_gpu::{Choice, Gpu, NamedBinding, Specialisation};
 
 use crate::{Pattern, Sampler};
 
-/// Relative bound of one rounding: half a unit in the last place of 1.
+/// Half a ULP of 1: the maximum relative error of one rounding.
 const U: f64 = 0.5 * f32::EPSILON as f64;
 
-/// The best adapter; `None` if the test is skipped.
+/// The best adapter; reports a skipped test if there is none.
 fn gpu(test: &str) -> Option<Gpu> {
     or_skip(test, Gpu::open(&Choice::Best))
 }
 
-/// The results of a kernel of `check/` for each of `queries`.
+/// Runs a kernel of `check/`: its `answers` for `queries`.
 fn answers<Q: Pod, A: Pod>(
     gpu: &Gpu,
     kernel: &str,
@@ -27,9 +27,9 @@ fn answers<Q: Pod, A: Pod>(
     others: &[NamedBinding<'_>],
 ) -> Vec<A> {
     let kernel = gpu.kernel(kernel, chosen).unwrap();
-    let inputs = gpu.buffer("queries", queries).unwrap();
+    let asked = gpu.buffer("queries", queries).unwrap();
     let answers = gpu.zeroed::<A>("answers", queries.len()).unwrap();
-    let mut bound: Vec<NamedBinding<'_>> = vec![("queries", &inputs), ("answers", &answers)];
+    let mut bound: Vec<NamedBinding<'_>> = vec![("queries", &asked), ("answers", &answers)];
     bound.extend(others);
     let mut commands = gpu.commands();
     commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(queries.len()).unwrap())).unwrap();
@@ -37,7 +37,7 @@ fn answers<Q: Pod, A: Pod>(
     gpu.read(&answers).unwrap()
 }
 
-/// The number of equal answers and of answers at a discontinuity; otherwise the first error.
+/// Number of answers that match the CPU's, and number of those at a discontinuity; or what is wrong with the first.
 fn compare<Q, A>(
     one: impl Fn(&Q, &A) -> Result<bool, String>,
     queries: &[Q],
@@ -70,7 +70,7 @@ fn are_near(a: [f32; 3], b: [f64; 3], bound: f64) -> bool {
     (0..3).all(|k| (f64::from(a[k]) - b[k]).abs() <= bound)
 }
 
-/// Asserts that a Rust struct has the members, offsets and size of the kernel's struct.
+/// Asserts that a Rust structure has the members and offsets of the kernel's structure of that name.
 macro_rules! same_layout {
     ($kernel:expr, $chosen:expr, $name:literal, $ty:ty { $($member:ident),* $(,)? }) => {{
         let shader = canted_shaders::Shader::new($kernel, $chosen).unwrap();

@@ -161,10 +161,10 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             accumulated.add(light.radiance, mis_weight(light.light));
             return false;
         }
-        let Some(found) = hit.filter(|_| n <= self.bounces) else { return false };
-        let surface = self.surfaces.at_time(&found, ray.direction, start.time, *cone);
+        let Some(hit) = hit.filter(|_| n <= self.bounces) else { return false };
+        let surface = self.surfaces.at_time(&hit, ray.direction, start.time, *cone);
         if surface.emission != [0.0; 3] {
-            accumulated.add(surface.emission, mis_weight(LightId::of_hit(&found)));
+            accumulated.add(surface.emission, mis_weight(LightId::of_hit(&hit)));
         }
         let vertex = &*previous.insert(Vertex::new(surface, ray.direction));
         if !vertex.bsdf().is_delta_only() {

@@ -147,7 +147,7 @@ impl Cluster {
             }
             Light::Sphere { center, radius, .. } => (center, [f64::from(radius); 3], Cone::ALL),
             Light::Disk { center, normal, radius, .. } => {
-                // A disc reaches along each axis as far as the axis is across its normal.
+                // The extent of a disk along an axis is its radius times the sine between the axis and its normal.
                 let half = wide(normal).map(|n| f64::from(radius) * ((1.0 - n) * (1.0 + n)).max(0.0).sqrt());
                 (center, half, Cone::about(wide(normal), false))
             }

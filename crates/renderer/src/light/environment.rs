@@ -124,8 +124,8 @@ fn mean_of(image: &EnvironmentImage) -> [f32; 3] {
     let rows: Vec<Vector> = (0..image.height as usize)
         .into_par_iter()
         .map(|row| {
-            let share = solid_angle(image, row) / (4.0 * PI);
-            row_means(image, row).fold([0.0; 3], |sum, texel| std::array::from_fn(|k| sum[k] + share * texel[k]))
+            let fraction = solid_angle(image, row) / (4.0 * PI);
+            row_means(image, row).fold([0.0; 3], |sum, texel| std::array::from_fn(|k| sum[k] + fraction * texel[k]))
         })
         .collect();
     let mean: Vector = rows.iter().fold([0.0; 3], |sum, row| std::array::from_fn(|k| sum[k] + row[k]));

@@ -36,8 +36,9 @@ impl IncomingLight {
             }
             Light::Point { position, intensity } => Self::of_point(position, intensity, surface, |_| 1.0),
             Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
-                let share = |to_light| spot_share(-dot(wide(direction), to_light), cos_inner.into(), cos_outer.into());
-                Self::of_point(position, intensity, surface, share)
+                let falloff =
+                    |to_light| spot_falloff(-dot(wide(direction), to_light), cos_inner.into(), cos_outer.into());
+                Self::of_point(position, intensity, surface, falloff)
             }
             Light::Sphere { center, radius, radiance } => {
                 let (target, density) = SphereLight::new(center, radius).sample(surface.position, square())?;
@@ -55,11 +56,11 @@ impl IncomingLight {
         position: [f32; 3],
         intensity: [f32; 3],
         surface: &Surface,
-        share: impl FnOnce(Vector) -> f64,
+        falloff: impl FnOnce(Vector) -> f64,
     ) -> Option<Self> {
         let offset = sub(wide(position), surface.position);
         let to_light = unit(offset)?;
-        let factor = share(to_light) / dot(offset, offset);
+        let factor = falloff(to_light) / dot(offset, offset);
         (factor > 0.0).then(|| Self {
             to_light,
             radiance: scale(wide(intensity), factor),
@@ -80,7 +81,7 @@ impl IncomingLight {
 }
 
 /// Fraction of a spot light's intensity at an angle to its axis, see [`Light::Spot`].
-fn spot_share(cosine: f64, cos_inner: f64, cos_outer: f64) -> f64 {
+fn spot_falloff(cosine: f64, cos_inner: f64, cos_outer: f64) -> f64 {
     if cosine >= cos_inner {
         1.0
     } else if cosine <= cos_outer {

@@ -103,8 +103,8 @@ pub(crate) struct PackedLights {
 impl LightSampler<'_> {
     /// Packs the sampler. `slack` is the ray offset of an instance per axis, on the GPU.
     pub(crate) fn packed(&self, slack: impl Fn(InstanceId) -> f32) -> PackedLights {
-        let share = |wanted: Choice| narrowed(self.share(wanted));
-        let suns = self.shares.iter().filter_map(|&(choice, share)| match choice {
+        let share = |wanted: Choice| narrowed(self.kind_probability(wanted));
+        let suns = self.kinds.iter().filter_map(|&(choice, share)| match choice {
             Choice::Sun(light) => Some(SunShare { light, share: narrowed(share) }),
             _ => None,
         });

@@ -55,7 +55,7 @@ pub struct LightSampler<'a> {
     pub(super) listed: Vec<u32>,
     pub(super) sky: Option<SkySampler<'a>>,
     /// The first choice, with probabilities.
-    pub(super) shares: Vec<(Choice, f64)>,
+    pub(super) kinds: Vec<(Choice, f64)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,10 +90,10 @@ impl<'a> LightSampler<'a> {
             Light::Sun { irradiance, .. } => Some((Choice::Sun(index), luminance(wide(*irradiance)))),
             _ => None,
         });
-        let near = if local > 0.0 { local / cross_section(surfaces.scene()) } else { 0.0 };
-        let powers = [(Choice::Tree, near), (Choice::Environment, PI * far)];
-        let shares = shares(powers.into_iter().chain(suns));
-        Self { tree: Tree::new(&clusters), lights, emitters, tree_lights, listed, sky, shares }
+        let local_irradiance = if local > 0.0 { local / cross_section(surfaces.scene()) } else { 0.0 };
+        let powers = [(Choice::Tree, local_irradiance), (Choice::Environment, PI * far)];
+        let kinds = kind_probabilities(powers.into_iter().chain(suns));
+        Self { tree: Tree::new(&clusters), lights, emitters, tree_lights, listed, sky, kinds }
     }
 
     /// The lights that are sampled.
@@ -104,7 +104,7 @@ impl<'a> LightSampler<'a> {
 
     /// Whether there is more than one light, so that `choice` has an effect.
     pub(crate) fn has_choice(&self) -> bool {
-        self.shares.len() > 1 || self.tree.as_ref().is_some_and(|tree| tree.leaves.len() > 1)
+        self.kinds.len() > 1 || self.tree.as_ref().is_some_and(|tree| tree.leaves.len() > 1)
     }
 
     /// Samples a light, from a number `choice` in `[0, 1)` and a point of the unit square.
@@ -112,17 +112,17 @@ impl<'a> LightSampler<'a> {
     /// Light from behind the triangle is sampled only if `transmits`. `None` if there is no light.
     #[must_use]
     pub fn sample(&self, from: &Surface, transmits: bool, choice: f32, square: [f32; 2]) -> Option<LightSample> {
-        let (chosen, share, choice) = self.choose(choice.into())?;
-        let (incoming, probability, light) = match chosen {
+        let (kind, kind_probability, choice) = self.choose(choice.into())?;
+        let (incoming, probability, light) = match kind {
             Choice::Tree => {
                 let (number, probability) = self.tree.as_ref()?.choose(&receiver(from, transmits), choice)?;
                 let (incoming, light) = self.local(number, from, square)?;
-                (incoming, share * probability, light)
+                (incoming, kind_probability * probability, light)
             }
-            Choice::Environment => (self.environment(from, square)?, share, LightId::Environment),
+            Choice::Environment => (self.environment(from, square)?, kind_probability, LightId::Environment),
             Choice::Sun(index) => {
                 let incoming = IncomingLight::of(&self.lights.list[index as usize], from, || square)?;
-                (incoming, share, LightId::Light(index))
+                (incoming, kind_probability, LightId::Light(index))
             }
         };
         Some(LightSample {
@@ -141,7 +141,7 @@ impl<'a> LightSampler<'a> {
         let direction = wide(to_light);
         let (number, density) = match light {
             LightId::Environment => {
-                return finite(self.share(Choice::Environment) * self.environment_density(from, direction));
+                return finite(self.kind_probability(Choice::Environment) * self.environment_density(from, direction));
             }
             LightId::Light(index) => {
                 let density = match self.lights.list[index as usize] {
@@ -161,7 +161,7 @@ impl<'a> LightSampler<'a> {
             }
         };
         let (Some(tree), Some(number)) = (&self.tree, number) else { return 0.0 };
-        finite(self.share(Choice::Tree) * tree.probability(number, &receiver(from, transmits)) * density)
+        finite(self.kind_probability(Choice::Tree) * tree.probability(number, &receiver(from, transmits)) * density)
     }
 
     /// Samples a light of the tree.
@@ -199,25 +199,25 @@ impl<'a> LightSampler<'a> {
 
     /// The first choice, its probability, and the remapped random number.
     fn choose(&self, choice: f64) -> Option<(Choice, f64, f64)> {
-        let (last, others) = self.shares.split_last()?;
+        let (last, others) = self.kinds.split_last()?;
         let mut rest = choice;
-        for &(chosen, share) in others {
-            if rest < share {
-                return Some((chosen, share, rest / share));
+        for &(kind, kind_probability) in others {
+            if rest < kind_probability {
+                return Some((kind, kind_probability, rest / kind_probability));
             }
-            rest -= share;
+            rest -= kind_probability;
         }
-        let &(chosen, share) = last;
-        Some((chosen, share, (rest / share).clamp(0.0, 1.0 - f64::EPSILON)))
+        let &(kind, kind_probability) = last;
+        Some((kind, kind_probability, (rest / kind_probability).clamp(0.0, 1.0 - f64::EPSILON)))
     }
 
-    pub(super) fn share(&self, choice: Choice) -> f64 {
-        self.shares.iter().find(|(known, _)| *known == choice).map_or(0.0, |&(_, share)| share)
+    pub(super) fn kind_probability(&self, choice: Choice) -> f64 {
+        self.kinds.iter().find(|(kind, _)| *kind == choice).map_or(0.0, |&(_, kind_probability)| kind_probability)
     }
 }
 
 /// The mean of a uniform distribution and one by power, over the lights that have power.
-fn shares(powers: impl Iterator<Item = (Choice, f64)>) -> Vec<(Choice, f64)> {
+fn kind_probabilities(powers: impl Iterator<Item = (Choice, f64)>) -> Vec<(Choice, f64)> {
     let powers: Vec<(Choice, f64)> = powers.filter(|(_, power)| *power > 0.0 && power.is_finite()).collect();
     let sum: f64 = powers.iter().map(|(_, power)| power).sum();
     #[expect(clippy::cast_precision_loss, reason = "few")]
@@ -274,7 +274,7 @@ mod tests {
         }
     }
 
-    /// With one light, nothing is chosen and its probability is 1.
+    /// With one light, nothing is kind and its probability is 1.
     #[test]
     fn single_light_has_probability_one() {
         let sun = Light::Sun { direction: [0.0, 0.0, -1.0], irradiance: [1.0; 3] };
@@ -295,7 +295,7 @@ mod tests {
             let sampler = LightSampler::new(Lights::new(&scene), &surfaces);
             let what = format!("{lights:?} {environment:?} {emission:?}");
             assert_eq!((sampler.has_choice(), has_multiple_lights(&scene)), (chooses, chooses), "{what}");
-            assert!(chooses || sampler.shares[0].1 == 1.0, "{what}");
+            assert!(chooses || sampler.kinds[0].1 == 1.0, "{what}");
         }
     }
 }

@@ -50,8 +50,8 @@ fn along(from: Vector, to: Vector, cosine: f64) -> Option<Vector> {
     }
     let cosine = cosine.clamp(-1.0, 1.0);
     // No arc if both coincide.
-    let across = unit(sub(to, scale(from, dot(to, from)))).unwrap_or([0.0; 3]);
-    Some(add(scale(from, cosine), scale(across, ((1.0 - cosine) * (1.0 + cosine)).sqrt())))
+    let perpendicular = unit(sub(to, scale(from, dot(to, from)))).unwrap_or([0.0; 3]);
+    Some(add(scale(from, cosine), scale(perpendicular, ((1.0 - cosine) * (1.0 + cosine)).sqrt())))
 }
 
 #[cfg(test)]

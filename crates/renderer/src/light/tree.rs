@@ -209,7 +209,7 @@ mod tests {
         assert!(receivers().any(|receiver| is_lost(&receiver)));
     }
 
-    /// Each light has one leaf, children know their parents, and coinciding lights do not make the tree too deep.
+    /// Each light has one leaf, parent links are correct, and coinciding lights do not make the tree too deep.
     #[test]
     fn tree_is_valid() {
         let mut doubled = lights(300);

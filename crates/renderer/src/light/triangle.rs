@@ -15,11 +15,11 @@ impl TriangleLight {
     /// `None` for a triangle without area.
     pub(super) fn new(corners: [[f32; 3]; 3]) -> Option<Self> {
         let corners = corners.map(wide);
-        let across = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
-        let twice_area = length(across);
+        let perpendicular = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
+        let twice_area = length(perpendicular);
         (twice_area > 0.0 && twice_area.is_finite()).then(|| Self {
             corners,
-            normal: scale(across, 1.0 / twice_area),
+            normal: scale(perpendicular, 1.0 / twice_area),
             area: 0.5 * twice_area,
         })
     }
@@ -51,7 +51,7 @@ impl TriangleLight {
         let [a, b, c] = self.corners;
         let distance = dot(sub(a, from), self.normal) / dot(direction, self.normal);
         let from_a = sub(add(from, scale(direction, distance)), a);
-        let weight = |across: Vector| (dot(across, self.normal) / (2.0 * self.area)).clamp(0.0, 1.0);
+        let weight = |perpendicular: Vector| (dot(perpendicular, self.normal) / (2.0 * self.area)).clamp(0.0, 1.0);
         let u = weight(cross(from_a, sub(c, a)));
         let v = weight(cross(sub(b, a), from_a)).min(1.0 - u);
         // NaN if the plane is spherical edge-on.

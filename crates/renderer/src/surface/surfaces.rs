@@ -35,13 +35,13 @@ impl<'a> Surfaces<'a> {
     /// Prepares all instances and textures of `scene`, in the current thread pool.
     #[must_use]
     pub fn with_lod(scene: &'a Scene, lod: Lod) -> Self {
-        let reaches: Vec<f32> = scene.meshes.iter().map(reach).collect();
+        let max_coordinates: Vec<f32> = scene.meshes.iter().map(max_coordinate).collect();
         let placements = scene
             .instances
             .iter()
             .map(|instance| {
                 let close = instance.world_from_object_close.as_ref().filter(|c| **c != instance.world_from_object);
-                Placement::new(&instance.world_from_object, close, reaches[instance.mesh.0 as usize])
+                Placement::new(&instance.world_from_object, close, max_coordinates[instance.mesh.0 as usize])
             })
             .collect();
         let is_textured = scene.materials.iter().map(|material| filtered_textures(material).next().is_some()).collect();
@@ -189,6 +189,6 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
 }
 
 /// Maximum absolute coordinate of the vertices that triangles use.
-fn reach(mesh: &Mesh) -> f32 {
+fn max_coordinate(mesh: &Mesh) -> f32 {
     Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
 }

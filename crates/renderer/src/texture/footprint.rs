@@ -65,8 +65,8 @@ impl Footprint {
         let n_texels = (a * d - b * c).abs() * size[0] * size[1];
         let area = length(plane.normal);
         // The cosine times the area; the lookup clamps infinities.
-        let seen = dot(plane.normal, direction).abs() / length(direction);
-        let stretch = cone.width() / seen;
+        let projected = dot(plane.normal, direction).abs() / length(direction);
+        let stretch = cone.width() / projected;
         Self::round(0.5 * (n_texels * area * stretch * stretch).log2())
     }
 
@@ -136,8 +136,8 @@ mod tests {
     #[test]
     fn level_is_log2_of_width_in_texels() {
         for lod in [Lod::Cone, Lod::Aniso] {
-            let seen = at(lod, 8.0 / 1024.0, 0.0);
-            assert!((seen.level - 3.0).abs() < BOUND && seen.n_probes == 1, "{lod:?} {seen:?}");
+            let footprint = at(lod, 8.0 / 1024.0, 0.0);
+            assert!((footprint.level - 3.0).abs() < BOUND && footprint.n_probes == 1, "{lod:?} {footprint:?}");
         }
         assert_eq!(at(Lod::None, 1.0, 0.0), Footprint::POINT);
     }
@@ -146,10 +146,10 @@ mod tests {
     fn tilted_plane_has_elliptical_footprint() {
         // Cosine 1/4: four times as long as wide, down the slope.
         let tilt = 0.25_f64.acos();
-        let seen = at(Lod::Aniso, 8.0 / 1024.0, tilt);
-        assert!((seen.level - 3.0).abs() < BOUND, "{seen:?}");
-        assert!(seen.n_probes == 4 && seen.along[0].abs() < BOUND);
-        assert!((seen.along[1].abs() - 32.0 / 1024.0).abs() < BOUND);
+        let footprint = at(Lod::Aniso, 8.0 / 1024.0, tilt);
+        assert!((footprint.level - 3.0).abs() < BOUND, "{footprint:?}");
+        assert!(footprint.n_probes == 4 && footprint.along[0].abs() < BOUND);
+        assert!((footprint.along[1].abs() - 32.0 / 1024.0).abs() < BOUND);
         assert!((at(Lod::Cone, 8.0 / 1024.0, tilt).level - 5.0).abs() < BOUND);
     }
 
@@ -158,19 +158,19 @@ mod tests {
         for lod in [Lod::Cone, Lod::Aniso] {
             let cone = |width| Cone::of_pixel(width, 0.0, 0);
             let small = tilted(1.0);
-            let seen = Footprint::new(lod, &cone(0.5), DOWN, &small, UNIT, SIZE);
+            let footprint = Footprint::new(lod, &cone(0.5), DOWN, &small, UNIT, SIZE);
             let large = plane(small.edges.map(|e| scale(e, 1024.0)));
-            assert_eq!(seen, Footprint::new(lod, &cone(512.0), DOWN, &large, UNIT, SIZE));
+            assert_eq!(footprint, Footprint::new(lod, &cone(512.0), DOWN, &large, UNIT, SIZE));
             let behind = Footprint::new(lod, &cone(0.5), [0.0, 0.0, 2.0], &small, UNIT, SIZE);
-            assert_eq!((seen.level, seen.n_probes), (behind.level, behind.n_probes));
+            assert_eq!((footprint.level, footprint.n_probes), (behind.level, behind.n_probes));
         }
     }
 
     #[test]
     fn grazing_planes_have_at_most_16_probes() {
         for tilt in [1.5, 1.57, std::f64::consts::FRAC_PI_2] {
-            let seen = at(Lod::Aniso, 8.0 / 1024.0, tilt);
-            assert!(seen.n_probes <= 16 && !seen.level.is_nan(), "{seen:?}");
+            let footprint = at(Lod::Aniso, 8.0 / 1024.0, tilt);
+            assert!(footprint.n_probes <= 16 && !footprint.level.is_nan(), "{footprint:?}");
         }
     }
 }

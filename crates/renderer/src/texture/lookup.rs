@@ -22,8 +22,8 @@ impl MipMap<'_> {
         }
         let mut sum = [0.0; 4];
         for probe in 0..n {
-            let place = (f64::from(probe) + 0.5) / f64::from(n) - 0.5;
-            let uv = std::array::from_fn(|k| uv[k] + place * footprint.along[k]);
+            let position = (f64::from(probe) + 0.5) / f64::from(n) - 0.5;
+            let uv = std::array::from_fn(|k| uv[k] + position * footprint.along[k]);
             let value = self.trilinear(uv, levels, weight);
             sum = std::array::from_fn(|k| sum[k] + value[k]);
         }

@@ -39,10 +39,11 @@ const DELTA: u32 = 2;
 const TRANSMITTED: u32 = 4;
 const ALL_DELTA: u32 = 8;
 
-/// Relative perturbation of the inputs: half vectors and cosines are chains of about this many roundings.
+/// An answer is correct if the CPU gives it for inputs that differ by at most this relative amount, up to the rounding of the
+/// last operations. Half vectors and cosines are chains of about this many roundings.
 const MOVE: f64 = 8.0 * U;
 
-/// Rounding of the last operations: products, and quotients of 2.5 units in the last place.
+/// Rounding of the last operations: products, and quotients of 2.5 ULP.
 const CHAIN: f64 = 64.0 * U;
 
 impl Query {
@@ -68,7 +69,7 @@ impl Query {
         self.bsdf().sample(self.outgoing, self.square, self.choice)
     }
 
-    /// The query with each input perturbed in turn.
+    /// The query with one input perturbed at a time.
     fn moved(&self) -> impl Iterator<Item = Self> {
         #[expect(clippy::cast_possible_truncation, reason = "near 1")]
         let factors = [1.0 - MOVE, 1.0 + MOVE].map(|x| x as f32);
@@ -89,7 +90,7 @@ impl Query {
         })
     }
 
-    /// The tolerance of each number.
+    /// Error bound of each of some numbers.
     fn bounds<const N: usize>(&self, numbers: impl Fn(&Self) -> [f64; N]) -> [f64; N] {
         let here = numbers(self);
         let mut bounds = here.map(|x| CHAIN * x.abs());
@@ -105,7 +106,7 @@ fn are_within<const N: usize>(a: [f64; N], b: [f64; N], bounds: [f64; N]) -> boo
     (0..N).all(|k| (a[k] - b[k]).abs() <= bounds[k])
 }
 
-/// Whether an answer equals the CPU's, or differs at a discontinuity; otherwise the error.
+/// Whether an answer matches the CPU's; false at a discontinuity; or what is wrong with it.
 fn compare_one(query: &Query, answer: &Answer) -> Result<bool, String> {
     let fail = |what: &str| Err(format!("{what}: {query:?} {answer:?}"));
     let [r, g, b] = answer.value.map(f64::from);
@@ -138,7 +139,7 @@ fn compare_one(query: &Query, answer: &Answer) -> Result<bool, String> {
         let is_right = are_within([r, g, b], sample.weight.map(f64::from), query.bounds(of));
         return if is_right { Ok(true) } else { fail("mirrored weight") };
     }
-    // The value and density of its own direction.
+    // Density of the sampled direction.
     let there = Query { incident: answer.incident, ..*query };
     let of = |query: &Query| {
         let [r, g, b, density] = query.evaluated();
@@ -149,13 +150,13 @@ fn compare_one(query: &Query, answer: &Answer) -> Result<bool, String> {
     if is_right { Ok(true) } else { fail("weight") }
 }
 
-/// A uniform random integer below `n`.
+/// One of `n` numbers, uniformly.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers lie in 0..1")]
 fn index(number: f32, n: u8) -> usize {
     (f32::from(n) * number) as usize
 }
 
-/// Random and extreme materials, with all view angles, and incident directions at random and near the lobes.
+/// Random and extreme materials, viewed from all heights, with random and critical incident directions.
 fn queries(n: u32) -> Vec<Query> {
     (0..n)
         .map(|i| {
@@ -203,30 +204,30 @@ fn queries(n: u32) -> Vec<Query> {
         .collect()
 }
 
-/// The specialisation for all materials.
+/// The choices for all materials.
 fn full() -> Specialisation {
     Specialisation::none().part("bsdf", "shared/bsdf/full").part("transmission", "shared/transmission/glass")
 }
 
 #[test]
-fn surfaces_scatter_like_on_the_cpu() {
-    let Some(gpu) = gpu("surfaces_scatter_like_on_the_cpu") else { return };
+fn bsdfs_match_the_cpu() {
+    let Some(gpu) = gpu("bsdfs_match_the_cpu") else { return };
     let queries = queries(20_000);
     let chosen = full();
     let mut answers: Vec<Answer> = answers(&gpu, "check/bsdf", &chosen, &queries, &[]);
     let [n_equal, n_else] = compare(compare_one, &queries, &answers).unwrap();
-    // Choices differ where the random number is within rounding of a probability.
+    // A choice may differ where its number and a probability are within a few roundings.
     assert!(n_else * 1000 < n_equal, "{n_else} of {n_equal} fell to another side");
 
-    // An error of 0.1% is detected.
+    // An error of a thousandth in a smooth region is detected.
     let smooth = queries.iter().position(|q| q.roughness > 0.5 && q.evaluated()[0] > 0.01).unwrap();
     answers[smooth].value[0] *= 1.001;
     assert!(compare(compare_one, &queries, &answers).unwrap_err().starts_with("value"));
 }
 
 #[test]
-fn the_diffuse_kernel_suffices_for_diffuse_surfaces() {
-    let Some(gpu) = gpu("the_diffuse_kernel_suffices_for_diffuse_surfaces") else { return };
+fn diffuse_bsdf_matches_the_full_one() {
+    let Some(gpu) = gpu("diffuse_bsdf_matches_the_full_one") else { return };
     let diffuse =
         |query: Query| Query { metallic: 0.0, specular: 0.0, transmission: 0.0, roughness: 1.0, flags: 0, ..query };
     let queries: Vec<Query> = queries(2000).into_iter().map(diffuse).collect();
@@ -234,19 +235,19 @@ fn the_diffuse_kernel_suffices_for_diffuse_surfaces() {
     let [few, all] = [lambert, full()].map(|chosen| answers::<_, Answer>(&gpu, "check/bsdf", &chosen, &queries, &[]));
     compare(compare_one, &queries, &all).unwrap();
     for (few, all) in few.iter().zip(&all) {
-        // The transmission factor is only defined with transmission.
+        // Opaque materials do not use the transmission factor.
         assert_eq!((few.value, few.incident, few.weight, few.flags), (all.value, all.incident, all.weight, all.flags));
     }
 }
 
 #[test]
-fn the_kernel_without_glass_suffices_for_opaque_surfaces() {
-    let Some(gpu) = gpu("the_kernel_without_glass_suffices_for_opaque_surfaces") else { return };
+fn opaque_bsdf_without_transmission_matches_the_full_one() {
+    let Some(gpu) = gpu("opaque_bsdf_without_transmission_matches_the_full_one") else { return };
     let queries: Vec<Query> = queries(2000).into_iter().map(|query| Query { transmission: 0.0, ..query }).collect();
     let opaque =
         Specialisation::none().part("bsdf", "shared/bsdf/full").part("transmission", "shared/transmission/none");
     let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &opaque, &queries, &[]);
-    // The transmission factor is only defined with transmission.
+    // The transmission factor is used only where light is transmitted.
     let told = |query: &Query, answer: &Answer| {
         let compression = query.bsdf().compression();
         compare_one(query, &Answer { compression, ..*answer })
@@ -256,7 +257,7 @@ fn the_kernel_without_glass_suffices_for_opaque_surfaces() {
 }
 
 #[test]
-fn layouts_match_the_kernels() {
+fn layouts_match_the_kernel() {
     let full = full();
     same_layout!(
         "check/bsdf",

@@ -30,7 +30,7 @@ struct Answer {
     _more_padding: [u32; 3],
 }
 
-/// Each kind, near and far, and lights without power: black, without radius, or with a hard cone.
+/// Each kind of light, near and far, and lights that emit nothing: black, zero radius, a spot without falloff.
 fn lights() -> Vec<Light> {
     let mut lights = vec![
         Light::Sun { direction: direction(0, 0), irradiance: [1.0, 2.0, 3.0] },
@@ -78,11 +78,11 @@ fn surface(position: [f32; 3]) -> Surface {
     }
 }
 
-/// Tolerance of incoming light, in multiples of `U`.
+/// Condition number of incoming light: the factor of `U` in its error bound.
 ///
-/// Differences of f32 points have one rounding per axis, and the formulas that follow have fewer than 32 roundings, with two
-/// exceptions: the cone of a sphere, whose height has the error of its sine times the tangent, and the density at a grazing
-/// angle, whose height above the plane is a dot product with cancellation.
+/// Vectors between points in f32 have one rounding per axis. Every formula from there is a chain of fewer than 32 roundings
+/// and quotients, with two exceptions: the cap height of a sphere has the error of its sine times the tangent, and the
+/// density of a disk seen at a slant depends on a height that is the remainder of a dot product.
 fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
     32.0 * match *light {
         Light::Sphere { center, radius, .. } => {
@@ -92,7 +92,7 @@ fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
         Light::Disk { center, normal, .. } => {
             let terms = |a: Vector| (0..3).map(|k| (a[k] * f64::from(normal[k])).abs()).sum::<f64>();
             let way = sub(place, at);
-            // The point on the disk is rounded relative to its coordinates, not to the distance.
+            // The point on the disk is rounded in absolute terms, not relative to the distance.
             let absolute = terms(way) + terms(place) + terms(wide(center));
             1.0 + absolute / dot(way, wide(normal)).abs() + length(place) / length(way)
         }
@@ -100,7 +100,7 @@ fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
     }
 }
 
-/// The number of queries that were compared, and of those at a discontinuity.
+/// Number of compared queries, and number of those at a discontinuity.
 fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u32; 2], String> {
     let mut counts = [0, 0];
     for (query, answer) in queries.iter().zip(answers) {
@@ -110,7 +110,7 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
         let fail = |what: &str| Err(format!("{what}: {light:?} from {:?}: {answer:?}", query.at));
         let Some(expected) = expected else {
             if answer.reach != 0 {
-                // At the edge of the light, where rounding decides, the light is almost zero.
+                // At a discontinuity, almost no light arrives.
                 counts[1] += 1;
             }
             continue;
@@ -123,7 +123,7 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
         }
         counts[0] += 1;
         let soft = match *light {
-            // The derivative of the share by the cosine, relative to the share.
+            // Slope of the falloff over the cosine, in units of the falloff.
             Light::Spot { direction, cos_outer, .. } => {
                 let cosine = -dot(wide(direction), expected.to_light);
                 2.0 / (cosine - f64::from(cos_outer)).max(1e-30)
@@ -177,7 +177,7 @@ fn incoming_light_matches_the_cpu() {
     let [n_compared, n_at_edges] = compare(&lights, &queries, &answers).unwrap();
     assert!(n_compared > 1500 && n_at_edges < 10, "{n_compared} {n_at_edges}");
 
-    // A direction error of 1e-5 is detected.
+    // An error of 1e-5 in a direction is detected.
     let lit = answers.iter().position(|answer| answer.density > 0.0).unwrap();
     answers[lit].to_light = narrowed(add(wide(answers[lit].to_light), scale([1.0, -1.0, 1.0], 2e-5)));
     let error = compare(&lights, &queries, &answers).unwrap_err();
@@ -189,7 +189,7 @@ fn narrowed(v: Vector) -> [f32; 3] {
 }
 
 #[test]
-fn layouts_match_the_kernels() {
+fn layouts_match_the_kernel() {
     same_layout!(
         "check/incoming",
         &Specialisation::none(),

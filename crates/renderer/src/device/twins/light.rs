@@ -40,14 +40,14 @@ struct Answer {
     _padding: [u32; 2],
 }
 
-/// Perturbation of the receiver, relative to the greatest coordinate of the scene, and of its random numbers: the rounding of
-/// distances to lights.
+/// An answer is correct if the CPU gives it for a receiver moved by at most this share of the scene's largest coordinate,
+/// rotated by as much, and with random numbers changed by as much. Vectors to lights have this rounding.
 const MOVE: f64 = 8.0 * U;
 
-/// Rounding of the last operations: about thirty in the formulas of a light, and ten at each of about eight tree levels.
+/// Rounding of the last operations: about thirty in the formulas of a light, and ten at each of about eight levels of the tree.
 const CHAIN: f64 = 128.0 * U;
 
-/// Greatest coordinate of the scenes and receivers.
+/// Largest coordinate of the scenes and receivers in these tests.
 const SPAN: f64 = 8.0;
 
 impl Query {
@@ -114,7 +114,7 @@ fn numbers(sample: &LightSample) -> [f64; 7] {
     [x, y, z, r, g, b, sample.density].map(f64::from)
 }
 
-/// Whether an answer equals the CPU's, or differs because another light was selected at a boundary; otherwise the error.
+/// Whether an answer matches the CPU's; false where another light may be chosen; or what is wrong with it.
 fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result<bool, String> {
     let there = query.density(sampler);
     let all_moved = query.moved(SPAN);
@@ -125,7 +125,7 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
     }
     let Some(sample) = sample else { return Ok(answer.reach == 0) };
     let here = numbers(&sample);
-    // Directions have rounding errors relative to 1.
+    // Directions err by roundings of 1.
     let mut bounds: [f64; 7] = std::array::from_fn(|k| CHAIN * if k < 3 { 1.0 } else { here[k].abs() });
     for moved in all_moved {
         match moved.sample(sampler) {
@@ -150,7 +150,7 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
     Err(format!("sample: {query:?} {answer:?} {sample:?} {bounds:?}"))
 }
 
-/// Emissive triangles, some of them thin, tiny or far.
+/// Emissive triangles, some of them needles, tiny, or far away.
 fn emitting(n: u32) -> Mesh {
     let mut mesh = Mesh { parts: vec![Part { first_triangle: 0, material: MaterialId(0) }], ..Mesh::default() };
     for i in 0..n {
@@ -194,7 +194,7 @@ fn listed() -> Vec<Light> {
         .collect()
 }
 
-/// An image with a bright texel and a black row.
+/// An environment map with a bright texel and a black row.
 fn sky() -> Environment {
     let (width, height) = (16, 8);
     let texel = |i: u32| match (i % width, i / width) {
@@ -235,7 +235,7 @@ fn scene(n_emitters: u32, lights: Vec<Light>, environment: Environment) -> Scene
     }
 }
 
-/// Receivers throughout the scene and close to lights, each with the light that the CPU samples.
+/// Receivers throughout the scene and close to lights, each with a query for the density of the CPU's sample.
 fn queries(sampler: &LightSampler, n: u32) -> Vec<Query> {
     (0..n)
         .map(|i| {
@@ -267,12 +267,12 @@ fn queries(sampler: &LightSampler, n: u32) -> Vec<Query> {
         .collect()
 }
 
-/// Compares samples of a scene's lights, after `spoil` changed the answers.
+/// Compares samples of a scene's lights; with `spoil`, after changing an answer.
 fn check(gpu: &Gpu, scene: &Scene, n: u32, spoil: Option<fn(&mut Answer)>) -> Result<[usize; 2], String> {
     let surfaces = Surfaces::new(scene);
     let sampler = LightSampler::new(Lights::new(scene), &surfaces);
     let sampled = SampledLights::new(gpu, &sampler, |_| 0.0).unwrap();
-    // The check has no picture uniforms, which contain the constant sky; its share is zero.
+    // This kernel has no camera uniforms, which hold a constant sky; the share of the sky is then zero.
     let is_image = matches!(scene.environment, Some(Environment::Image(_)));
     let black = Scene { environment: Some(sky()), ..Scene::default() };
     let sky = DeviceSky::new(gpu, if is_image { scene } else { &black }).unwrap();
@@ -306,13 +306,13 @@ fn light_samples_match_the_cpu() {
         let [n_equal, n_at_edges] = check(&gpu, scene, 1500, None).unwrap();
         assert!(n_equal > 20 * n_at_edges, "{n_at_edges} at edges beside {n_equal}");
     }
-    // A density error of 0.1% is detected.
+    // An error of a thousandth in a density is detected.
     let error = check(&gpu, &scenes[1], 1500, Some(|answer| answer.density *= 1.001)).unwrap_err();
     assert!(error.starts_with("sample"), "{error}");
 }
 
 #[test]
-fn layouts_match_the_kernels() {
+fn layouts_match_the_kernel() {
     let chosen = Specialisation::none()
         .part("local", "shared/local/both")
         .part("skylight", "shared/skylight/image")
