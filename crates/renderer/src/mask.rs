@@ -4,7 +4,8 @@ use canted_trace::{Hit, Query};
 use crate::Surfaces;
 use crate::query::{RayKeyed, derived_key, forward};
 
-/// A query with alpha testing: ignores hits where alpha makes the surface transparent, and passes everything else on to `inner`.
+/// A query with alpha testing: ignores hits where alpha makes the surface transparent, and passes everything else on to
+/// `inner`.
 #[derive(Clone, Copy, Debug)]
 pub struct Masked<'a, Q> {
     surfaces: &'a Surfaces<'a>,
