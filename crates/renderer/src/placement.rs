@@ -68,8 +68,8 @@ pub(crate) struct Placement {
 impl Placement {
     /// Prepares an instance of a mesh whose maximum absolute coordinate is `reach_object`.
     ///
-    /// An instance that moves to `close` takes the greater reach of the two ends: every coordinate is convex along a
-    /// straight line, so no time between exceeds it.
+    /// An instance that moves to `close` uses the larger reach of both ends: every coordinate is convex along a
+    /// straight line, so no time in between exceeds it.
     pub(crate) fn new(world_from_object: &Affine, close: Option<&Affine>, reach_object: f32) -> Self {
         let reach_world =
             std::iter::once(world_from_object).chain(close).map(|map| map.reach(reach_object)).fold(0.0, f64::max);

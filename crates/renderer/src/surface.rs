@@ -33,13 +33,13 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// The point with its error bound, where rays continue.
+    /// The point from which new rays start, with its error bound.
     #[must_use]
     pub fn point(&self) -> SurfacePoint {
         SurfacePoint { position: self.position, normal: self.normal, offset: self.offset }
     }
 
-    /// A ray without end along `direction`: [`SurfacePoint::spawn_ray`].
+    /// An infinite ray along `direction`: [`SurfacePoint::spawn_ray`].
     #[must_use]
     pub fn spawn_ray(&self, direction: [f32; 3]) -> Ray {
         self.point().spawn_ray(direction)
@@ -53,8 +53,8 @@ impl Surface {
 
     /// Mirrors a direction below the triangle's horizon to the outside.
     ///
-    /// A direction may be above the horizon of the shading normal and below that of the triangle. Mirroring keeps rays out of
-    /// the solid without losing energy, as rejecting the sample would.
+    /// A direction may be above the horizon of the shading normal and below that of the triangle. Mirroring keeps rays
+    /// out of the solid without losing energy, as rejecting the sample would.
     #[must_use]
     pub fn mirror_outward(&self, direction: [f32; 3]) -> [f32; 3] {
         let height = dot(self.normal, wide(direction));

@@ -123,7 +123,7 @@ impl HitError {
     ///
     /// For moving instances the norms are maxima over time, `‖M⁻¹‖` is of absolute terms, and the roundings are `21 E·9/8` for
     /// the origin and `20 E` for the direction (`shared/level/moving`): less than `(64 + 119 + 100) E`; 320 E is used.
-    #[expect(clippy::cast_possible_truncation, reason = "there is room for a rounding")]
+    #[expect(clippy::cast_possible_truncation, reason = "the bound includes a rounding")]
     fn with(self, amplified: f64, at: f64, reach_world: f64) -> Self {
         let relative = f64::from(HIT_ERROR) * amplified;
         let fixed = relative * (at + reach_world);

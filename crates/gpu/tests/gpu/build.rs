@@ -1,14 +1,11 @@
 //! Builds on devices with too little memory. The package of tests compares whole builds with the CPU.
 
-#[expect(dead_code, reason = "no test here has a device without such a limit")]
-mod common;
-
+use crate::common::lowered;
 use canted_gpu::{
     GpuError,
     build::{Items, Passes},
 };
 use canted_lbvh::{Bits, Corners, Strategy};
-use common::lowered;
 
 #[test]
 fn stages_that_fit_are_timed_when_others_do_not_fit() {

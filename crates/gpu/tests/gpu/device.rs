@@ -1,9 +1,7 @@
 //! Devices, buffers and dispatches.
 
-mod common;
-
+use crate::common::{gpu, lowered};
 use canted_gpu::{GpuError, Specialisation, loop_iterations};
-use common::{gpu, lowered};
 
 #[test]
 fn buffers_read_back_unchanged() {

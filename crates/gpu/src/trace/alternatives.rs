@@ -1,8 +1,9 @@
-//! Traversal algorithms, and properties of nodes that kernels need.
+//! The choice of a traversal. Only the stack is used by default; the others are measured alternatives.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::layout::{BvhHeader, Quad};
+use super::nodes::{EMPTY, LINE_QUADS, child_word, each_node, is_node, line};
 
 /// How a ray returns to nodes with pending children. All variants find the same hits.
 ///
@@ -55,12 +56,6 @@ impl ParentLink {
     pub(super) const OF_ROOT: Self = Self { word: EMPTY, child: 0 };
 }
 
-/// As in `shared/node.wgsl`: the leaf bit, the empty word, the position of the node kind, and the quads of a line.
-const LEAF: u32 = 0x8000_0000;
-const EMPTY: u32 = 0x7fff_ffff;
-const KIND_SHIFT: u32 = 29;
-const LINE_QUADS: usize = 4;
-
 /// Links of all BVHs, one for each line of nodes.
 pub(super) fn links(nodes: &[Quad], trees: &[BvhHeader]) -> Vec<ParentLink> {
     let mut links = vec![ParentLink::OF_ROOT; nodes.len().div_ceil(LINE_QUADS)];
@@ -76,39 +71,4 @@ pub(super) fn links(nodes: &[Quad], trees: &[BvhHeader]) -> Vec<ParentLink> {
         });
     }
     links
-}
-
-/// Whether all nodes below `root` are aligned.
-pub(super) fn is_aligned(nodes: &[Quad], root: u32) -> bool {
-    let mut is_aligned = true;
-    each_node(nodes, root, |word| is_aligned &= word >> KIND_SHIFT == 0);
-    is_aligned
-}
-
-/// Visits the words of all nodes below `root`, including it.
-fn each_node(nodes: &[Quad], root: u32, mut visit: impl FnMut(u32)) {
-    let mut waiting = vec![root];
-    while let Some(word) = waiting.pop() {
-        if is_node(word) {
-            visit(word);
-            waiting.extend((0..8).map(|child| child_word(nodes, word, child)));
-        }
-    }
-}
-
-fn is_node(word: u32) -> bool {
-    word & LEAF == 0 && word != EMPTY
-}
-
-/// The word of a child, as kernels find it.
-fn child_word(nodes: &[Quad], word: u32, child: u32) -> u32 {
-    let row = match word >> KIND_SHIFT {
-        0 => 12,
-        _ => 30,
-    };
-    nodes[line(word) * LINE_QUADS + row + child as usize / 4][child as usize % 4]
-}
-
-fn line(word: u32) -> usize {
-    (word & ((1 << KIND_SHIFT) - 1)) as usize
 }

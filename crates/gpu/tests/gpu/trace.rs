@@ -1,13 +1,11 @@
 //! Ray tracing for each kind of scene and driver limit. The package of tests compares whole scenes with the CPU.
 
-mod common;
-
+use crate::common::{gpu, lowered};
 use canted_gpu::{Gpu, GpuError, Outcome, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
-use common::{gpu, lowered};
 
 type Bvh = TriangleBvh<Watertight>;
 
@@ -35,7 +33,7 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray]) -> Vec<Option<(f32, u32, u
     let answers = scene.closest_hits(gpu, rays).unwrap();
     let known = answers.into_iter().map(|answer| match answer {
         Outcome::Complete(hit) => hit.map(|hit| (hit.t, hit.primitive, hit.instance)),
-        Outcome::Incomplete => panic!("no walk here is long"),
+        Outcome::Incomplete => panic!("no traversal here is long"),
     });
     known.collect()
 }
