@@ -30,6 +30,8 @@
 //! Coordinates may be as large as 2^62; beyond that products overflow, and a ray may miss what it should hit.
 #![forbid(unsafe_code)]
 
+mod closest_point;
+mod convex;
 mod hit;
 #[doc(hidden)]
 pub mod lanes;
@@ -45,6 +47,8 @@ mod vector;
 #[cfg(test)]
 mod tests;
 
+pub use closest_point::{ClosestPoint, DISTANCE_ERROR, closest_point_on_triangle};
+pub use convex::Convex;
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};
