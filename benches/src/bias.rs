@@ -4,9 +4,8 @@
 use std::{fmt::Write, path::Path, sync::atomic::AtomicBool};
 
 use anyhow::Result;
-use canted_renderer::{
-    Comparison, Integrator, Pattern, Picture, Prepared, Settings, StructureConfig, compare, frame, prepare, render,
-};
+use canted_film::{Comparison, Picture, compare};
+use canted_renderer::{Integrator, Pattern, Prepared, Settings, StructureConfig, frame, prepare, render};
 use canted_scene::{Camera, Scene, SceneFile};
 use canted_trace::Watertight;
 

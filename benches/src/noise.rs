@@ -3,7 +3,8 @@
 use std::{fmt::Write, sync::atomic::AtomicBool};
 
 use anyhow::{Context, Result};
-use canted_renderer::{Film, Integrator, Pattern, Picture, REL_MSE_FLOOR, Settings, StructureConfig, prepare, render};
+use canted_film::{Film, Picture, REL_MSE_FLOOR};
+use canted_renderer::{Integrator, Pattern, Settings, StructureConfig, prepare, render};
 use canted_trace::Watertight;
 
 use crate::bias::example;

@@ -1,4 +1,4 @@
-// How a surface scatters light: what the files of `shared/bsdf/` take and answer; twin of crates/renderer/src/bsdf/mod.rs.
+// How a surface scatters light: what the files of `shared/bsdf/` take and answer; twin of crates/renderer/src/bsdf.rs.
 //
 // Directions are unit vectors in a local frame: +z is the shading normal on the side of `outgoing`, which points
 // towards the viewer; light arrives from `incident`, through the surface where its z is below 0.

@@ -47,7 +47,7 @@ pub fn of_hits(mesh: &Mesh, ray: &Ray, mut hits: Vec<Hit>) -> Vec<Hit> {
 fn is_crossed(shear: &Shear, ray: &ScaledRay, corners: [[f32; 3]; 3]) -> bool {
     let [s_x, s_y] = shear.factors();
     let [a, b, c] = corners.map(|corner| {
-        let [x, y, z] = shear.axis().last(std::array::from_fn(|k| corner[k] - ray.origin[k]));
+        let [x, y, z] = shear.axis().permute(std::array::from_fn(|k| corner[k] - ray.origin[k]));
         [x - s_x * z, y - s_y * z]
     });
     let sides = [side(a, b), side(b, c), side(c, a)];

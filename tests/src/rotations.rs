@@ -67,7 +67,7 @@ fn listed(a: Matrix, most: usize, reciprocal: fn(f64) -> f64) -> (Quaternion, us
         if angle < GUARD {
             return (q, turns);
         }
-        q = Quaternion::about(omega.map(|x| x / angle), angle).times(q).normalized();
+        q = Quaternion::from_axis_angle(omega.map(|x| x / angle), angle).times(q).normalized();
     }
     (q, most)
 }
@@ -147,7 +147,7 @@ mod tests {
     fn both_find_the_rotation_of_a_stretched_one() {
         let mut rng = SplitMix64::new(1);
         for _ in 0..200 {
-            let turn = Quaternion::about(random_rotation(&mut rng).columns()[0], 2.0 * rng.unit());
+            let turn = Quaternion::from_axis_angle(random_rotation(&mut rng).columns()[0], 2.0 * rng.unit());
             let v = random_rotation(&mut rng).columns();
             let a = times(turn.columns(), times(v, times(diagonal([3.0, 2.0, 1.0]), transposed(v))));
             let (polar, trace) = (svd_polar(a), greatest_trace(a));
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn either_guard_fails_at_another_scale() {
-        let turn = Quaternion::about([0.0, 0.6, 0.8], 1.0);
+        let turn = Quaternion::from_axis_angle([0.0, 0.6, 0.8], 1.0);
         let scaled = |exponent: i32| {
             let scale = 2.0f64.powi(exponent);
             turn.columns().map(|column| column.map(|x| scale * x))

@@ -33,6 +33,7 @@ const KEPT: &[(&str, &[&str])] = &[
     ("libloading", &["benches"]),
     ("wgpu", &["gpu"]),
     ("naga", &["shaders"]),
+    ("exr", &["scene", "film"]),
     ("gltf", &["scene", "benches"]),
     ("tobj", &["scene"]),
     ("clap", &["cli", "xtask", "benches"]),
@@ -121,7 +122,7 @@ fn workspace() -> BTreeMap<String, String> {
 fn no_arrow_turns_back() {
     let manifests = workspace();
     for package in
-        ["obb", "trace", "lbvh", "tlas", "scene", "renderer", "canted", "fixtures", "tests", "benches", "xtask"]
+        ["obb", "trace", "lbvh", "tlas", "scene", "film", "renderer", "canted", "fixtures", "tests", "benches", "xtask"]
     {
         assert!(manifests.contains_key(package), "no manifest of {package}");
     }

@@ -7,10 +7,10 @@ mod device {
     mod scenes;
     mod tiles;
 
+    use canted_film::Film;
     use canted_gpu::Gpu;
     use canted_renderer::{
-        DeviceError, DevicePicture, Film, Levels, Monitor, Prepared, Settings, StructureConfig, Surfaces, prepare,
-        render,
+        DeviceError, DevicePicture, Levels, Monitor, Prepared, Settings, StructureConfig, Surfaces, prepare, render,
     };
     use canted_scene::{Camera, Scene};
     pub(crate) use canted_tests::device::gpu;

@@ -5,10 +5,11 @@
 
 use std::sync::atomic::AtomicBool;
 
+use canted_film::Picture;
 use canted_fixtures::{Rotation, SplitMix64, grid, icosphere, torus};
 use canted_lbvh::Strategy;
 use canted_obb::Affine;
-use canted_renderer::{Builder, Levels, Picture, Settings, StructureConfig, prepare, render};
+use canted_renderer::{Builder, Levels, Settings, StructureConfig, prepare, render};
 use canted_scene::{Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 use canted_trace::Watertight;
 use canted_wide::Preset;
@@ -66,13 +67,13 @@ const SETTINGS: Settings = Settings {
     bounces: 2,
     seed: 3,
     pattern: canted_renderer::Pattern::Stratified,
-    filter: canted_renderer::Filter::BOX,
+    filter: canted_film::Filter::BOX,
     lod: canted_renderer::Lod::Aniso,
     ao_radius: None,
     tile: 32,
     part: None,
     noise: None,
-    aovs: canted_renderer::Aovs::NONE,
+    aovs: canted_film::Aovs::NONE,
 };
 
 const BASE: StructureConfig = StructureConfig {

@@ -43,7 +43,7 @@ impl Inputs {
         let mut rng = SplitMix64::new(name.bytes().map(u64::from).sum());
         let matrix = |_| {
             let any = random_rotation(&mut rng);
-            let turn = angle_rad.map_or(any, |angle| Quaternion::about(any.columns()[0], angle));
+            let turn = angle_rad.map_or(any, |angle| Quaternion::from_axis_angle(any.columns()[0], angle));
             let v = random_rotation(&mut rng).columns();
             (times(turn.columns(), times(v, times(diagonal(values), transposed(v)))), turn)
         };

@@ -7,7 +7,8 @@ mod rays;
 use std::{path::PathBuf, time::Instant};
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Prepared, Tracer, Whole, prepare};
+use canted_film::AtomicFile;
+use canted_renderer::{Prepared, Tracer, prepare};
 use canted_scene::Scene;
 use canted_trace::{Hit, Ray};
 use canted_wide::LaneKernel;
@@ -72,7 +73,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     // A place that cannot be written is told before the work.
     output::probe(&args.hits)?;
     let (answers, seconds) = with_kernel!(args.structure.triangles, answer(&scene, &rays, args, &machine))?;
-    let mut out = Whole::create(&args.hits)?;
+    let mut out = AtomicFile::create(&args.hits)?;
     out.write(|out| hits::write(out, format, &answers))?;
     out.finish()?;
     report(&answers, seconds, args)?;

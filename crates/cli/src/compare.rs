@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Comparison, PIXELS_PER_DEGREE, flip, flip_hdr, read_picture, write_png};
+use canted_film::{Comparison, PIXELS_PER_DEGREE, flip, flip_hdr, read_picture, write_png};
 use serde_json::json;
 
 use crate::{Outcome, output, render};
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let a = read_picture(&args.a)?;
     let b = read_picture(&args.b)?;
     let named = |error| anyhow!("{} and {}: {error}", args.a.display(), args.b.display());
-    let found = canted_renderer::compare(&a, &b).map_err(named)?;
+    let found = canted_film::compare(&a, &b).map_err(named)?;
     let (flip, word) = match args.flip {
         Range::Ldr => (flip(&a, &b, args.pixels_per_degree), "FLIP"),
         Range::Hdr => (flip_hdr(&a, &b, args.pixels_per_degree), "HDR-FLIP"),

@@ -18,7 +18,7 @@ pub(crate) fn ends_the_process() {
             STOP.store(true, Ordering::Relaxed);
             return;
         }
-        let _discarded = canted_renderer::discard_unfinished();
+        let _discarded = canted_film::discard_unfinished();
         leave();
     });
 }

@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Aovs, Film, JoinError, Part, Record, read_part, write_film};
+use canted_film::{Aovs, Film, JoinError, Part, Record, read_part, write_film};
 use serde_json::json;
 
 use crate::{

@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Whole, WriteError};
+use canted_film::{AtomicFile, WriteError};
 
 /// Writes a line of results. A closed pipe is not an error: whoever read has read enough.
 ///
@@ -27,7 +27,7 @@ pub(crate) fn to_stderr(text: &str) {
 
 /// Tells of a place that cannot be written; nothing is left there, so that work after it may be interrupted.
 pub(crate) fn probe(path: &Path) -> Result<(), WriteError> {
-    Whole::create(path).map(drop)
+    AtomicFile::create(path).map(drop)
 }
 
 /// A file, and what the command line calls it.

@@ -16,7 +16,8 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Film, Measure, Picture, Record, Surfaces, heatmap, write_exr, write_film, write_png};
+use canted_film::{Film, Picture, Record, write_exr, write_film, write_png};
+use canted_renderer::{Measure, Surfaces, heatmap};
 use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::json;

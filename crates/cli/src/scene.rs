@@ -1,7 +1,8 @@
 //! `canted scene`: a scene and all that its picture is made by, as a file to change.
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{View, Whole, environment_of};
+use canted_film::AtomicFile;
+use canted_renderer::{View, environment_of};
 use canted_scene::{Environment, EnvironmentSource, Scene, SceneFile};
 use canted_wide::LaneKernel;
 use clap::ArgMatches;
@@ -89,7 +90,7 @@ fn write(file: &SceneFile, args: &render::Args) -> Result<()> {
     let text = file.to_toml();
     let back = SceneFile::parse(text.as_bytes(), path).map_err(|error| anyhow!("the scene has no file: {error}"))?;
     settings::check(&back.settings, path)?;
-    let mut out = Whole::create(path)?;
+    let mut out = AtomicFile::create(path)?;
     out.write(|out| out.write_all(text.as_bytes()))?;
     Ok(out.finish()?)
 }

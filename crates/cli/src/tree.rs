@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
+use canted_film::AtomicFile;
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Domain, Sorted, Tree};
-use canted_renderer::Whole;
 use canted_scene::Scene;
 use clap::ValueEnum;
 
@@ -52,8 +52,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     output::probe(&args.codes)?;
     output::probe(&args.nodes)?;
     let (sorted, tree) = build(&scene, bits).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
-    let mut codes_out = Whole::create(&args.codes)?;
-    let mut nodes_out = Whole::create(&args.nodes)?;
+    let mut codes_out = AtomicFile::create(&args.codes)?;
+    let mut nodes_out = AtomicFile::create(&args.nodes)?;
     let numbers = file_numbers(&scene);
     codes_out.write(|out| {
         writeln!(out, "code,prim")?;

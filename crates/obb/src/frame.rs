@@ -20,11 +20,11 @@ const PARALLEL: f64 = 8.0 * U;
 /// Zero and parallel directions are completed the same way every time: across the least component. Lengths do not
 /// matter, at any scale; directions must be finite.
 #[must_use]
-pub fn along(first: [f64; 3], second: [f64; 3]) -> Frame {
+pub fn orthonormal(first: [f64; 3], second: [f64; 3]) -> Frame {
     basis(first, second).map(vector::to_f32)
 }
 
-/// [`along`] before it is rounded to `f32`.
+/// [`orthonormal`] before it is rounded to `f32`.
 pub(crate) fn basis(first: Vector, second: Vector) -> [Vector; 3] {
     let x = vector::normalized(first).or_else(|| vector::normalized(second)).unwrap_or([1.0, 0.0, 0.0]);
     let y = vector::normalized(second)
@@ -90,7 +90,7 @@ mod tests {
             [[0.0; 3], [1.0, 0.0, 0.0], [1e-300, 0.0, 0.0], [1e300, 1e300, -1e300], [1.0, 1e-9, 0.0], [3.0, -0.0, 4.0]];
         for first in ugly {
             for second in ugly {
-                let frame = along(first, second);
+                let frame = orthonormal(first, second);
                 assert!(is_orthonormal(frame), "{first:?} {second:?} {frame:?}");
                 assert_eq!(right_handed(frame), frame, "{first:?} {second:?}");
             }
@@ -115,6 +115,6 @@ mod tests {
         let skewed = [[1.0, 0.0, 0.0], [1e-6, 1.0, 0.0], [0.0, 0.0, 1.0]];
         assert!(!is_orthonormal(skewed));
         let [x, y, _] = skewed.map(vector::from_f32);
-        assert!(is_orthonormal(along(x, y)));
+        assert!(is_orthonormal(orthonormal(x, y)));
     }
 }

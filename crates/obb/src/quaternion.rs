@@ -53,7 +53,7 @@ impl Quaternion {
 
     /// The rotation about `axis` (of length one) by `angle_rad`.
     #[must_use]
-    pub fn about(axis: [f64; 3], angle_rad: f64) -> Self {
+    pub fn from_axis_angle(axis: [f64; 3], angle_rad: f64) -> Self {
         let (sin, cos) = (0.5 * angle_rad).sin_cos();
         let [x, y, z] = vector::scale(axis, sin);
         Self { w: cos, x, y, z }

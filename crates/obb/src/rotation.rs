@@ -111,7 +111,7 @@ fn step(r: [Vector; 3], a: [Vector; 3], noise: f64) -> Step {
     // About one axis the trace is a cosine of the angle; this is its crest.
     let along = vectors.map(|v| dot(v, axis));
     let resisted: f64 = (0..3).map(|k| resistance[k] * along[k] * along[k]).sum();
-    Step::Turn(Quaternion::about(axis, dot(torque, axis).atan2(resisted)))
+    Step::Turn(Quaternion::from_axis_angle(axis, dot(torque, axis).atan2(resisted)))
 }
 
 /// The axes made orthonormal, no turn, or half a turn about one axis: the greatest trace.

@@ -247,7 +247,9 @@ fn searched_area(points: &[[f32; 3]]) -> f64 {
         let turns = (0..6).map(|i| {
             let mut axis = [0.0; 3];
             axis[i / 2] = 1.0;
-            canted_obb::Quaternion::about(axis, if i % 2 == 0 { angle } else { -angle }).times(best.1).normalized()
+            canted_obb::Quaternion::from_axis_angle(axis, if i % 2 == 0 { angle } else { -angle })
+                .times(best.1)
+                .normalized()
         });
         let next = turns.map(|q| (area(q), q)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
         if next.0 < best.0 { best = next } else { angle *= 0.7 }

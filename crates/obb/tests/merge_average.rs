@@ -14,9 +14,9 @@ fn opposite_quaternions_give_the_same_bits() {
     let mut random = Random(44);
     for _ in 0..500 {
         let (p, q) = (random.rotation(), random.rotation());
-        let expected = merge::between(p, q, [1.0, 3.0]).frame();
+        let expected = merge::average_rotations(p, q, [1.0, 3.0]).frame();
         for (p, q) in [(p.scaled(-1.0), q), (p, q.scaled(-1.0)), (p.scaled(-1.0), q.scaled(-1.0))] {
-            assert_eq!(merge::between(p, q, [1.0, 3.0]).frame(), expected);
+            assert_eq!(merge::average_rotations(p, q, [1.0, 3.0]).frame(), expected);
         }
     }
 }
@@ -68,7 +68,7 @@ fn the_nearest_symmetry_is_the_nearest_of_all_twenty_four() {
         let (p, q) = (random.rotation(), random.rotation());
         let least = symmetries.iter().map(|&g| p.dot(q.times(g)).abs()).fold(0.0, f64::max);
         // Halfway between the two the turn to either end is half of the least: cos(θ/4) from cos(θ/2).
-        let halfway = merge::between(p, q, [1.0, 1.0]);
+        let halfway = merge::average_rotations(p, q, [1.0, 1.0]);
         let expected = (0.5 * (1.0 + least)).sqrt();
         assert!((halfway.dot(p) - expected).abs() < 16.0 * f64::EPSILON, "{p:?} {q:?}");
         // No two frames are farther apart than 62.8° once symmetries are counted (Mackenzie 1958).

@@ -138,7 +138,7 @@ fn every_angle_up_to_half_a_turn() {
     for degrees in [0.0_f64, 1e-9, 1.0, 90.0, 120.0, 179.0, 179.999, 180.0 - 1e-9, 180.0] {
         for _ in 0..100 {
             let axis = random.rotation().columns()[0];
-            let r = Quaternion::about(axis, degrees.to_radians());
+            let r = Quaternion::from_axis_angle(axis, degrees.to_radians());
             for stretch in [[1.0; 3], [5.0, 2.0, 0.1]] {
                 let found = check(times(r.columns(), diagonal(stretch)));
                 assert_eq!(found.status, Status::Converged);
@@ -159,8 +159,8 @@ fn two_frames_near_half_a_turn_apart() {
     for short_of_half in [1e-1_f64, 1e-4, 1e-8] {
         for _ in 0..100 {
             let (p, axis) = (random.rotation(), random.rotation().columns()[0]);
-            let q = Quaternion::about(axis, std::f64::consts::PI - short_of_half).times(p);
-            let halfway = Quaternion::about(axis, 0.5 * (std::f64::consts::PI - short_of_half)).times(p);
+            let q = Quaternion::from_axis_angle(axis, std::f64::consts::PI - short_of_half).times(p);
+            let halfway = Quaternion::from_axis_angle(axis, 0.5 * (std::f64::consts::PI - short_of_half)).times(p);
             let (a, b) = (p.columns(), q.columns());
             let found = check([0, 1, 2].map(|k| [0, 1, 2].map(|j| 0.5 * (a[k][j] + b[k][j]))));
             assert!(angle(found.rotation, halfway) <= 8.0 * NOISE / short_of_half, "{short_of_half}");
@@ -229,7 +229,7 @@ fn a_rotation_beside_the_nearest_is_seen() {
     let mut random = Random(101);
     for _ in 0..100 {
         let a = [random.vector(), random.vector(), random.vector()];
-        let beside = Quaternion::about(random.rotation().columns()[0], 1e-5).times(check(a).rotation);
+        let beside = Quaternion::from_axis_angle(random.rotation().columns()[0], 1e-5).times(check(a).rotation);
         assert!(trace(beside.columns(), a) < greatest_trace(a) - NOISE);
     }
 }

@@ -1,9 +1,9 @@
+use canted_film::{Picture, false_color};
 use canted_scene::Camera;
 use canted_trace::Counts;
 use rayon::prelude::*;
 
-use crate::colormap::viridis;
-use crate::{CameraError, Masked, Picture, Surfaces, Tracer, View, digits};
+use crate::{CameraError, Masked, Surfaces, Tracer, View};
 
 /// Which tests of a primary ray the colours show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -68,40 +68,10 @@ pub fn heatmap<T: Tracer>(
         })
     };
     let counts: Vec<Counts> = (0..height).into_par_iter().flat_map_iter(row).collect();
-    let color = |counts: &Counts| {
-        let n = match measure {
-            Measure::Boxes => counts.boxes,
-            Measure::Triangles => counts.triangles,
-        };
-        #[expect(clippy::cast_precision_loss, reason = "counts of one ray are below 2^53")]
-        viridis(n as f64 / f64::from(full_scale.max(1)))
-    };
-    let mut picture = Picture { width, height, pixels: counts.iter().map(color).collect() };
-    draw_legend(&mut picture, full_scale);
+    let numbers = counts.iter().map(|counts| match measure {
+        Measure::Boxes => counts.boxes,
+        Measure::Triangles => counts.triangles,
+    });
+    let picture = false_color(numbers, [width, height], full_scale);
     Ok(Heatmap { counts, picture })
-}
-
-/// Draws a bar of the colours over a black ground, with the numbers 0, half and full scale above it.
-fn draw_legend(picture: &mut Picture, full_scale: u32) {
-    const BAR: [u32; 2] = [128, 6];
-    const MARGIN: u32 = 4;
-    const GAP: u32 = 2;
-    let size = [BAR[0] + 2 * MARGIN, digits::HEIGHT + GAP + BAR[1] + 2 * MARGIN];
-    // Dots grow with the picture; a legend that would fill half of it is left out.
-    let scale = (picture.height / 360).max(1).min(picture.width / size[0]);
-    if scale == 0 || 2 * size[1] * scale > picture.height {
-        return;
-    }
-    let top = picture.height - size[1] * scale;
-    picture.fill([0, top], size.map(|s| s * scale), [0.0; 3]);
-    let bar_top = top + (MARGIN + digits::HEIGHT + GAP) * scale;
-    for x in 0..BAR[0] * scale {
-        let value = f64::from(x) / f64::from(BAR[0] * scale - 1);
-        picture.fill([MARGIN * scale + x, bar_top], [1, BAR[1] * scale], viridis(value));
-    }
-    for (number, place) in [(0, 0), (full_scale / 2, 1), (full_scale, 2)] {
-        // Flush left, centred, flush right.
-        let slack = (BAR[0] * scale).saturating_sub(digits::width(number, scale));
-        digits::draw(picture, number, [MARGIN * scale + slack * place / 2, top + MARGIN * scale], scale, [1.0; 3]);
-    }
 }

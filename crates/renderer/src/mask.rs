@@ -2,7 +2,7 @@ use canted_scene::{Material, Scene};
 use canted_trace::{Hit, Query};
 
 use crate::Surfaces;
-use crate::sampler::{mix, unit};
+use crate::query::{RayKeyed, derived_key};
 
 /// A query that sees through what alpha cuts out, and passes its counts on to `inner`.
 #[derive(Clone, Copy, Debug)]
@@ -22,21 +22,6 @@ impl<'a, Q> Masked<'a, Q> {
     }
 }
 
-/// A query that can be asked for one ray of many, each by its number.
-///
-/// A ray that is asked about twice, as by a counting query and then another, must have one number.
-pub(crate) trait RayKeyed: Query + Clone {
-    /// The same query for a ray with this number, of those that `self` stands for.
-    ///
-    /// Numbers of numbers make a tree: the rays of a path, the shadow rays of one of its vertices.
-    #[must_use]
-    fn keyed(&self, number: u32) -> Self;
-}
-
-impl RayKeyed for () {
-    fn keyed(&self, _: u32) -> Self {}
-}
-
 impl<Q: Query + Clone> RayKeyed for Masked<'_, Q> {
     fn keyed(&self, number: u32) -> Self {
         Masked::keyed(self, number)
@@ -47,18 +32,13 @@ impl<Q: Clone> Masked<'_, Q> {
     /// The same query for a ray with this number, of those that `self` stands for: blended surfaces let other rays pass.
     #[must_use]
     pub fn keyed(&self, number: u32) -> Self {
-        Self { key: mix(self.key ^ number), ..self.clone() }
+        Self { key: derived_key(self.key, number), ..self.clone() }
     }
 }
 
 /// Whether alpha matters to any material of the scene; else it is left out of the render code altogether.
 pub(crate) fn is_needed(scene: &Scene) -> bool {
     scene.materials.iter().any(Material::uses_alpha)
-}
-
-/// A number in `[0, 1)` for a ray and the triangle that it meets, equally distributed over both.
-pub(crate) fn number(key: u32, hit: &Hit) -> f32 {
-    unit(mix(mix(key ^ hit.instance.0) ^ hit.primitive.0) >> 8)
 }
 
 impl<Q: Query> Query for Masked<'_, Q> {

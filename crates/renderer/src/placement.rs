@@ -29,8 +29,7 @@ use canted_obb::Affine;
 use canted_tlas::Motion;
 use canted_trace::HIT_ERROR;
 
-use crate::motion::Pose;
-use crate::vector::Vector;
+use crate::vector::{Vector, add, cross, scale, wide};
 
 /// Half a unit in the last place of 1.
 const U: f64 = 0.5 * f32::EPSILON as f64;
@@ -38,11 +37,55 @@ const U: f64 = 0.5 * f32::EPSILON as f64;
 /// Covers terms of second order: `f64` roundings, and origins that lie above `W` by the offset itself, all below 2⁻¹⁶.
 const ROOM: f64 = 1.0 + 1.0 / 1024.0;
 
+/// `world_from_object` of an instance that stands still, or at a time on the way, ready for points and normals.
+#[derive(Clone, Debug)]
+pub(crate) struct Pose {
+    columns: [Vector; 4],
+    /// Columns of the cofactor matrix, which takes object normals to world normals but for length and sign.
+    cofactor: [Vector; 3],
+}
+
+impl Pose {
+    fn new(columns: [Vector; 4]) -> Self {
+        Self { columns, cofactor: cofactors(&columns) }
+    }
+
+    pub(crate) fn at_time(motion: &Motion, time: f32) -> Self {
+        Self::new(motion.world_from_object(time))
+    }
+
+    pub(crate) fn fixed(map: &Affine) -> Self {
+        Self::new(map.columns.map(wide))
+    }
+
+    pub(crate) fn point_world(&self, point_object: Vector) -> Vector {
+        add(self.vector_world(point_object), self.columns[3])
+    }
+
+    pub(crate) fn vector_world(&self, [x, y, z]: Vector) -> Vector {
+        let [a, b, c, _] = self.columns;
+        add(add(scale(a, x), scale(b, y)), scale(c, z))
+    }
+
+    /// World-space direction perpendicular to the image of a plane with normal `normal_object`; any length, either side.
+    ///
+    /// The inverse transpose would give the same direction; cofactors need no division.
+    pub(crate) fn normal_world(&self, [x, y, z]: Vector) -> Vector {
+        let [a, b, c] = self.cofactor;
+        add(scale(a, x), add(scale(b, y), scale(c, z)))
+    }
+}
+
+/// Columns of the cofactor matrix of the linear part.
+pub(crate) fn cofactors([x, y, z, _]: &[Vector; 4]) -> [Vector; 3] {
+    [cross(*y, *z), cross(*z, *x), cross(*x, *y)]
+}
+
 /// One instance, prepared for shading.
 #[derive(Clone, Debug)]
 pub(crate) struct Placement {
     /// Where it stands, or where a moving one starts.
-    still: Pose,
+    fixed: Pose,
     /// Error along each world axis between the plane of a triangle and a ray that leaves it.
     slack: f64,
     is_mirrored: bool,
@@ -59,7 +102,7 @@ impl Placement {
         let reach_world =
             std::iter::once(world_from_object).chain(close).map(|map| map.reach(reach_object)).fold(0.0, f64::max);
         Self {
-            still: Pose::still(world_from_object),
+            fixed: Pose::fixed(world_from_object),
             // No transform on the way is singular, so none changes the side.
             is_mirrored: world_from_object.determinant() < 0.0,
             motion: close.map(|close| Box::new(Motion::new(world_from_object, close))),
@@ -76,8 +119,8 @@ impl Placement {
     /// Where the instance is at a time of the shutter.
     pub(crate) fn pose(&self, time: f32) -> Cow<'_, Pose> {
         match &self.motion {
-            None => Cow::Borrowed(&self.still),
-            Some(motion) => Cow::Owned(Pose::on_the_way(motion, time)),
+            None => Cow::Borrowed(&self.fixed),
+            Some(motion) => Cow::Owned(Pose::at_time(motion, time)),
         }
     }
 

@@ -1,6 +1,8 @@
 use std::ops::Range;
 
-use crate::{Aovs, Filter, Lod, Pattern, Record};
+use canted_film::{Aovs, Filter, Record, Tiling};
+
+use crate::{Lod, Pattern};
 
 /// Which light is gathered, and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -37,7 +39,7 @@ pub struct Settings {
     pub samples: u32,
     /// First and one past the last number of the samples to take, of those; `None` for all of them.
     ///
-    /// The film then keeps a [`crate::Part`] that joins with others to the bits of the whole.
+    /// The film then keeps a [`canted_film::Part`] that joins with others to the bits of the whole.
     pub part: Option<[u32; 2]>,
     /// Relative standard error below which a neighbourhood of pixels takes no further samples, see [`crate::render`].
     pub noise: Option<f32>,
@@ -88,6 +90,13 @@ impl Settings {
     pub fn range(&self) -> Range<u32> {
         let [start, end] = self.part.unwrap_or([0, self.samples]);
         start..end
+    }
+
+    /// Tiles of the picture.
+    #[must_use]
+    pub fn tiling(&self) -> Tiling {
+        let Self { width, height, tile, part, aovs, .. } = *self;
+        Tiling::new([width, height], tile, part.map(|[start, end]| start..end), !aovs.is_empty())
     }
 
     /// What decides the value of a sample, by name: equal records and equal scenes make samples of one picture.

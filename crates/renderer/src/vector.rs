@@ -49,3 +49,11 @@ pub(crate) fn unit(a: Vector) -> Option<Vector> {
     let length = length(a);
     (length > 0.0 && length.is_finite()).then(|| scale(a, 1.0 / length))
 }
+
+/// Two unit vectors that make a right-handed frame with a unit `normal`; after Duff et al. 2017.
+pub(crate) fn tangents([x, y, z]: Vector) -> [Vector; 2] {
+    let sign = 1.0_f64.copysign(z);
+    let a = -1.0 / (sign + z);
+    let b = x * y * a;
+    [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]]
+}

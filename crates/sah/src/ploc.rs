@@ -11,15 +11,15 @@ pub struct PlocConfig {
     /// Places searched on either side along the curve; at least 1.
     pub radius: u32,
     /// First rounds that search two places only: of the many clusters there still are, most have a near partner.
-    pub near_rounds: u32,
+    pub near_iterations: u32,
 }
 
 impl PlocConfig {
     /// Near rounds first.
-    pub const NEAR: Self = Self { radius: 14, near_rounds: 3 };
+    pub const NEAR: Self = Self { radius: 14, near_iterations: 3 };
 
     /// Every round searches far.
-    pub const WIDE: Self = Self { radius: 14, near_rounds: 0 };
+    pub const WIDE: Self = Self { radius: 14, near_iterations: 0 };
 }
 
 impl Default for PlocConfig {
@@ -73,7 +73,7 @@ pub fn ploc(sorted: Sorted, leaf_boxes: &[Aabb], config: &PlocConfig) -> Tree {
     let mut children = vec![[Child::inner(NodeId::ROOT); 2]; last];
     let (mut round, mut forced) = (0, false);
     while clusters.len() > 1 {
-        let radius = if round < config.near_rounds { NEAR.min(config.radius) } else { config.radius };
+        let radius = if round < config.near_iterations { NEAR.min(config.radius) } else { config.radius };
         let partners = if forced { neighbours(clusters.len()) } else { nearest(&clusters, radius.max(1) as usize) };
         let before = clusters.len();
         clusters = join(&clusters, &partners, |pair| {

@@ -27,7 +27,7 @@ pub fn reinsert(tree: &Tree, leaf_boxes: &[Aabb], config: &ReinsertConfig) -> Tr
     let mut sum = pairs.sum_of_areas();
     let max_depth = tree.depth.max(MAX_DEPTH);
     let mut moved = false;
-    for round in 0..config.rounds {
+    for round in 0..config.iterations {
         let gain = improve(&mut pairs, n_searched(tree, config, round), max_depth);
         moved |= gain > 0.0;
         sum -= gain;
@@ -62,6 +62,6 @@ fn improve(pairs: &mut Pairs, n: usize, max_depth: u32) -> f64 {
 )]
 fn n_searched(tree: &Tree, config: &ReinsertConfig, round: u32) -> usize {
     let n_nodes = 2 * tree.nodes.len();
-    let share = f64::from(config.share.min(1.0)) / f64::from(2 * round + 1);
+    let share = f64::from(config.fraction.min(1.0)) / f64::from(2 * round + 1);
     ((n_nodes as f64 * share).ceil() as usize).min(n_nodes)
 }

@@ -14,20 +14,20 @@ use crate::{
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpatialConfig {
     /// Most extra references, as a part of the number of triangles. At 0 no triangle is split.
-    pub extra: f32,
+    pub extra_references: f32,
     /// Spatial splits are tried where the children of the best other split overlap by more than this part of the
     /// root's area.
     pub min_overlap: f32,
     /// Slices an axis, 2 to 64.
-    pub slices: u32,
+    pub bins: u32,
     /// How subtrees are built in which nothing is left to split; its limit of depth is the whole tree's.
-    pub below: TopDownConfig,
+    pub object_splits: TopDownConfig,
 }
 
 impl Default for SpatialConfig {
     /// The overlap that the source recommends, and at most 0.3 extra references a triangle.
     fn default() -> Self {
-        Self { extra: 0.3, min_overlap: 1e-5, slices: 32, below: TopDownConfig::BINNED }
+        Self { extra_references: 0.3, min_overlap: 1e-5, bins: 32, object_splits: TopDownConfig::BINNED }
     }
 }
 
@@ -61,7 +61,7 @@ pub fn spatial(corners: &[Corners], config: &SpatialConfig) -> (Tree, References
         clippy::cast_precision_loss,
         reason = "saturating, and bounded by what node references can name"
     )]
-    let budget = ((corners.len() as f64 * f64::from(config.extra)) as usize).min((1 << 30) - corners.len());
+    let budget = ((corners.len() as f64 * f64::from(config.extra_references)) as usize).min((1 << 30) - corners.len());
     let root_area = around(&fragments).area();
     let mut part = Part::default();
     if !fragments.is_empty() {
@@ -114,7 +114,7 @@ impl Builder<'_> {
     /// Builds the subtree over `fragments`, with at most `budget` more of them; returns its root.
     fn grow(&self, part: &mut Part, fragments: Vec<Fragment>, budget: usize, depth: u32) -> Child {
         let n = fragments.len();
-        if n <= FEW || budget == 0 || must_halve(n, depth, self.config.below.max_depth) {
+        if n <= FEW || budget == 0 || must_halve(n, depth, self.config.object_splits.max_depth) {
             return part.append(&self.rest(&fragments, depth));
         }
         let [left, right] = self.divide(fragments, budget);
@@ -142,8 +142,8 @@ impl Builder<'_> {
     /// The subtree over fragments that stay whole.
     fn rest(&self, fragments: &[Fragment], depth: u32) -> Part {
         let boxes: Vec<_> = fragments.iter().map(|fragment| fragment.aabb).collect();
-        let max_depth = self.config.below.max_depth.saturating_add(1).saturating_sub(depth);
-        let tree = top_down(&boxes, &TopDownConfig { max_depth, ..self.config.below });
+        let max_depth = self.config.object_splits.max_depth.saturating_add(1).saturating_sub(depth);
+        let tree = top_down(&boxes, &TopDownConfig { max_depth, ..self.config.object_splits });
         Part {
             children: tree.nodes.iter().map(|node| [node.left, node.right]).collect(),
             fragments: tree.leaves.iter().map(|leaf| fragments[leaf.index()]).collect(),
@@ -152,7 +152,7 @@ impl Builder<'_> {
 
     /// Parts the fragments in two, by a plane where that is cheaper.
     fn divide(&self, mut fragments: Vec<Fragment>, budget: usize) -> [Vec<Fragment>; 2] {
-        let n_slices = self.config.slices as usize;
+        let n_slices = self.config.bins as usize;
         let whole = between(&fragments, n_slices);
         let overlap = whole
             .map_or(f64::INFINITY, |cut| intersection(&cut.boxes[0], &cut.boxes[1]).map_or(0.0, |both| both.area()));

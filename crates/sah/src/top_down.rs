@@ -23,9 +23,9 @@ pub enum Split {
     /// Between cells, at least cost.
     Binned {
         /// Cells an axis, 2 to 64.
-        cells: u32,
+        bins: u32,
         /// Up to this many primitives, 32 at most, all splits are tried as by [`Split::Sweep`].
-        sweep_up_to: u32,
+        sweep_threshold: u32,
     },
 }
 
@@ -55,7 +55,7 @@ pub struct TopDownConfig {
 impl TopDownConfig {
     /// 32 cells on all axes.
     pub const BINNED: Self =
-        Self { split: Split::Binned { cells: 32, sweep_up_to: 16 }, axes: Axes::All, max_depth: MAX_DEPTH };
+        Self { split: Split::Binned { bins: 32, sweep_threshold: 16 }, axes: Axes::All, max_depth: MAX_DEPTH };
 
     /// Every split on all axes.
     pub const SWEEP: Self = Self { split: Split::Sweep, ..Self::BINNED };
@@ -101,8 +101,8 @@ fn build(mut span: Span<'_>, config: &TopDownConfig, plot: Plot<'_>, depth: u32)
         plot.leaf(PrimId(reference.primitive()));
         return 1;
     }
-    if let Split::Binned { sweep_up_to, .. } = config.split
-        && n <= (sweep_up_to as usize).min(MAX_BLOCK)
+    if let Split::Binned { sweep_threshold, .. } = config.split
+        && n <= (sweep_threshold as usize).min(MAX_BLOCK)
     {
         return sweep_block(span.references, config, plot, depth);
     }
@@ -129,7 +129,7 @@ fn part(span: &mut Span<'_>, config: &TopDownConfig, depth: u32) -> usize {
         Split::Median => return median::part(span.references, axes),
         Split::Sweep => unreachable!("sweeps are built by `sweep`"),
         Split::Midpoint => 2,
-        Split::Binned { cells, .. } => cells.min(few_cells(n)),
+        Split::Binned { bins, .. } => bins.min(few_cells(n)),
     };
     let grid = Grid::new(&centers, n_cells);
     let plane = match (config.split, axes) {

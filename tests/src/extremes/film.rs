@@ -2,9 +2,10 @@
 
 use std::{fs, path::Path, sync::atomic::AtomicBool};
 
+use canted_film::{Film, Part, Picture, Pixel, write_exr, write_png};
 use canted_fixtures::{icosphere, thin_box};
 use canted_obb::Affine;
-use canted_renderer::{Film, Part, Picture, Pixel, Settings, StructureConfig, prepare, render, write_exr, write_png};
+use canted_renderer::{Settings, StructureConfig, prepare, render};
 use canted_scene::{Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part as MeshPart, Scene};
 use canted_trace::Watertight;
 

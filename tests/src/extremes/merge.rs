@@ -168,21 +168,21 @@ fn growth(rule: fn(&Obb, &Obb) -> Obb, turn: &Quaternion) -> f64 {
 /// Area of the box of a box and its image under a turn about its third axis, over its own.
 fn of_turned(rule: fn(&Obb, &Obb) -> Obb, turn: &Quaternion, half: [f32; 3], angle_rad: f64) -> f64 {
     let a = Obb { center: [0.5, -1.0, 2.0], frame: turn.frame(), half_extents: half };
-    let b = Obb { frame: turn.times(Quaternion::about([0.0, 0.0, 1.0], angle_rad)).frame(), ..a };
+    let b = Obb { frame: turn.times(Quaternion::from_axis_angle([0.0, 0.0, 1.0], angle_rad)).frame(), ..a };
     rule(&a, &b).area() / a.area()
 }
 
 /// Whether the mean with a rotation depends on that rotation's sign.
 fn is_sign_seen(turn: &Quaternion) -> bool {
-    let beside = turn.times(Quaternion::about([0.6, 0.0, 0.8], 0.4));
+    let beside = turn.times(Quaternion::from_axis_angle([0.6, 0.0, 0.8], 0.4));
     let bits = |q: Quaternion| [q.w, q.x, q.y, q.z].map(f64::to_bits);
-    let mean = |q: Quaternion| bits(merge::between(*turn, q, [1.0, 1.0]).canonical());
+    let mean = |q: Quaternion| bits(merge::average_rotations(*turn, q, [1.0, 1.0]).canonical());
     mean(beside) != mean(beside.scaled(-1.0))
 }
 
 /// Angle by which a weight of a millionth, at 44° to it, turns a frame.
 fn speck(turn: &Quaternion) -> f64 {
-    let beside = turn.times(Quaternion::about([0.6, 0.0, 0.8], 44.0_f64.to_radians()));
+    let beside = turn.times(Quaternion::from_axis_angle([0.6, 0.0, 0.8], 44.0_f64.to_radians()));
     let mean = Quaternion::from_frame(merge::average(turn.frame(), beside.frame(), [1e6, 1.0]));
     let left = turn.conjugate().times(mean);
     2.0 * (left.x * left.x + left.y * left.y + left.z * left.z).sqrt().atan2(left.w.abs())

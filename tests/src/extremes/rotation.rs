@@ -66,7 +66,7 @@ fn known(effort: usize) -> Vec<Known> {
     }
     for (case, degrees) in [("179.999° away", 179.999_f64), ("180° away, to the bit of f64", 180.0)] {
         let turn = |rng: &mut SplitMix64| {
-            let turn = Quaternion::about(random_rotation(rng).columns()[0], degrees.to_radians());
+            let turn = Quaternion::from_axis_angle(random_rotation(rng).columns()[0], degrees.to_radians());
             (stretched(turn, [5.0, 2.0, 0.1], None), turn)
         };
         kinds.push(Known { case, bound: 16.0 * NOISE, inputs: (0..n).map(|_| turn(&mut rng)).collect() });
@@ -85,7 +85,7 @@ fn known(effort: usize) -> Vec<Known> {
     let short = 1e-4;
     let mean = |rng: &mut SplitMix64| {
         let (p, axis) = (random_rotation(rng), random_rotation(rng).columns()[0]);
-        let turned = |angle: f64| Quaternion::about(axis, angle).times(p);
+        let turned = |angle: f64| Quaternion::from_axis_angle(axis, angle).times(p);
         let (a, b) = (p.columns(), turned(PI - short).columns());
         ([0, 1, 2].map(|k| [0, 1, 2].map(|j| 0.5 * (a[k][j] + b[k][j]))), turned(0.5 * (PI - short)))
     };

@@ -2,7 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
-use canted_renderer::{DeviceError, Film, Levels, Monitor, RenderError, Settings};
+use canted_film::Film;
+use canted_renderer::{DeviceError, Levels, Monitor, RenderError, Settings};
 
 use super::scenes::full;
 use super::{gpu, on_cpu, silent, small, with_picture};
@@ -60,7 +61,7 @@ fn cancelled_work_ends_and_keeps_what_was_told() {
     let (scene, settings) = (full(), small());
     let cancel = AtomicBool::new(false);
     let told = std::sync::Mutex::new(vec![]);
-    let finished = |tile: &canted_renderer::Tile| {
+    let finished = |tile: &canted_film::Tile| {
         told.lock().unwrap().push(tile.clone());
         cancel.store(true, std::sync::atomic::Ordering::Relaxed);
     };

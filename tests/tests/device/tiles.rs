@@ -2,10 +2,9 @@
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use canted_film::{Aov, Film, Pixel};
 use canted_gpu::Gpu;
-use canted_renderer::{
-    Aov, DevicePicture, Film, Integrator, Monitor, Pixel, Prepared, Settings, StructureConfig, Surfaces, prepare,
-};
+use canted_renderer::{DevicePicture, Integrator, Monitor, Prepared, Settings, StructureConfig, Surfaces, prepare};
 use canted_scene::Scene;
 use canted_trace::Watertight;
 

@@ -1,6 +1,6 @@
 //! Whether two pictures of one scene, both noisy, show the same light.
 
-use canted_renderer::{Film, Picture};
+use canted_film::{Film, Picture};
 
 /// Pixels along the side of a block.
 pub(crate) const BLOCK: u32 = 16;

@@ -1,7 +1,8 @@
 //! The pictures of the oracle as our renderer takes them: the same numbers as in `tests/oracle/scenes.py`.
 
+use canted_film::{Film, Picture, read_picture};
 use canted_obb::Affine;
-use canted_renderer::{Film, Integrator, Lod, Pattern, Picture, Settings, prepare, read_picture, render};
+use canted_renderer::{Integrator, Lod, Pattern, Settings, prepare, render};
 use canted_scene::{
     Camera, Encoding, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId, TextureRef,
     Wrap, read,

@@ -8,9 +8,10 @@
 
 use std::sync::atomic::AtomicBool;
 
+use canted_film::Film;
 use canted_gpu::Gpu;
 use canted_renderer::{
-    DevicePicture, Film, Levels, Monitor, Prepared, Settings, StructureConfig, Surfaces, frame, prepare, render,
+    DevicePicture, Levels, Monitor, Prepared, Settings, StructureConfig, Surfaces, frame, prepare, render,
 };
 use canted_scene::{Camera, Scene};
 use canted_trace::Watertight;

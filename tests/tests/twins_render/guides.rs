@@ -1,6 +1,7 @@
 //! What camera rays meet, beside light: depth, normals, albedo and numbers are the CPU's but for roundings.
 
-use canted_renderer::{Aov, Aovs, Film, Guide, Integrator, Levels, Settings};
+use canted_film::{Aov, Aovs, Film, Guide};
+use canted_renderer::{Integrator, Levels, Settings};
 
 use super::compared::{on_cpu, on_device, prepared};
 use super::{gpu, scenes};

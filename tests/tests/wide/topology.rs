@@ -105,7 +105,7 @@ fn spatial_splits_lose_no_hit() {
     let mut n_extra = 0;
     for (name, mesh) in meshes() {
         let (corners, _) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
-        let config = SpatialConfig { extra: 1.0, min_overlap: 0.0, ..SpatialConfig::default() };
+        let config = SpatialConfig { extra_references: 1.0, min_overlap: 0.0, ..SpatialConfig::default() };
         let (mut tree, references) = canted_sah::spatial(&corners, &config);
         n_extra += references.primitives.len() - corners.len();
         // Leaves name references; wide trees bound whole triangles.

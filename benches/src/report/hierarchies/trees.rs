@@ -177,7 +177,7 @@ fn with_splits(mesh: &Mesh, extra: f32) -> Tree<'_> {
     walked(format!("spatial splits, {extra} a triangle, AABB"), Family::Aligned, move || {
         let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let (mut tree, references) =
-            canted_sah::spatial(&corners, &SpatialConfig { extra, ..SpatialConfig::default() });
+            canted_sah::spatial(&corners, &SpatialConfig { extra_references: extra, ..SpatialConfig::default() });
         let parts: Vec<Obb> = tree.leaves.iter().map(|part| Obb::from_aabb(&references.boxes[part.index()])).collect();
         let volumes = volumes(&tree, &parts, &VolumeConfig { strategy: Strategy::Aabb, fallback: true });
         tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);

@@ -7,7 +7,8 @@ mod trees;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
-use canted_renderer::{Film, Integrator, Pattern, Prepared, Settings, StructureConfig, frame, prepare, render};
+use canted_film::Film;
+use canted_renderer::{Integrator, Pattern, Prepared, Settings, StructureConfig, frame, prepare, render};
 use canted_scene::{Camera, Mesh, Scene};
 use canted_trace::Watertight;
 

@@ -1,8 +1,9 @@
 //! The CPU beside the adapter of a device, on the same samples.
 
 use anyhow::Result;
+use canted_film::Film;
 use canted_gpu::{AdapterKind, Choice, Gpu};
-use canted_renderer::{DevicePicture, Film, Integrator, Monitor, Pattern, Settings, Surfaces};
+use canted_renderer::{DevicePicture, Integrator, Monitor, Pattern, Settings, Surfaces};
 use std::sync::atomic::AtomicBool;
 
 use super::race::{self, Clock, Racer};

@@ -1,7 +1,8 @@
 //! Several ways to make one picture, in turn, and the errors that each reaches.
 
 use anyhow::Result;
-use canted_renderer::{Film, PIXELS_PER_DEGREE, Settings, flip};
+use canted_film::{Film, PIXELS_PER_DEGREE, flip};
+use canted_renderer::Settings;
 
 use super::reference::{Errors, Reference};
 use crate::clock::{self, Seconds};

@@ -3,7 +3,8 @@
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
-use canted_renderer::{Film, Picture, REL_MSE_FLOOR, Settings, compare, render};
+use canted_film::{Film, Picture, REL_MSE_FLOOR, compare};
+use canted_renderer::{Settings, render};
 
 use super::stage::Stage;
 

@@ -1,8 +1,9 @@
 //! Structures: the same picture from each, bit for bit, at another price.
 
 use anyhow::{Result, ensure};
+use canted_film::Film;
 use canted_lbvh::Strategy;
-use canted_renderer::{Builder, Film, Integrator, Pattern, StructureConfig, prepare, render};
+use canted_renderer::{Builder, Integrator, Pattern, StructureConfig, prepare, render};
 use canted_trace::Watertight;
 use canted_wide::Preset;
 use std::sync::atomic::AtomicBool;

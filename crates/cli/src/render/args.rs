@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Integrator, Record, Settings, light_hash, scene_hash};
+use canted_film::Record;
+use canted_renderer::{Integrator, Settings, light_hash, scene_hash};
 use canted_scene::{Camera, Scene};
 use clap::ValueEnum;
 

@@ -8,7 +8,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Checkpoint, Record, Tile};
+use canted_film::{Checkpoint, Record, Tile};
 
 use crate::output;
 

@@ -1,6 +1,7 @@
 //! What a picture may be made by: one name of several.
 
-use canted_renderer::{Filter, Integrator, Lod, Pattern};
+use canted_film::Filter;
+use canted_renderer::{Integrator, Lod, Pattern};
 use clap::ValueEnum;
 
 #[derive(ValueEnum, Clone, Copy, Debug)]

@@ -3,7 +3,8 @@
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
-use canted_renderer::{Aovs, Prepared, Settings, render};
+use canted_film::Aovs;
+use canted_renderer::{Prepared, Settings, render};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use anyhow::Result;
+use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{Film, Level, Prepared, Settings, Structure};
+use canted_renderer::{Level, Prepared, Settings, Structure};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};

@@ -3,9 +3,9 @@
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Result, anyhow};
+use canted_film::{Film, Partial, Record, Tile, write_film};
 use canted_renderer::{
-    DevicePicture, Film, Monitor, Partial, Prepared, Record, RenderError, Settings, SharedFilm, Structure, Surfaces,
-    Tile, resume, write_film,
+    DevicePicture, Monitor, Prepared, RenderError, Settings, SharedFilm, Structure, Surfaces, resume,
 };
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -81,7 +81,7 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
         };
         // A part is for merging, and a checkpoint is what one goes on from.
         let is_wanted = settings.part.is_none() && keeper.is_none();
-        let partial = is_wanted.then(|| Mutex::new(Partial::new(settings)));
+        let partial = is_wanted.then(|| Mutex::new(Partial::new(settings.tiling())));
         let add = |tile: &Tile| {
             if let Some(partial) = &partial {
                 partial.lock().unwrap_or_else(PoisonError::into_inner).add(tile);
@@ -156,7 +156,8 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
 mod tests {
     use std::sync::atomic::AtomicBool;
 
-    use canted_renderer::{StructureConfig, frame, prepare, read_picture};
+    use canted_film::read_picture;
+    use canted_renderer::{StructureConfig, frame, prepare};
     use canted_trace::Watertight;
 
     use super::*;
@@ -175,7 +176,7 @@ mod tests {
         let (finished, cancel) = (|tile: &Tile| tiles.lock().unwrap().push(tile.clone()), AtomicBool::new(false));
         let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
         let whole = resume(&scene, &structure, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
-        let mut partial = Partial::new(&settings);
+        let mut partial = Partial::new(settings.tiling());
         write_partial(&args, &partial).unwrap();
         assert!(!args.output.exists(), "there is nothing to write");
         tiles.lock().unwrap().iter().filter(|tile| tile.number == 1).for_each(|tile| partial.add(tile));

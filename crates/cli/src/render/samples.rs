@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Aov, Aovs, Pattern, Settings};
+use canted_film::{Aov, Aovs};
+use canted_renderer::{Pattern, Settings};
 
 use super::choices::SamplerArg;
 

@@ -1,6 +1,6 @@
 //! `canted compare` on pictures whose differences are known.
 
-use canted_renderer::{Picture, write_exr};
+use canted_film::{Picture, write_exr};
 use image::{Rgb, RgbImage};
 
 use crate::support::Folder;

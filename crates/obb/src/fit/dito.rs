@@ -1,5 +1,5 @@
 use crate::Obb;
-use crate::frame::{Frame, along};
+use crate::frame::{Frame, orthonormal};
 use crate::vector::{self, Vector, cross, dot, sub};
 
 /// Seven directions, fourteen extremal points: the axes and the body diagonals.
@@ -40,7 +40,7 @@ pub(super) fn frame(points: &[[f32; 3]]) -> Frame {
     let corners = spans.as_flattened();
     let r = corners.iter().fold(p, |far, &corner| if from_line(corner) > from_line(far) { corner } else { far });
     if from_line(r) <= FLAT * length {
-        return along(base, [0.0; 3]);
+        return orthonormal(base, [0.0; 3]);
     }
     let normal = cross(base, sub(r, p));
     let apexes = extremes(points(), normal);
@@ -68,7 +68,7 @@ impl Search {
     fn add_triangle(&mut self, a: Vector, b: Vector, c: Vector) {
         let normal = cross(sub(b, a), sub(c, a));
         for edge in [sub(b, a), sub(c, b), sub(a, c)] {
-            let frame = along(edge, normal);
+            let frame = orthonormal(edge, normal);
             let [x, y, z] = frame.map(|axis| {
                 let axis = vector::from_f32(axis);
                 let [low, high] = extremes(self.measured.into_iter(), axis);

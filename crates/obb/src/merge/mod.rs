@@ -15,7 +15,7 @@ mod quaternion;
 pub use best::best;
 pub use bounded::{Weight, bounded};
 pub use combined::combined;
-pub use quaternion::{average, between, quaternion};
+pub use quaternion::{average, average_rotations, quaternion};
 
 use crate::{Enclosure, Frame, Obb};
 

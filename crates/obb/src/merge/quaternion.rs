@@ -17,7 +17,7 @@ pub fn quaternion(a: &Obb, b: &Obb, weights: [f64; 2]) -> Obb {
 /// The frame between two frames, as [`quaternion`] uses it.
 #[must_use]
 pub fn average(a: Frame, b: Frame, weights: [f64; 2]) -> Frame {
-    between(rotation_of(a), rotation_of(b), weights).frame()
+    average_rotations(rotation_of(a), rotation_of(b), weights).frame()
 }
 
 /// The rotation between two, each of length one: their weighted sum, after the second was brought nearest to the first
@@ -27,7 +27,7 @@ pub fn average(a: Frame, b: Frame, weights: [f64; 2]) -> Frame {
 /// tree that carries its nodes' rotations upward needs no matrix in between.
 #[inline]
 #[must_use]
-pub fn between(p: Quaternion, q: Quaternion, weights: [f64; 2]) -> Quaternion {
+pub fn average_rotations(p: Quaternion, q: Quaternion, weights: [f64; 2]) -> Quaternion {
     let [w_p, w_q] = if weights[0] + weights[1] > 0.0 { weights } else { [1.0; 2] };
     // Both signs of a symmetry are tried at once; the one chosen has a positive product, so the sum cannot cancel.
     let near = q.times(nearest_symmetry(q.conjugate().times(p)));

@@ -1,5 +1,6 @@
 //! Pictures by a device and the CPU together.
 
+use canted_film::{Film, Sums, Tile, Tiling};
 use canted_gpu::GpuError;
 use canted_wide::LaneKernel;
 
@@ -7,8 +8,8 @@ use super::division::{Division, Side};
 use super::film::{self, Taker};
 use super::slices::Slicer;
 use super::{DeviceError, DevicePicture};
-use crate::render::{Layout, Sums, TileMaker, assembled, in_place};
-use crate::{Film, Monitor, RenderError, Tile};
+use crate::render::{TileMaker, in_place};
+use crate::{Monitor, RenderError};
 
 /// A picture that a device and the CPU made together.
 pub struct SharedFilm {
@@ -27,33 +28,33 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
     /// # Errors
     /// A tile that cannot be of this picture, or [`RenderError::Cancelled`]; the loss of the device is none.
     pub fn render_with_cpu(&self, done: Vec<Tile>, monitor: &Monitor) -> Result<SharedFilm, DeviceError> {
-        let layout = Layout::new(self.settings);
-        let division = Division::new(in_place(&layout, done)?, monitor);
+        let tiling = self.settings.tiling();
+        let division = Division::new(in_place(&tiling, done)?, monitor);
         let by_device = self.on_cpu.with_tiles(|make| {
             rayon::in_place_scope(|scope| {
                 for _ in 0..rayon::current_num_threads() {
                     scope.spawn(|_| by_cpu(make, &division));
                 }
-                self.by_device(&layout, &division)
+                self.by_device(&tiling, &division)
             })
         });
         let (tiles, n_tiles_of_device) = division.into_tiles().ok_or(RenderError::Cancelled)?;
-        let film = assembled(self.settings, &layout, &tiles);
+        let film = tiling.film(&tiles);
         Ok(SharedFilm { film, n_tiles_of_device, stopped: by_device.err() })
     }
 
-    fn by_device(&self, layout: &Layout, division: &Division) -> Result<(), GpuError> {
+    fn by_device(&self, tiling: &Tiling, division: &Division) -> Result<(), GpuError> {
         let slicer = Slicer::new(self.gpu, self.stages.clone())?;
         let weight = self.on_cpu.weights();
         let on_cpu = |at, sample, sums: &mut Sums| self.on_cpu.take(at, sample, sums);
         let mut taker =
             Taker { slicer, bound: self.bound(), settings: self.settings, weight: &weight, on_cpu: &on_cpu };
         loop {
-            let numbers = division.next_of_device(|shown| film::next_run(&taker.slicer, layout, self.settings, shown));
+            let numbers = division.next_of_device(|shown| film::next_run(&taker.slicer, tiling, self.settings, shown));
             if numbers.is_empty() || division.is_over(&numbers) {
                 return Ok(());
             }
-            let made = film::tiles(&mut taker, layout, &numbers, &|| division.is_over(&numbers))?;
+            let made = film::tiles(&mut taker, tiling, &numbers, &|| division.is_over(&numbers))?;
             for tile in made.into_iter().flatten() {
                 division.finish(tile, Side::Device);
             }

@@ -8,7 +8,9 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::{Monitor, Tile};
+use canted_film::Tile;
+
+use crate::Monitor;
 
 /// Most tiles that the device is shown at once.
 const MOST_SHOWN: usize = 1 << 12;

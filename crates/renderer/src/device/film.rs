@@ -2,11 +2,13 @@
 
 use std::ops::Range;
 
+use canted_film::{CELL, Sums, Tiling};
+use canted_film::{Guide, Pixel, Tile};
 use canted_gpu::{Bound, GpuError};
 
 use super::slices::{CELL_PIXELS, Seen, Slicer, Taken};
-use crate::render::{CELL, Course, Layout, Sums};
-use crate::{Guide, Pixel, RenderError, Settings, Tile};
+use crate::render::Course;
+use crate::{RenderError, Settings};
 
 /// A cell while its samples are taken.
 struct Cell {
@@ -37,13 +39,13 @@ pub(super) struct Taker<'a> {
 /// drop out. `None` once `stop` says so, which is asked between dispatches.
 pub(super) fn tiles(
     taker: &mut Taker,
-    layout: &Layout,
+    tiling: &Tiling,
     numbers: &[usize],
     stop: &dyn Fn() -> bool,
 ) -> Result<Option<Vec<Tile>>, GpuError> {
     let mut waiting: Vec<Cell> =
-        numbers.iter().enumerate().flat_map(|(tile, &number)| cells(tile, number, layout, taker.settings)).collect();
-    let mut tiles: Vec<Tile> = numbers.iter().map(|&number| layout.tile(number)).collect();
+        numbers.iter().enumerate().flat_map(|(tile, &number)| cells(tile, number, tiling, taker.settings)).collect();
+    let mut tiles: Vec<Tile> = numbers.iter().map(|&number| tiling.tile(number)).collect();
     while let Some(Range { start, end }) = waiting.first().map(|cell| cell.course.next.clone()) {
         take(taker, &mut waiting, [start, end - start], stop)?;
         if stop() {
@@ -53,7 +55,7 @@ pub(super) fn tiles(
         waiting.retain_mut(|cell| {
             let goes_on = cell.course.goes_on(taker.settings, &cell.sums);
             if !goes_on {
-                layout.keep(&cell.pixels, &cell.sums, &mut tiles[cell.tile]);
+                tiling.store(&cell.pixels, &cell.sums, &mut tiles[cell.tile]);
                 tiles[cell.tile].n_rays += cell.n_rays;
             }
             goes_on
@@ -62,9 +64,9 @@ pub(super) fn tiles(
     Ok(Some(tiles))
 }
 
-fn cells(tile: usize, number: usize, layout: &Layout, settings: &Settings) -> impl Iterator<Item = Cell> {
-    let corner = layout.corner(number);
-    layout.cells(number).map(move |pixels| Cell {
+fn cells(tile: usize, number: usize, tiling: &Tiling, settings: &Settings) -> impl Iterator<Item = Cell> {
+    let corner = tiling.corner(number);
+    tiling.cells(number).map(move |pixels| Cell {
         tile,
         at: std::array::from_fn(|k| (corner[k] + pixels[0][k]) / CELL),
         sums: vec![Sums::default(); pixels.len()],
@@ -134,12 +136,12 @@ fn guide(seen: &Seen) -> Guide {
 }
 
 /// Cuts tiles that are not done into runs that are worth a dispatch each.
-pub(super) fn next_run(slicer: &Slicer, layout: &Layout, settings: &Settings, left: &[usize]) -> usize {
+pub(super) fn next_run(slicer: &Slicer, tiling: &Tiling, settings: &Settings, left: &[usize]) -> usize {
     let n_samples = Course::new(settings).next.len();
     let worth = slicer.worth(u32::try_from(n_samples).unwrap_or(u32::MAX));
     let mut n_cells = 0;
     let enough = left.iter().position(|&number| {
-        let [width, height] = layout.size(number).map(|n| n.div_ceil(CELL) as usize);
+        let [width, height] = tiling.size(number).map(|n| n.div_ceil(CELL) as usize);
         n_cells += width * height;
         n_cells >= worth
     });

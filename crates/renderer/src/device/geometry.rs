@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::materials::Materials;
 use super::slack;
-use crate::motion::cofactors;
+use crate::placement::cofactors;
 use crate::structure::instances;
 use crate::vector::{Vector, add, cross, length, narrow, scale, sub, unit, wide};
 

@@ -1,10 +1,11 @@
 //! What all samples of a picture share, as kernels read it.
 
 use bytemuck::{Pod, Zeroable};
+use canted_film::Filter;
 use canted_gpu::Specialisation;
 
 use crate::vector::{length, narrow};
-use crate::{Filter, Pattern, Sampler, Settings, View};
+use crate::{Pattern, Sampler, Settings, View};
 
 /// `Picture` of `shared/picture`, which says what is what.
 #[repr(C)]

@@ -2,6 +2,8 @@
 
 use std::sync::atomic::Ordering;
 
+use canted_film::Sums;
+use canted_film::{Aov, Film, Filter, Tile};
 use canted_gpu::{Bound, Buffer, Gpu, Specialisation, TracedScene};
 use canted_scene::{Camera, Scene};
 use canted_wide::{LaneKernel, Wide};
@@ -14,11 +16,9 @@ use super::picture::{self, PackedPicture};
 use super::scene::PackedScene;
 use super::slices::Slicer;
 use super::stages::{Light, Stages};
-use crate::render::{Layout, Rendering, Sums, assembled, in_place};
+use crate::render::{Rendering, in_place};
 use crate::structure::instances;
-use crate::{
-    Aov, Film, Filter, Integrator, Level, Lights, Monitor, Pattern, RenderError, Settings, Structure, Surfaces, Tile,
-};
+use crate::{Integrator, Level, Lights, Monitor, Pattern, RenderError, Settings, Structure, Surfaces};
 
 /// Most samples of a pixel whose strata kernels count in 32 bits.
 const MOST_STRATIFIED: u32 = 1 << 20;
@@ -137,8 +137,8 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     /// # Errors
     /// A tile that cannot be of this picture, [`RenderError::Cancelled`], or the loss of the device.
     pub fn render(&self, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, DeviceError> {
-        let layout = Layout::new(self.settings);
-        let mut slots = in_place(&layout, done)?;
+        let tiling = self.settings.tiling();
+        let mut slots = in_place(&tiling, done)?;
         let left: Vec<usize> = (0..slots.len()).filter(|&number| slots[number].is_none()).collect();
         let mut n_done = slots.len() - left.len();
         let slicer = Slicer::new(self.gpu, self.stages.clone())?;
@@ -148,19 +148,19 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             Taker { slicer, bound: self.bound(), settings: self.settings, weight: &weight, on_cpu: &on_cpu };
         let mut left = &left[..];
         while !left.is_empty() {
-            let (now, later) = left.split_at(film::next_run(&taker.slicer, &layout, self.settings, left));
+            let (now, later) = left.split_at(film::next_run(&taker.slicer, &tiling, self.settings, left));
             left = later;
-            let made = film::tiles(&mut taker, &layout, now, &|| monitor.cancel.load(Ordering::Relaxed))?;
+            let made = film::tiles(&mut taker, &tiling, now, &|| monitor.cancel.load(Ordering::Relaxed))?;
             for tile in made.ok_or(RenderError::Cancelled)? {
                 (monitor.finished)(&tile);
                 n_done += 1;
-                (monitor.progress)(n_done, layout.n_tiles());
+                (monitor.progress)(n_done, tiling.n_tiles());
                 let number = tile.number;
                 slots[number] = Some(tile);
             }
         }
         let tiles: Vec<Tile> = slots.into_iter().flatten().collect();
-        Ok(assembled(self.settings, &layout, &tiles))
+        Ok(tiling.film(&tiles))
     }
 
     pub(super) fn bound(&self) -> Vec<Bound<'_>> {

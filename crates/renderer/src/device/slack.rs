@@ -27,7 +27,7 @@
 use canted_gpu::MotionPolynomials;
 use canted_obb::Affine;
 
-use crate::motion::cofactors;
+use crate::placement::cofactors;
 use crate::vector::{Vector, dot, length, wide};
 
 /// A bound of one rounding, relative.

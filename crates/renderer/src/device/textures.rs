@@ -5,7 +5,7 @@ use canted_scene::{Encoding, Scene, Texture, TextureId, Wrap};
 
 use super::materials::looked_at;
 use crate::texture::{MipMap, Textures};
-use crate::{Integrator, Lod, srgb};
+use crate::{Integrator, Lod};
 
 /// Bindings that texels may be cut into.
 const MOST_BINDINGS: usize = 4;
@@ -55,7 +55,7 @@ impl Images {
         if !is_used.contains(&true) {
             return None;
         }
-        let curve = srgb::linear().iter().map(|x| x.to_bits()).collect();
+        let curve = canted_film::srgb::linear().iter().map(|x| x.to_bits()).collect();
         let mut all = Self { heads: Heads(vec![0; is_used.len()]), images: vec![], words: curve };
         for (index, texture) in (0..).zip(&scene.textures).filter(|&(index, _)| is_used[index as usize]) {
             all.heads.0[index as usize] = all.count();

@@ -7,8 +7,7 @@
 use canted_trace::{Hit, Ray};
 
 use super::{Sample, Start, Transport};
-use crate::mask::RayKeyed;
-use crate::motion::Timed;
+use crate::query::{RayKeyed, Timed};
 use crate::{Cone, Tracer};
 
 /// A path between two of its rays.

@@ -1,7 +1,7 @@
 use std::f64::consts::PI;
 
 use crate::light::{IncomingLight, LightId, Lights};
-use crate::mask::RayKeyed;
+use crate::query::RayKeyed;
 use crate::vector::{dot, narrow, scale};
 use crate::{Surface, Tracer};
 

@@ -40,7 +40,7 @@ use super::direct::direct;
 use super::{Sample, Start, Transport};
 use crate::Tracer;
 use crate::light::LightId;
-use crate::mask::RayKeyed;
+use crate::query::RayKeyed;
 use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
 use crate::vector::{length, narrow, wide};
 

@@ -2,9 +2,8 @@ use std::f64::consts::PI;
 
 use canted_trace::Ray;
 
-use super::incoming::tangents;
 use crate::sampling::uniform_disk;
-use crate::vector::{Vector, add, dot, scale, sub, wide};
+use crate::vector::{Vector, add, dot, scale, sub, tangents, wide};
 
 /// A disc that shines to the side of its normal, world space.
 #[derive(Clone, Copy)]

@@ -1,15 +1,15 @@
 use std::collections::HashMap;
 
+use canted_film::srgb::{self, luminance};
 use canted_obb::PrimId;
 use canted_scene::{Encoding, Light, Material, Scene, Texture, TextureRef};
 use canted_trace::{Hit, InstanceId, Side};
 
-use super::LightId;
 use super::cluster::Cluster;
 use super::cone::Cone;
 use super::incoming::{IncomingLight, intensity_of};
+use super::lights::LightId;
 use super::triangle::TriangleLight;
-use crate::srgb::{self, luminance};
 use crate::vector::{Vector, add, narrow, scale, unit, wide};
 use crate::{Surface, Surfaces};
 

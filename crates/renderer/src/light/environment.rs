@@ -1,9 +1,9 @@
 use std::f64::consts::{PI, TAU};
 
+use canted_film::srgb::luminance;
 use canted_scene::{Environment, EnvironmentImage};
 use rayon::prelude::*;
 
-use crate::srgb::luminance;
 use crate::vector::{Vector, wide};
 
 /// Radiance from infinitely far away, ready to be looked up.

@@ -1,12 +1,12 @@
 use std::f64::consts::PI;
 
+use canted_film::srgb::luminance;
 use canted_scene::Light;
 use canted_trace::Ray;
 
 use super::disk::DiskLight;
 use super::sphere::SphereLight;
 use crate::Surface;
-use crate::srgb::luminance;
 use crate::vector::{Vector, dot, narrow, scale, sub, unit, wide};
 
 /// Light on its way to a surface, if nothing stands between. World space.
@@ -115,12 +115,4 @@ pub(super) fn spread_of(light: &Light) -> f64 {
             2.0 * PI * (1.0 - inner + (inner - outer) / 3.0)
         }
     }
-}
-
-/// Two unit vectors that make a right-handed frame with a unit `normal`, in `f64`; after Duff et al. 2017.
-pub(super) fn tangents([x, y, z]: Vector) -> [Vector; 2] {
-    let sign = 1.0_f64.copysign(z);
-    let a = -1.0 / (sign + z);
-    let b = x * y * a;
-    [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]]
 }

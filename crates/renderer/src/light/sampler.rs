@@ -1,5 +1,6 @@
 use std::f64::consts::PI;
 
+use canted_film::srgb::luminance;
 use canted_scene::{Light, Scene};
 use canted_trace::Ray;
 
@@ -8,13 +9,12 @@ use super::cluster::Cluster;
 use super::disk::DiskLight;
 use super::emitters::Emitters;
 use super::environment::SkySampler;
-use super::incoming::{IncomingLight, intensity_of, spread_of, tangents};
+use super::incoming::{IncomingLight, intensity_of, spread_of};
+use super::lights::{LightId, Lights};
 use super::sphere::SphereLight;
 use super::tree::Tree;
-use super::{LightId, Lights};
 use crate::sampling::cosine_hemisphere;
-use crate::srgb::luminance;
-use crate::vector::{Vector, add, dot, narrow, scale, wide};
+use crate::vector::{Vector, add, dot, narrow, scale, tangents, wide};
 use crate::{Surface, Surfaces};
 
 /// Light from one direction, chosen among all.
@@ -252,7 +252,7 @@ mod tests {
     use canted_obb::Affine;
     use canted_scene::{Instance, Material, MaterialId, Mesh, MeshId, Part};
 
-    use super::super::has_multiple_lights;
+    use super::super::lights::has_multiple_lights;
     use super::*;
 
     /// A triangle in this light; it emits by itself where `emission` is not black.

@@ -2,8 +2,7 @@ use std::f64::consts::TAU;
 
 use canted_trace::{Ray, Sphere};
 
-use super::incoming::tangents;
-use crate::vector::{Vector, add, dot, scale, sub, unit, wide};
+use crate::vector::{Vector, add, dot, scale, sub, tangents, unit, wide};
 
 /// A ball that shines outward, world space.
 #[derive(Clone, Copy)]

@@ -3,18 +3,12 @@
 use std::f64::consts::SQRT_2;
 use std::ops::Range;
 
-use crate::film::Dyadic;
-use crate::{Guide, Pixel, Settings};
+use canted_film::Sums;
+
+use crate::Settings;
 
 /// Samples after which the error of a cell is looked at for the first time; then at each power of two.
 const FIRST_LOOK: u32 = 8;
-
-/// The sums of one pixel while its samples are taken.
-#[derive(Clone, Default)]
-pub(crate) struct Sums {
-    pub(crate) pixel: Dyadic<Pixel>,
-    pub(crate) guide: Dyadic<Guide>,
-}
 
 /// How far the samples of a cell have got.
 pub(crate) struct Course {

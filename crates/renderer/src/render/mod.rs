@@ -2,25 +2,20 @@
 
 mod course;
 mod error;
-mod layout;
 mod tile;
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use canted_film::{Film, FilterSampler, Sums, Tile, Tiling};
 use canted_scene::{Camera, Scene};
 use rayon::prelude::*;
 
 use crate::integrate::{Method, Transport};
-use crate::mask::RayKeyed;
-use crate::{
-    Film, FilterSampler, Guide, Integrator, LightSampler, Lights, Masked, Part, Pixel, Sampler, Settings, Surfaces,
-    Tracer, View, mask,
-};
-pub(crate) use course::{Course, Sums};
+use crate::query::RayKeyed;
+use crate::{Integrator, LightSampler, Lights, Masked, Sampler, Settings, Surfaces, Tracer, View, mask};
+pub(crate) use course::Course;
 pub use error::RenderError;
-pub(crate) use layout::{CELL, Layout};
-pub use tile::Tile;
 use tile::Work;
 
 /// What a render tells its caller while it works, from any thread.
@@ -192,13 +187,13 @@ impl<'a, T: Tracer> Rendering<'a, T> {
             moves: self.scene.has_motion(),
             filter: &self.filter,
             settings: self.settings,
-            layout: Layout::new(self.settings),
+            tiling: self.settings.tiling(),
         })
     }
 
     fn run<Q: RayKeyed + Sync>(&self, query: Q, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, RenderError> {
-        let layout = Layout::new(self.settings);
-        let slots = in_place(&layout, done)?;
+        let tiling = self.settings.tiling();
+        let slots = in_place(&tiling, done)?;
         let n_tiles = slots.len();
         let n_done = AtomicUsize::new(slots.iter().flatten().count());
         let tiles: Option<Vec<Tile>> = self.with_work(query, |work| {
@@ -213,44 +208,11 @@ impl<'a, T: Tracer> Rendering<'a, T> {
             };
             slots.into_par_iter().enumerate().map(render).collect()
         });
-        Ok(assembled(self.settings, &layout, &tiles.ok_or(RenderError::Cancelled)?))
+        Ok(tiling.film(&tiles.ok_or(RenderError::Cancelled)?))
     }
 }
 
-/// Finished tiles in the order of their numbers, with room for the others.
-pub(crate) fn in_place(layout: &Layout, done: Vec<Tile>) -> Result<Vec<Option<Tile>>, RenderError> {
-    let mut slots: Vec<Option<Tile>> = (0..layout.n_tiles()).map(|_| None).collect();
-    for tile in done {
-        let number = tile.number;
-        match slots.get_mut(number) {
-            Some(slot) if layout.fits(&tile) => *slot = Some(tile),
-            _ => return Err(RenderError::Tile { number }),
-        }
-    }
-    Ok(slots)
-}
-
-/// The film of all tiles.
-pub(crate) fn assembled(settings: &Settings, layout: &Layout, tiles: &[Tile]) -> Film {
-    let Settings { width, height, .. } = *settings;
-    let n_sums = layout.n_sums();
-    let n = width as usize * height as usize * n_sums;
-    let mut pixels = vec![Pixel::default(); n];
-    let mut guides = vec![Guide::default(); if layout.is_guided() { n } else { 0 }];
-    for tile in tiles {
-        let [x, y] = layout.corner(tile.number);
-        let run = layout.size(tile.number)[0] as usize * n_sums;
-        let first = |row: usize| ((y as usize + row) * width as usize + x as usize) * n_sums;
-        for (row, sums) in tile.pixels.chunks(run).enumerate() {
-            pixels[first(row)..first(row) + run].copy_from_slice(sums);
-        }
-        for (row, sums) in tile.guides.chunks(run).enumerate() {
-            guides[first(row)..first(row) + run].copy_from_slice(sums);
-        }
-    }
-    let n_rays = tiles.iter().map(|tile| tile.n_rays).sum();
-    match settings.part {
-        Some(_) => Film::of_part(width, height, Part::new(settings.range(), pixels, guides), n_rays),
-        None => Film::new(width, height, pixels, guides, n_rays),
-    }
+/// Finished tiles by number, with `None` for those that are missing.
+pub(crate) fn in_place(tiling: &Tiling, done: Vec<Tile>) -> Result<Vec<Option<Tile>>, RenderError> {
+    tiling.slots(done).map_err(|number| RenderError::Tile { number })
 }

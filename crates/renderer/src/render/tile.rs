@@ -1,11 +1,12 @@
 //! Samples of a tile.
 
+use canted_film::{Aov, CELL, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
 use canted_trace::{Counts, Hit, Query};
 
-use super::{CELL, Course, Layout, Sums};
+use super::Course;
 use crate::integrate::{Start, Transport};
-use crate::mask::RayKeyed;
-use crate::{Aov, FilterSampler, Guide, Pixel, Sampler, Settings, Tracer, View};
+use crate::query::RayKeyed;
+use crate::{Sampler, Settings, Tracer, View};
 
 /// Dimension of the sampler that places a sample in its pixel.
 const PIXEL_POSITION: u32 = 0;
@@ -19,19 +20,6 @@ const LENS: u32 = u32::MAX - 1;
 /// Samples that are taken side by side: enough for waits to overlap, few enough for their paths to stay in the caches.
 const BATCH: usize = 64;
 
-/// A rectangle of pixels whose samples are summed.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tile {
-    /// Its place, row by row from the top left.
-    pub number: usize,
-    /// Sums of each pixel, row by row; in a part of the samples one for each block.
-    pub pixels: Vec<Pixel>,
-    /// The same of guides; empty where none were asked for.
-    pub guides: Vec<Guide>,
-    /// Rays traced.
-    pub n_rays: u64,
-}
-
 /// What all tiles of a picture share.
 pub(super) struct Work<'a, T, Q> {
     pub(super) transport: &'a Transport<'a, T, Q>,
@@ -40,19 +28,19 @@ pub(super) struct Work<'a, T, Q> {
     pub(super) moves: bool,
     pub(super) filter: &'a FilterSampler,
     pub(super) settings: &'a Settings,
-    pub(super) layout: Layout,
+    pub(super) tiling: Tiling,
 }
 
 impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
     /// Renders a tile; `None` once `stop` says so, which is asked at every pixel.
     pub(super) fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile> {
-        let [left, top] = self.layout.corner(number);
-        let mut tile = self.layout.tile(number);
+        let [left, top] = self.tiling.corner(number);
+        let mut tile = self.tiling.tile(number);
         let mut sums = vec![Sums::default(); (CELL * CELL) as usize];
-        for pixels in self.layout.cells(number) {
+        for pixels in self.tiling.cells(number) {
             let positions = pixels.iter().map(|&[x, y]| [left + x, top + y]);
             self.cell(positions, &mut sums, &mut tile.n_rays, stop)?;
-            self.layout.keep(&pixels, &sums, &mut tile);
+            self.tiling.store(&pixels, &sums, &mut tile);
         }
         Some(tile)
     }
@@ -67,8 +55,7 @@ impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
     ) -> Option<()> {
         let sums = &mut sums[..pixels.len()];
         for sums in &mut *sums {
-            sums.pixel.clear();
-            sums.guide.clear();
+            sums.clear();
         }
         let mut course = Course::new(self.settings);
         let mut begun = Vec::with_capacity(BATCH);
@@ -109,7 +96,7 @@ impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
         };
         let time = if self.moves { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
         let start = Start { ray, cone: self.view.cone(position, sample), time, pixel: number, sample };
-        let hit = if self.layout.is_guided() {
+        let hit = if self.tiling.has_guides() {
             let (hit, guide) = self.guide(&start);
             sums.guide.push_sample(sample, guide);
             hit

@@ -3,7 +3,7 @@ use std::hint::black_box;
 use canted_scene::{Mesh, UvSet};
 use canted_trace::Hit;
 
-use crate::motion::Pose;
+use crate::placement::Pose;
 use crate::vector::{Vector, cross, sub, unit};
 
 /// The three vertices of a hit triangle and the weights of the point between them.

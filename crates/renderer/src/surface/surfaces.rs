@@ -7,9 +7,10 @@ use super::lookups::Lookups;
 use super::placed::{Corners, Placed};
 use super::shading_normal::{facing, shading_normal};
 use crate::placement::Placement;
+use crate::query::alpha_threshold;
 use crate::texture::{Plane, Textures, averaged};
 use crate::vector::{Vector, dot, length, scale, unit, wide};
-use crate::{Bsdf, Cone, Lod, mask};
+use crate::{Bsdf, Cone, Lod};
 
 /// The surfaces of a scene: what is looked up for each hit, with what is computed once for each instance and texture.
 #[derive(Clone, Debug)]
@@ -126,7 +127,7 @@ impl<'a> Surfaces<'a> {
     #[must_use]
     pub fn is_present(&self, hit: &Hit, key: u32) -> bool {
         let presence = self.presence(hit);
-        presence >= 1.0 || mask::number(key, hit) < presence
+        presence >= 1.0 || alpha_threshold(key, hit) < presence
     }
 
     /// The share of rays that meet the surface at a hit: alpha where it is blended, else all or none.

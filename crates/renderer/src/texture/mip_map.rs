@@ -1,9 +1,8 @@
 use std::sync::LazyLock;
 
+use canted_film::srgb;
 use canted_scene::{Encoding, Texture};
 use rayon::prelude::*;
-
-use crate::srgb;
 
 /// Fraction of 255 of each byte.
 static FRACTION: LazyLock<[f32; 256]> = LazyLock::new(|| {

@@ -2,8 +2,9 @@
 
 use std::sync::atomic::AtomicBool;
 
+use canted_film::Film;
 use canted_obb::{Affine, PrimId};
-use canted_renderer::{Film, Settings, Tracer, render};
+use canted_renderer::{Settings, Tracer, render};
 use canted_scene::{Camera, Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
 use canted_trace::{Hit, InstanceId, Query, Ray, Side};
 

@@ -5,9 +5,8 @@
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
-use canted_renderer::{
-    Aov, Aovs, Film, Guide, Monitor, Part, Pattern, RenderError, Settings, Tile, Tracer, View, render, resume,
-};
+use canted_film::{Aov, Aovs, Film, Guide, Part, Tile};
+use canted_renderer::{Monitor, Pattern, RenderError, Settings, Tracer, View, render, resume};
 use canted_scene::{Camera, Light, Material, Scene};
 
 use crate::common::{BruteForce, camera, cuboid, film, floor, grey, parallelogram, scene, settings, unit};
@@ -141,7 +140,7 @@ fn what_is_not_asked_for_is_not_kept() {
 fn a_cell_stops_at_a_power_of_two_and_where_it_is_good_enough() {
     let (stage, view) = stage();
     let film = film(&stage, &view, &Settings { noise: Some(0.03), ..sobol(100) });
-    let mut counts: Vec<u32> = film.pixels().iter().map(canted_renderer::Pixel::n_taken).collect();
+    let mut counts: Vec<u32> = film.pixels().iter().map(canted_film::Pixel::n_taken).collect();
     let at = |x: u32, y: u32| film.pixels()[(y * SIZE[0] + x) as usize];
     for y in 0..SIZE[1] {
         for x in 0..SIZE[0] {

@@ -1,4 +1,5 @@
-use canted_renderer::{Filter, FilterSampler, Pattern, Sampler, Settings};
+use canted_film::{Filter, FilterSampler};
+use canted_renderer::{Pattern, Sampler, Settings};
 use canted_scene::{Material, MaterialId, Mesh, Part, Scene};
 
 use crate::common::{camera, film, scene, settings};

@@ -9,7 +9,7 @@ use crate::common::{camera, cuboid, film, grey, inside_out, place, scene, settin
 fn pixels(scene: &canted_scene::Scene, eye: [f32; 3], target: [f32; 3], fov: f32, bounces: u32) -> Vec<[f64; 3]> {
     let film = film(scene, &camera(eye, target, fov), &settings(12, 12, 6, bounces));
     assert_eq!(film.n_dropped(), 0);
-    film.pixels().iter().map(canted_renderer::Pixel::mean).collect()
+    film.pixels().iter().map(canted_film::Pixel::mean).collect()
 }
 
 /// From a convex body every bounce escapes: each sample is the albedo, whatever the depth.

@@ -2,7 +2,8 @@
 
 use std::f64::consts::{PI, SQRT_2};
 
-use canted_renderer::{Filter, Integrator, Pattern, Settings};
+use canted_film::Filter;
+use canted_renderer::{Integrator, Pattern, Settings};
 use canted_scene::{Camera, Light, Material, Mesh, Projection};
 
 use crate::common::{

@@ -5,7 +5,6 @@ mod bsdf;
 mod camera;
 mod chi_square;
 mod common;
-mod files;
 mod film;
 mod filter;
 mod framing;

@@ -2,8 +2,9 @@
 
 use std::f64::consts::{FRAC_PI_4, PI, SQRT_2};
 
+use canted_film::Film;
 use canted_obb::Affine;
-use canted_renderer::{Film, Integrator, Settings, View};
+use canted_renderer::{Integrator, Settings, View};
 use canted_scene::{Camera, Instance, Light, Material, Mesh, Scene};
 
 use crate::common::{Vector, camera, dot, film, floor, grey, mesh, parallelogram, place, probe, scene, settings, unit};

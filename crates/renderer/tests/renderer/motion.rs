@@ -2,9 +2,10 @@
 
 use std::sync::atomic::AtomicBool;
 
+use canted_film::{Film, Filter};
 use canted_obb::Affine;
 use canted_renderer::{
-    Cone, Film, Filter, Levels, Pattern, Prepared, Settings, Structure, StructureConfig, Surfaces, prepare, render,
+    Cone, Levels, Pattern, Prepared, Settings, Structure, StructureConfig, Surfaces, prepare, render,
 };
 use canted_scene::{Camera, Material, Scene};
 use canted_trace::{Hit, InstanceId, Side, Watertight};

@@ -1,6 +1,7 @@
 //! Paths against closed forms: furnaces, series, and the hybrid integrator where both gather the same light.
 
-use canted_renderer::{Film, Integrator, Settings};
+use canted_film::Film;
+use canted_renderer::{Integrator, Settings};
 use canted_scene::{Camera, Light, Material, Scene};
 
 use crate::common::{U, camera, cuboid, film, floor, grey, inside_out, scene, settings, sphere};

@@ -3,7 +3,8 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use canted_renderer::{Aovs, CameraError, Film, RenderError, Settings, environment_of, render};
+use canted_film::{Aovs, Film};
+use canted_renderer::{CameraError, RenderError, Settings, environment_of, render};
 use canted_scene::{Camera, Light, Material, Projection, Scene};
 
 use crate::common::{BruteForce, camera, cuboid, film, floor, grey, scene, settings};
@@ -26,7 +27,7 @@ const SETTINGS: Settings = Settings {
     bounces: 2,
     seed: 9,
     pattern: canted_renderer::Pattern::Stratified,
-    filter: canted_renderer::Filter::BOX,
+    filter: canted_film::Filter::BOX,
     lod: canted_renderer::Lod::Aniso,
     ao_radius: None,
     tile: 32,
@@ -137,7 +138,7 @@ fn settings_that_make_no_picture_are_refused() {
         assert_eq!(error.to_string(), format!("ambient occlusion radius {radius} is not above zero"));
     }
     assert!(matches!(refused(Settings { ao_radius: Some(f32::NAN), ..SETTINGS }, &view), RenderError::AoRadius { .. }));
-    let filter = canted_renderer::Filter::Gaussian(-1.0);
+    let filter = canted_film::Filter::Gaussian(-1.0);
     let error = refused(Settings { filter, ..SETTINGS }, &view);
     assert_eq!(error.to_string(), "pixel filter radius -1 is not finite and above zero");
     let blind = Camera { projection: Projection::Perspective { fov_degrees: 0.0 }, ..view };

@@ -40,7 +40,8 @@ fn covers(boxes: &[Aabb], triangle: &Corners) -> bool {
     })
 }
 
-const EAGER: SpatialConfig = SpatialConfig { extra: 3.0, min_overlap: 0.0, slices: 32, below: TopDownConfig::BINNED };
+const EAGER: SpatialConfig =
+    SpatialConfig { extra_references: 3.0, min_overlap: 0.0, bins: 32, object_splits: TopDownConfig::BINNED };
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small part of a small count")]
 fn built(corners: &[Corners], config: &SpatialConfig) -> (canted_lbvh::Tree, References) {
@@ -48,7 +49,7 @@ fn built(corners: &[Corners], config: &SpatialConfig) -> (canted_lbvh::Tree, Ref
     let (stats, _) = checked(&tree, &references.boxes);
     assert_eq!(stats.n_leaves, references.primitives.len());
     assert!(stats.depth <= 96, "depth {}", stats.depth);
-    let most = corners.len() + (f64::from(config.extra) * corners.len() as f64) as usize;
+    let most = corners.len() + (f64::from(config.extra_references) * corners.len() as f64) as usize;
     assert!(stats.n_leaves <= most, "{} references of at most {most}", stats.n_leaves);
     let uncovered = uncovered(corners, &references);
     assert!(uncovered.is_none(), "{uncovered:?} reaches out of its references");
@@ -90,7 +91,8 @@ fn splits_pay_on_needles_and_stay_within_their_budget() {
     let whole = checked(&top_down(&boxes, &TopDownConfig::BINNED), &boxes).1.sah;
     let mut before = whole * (1.0 + 1e-2);
     for extra in [0.0, 0.3, 1.0] {
-        let (tree, references) = built(&corners, &SpatialConfig { extra, ..SpatialConfig::default() });
+        let (tree, references) =
+            built(&corners, &SpatialConfig { extra_references: extra, ..SpatialConfig::default() });
         let cost = checked(&tree, &references.boxes).1.sah;
         assert!(cost < before, "{extra} extra references: {cost}, with fewer {before}");
         before = cost;
@@ -105,7 +107,7 @@ fn the_depth_keeps_its_limit() {
         (0..120).map(|i| 2.0f32.powi(-i)).map(|x| [[x, 0.0, 0.0], [0.0, 1.5 * x, 0.0], [0.0, 0.0, 0.75 * x]]).collect();
     let depth = |max_depth| {
         let below = TopDownConfig { max_depth, ..TopDownConfig::BINNED };
-        let (tree, references) = spatial(&needles, &SpatialConfig { below, ..EAGER });
+        let (tree, references) = spatial(&needles, &SpatialConfig { object_splits: below, ..EAGER });
         checked(&tree, &references.boxes).0.depth
     };
     let unlimited = depth(u32::MAX);

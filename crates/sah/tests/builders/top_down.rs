@@ -10,8 +10,8 @@ const SPLITS: [Split; 5] = [
     Split::Midpoint,
     Split::Median,
     Split::Sweep,
-    Split::Binned { cells: 32, sweep_up_to: 16 },
-    Split::Binned { cells: 7, sweep_up_to: 0 },
+    Split::Binned { bins: 32, sweep_threshold: 16 },
+    Split::Binned { bins: 7, sweep_threshold: 0 },
 ];
 
 /// Every way to split on every choice of axes.

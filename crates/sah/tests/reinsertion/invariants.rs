@@ -44,7 +44,7 @@ fn degenerate_meshes_stay_trees_of_no_greater_cost() {
 fn few_primitives() {
     for n in 0..20 {
         let corners = corners(&fixtures::soup(u64::from(n), n));
-        improved(&radix_tree(&corners), &corners, &ReinsertConfig { rounds: 8, share: 1.0, min_gain: 0.0 });
+        improved(&radix_tree(&corners), &corners, &ReinsertConfig { iterations: 8, fraction: 1.0, min_gain: 0.0 });
     }
 }
 
@@ -109,7 +109,8 @@ fn chain(n: u32) -> Tree {
 #[test]
 fn a_bad_tree_becomes_a_good_one() {
     let corners = corners(&fixtures::soup(7, 1_000));
-    let (before, after) = improved(&chain(1_000), &corners, &ReinsertConfig { rounds: 20, share: 1.0, min_gain: 0.0 });
+    let (before, after) =
+        improved(&chain(1_000), &corners, &ReinsertConfig { iterations: 20, fraction: 1.0, min_gain: 0.0 });
     let (radix, _) = improved(&radix_tree(&corners), &corners, &ReinsertConfig::FAST);
     assert!(10.0 * radix < before && after < 2.0 * radix, "{before} to {after} where the radix tree has {radix}");
 }
@@ -143,6 +144,6 @@ proptest! {
             .iter()
             .map(|c| std::array::from_fn(|i| std::array::from_fn(|k| f32::from(c[3 * i + k]) * 0.25)))
             .collect();
-        improved(&radix_tree(&corners), &corners, &ReinsertConfig { rounds: 5, share, min_gain: 0.0 });
+        improved(&radix_tree(&corners), &corners, &ReinsertConfig { iterations: 5, fraction: share, min_gain: 0.0 });
     }
 }

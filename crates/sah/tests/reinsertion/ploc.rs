@@ -22,7 +22,7 @@ fn degenerate_meshes_become_trees() {
     ];
     for mesh in &meshes {
         let corners = corners(mesh);
-        for config in [PlocConfig::default(), PlocConfig { radius: 0, near_rounds: 0 }] {
+        for config in [PlocConfig::default(), PlocConfig { radius: 0, near_iterations: 0 }] {
             checked(&ploc_tree(&corners, &config), &corners);
         }
     }

@@ -130,9 +130,9 @@ fn distance_is_exact_for_the_sheared_triangle() {
         let ray = ray_at(&mut rng, &triangle, setting.distance);
         let shear = Watertight::prepare(&ray);
         let [s_x, s_y] = shear.factors();
-        let [_, _, d_z] = shear.axis().last(ray.direction);
+        let [_, _, d_z] = shear.axis().permute(ray.direction);
         let sheared = triangle.map(|v| {
-            let [x, y, z] = shear.axis().last(sub(v, ray.origin));
+            let [x, y, z] = shear.axis().permute(sub(v, ray.origin));
             [x - s_x * z, y - s_y * z, z]
         });
         // Along +z from the origin of sheared space, with the distance along it in units of d_z.

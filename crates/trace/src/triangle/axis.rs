@@ -26,7 +26,7 @@ impl Axis {
     /// The components in cyclic order, with this axis last.
     #[inline]
     #[must_use]
-    pub fn last<T: Copy>(self, [x, y, z]: [T; 3]) -> [T; 3] {
+    pub fn permute<T: Copy>(self, [x, y, z]: [T; 3]) -> [T; 3] {
         match self {
             Self::X => [y, z, x],
             Self::Y => [z, x, y],

@@ -71,8 +71,8 @@ pub struct BaldwinWeberRecord {
 #[inline]
 pub(crate) fn weights(ray: &ScaledRay, record: &BaldwinWeberRecord) -> Weights {
     let s = sub(ray.origin, record.vertices[0]);
-    let [s_a, s_b, s_c] = record.axis.last(s);
-    let [d_a, d_b, d_c] = record.axis.last(ray.direction);
+    let [s_a, s_b, s_c] = record.axis.permute(s);
+    let [d_a, d_b, d_c] = record.axis.permute(ray.direction);
     let [row_u, row_v, row_z] = record.rows;
     let height = (row_z[0] * s_a + row_z[1] * s_b) + s_c;
     let slope = (row_z[0] * d_a + row_z[1] * d_b) + d_c;
@@ -95,7 +95,7 @@ impl Kernel for BaldwinWeber {
         let (e1, e2) = (sub(v1, v0), sub(v2, v0));
         let normal = cross(e1, e2);
         let axis = Axis::from_greatest(normal, f64::abs);
-        let [n, [e1_a, e1_b, _], [e2_a, e2_b, _]] = [normal, e1, e2].map(|p| axis.last(p));
+        let [n, [e1_a, e1_b, _], [e2_a, e2_b, _]] = [normal, e1, e2].map(|p| axis.permute(p));
         let rows = [[e2_b, -e2_a], [-e1_b, e1_a], [n[0], n[1]]].map(|row| row.map(|x| nearest(x / n[2])));
         let factor: f32 = rows[..2].iter().flatten().map(|x| x.abs()).sum();
         let regular = n[2].abs() > SLIVER * reach(e1) * reach(e2) && factor > LEAST_FACTOR;

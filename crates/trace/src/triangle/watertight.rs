@@ -44,7 +44,7 @@ impl Shear {
     #[must_use]
     pub fn new(ray: &ScaledRay) -> Self {
         let axis = Axis::from_greatest(ray.direction, f32::abs);
-        let [d_x, d_y, d_z] = axis.last(ray.direction);
+        let [d_x, d_y, d_z] = axis.permute(ray.direction);
         Self { axis, factors: [d_x / d_z, d_y / d_z] }
     }
 
@@ -67,7 +67,7 @@ impl Shear {
     #[inline(always)]
     #[must_use]
     pub fn vertex(&self, ray: &ScaledRay, v: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = self.axis.last(sub(v, ray.origin));
+        let [x, y, z] = self.axis.permute(sub(v, ray.origin));
         let [s_x, s_y] = self.factors;
         [x - s_x * z, y - s_y * z, z]
     }
@@ -94,7 +94,7 @@ impl Kernel for Watertight {
         if mixed(edge_functions(sheared)) {
             return None;
         }
-        let [_, _, d_z] = shear.axis.last(ray.direction);
+        let [_, _, d_z] = shear.axis.permute(ray.direction);
         let (t, u, v, side) = solve(sheared.map(wide), f64::from(d_z))?;
         (ray.t_min <= t && t <= t_max).then_some(TriangleHit { t, u, v, side })
     }

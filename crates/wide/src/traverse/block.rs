@@ -83,16 +83,16 @@ impl<S: Simd> RayTriangles<S> {
     pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
         let shear = Shear::new(ray);
         let axis: Axis = shear.axis();
-        let [_, _, d_z] = axis.last(ray.direction);
+        let [_, _, d_z] = axis.permute(ray.direction);
         let [s_x, s_y] = shear.factors();
         Self {
-            origin: splat3(simd, axis.last(ray.origin)),
+            origin: splat3(simd, axis.permute(ray.origin)),
             shear: [simd.splat(s_x), simd.splat(s_y)],
             recip_z: simd.splat(1.0 / d_z),
             zero: simd.splat(0.0),
             t_min: simd.splat(ray.t_min),
-            rows: axis.last([0, 1, 2]),
-            direction: splat3(simd, axis.last(ray.direction)),
+            rows: axis.permute([0, 1, 2]),
+            direction: splat3(simd, axis.permute(ray.direction)),
         }
     }
 }

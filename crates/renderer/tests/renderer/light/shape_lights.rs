@@ -2,7 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use canted_renderer::{Integrator, LightId, Lights, Pattern, Pixel, Settings};
+use canted_film::Pixel;
+use canted_renderer::{Integrator, LightId, Lights, Pattern, Settings};
 use canted_scene::{Camera, Light, Projection, Scene};
 use canted_trace::{Hit, InstanceId, Ray, Side};
 

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use canted_renderer::{Picture, compare, read_picture, write_exr, write_png};
+use canted_film::{Picture, compare, read_picture, write_exr, write_png};
 
 /// Values that a PNG holds exactly, and some that it must clamp.
 fn gradient() -> Picture {

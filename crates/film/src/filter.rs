@@ -134,13 +134,15 @@ impl FilterSampler {
     }
 
     /// Whether samples may weigh -1.
-    pub(crate) fn is_signed(&self) -> bool {
+    #[must_use]
+    pub fn is_signed(&self) -> bool {
         self.is_signed
     }
 
     /// The table as a device reads it: the share before each step.
+    #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-    pub(crate) fn table(&self) -> Vec<f32> {
+    pub fn table(&self) -> Vec<f32> {
         self.before.iter().map(|&before| before as f32).collect()
     }
 

@@ -30,10 +30,10 @@ pub struct Discarded {
     _held: MutexGuard<'static, Vec<PathBuf>>,
 }
 
-/// A file in the making, beside the one that it is to be: [`Whole::finish`] gives it its name, and without that nothing is
+/// A file in the making, beside the one that it is to be: [`AtomicFile::finish`] gives it its name, and without that nothing is
 /// left of it.
 #[derive(Debug)]
-pub struct Whole {
+pub struct AtomicFile {
     /// The name that errors say.
     path: PathBuf,
     /// What that name means: links are followed, so that the file changes and the link stays.
@@ -42,7 +42,7 @@ pub struct Whole {
     writer: BufWriter<File>,
 }
 
-impl Whole {
+impl AtomicFile {
     /// Opens a temporary file in the folder of `path`, readable by whoever may read new files there.
     ///
     /// # Errors
@@ -86,7 +86,7 @@ impl Whole {
     }
 }
 
-impl Drop for Whole {
+impl Drop for AtomicFile {
     fn drop(&mut self) {
         let mut unfinished = unfinished();
         unfinished.retain(|file| *file != self.temporary);
@@ -96,8 +96,8 @@ impl Drop for Whole {
 }
 
 /// Writes `bytes` as the whole of a file.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    let mut file = Whole::create(path)?;
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+    let mut file = AtomicFile::create(path)?;
     file.write(|out| out.write_all(bytes))?;
     file.finish()
 }
@@ -161,7 +161,7 @@ mod tests {
         let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
         fs::write(&file, "old").unwrap();
         symlink("file", &link).unwrap();
-        write_whole(&link, b"new").unwrap();
+        write_file(&link, b"new").unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"new");
         assert_eq!(names(folder.path()), ["file", "link"]);
@@ -172,7 +172,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("socket");
         let _socket = std::os::unix::net::UnixListener::bind(&path).unwrap();
-        let error = write_whole(&path, b"").unwrap_err();
+        let error = write_file(&path, b"").unwrap_err();
         assert_eq!(error.to_string(), format!("cannot write {}: it is no regular file", path.display()));
         assert!(!fs::metadata(&path).unwrap().is_file());
     }
@@ -181,7 +181,7 @@ mod tests {
     fn a_file_that_is_not_finished_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
-        let mut file = Whole::create(&path).unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
         assert_eq!(names(folder.path()).len(), 1);
         let error = file.write(|_| Err(io::Error::other("of the caller"))).unwrap_err();
         assert_eq!(error.to_string(), format!("cannot write {}: of the caller", path.display()));
@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn names_may_be_as_long_as_the_system_allows() {
         let folder = tempfile::tempdir().unwrap();
-        write_whole(&folder.path().join("x".repeat(255)), b"").unwrap();
+        write_file(&folder.path().join("x".repeat(255)), b"").unwrap();
     }
 
     #[test]
@@ -200,7 +200,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mode = |name: &str| fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
         fs::write(folder.path().join("other"), "").unwrap();
-        write_whole(&folder.path().join("ours"), b"").unwrap();
+        write_file(&folder.path().join("ours"), b"").unwrap();
         assert_eq!(mode("ours"), mode("other"));
     }
 }

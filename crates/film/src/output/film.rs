@@ -18,11 +18,8 @@ use exr::prelude::{
     LayerAttributes, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
 };
 
-use super::{ENCODING, Record, WriteError, canonical, record_from_lines, record_lines, write_whole};
-use crate::content::Hash;
-use crate::film::Block;
-use crate::input::ReadPictureError;
-use crate::{Aov, Aovs, Film, Guide, Part, Pixel};
+use super::{ENCODING, Record, WriteError, canonical, record_from_lines, record_lines, write_file};
+use crate::{Aov, Aovs, Block, Film, Guide, Hash, Part, Pixel, ReadPictureError};
 
 /// Name of the attribute that holds the record, and of its lines about the film.
 const RECORD: &str = "canted";
@@ -68,7 +65,7 @@ pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, Strin
         .non_parallel()
         .to_buffered(&mut file)
         .map_err(|error| WriteError::new(path, error))?;
-    write_whole(path, file.get_ref())
+    write_file(path, file.get_ref())
 }
 
 fn channel(name: &str, samples: FlatSamples) -> AnyChannel<FlatSamples> {

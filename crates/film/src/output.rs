@@ -1,8 +1,8 @@
 //! Pictures into files, whole or not at all.
 
+mod atomic_file;
 mod film;
 mod record;
-mod whole;
 
 use std::io::Cursor;
 use std::path::Path;
@@ -14,11 +14,11 @@ use image::ImageEncoder;
 use image::codecs::png::PngEncoder;
 
 use crate::{Picture, srgb};
+pub(crate) use atomic_file::write_file;
+pub use atomic_file::{AtomicFile, Discarded, WriteError, discard_unfinished};
 pub use film::{read_part, write_film};
 pub use record::Record;
 pub(crate) use record::{record_from_lines, record_lines};
-pub(crate) use whole::write_whole;
-pub use whole::{Discarded, Whole, WriteError, discard_unfinished};
 
 /// Writes `picture` as an 8-bit RGB PNG: clamped to 0..=1, encoded by the sRGB curve, rounded to the nearest byte.
 ///
@@ -32,7 +32,7 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), WriteError> {
     PngEncoder::new(&mut file)
         .write_image(&bytes, picture.width, picture.height, image::ExtendedColorType::Rgb8)
         .map_err(|error| WriteError::new(path, error))?;
-    write_whole(path, &file)
+    write_file(path, &file)
 }
 
 /// Writes `picture` as an EXR of three `f32` channels, linear RGB, losslessly compressed.
@@ -55,7 +55,7 @@ pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), WriteError> {
         .non_parallel()
         .to_buffered(&mut file)
         .map_err(|error| WriteError::new(path, error))?;
-    write_whole(path, file.get_ref())
+    write_file(path, file.get_ref())
 }
 
 /// Lossless; lines in order, so that the file does not depend on threads.

@@ -12,22 +12,26 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
 });
 
 /// Linear value of an sRGB byte.
-pub(crate) fn decode(byte: u8) -> f32 {
+#[must_use]
+pub fn decode(byte: u8) -> f32 {
     LINEAR[usize::from(byte)]
 }
 
 /// Linear value of each sRGB byte.
-pub(crate) fn linear() -> &'static [f32; 256] {
+#[must_use]
+pub fn linear() -> &'static [f32; 256] {
     &LINEAR
 }
 
 /// Linear value of an sRGB value in 0..=1.
-pub(crate) fn to_linear(encoded: f64) -> f64 {
+#[must_use]
+pub fn to_linear(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Relative luminance of linear RGB (ITU-R BT.709).
-pub(crate) fn luminance([r, g, b]: [f64; 3]) -> f64 {
+#[must_use]
+pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
@@ -45,8 +49,9 @@ static BYTES: LazyLock<(Vec<u8>, [f64; 256])> = LazyLock::new(|| {
 });
 
 /// The byte next to the sRGB value of a linear one, clamped to 0..=1 first; a NaN is black.
+#[must_use]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=4096; NaN casts to 0")]
-pub(crate) fn encode(linear: f32) -> u8 {
+pub fn encode(linear: f32) -> u8 {
     let x = f64::from(linear).clamp(0.0, 1.0);
     let (first, halfway) = &*BYTES;
     #[expect(clippy::cast_precision_loss, reason = "a power of two")]

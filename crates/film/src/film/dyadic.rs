@@ -45,7 +45,7 @@ impl Block {
 
 /// Values of the blocks seen so far, each pair of halves joined as soon as it is there.
 #[derive(Clone, Debug)]
-pub(crate) struct Dyadic<T> {
+pub struct Dyadic<T> {
     blocks: Vec<(Block, T)>,
 }
 
@@ -69,7 +69,7 @@ impl<T: Copy + Default + Add<Output = T>> Dyadic<T> {
     }
 
     /// Adds the value of one sample.
-    pub(crate) fn push_sample(&mut self, sample: u32, value: T) {
+    pub fn push_sample(&mut self, sample: u32, value: T) {
         self.push(Block { first: sample, len: 1 }, value);
     }
 
@@ -79,11 +79,13 @@ impl<T: Copy + Default + Add<Output = T>> Dyadic<T> {
     }
 
     /// The sum over all blocks, in order.
-    pub(crate) fn total(&self) -> T {
+    #[must_use]
+    pub fn total(&self) -> T {
         total(self.values())
     }
 
-    pub(crate) fn clear(&mut self) {
+    /// Removes all blocks.
+    pub fn clear(&mut self) {
         self.blocks.clear();
     }
 }

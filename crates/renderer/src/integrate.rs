@@ -9,8 +9,7 @@ mod roulette;
 use canted_trace::{Hit, Ray};
 
 use crate::light::{LightSampler, Lights};
-use crate::mask::RayKeyed;
-use crate::motion::Timed;
+use crate::query::{RayKeyed, Timed};
 use crate::{Cone, Sampler, Surfaces, Tracer};
 
 /// What all paths of a picture share. `query` is cloned for each ray.

@@ -8,7 +8,8 @@ mod pixel;
 
 pub use aov::{Aov, Aovs};
 pub use dyadic::Block;
-pub(crate) use dyadic::{Dyadic, total};
+pub use dyadic::Dyadic;
+pub(crate) use dyadic::total;
 pub use guide::Guide;
 pub use part::{JoinError, Part};
 pub use pixel::Pixel;
@@ -110,9 +111,8 @@ impl Film {
 
     /// The means, rounded to `f32`.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "a mean of f32 values lies in their range")]
     pub fn picture(&self) -> Picture {
-        let pixels = self.pixels.iter().map(|pixel| pixel.mean().map(|x| x as f32)).collect();
+        let pixels = self.pixels.iter().map(Pixel::rounded_mean).collect();
         Picture { width: self.width, height: self.height, pixels }
     }
 }

@@ -1,41 +1,10 @@
-//! Lights: what they send to a point, how to choose among them, and how likely each choice was.
-//!
-//! ```text
-//! Light         -> incoming: sun point spot, sphere disc by a point of their own  -> direct light of the hybrid integrator
-//! Environment   -> environment: radiance, SkySampler
-//! emission      -> emitters: triangle, by its spherical triangle                    -> LightSampler -> path tracing
-//! lights, emitters -> cluster (cone) -> build -> tree (bounds)
-//! LightSampler  -> packed, for devices
-//! ```
-//!
-//! Spheres and discs are bodies: rays see them, and they stand in the light of others. They reflect nothing, and are
-//! black where they do not shine: a disc from behind, a ball from inside.
-
-mod bounds;
-mod build;
-mod cluster;
-mod cone;
-mod disk;
-mod emitters;
-mod environment;
-mod incoming;
-pub(crate) mod packed;
-mod sampler;
-mod sphere;
-mod spherical;
-mod tree;
-mod triangle;
-
 use canted_obb::PrimId;
 use canted_scene::{Environment, Instance, Light, Material, Part, Scene};
 use canted_trace::{Hit, InstanceId, Query, Ray};
 
-use disk::DiskLight;
-use environment::Sky;
-pub(crate) use incoming::IncomingLight;
-pub use sampler::{LightSample, LightSampler};
-use sphere::SphereLight;
-
+use super::disk::DiskLight;
+use super::environment::Sky;
+use super::sphere::SphereLight;
 use crate::Tracer;
 use crate::vector::{Vector, dot, scale, sub, unit, wide};
 
@@ -70,10 +39,10 @@ pub struct LightHit {
 /// The lights of a scene as rays meet them, triangles aside.
 #[derive(Clone, Debug)]
 pub struct Lights<'a> {
-    list: &'a [Light],
+    pub(super) list: &'a [Light],
     /// Those of the list that have a surface.
     bodies: Vec<u32>,
-    sky: Sky<'a>,
+    pub(super) sky: Sky<'a>,
 }
 
 impl<'a> Lights<'a> {

@@ -10,9 +10,8 @@ use std::fmt;
 use std::fs;
 use std::path::Path;
 
-use crate::content::Hash;
-use crate::output::{Record, WriteError, record_from_lines, record_lines, write_whole};
-use crate::{Guide, Pixel, ReadPictureError, Tile};
+use crate::output::{Record, WriteError, record_from_lines, record_lines, write_file};
+use crate::{Guide, Hash, Pixel, ReadPictureError, Tile};
 
 const KIND: &str = "canted checkpoint 2\n";
 
@@ -52,7 +51,7 @@ impl Checkpoint {
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         let mut bytes = self.bytes.clone();
         bytes.extend(checksum(&bytes).to_le_bytes());
-        write_whole(path, &bytes)
+        write_file(path, &bytes)
     }
 
     /// Reads a checkpoint: its record and its tiles.

@@ -31,7 +31,7 @@ impl Pixel {
 
     /// As [`Self::of`] a sample that weighs 1 or, where a filter is negative, -1.
     #[must_use]
-    pub(crate) fn weighed(radiance: [f32; 3], weight: f32) -> Self {
+    pub fn weighed(radiance: [f32; 3], weight: f32) -> Self {
         let sample = Self::of(radiance);
         if weight >= 0.0 {
             return sample;
@@ -50,6 +50,13 @@ impl Pixel {
     pub fn mean(&self) -> [f64; 3] {
         let weight = self.weight();
         self.sum.map(|sum| sum / weight)
+    }
+
+    /// The mean in `f32`.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "a mean of f32 values lies in their range")]
+    pub(crate) fn rounded_mean(&self) -> [f32; 3] {
+        self.mean().map(|x| x as f32)
     }
 
     /// Sum of the weights; 1 where it is zero, as then a quotient would say nothing.

@@ -1,0 +1,53 @@
+//! Pictures and the sums of samples behind them: film, AOVs, parts, checkpoints, files, comparison.
+//!
+//! ```text
+//! samples -> Sums -> Tile -> Film -> Picture -> PNG, EXR
+//!                    Tile -> Checkpoint        Picture, Picture -> Comparison, Flip
+//! ```
+//!
+//! Use it to store what a renderer computes: it depends on no BVH, no scene and no integrator. Sums are `f64` and added
+//! in a fixed order, so that a picture has the same bits for any number of threads, any tile size and any split of its
+//! samples into [parts](Part). Files are written to a temporary name and renamed.
+//!
+//! ```
+//! use canted_film::{Picture, compare};
+//!
+//! let reference = Picture::filled(4, 4, [0.5; 3]);
+//! let mut picture = reference.clone();
+//! picture.pixels[0] = [1.0; 3];
+//! let difference = compare(&picture, &reference)?;
+//! assert_eq!(difference.max_difference, 0.5);
+//! # Ok::<(), canted_film::CompareError>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod checkpoint;
+mod colormap;
+mod compare;
+mod digits;
+mod film;
+mod filter;
+mod flip;
+mod hash;
+mod heatmap;
+mod input;
+mod output;
+mod partial;
+mod picture;
+pub mod srgb;
+mod tiling;
+
+pub use checkpoint::Checkpoint;
+pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
+pub use film::{Aov, Aovs, Block, Dyadic, Film, Guide, JoinError, Part, Pixel};
+pub use filter::{Filter, FilterSampler};
+pub use flip::{Flip, PIXELS_PER_DEGREE, flip, flip_hdr};
+pub use hash::Hash;
+pub use heatmap::false_color;
+pub use input::{ReadPictureError, read_picture};
+pub use output::{
+    AtomicFile, Discarded, Record, WriteError, discard_unfinished, read_part, write_exr, write_film, write_png,
+};
+pub use partial::Partial;
+pub use picture::Picture;
+pub use tiling::{CELL, Sums, Tile, Tiling};
