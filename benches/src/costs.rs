@@ -15,7 +15,7 @@ use std::fmt::Write as _;
 
 use anyhow::{Context, Result};
 use canted_trace::{Ray, Watertight};
-use canted_wide::{Config, Costs, Preset, Visits, Wide};
+use canted_wide::{Config, Costs, Preset, TraversalCounts, TriangleBvh};
 use serde_json::json;
 
 use crate::{
@@ -37,14 +37,12 @@ fn configs() -> Vec<Config> {
     let costs = Costs::default();
     vec![
         usual,
-        Config { lean: false, ..usual },
-        Config { share: true, ..usual },
-        Config { share: true, ..weighing(Costs { lean_node: 2.4, shared_node: 1.0, ..costs }) },
-        weighing(Costs { lean_node: 1.2, ..costs }),
-        weighing(Costs { lean_node: 3.0, ..costs }),
+        Config { oriented: false, ..usual },
+        weighing(Costs { oriented_node: 1.2, ..costs }),
+        weighing(Costs { oriented_node: 3.0, ..costs }),
         weighing(Costs { max_leaf: 4, leaf: 0.6, ..costs }),
         weighing(Costs { max_leaf: 32, leaf: 2.5, block: 0.2, ..costs }),
-        Config { lean: false, ..weighing(Costs { max_leaf: 32, leaf: 3.0, block: 0.2, ..costs }) },
+        Config { oriented: false, ..weighing(Costs { max_leaf: 32, leaf: 3.0, block: 0.2, ..costs }) },
     ]
 }
 
@@ -76,14 +74,14 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
 fn groups(name: &str, options: &Options) -> Result<Option<Vec<Vec<Sample>>>> {
     let Some(model) = models::load(name)? else { return Ok(None) };
     let mesh = &model.mesh;
-    let build = |config: &Config| Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, config);
+    let build = |config: &Config| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, config);
     let trees = configs().iter().map(build).collect::<Result<Vec<_>, _>>()?;
     let mut groups = vec![];
     let resolution = canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 };
     for rays in wide::closest_sets(&model, &trees[0], resolution) {
         let seconds = wide::closest_seconds(trees.clone(), &rays, options.rounds);
-        let sample = |(tree, seconds): (&Wide<Watertight>, &Vec<f64>)| Sample {
-            counts: counts(&rays, &tree.visits(&rays)),
+        let sample = |(tree, seconds): (&TriangleBvh<Watertight>, &Vec<f64>)| Sample {
+            counts: counts(&rays, &tree.traversal_counts(&rays)),
             seconds: median(seconds),
         };
         groups.push(trees.iter().zip(&seconds).map(sample).collect());
@@ -93,14 +91,14 @@ fn groups(name: &str, options: &Options) -> Result<Option<Vec<Vec<Sample>>>> {
 
 /// In the order of [`TERMS`].
 #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
-fn counts(rays: &[Ray], visits: &Visits) -> [f64; N] {
-    let [boxes, shared, lean] = visits.nodes;
-    [boxes, shared, lean, visits.leaves, visits.blocks, rays.len() as u64].map(|n| n as f64)
+fn counts(rays: &[Ray], visits: &TraversalCounts) -> [f64; N] {
+    let [aligned, oriented] = visits.nodes;
+    [aligned, oriented, visits.leaves, visits.blocks, rays.len() as u64].map(|n| n as f64)
 }
 
 fn write(out: &mut String, options: &Options, names: &[&str], whole: &Fit, partial: &[Fit]) {
-    let Costs { box_node, shared_node, lean_node, leaf, block, .. } = Costs::default();
-    let in_use = [box_node, shared_node, lean_node, leaf, block].map(|cost| format!("{cost}"));
+    let Costs { aligned_node, oriented_node, leaf, block, .. } = Costs::default();
+    let in_use = [aligned_node, oriented_node, leaf, block].map(|cost| format!("{cost}"));
     let _ = writeln!(
         out,
         "\n## Costs of visits\n\nOne thread, watertight, camera and diffuse rays, {} configurations of {}; {} rounds, medians. \
@@ -137,10 +135,10 @@ mod tests {
 
     #[test]
     fn rows_stand_beside_the_constants_in_use() {
-        let fit = Fit { costs: [1e-8, 1.5e-8, 2e-8, 1e-8, 5e-9, 3e-8], residual: 0.01, worst: 0.02 };
+        let fit = Fit { costs: [1e-8, 2e-8, 1e-8, 5e-9, 3e-8], residual: 0.01, worst: 0.02 };
         let options = Options::read(std::iter::empty()).expect("no options are good options");
         let mut out = String::new();
         write(&mut out, &options, &[], &fit, &[fit]);
-        assert!(out.contains("| lean node | 20.0 (±0.0) | 2.00 (±0.00) | 1.7 |"), "{out}");
+        assert!(out.contains("| oriented node | 20.0 (±0.0) | 2.00 (±0.00) | 1.7 |"), "{out}");
     }
 }

@@ -51,7 +51,7 @@ struct Bench {
 /// Measures the device and writes a section with its name.
 pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> Result<()> {
     let gpu = Gpu::open(choice)?;
-    let facts = gpu.facts();
+    let facts = gpu.info();
     let is_software = facts.kind == AdapterKind::Software;
     let clock = if gpu.has_timestamps() { "the device's timestamps" } else { "the clock on the wall" };
     // Writing to a String cannot fail.

@@ -26,7 +26,7 @@ use std::io::Write;
 
 use anyhow::Result;
 use canted_trace::{Ray, Watertight};
-use canted_wide::Wide;
+use canted_wide::TriangleBvh;
 
 use crate::{
     models::{self, Model},
@@ -97,7 +97,7 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
 }
 
 /// Camera and diffuse rays of a model, whose hits `tree` tells.
-pub(crate) fn closest_sets(model: &Model, tree: &Wide<Watertight>, resolution: u32) -> [Vec<Ray>; 2] {
+pub(crate) fn closest_sets(model: &Model, tree: &TriangleBvh<Watertight>, resolution: u32) -> [Vec<Ray>; 2] {
     let camera = sets::camera(model, resolution);
     let mut hits = vec![None; camera.len()];
     tree.par_closest_hits(&camera, &mut hits);
@@ -106,7 +106,7 @@ pub(crate) fn closest_sets(model: &Model, tree: &Wide<Watertight>, resolution: u
 }
 
 /// Thread seconds of each tree and round for the nearest hits of `rays`, in turn.
-pub(crate) fn closest_seconds(trees: Vec<Wide<Watertight>>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
+pub(crate) fn closest_seconds(trees: Vec<TriangleBvh<Watertight>>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
     let engines: Vec<Box<dyn engine::Engine>> = trees.into_iter().map(|tree| Box::new(tree) as _).collect();
     let (seconds, _) = duel::closest(&engines, rays, rounds);
     seconds.iter().map(|rounds| rounds.iter().map(|seconds| seconds.cpu).collect()).collect()

@@ -3,8 +3,8 @@
 // Holds: a box contains the items below it exactly; see shared/build/enclosure.
 // use shared/build/slice
 // use shared/build/boxes
-// use shared/build/few
-// use shared/build/fixed
+// use shared/build/small_nodes
+// use shared/build/fixed_frame
 
 @group(0) @binding(3) var<storage, read> ends: array<f32>;
 @group(0) @binding(6) var<storage, read> aabbs: array<f32>;
@@ -18,11 +18,11 @@ fn three(at: u32, is_end: bool) -> vec3<f32> {
 
 /// The box along the frame by the extents that came up. What is below reaches no farther from the origin than its axis-aligned
 /// box; three roundings cover the sum.
-fn box_of_many(slot: u32) -> Box {
+fn box_of_large_node(slot: u32) -> Box {
     let reach = max(abs(three(6u * slot, false)), abs(three(6u * slot + 3u, false)));
     let size = length_1(reach) * (1.0 + 3.0 * ROUNDING);
     let extent = Extent(three(6u * slot, true), three(6u * slot + 3u, true), size);
-    return box_around(fixed.frame, vec3(0.0), extent, fixed.skewness);
+    return box_around(fixed_frame.frame, vec3(0.0), extent, fixed_frame.skewness);
 }
 
 @compute @workgroup_size(64)
@@ -40,14 +40,14 @@ fn main(
         return;
     }
     var volume = Box();
-    if is_few(node) {
+    if is_small(node) {
         let origin = item_content(leaves[node.first]).center;
-        let extent = extent_of_leaves(fixed.frame, origin, node.first, node.last);
-        volume = box_around(fixed.frame, origin, extent, fixed.skewness);
+        let extent = extent_of_leaves(fixed_frame.frame, origin, node.first, node.last);
+        volume = box_around(fixed_frame.frame, origin, extent, fixed_frame.skewness);
     } else {
-        volume = box_of_many(slot);
+        volume = box_of_large_node(slot);
     }
-    if half_area(volume.half) < half_area(part(slot, 4u)) {
+    if half_area(volume.half_extents) < half_area(part(slot, 4u)) {
         put_box(slot, volume);
     }
 }

@@ -4,8 +4,8 @@
 // Source: Klosowski et al. 1998, three directions at a time.
 // use shared/build/slice
 // use shared/build/climb
-// use shared/build/few
-// use shared/build/fixed
+// use shared/build/small_nodes
+// use shared/build/fixed_frame
 
 @compute @workgroup_size(64)
 fn main(
@@ -23,7 +23,7 @@ fn main(
     var above = parent_of_leaf(leaf);
     while above != NONE {
         let node = nodes[above];
-        if !is_few(node) {
+        if !is_small(node) {
             break;
         }
         first = node.first;
@@ -33,7 +33,7 @@ fn main(
     if first != leaf || above == NONE {
         return;
     }
-    let extent = extent_of_leaves(fixed.frame, vec3(0.0), first, last);
+    let extent = extent_of_leaves(fixed_frame.frame, vec3(0.0), first, last);
     let low = bitcast<vec3<u32>>(extent.low);
     let high = bitcast<vec3<u32>>(extent.high);
     climb(above, Reach(reach_of(low.x, low.y, low.z).low, reach_of(high.x, high.y, high.z).high));

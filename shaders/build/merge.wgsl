@@ -36,11 +36,11 @@ fn main(
     let at = 6u * slot;
     let low = vec3<f32>(aabbs[at], aabbs[at + 1u], aabbs[at + 2u]);
     let high = vec3<f32>(aabbs[at + 3u], aabbs[at + 4u], aabbs[at + 5u]);
-    var volume = box_of(low, high);
-    let leaning = enclosed(frame_of(a, b), a, b);
+    var volume = box_from_aabb(low, high);
+    let oriented = enclosed(frame_of(a, b), a, b);
     // What was refused has negative half-extents and a positive area.
-    if all(leaning.half >= vec3(0.0)) && half_area(leaning.half) < half_area(0.5 * (high - low)) {
-        volume = leaning;
+    if all(oriented.half_extents >= vec3(0.0)) && half_area(oriented.half_extents) < half_area(0.5 * (high - low)) {
+        volume = oriented;
     }
     put_box(slot, volume);
 }

@@ -15,7 +15,7 @@
 
 var<workgroup> columns: array<u32, RADIX * GROUP>;
 /// Where the keys of each value go, less their first rank in the tile; wraps around.
-var<workgroup> places: array<u32, RADIX>;
+var<workgroup> destinations: array<u32, RADIX>;
 
 @compute @workgroup_size(GROUP)
 fn main(
@@ -37,14 +37,14 @@ fn main(
         for (var value = 0u; value < local; value++) {
             before += totals[value];
         }
-        places[local] = before + counts[local * digit.n_tiles + tile] - columns[local * GROUP];
+        destinations[local] = before + counts[local * digit.n_tiles + tile] - columns[local * GROUP];
     }
     workgroupBarrier();
     for (var i = first; i < end; i++) {
         let key = keys_in[i];
         let value = digit_of(key);
         let cell = value * GROUP + local;
-        let place = places[value] + columns[cell];
+        let place = destinations[value] + columns[cell];
         columns[cell] += 1u;
         keys_out[place] = key;
         values_out[place] = values_in[i];

@@ -12,7 +12,7 @@
 @group(0) @binding(2) var<storage, read_write> parents: array<u32>;
 
 /// Leading bits that leaves i and j of a tree have in common, positions behind codes; −1 for what is not in the tree.
-fn alike(range: Range, i: i32, j: i32) -> i32 {
+fn common_prefix(range: Range, i: i32, j: i32) -> i32 {
     if j < 0 || j >= i32(range.count) {
         return -1;
     }
@@ -22,15 +22,15 @@ fn alike(range: Range, i: i32, j: i32) -> i32 {
 
 /// The other end of the range of node `i`, on the side `toward`: the farthest leaf that has more in common with it than the
 /// neighbour on the other side.
-fn other_end(range: Range, i: i32, toward: i32) -> i32 {
-    let least = alike(range, i, i - toward);
+fn range_end(range: Range, i: i32, toward: i32) -> i32 {
+    let least = common_prefix(range, i, i - toward);
     var reach = 2;
-    while alike(range, i, i + reach * toward) > least {
+    while common_prefix(range, i, i + reach * toward) > least {
         reach *= 2;
     }
     var length = 0;
     for (var step = reach / 2; step >= 1; step /= 2) {
-        if alike(range, i, i + (length + step) * toward) > least {
+        if common_prefix(range, i, i + (length + step) * toward) > least {
             length += step;
         }
     }
@@ -38,13 +38,13 @@ fn other_end(range: Range, i: i32, toward: i32) -> i32 {
 }
 
 /// Last leaf of the lower part of the range between `i` and `end`.
-fn split_of(range: Range, i: i32, end: i32, toward: i32) -> i32 {
-    let shared_bits = alike(range, i, end);
+fn find_split(range: Range, i: i32, end: i32, toward: i32) -> i32 {
+    let shared_bits = common_prefix(range, i, end);
     var offset = 0;
     var step = abs(end - i);
     while step > 1 {
         step = (step + 1) / 2;
-        if alike(range, i, i + (offset + step) * toward) > shared_bits {
+        if common_prefix(range, i, i + (offset + step) * toward) > shared_bits {
             offset += step;
         }
     }
@@ -71,9 +71,9 @@ fn main(
     if i + 1 >= i32(range.count) {
         return;
     }
-    let toward = select(-1, 1, alike(range, i, i + 1) > alike(range, i, i - 1));
-    let end = other_end(range, i, toward);
-    let split = range.first + u32(split_of(range, i, end, toward));
+    let toward = select(-1, 1, common_prefix(range, i, i + 1) > common_prefix(range, i, i - 1));
+    let end = range_end(range, i, toward);
+    let split = range.first + u32(find_split(range, i, end, toward));
     let first = range.first + u32(min(i, end));
     let last = range.first + u32(max(i, end));
     let left_is_leaf = first == split;

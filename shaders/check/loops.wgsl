@@ -1,4 +1,4 @@
-// Counts the turns of a loop: some drivers leave loops early without a word, and a count that is short tells.
+// Counts the iterations of a loop: some drivers leave loops early without a word, and a count that is short tells.
 // use shared/groups
 
 @group(0) @binding(0) var<uniform> wanted: vec4<u32>;
@@ -14,13 +14,13 @@ fn main(
     if index >= arrayLength(&counted) {
         return;
     }
-    // The sum depends on memory, so that no compiler can do without the turns.
-    var turns = 0u;
+    // The sum depends on memory, so that no compiler can do without the iterations.
+    var iterations = 0u;
     loop {
-        if turns >= wanted.x {
+        if iterations >= wanted.x {
             break;
         }
-        turns += 1u + (wanted.y & turns);
+        iterations += 1u + (wanted.y & iterations);
     }
-    counted[index] = turns;
+    counted[index] = iterations;
 }

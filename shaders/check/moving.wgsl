@@ -18,8 +18,8 @@ fn main(
         ray_time = times[index];
         var hit = closest_hit(rays[index]);
         // As in trace/closest.
-        if is_cut {
-            hit.instance = CUT;
+        if is_incomplete {
+            hit.instance = INCOMPLETE;
         }
         hits[index] = hit;
     }

@@ -20,8 +20,8 @@ fn main(
     }
     let ray = rays[index];
     // The first tree is that over instances, of which there are none.
-    let tree = 1u + index % (arrayLength(&trees) - 1u);
-    let root = enter_tree(tree, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
+    let tree = 1u + index % (arrayLength(&bvhs) - 1u);
+    let root = enter_bvh(tree, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
     var first = vec4<u32>(MISSED);
     if root != EMPTY {
         let farthest = scaled_t(ray.t_max);

@@ -2,7 +2,7 @@
 // use shared/groups
 // use shared/sampler
 
-struct Ask {
+struct Query {
     pixel: u32,
     sample: u32,
     dimension: u32,
@@ -17,7 +17,7 @@ struct Answer {
     bits: u32,
 }
 
-@group(0) @binding(0) var<storage, read> asks: array<Ask>;
+@group(0) @binding(0) var<storage, read> queries: array<Query>;
 @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
 
 @compute @workgroup_size(64)
@@ -27,14 +27,14 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let index = invocation(group, groups, 64u, local);
-    if index >= arrayLength(&asks) {
+    if index >= arrayLength(&queries) {
         return;
     }
-    let ask = asks[index];
-    let sampler = Sampler(ask.seed, ask.columns, ask.rows, ask.columns * ask.rows);
+    let query = queries[index];
+    let sampler = Sampler(query.seed, query.columns, query.rows, query.columns * query.rows);
     answers[index] = Answer(
-        pair(sampler, ask.pixel, ask.sample, ask.dimension),
-        single(sampler, ask.pixel, ask.sample, ask.dimension),
-        bits(sampler, ask.pixel, ask.sample, ask.dimension),
+        pair(sampler, query.pixel, query.sample, query.dimension),
+        single(sampler, query.pixel, query.sample, query.dimension),
+        bits(sampler, query.pixel, query.sample, query.dimension),
     );
 }

@@ -20,9 +20,9 @@ fn main(
     }
     let ray = rays[index];
     // The first tree is that over instances, of which there are none.
-    let tree = 1u + index % (arrayLength(&trees) - 1u);
-    let root = enter_tree(tree, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
-    prepare_triangles(greatest(ray.origin) + trees[tree].row_x.w);
+    let tree = 1u + index % (arrayLength(&bvhs) - 1u);
+    let root = enter_bvh(tree, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
+    prepare_triangles(greatest(ray.origin) + bvhs[tree].row_x.w);
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     t_max = scaled_t(ray.t_max);
     if root != EMPTY {

@@ -47,7 +47,7 @@ fn main(
 }
 
 fn guide_of(camera: CameraRay) -> Guide {
-    let hit = walk(camera.ray, false);
+    let hit = traverse(camera.ray, false);
     let tests = vec2<f32>(n_tested());
     let ray = camera.ray;
     let is_miss = hit.instance == NONE;

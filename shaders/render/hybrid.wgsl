@@ -60,7 +60,7 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
     var n_asked = 0u;
     loop {
         light.n_rays += 1u;
-        let hit = walk(ray, asked.is_asked);
+        let hit = traverse(ray, asked.is_asked);
         if asked.is_asked {
             if hit.instance == NONE {
                 light.radiance += throughput * asked.radiance;

@@ -20,9 +20,9 @@ fn main(
         var path = path_from(camera_ray(one));
         loop {
             ray_key = key_of(path, one);
-            let hit = walk(path.ray, path.stage == TO_LIGHT);
+            let hit = traverse(path.ray, path.stage == TO_LIGHT);
             advance(&path, one, hit);
-            if path.stage == DONE || is_cut {
+            if path.stage == DONE || is_incomplete {
                 break;
             }
         }

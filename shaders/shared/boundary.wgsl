@@ -1,12 +1,12 @@
 // The boundary seen from one direction; twin of crates/renderer/src/bsdf/boundary.rs, where each step is explained.
 //
-// `?through` is what light does that does not come back: nothing in scenes without glass.
+// `?transmission` is what light does that does not come back: nothing in scenes without glass.
 // use shared/numbers
 // use shared/sampling
 // use shared/scattering
 // use shared/fresnel
 // use shared/ggx
-// use ?through
+// use ?transmission
 
 /// A material from one outgoing direction.
 struct Boundary {

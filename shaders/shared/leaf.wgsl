@@ -3,13 +3,13 @@
 // use ?level
 // use ?mask
 // use ?count
-// use shared/turns
+// use shared/iterations
 
 /// Places of a leaf's first triangle: two a half-block.
 const LEAF_FIRST: u32 = 0x03ffffffu;
 
-/// Whether a walk of this invocation ended early, after `TURNS` turns: its answer may not be the first hit, or none.
-var<private> is_cut: bool;
+/// Whether a walk of this invocation ended early, after `MAX_ITERATIONS` turns: its answer may not be the first hit, or none.
+var<private> is_incomplete: bool;
 
 /// What the walk has found, `t` the caller's, the primitive as the tree numbers it.
 var<private> best: Hit;
@@ -41,21 +41,21 @@ fn leaf(word: u32) {
 /// Tests those of four triangles that `filled` names.
 fn four_triangles(at: u32, stride: u32, filled: u32) {
     var waiting = candidates(at, stride) & filled;
-    turns += 1u + countOneBits(waiting);
+    iterations += 1u + countOneBits(waiting);
     loop {
         if waiting == 0u {
             break;
         }
         let lane = firstTrailingBit(waiting);
         waiting &= waiting - 1u;
-        let met = meet(at, stride, lane);
+        let found = intersect_triangle(at, stride, lane);
         // The comparison of `t` in the caller's units decides, as everywhere.
-        if met.t >= space.t_min && met.t <= t_max {
-            let number = halves[at + 9u * stride][lane];
-            let hit = Hit(caller_t(met.t), met.weights.y, met.weights.z, number, space.instance);
+        if found.t >= space.t_min && found.t <= t_max {
+            let number = triangle_blocks[at + 9u * stride][lane];
+            let hit = Hit(caller_t(found.t), found.weights.y, found.weights.z, number, space.instance);
             if before(hit, best) && accepts(placed(hit)) {
                 best = hit;
-                t_max = met.t;
+                t_max = found.t;
             }
         }
     }

@@ -2,8 +2,8 @@
 //
 // Children are tested four at once: `half` is 0 or 1. A test gives keys: where the ray enters, by the bits of its `t`, whose
 // last three make way for the child's number; so order of keys is order of entries. The lost bits make entries earlier.
-// use shared/tree
-// use ?kinds
+// use shared/bvh
+// use ?node_kinds
 
 /// Bit of words that name leaves.
 const LEAF: u32 = 0x80000000u;

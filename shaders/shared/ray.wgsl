@@ -4,7 +4,7 @@
 const NONE: u32 = 0xffffffffu;
 
 /// The instance of a ray whose walk was cut short: the answer is not known.
-const CUT: u32 = 0xfffffffeu;
+const INCOMPLETE: u32 = 0xfffffffeu;
 
 /// Farther than anything: what stands for infinity.
 const FAR: f32 = 3e38;

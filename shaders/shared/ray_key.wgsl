@@ -1,6 +1,6 @@
 // What tells rays apart for surfaces that stop some and let others pass.
 
-// use shared/mix
+// use shared/hash
 var<private> ray_key: u32;
 
 /// Dimension that numbers rays, apart from those that are counted up.

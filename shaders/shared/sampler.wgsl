@@ -2,7 +2,7 @@
 //
 // Numbers lie in [0, 1) and are multiples of 2^-24, exact in f32. `?pattern` spreads the samples of a pixel: it gives `pair`, a
 // point of the unit square, and `single`, a number of its own; each use along a path has its own dimension.
-// use shared/mix
+// use shared/hash
 // use ?pattern
 
 struct Sampler {

@@ -1,15 +1,15 @@
 // Questions to the scene.
 // use shared/ray
-// use ?walk
+// use ?traverse
 
 /// The first hit that the mask accepts; of equal `t` the lowest instance, then the lowest primitive.
 ///
 /// A primitive is numbered as in its mesh, an instance as in the scene, whatever the levels.
 fn closest_hit(ray: Ray) -> Hit {
-    return walk(ray, false);
+    return traverse(ray, false);
 }
 
 /// Whether there is any hit that the mask accepts.
 fn occluded(ray: Ray) -> bool {
-    return walk(ray, true).instance != NONE;
+    return traverse(ray, true).instance != NONE;
 }

@@ -29,7 +29,7 @@
 // is off by 7.5 E M across and E M along, `t` is rounded by 2.5 E. With no drift that is `(25 + 21 + 7.5) E M` across and
 // 6.5 E M along the ray, which shear adds up: 60 E M in each coordinate; 64 leave room for second order.
 // Source: Woop, Benthin, Wald 2013 for the shear.
-// use shared/tree
+// use shared/bvh
 
 /// How far the CPU's sheared coordinates may be from ours, relative to M.
 const SHEAR_ROUNDING: f32 = 12.5 * ROUNDING;
@@ -60,7 +60,7 @@ struct Shear {
 var<private> shear: Shear;
 
 /// Where a triangle is hit: scaled `t`, weights of its vertices. `t` is negative for a miss.
-struct Met {
+struct TriangleHit {
     t: f32,
     weights: vec3<f32>,
 }
@@ -78,12 +78,12 @@ fn prepare_triangles(scale: f32) {
     let direction = along_axes(space.direction);
     shear.depth = direction.z;
     shear.factors = vec2<f32>(guarded_quotient(direction.x, direction.z), guarded_quotient(direction.y, direction.z));
-    let apart = off(scale);
+    let apart = shear_error(scale);
     shear.apart = vec2<f32>(apart + FILTER_ROUNDING * scale, 2.0 * apart);
 }
 
 /// By how much sheared coordinates may differ from the CPU's, of a triangle within `m`.
-fn off(m: f32) -> f32 {
+fn shear_error(m: f32) -> f32 {
     return (SHEAR_ROUNDING + space.drift.y) * m + space.drift.x;
 }
 
@@ -105,9 +105,9 @@ struct Four {
 /// Four triangles' vertex `corner`; rows are `stride` quads long, a quad of the first at `at`.
 fn four(at: u32, stride: u32, corner: u32) -> Four {
     let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
-    let x = bitcast<vec4<f32>>(halves[rows.x]) - vec4<f32>(shear.origin.x);
-    let y = bitcast<vec4<f32>>(halves[rows.y]) - vec4<f32>(shear.origin.y);
-    let z = bitcast<vec4<f32>>(halves[rows.z]) - vec4<f32>(shear.origin.z);
+    let x = bitcast<vec4<f32>>(triangle_blocks[rows.x]) - vec4<f32>(shear.origin.x);
+    let y = bitcast<vec4<f32>>(triangle_blocks[rows.y]) - vec4<f32>(shear.origin.y);
+    let z = bitcast<vec4<f32>>(triangle_blocks[rows.z]) - vec4<f32>(shear.origin.z);
     return Four(x - shear.factors.x * z, y - shear.factors.y * z);
 }
 
@@ -129,7 +129,7 @@ fn candidates(at: u32, stride: u32) -> u32 {
 /// A vertex from the origin, the axis that plays z last.
 fn vertex(at: u32, stride: u32, corner: u32, lane: u32) -> vec3<f32> {
     let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
-    let bits = vec3<u32>(halves[rows.x][lane], halves[rows.y][lane], halves[rows.z][lane]);
+    let bits = vec3<u32>(triangle_blocks[rows.x][lane], triangle_blocks[rows.y][lane], triangle_blocks[rows.z][lane]);
     return bitcast<vec3<f32>>(bits) - shear.origin;
 }
 
@@ -138,25 +138,25 @@ fn sheared(v: vec3<f32>) -> vec3<f32> {
 }
 
 /// Tests one of four triangles.
-fn meet(at: u32, stride: u32, lane: u32) -> Met {
+fn intersect_triangle(at: u32, stride: u32, lane: u32) -> TriangleHit {
     let from_a = vertex(at, stride, 0u, lane);
     let from_b = vertex(at, stride, 1u, lane);
     let from_c = vertex(at, stride, 2u, lane);
     // The CPU misses what has two equal vertices.
     if all(from_a == from_b) || all(from_b == from_c) || all(from_c == from_a) {
-        return Met(-1.0, vec3<f32>(0.0));
+        return TriangleHit(-1.0, vec3<f32>(0.0));
     }
     let m = max(greatest(from_a), max(greatest(from_b), greatest(from_c)));
     let corners = array<vec3<f32>, 3>(sheared(from_a), sheared(from_b), sheared(from_c));
     var place = nearest_edge(corners);
-    if place.w > 2.0 * off(m) + EDGE_ROUNDING * m + TINY {
+    if place.w > 2.0 * shear_error(m) + EDGE_ROUNDING * m + TINY {
         place = inside(corners);
         if place.w < 0.0 {
-            return Met(-1.0, vec3<f32>(0.0));
+            return TriangleHit(-1.0, vec3<f32>(0.0));
         }
     }
     let z = place.x * corners[0].z + (place.y * corners[1].z + place.z * corners[2].z);
-    return Met(guarded_quotient(z, shear.depth), place.xyz);
+    return TriangleHit(guarded_quotient(z, shear.depth), place.xyz);
 }
 
 /// Weights of the place on an edge that is nearest to the ray, and how far off it is.

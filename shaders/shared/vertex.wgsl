@@ -4,7 +4,7 @@
 // `?material` reads the parameters that `?bsdf` scatters by.
 // use shared/sampling
 // use shared/surface
-// use shared/turns
+// use shared/iterations
 // use ?bsdf
 // use ?material
 
@@ -37,7 +37,7 @@ fn evaluate(vertex: Vertex, to_light: vec3<f32>) -> Evaluation {
     // One place of the text, for it is long. A direction stays where triangle and frame agree on its side, and is folded where
     // they do not.
     for (var turn = 0u; turn < 2u; turn++) {
-        turns += 1u;
+        iterations += 1u;
         if !vertex.is_bent || local.z * height > 0.0 {
             let found = evaluate_bsdf(vertex.bsdf, vertex.outgoing, local);
             sum = Evaluation(sum.value + found.value, sum.density + found.density);

@@ -21,5 +21,5 @@ mod source;
 pub use error::ShaderError;
 pub use files::{FILES, kernels};
 pub use lint::complaints;
-pub use reflection::{Binding, BindingKind, Entry, Layout, MOST_STORAGE_BUFFERS, Shader, Stage};
+pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, Stage};
 pub use source::{Specialisation, assemble};

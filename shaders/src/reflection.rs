@@ -8,7 +8,7 @@ use naga::{
 use crate::{ShaderError, Specialisation, assemble};
 
 /// Most storage buffers that a stage of any kernel binds: what hosts ask of a device.
-pub const MOST_STORAGE_BUFFERS: u32 = 28;
+pub const MAX_STORAGE_BUFFERS: u32 = 28;
 
 /// A kernel ready to be compiled, and what its caller must know.
 #[derive(Clone, Debug)]

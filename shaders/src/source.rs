@@ -146,8 +146,8 @@ mod tests {
     fn what_is_not_there_is_named() {
         let none = Specialisation::none();
         assert_eq!(assemble("no/such", &none).unwrap_err().to_string(), "there is no shader file 'no/such'");
-        let error = assemble("check/loops", &none.number("STACK", 3)).unwrap_err();
-        assert_eq!(error.to_string(), "kernel 'check/loops' has no 'STACK' to choose");
+        let error = assemble("check/loops", &none.number("STACK_SIZE", 3)).unwrap_err();
+        assert_eq!(error.to_string(), "kernel 'check/loops' has no 'STACK_SIZE' to choose");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Every kernel with every part that can be chosen for it: valid, linted, within what all devices allow.
 
 use canted_shaders::{
-    BindingKind, FILES, MOST_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, complaints, kernels,
+    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, complaints, kernels,
 };
 
 /// What stands for numbers that hosts give.
@@ -14,6 +14,10 @@ const MOST_WORKGROUP_BYTES: u32 = 16_384;
 /// Choices of what a kernel leaves open, for a part `name` among the files of `shared/name/`: so many that each file is in one.
 ///
 /// All combinations would be thousands.
+fn is_helper(name: &str) -> bool {
+    name == "alternatives/traverse/parents"
+}
+
 fn choices(kernel: &str) -> Vec<Specialisation> {
     let mut n_choices = 1;
     let mut all = vec![];
@@ -21,11 +25,12 @@ fn choices(kernel: &str) -> Vec<Specialisation> {
         let mut chosen = Specialisation::none();
         while let Err(error) = assemble(kernel, &chosen) {
             let ShaderError::NotChosen { what, .. } = error else { panic!("{error}") };
-            let folder = format!("shared/{what}/");
+            let folders = [format!("shared/{what}/"), format!("alternatives/{what}/")];
             // Alpha is a matter of surfaces, which are no part of tracing.
             let only_traces = kernel.starts_with("trace/") || ["check/moving", "check/triangle"].contains(&kernel);
             let is_apart = |name: &str| only_traces && name == "shared/mask/alpha";
-            let files = FILES.iter().map(|(name, _)| *name).filter(|name| name.starts_with(&folder) && !is_apart(name));
+            let is_choice = |name: &str| folders.iter().any(|folder| name.starts_with(folder)) && !is_helper(name);
+            let files = FILES.iter().map(|(name, _)| *name).filter(|name| is_choice(name) && !is_apart(name));
             let files: Vec<_> = files.collect();
             n_choices = n_choices.max(files.len());
             chosen = match files.get(all.len() % files.len().max(1)) {
@@ -56,7 +61,7 @@ fn every_kernel_is_valid_and_fits_every_device() {
                 );
                 let is_storage = |kind: &BindingKind| matches!(kind, BindingKind::Storage { .. });
                 let n_storage = entry.bindings.iter().filter(|binding| is_storage(&binding.kind)).count();
-                assert!(n_storage <= MOST_STORAGE_BUFFERS as usize, "{kernel}: {n_storage} storage buffers");
+                assert!(n_storage <= MAX_STORAGE_BUFFERS as usize, "{kernel}: {n_storage} storage buffers");
                 let mut names: Vec<_> = entry.bindings.iter().map(|binding| &binding.name).collect();
                 names.sort();
                 names.dedup();

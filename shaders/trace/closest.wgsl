@@ -17,8 +17,8 @@ fn main(
         return;
     }
     var hit = closest_hit(rays[index]);
-    if is_cut {
-        hit.instance = CUT;
+    if is_incomplete {
+        hit.instance = INCOMPLETE;
     }
     hits[index] = hit;
 }

@@ -3,7 +3,7 @@
 // use shared/groups
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
-/// 1 where anything is hit, 0 where nothing is, CUT where the walk was cut short and has found nothing.
+/// 1 where anything is hit, 0 where nothing is, INCOMPLETE where the walk was cut short and has found nothing.
 @group(1) @binding(1) var<storage, read_write> found: array<u32>;
 
 @compute @workgroup_size(64)
@@ -17,5 +17,5 @@ fn main(
         return;
     }
     let is_hit = occluded(rays[index]);
-    found[index] = select(select(0u, CUT, is_cut), 1u, is_hit);
+    found[index] = select(select(0u, INCOMPLETE, is_incomplete), 1u, is_hit);
 }

@@ -15,7 +15,7 @@ use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, displaced_icosphere, poles, scaffold, scaffold_of, soup, truss};
 use canted_tests::{brute, rays, scenes};
 use canted_trace::{Hit, Ray, Watertight};
-use canted_wide::{Config, Preset, Wide};
+use canted_wide::{Config, Preset, TriangleBvh};
 use rayon::prelude::*;
 
 /// Rays without `--rays`.
@@ -101,9 +101,9 @@ struct Row {
 
 fn shoot(mesh: &Mesh, oracle: &Oracle, n_rays: usize) -> Row {
     let presets = [Preset::Fast, Preset::Balanced, Preset::Quality];
-    let trees: Vec<Wide<Watertight>> = presets
+    let trees: Vec<TriangleBvh<Watertight>> = presets
         .iter()
-        .map(|&preset| Wide::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)))
+        .map(|&preset| TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)))
         .map(|tree| tree.expect("fixtures are valid"))
         .collect();
     let row = Row::default();

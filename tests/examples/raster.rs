@@ -18,7 +18,7 @@ type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Result<()> {
     let gpu = Gpu::open(&Choice::Best)?;
-    report(&format!("| scene on {} | size | drawn | rays |\n| --- | --- | --- | --- |", gpu.facts().name));
+    report(&format!("| scene on {} | size | drawn | rays |\n| --- | --- | --- | --- |", gpu.info().name));
     for path in std::env::args().skip(1) {
         let scene = canted_scene::read(Path::new(&path))?;
         let config = StructureConfig { levels: Levels::One, ..StructureConfig::default() };
@@ -74,7 +74,7 @@ fn traced(gpu: &Gpu, scene: &Scene, structure: &Structure<Watertight>) -> Result
             this
         })
         .collect();
-    Ok(TracedScene::one(gpu, wide, &firsts)?)
+    Ok(TracedScene::single_level(gpu, wide, &firsts)?)
 }
 
 #[expect(clippy::print_stdout, reason = "its result")]

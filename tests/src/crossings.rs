@@ -31,7 +31,7 @@ pub(crate) fn all_hits(ask: impl FnOnce(&mut Everything) -> Option<Hit>) -> Vec<
 /// Of all hits of a ray on the watertight kernel's triangles those that cross the surface, least `t` first.
 ///
 /// They are the hits that the ray has as well where it is moved by an infinitesimal `(ε, ε²)` across itself: then it meets no edge
-/// and no vertex. The rule is that of `Wide::crossings`, which names the lowest triangle around an edge in their place.
+/// and no vertex. The rule is that of `TriangleBvh::crossings`, which names the lowest triangle around an edge in their place.
 #[must_use]
 pub fn of_hits(mesh: &Mesh, ray: &Ray, mut hits: Vec<Hit>) -> Vec<Hit> {
     let Some(scaled) = ScaledRay::new(ray) else { return vec![] };
@@ -105,7 +105,7 @@ pub fn are_in_turn(crossings: &[Hit], inward: Side, from_inside: bool) -> bool {
 mod tests {
     use canted_obb::Affine;
     use canted_trace::Watertight;
-    use canted_wide::{Config, Wide};
+    use canted_wide::{Config, TriangleBvh};
 
     use super::*;
     use crate::closed::{Closed, closed, rays};
@@ -116,8 +116,9 @@ mod tests {
     /// Rays at vertices and edges of closed meshes, those of even number from inside.
     fn asked() -> Vec<(Mesh, Vec<Asked>)> {
         let of = |closed: Closed| {
-            let tree = Wide::<Watertight>::build(&closed.mesh.positions, &closed.mesh.triangles, &Config::default())
-                .expect("fixtures are valid");
+            let tree =
+                TriangleBvh::<Watertight>::build(&closed.mesh.positions, &closed.mesh.triangles, &Config::default())
+                    .expect("fixtures are valid");
             let both = |ray: Ray| {
                 let (mut hits, mut crossings) = (vec![], vec![]);
                 tree.all_hits(&ray, &mut hits);

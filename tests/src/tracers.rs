@@ -11,7 +11,7 @@ use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Ray, Watertight};
-use canted_wide::{Config, Costs, Preset, SimdPath, Wide};
+use canted_wide::{Config, Costs, Preset, SimdPath, TriangleBvh};
 
 use crate::{
     closed::{baked, mirrors},
@@ -140,15 +140,15 @@ fn binary(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
 }
 
 /// An eight-wide tree.
-fn wide(mesh: &Mesh, config: &Config) -> Wide<Watertight> {
-    Wide::build(&mesh.positions, &mesh.triangles, config).expect("a mesh of finite vertices")
+fn wide(mesh: &Mesh, config: &Config) -> TriangleBvh<Watertight> {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("a mesh of finite vertices")
 }
 
 /// Nodes with a frame for each child so cheap that hardly another is worth having, over leaves of one triangle.
 #[must_use]
 pub fn lean() -> Config {
-    let costs = Costs { box_node: 1e6, shared_node: 1e6, lean_node: 0.01, leaf: 0.0, block: 0.01, max_leaf: 1 };
-    Config { costs, turn: false, ..Config::preset(Preset::Balanced) }
+    let costs = Costs { aligned_node: 1e6, oriented_node: 0.01, leaf: 0.0, block: 0.01, max_leaf: 1 };
+    Config { costs, rotate_mesh: false, ..Config::preset(Preset::Balanced) }
 }
 
 /// A binary tree and what it is over.
@@ -178,7 +178,7 @@ impl Tracer for OneLevel {
     }
 }
 
-impl Tracer for Wide<Watertight> {
+impl Tracer for TriangleBvh<Watertight> {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         let mut hits = vec![None; rays.len()];
         self.closest_hits(rays, &mut hits);

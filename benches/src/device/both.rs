@@ -64,7 +64,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let _ =
             writeln!(out, "| {} | {:.3} ±{:.0}% | {tiles} |", timing.name, timing.median(), 100.0 * timing.spread());
     }
-    let _ = writeln!(out, "\n{}", verdict(&timings, bench.gpu.facts().kind == AdapterKind::Software));
+    let _ = writeln!(out, "\n{}", verdict(&timings, bench.gpu.info().kind == AdapterKind::Software));
     Ok(())
 }
 

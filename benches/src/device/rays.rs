@@ -3,9 +3,9 @@
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
-use canted_gpu::{Bound, Buffer, DeviceHit, DeviceRay, Gpu, GpuError, Specialisation, TracedScene, Walk};
+use canted_gpu::{Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, Specialisation, TracedScene, Traversal};
 use canted_trace::{Ray, ScaledRay, Watertight};
-use canted_wide::{Config, Preset, Wide};
+use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::Bench;
 use crate::{
@@ -38,10 +38,13 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
             continue;
         };
         let leaning = Config::preset(Preset::Balanced);
-        let straight = Config { lean: false, share: false, turn: false, ..leaning };
+        let straight = Config { oriented: false, rotate_mesh: false, ..leaning };
         let [leaning, straight] = [build(&model, &leaning)?, build(&model, &straight)?];
         let sets = sets(&model, &leaning, bench);
-        let traced = [TracedScene::one(&bench.gpu, &leaning, &[0])?, TracedScene::one(&bench.gpu, &straight, &[0])?];
+        let traced = [
+            TracedScene::single_level(&bench.gpu, &leaning, &[0])?,
+            TracedScene::single_level(&bench.gpu, &straight, &[0])?,
+        ];
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let [leaning, straight] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];
             let _ = writeln!(
@@ -66,8 +69,8 @@ pub(super) fn walks(out: &mut String, bench: &Bench) -> Result<()> {
         "\n### Ways back up the tree\n\nThe same rays through the trees of the preset balanced, by what a ray keeps: {}. Million rays a \
          second, by time on the device alone, and the ratio to the first; `-` where a tree is too deep.\n\n\
          | scene | rays | {} |\n| --- | --- | --- | --- | --- |",
-        Walk::ALL.map(Walk::name).join("; "),
-        Walk::ALL.map(Walk::name).join(" | ")
+        Traversal::ALL.map(Traversal::name).join("; "),
+        Traversal::ALL.map(Traversal::name).join(" | ")
     );
     for name in SCENES {
         let Some(model) = models::load(name)? else {
@@ -76,7 +79,8 @@ pub(super) fn walks(out: &mut String, bench: &Bench) -> Result<()> {
         };
         let tree = build(&model, &Config::preset(Preset::Balanced))?;
         let sets = sets(&model, &tree, bench);
-        let traced = Walk::ALL.map(|walk| TracedScene::one(&bench.gpu, &tree, &[0])?.walked(&bench.gpu, walk));
+        let traced = Traversal::ALL
+            .map(|walk| TracedScene::single_level(&bench.gpu, &tree, &[0])?.with_traversal(&bench.gpu, walk));
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let _ = write!(out, "| {name} | {} |", kind.name());
             let mut first = f64::NAN;
@@ -97,12 +101,12 @@ pub(super) fn walks(out: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-fn build(model: &Model, config: &Config) -> Result<Wide<Watertight>> {
-    Ok(Wide::build(&model.mesh.positions, &model.mesh.triangles, config)?)
+fn build(model: &Model, config: &Config) -> Result<TriangleBvh<Watertight>> {
+    Ok(TriangleBvh::build(&model.mesh.positions, &model.mesh.triangles, config)?)
 }
 
 /// Rays of each kind: those of cameras in squares, then from their hits.
-fn sets(model: &Model, tree: &Wide<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
+fn sets(model: &Model, tree: &TriangleBvh<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
     let camera = sets::camera(model, bench.scale.resolution);
     let mut hits = vec![None; camera.len()];
     tree.par_closest_hits(&camera, &mut hits);
@@ -184,17 +188,17 @@ fn dispatched(
     name: &str,
     chosen: &Specialisation,
     traced: &TracedScene,
-    own: &[Bound<'_>],
+    own: &[NamedBinding<'_>],
     n_rays: usize,
 ) -> Result<f64, GpuError> {
     let kernel = gpu.kernel(name, chosen)?;
     let mut bound = traced.bindings();
     bound.extend_from_slice(own);
-    let mut work = gpu.timed_work();
-    work.dispatch(&kernel, &bound, kernel.groups(u32::try_from(n_rays).unwrap_or(u32::MAX)))?;
+    let mut commands = gpu.timed_commands();
+    commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(n_rays).unwrap_or(u32::MAX)))?;
     gpu.finish()?;
     let start = Instant::now();
-    let times = work.times()?;
+    let times = commands.times()?;
     let on_wall = start.elapsed().as_secs_f64() * 1e3;
     Ok(if gpu.has_timestamps() { times.iter().map(|pass| pass.milliseconds).sum() } else { on_wall })
 }

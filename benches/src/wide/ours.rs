@@ -6,12 +6,12 @@ use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_tlas::{Blas, Tlas, TopConfig};
 use canted_trace::{Hit, Kernel, MollerTrumbore, Ray, Watertight};
-use canted_wide::{Config, LaneKernel, Preset, Wide};
+use canted_wide::{Config, LaneKernel, Preset, TriangleBvh};
 
 use super::engine::{Build, Engine, Entry, Owner, Promise};
 use crate::models::{Model, Placed};
 
-impl<K: LaneKernel> Engine for Wide<K> {
+impl<K: LaneKernel> Engine for TriangleBvh<K> {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         self.closest_hits(rays, hits);
     }
@@ -21,7 +21,7 @@ impl<K: LaneKernel> Engine for Wide<K> {
     }
 
     fn n_bytes(&self) -> Option<usize> {
-        Some(Wide::n_bytes(self))
+        Some(TriangleBvh::n_bytes(self))
     }
 
     fn shared(&self) -> Option<&(dyn Engine + Sync)> {
@@ -72,7 +72,9 @@ fn promising<'a, K: LaneKernel + 'static>(
         Entry { name, owner: Owner::Ours, promise, is_placed, is_parallel: true, build }
     };
     let wide = |preset| -> Build<'a> {
-        Box::new(move |_| Ok(Box::new(Wide::<K>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset))?)))
+        Box::new(move |_| {
+            Ok(Box::new(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset))?))
+        })
     };
     let mut entries: Vec<Entry<'a>> = presets.iter().map(|&(name, preset)| entry(name, false, wide(preset))).collect();
     if let Some(placed) = &model.placed {
@@ -98,10 +100,10 @@ pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<Bvh2<K>>> {
 }
 
 /// A wide tree of each mesh, and one of the instances.
-fn wide_levels<K: LaneKernel>(placed: &Placed) -> Result<TwoLevels<Wide<K>>> {
+fn wide_levels<K: LaneKernel>(placed: &Placed) -> Result<TwoLevels<TriangleBvh<K>>> {
     let config = Config::preset(Preset::Quality);
-    let build = |mesh: &Mesh| Ok(Wide::<K>::build(&mesh.positions, &mesh.triangles, &config)?);
+    let build = |mesh: &Mesh| Ok(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &config)?);
     let blas = placed.meshes.iter().map(build).collect::<Result<Vec<_>>>()?;
-    let n_bytes = blas.iter().map(Wide::n_bytes).sum();
+    let n_bytes = blas.iter().map(TriangleBvh::n_bytes).sum();
     Ok(TwoLevels(Tlas::new(blas, &placed.instances, TopConfig::Wide(config))?, n_bytes))
 }

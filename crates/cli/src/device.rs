@@ -89,13 +89,13 @@ impl DeviceArg {
 
 fn opened(choice: &Choice) -> Result<Gpu> {
     let gpu = Gpu::open(choice).map_err(|error| anyhow!("{error}"))?;
-    let facts = gpu.facts();
+    let facts = gpu.info();
     if facts.kind == AdapterKind::Software {
         let name = &facts.name;
         output::to_stderr(&format!("warning: '{name}' is a software driver: it computes on the CPU, and slower"));
         // Its memory is this machine's, of which it gives more than there is.
         if let Some(n_bytes) = memory::available_bytes() {
-            gpu.bound_memory(n_bytes);
+            gpu.limit_memory(n_bytes);
         }
     }
     Ok(gpu)
@@ -136,7 +136,7 @@ impl Machine {
     pub(crate) fn named(&self, error: DeviceError) -> anyhow::Error {
         match (error, self.gpu()) {
             (DeviceError::Render(error), _) => error.into(),
-            (DeviceError::Gpu(error), Some(gpu)) => anyhow!("{}: {error}", gpu.facts().name),
+            (DeviceError::Gpu(error), Some(gpu)) => anyhow!("{}: {error}", gpu.info().name),
             (error, _) => anyhow!("{error}"),
         }
     }

@@ -1,7 +1,7 @@
 //! `canted devices`: what `--device` can choose from.
 
 use anyhow::Result;
-use canted_gpu::{AdapterFacts, AdapterKind, adapters};
+use canted_gpu::{AdapterInfo, AdapterKind, adapters};
 use serde_json::{Value, json};
 
 use crate::{Outcome, output};
@@ -22,7 +22,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn as_json(found: &[AdapterFacts], n_threads: usize) -> Value {
+fn as_json(found: &[AdapterInfo], n_threads: usize) -> Value {
     let adapters: Vec<Value> = found
         .iter()
         .map(|facts| {
@@ -36,10 +36,10 @@ fn as_json(found: &[AdapterFacts], n_threads: usize) -> Value {
     json!({ "cpu": { "threads": n_threads }, "adapters": adapters, "auto": auto(found).unwrap_or("cpu") })
 }
 
-fn as_text(found: &[AdapterFacts], n_threads: usize) -> String {
+fn as_text(found: &[AdapterInfo], n_threads: usize) -> String {
     let mut lines = vec![format!("cpu            {n_threads} threads")];
     for facts in found {
-        let AdapterFacts { name, kind, backend, driver, .. } = facts;
+        let AdapterInfo { name, kind, backend, driver, .. } = facts;
         let mebibytes = facts.max_binding_bytes >> 20;
         lines.push(format!("gpu            {name} ({kind}, {backend}, {driver}), bindings of up to {mebibytes} MiB"));
     }
@@ -54,7 +54,7 @@ fn as_text(found: &[AdapterFacts], n_threads: usize) -> String {
 }
 
 /// The adapter that is taken where nothing is said; `None` for the CPU.
-fn auto(found: &[AdapterFacts]) -> Option<&str> {
+fn auto(found: &[AdapterInfo]) -> Option<&str> {
     found.iter().find(|facts| facts.kind != AdapterKind::Software).map(|facts| facts.name.as_str())
 }
 
@@ -62,8 +62,8 @@ fn auto(found: &[AdapterFacts]) -> Option<&str> {
 mod tests {
     use super::*;
 
-    fn facts(name: &str, kind: AdapterKind) -> AdapterFacts {
-        AdapterFacts {
+    fn facts(name: &str, kind: AdapterKind) -> AdapterInfo {
+        AdapterInfo {
             name: name.to_owned(),
             kind,
             backend: "Vulkan".to_owned(),

@@ -6,7 +6,7 @@ use crate::GpuError;
 
 /// What is known of an adapter before it is opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AdapterFacts {
+pub struct AdapterInfo {
     /// Name that the driver gives.
     pub name: String,
     /// What it is.
@@ -78,15 +78,15 @@ const MEMORY_PERCENT: u8 = 95;
 
 /// All adapters, the ones to prefer first; empty where no driver is installed.
 #[must_use]
-pub fn adapters() -> Vec<AdapterFacts> {
+pub fn adapters() -> Vec<AdapterInfo> {
     listed().iter().map(facts).collect()
 }
 
 /// The chosen adapter and its facts.
-pub(crate) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterFacts), GpuError> {
+pub(crate) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterInfo), GpuError> {
     let all = listed();
     let found = all.iter().map(|adapter| adapter.get_info().name).collect();
-    let fits = |facts: &AdapterFacts| match choice {
+    let fits = |facts: &AdapterInfo| match choice {
         Choice::Best => true,
         Choice::Hardware => facts.kind != AdapterKind::Software,
         Choice::Named(name) => facts.name.to_lowercase().contains(&name.to_lowercase()),
@@ -120,10 +120,10 @@ fn kind(device_type: DeviceType) -> AdapterKind {
     }
 }
 
-fn facts(adapter: &wgpu::Adapter) -> AdapterFacts {
+fn facts(adapter: &wgpu::Adapter) -> AdapterInfo {
     let info = adapter.get_info();
     let limits = adapter.limits();
-    AdapterFacts {
+    AdapterInfo {
         kind: kind(info.device_type),
         backend: format!("{:?}", info.backend),
         driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),

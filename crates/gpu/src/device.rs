@@ -6,11 +6,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use canted_shaders::MOST_STORAGE_BUFFERS;
+use canted_shaders::MAX_STORAGE_BUFFERS;
 use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, PollType, SubmissionIndex, Trace};
 
 use crate::memory::Memory;
-use crate::{AdapterFacts, AdapterKind, Choice, GpuError, Kernel, Specialisation, adapter};
+use crate::{AdapterInfo, AdapterKind, Choice, GpuError, Kernel, Specialisation, adapter};
 
 /// Longest wait for a submission, which should take about 100 ms: beyond this the device hangs. Systems that watch over GPUs reset
 /// them after some 2 to 10 seconds.
@@ -29,7 +29,7 @@ const MOST_GROWTH: u32 = 16;
 ///
 /// Errors that the driver reports late are kept and returned by the next call that can fail.
 pub struct Gpu {
-    facts: AdapterFacts,
+    facts: AdapterInfo,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     limits: Limits,
@@ -60,7 +60,7 @@ impl Gpu {
         let limits = lower(Limits {
             max_storage_buffer_binding_size: most.max_storage_buffer_binding_size,
             max_buffer_size: most.max_buffer_size,
-            max_storage_buffers_per_shader_stage: most.max_storage_buffers_per_shader_stage.min(MOST_STORAGE_BUFFERS),
+            max_storage_buffers_per_shader_stage: most.max_storage_buffers_per_shader_stage.min(MAX_STORAGE_BUFFERS),
             max_compute_workgroup_storage_size: most.max_compute_workgroup_storage_size.min(32_768),
             max_color_attachment_bytes_per_sample: most.max_color_attachment_bytes_per_sample.min(64),
             ..Limits::defaults()
@@ -97,7 +97,7 @@ impl Gpu {
 
     /// What the adapter is.
     #[must_use]
-    pub fn facts(&self) -> &AdapterFacts {
+    pub fn info(&self) -> &AdapterInfo {
         &self.facts
     }
 
@@ -109,7 +109,7 @@ impl Gpu {
 
     /// Refuses buffers that together with those that there are take more than this: for drivers that give more than there is, and
     /// leave it to the system to end the process.
-    pub fn bound_memory(&self, n_bytes: u64) {
+    pub fn limit_memory(&self, n_bytes: u64) {
         self.memory.bound(n_bytes);
     }
 

@@ -46,7 +46,7 @@ pub enum GpuError {
         seconds: u64,
     },
     /// A scene that the device's kernels do not trace.
-    Untraceable {
+    Unsupported {
         /// What they do not trace.
         what: String,
     },
@@ -78,7 +78,7 @@ impl std::fmt::Display for GpuError {
             }
             Self::Lost { message } => write!(f, "the device is lost: {message}"),
             Self::TimedOut { seconds } => write!(f, "the device did not finish within {seconds} s"),
-            Self::Untraceable { what } => write!(f, "the device does not trace {what}; use --device cpu"),
+            Self::Unsupported { what } => write!(f, "the device does not trace {what}; use --device cpu"),
             Self::Shader(error) => error.fmt(f),
             Self::Invalid { message } => write!(f, "the device does not accept a command: {message}"),
         }

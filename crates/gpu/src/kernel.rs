@@ -56,7 +56,7 @@ impl Kernel {
         self.entry.workgroup_size.iter().product()
     }
 
-    /// Work-groups for `items` invocations, in rows that no axis's limit cuts: see `shared/groups.wgsl`.
+    /// Commands-groups for `items` invocations, in rows that no axis's limit cuts: see `shared/groups.wgsl`.
     #[must_use]
     pub fn groups(&self, items: u32) -> [u32; 3] {
         const MOST: u32 = 65_535;

@@ -4,7 +4,7 @@
 //! words that are both data and token. Nothing waits for another work-group and no size of a subgroup is assumed.
 //!
 //! ```text
-//! Choice -> Gpu -> Kernel (a shader, compiled), Buffer (typed words) -> Work (dispatches in order) -> read back
+//! Choice -> Gpu -> Kernel (a shader, compiled), Buffer (typed words) -> Commands (dispatches in order) -> read back
 //! ```
 //!
 //! Without an adapter [`Gpu::open`] is an error, never a panic; a software driver is an adapter like others, and says so.
@@ -13,26 +13,26 @@
 mod adapter;
 mod buffer;
 pub mod build;
-mod canary;
+mod commands;
 mod device;
+mod draw_batches;
 mod error;
 mod kernel;
+mod loop_check;
 mod memory;
-mod pieces;
 mod raster;
 mod trace;
-mod work;
 
-pub use adapter::{AdapterFacts, AdapterKind, Choice, adapters};
+pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters};
 pub use buffer::Buffer;
-pub use canary::loop_turns;
 pub use canted_shaders::Specialisation;
+pub use commands::{AsBinding, Commands, NamedBinding, PassTime};
 pub use device::Gpu;
 pub use error::GpuError;
 pub use kernel::Kernel;
-pub use raster::{Draw, Drawn, Raster, TARGETS};
+pub use loop_check::loop_iterations;
+pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    Answer, DeviceHit, DeviceRay, HIT_ERROR, MAX_CONDITION, MOST_REACH, MotionPolynomials, TracedScene, Walk,
+    DeviceHit, DeviceRay, HIT_ERROR, MAX_CONDITION, MAX_COORDINATE, MotionPolynomials, Outcome, TracedScene, Traversal,
 };
 pub use wgpu::Limits;
-pub use work::{AsBinding, Bound, PassTime, Work};

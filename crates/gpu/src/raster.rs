@@ -1,4 +1,4 @@
-//! Raster passes: triangles that shaders fetch themselves, into whole texels of bits.
+//! RasterPipeline passes: triangles that shaders fetch themselves, into whole texels of bits.
 
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -12,22 +12,22 @@ use wgpu::{
     VertexState,
 };
 
-use crate::pieces::Pieces;
-use crate::work::bind_groups;
-use crate::{Bound, Buffer, Gpu, GpuError};
+use crate::commands::bind_groups;
+use crate::draw_batches::DrawBatches;
+use crate::{Buffer, Gpu, GpuError, NamedBinding};
 
 /// A texel of each target.
-pub const TARGETS: usize = 4;
+pub const N_TARGETS: usize = 4;
 
 /// Bytes of a pixel over all targets.
 #[expect(clippy::cast_possible_truncation, reason = "sixteen bytes a target")]
-const PIXEL_BYTES: u32 = size_of::<[[u32; 4]; TARGETS]>() as u32;
+const PIXEL_BYTES: u32 = size_of::<[[u32; 4]; N_TARGETS]>() as u32;
 
 /// Rows of a texture that is copied begin at multiples of so many bytes.
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
-/// Stages `vertex` and `fragment` of one file, which write [`TARGETS`] targets of four words a pixel. The greatest depth stays.
-pub struct Raster {
+/// Stages `vertex` and `fragment` of one file, which write [`N_TARGETS`] targets of four words a pixel. The greatest depth stays.
+pub struct RasterPipeline {
     name: String,
     pipeline: wgpu::RenderPipeline,
     bindings: Vec<Binding>,
@@ -43,9 +43,9 @@ pub struct Draw {
 }
 
 /// What a pass wrote.
-pub struct Drawn {
+pub struct RasterOutput {
     /// For each target its texels, row by row; zero where nothing was drawn.
-    pub targets: [Vec<[u32; 4]>; TARGETS],
+    pub targets: [Vec<[u32; 4]>; N_TARGETS],
     /// From the first submission to the completion of the last piece.
     pub time: Duration,
 }
@@ -55,7 +55,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As of [`Gpu::kernel`], and a device whose pixels hold too few bytes.
-    pub fn raster(&self, name: &str, chosen: &Specialisation) -> Result<Raster, GpuError> {
+    pub fn raster(&self, name: &str, chosen: &Specialisation) -> Result<RasterPipeline, GpuError> {
         self.check()?;
         let most = self.limits().max_color_attachment_bytes_per_sample;
         if most < PIXEL_BYTES {
@@ -74,7 +74,7 @@ impl Gpu {
         let constants: Vec<(&str, f64)> =
             shader.overrides.iter().map(|(name, value)| (name.as_str(), *value)).collect();
         let options = PipelineCompilationOptions { constants: &constants, ..Default::default() };
-        let targets = [const { Some(TextureFormat::Rgba32Uint) }; TARGETS].map(|format| format.map(Into::into));
+        let targets = [const { Some(TextureFormat::Rgba32Uint) }; N_TARGETS].map(|format| format.map(Into::into));
         let pipeline = self.device.create_render_pipeline(&RenderPipelineDescriptor {
             label: Some(name),
             layout: None,
@@ -103,7 +103,7 @@ impl Gpu {
             cache: None,
         });
         self.check()?;
-        Ok(Raster { name: name.to_owned(), pipeline, bindings })
+        Ok(RasterPipeline { name: name.to_owned(), pipeline, bindings })
     }
 
     /// Draws a picture, in pieces of about 100 ms, and reads its texels.
@@ -112,11 +112,11 @@ impl Gpu {
     /// A variable that is not given, a picture that is larger than the device's textures, or the loss of the device.
     pub fn draw(
         &self,
-        raster: &Raster,
-        bound: &[Bound<'_>],
+        raster: &RasterPipeline,
+        bound: &[NamedBinding<'_>],
         [width, height]: [u32; 2],
         draws: &[Draw],
-    ) -> Result<Drawn, GpuError> {
+    ) -> Result<RasterOutput, GpuError> {
         let most = self.limits().max_texture_dimension_2d;
         let need = width.max(height);
         if need > most {
@@ -132,7 +132,7 @@ impl Gpu {
         let views = colors.each_ref().map(|color| color.create_view(&Default::default()));
         let depth = depth.create_view(&Default::default());
         let start = Instant::now();
-        let mut pieces = Pieces::new(draws);
+        let mut pieces = DrawBatches::new(draws);
         // Targets are cleared even where nothing is drawn.
         let mut piece = pieces.next().unwrap_or_default();
         let mut is_first = true;
@@ -145,19 +145,19 @@ impl Gpu {
             piece = next;
         }
         let time = start.elapsed();
-        let mut targets = [const { vec![] }; TARGETS];
+        let mut targets = [const { vec![] }; N_TARGETS];
         for (texels, color) in targets.iter_mut().zip(&colors) {
             *texels = self.texels(color, size)?;
         }
-        Ok(Drawn { targets, time })
+        Ok(RasterOutput { targets, time })
     }
 
     /// Draws some, upon what is there but for the first.
     fn draw_piece(
         &self,
-        raster: &Raster,
+        raster: &RasterPipeline,
         groups: &[(u32, BindGroup)],
-        colors: &[TextureView; TARGETS],
+        colors: &[TextureView; N_TARGETS],
         depth: &TextureView,
         draws: &[Draw],
         is_first: bool,
@@ -192,7 +192,7 @@ impl Gpu {
         self.wait(Some(submission))
     }
 
-    fn targets(&self, size: Extent3d) -> [Texture; TARGETS] {
+    fn targets(&self, size: Extent3d) -> [Texture; N_TARGETS] {
         std::array::from_fn(|_| self.texture(size, TextureFormat::Rgba32Uint))
     }
 

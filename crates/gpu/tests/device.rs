@@ -2,7 +2,7 @@
 
 mod common;
 
-use canted_gpu::{GpuError, Specialisation, loop_turns};
+use canted_gpu::{GpuError, Specialisation, loop_iterations};
 use common::{gpu, lowered};
 
 #[test]
@@ -17,13 +17,13 @@ fn buffers_come_back_as_they_went() {
 #[test]
 fn a_kernel_runs_and_is_timed() {
     let Some(gpu) = gpu("a_kernel_runs_and_is_timed") else { return };
-    assert_eq!(loop_turns(&gpu, 1000).unwrap(), 1000);
+    assert_eq!(loop_iterations(&gpu, 1000).unwrap(), 1000);
     let kernel = gpu.kernel("check/loops", &Specialisation::none()).unwrap();
     let wanted = gpu.uniform("wanted", &[7_u32, 0, 0, 0]).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 5000).unwrap();
-    let mut work = gpu.timed_work();
-    work.dispatch(&kernel, &[("wanted", &wanted), ("counted", &counted)], kernel.groups(5000)).unwrap();
-    let times = work.times().unwrap();
+    let mut commands = gpu.timed_commands();
+    commands.dispatch(&kernel, &[("wanted", &wanted), ("counted", &counted)], kernel.groups(5000)).unwrap();
+    let times = commands.times().unwrap();
     assert_eq!(times.len(), usize::from(gpu.has_timestamps()));
     assert!(gpu.read(&counted).unwrap().iter().all(|&turns| turns == 7));
 }
@@ -33,7 +33,7 @@ fn what_is_not_given_is_named() {
     let Some(gpu) = gpu("what_is_not_given_is_named") else { return };
     let kernel = gpu.kernel("check/loops", &Specialisation::none()).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 1).unwrap();
-    let error = gpu.work().dispatch(&kernel, &[("counted", &counted)], [1, 1, 1]).unwrap_err().to_string();
+    let error = gpu.commands().dispatch(&kernel, &[("counted", &counted)], [1, 1, 1]).unwrap_err().to_string();
     assert!(error.contains("'check/loops' binds 'wanted', which is not given"), "{error}");
 }
 
@@ -61,7 +61,7 @@ fn a_lost_device_stays_lost() {
 #[test]
 fn more_than_the_memory_is_refused_in_a_sentence_until_there_is_room() {
     let Some(gpu) = gpu("more_than_the_memory_is_refused_in_a_sentence_until_there_is_room") else { return };
-    gpu.bound_memory(1 << 20);
+    gpu.limit_memory(1 << 20);
     let first = gpu.zeroed::<u32>("nodes", 1 << 17).unwrap();
     let sentence =
         "the device has not enough memory for triangles of 786432 bytes; use a smaller scene or --device cpu";

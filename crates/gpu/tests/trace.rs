@@ -3,14 +3,14 @@
 
 mod common;
 
-use canted_gpu::{Answer, Gpu, GpuError, TracedScene};
+use canted_gpu::{Gpu, GpuError, Outcome, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
-use canted_wide::{Config, Wide};
+use canted_wide::{Config, TriangleBvh};
 use common::{gpu, lowered};
 
-type Tree = Wide<Watertight>;
+type Tree = TriangleBvh<Watertight>;
 
 /// A floor of `n` by `n` squares in the plane z = 0, from 0 to `n`.
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
@@ -20,11 +20,11 @@ fn floor(n: u32) -> Tree {
         .flat_map(|y| (0..n).map(move |x| y * (n + 1) + x))
         .flat_map(|i| [[i, i + 1, i + n + 2], [i, i + n + 2, i + n + 1]])
         .collect();
-    Wide::build(&positions, &triangles, &Config::default()).unwrap()
+    TriangleBvh::build(&positions, &triangles, &Config::default()).unwrap()
 }
 
 fn nothing() -> Tree {
-    Wide::build(&[], &[], &Config::default()).unwrap()
+    TriangleBvh::build(&[], &[], &Config::default()).unwrap()
 }
 
 fn down(x: f32, y: f32) -> Ray {
@@ -35,8 +35,8 @@ fn down(x: f32, y: f32) -> Ray {
 fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray]) -> Vec<Option<(f32, u32, u32)>> {
     let answers = scene.closest_hits(gpu, rays).unwrap();
     let known = answers.into_iter().map(|answer| match answer {
-        Answer::Known(hit) => hit.map(|hit| (hit.t, hit.primitive, hit.instance)),
-        Answer::Cut => panic!("no walk here is long"),
+        Outcome::Complete(hit) => hit.map(|hit| (hit.t, hit.primitive, hit.instance)),
+        Outcome::Incomplete => panic!("no walk here is long"),
     });
     known.collect()
 }
@@ -44,18 +44,18 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray]) -> Vec<Option<(f32, u32, u
 #[test]
 fn one_tree_is_traced() {
     let Some(gpu) = gpu("one_tree_is_traced") else { return };
-    let scene = TracedScene::one(&gpu, &floor(20), &[0]).unwrap();
+    let scene = TracedScene::single_level(&gpu, &floor(20), &[0]).unwrap();
     let rays = [down(3.75, 0.25), down(-1.0, 3.0), down(0.25, 19.75), Ray::new([0.0; 3], [0.0; 3])];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 6, 0)), None, Some((2.0, 19 * 40 + 1, 0)), None]);
     let found: Vec<_> = scene.occluded(&gpu, &rays).unwrap();
-    assert_eq!(found, [true, false, true, false].map(Answer::Known));
+    assert_eq!(found, [true, false, true, false].map(Outcome::Complete));
 }
 
 #[test]
 fn triangles_of_a_flat_tree_belong_to_instances() {
     let Some(gpu) = gpu("triangles_of_a_flat_tree_belong_to_instances") else { return };
     // The second instance has no triangle.
-    let scene = TracedScene::one(&gpu, &floor(4), &[0, 8, 8, 31]).unwrap();
+    let scene = TracedScene::single_level(&gpu, &floor(4), &[0, 8, 8, 31]).unwrap();
     let rays = [down(0.75, 0.25), down(0.75, 1.25), down(3.25, 3.75)];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 0)), Some((2.0, 0, 2)), Some((2.0, 0, 3))]);
 }
@@ -69,7 +69,7 @@ fn instances_are_mirrored_scaled_and_empty() {
         Instance::still(0, place(-2.0, 1.0, [0.0; 3])),
         Instance::still(0, place(0.5, -3.0, [10.0, 0.0, -2.0])),
     ];
-    let scene = TracedScene::two(&gpu, &[&floor(4), &nothing()], &instances).unwrap();
+    let scene = TracedScene::two_level(&gpu, &[&floor(4), &nothing()], &instances).unwrap();
     let rays = [down(-1.5, 0.25), down(10.375, 0.25), down(1.0, 1.0)];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 1)), Some((3.0, 0, 2)), None]);
 }
@@ -80,9 +80,9 @@ fn nothing_is_hit_where_nothing_is() {
     let rays = [down(0.0, 0.0)];
     let empty = nothing();
     for scene in [
-        TracedScene::one(&gpu, &empty, &[]),
-        TracedScene::two::<Watertight>(&gpu, &[], &[]),
-        TracedScene::two(&gpu, &[&empty], &[Instance::still(0, Affine::IDENTITY)]),
+        TracedScene::single_level(&gpu, &empty, &[]),
+        TracedScene::two_level::<Watertight>(&gpu, &[], &[]),
+        TracedScene::two_level(&gpu, &[&empty], &[Instance::still(0, Affine::IDENTITY)]),
     ] {
         let scene = scene.unwrap();
         assert_eq!(hits(&gpu, &scene, &rays), [None]);
@@ -93,18 +93,18 @@ fn nothing_is_hit_where_nothing_is() {
 #[test]
 fn a_walk_that_is_cut_short_says_so() {
     let Some(gpu) = gpu("a_walk_that_is_cut_short_says_so") else { return };
-    let scene = TracedScene::one(&gpu, &floor(20), &[0]).unwrap().with_turns(2);
+    let scene = TracedScene::single_level(&gpu, &floor(20), &[0]).unwrap().with_max_iterations(2);
     let rays = [down(3.75, 0.25), down(-100.0, 3.0)];
     let answers = scene.closest_hits(&gpu, &rays).unwrap();
-    assert_eq!(answers, [Answer::Cut, Answer::Known(None)]);
-    assert_eq!(scene.occluded(&gpu, &rays).unwrap(), [Answer::Cut, Answer::Known(false)]);
+    assert_eq!(answers, [Outcome::Incomplete, Outcome::Complete(None)]);
+    assert_eq!(scene.occluded(&gpu, &rays).unwrap(), [Outcome::Incomplete, Outcome::Complete(false)]);
 }
 
 #[test]
 fn what_kernels_do_not_trace_is_refused() {
     let Some(gpu) = gpu("what_kernels_do_not_trace_is_refused") else { return };
     let floor = floor(1);
-    let refused = |instance: Instance| match TracedScene::two(&gpu, &[&floor], &[instance]) {
+    let refused = |instance: Instance| match TracedScene::two_level(&gpu, &[&floor], &[instance]) {
         Ok(_) => panic!("{instance:?} is traced"),
         Err(error) => error.to_string(),
     };
@@ -135,12 +135,12 @@ fn coordinates_beyond_the_proof_are_refused() {
         map.columns[3][1] = shift;
         Instance::still(0, map)
     };
-    assert!(TracedScene::one(&gpu, &reaching(1e18), &[0]).is_ok());
-    assert!(TracedScene::two(&gpu, &[&floor(1)], &[there(-9e17)]).is_ok());
+    assert!(TracedScene::single_level(&gpu, &reaching(1e18), &[0]).is_ok());
+    assert!(TracedScene::two_level(&gpu, &[&floor(1)], &[there(-9e17)]).is_ok());
     for (name, scene) in [
-        ("tree over all instances", TracedScene::one(&gpu, &reaching(1.1e18), &[0])),
-        ("mesh 0", TracedScene::two(&gpu, &[&reaching(f32::MAX)], &[])),
-        ("instance 1", TracedScene::two(&gpu, &[&floor(1)], &[there(0.0), there(-2e18)])),
+        ("tree over all instances", TracedScene::single_level(&gpu, &reaching(1.1e18), &[0])),
+        ("mesh 0", TracedScene::two_level(&gpu, &[&reaching(f32::MAX)], &[])),
+        ("instance 1", TracedScene::two_level(&gpu, &[&floor(1)], &[there(0.0), there(-2e18)])),
     ] {
         let Err(error) = scene else { panic!("{name} is traced") };
         assert!(error.to_string().contains(&format!("{name}, which has coordinates above 1e18")), "{error}");
@@ -151,7 +151,7 @@ fn coordinates_beyond_the_proof_are_refused() {
 fn a_scene_above_the_limit_is_refused_with_limit_need_and_remedy() {
     let test = "a_scene_above_the_limit_is_refused_with_limit_need_and_remedy";
     let Some(gpu) = lowered(test, 1 << 16) else { return };
-    match TracedScene::one(&gpu, &floor(60), &[0]) {
+    match TracedScene::single_level(&gpu, &floor(60), &[0]) {
         Err(GpuError::Limit { need, most, .. }) => assert!(need > most && most == 1 << 16),
         Err(error) => panic!("{error}"),
         Ok(_) => panic!("a large scene fits"),

@@ -3,7 +3,7 @@ use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb};
 use canted_tlas::Blas;
 use canted_trace::{Hit, InstanceId, Query, Ray};
-use canted_wide::{Config, LaneKernel, Preset, Wide};
+use canted_wide::{Config, LaneKernel, Preset, TriangleBvh};
 
 use crate::PrepareError;
 
@@ -36,7 +36,7 @@ pub(crate) struct LevelConfig {
 /// A bottom level of either kind.
 pub enum Level<K: LaneKernel> {
     /// Eight-wide nodes that lean where that pays.
-    Wide(Wide<K>),
+    Wide(TriangleBvh<K>),
     /// A binary tree with volumes of one strategy.
     Binary(Bvh2<K>, Strategy),
 }
@@ -55,8 +55,8 @@ impl<K: LaneKernel> Level<K> {
     pub(crate) fn leans(&self) -> bool {
         match self {
             Self::Wide(wide) => {
-                let [_, shared, lean] = wide.sizes().nodes;
-                shared + lean > 0 || wide.frame() != Obb::IDENTITY_FRAME
+                let [_, oriented] = wide.sizes().nodes;
+                oriented > 0 || wide.frame() != Obb::IDENTITY_FRAME
             }
             Self::Binary(_, strategy) => *strategy != Strategy::Aabb,
         }
@@ -108,19 +108,19 @@ fn wide<K: LaneKernel>(
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],
     config: &LevelConfig,
-) -> Result<Wide<K>, PrepareError> {
+) -> Result<TriangleBvh<K>, PrepareError> {
     let preset = Config::preset(config.preset);
     #[cfg(feature = "baseline")]
     if config.builder == Builder::Obvhs && triangles.len() > 1 {
         let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
         let tree = binary_tree(&corners, &bounds, config.builder)?;
-        return Ok(Wide::over(&tree, &corners, &bounds, &preset)?);
+        return Ok(TriangleBvh::over(&tree, &corners, &bounds, &preset)?);
     }
     let config = match own(config.builder) {
-        Some(builder) => Config { builder, rival: None, ..preset },
+        Some(builder) => Config { builder, alternative_builder: None, ..preset },
         None => preset,
     };
-    Ok(Wide::build(positions, triangles, &config)?)
+    Ok(TriangleBvh::build(positions, triangles, &config)?)
 }
 
 /// The builder of ours that a name stands for; `None` for the preset's.

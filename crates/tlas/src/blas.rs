@@ -1,11 +1,11 @@
 use canted_bvh2::Bvh2;
 use canted_obb::Obb;
 use canted_trace::{Hit, InstanceId, Kernel, Query, Ray};
-use canted_wide::{LaneKernel, Wide};
+use canted_wide::{LaneKernel, TriangleBvh};
 
 /// What an instance places: anything that answers rays in its object space.
 ///
-/// Implemented by [`Wide`] and [`Bvh2`]; a scene mixes kinds through an enum of the caller's. `instance` is written into hits
+/// Implemented by [`TriangleBvh`] and [`Bvh2`]; a scene mixes kinds through an enum of the caller's. `instance` is written into hits
 /// and shown to the query. Among hits of equal `t` the lowest primitive must win.
 pub trait Blas: Send + Sync {
     /// A box around everything, object space.
@@ -32,7 +32,7 @@ impl<K: Kernel> Blas for Bvh2<K> {
     }
 }
 
-impl<K: LaneKernel> Blas for Wide<K> {
+impl<K: LaneKernel> Blas for TriangleBvh<K> {
     fn bounds(&self) -> Obb {
         Self::bounds(self)
     }

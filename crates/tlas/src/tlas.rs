@@ -113,7 +113,7 @@ impl<B: Blas> Tlas<B> {
     pub fn closest_hit_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> Option<Hit> {
         let ray = ScaledRay::new(ray_world)?;
         let mut best: Option<Hit> = None;
-        self.top.nearest_first(&ray, self.error.at(&ray), query, |instance, t_max, query| {
+        self.top.traverse_ordered(&ray, self.error.at(&ray), query, |instance, t_max, query| {
             let placed = &self.placed[instance.0 as usize];
             let ray_object = placed.ray_object(ray_world, best.map_or(ray_world.t_max, |best| best.t), query);
             match self.blas[placed.blas as usize].closest_hit_with(&ray_object, instance, query) {
@@ -131,7 +131,7 @@ impl<B: Blas> Tlas<B> {
     pub fn occluded_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> bool {
         let Some(ray) = ScaledRay::new(ray_world) else { return false };
         let mut found = false;
-        self.top.in_any_order(&ray, self.error.at(&ray), query, |instance, t_max, query| {
+        self.top.traverse_any(&ray, self.error.at(&ray), query, |instance, t_max, query| {
             let placed = &self.placed[instance.0 as usize];
             let ray_object = placed.ray_object(ray_world, ray_world.t_max, query);
             found = self.blas[placed.blas as usize].occluded_with(&ray_object, instance, query);
@@ -146,14 +146,14 @@ mod tests {
     use canted_lbvh::VolumeConfig;
     use canted_obb::Affine;
     use canted_trace::Watertight;
-    use canted_wide::{Config, Wide};
+    use canted_wide::{Config, TriangleBvh};
 
     use super::*;
 
     #[test]
     fn too_many_instances_are_told_before_any_is_looked_at() {
         let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let wide = || Wide::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap();
+        let wide = || TriangleBvh::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap();
         let good = Instance::still(0, Affine::IDENTITY);
         for config in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
             let mut tlas = Tlas::new(vec![wide()], &[good], config).unwrap();

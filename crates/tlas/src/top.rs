@@ -86,7 +86,7 @@ impl Top {
     /// `enter` is given the scaled `t_max` and returns the new one. A box is entered no later than any hit that lies within
     /// `error` of it, world space, and while that is `<= t_max`: so ties are met, whatever the tree.
     #[inline]
-    pub(crate) fn nearest_first<Q: Query>(
+    pub(crate) fn traverse_ordered<Q: Query>(
         &self,
         ray: &ScaledRay,
         error: f64,
@@ -94,7 +94,7 @@ impl Top {
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         match self {
-            Self::Wide(tree) => tree.nearest_first(ray, error, query, by_number(enter)),
+            Self::Wide(tree) => tree.traverse_ordered(ray, error, query, by_number(enter)),
             Self::Binary(binary, leaves) => {
                 let slab_ray = SlabRay::with_error(ray, binary.reach(), error);
                 binary.traverse_ordered(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
@@ -104,9 +104,9 @@ impl Top {
         }
     }
 
-    /// As [`Top::nearest_first`], in any order, until `enter` returns a `t_max` below zero.
+    /// As [`Top::traverse_ordered`], in any order, until `enter` returns a `t_max` below zero.
     #[inline]
-    pub(crate) fn in_any_order<Q: Query>(
+    pub(crate) fn traverse_any<Q: Query>(
         &self,
         ray: &ScaledRay,
         error: f64,
@@ -114,7 +114,7 @@ impl Top {
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         match self {
-            Self::Wide(tree) => tree.in_any_order(ray, error, query, by_number(enter)),
+            Self::Wide(tree) => tree.traverse_any(ray, error, query, by_number(enter)),
             Self::Binary(binary, leaves) => {
                 let slab_ray = SlabRay::with_error(ray, binary.reach(), error);
                 binary.traverse_any(&slab_ray, ray.t_max, query, |leaf, t_max, query| {

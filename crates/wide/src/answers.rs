@@ -4,14 +4,14 @@ use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay};
 
 use crate::par;
 use crate::simd::{Simd, SimdPath, Task};
-use crate::traced::{All, Asking, Best, Traced, trace};
+use crate::traced::{All, Best, FilterQuery, Traced, trace};
 use crate::traverse::Stack;
 
 /// Rays of one job: few enough to share work out evenly, enough that choosing the path costs nothing.
 const CHUNK: usize = 1024;
 
 /// A question to a tree `W` about each ray of a slice.
-pub(crate) trait Question<W: Traced>: Sync {
+pub(crate) trait BatchQuery<W: Traced>: Sync {
     /// What it is answered with.
     type Answer: Send;
 
@@ -45,20 +45,20 @@ pub(crate) struct Where<F>(pub(crate) F);
 
 impl<F: Fn(usize, &Ray, &Hit) -> bool + Sync> Filter for Where<F> {
     type Query<'a>
-        = Asking<'a, F>
+        = FilterQuery<'a, F>
     where
         F: 'a;
 
     #[inline(always)]
-    fn query<'a>(&'a self, index: usize, ray: &'a Ray) -> Asking<'a, F> {
-        Asking { accepts: &self.0, index, ray }
+    fn query<'a>(&'a self, index: usize, ray: &'a Ray) -> FilterQuery<'a, F> {
+        FilterQuery { accepts: &self.0, index, ray }
     }
 }
 
 /// The closest hit.
 pub(crate) struct Closest<F>(pub(crate) F);
 
-impl<W: Traced, F: Filter> Question<W> for Closest<F> {
+impl<W: Traced, F: Filter> BatchQuery<W> for Closest<F> {
     type Answer = Option<Hit>;
 
     #[inline(always)]
@@ -70,7 +70,7 @@ impl<W: Traced, F: Filter> Question<W> for Closest<F> {
 /// Whether anything is hit.
 pub(crate) struct Occluded<F>(pub(crate) F);
 
-impl<W: Traced, F: Filter> Question<W> for Occluded<F> {
+impl<W: Traced, F: Filter> BatchQuery<W> for Occluded<F> {
     type Answer = bool;
 
     #[inline(always)]
@@ -83,7 +83,7 @@ impl<W: Traced, F: Filter> Question<W> for Occluded<F> {
 /// Every hit.
 pub(crate) struct Every<F>(pub(crate) F);
 
-impl<W: Traced, F: Filter> Question<W> for Every<F> {
+impl<W: Traced, F: Filter> BatchQuery<W> for Every<F> {
     type Answer = Vec<Hit>;
 
     #[inline(always)]
@@ -162,7 +162,7 @@ impl<W: Traced, Q: Query> Task for AllOfOne<'_, W, Q> {
 }
 
 /// A slice of rays and its answers.
-struct Slice<'a, W: Traced, A: Question<W>> {
+struct Slice<'a, W: Traced, A: BatchQuery<W>> {
     tree: &'a W,
     question: &'a A,
     /// Number of the first ray.
@@ -171,7 +171,7 @@ struct Slice<'a, W: Traced, A: Question<W>> {
     answers: &'a mut [A::Answer],
 }
 
-impl<W: Traced, A: Question<W>> Task for Slice<'_, W, A> {
+impl<W: Traced, A: BatchQuery<W>> Task for Slice<'_, W, A> {
     type Output = ();
 
     #[inline(always)]
@@ -187,7 +187,7 @@ impl<W: Traced, A: Question<W>> Task for Slice<'_, W, A> {
 ///
 /// # Panics
 /// Where the slices differ in length.
-pub(crate) fn serial<W: Traced, A: Question<W>>(
+pub(crate) fn serial<W: Traced, A: BatchQuery<W>>(
     path: SimdPath,
     tree: &W,
     question: &A,
@@ -202,7 +202,7 @@ pub(crate) fn serial<W: Traced, A: Question<W>>(
 ///
 /// # Panics
 /// Where the slices differ in length.
-pub(crate) fn parallel<W: Traced, A: Question<W>>(
+pub(crate) fn parallel<W: Traced, A: BatchQuery<W>>(
     path: SimdPath,
     tree: &W,
     question: &A,

@@ -49,7 +49,7 @@ pub(crate) fn choose(corners: &[Corners], bounds: &Aabb, config: &Config) -> Cho
 /// Builds the binary tree over boxes that stand in one frame.
 pub(crate) fn over_boxes(boxes: &[Aabb], scale: f32, config: &Config) -> (Tree, Aligned) {
     let own = || built(boxes, &config.builder, scale);
-    let Some(rival) = &config.rival else { return own() };
+    let Some(rival) = &config.alternative_builder else { return own() };
     // Each has serial parts of its own.
     let (own, rival) = par::join(own, || built(boxes, rival, scale));
     let costs = compared(&config.costs);
@@ -59,7 +59,7 @@ pub(crate) fn over_boxes(boxes: &[Aabb], scale: f32, config: &Config) -> (Tree, 
 
 /// The axes that make a cheap tree so much cheaper that the mesh is worth turning; `None` for its own.
 fn turned(corners: &[Corners], straight: &[Aabb], scale: f32, config: &Config) -> Option<[[f32; 3]; 3]> {
-    if !config.turn {
+    if !config.rotate_mesh {
         return None;
     }
     let candidates = mesh_frame::candidates(corners, &MeshFrameConfig::default());

@@ -21,7 +21,7 @@ use crate::{Config, Costs, PrimitiveError, SimdPath, binary, measure};
 /// let tree = BoxTree::build(&boxes, &Config::default())?;
 /// let ray = ScaledRay::new(&Ray::new([2.0, 0.5, 0.5], [1.0, 0.0, 0.0])).expect("a ray");
 /// let mut entered = vec![];
-/// tree.nearest_first(&ray, 0.0, &mut (), |number, t_max, _| {
+/// tree.traverse_ordered(&ray, 0.0, &mut (), |number, t_max, _| {
 ///     entered.push(number.0);
 ///     // Something at 4.5 in the second box hides the last.
 ///     if number.0 == 2 { 4.5 } else { t_max }
@@ -62,7 +62,7 @@ impl BoxTree {
             return Err(PrimitiveError::Bounds { primitive });
         }
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
-        let config = Config { lean: false, ..*config }.usable();
+        let config = Config { oriented: false, ..*config }.usable();
         let costs = Costs { max_leaf: config.costs.max_leaf.min(max_leaf), ..config.costs };
         let (records, numbers) =
             emit(boxes, &bounds, &Config { costs, ..config }, limits).map_err(|TooLarge| too_many)?;
@@ -99,7 +99,7 @@ impl BoxTree {
     /// `enter` is given the scaled `t_max` and returns the new one; below zero ends the walk. A box is entered no later than any
     /// hit that lies within `error` of it in each coordinate, in units of the space, and while that is `<= t_max`: so ties
     /// are met, whatever the tree.
-    pub fn nearest_first<Q: Query>(
+    pub fn traverse_ordered<Q: Query>(
         &self,
         ray: &ScaledRay,
         error: f64,
@@ -109,8 +109,8 @@ impl BoxTree {
         self.path.run(Entering::<_, _, true> { tree: self, ray, error, query, enter });
     }
 
-    /// As [`BoxTree::nearest_first`], in any order: for whoever ends the walk at the first hit.
-    pub fn in_any_order<Q: Query>(
+    /// As [`BoxTree::traverse_ordered`], in any order: for whoever ends the walk at the first hit.
+    pub fn traverse_any<Q: Query>(
         &self,
         ray: &ScaledRay,
         error: f64,
@@ -138,8 +138,6 @@ fn emit(boxes: &[Aabb], bounds: &Aabb, config: &Config, limits: &Limits) -> Resu
     let leaf = |place: u32| areas(aligned.leaf_areas[place as usize]);
     let plan = Plan::new(&tree, &inner, &leaf, &config.costs, false);
     let source = Source {
-        share: false,
-        scale: 1.0,
         tree: &tree,
         corners: &[],
         primitives: &tree.leaves,

@@ -11,9 +11,9 @@ use crate::layout::Limits;
 use crate::measure::{self, Aligned};
 use crate::refit::Wear;
 use crate::traverse::{LaneKernel, MeshFrame};
-use crate::{Config, Predicted, SimdPath, Wide};
+use crate::{Config, PredictedCost, SimdPath, WideBvh};
 
-impl<K: LaneKernel> Wide<K> {
+impl<K: LaneKernel> WideBvh<K> {
     /// Builds a tree over triangles.
     ///
     /// # Errors
@@ -23,7 +23,7 @@ impl<K: LaneKernel> Wide<K> {
         Self::build_within(&Limits::OF_WORDS, positions, triangles, config)
     }
 
-    /// As [`Wide::build`], where words can name no more than this.
+    /// As [`WideBvh::build`], where words can name no more than this.
     pub(crate) fn build_within(
         limits: &Limits,
         positions: &[[f32; 3]],
@@ -40,7 +40,7 @@ impl<K: LaneKernel> Wide<K> {
     /// Collapses a binary tree of any builder; `corners` in primitive order and finite, `bounds` around them.
     ///
     /// # Errors
-    /// As [`Wide::build`] where there are too many triangles.
+    /// As [`WideBvh::build`] where there are too many triangles.
     pub fn over(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Self, GeometryError> {
         let limits = &Limits::OF_WORDS;
         check_number(corners.len(), limits)?;
@@ -63,29 +63,27 @@ fn assemble<K: LaneKernel>(
     bounds: &Aabb,
     config: &Config,
     limits: &Limits,
-) -> Result<Wide<K>, GeometryError> {
+) -> Result<WideBvh<K>, GeometryError> {
     let Chosen { tree, rows, aligned, scale } = chosen;
     let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
     let aligned_cost = binary::cost(tree, aligned, &config.costs);
-    let (areas, fits) = if config.lean {
+    let (areas, fits) = if config.oriented {
         let areas = BoxAreas { inner: &aligned.inner_areas, leaf: &aligned.leaf_areas };
-        let frame_config = FrameConfig { rounds: config.rounds, ..FrameConfig::default() };
+        let frame_config = FrameConfig { rounds: config.refine_iterations, ..FrameConfig::default() };
         let fits = frames::fit(tree, &sorted, *rows, &areas, *scale, &frame_config);
         (plan_areas(aligned, Some(&fits)), fits)
     } else {
         (plan_areas(aligned, None), Fits::default())
     };
     let leaf_areas = |place: u32| areas.1[place as usize];
-    let plan = Plan::new(tree, &areas.0, &leaf_areas, &config.costs, config.lean);
-    let root_area = tree.root().map_or(1.0, |root| plan.area(root, crate::NodeKind::Box));
+    let plan = Plan::new(tree, &areas.0, &leaf_areas, &config.costs, config.oriented);
+    let root_area = tree.root().map_or(1.0, |root| plan.area(root, crate::NodeKind::Aligned));
     let chosen_cost = tree.root().map_or(0.0, |root| plan.cost(root));
     let frame_of = |child: Child| match child.kind() {
         ChildKind::Leaf(place) => fits.leaf[place as usize].rows,
         ChildKind::Inner(id) => fits.inner[id.index()].rows,
     };
     let source = Source {
-        share: config.share,
-        scale: *scale,
         tree,
         corners: &sorted,
         primitives: &tree.leaves,
@@ -94,12 +92,12 @@ fn assemble<K: LaneKernel>(
         frames: &frame_of,
     };
     let records = emit(&source, &plan, limits).map_err(|_| GeometryError::TooMany { n_triangles: corners.len() })?;
-    Ok(Wide {
+    Ok(WideBvh {
         records,
         frame: MeshFrame::new(*rows),
         bounds: *bounds,
         n_triangles: corners.len(),
-        predicted: Predicted { aligned: aligned_cost / root_area, chosen: chosen_cost / root_area },
+        predicted: PredictedCost { aligned: aligned_cost / root_area, chosen: chosen_cost / root_area },
         wear: Wear::new(config.costs),
         path: SimdPath::detect(),
         kernel: PhantomData,

@@ -46,9 +46,8 @@ struct Table {
     areas: Areas,
 }
 
-/// Kinds that the programme chooses among; a shared frame is tried where a node turned out to lean.
-const KINDS: usize = 2;
-const KIND: [NodeKind; KINDS] = [NodeKind::Box, NodeKind::Lean];
+/// Kinds that the programme chooses among.
+const KINDS: usize = NodeKind::ALL.len();
 
 impl Areas {
     fn of(&self, kind: usize) -> f32 {
@@ -114,35 +113,21 @@ impl<'a> Plan<'a> {
 
     /// Area of a subtree's box, as a parent of this kind sees it.
     pub(crate) fn area(&self, child: Child, kind: NodeKind) -> f32 {
-        self.table(child).areas.of(usize::from(kind != NodeKind::Box))
-    }
-
-    /// What visits cost.
-    pub(crate) fn costs(&self) -> &Costs {
-        &self.costs
-    }
-
-    /// What a ray pays that enters `child` in a leaning parent, before anything below.
-    pub(crate) fn visit(&self, child: Child) -> f32 {
-        match (self.form(child, NodeKind::Lean), child.kind()) {
-            (Form::Node(kind), _) => self.costs.node(kind),
-            (Form::Leaf, ChildKind::Leaf(_)) => self.costs.leaf_of(1),
-            (Form::Leaf, ChildKind::Inner(id)) => self.costs.leaf_of(self.tree.nodes[id.index()].n_leaves() as usize),
-        }
+        self.table(child).areas.of(kind as usize)
     }
 
     /// How `child` stands in a parent of kind `kind`.
     pub(crate) fn form(&self, child: Child, parent: NodeKind) -> Form {
         let ChildKind::Inner(id) = child.kind() else { return Form::Leaf };
         let table = &self.tables[id.index()];
-        let area = table.areas.of(usize::from(parent != NodeKind::Box));
+        let area = table.areas.of(parent as usize);
         let n_leaves = self.tree.nodes[id.index()].n_leaves() as usize;
         best_form(table, area, n_leaves, &self.costs, self.n_kinds).1
     }
 
     /// The subtrees that fill a node of kind `kind` over inner node `child`.
     pub(crate) fn children(&self, child: Child, kind: NodeKind) -> Vec<Child> {
-        let kind = usize::from(kind != NodeKind::Box);
+        let kind = kind as usize;
         let mut children = Vec::with_capacity(WIDTH);
         let ChildKind::Inner(id) = child.kind() else { return children };
         let node = &self.tree.nodes[id.index()];
@@ -199,9 +184,9 @@ fn best_form(table: &Table, area: f32, n_leaves: usize, costs: &Costs, n_kinds: 
     let mut best = if n_leaves <= costs.max_leaf {
         (area * costs.leaf_of(n_leaves), Form::Leaf)
     } else {
-        (f32::INFINITY, Form::Node(NodeKind::Box))
+        (f32::INFINITY, Form::Node(NodeKind::Aligned))
     };
-    for (kind, below) in KIND.into_iter().zip(table.node).take(n_kinds) {
+    for (kind, below) in NodeKind::ALL.into_iter().zip(table.node).take(n_kinds) {
         let cost = area * costs.node(kind) + below;
         if cost < best.0 {
             best = (cost, Form::Node(kind));

@@ -22,15 +22,13 @@ pub struct Config {
     /// Builder of the binary tree that is collapsed.
     pub builder: Builder,
     /// A second builder; its tree is taken where its predicted cost is lower.
-    pub rival: Option<Builder>,
+    pub alternative_builder: Option<Builder>,
     /// Whether nodes may lean.
-    pub lean: bool,
-    /// Whether a leaning node may have one frame for all its children where that is cheaper.
-    pub share: bool,
+    pub oriented: bool,
     /// Whether the whole mesh may be turned into a frame of its own before the binary tree is built.
-    pub turn: bool,
+    pub rotate_mesh: bool,
     /// Times that each small subtree's frame is turned about its axes in search of less area.
-    pub rounds: u32,
+    pub refine_iterations: u32,
 }
 
 impl Config {
@@ -39,27 +37,36 @@ impl Config {
     pub fn preset(preset: Preset) -> Self {
         let costs = Costs::default();
         match preset {
-            Preset::Fast => {
-                Self { costs, builder: Builder::Lbvh, rival: None, lean: true, share: false, turn: false, rounds: 0 }
-            }
-            Preset::Balanced => {
-                Self { costs, builder: Builder::BALANCED, rival: None, lean: true, share: false, turn: true, rounds: 0 }
-            }
+            Preset::Fast => Self {
+                costs,
+                builder: Builder::Lbvh,
+                alternative_builder: None,
+                oriented: true,
+                rotate_mesh: false,
+                refine_iterations: 0,
+            },
+            Preset::Balanced => Self {
+                costs,
+                builder: Builder::BALANCED,
+                alternative_builder: None,
+                oriented: true,
+                rotate_mesh: true,
+                refine_iterations: 0,
+            },
             Preset::Quality => Self {
                 costs,
                 builder: Builder::QUALITY,
-                rival: Some(Builder::TopDown(TopDownConfig::BINNED, None)),
-                lean: true,
-                share: false,
-                turn: true,
-                rounds: 5,
+                alternative_builder: Some(Builder::TopDown(TopDownConfig::BINNED, None)),
+                oriented: true,
+                rotate_mesh: true,
+                refine_iterations: 5,
             },
         }
     }
 
     /// The settings as builds take them: see [`Costs`].
     pub(crate) fn usable(&self) -> Self {
-        Self { costs: self.costs.usable(self.lean), ..*self }
+        Self { costs: self.costs.usable(self.oriented), ..*self }
     }
 }
 

@@ -10,11 +10,9 @@ use crate::layout::{MAX_LEAF, NodeKind};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
     /// A node with boxes along the mesh's axes.
-    pub box_node: f32,
-    /// A node with one frame for all children.
-    pub shared_node: f32,
+    pub aligned_node: f32,
     /// A node with a frame for each child.
-    pub lean_node: f32,
+    pub oriented_node: f32,
     /// A leaf, before its blocks.
     pub leaf: f32,
     /// A block of up to eight triangles.
@@ -25,7 +23,7 @@ pub struct Costs {
 
 impl Default for Costs {
     fn default() -> Self {
-        Self { box_node: 1.0, shared_node: 1.25, lean_node: 1.7, leaf: 2.0, block: 0.2, max_leaf: 32 }
+        Self { aligned_node: 1.0, oriented_node: 1.7, leaf: 2.0, block: 0.2, max_leaf: 32 }
     }
 }
 
@@ -34,21 +32,19 @@ impl Costs {
     #[must_use]
     pub fn node(&self, kind: NodeKind) -> f32 {
         match kind {
-            NodeKind::Box => self.box_node,
-            NodeKind::Shared => self.shared_node,
-            NodeKind::Lean => self.lean_node,
+            NodeKind::Aligned => self.aligned_node,
+            NodeKind::Oriented => self.oriented_node,
         }
     }
 
-    /// These costs as builds weigh by them; `lean` says whether nodes may lean.
-    pub(crate) fn usable(&self, lean: bool) -> Self {
-        let [box_node, shared_node, lean_node, leaf, block] =
-            [self.box_node, self.shared_node, self.lean_node, self.leaf, self.block]
-                .map(|cost| if cost >= 0.0 { cost } else { f32::INFINITY });
+    /// These costs as builds weigh by them; `oriented` says whether there are oriented nodes.
+    pub(crate) fn usable(&self, oriented: bool) -> Self {
+        let [aligned_node, oriented_node, leaf, block] = [self.aligned_node, self.oriented_node, self.leaf, self.block]
+            .map(|cost| if cost >= 0.0 { cost } else { f32::INFINITY });
         // Forbidden altogether, nodes would be filled as if all cost the same, with two children each.
-        let is_left = box_node.is_finite() || lean && lean_node.is_finite();
-        let box_node = if is_left { box_node } else { Self::default().box_node };
-        Self { box_node, shared_node, lean_node, leaf, block, max_leaf: self.max_leaf.clamp(1, MAX_LEAF) }
+        let is_left = aligned_node.is_finite() || oriented && oriented_node.is_finite();
+        let aligned_node = if is_left { aligned_node } else { Self::default().aligned_node };
+        Self { aligned_node, oriented_node, leaf, block, max_leaf: self.max_leaf.clamp(1, MAX_LEAF) }
     }
 
     /// The cost of a visit to a leaf of `n` primitives, if one holds so many.

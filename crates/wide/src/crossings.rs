@@ -10,16 +10,16 @@
 
 use canted_trace::{Hit, Ray, ScaledRay, Shear, Side, Watertight};
 
-use crate::Wide;
+use crate::WideBvh;
 use crate::layout::NodeKind;
 use crate::simd::{Simd, Task};
-use crate::traced::{Take, Traced, by_t, trace};
+use crate::traced::{HitSink, Traced, by_t, trace};
 use crate::traverse::Stack;
 
-impl Wide<Watertight> {
+impl WideBvh<Watertight> {
     /// Every crossing of a surface with `t_min <= t <= t_max`, once, in order: least `t`, then lowest primitive.
     ///
-    /// Replaces what `crossings` held. They are the hits of [`Wide::all_hits`] but for those exactly on an edge or a
+    /// Replaces what `crossings` held. They are the hits of [`WideBvh::all_hits`] but for those exactly on an edge or a
     /// vertex: of the triangles around it count those that a ray would cross which is moved, next to nothing, to a
     /// side that depends on its direction alone. They go under the lowest primitives that are hit there from the same
     /// side. So a ray that starts and ends outside of a closed mesh crosses it an even number of times, half of them
@@ -34,7 +34,7 @@ impl Wide<Watertight> {
 }
 
 struct Crossings<'a> {
-    wide: &'a Wide<Watertight>,
+    wide: &'a WideBvh<Watertight>,
     ray: &'a Ray,
     crossings: &'a mut Vec<Hit>,
 }
@@ -77,7 +77,7 @@ struct Rim {
     counts: bool,
 }
 
-impl Take<[[f32; 3]; 3]> for Met<'_> {
+impl HitSink<[[f32; 3]; 3]> for Met<'_> {
     const ORDERED: bool = false;
 
     #[inline(always)]

@@ -17,15 +17,12 @@ use crate::Sizes;
 use crate::collapse::{Form, Plan};
 use crate::layout::{Half, Limits, Line, NodeKind, Word, WordKind, node_words};
 use crate::par;
-use crate::share::shared_frame;
 
 /// A wide node before it is written: its place and its children.
 #[derive(Clone, Debug)]
 struct Draft {
     kind: NodeKind,
     line: usize,
-    /// Of a shared node.
-    frame: Option<[[f32; 3]; 3]>,
     children: Vec<(Child, Word)>,
 }
 
@@ -39,10 +36,6 @@ struct LeafDraft {
 
 /// What boxes are written from.
 pub(crate) struct Source<'a> {
-    /// Whether nodes may share one frame among their children.
-    pub(crate) share: bool,
-    /// Brings the largest extent to about 1.
-    pub(crate) scale: f32,
     pub(crate) tree: &'a Tree,
     /// Vertices in leaf order; empty where primitives are not triangles.
     pub(crate) corners: &'a [Corners],
@@ -69,7 +62,7 @@ impl Records {
     /// Sizes, by a walk over all nodes.
     pub(crate) fn sizes(&self) -> Sizes {
         let mut sizes = Sizes {
-            nodes: [0; 3],
+            nodes: [0; 2],
             node_bytes: size_of_val(&self.lines[..]),
             block_bytes: size_of_val(&self.halves[..]),
             depth: self.depth,
@@ -127,7 +120,7 @@ impl LeafDraft {
     }
 }
 
-pub(crate) fn range(tree: &Tree, child: Child) -> (u32, u32) {
+fn range(tree: &Tree, child: Child) -> (u32, u32) {
     match child.kind() {
         ChildKind::Leaf(place) => (place, place + 1),
         ChildKind::Inner(id) => {
@@ -171,7 +164,7 @@ fn layout<L: LeafForm>(
     let (mut n_lines, mut given, mut deepest) = (0, Given::default(), 0);
     let mut root_word = Word::EMPTY;
     // The subtree, its parent's kind, the slot that waits for its word, and its depth.
-    let mut open = vec![(root, NodeKind::Box, None, 0u32)];
+    let mut open = vec![(root, NodeKind::Aligned, None, 0u32)];
     while let Some((child, parent_kind, slot, depth)) = open.pop() {
         let word = match plan.form(child, parent_kind) {
             Form::Leaf => {
@@ -184,10 +177,6 @@ fn layout<L: LeafForm>(
             Form::Node(kind) => {
                 let mut children = plan.children(child, kind);
                 children.sort_by(|&a, &b| plan.area(b, kind).total_cmp(&plan.area(a, kind)));
-                let frame = (kind == NodeKind::Lean && source.share)
-                    .then(|| shared_frame(source, plan, child, &children))
-                    .flatten();
-                let kind = if frame.is_some() { NodeKind::Shared } else { kind };
                 let line = n_lines;
                 n_lines += kind.n_lines();
                 if n_lines > limits.n_lines {
@@ -198,7 +187,7 @@ fn layout<L: LeafForm>(
                 open.extend(children.iter().enumerate().rev().map(|(i, &c)| (c, kind, Some((index, i)), depth + 1)));
                 deepest = deepest.max(depth + 1);
                 let children = children.into_iter().map(|c| (c, Word::EMPTY)).collect();
-                drafts.push(Draft { kind, line, frame, children });
+                drafts.push(Draft { kind, line, children });
                 Word::node(kind, line)
             }
         };

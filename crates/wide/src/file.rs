@@ -3,13 +3,13 @@
 //! ```text
 //! at    bytes        what
 //! 0     8            "CANTWIDE"
-//! 8     4            version, 2
+//! 8     4            version, 3
 //! 12    4, 4, 4      root word; depth; most triangles of a leaf
 //! 24    8, 8, 8      cache lines of nodes; half-blocks of triangles; triangles
 //! 48    36           rows of the mesh's frame
 //! 84    24           least and greatest coordinates of vertices
-//! 108   20, 8, 8     costs of visits; predicted costs; those before the first refit, -1 where there was none
-//! 144   16           nothing yet, zero
+//! 108   16, 8, 8     costs of visits; predicted costs; those before the first refit, -1 where there was none
+//! 140   20           nothing yet, zero
 //! 160   64 a line    nodes
 //!       160 a half   triangles
 //!       8            checksum of all before
@@ -29,15 +29,15 @@ use bytemuck::Pod;
 use crate::emit::Records;
 use crate::layout::Half;
 use crate::traverse::{LaneKernel, MeshFrame};
-use crate::{SimdPath, Wide};
+use crate::{SimdPath, WideBvh};
 
 use check::{Promise, check};
 use checksum::checksum;
 pub use error::LoadError;
 use header::{CHECKSUM_BYTES, HEADER_BYTES, Header};
 
-impl<K: LaneKernel> Wide<K> {
-    /// The tree as bytes, for [`Wide::from_bytes`]: about as many as [`Wide::n_bytes`], the same on every machine.
+impl<K: LaneKernel> WideBvh<K> {
+    /// The tree as bytes, for [`WideBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on every machine.
     ///
     /// Its vertices go with it, the kernel and the SIMD path do not: both are the reader's choice.
     #[must_use]
@@ -64,7 +64,7 @@ impl<K: LaneKernel> Wide<K> {
         bytes
     }
 
-    /// The tree that [`Wide::to_bytes`] made bytes of, bit for bit.
+    /// The tree that [`WideBvh::to_bytes`] made bytes of, bit for bit.
     ///
     /// Nothing in `bytes` is taken on trust, whoever wrote it and whatever its checksum: the tree that comes back
     /// cannot panic, loop or overflow a stack, and finds every hit on the triangles in it. Takes no more memory than

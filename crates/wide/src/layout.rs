@@ -2,7 +2,6 @@
 //!
 //! ```text
 //! box node     lo, hi of x, y, z in the mesh's frame (6 x 8), 8 child words                     256 bytes
-//! shared node  3 rows, lo, hi of 3 axes (6 x 8), 8 child words                                  320 bytes
 //! lean node    9 components of rows, 3 centres, 3 half-extents (15 x 8), 8 child words          512 bytes
 //! triangles    v0, v1, v2 (9 x 8), 8 numbers; or four of each                                   320, 160 bytes
 //! ```
@@ -35,8 +34,6 @@ pub(crate) const HALF_WORDS: usize = 40;
 
 /// Lines of each node.
 pub(crate) const BOX_LINES: usize = 4;
-/// Lines of a node with one frame for all children.
-pub(crate) const SHARED_LINES: usize = 5;
 /// Lines of a node with a frame for each child.
 pub(crate) const LEAN_LINES: usize = 8;
 
@@ -50,23 +47,20 @@ pub(crate) const NOWHERE: f32 = 9.223_372e18;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NodeKind {
     /// Boxes along the axes of the mesh's frame.
-    Box,
-    /// Boxes along the axes of one frame, the node's own.
-    Shared,
+    Aligned,
     /// A frame for each child.
-    Lean,
+    Oriented,
 }
 
 impl NodeKind {
     /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Box, Self::Shared, Self::Lean];
+    pub const ALL: [Self; 2] = [Self::Aligned, Self::Oriented];
 
     /// Cache lines of a node.
     pub(crate) fn n_lines(self) -> usize {
         match self {
-            Self::Box => BOX_LINES,
-            Self::Shared => SHARED_LINES,
-            Self::Lean => LEAN_LINES,
+            Self::Aligned => BOX_LINES,
+            Self::Oriented => LEAN_LINES,
         }
     }
 }
@@ -122,9 +116,8 @@ impl Word {
         }
         let line = self.0 & 0x1fff_ffff;
         match self.0 >> 29 {
-            0 => WordKind::Node(NodeKind::Box, line),
-            1 => WordKind::Node(NodeKind::Shared, line),
-            2 => WordKind::Node(NodeKind::Lean, line),
+            0 => WordKind::Node(NodeKind::Aligned, line),
+            1 => WordKind::Node(NodeKind::Oriented, line),
             _ => WordKind::Empty,
         }
     }
@@ -169,9 +162,8 @@ pub(crate) fn rows<const LINES: usize, const ROWS: usize>(lines: &[Line], first:
 /// The child words of a node.
 pub(crate) fn node_words(lines: &[Line], kind: NodeKind, line: u32) -> &[Word; 8] {
     match kind {
-        NodeKind::Box => bytemuck::cast_ref(&rows::<BOX_LINES, 8>(lines, line)[6]),
-        NodeKind::Shared => bytemuck::cast_ref(&rows::<SHARED_LINES, 10>(lines, line)[8]),
-        NodeKind::Lean => bytemuck::cast_ref(&rows::<LEAN_LINES, 16>(lines, line)[15]),
+        NodeKind::Aligned => bytemuck::cast_ref(&rows::<BOX_LINES, 8>(lines, line)[6]),
+        NodeKind::Oriented => bytemuck::cast_ref(&rows::<LEAN_LINES, 16>(lines, line)[15]),
     }
 }
 
@@ -194,7 +186,7 @@ mod tests {
 
     #[test]
     fn records_are_as_long_as_the_table_says() {
-        assert_eq!(NodeKind::ALL.map(|kind| kind.n_lines() * size_of::<Line>()), [256, 320, 512]);
+        assert_eq!(NodeKind::ALL.map(|kind| kind.n_lines() * size_of::<Line>()), [256, 512]);
         assert_eq!(size_of::<Half>(), 160);
     }
 }

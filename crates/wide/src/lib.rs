@@ -5,10 +5,10 @@
 //!
 //! ```
 //! use canted_trace::{Ray, Watertight};
-//! use canted_wide::{Config, Preset, Wide};
+//! use canted_wide::{Config, Preset, WideBvh};
 //!
 //! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let tree = Wide::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::preset(Preset::Balanced))?;
+//! let tree = WideBvh::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::preset(Preset::Balanced))?;
 //! let ray = Ray::new([0.25, 0.5, 1.0], [0.0, 0.0, -1.0]);
 //! let hit = tree.closest_hit(&ray).expect("it points at the triangle");
 //! assert_eq!((hit.t, hit.u, hit.v, hit.primitive.0), (1.0, 0.25, 0.5, 0));
@@ -44,20 +44,20 @@
 //! ```
 //!
 //! A node has eight children and one of three kinds ([`NodeKind`]): boxes along the axes of a frame of the whole mesh,
-//! boxes in one frame of the node's own, or a frame for each child. [`Wide::predicted`] and [`Wide::sizes`] tell what
+//! boxes in one frame of the node's own, or a frame for each child. [`WideBvh::predicted`] and [`WideBvh::sizes`] tell what
 //! was chosen and what it was predicted to save, `canted stats` says it in a sentence. Sources: Woop et al. 2014 for
 //! nodes with a frame for each child, which they give to curves; Ylitie et al. 2017 for the collapse by dynamic
 //! programming, here over kinds of nodes too; Wald et al. 2020 for frames carried up a binary tree.
 //!
 //! | you want | you call |
 //! | --- | --- |
-//! | the first hit, or whether there is one | [`Wide::closest_hit`], [`Wide::occluded`] |
-//! | every hit; every crossing of a surface, once | [`Wide::all_hits`], [`Wide::crossings`] |
-//! | only hits that a function accepts | [`Wide::closest_hit_where`], [`Wide::occluded_where`] |
-//! | slices, on one thread or on all | [`Wide::closest_hits`], [`Wide::par_closest_hits`], and their like |
-//! | new vertices for the same triangles | [`Wide::refit`], which tells when to build anew |
-//! | what rays visit, by kind | [`Wide::visits`] |
-//! | a tree as bytes | [`Wide::to_bytes`], [`Wide::from_bytes`] |
+//! | the first hit, or whether there is one | [`WideBvh::closest_hit`], [`WideBvh::occluded`] |
+//! | every hit; every crossing of a surface, once | [`WideBvh::all_hits`], [`WideBvh::crossings`] |
+//! | only hits that a function accepts | [`WideBvh::closest_hit_where`], [`WideBvh::occluded_where`] |
+//! | slices, on one thread or on all | [`WideBvh::closest_hits`], [`WideBvh::par_closest_hits`], and their like |
+//! | new vertices for the same triangles | [`WideBvh::refit`], which tells when to build anew |
+//! | what rays visit, by kind | [`WideBvh::visits`] |
+//! | a tree as bytes | [`WideBvh::to_bytes`], [`WideBvh::from_bytes`] |
 //!
 //! # What is promised
 //! * **No lost hit.** The answers are those of the triangle test `K` tried on every triangle: same `t`, `u`, `v`, same
@@ -96,7 +96,6 @@ mod primitive;
 mod primitive_tree;
 mod queries;
 mod refit;
-mod share;
 mod simd;
 mod slices;
 mod traced;
@@ -116,6 +115,6 @@ pub use primitive_tree::{PrimitiveError, PrimitiveTree};
 pub use refit::{Flaw, Refit, RefitError};
 pub use simd::SimdPath;
 pub use traverse::LaneKernel;
-pub use visits::Visits;
-pub use wide::{Predicted, Sizes, Wide};
-pub use words::Words;
+pub use visits::TraversalCounts;
+pub use wide::{PredictedCost, Sizes, TriangleBvh, WideBvh};
+pub use words::RawBvh;

@@ -8,7 +8,7 @@ use crate::box_tree::check_number;
 use crate::emit::Records;
 use crate::layout::Limits;
 use crate::simd::Simd;
-use crate::traced::{Leaf, Take, Traced, hit};
+use crate::traced::{HitSink, Leaf, Traced, hit};
 use crate::traverse::{MeshFrame, Pads};
 use crate::{BoxTree, Config, Primitive, SimdPath, par};
 
@@ -187,7 +187,7 @@ impl<P: Primitive> Traced for PrimitiveTree<P> {
     fn prepare<S: Simd>(_: S, _: &ScaledRay) {}
 
     #[inline(always)]
-    fn leaf<S: Simd, T: Take<P>>(&self, _: S, (): &(), ray: &ScaledRay, leaf: Leaf, take: &mut T) -> f32 {
+    fn leaf<S: Simd, T: HitSink<P>>(&self, _: S, (): &(), ray: &ScaledRay, leaf: Leaf, take: &mut T) -> f32 {
         let Leaf { first, n, mut t_max } = leaf;
         let range = first as usize..(first + n) as usize;
         for &number in &self.boxes.numbers[range] {
@@ -202,7 +202,7 @@ impl<P: Primitive> Traced for PrimitiveTree<P> {
 
 /// Hands over the hits on one primitive, one after another: the first may be refused.
 #[inline(always)]
-fn meet<P: Primitive, T: Take<P>>(
+fn meet<P: Primitive, T: HitSink<P>>(
     primitive: &P,
     number: PrimId,
     mut ray: ScaledRay,

@@ -1,30 +1,30 @@
 use canted_trace::{Hit, InstanceId, Query, Ray};
 
-use crate::Wide;
+use crate::WideBvh;
 use crate::answers::{AllOfOne, One};
-use crate::traced::Asking;
+use crate::traced::FilterQuery;
 use crate::traverse::LaneKernel;
 
 /// Queries of single rays.
 ///
 /// A ray that can hit nothing, because its direction is zero, a number is not finite or its interval empty, misses.
-impl<K: LaneKernel> Wide<K> {
+impl<K: LaneKernel> WideBvh<K> {
     /// The hit of least `t`; ties go to the lowest primitive.
     #[must_use]
     pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
         self.closest_hit_with(ray, InstanceId(0), &mut ())
     }
 
-    /// Whether anything is hit: agrees with [`Wide::closest_hit`].
+    /// Whether anything is hit: agrees with [`WideBvh::closest_hit`].
     #[must_use]
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.occluded_with(ray, InstanceId(0), &mut ())
     }
 
-    /// Every hit with `t_min <= t <= t_max`, in the order of [`Wide::closest_hit`]: least `t`, then lowest primitive.
+    /// Every hit with `t_min <= t <= t_max`, in the order of [`WideBvh::closest_hit`]: least `t`, then lowest primitive.
     ///
     /// Replaces what `hits` held. Each triangle appears once, but all triangles around an edge or a vertex that the ray
-    /// passes through appear; [`Wide::crossings`] counts surfaces instead.
+    /// passes through appear; [`WideBvh::crossings`] counts surfaces instead.
     pub fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>) {
         self.all_hits_with(ray, InstanceId(0), &mut (), hits);
     }
@@ -36,14 +36,14 @@ impl<K: LaneKernel> Wide<K> {
     #[must_use]
     pub fn closest_hit_where(&self, ray: &Ray, accepts: impl Fn(&Ray, &Hit) -> bool) -> Option<Hit> {
         let accepts = |_: usize, ray: &Ray, hit: &Hit| accepts(ray, hit);
-        self.closest_hit_with(ray, InstanceId(0), &mut Asking { accepts: &accepts, index: 0, ray })
+        self.closest_hit_with(ray, InstanceId(0), &mut FilterQuery { accepts: &accepts, index: 0, ray })
     }
 
-    /// Whether `accepts` accepts any hit; see [`Wide::closest_hit_where`].
+    /// Whether `accepts` accepts any hit; see [`WideBvh::closest_hit_where`].
     #[must_use]
     pub fn occluded_where(&self, ray: &Ray, accepts: impl Fn(&Ray, &Hit) -> bool) -> bool {
         let accepts = |_: usize, ray: &Ray, hit: &Hit| accepts(ray, hit);
-        self.occluded_with(ray, InstanceId(0), &mut Asking { accepts: &accepts, index: 0, ray })
+        self.occluded_with(ray, InstanceId(0), &mut FilterQuery { accepts: &accepts, index: 0, ray })
     }
 
     /// The hit of least `t` that the query accepts, as a hit on `instance`; ties go to the lowest primitive.

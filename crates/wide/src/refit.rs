@@ -18,7 +18,7 @@ use std::fmt;
 
 use canted_lbvh::{self as lbvh, Corners, GeometryError};
 
-use crate::Wide;
+use crate::WideBvh;
 use crate::traverse::LaneKernel;
 
 pub(crate) use blocks::{Triangles, unused_lanes_are_zero};
@@ -43,7 +43,7 @@ pub struct Refit {
 }
 
 impl Refit {
-    /// Drift above which a rebuild is advised: see the table at [`Wide::refit`].
+    /// Drift above which a rebuild is advised: see the table at [`WideBvh::refit`].
     pub const MOST_DRIFT: f32 = 1.5;
 
     fn between(built: Prediction, before: Prediction, now: Prediction) -> Self {
@@ -100,7 +100,7 @@ impl From<GeometryError> for RefitError {
     }
 }
 
-impl<K: LaneKernel> Wide<K> {
+impl<K: LaneKernel> WideBvh<K> {
     /// Takes new vertices for the same triangles; object space, in the order of the build.
     ///
     /// Hits are then those of every new triangle tried, whatever the motion. What suffers is speed: which triangles

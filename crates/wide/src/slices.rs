@@ -1,6 +1,6 @@
 use canted_trace::{Hit, Ray};
 
-use crate::Wide;
+use crate::WideBvh;
 use crate::answers::{Any, Closest, Every, Occluded, Where, parallel, serial};
 use crate::traverse::LaneKernel;
 
@@ -11,7 +11,7 @@ use crate::traverse::LaneKernel;
 ///
 /// Forms with `_where` ask a function about hits, with the place of the ray in its slice. It must answer by its
 /// arguments alone: it is asked in an order that changes with the tree and the threads, and not about all hits.
-impl<K: LaneKernel> Wide<K> {
+impl<K: LaneKernel> WideBvh<K> {
     /// The closest hit of each ray.
     pub fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         serial(self.path, self, &Closest(Any), rays, hits);
@@ -32,7 +32,7 @@ impl<K: LaneKernel> Wide<K> {
         parallel(self.path, self, &Occluded(Any), rays, occluded);
     }
 
-    /// Every hit of each ray, as [`Wide::all_hits`] gives them.
+    /// Every hit of each ray, as [`WideBvh::all_hits`] gives them.
     pub fn all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
         serial(self.path, self, &Every(Any), rays, hits);
     }

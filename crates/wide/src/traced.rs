@@ -31,7 +31,7 @@ pub(crate) trait Traced: Sync {
     fn prepare<S: Simd>(simd: S, ray: &ScaledRay) -> Self::Prepared<S>;
 
     /// Hands all hits of a leaf with `t <= t_max` to `take`, and returns what it last returned, at first `t_max`.
-    fn leaf<S: Simd, T: Take<Self::Met>>(
+    fn leaf<S: Simd, T: HitSink<Self::Met>>(
         &self,
         simd: S,
         prepared: &Self::Prepared<S>,
@@ -50,7 +50,7 @@ pub(crate) struct Leaf {
 }
 
 /// What becomes of hits on `M`.
-pub(crate) trait Take<M: ?Sized> {
+pub(crate) trait HitSink<M: ?Sized> {
     /// Subtrees are visited nearest first.
     const ORDERED: bool;
 
@@ -66,7 +66,7 @@ pub(crate) trait Take<M: ?Sized> {
 
 /// Walks `tree`. Must be inlined where the path's instructions are enabled, like all of [`Simd`]'s callers.
 #[inline(always)]
-pub(crate) fn trace<S: Simd, W: Traced, T: Take<W::Met>>(
+pub(crate) fn trace<S: Simd, W: Traced, T: HitSink<W::Met>>(
     simd: S,
     tree: &W,
     ray: &ScaledRay,
@@ -94,7 +94,7 @@ struct Leaves<'a, S: Simd, W: Traced, T> {
     take: &'a mut T,
 }
 
-impl<S: Simd, W: Traced, T: Take<W::Met>> Visit for Leaves<'_, S, W, T> {
+impl<S: Simd, W: Traced, T: HitSink<W::Met>> Visit for Leaves<'_, S, W, T> {
     #[inline(always)]
     fn leaf(&mut self, first: u32, n: u32, t_max: f32) -> f32 {
         self.take.primitives(n);
@@ -132,7 +132,7 @@ impl<'a, Q, const ORDERED: bool> Best<'a, Q, ORDERED> {
     }
 }
 
-impl<M: ?Sized, Q: Query, const ORDERED: bool> Take<M> for Best<'_, Q, ORDERED> {
+impl<M: ?Sized, Q: Query, const ORDERED: bool> HitSink<M> for Best<'_, Q, ORDERED> {
     const ORDERED: bool = ORDERED;
 
     #[inline(always)]
@@ -175,7 +175,7 @@ impl<Q> All<'_, Q> {
     }
 }
 
-impl<M: ?Sized, Q: Query> Take<M> for All<'_, Q> {
+impl<M: ?Sized, Q: Query> HitSink<M> for All<'_, Q> {
     const ORDERED: bool = false;
 
     #[inline(always)]
@@ -205,13 +205,13 @@ pub(crate) fn by_t(a: &Hit, b: &Hit) -> std::cmp::Ordering {
 }
 
 /// Asks a function of the caller's.
-pub(crate) struct Asking<'a, F> {
+pub(crate) struct FilterQuery<'a, F> {
     pub(crate) accepts: &'a F,
     pub(crate) index: usize,
     pub(crate) ray: &'a Ray,
 }
 
-impl<F: Fn(usize, &Ray, &Hit) -> bool> Query for Asking<'_, F> {
+impl<F: Fn(usize, &Ray, &Hit) -> bool> Query for FilterQuery<'_, F> {
     #[inline(always)]
     fn accepts(&mut self, hit: &Hit) -> bool {
         (self.accepts)(self.index, self.ray, hit)

@@ -1,7 +1,7 @@
 //! Rays through nodes and leaves.
 //!
 //! ```text
-//! ScaledRay -> RayLanes -> node (box, shared, lean) -> entries and mask -> walk -> leaves
+//! ScaledRay -> RayLanes -> node (aligned, oriented) -> entries and mask -> walk -> leaves
 //! ```
 //!
 //! # No lost hit
@@ -30,9 +30,6 @@
 //! that displacement, `√3·e`, and `u·|p| + u·h' + u·h' + 2.01 u·t·|d'|`, where the second `u·h'` is for a product
 //! rounded before its sum: in all `√3·(ERROR + 12.1 u)·S`, [`Pads::lean`] has 14 u. It matters not if `d'` has lost
 //! its sign: only the place at `t` enters.
-//!
-//! *Shared nodes.* As lean ones with `c = 0` and planes met as `fl(fl(lo - (o' + pad))·a)`: `canted_trace` needs 11 u
-//! for that form; [`Pads::lean`] is used.
 //!
 //! Underflow loses a few 2^-149 in position; the smallest normal number is added to every pad. Coordinates up to 2^62
 //! and reciprocals up to 2^64 keep every number finite.

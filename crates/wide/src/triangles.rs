@@ -1,10 +1,10 @@
 use canted_trace::ScaledRay;
 
-use crate::Wide;
+use crate::WideBvh;
 use crate::emit::Records;
 use crate::layout::{PART_LANES, PARTS};
 use crate::simd::Simd;
-use crate::traced::{Leaf, Take, Traced, hit};
+use crate::traced::{HitSink, Leaf, Traced, hit};
 use crate::traverse::{Block, LaneKernel, MeshFrame, Pads, RayTriangles};
 
 /// A ray ready for blocks of triangles, and for triangles one by one.
@@ -14,7 +14,7 @@ pub(crate) struct Prepared<S: Simd, K: LaneKernel> {
 }
 
 /// Leaves hold triangles by their vertices.
-impl<K: LaneKernel> Traced for Wide<K> {
+impl<K: LaneKernel> Traced for WideBvh<K> {
     type Prepared<S: Simd> = Prepared<S, K>;
     type Met = [[f32; 3]; 3];
 
@@ -44,7 +44,7 @@ impl<K: LaneKernel> Traced for Wide<K> {
     }
 
     #[inline(always)]
-    fn leaf<S: Simd, T: Take<Self::Met>>(
+    fn leaf<S: Simd, T: HitSink<Self::Met>>(
         &self,
         simd: S,
         prepared: &Prepared<S, K>,

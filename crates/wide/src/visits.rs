@@ -2,42 +2,42 @@
 
 use canted_trace::{Hit, InstanceId, Ray, ScaledRay};
 
-use crate::Wide;
+use crate::WideBvh;
 use crate::layout::NodeKind;
 use crate::simd::{Simd, Task};
-use crate::traced::{Best, Take, Traced, trace};
+use crate::traced::{Best, HitSink, Traced, trace};
 use crate::traverse::{LaneKernel, Stack};
 
 /// Visits of rays that look for their closest hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Visits {
+pub struct TraversalCounts {
     /// Nodes of each kind, in the order of [`NodeKind::ALL`].
-    pub nodes: [u64; 3],
+    pub nodes: [u64; 2],
     /// Leaves.
     pub leaves: u64,
     /// Blocks of up to eight triangles.
     pub blocks: u64,
 }
 
-impl<K: LaneKernel> Wide<K> {
-    /// What [`Wide::closest_hits`] visits for these rays, one after another.
+impl<K: LaneKernel> WideBvh<K> {
+    /// What [`WideBvh::closest_hits`] visits for these rays, one after another.
     #[must_use]
-    pub fn visits(&self, rays: &[Ray]) -> Visits {
+    pub fn traversal_counts(&self, rays: &[Ray]) -> TraversalCounts {
         self.path.run(Counting { wide: self, rays })
     }
 }
 
 struct Counting<'a, K: LaneKernel> {
-    wide: &'a Wide<K>,
+    wide: &'a WideBvh<K>,
     rays: &'a [Ray],
 }
 
 impl<K: LaneKernel> Task for Counting<'_, K> {
-    type Output = Visits;
+    type Output = TraversalCounts;
 
     #[inline(always)]
-    fn on<S: Simd>(self, simd: S) -> Visits {
-        let mut visits = Visits::default();
+    fn on<S: Simd>(self, simd: S) -> TraversalCounts {
+        let mut visits = TraversalCounts::default();
         let mut stack = Stack::new(self.wide.records().depth);
         for ray in self.rays {
             let Some(ray) = ScaledRay::new(ray) else { continue };
@@ -52,10 +52,10 @@ impl<K: LaneKernel> Task for Counting<'_, K> {
 /// The closest hit, and what was visited on the way.
 struct Counted<'a, 'q> {
     best: Best<'q, (), true>,
-    visits: &'a mut Visits,
+    visits: &'a mut TraversalCounts,
 }
 
-impl<M: ?Sized> Take<M> for Counted<'_, '_> {
+impl<M: ?Sized> HitSink<M> for Counted<'_, '_> {
     const ORDERED: bool = true;
 
     #[inline(always)]
@@ -83,13 +83,13 @@ mod tests {
     use super::*;
     use crate::{Config, Preset};
 
-    /// Visits add up to the tests that a query counts, on every path.
+    /// Counts add up to the tests that a query counts, on every path.
     #[test]
     fn visits_are_the_tests_that_a_query_counts() {
         let mesh = fixtures::SCENES.iter().find(|scene| scene.name == "scaffold").map(|scene| (scene.generate)());
         let mesh = mesh.expect("the scene is known");
-        let config = Config { share: true, ..Config::preset(Preset::Fast) };
-        let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).expect("finite");
+        let config = Config::preset(Preset::Fast);
+        let tree = WideBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).expect("finite");
         let rays: Vec<Ray> = fixtures::object_views(&mesh)[0]
             .rays(24)
             .iter()
@@ -99,12 +99,12 @@ mod tests {
         for ray in &rays {
             let _ = tree.closest_hit_with(ray, InstanceId(0), &mut counts);
         }
-        let visits = tree.visits(&rays);
+        let visits = tree.traversal_counts(&rays);
         assert_eq!(8 * visits.nodes.iter().sum::<u64>(), counts.boxes);
         assert!(visits.nodes.iter().all(|&n| n > 0), "{visits:?}");
         let most = counts.triangles.div_ceil(8) + visits.leaves;
         assert!(visits.leaves <= visits.blocks && visits.blocks <= most, "{visits:?} for {counts:?}");
-        assert_eq!(tree.clone().with_path(crate::SimdPath::Scalar).visits(&rays), visits);
-        assert_eq!(tree.visits(&[]), Visits::default());
+        assert_eq!(tree.clone().with_path(crate::SimdPath::Scalar).traversal_counts(&rays), visits);
+        assert_eq!(tree.traversal_counts(&[]), TraversalCounts::default());
     }
 }

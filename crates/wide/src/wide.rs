@@ -12,20 +12,23 @@ use crate::traverse::{LaneKernel, MeshFrame};
 /// `K` is the triangle test. Hits are those of `K` tried on every triangle: same `t`, `u`, `v`, same primitive, ties to
 /// the lowest, on every [`SimdPath`].
 #[derive(Clone, Debug)]
-pub struct Wide<K: LaneKernel> {
+pub struct WideBvh<K: LaneKernel> {
     pub(crate) records: Records,
     pub(crate) frame: MeshFrame,
     pub(crate) bounds: Aabb,
     pub(crate) n_triangles: usize,
-    pub(crate) predicted: Predicted,
+    pub(crate) predicted: PredictedCost,
     pub(crate) wear: Wear,
     pub(crate) path: SimdPath,
     pub(crate) kernel: PhantomData<K>,
 }
 
+/// A BVH over triangles with the triangle test `K`.
+pub type TriangleBvh<K = canted_trace::Watertight> = WideBvh<K>;
+
 /// Predicted costs of a ray that enters the root's box, in visits of box nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Predicted {
+pub struct PredictedCost {
     /// With box nodes only.
     pub aligned: f32,
     /// Of the tree as it was built.
@@ -36,7 +39,7 @@ pub struct Predicted {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sizes {
     /// Nodes of each kind, in the order of [`NodeKind::ALL`](crate::NodeKind::ALL).
-    pub nodes: [usize; 3],
+    pub nodes: [usize; 2],
     /// Bytes of all nodes.
     pub node_bytes: usize,
     /// Bytes of all triangle blocks.
@@ -45,7 +48,7 @@ pub struct Sizes {
     pub depth: u32,
 }
 
-impl<K: LaneKernel> Wide<K> {
+impl<K: LaneKernel> WideBvh<K> {
     /// The same tree traced on another path; on the scalar one where this machine lacks it.
     #[must_use]
     pub fn with_path(mut self, path: SimdPath) -> Self {
@@ -94,7 +97,7 @@ impl<K: LaneKernel> Wide<K> {
 
     /// What the build predicted a ray to cost.
     #[must_use]
-    pub fn predicted(&self) -> Predicted {
+    pub fn predicted(&self) -> PredictedCost {
         self.predicted
     }
 

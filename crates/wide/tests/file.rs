@@ -2,10 +2,10 @@
 
 use canted_fixtures::{self as fixtures, Mesh};
 use canted_trace::{Counts, InstanceId, MollerTrumbore, Ray, Watertight};
-use canted_wide::{Config, LoadError, Preset, SimdPath, Wide};
+use canted_wide::{Config, LoadError, Preset, SimdPath, TriangleBvh};
 
-fn build(mesh: &Mesh, preset: Preset) -> Wide<Watertight> {
-    Wide::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).unwrap()
+fn build(mesh: &Mesh, preset: Preset) -> TriangleBvh<Watertight> {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).unwrap()
 }
 
 fn meshes() -> Vec<(&'static str, Mesh)> {
@@ -30,7 +30,7 @@ fn what_is_written_comes_back_bit_for_bit() {
         for preset in [Preset::Balanced, Preset::Fast, Preset::Quality].into_iter().take(n_presets) {
             let wide = build(&mesh, preset);
             let bytes = wide.to_bytes();
-            let back = Wide::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let back = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(back.to_bytes(), bytes, "{name}");
             assert_eq!(
                 (back.aabb(), back.frame(), back.n_triangles()),
@@ -64,9 +64,9 @@ fn rays(mesh: &Mesh) -> Vec<Ray> {
 fn a_file_serves_any_kernel() {
     let mesh = fixtures::soup(2, 500);
     let config = Config::default();
-    let wanted = Wide::<MollerTrumbore>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+    let wanted = TriangleBvh::<MollerTrumbore>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
     let bytes = build(&mesh, Preset::default()).to_bytes();
-    let back = Wide::<MollerTrumbore>::from_bytes(&bytes).unwrap();
+    let back = TriangleBvh::<MollerTrumbore>::from_bytes(&bytes).unwrap();
     assert!(rays(&mesh).iter().all(|ray| back.closest_hit(ray) == wanted.closest_hit(ray)));
 }
 
@@ -74,12 +74,12 @@ fn a_file_serves_any_kernel() {
 fn files_cut_off_anywhere_are_refused_by_length() {
     let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
     for n in 0..bytes.len() {
-        let error = Wide::<Watertight>::from_bytes(&bytes[..n]).unwrap_err();
+        let error = TriangleBvh::<Watertight>::from_bytes(&bytes[..n]).unwrap_err();
         assert!(matches!(error, LoadError::Length { n_bytes, .. } if n_bytes == n), "{n}: {error}");
     }
     let mut longer = bytes;
     longer.push(0);
-    assert!(matches!(Wide::<Watertight>::from_bytes(&longer), Err(LoadError::Length { .. })));
+    assert!(matches!(TriangleBvh::<Watertight>::from_bytes(&longer), Err(LoadError::Length { .. })));
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn every_changed_byte_is_seen() {
         for change in [1, 0x80, 0xff] {
             let mut damaged = bytes.clone();
             damaged[i] ^= change;
-            assert!(Wide::<Watertight>::from_bytes(&damaged).is_err(), "byte {i}");
+            assert!(TriangleBvh::<Watertight>::from_bytes(&damaged).is_err(), "byte {i}");
         }
     }
 }
@@ -100,10 +100,10 @@ fn other_files_and_other_versions_are_named() {
     let with = |at: usize, new: &[u8]| {
         let mut bytes = bytes.clone();
         bytes[at..at + new.len()].copy_from_slice(new);
-        Wide::<Watertight>::from_bytes(&bytes).unwrap_err()
+        TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err()
     };
     assert_eq!(with(0, b"\x7fELF").to_string(), "not a tree: it begins with \"\\x7fELFWIDE\"");
-    assert_eq!(with(8, &[1]).to_string(), "version 1 of the form; only 2 is read");
+    assert_eq!(with(8, &[1]).to_string(), "version 1 of the form; only 3 is read");
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn huge_counts_are_refused_before_anything_is_allocated() {
         for count in [u64::MAX, u64::MAX / 64, 1 << 40] {
             let mut bytes = bytes.clone();
             bytes[at..at + 8].copy_from_slice(&count.to_le_bytes());
-            assert!(matches!(Wide::<Watertight>::from_bytes(&bytes), Err(LoadError::Length { .. })));
+            assert!(matches!(TriangleBvh::<Watertight>::from_bytes(&bytes), Err(LoadError::Length { .. })));
         }
     }
     // Triangles are not told of by the file's length: the checksum is made right, by the definition of FNV-1a.
@@ -125,6 +125,6 @@ fn huge_counts_are_refused_before_anything_is_allocated() {
         sum = (sum ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
     }
     bytes[end..].copy_from_slice(&sum.to_le_bytes());
-    let error = Wide::<Watertight>::from_bytes(&bytes).unwrap_err();
+    let error = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err();
     assert_eq!(error, LoadError::Count { n_told: 1 << 40, n_places: 20 });
 }

@@ -4,10 +4,10 @@ use canted_fixtures::{self as fixtures, Hair, Mesh, SplitMix64, Strand};
 use canted_lbvh::GeometryError;
 use canted_obb::{Aabb, PrimId};
 use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
-use canted_wide::{Config, LaneKernel, RefitError, Wide};
+use canted_wide::{Config, LaneKernel, RefitError, TriangleBvh};
 
-fn build<K: LaneKernel>(mesh: &Mesh) -> Wide<K> {
-    Wide::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+fn build<K: LaneKernel>(mesh: &Mesh) -> TriangleBvh<K> {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how vertices are stored")]
@@ -80,7 +80,7 @@ fn brute<K: Kernel>(records: &[K::Record], ray: &Ray) -> Option<Hit> {
 }
 
 /// Rays of which the tree and the loop over all triangles disagree, and rays that hit.
-fn disagree<K: LaneKernel>(wide: &Wide<K>, mesh: &Mesh) -> (usize, usize) {
+fn disagree<K: LaneKernel>(wide: &TriangleBvh<K>, mesh: &Mesh) -> (usize, usize) {
     let corners = mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize]));
     let records: Vec<K::Record> = corners.map(K::record).collect();
     let answers = rays(mesh).into_iter().map(|ray| {
@@ -126,7 +126,7 @@ fn a_tree_without_its_refit_would_be_noticed() {
 }
 
 /// Nodes and blocks, between the header and the checksum.
-fn records(wide: &Wide<Watertight>) -> Vec<u8> {
+fn records(wide: &TriangleBvh<Watertight>) -> Vec<u8> {
     let bytes = wide.to_bytes();
     bytes[160..bytes.len() - 8].to_vec()
 }
@@ -189,14 +189,14 @@ fn a_refitted_tree_can_be_saved_and_keeps_its_drift() {
     let (_, shaken) = &motions[0];
     let refit = wide.refit(&shaken.positions, &shaken.triangles).unwrap();
     let bytes = wide.to_bytes();
-    let mut back = Wide::<Watertight>::from_bytes(&bytes).unwrap();
+    let mut back = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap();
     assert_eq!(back.to_bytes(), bytes);
     let again = back.refit(&shaken.positions, &shaken.triangles).unwrap();
     assert_eq!((again.cost_built, again.cost_before, again.drift), (refit.cost_built, refit.cost_now, refit.drift));
 }
 
 /// Nodes and triangles that camera rays meet.
-fn work(wide: &Wide<Watertight>, mesh: &Mesh) -> (f64, f64) {
+fn work(wide: &TriangleBvh<Watertight>, mesh: &Mesh) -> (f64, f64) {
     let mut counts = Counts::default();
     for ray in fixtures::object_views(mesh).iter().flat_map(|view| view.rays(48)) {
         wide.closest_hit_with(&Ray::new(ray.origin, ray.direction), InstanceId(0), &mut counts);

@@ -20,5 +20,5 @@ fn put_box(slot: u32, volume: Box) {
     put(slot, 1u, volume.frame[0]);
     put(slot, 2u, volume.frame[1]);
     put(slot, 3u, volume.frame[2]);
-    put(slot, 4u, volume.half);
+    put(slot, 4u, volume.half_extents);
 }

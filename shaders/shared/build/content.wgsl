@@ -1,17 +1,17 @@
 // What a node's child holds.
 
-/// A box, all points `center + columns * q` with `|q[k]| <= half[k]`; or a triangle, its corners the columns.
+/// A box, all points `center + columns * q` with `|q[k]| <= half_extents[k]`; or a triangle, its corners the columns.
 struct Content {
     is_box: bool,
     /// Midpoint of a box, a corner of a triangle.
     center: vec3<f32>,
     columns: mat3x3<f32>,
-    half: vec3<f32>,
+    half_extents: vec3<f32>,
 }
 
 /// The three edges from a box's midpoint to its faces.
 fn sides(box: Content) -> mat3x3<f32> {
-    return mat3x3<f32>(box.columns[0] * box.half.x, box.columns[1] * box.half.y, box.columns[2] * box.half.z);
+    return mat3x3<f32>(box.columns[0] * box.half_extents.x, box.columns[1] * box.half_extents.y, box.columns[2] * box.half_extents.z);
 }
 
 fn length_1(v: vec3<f32>) -> f32 {

@@ -11,19 +11,19 @@ const COUPLING: f32 = 2.4e-7;
 const NEGLIGIBLE: f32 = 1e-30;
 
 /// A symmetric matrix on its way to a diagonal one; entry k of `coupling` joins the two axes other than k.
-struct Turned {
+struct Diagonalization {
     diagonal: vec3<f32>,
     coupling: vec3<f32>,
     axes: mat3x3<f32>,
 }
 
 /// Turns axes p and q about axis r so that they are no longer coupled (Jacobi 1846).
-fn uncoupled(given: Turned, p: u32, q: u32, r: u32) -> Turned {
+fn jacobi_rotation(given: Diagonalization, p: u32, q: u32, r: u32) -> Diagonalization {
     var before = given;
-    var turned = given;
+    var rotated = given;
     let coupled = before.coupling[r];
     if coupled * coupled <= COUPLING * COUPLING * abs(before.diagonal[p] * before.diagonal[q]) + NEGLIGIBLE {
-        return turned;
+        return rotated;
     }
     let difference = before.diagonal[q] - before.diagonal[p];
     let twice = 2.0 * coupled;
@@ -31,40 +31,40 @@ fn uncoupled(given: Turned, p: u32, q: u32, r: u32) -> Turned {
     let opposite = select(twice, -twice, difference < 0.0);
     let hypotenuse = sqrt(adjacent * adjacent + opposite * opposite);
     if !(hypotenuse > 1e-15) {
-        return turned;
+        return rotated;
     }
     let cosine = adjacent / hypotenuse;
     let sine = opposite / hypotenuse;
     let change = opposite / adjacent * coupled;
-    turned.diagonal[p] -= change;
-    turned.diagonal[q] += change;
-    turned.coupling[r] = 0.0;
+    rotated.diagonal[p] -= change;
+    rotated.diagonal[q] += change;
+    rotated.coupling[r] = 0.0;
     let with_p = before.coupling[q];
     let with_q = before.coupling[p];
-    turned.coupling[q] = cosine * with_p - sine * with_q;
-    turned.coupling[p] = sine * with_p + cosine * with_q;
-    turned.axes[p] = cosine * before.axes[p] - sine * before.axes[q];
-    turned.axes[q] = sine * before.axes[p] + cosine * before.axes[q];
-    return turned;
+    rotated.coupling[q] = cosine * with_p - sine * with_q;
+    rotated.coupling[p] = sine * with_p + cosine * with_q;
+    rotated.axes[p] = cosine * before.axes[p] - sine * before.axes[q];
+    rotated.axes[q] = sine * before.axes[p] + cosine * before.axes[q];
+    return rotated;
 }
 
 /// Orthonormal axes of a matrix with entries near one: diagonal xx, yy, zz, coupling yz, xz, xy; the longest first.
 fn principal_axes(diagonal: vec3<f32>, coupling: vec3<f32>) -> mat3x3<f32> {
-    var turned = Turned(diagonal, coupling, mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0));
+    var rotated = Diagonalization(diagonal, coupling, mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0));
     for (var sweep = 0u; sweep < MOST_SWEEPS; sweep++) {
-        turned = uncoupled(turned, 0u, 1u, 2u);
-        turned = uncoupled(turned, 0u, 2u, 1u);
-        turned = uncoupled(turned, 1u, 2u, 0u);
+        rotated = jacobi_rotation(rotated, 0u, 1u, 2u);
+        rotated = jacobi_rotation(rotated, 0u, 2u, 1u);
+        rotated = jacobi_rotation(rotated, 1u, 2u, 0u);
     }
-    let values = turned.diagonal;
+    let values = rotated.diagonal;
     let x_first = values.x >= values.y && values.x >= values.z;
     let y_first = !x_first && values.y >= values.z;
     if x_first {
         let y_second = values.y >= values.z;
-        return axes_along(turned.axes[0], select(turned.axes[2], turned.axes[1], y_second));
+        return axes_along(rotated.axes[0], select(rotated.axes[2], rotated.axes[1], y_second));
     }
     if y_first {
-        return axes_along(turned.axes[1], select(turned.axes[2], turned.axes[0], values.x >= values.z));
+        return axes_along(rotated.axes[1], select(rotated.axes[2], rotated.axes[0], values.x >= values.z));
     }
-    return axes_along(turned.axes[2], select(turned.axes[1], turned.axes[0], values.x >= values.y));
+    return axes_along(rotated.axes[2], select(rotated.axes[1], rotated.axes[0], values.x >= values.y));
 }

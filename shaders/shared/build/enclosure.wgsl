@@ -24,7 +24,7 @@ const SKEWNESS: f32 = 0.0009765625;
 struct Box {
     center: vec3<f32>,
     frame: mat3x3<f32>,
-    half: vec3<f32>,
+    half_extents: vec3<f32>,
 }
 
 struct Extent {
@@ -34,7 +34,7 @@ struct Extent {
     size: f32,
 }
 
-const UNTURNED = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+const IDENTITY = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
 
 /// Coordinates along the axes of a frame.
 fn along(frame: mat3x3<f32>, v: vec3<f32>) -> vec3<f32> {
@@ -86,7 +86,7 @@ fn joined_extents(a: Extent, b: Extent) -> Extent {
 fn box_around(frame: mat3x3<f32>, origin: vec3<f32>, extent: Extent, skew: f32) -> Box {
     // Also what is no number is refused.
     if !(skew <= SKEWNESS) {
-        return Box(origin, UNTURNED, vec3(-1.0));
+        return Box(origin, IDENTITY, vec3(-1.0));
     }
     // Any midpoint will do, since half-extents are measured from it as stored.
     let center = stored(origin + frame * (0.5 * (extent.low + extent.high)));
@@ -98,13 +98,13 @@ fn box_around(frame: mat3x3<f32>, origin: vec3<f32>, extent: Extent, skew: f32) 
 
 /// The box along the axes of the space around an axis-aligned one: the difference, the product and the factor's own rounding take
 /// 3 E of the half-extent. A flat box stays flat.
-fn box_of(low: vec3<f32>, high: vec3<f32>) -> Box {
+fn box_from_aabb(low: vec3<f32>, high: vec3<f32>) -> Box {
     let middle = stored(0.5 * low + 0.5 * high);
     // Compared as integers, for a small difference may be flushed to zero.
     let flat = bitcast<vec3<u32>>(low) == bitcast<vec3<u32>>(high);
     let center = select(middle, low, flat);
     let half = max(high - center, center - low) * (1.0 + 4.0 * ROUNDING) + TINY;
-    return Box(center, UNTURNED, select(half, vec3(0.0), flat));
+    return Box(center, IDENTITY, select(half, vec3(0.0), flat));
 }
 
 /// Surface area of a box along orthonormal axes, over eight.

@@ -3,7 +3,7 @@
 // use shared/light/asked
 // use shared/light/lights
 // use shared/light/incoming
-// use shared/turns
+// use shared/iterations
 
 /// Beyond all bounces, one dimension for each vertex and light.
 const FIRST_LIGHT: u32 = 65536u;
@@ -15,7 +15,7 @@ fn ask(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_asked
     let n_lights = arrayLength(&lights);
     var asked = NOT_ASKED;
     for (var number = n_asked; number < n_lights && !asked.is_asked; number++) {
-        turns += 1u;
+        iterations += 1u;
         asked.n_asked = number + 1u;
         let dimension = FIRST_LIGHT + vertex * n_lights + number;
         let incoming = incoming_light(lights[number], surface.position, square(one, dimension));

@@ -7,5 +7,5 @@
 @group(1) @binding(4) var<storage, read_write> samples: array<vec4<f32>>;
 
 fn keep(group: u32, local: u32, radiance: vec3<f32>, n_rays: u32) {
-    samples[64u * group + local] = vec4(radiance, select(f32(n_rays), -1.0, is_cut));
+    samples[64u * group + local] = vec4(radiance, select(f32(n_rays), -1.0, is_incomplete));
 }

@@ -8,8 +8,8 @@ const HAS_INSTANCES: bool = false;
 
 /// Takes the ray to the tree; its root, or an empty word for no ray.
 fn enter_outer(ray: Ray) -> u32 {
-    let root = enter_tree(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
-    prepare_triangles(greatest(ray.origin) + trees[0].row_x.w);
+    let root = enter_bvh(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
+    prepare_triangles(greatest(ray.origin) + bvhs[0].row_x.w);
     return root;
 }
 

@@ -4,7 +4,7 @@
 // use shared/light/sample
 // use shared/light/tree
 // use shared/light/triangle
-// use shared/turns
+// use shared/iterations
 // use ?emission
 
 /// A triangle that gives light, in the order of instances and primitives.
@@ -55,7 +55,7 @@ fn emitter_of(instance: u32, primitive: u32) -> u32 {
     var last = n;
     // Halves until one is left.
     loop {
-        turns += 1u;
+        iterations += 1u;
         if first >= last {
             break;
         }

@@ -4,7 +4,7 @@
 // f32: siblings are compared by quotients.
 // use shared/numbers
 // use shared/light/receiver
-// use shared/turns
+// use shared/iterations
 
 /// A cluster of lights: a ball, and the cone by its cosines. World space.
 struct LightNode {
@@ -111,7 +111,7 @@ fn choose_light(receiver: Receiver, number: f32) -> Chosen {
     var node = 0u;
     var probability = 1.0;
     loop {
-        turns += 1u;
+        iterations += 1u;
         let first = light_nodes[node].first_child;
         if first == 0u {
             break;
@@ -135,7 +135,7 @@ fn light_probability(leaf: u32, receiver: Receiver) -> f32 {
     var child = leaf;
     var probability = 1.0;
     loop {
-        turns += 1u;
+        iterations += 1u;
         if child == 0u || probability <= 0.0 {
             break;
         }

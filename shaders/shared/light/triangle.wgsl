@@ -2,7 +2,7 @@
 //
 // Every step is chosen for f32. The solid angle is 2 atan2(|a b c|, 1 + ab + bc + ca) (Van Oosterom and Strackee 1983), its
 // triple product taken from the edges, which a far point does not blur. A share `x` of it is a triangle a, b, c' with c' on
-// the arc from a to c: if `h = p a + q c` halves the angle from a to c', then c' is a mirrored in h, and the tangent of half
+// the arc from a to c: if `h = p a + q c` triangle_blocks the angle from a to c', then c' is a mirrored in h, and the tangent of half
 // the share's solid angle is `q |a b c| / (p (1 + ab) + q (ab + bc))`, which is solved for p and q by products alone. The
 // point on the arc from b to c' comes from the chord between them, not from a difference of cosines. It is the same point
 // that Arvo 1995 finds.

@@ -1,5 +1,5 @@
 // Surfaces that alpha cuts out: a ray meets them where alpha says so.
-// use shared/mix
+// use shared/hash
 // use shared/presence
 // use shared/ray_key
 

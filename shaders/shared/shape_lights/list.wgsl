@@ -1,11 +1,11 @@
 // Balls and discs of the list as rays meet them: they stand in the light of others and are black where they do not shine.
 // use shared/light/lights
 // use shared/numbers
-// use shared/turns
+// use shared/iterations
 
 /// Whether a body but the light `except` stands along a ray.
 fn shape_light_occludes(ray: Ray, except: u32) -> bool {
-    turns += arrayLength(&lights);
+    iterations += arrayLength(&lights);
     for (var number = 0u; number < arrayLength(&lights); number++) {
         if number != except && shape_light_crossing(lights[number], ray).t <= ray.t_max {
             return true;
@@ -24,7 +24,7 @@ struct ShapeLightHit {
 }
 
 fn intersect_shape_lights(ray: Ray) -> ShapeLightHit {
-    turns += arrayLength(&lights);
+    iterations += arrayLength(&lights);
     var met = ShapeLightHit(false, 0u, vec3(0.0), ray.t_max);
     for (var number = 0u; number < arrayLength(&lights); number++) {
         let crossing = shape_light_crossing(lights[number], ray);

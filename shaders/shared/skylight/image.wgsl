@@ -6,7 +6,7 @@
 // use shared/sky/image
 // use shared/light/receiver
 // use shared/light/sample
-// use shared/turns
+// use shared/iterations
 
 struct SkyRow {
     /// Share of the rows above.
@@ -67,7 +67,7 @@ fn sky_interval(is_row: bool, start: u32, n: u32, number: f32) -> u32 {
     var first = 1u;
     var last = n;
     loop {
-        turns += 1u;
+        iterations += 1u;
         if first >= last {
             break;
         }

@@ -1,7 +1,7 @@
 // Suns of the list, each chosen with a share that is the same everywhere.
 // use shared/light/lights
 // use shared/light/sample
-// use shared/turns
+// use shared/iterations
 
 struct SunShare {
     /// Number of the list.
@@ -17,7 +17,7 @@ fn sample_sun(choice: f32) -> LightSample {
     var number = 0u;
     var rest = choice;
     loop {
-        turns += 1u;
+        iterations += 1u;
         if number >= last || rest < sun_shares[number].share {
             break;
         }

@@ -3,7 +3,7 @@
 // is placed less finely far from its origin: by 2^-23 of the coordinate.
 // use ?lod
 // use ?texels
-// use shared/turns
+// use shared/iterations
 
 /// A texture as a material refers to it.
 struct Slot {
@@ -43,7 +43,7 @@ fn texel(slot: u32, seen: Seen) -> vec4<f32> {
     let level = clamp(seen_part.level, 0.0, f32(n_levels - 1u));
     let n = f32(seen_part.n_probes);
     var sum = vec4(0.0);
-    turns += seen_part.n_probes;
+    iterations += seen_part.n_probes;
     for (var probe = 0u; probe < seen_part.n_probes; probe++) {
         let place = (f32(probe) + 0.5) / n - 0.5;
         sum += trilinear(head, uv + place * seen_part.along, level);

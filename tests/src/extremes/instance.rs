@@ -7,7 +7,7 @@ use canted_gpu::{Choice, Gpu, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::{Instance, MAX_CONDITION, Tlas, TopConfig};
 use canted_trace::{Hit, Ray, Watertight};
-use canted_wide::{Config, Wide};
+use canted_wide::{Config, TriangleBvh};
 
 use super::{
     Oracle, Promise, Row,
@@ -186,8 +186,9 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
         map.columns[1][2] = x;
         bad.push(map);
     }
-    let wide =
-        || Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("finite vertices");
+    let wide = || {
+        TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("finite vertices")
+    };
     let row = |promise: Promise, routine: &str, bad: &[Affine], error: &dyn Fn(&[Instance]) -> Option<String>| {
         let instances = |map: &Affine| [Affine::IDENTITY, *map].map(|map| Instance::still(0, map));
         let is_taken = |map: &&Affine| error(&instances(map)).is_none_or(|error| !error.contains("instance 1"));
@@ -199,9 +200,10 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
     let mut rows = vec![row(REFUSED, "Tlas::new", &bad, &on_cpu)];
     if let Ok(gpu) = Gpu::open(&Choice::Best) {
         bad.push(affine(&Rotation::IDENTITY, [1.0, 1.0, 0.99 / canted_gpu::MAX_CONDITION], [0.5; 3]));
-        let on_device =
-            |instances: &[Instance]| TracedScene::two(&gpu, &[&wide()], instances).err().map(|error| error.to_string());
-        rows.push(row(ON_DEVICE, "TracedScene::two", &bad, &on_device));
+        let on_device = |instances: &[Instance]| {
+            TracedScene::two_level(&gpu, &[&wide()], instances).err().map(|error| error.to_string())
+        };
+        rows.push(row(ON_DEVICE, "TracedScene::two_level", &bad, &on_device));
     }
     rows
 }

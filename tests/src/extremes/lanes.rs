@@ -65,7 +65,7 @@ fn entered(pairs: &[Pair], path: SimdPath) -> Vec<Vec<usize>> {
         let of_ray = |(ray, _): &Pair| {
             let mut entered = vec![];
             if let Some(ray) = ScaledRay::new(ray) {
-                tree.in_any_order(&ray, 0.0, &mut (), |number, t_max, ()| {
+                tree.traverse_any(&ray, 0.0, &mut (), |number, t_max, ()| {
                     entered.push(number.index());
                     t_max
                 });

@@ -11,7 +11,7 @@ use canted_obb::{Aabb, Affine};
 use canted_renderer::{Levels, StructureConfig, flatten, prepare};
 use canted_scene::{Instance, Mesh, MeshId, Scene};
 use canted_trace::{ScaledRay, Watertight};
-use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, PrimitiveTree, Wide};
+use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, PrimitiveTree, TriangleBvh};
 
 use super::{Oracle, Promise, Row};
 
@@ -61,7 +61,7 @@ pub(super) fn rows() -> Vec<Row> {
     let mut row = |routine: &str, is_told: bool| rows.push(TOLD.count(routine, 1, usize::from(!is_told)));
     // The system lends pages of zeros, and takes them back unread.
     let triangles = vec![[0u32; 3]; MAX_TRIANGLES + 1];
-    row("Wide::build", is_told(Wide::<Watertight>::build(&[], &triangles, &Config::default()), triangles.len()));
+    row("Wide::build", is_told(TriangleBvh::<Watertight>::build(&[], &triangles, &Config::default()), triangles.len()));
     let shapes = vec![Flawed; MAX_PRIMITIVES + 1];
     row("PrimitiveTree::build", is_told(PrimitiveTree::build(shapes, &Config::default()), MAX_PRIMITIVES + 1));
     let one = StructureConfig { levels: Levels::One, ..StructureConfig::default() };

@@ -2,7 +2,7 @@
 
 use std::{cell::Cell, rc::Rc};
 
-use canted_gpu::{Answer, DeviceHit, Gpu, HIT_ERROR, TracedScene};
+use canted_gpu::{DeviceHit, Gpu, HIT_ERROR, Outcome, TracedScene};
 use canted_obb::PrimId;
 use canted_tlas::Instance;
 use canted_trace::{Hit, InstanceId, Ray, Side};
@@ -17,12 +17,12 @@ pub(super) fn ways(gpu: &Rc<Gpu>) -> [Way; 2] {
     let [(of_one, cuts_of_one), (of_two, cuts_of_two)] = cuts.each_ref().map(|cuts| (Rc::clone(gpu), Rc::clone(cuts)));
     let one: Make = Box::new(move |mesh, place| {
         let tree = wide(&baked(mesh, place), &Config::default());
-        let scene = TracedScene::one(&of_one, &tree, &[0]).expect("small meshes fit every device");
+        let scene = TracedScene::single_level(&of_one, &tree, &[0]).expect("small meshes fit every device");
         Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree), n_cut: Rc::clone(&cuts_of_one) })
     });
     let two: Make = Box::new(move |mesh, place| {
         let tree = wide(mesh, &Config::default());
-        let scene = TracedScene::two(&of_two, &[&tree], &[Instance::still(0, *place)]);
+        let scene = TracedScene::two_level(&of_two, &[&tree], &[Instance::still(0, *place)]);
         let scene = scene.expect("places of tests are well conditioned");
         let tree = Box::new(TwoLevels::new(tree, mesh, place));
         Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })
@@ -54,9 +54,9 @@ impl Device {
 impl Tracer for Device {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         let answers = self.scene.closest_hits(&self.gpu, rays).expect("the device stays");
-        let known = |(answer, ray): (Answer<Option<DeviceHit>>, &Ray)| match answer {
-            Answer::Cut => self.cut(|tree| tree.closest(std::slice::from_ref(ray))[0]),
-            Answer::Known(hit) => hit.map(|hit| Hit {
+        let known = |(answer, ray): (Outcome<Option<DeviceHit>>, &Ray)| match answer {
+            Outcome::Incomplete => self.cut(|tree| tree.closest(std::slice::from_ref(ray))[0]),
+            Outcome::Complete(hit) => hit.map(|hit| Hit {
                 t: hit.t,
                 u: hit.u,
                 v: hit.v,
@@ -70,9 +70,9 @@ impl Tracer for Device {
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
         let answers = self.scene.occluded(&self.gpu, rays).expect("the device stays");
-        let known = |(answer, ray): (Answer<bool>, &Ray)| match answer {
-            Answer::Cut => self.cut(|tree| tree.occluded(std::slice::from_ref(ray))[0]),
-            Answer::Known(found) => found,
+        let known = |(answer, ray): (Outcome<bool>, &Ray)| match answer {
+            Outcome::Incomplete => self.cut(|tree| tree.occluded(std::slice::from_ref(ray))[0]),
+            Outcome::Complete(found) => found,
         };
         answers.into_iter().zip(rays).map(known).collect()
     }

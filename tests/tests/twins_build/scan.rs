@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_fixtures::SplitMix64;
-use canted_gpu::{Bound, Gpu, Specialisation};
+use canted_gpu::{Gpu, NamedBinding, Specialisation};
 
 use crate::setup::gpu;
 
@@ -27,10 +27,10 @@ fn scanned(gpu: &Gpu, group: u32, rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
     let counts = gpu.buffer("counts", &rows.concat()).unwrap();
     // What is there before must not count.
     let totals = gpu.buffer("totals", &[7; ROWS as usize]).unwrap();
-    let bound: [Bound<'_>; 3] = [("digit", &digit), ("counts", &counts), ("totals", &totals)];
-    let mut work = gpu.work();
-    work.dispatch(&kernel, &bound, [ROWS, 1, 1]).unwrap();
-    work.run().unwrap();
+    let bound: [NamedBinding<'_>; 3] = [("digit", &digit), ("counts", &counts), ("totals", &totals)];
+    let mut commands = gpu.commands();
+    commands.dispatch(&kernel, &bound, [ROWS, 1, 1]).unwrap();
+    commands.run().unwrap();
     (gpu.read(&counts).unwrap(), gpu.read(&totals).unwrap())
 }
 

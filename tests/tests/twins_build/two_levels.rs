@@ -103,7 +103,7 @@ fn roots_contain_their_meshes() {
 
 /// Work-groups by station.
 fn groups(run: &Run<'_>) -> Vec<(&'static str, u64)> {
-    run.times().iter().map(|time| (time.station, time.n_groups)).collect()
+    run.times().iter().map(|time| (time.stage, time.n_groups)).collect()
 }
 
 #[test]

@@ -152,13 +152,22 @@ fn a_bare_scene_binds_little() {
     bare.lights.clear();
     bare.meshes.truncate(1);
     bare.instances.truncate(1);
-    let always = ["halves", "light_shares", "materials", "nodes", "picture", "trees"];
+    let always = ["triangle_blocks", "light_shares", "materials", "nodes", "picture", "bvhs"];
     let geometry = ["triangles", "vertices"];
     let expected: Vec<&str> = always.into_iter().chain(geometry).collect();
     assert_eq!(bindings(&bare, &camera, Levels::One), expected);
 
     let all = bindings(&full, &camera, Levels::Two);
-    let more = ["emitters", "instances", "light_leaves", "light_nodes", "lights", "placements", "places", "sun_shares"];
+    let more = [
+        "emitters",
+        "instance_order",
+        "light_leaves",
+        "light_nodes",
+        "lights",
+        "placements",
+        "instances",
+        "sun_shares",
+    ];
     assert_eq!(all.len(), expected.len() + more.len());
     assert!(more.iter().all(|name| all.iter().any(|known| known == name)), "{all:?}");
 

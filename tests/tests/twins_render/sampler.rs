@@ -28,12 +28,12 @@ struct Answer {
 fn of_device(gpu: &Gpu, pattern: &str, asks: &[Ask]) -> Vec<Answer> {
     let part = Specialisation::none().part("pattern", &format!("shared/pattern/{pattern}"));
     let kernel = gpu.kernel("check/sampler", &part).unwrap();
-    let asked = gpu.buffer("asks", asks).unwrap();
+    let asked = gpu.buffer("queries", asks).unwrap();
     let answers = gpu.zeroed::<Answer>("answers", asks.len()).unwrap();
-    let mut work = gpu.work();
+    let mut commands = gpu.commands();
     let groups = kernel.groups(u32::try_from(asks.len()).unwrap());
-    work.dispatch(&kernel, &[("asks", &asked), ("answers", &answers)], groups).unwrap();
-    work.run().unwrap();
+    commands.dispatch(&kernel, &[("queries", &asked), ("answers", &answers)], groups).unwrap();
+    commands.run().unwrap();
     gpu.read(&answers).unwrap()
 }
 

@@ -1,13 +1,13 @@
 //! Trees as deep as each way back up can bear, and one level deeper.
 
 use canted_fixtures::Mesh;
-use canted_gpu::{Answer, Gpu, GpuError, TracedScene, Walk};
+use canted_gpu::{Gpu, GpuError, Outcome, TracedScene, Traversal};
 use canted_lbvh::triangle_corners;
 use canted_obb::Affine;
 use canted_tests::chains::chain;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
-use canted_wide::{NodeKind, Wide};
+use canted_wide::{NodeKind, TriangleBvh};
 
 use super::gpu;
 use super::setup::{loop_over_all, of_one_kind};
@@ -37,7 +37,7 @@ fn n_triangles(depth: u16) -> u16 {
 }
 
 /// Triangles across x, one behind another from 0 to 1, and the tree of this depth over them.
-fn deep(depth: u16) -> (Mesh, Wide<Watertight>) {
+fn deep(depth: u16) -> (Mesh, TriangleBvh<Watertight>) {
     let n = n_triangles(depth);
     let sector = |i: u16| {
         let rare = (1..RARE).find(|&rare| i == (rare - 1) * (n - 1) / (RARE - 2));
@@ -51,7 +51,7 @@ fn deep(depth: u16) -> (Mesh, Wide<Watertight>) {
     let mesh = Mesh { positions, triangles: (0..u32::from(n)).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect() };
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = chain(n.into(), |i| i % 2 == 0);
-    let wide = Wide::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Box)).unwrap();
+    let wide = TriangleBvh::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Aligned)).unwrap();
     assert_eq!(wide.words().depth, u32::from(depth));
     (mesh, wide)
 }
@@ -72,8 +72,8 @@ fn rays(depth: u16) -> Vec<Ray> {
     rays
 }
 
-fn walked(gpu: &Gpu, tree: &Wide<Watertight>, walk: Walk) -> Result<TracedScene, GpuError> {
-    TracedScene::one(gpu, tree, &[0])?.walked(gpu, walk)
+fn with_traversal(gpu: &Gpu, tree: &TriangleBvh<Watertight>, walk: Traversal) -> Result<TracedScene, GpuError> {
+    TracedScene::single_level(gpu, tree, &[0])?.with_traversal(gpu, walk)
 }
 
 /// The first ray whose answers are not the triangle that a loop over all finds.
@@ -83,8 +83,10 @@ fn first_difference(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], wants: &[Optio
     assert_eq!((hits.len(), occluded.len()), (rays.len(), rays.len()));
     rays.iter().zip(hits).zip(occluded).zip(wants).find_map(|(((ray, hit), occluded), &want)| {
         let is_right = match hit {
-            Answer::Known(hit) => hit.map(|hit| hit.primitive) == want && occluded == Answer::Known(want.is_some()),
-            Answer::Cut => false,
+            Outcome::Complete(hit) => {
+                hit.map(|hit| hit.primitive) == want && occluded == Outcome::Complete(want.is_some())
+            }
+            Outcome::Incomplete => false,
         };
         (!is_right).then(|| format!("{ray:?}: {hit:?} and {occluded:?} for {want:?}"))
     })
@@ -98,11 +100,11 @@ fn wants(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<u32>> {
 fn every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear() {
     let Some(gpu) = gpu("every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear") else { return };
     for (depth, walks) in [
-        (16, &Walk::ALL[..]),
-        (17, &[Walk::Stack, Walk::Links]),
-        (33, &[Walk::Stack, Walk::Links]),
-        (52, &[Walk::Stack, Walk::Links]),
-        (128, &[Walk::Stack, Walk::Links]),
+        (16, &Traversal::ALL[..]),
+        (17, &[Traversal::Stack, Traversal::Links]),
+        (33, &[Traversal::Stack, Traversal::Links]),
+        (52, &[Traversal::Stack, Traversal::Links]),
+        (128, &[Traversal::Stack, Traversal::Links]),
     ] {
         let ((mesh, tree), rays) = (deep(depth), rays(depth));
         let wants = wants(&mesh, &rays);
@@ -110,7 +112,7 @@ fn every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear() {
         // The first sector is empty, and rays from among the triangles leave some rare ones behind.
         assert!(n_hit > rays.len() / 2 && wants.len() - n_hit >= rays.len() / usize::from(SECTORS), "{n_hit}");
         for &walk in walks {
-            let scene = walked(&gpu, &tree, walk).unwrap();
+            let scene = with_traversal(&gpu, &tree, walk).unwrap();
             assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "{walk:?}, depth {depth}");
         }
     }
@@ -126,22 +128,22 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
     };
     let error = |scene: Result<TracedScene, GpuError>| scene.err().expect("the tree is too deep").to_string();
     let (_, tree) = deep(17);
-    assert_eq!(error(walked(&gpu, &tree, Walk::Bits)), refused(17, 16));
+    assert_eq!(error(with_traversal(&gpu, &tree, Traversal::Bits)), refused(17, 16));
     let (_, tree) = deep(129);
-    for walk in Walk::ALL {
-        assert_eq!(error(walked(&gpu, &tree, walk)), refused(129, 128));
+    for walk in Traversal::ALL {
+        assert_eq!(error(with_traversal(&gpu, &tree, walk)), refused(129, 128));
     }
     // The levels of both trees count where one stands above the other.
     let (_, tree) = deep(16);
-    assert!(walked(&gpu, &tree, Walk::Bits).is_ok());
-    let two = TracedScene::two(&gpu, &[&tree], &[Instance::still(0, Affine::IDENTITY); 2]).unwrap();
-    assert_eq!(error(two.walked(&gpu, Walk::Bits)), refused(17, 16));
+    assert!(with_traversal(&gpu, &tree, Traversal::Bits).is_ok());
+    let two = TracedScene::two_level(&gpu, &[&tree], &[Instance::still(0, Affine::IDENTITY); 2]).unwrap();
+    assert_eq!(error(two.with_traversal(&gpu, Traversal::Bits)), refused(17, 16));
 }
 
 #[test]
 fn the_comparison_sees_a_hit_that_a_deep_tree_lost() {
     let Some(gpu) = gpu("the_comparison_sees_a_hit_that_a_deep_tree_lost") else { return };
     let ((mesh, tree), rays) = (deep(16), rays(16));
-    let scene = walked(&gpu, &tree, Walk::Links).unwrap().without_links(&gpu).unwrap();
+    let scene = with_traversal(&gpu, &tree, Traversal::Links).unwrap().without_parent_links(&gpu).unwrap();
     assert!(first_difference(&gpu, &scene, &rays, &wants(&mesh, &rays)).is_some());
 }

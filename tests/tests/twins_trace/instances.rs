@@ -8,7 +8,7 @@ use canted_tests::{
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, Watertight};
-use canted_wide::Wide;
+use canted_wide::TriangleBvh;
 
 use super::gpu;
 use super::judge::{Tally, World, error_of_instance};
@@ -47,8 +47,8 @@ fn rays_through_instances_lose_no_hit() {
     };
     let world = World { corners: &corners, error: &error };
     for (way, config) in few_ways() {
-        let bottom: Vec<Wide<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
-        let scene = canted_gpu::TracedScene::two(&gpu, &bottom.iter().collect::<Vec<_>>(), &instances).unwrap();
+        let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
+        let scene = canted_gpu::TracedScene::two_level(&gpu, &bottom.iter().collect::<Vec<_>>(), &instances).unwrap();
         let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
         let mut tally = Tally::default();
         world

@@ -5,7 +5,7 @@
 //! the device's first hit is later than the CPU's, it still lies within `B` of the CPU's triangle; and if there is none, the end of
 //! the interval that stands between does.
 
-use canted_gpu::{Answer, DeviceHit, Gpu, HIT_ERROR, TracedScene};
+use canted_gpu::{DeviceHit, Gpu, HIT_ERROR, Outcome, TracedScene};
 pub(crate) use canted_tests::instances::device_hit_error as error_of_instance;
 use canted_tests::{distance::distance, instances::SQRT_3};
 use canted_trace::{Hit, Ray};
@@ -67,10 +67,10 @@ impl World<'_> {
         &self,
         ray: &Ray,
         cpu: Option<Hit>,
-        device: Answer<Option<DeviceHit>>,
+        device: Outcome<Option<DeviceHit>>,
         tally: &mut Tally,
     ) -> Result<(), String> {
-        let Answer::Known(device) = device else {
+        let Outcome::Complete(device) = device else {
             tally.n_cut += 1;
             return Ok(());
         };
@@ -122,7 +122,7 @@ impl World<'_> {
         for ((ray, hit), occluded) in rays.iter().zip(hits).zip(occluded) {
             self.judge(ray, on_cpu(ray), hit, tally)?;
             match (hit, occluded) {
-                (Answer::Known(hit), Answer::Known(occluded)) if hit.is_some() != occluded => {
+                (Outcome::Complete(hit), Outcome::Complete(occluded)) if hit.is_some() != occluded => {
                     return Err(format!("{ray:?}: {hit:?}, and occluded is {occluded}"));
                 }
                 _ => {}

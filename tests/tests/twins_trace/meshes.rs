@@ -21,7 +21,7 @@ fn judged(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: &Config, rays: &[Ray]) -
         corners: &|_, primitive| mesh.corners(primitive as usize),
         error: &|ray, _| error_of_one_level(ray, reach),
     };
-    let scene = TracedScene::one(gpu, &build::<Watertight>(there, config), &[0]).unwrap();
+    let scene = TracedScene::single_level(gpu, &build::<Watertight>(there, config), &[0]).unwrap();
     let on_cpu = build::<Watertight>(mesh, config);
     let mut tally = Tally::default();
     world.judge_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;

@@ -1,7 +1,7 @@
 //! Instances that move while the shutter is open: at each ray's time the device hits what the CPU hits there.
 
 use canted_fixtures::{Mesh, SplitMix64};
-use canted_gpu::{Answer, DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Specialisation, TracedScene};
+use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, Specialisation, TracedScene};
 use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, places},
@@ -10,7 +10,7 @@ use canted_tests::{
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, ScaledRay, Watertight};
-use canted_wide::Wide;
+use canted_wide::TriangleBvh;
 
 use super::gpu;
 use super::judge::{Tally, World, error_of_instance};
@@ -66,7 +66,7 @@ fn error(ray: &Ray, instance: &Instance, reach: f64) -> f64 {
 }
 
 /// The device's answers to rays at a time.
-fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Answer<Option<DeviceHit>>> {
+fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Outcome<Option<DeviceHit>>> {
     let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
     let kernel = gpu.kernel("check/moving", &scene.specialise(chosen)).unwrap();
     let scaled: Vec<ScaledRay> = rays.iter().map(|ray| ScaledRay::new(ray).unwrap()).collect();
@@ -77,14 +77,14 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Answer<O
     bound.push(("rays", &rays_there));
     bound.push(("times", &times));
     bound.push(("hits", &answers));
-    let mut work = gpu.work();
-    work.dispatch(&kernel, &bound, kernel.groups(u32::try_from(rays.len()).unwrap())).unwrap();
-    work.run().unwrap();
+    let mut commands = gpu.commands();
+    commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(rays.len()).unwrap())).unwrap();
+    commands.run().unwrap();
     let found = gpu.read(&answers).unwrap();
     let answer = |(ray, hit): (&ScaledRay, DeviceHit)| match u32::MAX - hit.instance {
-        0 => Answer::Known(None),
-        1 => Answer::Cut,
-        _ => Answer::Known(Some(DeviceHit { t: ray.caller_t(hit.t), ..hit })),
+        0 => Outcome::Complete(None),
+        1 => Outcome::Incomplete,
+        _ => Outcome::Complete(Some(DeviceHit { t: ray.caller_t(hit.t), ..hit })),
     };
     scaled.iter().zip(found).map(answer).collect()
 }
@@ -96,8 +96,8 @@ fn judged(gpu: &Gpu, late: f32) -> Result<Tally, String> {
         meshes.each_ref().map(|m| m.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs())));
     let crowd = crowd();
     let (_, config) = few_ways().remove(0);
-    let bottom: Vec<Wide<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
-    let scene = TracedScene::two(gpu, &bottom.iter().collect::<Vec<_>>(), &crowd).unwrap();
+    let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
+    let scene = TracedScene::two_level(gpu, &bottom.iter().collect::<Vec<_>>(), &crowd).unwrap();
     let tlas = Tlas::new(bottom, &crowd, TopConfig::default()).unwrap();
     let mut tally = Tally::default();
     let mut rng = SplitMix64::new(11);

@@ -1,7 +1,7 @@
 //! Every way back up a tree: no hit is lost by any.
 
 use canted_fixtures::Mesh;
-use canted_gpu::{Gpu, TracedScene, Walk};
+use canted_gpu::{Gpu, TracedScene, Traversal};
 use canted_obb::Affine;
 use canted_tests::{closed::places, rays, scenes};
 use canted_tlas::{Instance, Tlas, TopConfig};
@@ -29,11 +29,13 @@ fn no_walk_loses_a_hit() {
         let bottom = vec![build::<Watertight>(&mesh, &config)];
         Tlas::new(bottom, instances, TopConfig::default()).unwrap()
     });
-    for walk in Walk::ALL {
-        let scenes: [TracedScene; 2] =
-            [TracedScene::one(&gpu, &tree, &[0]).unwrap(), TracedScene::two(&gpu, &[&tree], &instances).unwrap()];
+    for walk in Traversal::ALL {
+        let scenes: [TracedScene; 2] = [
+            TracedScene::single_level(&gpu, &tree, &[0]).unwrap(),
+            TracedScene::two_level(&gpu, &[&tree], &instances).unwrap(),
+        ];
         for ((scene, tlas), instances) in scenes.into_iter().zip(&tlas).zip([&at_home[..], &instances]) {
-            let scene = scene.walked(&gpu, walk).unwrap();
+            let scene = scene.with_traversal(&gpu, walk).unwrap();
             let place = |instance: u32| instances[instance as usize].world_from_object;
             let corners =
                 |instance: u32, primitive: u32| mesh.corners(primitive as usize).map(|p| place(instance).point_f64(p));
@@ -64,10 +66,11 @@ fn a_walk_without_its_links_is_seen() {
     let tree = build::<Watertight>(&mesh, &few_ways().remove(0).1);
     let rays = rays::from_inside(&mesh, 500, 4);
     let hits = |gpu: &Gpu, scene: &TracedScene| scene.closest_hits(gpu, &rays).unwrap();
-    let scene = |walk: Walk| TracedScene::one(&gpu, &tree, &[0]).unwrap().walked(&gpu, walk).unwrap();
-    let stack = hits(&gpu, &scene(Walk::Stack));
-    for walk in [Walk::Bits, Walk::Links] {
+    let scene =
+        |walk: Traversal| TracedScene::single_level(&gpu, &tree, &[0]).unwrap().with_traversal(&gpu, walk).unwrap();
+    let stack = hits(&gpu, &scene(Traversal::Stack));
+    for walk in [Traversal::Bits, Traversal::Links] {
         assert_eq!(hits(&gpu, &scene(walk)).len(), stack.len());
-        assert_ne!(hits(&gpu, &scene(walk).without_links(&gpu).unwrap()), stack, "{walk:?}");
+        assert_ne!(hits(&gpu, &scene(walk).without_parent_links(&gpu).unwrap()), stack, "{walk:?}");
     }
 }

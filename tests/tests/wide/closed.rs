@@ -5,14 +5,14 @@ use canted_obb::Affine;
 use canted_tests::closed::{Place, baked, closed, places, rays};
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
-use canted_wide::{Config, Wide};
+use canted_wide::{Config, TriangleBvh};
 
 use super::setup::{build, every_way, few_ways, paths};
 
 /// Rays of each kind of leak for each mesh, place and way to build.
 const N_RAYS: usize = 1_500;
 
-fn leaks_of_one(tree: &Wide<Watertight>, rays: &[Ray]) -> usize {
+fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
     tree.closest_hits(rays, &mut hits);
     tree.occluded_many(rays, &mut occluded);

@@ -9,7 +9,7 @@ use canted_tests::{
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{MollerTrumbore, Ray, Watertight};
-use canted_wide::{LaneKernel, Wide};
+use canted_wide::{LaneKernel, TriangleBvh};
 
 use super::setup::{build, few_ways, paths};
 
@@ -34,7 +34,7 @@ fn agrees<K: LaneKernel + Clone>() {
         placed.iter().zip([0, 1].into_iter().cycle()).map(|(&a, blas)| Instance::still(blas, a)).collect();
     for (way, config) in few_ways() {
         for path in paths().0 {
-            let bottom: Vec<Wide<K>> = meshes.iter().map(|mesh| build(mesh, &config).with_path(path)).collect();
+            let bottom: Vec<TriangleBvh<K>> = meshes.iter().map(|mesh| build(mesh, &config).with_path(path)).collect();
             let binary = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
             for top in [TopConfig::Wide(config), binary] {
                 let tlas = Tlas::new(bottom.clone(), &instances, top).unwrap();

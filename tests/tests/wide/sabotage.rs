@@ -4,7 +4,7 @@ use canted_fixtures::{Mesh, thin_box, torus};
 use canted_obb::{Aabb, PrimId};
 use canted_tests::{rays, scenes};
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Ray, ScaledRay, Watertight};
-use canted_wide::{Config, Primitive, PrimitiveHit, PrimitiveTree, Wide};
+use canted_wide::{Config, Primitive, PrimitiveHit, PrimitiveTree, TriangleBvh};
 
 use super::setup::{build, few_ways, first_difference, loop_over_all};
 
@@ -127,10 +127,10 @@ fn checksum(bytes: &[u8]) -> [u8; 8] {
 fn files_with_boxes_too_small_by_a_millionth_are_refused() {
     const HEADER: usize = 160;
     let mesh = torus(12, 6);
-    let config = super::setup::of_one_kind(canted_wide::NodeKind::Box);
-    let config = Config { turn: false, ..config };
+    let config = super::setup::of_one_kind(canted_wide::NodeKind::Aligned);
+    let config = Config { rotate_mesh: false, ..config };
     let bytes = build::<Watertight>(&mesh, &config).to_bytes();
-    assert!(Wide::<Watertight>::from_bytes(&bytes).is_ok());
+    assert!(TriangleBvh::<Watertight>::from_bytes(&bytes).is_ok());
     // Rows of the root, eight children each: lo x, hi x, lo y and so on.
     let n_refused = (0..48)
         .filter(|number| {
@@ -142,7 +142,7 @@ fn files_with_boxes_too_small_by_a_millionth_are_refused() {
             let end = forged.len() - 8;
             let sum = checksum(&forged[..end]);
             forged[end..].copy_from_slice(&sum);
-            Wide::<Watertight>::from_bytes(&forged).is_err()
+            TriangleBvh::<Watertight>::from_bytes(&forged).is_err()
         })
         .count();
     assert_eq!(n_refused, 48);

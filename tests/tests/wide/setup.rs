@@ -3,7 +3,7 @@
 use canted_fixtures::Mesh;
 use canted_tests::brute;
 use canted_trace::{Hit, Ray};
-use canted_wide::{Config, Costs, LaneKernel, NodeKind, Preset, SimdPath, Wide};
+use canted_wide::{Config, Costs, LaneKernel, NodeKind, Preset, SimdPath, TriangleBvh};
 
 /// A way to build, and its name for messages.
 pub(crate) type Way = (String, Config);
@@ -15,11 +15,11 @@ const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Quality];
 pub(crate) fn every_way() -> Vec<Way> {
     let mut ways = vec![];
     for preset in PRESETS {
-        for lean in [false, true] {
+        for oriented in [false, true] {
             // The search for a frame takes longer than all else; which builder follows does not matter to it.
-            for turn in [false, true].into_iter().take(if preset == Preset::Fast { 1 } else { 2 }) {
-                let config = Config { lean, turn, ..Config::preset(preset) };
-                ways.push((format!("{preset:?}, lean {lean}, turn {turn}"), config));
+            for rotate_mesh in [false, true].into_iter().take(if preset == Preset::Fast { 1 } else { 2 }) {
+                let config = Config { oriented, rotate_mesh, ..Config::preset(preset) };
+                ways.push((format!("{preset:?}, oriented {oriented}, rotated {rotate_mesh}"), config));
             }
         }
     }
@@ -34,24 +34,23 @@ pub(crate) fn few_ways() -> Vec<Way> {
 }
 
 /// Nodes of each kind so cheap that hardly another is worth having, over leaves of one triangle: as many nodes as can be.
-pub(crate) fn ways_of_one_kind() -> [Way; 3] {
+pub(crate) fn ways_of_one_kind() -> [Way; 2] {
     NodeKind::ALL.map(|kind| (format!("{kind:?} nodes"), of_one_kind(kind)))
 }
 
-/// Trees of nodes of one kind, a triangle a leaf; a shared frame is taken where a node leans and saves by it.
+/// Trees of nodes of one kind, a triangle a leaf.
 pub(crate) fn of_one_kind(kind: NodeKind) -> Config {
-    let [box_node, shared_node, lean_node] = match kind {
-        NodeKind::Box => [0.01, 1e6, 1e6],
-        NodeKind::Shared => [1e6, 0.01, 100.0],
-        NodeKind::Lean => [1e6, 1e6, 0.01],
+    let [aligned_node, oriented_node] = match kind {
+        NodeKind::Aligned => [0.01, 1e6],
+        NodeKind::Oriented => [1e6, 0.01],
     };
-    let costs = Costs { box_node, shared_node, lean_node, leaf: 0.0, block: 0.01, max_leaf: 1 };
-    Config { costs, share: kind == NodeKind::Shared, turn: kind == NodeKind::Box, ..Config::preset(Preset::Balanced) }
+    let costs = Costs { aligned_node, oriented_node, leaf: 0.0, block: 0.01, max_leaf: 1 };
+    Config { costs, rotate_mesh: kind == NodeKind::Aligned, ..Config::preset(Preset::Balanced) }
 }
 
 /// The mesh's tree.
-pub(crate) fn build<K: LaneKernel>(mesh: &Mesh, config: &Config) -> Wide<K> {
-    Wide::build(&mesh.positions, &mesh.triangles, config).expect("fixtures are valid")
+pub(crate) fn build<K: LaneKernel>(mesh: &Mesh, config: &Config) -> TriangleBvh<K> {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("fixtures are valid")
 }
 
 /// Paths of this machine, and the names of those it lacks.
@@ -67,7 +66,11 @@ pub(crate) fn loop_over_all<K: LaneKernel>(mesh: &Mesh, rays: &[Ray]) -> Vec<Opt
 }
 
 /// The first ray that the tree answers otherwise than `wants`, alone, in a slice or on occlusion.
-pub(crate) fn first_difference<K: LaneKernel>(tree: &Wide<K>, rays: &[Ray], wants: &[Option<Hit>]) -> Option<String> {
+pub(crate) fn first_difference<K: LaneKernel>(
+    tree: &TriangleBvh<K>,
+    rays: &[Ray],
+    wants: &[Option<Hit>],
+) -> Option<String> {
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
     tree.closest_hits(rays, &mut hits);
     tree.occluded_many(rays, &mut occluded);

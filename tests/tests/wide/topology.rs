@@ -7,7 +7,7 @@ use canted_lbvh::{Tree, triangle_corners};
 use canted_sah::{Builder, ReinsertConfig, SpatialConfig, TopDownConfig};
 use canted_tests::{chains::chain, rays, scenes};
 use canted_trace::{Ray, Watertight};
-use canted_wide::{Config, Wide};
+use canted_wide::{Config, TriangleBvh};
 
 use super::setup::{agrees, few_ways, first_difference, loop_over_all, paths};
 
@@ -16,7 +16,7 @@ fn over_agrees(name: &str, mesh: &Mesh, tree: &Tree, rays: &[Ray]) {
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let wants = loop_over_all::<Watertight>(mesh, rays);
     for (way, config) in few_ways() {
-        let wide = Wide::<Watertight>::over(tree, &corners, &bounds, &config).unwrap();
+        let wide = TriangleBvh::<Watertight>::over(tree, &corners, &bounds, &config).unwrap();
         for path in paths().0 {
             let difference = first_difference(&wide.clone().with_path(path), rays, &wants);
             assert_eq!(difference, None, "{name}, {way}, {}", path.name());
@@ -46,7 +46,7 @@ fn chains_overflow_no_stack_and_lose_no_hit() {
     });
     // What a traversal must bear: the wide tree is deep indeed.
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
-    let wide = Wide::<Watertight>::over(&chain(n, |_| true), &corners, &bounds, &Config::default()).unwrap();
+    let wide = TriangleBvh::<Watertight>::over(&chain(n, |_| true), &corners, &bounds, &Config::default()).unwrap();
     assert!(wide.sizes().depth >= n / 7 / 16, "{:?}", wide.sizes());
 }
 
@@ -58,7 +58,7 @@ fn a_chain_of_a_hundred_thousand_ends() {
     let mesh = soup(9, n);
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let start = Instant::now();
-    let wide = Wide::<Watertight>::over(&chain(n, |_| true), &corners, &bounds, &Config::default()).unwrap();
+    let wide = TriangleBvh::<Watertight>::over(&chain(n, |_| true), &corners, &bounds, &Config::default()).unwrap();
     let time = start.elapsed();
     assert!(time < Duration::from_secs(60), "{time:?}");
     let rays = rays::of_all_classes(&mesh, 2, 150);
@@ -82,7 +82,9 @@ fn every_builder_of_ours_loses_no_hit() {
         let rays = rays::of_all_classes(&mesh, 10, 160);
         let ways: Vec<_> = builders
             .iter()
-            .map(|&builder| (format!("{builder:?}"), Config { builder, rival: None, ..Config::default() }))
+            .map(|&builder| {
+                (format!("{builder:?}"), Config { builder, alternative_builder: None, ..Config::default() })
+            })
             .collect();
         agrees::<Watertight>(&name, &mesh, &ways, &rays);
     }

@@ -7,7 +7,7 @@ use canted_fixtures::Mesh;
 use canted_lbvh::Costs;
 use canted_obb::Aabb;
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
-use canted_wide::Wide;
+use canted_wide::TriangleBvh;
 use obvhs::{
     BvhBuildParams,
     bvh2::{Bvh2, builder::build_bvh2_from_tris},
@@ -18,7 +18,7 @@ use super::metrics::Metrics;
 use crate::wide::obvhs::{theirs, triangles};
 
 /// Of a wide tree: its rays count what they test, eight boxes a node.
-pub(super) fn of_wide(tree: &Wide<Watertight>, rays: &[Ray]) -> Metrics {
+pub(super) fn of_wide(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> Metrics {
     let mut counts = Counts::default();
     for ray in rays {
         tree.closest_hit_with(ray, InstanceId(0), &mut counts);
@@ -108,7 +108,7 @@ mod tests {
         let tree = trees::any(&model.mesh).unwrap();
         let rays = closest_sets(&model, &tree, 16).concat();
         let found = of_wide(&tree, &rays);
-        let visits = tree.visits(&rays);
+        let visits = tree.traversal_counts(&rays);
         assert!((found.boxes - 8.0 * each(visits.nodes.iter().sum(), &rays)).abs() < 1e-9);
         assert!(found.triangles > 0.0 && found.sah.is_nan());
     }

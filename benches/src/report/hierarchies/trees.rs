@@ -7,7 +7,7 @@ use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig, Volumes, 
 use canted_obb::{Aabb, Obb};
 use canted_sah::{Axes, Builder, PlocConfig, ReinsertConfig, SpatialConfig, Split, TopDownConfig};
 use canted_trace::{Hit, Ray, Watertight};
-use canted_wide::{Config, Preset, Wide};
+use canted_wide::{Config, Preset, TriangleBvh};
 use obvhs::BvhBuildParams;
 
 use super::foreign;
@@ -96,8 +96,8 @@ fn presets() -> [(&'static str, BvhBuildParams); 6] {
 }
 
 /// A wide tree, for whoever needs hits.
-pub(super) fn any(mesh: &Mesh) -> Result<Wide<Watertight>> {
-    Ok(Wide::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Fast))?)
+pub(super) fn any(mesh: &Mesh) -> Result<TriangleBvh<Watertight>> {
+    Ok(TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Fast))?)
 }
 
 /// Ours first.
@@ -114,7 +114,7 @@ pub(super) fn all<'a>(scene: &str, model: &'a Model) -> Vec<Tree<'a>> {
         }
     }
     for (name, preset) in [("fast", Preset::Fast), ("balanced", Preset::Balanced), ("quality", Preset::Quality)] {
-        let made = move || Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset));
+        let made = move || TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset));
         let entry = ours(format!("wide, {name}"), move |_| Ok(Box::new(made()?)));
         let metrics: Measure<'a> = Box::new(move |rays| Ok(foreign::of_wide(&made()?, rays)));
         trees.push(Tree { entry, family: Family::Wide, metrics: Some(metrics) });

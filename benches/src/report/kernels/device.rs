@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, Specialisation, TracedScene};
 use canted_trace::{Ray, ScaledRay, Watertight};
-use canted_wide::Wide;
+use canted_wide::TriangleBvh;
 
 use super::super::{effort::Effort, samples::Samples};
 use super::contest::Tested;
@@ -28,7 +28,7 @@ impl Device {
         match Gpu::open(&Choice::Best) {
             Ok(gpu) => {
                 // So many that the device has enough to do, and a processor in its place does not take all day.
-                let n_rays = if gpu.facts().kind == AdapterKind::Software { 1 << 16 } else { 1 << 20 };
+                let n_rays = if gpu.info().kind == AdapterKind::Software { 1 << 16 } else { 1 << 20 };
                 Some(Self { gpu, n_rays: effort.pick(1 << 10, n_rays, n_rays) })
             }
             Err(error) => {
@@ -39,16 +39,21 @@ impl Device {
     }
 
     pub(super) fn name(&self) -> String {
-        format!("device: {}", self.gpu.facts().name)
+        format!("device: {}", self.gpu.info().name)
     }
 
     /// What a table's title says of the device in its rows.
     pub(super) fn titled(title: &str, device: Option<&Self>) -> String {
-        device.map_or_else(|| title.to_owned(), |device| format!("{title}; the device is {}", device.gpu.facts().name))
+        device.map_or_else(|| title.to_owned(), |device| format!("{title}; the device is {}", device.gpu.info().name))
     }
 
     /// Each ray and the only triangle of its tree.
-    pub(super) fn triangles(&self, trees: &[Wide<Watertight>], rays: &[Ray], rounds: usize) -> Result<Tested<Answer>> {
+    pub(super) fn triangles(
+        &self,
+        trees: &[TriangleBvh<Watertight>],
+        rays: &[Ray],
+        rounds: usize,
+    ) -> Result<Tested<Answer>> {
         ensure!(trees.iter().all(|tree| tree.sizes().depth == 0), "a tree of one triangle has a node");
         let (hits, ns) = self.tested(("check/triangle", "hits"), trees, rays, rounds)?;
         let answer = |(ray, &[t, u, v, _, instance]): (&Ray, &[u32; 5])| {
@@ -59,8 +64,13 @@ impl Device {
     }
 
     /// Each ray and the eight equal boxes of its tree's only node.
-    pub(super) fn boxes(&self, trees: &[Wide<Watertight>], rays: &[Ray], rounds: usize) -> Result<Tested<Option<f32>>> {
-        ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0, 0]), "a tree of eight boxes is not one node");
+    pub(super) fn boxes(
+        &self,
+        trees: &[TriangleBvh<Watertight>],
+        rays: &[Ray],
+        rounds: usize,
+    ) -> Result<Tested<Option<f32>>> {
+        ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0]), "a tree of eight boxes is not one node");
         let (entries, ns) = self.tested(("check/node", "entries"), trees, rays, rounds)?;
         let answer = |(ray, &[entry]): (&Ray, &[u32; 1])| {
             let ray = ScaledRay::new(ray).filter(|_| entry != NONE)?;
@@ -77,12 +87,12 @@ impl Device {
     fn tested<const N: usize>(
         &self,
         (name, into): (&str, &str),
-        trees: &[Wide<Watertight>],
+        trees: &[TriangleBvh<Watertight>],
         rays: &[Ray],
         rounds: usize,
     ) -> Result<(Vec<[u32; N]>, Samples)> {
         let gpu = &self.gpu;
-        let scene = TracedScene::two(gpu, &trees.iter().collect::<Vec<_>>(), &[])?;
+        let scene = TracedScene::two_level(gpu, &trees.iter().collect::<Vec<_>>(), &[])?;
         let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
         let kernel = gpu.kernel(name, &scene.specialise(chosen).of_kernel(name)?)?;
         let own: Vec<DeviceRay> = rays.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();
@@ -98,9 +108,9 @@ impl Device {
         let mut ns = vec![];
         // In round 0 the driver compiles.
         for round in 0..=rounds {
-            let mut work = gpu.timed_work();
-            work.dispatch(&kernel, &bound, kernel.groups(u32::try_from(all.len())?))?;
-            let (times, wall) = crate::clock::time(|| work.times());
+            let mut commands = gpu.timed_commands();
+            commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(all.len())?))?;
+            let (times, wall) = crate::clock::time(|| commands.times());
             let passes = times?;
             let on_device = passes.iter().map(|pass| pass.milliseconds * 1e6).sum::<f64>();
             if round > 0 {

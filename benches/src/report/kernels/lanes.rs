@@ -6,7 +6,7 @@ use canted_gpu::TracedScene;
 use canted_lbvh::Corners;
 use canted_tests::rays::from_inside;
 use canted_trace::{Hit, Ray, Watertight};
-use canted_wide::{Config, Costs, SimdPath, Wide};
+use canted_wide::{Config, Costs, SimdPath, TriangleBvh};
 
 use super::super::effort::Effort;
 use super::super::model::{Cell, Table};
@@ -22,17 +22,17 @@ pub(super) const LEAF: usize = 32;
 
 /// All triangles in one leaf: nodes are too dear.
 fn one_leaf() -> Config {
-    let costs = Costs { box_node: 1e6, shared_node: 1e6, lean_node: 1e6, max_leaf: LEAF, ..Costs::default() };
-    Config { costs, turn: false, ..Config::default() }
+    let costs = Costs { aligned_node: 1e6, oriented_node: 1e6, max_leaf: LEAF, ..Costs::default() };
+    Config { costs, rotate_mesh: false, ..Config::default() }
 }
 
-fn leaf(corners: &[Corners]) -> Result<Wide<Watertight>> {
+fn leaf(corners: &[Corners]) -> Result<TriangleBvh<Watertight>> {
     let triangles: Vec<[u32; 3]> = (0..).step_by(3).take(corners.len()).map(|i| [i, i + 1, i + 2]).collect();
-    Ok(Wide::build(corners.as_flattened(), &triangles, &one_leaf())?)
+    Ok(TriangleBvh::build(corners.as_flattened(), &triangles, &one_leaf())?)
 }
 
 /// A tree for each triangle.
-pub(super) fn singles(corners: &[Corners]) -> Result<Vec<Wide<Watertight>>> {
+pub(super) fn singles(corners: &[Corners]) -> Result<Vec<TriangleBvh<Watertight>>> {
     corners.iter().map(|corners| leaf(std::slice::from_ref(corners))).collect()
 }
 
@@ -45,20 +45,20 @@ pub(super) fn paths() -> (Vec<SimdPath>, Vec<SimdPath>) {
 /// the case's triangles.
 pub(super) fn tests(
     pairs: &[Pair],
-    trees: &[Wide<Watertight>],
+    trees: &[TriangleBvh<Watertight>],
     singly: &[Answer],
 ) -> Result<Vec<Test<'static, Answer>>> {
     let (rays, corners): (Vec<Ray>, Vec<Corners>) = pairs.iter().copied().unzip();
     let leaves = corners.chunks(LEAF).map(leaf).collect::<Result<Vec<_>>>()?;
     let n_tests = leaves.iter().zip(rays.chunks(LEAF)).map(|(leaf, rays)| leaf.n_triangles() * rays.len()).sum();
     let test = |path: SimdPath| {
-        let on_path = |tree: &Wide<Watertight>| tree.clone().with_path(path);
-        let answer = |(tree, ray): (&Wide<Watertight>, &Ray)| {
+        let on_path = |tree: &TriangleBvh<Watertight>| tree.clone().with_path(path);
+        let answer = |(tree, ray): (&TriangleBvh<Watertight>, &Ray)| {
             on_path(tree).closest_hit(ray).map(|Hit { t, u, v, .. }| [t, u, v])
         };
         let answers: Vec<Answer> = trees.iter().zip(&rays).map(answer).collect();
         ensure!(bits(&answers) == bits(singly), "{} differs from the single test", path.name());
-        let leaves: Vec<Wide<Watertight>> = leaves.iter().map(on_path).collect();
+        let leaves: Vec<TriangleBvh<Watertight>> = leaves.iter().map(on_path).collect();
         let rays = rays.clone();
         let work = move || {
             let mut hits: [Option<Hit>; LEAF] = [None; LEAF];
@@ -79,18 +79,18 @@ fn bits(answers: &[Answer]) -> Vec<Option<[u32; 3]>> {
 /// Times a ray of every path that this machine has, and of the device where there is one.
 pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) -> Result<Table> {
     let mesh = soup(32, u32::try_from(LEAF)?);
-    let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &one_leaf())?;
+    let tree = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &one_leaf())?;
     let rays: Vec<Ray> = from_inside(&mesh, effort.pick(500, 100_000, 100_000), 7);
     let (there, _) = paths();
-    let trees: Vec<Wide<Watertight>> = there.iter().map(|&path| tree.clone().with_path(path)).collect();
-    let hits = |tree: &Wide<Watertight>| {
+    let trees: Vec<TriangleBvh<Watertight>> = there.iter().map(|&path| tree.clone().with_path(path)).collect();
+    let hits = |tree: &TriangleBvh<Watertight>| {
         let mut hits: Vec<Option<Hit>> = vec![None; rays.len()];
         tree.closest_hits(&rays, &mut hits);
         hits
     };
     let scalar = hits(&trees[0]);
     ensure!(trees.iter().all(|tree| hits(tree) == scalar), "paths differ in a hit");
-    let scene = device.map(|device| TracedScene::one(&device.gpu, &tree, &[0])).transpose()?;
+    let scene = device.map(|device| TracedScene::single_level(&device.gpu, &tree, &[0])).transpose()?;
     let mut contenders: Vec<Contender<'_>> = there
         .iter()
         .zip(&trees)

@@ -4,7 +4,7 @@ use anyhow::Result;
 use canted_obb::Aabb;
 use canted_tests::extremes::slab::Pair;
 use canted_trace::{ScaledRay, Watertight};
-use canted_wide::{BoxTree, Config, Costs, SimdPath, Wide};
+use canted_wide::{BoxTree, Config, Costs, SimdPath, TriangleBvh};
 
 use super::contest::Test;
 use super::lanes;
@@ -25,7 +25,7 @@ impl Node<'_> {
     fn enter(&self, mut see: impl FnMut(usize, usize)) {
         for (i, (ray, _)) in self.pairs.iter().enumerate() {
             let Some(ray) = ScaledRay::new(ray) else { continue };
-            self.tree.in_any_order(&ray, 0.0, &mut (), |number, t_max, ()| {
+            self.tree.traverse_any(&ray, 0.0, &mut (), |number, t_max, ()| {
                 see(i, self.first + number.index());
                 t_max
             });
@@ -75,11 +75,11 @@ pub(super) fn tests(pairs: &[Pair]) -> Result<Vec<Test<'_, Option<f32>>>> {
 }
 
 /// Each box eight times in a tree of one node, as bounds of triangles: devices hold trees of triangles alone.
-pub(super) fn of_equal(boxes: &[Aabb]) -> Result<Vec<Wide<Watertight>>> {
+pub(super) fn of_equal(boxes: &[Aabb]) -> Result<Vec<TriangleBvh<Watertight>>> {
     let costs = Costs { leaf: 0.0, max_leaf: 1, ..Costs::default() };
-    let config = Config { costs, lean: false, turn: false, ..Config::default() };
+    let config = Config { costs, oriented: false, rotate_mesh: false, ..Config::default() };
     let of_one = |&Aabb { min, max }: &Aabb| {
-        Ok(Wide::build(&[min, max, [min[0], max[1], min[2]]], &[[0, 1, 2]; LANES], &config)?)
+        Ok(TriangleBvh::build(&[min, max, [min[0], max[1], min[2]]], &[[0, 1, 2]; LANES], &config)?)
     };
     boxes.iter().map(of_one).collect()
 }
@@ -120,6 +120,6 @@ mod tests {
     fn equal_boxes_are_one_node_of_that_box() {
         let aabb = Aabb { min: [1.0, 2.0, 3.0], max: [4.0, 5.0, 3.0] };
         let tree = of_equal(&[aabb]).unwrap().remove(0);
-        assert_eq!((tree.sizes().nodes, tree.aabb(), tree.n_triangles()), ([1, 0, 0], aabb, LANES));
+        assert_eq!((tree.sizes().nodes, tree.aabb(), tree.n_triangles()), ([1, 0], aabb, LANES));
     }
 }

@@ -52,7 +52,7 @@ pub(super) fn add(
             }
         }
     }
-    let title = format!("{name}: bindings of the picture's kernel on {} ({})", gpu.facts().name, gpu.facts().kind);
+    let title = format!("{name}: bindings of the picture's kernel on {} ({})", gpu.info().name, gpu.info().kind);
     let mut table = Table::new(
         title,
         &["part", "bindings", "bytes", "more bytes", "which the bare scene has not", "picture", "over the bare scene"],

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use canted_trace::{Counts, Hit, InstanceId, Ray, Watertight};
-use canted_wide::{Config, Costs, Preset, Wide};
+use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
 use crate::models::Model;
 use crate::report::{
@@ -17,7 +17,7 @@ use crate::wide::{closest_sets, duel, engine::Engine};
 const BELITTLED: f32 = 0.1;
 
 /// A tree whose walk counts boxes and triangles.
-struct Counted(Wide<Watertight>);
+struct Counted(TriangleBvh<Watertight>);
 
 impl Engine for Counted {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
@@ -38,7 +38,7 @@ impl Engine for Counted {
 }
 
 /// The same walk, ray by ray, without counters.
-struct Uncounted(Wide<Watertight>);
+struct Uncounted(TriangleBvh<Watertight>);
 
 impl Engine for Uncounted {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
@@ -62,13 +62,13 @@ const NAMES: [&str; 5] =
 fn engines(model: &Model) -> Result<Vec<Box<dyn Engine>>> {
     let mesh = &model.mesh;
     let usual = Config::preset(Preset::Balanced);
-    let build = |config| Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config);
-    let lean_node = BELITTLED * usual.costs.lean_node;
+    let build = |config| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config);
+    let oriented_node = BELITTLED * usual.costs.oriented_node;
     let chosen = build(usual)?;
     Ok(vec![
         Box::new(chosen.clone()),
-        Box::new(build(Config { costs: Costs { lean_node, ..usual.costs }, lean: true, ..usual })?),
-        Box::new(build(Config { lean: false, share: false, turn: false, ..usual })?),
+        Box::new(build(Config { costs: Costs { oriented_node, ..usual.costs }, oriented: true, ..usual })?),
+        Box::new(build(Config { oriented: false, rotate_mesh: false, ..usual })?),
         Box::new(Uncounted(chosen.clone())),
         Box::new(Counted(chosen)),
     ])
@@ -85,7 +85,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Vec<String>> 
             continue;
         };
         let engines = engines(&model)?;
-        let tree = Wide::build(&model.mesh.positions, &model.mesh.triangles, &Config::preset(Preset::Fast))?;
+        let tree = TriangleBvh::build(&model.mesh.positions, &model.mesh.triangles, &Config::preset(Preset::Fast))?;
         let rays = closest_sets(&model, &tree, effort.pick(16, 128, 128)).concat();
         let (seconds, hits) = duel::closest(&engines, &rays, effort.pick(2, 7, 11));
         #[expect(clippy::cast_precision_loss, reason = "rays are counted in thousands")]

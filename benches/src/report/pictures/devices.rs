@@ -22,7 +22,7 @@ pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Resul
     };
     let (integrator, pattern) = (Integrator::Hybrid, Pattern::Stratified);
     let reference = methods::reference(stage, integrator, pattern, effort)?;
-    let device = format!("{} ({})", gpu.facts().name, gpu.facts().kind);
+    let device = format!("{} ({})", gpu.info().name, gpu.info().kind);
     let racers = [
         Racer {
             name: format!("CPU, {} threads", rayon::current_num_threads()),
@@ -40,7 +40,7 @@ pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Resul
         },
     ];
     // A software driver takes as long for a few samples as a full run takes for the rest of this chapter.
-    let is_software = gpu.facts().kind == AdapterKind::Software;
+    let is_software = gpu.info().kind == AdapterKind::Software;
     let most = if is_software { effort.pick(1, 2, 2) } else { effort.pick(1, 2, 4) };
     let samples: Vec<u32> = (0..=most).map(|log2| 1 << log2).collect();
     let courses = race::race(&racers, &samples, effort.pick(2, 4, 16))?;

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use canted_trace::Watertight;
-use canted_wide::{Config, Costs, Preset, Wide};
+use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
 use super::builders::{HALVED, RADIX, SWEPT, Took, measure, scaffold};
 use super::orders::Found;
@@ -125,7 +125,8 @@ fn charts(chapter: &mut Chapter, effort: Effort) -> Result<()> {
             let config = Config { costs: Costs { max_leaf, ..usual.costs }, ..usual };
             let mut ms = vec![];
             for _ in 0..rounds {
-                let (tree, took) = clock::time(|| Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config));
+                let (tree, took) =
+                    clock::time(|| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config));
                 ms.push(took.cpu * 1e3);
                 if ms.len() == rounds {
                     trees.push(tree?);
@@ -135,7 +136,7 @@ fn charts(chapter: &mut Chapter, effort: Effort) -> Result<()> {
         }
         Ok((builds, trees))
     })??;
-    let bytes: Vec<usize> = trees.iter().map(Wide::n_bytes).collect();
+    let bytes: Vec<usize> = trees.iter().map(TriangleBvh::n_bytes).collect();
     let pictures = one_thread(|| closest_seconds(trees, &rays, rounds))?;
     for (((max_leaf, build), picture), n_bytes) in MOST.into_iter().zip(builds).zip(pictures).zip(bytes) {
         let rate = build.with(&picture.into(), |ms, s| 1e3 / (ms + 1e3 * s));

@@ -35,14 +35,14 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let runs = effort.pick(1, 2, 5);
     let title = format!(
         "Passes of a build on a device (table 5, figure 11): {} ({}), least of {runs} runs",
-        gpu.facts().name,
-        gpu.facts().kind
+        gpu.info().name,
+        gpu.info().kind
     );
     let mut table = Table::new(title, &["scene", "pass", "TITAN Xp, theirs", "ours", "ours over theirs"]);
     let mut found = Found::default();
     // A software driver takes half a minute a run for the dragon.
     let names =
-        if gpu.facts().kind == AdapterKind::Software { &["bunny"][..] } else { &["dragon_871k", "sponza", "bunny"] };
+        if gpu.info().kind == AdapterKind::Software { &["bunny"][..] } else { &["dragon_871k", "sponza", "bunny"] };
     for (name, model) in scenes(effort, names, chapter)? {
         let (corners, _) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
         let items = Items::triangles(&gpu, [&corners[..]])?;

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use canted_tests::brute;
 use canted_trace::{Hit, Kernel, Ray, Watertight};
-use canted_wide::{Config, Preset, Wide};
+use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::builders::scaffold;
 use super::orders::Found;
@@ -47,7 +47,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         let model = scaffold(log2);
         let mesh = &model.mesh;
         let n = mesh.triangles.len();
-        let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
+        let tree =
+            TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
         let every = Every(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
         let engines: [Box<dyn Engine>; 2] = [Box::new(every), Box::new(tree)];
         let rays = sets::camera(&model, effort.pick(8, 48, 48));

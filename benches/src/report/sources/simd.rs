@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use canted_trace::Watertight;
-use canted_wide::{Config, Preset, SimdPath, Wide};
+use canted_wide::{Config, Preset, SimdPath, TriangleBvh};
 
 use super::orders::Found;
 use super::passes::one_thread;
@@ -32,7 +32,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     for (name, model) in scenes(effort, effort.pick(&[][..], &["truss"], &["truss", "bunny", "sponza"]), chapter)? {
         let mesh = &model.mesh;
         let paths: Vec<SimdPath> = SimdPath::ALL.into_iter().filter(|path| path.is_available()).collect();
-        let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
+        let tree =
+            TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
         let trees = paths.iter().map(|&path| tree.clone().with_path(path)).collect();
         let rays = sets::camera(&model, effort.pick(16, 128, 128));
         let seconds = one_thread(|| closest_seconds(trees, &rays, effort.pick(2, 5, 9)))?;

@@ -48,13 +48,13 @@ pub(super) fn answers(
 
 fn finished<T: Sync>(
     rays: &[Ray],
-    found: &[gpu::Answer<T>],
+    found: &[gpu::Outcome<T>],
     known: impl Fn(&T) -> Answer + Sync,
     on_cpu: impl Fn(&Ray) -> Answer + Sync,
 ) -> Vec<Answer> {
-    let answer = |(ray, found): (&Ray, &gpu::Answer<T>)| match found {
-        gpu::Answer::Known(found) => known(found),
-        gpu::Answer::Cut => on_cpu(ray),
+    let answer = |(ray, found): (&Ray, &gpu::Outcome<T>)| match found {
+        gpu::Outcome::Complete(found) => known(found),
+        gpu::Outcome::Incomplete => on_cpu(ray),
     };
     rays.par_iter().zip(found).map(answer).collect()
 }

@@ -83,7 +83,7 @@ fn volumes_of<K: LaneKernel>(levels: &[Level<K>]) -> String {
         }
     }
     let n: usize = nodes.iter().sum();
-    let leaning = n - nodes[NodeKind::Box as usize];
+    let leaning = n - nodes[NodeKind::Aligned as usize];
     let words = match (levels.len(), n) {
         (0, _) => return "none".to_owned(),
         (_, 0) => "wide, leaves only".to_owned(),

@@ -52,8 +52,8 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
     /// Whose roundings the samples have.
     pub(super) fn device(&self) -> String {
         match (self.machine, &self.on_device) {
-            (Machine::Both(gpu), Some(_)) => format!("cpu and {}", gpu.facts().name),
-            (Machine::Device(gpu) | Machine::Auto(gpu), Some(_)) => gpu.facts().name.clone(),
+            (Machine::Both(gpu), Some(_)) => format!("cpu and {}", gpu.info().name),
+            (Machine::Device(gpu) | Machine::Auto(gpu), Some(_)) => gpu.info().name.clone(),
             _ => "cpu".to_owned(),
         }
     }
@@ -104,7 +104,7 @@ impl<'a, K: LaneKernel> Maker<'a, K> {
                 .map(|SharedFilm { film, n_tiles_of_device, stopped }| {
                     facts.push(("tiles_of_device", json!(n_tiles_of_device)));
                     if let Some(why) = stopped {
-                        let name = &gpu.facts().name;
+                        let name = &gpu.info().name;
                         output::to_stderr(&format!("warning: the CPU made the rest: {name}: {why}"));
                     }
                     film

@@ -36,7 +36,7 @@ pub(super) fn measure<K: LaneKernel>(
     let picture = machine.ready(|gpu| DevicePicture::new(gpu, &surfaces, structure, &camera, &settings))?;
     let buffers = picture
         .map(|picture| picture.buffers().into_iter().map(|(name, n_bytes)| (name.to_owned(), n_bytes)).collect());
-    Ok(Some(Measured { name: gpu.facts().name.clone(), passes, buffers }))
+    Ok(Some(Measured { name: gpu.info().name.clone(), passes, buffers }))
 }
 
 fn sum(buffers: &[(String, u64)]) -> u64 {

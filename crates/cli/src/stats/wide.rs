@@ -6,7 +6,7 @@ use anyhow::Result;
 use canted_obb::Obb;
 use canted_scene::Scene;
 use canted_trace::Watertight;
-use canted_wide::{Config, NodeKind, Wide};
+use canted_wide::{Config, NodeKind, TriangleBvh};
 
 use crate::options::PresetArg;
 
@@ -69,7 +69,7 @@ impl Row {
 
     /// Part of the nodes that are no box nodes.
     pub(super) fn leaning_share(&self) -> f64 {
-        self.share(NodeKind::Shared) + self.share(NodeKind::Lean)
+        self.share(NodeKind::Oriented)
     }
 
     /// Memory of nodes and blocks by triangle.
@@ -78,7 +78,7 @@ impl Row {
         (self.node_bytes + self.block_bytes) as f64 / (self.triangles as f64).max(1.0)
     }
 
-    fn add(&mut self, wide: &Wide<Watertight>, area: f64, build_ms: f64) {
+    fn add(&mut self, wide: &TriangleBvh<Watertight>, area: f64, build_ms: f64) {
         let (sizes, predicted) = (wide.sizes(), wide.predicted());
         for (sum, n) in self.nodes.iter_mut().zip(sizes.nodes) {
             *sum += n;
@@ -121,7 +121,7 @@ fn add_mesh(level: &mut Level, positions: &[[f32; 3]], triangles: &[[u32; 3]], w
     level.trees += 1;
     for (preset, row) in &mut level.rows {
         let start = Instant::now();
-        let wide = Wide::<Watertight>::build(positions, triangles, &Config::preset(preset.preset()))?;
+        let wide = TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(preset.preset()))?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
         row.add(&wide, wide.bounds().area() * world_scale * world_scale, build_ms);
     }

@@ -28,9 +28,8 @@ fn level_json(level: &Level) -> Value {
                 "predicted_boxes_only": row.boxes_only,
                 "predicted_as_built": row.as_built,
                 "nodes": row.n_nodes(),
-                "box_share": row.share(NodeKind::Box),
-                "shared_share": row.share(NodeKind::Shared),
-                "lean_share": row.share(NodeKind::Lean),
+                "box_share": row.share(NodeKind::Aligned),
+                "lean_share": row.share(NodeKind::Oriented),
                 "turned": row.turned,
                 "greatest_angle_degrees": row.angle_rad.to_degrees(),
                 "depth": row.depth,
@@ -61,32 +60,19 @@ fn level_text(out: &mut String, title: &str, level: &Level) {
         writeln!(out, "\nWide trees, {title} (costs: box nodes that a ray visits which enters the root, predicted)");
     let _ = writeln!(
         out,
-        "{:<14}{:>10}{:>10}{:>9}{:>9}{:>9}{:>9}{:>8}{:>7}{:>11}{:>11}{:>9}{:>10}",
-        "",
-        "boxes only",
-        "as built",
-        "nodes",
-        "box",
-        "shared",
-        "lean",
-        "turned",
-        "depth",
-        "of nodes",
-        "of blocks",
-        "B/tri",
-        "ms"
+        "{:<14}{:>10}{:>10}{:>9}{:>9}{:>9}{:>8}{:>7}{:>11}{:>11}{:>9}{:>10}",
+        "", "boxes only", "as built", "nodes", "box", "lean", "turned", "depth", "of nodes", "of blocks", "B/tri", "ms"
     );
     for (name, row) in rows(level) {
         let percent = |kind| format!("{:.1}%", 100.0 * row.share(kind));
         let _ = writeln!(
             out,
-            "{name:<14}{:>10.2}{:>10.2}{:>9}{:>9}{:>9}{:>9}{:>8}{:>7}{:>11}{:>11}{:>9.1}{:>10.2}",
+            "{name:<14}{:>10.2}{:>10.2}{:>9}{:>9}{:>9}{:>8}{:>7}{:>11}{:>11}{:>9.1}{:>10.2}",
             row.boxes_only,
             row.as_built,
             row.n_nodes(),
-            percent(NodeKind::Box),
-            percent(NodeKind::Shared),
-            percent(NodeKind::Lean),
+            percent(NodeKind::Aligned),
+            percent(NodeKind::Oriented),
             format!("{}/{}", row.turned, level.trees),
             row.depth,
             memory::human(row.node_bytes as u64),
@@ -140,18 +126,18 @@ mod tests {
 
     #[test]
     fn reasons_follow_the_numbers() {
-        let row = Row { nodes: [3, 7, 90], boxes_only: 39.0, as_built: 10.0, ..Row::default() };
+        let row = Row { nodes: [3, 97], boxes_only: 39.0, as_built: 10.0, ..Row::default() };
         assert_eq!(said(row), "leaning boxes predicted 3.9 times cheaper: 97 % of nodes lean");
-        let turned = Row { turned: 1, angle_rad: 0.5, nodes: [100, 0, 0], as_built: 39.0, ..row };
+        let turned = Row { turned: 1, angle_rad: 0.5, nodes: [100, 0], as_built: 39.0, ..row };
         let said_of_turned =
             "box nodes predicted as cheap as any: no node leans; the mesh is turned, by 29 degrees at most";
         assert_eq!(said(turned), said_of_turned);
-        assert_eq!(said(Row { nodes: [0; 3], ..row }), "no node: the root is a leaf");
+        assert_eq!(said(Row { nodes: [0; 2], ..row }), "no node: the root is a leaf");
     }
 
     #[test]
     fn reasons_at_both_sides_of_about_equal() {
-        let row = Row { nodes: [999, 0, 1], boxes_only: 100.0, ..Row::default() };
+        let row = Row { nodes: [999, 1], boxes_only: 100.0, ..Row::default() };
         let few = "box nodes predicted only 4.9 % dearer: less than 1 % of nodes lean";
         assert_eq!(said(Row { as_built: 100.0 / 1.049, ..row }), few);
         assert_eq!(

@@ -80,7 +80,7 @@ fn assert_wide(level: &Value, n_trees: u64, n_triangles: f64) -> &Vec<Value> {
     for row in rows {
         let [boxes_only, as_built] = ["predicted_boxes_only", "predicted_as_built"].map(|key| number(row, key));
         assert!(as_built > 0.0 && as_built <= boxes_only * (1.0 + 1e-6), "no dearer kind is chosen: {row}");
-        let shares = ["box_share", "shared_share", "lean_share"].map(|key| number(row, key));
+        let shares = ["box_share", "lean_share"].map(|key| number(row, key));
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{row}");
         // Nodes take 256, 320 and 512 bytes; blocks of four triangles 160.
         let n_nodes = number(row, "nodes");

@@ -4,19 +4,19 @@ use bytemuck::{Pod, Zeroable};
 use canted_obb::{Aabb, Frame, Obb, dop::frames};
 
 use super::{Items, Run, Trees};
-use crate::{Bound, Buffer, GpuError, Specialisation};
+use crate::{Buffer, GpuError, NamedBinding, Specialisation};
 
-/// As in `shared/build/fixed.wgsl`.
+/// As in `shared/build/fixed_frame.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-struct Fixed {
+struct FixedFrame {
     /// Axes, each followed by a word that nothing reads.
     columns: [[f32; 4]; 3],
     skewness: f32,
     padding: [f32; 3],
 }
 
-impl Fixed {
+impl FixedFrame {
     fn new(frame: &Frame) -> Self {
         let columns = frame.map(|[x, y, z]| [x, y, z, 0.0]);
         Self { columns, skewness: skewness(frame), padding: [0.0; 3] }
@@ -47,16 +47,16 @@ pub(super) fn dop(
     let n = items.len();
     let obbs = gpu.zeroed("leaning boxes", n as usize)?;
     let ends = gpu.zeroed::<[f32; 6]>("extents along a frame", n as usize)?;
-    run.station("obb", |dispatches| {
-        let unturned = gpu.kernel("build/unturned", &Specialisation::none())?;
+    run.stage("obb", |dispatches| {
+        let unturned = gpu.kernel("build/axis_aligned", &Specialisation::none())?;
         dispatches.items(&unturned, &[("aabbs", aabbs), ("obbs", &obbs)], n)?;
         let extents = gpu.kernel("build/dop_extents", &items.part())?;
         let boxes = gpu.kernel("build/dop_boxes", &items.part())?;
         // The first are the axes of the space.
         for frame in &frames()[1..] {
-            let fixed = gpu.uniform("frame", &Fixed::new(frame))?;
-            let more: [Bound<'_>; 7] = [
-                ("fixed", &fixed),
+            let fixed = gpu.uniform("frame", &FixedFrame::new(frame))?;
+            let more: [NamedBinding<'_>; 7] = [
+                ("fixed_frame", &fixed),
                 ("parents", &trees.parents),
                 ("nodes", &trees.nodes),
                 ("leaves", leaves),

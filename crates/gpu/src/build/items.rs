@@ -5,7 +5,7 @@ use canted_lbvh::Corners;
 use canted_obb::{Aabb, Obb};
 
 use super::count;
-use crate::{Bound, Buffer, Gpu, GpuError, Specialisation};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
 /// Items of one tree, numbered among those of its level.
 ///
@@ -100,12 +100,12 @@ impl Items {
     }
 
     /// `more`, and what that part and `shared/build/forest` bind.
-    pub(super) fn bound<'a>(&'a self, more: &[Bound<'a>]) -> Vec<Bound<'a>> {
-        let mut bound: Vec<Bound<'a>> = vec![("ranges", &self.device_ranges)];
+    pub(super) fn bound<'a>(&'a self, more: &[NamedBinding<'a>]) -> Vec<NamedBinding<'a>> {
+        let mut bound: Vec<NamedBinding<'a>> = vec![("ranges", &self.device_ranges)];
         match &self.leaf {
             Leaf::Triangle { corners } => bound.push(("corners", corners)),
             Leaf::Box { boxes, aabbs } => {
-                let both: [Bound<'a>; 2] = [("item_boxes", boxes), ("item_aabbs", aabbs)];
+                let both: [NamedBinding<'a>; 2] = [("item_boxes", boxes), ("item_aabbs", aabbs)];
                 bound.extend(both);
             }
         }

@@ -2,10 +2,10 @@
 
 use canted_lbvh::{Bits, Strategy};
 
-use super::{Items, Run, STRATEGIES, StationTime, aabbs, codes, domain, obbs, sort, tree};
+use super::{Items, Run, STRATEGIES, StageTime, aabbs, codes, domain, obbs, sort, tree};
 use crate::{Gpu, GpuError};
 
-/// Milliseconds a pass: [`StationTime`] says by which clock. What a device has no room for is `None`.
+/// Milliseconds a pass: [`StageTime`] says by which clock. What a device has no room for is `None`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Passes {
     /// Grids of the codes.
@@ -88,7 +88,7 @@ impl Passes {
 
 /// Milliseconds of some stations together.
 fn taken(run: &Run<'_>, stations: &[&str]) -> f64 {
-    let of_these = |time: &&StationTime| stations.contains(&time.station);
+    let of_these = |time: &&StageTime| stations.contains(&time.stage);
     run.times().iter().filter(of_these).map(|time| time.milliseconds).sum()
 }
 

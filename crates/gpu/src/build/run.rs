@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::{AdapterKind, Bound, Gpu, GpuError, Kernel, Work};
+use crate::{AdapterKind, Commands, Gpu, GpuError, Kernel, NamedBinding};
 
 /// Most invocations of a submission of software drivers, which then stays near 100 milliseconds, and of others, which do sixteen
 /// times as many in less. A dispatch has no more either.
@@ -13,13 +13,13 @@ const INVOCATIONS: u32 = 1 << 22;
 
 /// What a station took of the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StationTime {
+pub struct StageTime {
     /// The station, named as on the CPU.
-    pub station: &'static str,
+    pub stage: &'static str,
     /// Milliseconds from its first dispatch to its last, by the device's timestamps; by the clock on the wall where
     /// [`Gpu::has_timestamps`] says that it has none, the submission and the wait included.
     pub milliseconds: f64,
-    /// Work-groups of its dispatches, a count that no other load of the machine changes.
+    /// Commands-groups of its dispatches, a count that no other load of the machine changes.
     pub n_groups: u64,
 }
 
@@ -27,7 +27,7 @@ pub struct StationTime {
 pub struct Run<'a> {
     gpu: &'a Gpu,
     timed: bool,
-    times: Vec<StationTime>,
+    times: Vec<StageTime>,
 }
 
 impl<'a> Run<'a> {
@@ -51,17 +51,17 @@ impl<'a> Run<'a> {
 
     /// What was timed, a line for each station in the order of their first dispatch.
     #[must_use]
-    pub fn times(&self) -> &[StationTime] {
+    pub fn times(&self) -> &[StageTime] {
         &self.times
     }
 
     /// Does what `record` lists under the name of `station`.
-    pub(super) fn station(
+    pub(super) fn stage(
         &mut self,
-        station: &'static str,
+        stage: &'static str,
         record: impl FnOnce(&mut Dispatches<'a>) -> Result<(), GpuError>,
     ) -> Result<(), GpuError> {
-        let work = if self.timed { self.gpu.timed_work() } else { self.gpu.work() };
+        let work = if self.timed { self.gpu.timed_commands() } else { self.gpu.commands() };
         let mut dispatches = Dispatches { gpu: self.gpu, work, n_waiting: 0 };
         let start = Instant::now();
         record(&mut dispatches)?;
@@ -72,12 +72,12 @@ impl<'a> Run<'a> {
         let on_device = dispatches.work.span()?;
         let on_wall = start.elapsed().as_secs_f64() * 1e3;
         let milliseconds = if self.gpu.has_timestamps() { on_device } else { on_wall };
-        match self.times.iter_mut().find(|time| time.station == station) {
+        match self.times.iter_mut().find(|time| time.stage == stage) {
             Some(time) => {
                 time.milliseconds += milliseconds;
                 time.n_groups += n_groups;
             }
-            None => self.times.push(StationTime { station, milliseconds, n_groups }),
+            None => self.times.push(StageTime { stage, milliseconds, n_groups }),
         }
         Ok(())
     }
@@ -86,7 +86,7 @@ impl<'a> Run<'a> {
 /// Dispatches of one station.
 pub(super) struct Dispatches<'a> {
     pub(super) gpu: &'a Gpu,
-    pub(super) work: Work<'a>,
+    pub(super) work: Commands<'a>,
     /// Invocations that were not submitted yet.
     n_waiting: u32,
 }
@@ -102,29 +102,34 @@ pub(super) struct Slice {
 
 impl Dispatches<'_> {
     /// An invocation for each of `n` items.
-    pub(super) fn items(&mut self, kernel: &Kernel, bound: &[Bound<'_>], n: u32) -> Result<(), GpuError> {
+    pub(super) fn items(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
         self.range(kernel, bound, [0, n])
     }
 
     /// An invocation for each item of `first..end`.
-    pub(super) fn range(&mut self, kernel: &Kernel, bound: &[Bound<'_>], range: [u32; 2]) -> Result<(), GpuError> {
+    pub(super) fn range(
+        &mut self,
+        kernel: &Kernel,
+        bound: &[NamedBinding<'_>],
+        range: [u32; 2],
+    ) -> Result<(), GpuError> {
         self.sliced(kernel, bound, range, self.invocations(), |n| kernel.groups(n))
     }
 
     /// A work-group for each of `n` tiles.
-    pub(super) fn tiles(&mut self, kernel: &Kernel, bound: &[Bound<'_>], n: u32) -> Result<(), GpuError> {
+    pub(super) fn tiles(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
         let most = (self.invocations() / kernel.group_size()).min(65_535);
         self.sliced(kernel, bound, [0, n], most, |n| [n, 1, 1])
     }
 
     fn invocations(&self) -> u32 {
-        if self.gpu.facts().kind == AdapterKind::Software { SOFTWARE_INVOCATIONS } else { INVOCATIONS }
+        if self.gpu.info().kind == AdapterKind::Software { SOFTWARE_INVOCATIONS } else { INVOCATIONS }
     }
 
     fn sliced(
         &mut self,
         kernel: &Kernel,
-        bound: &[Bound<'_>],
+        bound: &[NamedBinding<'_>],
         [mut first, end]: [u32; 2],
         most: u32,
         groups: impl Fn(u32) -> [u32; 3],
@@ -133,7 +138,7 @@ impl Dispatches<'_> {
         while first < end {
             let slice = Slice { first, end: end.min(first + most), zero: 0 };
             let uniform = self.gpu.uniform("slice", &slice)?;
-            let mut with_slice: Vec<Bound<'_>> = vec![("slice", &uniform)];
+            let mut with_slice: Vec<NamedBinding<'_>> = vec![("slice", &uniform)];
             with_slice.extend_from_slice(bound);
             let n = (slice.end - first).saturating_mul(of_each);
             if self.n_waiting > 0 && self.n_waiting.saturating_add(n) > self.invocations() {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use super::{Run, count, run::Dispatches};
-use crate::{Bound, Buffer, Gpu, GpuError, Kernel, Specialisation};
+use crate::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Specialisation};
 
 /// Invocations of a work-group.
 const GROUP: u32 = 64;
@@ -53,7 +53,7 @@ impl Sorter {
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let tiled = Specialisation::none().number("GROUP", GROUP).number("KEYS_EACH", KEYS_EACH).number("RADIX", RADIX);
         Ok(Self {
-            number: gpu.kernel("build/number", &Specialisation::none())?,
+            number: gpu.kernel("build/item_indices", &Specialisation::none())?,
             count: gpu.kernel("build/sort_count", &tiled)?,
             scan: gpu.kernel("build/sort_scan", &tiled)?,
             scatter: gpu.kernel("build/sort_scatter", &tiled)?,
@@ -73,13 +73,13 @@ impl Sorter {
     /// [`Sorter::sort`] as part of another station.
     pub(super) fn sort_as(
         &self,
-        station: &'static str,
+        stage: &'static str,
         run: &mut Run<'_>,
         words: &[(&Buffer<u32>, u32)],
     ) -> Result<Buffer<u32>, GpuError> {
         let n = words.first().map_or(0, |(word, _)| word.len());
         let mut order = Order::new(run.gpu(), n)?;
-        run.station(station, |dispatches| {
+        run.stage(stage, |dispatches| {
             dispatches.items(&self.number, &[("items", &order.items[0])], order.n)?;
             for &(word, bits) in words {
                 dispatches.items(&self.gather, &order.gathering(word), order.n)?;
@@ -101,8 +101,8 @@ impl Sorter {
         items: &Buffer<u32>,
     ) -> Result<Buffer<u32>, GpuError> {
         let gathered = run.gpu().zeroed("words in order", items.len())?;
-        let bound: [Bound<'_>; 3] = [("words", words), ("items", items), ("gathered", &gathered)];
-        run.station("sort", |dispatches| dispatches.items(&self.gather, &bound, count(items.len())))?;
+        let bound: [NamedBinding<'_>; 3] = [("words", words), ("items", items), ("gathered", &gathered)];
+        run.stage("sort", |dispatches| dispatches.items(&self.gather, &bound, count(items.len())))?;
         Ok(gathered)
     }
 
@@ -147,7 +147,7 @@ impl Order {
     }
 
     /// Bindings of a kernel that fills the keys from `words` by item.
-    fn gathering<'a>(&'a self, words: &'a Buffer<u32>) -> [Bound<'a>; 3] {
+    fn gathering<'a>(&'a self, words: &'a Buffer<u32>) -> [NamedBinding<'a>; 3] {
         [("words", words), ("items", &self.items[0]), ("gathered", &self.keys[0])]
     }
 

@@ -70,7 +70,7 @@ fn top(
 fn placed(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Option<Obb>, GpuError> {
     let index = number as usize;
     if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
-        return Err(GpuError::Untraceable { what: format!("instance {index}, which moves") });
+        return Err(GpuError::Unsupported { what: format!("instance {index}, which moves") });
     }
     let root = match roots.get(instance.blas as usize) {
         None => Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas }),
@@ -81,7 +81,7 @@ fn placed(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Opt
         Some(placed) if !placed.aabb().is_finite() => Err(InstanceError::OutOfRange { instance: index }),
         placed => Ok(placed),
     });
-    in_range.map_err(|error| GpuError::Untraceable { what: format!("instances as they stand: {error}") })
+    in_range.map_err(|error| GpuError::Unsupported { what: format!("instances as they stand: {error}") })
 }
 
 impl Built {

@@ -4,7 +4,7 @@ use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Obb};
 
 use super::{Items, Run, Sorter, Trees, count, dop::dop};
-use crate::{Bound, Buffer, GpuError, Specialisation};
+use crate::{Buffer, GpuError, NamedBinding, Specialisation};
 
 /// Heights that a tree may have: bits of a code and of a position, and the leaf.
 const HEIGHTS: usize = 128;
@@ -20,7 +20,7 @@ pub fn aabbs(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>, trees: &Tre
     let gpu = run.gpu();
     let aabbs = gpu.zeroed("axis-aligned boxes", items.len() as usize)?;
     let bound = items.bound(&[("parents", &trees.parents), ("leaves", leaves), ("ends", &aabbs)]);
-    run.station("aabb", |dispatches| {
+    run.stage("aabb", |dispatches| {
         let kernel = gpu.kernel("build/aabbs", &items.part())?;
         dispatches.items(&kernel, &bound, items.len())
     })?;
@@ -45,8 +45,8 @@ impl Schedule {
         let sorter = Sorter::new(gpu)?;
         let order = sorter.sort_as("levels", run, &[(&trees.heights, HEIGHT_BITS)])?;
         let ends = gpu.zeroed::<u32>("ends of levels", HEIGHTS)?;
-        let bound: [Bound<'_>; 3] = [("heights", &trees.heights), ("order", &order), ("ends", &ends)];
-        run.station("levels", |dispatches| {
+        let bound: [NamedBinding<'_>; 3] = [("heights", &trees.heights), ("order", &order), ("ends", &ends)];
+        run.stage("levels", |dispatches| {
             let kernel = gpu.kernel("build/levels", &Specialisation::none())?;
             dispatches.items(&kernel, &bound, count(order.len()))
         })?;
@@ -94,7 +94,7 @@ pub fn obbs(
         ("aabbs", aabbs),
         ("obbs", &obbs),
     ]);
-    run.station("obb", |dispatches| {
+    run.stage("obb", |dispatches| {
         let kernel = gpu.kernel("build/merge", &items.part().part("rule", rule))?;
         schedule.levels.iter().try_for_each(|&level| dispatches.range(&kernel, &bound, level))
     })?;

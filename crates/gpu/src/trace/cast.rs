@@ -11,11 +11,11 @@ use crate::{Gpu, GpuError, Kernel, Specialisation};
 
 /// What became of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Answer<T> {
+pub enum Outcome<T> {
     /// It is known.
-    Known(T),
+    Complete(T),
     /// The walk was cut short by the driver's limit of loops: the CPU must answer.
-    Cut,
+    Incomplete,
 }
 
 /// Rays of the first slice, and most of any.
@@ -30,14 +30,14 @@ impl TracedScene {
     ///
     /// # Errors
     /// A device that is lost or does not finish.
-    pub fn closest_hits(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Answer<Option<DeviceHit>>>, GpuError> {
+    pub fn closest_hits(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
         let kernel = self.kernel(gpu, "trace/closest")?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernel, "hits", rays, |slice, hits: Vec<DeviceHit>| {
             answers.extend(slice.iter().zip(hits).map(|(ray, hit)| match (hit.instance, ray) {
-                (CUT, _) => Answer::Cut,
-                (NONE, _) | (_, None) => Answer::Known(None),
-                (_, Some(ray)) => Answer::Known(Some(DeviceHit { t: ray.caller_t(hit.t), ..hit })),
+                (CUT, _) => Outcome::Incomplete,
+                (NONE, _) | (_, None) => Outcome::Complete(None),
+                (_, Some(ray)) => Outcome::Complete(Some(DeviceHit { t: ray.caller_t(hit.t), ..hit })),
             }));
         })?;
         Ok(answers)
@@ -47,12 +47,15 @@ impl TracedScene {
     ///
     /// # Errors
     /// As [`TracedScene::closest_hits`].
-    pub fn occluded(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Answer<bool>>, GpuError> {
+    pub fn occluded(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
         let kernel = self.kernel(gpu, "trace/occluded")?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernel, "found", rays, |_, found: Vec<u32>| {
-            answers
-                .extend(found.iter().map(|&found| if found == CUT { Answer::Cut } else { Answer::Known(found == 1) }));
+            answers.extend(
+                found
+                    .iter()
+                    .map(|&found| if found == CUT { Outcome::Incomplete } else { Outcome::Complete(found == 1) }),
+            );
         })?;
         Ok(answers)
     }
@@ -93,10 +96,10 @@ impl TracedScene {
         let mut bound = self.bindings();
         bound.push(("rays", &rays_there));
         bound.push((into, &answers));
-        let mut work = gpu.work();
+        let mut commands = gpu.commands();
         let n_rays = u32::try_from(rays.len()).unwrap_or(u32::MAX);
-        work.dispatch(kernel, &bound, kernel.groups(n_rays))?;
-        work.run()?;
+        commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
+        commands.run()?;
         gpu.read(&answers)
     }
 }

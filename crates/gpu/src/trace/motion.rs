@@ -74,11 +74,11 @@ impl MotionPolynomials {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "roundings are within the kernel's bound")]
-    pub(super) fn words(&self) -> MotionWords {
+    pub(super) fn words(&self) -> MotionData {
         let factor = self.determinant[0].signum() / self.scale();
         let [x, y, z, shift] = self.close.columns;
         let padded = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
-        MotionWords {
+        MotionData {
             cofactors: self.cofactors.map(|axis| axis.map(|row| padded(row.map(|c| (factor * c) as f32)))),
             determinant: self.determinant.map(|d| (factor * d) as f32),
             columns: [x, y, z, shift].map(padded),
@@ -89,7 +89,7 @@ impl MotionPolynomials {
 /// `Motion` of `shared/motion`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct MotionWords {
+pub(super) struct MotionData {
     cofactors: [[[f32; 4]; 3]; 3],
     determinant: [f32; 4],
     columns: [[f32; 4]; 4],
@@ -185,24 +185,24 @@ mod tests {
     fn words_lie_as_kernels_read_them() {
         let chosen = Specialisation::none()
             .part("level", "shared/level/moving")
-            .part("kinds", "shared/kinds/any")
-            .part("walk", "shared/walk/stack")
+            .part("node_kinds", "shared/node_kinds/any")
+            .part("traverse", "shared/traverse/stack")
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
-            .number("STACK", 4)
-            .number("TURNS", 1000);
+            .number("STACK_SIZE", 4)
+            .number("MAX_ITERATIONS", 1000);
         let shader = Shader::new("trace/closest", &chosen).unwrap();
         let layout = shader.layout("Motion").unwrap();
-        let columns = offset_of!(MotionWords, columns);
+        let columns = offset_of!(MotionData, columns);
         let offsets = [
-            offset_of!(MotionWords, cofactors),
-            offset_of!(MotionWords, determinant),
+            offset_of!(MotionData, cofactors),
+            offset_of!(MotionData, determinant),
             columns,
             columns + 16,
             columns + 32,
             columns + 48,
         ];
         let found: Vec<u32> = layout.members.iter().map(|(_, offset)| *offset).collect();
-        assert_eq!((found, layout.size), (offsets.map(|x| x as u32).to_vec(), size_of::<MotionWords>() as u32));
+        assert_eq!((found, layout.size), (offsets.map(|x| x as u32).to_vec(), size_of::<MotionData>() as u32));
     }
 }

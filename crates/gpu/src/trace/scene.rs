@@ -3,14 +3,14 @@
 use bytemuck::Pod;
 use canted_obb::Aabb;
 use canted_tlas::Instance;
-use canted_wide::{LaneKernel, Wide, Words};
+use canted_wide::{LaneKernel, RawBvh, TriangleBvh};
 
-use super::motion::MotionWords;
-use super::outer::Outer;
-use super::reach::check_reach;
-use super::walk::{LinkWords, Walk, is_aligned, links};
-use super::words::{HitError, PlaceWords, Quad, Start, TreeWords};
-use crate::{Bound, Buffer, Gpu, GpuError, Specialisation, loop_turns};
+use super::coordinates::check_reach;
+use super::layout::{BvhHeader, HitError, InstanceData, Quad, Start};
+use super::motion::MotionData;
+use super::top_level::TopLevel;
+use super::traversal::{ParentLink, Traversal, is_aligned, links};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, loop_iterations};
 
 /// Most entries of the stack in an invocation's own memory: trees of ours have about ten levels.
 const MOST_STACK: u32 = 128;
@@ -35,11 +35,11 @@ const SHARING: u32 = 8;
 pub struct TracedScene {
     nodes: Buffer<Quad>,
     halves: Buffer<Quad>,
-    trees: Buffer<TreeWords>,
+    trees: Buffer<BvhHeader>,
     level: Level,
-    walk: Walk,
+    walk: Traversal,
     /// Ways up the trees, where the walk needs them.
-    links: Option<Buffer<LinkWords>>,
+    links: Option<Buffer<ParentLink>>,
     /// Whether no node leans.
     is_aligned: bool,
     /// Nodes on the longest way down.
@@ -59,11 +59,11 @@ enum Level {
 
 /// Instances in the device's memory.
 struct Instances {
-    places: Buffer<PlaceWords>,
+    places: Buffer<InstanceData>,
     /// Their numbers in the order of the outer tree.
     order: Buffer<u32>,
     /// Ways of those that move, where any does.
-    motions: Option<Buffer<MotionWords>>,
+    motions: Option<Buffer<MotionData>>,
 }
 
 impl TracedScene {
@@ -71,8 +71,12 @@ impl TracedScene {
     /// instance's first, in order.
     ///
     /// # Errors
-    /// Coordinates above [`MOST_REACH`](crate::MOST_REACH), more than the device's limits allow, or a device that is lost.
-    pub fn one<K: LaneKernel>(gpu: &Gpu, tree: &Wide<K>, first_triangles: &[u32]) -> Result<Self, GpuError> {
+    /// Coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), more than the device's limits allow, or a device that is lost.
+    pub fn single_level<K: LaneKernel>(
+        gpu: &Gpu,
+        tree: &TriangleBvh<K>,
+        first_triangles: &[u32],
+    ) -> Result<Self, GpuError> {
         let words = tree.words();
         check_reach(|| "the tree over all instances".to_owned(), words.reach.into())?;
         let level = if first_triangles.len() > 1 {
@@ -87,12 +91,16 @@ impl TracedScene {
     /// Uploads a tree a mesh and the instances that place them, with a tree over these.
     ///
     /// # Errors
-    /// As [`TracedScene::one`], of coordinates in the world, too; instances that no bottom level belongs to, or whose transform is
+    /// As [`TracedScene::single_level`], of coordinates in the world, too; instances that no bottom level belongs to, or whose transform is
     /// nearer to singular, anywhere on its way, than the arithmetic of kernels allows
     /// ([`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse)).
-    pub fn two<K: LaneKernel>(gpu: &Gpu, meshes: &[&Wide<K>], instances: &[Instance]) -> Result<Self, GpuError> {
-        let words: Vec<(Words<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
-        let outer = Outer::new(&words, instances)?;
+    pub fn two_level<K: LaneKernel>(
+        gpu: &Gpu,
+        meshes: &[&TriangleBvh<K>],
+        instances: &[Instance],
+    ) -> Result<Self, GpuError> {
+        let words: Vec<(RawBvh<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
+        let outer = TopLevel::new(&words, instances)?;
         let motions = Some(&outer.motions).filter(|motions| !motions.is_empty());
         let level = Level::Two(Instances {
             places: gpu.buffer("instances", &outer.places)?,
@@ -107,7 +115,7 @@ impl TracedScene {
         Self::new(gpu, &trees, level, outer_words.depth + deepest)
     }
 
-    fn new(gpu: &Gpu, trees: &[(Words<'_>, HitError)], level: Level, depth: u32) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, trees: &[(RawBvh<'_>, HitError)], level: Level, depth: u32) -> Result<Self, GpuError> {
         if depth > MOST_STACK {
             return Err(too_deep(depth, MOST_STACK));
         }
@@ -115,18 +123,18 @@ impl TracedScene {
         let blocks: Vec<&[u32]> = trees.iter().map(|(words, _)| words.blocks).collect();
         let mut start = Start::default();
         let headers = trees.iter().map(|(words, error)| {
-            let header = TreeWords::new(words, start, *error);
+            let header = BvhHeader::new(words, start, *error);
             start = start.after(words);
             header
         });
-        let headers: Vec<TreeWords> = headers.collect();
-        let turns = turns_of(loop_turns(gpu, WANTED_TURNS)?);
+        let headers: Vec<BvhHeader> = headers.collect();
+        let turns = turns_of(loop_iterations(gpu, WANTED_TURNS)?);
         Ok(Self {
             nodes: joined(gpu, "nodes", &nodes)?,
             halves: joined(gpu, "blocks of triangles", &blocks)?,
             trees: gpu.buffer("trees", &headers)?,
             level,
-            walk: Walk::Stack,
+            walk: Traversal::Stack,
             links: None,
             is_aligned: trees.iter().all(|(words, _)| is_aligned(quads(words.nodes), words.root)),
             depth,
@@ -138,13 +146,13 @@ impl TracedScene {
     ///
     /// # Errors
     /// Trees too deep for the walk, or a device that is lost.
-    pub fn walked(self, gpu: &Gpu, walk: Walk) -> Result<Self, GpuError> {
-        if walk == Walk::Bits && self.depth > MOST_BITS {
+    pub fn with_traversal(self, gpu: &Gpu, walk: Traversal) -> Result<Self, GpuError> {
+        if walk == Traversal::Bits && self.depth > MOST_BITS {
             return Err(too_deep(self.depth, MOST_BITS));
         }
         let links = match walk {
-            Walk::Stack => None,
-            Walk::Bits | Walk::Links => {
+            Traversal::Stack => None,
+            Traversal::Bits | Traversal::Links => {
                 let (nodes, trees) = (gpu.read(&self.nodes)?, gpu.read(&self.trees)?);
                 Some(gpu.buffer("ways up", &links(&nodes, &trees))?)
             }
@@ -157,23 +165,24 @@ impl TracedScene {
     /// # Errors
     /// A device that is lost.
     #[doc(hidden)]
-    pub fn without_links(self, gpu: &Gpu) -> Result<Self, GpuError> {
+    pub fn without_parent_links(self, gpu: &Gpu) -> Result<Self, GpuError> {
         let n = self.links.as_ref().map_or(0, Buffer::len);
-        Ok(Self { links: Some(gpu.buffer("ways up", &vec![LinkWords::NOWHERE; n])?), ..self })
+        Ok(Self { links: Some(gpu.buffer("ways up", &vec![ParentLink::NOWHERE; n])?), ..self })
     }
 
     /// Everything that kernels which trace rays bind, by the names of their variables.
     #[must_use]
-    pub fn bindings(&self) -> Vec<Bound<'_>> {
-        let mut bound: Vec<Bound<'_>> = vec![("nodes", &self.nodes), ("halves", &self.halves), ("trees", &self.trees)];
-        bound.extend(self.links.as_ref().map(|links| -> Bound<'_> { ("links", links) }));
+    pub fn bindings(&self) -> Vec<NamedBinding<'_>> {
+        let mut bound: Vec<NamedBinding<'_>> =
+            vec![("nodes", &self.nodes), ("triangle_blocks", &self.halves), ("bvhs", &self.trees)];
+        bound.extend(self.links.as_ref().map(|links| -> NamedBinding<'_> { ("links", links) }));
         match &self.level {
             Level::One => {}
             Level::Flat(first) => bound.push(("first_triangles", first)),
             Level::Two(Instances { places, order, motions }) => {
-                bound.push(("places", places));
-                bound.push(("instances", order));
-                bound.extend(motions.as_ref().map(|motions| -> Bound<'_> { ("motions", motions) }));
+                bound.push(("instances", places));
+                bound.push(("instance_order", order));
+                bound.extend(motions.as_ref().map(|motions| -> NamedBinding<'_> { ("motions", motions) }));
             }
         }
         bound
@@ -183,15 +192,15 @@ impl TracedScene {
     #[must_use]
     pub fn specialise(&self, chosen: Specialisation) -> Specialisation {
         let level = match self.level {
-            Level::One => "shared/level/one",
+            Level::One => "shared/level/single",
             Level::Flat(_) => "shared/level/flat",
-            Level::Two(Instances { motions: None, .. }) => "shared/level/two",
+            Level::Two(Instances { motions: None, .. }) => "shared/level/instances",
             Level::Two(_) => "shared/level/moving",
         };
-        let kinds = if self.is_aligned { "shared/kinds/aligned" } else { "shared/kinds/any" };
-        let chosen = chosen.part("level", level).part("kinds", kinds).part("walk", self.walk.file());
-        let chosen = chosen.number("TURNS", self.turns);
-        if self.walk == Walk::Stack { chosen.number("STACK", self.depth.max(1)) } else { chosen }
+        let kinds = if self.is_aligned { "shared/node_kinds/aligned" } else { "shared/node_kinds/any" };
+        let chosen = chosen.part("level", level).part("node_kinds", kinds).part("traverse", self.walk.file());
+        let chosen = chosen.number("MAX_ITERATIONS", self.turns);
+        if self.walk == Traversal::Stack { chosen.number("STACK_SIZE", self.depth.max(1)) } else { chosen }
     }
 
     /// Bytes in the device's memory.
@@ -211,7 +220,7 @@ impl TracedScene {
     /// The same scene whose walks end after this many turns of loops: to see what becomes of rays that are cut short.
     #[doc(hidden)]
     #[must_use]
-    pub fn with_turns(self, turns: u32) -> Self {
+    pub fn with_max_iterations(self, turns: u32) -> Self {
         Self { turns, ..self }
     }
 }
@@ -234,7 +243,7 @@ fn too_deep(depth: u32, most: u32) -> GpuError {
 impl Start {
     /// The start of the tree that follows one.
     #[expect(clippy::cast_possible_truncation, reason = "a buffer of more than 2^32 quads is refused by its size")]
-    fn after(self, words: &Words<'_>) -> Self {
+    fn after(self, words: &RawBvh<'_>) -> Self {
         Self {
             node: self.node.wrapping_add((words.nodes.len() / 4) as u32),
             block: self.block.wrapping_add((words.blocks.len() / 4) as u32),
@@ -276,9 +285,9 @@ mod tests {
     fn walks_may_take_what_the_driver_lets_loops_take() {
         let test = "walks_may_take_what_the_driver_lets_loops_take";
         let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
-        let tree = Wide::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
-        let scene = TracedScene::one(&gpu, &tree, &[0]).unwrap();
-        let counted = loop_turns(&gpu, 100_000).unwrap();
+        let tree = TriangleBvh::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
+        let scene = TracedScene::single_level(&gpu, &tree, &[0]).unwrap();
+        let counted = loop_iterations(&gpu, 100_000).unwrap();
         let fits = if counted == 100_000 { scene.turns == MOST_TURNS } else { scene.turns * SHARING <= counted };
         assert!(fits, "{} turns of a walk, where a loop takes {counted}", scene.turns);
         assert_eq!(scene.turns, turns_of(counted));

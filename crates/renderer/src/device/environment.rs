@@ -1,6 +1,6 @@
 //! The environment as kernels read it.
 
-use canted_gpu::{Bound, Buffer, Gpu, GpuError, Specialisation};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 use canted_scene::{Environment, Scene};
 
 use crate::environment_of;
@@ -33,7 +33,7 @@ impl DeviceSky {
     }
 
     /// What the part binds.
-    pub(super) fn bindings(&self) -> Vec<Bound<'_>> {
+    pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
         match self {
             Self::Black | Self::Constant => vec![],
             Self::Image(image, texels) => vec![("sky_image", image), ("sky_texels", texels)],

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use canted_film::{CELL, Sums, Tiling};
 use canted_film::{Guide, Pixel, Tile};
-use canted_gpu::{Bound, GpuError};
+use canted_gpu::{GpuError, NamedBinding};
 
 use super::slices::{CELL_PIXELS, Seen, Slicer, Taken};
 use crate::render::Course;
@@ -27,7 +27,7 @@ struct Cell {
 pub(super) struct Taker<'a> {
     pub(super) slicer: Slicer<'a>,
     /// What its kernel binds of picture and scene.
-    pub(super) bound: Vec<Bound<'a>>,
+    pub(super) bound: Vec<NamedBinding<'a>>,
     pub(super) settings: &'a Settings,
     /// What a sample of a pixel weighs.
     pub(super) weight: &'a dyn Fn([u32; 2], u32) -> f32,

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use canted_gpu::{Draw, Drawn, GpuError, Specialisation};
+use canted_gpu::{Draw, GpuError, RasterOutput, Specialisation};
 use canted_obb::PrimId;
 use canted_scene::{MaterialId, Scene};
 use canted_trace::InstanceId;
@@ -60,7 +60,7 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
         Ok(GBuffer { time: drawn.time, pixels: self.seen(&drawn) })
     }
 
-    fn seen(&self, drawn: &Drawn) -> Vec<Option<Seen>> {
+    fn seen(&self, drawn: &RasterOutput) -> Vec<Option<Seen>> {
         let [points, normals, shading_normals, albedos] = &drawn.targets;
         let pixel = |k: usize| {
             let [.., above] = albedos[k];

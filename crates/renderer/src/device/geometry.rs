@@ -1,7 +1,7 @@
 //! Triangles and vertices as kernels read them.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{MOST_REACH, MotionPolynomials};
+use canted_gpu::{MAX_COORDINATE, MotionPolynomials};
 use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
 use rayon::prelude::*;
@@ -200,12 +200,12 @@ fn put<const N: usize>(words: &mut [f32], stride: usize, column: u32, values: &[
 /// What kernels may compute with: finite, and far from overflow. Positions of triangles are, or their scene is refused.
 fn tame(x: f32) -> f32 {
     // So written that what is not a number is zero.
-    if x.abs() <= MOST_REACH {
+    if x.abs() <= MAX_COORDINATE {
         x
     } else if x.is_nan() {
         0.0
     } else {
-        MOST_REACH.copysign(x)
+        MAX_COORDINATE.copysign(x)
     }
 }
 

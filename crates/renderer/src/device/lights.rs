@@ -1,7 +1,7 @@
 //! Lights as kernels read them: the list, and what a path samples of all lights.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Bound, Buffer, Gpu, GpuError, Specialisation};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 use canted_scene::Light;
 use canted_trace::InstanceId;
 
@@ -86,8 +86,8 @@ impl SampledLights {
     }
 
     /// What `shared/light/sampler` binds, but for the list and the picture of the sky.
-    pub(super) fn bindings(&self) -> Vec<Bound<'_>> {
-        let mut bound: Vec<Bound<'_>> = vec![("light_shares", &self.shares)];
+    pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
+        let mut bound: Vec<NamedBinding<'_>> = vec![("light_shares", &self.shares)];
         if let Some(tree) = &self.tree {
             bound.push(("light_nodes", tree));
         }

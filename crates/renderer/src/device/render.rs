@@ -4,9 +4,9 @@ use std::sync::atomic::Ordering;
 
 use canted_film::Sums;
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{Bound, Buffer, Gpu, Specialisation, TracedScene};
+use canted_gpu::{Buffer, Gpu, NamedBinding, Specialisation, TracedScene};
 use canted_scene::{Camera, Scene};
-use canted_wide::{LaneKernel, Wide};
+use canted_wide::{LaneKernel, TriangleBvh};
 
 use super::DeviceError;
 use super::environment::DeviceSky;
@@ -163,12 +163,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         Ok(tiling.film(&tiles))
     }
 
-    pub(super) fn bound(&self) -> Vec<Bound<'_>> {
+    pub(super) fn bound(&self) -> Vec<NamedBinding<'_>> {
         let mut bound = self.packed.bindings();
         bound.extend(self.sky.bindings());
         bound.extend(self.sampled.iter().flat_map(SampledLights::bindings));
         bound.push(("picture", &self.picture));
-        bound.extend(self.filter_table.as_ref().map(|table| -> Bound<'_> { ("filter_table", table) }));
+        bound.extend(self.filter_table.as_ref().map(|table| -> NamedBinding<'_> { ("filter_table", table) }));
         bound.extend(self.traced.bindings());
         bound
     }
@@ -183,17 +183,17 @@ pub fn traced_scene<K: LaneKernel>(
     scene: &Scene,
     structure: &Structure<K>,
 ) -> Result<TracedScene, DeviceError> {
-    fn wide<K: LaneKernel>(level: &Level<K>) -> Result<&Wide<K>, DeviceError> {
+    fn wide<K: LaneKernel>(level: &Level<K>) -> Result<&TriangleBvh<K>, DeviceError> {
         match level {
             Level::Wide(wide) => Ok(wide),
             Level::Binary(..) => Err(DeviceError::Unknown { what: "binary trees, which --volumes by name makes" }),
         }
     }
     Ok(match structure {
-        Structure::One(flat) => TracedScene::one(gpu, wide(flat.blas())?, flat.first())?,
+        Structure::One(flat) => TracedScene::single_level(gpu, wide(flat.blas())?, flat.first())?,
         Structure::Two(tlas) => {
             let meshes = tlas.blas().iter().map(wide).collect::<Result<Vec<_>, _>>()?;
-            TracedScene::two(gpu, &meshes, &instances(scene))?
+            TracedScene::two_level(gpu, &meshes, &instances(scene))?
         }
     })
 }

@@ -1,6 +1,6 @@
 //! What kernels that render read of a scene, and nothing that it does without.
 
-use canted_gpu::{Bound, Buffer, Gpu, GpuError, Specialisation};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 use canted_scene::{Light, Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
@@ -114,17 +114,20 @@ impl PackedScene {
     }
 
     /// The variables of all that there is.
-    pub(super) fn bindings(&self) -> Vec<Bound<'_>> {
-        let mut bound: Vec<Bound<'_>> =
+    pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
+        let mut bound: Vec<NamedBinding<'_>> =
             vec![("materials", &self.materials), ("triangles", &self.triangles), ("vertices", &self.vertices)];
-        bound.extend(self.firsts.as_ref().map(|firsts| -> Bound<'_> { ("firsts", firsts) }));
-        bound.extend(self.placements.as_ref().map(|placements| -> Bound<'_> { ("placements", placements) }));
-        bound.extend(self.lights.as_ref().map(|lights| -> Bound<'_> { ("lights", lights) }));
+        bound.extend(self.firsts.as_ref().map(|firsts| -> NamedBinding<'_> { ("firsts", firsts) }));
+        bound.extend(self.placements.as_ref().map(|placements| -> NamedBinding<'_> { ("placements", placements) }));
+        bound.extend(self.lights.as_ref().map(|lights| -> NamedBinding<'_> { ("lights", lights) }));
         if let Some((slots, images, texels)) = &self.images {
             bound.push(("slots", slots));
             bound.push(("images", images));
             bound.extend(
-                Texels::NAMES.into_iter().zip(&texels.bindings).map(|(name, buffer)| -> Bound<'_> { (name, buffer) }),
+                Texels::NAMES
+                    .into_iter()
+                    .zip(&texels.bindings)
+                    .map(|(name, buffer)| -> NamedBinding<'_> { (name, buffer) }),
             );
         }
         bound
@@ -137,7 +140,7 @@ impl PackedScene {
         let placed = match (instances, &self.firsts) {
             (true, _) => pick(motion, "shared/placed/moving", "shared/placed/instances"),
             (false, Some(_)) => "shared/placed/flat",
-            (false, None) => "shared/placed/one",
+            (false, None) => "shared/placed/single",
         };
         let bent =
             pick(normal_maps, "shared/normal/mapped", pick(normals, "shared/normal/smooth", "shared/normal/flat"));
@@ -170,8 +173,8 @@ impl PackedScene {
         if !self.has.gloss {
             return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
         }
-        let through = if self.has.glass { "shared/through/glass" } else { "shared/through/none" };
-        self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("through", through)
+        let through = if self.has.glass { "shared/transmission/glass" } else { "shared/transmission/none" };
+        self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("transmission", through)
     }
 
     /// Chooses the parts of the kernel that tells what camera rays meet.

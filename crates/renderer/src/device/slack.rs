@@ -15,7 +15,7 @@
 //!   `11 E`.
 //!
 //! An instance's transform adds, with `κ` the greatest row sum of `|M⁻¹|·|M|`: ray and origin in object space are off by
-//! `2·(6 + 5) E` of sums of absolute products, at most `2 κ` of the reach (`shared/level/two`); and cofactors take a normal to
+//! `2·(6 + 5) E` of sums of absolute products, at most `2 κ` of the reach (`shared/level/instances`); and cofactors take a normal to
 //! one that leans by `4 E` of `‖M‖·‖M⁻¹‖` in Frobenius norms.
 //!
 //! Of what moves, `W` and `‖M‖` are the greatest of the way and `‖M⁻¹‖` is of absolute terms, all greatest row sums, with `k` their

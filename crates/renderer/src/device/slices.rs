@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Bound, Buffer, Gpu, GpuError};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding};
 
 use super::picture::Slice;
 use super::stages::{Ready, Stages};
@@ -77,7 +77,7 @@ impl<'a> Slicer<'a> {
         &mut self,
         cells: &[u32],
         [first_sample, n_samples]: [u32; 2],
-        bound: &[Bound<'_>],
+        bound: &[NamedBinding<'_>],
         mut each: impl FnMut(&[Taken], &[Seen]) -> bool,
     ) -> Result<(), GpuError> {
         let all = cells.len() as u64 * u64::from(n_samples);
@@ -105,15 +105,15 @@ impl<'a> Slicer<'a> {
         &mut self,
         cells: &[u32],
         slice: Slice,
-        bound: &[Bound<'_>],
+        bound: &[NamedBinding<'_>],
     ) -> Result<(Vec<Taken>, Vec<Seen>), GpuError> {
         let start = Instant::now();
         let n = slice.end_group - slice.first_group;
         let cells = self.gpu.buffer("cells", cells)?;
         self.gpu.write(&self.slice, &[slice]);
-        let own: [Bound<'_>; 3] = [("slice", &self.slice), ("cells", &cells), ("samples", &self.samples)];
-        let guides = self.guides.as_ref().map(|guides| -> Bound<'_> { ("guides", guides) });
-        let bound: Vec<Bound<'_>> = own.into_iter().chain(guides).chain(bound.iter().copied()).collect();
+        let own: [NamedBinding<'_>; 3] = [("slice", &self.slice), ("cells", &cells), ("samples", &self.samples)];
+        let guides = self.guides.as_ref().map(|guides| -> NamedBinding<'_> { ("guides", guides) });
+        let bound: Vec<NamedBinding<'_>> = own.into_iter().chain(guides).chain(bound.iter().copied()).collect();
         self.kernels.run(self.gpu, &bound, n)?;
         let time = start.elapsed();
         let n_pixels = n as usize * CELL_PIXELS;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use canted_gpu::{Bound, Buffer, Gpu, GpuError, Kernel, Specialisation};
+use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Specialisation};
 
 use super::slices::{CELL_PIXELS, Seen, Taken};
 
@@ -34,9 +34,9 @@ impl Light {
     pub(super) fn waves(gpu: &Gpu, chosen: &Specialisation) -> Result<Self, GpuError> {
         let kernel = |name: &str| gpu.kernel(name, &chosen.of_kernel(name)?);
         Ok(Self::Waves {
-            generate: kernel("wave/generate")?,
-            trace: kernel("wave/trace")?,
-            shade: kernel("wave/shade")?,
+            generate: kernel("alternatives/wavefront/generate")?,
+            trace: kernel("alternatives/wavefront/trace")?,
+            shade: kernel("alternatives/wavefront/shade")?,
         })
     }
 }
@@ -101,7 +101,7 @@ impl Ready {
     }
 
     /// Takes the samples of `n` work-groups; returns when they are there.
-    pub(super) fn run(&self, gpu: &Gpu, bound: &[Bound<'_>], n: u32) -> Result<(), GpuError> {
+    pub(super) fn run(&self, gpu: &Gpu, bound: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
         let alone = match (&self.stages.light, &self.waiting) {
             (Light::Waves { generate, trace, shade }, Some(waiting)) => {
                 waiting.run(gpu, [generate, trace, shade], bound, n)?;
@@ -109,40 +109,40 @@ impl Ready {
             }
             (Light::One(kernel) | Light::Waves { generate: kernel, .. }, _) => Some(kernel),
         };
-        let mut work = gpu.work();
+        let mut commands = gpu.commands();
         for kernel in alone.into_iter().chain(&self.stages.guide) {
-            work.dispatch(kernel, bound, kernel.groups(n * kernel.group_size()))?;
+            commands.dispatch(kernel, bound, kernel.groups(n * kernel.group_size()))?;
         }
-        work.run()
+        commands.run()
     }
 }
 
 impl Waiting {
-    fn run(&self, gpu: &Gpu, kernels: [&Kernel; 3], bound: &[Bound<'_>], n: u32) -> Result<(), GpuError> {
+    fn run(&self, gpu: &Gpu, kernels: [&Kernel; 3], bound: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
         let [generate, trace, shade] = kernels;
         let Self { paths, queues, hits } = self;
-        let mut work = gpu.work();
+        let mut commands = gpu.commands();
         let [(living, n_living), _] = queues;
-        work.clear(n_living);
-        let own: [Bound<'_>; 3] = [("paths", paths), ("following", living), ("n_following", n_living)];
+        commands.clear(n_living);
+        let own: [NamedBinding<'_>; 3] = [("paths", paths), ("next_active", living), ("n_next_active", n_living)];
         let mut most = n * generate.group_size();
-        work.dispatch(generate, &together(bound, &own), generate.groups(most))?;
+        commands.dispatch(generate, &together(bound, &own), generate.groups(most))?;
         for turn in 1.. {
             let [(living, n_living), (following, n_following)] = [&queues[(turn + 1) % 2], &queues[turn % 2]];
-            work.clear(n_following);
-            let own: [Bound<'_>; 6] = [
+            commands.clear(n_following);
+            let own: [NamedBinding<'_>; 6] = [
                 ("paths", paths),
                 ("hits", hits),
-                ("living", living),
-                ("n_living", n_living),
-                ("following", following),
-                ("n_following", n_following),
+                ("active_paths", living),
+                ("n_active", n_living),
+                ("next_active", following),
+                ("n_next_active", n_following),
             ];
             let bound = together(bound, &own);
-            work.dispatch(trace, &bound, trace.groups(most))?;
-            work.dispatch(shade, &bound, shade.groups(most))?;
+            commands.dispatch(trace, &bound, trace.groups(most))?;
+            commands.dispatch(shade, &bound, shade.groups(most))?;
             if turn % RAYS_AT_ONCE == 0 {
-                std::mem::replace(&mut work, gpu.work()).submit()?;
+                std::mem::replace(&mut commands, gpu.commands()).submit()?;
                 // Paths only become fewer.
                 most = gpu.read(n_following)?.first().copied().unwrap_or(0);
                 if most == 0 {
@@ -154,6 +154,6 @@ impl Waiting {
     }
 }
 
-fn together<'a>(shared: &[Bound<'a>], own: &[Bound<'a>]) -> Vec<Bound<'a>> {
+fn together<'a>(shared: &[NamedBinding<'a>], own: &[NamedBinding<'a>]) -> Vec<NamedBinding<'a>> {
     shared.iter().chain(own).copied().collect()
 }

@@ -11,25 +11,14 @@ use crate::layout::{Line, NOWHERE, NodeKind, Row, Word};
 pub(super) fn write_node(source: &Source, draft: &Draft, out: &mut [Line]) {
     let rows: &mut [Row] = bytemuck::cast_slice_mut(out);
     let word_row = match draft.kind {
-        NodeKind::Box => {
+        NodeKind::Aligned => {
             write_boxes(&mut rows[..6], |i| {
                 let aabb = aligned_box(source, draft.children.get(i)?.0);
                 Some((aabb.min, aabb.max))
             });
             6
         }
-        NodeKind::Shared => {
-            let frame = draft.frame.unwrap_or(canted_obb::Obb::IDENTITY_FRAME);
-            for (i, &x) in frame.as_flattened().iter().enumerate() {
-                rows[i / 8][i % 8] = x;
-            }
-            write_boxes(&mut rows[2..8], |i| {
-                let slabs = slabs_of(source, draft.children.get(i)?.0, frame);
-                Some((slabs.lo, slabs.hi))
-            });
-            8
-        }
-        NodeKind::Lean => {
+        NodeKind::Oriented => {
             let slabs = |&(child, _): &(Child, Word)| slabs_of(source, child, (source.frames)(child));
             for i in 0..8 {
                 write_slabs(rows, i, draft.children.get(i).map(slabs).as_ref());

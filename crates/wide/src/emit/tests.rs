@@ -7,7 +7,7 @@ use canted_trace::Watertight;
 
 use super::Records;
 use crate::{
-    BoxTree, Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, Wide,
+    BoxTree, Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, TriangleBvh,
     layout::{Limits, PART_LANES, PARTS},
 };
 
@@ -19,7 +19,7 @@ fn many() -> Mesh {
 }
 
 fn wide(mesh: &Mesh, limits: &Limits) -> Result<Records, GeometryError> {
-    let built = Wide::<Watertight>::build_within(limits, &mesh.positions, &mesh.triangles, &Config::default());
+    let built = TriangleBvh::<Watertight>::build_within(limits, &mesh.positions, &mesh.triangles, &Config::default());
     Ok(built?.records)
 }
 
@@ -67,7 +67,7 @@ fn more_than_leaves_can_name_are_told_before_the_work() {
     const TWO: Limits = Limits { n_parts: 2, ..Limits::OF_WORDS };
     let missing = |n: usize| {
         let triangles = vec![[7, 8, 9]; n];
-        Wide::<Watertight>::build_within(&TWO, &[], &triangles, &Config::default()).err()
+        TriangleBvh::<Watertight>::build_within(&TWO, &[], &triangles, &Config::default()).err()
     };
     let first = GeometryError::IndexOutOfRange { triangle: PrimId(0), index: 7, n_vertices: 0 };
     let n = 2 * PART_LANES;

@@ -44,7 +44,7 @@ pub(super) fn check(records: &Records, promise: &Promise) -> Result<(), LoadErro
 }
 
 fn check_nested(outline: &Outline) -> Result<(), Flaw> {
-    let leaning = outline.nodes.iter().filter(|node| node.kind != NodeKind::Box);
+    let leaning = outline.nodes.iter().filter(|node| node.kind != NodeKind::Aligned);
     let n_inside = leaning.map(|node| node.places.len() as u64).sum();
     let most = MOST_NESTED.saturating_mul(outline.n_places as u64);
     if n_inside > most { Err(Flaw::Nested { n_inside, most }) } else { Ok(()) }

@@ -3,19 +3,19 @@ use canted_obb::Aabb;
 use super::LoadError;
 use crate::layout::{Half, Line, MAX_LEAF, Word};
 use crate::refit::{Prediction, Wear};
-use crate::{Costs, Predicted};
+use crate::{Costs, PredictedCost};
 
 /// First bytes of every file.
 pub(super) const MAGIC: [u8; 8] = *b"CANTWIDE";
 
 /// Changes with what the bytes mean.
-pub(super) const VERSION: u32 = 2;
+pub(super) const VERSION: u32 = 3;
 
 /// Bytes before the first node.
 pub(super) const HEADER_BYTES: usize = 160;
 
 /// Bytes of the header that mean something.
-const USED_BYTES: usize = 144;
+const USED_BYTES: usize = 140;
 
 /// Bytes of the checksum at the end.
 pub(super) const CHECKSUM_BYTES: usize = 8;
@@ -30,7 +30,7 @@ pub(super) struct Header {
     pub(super) depth: u32,
     pub(super) frame: [[f32; 3]; 3],
     pub(super) bounds: Aabb,
-    pub(super) predicted: Predicted,
+    pub(super) predicted: PredictedCost,
     pub(super) wear: Wear,
 }
 
@@ -40,8 +40,8 @@ const NOT_YET: f32 = -1.0;
 impl Header {
     /// Appends it.
     pub(super) fn write(&self, out: &mut Vec<u8>) {
-        let Costs { box_node, shared_node, lean_node, leaf, block, max_leaf } = self.wear.costs;
-        let Predicted { aligned, chosen } = self.predicted;
+        let Costs { aligned_node, oriented_node, leaf, block, max_leaf } = self.wear.costs;
+        let PredictedCost { aligned, chosen } = self.predicted;
         out.extend(MAGIC);
         out.extend(VERSION.to_le_bytes());
         for word in [self.root.0, self.depth, u32::try_from(max_leaf).unwrap_or(u32::MAX)] {
@@ -50,7 +50,7 @@ impl Header {
         for count in [self.n_lines, self.n_halves, self.n_triangles] {
             out.extend(count.to_le_bytes());
         }
-        let costs = [box_node, shared_node, lean_node, leaf, block, aligned, chosen];
+        let costs = [aligned_node, oriented_node, leaf, block, aligned, chosen];
         let fresh = self.wear.fresh.map_or([NOT_YET; 2], |fresh| [fresh.per_ray, fresh.per_triangle]);
         let groups = [self.frame.as_flattened(), &self.bounds.min, &self.bounds.max, &costs, &fresh];
         for number in groups.into_iter().flatten() {
@@ -77,16 +77,14 @@ impl Header {
         let [n_lines, n_halves, n_triangles] = [(); 3].map(|()| u64::from_le_bytes(fields.take()));
         let frame = [[(); 3]; 3].map(|row| row.map(|()| fields.number()));
         let [min, max] = [[(); 3]; 2].map(|corner| corner.map(|()| fields.number()));
-        let costs @ [box_node, shared_node, lean_node, leaf, block, aligned, chosen] =
-            [(); 7].map(|()| fields.number());
+        let costs @ [aligned_node, oriented_node, leaf, block, aligned, chosen] = [(); 6].map(|()| fields.number());
         let [per_ray, per_triangle] = [(); 2].map(|()| fields.number());
         let fresh = (per_ray >= 0.0 && per_triangle >= 0.0).then_some(Prediction { per_ray, per_triangle });
         // Costs may be infinite: that forbids a kind of node.
         if let Some(&value) = costs.iter().find(|cost| cost.is_nan()) {
             return Err(LoadError::Cost { value });
         }
-        let costs =
-            Costs { box_node, shared_node, lean_node, leaf, block, max_leaf: (max_leaf as usize).min(MAX_LEAF) };
+        let costs = Costs { aligned_node, oriented_node, leaf, block, max_leaf: (max_leaf as usize).min(MAX_LEAF) };
         Ok(Self {
             n_lines,
             n_halves,
@@ -95,7 +93,7 @@ impl Header {
             depth,
             frame,
             bounds: Aabb { min, max },
-            predicted: Predicted { aligned, chosen },
+            predicted: PredictedCost { aligned, chosen },
             wear: Wear { costs, fresh },
         })
     }

@@ -11,12 +11,12 @@ use crate::layout::NodeKind;
 use crate::refit::{Outline, Triangles};
 use crate::{Config, Flaw};
 
-fn build(mesh: &Mesh) -> Wide<Watertight> {
-    Wide::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+fn build(mesh: &Mesh) -> WideBvh<Watertight> {
+    WideBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
 }
 
-fn load(bytes: &[u8]) -> Result<Wide<Watertight>, LoadError> {
-    Wide::from_bytes(bytes)
+fn load(bytes: &[u8]) -> Result<WideBvh<Watertight>, LoadError> {
+    WideBvh::from_bytes(bytes)
 }
 
 /// The bytes with the checksum that they should have.
@@ -28,7 +28,7 @@ fn signed(mut bytes: Vec<u8>) -> Vec<u8> {
 }
 
 /// The tree with records changed by `change`, as a file.
-fn forged(wide: &Wide<Watertight>, change: impl FnOnce(&mut Wide<Watertight>)) -> Vec<u8> {
+fn forged(wide: &WideBvh<Watertight>, change: impl FnOnce(&mut WideBvh<Watertight>)) -> Vec<u8> {
     let mut wide = wide.clone();
     change(&mut wide);
     wide.to_bytes()
@@ -58,7 +58,7 @@ fn brute(triangles: &Triangles, ray: &Ray) -> Option<Hit> {
 }
 
 /// Whether all of `rays` hit what trying every stored triangle hits.
-fn agrees(wide: &Wide<Watertight>, rays: &[Ray]) -> bool {
+fn agrees(wide: &WideBvh<Watertight>, rays: &[Ray]) -> bool {
     let outline = Outline::of(&wide.records).unwrap();
     let triangles = Triangles::read(&outline, &wide.records.halves);
     rays.iter().all(|ray| {
@@ -124,9 +124,9 @@ fn boxes_that_would_lose_a_hit_are_refused() {
     let mesh = fixtures::scaffold_of(1, true, 3);
     let wide = build(&mesh);
     let outline = Outline::of(&wide.records).unwrap();
-    for kind in [NodeKind::Box, NodeKind::Lean] {
+    for kind in [NodeKind::Aligned, NodeKind::Oriented] {
         let node = outline.nodes.iter().find(|node| node.kind == kind).expect("both kinds are there");
-        let rows: &[usize] = if kind == NodeKind::Box { &[0, 1, 2, 3, 4, 5] } else { &[3, 4, 8, 9, 13, 14] };
+        let rows: &[usize] = if kind == NodeKind::Aligned { &[0, 1, 2, 3, 4, 5] } else { &[3, 4, 8, 9, 13, 14] };
         for &row in rows {
             for step in [f32::next_up, f32::next_down] {
                 let bytes = forged(&wide, |wide| {

@@ -11,9 +11,6 @@ use crate::layout::{Line, NodeKind, Row};
 use crate::traverse::MeshFrame;
 use crate::{measure, par};
 
-/// Rows of boxes in a shared node: those after its frame.
-const SHARED_BOXES: std::ops::Range<usize> = 2..8;
-
 /// What boxes are written from.
 struct Source<'a> {
     outline: &'a Outline,
@@ -68,41 +65,29 @@ impl<'a> Source<'a> {
     fn write_node(&self, node: &NodeSpot, out: &mut [Line]) {
         let rows: &mut [Row] = bytemuck::cast_slice_mut(out);
         match node.kind {
-            NodeKind::Box => {
+            NodeKind::Aligned => {
                 write_boxes(&mut rows[..6], |i| self.aligned(node.slots[i]).map(|aabb| (aabb.min, aabb.max)));
             }
-            NodeKind::Shared => {
-                let frame = frame_of(node.kind, rows, 0);
-                let slabs = node.slots.map(|slot| self.leaning(slot, frame));
-                write_boxes(&mut rows[SHARED_BOXES], |i| slabs[i].map(|slabs| (slabs.lo, slabs.hi)));
-            }
-            NodeKind::Lean => {
+            NodeKind::Oriented => {
                 for (i, &slot) in node.slots.iter().enumerate() {
-                    write_slabs(rows, i, self.leaning(slot, frame_of(node.kind, rows, i)).as_ref());
+                    write_slabs(rows, i, self.leaning(slot, frame_of(rows, i)).as_ref());
                 }
             }
         }
     }
 }
 
-/// Rows of the frame that the box of slot `i` stands in, for nodes that lean.
-fn frame_of(kind: NodeKind, rows: &[Row], i: usize) -> [[f32; 3]; 3] {
-    let at = |n: usize| match kind {
-        NodeKind::Lean => rows[n / 3 * 5 + n % 3][i],
-        _ => rows[n / 8][n % 8],
-    };
-    std::array::from_fn(|k| std::array::from_fn(|axis| at(3 * k + axis)))
+/// Rows of the frame that the box of slot `i` of an oriented node stands in.
+fn frame_of(rows: &[Row], i: usize) -> [[f32; 3]; 3] {
+    std::array::from_fn(|k| std::array::from_fn(|axis| rows[5 * k + axis][i]))
 }
 
 /// Half of the surface area of the box of slot `i`.
 pub(crate) fn half_area(node: &NodeSpot, lines: &[Line], i: usize) -> f64 {
     let rows = rows_of(node, lines);
     let extents: [f64; 3] = std::array::from_fn(|k| match node.kind {
-        NodeKind::Lean => 2.0 * f64::from(rows[5 * k + 4][i]),
-        kind => {
-            let first = if kind == NodeKind::Box { 0 } else { SHARED_BOXES.start };
-            f64::from(rows[first + 2 * k + 1][i]) - f64::from(rows[first + 2 * k][i])
-        }
+        NodeKind::Oriented => 2.0 * f64::from(rows[5 * k + 4][i]),
+        NodeKind::Aligned => f64::from(rows[2 * k + 1][i]) - f64::from(rows[2 * k][i]),
     });
     let [x, y, z] = extents;
     x * y + y * z + z * x
@@ -110,12 +95,12 @@ pub(crate) fn half_area(node: &NodeSpot, lines: &[Line], i: usize) -> f64 {
 
 /// Whether every row that a box stands in is as short as the tests of rays assume.
 pub(crate) fn check_frame(node: &NodeSpot, lines: &[Line]) -> Result<(), Flaw> {
-    if node.kind == NodeKind::Box {
+    if node.kind == NodeKind::Aligned {
         return Ok(());
     }
     let rows = rows_of(node, lines);
     let leaning = (0..8).filter(|&i| node.slots[i] != Slot::Nothing);
-    leaning.flat_map(|i| frame_of(node.kind, rows, i)).try_for_each(|row| check_row(row, Some(node.line)))
+    leaning.flat_map(|i| frame_of(rows, i)).try_for_each(|row| check_row(row, Some(node.line)))
 }
 
 /// Greatest length of a row, by the contract of [`Slabs`].
@@ -131,9 +116,8 @@ pub(crate) fn check_row(row: [f32; 3], line: Option<usize>) -> Result<(), Flaw> 
 /// Whether `lines` hold the boxes of `right` for this node, by value: the sign of a zero is nothing.
 pub(crate) fn compare(node: &NodeSpot, lines: &[Line], right: &[Line]) -> Result<(), Flaw> {
     let rows = match node.kind {
-        NodeKind::Box => 0..6,
-        NodeKind::Shared => SHARED_BOXES,
-        NodeKind::Lean => 0..15,
+        NodeKind::Aligned => 0..6,
+        NodeKind::Oriented => 0..15,
     };
     let (found, want) = (&rows_of(node, lines)[rows.clone()], &rows_of(node, right)[rows]);
     match (0..8).find(|&i| found.iter().zip(want).any(|(a, b)| a[i] != b[i])) {

@@ -1,15 +1,15 @@
-//! Boxes after a refit against exact sums, and shared nodes, which no build plans yet.
+//! Boxes after a refit against exact sums.
 
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
-use canted_obb::{Aabb, PrimId};
-use canted_trace::{Hit, Kernel, Ray, ScaledRay, Watertight};
+use canted_obb::Aabb;
+use canted_trace::{Ray, Watertight};
 
 use super::*;
-use crate::layout::{Line, NodeKind, PARTS, Row, Word, WordKind, node_words};
-use crate::{Config, Costs, SimdPath};
+use crate::layout::{NodeKind, PARTS, Row, Word, node_words};
+use crate::{Config, SimdPath};
 
-fn build(mesh: &Mesh) -> Wide<Watertight> {
-    Wide::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+fn build(mesh: &Mesh) -> WideBvh<Watertight> {
+    WideBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
 }
 
 /// Every vertex moved by a random step of up to `size` on each axis.
@@ -38,7 +38,7 @@ fn sum_is_positive(terms: &[f64]) -> bool {
 }
 
 /// Boxes of slots that vertices below stick out of, by exact sums of exact products.
-fn n_too_small(wide: &Wide<Watertight>) -> usize {
+fn n_too_small(wide: &WideBvh<Watertight>) -> usize {
     let outline = Outline::of(&wide.records).unwrap();
     let corners = Triangles::read(&outline, &wide.records.halves).corners;
     let mut n = 0;
@@ -56,12 +56,8 @@ fn n_too_small(wide: &Wide<Watertight>) -> usize {
 fn holds(kind: NodeKind, rows: &[Row], mesh_frame: &[[f32; 3]; 3], i: usize, vertex: &[f32; 3]) -> bool {
     (0..3).all(|k| {
         let (row, lo, hi) = match kind {
-            NodeKind::Box => (mesh_frame[k], [rows[2 * k][i], 0.0], [rows[2 * k + 1][i], 0.0]),
-            NodeKind::Shared => {
-                let row = [0, 1, 2].map(|axis| rows[(3 * k + axis) / 8][(3 * k + axis) % 8]);
-                (row, [rows[2 + 2 * k][i], 0.0], [rows[3 + 2 * k][i], 0.0])
-            }
-            NodeKind::Lean => {
+            NodeKind::Aligned => (mesh_frame[k], [rows[2 * k][i], 0.0], [rows[2 * k + 1][i], 0.0]),
+            NodeKind::Oriented => {
                 let (center, half) = (rows[5 * k + 3][i], rows[5 * k + 4][i]);
                 ([0, 1, 2].map(|axis| rows[5 * k + axis][i]), [center, -half], [center, half])
             }
@@ -113,7 +109,7 @@ fn the_oracle_sees_a_box_that_is_too_small() {
     let mesh = fixtures::scaffold_of(1, true, 4);
     let wide = build(&mesh);
     let outline = Outline::of(&wide.records).unwrap();
-    let lean = outline.nodes.iter().find(|node| node.kind == NodeKind::Lean).expect("struts lean");
+    let lean = outline.nodes.iter().find(|node| node.kind == NodeKind::Oriented).expect("struts lean");
     for row in [3, 4] {
         let mut wide = wide.clone();
         let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut wide.records.lines[lean.line..lean.line + 8]);
@@ -128,77 +124,12 @@ fn the_oracle_sees_a_box_that_is_too_small() {
     assert!(n_too_small(&wide) > 10);
 }
 
-/// The one node of a small tree, as a shared one with the frame `rows`; its boxes are not set.
-fn with_shared_root(mut wide: Wide<Watertight>, frame: [[f32; 3]; 3]) -> Wide<Watertight> {
-    let WordKind::Node(kind, 0) = wide.records.root.kind() else { panic!("the root is a node") };
-    assert_eq!(Outline::of(&wide.records).unwrap().nodes.len(), 1, "of one node");
-    let words = *node_words(&wide.records.lines, kind, 0);
-    let mut lines = vec![Line([0; 16]); NodeKind::Shared.n_lines()];
-    let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines);
-    for (i, &x) in frame.as_flattened().iter().enumerate() {
-        rows[i / 8][i % 8] = x;
-    }
-    rows[8] = words.map(|word| f32::from_bits(word.0));
-    wide.records.lines = lines;
-    wide.records.root = Word::node(NodeKind::Shared, 0);
-    wide
-}
-
-fn brute(mesh: &Mesh, ray: &Ray) -> Option<(f32, PrimId)> {
-    let ray = ScaledRay::new(ray)?;
-    let prepared = Watertight::prepare(&ray);
-    let mut best: Option<(f32, PrimId)> = None;
-    for (primitive, t) in (0..).map(PrimId).zip(&mesh.triangles) {
-        let record = Watertight::record(t.map(|i| mesh.positions[i as usize]));
-        let hit = Watertight::intersect(&prepared, &ray, &record, ray.t_max);
-        if let Some(hit) = hit
-            && best.is_none_or(|(t, _)| hit.t < t)
-        {
-            best = Some((hit.t, primitive));
-        }
-    }
-    best.map(|(t, primitive)| (ray.caller_t(t), primitive))
-}
-
-#[test]
-fn shared_nodes_are_refitted_too() {
-    let mesh = fixtures::soup(5, 60);
-    let frame = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let turn = Mesh { positions: frame.to_vec(), triangles: vec![[0, 1, 2]] }.turned();
-    let rows = [0, 1, 2].map(|k| [0, 1, 2].map(|axis| turn.positions[axis][k]));
-    // Where nodes are dear there is no more than one.
-    let costs = Costs { box_node: 100.0, lean_node: 100.0, ..Costs::default() };
-    let config = Config { costs, ..Config::default() };
-    let one = Wide::build(&mesh.positions, &mesh.triangles, &config).unwrap();
-    let mut wide = with_shared_root(one, rows);
-    for moved in [mesh.clone(), shaken(&mesh, 0.2, 3), mesh.turned()] {
-        wide.refit(&moved.positions, &moved.triangles).unwrap();
-        assert_eq!(n_too_small(&wide), 0);
-        let mut n_hits = 0;
-        for path in SimdPath::ALL {
-            let wide = wide.clone().with_path(path);
-            for class in fixtures::Grazing::ALL {
-                for ray in fixtures::grazing(&moved, class, 100, 7) {
-                    let ray = Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) };
-                    let hit: Option<Hit> = wide.closest_hit(&ray);
-                    assert_eq!(hit.map(|hit| (hit.t, hit.primitive)), brute(&moved, &ray), "{path:?} {ray:?}");
-                    n_hits += usize::from(hit.is_some());
-                }
-            }
-        }
-        assert!(n_hits > 500);
-    }
-}
-
 /// Records with one word changed.
-fn with_word(wide: &Wide<Watertight>, node: usize, slot: usize, word: Word) -> crate::emit::Records {
+fn with_word(wide: &WideBvh<Watertight>, node: usize, slot: usize, word: Word) -> crate::emit::Records {
     let mut records = wide.records.clone();
     let outline = Outline::of(&records).unwrap();
     let node = &outline.nodes[node];
-    let row = node.kind.n_lines() * 2
-        - 1
-        - usize::from(node.kind == NodeKind::Shared)
-        - usize::from(node.kind == NodeKind::Box);
+    let row = node.kind.n_lines() * 2 - 1 - usize::from(node.kind == NodeKind::Aligned);
     let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut records.lines[node.line..]);
     rows[row][slot] = f32::from_bits(word.0);
     records
@@ -213,7 +144,7 @@ fn the_walk_sees_every_broken_reference() {
     assert_eq!(flaw(wide.records.root), Flaw::Twice { unit: "line", at: 0 }, "a circle");
     assert_eq!(flaw(Word(0x6000_0000)), Flaw::Word { word: 0x6000_0000 });
     assert_eq!(
-        flaw(Word::node(NodeKind::Lean, n_lines)),
+        flaw(Word::node(NodeKind::Oriented, n_lines)),
         Flaw::Outside { unit: "line", at: n_lines + 7, n_units: n_lines }
     );
     assert!(matches!(flaw(Word::EMPTY), Flaw::Unreached { unit: "line" | "part of a block", .. }));
@@ -252,7 +183,7 @@ fn leaves_of_two_share_a_block() {
 fn parts_of_blocks_are_reached_once() {
     let wide = build(&quads(5));
     let slot_of = |first: usize| {
-        let words = node_words(&wide.records.lines, NodeKind::Box, 0);
+        let words = node_words(&wide.records.lines, NodeKind::Aligned, 0);
         words.iter().position(|&word| word == Word::leaf(first, 2)).expect("the root holds all leaves")
     };
     let flaw = |slot, word| Outline::of(&with_word(&wide, 0, slot, word)).err();

@@ -6,17 +6,17 @@ use canted_trace::{InstanceId, Ray, ScaledRay, Watertight};
 use super::*;
 use crate::answers::One;
 use crate::simd::SimdPath;
-use crate::{Config, LaneKernel, Wide};
+use crate::{Config, LaneKernel, WideBvh};
 
 /// A tree whose rays get pads of the test's choice.
 struct Padded<'a, K: LaneKernel> {
-    wide: &'a Wide<K>,
+    wide: &'a WideBvh<K>,
     pads: Pads,
 }
 
 impl<K: LaneKernel> Traced for Padded<'_, K> {
-    type Prepared<S: Simd> = <Wide<K> as Traced>::Prepared<S>;
-    type Met = <Wide<K> as Traced>::Met;
+    type Prepared<S: Simd> = <WideBvh<K> as Traced>::Prepared<S>;
+    type Met = <WideBvh<K> as Traced>::Met;
 
     fn records(&self) -> &Records {
         Traced::records(self.wide)
@@ -32,10 +32,10 @@ impl<K: LaneKernel> Traced for Padded<'_, K> {
     }
     #[inline(always)]
     fn prepare<S: Simd>(simd: S, ray: &ScaledRay) -> Self::Prepared<S> {
-        Wide::<K>::prepare(simd, ray)
+        WideBvh::<K>::prepare(simd, ray)
     }
     #[inline(always)]
-    fn leaf<S: Simd, T: Take<Self::Met>>(
+    fn leaf<S: Simd, T: HitSink<Self::Met>>(
         &self,
         simd: S,
         prepared: &Self::Prepared<S>,
@@ -49,7 +49,7 @@ impl<K: LaneKernel> Traced for Padded<'_, K> {
 
 /// How many rays get another hit than with the pads that are proven.
 fn n_different(mesh: &Mesh, config: &Config, pads: Pads, path: SimdPath) -> usize {
-    let wide = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, config).expect("a valid mesh");
+    let wide = WideBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, config).expect("a valid mesh");
     let wide = wide.with_path(path);
     let padded = Padded { wide: &wide, pads };
     let rays = Grazing::ALL.into_iter().flat_map(|class| canted_fixtures::grazing(mesh, class, 2000, 1));
@@ -65,7 +65,7 @@ fn n_different(mesh: &Mesh, config: &Config, pads: Pads, path: SimdPath) -> usiz
 fn rays_without_pads_lose_hits() {
     let none = Pads { aligned: 0.0, turned: 0.0, lean: 0.0 };
     let proven = Pads::of(canted_trace::HIT_ERROR);
-    let straight = Config { lean: false, turn: false, ..Config::default() };
+    let straight = Config { oriented: false, rotate_mesh: false, ..Config::default() };
     let mesh = canted_fixtures::scaffold_of(1, true, 3);
     let flat = canted_fixtures::coplanar_quads(20).turned();
     for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {

@@ -35,35 +35,6 @@ fn plane<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8], k: usize, upper: 
     simd.mul_sub(simd.load(&rows[2 * k + usize::from(upper)]), ray.recip[k], moved)
 }
 
-/// Shared node: nine numbers of the rows, padding to two rows, then as a box node in that frame.
-#[inline(always)]
-pub(crate) fn enter_shared<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 10], t_max: S::F) -> Entries<S> {
-    let mut near = ray.t_min;
-    let mut far = t_max;
-    for k in 0..3 {
-        let row = [
-            shared_component(simd, rows, 3 * k),
-            shared_component(simd, rows, 3 * k + 1),
-            shared_component(simd, rows, 3 * k + 2),
-        ];
-        let origin = project(simd, row, ray.origin);
-        let direction = project(simd, row, ray.direction);
-        let size = simd.max(simd.abs(direction), ray.min_direction);
-        let recip = simd.xor_sign(simd.div(ray.one, size), direction);
-        let lo = simd.mul(simd.sub(simd.load(&rows[2 + 2 * k]), simd.add(origin, ray.pad_lean)), recip);
-        let hi = simd.mul(simd.sub(simd.load(&rows[3 + 2 * k]), simd.sub(origin, ray.pad_lean)), recip);
-        near = simd.max(simd.min(lo, hi), near);
-        far = simd.min(simd.max(lo, hi), far);
-    }
-    Entries { near, mask: simd.le(near, far) }
-}
-
-/// A number of the frame, in all lanes.
-#[inline(always)]
-fn shared_component<S: Simd>(simd: S, rows: &[Row; 10], at: usize) -> S::F {
-    simd.splat(rows[at / 8][at % 8])
-}
-
 /// Lean node: for each axis three components of the rows, the centres, the half-extents.
 #[inline(always)]
 pub(crate) fn enter_lean<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 16], t_max: S::F) -> Entries<S> {

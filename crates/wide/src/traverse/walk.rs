@@ -1,6 +1,6 @@
-use super::node::{Entries, enter_box, enter_lean, enter_shared, words};
+use super::node::{Entries, enter_box, enter_lean, words};
 use super::{RayLanes, Stack};
-use crate::layout::{BOX_LINES, LEAN_LINES, Line, NodeKind, SHARED_LINES, Word, WordKind, rows};
+use crate::layout::{BOX_LINES, LEAN_LINES, Line, NodeKind, Word, WordKind, rows};
 use crate::simd::Simd;
 
 /// What a walk calls and asks.
@@ -43,15 +43,11 @@ pub(crate) fn walk<S: Simd, const ORDERED: bool>(
             WordKind::Node(kind, line) => {
                 visit.node(kind);
                 Some(match kind {
-                    NodeKind::Box => {
+                    NodeKind::Aligned => {
                         let rows = rows::<BOX_LINES, 8>(lines, line);
                         (enter_box(simd, ray, rows, t_max_lanes), words(&rows[6]))
                     }
-                    NodeKind::Shared => {
-                        let rows = rows::<SHARED_LINES, 10>(lines, line);
-                        (enter_shared(simd, ray, rows, t_max_lanes), words(&rows[8]))
-                    }
-                    NodeKind::Lean => {
+                    NodeKind::Oriented => {
                         let rows = rows::<LEAN_LINES, 16>(lines, line);
                         (enter_lean(simd, ray, rows, t_max_lanes), words(&rows[15]))
                     }

@@ -76,12 +76,12 @@ fn entered(boxes: &[Aabb], ray: &ScaledRay, grown: f64, slack: f64) -> BTreeSet<
 
 fn visited(tree: &BoxTree, ray: &ScaledRay, error: f64) -> BTreeSet<u32> {
     let mut numbers = BTreeSet::new();
-    tree.nearest_first(ray, error, &mut (), |PrimId(number), t_max, ()| {
+    tree.traverse_ordered(ray, error, &mut (), |PrimId(number), t_max, ()| {
         assert!(numbers.insert(number), "box {number} is entered twice");
         t_max
     });
     let mut in_any_order = BTreeSet::new();
-    tree.in_any_order(ray, error, &mut (), |PrimId(number), t_max, ()| {
+    tree.traverse_any(ray, error, &mut (), |PrimId(number), t_max, ()| {
         in_any_order.insert(number);
         t_max
     });
@@ -138,12 +138,12 @@ fn a_walk_goes_forward_and_ends_where_it_is_told() {
     let ray = ScaledRay::new(&Ray::new([-1.0; 3], [1.0; 3])).expect("a ray");
     let (mut order, mut n) = (vec![], 0);
     // Something in box 40 is hit.
-    tree.nearest_first(&ray, 0.0, &mut (), |PrimId(number), t_max, ()| {
+    tree.traverse_ordered(&ray, 0.0, &mut (), |PrimId(number), t_max, ()| {
         order.push(number);
         if number == 40 { 41.25 } else { t_max }
     });
     assert_eq!(order, (0..=40).collect::<Vec<_>>());
-    tree.in_any_order(&ray, 0.0, &mut (), |_, _, ()| {
+    tree.traverse_any(&ray, 0.0, &mut (), |_, _, ()| {
         n += 1;
         if n == 3 { -1.0 } else { 1e9 }
     });
@@ -159,7 +159,7 @@ fn unsound_boxes_are_refused_by_number() {
     }
     let none = BoxTree::build(&[], &Config::default()).expect("no box is unsound");
     assert!(none.aabb().is_empty());
-    none.nearest_first(&ScaledRay::new(&Ray::new([0.0; 3], [1.0; 3])).expect("a ray"), 1.0, &mut (), |_, _, ()| {
+    none.traverse_ordered(&ScaledRay::new(&Ray::new([0.0; 3], [1.0; 3])).expect("a ray"), 1.0, &mut (), |_, _, ()| {
         panic!("nothing can be entered")
     });
 }

@@ -5,7 +5,7 @@ use canted_fixtures as fixtures;
 use canted_fixtures::{Grazing, Hair, Mesh, SplitMix64, Strand};
 use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay};
-use canted_wide::{Config, LaneKernel, Preset, SimdPath, Wide};
+use canted_wide::{Config, LaneKernel, Preset, SimdPath, TriangleBvh};
 
 /// Scenes on which trees and triangle tests go wrong first.
 pub(crate) fn scenes() -> Vec<(&'static str, Mesh)> {
@@ -66,8 +66,8 @@ pub(crate) fn brute<K: Kernel<Record = [[f32; 3]; 3]>>(mesh: &Mesh, ray: &Ray) -
 }
 
 /// The mesh's tree.
-pub(crate) fn build<K: LaneKernel>(mesh: &Mesh, preset: Preset) -> Wide<K> {
-    Wide::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).expect("fixtures are valid")
+pub(crate) fn build<K: LaneKernel>(mesh: &Mesh, preset: Preset) -> TriangleBvh<K> {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).expect("fixtures are valid")
 }
 
 /// Paths of this machine; names those that are missing.

@@ -2,7 +2,7 @@
 
 use canted_fixtures as fixtures;
 use canted_trace::{Sphere, Watertight};
-use canted_wide::{Config, Costs, NodeKind, Preset, PrimitiveTree, Wide};
+use canted_wide::{Config, Costs, NodeKind, Preset, PrimitiveTree, TriangleBvh};
 
 use crate::common::{brute, rays};
 
@@ -12,16 +12,12 @@ fn extremes() -> Vec<(String, Costs)> {
     let mut all = vec![];
     for value in [f32::INFINITY, f32::NAN, f32::MAX, f32::MIN_POSITIVE, 0.0, -0.0, -1.0, f32::NEG_INFINITY] {
         let costs = [
-            ("box_node", Costs { box_node: value, ..usual }),
-            ("shared_node", Costs { shared_node: value, ..usual }),
-            ("lean_node", Costs { lean_node: value, ..usual }),
-            ("nodes", Costs { box_node: value, shared_node: value, lean_node: value, ..usual }),
+            ("aligned_node", Costs { aligned_node: value, ..usual }),
+            ("oriented_node", Costs { oriented_node: value, ..usual }),
+            ("nodes", Costs { aligned_node: value, oriented_node: value, ..usual }),
             ("leaf", Costs { leaf: value, ..usual }),
             ("block", Costs { block: value, ..usual }),
-            (
-                "all",
-                Costs { box_node: value, shared_node: value, lean_node: value, leaf: value, block: value, ..usual },
-            ),
+            ("all", Costs { aligned_node: value, oriented_node: value, leaf: value, block: value, ..usual }),
         ];
         all.extend(costs.map(|(name, costs)| (format!("{name} {value}"), costs)));
     }
@@ -31,9 +27,6 @@ fn extremes() -> Vec<(String, Costs)> {
     all
 }
 
-/// Whether nodes may lean, and whether they may share a frame.
-const KINDS: [[bool; 2]; 3] = [[false, false], [true, false], [true, true]];
-
 #[test]
 fn triangles_are_hit_whatever_visits_cost() {
     let scenes = [fixtures::soup(1, 300), fixtures::scaffold_of(1, true, 2), fixtures::identical(100)];
@@ -42,11 +35,11 @@ fn triangles_are_hit_whatever_visits_cost() {
         let want: Vec<_> = rays.iter().map(|ray| brute::<Watertight>(&mesh, ray).first().copied()).collect();
         for (name, costs) in extremes() {
             for preset in [Preset::Balanced, Preset::Quality] {
-                for [lean, share] in KINDS {
-                    let config = Config { costs, lean, share, ..Config::preset(preset) };
-                    let tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+                for oriented in [false, true] {
+                    let config = Config { costs, oriented, ..Config::preset(preset) };
+                    let tree = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
                     let hits: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray)).collect();
-                    assert_eq!(hits, want, "{name}, {preset:?}, lean {lean}, share {share}");
+                    assert_eq!(hits, want, "{name}, {preset:?}, oriented {oriented}");
                 }
             }
         }
@@ -58,11 +51,11 @@ fn a_tree_of_any_costs_is_refitted_written_and_read() {
     let mesh = fixtures::soup(1, 300);
     for (name, costs) in extremes() {
         let config = Config { costs, ..Config::default() };
-        let mut tree = Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+        let mut tree = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
         let refit = tree.refit(&mesh.positions, &mesh.triangles).unwrap();
         assert!(!refit.drift.is_nan(), "{name}: {refit:?}");
         let bytes = tree.to_bytes();
-        let back = Wide::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let back = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(back.to_bytes(), bytes, "{name}");
     }
 }
@@ -84,19 +77,19 @@ fn primitives_of_the_callers_are_hit_whatever_visits_cost() {
 #[test]
 fn an_infinite_cost_forbids_a_kind_of_node() {
     let mesh = fixtures::scaffold_of(1, true, 3);
-    let n_nodes = |costs: Costs, lean: bool| {
-        let config = Config { costs, lean, ..Config::default() };
-        Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap().sizes().nodes
+    let n_nodes = |costs: Costs, oriented: bool| {
+        let config = Config { costs, oriented, ..Config::default() };
+        TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap().sizes().nodes
     };
     let usual = Costs::default();
-    let of = |kind: NodeKind, nodes: [usize; 3]| nodes[kind as usize];
+    let of = |kind: NodeKind, nodes: [usize; 2]| nodes[kind as usize];
     let both = n_nodes(usual, true);
-    assert!(of(NodeKind::Box, both) > 0 && of(NodeKind::Lean, both) > 0, "{both:?}");
+    assert!(of(NodeKind::Aligned, both) > 0 && of(NodeKind::Oriented, both) > 0, "{both:?}");
     for infinite in [f32::INFINITY, f32::NAN] {
-        assert_eq!(of(NodeKind::Box, n_nodes(Costs { box_node: infinite, ..usual }, true)), 0);
-        assert_eq!(of(NodeKind::Lean, n_nodes(Costs { lean_node: infinite, ..usual }, true)), 0);
+        assert_eq!(of(NodeKind::Aligned, n_nodes(Costs { aligned_node: infinite, ..usual }, true)), 0);
+        assert_eq!(of(NodeKind::Oriented, n_nodes(Costs { oriented_node: infinite, ..usual }, true)), 0);
         // The last kind cannot be forbidden, and its nodes are as full as ever.
-        assert_eq!(n_nodes(Costs { box_node: infinite, ..usual }, false), n_nodes(usual, false));
+        assert_eq!(n_nodes(Costs { aligned_node: infinite, ..usual }, false), n_nodes(usual, false));
     }
 }
 
@@ -105,7 +98,7 @@ fn leaves_hold_one_to_thirty_two_triangles() {
     let mesh = fixtures::soup(1, 300);
     let bytes = |max_leaf: usize| {
         let config = Config { costs: Costs { max_leaf, ..Costs::default() }, ..Config::default() };
-        Wide::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap().to_bytes()
+        TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap().to_bytes()
     };
     assert_eq!(bytes(0), bytes(1));
     assert_eq!(bytes(33), bytes(32));

@@ -3,11 +3,11 @@
 
 use canted_fixtures::{Mesh, SplitMix64};
 use canted_trace::{Hit, Ray, Side, Watertight};
-use canted_wide::{Preset, Wide};
+use canted_wide::{Preset, TriangleBvh};
 
 use crate::common::{brute, build, paths};
 
-fn crossings(tree: &Wide<Watertight>, ray: &Ray) -> Vec<Hit> {
+fn crossings(tree: &TriangleBvh<Watertight>, ray: &Ray) -> Vec<Hit> {
     let mut hits = vec![];
     tree.crossings(ray, &mut hits);
     hits

@@ -3,7 +3,7 @@
 
 use canted_obb::PrimId;
 use canted_trace::{BaldwinWeber, Hit, Kernel, MollerTrumbore, Ray, Watertight};
-use canted_wide::{Config, LaneKernel, Preset, Wide};
+use canted_wide::{Config, LaneKernel, Preset, TriangleBvh};
 
 use crate::common::{brute, build, paths, rays, scenes};
 
@@ -145,7 +145,7 @@ fn triangles_with_many_references_are_reported_once() {
     let leaves: Vec<PrimId> = (0..3 * n).map(|i| PrimId(i.wrapping_mul(7919) % n)).collect();
     let codes = (0..leaves.len() as u64).collect();
     let tree = canted_lbvh::radix(canted_lbvh::Sorted { codes, leaves });
-    let wide = Wide::<Watertight>::over(&tree, &corners, &bounds, &Config::default()).expect("few triangles");
+    let wide = TriangleBvh::<Watertight>::over(&tree, &corners, &bounds, &Config::default()).expect("few triangles");
     for ray in rays(&mesh, 100, 3) {
         let want = brute::<Watertight>(&mesh, &ray);
         let mut hits = vec![];

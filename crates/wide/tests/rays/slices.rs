@@ -2,7 +2,7 @@
 
 use canted_fixtures::Mesh;
 use canted_trace::{Hit, MollerTrumbore, Ray, Side, Watertight};
-use canted_wide::{LaneKernel, Preset, Wide};
+use canted_wide::{LaneKernel, Preset, TriangleBvh};
 
 use crate::common::{brute, build, paths, rays};
 
@@ -28,7 +28,7 @@ fn on_threads(n: usize, work: impl FnOnce() + Send) {
 fn slices_equal_single_rays() {
     fn check<K: LaneKernel>(mesh: &Mesh, rays: &[Ray]) {
         for path in paths() {
-            let tree: Wide<K> = build::<K>(mesh, Preset::Balanced).with_path(path);
+            let tree: TriangleBvh<K> = build::<K>(mesh, Preset::Balanced).with_path(path);
             let want: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray)).collect();
             let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
             tree.closest_hits(rays, &mut hits);

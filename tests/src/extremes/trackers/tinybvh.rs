@@ -5,7 +5,7 @@ use canted_fixtures::{Mesh, coplanar_quads, thin_box};
 use canted_obb::Affine;
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
-use canted_wide::{Config, Wide};
+use canted_wide::{Config, TriangleBvh};
 
 use super::super::{Oracle, Promise, Row};
 use super::each;
@@ -81,7 +81,7 @@ pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
     }
     let plate = thin_box(0.0);
     let binary = Bvh2::<Watertight>::build(&plate.positions, &plate.triangles, &BuildConfig::default());
-    let wide = Wide::<Watertight>::build(&plate.positions, &plate.triangles, &Config::default());
+    let wide = TriangleBvh::<Watertight>::build(&plate.positions, &plate.triangles, &Config::default());
     let mut rows = vec![
         of_levels(binary.expect("fixtures are valid"), "two levels of binary"),
         of_levels(wide.expect("fixtures are valid"), "two levels of wide"),

@@ -206,7 +206,7 @@ fn queries(n: u32) -> Vec<Query> {
 
 /// All that a material can be.
 fn full() -> Specialisation {
-    Specialisation::none().part("bsdf", "shared/bsdf/full").part("through", "shared/through/glass")
+    Specialisation::none().part("bsdf", "shared/bsdf/full").part("transmission", "shared/transmission/glass")
 }
 
 #[test]
@@ -244,7 +244,8 @@ fn diffuse_surfaces_need_no_more() {
 fn what_lets_no_light_through_needs_no_glass() {
     let Some(gpu) = gpu("what_lets_no_light_through_needs_no_glass") else { return };
     let queries: Vec<Query> = queries(2000).into_iter().map(|query| Query { transmission: 0.0, ..query }).collect();
-    let opaque = Specialisation::none().part("bsdf", "shared/bsdf/full").part("through", "shared/through/none");
+    let opaque =
+        Specialisation::none().part("bsdf", "shared/bsdf/full").part("transmission", "shared/transmission/none");
     let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &opaque, &queries, &[]);
     // Of what lets nothing through no factor is asked.
     let told = |query: &Query, answer: &Answer| {

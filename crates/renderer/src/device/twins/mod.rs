@@ -6,7 +6,7 @@ mod light;
 
 use bytemuck::Pod;
 use canted_fixtures::or_skip;
-use canted_gpu::{Bound, Choice, Gpu, Specialisation};
+use canted_gpu::{Choice, Gpu, NamedBinding, Specialisation};
 
 use crate::{Pattern, Sampler};
 
@@ -24,16 +24,16 @@ fn answers<Q: Pod, A: Pod>(
     kernel: &str,
     chosen: &Specialisation,
     queries: &[Q],
-    others: &[Bound<'_>],
+    others: &[NamedBinding<'_>],
 ) -> Vec<A> {
     let kernel = gpu.kernel(kernel, chosen).unwrap();
     let asked = gpu.buffer("queries", queries).unwrap();
     let answers = gpu.zeroed::<A>("answers", queries.len()).unwrap();
-    let mut bound: Vec<Bound<'_>> = vec![("queries", &asked), ("answers", &answers)];
+    let mut bound: Vec<NamedBinding<'_>> = vec![("queries", &asked), ("answers", &answers)];
     bound.extend(others);
-    let mut work = gpu.work();
-    work.dispatch(&kernel, &bound, kernel.groups(u32::try_from(queries.len()).unwrap())).unwrap();
-    work.run().unwrap();
+    let mut commands = gpu.commands();
+    commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(queries.len()).unwrap())).unwrap();
+    commands.run().unwrap();
     gpu.read(&answers).unwrap()
 }
 

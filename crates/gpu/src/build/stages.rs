@@ -1,0 +1,188 @@
+//! The stations up to the tree: integers, equal to the CPU's.
+
+use bytemuck::{Pod, Zeroable};
+use canted_lbvh::Bits;
+
+use super::{Items, Run, Sorter, count};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+
+/// A tree's grid of cells, as [`canted_lbvh::Domain`].
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Grid {
+    /// Least coordinates, times the number of points summed for an item.
+    pub offset: [f32; 3],
+    /// Cells per unit of that sum.
+    pub scale: f32,
+}
+
+/// Morton codes, the high word of those of 63 bits apart.
+pub struct Codes {
+    /// Low words.
+    pub low: Buffer<u32>,
+    /// High words, of 63 bits alone.
+    pub high: Option<Buffer<u32>>,
+}
+
+/// Items along the curve, tree by tree.
+pub struct Sorted {
+    /// Codes, not decreasing in a tree.
+    pub codes: Codes,
+    /// The item of each leaf.
+    pub leaves: Buffer<u32>,
+}
+
+/// An inner node, its numbers counted over all trees of the level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Node {
+    /// Child over the lower leaves: a slot, or a leaf's position with the highest bit set.
+    pub left: u32,
+    /// Child over the upper leaves.
+    pub right: u32,
+    /// First leaf below.
+    pub first: u32,
+    /// Last leaf below, included.
+    pub last: u32,
+}
+
+/// The trees of a level.
+pub struct Trees {
+    /// Inner nodes by slot; see [`super::Range`].
+    pub nodes: Buffer<Node>,
+    /// Parents of inner nodes by slot, then of leaves by position; `u32::MAX` above a root.
+    pub parents: Buffer<u32>,
+    /// Nodes on the longest way from each inner node down, the leaf included; 0 in an empty slot.
+    pub heights: Buffer<u32>,
+    /// Nodes on the longest way from a root to a leaf, the leaf included, of all trees; 0 without items.
+    pub depth: Buffer<u32>,
+}
+
+impl Codes {
+    fn empty(gpu: &Gpu, n: usize, bits: Bits) -> Result<Self, GpuError> {
+        let high = match bits {
+            Bits::B30 => None,
+            Bits::B63 => Some(gpu.zeroed("high words of codes", n)?),
+        };
+        Ok(Self { low: gpu.zeroed("codes", n)?, high })
+    }
+
+    fn bits(&self) -> Bits {
+        if self.high.is_some() { Bits::B63 } else { Bits::B30 }
+    }
+
+    fn bound<'a>(&'a self, low: &'static str, high: &'static str) -> Vec<NamedBinding<'a>> {
+        let mut bound: Vec<NamedBinding<'a>> = vec![(low, &self.low)];
+        if let Some(words) = &self.high {
+            bound.push((high, words));
+        }
+        bound
+    }
+}
+
+/// `chosen`, with the part for codes of this length.
+fn coded(chosen: Specialisation, bits: Bits) -> Specialisation {
+    chosen.part(
+        "code",
+        match bits {
+            Bits::B30 => "shared/code/narrow",
+            Bits::B63 => "shared/code/wide",
+        },
+    )
+}
+
+/// The grid of each tree.
+///
+/// # Errors
+/// A device that lacks the memory, or is lost.
+pub fn domain(run: &mut Run<'_>, items: &Items, bits: Bits) -> Result<Buffer<Grid>, GpuError> {
+    /// Items of a work-group, as in `build/bounds.wgsl`.
+    const TILE: u32 = 512;
+    let gpu = run.gpu();
+    let n_trees = items.ranges().len();
+    let bounds = gpu.zeroed::<u32>("bounds of trees", 6 * n_trees)?;
+    let domains = gpu.zeroed("domains", n_trees)?;
+    let bound = items.bound(&[("bounds", &bounds), ("domains", &domains)]);
+    run.stage("domain", |dispatches| {
+        let kernel = gpu.kernel("build/bounds", &items.part())?;
+        dispatches.tiles(&kernel, &bound, items.len().div_ceil(TILE))?;
+        let kernel = gpu.kernel("build/domain", &coded(items.part(), bits))?;
+        dispatches.items(&kernel, &bound, count(n_trees))
+    })?;
+    Ok(domains)
+}
+
+/// A code an item, in input order.
+///
+/// # Errors
+/// As [`domain`].
+pub fn codes(run: &mut Run<'_>, items: &Items, domains: &Buffer<Grid>, bits: Bits) -> Result<Codes, GpuError> {
+    let gpu = run.gpu();
+    let codes = Codes::empty(gpu, items.len() as usize, bits)?;
+    let mut bound = items.bound(&codes.bound("codes_low", "codes_high"));
+    bound.push(("domains", domains));
+    run.stage("codes", |dispatches| {
+        let kernel = gpu.kernel("build/codes", &coded(items.part(), bits))?;
+        dispatches.items(&kernel, &bound, items.len())
+    })?;
+    Ok(codes)
+}
+
+/// The items by tree and code, stably.
+///
+/// # Errors
+/// As [`domain`].
+pub fn sort(run: &mut Run<'_>, items: &Items, codes: &Codes) -> Result<Sorted, GpuError> {
+    let gpu = run.gpu();
+    let sorter = Sorter::new(gpu)?;
+    let trees = if items.tree_bits() > 0 { Some(trees_of(run, items)?) } else { None };
+    let mut words = match &codes.high {
+        None => vec![(&codes.low, 30)],
+        Some(high) => vec![(&codes.low, 32), (high, 31)],
+    };
+    words.extend(trees.as_ref().map(|trees| (trees, items.tree_bits())));
+    let leaves = sorter.sort(run, &words)?;
+    let sorted = Codes {
+        low: sorter.in_order(run, &codes.low, &leaves)?,
+        high: codes.high.as_ref().map(|high| sorter.in_order(run, high, &leaves)).transpose()?,
+    };
+    Ok(Sorted { codes: sorted, leaves })
+}
+
+/// The tree of each item.
+fn trees_of(run: &mut Run<'_>, items: &Items) -> Result<Buffer<u32>, GpuError> {
+    let gpu = run.gpu();
+    let trees = gpu.zeroed("trees of items", items.len() as usize)?;
+    let bound = items.bound(&[("tree_indices", &trees)]);
+    run.stage("sort", |dispatches| {
+        let kernel = gpu.kernel("build/tree_indices", &Specialisation::none())?;
+        dispatches.items(&kernel, &bound, items.len())
+    })?;
+    Ok(trees)
+}
+
+/// The radix tree over the sorted items of each tree.
+///
+/// # Errors
+/// As [`domain`].
+pub fn tree(run: &mut Run<'_>, items: &Items, sorted: &Codes) -> Result<Trees, GpuError> {
+    let gpu = run.gpu();
+    let n = items.len() as usize;
+    let trees = Trees {
+        nodes: gpu.zeroed("nodes", n)?,
+        parents: gpu.zeroed("parents", 2 * n)?,
+        heights: gpu.zeroed("heights", n)?,
+        depth: gpu.zeroed("depth", 1)?,
+    };
+    let mut bound = items.bound(&sorted.bound("sorted_low", "sorted_high"));
+    let made: [NamedBinding<'_>; 4] =
+        [("nodes", &trees.nodes), ("parents", &trees.parents), ("heights", &trees.heights), ("depth", &trees.depth)];
+    bound.extend(made);
+    run.stage("tree", |dispatches| {
+        let kernel = gpu.kernel("build/tree", &coded(Specialisation::none(), sorted.bits()))?;
+        dispatches.items(&kernel, &bound, items.len())?;
+        let kernel = gpu.kernel("build/heights", &Specialisation::none())?;
+        dispatches.items(&kernel, &bound, items.len())
+    })?;
+    Ok(trees)
+}

@@ -1,0 +1,232 @@
+//! Dispatches in order.
+
+use bytemuck::Pod;
+use canted_shaders::Binding;
+use wgpu::{
+    BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, CommandEncoder, CommandEncoderDescriptor,
+    ComputePassDescriptor, ComputePassTimestampWrites, QuerySet, QuerySetDescriptor, QueryType,
+};
+
+use crate::{Buffer, Gpu, GpuError, Kernel};
+
+/// Most passes that are timed in one submission; two queries each, of the 4,096 that a set may have.
+const MOST_TIMED: u32 = 2_048;
+
+/// How long the device took for a pass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PassTime {
+    /// Name of the kernel.
+    pub kernel: String,
+    /// Milliseconds on the device.
+    pub milliseconds: f64,
+}
+
+/// Dispatches that the device does one after another: what one wrote the next one reads.
+pub struct Commands<'a> {
+    gpu: &'a Gpu,
+    encoder: CommandEncoder,
+    timed: Option<Timed>,
+    /// Commands-groups of all dispatches so far.
+    n_groups: u64,
+}
+
+struct Timed {
+    queries: QuerySet,
+    kernels: Vec<String>,
+}
+
+/// Something to bind by the name of its variable.
+pub type NamedBinding<'a> = (&'a str, &'a dyn AsBinding);
+
+/// What can be bound to a kernel's variable.
+pub trait AsBinding {
+    /// The whole of it.
+    #[doc(hidden)]
+    fn resource(&self) -> wgpu::BindingResource<'_>;
+
+    /// Bytes that the device keeps of it.
+    fn n_bytes(&self) -> u64;
+}
+
+impl<T> AsBinding for Buffer<T> {
+    fn resource(&self) -> wgpu::BindingResource<'_> {
+        self.raw.as_entire_binding()
+    }
+
+    fn n_bytes(&self) -> u64 {
+        Self::n_bytes(self)
+    }
+}
+
+impl Gpu {
+    /// Starts a list of dispatches.
+    #[must_use]
+    pub fn commands(&self) -> Commands<'_> {
+        let encoder = self.device.create_command_encoder(&CommandEncoderDescriptor::default());
+        Commands { gpu: self, encoder, timed: None, n_groups: 0 }
+    }
+
+    /// Starts a list of dispatches whose times [`Commands::times`] tells, where the device can.
+    #[must_use]
+    pub fn timed_commands(&self) -> Commands<'_> {
+        let mut commands = self.commands();
+        if self.has_timestamps() {
+            let descriptor = QuerySetDescriptor { label: None, ty: QueryType::Timestamp, count: 2 * MOST_TIMED };
+            commands.timed = Some(Timed { queries: self.device.create_query_set(&descriptor), kernels: vec![] });
+        }
+        commands
+    }
+}
+
+impl Commands<'_> {
+    /// Adds a dispatch of `groups` work-groups. `bound` gives every variable that the kernel uses by name; what it does
+    /// not use may be given and is left out.
+    ///
+    /// # Errors
+    /// A variable that is not given.
+    pub fn dispatch(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], groups: [u32; 3]) -> Result<(), GpuError> {
+        if groups.contains(&0) {
+            return Ok(());
+        }
+        let bind_groups = bind_groups(self.gpu, &kernel.name, kernel.bindings(), bound, |number| {
+            kernel.pipeline.get_bind_group_layout(number)
+        })?;
+        let timestamp_writes =
+            self.timed.as_mut().filter(|timed| timed.kernels.len() < MOST_TIMED as usize).map(|timed| {
+                #[expect(clippy::cast_possible_truncation, reason = "below MOST_TIMED")]
+                let first = 2 * timed.kernels.len() as u32;
+                timed.kernels.push(kernel.name.clone());
+                ComputePassTimestampWrites {
+                    query_set: &timed.queries,
+                    beginning_of_pass_write_index: Some(first),
+                    end_of_pass_write_index: Some(first + 1),
+                }
+            });
+        let mut pass =
+            self.encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(&kernel.name), timestamp_writes });
+        pass.set_pipeline(&kernel.pipeline);
+        for (number, group) in &bind_groups {
+            pass.set_bind_group(*number, group, &[]);
+        }
+        let [x, y, z] = groups;
+        pass.dispatch_workgroups(x, y, z);
+        self.n_groups += groups.map(u64::from).iter().product::<u64>();
+        Ok(())
+    }
+
+    /// Commands-groups of all dispatches so far.
+    pub(crate) fn n_groups(&self) -> u64 {
+        self.n_groups
+    }
+
+    /// Copies all of `from` over the first of `to`.
+    pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) {
+        assert!(from.len() <= to.len(), "{} values do not fit into {}", from.len(), to.len());
+        self.encoder.copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, from.raw.size().min(to.raw.size()));
+    }
+
+    /// Fills `buffer` with zeros.
+    pub fn clear<T>(&mut self, buffer: &Buffer<T>) {
+        self.encoder.clear_buffer(&buffer.raw, 0, None);
+    }
+
+    /// Submits what was added so far, so that others may have the device before what is added next.
+    pub(crate) fn flush(&mut self) {
+        let next = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
+        self.gpu.queue.submit([std::mem::replace(&mut self.encoder, next).finish()]);
+    }
+
+    /// Submits the dispatches and waits for them.
+    ///
+    /// # Errors
+    /// A device that is lost, does not finish, or does not accept a dispatch.
+    pub fn run(self) -> Result<(), GpuError> {
+        self.times().map(drop)
+    }
+
+    /// Submits the dispatches without waiting.
+    ///
+    /// # Errors
+    /// A device that is known to be lost.
+    pub fn submit(self) -> Result<(), GpuError> {
+        self.gpu.check()?;
+        self.gpu.queue.submit([self.encoder.finish()]);
+        Ok(())
+    }
+
+    /// Submits the dispatches, waits for them, and tells how long each pass took; nothing where they are not timed.
+    ///
+    /// # Errors
+    /// As [`Commands::run`].
+    pub fn times(self) -> Result<Vec<PassTime>, GpuError> {
+        let (kernels, ends) = self.ends()?;
+        Ok(kernels
+            .into_iter()
+            .zip(ends)
+            .map(|(kernel, [begin, end])| PassTime { kernel, milliseconds: end - begin })
+            .collect())
+    }
+
+    /// Submits the dispatches, waits for them, and tells the milliseconds from the begin of the first to the end of the last; 0
+    /// where they are not timed.
+    ///
+    /// # Errors
+    /// As [`Commands::run`].
+    pub(crate) fn span(self) -> Result<f64, GpuError> {
+        let (_, ends) = self.ends()?;
+        let begin = ends.iter().map(|[begin, _]| *begin).fold(f64::INFINITY, f64::min);
+        Ok(ends.iter().map(|[_, end]| end - begin).fold(0.0, f64::max))
+    }
+
+    /// Submits the dispatches and waits for them: the kernel of each that is timed, and milliseconds of its begin and end since the
+    /// begin of the first.
+    fn ends(self) -> Result<(Vec<String>, Vec<[f64; 2]>), GpuError> {
+        let Self { gpu, mut encoder, timed, .. } = self;
+        gpu.check()?;
+        let Some(timed) = timed.filter(|timed| !timed.kernels.is_empty()) else {
+            let submission = gpu.queue.submit([encoder.finish()]);
+            gpu.wait(Some(submission))?;
+            return Ok((vec![], vec![]));
+        };
+        let n_queries = 2 * timed.kernels.len();
+        let ticks = gpu.resolve_target(n_queries)?;
+        #[expect(clippy::cast_possible_truncation, reason = "at most 2·MOST_TIMED")]
+        encoder.resolve_query_set(&timed.queries, 0..n_queries as u32, &ticks.raw, 0);
+        gpu.queue.submit([encoder.finish()]);
+        let ticks = gpu.read(&ticks)?;
+        let milliseconds_each = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
+        #[expect(clippy::cast_precision_loss, reason = "a difference of ticks")]
+        let since_first = |tick: u64| tick.saturating_sub(ticks[0]) as f64 * milliseconds_each;
+        let ends = ticks.chunks_exact(2).map(|pair| [since_first(pair[0]), since_first(pair[1])]).collect();
+        Ok((timed.kernels, ends))
+    }
+}
+
+/// The groups that a pipeline binds, with their numbers.
+///
+/// # Errors
+/// A variable that is not given.
+pub(crate) fn bind_groups(
+    gpu: &Gpu,
+    name: &str,
+    bindings: &[Binding],
+    bound: &[NamedBinding<'_>],
+    layout_of: impl Fn(u32) -> BindGroupLayout,
+) -> Result<Vec<(u32, BindGroup)>, GpuError> {
+    let mut numbers: Vec<u32> = bindings.iter().map(|binding| binding.group).collect();
+    numbers.dedup();
+    let group = |number: u32| {
+        let entries = bindings.iter().filter(|binding| binding.group == number).map(|binding| {
+            let given = bound.iter().find(|(known, _)| *known == binding.name);
+            let (_, given) = given.ok_or_else(|| GpuError::Invalid {
+                message: format!("kernel '{name}' binds '{}', which is not given", binding.name),
+            })?;
+            Ok(BindGroupEntry { binding: binding.number, resource: given.resource() })
+        });
+        let entries = entries.collect::<Result<Vec<_>, GpuError>>()?;
+        let layout = layout_of(number);
+        let descriptor = BindGroupDescriptor { label: Some(name), layout: &layout, entries: &entries };
+        Ok((number, gpu.device.create_bind_group(&descriptor)))
+    };
+    numbers.into_iter().map(group).collect()
+}

@@ -1,0 +1,132 @@
+//! Trees, instances and their error bounds as the kernels lay them out: `shared/bvh.wgsl`, `shared/instance.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+use canted_obb::{Affine, Obb};
+use canted_wide::RawBvh;
+
+/// A bound of one rounding that WGSL promises, relative: 2^-23, whichever way it rounds.
+const ROUNDING: f32 = f32::EPSILON;
+
+/// How far a point that the device reports may lie from its triangle, in each coordinate and relative to `|o|∞ + ρ∞`, where
+/// no instance's transform is between; derived at `shared/triangle.wgsl`.
+pub const HIT_ERROR: f32 = 64.0 * ROUNDING;
+
+/// Words of four, as kernels read nodes and blocks.
+pub(super) type Quad = [u32; 4];
+
+/// A tree among all.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct BvhHeader {
+    /// Rows of the mesh's frame, with the greatest coordinate, then the error of hits per origin and in all.
+    pub(super) rows: [[f32; 4]; 3],
+    /// Root, first quad of its nodes and of its blocks, whether the frame is turned.
+    pub(super) words: Quad,
+}
+
+/// How far hits may be off: a part of the origin's greatest coordinate, and what is added.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct HitError {
+    pub(super) per_origin: f32,
+    pub(super) fixed: f32,
+}
+
+impl HitError {
+    /// Of triangles whose coordinates do not exceed `reach`, in their own space.
+    pub(super) fn of_triangles(reach: f32) -> Self {
+        Self { per_origin: HIT_ERROR, fixed: HIT_ERROR * reach }
+    }
+}
+
+/// Where a tree's words start among those of all trees.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Start {
+    pub(super) node: u32,
+    pub(super) block: u32,
+}
+
+impl BvhHeader {
+    pub(super) fn new(words: &RawBvh<'_>, start: Start, error: HitError) -> Self {
+        let [x, y, z] = words.frame;
+        let with = |[a, b, c]: [f32; 3], last: f32| [a, b, c, last];
+        Self {
+            rows: [with(x, words.reach), with(y, error.per_origin), with(z, error.fixed)],
+            words: [words.root, start.node, start.block, u32::from(words.frame != Obb::IDENTITY_FRAME)],
+        }
+    }
+}
+
+/// An instance.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct InstanceData {
+    /// Rows of the linear part of `object_from_world`, each with a component of where the object's origin stands.
+    rows: [[f32; 4]; 3],
+    /// Its tree, and one more than the number of its motion, 0 for none.
+    tree: Quad,
+}
+
+impl InstanceData {
+    #[expect(clippy::cast_possible_truncation, reason = "the rounding is within the kernel's bound")]
+    pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, [tree, motion]: [u32; 2]) -> Self {
+        let at = world_from_object.columns[3];
+        let row = |k: usize| {
+            let [x, y, z, _] = object_from_world[k].map(|x| x as f32);
+            [x, y, z, at[k]]
+        };
+        Self { rows: [row(0), row(1), row(2)], tree: [tree, motion, 0, 0] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::offset_of;
+
+    use canted_shaders::{Layout, Shader, Specialisation};
+
+    use super::*;
+    use crate::{DeviceHit, DeviceRay};
+
+    fn layout(of: &str) -> Layout {
+        let chosen = Specialisation::none()
+            .part("level", "shared/level/instances")
+            .part("node_kinds", "shared/node_kinds/any")
+            .part("traverse", "shared/traverse/stack")
+            .part("mask", "shared/mask/none")
+            .part("count", "shared/count/none")
+            .number("STACK_SIZE", 4)
+            .number("MAX_ITERATIONS", 1000);
+        Shader::new("trace/closest", &chosen).unwrap().layout(of).unwrap().clone()
+    }
+
+    fn offsets(of: &str) -> (Vec<u32>, u32) {
+        let layout = layout(of);
+        (layout.members.iter().map(|(_, offset)| *offset).collect(), layout.size)
+    }
+
+    #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "offsets are small")]
+    fn structures_lie_as_kernels_read_them() {
+        let rows = offset_of!(BvhHeader, rows) as u32;
+        let words = offset_of!(BvhHeader, words) as u32;
+        assert_eq!(offsets("Bvh"), (vec![rows, rows + 16, rows + 32, words], size_of::<BvhHeader>() as u32));
+        let rows = offset_of!(InstanceData, rows) as u32;
+        let tree = offset_of!(InstanceData, tree) as u32;
+        assert_eq!(offsets("Instance"), (vec![rows, rows + 16, rows + 32, tree], size_of::<InstanceData>() as u32));
+        let of_ray = [
+            offset_of!(DeviceRay, origin),
+            offset_of!(DeviceRay, t_min),
+            offset_of!(DeviceRay, direction),
+            offset_of!(DeviceRay, t_max),
+        ];
+        assert_eq!(offsets("Ray"), (of_ray.map(|x| x as u32).to_vec(), size_of::<DeviceRay>() as u32));
+        let of_hit = [
+            offset_of!(DeviceHit, t),
+            offset_of!(DeviceHit, u),
+            offset_of!(DeviceHit, v),
+            offset_of!(DeviceHit, primitive),
+            offset_of!(DeviceHit, instance),
+        ];
+        assert_eq!(offsets("Hit"), (of_hit.map(|x| x as u32).to_vec(), size_of::<DeviceHit>() as u32));
+    }
+}
