@@ -101,7 +101,7 @@ fn write(out: &mut String, options: &Options, names: &[&str], whole: &Fit, parti
     let in_use = [aligned_node, oriented_node, leaf, block].map(|cost| format!("{cost}"));
     let _ = writeln!(
         out,
-        "\n## Costs of visits\n\nOne thread, watertight, camera and diffuse rays, {} configurations of {}; {} rounds, medians. \
+        "\n## Traversal costs\n\nOne thread, watertight, camera and diffuse rays, {} configurations of {}; {} rounds, medians. \
          Least squares of relative errors: time = slowness of the scene and its rays * sum of visits times costs. Spread: half \
          the range of fits that leave one scene out. The fit explains times up to {:.1} % (root of the mean square), at worst {:.1} %.\n\n\
          | visit | ns | in box nodes | in use |\n| --- | --- | --- | --- |",

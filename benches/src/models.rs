@@ -31,7 +31,7 @@ impl Model {
 
     /// The model and its views out of their axes.
     fn turned(self) -> Self {
-        Self { mesh: self.mesh.turned(), views: self.views.map(View::turned), placed: None }
+        Self { mesh: self.mesh.off_axis(), views: self.views.map(View::off_axis), placed: None }
     }
 }
 
@@ -55,7 +55,7 @@ const FILES: [(&str, &str, Option<[View; 4]>); 12] = [
 const TOWER_FIELD: &str = "tower_field";
 
 /// Ending of the name of a scene that is turned out of its axes.
-const TURNED: &str = "_turned";
+const ROTATED: &str = "_rotated";
 
 /// Folder of real models: `CANTED_SCENES`, else `../shared/scenes` beside the workspace.
 fn folder() -> PathBuf {
@@ -63,9 +63,9 @@ fn folder() -> PathBuf {
         .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes")), PathBuf::from)
 }
 
-/// Makes or loads a scene; `None` for a real model that is not at hand. `NAME_turned` is NAME out of its axes.
+/// Generates or loads a scene; `None` for a real model that is not available. `NAME_rotated` is NAME rotated so that no axis is aligned.
 pub(crate) fn load(name: &str) -> Result<Option<Model>> {
-    if let Some(straight) = name.strip_suffix(TURNED) {
+    if let Some(straight) = name.strip_suffix(ROTATED) {
         return Ok(load(straight)?.map(Model::turned));
     }
     if let Some(scene) = SCENES.iter().find(|scene| scene.name == name) {
@@ -85,7 +85,7 @@ pub(crate) fn load(name: &str) -> Result<Option<Model>> {
 fn placed(scene: &Scene) -> Placed {
     let mesh =
         |mesh: &canted_scene::Mesh| Mesh { positions: mesh.positions.clone(), triangles: mesh.triangles.clone() };
-    let instance = |instance: &canted_scene::Instance| Instance::still(instance.mesh.0, instance.world_from_object);
+    let instance = |instance: &canted_scene::Instance| Instance::new(instance.mesh.0, instance.world_from_object);
     Placed {
         meshes: scene.meshes.iter().map(mesh).collect(),
         instances: scene.instances.iter().map(instance).collect(),

@@ -65,7 +65,7 @@ pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
 
 fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## Traversal beside obvhs\n\nOne thread, closest hit. One `obvhs` tree (`medium_build`, one primitive a leaf), \
+        "\n## Traversal compared with obvhs\n\nOne thread, closest hit. One `obvhs` tree (`medium_build`, one primitive a leaf), \
          walked by `obvhs` with its Möller-Trumbore test over triangles in leaf order, and by our binary traversal with \
          Möller-Trumbore and watertight; last our own tree (PLOC and reinsertion). Million rays a second; ratio to the \
          first, same round.\n\n\
@@ -131,7 +131,7 @@ fn walk(blas: &impl Blas, rays: &[Ray]) {
 
 fn leaning(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## What leaning boxes save\n\nOur tree (PLOC and reinsertion), one thread, watertight: box tests + triangle tests a ray, and \
+        "\n## What oriented boxes save\n\nOur tree (PLOC and reinsertion), one thread, watertight: box tests + triangle tests a ray, and \
          million rays a second with the ratio to axis-aligned boxes, same round.\n\n| scene | rays |",
     );
     for strategy in Strategy::ALL {

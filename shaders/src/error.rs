@@ -1,30 +1,30 @@
-/// Why a kernel cannot be made.
+/// Why a kernel cannot be assembled.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ShaderError {
-    /// There is no file of that name.
+    /// No file or part has this name.
     NoSuchFile {
-        /// The name that was asked for.
+        /// The requested name.
         name: String,
     },
-    /// A kernel leaves a part or a number open that was not chosen.
-    NotChosen {
+    /// A slot or constant of the kernel has no choice.
+    MissingChoice {
         /// The kernel.
         kernel: String,
-        /// The part or number.
+        /// The slot or constant.
         what: String,
     },
-    /// A part, number or override was chosen that the kernel does not leave open.
-    NotOpen {
+    /// A choice was made for a slot, constant or override that the kernel does not have.
+    UnknownChoice {
         /// The kernel.
         kernel: String,
-        /// What was chosen.
+        /// The slot, constant or override.
         what: String,
     },
     /// The text is not valid WGSL.
     Invalid {
         /// The kernel.
         kernel: String,
-        /// What the compiler says, with the place.
+        /// Message of the compiler, with the location.
         message: String,
     },
 }
@@ -32,11 +32,9 @@ pub enum ShaderError {
 impl std::fmt::Display for ShaderError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoSuchFile { name } => write!(f, "there is no shader file '{name}'"),
-            Self::NotChosen { kernel, what } => {
-                write!(f, "kernel '{kernel}' leaves '{what}' open and nothing was chosen")
-            }
-            Self::NotOpen { kernel, what } => write!(f, "kernel '{kernel}' has no '{what}' to choose"),
+            Self::NoSuchFile { name } => write!(f, "no shader file '{name}'"),
+            Self::MissingChoice { kernel, what } => write!(f, "kernel '{kernel}' needs a choice for '{what}'"),
+            Self::UnknownChoice { kernel, what } => write!(f, "kernel '{kernel}' has no slot or constant '{what}'"),
             Self::Invalid { kernel, message } => write!(f, "kernel '{kernel}' is not valid: {message}"),
         }
     }

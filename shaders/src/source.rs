@@ -1,19 +1,21 @@
-//! Files joined to kernels.
+//! Joins files and parts of files into the text of a kernel.
 //!
-//! Lines at the head of a file say what it needs:
+//! Directives are comment lines:
 //!
 //! ```text
-//! // use shared/hash         another file, once, whoever needs it
-//! // use ?texture            a file that the caller chooses under the name `texture`
-//! // const STACK             a number that the caller gives: `const STACK: u32 = …;`
+//! // use shared/hash           adds another file, or a part of one, once
+//! // use ?texture              adds the part that the caller chose for the slot `texture`
+//! // const STACK_SIZE          adds a number that the caller gives: `const STACK_SIZE: u32 = …;`
+//! // part placement            starts a part of this file, named `shared/placed/placement`
+//! // choice flat               starts a part that fills the slot named after the file: `shared/placed/flat`
 //! ```
 //!
-//! WGSL lets declarations stand in any order. A part that is not chosen leaves neither code nor bindings behind, which an
-//! `override` cannot do.
+//! The text before the first part is the head of the file. It comes with each of its parts. WGSL accepts declarations in any
+//! order. A part that is not chosen adds neither code nor bindings, which an `override` cannot achieve.
 
 use crate::{FILES, ShaderError};
 
-/// What a caller chooses of a kernel.
+/// Choices for the slots, numbers and overrides of a kernel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Specialisation {
     parts: Vec<(String, String)>,
@@ -22,38 +24,37 @@ pub struct Specialisation {
 }
 
 impl Specialisation {
-    /// Nothing chosen.
+    /// No choices.
     #[must_use]
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// Takes `file` for the open part `name`.
+    /// Fills the slot `name` with `file`, a file or a part of one.
     #[must_use]
     pub fn part(mut self, name: &str, file: &str) -> Self {
         self.parts.push((name.to_owned(), file.to_owned()));
         self
     }
 
-    /// Gives the number `name`, which may size arrays of any address space.
+    /// Sets the constant `name`, which may be the size of an array in any address space.
     #[must_use]
     pub fn number(mut self, name: &str, value: u32) -> Self {
         self.numbers.push((name.to_owned(), value));
         self
     }
 
-    /// Gives the `override` `name`.
+    /// Sets the `override` `name`.
     #[must_use]
     pub fn value(mut self, name: &str, value: f64) -> Self {
         self.overrides.push((name.to_owned(), value));
         self
     }
 
-    /// What of it a kernel leaves open, where all that the kernel leaves open is chosen: kernels that share a choice need not leave
-    /// the same open.
+    /// The choices that kernel `name` uses. Lets kernels with different slots share one set of choices.
     ///
     /// # Errors
-    /// A name without a file, and what is left open.
+    /// A name without a file, or a slot or constant without a choice.
     pub fn of_kernel(&self, name: &str) -> Result<Self, ShaderError> {
         let open = joined(name, self)?.open;
         let mut own = self.clone();
@@ -62,30 +63,55 @@ impl Specialisation {
         Ok(own)
     }
 
-    /// The overrides, as a pipeline takes them.
+    /// The overrides, in the form that a pipeline takes.
     #[must_use]
     pub fn overrides(&self) -> &[(String, f64)] {
         &self.overrides
     }
 }
 
-/// The text of kernel `name` with all it uses.
+/// The text of kernel `name` with everything it uses.
 ///
 /// # Errors
-/// A name without a file, and what is left open, or chosen and not open.
+/// A name without a file, a slot or constant without a choice, or a choice that the kernel has no slot for.
 pub fn assemble(name: &str, chosen: &Specialisation) -> Result<String, ShaderError> {
     let joined = joined(name, chosen)?;
     let given = chosen.parts.iter().map(|(name, _)| name).chain(chosen.numbers.iter().map(|(name, _)| name));
     for what in given {
         if !joined.open.contains(what) {
-            return Err(ShaderError::NotOpen { kernel: name.to_owned(), what: what.clone() });
+            return Err(ShaderError::UnknownChoice { kernel: name.to_owned(), what: what.clone() });
         }
     }
     Ok(joined.text)
 }
 
+/// The head of file `name`, or the part after the last `/` of the file before it.
+fn find(name: &str) -> Option<&'static str> {
+    let text_of = |file: &str| FILES.iter().find(|(known, _)| *known == file).map(|(_, text)| *text);
+    if let Some(text) = text_of(name) {
+        return sections(text).first().map(|(_, head)| *head);
+    }
+    let (file, part) = name.rsplit_once('/')?;
+    sections(text_of(file)?).into_iter().skip(1).find(|(known, _)| *known == part).map(|(_, text)| text)
+}
+
+/// The head of a file under an empty name, then its parts.
+fn sections(text: &'static str) -> Vec<(&'static str, &'static str)> {
+    let mut found = vec![];
+    let (mut name, mut start, mut at) = ("", 0, 0);
+    for line in text.split_inclusive('\n') {
+        if let Some(next) = line.strip_prefix("// part ").or_else(|| line.strip_prefix("// choice ")) {
+            found.push((name, &text[start..at]));
+            (name, start) = (next.trim(), at + line.len());
+        }
+        at += line.len();
+    }
+    found.push((name, &text[start..]));
+    found
+}
+
 fn joined<'a>(name: &'a str, chosen: &'a Specialisation) -> Result<Joined<'a>, ShaderError> {
-    let mut joined = Joined { kernel: name, chosen, text: String::new(), files: vec![], open: vec![] };
+    let mut joined = Joined { kernel: name, chosen, text: String::new(), added: vec![], open: vec![] };
     joined.add(name)?;
     Ok(joined)
 }
@@ -94,23 +120,29 @@ struct Joined<'a> {
     kernel: &'a str,
     chosen: &'a Specialisation,
     text: String,
-    files: Vec<String>,
-    /// What the files left open so far.
+    /// Names of files and parts.
+    added: Vec<String>,
+    /// Slots and constants found so far.
     open: Vec<String>,
 }
 
 impl Joined<'_> {
-    fn add(&mut self, file: &str) -> Result<(), ShaderError> {
-        if self.files.iter().any(|known| known == file) {
+    fn add(&mut self, name: &str) -> Result<(), ShaderError> {
+        if self.added.iter().any(|known| known == name) {
             return Ok(());
         }
-        self.files.push(file.to_owned());
-        let found = FILES.iter().find(|(name, _)| *name == file);
-        let (_, text) = found.ok_or_else(|| ShaderError::NoSuchFile { name: file.to_owned() })?;
+        self.added.push(name.to_owned());
+        let text = find(name).ok_or_else(|| ShaderError::NoSuchFile { name: name.to_owned() })?;
+        if !FILES.iter().any(|(file, _)| *file == name)
+            && let Some((file, _)) = name.rsplit_once('/')
+        {
+            self.add(file)?;
+        }
         for line in text.lines() {
             if let Some(slot) = line.strip_prefix("// use ?") {
                 let part = self.choice(slot.trim(), &self.chosen.parts)?.clone();
                 self.add(&part)?;
+                self.open.push(slot.trim().to_owned());
             } else if let Some(part) = line.strip_prefix("// use ") {
                 self.add(part.trim())?;
             } else if let Some(name) = line.strip_prefix("// const ") {
@@ -120,12 +152,6 @@ impl Joined<'_> {
                     self.text.push_str(&format!("const {name}: u32 = {value}u;\n"));
                 }
                 self.open.push(name.to_owned());
-                continue;
-            } else {
-                continue;
-            }
-            if let Some(slot) = line.strip_prefix("// use ?") {
-                self.open.push(slot.trim().to_owned());
             }
         }
         self.text.push_str(text);
@@ -134,7 +160,7 @@ impl Joined<'_> {
 
     fn choice<'c, T>(&self, name: &str, from: &'c [(String, T)]) -> Result<&'c T, ShaderError> {
         let found = from.iter().find(|(known, _)| known == name).map(|(_, value)| value);
-        found.ok_or_else(|| ShaderError::NotChosen { kernel: self.kernel.to_owned(), what: name.to_owned() })
+        found.ok_or_else(|| ShaderError::MissingChoice { kernel: self.kernel.to_owned(), what: name.to_owned() })
     }
 }
 
@@ -143,16 +169,32 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_not_there_is_named() {
+    fn unknown_names_are_reported() {
         let none = Specialisation::none();
-        assert_eq!(assemble("no/such", &none).unwrap_err().to_string(), "there is no shader file 'no/such'");
+        assert_eq!(assemble("no/such", &none).unwrap_err().to_string(), "no shader file 'no/such'");
         let error = assemble("check/loops", &none.number("STACK_SIZE", 3)).unwrap_err();
-        assert_eq!(error.to_string(), "kernel 'check/loops' has no 'STACK_SIZE' to choose");
+        assert_eq!(error.to_string(), "kernel 'check/loops' has no slot or constant 'STACK_SIZE'");
+        let unknown =
+            Specialisation::none().part("mask", "shared/mask/no_such").part("traverse", "shared/traverse/stack");
+        assert_eq!(
+            assemble("trace/closest", &unknown).unwrap_err().to_string(),
+            "kernel 'trace/closest' needs a choice for 'node_kinds'"
+        );
+        assert_eq!(find("shared/mask/no_such"), None);
     }
 
     #[test]
-    fn a_part_is_taken_once() {
+    fn a_file_is_added_once() {
         let text = assemble("check/loops", &Specialisation::none()).unwrap();
         assert_eq!(text.matches("fn invocation(").count(), 1);
+    }
+
+    #[test]
+    fn a_part_comes_with_the_head_of_its_file_and_without_other_parts() {
+        let found = sections("head\n// part a\nof a\n// choice b\nof b");
+        assert_eq!(found, [("", "head\n"), ("a", "of a\n"), ("b", "of b")]);
+        let none = Specialisation::none().part("pattern", "shared/pattern/random");
+        let text = assemble("check/sampler", &none).unwrap();
+        assert_eq!((text.matches("fn pair(").count(), text.contains("fn permuted(")), (1, false));
     }
 }

@@ -1,40 +1,42 @@
-//! Every kernel with every part that can be chosen for it: valid, linted, within what all devices allow.
+//! Every kernel with every choice for its slots: valid, free of lint findings, within the limits of every device.
 
 use canted_shaders::{
-    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, complaints, kernels,
+    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, kernels, lint,
 };
 
-/// What stands for numbers that hosts give.
+/// Stands in for constants that hosts set.
 const NUMBER: u32 = 16;
 
-/// What every device allows: the defaults of WebGPU, but for storage buffers.
-const MOST_INVOCATIONS: u32 = 256;
-const MOST_WORKGROUP_BYTES: u32 = 16_384;
+/// Limits that every device supports: the defaults of WebGPU, except for storage buffers.
+const MAX_INVOCATIONS: u32 = 256;
+const MAX_WORKGROUP_BYTES: u32 = 16_384;
 
-/// Choices of what a kernel leaves open, for a part `name` among the files of `shared/name/`: so many that each file is in one.
-///
-/// All combinations would be thousands.
-fn is_helper(name: &str) -> bool {
-    name == "alternatives/traverse/parents"
+/// Names of the parts that fill a slot.
+fn parts(slot: &str) -> Vec<String> {
+    let of_file = |(file, text): &(&'static str, &'static str)| {
+        let file = *file;
+        let is_slot = file.rsplit('/').next() == Some(slot);
+        let lines = text.lines().filter(move |_| is_slot).filter_map(|line| line.strip_prefix("// choice "));
+        lines.map(move |part| format!("{file}/{part}")).collect::<Vec<_>>()
+    };
+    FILES.iter().flat_map(of_file).collect()
 }
 
+/// Choices for a kernel, so many that each part of each slot is in one. All combinations would be thousands.
 fn choices(kernel: &str) -> Vec<Specialisation> {
     let mut n_choices = 1;
     let mut all = vec![];
     while all.len() < n_choices {
         let mut chosen = Specialisation::none();
         while let Err(error) = assemble(kernel, &chosen) {
-            let ShaderError::NotChosen { what, .. } = error else { panic!("{error}") };
-            let folders = [format!("shared/{what}/"), format!("alternatives/{what}/")];
-            // Alpha is a matter of surfaces, which are no part of tracing.
+            let ShaderError::MissingChoice { what, .. } = error else { panic!("{error}") };
+            // Alpha needs surfaces, which kernels that only trace do not have.
             let only_traces = kernel.starts_with("trace/") || ["check/moving", "check/triangle"].contains(&kernel);
-            let is_apart = |name: &str| only_traces && name == "shared/mask/alpha";
-            let is_choice = |name: &str| folders.iter().any(|folder| name.starts_with(folder)) && !is_helper(name);
-            let files = FILES.iter().map(|(name, _)| *name).filter(|name| is_choice(name) && !is_apart(name));
-            let files: Vec<_> = files.collect();
-            n_choices = n_choices.max(files.len());
-            chosen = match files.get(all.len() % files.len().max(1)) {
-                Some(file) => chosen.part(&what, file),
+            let mut parts = parts(&what);
+            parts.retain(|part| !only_traces || part != "shared/mask/alpha");
+            n_choices = n_choices.max(parts.len());
+            chosen = match parts.get(all.len() % parts.len().max(1)) {
+                Some(part) => chosen.part(&what, part),
                 None => chosen.number(&what, NUMBER),
             };
         }
@@ -44,20 +46,20 @@ fn choices(kernel: &str) -> Vec<Specialisation> {
 }
 
 #[test]
-fn every_kernel_is_valid_and_fits_every_device() {
+fn every_kernel_is_valid_and_within_the_limits_of_every_device() {
     for kernel in kernels() {
         for chosen in choices(kernel) {
             let shader = Shader::new(kernel, &chosen).unwrap_or_else(|error| panic!("{error}"));
             assert!(!shader.entries.is_empty(), "{kernel} has no entry point");
             for entry in &shader.entries {
                 let is_compute = entry.stage == Stage::Compute;
-                assert_eq!(is_compute, entry.name == "main", "{kernel}: {} is no name of its stage", entry.name);
+                assert_eq!(is_compute, entry.name == "main", "{kernel}: wrong name {} for its stage", entry.name);
                 let invocations: u32 = entry.workgroup_size.iter().product();
-                assert!(invocations <= MOST_INVOCATIONS, "{kernel}: {invocations} invocations");
+                assert!(invocations <= MAX_INVOCATIONS, "{kernel}: {invocations} invocations");
+                let workgroup_bytes = entry.workgroup_bytes;
                 assert!(
-                    entry.workgroup_bytes <= MOST_WORKGROUP_BYTES,
-                    "{kernel}: {} bytes shared",
-                    entry.workgroup_bytes
+                    workgroup_bytes <= MAX_WORKGROUP_BYTES,
+                    "{kernel}: {workgroup_bytes} bytes of work-group memory"
                 );
                 let is_storage = |kind: &BindingKind| matches!(kind, BindingKind::Storage { .. });
                 let n_storage = entry.bindings.iter().filter(|binding| is_storage(&binding.kind)).count();
@@ -65,7 +67,7 @@ fn every_kernel_is_valid_and_fits_every_device() {
                 let mut names: Vec<_> = entry.bindings.iter().map(|binding| &binding.name).collect();
                 names.sort();
                 names.dedup();
-                assert_eq!(names.len(), entry.bindings.len(), "{kernel}: two bindings of one name");
+                assert_eq!(names.len(), entry.bindings.len(), "{kernel}: two bindings with the same name");
             }
         }
     }
@@ -75,7 +77,7 @@ fn every_kernel_is_valid_and_fits_every_device() {
 fn every_kernel_passes_the_lint() {
     let found: Vec<String> = kernels()
         .flat_map(|kernel| choices(kernel).into_iter().map(move |chosen| (kernel, chosen)))
-        .flat_map(|(kernel, chosen)| complaints(kernel, &chosen).unwrap_or_else(|error| panic!("{error}")))
+        .flat_map(|(kernel, chosen)| lint(kernel, &chosen).unwrap_or_else(|error| panic!("{error}")))
         .collect();
     assert!(found.is_empty(), "{}", found.join("\n"));
 }

@@ -67,7 +67,7 @@ fn scenes() -> Vec<(&'static str, Mesh)> {
         ("displaced icosphere", displaced_icosphere(3, 2)),
         ("scaffold, 3 nodes", scaffold_of(1, true, 3)),
         ("scaffold, 3 nodes, at 1e7", at_1e7(scaffold_of(1, false, 3))),
-        ("room, turned", scenes::room(3, 60).turned()),
+        ("room, turned", scenes::room(3, 60).off_axis()),
     ];
     all.extend(
         ["truss, part", "tubes", "ribbons"].into_iter().zip(scenes::needles().into_iter().skip(1).map(|c| c.mesh)),

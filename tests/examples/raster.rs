@@ -63,7 +63,7 @@ fn times(
 
 fn traced(gpu: &Gpu, scene: &Scene, structure: &Structure<Watertight>) -> Result<TracedScene> {
     let Structure::One(flat) = structure else { return Err("two levels where one was asked for".into()) };
-    let canted_renderer::Level::Wide(wide) = flat.blas() else { return Err("a binary tree".into()) };
+    let canted_renderer::Bvh::Wide(wide) = flat.bvh() else { return Err("a binary tree".into()) };
     let mut first = 0_u32;
     let firsts: Vec<u32> = scene
         .instances

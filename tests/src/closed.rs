@@ -54,14 +54,14 @@ pub fn places() -> Vec<Place> {
         let column = |j: usize| turn.rows.map(|row| (row[j] * scale[j]) as f32);
         Place { name, world_from_object: Affine { columns: [column(0), column(1), column(2), [shift, -shift, shift]] } }
     };
-    let mut sheared = place("sheared and mirrored", Rotation::turn(), [1.0, -0.5, 2.0], 0.3);
+    let mut sheared = place("sheared and mirrored", Rotation::off_axis(), [1.0, -0.5, 2.0], 0.3);
     sheared.world_from_object.columns[1][0] += 0.7;
     vec![
         place("as it is", Rotation::IDENTITY, [1.0; 3], 0.0),
-        place("at 1e-6, turned", Rotation::turn(), [1e-6; 3], 0.0),
-        place("at 1e6, turned", Rotation::turn(), [1e6; 3], 0.0),
+        place("at 1e-6, turned", Rotation::off_axis(), [1e-6; 3], 0.0),
+        place("at 1e6, turned", Rotation::off_axis(), [1e6; 3], 0.0),
         // Steps of f32 are 1 there, and the thin box is 20 thick.
-        place("at 1e7", Rotation::turn(), [2e3; 3], 1e7),
+        place("at 1e7", Rotation::off_axis(), [2e3; 3], 1e7),
         sheared,
     ]
 }

@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn rays_in_planes_lie_in_planes() {
-        let mesh = on_lattice(&soup(3, 1).turned());
+        let mesh = on_lattice(&soup(3, 1).off_axis());
         let corners = mesh.triangles[0].map(|index| mesh.positions[index as usize]);
         let rays = in_planes(&mesh, 100, 1);
         assert!(rays.len() > 80);

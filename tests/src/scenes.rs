@@ -46,7 +46,7 @@ pub fn cases() -> Vec<Case> {
             let triangles = mesh.triangles.clone();
             cases.push(Case { name: format!("{name}, {how}"), mesh: Mesh { positions, triangles } });
         };
-        let turn = Rotation::turn();
+        let turn = Rotation::off_axis();
         add("as it is", &|p| p);
         add("turned", &|p| turn.apply_f32(p));
         add("at 1e-6", &|p| p.map(|x| x * 1e-6));

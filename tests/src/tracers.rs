@@ -208,7 +208,7 @@ struct TwoLevels<B: Blas> {
 impl<B: Blas> TwoLevels<B> {
     #[expect(clippy::cast_possible_truncation, reason = "far off will do")]
     fn new(blas: B, mesh: &Mesh, place: &Affine) -> Self {
-        let here = Instance::still(0, *place);
+        let here = Instance::new(0, *place);
         let mut there = here;
         there.world_from_object.columns[3][0] += (9.0 * baked(mesh, place).diagonal()) as f32;
         let tlas = Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible");

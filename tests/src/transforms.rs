@@ -14,7 +14,7 @@ pub fn affine(turn: &Rotation, scale: [f64; 3], shift: [f32; 3]) -> Affine {
 /// A transform of each kind, by name, alone and piled on others.
 #[must_use]
 pub fn transforms() -> Vec<(&'static str, Affine)> {
-    let turn = Rotation::turn();
+    let turn = Rotation::off_axis();
     let far = [1e7, -1e7, 3e6];
     let shear = Affine { columns: [[1.0, 0.0, 0.0], [0.7, 1.0, 0.0], [-0.4, 0.9, 1.0], [0.2, 0.1, -0.3]] };
     vec![

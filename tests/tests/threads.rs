@@ -9,7 +9,7 @@ use canted_film::Picture;
 use canted_fixtures::{Rotation, SplitMix64, grid, icosphere, torus};
 use canted_lbvh::Strategy;
 use canted_obb::Affine;
-use canted_renderer::{Builder, Levels, Settings, StructureConfig, prepare, render};
+use canted_renderer::{Accel, Builder, Levels, Settings, StructureConfig, prepare, render};
 use canted_scene::{Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 use canted_trace::Watertight;
 use canted_wide::Preset;
@@ -78,10 +78,12 @@ const SETTINGS: Settings = Settings {
 
 const BASE: StructureConfig = StructureConfig {
     levels: Levels::One,
-    builder: Builder::Lbvh,
-    preset: Preset::Balanced,
-    volumes: Some(Strategy::Aabb),
+    accel: Accel::Binary { strategy: Strategy::Aabb, builder: Some(Builder::Lbvh) },
 };
+
+fn binary(strategy: Strategy, builder: Option<Builder>) -> Accel {
+    Accel::Binary { strategy, builder }
+}
 
 /// Builds and renders on a pool of its own.
 fn picture(n_threads: usize, structure: StructureConfig, settings: &Settings) -> Picture {
@@ -102,7 +104,7 @@ fn bits(picture: &Picture) -> Vec<u32> {
 #[test]
 fn threads_and_tiles_change_no_byte() {
     for levels in [Levels::One, Levels::Two] {
-        let structure = StructureConfig { levels, volumes: Some(Strategy::Combined), ..BASE };
+        let structure = StructureConfig { levels, accel: binary(Strategy::Combined, Some(Builder::Lbvh)) };
         let want = bits(&picture(1, structure, &SETTINGS));
         for n_threads in 1..=4 {
             for tile in [1, 7, 32, 1000] {
@@ -120,10 +122,11 @@ fn threads_and_tiles_change_no_byte() {
 fn volumes_and_builders_change_no_byte() {
     for levels in [Levels::One, Levels::Two] {
         let want = bits(&picture(2, StructureConfig { levels, ..BASE }, &SETTINGS));
-        let every_builder = [Builder::Auto, Builder::Ploc, Builder::Lbvh, Builder::Sah, Builder::Obvhs];
-        for builder in every_builder {
-            for volumes in Strategy::ALL.into_iter().map(Some).chain([None]) {
-                let structure = StructureConfig { levels, builder, volumes, ..BASE };
+        let builders = [Builder::Ploc, Builder::Lbvh, Builder::Sah, Builder::Obvhs].map(Some);
+        for builder in builders.into_iter().chain([None]) {
+            let accels = Strategy::ALL.map(|strategy| binary(strategy, builder));
+            for accel in accels.into_iter().chain([Accel::Wide { preset: Preset::Balanced, builder }]) {
+                let structure = StructureConfig { levels, accel };
                 assert!(bits(&picture(2, structure, &SETTINGS)) == want, "{structure:?}");
             }
         }
@@ -135,7 +138,7 @@ fn presets_change_no_byte() {
     for levels in [Levels::One, Levels::Two] {
         let want = bits(&picture(2, StructureConfig { levels, ..BASE }, &SETTINGS));
         for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
-            let structure = StructureConfig { levels, builder: Builder::Auto, preset, volumes: None };
+            let structure = StructureConfig { levels, accel: Accel::Wide { preset, builder: None } };
             for n_threads in [1, 3] {
                 assert!(bits(&picture(n_threads, structure, &SETTINGS)) == want, "{structure:?}");
             }

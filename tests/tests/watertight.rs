@@ -29,7 +29,7 @@ fn leaks(mesh: &Mesh, world_from_object: &Affine, strategy: Strategy, rays: &[Ra
     let world = baked(mesh, world_from_object);
     let one = Bvh2::<Watertight>::build(&world.positions, &world.triangles, &config(strategy)).unwrap();
     let bottom = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config(strategy)).unwrap();
-    let instance = Instance::still(0, *world_from_object);
+    let instance = Instance::new(0, *world_from_object);
     // A second instance far off makes the top level a tree.
     let mut other = instance;
     other.world_from_object.columns[3][0] += far_off(&world);

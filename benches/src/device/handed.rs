@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use anyhow::Result;
 use canted_gpu::build::Items;
-use canted_renderer::{DevicePicture, Settings, StructureConfig, Surfaces, flatten, frame, prepare};
+use canted_renderer::{Accel, DevicePicture, Settings, StructureConfig, Surfaces, flatten, frame, prepare};
 use canted_trace::Watertight;
 use canted_wide::Preset;
 
@@ -40,7 +40,8 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
             drop(items);
             Ok(())
         };
-        let config = |preset| StructureConfig { preset, ..StructureConfig::default() };
+        let config =
+            |preset| StructureConfig { accel: Accel::Wide { preset, builder: None }, ..StructureConfig::default() };
         let tree = |preset| -> Result<()> {
             drop(prepare::<Watertight>(&scene, &config(preset))?);
             Ok(())

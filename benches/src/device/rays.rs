@@ -66,7 +66,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
 pub(super) fn walks(out: &mut String, bench: &Bench) -> Result<()> {
     let _ = writeln!(
         out,
-        "\n### Ways back up the tree\n\nThe same rays through the trees of the preset balanced, by what a ray keeps: {}. Million rays a \
+        "\n### Traversal without a stack\n\nThe same rays through the trees of the preset balanced, by what a ray keeps: {}. Million rays a \
          second, by time on the device alone, and the ratio to the first; `-` where a tree is too deep.\n\n\
          | scene | rays | {} |\n| --- | --- | --- | --- | --- |",
         Traversal::ALL.map(Traversal::name).join("; "),

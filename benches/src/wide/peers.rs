@@ -83,7 +83,7 @@ fn of(offer: Offer, placing: Placing) -> Vec<Way> {
         let make: Make = Box::new(move |mesh: &Mesh, place: &Affine| {
             let mut model = model(baked(mesh, place));
             if placing != Placing::Moved && *place != Affine::IDENTITY {
-                let instances = vec![Instance::still(0, *place)];
+                let instances = vec![Instance::new(0, *place)];
                 model.placed = Some(Placed { meshes: vec![mesh.clone()], instances });
             }
             let build = || (offer(&model)[i].build)(1).ok();

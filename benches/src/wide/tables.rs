@@ -121,7 +121,7 @@ impl Tables {
     pub(crate) fn write(&self, out: &mut String, options: &Options) {
         let _ = write!(
             out,
-            "\n## Wide trees beside the peers\n\nOne thread. Engines take turns every 8,192 rays; {} rounds after one \
+            "\n## WideBvh compared with peers\n\nOne thread. Engines take turns every 8,192 rays; {} rounds after one \
              that warms up. Rays: four views of {side}², one scattered ray a camera hit, one occlusion ray a camera hit \
              (within a tenth of the diagonal). Cells: camera / diffuse / occlusion. Ratios are of thread time within a \
              round to the fastest peer of that round, median over rounds, with half the range; above 1 is faster.{}\n",
@@ -132,8 +132,8 @@ impl Tables {
         for name in &self.absent {
             let _ = writeln!(out, "\nNot at hand: {name}.");
         }
-        self.speed(out, Promise::Fast, "Beside peers at their fastest");
-        self.speed(out, Promise::Watertight, "Beside peers at their safest");
+        self.speed(out, Promise::Fast, "Compared with peers in their fastest modes");
+        self.speed(out, Promise::Watertight, "Compared with peers in their most robust modes");
         self.differences(out);
         self.builds(out);
     }
@@ -163,7 +163,7 @@ impl Tables {
 
     fn differences(&self, out: &mut String) {
         out.push_str(
-            "\n### Answers that differ from trying every triangle\n\nOf all camera and diffuse rays: hits lost + hits \
+            "\n### Answers that differ from testing every triangle\n\nOf all camera and diffuse rays: hits lost + hits \
              invented + hits at another distance (by more than 1e-4 of it); of occlusion rays: lost + invented. \
              Engines that place instances are compared with a tree that does.\n\n| scene | rays |",
         );

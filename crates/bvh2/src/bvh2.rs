@@ -1,3 +1,5 @@
+use std::fmt;
+
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volumes};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::Kernel;
@@ -77,5 +79,23 @@ impl<K: Kernel> Bvh2<K> {
     #[must_use]
     pub fn n_bytes(&self) -> usize {
         self.pairs.n_bytes() + size_of_val(&self.records[..]) + size_of_val(&self.leaves[..])
+    }
+}
+
+impl<K: Kernel> Clone for Bvh2<K> {
+    fn clone(&self) -> Self {
+        Self { pairs: self.pairs.clone(), records: self.records.clone(), leaves: self.leaves.clone() }
+    }
+}
+
+/// Sizes and bounds, not every node.
+impl<K: Kernel> fmt::Debug for Bvh2<K> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Bvh2")
+            .field("n_triangles", &self.n_triangles())
+            .field("n_pairs", &self.pairs.n_pairs())
+            .field("depth", &self.pairs.depth())
+            .field("bounds", self.pairs.bounds())
+            .finish_non_exhaustive()
     }
 }

@@ -1,7 +1,8 @@
-//! `canted cast`: batch ray queries.
+//! `canted cast`: traces rays from a file.
 
+#[cfg(feature = "gpu")]
+mod gpu;
 mod hits;
-mod on_device;
 mod rays;
 
 use std::{path::PathBuf, time::Instant};
@@ -16,8 +17,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use crate::{
-    Outcome,
-    device::{DeviceArg, Machine},
+    device::{Machine, RunArgs},
     load,
     options::{self, StructureArgs, with_kernel},
     output::{self, Named},
@@ -27,65 +27,52 @@ use hits::Answer;
 /// Options of `canted cast`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML.
+    /// Scene: OBJ, PLY, glTF, GLB, or a scene file (.toml).
     scene: PathBuf,
-    /// Seconds into the file's first animation; the pose that the file has without it.
+    /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::number, value_name = "SECONDS", allow_hyphen_values = true)]
     time: Option<f32>,
-    /// Rays, `.csv` (ox,oy,oz,dx,dy,dz,tmax, in this order) or `.bin` (seven little-endian f32 a ray): in world space, tmax in
-    /// lengths of the direction.
+    /// Rays in world space: .csv (ox,oy,oz,dx,dy,dz,tmax) or .bin (seven little-endian f32 per ray). tmax is in units of the
+    /// direction's length.
     #[arg(long, value_name = "FILE")]
     rays: PathBuf,
-    /// Hits to write, `.csv` (t,prim,u,v,instance) or `.bin` (f32 t, i32 prim, f32 u, f32 v); t in lengths of the ray's direction.
+    /// Output file for hits: .csv (t,prim,u,v,instance) or .bin (f32 t, i32 prim, f32 u, f32 v). t is in units of the
+    /// direction's length; prim is -1 for a miss.
     #[arg(long, value_name = "FILE")]
     hits: PathBuf,
-    /// Only ask whether anything is hit: prim is 0 where it is and -1 where not.
+    /// Test for occlusion only: prim is 0 for a hit and -1 for a miss.
     #[arg(long)]
     occluded: bool,
     #[command(flatten)]
+    run: RunArgs,
+    #[command(flatten)]
     structure: StructureArgs,
-    /// What computes: `auto` takes a GPU where there is one that knows the scene, else the CPU; `cpu`; `gpu` the best adapter;
-    /// else a part of an adapter's name, which `canted devices` lists.
-    #[arg(long, default_value = "auto", value_name = "DEVICE")]
-    device: DeviceArg,
-    /// Number of threads; all processors without it.
-    #[arg(long, value_parser = options::threads, value_name = "N")]
-    threads: Option<usize>,
-    /// Print the facts about the run as JSON.
-    #[arg(long)]
-    json: bool,
 }
 
-/// Answers all rays.
-pub(crate) fn run(args: &Args) -> Result<Outcome> {
-    options::use_threads(args.threads)?;
+/// Traces all rays.
+pub(crate) fn run(args: &Args) -> Result<()> {
     let format = hits::Format::of(&args.hits)?;
     let inputs = load::Inputs::of(Some(&args.scene))?.and("--rays", &args.rays);
     let outputs: [Named; 1] = [("--hits", &args.hits)];
     output::check_distinct(&inputs.named(), &outputs)?;
-    if matches!(args.device, DeviceArg::Both(_)) {
-        return Err(anyhow!("--device both shares out tiles of pictures, not rays: use cpu, gpu or an adapter's name"));
-    }
-    let machine = args.device.open()?;
+    let machine = args.run.start()?;
     let rays = rays::read(&args.rays)?;
-    let scene = load::scene_at(Some(&args.scene), args.time)?;
+    let scene = load::scene(Some(&args.scene), args.time)?;
     load::check_outputs(Some(&args.scene), &scene, &outputs)?;
-    // A place that cannot be written is told before the work.
     output::probe(&args.hits)?;
-    let (answers, seconds) = with_kernel!(args.structure.triangles, answer(&scene, &rays, args, &machine))?;
+    let (answers, seconds) = with_kernel!(args.structure.triangles, trace(&scene, &rays, args, &machine))?;
     let mut out = AtomicFile::create(&args.hits)?;
     out.write(|out| hits::write(out, format, &answers))?;
     out.finish()?;
-    report(&answers, seconds, args)?;
-    Ok(Outcome::Done)
+    report(&answers, seconds, args)
 }
 
-/// Says how many rays were answered in how many seconds: people as a side note, programs as the result.
+/// Reports the number of rays and the time: as a note on standard error, or as JSON on standard output.
 fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
     let n_rays = answers.len();
     #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     let rate = n_rays as f64 / seconds.max(1e-9);
-    if !args.json {
+    if !args.run.json {
         output::to_stderr(&format!("{n_rays} rays in {seconds:.3} s, {:.2} M rays/s", rate * 1e-6));
         return Ok(());
     }
@@ -100,8 +87,9 @@ fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
     output::to_stdout(&facts.to_string())
 }
 
-/// All answers, and the seconds that they took.
-fn answer<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<(Vec<Answer>, f64)> {
+/// All answers, and the seconds spent tracing.
+#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
+fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<(Vec<Answer>, f64)> {
     let Prepared { structure, .. } = prepare::<K>(scene, &args.structure.config(scene))
         .map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let on_cpu = |ray: &Ray| {
@@ -109,16 +97,14 @@ fn answer<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Mac
             return if structure.occluded(ray, &mut ()) { Answer::OCCLUDED } else { Answer::MISS };
         }
         structure.closest_hit(ray, &mut ()).map_or(Answer::MISS, |Hit { t, u, v, primitive, instance, .. }| {
-            let first = scene.instances[instance.0 as usize].first_primitive;
-            Answer::hit([t, u, v], [first, primitive.0, instance.0])
+            Answer::hit([t, u, v], primitive.0, instance.0, scene)
         })
     };
-    let traced = on_device::traced(machine, scene, &structure, args)?;
+    #[cfg(feature = "gpu")]
+    if let Some(traced) = gpu::trace(machine, scene, &structure, rays, args, on_cpu)? {
+        return Ok(traced);
+    }
     let start = Instant::now();
-    let answers = match (machine.gpu(), traced) {
-        (Some(gpu), Some(traced)) => on_device::answers(gpu, &traced, scene, rays, args.occluded, on_cpu)
-            .map_err(|error| machine.named(error.into()))?,
-        _ => rays.par_iter().map(on_cpu).collect(),
-    };
+    let answers = rays.par_iter().map(on_cpu).collect();
     Ok((answers, start.elapsed().as_secs_f64()))
 }

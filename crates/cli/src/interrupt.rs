@@ -1,55 +1,54 @@
-//! Ctrl-C, and the signals by which schedulers end a job: SIGTERM and SIGHUP. Nothing half-written remains, whether the work is
-//! asked to stop or the process ends at once.
+//! Ctrl-C, and the signals by which schedulers end a job: SIGTERM and SIGHUP.
+//!
+//! No half-written file remains, whether the work stops by itself or the process ends at once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The exit code of who was interrupted, as a shell shows it.
-pub(crate) const CODE: u8 = 130;
+/// The exit code of an interrupted run, as shells report it.
+pub(crate) const EXIT_CODE: u8 = 130;
 
-/// Whether work looks at [`STOP`], so that a signal is no end yet.
-static IS_LOOKED_AT: AtomicBool = AtomicBool::new(false);
+/// Whether the running work polls [`CANCEL`]. If not, a signal ends the process.
+static IS_POLLED: AtomicBool = AtomicBool::new(false);
 
-static STOP: AtomicBool = AtomicBool::new(false);
+static CANCEL: AtomicBool = AtomicBool::new(false);
 
-/// Lets signals end the process, which has nothing to keep until work asks for [`flag`].
-pub(crate) fn ends_the_process() {
+/// Makes signals end the process until [`cancel_flag`] is called.
+pub(crate) fn install_handlers() {
     on_signals(|| {
-        if IS_LOOKED_AT.load(Ordering::Relaxed) {
-            STOP.store(true, Ordering::Relaxed);
+        if IS_POLLED.load(Ordering::Relaxed) {
+            CANCEL.store(true, Ordering::Relaxed);
             return;
         }
         let _discarded = canted_film::discard_unfinished();
-        leave();
+        exit();
     });
 }
 
-/// A flag that a signal sets from here on, in place of the end, for work that looks at it and has something to keep. What is
-/// written behind that work is written whole.
-pub(crate) fn flag() -> &'static AtomicBool {
-    IS_LOOKED_AT.store(true, Ordering::Relaxed);
-    &STOP
+/// A flag that signals set from now on instead of ending the process, so that the caller can write its partial result.
+pub(crate) fn cancel_flag() -> &'static AtomicBool {
+    IS_POLLED.store(true, Ordering::Relaxed);
+    &CANCEL
 }
 
-/// Ends the process without what runs at its exit: a driver's own would take apart what another thread still sets up.
+/// Ends the process without exit handlers: those of a GPU driver would destroy what another thread still initializes.
 #[cfg(unix)]
-fn leave() -> ! {
-    signal_hook::low_level::exit(CODE.into())
+fn exit() -> ! {
+    signal_hook::low_level::exit(EXIT_CODE.into())
 }
 
 #[cfg(not(unix))]
-fn leave() -> ! {
-    std::process::exit(CODE.into())
+fn exit() -> ! {
+    std::process::exit(EXIT_CODE.into())
 }
 
-/// Calls a function at each of the signals; without a handler they end the process as ever.
+/// Calls a function on each signal. If no handler can be installed, signals keep their default action.
 #[cfg(unix)]
 fn on_signals(call: fn()) {
     use signal_hook::{consts, iterator::Signals};
-    // Where nobody tells whether `nohup` has it ignored, SIGHUP keeps its own way.
+    // Only Linux reports whether `nohup` ignores SIGHUP; elsewhere SIGHUP keeps its default action.
     let hang_up = cfg!(target_os = "linux").then_some(consts::SIGHUP);
     let all = [consts::SIGINT, consts::SIGTERM].into_iter().chain(hang_up);
-    let wanted = all.filter(|&signal| !is_ignored(signal));
-    let Ok(mut signals) = Signals::new(wanted) else { return };
+    let Ok(mut signals) = Signals::new(all.filter(|&signal| !is_ignored(signal))) else { return };
     std::thread::spawn(move || signals.forever().for_each(|_| call()));
 }
 
@@ -58,7 +57,7 @@ fn on_signals(call: fn()) {
     let _ = ctrlc::try_set_handler(call);
 }
 
-/// Whether whoever started the process wants a signal to be ignored, as `nohup` does and a script's `&`; known on Linux alone.
+/// Whether the parent process set a signal to be ignored, as `nohup` and the `&` of scripts do. Known on Linux only.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

@@ -1,63 +1,55 @@
-//! Scenes from files, or the built-in one.
+//! Scenes from files, or the built-in scene.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_scene::{ReadOptions, Scene, SceneFile};
 
-use crate::{
-    output::{self, Named},
-    settings,
-};
+use crate::output::{self, Named};
 
-/// The files that a command reads, each with what the command line calls it.
+/// The files that a command reads, each with its name on the command line.
 pub(crate) struct Inputs(Vec<(String, PathBuf)>);
 
 impl Inputs {
-    /// The scene's own file; of a scene file those, too, that it names.
+    /// The file of the scene, and the files that a scene file refers to.
     ///
     /// # Errors
-    /// A scene file that cannot be read, or is wrong.
+    /// A scene file that is unreadable or invalid.
     pub(crate) fn of(scene: Option<&Path>) -> Result<Self> {
         let Some(path) = scene else { return Ok(Self(Vec::new())) };
         let inputs = Self(Vec::new()).and("SCENE", path);
         if !is_scene_file(path) {
             return Ok(inputs);
         }
-        let name = what_it_names(path);
+        let name = input_of(path);
         Ok(scene_file(path)?.files().iter().fold(inputs, |inputs, file| inputs.and(&name, file)))
     }
 
-    /// These, and one more.
+    /// Adds a file.
     pub(crate) fn and(mut self, name: &str, path: &Path) -> Self {
         self.0.push((name.to_owned(), path.to_owned()));
         self
     }
 
-    /// All of them.
+    /// All files.
     pub(crate) fn named(&self) -> Vec<Named<'_>> {
         self.0.iter().map(|(name, path)| (&name[..], path.as_path())).collect()
     }
 }
 
-/// Refuses outputs that would replace a file that was read because a scene names it.
+/// Rejects outputs that would replace a file that the scene refers to.
 pub(crate) fn check_outputs(path: Option<&Path>, scene: &Scene, outputs: &[Named]) -> Result<()> {
-    let name = path.map(what_it_names).unwrap_or_default();
+    let name = path.map(input_of).unwrap_or_default();
     let inputs: Vec<Named> = scene.files.iter().map(|file| (&name[..], file.as_path())).collect();
     output::check_distinct(&inputs, outputs)
 }
 
-fn what_it_names(scene: &Path) -> String {
-    format!("what {} names", scene.display())
+fn input_of(scene: &Path) -> String {
+    format!("an input of {}", scene.display())
 }
 
-/// Reads a scene, or makes the built-in one; warnings go to standard error, each once.
-pub(crate) fn scene(path: Option<&Path>) -> Result<Scene> {
-    scene_at(path, None)
-}
-
-/// As [`scene`], posed by its animation at a time in seconds.
-pub(crate) fn scene_at(path: Option<&Path>, time: Option<f32>) -> Result<Scene> {
+/// Reads a scene, posed at a time of its animation in seconds, or makes the built-in scene. Prints each warning once.
+pub(crate) fn scene(path: Option<&Path>, time: Option<f32>) -> Result<Scene> {
     let Some(path) = path else { return Ok(canted_scene::builtin()) };
     let scene = if is_scene_file(path) {
         check_time(path, time)?;
@@ -65,39 +57,38 @@ pub(crate) fn scene_at(path: Option<&Path>, time: Option<f32>) -> Result<Scene> 
     } else {
         canted_scene::read_with(path, &ReadOptions { time })
     };
-    let scene = scene.map_err(|error| anyhow!("{error}"))?;
+    let scene = scene?;
     warn(&scene.warnings);
     Ok(scene)
 }
 
-/// Refuses a time for a scene file, whose assets have their own.
+/// Rejects a time for a scene file, which states the time of each asset.
 pub(crate) fn check_time(scene_file: &Path, time: Option<f32>) -> Result<()> {
     match time {
         None => Ok(()),
-        Some(_) => Err(anyhow!("{}: --time poses a glTF file, not a scene file", scene_file.display())),
+        Some(_) => Err(anyhow!(
+            "{}: --time requires a glTF file; in a scene file, set `time` in [[assets]]",
+            scene_file.display()
+        )),
     }
 }
 
-/// Tells what was repaired or left out in a file.
+/// Prints what a reader repaired or skipped.
 pub(crate) fn warn(warnings: &[String]) {
-    for warning in warnings {
-        output::to_stderr(&format!("warning: {warning}"));
-    }
+    warnings.iter().for_each(|warning| output::warn(warning));
 }
 
-/// Reads a scene file, but nothing that it names; its settings are those that this program knows.
+/// Reads a scene file without the files that it refers to.
 pub(crate) fn scene_file(path: &Path) -> Result<SceneFile> {
-    let file = SceneFile::read(path).map_err(|error| anyhow!("{error}"))?;
-    settings::check(&file.settings, path)?;
-    Ok(file)
+    Ok(SceneFile::read(path)?)
 }
 
-/// Whether a file's name says that it is a scene file.
+/// Whether a file name is that of a scene file.
 pub(crate) fn is_scene_file(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
+    output::has_extension(path, "toml")
 }
 
-/// The scene's name in messages.
+/// The name of the scene in messages.
 pub(crate) fn name(path: Option<&Path>) -> String {
     path.map_or_else(|| "built-in scene".to_owned(), |path| path.display().to_string())
 }

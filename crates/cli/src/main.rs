@@ -1,6 +1,8 @@
-//! The program `canted`: pictures, statistics and batch queries through leaning boxes.
+//! The program `canted`: renders pictures, compares bounding volumes and traces batches of rays.
 //!
-//! One file a subcommand. Exit codes: 0 done, 1 the answer is no, 2 bad input or options, 130 interrupted.
+//! Each subcommand is one file. Exit codes: 0 success, 1 a comparison above its limit, 2 invalid input or options,
+//! 130 interrupted. Modules depend on each other in one direction:
+//! `settings -> {render, ...} -> {load, light, device} -> {options, output}`.
 #![forbid(unsafe_code)]
 
 mod cast;
@@ -8,11 +10,13 @@ mod compare;
 mod device;
 mod devices;
 mod interrupt;
-mod left_out;
 mod light;
 mod load;
 mod memory;
 mod merge;
+#[cfg(not(feature = "gpu"))]
+mod no_gpu;
+mod not_needed;
 mod options;
 mod output;
 mod render;
@@ -25,11 +29,11 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use canted_renderer::RenderError;
-use clap::{ArgMatches, FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-/// Ray tracing with oriented bounding boxes: boxes that lean with the geometry.
+/// Ray tracing with oriented bounding boxes.
 ///
-/// Without a subcommand it renders the built-in scene into canted.png.
+/// Without a subcommand, renders the built-in scene to canted.png.
 #[derive(Parser)]
 #[command(name = "canted", version, args_conflicts_with_subcommands = true)]
 struct Cli {
@@ -41,55 +45,45 @@ struct Cli {
 enum Command {
     /// Render a picture.
     Render(Box<render::Args>),
-    /// Write a scene, and all that its picture is made by, as a file to change.
+    /// Write a scene file that contains every setting of a picture.
     Scene(Box<scene::Args>),
-    /// What each volume strategy costs and buys.
+    /// Compare bounding-volume strategies.
     Stats(stats::Args),
-    /// Answer a file of rays.
+    /// Trace rays from a file.
     Cast(cast::Args),
-    /// Write Morton codes and tree topology, for checking.
+    /// Write Morton codes and the topology of the radix tree, for verification.
     Tree(tree::Args),
     /// Compare two pictures.
     Compare(compare::Args),
-    /// List what pictures and rays can be computed on.
+    /// List compute devices.
     Devices(devices::Args),
-    /// Merge parts of the samples of a picture, made apart, into one.
+    /// Merge sample ranges of one picture.
     Merge(merge::Args),
 }
 
-/// How a run that was not an error ended.
-pub(crate) enum Outcome {
-    /// What was asked for was done.
-    Done,
-    /// The answer to the question is no.
-    No,
-}
-
-/// Does what the command line asks for.
-fn run(matches: &ArgMatches) -> Result<Outcome> {
-    let cli = Cli::from_arg_matches(matches).unwrap_or_else(|error| error.exit());
-    match cli.command {
-        None => render::run(&options::defaults()),
-        Some(Command::Render(args)) => render::run(&args),
-        Some(Command::Scene(args)) => scene::run(&args, matches),
-        Some(Command::Stats(args)) => stats::run(&args),
-        Some(Command::Cast(args)) => cast::run(&args),
-        Some(Command::Tree(args)) => tree::run(&args),
-        Some(Command::Compare(args)) => compare::run(&args),
-        Some(Command::Devices(args)) => devices::run(&args),
-        Some(Command::Merge(args)) => merge::run(&args),
+fn run() -> Result<ExitCode> {
+    let matches = settings::command_line(&Cli::command())?;
+    match Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command {
+        None => render::run(&options::defaults())?,
+        Some(Command::Render(args)) => render::run(&args)?,
+        Some(Command::Scene(args)) => scene::run(&args, &matches)?,
+        Some(Command::Stats(args)) => stats::run(&args)?,
+        Some(Command::Cast(args)) => cast::run(&args)?,
+        Some(Command::Tree(args)) => tree::run(&args)?,
+        Some(Command::Compare(args)) => return compare::run(&args),
+        Some(Command::Devices(args)) => devices::run(&args)?,
+        Some(Command::Merge(args)) => merge::run(&args)?,
     }
+    Ok(ExitCode::SUCCESS)
 }
 
 fn main() -> ExitCode {
-    interrupt::ends_the_process();
-    match settings::command_line().and_then(|matches| run(&matches)) {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::No) => ExitCode::from(1),
-        Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => ExitCode::from(interrupt::CODE),
-        Err(error) => {
-            output::to_stderr(&format!("error: {error}"));
-            ExitCode::from(2)
+    interrupt::install_handlers();
+    run().unwrap_or_else(|error| {
+        if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) {
+            return ExitCode::from(interrupt::EXIT_CODE);
         }
-    }
+        output::to_stderr(&format!("error: {error}"));
+        ExitCode::from(2)
+    })
 }

@@ -1,22 +1,26 @@
-//! How much memory things take, for people.
+//! Memory sizes, as the system reports them and as text.
 
-/// Greatest resident memory of this process so far; `None` where the system does not say.
+/// Peak resident memory of this process; `None` where the system does not report it.
 pub(crate) fn peak_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib * 1024)
+    entry_bytes("/proc/self/status", "VmHWM:")
 }
 
-/// Memory that this machine has left; `None` where the system does not say.
+/// Available memory of this machine; `None` where the system does not report it.
+#[cfg(feature = "gpu")]
 pub(crate) fn available_bytes() -> Option<u64> {
-    let facts = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = facts.lines().find(|line| line.starts_with("MemAvailable:"))?;
-    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib * 1024)
+    entry_bytes("/proc/meminfo", "MemAvailable:")
 }
 
-/// Bytes as people read them.
+/// An entry of a file of the form `key: N kB`.
+fn entry_bytes(path: &str, key: &str) -> Option<u64> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let entry = text.lines().find_map(|line| line.strip_prefix(key))?;
+    entry.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
+}
+
+/// A size with a unit and three or four digits.
 pub(crate) fn human(n_bytes: u64) -> String {
-    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
+    #[expect(clippy::cast_precision_loss, reason = "a few digits are shown")]
     let n = n_bytes as f64;
     match n_bytes {
         0..1000 => format!("{n_bytes} B"),

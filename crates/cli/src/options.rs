@@ -3,164 +3,149 @@
 mod numbers;
 
 use canted_lbvh::Strategy;
-use canted_renderer::{Builder, Levels, StructureConfig};
+use canted_renderer::{Accel, Builder, Levels, StructureConfig};
 use canted_scene::Scene;
 use canted_wide::Preset;
-use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use crate::output;
-pub(crate) use numbers::{factor, fov, lens_radius, number, numbers, radius, sextuple, size, threads, triple};
+pub(crate) use numbers::{factor, fov, noise, number, numbers, radius, size, threads};
 
-/// The options of a command as they are where nothing is said.
+/// The values of an option by name.
+pub(crate) type Names<T> = [(&'static str, T)];
+
+/// A parser of one value by its name.
+pub(crate) fn one_of<T>(names: &'static Names<T>) -> impl TypedValueParser<Value = T>
+where
+    T: Copy + Send + Sync,
+{
+    let value = |name: String| names.iter().find(|(known, _)| *known == name).map(|&(_, value)| value);
+    PossibleValuesParser::new(names.iter().map(|(name, _)| *name))
+        .try_map(move |name| value(name).ok_or("unknown name"))
+}
+
+/// The name of a value.
+pub(crate) fn name_of<T: PartialEq>(names: &'static Names<T>, value: &T) -> &'static str {
+    names.iter().find(|(_, known)| known == value).map_or("unknown", |(name, _)| name)
+}
+
+/// The options of a command with their default values.
 pub(crate) fn defaults<A: clap::Args>() -> A {
     let command = A::augment_args(clap::Command::new("canted").no_binary_name(true));
     A::from_arg_matches(&command.get_matches_from([""; 0])).unwrap_or_else(|error| error.exit())
 }
 
-/// How rays find triangles.
+/// Bounding volumes of a binary BVH; `None` for a wide BVH. An alias, because clap treats `Option` as a missing option.
+type Volumes = Option<Strategy>;
+
+/// A builder; `None` for the one that the structure chooses. An alias as [`Volumes`].
+type BuilderChoice = Option<Builder>;
+
+/// The acceleration structure.
 #[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = "Acceleration structure")]
 pub(crate) struct StructureArgs {
-    /// Levels of trees: `auto` takes two where meshes are repeated so often that one level would waste memory.
-    #[arg(long, value_enum, default_value_t = LevelsArg::Auto, value_name = "LEVELS")]
-    pub(crate) levels: LevelsArg,
-    /// How much is spent on the build of wide trees: `fast`, `balanced`, or `quality` for the fastest rays. Volumes by name make
-    /// binary ones, which have no presets.
-    #[arg(long, value_enum, default_value_t = PresetArg::Balanced, value_name = "PRESET")]
-    pub(crate) preset: PresetArg,
-    /// Builder of the binary trees, of which wide ones are made: `auto` is the preset's, and `ploc` with volumes by name; `ploc`
-    /// joins neighbours by area, `lbvh` is the radix tree as it is, `sah` splits from the root down, `obvhs` is the peer's.
-    #[arg(long, value_enum, default_value_t = BuilderArg::Auto, value_name = "BUILDER")]
-    pub(crate) builder: BuilderArg,
-    /// Volumes of the nodes: `auto` makes eight-wide nodes that lean where their predicted cost is lower, node by node;
-    /// the others keep a binary tree.
-    #[arg(long, value_enum, default_value_t = VolumesArg::Auto, value_name = "VOLUMES")]
-    pub(crate) volumes: VolumesArg,
-    /// Ray-triangle test.
-    #[arg(long, value_enum, default_value_t = TrianglesArg::Watertight, value_name = "TEST")]
-    pub(crate) triangles: TrianglesArg,
+    /// BVH levels. `auto` uses two levels where instancing saves memory, else one.
+    #[arg(long, default_value = "auto", value_parser = one_of(&LEVELS), value_name = "LEVELS")]
+    levels: Levels,
+    /// Build effort of the wide BVH. `quality` builds slowest and traces fastest.
+    #[arg(long, default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESET")]
+    preset: Preset,
+    /// Builder of the binary tree that becomes the BVH. `auto` uses the builder of the preset, or `ploc` with --volumes.
+    #[arg(long, default_value = "auto", value_parser = one_of(BUILDERS), value_name = "BUILDER")]
+    builder: BuilderChoice,
+    /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes; the others build a binary BVH.
+    #[arg(long, default_value = "auto", value_parser = one_of(&VOLUMES), value_name = "VOLUMES")]
+    volumes: Volumes,
+    /// Ray-triangle intersection test.
+    #[arg(long, default_value = "watertight", value_parser = one_of(&TRIANGLE_TESTS), value_name = "TEST")]
+    pub(crate) triangles: TriangleTest,
+}
+
+const LEVELS: [(&str, Levels); 3] = [("auto", Levels::Auto), ("one", Levels::One), ("two", Levels::Two)];
+
+pub(crate) const PRESETS: [(&str, Preset); 3] =
+    [("fast", Preset::Fast), ("balanced", Preset::Balanced), ("quality", Preset::Quality)];
+
+const BUILDERS: &Names<Option<Builder>> = &[
+    ("auto", None),
+    ("sah", Some(Builder::Sah)),
+    ("ploc", Some(Builder::Ploc)),
+    ("lbvh", Some(Builder::Lbvh)),
+    #[cfg(feature = "baseline")]
+    ("obvhs", Some(Builder::Obvhs)),
+];
+
+const VOLUMES: [(&str, Volumes); 7] = [
+    ("auto", None),
+    ("aabb", Some(Strategy::Aabb)),
+    ("pca-unbounded", Some(Strategy::PcaUnbounded)),
+    ("pca-bounded", Some(Strategy::PcaBounded)),
+    ("quaternion", Some(Strategy::Quaternion)),
+    ("combined", Some(Strategy::Combined)),
+    ("dop", Some(Strategy::Dop)),
+];
+
+/// The name of a strategy on the command line.
+pub(crate) fn strategy_name(strategy: Strategy) -> &'static str {
+    name_of(&VOLUMES, &Some(strategy))
 }
 
 impl StructureArgs {
-    /// What is asked of the structure of a scene. That one level cannot be had is told.
+    /// The first option that GPUs do not support, with its value.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn unsupported_on_gpu(&self) -> Option<String> {
+        if self.triangles != TriangleTest::Watertight {
+            return Some(format!("--triangles {}", name_of(&TRIANGLE_TESTS, &self.triangles)));
+        }
+        self.volumes.map(|strategy| format!("--volumes {}", strategy_name(strategy)))
+    }
+
+    /// The structure to build for a scene. Warns if it cannot have one level.
     pub(crate) fn config(&self, scene: &Scene) -> StructureConfig {
-        if matches!(self.levels, LevelsArg::One) && scene.has_motion() {
-            output::to_stderr("warning: --levels one makes two levels here: instances move");
+        let &Self { levels, preset, builder, volumes, .. } = self;
+        if levels == Levels::One && scene.has_motion() {
+            output::warn("--levels one is ignored: moving instances require two levels");
         }
-        StructureConfig {
-            levels: match self.levels {
-                LevelsArg::Auto => Levels::Auto,
-                LevelsArg::One => Levels::One,
-                LevelsArg::Two => Levels::Two,
-            },
-            preset: self.preset.preset(),
-            builder: match self.builder {
-                BuilderArg::Auto => Builder::Auto,
-                BuilderArg::Sah => Builder::Sah,
-                BuilderArg::Ploc => Builder::Ploc,
-                BuilderArg::Lbvh => Builder::Lbvh,
-                BuilderArg::Obvhs => Builder::Obvhs,
-            },
-            volumes: match self.volumes {
-                VolumesArg::Auto => None,
-                VolumesArg::Aabb => Some(Strategy::Aabb),
-                VolumesArg::PcaUnbounded => Some(Strategy::PcaUnbounded),
-                VolumesArg::PcaBounded => Some(Strategy::PcaBounded),
-                VolumesArg::Quaternion => Some(Strategy::Quaternion),
-                VolumesArg::Combined => Some(Strategy::Combined),
-                VolumesArg::Dop => Some(Strategy::Dop),
-            },
-        }
+        let accel = match volumes {
+            None => Accel::Wide { preset, builder },
+            Some(strategy) => Accel::Binary { strategy, builder },
+        };
+        StructureConfig { levels, accel }
     }
 }
 
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum LevelsArg {
-    Auto,
-    One,
-    Two,
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum PresetArg {
-    Fast,
-    Balanced,
-    Quality,
-}
-
-impl PresetArg {
-    pub(crate) fn preset(self) -> Preset {
-        match self {
-            Self::Fast => Preset::Fast,
-            Self::Balanced => Preset::Balanced,
-            Self::Quality => Preset::Quality,
-        }
-    }
-
-    /// The name by which the command line knows it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Fast => "fast",
-            Self::Balanced => "balanced",
-            Self::Quality => "quality",
-        }
-    }
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum BuilderArg {
-    Auto,
-    Sah,
-    Ploc,
-    Lbvh,
-    Obvhs,
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum VolumesArg {
-    Auto,
-    Aabb,
-    PcaUnbounded,
-    PcaBounded,
-    Quaternion,
-    Combined,
-    Dop,
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum TrianglesArg {
+/// A ray-triangle test; [`with_kernel`] makes it a type.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum TriangleTest {
     Watertight,
     MollerTrumbore,
     BaldwinWeber,
 }
 
-/// Calls `$run::<K>($args…)` with the kernel that `$triangles` names.
+pub(crate) const TRIANGLE_TESTS: [(&str, TriangleTest); 3] = [
+    ("watertight", TriangleTest::Watertight),
+    ("moller-trumbore", TriangleTest::MollerTrumbore),
+    ("baldwin-weber", TriangleTest::BaldwinWeber),
+];
+
+/// Calls `$run::<K>($args…)` with the kernel of a [`TriangleTest`].
 macro_rules! with_kernel {
     ($triangles:expr, $run:ident($($args:expr),*)) => {
         match $triangles {
-            $crate::options::TrianglesArg::Watertight => $run::<canted_trace::Watertight>($($args),*),
-            $crate::options::TrianglesArg::MollerTrumbore => $run::<canted_trace::MollerTrumbore>($($args),*),
-            $crate::options::TrianglesArg::BaldwinWeber => $run::<canted_trace::BaldwinWeber>($($args),*),
+            $crate::options::TriangleTest::Watertight => $run::<canted_trace::Watertight>($($args),*),
+            $crate::options::TriangleTest::MollerTrumbore => $run::<canted_trace::MollerTrumbore>($($args),*),
+            $crate::options::TriangleTest::BaldwinWeber => $run::<canted_trace::BaldwinWeber>($($args),*),
         }
     };
 }
 pub(crate) use with_kernel;
 
-/// The name by which the command line knows a strategy.
-pub(crate) fn strategy_name(strategy: Strategy) -> &'static str {
-    match strategy {
-        Strategy::Aabb => "aabb",
-        Strategy::PcaUnbounded => "pca-unbounded",
-        Strategy::PcaBounded => "pca-bounded",
-        Strategy::Quaternion => "quaternion",
-        Strategy::Combined => "combined",
-        Strategy::Dop => "dop",
-    }
-}
-
-/// Sizes the pool of threads that everything runs in.
+/// Sets the number of threads of the global pool; `None` for all processors.
 pub(crate) fn use_threads(n_threads: Option<usize>) -> anyhow::Result<()> {
+    let n = n_threads.unwrap_or(0);
     rayon::ThreadPoolBuilder::new()
-        .num_threads(n_threads.unwrap_or(0))
+        .num_threads(n)
         .build_global()
-        .map_err(|error| anyhow::anyhow!("cannot start {} threads: {error}", n_threads.unwrap_or(0)))
+        .map_err(|error| anyhow::anyhow!("cannot start {n} threads: {error}"))
 }

@@ -1,4 +1,4 @@
-//! What is printed, and checks of the places that are written.
+//! Standard output and error, and checks of output files.
 
 use std::{
     fs,
@@ -7,12 +7,12 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_film::{AtomicFile, WriteError};
+use canted_film::{AtomicFile, FileError};
 
-/// Writes a line of results. A closed pipe is not an error: whoever read has read enough.
+/// Writes a line to standard output. A closed pipe is not an error: the reader may stop early.
 ///
 /// # Errors
-/// Standard output that takes no more, as a file on a full disk.
+/// Any other failure, such as a full disk.
 pub(crate) fn to_stdout(text: &str) -> Result<()> {
     match writeln!(std::io::stdout(), "{text}") {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(anyhow!("cannot write standard output: {error}")),
@@ -20,35 +20,51 @@ pub(crate) fn to_stdout(text: &str) -> Result<()> {
     }
 }
 
-/// Writes a line about the run.
+/// Writes a line to standard error.
 pub(crate) fn to_stderr(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Tells of a place that cannot be written; nothing is left there, so that work after it may be interrupted.
-pub(crate) fn probe(path: &Path) -> Result<(), WriteError> {
+/// Writes a warning to standard error.
+pub(crate) fn warn(text: &str) {
+    to_stderr(&format!("warning: {text}"));
+}
+
+/// Fails if a file cannot be written, before any work is done. Leaves no file behind.
+pub(crate) fn probe(path: &Path) -> Result<(), FileError> {
     AtomicFile::create(path).map(drop)
 }
 
-/// A file, and what the command line calls it.
+/// Whether a file name has this extension, in lower or upper case.
+pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension))
+}
+
+/// The error for a file name whose extension is not one of those in `supported`.
+pub(crate) fn unsupported(path: &Path, supported: &str) -> anyhow::Error {
+    let extension = path.extension().map(|own| format!(" '.{}'", own.display())).unwrap_or_default();
+    anyhow!("{}: unsupported format{extension}; use {supported}", path.display())
+}
+
+/// A file and its name on the command line.
 pub(crate) type Named<'a> = (&'a str, &'a Path);
 
-/// Refuses outputs that would replace an input or each other, by whatever way their names lead to one file.
+/// Rejects outputs that would replace an input or each other, even where different paths lead to the same file.
 pub(crate) fn check_distinct(inputs: &[Named], outputs: &[Named]) -> Result<()> {
-    let mut taken: Vec<(&str, PathBuf)> = inputs.iter().map(|&(name, path)| (name, meant(path))).collect();
+    let mut used: Vec<(&str, PathBuf)> = inputs.iter().map(|&(name, path)| (name, resolved(path))).collect();
     for &(name, path) in outputs {
-        let file = meant(path);
-        if let Some((earlier, _)) = taken.iter().find(|(_, other)| *other == file) {
-            return Err(anyhow!("{earlier} and {name} are one file, {}", path.display()));
+        let file = resolved(path);
+        if let Some((earlier, _)) = used.iter().find(|(_, other)| *other == file) {
+            return Err(anyhow!("{earlier} and {name} are the same file, {}; use another output file", path.display()));
         }
-        taken.push((name, file));
+        used.push((name, file));
     }
     Ok(())
 }
 
-/// The file that a name means, whether it is there or not.
-fn meant(path: &Path) -> PathBuf {
+/// The file that a path leads to, whether it exists or not.
+fn resolved(path: &Path) -> PathBuf {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let beside = || Some(fs::canonicalize(folder).ok()?.join(path.file_name()?));
-    fs::canonicalize(path).ok().or_else(beside).unwrap_or_else(|| path.to_owned())
+    let in_folder = || Some(fs::canonicalize(folder).ok()?.join(path.file_name()?));
+    fs::canonicalize(path).ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
 }

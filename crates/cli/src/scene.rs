@@ -1,4 +1,4 @@
-//! `canted scene`: a scene and all that its picture is made by, as a file to change.
+//! `canted scene`: writes a scene file that contains every setting of a picture.
 
 use anyhow::{Result, anyhow};
 use canted_film::AtomicFile;
@@ -8,88 +8,86 @@ use canted_wide::LaneKernel;
 use clap::ArgMatches;
 
 use crate::{
-    Outcome, load,
+    load,
     options::{self, with_kernel},
     output::{self, Named},
-    render::{self, Looked},
+    render::{self, Setup},
     settings,
 };
 
-/// Options of `canted scene`: those of `canted render` that make the picture.
+/// Options of `canted scene`: those of `canted render` that determine the picture.
 #[derive(clap::Args)]
 #[group(skip)]
 #[command(
-    mut_args(settings::hide_the_run),
-    mut_arg("output", |arg| arg.default_value("scene.toml").help("The scene file: `.toml`"))
+    mut_args(settings::hide_run_option),
+    mut_arg("output", |arg| arg.default_value("scene.toml").help("Output scene file: .toml"))
 )]
 pub(crate) struct Args {
     #[command(flatten)]
     render: render::Args,
 }
 
-/// Writes the scene file by which `canted render` makes the picture that it makes of the same scene by the same options.
-pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<Outcome> {
-    let Some((_, options)) = matches.subcommand() else { return Ok(Outcome::Done) };
+/// Writes the scene file. `canted render` makes the same picture of it as of the same scene with the same options.
+pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<()> {
+    let Some((_, options)) = matches.subcommand() else { return Ok(()) };
     let args = &args.render;
     let path = &args.output;
-    if let Some(option) = settings::about_the_run(options) {
-        return Err(anyhow!("{option} says nothing about a scene"));
+    if let Some(option) = settings::run_option(options) {
+        return Err(anyhow!("{option} is not a setting of a scene; use it with `canted render`"));
     }
     if !load::is_scene_file(path) {
-        return Err(anyhow!("{}: scene files end in .toml", path.display()));
+        return Err(output::unsupported(path, ".toml"));
     }
     let outputs: [Named; 1] = [("--output", path)];
     output::check_distinct(&args.inputs()?.named(), &outputs)?;
     output::probe(path)?;
     options::use_threads(None)?;
-    let error = |error| anyhow!("{error}");
     let mut file = match args.scene.as_deref() {
         Some(scene) if load::is_scene_file(scene) => {
             load::check_time(scene, args.time)?;
-            load::scene_file(scene)?.moved_to(path).map_err(error)?
+            load::scene_file(scene)?.moved_to(path)?
         }
-        scene => SceneFile::for_scene(scene, path).map_err(error)?,
+        scene => SceneFile::for_scene(scene, path)?,
     };
     if let Some(time) = args.time {
         file = file.with_time(time);
     }
     if let Some((image, scale, turn_degrees)) = args.light.environment_file() {
-        file = file.with_environment(image, scale, turn_degrees).map_err(error)?;
+        file = file.with_environment(image, scale, turn_degrees)?;
     }
-    let (mut scene, mut file) = file.load_explicit().map_err(error)?;
+    let (mut scene, mut file) = file.load_explicit()?;
     load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     load::warn(&scene.warnings);
-    with_kernel!(args.structure.triangles, look(&mut scene, args, &mut file))?;
+    with_kernel!(args.structure.triangles, set_view_and_light(&mut file, &mut scene, args))?;
     let picture = args.settings()?;
     let sampler = format!("{:?}", picture.pattern).to_lowercase();
     let resolved =
         [("spp", picture.samples.to_string()), ("sampler", sampler), ("bounces", picture.bounces.to_string())];
-    file.settings = settings::spelled_out(options, &resolved);
-    write(&file, args)?;
-    Ok(Outcome::Done)
+    file.settings = settings::all(options, &resolved);
+    write(&file, args)
 }
 
-/// Says how the scene is looked at and lit.
-fn look<K: LaneKernel>(scene: &mut Scene, args: &render::Args, file: &mut SceneFile) -> Result<()> {
-    let default_light = args.light.apply(scene)?;
-    let Looked { camera, .. } = render::look::<K>(scene, args, default_light)?;
+/// Sets the camera, the lights and the environment of the file.
+fn set_view_and_light<K: LaneKernel>(file: &mut SceneFile, scene: &mut Scene, args: &render::Args) -> Result<()> {
+    let has_default_light = args.light.apply(scene)?;
+    let Setup { camera, .. } = render::setup::<K>(scene, args, has_default_light)?;
     View::new(&camera, args.size[0], args.size[1])?;
     file.camera = Some(camera);
     file.lights = Some(scene.lights.clone());
-    match environment_of(scene) {
-        Environment::Constant(radiance) => file.environment = Some(EnvironmentSource::Constant(*radiance)),
-        // The file has named it already.
-        Environment::Image(_) => {}
+    // The file already refers to an environment map.
+    if let Environment::Constant(radiance) = environment_of(scene) {
+        file.environment = Some(EnvironmentSource::Constant(*radiance));
     }
     Ok(())
 }
 
-/// Writes a file that was seen to read back as what it says.
+/// Writes the file after checking that its text can be read again.
 fn write(file: &SceneFile, args: &render::Args) -> Result<()> {
     let path = &args.output;
     let text = file.to_toml();
-    let back = SceneFile::parse(text.as_bytes(), path).map_err(|error| anyhow!("the scene has no file: {error}"))?;
-    settings::check(&back.settings, path)?;
+    let reread = SceneFile::parse(text.as_bytes(), path)
+        .map_err(|error| anyhow!("the scene cannot be written as a scene file: {error}"))?;
+    settings::check(&reread.settings, path)?;
     let mut out = AtomicFile::create(path)?;
     out.write(|out| out.write_all(text.as_bytes()))?;
     Ok(out.finish()?)

@@ -1,7 +1,7 @@
-//! Settings of scene files: the options of `canted render` that make the picture, by the names that they have there.
+//! Settings of scene files: the options of `canted render` that determine the picture, under their long names.
 //!
-//! There is no list of them: an option is a setting unless it is one of the few below. The command line's own options
-//! stand behind those of the file, so they have the last word; what neither says is as ever.
+//! Every option is a setting except the few listed here, so a new option needs no further code. Settings are inserted
+//! before the options of the command line, which therefore override them.
 
 use std::{
     ffi::OsString,
@@ -12,15 +12,15 @@ use std::{
 use anyhow::{Result, anyhow};
 use canted_scene::{Setting, closest_match};
 use clap::{
-    ArgMatches, Args as _, Command, CommandFactory,
+    ArgMatches, Args as _, Command,
     error::{ContextKind, ContextValue},
     parser::ValueSource,
 };
 
-use crate::{Cli, load, output, render};
+use crate::{load, output, render};
 
-/// Options about the run: what is read, written, kept and told.
-const OF_THE_RUN: [&str; 11] = [
+/// Options about a run: its files, devices and reports.
+const RUN_OPTIONS: [&str; 11] = [
     "scene",
     "output",
     "samples",
@@ -34,8 +34,8 @@ const OF_THE_RUN: [&str; 11] = [
     "json",
 ];
 
-/// Options that a scene file says in other tables.
-const ELSEWHERE: [(&str, &str); 13] = [
+/// Options that have their own table in a scene file.
+const OPTIONS_WITH_TABLE: [(&str, &str); 13] = [
     ("eye", "[camera]"),
     ("target", "[camera]"),
     ("up", "[camera]"),
@@ -51,106 +51,8 @@ const ELSEWHERE: [(&str, &str); 13] = [
     ("time", "[[assets]]"),
 ];
 
-/// `canted render`, to be asked for its options.
-fn render_command() -> Command {
-    render::Args::augment_args(Command::new("render")).disable_help_flag(true)
-}
-
-/// The options that are settings.
-fn known(command: &Command) -> impl Iterator<Item = &clap::Arg> {
-    let is_setting = |id: &str| !OF_THE_RUN.contains(&id) && ELSEWHERE.iter().all(|&(other, _)| other != id);
-    command.get_arguments().filter(move |arg| is_setting(arg.get_id().as_str()))
-}
-
-/// Refuses settings that are unknown, or whose value the option does not take.
-pub(crate) fn check(settings: &[Setting], path: &Path) -> Result<()> {
-    let command = render_command();
-    for setting in settings {
-        check_one(setting, &command).map_err(|why| anyhow!("{}: line {}: {why}", path.display(), setting.line))?;
-    }
-    Ok(())
-}
-
-fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<(), String> {
-    if let Some((_, table)) = ELSEWHERE.iter().find(|(other, _)| other == key) {
-        return Err(format!("`{key}` is no key of [settings]; it is said in {table}"));
-    }
-    let names: Vec<&str> = known(command).map(|arg| arg.get_id().as_str()).collect();
-    if !names.contains(&&key[..]) {
-        let near = closest_match(key, names).unwrap_or_default();
-        return Err(format!("[settings] has no key `{}`; the nearest is `{near}`", key.escape_debug()));
-    }
-    let Some(value) = value else { return Ok(()) };
-    let refused = command.clone().try_get_matches_from(["render".into(), option(key, value)]).err();
-    refused.map_or(Ok(()), |error| Err(format!("`{key}` of [settings] is {value:?}{}", reason(&error, value))))
-}
-
-/// A setting as an option.
-fn option(key: &str, value: &str) -> OsString {
-    format!("--{}={value}", key.replace('_', "-")).into()
-}
-
-/// Why an option does not take a value, on one line.
-fn reason(error: &clap::Error, value: &str) -> String {
-    if let Some(ContextValue::Strings(words)) = error.get(ContextKind::ValidValue) {
-        let near = closest_match(value, words.iter().map(|word| &word[..])).unwrap_or_default();
-        return format!(", not one of {}; the nearest is {near}", words.join(", "));
-    }
-    let source = std::error::Error::source(error);
-    let kind = source.and_then(|source| source.downcast_ref::<ParseIntError>()).map(ParseIntError::kind);
-    if matches!(kind, Some(IntErrorKind::InvalidDigit | IntErrorKind::Empty)) {
-        return ", which is no whole number".to_owned();
-    }
-    let source = source.map(ToString::to_string).unwrap_or_default();
-    format!(": {}", source.split_whitespace().collect::<Vec<_>>().join(" "))
-}
-
-/// The program's command line, in which `-1` is a value, so that the option whose it is can refuse it by name.
-fn command() -> Command {
-    let negative = |arg: clap::Arg| {
-        let takes_values = arg.get_action().takes_values();
-        arg.allow_negative_numbers(takes_values)
-    };
-    Cli::command().mut_subcommands(|command| command.mut_args(negative))
-}
-
-/// The command line, behind the settings of the scene file that it names.
-///
-/// # Errors
-/// The scene file cannot be read, or is wrong.
-pub(crate) fn command_line() -> Result<ArgMatches> {
-    let own = command().get_matches();
-    let Some((name @ ("render" | "scene" | "cast"), options)) = own.subcommand() else { return Ok(own) };
-    let makes_pictures = name != "cast";
-    let path = options.get_one::<PathBuf>("scene").filter(|path| makes_pictures && load::is_scene_file(path));
-    let settings = path.map(|path| load::scene_file(path)).transpose()?.map_or_else(Vec::new, |file| file.settings);
-    if makes_pictures {
-        tell_of_light(options);
-    }
-    tell_of_preset(options, &settings);
-    if settings.is_empty() {
-        return Ok(own);
-    }
-    let mut words: Vec<OsString> = std::env::args_os().collect();
-    let rest = words.split_off(words.len().min(2));
-    words.extend(
-        settings
-            .iter()
-            .filter(|setting| counts(setting, &settings, options))
-            .filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))),
-    );
-    words.extend(rest);
-    let command = command().mut_subcommand(name, |command| command.args_override_self(true));
-    Ok(command.get_matches_from(words))
-}
-
-/// Whether the command line itself says it.
-fn is_given(options: &ArgMatches, id: &str) -> bool {
-    options.value_source(id) == Some(ValueSource::CommandLine)
-}
-
-/// Options that say which light is gathered and how, of which a heat map shows nothing: its rays pass the middle of the lens.
-const OF_LIGHT: [&str; 16] = [
+/// Options without effect on a heat map, which shows camera rays through the center of the lens.
+const IGNORED_BY_HEATMAP: [&str; 16] = [
     "spp",
     "sampler",
     "seed",
@@ -169,68 +71,169 @@ const OF_LIGHT: [&str; 16] = [
     "focus",
 ];
 
-/// Tells, once, of what the command line says and a heat map has no use for. Settings of a scene file are for other pictures too.
-fn tell_of_light(options: &ArgMatches) {
-    let idle = OF_LIGHT.into_iter().filter(|id| is_given(options, id));
-    let idle: Vec<String> = idle.map(|id| format!("--{}", id.replace('_', "-"))).collect();
-    if is_given(options, "heatmap") && !idle.is_empty() {
-        let idle = idle.join(", ");
-        output::to_stderr(&format!("warning: --heatmap shows tests of camera rays, to which {idle} does nothing"));
-    }
+fn render_command() -> Command {
+    render::Args::augment_args(Command::new("render")).disable_help_flag(true)
 }
 
-/// Tells of a preset, which is of wide trees, that stands beside volumes of binary ones: a file's settings may be for both.
-fn tell_of_preset(options: &ArgMatches, settings: &[Setting]) {
-    let volumes = said("volumes", options, settings).unwrap_or("auto");
-    if is_given(options, "preset") && volumes != "auto" {
-        output::to_stderr(&format!("warning: --volumes {volumes} makes a binary tree, to which --preset does nothing"));
-    }
+/// The options that are settings.
+fn setting_options(command: &Command) -> impl Iterator<Item = &clap::Arg> {
+    let is_setting = |id: &str| !RUN_OPTIONS.contains(&id) && OPTIONS_WITH_TABLE.iter().all(|&(other, _)| other != id);
+    command.get_arguments().filter(move |arg| is_setting(arg.get_id().as_str()))
 }
 
-/// Whether a setting has a say beside options of the command line that leave it none.
+/// Rejects settings that are unknown or have an invalid value.
+pub(crate) fn check(settings: &[Setting], path: &Path) -> Result<()> {
+    let command = render_command();
+    for setting in settings {
+        check_one(setting, &command).map_err(|error| anyhow!("{}: line {}: {error}", path.display(), setting.line))?;
+    }
+    Ok(())
+}
+
+fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<(), String> {
+    if let Some((_, table)) = OPTIONS_WITH_TABLE.iter().find(|(other, _)| other == key) {
+        return Err(format!("`{key}` is not a key of [settings]; set it in {table}"));
+    }
+    let names: Vec<&str> = setting_options(command).map(|arg| arg.get_id().as_str()).collect();
+    if !names.contains(&&key[..]) {
+        let near = closest_match(key, names).unwrap_or_default();
+        return Err(format!("unknown key `{}` in [settings]; did you mean `{near}`?", key.escape_debug()));
+    }
+    let Some(value) = value else { return Ok(()) };
+    let parsed = command.clone().try_get_matches_from(["render".into(), option(key, value)]);
+    let invalid = |error| format!("`{key}` in [settings] has the invalid value {value:?}{}", reason(&error, value));
+    parsed.map(drop).map_err(invalid)
+}
+
+/// A setting as an option.
+fn option(key: &str, value: &str) -> OsString {
+    format!("{}={value}", flag(key)).into()
+}
+
+/// The name of an option on the command line.
+fn flag(id: &str) -> String {
+    format!("--{}", id.replace('_', "-"))
+}
+
+/// The reason of a parser's error, on one line.
+fn reason(error: &clap::Error, value: &str) -> String {
+    if let Some(ContextValue::Strings(words)) = error.get(ContextKind::ValidValue) {
+        let near = closest_match(value, words.iter().map(|word| &word[..])).unwrap_or_default();
+        return format!("; use one of {} (did you mean {near}?)", words.join(", "));
+    }
+    let source = std::error::Error::source(error);
+    let kind = source.and_then(|source| source.downcast_ref::<ParseIntError>()).map(ParseIntError::kind);
+    if matches!(kind, Some(IntErrorKind::InvalidDigit | IntErrorKind::Empty)) {
+        return ": expected a whole number".to_owned();
+    }
+    let source = source.map(ToString::to_string).unwrap_or_default();
+    format!(": {}", source.split_whitespace().collect::<Vec<_>>().join(" "))
+}
+
+/// The arguments of the program, after the settings of the scene file that they name.
 ///
-/// `--samples` says which samples are taken, and so how many, where their number does not decide what they are.
-fn counts(setting: &Setting, all: &[Setting], options: &ArgMatches) -> bool {
+/// # Errors
+/// The scene file is unreadable, or has invalid content.
+pub(crate) fn command_line(program: &Command) -> Result<ArgMatches> {
+    // `-1` is a value and not an option, so that the option it belongs to reports it.
+    let allow_negative = |arg: clap::Arg| {
+        let takes_values = arg.get_action().takes_values();
+        arg.allow_negative_numbers(takes_values)
+    };
+    let program = program.clone().mut_subcommands(|command| command.mut_args(allow_negative));
+    let own = program.clone().get_matches();
+    let Some((name, options)) = own.subcommand() else { return Ok(own) };
+    let path = options.try_get_one::<PathBuf>("scene").ok().flatten().filter(|path| load::is_scene_file(path));
+    let mut settings = Vec::new();
+    if let Some(path) = path {
+        settings = load::scene_file(path)?.settings;
+        check(&settings, path)?;
+    }
+    match name {
+        "render" | "scene" => warn_ignored_by_heatmap(options),
+        "cast" => settings.clear(),
+        _ => return Ok(own),
+    }
+    warn_ignored_preset(options, &settings);
+    if settings.is_empty() {
+        return Ok(own);
+    }
+    let mut words: Vec<OsString> = std::env::args_os().collect();
+    let rest = words.split_off(words.len().min(2));
+    words.extend(
+        settings
+            .iter()
+            .filter(|setting| applies(setting, &settings, options))
+            .filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))),
+    );
+    words.extend(rest);
+    Ok(program.mut_subcommand(name, |command| command.args_override_self(true)).get_matches_from(words))
+}
+
+/// Whether an option is on the command line.
+fn is_given(options: &ArgMatches, id: &str) -> bool {
+    options.value_source(id) == Some(ValueSource::CommandLine)
+}
+
+/// Warns once about options that a heat map ignores. Settings of a scene file may be for other pictures.
+fn warn_ignored_by_heatmap(options: &ArgMatches) {
+    let ignored: Vec<String> = IGNORED_BY_HEATMAP.into_iter().filter(|id| is_given(options, id)).map(flag).collect();
+    if is_given(options, "heatmap") && !ignored.is_empty() {
+        output::warn(&format!("--heatmap ignores {}", ignored.join(", ")));
+    }
+}
+
+/// Warns about a preset, which is for wide BVHs, together with volumes of a binary BVH.
+fn warn_ignored_preset(options: &ArgMatches, settings: &[Setting]) {
+    let volumes = value_of("volumes", options, settings).unwrap_or("auto");
+    if is_given(options, "preset") && volumes != "auto" {
+        output::warn(&format!("--preset has no effect on the binary BVH of --volumes {volumes}"));
+    }
+}
+
+/// Whether a setting applies together with the options of the command line, or would contradict them.
+fn applies(setting: &Setting, all: &[Setting], options: &ArgMatches) -> bool {
     let is_given = |id: &str| is_given(options, id);
     match &setting.key[..] {
         "noise" => !is_given("samples") && !is_given("heatmap"),
-        "spp" if is_given("samples") => said("sampler", options, all) == Some("stratified"),
-        "ao_radius" if is_given("integrator") => said("integrator", options, all) == Some("hybrid"),
+        // `--samples` determines the number of samples, except for patterns that depend on the total.
+        "spp" if is_given("samples") => value_of("sampler", options, all) == Some("stratified"),
+        "ao_radius" if is_given("integrator") => value_of("integrator", options, all) == Some("hybrid"),
         _ => true,
     }
 }
 
-/// The value of an option on the command line, else that of the file.
-fn said<'a>(id: &str, options: &'a ArgMatches, settings: &'a [Setting]) -> Option<&'a str> {
+/// The value of an option on the command line, else in the file.
+fn value_of<'a>(id: &str, options: &'a ArgMatches, settings: &'a [Setting]) -> Option<&'a str> {
     if is_given(options, id) {
         return options.get_raw(id)?.next()?.to_str();
     }
     settings.iter().find(|setting| setting.key == id)?.value.as_deref()
 }
 
-/// All settings as `options` and the defaults have them, but those that `resolved` knows better.
-pub(crate) fn spelled_out(options: &ArgMatches, resolved: &[(&str, String)]) -> Vec<Setting> {
+/// All settings with the values of `options`, or with those in `resolved`.
+pub(crate) fn all(options: &ArgMatches, resolved: &[(&str, String)]) -> Vec<Setting> {
     let command = render_command();
     let setting = |arg: &clap::Arg| {
         let key = arg.get_id().as_str();
-        let said = || {
+        let given = || {
             let words: Option<Vec<&str>> = options.get_raw(key)?.map(|word| word.to_str()).collect();
             Some(words?.join(","))
         };
-        let value = resolved.iter().find(|(name, _)| *name == key).map(|(_, value)| value.clone()).or_else(said);
+        let value = resolved.iter().find(|(name, _)| *name == key).map(|(_, value)| value.clone()).or_else(given);
         let help = arg.get_help().map(|help| help.to_string().replace('\n', " ")).unwrap_or_default();
         Setting { key: key.to_owned(), value, comment: help, line: 0 }
     };
-    known(&command).map(setting).collect()
+    setting_options(&command).map(setting).collect()
 }
 
-/// The option about a run that the command line names, if any but scene and output.
-pub(crate) fn about_the_run(options: &ArgMatches) -> Option<String> {
-    OF_THE_RUN[2..].iter().copied().find(|id| is_given(options, id)).map(|id| format!("--{}", id.replace('_', "-")))
+/// The first option about a run on the command line, other than scene and output.
+pub(crate) fn run_option(options: &ArgMatches) -> Option<String> {
+    RUN_OPTIONS[2..].iter().copied().find(|id| is_given(options, id)).map(flag)
 }
 
-/// Hides the options about a run from the help of a command.
-pub(crate) fn hide_the_run(arg: clap::Arg) -> clap::Arg {
-    let is_hidden = OF_THE_RUN[2..].contains(&arg.get_id().as_str());
+/// Hides an option about a run from the help.
+pub(crate) fn hide_run_option(arg: clap::Arg) -> clap::Arg {
+    let is_hidden = RUN_OPTIONS[2..].contains(&arg.get_id().as_str());
     arg.hide(is_hidden)
 }

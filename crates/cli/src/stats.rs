@@ -1,9 +1,9 @@
-//! `canted stats`: what each volume strategy costs and buys, in the layout of the dissertation's tables 3 to 5, and what
-//! wide trees are made of.
+//! `canted stats`: compares bounding-volume strategies, in the layout of the dissertation's tables 3 to 5, and describes
+//! the wide BVHs of presets.
 
-mod device;
-mod measure;
-mod passes;
+mod binary;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod tables;
 mod wide;
 mod wide_tables;
@@ -14,65 +14,62 @@ use anyhow::{Result, anyhow};
 use canted_renderer::prepare;
 use canted_scene::Scene;
 use canted_trace::Watertight;
+use canted_wide::Preset;
 
 use crate::{
-    Outcome,
-    device::DeviceArg,
-    left_out,
+    device::{Machine, RunArgs},
     light::LightArgs,
-    load,
-    options::{self, PresetArg, StructureArgs},
+    load, not_needed,
+    options::{self, PRESETS, StructureArgs, one_of},
     output,
 };
 
 /// Options of `canted stats`.
 #[derive(clap::Args)]
+#[command(mut_arg("device", |arg| arg.help(DEVICE)))]
 pub(crate) struct Args {
-    /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML; the built-in one without it.
+    /// Scene: OBJ, PLY, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
     scene: Option<PathBuf>,
-    /// Seconds into the file's first animation; the pose that the file has without it.
+    /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
     time: Option<f32>,
-    /// Presets of wide trees to build, separated by commas: `fast`, `balanced`, `quality`, which takes the longest.
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "balanced", value_name = "PRESETS")]
-    presets: Vec<PresetArg>,
-    /// Tell what a device needs for the scene, too: `gpu`, or a part of an adapter's name; `auto` does where there is a GPU,
-    /// `cpu` does not.
-    #[arg(long, default_value = "auto", value_name = "DEVICE")]
-    device: DeviceArg,
-    /// Number of threads; all processors without it.
-    #[arg(long, value_parser = options::threads, value_name = "N")]
-    threads: Option<usize>,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
+    /// Presets of the wide BVH to build, separated by commas. `quality` takes longest.
+    #[arg(long, value_delimiter = ',', default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESETS")]
+    presets: Vec<Preset>,
+    #[command(flatten)]
+    run: RunArgs,
 }
+
+const DEVICE: &str = "Device whose build times and buffers are included: auto (a hardware GPU, if there is one), cpu (none), \
+                      gpu, or part of an adapter name (see `canted devices`)";
 
 /// Builds the scene with every strategy and with presets, in one level and in two, and prints the tables.
-pub(crate) fn run(args: &Args) -> Result<Outcome> {
-    options::use_threads(args.threads)?;
-    if matches!(args.device, DeviceArg::Both(_)) {
-        return Err(anyhow!("--device both shares out tiles of pictures: use cpu, gpu or an adapter's name"));
-    }
-    let machine = args.device.open()?;
-    let mut scene = load::scene_at(args.scene.as_deref(), args.time)?;
-    // A picture's light, which a scene without any gets there.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let machine = args.run.start()?;
+    let mut scene = load::scene(args.scene.as_deref(), args.time)?;
+    // Adds the default light, as `canted render` does.
     options::defaults::<LightArgs>().apply(&mut scene)?;
     let name = load::name(args.scene.as_deref());
-    let measured = measure::measure(&scene).map_err(|error| anyhow!("{name}: {error}"))?;
-    let wide = wide::measure(&scene, &args.presets).map_err(|error| anyhow!("{name}: {error}"))?;
-    let config = options::defaults::<StructureArgs>().config(&scene);
-    let prepared = prepare::<Watertight>(&scene, &config).map_err(|error| anyhow!("{name}: {error}"))?;
-    let left_out = left_out::json(&prepared.left_out, false);
-    let device = device::measure(&machine, &scene, &prepared.structure, &name)?;
-    let table = if args.json { tables::json } else { tables::text };
-    let text = table(&name, &scene, &measured, &wide, &left_out, device.as_ref());
-    output::to_stdout(&text)?;
-    Ok(Outcome::Done)
+    let report = report(&name, &scene, args, &machine).map_err(|error| anyhow!("{name}: {error}"))?;
+    output::to_stdout(&if args.run.json { report.json() } else { report.text() })
 }
 
-/// By how much a mesh grows on its way to the world: as its first instance does.
+#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
+fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -> Result<tables::Report<'a>> {
+    let binary = binary::measure(scene)?;
+    let wide = wide::measure(scene, &args.presets)?;
+    let config = options::defaults::<StructureArgs>().config(scene);
+    let prepared = prepare::<Watertight>(scene, &config)?;
+    let not_needed = not_needed::json(&prepared.unused, false);
+    #[cfg(feature = "gpu")]
+    let gpu = gpu::measure(machine, scene, &prepared.structure)?;
+    #[cfg(not(feature = "gpu"))]
+    let gpu = None;
+    Ok(tables::Report { name, scene, binary, wide, not_needed, gpu })
+}
+
+/// The scale from a mesh to the world, by its first instance.
 fn world_scale(scene: &Scene, mesh_index: usize) -> f64 {
-    let placed = scene.instances.iter().find(|instance| instance.mesh.0 as usize == mesh_index);
-    placed.map_or(1.0, |placed| placed.world_from_object.determinant().abs().cbrt())
+    let instance = scene.instances.iter().find(|instance| instance.mesh.0 as usize == mesh_index);
+    instance.map_or(1.0, |instance| instance.world_from_object.determinant().abs().cbrt())
 }

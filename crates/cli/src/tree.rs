@@ -1,4 +1,4 @@
-//! `canted tree`: codes and topology, for checking.
+//! `canted tree`: Morton codes and the topology of the radix tree, for verification.
 
 use std::path::PathBuf;
 
@@ -6,52 +6,39 @@ use anyhow::{Result, anyhow};
 use canted_film::AtomicFile;
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Domain, Sorted, Tree};
 use canted_scene::Scene;
-use clap::ValueEnum;
 
 use crate::{
-    Outcome, load,
+    load,
+    options::one_of,
     output::{self, Named},
 };
 
 /// Options of `canted tree`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The scene: OBJ, PLY, glTF, GLB, or a scene file in TOML; taken as one mesh in world space.
+    /// Scene: OBJ, PLY, glTF, GLB, or a scene file (.toml). All instances form one mesh in world space.
     scene: PathBuf,
-    /// Length of the Morton codes.
-    #[arg(long, value_enum, default_value_t = BitsArg::B63, value_name = "BITS")]
-    bits: BitsArg,
-    /// Codes in sorted order (code,prim).
+    /// Number of bits of a Morton code.
+    #[arg(long, default_value = "63", value_parser = one_of(&[("30", Bits::B30), ("63", Bits::B63)]), value_name = "BITS")]
+    bits: Bits,
+    /// Output file for the sorted codes (code,prim).
     #[arg(long, value_name = "FILE")]
     codes: PathBuf,
-    /// Inner nodes in Karras numbering (left,right,first,last); leaf i is -(i+1).
+    /// Output file for the inner nodes in Karras numbering (left,right,first,last); leaf i is -(i+1).
     #[arg(long, value_name = "FILE")]
     nodes: PathBuf,
 }
 
-#[derive(ValueEnum, Clone, Copy)]
-enum BitsArg {
-    #[value(name = "30")]
-    B30,
-    #[value(name = "63")]
-    B63,
-}
-
 /// Builds the tree and writes both files.
-pub(crate) fn run(args: &Args) -> Result<Outcome> {
-    let bits = match args.bits {
-        BitsArg::B30 => Bits::B30,
-        BitsArg::B63 => Bits::B63,
-    };
+pub(crate) fn run(args: &Args) -> Result<()> {
     let inputs = load::Inputs::of(Some(&args.scene))?;
     let outputs: [Named; 2] = [("--codes", &args.codes), ("--nodes", &args.nodes)];
     output::check_distinct(&inputs.named(), &outputs)?;
-    let scene = load::scene(Some(&args.scene))?;
+    let scene = load::scene(Some(&args.scene), None)?;
     load::check_outputs(Some(&args.scene), &scene, &outputs)?;
-    // Places that cannot be written are told before the work.
     output::probe(&args.codes)?;
     output::probe(&args.nodes)?;
-    let (sorted, tree) = build(&scene, bits).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
+    let (sorted, tree) = build(&scene, args.bits).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let mut codes_out = AtomicFile::create(&args.codes)?;
     let mut nodes_out = AtomicFile::create(&args.nodes)?;
     let numbers = file_numbers(&scene);
@@ -70,8 +57,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         })
     })?;
     codes_out.finish()?;
-    nodes_out.finish()?;
-    Ok(Outcome::Done)
+    Ok(nodes_out.finish()?)
 }
 
 fn build(scene: &Scene, bits: Bits) -> Result<(Sorted, Tree)> {
@@ -81,7 +67,7 @@ fn build(scene: &Scene, bits: Bits) -> Result<(Sorted, Tree)> {
     Ok((sorted.clone(), lbvh::radix(sorted)))
 }
 
-/// Number in the file of each triangle of the flattened scene.
+/// The number of each triangle of the flattened scene in the scene's own numbering.
 fn file_numbers(scene: &Scene) -> Vec<u32> {
     let numbers = scene.instances.iter().flat_map(|instance| {
         let n = scene.meshes[instance.mesh.0 as usize].triangles.len();
@@ -90,7 +76,7 @@ fn file_numbers(scene: &Scene) -> Vec<u32> {
     numbers.collect()
 }
 
-/// A node's number, or `-(i + 1)` for the leaf at position `i`.
+/// The number of an inner node, or `-(i + 1)` for the leaf at position `i`.
 fn reference(child: Child) -> i64 {
     match child.kind() {
         ChildKind::Leaf(position) => -(i64::from(position) + 1),

@@ -1,3 +1,4 @@
+use canted_obb::vector::{cross, dot, sub};
 use canted_obb::{Aabb, Dop, Enclosure, Frame, Moments, Obb, merge};
 
 use crate::Corners;
@@ -27,18 +28,6 @@ pub trait Leaf: Copy + Send + Sync {
 
     /// Points that every volume above must contain exactly.
     fn points(&self) -> impl Iterator<Item = [f32; 3]>;
-}
-
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Leaf for Corners {

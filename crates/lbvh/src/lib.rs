@@ -1,7 +1,6 @@
 //! Linear bounding volume hierarchies whose boxes may lean.
 //!
 //! ```text
-//! triangles -> corners -> domain -> morton -> sort -> radix -> volumes      + check  cost  overlap
 //!                             another builder's topology -> Tree -^
 //! ```
 //!
@@ -17,8 +16,8 @@ mod cost;
 mod domain;
 mod leaf;
 mod morton;
-mod overlap;
-mod par;
+#[doc(hidden)]
+pub mod par;
 mod radix;
 mod sort;
 mod topology;
@@ -33,7 +32,6 @@ pub use cost::{Costs, TreeCost, tree_cost};
 pub use domain::{Bits, Domain};
 pub use leaf::Leaf;
 pub use morton::{morton_codes, morton_codes_of_boxes};
-pub use overlap::end_point_overlap;
 pub use radix::radix;
 pub use sort::{Sorted, sort_by_code};
 pub use topology::TopologyError;

@@ -1,50 +1,107 @@
-//! The two shapes of parallel work the stations need, serial without the feature `parallel`.
+//! Parallel loops over disjoint work, shared by the builders; serial without the feature `parallel`. Not part of the
+//! stable interface.
 //!
-//! Both write disjoint slices, so the number of threads can never change a result.
+//! Each job writes its own slice and results keep their order, so the number of threads never changes a result.
 
-/// Calls `work` with consecutive chunks of `out` and the index of each chunk's first element.
-pub(crate) fn for_chunks<T: Send>(out: &mut [T], chunk: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+use std::ops::Range;
+
+/// Items of one job in [`for_pieces`].
+const CHUNK: usize = 256;
+
+/// Calls `work` for every job. Each job owns what it writes.
+pub fn for_jobs<J: Send>(jobs: Vec<J>, work: impl Fn(J) + Sync + Send) {
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        out.par_chunks_mut(chunk).enumerate().for_each(|(i, slice)| work(i * chunk, slice));
-    }
-    #[cfg(not(feature = "parallel"))]
-    for (i, slice) in out.chunks_mut(chunk).enumerate() {
-        work(i * chunk, slice);
-    }
-}
-
-/// Calls `work` on every job; jobs own what they write.
-pub(crate) fn for_jobs<J: Send>(jobs: Vec<J>, work: impl Fn(J) + Sync) {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        jobs.into_par_iter().for_each(&work);
+        jobs.into_par_iter().for_each(work);
     }
     #[cfg(not(feature = "parallel"))]
     jobs.into_iter().for_each(work);
 }
 
-/// Results of `work` for the chunks of `items`, in order.
-pub(crate) fn map_chunks<T: Sync, R: Send>(
-    items: &[T],
-    chunk: usize,
-    work: impl Fn(usize, &[T]) -> R + Sync,
-) -> Vec<R> {
+/// Results of `work` for every job, in order.
+fn map_jobs<J: Send, R: Send>(jobs: Vec<J>, work: impl Fn(J) -> R + Sync + Send) -> Vec<R> {
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        items.par_chunks(chunk).enumerate().map(|(i, slice)| work(i * chunk, slice)).collect()
+        jobs.into_par_iter().map(work).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    jobs.into_iter().map(work).collect()
+}
+
+/// Calls `work` for consecutive chunks of `out`, with the index of the first element of each.
+pub fn for_chunks<T: Send>(out: &mut [T], chunk: usize, work: impl Fn(usize, &mut [T]) + Sync + Send) {
+    for_jobs(out.chunks_mut(chunk).enumerate().collect(), |(i, slice)| work(i * chunk, slice));
+}
+
+/// Results of `work` for consecutive chunks of `items`, in order, with the index of the first item of each.
+pub fn map_chunks<T: Sync, R: Send>(
+    items: &[T],
+    chunk: usize,
+    work: impl Fn(usize, &[T]) -> R + Sync + Send,
+) -> Vec<R> {
+    map_jobs(items.chunks(chunk).enumerate().collect(), |(i, slice)| work(i * chunk, slice))
+}
+
+/// Results of `work` for consecutive ranges of `0..n`, in order.
+pub fn map_ranges<R: Send>(n: usize, chunk: usize, work: impl Fn(Range<usize>) -> R + Sync + Send) -> Vec<R> {
+    map_jobs((0..n.div_ceil(chunk)).collect(), |i| work(i * chunk..n.min((i + 1) * chunk)))
+}
+
+/// `f` of every item, in order.
+pub fn map<I: Sync, T: Copy + Send>(items: &[I], chunk: usize, unset: T, f: impl Fn(&I) -> T + Sync + Send) -> Vec<T> {
+    let mut out = vec![unset; items.len()];
+    for_jobs(items.chunks(chunk).zip(out.chunks_mut(chunk)).collect(), |(items, out)| {
+        for (item, out) in items.iter().zip(out) {
+            *out = f(item);
+        }
+    });
+    out
+}
+
+/// Calls `write` with each item and its piece of `out`, from `start(item)` to the start of the next item.
+///
+/// Starts must not decrease from item to item.
+pub fn for_pieces<I: Sync, T: Send>(
+    items: &[I],
+    mut out: &mut [T],
+    start: impl Fn(&I) -> usize + Sync,
+    write: impl Fn(&I, &mut [T]) + Sync,
+) {
+    let n = out.len();
+    let mut jobs = Vec::with_capacity(items.len().div_ceil(CHUNK));
+    for (i, chunk) in items.chunks(CHUNK).enumerate() {
+        let end = items.get((i + 1) * CHUNK).map_or(n, &start);
+        let (own, rest) = std::mem::take(&mut out).split_at_mut(end - start(&chunk[0]));
+        jobs.push((chunk, own, end));
+        out = rest;
+    }
+    for_jobs(jobs, |(chunk, mut own, end)| {
+        for (i, item) in chunk.iter().enumerate() {
+            let len = chunk.get(i + 1).map_or(end, &start) - start(item);
+            let (piece, rest) = std::mem::take(&mut own).split_at_mut(len);
+            write(item, piece);
+            own = rest;
+        }
+    });
+}
+
+/// Results of both, computed in parallel where a thread is free.
+pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    #[cfg(feature = "parallel")]
+    {
+        rayon::join(a, b)
     }
     #[cfg(not(feature = "parallel"))]
     {
-        items.chunks(chunk).enumerate().map(|(i, slice)| work(i * chunk, slice)).collect()
+        (a(), b())
     }
 }
 
-/// Number of threads that would work, 1 without the feature.
-pub(crate) fn n_threads() -> usize {
+/// Threads of the current rayon pool; 1 without the feature.
+#[must_use]
+pub fn n_threads() -> usize {
     #[cfg(feature = "parallel")]
     {
         rayon::current_num_threads()

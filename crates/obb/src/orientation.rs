@@ -82,10 +82,7 @@ mod tests {
             let sign = orient_3d(plane(0.0, 0.0), plane(3.0, 1.0), plane(1.0, 4.0), d);
             let other = orient_3d(plane(0.0, 0.0), plane(3.0, 1.0), plane(1.0, 4.0), [d[2], d[1], d[0]]);
             assert!(sign != Ordering::Equal && sign == other.reverse(), "{scale}: {sign:?} {other:?}");
-            assert_eq!(
-                orient_3d(plane(0.0, 0.0), plane(3.0, 1.0), plane(1.0, 4.0), plane(5.0, 2.0)),
-                Ordering::Equal
-            );
+            assert_eq!(orient_3d(plane(0.0, 0.0), plane(3.0, 1.0), plane(1.0, 4.0), plane(5.0, 2.0)), Ordering::Equal);
         }
     }
 

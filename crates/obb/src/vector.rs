@@ -1,60 +1,98 @@
-//! Three-vectors of `f64`, the few operations that fits need.
+//! Arithmetic of three-component arrays, shared by the workspace. Not part of the stable interface.
+//!
+//! Every function fixes the order of its operations: results are the same bits wherever it is used.
 
-pub(crate) type Vector = [f64; 3];
+use core::ops::{Add, Mul, Sub};
 
+/// A point or direction in `f64`.
+pub type Vector = [f64; 3];
+
+/// Each component in `f64`, exactly.
 #[inline]
-pub(crate) fn from_f32(v: [f32; 3]) -> Vector {
+#[must_use]
+pub fn to_f64(v: [f32; 3]) -> Vector {
     v.map(f64::from)
 }
 
+/// Each component rounded to `f32`.
 #[inline]
+#[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-pub(crate) fn to_f32(v: Vector) -> [f32; 3] {
+pub fn to_f32(v: Vector) -> [f32; 3] {
     v.map(|x| x as f32)
 }
 
+/// `a + b`.
 #[inline]
-pub(crate) fn add(a: Vector, b: Vector) -> Vector {
+#[must_use]
+pub fn add<T: Copy + Add<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
+/// `a - b`.
 #[inline]
-pub(crate) fn sub(a: Vector, b: Vector) -> Vector {
+#[must_use]
+pub fn sub<T: Copy + Sub<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
+/// `s · a`.
 #[inline]
-pub(crate) fn scale(a: Vector, s: f64) -> Vector {
+#[must_use]
+pub fn scale<T: Copy + Mul<Output = T>>(a: [T; 3], s: T) -> [T; 3] {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
+/// `a · b`, summed from the left.
 #[inline]
-pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+#[must_use]
+pub fn dot<T: Copy + Add<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) -> T {
+    (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
 }
 
+/// `a × b`.
 #[inline]
-pub(crate) fn cross(a: Vector, b: Vector) -> Vector {
+#[must_use]
+pub fn cross<T: Copy + Sub<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// Square root, also without a standard library.
 #[inline]
-pub(crate) fn length(a: Vector) -> f64 {
-    dot(a, a).sqrt()
+#[must_use]
+pub fn sqrt(x: f64) -> f64 {
+    crate::math::sqrt(x)
+}
+
+/// Euclidean length.
+#[inline]
+#[must_use]
+pub fn length(a: Vector) -> f64 {
+    sqrt(dot(a, a))
 }
 
 /// Greatest absolute component.
 #[inline]
-pub(crate) fn reach(a: Vector) -> f64 {
+#[must_use]
+pub fn reach(a: Vector) -> f64 {
     a[0].abs().max(a[1].abs()).max(a[2].abs())
 }
 
-/// The vector at length one; `None` for zero and for what is not finite. Safe at any scale.
-pub(crate) fn normalized(a: Vector) -> Option<Vector> {
+/// The unit vector along `a`, at any scale; `None` for zero and for a component that is not finite.
+#[must_use]
+pub fn normalized(a: Vector) -> Option<Vector> {
     let reach = reach(a);
     if !(reach > 0.0 && a.iter().all(|x| x.is_finite())) {
         return None;
     }
     let a = scale(a, crate::round::binade_inverse(reach));
     Some(scale(a, 1.0 / length(a)))
+}
+
+/// The unit vector along `a` by one division; `None` for zero and where the square of `a` leaves the range of `f64`.
+#[inline]
+#[must_use]
+pub fn unit(a: Vector) -> Option<Vector> {
+    let length = length(a);
+    (length > 0.0 && length.is_finite()).then(|| scale(a, 1.0 / length))
 }

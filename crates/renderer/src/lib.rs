@@ -1,25 +1,45 @@
-//! Pictures from scenes: camera rays, light, film, files.
+//! Renders pictures of scenes: cameras, materials, lights and integrators, on the CPU and on GPUs.
 //!
 //! ```text
 //! Scene -> frame -> Camera -> View -> rays -> Tracer -> Hit -> Surface (textures, Bsdf)
 //! Surface -> light -> integrate/{hybrid, path} -> Film -> Picture -> PNG, EXR
 //! ```
 //!
-//! Nothing here knows how rays are traced: a [`Tracer`] answers them. Radiance is linear RGB, `f32` per sample with
-//! sums in `f64`; randomness is a pure function of pixel, sample, dimension and seed, so a picture is the same bits
-//! for any number of threads and any tile size.
+//! Integrators trace rays through a [`Tracer`], which [`prepare`] builds, or a caller's own. Radiance is linear RGB, `f32` per
+//! sample with sums in `f64`. Random numbers are a pure function of pixel, sample, dimension and seed, so a picture has the
+//! same bits for any number of threads and any tile size.
+//!
+//! ```
+//! use std::sync::atomic::AtomicBool;
+//!
+//! use canted_renderer::{Settings, StructureConfig, frame, prepare, render};
+//! use canted_trace::Watertight;
+//!
+//! let scene = canted_scene::builtin();
+//! let structure = prepare::<Watertight>(&scene, &StructureConfig::default())?.structure;
+//! let settings = Settings { width: 16, height: 9, samples: 1, ..Settings::default() };
+//! let camera = frame(&scene, &structure, 16.0 / 9.0);
+//! let film = render(&scene, &structure, &camera, &settings, &|_, _| (), &AtomicBool::new(false))?;
+//! assert_eq!(film.picture().pixels.len(), 144);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Features: `gpu` adds [`DevicePicture`](https://docs.rs/canted-renderer), `baseline` the builder `obvhs`.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "shared with the GPU renderer, which uses more of it"))]
 
+mod accel;
 #[cfg(feature = "baseline")]
 mod baseline;
 mod bsdf;
 mod camera;
 mod content;
+#[cfg(feature = "gpu")]
 mod device;
+mod error;
 mod framing;
 mod heatmap;
 mod integrate;
-mod level;
 mod light;
 mod mask;
 mod placement;
@@ -35,18 +55,20 @@ mod texture;
 mod tracer;
 mod vector;
 
+pub use accel::{Accel, Builder, Bvh};
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
 pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
 pub use content::{light_hash, scene_hash};
-pub use device::{DeviceError, DevicePicture, GBuffer, Seen, SharedFilm, traced_scene};
+#[cfg(feature = "gpu")]
+pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, traced_scene};
+pub use error::PrepareError;
 pub use framing::frame;
 pub use heatmap::{Heatmap, Measure, heatmap};
-pub use level::{Builder, Level};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use mask::Masked;
-pub use prepare::{LeftOut, Levels, PrepareError, Prepared, StructureConfig, prepare};
+pub use prepare::{Levels, Prepared, StructureConfig, UnusedFeature, prepare};
 pub use render::{Monitor, RenderError, render, resume};
 pub use sampler::{Pattern, Sampler};
 pub use settings::{Integrator, Settings};

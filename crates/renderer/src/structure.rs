@@ -1,76 +1,71 @@
-use canted_lbvh::{MAX_PRIMITIVES, Strategy, VolumeConfig};
+//! The acceleration structure of a scene, in one level or two.
+
 use canted_obb::PrimId;
 use canted_scene::Scene;
-use canted_tlas::{Blas, Instance, Tlas, TopConfig};
+use canted_tlas::{Blas, Instance, Tlas};
 use canted_trace::{Hit, InstanceId, Query, Ray};
-use canted_wide::{Config, LaneKernel, MAX_TRIANGLES};
+use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
-use crate::level::{Level, LevelConfig, build_level};
+use crate::accel::{Accel, Bvh};
+use crate::query::forward;
 use crate::{PrepareError, Tracer};
 
-/// What stands between rays and a scene's triangles, with the triangle test `K`.
+/// The acceleration structure of a scene, with the triangle test `K`.
 pub enum Structure<K: LaneKernel> {
-    /// All instances' triangles in world space, under one tree.
+    /// One BVH over the triangles of all instances, in world space.
     One(Flat<K>),
-    /// A tree a mesh, and a tree over the instances.
-    Two(Tlas<Level<K>>),
+    /// A BVH per mesh, and one over the instances.
+    Two(Tlas<Bvh<K>>),
 }
 
-/// One level: a tree over the triangles of all instances, in world space.
+/// One BVH over the triangles of all instances, in world space.
 pub struct Flat<K: LaneKernel> {
-    blas: Level<K>,
-    /// Number of the first triangle of each instance; instances follow each other.
+    bvh: Bvh<K>,
+    /// Index of the first triangle of each instance.
     first: Vec<u32>,
 }
 
 impl<K: LaneKernel> Flat<K> {
-    /// The tree over all triangles.
+    /// The BVH.
     #[must_use]
-    pub fn blas(&self) -> &Level<K> {
-        &self.blas
+    pub fn bvh(&self) -> &Bvh<K> {
+        &self.bvh
     }
 
-    /// Number of the first triangle of each instance.
+    /// Index of the first triangle of each instance.
+    #[cfg(feature = "gpu")]
     pub(crate) fn first(&self) -> &[u32] {
         &self.first
     }
 }
 
-/// A hit with instance and triangle of its mesh, for one that counts through all instances.
+/// Replaces the index of a triangle among all instances by its instance and its index in the mesh.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
-fn placed(first: &[u32], hit: Hit) -> Hit {
+fn in_instance(first: &[u32], hit: Hit) -> Hit {
     let instance = first.partition_point(|&first| first <= hit.primitive.0) - 1;
     Hit { instance: InstanceId(instance as u32), primitive: PrimId(hit.primitive.0 - first[instance]), ..hit }
 }
 
-/// A query that sees hits placed.
-struct Placing<'a, Q> {
+/// Passes hits of the flat BVH on to `query` by instance.
+struct InInstance<'a, Q> {
     first: &'a [u32],
     query: &'a mut Q,
-    /// The last that was asked about and accepted: of a search for the closest, the answer, for only what comes before it is
-    /// asked about.
+    /// The last accepted hit: the closest one at the end of a search, which only offers hits closer than the last.
     accepted: Option<Hit>,
 }
 
-impl<'a, Q> Placing<'a, Q> {
+impl<'a, Q> InInstance<'a, Q> {
     fn new(first: &'a [u32], query: &'a mut Q) -> Self {
         Self { first, query, accepted: None }
     }
 }
 
-impl<Q: Query> Query for Placing<'_, Q> {
+impl<Q: Query> Query for InInstance<'_, Q> {
     const MAY_REJECT: bool = Q::MAY_REJECT;
 
-    #[inline]
-    fn boxes(&mut self, n: u32) {
-        self.query.boxes(n);
-    }
-    #[inline]
-    fn triangles(&mut self, n: u32) {
-        self.query.triangles(n);
-    }
+    forward!(counters: query, mask: query);
     #[inline]
     fn time(&self) -> f32 {
         self.query.time()
@@ -80,21 +75,21 @@ impl<Q: Query> Query for Placing<'_, Q> {
         if !Q::MAY_REJECT {
             return true;
         }
-        let placed = placed(self.first, *hit);
-        let accepts = self.query.accepts(&placed);
+        let hit = in_instance(self.first, *hit);
+        let accepts = self.query.accepts(&hit);
         if accepts {
-            self.accepted = Some(placed);
+            self.accepted = Some(hit);
         }
         accepts
     }
 }
 
 impl<K: LaneKernel> Structure<K> {
-    /// The bottom levels.
+    /// The BVHs over triangles.
     #[must_use]
-    pub fn bottom(&self) -> &[Level<K>] {
+    pub fn bottom(&self) -> &[Bvh<K>] {
         match self {
-            Self::One(flat) => std::slice::from_ref(&flat.blas),
+            Self::One(flat) => std::slice::from_ref(&flat.bvh),
             Self::Two(tlas) => tlas.blas(),
         }
     }
@@ -102,11 +97,23 @@ impl<K: LaneKernel> Structure<K> {
     /// Memory of all levels.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
-        let bottom: usize = self.bottom().iter().map(Level::n_bytes).sum();
+        let bottom: usize = self.bottom().iter().map(Bvh::n_bytes).sum();
         match self {
             Self::One(_) => bottom,
             Self::Two(tlas) => bottom + tlas.n_bytes(),
         }
+    }
+
+    /// Builds one BVH over the triangles of all instances.
+    pub(crate) fn one(scene: &Scene, accel: &Accel) -> Result<Self, PrepareError> {
+        let (positions, triangles, first) = flatten(scene)?;
+        Ok(Self::One(Flat { bvh: accel.build(&positions, &triangles)?, first }))
+    }
+
+    /// Builds a BVH per mesh, and one over the instances.
+    pub(crate) fn two(scene: &Scene, accel: &Accel) -> Result<Self, PrepareError> {
+        let meshes = scene.meshes.par_iter().map(|mesh| accel.build(&mesh.positions, &mesh.triangles));
+        Ok(Self::Two(Tlas::new(meshes.collect::<Result<Vec<_>, _>>()?, &instances(scene), accel.top())?))
     }
 }
 
@@ -114,9 +121,9 @@ impl<K: LaneKernel> Tracer for Structure<K> {
     fn closest_hit<Q: Query>(&self, ray: &Ray, query: &mut Q) -> Option<Hit> {
         match self {
             Self::One(flat) => {
-                let mut query = Placing::new(&flat.first, query);
-                let hit = flat.blas.closest_hit_with(ray, InstanceId(0), &mut query)?;
-                Some(query.accepted.unwrap_or_else(|| placed(&flat.first, hit)))
+                let mut query = InInstance::new(&flat.first, query);
+                let hit = flat.bvh.closest_hit_with(ray, InstanceId(0), &mut query)?;
+                Some(query.accepted.unwrap_or_else(|| in_instance(&flat.first, hit)))
             }
             Self::Two(tlas) => tlas.closest_hit_with(ray, query),
         }
@@ -124,28 +131,22 @@ impl<K: LaneKernel> Tracer for Structure<K> {
 
     fn occluded<Q: Query>(&self, ray: &Ray, query: &mut Q) -> bool {
         match self {
-            Self::One(flat) => flat.blas.occluded_with(ray, InstanceId(0), &mut Placing::new(&flat.first, query)),
+            Self::One(flat) => flat.bvh.occluded_with(ray, InstanceId(0), &mut InInstance::new(&flat.first, query)),
             Self::Two(tlas) => tlas.occluded_with(ray, query),
         }
     }
 }
 
-/// All instances' triangles in world space, under one tree.
-pub(crate) fn build_one<K: LaneKernel>(scene: &Scene, config: &LevelConfig) -> Result<Structure<K>, PrepareError> {
-    let (positions, triangles, first) = flatten(scene)?;
-    Ok(Structure::One(Flat { blas: build_level(&positions, &triangles, config)?, first }))
-}
-
-/// A scene as one mesh in world space: positions, triangles, and each instance's first triangle.
+/// A scene as one mesh in world space: positions, triangles, and the first triangle of each instance.
 pub type Flattened = (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>);
 
-/// The scene as one mesh in world space, moving instances where they are as the shutter opens.
+/// Transforms all instances into one mesh in world space; moving instances at the time the shutter opens.
 ///
 /// # Errors
-/// More triangles than a tree can name, or more vertices than triangles can, before any is placed.
-#[expect(clippy::cast_possible_truncation, reason = "triangles and vertices are few enough to be numbered by u32")]
+/// [`PrepareError::TooMany`], before any instance is transformed.
+#[expect(clippy::cast_possible_truncation, reason = "checked: triangles and vertices fit in u32")]
 pub fn flatten(scene: &Scene) -> Result<Flattened, PrepareError> {
-    Room { n_triangles: MAX_PRIMITIVES, n_vertices: Room::N_VERTICES }.check(scene)?;
+    Capacity { n_triangles: canted_lbvh::MAX_PRIMITIVES, ..Capacity::MAX }.check(scene)?;
     let (mut positions, mut triangles, mut first) = (vec![], vec![], vec![]);
     for instance in &scene.instances {
         let mesh = &scene.meshes[instance.mesh.0 as usize];
@@ -157,24 +158,18 @@ pub fn flatten(scene: &Scene) -> Result<Flattened, PrepareError> {
     Ok((positions, triangles, first))
 }
 
-/// What one tree has room for.
+/// How many triangles and vertices one BVH can index.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Room {
+pub(crate) struct Capacity {
     pub(crate) n_triangles: usize,
     pub(crate) n_vertices: usize,
 }
 
-impl Room {
-    /// As many vertices as indices can name.
-    pub(crate) const N_VERTICES: usize = u32::MAX as usize;
+impl Capacity {
+    /// What `u32` can index.
+    pub(crate) const MAX: Self = Self { n_triangles: u32::MAX as usize, n_vertices: u32::MAX as usize };
 
-    /// Of a tree with such volumes; `None` for a wide one.
-    pub(crate) fn under(volumes: Option<Strategy>) -> Self {
-        let n_triangles = if volumes.is_some() { MAX_PRIMITIVES } else { MAX_TRIANGLES };
-        Self { n_triangles, n_vertices: Self::N_VERTICES }
-    }
-
-    /// Refuses a scene whose instances together have more.
+    /// Rejects a scene whose instances together exceed it.
     pub(crate) fn check(self, scene: &Scene) -> Result<(), PrepareError> {
         let n_triangles = scene.n_placed_triangles();
         let n_vertices = scene.instances.iter().map(|i| scene.meshes[i.mesh.0 as usize].positions.len()).sum();
@@ -185,29 +180,14 @@ impl Room {
     }
 }
 
-/// A tree a mesh, and a tree over the instances.
-pub(crate) fn build_two<K: LaneKernel>(scene: &Scene, config: &LevelConfig) -> Result<Structure<K>, PrepareError> {
-    let levels = scene
-        .meshes
-        .par_iter()
-        .map(|mesh| build_level(&mesh.positions, &mesh.triangles, config))
-        .collect::<Result<Vec<_>, _>>()?;
-    let top = match config.strategy {
-        None => TopConfig::Wide(Config::preset(config.preset)),
-        Some(strategy) => TopConfig::Binary(VolumeConfig { strategy, fallback: true }),
-    };
-    Ok(Structure::Two(Tlas::new(levels, &instances(scene), top)?))
-}
-
-/// The instances of a scene as the top level knows them.
+/// The instances of a scene for the top-level BVH.
 pub(crate) fn instances(scene: &Scene) -> Vec<Instance> {
     scene
         .instances
         .iter()
         .map(|instance| Instance {
-            blas: instance.mesh.0,
-            world_from_object: instance.world_from_object,
             world_from_object_close: instance.world_from_object_close,
+            ..Instance::new(instance.mesh.0, instance.world_from_object)
         })
         .collect()
 }

@@ -123,7 +123,7 @@ fn best_of<const AXES: usize, const N: usize>(
     if references.len() < LARGE {
         cells.fill(references, grid, axes);
     } else {
-        let parts = par::map_chunks(references, CHUNK, |chunk| {
+        let parts = par::map_chunks(references, CHUNK, |_, chunk| {
             let mut cells = Cells::<AXES, N>::EMPTY;
             cells.fill(chunk, grid, axes);
             cells

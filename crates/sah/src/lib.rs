@@ -14,6 +14,8 @@
 //! volumes as before, over their own order of leaves.
 #![forbid(unsafe_code)]
 
+use canted_lbvh::par;
+
 mod apply;
 mod assemble;
 mod binned;
@@ -26,7 +28,6 @@ mod fragment;
 mod lanes;
 mod median;
 mod pairs;
-mod par;
 mod partition;
 mod ploc;
 mod reference;
@@ -39,8 +40,8 @@ mod sweep;
 mod top_down;
 
 pub use builder::{Builder, build};
-pub use config::ReinsertConfig;
+pub use config::{Axes, ReinsertConfig, Split, TopDownConfig};
 pub use ploc::{PlocConfig, ploc};
 pub use reinsertion::reinsert;
 pub use spatial::{References, SpatialConfig, spatial};
-pub use top_down::{Axes, Split, TopDownConfig, top_down};
+pub use top_down::top_down;

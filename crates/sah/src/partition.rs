@@ -35,7 +35,7 @@ fn part_chunks(
     out: &mut [Reference],
     is_left: impl Fn(&Reference) -> bool + Sync + Send,
 ) -> usize {
-    let counts = par::map_chunks(references, CHUNK, |chunk| chunk.iter().filter(|r| is_left(r)).count());
+    let counts = par::map_chunks(references, CHUNK, |_, chunk| chunk.iter().filter(|r| is_left(r)).count());
     let n_left = counts.iter().sum();
     let (mut lefts, mut rights) = out.split_at_mut(n_left);
     let mut jobs = Vec::with_capacity(counts.len());

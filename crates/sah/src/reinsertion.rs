@@ -44,7 +44,7 @@ pub fn reinsert(tree: &Tree, leaf_boxes: &[Aabb], config: &ReinsertConfig) -> Tr
 /// One round over the `n` largest boxes; returns by how much the sum of half areas falls.
 fn improve(pairs: &mut Pairs, n: usize, max_depth: u32) -> f64 {
     let slots = select::largest(pairs, n);
-    let found = par::map_chunks(&slots, CHUNK, |slots| {
+    let found = par::map_chunks(&slots, CHUNK, |_, slots| {
         let mut stack = vec![];
         slots.iter().filter_map(|&slot| search::better_place(pairs, slot, &mut stack)).collect::<Vec<_>>()
     });

@@ -7,7 +7,7 @@ use crate::{
     clip::{clip, intersection},
     fragment::{Fragment, around},
     par,
-    top_down::{FORK, must_halve, top_down},
+    top_down::top_down,
 };
 
 /// How a tree with spatial splits is built.
@@ -114,14 +114,14 @@ impl Builder<'_> {
     /// Builds the subtree over `fragments`, with at most `budget` more of them; returns its root.
     fn grow(&self, part: &mut Part, fragments: Vec<Fragment>, budget: usize, depth: u32) -> Child {
         let n = fragments.len();
-        if n <= FEW || budget == 0 || must_halve(n, depth, self.config.object_splits.max_depth) {
+        if n <= FEW || budget == 0 || self.config.object_splits.must_halve(n, depth) {
             return part.append(&self.rest(&fragments, depth));
         }
         let [left, right] = self.divide(fragments, budget);
         let budget = budget + n - left.len() - right.len();
         let left_budget = share(budget, &left, &right);
         let id = part.node();
-        let children = if n > FORK {
+        let children = if n > TopDownConfig::FORK {
             let side = |fragments, budget| {
                 move || {
                     let mut part = Part::default();

@@ -1,10 +1,10 @@
 use canted_obb::PrimId;
 
 use crate::{
+    TopDownConfig,
     assemble::Plot,
     par,
     reference::{Bounds, Reference},
-    top_down::{FORK, TopDownConfig, choose_axes, must_halve},
 };
 
 /// References to be parted between any two neighbours along an axis.
@@ -83,7 +83,7 @@ impl Sweep<'_> {
         }
         let (axis, n_left) = match n {
             2 => (0, 1),
-            _ if must_halve(n, depth, self.config.max_depth) => (self.centers(&orders).longest(), n.div_ceil(2)),
+            _ if self.config.must_halve(n, depth) => (self.centers(&orders).longest(), n.div_ceil(2)),
             _ => self.best_split(&mut orders, depth),
         };
         self.part(&mut orders, axis, n_left);
@@ -91,7 +91,8 @@ impl Sweep<'_> {
         let (left_plot, right_plot) = plot.split(n_left);
         let (build_left, build_right) =
             (|| self.node(left, left_plot, depth + 1), || self.node(right, right_plot, depth + 1));
-        let (a, b) = if n > FORK { par::join(build_left, build_right) } else { (build_left(), build_right()) };
+        let (a, b) =
+            if n > TopDownConfig::FORK { par::join(build_left, build_right) } else { (build_left(), build_right()) };
         1 + a.max(b)
     }
 
@@ -108,7 +109,7 @@ impl Sweep<'_> {
     fn best_split(&self, orders: &mut Orders<'_>, depth: u32) -> (usize, usize) {
         let n = orders.room.len();
         let mut best = (f32::INFINITY, 0, 0, n / 2);
-        for &axis in choose_axes(self.config.axes, depth, || self.centers(orders)) {
+        for &axis in self.config.axes.at(depth, || self.centers(orders)) {
             let order = &*orders.by_axis[axis];
             let costs = &mut *orders.costs;
             let mut bounds = Bounds::EMPTY;

@@ -1,74 +1,16 @@
-use canted_lbvh::{MAX_DEPTH, Tree};
+use canted_lbvh::Tree;
 use canted_obb::{Aabb, PrimId};
 
 use crate::{
+    Split, TopDownConfig,
     assemble::{Plot, assemble},
     binned::{Grid, MAX_CELLS, Plane, best_plane},
     median, par,
     partition::{halve, partition},
-    reference::{Bounds, Reference, centers},
+    reference::{Reference, centers},
     scale::unit_scale,
     sweep::{MAX_BLOCK, sweep, sweep_block},
 };
-
-/// Where a node's primitives are parted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Split {
-    /// In the middle between the outermost box middles. Deep where primitives crowd.
-    Midpoint,
-    /// At the median of the box middles: as shallow as a tree can be.
-    Median,
-    /// Between any two box middles, at least cost: the dearest to build.
-    Sweep,
-    /// Between cells, at least cost.
-    Binned {
-        /// Cells an axis, 2 to 64.
-        bins: u32,
-        /// Up to this many primitives, 32 at most, all splits are tried as by [`Split::Sweep`].
-        sweep_threshold: u32,
-    },
-}
-
-/// The axes on which splits are tried.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Axes {
-    /// The one on which the box middles lie farthest apart.
-    Longest,
-    /// One after the other, those left out on which all middles agree.
-    Cyclic,
-    /// All three, the cheapest split by surface area wins.
-    All,
-}
-
-/// How a tree is built from the root down.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TopDownConfig {
-    /// Where nodes are parted.
-    pub split: Split,
-    /// On which axes.
-    pub axes: Axes,
-    /// Most nodes from the root to a leaf, the leaf included. Nodes that would break it are halved by count, so a
-    /// limit below `1 + ceil(log2 n)` is raised to that.
-    pub max_depth: u32,
-}
-
-impl TopDownConfig {
-    /// 32 cells on all axes.
-    pub const BINNED: Self =
-        Self { split: Split::Binned { bins: 32, sweep_threshold: 16 }, axes: Axes::All, max_depth: MAX_DEPTH };
-
-    /// Every split on all axes.
-    pub const SWEEP: Self = Self { split: Split::Sweep, ..Self::BINNED };
-}
-
-impl Default for TopDownConfig {
-    fn default() -> Self {
-        Self::BINNED
-    }
-}
-
-/// Leaves above which a node's children are built side by side.
-pub(crate) const FORK: usize = 1 << 12;
 
 /// Builds a tree from the root down, one primitive a leaf.
 ///
@@ -113,7 +55,8 @@ fn build(mut span: Span<'_>, config: &TopDownConfig, plot: Plot<'_>, depth: u32)
     let (left_plot, right_plot) = plot.split(n_left);
     let (build_left, build_right) =
         (|| build(left, config, left_plot, depth + 1), || build(right, config, right_plot, depth + 1));
-    let (a, b) = if n > FORK { par::join(build_left, build_right) } else { (build_left(), build_right()) };
+    let (a, b) =
+        if n > TopDownConfig::FORK { par::join(build_left, build_right) } else { (build_left(), build_right()) };
     1 + a.max(b)
 }
 
@@ -121,10 +64,10 @@ fn build(mut span: Span<'_>, config: &TopDownConfig, plot: Plot<'_>, depth: u32)
 fn part(span: &mut Span<'_>, config: &TopDownConfig, depth: u32) -> usize {
     let n = span.references.len();
     let centers = centers(span.references);
-    if must_halve(n, depth, config.max_depth) {
+    if config.must_halve(n, depth) {
         return halve(span.references, centers.longest());
     }
-    let axes = choose_axes(config.axes, depth, || centers);
+    let axes = config.axes.at(depth, || centers);
     let n_cells = match config.split {
         Split::Median => return median::part(span.references, axes),
         Split::Sweep => unreachable!("sweeps are built by `sweep`"),
@@ -151,24 +94,4 @@ fn few_cells(n: usize) -> u32 {
         64..256 => 16,
         _ => MAX_CELLS,
     }
-}
-
-/// Whether only halves by count keep `n` leaves below a node at `depth` within the limit.
-pub(crate) fn must_halve(n: usize, depth: u32, max_depth: u32) -> bool {
-    let levels = usize::BITS - (n - 1).leading_zeros();
-    depth + levels >= max_depth
-}
-
-/// The axes tried on a node at `depth`.
-pub(crate) fn choose_axes(axes: Axes, depth: u32, centers: impl Fn() -> Bounds) -> &'static [usize] {
-    const EACH: [usize; 3] = [0, 1, 2];
-    let axis = match axes {
-        Axes::All => return &EACH,
-        Axes::Longest => centers().longest(),
-        Axes::Cyclic => {
-            let extent = centers().extent().to_array();
-            (0..3).map(|k| (depth as usize + k) % 3).find(|&axis| extent[axis] > 0.0).unwrap_or(0)
-        }
-    };
-    &EACH[axis..=axis]
 }

@@ -1,12 +1,69 @@
+mod pointers;
+
 use canted_bvh2::Bvh2;
 use canted_obb::Obb;
-use canted_trace::{Hit, InstanceId, Kernel, Query, Ray};
-use canted_wide::{LaneKernel, TriangleBvh};
+use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, Watertight};
+use canted_wide::{LeafPrimitive, TriangleBvh, WideBvh};
 
-/// What an instance places: anything that answers rays in its object space.
+/// A bottom-level BVH: anything that answers rays in its object space.
 ///
-/// Implemented by [`TriangleBvh`] and [`Bvh2`]; a scene mixes kinds through an enum of the caller's. `instance` is written into hits
-/// and shown to the query. Among hits of equal `t` the lowest primitive must win.
+/// Implemented by every BVH of `canted-wide` and `canted-bvh2`, and by `&B`, `Box<B>` and `Arc<B>`: several [`Tlas`](crate::Tlas) can
+/// share one BVH through an `Arc`. `instance` is written into hits and passed to the query.
+///
+/// # Several kinds in one TLAS
+/// An enum whose methods match on the kind:
+///
+/// ```
+/// use canted_bvh2::{BuildConfig, Bvh2};
+/// use canted_obb::{Affine, Obb};
+/// use canted_tlas::{Blas, Instance, Tlas, TopConfig};
+/// use canted_trace::{Hit, InstanceId, MollerTrumbore, Query, Ray, Watertight};
+///
+/// enum Shape {
+///     Closed(Bvh2<Watertight>),
+///     Open(Bvh2<MollerTrumbore>),
+/// }
+///
+/// impl Blas for Shape {
+///     fn bounds(&self) -> Obb {
+///         match self {
+///             Self::Closed(bvh) => bvh.bounds(),
+///             Self::Open(bvh) => bvh.bounds(),
+///         }
+///     }
+///     fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+///         match self {
+///             Self::Closed(bvh) => bvh.closest_hit_with(ray, instance, query),
+///             Self::Open(bvh) => bvh.closest_hit_with(ray, instance, query),
+///         }
+///     }
+///     fn occluded_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+///         match self {
+///             Self::Closed(bvh) => bvh.occluded_with(ray, instance, query),
+///             Self::Open(bvh) => bvh.occluded_with(ray, instance, query),
+///         }
+///     }
+///     fn all_hits_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+///         match self {
+///             Self::Closed(bvh) => bvh.all_hits_with(ray, instance, query, hits),
+///             Self::Open(bvh) => bvh.all_hits_with(ray, instance, query, hits),
+///         }
+///     }
+/// }
+///
+/// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+/// let (triangles, config) = ([[0, 1, 2]], BuildConfig::default());
+/// let shapes = vec![
+///     Shape::Closed(Bvh2::build(&positions, &triangles, &config)?),
+///     Shape::Open(Bvh2::build(&positions, &triangles, &config)?),
+/// ];
+/// let instances = [Instance::new(0, Affine::IDENTITY), Instance::new(1, Affine::IDENTITY)];
+/// let tlas = Tlas::new(shapes, &instances, TopConfig::default())?;
+/// let mut hits = vec![];
+/// tlas.all_hits(&Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0]), &mut hits);
+/// assert_eq!(hits.len(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Blas: Send + Sync {
     /// A box around everything, object space.
     fn bounds(&self) -> Obb;
@@ -14,8 +71,20 @@ pub trait Blas: Send + Sync {
     /// The hit of least `t` that the query accepts; ties go to the lowest primitive.
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit>;
 
-    /// Whether any hit is accepted: agrees with [`Blas::closest_hit_with`].
+    /// Whether the query accepts any hit: agrees with [`Blas::closest_hit_with`].
     fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool;
+
+    /// Every hit that the query accepts, each primitive's once: least `t` first, then lowest primitive. Replaces the
+    /// contents of `hits`.
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>);
+}
+
+/// A bottom-level BVH that counts how often a ray crosses its surfaces.
+pub trait CrossingBlas: Blas {
+    /// Every crossing of a surface, once: least `t` first, then lowest primitive. Replaces the contents of `crossings`.
+    ///
+    /// A ray through an edge or a vertex hits all triangles around it, but crosses the surface there once or not at all.
+    fn crossings(&self, ray_object: &Ray, instance: InstanceId, crossings: &mut Vec<Hit>);
 }
 
 impl<K: Kernel> Blas for Bvh2<K> {
@@ -30,9 +99,13 @@ impl<K: Kernel> Blas for Bvh2<K> {
     fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
         Self::occluded_with(self, ray_object, instance, query)
     }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        Self::all_hits_with(self, ray_object, instance, query, hits);
+    }
 }
 
-impl<K: LaneKernel> Blas for TriangleBvh<K> {
+impl<P: LeafPrimitive> Blas for WideBvh<P> {
     fn bounds(&self) -> Obb {
         Self::bounds(self)
     }
@@ -43,5 +116,18 @@ impl<K: LaneKernel> Blas for TriangleBvh<K> {
 
     fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
         Self::occluded_with(self, ray_object, instance, query)
+    }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        Self::all_hits_with(self, ray_object, instance, query, hits);
+    }
+}
+
+impl CrossingBlas for TriangleBvh<Watertight> {
+    fn crossings(&self, ray_object: &Ray, instance: InstanceId, crossings: &mut Vec<Hit>) {
+        Self::crossings(self, ray_object, crossings);
+        for crossing in crossings {
+            crossing.instance = instance;
+        }
     }
 }

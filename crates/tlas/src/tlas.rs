@@ -1,88 +1,130 @@
+use std::fmt;
+
 use canted_obb::{Aabb, Obb};
-use canted_trace::{Hit, Query, Ray, ScaledRay};
 use canted_wide::SimdPath;
 
-use crate::instance::{Placed, WorldError};
+use crate::placement::{Placement, WorldError};
 use crate::top::{Top, TopConfig};
 use crate::{Blas, Instance, InstanceError};
 
-/// Two levels: a tree over instances, each a bottom level under an affine transform.
+/// A two-level BVH: a top level over instances, each a bottom-level BVH under an affine transform.
 ///
-/// The top level is built over the root boxes of the bottom levels as they stand in the world. Moving instances
-/// rebuilds it alone.
+/// The top level is built over the bounds of the bottom-level BVHs in world space. [`Tlas::set_transform`],
+/// [`Tlas::update_blas`], [`Tlas::replace_blas`] and [`Tlas::edit`] change a TLAS in place.
+#[derive(Clone)]
 pub struct Tlas<B: Blas> {
-    blas: Vec<B>,
-    placed: Vec<Placed>,
-    top: Top,
-    config: TopConfig,
-    /// What the top level is walked on, where it is wide.
-    path: SimdPath,
-    /// Greatest world-space error of any hit.
-    error: WorldError,
+    pub(crate) blas: Vec<B>,
+    pub(crate) instances: Vec<Instance>,
+    /// What traversal needs of each instance.
+    pub(crate) placements: Vec<Placement>,
+    /// Bounds of each instance, world space.
+    pub(crate) bounds: Vec<Obb>,
+    pub(crate) top: Top,
+    pub(crate) config: TopConfig,
+    /// The SIMD path of the top level.
+    pub(crate) path: SimdPath,
+    /// Greatest world-space error of a hit on any instance.
+    pub(crate) error: WorldError,
 }
 
 impl<B: Blas> Tlas<B> {
-    /// Places `instances` of `blas`, under a top level built as `config` says.
+    /// Places `instances` of the bottom-level BVHs in `blas`.
     ///
     /// # Errors
-    /// More instances than the tree over them can name, before any is looked at; the first that names no bottom level, or whose
-    /// transform is not finite, too near singular, or carries its box out of the numbers.
+    /// More instances than a top-level BVH can index, before any is checked; the first instance that refers to a
+    /// bottom-level BVH that does not exist, or whose transform is not finite, too close to singular, or moves its bounds
+    /// out of the range of `f32`.
     pub fn new(blas: Vec<B>, instances: &[Instance], config: TopConfig) -> Result<Self, InstanceError> {
-        let top = Top::new(&[], &config)?;
-        let (path, error) = (SimdPath::detect(), WorldError::default());
-        let mut tlas = Self { blas, placed: vec![], top, config, path, error };
-        tlas.place(instances)?;
+        let path = SimdPath::detect();
+        let mut tlas = Self {
+            blas,
+            instances: vec![],
+            placements: vec![],
+            bounds: vec![],
+            top: Top::build(&[], &config, path)?,
+            config,
+            path,
+            error: WorldError::default(),
+        };
+        tlas.set_instances(instances)?;
         Ok(tlas)
     }
 
-    /// The same instances, the tree over which is walked on another path where it is wide; on the scalar one where this machine
-    /// lacks it. Bottom levels have paths of their own.
+    /// The same TLAS with its top level traced on another SIMD path: on the scalar one if this machine does not support
+    /// it. Bottom-level BVHs have paths of their own.
     #[must_use]
     pub fn with_path(self, path: SimdPath) -> Self {
         Self { top: self.top.with_path(path), path, ..self }
     }
 
-    /// Places other instances of the same bottom levels: rebuilds the top level and nothing else.
+    /// Replaces all instances and rebuilds the top level. Bottom-level BVHs stay.
     ///
     /// # Errors
     /// As [`Tlas::new`]; the old instances then stay.
-    pub fn place(&mut self, instances: &[Instance]) -> Result<(), InstanceError> {
-        self.place_at_most(self.config.most_instances(), instances)
+    pub fn set_instances(&mut self, instances: &[Instance]) -> Result<(), InstanceError> {
+        self.set_instances_within(self.config.max_instances(), instances)
     }
 
-    /// As [`Tlas::place`], of at most so many instances.
-    fn place_at_most(&mut self, most: usize, instances: &[Instance]) -> Result<(), InstanceError> {
-        if instances.len() > most {
+    /// [`Tlas::set_instances`] with a limit on their number.
+    fn set_instances_within(&mut self, max: usize, instances: &[Instance]) -> Result<(), InstanceError> {
+        if instances.len() > max {
             return Err(InstanceError::TooMany { n_instances: instances.len() });
         }
-        let mut placed = Vec::with_capacity(instances.len());
-        let mut boxes: Vec<Obb> = Vec::with_capacity(instances.len());
-        let mut error = WorldError::default();
+        let mut placements = Vec::with_capacity(instances.len());
+        let mut bounds = Vec::with_capacity(instances.len());
         for (index, instance) in instances.iter().enumerate() {
-            let Some(blas) = self.blas.get(instance.blas as usize) else {
-                return Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas });
-            };
-            let (in_place, bounds_world, its_error) = Placed::new(index, instance, &blas.bounds())?;
-            placed.push(in_place);
-            boxes.push(bounds_world);
-            error = error.max(its_error);
+            let (placement, bounds_world) = self.place(index, instance)?;
+            placements.push(placement);
+            bounds.push(bounds_world);
         }
-        self.top = Top::new(&boxes, &self.config)?.with_path(self.path);
-        self.placed = placed;
-        self.error = error;
+        self.top = Top::build(&bounds, &self.config, self.path)?;
+        self.instances = instances.to_vec();
+        self.placements = placements;
+        self.bounds = bounds;
+        self.update_error();
         Ok(())
     }
 
-    /// The bottom levels.
+    /// The placement and the world-space bounds of an instance.
+    pub(crate) fn place(&self, index: usize, instance: &Instance) -> Result<(Placement, Obb), InstanceError> {
+        let Some(blas) = self.blas.get(instance.blas as usize) else {
+            return Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas });
+        };
+        Placement::new(index, instance, &blas.bounds())
+    }
+
+    pub(crate) fn update_error(&mut self) {
+        self.error = self.placements.iter().fold(WorldError::default(), |error, p| error.max(p.error));
+    }
+
+    /// The bottom-level BVHs.
     #[must_use]
     pub fn blas(&self) -> &[B] {
         &self.blas
     }
 
+    /// The bottom-level BVHs, without the top level.
+    #[must_use]
+    pub fn into_blas(self) -> Vec<B> {
+        self.blas
+    }
+
+    /// The instances.
+    #[must_use]
+    pub fn instances(&self) -> &[Instance] {
+        &self.instances
+    }
+
     /// Number of instances.
     #[must_use]
     pub fn n_instances(&self) -> usize {
-        self.placed.len()
+        self.instances.len()
+    }
+
+    /// How the top level is built.
+    #[must_use]
+    pub fn config(&self) -> &TopConfig {
+        &self.config
     }
 
     /// Box around all instances, world space; empty for none.
@@ -91,53 +133,23 @@ impl<B: Blas> Tlas<B> {
         self.top.aabb()
     }
 
-    /// Memory of the top level and of what stands in its boxes; bottom levels are their owner's.
+    /// Memory of the top level and of the instances, without the bottom-level BVHs.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
-        self.top.n_bytes() + size_of_val(&self.placed[..])
+        let instances = size_of_val(&self.instances[..]) + size_of_val(&self.bounds[..]);
+        self.top.n_bytes() + size_of_val(&self.placements[..]) + instances
     }
+}
 
-    /// The hit of least `t`; ties go to the lowest (instance, primitive).
-    #[must_use]
-    pub fn closest_hit(&self, ray_world: &Ray) -> Option<Hit> {
-        self.closest_hit_with(ray_world, &mut ())
-    }
-
-    /// Whether the ray hits anything: agrees with [`Tlas::closest_hit`].
-    #[must_use]
-    pub fn occluded(&self, ray_world: &Ray) -> bool {
-        self.occluded_with(ray_world, &mut ())
-    }
-
-    /// The accepted hit of least `t`; ties go to the lowest (instance, primitive).
-    pub fn closest_hit_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> Option<Hit> {
-        let ray = ScaledRay::new(ray_world)?;
-        let mut best: Option<Hit> = None;
-        self.top.traverse_ordered(&ray, self.error.at(&ray), query, |instance, t_max, query| {
-            let placed = &self.placed[instance.0 as usize];
-            let ray_object = placed.ray_object(ray_world, best.map_or(ray_world.t_max, |best| best.t), query);
-            match self.blas[placed.blas as usize].closest_hit_with(&ray_object, instance, query) {
-                Some(hit) if best.is_none_or(|best| hit.before(&best)) => {
-                    best = Some(hit);
-                    ray.scaled_t(hit.t)
-                }
-                _ => t_max,
-            }
-        });
-        best
-    }
-
-    /// Whether the ray meets anything that the query accepts.
-    pub fn occluded_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> bool {
-        let Some(ray) = ScaledRay::new(ray_world) else { return false };
-        let mut found = false;
-        self.top.traverse_any(&ray, self.error.at(&ray), query, |instance, t_max, query| {
-            let placed = &self.placed[instance.0 as usize];
-            let ray_object = placed.ray_object(ray_world, ray_world.t_max, query);
-            found = self.blas[placed.blas as usize].occluded_with(&ray_object, instance, query);
-            if found { -1.0 } else { t_max }
-        });
-        found
+/// Bottom-level BVHs, sizes and bounds, not every instance.
+impl<B: Blas + fmt::Debug> fmt::Debug for Tlas<B> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Tlas")
+            .field("blas", &self.blas)
+            .field("n_instances", &self.n_instances())
+            .field("config", &self.config)
+            .field("aabb", &self.aabb())
+            .finish_non_exhaustive()
     }
 }
 
@@ -151,20 +163,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn too_many_instances_are_told_before_any_is_looked_at() {
+    fn too_many_instances_are_reported_before_any_is_checked() {
         let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let wide = || TriangleBvh::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap();
-        let good = Instance::still(0, Affine::IDENTITY);
+        let bvh = || TriangleBvh::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap();
+        let good = Instance::new(0, Affine::IDENTITY);
         for config in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
-            let mut tlas = Tlas::new(vec![wide()], &[good], config).unwrap();
-            tlas.place_at_most(3, &[good; 3]).unwrap();
-            // A mesh that is not there would be told if any were looked at; what stood before stays.
-            for instance in [good, Instance::still(7, Affine::IDENTITY)] {
-                assert_eq!(tlas.place_at_most(3, &[instance; 4]), Err(InstanceError::TooMany { n_instances: 4 }));
+            let mut tlas = Tlas::new(vec![bvh()], &[good], config).unwrap();
+            tlas.set_instances_within(3, &[good; 3]).unwrap();
+            // A BVH that does not exist would be reported if instances were checked first; the old instances stay.
+            for instance in [good, Instance::new(7, Affine::IDENTITY)] {
+                let result = tlas.set_instances_within(3, &[instance; 4]);
+                assert_eq!(result, Err(InstanceError::TooMany { n_instances: 4 }));
                 assert_eq!(tlas.n_instances(), 3);
             }
         }
-        assert_eq!(TopConfig::default().most_instances(), 1 << 26);
-        assert_eq!(TopConfig::Binary(VolumeConfig::default()).most_instances(), 1 << 30);
+        assert_eq!(TopConfig::default().max_instances(), 1 << 26);
+        assert_eq!(TopConfig::Binary(VolumeConfig::default()).max_instances(), 1 << 30);
     }
 }

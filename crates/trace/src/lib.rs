@@ -28,10 +28,12 @@
 //! ```
 //!
 //! Coordinates may be as large as 2^62; beyond that products overflow, and a ray may miss what it should hit.
+#![no_std]
 #![forbid(unsafe_code)]
 
 mod closest_point;
 mod convex;
+mod filter;
 mod hit;
 #[doc(hidden)]
 pub mod lanes;
@@ -41,20 +43,19 @@ mod rounding;
 mod segment;
 mod slab;
 mod sphere;
+mod surface_point;
 mod triangle;
-mod vector;
-
-#[cfg(test)]
-mod tests;
 
 pub use closest_point::{ClosestPoint, DISTANCE_ERROR, closest_point_on_triangle};
 pub use convex::Convex;
+pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};
 pub use segment::segment_overlaps_aabb;
 pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, ray_aabb, ray_obb};
 pub use sphere::Sphere;
+pub use surface_point::{SurfacePoint, position_error};
 pub use triangle::{
     Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, Watertight,
 };

@@ -28,6 +28,14 @@ pub trait Query {
         0.0
     }
 
+    /// Which instances the ray sees: those whose own mask shares a bit with this one.
+    ///
+    /// Asked once for each ray, by BVHs over instances alone. A query that wraps another one must pass this on.
+    #[inline(always)]
+    fn mask(&self) -> u32 {
+        u32::MAX
+    }
+
     /// Whether `hit` counts; `false` lets the ray pass through, as an alpha mask does.
     #[inline(always)]
     fn accepts(&mut self, hit: &Hit) -> bool {

@@ -104,7 +104,8 @@ fn closest_points_are_those_of_exact_arithmetic() {
     for i in 0..4_000 {
         let (point, triangle) = (random.point(), random.triangle());
         let found = closest_point_on_triangle(point, &triangle);
-        let (found, exact) = (found.distance_squared.sqrt(), distance_squared(point, &triangle).to_f64().unwrap().sqrt());
+        let (found, exact) =
+            (found.distance_squared.sqrt(), distance_squared(point, &triangle).to_f64().unwrap().sqrt());
         let between = |a: [f32; 3], b: [f32; 3]| length(std::array::from_fn(|k| f64::from(a[k]) - f64::from(b[k])));
         let far = triangle.iter().map(|&vertex| between(point, vertex)).fold(0.0, f64::max);
         let edge = (0..3).map(|k| between(triangle[k], triangle[(k + 1) % 3])).fold(0.0, f64::max);

@@ -26,8 +26,62 @@ mod nearest;
 mod overlap;
 mod point;
 
-pub use nearest::{ClosestPoint, NearestPoint};
+use canted_obb::vector::{length, sub, to_f64};
+use canted_trace::{Convex, Sphere, closest_point_on_triangle};
+
+pub use nearest::NearestPoint;
 pub(crate) use point::PointLanes;
 
-use crate::layout::{Word, WordKind};
-use crate::traverse::Stack;
+use crate::primitive::Primitive;
+
+/// The point of a primitive that is closest to a query point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClosestPoint {
+    /// Squared distance.
+    pub distance_squared: f64,
+    /// The point, in object space.
+    pub position: [f64; 3],
+}
+
+/// A shape with distance and overlap queries. Implement it for your own [`Primitive`] to use them.
+pub trait DistanceShape {
+    /// The closest point of the shape.
+    ///
+    /// The distance may fall short of the true one by at most 2^-40 of the coordinates; otherwise nearer primitives are lost.
+    fn closest_point(&self, point: [f32; 3]) -> ClosestPoint;
+
+    /// Whether the shape and the region share a point. An overlap must not be denied.
+    fn overlaps(&self, region: &Convex) -> bool;
+}
+
+/// A triangle by its vertices.
+impl DistanceShape for [[f32; 3]; 3] {
+    #[inline]
+    fn closest_point(&self, point: [f32; 3]) -> ClosestPoint {
+        let closest = closest_point_on_triangle(point, self);
+        let [a, b, c] = self.map(to_f64);
+        let position = std::array::from_fn(|k| a[k] + (closest.u * (b[k] - a[k]) + closest.v * (c[k] - a[k])));
+        ClosestPoint { distance_squared: closest.distance_squared, position }
+    }
+
+    fn overlaps(&self, region: &Convex) -> bool {
+        region.overlaps_triangle(self)
+    }
+}
+
+/// Distances are to the surface. Overlaps are those of its bounding box.
+impl DistanceShape for Sphere {
+    fn closest_point(&self, point: [f32; 3]) -> ClosestPoint {
+        let (center, radius) = (to_f64(self.center), f64::from(self.radius));
+        let offset = sub(to_f64(point), center);
+        let length = length(offset);
+        let distance = (length - radius).abs();
+        let direction = if length > 0.0 { offset.map(|x| x / length) } else { [1.0, 0.0, 0.0] };
+        let position = std::array::from_fn(|k| center[k] + radius * direction[k]);
+        ClosestPoint { distance_squared: distance * distance, position }
+    }
+
+    fn overlaps(&self, region: &Convex) -> bool {
+        region.overlaps_aabb(&self.bounds())
+    }
+}

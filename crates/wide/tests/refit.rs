@@ -30,7 +30,7 @@ fn motions(mesh: &Mesh) -> Vec<(&'static str, Mesh)> {
     motions.push(("mirrored", moved(mesh, |[x, y, z]| [-x, y, z])));
     motions.push(("far away", moved(mesh, |p| p.map(|x| x + 1e7))));
     motions.push(("tiny", moved(mesh, |p| p.map(|x| 1e-6 * x))));
-    motions.push(("turned", mesh.turned()));
+    motions.push(("turned", mesh.off_axis()));
     motions.push((
         "twisted",
         moved(mesh, |[x, y, z]| {
@@ -52,7 +52,7 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
         ("identical", fixtures::identical(60)),
         ("hair", fixtures::hair(3, &hair)),
         ("scaffold", fixtures::scaffold_of(1, true, 3)),
-        ("quads", fixtures::coplanar_quads(200).turned()),
+        ("quads", fixtures::coplanar_quads(200).off_axis()),
     ]
 }
 
@@ -161,8 +161,8 @@ fn refused_vertices_change_nothing() {
     let refused = wide.refit(&mesh.positions[..n_vertices - 1], &mesh.triangles);
     assert!(matches!(refused, Err(RefitError::Geometry(GeometryError::IndexOutOfRange { .. }))), "{refused:?}");
     let refused = wide.refit(&mesh.positions, &mesh.triangles[1..]).unwrap_err();
-    assert_eq!(refused, RefitError::OtherCount { n_triangles: 100, n_given: 99 });
-    assert_eq!(refused.to_string(), "the tree holds 100 triangles, 99 are given");
+    assert_eq!(refused, RefitError::Count { n_primitives: 100, n_given: 99 });
+    assert_eq!(refused.to_string(), "the BVH has 100 primitives, but 99 are given");
     assert_eq!(wide.to_bytes(), before);
 }
 

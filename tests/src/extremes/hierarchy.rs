@@ -60,8 +60,8 @@ fn cases(effort: usize) -> Vec<Case> {
     let (tiny, huge) = (soup(22, 30).placed(|p| p.map(|x| x * 1e-6)), soup(23, 30).placed(|p| p.map(|x| x * 1e6)));
     add("scales over 1e12 in one mesh", tiny.joined(&huge));
     add("slivers, some without area", slivers(8, 60));
-    add("box 1e-6 thin, turned", thin_box(1e-6).turned());
-    add("flat box, turned", thin_box(0.0).turned());
+    add("box 1e-6 thin, turned", thin_box(1e-6).off_axis());
+    add("flat box, turned", thin_box(0.0).off_axis());
     add("struts", scaffold_of(1, true, 2));
     add("one outlier at 1e7", outlier(60));
     add("60 equal triangles", identical(60));

@@ -23,7 +23,7 @@ use crate::{
 
 /// Placements by name.
 fn places() -> Vec<(&'static str, Affine)> {
-    let turn = Rotation::turn();
+    let turn = Rotation::off_axis();
     let mut sheared = affine(&turn, [1.0; 3], [0.3, 0.1, -2.0]);
     sheared.columns[1][0] += 0.9;
     vec![
@@ -174,7 +174,7 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
     );
     const ON_DEVICE: Promise =
         Promise { case: "singular; condition above 2^10, on a device; NaN, infinity", ..REFUSED };
-    let turn = Rotation::turn();
+    let turn = Rotation::off_axis();
     let mut bad = vec![
         affine(&turn, [1.0, 1.0, 0.0], [0.0; 3]),
         affine(&turn, [1e-30, 1e-30, 0.0], [0.0; 3]),
@@ -190,7 +190,7 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
         TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("finite vertices")
     };
     let row = |promise: Promise, routine: &str, bad: &[Affine], error: &dyn Fn(&[Instance]) -> Option<String>| {
-        let instances = |map: &Affine| [Affine::IDENTITY, *map].map(|map| Instance::still(0, map));
+        let instances = |map: &Affine| [Affine::IDENTITY, *map].map(|map| Instance::new(0, map));
         let is_taken = |map: &&Affine| error(&instances(map)).is_none_or(|error| !error.contains("instance 1"));
         promise.count(routine, bad.len(), bad.iter().filter(is_taken).count())
     };

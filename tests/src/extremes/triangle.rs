@@ -224,7 +224,7 @@ fn hubs() -> Vec<Row> {
     let mut rng = SplitMix64::new(81);
     let (mut n, mut slipped) = (0, 0);
     for spokes in 3..40 {
-        let mesh = fan(spokes).turned();
+        let mesh = fan(spokes).off_axis();
         let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
         let hub = mesh.positions[0].map(f64::from);
         for i in 0..20 {
@@ -232,7 +232,7 @@ fn hubs() -> Vec<Row> {
             let along = if i % 2 == 0 { 0.0 } else { 0.9 * rng.unit() };
             let target: [f64; 3] = std::array::from_fn(|k| hub[k] + along * (rim[k] - hub[k]));
             // Above the cone, whose axis is the turned z: any ray from there to the target meets the fan there.
-            let axis = canted_fixtures::Rotation::turn().apply([0.0, 0.0, 1.0]);
+            let axis = canted_fixtures::Rotation::off_axis().apply([0.0, 0.0, 1.0]);
             let stray = rng.signed3();
             let origin = rounded(std::array::from_fn(|k| hub[k] + 2.0 * axis[k] + 0.2 * stray[k]));
             let ray = Ray::new(origin, rounded(std::array::from_fn(|k| target[k] - f64::from(origin[k]))));

@@ -22,7 +22,7 @@ pub(super) fn ways(gpu: &Rc<Gpu>) -> [Way; 2] {
     });
     let two: Make = Box::new(move |mesh, place| {
         let tree = wide(mesh, &Config::default());
-        let scene = TracedScene::two_level(&of_two, &[&tree], &[Instance::still(0, *place)]);
+        let scene = TracedScene::two_level(&of_two, &[&tree], &[Instance::new(0, *place)]);
         let scene = scene.expect("places of tests are well conditioned");
         let tree = Box::new(TwoLevels::new(tree, mesh, place));
         Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })

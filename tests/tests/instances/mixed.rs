@@ -42,6 +42,14 @@ impl Blas for Mixed {
             Self::BaldwinWeber(blas) => blas.occluded_with(ray_object, instance, query),
         }
     }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        match self {
+            Self::Watertight(blas) => blas.all_hits_with(ray_object, instance, query, hits),
+            Self::MollerTrumbore(blas) => blas.all_hits_with(ray_object, instance, query, hits),
+            Self::BaldwinWeber(blas) => blas.all_hits_with(ray_object, instance, query, hits),
+        }
+    }
 }
 
 /// A bottom level over the topology of `obvhs`, with our volumes.
@@ -70,7 +78,7 @@ fn tlas(order: &[u32]) -> Tlas<Mixed> {
     let instances: Vec<Instance> = crowd()
         .into_iter()
         .zip(order.iter().cycle())
-        .map(|(world_from_object, &blas)| Instance::still(blas, world_from_object))
+        .map(|(world_from_object, &blas)| Instance::new(blas, world_from_object))
         .collect();
     Tlas::new(kinds(), &instances, TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true }))
         .unwrap()

@@ -43,6 +43,11 @@ impl Blas for Counted {
         self.n_rays.fetch_add(1, Ordering::Relaxed);
         self.inner.occluded_with(ray_object, instance, query)
     }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        self.n_rays.fetch_add(1, Ordering::Relaxed);
+        self.inner.all_hits_with(ray_object, instance, query, hits);
+    }
 }
 
 const TOP: TopConfig = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
@@ -77,7 +82,7 @@ fn placing_asks_for_bounds_once_an_instance_and_traces_nothing() {
     let asked = |tlas: &Tlas<Counted>| tlas.blas().iter().map(Counted::take).collect::<Vec<_>>();
     assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
     let before: Vec<*const Counted> = tlas.blas().iter().map(std::ptr::from_ref).collect();
-    tlas.place(&instances(&moved(&placed))).unwrap();
+    tlas.set_instances(&instances(&moved(&placed))).unwrap();
     assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
     assert_eq!(tlas.blas().iter().map(std::ptr::from_ref).collect::<Vec<_>>(), before);
     // The counters do count.
@@ -92,16 +97,16 @@ fn moved_instances_equal_a_fresh_build() {
     let rays = [all_rays(&placed, 5), all_rays(&after, 5)].concat();
     let mut tlas_moved = tlas(&instances(&placed));
     let before = hits(&tlas_moved, &rays);
-    tlas_moved.place(&instances(&after)).unwrap();
+    tlas_moved.set_instances(&instances(&after)).unwrap();
     let fresh = hits(&tlas(&instances(&after)), &rays);
     assert_eq!(hits(&tlas_moved, &rays), fresh);
     assert_ne!(before, fresh);
     // Fewer instances, then none, then all again.
-    tlas_moved.place(&instances(&placed[..3])).unwrap();
+    tlas_moved.set_instances(&instances(&placed[..3])).unwrap();
     assert_eq!(hits(&tlas_moved, &rays), hits(&tlas(&instances(&placed[..3])), &rays));
-    tlas_moved.place(&[]).unwrap();
+    tlas_moved.set_instances(&[]).unwrap();
     assert_eq!((tlas_moved.n_instances(), hits(&tlas_moved, &rays)), (0, vec![None; rays.len()]));
-    tlas_moved.place(&instances(&placed)).unwrap();
+    tlas_moved.set_instances(&instances(&placed)).unwrap();
     assert_eq!(hits(&tlas_moved, &rays), before);
 }
 
@@ -113,6 +118,6 @@ fn what_is_refused_leaves_the_old_instances() {
     let before = hits(&tlas, &rays);
     let mut bad = instances(&moved(&placed));
     bad[9].world_from_object.columns[0] = [0.0; 3];
-    assert!(tlas.place(&bad).is_err());
+    assert!(tlas.set_instances(&bad).is_err());
     assert_eq!((tlas.n_instances(), hits(&tlas, &rays)), (placed.len(), before));
 }

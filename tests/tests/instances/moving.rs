@@ -47,7 +47,7 @@ fn at([open, close]: &[Affine; 2], time: f32) -> Affine {
 
 /// Motions of each kind, from where to where.
 fn ways() -> Vec<(&'static str, [Affine; 2])> {
-    let turn = Rotation::turn();
+    let turn = Rotation::off_axis();
     let about_z =
         |angle: f64, scale: [f64; 3], shift: [f32; 3]| affine(&Rotation::euler(0.0, 0.0, angle), scale, shift);
     let quarter = std::f64::consts::FRAC_PI_2;
@@ -72,10 +72,7 @@ fn ways() -> Vec<(&'static str, [Affine; 2])> {
 fn moving(ways: &[[Affine; 2]]) -> Vec<Instance> {
     (0..)
         .zip(ways)
-        .map(|(i, &[open, close])| Instance {
-            world_from_object_close: Some(close),
-            ..Instance::still(u32::try_from(blas_of(i)).unwrap(), open)
-        })
+        .map(|(i, &[open, close])| Instance::moving(u32::try_from(blas_of(i)).unwrap(), open, close))
         .collect()
 }
 
@@ -186,6 +183,10 @@ impl Blas for Shrunk {
     fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
         self.0.occluded_with(ray_object, instance, query)
     }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        self.0.all_hits_with(ray_object, instance, query, hits);
+    }
 }
 
 #[test]
@@ -204,8 +205,8 @@ fn the_check_sees_a_sweep_that_is_too_small_or_a_wrong_time() {
 #[test]
 fn motions_through_singular_maps_are_refused_with_the_time() {
     let refused = |open: Affine, close: Affine| {
-        let still = Instance::still(0, Affine::IDENTITY);
-        let moving = Instance { world_from_object_close: Some(close), ..Instance::still(0, open) };
+        let still = Instance::new(0, Affine::IDENTITY);
+        let moving = Instance::moving(0, open, close);
         Tlas::new(bottom(), &[still, moving], TOP).map(|_| ()).unwrap_err()
     };
     let about_z = |angle: f64| affine(&Rotation::euler(0.0, 0.0, angle), [1.0; 3], [0.0; 3]);
@@ -222,7 +223,8 @@ fn motions_through_singular_maps_are_refused_with_the_time() {
     let flat = refused(Affine::IDENTITY, Affine { columns: [[0.0; 3]; 4] });
     assert_eq!(
         flat.to_string(),
-        "the transform of moving instance 1 has condition inf at time 1 of the shutter, beyond 1.048576e6"
+        "the transform of moving instance 1 is too close to singular at shutter time 1: its condition number is inf, \
+         at most 1.048576e6 is supported"
     );
     let mut bad = Affine::IDENTITY;
     bad.columns[2][1] = f32::NAN;

@@ -20,7 +20,7 @@ pub(crate) fn blas_of(instance: usize) -> usize {
 
 pub(crate) fn instances(placed: &[Affine]) -> Vec<Instance> {
     let blas = |i: usize| u32::try_from(blas_of(i)).unwrap();
-    placed.iter().enumerate().map(|(i, &affine)| Instance::still(blas(i), affine)).collect()
+    placed.iter().enumerate().map(|(i, &affine)| Instance::new(blas(i), affine)).collect()
 }
 
 pub(crate) fn build<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {

@@ -26,7 +26,7 @@ fn meshes() -> [Mesh; 3] {
 
 /// Instances of these in turn, at every kind of transform.
 fn instances(placed: &[Affine]) -> Vec<Instance> {
-    (0..).zip(placed).map(|(i, &affine)| Instance::still(i % 3, affine)).collect()
+    (0..).zip(placed).map(|(i, &affine)| Instance::new(i % 3, affine)).collect()
 }
 
 fn built(gpu: &Gpu, instances: &[Instance], config: BuildConfig) -> TwoLevels {
@@ -121,10 +121,10 @@ fn instances_that_move_change_the_top_level_alone() {
     assert_top(&gpu, &levels, &moved, config);
     assert_eq!(changed(&bottom, &words_of(&gpu, &levels.bottom)), None);
 
-    let nowhere = [Instance::still(0, Affine::IDENTITY), Instance::still(7, Affine::IDENTITY)];
+    let nowhere = [Instance::new(0, Affine::IDENTITY), Instance::new(7, Affine::IDENTITY)];
     let error = levels.place(&mut run, &nowhere).unwrap_err().to_string();
-    assert!(error.contains("instance 1 names bottom level 7"), "{error}");
-    let mut endless = Instance::still(0, Affine::IDENTITY);
+    assert!(error.contains("instance 1 refers to bottom-level BVH 7"), "{error}");
+    let mut endless = Instance::new(0, Affine::IDENTITY);
     endless.world_from_object.columns[3][1] = f32::INFINITY;
     let error = levels.place(&mut run, &[endless]).unwrap_err().to_string();
     assert!(error.contains("the transform of instance 0 is not finite"), "{error}");

@@ -37,7 +37,7 @@ fn crowd() -> Vec<Instance> {
         let open = place.world_from_object;
         (0..).zip(ways).map(move |(i, (angle, growth))| Instance {
             world_from_object_close: (i < 3).then(|| moved(&open, angle, growth, shift)),
-            ..Instance::still(i % 2, open)
+            ..Instance::new(i % 2, open)
         })
     });
     all.collect()
@@ -91,7 +91,7 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Outcome<
 
 /// Judges the device, asked at `time + late`, beside the CPU at several times.
 fn judged(gpu: &Gpu, late: f32) -> Result<Tally, String> {
-    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 12).turned()];
+    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 12).off_axis()];
     let reach =
         meshes.each_ref().map(|m| m.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs())));
     let crowd = crowd();

@@ -13,8 +13,8 @@ use super::setup::{build, few_ways};
 
 /// The mesh, large enough for trees of several levels, where closed meshes are placed in the other tests.
 fn placed() -> (Mesh, Vec<Instance>) {
-    let instances = places().iter().map(|place| Instance::still(0, place.world_from_object)).collect();
-    (scenes::room(3, 40).turned(), instances)
+    let instances = places().iter().map(|place| Instance::new(0, place.world_from_object)).collect();
+    (scenes::room(3, 40).off_axis(), instances)
 }
 
 #[test]
@@ -24,7 +24,7 @@ fn no_walk_loses_a_hit() {
     let reach = mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()));
     let (way, config) = few_ways().remove(0);
     let tree = build::<Watertight>(&mesh, &config);
-    let at_home = [Instance::still(0, Affine::IDENTITY)];
+    let at_home = [Instance::new(0, Affine::IDENTITY)];
     let tlas = [&at_home[..], &instances].map(|instances| {
         let bottom = vec![build::<Watertight>(&mesh, &config)];
         Tlas::new(bottom, instances, TopConfig::default()).unwrap()

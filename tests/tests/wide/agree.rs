@@ -45,7 +45,7 @@ fn rays_exactly_in_the_planes_of_faces_lose_no_hit() {
 
 /// Flat boxes in planes out of the axes, and rooms that are turned.
 fn turned() -> Vec<scenes::Case> {
-    let case = |name: &str, mesh: canted_fixtures::Mesh| scenes::Case { name: name.to_owned(), mesh: mesh.turned() };
+    let case = |name: &str, mesh: canted_fixtures::Mesh| scenes::Case { name: name.to_owned(), mesh: mesh.off_axis() };
     vec![
         case("turned quads", coplanar_quads(12)),
         case("turned flat box", thin_box(0.0)),

@@ -22,7 +22,7 @@ fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
 /// Through an instance, beside another that makes the top level a tree.
 #[expect(clippy::cast_possible_truncation, reason = "far off will do")]
 fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: &[Ray]) -> usize {
-    let instance = Instance::still(0, *world_from_object);
+    let instance = Instance::new(0, *world_from_object);
     let mut other = instance;
     other.world_from_object.columns[3][0] += (9.0 * baked(mesh, world_from_object).diagonal()) as f32;
     let tlas = Tlas::new(vec![build::<Watertight>(mesh, config)], &[instance, other], TopConfig::default()).unwrap();

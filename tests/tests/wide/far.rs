@@ -15,8 +15,8 @@ fn shapes() -> Vec<Case> {
     let mut shapes = scenes::needles();
     shapes.push(case("soup", canted_fixtures::soup(7, 300)));
     shapes.push(case("torus", canted_fixtures::torus(24, 8)));
-    shapes.push(case("turned room", scenes::room(3, 40).turned()));
-    shapes.push(case("turned flat box", canted_fixtures::thin_box(0.0).turned()));
+    shapes.push(case("turned room", scenes::room(3, 40).off_axis()));
+    shapes.push(case("turned flat box", canted_fixtures::thin_box(0.0).off_axis()));
     shapes.push(case("displaced icosphere", canted_fixtures::displaced_icosphere(3, 2)));
     shapes
 }
@@ -84,7 +84,7 @@ fn scales_of_1e_6_and_1e6_lose_no_hit() {
 fn scales_by_powers_of_two_change_no_bit() {
     // Small enough that rays at 2^60 times begin within the promised 2^62.
     let meshes =
-        [canted_fixtures::soup(7, 300), canted_fixtures::scaffold_of(1, true, 3), scenes::room(3, 40).turned()];
+        [canted_fixtures::soup(7, 300), canted_fixtures::scaffold_of(1, true, 3), scenes::room(3, 40).off_axis()];
     for mesh in meshes.map(|mesh| mesh.placed(|p| p.map(|x| x / 16.0))) {
         let classes = [Grazing::Vertices, Grazing::Edges, Grazing::Planes, Grazing::Axes];
         let rays = rays::of_classes(&mesh, &classes, 60, 80);

@@ -19,7 +19,7 @@ fn placed() -> Vec<Affine> {
 }
 
 fn agrees<K: LaneKernel + Clone>() {
-    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).turned()];
+    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).off_axis()];
     let placed = placed();
     let all_rays: Vec<Ray> = placed
         .iter()
@@ -31,7 +31,7 @@ fn agrees<K: LaneKernel + Clone>() {
     let wants: Vec<_> = all_rays.iter().map(|ray| oracle::closest_hit(&placed, ray, trace)).collect();
     assert!(wants.iter().flatten().count() > 300, "too few rays hit");
     let instances: Vec<Instance> =
-        placed.iter().zip([0, 1].into_iter().cycle()).map(|(&a, blas)| Instance::still(blas, a)).collect();
+        placed.iter().zip([0, 1].into_iter().cycle()).map(|(&a, blas)| Instance::new(blas, a)).collect();
     for (way, config) in few_ways() {
         for path in paths().0 {
             let bottom: Vec<TriangleBvh<K>> = meshes.iter().map(|mesh| build(mesh, &config).with_path(path)).collect();

@@ -64,7 +64,7 @@ pub(super) fn kinds(n: usize) -> Vec<Kind> {
         ("nodes of a scaffold", scaffold_of(1, true, 4)),
         ("nodes of a truss", truss(4)),
         ("nodes of hair", hair(3, &strands)),
-        ("nodes of a bumpy ball", displaced_icosphere(3, 4).turned()),
+        ("nodes of a bumpy ball", displaced_icosphere(3, 4).off_axis()),
     ] {
         kinds.push(Kind { name, sets: nodes(&mesh, n) });
     }

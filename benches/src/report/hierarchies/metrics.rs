@@ -2,9 +2,11 @@
 
 use anyhow::Result;
 use canted_bvh2::{Bvh2, PairOrder};
-use canted_lbvh::{Corners, Costs, Tree, Volumes, end_point_overlap, in_leaf_order, tree_cost};
+use canted_lbvh::{Corners, Costs, Tree, Volumes, in_leaf_order, tree_cost};
 use canted_obb::Aabb;
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
+
+use super::overlap::end_point_overlap;
 
 /// Metrics of one tree, no number where it does not tell; lengths are in units of the scene's extent.
 pub(super) struct Metrics {

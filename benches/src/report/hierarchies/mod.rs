@@ -3,6 +3,7 @@
 mod correlations;
 mod foreign;
 mod metrics;
+mod overlap;
 mod trees;
 
 use anyhow::Result;

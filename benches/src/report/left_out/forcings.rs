@@ -15,19 +15,19 @@ pub(super) struct Forcing {
 }
 
 pub(super) const FORCINGS: [Forcing; 8] = [
-    Forcing { part: "top level", force: |scene| (scene, Levels::Two) },
+    Forcing { part: "top-level BVH", force: |scene| (scene, Levels::Two) },
     Forcing { part: "motion", force: |scene| (with_least_motion(scene), Levels::Auto) },
     Forcing { part: "textures", force: |scene| (with_white(scene), Levels::Auto) },
     Forcing { part: "texture coordinates", force: |scene| (with_coordinates(scene), Levels::Auto) },
     Forcing { part: "alpha test", force: |scene| (with_masks(scene), Levels::Auto) },
     Forcing { part: "shading normals", force: |scene| (with_flat_normals(scene), Levels::Auto) },
     Forcing { part: "emission", force: |scene| (with_least_light(scene), Levels::Auto) },
-    Forcing { part: "choice among lights", force: |scene| (with_dark_sun(scene), Levels::Auto) },
+    Forcing { part: "light selection", force: |scene| (with_dark_sun(scene), Levels::Auto) },
 ];
 
 /// Parts that are not forced back in here, and why.
 pub(super) const NOT_FORCED: [(&str, &str); 2] = [
-    ("leaning boxes", "they are forced in the table of trees"),
+    ("oriented nodes", "they are forced in the table of trees"),
     ("listed lights", "one that shines would light the picture, and one without power is never sampled"),
 ];
 

@@ -147,7 +147,7 @@ fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Resu
     }
     chapter.tables.push(table);
     for (part, why) in NOT_FORCED {
-        if variants[0].prepared.left_out.iter().any(|item| item.part == part) {
+        if variants[0].prepared.unused.iter().any(|item| item.feature == part) {
             chapter.skipped.push(format!("{name}, {part}: left out too, but {why}."));
         }
     }
@@ -178,7 +178,7 @@ fn more<N: TryInto<i64>>(n_bytes: N, bare: N) -> i64 {
 fn variants(scene: &Scene) -> Result<Vec<Variant>> {
     let usual = StructureConfig::default();
     let prepared = prepare::<Watertight>(scene, &usual)?;
-    let is_left_out = |forcing: &&Forcing| prepared.left_out.iter().any(|item| item.part == forcing.part);
+    let is_left_out = |forcing: &&Forcing| prepared.unused.iter().any(|item| item.feature == forcing.part);
     let forcings: Vec<&Forcing> = FORCINGS.iter().filter(is_left_out).collect();
     let mut variants = vec![Variant { what: "nothing", scene: scene.clone(), prepared }];
     for forcing in forcings {

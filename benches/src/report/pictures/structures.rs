@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use canted_film::Film;
 use canted_lbvh::Strategy;
-use canted_renderer::{Builder, Integrator, Pattern, StructureConfig, prepare, render};
+use canted_renderer::{Accel, Builder, Integrator, Pattern, StructureConfig, prepare, render};
 use canted_trace::Watertight;
 use canted_wide::Preset;
 use std::sync::atomic::AtomicBool;
@@ -18,16 +18,17 @@ use crate::report::{
 
 /// The structures, the program's own choice first.
 fn structures() -> [(&'static str, StructureConfig); 7] {
-    let usual = StructureConfig::default();
-    let of = |builder, volumes| StructureConfig { builder, volumes, ..usual };
+    let of = |accel| StructureConfig { accel, ..StructureConfig::default() };
+    let wide = |preset, builder| of(Accel::Wide { preset, builder });
+    let binary = |builder, strategy| of(Accel::Binary { strategy, builder: Some(builder) });
     [
-        ("wide, balanced", StructureConfig { preset: Preset::Balanced, ..usual }),
-        ("wide, fast", StructureConfig { preset: Preset::Fast, ..usual }),
-        ("wide, quality", StructureConfig { preset: Preset::Quality, ..usual }),
-        ("wide over obvhs", of(Builder::Obvhs, None)),
-        ("binary, radix, axis-aligned", of(Builder::Lbvh, Some(Strategy::Aabb))),
-        ("binary, radix, combined", of(Builder::Lbvh, Some(Strategy::Combined))),
-        ("binary, PLOC, combined", of(Builder::Ploc, Some(Strategy::Combined))),
+        ("wide, balanced", wide(Preset::Balanced, None)),
+        ("wide, fast", wide(Preset::Fast, None)),
+        ("wide, quality", wide(Preset::Quality, None)),
+        ("wide over obvhs", wide(Preset::Balanced, Some(Builder::Obvhs))),
+        ("binary, radix, axis-aligned", binary(Builder::Lbvh, Strategy::Aabb)),
+        ("binary, radix, combined", binary(Builder::Lbvh, Strategy::Combined)),
+        ("binary, PLOC, combined", binary(Builder::Ploc, Strategy::Combined)),
     ]
 }
 

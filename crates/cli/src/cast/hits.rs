@@ -5,9 +5,12 @@ use std::{
     path::Path,
 };
 
-use anyhow::{Result, anyhow};
+use anyhow::Result;
+use canted_scene::Scene;
 
-/// How hits are written.
+use crate::output;
+
+/// A file format.
 #[derive(Clone, Copy)]
 pub(super) enum Format {
     Csv,
@@ -15,43 +18,44 @@ pub(super) enum Format {
 }
 
 impl Format {
-    /// By the file's ending.
+    /// The format of a file name.
     pub(super) fn of(path: &Path) -> Result<Self> {
-        match path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase().as_str() {
-            "csv" => Ok(Self::Csv),
-            "bin" => Ok(Self::Bin),
-            _ => Err(anyhow!("{}: hits end in .csv or .bin", path.display())),
+        match path {
+            _ if output::has_extension(path, "csv") => Ok(Self::Csv),
+            _ if output::has_extension(path, "bin") => Ok(Self::Bin),
+            _ => Err(output::unsupported(path, ".csv or .bin")),
         }
     }
 }
 
-/// The answer to one ray.
+/// The result for one ray.
 #[derive(Clone, Copy)]
 pub(super) struct Answer {
-    pub(super) t: f32,
-    pub(super) prim: i64,
-    pub(super) u: f32,
-    pub(super) v: f32,
-    pub(super) instance: i64,
+    t: f32,
+    prim: i64,
+    u: f32,
+    v: f32,
+    instance: i64,
 }
 
 impl Answer {
-    /// Nothing is hit: `prim` says so, `t` is infinite.
     pub(super) const MISS: Self = Self { t: f32::INFINITY, prim: -1, u: 0.0, v: 0.0, instance: -1 };
-    /// A hit at `[t, u, v]`; the instance's first primitive, the primitive in its mesh, and the instance.
-    pub(super) fn hit([t, u, v]: [f32; 3], [first, primitive, instance]: [u32; 3]) -> Self {
-        Self { t, prim: i64::from(first) + i64::from(primitive), u, v, instance: instance.into() }
-    }
-    /// Something is hit; what and where was not asked.
+    /// A hit of an occlusion test, which does not determine where the hit is.
     pub(super) const OCCLUDED: Self = Self { t: 0.0, prim: 0, u: 0.0, v: 0.0, instance: 0 };
 
-    /// Whether anything was hit.
+    /// A closest hit; `primitive` is an index into the mesh of the instance.
+    pub(super) fn hit([t, u, v]: [f32; 3], primitive: u32, instance: u32, scene: &Scene) -> Self {
+        let first = scene.instances[instance as usize].first_primitive;
+        Self { t, prim: i64::from(first) + i64::from(primitive), u, v, instance: instance.into() }
+    }
+
+    /// Whether the ray hits anything.
     pub(super) fn is_hit(&self) -> bool {
         self.prim >= 0
     }
 }
 
-/// Writes one row a ray, in order.
+/// Writes one row per ray, in order.
 pub(super) fn write(out: &mut dyn Write, format: Format, answers: &[Answer]) -> io::Result<()> {
     match format {
         Format::Csv => {
@@ -61,14 +65,11 @@ pub(super) fn write(out: &mut dyn Write, format: Format, answers: &[Answer]) -> 
             }
         }
         Format::Bin => {
-            for answer in answers {
-                out.write_all(&answer.t.to_le_bytes())?;
-                let prim = i32::try_from(answer.prim).map_err(|_| {
-                    io::Error::other(format!("triangle {} is beyond the 32 bits of a .bin row", answer.prim))
+            for &Answer { t, prim, u, v, .. } in answers {
+                let prim = i32::try_from(prim).map_err(|_| {
+                    io::Error::other(format!("triangle {prim} exceeds the 32 bits of a .bin row; use .csv"))
                 })?;
-                out.write_all(&prim.to_le_bytes())?;
-                out.write_all(&answer.u.to_le_bytes())?;
-                out.write_all(&answer.v.to_le_bytes())?;
+                out.write_all([t.to_le_bytes(), prim.to_le_bytes(), u.to_le_bytes(), v.to_le_bytes()].as_flattened())?;
             }
         }
     }

@@ -5,25 +5,27 @@ use std::path::Path;
 use anyhow::{Result, anyhow};
 use canted_trace::Ray;
 
-/// The columns, in the order in which they are read.
+use crate::output::{has_extension, unsupported};
+
+/// The columns of a row, in order.
 const COLUMNS: [&str; 7] = ["ox", "oy", "oz", "dx", "dy", "dz", "tmax"];
 
 /// Reads rays from a `.csv` or `.bin` file.
 pub(super) fn read(path: &Path) -> Result<Vec<Ray>> {
     let name = path.display();
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    if !matches!(extension.as_str(), "csv" | "bin") {
-        return Err(anyhow!("{name}: rays end in .csv or .bin"));
-    }
+    let parse = match path {
+        _ if has_extension(path, "csv") => from_csv,
+        _ if has_extension(path, "bin") => from_bin,
+        _ => return Err(unsupported(path, ".csv or .bin")),
+    };
     let bytes = std::fs::read(path).map_err(|error| anyhow!("cannot read {name}: {error}"))?;
-    let rays = if extension == "csv" { from_csv(&bytes) } else { from_bin(&bytes) };
-    rays.map_err(|error| anyhow!("{name}: {error}"))
+    parse(&bytes).map_err(|error| anyhow!("{name}: {error}"))
 }
 
 fn from_bin(bytes: &[u8]) -> Result<Vec<Ray>> {
     const SIZE: usize = 7 * size_of::<f32>();
     if !bytes.len().is_multiple_of(SIZE) {
-        return Err(anyhow!("{} bytes are not a multiple of the {SIZE} of a ray", bytes.len()));
+        return Err(anyhow!("{} bytes are not a multiple of {SIZE}, the size of a ray", bytes.len()));
     }
     bytes
         .chunks_exact(SIZE)
@@ -39,7 +41,7 @@ fn from_bin(bytes: &[u8]) -> Result<Vec<Ray>> {
 }
 
 fn from_csv(bytes: &[u8]) -> Result<Vec<Ray>> {
-    let text = std::str::from_utf8(bytes).map_err(|_| anyhow!("this is not text"))?;
+    let text = std::str::from_utf8(bytes).map_err(|_| anyhow!("the file is not UTF-8 text"))?;
     let mut rays = vec![];
     let mut is_first = true;
     for (line, row) in text.lines().enumerate() {
@@ -49,9 +51,9 @@ fn from_csv(bytes: &[u8]) -> Result<Vec<Ray>> {
         }
         let fields: Vec<&str> = row.split(',').map(str::trim).collect();
         if fields.len() != 7 {
-            return Err(anyhow!("line {}: {} fields where a ray has 7", line + 1, fields.len()));
+            return Err(anyhow!("line {}: expected 7 fields, found {}", line + 1, fields.len()));
         }
-        // The first may name the columns; `inf` and `nan` are numbers, if no good ones.
+        // Only the first row may be a header. `inf` and `nan` are numbers.
         let is_header = is_first && fields.iter().all(|field| is_name(field));
         is_first = false;
         if is_header {
@@ -67,23 +69,23 @@ fn from_csv(bytes: &[u8]) -> Result<Vec<Ray>> {
     Ok(rays)
 }
 
-/// Refuses a header that has one of the columns in the place of another: numbers are read by their place, whatever it says.
+/// Rejects a header with a known column at a wrong position: rows are read by position, not by name.
 fn check_order(header: &[&str]) -> Result<()> {
     let is_known = |name: &str| COLUMNS.iter().any(|column| column.eq_ignore_ascii_case(name));
     match header.iter().zip(COLUMNS).find(|(name, column)| !name.eq_ignore_ascii_case(column) && is_known(name)) {
         Some((name, column)) => {
-            Err(anyhow!("'{name}' stands in the place of {column}: columns are {}", COLUMNS.join(",")))
+            Err(anyhow!("column '{name}' is at the position of '{column}'; use the order {}", COLUMNS.join(",")))
         }
         None => Ok(()),
     }
 }
 
-/// Whether a field is a name: a word that is no number.
+/// Whether a field is a column name and not a number.
 fn is_name(field: &str) -> bool {
     field.starts_with(|c: char| c.is_ascii_alphabetic()) && field.parse::<f32>().is_err()
 }
 
-/// A ray from its numbers; a zero direction or an interval that ends before 0 is a ray that misses.
+/// A ray from its numbers. A ray with a zero direction or a negative `t_max` is valid and never hits.
 fn ray([ox, oy, oz, dx, dy, dz, t_max]: [f32; 7]) -> Result<Ray> {
     let (origin, direction) = ([ox, oy, oz], [dx, dy, dz]);
     if !origin.iter().chain(&direction).all(|x| x.is_finite()) {
@@ -100,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_header_comments_and_infinity_are_read() {
+    fn parses_header_comments_and_infinity() {
         let text = b"ox,oy,oz,dx,dy,dz,tmax\n0,0,1, 0,0,-1, inf\n# comment\n\n1,2,3,4,5,6,7\r\n";
         let rays = from_csv(text).unwrap();
         assert_eq!(rays.len(), 2);
@@ -109,38 +111,44 @@ mod tests {
     }
 
     #[test]
-    fn errors_name_line_and_value() {
+    fn errors_contain_line_and_value() {
         let error = from_csv(b"0,0,0,1,0,0,1\n0,0,0,1,zero,0,1\n").unwrap_err().to_string();
         assert_eq!(error, "line 2: 'zero' is not a number");
-        assert_eq!(from_csv(b"1,2\n").unwrap_err().to_string(), "line 1: 2 fields where a ray has 7");
-        assert_eq!(from_bin(&[0; 29]).unwrap_err().to_string(), "29 bytes are not a multiple of the 28 of a ray");
+        assert_eq!(from_csv(b"1,2\n").unwrap_err().to_string(), "line 1: expected 7 fields, found 2");
+        assert_eq!(from_bin(&[0; 29]).unwrap_err().to_string(), "29 bytes are not a multiple of 28, the size of a ray");
         assert!(from_csv(b"0,0,nan,1,0,0,1\n").is_err());
         let error = from_csv(b"inf,0,0,0,0,1,1\n0,0,0,0,0,1,1\n").unwrap_err().to_string();
         assert_eq!(error, "line 1: origin [inf, 0.0, 0.0] or direction [0.0, 0.0, 1.0] is not finite");
     }
 
     #[test]
-    fn a_header_has_a_name_for_each_column_and_comes_first() {
+    fn only_the_first_row_is_a_header_and_has_seven_names() {
         let row = "0,0,0,1,0,0,1\n";
         for before in ["", "\n", "# of a scan\n", "\u{feff}"] {
             let text = format!("{before}ox,oy,oz,dx,dy,dz,tmax\n{row}");
             assert_eq!(from_csv(text.as_bytes()).unwrap().len(), 1, "{before:?}");
         }
         assert_eq!(from_csv(format!("OX,y,from,dx,b,c,length\n{row}").as_bytes()).unwrap().len(), 1);
-        assert_eq!(from_csv(b"a,b,c\n").unwrap_err().to_string(), "line 1: 3 fields where a ray has 7");
+        assert_eq!(from_csv(b"a,b,c\n").unwrap_err().to_string(), "line 1: expected 7 fields, found 3");
         let error = from_csv(format!("{row}ox,oy,oz,dx,dy,dz,tmax\n").as_bytes()).unwrap_err().to_string();
         assert_eq!(error, "line 2: 'ox' is not a number");
     }
 
     #[test]
-    fn a_header_of_another_order_is_refused() {
+    fn rejects_a_header_in_another_order() {
         let row = "0,0,0,1,0,0,1\n";
-        for (header, words) in [
-            ("dx,dy,dz,ox,oy,oz,tmax", "line 1: 'dx' stands in the place of ox: columns are ox,oy,oz,dx,dy,dz,tmax"),
-            ("\nox,oy,oz,tmax,DY,b,c", "line 2: 'tmax' stands in the place of dx: columns are ox,oy,oz,dx,dy,dz,tmax"),
-            ("x,ox,z,a,b,c,d", "line 1: 'ox' stands in the place of oy: columns are ox,oy,oz,dx,dy,dz,tmax"),
+        for (header, message) in [
+            (
+                "dx,dy,dz,ox,oy,oz,tmax",
+                "line 1: column 'dx' is at the position of 'ox'; use the order ox,oy,oz,dx,dy,dz,tmax",
+            ),
+            (
+                "\nox,oy,oz,tmax,DY,b,c",
+                "line 2: column 'tmax' is at the position of 'dx'; use the order ox,oy,oz,dx,dy,dz,tmax",
+            ),
+            ("x,ox,z,a,b,c,d", "line 1: column 'ox' is at the position of 'oy'; use the order ox,oy,oz,dx,dy,dz,tmax"),
         ] {
-            assert_eq!(from_csv(format!("{header}\n{row}").as_bytes()).unwrap_err().to_string(), words);
+            assert_eq!(from_csv(format!("{header}\n{row}").as_bytes()).unwrap_err().to_string(), message);
         }
     }
 }

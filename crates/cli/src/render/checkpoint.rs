@@ -1,4 +1,4 @@
-//! The file that a render goes on from.
+//! `--checkpoint`: a file of finished tiles that an interrupted render continues from.
 
 use std::{
     fs,
@@ -12,8 +12,8 @@ use canted_film::{Checkpoint, Record, Tile};
 
 use crate::output;
 
-/// Keeps finished tiles, and writes them from time to time.
-pub(super) struct Keeper {
+/// Collects finished tiles and writes them at intervals.
+pub(super) struct CheckpointWriter {
     path: PathBuf,
     interval: Duration,
     state: Mutex<State>,
@@ -25,11 +25,11 @@ struct State {
     has_failed: bool,
 }
 
-impl Keeper {
-    /// Opens the checkpoint of the render that `record` describes, and takes the tiles that it holds.
+impl CheckpointWriter {
+    /// Opens the checkpoint of the render that `record` describes, and returns its finished tiles.
     ///
     /// # Errors
-    /// Where the place cannot be written, or what is there is damaged or of another render.
+    /// The file cannot be written, is damaged, or belongs to another render.
     pub(super) fn open(path: PathBuf, interval: Duration, record: &Record) -> Result<(Self, Vec<Tile>)> {
         output::probe(&path)?;
         let mut done = Vec::new();
@@ -37,7 +37,9 @@ impl Keeper {
             let (found, tiles) = Checkpoint::read(&path)?;
             if let Some((name, theirs, ours)) = difference(&found, record) {
                 let path = path.display();
-                return Err(anyhow!("{path}: a checkpoint of another picture, whose {name} is {theirs}, not {ours}"));
+                return Err(anyhow!(
+                    "{path}: checkpoint of another picture: {name} is {theirs}, not {ours}; use another file"
+                ));
             }
             done = tiles;
         }
@@ -47,7 +49,7 @@ impl Keeper {
         Ok((Self { path, interval, state: Mutex::new(state) }, done))
     }
 
-    /// Adds a tile; writes the file where it is time to.
+    /// Adds a tile. Writes the file if the interval has passed.
     pub(super) fn add(&self, tile: &Tile) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.tiles.add(tile);
@@ -56,23 +58,23 @@ impl Keeper {
         }
     }
 
-    /// Writes what there is, for a render that ends before its time.
+    /// Writes the file now.
     pub(super) fn save(&self) {
         self.write(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// A full disk is no reason to stop rendering: it is told once.
+    /// A failure, such as a full disk, does not stop the render. It is reported once.
     fn write(&self, state: &mut State) {
         if let Err(error) = state.tiles.write(&self.path)
             && !state.has_failed
         {
             state.has_failed = true;
-            output::to_stderr(&format!("warning: {error}"));
+            output::warn(&error.to_string());
         }
         state.written = Instant::now();
     }
 
-    /// Removes the file: the picture is complete.
+    /// Removes the file of a complete picture.
     pub(super) fn remove(self) -> Result<()> {
         match fs::remove_file(&self.path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
@@ -83,10 +85,10 @@ impl Keeper {
     }
 }
 
-/// The first entry in which two records differ: its name, and both values.
+/// The first difference of two records: name and both values.
 pub(crate) fn difference(a: &Record, b: &Record) -> Option<(String, String, String)> {
     let value = |record: &Record, name: &str| {
-        record.iter().find(|(known, _)| known == name).map_or_else(|| "not said".to_owned(), |(_, value)| value.clone())
+        record.iter().find(|(known, _)| known == name).map_or_else(|| "missing".to_owned(), |(_, value)| value.clone())
     };
     let names = a.iter().chain(b).map(|(name, _)| name);
     names.map(|name| (name.clone(), value(a, name), value(b, name))).find(|(_, a, b)| a != b)

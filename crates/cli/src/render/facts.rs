@@ -1,42 +1,41 @@
-//! Facts about a run, for people and for programs.
+//! The report of `canted render`, as text and as JSON.
 
 use std::time::Duration;
 
 use anyhow::Result;
 use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{Level, Prepared, Settings, Structure};
+use canted_renderer::{Bvh, Prepared, Settings, Structure};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};
 
-use crate::{left_out, memory, options::strategy_name, output};
+use crate::{memory, not_needed, options::strategy_name, output};
 
-/// A fact and its name.
+/// A name and a value.
 pub(super) type Fact = (&'static str, Value);
 
-/// What was built, and of what.
-pub(super) fn built<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, load_time: Duration) -> Vec<Fact> {
-    let two = matches!(prepared.structure, Structure::Two(_));
-    let levels = prepared.structure.bottom();
+/// Facts about the scene and its acceleration structure.
+pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, load_time: Duration) -> Vec<Fact> {
+    let bvhs = prepared.structure.bottom();
     let mut facts = vec![
         ("meshes", json!(scene.meshes.len())),
         ("instances", json!(scene.instances.len())),
         ("unique_triangles", json!(scene.n_unique_triangles())),
         ("placed_triangles", json!(scene.n_placed_triangles())),
-        ("levels", json!(if two { 2 } else { 1 })),
-        ("volumes", json!(volumes_of(levels))),
+        ("levels", json!(if matches!(prepared.structure, Structure::Two(_)) { 2 } else { 1 })),
+        ("volumes", json!(volumes_of(bvhs))),
         ("structure_bytes", json!(prepared.structure.n_bytes())),
         ("load_seconds", json!(load_time.as_secs_f64())),
         ("build_seconds", json!(prepared.build_time.as_secs_f64())),
     ];
-    if levels.iter().any(|level| matches!(level, Level::Wide(_))) {
+    if bvhs.iter().any(|bvh| matches!(bvh, Bvh::Wide(_))) {
         facts.push(("simd", json!(SimdPath::detect().name())));
     }
     facts
 }
 
-/// What was sampled, in how long.
+/// Facts about the samples.
 pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration) -> Vec<Fact> {
     #[expect(clippy::cast_precision_loss, reason = "rays and samples are fewer than 2^53")]
     let [n_rays, n_samples] = [film.n_rays(), film.n_samples()].map(|n| n as f64);
@@ -59,44 +58,44 @@ pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration) -> Vec<F
     facts
 }
 
-/// What is told of samples that were not finite: how many, and in which pixel the first, by column and row from the top left.
-pub(super) fn of_dropped(film: &Film) -> Option<String> {
+/// The warning about samples that are not finite: their number, and the first pixel by column and row from the top left.
+pub(super) fn dropped_samples(film: &Film) -> Option<String> {
     let [x, y] = film.first_dropped()?;
     Some(match film.n_dropped() {
-        1 => format!("warning: 1 sample was not finite and was dropped, in pixel ({x}, {y})"),
-        n => format!("warning: {n} samples were not finite and were dropped, the first in pixel ({x}, {y})"),
+        1 => format!("dropped 1 sample that was not finite, in pixel ({x}, {y})"),
+        n => format!("dropped {n} samples that were not finite, the first in pixel ({x}, {y})"),
     })
 }
 
-/// What boxes the bottom levels have, in words; all levels are of one kind.
-fn volumes_of<K: LaneKernel>(levels: &[Level<K>]) -> String {
+/// A description of the bounding volumes. All bottom-level BVHs are of one kind.
+fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     let mut nodes = [0; NodeKind::ALL.len()];
-    let mut turned = 0;
-    for level in levels {
-        match level {
-            Level::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
-            Level::Wide(wide) => {
+    let mut n_rotated = 0;
+    for bvh in bvhs {
+        match bvh {
+            Bvh::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
+            Bvh::Wide(wide) => {
                 let of_one = wide.sizes().nodes;
                 nodes = std::array::from_fn(|i| nodes[i] + of_one[i]);
-                turned += usize::from(wide.frame() != Obb::IDENTITY_FRAME);
+                n_rotated += usize::from(wide.frame() != Obb::IDENTITY_FRAME);
             }
         }
     }
     let n: usize = nodes.iter().sum();
-    let leaning = n - nodes[NodeKind::Aligned as usize];
-    let words = match (levels.len(), n) {
+    let n_oriented = n - nodes[NodeKind::Aligned as usize];
+    let text = match (bvhs.len(), n) {
         (0, _) => return "none".to_owned(),
         (_, 0) => "wide, leaves only".to_owned(),
-        _ => format!("wide, {leaning} of {n} nodes lean"),
+        _ => format!("wide, {n_oriented} of {n} nodes oriented"),
     };
-    match (levels.len(), turned) {
-        (_, 0) => words,
-        (1, _) => format!("{words}, mesh turned"),
-        (n, turned) => format!("{words}, {turned} of {n} meshes turned"),
+    match (bvhs.len(), n_rotated) {
+        (_, 0) => text,
+        (1, _) => format!("{text}, mesh rotated"),
+        (n, n_rotated) => format!("{text}, {n_rotated} of {n} meshes rotated"),
     }
 }
 
-/// Prints the facts, as JSON or a line each.
+/// Prints the facts: one line each, or as one JSON object.
 pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     if as_json {
         let object: serde_json::Map<String, Value> =
@@ -112,7 +111,7 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
             ("noise_reached", Value::Null) => "unknown".to_owned(),
             (_, Value::Number(n)) if n.is_f64() => format!("{:.2}", n.as_f64().unwrap_or(0.0)),
             ("size", Value::Array(sides)) => format!("{} x {}", sides[0], sides[1]),
-            ("left_out", parts) => left_out::text(parts),
+            ("not_needed", parts) => not_needed::text(parts),
             (_, Value::String(text)) => text.clone(),
             (_, other) => other.to_string(),
         };
@@ -132,9 +131,9 @@ mod tests {
 
     use super::*;
 
-    /// A picture of 4 x 2 pixels, each of one unit of the plane z = 0, with a square that emits this between the corners.
+    /// A film of 4 x 2 pixels, each one unit of the plane z = 0, of a rectangle between two corners that emits light.
     fn film(emission: f32, [left, top, right, bottom]: [f32; 4], samples: u32) -> Film {
-        // The middle of the picture is at x = 2 and, as y is up and rows go down, at y = -1.
+        // The center of the picture is at x = 2, y = -1: rows go down and y goes up.
         let corners = [[left, top], [left, bottom], [right, bottom], [right, top]];
         let mesh = Mesh {
             positions: corners.map(|[x, y]| [x, -y, 0.0]).to_vec(),
@@ -159,19 +158,19 @@ mod tests {
     }
 
     #[test]
-    fn samples_that_are_not_finite_are_counted_and_named() {
-        let told = |emission, corners, samples| of_dropped(&film(emission, corners, samples));
-        // All of the pixels (2, 1) and (3, 1).
+    fn counts_samples_that_are_not_finite() {
+        let warning = |emission, corners, samples| dropped_samples(&film(emission, corners, samples));
+        // Covers the pixels (2, 1) and (3, 1).
         let two = [2.0, 1.0, 4.0, 2.0];
         assert_eq!(
-            told(f32::NAN, two, 3).as_deref(),
-            Some("warning: 6 samples were not finite and were dropped, the first in pixel (2, 1)")
+            warning(f32::NAN, two, 3).as_deref(),
+            Some("dropped 6 samples that were not finite, the first in pixel (2, 1)")
         );
         let one = [3.0, 0.0, 4.0, 1.0];
         assert_eq!(
-            told(f32::INFINITY, one, 1).as_deref(),
-            Some("warning: 1 sample was not finite and was dropped, in pixel (3, 0)")
+            warning(f32::INFINITY, one, 1).as_deref(),
+            Some("dropped 1 sample that was not finite, in pixel (3, 0)")
         );
-        assert_eq!(told(1.0, two, 3), None);
+        assert_eq!(warning(1.0, two, 3), None);
     }
 }

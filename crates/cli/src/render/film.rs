@@ -1,143 +1,105 @@
-//! The film of a picture, by the CPU, a device or both.
+//! Renders the film of a picture, with a progress bar, and keeps the finished tiles if it is stopped.
 
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use canted_film::{Film, Partial, Record, Tile, write_film};
-use canted_renderer::{
-    DevicePicture, Monitor, Prepared, RenderError, Settings, SharedFilm, Structure, Surfaces, resume,
-};
+use canted_renderer::{Monitor, RenderError, Settings, Structure, resume};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
-use super::{Args, checkpoint::Keeper, facts::Fact, write_picture};
-use crate::{
-    device::{Machine, check_triangles},
-    interrupt, output,
-};
+use super::{Args, checkpoint::CheckpointWriter, facts::Fact, write_picture};
+use crate::{interrupt, output};
 
-/// What makes a picture's film, ready to.
-pub(super) struct Maker<'a, K: LaneKernel> {
-    machine: &'a Machine,
-    /// `None` where the CPU works alone.
-    on_device: Option<DevicePicture<'a, K>>,
+/// Renders films on one kind of device.
+pub(super) trait FilmRenderer {
+    /// The names of the devices.
+    fn device(&self) -> String;
+
+    /// Renders the tiles that are not in `done`. Adds facts to the report.
+    fn render(&self, done: Vec<Tile>, monitor: &Monitor, facts: &mut Vec<Fact>) -> Result<Film>;
 }
 
-impl<'a, K: LaneKernel> Maker<'a, K> {
-    /// Takes the scene to the device where one has a part in it: `surfaces` is there for every machine with a device.
-    ///
-    /// # Errors
-    /// What a device that was asked for by name does not do.
-    pub(super) fn new(
-        machine: &'a Machine,
-        args: &Args,
-        surfaces: Option<&'a Surfaces<'a>>,
-        structure: &'a Structure<K>,
-        camera: &Camera,
-        settings: &'a Settings,
-    ) -> Result<Self> {
-        if settings.part.is_some() && matches!(machine, Machine::Both(_)) {
-            return Err(anyhow!("--samples keeps sums that merge to one machine's bits, which --device both has not"));
-        }
-        let Some(surfaces) = surfaces else { return Ok(Self { machine, on_device: None }) };
-        let on_device = machine.ready(|gpu| {
-            check_triangles(args.structure.triangles)?;
-            DevicePicture::new(gpu, surfaces, structure, camera, settings)
-        })?;
-        Ok(Self { machine, on_device })
+/// Renders on the CPU.
+pub(super) struct CpuRenderer<'a, K: LaneKernel> {
+    pub(super) scene: &'a Scene,
+    pub(super) structure: &'a Structure<K>,
+    pub(super) camera: &'a Camera,
+    pub(super) settings: &'a Settings,
+}
+
+impl<K: LaneKernel> FilmRenderer for CpuRenderer<'_, K> {
+    fn device(&self) -> String {
+        "cpu".to_owned()
     }
 
-    /// Whose roundings the samples have.
-    pub(super) fn device(&self) -> String {
-        match (self.machine, &self.on_device) {
-            (Machine::Both(gpu), Some(_)) => format!("cpu and {}", gpu.info().name),
-            (Machine::Device(gpu) | Machine::Auto(gpu), Some(_)) => gpu.info().name.clone(),
-            _ => "cpu".to_owned(),
-        }
-    }
-
-    /// Renders what is not done, with a progress bar. Where Ctrl-C or a failure stops it, the finished tiles are written as a
-    /// picture, unless a checkpoint or a part keeps their sums.
-    pub(super) fn film(
-        &self,
-        scene: &Scene,
-        prepared: &Prepared<K>,
-        camera: &Camera,
-        (args, settings): (&Args, &Settings),
-        keeper: Option<&Keeper>,
-        done: Vec<Tile>,
-    ) -> Result<(Film, Vec<Fact>)> {
-        let mut facts = vec![("device", json!(self.device()))];
-        // Hidden by the library where standard error is no terminal.
-        let bar = ProgressBar::new(0);
-        if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
-            bar.set_style(style);
-        }
-        let progress = |done: usize, all: usize| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
-        // A part is for merging, and a checkpoint is what one goes on from.
-        let is_wanted = settings.part.is_none() && keeper.is_none();
-        let partial = is_wanted.then(|| Mutex::new(Partial::new(settings.tiling())));
-        let add = |tile: &Tile| {
-            if let Some(partial) = &partial {
-                partial.lock().unwrap_or_else(PoisonError::into_inner).add(tile);
-            }
-        };
-        done.iter().for_each(add);
-        let finished = |tile: &Tile| {
-            add(tile);
-            if let Some(keeper) = keeper {
-                keeper.add(tile);
-            }
-        };
-        let monitor = Monitor { progress: &progress, finished: &finished, cancel: interrupt::flag() };
-        let film = match (&self.on_device, self.machine) {
-            (None, _) => {
-                resume(scene, &prepared.structure, camera, settings, done, &monitor).map_err(anyhow::Error::from)
-            }
-            (Some(picture), Machine::Both(gpu)) => picture
-                .render_with_cpu(done, &monitor)
-                .map(|SharedFilm { film, n_tiles_of_device, stopped }| {
-                    facts.push(("tiles_of_device", json!(n_tiles_of_device)));
-                    if let Some(why) = stopped {
-                        let name = &gpu.info().name;
-                        output::to_stderr(&format!("warning: the CPU made the rest: {name}: {why}"));
-                    }
-                    film
-                })
-                .map_err(|error| self.machine.named(error)),
-            (Some(picture), _) => picture.render(done, &monitor).map_err(|error| self.machine.named(error)),
-        };
-        bar.finish_and_clear();
-        let Err(error) = film else { return Ok((film?, facts)) };
-        // What is done is not lost, whatever stopped the rest: Ctrl-C, or the loss of a device.
-        if let Some(keeper) = keeper {
-            keeper.save();
-        }
-        let partial = partial.as_ref().map(|partial| partial.lock().unwrap_or_else(PoisonError::into_inner));
-        let written = partial.map_or(Ok(()), |partial| write_partial(args, &partial));
-        Err(stopped(error, written))
+    fn render(&self, done: Vec<Tile>, monitor: &Monitor, _: &mut Vec<Fact>) -> Result<Film> {
+        Ok(resume(self.scene, self.structure, self.camera, self.settings, done, monitor)?)
     }
 }
 
-/// The error of a picture that was stopped, of which the rest could be written or not: a failure is told before that of its
-/// rest, which is then a warning.
+/// Renders the tiles that are not in `done`, with a progress bar.
+///
+/// After Ctrl-C or a failure, the finished tiles are written to the checkpoint if there is one; else to the output file,
+/// except for parts, which must be complete to be merged.
+pub(super) fn render(
+    renderer: &dyn FilmRenderer,
+    args: &Args,
+    settings: &Settings,
+    checkpoint: Option<&CheckpointWriter>,
+    done: Vec<Tile>,
+) -> Result<(Film, Vec<Fact>)> {
+    let mut facts = vec![("device", json!(renderer.device()))];
+    // indicatif hides the bar if standard error is not a terminal.
+    let bar = ProgressBar::new(0);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
+        bar.set_style(style);
+    }
+    let progress = |done: usize, all: usize| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    };
+    let keeps_partial = settings.part.is_none() && checkpoint.is_none();
+    let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
+    let add = |tile: &Tile| {
+        if let Some(partial) = &partial {
+            partial.lock().unwrap_or_else(PoisonError::into_inner).add(tile);
+        }
+    };
+    done.iter().for_each(add);
+    let finished = |tile: &Tile| {
+        add(tile);
+        if let Some(checkpoint) = checkpoint {
+            checkpoint.add(tile);
+        }
+    };
+    let monitor = Monitor { progress: &progress, finished: &finished, cancel: interrupt::cancel_flag() };
+    let film = renderer.render(done, &monitor, &mut facts);
+    bar.finish_and_clear();
+    let Err(error) = film else { return Ok((film?, facts)) };
+    if let Some(checkpoint) = checkpoint {
+        checkpoint.save();
+    }
+    let partial = partial.as_ref().map(|partial| partial.lock().unwrap_or_else(PoisonError::into_inner));
+    let written = partial.map_or(Ok(()), |partial| write_partial(args, &partial));
+    Err(stopped(error, written))
+}
+
+/// The error to report for a stopped render. If it failed, a further failure to write the partial picture is only a warning.
 fn stopped(error: anyhow::Error, written: Result<()>) -> anyhow::Error {
     match written {
-        Err(why) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => why,
-        Err(why) => {
-            output::to_stderr(&format!("warning: {why}"));
+        Err(write_error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => write_error,
+        Err(write_error) => {
+            output::warn(&write_error.to_string());
             error
         }
         Ok(()) => error,
     }
 }
 
-/// Writes what is there of a picture, if anything is.
+/// Writes the finished tiles of a picture, if there are any.
 fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
     let [n_done, n_tiles] = partial.n_tiles();
     if n_done == 0 {
@@ -147,8 +109,7 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
         Some(film) => write_film(&args.output, &film, args.samples.aovs(), &Record::new())?,
         None => write_picture(&args.output, partial.picture())?,
     }
-    let name = args.output.display();
-    output::to_stderr(&format!("warning: {name} has {n_done} of {n_tiles} tiles, and is black elsewhere"));
+    output::warn(&format!("{} contains {n_done} of {n_tiles} tiles; the others are black", args.output.display()));
     Ok(())
 }
 
@@ -156,16 +117,17 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
 mod tests {
     use std::sync::atomic::AtomicBool;
 
+    use anyhow::anyhow;
     use canted_film::read_picture;
-    use canted_renderer::{StructureConfig, frame, prepare};
+    use canted_renderer::{Prepared, StructureConfig, frame, prepare};
     use canted_trace::Watertight;
 
     use super::*;
     use crate::options;
 
-    /// A device that is lost cannot be had on purpose; what follows is the same for every failure behind the first tile.
+    /// Stands for the loss of a device, which a test cannot provoke: every failure after the first tile takes this path.
     #[test]
-    fn a_failure_leaves_the_finished_tiles_and_stays_the_error() {
+    fn a_failure_writes_the_finished_tiles_and_is_reported() {
         let folder = tempfile::tempdir().unwrap();
         let args = Args { output: folder.path().join("out.exr"), ..options::defaults() };
         let settings = Settings { width: 16, height: 8, samples: 1, tile: 8, ..Settings::default() };
@@ -175,17 +137,17 @@ mod tests {
         let tiles = Mutex::new(Vec::new());
         let (finished, cancel) = (|tile: &Tile| tiles.lock().unwrap().push(tile.clone()), AtomicBool::new(false));
         let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
-        let whole = resume(&scene, &structure, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
+        let complete = resume(&scene, &structure, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
         let mut partial = Partial::new(settings.tiling());
         write_partial(&args, &partial).unwrap();
-        assert!(!args.output.exists(), "there is nothing to write");
+        assert!(!args.output.exists(), "no tile is finished");
         tiles.lock().unwrap().iter().filter(|tile| tile.number == 1).for_each(|tile| partial.add(tile));
         let error = stopped(anyhow!("the device is lost"), write_partial(&args, &partial));
         assert_eq!(error.to_string(), "the device is lost");
         let left = read_picture(&args.output).unwrap();
         for (x, y) in (0..8).flat_map(|y| (0..16).map(move |x| (x, y))) {
             let at = left.index(x, y);
-            assert_eq!(left.pixels[at], if x < 8 { [0.0; 3] } else { whole.pixels[at] }, "{x}, {y}");
+            assert_eq!(left.pixels[at], if x < 8 { [0.0; 3] } else { complete.pixels[at] }, "{x}, {y}");
         }
         let nowhere = Args { output: folder.path().join("no/out.exr"), ..args };
         let error = stopped(anyhow!("the device is lost"), write_partial(&nowhere, &partial));

@@ -1,4 +1,4 @@
-//! The tables, as text and as JSON.
+//! The report and the tables of binary BVHs, as text and as JSON.
 
 use std::fmt::Write;
 
@@ -6,35 +6,71 @@ use canted_lbvh::Strategy;
 use canted_scene::Scene;
 use serde_json::{Value, json};
 
-use super::measure::{Level, Measured, Passes, Row};
-use super::{device, wide, wide_tables};
-use crate::{left_out, memory, options::strategy_name};
+use super::{
+    binary::{BinaryStats, Level, Passes, Row},
+    wide::WideStats,
+    wide_tables,
+};
+use crate::{memory, not_needed, options::strategy_name};
 
-/// All numbers as JSON.
-pub(super) fn json(
-    name: &str,
-    scene: &Scene,
-    measured: &Measured,
-    wide: &wide::Measured,
-    left_out: &Value,
-    device: Option<&device::Measured>,
-) -> String {
-    let mut all = json!({
-        "scene": name,
-        "meshes": scene.meshes.len(),
-        "instances": scene.instances.len(),
-        "vertices": n_vertices(scene),
-        "unique_triangles": scene.n_unique_triangles(),
-        "placed_triangles": scene.n_placed_triangles(),
-        "one_level": level_json(&measured.one),
-        "two_level": { "bottom": level_json(&measured.bottom), "top": level_json(&measured.top) },
-        "wide": wide_tables::json(wide),
-        "left_out": left_out,
-    });
-    if let Some(device) = device {
-        all["device"] = device.json();
+/// Everything that `canted stats` prints.
+pub(super) struct Report<'a> {
+    pub(super) name: &'a str,
+    pub(super) scene: &'a Scene,
+    pub(super) binary: BinaryStats,
+    pub(super) wide: WideStats,
+    pub(super) not_needed: Value,
+    /// Measurements on a GPU as JSON and as tables.
+    pub(super) gpu: Option<(Value, String)>,
+}
+
+impl Report<'_> {
+    /// One JSON object.
+    pub(super) fn json(&self) -> String {
+        let Self { name, scene, binary, wide, not_needed, gpu } = self;
+        let mut all = json!({
+            "scene": name,
+            "meshes": scene.meshes.len(),
+            "instances": scene.instances.len(),
+            "vertices": n_vertices(scene),
+            "unique_triangles": scene.n_unique_triangles(),
+            "placed_triangles": scene.n_placed_triangles(),
+            "one_level": level_json(&binary.one),
+            "two_level": { "bottom": level_json(&binary.bottom), "top": level_json(&binary.top) },
+            "wide": wide_tables::json(wide),
+            "not_needed": not_needed,
+        });
+        if let Some((gpu, _)) = gpu {
+            all["device"] = gpu.clone();
+        }
+        all.to_string()
     }
-    all.to_string()
+
+    /// Tables.
+    pub(super) fn text(&self) -> String {
+        let Self { name, scene, binary, wide, not_needed, gpu } = self;
+        let mut out = String::new();
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "{name}: {} meshes, {} instances, {} vertices, {} triangles ({} with instances)",
+            scene.meshes.len(),
+            scene.instances.len(),
+            n_vertices(scene),
+            scene.n_unique_triangles(),
+            scene.n_placed_triangles()
+        );
+        volumes(&mut out, "one level", &binary.one);
+        volumes(&mut out, "two levels, bottom", &binary.bottom);
+        volumes(&mut out, "two levels, top", &binary.top);
+        wide_tables::text(&mut out, wide);
+        passes(&mut out, binary);
+        let _ = writeln!(out, "\nNot needed to render the scene: {}", not_needed::text(not_needed));
+        if let Some((_, gpu)) = gpu {
+            out.push_str(gpu);
+        }
+        out
+    }
 }
 
 fn level_json(level: &Level) -> Value {
@@ -48,11 +84,11 @@ fn level_json(level: &Level) -> Value {
                 "area_sum": row.area,
                 "volume_ratio_to_aabb": ratio(row.volume, level.rows[0].volume),
                 "area_ratio_to_aabb": ratio(row.area, level.rows[0].area),
-                "leaning_share": leaning_share(row),
+                "oriented_share": oriented_share(row),
                 "sah": row.sah,
                 "depth": row.depth,
                 "node_bytes": row.bytes,
-                "boxes_ms": row.boxes_ms,
+                "volumes_ms": row.volumes_ms,
                 "layout_ms": row.layout_ms,
             })
         })
@@ -64,12 +100,12 @@ fn rows(level: &Level) -> impl Iterator<Item = (Strategy, &Row)> {
     Strategy::ALL.into_iter().zip(&level.rows)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a share is shown with a few digits")]
-fn leaning_share(row: &Row) -> f64 {
-    row.leaning as f64 / (row.nodes as f64).max(1.0)
+#[expect(clippy::cast_precision_loss, reason = "a fraction is shown with a few digits")]
+fn oriented_share(row: &Row) -> f64 {
+    row.oriented as f64 / (row.nodes as f64).max(1.0)
 }
 
-/// `a / b`, where two zeros are equal: flat scenes have no volume.
+/// `a / b`, and 1 for two zeros: flat scenes have no volume.
 fn ratio(a: f64, b: f64) -> f64 {
     if a == b { 1.0 } else { a / b }
 }
@@ -78,49 +114,17 @@ fn n_vertices(scene: &Scene) -> usize {
     scene.meshes.iter().map(|mesh| mesh.positions.len()).sum()
 }
 
-/// All numbers as tables for people.
-pub(super) fn text(
-    name: &str,
-    scene: &Scene,
-    measured: &Measured,
-    wide: &wide::Measured,
-    left_out: &Value,
-    device: Option<&device::Measured>,
-) -> String {
-    let mut out = String::new();
-    // Writing to a String cannot fail.
-    let _ = writeln!(
-        out,
-        "{name}: {} meshes, {} instances, {} vertices, {} triangles ({} placed)",
-        scene.meshes.len(),
-        scene.instances.len(),
-        n_vertices(scene),
-        scene.n_unique_triangles(),
-        scene.n_placed_triangles()
-    );
-    boxes(&mut out, "one level", &measured.one);
-    boxes(&mut out, "two levels, bottom", &measured.bottom);
-    boxes(&mut out, "two levels, top", &measured.top);
-    wide_tables::text(&mut out, wide);
-    passes(&mut out, measured);
-    let _ = writeln!(out, "\nLeft out of pictures: {}", left_out::text(left_out));
-    if let Some(device) = device {
-        device.text(&mut out);
-    }
-    out
-}
-
-/// Sums and quality of each strategy; then the volume of each over that of each other (row over column).
-fn boxes(out: &mut String, title: &str, level: &Level) {
-    let _ = writeln!(out, "\nBoxes, {title} (scene scaled to the unit cube)");
+/// Sums and costs of each strategy, then the ratio of the volume sums of each pair.
+fn volumes(out: &mut String, title: &str, level: &Level) {
+    let _ = writeln!(out, "\nBinary BVH, {title} (scene scaled to the unit cube)");
     if level.rows[0].nodes == 0 {
-        let _ = writeln!(out, "  no inner node");
+        let _ = writeln!(out, "  no inner nodes");
         return;
     }
     let _ = writeln!(
         out,
         "{:<14}{:>9}{:>12}{:>8}{:>12}{:>8}{:>9}{:>9}{:>7}{:>11}",
-        "", "nodes", "volume", "ratio", "area", "ratio", "leaning", "SAH", "depth", "memory"
+        "", "nodes", "volume", "ratio", "area", "ratio", "oriented", "SAH", "depth", "memory"
     );
     let aabb = level.rows[0];
     for (strategy, row) in rows(level) {
@@ -133,13 +137,13 @@ fn boxes(out: &mut String, title: &str, level: &Level) {
             ratio(row.volume, aabb.volume),
             row.area,
             ratio(row.area, aabb.area),
-            100.0 * leaning_share(row),
+            100.0 * oriented_share(row),
             row.sah,
             row.depth,
             memory::human(row.bytes as u64)
         );
     }
-    let _ = write!(out, "{:<14}", "row / column");
+    let _ = write!(out, "{:<14}", "volume ratio");
     for strategy in Strategy::ALL {
         let _ = write!(out, "{:>14}", strategy_name(strategy));
     }
@@ -152,25 +156,24 @@ fn boxes(out: &mut String, title: &str, level: &Level) {
     out.push('\n');
 }
 
-/// Milliseconds a pass.
-fn passes(out: &mut String, measured: &Measured) {
-    let _ = write!(out, "\nMilliseconds a pass, {} threads\n{:<20}", rayon::current_num_threads(), "");
+/// Times of the build passes.
+fn passes(out: &mut String, stats: &BinaryStats) {
+    let _ = write!(out, "\nBuild times in milliseconds, {} threads\n{:<20}", rayon::current_num_threads(), "");
     for title in ["gather", "codes", "sort", "nodes", "layout"] {
         let _ = write!(out, "{title:>9}");
     }
     for strategy in Strategy::ALL {
         let _ = write!(out, "{:>14}", strategy_name(strategy));
     }
-    for (title, level) in
-        [("one level", &measured.one), ("bottom levels", &measured.bottom), ("top level", &measured.top)]
-    {
+    for (title, level) in [("one level", &stats.one), ("bottom levels", &stats.bottom), ("top level", &stats.top)] {
         let Passes { gather_ms, codes_ms, sort_ms, tree_ms } = level.passes;
         let _ = write!(out, "\n{title:<20}");
         for ms in [gather_ms, codes_ms, sort_ms, tree_ms, level.rows[0].layout_ms] {
             let _ = write!(out, "{ms:>9.2}");
         }
         for row in &level.rows {
-            let _ = write!(out, "{:>14.2}", row.boxes_ms);
+            let _ = write!(out, "{:>14.2}", row.volumes_ms);
         }
     }
+    out.push('\n');
 }

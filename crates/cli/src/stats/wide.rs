@@ -1,4 +1,4 @@
-//! Builds wide trees with presets.
+//! Wide BVHs of presets.
 
 use std::time::Instant;
 
@@ -6,51 +6,48 @@ use anyhow::Result;
 use canted_obb::Obb;
 use canted_scene::Scene;
 use canted_trace::Watertight;
-use canted_wide::{Config, NodeKind, TriangleBvh};
+use canted_wide::{Config, NodeKind, Preset, TriangleBvh};
 
-use crate::options::PresetArg;
-
-/// One preset on one level of trees.
+/// One preset on one level of BVHs.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Row {
     /// Nodes of each kind, in the order of [`NodeKind::ALL`].
     pub(super) nodes: [usize; NodeKind::ALL.len()],
-    /// Visits of box nodes that a ray costs which enters a root, by prediction, were all nodes box nodes; over several
-    /// trees the mean by root area.
-    pub(super) boxes_only: f64,
-    /// The same of the trees as they are.
-    pub(super) as_built: f64,
-    /// Trees whose box nodes stand in a frame of the mesh's own.
-    pub(super) turned: usize,
-    /// The greatest angle between such a frame and the axes.
-    pub(super) angle_rad: f64,
-    /// Memory of nodes.
+    /// Predicted traversal cost if all nodes were aligned, for a ray that enters the root, in visits of aligned nodes; over
+    /// several BVHs, the mean weighted by root area.
+    pub(super) aligned_cost: f64,
+    /// Predicted traversal cost of the BVHs as built.
+    pub(super) cost: f64,
+    /// BVHs whose mesh is rotated into a local frame.
+    pub(super) n_rotated: usize,
+    /// The largest angle of such a rotation.
+    pub(super) max_angle_rad: f64,
+    /// Memory of the nodes.
     pub(super) node_bytes: usize,
-    /// Memory of triangle blocks.
+    /// Memory of the triangle blocks.
     pub(super) block_bytes: usize,
-    /// Triangles in the trees.
-    pub(super) triangles: usize,
-    /// Nodes on the longest way down.
+    /// Triangles of all BVHs.
+    pub(super) n_triangles: usize,
+    /// Nodes on the longest path from a root.
     pub(super) depth: u32,
-    /// Milliseconds from indexed triangles to trees that answer rays.
+    /// Milliseconds to build all BVHs from indexed triangles.
     pub(super) build_ms: f64,
-    /// Sum of the roots' areas, by which costs are weighted while trees are added.
+    /// Sum of the root areas, the weights of the costs.
     pub(super) root_area: f64,
 }
 
-/// Presets on one level of trees.
+/// All presets on one level of BVHs.
 pub(super) struct Level {
-    /// Number of trees.
-    pub(super) trees: usize,
-    /// Each preset's, in the order asked for.
-    pub(super) rows: Vec<(PresetArg, Row)>,
+    pub(super) n_bvhs: usize,
+    /// In the order of the command line.
+    pub(super) rows: Vec<(Preset, Row)>,
 }
 
-/// Everything measured about wide trees.
-pub(super) struct Measured {
-    /// All triangles in world space under one tree.
+/// All levels.
+pub(super) struct WideStats {
+    /// One BVH over all triangles in world space.
     pub(super) one: Level,
-    /// A tree a mesh.
+    /// One BVH per mesh.
     pub(super) bottom: Level,
 }
 
@@ -60,22 +57,17 @@ impl Row {
         self.nodes.iter().sum()
     }
 
-    /// Part of the nodes that are of one kind.
-    #[expect(clippy::cast_precision_loss, reason = "a share is shown with a few digits")]
+    /// Fraction of nodes of one kind.
+    #[expect(clippy::cast_precision_loss, reason = "a fraction is shown with a few digits")]
     pub(super) fn share(&self, kind: NodeKind) -> f64 {
         let of_kind = NodeKind::ALL.iter().zip(self.nodes).filter(|(each, _)| **each == kind).map(|(_, n)| n);
         of_kind.sum::<usize>() as f64 / (self.n_nodes() as f64).max(1.0)
     }
 
-    /// Part of the nodes that are no box nodes.
-    pub(super) fn leaning_share(&self) -> f64 {
-        self.share(NodeKind::Oriented)
-    }
-
-    /// Memory of nodes and blocks by triangle.
+    /// Memory of nodes and blocks per triangle.
     #[expect(clippy::cast_precision_loss, reason = "a mean is shown with a few digits")]
     pub(super) fn bytes_per_triangle(&self) -> f64 {
-        (self.node_bytes + self.block_bytes) as f64 / (self.triangles as f64).max(1.0)
+        (self.node_bytes + self.block_bytes) as f64 / (self.n_triangles as f64).max(1.0)
     }
 
     fn add(&mut self, wide: &TriangleBvh<Watertight>, area: f64, build_ms: f64) {
@@ -83,15 +75,15 @@ impl Row {
         for (sum, n) in self.nodes.iter_mut().zip(sizes.nodes) {
             *sum += n;
         }
-        self.boxes_only += f64::from(predicted.aligned) * area;
-        self.as_built += f64::from(predicted.chosen) * area;
+        self.aligned_cost += f64::from(predicted.aligned) * area;
+        self.cost += f64::from(predicted.chosen) * area;
         if wide.frame() != Obb::IDENTITY_FRAME {
-            self.turned += 1;
-            self.angle_rad = self.angle_rad.max(angle_rad(wide.frame()));
+            self.n_rotated += 1;
+            self.max_angle_rad = self.max_angle_rad.max(angle_rad(wide.frame()));
         }
         self.node_bytes += sizes.node_bytes;
-        self.block_bytes += sizes.block_bytes;
-        self.triangles += wide.n_triangles();
+        self.block_bytes += sizes.leaf_bytes;
+        self.n_triangles += wide.n_primitives();
         self.depth = self.depth.max(sizes.depth);
         self.build_ms += build_ms;
         self.root_area += area;
@@ -99,8 +91,8 @@ impl Row {
 }
 
 /// Builds the scene in one level and in two, with each preset.
-pub(super) fn measure(scene: &Scene, presets: &[PresetArg]) -> Result<Measured> {
-    let empty = || Level { trees: 0, rows: presets.iter().map(|&preset| (preset, Row::default())).collect() };
+pub(super) fn measure(scene: &Scene, presets: &[Preset]) -> Result<WideStats> {
+    let empty = || Level { n_bvhs: 0, rows: presets.iter().map(|&preset| (preset, Row::default())).collect() };
     let (positions, triangles, _) = canted_renderer::flatten(scene)?;
     let mut one = empty();
     add_mesh(&mut one, &positions, &triangles, 1.0)?;
@@ -109,29 +101,29 @@ pub(super) fn measure(scene: &Scene, presets: &[PresetArg]) -> Result<Measured> 
         add_mesh(&mut bottom, &mesh.positions, &mesh.triangles, super::world_scale(scene, i))?;
     }
     for (_, row) in one.rows.iter_mut().chain(&mut bottom.rows) {
-        // Meshes without area weigh nothing; nor does a mean of them say anything.
+        // Without any area, the costs are zero.
         let area = row.root_area.max(f64::MIN_POSITIVE);
-        row.boxes_only /= area;
-        row.as_built /= area;
+        row.aligned_cost /= area;
+        row.cost /= area;
     }
-    Ok(Measured { one, bottom })
+    Ok(WideStats { one, bottom })
 }
 
 fn add_mesh(level: &mut Level, positions: &[[f32; 3]], triangles: &[[u32; 3]], world_scale: f64) -> Result<()> {
-    level.trees += 1;
+    level.n_bvhs += 1;
     for (preset, row) in &mut level.rows {
         let start = Instant::now();
-        let wide = TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(preset.preset()))?;
+        let wide = TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(*preset))?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
         row.add(&wide, wide.bounds().area() * world_scale * world_scale, build_ms);
     }
     Ok(())
 }
 
-/// The least angle by which boxes along the axes are turned into boxes of a frame of unit rows.
+/// The smallest rotation angle between axis-aligned boxes and boxes in a frame of unit rows.
 ///
-/// Boxes do not tell an axis from its opposite nor one axis from another, so of the 24 rotations that do the same the
-/// least counts: the one of the greatest trace.
+/// Boxes do not change when axes are permuted or reversed. Of the 24 rotations that give the same boxes, the one with the
+/// greatest trace has the smallest angle.
 fn angle_rad(rows: [[f32; 3]; 3]) -> f64 {
     const ORDERS: [([usize; 3], f64); 6] =
         [([0, 1, 2], 1.0), ([1, 2, 0], 1.0), ([2, 0, 1], 1.0), ([0, 2, 1], -1.0), ([2, 1, 0], -1.0), ([1, 0, 2], -1.0)];
@@ -141,7 +133,7 @@ fn angle_rad(rows: [[f32; 3]; 3]) -> f64 {
     let traces = ORDERS.map(|(order, parity)| {
         let diagonal = [0, 1, 2].map(|row| entry(row, order[row]));
         let all: f64 = diagonal.iter().map(|x| x.abs()).sum();
-        // Turning three axes round one by one makes a mirror image where their number is wrong: then one stays.
+        // If reversing axes to make the diagonal positive gives a reflection, the axis of least magnitude is not reversed.
         let is_rotation = diagonal.iter().fold(parity * determinant, |product, x| product * x) >= 0.0;
         let least = diagonal.iter().fold(f64::INFINITY, |least, x| least.min(x.abs()));
         if is_rotation { all } else { all - 2.0 * least }
@@ -154,21 +146,21 @@ fn angle_rad(rows: [[f32; 3]; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Three rounded entries move the cosine of an angle by 3/2 of a rounding, and an angle moves by the root of twice that at most:
-    /// where it is small, and its cosine keeps half of the digits.
+    /// Rounding three entries changes the cosine of an angle by at most 3/2 of a rounding error `e`. The angle changes by at
+    /// most `sqrt(2 * 1.5 * e)`, for small angles.
     fn angle_error_rad() -> f64 {
         (2.0 * 1.5 * 0.5 * f64::from(f32::EPSILON)).sqrt()
     }
 
     #[test]
-    fn a_frame_turned_about_an_axis_has_the_least_of_its_angles() {
+    fn a_rotation_about_an_axis_has_its_smallest_equivalent_angle() {
         for degrees in [0.0f64, 10.0, 30.0, 44.0, 46.0, 80.0, 135.0, 200.0] {
             let (sin, cos) = degrees.to_radians().sin_cos();
             let [sin, cos] = [sin, cos].map(rounded);
             let least = (degrees / 90.0 - (degrees / 90.0).round()).abs() * 90.0;
             for rows in [
                 [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]],
-                // Other names and other signs for the same axes, right- and left-handed.
+                // The same axes permuted and reversed, right- and left-handed.
                 [[0.0, 0.0, -1.0], [-sin, cos, 0.0], [cos, sin, 0.0]],
                 [[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, 1.0]],
             ] {
@@ -180,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn the_least_angle_is_that_of_all_24_rotations_tried() {
+    fn the_angle_is_the_smallest_of_all_24_rotations() {
         let mut state = 1u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -189,9 +181,9 @@ mod tests {
         for _ in 0..200 {
             let q = canted_obb::Quaternion { w: random(), x: random(), y: random(), z: random() };
             let rows = rows_of(q);
-            let tried = least_of_24(rows);
+            let expected = smallest_of_24(rows);
             let angle = angle_rad(rows.map(|row| row.map(rounded)));
-            assert!((angle - tried).abs() <= angle_error_rad(), "{angle} is not {tried}");
+            assert!((angle - expected).abs() <= angle_error_rad(), "{angle} is not {expected}");
         }
     }
 
@@ -200,7 +192,7 @@ mod tests {
         x as f32
     }
 
-    /// The rotation of a quaternion of any length.
+    /// The rotation matrix of a quaternion of any length.
     fn rows_of(q: canted_obb::Quaternion) -> [[f64; 3]; 3] {
         let canted_obb::Quaternion { w, x, y, z } = q;
         let n = w * w + x * x + y * y + z * z;
@@ -212,8 +204,8 @@ mod tests {
         .map(|row| row.map(|entry| entry / n))
     }
 
-    /// Angles of the rotation after each of the cube's.
-    fn least_of_24(rows: [[f64; 3]; 3]) -> f64 {
+    /// The smallest angle of the rotation after each rotation of a cube.
+    fn smallest_of_24(rows: [[f64; 3]; 3]) -> f64 {
         let mut least = f64::INFINITY;
         for (a, b) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
             for signs in 0..4u8 {

@@ -1,22 +1,24 @@
-//! The tables of wide trees, as text and as JSON.
+//! The tables of the wide BVHs, as text and as JSON.
 
 use std::fmt::Write;
 
 use canted_wide::{NodeKind, SimdPath};
 use serde_json::{Value, json};
 
-use super::wide::{Level, Measured, Row};
-use crate::memory;
+use super::wide::{Level, Row, WideStats};
+use crate::{
+    memory,
+    options::{PRESETS, name_of},
+};
 
-/// Below this ratio of predicted costs words speak of per cents, not of times.
+/// Below this ratio of predicted costs, the reason states a percentage instead of a factor.
 const ABOUT_EQUAL: f64 = 1.05;
 
-/// All numbers as JSON.
-pub(super) fn json(measured: &Measured) -> Value {
+pub(super) fn json(stats: &WideStats) -> Value {
     json!({
         "simd": SimdPath::detect().name(),
-        "one_level": level_json(&measured.one),
-        "two_level": level_json(&measured.bottom),
+        "one_level": level_json(&stats.one),
+        "two_level": level_json(&stats.bottom),
     })
 }
 
@@ -25,55 +27,65 @@ fn level_json(level: &Level) -> Value {
         .map(|(name, row)| {
             json!({
                 "preset": name,
-                "predicted_boxes_only": row.boxes_only,
-                "predicted_as_built": row.as_built,
+                "predicted_aligned_cost": row.aligned_cost,
+                "predicted_cost": row.cost,
                 "nodes": row.n_nodes(),
-                "box_share": row.share(NodeKind::Aligned),
-                "lean_share": row.share(NodeKind::Oriented),
-                "turned": row.turned,
-                "greatest_angle_degrees": row.angle_rad.to_degrees(),
+                "aligned_share": row.share(NodeKind::Aligned),
+                "oriented_share": row.share(NodeKind::Oriented),
+                "rotated": row.n_rotated,
+                "max_angle_degrees": row.max_angle_rad.to_degrees(),
                 "depth": row.depth,
                 "node_bytes": row.node_bytes,
                 "block_bytes": row.block_bytes,
                 "bytes_per_triangle": row.bytes_per_triangle(),
                 "build_ms": row.build_ms,
-                "because": because(level, row),
+                "reason": reason(level, row),
             })
         })
         .collect();
-    json!({ "trees": level.trees, "presets": presets })
+    json!({ "bvhs": level.n_bvhs, "presets": presets })
 }
 
 fn rows(level: &Level) -> impl Iterator<Item = (&'static str, &Row)> {
-    level.rows.iter().map(|(preset, row)| (preset.name(), row))
+    level.rows.iter().map(|(preset, row)| (name_of(&PRESETS, preset), row))
 }
 
-/// A table a level, and the reason of each preset's choice.
-pub(super) fn text(out: &mut String, measured: &Measured) {
-    level_text(out, "one level", &measured.one);
-    level_text(out, "two levels, bottom", &measured.bottom);
+/// One table per level, each with a reason per preset.
+pub(super) fn text(out: &mut String, stats: &WideStats) {
+    level_text(out, "one level", &stats.one);
+    level_text(out, "two levels, bottom", &stats.bottom);
 }
 
 fn level_text(out: &mut String, title: &str, level: &Level) {
     // Writing to a String cannot fail.
-    let _ =
-        writeln!(out, "\nWide trees, {title} (costs: box nodes that a ray visits which enters the root, predicted)");
     let _ = writeln!(
         out,
-        "{:<14}{:>10}{:>10}{:>9}{:>9}{:>9}{:>8}{:>7}{:>11}{:>11}{:>9}{:>10}",
-        "", "boxes only", "as built", "nodes", "box", "lean", "turned", "depth", "of nodes", "of blocks", "B/tri", "ms"
+        "\nWide BVH, {title} (predicted cost of a ray that enters the root, in aligned node visits)\n\
+         {:<14}{:>13}{:>9}{:>9}{:>9}{:>10}{:>9}{:>7}{:>11}{:>11}{:>9}{:>10}",
+        "",
+        "aligned cost",
+        "cost",
+        "nodes",
+        "aligned",
+        "oriented",
+        "rotated",
+        "depth",
+        "node mem",
+        "leaf mem",
+        "B/tri",
+        "build ms"
     );
     for (name, row) in rows(level) {
         let percent = |kind| format!("{:.1}%", 100.0 * row.share(kind));
         let _ = writeln!(
             out,
-            "{name:<14}{:>10.2}{:>10.2}{:>9}{:>9}{:>9}{:>8}{:>7}{:>11}{:>11}{:>9.1}{:>10.2}",
-            row.boxes_only,
-            row.as_built,
+            "{name:<14}{:>13.2}{:>9.2}{:>9}{:>9}{:>10}{:>9}{:>7}{:>11}{:>11}{:>9.1}{:>10.2}",
+            row.aligned_cost,
+            row.cost,
             row.n_nodes(),
             percent(NodeKind::Aligned),
             percent(NodeKind::Oriented),
-            format!("{}/{}", row.turned, level.trees),
+            format!("{}/{}", row.n_rotated, level.n_bvhs),
             row.depth,
             memory::human(row.node_bytes as u64),
             memory::human(row.block_bytes as u64),
@@ -82,36 +94,37 @@ fn level_text(out: &mut String, title: &str, level: &Level) {
         );
     }
     for (name, row) in rows(level) {
-        let _ = writeln!(out, "{name}: {}", because(level, row));
+        let _ = writeln!(out, "{name}: {}", reason(level, row));
     }
 }
 
-/// Why the nodes are what they are, in a sentence.
-fn because(level: &Level, row: &Row) -> String {
+/// The reason for the kinds of nodes, in a sentence.
+fn reason(level: &Level, row: &Row) -> String {
     if row.n_nodes() == 0 {
-        return "no node: the root is a leaf".to_owned();
+        return "the root is a leaf".to_owned();
     }
-    let turned = match row.turned {
-        0 => String::new(),
-        n => {
-            let of = if level.trees == 1 { "the mesh is".to_owned() } else { format!("{n} of {} are", level.trees) };
-            format!("; {of} turned, by {:.0} degrees at most", row.angle_rad.to_degrees())
-        }
+    let degrees = row.max_angle_rad.to_degrees();
+    let rotated = match (row.n_rotated, level.n_bvhs) {
+        (0, _) => String::new(),
+        (_, 1) => format!("; the mesh is rotated by {degrees:.0} degrees"),
+        (1, n) => format!("; 1 of {n} meshes is rotated, by {degrees:.0} degrees"),
+        (rotated, n) => format!("; {rotated} of {n} meshes are rotated, by at most {degrees:.0} degrees"),
     };
-    let share = row.leaning_share();
-    let how_many = if share > 0.0 { format!("{} of nodes lean", percent(share)) } else { "no node leans".to_owned() };
-    // Costs never rise: the collapse takes the cheapest kind.
-    let times = row.boxes_only / row.as_built;
+    let share = row.share(NodeKind::Oriented);
+    // The builder chooses the cheaper kind of node, so the ratio is at least 1.
+    let ratio = row.aligned_cost / row.cost;
     if share == 0.0 {
-        format!("box nodes predicted as cheap as any: {how_many}{turned}")
-    } else if times < ABOUT_EQUAL {
-        format!("box nodes predicted only {:.1} % dearer: {how_many}{turned}", 100.0 * (times - 1.0))
-    } else {
-        format!("leaning boxes predicted {times:.1} times cheaper: {how_many}{turned}")
+        return format!("aligned nodes are cheapest: no node is oriented{rotated}");
     }
+    let more = if ratio < ABOUT_EQUAL {
+        format!("{:.1} % more", 100.0 * (ratio - 1.0))
+    } else {
+        format!("{ratio:.1} times as much")
+    };
+    format!("aligned nodes alone would cost {more}: {} of nodes are oriented{rotated}", percent(share))
 }
 
-/// A share above 0 in words: one that rounding would hide is said to be small.
+/// A nonzero fraction in words.
 fn percent(share: f64) -> String {
     if share < 0.005 { "less than 1 %".to_owned() } else { format!("{:.0} %", 100.0 * share) }
 }
@@ -120,29 +133,27 @@ fn percent(share: f64) -> String {
 mod tests {
     use super::*;
 
-    fn said(row: Row) -> String {
-        because(&Level { trees: 1, rows: vec![] }, &row)
+    fn reason_of(row: Row) -> String {
+        reason(&Level { n_bvhs: 1, rows: vec![] }, &row)
     }
 
     #[test]
-    fn reasons_follow_the_numbers() {
-        let row = Row { nodes: [3, 97], boxes_only: 39.0, as_built: 10.0, ..Row::default() };
-        assert_eq!(said(row), "leaning boxes predicted 3.9 times cheaper: 97 % of nodes lean");
-        let turned = Row { turned: 1, angle_rad: 0.5, nodes: [100, 0], as_built: 39.0, ..row };
-        let said_of_turned =
-            "box nodes predicted as cheap as any: no node leans; the mesh is turned, by 29 degrees at most";
-        assert_eq!(said(turned), said_of_turned);
-        assert_eq!(said(Row { nodes: [0; 2], ..row }), "no node: the root is a leaf");
+    fn the_reason_follows_the_numbers() {
+        let row = Row { nodes: [10, 90], aligned_cost: 39.0, cost: 10.0, ..Row::default() };
+        let many = "aligned nodes alone would cost 3.9 times as much: 90 % of nodes are oriented";
+        assert_eq!(reason_of(row), many);
+        let rotated = Row { n_rotated: 1, max_angle_rad: 0.5, nodes: [100, 0], cost: 39.0, ..row };
+        let none = "aligned nodes are cheapest: no node is oriented; the mesh is rotated by 29 degrees";
+        assert_eq!(reason_of(rotated), none);
+        assert_eq!(reason_of(Row { nodes: [0; 2], ..row }), "the root is a leaf");
     }
 
     #[test]
-    fn reasons_at_both_sides_of_about_equal() {
-        let row = Row { nodes: [999, 1], boxes_only: 100.0, ..Row::default() };
-        let few = "box nodes predicted only 4.9 % dearer: less than 1 % of nodes lean";
-        assert_eq!(said(Row { as_built: 100.0 / 1.049, ..row }), few);
-        assert_eq!(
-            said(Row { as_built: 94.0, ..row }).split(':').next(),
-            Some("leaning boxes predicted 1.1 times cheaper")
-        );
+    fn a_small_gain_is_a_percentage() {
+        let row = Row { nodes: [999, 1], aligned_cost: 100.0, ..Row::default() };
+        let few = "aligned nodes alone would cost 4.9 % more: less than 1 % of nodes are oriented";
+        assert_eq!(reason_of(Row { cost: 100.0 / 1.049, ..row }), few);
+        let above = reason_of(Row { cost: 94.0, ..row });
+        assert!(above.starts_with("aligned nodes alone would cost 1.1 times as much: "), "{above}");
     }
 }

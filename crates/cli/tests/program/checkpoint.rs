@@ -1,12 +1,12 @@
-//! `canted render --checkpoint`: a render that was stopped goes on, to the same bytes.
+//! `canted render --checkpoint`: an interrupted render continues to the same bytes.
 
 use crate::support::Folder;
 
-/// Many tiles of little work.
+/// Many small tiles.
 const RENDER: &str = "render small.obj --size 160x128 --spp 8 --threads 2 --aovs all --checkpoint work.ckpt -o out.exr";
 
-/// The bytes of the picture that is made in one go.
-fn whole(folder: &Folder, line: &str) -> Vec<u8> {
+/// The bytes of the picture rendered without a checkpoint.
+fn uninterrupted(folder: &Folder, line: &str) -> Vec<u8> {
     folder.run(&line.replace("--checkpoint work.ckpt", "").replace("--checkpoint-every 0", "")).done();
     let bytes = folder.bytes("out.exr");
     std::fs::remove_file(folder.path("out.exr")).unwrap();
@@ -14,16 +14,16 @@ fn whole(folder: &Folder, line: &str) -> Vec<u8> {
 }
 
 #[test]
-fn a_render_that_is_not_stopped_leaves_no_checkpoint() {
+fn a_complete_render_removes_its_checkpoint() {
     let folder = Folder::with_small();
-    let expected = whole(&folder, RENDER);
+    let expected = uninterrupted(&folder, RENDER);
     folder.run(&format!("{RENDER} --checkpoint-every 0")).done();
     assert!(folder.bytes("out.exr") == expected);
     assert_eq!(folder.names(), ["out.exr", "small.obj"]);
 }
 
 #[test]
-fn files_that_are_no_checkpoints_are_refused_and_kept() {
+fn other_files_are_rejected_as_checkpoints_and_kept() {
     let folder = Folder::with_small();
     folder.write("work.ckpt", "precious");
     folder.run(RENDER).refused(&["work.ckpt", "checkpoint"]);
@@ -40,13 +40,13 @@ mod stopped {
         time::Duration,
     };
 
-    use super::{RENDER, whole};
+    use super::{RENDER, uninterrupted};
     use crate::{
         interrupted::{catches, is_ignored, send, wait_until},
         support::Folder,
     };
 
-    /// A render that takes some seconds: many samples.
+    /// A render that takes a few seconds.
     fn slow(options: &str) -> String {
         RENDER.replace("--spp 8", options)
     }
@@ -56,17 +56,16 @@ mod stopped {
         let mut command = folder.command(&format!("{line} --checkpoint-every 0"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         wait_until(|| folder.path("work.ckpt").exists() || child.try_wait().unwrap().is_some());
-        assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
+        assert!(child.try_wait().unwrap().is_none(), "the render ended too early");
         child
     }
 
-    /// One write a day: only a signal writes.
+    /// Writes once a day, so that only a signal writes.
     fn rarely(line: &str) -> String {
         format!("{line} --checkpoint-every 86400")
     }
 
-    /// Stops a render by a signal, which must write what was done; later and later, for at first that may be nothing, or
-    /// rendering has not begun.
+    /// Stops a render by a signal, which must write the finished tiles. Retries later, because at first no tile may be finished.
     fn stop(folder: &Folder, signal: &str, start: impl Fn() -> Child) {
         let read = || std::fs::read(folder.path("work.ckpt")).ok();
         let before = read();
@@ -81,12 +80,12 @@ mod stopped {
     }
 
     #[test]
-    fn a_killed_render_goes_on_to_the_same_bytes() {
+    fn a_killed_render_continues_to_the_same_bytes() {
         let folder = Folder::with_small();
         for options in ["--spp 128", "--samples 5..120", "--spp 256 --noise 0.002"] {
             let line = slow(options);
-            let expected = whole(&folder, &line);
-            // Twice, so that a render that went on is killed too.
+            let expected = uninterrupted(&folder, &line);
+            // Twice, so that a continued render is killed too.
             for _ in 0..2 {
                 let mut child = start(&folder, &line);
                 child.kill().unwrap();
@@ -95,7 +94,7 @@ mod stopped {
             assert!(!folder.names().contains(&"out.exr".to_owned()));
             folder.run(&line.replace("--threads 2", "--threads 1")).done();
             assert!(folder.bytes("out.exr") == expected, "{options}");
-            // A killed process leaves its temporary files: only they may remain.
+            // A killed process leaves its temporary files behind.
             let mut rest = folder.names();
             rest.retain(|name| !name.ends_with(".tmp"));
             assert_eq!(rest, ["out.exr", "small.obj"], "{options}");
@@ -103,12 +102,12 @@ mod stopped {
         }
     }
 
-    /// The folder of the picture goes away while it is made: its tiles are kept.
+    /// The output folder is removed while rendering.
     #[test]
-    fn a_picture_without_a_place_is_kept() {
+    fn a_picture_that_cannot_be_written_keeps_its_checkpoint() {
         let folder = Folder::with_small();
         let line = slow("--spp 512").replace("out.exr", "sub/out.exr");
-        // Later and later: too soon, the place is refused before the work.
+        // Retries later: if the folder is removed too early, the output is rejected before rendering.
         let is_kept = (0..8).any(|doubled| {
             std::fs::create_dir(folder.path("sub")).unwrap();
             let mut command = folder.command(&rarely(&line));
@@ -132,8 +131,8 @@ mod stopped {
         }
         let folder = Folder::with_small();
         let line = slow("--spp 256");
-        let expected = whole(&folder, &line);
-        // Ctrl-C, or what a scheduler sends.
+        let expected = uninterrupted(&folder, &line);
+        // Ctrl-C, and the signal of schedulers.
         for signal in ["-INT", "-TERM"] {
             stop(&folder, signal, || {
                 let child = folder.command(&rarely(&line)).stdout(Stdio::null()).spawn().unwrap();
@@ -146,10 +145,10 @@ mod stopped {
         assert_eq!(folder.names(), ["out.exr", "small.obj"]);
     }
 
-    /// As a script starts it with `&`, or `nohup` does: those signals stay ignored, and a scheduler's is heard.
+    /// As started by the `&` of a script, or by `nohup`.
     #[cfg(target_os = "linux")]
     #[test]
-    fn what_is_ignored_stays_so_and_other_signals_are_heard() {
+    fn ignored_signals_stay_ignored_and_others_are_handled() {
         let folder = Folder::with_small();
         let program = folder.command(&rarely(&slow("--spp 256")));
         stop(&folder, "-TERM", || {
@@ -166,7 +165,7 @@ mod stopped {
     }
 
     #[test]
-    fn checkpoints_of_other_pictures_and_damaged_ones_are_refused() {
+    fn checkpoints_of_other_pictures_and_damaged_ones_are_rejected() {
         let folder = Folder::with_small();
         let line = slow("--spp 128");
         let mut child = start(&folder, &line);

@@ -1,18 +1,18 @@
-//! `canted compare` on pictures whose differences are known.
+//! `canted compare` on pictures with known differences.
 
 use canted_film::{Picture, write_exr};
 use image::{Rgb, RgbImage};
 
 use crate::support::Folder;
 
-/// The floor under squared references that the program documents.
+/// The documented floor of squared references.
 const FLOOR: f64 = 1e-2;
 
-/// Largest relMSE that rounding to 8 bits of sRGB causes: half a step of 255, at most 2.4 times that in linear light (the
-/// slope of the curve at white), squared, over the floor.
+/// Largest relMSE of rounding to 8 bits of sRGB: half a step of 255, at most 2.4 times that in linear light (the slope of
+/// the curve at white), squared, over the floor.
 const EIGHT_BITS: f64 = (2.4 * 0.5 / 255.0) * (2.4 * 0.5 / 255.0) / FLOOR;
 
-/// A folder with pictures of four pixels: `black.png`, `white.png`, `half.png` of two white pixels, and a smaller one.
+/// A folder with pictures of four pixels: `black.png`, `white.png` and `half.png` with two white pixels; and a smaller one.
 fn folder() -> Folder {
     let folder = Folder::new();
     let save = |name: &str, width: u32, n_white: u32| {
@@ -45,7 +45,7 @@ fn equal_pictures_do_not_differ() {
 }
 
 #[test]
-fn differences_are_those_of_the_definition() {
+fn differences_follow_their_definition() {
     let folder = folder();
     assert_numbers(&folder, "half.png white.png", [0.5, 0.5f64.sqrt(), 0.5 / (1.0 + FLOOR)]);
     assert_numbers(&folder, "black.png white.png", [0.0, 1.0, 1.0 / (1.0 + FLOOR)]);
@@ -54,23 +54,23 @@ fn differences_are_those_of_the_definition() {
 }
 
 #[test]
-fn a_limit_turns_the_answer_into_an_exit_code() {
+fn a_limit_determines_the_exit_code() {
     let folder = folder();
     let run = folder.run("compare half.png white.png --max 0.4");
     assert_eq!(run.code, Some(1));
-    assert!(run.stdout.contains("relMSE"), "the numbers are told all the same: {}", run.stdout);
+    assert!(run.stdout.contains("relMSE"), "the numbers are printed too: {}", run.stdout);
     folder.run("compare half.png white.png --max 0.5").done();
     folder.run("compare half.png white.png").done();
 }
 
 #[test]
-fn mean_errors_and_flip_are_told() {
+fn mean_errors_and_flip_are_reported() {
     let folder = folder();
     let json = folder.run("compare half.png white.png --json --errors errors.png").done().json();
     for key in ["mse", "mae"] {
         assert_eq!(json[key].as_f64().unwrap(), 0.5, "{key}");
     }
-    // Two pixels of four are black for white, the others see it through the filters of the eye.
+    // Two of four pixels are black instead of white, and the filters of FLIP spread the error.
     let flip = json["flip"].as_f64().unwrap();
     assert!((0.5..1.0).contains(&flip), "{flip}");
     assert_eq!(image::open(folder.path("errors.png")).unwrap().to_rgb8().dimensions(), (2, 2));
@@ -91,9 +91,9 @@ fn mean_errors_and_flip_are_told() {
     }
 }
 
-/// A pixel that is not a number lies within no limit, however well the others agree.
+/// A pixel that is not finite exceeds every limit.
 #[test]
-fn pixels_that_are_not_finite_are_told() {
+fn pixels_that_are_not_finite_are_reported() {
     let folder = folder();
     for (name, x) in [("one.exr", 1.0), ("nan.exr", f32::NAN)] {
         let picture = Picture { width: 2, height: 1, pixels: vec![[x; 3], [1.0; 3]] };
@@ -109,7 +109,7 @@ fn pixels_that_are_not_finite_are_told() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_refused() {
+fn pictures_that_cannot_be_compared_are_rejected() {
     let folder = folder();
     folder.run("compare small.png white.png").refused(&["small.png", "white.png", "1 x 2", "2 x 2"]);
     folder.run("compare small.png white.png --max 9").refused(&["1 x 2"]);
@@ -125,10 +125,10 @@ fn what_cannot_be_compared_is_refused() {
 fn both_formats_of_one_render_agree_within_eight_bits() {
     let folder = Folder::with_small();
     for format in ["png", "exr"] {
-        // Dim enough that nothing is brighter than the white of a PNG.
+        // Dim, so that no pixel exceeds the white of a PNG.
         folder.run(&format!("render small.obj -o out.{format} --size 24x16 --spp 2 --env 0.4,0.3,0.2")).done();
     }
     folder.run(&format!("compare out.png out.exr --max {EIGHT_BITS}")).done();
     let run = folder.run("compare out.png out.exr --max 0");
-    assert_eq!(run.code, Some(1), "rounding is seen: {}", run.stdout);
+    assert_eq!(run.code, Some(1), "rounding is detected: {}", run.stdout);
 }

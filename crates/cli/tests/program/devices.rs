@@ -1,9 +1,9 @@
-//! `canted devices`: the CPU always, adapters where there are any.
+//! `canted devices`: the CPU and all adapters.
 
 use crate::support::Folder;
 
 #[test]
-fn the_cpu_is_always_there_and_every_adapter_says_what_it_is() {
+fn lists_the_cpu_and_describes_every_adapter() {
     let folder = Folder::new();
     let json = folder.run("devices --json").done().json();
     assert!(json["cpu"]["threads"].as_u64().unwrap() > 0);
@@ -12,5 +12,5 @@ fn the_cpu_is_always_there_and_every_adapter_says_what_it_is() {
         assert_eq!(adapter["is_software"].as_bool().unwrap(), adapter["kind"] == "software");
     }
     let text = folder.run("devices").done().stdout;
-    assert!(text.starts_with("cpu ") && text.contains("--device auto takes "), "{text}");
+    assert!(text.starts_with("cpu ") && text.contains("--device auto selects "), "{text}");
 }

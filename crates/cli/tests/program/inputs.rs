@@ -1,4 +1,4 @@
-//! Files that are absent, empty, broken, or claim more than they hold.
+//! Input files that are missing, empty, malformed, or state false counts.
 
 use std::{
     fs,
@@ -10,7 +10,7 @@ use canted_fixtures::skip;
 use crate::support::Folder;
 
 #[test]
-fn missing_and_empty_files_are_named() {
+fn missing_and_empty_files_are_reported_by_name() {
     let folder = Folder::with_small();
     for name in ["empty.obj", "empty.ply", "empty.gltf", "empty.glb", "empty"] {
         folder.write(name, "");
@@ -26,7 +26,7 @@ fn missing_and_empty_files_are_named() {
 }
 
 #[test]
-fn counts_that_lie_are_refused_quickly() {
+fn false_counts_are_rejected_quickly() {
     let folder = Folder::new();
     let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n\
                   property float z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n";
@@ -37,11 +37,11 @@ fn counts_that_lie_are_refused_quickly() {
     folder.run("stats huge.ply").refused(&["huge.ply"]);
     folder.run("stats huge.glb").refused(&["huge.glb"]);
     folder.run("compare huge.png huge.png").refused(&["huge.png"]);
-    assert!(start.elapsed().as_secs() < 10, "three lies took {:?}", start.elapsed());
+    assert!(start.elapsed().as_secs() < 10, "three files took {:?}", start.elapsed());
 }
 
 #[test]
-fn a_repaired_file_warns_on_standard_error_and_answers_on_standard_output() {
+fn warnings_go_to_standard_error_and_results_to_standard_output() {
     let folder = Folder::new();
     folder.write("nan.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\n");
     let run = folder.run("stats nan.obj --json").done();
@@ -50,24 +50,24 @@ fn a_repaired_file_warns_on_standard_error_and_answers_on_standard_output() {
     assert!(!run.stdout.contains("warning"));
 }
 
-/// A scene that fills the range of numbers is seen from its edge: no eye stands beyond.
+/// No camera position is representable outside such a scene, so it is seen from its edge.
 #[test]
-fn coordinates_at_the_end_of_the_numbers_make_a_picture() {
+fn coordinates_near_the_largest_float_are_rendered() {
     let folder = Folder::new();
     folder.write("huge.obj", "v -3e38 0 0\nv 3e38 0 0\nv 0 3e38 -3e38\nf 1 2 3\n");
     let run = folder.run("render huge.obj -o out.png --size 8x8 --spp 1").done();
     assert_eq!(run.n_warnings(), 1, "{}", run.stderr);
 }
 
-/// What a row of the table of malformed files expects.
+/// A row of the table of malformed files.
 struct Row {
     path: PathBuf,
     expected: String,
     code: i32,
 }
 
-/// Rows of `EXPECT.tsv` that the program is given by themselves: models of the three formats, the OBJ file that names every
-/// image, and environments.
+/// Rows of `EXPECT.tsv` that are program inputs: models of the three formats, the OBJ file that refers to every image, and
+/// environments.
 fn table(folder: &Path) -> Vec<Row> {
     let table = fs::read_to_string(folder.join("EXPECT.tsv")).unwrap();
     let rows = table.lines().filter(|line| !line.starts_with('#')).skip(1);
@@ -82,13 +82,13 @@ fn is_environment(path: &Path) -> bool {
 }
 
 #[test]
-fn malformed_files_end_as_their_table_says() {
+fn malformed_files_give_the_results_of_their_table() {
     let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
     let models = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
     let nasty = models.join("nasty");
     if !nasty.is_dir() {
         let reason = format_args!("there is no folder {}", nasty.display());
-        skip::<()>("malformed_files_end_as_their_table_says", reason);
+        skip::<()>("malformed_files_give_the_results_of_their_table", reason);
         return;
     }
     let folder = Folder::with_small();

@@ -1,4 +1,4 @@
-//! Ctrl-C and what schedulers send: the process ends with 130, and nothing half-written remains.
+//! Ctrl-C and the signals of schedulers: the process ends with 130 and leaves no half-written file.
 
 use std::{
     os::unix::process::ExitStatusExt,
@@ -11,7 +11,7 @@ use canted_fixtures::skip;
 
 use crate::{random::Random, support::Folder};
 
-/// Waits until `is_true`, for a minute at most.
+/// Waits until `is_true`, for at most a minute.
 pub(crate) fn wait_until(mut is_true: impl FnMut() -> bool) {
     let start = Instant::now();
     while !is_true() {
@@ -20,7 +20,7 @@ pub(crate) fn wait_until(mut is_true: impl FnMut() -> bool) {
     }
 }
 
-/// Whether Ctrl-C does nothing here, as under `nohup`: programs inherit that and keep it, so the test is skipped by name.
+/// Whether Ctrl-C is ignored here, as under `nohup`. The program inherits that, so the test is skipped.
 pub(crate) fn is_ignored(test: &str) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -32,36 +32,36 @@ pub(crate) fn is_ignored(test: &str) -> bool {
     is_ignored
 }
 
-/// Sends Ctrl-C; the exit code as a shell shows it.
+/// Sends Ctrl-C. Returns the exit code as a shell reports it.
 pub(crate) fn interrupt(child: &mut Child) -> Option<i32> {
     send("-INT", child)
 }
 
-/// Sends a signal, as above.
+/// As [`interrupt`], with any signal.
 pub(crate) fn send(signal: &str, child: &mut Child) -> Option<i32> {
-    assert!(child.try_wait().unwrap().is_none(), "the work was over too soon");
+    assert!(child.try_wait().unwrap().is_none(), "the process ended too early");
     assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
     wait_until(|| child.try_wait().unwrap().is_some());
     let status = child.wait().unwrap();
     status.code().or_else(|| status.signal().map(|signal| 128 + signal))
 }
 
-/// Whether the process catches a signal, by the mask of those it does; `None` where the system does not say.
+/// Whether the process has a handler for a signal; `None` where the system does not report it.
 pub(crate) fn catches(signal: &str, child: &Child) -> Option<bool> {
     let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
-    assert!(!status.contains("\nState:\tZ"), "the work was over too soon");
+    assert!(!status.contains("\nState:\tZ"), "the process ended too early");
     let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
     let (_, bit) = [("HUP", 0), ("INT", 1), ("TERM", 14)].into_iter().find(|&(name, _)| name == signal)?;
     Some(u64::from_str_radix(mask.trim(), 16).ok()? >> bit & 1 == 1)
 }
 
 #[test]
-fn a_render_ends_with_130_and_leaves_nothing() {
-    if is_ignored("a_render_ends_with_130_and_leaves_nothing") {
+fn an_interrupted_render_leaves_no_files() {
+    if is_ignored("an_interrupted_render_leaves_no_files") {
         return;
     }
     let folder = Folder::with_small();
-    // Before there is anything to stop, and while rays are traced.
+    // Before and while rays are traced.
     for milliseconds in [0, 2000] {
         let mut command = folder.command("render small.obj -o out.png --size 1024x1024 --spp 1048576");
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
@@ -72,11 +72,11 @@ fn a_render_ends_with_130_and_leaves_nothing() {
     }
 }
 
-/// Where a scene is still read, by the bytes that the process has read, nothing looks at a flag.
+/// While the scene is read, as the bytes read by the process show, nothing polls the cancel flag.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_render_that_still_reads_ends_with_130() {
-    if is_ignored("a_render_that_still_reads_ends_with_130") {
+fn a_render_can_be_interrupted_while_reading() {
+    if is_ignored("a_render_can_be_interrupted_while_reading") {
         return;
     }
     let folder = Folder::new();
@@ -95,10 +95,10 @@ fn a_render_that_still_reads_ends_with_130() {
     }
 }
 
-/// A driver that is being set up is left as it is: what it does at an exit would take apart what it still makes.
+/// Exit handlers of a driver would destroy what another thread still initializes.
 #[test]
-fn a_search_for_devices_is_interrupted_without_a_crash() {
-    if is_ignored("a_search_for_devices_is_interrupted_without_a_crash") {
+fn listing_devices_can_be_interrupted_without_a_crash() {
+    if is_ignored("listing_devices_can_be_interrupted_without_a_crash") {
         return;
     }
     let folder = Folder::with_small();
@@ -107,19 +107,19 @@ fn a_search_for_devices_is_interrupted_without_a_crash() {
         sleep(Duration::from_millis(milliseconds));
         assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
         let status = child.wait().unwrap();
-        // It may be over already, or not have begun to catch signals.
+        // The process may have ended, or not yet have installed its handler.
         let is_sane = matches!(status.code(), Some(0 | 130)) || status.signal() == Some(15);
         assert!(is_sane, "after {milliseconds} ms: {status}");
     }
 }
 
 #[test]
-fn a_cast_ends_with_130_and_leaves_nothing() {
-    if is_ignored("a_cast_ends_with_130_and_leaves_nothing") {
+fn an_interrupted_cast_leaves_no_files() {
+    if is_ignored("an_interrupted_cast_leaves_no_files") {
         return;
     }
     let folder = Folder::new();
-    // Triangles that all lie in each other, so that a ray tests every one of them.
+    // Overlapping triangles, so that a ray tests all of them.
     let mut random = Random(5);
     let corners: String =
         (0..3 * 3000).map(|_| random.point(1000)).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
@@ -132,17 +132,17 @@ fn a_cast_ends_with_130_and_leaves_nothing() {
     assert_eq!(folder.names(), ["rays.csv", "tangle.obj"]);
 }
 
-/// Whoever writes is interrupted in the middle, by Ctrl-C or what a scheduler sends.
+/// Interrupts the program while it writes its output.
 #[test]
-fn nothing_half_written_remains() {
-    if is_ignored("nothing_half_written_remains") {
+fn no_half_written_file_remains() {
+    if is_ignored("no_half_written_file_remains") {
         return;
     }
     let folder = Folder::with_small();
     let ray: Vec<u8> = [9.0f32, 9.0, 9.0, 0.0, 0.0, 1.0, 1.0].into_iter().flat_map(f32::to_le_bytes).collect();
     folder.write("rays.bin", ray.repeat(3_000_000));
     folder.write("many.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(1_500_000));
-    // The first temporary files only prove that the place can be written.
+    // The first temporary files only test that the outputs can be written.
     for (line, n_probes) in [
         ("cast small.obj --rays rays.bin --hits hits.csv --device cpu", 1),
         ("tree many.obj --codes codes.csv --nodes nodes.csv", 2),

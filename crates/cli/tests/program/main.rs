@@ -1,17 +1,17 @@
-//! The program as its users meet it: arguments and files in; exit code, streams and files out.
+//! Tests of the program: arguments and files in; exit code, streams and files out.
 //!
-//! Not covered: the look of pictures, speed, the progress bar on a terminal.
+//! Not covered: the appearance of pictures, speed, the progress bar on a terminal.
 
 mod cast;
 mod checkpoint;
 mod compare;
 mod devices;
 mod environment;
+mod gpu;
 mod inputs;
 #[cfg(unix)]
 mod interrupted;
 mod noise;
-mod on_device;
 mod options;
 mod outputs;
 mod random;

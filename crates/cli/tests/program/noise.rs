@@ -1,4 +1,4 @@
-//! `canted render --noise`: pixels stop when they are good enough, and what is claimed is so.
+//! `canted render --noise`: pixels stop at the requested error, and the reported error is true.
 
 use serde_json::Value;
 
@@ -26,13 +26,13 @@ fn less_noise_takes_more_samples() {
 }
 
 #[test]
-fn the_most_samples_are_an_end_too() {
+fn spp_is_the_maximum() {
     let folder = Folder::with_small();
     let one = folder.run(&format!("{RENDER} --spp 1 --noise 0.1 -o a.exr")).done().stdout;
     assert!(one.lines().any(|line| line.starts_with("noise reached") && line.ends_with("unknown")), "{one}");
     let facts = folder.run(&format!("{RENDER} --spp 24 --noise 1e-6 --json -o a.exr")).done().json();
     assert!(number(&facts, "noise_reached") > 1e-6, "{facts}");
-    // Cells that see the sky alone have no noise and stop at 16.
+    // Cells that show only sky have no noise and stop at 16 samples.
     let spent = number(&facts, "mean_samples_per_pixel");
     assert!((16.0..=24.0).contains(&spent), "{facts}");
     folder.run(&format!("{RENDER} --spp 24 --sampler sobol -o b.exr")).done();
@@ -50,17 +50,17 @@ fn threads_do_not_change_a_byte() {
     assert!((2..=3).all(|n| picture(n) == one));
 }
 
-/// Independent samples, whose error the estimate is of; the error of a long run of other samples is far below.
+/// The estimate is for independent samples. The error of the reference is much smaller.
 #[test]
-fn the_error_is_what_is_claimed() {
+fn the_reported_error_is_true() {
     let folder = Folder::with_small();
     folder.run(&format!("{RENDER} --spp 16384 --seed 1 --sampler sobol -o long.exr")).done();
     for noise in [0.02, 0.004] {
         let line = format!("{RENDER} --spp 8192 --noise {noise} --sampler random --json -o a.exr");
-        let claimed = number(&folder.run(&line).done().json(), "noise_reached");
+        let reported = number(&folder.run(&line).done().json(), "noise_reached");
         let found = folder.run("compare a.exr long.exr --json").done().json();
-        // In a grey picture the relative error of each channel is that of luminance.
-        let ratio = number(&found, "relmse").sqrt() / claimed;
-        assert!((0.85..1.15).contains(&ratio), "{noise}: {claimed} claimed, {ratio} times that found");
+        // In a gray picture, the relative error of each channel equals that of luminance.
+        let ratio = number(&found, "relmse").sqrt() / reported;
+        assert!((0.85..1.15).contains(&ratio), "{noise}: {reported} reported, {ratio} times that measured");
     }
 }

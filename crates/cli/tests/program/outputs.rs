@@ -1,4 +1,4 @@
-//! Outputs appear whole under their name, or not at all.
+//! Output files are written completely or not at all.
 
 use std::fs;
 
@@ -6,7 +6,7 @@ use crate::support::Folder;
 
 const RAYS: &str = "0.5,0.5,5,0,0,-1,9\n";
 
-/// Every command line that writes, with `OUT` where the file's name goes.
+/// Commands that write a file; `OUT` stands for its name.
 const WRITERS: [&str; 4] = [
     "render small.obj --size 8x8 --spp 1 -o OUT.png",
     "cast small.obj --rays rays.csv --hits OUT.csv",
@@ -21,7 +21,7 @@ fn folder() -> Folder {
 }
 
 #[test]
-fn a_missing_folder_is_named() {
+fn a_missing_folder_is_reported() {
     for line in WRITERS {
         let folder = folder();
         folder.run(&line.replace("OUT", "missing/out")).refused(&["cannot write missing/out", "no such"]);
@@ -30,7 +30,7 @@ fn a_missing_folder_is_named() {
 }
 
 #[test]
-fn a_folder_is_no_output() {
+fn a_folder_is_rejected_as_output() {
     for line in WRITERS {
         let folder = folder();
         for name in ["out.png", "out.csv"] {
@@ -43,22 +43,22 @@ fn a_folder_is_no_output() {
 
 #[cfg(unix)]
 #[test]
-fn a_folder_that_cannot_be_written_is_named() {
+fn a_read_only_folder_is_reported() {
     use std::os::unix::fs::PermissionsExt;
     let folder = folder();
     let locked = folder.path("locked");
     fs::create_dir(&locked).unwrap();
     fs::set_permissions(&locked, fs::Permissions::from_mode(0o555)).unwrap();
-    // The system's own folder of processes refuses even the superuser, whom permissions do not stop.
-    let refuses_us = fs::write(locked.join("probe"), "").is_err();
-    let name = if refuses_us { "locked/out" } else { "/proc/out" };
+    // Permissions do not apply to the superuser, but nobody can create files in /proc.
+    let is_read_only = fs::write(locked.join("probe"), "").is_err();
+    let name = if is_read_only { "locked/out" } else { "/proc/out" };
     for line in WRITERS {
         folder.run(&line.replace("OUT", name)).refused(&["cannot write", name]);
     }
 }
 
 #[test]
-fn what_stood_there_before_survives_a_failure() {
+fn a_failure_keeps_existing_files() {
     let folder = folder();
     for name in ["out.png", "out.csv", "nodes.csv", "codes.csv"] {
         folder.write(name, "precious");
@@ -74,7 +74,7 @@ fn what_stood_there_before_survives_a_failure() {
 }
 
 #[test]
-fn success_replaces_what_stood_there_and_leaves_nothing_beside_it() {
+fn success_replaces_existing_files_and_leaves_no_others() {
     let folder = folder();
     for line in WRITERS {
         folder.write("out.png", "old");
@@ -87,7 +87,7 @@ fn success_replaces_what_stood_there_and_leaves_nothing_beside_it() {
 }
 
 #[test]
-fn one_name_is_not_two_files() {
+fn two_options_cannot_name_the_same_file() {
     let folder = folder();
     folder.run("tree small.obj --codes both.csv --nodes both.csv").refused(&["--codes", "--nodes", "both.csv"]);
     folder.run("tree small.obj --codes both.csv --nodes ./both.csv").refused(&["--codes", "--nodes", "./both.csv"]);
@@ -99,7 +99,7 @@ fn one_name_is_not_two_files() {
     folder.run("compare a.png a.png --errors ./a.png").refused(&["--errors", "./a.png"]);
 }
 
-/// Whatever a command reads is still there afterwards, however the output's name leads to it.
+/// Whatever path leads to an input, no output replaces it.
 #[test]
 fn inputs_are_not_replaced() {
     let folder = folder();
@@ -110,7 +110,7 @@ fn inputs_are_not_replaced() {
         folder.run(&format!("render small.obj --size 8x4 --samples {range} -o {}.exr", &range[..1])).done();
     }
     let mut cases = vec![
-        ("merge 0.exr 1.exr -o ./1.exr", "1.exr", ["a part", "--output"]),
+        ("merge 0.exr 1.exr -o ./1.exr", "1.exr", ["PART", "--output"]),
         ("render small.obj --env sky.exr -o ./sky.exr", "sky.exr", ["--env", "--output"]),
         ("render s.toml -o sky.exr", "sky.exr", ["s.toml", "--output"]),
         ("render small.obj --checkpoint small.obj -o a.exr", "small.obj", ["SCENE", "--checkpoint"]),
@@ -118,7 +118,7 @@ fn inputs_are_not_replaced() {
         ("tree small.obj --codes ./small.obj --nodes n.csv", "small.obj", ["SCENE", "--codes"]),
         ("tree s.toml --codes c.csv --nodes small.obj", "small.obj", ["s.toml", "--nodes"]),
     ];
-    // What a scene names, and what a scene file's scenes do.
+    // Files that a scene refers to, directly or through a scene file.
     folder.run("render small.obj --size 8x4 --spp 1 -o t.png").done();
     folder.write("t.mtl", "newmtl a\nmap_Kd t.png\n");
     folder.write("t.obj", "mtllib t.mtl\nusemtl a\n".to_owned() + crate::support::SMALL);
@@ -138,19 +138,19 @@ fn inputs_are_not_replaced() {
         "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}]}"#,
     );
     cases.extend([
-        ("render t.ply -o t.png", "t.png", ["what t.ply names", "--output"]),
-        ("cast t.gltf --rays rays.csv --hits t.bin", "t.bin", ["what t.gltf names", "--hits"]),
-        ("render t.obj -o ./t.png", "t.png", ["what t.obj names", "--output"]),
-        ("render t.obj --checkpoint t.mtl -o a.png", "t.mtl", ["what t.obj names", "--checkpoint"]),
-        ("render t.toml -o t.png", "t.png", ["what t.toml names", "--output"]),
-        ("tree t.obj --codes t.mtl --nodes n.csv", "t.mtl", ["what t.obj names", "--codes"]),
+        ("render t.ply -o t.png", "t.png", ["an input of t.ply", "--output"]),
+        ("cast t.gltf --rays rays.csv --hits t.bin", "t.bin", ["an input of t.gltf", "--hits"]),
+        ("render t.obj -o ./t.png", "t.png", ["an input of t.obj", "--output"]),
+        ("render t.obj --checkpoint t.mtl -o a.png", "t.mtl", ["an input of t.obj", "--checkpoint"]),
+        ("render t.toml -o t.png", "t.png", ["an input of t.toml", "--output"]),
+        ("tree t.obj --codes t.mtl --nodes n.csv", "t.mtl", ["an input of t.obj", "--codes"]),
     ]);
     if cfg!(unix) {
         #[cfg(unix)]
         for (file, link) in [("0.exr", "part.exr"), ("rays.csv", "hits.csv")] {
             std::os::unix::fs::symlink(file, folder.path(link)).unwrap();
         }
-        cases.push(("merge 0.exr 1.exr -o part.exr", "0.exr", ["a part", "--output"]));
+        cases.push(("merge 0.exr 1.exr -o part.exr", "0.exr", ["PART", "--output"]));
         cases.push(("cast small.obj --rays rays.csv --hits hits.csv", "rays.csv", ["--rays", "--hits"]));
     }
     let names = folder.names();
@@ -162,25 +162,25 @@ fn inputs_are_not_replaced() {
     assert_eq!(folder.names(), names);
 }
 
-/// Devices and pipes are no files that a result may replace: for the superuser `/dev/null` would become one.
+/// Devices and pipes are not replaced: the superuser could replace `/dev/null`.
 #[cfg(unix)]
 #[test]
-fn what_is_no_file_is_not_replaced() {
+fn only_regular_files_are_replaced() {
     let folder = folder();
     let is_file = |name: &str| fs::symlink_metadata(folder.path(name)).unwrap().is_file();
     let _sockets =
         ["out.png", "out.csv"].map(|name| std::os::unix::net::UnixListener::bind(folder.path(name)).unwrap());
     for line in WRITERS {
-        folder.run(&line.replace("OUT", "out")).refused(&["cannot write out", "no regular file"]);
+        folder.run(&line.replace("OUT", "out")).refused(&["cannot write out", "not a regular file"]);
     }
     folder.run("render small.obj -o a.png --checkpoint out.csv").refused(&["cannot write out.csv"]);
     assert!(!is_file("out.png") && !is_file("out.csv"));
 }
 
-/// Results that nobody can have are no success; a reader that has read enough is one.
+/// A full disk is an error; a closed pipe is not.
 #[cfg(target_os = "linux")]
 #[test]
-fn standard_output_that_is_full_is_an_error() {
+fn a_full_standard_output_is_an_error() {
     let folder = folder();
     let run = |out: &str| {
         let out = fs::File::create(out).unwrap();

@@ -1,6 +1,6 @@
-//! Random numbers, the same in every run.
+//! Reproducible random numbers.
 
-/// A linear congruential generator (Knuth's constants); its high bits are good enough for test data.
+/// A linear congruential generator with Knuth's constants, of which only the high bits are used.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {

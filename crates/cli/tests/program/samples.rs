@@ -1,4 +1,4 @@
-//! `canted render --samples` and `canted merge`: parts made apart are the whole, byte for byte, or are refused.
+//! `canted render --samples` and `canted merge`: parts merge to the same bytes as one render, or are rejected.
 
 use crate::support::Folder;
 
@@ -12,10 +12,10 @@ fn part(folder: &Folder, range: &str, options: &str) -> String {
 }
 
 #[test]
-fn parts_in_any_order_are_the_whole_byte_for_byte() {
+fn parts_in_any_order_merge_to_the_bytes_of_one_render() {
     let folder = Folder::with_small();
     for options in ["", "--aovs all --seed 7", "--sampler random --aovs depth", "--sampler stratified --spp 32"] {
-        let whole = folder.bytes(&part(&folder, "0..32", options));
+        let expected = folder.bytes(&part(&folder, "0..32", options));
         let [half, other_half, start, end, middle] =
             ["0..16", "16..32", "0..5", "5..32", "5..19"].map(|range| part(&folder, range, options));
         let last = part(&folder, "19..32", options);
@@ -26,13 +26,13 @@ fn parts_in_any_order_are_the_whole_byte_for_byte() {
             format!("{middle} {last} {start}"),
         ] {
             folder.run(&format!("merge {parts} -o merged.exr")).done();
-            assert!(folder.bytes("merged.exr") == whole, "{options}: {parts}");
+            assert!(folder.bytes("merged.exr") == expected, "{options}: {parts}");
         }
-        // What was merged is a part itself.
+        // A merged file is a part.
         folder.run(&format!("merge {last} {middle} -o rest.exr")).done();
         assert!(folder.bytes("rest.exr") == folder.bytes(&end), "{options}");
         folder.run(&format!("merge {start} rest.exr -o merged.exr")).done();
-        assert!(folder.bytes("merged.exr") == whole, "{options}");
+        assert!(folder.bytes("merged.exr") == expected, "{options}");
     }
 }
 
@@ -46,7 +46,7 @@ fn threads_do_not_change_a_byte_of_a_part() {
 }
 
 #[test]
-fn a_part_is_a_picture_too() {
+fn a_part_is_a_picture() {
     let folder = Folder::with_small();
     let name = part(&folder, "16..48", "");
     folder.run(&format!("{RENDER} --samples 0..64 --sampler sobol -o whole.exr")).done();
@@ -54,11 +54,11 @@ fn a_part_is_a_picture_too() {
     folder.run("compare whole.exr plain.exr --max 0").done();
     let found = folder.run(&format!("compare {name} plain.exr --json")).done().json();
     assert!((0.9..1.1).contains(&found["mean_ratio"].as_f64().unwrap()), "{found}");
-    assert!(found["rmse"].as_f64().unwrap() > 0.0, "other samples are other noise");
+    assert!(found["rmse"].as_f64().unwrap() > 0.0, "other samples have other noise");
 }
 
 #[test]
-fn facts_name_the_samples() {
+fn the_report_states_the_samples() {
     let folder = Folder::with_small();
     let facts = folder.run(&format!("{RENDER} --samples 4..7 --json -o a.exr")).done().json();
     assert_eq!((&facts["samples"], &facts["samples_per_pixel"]), (&"4..7".into(), &3.into()));
@@ -69,7 +69,7 @@ fn facts_name_the_samples() {
 }
 
 #[test]
-fn gaps_and_overlaps_are_refused_by_file_and_number() {
+fn gaps_and_overlaps_are_rejected_with_files_and_ranges() {
     let folder = Folder::with_small();
     let [a, b, c] = ["0..8", "4..12", "20..24"].map(|range| part(&folder, range, ""));
     folder.run(&format!("merge {a} {b} -o out.exr")).refused(&[&a, &b, "0..8", "4..12", "overlap"]);
@@ -79,7 +79,7 @@ fn gaps_and_overlaps_are_refused_by_file_and_number() {
 }
 
 #[test]
-fn parts_of_two_pictures_are_refused_by_what_differs() {
+fn parts_of_different_pictures_are_rejected_with_the_difference() {
     let folder = Folder::with_small();
     let a = part(&folder, "0..4", "");
     folder.write("other.obj", crate::support::SMALL.replace("v 1 1 0", "v 1 1.5 0"));
@@ -110,7 +110,7 @@ fn parts_of_two_pictures_are_refused_by_what_differs() {
 }
 
 #[test]
-fn files_that_are_no_parts_are_refused_by_name() {
+fn files_that_are_not_parts_are_rejected() {
     let folder = Folder::with_small();
     let name = part(&folder, "0..4", "--aovs normal");
     folder.run(&format!("{RENDER} --spp 4 -o plain.exr")).done();
@@ -119,7 +119,7 @@ fn files_that_are_no_parts_are_refused_by_name() {
     folder.run(&format!("merge {name} small.obj -o out.exr")).refused(&["small.obj"]);
     folder.run(&format!("merge {name} -o out.png")).refused(&["out.png", ".exr"]);
     folder.run("merge -o out.exr").refused(&["<PART>"]);
-    // No damage makes a panic, and what is merged is never other than what was written.
+    // Damaged files do not cause a panic.
     let bytes = folder.bytes(&name);
     folder.run(&format!("merge {name} -o whole.exr")).done();
     assert!(folder.bytes("whole.exr") == bytes);
@@ -136,26 +136,26 @@ fn files_that_are_no_parts_are_refused_by_name() {
     }
 }
 
-/// A header's promise is held against the bytes of its file before memory is asked for.
+/// The size in a header is checked against the size of the file before memory is allocated.
 #[test]
-fn parts_that_promise_more_than_they_hold_are_refused() {
+fn parts_with_false_sizes_are_rejected() {
     let folder = Folder::with_small();
     let name = part(&folder, "0..4", "");
     let mut bytes = folder.bytes(&name);
     let window = b"dataWindow\0box2i\0";
-    let places: Vec<usize> = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(window)).collect();
-    for at in places {
-        // Behind the length, and least column and row: the greatest ones.
+    let offsets: Vec<usize> = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(window)).collect();
+    for at in offsets {
+        // The largest column and row follow the length and the smallest ones.
         let last = at + window.len() + 4 + 8;
         bytes[last..last + 8].copy_from_slice(&[8191_i32.to_le_bytes(); 2].concat());
     }
     folder.write("huge.exr", bytes);
-    folder.run(&format!("merge huge.exr {name} -o out.exr")).refused(&["huge.exr", "promises 8192 x 8192 texels"]);
-    folder.run(&format!("compare huge.exr {name}")).refused(&["huge.exr", "promises 8192 x 8192 texels"]);
+    folder.run(&format!("merge huge.exr {name} -o out.exr")).refused(&["huge.exr", "invalid image size 8192 x 8192"]);
+    folder.run(&format!("compare huge.exr {name}")).refused(&["huge.exr", "invalid image size 8192 x 8192"]);
 }
 
 #[test]
-fn options_that_contradict_each_other_are_refused() {
+fn contradictory_options_are_rejected() {
     let folder = Folder::with_small();
     let cases: &[(&str, &[&str])] = &[
         ("--samples 0..4 -o a.png", &["--samples", ".exr"]),

@@ -1,39 +1,42 @@
-//! Scene files: written, rendered, refused.
+//! Scene files: writing, rendering, and errors.
 
-use crate::{environment::traveller, support::Folder};
+use crate::{environment::animated, support::Folder};
 
-/// A picture of 24x16 pixels by these options.
+/// Asserts that a scene and its scene file give the same picture.
 #[track_caller]
-fn same_bits(scene: &str, options: &str) {
+fn assert_same_bits(scene: &str, options: &str) {
     let folder = Folder::with_small();
     folder.run(&format!("scene {scene} --size 24x16 --spp 2 {options} -o s.toml")).done();
     folder.run(&format!("render {scene} --size 24x16 --spp 2 {options} -o a.exr")).done();
     folder.run("render s.toml -o b.exr").done();
     assert_eq!(folder.bytes("a.exr"), folder.bytes("b.exr"), "{scene} {options}: {}", folder.text("s.toml"));
-    // A file that says all says the same once more.
+    // A complete file is written again without change.
     folder.run("scene s.toml -o t.toml").done();
     assert_eq!(folder.text("s.toml"), folder.text("t.toml"), "{scene} {options}");
 }
 
 #[test]
-fn a_scene_and_its_file_make_the_same_picture() {
-    same_bits("", "--preset fast");
-    same_bits("small.obj", "");
-    same_bits("small.obj", "--eye 2,3,4 --target 0,0,0 --fov 30 --aperture 0.1 --focus 4 --seed 7 --filter tent");
-    same_bits("small.obj", "--sun -1,-1,-1,1,2,3 --point 0.1,2,0,1,1,1 --ao-radius inf --bounces 0");
-    same_bits("small.obj", "--integrator path --sphere 0.5,3,-1,0.25,9,8,7");
-    same_bits("small.obj", "--integrator path --env 0.1,0.2,0.3 --sampler sobol --noise 0.5");
+fn a_scene_and_its_file_give_the_same_picture() {
+    assert_same_bits("", "--preset fast");
+    assert_same_bits("small.obj", "");
+    assert_same_bits(
+        "small.obj",
+        "--eye 2,3,4 --target 0,0,0 --fov 30 --aperture 0.1 --focus 4 --seed 7 --filter tent",
+    );
+    assert_same_bits("small.obj", "--sun -1,-1,-1,1,2,3 --point 0.1,2,0,1,1,1 --ao-radius inf --bounces 0");
+    assert_same_bits("small.obj", "--integrator path --sphere 0.5,3,-1,0.25,9,8,7");
+    assert_same_bits("small.obj", "--integrator path --env 0.1,0.2,0.3 --sampler sobol --noise 0.5");
 }
 
-/// What options name is in the file too: the picture of the sky, and the pose.
+/// Environment maps and animation times of options are in the file.
 #[test]
-fn files_and_poses_of_options_are_in_the_file() {
+fn files_and_times_of_options_are_in_the_file() {
     const CAMERA: &str = "--eye 3,1,12 --target 3,0,0 --size 24x16 --spp 2";
-    let folder = traveller();
-    folder.run(&format!("render traveller.gltf {CAMERA} -o sky.exr")).done();
+    let folder = animated();
+    folder.run(&format!("render animated.gltf {CAMERA} -o sky.exr")).done();
     for options in ["--env sky.exr --env-turn 40 --env-scale 2", "--time 1"] {
-        folder.run(&format!("scene traveller.gltf {CAMERA} {options} -o s.toml")).done();
-        folder.run(&format!("render traveller.gltf {CAMERA} {options} -o a.exr")).done();
+        folder.run(&format!("scene animated.gltf {CAMERA} {options} -o s.toml")).done();
+        folder.run(&format!("render animated.gltf {CAMERA} {options} -o a.exr")).done();
         folder.run("render s.toml -o b.exr").done();
         assert!(folder.bytes("a.exr") != folder.bytes("sky.exr"), "{options} changes nothing");
         assert!(folder.bytes("a.exr") == folder.bytes("b.exr"), "{options}: {}", folder.text("s.toml"));
@@ -42,7 +45,7 @@ fn files_and_poses_of_options_are_in_the_file() {
 }
 
 #[test]
-fn the_command_line_has_the_last_word() {
+fn the_command_line_overrides_the_file() {
     let folder = Folder::with_small();
     folder.run("scene small.obj --size 24x16 --spp 2 --seed 3 -o s.toml").done();
     folder.run("render s.toml --seed 4 --size 24x16 -o a.exr").done();
@@ -50,16 +53,16 @@ fn the_command_line_has_the_last_word() {
     assert_eq!(folder.bytes("a.exr"), folder.bytes("b.exr"));
     folder.run("render s.toml -o c.exr").done();
     assert_ne!(folder.bytes("a.exr"), folder.bytes("c.exr"));
-    // A part of the samples, whose number the file says.
+    // Parts of the samples that the file states.
     folder.run("render s.toml --samples 0..1 -o 0.exr").done();
     folder.run("render s.toml --samples 1..2 -o 1.exr").done();
     folder.run("merge 0.exr 1.exr -o whole.exr").done();
     folder.run("render s.toml --sampler sobol --samples 0..3 -o sobol.exr").done();
 }
 
-/// What a file says of one kind of picture does not stand in the way of another.
+/// Settings for one kind of picture do not prevent another.
 #[test]
-fn settings_that_other_options_have_no_room_for_give_way() {
+fn settings_that_contradict_options_are_ignored() {
     let folder = Folder::with_small();
     folder.run("scene small.obj --size 24x16 --spp 2 --noise 0.5 --ao-radius 1 -o s.toml").done();
     folder.run("render s.toml --heatmap boxes -o heat.png").done();
@@ -83,7 +86,7 @@ fn every_command_reads_scene_files() {
 }
 
 #[test]
-fn what_is_wrong_is_told_in_a_sentence_and_nothing_is_written() {
+fn errors_are_reported_with_their_line_and_nothing_is_written() {
     let folder = Folder::with_small();
     let asset = "[[assets]]\nname = 'small'\nfile = 'small.obj'\n";
     let cases: &[(&str, &[&str])] = &[
@@ -96,8 +99,8 @@ fn what_is_wrong_is_told_in_a_sentence_and_nothing_is_written() {
         ("[settings]\nsize = '0x3'", &["line 5", "`size`", "0x3"]),
         ("[settings]\nfov = 30", &["line 5", "`fov`", "[camera]"]),
         ("[settings]\nthreads = 1", &["line 5", "`threads`"]),
-        ("[camera]\neye = [0, 0, nan]\ntarget = [0, 0, 0]", &["line 5", "`eye`", "nan"]),
-        ("[light]\n", &["line 4", "`light`", "`lights`"]),
+        ("[camera]\neye = [0, 0, nan]\ntarget = [0, 0, 0]", &["line 5", "'eye'", "nan"]),
+        ("[light]\n", &["line 4", "'light'", "'lights'"]),
     ];
     for (text, words) in cases {
         folder.write("s.toml", format!("{asset}{text}"));
@@ -105,7 +108,7 @@ fn what_is_wrong_is_told_in_a_sentence_and_nothing_is_written() {
             folder.run(command).refused(words);
         }
     }
-    folder.run("scene small.obj -o s.obj").refused(&["s.obj", ".toml"]);
+    folder.run("scene small.obj -o s.obj").refused(&["s.obj: unsupported format '.obj'; use .toml"]);
     folder.run("scene small.obj --threads 1 -o t.toml").refused(&["--threads"]);
     folder.run("scene absent.obj -o t.toml").refused(&["absent.obj"]);
     assert_eq!(folder.names(), ["s.toml", "small.obj"], "nothing is written");

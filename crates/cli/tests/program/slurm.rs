@@ -1,6 +1,6 @@
-//! The scripts of `examples/slurm`, run by a Slurm of one machine that the test starts and ends.
+//! The scripts of `examples/slurm`, run by a single-machine Slurm that the test starts and stops.
 //!
-//! Skipped, by name, where Slurm or MUNGE is not installed. Not covered: accounts, partitions, several machines.
+//! Skipped without Slurm or MUNGE. Not covered: accounts, partitions, several machines.
 
 use std::{
     env,
@@ -20,18 +20,18 @@ use crate::support::Folder;
 
 const PROGRAMS: [&str; 4] = ["munged", "slurmctld", "slurmd", "sbatch"];
 
-/// A process that ends with its value.
+/// A process that is killed on drop.
 struct Daemon(Child);
 
 impl Drop for Daemon {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // Errors mean that it has already ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// The program's folder first, then the system's, where daemons are too.
+/// The folder of the program, then those of the system and its daemons.
 fn search_path() -> OsString {
     let own = Path::new(env!("CARGO_BIN_EXE_canted")).parent().unwrap().to_owned();
     let known = env::var_os("PATH").unwrap_or_default();
@@ -42,15 +42,15 @@ fn is_installed(program: &str) -> bool {
     env::split_paths(&search_path()).any(|folder| folder.join(program).is_file())
 }
 
-/// A port that nobody listens at.
+/// An unused port.
 fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
-/// A Slurm of one machine whose files are all in `folder`.
+/// A single-machine Slurm whose files are all in `folder`.
 struct Slurm<'a> {
     folder: &'a Folder,
-    /// Ended in this order.
+    /// Stopped in this order.
     _daemons: Vec<Daemon>,
 }
 
@@ -94,13 +94,13 @@ impl<'a> Slurm<'a> {
         slurm
     }
 
-    /// Standard output of a command in the folder.
+    /// The standard output of a command in the folder.
     fn run(&self, line: &str) -> String {
         text(&command(self.folder, line).output().unwrap())
     }
 }
 
-/// The words of `line` as a command that knows this Slurm.
+/// A command that uses this Slurm.
 fn command(folder: &Folder, line: &str) -> Command {
     let mut words = line.split_whitespace();
     let mut command = Command::new(words.next().unwrap());
@@ -128,10 +128,10 @@ fn wait_until(what: &str, mut is_true: impl FnMut() -> bool) {
 }
 
 #[test]
-fn an_array_of_parts_and_a_merge_make_the_picture_of_one_machine() {
+fn an_array_job_and_a_merge_give_the_picture_of_one_machine() {
     if let Some(missing) = PROGRAMS.into_iter().find(|program| !is_installed(program)) {
         let reason = format_args!("{missing} of Debian's slurm-wlm and munge is not installed");
-        skip::<()>("an_array_of_parts_and_a_merge_make_the_picture_of_one_machine", reason);
+        skip::<()>("an_array_job_and_a_merge_give_the_picture_of_one_machine", reason);
         return;
     }
     let folder = Folder::with_small();

@@ -1,4 +1,4 @@
-//! `canted stats`: numbers that are finite and fit together.
+//! `canted stats`: numbers that are finite and consistent.
 
 use std::fmt::Write;
 
@@ -6,12 +6,12 @@ use serde_json::Value;
 
 use crate::{random::Random, support::Folder};
 
-/// A lattice of thin bars that lean: two triangles a bar, two groups with the same bars.
+/// Thin diagonal bars in two objects, two triangles each.
 fn lattice(n_bars: usize) -> String {
     bars(n_bars, 400, 30)
 }
 
-/// Bars that begin within `spread` of the origin and lean by up to `reach`.
+/// Bars that start within `spread` of the origin and extend by up to `reach` in x and y.
 fn bars(n_bars: usize, spread: u32, reach: u32) -> String {
     let mut random = Random(9);
     let mut obj = String::new();
@@ -29,7 +29,7 @@ fn bars(n_bars: usize, spread: u32, reach: u32) -> String {
     obj
 }
 
-/// Asserts that every number is finite: JSON knows no other, what is not finite becomes `null`.
+/// Asserts that every number is finite: JSON writes others as `null`.
 #[track_caller]
 fn assert_no_null(value: &Value) {
     match value {
@@ -44,7 +44,7 @@ fn number(row: &Value, key: &str) -> f64 {
     row[key].as_f64().unwrap_or_else(|| panic!("{key} is {}", row[key]))
 }
 
-/// Asserts what holds between the rows of one level; returns its rows.
+/// Asserts the relations between the rows of one level, and returns the rows.
 #[track_caller]
 fn assert_level(level: &Value, n_nodes: u64) -> &Vec<Value> {
     let rows = level["strategies"].as_array().unwrap();
@@ -57,66 +57,65 @@ fn assert_level(level: &Value, n_nodes: u64) -> &Vec<Value> {
         assert_eq!(row["nodes"], n_nodes, "{}", row["volumes"]);
         for (key, sum) in [("volume_ratio_to_aabb", "volume_sum"), ("area_ratio_to_aabb", "area_sum")] {
             let ratio = number(row, sum) / number(&rows[0], sum);
-            // Equal but for the rounding of a number's decimal form.
+            // Equal except for decimal rounding.
             assert!((number(row, key) - ratio).abs() <= 1e-12 * ratio, "{key}");
         }
-        let share = number(row, "leaning_share");
+        let share = number(row, "oriented_share");
         assert!((0.0..=1.0).contains(&share), "a share of {share}");
         assert!(number(row, "sah") > 0.0 && number(row, "node_bytes") > 0.0);
-        // Every node falls back to the box along the axes where that has less area.
+        // Every node falls back to the axis-aligned box if that has less area.
         assert!(number(row, "area_ratio_to_aabb") <= 1.0 + 1e-12, "{row}");
     }
-    assert_eq!(rows[0]["leaning_share"], 0.0);
+    assert_eq!(rows[0]["oriented_share"], 0.0);
     rows
 }
 
-/// Asserts what holds between the rows of one level of wide trees; returns its rows.
+/// Asserts the relations between the rows of one level of wide BVHs, and returns the rows.
 #[track_caller]
-fn assert_wide(level: &Value, n_trees: u64, n_triangles: f64) -> &Vec<Value> {
-    assert_eq!(level["trees"], n_trees);
+fn assert_wide(level: &Value, n_bvhs: u64, n_triangles: f64) -> &Vec<Value> {
+    assert_eq!(level["bvhs"], n_bvhs);
     let rows = level["presets"].as_array().unwrap();
     let names: Vec<&str> = rows.iter().map(|row| row["preset"].as_str().unwrap()).collect();
     assert_eq!(names, ["fast", "balanced", "quality"]);
     for row in rows {
-        let [boxes_only, as_built] = ["predicted_boxes_only", "predicted_as_built"].map(|key| number(row, key));
-        assert!(as_built > 0.0 && as_built <= boxes_only * (1.0 + 1e-6), "no dearer kind is chosen: {row}");
-        let shares = ["box_share", "lean_share"].map(|key| number(row, key));
+        let [aligned, chosen] = ["predicted_aligned_cost", "predicted_cost"].map(|key| number(row, key));
+        assert!(chosen > 0.0 && chosen <= aligned * (1.0 + 1e-6), "the cheaper kind is chosen: {row}");
+        let shares = ["aligned_share", "oriented_share"].map(|key| number(row, key));
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{row}");
-        // Nodes take 256, 320 and 512 bytes; blocks of four triangles 160.
+        // Nodes take 256 and 512 bytes, blocks of four triangles 160.
         let n_nodes = number(row, "nodes");
-        let node_bytes: f64 =
-            shares.iter().zip([256.0, 320.0, 512.0]).map(|(share, bytes)| share * n_nodes * bytes).sum();
+        let node_bytes: f64 = shares.iter().zip([256.0, 512.0]).map(|(share, bytes)| share * n_nodes * bytes).sum();
         assert!((number(row, "node_bytes") - node_bytes).abs() < 1e-6 * node_bytes, "{row}");
         let block_bytes = number(row, "block_bytes");
         assert!(block_bytes % 160.0 == 0.0 && block_bytes >= 40.0 * n_triangles, "{row}");
         let bytes = number(row, "bytes_per_triangle") * n_triangles;
         assert!((bytes - number(row, "node_bytes") - block_bytes).abs() < 1e-6 * bytes, "{row}");
-        assert!(number(row, "turned") <= number(level, "trees") && number(row, "depth") >= 1.0, "{row}");
-        // Boxes can be turned by no more than from a diagonal of the cube to an axis.
-        assert!((0.0..=62.8).contains(&number(row, "greatest_angle_degrees")), "{row}");
+        assert!(number(row, "rotated") <= number(level, "bvhs") && number(row, "depth") >= 1.0, "{row}");
+        // The largest rotation of a box that no permutation of axes makes smaller.
+        assert!((0.0..=62.8).contains(&number(row, "max_angle_degrees")), "{row}");
         assert!(number(row, "build_ms") >= 0.0);
     }
     rows
 }
 
 #[test]
-fn wide_trees_say_why_they_lean() {
+fn diagonal_bars_give_oriented_nodes() {
     let folder = Folder::new();
-    // Dense enough that rays which enter the lattice meet many bars.
+    // Dense, so that rays which enter the lattice pass many bars.
     folder.write("lattice.obj", bars(400, 100, 100));
     let wide = &folder.run("stats lattice.obj --presets fast,balanced,quality --json").done().json()["wide"];
     assert!(["scalar", "avx2", "avx512", "neon"].contains(&wide["simd"].as_str().unwrap()), "{wide}");
     assert_wide(&wide["two_level"], 2, 800.0);
     for row in assert_wide(&wide["one_level"], 1, 800.0) {
-        let times = number(row, "predicted_boxes_only") / number(row, "predicted_as_built");
-        assert!(times > 1.05 && number(row, "box_share") < 0.9, "bars lean: {row}");
-        let because = row["because"].as_str().unwrap();
-        assert!(because.starts_with(&format!("leaning boxes predicted {times:.1} times cheaper: ")), "{because}");
+        let ratio = number(row, "predicted_aligned_cost") / number(row, "predicted_cost");
+        assert!(ratio > 1.05 && number(row, "aligned_share") < 0.9, "bars are diagonal: {row}");
+        let reason = row["reason"].as_str().unwrap();
+        assert!(reason.starts_with(&format!("aligned nodes alone would cost {ratio:.1} times as much: ")), "{reason}");
     }
 }
 
 #[test]
-fn wide_trees_of_squares_say_that_boxes_do() {
+fn a_grid_gives_aligned_nodes() {
     let folder = Folder::new();
     let mut obj = String::new();
     for (x, y) in (0..=20).flat_map(|x| (0..=20).map(move |y| (x, y))) {
@@ -132,15 +131,15 @@ fn wide_trees_of_squares_say_that_boxes_do() {
         1,
         800.0,
     ) {
-        assert_eq!((&row["lean_share"], &row["turned"]), (&0.0.into(), &0.into()), "{row}");
-        assert_eq!(row["because"], "box nodes predicted as cheap as any: no node leans");
+        assert_eq!((&row["oriented_share"], &row["rotated"]), (&0.0.into(), &0.into()), "{row}");
+        assert_eq!(row["reason"], "aligned nodes are cheapest: no node is oriented");
     }
 }
 
 #[test]
-fn a_mesh_turned_on_its_plot_is_said_to_be_turned() {
+fn a_diagonal_building_is_reported_as_rotated() {
     let folder = Folder::new();
-    // Bricks in rows along (3, 4) and (-4, 3): boxes along x and y would overlap.
+    // Bricks in rows along (3, 4) and (-4, 3): axis-aligned boxes would overlap.
     let mut random = Random(3);
     let mut obj = String::new();
     for brick in 0..600 {
@@ -158,12 +157,12 @@ fn a_mesh_turned_on_its_plot_is_said_to_be_turned() {
     let wide =
         &folder.run("stats bricks.obj --presets fast,balanced,quality --json").done().json()["wide"]["one_level"];
     let [fast, balanced, quality] = &assert_wide(wide, 1, 7200.0)[..] else { panic!("three presets") };
-    assert_eq!(fast["turned"], 0, "it looks for no frame");
+    assert_eq!(fast["rotated"], 0, "this preset does not rotate meshes");
     for row in [balanced, quality] {
-        assert_eq!(row["turned"], 1, "{row}");
+        assert_eq!(row["rotated"], 1, "{row}");
         // tan = 4 / 3 is 53.13 degrees, 36.87 from the next axis; frames are measured from f32 vertices.
-        assert!((number(row, "greatest_angle_degrees") - 36.87).abs() < 0.1, "{row}");
-        assert!(row["because"].as_str().unwrap().ends_with("; the mesh is turned, by 37 degrees at most"), "{row}");
+        assert!((number(row, "max_angle_degrees") - 36.87).abs() < 0.1, "{row}");
+        assert!(row["reason"].as_str().unwrap().ends_with("; the mesh is rotated by 37 degrees"), "{row}");
     }
 }
 
@@ -181,28 +180,32 @@ fn numbers_are_finite_and_consistent() {
     assert_level(&json["two_level"]["bottom"], 2 * 399);
     assert_level(&json["two_level"]["top"], 1);
     let dop = &one[5];
-    assert!(number(dop, "leaning_share") > 0.5 && number(dop, "area_ratio_to_aabb") < 0.95, "bars lean: {dop}");
+    assert!(
+        number(dop, "oriented_share") > 0.5 && number(dop, "area_ratio_to_aabb") < 0.95,
+        "bars are diagonal: {dop}"
+    );
 }
 
-/// What `render` says of the same scene, `stats` says too.
+/// `stats` and `render` report the same parts.
 #[test]
-fn what_pictures_do_without_is_told() {
+fn parts_that_are_not_needed_are_reported() {
     let folder = Folder::with_small();
     let stats = folder.run("stats small.obj --json").done().json();
     let render = folder.run("render small.obj --size 8x5 --spp 1 --device cpu --json -o out.png").done().json();
-    assert_eq!(stats["left_out"], render["left_out"]);
+    assert_eq!(stats["not_needed"], render["not_needed"]);
     let text = folder.run("stats small.obj").done().stdout;
-    for left in stats["left_out"].as_array().unwrap() {
-        let said = format!("{} ({})", left["part"].as_str().unwrap(), left["because"].as_str().unwrap());
-        assert!(text.contains(&said), "{said}: {text}");
+    for unused in stats["not_needed"].as_array().unwrap() {
+        let expected = format!("{} ({})", unused["part"].as_str().unwrap(), unused["reason"].as_str().unwrap());
+        assert!(text.contains(&expected), "{expected}: {text}");
     }
     let map = folder.run("render small.obj --size 8x5 --heatmap boxes --json -o map.png").done().json();
-    let counts = |facts: &Value| facts["left_out"].as_array().unwrap().iter().all(|left| left["part"] != "counters");
+    let counts =
+        |facts: &Value| facts["not_needed"].as_array().unwrap().iter().all(|unused| unused["part"] != "counters");
     assert!(counts(&map) && !counts(&render), "{map}");
 }
 
 #[test]
-fn tables_name_every_strategy() {
+fn tables_contain_every_strategy() {
     let folder = Folder::with_small();
     let text = folder.run("stats small.obj").done().stdout;
     for word in [
@@ -214,7 +217,7 @@ fn tables_name_every_strategy() {
         "dop",
         "one level",
         "two levels",
-        "Wide trees",
+        "Wide BVH",
         "balanced",
     ] {
         assert!(text.contains(word), "{word} is not in {text}");
@@ -233,7 +236,7 @@ fn a_scene_without_inner_nodes_has_statistics() {
     }
     assert_no_null(&json);
     for row in json["wide"]["one_level"]["presets"].as_array().unwrap() {
-        assert_eq!((&row["nodes"], &row["because"]), (&0.into(), &"no node: the root is a leaf".into()));
+        assert_eq!((&row["nodes"], &row["reason"]), (&0.into(), &"the root is a leaf".into()));
     }
     folder.run("stats one.obj").done();
 }
@@ -245,6 +248,6 @@ fn the_built_in_scene_has_statistics() {
     let presets = json["wide"]["one_level"]["presets"].as_array().unwrap();
     assert_eq!((presets.len(), &presets[0]["preset"]), (1, &"balanced".into()));
     assert_eq!(json["scene"], "built-in scene");
-    assert!(json["placed_triangles"].as_u64() > json["unique_triangles"].as_u64(), "it is instanced");
+    assert!(json["placed_triangles"].as_u64() > json["unique_triangles"].as_u64(), "it has instances");
     assert!(json["unique_triangles"].as_u64().unwrap() > 0);
 }

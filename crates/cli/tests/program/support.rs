@@ -1,4 +1,4 @@
-//! Runs the program in a folder of its own.
+//! Runs the program in a temporary folder.
 
 use std::{
     fs,
@@ -13,7 +13,17 @@ pub(crate) const SMALL: &str = "\
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\n\
 o floor\ng a\nf 1 2 3 4\no roof\ng b\nf 5 6 7\n";
 
-/// A folder that goes away with its value.
+/// The values of `--builder`.
+pub(crate) const BUILDERS: &[&str] = &[
+    "auto",
+    "sah",
+    "ploc",
+    "lbvh",
+    #[cfg(feature = "baseline")]
+    "obvhs",
+];
+
+/// A temporary folder, removed on drop.
 pub(crate) struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -45,7 +55,7 @@ impl Folder {
         fs::read(self.path(name)).unwrap()
     }
 
-    /// Names of all files, hidden ones too, in order.
+    /// The names of all files, including hidden ones, sorted.
     pub(crate) fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -53,11 +63,11 @@ impl Folder {
         names
     }
 
-    /// The program in this folder, with the words of `line` as arguments.
+    /// The program with the words of `line` as arguments, in this folder.
     pub(crate) fn command(&self, line: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_canted"));
         command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null());
-        // Mesa's choice of devices complains on standard error, which is the program's here, where no desktop runs.
+        // Without a desktop, Mesa's device selection prints errors to standard error.
         command.env("NODEVICE_SELECT", "1");
         command
     }
@@ -68,7 +78,7 @@ impl Folder {
         self.run_with(line, &[])
     }
 
-    /// As [`Folder::run`], with these variables in the environment.
+    /// As [`Folder::run`], with environment variables.
     #[track_caller]
     pub(crate) fn run_with(&self, line: &str, variables: &[(&str, &str)]) -> Run {
         let output = self.command(line).envs(variables.iter().copied()).output().unwrap();
@@ -79,7 +89,7 @@ impl Folder {
     }
 }
 
-/// How a run ended.
+/// The result of a run.
 pub(crate) struct Run {
     line: String,
     pub(crate) code: Option<i32>,
@@ -95,7 +105,7 @@ impl Run {
         self
     }
 
-    /// Asserts exit code 2, nothing on standard output, and one error that holds each of `words`.
+    /// Asserts exit code 2, no standard output, and one error that contains each of `words`.
     #[track_caller]
     pub(crate) fn refused(self, words: &[&str]) -> Self {
         let Self { line, code, stdout, stderr } = &self;
@@ -109,7 +119,7 @@ impl Run {
         self
     }
 
-    /// Warnings on standard error.
+    /// The number of warnings on standard error.
     pub(crate) fn n_warnings(&self) -> usize {
         self.stderr.lines().filter(|line| line.starts_with("warning: ")).count()
     }
@@ -121,7 +131,7 @@ impl Run {
     }
 }
 
-/// The numbers of each row after the header, which must be `header`.
+/// The numbers of each row after the header, which is checked.
 #[track_caller]
 pub(crate) fn rows<T: std::str::FromStr>(csv: &str, header: &str) -> Vec<Vec<T>> {
     let mut lines = csv.lines();

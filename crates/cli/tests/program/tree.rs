@@ -1,4 +1,4 @@
-//! `canted tree` against codes and topology written from their definitions alone.
+//! `canted tree` against codes and topology computed from their definitions.
 
 use std::collections::HashSet;
 
@@ -7,11 +7,11 @@ use crate::{
     support::{Folder, SMALL, rows},
 };
 
-/// Cell of a coordinate sum on one axis: floor, then clamp.
+/// The bits of the cell of a coordinate sum on one axis.
 fn cell(sum: f32, three_m: f32, scale: f32, k: i32) -> u64 {
     let cell = f64::from((sum - three_m) * scale).floor();
     let last = 2f64.powi(k) - 1.0;
-    // NaN comes of 0 times infinity; it has no cell but the first.
+    // NaN is the product of 0 and infinity, and belongs to the first cell.
     let cell = if cell.is_nan() { 0.0 } else { cell.clamp(0.0, last) };
     (0..k).filter(|bit| (cell / 2f64.powi(*bit)).floor() % 2.0 == 1.0).map(|bit| 1 << bit).sum()
 }
@@ -33,14 +33,14 @@ fn codes(triangles: &[[[f32; 3]; 3]], k: i32) -> Vec<u64> {
     triangles.iter().map(code).collect()
 }
 
-/// Nodes `[left, right, first, last]` by splitting ranges from the root down at the highest bit that differs.
+/// Nodes `[left, right, first, last]`, by splitting ranges top-down at the highest differing bit.
 fn nodes(codes: &[u64]) -> Vec<Vec<i64>> {
     let n = codes.len();
     let mut nodes = vec![vec![]; n.saturating_sub(1)];
     let mut open = if n > 1 { vec![(0, 0, n - 1)] } else { vec![] };
     let number = |i: usize| i64::try_from(i).unwrap();
     while let Some((node, first, last)) = open.pop() {
-        // Equal codes are told apart by their positions.
+        // Equal codes are split by position.
         let key = |i: usize| u128::from(codes[i]) << 64 | i as u128;
         let highest = 127 - (key(first) ^ key(last)).leading_zeros();
         let split = (first..last).rfind(|&i| key(i) >> highest & 1 == 0).unwrap();
@@ -81,7 +81,7 @@ fn assert_tree(name: &str, obj: &str, triangles: &[[[f32; 3]; 3]]) {
     }
 }
 
-/// Triangles with corners `center + size * integers`, the same ones again after every tenth.
+/// Triangles with corners `center + size * integers`, of which every tenth is a duplicate.
 fn soup(n: usize, center: f32, size: f32) -> Vec<[[f32; 3]; 3]> {
     let mut random = Random(3);
     let mut triangles: Vec<[[f32; 3]; 3]> = vec![];
@@ -102,7 +102,7 @@ fn soup(n: usize, center: f32, size: f32) -> Vec<[[f32; 3]; 3]> {
 }
 
 #[test]
-fn random_triangles_at_every_size_and_place() {
+fn random_triangles_of_all_sizes_and_positions() {
     for (name, center, size) in [
         ("as they are", 0.0, 1.0),
         ("tiny", 0.0, 1e-15),
@@ -126,7 +126,7 @@ fn one_two_and_equal_triangles() {
 }
 
 #[test]
-fn prim_counts_triangles_of_polygons_across_groups() {
+fn prim_numbers_the_triangles_of_polygons_across_groups() {
     let triangles = [
         [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]],
         [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
@@ -136,19 +136,19 @@ fn prim_counts_triangles_of_polygons_across_groups() {
 }
 
 #[test]
-fn vertices_that_no_triangle_uses_do_not_count() {
+fn unused_vertices_do_not_change_the_codes() {
     let triangles = soup(50, 0.0, 1.0);
     assert_tree("unused vertex", &(obj(&triangles) + "v 1e6 -1e6 1e6\n"), &triangles);
 }
 
 #[test]
-fn the_oracle_is_not_blind() {
+fn the_oracle_detects_changes() {
     let triangles = soup(100, 0.0, 1.0);
     let mut moved = triangles.clone();
     moved[42] = moved[42].map(|[x, y, z]| [x, y + 100.0, z]);
     assert_ne!(codes(&triangles, 21), codes(&moved, 21));
     let mut sorted = codes(&triangles, 21);
     sorted.sort_unstable();
-    // Equal codes are split by position alone.
+    // Equal codes are split by position.
     assert_ne!(nodes(&sorted), nodes(&[0; 100]));
 }

@@ -2,8 +2,8 @@ use canted_obb::Aabb;
 
 use super::Slabs;
 use crate::rounding::{UNIT_ROUNDOFF, up};
-use crate::vector::{dot, wide};
 use crate::{HIT_ERROR, ScaledRay};
+use canted_obb::vector::{dot, to_f64};
 
 /// By how much, relative to `|o|∞ + ρ∞`, the ray is thickened against axis-aligned boxes.
 ///
@@ -60,15 +60,17 @@ impl SlabRay {
     #[must_use]
     pub fn with_error(ray: &ScaledRay, reach: f32, error: f64) -> Self {
         // The error lengthens the way to the hit, so the roundings are relative to it too.
-        let scale = crate::vector::reach(wide(ray.origin)) + f64::from(reach) + error;
+        let scale = canted_obb::vector::reach(to_f64(ray.origin)) + f64::from(reach) + error;
         let pad = error + f64::from(AABB_PAD - HIT_ERROR) * scale;
         let pad_oriented = f64::from(SQRT_3) * error + f64::from(SLABS_PAD - SQRT_3 * HIT_ERROR) * scale;
         Self::with_pads(ray, up(pad) + f32::MIN_POSITIVE, up(pad_oriented) + f32::MIN_POSITIVE)
     }
 
     /// Prepares `ray` with pads in units of the space.
+    #[doc(hidden)]
     #[inline]
-    pub(crate) fn with_pads(ray: &ScaledRay, pad: f32, pad_oriented: f32) -> Self {
+    #[must_use]
+    pub fn with_pads(ray: &ScaledRay, pad: f32, pad_oriented: f32) -> Self {
         Self {
             origin: ray.origin,
             direction: ray.direction,
@@ -101,8 +103,10 @@ impl SlabRay {
     }
 
     /// Entry and exit; a miss where they are out of order.
+    #[doc(hidden)]
     #[inline]
-    pub(crate) fn clip_aabb(&self, aabb: &Aabb, t_max: f32) -> (f32, f32) {
+    #[must_use]
+    pub fn clip_aabb(&self, aabb: &Aabb, t_max: f32) -> (f32, f32) {
         let mut interval = (self.t_min, t_max);
         for k in 0..3 {
             let t_lo = (aabb.min[k] - self.origin_lo[k]) * self.recip[k];
@@ -113,8 +117,10 @@ impl SlabRay {
     }
 
     /// Entry and exit; a miss where they are out of order.
+    #[doc(hidden)]
     #[inline]
-    pub(crate) fn clip_slabs(&self, slabs: &Slabs, t_max: f32) -> (f32, f32) {
+    #[must_use]
+    pub fn clip_slabs(&self, slabs: &Slabs, t_max: f32) -> (f32, f32) {
         let mut interval = (self.t_min, t_max);
         for k in 0..3 {
             let origin = dot(slabs.rows[k], self.origin);

@@ -1,7 +1,7 @@
 use canted_obb::{Aabb, Obb};
 
 use crate::rounding::{UNIT_ROUNDOFF_F64, down, nearest, up};
-use crate::vector::{cross, dot, wide};
+use canted_obb::vector::{cross, dot, length, to_f64};
 
 /// A traced box: all points `x` with `lo[k] <= rows[k]·x <= hi[k]`, in the space of the rays.
 ///
@@ -46,11 +46,11 @@ impl Slabs {
     pub fn from_obb(obb: &Obb) -> Self {
         // The inverse of a rotation is its transpose: its axes are the rows, up to their rounding, which costs nothing.
         let rows =
-            if canted_obb::frame::is_orthonormal(obb.frame) { obb.frame } else { inverse_rows(obb.frame.map(wide)) };
+            if canted_obb::frame::is_orthonormal(obb.frame) { obb.frame } else { inverse_rows(obb.frame.map(to_f64)) };
         let mut slabs = Self::empty(rows);
-        let (center, frame, half) = (wide(obb.center), obb.frame.map(wide), wide(obb.half_extents));
+        let (center, frame, half) = (to_f64(obb.center), obb.frame.map(to_f64), to_f64(obb.half_extents));
         for k in 0..3 {
-            let row = wide(slabs.rows[k]);
+            let row = to_f64(slabs.rows[k]);
             let middle = dot(row, center);
             let radius = dot(frame.map(|axis| dot(row, axis).abs()), half);
             let error = BOX_ERROR * (dot_abs(row, center) + dot(frame.map(|axis| dot_abs(row, axis)), half));
@@ -65,10 +65,10 @@ impl Slabs {
     /// Each row must have a length of at most 1 + 4u, as a unit vector has after rounding.
     #[must_use]
     pub fn from_points(rows: [[f32; 3]; 3], points: impl IntoIterator<Item = [f32; 3]>) -> Self {
-        let wide_rows = rows.map(wide);
+        let wide_rows = rows.map(to_f64);
         let (mut lo, mut hi) = ([f64::MAX; 3], [f64::MIN; 3]);
         for point in points {
-            let point = wide(point);
+            let point = to_f64(point);
             for k in 0..3 {
                 let place = dot(wide_rows[k], point);
                 let error = POINT_ERROR * dot_abs(wide_rows[k], point);
@@ -96,9 +96,9 @@ fn dot_abs(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// The rows of the inverse of the matrix with these columns, normalized and rounded.
 fn inverse_rows(columns: [[f64; 3]; 3]) -> [[f32; 3]; 3] {
-    std::array::from_fn(|k| {
+    core::array::from_fn(|k| {
         let normal = cross(columns[(k + 1) % 3], columns[(k + 2) % 3]);
-        let length = dot(normal, normal).sqrt();
+        let length = length(normal);
         if length > 0.0 { normal.map(|x| nearest(x / length)) } else { Obb::IDENTITY_FRAME[k] }
     })
 }

@@ -3,7 +3,7 @@ use super::finish::finish;
 use super::{Axis, Kernel, TriangleHit};
 use crate::ScaledRay;
 use crate::rounding::{UNIT_ROUNDOFF, nearest};
-use crate::vector::{cross, reach, sub, wide};
+use canted_obb::vector::{cross, reach, sub, to_f64};
 
 /// Error of the weights, relative to `F·S`, see below.
 const ERROR: f32 = 64.0 * UNIT_ROUNDOFF;
@@ -69,7 +69,7 @@ pub struct BaldwinWeberRecord {
 
 /// The weights of the ray's line; `det` is the normal times the direction, over the normal's greatest component.
 #[inline]
-pub(crate) fn weights(ray: &ScaledRay, record: &BaldwinWeberRecord) -> Weights {
+pub fn weights(ray: &ScaledRay, record: &BaldwinWeberRecord) -> Weights {
     let s = sub(ray.origin, record.vertices[0]);
     let [s_a, s_b, s_c] = record.axis.permute(s);
     let [d_a, d_b, d_c] = record.axis.permute(ray.direction);
@@ -91,7 +91,7 @@ impl Kernel for BaldwinWeber {
     type Prepared = ();
 
     fn record(vertices: [[f32; 3]; 3]) -> BaldwinWeberRecord {
-        let [v0, v1, v2] = vertices.map(wide);
+        let [v0, v1, v2] = vertices.map(to_f64);
         let (e1, e2) = (sub(v1, v0), sub(v2, v0));
         let normal = cross(e1, e2);
         let axis = Axis::from_greatest(normal, f64::abs);

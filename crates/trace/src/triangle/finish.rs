@@ -1,7 +1,7 @@
 use super::TriangleHit;
 use crate::rounding::{UNIT_ROUNDOFF, nearest};
-use crate::vector::{cross, dot, reach, sub, wide};
 use crate::{ScaledRay, Side};
+use canted_obb::vector::{cross, dot, reach, sub, to_f64};
 
 /// How far below zero a vertex weight may lie: what the f32 filters let through at an edge is a hit.
 const WEIGHT_SLACK: f64 = 4.0 * UNIT_ROUNDOFF as f64;
@@ -24,9 +24,9 @@ const AGREEMENT: f64 = 2.0 * UNIT_ROUNDOFF as f64;
 /// at least -4u; at most two are negative, so moving them to zero moves the point by at most `8u·ρ∞` twice. In all
 /// `16u·ρ∞ + 2u·(|o|∞ + ρ∞)`, and less than 0.1 u for the roundings of the check itself.
 #[inline]
-pub(crate) fn finish(ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
-    let [v0, v1, v2] = vertices.map(wide);
-    let (o, d) = (wide(ray.origin), wide(ray.direction));
+pub fn finish(ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
+    let [v0, v1, v2] = vertices.map(to_f64);
+    let (o, d) = (to_f64(ray.origin), to_f64(ray.direction));
     let (e1, e2, s) = (sub(v1, v0), sub(v2, v0), sub(o, v0));
     let p = cross(d, e2);
     let q = cross(s, e1);

@@ -1,9 +1,9 @@
-use std::ops::{Mul, Sub};
+use core::ops::{Mul, Sub};
 
 use super::{Axis, Kernel, TriangleHit};
 use crate::rounding::nearest;
-use crate::vector::{sub, wide};
 use crate::{ScaledRay, Side};
+use canted_obb::vector::{sub, to_f64};
 
 /// The default kernel: a closed mesh has no holes, in any direction, at any scale.
 ///
@@ -95,7 +95,7 @@ impl Kernel for Watertight {
             return None;
         }
         let [_, _, d_z] = shear.axis.permute(ray.direction);
-        let (t, u, v, side) = solve(sheared.map(wide), f64::from(d_z))?;
+        let (t, u, v, side) = solve(sheared.map(to_f64), f64::from(d_z))?;
         (ray.t_min <= t && t <= t_max).then_some(TriangleHit { t, u, v, side })
     }
 }

@@ -10,11 +10,13 @@ use std::cmp::Ordering;
 use canted_obb::{PrimId, orient_2d, orient_3d};
 use canted_trace::{Ray, ScaledRay};
 
+use crate::bvh::WideBvh;
 use crate::layout::NodeKind;
+use crate::leaf::{LeafPrimitive, LeafRange};
 use crate::par;
 use crate::simd::{Simd, Task};
-use crate::traverse::{LaneKernel, Pads, RayLanes, Stack, Visit, walk};
-use crate::{Triangle, WideBvh};
+use crate::traverse::{LaneKernel, Pads, RayLanes, Stack, Visitor, walk};
+use crate::triangle::Triangle;
 
 /// Points of one parallel job.
 const CHUNK: usize = 1 << 8;
@@ -69,7 +71,7 @@ impl<K: LaneKernel> Task for Containment<'_, K> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let mut stack = Stack::new(self.bvh.records.depth);
+        let mut stack = Stack::new(self.bvh.nodes.depth);
         let mut crossings = vec![];
         for (&point, inside) in self.points.iter().zip(self.inside) {
             *inside = false;
@@ -78,7 +80,7 @@ impl<K: LaneKernel> Task for Containment<'_, K> {
             let lanes = RayLanes::new(simd, &ray, &self.bvh.frame, &pads);
             crossings.clear();
             let mut visit = Crossed { bvh: self.bvh, point, is_on_surface: false, crossings: &mut crossings };
-            walk::<S, false>(simd, &self.bvh.records.lines, self.bvh.records.root, &lanes, ray.t_max, &mut stack, &mut visit);
+            walk::<S, false>(simd, &self.bvh.nodes, &lanes, ray.t_max, &mut stack, &mut visit);
             let is_on_surface = visit.is_on_surface;
             // A triangle with two references crosses once.
             crossings.sort_unstable();
@@ -96,17 +98,17 @@ struct Crossed<'a, K: LaneKernel> {
     crossings: &'a mut Vec<PrimId>,
 }
 
-impl<K: LaneKernel> Visit for Crossed<'_, K> {
+impl<K: LaneKernel> Visitor for Crossed<'_, K> {
     #[inline(always)]
-    fn leaf(&mut self, first: u32, n: u32, t_max: f32) -> f32 {
-        self.bvh.for_each_in_leaf(first, n, |primitive, triangle| {
-            match position(self.point, &triangle.vertices) {
+    fn leaf(&mut self, leaf: LeafRange) -> f32 {
+        Triangle::<K>::for_each_shape(&self.bvh.leaves, leaf, |primitive, vertices| {
+            match position(self.point, vertices) {
                 Position::On => self.is_on_surface = true,
                 Position::Below => self.crossings.push(primitive),
                 Position::Elsewhere => {}
             }
         });
-        if self.is_on_surface { -1.0 } else { t_max }
+        if self.is_on_surface { -1.0 } else { leaf.t_max }
     }
 
     #[inline(always)]
@@ -142,8 +144,8 @@ fn position(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> Position {
     if area == Ordering::Equal || [[a, b], [b, c], [c, a]].iter().any(|&[start, end]| moved(start, end, p) != area) {
         return Position::Elsewhere;
     }
-    // A counterclockwise triangle seen from above is above the point if the volume is negative.
-    if volume == area.reverse() { Position::Below } else { Position::Elsewhere }
+    // A triangle that is counterclockwise seen from above is above the point if the volume is positive.
+    if volume == area { Position::Below } else { Position::Elsewhere }
 }
 
 /// Whether a point in the plane of a triangle is on it: its projections along all axes are.

@@ -2,20 +2,12 @@
 
 use canted_obb::PrimId;
 
-use super::PointLanes;
-use crate::layout::{ALIGNED_LINES, NodeKind, ORIENTED_LINES, Word, WordKind, rows};
+use super::{ClosestPoint, DistanceShape, PointLanes};
+use crate::bvh::WideBvh;
+use crate::layout::{ALIGNED_LINES, NodeKind, ORIENTED_LINES, Word, WordKind, node_words, rows};
+use crate::leaf::{LeafPrimitive, LeafRange};
 use crate::simd::{Simd, Task};
 use crate::traverse::Stack;
-use crate::{Primitive, WideBvh};
-
-/// The point of a primitive that is closest to a query point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ClosestPoint {
-    /// Squared distance.
-    pub distance_squared: f64,
-    /// The point, in object space.
-    pub position: [f64; 3],
-}
 
 /// A primitive near a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,7 +85,10 @@ pub(super) fn squared(distance: f32) -> Option<f64> {
     (distance >= 0.0).then(|| f64::from(distance) * f64::from(distance))
 }
 
-impl<P: Primitive> WideBvh<P> {
+impl<P: LeafPrimitive> WideBvh<P>
+where
+    P::Shape: DistanceShape,
+{
     /// The primitive closest to `point` among those at most `max_distance` away; ties go to the lowest primitive.
     ///
     /// The answer is that of a loop over all primitives, to the bit.
@@ -135,13 +130,16 @@ impl<P: Primitive> WideBvh<P> {
     }
 }
 
-struct Search<'a, P: Primitive, C> {
+struct Search<'a, P: LeafPrimitive, C> {
     bvh: &'a WideBvh<P>,
     point: [f32; 3],
     collector: &'a mut C,
 }
 
-impl<P: Primitive, C: Collector> Task for Search<'_, P, C> {
+impl<P: LeafPrimitive, C: Collector> Task for Search<'_, P, C>
+where
+    P::Shape: DistanceShape,
+{
     type Output = ();
 
     #[inline(always)]
@@ -149,28 +147,23 @@ impl<P: Primitive, C: Collector> Task for Search<'_, P, C> {
     fn on<S: Simd>(self, simd: S) {
         let Self { bvh, point, collector } = self;
         let lanes = PointLanes::new(simd, point, &bvh.frame, bvh.bounds.reach());
-        let mut stack = Stack::new(bvh.records.depth);
+        let mut stack = Stack::new(bvh.nodes.depth);
         let (stack, mut n_waiting) = (stack.slots(), 0);
-        let mut word = bvh.records.root;
+        let mut word = bvh.nodes.root;
         loop {
             match word.kind() {
                 WordKind::Leaf { first, n } => {
-                    bvh.for_each_in_leaf(first, n, |primitive, shape| {
+                    P::for_each_shape(&bvh.leaves, LeafRange::new(first, n), |primitive, shape| {
                         let ClosestPoint { distance_squared, position } = shape.closest_point(point);
                         collector.take((distance_squared, primitive, position));
                     });
                 }
                 WordKind::Node(kind, line) => {
-                    let lines = &bvh.records.lines;
-                    let (bounds, words) = match kind {
-                        NodeKind::Aligned => {
-                            let rows = rows::<ALIGNED_LINES, 8>(lines, line);
-                            (lanes.aligned(simd, rows), bytemuck::cast_ref::<_, [Word; 8]>(&rows[6]))
-                        }
-                        NodeKind::Oriented => {
-                            let rows = rows::<ORIENTED_LINES, 16>(lines, line);
-                            (lanes.oriented(simd, rows), bytemuck::cast_ref::<_, [Word; 8]>(&rows[15]))
-                        }
+                    let lines = &bvh.nodes.lines;
+                    let words = node_words(lines, kind, line);
+                    let bounds = match kind {
+                        NodeKind::Aligned => lanes.aligned(simd, rows::<ALIGNED_LINES, 8>(lines, line)),
+                        NodeKind::Oriented => lanes.oriented(simd, rows::<ORIENTED_LINES, 16>(lines, line)),
                     };
                     let limit = simd.splat((collector.bound() as f32).next_up());
                     let mut mask = simd.le(bounds, limit);

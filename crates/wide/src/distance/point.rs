@@ -33,7 +33,7 @@ impl<S: Simd> PointLanes<S> {
         let pad = |roundings: f32| simd.splat(roundings * U * scale + f32::MIN_POSITIVE);
         let splat = |[x, y, z]: [f32; 3]| [simd.splat(x), simd.splat(y), simd.splat(z)];
         let (rotated, rotated_pad) =
-            if frame.is_identity { (point, pad(2.0)) } else { (frame.rotated(point), pad(4.0 * SQRT_3)) };
+            if frame.is_identity { (point, pad(2.0)) } else { (frame.rotate(point), pad(4.0 * SQRT_3)) };
         let [a, b, c] = frame.rows;
         let skew = dot(a, b).abs() + dot(b, c).abs() + dot(c, a).abs();
         Self {

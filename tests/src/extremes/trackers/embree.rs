@@ -42,7 +42,7 @@ const SIDES: u32 = 12;
 
 /// Side walls of nested tubes, the k-th of radius `k + 1`, out of their axes.
 fn tubes(n: u32) -> Mesh {
-    let (mut mesh, turn) = (Mesh::default(), Rotation::turn());
+    let (mut mesh, turn) = (Mesh::default(), Rotation::off_axis());
     for k in 0..n {
         let first = SIDES * 3 * k;
         for side in 0..SIDES {
@@ -68,7 +68,7 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
         Oracle::Known,
         "rays",
     );
-    let (mesh, turn) = (tubes(10), Rotation::turn());
+    let (mesh, turn) = (tubes(10), Rotation::off_axis());
     let mut rng = SplitMix64::new(181);
     let mut asked: Vec<(Ray, u32)> = vec![];
     for tube in 1..10u32 {

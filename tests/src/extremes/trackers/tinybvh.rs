@@ -66,7 +66,7 @@ pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
         "rays",
     );
     fn of_levels<B: Blas>(blas: B, name: &str) -> Row {
-        let instances = plates().map(|(place, _)| Instance::still(0, place));
+        let instances = plates().map(|(place, _)| Instance::new(0, place));
         let tlas = Tlas::new(vec![blas], &instances, TopConfig::default()).expect("scales are invertible");
         let is_wrong = |(ray, plate, want): &&(Ray, usize, Option<f32>)| {
             let only = || Only(InstanceId(u32::try_from(*plate).expect("three plates")), vec![]);

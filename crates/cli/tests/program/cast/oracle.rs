@@ -1,4 +1,4 @@
-//! Every triangle tried in `f64`, with a bound of what the program may round.
+//! A linear scan over all triangles in `f64`, with bounds for the rounding errors of the program.
 
 use crate::random::Random;
 
@@ -8,18 +8,18 @@ fn gamma(n: f64) -> f64 {
     n * u / (1.0 - n * u)
 }
 
-/// Whose roundings may decide.
+/// Whose rounding errors are bounded.
 #[derive(Clone, Copy)]
 pub(super) enum By {
-    /// The CPU's, on each term of a determinant: differences, shear, two products, sums, the division.
+    /// The CPU: differences, shear, two products, sums and the division, for each term of a determinant.
     Cpu,
-    /// A device's: its hits are off their triangles by 64 roundings to either side, twice as coarse as the CPU's, of the
-    /// greatest coordinates of origin and triangle (`canted_gpu::HIT_ERROR`).
+    /// The GPU: hits are off their triangles by at most 64 rounding errors, each twice that of the CPU, of the largest
+    /// coordinates of origin and triangle (`canted_gpu::HIT_ERROR`).
     Device,
 }
 
 impl By {
-    /// What coordinates are off by, from the greatest distance between origin and triangle and the greatest coordinates.
+    /// Error of coordinates, for the largest distance between origin and triangle and the largest coordinates.
     fn error(self, distance: f64, size: f64) -> f64 {
         match self {
             Self::Cpu => gamma(16.0) * distance,
@@ -28,18 +28,18 @@ impl By {
     }
 }
 
-/// Terms of all three edge functions: each is a difference of two products of sheared, so two-term, coordinates.
+/// Terms of all three edge functions: each is a difference of two products of sheared coordinates of two terms.
 const TERMS: f64 = 24.0;
 
 pub(super) type Point = [i32; 3];
 
-/// Triangles in the order of the file, and the file.
+/// Triangles in file order, and the file.
 pub(super) struct Model {
     pub(super) triangles: Vec<[Point; 3]>,
     pub(super) obj: String,
 }
 
-/// Triangles and parallelograms, in groups, objects and runs of materials that come back.
+/// Triangles and parallelograms in alternating objects and groups.
 pub(super) fn model(n_faces: usize) -> Model {
     let mut random = Random(11);
     let (mut triangles, mut obj, mut n_vertices) = (vec![], String::new(), 0);
@@ -78,14 +78,14 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Where a line meets the plane of a triangle: `[t, u, v]` and a bound of the program's error in each.
+/// The intersection of a line and the plane of a triangle: `[t, u, v]`, each with a bound of the program's error.
 pub(super) struct Crossing {
     pub(super) tuv: [f64; 3],
     pub(super) bounds: [f64; 3],
 }
 
 impl Crossing {
-    /// By Cramer's rule; not finite where the line runs in the plane's direction.
+    /// By Cramer's rule; not finite where the line is parallel to the plane.
     fn of(origin: Point, direction: Point, [a, b, c]: [Point; 3], by: By) -> Self {
         let (e1, e2, s, d) = (sub(b, a), sub(c, a), sub(origin, a), direction.map(f64::from));
         let determinant = dot(cross(d, e2), e1);
@@ -95,17 +95,17 @@ impl Crossing {
         let speed = largest(d);
         let size = largest(origin.map(f64::from))
             + [a, b, c].map(|p| largest(p.map(f64::from))).into_iter().fold(0.0, f64::max);
-        // Numerators and denominator err by this share of their largest term, over the determinant.
+        // The error of numerator and denominator, relative to the determinant.
         let term = TERMS * by.error(reach, size) * reach / determinant.abs();
         let unit = |x: f64| term * speed * (1.0 + x.abs());
         let bounds = [term * (reach + tuv[0].abs() * speed), unit(tuv[1]), unit(tuv[2])];
         Self { tuv, bounds }
     }
 
-    /// Whether the ray hits; `None` where rounding may decide.
+    /// Whether the ray hits; `None` if rounding may decide.
     fn is_hit(&self) -> Option<bool> {
         let ([t, u, v], [bt, bu, bv]) = (self.tuv, self.bounds);
-        // Distance inside each limit beyond which no rounding reaches.
+        // Distances inside the limits, each with its error bound.
         let margins = [(t, bt), (u, bu), (v, bv), (1.0 - u - v, bu + bv)];
         if margins.iter().any(|(x, bound)| *x < -bound) {
             Some(false)
@@ -117,7 +117,7 @@ impl Crossing {
     }
 }
 
-/// The closest triangle; `Err` where rounding may decide which it is.
+/// The closest triangle; `Err` if rounding may decide which it is.
 fn closest(model: &Model, origin: Point, direction: Point, by: By) -> Result<Option<(usize, Crossing)>, TooClose> {
     let mut best: Option<(usize, Crossing)> = None;
     for (i, &triangle) in model.triangles.iter().enumerate() {
@@ -139,13 +139,13 @@ fn closest(model: &Model, origin: Point, direction: Point, by: By) -> Result<Opt
     Ok(best)
 }
 
-/// A ray on which rounding decides.
+/// Rounding may decide the result.
 struct TooClose;
 
-/// A ray and the oracle's answer.
+/// A ray and the result of the oracle.
 pub(super) type Judged = ([Point; 2], Option<(usize, Crossing)>);
 
-/// Rays that the oracle can judge, with its answers.
+/// Rays whose result does not depend on rounding.
 pub(super) fn judged_rays(model: &Model, n: usize, by: By) -> Vec<Judged> {
     let mut random = Random(12);
     let mut rays = vec![];

@@ -1,0 +1,178 @@
+//! Times of the build passes on a GPU, in the layout of the dissertation's table 5.
+
+use std::{fmt::Write, time::Instant};
+
+use anyhow::Result;
+use canted_gpu::{
+    Gpu, GpuError,
+    build::{BuildConfig, Built, Items, Passes, Run, STRATEGIES, TwoLevels},
+};
+use canted_lbvh::{self as lbvh, Bits, Corners, Strategy};
+use canted_scene::Scene;
+use canted_tlas::Instance;
+use serde_json::{Map, Value, json};
+
+use crate::options::strategy_name;
+
+/// Measured runs, of which the least time of each pass counts. A first run, in which drivers compile, is not measured.
+const RUNS: usize = 3;
+
+/// One level of BVHs.
+struct Level {
+    /// Triangles, or instances.
+    n_items: u32,
+    /// Milliseconds to gather and upload the triangles, wall-clock.
+    upload: Option<f64>,
+    passes: Passes,
+}
+
+/// All levels.
+pub(super) struct PassTimes {
+    /// Whether the times are GPU timestamps and not wall-clock times.
+    by_timestamps: bool,
+    /// Each level, or the error why the GPU cannot build it.
+    levels: [(&'static str, Result<Level, GpuError>); 3],
+    /// Milliseconds to rebuild the top level for other transforms, wall-clock.
+    rebuild_top: Option<f64>,
+}
+
+/// Builds the scene in one level and in two.
+///
+/// # Errors
+/// Invalid geometry.
+pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
+    let start = Instant::now();
+    let (positions, triangles, _) = canted_renderer::flatten(scene)?;
+    let (corners, _) = lbvh::triangle_corners(&positions, &triangles)?;
+    let one = uploaded(gpu, start, &[corners]).and_then(|(items, upload)| level(gpu, &items, Some(upload)));
+    let start = Instant::now();
+    let meshes: Vec<Vec<Corners>> = scene
+        .meshes
+        .iter()
+        .map(|mesh| Ok(lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?.0))
+        .collect::<Result<_>>()?;
+    let (bottom, top, rebuild_top) = match uploaded(gpu, start, &meshes) {
+        Err(error) => (Err(error.clone()), Err(error), None),
+        Ok((items, upload)) => {
+            let bottom = level(gpu, &items, Some(upload));
+            let (top, rebuild_top) =
+                top(gpu, scene, items).map_or_else(|error| (Err(error), None), |(top, ms)| (Ok(top), Some(ms)));
+            (bottom, top, rebuild_top)
+        }
+    };
+    Ok(PassTimes {
+        by_timestamps: gpu.has_timestamps(),
+        levels: [("one level", one), ("bottom levels", bottom), ("top level", top)],
+        rebuild_top,
+    })
+}
+
+/// Uploads meshes; also returns the milliseconds since `start`.
+fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Items, f64), GpuError> {
+    let items = Items::triangles(gpu, meshes.iter().map(|corners| &corners[..]))?;
+    gpu.finish()?;
+    Ok((items, start.elapsed().as_secs_f64() * 1e3))
+}
+
+/// The top level over bottom levels with oriented volumes, and the milliseconds to rebuild it alone.
+fn top(gpu: &Gpu, scene: &Scene, items: Items) -> Result<(Level, f64), GpuError> {
+    let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Combined };
+    let mut run = Run::new(gpu);
+    let built = Built::new(&mut run, items, config)?;
+    let instances: Vec<Instance> =
+        scene.instances.iter().map(|i| Instance::new(i.mesh.0, i.world_from_object)).collect();
+    let mut two = TwoLevels::new(&mut run, built, &instances, config)?;
+    gpu.finish()?;
+    let start = Instant::now();
+    two.place(&mut run, &instances)?;
+    gpu.finish()?;
+    let rebuild_ms = start.elapsed().as_secs_f64() * 1e3;
+    Ok((level(gpu, &two.top.items, None)?, rebuild_ms))
+}
+
+/// Times every pass.
+fn level(gpu: &Gpu, items: &Items, upload: Option<f64>) -> Result<Level, GpuError> {
+    let passes = Passes::measure(gpu, items, Bits::B63, RUNS)?;
+    Ok(Level { n_items: items.len(), upload, passes })
+}
+
+impl PassTimes {
+    /// Appends the table.
+    pub(super) fn text(&self, out: &mut String, adapter: &str) {
+        let clock = if self.by_timestamps { "GPU timestamps" } else { "wall-clock" };
+        // Writing to a String cannot fail.
+        let _ = write!(
+            out,
+            "\nBuild times in milliseconds on {adapter} ({clock}, least of {RUNS} runs; upload: wall-clock)\n{:<20}{:>9}",
+            "", "upload"
+        );
+        for title in ["domain", "codes", "sort", "nodes"] {
+            let _ = write!(out, "{title:>9}");
+        }
+        for strategy in STRATEGIES {
+            let _ = write!(out, "{:>14}", strategy_name(strategy));
+        }
+        for (title, level) in &self.levels {
+            let _ = write!(out, "\n{title:<20}");
+            match level {
+                Err(error) => {
+                    let _ = write!(out, " {error}");
+                }
+                Ok(level) => {
+                    let Passes { domain, codes, sort, tree, boxes, refused } = &level.passes;
+                    let text = |ms: Option<f64>| ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}"));
+                    for ms in [level.upload, *domain, *codes, *sort, *tree] {
+                        let _ = write!(out, "{:>9}", text(ms));
+                    }
+                    for ms in boxes {
+                        let _ = write!(out, "{:>14}", text(*ms));
+                    }
+                    if let Some(error) = refused {
+                        let _ = write!(out, "\n{:<20} {error}", "");
+                    }
+                }
+            }
+        }
+        out.push('\n');
+        if let Some(ms) = self.rebuild_top {
+            let _ = writeln!(out, "Rebuild of the top level after instances moved: {ms:.2} ms (wall-clock)");
+        }
+    }
+
+    /// One JSON object.
+    pub(super) fn json(&self) -> Value {
+        let of = |(title, level): &(&str, Result<Level, GpuError>)| {
+            let value = match level {
+                Ok(level) => level_json(level),
+                Err(error) => json!({ "error": error.to_string() }),
+            };
+            (title.replace(' ', "_"), value)
+        };
+        let levels: Map<String, Value> = self.levels.iter().map(of).collect();
+        let mut all = json!({ "by_timestamps": self.by_timestamps, "runs": RUNS, "levels": levels });
+        if let Some(ms) = self.rebuild_top {
+            all["rebuild_top_ms"] = ms.into();
+        }
+        all
+    }
+}
+
+fn level_json(level: &Level) -> Value {
+    let Passes { domain, codes, sort, tree, boxes, refused } = &level.passes;
+    let boxes: Map<String, Value> = STRATEGIES
+        .into_iter()
+        .zip(boxes)
+        .map(|(strategy, ms)| (strategy_name(strategy).to_owned(), (*ms).into()))
+        .collect();
+    let mut all = json!({
+        "items": level.n_items, "domain_ms": domain, "codes_ms": codes, "sort_ms": sort, "tree_ms": tree,
+        "volumes_ms": boxes,
+    });
+    if let Some(ms) = level.upload {
+        all["upload_ms"] = ms.into();
+    }
+    if let Some(error) = refused {
+        all["error"] = error.to_string().into();
+    }
+    all
+}

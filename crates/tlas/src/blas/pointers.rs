@@ -1,0 +1,45 @@
+use std::sync::Arc;
+
+use canted_obb::Obb;
+use canted_trace::{Hit, InstanceId, Query, Ray};
+
+use super::{Blas, CrossingBlas};
+
+/// Passes every call on to the BVH behind a pointer.
+macro_rules! forward {
+    ($pointer:ty) => {
+        impl<B: Blas> Blas for $pointer {
+            fn bounds(&self) -> Obb {
+                B::bounds(self)
+            }
+
+            fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+                B::closest_hit_with(self, ray_object, instance, query)
+            }
+
+            fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+                B::occluded_with(self, ray_object, instance, query)
+            }
+
+            fn all_hits_with<Q: Query>(
+                &self,
+                ray_object: &Ray,
+                instance: InstanceId,
+                query: &mut Q,
+                hits: &mut Vec<Hit>,
+            ) {
+                B::all_hits_with(self, ray_object, instance, query, hits);
+            }
+        }
+
+        impl<B: CrossingBlas> CrossingBlas for $pointer {
+            fn crossings(&self, ray_object: &Ray, instance: InstanceId, crossings: &mut Vec<Hit>) {
+                B::crossings(self, ray_object, instance, crossings);
+            }
+        }
+    };
+}
+
+forward!(&B);
+forward!(Box<B>);
+forward!(Arc<B>);

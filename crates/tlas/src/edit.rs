@@ -1,0 +1,226 @@
+use canted_obb::{Affine, Obb};
+use canted_trace::InstanceId;
+
+use crate::placement::Placement;
+use crate::{Blas, Instance, InstanceError, Tlas};
+
+/// Changes in place.
+///
+/// A change costs what it touches: new bounds for the instances of a changed BVH, or for a moved instance, then one refit
+/// of the top level, which takes time linear in the number of instances. [`Tlas::edit`] makes several changes with one
+/// refit, or rebuilds the top level. Hits do not depend on it: after any change they are those of a new [`Tlas`].
+impl<B: Blas> Tlas<B> {
+    /// Starts several changes.
+    ///
+    /// ```
+    /// use canted_bvh2::{BuildConfig, Bvh2};
+    /// use canted_obb::Affine;
+    /// use canted_tlas::{Instance, Tlas, TopConfig};
+    /// use canted_trace::{InstanceId, Ray, Watertight};
+    ///
+    /// let build = |z: f32| {
+    ///     let positions = [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
+    ///     Bvh2::<Watertight>::build(&positions, &[[0, 1, 2]], &BuildConfig::default())
+    /// };
+    /// let [x, y, z, _] = Affine::IDENTITY.columns;
+    /// let at = |depth: f32| Affine { columns: [x, y, z, [0.0, 0.0, depth]] };
+    /// let mut tlas = Tlas::new(vec![build(0.0)?], &[Instance::new(0, at(5.0)); 2], TopConfig::default())?;
+    ///
+    /// let mut edit = tlas.edit();
+    /// edit.set_transform(InstanceId(1), at(3.0))?;
+    /// edit.replace_blas(0, build(1.0)?)?;
+    /// edit.refit();
+    ///
+    /// let hit = tlas.closest_hit(&Ray::new([0.2, 0.2, 0.0], [0.0, 0.0, 1.0])).expect("a hit");
+    /// assert_eq!((hit.t, hit.instance), (4.0, InstanceId(1)));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn edit(&mut self) -> TlasEdit<'_, B> {
+        TlasEdit { tlas: self, bounds_changed: false }
+    }
+
+    /// Moves an instance and refits the top level: see [`TlasEdit::set_transform`].
+    ///
+    /// # Errors
+    /// As [`TlasEdit::set_transform`].
+    pub fn set_transform(&mut self, instance: InstanceId, world_from_object: Affine) -> Result<(), InstanceError> {
+        self.edit().set_transform(instance, world_from_object)
+    }
+
+    /// Replaces a bottom-level BVH, refits the top level and returns the old BVH: see [`TlasEdit::replace_blas`].
+    ///
+    /// # Errors
+    /// As [`TlasEdit::replace_blas`].
+    pub fn replace_blas(&mut self, index: u32, blas: B) -> Result<B, InstanceError> {
+        self.edit().replace_blas(index, blas)
+    }
+
+    /// Changes a bottom-level BVH, refits the top level and returns the result of `change`: see
+    /// [`TlasEdit::update_blas`].
+    ///
+    /// # Errors
+    /// As [`TlasEdit::update_blas`].
+    pub fn update_blas<R>(&mut self, index: u32, change: impl FnOnce(&mut B) -> R) -> Result<R, InstanceError> {
+        self.edit().update_blas(index, change)
+    }
+
+    /// Builds the top level again, as [`Tlas::new`] does.
+    pub fn rebuild(&mut self) {
+        self.edit().rebuild();
+    }
+
+    /// How many times the predicted traversal cost of the top level has grown by refits since it was built.
+    #[must_use]
+    pub fn drift(&self) -> f32 {
+        self.top.drift()
+    }
+
+    /// Whether the top level has drifted so far that [`Tlas::rebuild`] is advised.
+    #[must_use]
+    pub fn rebuild_advised(&self) -> bool {
+        self.drift() > canted_wide::Refit::MAX_DRIFT
+    }
+
+    /// Hides the instances of a BVH until they are placed again.
+    fn hide(&mut self, index: u32) {
+        for placement in self.placements.iter_mut().filter(|placement| placement.blas == index) {
+            placement.mask = 0;
+        }
+    }
+}
+
+/// Several changes to a [`Tlas`] that share one update of its top level.
+///
+/// [`TlasEdit::refit`] and [`TlasEdit::rebuild`] finish it. Dropping it refits too.
+#[derive(Debug)]
+pub struct TlasEdit<'a, B: Blas> {
+    tlas: &'a mut Tlas<B>,
+    bounds_changed: bool,
+}
+
+impl<B: Blas> TlasEdit<'_, B> {
+    /// Moves an instance. A moving instance becomes static; [`TlasEdit::set_instance`] gives it another motion.
+    ///
+    /// # Errors
+    /// As [`TlasEdit::set_instance`].
+    pub fn set_transform(&mut self, instance: InstanceId, world_from_object: Affine) -> Result<(), InstanceError> {
+        let old = self.instance(instance)?;
+        self.set_instance(instance, Instance { world_from_object, world_from_object_close: None, ..old })
+    }
+
+    /// Changes which rays see an instance.
+    ///
+    /// # Errors
+    /// An instance that does not exist.
+    pub fn set_mask(&mut self, instance: InstanceId, mask: u32) -> Result<(), InstanceError> {
+        let old = self.instance(instance)?;
+        self.set_instance(instance, old.with_mask(mask))
+    }
+
+    /// Replaces an instance.
+    ///
+    /// # Errors
+    /// An instance that does not exist, or a new one that [`Tlas::new`] would reject. The old one then stays.
+    pub fn set_instance(&mut self, instance: InstanceId, new: Instance) -> Result<(), InstanceError> {
+        self.instance(instance)?;
+        let index = instance.0 as usize;
+        let placed = self.tlas.place(index, &new)?;
+        self.commit(index, placed);
+        self.tlas.instances[index] = new;
+        Ok(())
+    }
+
+    /// Replaces a bottom-level BVH and returns the old one.
+    ///
+    /// # Errors
+    /// A BVH that does not exist; an instance that the bounds of `blas` move out of the range of `f32`. The old BVH then
+    /// stays.
+    pub fn replace_blas(&mut self, index: u32, blas: B) -> Result<B, InstanceError> {
+        self.blas(index)?;
+        let placed = self.place_all(index, &blas.bounds())?;
+        let old = std::mem::replace(&mut self.tlas.blas[index as usize], blas);
+        placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
+        Ok(old)
+    }
+
+    /// Changes a bottom-level BVH in place, for instance by a refit, and returns the result of `change`.
+    ///
+    /// # Errors
+    /// A BVH that does not exist; an instance that the new bounds move out of the range of `f32`. In the second case, or if
+    /// `change` panics, no ray sees the instances of the BVH until they are placed again: by a successful change of
+    /// the BVH or of the instance.
+    ///
+    /// ```
+    /// use canted_obb::Affine;
+    /// use canted_tlas::{Instance, Tlas, TopConfig};
+    /// use canted_trace::Ray;
+    /// use canted_wide::{Config, TriangleBvh};
+    ///
+    /// let triangle = |z: f32| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
+    /// let bvh: TriangleBvh = TriangleBvh::build(&triangle(1.0), &[[0, 1, 2]], &Config::default())?;
+    /// let mut tlas = Tlas::new(vec![bvh], &[Instance::new(0, Affine::IDENTITY)], TopConfig::default())?;
+    /// let refit = tlas.update_blas(0, |bvh| bvh.refit(&triangle(2.0), &[[0, 1, 2]]))??;
+    /// assert!(!refit.rebuild_advised());
+    /// let hit = tlas.closest_hit(&Ray::new([0.2, 0.2, 0.0], [0.0, 0.0, 1.0]));
+    /// assert_eq!(hit.map(|hit| hit.t), Some(2.0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn update_blas<R>(&mut self, index: u32, change: impl FnOnce(&mut B) -> R) -> Result<R, InstanceError> {
+        self.blas(index)?;
+        self.tlas.hide(index);
+        let result = change(&mut self.tlas.blas[index as usize]);
+        let placed = self.place_all(index, &self.tlas.blas[index as usize].bounds())?;
+        placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
+        Ok(result)
+    }
+
+    /// Fits the boxes of the top level to the changed instances, in the same topology.
+    pub fn refit(self) {
+        drop(self);
+    }
+
+    /// Builds the top level again: slower than a refit, and faster to trace once instances have moved far.
+    pub fn rebuild(mut self) {
+        let tlas = &mut *self.tlas;
+        // A topology that cannot be indexed leaves the old one, refitted.
+        if let Ok(top) = crate::top::Top::build(&tlas.bounds, &tlas.config, tlas.path) {
+            tlas.top = top;
+            tlas.update_error();
+            self.bounds_changed = false;
+        }
+    }
+
+    /// The instance of this index.
+    fn instance(&self, instance: InstanceId) -> Result<Instance, InstanceError> {
+        let instances = &self.tlas.instances;
+        let error = || InstanceError::NoSuchInstance { instance: instance.0 as usize, n_instances: instances.len() };
+        instances.get(instance.0 as usize).copied().ok_or_else(error)
+    }
+
+    /// The BVH of this index.
+    fn blas(&self, index: u32) -> Result<&B, InstanceError> {
+        let n_blas = self.tlas.blas.len();
+        self.tlas.blas.get(index as usize).ok_or(InstanceError::UnknownBlas { blas: index, n_blas })
+    }
+
+    /// Places all instances of a BVH with these bounds.
+    fn place_all(&self, index: u32, bounds: &Obb) -> Result<Vec<(usize, (Placement, Obb))>, InstanceError> {
+        let of_blas = self.tlas.instances.iter().enumerate().filter(|(_, instance)| instance.blas == index);
+        of_blas.map(|(i, instance)| Ok((i, Placement::new(i, instance, bounds)?))).collect()
+    }
+
+    fn commit(&mut self, index: usize, (placement, bounds): (Placement, Obb)) {
+        self.bounds_changed |= self.tlas.bounds[index] != bounds;
+        self.tlas.placements[index] = placement;
+        self.tlas.bounds[index] = bounds;
+    }
+}
+
+impl<B: Blas> Drop for TlasEdit<'_, B> {
+    fn drop(&mut self) {
+        self.tlas.update_error();
+        if self.bounds_changed {
+            self.tlas.top.refit(&self.tlas.bounds);
+        }
+    }
+}

@@ -1,0 +1,130 @@
+use canted_obb::{Affine, Obb};
+use canted_trace::{HIT_ERROR, Query, Ray, ScaledRay};
+
+use crate::instance::condition;
+use crate::motion::{Motion, invert, row_sum_norm};
+use crate::{Instance, InstanceError, MAX_CONDITION};
+
+/// Half of `f32::EPSILON`: the relative error of one rounding.
+const U: f64 = 1.0 / 16_777_216.0;
+
+/// A bound on the error of a hit in world space, in each coordinate: `per_origin · |o|∞ + fixed`, `o` the ray's origin.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct WorldError {
+    per_origin: f64,
+    fixed: f64,
+}
+
+impl WorldError {
+    /// A bound on both errors.
+    pub(crate) fn max(self, other: Self) -> Self {
+        Self { per_origin: self.per_origin.max(other.per_origin), fixed: self.fixed.max(other.fixed) }
+    }
+
+    /// The error of hits by this ray.
+    #[inline]
+    pub(crate) fn at(&self, ray_world: &ScaledRay) -> f64 {
+        let [x, y, z] = ray_world.origin.map(f32::abs);
+        self.per_origin * f64::from(x.max(y).max(z)) + self.fixed
+    }
+}
+
+/// What traversal needs of an instance.
+#[derive(Clone, Debug)]
+pub(crate) struct Placement {
+    pub(crate) blas: u32,
+    /// The instance's mask; zero hides an instance whose bounds are not known.
+    pub(crate) mask: u32,
+    /// Rows of the inverse transform, each with its translation last. `f64`, so only the result is rounded.
+    object_from_world: [[f64; 4]; 3],
+    /// The motion of a moving instance, which replaces `object_from_world`.
+    motion: Option<Box<Motion>>,
+    /// The error of hits on this instance.
+    pub(crate) error: WorldError,
+}
+
+impl Placement {
+    /// Inverts the transform and bounds the error of hits. Also returns the bounds of the instance in world space, at all
+    /// times; `bounds` are those of the bottom-level BVH.
+    ///
+    /// A world ray `o + t·d` is traced as the object ray `o' = fl(M⁻¹(o - c))`, `d' = fl(M⁻¹d)`: computed in `f64`, each
+    /// component rounded once, by at most `u` relative. A hit accepted at `t` lies within `HIT_ERROR·(|o'| + ρ)` of its
+    /// triangle in object space (all norms ∞; ρ the reach of the bottom-level BVH). The world point differs from the image
+    /// of the object point by `M` times at most `u·|o'| + u·t|d'|`, where `t|d'| <= ρ + |o'|` except for a second-order
+    /// term. With one `u` more for `f64` rounding, the rounding of the box's corners and second-order terms, the hit lies
+    /// within `‖M‖·(HIT_ERROR + 4u)·(|o'| + ρ)` of the triangle's image, and `|o'| <= ‖M⁻¹‖·(|o| + |c|)`.
+    ///
+    /// For a moving instance this holds with the greatest `‖M‖`, `|c|` and `‖M⁻¹‖` of the motion. The first two occur at
+    /// an end, since norms are convex; [`Motion::norm_of_inverse`] bounds the third.
+    pub(crate) fn new(index: usize, instance: &Instance, bounds: &Obb) -> Result<(Self, Obb), InstanceError> {
+        let open = &instance.world_from_object;
+        // Equal transforms at both ends make a static instance.
+        let close = instance.world_from_object_close.as_ref().filter(|close| *close != open);
+        let matrices = || std::iter::once(open).chain(close);
+        if !matrices().all(Affine::is_finite) {
+            return Err(InstanceError::NotFinite { instance: index });
+        }
+        let inverse = invert(&open.columns.map(|column| column.map(f64::from)));
+        let motion = close.map(|close| Box::new(Motion::new(open, close)));
+        let greatest = |of: &dyn Fn(&Affine) -> f64| matrices().map(of).fold(0.0, f64::max);
+        let forward = greatest(&Affine::row_sum_norm);
+        let backward = match &motion {
+            None => {
+                let backward = row_sum_norm(&inverse);
+                let condition = condition(forward, backward);
+                if condition > MAX_CONDITION {
+                    return Err(InstanceError::IllConditioned { instance: index, condition });
+                }
+                backward
+            }
+            Some(motion) => motion.norm_of_inverse(MAX_CONDITION / forward).map_err(|(time, backward)| {
+                InstanceError::IllConditionedAt { instance: index, time, condition: condition(forward, backward) }
+            })?,
+        };
+        let reach = f64::from(bounds.aabb().reach());
+        let translation = greatest(&|m| m.columns[3].iter().map(|c| f64::from(c.abs())).fold(0.0, f64::max));
+        let relative = f64::from(HIT_ERROR) + 4.0 * U;
+        let error = WorldError {
+            per_origin: relative * (forward * backward),
+            fixed: relative * forward * (backward * translation + reach) + 2.0 * U * translation,
+        };
+        let bounds_world = swept_bounds(bounds, open, close);
+        if !bounds_world.aabb().is_finite() {
+            return Err(InstanceError::OutOfRange { instance: index });
+        }
+        let placement = Self { blas: instance.blas, mask: instance.mask, object_from_world: inverse, motion, error };
+        Ok((placement, bounds_world))
+    }
+
+    /// The world ray in object space. `t` is the same number in both; `query` supplies the time if the instance moves.
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is accounted for in the error")]
+    pub(crate) fn ray_object<Q: Query>(&self, ray_world: &Ray, t_max: f32, query: &Q) -> Ray {
+        let moved;
+        let rows = match &self.motion {
+            None => &self.object_from_world,
+            Some(motion) => {
+                moved = motion.object_from_world(query.time());
+                &moved
+            }
+        };
+        let o = ray_world.origin.map(f64::from);
+        let d = ray_world.direction.map(f64::from);
+        let linear = |row: &[f64; 4], v: [f64; 3]| (row[0] * v[0] + row[1] * v[1]) + row[2] * v[2];
+        Ray {
+            origin: std::array::from_fn(|k| (linear(&rows[k], o) + rows[k][3]) as f32),
+            direction: std::array::from_fn(|k| linear(&rows[k], d) as f32),
+            t_min: ray_world.t_min,
+            t_max,
+        }
+    }
+}
+
+/// A box around the image of `bounds` at all times between `open` and `close`.
+///
+/// Each corner moves along a straight line between its positions at the ends. A convex set that contains the boxes of
+/// both ends contains these lines, and so the hull of the corners at any time: the axis-aligned box of both is one.
+fn swept_bounds(bounds: &Obb, open: &Affine, close: Option<&Affine>) -> Obb {
+    let at_open = bounds.transformed(open);
+    close.map_or(at_open, |close| Obb::from_aabb(&at_open.aabb().union(bounds.transformed(close).aabb())))
+}

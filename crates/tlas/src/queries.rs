@@ -1,0 +1,220 @@
+use std::cmp::Ordering;
+
+use canted_trace::{Hit, HitFilter, InstanceId, Query, Ray, ScaledRay};
+
+use crate::blas::{Blas, CrossingBlas};
+use crate::{RayOptions, Tlas};
+
+/// Queries of single rays.
+///
+/// A ray with a NaN component, an infinite origin or direction, a zero direction or an empty interval never hits.
+///
+/// Forms with `_where` count only the hits that `accepts` accepts. `accepts` must decide by its arguments alone: the
+/// order of its calls depends on the BVHs, and it does not see every hit. Forms with `_with` take a [`Query`], which sets
+/// mask and time of the ray, counts tests and filters hits; [`RayOptions`] sets mask and time alone.
+impl<B: Blas> Tlas<B> {
+    /// The hit of least `t`; ties go to the lowest (instance, primitive).
+    ///
+    /// ```
+    /// use canted_bvh2::{BuildConfig, Bvh2};
+    /// use canted_obb::Affine;
+    /// use canted_tlas::{Instance, Tlas, TopConfig};
+    /// use canted_trace::{Ray, Watertight};
+    ///
+    /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let bvh = Bvh2::<Watertight>::build(&positions, &[[0, 1, 2]], &BuildConfig::default())?;
+    /// let [x, y, z, _] = Affine::IDENTITY.columns;
+    /// let at = |depth: f32| Instance::new(0, Affine { columns: [x, y, z, [0.0, 0.0, depth]] });
+    /// let tlas = Tlas::new(vec![bvh], &[at(3.0), at(2.0)], TopConfig::default())?;
+    /// let hit = tlas.closest_hit(&Ray::new([0.2, 0.2, 0.0], [0.0, 0.0, 1.0])).expect("the ray points at both instances");
+    /// assert_eq!((hit.t, hit.instance.0, hit.primitive.0), (2.0, 1, 0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn closest_hit(&self, ray_world: &Ray) -> Option<Hit> {
+        self.closest_hit_with(ray_world, &mut ())
+    }
+
+    /// Whether the ray hits anything: agrees with [`Tlas::closest_hit`].
+    #[must_use]
+    pub fn occluded(&self, ray_world: &Ray) -> bool {
+        self.occluded_with(ray_world, &mut ())
+    }
+
+    /// Every hit with `t_min <= t <= t_max`: least `t` first, then lowest (instance, primitive). Replaces the contents of
+    /// `hits`.
+    pub fn all_hits(&self, ray_world: &Ray, hits: &mut Vec<Hit>) {
+        self.all_hits_with(ray_world, &mut (), hits);
+    }
+
+    /// The hit of least `t` that `accepts` accepts; ties go to the lowest (instance, primitive).
+    ///
+    /// ```
+    /// # use canted_bvh2::{BuildConfig, Bvh2};
+    /// # use canted_obb::Affine;
+    /// # use canted_tlas::{Instance, Tlas, TopConfig};
+    /// # use canted_trace::{InstanceId, Ray, Watertight};
+    /// # let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// # let bvh = Bvh2::<Watertight>::build(&positions, &[[0, 1, 2]], &BuildConfig::default())?;
+    /// # let tlas = Tlas::new(vec![bvh], &[Instance::new(0, Affine::IDENTITY); 2], TopConfig::default())?;
+    /// let ray = Ray::new([0.2, 0.2, -1.0], [0.0, 0.0, 1.0]);
+    /// let hit = tlas.closest_hit_where(&ray, |_ray, hit| hit.instance != InstanceId(0));
+    /// assert_eq!(hit.map(|hit| hit.instance), Some(InstanceId(1)));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn closest_hit_where(&self, ray_world: &Ray, accepts: impl Fn(&Ray, &Hit) -> bool) -> Option<Hit> {
+        self.closest_hit_with(ray_world, &mut HitFilter(|hit: &Hit| accepts(ray_world, hit)))
+    }
+
+    /// Whether `accepts` accepts any hit.
+    #[must_use]
+    pub fn occluded_where(&self, ray_world: &Ray, accepts: impl Fn(&Ray, &Hit) -> bool) -> bool {
+        self.occluded_with(ray_world, &mut HitFilter(|hit: &Hit| accepts(ray_world, hit)))
+    }
+
+    /// Every hit that `accepts` accepts, in the order of [`Tlas::all_hits`]. Replaces the contents of `hits`.
+    pub fn all_hits_where(&self, ray_world: &Ray, accepts: impl Fn(&Ray, &Hit) -> bool, hits: &mut Vec<Hit>) {
+        self.all_hits_with(ray_world, &mut HitFilter(|hit: &Hit| accepts(ray_world, hit)), hits);
+    }
+
+    /// The hit of least `t` that the query accepts; ties go to the lowest (instance, primitive).
+    ///
+    /// ```
+    /// # use canted_bvh2::{BuildConfig, Bvh2};
+    /// # use canted_obb::Affine;
+    /// # use canted_tlas::{Instance, RayOptions, Tlas, TopConfig};
+    /// # use canted_trace::{Counts, InstanceId, Ray, Watertight};
+    /// # let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// # let bvh = Bvh2::<Watertight>::build(&positions, &[[0, 1, 2]], &BuildConfig::default())?;
+    /// // Two instances in the same position; only rays with bit 0 see the first.
+    /// let instances = [1, 2].map(|mask| Instance::new(0, Affine::IDENTITY).with_mask(mask));
+    /// let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default())?;
+    /// let ray = Ray::new([0.2, 0.2, -1.0], [0.0, 0.0, 1.0]);
+    /// let hit = tlas.closest_hit_with(&ray, &mut RayOptions::mask(2));
+    /// assert_eq!(hit.map(|hit| hit.instance), Some(InstanceId(1)));
+    ///
+    /// let mut counts = Counts::default();
+    /// tlas.closest_hit_with(&ray, &mut counts);
+    /// assert_eq!(counts.triangles, 2);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn closest_hit_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> Option<Hit> {
+        let ray = ScaledRay::new(ray_world)?;
+        let mask = query.mask();
+        let mut best: Option<Hit> = None;
+        self.top.traverse_ordered(&ray, self.error.at(&ray), query, |instance, t_max, query| {
+            let placement = &self.placements[instance.0 as usize];
+            if placement.mask & mask == 0 {
+                return t_max;
+            }
+            let ray_object = placement.ray_object(ray_world, best.map_or(ray_world.t_max, |best| best.t), query);
+            match self.blas[placement.blas as usize].closest_hit_with(&ray_object, instance, query) {
+                Some(hit) if best.is_none_or(|best| hit.before(&best)) => {
+                    best = Some(hit);
+                    ray.scaled_t(hit.t)
+                }
+                _ => t_max,
+            }
+        });
+        best
+    }
+
+    /// Whether the query accepts any hit.
+    pub fn occluded_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> bool {
+        let Some(ray) = ScaledRay::new(ray_world) else { return false };
+        let mask = query.mask();
+        let mut found = false;
+        self.top.traverse_any(&ray, self.error.at(&ray), query, |instance, t_max, query| {
+            let placement = &self.placements[instance.0 as usize];
+            if placement.mask & mask == 0 {
+                return t_max;
+            }
+            let ray_object = placement.ray_object(ray_world, ray_world.t_max, query);
+            found = self.blas[placement.blas as usize].occluded_with(&ray_object, instance, query);
+            if found { -1.0 } else { t_max }
+        });
+        found
+    }
+
+    /// Every hit that the query accepts, in the order of [`Tlas::all_hits`]. Replaces the contents of `hits`.
+    pub fn all_hits_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q, hits: &mut Vec<Hit>) {
+        self.collect(ray_world, query, hits, |blas, ray_object, instance, query, hits| {
+            blas.all_hits_with(ray_object, instance, query, hits);
+        });
+    }
+
+    /// What `trace` finds on each instance that the ray may hit, in the order of [`Tlas::all_hits`].
+    fn collect<Q: Query>(
+        &self,
+        ray_world: &Ray,
+        query: &mut Q,
+        hits: &mut Vec<Hit>,
+        trace: impl Fn(&B, &Ray, InstanceId, &mut Q, &mut Vec<Hit>),
+    ) {
+        hits.clear();
+        let Some(ray) = ScaledRay::new(ray_world) else { return };
+        let mask = query.mask();
+        let mut of_instance = Vec::new();
+        self.top.traverse_any(&ray, self.error.at(&ray), query, |instance, t_max, query| {
+            let placement = &self.placements[instance.0 as usize];
+            if placement.mask & mask != 0 {
+                let ray_object = placement.ray_object(ray_world, ray_world.t_max, query);
+                trace(&self.blas[placement.blas as usize], &ray_object, instance, query, &mut of_instance);
+                hits.append(&mut of_instance);
+            }
+            t_max
+        });
+        hits.sort_unstable_by(in_order);
+    }
+}
+
+/// Crossings, for bottom-level BVHs that support them.
+impl<B: CrossingBlas> Tlas<B> {
+    /// Every crossing of a surface, once in each instance: least `t` first, then lowest (instance, primitive). Replaces
+    /// the contents of `crossings`.
+    ///
+    /// A ray that starts and ends outside of a closed instance crosses it an even number of times, half of them inward.
+    /// Instances are separate surfaces: where faces of two instances coincide, the ray crosses both. Where two open
+    /// instances share an edge, each rounds its edge for itself, so a ray through this seam may cross one of them, both
+    /// or neither; merge such meshes into one BVH instead.
+    ///
+    /// ```
+    /// use canted_obb::Affine;
+    /// use canted_tlas::{Instance, Tlas, TopConfig};
+    /// use canted_trace::{Ray, Side};
+    /// use canted_wide::{Config, TriangleBvh};
+    ///
+    /// // A square of two triangles; the ray passes through their shared edge.
+    /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let bvh: TriangleBvh = TriangleBvh::build(&positions, &[[0, 1, 2], [0, 2, 3]], &Config::default())?;
+    /// let [x, y, z, _] = Affine::IDENTITY.columns;
+    /// let at = |depth: f32| Instance::new(0, Affine { columns: [x, y, z, [0.0, 0.0, depth]] });
+    /// let tlas = Tlas::new(vec![bvh], &[at(2.0), at(1.0)], TopConfig::default())?;
+    /// let ray = Ray::new([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]);
+    /// let mut hits = vec![];
+    /// tlas.all_hits(&ray, &mut hits);
+    /// assert_eq!(hits.len(), 4);
+    /// tlas.crossings(&ray, &mut hits);
+    /// let found: Vec<_> = hits.iter().map(|hit| (hit.t, hit.instance.0, hit.side)).collect();
+    /// assert_eq!(found, [(1.0, 1, Side::Back), (2.0, 0, Side::Back)]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn crossings(&self, ray_world: &Ray, crossings: &mut Vec<Hit>) {
+        self.crossings_with(ray_world, &RayOptions::default(), crossings);
+    }
+
+    /// [`Tlas::crossings`] of the instances that a ray of this mask sees, at its time.
+    pub fn crossings_with(&self, ray_world: &Ray, options: &RayOptions, crossings: &mut Vec<Hit>) {
+        self.collect(ray_world, &mut { *options }, crossings, |blas, ray_object, instance, _, crossings| {
+            blas.crossings(ray_object, instance, crossings);
+        });
+    }
+}
+
+/// The order of [`Tlas::all_hits`].
+fn in_order(a: &Hit, b: &Hit) -> Ordering {
+    // Adding zero makes -0.0 positive: the two zeros are one `t`.
+    let by_t = (a.t + 0.0).total_cmp(&(b.t + 0.0));
+    by_t.then((a.instance, a.primitive).cmp(&(b.instance, b.primitive)))
+}

@@ -1,0 +1,70 @@
+use canted_obb::{Aabb, PrimId};
+use canted_trace::{InstanceId, Query, ScaledRay};
+use canted_wide::{Config, PrimitiveError, SimdPath, WideBvh};
+
+/// A wide top level: eight-wide aligned nodes over the instances' axis-aligned boxes.
+#[derive(Clone, Debug)]
+pub(crate) struct WideTop {
+    bvh: WideBvh<Aabb>,
+    config: Config,
+    path: SimdPath,
+}
+
+impl WideTop {
+    /// Builds over a box for each instance, world space.
+    pub(crate) fn build(boxes: &[Aabb], config: Config, path: SimdPath) -> Result<Self, PrimitiveError> {
+        let bvh = WideBvh::<Aabb>::build(boxes.to_vec(), &config.axis_aligned())?;
+        Ok(Self { bvh: bvh.with_path(path), config, path })
+    }
+
+    pub(crate) fn with_path(self, path: SimdPath) -> Self {
+        Self { bvh: self.bvh.with_path(path), path, ..self }
+    }
+
+    /// New boxes for the same instances.
+    pub(crate) fn refit(&mut self, boxes: &[Aabb]) {
+        if let Ok(bvh) = WideBvh::<Aabb>::build(boxes.to_vec(), &self.config.axis_aligned()) {
+            self.bvh = bvh.with_path(self.path);
+        }
+    }
+
+    pub(crate) fn drift(&self) -> f32 {
+        1.0
+    }
+
+    /// Box around all instances; empty for none.
+    pub(crate) fn aabb(&self) -> Aabb {
+        self.bvh.aabb()
+    }
+
+    pub(crate) fn n_bytes(&self) -> usize {
+        self.bvh.n_bytes()
+    }
+
+    #[inline]
+    pub(crate) fn traverse_ordered<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        error: f64,
+        query: &mut Q,
+        enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+    ) {
+        self.bvh.traverse_ordered(ray, error, query, by_primitive(enter));
+    }
+
+    #[inline]
+    pub(crate) fn traverse_any<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        error: f64,
+        query: &mut Q,
+        enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+    ) {
+        self.bvh.traverse_any(ray, error, query, by_primitive(enter));
+    }
+}
+
+/// The boxes have the numbers of the instances.
+fn by_primitive<Q>(mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32) -> impl FnMut(PrimId, f32, &mut Q) -> f32 {
+    move |PrimId(number), t_max, query| enter(InstanceId(number), t_max, query)
+}

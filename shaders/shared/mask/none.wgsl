@@ -1,5 +1,0 @@
-// Every hit stands.
-
-fn accepts(hit: Hit) -> bool {
-    return true;
-}

@@ -1,0 +1,39 @@
+// choice none
+// No suns.
+// use shared/light/sample
+
+fn sample_sun(choice: f32) -> LightSample {
+    return no_light();
+}
+
+// choice list
+// Suns, chosen with probabilities that are the same for all points.
+// use shared/light/list/lights
+// use shared/light/sample
+// use shared/invocation/iterations
+
+struct SunShare {
+    /// Index in the list of lights.
+    light: u32,
+    share: f32,
+}
+
+@group(3) @binding(9) var<storage, read> sun_shares: array<SunShare>;
+
+/// Samples the sun whose interval contains a number; the last one also covers the rounding error.
+fn sample_sun(choice: f32) -> LightSample {
+    let last = arrayLength(&sun_shares) - 1u;
+    var number = 0u;
+    var rest = choice;
+    loop {
+        iterations += 1u;
+        if number >= last || rest < sun_shares[number].share {
+            break;
+        }
+        rest -= sun_shares[number].share;
+        number++;
+    }
+    let sun = sun_shares[number];
+    let incoming = incoming_light(lights[sun.light], vec3(0.0), vec2(0.0));
+    return chosen_with(sun.share, LightSample(incoming, sun.light, false));
+}

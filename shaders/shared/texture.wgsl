@@ -1,0 +1,168 @@
+// choice none
+// No textures.
+
+fn texel(slot: u32, seen: Seen) -> vec4<f32> {
+    return vec4(1.0);
+}
+
+fn texel_alpha(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> f32 {
+    return 1.0;
+}
+
+fn uv_edges(slot: u32, seen: Seen) -> mat2x2<f32> {
+    return mat2x2(vec2(0.0), vec2(0.0));
+}
+
+// choice lookup
+// Texture lookup at a point, or averaged over the footprint of a ray. `?lod` gives the footprint, `?texels` the images.
+// Formulas are those of the CPU. Coordinates are f32, so repeated textures lose precision far from the origin: 2^-23 of the
+// coordinate.
+// use ?lod
+// use ?texels
+// use shared/invocation/iterations
+
+/// A texture as used by a material.
+struct Slot {
+    /// Rows of the affine map from the mesh's coordinates to the texture's.
+    u: vec3<f32>,
+    /// Index of the texture's header in `images`.
+    head: u32,
+    v: vec3<f32>,
+    /// Column of the coordinates in a vertex.
+    column: u32,
+}
+
+/// The footprint over which a texture is averaged.
+struct Footprint {
+    /// Binary logarithm of the width in texels; 0 or less is a point.
+    level: f32,
+    /// From end to end, in texture coordinates.
+    along: vec2<f32>,
+    n_probes: u32,
+}
+
+@group(2) @binding(4) var<storage, read> slots: array<Slot>;
+/// For each texture a header (number of levels; wrap modes, two bits each, then an sRGB flag), followed by its levels (first
+/// texel, columns, rows).
+@group(2) @binding(5) var<storage, read> images: array<vec4<u32>>;
+
+/// Texture value with alpha, in linear RGB or as plain numbers; ones for no texture.
+fn texel(slot: u32, seen: Seen) -> vec4<f32> {
+    if slot == NO_SLOT {
+        return vec4(1.0);
+    }
+    let head = slots[slot].head;
+    let level_0 = images[head + 1u];
+    let seen_part = footprint(seen, uv_edges(slot, seen), vec2<f32>(level_0.yz));
+    let uv = uv_of(slot, seen.vertices, seen.weights);
+    let n_levels = images[head].x;
+    let level = clamp(seen_part.level, 0.0, f32(n_levels - 1u));
+    let n = f32(seen_part.n_probes);
+    var sum = vec4(0.0);
+    iterations += seen_part.n_probes;
+    for (var probe = 0u; probe < seen_part.n_probes; probe++) {
+        let place = (f32(probe) + 0.5) / n - 0.5;
+        sum += trilinear(head, uv + place * seen_part.along, level);
+    }
+    return sum / n;
+}
+
+/// Alpha at a point, at full resolution.
+fn texel_alpha(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> f32 {
+    return bilinear(slots[slot].head, 0u, uv_of(slot, corners, weights)).a;
+}
+
+/// Texture coordinates of a point.
+fn uv_of(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> vec2<f32> {
+    return weights.x * uv_at(slot, corners.x) + weights.y * uv_at(slot, corners.y) + weights.z * uv_at(slot, corners.z);
+}
+
+/// Changes of texture coordinates along the edges of the triangle.
+fn uv_edges(slot: u32, seen: Seen) -> mat2x2<f32> {
+    let first = uv_at(slot, seen.vertices.x);
+    return mat2x2(uv_at(slot, seen.vertices.y) - first, uv_at(slot, seen.vertices.z) - first);
+}
+
+/// Texture coordinates of a vertex.
+fn uv_at(slot: u32, vertex: u32) -> vec2<f32> {
+    let first = vertex * STRIDE + slots[slot].column;
+    let uv = vec3(vertices[first], vertices[first + 1u], 1.0);
+    return vec2(dot(slots[slot].u, uv), dot(slots[slot].v, uv));
+}
+
+fn trilinear(head: u32, uv: vec2<f32>, level: f32) -> vec4<f32> {
+    let finer = u32(level);
+    let weight = level - floor(level);
+    let fine = bilinear(head, finer, uv);
+    if weight == 0.0 {
+        return fine;
+    }
+    return fine + weight * (bilinear(head, finer + 1u, uv) - fine);
+}
+
+fn bilinear(head: u32, level: u32, uv: vec2<f32>) -> vec4<f32> {
+    let facts = images[head].y;
+    let image = images[head + 1u + level];
+    let columns = neighbours(uv.x, image.y, facts & 3u);
+    // `v` points up, rows go down.
+    let rows = neighbours(1.0 - uv.y, image.z, (facts >> 2u) & 3u);
+    let is_srgb = (facts >> 4u) == 1u;
+    let upper = image.x + rows.first * image.y;
+    let lower = image.x + rows.second * image.y;
+    let top = blend(decoded(upper + columns.first, is_srgb), decoded(upper + columns.second, is_srgb), columns.weight);
+    let bottom = blend(decoded(lower + columns.first, is_srgb), decoded(lower + columns.second, is_srgb), columns.weight);
+    return blend(top, bottom, rows.weight);
+}
+
+/// `a` at weight 0, `b` at weight 1.
+fn blend(a: vec4<f32>, b: vec4<f32>, weight: f32) -> vec4<f32> {
+    return a + weight * (b - a);
+}
+
+/// The two texels next to a coordinate along one axis, and the weight of the second.
+struct Neighbours {
+    first: u32,
+    second: u32,
+    weight: f32,
+}
+
+const REPEAT: u32 = 0u;
+const CLAMP: u32 = 1u;
+
+fn neighbours(coordinate: f32, n: u32, wrap: u32) -> Neighbours {
+    // Reduced first, to keep the integers small.
+    var reduced = coordinate - 2.0 * floor(0.5 * coordinate);
+    if wrap == REPEAT {
+        reduced = coordinate - floor(coordinate);
+    } else if wrap == CLAMP {
+        reduced = clamp(coordinate, 0.0, 1.0);
+    }
+    let place = reduced * f32(n) - 0.5;
+    let first = floor(place);
+    return Neighbours(wrapped(i32(first), i32(n), wrap), wrapped(i32(first) + 1, i32(n), wrap), place - first);
+}
+
+/// Index of texel `i` in a row of `n` texels under a wrap mode; `i` is at most one outside of the period.
+fn wrapped(i: i32, n: i32, wrap: u32) -> u32 {
+    if wrap == REPEAT {
+        return u32(select(select(i, 0, i >= n), n - 1, i < 0));
+    }
+    if wrap == CLAMP {
+        return u32(clamp(i, 0, n - 1));
+    }
+    // The mirrored copy ends where the next starts: both neighbors of that edge are texel 0.
+    return u32(select(min(i, 2 * n - 1 - i), 0, i < 0 || i >= 2 * n));
+}
+
+fn decoded(index: u32, is_srgb: bool) -> vec4<f32> {
+    let word = texel_word(256u + index);
+    let bytes = vec4(word & 0xffu, (word >> 8u) & 0xffu, (word >> 16u) & 0xffu, word >> 24u);
+    let plain = vec4<f32>(bytes) / 255.0;
+    if !is_srgb {
+        return plain;
+    }
+    let red = bitcast<f32>(texel_word(bytes.x));
+    let green = bitcast<f32>(texel_word(bytes.y));
+    let blue = bitcast<f32>(texel_word(bytes.z));
+    return vec4(red, green, blue, plain.a);
+}

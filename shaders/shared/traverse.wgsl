@@ -1,0 +1,124 @@
+// Ray queries. `?traverse` gives the traversal.
+// use shared/ray
+// use ?traverse
+
+/// The closest hit that the mask accepts; ties go to the lowest instance, then the lowest primitive.
+///
+/// Primitives are numbered within their mesh, instances within the scene.
+fn closest_hit(ray: Ray) -> Hit {
+    return traverse(ray, false);
+}
+
+/// Whether there is any hit that the mask accepts.
+fn occluded(ray: Ray) -> bool {
+    return traverse(ray, true).instance != NONE;
+}
+
+// choice stack
+// Ordered traversal with a stack in private memory.
+//
+// The stack has at most one entry per level: the word of a node and, in three bits each, its pending children from the nearest.
+// A pending child is tested again when the ray returns to its node, with the best hit so far. So entries need no distances.
+// use shared/node
+// use shared/leaf
+// use ?level
+// use ?count
+// use shared/invocation/iterations
+// const STACK_SIZE
+// const MAX_ITERATIONS
+
+/// The closest hit, or any hit; a miss if there is none.
+fn traverse(ray: Ray, any: bool) -> Hit {
+    best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
+    var word = enter_top(ray);
+    t_max = scaled_t(ray.t_max);
+    var stack: array<vec2<u32>, STACK_SIZE>;
+    var n_entries = 0u;
+    // Entries of the top level while the ray is in an instance.
+    var n_top_level = 0u;
+    var is_in_instance = !HAS_INSTANCES;
+    loop {
+        // One call site for descending and for returning. Lanes of a subgroup may do both at once, and compilers inline
+        // functions at each call.
+        var node = word;
+        var half = 0u;
+        var end = 2u;
+        var entry = vec2<u32>(0u);
+        let is_back = word == EMPTY;
+        if is_back {
+            if is_in_instance && HAS_INSTANCES && n_entries == n_top_level {
+                // Leave the instance.
+                is_in_instance = false;
+                n_top_level = 0u;
+                enter_top(ray);
+                t_max = scaled_t(best.t);
+            }
+            if n_entries == 0u {
+                break;
+            }
+            entry = stack[n_entries - 1u];
+            node = entry.x;
+            half = (entry.y & 7u) >> 2u;
+            end = half + 1u;
+        }
+        iterations += 1u;
+        if iterations > MAX_ITERATIONS {
+            is_incomplete = true;
+            break;
+        }
+        if (node & LEAF) == 0u {
+            var keys = array<vec4<u32>, 2>(vec4<u32>(MISSED), vec4<u32>(MISSED));
+            loop {
+                keys[half] = enter(node, half, t_max);
+                half += 1u;
+                iterations += 1u;
+                if half >= end {
+                    break;
+                }
+            }
+            if is_back {
+                let child = entry.y & 7u;
+                if keys[child >> 2u][child & 3u] == MISSED {
+                    // The other pending children are farther.
+                    n_entries -= 1u;
+                } else {
+                    word = child_word(node, child);
+                    stack[n_entries - 1u].y = next(entry.y);
+                    if (entry.y >> 24u) == 1u {
+                        n_entries -= 1u;
+                    }
+                }
+            } else {
+                count_boxes(8u);
+                let children = ordered(keys[0], keys[1]);
+                let n = children >> 24u;
+                if n > 1u {
+                    stack[n_entries] = vec2<u32>(node, next(children));
+                    n_entries += 1u;
+                }
+                let nearest = child_word(node, children & 7u);
+                word = select(nearest, EMPTY, n == 0u);
+            }
+        } else if is_in_instance {
+            leaf(word);
+            word = EMPTY;
+            if any && best.primitive != NONE {
+                break;
+            }
+        } else {
+            is_in_instance = true;
+            n_top_level = n_entries;
+            word = enter_instance_leaf(ray, word);
+            t_max = scaled_t(best.t);
+        }
+    }
+    if best.primitive == NONE {
+        return miss();
+    }
+    return placed(best);
+}
+
+/// Removes the first child.
+fn next(children: u32) -> u32 {
+    return ((children & 0xffffffu) >> 3u) | ((children & 0xff000000u) - 0x1000000u);
+}
