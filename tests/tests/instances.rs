@@ -7,10 +7,12 @@
 
 mod instances {
     mod agree;
+    mod edits;
     mod geometry;
     mod mixed;
     mod moved;
     mod moving;
+    mod queries;
     mod refused;
     mod setup;
 }
