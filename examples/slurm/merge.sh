@@ -1,9 +1,9 @@
 #!/bin/sh
 #SBATCH --job-name=canted-merge
-# Merges the parts that an array of part.sh left in a folder.
+# Merges the parts written by a job array of part.sh.
 #
-#     sbatch --dependency=afterok:ARRAY merge.sh FOLDER WHOLE.exr
+#     sbatch --dependency=afterok:ARRAY merge.sh FOLDER OUTPUT.exr
 set -eu
 folder=$1
-whole=$2
-exec canted merge "$folder"/*.exr --output "$whole"
+output=$2
+exec canted merge "$folder"/*.exr --output "$output"

@@ -1,12 +1,11 @@
 #!/bin/sh
 #SBATCH --job-name=canted-part
 #SBATCH --requeue
-# One task of a job array: it renders its share of the samples of a picture.
+# One task of a job array: renders its range of the samples of an image.
 #
-#     sbatch --array=0-7 part.sh 8 FOLDER SAMPLES [options of `canted render`, the scene among them]
+#     sbatch --array=0-7 part.sh 8 FOLDER SAMPLES [scene and options of `canted render`]
 #
-# The shares need not be equal: merging gives the same bytes for any split. A task that was preempted or ran out of
-# time goes on from its checkpoint when it is started again.
+# Merging gives the same bytes for any split. An interrupted task resumes from its checkpoint when it is restarted.
 set -eu
 tasks=$1
 folder=$2

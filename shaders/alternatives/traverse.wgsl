@@ -1,43 +1,44 @@
-// Ways up a tree.
+// Traversal without a stack: measured alternatives to `shared/traverse/stack`. `benches/TRIED.md` has the timings. Both find
+// the same hits and use links from each node to its parent.
 // use shared/traverse
 // use shared/node
 
-/// A node's parent, and which of its children it is.
+/// Parent of a node, and the index of the node among its children.
 struct Link {
     word: u32,
     child: u32,
 }
 
-/// Of each line of nodes that a node begins at; the root's parent is an empty word.
+/// One link for each line of nodes at which a node starts. The link of a root holds `EMPTY`.
 @group(0) @binding(7) var<storage, read> links: array<Link>;
 
-/// The place of a node among its parent's children.
+/// Link of a node.
 fn link(word: u32) -> Link {
     return links[(space.first_node >> LINE_QUADS_LOG2) + (word & 0x1fffffffu)];
 }
 
-/// The least of eight keys.
+/// Smallest of eight keys.
 fn least(a: vec4<u32>, b: vec4<u32>) -> u32 {
     let both = min(a, b);
     return min(min(both.x, both.y), min(both.z, both.w));
 }
 
 // choice bits
-// A ray's way through nodes, nearest first, with eight bits a level: the children that wait.
+// Ordered traversal that stores, for each level, one bit per pending child.
 //
-// After Áfra and Szirmay-Kalos, Stackless Multi-BVH Traversal for CPU, MIC and GPU Ray Tracing, 2013. Sixteen levels fit into a
-// vector of four words, the lowest bits those of the node that the ray is at; links lead up. Children that wait are tested
-// again, by what has been hit since.
+// Source: Áfra and Szirmay-Kalos, Stackless Multi-BVH Traversal for CPU, MIC and GPU Ray Tracing, 2013. Sixteen levels fit into
+// four words; the lowest eight bits belong to the current node. Pending children are tested again, with the best hit found so
+// far.
 // use shared/leaf
 // use ?level
 // use ?count
 // use shared/invocation/iterations
 // const MAX_ITERATIONS
 
-/// Bits of a level.
+/// Bits per level.
 const LEVEL_BITS: u32 = 8u;
 
-/// Children that wait, of the node that the walk is at and of all above.
+/// Pending children of the current node and of its ancestors.
 var<private> levels: vec4<u32>;
 
 fn push(children: u32) {
@@ -48,21 +49,21 @@ fn pop() {
     levels = (levels >> vec4<u32>(LEVEL_BITS)) | vec4<u32>(levels.yzw << vec3<u32>(32u - LEVEL_BITS), 0u);
 }
 
-/// Bits of four children that are entered.
+/// Bit mask of the children that the ray enters.
 fn entered(keys: vec4<u32>) -> u32 {
     let bits = select(vec4<u32>(0u), vec4<u32>(1u, 2u, 4u, 8u), keys != vec4<u32>(MISSED));
     return bits.x | bits.y | bits.z | bits.w;
 }
 
-/// The first hit, or any; a miss where there is none.
+/// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
-    var word = enter_outer(ray);
+    var word = enter_top(ray);
     t_max = scaled_t(ray.t_max);
-    // Where `word` hangs, and where the instance does that the walk is in.
+    // Link of `word`, and link of the current instance in the top-level BVH.
     var at = Link(EMPTY, 0u);
     var outer = at;
-    var is_inner = !HAS_INSTANCES;
+    var is_in_instance = !HAS_INSTANCES;
     levels = vec4<u32>(0u);
     loop {
         iterations += 1u;
@@ -72,13 +73,13 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         }
         let is_back = word == EMPTY;
         if is_back && at.word == EMPTY {
-            if !(HAS_INSTANCES && is_inner) {
+            if !(HAS_INSTANCES && is_in_instance) {
                 break;
             }
-            // The instance is done.
-            is_inner = false;
+            // Leave the instance.
+            is_in_instance = false;
             at = outer;
-            enter_outer(ray);
+            enter_top(ray);
             t_max = scaled_t(best.t);
         } else if is_back && (levels.x & 0xffu) == 0u {
             pop();
@@ -108,17 +109,17 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             } else if is_back {
                 at = link(node);
             }
-        } else if is_inner {
+        } else if is_in_instance {
             leaf(word);
             word = EMPTY;
             if any && best.primitive != NONE {
                 break;
             }
         } else {
-            is_inner = true;
+            is_in_instance = true;
             outer = at;
             at = Link(EMPTY, 0u);
-            word = enter_inner(ray, word);
+            word = enter_instance_leaf(ray, word);
             t_max = scaled_t(best.t);
         }
     }
@@ -129,25 +130,25 @@ fn traverse(ray: Ray, any: bool) -> Hit {
 }
 
 // choice links
-// A ray's way through nodes, nearest first, that remembers nothing but where it is.
+// Ordered traversal without state besides the current node.
 //
-// Coming back from a child, the ray tests its parent's children once more: the next is the one of the least key above that of
-// the child it comes from. Entries are asked for without regard to what has been hit, so that a key is what it was.
+// After returning from a child, the ray tests all children of the parent again. The next child has the smallest key above that
+// of the previous one. Keys do not depend on hits found so far, so they are the same both times.
 // use shared/leaf
 // use ?level
 // use ?count
 // use shared/invocation/iterations
 // const MAX_ITERATIONS
 
-/// The first hit, or any; a miss where there is none.
+/// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
-    var word = enter_outer(ray);
+    var word = enter_top(ray);
     t_max = scaled_t(ray.t_max);
-    // Where `word` hangs, and where the instance does that the walk is in.
+    // Link of `word`, and link of the current instance in the top-level BVH.
     var at = Link(EMPTY, 0u);
     var outer = at;
-    var is_inner = !HAS_INSTANCES;
+    var is_in_instance = !HAS_INSTANCES;
     loop {
         iterations += 1u;
         if iterations > MAX_ITERATIONS {
@@ -156,16 +157,16 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         }
         let is_back = word == EMPTY;
         if is_back && at.word == EMPTY {
-            if !(HAS_INSTANCES && is_inner) {
+            if !(HAS_INSTANCES && is_in_instance) {
                 break;
             }
-            // The instance is done.
-            is_inner = false;
+            // Leave the instance.
+            is_in_instance = false;
             at = outer;
-            enter_outer(ray);
+            enter_top(ray);
             t_max = scaled_t(best.t);
         } else if is_back || (word & LEAF) == 0u {
-            // Nodes are entered at one place of the text: keys of both times are then of the same roundings.
+            // One call site for both directions, so that both compute the same keys.
             let node = select(word, at.word, is_back);
             var keys = array<vec4<u32>, 2>(vec4<u32>(MISSED), vec4<u32>(MISSED));
             for (var half = 0u; half < 2u; half += 1u) {
@@ -187,17 +188,17 @@ fn traverse(ray: Ray, any: bool) -> Hit {
                     at = link(node);
                 }
             }
-        } else if is_inner {
+        } else if is_in_instance {
             leaf(word);
             word = EMPTY;
             if any && best.primitive != NONE {
                 break;
             }
         } else {
-            is_inner = true;
+            is_in_instance = true;
             outer = at;
             at = Link(EMPTY, 0u);
-            word = enter_inner(ray, word);
+            word = enter_instance_leaf(ray, word);
             t_max = scaled_t(best.t);
         }
     }

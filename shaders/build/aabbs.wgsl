@@ -1,5 +1,6 @@
-// Volumes: axis-aligned boxes, from the leaves up.
-// Reads: parents, leaves. Writes: the box around what is below each inner node, copies of its items' coordinates.
+// Volumes: axis-aligned boxes, bottom-up.
+// Reads: parents, leaves.
+// Writes: the box of each inner node. Its coordinates are copies of coordinates of the items.
 // use shared/build/slice
 // use shared/build/climb
 // use ?item
@@ -7,12 +8,8 @@
 @group(0) @binding(2) var<storage, read> leaves: array<u32>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let leaf = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let leaf = slice_item(id, 64u);
     if leaf < slice.end {
         climb(parent_of_leaf(leaf), item_reach(leaves[leaf]));
     }

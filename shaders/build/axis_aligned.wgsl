@@ -1,17 +1,14 @@
-// Volumes, `dop`, before the first frame: boxes along the axes of the space.
-// Reads: axis-aligned boxes. Writes: the same with midpoints and half-extents.
+// Volumes, `dop`, before the first frame: converts axis-aligned boxes.
+// Reads: axis-aligned boxes.
+// Writes: the same boxes as center, identity frame and half-extents.
 // use shared/build/slice
 // use shared/build/boxes
 
 @group(0) @binding(1) var<storage, read> aabbs: array<f32>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let slot = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let slot = slice_item(id, 64u);
     if slot >= slice.end {
         return;
     }

@@ -1,6 +1,7 @@
-// Codes.
-// Reads: grids, items. Writes: a Morton code an item, in input order.
-// Holds: the same integers as on the CPU: sums in this order, a subtraction, then a product, which no compiler can fuse.
+// Morton codes.
+// Reads: grids, items.
+// Writes: one code per item, in input order.
+// Holds: the same integers as on the CPU. Sums have a fixed order; a subtraction followed by a product cannot be fused.
 // Source: Lauterbach et al. 2009.
 // use shared/build/slice
 // use shared/build/tree/forest
@@ -11,12 +12,8 @@
 @group(0) @binding(1) var<storage, read> domains: array<Domain>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let item = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let item = slice_item(id, 64u);
     if item >= slice.end {
         return;
     }

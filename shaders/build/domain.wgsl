@@ -1,8 +1,9 @@
-// Domain, second dispatch: an invocation for each tree.
-// Reads: boxes. Writes: the grid of cells on which a tree's items are coded.
-// Holds: the same bits as on the CPU. WGSL lets a division err by 2.5 units in the last place, so the one division that
-// decides cells is done in integers.
-// Source: Lauterbach et al. 2009; scale by the largest extent, 0 where that is zero or the scale not finite.
+// Domain, second dispatch: one invocation per tree.
+// Reads: bounding boxes.
+// Writes: the grid on which the items of a tree get their Morton codes.
+// Holds: the same bits as on the CPU. A WGSL division may err by 2.5 ULP, so the one division that decides cells uses integers.
+// Source: Lauterbach et al. 2009. The scale comes from the largest extent; it is 0 where that is zero or the scale is not
+// finite.
 // use shared/build/slice
 // use ?item
 // use ?code
@@ -16,13 +17,9 @@ fn end_at(tree: u32, k: u32) -> f32 {
 }
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let tree = slice_item(group, groups, 64u, local);
-    // What has no item has no box.
+fn main(id: Invocation) {
+    let tree = slice_item(id, 64u);
+    // A tree without items has no box.
     if tree >= slice.end || bounds[6u * tree] == 0u {
         return;
     }
@@ -33,14 +30,14 @@ fn main(
     domains[tree] = Domain(N_POINTS * low, cells_over(N_POINTS * largest));
 }
 
-/// 2^CELL_BITS / x, rounded to nearest; 0 where that is not finite or x is.
+/// 2^CELL_BITS / x, rounded to nearest; 0 if x is 0 or the result is not finite.
 ///
-/// With x = m·2^(e − 150) and m of 24 bits the quotient is 2^47 / m, whose 24 or 25 bits come one by one, times a power of two.
-/// The results of the grids we use are far from the least floats.
+/// With x = m·2^(e − 150), where m has 24 bits, the quotient is 2^47 / m times a power of two. Its 24 or 25 bits are computed
+/// one at a time. The results for our grids are far from subnormal.
 fn cells_over(x: f32) -> f32 {
     let bits = bitcast<u32>(x);
     let exponent = bits >> 23u;
-    // Zero and what is so small that the scale overflows; infinity.
+    // Zero, values so small that the scale overflows, and infinity.
     if exponent == 0u || exponent >= 255u {
         return 0.0;
     }
@@ -55,7 +52,7 @@ fn cells_over(x: f32) -> f32 {
         }
         remainder <<= 1u;
     }
-    // The remainder is doubled already. There are no ties: no odd number but one divides a power of two.
+    // The remainder is already doubled. There are no ties: the only odd divisor of a power of two is one.
     if remainder > divisor {
         quotient += 1u;
     }

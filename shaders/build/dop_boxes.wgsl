@@ -1,5 +1,6 @@
-// Volumes, `dop`, second dispatch of a frame: the box along it takes a node's place where it has less area.
-// Reads: extents along the frame, axis-aligned boxes, nodes, leaves. Writes: boxes.
+// Volumes, `dop`, second dispatch of a frame: the box along this frame replaces the node's box if it has less area.
+// Reads: extents along the frame, axis-aligned boxes, nodes, leaves.
+// Writes: boxes.
 // Holds: a box contains the items below it exactly; see shared/build/enclosure.
 // use shared/build/slice
 // use shared/build/boxes
@@ -15,7 +16,7 @@ fn three(at: u32, is_end: bool) -> vec3<f32> {
     return vec3<f32>(aabbs[at], aabbs[at + 1u], aabbs[at + 2u]);
 }
 
-/// The box along the frame by the extents that came up. What is below reaches no farther from the origin than its axis-aligned
+/// The box along the frame from the extents computed bottom-up. No item reaches farther from the origin than its axis-aligned
 /// box; three roundings cover the sum.
 fn box_of_large_node(slot: u32) -> Box {
     let reach = max(abs(three(6u * slot, false)), abs(three(6u * slot + 3u, false)));
@@ -25,12 +26,8 @@ fn box_of_large_node(slot: u32) -> Box {
 }
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let slot = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let slot = slice_item(id, 64u);
     if slot >= slice.end {
         return;
     }

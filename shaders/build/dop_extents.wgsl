@@ -1,22 +1,18 @@
-// Volumes, `dop`, first dispatch of a frame: extents along its axes, from the leaves up.
-// Reads: nodes, parents, leaves, a frame. Writes: the coordinates of both ends of what is below each node of many leaves, from
-// the origin.
+// Volumes, `dop`, first dispatch of a frame: extents along its axes, bottom-up.
+// Reads: nodes, parents, leaves, a frame.
+// Writes: for each large node the minimum and maximum along each axis, measured from the origin.
 // Source: Klosowski et al. 1998, three directions at a time.
 // use shared/build/slice
 // use shared/build/climb
 // use shared/build/dop
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let leaf = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let leaf = slice_item(id, 64u);
     if leaf >= slice.end {
         return;
     }
-    // The first leaf of a node of few speaks for all of them.
+    // The first leaf of a small node handles all leaves of that node.
     var first = leaf;
     var last = leaf;
     var above = parent_of_leaf(leaf);

@@ -1,7 +1,8 @@
-// Tree, from the leaves up.
-// Reads: parents. Writes: nodes on the longest way down from each inner node, the leaf included, and the greatest of all.
-// Holds: the word that says who came second is the word that carries the height, so nothing else must be seen with it. 0 says
-// that nobody came yet.
+// Tree heights, bottom-up.
+// Reads: parents.
+// Writes: the height of each inner node in nodes, including the leaf, and the maximum over all nodes.
+// Holds: the atomic word that identifies the second child also carries the height, so no other memory must be visible with it.
+// 0 means that no child has arrived.
 // use shared/build/slice
 // use shared/build/tree
 
@@ -10,12 +11,8 @@
 @group(0) @binding(3) var<storage, read_write> depth: atomic<u32>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let leaf = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let leaf = slice_item(id, 64u);
     if leaf >= slice.end {
         return;
     }

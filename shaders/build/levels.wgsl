@@ -1,5 +1,6 @@
 // Volumes, once before the levels.
-// Reads: heights, nodes in their order. Writes: how many nodes are not higher than each height.
+// Reads: heights, nodes sorted by height.
+// Writes: for each height, the number of nodes that are not higher.
 // use shared/build/slice
 
 @group(0) @binding(1) var<storage, read> heights: array<u32>;
@@ -7,17 +8,13 @@
 @group(0) @binding(3) var<storage, read_write> ends: array<u32>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let i = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let i = slice_item(id, 64u);
     if i >= slice.end {
         return;
     }
     let height = heights[order[i]];
-    // The last of its height.
+    // The last node of this height.
     if i + 1u == arrayLength(&heights) || heights[order[i + 1u]] != height {
         ends[height] = i + 1u;
     }

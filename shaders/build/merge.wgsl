@@ -1,6 +1,7 @@
-// Volumes: leaning boxes, one dispatch for all nodes of one height.
-// Reads: children's boxes, axis-aligned boxes. Writes: a box a node, along the axes of the space where that has no more area.
-// Holds: a box contains its children's boxes and its items exactly; see shared/build/enclosure.
+// Volumes: oriented boxes, one dispatch per height.
+// Reads: boxes of the children, axis-aligned boxes.
+// Writes: one box per node; the axis-aligned one if the oriented box does not have less area.
+// Holds: a box contains the boxes of its children and its items exactly; see shared/build/enclosure.
 // use shared/build/slice
 // use shared/build/tree
 // use shared/build/boxes
@@ -21,12 +22,8 @@ fn child_content(child: u32) -> Content {
 }
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let i = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let i = slice_item(id, 64u);
     if i >= slice.end {
         return;
     }
@@ -38,7 +35,7 @@ fn main(
     let high = vec3<f32>(aabbs[at + 3u], aabbs[at + 4u], aabbs[at + 5u]);
     var volume = box_from_aabb(low, high);
     let oriented = enclosed(frame_of(a, b), a, b);
-    // What was refused has negative half-extents and a positive area.
+    // A rejected box has negative half-extents, which can multiply to a positive area.
     if all(oriented.half_extents >= vec3(0.0)) && half_area(oriented.half_extents) < half_area(0.5 * (high - low)) {
         volume = oriented;
     }

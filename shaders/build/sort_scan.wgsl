@@ -1,5 +1,6 @@
-// Sort, second dispatch of a digit: a work-group for each value of the digit.
-// Reads: the tiles' counts. Writes: over each count the sum of those before it, and the value's total.
+// Sort, second dispatch of a digit: one work-group for each value of the digit.
+// Reads: counts of the tiles.
+// Writes: exclusive prefix sums of the counts, in place, and the total for the value.
 // use shared/build/digit
 // use shared/build/scan
 

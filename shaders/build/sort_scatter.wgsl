@@ -1,7 +1,8 @@
 // Sort, last dispatch of a digit.
-// Reads: keys with values, sums of counts. Writes: keys with values in the order of the digit.
-// Holds: keys of equal digits keep their order. An invocation owns consecutive keys and a column of counters, one for each
-// value of the digit; the sum over columns ranks each key in its tile.
+// Reads: keys with values, prefix sums of the counts.
+// Writes: keys with values, sorted by the digit.
+// Holds: the sort is stable. An invocation owns consecutive keys and a column of counters, one for each value of the digit; the
+// prefix sum over columns gives the rank of each key in its tile.
 // Source: Satish, Harris and Garland 2009.
 // use shared/build/digit
 // use shared/build/scan
@@ -14,36 +15,32 @@
 @group(0) @binding(7) var<storage, read> totals: array<u32>;
 
 var<workgroup> columns: array<u32, RADIX * GROUP>;
-/// Where the keys of each value go, less their first rank in the tile; wraps around.
+/// Destination of the keys of each value, minus their first rank in the tile; may wrap around.
 var<workgroup> destinations: array<u32, RADIX>;
 
 @compute @workgroup_size(GROUP)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let tile = tile_of(group, groups);
-    let first = tile * TILE + local * KEYS_EACH;
+fn main(id: Invocation) {
+    let tile = tile_of(id);
+    let first = tile * TILE + id.local * KEYS_EACH;
     let end = min(min(digit.n_keys, slice.end * TILE), first + KEYS_EACH);
     for (var i = first; i < end; i++) {
-        columns[digit_of(keys_in[i]) * GROUP + local] += 1u;
+        columns[digit_of(keys_in[i]) * GROUP + id.local] += 1u;
     }
     workgroupBarrier();
-    rank(local);
+    rank(id.local);
     workgroupBarrier();
-    if local < RADIX && tile < slice.end {
+    if id.local < RADIX && tile < slice.end {
         var before = 0u;
-        for (var value = 0u; value < local; value++) {
+        for (var value = 0u; value < id.local; value++) {
             before += totals[value];
         }
-        destinations[local] = before + counts[local * digit.n_tiles + tile] - columns[local * GROUP];
+        destinations[id.local] = before + counts[id.local * digit.n_tiles + tile] - columns[id.local * GROUP];
     }
     workgroupBarrier();
     for (var i = first; i < end; i++) {
         let key = keys_in[i];
         let value = digit_of(key);
-        let cell = value * GROUP + local;
+        let cell = value * GROUP + id.local;
         let place = destinations[value] + columns[cell];
         columns[cell] += 1u;
         keys_out[place] = key;
@@ -51,7 +48,7 @@ fn main(
     }
 }
 
-/// Puts over each counter the sum of those before it, by value of the digit and then by invocation.
+/// Replaces each counter by the sum of the counters before it, ordered by value of the digit, then by invocation.
 fn rank(local: u32) {
     var sum = 0u;
     for (var c = 0u; c < RADIX; c++) {

@@ -1,6 +1,7 @@
-// Tree.
-// Reads: sorted codes. Writes: an inner node for each leaf but the last of a tree, and parents.
-// Holds: each node splits its range where the highest bit of (code, position) differs; the integers of the CPU.
+// Radix tree.
+// Reads: sorted codes.
+// Writes: one inner node for each leaf but the last of a tree, and parents.
+// Holds: each node splits its range at the highest differing bit of (code, position). The integers equal the CPU's.
 // Source: Karras 2012.
 // use shared/build/slice
 // use shared/build/tree/forest
@@ -8,10 +9,10 @@
 // use ?code
 
 @group(0) @binding(1) var<storage, read_write> nodes: array<Node>;
-/// Parents of inner nodes by slot, then those of leaves by position.
+/// Parents of inner nodes by slot, followed by parents of leaves by position.
 @group(0) @binding(2) var<storage, read_write> parents: array<u32>;
 
-/// Leading bits that leaves i and j of a tree have in common, positions behind codes; −1 for what is not in the tree.
+/// Length of the common prefix of leaves i and j of a tree, of code and position; −1 for a leaf outside the tree.
 fn common_prefix(range: Range, i: i32, j: i32) -> i32 {
     if j < 0 || j >= i32(range.count) {
         return -1;
@@ -20,8 +21,8 @@ fn common_prefix(range: Range, i: i32, j: i32) -> i32 {
     return i32(select(bits, CODE_BITS + countLeadingZeros(u32(i ^ j)), bits == CODE_BITS));
 }
 
-/// The other end of the range of node `i`, on the side `toward`: the farthest leaf that has more in common with it than the
-/// neighbour on the other side.
+/// The other end of the range of node `i` in direction `toward`: the farthest leaf whose common prefix is longer than that of
+/// the neighbor on the opposite side.
 fn range_end(range: Range, i: i32, toward: i32) -> i32 {
     let least = common_prefix(range, i, i - toward);
     var reach = 2;
@@ -52,12 +53,8 @@ fn find_split(range: Range, i: i32, end: i32, toward: i32) -> i32 {
 }
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let slot = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let slot = slice_item(id, 64u);
     if slot >= slice.end {
         return;
     }

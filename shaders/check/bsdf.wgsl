@@ -1,4 +1,4 @@
-// Evaluates the scattering of one material between two directions, and a sample of it, for comparison with the CPU's.
+// Evaluates and samples the BSDF of one material, to compare with the CPU.
 // use shared/invocation/index
 // use ?bsdf
 
@@ -12,7 +12,7 @@ struct Query {
     outgoing: vec3<f32>,
     choice: f32,
     incident: vec3<f32>,
-    /// 1 for a sheet, 2 for the inside.
+    /// 1: thin-walled, 2: inside.
     flags: u32,
     square: vec2<f32>,
 }
@@ -23,7 +23,7 @@ struct Answer {
     incident: vec3<f32>,
     sampled_density: f32,
     weight: vec3<f32>,
-    /// 1 found, 2 delta, 4 transmitted, 8 nothing but delta.
+    /// 1: found, 2: delta, 4: transmitted, 8: only delta lobes.
     flags: u32,
     compression: f32,
 }
@@ -32,12 +32,8 @@ struct Answer {
 @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = invocation(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
     if index >= arrayLength(&answers) {
         return;
     }

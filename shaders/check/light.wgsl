@@ -1,4 +1,4 @@
-// Samples the lights of a scene and tells densities, for comparison with the CPU's.
+// Samples the lights of a scene and evaluates densities, to compare with the CPU.
 // use shared/invocation/index
 // use shared/light/sampler
 // use ?sky
@@ -9,7 +9,7 @@ struct Query {
     normal: vec3<f32>,
     transmits: u32,
     square: vec2<f32>,
-    /// What a direction meets: 0 the sky, 1 a body, 2 a triangle; its number or instance, its primitive.
+    /// What the direction hits: 0 the sky, 1 a shape light, 2 a triangle. Then its number or instance, and its primitive.
     kind: u32,
     number: u32,
     to_light: vec3<f32>,
@@ -25,7 +25,7 @@ struct Answer {
     place: vec3<f32>,
     shape_light: u32,
     is_emission: u32,
-    /// Of the direction of the query.
+    /// Density of the direction of the query.
     density_there: f32,
 }
 
@@ -33,12 +33,8 @@ struct Answer {
 @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = invocation(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
     if index >= arrayLength(&answers) {
         return;
     }

@@ -1,7 +1,8 @@
-// What camera rays meet first, beside their light: one sample of one pixel an invocation, as render/path takes them.
+// First hits of camera rays, for AOVs and denoisers. One sample of one pixel per invocation, in the same order as render/path.
 //
-// `?count` counts the tests of the ray, `?shape_lights` are the lights that it may meet, `?material` tells how a surface shines; `?time`
-// says when the ray flies.
+// `?count` counts the tests of a ray, `?shape_lights` are the lights that it may hit, `?material` gives the BSDF, `?time` the
+// time of the ray.
+// use shared/invocation/index
 // use shared/camera
 // use shared/picture
 // use shared/hash/ray_key
@@ -12,37 +13,33 @@
 // use ?time
 
 struct Guide {
-    /// Unit normal of the triangle, on the viewer's side, and the distance along the view axis.
+    /// Unit normal of the triangle on the viewer's side, and the distance along the view axis.
     normal: vec3<f32>,
     depth: f32,
-    /// Unit normal to shade with, on that side too, and the number of boxes tested.
+    /// Unit shading normal on the same side, and the number of boxes tested.
     shading_normal: vec3<f32>,
     n_boxes: f32,
-    /// What white light becomes, and the number of triangles tested.
+    /// Albedo, and the number of triangles tested.
     albedo: vec3<f32>,
     n_triangles: f32,
-    /// The triangle, as its mesh numbers it; `NONE` for a miss.
+    /// Index of the primitive in its mesh; `NONE` for a miss.
     primitive: u32,
     /// `NONE` for a miss and for a light.
     instance: u32,
 }
 
-/// For each work-group its 64 pixels, row by row.
+/// 64 pixels per work-group, row by row.
 @group(1) @binding(11) var<storage, read_write> guides: array<Guide>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group_id: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let group = group_id.y * groups.x + group_id.x;
-    let one = taken(group, local);
+fn main(id: Invocation) {
+    let group = group_index(id);
+    let one = taken(group, id.local);
     if one.is_inside {
         choose_time(one);
-        // The key of a path's first ray.
-        ray_key = derived_key(derived_key(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE)), 0u);
-        guides[64u * group + local] = guide_of(camera_ray(one));
+        // Key of the first ray of a path.
+        ray_key = derived_key(derived_key(0u, bits(picture.sampler, one.pixel, one.sample, ALPHA_DIMENSION)), 0u);
+        guides[64u * group + id.local] = guide_of(camera_ray(one));
     }
 }
 
@@ -51,12 +48,12 @@ fn guide_of(camera: CameraRay) -> Guide {
     let tests = vec2<f32>(n_tested());
     let ray = camera.ray;
     let is_miss = hit.instance == NONE;
-    let met = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
-    if met.is_hit {
-        let way = met.t * ray.direction;
-        let normal = shape_light_normal(met.number, ray.origin + way);
+    let light_hit = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
+    if light_hit.is_hit {
+        let delta = light_hit.t * ray.direction;
+        let normal = shape_light_normal(light_hit.number, ray.origin + delta);
         let facing = select(normal, -normal, dot(normal, ray.direction) > 0.0);
-        let depth = dot(picture.forward, (ray.origin - picture.eye) + way);
+        let depth = dot(picture.forward, (ray.origin - picture.eye) + delta);
         return Guide(facing, depth, facing, tests.x, vec3(0.0), tests.y, 0u, NONE);
     }
     if is_miss {
@@ -64,14 +61,14 @@ fn guide_of(camera: CameraRay) -> Guide {
     }
     let surface = surface_at(hit, camera.ray.direction, camera.cone);
     let depth = dot(picture.forward, surface.position - picture.eye);
-    let albedo = white_becomes(bsdf_of(surface));
+    let albedo = denoiser_albedo(bsdf_of(surface));
     return Guide(
         surface.normal, depth, surface.shading_normal, tests.x, albedo, tests.y, hit.primitive, hit.instance
     );
 }
 
-/// The colour of a surface for a denoiser: seen from outside along the normal.
-fn white_becomes(bsdf: Bsdf) -> vec3<f32> {
+/// Albedo for a denoiser: viewed from outside along the normal.
+fn denoiser_albedo(bsdf: Bsdf) -> vec3<f32> {
     let root = (1.0 - bsdf.ior) / (1.0 + bsdf.ior);
     let gloss = (1.0 - bsdf.metallic) * bsdf.specular * root * root;
     return gloss + (1.0 - gloss) * bsdf.base_color;

@@ -1,10 +1,10 @@
-// The share of rays that meet a surface that alpha cuts out. `?alpha` tells alpha's texture.
+// Opacity of surfaces with alpha. `?alpha` reads the alpha texture.
 // use shared/surface
 
-/// Above all thresholds: alpha is the probability of being there.
+/// Larger than any threshold: alpha is a probability of being hit.
 const IS_BLENDED: f32 = 2.0;
 
-/// Alpha where a material is blended, else all or none.
+/// Probability that a ray hits: alpha of a blended material, 0 or 1 otherwise.
 fn presence(material: u32, corners: vec3<u32>, weights: vec3<f32>) -> f32 {
     let cutoff = materials[material].cutoff;
     if cutoff < 0.0 {
@@ -19,14 +19,14 @@ fn presence(material: u32, corners: vec3<u32>, weights: vec3<f32>) -> f32 {
 }
 
 // choice plain
-// No texture has a say in alpha.
+// No alpha texture.
 
 fn alpha_of(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> f32 {
     return 1.0;
 }
 
 // choice texture
-// Alpha of textures, at full size: an averaged alpha would move the edge of what it cuts out.
+// Alpha textures, always at full resolution: averaging would move the edge of the cut-out.
 
 fn alpha_of(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> f32 {
     if slot == NO_SLOT {

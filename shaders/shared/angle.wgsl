@@ -1,11 +1,11 @@
-// Sines and arcs. WGSL promises 2^-11 for `sin` and 4,096 units in the last place for `atan2`; these are right to
-// a few units on every device, as lookups and twins of the CPU's functions need.
+// Sine, cosine and arc tangent. WGSL promises only 2^-11 for `sin` and 4,096 ULP for `atan2`; these are accurate to a few ULP
+// on every device, which lookups and CPU twins need.
 // use shared/numbers
 
-/// Cosine and sine of a number of turns, in -2..=2; each within 4 * 2^-24.
+/// Cosine and sine of an angle in turns, in -2..=2, each within 4 * 2^-24.
 ///
-/// The nearest quarter is taken off without rounding. What is left is at most an eighth of a turn, where Taylor's series
-/// to these terms lack less than 2^-28.
+/// Subtracts the nearest quarter exactly. The remainder is at most an eighth of a turn, where the truncated Taylor series err
+/// by less than 2^-28.
 fn circle(turns: f32) -> vec2<f32> {
     let quarter = round(4.0 * turns);
     let x = TAU * (turns - 0.25 * quarter);
@@ -20,13 +20,14 @@ fn circle(turns: f32) -> vec2<f32> {
     }
 }
 
-/// Angle in -pi..=pi of the point `(x, y)` from the x axis, within 6 * 2^-24 of itself; 0 at the origin.
+/// Angle in -pi..=pi of the point `(x, y)` from the x axis, with a relative error of at most 6 * 2^-24; 0 at the origin.
 fn angle_of(y: f32, x: f32) -> f32 {
     let most = max(abs(x), abs(y));
     if most == 0.0 {
         return 0.0;
     }
-    // The first octant, then half of it: the series is taken up to the tangent of a sixteenth of a turn.
+    // Reduce to the first octant, then to half of it, so that the series only needs tangents up to that of a sixteenth of a
+    // turn.
     let tangent = min(abs(x), abs(y)) / most;
     let is_far = tangent > 0.41421356;
     var angle = arc(select(tangent, (tangent - 1.0) / (tangent + 1.0), is_far));
@@ -36,7 +37,7 @@ fn angle_of(y: f32, x: f32) -> f32 {
     return select(angle, -angle, y < 0.0);
 }
 
-/// The arc of a tangent up to `sqrt(2) - 1`: what Taylor's series lacks after these terms is below 2^-24 of it.
+/// Arc tangent up to `sqrt(2) - 1`; the relative truncation error is below 2^-24.
 fn arc(t: f32) -> f32 {
     let y = t * t;
     let low = 1.0 + y * (-1.0 / 3.0 + y * (1.0 / 5.0 - y / 7.0));

@@ -1,6 +1,6 @@
-// The boundary seen from one direction; twin of crates/renderer/src/bsdf/boundary.rs, where each step is explained.
+// A layered boundary for one outgoing direction; twin of crates/renderer/src/bsdf/boundary.rs, which explains each step.
 //
-// `?transmission` is what light does that does not come back: nothing in scenes without glass.
+// `?transmission` handles transmitted light; it is empty in scenes without glass.
 // use shared/numbers
 // use shared/sampling
 // use shared/scattering
@@ -8,23 +8,23 @@
 // use shared/ggx
 // use ?transmission
 
-/// A material from one outgoing direction.
+/// A material and an outgoing direction.
 struct Boundary {
     bsdf: Bsdf,
     outgoing: vec3<f32>,
     is_inside: bool,
-    /// Index of the far side over that of the side of `outgoing`.
+    /// Refractive index of the far side divided by that of the side of `outgoing`.
     eta: f32,
     /// 0 for a mirror.
     alpha: f32,
     diffuse_probability: f32,
 }
 
-/// What a facet does with the light of one direction.
+/// What a microfacet reflects and transmits for one direction.
 struct Facet {
     reflected: vec3<f32>,
     transmitted: vec3<f32>,
-    /// That a sample which found this facet is reflected; the rest is transmitted.
+    /// Probability of reflection once this facet is sampled; the rest is transmission.
     reflection_probability: f32,
 }
 
@@ -36,7 +36,7 @@ fn boundary_of(bsdf: Bsdf, outgoing: vec3<f32>) -> Boundary {
     return boundary;
 }
 
-/// What comes from `incident`, whose z is not 0.
+/// Light from `incident`, whose z is not 0.
 fn evaluate_boundary(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     if incident.z > 0.0 {
         return reflected_by(boundary, incident);
@@ -44,7 +44,7 @@ fn evaluate_boundary(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     return transmitted_by(boundary, incident);
 }
 
-/// Light that leaves on the side it came from.
+/// Reflected light.
 fn reflected_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     let lambert = incident.z / PI;
     let diffuse = Evaluation(base_of(boundary, incident.z) * lambert, boundary.diffuse_probability * lambert);
@@ -55,7 +55,7 @@ fn reflected_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     return Evaluation(diffuse.value + gloss.value, diffuse.density + gloss.density);
 }
 
-/// Facets that mirror `incident` into `outgoing`: what they reflect, or what a sheet lets through.
+/// Facets that mirror `incident` into `outgoing`: their reflection, or the transmission of a thin wall.
 fn mirrored_by(boundary: Boundary, incident: vec3<f32>, is_through: bool) -> Evaluation {
     let normal = unit_of(boundary.outgoing + incident);
     let facet = facet_of(boundary, dot(boundary.outgoing, normal));
@@ -63,17 +63,17 @@ fn mirrored_by(boundary: Boundary, incident: vec3<f32>, is_through: bool) -> Eva
     let probability = select(facet.reflection_probability, 1.0 - facet.reflection_probability, is_through);
     let outgoing = boundary.outgoing.z;
     let area = ggx_distribution(boundary.alpha, normal) * ggx_masking(boundary.alpha, outgoing, incident.z);
-    // Four times the cosine to the facet is the stretch of normals to directions; the cosine cancels.
+    // The Jacobian from normals to directions is four times the cosine to the facet; the cosine cancels.
     let density = ggx_density(boundary.alpha, outgoing, normal) / 4.0;
     return Evaluation(color * area, (1.0 - boundary.diffuse_probability) * probability * density);
 }
 
-/// A direction by one of the lobes, without its weight unless it is the only one of its lobe.
+/// Samples a direction from one lobe. The weight is set only for delta lobes.
 fn sample_boundary(boundary: Boundary, square: vec2<f32>, choice: f32) -> BsdfSample {
     if choice < boundary.diffuse_probability {
         return into_lobe(cosine_hemisphere(square));
     }
-    // What is left of the number chooses once more.
+    // Reuse the rest of the random number.
     let left = (choice - boundary.diffuse_probability) / (1.0 - boundary.diffuse_probability);
     var normal = vec3(0.0, 0.0, 1.0);
     if boundary.alpha > 0.0 {
@@ -98,12 +98,12 @@ fn sample_reflected(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Bsdf
     return into_lobe(incident);
 }
 
-/// A direction of a lobe that has a width.
+/// A direction of a lobe that is not a delta.
 fn into_lobe(incident: vec3<f32>) -> BsdfSample {
     return BsdfSample(incident, 0.0, vec3(0.0), false, false, true);
 }
 
-/// The only direction of its lobe.
+/// The direction of a delta lobe.
 fn mirror(boundary: Boundary, incident: vec3<f32>, color: vec3<f32>, share: f32) -> BsdfSample {
     let probability = share * (1.0 - boundary.diffuse_probability);
     if probability <= 0.0 {
@@ -119,7 +119,7 @@ fn mirrored_at(outgoing: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
 
 fn facet_of(boundary: Boundary, cosine_to_facet: f32) -> Facet {
     let bsdf = boundary.bsdf;
-    // Rounding may leave the cosine just outside.
+    // Rounding may leave the cosine slightly outside the range.
     let cosine = clamp(cosine_to_facet, 0.0, 1.0);
     let layer = layer_of(boundary, cosine);
     let gloss = (1.0 - bsdf.metallic) * layer * select(1.0, bsdf.transmission, boundary.is_inside);
@@ -134,7 +134,7 @@ fn facet_of(boundary: Boundary, cosine_to_facet: f32) -> Facet {
     return Facet(reflected, transmitted, probability);
 }
 
-/// Albedo of the diffuse base under the layer, for light of this cosine; from inside it lies before the layer.
+/// Albedo of the diffuse base under the layer, for light of this cosine; from inside, the base lies before the layer.
 fn base_of(boundary: Boundary, incident: f32) -> vec3<f32> {
     let color = diffuse_color(boundary.bsdf);
     if boundary.is_inside {
@@ -145,7 +145,7 @@ fn base_of(boundary: Boundary, incident: f32) -> vec3<f32> {
     return color * passed / (1.0 - boundary.bsdf.specular * mean_below(boundary.eta));
 }
 
-/// What the layer of a non-metal reflects; total reflection is total at any strength.
+/// Reflectance of the dielectric layer; total internal reflection ignores `specular`.
 fn layer_of(boundary: Boundary, cosine: f32) -> f32 {
     let refracted = refracted_cosine(cosine, boundary.eta);
     if refracted == TOTAL {
@@ -154,7 +154,7 @@ fn layer_of(boundary: Boundary, cosine: f32) -> f32 {
     return boundary.bsdf.specular * dielectric(cosine, refracted, boundary.eta);
 }
 
-/// The diffuse base's part of the light along the mirrored direction.
+/// Fraction of the light along the mirrored direction that the diffuse base reflects.
 fn share_of_base(boundary: Boundary) -> f32 {
     var passed = 1.0;
     if !boundary.is_inside {
@@ -162,14 +162,14 @@ fn share_of_base(boundary: Boundary) -> f32 {
     }
     let base = mean_of(diffuse_color(boundary.bsdf)) * passed;
     let facet = facet_of(boundary, boundary.outgoing.z);
-    // A black metal is not black on all its facets.
+    // A black metal still reflects at grazing angles.
     if base <= 0.0 {
         return 0.0;
     }
     return base / (base + mean_of(facet.reflected) + mean_of(facet.transmitted));
 }
 
-/// Albedo of the diffuse base before the layer takes its share.
+/// Albedo of the diffuse base without the layer.
 fn diffuse_color(bsdf: Bsdf) -> vec3<f32> {
     return bsdf.base_color * ((1.0 - bsdf.metallic) * (1.0 - bsdf.transmission));
 }

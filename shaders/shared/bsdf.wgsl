@@ -1,11 +1,11 @@
 // choice full
-// Metals, layers, glass and sheets: all that a material can be.
+// All materials: metals, coated dielectrics, glass and thin walls.
 // use shared/sampling
 // use shared/scattering
 // use shared/boundary
 // use shared/ggx
 
-/// Scattering from `incident` into `outgoing`, mirrors and clear boundaries left out.
+/// Scattering from `incident` into `outgoing`, without delta lobes.
 fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evaluation {
     if outgoing.z < MIN_COSINE || abs(incident.z) < MIN_COSINE {
         return no_evaluation();
@@ -17,7 +17,7 @@ fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evalua
     return evaluate_boundary(boundary_of(bsdf, outgoing), incident);
 }
 
-/// A direction to look for light in, from a point of the unit square and a number in `[0, 1)` that chooses a lobe.
+/// Samples an incident direction from a point of the unit square and a number in `[0, 1)` that selects a lobe.
 fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> BsdfSample {
     if outgoing.z < MIN_COSINE {
         return no_bsdf_sample();
@@ -32,7 +32,7 @@ fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) 
         return scattered;
     }
     let found = evaluate_boundary(boundary, scattered.incident);
-    // Rounding may take a direction at the edge of a lobe out of it.
+    // Rounding may move a direction at the edge of a lobe out of it.
     if found.density < MIN_DENSITY {
         return no_bsdf_sample();
     }
@@ -42,7 +42,7 @@ fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) 
     return scattered;
 }
 
-/// Densities below it may have been flushed to zero.
+/// Smaller densities may have been flushed to zero.
 const MIN_DENSITY: f32 = 1e-30;
 
 /// Whether `evaluate_bsdf` is zero everywhere, so that lights need not be sampled.
@@ -68,7 +68,7 @@ fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evalua
     return Evaluation(bsdf.base_color * density, density);
 }
 
-/// A direction to look for light in, from a point of the unit square.
+/// Samples an incident direction from a point of the unit square.
 fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) -> BsdfSample {
     if outgoing.z < MIN_COSINE {
         return no_bsdf_sample();
@@ -82,12 +82,12 @@ fn is_delta_only(bsdf: Bsdf) -> bool {
     return false;
 }
 
-/// Whether light comes through.
+/// Whether the material transmits light.
 fn is_transmitting(bsdf: Bsdf) -> bool {
     return false;
 }
 
-/// Factor of radiance on its way out through the boundary.
+/// Factor of the radiance that leaves through the boundary.
 fn compression_of(bsdf: Bsdf) -> f32 {
     return 1.0;
 }

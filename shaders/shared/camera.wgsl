@@ -1,9 +1,9 @@
-// Camera rays: where the filter puts a sample, through the lens, and the cone that the ray stands for.
+// Camera rays: filter, lens, and ray cone.
 //
-// `?view` is perspective or orthographic, `?lens` a pinhole or a disc, `?filter` a box or a table.
+// `?view` is the projection, `?lens` a pinhole or a thin lens, `?filter` the pixel filter.
 //
-// Positions are kept relative to the middle of the picture, so they round by 2^-13 of a pixel at most in pictures up to 4096
-// pixels wide; a ray's direction rounds by some 2^-22.
+// Positions are relative to the center of the picture, so they round by at most 2^-13 of a pixel in pictures up to 4096 pixels
+// wide. Directions round by about 2^-22.
 // use shared/picture
 // use shared/ray
 // use shared/cone
@@ -11,10 +11,10 @@
 // use ?lens
 // use ?filter
 
-/// Dimension of the sampler that places a sample in its pixel.
+/// Sampler dimension of the position in the pixel.
 const PIXEL_POSITION: u32 = 0u;
 
-/// Dimension that places a sample on the lens, apart from those that integrators count up.
+/// Sampler dimension of the position on the lens, separate from those that integrators count up.
 const LENS: u32 = 0xfffffffeu;
 
 struct CameraRay {
@@ -29,7 +29,7 @@ fn camera_ray(one: PixelSample) -> CameraRay {
     return CameraRay(line, pixel_cone(position, one.sample));
 }
 
-/// A ray without end.
+/// A ray with infinite `t_max`.
 fn endless(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
     return Ray(origin, 0.0, direction, FAR);
 }

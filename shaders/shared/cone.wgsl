@@ -1,32 +1,32 @@
-// The part of space that a ray stands for: a narrow cone about it, whose width decides how much of a texture it sees.
+// Ray cones, whose width selects the texture level.
 // use shared/numbers
 
 struct Cone {
-    /// Diameter at the origin of the ray, world units.
+    /// Diameter at the origin of the ray, in world units.
     width: f32,
     /// Growth of the diameter with distance.
     spread: f32,
-    /// The part of a pixel, or of what a surface scatters to, that the sample stands for: a ratio of lengths.
-    share: f32,
-    /// Whether nothing but mirrors lies between the ray and the camera.
+    /// Fraction of a pixel, or of a scattering lobe, that the sample represents, as a ratio of lengths.
+    scale: f32,
+    /// Whether only mirrors lie between the ray and the camera.
     is_direct: bool,
 }
 
-/// The cone of a pixel's sample with this number: `width` and `spread` are those of the pixel.
+/// The cone of the pixel sample with this index; `width` and `spread` are those of the pixel.
 fn cone_of_pixel(width: f32, spread: f32, sample: u32) -> Cone {
-    let share = inverseSqrt(f32(sample) + 1.0);
-    return Cone(width * share, spread * share, share, true);
+    let scale = inverseSqrt(f32(sample) + 1.0);
+    return Cone(width * scale, spread * scale, scale, true);
 }
 
-/// The same cone further along the ray, by world units.
+/// The cone after `distance` world units.
 fn grown(cone: Cone, distance: f32) -> Cone {
-    return Cone(cone.width + cone.spread * distance, cone.spread, cone.share, cone.is_direct);
+    return Cone(cone.width + cone.spread * distance, cone.spread, cone.scale, cone.is_direct);
 }
 
-/// The cone about a direction that a surface scattered to, which was chosen with a density per steradian.
+/// The cone of a scattered direction sampled with this density per steradian.
 fn scattered(cone: Cone, density: f32) -> Cone {
-    // At most a half sphere's projection, that of a diffuse surface.
+    // At most the projected hemisphere, as for a diffuse surface.
     let solid_angle = 1.0 / max(density, 1.0 / PI);
-    let spread = sqrt(cone.spread * cone.spread + solid_angle * cone.share * cone.share);
-    return Cone(cone.width, spread, cone.share, false);
+    let spread = sqrt(cone.spread * cone.spread + solid_angle * cone.scale * cone.scale);
+    return Cone(cone.width, spread, cone.scale, false);
 }

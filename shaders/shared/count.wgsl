@@ -1,5 +1,5 @@
 // choice none
-// Nothing is counted.
+// No counters.
 
 fn count_boxes(n: u32) {}
 
@@ -10,9 +10,9 @@ fn n_tested() -> vec2<u32> {
 }
 
 // choice tests
-// What a ray costs: boxes and triangles that were tested, for kernels that ask.
+// Counters of box and triangle tests.
 
-/// Boxes, then triangles, of all rays of this invocation.
+/// Boxes, then triangles, for all rays of this invocation.
 var<private> tested: vec2<u32>;
 
 fn count_boxes(n: u32) {

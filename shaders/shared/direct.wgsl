@@ -1,40 +1,39 @@
-// Shadow rays, one after another.
+// Shadow rays to the listed lights.
 
-/// What a surface may get from a light of the list, if nothing stands along a ray.
-struct Asked {
-    /// Whether there is such a light.
-    is_asked: bool,
-    /// What the surface then reflects.
+/// A shadow ray and its contribution.
+struct ShadowRay {
+    /// Whether there is such a ray.
+    exists: bool,
+    /// Reflected radiance if the ray is unoccluded.
     radiance: vec3<f32>,
     ray: Ray,
-    /// Lights of the list that were looked at so far.
-    n_asked: u32,
-    /// What it reflects of lights too close for anything to stand between.
-    free: vec3<f32>,
+    /// Number of lights visited so far.
+    n_visited: u32,
+    /// Reflected radiance from lights too close for an occluder in between.
+    unshadowed: vec3<f32>,
 }
 
 const NO_RAY: Ray = Ray(vec3<f32>(), 0.0, vec3<f32>(), 0.0);
-const NOT_ASKED: Asked = Asked(false, vec3<f32>(), NO_RAY, 0u, vec3<f32>());
+const NO_SHADOW_RAY: ShadowRay = ShadowRay(false, vec3<f32>(), NO_RAY, 0u, vec3<f32>());
 
 // choice list
-// The light of each light of the list, along one shadow ray; a Lambert surface of reflectance r sends r/pi of its irradiance in
-// every direction.
+// One shadow ray for each listed light. A Lambertian surface of reflectance r reflects r/pi of its irradiance in every
+// direction.
 // use shared/light/list/lights
 // use shared/light/incoming
 // use shared/invocation/iterations
 
-/// Beyond all bounces, one dimension for each vertex and light.
+/// First sampler dimension of lights, beyond all bounces; one for each vertex and light.
 const FIRST_LIGHT: u32 = 65536u;
 
-/// Looks for the next light behind the first `n_asked` that may reach a surface: the side that the viewer sees, and only what lies
-/// above both the triangle's and the shading normal's horizon. The ray to a light has its number, of those that `vertex_key`
-/// stands for.
-fn ask(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_asked: u32) -> Asked {
+/// The shadow ray to the next light after the first `n_visited` that may reach the surface on the viewer's side, above the
+/// horizons of both the geometric and the shading normal. Its key is derived from `vertex_key` by the index of the light.
+fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_visited: u32) -> ShadowRay {
     let n_lights = arrayLength(&lights);
-    var asked = NOT_ASKED;
-    for (var number = n_asked; number < n_lights && !asked.is_asked; number++) {
+    var shadow = NO_SHADOW_RAY;
+    for (var number = n_visited; number < n_lights && !shadow.exists; number++) {
         iterations += 1u;
-        asked.n_asked = number + 1u;
+        shadow.n_visited = number + 1u;
         let dimension = FIRST_LIGHT + vertex * n_lights + number;
         let incoming = incoming_light(lights[number], surface.position, square(one, dimension));
         let cosine = dot(surface.shading_normal, incoming.to_light);
@@ -45,20 +44,20 @@ fn ask(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_asked
         let is_near = incoming.reach == FINITE;
         let ray = towards(surface, select(incoming.to_light, incoming.place, is_near), is_near);
         if ray.t_max <= 0.0 {
-            asked.free += reflected;
+            shadow.unshadowed += reflected;
         } else if !shape_light_occludes(ray, number) {
-            asked.is_asked = true;
-            asked.radiance = reflected;
-            asked.ray = ray;
+            shadow.exists = true;
+            shadow.radiance = reflected;
+            shadow.ray = ray;
             ray_key = derived_key(vertex_key, number);
         }
     }
-    return asked;
+    return shadow;
 }
 
 // choice none
-// No light is given.
+// No listed lights.
 
-fn ask(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_asked: u32) -> Asked {
-    return NOT_ASKED;
+fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_visited: u32) -> ShadowRay {
+    return NO_SHADOW_RAY;
 }

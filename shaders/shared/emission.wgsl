@@ -1,12 +1,12 @@
 // choice constant
-// Emitters whose radiance is the same all over, and that alpha does not cut out.
+// Emitters with constant radiance and no alpha.
 
 fn emitted_by(emitter: Emitter, weights: vec2<f32>, direction: vec3<f32>) -> vec3<f32> {
     return emitter.radiance;
 }
 
 // choice textured
-// Emitters as surfaces show them: by a texture, and by the share of rays that meet what alpha cuts out.
+// Emitters with textures or alpha: the texture scales the radiance, alpha the probability of being hit.
 // use ?alpha
 
 fn emitted_by(emitter: Emitter, weights: vec2<f32>, direction: vec3<f32>) -> vec3<f32> {
@@ -15,7 +15,7 @@ fn emitted_by(emitter: Emitter, weights: vec2<f32>, direction: vec3<f32>) -> vec
     let material = triangle.material & 0x7fffffffu;
     let corners = triangle.vertices;
     let at = vec3(1.0 - weights.x - weights.y, weights);
-    // Asked at a point: a cone of no width averages nothing.
+    // Looked up at a point: a cone of zero width averages nothing.
     let line = Cone(0.0, 0.0, 0.0, false);
     let winding = normal_world(emitter.instance, triangle.normal);
     let seen = Seen(corners, at, emitter.instance, winding, area_root(emitter.instance, triangle), direction, line);

@@ -1,15 +1,15 @@
 // choice boxes
-// Items that are boxes, by the axis-aligned boxes around them.
+// Boxes as items, represented by the axis-aligned boxes around them.
 // use shared/build/ordered
 // use shared/build/content
 
-/// Points whose sum codes an item.
+/// Number of points summed for the code of an item.
 const N_POINTS: f32 = 2.0;
 
-/// Bits of the ends, three low ones and three high ones a box.
+/// Float bits of the minima and maxima, six per box.
 @group(1) @binding(0) var<storage, read> item_aabbs: array<u32>;
 
-/// Fifteen numbers a box: midpoint, three axes, half-extents.
+/// Fifteen floats per box: center, three axes, half-extents.
 @group(1) @binding(1) var<storage, read> item_boxes: array<f32>;
 
 fn box_ends(item: u32, side: u32) -> vec3<u32> {
@@ -38,14 +38,14 @@ fn item_content(item: u32) -> Content {
 }
 
 // choice triangles
-// Items that are triangles, by their corners.
+// Triangles as items, represented by their vertices.
 // use shared/build/ordered
 // use shared/build/content
 
-/// Points whose sum codes an item.
+/// Number of points summed for the code of an item.
 const N_POINTS: f32 = 3.0;
 
-/// Bits of the coordinates, nine a triangle.
+/// Float bits of the coordinates, nine per triangle.
 @group(1) @binding(0) var<storage, read> corners: array<u32>;
 
 fn corner(item: u32, k: u32) -> vec3<f32> {

@@ -1,23 +1,24 @@
-// The triangles of leaves, and what a walk has found in them.
+// Triangle tests of leaves, and the best hit of a traversal.
 // use shared/triangle
 // use ?level
 // use ?mask
 // use ?count
 // use shared/invocation/iterations
 
-/// Places of a leaf's first triangle: two a half-block.
+/// Bits of a leaf word for its first triangle, in units of half a half-block.
 const LEAF_FIRST: u32 = 0x03ffffffu;
 
-/// Whether a walk of this invocation ended early, after `MAX_ITERATIONS` turns: its answer may not be the first hit, or none.
+/// Whether traversal stopped after `MAX_ITERATIONS`. The result may then not be the closest hit, or may miss.
 var<private> is_incomplete: bool;
 
-/// What the walk has found, `t` the caller's, the primitive as the tree numbers it.
+/// Best hit so far. `t` is in the caller's units, the primitive is numbered by its BVH.
 var<private> best: Hit;
 
-/// Where the walk stands: scaled `t` of the best hit, stack entries, and those of them that belong to the outer level.
+/// Scaled `t` of the best hit.
 var<private> t_max: f32;
 
-/// Tests the triangles of a leaf: blocks of eight, then one of four; a leaf of two may be the second half of one of four.
+/// Tests the triangles of a leaf: blocks of eight, then one block of four. A leaf of two may use the second half of a block of
+/// four.
 fn leaf(word: u32) {
     let first = word & LEAF_FIRST;
     var n = ((word >> 26u) & 31u) + 1u;
@@ -38,7 +39,7 @@ fn leaf(word: u32) {
     }
 }
 
-/// Tests those of four triangles that `filled` names.
+/// Tests those of four triangles that are set in `filled`.
 fn four_triangles(at: u32, stride: u32, filled: u32) {
     var waiting = candidates(at, stride) & filled;
     iterations += 1u + countOneBits(waiting);
@@ -49,7 +50,7 @@ fn four_triangles(at: u32, stride: u32, filled: u32) {
         let lane = firstTrailingBit(waiting);
         waiting &= waiting - 1u;
         let found = intersect_triangle(at, stride, lane);
-        // The comparison of `t` in the caller's units decides, as everywhere.
+        // `t` in the caller's units decides, as everywhere.
         if found.t >= space.t_min && found.t <= t_max {
             let number = triangle_blocks[at + 9u * stride][lane];
             let hit = Hit(caller_t(found.t), found.weights.y, found.weights.z, number, space.instance);

@@ -1,46 +1,45 @@
 // part instance
-// Instances of trees, and the way of a ray into one.
+// Instances, and the transform of a ray into one.
 // use shared/triangle
 
-/// An instance: rows of the linear part of `object_from_world`, each with a component of where the object's origin stands in
-/// the world, and its tree.
+/// Rows of the linear part of `object_from_world`. The fourth components are the world position of the object's origin.
 struct Instance {
     row_x: vec4<f32>,
     row_y: vec4<f32>,
     row_z: vec4<f32>,
-    /// The tree, and one more than the number of the motion, 0 for none.
+    /// Index of the BVH; index of the motion plus one, or 0 for none.
     tree: vec4<u32>,
 }
 
 @group(0) @binding(3) var<storage, read> instances: array<Instance>;
-/// Instances in the order of the outer tree's leaves.
+/// Instances in the order of the leaves of the top-level BVH.
 @group(0) @binding(4) var<storage, read> instance_order: array<u32>;
 
 const HAS_INSTANCES: bool = true;
 
-/// Roundings of a direction in object space, and of an origin, where the instance stands still: see shared/level/instances.
+/// Rounding of a direction and of an origin in object space, for an instance that does not move; see shared/level/instances.
 const DIRECTION_ROUNDING: f32 = 5.0 * ROUNDING;
 const ORIGIN_ROUNDING: f32 = 6.0 * ROUNDING;
 
-/// The linear part of `object_from_world`: rows, and for each number how great what was added for it is.
+/// Rows of the linear part of `object_from_world`, and the sums of absolute terms that each entry was computed from.
 struct Inverse {
     rows: mat3x3<f32>,
     sizes: mat3x3<f32>,
 }
 
-/// Takes the ray to the outer tree; its root, or an empty word for no ray.
-fn enter_outer(ray: Ray) -> u32 {
+/// Transforms the ray into the top-level BVH. Returns its root, or `EMPTY` for a degenerate ray.
+fn enter_top(ray: Ray) -> u32 {
     return enter_bvh(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), NONE);
 }
 
-/// The inverse of an instance that stands still.
+/// The inverse of an instance that does not move.
 fn still_inverse(entry: Instance) -> Inverse {
     let rows = mat3x3<f32>(entry.row_x.xyz, entry.row_y.xyz, entry.row_z.xyz);
     return Inverse(rows, mat3x3<f32>(abs(rows[0]), abs(rows[1]), abs(rows[2])));
 }
 
-/// Takes the ray to an instance's tree; the tree's root. Its origin is `away` from where the instance stands, a difference of
-/// numbers as great as `far_away`; `roundings` are of the origin and of the direction.
+/// Transforms the ray into the BVH of an instance and returns its root. The origin is at `away` from the origin of the
+/// instance, a difference of numbers up to `far_away`. `roundings` are those of origin and direction.
 fn enter_instance(
     ray: Ray, instance: u32, inverse: Inverse, away: vec3<f32>, far_away: vec3<f32>, roundings: vec2<f32>
 ) -> u32 {
@@ -57,54 +56,45 @@ fn by_rows(rows: mat3x3<f32>, v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(project(rows[0], v), project(rows[1], v), project(rows[2], v));
 }
 
-/// A hit with the scene's numbers.
+/// A hit with the scene's indices.
 fn placed(hit: Hit) -> Hit {
     return hit;
 }
 
-// choice single
-// One instance under one tree, in world space.
+// part world
+// BVHs in world space.
 // use shared/triangle
 
 const HAS_INSTANCES: bool = false;
 
-/// Takes the ray to the tree; its root, or an empty word for no ray.
-fn enter_outer(ray: Ray) -> u32 {
+/// Transforms the ray into the BVH. Returns its root, or `EMPTY` for a degenerate ray.
+fn enter_top(ray: Ray) -> u32 {
     let root = enter_bvh(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
     prepare_triangles(greatest(ray.origin) + bvhs[0].row_x.w);
     return root;
 }
 
-fn enter_inner(ray: Ray, word: u32) -> u32 {
+fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
     return EMPTY;
 }
 
-/// A hit with the scene's numbers.
+// choice single
+// A single instance in world space.
+// use shared/level/world
+
+/// A hit with the scene's indices.
 fn placed(hit: Hit) -> Hit {
     return hit;
 }
 
 // choice flat
-// All instances' triangles under one tree, in world space.
-// use shared/triangle
+// The triangles of all instances in one BVH, in world space.
+// use shared/level/world
 
-const HAS_INSTANCES: bool = false;
-
-/// Number of the first triangle of each instance; instances follow each other.
+/// First triangle of each instance, in increasing order.
 @group(0) @binding(3) var<storage, read> first_triangles: array<u32>;
 
-/// Takes the ray to the tree; its root, or an empty word for no ray.
-fn enter_outer(ray: Ray) -> u32 {
-    let root = enter_bvh(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
-    prepare_triangles(greatest(ray.origin) + bvhs[0].row_x.w);
-    return root;
-}
-
-fn enter_inner(ray: Ray, word: u32) -> u32 {
-    return EMPTY;
-}
-
-/// A hit with the scene's numbers: the last instance that starts at or before the triangle.
+/// A hit with the scene's indices: the last instance that starts at or before the triangle.
 fn placed(hit: Hit) -> Hit {
     var low = 0u;
     var high = arrayLength(&first_triangles);
@@ -124,18 +114,18 @@ fn placed(hit: Hit) -> Hit {
 }
 
 // choice instances
-// A tree a mesh, and a tree over the instances.
+// One BVH per mesh, and a top-level BVH over the instances.
 //
-// # What the transform adds
-// The CPU takes a ray to object space in f64 and rounds once. Here each component is three products of the inverse's rows,
-// rounded from f64, with the direction, and with the origin from where the instance stands. With E = 2^-23 a component of the
-// direction is off by half an E for its row, 3 E for products and sums, half an E for the CPU's own, of the sum of absolute
-// products; 5 E are more. The origin has one E more for the difference. A sheared coordinate of a triangle within M differs
-// by twice the origin's, and by twice the direction's over its greatest component for each unit of M.
+// # Error of the transform
+// The CPU transforms a ray to object space in f64 and rounds once. Here each component is a sum of three products of a row of
+// the inverse, rounded from f64, with the direction or with the origin relative to the instance. With E = 2^-23, a component of
+// the direction errs by E / 2 for its row, 3 E for products and sums and E / 2 for the CPU's rounding, relative to the sum of
+// absolute products; 5 E is an upper bound. The origin adds E for the difference. A sheared coordinate of a triangle within M
+// differs by twice the error of the origin, plus M times twice the error of the direction over its largest component.
 // use shared/level/instance
 
-/// Takes the ray to the instance that a leaf of the outer tree names; the root of its tree.
-fn enter_inner(ray: Ray, word: u32) -> u32 {
+/// Transforms the ray into the instance of a leaf of the top-level BVH. Returns the root of its BVH.
+fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
     let instance = instance_order[word & LEAF_FIRST];
     let entry = instances[instance];
     let away = ray.origin - vec3<f32>(entry.row_x.w, entry.row_y.w, entry.row_z.w);
@@ -143,22 +133,22 @@ fn enter_inner(ray: Ray, word: u32) -> u32 {
 }
 
 // choice moving
-// A tree a mesh, and a tree over the instances, of which some move while the shutter is open.
+// One BVH per mesh, and a top-level BVH over the instances, some of which move.
 //
-// # What the transform adds
-// Of what stands still, what shared/level/instances says. A row of a moving instance's inverse is cofactors over the determinant, off by
-// 4.5 E and 7.5 E (shared/motion), by 2.5 E for the quotient and E for the product: 15.5 E of the sum of absolute terms, `sizes`. With
-// 3 E for products and sums and half an E for the CPU's own a direction is off by 19 E; 20 E leave room for second order, and for
-// rows and motions rounded on the CPU in f64. The origin has E more for the difference, and its place is off by 2 E of its own terms,
-// for which an eighth of them is added to what 21 E are taken of.
+// # Error of the transform
+// For instances that do not move, see shared/level/instances. A row of a moving instance's inverse is cofactors over the
+// determinant, which err by 4.5 E and 7.5 E (shared/motion); the quotient adds 2.5 E and the product E: 15.5 E of the sum of
+// absolute terms, `sizes`. With 3 E for products and sums and E / 2 for the CPU's rounding, a direction errs by 19 E; 20 E
+// covers second-order terms and the rounding of rows and motions from f64. The origin adds E for the difference. Its position
+// errs by 2 E of its own terms; an eighth of them is added to the value that is multiplied by 21 E.
 // use shared/motion
 // use shared/level/instance
 
 const MOVING_DIRECTION_ROUNDING: f32 = 20.0 * ROUNDING;
 const MOVING_ORIGIN_ROUNDING: f32 = 21.0 * ROUNDING;
 
-/// Takes the ray to the instance that a leaf of the outer tree names; the root of its tree.
-fn enter_inner(ray: Ray, word: u32) -> u32 {
+/// Transforms the ray into the instance of a leaf of the top-level BVH. Returns the root of its BVH.
+fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
     let instance = instance_order[word & LEAF_FIRST];
     let entry = instances[instance];
     let open = vec3<f32>(entry.row_x.w, entry.row_y.w, entry.row_z.w);
@@ -176,10 +166,10 @@ fn enter_inner(ray: Ray, word: u32) -> u32 {
     return enter_instance(ray, instance, inverse, away, far_away, roundings);
 }
 
-/// The inverse on the way.
+/// The inverse at the time of the ray.
 fn moving_inverse(motion: u32) -> Inverse {
     let weights = weights_of_time();
-    // Above 2^-34, by what hosts refuse.
+    // Above 2^-34, because the host rejects other motions.
     let share = reciprocal(determinant_of(motion));
     var inverse: Inverse;
     for (var k = 0u; k < 3u; k++) {

@@ -1,10 +1,10 @@
 // choice both
-// Lights that have a place are triangles that emit, and of the list.
+// Local lights are emissive triangles and listed lights.
 // use shared/light/emitters
 // use shared/light/list/sampled
 // use shared/light/tree
 
-/// Light from one light that has a place.
+/// Samples one local light.
 fn sample_local(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSample {
     let chosen = choose_light(receiver, choice);
     if chosen.probability <= 0.0 {
@@ -17,11 +17,11 @@ fn sample_local(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSamp
 }
 
 // choice emitters
-// All lights that have a place are triangles that emit.
+// Local lights are emissive triangles only.
 // use shared/light/emitters
 // use shared/light/tree
 
-/// Light from one light that has a place.
+/// Samples one local light.
 fn sample_local(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSample {
     let chosen = choose_light(receiver, choice);
     if chosen.probability <= 0.0 {
@@ -35,11 +35,11 @@ fn shape_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
 }
 
 // choice lights
-// All lights that have a place are of the list.
+// Local lights are listed lights only.
 // use shared/light/list/sampled
 // use shared/light/tree
 
-/// Light from one light that has a place.
+/// Samples one local light.
 fn sample_local(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSample {
     let chosen = choose_light(receiver, choice);
     if chosen.probability <= 0.0 {
@@ -53,7 +53,7 @@ fn emitter_density(receiver: Receiver, instance: u32, primitive: u32, direction:
 }
 
 // choice none
-// No light has a place.
+// No local lights.
 // use shared/light/sample
 
 fn sample_local(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSample {

@@ -1,24 +1,24 @@
 // part square
-// Squares of texels.
+// Square texture footprints.
 
-/// As wide as the longer axis of what the cone covers: `log2(√(texels over area of the triangle) · width / cosine)`.
+/// As wide as the longer axis of the cone's footprint: `log2(√(texels per area of the triangle) · width / cosine)`.
 fn square_footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
     let n_texels_root = sqrt(abs(determinant(along)) * texels.x * texels.y);
     let cosine = abs(dot(seen.winding, seen.direction));
-    // Both ends of the range are left to the clamp of the lookup; what is zero is kept from the logarithm.
+    // The lookup clamps both ends of the range; the logarithm only needs positive arguments.
     let width = log2(max(n_texels_root, 1e-30)) + log2(max(seen.cone.width, 1e-30));
     return Footprint(width - log2(max(seen.area_root, 1e-30)) - log2(max(cosine, 1e-30)), vec2(0.0), 1u);
 }
 
 // choice none
-// The four texels about a point, however far it is.
+// Bilinear lookup at full resolution.
 
 fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
     return Footprint(0.0, vec2(0.0), 1u);
 }
 
 // choice cone
-// A square as wide as the longer axis of what the ray's cone covers.
+// Isotropic footprint from the ray cone.
 // use shared/lod/square
 
 fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
@@ -26,11 +26,11 @@ fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
 }
 
 // choice aniso
-// The ellipse that the cone covers, up to 16 times as long as wide, where only mirrors lie between the surface and the camera;
-// behind scattering a square.
+// Elliptic footprint from the ray cone, with an aspect ratio up to 16, where only mirrors lie between surface and camera.
+// Square footprint after scattering.
 // use shared/lod/square
 
-/// Most lookups along the longer axis.
+/// Maximum number of lookups along the longer axis.
 const MAX_PROBES: f32 = 16.0;
 
 fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
@@ -42,41 +42,41 @@ fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
     let scale = 1.0 / max(seen.area_root, 1e-18);
     let first = vector_world(seen.instance, edge_vectors[0]) * scale;
     let second = vector_world(seen.instance, edge_vectors[1]) * scale;
-    // The longer axis runs down the slope; seen from straight above all axes are equal.
+    // The longer axis follows the slope; at normal incidence all axes are equal.
     let slope = unit(seen.direction - seen.winding * cosine);
     let down = select(slope, unit(first), all(slope == vec3(0.0)));
     let long = (seen.cone.width * scale / max(abs(cosine), 1e-4)) * down;
     let short = (seen.cone.width * scale) * cross(seen.winding, down);
-    // How much texels change along both: coordinates in the plane, by its edges over the root of its area.
+    // Derivatives in texels along both axes, from plane coordinates by edges over the root of the area.
     let long_texels = change(long, first, second, seen.winding, along) * texels;
     let short_texels = change(short, first, second, seen.winding, along) * texels;
     return of_axes(long_texels, short_texels, texels);
 }
 
-/// Change of texture coordinates along a vector in the plane; it and the edges are in units of the root of twice the area.
+/// Change of texture coordinates along a vector in the plane. It and the edges are in units of the root of twice the area.
 fn change(v: vec3<f32>, first: vec3<f32>, second: vec3<f32>, normal: vec3<f32>, along: mat2x2<f32>) -> vec2<f32> {
     return along * vec2(dot(cross(v, second), normal), dot(cross(first, v), normal));
 }
 
 /// The ellipse with these conjugate diameters in texels.
 fn of_axes(first: vec2<f32>, second: vec2<f32>, texels: vec2<f32>) -> Footprint {
-    // Longer ones see all of any texture, and their squares would leave the range.
+    // Longer axes cover any texture, and their squares would overflow.
     let a = clamp(first, vec2(-1e9), vec2(1e9));
     let b = clamp(second, vec2(-1e9), vec2(1e9));
-    // Squares of its axes are the eigenvalues of the sum of outer products; their product is that of the determinant.
+    // The squared axes are the eigenvalues of the sum of outer products; their product is that of the determinant.
     let xx = a.x * a.x + b.x * b.x;
     let xy = a.x * a.y + b.x * b.y;
     let yy = a.y * a.y + b.y * b.y;
     let half_gap = length(vec2(0.5 * (xx - yy), xy));
     let longest = sqrt(0.5 * (xx + yy) + half_gap);
-    // Texels are the least there is to see. A longer ellipse than the probes cover is widened, not cut.
+    // The footprint is at least one texel. An ellipse longer than the probes can cover is widened, not cut off.
     let narrow = abs(a.x * b.y - a.y * b.x) / max(longest, 1e-30);
     let width = max(max(narrow, 1.0), longest / MAX_PROBES);
     if longest <= width {
         return Footprint(log2(max(longest, 1e-30)), vec2(0.0), 1u);
     }
     let axis = select(vec2(xy, 0.5 * (yy - xx) + half_gap), vec2(0.5 * (xx - yy) + half_gap, xy), xx >= yy);
-    // Rounded, so that a circle is one probe; probes then widen until they touch.
+    // Rounded, so that a circle needs one probe. Probes are then widened until they touch.
     let n_probes = floor(longest / width + 0.5);
     let level = log2(max(width, longest / n_probes));
     return Footprint(level, normalize(axis) * longest / texels, u32(n_probes));

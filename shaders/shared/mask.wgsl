@@ -1,12 +1,12 @@
 // choice none
-// Every hit stands.
+// All hits count.
 
 fn accepts(hit: Hit) -> bool {
     return true;
 }
 
 // choice alpha
-// Surfaces that alpha cuts out: a ray meets them where alpha says so.
+// Alpha test: a hit counts with the probability given by alpha.
 // use shared/hash
 // use ?alpha
 // use shared/hash/ray_key
@@ -18,6 +18,6 @@ fn accepts(hit: Hit) -> bool {
         return true;
     }
     let share = presence(material, triangle.vertices, vec3(1.0 - hit.u - hit.v, hit.u, hit.v));
-    // The same for any way that traversal takes: it depends on key, instance and triangle alone.
+    // Independent of traversal order: depends only on key, instance and triangle.
     return unit_interval(mix_bits(mix_bits(ray_key ^ hit.instance) ^ hit.primitive) >> 8u) < share;
 }

@@ -1,5 +1,5 @@
 // choice full
-// Materials with all their parameters and textures.
+// Materials with all parameters and textures.
 // use shared/scattering
 
 fn bsdf_of(surface: Surface) -> Bsdf {

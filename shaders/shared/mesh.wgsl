@@ -1,15 +1,15 @@
-// Triangles and their vertices. Of vertices only what the scene has is kept, in columns of `STRIDE` words: `COLOR` and the like
-// say where in them a column begins; 0 is none, for positions come first.
+// Triangles and vertices. Only the attributes that the scene has are stored, in columns of `STRIDE` words. `COLOR` and similar
+// constants are the first column of an attribute; 0 means absent, because positions come first.
 // const STRIDE
 // const COLOR
 
 struct Triangle {
     vertices: vec3<u32>,
-    /// Number of the material; the upper bit where a flattened instance mirrors.
+    /// Index of the material; the highest bit is set if a flattened instance mirrors.
     material: u32,
-    /// Unit vector along which the triangle runs counter-clockwise; zero where it has no area.
+    /// Unit normal, from which the triangle is counter-clockwise; zero if it has no area.
     normal: vec3<f32>,
-    /// Root of twice the area.
+    /// Square root of twice the area.
     area_root: f32,
 }
 
@@ -20,7 +20,7 @@ fn position_of(vertex: u32) -> vec3<f32> {
     return three_of(vertex, 0u);
 }
 
-/// Three words of a vertex from `column` on.
+/// Three words of a vertex, starting at `column`.
 fn three_of(vertex: u32, column: u32) -> vec3<f32> {
     let first = vertex * STRIDE + column;
     return vec3(vertices[first], vertices[first + 1u], vertices[first + 2u]);
@@ -34,13 +34,13 @@ fn blend_three(corners: vec3<u32>, weights: vec3<f32>, column: u32) -> vec3<f32>
     return weights.x * three_of(corners.x, column) + weights.y * three_of(corners.y, column) + weights.z * three_of(corners.z, column);
 }
 
-/// Vectors from the first vertex to the second and to the third.
+/// Vectors from the first vertex to the second and third.
 fn edges(corners: vec3<u32>) -> mat2x3<f32> {
     let first = position_of(corners.x);
     return mat2x3(position_of(corners.y) - first, position_of(corners.z) - first);
 }
 
-/// Colour and alpha of the vertices at a point; white where there are none.
+/// Interpolated vertex color and alpha; white if absent.
 fn vertex_color(corners: vec3<u32>, weights: vec3<f32>) -> vec4<f32> {
     if COLOR == 0u {
         return vec4(1.0);

@@ -1,20 +1,20 @@
-// Which of a node's eight children a ray enters, and in which order.
+// Box tests: which of a node's eight children a ray enters, and in which order.
 //
-// Children are tested four at once: `half` is 0 or 1. A test gives keys: where the ray enters, by the bits of its `t`, whose
-// last three make way for the child's number; so order of keys is order of entries. The lost bits make entries earlier.
+// Children are tested four at a time; `half` is 0 or 1. A test returns keys: the bits of the entry `t`, whose last three bits
+// are replaced by the index of the child. Sorting keys sorts by entry. The lost bits only make entries earlier.
 // use shared/bvh
 // use ?node_kinds
 
-/// Bit of words that name leaves.
+/// Bit of words that refer to leaves.
 const LEAF: u32 = 0x80000000u;
 
-/// A word that names nothing.
+/// A word that refers to nothing.
 const EMPTY: u32 = 0x7fffffffu;
 
-/// The key of a child that the ray does not enter.
+/// Key of a child that the ray does not enter.
 const MISSED: u32 = 0xffffffffu;
 
-/// Quads of words of a cache line, which nodes are counted in, as a power of two.
+/// Quads per cache line, the unit of node addresses, as a power of two.
 const LINE_QUADS_LOG2: u32 = 2u;
 
 /// First quad of a node.
@@ -26,8 +26,8 @@ fn quad(at: u32) -> vec4<f32> {
     return bitcast<vec4<f32>>(nodes[at]);
 }
 
-/// Rows lo x, hi x, lo y, hi y, lo z, hi z in the mesh's frame.
-fn enter_box(at: u32, half: u32, t_max: f32) -> vec4<u32> {
+/// Rows lo x, hi x, lo y, hi y, lo z, hi z in the mesh frame.
+fn enter_aligned(at: u32, half: u32, t_max: f32) -> vec4<u32> {
     let q = vec3<u32>(at) + space.near_quads;
     let p = vec3<u32>(at) + (space.near_quads ^ vec3<u32>(2u));
     let near_x = quad(q.x) * space.recip.x - vec4<f32>(space.near.x);
@@ -43,14 +43,14 @@ fn enter_box(at: u32, half: u32, t_max: f32) -> vec4<u32> {
 
 fn keys(near: vec4<f32>, far: vec4<f32>, half: u32) -> vec4<u32> {
     let child = vec4<u32>(0u, 1u, 2u, 3u) + vec4<u32>(4u * half);
-    // No entry is negative but for the sign of a zero.
+    // Entries are not negative, except for a negative zero.
     let key = (bitcast<vec4<u32>>(abs(near)) & vec4<u32>(~7u)) | child;
     return select(vec4<u32>(MISSED), key, near <= far);
 }
 
-/// Children that a ray enters: their numbers, the nearest in the lowest three bits, and from bit 24 on how many they are.
+/// Indices of the entered children, three bits each with the nearest lowest, and their number from bit 24.
 ///
-/// Six rounds of four comparisons: Batcher's bitonic sorter (1968). Even and odd places lie in two vectors.
+/// Six rounds of four comparisons: Batcher's bitonic sorter (1968). Two vectors hold the even and odd positions.
 fn ordered(a: vec4<u32>, b: vec4<u32>) -> u32 {
     let is_missed = vec4<u32>(MISSED);
     let entered = select(vec4<u32>(0u), vec4<u32>(1u), a != is_missed) + select(vec4<u32>(0u), vec4<u32>(1u), b != is_missed);

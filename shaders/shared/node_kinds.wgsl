@@ -1,10 +1,10 @@
 // choice aligned
-// Nodes along the axes alone: of trees without any other.
+// BVHs with aligned nodes only.
 // use shared/node
 
 /// Keys of four children of a node.
 fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
-    return enter_box(quads_of(word) + half, half, t_max);
+    return enter_aligned(quads_of(word) + half, half, t_max);
 }
 
 /// The word of a child.
@@ -13,7 +13,7 @@ fn child_word(word: u32, child: u32) -> u32 {
 }
 
 // choice any
-// Axis-aligned nodes, and oriented nodes with a frame for each child.
+// Aligned nodes, and oriented nodes with a frame per child.
 // use shared/node
 
 /// Keys of four children of a node.
@@ -21,10 +21,10 @@ fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
     let at = quads_of(word) + half;
     switch word >> 29u {
         case 0u: {
-            return enter_box(at, half, t_max);
+            return enter_aligned(at, half, t_max);
         }
         default: {
-            return enter_lean(at, half, t_max);
+            return enter_oriented(at, half, t_max);
         }
     }
 }
@@ -35,8 +35,8 @@ fn child_word(word: u32, child: u32) -> u32 {
     return nodes[quads_of(word) + row + (child >> 2u)][child & 3u];
 }
 
-/// For each axis three components of the children's rows, centres, half-extents.
-fn enter_lean(at: u32, half: u32, t_max: f32) -> vec4<u32> {
+/// For each axis: three components of the children's rows, centers, half-extents.
+fn enter_oriented(at: u32, half: u32, t_max: f32) -> vec4<u32> {
     var near = vec4<f32>(space.t_min);
     var far = vec4<f32>(t_max);
     for (var k = 0u; k < 3u; k += 1u) {
@@ -46,7 +46,7 @@ fn enter_lean(at: u32, half: u32, t_max: f32) -> vec4<u32> {
         let z = quad(q + 4u);
         let p = x * space.origin.x + (y * space.origin.y + (z * space.origin.z - quad(q + 6u)));
         let d = x * space.direction.x + (y * space.direction.y + z * space.direction.z);
-        let h = quad(q + 8u) + vec4<f32>(space.pad_lean);
+        let h = quad(q + 8u) + vec4<f32>(space.oriented_pad);
         let a = guarded_reciprocals(d);
         let middle = select(p, -p, d < vec4<f32>(0.0)) * a;
         near = max(-(h * a) - middle, near);
@@ -57,5 +57,5 @@ fn enter_lean(at: u32, half: u32, t_max: f32) -> vec4<u32> {
 
 /// `1/|d|`, bounded.
 fn guarded_reciprocals(d: vec4<f32>) -> vec4<f32> {
-    return vec4<f32>(1.0) / max(abs(d), vec4<f32>(LEAST_DIRECTION));
+    return vec4<f32>(1.0) / max(abs(d), vec4<f32>(MIN_DIRECTION));
 }

@@ -1,8 +1,8 @@
 // part vertex
-// Normals that vertices say.
+// Vertex normals.
 // const NORMAL
 
-/// The unit normal between those of the vertices, on their side; zero where they say none.
+/// Interpolated unit normal; zero if absent.
 fn smooth_normal(seen: Seen) -> vec3<f32> {
     if NORMAL == 0u {
         return vec3(0.0);
@@ -10,21 +10,21 @@ fn smooth_normal(seen: Seen) -> vec3<f32> {
     return normal_world(seen.instance, blend_three(seen.vertices, seen.weights, NORMAL));
 }
 
-/// A vertices' normal on the side of the viewer; the triangle's `normal` where it shows the viewer its back.
+/// The interpolated normal on the viewer's side; `normal` of the triangle if it faces away from the viewer.
 fn shown_smooth(blended: vec3<f32>, seen: Seen, normal: vec3<f32>) -> vec3<f32> {
     let facing = select(blended, -blended, dot(blended, normal) < 0.0);
     return select(normal, facing, dot(facing, seen.direction) < 0.0);
 }
 
 // choice flat
-// Every mesh is flat: the triangle's normal is what is shaded with.
+// Flat shading: the normal of the triangle.
 
 fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
     return normal;
 }
 
 // choice smooth
-// Normals interpolated between vertices.
+// Smooth shading by interpolated normals.
 // use shared/normal/vertex
 
 fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
@@ -32,13 +32,13 @@ fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: boo
 }
 
 // choice mapped
-// Normals interpolated between vertices and bent by normal maps, by the rules of the CPU's `shading_normal`.
+// Smooth shading and normal maps; twin of the CPU's `shading_normal`.
 // use shared/normal/vertex
 // const TANGENT
 
 fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
     let blended = smooth_normal(seen);
-    // Cofactors take normals to the other side where the transform mirrors.
+    // Cofactors flip normals if the transform mirrors.
     let side = select(1.0, -1.0, is_mirrored);
     let straight = side * select(blended, seen.winding, all(blended == vec3(0.0)));
     let bent = mapped_normal(material, seen, straight, side);
@@ -48,7 +48,7 @@ fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: boo
     return lifted(select(bent, -bent, dot(straight, normal) < 0.0), normal, -seen.direction);
 }
 
-/// What the material's map makes of the unit normal `straight`; zero where there is no map, or no frame for it.
+/// The mapped normal for the unit normal `straight`; zero if there is no map or no tangent frame.
 fn mapped_normal(material: u32, seen: Seen, straight: vec3<f32>, side: f32) -> vec3<f32> {
     let slot = materials[material].normal_slot;
     if slot == NO_SLOT {
@@ -65,7 +65,7 @@ fn mapped_normal(material: u32, seen: Seen, straight: vec3<f32>, side: f32) -> v
         let world = edges(seen.vertices);
         let first = vector_world(seen.instance, world[0]);
         let second = vector_world(seen.instance, world[1]);
-        // Lengths do not matter, the sign of the determinant does; where it is zero there are no gradients.
+        // Only the sign of the determinant matters, not the lengths. If it is zero there are no gradients.
         let turn = sign(determinant(changes));
         u = turn * orthonormal(first * changes[1].y - second * changes[0].y, straight);
         let along_v = turn * (second * changes[0].x - first * changes[1].x);
@@ -76,24 +76,24 @@ fn mapped_normal(material: u32, seen: Seen, straight: vec3<f32>, side: f32) -> v
         return vec3(0.0);
     }
     let shown = 2.0 * texel(slot, seen).xyz - 1.0;
-    let lean = materials[material].normal_scale * shown.xy;
-    return unit(u * lean.x + v * lean.y + straight * shown.z);
+    let slope = materials[material].normal_scale * shown.xy;
+    return unit(u * slope.x + v * slope.y + straight * shown.z);
 }
 
-/// By its sign, which of the two directions across the tangent grows with `v`.
+/// Sign of the bitangent.
 fn tangent_sign(seen: Seen) -> f32 {
     let at = TANGENT + 3u;
     let corners = seen.vertices * STRIDE + at;
     return dot(seen.weights, vec3(vertices[corners.x], vertices[corners.y], vertices[corners.z]));
 }
 
-/// The unit vector along `v`, less what of it lies along the unit vector `normal`.
+/// The unit vector along `v` without its component along the unit vector `normal`.
 fn orthonormal(v: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let direction = unit(v);
     return unit(direction - normal * dot(direction, normal));
 }
 
-/// The unit normal next to `bent` that shows the viewer its face and mirrors the view out of the body.
+/// The unit normal closest to `bent` that faces the viewer and reflects the view direction away from the surface.
 fn lifted(bent: vec3<f32>, normal: vec3<f32>, towards_viewer: vec3<f32>) -> vec3<f32> {
     let cosine = dot(bent, towards_viewer);
     if cosine <= 0.0 {

@@ -1,10 +1,9 @@
-// A path from one ray to the next; twin of crates/renderer/src/integrate/path.rs, which says what is gathered and how techniques
-// are weighed.
+// One step of a path; twin of crates/renderer/src/integrate/path.rs, which describes the estimator and its weights.
 //
-// A vertex scatters before its shadow ray is traced, so that while a ray is on its way nothing of the surface is kept but what
-// weighs light found by chance.
+// A vertex scatters before its shadow ray is traced. So while a ray is traced, of the surface only the data for multiple
+// importance sampling is kept.
 //
-// `?shape_lights` and `?sky` are what rays meet beside triangles.
+// `?shape_lights` and `?sky` are what rays may hit besides triangles.
 // use shared/camera
 // use shared/picture
 // use shared/hash/ray_key
@@ -13,14 +12,14 @@
 // use ?shape_lights
 // use ?sky
 
-/// What a path carries of a new one's light, from which on it is worth its rays.
-const FULL_THROUGHPUT: f32 = 0.5;
+/// Throughput from which a path always survives roulette.
+const SURVIVAL_THROUGHPUT: f32 = 0.5;
 
-/// Least share of the paths that roulette ends, and vertices before that.
+/// Minimum probability of termination by roulette, and number of vertices before it applies.
 const MIN_TERMINATION: f32 = 0.05;
 const MIN_TERMINATION_FROM: u32 = 4u;
 
-/// Dimensions of the sampler at each vertex, behind the position in the pixel.
+/// Sampler dimensions at each vertex, after the position in the pixel.
 const LIGHT: u32 = 0u;
 const LIGHT_CHOICE: u32 = 1u;
 const SCATTERING: u32 = 2u;
@@ -28,33 +27,33 @@ const SCATTERING_CHOICE: u32 = 3u;
 const ROULETTE: u32 = 4u;
 const N_DIMENSIONS: u32 = 5u;
 
-/// What a path waits for: the end of the ray that goes on, of a ray to a light, or nothing.
+/// What a path is waiting for: the next ray, a shadow ray, or nothing.
 const ONWARD: u32 = 0u;
 const TO_LIGHT: u32 = 1u;
 const DONE: u32 = 2u;
 
-/// A path on its way.
+/// State of a path.
 struct Path {
     /// The ray that is traced now.
     ray: Ray,
     radiance: vec3<f32>,
     /// `ONWARD`, `TO_LIGHT` or `DONE`.
     stage: u32,
-    /// What light from the next vertex is multiplied with.
+    /// Factor of the light from the next vertex.
     throughput: vec3<f32>,
-    /// The factor that boundaries put into the throughput, which comes out again where the path leaves the body.
+    /// Radiance factor of refraction contained in the throughput; it cancels when the path leaves the body.
     compression: f32,
-    /// What the ray to a light brings if nothing stands along it.
+    /// Contribution of the shadow ray if it is unoccluded.
     waiting: vec3<f32>,
-    /// Vertices so far.
+    /// Number of vertices so far.
     n_vertices: u32,
-    /// The ray behind the one to a light, without end; its direction is zero where the path ends.
+    /// The ray after the shadow ray; its direction is zero if the path ends.
     onward_origin: vec3<f32>,
-    /// Density of the onward direction; below 0 where no light was sampled for it.
+    /// Density of the onward direction; negative if no light was sampled for it.
     density: f32,
     onward_direction: vec3<f32>,
     n_rays: u32,
-    /// Receiver of light at the vertex that the onward ray leaves.
+    /// The receiver at the vertex that the onward ray leaves.
     position: vec3<f32>,
     transmits: u32,
     normal: vec3<f32>,
@@ -62,11 +61,11 @@ struct Path {
     cone_width: f32,
     shading_normal: vec3<f32>,
     cone_spread: f32,
-    cone_share: f32,
+    cone_scale: f32,
     cone_is_direct: u32,
 }
 
-/// A path that begins at the camera.
+/// A path that starts at the camera.
 fn path_from(start: CameraRay) -> Path {
     var path: Path;
     path.ray = start.ray;
@@ -78,18 +77,18 @@ fn path_from(start: CameraRay) -> Path {
     return path;
 }
 
-/// The key of the ray that is traced now: that of the vertex which it leaves, or a number of those.
+/// Key of the ray that is traced now, derived from the vertex that it leaves.
 fn key_of(path: Path, one: PixelSample) -> u32 {
-    let all = derived_key(0u, bits(picture.sampler, one.pixel, one.sample, PASSAGE));
+    let all = derived_key(0u, bits(picture.sampler, one.pixel, one.sample, ALPHA_DIMENSION));
     let onward = derived_key(all, path.n_vertices);
     return select(onward, derived_key(onward, 0u), path.stage == TO_LIGHT);
 }
 
-/// Takes a path on by what its ray met.
+/// Advances a path by the hit of its ray.
 fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
     if (*path).stage == TO_LIGHT {
         (*path).radiance += select(vec3(0.0), (*path).waiting, hit.instance == NONE);
-        go_on(path);
+        continue_onward(path);
         return;
     }
     let ray = (*path).ray;
@@ -106,7 +105,7 @@ fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
     let vertex = vertex_of(surface);
     let receiver = Receiver(surface.position, is_transmitting(vertex.bsdf), surface.normal, surface.shading_normal);
     (*path).n_vertices += 1u;
-    let asks = !is_delta_only(vertex.bsdf) && look_for_light(path, one, surface, vertex, receiver, number);
+    let asks = !is_delta_only(vertex.bsdf) && sample_direct(path, one, surface, vertex, receiver, number);
     if !scatter(path, one, surface, vertex, number) {
         (*path).onward_direction = vec3(0.0);
     }
@@ -117,24 +116,24 @@ fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
     if asks {
         (*path).stage = TO_LIGHT;
     } else {
-        go_on(path);
+        continue_onward(path);
     }
 }
 
-/// Goes on along the onward ray, if there is one.
-fn go_on(path: ptr<function, Path>) {
+/// Continues along the onward ray, if there is one.
+fn continue_onward(path: ptr<function, Path>) {
     let direction = (*path).onward_direction;
     (*path).ray = endless((*path).onward_origin, direction);
     (*path).stage = select(ONWARD, DONE, all(direction == vec3(0.0)));
 }
 
-/// Whether an onward ray meets no surface to go on from; gathers what it met.
+/// Whether the onward ray hits no surface to continue from; adds the light it hits.
 fn ends(path: ptr<function, Path>, hit: Hit) -> bool {
     let ray = (*path).ray;
     let is_miss = hit.instance == NONE;
-    let met = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
-    if met.is_hit {
-        gather(path, met.radiance, shape_light_density(left(*path), met.number, ray.direction));
+    let light_hit = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
+    if light_hit.is_hit {
+        gather(path, light_hit.radiance, shape_light_density(left(*path), light_hit.number, ray.direction));
         return true;
     }
     if is_miss {
@@ -144,9 +143,9 @@ fn ends(path: ptr<function, Path>, hit: Hit) -> bool {
     return (*path).n_vertices > picture.bounces;
 }
 
-/// Adds light that the onward ray found by chance, where sampling lights finds its direction with a density.
+/// Adds light that the onward ray hit, weighted by the density with which light sampling finds its direction.
 fn gather(path: ptr<function, Path>, radiance: vec3<f32>, density: f32) {
-    let share = select(weight_beside((*path).density, density), 1.0, (*path).density < 0.0);
+    let share = select(power_heuristic((*path).density, density), 1.0, (*path).density < 0.0);
     (*path).radiance += (*path).throughput * radiance * share;
 }
 
@@ -155,8 +154,9 @@ fn left(path: Path) -> Receiver {
     return Receiver(path.position, path.transmits != 0u, path.normal, path.shading_normal);
 }
 
-/// Samples light for a vertex: what comes without a ray is added, else the path's ray is one to a light and true is returned.
-fn look_for_light(
+/// Samples light for a vertex. Adds light that needs no shadow ray and returns false, or stores the shadow ray and returns
+/// true.
+fn sample_direct(
     path: ptr<function, Path>,
     one: PixelSample,
     surface: Surface,
@@ -166,7 +166,7 @@ fn look_for_light(
 ) -> bool {
     let choice = single(picture.sampler, one.pixel, one.sample, dimension(LIGHT_CHOICE, number));
     let light = sample_light(receiver, choice, square(one, dimension(LIGHT, number)));
-    // Emission of surfaces belongs to the vertex there.
+    // At the last bounce, surface emission belongs to the vertex there.
     if light.incoming.reach == NO_LIGHT || (light.is_emission && number == picture.bounces) {
         return false;
     }
@@ -174,9 +174,9 @@ fn look_for_light(
     if all(found.value == vec3(0.0)) {
         return false;
     }
-    // What has no extent is found by no other technique.
+    // No other technique samples a light without extent.
     let density = light.incoming.density;
-    let share = select(weight_beside(density, found.density), 1.0, density == 0.0);
+    let share = select(power_heuristic(density, found.density), 1.0, density == 0.0);
     let brought = (*path).throughput * (found.value * light.incoming.radiance) * share;
     let is_near = light.incoming.reach == FINITE;
     let ray = towards(surface, select(light.incoming.to_light, light.incoming.place, is_near), is_near);
@@ -190,7 +190,7 @@ fn look_for_light(
     return !shape_light_occludes(ray, light.shape_light);
 }
 
-/// The ray that leaves a vertex, with what it carries; false where none does.
+/// Samples the onward ray and updates the throughput; false if there is none.
 fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex: Vertex, number: u32) -> bool {
     if !survives(path, one, number) {
         return false;
@@ -210,7 +210,7 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
     }
     var density = found.density;
     if vertex.is_bent && !found.is_delta {
-        // Both densities that make a direction count, also that of the light that is folded onto it.
+        // Both densities that lead to this direction, including that of the mirrored one.
         density = evaluate(vertex, direction).density;
     }
     (*path).density = select(density, -1.0, found.is_delta);
@@ -226,11 +226,11 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
     return true;
 }
 
-/// Ends the path if it carries little, or makes it carry more: on average what it carried.
+/// Russian roulette: ends the path or increases its throughput, without bias.
 fn survives(path: ptr<function, Path>, one: PixelSample, number: u32) -> bool {
     let throughput = (*path).throughput;
     let carried = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);
-    let share = min(carried / FULL_THROUGHPUT, select(1.0 - MIN_TERMINATION, 1.0, number < MIN_TERMINATION_FROM));
+    let share = min(carried / SURVIVAL_THROUGHPUT, select(1.0 - MIN_TERMINATION, 1.0, number < MIN_TERMINATION_FROM));
     if share < 1.0 && single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number)) >= share {
         return false;
     }
@@ -238,8 +238,8 @@ fn survives(path: ptr<function, Path>, one: PixelSample, number: u32) -> bool {
     return true;
 }
 
-/// Weight of a sample of one technique beside another: the power heuristic with exponent 2.
-fn weight_beside(density: f32, other: f32) -> f32 {
+/// Weight of a sample against another technique: power heuristic with exponent 2.
+fn power_heuristic(density: f32, other: f32) -> f32 {
     let ratio = quotient(other, max(density, 0.0));
     return 1.0 / (1.0 + ratio * ratio);
 }
@@ -251,10 +251,10 @@ fn dimension(use_of_it: u32, number: u32) -> u32 {
 fn set_cone(path: ptr<function, Path>, cone: Cone) {
     (*path).cone_width = cone.width;
     (*path).cone_spread = cone.spread;
-    (*path).cone_share = cone.share;
+    (*path).cone_scale = cone.scale;
     (*path).cone_is_direct = u32(cone.is_direct);
 }
 
 fn cone_of(path: Path) -> Cone {
-    return Cone(path.cone_width, path.cone_spread, path.cone_share, path.cone_is_direct != 0u);
+    return Cone(path.cone_width, path.cone_spread, path.cone_scale, path.cone_is_direct != 0u);
 }

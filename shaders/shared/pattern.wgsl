@@ -1,5 +1,5 @@
 // choice random
-// Each sample by itself.
+// Independent samples.
 
 fn pair(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> vec2<f32> {
     let x = mix_bits(mix_bits(key(sampler, pixel, dimension) ^ 1u) ^ sample);
@@ -12,7 +12,7 @@ fn single(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> f32 {
 }
 
 // choice sobol
-// Points of a scrambled (0,2)-sequence in base 2, after Burley 2020: bits flip by a hash in which they reach only higher ones.
+// A scrambled (0,2)-sequence in base 2 (Burley 2020).
 
 fn pair(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> vec2<f32> {
     let use_key = key(sampler, pixel, dimension);
@@ -27,17 +27,17 @@ fn single(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> f32 {
     return unit_interval(scrambled(shuffled(sample, mix_bits(use_key ^ 8u)), mix_bits(use_key ^ 9u)) >> 8u);
 }
 
-/// The number that sample `index` is given: any aligned `2^m` of them are turned into an aligned `2^m`.
+/// The position of sample `index` in the sequence. Maps each aligned run of `2^m` samples to an aligned run of `2^m`.
 fn shuffled(index: u32, seed: u32) -> u32 {
-    return reverseBits(upwards(reverseBits(index), seed));
+    return reverseBits(laine_karras(reverseBits(index), seed));
 }
 
-/// The coordinate whose bits, the greatest lowest, are `mirrored`, after scrambling.
+/// The scrambled coordinate with these reversed bits.
 fn scrambled(mirrored: u32, seed: u32) -> u32 {
-    return reverseBits(upwards(mirrored, seed));
+    return reverseBits(laine_karras(mirrored, seed));
 }
 
-/// The second coordinate of point `index` before scrambling, mirrored; the first is `index` itself.
+/// Reversed second coordinate of point `index` before scrambling; the first is `index` itself.
 fn second_coordinate(index: u32) -> u32 {
     var y = index;
     y ^= (y >> 1u) & 0x55555555u;
@@ -47,9 +47,9 @@ fn second_coordinate(index: u32) -> u32 {
     return y ^ ((y >> 16u) & 0x0000ffffu);
 }
 
-/// A bijection in which a bit changes by chance with those below it, and with none above (Laine and Karras 2011, with the
-/// constants of Vegdahl 2021).
-fn upwards(bits: u32, seed: u32) -> u32 {
+/// A bijection in which each bit depends only on itself and lower bits (Laine and Karras 2011, with the constants of Vegdahl
+/// 2021).
+fn laine_karras(bits: u32, seed: u32) -> u32 {
     var x = bits ^ (bits * 0x3d20adeau);
     x += seed;
     x *= (seed >> 16u) | 1u;
@@ -58,10 +58,11 @@ fn upwards(bits: u32, seed: u32) -> u32 {
 }
 
 // choice stratified
-// One sample in each cell of a grid, and in each of n columns and rows, after Kensler 2013. At most 2^20 samples a pixel.
+// Correlated multi-jittered samples: one sample in each cell of a grid, and in each of n columns and rows (Kensler 2013). At
+// most 2^20 samples per pixel.
 
 fn pair(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> vec2<f32> {
-    // The permutations are of the pixel and dimension, the jitter of the sample too.
+    // Permutations depend on pixel and dimension; the jitter also on the sample.
     let use_key = key(sampler, pixel, dimension);
     let jitter_x = mix_bits(mix_bits(use_key ^ 1u) ^ sample);
     let jitter_y = mix_bits(jitter_x ^ 2u);
@@ -69,7 +70,7 @@ fn pair(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> vec2<f32> 
     let cell = permuted(sample % n, n, mix_bits(use_key ^ 3u));
     let column = cell % sampler.columns;
     let row = cell / sampler.columns;
-    // Inside its cell a sample takes the column of its row and the row of its column.
+    // Within its cell a sample takes the column of its row and the row of its column.
     let x_stratum = column * sampler.rows + permuted(row, sampler.rows, mix_bits(use_key ^ 4u));
     let y_stratum = row * sampler.columns + permuted(column, sampler.columns, mix_bits(use_key ^ 5u));
     return vec2(jittered(x_stratum, n, jitter_x), jittered(y_stratum, n, jitter_y));
@@ -81,14 +82,14 @@ fn single(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> f32 {
     return jittered(permuted(sample % n, n, mix_bits(use_key ^ 7u)), n, mix_bits(mix_bits(use_key ^ 6u) ^ sample));
 }
 
-/// A number of stratum `k` of `n`: a multiple `x` of 2^-24 with `k/n <= x < (k + 1)/n`, exactly.
+/// A number in stratum `k` of `n`: a multiple `x` of 2^-24 with `k/n <= x < (k + 1)/n`, exactly.
 fn jittered(k: u32, n: u32, random: u32) -> f32 {
     let low = first_step(k, n);
     let high = first_step(k + 1u, n);
     return unit_interval(min(low + high_product(random, high - low), (1u << 24u) - 1u));
 }
 
-/// The least number of steps of 2^-24 that make `k/n` or more, for `k <= n <= 2^20`: two digits of 12 bits, by hand.
+/// The smallest multiple of 2^-24 that is at least `k/n`, for `k <= n <= 2^20`; long division with two digits of 12 bits.
 fn first_step(k: u32, n: u32) -> u32 {
     if k == n {
         return 1u << 24u;
@@ -106,10 +107,10 @@ fn high_product(a: u32, b: u32) -> u32 {
     return (a >> 16u) * (b >> 16u) + (first >> 16u) + (second >> 16u);
 }
 
-/// Image of `i < n` under a permutation of `0..n` chosen by `permutation`.
+/// Image of `i < n` under a permutation of `0..n` selected by `permutation`.
 ///
-/// Rounds that are each a bijection of `0..2^k` for the least `2^k >= n`; values outside `0..n` walk on along their cycle until
-/// they are inside, which takes fewer than two turns on average. A rotation at the end makes every place equally likely.
+/// Each round is a bijection of `0..2^k` for the smallest `2^k >= n`. Values outside `0..n` follow their cycle until they are
+/// inside, in fewer than two steps on average. A final rotation makes every position equally likely.
 fn permuted(i: u32, n: u32, permutation: u32) -> u32 {
     let n_bits = 32u - countLeadingZeros(n - 1u);
     let mask = (1u << n_bits) - 1u;
@@ -129,7 +130,7 @@ fn permuted(i: u32, n: u32, permutation: u32) -> u32 {
     return (place + high_product(mix_bits(permutation ^ 3u), n)) % n;
 }
 
-/// Sum and odd factor modulo 2^k, then the high half folded onto the low: all invertible.
+/// Addition and multiplication by an odd factor modulo 2^k, then xor of the high half into the low half: all invertible.
 fn permutation_round(place: u32, round: u32, mask: u32, shift: u32) -> u32 {
     let mixed = ((place + round) * ((round >> 16u) | 1u)) & mask;
     return mixed ^ (mixed >> shift);

@@ -1,61 +1,61 @@
-// What all samples of a picture share, and which of them a dispatch takes.
+// Parameters of a picture, and the samples that a dispatch takes.
 // use shared/sampler
 
 struct Picture {
     eye: vec3<f32>,
-    /// Side of a pixel, on the plane at distance 1 of a perspective.
+    /// Side of a pixel, on the plane at distance 1 for a perspective camera.
     pixel: f32,
-    /// Unit vector into the picture.
+    /// Unit vector along the view axis.
     forward: vec3<f32>,
-    /// 0 without a lens.
+    /// 0 for a pinhole.
     lens_radius: f32,
     /// Step of one pixel to the right, on that plane.
     right: vec3<f32>,
     focus_distance: f32,
-    /// Step of one pixel down, likewise.
+    /// Step of one pixel down, on that plane.
     down: vec3<f32>,
-    /// Of the filter, in pixels.
+    /// Radius of the filter in pixels.
     filter_radius: f32,
-    /// Pixels in a row, and rows.
+    /// Columns and rows of pixels.
     size: vec2<u32>,
     bounces: u32,
-    /// Reciprocal of the radius of ambient occlusion; 0 where it is infinite.
+    /// Reciprocal of the ambient occlusion radius; 0 for an infinite radius.
     inverse_ao_radius: f32,
     sampler: Sampler,
     /// Mean radiance of the environment.
     ambient: vec3<f32>,
-    /// Error along each axis between the plane of a triangle and a ray that leaves it, of a scene of one level.
+    /// Error along each axis between the plane of a triangle and a ray that leaves it, for a single-level scene.
     slack: f32,
 }
 
-/// Work-groups of a dispatch: each takes one sample of the 8 x 8 pixels of a cell.
+/// Work-groups of a dispatch. Each takes one sample of the 8 x 8 pixels of a cell.
 struct Slice {
-    /// Number of the first work-group among those of all cells and samples.
+    /// Index of the first work-group among those of all cells and samples.
     first_group: u32,
     /// One past the last.
     end_group: u32,
     first_sample: u32,
-    /// Samples of a cell.
+    /// Samples per cell.
     n_samples: u32,
 }
 
 @group(1) @binding(0) var<uniform> picture: Picture;
 @group(1) @binding(1) var<uniform> slice: Slice;
-/// Place of each cell in the picture: column in the lower 16 bits, row in the upper.
+/// Position of each cell: column in the lower 16 bits, row in the upper.
 @group(1) @binding(2) var<storage, read> cells: array<u32>;
 
 /// One sample of a pixel.
 struct PixelSample {
     /// Column and row of the pixel.
     at: vec2<u32>,
-    /// Its number.
+    /// Index of the pixel.
     pixel: u32,
     sample: u32,
-    /// False for what lies beyond the picture, or beyond the dispatch.
+    /// False outside the picture or the dispatch.
     is_inside: bool,
 }
 
-/// What an invocation of a work-group takes.
+/// The sample of an invocation.
 fn taken(group: u32, local: u32) -> PixelSample {
     let number = slice.first_group + group;
     if number >= slice.end_group {
@@ -67,17 +67,17 @@ fn taken(group: u32, local: u32) -> PixelSample {
     return PixelSample(at, at.y * picture.size.x + at.x, sample, at.x < picture.size.x && at.y < picture.size.y);
 }
 
-/// Point of the unit square that a sample uses along its path for `dimension`.
+/// The point of the unit square of a sample for `dimension`.
 fn square(one: PixelSample, dimension: u32) -> vec2<f32> {
     return pair(picture.sampler, one.pixel, one.sample, dimension);
 }
 
 // part film
-// Every sample by itself: the host sums them in f64.
+// Stores every sample; the host sums them in f64.
 // use ?traverse
 
-/// Radiance of each sample, linear RGB, and the rays traced for it, -1 where one of them was cut short: for each work-group its
-/// 64 pixels, row by row.
+/// Linear RGB radiance of each sample, and the number of rays traced, -1 if one was incomplete. 64 pixels per work-group, row
+/// by row.
 @group(1) @binding(4) var<storage, read_write> samples: array<vec4<f32>>;
 
 fn keep(group: u32, local: u32, radiance: vec3<f32>, n_rays: u32) {

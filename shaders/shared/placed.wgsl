@@ -1,5 +1,5 @@
 // part world
-// All vertices are in world space.
+// Vertices in world space.
 // use shared/picture
 
 fn point_world(instance: u32, point: vec3<f32>) -> vec3<f32> {
@@ -10,7 +10,7 @@ fn vector_world(instance: u32, vector: vec3<f32>) -> vec3<f32> {
     return vector;
 }
 
-/// The unit normal of the image of a plane; zero for zero.
+/// Unit normal of the transformed plane; zero for zero.
 fn normal_world(instance: u32, normal: vec3<f32>) -> vec3<f32> {
     return unit(normal);
 }
@@ -19,7 +19,7 @@ fn area_root(instance: u32, triangle: Triangle) -> f32 {
     return triangle.area_root;
 }
 
-/// Whether the instance mirrors and its vertices do not show it.
+/// Whether the instance mirrors and its vertices are not yet mirrored.
 fn mirrors(instance: u32) -> bool {
     return false;
 }
@@ -30,11 +30,11 @@ fn slack_of(instance: u32) -> f32 {
 }
 
 // part placement
-// Instances of meshes in object space, as they stand or, of those that move, as the shutter opens.
+// Instances of meshes in object space, at shutter opening.
 
 struct Placement {
-    /// Columns of the linear part, each with a number beside it: the error along each axis between the plane of a triangle and
-    /// a ray that leaves it, -1 where the transform mirrors, and the number of the mesh's first triangle as bits.
+    /// Columns of the linear part. The interleaved fields are: the error along each axis between the plane of a triangle and a
+    /// ray that leaves it; -1 if the transform mirrors; and the first triangle of the mesh.
     x: vec3<f32>,
     slack: f32,
     y: vec3<f32>,
@@ -42,11 +42,11 @@ struct Placement {
     z: vec3<f32>,
     first_triangle: u32,
     shift: vec3<f32>,
-    /// Root of what cofactors are divided by to stay in range: areas grow by its square.
+    /// Square root of the divisor that keeps cofactors in range; areas scale with its square.
     scale_root: f32,
-    /// Columns of the cofactor matrix, divided so.
+    /// Columns of the cofactor matrix, divided by it.
     cofactor_x: vec3<f32>,
-    /// Number of the motion, `NONE` of what stands still.
+    /// Index of the motion; `NONE` if the instance does not move.
     motion: u32,
     cofactor_y: vec3<f32>,
     cofactor_z: vec3<f32>,
@@ -58,7 +58,7 @@ fn triangle_of(hit: Hit) -> u32 {
     return placements[hit.instance].first_triangle + hit.primitive;
 }
 
-/// The unit normal of the image of a plane, on the side to which cofactors take it; zero for zero.
+/// Unit normal of the transformed plane, on the side given by the cofactors; zero for zero.
 fn normal_world(instance: u32, normal: vec3<f32>) -> vec3<f32> {
     return unit(by_cofactors(instance, normal));
 }
@@ -78,7 +78,7 @@ fn area_root(instance: u32, triangle: Triangle) -> f32 {
 }
 
 // choice single
-// One instance, whose triangles are all there are.
+// A single instance.
 // use shared/placed/world
 
 fn triangle_of(hit: Hit) -> u32 {
@@ -86,10 +86,10 @@ fn triangle_of(hit: Hit) -> u32 {
 }
 
 // choice flat
-// Instances whose triangles follow each other in world space, numbered as the tree over them numbers them.
+// Instances in world space, numbered as in the BVH over all of them.
 // use shared/placed/world
 
-/// Number of the first triangle of each instance.
+/// First triangle of each instance.
 @group(2) @binding(3) var<storage, read> firsts: array<u32>;
 
 fn triangle_of(hit: Hit) -> u32 {
@@ -97,7 +97,7 @@ fn triangle_of(hit: Hit) -> u32 {
 }
 
 // choice instances
-// Instances of meshes that stand still.
+// Instances of meshes that do not move.
 // use shared/placed/placement
 
 fn point_world(instance: u32, point: vec3<f32>) -> vec3<f32> {
@@ -114,7 +114,7 @@ fn by_cofactors(instance: u32, normal: vec3<f32>) -> vec3<f32> {
 }
 
 // choice moving
-// Instances of meshes, of which some move while the shutter is open: where they are at the time of the ray.
+// Instances of meshes, some of which move, at the time of the ray.
 // use shared/motion
 // use shared/placed/placement
 
@@ -144,7 +144,7 @@ fn by_cofactors(instance: u32, normal: vec3<f32>) -> vec3<f32> {
     var z = placements[instance].cofactor_z;
     let motion = motion_of(instance);
     if motion != NONE {
-        // Over a factor of the determinant's sign.
+        // Divided by a factor with the determinant's sign.
         let weights = weights_of_time() * placements[instance].handedness;
         x = motions[motion].cofactors[0] * weights;
         y = motions[motion].cofactors[1] * weights;
@@ -153,7 +153,7 @@ fn by_cofactors(instance: u32, normal: vec3<f32>) -> vec3<f32> {
     return x * normal.x + y * normal.y + z * normal.z;
 }
 
-/// The number of an instance's motion, `NONE` of one that stands still.
+/// Index of an instance's motion; `NONE` if it does not move.
 fn motion_of(instance: u32) -> u32 {
     return placements[instance].motion;
 }

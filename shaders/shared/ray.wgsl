@@ -1,16 +1,16 @@
-// Rays and hits, as hosts lay them out.
+// Rays and hits in the layout of the host.
 
 /// No primitive, no instance; the instance of a miss.
 const NONE: u32 = 0xffffffffu;
 
-/// The instance of a ray whose walk was cut short: the answer is not known.
+/// Instance of a ray whose traversal ended early: the result is unknown.
 const INCOMPLETE: u32 = 0xfffffffeu;
 
-/// Farther than anything: what stands for infinity.
+/// Stands for infinity.
 const FAR: f32 = 3e38;
 
-/// `origin + t * direction` for `t_min <= t <= t_max`. Numbers are finite, the direction has any length but zero,
-/// `0 <= t_min` and `t_max <= FAR`.
+/// `origin + t * direction` for `t_min <= t <= t_max`. All numbers are finite, the direction is not zero, `0 <= t_min` and
+/// `t_max <= FAR`.
 struct Ray {
     origin: vec3<f32>,
     t_min: f32,
@@ -18,7 +18,7 @@ struct Ray {
     t_max: f32,
 }
 
-/// Where a ray meets a triangle: weights `u` and `v` of its second and third vertex, `t` in units of the ray's direction.
+/// Hit of a triangle: weights `u` and `v` of the second and third vertex, `t` in units of the ray's direction.
 struct Hit {
     t: f32,
     u: f32,
@@ -32,7 +32,7 @@ fn miss() -> Hit {
     return Hit(FAR, 0.0, 0.0, NONE, NONE);
 }
 
-/// Whether `a` comes first: least `t`, then lowest instance, then lowest primitive.
+/// Whether `a` precedes `b`: smallest `t`, then lowest instance, then lowest primitive.
 fn before(a: Hit, b: Hit) -> bool {
     if a.t != b.t {
         return a.t < b.t;

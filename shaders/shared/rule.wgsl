@@ -1,9 +1,9 @@
 // part average
-// Axes between those of two children.
+// The mean of the frames of two children.
 // use shared/build/quaternion
 // use shared/build/bounded
 
-/// Axes of a child; those of a box that a shear left are made orthonormal in turn.
+/// Frame of a child. The axes of a sheared box are orthonormalized in order.
 fn axes_of_child(content: Content, size: f32) -> mat3x3<f32> {
     if content.is_box {
         let x = content.columns[0];
@@ -23,7 +23,7 @@ fn average_frame(a: Content, b: Content) -> mat3x3<f32> {
 }
 
 // choice pca_bounded
-// Axes of a node: principal axes of its children's corners.
+// Frame of a node: principal axes of the corners of its children.
 // use shared/build/bounded
 
 fn frame_of(a: Content, b: Content) -> mat3x3<f32> {
@@ -31,7 +31,7 @@ fn frame_of(a: Content, b: Content) -> mat3x3<f32> {
 }
 
 // choice quaternion
-// Axes of a node: the rotation between its children's, by area.
+// Frame of a node: area-weighted mean of the children's rotations.
 // use shared/rule/average
 
 fn frame_of(a: Content, b: Content) -> mat3x3<f32> {
@@ -39,8 +39,7 @@ fn frame_of(a: Content, b: Content) -> mat3x3<f32> {
 }
 
 // choice combined
-// Axes of a node by kind of child: the rotation between two boxes, principal axes where a leaf is.
-// Source: Sabino 2020, 3.5.
+// Frame of a node by kind of child: mean rotation for two boxes, principal axes otherwise. Source: Sabino 2020, 3.5.
 // use shared/rule/average
 
 fn frame_of(a: Content, b: Content) -> mat3x3<f32> {

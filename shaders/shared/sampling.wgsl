@@ -1,13 +1,13 @@
-// Directions over the hemisphere about a unit normal, with their densities; twin of crates/renderer/src/sampling.rs.
+// Directions over the hemisphere around a unit normal, with densities; twin of crates/renderer/src/sampling.rs.
 // use shared/numbers
 // use shared/angle
 
-/// A right-handed orthonormal frame about a unit normal, its third column (Duff et al. 2017).
+/// A right-handed orthonormal frame whose third column is a unit normal (Duff et al. 2017).
 ///
-/// Times a local direction it gives one in the space of the normal; a direction times it gives local coordinates.
+/// Matrix times vector maps local to world coordinates, vector times matrix maps world to local.
 fn basis_about(normal: vec3<f32>) -> mat3x3<f32> {
     let sign = sign_of(normal.z);
-    // At least 1 in absolute value for either sign, so the quotient is tame.
+    // The divisor is at least 1 in absolute value for either sign.
     let a = -1.0 / (sign + normal.z);
     let b = normal.x * normal.y * a;
     let first = vec3(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x);
@@ -15,18 +15,18 @@ fn basis_about(normal: vec3<f32>) -> mat3x3<f32> {
     return mat3x3(first, second, normal);
 }
 
-/// A direction about +z with density `cos/pi`, from a point of the unit square; never in the horizon's plane.
+/// A direction around +z with density `cos/pi`, from a point of the unit square; never exactly at the horizon.
 fn cosine_hemisphere(square: vec2<f32>) -> vec3<f32> {
     let turned = circle(square.y);
     return vec3(sqrt(square.x) * turned, sqrt(1.0 - square.x));
 }
 
-/// Density of `cosine_hemisphere` at a polar cosine.
+/// Density of `cosine_hemisphere` for a cosine.
 fn cosine_density(cosine: f32) -> f32 {
     return max(cosine, 0.0) / PI;
 }
 
-/// A uniform point of the unit disc from a point of the unit square (Shirley and Chiu 1997).
+/// A uniform point of the unit disk from a point of the unit square (Shirley and Chiu 1997).
 fn uniform_disk(square: vec2<f32>) -> vec2<f32> {
     let p = 2.0 * square - 1.0;
     if p.x == 0.0 && p.y == 0.0 {

@@ -1,9 +1,9 @@
-// How a surface scatters light: what the files of `shared/bsdf/` take and answer; twin of crates/renderer/src/bsdf.rs.
+// Interface of BSDFs, implemented by the parts of `shared/bsdf`; twin of crates/renderer/src/bsdf.rs.
 //
-// Directions are unit vectors in a local frame: +z is the shading normal on the side of `outgoing`, which points
-// towards the viewer; light arrives from `incident`, through the surface where its z is below 0.
+// Directions are unit vectors in a local frame. +z is the shading normal on the side of `outgoing`, which points towards the
+// viewer. Light comes from `incident`; it is transmitted if the z of `incident` is negative.
 
-/// The material at a hit and the side from which a ray arrived.
+/// Material at a hit, and the side that the ray came from.
 struct Bsdf {
     base_color: vec3<f32>,
     metallic: f32,
@@ -12,32 +12,32 @@ struct Bsdf {
     transmission: f32,
     ior: f32,
     thin_walled: bool,
-    /// Only what transmits and is not thin has an inside.
+    /// Only thick transmissive materials have an inside.
     is_inside: bool,
 }
 
-/// What all lobes but the mirrors scatter from one direction into another.
+/// Scattering from one direction into another, without delta lobes.
 struct Evaluation {
-    /// The scattering function times the absolute cosine of `incident`.
+    /// BSDF times the absolute cosine of `incident`.
     value: vec3<f32>,
-    /// With which `incident` is sampled, per steradian.
+    /// Density of sampling `incident`, per steradian.
     density: f32,
 }
 
-/// A direction that light may arrive from.
+/// A sampled incident direction.
 struct BsdfSample {
     incident: vec3<f32>,
-    /// Per steradian; 0 where `is_delta`.
+    /// Per steradian; 0 if `is_delta`.
     density: f32,
-    /// What the radiance from there is multiplied with.
+    /// Factor of the incident radiance.
     weight: vec3<f32>,
     is_delta: bool,
     is_transmitted: bool,
-    /// False where nothing arrives.
+    /// False if no light is scattered.
     is_found: bool,
 }
 
-/// Cosines below it count as the horizon: the quotient of two that are not can be multiplied without overflow.
+/// Smaller cosines count as the horizon; the quotient of two larger ones can be multiplied without overflow.
 const MIN_COSINE: f32 = 1e-18;
 
 fn no_evaluation() -> Evaluation {

@@ -1,12 +1,12 @@
 // choice none
-// No light has a body.
+// No sphere or disk lights.
 
-/// Whether a body but the light `except` stands along a ray.
+/// Whether a shape light other than `except` occludes a ray.
 fn shape_light_occludes(ray: Ray, except: u32) -> bool {
     return false;
 }
 
-/// The light of the nearest body along a ray before `t_max`.
+/// Closest shape light along a ray, up to `t_max`.
 struct ShapeLightHit {
     is_hit: bool,
     number: u32,
@@ -18,18 +18,18 @@ fn intersect_shape_lights(ray: Ray) -> ShapeLightHit {
     return ShapeLightHit(false, 0u, vec3(0.0), ray.t_max);
 }
 
-/// Unit normal of a body at a point of it.
+/// Unit normal of a shape light at one of its points.
 fn shape_light_normal(number: u32, point: vec3<f32>) -> vec3<f32> {
     return vec3(0.0);
 }
 
 // choice list
-// Balls and discs of the list as rays meet them: they stand in the light of others and are black where they do not shine.
+// Sphere and disk lights as rays hit them. They occlude each other, and sides that do not emit are black.
 // use shared/light/list/lights
 // use shared/numbers
 // use shared/invocation/iterations
 
-/// Whether a body but the light `except` stands along a ray.
+/// Whether a shape light other than `except` occludes a ray.
 fn shape_light_occludes(ray: Ray, except: u32) -> bool {
     iterations += arrayLength(&lights);
     for (var number = 0u; number < arrayLength(&lights); number++) {
@@ -40,10 +40,10 @@ fn shape_light_occludes(ray: Ray, except: u32) -> bool {
     return false;
 }
 
-/// The light of the nearest body along a ray; of equals the one that comes first in the list.
+/// Closest shape light along a ray; ties go to the first of the list.
 struct ShapeLightHit {
     is_hit: bool,
-    /// Of the list.
+    /// Index in the list.
     number: u32,
     radiance: vec3<f32>,
     t: f32,
@@ -51,17 +51,17 @@ struct ShapeLightHit {
 
 fn intersect_shape_lights(ray: Ray) -> ShapeLightHit {
     iterations += arrayLength(&lights);
-    var met = ShapeLightHit(false, 0u, vec3(0.0), ray.t_max);
+    var light_hit = ShapeLightHit(false, 0u, vec3(0.0), ray.t_max);
     for (var number = 0u; number < arrayLength(&lights); number++) {
         let crossing = shape_light_crossing(lights[number], ray);
-        if crossing.t < met.t || (crossing.t == met.t && !met.is_hit) {
-            met = ShapeLightHit(true, number, select(vec3(0.0), lights[number].color, crossing.shines), crossing.t);
+        if crossing.t < light_hit.t || (crossing.t == light_hit.t && !light_hit.is_hit) {
+            light_hit = ShapeLightHit(true, number, select(vec3(0.0), lights[number].color, crossing.shines), crossing.t);
         }
     }
-    return met;
+    return light_hit;
 }
 
-/// Unit normal of a body at a point of it.
+/// Unit normal of a shape light at one of its points.
 fn shape_light_normal(number: u32, point: vec3<f32>) -> vec3<f32> {
     if lights[number].kind == DISK {
         return lights[number].direction;
@@ -69,9 +69,9 @@ fn shape_light_normal(number: u32, point: vec3<f32>) -> vec3<f32> {
     return normalize(point - lights[number].place);
 }
 
-/// Where a ray meets a body first, and whether on the side that shines.
+/// Closest intersection with a shape light, and whether its side emits.
 struct Crossing {
-    /// Beyond `FAR` where it does not.
+    /// Above `FAR` for a miss.
     t: f32,
     shines: bool,
 }
@@ -86,15 +86,15 @@ fn shape_light_crossing(light: ListLight, ray: Ray) -> Crossing {
     }
 }
 
-/// The discriminant comes from the vector from the centre to the line, at right angles to it, so small and far balls lose few
-/// digits (Haines et al. 2019).
+/// The discriminant uses the distance from the center to the line, so small and far spheres keep precision (Haines et al.
+/// 2019).
 fn sphere_crossing(light: ListLight, ray: Ray) -> Crossing {
     let from_center = ray.origin - light.place;
     let d_squared = dot(ray.direction, ray.direction);
-    let closest = -dot(from_center, ray.direction) / max(d_squared, LEAST_SQUARE);
+    let closest = -dot(from_center, ray.direction) / max(d_squared, MIN_SQUARE);
     let distance = length(from_center + closest * ray.direction);
     let chord_squared = (light.extent - distance) * (light.extent + distance);
-    if chord_squared < 0.0 || d_squared < LEAST_SQUARE {
+    if chord_squared < 0.0 || d_squared < MIN_SQUARE {
         return Crossing(NO_CROSSING, false);
     }
     let half_chord = sqrt(chord_squared / d_squared);
@@ -107,16 +107,16 @@ fn sphere_crossing(light: ListLight, ray: Ray) -> Crossing {
     return Crossing(select(NO_CROSSING, leaves, is_within), false);
 }
 
-/// Rim included; rays in its plane pass by.
+/// Includes the edge; rays in the plane of the disk miss.
 fn disk_crossing(light: ListLight, ray: Ray) -> Crossing {
     let slope = dot(ray.direction, light.direction);
     let height = dot(light.place - ray.origin, light.direction);
     // As quotients of absolute values, which stay in range.
     let t = quotient(abs(height), abs(slope)) * sign_of(height) * sign_of(slope);
-    // A ray almost in the plane crosses it so far off that a long direction would leave the range: there is no disc.
-    let way = abs(light.place - ray.origin);
+    // A nearly parallel ray would reach the plane so far away that a long direction overflows; it misses the disk anyway.
+    let delta = abs(light.place - ray.origin);
     let length = abs(ray.direction);
-    let farthest = 2.0 * (max(way.x, max(way.y, way.z)) + light.extent);
+    let farthest = 2.0 * (max(delta.x, max(delta.y, delta.z)) + light.extent);
     let is_near = abs(t) <= quotient(farthest, max(length.x, max(length.y, length.z)));
     let from_center = (ray.origin + select(0.0, t, is_near) * ray.direction) - light.place;
     let is_inside = is_near && dot(from_center, from_center) <= light.extent * light.extent;

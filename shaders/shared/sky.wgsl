@@ -1,12 +1,12 @@
 // choice black
-// Nothing shines from outside.
+// A black background.
 
 fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     return vec3(0.0);
 }
 
 // choice constant
-// The same light from everywhere.
+// Constant radiance from all directions.
 // use shared/picture
 
 fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
@@ -14,10 +14,9 @@ fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
 }
 
 // choice image
-// A picture of all directions, by longitude and latitude; twin of crates/renderer/src/light/environment.rs.
+// An environment map in latitude-longitude form; twin of crates/renderer/src/light/environment.rs.
 //
-// The middle of the picture looks along -z, its top edge is +y. A direction's place in the picture is off by some
-// 2^-22 of its width and height.
+// The center of the image is -z, its top edge +y. Image positions err by about 2^-22 of the width and height.
 // use shared/numbers
 // use shared/angle
 
@@ -26,22 +25,22 @@ struct SkyImage {
     scale: vec3<f32>,
     width: u32,
     height: u32,
-    /// Share of a turn about +y, counter-clockwise, in 0..1.
+    /// Rotation around +y as a fraction of a turn, counter-clockwise, in 0..1.
     turn: f32,
 }
 
 @group(3) @binding(1) var<uniform> sky_image: SkyImage;
-/// Three numbers a texel, row by row from the zenith.
+/// Three floats per texel, row by row from the zenith.
 @group(3) @binding(2) var<storage, read> sky_texels: array<f32>;
 
-/// Radiance that arrives against a direction of any length: bilinear between texel centres.
+/// Radiance from a direction of any length, bilinear between texel centers.
 fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     let size = vec2(sky_image.width, sky_image.height);
     let texels = sky_place(direction) * vec2<f32>(size) - 0.5;
     let first = floor(texels);
     let weight = texels - first;
     let corner = vec2<i32>(first);
-    // The picture goes on around the horizon and ends in its first and last row.
+    // The image wraps around horizontally and is clamped vertically.
     let left = u32(select(corner.x, i32(size.x) - 1, corner.x < 0)) % size.x;
     let right = u32(corner.x + 1) % size.x;
     let top = u32(clamp(corner.y, 0, i32(size.y) - 1));
@@ -56,7 +55,7 @@ fn sky_texel(row: u32, column: u32) -> vec3<f32> {
     return vec3(sky_texels[first], sky_texels[first + 1u], sky_texels[first + 2u]);
 }
 
-/// Where a direction is: across, in 0..=1 from the left edge, and down, in 0..=1 from the top.
+/// Image position of a direction: horizontal in 0..=1 from the left, vertical in 0..=1 from the top.
 fn sky_place(direction: vec3<f32>) -> vec2<f32> {
     let most = max(max(abs(direction.x), abs(direction.y)), max(abs(direction.z), 1e-30));
     let d = direction / most;
@@ -64,7 +63,7 @@ fn sky_place(direction: vec3<f32>) -> vec2<f32> {
     return vec2(across - floor(across), angle_of(length(d.xz), d.y) / PI);
 }
 
-/// The unit direction of a longitude across the picture and a cosine to +y.
+/// Unit direction of a horizontal image position and a cosine to +y.
 fn sky_direction(across: f32, cosine: f32) -> vec3<f32> {
     let turned = circle(across - sky_image.turn - 0.5);
     let sine = sqrt(max((1.0 - cosine) * (1.0 + cosine), 0.0));

@@ -1,5 +1,5 @@
 // choice black
-// There is no sky to sample.
+// No sky to sample.
 // use shared/light/sample
 
 fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
@@ -11,12 +11,12 @@ fn sky_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
 }
 
 // choice cosine
-// The sky sampled by the cosine to the shading normal: for one that is the same from everywhere.
+// Cosine sampling around the shading normal, for a constant sky.
 // use shared/sampling
 // use shared/light/sample
 // use ?sky
 
-/// Light from the sky.
+/// Samples the sky.
 fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
     let local = cosine_hemisphere(square);
     let to_light = basis_about(receiver.shading_normal) * local;
@@ -25,36 +25,36 @@ fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
     return LightSample(IncomingLight(to_light, density, radiance, INFINITE, vec3(0.0)), NO_SHAPE_LIGHT, false);
 }
 
-/// Density of `sample_sky` in a unit direction.
+/// Density of `sample_sky` for a unit direction.
 fn sky_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
     return cosine_density(dot(receiver.shading_normal, direction));
 }
 
 // choice image
-// The sky sampled by the brightness of its texels times their solid angle, uniform within a texel; twin of `SkySampler`.
+// Samples the environment map by texel brightness times solid angle, uniform within a texel; twin of `SkySampler`.
 //
-// Running sums stand in f32, normalised. A texel's probability is the difference of two neighbours, which is exact: so the
-// density that is told is the one that is sampled. What rounding takes from a texel, up to 2^-24 of its row, is left to
-// the directions that materials sample.
+// Cumulative sums are stored in f32, normalized. The probability of a texel is the difference of two neighbors, which is exact,
+// so the reported density is the sampled one. Rounding can take up to 2^-24 of a row from a texel; BSDF sampling covers that
+// part.
 // use shared/sky/image
 // use shared/light/sample
 // use shared/invocation/iterations
 
 struct SkyRow {
-    /// Share of the rows above.
+    /// Cumulative sum of the rows above.
     sum: f32,
     /// Cosine of the upper edge to +y.
     cosine: f32,
-    /// Texels of this row in a steradian.
+    /// Texels of this row per steradian.
     per_steradian: f32,
 }
 
-/// One more than the picture has.
+/// One more than the image has.
 @group(3) @binding(3) var<storage, read> sky_rows: array<SkyRow>;
-/// Shares of what is left of each column's edge in its row: one more than a row has texels.
+/// Cumulative sum left of each column edge, one more per row than it has texels.
 @group(3) @binding(8) var<storage, read> sky_sums: array<f32>;
 
-/// Light from the sky.
+/// Samples the sky.
 fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
     let row = sky_interval(true, 0u, sky_image.height, square.y);
     let first = row * (sky_image.width + 1u);
@@ -68,7 +68,7 @@ fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
     return LightSample(IncomingLight(to_light, density, radiance, INFINITE, vec3(0.0)), NO_SHAPE_LIGHT, false);
 }
 
-/// Density of `sample_sky` in a unit direction.
+/// Density of `sample_sky` for a unit direction.
 fn sky_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
     let size = vec2(sky_image.width, sky_image.height);
     let texel = min(vec2<u32>(sky_place(direction) * vec2<f32>(size)), size - 1u);
@@ -78,15 +78,15 @@ fn sky_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
 fn sky_density_at(row: u32, column: u32) -> f32 {
     let first = row * (sky_image.width + 1u) + column;
     let share = sky_rows[row + 1u].sum - sky_rows[row].sum;
-    return min(share * (sky_sums[first + 1u] - sky_sums[first]) * sky_rows[row].per_steradian, GREATEST);
+    return min(share * (sky_sums[first + 1u] - sky_sums[first]) * sky_rows[row].per_steradian, MAX_QUOTIENT);
 }
 
-/// The share of an interval that lies before a number within it.
+/// Position of a number within an interval, as a fraction.
 fn share_between(low: f32, high: f32, number: f32) -> f32 {
     return clamp(quotient(number - low, high - low), 0.0, 1.0);
 }
 
-/// A running sum: of rows, or else of the columns whose sums begin at `start`.
+/// A cumulative sum: of rows, or of the columns whose sums start at `start`.
 fn sky_sum(is_row: bool, start: u32, place: u32) -> f32 {
     if is_row {
         return sky_rows[place].sum;
@@ -94,7 +94,7 @@ fn sky_sum(is_row: bool, start: u32, place: u32) -> f32 {
     return sky_sums[start + place];
 }
 
-/// Which of `n` intervals of running sums holds a number below 1; intervals of no width are never found.
+/// Which of `n` intervals of a cumulative sum contains a number below 1. Empty intervals are never found.
 fn sky_interval(is_row: bool, start: u32, n: u32, number: f32) -> u32 {
     var first = 1u;
     var last = n;

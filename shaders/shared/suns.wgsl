@@ -1,5 +1,5 @@
 // choice none
-// No light shines from one direction.
+// No suns.
 // use shared/light/sample
 
 fn sample_sun(choice: f32) -> LightSample {
@@ -7,20 +7,20 @@ fn sample_sun(choice: f32) -> LightSample {
 }
 
 // choice list
-// Suns of the list, each chosen with a share that is the same everywhere.
+// Suns, chosen with probabilities that are the same for all points.
 // use shared/light/list/lights
 // use shared/light/sample
 // use shared/invocation/iterations
 
 struct SunShare {
-    /// Number of the list.
+    /// Index in the list of lights.
     light: u32,
     share: f32,
 }
 
 @group(3) @binding(9) var<storage, read> sun_shares: array<SunShare>;
 
-/// Light of the sun in whose share a number falls; the last has what rounding leaves.
+/// Samples the sun whose interval contains a number; the last one also covers the rounding error.
 fn sample_sun(choice: f32) -> LightSample {
     let last = arrayLength(&sun_shares) - 1u;
     var number = 0u;

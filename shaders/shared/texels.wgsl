@@ -1,5 +1,5 @@
 // choice one
-// Texels in one binding: first the sRGB curve, one f32 a byte, then all levels of all textures.
+// Texels in one binding: the sRGB table, one f32 per byte value, then all levels of all textures.
 
 @group(2) @binding(6) var<storage, read> texels_0: array<u32>;
 
@@ -8,8 +8,8 @@ fn texel_word(index: u32) -> u32 {
 }
 
 // choice four
-// Texels in four bindings, for what is more than one may hold: the sRGB curve, one f32 a byte, then all levels of all textures,
-// cut every `TEXELS_PER_BINDING`.
+// Texels in four bindings, for more data than one may hold: the sRGB table, one f32 per byte value, then all levels of all
+// textures, split every `TEXELS_PER_BINDING`.
 // const TEXELS_PER_BINDING
 
 @group(2) @binding(6) var<storage, read> texels_0: array<u32>;

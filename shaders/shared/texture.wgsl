@@ -1,5 +1,5 @@
 // choice none
-// No material has a texture.
+// No textures.
 
 fn texel(slot: u32, seen: Seen) -> vec4<f32> {
     return vec4(1.0);
@@ -14,27 +14,27 @@ fn uv_edges(slot: u32, seen: Seen) -> mat2x2<f32> {
 }
 
 // choice lookup
-// What textures say: at a point, or on average over the part of a surface that a ray stands for. `?lod` says which part,
-// `?texels` holds the images. The formulas are those of the CPU's lookups; coordinates are f32, so a texture that repeats often
-// is placed less finely far from its origin: by 2^-23 of the coordinate.
+// Texture lookup at a point, or averaged over the footprint of a ray. `?lod` gives the footprint, `?texels` the images.
+// Formulas are those of the CPU. Coordinates are f32, so repeated textures lose precision far from the origin: 2^-23 of the
+// coordinate.
 // use ?lod
 // use ?texels
 // use shared/invocation/iterations
 
-/// A texture as a material refers to it.
+/// A texture as used by a material.
 struct Slot {
     /// Rows of the affine map from the mesh's coordinates to the texture's.
     u: vec3<f32>,
-    /// Number of the texture's head among the images.
+    /// Index of the texture's header in `images`.
     head: u32,
     v: vec3<f32>,
-    /// Column of the coordinates in a vertex's words.
+    /// Column of the coordinates in a vertex.
     column: u32,
 }
 
-/// What part of a texture is averaged about a point.
+/// The footprint over which a texture is averaged.
 struct Footprint {
-    /// Binary logarithm of the width in texels; at 0 and below it is a point.
+    /// Binary logarithm of the width in texels; 0 or less is a point.
     level: f32,
     /// From end to end, in texture coordinates.
     along: vec2<f32>,
@@ -42,11 +42,11 @@ struct Footprint {
 }
 
 @group(2) @binding(4) var<storage, read> slots: array<Slot>;
-/// For each texture a head (levels; wrap modes, two bits each, and above them whether colours are sRGB), then its levels (first
+/// For each texture a header (number of levels; wrap modes, two bits each, then an sRGB flag), followed by its levels (first
 /// texel, columns, rows).
 @group(2) @binding(5) var<storage, read> images: array<vec4<u32>>;
 
-/// What a texture says, RGB in linear light or as plain numbers, and alpha; ones where there is none.
+/// Texture value with alpha, in linear RGB or as plain numbers; ones for no texture.
 fn texel(slot: u32, seen: Seen) -> vec4<f32> {
     if slot == NO_SLOT {
         return vec4(1.0);
@@ -67,7 +67,7 @@ fn texel(slot: u32, seen: Seen) -> vec4<f32> {
     return sum / n;
 }
 
-/// Alpha at a point, of a texture at full size.
+/// Alpha at a point, at full resolution.
 fn texel_alpha(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> f32 {
     return bilinear(slots[slot].head, 0u, uv_of(slot, corners, weights)).a;
 }
@@ -104,7 +104,7 @@ fn bilinear(head: u32, level: u32, uv: vec2<f32>) -> vec4<f32> {
     let facts = images[head].y;
     let image = images[head + 1u + level];
     let columns = neighbours(uv.x, image.y, facts & 3u);
-    // `v` runs up, rows run down.
+    // `v` points up, rows go down.
     let rows = neighbours(1.0 - uv.y, image.z, (facts >> 2u) & 3u);
     let is_srgb = (facts >> 4u) == 1u;
     let upper = image.x + rows.first * image.y;
@@ -119,7 +119,7 @@ fn blend(a: vec4<f32>, b: vec4<f32>, weight: f32) -> vec4<f32> {
     return a + weight * (b - a);
 }
 
-/// The two texels about a coordinate along one axis, and the weight of the second.
+/// The two texels next to a coordinate along one axis, and the weight of the second.
 struct Neighbours {
     first: u32,
     second: u32,
@@ -130,7 +130,7 @@ const REPEAT: u32 = 0u;
 const CLAMP: u32 = 1u;
 
 fn neighbours(coordinate: f32, n: u32, wrap: u32) -> Neighbours {
-    // Reduced first, so that the integers below stay small.
+    // Reduced first, to keep the integers small.
     var reduced = coordinate - 2.0 * floor(0.5 * coordinate);
     if wrap == REPEAT {
         reduced = coordinate - floor(coordinate);
@@ -142,7 +142,7 @@ fn neighbours(coordinate: f32, n: u32, wrap: u32) -> Neighbours {
     return Neighbours(wrapped(i32(first), i32(n), wrap), wrapped(i32(first) + 1, i32(n), wrap), place - first);
 }
 
-/// Index of texel `i` of the row that `wrap` makes of `n` texels, for `i` at most one beyond what it repeats.
+/// Index of texel `i` in a row of `n` texels under a wrap mode; `i` is at most one outside of the period.
 fn wrapped(i: i32, n: i32, wrap: u32) -> u32 {
     if wrap == REPEAT {
         return u32(select(select(i, 0, i >= n), n - 1, i < 0));
@@ -150,7 +150,7 @@ fn wrapped(i: i32, n: i32, wrap: u32) -> u32 {
     if wrap == CLAMP {
         return u32(clamp(i, 0, n - 1));
     }
-    // The mirrored copy ends where the next begins: both neighbours of that edge are texel 0.
+    // The mirrored copy ends where the next starts: both neighbors of that edge are texel 0.
     return u32(select(min(i, 2 * n - 1 - i), 0, i < 0 || i >= 2 * n));
 }
 

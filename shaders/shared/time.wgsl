@@ -1,20 +1,20 @@
 // part ray_time
-// When the rays of an invocation fly: 0 where the shutter opens, below 1 until it closes, a multiple of 2^-24.
+// Time of the rays of an invocation: 0 at shutter opening, below 1 until it closes, a multiple of 2^-24.
 
 var<private> ray_time: f32;
 
 // choice still
-// Nothing moves: all rays fly at once.
+// No motion.
 // use shared/picture
 
 fn choose_time(one: PixelSample) {}
 
 // choice shutter
-// Samples are spread over the time that the shutter is open.
+// Samples are distributed over the shutter interval.
 // use shared/picture
 // use shared/time/ray_time
 
-/// Dimension that chooses a sample's time, apart from those that integrators count up.
+/// Sampler dimension of the time, separate from those that integrators count up.
 const TIME: u32 = 0xffffffffu;
 
 fn choose_time(one: PixelSample) {

@@ -1,48 +1,48 @@
 // choice none
-// No material lets light through.
+// No transmissive materials.
 // use shared/scattering
 
-/// Whether light comes through.
+/// Whether the material transmits light.
 fn is_transmitting(bsdf: Bsdf) -> bool {
     return false;
 }
 
-/// Factor of radiance on its way out through the boundary, towards `outgoing`.
+/// Factor of the radiance that leaves through the boundary towards `outgoing`.
 fn compression_of(bsdf: Bsdf) -> f32 {
     return 1.0;
 }
 
-/// Light that comes through.
+/// Transmitted light.
 fn transmitted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     return no_evaluation();
 }
 
-/// A direction through a facet.
+/// Samples a transmitted direction.
 fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> BsdfSample {
     return no_bsdf_sample();
 }
 
 // choice glass
-// Light that comes through: glass by refraction, sheets without. Part of `shared/boundary`.
+// Transmission: refraction for glass, none for thin walls. Part of `shared/boundary`.
 // use shared/scattering
 // use shared/fresnel
 // use shared/ggx
 
-/// The least difference of `eta` from 1 that bends light of a rough boundary; below, it passes straight.
-const MIN_IOR_STEP: f32 = 1.0 / 128.0;
+/// Smallest difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
+const MIN_ETA_DIFFERENCE: f32 = 1.0 / 128.0;
 
-/// Whether light comes through.
+/// Whether the material transmits light.
 fn is_transmitting(bsdf: Bsdf) -> bool {
     return bsdf.transmission > 0.0;
 }
 
-/// Factor of radiance on its way out through the boundary, towards `outgoing`.
+/// Factor of the radiance that leaves through the boundary towards `outgoing`.
 fn compression_of(bsdf: Bsdf) -> f32 {
     let square = bsdf.ior * bsdf.ior;
     return select(select(1.0 / square, square, bsdf.is_inside), 1.0, bsdf.thin_walled);
 }
 
-/// Light that comes through.
+/// Transmitted light.
 fn transmitted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     if boundary.alpha == 0.0 || boundary.bsdf.transmission <= 0.0 {
         return no_evaluation();
@@ -53,13 +53,13 @@ fn transmitted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     return refracted_by(boundary, incident);
 }
 
-/// Facets that refract `incident` into `outgoing`, after Walter et al. 2007, equations 16, 17 and 21.
+/// Facets that refract `incident` into `outgoing` (Walter et al. 2007, equations 16, 17 and 21).
 fn refracted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     if !bends(boundary) {
         return no_evaluation();
     }
     let eta = boundary.eta;
-    // It lies along no + eta * ni, on the side of the thinner medium.
+    // The half vector lies along no + eta * ni, on the side of the optically thinner medium.
     let sum = unit_of(boundary.outgoing + eta * incident);
     let normal = select(sum, -sum, sum.z < 0.0);
     let near = dot(boundary.outgoing, normal);
@@ -68,7 +68,7 @@ fn refracted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
         return no_evaluation();
     }
     let facet = facet_of(boundary, near);
-    // The stretch of normals to directions; by Snell's law the sum is at least 1 - 1 / eta, absolute.
+    // Jacobian from normals to directions. By Snell's law the sum is at least 1 - 1 / eta in absolute value.
     let sum_of_cosines = far + near / eta;
     let stretch = quotient(-far, sum_of_cosines * sum_of_cosines);
     let masking = 4.0 * near * ggx_masking(boundary.alpha, boundary.outgoing.z, -incident.z);
@@ -78,7 +78,7 @@ fn refracted_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     return Evaluation(facet.transmitted * area, probability * density);
 }
 
-/// A direction through a facet, without its weight unless it is the only one of its lobe.
+/// Samples a transmitted direction. The weight is set only for delta lobes.
 fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> BsdfSample {
     let outgoing = boundary.outgoing;
     let eta = boundary.eta;
@@ -102,7 +102,7 @@ fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Bs
     if refracted == TOTAL {
         return no_bsdf_sample();
     }
-    // Snell's law divides the tangential part by eta, and its error if the far side is the thinner.
+    // Snell's law divides the tangential part by eta, and its error if the far side is optically thinner.
     let tangent = outgoing - cosine * normal;
     let incident = unit_of(-tangent / eta - refracted * normal);
     if boundary.alpha == 0.0 {
@@ -114,7 +114,7 @@ fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Bs
     return into_lobe(incident);
 }
 
-/// Whether a rough boundary bends light by more than rounding does.
+/// Whether a rough boundary refracts by more than rounding does.
 fn bends(boundary: Boundary) -> bool {
-    return abs(boundary.eta - 1.0) >= MIN_IOR_STEP;
+    return abs(boundary.eta - 1.0) >= MIN_ETA_DIFFERENCE;
 }

@@ -1,10 +1,10 @@
-// Questions to the scene.
+// Ray queries. `?traverse` gives the traversal.
 // use shared/ray
 // use ?traverse
 
-/// The first hit that the mask accepts; of equal `t` the lowest instance, then the lowest primitive.
+/// The closest hit that the mask accepts; ties go to the lowest instance, then the lowest primitive.
 ///
-/// A primitive is numbered as in its mesh, an instance as in the scene, whatever the levels.
+/// Primitives are numbered within their mesh, instances within the scene.
 fn closest_hit(ray: Ray) -> Hit {
     return traverse(ray, false);
 }
@@ -15,10 +15,10 @@ fn occluded(ray: Ray) -> bool {
 }
 
 // choice stack
-// A ray's way through nodes, nearest first, with a stack in the invocation's own memory.
+// Ordered traversal with a stack in private memory.
 //
-// The stack holds one entry a level at most: a node's word and, three bits each, its children that wait, nearest first. When
-// the ray comes back to a node it tests the next of them again, by what it has hit since, so entries need no distances.
+// The stack has at most one entry per level: the word of a node and, in three bits each, its pending children from the nearest.
+// A pending child is tested again when the ray returns to its node, with the best hit so far. So entries need no distances.
 // use shared/node
 // use shared/leaf
 // use ?level
@@ -27,36 +27,36 @@ fn occluded(ray: Ray) -> bool {
 // const STACK_SIZE
 // const MAX_ITERATIONS
 
-/// The first hit, or any; a miss where there is none.
+/// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
-    var word = enter_outer(ray);
+    var word = enter_top(ray);
     t_max = scaled_t(ray.t_max);
     var stack: array<vec2<u32>, STACK_SIZE>;
-    var n_waiting = 0u;
-    // Entries of the outer level while the walk is in an instance.
-    var n_outer = 0u;
-    var is_inner = !HAS_INSTANCES;
+    var n_entries = 0u;
+    // Entries of the top level while the ray is in an instance.
+    var n_top_level = 0u;
+    var is_in_instance = !HAS_INSTANCES;
     loop {
-        // Nodes are entered at one place of the text, by those who come down to one and those who come back: lanes of a vector do
-        // both at once, and compilers copy functions to where they are called.
+        // One call site for descending and for returning. Lanes of a subgroup may do both at once, and compilers inline
+        // functions at each call.
         var node = word;
         var half = 0u;
         var end = 2u;
         var entry = vec2<u32>(0u);
         let is_back = word == EMPTY;
         if is_back {
-            if is_inner && HAS_INSTANCES && n_waiting == n_outer {
-                // The instance is done.
-                is_inner = false;
-                n_outer = 0u;
-                enter_outer(ray);
+            if is_in_instance && HAS_INSTANCES && n_entries == n_top_level {
+                // Leave the instance.
+                is_in_instance = false;
+                n_top_level = 0u;
+                enter_top(ray);
                 t_max = scaled_t(best.t);
             }
-            if n_waiting == 0u {
+            if n_entries == 0u {
                 break;
             }
-            entry = stack[n_waiting - 1u];
+            entry = stack[n_entries - 1u];
             node = entry.x;
             half = (entry.y & 7u) >> 2u;
             end = half + 1u;
@@ -79,13 +79,13 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             if is_back {
                 let child = entry.y & 7u;
                 if keys[child >> 2u][child & 3u] == MISSED {
-                    // What waits behind it is farther still.
-                    n_waiting -= 1u;
+                    // The other pending children are farther.
+                    n_entries -= 1u;
                 } else {
                     word = child_word(node, child);
-                    stack[n_waiting - 1u].y = next(entry.y);
+                    stack[n_entries - 1u].y = next(entry.y);
                     if (entry.y >> 24u) == 1u {
-                        n_waiting -= 1u;
+                        n_entries -= 1u;
                     }
                 }
             } else {
@@ -93,22 +93,22 @@ fn traverse(ray: Ray, any: bool) -> Hit {
                 let children = ordered(keys[0], keys[1]);
                 let n = children >> 24u;
                 if n > 1u {
-                    stack[n_waiting] = vec2<u32>(node, next(children));
-                    n_waiting += 1u;
+                    stack[n_entries] = vec2<u32>(node, next(children));
+                    n_entries += 1u;
                 }
                 let nearest = child_word(node, children & 7u);
                 word = select(nearest, EMPTY, n == 0u);
             }
-        } else if is_inner {
+        } else if is_in_instance {
             leaf(word);
             word = EMPTY;
             if any && best.primitive != NONE {
                 break;
             }
         } else {
-            is_inner = true;
-            n_outer = n_waiting;
-            word = enter_inner(ray, word);
+            is_in_instance = true;
+            n_top_level = n_entries;
+            word = enter_instance_leaf(ray, word);
             t_max = scaled_t(best.t);
         }
     }
@@ -118,7 +118,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
     return placed(best);
 }
 
-/// Children without the first of them.
+/// Removes the first child.
 fn next(children: u32) -> u32 {
     return ((children & 0xffffffu) >> 3u) | ((children & 0xff000000u) - 0x1000000u);
 }

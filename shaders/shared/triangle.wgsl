@@ -1,71 +1,73 @@
-// Where a ray meets triangles: four at once are looked at, those that may be hit are tested one by one.
+// Ray-triangle intersection: a conservative test of four triangles at once, then an exact one for each candidate.
 //
 // # What is hit
-// As in `canted_trace`'s watertight test the ray becomes the z axis: `x = a_x - s_x a_z` for a vertex `a` from the origin.
-// That test decides by exact signs, for which WGSL has no arithmetic; here what is hit is a little more: every triangle that
-// comes within a bound of the ray, so that whatever that test hits is hit here. Let E = 2^-23 be a bound of one rounding,
-// M the greatest coordinate of the three `a`; all sheared coordinates are at most 2 M.
+// As in `canted_trace`'s watertight test the ray becomes the z axis: `x = a_x - s_x a_z` for a vertex `a` relative to the
+// origin. That test decides by exact signs, for which WGSL has no arithmetic. Here every triangle within a bound of the ray is
+// hit, so everything that the CPU's test hits is hit here. Let E = 2^-23 bound one rounding and let M be the largest coordinate
+// of the three `a`; all sheared coordinates are at most 2 M.
 //
-// *Coordinates.* `a` is off by E, `s` by 2.5 E, product and difference by E each: 7.5 E M. The CPU's vertices may be off by
-// 5 E M, of a shear along another axis; with what an instance's transform adds (`space.drift`), by as much as `g = 12.5 E M +
-// drift.y M + drift.x` the coordinates of the CPU's triangle are others. It holds the origin.
+// *Coordinates.* `a` errs by E, `s` by 2.5 E, product and difference by E each: 7.5 E M. The CPU's vertices may err by 5 E M,
+// with a shear along another axis. Including the error of an instance's transform (`space.drift`), the coordinates differ from
+// the CPU's by at most `g = 12.5 E M + drift.y M + drift.x`. The CPU's triangle contains the origin.
 //
-// *Filter.* An edge function of the CPU's triangle differs from the computed `b_x c_y - b_y c_x` by at most `g` times the
-// four coordinates and `2 g g`, and by its own roundings, `2 E (|b_x c_y| + |b_y c_x|) <= 4 E M (|b_x| + |b_y|)`. With N the
-// sum of the three vertices' coordinates, `(g + 5 E M) (N + 2 g)` is more. Where one function is beyond that on one side
-// and another on the other, the CPU misses. M is taken for the whole ray, from `space.reach`.
+// *Filter.* An edge function of the CPU's triangle differs from the computed `b_x c_y - b_y c_x` by at most `g` times the four
+// coordinates plus `2 g g`, and by its own roundings, `2 E (|b_x c_y| + |b_y c_x|) <= 4 E M (|b_x| + |b_y|)`. With N the sum of
+// the three vertices' coordinates, `(g + 5 E M) (N + 2 g)` is an upper bound. If one function is beyond it on one side and
+// another on the other side, the CPU misses. M is the maximum for the whole ray.
 //
-// *Edges.* The CPU's triangle moves into the computed one with no vertex moved by more than `g`. If the origin lies in the
-// first and not in the second, an edge sweeps over it, so some computed edge passes within `2 g` of it along the axis in which
-// the edge is shorter, counted at the place where its longer axis is zero, or at its end. There the quotient `p / (p - q)` has
-// no cancellation: it is off by 4.5 E of itself, the other coordinate by `(4.5 + 2) E |p|` at most, as the edge is no steeper
-// than 1. So the test of `2 g + 15 E M` loses nothing.
+// *Edges.* The CPU's triangle moves into the computed one with no vertex moving by more than `g`. If the origin lies in the
+// first but not in the second, an edge sweeps over it. So some computed edge passes within `2 g` of it along the edge's shorter
+// axis, measured where its longer axis is zero, or at its end. The quotient `p / (p - q)` there has no cancellation: it errs by
+// 4.5 E, and the other coordinate by at most `(4.5 + 2) E |p|`, because the slope of the edge is at most 1. So the test with `2
+// g + 15 E M` loses nothing.
 //
-// *Inside.* Else the computed triangle holds the origin and no edge passes within 40 E M, so the line x = 0 runs through two
-// edges above and below it. Where they cross is computed by quotients without cancellation, and so is the place between.
+// *Inside.* Otherwise the computed triangle contains the origin and no edge passes within 40 E M, so the line x = 0 crosses two
+// edges, above and below it. The crossings are quotients without cancellation, and so is the position between them.
 //
-// *Error.* The weights are of a point of the computed triangle. On an edge it is off the ray by `2 g + (15 + 6) E M`, of
-// which 6 are for rounding the place and the weights, and its z by 3 E M; inside by 27 E M and 7 E M. The computed triangle
-// is off by 7.5 E M across and E M along, `t` is rounded by 2.5 E. With no drift that is `(25 + 21 + 7.5) E M` across and
-// 6.5 E M along the ray, which shear adds up: 60 E M in each coordinate; 64 leave room for second order.
+// *Error.* The weights describe a point of the computed triangle. On an edge its distance from the ray is at most `2 g + (15 +
+// 6) E M`, of which 6 are for rounding the position and the weights, and its z errs by 3 E M; inside the values are 27 E M and
+// 7 E M. The computed triangle errs by 7.5 E M across and E M along, and `t` is rounded by 2.5 E. Without drift that is `(25 +
+// 21 + 7.5) E M` across and 6.5 E M along the ray, which shear adds up to 60 E M in each coordinate; 64 covers second-order
+// terms.
+//
 // Source: Woop, Benthin, Wald 2013 for the shear.
 // use shared/bvh
 
-/// How far the CPU's sheared coordinates may be from ours, relative to M.
+/// Largest difference from the CPU's sheared coordinates, relative to M.
 const SHEAR_ROUNDING: f32 = 12.5 * ROUNDING;
 
-/// How much an edge function is off besides, as a part of M and the sum of coordinates.
+/// Additional error of an edge function, relative to M and the sum of coordinates.
 const FILTER_ROUNDING: f32 = 5.0 * ROUNDING;
 
-/// How much the place on an edge is off, relative to M.
+/// Error of a position on an edge, relative to M.
 const EDGE_ROUNDING: f32 = 15.0 * ROUNDING;
 
-/// Least divisor.
-const LEAST_DIVISOR: f32 = 1.1754944e-38;
+/// Smallest divisor.
+const MIN_DIVISOR: f32 = 1.1754944e-38;
 
-/// Quads of words of a half-block: nine coordinates of four triangles, then their numbers.
+/// Quads of a half-block: nine coordinates of four triangles, then their indices.
 const HALF_QUADS: u32 = 10u;
 
-/// What triangles want of a ray: axes that play x, y, z, and the shear.
+/// The ray prepared for triangle tests: axes that become x, y, z, and the shear.
 struct Shear {
     axes: vec3<u32>,
     origin: vec3<f32>,
     factors: vec2<f32>,
-    /// Direction along z.
+    /// Component of the direction along z.
     depth: f32,
-    /// `g + 5 E M` for the greatest M of any triangle in the tree, and `2 g`.
+    /// `g + 5 E M` for the largest M of any triangle in the BVH, and `2 g`.
     apart: vec2<f32>,
 }
 
 var<private> shear: Shear;
 
-/// Where a triangle is hit: scaled `t`, weights of its vertices. `t` is negative for a miss.
+/// Hit of a triangle: scaled `t` and barycentric weights. `t` is negative for a miss.
 struct TriangleHit {
     t: f32,
     weights: vec3<f32>,
 }
 
-/// Makes the shear of `space`'s ray, among vertices within `scale` of its origin.
+/// Prepares the shear for the current ray and vertices within `scale` of its origin.
 fn prepare_triangles(scale: f32) {
     let d = abs(space.direction);
     shear.axes = vec3<u32>(0u, 1u, 2u);
@@ -82,7 +84,7 @@ fn prepare_triangles(scale: f32) {
     shear.apart = vec2<f32>(apart + FILTER_ROUNDING * scale, 2.0 * apart);
 }
 
-/// By how much sheared coordinates may differ from the CPU's, of a triangle within `m`.
+/// Largest difference of sheared coordinates from the CPU's, for a triangle within `m`.
 fn shear_error(m: f32) -> f32 {
     return (SHEAR_ROUNDING + space.drift.y) * m + space.drift.x;
 }
@@ -91,9 +93,9 @@ fn along_axes(v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(v[shear.axes.x], v[shear.axes.y], v[shear.axes.z]);
 }
 
-/// `a / b`, zero where the divisor is.
+/// `a / b`, or zero for a zero divisor.
 fn guarded_quotient(a: f32, b: f32) -> f32 {
-    return select(a / b, 0.0, abs(b) < LEAST_DIVISOR);
+    return select(a / b, 0.0, abs(b) < MIN_DIVISOR);
 }
 
 /// Sheared x and y of a vertex of four triangles.
@@ -102,7 +104,7 @@ struct Four {
     y: vec4<f32>,
 }
 
-/// Four triangles' vertex `corner`; rows are `stride` quads long, a quad of the first at `at`.
+/// Vertex `corner` of four triangles. Rows are `stride` quads long; `at` is a quad of the first row.
 fn four(at: u32, stride: u32, corner: u32) -> Four {
     let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
     let x = bitcast<vec4<f32>>(triangle_blocks[rows.x]) - vec4<f32>(shear.origin.x);
@@ -111,7 +113,7 @@ fn four(at: u32, stride: u32, corner: u32) -> Four {
     return Four(x - shear.factors.x * z, y - shear.factors.y * z);
 }
 
-/// Which of four triangles the ray may hit, a bit each.
+/// Bit mask of the triangles, of four, that the ray may hit.
 fn candidates(at: u32, stride: u32) -> u32 {
     let a = four(at, stride, 0u);
     let b = four(at, stride, 1u);
@@ -126,7 +128,7 @@ fn candidates(at: u32, stride: u32) -> u32 {
     return (bits.x | bits.y) | (bits.z | bits.w);
 }
 
-/// A vertex from the origin, the axis that plays z last.
+/// A vertex relative to the origin, with permuted axes.
 fn vertex(at: u32, stride: u32, corner: u32, lane: u32) -> vec3<f32> {
     let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
     let bits = vec3<u32>(triangle_blocks[rows.x][lane], triangle_blocks[rows.y][lane], triangle_blocks[rows.z][lane]);
@@ -142,7 +144,7 @@ fn intersect_triangle(at: u32, stride: u32, lane: u32) -> TriangleHit {
     let from_a = vertex(at, stride, 0u, lane);
     let from_b = vertex(at, stride, 1u, lane);
     let from_c = vertex(at, stride, 2u, lane);
-    // The CPU misses what has two equal vertices.
+    // The CPU misses triangles with two equal vertices.
     if all(from_a == from_b) || all(from_b == from_c) || all(from_c == from_a) {
         return TriangleHit(-1.0, vec3<f32>(0.0));
     }
@@ -159,7 +161,7 @@ fn intersect_triangle(at: u32, stride: u32, lane: u32) -> TriangleHit {
     return TriangleHit(guarded_quotient(z, shear.depth), place.xyz);
 }
 
-/// Weights of the place on an edge that is nearest to the ray, and how far off it is.
+/// Weights of the point on an edge that is nearest to the ray, and its distance.
 fn nearest_edge(corners: array<vec3<f32>, 3>) -> vec4<f32> {
     let ab = on_edge(corners[0], corners[1]);
     let bc = on_edge(corners[1], corners[2]);
@@ -174,7 +176,7 @@ fn nearest_edge(corners: array<vec3<f32>, 3>) -> vec4<f32> {
     return place;
 }
 
-/// The place on an edge where its longer axis is zero, or the end nearest to that: weight of `q`, and how far off it is.
+/// The point of an edge where its longer axis is zero, or the nearest end: weight of `q`, and distance.
 fn on_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
     let length = abs(q.xy - p.xy);
     let is_x = length.x >= length.y;
@@ -185,13 +187,13 @@ fn on_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(s, max(abs(place.x), abs(place.y)));
 }
 
-/// Weights of the place where the ray runs through a triangle; last a number below zero where it does not.
+/// Weights of the point where the ray crosses the triangle; the last component is negative for a miss.
 fn inside(corners: array<vec3<f32>, 3>) -> vec4<f32> {
     let right = vec3<bool>(corners[0].x >= 0.0, corners[1].x >= 0.0, corners[2].x >= 0.0);
     if right.x == right.y && right.y == right.z {
         return vec4<f32>(-1.0);
     }
-    // The vertex that is alone on its side of x = 0, and the two others in order.
+    // The vertex that is alone on its side of x = 0, then the other two in order.
     if right.y == right.z {
         return across(corners[0], corners[1], corners[2]);
     }
@@ -201,7 +203,7 @@ fn inside(corners: array<vec3<f32>, 3>) -> vec4<f32> {
     return across(corners[2], corners[0], corners[1]).yzxw;
 }
 
-/// The same where `p` is alone: between the places where its edges cross x = 0.
+/// The same with `p` alone: between the points where its edges cross x = 0.
 fn across(p: vec3<f32>, q: vec3<f32>, r: vec3<f32>) -> vec4<f32> {
     let to_q = clamp(guarded_quotient(p.x, p.x - q.x), 0.0, 1.0);
     let to_r = clamp(guarded_quotient(p.x, p.x - r.x), 0.0, 1.0);

@@ -1,7 +1,7 @@
-// A surface with the frame that its scattering is told in. Where shading normal and triangle disagree about the side of a
-// direction, it is mirrored in the plane of the triangle: light is scattered as from itself and from what is folded onto it.
+// A path vertex with the frame of its BSDF. Directions on which shading normal and triangle disagree are mirrored in the plane
+// of the triangle; a direction receives both its own scattering and that of the mirrored one.
 //
-// `?material` reads the parameters that `?bsdf` scatters by.
+// `?material` reads the parameters of `?bsdf`.
 // use shared/sampling
 // use shared/surface
 // use shared/invocation/iterations
@@ -16,26 +16,26 @@ struct Vertex {
     outgoing: vec3<f32>,
     /// Unit normal of the triangle.
     normal: vec3<f32>,
-    /// Whether the frame's normal is not that of the triangle.
+    /// Whether the frame's normal differs from the triangle's.
     is_bent: bool,
 }
 
 fn vertex_of(surface: Surface) -> Vertex {
     let viewer = -surface.seen.direction;
-    // Where the shading normal turns its back on the viewer, the triangle's faces him.
+    // If the shading normal faces away from the viewer, the triangle's normal is used.
     let faces = dot(surface.shading_normal, viewer) > 0.0;
     let normal = select(surface.normal, surface.shading_normal, faces);
     let basis = basis_about(normal);
     return Vertex(bsdf_of(surface), basis, viewer * basis, surface.normal, any(normal != surface.normal));
 }
 
-/// What is scattered from a world-space direction: of itself, and of the direction that is folded onto it.
+/// Scattering of a world-space direction, including its mirrored direction.
 fn evaluate(vertex: Vertex, to_light: vec3<f32>) -> Evaluation {
     let height = dot(vertex.normal, to_light);
     var local = to_light * vertex.basis;
     var sum = no_evaluation();
-    // One place of the text, for it is long. A direction stays where triangle and frame agree on its side, and is folded where
-    // they do not.
+    // One call site, because the code is large. A direction is used as it is where triangle and frame agree on its side, and
+    // mirrored otherwise.
     for (var turn = 0u; turn < 2u; turn++) {
         iterations += 1u;
         if !vertex.is_bent || local.z * height > 0.0 {
@@ -50,7 +50,7 @@ fn evaluate(vertex: Vertex, to_light: vec3<f32>) -> Evaluation {
     return sum;
 }
 
-/// A sampled direction of the frame in world space, on the side of the triangle that it has in the frame.
+/// A sampled local direction in world space, on the same side of the triangle as in the frame.
 fn world_direction(vertex: Vertex, incident: vec3<f32>) -> vec3<f32> {
     let direction = vertex.basis * incident;
     let agrees = !vertex.is_bent || incident.z * dot(vertex.normal, direction) >= 0.0;

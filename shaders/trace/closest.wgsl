@@ -1,18 +1,14 @@
-// The first hit of each ray.
+// The closest hit of each ray.
 // use ?traverse
 // use shared/invocation/index
 
-/// Rays as hits: a miss, or a walk that was cut short, is told by the instance.
+/// The instance of a hit also encodes a miss and an incomplete traversal.
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = invocation(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
     if index >= arrayLength(&rays) {
         return;
     }

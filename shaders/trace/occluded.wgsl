@@ -3,16 +3,12 @@
 // use shared/invocation/index
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
-/// 1 where anything is hit, 0 where nothing is, INCOMPLETE where the walk was cut short and has found nothing.
+/// 1 for a hit, 0 for a miss, INCOMPLETE if the traversal ended early without a hit.
 @group(1) @binding(1) var<storage, read_write> found: array<u32>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = invocation(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
     if index >= arrayLength(&rays) {
         return;
     }

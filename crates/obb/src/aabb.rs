@@ -16,7 +16,7 @@ impl Aabb {
 
     /// Smallest box around `points`; [`Aabb::EMPTY`] for none.
     #[must_use]
-    pub fn from_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+    pub fn from_points(points: impl IntoIterator<Item = impl Into<[f32; 3]>>) -> Self {
         let mut aabb = Self::EMPTY;
         for point in points {
             aabb.grow(point);
@@ -26,9 +26,10 @@ impl Aabb {
 
     /// Extends the box to `point`.
     #[inline]
-    pub fn grow(&mut self, point: [f32; 3]) {
-        self.min = std::array::from_fn(|k| self.min[k].min(point[k]));
-        self.max = std::array::from_fn(|k| self.max[k].max(point[k]));
+    pub fn grow(&mut self, point: impl Into<[f32; 3]>) {
+        let point = point.into();
+        self.min = core::array::from_fn(|k| self.min[k].min(point[k]));
+        self.max = core::array::from_fn(|k| self.max[k].max(point[k]));
     }
 
     /// Smallest box around both.
@@ -36,8 +37,8 @@ impl Aabb {
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         Self {
-            min: std::array::from_fn(|k| self.min[k].min(other.min[k])),
-            max: std::array::from_fn(|k| self.max[k].max(other.max[k])),
+            min: core::array::from_fn(|k| self.min[k].min(other.min[k])),
+            max: core::array::from_fn(|k| self.max[k].max(other.max[k])),
         }
     }
 
@@ -49,7 +50,8 @@ impl Aabb {
 
     /// Whether `point` lies inside or on the boundary.
     #[must_use]
-    pub fn contains(&self, point: [f32; 3]) -> bool {
+    pub fn contains(&self, point: impl Into<[f32; 3]>) -> bool {
+        let point = point.into();
         (0..3).all(|k| self.min[k] <= point[k] && point[k] <= self.max[k])
     }
 
@@ -62,7 +64,7 @@ impl Aabb {
     /// Side lengths in `f64`, zero where empty.
     #[must_use]
     pub fn extent(&self) -> [f64; 3] {
-        std::array::from_fn(|k| (f64::from(self.max[k]) - f64::from(self.min[k])).max(0.0))
+        core::array::from_fn(|k| (f64::from(self.max[k]) - f64::from(self.min[k])).max(0.0))
     }
 
     /// The power of two that brings the longest side to 1 or just above, so that no area leaves the range of `f32`; `None` where
@@ -70,16 +72,17 @@ impl Aabb {
     #[must_use]
     pub fn unit_scale(&self) -> Option<f32> {
         let extent = self.extent().into_iter().fold(0.0, f64::max);
-        // The exponents whose powers of two `f32` holds; a shorter side stays short, and its areas are few anyway.
-        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-        let exponent = extent.log2().floor().clamp(-126.0, 126.0) as i32;
-        (extent > 0.0 && extent.is_finite()).then(|| 2.0f32.powi(-exponent))
+        // The biased exponent, kept where both it and its mirror image are exponents of normal `f32` numbers.
+        let exponent = (extent.to_bits() >> 52).clamp(1023 - 126, 1023 + 126);
+        #[expect(clippy::cast_possible_truncation, reason = "1 to 253")]
+        let scale = f32::from_bits((1023 + 127 - exponent as u32) << 23);
+        (extent > 0.0 && extent.is_finite()).then_some(scale)
     }
 
     /// Midpoint in `f64`.
     #[must_use]
     pub fn center(&self) -> [f64; 3] {
-        std::array::from_fn(|k| 0.5 * (f64::from(self.min[k]) + f64::from(self.max[k])))
+        core::array::from_fn(|k| 0.5 * (f64::from(self.min[k]) + f64::from(self.max[k])))
     }
 
     /// Surface area in square scene units.
@@ -99,7 +102,7 @@ impl Aabb {
     /// The eight corners; bit `k` of the index chooses `max` on axis `k`.
     #[must_use]
     pub fn corners(&self) -> [[f32; 3]; 8] {
-        std::array::from_fn(|i| std::array::from_fn(|k| if i >> k & 1 == 1 { self.max[k] } else { self.min[k] }))
+        core::array::from_fn(|i| core::array::from_fn(|k| if i >> k & 1 == 1 { self.max[k] } else { self.min[k] }))
     }
 
     /// Whether every coordinate is finite.

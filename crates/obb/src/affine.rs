@@ -15,22 +15,22 @@ impl Affine {
     /// Image of a point, each coordinate computed in `f64` and rounded once.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-    pub fn point(&self, p: [f32; 3]) -> [f32; 3] {
-        self.point_f64(p.map(f64::from)).map(|x| x as f32)
+    pub fn point(&self, p: impl Into<[f32; 3]>) -> [f32; 3] {
+        self.point_f64(p.into().map(f64::from)).map(|x| x as f32)
     }
 
     /// Image of a point in `f64`.
     #[must_use]
     pub fn point_f64(&self, p: [f64; 3]) -> [f64; 3] {
         let linear = self.vector_f64(p);
-        std::array::from_fn(|k| linear[k] + f64::from(self.columns[3][k]))
+        core::array::from_fn(|k| linear[k] + f64::from(self.columns[3][k]))
     }
 
     /// Image of a direction in `f64`: the translation does not act.
     #[must_use]
     pub fn vector_f64(&self, v: [f64; 3]) -> [f64; 3] {
         let c = &self.columns;
-        std::array::from_fn(|k| f64::from(c[0][k]) * v[0] + f64::from(c[1][k]) * v[1] + f64::from(c[2][k]) * v[2])
+        core::array::from_fn(|k| f64::from(c[0][k]) * v[0] + f64::from(c[1][k]) * v[1] + f64::from(c[2][k]) * v[2])
     }
 
     /// Determinant of the linear part; negative where the map mirrors.
@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn no_corner_of_a_cube_reaches_farther_and_one_reaches_as_far() {
         let map = Affine { columns: [[1.0, -2.0, 0.5], [4.0, 3.0, 0.0], [-0.25, 0.0, 8.0], [-10.0, 0.0, 1.0]] };
-        let corners = (0..8).map(|i| std::array::from_fn(|k| if i >> k & 1 == 0 { -2.0 } else { 2.0 }));
+        let corners = (0..8).map(|i| core::array::from_fn(|k| if i >> k & 1 == 0 { -2.0 } else { 2.0 }));
         let images = corners.clone().map(|corner| map.point_f64(corner));
         let greatest = images.flatten().map(f64::abs).fold(0.0, f64::max);
         assert_eq!(map.reach(2.0), greatest);

@@ -11,9 +11,9 @@ use crate::{Aabb, Obb};
 /// See [`Enclosure`] for the error bound that makes it exact.
 #[inline]
 #[must_use]
-pub fn bound(frame: [[f32; 3]; 3], points: impl IntoIterator<Item = [f32; 3]>) -> Obb {
+pub fn bound(frame: [[f32; 3]; 3], points: impl IntoIterator<Item = impl Into<[f32; 3]>>) -> Obb {
     let mut points = points.into_iter();
-    let mut enclosure = Enclosure::new(frame, points.next().unwrap_or_default());
+    let mut enclosure = Enclosure::new(frame, points.next().map_or([0.0; 3], Into::into));
     // The origin may lie outside the rest: it is a point like the others.
     enclosure.add_origin();
     for point in points {
@@ -84,7 +84,7 @@ impl Enclosure {
     /// content.
     #[inline]
     #[must_use]
-    pub fn new(frame: [[f32; 3]; 3], origin: [f32; 3]) -> Self {
+    pub fn new(frame: [[f32; 3]; 3], origin: impl Into<[f32; 3]>) -> Self {
         let (frame, inverse, relative_error) = match invert(frame) {
             Some((inverse, error)) => (frame, inverse, error),
             None => (Obb::IDENTITY_FRAME, IDENTITY_INVERSE, error_of_condition(1.0)),
@@ -92,7 +92,7 @@ impl Enclosure {
         Self {
             frame,
             inverse,
-            origin: vector::to_f64(origin),
+            origin: vector::to_f64(origin.into()),
             low: [f64::MAX; 4],
             high: [f64::MIN; 4],
             slack: 0.0,
@@ -102,14 +102,14 @@ impl Enclosure {
 
     /// Grows to the origin given to [`Enclosure::new`].
     #[inline]
-    pub fn add_origin(&mut self) {
+    pub(crate) fn add_origin(&mut self) {
         self.widen([0.0; 4], [0.0; 4]);
     }
 
     /// Grows to a point.
     #[inline]
-    pub fn add_point(&mut self, point: [f32; 3]) {
-        let q = self.coordinates(vector::sub(vector::to_f64(point), self.origin));
+    pub fn add_point(&mut self, point: impl Into<[f32; 3]>) {
+        let q = self.coordinates(vector::sub(vector::to_f64(point.into()), self.origin));
         self.widen(q, q);
     }
 
@@ -117,7 +117,7 @@ impl Enclosure {
     #[inline]
     pub fn add_box(&mut self, content: &Obb) {
         // A product of two f32 is exact in f64.
-        let sides = std::array::from_fn(|a| {
+        let sides = core::array::from_fn(|a| {
             vector::scale(vector::to_f64(content.frame[a]), f64::from(content.half_extents[a]))
         });
         self.add_parallelepiped(vector::to_f64(content.center), sides, 0.0);
@@ -140,8 +140,8 @@ impl Enclosure {
     pub(crate) fn add_parallelepiped(&mut self, center: Vector, sides: [Vector; 3], slack: f64) {
         let q = self.coordinates(vector::sub(center, self.origin));
         let [s, t, r] = sides.map(|side| self.coordinates(side));
-        let support: [f64; 4] = std::array::from_fn(|k| s[k].abs() + t[k].abs() + r[k].abs());
-        self.widen(std::array::from_fn(|k| q[k] - support[k]), std::array::from_fn(|k| q[k] + support[k]));
+        let support: [f64; 4] = core::array::from_fn(|k| s[k].abs() + t[k].abs() + r[k].abs());
+        self.widen(core::array::from_fn(|k| q[k] - support[k]), core::array::from_fn(|k| q[k] + support[k]));
         self.slack = greatest(self.slack, slack);
     }
 
@@ -167,21 +167,21 @@ impl Enclosure {
         let error = SECOND_ORDER * (self.relative_error * (content_reach + vector::reach(offset)) + self.slack);
         let row = |k: usize| self.inverse[0][k].abs() + self.inverse[1][k].abs() + self.inverse[2][k].abs();
         let half: [f64; 3] =
-            std::array::from_fn(|k| greatest(self.high[k] - q[k], q[k] - self.low[k]) + row(k) * error);
+            core::array::from_fn(|k| greatest(self.high[k] - q[k], q[k] - self.low[k]) + row(k) * error);
         in_range(center, self.frame, half)
     }
 
     #[inline]
     fn widen(&mut self, low: [f64; 4], high: [f64; 4]) {
-        self.low = std::array::from_fn(|k| least(self.low[k], low[k]));
-        self.high = std::array::from_fn(|k| greatest(self.high[k], high[k]));
+        self.low = core::array::from_fn(|k| least(self.low[k], low[k]));
+        self.high = core::array::from_fn(|k| greatest(self.high[k], high[k]));
     }
 
     /// `inverse · difference`, the fourth lane zero.
     #[inline]
     fn coordinates(&self, difference: Vector) -> [f64; 4] {
         let [x, y, z] = &self.inverse;
-        std::array::from_fn(|k| x[k] * difference[0] + y[k] * difference[1] + z[k] * difference[2])
+        core::array::from_fn(|k| x[k] * difference[0] + y[k] * difference[1] + z[k] * difference[2])
     }
 }
 
@@ -214,7 +214,7 @@ fn invert(frame: [[f32; 3]; 3]) -> Option<([[f64; 4]; 3], f64)> {
     let cofactors = [cross(y, z), cross(z, x), cross(x, y)];
     let terms = [x[0] * cofactors[0][0], x[1] * cofactors[0][1], x[2] * cofactors[0][2]];
     let reciprocal = 1.0 / (terms[0] + terms[1] + terms[2]);
-    let inverse: [[f64; 4]; 3] = std::array::from_fn(|j| {
+    let inverse: [[f64; 4]; 3] = core::array::from_fn(|j| {
         [cofactors[0][j] * reciprocal, cofactors[1][j] * reciprocal, cofactors[2][j] * reciprocal, 0.0]
     });
     let error = error_of_condition((terms[0].abs() + terms[1].abs() + terms[2].abs()) * reciprocal.abs());

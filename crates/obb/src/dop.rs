@@ -75,7 +75,7 @@ impl Dop {
     /// Extents of `points`.
     #[inline]
     #[must_use]
-    pub fn from_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+    pub fn from_points(points: impl IntoIterator<Item = impl Into<[f32; 3]>>) -> Self {
         let mut dop = Self::EMPTY;
         for point in points {
             dop.grow(point);
@@ -85,7 +85,8 @@ impl Dop {
 
     /// Extends to `point`.
     #[inline]
-    pub fn grow(&mut self, [x, y, z]: [f32; 3]) {
+    pub fn grow(&mut self, point: impl Into<[f32; 3]>) {
+        let [x, y, z] = point.into();
         let [dx, dy, dz] = &UNIT;
         for k in 0..LANES {
             let along = dx[k] * x + dy[k] * y + dz[k] * z;
@@ -116,8 +117,8 @@ impl Dop {
     #[inline]
     #[must_use]
     pub fn areas(&self) -> [f64; N_FRAMES] {
-        let extent: [f64; LANES] = std::array::from_fn(|k| f64::from(self.high[k] - self.low[k]));
-        std::array::from_fn(|f| {
+        let extent: [f64; LANES] = core::array::from_fn(|k| f64::from(self.high[k] - self.low[k]));
+        core::array::from_fn(|f| {
             let [x, y, z] = FRAMES[f].map(|k| extent[usize::from(k)]);
             2.0 * (x * y + y * z + z * x)
         })
@@ -145,7 +146,7 @@ impl Dop {
         for (a, &k) in FRAMES[best].iter().enumerate() {
             let k = usize::from(k);
             // The third axis of a frame may be reversed; its interval then changes sides.
-            let axis: [f64; 3] = std::array::from_fn(|i| f64::from(UNIT[i][k]));
+            let axis: [f64; 3] = core::array::from_fn(|i| f64::from(UNIT[i][k]));
             let square = axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2];
             let (low, high) = (f64::from(self.low[k]) - error, f64::from(self.high[k]) + error);
             let (middle, half) = (0.5 * (low + high) / square, 0.5 * (high - low) / square);
@@ -219,7 +220,7 @@ const fn unit(direction: [i8; 3]) -> [f32; 3] {
     const RECIPROCAL_ROOT: [f64; 7] = [
         0.0,
         1.0,
-        std::f64::consts::FRAC_1_SQRT_2,
+        core::f64::consts::FRAC_1_SQRT_2,
         0.577_350_269_189_625_8,
         0.5,
         0.447_213_595_499_957_9,

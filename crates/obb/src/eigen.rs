@@ -1,5 +1,6 @@
 //! Eigenvalues and eigenvectors of symmetric 3x3 matrices.
 
+use crate::math::sqrt;
 use crate::round::{U, binade_inverse};
 use crate::vector::{self, Vector};
 
@@ -79,9 +80,9 @@ fn rotate<const P: usize, const Q: usize, const R: usize>(
     // the tangent b / (|d| + √(d² + b²)), signed as d.
     let difference = diagonal[Q] - diagonal[P];
     let twice = 2.0 * coupled;
-    let adjacent = difference.abs() + (difference * difference + twice * twice).sqrt();
+    let adjacent = difference.abs() + sqrt(difference * difference + twice * twice);
     let opposite = if difference < 0.0 { -twice } else { twice };
-    let reciprocal = 1.0 / (adjacent * adjacent + opposite * opposite).sqrt();
+    let reciprocal = 1.0 / sqrt(adjacent * adjacent + opposite * opposite);
     let (cos, sin) = (adjacent * reciprocal, opposite * reciprocal);
     let change = opposite / adjacent * coupled;
     diagonal[P] -= change;

@@ -1,7 +1,8 @@
 //! Exact signs of sums of products, without rationals: error-free transformations after Dekker, Knuth and Shewchuk.
 
-use std::cmp::Ordering;
+use core::cmp::Ordering;
 
+use crate::math::mul_add;
 use crate::round::two_sum;
 
 /// A sum of products held exactly as an unevaluated sum of `f64`, at most `N` of them.
@@ -21,7 +22,7 @@ impl<const N: usize> ExactSum<N> {
     /// Adds `a · b`: the rounded product and its exact rest, two parts.
     pub(crate) fn add_product(&mut self, a: f64, b: f64) {
         let product = a * b;
-        self.add(a.mul_add(b, -product));
+        self.add(mul_add(a, b, -product));
         self.add(product);
     }
 

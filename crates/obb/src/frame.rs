@@ -101,7 +101,7 @@ mod tests {
     fn flattened_directions_are_completed_to_independent_ones() {
         for mask in 0..8 {
             let skewed = [[2.0, 1.0, 0.0], [0.0, 3e-20, 0.0], [0.0, 1e20, 1e20]];
-            let directions = std::array::from_fn(|k| if mask >> k & 1 == 1 { skewed[k] } else { [0.0; 3] });
+            let directions = core::array::from_fn(|k| if mask >> k & 1 == 1 { skewed[k] } else { [0.0; 3] });
             let [x, y, z] = complete(directions).map(vector::to_f64);
             assert!(dot(cross(x, y), z).abs() > 0.1, "{mask}");
         }

@@ -19,7 +19,11 @@
 //! assert!(leaning.area() < 0.1 * straight.area());
 //! # Ok::<(), canted_obb::FitError>(())
 //! ```
+#![no_std]
 #![forbid(unsafe_code)]
+
+#[cfg(any(test, feature = "std"))]
+extern crate std;
 
 mod aabb;
 mod affine;
@@ -30,6 +34,7 @@ pub mod eigen;
 mod expansion;
 mod fit;
 pub mod frame;
+mod math;
 pub mod merge;
 mod moments;
 mod obb;

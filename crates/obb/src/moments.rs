@@ -23,13 +23,13 @@ impl Moments {
     /// A point of weight one.
     #[inline]
     #[must_use]
-    pub fn from_point(point: [f32; 3]) -> Self {
-        Self { weight: 1.0, mean: vector::to_f64(point), scatter: [0.0; 6] }
+    pub fn from_point(point: impl Into<[f32; 3]>) -> Self {
+        Self { weight: 1.0, mean: vector::to_f64(point.into()), scatter: [0.0; 6] }
     }
 
     /// Points of weight one each, in one pass (Welford 1962).
     #[must_use]
-    pub fn from_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+    pub fn from_points(points: impl IntoIterator<Item = impl Into<[f32; 3]>>) -> Self {
         points.into_iter().fold(Self::EMPTY, |moments, point| moments.merged(&Self::from_point(point)))
     }
 
@@ -79,7 +79,7 @@ impl Moments {
         let weight = self.weight + other.weight;
         let share = other.weight / weight;
         let apart = sub(other.mean, self.mean);
-        let mut scatter: Symmetric = std::array::from_fn(|i| self.scatter[i] + other.scatter[i]);
+        let mut scatter: Symmetric = core::array::from_fn(|i| self.scatter[i] + other.scatter[i]);
         add_square(&mut scatter, apart, self.weight * share);
         Self { weight, mean: vector::add(self.mean, vector::scale(apart, share)), scatter }
     }

@@ -32,7 +32,7 @@ impl Obb {
         }
         let center = vector::to_f32(aabb.center());
         let half =
-            std::array::from_fn(|k| difference_up(aabb.max[k], center[k]).max(difference_up(center[k], aabb.min[k])));
+            core::array::from_fn(|k| difference_up(aabb.max[k], center[k]).max(difference_up(center[k], aabb.min[k])));
         Self { center, frame: Self::IDENTITY_FRAME, half_extents: half }
     }
 
@@ -59,7 +59,7 @@ impl Obb {
     /// a singular map.
     #[must_use]
     pub fn to_affine(&self) -> Affine {
-        let [x, y, z] = std::array::from_fn(|a| {
+        let [x, y, z] = core::array::from_fn(|a| {
             vector::to_f32(vector::scale(vector::to_f64(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
         });
         Affine { columns: [x, y, z, self.center] }
@@ -74,15 +74,16 @@ impl Obb {
     pub fn transformed(&self, to_from_self: &Affine) -> Self {
         let center = to_from_self.point_f64(vector::to_f64(self.center));
         let directions = self.frame.map(|axis| to_from_self.vector_f64(vector::to_f64(axis)));
-        let sides: [Vector; 3] = std::array::from_fn(|a| vector::scale(directions[a], f64::from(self.half_extents[a])));
+        let sides: [Vector; 3] =
+            core::array::from_fn(|a| vector::scale(directions[a], f64::from(self.half_extents[a])));
         // Products of two f32 are exact in f64. A coordinate of the centre then takes three roundings, one of a side
         // two and a third for its half-extent, each relative to the sum of absolute terms; the fourth unit covers the
         // sum itself.
-        let reach: Vector = std::array::from_fn(|k| {
+        let reach: Vector = core::array::from_fn(|k| {
             let sides = (0..3).map(|a| f64::from(self.frame[a][k].abs()) * f64::from(self.half_extents[a]));
             f64::from(self.center[k].abs()) + sides.sum::<f64>()
         });
-        let magnitude: Vector = std::array::from_fn(|k| {
+        let magnitude: Vector = core::array::from_fn(|k| {
             let linear = (0..3).map(|j| f64::from(to_from_self.columns[j][k].abs()) * reach[j]);
             f64::from(to_from_self.columns[3][k].abs()) + linear.sum::<f64>()
         });
@@ -107,15 +108,15 @@ impl Obb {
     ///
     /// A singular frame contains nothing.
     #[must_use]
-    pub fn contains(&self, point: [f32; 3]) -> bool {
-        contains::contains(self, point)
+    pub fn contains(&self, point: impl Into<[f32; 3]>) -> bool {
+        contains::contains(self, point.into())
     }
 
     /// The eight corners in `f64`; bit `k` of the index chooses the positive side of axis `k`.
     #[must_use]
     pub fn corners(&self) -> [[f64; 3]; 8] {
-        std::array::from_fn(|i| {
-            std::array::from_fn(|k| {
+        core::array::from_fn(|i| {
+            core::array::from_fn(|k| {
                 (0..3).fold(f64::from(self.center[k]), |sum, a| {
                     let side = f64::from(self.frame[a][k]) * f64::from(self.half_extents[a]);
                     if i >> a & 1 == 1 { sum + side } else { sum - side }
@@ -141,7 +142,7 @@ impl Obb {
 
     /// The three edges from a corner, at full length.
     fn edges(&self) -> [Vector; 3] {
-        std::array::from_fn(|a| vector::scale(vector::to_f64(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
+        core::array::from_fn(|a| vector::scale(vector::to_f64(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
     }
 
     /// Smallest axis-aligned box around the eight real corners, rounded outward; infinite where a corner lies beyond the

@@ -1,4 +1,5 @@
 use crate::frame::Frame;
+use crate::math;
 use crate::vector::{self, Vector};
 
 /// A rotation as a quaternion, of any length but zero: `w + x·i + y·j + z·k`.
@@ -54,7 +55,7 @@ impl Quaternion {
     /// The rotation about `axis` (of length one) by `angle_rad`.
     #[must_use]
     pub fn from_axis_angle(axis: [f64; 3], angle_rad: f64) -> Self {
-        let (sin, cos) = (0.5 * angle_rad).sin_cos();
+        let (sin, cos) = math::sin_cos(0.5 * angle_rad);
         let [x, y, z] = vector::scale(axis, sin);
         Self { w: cos, x, y, z }
     }
@@ -95,7 +96,7 @@ impl Quaternion {
             return Self::IDENTITY;
         }
         let near_one = self.scaled(crate::round::binade_inverse(reach));
-        near_one.scaled(1.0 / near_one.dot(near_one).sqrt())
+        near_one.scaled(1.0 / math::sqrt(near_one.dot(near_one)))
     }
 
     /// Cosine of half the angle between two rotations, for lengths of one; negative across the sign of `q`.

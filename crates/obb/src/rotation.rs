@@ -14,6 +14,7 @@
 use crate::Quaternion;
 use crate::eigen::{self, Eigen};
 use crate::frame;
+use crate::math::atan2;
 use crate::round::{U, binade_inverse};
 use crate::vector::{self, Vector, add, cross, dot, scale};
 
@@ -111,7 +112,7 @@ fn step(r: [Vector; 3], a: [Vector; 3], noise: f64) -> Step {
     // About one axis the trace is a cosine of the angle; this is its crest.
     let along = vectors.map(|v| dot(v, axis));
     let resisted: f64 = (0..3).map(|k| resistance[k] * along[k] * along[k]).sum();
-    Step::Turn(Quaternion::from_axis_angle(axis, dot(torque, axis).atan2(resisted)))
+    Step::Turn(Quaternion::from_axis_angle(axis, atan2(dot(torque, axis), resisted)))
 }
 
 /// The axes made orthonormal, no turn, or half a turn about one axis: the greatest trace.

@@ -1,34 +1,33 @@
-//! How a surface scatters light: the metallic-roughness model of glTF 2.0 with its extensions specular, transmission
-//! and ior.
+//! The BSDF: the metallic-roughness model of glTF 2.0 with the extensions specular, transmission and ior.
 //!
 //! ```text
-//! metal      GGX reflection, Fresnel after Schlick from base_color
-//! otherwise  a layer of GGX reflection, Fresnel of the ior times specular
-//!            over (1 - transmission) · Lambert + transmission · base_color · GGX refraction
-//! material   metallic · metal + (1 - metallic) · otherwise
+//! metal      GGX reflection, Schlick's Fresnel with base_color
+//! dielectric GGX reflection, Fresnel of the ior times specular, on top of
+//!            (1 - transmission) · Lambert + transmission · base_color · GGX refraction
+//! material   metallic · metal + (1 - metallic) · dielectric
 //! ```
 //!
 //! Directions are unit vectors in a local frame: +z is the shading normal on the side of `outgoing`, which points
-//! towards the viewer; light arrives from `incident`, through the surface where its z is below 0.
+//! towards the viewer. Light arrives from `incident`; its z is negative if the light is transmitted.
 //!
 //! # Departures from glTF
 //!
-//! * Its layer takes `F(o·h)` from the base, with the half vector even of the diffuse base: a smooth layer reflects all
-//!   light at the horizon and the base below still nearly as much as at noon, almost 2 in sum. Here the diffuse base
-//!   has the factor `(1 - F(cosθo))·(1 - F(cosθi)) / (1 - F̄)` (Shirley et al. 1997), reciprocal and in sum at most 1.
-//! * Fresnel's equations stand in place of Schlick's approximation for what is no metal, so total reflection is right.
+//! * glTF attenuates the diffuse base by `1 - F(o·h)` with the half vector. At grazing angles a smooth coat then
+//!   reflects all light while the base still reflects nearly as much as at normal incidence: almost 2 in total. Here
+//!   the diffuse base has the factor `(1 - F(cosθo))·(1 - F(cosθi)) / (1 - F̄)` (Shirley et al. 1997), which is
+//!   reciprocal and conserves energy.
+//! * Dielectrics use the exact Fresnel equations instead of Schlick's approximation, so total internal reflection is
+//!   correct.
+//! * Seen from inside, the diffuse part of a partly transmissive boundary has no coat: `(1 - transmission)` Lambert and
+//!   `transmission` glass. Total internal reflection would otherwise count the energy of the base twice.
 //!
-//! * Seen from inside, the diffuse part of a boundary that partly transmits has no layer before it: `(1 - transmission)`
-//!   Lambert and `transmission` glass. Total reflection would add to the base what the base already gives.
-//!
-//! Light scattered more than once between facets is lost, as in glTF: a rough white metal is darker than 1.
+//! As in glTF, multiple scattering between microfacets is lost: a rough white metal is darker than 1.
 //!
 //! # Radiance
 //!
-//! What is scattered is radiance on its way to a camera. Through a boundary it changes by `(no/ni)²`, the indices on the
-//! sides of `outgoing` and `incident`, as the same light fills a narrower cone in the denser medium. A path that enters
-//! glass carries `1/ior²` until it leaves; whoever ends paths by their throughput should take that factor out. Thin
-//! walls have the same medium on both sides.
+//! The BSDF scatters radiance, from lights to the camera. Refraction scales radiance by `(no/ni)²`, the indices on the
+//! sides of `outgoing` and `incident`. A path that enters glass carries `1/ior²` until it leaves; Russian roulette
+//! should factor this out of the throughput ([`Bsdf::compression`]). Thin walls have the same medium on both sides.
 
 mod boundary;
 mod fresnel;
@@ -39,53 +38,53 @@ use boundary::{Boundary, Choice};
 
 use crate::sampling::{cosine_density, cosine_hemisphere};
 
-/// The material at a hit and the side from which a ray arrived; plain numbers, the same on every device.
+/// A material at a hit, and the side from which the ray came.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bsdf {
-    /// Linear RGB in 0..=1: albedo of the diffuse base, tint of what is transmitted, reflectance of metals.
+    /// Linear RGB in 0..=1: diffuse albedo, transmission tint, and reflectance of metals.
     pub base_color: [f32; 3],
-    /// Share of metal, 0..=1.
+    /// Metallic weight, 0..=1.
     pub metallic: f32,
-    /// glTF's roughness in 0..=1, the root of GGX's `alpha`. Below 1/32 the boundary is a mirror.
+    /// glTF roughness in 0..=1, the square root of GGX's `alpha`. Below 1/32 the boundary is a perfect mirror.
     pub roughness: f32,
-    /// Strength of the reflection of what is no metal, 0..=1; 0 leaves the pure base.
+    /// Strength of the dielectric reflection, 0..=1; 0 leaves only the base.
     pub specular: f32,
-    /// Share of the base that lets light through, 0..=1.
+    /// Fraction of the base that transmits light, 0..=1.
     pub transmission: f32,
-    /// Index of refraction of the inside over that of the outside, 1..=1000. glTF's 0 means full reflection: 1000.
+    /// Relative index of refraction, inside over outside, 1..=1000. glTF's 0 means full reflection: 1000.
     pub ior: f32,
-    /// Whether the surface is a sheet with air on both sides; light passes it without being bent.
+    /// Whether the surface is a thin sheet with air on both sides, which does not refract.
     pub thin_walled: bool,
-    /// Whether `outgoing` lies inside the medium. Only what transmits and is not thin has an inside.
+    /// Whether `outgoing` is inside the medium. Only transmissive, not thin-walled materials have an inside.
     pub is_inside: bool,
 }
 
-/// What all lobes but the mirrors scatter from one direction into another.
+/// Value and PDF of the BSDF for two directions, without delta lobes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evaluation {
-    /// The scattering function times the absolute cosine of `incident`.
+    /// The BSDF times the absolute cosine of `incident`.
     pub value: [f32; 3],
-    /// Density with which [`Bsdf::sample`] finds `incident`, per steradian.
+    /// PDF of `incident` in [`Bsdf::sample`], per steradian.
     pub density: f32,
 }
 
-/// A direction that light may arrive from.
+/// A sampled incident direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfSample {
-    /// Unit vector; z below 0 where the light comes through.
+    /// Unit vector; z is negative if the light is transmitted.
     pub incident: [f32; 3],
-    /// What the radiance from there is multiplied with: value over density, of all lobes that share the direction.
+    /// Factor of the incident radiance: BSDF times cosine over PDF, summed over all lobes.
     pub weight: [f32; 3],
-    /// Density per steradian, as [`Bsdf::evaluate`] gives it; 0 where `is_delta`, for no other technique finds it.
+    /// PDF per steradian, equal to that of [`Bsdf::evaluate`]; 0 if `is_delta`.
     pub density: f32,
-    /// Whether a mirror or a clear boundary made the direction.
+    /// Whether the direction comes from a delta lobe: perfect reflection or transmission.
     pub is_delta: bool,
-    /// Whether the light comes through; it then comes from the other medium unless the surface is thin.
+    /// Whether the light is transmitted. It then comes from the other medium unless the surface is thin-walled.
     pub is_transmitted: bool,
 }
 
 impl Bsdf {
-    /// A diffuse surface of this albedo, linear RGB in 0..=1.
+    /// A diffuse surface with this albedo, linear RGB in 0..=1.
     #[must_use]
     pub fn lambert(base_color: [f32; 3]) -> Self {
         Self {
@@ -100,9 +99,9 @@ impl Bsdf {
         }
     }
 
-    /// Scattering from `incident` into `outgoing`, mirrors and clear boundaries left out.
+    /// Evaluates the BSDF without delta lobes.
     ///
-    /// Nothing where `outgoing` is below the horizon or either direction lies in it.
+    /// Zero if `outgoing` is below the horizon, or either direction is at the horizon.
     #[must_use]
     pub fn evaluate(&self, outgoing: [f32; 3], incident: [f32; 3]) -> Evaluation {
         if outgoing[2] < MIN_COSINE || incident[2].abs() < MIN_COSINE {
@@ -115,9 +114,9 @@ impl Bsdf {
         Boundary::new(self, outgoing).evaluate(incident)
     }
 
-    /// A direction to look for light in, from a point of the unit square and a number in `[0, 1)` that chooses a lobe.
+    /// Samples an incident direction, from a point of the unit square and a number in `[0, 1)` that chooses a lobe.
     ///
-    /// `None` where nothing arrives: `outgoing` is not above the horizon, or light was lost between facets.
+    /// `None` if no light is scattered: `outgoing` is not above the horizon, or the light is lost between microfacets.
     #[must_use]
     pub fn sample(&self, outgoing: [f32; 3], square: [f32; 2], choice: f32) -> Option<BsdfSample> {
         if outgoing[2] < MIN_COSINE {
@@ -131,56 +130,56 @@ impl Bsdf {
         }
         let boundary = Boundary::new(self, outgoing);
         let incident = match boundary.sample(square, choice)? {
-            Choice::Mirrored(scattered) => return Some(scattered),
+            Choice::Delta(sample) => return Some(sample),
             Choice::Direction(incident) => incident,
         };
         let Evaluation { value, density } = boundary.evaluate(incident);
         let is_transmitted = incident[2] < 0.0;
-        // Rounding may take a direction at the edge of a lobe out of it.
+        // Rounding may move a direction at the edge of a lobe out of it.
         (density > 0.0).then(|| {
             let weight = value.map(|x| x / density);
             BsdfSample { incident, weight, density, is_delta: false, is_transmitted }
         })
     }
 
-    /// Whether [`Self::evaluate`] is zero everywhere, so that lights need not be sampled.
+    /// Whether [`Self::evaluate`] is zero everywhere, so that light sampling is not needed.
     #[must_use]
     pub fn is_delta_only(&self) -> bool {
         let is_smooth = ggx::Ggx::of_roughness(self.roughness).is_none();
         is_smooth && self.diffuse_color().iter().all(|&c| c == 0.0)
     }
 
-    /// Colour for a denoiser, seen from outside along the normal: what white light becomes, linear RGB in 0..=1.
+    /// Albedo for a denoiser, seen from outside along the normal, linear RGB in 0..=1.
     ///
-    /// White for clear glass and white mirrors, the tint of metals, albedo and gloss of the rest.
+    /// White for clear glass and white mirrors, the tint of metals, diffuse albedo plus coat for others.
     #[must_use]
     pub fn albedo(&self) -> [f32; 3] {
-        let gloss = (1.0 - self.metallic) * self.specular * fresnel::dielectric(1.0, self.ior).unwrap_or(1.0);
-        self.base_color.map(|c| gloss + (1.0 - gloss) * c)
+        let coat = (1.0 - self.metallic) * self.specular * fresnel::dielectric(1.0, self.ior).unwrap_or(1.0);
+        self.base_color.map(|c| coat + (1.0 - coat) * c)
     }
 
-    /// Factor of radiance on its way out through the boundary, towards `outgoing`; see the module's last section.
+    /// Scale of radiance that is transmitted towards `outgoing`; see the section Radiance of the module.
     #[must_use]
     pub fn compression(&self) -> f32 {
         match (self.thin_walled, self.is_inside) {
             (true, _) => 1.0,
-            // From the denser medium into air, or the other way about.
+            // From air into the denser medium, or the reverse.
             (false, false) => 1.0 / (self.ior * self.ior),
             (false, true) => self.ior * self.ior,
         }
     }
 
-    /// Whether all is scattered by one lobe, so that the number that chooses one does not matter.
+    /// Whether there is only the diffuse lobe, so that `choice` has no effect.
     pub(crate) fn is_lambert(&self) -> bool {
         self.metallic == 0.0 && self.specular == 0.0 && self.transmission == 0.0
     }
 
-    /// Albedo of the diffuse base before the layer takes its share.
+    /// Albedo of the diffuse base without the coat.
     fn diffuse_color(&self) -> [f32; 3] {
         let share = (1.0 - self.metallic) * (1.0 - self.transmission);
         self.base_color.map(|c| c * share)
     }
 }
 
-/// Cosines below it count as the horizon: the quotient of two that are not never overflows.
+/// Smaller cosines count as the horizon: quotients of larger ones never overflow.
 const MIN_COSINE: f32 = f32::MIN_POSITIVE;

@@ -7,30 +7,30 @@ use crate::Cone;
 use crate::sampling::uniform_disk;
 use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 
-/// A camera joined to a picture size: it turns picture positions into world-space rays.
+/// A camera with an image size: maps image positions to world-space rays.
 ///
-/// Positions are in pixels from the top left corner of the picture, x to the right and y down, so the middle of
-/// pixel (0, 0) is (0.5, 0.5). Pixels are square.
+/// Positions are in pixels from the top left corner, x to the right and y down. The center of pixel (0, 0) is at
+/// (0.5, 0.5). Pixels are square.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     pub(crate) eye: Vector,
-    /// Unit vector into the picture.
+    /// Unit vector of the view direction.
     pub(crate) forward: Vector,
-    /// Step of one pixel to the right, on the plane at distance 1 of a perspective.
+    /// One pixel to the right, for a perspective on the image plane at distance 1.
     pub(crate) right: Vector,
-    /// Step of one pixel down, likewise.
+    /// One pixel down, likewise.
     pub(crate) down: Vector,
     pub(crate) is_perspective: bool,
     pub(crate) lens: Option<Lens>,
-    /// Picture size in pixels.
+    /// Image size in pixels.
     size: [f64; 2],
 }
 
 impl View {
-    /// Joins `camera` to a picture of `width` by `height` pixels.
+    /// Creates the view of `camera` for an image of `width` by `height` pixels.
     ///
     /// # Errors
-    /// [`CameraError`] where the camera has no direction, no up, or no field of view.
+    /// [`CameraError`] if the view direction, the up vector, the lens or the field of view is invalid.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Result<Self, CameraError> {
         let Camera { eye, target, up, projection, lens } = *camera;
         for (name, point) in [("eye", eye), ("target", target), ("up", up)] {
@@ -39,7 +39,7 @@ impl View {
             }
         }
         let (view_height, is_perspective) = match projection {
-            // Written so that a NaN is refused too.
+            // Also false for NaN.
             Projection::Perspective { fov_degrees } if fov_degrees > 0.0 && fov_degrees < 180.0 => {
                 (2.0 * (0.5 * f64::from(fov_degrees).to_radians()).tan(), true)
             }
@@ -55,12 +55,12 @@ impl View {
         }
         let forward = unit(sub(wide(target), wide(eye))).ok_or(CameraError::NoDirection { eye })?;
         let up_unit = unit(wide(up)).ok_or(CameraError::NoUp { up })?;
-        let across = cross(forward, up_unit);
-        // A sine below the rounding of the f32 inputs says nothing about where up is.
-        if crate::vector::length(across) < f64::from(f32::EPSILON) {
+        let right = cross(forward, up_unit);
+        // A sine below the rounding error of the f32 inputs does not define up.
+        if crate::vector::length(right) < f64::from(f32::EPSILON) {
             return Err(CameraError::NoUp { up });
         }
-        let right = unit(across).ok_or(CameraError::NoUp { up })?;
+        let right = unit(right).ok_or(CameraError::NoUp { up })?;
         let down = cross(forward, right);
         let pixel = view_height / f64::from(height);
         Ok(Self {
@@ -74,55 +74,54 @@ impl View {
         })
     }
 
-    /// The ray through a picture position, in pixels, and the middle of the lens; its direction has unit length up to
-    /// rounding.
+    /// The ray through an image position, in pixels, and the lens center. Its direction has unit length up to rounding.
     #[must_use]
     pub fn ray(&self, position: [f64; 2]) -> Ray {
-        let (origin, direction) = self.line(position);
+        let (origin, direction) = self.origin_and_direction(position);
         Ray::new(narrow(origin), narrow(direction))
     }
 
-    /// The ray through a picture position and a point of the lens, given by a point of the unit square.
+    /// The ray through an image position and a point of the lens, given by a point of the unit square.
     ///
-    /// All rays of one position meet in the plane of focus. Without a lens it is [`View::ray`].
+    /// All rays of one position intersect in the plane of focus. Without a lens this is [`View::ray`].
     #[must_use]
     pub fn ray_through_lens(&self, position: [f64; 2], square: [f32; 2]) -> Ray {
-        let (origin, direction) = self.line(position);
+        let (origin, direction) = self.origin_and_direction(position);
         let Some(Lens { radius, focus_distance }) = self.lens else {
             return Ray::new(narrow(origin), narrow(direction));
         };
         let [x, y] = uniform_disk(square).map(|c| f64::from(c) * f64::from(radius));
-        // Steps of a pixel are perpendicular to each other and of one length.
+        // `right` and `down` are perpendicular and of equal length.
         let pixel = crate::vector::length(self.right);
         let shift = add(scale(self.right, x / pixel), scale(self.down, y / pixel));
-        // The direction has length one; along the view it gets on by its cosine.
-        let way = scale(direction, f64::from(focus_distance) / dot(direction, self.forward));
-        let direction = sub(way, shift);
+        // The direction has unit length, so its depth is its cosine to the view direction.
+        let to_focus = scale(direction, f64::from(focus_distance) / dot(direction, self.forward));
+        let direction = sub(to_focus, shift);
         Ray::new(narrow(add(origin, shift)), narrow(scale(direction, 1.0 / crate::vector::length(direction))))
     }
 
-    /// Whether rays of one position differ by where they pass the lens.
+    /// Whether the camera has a lens, so that rays of one image position differ.
     #[must_use]
     pub fn has_lens(&self) -> bool {
         self.lens.is_some()
     }
 
-    /// Origin and unit direction through a picture position and the middle of the lens.
-    fn line(&self, position: [f64; 2]) -> (Vector, Vector) {
+    /// Origin and unit direction through an image position and the lens center.
+    fn origin_and_direction(&self, position: [f64; 2]) -> (Vector, Vector) {
         let across = scale(self.right, position[0] - 0.5 * self.size[0]);
         let along = scale(self.down, position[1] - 0.5 * self.size[1]);
         if !self.is_perspective {
             return (add(self.eye, add(across, along)), self.forward);
         }
         let direction = add(self.forward, add(across, along));
-        // At least as long as the unit vector forward, to which the other two are perpendicular.
+        // At least as long as `forward`, because the other two are perpendicular to it.
         (self.eye, scale(direction, 1.0 / crate::vector::length(direction)))
     }
 
-    /// What the ray through a picture position stands for, where it is the pixel's sample with this number.
+    /// The ray cone of a pixel's sample with this number, at an image position.
     ///
-    /// A perspective pixel fills a solid angle; the spread is its root. A lens does not widen it: what is out of focus is
-    /// averaged by the samples.
+    /// The spread of a perspective pixel is the square root of its solid angle. A lens does not widen it: samples
+    /// average what is out of focus.
     #[must_use]
     pub fn cone(&self, position: [f64; 2], sample: u32) -> Cone {
         let pixel = crate::vector::length(self.right);
@@ -130,22 +129,22 @@ impl View {
             return Cone::of_pixel(pixel, 0.0, sample);
         }
         let [x, y] = std::array::from_fn(|k| (position[k] - 0.5 * self.size[k]) * pixel);
-        // The plane of the picture is at distance 1: a pixel's angle falls by the square of the distance and the cosine.
+        // Image plane at distance 1: the solid angle of a pixel falls with the squared distance and the cosine.
         let cosine = 1.0 / (1.0 + x * x + y * y).sqrt();
         Cone::of_pixel(0.0, pixel * cosine * cosine.sqrt(), sample)
     }
 
-    /// Distance of a world-space point along the view axis, as compositing tools take depth.
+    /// Depth of a world-space point along the view direction, as compositing tools define it.
     #[must_use]
     pub fn depth(&self, point: [f64; 3]) -> f64 {
         dot(self.forward, sub(point, self.eye))
     }
 }
 
-/// Why a camera cannot be used.
+/// Why a camera is invalid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CameraError {
-    /// A coordinate is infinite or not a number.
+    /// A coordinate is infinite or NaN.
     NotFinite {
         /// Which point.
         name: &'static str,
@@ -157,24 +156,24 @@ pub enum CameraError {
         /// The field of view.
         degrees: f32,
     },
-    /// The height of an orthographic picture is not above zero.
+    /// The height of an orthographic view is not positive.
     Height {
         /// The height.
         height: f32,
     },
-    /// Radius or distance of focus of the lens are not above zero.
+    /// The radius or focus distance of the lens is not positive and finite.
     Lens {
         /// The radius.
         radius: f32,
         /// The distance.
         focus_distance: f32,
     },
-    /// Eye and target are one point.
+    /// Eye and target coincide.
     NoDirection {
         /// That point.
         eye: [f32; 3],
     },
-    /// The up direction is zero or along the view.
+    /// The up vector is zero or parallel to the view direction.
     NoUp {
         /// The up direction.
         up: [f32; 3],
@@ -188,15 +187,12 @@ impl fmt::Display for CameraError {
             Self::FieldOfView { degrees } => {
                 write!(f, "camera field of view {degrees} degrees is not between 0 and 180")
             }
-            Self::Height { height } => write!(f, "camera picture height {height} is not above zero"),
+            Self::Height { height } => write!(f, "camera height {height} is not positive"),
             Self::Lens { radius, focus_distance } => {
-                write!(
-                    f,
-                    "camera lens radius {radius} and focus distance {focus_distance} are not both finite and above zero"
-                )
+                write!(f, "camera lens radius {radius} and focus distance {focus_distance} must be positive and finite")
             }
-            Self::NoDirection { eye } => write!(f, "camera target equals its eye {eye:?}"),
-            Self::NoUp { up } => write!(f, "camera up {up:?} does not differ from the view direction"),
+            Self::NoDirection { eye } => write!(f, "camera target and eye coincide at {eye:?}"),
+            Self::NoUp { up } => write!(f, "camera up {up:?} is zero or parallel to the view direction"),
         }
     }
 }

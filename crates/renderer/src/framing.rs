@@ -1,13 +1,13 @@
-//! A camera for a scene that brings none.
+//! Automatic choice of a camera.
 //!
 //! ```text
-//! rays from inside points -> a room? -> one open side -> from outside, in through it
-//!                                    -> closed        -> from where one sees farthest and most
-//!                         -> an object                -> from outside, from the direction (1, 0.6, 0.8)
+//! rays from points inside -> interior? -> one open side -> from outside, through that side
+//!                                      -> closed        -> from the point and direction with the best view
+//!                         -> object                     -> from outside, from direction (1, 0.6, 0.8)
 //! ```
 //!
-//! A room is told from an object by what one sees from inside its box: in a room front faces nearly everywhere, in a
-//! closed object back faces, around an open one much sky.
+//! From points inside its bounding box, an interior shows front faces nearly everywhere. A closed object shows back
+//! faces, and an open one shows mostly the background.
 
 mod exterior;
 mod interior;
@@ -20,21 +20,21 @@ use crate::Tracer;
 use crate::vector::{Vector, length, narrow};
 
 use exterior::fit;
-use interior::{is_room, open_side, view};
+use interior::{is_interior, open_side, view};
 
-/// The direction from which objects are seen.
+/// The direction from which objects are viewed.
 const THREE_QUARTERS: Vector = [1.0, 0.6, 0.8];
 
-/// Chooses a camera for `scene`, for a picture whose width is `aspect` times its height. Up is +y.
+/// Chooses a camera for `scene` and an image whose width is `aspect` times its height. Up is +y.
 ///
-/// Objects are seen from the direction (1, 0.6, 0.8), as large as the picture allows; a room with one open side is
-/// seen from outside through it; a closed room from inside, at two fifths of its height, where one sees farthest and most.
-/// Depends on the scene alone, not on the tracer's structure.
+/// Objects are viewed from direction (1, 0.6, 0.8), as large as the image allows; interiors with one open side from
+/// outside, through it; closed interiors from inside, at two fifths of their height, from the point and direction with
+/// the best view. The result does not depend on the acceleration structure.
 #[must_use]
 pub fn frame<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64) -> Camera {
     let bounds = scene.bounds_world();
     let probe = Probe { tracer, bounds };
-    if !is_room(&probe) {
+    if !is_interior(&probe) {
         return fit(scene, bounds.center(), THREE_QUARTERS, aspect);
     }
     match open_side(&probe) {
@@ -43,39 +43,39 @@ pub fn frame<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64) -> Camera {
     }
 }
 
-/// What can be seen inside the box of a scene.
+/// Casts rays inside the bounding box of a scene.
 struct Probe<'a, T> {
     tracer: &'a T,
     bounds: Aabb,
 }
 
-/// What a ray meets first.
-enum Visible {
+/// The closest hit of a ray.
+enum RayResult {
     /// The front of a triangle.
     Front {
-        /// World units away.
+        /// Distance in world units.
         distance: f64,
-        /// The triangle that was met.
+        /// The triangle.
         triangle: (InstanceId, PrimId),
     },
-    /// The back of a surface.
+    /// The back of a triangle.
     Back,
-    /// Nothing.
-    Sky,
+    /// No hit.
+    Miss,
 }
 
 impl<T: Tracer> Probe<'_, T> {
-    /// The point of the box at relative coordinates in 0..=1.
-    fn place(&self, relative: Vector) -> Vector {
+    /// The point at relative coordinates in 0..=1.
+    fn point_at(&self, relative: Vector) -> Vector {
         let (center, extent) = (self.bounds.center(), self.bounds.extent());
         std::array::from_fn(|k| center[k] + (relative[k] - 0.5) * extent[k])
     }
 
-    fn look(&self, from: Vector, direction: Vector) -> Visible {
+    fn cast(&self, from: Vector, direction: Vector) -> RayResult {
         match self.tracer.closest_hit(&Ray::new(narrow(from), narrow(direction)), &mut ()) {
-            None => Visible::Sky,
-            Some(Hit { side: Side::Back, .. }) => Visible::Back,
-            Some(hit) => Visible::Front {
+            None => RayResult::Miss,
+            Some(Hit { side: Side::Back, .. }) => RayResult::Back,
+            Some(hit) => RayResult::Front {
                 distance: f64::from(hit.t) * length(direction),
                 triangle: (hit.instance, hit.primitive),
             },
@@ -83,9 +83,9 @@ impl<T: Tracer> Probe<'_, T> {
     }
 }
 
-/// Point `i` of an endless even spread over the unit cube: steps by the powers of one irrational number, after Roberts
-/// 2018, *The Unreasonable Effectiveness of Quasirandom Sequences*.
-fn spread(i: u32) -> Vector {
+/// Point `i` of a low-discrepancy sequence in the unit cube, the R₃ sequence of Roberts 2018, *The Unreasonable
+/// Effectiveness of Quasirandom Sequences*.
+fn quasirandom(i: u32) -> Vector {
     /// The root of x⁴ = x + 1 above 1.
     const ROOT: f64 = 1.220_744_084_605_759_5;
     std::array::from_fn(|k| {

@@ -1,4 +1,4 @@
-//! Light that arrives along camera rays.
+//! Integrators: radiance along camera rays.
 
 mod batch;
 mod direct;
@@ -12,7 +12,7 @@ use crate::light::{LightSampler, Lights};
 use crate::query::{RayKeyed, Timed};
 use crate::{Cone, Sampler, Surfaces, Tracer};
 
-/// What all paths of a picture share. `query` is cloned for each ray.
+/// The data shared by all paths of an image. `query` is cloned for each ray.
 pub(crate) struct Transport<'a, T, Q> {
     pub(crate) tracer: &'a T,
     pub(crate) surfaces: &'a Surfaces<'a>,
@@ -23,48 +23,48 @@ pub(crate) struct Transport<'a, T, Q> {
     pub(crate) method: Method<'a>,
 }
 
-/// Which light a path gathers.
+/// The integrator.
 pub(crate) enum Method<'a> {
     /// See `hybrid`.
     Hybrid {
-        /// World units; above zero, may be infinite.
+        /// World units; positive, may be infinite.
         ao_radius: f64,
     },
     /// See `path`.
     Path(&'a LightSampler<'a>),
 }
 
-/// Dimension that numbers rays, for surfaces that stop some and let others pass; apart from those that are counted up.
-const PASSAGE: u32 = u32::MAX - 2;
+/// Sampler dimension of the ray keys for stochastic alpha, far from the other dimensions.
+const ALPHA_DIMENSION: u32 = u32::MAX - 2;
 
-/// Where a path starts at the camera.
+/// The start of a path at the camera.
 #[derive(Clone, Copy)]
 pub(crate) struct Start {
     pub(crate) ray: Ray,
-    /// What the ray stands for.
+    /// The ray cone.
     pub(crate) cone: Cone,
-    /// When all rays of the path fly: 0 as the shutter opens, 1 as it closes.
+    /// Shutter time of the entire path, in 0..=1.
     pub(crate) time: f32,
-    /// Number of the pixel.
+    /// Index of the pixel.
     pub(crate) pixel: u32,
-    /// Number of the sample in it.
+    /// Index of the sample in the pixel.
     pub(crate) sample: u32,
 }
 
-/// The light of one path.
+/// The result of one path.
 pub(crate) struct Sample {
-    /// Linear RGB; not finite where a light or material is not.
+    /// Linear RGB; not finite if the value of a light or material is not finite.
     pub(crate) radiance: [f32; 3],
-    /// Rays traced for it, the camera ray among them.
+    /// Number of rays traced, including the camera ray.
     pub(crate) n_rays: u64,
 }
 
 impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
-    /// Radiance that arrives against camera rays whose closest hits are given, one sample of each.
-    pub(crate) fn samples(&self, begun: impl Iterator<Item = (Start, Option<Hit>)>) -> Vec<Sample> {
+    /// Radiance along camera rays whose closest hits are known, one sample each.
+    pub(crate) fn samples(&self, camera_rays: impl Iterator<Item = (Start, Option<Hit>)>) -> Vec<Sample> {
         match self.method {
-            Method::Hybrid { ao_radius } => self.hybrid_samples(begun, ao_radius),
-            Method::Path(lights) => self.path_samples(begun, lights),
+            Method::Hybrid { ao_radius } => self.hybrid_samples(camera_rays, ao_radius),
+            Method::Path(lights) => self.path_samples(camera_rays, lights),
         }
     }
 
@@ -73,9 +73,9 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         self.path_query(start).keyed(0)
     }
 
-    /// The query of all rays of a path; each asks by a number of its own.
+    /// The query of a path; each ray derives its own key.
     fn path_query(&self, start: &Start) -> Timed<Q> {
         let Start { time, pixel, sample, .. } = *start;
-        Timed { inner: self.query.keyed(self.sampler.bits(pixel, sample, PASSAGE)), time }
+        Timed { inner: self.query.keyed(self.sampler.bits(pixel, sample, ALPHA_DIMENSION)), time }
     }
 }

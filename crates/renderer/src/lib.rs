@@ -9,6 +9,7 @@
 //! sums in `f64`; randomness is a pure function of pixel, sample, dimension and seed, so a picture is the same bits
 //! for any number of threads and any tile size.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "shared with the GPU renderer, which uses more of it"))]
 
 mod accel;
 #[cfg(feature = "baseline")]
@@ -44,7 +45,7 @@ pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
 pub use content::{light_hash, scene_hash};
 #[cfg(feature = "gpu")]
-pub use device::{DeviceError, DevicePicture, GBuffer, Seen, SharedFilm, traced_scene};
+pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, traced_scene};
 pub use error::PrepareError;
 pub use framing::frame;
 pub use heatmap::{Heatmap, Measure, heatmap};

@@ -1,15 +1,15 @@
-//! Lights: what they send to a point, how to choose among them, and how likely each choice was.
+//! Lights: the radiance they send to a point, light sampling, and the PDF of each sample.
 //!
 //! ```text
-//! Light         -> incoming: sun point spot, sphere disc by a point of their own  -> direct light of the hybrid integrator
-//! Environment   -> environment: radiance, SkySampler
-//! emission      -> emitters: triangle, by its spherical triangle                    -> LightSampler -> path tracing
+//! Light            -> incoming: sun, point, spot; sphere and disk by sampling      -> direct lighting (hybrid)
+//! Environment      -> environment: radiance, SkySampler
+//! emission         -> emitters: triangles, sampled by solid angle                   -> LightSampler (path)
 //! lights, emitters -> cluster (cone) -> build -> tree (bounds)
-//! LightSampler  -> packed, for devices
+//! LightSampler     -> packed, for the GPU
 //! ```
 //!
-//! Spheres and discs are bodies: rays see them, and they stand in the light of others. They reflect nothing, and are
-//! black where they do not shine: a disc from behind, a ball from inside.
+//! Sphere and disk lights are *shape lights*: camera rays and bounced rays hit them, and they occlude other lights.
+//! They reflect nothing. The back of a disk and the inside of a sphere are black.
 
 mod bounds;
 mod build;

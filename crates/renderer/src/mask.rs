@@ -4,18 +4,19 @@ use canted_trace::{Hit, Query};
 use crate::Surfaces;
 use crate::query::{RayKeyed, derived_key};
 
-/// A query that sees through what alpha cuts out, and passes its counts on to `inner`.
+/// A query with alpha testing: ignores hits where alpha makes the surface transparent, and passes everything else on to
+/// `inner`.
 #[derive(Clone, Copy, Debug)]
 pub struct Masked<'a, Q> {
     surfaces: &'a Surfaces<'a>,
-    /// Tells rays apart, for surfaces that stop some and let others pass.
+    /// Random seed of the ray, for stochastic alpha.
     key: u32,
-    /// Receives the counts, and is asked about the hits that alpha lets stand.
+    /// Receives the counts, and filters the remaining hits.
     pub inner: Q,
 }
 
 impl<'a, Q> Masked<'a, Q> {
-    /// Puts the alpha of `surfaces` before `inner`.
+    /// Adds the alpha test of `surfaces` to `inner`.
     #[must_use]
     pub fn new(surfaces: &'a Surfaces<'a>, inner: Q) -> Self {
         Self { surfaces, key: 0, inner }
@@ -29,14 +30,14 @@ impl<Q: Query + Clone> RayKeyed for Masked<'_, Q> {
 }
 
 impl<Q: Clone> Masked<'_, Q> {
-    /// The same query for a ray with this number, of those that `self` stands for: blended surfaces let other rays pass.
+    /// The query for the ray with this number; stochastic alpha is independent for each number.
     #[must_use]
     pub fn keyed(&self, number: u32) -> Self {
         Self { key: derived_key(self.key, number), ..self.clone() }
     }
 }
 
-/// Whether alpha matters to any material of the scene; else it is left out of the render code altogether.
+/// Whether any material of the scene uses alpha; if not, the alpha test is not compiled into the renderer.
 pub(crate) fn is_needed(scene: &Scene) -> bool {
     scene.materials.iter().any(Material::uses_alpha)
 }

@@ -2,13 +2,13 @@ use canted_trace::{Hit, Query};
 
 use crate::sampler::{mix, unit};
 
-/// A query that can be asked for one ray of many, each by its number.
+/// A query for one of many rays, identified by a number that seeds stochastic alpha.
 ///
-/// A ray that is asked about twice, as by a counting query and then another, must have one number.
+/// If a ray is traced twice, both queries must use the same number.
 pub(crate) trait RayKeyed: Query + Clone {
-    /// The same query for a ray with this number, of those that `self` stands for.
+    /// The query for the ray with this number.
     ///
-    /// Numbers of numbers make a tree: the rays of a path, the shadow rays of one of its vertices.
+    /// Numbers nest: a path, its vertices, the shadow rays of each vertex.
     #[must_use]
     fn keyed(&self, number: u32) -> Self;
 }
@@ -17,12 +17,12 @@ impl RayKeyed for () {
     fn keyed(&self, _: u32) -> Self {}
 }
 
-/// The key of the ray with this number among those that `key` stands for.
+/// The key of the ray with this number, below the ray or path with `key`.
 pub(crate) fn derived_key(key: u32, number: u32) -> u32 {
     mix(key ^ number)
 }
 
-/// A number in `[0, 1)` for a ray and the triangle that it meets, equally distributed over both.
+/// A uniform number in `[0, 1)` for a ray and a triangle.
 pub(crate) fn alpha_threshold(key: u32, hit: &Hit) -> f32 {
     unit(mix(mix(key ^ hit.instance.0) ^ hit.primitive.0) >> 8)
 }

@@ -1,8 +1,8 @@
-//! What textures say: at a point, or on average over the part of a surface that a ray stands for.
+//! Texture lookups: filtered over the ray's footprint, or at a point.
 //!
 //! ```text
-//! scene's textures -> mip_map (halved again and again, in linear light)
-//! cone of a ray, triangle -> footprint (an ellipse of texels) -> lookup in the mip_map -> numbers in 0..=1
+//! textures of the scene    -> mip_map (mip levels, filtered in linear light)
+//! ray cone, triangle       -> footprint (an ellipse) -> lookup in the mip_map -> values in 0..=1
 //! ```
 
 mod cone;
@@ -17,42 +17,43 @@ pub use cone::Cone;
 pub(crate) use footprint::{Footprint, Plane};
 pub(crate) use mip_map::MipMap;
 
-/// How much of a texture a lookup averages.
+/// Texture filtering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Lod {
-    /// The four texels about a point, however far it is.
+    /// No mip maps: bilinear lookups at full resolution.
     None,
-    /// A square as wide as the longer axis of what the ray's cone covers: never noisy, blurred where surfaces lean away.
+    /// Isotropic: a square as wide as the longer axis of the ray cone's footprint. Never aliases, but blurs at grazing
+    /// angles.
     Cone,
-    /// The ellipse that the cone covers, up to 16 times as long as wide, where only mirrors lie between the surface and the
-    /// camera; behind scattering [`Lod::Cone`].
+    /// Anisotropic: the elliptical footprint of the cone, up to 16:1, for directly visible surfaces and mirror
+    /// reflections; after other scattering, [`Lod::Cone`].
     #[default]
     Aniso,
 }
 
-/// The textures of a scene, ready to be looked up.
+/// The textures of a scene with their mip maps.
 #[derive(Clone, Debug)]
 pub(crate) struct Textures<'a> {
     mip_maps: Vec<MipMap<'a>>,
 }
 
 impl<'a> Textures<'a> {
-    /// Prepares all textures of `scene`; those that are averaged get their smaller copies.
+    /// Prepares all textures of `scene`. Filtered textures get mip maps.
     ///
-    /// Masks are looked up at full size: an averaged alpha would move the edge of what it cuts out.
+    /// Alpha textures do not: averaging alpha would move the edges of cutouts.
     pub(crate) fn new(scene: &'a Scene, lod: Lod) -> Self {
         let mut uses = vec![Use::default(); scene.textures.len()];
         for material in &scene.materials {
-            // What this texture shows is seen where its own alpha lets it.
+            // A texture that is visible only where its own alpha is high is filtered with alpha weights.
             let mask = material.alpha_texture.as_ref().filter(|_| material.uses_alpha());
-            for slot in averaged(material) {
-                let asked = &mut uses[slot.texture.0 as usize];
-                asked.is_averaged = lod != Lod::None;
-                asked.is_seen_whole |= mask != Some(slot);
+            for slot in filtered_textures(material) {
+                let usage = &mut uses[slot.texture.0 as usize];
+                usage.is_filtered = lod != Lod::None;
+                usage.ignores_alpha |= mask != Some(slot);
             }
         }
-        let mip_map = |(texture, asked): (&'a Texture, &Use)| {
-            if asked.is_averaged { MipMap::new(texture, !asked.is_seen_whole) } else { MipMap::flat(texture) }
+        let mip_map = |(texture, usage): (&'a Texture, &Use)| {
+            if usage.is_filtered { MipMap::new(texture, !usage.ignores_alpha) } else { MipMap::flat(texture) }
         };
         Self { mip_maps: scene.textures.par_iter().zip(&uses).map(mip_map).collect() }
     }
@@ -62,16 +63,16 @@ impl<'a> Textures<'a> {
     }
 }
 
-/// What is asked of a texture.
+/// How materials use a texture.
 #[derive(Clone, Copy, Default)]
 struct Use {
-    is_averaged: bool,
-    /// Whether a material shows it also where its alpha is small.
-    is_seen_whole: bool,
+    is_filtered: bool,
+    /// Whether any material shows it regardless of its alpha.
+    ignores_alpha: bool,
 }
 
-/// The textures of a material but that of alpha.
-pub(crate) fn averaged(material: &Material) -> impl Iterator<Item = &TextureRef> {
+/// The textures of a material except for alpha.
+pub(crate) fn filtered_textures(material: &Material) -> impl Iterator<Item = &TextureRef> {
     [
         &material.base_color_texture,
         &material.metallic_roughness_texture,
@@ -88,7 +89,7 @@ mod tests {
     use super::*;
     use canted_scene::{AlphaMode, Encoding, UvSet, Wrap};
 
-    /// The colour of the smallest copy of a texture that is half white and half black, of which alpha cuts out the black.
+    /// The color of the coarsest mip level of a texture that is half white and half black, the black half transparent.
     fn smallest(materials: Vec<Material>) -> u8 {
         let texels = vec![[255; 4], [0; 4]];
         let (name, encoding, wrap) = (String::new(), Encoding::Linear, [Wrap::Repeat; 2]);
@@ -99,9 +100,9 @@ mod tests {
         mip_map.level(mip_map.n_levels() - 1).texels[0][0]
     }
 
-    /// Colours are weighed by the alpha that says where they are seen, and by no other.
+    /// Colors are weighted by alpha only if it is the texture's own alpha that cuts it out.
     #[test]
-    fn colours_are_weighed_by_the_mask_that_cuts_them_out() {
+    fn alpha_weights_only_colors_that_it_cuts_out() {
         const ALL: u8 = 128;
         const SEEN: u8 = 255;
         let slot = Some(TextureRef::new(TextureId(0)));
@@ -109,19 +110,19 @@ mod tests {
         let leaf = Material { base_color_texture: slot, alpha_texture: slot, ..mask.clone() };
         let sign = Material { emission_texture: slot, alpha_texture: slot, ..mask.clone() };
         let blended = Material { alpha_mode: AlphaMode::Blend, ..leaf.clone() };
-        for seen in [&leaf, &sign, &blended] {
-            assert_eq!(smallest(vec![seen.clone()]), SEEN, "{seen:?}");
+        for weighted in [&leaf, &sign, &blended] {
+            assert_eq!(smallest(vec![weighted.clone()]), SEEN, "{weighted:?}");
         }
         let elsewhere = Some(TextureRef { uv_set: UvSet::Second, ..TextureRef::new(TextureId(0)) });
-        for whole in [
+        for unweighted in [
             Material { alpha_mode: AlphaMode::Opaque, ..leaf.clone() },
             Material { base_color_texture: slot, ..mask.clone() },
             Material { emission_texture: slot, ..mask.clone() },
             Material { roughness: 0.5, metallic_roughness_texture: slot, ..mask },
             Material { base_color_texture: elsewhere, ..leaf.clone() },
         ] {
-            assert_eq!(smallest(vec![whole.clone()]), ALL, "{whole:?}");
-            assert_eq!(smallest(vec![leaf.clone(), whole]), ALL);
+            assert_eq!(smallest(vec![unweighted.clone()]), ALL, "{unweighted:?}");
+            assert_eq!(smallest(vec![leaf.clone(), unweighted]), ALL);
         }
     }
 }

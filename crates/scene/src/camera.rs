@@ -1,29 +1,29 @@
-/// A camera in world space. Row 0 of the picture is the top.
+/// A camera in world space. Row 0 of the image is the top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Middle of the lens.
+    /// Center of the lens.
     pub eye: [f32; 3],
-    /// A point in the middle of the picture.
+    /// A point on the optical axis, at the image center.
     pub target: [f32; 3],
-    /// Direction that points up in the picture; not parallel to the view.
+    /// Up direction in the image; not parallel to the view direction.
     pub up: [f32; 3],
-    /// How the world comes onto the picture.
+    /// Perspective or orthographic.
     pub projection: Projection,
-    /// What is out of focus; `None` for a pinhole, which shows all sharply.
+    /// Depth of field; `None` for a pinhole camera.
     pub lens: Option<Lens>,
 }
 
-/// How the world comes onto the picture.
+/// Camera projection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
-    /// All rays meet in the eye.
+    /// All rays start at the eye.
     Perspective {
         /// Vertical field of view in degrees, between 0 and 180.
         fov_degrees: f32,
     },
-    /// All rays are parallel.
+    /// All rays are parallel to the view direction.
     Orthographic {
-        /// Height of what the picture shows, world units, above zero.
+        /// Height of the visible region in world units, above zero.
         height: f32,
     },
 }
@@ -33,12 +33,12 @@ pub enum Projection {
 pub struct Lens {
     /// Radius of the round aperture, world units, above zero.
     pub radius: f32,
-    /// Distance from the eye, along the view, of the plane that is sharp; above zero.
+    /// Distance from the eye to the plane in focus, along the view direction; above zero.
     pub focus_distance: f32,
 }
 
 impl Camera {
-    /// A perspective camera without a lens; the field of view is vertical, in degrees.
+    /// A pinhole camera with a vertical field of view in degrees.
     #[must_use]
     pub const fn pinhole(eye: [f32; 3], target: [f32; 3], up: [f32; 3], fov_degrees: f32) -> Self {
         Self { eye, target, up, projection: Projection::Perspective { fov_degrees }, lens: None }

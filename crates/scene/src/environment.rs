@@ -1,30 +1,29 @@
-/// Radiance that arrives from infinitely far away.
+/// Environment light: radiance from infinitely far away.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Environment {
-    /// The same from everywhere, linear RGB.
+    /// Constant in all directions, linear RGB.
     Constant([f32; 3]),
-    /// A picture of all directions.
+    /// An environment map.
     Image(EnvironmentImage),
 }
 
-/// A picture of all directions by longitude and latitude, linear RGB radiance.
+/// An environment map in equirectangular projection, linear RGB radiance.
 ///
-/// World +y is up: the top edge is +y, the bottom edge -y. The middle of the picture looks along -z, as an unrotated
-/// camera of glTF does, and what is right of it lies towards +x. `turn_degrees` turns the picture about +y,
-/// counter-clockwise seen from above.
+/// World +y is up: the top edge maps to +y, the bottom edge to -y. The image center maps to -z, the view direction of an
+/// unrotated glTF camera; +x is to its right. `turn_degrees` rotates the map about +y, counter-clockwise seen from above.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvironmentImage {
-    /// File or name, for messages.
+    /// Name used in messages.
     pub name: String,
-    /// Texels in a row, around the horizon.
+    /// Width in texels, along the longitude.
     pub width: u32,
-    /// Rows, from zenith to nadir.
+    /// Height in texels, from zenith to nadir.
     pub height: u32,
-    /// `width * height` texels, finite and not negative.
+    /// `width * height` texels in row order, finite and not negative.
     pub texels: Vec<[f32; 3]>,
-    /// Factor of all texels.
+    /// Multiplier of all texels.
     pub scale: [f32; 3],
-    /// Angle by which the picture is turned about +y.
+    /// Rotation about +y in degrees.
     pub turn_degrees: f32,
 }
 

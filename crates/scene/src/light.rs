@@ -1,50 +1,50 @@
-/// A light that is no triangle. World space; all colours linear RGB.
+/// A light source other than an emissive mesh. World space; all colors linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Light {
-    /// Parallel light.
+    /// Directional light.
     Sun {
-        /// Unit direction in which the light travels.
+        /// Unit direction of propagation.
         direction: [f32; 3],
-        /// Irradiance on a surface that faces it, W/m².
+        /// Irradiance on a surface perpendicular to `direction`, W/m².
         irradiance: [f32; 3],
     },
-    /// Light from one point.
+    /// Isotropic point light.
     Point {
-        /// Where it is.
+        /// Position.
         position: [f32; 3],
         /// Radiant intensity, W/sr.
         intensity: [f32; 3],
     },
-    /// Light from one point into a cone.
+    /// Point light limited to a cone.
     Spot {
-        /// Where it is.
+        /// Position.
         position: [f32; 3],
         /// Unit direction of the axis.
         direction: [f32; 3],
         /// Radiant intensity along the axis, W/sr.
         intensity: [f32; 3],
-        /// Cosine of the angle to the axis up to which the intensity is full.
+        /// Cosine of the angle to the axis inside which the intensity is full.
         cos_inner: f32,
-        /// Cosine of the angle beyond which there is no light; below `cos_inner`. Between both the intensity is
-        /// `intensity · ((cosθ - cos_outer) / (cos_inner - cos_outer))²`, as `KHR_lights_punctual` proposes.
+        /// Cosine of the angle outside which the intensity is zero; less than `cos_inner`. Between the two the intensity
+        /// is `intensity · ((cosθ - cos_outer) / (cos_inner - cos_outer))²`, as in `KHR_lights_punctual`.
         cos_outer: f32,
     },
-    /// A ball that shines outward. Rays see it.
+    /// Sphere light, emitting outward. Visible to rays.
     Sphere {
-        /// Its middle.
+        /// Center.
         center: [f32; 3],
-        /// Above zero.
+        /// Radius, above zero.
         radius: f32,
         /// Emitted radiance, W/(m²·sr).
         radiance: [f32; 3],
     },
-    /// A flat disc that shines to one side. Rays see it; from behind it is black.
+    /// One-sided disk light. Visible to rays; the back is black.
     Disk {
-        /// Its middle.
+        /// Center.
         center: [f32; 3],
-        /// Unit normal of the side that shines.
+        /// Unit normal of the emitting side.
         normal: [f32; 3],
-        /// Above zero.
+        /// Radius, above zero.
         radius: f32,
         /// Emitted radiance, W/(m²·sr).
         radiance: [f32; 3],

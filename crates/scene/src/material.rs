@@ -4,72 +4,71 @@ use crate::TextureRef;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct MaterialId(pub u32);
 
-/// How alpha decides where a surface is.
+/// How alpha affects visibility.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum AlphaMode {
-    /// Everywhere; alpha is ignored.
+    /// Alpha is ignored.
     #[default]
     Opaque,
-    /// Where alpha is `cutoff` or more.
+    /// The surface is present where alpha is at least `cutoff`.
     Mask {
-        /// Least alpha of what is present.
+        /// Smallest alpha that counts as present.
         cutoff: f32,
     },
-    /// With the probability alpha, decided anew for each ray.
+    /// Each ray hits the surface with probability alpha.
     Blend,
 }
 
-/// A surface: metal, or a body that scatters below a clear interface, or lets light through. Colours are linear.
+/// A metallic-roughness material with specular reflection and transmission. Colors are linear RGB.
 ///
-/// The model is that of glTF 2.0 with `KHR_materials_specular`, `_transmission` and `_ior`. A Lambert surface has
-/// `metallic`, `specular` and `transmission` 0, a mirror `metallic` 1 and `roughness` 0, glass `transmission` 1.
-/// Each factor is multiplied with its texture.
+/// The model is glTF 2.0 with `KHR_materials_specular`, `_transmission` and `_ior`. For a Lambertian surface set `metallic`,
+/// `specular` and `transmission` to 0; for a mirror set `metallic` to 1 and `roughness` to 0; for glass set `transmission`
+/// to 1. Each factor is multiplied by its texture.
 ///
-/// All surfaces have two sides: from behind, a surface looks as from the front, its shading normal turned over. glTF's
-/// `doubleSided` asks rasterisers to leave back faces out where it is false; path tracers (Mitsuba, Cycles) show them,
-/// as light does not pass a wall for being seen from behind.
+/// All surfaces are two-sided: the back looks like the front, with the shading normal flipped. glTF's `doubleSided` is
+/// ignored, as in other path tracers (Mitsuba, Cycles): culling back faces would let light pass through walls.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// Name in the file, for messages.
+    /// Name from the file, used in messages.
     pub name: String,
-    /// Diffuse reflectance of what is no metal, reflectance at normal incidence of what is; in 0..=1.
+    /// Diffuse reflectance of dielectrics, reflectance at normal incidence of metals; in 0..=1.
     pub base_color: [f32; 3],
-    /// Texture of the base colour.
+    /// Base color texture.
     pub base_color_texture: Option<TextureRef>,
-    /// 0 for bodies, 1 for metals.
+    /// 0 for dielectrics, 1 for metals.
     pub metallic: f32,
-    /// 0 for polished, 1 for rough; the microfacets' width is its square.
+    /// 0 for smooth, 1 for rough; the microfacet alpha is its square.
     pub roughness: f32,
-    /// Texture of roughness (green) and metallic (blue).
+    /// Roughness (green) and metallic (blue) texture.
     pub metallic_roughness_texture: Option<TextureRef>,
-    /// Strength of the reflection at the interface of what is no metal, in 0..=1; 0 makes it Lambert.
+    /// Strength of the specular reflection of dielectrics, in 0..=1; 0 gives a Lambertian surface.
     pub specular: f32,
-    /// Share of the light that passes the interface and goes through instead of scattering, in 0..=1.
+    /// Fraction of the light transmitted instead of diffusely reflected, in 0..=1.
     pub transmission: f32,
-    /// Texture of the transmission (red).
+    /// Transmission texture (red).
     pub transmission_texture: Option<TextureRef>,
     /// Index of refraction, from 1 to [`Material::MAX_IOR`].
     pub ior: f32,
-    /// Whether the surface is a sheet, which light passes straight, or the skin of a body, which bends it.
+    /// Whether the surface is a thin sheet without refraction rather than the boundary of a solid.
     pub thin_walled: bool,
-    /// Tangent-space normals; z is along the shading normal, x along growing `u`, y along growing `v`.
+    /// Tangent-space normal map; z is the shading normal, x the direction of increasing `u`, y of increasing `v`.
     pub normal_texture: Option<TextureRef>,
-    /// Factor of the x and y of those normals.
+    /// Scale of the x and y components of the normal map.
     pub normal_scale: f32,
     /// Emitted radiance, the same on both sides.
     pub emission: [f32; 3],
-    /// Texture of the emission.
+    /// Emission texture.
     pub emission_texture: Option<TextureRef>,
-    /// Where the surface is.
+    /// How alpha is used.
     pub alpha_mode: AlphaMode,
-    /// Factor of alpha, in 0..=1.
+    /// Alpha factor, in 0..=1.
     pub alpha: f32,
-    /// Texture whose alpha channel is multiplied in; its colour channels are ignored.
+    /// Texture whose alpha channel is multiplied by `alpha`; its color channels are ignored.
     pub alpha_texture: Option<TextureRef>,
 }
 
 impl Default for Material {
-    /// A grey Lambert surface of reflectance 0.8 without textures.
+    /// A gray Lambertian surface of reflectance 0.8 without textures.
     fn default() -> Self {
         Self {
             name: String::new(),
@@ -95,11 +94,11 @@ impl Default for Material {
 }
 
 impl Material {
-    /// Greatest index of refraction: a boundary that reflects nearly all. Squares of it and of its inverse are far from the
-    /// ends of single precision.
+    /// Largest index of refraction: nearly all light is reflected. The squares of it and of its inverse are well within the
+    /// range of `f32`.
     pub const MAX_IOR: f32 = 1000.0;
 
-    /// All textures, as the material refers to them.
+    /// All texture references of the material.
     pub fn textures(&self) -> impl Iterator<Item = &TextureRef> {
         [
             &self.base_color_texture,
@@ -113,7 +112,7 @@ impl Material {
         .flatten()
     }
 
-    /// As [`Material::textures`], to be changed; `None` for those that it does without.
+    /// All texture slots.
     pub(crate) fn textures_mut(&mut self) -> [&mut Option<TextureRef>; 6] {
         [
             &mut self.base_color_texture,
@@ -125,16 +124,13 @@ impl Material {
         ]
     }
 
-    /// Whether rays may pass the surface where alpha says so.
+    /// Whether alpha can make parts of the surface invisible.
     #[must_use]
     pub fn uses_alpha(&self) -> bool {
-        match self.alpha_mode {
-            AlphaMode::Opaque => false,
-            AlphaMode::Mask { .. } | AlphaMode::Blend => true,
-        }
+        self.alpha_mode != AlphaMode::Opaque
     }
 
-    /// Whether it gives light.
+    /// Whether the material emits light.
     #[must_use]
     pub fn is_emissive(&self) -> bool {
         self.emission != [0.0; 3]

@@ -6,42 +6,41 @@ use crate::{MaterialId, UvSet};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct MeshId(pub u32);
 
-/// A run of consecutive triangles of one material.
+/// Consecutive triangles that share a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// First triangle of the run; it ends where the next part begins.
+    /// First triangle; the part ends where the next one starts.
     pub first_triangle: u32,
-    /// Material of the run.
+    /// Material of these triangles.
     pub material: MaterialId,
 }
 
-/// Indexed triangles in object space. Every index is in range and every used position finite.
+/// An indexed triangle mesh in object space. Every index is in range and every referenced position is finite.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// Name in the file, for messages.
+    /// Name from the file, used in messages.
     pub name: String,
     /// Vertex positions, object space.
     pub positions: Vec<[f32; 3]>,
-    /// Vertex indices, counter-clockwise seen from the front, in file order.
+    /// Vertex indices in file order, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
-    /// Shading normals, one per position, unit or zero (zero: use the geometric one); `None` where the file has none.
+    /// Shading normals, one per position, of length 1 or 0 (0: use the geometric normal); `None` if the file has none.
     pub normals: Option<Vec<[f32; 3]>>,
-    /// Directions of growing `u` of the normal map, one per position: unit vectors, and the sign by which
-    /// `normal × tangent` becomes the direction of growing `v`; `None`, or zeros at a vertex, where they follow from the
-    /// texture coordinates.
+    /// Tangents of the normal map, one per position: a unit vector towards increasing `u`, and the sign of
+    /// `normal × tangent` relative to increasing `v`. `None`, or zeros at a vertex: derive them from the texture coordinates.
     pub tangents: Option<Vec<[f32; 4]>>,
-    /// First texture coordinates, one per position, `v` up; kept only where a material needs them.
+    /// First texture coordinates, one per position, `v` up; kept only if a material uses them.
     pub uvs: Option<Vec<[f32; 2]>>,
-    /// Second texture coordinates, likewise.
+    /// Second texture coordinates, like `uvs`.
     pub second_uvs: Option<Vec<[f32; 2]>>,
-    /// Colours and alpha that multiply those of the material, one per position, linear.
+    /// Linear RGBA vertex colors, one per position, multiplied by the material's color and alpha.
     pub colors: Option<Vec<[f32; 4]>>,
-    /// Material runs; the first starts at triangle 0.
+    /// Parts in ascending order; the first starts at triangle 0.
     pub parts: Vec<Part>,
 }
 
 impl Mesh {
-    /// Texture coordinates of a set.
+    /// Texture coordinates of the given set.
     #[must_use]
     pub fn uv_set(&self, set: UvSet) -> Option<&[[f32; 2]]> {
         match set {
@@ -50,7 +49,7 @@ impl Mesh {
         }
     }
 
-    /// Positions of the vertices that triangles use, each once.
+    /// Positions referenced by triangles, each once.
     pub(crate) fn used_positions(&self) -> Vec<[f32; 3]> {
         let mut is_used = vec![false; self.positions.len()];
         for &index in self.triangles.iter().flatten() {
@@ -59,7 +58,7 @@ impl Mesh {
         self.positions.iter().zip(is_used).filter_map(|(&position, is_used)| is_used.then_some(position)).collect()
     }
 
-    /// Material of a triangle.
+    /// Material of the given triangle.
     #[must_use]
     pub fn material_of(&self, triangle: u32) -> MaterialId {
         let after = self.parts.partition_point(|part| part.first_triangle <= triangle);
@@ -67,15 +66,15 @@ impl Mesh {
     }
 }
 
-/// A placed mesh.
+/// A mesh placed in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instance {
-    /// The mesh placed.
+    /// The instanced mesh.
     pub mesh: MeshId,
-    /// Invertible affine transform; of a moving one, as the shutter opens.
+    /// Invertible affine transform; for a moving instance, the one at shutter open.
     pub world_from_object: Affine,
-    /// Of a moving one, the transform as the shutter closes; each number of it changes in a straight line meanwhile.
+    /// Transform at shutter close for a moving instance. Matrix entries are interpolated linearly in between.
     pub world_from_object_close: Option<Affine>,
-    /// Number, in file order, of the mesh's triangle 0 in this instance.
+    /// Global number, in file order, of triangle 0 of this instance.
     pub first_primitive: u32,
 }

@@ -4,26 +4,26 @@ use canted_obb::Aabb;
 
 use crate::{Camera, Environment, Instance, Light, Material, Mesh, Texture};
 
-/// Everything a picture needs, as plain arrays that refer to each other by index.
+/// A scene as plain arrays that refer to each other by index.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// Triangle meshes, object space.
     pub meshes: Vec<Mesh>,
-    /// Placed meshes, in file order.
+    /// Instances of meshes, in file order.
     pub instances: Vec<Instance>,
-    /// Materials; a scene that has a mesh has one at least.
+    /// Materials; at least one if the scene has a mesh.
     pub materials: Vec<Material>,
     /// Textures that materials use.
     pub textures: Vec<Texture>,
-    /// Lights that the file brings.
+    /// Lights from the file.
     pub lights: Vec<Light>,
-    /// Radiance from outside; `None` where the file says nothing.
+    /// Environment light; `None` if the file defines none.
     pub environment: Option<Environment>,
-    /// Cameras that the file brings, in file order.
+    /// Cameras in file order.
     pub cameras: Vec<Camera>,
-    /// What was repaired or left out while reading: one sentence each, said once by name.
+    /// What the reader repaired or skipped, one sentence each, without repetition.
     pub warnings: Vec<String>,
-    /// Files that were read beside the scene's own because it names them: libraries of materials, buffers and images.
+    /// Files that the scene's file references and that were read: material libraries, buffers and images.
     pub files: Vec<PathBuf>,
 }
 
@@ -46,10 +46,10 @@ impl Scene {
         self.instances.iter().any(|i| i.world_from_object_close.is_some_and(|close| close != i.world_from_object))
     }
 
-    /// Smallest world-space box around all used vertices of all instances, of moving ones at both ends of their way.
+    /// World-space bounds of all instances; moving instances count at shutter open and shutter close.
     #[must_use]
     pub fn bounds_world(&self) -> Aabb {
-        // Triangles share vertices: each is placed once, not once a triangle.
+        // Transforms each vertex once rather than once per triangle.
         let used: Vec<Vec<[f32; 3]>> = self.meshes.iter().map(Mesh::used_positions).collect();
         let mut bounds = Aabb::EMPTY;
         for instance in &self.instances {

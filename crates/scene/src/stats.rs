@@ -2,35 +2,35 @@ use std::mem::size_of_val;
 
 use crate::Scene;
 
-/// How much a scene holds: what the tables of papers list of their test scenes, and the memory that it takes.
+/// Element counts and memory use of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SceneStats {
-    /// Meshes, each counted once.
+    /// Number of meshes.
     pub n_meshes: usize,
-    /// Placed meshes.
+    /// Number of instances.
     pub n_instances: usize,
-    /// Vertices of all meshes, each mesh counted once. One position with two normals is two vertices.
+    /// Vertices of all meshes, each mesh counted once. A position with two normals counts as two vertices.
     pub n_vertices: usize,
     /// Triangles of all meshes, each mesh counted once.
     pub n_unique_triangles: usize,
     /// Triangles of all instances.
     pub n_placed_triangles: usize,
-    /// Materials.
+    /// Number of materials.
     pub n_materials: usize,
-    /// Textures.
+    /// Number of textures.
     pub n_textures: usize,
-    /// Lights that the file brings; emitting surfaces are not among them.
+    /// Number of [`Scene::lights`]; emissive surfaces are not included.
     pub n_lights: usize,
-    /// Cameras that the file brings.
+    /// Number of cameras.
     pub n_cameras: usize,
-    /// Memory of vertices, indices and instances.
+    /// Memory of vertices, indices and instances in bytes.
     pub geometry_bytes: usize,
-    /// Memory of the decoded texels.
+    /// Memory of the decoded texels in bytes.
     pub texture_bytes: usize,
 }
 
 impl SceneStats {
-    /// Counts what `scene` holds.
+    /// Counts the elements of `scene`.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
         let mesh_bytes = |mesh: &crate::Mesh| {
@@ -65,7 +65,7 @@ mod tests {
     use canted_obb::Affine;
 
     #[test]
-    fn meshes_count_once_and_instances_each() {
+    fn counts_each_mesh_once_and_every_instance() {
         let mesh = Mesh {
             positions: vec![[0.0; 3]; 3],
             triangles: vec![[0, 1, 2]; 2],

@@ -1,7 +1,8 @@
-//! No file makes a reader take memory out of proportion to its size, nor a real scene much more than it holds in the end.
-//! In the first promise images, whose texels are many a byte, are not covered.
+//! Memory of a reader is bounded by the file size, and for real scenes by the size of the scene. The first bound does not
+//! cover images, which have many texels per byte.
 
-mod common;
+#[path = "scene/folder.rs"]
+mod folder;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs;
@@ -10,24 +11,24 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use canted_scene::{ReadError, Scene, SceneStats, read};
 
-/// The system's allocator, with the bytes in use and their peak.
+/// The system allocator with counters of bytes in use and their peak.
 struct Counting;
 
 static IN_USE: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: every call goes to the system's allocator with its arguments unchanged; counting touches no memory of others.
+// SAFETY: every call is forwarded to the system allocator with unchanged arguments.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let in_use = IN_USE.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
         PEAK.fetch_max(in_use, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `alloc`.
+        // SAFETY: the caller upholds the contract of `alloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
         IN_USE.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `dealloc`.
+        // SAFETY: the caller upholds the contract of `dealloc`.
         unsafe { System.dealloc(memory, layout) }
     }
 }
@@ -35,7 +36,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What reading a file gives, and the peak of bytes that it adds to what was in use.
+/// The result of reading a file, and the peak of additional bytes in use.
 fn peak_bytes(path: &Path) -> (Result<Scene, ReadError>, usize) {
     let before = IN_USE.load(Ordering::Relaxed);
     PEAK.store(before, Ordering::Relaxed);
@@ -43,14 +44,14 @@ fn peak_bytes(path: &Path) -> (Result<Scene, ReadError>, usize) {
     (scene, PEAK.load(Ordering::Relaxed) - before)
 }
 
-/// Bytes of memory for a byte of file.
+/// Largest number of bytes of memory per byte of file.
 ///
-/// The worst is an OBJ of one polygon, ` 1` for each corner: two bytes become a corner (12 bytes), a position (12), a
-/// projected point (16), two links (16), a triangle of numbers (24), of corners (36) and of indices (12), with what
-/// doubling vectors leave free.
+/// The worst case is an OBJ with one polygon and ` 1` per corner: two bytes become a corner (12 bytes), a position (12), a
+/// projected point (16), two links (16), and a triangle of numbers (24), of corners (36) and of indices (12), plus unused
+/// capacity of growing vectors.
 const MAX_RATIO: usize = 128;
 
-/// What a file of no bytes may take: paths, messages, threads' buffers.
+/// Memory independent of the file size: paths, messages, thread buffers.
 const MAX_FIXED_BYTES: usize = 1 << 20;
 
 fn assert_bounded(path: &Path) {
@@ -59,10 +60,10 @@ fn assert_bounded(path: &Path) {
     assert!(peak <= MAX_FIXED_BYTES + MAX_RATIO * file_bytes, "{}: {peak} for {file_bytes} bytes", path.display());
 }
 
-/// Peak of memory while a scene is read, over what it holds in the end: geometry and texels. The file itself is among it.
+/// Largest ratio of peak memory, including the file, to the memory of the finished scene.
 const MAX_OVER_DECODED: usize = 3;
 
-fn assert_lean(path: &Path) {
+fn assert_bounded_by_scene(path: &Path) {
     let (scene, peak) = peak_bytes(path);
     let scene = scene.unwrap();
     let counts = SceneStats::of(&scene);
@@ -70,9 +71,9 @@ fn assert_lean(path: &Path) {
     assert!(peak <= MAX_OVER_DECODED * decoded, "{}: {peak} for {decoded} decoded bytes", path.display());
 }
 
-/// One test: the counters are those of the whole process.
+/// A single test, because the counters are global.
 #[test]
-fn memory_is_in_proportion_to_the_file() {
+fn memory_is_bounded() {
     let folder = tempfile::tempdir().unwrap();
     let header = |vertices: u64, faces: u64| {
         format!(
@@ -114,13 +115,13 @@ fn memory_is_in_proportion_to_the_file() {
         fs::write(&path, bytes).unwrap();
         assert_bounded(&path);
     }
-    let Some(models) = common::models("memory_is_in_proportion_to_the_file") else { return };
+    let Some(models) = folder::models("memory_is_bounded") else { return };
     for kind in ["obj", "ply"] {
         for entry in fs::read_dir(models.join("nasty").join(kind)).unwrap() {
             assert_bounded(&entry.unwrap().path());
         }
     }
     for file in ["kitchen/country_kitchen.glb", "sponza/sponza.gltf", "stanford/dragon_871k.glb"] {
-        assert_lean(&models.join(file));
+        assert_bounded_by_scene(&models.join(file));
     }
 }

@@ -1,15 +1,16 @@
-// Paths that wait for their rays, between kernels: each has the place of its sample, by work-group and pixel.
+// Path tracing split into three kernels (wavefront): a measured alternative to render/path. `benches/TRIED.md` has the timings.
+// Paths are stored between kernels, indexed by work-group and pixel of their sample.
 // use shared/path
 
 @group(1) @binding(5) var<storage, read_write> paths: array<Path>;
-/// Places of the paths that are on their way, and how many they are.
+/// Indices of the active paths, and their number.
 @group(1) @binding(6) var<storage, read> active_paths: array<u32>;
 @group(1) @binding(7) var<storage, read> n_active: array<u32>;
-/// What their rays met, in the same order.
+/// Hits of their rays, in the same order.
 @group(1) @binding(8) var<storage, read_write> hits: array<Hit>;
 
 // part queue
-// Places of the paths that go on, closed up: a work-group's beside each other.
+// Compacted indices of the paths that continue.
 
 @group(1) @binding(9) var<storage, read_write> next_active: array<u32>;
 @group(1) @binding(10) var<storage, read_write> n_next_active: array<atomic<u32>>;
@@ -17,10 +18,10 @@
 var<workgroup> n_of_group: atomic<u32>;
 var<workgroup> first_of_group: u32;
 
-/// Adds a place where `goes_on`. All invocations of a work-group come here together.
-fn enqueue(goes_on: bool, place: u32, local: u32) {
+/// Appends `place` if `is_active`. Must be called by all invocations of a work-group.
+fn enqueue(is_active: bool, place: u32, local: u32) {
     var at = 0u;
-    if goes_on {
+    if is_active {
         at = atomicAdd(&n_of_group, 1u);
     }
     workgroupBarrier();
@@ -28,7 +29,7 @@ fn enqueue(goes_on: bool, place: u32, local: u32) {
         first_of_group = atomicAdd(&n_next_active[0], atomicLoad(&n_of_group));
     }
     workgroupBarrier();
-    if goes_on {
+    if is_active {
         next_active[first_of_group + at] = place;
     }
 }

@@ -1,6 +1,4 @@
-// Takes each path on by what its ray met, and closes up those that go on.
-//
-// `?film` keeps what the others found.
+// Advances each path by the hit of its ray and compacts the paths that continue.
 // use shared/invocation/index
 // use alternatives/wavefront/paths
 // use alternatives/wavefront/paths/queue
@@ -8,14 +6,10 @@
 // use ?time
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = invocation(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
     var place = 0u;
-    var goes_on = false;
+    var is_active = false;
     if index < n_active[0] {
         place = active_paths[index];
         let one = taken(place / 64u, place % 64u);
@@ -27,12 +21,12 @@ fn main(
         if !is_incomplete {
             advance(&path, one, hit);
         }
-        goes_on = path.stage != DONE && !is_incomplete;
-        if goes_on {
+        is_active = path.stage != DONE && !is_incomplete;
+        if is_active {
             paths[place] = path;
         } else {
             keep(place / 64u, place % 64u, path.radiance, path.n_rays);
         }
     }
-    enqueue(goes_on, place, local);
+    enqueue(is_active, place, id.local);
 }

@@ -1,5 +1,5 @@
 // Principal axes of the corners of two children, each weighted by its area: sixteen, eleven or six corners.
-// Source: Ericson 2004; Sabino 2020, 3.5, variant 2, with the scatter of a box's corners in closed form.
+// Source: Ericson 2004; Sabino 2020, 3.5, variant 2, with the covariance of a box's corners in closed form.
 // use shared/build/eigen
 
 struct Moments {
@@ -16,7 +16,7 @@ fn add_square(moments: Moments, v: vec3<f32>, weight: f32) -> Moments {
     return sum;
 }
 
-/// Moments of a child's corners about the point `origin`, lengths over `size`.
+/// Moments of a child's corners about `origin`, in units of `size`.
 fn moments_of(content: Content, origin: vec3<f32>, size: f32, weight: f32) -> Moments {
     if content.is_box {
         let edges = sides(content);
@@ -36,7 +36,7 @@ fn moments_of(content: Content, origin: vec3<f32>, size: f32, weight: f32) -> Mo
     return add_square(moments, c - mean, weight / 3.0);
 }
 
-/// Greatest length of both from the middle of the first: what brings their moments near one.
+/// Largest extent of both from the center of the first. Dividing by it brings the moments near one.
 fn size_of(a: Content, b: Content) -> f32 {
     return max(size_from(a, a.center), size_from(b, a.center));
 }
@@ -57,7 +57,7 @@ fn bounded_frame(a: Content, b: Content) -> mat3x3<f32> {
     }
     let areas = vec2<f32>(content_area(a), content_area(b));
     let sum = areas.x + areas.y;
-    // Together of weight one; corners weigh where neither has any area.
+    // The weights sum to one. Corners count instead of areas if neither child has any area.
     let corners = vec2<f32>(select(3.0, 8.0, a.is_box), select(3.0, 8.0, b.is_box));
     let weights = select(corners / (corners.x + corners.y), areas / max(sum, 1e-37), sum > 1e-36);
     let of_a = moments_of(a, a.center, size, weights.x);

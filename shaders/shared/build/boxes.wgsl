@@ -1,4 +1,4 @@
-// The nodes' boxes: fifteen numbers each, midpoint, three axes, half-extents.
+// Boxes of the nodes, fifteen floats each: center, three axes, half-extents.
 // use shared/build/enclosure
 
 @group(0) @binding(5) var<storage, read_write> obbs: array<f32>;

@@ -1,15 +1,15 @@
-// What a node's child holds.
+// The child of a node: a box or a triangle.
 
-/// A box, all points `center + columns * q` with `|q[k]| <= half_extents[k]`; or a triangle, its corners the columns.
+/// A box, all points `center + columns * q` with `|q[k]| <= half_extents[k]`; or a triangle whose vertices are the columns.
 struct Content {
     is_box: bool,
-    /// Midpoint of a box, a corner of a triangle.
+    /// Center of a box, a vertex of a triangle.
     center: vec3<f32>,
     columns: mat3x3<f32>,
     half_extents: vec3<f32>,
 }
 
-/// The three edges from a box's midpoint to its faces.
+/// The three vectors from the center of a box to its faces.
 fn sides(box: Content) -> mat3x3<f32> {
     return mat3x3<f32>(box.columns[0] * box.half_extents.x, box.columns[1] * box.half_extents.y, box.columns[2] * box.half_extents.z);
 }
@@ -18,7 +18,7 @@ fn length_1(v: vec3<f32>) -> f32 {
     return abs(v.x) + abs(v.y) + abs(v.z);
 }
 
-/// Surface area: of a triangle both sides.
+/// Surface area; both sides of a triangle count.
 fn content_area(content: Content) -> f32 {
     let columns = content.columns;
     if !content.is_box {

@@ -1,4 +1,4 @@
-// A digit of a radix sort, and the tiles of keys that work-groups share out.
+// A digit of the radix sort, and the tiles of keys that work-groups process.
 // use shared/build/slice
 // const GROUP
 // const KEYS_EACH
@@ -15,12 +15,12 @@ struct Digit {
 
 @group(0) @binding(1) var<uniform> digit: Digit;
 
-/// Value of a key's digit.
+/// The digit of a key.
 fn digit_of(key: u32) -> u32 {
     return (key >> digit.shift) & (RADIX - 1u);
 }
 
-/// Tile of a work-group: a slice counts tiles. At or beyond `slice.end` there is none.
-fn tile_of(group: vec3<u32>, row: vec3<u32>) -> u32 {
-    return slice.first + group.y * row.x + group.x;
+/// Tile of a work-group. Tiles at or beyond `slice.end` do not exist.
+fn tile_of(id: Invocation) -> u32 {
+    return slice.first + group_index(id);
 }

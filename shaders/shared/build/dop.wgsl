@@ -1,5 +1,5 @@
-// Nodes of few leaves, which are measured leaf by leaf: cheaper than numbers that climb from each, and from a point of their own,
-// for far from the origin theirs are the boxes that pads would swell most.
+// Extents of small nodes, computed leaf by leaf and relative to a point of the node. This is cheaper than propagating them and
+// gives tighter boxes far from the origin, where pads would dominate.
 // use shared/build/enclosure
 // use shared/build/tree
 // use ?item
@@ -14,7 +14,7 @@ fn is_small(node: Node) -> bool {
     return node.last - node.first < SMALL_NODE_LEAVES;
 }
 
-/// The extent of all leaves from `first` to `last`.
+/// Extent of the leaves from `first` to `last`.
 fn extent_of_leaves(frame: mat3x3<f32>, origin: vec3<f32>, first: u32, last: u32) -> Extent {
     var extent = extent_of(frame, origin, item_content(leaves[first]));
     for (var leaf = first + 1u; leaf <= last; leaf++) {
@@ -23,11 +23,11 @@ fn extent_of_leaves(frame: mat3x3<f32>, origin: vec3<f32>, first: u32, last: u32
     return extent;
 }
 
-// A frame that no node chose.
+// A fixed frame, the same for all nodes.
 
 struct FixedFrame {
     frame: mat3x3<f32>,
-    /// Not less than the greatest row sum of |F^T F - 1|.
+    /// Upper bound of the greatest row sum of |F^T F - 1|.
     skewness: f32,
 }
 

@@ -1,23 +1,23 @@
 // Principal axes: eigenvectors of symmetric matrices.
 // use shared/build/frame
 
-/// Sweeps after which the iteration stops; convergence is quadratic.
-const MOST_SWEEPS: u32 = 6u;
+/// Maximum number of sweeps. Convergence is quadratic.
+const MAX_SWEEPS: u32 = 6u;
 
-/// Coupling left between axes: what `f32` holds anyway.
+/// Relative off-diagonal entry that counts as zero: the precision of `f32`.
 const COUPLING: f32 = 2.4e-7;
 
-/// Square of a coupling that counts as zero beside entries near one.
+/// Squared off-diagonal entry that counts as zero for entries near one.
 const NEGLIGIBLE: f32 = 1e-30;
 
-/// A symmetric matrix on its way to a diagonal one; entry k of `coupling` joins the two axes other than k.
+/// A symmetric matrix during diagonalization. Entry k of `coupling` is the off-diagonal entry of the two axes other than k.
 struct Diagonalization {
     diagonal: vec3<f32>,
     coupling: vec3<f32>,
     axes: mat3x3<f32>,
 }
 
-/// Turns axes p and q about axis r so that they are no longer coupled (Jacobi 1846).
+/// Rotates axes p and q about axis r so that their off-diagonal entry becomes zero (Jacobi 1846).
 fn jacobi_rotation(given: Diagonalization, p: u32, q: u32, r: u32) -> Diagonalization {
     var before = given;
     var rotated = given;
@@ -48,10 +48,11 @@ fn jacobi_rotation(given: Diagonalization, p: u32, q: u32, r: u32) -> Diagonaliz
     return rotated;
 }
 
-/// Orthonormal axes of a matrix with entries near one: diagonal xx, yy, zz, coupling yz, xz, xy; the longest first.
+/// Orthonormal eigenvectors of a matrix with entries near one, the longest axis first. `diagonal` is xx, yy, zz; `coupling` is
+/// yz, xz, xy.
 fn principal_axes(diagonal: vec3<f32>, coupling: vec3<f32>) -> mat3x3<f32> {
     var rotated = Diagonalization(diagonal, coupling, mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0));
-    for (var sweep = 0u; sweep < MOST_SWEEPS; sweep++) {
+    for (var sweep = 0u; sweep < MAX_SWEEPS; sweep++) {
         rotated = jacobi_rotation(rotated, 0u, 1u, 2u);
         rotated = jacobi_rotation(rotated, 0u, 2u, 1u);
         rotated = jacobi_rotation(rotated, 1u, 2u, 0u);

@@ -1,24 +1,25 @@
-// Boxes around children, never too small.
+// Boxes that enclose their children exactly.
 //
-// # How the pad is derived
-// With E = 2^-23: `+ - *` are off by at most E, whichever way they round, fused or not; what underflows may become zero.
-// Coordinates are dot products with the stored axes F, measured from `origin`. All lengths are sums of absolute components; D is
-// the greatest of the content from the origin, c that of the midpoint, and S = D + c.
+// # Derivation of the pad
+// Let E = 2^-23. `+ - *` have a relative error of at most E, for any rounding direction, fused or not; a result that underflows
+// may become zero. Coordinates are dot products with the stored axes F, relative to `origin`. All lengths are sums of absolute
+// components: D is the largest distance of the content from the origin, c that of the center, and S = D + c.
 //
-// * A difference to the origin, then a dot product, 1 + 3 roundings; a side's product, its dot product and the sum over three,
-//   1 + 3 + 2, and one for the ends: 8 E of D. The midpoint takes 5 E of c. The half-extent's difference and its sum with
-//   the pad take 2 E of S. With the lengths' own roundings and second order 12 E of S.
-// * A point's true coordinates are A^-1 F^T d with A = F^T F, which differ from F^T d by the greatest row sum r of |A - 1|,
-//   over 1 - r, of S. Where the sum is measured, 4 roundings an entry add 13 E a row. Frames with r > 2^-10 are refused.
+// * A difference with the origin and a dot product take 1 + 3 roundings. A side's product, its dot product, the sum of three,
+//   and the ends take 1 + 3 + 2 + 1: in total 8 E of D. The center takes 5 E of c. The difference for the half-extent and its
+//   sum with the pad take 2 E of S. Including the rounding of the lengths and second-order terms: 12 E of S.
+// * The true coordinates of a point are A^-1 F^T d with A = F^T F. They differ from F^T d by at most r / (1 - r) of S, where r
+//   is the greatest row sum of |A - 1|. Measuring that sum takes 4 roundings per entry, 13 E per row. Frames with r > 2^-10 are
+//   rejected.
 //
-// So the pad is (12 E + 1.01 r) S; TINY stands for what underflows in fewer than a thousand operations.
+// So the pad is (12 E + 1.01 r) S. TINY covers the underflow of fewer than a thousand operations.
 // use shared/build/content
 // use shared/build/slice
 
 const ROUNDING: f32 = 1.1920929e-7;
 const TINY: f32 = 1e-35;
 
-/// Most that axes may lack of being orthonormal: 2^-10.
+/// Largest accepted deviation from orthonormal axes: 2^-10.
 const SKEWNESS: f32 = 0.0009765625;
 
 struct Box {
@@ -30,7 +31,7 @@ struct Box {
 struct Extent {
     low: vec3<f32>,
     high: vec3<f32>,
-    /// D.
+    /// D in the derivation.
     size: f32,
 }
 
@@ -60,7 +61,7 @@ fn extent_of(frame: mat3x3<f32>, origin: vec3<f32>, content: Content) -> Extent 
     return Extent(min(min(ya, yb), yc), max(max(ya, yb), yc), size);
 }
 
-/// Greatest row sum of |F^T F - 1|, as measured.
+/// Greatest row sum of |F^T F - 1|, as computed.
 fn skewness(frame: mat3x3<f32>) -> f32 {
     let xy = abs(dot(frame[0], frame[1]));
     let yz = abs(dot(frame[1], frame[2]));
@@ -71,7 +72,7 @@ fn skewness(frame: mat3x3<f32>) -> f32 {
     return max(max(x, y), z);
 }
 
-/// The box along the axes of `frame` around both, which contains them exactly; of negative half-extents where the frame is refused.
+/// The box along `frame` that encloses both exactly; its half-extents are negative if the frame is rejected.
 fn enclosed(frame: mat3x3<f32>, a: Content, b: Content) -> Box {
     let origin = a.center;
     let both = joined_extents(extent_of(frame, origin, a), extent_of(frame, origin, b));
@@ -82,13 +83,13 @@ fn joined_extents(a: Extent, b: Extent) -> Extent {
     return Extent(min(a.low, b.low), max(a.high, b.high), max(a.size, b.size));
 }
 
-/// The box along the axes of `frame` around what has this extent from `origin`; `skew` is not less than r.
+/// The box along `frame` with this extent relative to `origin`; `skew` is an upper bound of r.
 fn box_around(frame: mat3x3<f32>, origin: vec3<f32>, extent: Extent, skew: f32) -> Box {
-    // Also what is no number is refused.
+    // This form also rejects NaN.
     if !(skew <= SKEWNESS) {
         return Box(origin, IDENTITY, vec3(-1.0));
     }
-    // Any midpoint will do, since half-extents are measured from it as stored.
+    // Any center is valid, because half-extents are measured from the stored value.
     let center = stored(origin + frame * (0.5 * (extent.low + extent.high)));
     let offset = center - origin;
     let middle = along(frame, offset);
@@ -96,18 +97,18 @@ fn box_around(frame: mat3x3<f32>, origin: vec3<f32>, extent: Extent, skew: f32) 
     return Box(center, frame, max(extent.high - middle, middle - extent.low) + pad);
 }
 
-/// The box along the axes of the space around an axis-aligned one: the difference, the product and the factor's own rounding take
-/// 3 E of the half-extent. A flat box stays flat.
+/// The box form of an axis-aligned box. The difference, the product and the factor's own rounding take 3 E of the half-extent.
+/// A flat box stays flat.
 fn box_from_aabb(low: vec3<f32>, high: vec3<f32>) -> Box {
     let middle = stored(0.5 * low + 0.5 * high);
-    // Compared as integers, for a small difference may be flushed to zero.
+    // Compared as integers, because a small difference may be flushed to zero.
     let flat = bitcast<vec3<u32>>(low) == bitcast<vec3<u32>>(high);
     let center = select(middle, low, flat);
     let half = max(high - center, center - low) * (1.0 + 4.0 * ROUNDING) + TINY;
     return Box(center, IDENTITY, select(half, vec3(0.0), flat));
 }
 
-/// Surface area of a box along orthonormal axes, over eight.
+/// Surface area of a box with orthonormal axes, divided by eight.
 fn half_area(half: vec3<f32>) -> f32 {
     return half.x * half.y + half.y * half.z + half.z * half.x;
 }

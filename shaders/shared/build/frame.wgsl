@@ -1,10 +1,10 @@
 // Orthonormal axes.
 // use shared/build/content
 
-/// Below this share of its length a vector left by projection is rounding, not direction.
+/// A projected vector shorter than this fraction of its length is rounding error, not a direction.
 const PARALLEL: f32 = 1e-5;
 
-/// A unit vector at right angles to the unit vector `x`: across its least component.
+/// A unit vector perpendicular to the unit vector `x`.
 fn across(x: vec3<f32>) -> vec3<f32> {
     let size = abs(x);
     if size.x <= size.y && size.x <= size.z {
@@ -16,8 +16,8 @@ fn across(x: vec3<f32>) -> vec3<f32> {
     return normalize(vec3<f32>(-x.y, x.x, 0.0));
 }
 
-/// The right-handed axes whose first is along `first` and whose second lies in the plane of both; both of lengths near one.
-/// The axes of the space for a first of zero, any second for one that is parallel.
+/// Right-handed axes: the first along `first`, the second in the plane of both arguments, whose lengths must be near one.
+/// Returns the identity if `first` is zero and any second axis if the arguments are parallel.
 fn axes_along(first: vec3<f32>, second: vec3<f32>) -> mat3x3<f32> {
     if !(dot(first, first) > 1e-12) {
         return mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
@@ -26,14 +26,14 @@ fn axes_along(first: vec3<f32>, second: vec3<f32>) -> mat3x3<f32> {
     let rest = second - x * dot(second, x);
     var y = across(x);
     if dot(rest, rest) > PARALLEL * PARALLEL {
-        // A short rest carries the rounding of the projection; a second one removes it.
+        // A short remainder carries the rounding of the projection; a second projection removes it.
         let unit = normalize(rest);
         y = normalize(unit - x * dot(unit, x));
     }
     return mat3x3<f32>(x, y, cross(x, y));
 }
 
-/// A triangle's axes: along its longest edge, in its plane, across it. `size` is a length near its own.
+/// Axes of a triangle: along its longest edge, in its plane, and the normal. `size` is a length of similar magnitude.
 fn triangle_axes(corners: mat3x3<f32>, size: f32) -> mat3x3<f32> {
     let ab = (corners[1] - corners[0]) / size;
     let bc = (corners[2] - corners[1]) / size;

@@ -1,16 +1,16 @@
-// Floats as integers: compared, joined and copied exactly, whatever a device does to small floats and signed zeros.
+// Floats as integers, compared and copied exactly, even where a device flushes subnormals or ignores the sign of zero.
 
-/// An integer in the order of the floats; never zero for a number, so that zero is below all.
+/// An unsigned integer with the order of the floats. It is never zero for a number, so zero is below all.
 fn ordered(bits: u32) -> u32 {
     return select(bits | 0x80000000u, ~bits, (bits & 0x80000000u) != 0u);
 }
 
-/// The float of [`ordered`].
+/// Inverse of `ordered`.
 fn unordered(key: u32) -> u32 {
     return select(~key, key & 0x7fffffffu, (key & 0x80000000u) != 0u);
 }
 
-/// The farther a box reaches, the greater: of its three low ends and its three high ends, given as bits of floats.
+/// Three minima and three maxima of a box as integers that grow with the box, from the bits of the floats.
 struct Reach {
     low: vec3<u32>,
     high: vec3<u32>,
@@ -30,7 +30,7 @@ fn reach_at(reach: Reach, k: u32) -> u32 {
     return select(reach.high[k % 3u], reach.low[k], k < 3u);
 }
 
-/// The float of one of the six numbers.
+/// The float bits of one of the six numbers.
 fn end_of(key: u32, k: u32) -> u32 {
     return unordered(select(key, ~key, k < 3u));
 }

@@ -4,12 +4,12 @@
 /// Square root of one half.
 const ROOT_HALF: f32 = 0.70710678;
 
-/// First `q`, then `p`.
+/// Rotation by `q`, then by `p`.
 fn product(p: vec4<f32>, q: vec4<f32>) -> vec4<f32> {
     return vec4<f32>(p.w * q.xyz + q.w * p.xyz + cross(p.xyz, q.xyz), p.w * q.w - dot(p.xyz, q.xyz));
 }
 
-/// The rotation of orthonormal right-handed axes; divides by the largest component (Shepperd 1978).
+/// The rotation of right-handed orthonormal axes; divides by the largest component (Shepperd 1978).
 fn quaternion_of(axes: mat3x3<f32>) -> vec4<f32> {
     let trace = axes[0].x + axes[1].y + axes[2].z;
     let squares = vec4<f32>(
@@ -35,14 +35,14 @@ fn quaternion_of(axes: mat3x3<f32>) -> vec4<f32> {
     return normalize(vec4<f32>(xz, yz, squares.z, turn.z));
 }
 
-/// The axes of a rotation of length one, made orthonormal once more.
+/// The axes of a unit quaternion, orthonormalized.
 fn axes_of(q: vec4<f32>) -> mat3x3<f32> {
     let x = vec3<f32>(1.0 - 2.0 * (q.y * q.y + q.z * q.z), 2.0 * (q.x * q.y + q.w * q.z), 2.0 * (q.x * q.z - q.w * q.y));
     let y = vec3<f32>(2.0 * (q.x * q.y - q.w * q.z), 1.0 - 2.0 * (q.x * q.x + q.z * q.z), 2.0 * (q.y * q.z + q.w * q.x));
     return axes_along(x, y);
 }
 
-/// The rotation of the cube onto itself nearest to `r`: along its largest component, its two largest, or all four.
+/// The rotational symmetry of the cube nearest to `r`: along its largest component, its two largest, or all four.
 fn nearest_symmetry(r: vec4<f32>) -> vec4<f32> {
     let size = abs(r);
     var first = 0u;
@@ -73,8 +73,8 @@ fn nearest_symmetry(r: vec4<f32>) -> vec4<f32> {
     return nearest * signs;
 }
 
-/// The axes between two, weighted, the second brought nearest to the first by a symmetry of the box.
-/// Source: Ericson 2004, 6.5.3, made safe; for equal weights the chordal mean (Markley et al. 2007).
+/// Weighted mean of two frames, after the symmetry of the box that brings the second nearest to the first.
+/// Source: Ericson 2004, 6.5.3, made robust; for equal weights the chordal mean (Markley et al. 2007).
 fn axes_between(a: mat3x3<f32>, b: mat3x3<f32>, weights: vec2<f32>) -> mat3x3<f32> {
     let p = quaternion_of(a);
     let q = quaternion_of(b);

@@ -1,14 +1,14 @@
-// Sums over the invocations of a work-group.
+// Prefix sums over the invocations of a work-group.
 
 var<workgroup> partial_sums: array<u32, GROUP>;
 
 struct Scanned {
-    /// Sum of the values before an invocation's own.
+    /// Sum of the values of the invocations before this one.
     before: u32,
     total: u32,
 }
 
-/// Sums one value an invocation; in uniform control flow only, for it waits. Source: Hillis and Steele 1986.
+/// Sums one value per invocation. Requires uniform control flow. Source: Hillis and Steele 1986.
 fn scan_group(local: u32, value: u32) -> Scanned {
     partial_sums[local] = value;
     workgroupBarrier();
@@ -22,7 +22,7 @@ fn scan_group(local: u32, value: u32) -> Scanned {
         workgroupBarrier();
     }
     let scanned = Scanned(partial_sums[local] - value, partial_sums[GROUP - 1u]);
-    // The memory may be used again at once.
+    // The caller may reuse the memory at once.
     workgroupBarrier();
     return scanned;
 }

@@ -1,7 +1,7 @@
-// Inner nodes and references to what is below and above them.
+// Inner nodes and references to their children and parents.
 //
-// A tree over the items from `first` on has its nodes in the slots from `first` on, the root first, and its last slot empty. A
-// left child is numbered by its last leaf, a right child by its first (Karras 2012).
+// A tree over the items that start at `first` uses the slots that start at `first`: the root first, the last slot unused. A
+// left child has the number of its last leaf, a right child that of its first (Karras 2012).
 
 const LEAF: u32 = 0x80000000u;
 const NONE: u32 = 0xffffffffu;
@@ -16,7 +16,7 @@ struct Node {
 }
 
 // part forest
-// The trees of a level, built together: each over a range of the level's items.
+// The trees of a level, built together. Each covers a range of the level's items.
 
 struct Range {
     first: u32,
@@ -25,7 +25,7 @@ struct Range {
 
 @group(3) @binding(0) var<storage, read> ranges: array<Range>;
 
-/// The tree that an item belongs to: the last whose range begins at the item or before it.
+/// The tree of an item: the last one whose range starts at or before the item.
 fn tree_of(item: u32) -> u32 {
     var low = 0u;
     var high = arrayLength(&ranges);

@@ -1,59 +1,59 @@
-// Triangles that give light, of instances that stand still; twin of crates/renderer/src/light/emitters.rs.
+// Emissive triangles of instances that do not move; twin of crates/renderer/src/light/emitters.rs.
 //
-// `?emission` tells what they emit at a point.
+// `?emission` gives the radiance at a point.
 // use shared/light/sample
 // use shared/light/tree
 // use shared/light/triangle
 // use shared/invocation/iterations
 // use ?emission
 
-/// A triangle that gives light, in the order of instances and primitives.
+/// An emissive triangle. Emitters are ordered by instance and primitive.
 struct Emitter {
-    /// First corner, world space.
+    /// First vertex, world space.
     corner: vec3<f32>,
     instance: u32,
-    /// From the first corner to the second.
+    /// From the first vertex to the second.
     first: vec3<f32>,
     primitive: u32,
-    /// From the first corner to the third.
+    /// From the first vertex to the third.
     second: vec3<f32>,
-    /// Its leaf in the tree.
+    /// Leaf in the light tree.
     leaf: u32,
-    /// Emitted radiance where no texture says otherwise.
+    /// Emitted radiance, before textures.
     radiance: vec3<f32>,
-    /// Distance that rays keep off it, along each axis.
+    /// Distance along each axis that rays keep from the triangle.
     slack: f32,
 }
 
 @group(3) @binding(5) var<storage, read> emitters: array<Emitter>;
 
-/// Light from a point of an emitter; none where it is black or cut out.
+/// Light from a point of an emitter; none where it is black or transparent.
 fn sample_emitter(number: u32, at: vec3<f32>, square: vec2<f32>) -> LightSample {
     let emitter = emitters[number];
     let point = sample_triangle(emitter.corner, emitter.first, emitter.second, at, square);
     let place = emitter.corner + (point.weights.x * emitter.first + point.weights.y * emitter.second);
-    let way = (emitter.corner - at) + (point.weights.x * emitter.first + point.weights.y * emitter.second);
-    if point.density <= 0.0 || dot(way, way) < LEAST_SQUARE {
+    let delta = (emitter.corner - at) + (point.weights.x * emitter.first + point.weights.y * emitter.second);
+    if point.density <= 0.0 || dot(delta, delta) < MIN_SQUARE {
         return no_light();
     }
-    let to_light = normalize(way);
+    let to_light = normalize(delta);
     let radiance = emitted_by(emitter, point.weights, to_light);
     if all(radiance <= vec3(0.0)) {
         return no_light();
     }
-    // The ray ends as far off the emitter as rays leave from there, so that rounding never lets it end behind.
+    // The ray ends as far from the emitter as rays start from it, so that rounding never makes it end behind the emitter.
     let normal = normal_of(cross(emitter.first, emitter.second));
-    let off = normal * (-sign_of(dot(normal, way)) * emitter.slack * dot(abs(normal), vec3(1.0)));
+    let off = normal * (-sign_of(dot(normal, delta)) * emitter.slack * dot(abs(normal), vec3(1.0)));
     let weighed = bounded(radiance * quotient(1.0, point.density));
     return LightSample(IncomingLight(to_light, point.density, weighed, FINITE, place + off), NO_SHAPE_LIGHT, true);
 }
 
-/// Number of the emitter of a hit; the count of all if it moves, has no area or is black all over.
+/// Index of the emitter of a hit; the number of emitters if it moves, has no area or is black.
 fn emitter_of(instance: u32, primitive: u32) -> u32 {
     let n = arrayLength(&emitters);
     var first = 0u;
     var last = n;
-    // Halves until one is left.
+    // Binary search.
     loop {
         iterations += 1u;
         if first >= last {
@@ -73,7 +73,7 @@ fn emitter_of(instance: u32, primitive: u32) -> u32 {
     return n;
 }
 
-/// Density of a unit direction that meets a triangle, the choice of the triangle included.
+/// Density of a unit direction that hits a triangle, including the probability of choosing it.
 fn emitter_density(receiver: Receiver, instance: u32, primitive: u32, direction: vec3<f32>) -> f32 {
     let number = emitter_of(instance, primitive);
     if number >= arrayLength(&emitters) {

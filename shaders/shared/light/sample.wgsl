@@ -6,19 +6,18 @@ struct Receiver {
     transmits: bool,
     /// Unit normal of the triangle.
     normal: vec3<f32>,
-    /// Unit normal to shade with.
+    /// Unit shading normal.
     shading_normal: vec3<f32>,
 }
 
-// Light from one direction, chosen among all.
+// Samples of the light from one direction.
 // use shared/light/incoming
 
-/// What a sample of light is worth, and what must be clear for it to arrive.
+/// Contribution of a sampled light, and its shadow ray.
 struct LightSample {
-    /// Radiance over the density of its choice; its density is 0 for a light without extent, which no other technique
-    /// finds.
+    /// Radiance over the density of the choice. The density is 0 for a light without extent, which no other technique samples.
     incoming: IncomingLight,
-    /// Number of the body it comes from; `NO_SHAPE_LIGHT` for what is none.
+    /// Index of the shape light; `NO_SHAPE_LIGHT` for other lights.
     shape_light: u32,
     /// Whether it is the emission of a surface.
     is_emission: bool,
@@ -30,7 +29,7 @@ fn no_light() -> LightSample {
     return LightSample(no_incoming_light(), NO_SHAPE_LIGHT, false);
 }
 
-/// A sample of a light that was chosen with a probability.
+/// A sample of a light chosen with this probability.
 fn chosen_with(probability: f32, found: LightSample) -> LightSample {
     var sample = found;
     sample.incoming.radiance = bounded(found.incoming.radiance * quotient(1.0, probability));

@@ -1,13 +1,12 @@
-// One light chosen for a point, and how likely the choice was; twin of crates/renderer/src/light/sampler.rs.
+// Chooses one light for a point, with the probability of the choice; twin of crates/renderer/src/light/sampler.rs.
 //
-// `?local` are the lights that have a place, `?skylight` the sky, `?suns` what shines from one direction.
+// `?local` are lights with a position, `?skylight` the sky, `?suns` directional lights.
 // use shared/light/sample
 // use ?local
 // use ?skylight
 // use ?suns
 
-/// What is chosen first: shares that are the same everywhere, of all lights that have a place and of the sky. Suns have
-/// the rest.
+/// Probabilities of the first choice, the same for all points: local lights and the sky. Suns have the rest.
 struct LightShares {
     local: f32,
     sky: f32,
@@ -15,7 +14,7 @@ struct LightShares {
 
 @group(3) @binding(6) var<uniform> light_shares: LightShares;
 
-/// Light that would arrive at a receiver, from a number in `[0, 1)` that chooses and a point of the unit square.
+/// Samples the light at a receiver, from a number in `[0, 1)` that chooses and a point of the unit square.
 fn sample_light(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSample {
     if choice < light_shares.local {
         let rest = min(choice / light_shares.local, 0.99999994);
@@ -28,17 +27,17 @@ fn sample_light(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSamp
     return sample_sun(rest - light_shares.sky);
 }
 
-/// Density with which `sample_light` finds the sky in a unit direction.
+/// Density of the sky in a unit direction under `sample_light`.
 fn sky_light_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
     return light_shares.sky * sky_density(receiver, direction);
 }
 
-/// Density with which `sample_light` finds a unit direction that meets a triangle.
+/// Density of a unit direction that hits a triangle under `sample_light`.
 fn surface_light_density(receiver: Receiver, instance: u32, primitive: u32, direction: vec3<f32>) -> f32 {
     return light_shares.local * emitter_density(receiver, instance, primitive, direction);
 }
 
-/// Density with which `sample_light` finds a unit direction that meets a body of the list.
+/// Density of a unit direction that hits a shape light under `sample_light`.
 fn shape_light_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
     return light_shares.local * shape_density(receiver, number, direction);
 }

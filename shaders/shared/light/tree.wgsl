@@ -1,49 +1,49 @@
-// A light chosen by what it might do to a point; twin of crates/renderer/src/light/{tree,bounds}.rs.
+// Light tree: chooses a light by its estimated contribution; twin of crates/renderer/src/light/{tree,bounds}.rs.
 //
-// Importance is never a number of its own here, for the square of a distance times an intensity may leave the range of
-// f32: siblings are compared by quotients.
+// A squared distance times an intensity may exceed the range of f32. So importance is never computed by itself; siblings are
+// compared by quotients.
 // use shared/numbers
 // use shared/light/sample
 // use shared/invocation/iterations
 
-/// A cluster of lights: a ball, and the cone by its cosines. World space.
+/// A cluster of lights: bounding sphere, and normal cone by cosines. World space.
 struct LightNode {
     middle: vec3<f32>,
     radius: f32,
     /// Unit vector.
     axis: vec3<f32>,
-    /// Cosine of the angle to a light's axis beyond which it is dark.
+    /// Cosine of the emission angle around a light's axis, beyond which it does not emit.
     cos_reach: f32,
-    /// Cosine and sine of the angle between `axis` and any light's own.
+    /// Cosine and sine of the largest angle between `axis` and the axis of any light.
     spread: vec2<f32>,
-    /// Above zero; a share of that of all lights.
+    /// Positive, relative to the total of all lights.
     intensity: f32,
     is_two_sided: u32,
     parent: u32,
-    /// The first of two children that stand side by side; 0 for a leaf, for the root is no child.
+    /// First of two adjacent children; 0 for a leaf, because the root is never a child.
     first_child: u32,
-    /// Of a leaf: `EMITTER` and a number among the emitters, or a number of the list.
+    /// For a leaf: `EMITTER` and the index of an emitter, or the index of a listed light.
     light: u32,
 }
 
-/// Marks lights of the tree that are emitting triangles.
+/// Marks emissive triangles among the leaves.
 const EMITTER: u32 = 0x80000000u;
 
 @group(3) @binding(4) var<storage, read> light_nodes: array<LightNode>;
 
-/// What a cluster might do: at `strength` 0 nothing.
+/// Importance of a cluster: none if `strength` is 0.
 struct LightImportance {
     strength: f32,
     distance_squared: f32,
 }
 
-/// A leaf of the tree and its probability; 0 where no light reaches the receiver.
+/// A leaf of the tree and its probability; 0 if no light reaches the receiver.
 struct Chosen {
     light: u32,
     probability: f32,
 }
 
-/// Half the angle of a cone, as cosine and sine, reduced by another; none where that is the greater.
+/// `angle` minus `other`, both as cosine and sine; zero if `other` is larger.
 fn angle_minus(angle: vec2<f32>, other: vec2<f32>) -> vec2<f32> {
     if angle.x >= other.x {
         return vec2(1.0, 0.0);
@@ -51,26 +51,26 @@ fn angle_minus(angle: vec2<f32>, other: vec2<f32>) -> vec2<f32> {
     return vec2(dot(angle, other), angle.y * other.x - angle.x * other.y);
 }
 
-/// The angle between unit vectors; its sine keeps its digits where the cosine is near 1.
+/// The angle between unit vectors. The sine stays precise where the cosine is near 1.
 fn angle_between(a: vec3<f32>, b: vec3<f32>) -> vec2<f32> {
     return vec2(clamp(dot(a, b), -1.0, 1.0), length(cross(a, b)));
 }
 
 fn light_importance(node: LightNode, receiver: Receiver) -> LightImportance {
-    let way = receiver.position - node.middle;
-    let square = dot(way, way);
+    let delta = receiver.position - node.middle;
+    let square = dot(delta, delta);
     let radius_squared = node.radius * node.radius;
-    let distance_squared = max(max(square, radius_squared), LEAST_SQUARE);
-    let distance = sqrt(max(square, LEAST_SQUARE));
-    // Half the angle under which the ball is seen; all around from within.
+    let distance_squared = max(max(square, radius_squared), MIN_SQUARE);
+    let distance = sqrt(max(square, MIN_SQUARE));
+    // Half-angle of the bounding sphere as seen by the receiver; pi from inside.
     var ball = vec2(-1.0, 0.0);
     if square > radius_squared {
         let sine = node.radius / distance;
         ball = vec2(sqrt(max((1.0 - sine) * (1.0 + sine), 0.0)), sine);
     }
-    // A light without extent in the receiver shines, if it does, from all sides.
-    let direction = way / distance;
-    let is_apart = square >= LEAST_SQUARE;
+    // A light at the position of the receiver counts for all directions.
+    let direction = delta / distance;
+    let is_apart = square >= MIN_SQUARE;
     var emitted = vec2(1.0, 0.0);
     var received = 1.0;
     if is_apart {
@@ -83,14 +83,14 @@ fn light_importance(node: LightNode, receiver: Receiver) -> LightImportance {
         }
     }
     emitted = angle_minus(angle_minus(emitted, node.spread), ball);
-    // A rounding more than the cosines have, so that no light at its horizon is lost.
+    // More tolerance than the rounding of the cosines, so that no light at its horizon is lost.
     if emitted.x < node.cos_reach - 1e-6 {
         return LightImportance(0.0, distance_squared);
     }
     return LightImportance(max(node.intensity * emitted.x, 0.0) * max(received, 0.0), distance_squared);
 }
 
-/// The probabilities of two siblings; both zero where neither has any.
+/// Probabilities of two siblings; both zero if neither has any importance.
 fn shares_of(first: u32, receiver: Receiver) -> vec2<f32> {
     let a = light_importance(light_nodes[first], receiver);
     let b = light_importance(light_nodes[first + 1u], receiver);
@@ -99,13 +99,13 @@ fn shares_of(first: u32, receiver: Receiver) -> vec2<f32> {
     }
     let nearest = min(a.distance_squared, b.distance_squared);
     let strongest = max(a.strength, b.strength);
-    // Neither is zero, however weak and far.
+    // Neither becomes zero, however weak and far.
     let x = max(a.strength / strongest * (nearest / a.distance_squared), 1e-30);
     let y = max(b.strength / strongest * (nearest / b.distance_squared), 1e-30);
     return vec2(x, y) / (x + y);
 }
 
-/// A light, from a number in `[0, 1)`.
+/// Chooses a light from a number in `[0, 1)`.
 fn choose_light(receiver: Receiver, number: f32) -> Chosen {
     var choice = number;
     var node = 0u;
@@ -117,7 +117,7 @@ fn choose_light(receiver: Receiver, number: f32) -> Chosen {
             break;
         }
         let shares = shares_of(first, receiver);
-        // The second is taken only if it has a share: the first of a pair without a second has all of it.
+        // The second needs a positive share: if it has none, the first has all.
         let is_second = choice >= shares.x;
         let share = select(shares.x, shares.y, is_second);
         if share <= 0.0 {
@@ -130,7 +130,7 @@ fn choose_light(receiver: Receiver, number: f32) -> Chosen {
     return Chosen(light_nodes[node].light, probability);
 }
 
-/// The probability with which `choose_light` finds the light of a leaf.
+/// The probability that `choose_light` chooses a leaf.
 fn light_probability(leaf: u32, receiver: Receiver) -> f32 {
     var child = leaf;
     var probability = 1.0;

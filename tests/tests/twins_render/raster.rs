@@ -5,7 +5,7 @@
 
 use canted_gpu::Gpu;
 use canted_renderer::{
-    DevicePicture, Integrator, Levels, Lod, Masked, Prepared, Seen, Settings, Surface, Surfaces, Tracer, View,
+    DevicePicture, Integrator, Levels, Lod, Masked, Prepared, Settings, Surface, SurfaceInfo, Surfaces, Tracer, View,
 };
 use canted_scene::{Camera, Scene};
 use canted_trace::{Hit, Watertight};
@@ -76,7 +76,7 @@ fn shape(scene: &Scene, hit: &Hit) -> [f64; 2] {
 /// What is wrong with a pixel, if anything: nothing is said of what may differ by roundings.
 fn differs(
     scene: &Scene,
-    seen: &Seen,
+    seen: &SurfaceInfo,
     hit: &Hit,
     surface: &Surface,
     direction: [f32; 3],
@@ -104,7 +104,7 @@ fn differs(
 }
 
 /// Pixels that differ where rays say they must not, and the share of those that lie on edges.
-fn wrong(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels, spoil: fn(&mut Seen)) -> (Vec<String>, f64) {
+fn wrong(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels, spoil: fn(&mut SurfaceInfo)) -> (Vec<String>, f64) {
     let settings = settings();
     let prepared = prepared(scene, levels);
     let surfaces = Surfaces::with_lod(scene, settings.lod);
@@ -163,7 +163,7 @@ fn a_raster_pass_sees_what_primary_rays_see() {
 fn another_point_or_colour_is_seen() {
     let Some(gpu) = gpu("another_point_or_colour_is_seen") else { return };
     let (scene, camera) = scenes::textured();
-    let n_wrong = |spoil: fn(&mut Seen)| wrong(&gpu, &scene, &camera, Levels::One, spoil).0.len();
+    let n_wrong = |spoil: fn(&mut SurfaceInfo)| wrong(&gpu, &scene, &camera, Levels::One, spoil).0.len();
     assert!(n_wrong(|seen| seen.position[0] += 0.002) > 1000);
     assert!(n_wrong(|seen| seen.shading_normal[1] += 0.01) > 1000);
     assert!(n_wrong(|seen| seen.albedo[2] += 0.02) > 1000);

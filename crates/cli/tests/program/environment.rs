@@ -51,8 +51,8 @@ fn invalid_environments_are_rejected() {
     let folder = folder();
     folder.write("text.exr", "text");
     folder.write("cut.hdr", &folder.bytes("two.hdr")[..40]);
-    render(&folder, "--env absent.hdr").refused(&["absent.hdr", "cannot be read"]);
-    render(&folder, "--env text.exr").refused(&["text.exr", "neither Radiance HDR nor OpenEXR"]);
+    render(&folder, "--env absent.hdr").refused(&["absent.hdr", "cannot read file"]);
+    render(&folder, "--env text.exr").refused(&["text.exr", "expected Radiance HDR or OpenEXR"]);
     render(&folder, "--env cut.hdr").refused(&["cut.hdr"]);
     render(&folder, "--env two.jpg").refused(&["--env", "use R,G,B or a .hdr or .exr file"]);
     render(&folder, "--env 1,1,1 --env-scale -1").refused(&["--env-scale"]);

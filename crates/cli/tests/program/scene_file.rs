@@ -99,8 +99,8 @@ fn errors_are_reported_with_their_line_and_nothing_is_written() {
         ("[settings]\nsize = '0x3'", &["line 5", "`size`", "0x3"]),
         ("[settings]\nfov = 30", &["line 5", "`fov`", "[camera]"]),
         ("[settings]\nthreads = 1", &["line 5", "`threads`"]),
-        ("[camera]\neye = [0, 0, nan]\ntarget = [0, 0, 0]", &["line 5", "`eye`", "nan"]),
-        ("[light]\n", &["line 4", "`light`", "`lights`"]),
+        ("[camera]\neye = [0, 0, nan]\ntarget = [0, 0, 0]", &["line 5", "'eye'", "nan"]),
+        ("[light]\n", &["line 4", "'light'", "'lights'"]),
     ];
     for (text, words) in cases {
         folder.write("s.toml", format!("{asset}{text}"));

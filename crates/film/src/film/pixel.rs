@@ -31,7 +31,7 @@ impl Pixel {
 
     /// As [`Self::of`] a sample that weighs 1 or, where a filter is negative, -1.
     #[must_use]
-    pub fn weighed(radiance: [f32; 3], weight: f32) -> Self {
+    pub fn weighted(radiance: [f32; 3], weight: f32) -> Self {
         let sample = Self::of(radiance);
         if weight >= 0.0 {
             return sample;
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn negative_samples_count_down() {
-        let sample = |x: f32, weight: f32| Pixel::weighed([x; 3], weight);
+        let sample = |x: f32, weight: f32| Pixel::weighted([x; 3], weight);
         let pixel = sample(2.0, 1.0) + sample(3.0, 1.0) + sample(1.0, -1.0);
         assert_eq!((pixel.n_samples, pixel.n_negative, pixel.mean()), (3, 1, [4.0; 3]));
         assert_eq!(sample(2.0, -1.0).mean(), [2.0; 3]);

@@ -44,7 +44,7 @@ pub(super) fn frame(points: &[[f32; 3]]) -> Frame {
     }
     let normal = cross(base, sub(r, p));
     let apexes = extremes(points(), normal);
-    let measured = std::array::from_fn(|i| if i < corners.len() { corners[i] } else { apexes[i - corners.len()] });
+    let measured = core::array::from_fn(|i| if i < corners.len() { corners[i] } else { apexes[i - corners.len()] });
     let mut search = Search { measured, best: (f64::INFINITY, Obb::IDENTITY_FRAME) };
     search.add_triangle(p, q, r);
     for apex in apexes {

@@ -47,8 +47,8 @@ pub enum FitError {
     },
 }
 
-impl std::fmt::Display for FitError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl core::fmt::Display for FitError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Empty => write!(f, "no points to fit a box to"),
             Self::NotFinite { index } => write!(f, "point {index} is not finite"),
@@ -59,7 +59,7 @@ impl std::fmt::Display for FitError {
     }
 }
 
-impl std::error::Error for FitError {}
+impl core::error::Error for FitError {}
 
 /// Fits a box to `points`, its axes chosen by `method`, in the space of the points.
 ///

@@ -1,4 +1,4 @@
-use std::f64::consts::FRAC_1_SQRT_2;
+use core::f64::consts::FRAC_1_SQRT_2;
 
 use crate::frame::{self, Frame};
 use crate::{Obb, Quaternion, bound_boxes, rotation, vector};
@@ -65,6 +65,6 @@ fn nearest_symmetry(r: Quaternion) -> Quaternion {
     } else {
         nearest = [0.5; 4];
     }
-    let [w, x, y, z] = std::array::from_fn(|k| nearest[k].copysign(components[k]));
+    let [w, x, y, z] = core::array::from_fn(|k| nearest[k].copysign(components[k]));
     Quaternion { w, x, y, z }
 }

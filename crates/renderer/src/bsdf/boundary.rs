@@ -1,4 +1,4 @@
-//! The boundary seen from one direction: its base, its layer, and with which probability each is sampled.
+//! The layered boundary for one outgoing direction: diffuse base, microfacets, and sampling probabilities.
 
 use std::f32::consts::PI;
 
@@ -7,36 +7,36 @@ use super::vector::{dot, mean, unit};
 use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, fresnel};
 use crate::sampling::cosine_hemisphere;
 
-/// The least difference of `eta` from 1 that bends light of a rough boundary; below, it passes straight.
+/// The minimum difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
 ///
-/// A half vector is the sum of vectors that then nearly cancel, and has an error of 2⁻²³ over this difference: 1/64
-/// of the width of the narrowest lobe.
-const MIN_IOR_STEP: f32 = 1.0 / 128.0;
+/// The half vector is then a sum of nearly opposite vectors. Its error of 2⁻²³ over this difference is 1/64 of the
+/// width of the narrowest lobe.
+const MIN_ETA_DIFFERENCE: f32 = 1.0 / 128.0;
 
-/// A material from one outgoing direction.
+/// A BSDF with a fixed outgoing direction.
 pub(super) struct Boundary<'a> {
     bsdf: &'a Bsdf,
     outgoing: [f32; 3],
     is_inside: bool,
-    /// Index of the far side over that of the side of `outgoing`.
+    /// Index of refraction of the far side over that of the side of `outgoing`.
     eta: f32,
-    /// `None` for a mirror.
+    /// `None` for a perfect mirror.
     facets: Option<Ggx>,
     diffuse_probability: f32,
 }
 
-/// What a facet does with the light of one direction.
+/// Reflection and transmission of a microfacet.
 struct Facet {
     reflected: [f32; 3],
     transmitted: [f32; 3],
-    /// That a sample which found this facet is reflected; the rest is transmitted.
+    /// Probability of sampling reflection; the rest is transmission.
     reflection_probability: f32,
 }
 
-/// A sampled direction, and for one that only a mirror or a clear boundary makes all there is to know.
+/// A sampled direction. A delta lobe provides the complete sample.
 pub(super) enum Choice {
     Direction([f32; 3]),
-    Mirrored(BsdfSample),
+    Delta(BsdfSample),
 }
 
 impl<'a> Boundary<'a> {
@@ -45,29 +45,29 @@ impl<'a> Boundary<'a> {
         let eta = if is_inside { 1.0 / bsdf.ior } else { bsdf.ior };
         let facets = Ggx::of_roughness(bsdf.roughness);
         let mut boundary = Self { bsdf, outgoing, is_inside, eta, facets, diffuse_probability: 0.0 };
-        boundary.diffuse_probability = boundary.share_of_base();
+        boundary.diffuse_probability = boundary.base_probability();
         boundary
     }
 
-    /// What comes from `incident`, whose z is not 0.
+    /// Evaluates all lobes; the z of `incident` is not 0.
     pub(super) fn evaluate(&self, incident: [f32; 3]) -> Evaluation {
         if incident[2] > 0.0 { self.reflected(incident) } else { self.transmitted(incident) }
     }
 
-    /// Light that leaves on the side it came from.
+    /// Light from the side of `outgoing`.
     fn reflected(&self, incident: [f32; 3]) -> Evaluation {
         let lambert = incident[2] / PI;
         let base = self.base(incident[2]);
         let diffuse = Evaluation { value: base.map(|c| c * lambert), density: self.diffuse_probability * lambert };
         let Some(facets) = self.facets else { return diffuse };
-        let gloss = self.mirrored(facets, incident, |facet| (facet.reflected, facet.reflection_probability));
+        let coat_reflectance = self.mirrored(facets, incident, |facet| (facet.reflected, facet.reflection_probability));
         Evaluation {
-            value: std::array::from_fn(|k| diffuse.value[k] + gloss.value[k]),
-            density: diffuse.density + gloss.density,
+            value: std::array::from_fn(|k| diffuse.value[k] + coat_reflectance.value[k]),
+            density: diffuse.density + coat_reflectance.density,
         }
     }
 
-    /// Light that comes through.
+    /// Transmitted light.
     fn transmitted(&self, incident: [f32; 3]) -> Evaluation {
         match self.facets {
             Some(facets) if self.bsdf.transmission > 0.0 => {
@@ -82,22 +82,22 @@ impl<'a> Boundary<'a> {
         }
     }
 
-    /// Facets that mirror `incident` into `outgoing`, with a share of the light and of the samples.
+    /// Microfacets that reflect `incident` into `outgoing`; `part` selects the facet's factor and probability.
     fn mirrored(&self, facets: Ggx, incident: [f32; 3], part: impl Fn(&Facet) -> ([f32; 3], f32)) -> Evaluation {
         let normal = unit(std::array::from_fn(|k| self.outgoing[k] + incident[k]));
         let (color, probability) = part(&self.facet(dot(self.outgoing, normal)));
         let area = facets.distribution(normal) * facets.masking(self.outgoing[2], incident[2]);
-        // Four times the cosine to the facet is the stretch of normals to directions; the cosine cancels.
+        // The Jacobian is 1 over four times the cosine to the facet; the cosine cancels.
         let density = facets.density(self.outgoing[2], normal) / 4.0;
         Evaluation { value: color.map(|c| c * area), density: (1.0 - self.diffuse_probability) * probability * density }
     }
 
-    /// Facets that refract `incident` into `outgoing`, after Walter et al. 2007, equations 16, 17 and 21.
+    /// Microfacets that refract `incident` into `outgoing`. Source: Walter et al. 2007, equations 16, 17 and 21.
     fn refracted(&self, facets: Ggx, incident: [f32; 3]) -> Evaluation {
-        if !self.bends() {
+        if !self.refracts() {
             return Evaluation::default();
         }
-        // It lies along no + eta·ni, on the side of the thinner medium.
+        // The normal is along no + eta·ni, on the side of the thinner medium.
         let sum = unit(std::array::from_fn(|k| self.outgoing[k] + self.eta * incident[k]));
         let normal = if sum[2] < 0.0 { sum.map(|x| -x) } else { sum };
         let (near, far) = (dot(self.outgoing, normal), dot(incident, normal));
@@ -105,21 +105,21 @@ impl<'a> Boundary<'a> {
             return Evaluation::default();
         }
         let facet = self.facet(near);
-        // The stretch of normals to directions; by Snell's law the sum is at least 1 - 1/eta, absolute.
-        let stretch = -far / (far + near / self.eta).powi(2);
+        // The Jacobian of refraction; by Snell's law the absolute value of the sum is at least 1 - 1/eta.
+        let jacobian = -far / (far + near / self.eta).powi(2);
         let masking = 4.0 * near * facets.masking(self.outgoing[2], -incident[2]);
-        let area = facets.distribution(normal) * masking * stretch / (self.eta * self.eta);
-        let density = near * facets.density(self.outgoing[2], normal) * stretch;
+        let area = facets.distribution(normal) * masking * jacobian / (self.eta * self.eta);
+        let density = near * facets.density(self.outgoing[2], normal) * jacobian;
         let probability = (1.0 - self.diffuse_probability) * (1.0 - facet.reflection_probability);
         Evaluation { value: facet.transmitted.map(|c| c * area), density: probability * density }
     }
 
-    /// A direction by one of the lobes; `None` where a facet sends the light to another facet.
+    /// Samples a direction from one of the lobes; `None` if the light is lost between microfacets.
     pub(super) fn sample(&self, square: [f32; 2], choice: f32) -> Option<Choice> {
         if choice < self.diffuse_probability {
             return Some(Choice::Direction(cosine_hemisphere(square)));
         }
-        // What is left of the number chooses once more.
+        // Rescale the random number for the next choice.
         let choice = (choice - self.diffuse_probability) / (1.0 - self.diffuse_probability);
         let normal = self.facets.map_or([0.0, 0.0, 1.0], |facets| facets.sample(self.outgoing, square));
         let facet = self.facet(dot(self.outgoing, normal));
@@ -145,12 +145,12 @@ impl<'a> Boundary<'a> {
             return (z >= MIN_COSINE).then_some(Choice::Direction([x, y, -z]));
         }
         let color = facet.transmitted.map(|c| c / (self.eta * self.eta));
-        if self.facets.is_some() && !self.bends() {
+        if self.facets.is_some() && !self.refracts() {
             return self.mirror(self.outgoing.map(|x| -x), color, probability);
         }
         let cosine = dot(self.outgoing, normal);
         let refracted = fresnel::refracted_cosine(cosine, self.eta)?;
-        // Snell's law divides the tangential part by eta, and its error if the far side is the thinner.
+        // Snell's law divides the tangential part, and its error, by eta.
         let tangent = |k: usize| self.outgoing[k] - cosine * normal[k];
         let incident = unit(std::array::from_fn(|k| -tangent(k) / self.eta - refracted * normal[k]));
         if self.facets.is_none() {
@@ -159,12 +159,12 @@ impl<'a> Boundary<'a> {
         (incident[2] <= -MIN_COSINE).then_some(Choice::Direction(incident))
     }
 
-    /// The only direction of its lobe.
+    /// A sample of a delta lobe.
     fn mirror(&self, incident: [f32; 3], color: [f32; 3], probability: f32) -> Option<Choice> {
         let probability = probability * (1.0 - self.diffuse_probability);
         let weight = color.map(|c| c / probability);
         let is_transmitted = incident[2] < 0.0;
-        (probability > 0.0).then_some(Choice::Mirrored(BsdfSample {
+        (probability > 0.0).then_some(Choice::Delta(BsdfSample {
             incident,
             weight,
             density: 0.0,
@@ -173,49 +173,49 @@ impl<'a> Boundary<'a> {
         }))
     }
 
-    /// Whether a rough boundary bends light by more than rounding does.
-    fn bends(&self) -> bool {
-        (self.eta - 1.0).abs() >= MIN_IOR_STEP
+    /// Whether a rough boundary refracts noticeably.
+    fn refracts(&self) -> bool {
+        (self.eta - 1.0).abs() >= MIN_ETA_DIFFERENCE
     }
 
     fn facet(&self, cosine: f32) -> Facet {
         let Bsdf { base_color, metallic, transmission, .. } = *self.bsdf;
-        // Rounding may leave the cosine just outside.
+        // Rounding may exceed the range slightly.
         let cosine = cosine.clamp(0.0, 1.0);
-        let layer = self.layer(cosine);
-        let gloss = (1.0 - metallic) * layer * if self.is_inside { transmission } else { 1.0 };
-        let reflected = base_color.map(|c| metallic * fresnel::schlick(cosine, c) + gloss);
-        let through = (1.0 - metallic) * transmission * (1.0 - layer);
+        let coat = self.coat(cosine);
+        let coat_reflectance = (1.0 - metallic) * coat * if self.is_inside { transmission } else { 1.0 };
+        let reflected = base_color.map(|c| metallic * fresnel::schlick(cosine, c) + coat_reflectance);
+        let through = (1.0 - metallic) * transmission * (1.0 - coat);
         let transmitted = base_color.map(|c| through * c);
         let (r, t) = (mean(reflected), mean(transmitted));
         Facet { reflected, transmitted, reflection_probability: if t > 0.0 { r / (r + t) } else { 1.0 } }
     }
 
-    /// Albedo of the diffuse base under the layer, for light of this cosine; from inside it lies before the layer.
+    /// Albedo of the diffuse base below the coat, at an incident cosine; from inside there is no coat in front of it.
     fn base(&self, incident: f32) -> [f32; 3] {
         let color = self.bsdf.diffuse_color();
         if self.is_inside {
             return color;
         }
-        let passed = (1.0 - self.layer(self.outgoing[2])) * (1.0 - self.layer(incident));
+        let transmittance = (1.0 - self.coat(self.outgoing[2])) * (1.0 - self.coat(incident));
         let mean = 1.0 - self.bsdf.specular * fresnel::mean_below(self.eta);
-        color.map(|c| c * passed / mean)
+        color.map(|c| c * transmittance / mean)
     }
 
-    /// What the layer of a non-metal reflects; total reflection is total at any strength.
-    fn layer(&self, cosine: f32) -> f32 {
+    /// Reflectance of the dielectric coat. Total internal reflection does not depend on `specular`.
+    fn coat(&self, cosine: f32) -> f32 {
         fresnel::dielectric(cosine, self.eta).map_or(1.0, |reflectance| self.bsdf.specular * reflectance)
     }
 
-    /// The diffuse base's part of the light along the mirrored direction.
+    /// Probability of sampling the diffuse base: its part of the energy at the mirrored direction.
     ///
-    /// Lobes of about this much light are sampled about this often, so no sample's weight is far above 1.
-    fn share_of_base(&self) -> f32 {
-        let passed = if self.is_inside { 1.0 } else { 1.0 - self.layer(self.outgoing[2]) };
-        let base = mean(self.bsdf.diffuse_color()) * passed;
+    /// Lobes are sampled about in proportion to their energy, so that no sample has a weight far above 1.
+    fn base_probability(&self) -> f32 {
+        let transmittance = if self.is_inside { 1.0 } else { 1.0 - self.coat(self.outgoing[2]) };
+        let base = mean(self.bsdf.diffuse_color()) * transmittance;
         let facet = self.facet(self.outgoing[2]);
-        let layer = mean(facet.reflected) + mean(facet.transmitted);
-        // A black metal is not black on all its facets.
-        if base > 0.0 { base / (base + layer) } else { 0.0 }
+        let coat = mean(facet.reflected) + mean(facet.transmitted);
+        // A black metal still reflects at grazing angles.
+        if base > 0.0 { base / (base + coat) } else { 0.0 }
     }
 }

@@ -1,12 +1,12 @@
-//! Three-component arithmetic in `f32`, the precision that a GPU has too.
+//! Three-component vectors in `f32`, the precision of the GPU.
 
 pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The unit vector along `v`, which is not zero.
+/// Normalizes `v`, which is not zero.
 ///
-/// Scaled by its largest component first: half vectors at the horizon may be too short to be squared.
+/// Scales by the largest component first, because half vectors near the horizon may be too short to be squared.
 pub(super) fn unit(v: [f32; 3]) -> [f32; 3] {
     let largest = v[0].abs().max(v[1].abs()).max(v[2].abs());
     let v = v.map(|x| x / largest);
@@ -14,6 +14,6 @@ pub(super) fn unit(v: [f32; 3]) -> [f32; 3] {
     v.map(|x| x / length)
 }
 
-pub(super) fn mean(colour: [f32; 3]) -> f32 {
-    (colour[0] + colour[1] + colour[2]) / 3.0
+pub(super) fn mean(color: [f32; 3]) -> f32 {
+    (color[0] + color[1] + color[2]) / 3.0
 }

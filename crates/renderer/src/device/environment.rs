@@ -1,4 +1,4 @@
-//! The environment as kernels read it.
+//! Packs the environment.
 
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 use canted_scene::{Environment, Scene};
@@ -6,13 +6,13 @@ use canted_scene::{Environment, Scene};
 use crate::environment_of;
 use crate::light::packed::{SkyImage, bounded, sky_image};
 
-/// What is behind everything, on a device.
+/// The environment on the GPU.
 pub(super) enum DeviceSky {
-    /// Nothing shines.
+    /// No light.
     Black,
-    /// The same light from everywhere stands among what samples share.
+    /// Constant radiance, stored with the picture.
     Constant,
-    /// A picture of all directions, and its texels.
+    /// An image and its texels.
     Image(Buffer<SkyImage>, Buffer<f32>),
 }
 
@@ -20,7 +20,7 @@ impl DeviceSky {
     /// Uploads the environment of a scene.
     ///
     /// # Errors
-    /// More texels than a binding of the device holds.
+    /// More texels than a binding holds.
     pub(super) fn new(gpu: &Gpu, scene: &Scene) -> Result<Self, GpuError> {
         let image = match environment_of(scene) {
             Environment::Image(image) => image,
@@ -32,7 +32,7 @@ impl DeviceSky {
         Ok(Self::Image(gpu.uniform("environment", &sky_image(image))?, texels))
     }
 
-    /// What the part binds.
+    /// The bindings of the part.
     pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
         match self {
             Self::Black | Self::Constant => vec![],
@@ -40,7 +40,7 @@ impl DeviceSky {
         }
     }
 
-    /// Chooses the part that the scene needs.
+    /// Selects the part that the scene needs.
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
         chosen.part(
             "sky",

@@ -4,16 +4,16 @@ use canted_gpu::GpuError;
 
 use crate::RenderError;
 
-/// Why a device makes no picture.
+/// Why a GPU cannot render a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DeviceError {
-    /// There is none on any device.
+    /// No device can render it.
     Render(RenderError),
-    /// The device does not do what it is asked.
+    /// An error of the device.
     Gpu(GpuError),
-    /// Kernels do not know something that scene or settings ask for.
-    Unknown {
-        /// What it is.
+    /// The kernels do not support a feature.
+    Unsupported {
+        /// The feature.
         what: &'static str,
     },
 }
@@ -23,7 +23,7 @@ impl fmt::Display for DeviceError {
         match self {
             Self::Render(error) => error.fmt(f),
             Self::Gpu(error) => error.fmt(f),
-            Self::Unknown { what } => write!(f, "devices do not render {what}; use --device cpu"),
+            Self::Unsupported { what } => write!(f, "GPUs do not support {what}; use --device cpu"),
         }
     }
 }
@@ -33,7 +33,7 @@ impl std::error::Error for DeviceError {
         match self {
             Self::Render(error) => Some(error),
             Self::Gpu(error) => Some(error),
-            Self::Unknown { .. } => None,
+            Self::Unsupported { .. } => None,
         }
     }
 }
@@ -57,11 +57,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_wrapped_is_the_source() {
+    fn wrapped_errors_are_sources() {
         let lost = GpuError::Lost { message: "gone".to_owned() };
         assert_eq!(DeviceError::from(lost.clone()).source().map(ToString::to_string), Some(lost.to_string()));
         let none = RenderError::NoSamples;
         assert_eq!(DeviceError::from(none).source().map(ToString::to_string), Some(none.to_string()));
-        assert!(DeviceError::Unknown { what: "anything" }.source().is_none());
+        assert!(DeviceError::Unsupported { what: "anything" }.source().is_none());
     }
 }

@@ -1,4 +1,4 @@
-//! What a pinhole sees at the centres of pixels, drawn instead of traced.
+//! The first surface of each pixel, by rasterisation instead of ray tracing.
 
 use std::time::Duration;
 
@@ -10,64 +10,64 @@ use canted_wide::LaneKernel;
 
 use super::{DeviceError, DevicePicture, picture};
 
-/// The first surface at the centre of a pixel. World space; colours linear RGB.
+/// The first surface at the center of a pixel, in world space; colors are linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
-    /// The point.
+pub struct SurfaceInfo {
+    /// Position.
     pub position: [f32; 3],
-    /// Its distance from the eye.
+    /// Distance from the eye.
     pub distance: f32,
-    /// Unit normal of the triangle, on the viewer's side.
+    /// Unit normal of the triangle, towards the viewer.
     pub normal: [f32; 3],
-    /// Unit normal to shade with, on that side too.
+    /// Unit shading normal, towards the viewer.
     pub shading_normal: [f32; 3],
-    /// Base colour, its texture averaged over the pixel as [`crate::Lod`] says.
+    /// Base color, filtered by [`crate::Lod`].
     pub albedo: [f32; 3],
     /// The material.
     pub material: MaterialId,
     /// The instance.
     pub instance: InstanceId,
-    /// The triangle, as its mesh numbers it.
+    /// The triangle in its mesh.
     pub primitive: PrimId,
 }
 
 /// The first surfaces of a picture.
 pub struct GBuffer {
-    /// Row by row; `None` where there is nothing.
-    pub pixels: Vec<Option<Seen>>,
-    /// How long the device drew.
+    /// Row by row; `None` for the background.
+    pub pixels: Vec<Option<SurfaceInfo>>,
+    /// Time of the pass.
     pub time: Duration,
 }
 
 impl<K: LaneKernel> DevicePicture<'_, K> {
-    /// Draws what the camera sees at the centre of each pixel, in one raster pass: what primary rays through the centres find, but
-    /// where a centre lies on an edge up to 1/256 of a pixel, the grid on which rasterisers place vertices. Lights with a body
-    /// are not in it.
+    /// Rasterises the first surface at the center of each pixel.
     ///
-    /// Samples of a picture are spread over their pixels, each pixel's otherwise, so [`DevicePicture::render`] traces them.
+    /// The result is that of primary rays, except where an edge passes within 1/256 of a pixel of a center, which is the
+    /// resolution of rasterised vertices. Sphere and disk lights are not drawn. [`DevicePicture::render`] traces rays instead,
+    /// because its samples are distributed over each pixel.
     ///
     /// # Errors
-    /// Cameras that are no pinholes, a device whose pixels hold less than 64 bytes, pictures larger than its textures, or its loss.
+    /// A camera with a lens or without perspective, a picture larger than the textures of the device, or its loss.
     pub fn first_surfaces(&self) -> Result<GBuffer, DeviceError> {
-        let view = &self.on_cpu.view;
+        let view = &self.cpu.view;
         if !view.is_perspective || view.lens.is_some() {
-            return Err(DeviceError::Unknown { what: "a raster pass through a lens or without perspective" });
+            return Err(DeviceError::Unsupported { what: "rasterisation with a lens or an orthographic camera" });
         }
         let chosen = picture::specialise(Specialisation::none(), view, self.settings);
         let raster = self.gpu.raster("render/gbuffer", &self.packed.specialise(chosen))?;
         let size = [self.settings.width, self.settings.height];
-        let drawn = self.gpu.draw(&raster, &self.bound(), size, &draws(self.surfaces.scene())?)?;
-        Ok(GBuffer { time: drawn.time, pixels: self.seen(&drawn) })
+        let drawn = self.gpu.draw(&raster, &self.bindings(), size, &draws(self.surfaces.scene())?)?;
+        Ok(GBuffer { time: drawn.time, pixels: self.surfaces_of(&drawn) })
     }
 
-    fn seen(&self, drawn: &RasterOutput) -> Vec<Option<Seen>> {
+    fn surfaces_of(&self, drawn: &RasterOutput) -> Vec<Option<SurfaceInfo>> {
         let [points, normals, shading_normals, albedos] = &drawn.targets;
         let pixel = |k: usize| {
             let [.., above] = albedos[k];
             let primitive = PrimId(above.checked_sub(1)?);
             let ([position, normal, shading_normal, albedo], [distance, material, instance, _]) =
                 split([points[k], normals[k], shading_normals[k], albedos[k]]);
-            Some(Seen {
+            Some(SurfaceInfo {
                 position,
                 distance: f32::from_bits(distance),
                 normal,
@@ -82,12 +82,12 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
     }
 }
 
-/// Three floats and a word of each target.
+/// Splits each texel into three floats and a word.
 fn split(texels: [[u32; 4]; 4]) -> ([[f32; 3]; 4], [u32; 4]) {
     (texels.map(|[x, y, z, _]| [x, y, z].map(f32::from_bits)), texels.map(|[.., word]| word))
 }
 
-/// A draw for each run of instances of one mesh.
+/// One draw for each run of instances of the same mesh.
 fn draws(scene: &Scene) -> Result<Vec<Draw>, GpuError> {
     let mut draws: Vec<Draw> = vec![];
     let mut last = None;
@@ -101,7 +101,7 @@ fn draws(scene: &Scene) -> Result<Vec<Draw>, GpuError> {
                     need: n_vertices,
                     limit: "vertices of a draw",
                     most: u32::MAX.into(),
-                    remedy: "trace primary rays",
+                    remedy: "trace primary rays instead",
                 })?;
                 draws.push(Draw { vertices: 0..n_vertices, instances: number..number + 1 });
             }

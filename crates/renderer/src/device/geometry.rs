@@ -1,4 +1,4 @@
-//! Triangles and vertices as kernels read them.
+//! Packs triangles, vertices and transforms.
 
 use bytemuck::{Pod, Zeroable};
 use canted_gpu::{MAX_COORDINATE, MotionPolynomials};
@@ -6,41 +6,12 @@ use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
 use rayon::prelude::*;
 
+use super::columns::Columns;
 use super::materials::Materials;
 use super::slack;
 use crate::placement::cofactors;
 use crate::structure::instances;
 use crate::vector::{Vector, add, cross, length, narrow, scale, sub, unit, wide};
-
-/// Where what a vertex has begins among its words; 0 for what no vertex has. Positions come first.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Columns {
-    pub(super) stride: u32,
-    pub(super) normal: u32,
-    pub(super) tangent: u32,
-    pub(super) color: u32,
-    pub(super) uv: u32,
-    pub(super) second_uv: u32,
-}
-
-impl Columns {
-    /// What the meshes of `scene` have of what materials ask for.
-    pub(super) fn of(scene: &Scene, is_textured: bool, is_bent: bool) -> Self {
-        let any = |has: fn(&Mesh) -> bool| scene.meshes.iter().any(has);
-        let mut columns = Self { stride: 3, ..Self::default() };
-        let mut add = |is_there: bool, n_words: u32| {
-            let column = columns.stride;
-            columns.stride += if is_there { n_words } else { 0 };
-            if is_there { column } else { 0 }
-        };
-        let normal = add(any(|mesh| mesh.normals.is_some()), 3);
-        let tangent = add(is_bent && any(|mesh| mesh.tangents.is_some()), 4);
-        let color = add(any(|mesh| mesh.colors.is_some()), 4);
-        let uv = add(is_textured && any(|mesh| mesh.uvs.is_some()), 2);
-        let second_uv = add(is_textured && any(|mesh| mesh.second_uvs.is_some()), 2);
-        Self { normal, tangent, color, uv, second_uv, ..columns }
-    }
-}
 
 /// `Triangle` of `shared/mesh`.
 #[repr(C)]
@@ -52,7 +23,7 @@ pub(super) struct PackedTriangle {
     pub(super) area_root: f32,
 }
 
-/// Set where a flattened instance mirrors.
+/// Set in the material of a triangle whose flattened instance mirrors.
 const MIRRORED: u32 = 1 << 31;
 
 /// `Placement` of `shared/placement`.
@@ -75,7 +46,7 @@ pub(super) struct PackedPlacement {
     padding_z: u32,
 }
 
-/// Where meshes are.
+/// The space of the meshes.
 pub(super) enum Placed {
     /// One instance in world space.
     One,
@@ -90,12 +61,12 @@ pub(super) struct Geometry {
     pub(super) vertices: Vec<f32>,
     pub(super) triangles: Vec<PackedTriangle>,
     pub(super) placed: Placed,
-    /// Of a scene in world space.
+    /// Ray offset of a scene in world space, see `slack`.
     pub(super) slack: f32,
 }
 
 impl Geometry {
-    /// Packs the meshes where they are, or where `is_flat` all instances in world space, as a tree over them has them.
+    /// Packs the meshes in object space, or all instances in world space if `is_flat`.
     pub(super) fn pack(scene: &Scene, columns: &Columns, is_flat: bool, materials: &mut Materials) -> Self {
         let mut all = Self { vertices: vec![], triangles: vec![], placed: Placed::One, slack: 0.0 };
         if is_flat {
@@ -123,7 +94,7 @@ impl Geometry {
             let (first_triangle, reach) = of_meshes[instance.mesh.0 as usize];
             let still = packed_placement(&instance.world_from_object, first_triangle, reach);
             let Some(motion) = motion else { return still };
-            // Motions are numbered as the tree over instances numbers them.
+            // In the order of the top-level BVH.
             n_motions += 1;
             let ends = [Some(instance.world_from_object), instance.world_from_object_close];
             PackedPlacement {
@@ -142,7 +113,7 @@ impl Geometry {
         self.triangles.len() as u32
     }
 
-    /// Adds a mesh under a map; returns its greatest absolute coordinate.
+    /// Adds a transformed mesh; returns its greatest absolute coordinate.
     fn add(&mut self, mesh: &Mesh, columns: &Columns, map: &Affine, materials: &mut Materials) -> f32 {
         let is_mirrored = map.determinant() < 0.0;
         let stride = columns.stride as usize;
@@ -165,10 +136,10 @@ impl Geometry {
     }
 }
 
-/// A triangle of a mesh whose vertices are numbered from `base` on, under the map of these cofactors.
+/// A triangle of a mesh whose vertices start at `base`, transformed with these cofactors.
 ///
-/// Its normal is that of corners which are not rounded: far from the origin a small triangle between rounded ones would lean. It is
-/// the CPU's to the bit, for a frame about it is another where a component that should be zero has the other sign.
+/// The normal comes from vertices in `f64`: far from the origin, rounded vertices would tilt a small triangle. It has the bits of
+/// the CPU's normal, because a tangent frame changes with the sign of a zero component.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn packed_triangle(
     corners: [u32; 3],
@@ -189,7 +160,7 @@ fn packed_triangle(
     }
 }
 
-/// Writes a column of all vertices.
+/// Writes an attribute of all vertices.
 fn put<const N: usize>(words: &mut [f32], stride: usize, column: u32, values: &[[f32; N]]) {
     let column = column as usize;
     for (vertex, value) in words.chunks_exact_mut(stride).zip(values) {
@@ -197,9 +168,9 @@ fn put<const N: usize>(words: &mut [f32], stride: usize, column: u32, values: &[
     }
 }
 
-/// What kernels may compute with: finite, and far from overflow. Positions of triangles are, or their scene is refused.
+/// Clamps a number so that kernels do not overflow. Positions need no clamping, because scenes beyond the limit are rejected.
 fn tame(x: f32) -> f32 {
-    // So written that what is not a number is zero.
+    // NaN becomes zero.
     if x.abs() <= MAX_COORDINATE {
         x
     } else if x.is_nan() {
@@ -209,7 +180,7 @@ fn tame(x: f32) -> f32 {
     }
 }
 
-/// Writes normals, tangents, colours and coordinates: those of the mesh, or what stands for none.
+/// Writes normals, tangents, colors and texture coordinates of the mesh, or their defaults.
 fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, map: &Affine) {
     let stride = columns.stride as usize;
     if let Some(normals) = mesh.normals.as_ref().filter(|_| columns.normal > 0) {
@@ -232,7 +203,7 @@ fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, map: &Affin
     }
     for (column, uvs) in [(columns.uv, &mesh.uvs), (columns.second_uv, &mesh.second_uvs)] {
         if let Some(uvs) = uvs.as_ref().filter(|_| column > 0) {
-            // Beyond 2^23 coordinates have no fraction.
+            // Beyond 2^23 texture coordinates have no fraction.
             let bounded: Vec<_> = uvs.iter().map(|uv| uv.map(|x| tame(x).clamp(-8_388_608.0, 8_388_608.0))).collect();
             put(words, stride, column, &bounded);
         }
@@ -244,7 +215,7 @@ fn by_columns(columns: &[Vector; 3], [x, y, z]: Vector) -> Vector {
     std::array::from_fn(|k| a[k] + b[k] + c[k])
 }
 
-/// The same columns but for a factor, so that their lengths are about 1.
+/// The columns scaled so that their lengths are about 1.
 fn in_range(columns: &[Vector; 3]) -> [Vector; 3] {
     let size = length(columns.map(length));
     columns.map(|column| scale(column, 1.0 / size))

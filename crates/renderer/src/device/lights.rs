@@ -1,4 +1,4 @@
-//! Lights as kernels read them: the list, and what a path samples of all lights.
+//! Packs lights: the list, and the data for sampling them.
 
 use bytemuck::{Pod, Zeroable};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
@@ -9,7 +9,7 @@ use crate::LightSampler;
 pub(super) use crate::light::packed::bounded;
 use crate::light::packed::{Emitter, LightNode, LightShares, SkyRow, SunShare};
 
-/// A light of the list: `ListLight` of `shared/light/list`, which says what each kind has.
+/// `ListLight` of `shared/light/list`, where each kind is documented.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(super) struct ListLight {
@@ -42,12 +42,12 @@ impl From<&Light> for ListLight {
     }
 }
 
-/// What a path samples of the lights, on a device: only what the scene has.
+/// The buffers that the path integrator samples lights from.
 pub(super) struct SampledLights {
     shares: Buffer<LightShares>,
     tree: Option<Buffer<LightNode>>,
     emitters: Option<Buffer<Emitter>>,
-    /// Leaf of each light of the list, where one is in the tree.
+    /// Leaf of each listed light, if the tree has listed lights.
     leaves: Option<Buffer<u32>>,
     suns: Option<Buffer<SunShare>>,
     sky: Option<(Buffer<SkyRow>, Buffer<f32>)>,
@@ -57,10 +57,10 @@ pub(super) struct SampledLights {
 }
 
 impl SampledLights {
-    /// Packs and uploads; `slack` is the distance that rays keep off an instance along each axis, on the device.
+    /// Packs and uploads; `slack` is the ray offset of an instance.
     ///
     /// # Errors
-    /// What the device's memory or limits do not hold.
+    /// Too little memory on the device.
     pub(super) fn new(
         gpu: &Gpu,
         sampler: &LightSampler<'_>,
@@ -85,7 +85,7 @@ impl SampledLights {
         })
     }
 
-    /// What `shared/light/sampler` binds, but for the list and the picture of the sky.
+    /// The bindings of `shared/light/sampler`, except the list and the image of the environment.
     pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
         let mut bound: Vec<NamedBinding<'_>> = vec![("light_shares", &self.shares)];
         if let Some(tree) = &self.tree {
@@ -106,12 +106,12 @@ impl SampledLights {
         bound
     }
 
-    /// Whether emitters are asked as surfaces for what they give, by `shared/emission/textured`.
+    /// Whether kernels evaluate the emission of surfaces, by `shared/emission/textured`.
     pub(super) fn needs_textured_emission(&self) -> bool {
         self.emitters.is_some() && self.emission_is_textured
     }
 
-    /// Chooses the parts that the scene needs.
+    /// Selects the parts that the scene needs.
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
         let local = match (&self.emitters, &self.leaves) {
             (None, None) => "shared/local/none",
@@ -134,7 +134,7 @@ impl SampledLights {
     }
 }
 
-/// A buffer of what there is.
+/// A buffer, unless it would be empty.
 fn some<T: Pod>(gpu: &Gpu, what: &str, values: &[T]) -> Result<Option<Buffer<T>>, GpuError> {
     if values.is_empty() { Ok(None) } else { gpu.buffer(what, values).map(Some) }
 }

@@ -1,21 +1,21 @@
-//! Materials as kernels read them.
+//! Packs materials.
 
 use std::collections::BTreeMap;
 
 use bytemuck::{Pod, Zeroable};
 use canted_scene::{AlphaMode, Material, MaterialId, Mesh, Scene, TextureRef, UvSet};
 
-use super::geometry::Columns;
-use super::textures::Heads;
+use super::columns::Columns;
+use super::textures::{ImageHeads, used_textures};
 use crate::Integrator;
 
-/// No texture, as kernels know it.
+/// No texture.
 const NO_SLOT: u32 = u32::MAX;
 
-/// Alpha is the probability of being there; thresholds are below it.
+/// Marks blended materials; thresholds are below it.
 const IS_BLENDED: f32 = 2.0;
 
-/// `Material` of `shared/surface`, which says what is what.
+/// `Material` of `shared/surface`, where the members are documented.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct PackedMaterial {
@@ -49,38 +49,25 @@ pub(super) struct Slot {
     pub(super) column: u32,
 }
 
-/// The textures of a material that an integrator looks at: in the order of the slots, alpha last.
-pub(super) fn looked_at(material: &Material, integrator: Integrator) -> [Option<&TextureRef>; 6] {
-    let is_path = integrator == Integrator::Path;
-    [
-        material.base_color_texture.as_ref(),
-        material.metallic_roughness_texture.as_ref().filter(|_| is_path),
-        material.transmission_texture.as_ref().filter(|_| is_path),
-        material.normal_texture.as_ref(),
-        material.emission_texture.as_ref().filter(|_| material.is_emissive()),
-        material.alpha_texture.as_ref().filter(|_| material.uses_alpha()),
-    ]
-}
-
-/// Materials, each as often as meshes differ by the coordinates that they have for its textures.
+/// Packed materials: one for each combination of a material and the texture coordinates that meshes have.
 pub(super) struct Materials<'a> {
     scene: &'a Scene,
     integrator: Integrator,
     columns: &'a Columns,
-    heads: &'a Heads,
+    heads: &'a ImageHeads,
     numbers: BTreeMap<(u32, [bool; 2]), u32>,
     pub(super) packed: Vec<PackedMaterial>,
-    /// The scene's material of each.
+    /// The scene's material of each packed one.
     pub(super) ids: Vec<MaterialId>,
     pub(super) slots: Vec<Slot>,
 }
 
 impl<'a> Materials<'a> {
-    pub(super) fn new(scene: &'a Scene, integrator: Integrator, columns: &'a Columns, heads: &'a Heads) -> Self {
+    pub(super) fn new(scene: &'a Scene, integrator: Integrator, columns: &'a Columns, heads: &'a ImageHeads) -> Self {
         Self { scene, integrator, columns, heads, numbers: BTreeMap::new(), packed: vec![], ids: vec![], slots: vec![] }
     }
 
-    /// Number of a material as triangles of `mesh` have it.
+    /// Number of the packed material for triangles of `mesh`.
     pub(super) fn number(&mut self, id: MaterialId, mesh: &Mesh) -> u32 {
         let has = [UvSet::First, UvSet::Second].map(|set| mesh.uv_set(set).is_some());
         if let Some(&number) = self.numbers.get(&(id.0, has)) {
@@ -99,7 +86,7 @@ impl<'a> Materials<'a> {
     }
 
     fn pack(&mut self, material: &Material, has: [bool; 2]) -> PackedMaterial {
-        let slots = looked_at(material, self.integrator).map(|slot| self.slot(slot, has));
+        let slots = used_textures(material, self.integrator).map(|slot| self.slot(slot, has));
         let [base_color_slot, rough_metal_slot, transmission_slot, normal_slot, emission_slot, alpha_slot] = slots;
         PackedMaterial {
             base_color: material.base_color,
@@ -107,7 +94,7 @@ impl<'a> Materials<'a> {
             emission: super::lights::bounded(material.emission),
             cutoff: match material.alpha_mode {
                 AlphaMode::Opaque => -1.0,
-                // Alpha is at most 1, so one threshold above it is as good as another.
+                // Alpha is at most 1, so thresholds above it are equivalent.
                 AlphaMode::Mask { cutoff } => cutoff.clamp(0.0, 1.5),
                 AlphaMode::Blend => IS_BLENDED,
             },

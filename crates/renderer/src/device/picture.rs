@@ -1,4 +1,4 @@
-//! What all samples of a picture share, as kernels read it.
+//! Packs camera and settings.
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::Filter;
@@ -7,7 +7,7 @@ use canted_gpu::Specialisation;
 use crate::vector::{length, narrow};
 use crate::{Pattern, Sampler, Settings, View};
 
-/// `Picture` of `shared/picture`, which says what is what.
+/// `Picture` of `shared/picture`, where the members are documented.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct PackedPicture {
@@ -37,7 +37,7 @@ pub(super) struct Slice {
     pub(super) n_samples: u32,
 }
 
-/// Everything but what the scene decides.
+/// All members except those that depend on the scene.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> PackedPicture {
     let Settings { width, height, samples, bounces, seed, pattern, .. } = *settings;
@@ -54,7 +54,7 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
         filter_radius: settings.filter.radius(),
         size: [width, height],
         bounces,
-        // Shorter radii than the least that is told from zero leave no ambient light out at any distance.
+        // Clamped: at such radii any distance counts as unoccluded.
         inverse_ao_radius: (1.0 / ao_radius).min(1e30) as f32,
         sampler: [seed, columns, rows, columns.saturating_mul(rows)],
         ambient: [0.0; 3],
@@ -62,7 +62,7 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
     }
 }
 
-/// Chooses the parts of a kernel that make camera rays.
+/// Selects the parts of a kernel that generate camera rays.
 pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Settings) -> Specialisation {
     let pattern = match settings.pattern {
         Pattern::Random => "shared/pattern/random",

@@ -1,17 +1,18 @@
-//! What kernels that render read of a scene, and nothing that it does without.
+//! The buffers of a scene, and nothing that it does not need.
 
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 use canted_scene::{Light, Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
-use super::geometry::{Columns, Geometry, PackedPlacement, PackedTriangle, Placed};
+use super::columns::Columns;
+use super::geometry::{Geometry, PackedPlacement, PackedTriangle, Placed};
 use super::lights::{ListLight, SampledLights};
-use super::materials::{Materials, PackedMaterial, Slot, looked_at};
-use super::textures::{Heads, Images, Texels};
+use super::materials::{Materials, PackedMaterial, Slot};
+use super::textures::{ImageHeads, Images, Texels, used_textures};
 use crate::texture::Textures;
 use crate::{Integrator, Lod, mask};
 
-/// A scene in a device's memory, but for what rays are traced through.
+/// A scene on the GPU, without its acceleration structure.
 pub(super) struct PackedScene {
     materials: Buffer<PackedMaterial>,
     triangles: Buffer<PackedTriangle>,
@@ -23,15 +24,14 @@ pub(super) struct PackedScene {
     columns: Columns,
     has: Has,
     lod: Lod,
-    /// Error along each axis between a triangle's plane and a ray that leaves it: of a scene in world space, and of each
-    /// instance else.
+    /// Ray offset of a scene in world space, and of each instance otherwise, see `slack`.
     pub(super) slack: f32,
     slacks: Vec<f32>,
-    /// The scene's material of each that kernels know.
+    /// The scene's material of each packed one.
     material_ids: Vec<MaterialId>,
 }
 
-/// What a scene has.
+/// Features of a scene.
 #[derive(Clone, Copy, Debug)]
 struct Has {
     instances: bool,
@@ -40,14 +40,14 @@ struct Has {
     normal_maps: bool,
     masks: bool,
     mask_textures: bool,
-    bodies: bool,
+    shape_lights: bool,
     /// Materials that are not diffuse.
     gloss: bool,
     glass: bool,
 }
 
 impl PackedScene {
-    /// Packs `scene`, its meshes in world space where `is_flat`.
+    /// Packs and uploads `scene`, with meshes in world space if `is_flat`.
     pub(super) fn new(
         gpu: &Gpu,
         scene: &Scene,
@@ -58,12 +58,12 @@ impl PackedScene {
     ) -> Result<Self, GpuError> {
         let images = Images::pack(scene, textures, integrator);
         let used = |which: usize| {
-            let slots = scene.materials.iter().map(|material| looked_at(material, integrator)[which]);
+            let slots = scene.materials.iter().map(|material| used_textures(material, integrator)[which]);
             slots.flatten().next().is_some()
         };
         let (normal_maps, mask_textures) = (used(NORMAL_MAP), used(ALPHA));
         let columns = Columns::of(scene, images.is_some(), normal_maps);
-        let none = Heads::none();
+        let none = ImageHeads::none();
         let heads = images.as_ref().map_or(&none, |images| &images.heads);
         let mut materials = Materials::new(scene, integrator, &columns, heads);
         let geometry = Geometry::pack(scene, &columns, is_flat, &mut materials);
@@ -85,7 +85,7 @@ impl PackedScene {
             mask_textures,
             gloss: scene.materials.iter().any(is_glossy),
             glass: scene.materials.iter().any(|material| material.transmission > 0.0),
-            bodies: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disk { .. })),
+            shape_lights: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disk { .. })),
         };
         let images = match &images {
             None => None,
@@ -113,7 +113,7 @@ impl PackedScene {
         })
     }
 
-    /// The variables of all that there is.
+    /// The variables that kernels may bind.
     pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
         let mut bound: Vec<NamedBinding<'_>> =
             vec![("materials", &self.materials), ("triangles", &self.triangles), ("vertices", &self.vertices)];
@@ -133,7 +133,7 @@ impl PackedScene {
         bound
     }
 
-    /// Chooses the parts of a kernel that read the scene.
+    /// Selects the parts of a kernel that read the scene.
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
         let Has { instances, motion, normals, normal_maps, masks, .. } = self.has;
         let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
@@ -159,16 +159,16 @@ impl PackedScene {
         }
     }
 
-    /// Chooses the parts of the kernel of the hybrid integrator.
+    /// Selects the parts of the hybrid integrator.
     pub(super) fn specialise_hybrid(&self, chosen: Specialisation) -> Specialisation {
         let direct = if self.lights.is_some() { "shared/direct/list" } else { "shared/direct/none" };
         self.with_shape_lights(self.specialise(chosen)).part("direct", direct)
     }
 
-    /// Chooses the parts of the kernel of the path integrator.
+    /// Selects the parts of the path integrator.
     pub(super) fn specialise_path(&self, chosen: Specialisation, lights: &SampledLights) -> Specialisation {
         let chosen = lights.specialise(self.with_shape_lights(self.specialise(chosen)));
-        // Emitters that ask surfaces ask for alpha, where there is a mask or not.
+        // Textured emission reads alpha even without an alpha test.
         let chosen = if lights.needs_textured_emission() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
         if !self.has.gloss {
             return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
@@ -177,7 +177,7 @@ impl PackedScene {
         self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("transmission", through)
     }
 
-    /// Chooses the parts of the kernel that tells what camera rays meet.
+    /// Selects the parts of the kernel that writes AOVs.
     pub(super) fn specialise_guide(&self, chosen: Specialisation) -> Specialisation {
         self.with_material(self.with_shape_lights(self.specialise(chosen)))
     }
@@ -187,30 +187,32 @@ impl PackedScene {
     }
 
     fn with_shape_lights(&self, chosen: Specialisation) -> Specialisation {
-        chosen
-            .part("shape_lights", if self.has.bodies { "shared/shape_lights/list" } else { "shared/shape_lights/none" })
+        chosen.part(
+            "shape_lights",
+            if self.has.shape_lights { "shared/shape_lights/list" } else { "shared/shape_lights/none" },
+        )
     }
 
     fn with_alpha(&self, chosen: Specialisation) -> Specialisation {
         chosen.part("alpha", if self.has.mask_textures { "shared/alpha/texture" } else { "shared/alpha/plain" })
     }
 
-    /// The scene's material of a number that kernels tell.
+    /// The scene's material of a packed one.
     pub(super) fn material(&self, number: u32) -> MaterialId {
         self.material_ids[number as usize]
     }
 
-    /// Error along each axis between the plane of a triangle of an instance and a ray that leaves it.
+    /// Ray offset of an instance.
     pub(super) fn slack_of(&self, instance: InstanceId) -> f32 {
         self.slacks.get(instance.0 as usize).copied().unwrap_or(self.slack)
     }
 }
 
-/// Whether a material does more than scatter diffusely; textures only weaken what its numbers say.
+/// Whether a material is not purely diffuse; textures can only reduce its factors.
 fn is_glossy(material: &Material) -> bool {
     material.metallic != 0.0 || material.specular != 0.0 || material.transmission != 0.0
 }
 
-/// Places among the textures that are looked at.
+/// Indices in `used_textures`.
 const NORMAL_MAP: usize = 3;
 const ALPHA: usize = 5;

@@ -1,26 +1,38 @@
 //! Images as kernels read them: words of a few long arrays.
 
 use canted_gpu::{Buffer, Gpu, GpuError, Specialisation};
-use canted_scene::{Encoding, Scene, Texture, TextureId, Wrap};
+use canted_scene::{Encoding, Material, Scene, Texture, TextureId, TextureRef, Wrap};
 
-use super::materials::looked_at;
 use crate::texture::{MipMap, Textures};
 use crate::{Integrator, Lod};
 
-/// Bindings that texels may be cut into.
-const MOST_BINDINGS: usize = 4;
+/// Bindings over which texels may be split.
+const MAX_BINDINGS: usize = 4;
 
 /// Words before the first texel: the sRGB curve.
 const CURVE: u32 = 256;
 
-/// A texel where a texture has none: opaque white.
+/// The texel of an empty texture: opaque white.
 const WHITE: [u8; 4] = [255; 4];
 
-/// Where each texture's head is among the images.
-pub(super) struct Heads(Vec<u32>);
+/// The textures of a material that an integrator reads, in the order of the slots.
+pub(super) fn used_textures(material: &Material, integrator: Integrator) -> [Option<&TextureRef>; 6] {
+    let is_path = integrator == Integrator::Path;
+    [
+        material.base_color_texture.as_ref(),
+        material.metallic_roughness_texture.as_ref().filter(|_| is_path),
+        material.transmission_texture.as_ref().filter(|_| is_path),
+        material.normal_texture.as_ref(),
+        material.emission_texture.as_ref().filter(|_| material.is_emissive()),
+        material.alpha_texture.as_ref().filter(|_| material.uses_alpha()),
+    ]
+}
 
-impl Heads {
-    /// Of no textures.
+/// The index of the first image of each texture.
+pub(super) struct ImageHeads(Vec<u32>);
+
+impl ImageHeads {
+    /// No textures.
     pub(super) fn none() -> Self {
         Self(vec![])
     }
@@ -30,33 +42,33 @@ impl Heads {
     }
 }
 
-/// All levels of the textures that an integrator looks at.
+/// All mip levels of the textures that an integrator reads.
 pub(super) struct Images {
-    pub(super) heads: Heads,
+    pub(super) heads: ImageHeads,
     /// Heads and levels, see `shared/texture/lookup`.
     pub(super) images: Vec<[u32; 4]>,
     /// The sRGB curve, then texels.
     words: Vec<u32>,
 }
 
-/// Texels on the device, in one binding or four.
+/// Texels on the GPU, in one binding or four.
 pub(super) struct Texels {
     pub(super) bindings: Vec<Buffer<u32>>,
     per_binding: u32,
 }
 
 impl Images {
-    /// The images that materials of `scene` use; `None` where there are none.
+    /// The images that materials of `scene` use; `None` without textures.
     pub(super) fn pack(scene: &Scene, textures: &Textures, integrator: Integrator) -> Option<Self> {
         let mut is_used = vec![false; scene.textures.len()];
-        for slot in scene.materials.iter().flat_map(|material| looked_at(material, integrator)).flatten() {
+        for slot in scene.materials.iter().flat_map(|material| used_textures(material, integrator)).flatten() {
             is_used[slot.texture.0 as usize] = true;
         }
         if !is_used.contains(&true) {
             return None;
         }
         let curve = canted_film::srgb::linear().iter().map(|x| x.to_bits()).collect();
-        let mut all = Self { heads: Heads(vec![0; is_used.len()]), images: vec![], words: curve };
+        let mut all = Self { heads: ImageHeads(vec![0; is_used.len()]), images: vec![], words: curve };
         for (index, texture) in (0..).zip(&scene.textures).filter(|&(index, _)| is_used[index as usize]) {
             all.heads.0[index as usize] = all.count();
             all.add(texture, textures.get(TextureId(index)));
@@ -90,22 +102,22 @@ impl Images {
     }
 
     fn add_level(&mut self, [width, height]: [u32; 2], texels: &[[u8; 4]]) {
-        // What does not fit into 32 bits fits into no device and is refused before anyone reads it.
+        // An offset beyond 32 bits exceeds the memory of any device, so `upload` rejects it.
         let first = u32::try_from(self.words.len()).unwrap_or(u32::MAX).saturating_sub(CURVE);
         self.images.push([first, width, height, 0]);
         self.words.extend(texels.iter().map(|&texel| u32::from_le_bytes(texel)));
     }
 
-    /// Takes the texels to the device, in as few bindings as its limits allow.
+    /// Uploads the texels in as few bindings as the limits of the device allow.
     ///
     /// # Errors
-    /// More than all bindings hold.
+    /// More texels than all bindings hold.
     pub(super) fn upload(&self, gpu: &Gpu) -> Result<Texels, GpuError> {
         let limits = gpu.limits();
         let most_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let per_binding = u32::try_from(most_bytes / 4).unwrap_or(u32::MAX).max(1);
         let chunks: Vec<&[u32]> = self.words.chunks(per_binding as usize).collect();
-        if chunks.len() > MOST_BINDINGS {
+        if chunks.len() > MAX_BINDINGS {
             return Err(GpuError::Limit {
                 what: "the textures".to_owned(),
                 need: 4 * self.words.len() as u64,
@@ -114,7 +126,7 @@ impl Images {
                 remedy: "use --lod none, smaller textures or --device cpu",
             });
         }
-        let n = if chunks.len() == 1 { 1 } else { MOST_BINDINGS };
+        let n = if chunks.len() == 1 { 1 } else { MAX_BINDINGS };
         let chunk = |k: usize| gpu.buffer("texels", chunks.get(k).copied().unwrap_or_default());
         Ok(Texels { bindings: (0..n).map(chunk).collect::<Result<_, _>>()?, per_binding })
     }
@@ -122,9 +134,9 @@ impl Images {
 
 impl Texels {
     /// Names of the variables, in the order of the bindings.
-    pub(super) const NAMES: [&'static str; MOST_BINDINGS] = ["texels_0", "texels_1", "texels_2", "texels_3"];
+    pub(super) const NAMES: [&'static str; MAX_BINDINGS] = ["texels_0", "texels_1", "texels_2", "texels_3"];
 
-    /// Chooses how they are read, averaged as `lod` says.
+    /// Selects how kernels read and average texels.
     pub(super) fn specialise(&self, chosen: Specialisation, lod: Lod) -> Specialisation {
         let lod = match lod {
             Lod::None => "shared/lod/none",

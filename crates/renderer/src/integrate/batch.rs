@@ -1,8 +1,7 @@
-//! Paths side by side: all take a step at their surfaces, then all trace the ray that leaves, until none is left.
+//! Batched path tracing: all paths shade their hits, then all trace their next ray, until every path has ended.
 //!
-//! A path by itself waits for memory again and again: for a triangle's indices, then its vertices, then texels. Of many paths
-//! the waits overlap, see [`Surfaces::warm`](crate::Surfaces). Paths share nothing else, so the light of each is the same bits whatever
-//! it is traced beside.
+//! A single path stalls on memory for indices, vertices and texels in turn. In a batch these stalls overlap, see
+//! [`Surfaces::prefetch`](crate::Surfaces). Paths are otherwise independent, so results do not depend on the batch.
 
 use canted_trace::{Hit, Ray};
 
@@ -10,26 +9,26 @@ use super::{Sample, Start, Transport};
 use crate::query::{RayKeyed, Timed};
 use crate::{Cone, Tracer};
 
-/// A path between two of its rays.
+/// The state of a path between two rays.
 pub(super) struct Path<Q, W> {
     pub(super) start: Start,
-    /// That of all its rays; each asks by a number of its own.
+    /// The query of the path; each ray derives its own key.
     pub(super) query: Timed<Q>,
-    /// The ray that it has traced last, or is about to trace.
+    /// The last ray traced, or the next one to trace.
     pub(super) ray: Ray,
-    /// What the ray stands for.
+    /// The ray cone.
     pub(super) cone: Cone,
-    /// What the ray met.
+    /// The closest hit of the ray.
     pub(super) hit: Option<Hit>,
-    pub(super) gathered: PathRadiance,
-    /// What its integrator keeps beside this.
-    pub(super) own: W,
+    pub(super) accumulated: PathRadiance,
+    /// State of the integrator.
+    pub(super) state: W,
 }
 
-/// What a path has gathered on its way.
+/// The radiance that a path has accumulated.
 pub(super) struct PathRadiance {
     pub(super) radiance: [f32; 3],
-    /// What light from the next vertex is multiplied with.
+    /// Factor of light at the next vertex.
     pub(super) throughput: [f32; 3],
     pub(super) n_rays: u64,
 }
@@ -41,12 +40,12 @@ impl PathRadiance {
 }
 
 impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
-    /// The light of paths with these camera rays, whose hits are known.
+    /// Traces paths from camera rays whose hits are known.
     ///
-    /// `step` takes a path on at its `n`-th vertex, or at what it met instead, and says whether it left along a new ray.
+    /// `step` shades the `n`-th vertex, or ends the path, and returns whether there is a next ray.
     pub(super) fn batch<W: Default>(
         &self,
-        begun: impl Iterator<Item = (Start, Option<Hit>)>,
+        camera_rays: impl Iterator<Item = (Start, Option<Hit>)>,
         step: impl Fn(&mut Path<Q, W>, u32) -> bool,
     ) -> Vec<Sample> {
         let begin = |(start, hit): (Start, Option<Hit>)| Path {
@@ -55,27 +54,27 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             ray: start.ray,
             cone: start.cone,
             hit,
-            gathered: PathRadiance { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 },
-            own: W::default(),
+            accumulated: PathRadiance { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 },
+            state: W::default(),
         };
-        let mut paths: Vec<Path<Q, W>> = begun.map(begin).collect();
-        let mut going: Vec<usize> = (0..paths.len()).collect();
+        let mut paths: Vec<Path<Q, W>> = camera_rays.map(begin).collect();
+        let mut active: Vec<usize> = (0..paths.len()).collect();
         for n in 0.. {
-            // Of what the last ray meets no surface is made.
+            // The hit of the last ray is not shaded.
             if n <= self.bounces {
-                self.surfaces.prefetch(going.iter().filter_map(|&i| paths[i].hit.as_ref()));
+                self.surfaces.prefetch(active.iter().filter_map(|&i| paths[i].hit.as_ref()));
             }
-            going.retain(|&i| step(&mut paths[i], n));
-            if going.is_empty() {
+            active.retain(|&i| step(&mut paths[i], n));
+            if active.is_empty() {
                 break;
             }
-            for &i in &going {
-                let Path { query, ray, hit, gathered, .. } = &mut paths[i];
-                gathered.n_rays += 1;
+            for &i in &active {
+                let Path { query, ray, hit, accumulated, .. } = &mut paths[i];
+                accumulated.n_rays += 1;
                 *hit = self.tracer.closest_hit(ray, &mut query.keyed(1 + n));
             }
         }
-        let sample = |path: Path<Q, W>| Sample { radiance: path.gathered.radiance, n_rays: path.gathered.n_rays };
+        let sample = |path: Path<Q, W>| Sample { radiance: path.accumulated.radiance, n_rays: path.accumulated.n_rays };
         paths.into_iter().map(sample).collect()
     }
 }

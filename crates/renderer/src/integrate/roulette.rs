@@ -1,27 +1,28 @@
-//! Russian roulette (Arvo and Kirk 1990): paths that carry little light mostly end, and those left over carry theirs, so that none is
-//! lost on average.
+//! Russian roulette (Arvo and Kirk 1990): ends paths with low throughput at random and scales the survivors, without
+//! bias.
 
 use super::batch::PathRadiance;
 
-/// What a path carries of a new one's light, from which on it is worth its rays: ending one that carries more makes more noise than
-/// it saves time, one that carries less the other way round (`benches/TRIED.md`).
-const FULL_THROUGHPUT: f32 = 0.5;
+/// Throughput from which paths survive: ending paths above it adds more noise than it saves time, and below it the
+/// reverse (`benches/TRIED.md`).
+const SURVIVAL_THROUGHPUT: f32 = 0.5;
 
-/// Least share of the paths that roulette ends from vertex [`MIN_TERMINATION_FROM`] on: a path that keeps all its light still ends.
+/// Minimum termination probability from vertex [`MIN_TERMINATION_FROM`] on, so that paths without loss end too.
 const MIN_TERMINATION: f32 = 0.05;
 
-/// Vertices before that; a mirror or two make no noise.
+/// The first vertices are exempt, because short specular paths add no noise.
 const MIN_TERMINATION_FROM: u32 = 4;
 
-/// Ends a path at its `n`-th vertex if it carries little, or makes it carry more: on average what it carried. `choice` is drawn
-/// where it decides.
-pub(super) fn survives(gathered: &mut PathRadiance, compression: f32, n: u32, choice: impl FnOnce() -> f32) -> bool {
-    let carried = gathered.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / compression;
-    let share = (carried / FULL_THROUGHPUT).min(if n < MIN_TERMINATION_FROM { 1.0 } else { 1.0 - MIN_TERMINATION });
-    if share < 1.0 && choice() >= share {
+/// Whether a path survives at its `n`-th vertex; if so, scales its throughput. `choice` is drawn only if the decision
+/// is random.
+pub(super) fn survives(accumulated: &mut PathRadiance, compression: f32, n: u32, choice: impl FnOnce() -> f32) -> bool {
+    let throughput = accumulated.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / compression;
+    let probability =
+        (throughput / SURVIVAL_THROUGHPUT).min(if n < MIN_TERMINATION_FROM { 1.0 } else { 1.0 - MIN_TERMINATION });
+    if probability < 1.0 && choice() >= probability {
         return false;
     }
-    gathered.throughput = gathered.throughput.map(|x| x / share);
+    accumulated.throughput = accumulated.throughput.map(|x| x / probability);
     true
 }
 
@@ -29,31 +30,31 @@ pub(super) fn survives(gathered: &mut PathRadiance, compression: f32, n: u32, ch
 mod tests {
     use super::*;
 
-    /// Of evenly spaced choices the share that survives carries on what all had, to within one choice. Who has half of a new
-    /// path's light, or more, never ends early and hardly later.
+    /// For evenly spaced choices, the survivors carry the total throughput to within one path. Paths with high
+    /// throughput end only by the minimum probability.
     #[test]
-    fn roulette_keeps_the_light_on_average() {
+    fn roulette_is_unbiased() {
         const N: u32 = 1000;
-        for (carried, compression) in
+        for (throughput, compression) in
             [(1e-3, 1.0), (0.02, 1.0), (0.3, 1.0), (0.5, 1.0), (1.0, 1.0), (2.0, 2.25), (0.3, 2.25)]
         {
             for n in [0, MIN_TERMINATION_FROM - 1, MIN_TERMINATION_FROM] {
                 let mut sum = 0.0;
                 let mut n_left = 0;
                 for choice in 0..N {
-                    let throughput = [carried, 0.5 * carried, 0.0];
-                    let mut gathered = PathRadiance { radiance: [0.0; 3], throughput, n_rays: 1 };
-                    if survives(&mut gathered, compression, n, || (choice as f32 + 0.5) / N as f32) {
+                    let rgb = [throughput, 0.5 * throughput, 0.0];
+                    let mut path = PathRadiance { radiance: [0.0; 3], throughput: rgb, n_rays: 1 };
+                    if survives(&mut path, compression, n, || (choice as f32 + 0.5) / N as f32) {
                         n_left += 1;
-                        sum += gathered.throughput[0];
-                        let [red, green, blue] = gathered.throughput;
-                        assert!((green - 0.5 * red).abs() <= f32::EPSILON * red && blue == 0.0, "{carried}");
+                        sum += path.throughput[0];
+                        let [red, green, blue] = path.throughput;
+                        assert!((green - 0.5 * red).abs() <= f32::EPSILON * red && blue == 0.0, "{throughput}");
                     }
                 }
                 let of_one = sum / n_left as f32;
-                assert!((sum - N as f32 * carried).abs() <= of_one, "{carried} {compression}: {sum}");
-                if carried / compression >= FULL_THROUGHPUT {
-                    assert_eq!(n_left, if n < MIN_TERMINATION_FROM { N } else { N * 19 / 20 }, "{carried}");
+                assert!((sum - N as f32 * throughput).abs() <= of_one, "{throughput} {compression}: {sum}");
+                if throughput / compression >= SURVIVAL_THROUGHPUT {
+                    assert_eq!(n_left, if n < MIN_TERMINATION_FROM { N } else { N * 19 / 20 }, "{throughput}");
                 }
             }
         }

@@ -5,33 +5,33 @@ use crate::vector::{Vector, dot, scale, sub};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Receiver {
     pub(super) position: Vector,
-    /// Unit normal of the side that receives; `None` where both do.
+    /// Unit normal of the receiving side; `None` if both sides receive light.
     pub(super) normal: Option<Vector>,
 }
 
-/// What a cluster of lights might do to a point, in the form that is asked for it: a ball, and the cone by its cosines.
+/// Bounds of a cluster of lights for importance sampling: a bounding sphere and a direction cone.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightBounds {
-    pub(super) middle: Vector,
+    pub(super) center: Vector,
     pub(super) radius: f64,
     pub(super) axis: Vector,
     pub(super) spread: Angle,
-    /// Cosine of the angle to a light's axis beyond which it is dark.
+    /// Cosine of the angle to a light's axis beyond which the light is black.
     pub(super) cos_reach: f64,
     pub(super) is_two_sided: bool,
-    /// W/sr by luminance.
+    /// W/sr of luminance.
     pub(super) intensity: f64,
 }
 
-/// Far enough below the greatest number that two of them add up.
-const GREATEST_IMPORTANCE: f64 = 1e300;
+/// The sum of two importances must be finite.
+const MAX_IMPORTANCE: f64 = 1e300;
 
 impl LightBounds {
     pub(super) fn new(cluster: &Cluster) -> Self {
         let Cluster { cone, intensity, .. } = *cluster;
         let (sin, cos) = cone.spread_rad.sin_cos();
         Self {
-            middle: cluster.middle(),
+            center: cluster.center(),
             radius: cluster.radius_squared().sqrt(),
             axis: cone.axis,
             spread: Angle { cos, sin },
@@ -41,32 +41,32 @@ impl LightBounds {
         }
     }
 
-    /// About the irradiance that the lights make at a point; zero only if none of them can reach it.
+    /// Estimate of the irradiance of the lights at a point; zero only if no light can reach it.
     ///
-    /// Intensity over distance squared, times the greatest cosines that any axis of the cone has to the receiver and
-    /// the receiver to any point of the ball. Within the ball the distance is the ball's radius. A cone's angles are
-    /// known to about 10⁻⁸, so what is lost at a horizon is less than that share of a light.
+    /// Intensity over squared distance, times the maximum cosines of emission (over the cone's axes) and of reception
+    /// (over the sphere's points). Inside the sphere the distance is the radius. Angles have an error of about 10⁻⁸, so
+    /// a light within that angle of a horizon may be missed.
     pub(super) fn importance(&self, receiver: &Receiver) -> f64 {
-        let way = sub(receiver.position, self.middle);
-        let (square, radius_squared) = (dot(way, way), self.radius * self.radius);
+        let offset = sub(receiver.position, self.center);
+        let (square, radius_squared) = (dot(offset, offset), self.radius * self.radius);
         let distance = square.sqrt();
-        // Half the angle under which the ball is seen; all around from within.
-        let ball = if square > radius_squared {
+        // Half-angle of the sphere as seen from the point; all directions from inside.
+        let sphere = if square > radius_squared {
             Angle { cos: (1.0 - radius_squared / square).sqrt(), sin: self.radius / distance }
         } else {
             Angle { cos: -1.0, sin: 0.0 }
         };
-        // Not a number where a light without extent lies in the receiver; then it shines, if it does, from all sides.
-        let direction = scale(way, 1.0 / distance);
+        // NaN if a light without extent is at the receiver: such a light counts from all directions.
+        let direction = scale(offset, 1.0 / distance);
         let cosine = dot(self.axis, direction);
         let cosine = if self.is_two_sided { cosine.abs() } else { cosine };
-        let emitted = Angle::of(cosine).less(self.spread).less(ball).cos;
+        let emitted = Angle::of(cosine).minus(self.spread).minus(sphere).cos;
         if emitted < self.cos_reach {
             return 0.0;
         }
-        let received = receiver.normal.map_or(1.0, |normal| Angle::of(-dot(normal, direction)).less(ball).cos);
+        let received = receiver.normal.map_or(1.0, |normal| Angle::of(-dot(normal, direction)).minus(sphere).cos);
         let distance_squared = square.max(radius_squared).max(f64::MIN_POSITIVE);
-        (self.intensity * emitted * received / distance_squared).clamp(0.0, GREATEST_IMPORTANCE)
+        (self.intensity * emitted * received / distance_squared).clamp(0.0, MAX_IMPORTANCE)
     }
 }
 
@@ -78,14 +78,14 @@ pub(super) struct Angle {
 }
 
 impl Angle {
-    /// None at all for a cosine that is not a number.
+    /// Zero for a NaN cosine.
     fn of(cos: f64) -> Self {
         let cos = if cos.is_nan() { 1.0 } else { cos.clamp(-1.0, 1.0) };
         Self { cos, sin: ((1.0 - cos) * (1.0 + cos)).sqrt() }
     }
 
-    /// The difference, none where `other` is the greater.
-    fn less(self, other: Self) -> Self {
+    /// The difference, clamped to zero.
+    fn minus(self, other: Self) -> Self {
         if self.cos >= other.cos {
             return Self { cos: 1.0, sin: 0.0 };
         }

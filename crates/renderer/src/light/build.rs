@@ -1,7 +1,7 @@
 use super::bounds::LightBounds;
 use super::cluster::Cluster;
 
-/// A node of a light tree.
+/// A node of the light tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     pub(super) bounds: LightBounds,
@@ -9,35 +9,34 @@ pub(super) struct Node {
     pub(super) children: Option<[u32; 2]>,
     /// `None` for the root.
     pub(super) parent: Option<u32>,
-    /// The light of a leaf; of an inner node, some light below it.
+    /// The light of a leaf; in an inner node, any light below it.
     pub(super) light: u32,
 }
 
-/// Bins along each axis in which a split is looked for.
+/// Bins per axis.
 const BINS: usize = 12;
 
-/// Depth from which nodes are halved: a tree of n lights is no deeper than this and log2(n), however they lie.
-const DEEP: u32 = 40;
+/// Depth from which nodes are split into equal numbers of lights, which limits the depth to this plus log2(n).
+const MAX_BINNED_DEPTH: u32 = 40;
 
-/// Builds a tree from the root down; its nodes, parents before children.
+/// Builds a light tree top-down. Parents come before children.
 ///
-/// Split where the sum over both sides of intensity, measure of orientation and squared radius is least: the source's
-/// heuristic with the ball that importance uses in place of the box. A number of binnings that is logarithmic in the
-/// number of lights, each linear.
+/// A split minimizes the sum over both sides of intensity, orientation measure and squared radius: the source's
+/// heuristic, with the bounding sphere in place of the box, because importance uses the sphere.
 pub(super) fn build(lights: &[Cluster]) -> Option<Vec<Node>> {
     let mut order: Vec<u32> = (0..).zip(lights).map(|(light, _)| light).collect();
     let mut nodes = vec![node_of(lights, &order, None)?];
-    // Ranges of the order, with the node over each.
+    // Node number, range of `order`, depth.
     let mut open = vec![(0, 0, order.len(), 0)];
     while let Some((number, start, end, depth)) = open.pop() {
         if end - start < 2 {
             continue;
         }
-        let middle = start + split(lights, &mut order[start..end], depth);
+        let split_at = start + split(lights, &mut order[start..end], depth);
         #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^31 lights: they are numbered in 32 bits")]
         let first = nodes.len() as u32;
         nodes[number as usize].children = Some([first, first + 1]);
-        for (child, range) in [(first, start..middle), (first + 1, middle..end)] {
+        for (child, range) in [(first, start..split_at), (first + 1, split_at..end)] {
             nodes.push(node_of(lights, &order[range.clone()], Some(number))?);
             open.push((child, range.start, range.end, depth + 1));
         }
@@ -50,9 +49,9 @@ fn node_of(lights: &[Cluster], order: &[u32], parent: Option<u32>) -> Option<Nod
     Some(Node { bounds: LightBounds::new(&cluster), children: None, parent, light: *order.first()? })
 }
 
-/// Reorders lights so that those of the first child come first; their number, at least one and not all.
+/// Partitions `order` for the two children. Returns the size of the first, which is at least one and not all.
 fn split(lights: &[Cluster], order: &mut [u32], depth: u32) -> usize {
-    let best = if depth < DEEP { best_plane(lights, order) } else { None };
+    let best = if depth < MAX_BINNED_DEPTH { best_plane(lights, order) } else { None };
     let Some((axis, plane)) = best else { return order.len() / 2 };
     let bins = Bins::along(lights, order, axis);
     let is_first = |light: u32| bins.of(&lights[light as usize]) < plane;
@@ -62,7 +61,7 @@ fn split(lights: &[Cluster], order: &mut [u32], depth: u32) -> usize {
     first.len()
 }
 
-/// Axis and first bin of the second side; `None` where all middles coincide.
+/// Axis and first bin of the second child; `None` if all centers coincide.
 fn best_plane(lights: &[Cluster], order: &[u32]) -> Option<(usize, usize)> {
     let mut best: Option<(f64, usize, usize)> = None;
     for axis in 0..3 {
@@ -85,7 +84,7 @@ fn best_plane(lights: &[Cluster], order: &[u32]) -> Option<(usize, usize)> {
             before = join(before, clusters[i - 1]);
             let (Some(a), Some(b)) = (before, after[i - 1]) else { continue };
             let cost = cost(&a) + cost(&b);
-            if best.is_none_or(|(least, ..)| cost < least) {
+            if best.is_none_or(|(min, ..)| cost < min) {
                 best = Some((cost, axis, i));
             }
         }
@@ -104,27 +103,27 @@ fn cost(cluster: &Cluster) -> f64 {
     cluster.intensity * cluster.cone.measure() * cluster.radius_squared()
 }
 
-/// Equal steps between the least and the greatest middle along an axis.
+/// Equal bins between the minimum and the maximum center along an axis.
 struct Bins {
     axis: usize,
-    least: f64,
-    /// Bins per unit of length; 0 where all middles coincide.
+    min: f64,
+    /// Bins per unit of length; 0 if all centers coincide.
     scale: f64,
 }
 
 impl Bins {
     fn along(lights: &[Cluster], order: &[u32], axis: usize) -> Self {
-        let middles = order.iter().map(|&light| lights[light as usize].middle()[axis]);
-        let (least, greatest) =
-            middles.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), middle| (a.min(middle), b.max(middle)));
+        let centers = order.iter().map(|&light| lights[light as usize].center()[axis]);
+        let (min, max) =
+            centers.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), center| (a.min(center), b.max(center)));
         #[expect(clippy::cast_precision_loss, reason = "twelve")]
-        let scale = BINS as f64 / (greatest - least);
-        Self { axis, least, scale: if scale.is_finite() { scale } else { 0.0 } }
+        let scale = BINS as f64 / (max - min);
+        Self { axis, min, scale: if scale.is_finite() { scale } else { 0.0 } }
     }
 
     fn of(&self, light: &Cluster) -> usize {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the quotient lies in 0..=BINS")]
-        let bin = ((light.middle()[self.axis] - self.least) * self.scale) as usize;
+        let bin = ((light.center()[self.axis] - self.min) * self.scale) as usize;
         bin.min(BINS - 1)
     }
 }

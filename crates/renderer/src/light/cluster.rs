@@ -1,13 +1,13 @@
 use super::cone::Cone;
 use crate::vector::{Vector, dot, scale, sub};
 
-/// Lights taken together: where they are, where they shine and how strongly. World space.
+/// A group of lights: bounding box, emission cone and intensity. World space.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cluster {
     pub(super) min: Vector,
     pub(super) max: Vector,
     pub(super) cone: Cone,
-    /// Sum of the greatest radiant intensities, W/sr by luminance.
+    /// Sum of the maximum radiant intensities, in W/sr of luminance.
     pub(super) intensity: f64,
 }
 
@@ -21,12 +21,12 @@ impl Cluster {
         }
     }
 
-    /// Middle of the box.
-    pub(super) fn middle(&self) -> Vector {
+    /// Center of the bounding box.
+    pub(super) fn center(&self) -> Vector {
         std::array::from_fn(|k| 0.5 * (self.min[k] + self.max[k]))
     }
 
-    /// Square of half the box's diagonal: of the radius of a ball around the lights.
+    /// Squared radius of the bounding sphere: half the diagonal of the box.
     pub(super) fn radius_squared(&self) -> f64 {
         let half = scale(sub(self.max, self.min), 0.5);
         dot(half, half)

@@ -13,7 +13,7 @@ use super::triangle::TriangleLight;
 use crate::vector::{Vector, add, narrow, scale, unit, wide};
 use crate::{Surface, Surfaces};
 
-/// A triangle that gives light, of an instance that stands still.
+/// An emissive triangle of a static instance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Emitter {
     pub(super) instance: InstanceId,
@@ -22,16 +22,17 @@ pub(super) struct Emitter {
     pub(super) corners: [[f32; 3]; 3],
 }
 
-/// All triangles that give light, in the order of instances and primitives.
+/// All emissive triangles of static instances, ordered by instance and primitive.
 ///
-/// Those of moving instances are not among them, for they are in another place for each ray: they are found by chance.
+/// Triangles of moving instances are not sampled, because their position depends on the time of the ray. Only BSDF
+/// sampling finds them.
 pub(super) struct Emitters<'a> {
     surfaces: &'a Surfaces<'a>,
     pub(super) list: Vec<Emitter>,
 }
 
 impl<'a> Emitters<'a> {
-    /// The emitters, and for each what the choice among lights needs to know.
+    /// The emitters, and the light bounds of each.
     pub(super) fn new(surfaces: &'a Surfaces<'a>) -> (Self, Vec<Cluster>) {
         let scene = surfaces.scene();
         let radiances = mean_radiances(scene);
@@ -51,12 +52,12 @@ impl<'a> Emitters<'a> {
                 for (primitive, triangle) in (part.first_triangle..).map(PrimId).zip(&mesh.triangles[start..end]) {
                     let corner = |i: u32| instance.world_from_object.point(mesh.positions[i as usize]);
                     let corners = triangle.map(corner);
-                    let Some(lit) = TriangleLight::new(corners) else { continue };
+                    let Some(triangle_light) = TriangleLight::new(corners) else { continue };
                     list.push(Emitter { instance: number, primitive, corners });
                     clusters.push(Cluster::of_points(
                         corners.map(wide),
-                        Cone::about(lit.normal, true),
-                        lit.area * radiance,
+                        Cone::about(triangle_light.normal, true),
+                        triangle_light.area * radiance,
                     ));
                 }
             }
@@ -68,27 +69,28 @@ impl<'a> Emitters<'a> {
         self.list.len()
     }
 
-    pub(super) fn source(&self, number: usize) -> LightId {
+    pub(super) fn id(&self, number: usize) -> LightId {
         LightId::Triangle(self.list[number].instance, self.list[number].primitive)
     }
 
-    /// Number of the emitter that was hit; `None` if it moves, has no area or is black all over.
+    /// Index of the emitter that was hit; `None` if it moves, has no area or is black.
     pub(super) fn find(&self, instance: InstanceId, primitive: PrimId) -> Option<usize> {
         self.list.binary_search_by_key(&(instance, primitive), |emitter| (emitter.instance, emitter.primitive)).ok()
     }
 
-    /// Light from a point of an emitter; none where it is black or cut out.
+    /// Samples a point of an emitter; `None` if that point is black or transparent.
     pub(super) fn sample(&self, number: usize, from: &Surface, square: [f32; 2]) -> Option<IncomingLight> {
         let Emitter { instance, primitive, corners } = self.list[number];
-        let lit = TriangleLight::new(corners)?;
-        let ([u, v], density) = lit.sample(from.position, square)?;
-        let target = lit.point([u, v]);
+        let triangle_light = TriangleLight::new(corners)?;
+        let ([u, v], density) = triangle_light.sample(from.position, square)?;
+        let target = triangle_light.point([u, v]);
         let to_light = unit(std::array::from_fn(|k| target[k] - from.position[k]))?;
         #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
         let hit = Hit { t: 1.0, u: u as f32, v: v as f32, primitive, instance, side: Side::Front };
         let radiance = self.radiance(&hit, narrow(to_light))?;
-        // The ray ends as far off the emitter as rays leave from there, so that rounding never lets it end behind.
-        let normal = lit.normal_towards(from.position);
+        // The ray ends at the offset of rays that leave the emitter, so that rounding never puts its end behind the
+        // emitter.
+        let normal = triangle_light.normal_towards(from.position);
         let off = add(target, scale(normal, self.surfaces.offset(instance, normal)));
         Some(IncomingLight {
             to_light,
@@ -98,23 +100,13 @@ impl<'a> Emitters<'a> {
         })
     }
 
-    /// Density per steradian with which [`Self::sample`] finds a unit direction that meets the emitter.
+    /// PDF per steradian of [`Self::sample`] for a unit direction that hits the emitter.
     pub(super) fn density(&self, number: usize, from: &Surface, direction: Vector) -> f64 {
-        TriangleLight::new(self.list[number].corners).map_or(0.0, |lit| lit.density(from.position, direction))
+        TriangleLight::new(self.list[number].corners)
+            .map_or(0.0, |triangle_light| triangle_light.density(from.position, direction))
     }
 
-    /// Whether what any of them gives differs from point to point.
-    pub(super) fn are_textured(&self) -> bool {
-        let material = |emitter: &Emitter| self.material(emitter.instance, emitter.primitive);
-        self.list.iter().map(material).any(|material| material.uses_alpha() || material.emission_texture.is_some())
-    }
-
-    /// Radiance of an emitter before its texture, linear RGB.
-    pub(super) fn emission(&self, emitter: &Emitter) -> [f32; 3] {
-        self.material(emitter.instance, emitter.primitive).emission
-    }
-
-    fn material(&self, instance: InstanceId, primitive: PrimId) -> &'a Material {
+    pub(super) fn material(&self, instance: InstanceId, primitive: PrimId) -> &'a Material {
         let scene = self.surfaces.scene();
         let mesh = &scene.meshes[scene.instances[instance.0 as usize].mesh.0 as usize];
         &scene.materials[mesh.material_of(primitive.0).0 as usize]
@@ -122,7 +114,7 @@ impl<'a> Emitters<'a> {
 
     fn radiance(&self, hit: &Hit, direction: [f32; 3]) -> Option<Vector> {
         let material = self.material(hit.instance, hit.primitive);
-        // Of light that a blended surface gives, rays that are sampled for it carry the share of those that would meet it.
+        // With stochastic alpha, light sampling must carry the fraction of rays that would hit the surface.
         let presence = if material.uses_alpha() { self.surfaces.presence(hit) } else { 1.0 };
         let radiance = match material.emission_texture {
             None => material.emission,
@@ -140,10 +132,10 @@ impl Cluster {
         Self { min: fold(f64::min, f64::INFINITY), max: fold(f64::max, f64::NEG_INFINITY), cone, intensity }
     }
 
-    /// A light of the list that has a place and is not black.
+    /// The bounds of a light of the scene file that has a position and is not black.
     pub(super) fn of_light(light: &Light) -> Option<Self> {
         let intensity = intensity_of(light).filter(|&x| x > 0.0 && x.is_finite())?;
-        let (middle, half, cone) = match *light {
+        let (center, half, cone) = match *light {
             Light::Sun { .. } => return None,
             Light::Point { position, .. } => (position, [0.0; 3], Cone::ALL),
             Light::Spot { position, direction, cos_outer, .. } => {
@@ -151,25 +143,25 @@ impl Cluster {
                     reach_rad: f64::from(cos_outer).clamp(-1.0, 1.0).acos(),
                     ..Cone::about(wide(direction), false)
                 };
-                // Beyond a right angle the cosine that importance is made of would no longer be above zero.
+                // Beyond 90 degrees the cosine in the importance would be negative.
                 (position, [0.0; 3], if cos_outer > 0.0 { cone } else { Cone::ALL })
             }
             Light::Sphere { center, radius, .. } => (center, [f64::from(radius); 3], Cone::ALL),
             Light::Disk { center, normal, radius, .. } => {
-                // A disc reaches along each axis as far as the axis is across its normal.
+                // The extent of a disk along an axis is its radius times the sine between the axis and its normal.
                 let half = wide(normal).map(|n| f64::from(radius) * ((1.0 - n) * (1.0 + n)).max(0.0).sqrt());
                 (center, half, Cone::about(wide(normal), false))
             }
         };
-        let middle = wide(middle);
-        let corner = |sign: f64| add(middle, scale(half, sign));
+        let center = wide(center);
+        let corner = |sign: f64| add(center, scale(half, sign));
         Some(Self::of_points([corner(-1.0), corner(1.0)], cone, intensity))
     }
 }
 
-/// Luminance of what each material emits on average over its texture.
+/// Mean luminance of each material's emission over its texture.
 fn mean_radiances(scene: &Scene) -> Vec<f64> {
-    // Many materials may share a texture of many texels.
+    // Many materials may share one large texture.
     let mut means = HashMap::new();
     let mut mean_radiance = |material: &Material| {
         let tint = material.emission_texture.as_ref().map_or([1.0; 3], |TextureRef { texture, .. }| {
@@ -181,7 +173,7 @@ fn mean_radiances(scene: &Scene) -> Vec<f64> {
     scene.materials.iter().map(|material| if material.is_emissive() { mean_radiance(material) } else { 0.0 }).collect()
 }
 
-/// Mean of all texels of a texture, linear RGB; white for a texture without texels.
+/// Mean of all texels, linear RGB; white for a texture without texels.
 fn mean_texel(texture: &Texture) -> Vector {
     let mut counts = [[0_u32; 256]; 3];
     for texel in &texture.texels {

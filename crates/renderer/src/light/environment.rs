@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::vector::{Vector, wide};
 
-/// Radiance from infinitely far away, ready to be looked up.
+/// The environment, prepared for lookups.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sky<'a> {
     environment: &'a Environment,
@@ -23,14 +23,14 @@ impl<'a> Sky<'a> {
         Self { environment, mean }
     }
 
-    /// Radiance that arrives against a direction of any length, linear RGB.
+    /// Radiance from a direction of any length, linear RGB.
     ///
-    /// Bilinear between texel centres by longitude and latitude; the picture goes on around the horizon and ends in
-    /// the colours of its first and last row.
+    /// Bilinear interpolation in longitude and latitude. Longitude wraps around; latitude is clamped to the first and
+    /// last row.
     pub(super) fn radiance(&self, direction: [f32; 3]) -> [f32; 3] {
         match self.environment {
             Environment::Constant(radiance) => *radiance,
-            Environment::Image(image) => lookup(image, place_of(image, wide(direction))),
+            Environment::Image(image) => lookup(image, coordinates_of(image, wide(direction))),
         }
     }
 
@@ -42,15 +42,15 @@ impl<'a> Sky<'a> {
     }
 }
 
-/// Where a direction is in the picture: across, in 0..=1 from its left edge, and down, in 0..=1 from its top.
-pub(super) fn place_of(image: &EnvironmentImage, [x, y, z]: Vector) -> [f64; 2] {
-    // Turning the picture counter-clockwise moves a fixed direction to the right in it.
+/// Image coordinates of a direction, 0..=1 from the left and from the top.
+pub(super) fn coordinates_of(image: &EnvironmentImage, [x, y, z]: Vector) -> [f64; 2] {
+    // Turning the image counter-clockwise moves a fixed direction to the right in it.
     let longitude = x.atan2(-z) + f64::from(image.turn_degrees).to_radians();
     let across = longitude / TAU + 0.5;
     [across - across.floor(), x.hypot(z).atan2(y) / PI]
 }
 
-/// The unit direction of a longitude across the picture and a cosine to +y.
+/// The unit direction of a horizontal image coordinate and a cosine to +y.
 pub(super) fn direction_of(image: &EnvironmentImage, across: f64, cosine: f64) -> Vector {
     let (s, c) = ((across - 0.5) * TAU - f64::from(image.turn_degrees).to_radians()).sin_cos();
     let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
@@ -58,8 +58,8 @@ pub(super) fn direction_of(image: &EnvironmentImage, across: f64, cosine: f64) -
 }
 
 fn lookup(image: &EnvironmentImage, [across, down]: [f64; 2]) -> [f32; 3] {
-    let (columns, x) = neighbours(across, image.width);
-    let (rows, y) = neighbours(down, image.height);
+    let (columns, x) = neighbors(across, image.width);
+    let (rows, y) = neighbors(down, image.height);
     let [left, right] = columns.map(|i| wrapped(i, image.width));
     let [top, bottom] = rows.map(|j| clamped(j, image.height));
     let texel = |row: usize, column: usize| image.texels[row * image.width as usize + column];
@@ -71,7 +71,7 @@ fn lookup(image: &EnvironmentImage, [across, down]: [f64; 2]) -> [f32; 3] {
 
 /// The texels before and after a coordinate in 0..=1, and the weight of the second.
 #[expect(clippy::cast_possible_truncation, reason = "the coordinate lies in 0..=1")]
-fn neighbours(coordinate: f64, n: u32) -> ([i64; 2], f32) {
+fn neighbors(coordinate: f64, n: u32) -> ([i64; 2], f32) {
     let texels = coordinate * f64::from(n) - 0.5;
     let first = texels.floor();
     ([first as i64, first as i64 + 1], (texels - first) as f32)
@@ -87,7 +87,7 @@ fn clamped(i: i64, n: u32) -> usize {
     i.clamp(0, i64::from(n) - 1) as usize
 }
 
-/// Steradians that a texel covers in a row.
+/// Solid angle of a texel of a row, in steradians.
 pub(super) fn solid_angle(image: &EnvironmentImage, row: usize) -> f64 {
     let [upper, lower] = [row, row + 1].map(|row| cosine_above(image, row));
     TAU / f64::from(image.width) * (upper - lower)
@@ -99,10 +99,10 @@ pub(super) fn cosine_above(image: &EnvironmentImage, row: usize) -> f64 {
     (PI * row as f64 / f64::from(image.height)).cos()
 }
 
-/// Means over the texels of a row of what [`lookup`] gives there, over equal steps of longitude and latitude.
+/// Means over each texel of a row of the bilinear [`lookup`], uniform in longitude and latitude.
 ///
-/// The mean of a piecewise linear function over one of its texels is 1/8, 3/4 and 1/8 of it and its neighbours; it is
-/// zero only if the function is zero all over the texel.
+/// The mean of a piecewise linear function over a texel weights it and its neighbors by 3/4 and 1/8. It is zero only if
+/// the function is zero over the entire texel.
 pub(super) fn row_means(image: &EnvironmentImage, row: usize) -> impl Iterator<Item = Vector> {
     const WEIGHTS: [f64; 3] = [0.125, 0.75, 0.125];
     let width = image.width as usize;
@@ -125,28 +125,28 @@ fn mean_of(image: &EnvironmentImage) -> [f32; 3] {
     let rows: Vec<Vector> = (0..image.height as usize)
         .into_par_iter()
         .map(|row| {
-            let share = solid_angle(image, row) / (4.0 * PI);
-            row_means(image, row).fold([0.0; 3], |sum, texel| std::array::from_fn(|k| sum[k] + share * texel[k]))
+            let fraction = solid_angle(image, row) / (4.0 * PI);
+            row_means(image, row).fold([0.0; 3], |sum, texel| std::array::from_fn(|k| sum[k] + fraction * texel[k]))
         })
         .collect();
     let mean: Vector = rows.iter().fold([0.0; 3], |sum, row| std::array::from_fn(|k| sum[k] + row[k]));
     mean.map(|x| x as f32)
 }
 
-/// Directions of an [`EnvironmentImage`] by how bright they are.
+/// Importance sampling of an [`EnvironmentImage`].
 ///
-/// A texel is chosen by its mean luminance times its solid angle, then a direction uniform over the solid angle: the
-/// density is one number a texel, and above zero wherever the bilinear picture is.
+/// Chooses a texel by mean luminance times solid angle, then a uniform direction in it. The PDF is constant over a
+/// texel and positive wherever the bilinear radiance is.
 pub(super) struct SkySampler<'a> {
     pub(super) image: &'a EnvironmentImage,
-    /// Running sums along each row, which begins with 0.
+    /// Running sums within each row, starting with 0.
     within_rows: Vec<f64>,
-    /// Running sums of the rows, beginning with 0.
+    /// Running sums over rows, starting with 0.
     pub(super) rows: Vec<f64>,
 }
 
 impl<'a> SkySampler<'a> {
-    /// `None` for a black picture, or one whose sum is not a number.
+    /// `None` for a black image, or if the sum is not finite.
     pub(super) fn new(image: &'a EnvironmentImage) -> Option<Self> {
         let row = |row: usize| {
             let solid_angle = solid_angle(image, row);
@@ -160,7 +160,7 @@ impl<'a> SkySampler<'a> {
         (total > 0.0 && total.is_finite()).then(|| Self { image, within_rows: within_rows.concat(), rows })
     }
 
-    /// A unit direction and its density per steradian.
+    /// Samples a unit direction, with its PDF per steradian.
     pub(super) fn sample(&self, square: [f32; 2]) -> (Vector, f64) {
         let (row, down) = invert(&self.rows, square[1].into());
         let sums = self.row(row);
@@ -172,9 +172,9 @@ impl<'a> SkySampler<'a> {
         (direction, self.density_at(row, column))
     }
 
-    /// Density per steradian of a direction.
+    /// PDF of a direction per steradian.
     pub(super) fn density(&self, direction: Vector) -> f64 {
-        let [across, down] = place_of(self.image, direction);
+        let [across, down] = coordinates_of(self.image, direction);
         let index = |x: f64, n: u32| {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=1 times n")]
             let index = (x * f64::from(n)) as usize;
@@ -203,12 +203,12 @@ fn running_sums(values: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> 
     }))
 }
 
-/// The interval of running sums in which the share `u` of the total lies, and the share of that interval before it.
+/// Inverts a piecewise constant distribution: the interval of `u` times the total, and the relative position in it.
 ///
-/// Intervals of no width are never chosen, for `u` is below 1.
+/// Intervals of zero width are never chosen, because `u` is below 1.
 fn invert(sums: &[f64], u: f64) -> (usize, f64) {
-    let wanted = u * sums[sums.len() - 1];
-    let after = sums.partition_point(|&sum| sum <= wanted).clamp(1, sums.len() - 1);
+    let target = u * sums[sums.len() - 1];
+    let after = sums.partition_point(|&sum| sum <= target).clamp(1, sums.len() - 1);
     let (low, high) = (sums[after - 1], sums[after]);
-    (after - 1, (wanted - low) / (high - low))
+    (after - 1, (target - low) / (high - low))
 }

@@ -9,21 +9,20 @@ use super::sphere::SphereLight;
 use crate::Surface;
 use crate::vector::{Vector, dot, narrow, scale, sub, unit, wide};
 
-/// Light on its way to a surface, if nothing stands between. World space.
+/// Light from one direction at a surface, before the occlusion test. World space.
 pub(crate) struct IncomingLight {
     /// Unit vector.
     pub(crate) to_light: Vector,
-    /// Radiance over `density`; of a light without extent, the irradiance on what faces it.
+    /// Radiance over `density`. For a delta light, the irradiance on a surface that faces it.
     pub(crate) radiance: Vector,
-    /// Density with which `to_light` was found, per steradian; `None` for a light without extent.
+    /// PDF of `to_light` per steradian; `None` for a delta light.
     pub(crate) density: Option<f64>,
-    /// `None` where the light is too close for anything to stand between.
+    /// `None` if the light is too close for an occluder.
     pub(crate) shadow_ray: Option<Ray>,
 }
 
 impl IncomingLight {
-    /// What comes from a light of the list; `square` gives a point of the unit square and is asked only by lights
-    /// that have an extent.
+    /// Samples a light of the scene file. Only lights with an area call `square`, for a point of the unit square.
     pub(crate) fn of(light: &Light, surface: &Surface, square: impl FnOnce() -> [f32; 2]) -> Option<Self> {
         match *light {
             Light::Sun { direction, irradiance } => {
@@ -37,8 +36,9 @@ impl IncomingLight {
             }
             Light::Point { position, intensity } => Self::of_point(position, intensity, surface, |_| 1.0),
             Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
-                let share = |to_light| spot_share(-dot(wide(direction), to_light), cos_inner.into(), cos_outer.into());
-                Self::of_point(position, intensity, surface, share)
+                let falloff =
+                    |to_light| spot_falloff(-dot(wide(direction), to_light), cos_inner.into(), cos_outer.into());
+                Self::of_point(position, intensity, surface, falloff)
             }
             Light::Sphere { center, radius, radiance } => {
                 let (target, density) = SphereLight::new(center, radius).sample(surface.position, square())?;
@@ -51,16 +51,16 @@ impl IncomingLight {
         }
     }
 
-    /// Light of an intensity that depends on the direction; none from a point at the surface itself.
+    /// Light with an angular intensity distribution; `None` if the light is at the surface itself.
     fn of_point(
         position: [f32; 3],
         intensity: [f32; 3],
         surface: &Surface,
-        share: impl FnOnce(Vector) -> f64,
+        falloff: impl FnOnce(Vector) -> f64,
     ) -> Option<Self> {
-        let way = sub(wide(position), surface.position);
-        let to_light = unit(way)?;
-        let factor = share(to_light) / dot(way, way);
+        let offset = sub(wide(position), surface.position);
+        let to_light = unit(offset)?;
+        let factor = falloff(to_light) / dot(offset, offset);
         (factor > 0.0).then(|| Self {
             to_light,
             radiance: scale(wide(intensity), factor),
@@ -69,7 +69,7 @@ impl IncomingLight {
         })
     }
 
-    /// Light from a point of a body, found with a density per steradian.
+    /// Light from a point of a shape light, sampled with a PDF per steradian.
     fn of_target(surface: &Surface, target: Vector, radiance: Vector, density: f64) -> Option<Self> {
         Some(Self {
             to_light: unit(sub(target, surface.position))?,
@@ -80,8 +80,8 @@ impl IncomingLight {
     }
 }
 
-/// Share of a spot's intensity at a cosine to its axis, as [`Light::Spot`] says; a cone without a soft edge is cut.
-fn spot_share(cosine: f64, cos_inner: f64, cos_outer: f64) -> f64 {
+/// Fraction of a spot light's intensity at an angle to its axis, see [`Light::Spot`].
+fn spot_falloff(cosine: f64, cos_inner: f64, cos_outer: f64) -> f64 {
     if cosine >= cos_inner {
         1.0
     } else if cosine <= cos_outer {
@@ -91,7 +91,7 @@ fn spot_share(cosine: f64, cos_inner: f64, cos_outer: f64) -> f64 {
     }
 }
 
-/// Greatest radiant intensity of a light that has a place, in W/sr by luminance; `None` for a sun.
+/// Maximum radiant intensity of a light with a position, in W/sr of luminance; `None` for a sun.
 pub(super) fn intensity_of(light: &Light) -> Option<f64> {
     match *light {
         Light::Sun { .. } => None,
@@ -102,16 +102,16 @@ pub(super) fn intensity_of(light: &Light) -> Option<f64> {
     }
 }
 
-/// Solid angle into which a light would send its power if its intensity were the greatest everywhere there.
-pub(super) fn spread_of(light: &Light) -> f64 {
+/// Power over maximum intensity, in steradians.
+pub(super) fn effective_solid_angle(light: &Light) -> f64 {
     match *light {
         Light::Sun { .. } => 0.0,
         Light::Point { .. } | Light::Sphere { .. } => 4.0 * PI,
-        // The mean of the cosine over a hemisphere is a half.
+        // The mean cosine over a hemisphere is 1/2.
         Light::Disk { .. } => PI,
         Light::Spot { cos_inner, cos_outer, .. } => {
             let [inner, outer] = [cos_inner, cos_outer].map(f64::from);
-            // The mean of a square that rises from 0 to 1 in a straight line is a third.
+            // The mean square of a linear ramp from 0 to 1 is 1/3.
             2.0 * PI * (1.0 - inner + (inner - outer) / 3.0)
         }
     }

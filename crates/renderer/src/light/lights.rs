@@ -8,14 +8,14 @@ use super::sphere::SphereLight;
 use crate::Tracer;
 use crate::vector::{Vector, dot, scale, sub, unit, wide};
 
-/// What light came from.
+/// Identifies a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightId {
-    /// From infinitely far away.
+    /// The environment, infinitely far away.
     Environment,
-    /// A light of [`Scene::lights`], by its index.
+    /// A light of [`Scene::lights`], by index.
     Light(u32),
-    /// A triangle that emits.
+    /// An emissive triangle.
     Triangle(InstanceId, PrimId),
 }
 
@@ -27,31 +27,32 @@ impl LightId {
     }
 }
 
-/// Light that a ray meets.
+/// The environment or shape light that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightHit {
     /// Linear RGB.
     pub radiance: [f32; 3],
-    /// Where from; never a triangle.
-    pub source: LightId,
+    /// Which light; never a triangle.
+    pub light: LightId,
 }
 
-/// The lights of a scene as rays meet them, triangles aside.
+/// The lights of a scene that rays can hit, except for triangles.
 #[derive(Clone, Debug)]
 pub struct Lights<'a> {
     pub(super) list: &'a [Light],
-    /// Those of the list that have a surface.
-    bodies: Vec<u32>,
+    /// Indices of the sphere and disk lights.
+    shape_lights: Vec<u32>,
     pub(super) sky: Sky<'a>,
 }
 
 impl<'a> Lights<'a> {
-    /// The lights of `scene` and the environment that a picture of it uses.
+    /// The lights of `scene` and its [`environment_of`].
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
-        let is_body = |light: &Light| matches!(light, Light::Sphere { .. } | Light::Disk { .. });
-        let bodies = (0..).zip(&scene.lights).filter(|(_, light)| is_body(light)).map(|(index, _)| index).collect();
-        Self { list: &scene.lights, bodies, sky: Sky::new(environment_of(scene)) }
+        let has_shape = |light: &Light| matches!(light, Light::Sphere { .. } | Light::Disk { .. });
+        let shape_lights =
+            (0..).zip(&scene.lights).filter(|(_, light)| has_shape(light)).map(|(index, _)| index).collect();
+        Self { list: &scene.lights, shape_lights, sky: Sky::new(environment_of(scene)) }
     }
 
     /// Mean radiance of the environment over all directions, linear RGB.
@@ -60,16 +61,16 @@ impl<'a> Lights<'a> {
         self.sky.mean
     }
 
-    /// What a ray meets before `hit`, its first among the triangles, or where that is `None`, behind everything.
+    /// The light that a ray hits before `hit`, its closest triangle hit. Without a hit, the environment.
     #[must_use]
     pub fn intersect(&self, ray: &Ray, hit: Option<&Hit>) -> Option<LightHit> {
         if let Some((_, index, radiance)) = self.first_shape_light(ray, hit) {
-            return Some(LightHit { radiance, source: LightId::Light(index) });
+            return Some(LightHit { radiance, light: LightId::Light(index) });
         }
-        hit.is_none().then(|| LightHit { radiance: self.sky.radiance(ray.direction), source: LightId::Environment })
+        hit.is_none().then(|| LightHit { radiance: self.sky.radiance(ray.direction), light: LightId::Environment })
     }
 
-    /// The ball or disc that a ray meets before `hit`: where, as its `t`, and its unit normal on the ray's side.
+    /// The sphere or disk light that a ray hits before `hit`: its `t`, and the unit normal on the side of the ray.
     pub(crate) fn shape_light_before(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, Vector)> {
         let (t, index, _) = self.first_shape_light(ray, hit)?;
         let normal = match self.list[index as usize] {
@@ -81,24 +82,24 @@ impl<'a> Lights<'a> {
         Some((t, scale(normal, side)))
     }
 
-    /// Whether nothing stands along a shadow ray to a light, which ends before it.
+    /// Whether a shadow ray towards `to` is unoccluded. The ray must end before the light.
     #[must_use]
     pub fn is_unoccluded<T: Tracer, Q: Query>(&self, ray: &Ray, to: LightId, tracer: &T, query: &mut Q) -> bool {
-        let others = self.bodies.iter().filter(|&&index| to != LightId::Light(index));
-        others.clone().all(|&index| self.body(index, ray).is_none()) && !tracer.occluded(ray, query)
+        let others = self.shape_lights.iter().filter(|&&index| to != LightId::Light(index));
+        others.clone().all(|&index| self.intersect_shape_light(index, ray).is_none()) && !tracer.occluded(ray, query)
     }
 
-    /// The lights of the list.
+    /// The lights of the scene file.
     pub(crate) fn list(&self) -> &'a [Light] {
         self.list
     }
 
-    /// `t`, index and radiance of the first body before `hit`; of equals the one that comes first in the list.
+    /// `t`, index and radiance of the first shape light before `hit`. On a tie, the lowest index.
     fn first_shape_light(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, u32, [f32; 3])> {
         let before = Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
         let mut first: Option<(f32, u32, [f32; 3])> = None;
-        for &index in &self.bodies {
-            let Some((t, radiance)) = self.body(index, &before) else { continue };
+        for &index in &self.shape_lights {
+            let Some((t, radiance)) = self.intersect_shape_light(index, &before) else { continue };
             if first.is_none_or(|(nearest, ..)| t < nearest) {
                 first = Some((t, index, radiance));
             }
@@ -106,23 +107,23 @@ impl<'a> Lights<'a> {
         first
     }
 
-    /// Where a ray meets a body of the list, within its closed interval, and the radiance from there.
-    fn body(&self, index: u32, ray: &Ray) -> Option<(f32, [f32; 3])> {
-        let (found, radiance) = match self.list[index as usize] {
+    /// Where a ray hits a shape light within its closed interval, and the radiance there.
+    fn intersect_shape_light(&self, index: u32, ray: &Ray) -> Option<(f32, [f32; 3])> {
+        let (crossing, radiance) = match self.list[index as usize] {
             Light::Sphere { center, radius, radiance } => (SphereLight::new(center, radius).hit(ray), radiance),
             Light::Disk { center, normal, radius, radiance } => {
                 (DiskLight::new(center, normal, radius).hit(ray), radiance)
             }
             _ => return None,
         };
-        found.map(|(t, shines)| (t, if shines { radiance } else { [0.0; 3] }))
+        crossing.map(|(t, is_front)| (t, if is_front { radiance } else { [0.0; 3] }))
     }
 }
 
-/// Radiance from outside that a picture of `scene` uses.
+/// The environment of `scene`.
 ///
-/// What the file says; else none where the file has lights or emitters of its own, and white where it has neither,
-/// so that no picture is black for want of light.
+/// If the file has no environment: black if the scene has lights or emitters, else white, so that a picture is never
+/// black by default.
 #[must_use]
 pub fn environment_of(scene: &Scene) -> &Environment {
     const BLACK: &Environment = &Environment::Constant([0.0; 3]);
@@ -135,7 +136,7 @@ pub fn environment_of(scene: &Scene) -> &Environment {
     }
 }
 
-/// Whether a scene has more than one light, a triangle that emits and an environment counted as such.
+/// Whether a scene has more than one light, counting emissive triangles and the environment.
 pub(crate) fn has_multiple_lights(scene: &Scene) -> bool {
     let n_emitters = |instance: &Instance| {
         let mesh = &scene.meshes[instance.mesh.0 as usize];

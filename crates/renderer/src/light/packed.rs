@@ -1,4 +1,4 @@
-//! A [`LightSampler`] as kernels read it: in f32, without what the scene does not have.
+//! The GPU layout of a [`LightSampler`], in `f32`.
 
 use bytemuck::{Pod, Zeroable};
 use canted_scene::EnvironmentImage;
@@ -9,16 +9,16 @@ use super::environment::{SkySampler, cosine_above, solid_angle};
 use super::sampler::{Choice, LightSampler};
 use super::tree::Tree;
 
-/// Greatest colour of a light on a device, so that no product of a kernel overflows.
-const BRIGHTEST: f32 = 1e18;
+/// Maximum radiance on the GPU: prevents overflow in products.
+const MAX_RADIANCE: f32 = 1e18;
 
-/// Marks emitting triangles among the lights of the tree.
+/// Flag of emissive triangles among the lights of the tree.
 const EMITTER: u32 = 1 << 31;
 
 /// Leaf of a light that is not in the tree.
 const NO_LEAF: u32 = u32::MAX;
 
-/// A cluster of lights: `LightNode` of `shared/light/tree`, which explains its members.
+/// A node of the light tree: `LightNode` of `shared/light/tree`, which documents the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct LightNode {
@@ -35,7 +35,7 @@ pub(crate) struct LightNode {
     pub(crate) padding: u32,
 }
 
-/// A triangle that gives light: `Emitter` of `shared/light/emitters`.
+/// An emissive triangle: `Emitter` of `shared/light/emitters`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Emitter {
@@ -49,7 +49,7 @@ pub(crate) struct Emitter {
     pub(crate) slack: f32,
 }
 
-/// How likely each kind of light is chosen: `LightShares` of `shared/light/sampler`.
+/// Selection probabilities: `LightShares` of `shared/light/sampler`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct LightShares {
@@ -57,7 +57,7 @@ pub(crate) struct LightShares {
     pub(crate) sky: f32,
 }
 
-/// A sun and its share: `SunShare` of `shared/suns/list`.
+/// A sun and its selection probability: `SunShare` of `shared/suns/list`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct SunShare {
@@ -65,7 +65,7 @@ pub(crate) struct SunShare {
     pub(crate) share: f32,
 }
 
-/// A picture of all directions: `SkyImage` of `shared/sky/image`.
+/// An environment map: `SkyImage` of `shared/sky/image`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct SkyImage {
@@ -76,7 +76,7 @@ pub(crate) struct SkyImage {
     pub(crate) padding: [u32; 2],
 }
 
-/// A row of the picture by its brightness: `SkyRow` of `shared/skylight/image`.
+/// The distribution over rows of the environment map: `SkyRow` of `shared/skylight/image`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct SkyRow {
@@ -85,26 +85,26 @@ pub(crate) struct SkyRow {
     pub(crate) per_steradian: f32,
 }
 
-/// The lights that are sampled.
+/// A packed light sampler.
 pub(crate) struct PackedLights {
     pub(crate) shares: LightShares,
-    /// None without lights that have a place.
+    /// Empty without lights that have a position.
     pub(crate) nodes: Vec<LightNode>,
     pub(crate) emitters: Vec<Emitter>,
-    /// Leaf of each light of the list.
+    /// Leaf of each light of the scene file.
     pub(crate) leaves: Vec<u32>,
     pub(crate) suns: Vec<SunShare>,
-    /// Rows and sums of a picture that is sampled by its brightness.
+    /// Rows and running sums of an environment map that is importance sampled.
     pub(crate) sky: Option<(Vec<SkyRow>, Vec<f32>)>,
-    /// Whether what an emitter gives differs from point to point.
+    /// Whether the radiance of any emitter varies over its surface.
     pub(crate) emission_is_textured: bool,
 }
 
 impl LightSampler<'_> {
-    /// The sampler in f32; `slack` is the distance that rays keep off an instance along each axis, on the device.
+    /// Packs the sampler. `slack` is the ray offset of an instance per axis, on the GPU.
     pub(crate) fn packed(&self, slack: impl Fn(InstanceId) -> f32) -> PackedLights {
-        let share = |wanted: Choice| narrowed(self.share(wanted));
-        let suns = self.shares.iter().filter_map(|&(choice, share)| match choice {
+        let share = |wanted: Choice| narrowed(self.kind_probability(wanted));
+        let suns = self.kinds.iter().filter_map(|&(choice, share)| match choice {
             Choice::Sun(light) => Some(SunShare { light, share: narrowed(share) }),
             _ => None,
         });
@@ -112,7 +112,11 @@ impl LightSampler<'_> {
         PackedLights {
             shares: LightShares { local: share(Choice::Tree), sky: share(Choice::Environment) },
             emitters: emitters(&self.emitters, &leaves, slack),
-            leaves: self.places.iter().map(|place| place.map_or(NO_LEAF, |place| leaves[place as usize])).collect(),
+            leaves: self
+                .tree_lights
+                .iter()
+                .map(|light| light.map_or(NO_LEAF, |light| leaves[light as usize]))
+                .collect(),
             nodes,
             suns: suns.collect(),
             sky: self.sky.as_ref().map(|sky| (rows(sky), sums(sky))),
@@ -120,7 +124,7 @@ impl LightSampler<'_> {
         }
     }
 
-    /// The tree, and the leaf of each of its lights.
+    /// The nodes of the tree, and the leaf of each light.
     fn nodes(&self, tree: &Tree) -> (Vec<LightNode>, Vec<u32>) {
         let n_emitters = self.emitters.len();
         let all = tree.nodes[0].bounds.intensity;
@@ -128,21 +132,34 @@ impl LightSampler<'_> {
             let bounds = &node.bounds;
             let number = node.light as usize;
             LightNode {
-                middle: bounds.middle.map(narrowed),
+                middle: bounds.center.map(narrowed),
                 radius: narrowed(bounds.radius),
                 axis: bounds.axis.map(narrowed),
                 cos_reach: narrowed(bounds.cos_reach),
                 spread: [bounds.spread.cos, bounds.spread.sin].map(narrowed),
-                // Shares of all, which f32 holds; none is taken from a light, however weak.
+                // Relative to the total, which fits f32; never zero, however weak the light.
                 intensity: narrowed(bounds.intensity / all).max(1e-30),
                 is_two_sided: bounds.is_two_sided.into(),
                 parent: node.parent.unwrap_or(0),
                 first_child: node.children.map_or(0, |children| children[0]),
-                light: if number < n_emitters { node.light | EMITTER } else { self.placed[number - n_emitters] },
+                light: if number < n_emitters { node.light | EMITTER } else { self.listed[number - n_emitters] },
                 padding: 0,
             }
         });
         (nodes.collect(), tree.leaves.clone())
+    }
+}
+
+impl Emitters<'_> {
+    /// Whether the radiance of any emitter varies over its surface.
+    fn are_textured(&self) -> bool {
+        let material = |emitter: &super::emitters::Emitter| self.material(emitter.instance, emitter.primitive);
+        self.list.iter().map(material).any(|material| material.uses_alpha() || material.emission_texture.is_some())
+    }
+
+    /// Radiance of an emitter without its texture, linear RGB.
+    fn emission(&self, emitter: &super::emitters::Emitter) -> [f32; 3] {
+        self.material(emitter.instance, emitter.primitive).emission
     }
 }
 
@@ -164,7 +181,7 @@ fn emitters(all: &Emitters<'_>, leaves: &[u32], slack: impl Fn(InstanceId) -> f3
     packed.collect()
 }
 
-/// The picture without its texels.
+/// An environment map without its texels.
 pub(crate) fn sky_image(image: &EnvironmentImage) -> SkyImage {
     SkyImage {
         scale: bounded(image.scale),
@@ -185,7 +202,7 @@ fn rows(sky: &SkySampler<'_>) -> Vec<SkyRow> {
     sky.rows.iter().enumerate().map(row).collect()
 }
 
-/// Sums along each row as shares of it; a black row is never chosen.
+/// Running sums of each row, normalized. A black row is never chosen.
 fn sums(sky: &SkySampler<'_>) -> Vec<f32> {
     let rows = 0..sky.rows.len() - 1;
     rows.flat_map(|row| {
@@ -196,10 +213,10 @@ fn sums(sky: &SkySampler<'_>) -> Vec<f32> {
     .collect()
 }
 
-/// A colour that a device can compute with; what is no number is black.
-#[expect(clippy::manual_clamp, reason = "clamp keeps what is no number")]
+/// A color clamped for the GPU; NaN becomes black.
+#[expect(clippy::manual_clamp, reason = "clamp keeps NaN")]
 pub(crate) fn bounded(color: [f32; 3]) -> [f32; 3] {
-    color.map(|x| x.max(0.0).min(BRIGHTEST))
+    color.map(|x| x.max(0.0).min(MAX_RADIANCE))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]

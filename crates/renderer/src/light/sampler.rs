@@ -9,7 +9,7 @@ use super::cluster::Cluster;
 use super::disk::DiskLight;
 use super::emitters::Emitters;
 use super::environment::SkySampler;
-use super::incoming::{IncomingLight, intensity_of, spread_of};
+use super::incoming::{IncomingLight, effective_solid_angle, intensity_of};
 use super::lights::{LightId, Lights};
 use super::sphere::SphereLight;
 use super::tree::Tree;
@@ -17,45 +17,45 @@ use crate::sampling::cosine_hemisphere;
 use crate::vector::{Vector, add, dot, narrow, scale, tangents, wide};
 use crate::{Surface, Surfaces};
 
-/// Light from one direction, chosen among all.
+/// A sample of the incoming light at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
     /// Unit vector, world space.
     pub to_light: [f32; 3],
-    /// Radiance over the density of its choice, linear RGB: times scattering and cosine it is a sample of the reflected
-    /// light, if nothing stands between.
+    /// Radiance over the probability of the choice of the light and over its own PDF, linear RGB. Times BSDF and cosine
+    /// it is a sample of the reflected radiance, if the shadow ray is unoccluded.
     pub radiance: [f32; 3],
-    /// Density of `to_light` per steradian, the choice among lights included; 0 where `is_delta`. Very great at most, never infinite.
+    /// PDF of `to_light` per steradian, including the choice of the light; 0 if `is_delta`. Always finite.
     pub density: f32,
-    /// Whether the light has no extent, so that no other technique finds it.
+    /// Whether this is a delta light, which BSDF sampling never finds.
     pub is_delta: bool,
-    /// What must be clear for the light to arrive, see [`Lights::is_unoccluded`]; `None` where the light is too close for anything to
-    /// stand between.
+    /// The ray to test with [`Lights::is_unoccluded`]; `None` if the light is too close for an occluder.
     pub shadow_ray: Option<Ray>,
     /// The light.
-    pub source: LightId,
+    pub light: LightId,
 }
 
-/// Chooses one light of a scene for a point, and knows how likely the choice was.
+/// Samples one light of a scene for a point, and evaluates the PDF.
 ///
-/// The environment and each sun are chosen with shares that are the same everywhere, all other lights together by a
-/// tree that looks at where the point is. A share is the mean of an equal one and of one by power, so that a light that
-/// an estimate takes for weak keeps some: power is the irradiance of the sun, π times the mean radiance of the
-/// environment, and for lights with a place their power over the cross section of the scene's ball.
+/// First it chooses between the environment, each sun and all other lights, with probabilities that do not depend on
+/// the point. Among the other lights, a light tree chooses by importance at the point. The fixed probabilities are the
+/// mean of a uniform distribution and one by power, so that an underestimated light is still sampled. Power is the
+/// irradiance of a sun, π times the mean radiance of the environment, and for local lights their power over the cross
+/// section of the scene's bounding sphere.
 ///
-/// Unbiased for every light but what is no number or above all numbers, which is left out. Triangles of moving instances
-/// are found by chance only: their density is 0.
+/// The estimate is unbiased for every light with finite radiance; others are ignored. Triangles of moving instances are
+/// found by BSDF sampling only: their PDF is 0.
 pub struct LightSampler<'a> {
     lights: Lights<'a>,
     pub(super) emitters: Emitters<'a>,
     pub(super) tree: Option<Tree>,
-    /// Number in the tree of each light of the list; emitters come first.
-    pub(super) places: Vec<Option<u32>>,
-    /// The list's index of each light of the tree that is no emitter.
-    pub(super) placed: Vec<u32>,
+    /// Number in the tree of each light of the scene file; emitters come first.
+    pub(super) tree_lights: Vec<Option<u32>>,
+    /// Index in the scene file of each light of the tree that is no emitter.
+    pub(super) listed: Vec<u32>,
     pub(super) sky: Option<SkySampler<'a>>,
-    /// What is chosen first, with the shares.
-    pub(super) shares: Vec<(Choice, f64)>,
+    /// The first choice, with probabilities.
+    pub(super) kinds: Vec<(Choice, f64)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,20 +66,20 @@ pub(super) enum Choice {
 }
 
 impl<'a> LightSampler<'a> {
-    /// Prepares the choice among `lights` and the emitters of the same scene's `surfaces`.
+    /// Prepares sampling of `lights` and of the emissive `surfaces` of the same scene.
     #[must_use]
     pub fn new(lights: Lights<'a>, surfaces: &'a Surfaces<'a>) -> Self {
         let (emitters, mut clusters) = Emitters::new(surfaces);
-        let mut placed = Vec::new();
-        let places = (0..)
+        let mut listed = Vec::new();
+        let tree_lights = (0..)
             .zip(lights.list)
             .map(|(index, light)| {
                 let cluster = Cluster::of_light(light)?;
                 #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 lights")]
-                let place = clusters.len() as u32;
+                let number = clusters.len() as u32;
                 clusters.push(cluster);
-                placed.push(index);
-                Some(place)
+                listed.push(index);
+                Some(number)
             })
             .collect();
         let sky = lights.sky.image().and_then(SkySampler::new);
@@ -90,39 +90,39 @@ impl<'a> LightSampler<'a> {
             Light::Sun { irradiance, .. } => Some((Choice::Sun(index), luminance(wide(*irradiance)))),
             _ => None,
         });
-        let near = if local > 0.0 { local / cross_section(surfaces.scene()) } else { 0.0 };
-        let powers = [(Choice::Tree, near), (Choice::Environment, PI * far)];
-        let shares = shares(powers.into_iter().chain(suns));
-        Self { tree: Tree::new(&clusters), lights, emitters, places, placed, sky, shares }
+        let local_irradiance = if local > 0.0 { local / cross_section(surfaces.scene()) } else { 0.0 };
+        let powers = [(Choice::Tree, local_irradiance), (Choice::Environment, PI * far)];
+        let kinds = kind_probabilities(powers.into_iter().chain(suns));
+        Self { tree: Tree::new(&clusters), lights, emitters, tree_lights, listed, sky, kinds }
     }
 
-    /// The lights that are chosen from.
+    /// The lights that are sampled.
     #[must_use]
     pub fn lights(&self) -> &Lights<'a> {
         &self.lights
     }
 
-    /// Whether the number that chooses matters: not where there is one light.
+    /// Whether there is more than one light, so that `choice` has an effect.
     pub(crate) fn has_choice(&self) -> bool {
-        self.shares.len() > 1 || self.tree.as_ref().is_some_and(|tree| tree.leaves.len() > 1)
+        self.kinds.len() > 1 || self.tree.as_ref().is_some_and(|tree| tree.leaves.len() > 1)
     }
 
-    /// Light that would arrive at a surface, from a number in `[0, 1)` that chooses and a point of the unit square.
+    /// Samples a light, from a number `choice` in `[0, 1)` and a point of the unit square.
     ///
-    /// Light from behind the triangle is looked for only where `transmits`. `None` where no light was found.
+    /// Light from behind the triangle is sampled only if `transmits`. `None` if there is no light.
     #[must_use]
     pub fn sample(&self, from: &Surface, transmits: bool, choice: f32, square: [f32; 2]) -> Option<LightSample> {
-        let (chosen, share, choice) = self.choose(choice.into())?;
-        let (incoming, probability, source) = match chosen {
+        let (kind, kind_probability, choice) = self.choose(choice.into())?;
+        let (incoming, probability, light) = match kind {
             Choice::Tree => {
                 let (number, probability) = self.tree.as_ref()?.choose(&receiver(from, transmits), choice)?;
-                let (incoming, source) = self.local(number, from, square)?;
-                (incoming, share * probability, source)
+                let (incoming, light) = self.local(number, from, square)?;
+                (incoming, kind_probability * probability, light)
             }
-            Choice::Environment => (self.environment(from, square)?, share, LightId::Environment),
+            Choice::Environment => (self.environment(from, square)?, kind_probability, LightId::Environment),
             Choice::Sun(index) => {
                 let incoming = IncomingLight::of(&self.lights.list[index as usize], from, || square)?;
-                (incoming, share, LightId::Light(index))
+                (incoming, kind_probability, LightId::Light(index))
             }
         };
         Some(LightSample {
@@ -131,17 +131,17 @@ impl<'a> LightSampler<'a> {
             density: incoming.density.map_or(0.0, |density| finite(density * probability)),
             is_delta: incoming.density.is_none(),
             shadow_ray: incoming.shadow_ray,
-            source,
+            light,
         })
     }
 
-    /// Density per steradian with which [`Self::sample`] finds a unit direction from `from` that meets `source`.
+    /// PDF per steradian of [`Self::sample`] for a unit direction from `from` that hits `light`.
     #[must_use]
-    pub fn density(&self, from: &Surface, transmits: bool, to_light: [f32; 3], source: LightId) -> f32 {
+    pub fn density(&self, from: &Surface, transmits: bool, to_light: [f32; 3], light: LightId) -> f32 {
         let direction = wide(to_light);
-        let (number, density) = match source {
+        let (number, density) = match light {
             LightId::Environment => {
-                return finite(self.share(Choice::Environment) * self.environment_density(from, direction));
+                return finite(self.kind_probability(Choice::Environment) * self.environment_density(from, direction));
             }
             LightId::Light(index) => {
                 let density = match self.lights.list[index as usize] {
@@ -151,31 +151,31 @@ impl<'a> LightSampler<'a> {
                     }
                     _ => return 0.0,
                 };
-                (self.places[index as usize], density)
+                (self.tree_lights[index as usize], density)
             }
             LightId::Triangle(instance, primitive) => {
-                let Some(number) = self.emitters.find(instance, primitive) else { return 0.0 };
+                let Some(emitter) = self.emitters.find(instance, primitive) else { return 0.0 };
                 #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 lights")]
-                let place = number as u32;
-                (Some(place), self.emitters.density(number, from, direction))
+                let number = emitter as u32;
+                (Some(number), self.emitters.density(emitter, from, direction))
             }
         };
         let (Some(tree), Some(number)) = (&self.tree, number) else { return 0.0 };
-        finite(self.share(Choice::Tree) * tree.probability(number, &receiver(from, transmits)) * density)
+        finite(self.kind_probability(Choice::Tree) * tree.probability(number, &receiver(from, transmits)) * density)
     }
 
-    /// Light of a number of the tree.
+    /// Samples a light of the tree.
     fn local(&self, number: u32, from: &Surface, square: [f32; 2]) -> Option<(IncomingLight, LightId)> {
         let number = number as usize;
         if let Some(index) = number.checked_sub(self.emitters.len()) {
-            let index = self.placed[index];
+            let index = self.listed[index];
             let incoming = IncomingLight::of(&self.lights.list[index as usize], from, || square)?;
             return Some((incoming, LightId::Light(index)));
         }
-        Some((self.emitters.sample(number, from, square)?, self.emitters.source(number)))
+        Some((self.emitters.sample(number, from, square)?, self.emitters.id(number)))
     }
 
-    /// A constant environment is sampled by the cosine to the shading normal, a picture by its brightness.
+    /// A constant environment is sampled by the cosine to the shading normal, an environment map by its luminance.
     fn environment(&self, from: &Surface, square: [f32; 2]) -> Option<IncomingLight> {
         let (to_light, density) = match &self.sky {
             Some(sky) => sky.sample(square),
@@ -197,27 +197,27 @@ impl<'a> LightSampler<'a> {
         }
     }
 
-    /// What is chosen first, its share, and the rest of the number.
+    /// The first choice, its probability, and the remapped random number.
     fn choose(&self, choice: f64) -> Option<(Choice, f64, f64)> {
-        let (last, others) = self.shares.split_last()?;
+        let (last, others) = self.kinds.split_last()?;
         let mut rest = choice;
-        for &(chosen, share) in others {
-            if rest < share {
-                return Some((chosen, share, rest / share));
+        for &(kind, kind_probability) in others {
+            if rest < kind_probability {
+                return Some((kind, kind_probability, rest / kind_probability));
             }
-            rest -= share;
+            rest -= kind_probability;
         }
-        let &(chosen, share) = last;
-        Some((chosen, share, (rest / share).clamp(0.0, 1.0 - f64::EPSILON)))
+        let &(kind, kind_probability) = last;
+        Some((kind, kind_probability, (rest / kind_probability).clamp(0.0, 1.0 - f64::EPSILON)))
     }
 
-    pub(super) fn share(&self, choice: Choice) -> f64 {
-        self.shares.iter().find(|(known, _)| *known == choice).map_or(0.0, |&(_, share)| share)
+    pub(super) fn kind_probability(&self, choice: Choice) -> f64 {
+        self.kinds.iter().find(|(kind, _)| *kind == choice).map_or(0.0, |&(_, kind_probability)| kind_probability)
     }
 }
 
-/// The mean of equal shares and shares by power, of what has any.
-fn shares(powers: impl Iterator<Item = (Choice, f64)>) -> Vec<(Choice, f64)> {
+/// The mean of a uniform distribution and one by power, over the lights that have power.
+fn kind_probabilities(powers: impl Iterator<Item = (Choice, f64)>) -> Vec<(Choice, f64)> {
     let powers: Vec<(Choice, f64)> = powers.filter(|(_, power)| *power > 0.0 && power.is_finite()).collect();
     let sum: f64 = powers.iter().map(|(_, power)| power).sum();
     #[expect(clippy::cast_precision_loss, reason = "few")]
@@ -225,12 +225,12 @@ fn shares(powers: impl Iterator<Item = (Choice, f64)>) -> Vec<(Choice, f64)> {
     powers.into_iter().map(|(choice, power)| (choice, 0.5 * (equal + power / sum))).collect()
 }
 
-/// Watts by luminance of a light that has a place; 0 for a sun.
+/// Power of a light with a position, in watts of luminance; 0 for a sun.
 fn power_of(light: &Light) -> f64 {
-    intensity_of(light).map_or(0.0, |intensity| intensity * spread_of(light))
+    intensity_of(light).map_or(0.0, |intensity| intensity * effective_solid_angle(light))
 }
 
-/// Area of a disc as wide as the scene's bounds, which visits every vertex; 1 where they have no extent.
+/// Area of a great circle of the scene's bounding sphere; 1 for a scene without extent. Visits every vertex.
 fn cross_section(scene: &Scene) -> f64 {
     let squared: f64 = scene.bounds_world().extent().iter().map(|x| x * x).sum();
     let area = 0.25 * PI * squared;
@@ -241,7 +241,7 @@ fn receiver(from: &Surface, transmits: bool) -> Receiver {
     Receiver { position: from.position, normal: (!transmits).then_some(from.normal) }
 }
 
-/// A density that `f32` can hold.
+/// Clamps a PDF to the range of `f32`.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn finite(density: f64) -> f32 {
     density.min(f32::MAX.into()) as f32
@@ -255,7 +255,7 @@ mod tests {
     use super::super::lights::has_multiple_lights;
     use super::*;
 
-    /// A triangle in this light; it emits by itself where `emission` is not black.
+    /// A scene of one triangle; it is an emitter unless `emission` is black.
     fn lit(lights: &[Light], environment: [f32; 3], emission: [f32; 3]) -> Scene {
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
@@ -274,9 +274,9 @@ mod tests {
         }
     }
 
-    /// What is said to be left out of one light is left out: no number chooses it, and its probability is 1.
+    /// With one light, there is no choice and its probability is 1.
     #[test]
-    fn one_light_is_not_chosen() {
+    fn single_light_has_probability_one() {
         let sun = Light::Sun { direction: [0.0, 0.0, -1.0], irradiance: [1.0; 3] };
         let point = Light::Point { position: [0.25, 0.25, 3.0], intensity: [1.0; 3] };
         let [black, white] = [[0.0; 3], [1.0; 3]];
@@ -295,7 +295,7 @@ mod tests {
             let sampler = LightSampler::new(Lights::new(&scene), &surfaces);
             let what = format!("{lights:?} {environment:?} {emission:?}");
             assert_eq!((sampler.has_choice(), has_multiple_lights(&scene)), (chooses, chooses), "{what}");
-            assert!(chooses || sampler.shares[0].1 == 1.0, "{what}");
+            assert!(chooses || sampler.kinds[0].1 == 1.0, "{what}");
         }
     }
 }

@@ -4,7 +4,7 @@ use canted_trace::{Ray, Sphere};
 
 use crate::vector::{Vector, add, dot, scale, sub, tangents, unit, wide};
 
-/// A ball that shines outward, world space.
+/// A sphere that emits outward, world space.
 #[derive(Clone, Copy)]
 pub(super) struct SphereLight {
     center: Vector,
@@ -12,13 +12,13 @@ pub(super) struct SphereLight {
     traced: Sphere,
 }
 
-/// The cone in which a point sees a ball.
+/// The cone of directions towards a sphere.
 struct SightCone {
-    /// Unit vector to the middle.
+    /// Unit vector to the center.
     axis: Vector,
-    /// From the point to the middle.
+    /// Distance to the center.
     distance: f64,
-    /// One minus the cosine of half the angle, which keeps its digits for a far ball.
+    /// One minus the cosine of the half-angle: accurate for distant spheres, where the cosine is not.
     height: f64,
 }
 
@@ -27,25 +27,25 @@ impl SphereLight {
         Self { center: wide(center), radius: radius.into(), traced: Sphere { center, radius } }
     }
 
-    /// `None` from inside, where it is dark.
+    /// `None` from inside, where the sphere is black.
     fn sight_cone(&self, from: Vector) -> Option<SightCone> {
-        let way = sub(self.center, from);
-        let distance = dot(way, way).sqrt();
+        let offset = sub(self.center, from);
+        let distance = dot(offset, offset).sqrt();
         if distance.is_nan() || distance <= self.radius {
             return None;
         }
         let sine = self.radius / distance;
-        // As a product, so that a point near the surface loses no digits.
+        // A product, so that points near the surface lose no digits.
         let cosine = ((1.0 - sine) * (1.0 + sine)).sqrt();
-        Some(SightCone { axis: unit(way)?, distance, height: sine * sine / (1.0 + cosine) })
+        Some(SightCone { axis: unit(offset)?, distance, height: sine * sine / (1.0 + cosine) })
     }
 
-    /// A point of the surface that is seen from `from`, uniform over the solid angle, and its density per steradian.
+    /// A visible point, uniform over the solid angle, and its PDF per steradian.
     pub(super) fn sample(&self, from: Vector, square: [f32; 2]) -> Option<(Vector, f64)> {
         let SightCone { axis, distance, height } = self.sight_cone(from)?;
         let below = f64::from(square[0]) * height;
         let (cosine, sine_squared) = (1.0 - below, below * (2.0 - below));
-        // Half the chord that the ball cuts from the direction; none at the rim, where rounding may pass zero.
+        // Half the length of the chord; at the silhouette, rounding may make its square negative.
         let half_chord = (self.radius.powi(2) - distance.powi(2) * sine_squared).max(0.0).sqrt();
         let (s, c) = (TAU * f64::from(square[1])).sin_cos();
         let [t, b] = tangents(axis);
@@ -55,12 +55,12 @@ impl SphereLight {
         Some((target, 1.0 / (TAU * height)))
     }
 
-    /// Density per steradian of all directions from `from` that meet it; 0 from inside.
+    /// PDF of [`Self::sample`] for all directions that hit the sphere; 0 from inside.
     pub(super) fn density(&self, from: Vector) -> f64 {
         self.sight_cone(from).map_or(0.0, |sight_cone| 1.0 / (TAU * sight_cone.height))
     }
 
-    /// Where a ray meets it first, and whether from outside, where it shines.
+    /// The `t` of the closest hit, and whether it is on the emitting outside.
     pub(super) fn hit(&self, ray: &Ray) -> Option<(f32, bool)> {
         let [enters, leaves] = self.traced.roots(ray)?;
         let inside = |t: f32| ray.t_min <= t && t <= ray.t_max;

@@ -2,10 +2,10 @@ use super::bounds::Receiver;
 use super::build::{Node, build};
 use super::cluster::Cluster;
 
-/// A binary tree over lights, for choosing one by what it might do to a point.
+/// A light tree: a binary tree for choosing one light by its estimated contribution to a point.
 ///
-/// From the root down a child is chosen by its importance, so lights far off are told apart by the sums of their
-/// clusters and near ones by themselves; after Conty Estevez and Kulla 2018 without their splitting, one light a choice.
+/// Sampling descends from the root and chooses a child by importance. Source: Conty Estevez and Kulla 2018, without
+/// adaptive splitting: one light per choice.
 pub(super) struct Tree {
     pub(super) nodes: Vec<Node>,
     /// The leaf of each light.
@@ -13,7 +13,7 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// `None` without lights. The order of the lights decides ties, nothing else does.
+    /// `None` without lights. Ties are decided by the order of the lights.
     pub(super) fn new(lights: &[Cluster]) -> Option<Self> {
         let nodes = build(lights)?;
         let mut leaves = vec![0; lights.len()];
@@ -25,16 +25,16 @@ impl Tree {
         Some(Self { nodes, leaves })
     }
 
-    /// A light, from a number in `[0, 1)`, and the probability of it; `None` where no light reaches the receiver.
+    /// Chooses a light by a number in `[0, 1)`, with its probability; `None` if no light reaches the receiver.
     ///
-    /// Probabilities of all lights add up to 1, but for those of clusters that looked as if one of their lights might
-    /// reach the receiver where none does.
+    /// The probabilities of all lights sum to 1, except for clusters whose bounds reach the receiver while none of
+    /// their lights does.
     pub(super) fn choose(&self, receiver: &Receiver, mut choice: f64) -> Option<(u32, f64)> {
         let mut node = &self.nodes[0];
         let mut probability = 1.0;
         while let Some(children) = node.children {
             let shares = self.shares(children, receiver)?;
-            // The second is taken only if it has a share: the first of a pair without a second has all of it.
+            // A child of probability 0 is never chosen: then the other has probability 1.
             let second = usize::from(choice >= shares[0]);
             let before = if second == 1 { shares[0] } else { 0.0 };
             choice = ((choice - before) / shares[second]).clamp(0.0, 1.0 - f64::EPSILON);
@@ -44,7 +44,7 @@ impl Tree {
         Some((node.light, probability))
     }
 
-    /// The probability with which [`Self::choose`] finds a light.
+    /// The probability that [`Self::choose`] returns `light`.
     pub(super) fn probability(&self, light: u32, receiver: &Receiver) -> f64 {
         let mut child = self.leaves[light as usize];
         let mut probability = 1.0;
@@ -60,7 +60,7 @@ impl Tree {
         probability
     }
 
-    /// The probabilities of two siblings; `None` where neither has any.
+    /// The probabilities of two siblings; `None` if both are 0.
     fn shares(&self, children: [u32; 2], receiver: &Receiver) -> Option<[f64; 2]> {
         let [first, second] = children.map(|child| self.nodes[child as usize].bounds.importance(receiver));
         let sum = first + second;
@@ -77,7 +77,7 @@ mod tests {
     use crate::vector::{Vector, add, dot, length, scale, sub, unit};
     use crate::{Pattern, Sampler};
 
-    /// A number of the unit interval for each pair of indices.
+    /// A number in `[0, 1)` for each pair of indices.
     fn number(i: u32, k: u32) -> f64 {
         Sampler::new(Pattern::Random, 1, 1).single(i, 0, k).into()
     }
@@ -87,10 +87,10 @@ mod tests {
         unit([a, b, c]).unwrap()
     }
 
-    /// Flat lights of one or two sides, points, and narrow spots, in a box that is long along x.
+    /// One-sided and two-sided flat lights, points, and narrow spots in a box that is long along x.
     fn lights(n: u32) -> Vec<Cluster> {
         let light = |i: u32| {
-            let middle = [50.0 * number(i, 0), 5.0 * number(i, 1), 5.0 * number(i, 2)];
+            let center = [50.0 * number(i, 0), 5.0 * number(i, 1), 5.0 * number(i, 2)];
             let half = [0.3, 0.0, 0.1].map(|size| size * number(i, 3));
             let flat = Cone::about(direction(i, 4), i.is_multiple_of(2));
             let cone = match i % 4 {
@@ -98,7 +98,7 @@ mod tests {
                 2 => Cone::ALL,
                 _ => Cone { reach_rad: 0.3, ..flat },
             };
-            Cluster { min: sub(middle, half), max: add(middle, half), cone, intensity: 10.0 * number(i, 8) + 0.1 }
+            Cluster { min: sub(center, half), max: add(center, half), cone, intensity: 10.0 * number(i, 8) + 0.1 }
         };
         (0..n).map(light).collect()
     }
@@ -110,7 +110,8 @@ mod tests {
         })
     }
 
-    /// What leaf probabilities lack to 1 is what inner nodes promise that no light below them keeps.
+    /// What leaf probabilities lack to a sum of 1: nodes that promise a light, but none below them reaches the
+    /// receiver.
     fn lost(tree: &Tree, receiver: &Receiver) -> f64 {
         let mut open = vec![(0, 1.0)];
         let mut lost = 0.0;
@@ -124,11 +125,12 @@ mod tests {
         lost
     }
 
-    /// Shares of up to fifteen levels, each rounded as it is found and as it is multiplied; twice, for one and the other.
+    /// Up to fifteen levels; probabilities are rounded when computed and when multiplied, on both sides of a
+    /// comparison.
     const PROBABILITY_ERROR: f64 = 30.0 * f64::EPSILON;
 
     #[test]
-    fn probabilities_add_up_to_one() {
+    fn probabilities_sum_to_one() {
         for n in [1, 2, 3, 100, 1000] {
             let lights = lights(n);
             let tree = Tree::new(&lights).unwrap();
@@ -141,9 +143,9 @@ mod tests {
         }
     }
 
-    /// Equal steps of the choice find each light as often as its probability says, and the probability with it.
+    /// Evenly spaced choices find each light with its probability, and return that probability.
     #[test]
-    fn choices_follow_the_probabilities() {
+    fn choices_match_probabilities() {
         const STEPS: u32 = 20_000;
         let tree = Tree::new(&lights(50)).unwrap();
         for receiver in receivers() {
@@ -156,46 +158,46 @@ mod tests {
             }
             for (light, count) in (0..).zip(counts) {
                 let expected = tree.probability(light, &receiver) * f64::from(STEPS);
-                // A light is one interval of choices, and each end may take or leave one step.
+                // A light covers one interval of choices; each end may add or drop one step.
                 assert!((f64::from(count) - expected).abs() <= 1.0 + 1e-6, "{light}: {count} {expected}");
             }
         }
     }
 
-    /// Irradiance of a light at a receiver if it were all in one corner of its box and shone along its axis.
+    /// Whether a light at some corner of its box, emitting along its axis, irradiates a receiver.
     fn reaches(light: &Cluster, receiver: &Receiver) -> bool {
         let corners =
             (0..8).map(|i| std::array::from_fn(|k| if i >> k & 1 == 1 { light.max[k] } else { light.min[k] }));
         corners.into_iter().any(|corner: Vector| {
-            let way = sub(receiver.position, corner);
-            let towards = scale(way, 1.0 / length(way));
+            let offset = sub(receiver.position, corner);
+            let towards = scale(offset, 1.0 / length(offset));
             let cosine = dot(light.cone.axis, towards);
             let cosine = if light.cone.is_two_sided { cosine.abs() } else { cosine };
-            let shines = light.cone.spread_rad == PI || cosine > light.cone.reach_rad.cos() + 1e-6;
-            shines && receiver.normal.is_none_or(|normal| dot(normal, towards) < -1e-6)
+            let emits = light.cone.spread_rad == PI || cosine > light.cone.reach_rad.cos() + 1e-6;
+            emits && receiver.normal.is_none_or(|normal| dot(normal, towards) < -1e-6)
         })
     }
 
-    /// No light that can reach a receiver is out of reach of the choice, whatever clusters it is in.
+    /// A light that can reach a receiver has a positive probability.
     #[test]
-    fn no_light_is_lost() {
+    fn reaching_lights_have_positive_probability() {
         let lights = lights(1000);
         let tree = Tree::new(&lights).unwrap();
-        let mut n_reaching = 0;
+        let mut n_reached = 0;
         for receiver in receivers() {
             for (number, light) in (0..).zip(&lights) {
                 if reaches(light, &receiver) {
                     assert!(tree.probability(number, &receiver) > 0.0, "{light:?} {receiver:?}");
-                    n_reaching += 1;
+                    n_reached += 1;
                 }
             }
         }
-        assert!(n_reaching > 1000);
+        assert!(n_reached > 1000);
     }
 
-    /// With cones that forget to grow, lights are lost, and the check above sees it.
+    /// The test above detects cones that do not grow.
     #[test]
-    fn the_check_sees_a_narrow_cone() {
+    fn test_detects_narrow_cone() {
         let lights = lights(1000);
         let axis = [1.0, 0.0, 0.0];
         let narrow: Vec<Cluster> =
@@ -209,13 +211,13 @@ mod tests {
         assert!(receivers().any(|receiver| is_lost(&receiver)));
     }
 
-    /// Each light has one leaf, children know their parents, and equal lights make no endless tree.
+    /// Each light has one leaf, parent links are correct, and coinciding lights do not make the tree too deep.
     #[test]
-    fn the_tree_is_whole() {
+    fn tree_is_valid() {
         let mut doubled = lights(300);
         let one = doubled[7];
         doubled.extend(vec![one; 300]);
-        // Places each a hundred times as far as the last split off one by one until nodes are halved.
+        // Positions that grow by factors of 100 are split off one at a time, until the depth limit.
         doubled.extend((0..60).map(|i| {
             let far = [100.0_f64.powi(i), 0.0, 0.0];
             Cluster { min: far, max: far, ..one }

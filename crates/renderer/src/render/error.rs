@@ -2,7 +2,7 @@ use std::fmt;
 
 use crate::CameraError;
 
-/// Why there is no picture.
+/// Why a picture was not rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RenderError {
     /// The picture has no pixel, or more than 2³² - 1.
@@ -12,40 +12,40 @@ pub enum RenderError {
         /// Rows.
         height: u32,
     },
-    /// No sample per pixel was asked for.
+    /// [`crate::Settings::samples`] is zero.
     NoSamples,
-    /// The samples to take are none, or not among the samples of the picture.
+    /// [`crate::Settings::part`] is empty, or exceeds the samples of the picture.
     Part {
         /// The first, and one past the last.
         part: [u32; 2],
         /// Samples per pixel of the picture.
         samples: u32,
     },
-    /// The error to reach is not a number above zero.
+    /// [`crate::Settings::noise`] is not positive.
     Noise {
-        /// The error.
+        /// The error to reach.
         noise: f32,
     },
-    /// An error to reach was asked for together with a part of the samples.
+    /// [`crate::Settings::noise`] and [`crate::Settings::part`] are both set.
     NoiseOfPart,
-    /// A finished tile that was handed in is not one of this picture's.
+    /// A finished tile does not belong to this picture.
     Tile {
         /// Its number.
         number: usize,
     },
-    /// The radius of ambient occlusion is not above zero.
+    /// [`crate::Settings::ao_radius`] is not positive.
     AoRadius {
         /// The radius.
         radius: f32,
     },
-    /// The radius of the pixel filter is not finite and above zero.
+    /// The radius of the pixel filter is not finite and positive.
     FilterRadius {
         /// The radius in pixels.
         radius: f32,
     },
-    /// The camera cannot be used.
+    /// The camera is invalid.
     Camera(CameraError),
-    /// The caller's flag stopped the work.
+    /// [`crate::Monitor::cancel`] was set.
     Cancelled,
 }
 
@@ -57,9 +57,9 @@ impl fmt::Display for RenderError {
                 write!(f, "samples {start}..{end} are not a part of 0..{samples}")
             }
             Self::Noise { noise } => write!(f, "noise {noise} is not an error above zero"),
-            Self::NoiseOfPart => write!(f, "pixels that stop by their noise have no part of their samples to take"),
-            Self::Tile { number } => write!(f, "tile {number} is not of this picture"),
-            Self::NoSamples => write!(f, "0 samples per pixel make no picture"),
+            Self::NoiseOfPart => write!(f, "adaptive sampling cannot render a part of the samples"),
+            Self::Tile { number } => write!(f, "tile {number} does not belong to this picture"),
+            Self::NoSamples => write!(f, "a picture needs at least one sample per pixel"),
             Self::AoRadius { radius } => write!(f, "ambient occlusion radius {radius} is not above zero"),
             Self::FilterRadius { radius } => write!(f, "pixel filter radius {radius} is not finite and above zero"),
             Self::Camera(error) => error.fmt(f),

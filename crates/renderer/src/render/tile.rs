@@ -1,39 +1,47 @@
-//! Samples of a tile.
+//! Takes the samples of a tile on the CPU.
 
 use canted_film::{Aov, CELL, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
 use canted_trace::{Counts, Hit, Query};
 
-use super::Course;
+use super::Adaptive;
 use crate::integrate::{Start, Transport};
 use crate::query::RayKeyed;
 use crate::{Sampler, Settings, Tracer, View};
 
-/// Dimension of the sampler that places a sample in its pixel.
+/// Dimension of the sampler for the position in the pixel.
 const PIXEL_POSITION: u32 = 0;
 
-/// Dimension that chooses a sample's time, apart from those that integrators count up.
+/// Dimension for the time, from the end that integrators do not reach.
 const TIME: u32 = u32::MAX;
 
-/// Dimension that places a sample on the lens, likewise.
+/// Dimension for the position on the lens.
 const LENS: u32 = u32::MAX - 1;
 
-/// Samples that are taken side by side: enough for waits to overlap, few enough for their paths to stay in the caches.
+/// Samples traced together: enough to hide memory latency, few enough for their paths to stay in the caches.
 const BATCH: usize = 64;
 
+/// Renders tiles, whatever the query that the scene needs.
+pub(crate) trait RenderTiles: Sync {
+    /// Renders a tile; `None` once `stop`, which is called before each pixel, returns true.
+    fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile>;
+
+    /// Adds one sample of a pixel to its sums; returns the number of rays.
+    fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64;
+}
+
 /// What all tiles of a picture share.
-pub(super) struct Work<'a, T, Q> {
+pub(super) struct TileRenderer<'a, T, Q> {
     pub(super) transport: &'a Transport<'a, T, Q>,
     pub(super) view: &'a View,
-    /// Whether samples have times of their own.
-    pub(super) moves: bool,
+    /// Whether samples have different times.
+    pub(super) has_motion: bool,
     pub(super) filter: &'a FilterSampler,
     pub(super) settings: &'a Settings,
     pub(super) tiling: Tiling,
 }
 
-impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
-    /// Renders a tile; `None` once `stop` says so, which is asked at every pixel.
-    pub(super) fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile> {
+impl<T: Tracer, Q: RayKeyed + Sync> RenderTiles for TileRenderer<'_, T, Q> {
+    fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile> {
         let [left, top] = self.tiling.corner(number);
         let mut tile = self.tiling.tile(number);
         let mut sums = vec![Sums::default(); (CELL * CELL) as usize];
@@ -45,7 +53,14 @@ impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
         Some(tile)
     }
 
-    /// Takes the samples of neighbouring pixels, all of them or until their noise is low enough.
+    fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
+        let started = self.start(pixel, sample, 0, sums);
+        self.finish(&mut vec![started], std::slice::from_mut(sums))
+    }
+}
+
+impl<T: Tracer, Q: RayKeyed> TileRenderer<'_, T, Q> {
+    /// Takes the samples of the pixels of a cell.
     fn cell(
         &self,
         pixels: impl ExactSizeIterator<Item = [u32; 2]> + Clone,
@@ -54,47 +69,39 @@ impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
         stop: &dyn Fn() -> bool,
     ) -> Option<()> {
         let sums = &mut sums[..pixels.len()];
-        for sums in &mut *sums {
-            sums.clear();
-        }
-        let mut course = Course::new(self.settings);
-        let mut begun = Vec::with_capacity(BATCH);
+        sums.iter_mut().for_each(Sums::clear);
+        let mut adaptive = Adaptive::new(self.settings);
+        let mut started = Vec::with_capacity(BATCH);
         loop {
-            for (place, pixel) in pixels.clone().enumerate() {
+            for (index, pixel) in pixels.clone().enumerate() {
                 if stop() {
                     return None;
                 }
-                for sample in course.next.clone() {
-                    begun.push(self.begin(pixel, sample, place, &mut sums[place]));
-                    if begun.len() == BATCH {
-                        *n_rays += self.finish(&mut begun, sums);
+                for sample in adaptive.next.clone() {
+                    started.push(self.start(pixel, sample, index, &mut sums[index]));
+                    if started.len() == BATCH {
+                        *n_rays += self.finish(&mut started, sums);
                     }
                 }
             }
-            *n_rays += self.finish(&mut begun, sums);
-            if !course.goes_on(self.settings, sums) {
+            *n_rays += self.finish(&mut started, sums);
+            if !adaptive.advance(self.settings, sums) {
                 return Some(());
             }
         }
     }
 
-    /// Takes one sample of a pixel into its sums; returns the rays traced for it.
-    pub(super) fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
-        let begun = self.begin(pixel, sample, 0, sums);
-        self.finish(&mut vec![begun], std::slice::from_mut(sums))
-    }
-
-    /// Begins a sample of the pixel at a place of its cell, whose sums hear what the camera ray meets.
-    fn begin(&self, [x, y]: [u32; 2], sample: u32, place: usize, sums: &mut Sums) -> Begun {
+    /// Traces the camera ray of a sample, and adds its AOVs to the sums of the pixel with this index in the cell.
+    fn start(&self, [x, y]: [u32; 2], sample: u32, index: usize, sums: &mut Sums) -> Started {
         let number = y * self.settings.width + x;
-        let ([dx, dy], weight) = placed(self.filter, &self.transport.sampler, number, sample);
+        let ([dx, dy], weight) = sample_offset(self.filter, &self.transport.sampler, number, sample);
         let position = [f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy];
         let ray = if self.view.has_lens() {
             self.view.ray_through_lens(position, self.transport.sampler.pair(number, sample, LENS))
         } else {
             self.view.ray(position)
         };
-        let time = if self.moves { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
+        let time = if self.has_motion { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
         let start = Start { ray, cone: self.view.cone(position, sample), time, pixel: number, sample };
         let hit = if self.tiling.has_guides() {
             let (hit, guide) = self.guide(&start);
@@ -103,21 +110,21 @@ impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
         } else {
             self.transport.tracer.closest_hit(&ray, &mut self.transport.camera_query(&start))
         };
-        Begun { start, hit, place, weight }
+        Started { start, hit, index, weight }
     }
 
-    /// Finishes samples, in order, into the sums of their cell; returns the rays traced for them.
-    fn finish(&self, begun: &mut Vec<Begun>, sums: &mut [Sums]) -> u64 {
+    /// Adds the radiance of samples, in order, to the sums of their cell; returns the number of rays.
+    fn finish(&self, started: &mut Vec<Started>, sums: &mut [Sums]) -> u64 {
         let mut n_rays = 0;
-        let lights = self.transport.samples(begun.iter().map(|begun| (begun.start, begun.hit)));
-        for (Begun { start, place, weight, .. }, light) in begun.drain(..).zip(lights) {
-            sums[place].pixel.push_sample(start.sample, Pixel::weighed(light.radiance, weight));
+        let lights = self.transport.samples(started.iter().map(|started| (started.start, started.hit)));
+        for (Started { start, index, weight, .. }, light) in started.drain(..).zip(lights) {
+            sums[index].pixel.push_sample(start.sample, Pixel::weighted(light.radiance, weight));
             n_rays += light.n_rays;
         }
         n_rays
     }
 
-    /// What a camera ray meets first, and its properties.
+    /// The first hit of a camera ray, and its AOVs.
     fn guide(&self, start: &Start) -> (Option<Hit>, Guide) {
         let Start { ray, cone, time, .. } = start;
         let query = self.transport.camera_query(start);
@@ -130,7 +137,7 @@ impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
             (self.transport.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
         };
         if let Some((t, normal)) = self.transport.lights.shape_light_before(ray, hit.as_ref()) {
-            // A light reflects nothing, and has no number among the instances.
+            // A light has no albedo and no instance.
             let depth = self.view.depth(ray.at(t.into()));
             return (hit, Guide { n_hits: 1, depth, normal, shading_normal: normal, tests, ..Guide::default() });
         }
@@ -149,22 +156,22 @@ impl<T: Tracer, Q: RayKeyed> Work<'_, T, Q> {
     }
 }
 
-/// Where a sample lies from the centre of the pixel of that number, in pixels, and its weight.
-pub(super) fn placed(filter: &FilterSampler, sampler: &Sampler, pixel: u32, sample: u32) -> ([f64; 2], f32) {
+/// The offset of a sample from the center of a pixel, in pixels, and its weight.
+pub(crate) fn sample_offset(filter: &FilterSampler, sampler: &Sampler, pixel: u32, sample: u32) -> ([f64; 2], f32) {
     filter.place(sampler.pair(pixel, sample, PIXEL_POSITION))
 }
 
-/// A sample whose camera ray has been traced.
-struct Begun {
+/// A sample whose camera ray is traced.
+struct Started {
     start: Start,
     hit: Option<Hit>,
-    /// Of its pixel in the cell.
-    place: usize,
-    /// What its light counts for in the pixel.
+    /// Index of the pixel in its cell.
+    index: usize,
+    /// Weight by the filter.
     weight: f32,
 }
 
-/// A query that counts, and asks `inner` about hits.
+/// Counts tests; `inner` accepts hits.
 struct Counted<Q> {
     inner: Q,
     counts: Counts,

@@ -1,13 +1,13 @@
-//! Strata and permutations of any number of samples.
+//! Strata and permutations for any number of samples.
 
 use super::{STEPS, mix, unit};
 
-/// A number of stratum `k` of `n`: a multiple `x` of 2⁻²⁴ with `k/n <= x < (k + 1)/n`, exactly.
+/// A number in stratum `k` of `n`: a multiple `x` of 2⁻²⁴ with `k/n <= x < (k + 1)/n`, exactly.
 ///
-/// From 2²⁴ strata on, some hold no such multiple; the one next above serves them.
+/// For more than 2²⁴ strata, some contain no such multiple; they use the next larger one.
 pub(super) fn jittered(k: u32, n: u32, random: u32) -> f32 {
     let (low, width) = if n.is_power_of_two() && u64::from(n) <= STEPS {
-        // The same as below, without its divisions.
+        // Same result as below, without divisions.
         let width = STEPS >> n.trailing_zeros();
         (u64::from(k) * width, width)
     } else {
@@ -19,11 +19,11 @@ pub(super) fn jittered(k: u32, n: u32, random: u32) -> f32 {
     unit(steps.min(STEPS - 1) as u32)
 }
 
-/// Image of `i < n` under a permutation of `0..n` chosen by `key`.
+/// The image of `i < n` under a permutation of `0..n` selected by `key`.
 ///
-/// Rounds that are each a bijection of `0..2^k` for the least `2^k >= n`; values outside `0..n` walk on along their
-/// cycle until they are inside (cycle walking, Black and Rogaway 2002), which takes fewer than two turns on average.
-/// A rotation of `0..n` at the end makes every place equally likely, however small `n`.
+/// Each round is a bijection of `0..2^k` for the smallest `2^k >= n`. Values outside `0..n` are permuted again (cycle
+/// walking, Black and Rogaway 2002), less than twice on average. The final rotation of `0..n` makes every image equally
+/// likely for small `n` too.
 pub(super) fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
     let bits = u32::BITS - (n - 1).leading_zeros();
     let mask = if bits == u32::BITS { u32::MAX } else { (1 << bits) - 1 };
@@ -31,7 +31,7 @@ pub(super) fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
     let keys = [mix(key), mix(key ^ 1), mix(key ^ 2)];
     loop {
         for key in keys {
-            // Sum and odd factor modulo 2^k, then the high half folded onto the low: all invertible.
+            // Addition and odd multiplication modulo 2^k, then xor-shift: all are invertible.
             i = i.wrapping_add(key).wrapping_mul(key >> 16 | 1) & mask;
             i ^= i >> shift;
         }
@@ -39,10 +39,10 @@ pub(super) fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
             break;
         }
     }
-    let turn = ((u64::from(mix(key ^ 3)) * u64::from(n)) >> 32) as u32;
-    // The sum modulo n, which could leave 32 bits.
-    let rest = n - turn;
-    if i < rest { i + turn } else { i - rest }
+    let rotation = ((u64::from(mix(key ^ 3)) * u64::from(n)) >> 32) as u32;
+    // The sum modulo n, without overflow.
+    let remaining = n - rotation;
+    if i < remaining { i + rotation } else { i - remaining }
 }
 
 #[cfg(test)]
@@ -51,7 +51,7 @@ mod tests {
     use crate::sampler::mix;
 
     #[test]
-    fn every_permutation_is_one() {
+    fn permutations_are_bijective() {
         for n in (1..=70).chain([97, 128, 1000, 1024, 1025]) {
             for key in 0..20 {
                 let mut seen = vec![false; n as usize];
@@ -62,10 +62,10 @@ mod tests {
         }
     }
 
-    /// Over random keys each index should land on each place equally often: Pearson's statistic of the counts has
-    /// mean `n - 1` and variance `2(n - 1)`, so six standard deviations leave no room for chance.
+    /// Over random keys, every image of an index is equally likely: Pearson's chi-squared statistic has mean `n - 1`
+    /// and variance `2(n - 1)`; the limit is six standard deviations.
     #[test]
-    fn permutations_favour_no_place() {
+    fn permutations_are_uniform() {
         const KEYS: u32 = 20_000;
         for n in [2_u32, 3, 5, 6, 7, 16, 24] {
             for i in 0..n {
@@ -81,9 +81,9 @@ mod tests {
         }
     }
 
-    /// All permutations of few things occur, none much more often than another.
+    /// All permutations of few elements occur with similar frequency.
     #[test]
-    fn small_permutations_are_all_possible() {
+    fn all_small_permutations_occur() {
         for n in 2..=4_u32 {
             let mut counts = std::collections::HashMap::new();
             for key in 0..24_000 {
@@ -98,13 +98,12 @@ mod tests {
     }
 
     #[test]
-    fn strata_keep_their_closed_and_open_ends() {
+    fn numbers_lie_in_their_half_open_strata() {
         for n in [1_u32, 3, 6, 7, 16, 24, 64, 1009, 65_535, 65_536] {
             for k in [0, n / 2, n - 1] {
                 for random in [0, 1, u32::MAX / 2, u32::MAX] {
                     let steps = f64::from(jittered(k, n, random)) * f64::from(n);
-                    // A product of a 24-bit and a 32-bit integer times a power of two could round, but not past an
-                    // integer: integers are representable.
+                    // The product may round, but never past an integer, because integers are representable.
                     assert!(f64::from(k) <= steps && steps < f64::from(k + 1), "stratum {k} of {n}: {steps}");
                 }
             }

@@ -1,37 +1,37 @@
-//! Memory that surfaces are read from, asked for ahead of time.
+//! Prefetching of the memory that shading reads.
 
 use std::hint::black_box;
 
 use canted_trace::Hit;
 
 use super::Surfaces;
-use super::placed::Corners;
+use super::hit_triangle::HitTriangle;
 use crate::Lod;
-use crate::texture::averaged;
+use crate::texture::filtered_textures;
 
 impl Surfaces<'_> {
-    /// Reads what [`Surfaces::at_time`] will ask memory for, so that the processor's caches have it.
+    /// Reads what [`Surfaces::at_time`] needs for these hits, so that it is in the cache.
     ///
-    /// Each loop reads one thing of every hit, at a place that the loop before has made known. Its turns are short and do not
-    /// depend on each other: a processor that executes out of order waits for many of them at once, where a whole surface
-    /// would keep it waiting for one place after another. Texels are read where lookups are at full size; smaller copies
-    /// mostly are in caches.
+    /// Each loop reads one thing for every hit, at an address that the previous loop determined. Its iterations are
+    /// short and independent, so that an out-of-order processor overlaps many cache misses; a full shading evaluation
+    /// would wait for them one by one. Texels are read only for lookups in level 0: smaller mip levels are mostly in
+    /// the cache.
     pub(crate) fn prefetch<'h>(&self, hits: impl Iterator<Item = &'h Hit>) {
-        let met: Vec<(Corners, u32)> = hits.map(|hit| (self.corners(hit), hit.primitive.0)).collect();
-        for (corners, _) in &met {
-            corners.read();
+        let triangles: Vec<(HitTriangle, u32)> = hits.map(|hit| (self.hit_triangle(hit), hit.primitive.0)).collect();
+        for (triangle, _) in &triangles {
+            triangle.prefetch();
         }
         if self.lod != Lod::None {
             return;
         }
-        let mut texels = Vec::with_capacity(met.len());
-        for (corners, primitive) in &met {
-            let id = corners.mesh.material_of(*primitive);
+        let mut texels = Vec::with_capacity(triangles.len());
+        for (triangle, primitive) in &triangles {
+            let id = triangle.mesh.material_of(*primitive);
             if !self.is_textured[id.0 as usize] {
                 continue;
             }
-            for slot in averaged(self.material(id)) {
-                if let Some(uv) = corners.uv(slot.uv_set) {
+            for slot in filtered_textures(self.material(id)) {
+                if let Some(uv) = triangle.uv(slot.uv_set) {
                     texels.extend(self.textures.get(slot.texture).texels(slot.texture_from_mesh.point(uv)));
                 }
             }
@@ -41,7 +41,7 @@ impl Surfaces<'_> {
         }
     }
 
-    fn corners(&self, hit: &Hit) -> Corners<'_> {
-        Corners::of(&self.scene.meshes[self.scene.instances[hit.instance.0 as usize].mesh.0 as usize], hit)
+    fn hit_triangle(&self, hit: &Hit) -> HitTriangle<'_> {
+        HitTriangle::new(&self.scene.meshes[self.scene.instances[hit.instance.0 as usize].mesh.0 as usize], hit)
     }
 }

@@ -3,48 +3,48 @@ use canted_scene::{AlphaMode, Material, MaterialId, Mesh, Scene, TextureRef};
 use canted_trace::{Hit, InstanceId};
 
 use super::Surface;
-use super::lookups::Lookups;
-use super::placed::{Corners, Placed};
+use super::hit_triangle::{HitTriangle, PlacedTriangle};
 use super::shading_normal::{facing, shading_normal};
+use super::texture_lookup::TextureLookup;
 use crate::placement::Placement;
 use crate::query::alpha_threshold;
-use crate::texture::{Plane, Textures, averaged};
+use crate::texture::{Plane, Textures, filtered_textures};
 use crate::vector::{Vector, dot, length, scale, unit, wide};
 use crate::{Bsdf, Cone, Lod};
 
-/// The surfaces of a scene: what is looked up for each hit, with what is computed once for each instance and texture.
+/// The surfaces of a scene, with everything that is precomputed per instance and per texture.
 #[derive(Clone, Debug)]
 pub struct Surfaces<'a> {
     pub(super) scene: &'a Scene,
     placements: Vec<Placement>,
     pub(super) textures: Textures<'a>,
     pub(super) lod: Lod,
-    /// Of each material, whether what it looks like depends on textures.
+    /// For each material, whether it has textures other than alpha.
     pub(super) is_textured: Vec<bool>,
-    /// Of each instance, whether rays may pass where it is hit.
+    /// For each instance, whether any of its materials uses alpha.
     uses_alpha: Vec<bool>,
 }
 
 impl<'a> Surfaces<'a> {
-    /// Prepares all instances of `scene`; textures are looked up at full size.
+    /// Prepares all instances of `scene`, without mip maps.
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
         Self::with_lod(scene, Lod::None)
     }
 
-    /// Prepares all instances and textures of `scene`, in the caller's thread pool.
+    /// Prepares all instances and textures of `scene`, in the current thread pool.
     #[must_use]
     pub fn with_lod(scene: &'a Scene, lod: Lod) -> Self {
-        let reaches: Vec<f32> = scene.meshes.iter().map(reach).collect();
+        let max_coordinates: Vec<f32> = scene.meshes.iter().map(max_coordinate).collect();
         let placements = scene
             .instances
             .iter()
             .map(|instance| {
                 let close = instance.world_from_object_close.as_ref().filter(|c| **c != instance.world_from_object);
-                Placement::new(&instance.world_from_object, close, reaches[instance.mesh.0 as usize])
+                Placement::new(&instance.world_from_object, close, max_coordinates[instance.mesh.0 as usize])
             })
             .collect();
-        let is_textured = scene.materials.iter().map(|material| averaged(material).next().is_some()).collect();
+        let is_textured = scene.materials.iter().map(|material| filtered_textures(material).next().is_some()).collect();
         let uses_alpha = scene
             .instances
             .iter()
@@ -54,86 +54,87 @@ impl<'a> Surfaces<'a> {
         Self { scene, placements, textures: Textures::new(scene, lod), lod, is_textured, uses_alpha }
     }
 
-    /// The scene they belong to.
+    /// The scene.
     #[must_use]
     pub fn scene(&self) -> &'a Scene {
         self.scene
     }
 
-    /// Its textures, ready to be looked up.
+    /// Its textures.
+    #[cfg(feature = "gpu")]
     pub(crate) fn textures(&self) -> &Textures<'a> {
         &self.textures
     }
 
-    /// The surface at a hit of a world-space ray along `direction`, as the shutter opens, with textures at full size.
+    /// The surface at a hit of a world-space ray along `direction`, at shutter time 0, with textures at full
+    /// resolution.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {
         self.at_time(hit, direction, 0.0, Cone::ZERO)
     }
 
-    /// The surface at a hit of a world-space ray along `direction` that flew at `time`: 0 as the shutter opens, 1 as it
-    /// closes. `cone` is what the ray stands for at its origin.
+    /// The surface at a hit of a world-space ray along `direction` at shutter time `time` in 0..=1. `cone` is the ray
+    /// cone at the origin.
     ///
-    /// The point comes from the barycentric weights, not from `t`: it does not move along the ray with the rounding of
-    /// a distance.
+    /// The point is interpolated from the vertices, not computed from `t`, whose rounding would move it along the ray.
     #[must_use]
     pub fn at_time(&self, hit: &Hit, direction: [f32; 3], time: f32, cone: Cone) -> Surface {
         let instance = &self.scene.instances[hit.instance.0 as usize];
         let placement = &self.placements[hit.instance.0 as usize];
-        let corners = Corners::of(&self.scene.meshes[instance.mesh.0 as usize], hit);
+        let triangle = HitTriangle::new(&self.scene.meshes[instance.mesh.0 as usize], hit);
         let pose = placement.pose(time);
-        let placed = Placed::new(corners, &pose, placement.is_mirrored());
+        let placed = PlacedTriangle::new(triangle, &pose, placement.is_mirrored());
 
         let direction = wide(direction);
         let towards_viewer = scale(direction, -1.0);
         let winding = placed.winding;
-        // A triangle that was hit has an area; for a tracer that errs, facing the viewer is a harmless answer.
+        // A triangle that was hit has an area; otherwise the direction to the viewer is a safe fallback.
         let normal = unit(winding)
             .map(|n| facing(n, towards_viewer))
             .or_else(|| unit(towards_viewer))
             .unwrap_or([0.0, 0.0, 1.0]);
-        // A mirror turns what is counter-clockwise.
+        // A mirroring transform reverses the winding.
         let is_front = (dot(winding, direction) <= 0.0) != placement.is_mirrored();
 
-        let id = placed.corners.mesh.material_of(hit.primitive.0);
+        let id = placed.triangle.mesh.material_of(hit.primitive.0);
         let material = self.material(id);
         let cone = cone.grown(f64::from(hit.t) * length(direction));
-        let lookups = self.is_textured[id.0 as usize].then(|| Lookups {
+        let lookups = self.is_textured[id.0 as usize].then(|| TextureLookup {
             textures: &self.textures,
             lod: self.lod,
-            corners: &placed.corners,
+            triangle: &placed.triangle,
             plane: Plane { edges: placed.edges_world(), normal: winding },
             direction,
             cone,
         });
         let texel = |slot: &Option<TextureRef>| lookups.as_ref().map_or([1.0; 4], |all| all.texel(slot.as_ref()));
-        let glow = if material.is_emissive() { texel(&material.emission_texture) } else { [1.0; 4] };
+        let emission_texel = if material.is_emissive() { texel(&material.emission_texture) } else { [1.0; 4] };
         Surface {
             position: placed.position(),
             normal,
             shading_normal: shading_normal(material, &placed, lookups.as_ref(), normal, towards_viewer),
             is_front,
-            bsdf: bsdf(material, placed.corners.color(), is_front, texel),
-            emission: std::array::from_fn(|k| material.emission[k] * glow[k]),
+            bsdf: bsdf(material, placed.triangle.color(), is_front, texel),
+            emission: std::array::from_fn(|k| material.emission[k] * emission_texel[k]),
             offset: placement.offset(normal),
             cone,
         }
     }
 
-    /// Whether a ray meets the surface at a hit, or passes where alpha says that there is none.
+    /// Whether the surface at a hit is opaque to a ray with this key, by alpha.
     ///
-    /// A blended surface is there for the share alpha of all keys: each ray should have a key of its own. The answer depends
-    /// on key, instance and triangle alone, so it is the same whatever way a tracer takes.
+    /// A blended surface is opaque with probability alpha over all keys; each ray should have its own key. The answer
+    /// depends only on key, instance and triangle, and so not on the traversal.
     #[must_use]
     pub fn is_present(&self, hit: &Hit, key: u32) -> bool {
         let presence = self.presence(hit);
         presence >= 1.0 || alpha_threshold(key, hit) < presence
     }
 
-    /// The share of rays that meet the surface at a hit: alpha where it is blended, else all or none.
+    /// Probability that the surface at a hit is opaque: alpha if blended, else 0 or 1.
     #[must_use]
     pub fn presence(&self, hit: &Hit) -> f32 {
-        // Nearly every hit is on an instance that is all there.
+        // Fast path.
         if !self.uses_alpha[hit.instance.0 as usize] {
             return 1.0;
         }
@@ -143,25 +144,25 @@ impl<'a> Surfaces<'a> {
         match material.alpha_mode {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask { cutoff } => {
-                let is_there = self.alpha(material, &Corners::of(mesh, hit)) >= cutoff;
-                if is_there { 1.0 } else { 0.0 }
+                let is_opaque = self.alpha(material, &HitTriangle::new(mesh, hit)) >= cutoff;
+                if is_opaque { 1.0 } else { 0.0 }
             }
-            AlphaMode::Blend => self.alpha(material, &Corners::of(mesh, hit)),
+            AlphaMode::Blend => self.alpha(material, &HitTriangle::new(mesh, hit)),
         }
     }
 
-    /// Distance that rays keep off a surface of an instance that stands still, by its unit normal; world units.
+    /// Ray offset of a static instance's surface with this unit normal, in world units.
     pub(crate) fn offset(&self, instance: InstanceId, normal: Vector) -> f64 {
         self.placements[instance.0 as usize].offset(normal)
     }
 
-    /// Alpha at a point, of textures at full size.
-    fn alpha(&self, material: &Material, corners: &Corners) -> f32 {
+    /// Alpha at a hit, from textures at full resolution.
+    fn alpha(&self, material: &Material, triangle: &HitTriangle) -> f32 {
         let texture = material.alpha_texture.as_ref().and_then(|slot| {
-            let uv = slot.texture_from_mesh.point(corners.uv(slot.uv_set)?);
+            let uv = slot.texture_from_mesh.point(triangle.uv(slot.uv_set)?);
             Some(self.textures.get(slot.texture).alpha(uv))
         });
-        let [.., vertices] = corners.color();
+        let [.., vertices] = triangle.color();
         material.alpha * texture.unwrap_or(1.0) * vertices
     }
 
@@ -170,7 +171,7 @@ impl<'a> Surfaces<'a> {
     }
 }
 
-/// The material at a point, with `tint` of the vertices, where `texel` tells what a texture says.
+/// The BSDF of a material, where `tint` is the vertex color and `texel` evaluates a texture.
 fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Option<TextureRef>) -> [f32; 4]) -> Bsdf {
     let color = texel(&material.base_color_texture);
     let [_, rough, metal, _] = texel(&material.metallic_roughness_texture);
@@ -188,7 +189,7 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
     }
 }
 
-/// Greatest absolute coordinate among the vertices that triangles use.
-fn reach(mesh: &Mesh) -> f32 {
+/// Maximum absolute coordinate of the vertices that triangles use.
+fn max_coordinate(mesh: &Mesh) -> f32 {
     Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
 }

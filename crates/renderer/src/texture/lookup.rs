@@ -3,15 +3,14 @@ use canted_scene::Wrap;
 use super::Footprint;
 use super::mip_map::{Image, MipMap};
 
-/// The four texels about a point, row by row.
+/// The four texels around a point, row by row.
 pub(crate) type Texels<'a> = [[&'a [u8; 4]; 2]; 2];
 
 impl MipMap<'_> {
-    /// RGB in linear light or as plain numbers, and alpha, on average over a footprint about `uv`.
+    /// Filtered RGBA around `uv`, linear RGB or plain values.
     ///
-    /// `v` runs up: row 0 of the image is the top, `v = 1`. Between levels and between the four nearest texel centres of
-    /// each, blending is linear, of decoded values. A texture without texels is opaque white, and a coordinate that is not
-    /// finite counts as 0.
+    /// `v` points up: row 0 of the image is the top, `v = 1`. Trilinear interpolation of decoded values. A texture
+    /// without texels is opaque white; a coordinate that is not finite counts as 0.
     pub(crate) fn lookup(&self, uv: [f64; 2], footprint: &Footprint) -> [f32; 4] {
         if self.texture().texels.is_empty() {
             return [1.0; 4];
@@ -23,8 +22,8 @@ impl MipMap<'_> {
         }
         let mut sum = [0.0; 4];
         for probe in 0..n {
-            let place = (f64::from(probe) + 0.5) / f64::from(n) - 0.5;
-            let uv = std::array::from_fn(|k| uv[k] + place * footprint.along[k]);
+            let position = (f64::from(probe) + 0.5) / f64::from(n) - 0.5;
+            let uv = std::array::from_fn(|k| uv[k] + position * footprint.along[k]);
             let value = self.trilinear(uv, levels, weight);
             sum = std::array::from_fn(|k| sum[k] + value[k]);
         }
@@ -33,7 +32,7 @@ impl MipMap<'_> {
         sum.map(|x| x / n)
     }
 
-    /// Alpha at `uv`, at full size.
+    /// Alpha at `uv`, bilinear at full resolution.
     pub(crate) fn alpha(&self, uv: [f64; 2]) -> f32 {
         if self.texture().texels.is_empty() {
             return 1.0;
@@ -42,10 +41,10 @@ impl MipMap<'_> {
         alpha
     }
 
-    /// The levels next to a width, given by its binary logarithm, and the weight of the second.
+    /// The finer of two mip levels and the next, and the weight of the second.
     fn levels(&self, level: f64) -> ([usize; 2], f32) {
         let coarsest = (self.n_levels() - 1) as f64;
-        // So written that a NaN is 0; clamp would keep it.
+        // In this order, NaN becomes 0; clamp would keep it.
         let level = level.max(0.0).min(coarsest);
         let finer = level.floor();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the last level")]
@@ -59,40 +58,40 @@ impl MipMap<'_> {
         if weight == 0.0 { fine } else { blend(fine, self.bilinear(coarser, uv, decoded), weight) }
     }
 
-    /// The texels about a point at full size; `None` where there are none.
+    /// The texels around a point at full resolution; `None` without texels.
     #[inline]
     pub(crate) fn texels(&self, uv: [f64; 2]) -> Option<Texels<'_>> {
-        (!self.texture().texels.is_empty()).then(|| self.about(0, uv).0)
+        (!self.texture().texels.is_empty()).then(|| self.texels_around(0, uv).0)
     }
 
     #[inline]
     fn bilinear<const N: usize>(&self, level: usize, uv: [f64; 2], decoded: impl Fn([u8; 4]) -> [f32; N]) -> [f32; N] {
-        let (texels, [x, y]) = self.about(level, uv);
+        let (texels, [x, y]) = self.texels_around(level, uv);
         let [above, below] = texels.map(|[left, right]| blend(decoded(*left), decoded(*right), x));
         blend(above, below, y)
     }
 
-    /// The texels of a level about a point, and the weights of the second column and of the second row.
+    /// The texels of a mip level around a point, and the weights of the second column and the second row.
     #[inline]
-    fn about(&self, level: usize, uv: [f64; 2]) -> (Texels<'_>, [f32; 2]) {
+    fn texels_around(&self, level: usize, uv: [f64; 2]) -> (Texels<'_>, [f32; 2]) {
         let Image { size: [width, height], texels } = self.level(level);
         let [wrap_u, wrap_v] = self.texture().wrap;
-        let (columns, x) = neighbours(uv[0], width, wrap_u);
-        let (rows, y) = neighbours(1.0 - uv[1], height, wrap_v);
+        let (columns, x) = neighbors(uv[0], width, wrap_u);
+        let (rows, y) = neighbors(1.0 - uv[1], height, wrap_v);
         (rows.map(|j| columns.map(|i| &texels[j * width as usize + i])), [x, y])
     }
 }
 
-/// `a` at weight 0, `b` at weight 1, never outside the range between them.
+/// Linear interpolation that never leaves the range of its ends.
 fn blend<const N: usize>(a: [f32; N], b: [f32; N], weight: f32) -> [f32; N] {
     std::array::from_fn(|k| a[k] + weight * (b[k] - a[k]))
 }
 
-/// The two texels about a coordinate along one axis, and the weight of the second.
+/// The two texels around a coordinate along one axis, and the weight of the second.
 #[expect(clippy::cast_possible_truncation, reason = "the coordinate was reduced to at most two images")]
-fn neighbours(coordinate: f64, n: u32, wrap: Wrap) -> ([usize; 2], f32) {
+fn neighbors(coordinate: f64, n: u32, wrap: Wrap) -> ([usize; 2], f32) {
     let coordinate = if coordinate.is_finite() { coordinate } else { 0.0 };
-    // Reduce first, so that the integers below stay small for any coordinate.
+    // Reduce first, so that the integers below are small for any coordinate.
     let reduced = match wrap {
         Wrap::Repeat => coordinate - floor(coordinate),
         Wrap::Clamp => coordinate.clamp(0.0, 1.0),
@@ -104,34 +103,30 @@ fn neighbours(coordinate: f64, n: u32, wrap: Wrap) -> ([usize; 2], f32) {
     ([index(first as i64), index(first as i64 + 1)], (texels - first) as f32)
 }
 
-/// 2^52: from here on all numbers are whole.
-const FIRST_WHOLE: f64 = (1_u64 << 52) as f64;
+/// 2^52: larger numbers are integers.
+const FIRST_INTEGER: f64 = (1_u64 << 52) as f64;
 
-/// The greatest whole number that is not above a finite `x`, but for the sign of zero, in a few instructions: without SSE4.1 the library's is a call.
+/// `f64::floor` for a finite `x`, up to the sign of zero. Without SSE4.1 the library version is a function call.
 #[inline]
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_precision_loss,
-    reason = "below 2^52 all whole numbers are exact"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "integers below 2^52 are exact")]
 fn floor(x: f64) -> f64 {
-    if x.abs() >= FIRST_WHOLE {
+    if x.abs() >= FIRST_INTEGER {
         return x;
     }
     let towards_zero = (x as i64) as f64;
     if towards_zero > x { towards_zero - 1.0 } else { towards_zero }
 }
 
-/// Index of texel `i` of the row that `wrap` makes of `n` texels, for `i` at most one beyond what `wrap` repeats.
+/// The texel with index `i` after wrapping, for `i` at most one beyond the reduced range.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the result lies in 0..n")]
 fn wrapped(i: i64, n: i64, wrap: Wrap) -> usize {
-    // Comparisons instead of a division: this runs for every texel.
+    // Comparisons instead of a division, because this runs for every texel.
     let inside = match wrap {
         Wrap::Repeat if i < 0 => n - 1,
         Wrap::Repeat if i >= n => 0,
         Wrap::Repeat => i,
         Wrap::Clamp => i.clamp(0, n - 1),
-        // The mirrored copy ends where the next begins: both neighbours of that edge are texel 0.
+        // At the mirrored edge both neighbors are texel 0.
         Wrap::Mirror if i < 0 || i >= 2 * n => 0,
         Wrap::Mirror => i.min(2 * n - 1 - i),
     };
@@ -161,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn texel_centres_are_exact_and_v_runs_up() {
+    fn texel_centers_are_exact_and_v_points_up() {
         let texture =
             Texture { texels: vec![[255, 0, 0, 1], [0, 255, 0, 2], [0, 0, 255, 3], [128; 4]], ..checker(Wrap::Repeat) };
         assert_eq!(lookup(&texture, [0.25, 0.75]), [1.0, 0.0, 0.0, 1.0 / 255.0]);
@@ -170,13 +165,13 @@ mod tests {
     }
 
     #[test]
-    fn halfway_is_the_linear_mean() {
+    fn midpoint_is_the_linear_mean() {
         assert_eq!(lookup(&checker(Wrap::Repeat), [0.5, 0.5])[0], 0.5);
     }
 
     #[test]
-    fn wrap_modes_continue_the_image_beyond_its_edges() {
-        // Along the top row the texels are 1, 0; sampled at the centre of texel i for i = -2..4.
+    fn wrap_modes_extend_the_image() {
+        // Along the top row the texels are 1, 0; sampled at the center of texel i for i = -2..4.
         for (wrap, expected) in [
             (Wrap::Repeat, [1.0, 0.0, 1.0, 0.0, 1.0, 0.0]),
             (Wrap::Clamp, [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
@@ -190,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn the_edge_blends_with_what_the_wrap_mode_puts_beyond() {
+    fn edges_interpolate_with_wrapped_texels() {
         let left_edge = |wrap| lookup(&checker(wrap), [0.0, 0.75])[0];
         assert_eq!(left_edge(Wrap::Repeat), 0.5);
         assert_eq!(left_edge(Wrap::Clamp), 1.0);
@@ -198,9 +193,10 @@ mod tests {
     }
 
     #[test]
-    fn floors_are_the_librarys() {
-        let last = FIRST_WHOLE - 0.5;
-        for x in [0.0, 1e-320, 0.5, 1.0 - 0.5 * f64::EPSILON, 1.0, 1.5, 1e9 + 0.25, last, FIRST_WHOLE, 1e30, f64::MAX] {
+    fn floor_matches_std() {
+        let last = FIRST_INTEGER - 0.5;
+        for x in [0.0, 1e-320, 0.5, 1.0 - 0.5 * f64::EPSILON, 1.0, 1.5, 1e9 + 0.25, last, FIRST_INTEGER, 1e30, f64::MAX]
+        {
             for x in [x, -x] {
                 assert_eq!(floor(x), x.floor(), "{x}");
             }
@@ -208,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn any_coordinate_has_a_colour() {
+    fn every_coordinate_has_a_color() {
         for wrap in [Wrap::Repeat, Wrap::Clamp, Wrap::Mirror] {
             for c in [1e30, -1e30, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.0, 1.0 - f64::EPSILON, -1e-320] {
                 let [r, .., a] = lookup(&checker(wrap), [c, c]);

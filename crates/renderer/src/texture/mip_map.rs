@@ -4,36 +4,37 @@ use canted_film::srgb;
 use canted_scene::{Encoding, Texture};
 use rayon::prelude::*;
 
-/// Fraction of 255 of each byte.
+/// Each byte over 255.
 static FRACTION: LazyLock<[f32; 256]> = LazyLock::new(|| {
     #[expect(clippy::cast_possible_truncation, reason = "an index below 256")]
     let fractions = std::array::from_fn(|byte| f32::from(byte as u8) / 255.0);
     fractions
 });
 
-/// A texture and smaller copies of it, each half as wide and high as the one before, rounded down, to a single texel.
+/// A texture with its mip levels. Each level is half as wide and high as the previous one, rounded down, to a single
+/// texel.
 ///
-/// A texel of a copy is the mean over the box that it covers of the level before, in linear light; texels that the box cuts
-/// count by their part in it. So the mean of a texture is that of all its levels, but for the last rounding to 8 bits, which
-/// is not handed on. Of a texture that alpha cuts out, colours are weighed by alpha: what is cut out has no colour to lend.
+/// A texel is the mean over its box in the previous level, in linear light, with fractional weights at the edges of the
+/// box. All levels have the same mean, up to a rounding to 8 bits that does not accumulate. For a texture with cutout
+/// alpha, colors are weighted by alpha, so that transparent texels do not contribute.
 #[derive(Clone, Debug)]
 pub(crate) struct MipMap<'a> {
     texture: &'a Texture,
-    /// Meaning of the bytes of red, green and blue.
+    /// Decodes bytes of red, green and blue.
     pub(super) colors: &'static [f32; 256],
-    /// Meaning of the bytes of alpha.
+    /// Decodes bytes of alpha.
     pub(super) fractions: &'static [f32; 256],
     reduced: Vec<Reduced>,
 }
 
-/// A smaller copy.
+/// A mip level above 0.
 #[derive(Clone, Debug)]
 struct Reduced {
     size: [u32; 2],
     texels: Vec<[u8; 4]>,
 }
 
-/// One level.
+/// A view of a mip level.
 #[derive(Clone, Copy)]
 pub(crate) struct Image<'a> {
     pub(crate) size: [u32; 2],
@@ -41,7 +42,7 @@ pub(crate) struct Image<'a> {
 }
 
 impl<'a> MipMap<'a> {
-    /// A texture without copies.
+    /// A texture with only level 0.
     pub(super) fn flat(texture: &'a Texture) -> Self {
         let colors = match texture.encoding {
             Encoding::Srgb => srgb::linear(),
@@ -50,7 +51,7 @@ impl<'a> MipMap<'a> {
         Self { texture, colors, fractions: &FRACTION, reduced: Vec::new() }
     }
 
-    /// A texture with all its copies; `uses_alpha` where alpha says which of its texels are seen.
+    /// A texture with all mip levels; with `uses_alpha`, colors are weighted by alpha.
     pub(super) fn new(texture: &'a Texture, uses_alpha: bool) -> Self {
         let mut mip_map = Self::flat(texture);
         if texture.texels.is_empty() {
@@ -72,12 +73,12 @@ impl<'a> MipMap<'a> {
         mip_map
     }
 
-    /// Number of levels, that of the texture included.
+    /// Number of levels, including level 0.
     pub(crate) fn n_levels(&self) -> usize {
         1 + self.reduced.len()
     }
 
-    /// A level; 0 is the texture.
+    /// A mip level; 0 is the texture.
     pub(crate) fn level(&self, level: usize) -> Image<'_> {
         match level.checked_sub(1) {
             None => Image { size: [self.texture.width, self.texture.height], texels: &self.texture.texels },
@@ -89,7 +90,7 @@ impl<'a> MipMap<'a> {
         self.texture
     }
 
-    /// Columns and rows of the texture.
+    /// Width and height of the texture.
     pub(crate) fn size(&self) -> [f64; 2] {
         [self.texture.width, self.texture.height].map(f64::from)
     }
@@ -110,50 +111,50 @@ impl<'a> MipMap<'a> {
     }
 }
 
-/// The texels along one axis that a texel of the next level covers, and their parts in it.
+/// The texels along one axis that a texel of the next level covers, with their weights.
 #[derive(Clone, Copy)]
-struct Cover {
+struct Coverage {
     first: usize,
-    /// Two are enough where the number is even, three where it is odd.
-    parts: [f32; 3],
+    /// Two if the size is even, three if it is odd.
+    weights: [f32; 3],
 }
 
-/// What each of `m` texels covers of `n`, for `m = max(n / 2, 1)`.
+/// The coverage of `n` texels by `m = max(n / 2, 1)` texels.
 #[expect(clippy::cast_precision_loss, reason = "a ratio, rounded")]
-fn covers(n: u32, m: u32) -> Vec<Cover> {
+fn coverage(n: u32, m: u32) -> Vec<Coverage> {
     let (n, m) = (u64::from(n), u64::from(m));
-    // In parts of which a texel before has m, one after has n.
+    // In units of 1/(n·m): a texel of the previous level is m wide, one of the next is n wide.
     let cover = |j: u64| {
         let first = j * n / m;
         let part = |i: u64| ((i + 1) * m).min((j + 1) * n).saturating_sub((i * m).max(j * n)) as f32 / n as f32;
         #[expect(clippy::cast_possible_truncation, reason = "below n, which is a u32")]
         let first_index = first as usize;
-        Cover { first: first_index, parts: [part(first), part(first + 1), part(first + 2)] }
+        Coverage { first: first_index, weights: [part(first), part(first + 1), part(first + 2)] }
     };
     (0..m).map(cover).collect()
 }
 
-/// Means of the texels that `texel` tells, row by row.
+/// Box-filters the image given by `texel`, row by row.
 fn reduced(from: [u32; 2], to: [u32; 2], uses_alpha: bool, texel: impl Fn(usize) -> [f32; 4] + Sync) -> Vec<[f32; 4]> {
-    let [columns, rows] = [covers(from[0], to[0]), covers(from[1], to[1])];
+    let [columns, rows] = [coverage(from[0], to[0]), coverage(from[1], to[1])];
     let width = from[0] as usize;
-    let mean = |row: &Cover, column: &Cover| {
+    let mean = |row: &Coverage, column: &Coverage| {
         let mut plain = [0.0; 4];
         let mut weighted = [0.0; 3];
-        for (j, y) in (row.first..).zip(row.parts).filter(|(_, y)| *y > 0.0) {
-            for (i, x) in (column.first..).zip(column.parts).filter(|(_, x)| *x > 0.0) {
+        for (j, y) in (row.first..).zip(row.weights).filter(|(_, y)| *y > 0.0) {
+            for (i, x) in (column.first..).zip(column.weights).filter(|(_, x)| *x > 0.0) {
                 let value = texel(j * width + i);
                 plain = std::array::from_fn(|k| plain[k] + x * y * value[k]);
                 weighted = std::array::from_fn(|k| weighted[k] + x * y * value[3] * value[k]);
             }
         }
-        // Where all of it is cut out there is nothing to weigh by.
+        // If all texels are transparent, the weights are zero.
         match weighted.map(|sum| sum / plain[3]) {
             [r, g, b] if uses_alpha && plain[3] > 0.0 => [r, g, b, plain[3]],
             _ => plain,
         }
     };
-    let row = |row: &Cover| columns.iter().map(|column| mean(row, column)).collect::<Vec<_>>();
+    let row = |row: &Coverage| columns.iter().map(|column| mean(row, column)).collect::<Vec<_>>();
     rows.par_iter().flat_map_iter(row).collect()
 }
 
@@ -167,7 +168,7 @@ mod tests {
         Texture { name: String::new(), width, height, texels, encoding, wrap: [Wrap::Repeat; 2] }
     }
 
-    /// Bytes without a pattern.
+    /// Pseudorandom bytes.
     fn noise(i: u32) -> [u8; 4] {
         i.wrapping_mul(2_654_435_761).rotate_left(i % 32).to_le_bytes()
     }
@@ -182,50 +183,50 @@ mod tests {
         sum.map(|x| x / image.texels.len() as f64)
     }
 
-    /// The first level whose mean is not that of the texture but for half a byte: at the steep end of the sRGB curve, whose
-    /// slope is 2.4 / 1.055, that is the most. Sums of `f32` round by far less than the millionth.
-    fn loses_light(mip_map: &MipMap) -> Option<usize> {
+    /// The first level whose mean differs from the texture's by more than half a byte, at the steepest slope of the
+    /// sRGB curve, 2.4 / 1.055. The millionth exceeds the rounding error of the sums.
+    fn first_changed_level(mip_map: &MipMap) -> Option<usize> {
         const HALF_BYTE: f64 = 0.5 / 255.0 * 2.4 / 1.055 + 1e-6;
         let all = mean(mip_map, 0);
         (1..mip_map.n_levels()).find(|&level| (0..4).any(|k| (mean(mip_map, level)[k] - all[k]).abs() > HALF_BYTE))
     }
 
     #[test]
-    fn known_images_are_halved_in_linear_light() {
+    fn levels_are_filtered_in_linear_light() {
         let checker = |i: u32| if (i / 2 + i).is_multiple_of(2) { [0, 0, 0, 255] } else { [255; 4] };
         let half = |encoding| MipMap::new(&texture(2, 2, encoding, checker), false).level(1).texels.to_vec();
-        // Half of the light is byte 188 of the sRGB curve.
+        // Linear 0.5 is sRGB byte 188.
         assert_eq!(half(Encoding::Srgb), [[188, 188, 188, 255]]);
         assert_eq!(half(Encoding::Linear), [[128, 128, 128, 255]]);
-        // Five columns become two of two and a half: the middle one is shared.
+        // Five columns become two of width 2.5, which share the center column.
         let row = texture(5, 1, Encoding::Linear, |i| [[10, 20, 30, 60, 120][i as usize]; 4]);
         assert_eq!(MipMap::new(&row, false).level(1).texels, [[18; 4], [78; 4]]);
     }
 
     #[test]
-    fn no_level_loses_light() {
+    fn levels_preserve_the_mean() {
         for [width, height] in [[64, 64], [1, 1], [1, 37], [29, 1], [31, 17], [100, 3], [5, 6]] {
             for encoding in [Encoding::Srgb, Encoding::Linear] {
                 let texture = texture(width, height, encoding, noise);
                 let mip_map = MipMap::new(&texture, false);
                 assert_eq!(mip_map.level(mip_map.n_levels() - 1).size, [1, 1]);
-                assert_eq!(loses_light(&mip_map), None, "{width} x {height} {encoding:?}");
+                assert_eq!(first_changed_level(&mip_map), None, "{width} x {height} {encoding:?}");
             }
         }
     }
 
     #[test]
-    fn the_check_sees_a_level_that_is_too_bright() {
+    fn test_detects_level_that_is_too_bright() {
         let texture = texture(16, 16, Encoding::Linear, noise);
         let mut mip_map = MipMap::new(&texture, false);
         for texel in &mut mip_map.reduced[1].texels {
             texel[0] = texel[0].saturating_add(3);
         }
-        assert_eq!(loses_light(&mip_map), Some(2));
+        assert_eq!(first_changed_level(&mip_map), Some(2));
     }
 
     #[test]
-    fn what_is_cut_out_lends_no_colour() {
+    fn transparent_texels_do_not_contribute() {
         let leaf = texture(2, 1, Encoding::Srgb, |i| if i == 0 { [200, 10, 0, 255] } else { [0, 255, 255, 0] });
         assert_eq!(MipMap::new(&leaf, true).level(1).texels, [[200, 10, 0, 128]]);
         let clear = texture(2, 1, Encoding::Linear, |i| if i == 0 { [200, 10, 0, 0] } else { [100, 20, 0, 0] });

@@ -1,4 +1,4 @@
-//! Blended surfaces stop some rays and let others pass, at random and without memory.
+//! Stochastic alpha: blended surfaces let rays pass independently at random.
 
 use std::sync::atomic::AtomicBool;
 
@@ -9,7 +9,7 @@ use canted_trace::{Ray, Watertight};
 
 use crate::common::{BruteForce, camera, floor, grey, scene, settings};
 
-/// Sheets one above the other, from y = 1 up, each of its alpha, over a white floor; white light falls straight down.
+/// Stacked sheets from y = 1 up with the given alphas, over a white floor; a white light shines straight down.
 fn sheets(alphas: &[f32]) -> Scene {
     let sheet = |alpha: &f32| Material { alpha_mode: AlphaMode::Blend, alpha: *alpha, ..grey(0.0) };
     let mut meshes = vec![floor(4.0, 0.0, 0)];
@@ -25,7 +25,7 @@ fn sheets(alphas: &[f32]) -> Scene {
 
 const N: u32 = 40_000;
 
-/// Share of `N` rays with numbers of their own that pass all sheets.
+/// Fraction of `N` rays with independent keys that pass all sheets.
 fn passing(scene: &Scene) -> f64 {
     let (tracer, surfaces) = (BruteForce::new(scene), Surfaces::new(scene));
     let all = Masked::new(&surfaces, ());
@@ -34,51 +34,51 @@ fn passing(scene: &Scene) -> f64 {
     n as f64 / f64::from(N)
 }
 
-/// Five standard deviations of a share of `n` independent trials: exceeded by chance once in two million tests.
-fn bound(share: f64, n: f64) -> f64 {
-    5.0 * (share * (1.0 - share) / n).sqrt()
+/// Five standard deviations of the mean of `n` independent trials: false alarms have a probability of 1 in two million.
+fn bound(fraction: f64, n: f64) -> f64 {
+    5.0 * (fraction * (1.0 - fraction) / n).sqrt()
 }
 
 #[test]
-fn a_sheet_lets_pass_what_it_does_not_cover() {
+fn transmittance_is_one_minus_alpha() {
     for alpha in [0.0, 0.1, 0.25, 0.5, 0.9, 1.0] {
         let expected = 1.0 - f64::from(alpha);
-        let share = passing(&sheets(&[alpha]));
-        assert!((share - expected).abs() <= bound(expected, f64::from(N)), "{alpha}: {share}");
+        let fraction = passing(&sheets(&[alpha]));
+        assert!((fraction - expected).abs() <= bound(expected, f64::from(N)), "{alpha}: {fraction}");
     }
 }
 
 #[test]
-fn sheets_do_not_know_of_each_other() {
+fn stacked_sheets_are_independent() {
     for alphas in [&[0.5, 0.5][..], &[0.3, 0.6], &[0.5, 0.2, 0.4]] {
         let expected: f64 = alphas.iter().map(|&alpha| 1.0 - f64::from(alpha)).product();
-        let share = passing(&sheets(alphas));
-        assert!((share - expected).abs() <= bound(expected, f64::from(N)), "{alphas:?}: {share}");
+        let fraction = passing(&sheets(alphas));
+        assert!((fraction - expected).abs() <= bound(expected, f64::from(N)), "{alphas:?}: {fraction}");
     }
 }
 
 #[test]
-fn the_bound_sees_a_share_that_is_off_by_two_hundredths() {
-    let share = passing(&sheets(&[0.5]));
-    assert!((share - 0.52).abs() > bound(0.52, f64::from(N)));
+fn bound_detects_error_of_two_percent() {
+    let fraction = passing(&sheets(&[0.5]));
+    assert!((fraction - 0.52).abs() > bound(0.52, f64::from(N)));
 }
 
-/// Camera rays and shadow rays pass by numbers of their own: what is seen is the product of both shares.
+/// Camera rays and shadow rays have independent keys: the pixel is the product of both transmittances.
 #[test]
-fn pictures_show_the_share_that_passes_down_and_back() {
+fn camera_and_shadow_rays_are_independent() {
     let (scene, alpha) = (sheets(&[0.4]), 0.4_f64);
     let tracer = BruteForce::new(&scene);
     let view = camera([0.0, 6.0, 0.0], [0.0; 3], 10.0);
     let settings = settings(16, 16, 64, 0);
     let film = render(&scene, &tracer, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
     let mean = film.pixels().iter().map(|pixel| pixel.mean()[0]).sum::<f64>() / 256.0;
-    // The ray from the floor sees black: sheet, or sky.
+    // The ray from the floor sees black: sheet or environment.
     let expected = (1.0 - alpha) * (1.0 - alpha);
     assert!((mean - expected).abs() <= bound(expected, 256.0 * 64.0), "{mean} {expected}");
 }
 
 #[test]
-fn pictures_do_not_depend_on_the_structure() {
+fn pictures_do_not_depend_on_the_bvh() {
     let scene = sheets(&[0.4, 0.7]);
     let view = camera([1.0, 6.0, 0.5], [0.0; 3], 60.0);
     let settings = settings(24, 16, 4, 1);
@@ -98,7 +98,7 @@ fn pictures_do_not_depend_on_the_structure() {
 }
 
 #[test]
-fn alpha_is_that_of_material_and_vertices() {
+fn alpha_multiplies_material_and_vertex_alpha() {
     let mut scene = sheets(&[0.8]);
     scene.meshes[1].colors = Some(vec![[0.0, 0.0, 0.0, 0.25]; 4]);
     let expected = 1.0 - 0.8 * 0.25;

@@ -1,6 +1,6 @@
-//! Scattering against quadrature in `f64`, textbook formulas and counts of samples.
+//! Tests of the BSDF against quadrature in `f64`, textbook formulas and sample counts.
 //!
-//! Not covered: light scattered more than once between facets, which the model loses on purpose.
+//! Not covered: multiple scattering between microfacets, which the model omits.
 
 mod density;
 mod dielectric;
@@ -13,7 +13,7 @@ use canted_renderer::{Bsdf, Pattern, Sampler};
 
 use crate::common::{Vector, narrow};
 
-/// One material of each kind, then mixtures of all.
+/// One material of each kind, then mixtures.
 fn materials(roughness: f32) -> Vec<(&'static str, Bsdf)> {
     let white = Bsdf { roughness, ..Bsdf::lambert([1.0; 3]) };
     let colored = Bsdf { base_color: [0.9, 0.5, 0.1], ..white };
@@ -36,7 +36,7 @@ fn materials(roughness: f32) -> Vec<(&'static str, Bsdf)> {
     ]
 }
 
-/// A direction of this polar cosine, off the axes.
+/// A direction with this cosine to +z, off the axes.
 fn outgoing(cosine: f64) -> [f32; 3] {
     let sine = (1.0 - cosine * cosine).sqrt();
     narrow([0.6 * sine, -0.8 * sine, cosine])
@@ -48,7 +48,7 @@ fn numbers(n: u32) -> impl Iterator<Item = ([f32; 2], f32)> {
     (0..n).map(move |i| (sampler.pair(i, 0, 0), sampler.pair(i, 0, 1)[0]))
 }
 
-/// Undoes the change of radiance at a boundary, so that what remains is the share of the flux.
+/// Undoes the scaling of radiance by refraction, so that flux remains.
 fn flux_factor(bsdf: &Bsdf, is_transmitted: bool) -> f64 {
     let ior = f64::from(bsdf.ior);
     match (is_transmitted && !bsdf.thin_walled, bsdf.is_inside) {
@@ -58,10 +58,10 @@ fn flux_factor(bsdf: &Bsdf, is_transmitted: bool) -> f64 {
     }
 }
 
-/// Steps of a quadrature, along the angle from a direction and about it.
+/// Steps of a quadrature along the angle from an axis and around it.
 type Steps = [u32; 2];
 
-/// Midpoint rule over the sphere, in the cube root of the angle to `axis`: narrow lobes about it are resolved too.
+/// Midpoint rule over the sphere in the cube root of the angle to `axis`, which resolves narrow lobes around it.
 fn integrate<const N: usize>(axis: [f32; 3], [along, about]: Steps, f: impl Fn([f32; 3]) -> [f64; N]) -> [f64; N] {
     let basis = Basis::about(axis);
     let mut sum = [0.0; N];
@@ -82,10 +82,10 @@ fn integrate<const N: usize>(axis: [f32; 3], [along, about]: Steps, f: impl Fn([
     sum
 }
 
-/// What leaves on the side of `outgoing`, by colour, and through the surface; mirrors left out.
+/// Reflected flux by color, and transmitted flux, without delta lobes.
 fn flux(bsdf: &Bsdf, outgoing: [f32; 3], steps: Steps) -> Vector {
     let [x, y, z] = outgoing;
-    // Lobes stand about the mirrored and about the refracted direction.
+    // Lobes are around the mirrored and the refracted direction.
     let eta = if bsdf.thin_walled {
         1.0
     } else if bsdf.is_inside {

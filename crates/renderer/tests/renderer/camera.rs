@@ -9,28 +9,28 @@ fn direction(camera: &Camera, position: [f64; 2]) -> [f64; 3] {
     View::new(camera, 200, 100).unwrap().ray(position).direction.map(f64::from)
 }
 
-/// Two directions that differ by the rounding of `f32` only.
+/// Whether two directions differ only by `f32` rounding.
 fn same(a: [f64; 3], b: [f64; 3]) -> bool {
     (0..3).all(|k| (a[k] - b[k]).abs() <= f64::from(f32::EPSILON))
 }
 
 #[test]
-fn the_picture_spans_the_field_of_view() {
-    // 90 degrees from bottom to top: the edges lie at slope 1; twice as wide as high.
+fn image_spans_the_field_of_view() {
+    // 90 degrees from bottom to top: the edges have slope 1; the image is twice as wide as high.
     assert!(same(direction(&CAMERA, [100.0, 50.0]), [0.0, 0.0, -1.0]));
-    assert!(same(direction(&CAMERA, [100.0, 0.0]), unit([0.0, 1.0, -1.0])), "row 0 is the top");
+    assert!(same(direction(&CAMERA, [100.0, 0.0]), unit([0.0, 1.0, -1.0])), "row 0 is at the top");
     assert!(same(direction(&CAMERA, [100.0, 100.0]), unit([0.0, -1.0, -1.0])));
-    assert!(same(direction(&CAMERA, [200.0, 50.0]), unit([2.0, 0.0, -1.0])), "x runs to the right");
+    assert!(same(direction(&CAMERA, [200.0, 50.0]), unit([2.0, 0.0, -1.0])), "x points to the right");
     assert!(same(direction(&CAMERA, [0.0, 0.0]), unit([-2.0, 1.0, -1.0])));
 }
 
 #[test]
-fn a_tilted_camera_looks_at_its_target_with_up_up() {
+fn tilted_camera_looks_at_target_with_up_pointing_up() {
     let camera = Camera::pinhole([3.0, 4.0, -2.0], [-1.0, 0.5, 7.0], [0.3, 2.0, 0.1], 33.0);
     let forward = unit(sub(camera.target.map(f64::from), camera.eye.map(f64::from)));
     assert!(same(direction(&camera, [100.0, 50.0]), forward));
     let (top, bottom) = (direction(&camera, [100.0, 0.0]), direction(&camera, [100.0, 100.0]));
-    // Rounding a unit vector turns it by a rounding and changes its length by one, which its cosine takes for an angle.
+    // Rounding a unit vector rotates it by one rounding and changes its length by one.
     let field = 33.0_f64.to_radians();
     let bound = (2.0 + 2.0 / field.tan()) * U;
     assert!((dot(top, bottom).acos() - field).abs() <= bound);
@@ -38,7 +38,7 @@ fn a_tilted_camera_looks_at_its_target_with_up_up() {
 }
 
 #[test]
-fn rays_are_the_same_bits_at_every_power_of_two() {
+fn rays_scale_exactly_with_powers_of_two() {
     let base = View::new(&CAMERA, 64, 64).unwrap();
     for scale in [2.0_f32.powi(-60), 2.0_f32.powi(60)] {
         let camera = Camera {
@@ -53,7 +53,7 @@ fn rays_are_the_same_bits_at_every_power_of_two() {
 }
 
 #[test]
-fn unusable_cameras_are_named() {
+fn invalid_cameras_are_reported() {
     let refused = |camera: Camera| View::new(&camera, 8, 8).unwrap_err();
     assert_eq!(refused(Camera { target: CAMERA.eye, ..CAMERA }), CameraError::NoDirection { eye: CAMERA.eye });
     for up in [[0.0; 3], [0.0, 0.0, 2.0], [0.0, 0.0, -1.0]] {
@@ -75,10 +75,10 @@ fn perspective(fov_degrees: f32) -> Projection {
 }
 
 #[test]
-fn parallel_rays_of_an_orthographic_camera_span_its_height() {
+fn orthographic_rays_span_the_height() {
     let camera = Camera { projection: Projection::Orthographic { height: 6.0 }, ..CAMERA };
     let view = View::new(&camera, 4, 2).unwrap();
-    // The camera looks along -z with x to the right: the picture is 12 wide and 6 high about the eye.
+    // The camera looks along -z with x to the right: the image covers 12 by 6 units around the eye.
     let [left_top, right_bottom] = [[0.0, 0.0], [4.0, 2.0]].map(|position| view.ray(position));
     assert_eq!(left_top.origin, [1.0 - 6.0, 2.0 + 3.0, 3.0]);
     assert_eq!(right_bottom.origin, [1.0 + 6.0, 2.0 - 3.0, 3.0]);
@@ -89,9 +89,9 @@ fn parallel_rays_of_an_orthographic_camera_span_its_height() {
     }
 }
 
-/// All rays of one position meet in the plane of focus, and nowhere else.
+/// All rays of one position intersect in the plane of focus, and nowhere else.
 #[test]
-fn a_lens_is_sharp_in_its_plane_of_focus_alone() {
+fn lens_is_sharp_only_in_the_plane_of_focus() {
     let lens = Some(Lens { radius: 0.5, focus_distance: 4.0 });
     for projection in [CAMERA.projection, Projection::Orthographic { height: 6.0 }] {
         let camera = Camera { projection, lens, ..CAMERA };
@@ -124,40 +124,41 @@ fn a_lens_is_sharp_in_its_plane_of_focus_alone() {
     }
 }
 
-/// Pixels along the side of a picture; an odd number, so that a square of three has edges where pixels do.
+/// Pixels per side of an image; odd, so that the edges of a square of three pixels coincide with pixel edges.
 const N: u32 = 63;
 
-/// Diameter, in pixels, of the blurred picture of a square lamp with sides of three pixels, on the axis at `depth`.
+/// Diameter, in pixels, of the blur disk of a square light with sides of three pixels on the axis at `depth`.
 ///
-/// A disc of even light has the variance `D²/16` along each axis, a square of side a `a²/12` and so has the pixel, 1/12; what is
-/// blurred by one after another has the sum. By 100 samples the lamp sends some 900 rays into the picture, which know a variance to
-/// `1/√1800` and its root, the diameter, to 1.2 %. No light lies beyond the disc, the square and the pixel.
+/// A uniform disk of diameter `D` has the variance `D²/16` along each axis, a square of side `a` has `a²/12`, and so a
+/// pixel has 1/12. Variances of successive blurs add. At 100 samples about 900 rays hit the light, which gives the
+/// variance to `1/√1800` and its root, the diameter, to 1.2 %. No light falls outside of disk, square and pixel
+/// combined.
 fn blur(camera: &Camera, depth: f32, pixel: f32, samples: u32) -> f64 {
     const SIDE: f32 = 3.0;
     let half = 0.5 * SIDE * pixel;
     let lamp = parallelogram([-half, -half, -depth], [2.0 * half, 0.0, 0.0], [0.0, 2.0 * half, 0.0], 0);
     let stage = scene(vec![lamp], vec![Material { emission: [1.0; 3], ..grey(0.0) }]);
     let film = film(&stage, camera, &settings(N, N, samples, 0));
-    let (mut light, mut squares, mut rim) = (0.0, 0.0, 0.0_f64);
+    let (mut light, mut squares, mut edge) = (0.0, 0.0, 0.0_f64);
     for (index, pixel) in (0..).zip(film.pixels()).filter(|(_, pixel)| pixel.sum[0] > 0.0) {
         let at = [index % N, index / N].map(|i: u32| f64::from(i) + 0.5 - 0.5 * f64::from(N));
         let square = at[0] * at[0] + at[1] * at[1];
         (light, squares) = (light + pixel.sum[0], squares + pixel.sum[0] * square);
-        rim = rim.max(square.sqrt());
+        edge = edge.max(square.sqrt());
     }
     let variance = squares / light / 2.0 - f64::from(SIDE).powi(2) / 12.0 - 1.0 / 12.0;
     let diameter = 4.0 * variance.max(0.0).sqrt();
     assert!(
-        rim <= 0.5 * diameter * 1.05 + (0.5 * f64::from(SIDE) + 0.5) * std::f64::consts::SQRT_2,
-        "{rim} {diameter}"
+        edge <= 0.5 * diameter * 1.05 + (0.5 * f64::from(SIDE) + 0.5) * std::f64::consts::SQRT_2,
+        "{edge} {diameter}"
     );
     diameter
 }
 
-/// An aperture `A` focused at `s` shows a point at the depth `d` as a disc of the diameter `A·|d - s|/(d·s)` in the plane at
-/// distance 1, and of `A·|d - s|/s` where rays are parallel.
+/// An aperture `A` focused at `s` blurs a point at depth `d` to a disk of diameter `A·|d - s|/(d·s)` in the plane at
+/// distance 1, or `A·|d - s|/s` for an orthographic projection.
 #[test]
-fn what_is_out_of_focus_is_a_disc_of_the_thin_lens() {
+fn blur_matches_the_thin_lens_formula() {
     const FOCUS: f32 = 4.0;
     let at_origin = Camera::pinhole([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 40.0);
     let of_perspective = 2.0 * 20.0_f32.to_radians().tan() / N as f32;
@@ -177,7 +178,7 @@ fn what_is_out_of_focus_is_a_disc_of_the_thin_lens() {
             let sharp = Camera { projection, ..at_origin };
             let found = blur(&Camera { lens, ..sharp }, depth, pixel, 100);
             assert!((found / expected - 1.0).abs() < 0.05, "{projection:?} {depth}: {found} pixels for {expected}");
-            // In the plane of focus, and without a lens, there is nothing but the square.
+            // In the plane of focus, and without a lens, only the square remains.
             assert!(blur(&sharp, depth, pixel, 4) < 1.0, "{projection:?} {depth}");
             let in_focus = Camera { lens: Some(Lens { radius, focus_distance: depth }), ..sharp };
             assert!(blur(&in_focus, depth, pixel, 4) < 1.0, "{projection:?} {depth}");

@@ -1,8 +1,8 @@
-//! Whether samples follow a distribution.
+//! Pearson's chi-squared test.
 
-/// Pearson's statistic of all samples' counts less its mean, in standard deviations.
+/// Deviation of Pearson's statistic from its mean, in standard deviations.
 ///
-/// Cells that expect fewer than ten are thrown together.
+/// Cells with an expected count below ten are merged.
 pub(crate) fn deviation(counts: &[f64], probabilities: &[f64]) -> f64 {
     let n: f64 = counts.iter().sum();
     let (mut statistic, mut freedom, mut rare) = (0.0, -1.0, (0.0, 0.0));
@@ -17,7 +17,7 @@ pub(crate) fn deviation(counts: &[f64], probabilities: &[f64]) -> f64 {
     if rare.1 >= 10.0 {
         add(rare.0, rare.1);
     } else {
-        // Too few for the statistic's distribution; none may be where none is expected.
+        // Too few for the statistic; the count must still match the expectation.
         assert!(rare.0 <= rare.1.max(0.0) + 6.0 * (rare.1.max(0.0) + 1.0).sqrt(), "{rare:?}");
     }
     let freedom: f64 = freedom;

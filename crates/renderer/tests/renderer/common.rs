@@ -1,4 +1,4 @@
-//! Small scenes, and a tracer that tries every triangle.
+//! Small scenes, and a brute-force tracer.
 
 use std::sync::atomic::AtomicBool;
 
@@ -34,9 +34,9 @@ pub(crate) fn narrow(v: Vector) -> [f32; 3] {
     v.map(|x| x as f32)
 }
 
-/// Tries every triangle of every instance, in object space, in `f64`, edges included.
+/// Tests every triangle of every instance, in object space, in `f64`, including edges.
 ///
-/// The ray is rounded to `f32` in object space, as a tracer's is.
+/// The ray is rounded to `f32` in object space, as in the tracers under test.
 pub(crate) struct BruteForce<'a> {
     scene: &'a Scene,
     /// Rows of the inverse linear parts.
@@ -56,15 +56,15 @@ impl<'a> BruteForce<'a> {
     fn each_hit(&self, ray: &Ray, query: &mut impl Query, mut found: impl FnMut(Hit)) {
         for (i, instance) in self.scene.instances.iter().enumerate() {
             let shift = instance.world_from_object.columns[3].map(f64::from);
-            let carried = |v: Vector| narrow(self.inverses[i].map(|row| dot(row, v))).map(f64::from);
-            let origin = carried(sub(ray.origin.map(f64::from), shift));
-            let direction = carried(ray.direction.map(f64::from));
+            let to_object = |v: Vector| narrow(self.inverses[i].map(|row| dot(row, v))).map(f64::from);
+            let origin = to_object(sub(ray.origin.map(f64::from), shift));
+            let direction = to_object(ray.direction.map(f64::from));
             let mesh = &self.scene.meshes[instance.mesh.0 as usize];
             query.boxes(1);
             query.triangles(u32::try_from(mesh.triangles.len()).unwrap());
             for (primitive, triangle) in (0..).zip(&mesh.triangles) {
                 let corners = triangle.map(|v| mesh.positions[v as usize].map(f64::from));
-                let Some((t, u, v, side)) = meet(origin, direction, corners) else { continue };
+                let Some((t, u, v, side)) = intersect(origin, direction, corners) else { continue };
                 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
                 let (t, u, v) = (t as f32, u as f32, v as f32);
                 let hit = Hit {
@@ -83,8 +83,8 @@ impl<'a> BruteForce<'a> {
     }
 }
 
-/// Möller and Trumbore in `f64`, closed edges, both sides.
-fn meet(origin: Vector, direction: Vector, [v0, v1, v2]: [Vector; 3]) -> Option<(f64, f64, f64, Side)> {
+/// Möller-Trumbore in `f64`, with closed edges, two-sided.
+fn intersect(origin: Vector, direction: Vector, [v0, v1, v2]: [Vector; 3]) -> Option<(f64, f64, f64, Side)> {
     let (e1, e2) = (sub(v1, v0), sub(v2, v0));
     let p = cross(direction, e2);
     let determinant = dot(p, e1);
@@ -97,7 +97,7 @@ fn meet(origin: Vector, direction: Vector, [v0, v1, v2]: [Vector; 3]) -> Option<
     let v = dot(q, direction) / determinant;
     let t = dot(q, e2) / determinant;
     let side = if determinant > 0.0 { Side::Front } else { Side::Back };
-    // A few roundings of f64 beyond the edges: neighbours overlap, nothing slips between them.
+    // Edges are widened by a few f64 roundings, so that no ray passes between neighbors.
     const EDGE: f64 = 1e-12;
     (u >= -EDGE && v >= -EDGE && u + v <= 1.0 + EDGE && t >= 0.0).then_some((t, u, v, side))
 }
@@ -106,7 +106,7 @@ impl Tracer for BruteForce<'_> {
     fn closest_hit<Q: Query>(&self, ray: &Ray, query: &mut Q) -> Option<Hit> {
         let mut closest: Option<Hit> = None;
         self.each_hit(ray, query, |hit| {
-            if closest.is_none_or(|known| hit.before(&known)) {
+            if closest.is_none_or(|best| hit.before(&best)) {
                 closest = Some(hit);
             }
         });
@@ -125,13 +125,13 @@ pub(crate) fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, material:
     Mesh { positions, triangles, parts, ..Mesh::default() }
 }
 
-/// A parallelogram whose front looks along `a x b`.
+/// A parallelogram with its front along `a x b`.
 pub(crate) fn parallelogram(corner: [f32; 3], a: [f32; 3], b: [f32; 3], material: u32) -> Mesh {
     let at = |s: f32, t: f32| std::array::from_fn(|k| corner[k] + s * a[k] + t * b[k]);
     mesh(vec![at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)], vec![[0, 1, 2], [0, 2, 3]], material)
 }
 
-/// A square of half-side `half` in the plane y = `height`, front up.
+/// A square with half-side `half` in the plane y = `height`, front up.
 pub(crate) fn floor(half: f32, height: f32, material: u32) -> Mesh {
     parallelogram([-half, height, -half], [0.0, 0.0, 2.0 * half], [2.0 * half, 0.0, 0.0], material)
 }
@@ -144,7 +144,7 @@ pub(crate) fn cuboid(min: [f32; 3], max: [f32; 3], material: u32) -> Mesh {
     mesh((0..8).map(corner).collect(), triangles, material)
 }
 
-/// A sphere of triangles, fronts outside: an octahedron whose triangles are cut in four `level` times.
+/// A triangulated sphere with its fronts outside: an octahedron subdivided `level` times.
 pub(crate) fn sphere(center: [f32; 3], radius: f32, level: u32, material: u32) -> Mesh {
     let mut faces: Vec<[Vector; 3]> = (0..8)
         .map(|octant| {
@@ -154,16 +154,16 @@ pub(crate) fn sphere(center: [f32; 3], radius: f32, level: u32, material: u32) -
         })
         .collect();
     for _ in 0..level {
-        let middle = |a: Vector, b: Vector| unit(std::array::from_fn(|k| a[k] + b[k]));
+        let midpoint = |a: Vector, b: Vector| unit(std::array::from_fn(|k| a[k] + b[k]));
         faces = faces
             .iter()
             .flat_map(|&[a, b, c]| {
-                let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+                let (ab, bc, ca) = (midpoint(a, b), midpoint(b, c), midpoint(c, a));
                 [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
             })
             .collect();
     }
-    // Equal points are equal bits, as the middle of an edge does not depend on its direction.
+    // Equal points have equal bits, because the midpoint of an edge does not depend on its direction.
     let mut positions: Vec<[f32; 3]> = Vec::new();
     let mut known = std::collections::HashMap::new();
     let triangles = faces
@@ -171,7 +171,7 @@ pub(crate) fn sphere(center: [f32; 3], radius: f32, level: u32, material: u32) -
         .map(|face| {
             face.map(|v| {
                 let p = narrow(std::array::from_fn(|k| f64::from(center[k]) + f64::from(radius) * v[k]));
-                // Adding zero joins the two zeros.
+                // Adding zero merges the two signed zeros.
                 *known.entry(p.map(|x| (x + 0.0).to_bits())).or_insert_with(|| {
                     positions.push(p);
                     u32::try_from(positions.len() - 1).unwrap()
@@ -182,7 +182,7 @@ pub(crate) fn sphere(center: [f32; 3], radius: f32, level: u32, material: u32) -
     mesh(positions, triangles, material)
 }
 
-/// The mesh with its fronts on the other side.
+/// The mesh with reversed winding.
 pub(crate) fn inside_out(mut mesh: Mesh) -> Mesh {
     for triangle in &mut mesh.triangles {
         triangle.swap(1, 2);
@@ -198,20 +198,20 @@ pub(crate) fn place(mesh: u32, world_from_object: Affine) -> Instance {
     Instance { mesh: MeshId(mesh), world_from_object, world_from_object_close: None, first_primitive: 0 }
 }
 
-/// Meshes where they are, without lights or sky.
+/// Static meshes without lights or environment.
 pub(crate) fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
     let instances = (0..u32::try_from(meshes.len()).unwrap()).map(|i| place(i, Affine::IDENTITY)).collect();
     Scene { meshes, instances, materials, environment: Some([0.0; 3].into()), ..Scene::default() }
 }
 
 pub(crate) fn camera(eye: [f32; 3], target: [f32; 3], fov_degrees: f32) -> Camera {
-    // Any direction off the view will do for up.
+    // Any direction not parallel to the view works as up.
     let view = unit(sub(target.map(f64::from), eye.map(f64::from)));
     let up = if view[1].abs() < 0.9 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, -1.0] };
     Camera::pinhole(eye, target, up, fov_degrees)
 }
 
-/// A small picture without ambient fill.
+/// Settings of a small image without ambient light.
 pub(crate) fn settings(width: u32, height: u32, samples: u32, bounces: u32) -> Settings {
     Settings { width, height, samples, bounces, ao_radius: Some(f32::INFINITY), ..Settings::default() }
 }

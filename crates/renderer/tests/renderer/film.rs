@@ -1,6 +1,6 @@
-//! What films keep: parts that join, properties of what camera rays meet, pixels that stop, tiles that are resumed.
+//! Films: merging parts, AOVs, adaptive stopping, resuming tiles.
 //!
-//! Not covered: files, which the tests of the program read and write.
+//! Not covered: files, which are tested with the program.
 
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
@@ -32,9 +32,9 @@ fn sobol(samples: u32) -> Settings {
 }
 
 #[test]
-fn parts_join_to_the_film_of_all_samples() {
+fn merged_parts_equal_the_film_of_all_samples() {
     let (mut stage, view) = stage();
-    // Samples that are dropped must be counted alike.
+    // Dropped samples must be counted too.
     stage.materials[1].emission = [0.0, f32::NAN, 0.0];
     let part = |start, end| {
         let film = film(&stage, &view, &Settings { part: Some([start, end]), ..sobol(13) });
@@ -49,7 +49,7 @@ fn parts_join_to_the_film_of_all_samples() {
 }
 
 #[test]
-fn tiles_and_threads_change_neither_parts_nor_stops() {
+fn tiles_and_threads_do_not_change_parts_or_stopping() {
     let (stage, view) = stage();
     for settings in [Settings { part: Some([3, 9]), ..sobol(9) }, Settings { noise: Some(0.06), ..sobol(64) }] {
         let with = |threads, tile| {
@@ -63,9 +63,9 @@ fn tiles_and_threads_change_neither_parts_nor_stops() {
     }
 }
 
-/// Each sample's ray met by brute force; sums in another order, so equal but for roundings.
+/// Compared with brute force for each camera ray; sums are in a different order, so equal up to rounding.
 #[test]
-fn guides_are_what_camera_rays_meet() {
+fn guides_match_camera_ray_hits() {
     let (stage, camera) = stage();
     let settings = sobol(4);
     let film = film(&stage, &camera, &settings);
@@ -89,7 +89,7 @@ fn guides_are_what_camera_rays_meet() {
         assert_eq!((guide.n_hits, guide.first), (expected.n_hits, expected.first), "pixel {number}");
         // Positions from barycentric weights and from t: f32 roundings of coordinates below 16 in four samples.
         assert!((guide.depth - expected.depth).abs() < 4.0 * 16.0 * 8.0 * f64::from(f32::EPSILON), "pixel {number}");
-        assert_eq!(guide.albedo, expected.albedo, "four numbers of 24 bits and their sums are exact");
+        assert_eq!(guide.albedo, expected.albedo, "sums of four 24-bit numbers are exact");
         n_misses += u32::from(guide.n_hits == 0);
         n_edges += u32::from(guide.n_hits % 4 != 0);
         for normal in [guide.normal, guide.shading_normal] {
@@ -100,33 +100,33 @@ fn guides_are_what_camera_rays_meet() {
     assert!(n_misses > 10 && n_edges > 10, "{n_misses} {n_edges}");
 }
 
-/// A ball of light before a wall, and a disc that hides half of it and turns its dark side to the camera.
+/// A sphere light in front of a wall, half occluded by a disk light that shows its black side to the camera.
 #[test]
-fn guides_meet_lights_too() {
+fn guides_include_shape_lights() {
     let wall = parallelogram([-9.0, -9.0, -5.0], [18.0, 0.0, 0.0], [0.0, 18.0, 0.0], 0);
     let lights = vec![
         Light::Sphere { center: [0.0; 3], radius: 1.0, radiance: [5.0; 3] },
         Light::Disk { center: [0.5, 0.0, 2.0], normal: [0.0, 0.0, -1.0], radius: 0.5, radiance: [5.0; 3] },
     ];
     let stage = Scene { lights, ..scene(vec![wall], vec![grey(0.5)]) };
-    // A world unit at the depth of the middle of the ball is eight pixels.
+    // At the depth of the sphere's center, a world unit is eight pixels.
     let view = camera([0.0, 0.0, 6.0], [0.0; 3], 2.0 * (2.0_f32 / 6.0).atan().to_degrees());
     let film = film(&stage, &view, &Settings { aovs: all(), ..settings(33, 33, 1, 1) });
     let at = |x: usize, y: usize| film.guides()[33 * y + x];
     let of_light = |guide: Guide| (guide.n_hits, guide.first, guide.albedo) == (1, None, [0.0; 3]);
-    let ball = at(14, 16);
-    assert!(of_light(ball) && ball.normal[0] < 0.0 && ball.normal[2] > 0.9 && ball.depth < 5.2, "{ball:?}");
-    let length = ball.normal.iter().map(|x| x * x).sum::<f64>();
-    assert!((length - 1.0).abs() < 1e-12 && ball.normal == ball.shading_normal, "{ball:?}");
-    let disc = at(20, 16);
-    assert!(of_light(disc) && disc.normal == [0.0, 0.0, 1.0] && (disc.depth - 4.0).abs() < 1e-6, "{disc:?}");
+    let sphere = at(14, 16);
+    assert!(of_light(sphere) && sphere.normal[0] < 0.0 && sphere.normal[2] > 0.9 && sphere.depth < 5.2, "{sphere:?}");
+    let length = sphere.normal.iter().map(|x| x * x).sum::<f64>();
+    assert!((length - 1.0).abs() < 1e-12 && sphere.normal == sphere.shading_normal, "{sphere:?}");
+    let disk = at(20, 16);
+    assert!(of_light(disk) && disk.normal == [0.0, 0.0, 1.0] && (disk.depth - 4.0).abs() < 1e-6, "{disk:?}");
     let wall = at(2, 2);
     assert!(wall.first == Some([0, 1]) || wall.first == Some([0, 0]), "{wall:?}");
     assert!(wall.albedo == [0.5; 3] && (wall.depth - 11.0).abs() < 1e-5, "{wall:?}");
 }
 
 #[test]
-fn what_is_not_asked_for_is_not_kept() {
+fn aovs_that_are_not_requested_are_not_stored() {
     let (stage, view) = stage();
     let plain = film(&stage, &view, &Settings { aovs: Aovs::NONE, ..sobol(4) });
     assert!(plain.guides().is_empty());
@@ -137,7 +137,7 @@ fn what_is_not_asked_for_is_not_kept() {
 }
 
 #[test]
-fn a_cell_stops_at_a_power_of_two_and_where_it_is_good_enough() {
+fn cells_stop_at_powers_of_two_when_converged() {
     let (stage, view) = stage();
     let film = film(&stage, &view, &Settings { noise: Some(0.03), ..sobol(100) });
     let mut counts: Vec<u32> = film.pixels().iter().map(canted_film::Pixel::n_taken).collect();
@@ -145,7 +145,7 @@ fn a_cell_stops_at_a_power_of_two_and_where_it_is_good_enough() {
     for y in 0..SIZE[1] {
         for x in 0..SIZE[0] {
             let first = at(x / 8 * 8, y / 8 * 8);
-            assert_eq!(at(x, y).n_taken(), first.n_taken(), "a cell stops as one");
+            assert_eq!(at(x, y).n_taken(), first.n_taken(), "all pixels of a cell stop together");
         }
     }
     counts.sort_unstable();
@@ -178,7 +178,7 @@ fn finished_tiles_are_not_rendered_again() {
 }
 
 #[test]
-fn parts_and_noise_that_make_no_sense_are_refused() {
+fn invalid_parts_and_noise_are_rejected() {
     let (stage, view) = stage();
     let refused = |settings: Settings| {
         let never = AtomicBool::new(false);

@@ -14,10 +14,10 @@ const FILTERS: [Filter; 7] = [
     Filter::BLACKMAN_HARRIS,
 ];
 
-/// Samples: a net, so each of as many columns holds one.
+/// Samples form a net: each of as many columns contains one.
 const N: u32 = 1 << 16;
 
-/// The filter's answer to light that depends on x, by samples and by quadrature.
+/// The filter's response to light that depends on x, by samples and by quadrature.
 fn responses(filter: Filter, light: impl Fn(f64) -> f64, breaks: &[f64]) -> [f64; 2] {
     let sampler = Sampler::new(Pattern::Sobol, N, 1);
     let placer = FilterSampler::new(filter).unwrap();
@@ -31,24 +31,24 @@ fn responses(filter: Filter, light: impl Fn(f64) -> f64, breaks: &[f64]) -> [f64
     breaks.retain(|x| x.abs() <= r);
     breaks.sort_by(f64::total_cmp);
     let integral = |of: &dyn Fn(f64) -> f64| breaks.windows(2).map(|w| simpson(of, w[0], w[1])).sum::<f64>();
-    // A break is left out of the light by the side that a piece lies on: pieces are open.
+    // Pieces are open intervals, so a break belongs to neither side.
     [sum / weights, integral(&|x| filter.value(x) * light(x)) / integral(&|x| filter.value(x))]
 }
 
 fn simpson(f: &dyn Fn(f64) -> f64, a: f64, b: f64) -> f64 {
     const PIECES: i32 = 200;
-    // Ends drawn in by a billionth: an edge of the light belongs to one side.
+    // Ends are moved inwards by a billionth, so that an edge of the light belongs to one side.
     let (a, b) = (a + 1e-9 * (b - a), b - 1e-9 * (b - a));
     let h = (b - a) / f64::from(2 * PIECES);
     let at = |i: i32| f(a + h * f64::from(i));
     (0..PIECES).map(|i| at(2 * i) + 4.0 * at(2 * i + 1) + at(2 * i + 2)).sum::<f64>() * h / 3.0
 }
 
-/// What sampling and table may add to the answer to light of this variation.
+/// Error bound of sampling and table for light of this variation.
 ///
-/// Koksma: a net errs by its discrepancy, along one axis at most 2/n, times the variation of what is summed. The signs of a
-/// filter with negative parts vary along both axes, by four each and by products with the light's; the discrepancy of a
-/// net over rectangles is (m + 3)/n. The table errs by a millionth for an edge.
+/// Koksma's inequality: the error is at most the discrepancy of the net times the variation. The discrepancy is at most
+/// 2/n along one axis. The signs of a filter with negative lobes vary along both axes, by four each and by products
+/// with the light; the discrepancy over rectangles is (m + 3)/n. The table adds a millionth for an edge.
 fn bound(filter: Filter, variation: f64, n: u32) -> f64 {
     match filter {
         Filter::Mitchell(_) => 2.0 * (variation + 8.0) * f64::from(n.ilog2() + 3) / f64::from(n),
@@ -57,7 +57,7 @@ fn bound(filter: Filter, variation: f64, n: u32) -> f64 {
 }
 
 #[test]
-fn edges_are_answered_as_by_quadrature() {
+fn edge_responses_match_quadrature() {
     for filter in FILTERS {
         for edge in [-2.2, -1.0, -0.6, -0.3, 0.0, 0.1, 0.45, 0.9, 1.7] {
             let [sampled, exact] = responses(filter, |x| f64::from(u8::from(x > edge)), &[edge]);
@@ -67,7 +67,7 @@ fn edges_are_answered_as_by_quadrature() {
 }
 
 #[test]
-fn sines_are_answered_as_by_quadrature() {
+fn sine_responses_match_quadrature() {
     for filter in FILTERS {
         for period in [0.7, 1.0, 2.0, 5.0] {
             let light = |x: f64| (std::f64::consts::TAU * (x + 0.1) / period).sin();
@@ -81,9 +81,9 @@ fn sines_are_answered_as_by_quadrature() {
     }
 }
 
-/// The check must see the wrong filter: all of them answer an edge differently.
+/// The test above distinguishes filters: their responses to an edge differ.
 #[test]
-fn the_check_of_edges_tells_filters_apart() {
+fn test_distinguishes_filters() {
     for a in FILTERS {
         for b in FILTERS.into_iter().filter(|b| *b != a) {
             let differs = [0.1, 0.3, 0.6].into_iter().any(|edge| {
@@ -97,14 +97,17 @@ fn the_check_of_edges_tells_filters_apart() {
 }
 
 #[test]
-fn weights_are_one_but_for_filters_that_go_below_zero() {
+fn weights_are_one_unless_the_filter_has_negative_lobes() {
     let ends = [0.0, 0.25, 0.5, 1.0 - 1.0 / 16_777_216.0];
     for filter in FILTERS {
         let placer = FilterSampler::new(filter).unwrap();
         for square in ends.iter().flat_map(|&x| ends.map(|y| [x, y])) {
-            let (place, weight) = placer.place(square);
-            assert!(place.iter().all(|x| x.abs() <= f64::from(filter.radius())), "{filter:?} {square:?}: {place:?}");
-            // Steps are placed in order: the middle of the square is the middle of the pixel.
+            let (position, weight) = placer.place(square);
+            assert!(
+                position.iter().all(|x| x.abs() <= f64::from(filter.radius())),
+                "{filter:?} {square:?}: {position:?}"
+            );
+            // The center of the square maps to the center of the pixel.
             assert_eq!(placer.place([0.5, 0.5]).0, [0.0, 0.0]);
             match filter {
                 Filter::Mitchell(_) => assert_eq!(weight.abs().to_bits(), 1.0_f32.to_bits(), "{filter:?}"),
@@ -115,7 +118,7 @@ fn weights_are_one_but_for_filters_that_go_below_zero() {
 }
 
 #[test]
-fn the_box_puts_samples_where_the_square_is() {
+fn box_filter_is_the_identity() {
     let placer = FilterSampler::new(Filter::BOX).unwrap();
     let sampler = Sampler::new(Pattern::Random, 1, 0);
     for pixel in 0..1000 {
@@ -127,15 +130,15 @@ fn the_box_puts_samples_where_the_square_is() {
 }
 
 #[test]
-fn a_radius_must_be_a_length() {
+fn invalid_radii_are_rejected() {
     for radius in [0.0, -1.0, f32::NAN, f32::INFINITY] {
         assert!(FilterSampler::new(Filter::Tent(radius)).is_none(), "{radius}");
     }
 }
 
-/// Weights are part of the mean: however few the samples, even light stays even, whatever the filter.
+/// Weights are normalized: constant light stays constant with few samples and any filter.
 #[test]
-fn even_light_stays_even() {
+fn constant_light_stays_constant() {
     let empty = Scene { environment: Some([0.75; 3].into()), ..scene(vec![], vec![]) };
     let view = camera([0.0, 0.0, 1.0], [0.0; 3], 90.0);
     for filter in FILTERS {
@@ -146,9 +149,9 @@ fn even_light_stays_even() {
     }
 }
 
-/// A bright half-plane seen straight on: the pixels of a row are the filter's answers to its edge.
+/// A bright half-plane viewed frontally: the pixels of a row are the filter's response to its edge.
 #[test]
-fn a_picture_of_an_edge_is_filtered() {
+fn rendered_edge_is_filtered() {
     const EDGE: f32 = 0.2;
     const SAMPLES: u32 = 1 << 12;
     let bright = Material { base_color: [0.0; 3], emission: [1.0; 3], ..Material::default() };
@@ -167,9 +170,9 @@ fn a_picture_of_an_edge_is_filtered() {
             let middle = (f64::from(column) + 0.5 - 8.0) / 8.0;
             let edge = 8.0 * (f64::from(EDGE) - middle);
             let [_, exact] = responses(filter, |x| f64::from(u8::from(x > edge)), &[edge]);
-            let seen = film.pixels()[8 * 16 + usize::from(column)].mean()[0];
+            let value = film.pixels()[8 * 16 + usize::from(column)].mean()[0];
             let bound = bound(filter, 1.0, SAMPLES);
-            assert!((seen - exact).abs() < bound, "{filter:?} column {column}: {seen} for {exact}");
+            assert!((value - exact).abs() < bound, "{filter:?} column {column}: {value} for {exact}");
         }
     }
 }

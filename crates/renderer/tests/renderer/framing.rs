@@ -1,4 +1,4 @@
-//! Cameras chosen for scenes that bring none.
+//! Automatic cameras.
 
 use std::path::PathBuf;
 
@@ -17,7 +17,7 @@ fn forward(camera: &Camera) -> Vector {
     unit(sub(camera.target.map(f64::from), camera.eye.map(f64::from)))
 }
 
-/// Least and greatest picture coordinates of all vertices, in half-heights from the middle; `None` behind the eye.
+/// Minimum and maximum image coordinates of all vertices, in half-heights from the center; `None` behind the eye.
 fn extremes(scene: &Scene, camera: &Camera) -> Option<[[f64; 2]; 2]> {
     let ahead = forward(camera);
     let right = unit(cross(ahead, camera.up.map(f64::from)));
@@ -42,9 +42,9 @@ fn extremes(scene: &Scene, camera: &Camera) -> Option<[[f64; 2]; 2]> {
     Some(extremes)
 }
 
-/// Everything is in the picture, one pair of edges is nearly touched, and the other leaves the same room on both sides.
+/// Whether all vertices are in the image, one pair of edges is nearly touched, and the other pair has equal margins.
 fn fills(scene: &Scene, camera: &Camera, aspect: f64) -> bool {
-    /// The fit interpolates between slopes a sixteenth apart; half of that leaves room for its curvature.
+    /// The fit interpolates between slopes a sixteenth apart; half of that allows for its curvature.
     const OFF_CENTER: f64 = 1.0 / 32.0;
     extremes(scene, camera).is_some_and(|[x, y]| {
         let greatest = [x[1].max(-x[0]) / aspect, y[1].max(-y[0])];
@@ -65,7 +65,7 @@ fn objects() -> [(&'static str, Mesh); 4] {
 }
 
 #[test]
-fn objects_fill_the_picture_from_three_quarters() {
+fn objects_fill_the_image_from_the_default_direction() {
     for (name, object) in objects() {
         let scene = scene(vec![object], vec![grey(0.5)]);
         for aspect in [0.5, 1.0, 16.0 / 9.0, 3.0] {
@@ -78,7 +78,7 @@ fn objects_fill_the_picture_from_three_quarters() {
 }
 
 #[test]
-fn the_check_sees_a_camera_too_far_or_off_the_middle() {
+fn test_detects_cameras_that_are_too_far_or_off_center() {
     let scene = scene(vec![cuboid([-1.0; 3], [1.0; 3], 0)], vec![grey(0.5)]);
     let camera = framed(&scene, 1.5);
     let moved = |way: Vector| {
@@ -91,7 +91,7 @@ fn the_check_sees_a_camera_too_far_or_off_the_middle() {
 }
 
 #[test]
-fn powers_of_two_scale_the_camera() {
+fn camera_scales_exactly_with_powers_of_two() {
     let object = sphere([3.0, -2.0, 1.0], 0.5, 2, 0);
     let camera = framed(&scene(vec![object.clone()], vec![grey(0.5)]), 1.5);
     for scale in [2.0_f32.powi(-40), 2.0_f32.powi(40)] {
@@ -105,7 +105,7 @@ fn powers_of_two_scale_the_camera() {
     }
 }
 
-/// The faces of a box with their fronts inside, but for two triangles of one face.
+/// The faces of a box with their fronts inside, without two triangles of one face.
 fn open_room(min: [f32; 3], max: [f32; 3], open: &[usize]) -> Mesh {
     let mut room = inside_out(cuboid(min, max, 0));
     let triangles = std::mem::take(&mut room.triangles);
@@ -116,7 +116,7 @@ fn open_room(min: [f32; 3], max: [f32; 3], open: &[usize]) -> Mesh {
 
 /// Faces of a box in the order -z, +z, -y, +y, -x, +x.
 #[test]
-fn a_room_with_one_open_side_is_seen_through_it() {
+fn interior_with_one_open_side_is_viewed_through_it() {
     for (face, axis, sign) in [(0, 2, -1.0), (1, 2, 1.0), (4, 0, -1.0), (5, 0, 1.0)] {
         let room = open_room([0.0; 3], [5.5, 5.4, 5.6], &[face]);
         let block = cuboid([1.0, 0.0, 1.0], [2.5, 3.0, 2.5], 0);
@@ -128,9 +128,9 @@ fn a_room_with_one_open_side_is_seen_through_it() {
     }
 }
 
-/// A hall with two rows of pillars, with and without a roof: the view runs along it, at eye height.
+/// A hall with two rows of pillars, with and without a roof: the view is along the hall, at eye height.
 #[test]
-fn a_closed_room_is_seen_along_its_length() {
+fn closed_interior_is_viewed_along_its_length() {
     for open in [&[][..], &[3]] {
         let mut bodies = vec![open_room([-20.0, 0.0, -4.0], [20.0, 6.0, 4.0], open)];
         for i in -3_i8..=3 {
@@ -145,26 +145,26 @@ fn a_closed_room_is_seen_along_its_length() {
         assert!((camera.eye[1] - 2.4).abs() < 1e-5);
         let ahead = forward(&camera);
         assert!(ahead[0].abs() > 0.98, "{camera:?}");
-        // Most of the hall lies ahead.
+        // Most of the hall is in front of the camera.
         assert!(ahead[0].signum() * f64::from(camera.eye[0]) < 0.0, "{camera:?}");
     }
 }
 
 #[test]
-fn scenes_without_extent_have_a_usable_camera() {
+fn scenes_without_extent_have_a_valid_camera() {
     let point = scene(vec![crate::common::mesh(vec![[1.0, 2.0, 3.0]; 3], vec![[0, 1, 2]], 0)], vec![grey(0.5)]);
     for scene in [Scene::default(), point] {
         assert!(View::new(&framed(&scene, 1.5), 30, 20).is_ok());
     }
 }
 
-/// The folder of real models, where there is one: `CANTED_SCENES`, or `../shared/scenes` beside the workspace.
+/// The directory of real models, if it exists: `CANTED_SCENES`, or `../shared/scenes` next to the workspace.
 fn models() -> PathBuf {
     let beside = || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes"));
     std::env::var_os("CANTED_SCENES").map_or_else(beside, PathBuf::from)
 }
 
-/// The chosen camera of a model, and whether its eye is inside the model's box; `None` where the file is absent.
+/// The automatic camera of a model, and whether its eye is inside the model's box; `None` without the file.
 fn of_model(name: &str) -> Option<(Camera, bool)> {
     let path = models().join(name);
     if !path.exists() {
@@ -177,7 +177,7 @@ fn of_model(name: &str) -> Option<(Camera, bool)> {
 }
 
 #[test]
-fn real_objects_are_seen_from_outside() {
+fn real_objects_are_viewed_from_outside() {
     for name in ["stanford/bunny.ply", "stanford/dragon_res4_be.ply", "truss/tower_crane.glb", "truss/truss_bridge.glb"]
     {
         if let Some((camera, is_inside)) = of_model(name) {
@@ -187,15 +187,15 @@ fn real_objects_are_seen_from_outside() {
 }
 
 #[test]
-fn the_cornell_box_is_seen_through_its_open_side() {
+fn cornell_box_is_viewed_through_its_open_side() {
     if let Some((camera, is_inside)) = of_model("cornell/cornellBox.obj") {
         assert!(!is_inside && forward(&camera)[2] < -0.999, "{camera:?}");
     }
 }
 
-/// The atrium is 24 m long about the x axis and 5 m wide.
+/// The atrium is 24 m long along the x axis and 5 m wide.
 #[test]
-fn sponza_is_seen_along_its_atrium() {
+fn sponza_is_viewed_along_its_atrium() {
     if let Some((camera, is_inside)) = of_model("sponza/sponza.gltf") {
         assert!(is_inside && forward(&camera)[0].abs() > 0.98, "{camera:?}");
         assert!(camera.eye[0].abs() < 12.0 && camera.eye[2].abs() < 2.5, "{camera:?}");

@@ -4,7 +4,7 @@ use canted_trace::Counts;
 
 use crate::common::{BruteForce, camera, floor, grey, scene, sphere};
 
-/// Brute force makes one box test an instance and tests every triangle: counts are known beforehand.
+/// The brute-force tracer counts one box test per instance and tests every triangle, so counts are known.
 fn known() -> Scene {
     scene(vec![floor(1.0, 0.0, 0), sphere([0.0; 3], 0.5, 1, 0)], vec![grey(0.5)])
 }
@@ -16,7 +16,7 @@ fn draw(size: [u32; 2], measure: Measure, full_scale: u32) -> Heatmap {
 }
 
 #[test]
-fn sums_and_means_equal_the_counters() {
+fn sums_and_means_match_the_counters() {
     let map = draw([20, 10], Measure::Boxes, 128);
     assert_eq!(map.counts.len(), 200);
     assert!(map.counts.iter().all(|counts| *counts == Counts { boxes: 2, triangles: 34 }));
@@ -25,20 +25,20 @@ fn sums_and_means_equal_the_counters() {
 }
 
 #[test]
-fn colours_follow_the_fixed_scale() {
+fn colors_follow_the_fixed_scale() {
     // Too small for a legend: every pixel shows its count.
     let color = |measure, full_scale| {
         let picture = draw([8, 8], measure, full_scale).picture;
         assert!(picture.pixels.iter().all(|pixel| *pixel == picture.pixels[0]));
         picture.pixels[0]
     };
-    assert_eq!(color(Measure::Boxes, 4), color(Measure::Triangles, 68), "half scale either way");
+    assert_eq!(color(Measure::Boxes, 4), color(Measure::Triangles, 68), "half scale in both directions");
     assert_ne!(color(Measure::Boxes, 4), color(Measure::Triangles, 4));
     assert_eq!(color(Measure::Triangles, 34), color(Measure::Triangles, 1), "full scale and above");
 }
 
 #[test]
-fn the_legend_covers_the_lower_left_corner_alone() {
+fn legend_covers_only_the_lower_left_corner() {
     let (plain, width, height) = (draw([8, 8], Measure::Boxes, 4).picture.pixels[0], 320, 180);
     let picture = draw([width, height], Measure::Boxes, 4).picture;
     assert_eq!((picture.width, picture.height), (width, height));
@@ -46,14 +46,14 @@ fn the_legend_covers_the_lower_left_corner_alone() {
     assert!(covered(0, height - 1));
     assert!((0..height).all(|y| (160..width).all(|x| !covered(x, y))));
     assert!((0..90).all(|y| (0..width).all(|x| !covered(x, y))));
-    // The numbers are drawn in white, and the bar runs from one end of the colours to the other.
+    // The numbers are white, and the color bar covers the entire range.
     let has = |color: [f32; 3]| picture.pixels.contains(&color);
     let shown = |full_scale| draw([8, 8], Measure::Triangles, full_scale).picture.pixels[0];
     assert!(has([1.0; 3]) && has(shown(1)) && has([0.0; 3]));
     let left_end = picture.pixels[picture.index(4, height - 5)];
     let least = shown(u32::MAX);
-    // 34 of 2^32 tests on a scale of eight steps, each below a whole in sRGB, whose curve is nowhere steeper than 2.4; colours so
-    // dark are rounded by half as much as one.
+    // 34 of 2^32 tests on a scale of eight steps, each below 1 in sRGB, where the slope of the curve is at most 2.4;
+    // such dark colors are rounded by at most half as much as one.
     let bound = 34.0 / 2.0_f32.powi(32) * 8.0 * 2.4 + 0.5 * f32::EPSILON;
     assert!((0..3).all(|k| (left_end[k] - least[k]).abs() <= bound), "{left_end:?} {least:?}");
 }

@@ -1,6 +1,6 @@
-//! Lights against closed forms, quadrature in `f64` and counts of samples.
+//! Tests of lights against closed forms, quadrature in `f64` and sample counts.
 //!
-//! Not covered: lights whose colours are negative or not numbers, which readers refuse.
+//! Not covered: lights with negative or NaN colors, which the readers reject.
 
 mod density;
 mod environment;
@@ -13,7 +13,7 @@ use canted_scene::{Material, Scene};
 
 use crate::common::{Vector, dot};
 
-/// A point that receives light.
+/// A surface that receives light.
 fn receiver(position: Vector, normal: Vector) -> Surface {
     Surface {
         position,
@@ -27,13 +27,13 @@ fn receiver(position: Vector, normal: Vector) -> Surface {
     }
 }
 
-/// Independent choices and points of the unit square.
+/// Independent random numbers for the choice of the light and for its sample.
 fn numbers(n: u32) -> impl Iterator<Item = (f32, [f32; 2])> {
     let sampler = Sampler::new(Pattern::Random, n, 7);
     (0..n).map(move |i| (sampler.single(i, 0, 0), sampler.pair(i, 0, 1)))
 }
 
-/// Mean of samples and its standard error.
+/// Sample mean and its standard error.
 #[derive(Clone, Copy, Debug)]
 struct Estimate {
     mean: f64,
@@ -52,8 +52,8 @@ impl Estimate {
         Self { mean, error: ((square - mean * mean).max(0.0) / n).sqrt() }
     }
 
-    /// Within five standard errors, and as many roundings of `f32` as a sample may suffer.
-    fn agrees(&self, expected: f64) -> bool {
+    /// Within five standard errors plus the rounding error of `f32` samples.
+    fn matches(&self, expected: f64) -> bool {
         (self.mean - expected).abs() <= 5.0 * self.error + 16.0 * f64::from(f32::EPSILON) * expected
     }
 }
@@ -63,7 +63,7 @@ fn with_sampler<R>(scene: &Scene, test: impl FnOnce(&LightSampler) -> R) -> R {
     test(&LightSampler::new(Lights::new(scene), &surfaces))
 }
 
-/// Red irradiance at a point of all lights of a scene, nothing in the way.
+/// Red irradiance at a point from all lights of a scene, without occlusion.
 fn irradiance(scene: &Scene, from: &Surface, n: u32) -> Estimate {
     with_sampler(scene, |sampler| {
         Estimate::of(numbers(n).map(|(choice, square)| {
@@ -75,6 +75,6 @@ fn irradiance(scene: &Scene, from: &Surface, n: u32) -> Estimate {
     })
 }
 
-fn glowing(radiance: f32) -> Material {
+fn emissive(radiance: f32) -> Material {
     Material { emission: [radiance; 3], ..Material::default() }
 }

@@ -1,4 +1,4 @@
-//! Direct light and its shadows, bounces, and how errors fall.
+//! Direct lighting, shadows, bounces, and convergence.
 
 use std::f64::consts::{PI, SQRT_2};
 
@@ -13,12 +13,12 @@ use crate::common::{
 /// Relative error of a radiance in `f32`: a dozen roundings, and a pixel a hundredth of a degree wide.
 const PROBE_ERROR: f64 = 1e-3;
 
-fn near(value: f64, expected: f64) -> bool {
+fn is_close(value: f64, expected: f64) -> bool {
     (value - expected).abs() <= PROBE_ERROR * expected
 }
 
 #[test]
-fn a_point_light_gives_the_inverse_square_and_cosine() {
+fn point_light_follows_inverse_square_and_cosine() {
     let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
     let height = 3.0;
     plane.lights = vec![Light::Point { position: [0.0, 3.0, 0.0], intensity: [10.0, 20.0, 40.0] }];
@@ -27,47 +27,47 @@ fn a_point_light_gives_the_inverse_square_and_cosine() {
         let square = f64::from(x).powi(2) + height * height;
         let irradiance = 10.0 * height / square.powf(1.5);
         for (k, factor) in [1.0, 2.0, 4.0].into_iter().enumerate() {
-            assert!(near(radiance[k], factor * irradiance * 0.5 / PI), "x {x}: {radiance:?}");
+            assert!(is_close(radiance[k], factor * irradiance * 0.5 / PI), "x {x}: {radiance:?}");
         }
     }
 }
 
 #[test]
-fn a_sun_gives_its_irradiance_times_the_cosine() {
+fn sun_gives_irradiance_times_cosine() {
     let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
     for (direction, cosine) in [([0.0, -1.0, 0.0], 1.0), ([0.6, -0.8, 0.0], 0.8), ([0.0, 0.8, 0.6], 0.0)] {
         plane.lights = vec![Light::Sun { direction, irradiance: [std::f32::consts::PI; 3] }];
         let radiance = probe(&plane, [0.0, 5.0, 5.0], [0.0; 3], settings(1, 1, 4, 0));
-        assert!(near(radiance[0], 0.5 * cosine), "{direction:?}: {radiance:?}");
+        assert!(is_close(radiance[0], 0.5 * cosine), "{direction:?}: {radiance:?}");
     }
 }
 
-/// Least distance from the middle of a unit ball to the planes of its triangles: by as much less than 1 a place on them may lie
-/// too deep, and as far as the angle of this cosine their normals lean.
-fn least_plane(ball: &Mesh) -> f64 {
-    let planes = ball.triangles.iter().map(|triangle| {
-        let [a, b, c] = triangle.map(|i| ball.positions[i as usize].map(f64::from));
+/// Minimum distance from the center of a unit sphere to the planes of its triangles: 1 minus this bounds the depth of
+/// points on them, and its arc cosine bounds the tilt of their normals.
+fn least_plane(sphere_mesh: &Mesh) -> f64 {
+    let planes = sphere_mesh.triangles.iter().map(|triangle| {
+        let [a, b, c] = triangle.map(|i| sphere_mesh.positions[i as usize].map(f64::from));
         dot(unit(cross(sub(b, a), sub(c, a))), a)
     });
     planes.fold(1.0, f64::min)
 }
 
-/// Each pixel of a ball under one sun is Lambert's `ρ/π·E·cosθ` at its middle, bright side, dark side and between.
+/// Each pixel of a sphere under one sun is `ρ/π·E·cosθ` at its center: bright side, dark side and terminator.
 #[test]
-fn a_ball_under_a_sun_is_lamberts_pixel_by_pixel() {
+fn sphere_under_a_sun_is_lambertian_in_every_pixel() {
     const N: u32 = 24;
     const HEIGHT: f64 = 2.2;
     let albedo = [0.25_f32, 0.5, 0.75];
     let irradiance = [3.0_f32, 2.0, 1.0];
-    let mut ball = sphere([0.0; 3], 1.0, 4, 0);
-    ball.normals = Some(ball.positions.clone());
-    let plane = least_plane(&ball);
-    let mut stage = scene(vec![ball], vec![Material { base_color: albedo, ..Material::default() }]);
+    let mut sphere_mesh = sphere([0.0; 3], 1.0, 4, 0);
+    sphere_mesh.normals = Some(sphere_mesh.positions.clone());
+    let plane = least_plane(&sphere_mesh);
+    let mut stage = scene(vec![sphere_mesh], vec![Material { base_color: albedo, ..Material::default() }]);
     stage.lights = vec![Light::Sun { direction: [-0.48, -0.6, -0.64], irradiance }];
     let to_sun = [0.48, 0.6, 0.64];
     let parallel = Projection::Orthographic { height: 2.2 };
     let view = Camera { projection: parallel, ..camera([0.0, 0.0, 5.0], [0.0; 3], 1.0) };
-    // Samples keep to a thousandth of a pixel about its middle.
+    // Samples stay within a thousandth of a pixel around its center.
     let filter = Filter::Box(1.0 / 1024.0);
     let footprint = SQRT_2 / 1024.0 * HEIGHT / f64::from(N);
     for integrator in [Integrator::Hybrid, Integrator::Path] {
@@ -76,16 +76,16 @@ fn a_ball_under_a_sun_is_lamberts_pixel_by_pixel() {
         for (index, pixel) in (0..).zip(film.pixels()) {
             let [x, y] = [index % N, index / N].map(|i| (f64::from(i) + 0.5) / f64::from(N) - 0.5);
             let (x, y) = (x * HEIGHT, -y * HEIGHT);
-            // On a triangle the place is not as far out as on the ball, so the same sine is another angle; at the rim all is
-            // steep.
+            // Points on triangles are closer to the center than on the sphere, so the same sine is another angle; near
+            // the silhouette the slope is large.
             let far = x.hypot(y) / plane + footprint;
             if far > 0.95 {
                 continue;
             }
             let error = (far - x.hypot(y)) / (1.0 - far * far).sqrt();
             let cosine = dot([x, y, (1.0 - x * x - y * y).sqrt()], to_sun);
-            // Where the sun is lower than twice as much as triangles lean, their own horizon may hide it, and paths fold up what
-            // would come from below that: at most as much again.
+            // If the sun is lower than twice the tilt of the triangles, it may be below their horizon, and paths fold
+            // light from below that up: at most the same amount again.
             let low = 2.0 * (plane.acos().sin() + error);
             let value = pixel.mean();
             for k in 0..3 {
@@ -109,7 +109,7 @@ fn a_ball_under_a_sun_is_lamberts_pixel_by_pixel() {
 }
 
 #[test]
-fn light_does_not_pass_to_the_side_that_faces_away() {
+fn surfaces_facing_away_from_a_light_are_dark() {
     let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
     plane.lights = vec![
         Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [1.0; 3] },
@@ -118,44 +118,45 @@ fn light_does_not_pass_to_the_side_that_faces_away() {
     assert_eq!(probe(&plane, [0.0, -5.0, 5.0], [0.0; 3], settings(1, 1, 4, 0)), [0.0; 3]);
 }
 
-/// A shading normal that leans towards a light below the triangle's horizon does not bring the light up.
+/// A shading normal that tilts towards a light below the triangle's horizon does not receive its light.
 #[test]
-fn light_from_below_the_triangle_does_not_reach_it() {
+fn light_below_the_geometric_horizon_does_not_count() {
     let mut leaning = floor(100.0, 0.0, 0);
     leaning.normals = Some(vec![[0.8, 0.6, 0.0]; 4]);
     let mut plane = scene(vec![leaning], vec![grey(0.5)]);
     let lit = |plane: &canted_scene::Scene| probe(plane, [0.0, 5.0, 5.0], [0.0; 3], settings(1, 1, 1, 0))[0];
-    // The shading normal makes 0.8·0.995 - 0.6·0.1 = 0.736 of the light from below, and 0.856 of that from above.
+    // The shading normal has the cosine 0.8·0.995 - 0.6·0.1 = 0.736 to the light from below, and 0.856 to that from
+    // above.
     plane.lights = vec![Light::Sun { direction: [-0.995, 0.1, 0.0], irradiance: [std::f32::consts::PI; 3] }];
-    // Nothing stands in the way: the shadow ray leaves by the lower side and escapes.
+    // There is no occluder: the shadow ray leaves by the lower side and escapes.
     assert_eq!(lit(&plane), 0.0);
     plane.lights = vec![Light::Sun { direction: [-0.995, -0.1, 0.0], irradiance: [std::f32::consts::PI; 3] }];
-    assert!(near(lit(&plane), 0.5 * 0.856));
+    assert!(is_close(lit(&plane), 0.5 * 0.856));
 }
 
-/// A screen ends at x = 1 under a light at height 4: its shadow ends where the line through both meets the floor.
+/// A screen ends at x = 1 below a light at height 4: the shadow ends where the line through both hits the floor.
 #[test]
-fn the_shadow_ends_where_the_edge_projects() {
+fn shadow_ends_at_the_projected_edge() {
     let screen = parallelogram([-50.0, 1.0, -50.0], [51.0, 0.0, 0.0], [0.0, 0.0, 100.0], 0);
     let mut stage = scene(vec![floor(100.0, 0.0, 0), screen], vec![grey(0.5)]);
     let lit = |stage: &canted_scene::Scene, x: f64| {
-        #[expect(clippy::cast_possible_truncation, reason = "a place on the floor")]
+        #[expect(clippy::cast_possible_truncation, reason = "a position on the floor")]
         let x = x as f32;
-        // The eye is below the screen's height, so that the screen never hides the floor.
+        // The eye is below the screen, which never hides the floor.
         probe(stage, [x, 0.5, 0.5], [x, 0.0, 0.0], settings(1, 1, 1, 0))[0] > 0.0
     };
     stage.lights = vec![Light::Point { position: [0.0, 4.0, 0.0], intensity: [10.0; 3] }];
     let edge = 4.0 / 3.0;
     assert!(!lit(&stage, edge - 1e-3) && lit(&stage, edge + 1e-3));
-    // A sun along (1, -1, 0) carries the edge by the screen's height.
+    // A sun along (1, -1, 0) shifts the edge by the screen's height.
     let slant = std::f32::consts::FRAC_1_SQRT_2;
     stage.lights = vec![Light::Sun { direction: [slant, -slant, 0.0], irradiance: [1.0; 3] }];
     assert!(!lit(&stage, 2.0 - 1e-3) && lit(&stage, 2.0 + 1e-3));
 }
 
-/// A light in the plane of a ceiling is not shaded by it, and a light behind a wall is.
+/// A light in the plane of a ceiling is not occluded by it; a light behind a wall is.
 #[test]
-fn shadow_rays_stop_short_of_the_light() {
+fn shadow_rays_end_before_the_light() {
     let mut room = scene(vec![cuboid([-5.0, 0.0, -5.0], [5.0, 4.0, 5.0], 0)], vec![grey(0.5)]);
     for (height, is_lit) in [(3.999_99, true), (4.0, true), (4.001, false)] {
         room.lights = vec![Light::Point { position: [0.3, height, 0.2], intensity: [10.0; 3] }];
@@ -164,11 +165,11 @@ fn shadow_rays_stop_short_of_the_light() {
     }
 }
 
-/// One bounce off a red wall that the sun lights reddens a white floor in the shade.
+/// One bounce from a red wall in the sun reddens a white floor in the shade.
 #[test]
-fn colour_bleeds() {
+fn indirect_light_is_colored() {
     let red = Material { base_color: [0.8, 0.1, 0.1], ..Material::default() };
-    // The wall at x = 0 looks along +x; the roof keeps the sun off the floor near it.
+    // The wall at x = 0 faces +x; the roof keeps the sun off the floor near it.
     let wall = parallelogram([0.0, 0.0, -20.0], [0.0, 10.0, 0.0], [0.0, 0.0, 40.0], 1);
     let roof = parallelogram([0.5, 10.0, -20.0], [20.0, 0.0, 0.0], [0.0, 0.0, 40.0], 0);
     let mut court = scene(vec![floor(100.0, 0.0, 0), wall, roof], vec![grey(0.8), red]);
@@ -176,13 +177,13 @@ fn colour_bleeds() {
     let shaded = |bounces| probe(&court, [3.0, 2.0, 4.0], [3.0, 0.0, 0.0], settings(1, 1, 256, bounces));
     assert_eq!(shaded(0), [0.0; 3]);
     let [r, g, b] = shaded(1);
-    // All light of one bounce comes off the wall or the sunlit floor far away; the wall's share is red.
+    // All light of one bounce comes from the wall or from the sunlit floor far away; the wall's part is red.
     assert!(r > 1.2 * g && g > 0.0 && g == b, "{r} {g} {b}");
 }
 
 /// The error of the mean falls as `1/√n` for independent samples: four times the samples, half the error.
 #[test]
-fn errors_fall_with_the_root_of_the_samples() {
+fn error_falls_with_the_root_of_the_sample_count() {
     let mut room = scene(
         vec![cuboid([-2.0, 0.0, -2.0], [2.0, 3.0, 2.0], 0), cuboid([-0.5, 0.0, -0.5], [0.5, 1.0, 0.5], 0)],
         vec![grey(0.7)],
@@ -193,13 +194,14 @@ fn errors_fall_with_the_root_of_the_samples() {
         let film = film(&room, &view, &Settings { seed, pattern, ..settings(12, 12, samples, 2) });
         film.pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<_>>()
     };
-    // Two independent pictures differ by √2 times the error of one.
+    // Two independent images differ by √2 times the error of one.
     let error = |samples, pattern| {
         let (a, b) = (pixels(samples, 1, pattern), pixels(samples, 2, pattern));
         (a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 288.0).sqrt()
     };
     let (few, many) = (error(16, Pattern::Random), error(64, Pattern::Random));
-    // 144 pixels know a standard deviation to 1/√288 = 6 %; the ratio of two to 8 %. Four of those about 2.
+    // 144 pixels give a standard deviation to 1/√288 = 6 %, the ratio of two to 8 %. The bound is four of those around
+    // 2.
     assert!((few / many / 2.0 - 1.0).abs() < 0.34, "{few} {many}");
     assert!(error(16, Pattern::Stratified) < few);
 }

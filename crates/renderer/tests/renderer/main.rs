@@ -1,4 +1,4 @@
-//! The renderer against closed forms, quadrature and brute force. One binary, a file a station.
+//! Tests of the renderer against closed forms, quadrature and brute force. One binary, one file per stage.
 
 mod alpha;
 mod bsdf;

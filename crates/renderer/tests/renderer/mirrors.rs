@@ -1,4 +1,4 @@
-//! Mirrors that see each other, by the number of reflections, and facets that become a mirror.
+//! Facing mirrors, and the limit of smooth metals.
 
 use std::f64::consts::{FRAC_PI_4, PI, SQRT_2};
 
@@ -9,7 +9,7 @@ use canted_scene::{Camera, Instance, Light, Material, Mesh, Scene};
 
 use crate::common::{Vector, camera, dot, film, floor, grey, mesh, parallelogram, place, probe, scene, settings, unit};
 
-/// Half of a probe's field, across its diagonal.
+/// Half the field of view of a probe, along its diagonal.
 const HALF_FIELD_RAD: f64 = 0.01 / 180.0 * PI / SQRT_2;
 
 fn paths(settings: Settings) -> Settings {
@@ -20,7 +20,7 @@ fn metal(base_color: [f32; 3], roughness: f32) -> Material {
     Material { base_color, metallic: 1.0, roughness, ..Material::default() }
 }
 
-fn glowing(emission: [f32; 3]) -> Material {
+fn emissive(emission: [f32; 3]) -> Material {
     Material { emission, ..grey(0.0) }
 }
 
@@ -35,16 +35,16 @@ fn facing(ceiling: Option<Material>) -> Scene {
     scene(meshes, [metal(LEFT, 0.0), metal(RIGHT, 0.0)].into_iter().chain(ceiling).collect())
 }
 
-/// What is seen from the middle between both after `k` reflections, the first of them on the right.
+/// The radiance from the center between both mirrors after `k` reflections, the first one on the right.
 ///
-/// Unfolded, the line rises by 1/k from each mirror to the next, so it meets the last one at y = 1 - 1/(2k) and leaves.
+/// Unfolded, the line rises by 1/k from each mirror to the next, hits the last one at y = 1 - 1/(2k) and leaves.
 fn after(k: u8, scene: &Scene, bounces: u32) -> Vector {
     let target = if k == 0 { [0.5, 1.0, 0.0] } else { [1.0, 0.5 / f32::from(k), 0.0] };
     probe(scene, [0.5, 0.0, 0.0], target, paths(settings(1, 1, 4, bounces)))
 }
 
-/// Share of a channel that `k` reflections leave, by Schlick's formula.
-fn share(k: u8, channel: usize) -> f64 {
+/// Factor of a channel after `k` reflections, by Schlick's formula.
+fn reflectance(k: u8, channel: usize) -> f64 {
     let cosine = f64::from(k) / f64::from(k).hypot(1.0);
     let of_one = |i: u8| {
         let color = f64::from(if i.is_multiple_of(2) { RIGHT[channel] } else { LEFT[channel] });
@@ -53,11 +53,11 @@ fn share(k: u8, channel: usize) -> f64 {
     (0..k).map(of_one).product()
 }
 
-/// `value` is `expected` after `k` reflections, up to `footprint` of it and what each reflection adds.
+/// Checks `value` after `k` reflections, to within the relative error `footprint` plus the error of each reflection.
 #[track_caller]
 fn check(value: Vector, k: u8, expected: Vector, footprint: f64) {
-    // Schlick's term changes by 5·(1 - cosθ)⁴·sinθ of the angle, at most 0.027 up to 45 degrees, of reflectances from 0.25
-    // up; in f32 each reflection rounds less than eight times.
+    // The derivative of Schlick's term is 5·(1 - cosθ)⁴·sinθ, at most 0.027 up to 45 degrees, for reflectances of 0.25
+    // or more; in f32 each reflection adds less than eight roundings.
     let of_each = 0.027 * HALF_FIELD_RAD / 0.25 + 8.0 * f64::from(f32::EPSILON);
     let bound = footprint + f64::from(k + 1) * of_each;
     for channel in 0..3 {
@@ -67,11 +67,11 @@ fn check(value: Vector, k: u8, expected: Vector, footprint: f64) {
 }
 
 #[test]
-fn facing_mirrors_show_a_lamp_by_the_number_of_bounces() {
+fn facing_mirrors_reflect_a_lamp_once_per_bounce() {
     let lamp = [2.0, 3.0, 5.0];
-    let lit = facing(Some(glowing(lamp)));
+    let lit = facing(Some(emissive(lamp)));
     for k in 0..=3 {
-        let expected = std::array::from_fn(|channel| f64::from(lamp[channel]) * share(k, channel));
+        let expected = std::array::from_fn(|channel| f64::from(lamp[channel]) * reflectance(k, channel));
         for bounces in 0..=4 {
             let value = after(k, &lit, bounces);
             // The lamp is the surface after k mirrors.
@@ -84,13 +84,13 @@ fn facing_mirrors_show_a_lamp_by_the_number_of_bounces() {
     }
 }
 
-/// The sky is no surface: the ray that leaves the last mirror brings it.
+/// The environment is not a surface: the ray that leaves the last mirror adds it.
 #[test]
-fn facing_mirrors_show_the_sky_one_bounce_earlier() {
+fn facing_mirrors_reflect_the_environment_one_bounce_earlier() {
     let mut open = facing(None);
     open.environment = Some([0.5, 1.0, 4.0].into());
     for k in 0..=3 {
-        let expected = std::array::from_fn(|channel| [0.5, 1.0, 4.0][channel] * share(k, channel));
+        let expected = std::array::from_fn(|channel| [0.5, 1.0, 4.0][channel] * reflectance(k, channel));
         for bounces in 0..=3 {
             let value = after(k, &open, bounces);
             if bounces + 1 < u32::from(k) {
@@ -102,18 +102,19 @@ fn facing_mirrors_show_the_sky_one_bounce_earlier() {
     }
 }
 
-/// What is no mirror keeps its own colour: `ρ·I/(π·h²)` under a light at distance h, times what the mirrors leave.
+/// Diffuse surfaces seen in mirrors: `ρ·I/(π·h²)` below a light at distance h, times the reflectances.
 #[test]
-fn mirrors_keep_the_colour_of_what_they_show() {
+fn mirrors_multiply_the_reflected_radiance() {
     let paint = [0.2_f32, 0.4, 0.8];
     let mut lit = facing(Some(Material { base_color: paint, ..Material::default() }));
     for k in 0..=3_u8 {
-        // Where the line meets the ceiling, folded back; the light half a unit below that.
+        // Where the line hits the ceiling, folded back; the light is half a unit below.
         let x = if k % 2 == 1 { 0.5 - f32::from(k) } else { 0.5 + f32::from(k) };
         lit.lights = vec![Light::Point { position: [x, 1.5, 0.0], intensity: [3.0; 3] }];
-        let expected = std::array::from_fn(|channel| f64::from(paint[channel]) * 3.0 / (PI * 0.25) * share(k, channel));
-        // Beside the light its irradiance falls by 3/2 of the square of the distance over h. The line is 2·√(k² + 1) long and
-        // leans by as much.
+        let expected =
+            std::array::from_fn(|channel| f64::from(paint[channel]) * 3.0 / (PI * 0.25) * reflectance(k, channel));
+        // Next to the light its irradiance falls by 3/2 of the squared distance over h. The line is 2·√(k² + 1) long
+        // and tilted by the same factor.
         let stretch = 2.0 * (f64::from(k).powi(2) + 1.0) * HALF_FIELD_RAD;
         check(after(k, &lit, k.into()), k, expected, 1.5 * (stretch / 0.5).powi(2));
         if k > 0 {
@@ -122,7 +123,7 @@ fn mirrors_keep_the_colour_of_what_they_show() {
     }
 }
 
-/// Three lamps of different colours and no symmetry, where x and y are above zero.
+/// Three lamps of different colors without symmetry, at positive x and y.
 fn lamps() -> [Mesh; 3] {
     let triangle = vec![[1.6, 1.5, 0.4], [2.2, 1.6, 0.0], [1.7, 2.1, 0.1]];
     [
@@ -133,14 +134,14 @@ fn lamps() -> [Mesh; 3] {
 }
 
 fn of_lamps(meshes: impl IntoIterator<Item = Mesh>) -> Scene {
-    let lamps = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.25], [0.5, 0.0, 4.0]].map(glowing);
+    let lamps = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.25], [0.5, 0.0, 4.0]].map(emissive);
     scene(meshes.into_iter().collect(), std::iter::once(metal([1.0; 3], 0.0)).chain(lamps).collect())
 }
 
-/// A corner of white mirrors shows what the lamps themselves would look like beyond it: those of one reflection by one bounce,
-/// those turned by half a circle by two, and nothing more by three. White mirrors keep every bit.
+/// A corner of two white mirrors shows the images of the lamps: those of one reflection with one bounce, those rotated
+/// by half a turn with two, and nothing more with three. White mirrors are exact.
 #[test]
-fn mirrors_at_a_right_angle_show_the_room_four_times() {
+fn perpendicular_mirrors_show_four_images() {
     let view = camera([4.0, 3.0, 8.0], [0.0; 3], 36.0);
     let of = |scene: &Scene, bounces| film(scene, &view, &paths(settings(40, 40, 4, bounces)));
     let walls = [
@@ -161,38 +162,39 @@ fn mirrors_at_a_right_angle_show_the_room_four_times() {
     assert!(n_lit[0] > 20 && n_lit[1] > 2 * n_lit[0] && n_lit[2] > n_lit[1] + 20 && n_lit[3] == n_lit[2], "{n_lit:?}");
 }
 
-/// The lamps with x and y times these.
+/// The lamps with x and y scaled by these factors.
 fn images_of([x, y]: [f32; 2]) -> [Instance; 3] {
     let columns = [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
     [0, 1, 2].map(|lamp| place(lamp, Affine { columns }))
 }
 
-/// The hybrid integrator takes all surfaces for Lambert's, mirrors too.
+/// The hybrid integrator treats all surfaces as Lambertian, including mirrors.
 #[test]
-fn mirrors_are_paint_by_the_hybrid_integrator() {
-    let mut stage = scene(vec![floor(5.0, 0.0, 0), floor(1.0, 3.0, 1)], vec![metal(RIGHT, 0.0), glowing([3.0; 3])]);
+fn hybrid_integrator_treats_mirrors_as_diffuse() {
+    let mut stage = scene(vec![floor(5.0, 0.0, 0), floor(1.0, 3.0, 1)], vec![metal(RIGHT, 0.0), emissive([3.0; 3])]);
     stage.environment = Some([0.3, 0.4, 0.6].into());
     let view = camera([4.0, 2.0, 5.0], [0.0; 3], 40.0);
     let of = |stage: &Scene, settings: &Settings| film(stage, &view, settings);
     let mut painted = stage.clone();
     painted.materials[0] = Material { base_color: RIGHT, ..Material::default() };
     let hybrid = settings(16, 16, 4, 2);
-    assert!(of(&stage, &hybrid) == of(&painted, &hybrid), "a mirror is not paint");
-    assert!(of(&stage, &paths(hybrid)) != of(&painted, &paths(hybrid)), "a mirror is paint by paths");
+    assert!(of(&stage, &hybrid) == of(&painted, &hybrid), "the hybrid integrator treats a mirror as diffuse");
+    assert!(of(&stage, &paths(hybrid)) != of(&painted, &paths(hybrid)), "the path integrator reflects in a mirror");
 }
 
 const COLUMNS: u32 = 8;
 const ROWS: u32 = 25;
 
-/// A metal floor, seen at 45 degrees from height 1, and a lamp without end whose lower edge is mirrored in the middle row.
+/// A metal floor viewed at 45 degrees from height 1, and an infinite lamp whose lower edge is reflected in the center
+/// row.
 fn edge_in_metal(roughness: f32, fov_degrees: f32) -> (Film, Camera) {
     let lamp = parallelogram([10.0, 9.0, -500.0], [0.0, 1000.0, 0.0], [0.0, 0.0, 1000.0], 1);
-    let stage = scene(vec![floor(50.0, 0.0, 0), lamp], vec![metal([1.0; 3], roughness), glowing([1.0; 3])]);
+    let stage = scene(vec![floor(50.0, 0.0, 0), lamp], vec![metal([1.0; 3], roughness), emissive([1.0; 3])]);
     let view = camera([0.0, 1.0, 0.0], [1.0, 0.0, 0.0], fov_degrees);
     (film(&stage, &view, &paths(settings(COLUMNS, ROWS, 512, 1))), view)
 }
 
-/// Signed angles by which the mirrored rays through the corners of a row miss the edge: the least, the greatest.
+/// Minimum and maximum signed angles by which the mirrored rays through the corners of a row miss the edge.
 fn angles(view: &Camera, row: u32) -> [f64; 2] {
     let view = View::new(view, COLUMNS, ROWS).unwrap();
     let corners = [[0, row], [COLUMNS, row], [0, row + 1], [COLUMNS, row + 1]];
@@ -204,12 +206,13 @@ fn angles(view: &Camera, row: u32) -> [f64; 2] {
     [angles.into_iter().fold(FRAC_PI_4, f64::min), angles.into_iter().fold(-FRAC_PI_4, f64::max)]
 }
 
-/// Rows that are not the mirror's within what facets of width `alpha` turn across the edge, and how many were looked at.
+/// Rows that differ from the mirror by more than facets of width `alpha` can scatter across the edge, and their total
+/// number.
 ///
-/// GGX has facets beyond the slope x in the share `α²/(α² + x²)`, and a facet turns a ray by at most twice its own angle, so
-/// that is more than reaches over an edge at twice the angle: half of all lean the other way, and those that lean away from the
-/// viewer are seen up to twice as often as those that lean to him, at slopes below 0.8 and 45 degrees. `10·α²` go below the
-/// horizon: facets steeper than 19 degrees, and what is masked.
+/// In GGX the fraction `α²/(α² + x²)` of facets has slopes above x, and a facet rotates a ray by at most twice its own
+/// angle. This overestimates what crosses an edge at twice the angle: half of all facets tilt the other way, and those
+/// that tilt away from the viewer are at most twice as visible as the others, for slopes below 0.8 at 45 degrees.
+/// `10·α²` is lost below the horizon (facets steeper than 19 degrees) or masked.
 fn rows_off((film, view): &(Film, Camera), alpha: f64) -> (usize, usize) {
     let (mut n_off, mut n_rows) = (0, 0);
     for (row, pixels) in (0..).zip(film.pixels().chunks(COLUMNS as usize)) {
@@ -229,18 +232,18 @@ fn rows_off((film, view): &(Film, Camera), alpha: f64) -> (usize, usize) {
 }
 
 #[test]
-fn smoother_metals_come_to_be_the_mirror() {
+fn smooth_metals_converge_to_the_mirror() {
     const WIDE: f32 = 12.0;
     let mirror = edge_in_metal(0.0, WIDE);
     assert_eq!(rows_off(&mirror, 0.0), (0, ROWS as usize - 1));
     for roughness in [0.125_f32, 0.0625, 0.031_25] {
         let alpha = f64::from(roughness).powi(2);
-        // The whole picture, and the edge with rows a third as wide as the lobe.
+        // The entire image, and the edge with rows a third as wide as the lobe.
         let [far, near] = [WIDE, 64.0 * WIDE * roughness * roughness].map(|fov| edge_in_metal(roughness, fov));
         assert_eq!((rows_off(&far, alpha).0, rows_off(&near, alpha).0), (0, 0), "{roughness}");
-        // Facets half as rough turn a quarter as far, and it is seen that these turn farther.
+        // A bound for facets half as rough is violated.
         assert!(rows_off(&near, alpha / 4.0).0 > 0, "{roughness}");
     }
-    // Below 1/32 there is no facet.
-    assert!(edge_in_metal(0.031_249, WIDE).0 == mirror.0, "a mirror is not its own limit");
+    // Below roughness 1/32 the surface is a perfect mirror.
+    assert!(edge_in_metal(0.031_249, WIDE).0 == mirror.0, "smooth metals converge to the mirror");
 }

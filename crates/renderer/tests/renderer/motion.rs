@@ -1,4 +1,4 @@
-//! Pictures of instances that move while the shutter is open.
+//! Motion blur of moving instances.
 
 use std::sync::atomic::AtomicBool;
 
@@ -32,12 +32,12 @@ fn moving(mut stage: Scene, close: Affine) -> Scene {
     stage
 }
 
-/// A bright strip that crosses the view: a pixel is as bright as the share of pixel and time that the strip covers.
+/// A bright strip moves across the view: a pixel's value is the fraction of pixel area and time that it covers.
 #[test]
-fn a_moving_strip_is_as_bright_as_the_time_it_covers() {
+fn moving_strip_matches_coverage_over_time() {
     const SAMPLES: u32 = 1 << 10;
     let bright = Material { emission: [1.0; 3], ..grey(0.0) };
-    // At time s it spans -0.5 + 0.75 s to -0.25 + 0.75 s; a pixel is an eighth.
+    // At time s it spans -0.5 + 0.75 s to -0.25 + 0.75 s; a pixel is an eighth wide.
     let strip = parallelogram([-0.5, -9.0, 0.0], [0.25, 0.0, 0.0], [0.0, 18.0, 0.0], 0);
     let stage = moving(scene(vec![strip], vec![bright]), shifted(0.75, 0.0));
     let view = camera([0.0, 0.0, 1.0], [0.0; 3], 90.0);
@@ -47,17 +47,17 @@ fn a_moving_strip_is_as_bright_as_the_time_it_covers() {
         for column in 0..16_u8 {
             let left = (f64::from(column) - 8.0) / 8.0;
             let exact = covered(left, left + 0.125);
-            let seen = film.pixels()[8 * 16 + usize::from(column)].mean()[0];
-            // Samples are 0 or 1: at random, five deviations of their mean.
+            let value = film.pixels()[8 * 16 + usize::from(column)].mean()[0];
+            // Samples are 0 or 1: for random ones, five standard deviations of the mean.
             assert!(
-                (seen - exact).abs() <= 5.0 * (exact * (1.0 - exact) / f64::from(SAMPLES)).sqrt(),
-                "{pattern:?} {column}: {seen} {exact}"
+                (value - exact).abs() <= 5.0 * (exact * (1.0 - exact) / f64::from(SAMPLES)).sqrt(),
+                "{pattern:?} {column}: {value} {exact}"
             );
         }
     }
 }
 
-/// Share of pixel and time in which the strip covers a pixel's columns, by many small steps of time.
+/// Fraction of pixel width and time that the strip covers, by many small time steps.
 fn covered(left: f64, right: f64) -> f64 {
     const STEPS: u32 = 10_000;
     let at = |i: u32| {
@@ -67,17 +67,17 @@ fn covered(left: f64, right: f64) -> f64 {
     (0..STEPS).map(at).sum::<f64>() / f64::from(STEPS)
 }
 
-/// No ray that leaves a moving convex body meets it again: not through rounding, and not where it was at another time.
+/// No ray that leaves a moving convex object hits it again, neither by rounding nor at another time.
 #[test]
-fn a_moving_body_in_a_white_furnace_shows_its_albedo() {
+fn moving_object_in_a_white_furnace_shows_its_albedo() {
     let turned = Affine { columns: [[0.2, 0.9, 0.0], [-0.9, 0.2, 0.3], [0.1, 0.0, 1.4], [0.3, -0.2, 0.5]] };
-    for body in [sphere([0.0; 3], 1.0, 3, 0), cuboid([-1.0; 3], [1.0; 3], 0)] {
+    for object in [sphere([0.0; 3], 1.0, 3, 0), cuboid([-1.0; 3], [1.0; 3], 0)] {
         for (scale, shift) in [(1.0, 0.0), (1e-3, 0.0), (1.0, 300.0), (1e4, -1e6)] {
             let placed = |map: &Affine| {
                 let [x, y, z, t] = map.columns.map(|column| column.map(|c| c * scale));
                 Affine { columns: [x, y, z, t.map(|t| t + shift)] }
             };
-            let mut stage = scene(vec![body.clone()], vec![grey(0.625)]);
+            let mut stage = scene(vec![object.clone()], vec![grey(0.625)]);
             stage.instances = vec![place(0, placed(&OPEN))];
             let mut stage = moving(stage, placed(&turned));
             stage.environment = Some([1.0; 3].into());
@@ -91,7 +91,7 @@ fn a_moving_body_in_a_white_furnace_shows_its_albedo() {
 }
 
 #[test]
-fn what_moves_is_traced_with_two_levels_and_what_does_not_is_left_out() {
+fn motion_requires_two_levels_and_is_skipped_without_moving_instances() {
     let stage = || scene(vec![sphere([0.0; 3], 1.0, 2, 0)], vec![grey(0.5)]);
     let parts = |prepared: &Prepared<Watertight>| -> Vec<&str> { prepared.unused.iter().map(|l| l.feature).collect() };
     for levels in [Levels::Auto, Levels::One, Levels::Two] {
@@ -101,11 +101,11 @@ fn what_moves_is_traced_with_two_levels_and_what_does_not_is_left_out() {
     }
     let still = prepared(&stage(), Levels::Auto);
     assert!(matches!(still.structure, Structure::One(_)) && parts(&still).contains(&"motion"));
-    assert!(parts(&prepared(&moving(stage(), OPEN), Levels::Auto)).contains(&"motion"), "it ends where it begins");
+    assert!(parts(&prepared(&moving(stage(), OPEN), Levels::Auto)).contains(&"motion"), "start and end are equal");
 }
 
 #[test]
-fn no_motion_is_the_same_picture() {
+fn zero_motion_does_not_change_the_image() {
     let mut stage = scene(vec![sphere([0.0; 3], 1.0, 2, 0), cuboid([-2.0; 3], [-1.0; 3], 0)], vec![grey(0.5)]);
     stage.environment = Some([1.0, 0.8, 0.6].into());
     let view = camera([2.0, 3.0, 4.0], [0.0; 3], 50.0);
@@ -116,7 +116,7 @@ fn no_motion_is_the_same_picture() {
 }
 
 #[test]
-fn a_motion_through_a_singular_map_is_refused_by_name() {
+fn motion_through_a_singular_transform_is_rejected() {
     let stage = scene(vec![sphere([0.0; 3], 1.0, 1, 0)], vec![grey(0.5)]);
     let turned = Affine { columns: [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]] };
     let error = prepare::<Watertight>(&moving(stage, turned), &StructureConfig::default()).err().unwrap();
@@ -125,15 +125,15 @@ fn a_motion_through_a_singular_map_is_refused_by_name() {
     assert_eq!(error.to_string(), sentence);
 }
 
-/// At each time the surface is that of an instance that stands there.
+/// At each time, the surface equals that of a static instance with that transform.
 #[test]
-fn surfaces_are_where_the_instance_is() {
+fn surfaces_match_static_instances() {
     let close = Affine { columns: [[0.0, 2.0, 0.0], [-1.0, 0.0, 0.5], [0.0, 0.25, 3.0], [4.0, -2.0, 1.0]] };
     let stage = scene(vec![sphere([0.5, 0.0, 0.0], 1.0, 1, 0)], vec![grey(0.5)]);
     let moving = moving(stage.clone(), close);
     for time in [0.0, 0.25, 0.5, 1.0] {
         let mut there = stage.clone();
-        // Exact: few bits.
+        // Exact, because the values have few bits.
         let map = &mut there.instances[0].world_from_object.columns;
         for (column, (from, to)) in map.iter_mut().zip(OPEN.columns.iter().zip(&close.columns)) {
             *column = std::array::from_fn(|k| from[k] + time * (to[k] - from[k]));
@@ -152,7 +152,7 @@ fn surfaces_are_where_the_instance_is() {
             for k in 0..3 {
                 assert!((a.position[k] - b.position[k]).abs() < 1e-14 && (a.normal[k] - b.normal[k]).abs() < 1e-14);
             }
-            // As far off as at the end that reaches farthest: no less.
+            // The offset is the larger one of both ends.
             assert!(a.offset >= b.offset);
         }
     }

@@ -1,4 +1,4 @@
-//! Normal maps: the frame they speak in, whatever the coordinates, tangents and transforms.
+//! Normal maps: tangent frames for all coordinates, tangents and transforms.
 
 use canted_obb::{Affine, PrimId};
 use canted_renderer::{Surface, Surfaces};
@@ -12,7 +12,7 @@ const SHEAR: [[f32; 3]; 4] = [[2.0, 0.3, -0.5], [1.5, -0.25, 0.0], [0.0, 4.0, 1.
 const SQUARE: [[f32; 2]; 3] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
 const DOWN: [f32; 3] = [0.0, 0.0, -1.0];
 
-/// The triangle (0,0) (1,0) (0,1) of the plane z = 0, front up, under one texel of a normal map.
+/// The triangle (0,0) (1,0) (0,1) in the plane z = 0, front up, with a normal map of one texel.
 fn stage(texel: [u8; 3], uvs: [[f32; 2]; 3]) -> Scene {
     let triangle = mesh(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]], 0);
     let material = Material { normal_texture: Some(TextureRef::new(TextureId(0))), ..Material::default() };
@@ -29,7 +29,7 @@ fn stage(texel: [u8; 3], uvs: [[f32; 2]; 3]) -> Scene {
     scene
 }
 
-fn seen(scene: &Scene, direction: [f32; 3]) -> Surface {
+fn surface_at(scene: &Scene, direction: [f32; 3]) -> Surface {
     let hit = Hit { t: 1.0, u: 0.25, v: 0.25, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front };
     Surfaces::new(scene).at(&hit, direction)
 }
@@ -46,13 +46,13 @@ fn close(a: Vector, b: Vector) {
     assert!((0..3).all(|k| (a[k] - b[k]).abs() < BOUND), "{a:?} {b:?}");
 }
 
-/// A normal that leans 20 degrees or so towards +u and a little towards -v.
-const LEANING: [u8; 3] = [170, 110, 245];
+/// A normal tilted by about 20 degrees towards +u and slightly towards -v.
+const TILTED: [u8; 3] = [170, 110, 245];
 
 #[test]
-fn x_is_along_u_y_along_v_and_z_along_the_normal() {
-    let [x, y, z] = unit(decoded(LEANING));
-    // The directions of u and v, for coordinates that are turned by a right angle, mirrored, or scaled.
+fn axes_are_u_v_and_normal() {
+    let [x, y, z] = unit(decoded(TILTED));
+    // The directions of u and v, for coordinates rotated by a right angle, mirrored, or scaled.
     for (uvs, u, v) in [
         (SQUARE, [1.0, 0.0], [0.0, 1.0]),
         ([[0.0, 0.0], [0.0, 1.0], [-1.0, 0.0]], [0.0, -1.0], [1.0, 0.0]),
@@ -60,48 +60,48 @@ fn x_is_along_u_y_along_v_and_z_along_the_normal() {
         ([[3.0, 1.0], [3.5, 1.0], [3.0, 1.0 - 64.0]], [1.0, 0.0], [0.0, -1.0]),
     ] {
         let expected = [x * u[0] + y * v[0], x * u[1] + y * v[1], z];
-        close(seen(&stage(LEANING, uvs), DOWN).shading_normal, expected);
-        // From behind the same bump is a dent.
-        close(seen(&stage(LEANING, uvs), [0.0, 0.0, 1.0]).shading_normal, expected.map(|c| -c));
+        close(surface_at(&stage(TILTED, uvs), DOWN).shading_normal, expected);
+        // From behind, a bump is a dent.
+        close(surface_at(&stage(TILTED, uvs), [0.0, 0.0, 1.0]).shading_normal, expected.map(|c| -c));
     }
 }
 
 #[test]
-fn the_transform_of_a_texture_turns_its_normals() {
-    let mut scene = stage(LEANING, SQUARE);
+fn texture_transform_rotates_the_tangent_frame() {
+    let mut scene = stage(TILTED, SQUARE);
     let turned = UvTransform { rows: [[0.0, 1.0, 0.5], [-1.0, 0.0, 0.0]] };
     scene.materials[0].normal_texture.as_mut().unwrap().texture_from_mesh = turned;
-    let [x, y, z] = unit(decoded(LEANING));
-    // u grows along the mesh's v, v against its u.
-    close(seen(&scene, DOWN).shading_normal, [-y, x, z]);
+    let [x, y, z] = unit(decoded(TILTED));
+    // u increases along the mesh's v, v against its u.
+    close(surface_at(&scene, DOWN).shading_normal, [-y, x, z]);
 }
 
 #[test]
-fn the_scale_flattens() {
-    let mut scene = stage(LEANING, SQUARE);
+fn normal_scale_flattens() {
+    let mut scene = stage(TILTED, SQUARE);
     scene.materials[0].normal_scale = 0.25;
-    let [x, y, z] = decoded(LEANING);
-    close(seen(&scene, DOWN).shading_normal, unit([0.25 * x, 0.25 * y, z]));
+    let [x, y, z] = decoded(TILTED);
+    close(surface_at(&scene, DOWN).shading_normal, unit([0.25 * x, 0.25 * y, z]));
 }
 
-/// The oracle places the vertices first, so that no tangent is ever transformed.
+/// The oracle transforms the vertices first, so that no tangent is transformed.
 #[test]
-fn frames_agree_with_those_of_the_baked_triangle() {
+fn normals_match_those_of_the_baked_triangle() {
     for columns in [MIRROR, SHEAR] {
         for uvs in [SQUARE, [[0.1, 0.7], [0.4, -0.2], [0.9, 0.5]]] {
-            let mut placed = stage(LEANING, uvs);
+            let mut placed = stage(TILTED, uvs);
             placed.instances = vec![place(0, Affine { columns })];
-            let mut baked = stage(LEANING, uvs);
+            let mut baked = stage(TILTED, uvs);
             let mesh = &mut baked.meshes[0];
             mesh.positions = mesh.positions.iter().map(|&p| Affine { columns }.point(p)).collect();
             if (Affine { columns }).determinant() < 0.0 {
-                // What was the front by its winding is the front still.
+                // The front by winding order stays the front.
                 mesh.triangles[0].swap(1, 2);
             }
             let direction = [0.3, 0.2, -1.0];
-            let (a, b) = (seen(&placed, direction), seen(&baked, direction));
+            let (a, b) = (surface_at(&placed, direction), surface_at(&baked, direction));
             assert_eq!(a.is_front, b.is_front);
-            // The vertices of the baked one are rounded, by at most an ulp of 100 on edges of about 1.
+            // The baked vertices are rounded by at most an ulp of 100, on edges of about 1.
             let rounded = 256.0 * f64::from(f32::EPSILON) * 4.0;
             assert!((0..3).all(|k| (a.shading_normal[k] - b.shading_normal[k]).abs() < rounded), "{columns:?} {uvs:?}");
         }
@@ -109,56 +109,56 @@ fn frames_agree_with_those_of_the_baked_triangle() {
 }
 
 #[test]
-fn tangents_of_the_file_stand_for_those_of_the_coordinates() {
+fn vertex_tangents_take_precedence() {
     for (uvs, tangent) in [
         (SQUARE, [1.0, 0.0, 0.0, 1.0]),
         ([[0.0, 0.0], [-1.0, 0.0], [0.0, 1.0]], [-1.0, 0.0, 0.0, -1.0]),
         ([[0.0, 0.0], [1.0, 0.0], [0.0, -1.0]], [1.0, 0.0, 0.0, -1.0]),
     ] {
         for columns in [Affine::IDENTITY.columns, MIRROR] {
-            let mut without = stage(LEANING, uvs);
+            let mut without = stage(TILTED, uvs);
             without.meshes[0].normals = Some(vec![[0.0, 0.0, 1.0]; 3]);
             without.instances = vec![place(0, Affine { columns })];
             let mut with = without.clone();
-            // What leans out of the surface is straightened.
+            // A tangent that is not in the surface is made perpendicular to the normal.
             with.meshes[0].tangents = Some(vec![[tangent[0], tangent[1], 0.3, tangent[3]]; 3]);
-            close(seen(&with, DOWN).shading_normal, seen(&without, DOWN).shading_normal);
+            close(surface_at(&with, DOWN).shading_normal, surface_at(&without, DOWN).shading_normal);
         }
     }
 }
 
 #[test]
-fn the_usual_flat_texel_leans_by_a_third_of_a_degree() {
-    let surface = seen(&stage([128, 128, 255], SQUARE), DOWN);
-    let lean = dot(surface.shading_normal, surface.normal).acos().to_degrees();
-    // A 255th in both directions, each to its bound.
+fn usual_flat_texel_tilts_by_a_third_of_a_degree() {
+    let surface = surface_at(&stage([128, 128, 255], SQUARE), DOWN);
+    let tilt = dot(surface.shading_normal, surface.normal).acos().to_degrees();
+    // 1/255 in both directions, each to its bound.
     let bound_degrees = (2.0_f64.sqrt() * BOUND).to_degrees();
-    assert!((lean - (2.0_f64.sqrt() / 255.0).atan().to_degrees()).abs() < bound_degrees, "{lean}");
+    assert!((tilt - (2.0_f64.sqrt() / 255.0).atan().to_degrees()).abs() < bound_degrees, "{tilt}");
 }
 
 #[test]
-fn without_a_frame_the_normal_stands() {
+fn degenerate_frames_fall_back_to_the_normal() {
     let flat = |scene: &Scene| {
-        let surface = seen(scene, [0.1, 0.2, -1.0]);
+        let surface = surface_at(scene, [0.1, 0.2, -1.0]);
         assert_eq!(surface.shading_normal, surface.normal);
     };
-    flat(&stage(LEANING, [[0.5, 0.5]; 3]));
-    flat(&stage(LEANING, [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]));
-    let mut scene = stage(LEANING, SQUARE);
+    flat(&stage(TILTED, [[0.5, 0.5]; 3]));
+    flat(&stage(TILTED, [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]));
+    let mut scene = stage(TILTED, SQUARE);
     scene.meshes[0].uvs = None;
     flat(&scene);
-    // Interpolated normals that point along the tangents leave nothing to make them perpendicular to.
-    let mut scene = stage(LEANING, SQUARE);
+    // Interpolated normals parallel to the tangents leave no perpendicular component.
+    let mut scene = stage(TILTED, SQUARE);
     scene.meshes[0].tangents = Some(vec![[0.0; 4]; 3]);
     scene.meshes[0].uvs = Some(vec![[0.0; 2]; 3]);
     flat(&scene);
 }
 
 #[test]
-fn no_normal_turns_away_from_the_viewer_or_mirrors_into_the_body() {
+fn normals_face_the_viewer_and_mirror_above_the_surface() {
     for texel in [[255, 128, 128], [0, 255, 20], [128, 128, 0], [255, 255, 255]] {
         for direction in [DOWN, [0.9, 0.1, -0.1], [-0.9, 0.3, -0.01], [0.3, -0.9, 0.2]] {
-            let surface = seen(&stage(texel, SQUARE), direction);
+            let surface = surface_at(&stage(texel, SQUARE), direction);
             let viewer = unit(direction.map(|d| -f64::from(d)));
             let n = surface.shading_normal;
             let cosine = dot(n, viewer);
@@ -170,15 +170,15 @@ fn no_normal_turns_away_from_the_viewer_or_mirrors_into_the_body() {
 }
 
 #[test]
-fn interpolated_normals_that_turn_away_give_way_to_the_triangle() {
-    let mut scene = stage(LEANING, SQUARE);
+fn interpolated_normals_facing_away_fall_back_to_the_geometric_normal() {
+    let mut scene = stage(TILTED, SQUARE);
     scene.materials[0].normal_texture = None;
     let leaning = unit([0.8, 0.0, 0.6]);
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     let normals = vec![leaning.map(|x| x as f32); 3];
     scene.meshes[0].normals = Some(normals);
-    let facing = seen(&scene, [-0.5, 0.0, -0.5]);
+    let facing = surface_at(&scene, [-0.5, 0.0, -0.5]);
     assert!(dot(cross(facing.shading_normal, leaning), cross(facing.shading_normal, leaning)).sqrt() < BOUND);
-    let away = seen(&scene, [0.9, 0.0, -0.1]);
+    let away = surface_at(&scene, [0.9, 0.0, -0.1]);
     assert_eq!(away.shading_normal, away.normal);
 }

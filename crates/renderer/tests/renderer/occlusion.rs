@@ -1,4 +1,4 @@
-//! The ambient term against closed forms and quadrature.
+//! The ambient term compared with closed forms and quadrature.
 
 use std::f64::consts::TAU;
 
@@ -17,16 +17,16 @@ fn ambient(scene: &Scene, eye: [f32; 3], target: [f32; 3], radius: f32, samples:
 }
 
 #[test]
-fn an_open_plane_has_all_of_the_sky() {
+fn open_plane_is_unoccluded() {
     let plane = in_white_sky(scene(vec![floor(10.0, 0.0, 0)], vec![grey(1.0)]));
     for radius in [0.1, 1.0, f32::INFINITY] {
         assert_eq!(ambient(&plane, [1.0, 2.0, 3.0], [0.0; 3], radius, 64), 1.0);
     }
 }
 
-/// A wall beside the point hides half of the cosine-weighted sky.
+/// A wall next to the point hides half of the cosine-weighted sky.
 #[test]
-fn beside_a_very_large_wall_half_is_left() {
+fn very_large_wall_occludes_half() {
     let wall = parallelogram([0.0, 0.0, -1e6], [0.0, 1e6, 0.0], [0.0, 0.0, 2e6], 0);
     let corner = in_white_sky(scene(vec![floor(10.0, 0.0, 0), wall], vec![grey(1.0)]));
     let value = ambient(&corner, [2.0, 2.0, 0.0], [1e-3, 0.0, 0.0], f32::INFINITY, 4096);
@@ -34,13 +34,13 @@ fn beside_a_very_large_wall_half_is_left() {
 }
 
 #[test]
-fn a_closed_box_has_no_sky() {
+fn closed_box_is_fully_occluded() {
     let closed = in_white_sky(scene(vec![cuboid([-1.0; 3], [1.0; 3], 0)], vec![grey(1.0)]));
     assert_eq!(ambient(&closed, [0.5, 0.5, 0.5], [0.0, -1.0, 0.0], f32::INFINITY, 64), 0.0);
 }
 
-/// Four standard errors of `n` samples of a value in 0..=1 with the bound 1/2 on its standard deviation; stratified
-/// samples do better.
+/// Four standard errors of `n` samples in 0..=1, whose standard deviation is at most 1/2; stratified samples are
+/// better.
 fn noise(n: u32) -> f64 {
     4.0 * 0.5 / f64::from(n).sqrt()
 }
@@ -48,20 +48,20 @@ fn noise(n: u32) -> f64 {
 /// In a sphere of radius R the chord at polar cosine c is 2Rc long, so with k = 2R/r the cosine-weighted mean of
 /// `1 - exp(-kc)` is `1 - 2(1 - (1 + k)·exp(-k))/k²`.
 #[test]
-fn a_closed_sphere_follows_the_closed_form_in_the_radius() {
+fn closed_sphere_matches_closed_form() {
     let ball = in_white_sky(scene(vec![inside_out(sphere([0.0; 3], 1.0, 4, 0))], vec![grey(1.0)]));
     for radius in [0.25_f32, 1.0, 4.0] {
         let k = 2.0 / f64::from(radius);
         let expected = 1.0 - 2.0 * (1.0 - (1.0 + k) * (-k).exp()) / (k * k);
         let value = ambient(&ball, [0.1, 0.2, 0.3], [0.2, -0.9, 0.1], radius, 4096);
-        // 2048 triangles stay within 0.3 % of the sphere's radius, and so do the chords.
+        // 2048 triangles are within 0.3 % of the sphere's radius, and so are the chords.
         assert!((value - expected).abs() < noise(4096) + 0.003 * k, "radius {radius}: {value} for {expected}");
     }
 }
 
-/// In the middle of the floor of a closed box, against quadrature over the hemisphere with exact distances.
+/// At the center of the floor of a closed box, compared with quadrature over the hemisphere with exact distances.
 #[test]
-fn a_closed_box_follows_quadrature() {
+fn closed_box_matches_quadrature() {
     let (min, max): (Vector, Vector) = ([-1.0, 0.0, -2.0], [1.5, 1.0, 2.0]);
     let closed = in_white_sky(scene(vec![cuboid([-1.0, 0.0, -2.0], [1.5, 1.0, 2.0], 0)], vec![grey(1.0)]));
     let distance = |d: Vector| {
@@ -90,7 +90,7 @@ fn a_closed_box_follows_quadrature() {
 }
 
 #[test]
-fn a_corner_is_darker_than_the_open() {
+fn corner_is_darker_than_open_floor() {
     let wall = parallelogram([0.0, 0.0, -10.0], [0.0, 10.0, 0.0], [0.0, 0.0, 20.0], 0);
     let corner = in_white_sky(scene(vec![floor(10.0, 0.0, 0), wall], vec![grey(1.0)]));
     let at = |x: f32| ambient(&corner, [x + 1.0, 2.0, 0.0], [x, 0.0, 0.0], 1.0, 256);
@@ -98,9 +98,9 @@ fn a_corner_is_darker_than_the_open() {
     assert!(values.windows(2).all(|pair| pair[0] < pair[1]), "{values:?}");
 }
 
-/// The sky is counted once: on an open plane a picture of any depth shows albedo times sky, and no more.
+/// The environment counts once: on an open plane an image of any depth shows albedo times environment.
 #[test]
-fn the_sky_is_counted_once() {
+fn environment_counts_once() {
     let plane = in_white_sky(scene(vec![floor(10.0, 0.0, 0)], vec![grey(0.5)]));
     for bounces in 0..4 {
         assert_eq!(

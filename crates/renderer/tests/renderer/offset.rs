@@ -1,4 +1,4 @@
-//! New rays start off the surface they leave: no acne, no leak, at every scale and far from the origin.
+//! Ray offsets: no self-intersection and no leaks, at every scale and far from the origin.
 
 use std::sync::atomic::AtomicBool;
 
@@ -12,17 +12,17 @@ use crate::common::{
     BruteForce, Vector, camera, dot, film, grey, inside_out, narrow, place, scene, settings, sphere, sub,
 };
 
-/// Powers of two take every computation along exactly; powers of ten do not.
+/// Powers of two scale every computation exactly; powers of ten do not.
 const SCALES: [f32; 7] = [1e-3, 0.037, 1.0, 7.7, 1e3, 1e-20, 1e15];
 
-/// A body at scale `s` about `center`, and where a camera stands that sees only it.
-fn placed(body: &Mesh, s: f32, center: [f32; 3]) -> (Mesh, [f32; 3]) {
+/// An object at scale `s` around `center`, and a camera position that sees only it.
+fn placed(object: &Mesh, s: f32, center: [f32; 3]) -> (Mesh, [f32; 3]) {
     let moved = |p: [f32; 3]| narrow(std::array::from_fn(|k| f64::from(center[k]) + f64::from(s) * f64::from(p[k])));
-    let mut body = body.clone();
-    for position in &mut body.positions {
+    let mut object = object.clone();
+    for position in &mut object.positions {
         *position = moved(*position);
     }
-    (body, moved([2.0, 3.0, 4.0]))
+    (object, moved([2.0, 3.0, 4.0]))
 }
 
 fn centers(s: f32) -> [[f32; 3]; 3] {
@@ -30,11 +30,11 @@ fn centers(s: f32) -> [[f32; 3]; 3] {
 }
 
 #[test]
-fn no_acne_on_convex_bodies_at_any_scale_or_place() {
+fn convex_objects_have_no_self_intersection_at_any_scale_or_position() {
     for s in SCALES {
         for center in centers(s) {
-            let (body, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
-            let mut furnace = scene(vec![body], vec![grey(0.5)]);
+            let (object, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
+            let mut furnace = scene(vec![object], vec![grey(0.5)]);
             furnace.environment = Some([1.0; 3].into());
             let film = film(&furnace, &camera(eye, center, 15.0), &settings(12, 12, 6, 1));
             assert!(film.pixels().iter().all(|pixel| pixel.mean() == [0.5; 3]), "scale {s} at {center:?}");
@@ -43,12 +43,12 @@ fn no_acne_on_convex_bodies_at_any_scale_or_place() {
 }
 
 #[test]
-fn no_leak_out_of_closed_bodies_at_any_scale_or_place() {
-    let glowing = Material { emission: [1.0; 3], ..grey(0.5) };
+fn closed_objects_do_not_leak_at_any_scale_or_position() {
+    let emissive = Material { emission: [1.0; 3], ..grey(0.5) };
     for s in SCALES {
         for center in centers(s) {
-            let (body, _) = placed(&inside_out(sphere([0.0; 3], 1.0, 3, 0)), s, center);
-            let mut room = scene(vec![body], vec![glowing.clone()]);
+            let (object, _) = placed(&inside_out(sphere([0.0; 3], 1.0, 3, 0)), s, center);
+            let mut room = scene(vec![object], vec![emissive.clone()]);
             room.environment = Some([100.0; 3].into());
             let target = std::array::from_fn(|k| center[k] + [0.3, -0.1, 0.2][k] * s);
             let film = film(&room, &camera(center, target, 100.0), &settings(12, 12, 6, 2));
@@ -57,7 +57,7 @@ fn no_leak_out_of_closed_bodies_at_any_scale_or_place() {
     }
 }
 
-/// Rays onto a body, the surface they meet, and what the tracer answers.
+/// Rays onto an object, the surfaces they hit, and the tracer.
 fn surfaces_of(
     scene: &Scene,
     eye: [f32; 3],
@@ -73,14 +73,14 @@ fn surfaces_of(
     }
 }
 
-/// The start of a new ray, as rounded to `f32`, keeps at least twice `HIT_ERROR` of the reach off the plane along each
-/// axis, and not much more than the bound, 44 units of rounding.
+/// The origin of a new ray, rounded to `f32`, is at least twice `HIT_ERROR` times the reach from the plane along each
+/// axis, and not much more than the bound of 44 units of rounding.
 #[test]
-fn origins_keep_their_distance_and_no_more() {
+fn origins_have_the_minimum_distance() {
     for s in SCALES {
         for center in centers(s) {
-            let (body, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
-            let scene = scene(vec![body], vec![grey(0.5)]);
+            let (object, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
+            let scene = scene(vec![object], vec![grey(0.5)]);
             let reach = f64::from(scene.bounds_world().reach());
             surfaces_of(&scene, eye, center, |_, hit, surface| {
                 let corner = scene.meshes[0].positions[scene.meshes[0].triangles[hit.primitive.index()][0] as usize];
@@ -98,30 +98,30 @@ fn origins_keep_their_distance_and_no_more() {
     }
 }
 
-/// The sabotage of the two tests above: rays from the rounded hit point itself do meet the body again.
+/// The two tests above detect a missing offset: rays from the rounded hit point hit the object again.
 #[test]
-fn without_the_offset_there_is_acne() {
+fn rays_without_offset_hit_the_surface_again() {
     let center = [1000.0, 700.0, -400.0];
-    let (body, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), 1.0, center);
-    let scene = scene(vec![body], vec![grey(0.5)]);
+    let (object, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), 1.0, center);
+    let scene = scene(vec![object], vec![grey(0.5)]);
     let tracer = BruteForce::new(&scene);
-    let mut n_met = 0;
+    let mut n_hits = 0;
     surfaces_of(&scene, eye, center, |_, _, surface| {
         let bare = Ray::new(narrow(surface.position), narrow(surface.normal));
-        n_met += u32::from(tracer.occluded(&bare, &mut ()));
+        n_hits += u32::from(tracer.occluded(&bare, &mut ()));
         assert!(!tracer.occluded(&surface.spawn_ray(narrow(surface.normal)), &mut ()));
     });
-    assert!(n_met > 32, "{n_met} of 256");
+    assert!(n_hits > 32, "{n_hits} of 256");
 }
 
-/// Instances far off, stretched and sheared: the offset covers the way to object space and back.
+/// Distant, stretched and sheared instances: the offset covers the rounding of transforms to and from object space.
 #[test]
-fn no_acne_on_instances_far_from_the_origin() {
-    let turned: Vector = [0.36, 0.48, -0.8];
+fn instances_far_from_the_origin_have_no_self_intersection() {
+    let rotated: Vector = [0.36, 0.48, -0.8];
     for (stretch, shift) in [(1.0, 1e4), (1e-3, 10.0), (1e3, 1e6), (50.0, -3e5)] {
         let world_from_object = Affine {
             columns: [
-                narrow(turned.map(|x| x * stretch)),
+                narrow(rotated.map(|x| x * stretch)),
                 narrow([0.8 * stretch, -0.6 * stretch, 0.1 * stretch]),
                 narrow([0.0, 0.3 * stretch, 2.0 * stretch]),
                 narrow([shift, 0.3 * shift, -0.7 * shift]),
@@ -137,21 +137,20 @@ fn no_acne_on_instances_far_from_the_origin() {
     }
 }
 
-/// The furnaces again through the trees that pictures are made with, one level and two. Leaks are a matter of edges too,
-/// about which only a watertight triangle test promises anything.
-fn furnaces_through<K: LaneKernel>(is_watertight: bool) {
-    let glowing = Material { emission: [1.0; 3], ..grey(0.5) };
-    let turned = Affine { columns: [[0.36, 0.48, -0.8], [0.8, -0.6, 0.1], [0.0, 0.3, 2.0], [300.0, -90.0, 40.0]] };
+/// Furnace tests with one-level and two-level BVHs. Only a watertight triangle test guarantees that edges do not leak.
+fn check_furnaces<K: LaneKernel>(is_watertight: bool) {
+    let emissive = Material { emission: [1.0; 3], ..grey(0.5) };
+    let rotated = Affine { columns: [[0.36, 0.48, -0.8], [0.8, -0.6, 0.1], [0.0, 0.3, 2.0], [300.0, -90.0, 40.0]] };
     for s in [1e-3, 1.0, 1e3] {
         let ball = placed(&sphere([0.0; 3], 1.0, 4, 0), s, [10.0 * s; 3]).0;
         let map = Affine {
-            columns: [turned.columns[0], turned.columns[1], turned.columns[2], turned.columns[3].map(|x| x * s)],
+            columns: [rotated.columns[0], rotated.columns[1], rotated.columns[2], rotated.columns[3].map(|x| x * s)],
         };
         let center = map.point([10.0 * s; 3]);
         let eye = map.point([12.0 * s, 13.0 * s, 14.0 * s]);
         for levels in [Levels::One, Levels::Two] {
-            let rendered = |body: &Mesh, material: &Material, sky, eye, target, fov| {
-                let mut scene = scene(vec![body.clone()], vec![material.clone()]);
+            let rendered = |object: &Mesh, material: &Material, sky, eye, target, fov| {
+                let mut scene = scene(vec![object.clone()], vec![material.clone()]);
                 scene.instances = vec![place(0, map)];
                 scene.environment = Some([sky; 3].into());
                 let prepared = prepare::<K>(&scene, &StructureConfig { levels, ..StructureConfig::default() }).unwrap();
@@ -161,9 +160,9 @@ fn furnaces_through<K: LaneKernel>(is_watertight: bool) {
                 film.unwrap().pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<_>>()
             };
             let outside = rendered(&ball, &grey(0.5), 1.0, eye, center, 4.0);
-            assert!(outside.iter().all(|&x| x == 0.5), "acne at scale {s}, {levels:?}");
+            assert!(outside.iter().all(|&x| x == 0.5), "self-intersection at scale {s}, {levels:?}");
             if is_watertight {
-                let inside = rendered(&inside_out(ball.clone()), &glowing, 100.0, center, eye, 100.0);
+                let inside = rendered(&inside_out(ball.clone()), &emissive, 100.0, center, eye, 100.0);
                 assert!(inside.iter().all(|&x| x == 1.75), "leak at scale {s}, {levels:?}");
             }
         }
@@ -171,11 +170,11 @@ fn furnaces_through<K: LaneKernel>(is_watertight: bool) {
 }
 
 #[test]
-fn neither_acne_nor_leaks_through_watertight_trees() {
-    furnaces_through::<Watertight>(true);
+fn watertight_bvhs_have_no_self_intersection_and_no_leaks() {
+    check_furnaces::<Watertight>(true);
 }
 
 #[test]
-fn no_acne_through_moller_trumbore_trees() {
-    furnaces_through::<MollerTrumbore>(false);
+fn moller_trumbore_bvhs_have_no_self_intersection() {
+    check_furnaces::<MollerTrumbore>(false);
 }

@@ -1,4 +1,4 @@
-//! Paths against closed forms: furnaces, series, and the hybrid integrator where both gather the same light.
+//! The path integrator compared with closed forms, and with the hybrid integrator where both compute the same light.
 
 use canted_film::Film;
 use canted_renderer::{Integrator, Settings};
@@ -6,14 +6,14 @@ use canted_scene::{Camera, Light, Material, Scene};
 
 use crate::common::{U, camera, cuboid, film, floor, grey, inside_out, scene, settings, sphere};
 
-/// Standard deviations by which a mean may be off: one in ten million by chance.
+/// Allowed deviation of a mean in standard deviations: one false alarm in ten million.
 const SIGMAS: f64 = 5.3;
 
 fn paths(n: u32, samples: u32, bounces: u32) -> Settings {
     Settings { integrator: Integrator::Path, ..settings(n, n, samples, bounces) }
 }
 
-/// Mean over all pixels of each channel, and its standard deviation by the spread of the samples.
+/// Mean over all pixels of each channel, with the standard deviation from the spread of the samples.
 fn mean_of(film: &Film) -> ([f64; 3], [f64; 3]) {
     assert_eq!(film.n_dropped(), 0);
     #[expect(clippy::cast_precision_loss, reason = "few pixels")]
@@ -30,26 +30,27 @@ fn mean_of(film: &Film) -> ([f64; 3], [f64; 3]) {
     (mean, variance.map(f64::sqrt))
 }
 
-/// The mean of a picture is `expected` in every channel, up to its noise, which is at most `precision` of it.
+/// Checks that the mean of an image is `expected` in every channel to within its noise, which is at most `precision` of
+/// it.
 #[track_caller]
 fn check(scene: &Scene, view: &Camera, settings: &Settings, expected: f64, precision: f64) {
     let (mean, deviation) = mean_of(&film(scene, view, settings));
     for k in 0..3 {
-        assert!(SIGMAS * deviation[k] <= precision * expected, "too noisy to tell: {deviation:?} of {mean:?}");
-        // A hundred roundings of f32 beside the noise.
+        assert!(SIGMAS * deviation[k] <= precision * expected, "too noisy: {deviation:?} of {mean:?}");
+        // A hundred roundings of f32 in addition to the noise.
         let bound = SIGMAS * deviation[k] + 100.0 * f64::from(f32::EPSILON) * expected;
         assert!((mean[k] - expected).abs() <= bound, "{mean:?} ± {deviation:?} for {expected}");
     }
 }
 
-fn white_sky(body: canted_scene::Mesh, material: Material) -> Scene {
-    let mut scene = scene(vec![body], vec![material]);
+fn white_sky(object: canted_scene::Mesh, material: Material) -> Scene {
+    let mut scene = scene(vec![object], vec![material]);
     scene.environment = Some([1.0; 3].into());
     scene
 }
 
 #[test]
-fn a_convex_body_in_a_white_furnace_shows_its_albedo() {
+fn convex_object_in_a_white_furnace_shows_its_albedo() {
     let view = camera([2.0, 3.0, 4.0], [0.0; 3], 15.0);
     for albedo in [1.0, 0.625] {
         let furnace = white_sky(sphere([0.0; 3], 1.0, 3, 0), grey(albedo));
@@ -59,22 +60,22 @@ fn a_convex_body_in_a_white_furnace_shows_its_albedo() {
     }
 }
 
-/// Shading normals that disagree with the triangles lose no energy and let no ray into the body.
+/// Shading normals that differ from the geometric normals lose no energy and let no ray into the object.
 #[test]
-fn smooth_normals_keep_the_furnace() {
-    let mut body = sphere([0.0; 3], 1.0, 1, 0);
-    body.normals = Some(body.positions.clone());
-    let furnace = white_sky(body, grey(0.75));
+fn smooth_normals_conserve_energy() {
+    let mut object = sphere([0.0; 3], 1.0, 1, 0);
+    object.normals = Some(object.positions.clone());
+    let furnace = white_sky(object, grey(0.75));
     check(&furnace, &camera([2.0, 3.0, 4.0], [0.0; 3], 10.0), &paths(16, 256, 8), 0.75, 2e-3);
 }
 
-/// Inside a closed body that emits 1 and reflects `a`, `b` bounces give `1 + a + ... + a^b`.
+/// Inside a closed object that emits 1 and reflects `a`, `b` bounces give `1 + a + ... + a^b`.
 #[test]
-fn a_closed_emitter_gives_the_geometric_series() {
-    let glowing = Material { emission: [1.0; 3], ..grey(0.5) };
+fn closed_emitter_gives_the_geometric_series() {
+    let emissive = Material { emission: [1.0; 3], ..grey(0.5) };
     for shell in [inside_out(sphere([0.0; 3], 1.0, 2, 0)), cuboid([-1.0; 3], [1.0, 2.0, 3.0], 0)] {
-        // The sky would show through any leak.
-        let mut room = scene(vec![shell], vec![glowing.clone()]);
+        // The environment would be visible through any leak.
+        let mut room = scene(vec![shell], vec![emissive.clone()]);
         room.environment = Some([100.0; 3].into());
         let view = camera([0.1, 0.2, 0.3], [0.5, 0.1, -0.4], 100.0);
         for (bounces, expected) in [(0, 1.0), (1, 1.5), (2, 1.75), (5, 1.968_75), (64, 2.0)] {
@@ -83,35 +84,35 @@ fn a_closed_emitter_gives_the_geometric_series() {
     }
 }
 
-/// A closed body of clear glass under an even sky cannot be seen: what it keeps from a ray it gives from elsewhere.
+/// A closed object of clear glass under a constant environment is invisible.
 #[test]
-fn clear_glass_keeps_the_furnace() {
+fn clear_glass_conserves_energy() {
     let glass = Material { base_color: [1.0; 3], roughness: 0.0, specular: 1.0, transmission: 1.0, ..grey(1.0) };
     let view = camera([2.0, 3.0, 4.0], [0.0; 3], 25.0);
-    for (ior, body) in [(1.5, sphere([0.0; 3], 1.0, 3, 0)), (2.4, cuboid([-1.0; 3], [1.0; 3], 0))] {
-        let furnace = white_sky(body.clone(), Material { ior, ..glass.clone() });
+    for (ior, object) in [(1.5, sphere([0.0; 3], 1.0, 3, 0)), (2.4, cuboid([-1.0; 3], [1.0; 3], 0))] {
+        let furnace = white_sky(object.clone(), Material { ior, ..glass.clone() });
         check(&furnace, &view, &paths(12, 128, 4096), 1.0, 2e-2);
-        let sheet = white_sky(body, Material { ior, thin_walled: true, ..glass.clone() });
+        let sheet = white_sky(object, Material { ior, thin_walled: true, ..glass.clone() });
         check(&sheet, &view, &paths(12, 128, 4096), 1.0, 2e-2);
     }
 }
 
-/// Reflectance, throughput, the sky's radiance and the filter's weight round once each. Straight from above Schlick's term is below
-/// the fifth power of the field of view, and adds nothing.
+/// Reflectance, throughput, environment radiance and filter weight round once each. At normal incidence Schlick's term
+/// is below the fifth power of the field of view and adds nothing.
 const MIRRORED_ERROR: f64 = 4.0 * U;
 
-/// A polished metal under an even sky shows its reflectance, at grazing angles up to white.
+/// A polished metal under a constant environment shows its reflectance, up to white at grazing angles.
 #[test]
-fn a_mirror_shows_its_reflectance() {
+fn mirror_shows_its_reflectance() {
     let metal = Material { metallic: 1.0, roughness: 0.0, ..grey(0.5) };
     let (mean, _) =
         mean_of(&film(&white_sky(floor(1.0, 0.0, 0), metal), &camera([0.0, 5.0, 0.0], [0.0; 3], 1.0), &paths(4, 4, 8)));
     assert!(mean.iter().all(|x| (x / 0.5 - 1.0).abs() <= MIRRORED_ERROR), "{mean:?}");
 }
 
-/// Where nothing but Lambert's surfaces is seen and ambient is off, both integrators gather the same light.
+/// For Lambertian surfaces without the ambient term, both integrators compute the same light.
 #[test]
-fn paths_and_hybrid_agree_on_lambert_surfaces() {
+fn path_and_hybrid_agree_on_lambertian_surfaces() {
     let bodies = vec![
         floor(5.0, 0.0, 0),
         cuboid([-1.0, 0.0, -1.0], [0.0, 2.0, 0.0], 1),
@@ -132,16 +133,16 @@ fn paths_and_hybrid_agree_on_lambert_surfaces() {
         let (hybrid, hybrid_deviation) = mean_of(&film(&stage, &view, &hybrid));
         for k in 0..3 {
             let bound = SIGMAS * path_deviation[k].hypot(hybrid_deviation[k]);
-            assert!(bound < 0.02 * path[k], "too noisy to tell");
+            assert!(bound < 0.02 * path[k], "too noisy");
             assert!((path[k] - hybrid[k]).abs() < bound, "{bounces}: {path:?} and {hybrid:?} ± {bound}");
         }
     }
 }
 
-/// The check above must see light that is missing.
+/// The test above detects missing light.
 #[test]
 #[should_panic(expected = "for 0.625")]
-fn missing_light_is_seen() {
+fn test_detects_missing_light() {
     let furnace = white_sky(sphere([0.0; 3], 1.0, 3, 0), grey(0.62));
     check(&furnace, &camera([2.0, 3.0, 4.0], [0.0; 3], 15.0), &paths(16, 64, 1), 0.625, 2e-3);
 }

@@ -1,4 +1,4 @@
-//! The picture as a whole: the same bits for any threads and tiles, bad samples, progress, cancelling, errors.
+//! Rendering: determinism across threads and tiles, invalid samples, progress, cancellation, errors.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,7 +37,7 @@ const SETTINGS: Settings = Settings {
 };
 
 #[test]
-fn threads_and_tiles_do_not_change_a_bit() {
+fn threads_and_tiles_do_not_change_the_image() {
     let (stage, view) = stage();
     let with = |threads, tile| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -47,10 +47,10 @@ fn threads_and_tiles_do_not_change_a_bit() {
     for (threads, tile) in [(1, 32), (2, 8), (3, 7), (5, 1000), (2, u32::MAX), (2, 0)] {
         assert_eq!(with(threads, tile), reference, "{threads} threads, tiles of {tile}");
     }
-    assert_ne!(film(&stage, &view, &Settings { seed: 10, ..SETTINGS }), reference, "the seed matters");
+    assert_ne!(film(&stage, &view, &Settings { seed: 10, ..SETTINGS }), reference, "the seed has an effect");
 }
 
-/// Ray counts: on a bare plane each sample is a camera ray, a shadow ray and a bounce.
+/// Ray counts: on a bare plane each sample traces a camera ray, a shadow ray and a bounce.
 #[test]
 fn rays_are_counted() {
     let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
@@ -60,9 +60,9 @@ fn rays_are_counted() {
     assert_eq!(film(&plane, &view, &settings(4, 4, 3, 2)).n_rays(), 4 * 4 * 3 * 3);
 }
 
-/// A poisoned material spoils the samples that meet it and no others.
+/// A material with NaN values affects only the samples that hit it.
 #[test]
-fn samples_that_are_not_finite_are_dropped_and_do_not_spread() {
+fn invalid_samples_are_dropped() {
     let poison = |emission| {
         let (mut stage, view) = stage();
         stage.materials[1].emission = [0.0, emission, 0.0];
@@ -73,7 +73,7 @@ fn samples_that_are_not_finite_are_dropped_and_do_not_spread() {
     for emission in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let film = poison(emission);
         assert!(film.n_dropped() > 0);
-        // Named is the first of them, row by row.
+        // The first of them in scanline order is reported.
         let [x, y] = film.first_dropped().unwrap();
         let (before, from) = film.pixels().split_at((y * SETTINGS.width + x) as usize);
         assert!(x < SETTINGS.width && from[0].n_dropped > 0 && before.iter().all(|pixel| pixel.n_dropped == 0));
@@ -117,12 +117,12 @@ fn cancelling_stops_the_work() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     let result = pool.install(|| render(&stage, &BruteForce::new(&stage), &view, &settings, &stop_at_once, &cancel));
     assert_eq!(result, Err(RenderError::Cancelled));
-    // A tile of each thread may have been under way.
+    // Each thread may have had a tile in progress.
     assert!(n_heard.load(Ordering::Relaxed) <= 2);
 }
 
 #[test]
-fn settings_that_make_no_picture_are_refused() {
+fn invalid_settings_are_rejected() {
     let (stage, view) = stage();
     let refused = |settings: Settings, view: &Camera| -> RenderError {
         let result: Result<Film, _> =
@@ -146,19 +146,19 @@ fn settings_that_make_no_picture_are_refused() {
 }
 
 #[test]
-fn an_empty_scene_shows_its_sky() {
+fn empty_scene_shows_its_environment() {
     let empty = Scene { environment: Some([0.25, 0.5, 0.75].into()), ..Scene::default() };
     let film = film(&empty, &camera([0.0; 3], [0.0, 0.0, -1.0], 40.0), &SETTINGS);
     assert!(film.picture().pixels.iter().all(|&pixel| pixel == [0.25, 0.5, 0.75]));
 }
 
 #[test]
-fn the_sky_is_white_only_where_nothing_else_gives_light() {
+fn default_environment_is_white_only_without_other_lights() {
     let bare = Scene::default();
     assert_eq!(*environment_of(&bare), [1.0; 3].into());
     let lit = Scene { lights: vec![Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [1.0; 3] }], ..bare.clone() };
     assert_eq!(*environment_of(&lit), [0.0; 3].into());
-    let glowing = Scene { materials: vec![Material { emission: [1.0, 0.0, 0.0], ..grey(0.5) }], ..bare.clone() };
-    assert_eq!(*environment_of(&glowing), [0.0; 3].into());
+    let emissive = Scene { materials: vec![Material { emission: [1.0, 0.0, 0.0], ..grey(0.5) }], ..bare.clone() };
+    assert_eq!(*environment_of(&emissive), [0.0; 3].into());
     assert_eq!(*environment_of(&Scene { environment: Some([0.5; 3].into()), ..lit }), [0.5; 3].into());
 }

@@ -4,7 +4,7 @@ const PATTERNS: [Pattern; 3] = [Pattern::Stratified, Pattern::Random, Pattern::S
 
 const COUNTS: [u32; 17] = [1, 2, 3, 4, 5, 6, 7, 12, 13, 16, 24, 31, 36, 64, 97, 100, 210];
 
-/// The index of the stratum of `n` that `x` lies in; exact, as `x` has 24 bits and `n` few.
+/// The index of the stratum of `n` that contains `x`; exact, because `x` has 24 bits and `n` few.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "x is in [0, 1)")]
 fn stratum(x: f32, n: u32) -> usize {
     (f64::from(x) * f64::from(n)) as usize
@@ -14,7 +14,7 @@ fn columns(n: u32) -> u32 {
     (1..=n).filter(|a| n.is_multiple_of(*a) && a * a <= n).max().unwrap()
 }
 
-/// Whether one sample lies in each cell of the grid, each column and each row.
+/// Whether each cell of the grid, each column and each row contains one sample.
 fn is_stratified(samples: &[[f32; 2]]) -> bool {
     let n = u32::try_from(samples.len()).unwrap();
     let a = columns(n);
@@ -33,7 +33,7 @@ fn samples(pattern: Pattern, n: u32, pixel: u32, dimension: u32, seed: u32) -> V
 }
 
 #[test]
-fn every_count_fills_every_stratum_once() {
+fn every_stratum_contains_one_sample() {
     for n in COUNTS {
         for pixel in 0..50 {
             assert!(is_stratified(&samples(Pattern::Stratified, n, pixel, 3, 7)), "n {n} pixel {pixel}");
@@ -42,7 +42,7 @@ fn every_count_fills_every_stratum_once() {
 }
 
 #[test]
-fn the_check_of_strata_sees_plain_random_points() {
+fn test_detects_random_points() {
     assert!(!is_stratified(&samples(Pattern::Random, 24, 0, 0, 0)));
 }
 
@@ -69,9 +69,9 @@ fn numbers_are_below_one_and_depend_on_every_argument() {
     }
 }
 
-/// The bits that a twin on another device has to reproduce, in units of 2⁻²⁴.
+/// The bits that the GPU implementation has to reproduce, in units of 2⁻²⁴.
 #[test]
-fn the_sequence_is_pinned() {
+fn sequence_is_fixed() {
     let steps = |pattern, n, pixel, sample, dimension| {
         Sampler::new(pattern, n, 42).pair(pixel, sample, dimension).map(|x| f64::from(x) * 16_777_216.0)
     };
@@ -85,9 +85,9 @@ fn the_sequence_is_pinned() {
     assert_eq!(pinned, wanted);
 }
 
-/// Over the pixels, correlation of independent numbers has standard deviation `1/√n`.
+/// Over the pixels, the correlation of independent numbers has the standard deviation `1/√n`.
 #[test]
-fn neighbours_are_not_correlated() {
+fn neighboring_pixels_are_uncorrelated() {
     const N: u32 = 100_000;
     let bound = 5.0 / f64::from(N).sqrt();
     for pattern in PATTERNS {
@@ -109,7 +109,7 @@ fn neighbours_are_not_correlated() {
         assert!(axes.abs() < bound, "{pattern:?}: {axes}");
     }
     let itself = correlation((0..N).map(|p| (f64::from(p), f64::from(p))));
-    assert!(itself > 0.999, "the measure must see what is correlated: {itself}");
+    assert!(itself > 0.999, "the measure detects correlation: {itself}");
 }
 
 fn correlation(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
@@ -125,10 +125,10 @@ fn correlation(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     (ab - a * b / n) / ((aa - a * a / n) * (bb - b * b / n)).sqrt()
 }
 
-/// Variance of the mean of `n` samples of a quarter disc's indicator: stratification leaves only the cells that the
-/// arc crosses.
+/// Variance of the mean of `n` samples of a quarter disk's indicator function: stratification leaves only the cells
+/// that the arc crosses.
 #[test]
-fn stratified_varies_less_than_random() {
+fn stratified_has_less_variance_than_random() {
     for n in [6, 7, 16, 24] {
         let variance = |pattern| {
             let estimates: Vec<f64> = (0..4000)
@@ -139,7 +139,7 @@ fn stratified_varies_less_than_random() {
                 .collect();
             let mean = estimates.iter().sum::<f64>() / 4000.0;
             let variance = estimates.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 3999.0;
-            // Both are unbiased: the mean is the area within five standard errors.
+            // Both are unbiased: the mean matches the area to five standard errors.
             let area = std::f64::consts::FRAC_PI_4;
             assert!((mean - area).abs() < 5.0 * (variance / 4000.0).sqrt(), "{pattern:?} n {n}: {mean}");
             variance
@@ -149,9 +149,9 @@ fn stratified_varies_less_than_random() {
     }
 }
 
-/// One sample in each of `n` strata, whatever the number; of Sobol's where it is a power of two.
+/// One sample in each of `n` strata; for Sobol only if `n` is a power of two.
 #[test]
-fn choices_are_stratified_too() {
+fn single_numbers_are_stratified() {
     let fills = |pattern, n: u32, pixel| {
         let sampler = Sampler::new(pattern, n, 1);
         let mut seen = vec![false; n as usize];
@@ -164,7 +164,7 @@ fn choices_are_stratified_too() {
     }
 }
 
-/// The sample depends on its number alone: a picture's samples can be made in parts.
+/// A Sobol sample depends only on its index, so the samples of an image can be rendered in parts.
 #[test]
 fn sobol_does_not_depend_on_the_count() {
     for n in COUNTS {
@@ -176,10 +176,10 @@ fn sobol_does_not_depend_on_the_count() {
     }
 }
 
-/// Samples of one pixel in two dimensions pad each other: which is near which is chance. The sum over a net of products of
-/// centred numbers would show a common order.
+/// Samples of one pixel in two dimensions are paired at random. The sum over a net of products of centered numbers
+/// would detect a common order.
 #[test]
-fn dimensions_of_one_pixel_are_not_in_step() {
+fn dimensions_of_one_pixel_are_uncorrelated() {
     const N: u32 = 64;
     const PIXELS: u32 = 2000;
     for pattern in PATTERNS {
@@ -194,16 +194,16 @@ fn dimensions_of_one_pixel_are_not_in_step() {
         assert!(pairs(|s, p, i| s.pair(p, i, 2)[0]).abs() < bound, "{pattern:?}");
         assert!(pairs(|s, p, i| s.pair(p, i, 2)[1]).abs() < bound, "{pattern:?}");
         assert!(pairs(|s, p, i| s.single(p, i, 1)).abs() < bound, "{pattern:?}");
-        assert!(pairs(|s, p, i| s.pair(p, i, 1)[0]).abs() > bound, "the measure must see itself");
+        assert!(pairs(|s, p, i| s.pair(p, i, 1)[0]).abs() > bound, "the measure detects correlation");
     }
 }
 
-/// Mean and variance of the uniform distribution, 1/2 and 1/12, for any number of samples and for those of one number.
+/// Mean 1/2 and variance 1/12 of the uniform distribution, over all samples and for each sample index.
 ///
-/// Over `n` independent pixels the mean of one number has deviation `√(1/12n)`, its square about the middle one of
+/// Over `n` independent pixels the mean of one number has the deviation `√(1/12n)`, its centered square
 /// `√(1/180n)`: the fourth central moment is 1/80.
 #[test]
-fn each_sample_alone_is_uniform() {
+fn each_sample_is_uniform() {
     const PIXELS: u32 = 50_000;
     for pattern in PATTERNS {
         for (n, sample) in [(1, 0), (3, 2), (7, 0), (16, 15)] {
@@ -229,9 +229,9 @@ fn each_sample_alone_is_uniform() {
     }
 }
 
-/// Error of a smooth integral: random points err by `n^-1/2`, a scrambled net by `n^-3/2` but for logarithms (Owen 1997).
+/// Error of a smooth integral: `n^-1/2` for random points, `n^-3/2` up to logarithms for a scrambled net (Owen 1997).
 #[test]
-fn smooth_integrals_converge_faster_than_at_random() {
+fn smooth_integrals_converge_faster_than_random() {
     let error = |pattern, n: u32| {
         let sampler = Sampler::new(pattern, n, 0);
         let square = |pixel: u32| {
@@ -245,11 +245,11 @@ fn smooth_integrals_converge_faster_than_at_random() {
         let mean = estimates.iter().sum::<f64>() / 200.0;
         (estimates.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 199.0).sqrt()
     };
-    // Both deviations are known to 5 % from 200 pixels: five of that, twice.
+    // 200 pixels give both deviations to 5 %: five of that, twice.
     const ROOM: f64 = 1.6;
     let gain = |pattern| error(pattern, 16) / error(pattern, 1024);
     assert!(gain(Pattern::Random) < 8.0 * ROOM && gain(Pattern::Random) > 8.0 / ROOM);
-    // The variance has a logarithm too many: log 1024 / log 16 = 2.5, of which the error has the root.
+    // The variance has one more logarithm, log 1024 / log 16 = 2.5, and the error its square root.
     assert!(gain(Pattern::Sobol) > 512.0 / 2.5_f64.sqrt() / ROOM, "{}", gain(Pattern::Sobol));
     assert!(error(Pattern::Sobol, 16) < error(Pattern::Random, 16));
 }

@@ -1,4 +1,4 @@
-//! Directions over the hemisphere follow their density. Uniform ones, which no renderer needs, are what they are told apart from.
+//! Hemisphere sampling follows its PDF. Uniform sampling serves for comparison.
 
 use std::f32::consts::TAU;
 
@@ -14,7 +14,7 @@ fn squares(n: u32) -> impl Iterator<Item = [f32; 2]> {
     (0..n).map(move |i| sampler.pair(i, 0, 0))
 }
 
-/// A direction about +z with density `1/(2π)`, from a point of the unit square.
+/// A direction around +z with PDF `1/(2π)`, from a point of the unit square.
 fn uniform_hemisphere(square: [f32; 2]) -> [f32; 3] {
     let cosine = 1.0 - square[0];
     // (1 - c)(1 + c) keeps its digits near the pole, 1 - c² does not.
@@ -23,12 +23,12 @@ fn uniform_hemisphere(square: [f32; 2]) -> [f32; 3] {
     [sine * c, sine * s, cosine]
 }
 
-/// Density of [`uniform_hemisphere`] at a polar cosine.
+/// PDF of [`uniform_hemisphere`] at a polar cosine.
 fn uniform_density(cosine: f32) -> f32 {
     if cosine >= 0.0 { 1.0 / TAU } else { 0.0 }
 }
 
-/// Midpoint rule in the polar cosine; the density does not depend on the azimuth.
+/// Midpoint rule in the polar cosine; the PDF does not depend on the azimuth.
 fn integral(density: impl Fn(f32) -> f32) -> f64 {
     const STEPS: u32 = 10_000;
     #[expect(clippy::cast_possible_truncation, reason = "a cosine")]
@@ -36,19 +36,19 @@ fn integral(density: impl Fn(f32) -> f32) -> f64 {
     std::f64::consts::TAU * (0..STEPS).map(value).sum::<f64>() / f64::from(STEPS)
 }
 
-/// The midpoint rule is exact for the linear and the constant density but for rounding: in `f32` the cosine rounds once, π once
-/// and the quotient once, which a mean of positive numbers keeps; the fourth is for all that `f64` adds, and for second order.
+/// The midpoint rule is exact for linear and constant PDFs up to rounding: in `f32`, cosine, π and quotient round once
+/// each, and a mean of positive numbers preserves this. The fourth rounding covers `f64` and second-order terms.
 const DENSITY_ERROR: f64 = 4.0 * U;
 
 #[test]
-fn densities_integrate_to_one() {
+fn pdfs_integrate_to_one() {
     for density in [cosine_density, uniform_density] {
         assert!((integral(density) - 1.0).abs() < DENSITY_ERROR);
         assert_eq!(density(-0.5), 0.0);
     }
 }
 
-/// Pearson's statistic over 8 rings by 16 sectors that are equally probable by the density's distribution function.
+/// Pearson's statistic over 8 rings by 16 sectors that are equally probable by the PDF's distribution function.
 fn chi_square(directions: impl Iterator<Item = [f32; 3]>, distribution: impl Fn(f64) -> f64) -> f64 {
     let mut counts = [0_u32; 128];
     let mut n = 0;
@@ -64,15 +64,15 @@ fn chi_square(directions: impl Iterator<Item = [f32; 3]>, distribution: impl Fn(
 }
 
 #[test]
-fn directions_follow_their_densities() {
-    // 127 degrees of freedom: mean 127, standard deviation √254; six of them leave no room for chance.
+fn directions_match_their_pdfs() {
+    // 127 degrees of freedom: mean 127, standard deviation √254; the limit is six of them.
     let limit = 127.0 + 6.0 * 254.0_f64.sqrt();
-    // Probability of a polar cosine below c: c² for the cosine density, c for the uniform one.
+    // Probability of a polar cosine below c: c² for cosine sampling, c for uniform sampling.
     let cosine = chi_square(squares(N).map(cosine_hemisphere), |c| c * c);
     let uniform = chi_square(squares(N).map(uniform_hemisphere), |c| c);
     assert!(cosine < limit && uniform < limit, "{cosine} {uniform}");
     let wrong = chi_square(squares(N).map(uniform_hemisphere), |c| c * c);
-    assert!(wrong > limit, "the check must see the wrong density: {wrong}");
+    assert!(wrong > limit, "the test detects a wrong PDF: {wrong}");
 }
 
 #[test]
@@ -81,16 +81,16 @@ fn directions_are_unit_and_above_the_horizon() {
     for square in squares(N).chain(corners) {
         for direction in [cosine_hemisphere(square), uniform_hemisphere(square)] {
             let d = direction.map(f64::from);
-            // Root, sine or cosine, and product round once each: four units of rounding a component at most.
+            // Root, sine or cosine, and product round once each: at most four units of rounding per component.
             assert!((dot(d, d) - 1.0).abs() < 8.0 * f64::from(f32::EPSILON), "{direction:?}");
             assert!(direction[2] > 0.0, "{direction:?}");
         }
     }
 }
 
-/// Both estimators of `(1/π) ∫ V·cosθ dω` for a visibility that a wall cuts, and their variances.
+/// Both estimators of `(1/π) ∫ V·cosθ dω`, for the visibility past a wall, and their variances.
 #[test]
-fn both_estimators_agree_and_cosine_varies_less() {
+fn estimators_agree_and_cosine_sampling_has_less_variance() {
     let visible = |d: [f32; 3]| f64::from(u8::from(d[0] + 0.5 * d[2] > 0.0));
     let estimate = |weights: Vec<f64>| {
         let n = f64::from(N);
@@ -102,18 +102,18 @@ fn both_estimators_agree_and_cosine_varies_less() {
         estimate(squares(N).map(cosine_hemisphere).map(|d| weight(d, cosine_density(d[2]))).collect());
     let (uniform, uniform_variance) =
         estimate(squares(N).map(uniform_hemisphere).map(|d| weight(d, uniform_density(d[2]))).collect());
-    // The visible part projects onto half a disc and half an ellipse: (1 + sin(atan(1/2)))/2.
+    // The visible part projects onto half a disk and half an ellipse: (1 + sin(atan(1/2)))/2.
     let exact = 0.5 * (1.0 + 1.0 / 5.0_f64.sqrt());
     for (mean, variance) in [(cosine, cosine_variance), (uniform, uniform_variance)] {
         assert!((mean - exact).abs() < 5.0 * (variance / f64::from(N)).sqrt(), "{mean} for {exact}");
     }
-    // At least the tenth less error that a third of the variance is; the source reports about 30 %.
+    // The error is at least a tenth smaller, i.e. the variance a third; the source reports about 30 %.
     let error_ratio = (cosine_variance / uniform_variance).sqrt();
     assert!(error_ratio < 0.8, "{error_ratio}");
 }
 
 #[test]
-fn the_basis_is_orthonormal_and_right_handed() {
+fn basis_is_orthonormal_and_right_handed() {
     let ugly =
         [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, -0.0, -1.0], [1.0, 0.0, -0.0], [0.6, 0.8, -0.0], [1e-20, 0.0, -1.0]];
     let random = squares(10_000).flat_map(|square| {
@@ -124,7 +124,7 @@ fn the_basis_is_orthonormal_and_right_handed() {
         let basis = Basis::about(normal);
         let [t, b, n] =
             [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| basis.direction(axis).map(f64::from));
-        // The normal is unit to 8 units of rounding, and 1/(1 + |z|) at most 1: sixteen cover the products.
+        // The normal is unit to 8 units of rounding, and 1/(1 + |z|) is at most 1: sixteen cover the products.
         let bound = 16.0 * f64::from(f32::EPSILON);
         for (value, want) in [(dot(t, t), 1.0), (dot(b, b), 1.0), (dot(t, b), 0.0), (dot(t, n), 0.0), (dot(b, n), 0.0)]
         {

@@ -1,4 +1,4 @@
-//! What a hit becomes: point, normals, colours.
+//! Surfaces at hits: position, normals, colors, rays that leave.
 
 use canted_obb::{Affine, PrimId};
 use canted_renderer::{Bsdf, Cone, Masked, Surface, Surfaces, Tracer};
@@ -25,14 +25,14 @@ fn one_triangle(columns: [[f32; 3]; 4], normals: Option<Vec<[f32; 3]>>) -> Scene
     scene
 }
 
-/// Two vectors that differ by `f64` rounding: sums of a dozen terms of like size.
+/// Whether two vectors differ only by `f64` rounding in sums of a dozen terms.
 fn close(a: Vector, b: Vector, magnitude: f64) -> bool {
     (0..3).all(|k| (a[k] - b[k]).abs() <= 64.0 * f64::EPSILON * magnitude)
 }
 
-/// The oracle places the vertices first and shades the triangle in world space, where no normal is ever transformed.
+/// The oracle transforms the vertices first and shades the triangle in world space, so that no normal is transformed.
 #[test]
-fn points_and_normals_agree_with_the_baked_triangle() {
+fn points_and_normals_match_the_baked_triangle() {
     for columns in MAPS {
         let scene = one_triangle(columns, None);
         let map = scene.instances[0].world_from_object;
@@ -49,16 +49,16 @@ fn points_and_normals_agree_with_the_baked_triangle() {
     }
 }
 
-/// Shading normals stay perpendicular to what they were perpendicular to, under mirrors and shears.
+/// Shading normals stay perpendicular to tangents under mirroring and shearing.
 #[test]
-fn shading_normals_are_carried_by_the_inverse_transpose() {
+fn shading_normals_use_the_inverse_transpose() {
     for columns in MAPS {
         let (n, along) = ([0.0_f32, 0.6, 0.8], [[1.0, 0.0, 0.0], [0.0, 0.8, -0.6]]);
         let scene = one_triangle(columns, Some(vec![n; 3]));
         let surface = Surfaces::new(&scene).at(&hit(0.2, 0.3), [0.1, -0.9, -0.4]);
         for tangent in along {
             let tangent = unit(scene.instances[0].world_from_object.vector_f64(tangent));
-            // The f32 normal is perpendicular to the tangents to one rounding of f32, amplified by the stretch.
+            // The f32 normal is perpendicular to the tangents up to one f32 rounding, amplified by the stretch.
             let bound = 16.0 * f64::from(f32::EPSILON);
             assert!(dot(surface.shading_normal, tangent).abs() < bound, "{columns:?}");
         }
@@ -67,7 +67,7 @@ fn shading_normals_are_carried_by_the_inverse_transpose() {
 }
 
 #[test]
-fn shading_normals_are_interpolated_and_zero_means_none() {
+fn shading_normals_are_interpolated_and_zero_falls_back() {
     let normals = vec![[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]];
     let scene = one_triangle(MAPS[0], Some(normals));
     let surfaces = Surfaces::new(&scene);
@@ -93,14 +93,14 @@ fn surface(normal: Vector, shading_normal: Vector) -> Surface {
 }
 
 #[test]
-fn directions_into_the_body_are_mirrored_out_of_it() {
+fn directions_below_the_surface_are_mirrored() {
     let s = surface([0.0, 1.0, 0.0], unit([1.0, 1.0, 0.0]));
     assert_eq!(s.mirror_outward([0.6, 0.8, 0.0]), [0.6, 0.8, 0.0]);
     assert_eq!(s.mirror_outward([0.8, -0.6, 0.0]), [0.8, 0.6, 0.0]);
 }
 
 #[test]
-fn rays_leave_by_the_side_they_point_to_and_stop_short_of_their_target() {
+fn rays_start_on_their_side_and_end_before_their_target() {
     let s = surface([0.0, 1.0, 0.0], [0.0, 1.0, 0.0]);
     assert_eq!(s.spawn_ray([0.0, 0.1, 1.0]).origin, [0.0, 1e-3, 0.0]);
     assert_eq!(s.spawn_ray([0.0, -0.1, 1.0]).origin, [0.0, -1e-3, 0.0]);
@@ -110,7 +110,8 @@ fn rays_leave_by_the_side_they_point_to_and_stop_short_of_their_target() {
     assert!(s.spawn_ray_to([0.0, 1e-3, 0.0]).is_none() && s.spawn_ray_to([0.0, 1.5e-3, 0.0]).is_none());
 }
 
-/// A square of two triangles with uv over 0..=1 and a two by one texture: left red and opaque, right green and clear.
+/// A square of two triangles with uv over 0..=1 and a two by one texture: left red and opaque, right green and
+/// transparent.
 fn textured() -> Scene {
     let mut square = crate::common::parallelogram([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0);
     square.uvs = Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
@@ -136,19 +137,19 @@ fn textured() -> Scene {
 }
 
 #[test]
-fn textures_tint_and_masks_cut_out() {
+fn textures_color_and_alpha_masks_cut_out() {
     let scene = textured();
     let (tracer, surfaces) = (BruteForce::new(&scene), Surfaces::new(&scene));
-    let seen = |x: f32| {
+    let shade = |x: f32| {
         let ray = Ray::new([x, 0.3, 2.0], [0.0, 0.0, -1.0]);
         let mut query = Masked::new(&surfaces, Counts::default());
         let hit = tracer.closest_hit(&ray, &mut query).unwrap();
-        assert_eq!(query.inner.triangles, 4, "counts pass through");
+        assert_eq!(query.inner.triangles, 4, "counts are forwarded");
         assert!(tracer.occluded(&ray, &mut query));
         (hit.instance.0, surfaces.at(&hit, ray.direction).bsdf.base_color)
     };
-    assert_eq!(seen(0.2), (0, [0.5, 0.0, 0.0]));
-    assert_eq!(seen(0.8), (1, [0.125; 3]), "through the cut-out part");
-    // Alpha falls linearly from 1 at u = 1/4 to 0 at u = 3/4: it crosses the cutoff in the middle.
-    assert_eq!((seen(0.499).0, seen(0.501).0), (0, 1));
+    assert_eq!(shade(0.2), (0, [0.5, 0.0, 0.0]));
+    assert_eq!(shade(0.8), (1, [0.125; 3]), "through the transparent part");
+    // Alpha falls linearly from 1 at u = 1/4 to 0 at u = 3/4 and crosses the cutoff in the center.
+    assert_eq!((shade(0.499).0, shade(0.501).0), (0, 1));
 }

@@ -1,4 +1,4 @@
-//! Textures in pictures: what averaging saves in noise and costs in sharpness, and that every slot reaches the surface.
+//! Texture filtering in images: noise, sharpness, and all texture slots.
 
 use std::sync::LazyLock;
 
@@ -11,12 +11,12 @@ use crate::common::{BruteForce, U, Vector, camera, film, floor, grey, mesh, scen
 
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;
-/// Texels along the side of a field.
+/// Texels per side of a field.
 const FIELD: u32 = 8;
-/// World units along the side of a field.
+/// World units per side of a field.
 const FIELD_WORLD: f32 = 0.5;
 
-/// A chessboard that recedes to the horizon under a white sky: every ray that hits sees black or white, and no noise but
+/// A chessboard that extends to the horizon under a white environment: rays see black or white, and the only noise is
 /// that of the texture.
 fn board() -> Scene {
     let side = 2 * FIELD;
@@ -49,10 +49,10 @@ fn picture(lod: Lod, samples: u32, camera: &Camera) -> Vec<f64> {
     film(&board(), camera, &settings).pixels().iter().map(|pixel| pixel.mean()[0]).collect()
 }
 
-/// What the picture tends to.
+/// The converged image.
 static REFERENCE: LazyLock<Vec<f64>> = LazyLock::new(|| picture(Lod::None, 4096, &view(0.0)));
 
-/// Distance along the view of the board under the middle of each pixel; `None` above the horizon.
+/// Distance of the board at the center of each pixel, along the view; `None` above the horizon.
 fn distances() -> Vec<Option<f64>> {
     let scene = board();
     let tracer = BruteForce::new(&scene);
@@ -65,7 +65,7 @@ fn mean_square(of: impl Iterator<Item = f64> + Clone) -> f64 {
     of.clone().map(|x| x * x).sum::<f64>() / of.count() as f64
 }
 
-/// Mean squared error of the pixels whose distance lies in a range.
+/// Mean squared error of the pixels in a range of distances.
 fn error(picture: &[f64], range: std::ops::Range<f64>) -> f64 {
     let pixels = picture.iter().zip(&*REFERENCE).zip(distances());
     let errors: Vec<f64> =
@@ -74,14 +74,14 @@ fn error(picture: &[f64], range: std::ops::Range<f64>) -> f64 {
     mean_square(errors.into_iter())
 }
 
-/// Distance beyond which a field is less than half a pixel high, so that the picture is grey.
+/// Distance beyond which a field is less than half a pixel high, so that the image is gray.
 const FAR: f64 = 12.0;
 
-/// Distance up to which a texel is about a pixel or more.
+/// Distance up to which a texel covers about a pixel or more.
 const NEAR: f64 = 3.0;
 
 #[test]
-fn an_ellipse_errs_less_than_a_square_and_a_square_less_than_a_point() {
+fn anisotropic_beats_isotropic_beats_unfiltered() {
     for samples in [4, 16, 64] {
         let [none, cone, aniso] =
             [Lod::None, Lod::Cone, Lod::Aniso].map(|lod| error(&picture(lod, samples, &view(0.0)), 0.0..f64::INFINITY));
@@ -89,19 +89,19 @@ fn an_ellipse_errs_less_than_a_square_and_a_square_less_than_a_point() {
     }
 }
 
-/// Blur of near texels is at most two hundredths at 16 samples, and goes away as samples are added.
+/// The blur of near texels is at most 0.02 at 16 samples, and vanishes with more samples.
 #[test]
 fn near_texels_are_sharp() {
     let [early, late] = [16, 64].map(|samples| error(&picture(Lod::Aniso, samples, &view(0.0)), 0.0..NEAR));
     assert!(early < 0.02 * 0.02 && 4.0 * late < early, "{early} {late}");
-    // The check sees what is blurred: a square down the slope.
+    // The test detects blur: that of an isotropic footprint.
     assert!(error(&picture(Lod::Cone, 4, &view(0.0)), 0.0..NEAR) > 0.04 * 0.04);
 }
 
-/// At one sample a pixel, the far board changes by less than three hundredths as the camera turns by a pixel; unfiltered it
-/// flickers between black and white.
+/// With one sample per pixel, the distant board changes by less than 0.03 when the camera rotates by a pixel; without
+/// filtering it flickers between black and white.
 #[test]
-fn far_texels_do_not_shimmer() {
+fn far_texels_do_not_flicker() {
     let change = |lod| {
         let [a, b] = [0.0, 60.0_f32.to_radians() / HEIGHT as f32].map(|yaw| picture(lod, 1, &view(yaw)));
         let far = a.iter().zip(&b).zip(distances()).filter(|(_, d)| d.is_some_and(|d| d > FAR));
@@ -121,7 +121,7 @@ fn only_hit() -> Hit {
     Hit { t: 1.0, u: 0.25, v: 0.25, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front }
 }
 
-/// A triangle under a texture in each slot.
+/// A triangle with a texture in each slot.
 fn slots() -> Scene {
     let slot = |k| Some(TextureRef::new(TextureId(k)));
     let material = Material {
@@ -149,7 +149,7 @@ fn slots() -> Scene {
     scene
 }
 
-/// A texel is rounded once as it is decoded, each of its four weights twice; their sum rounds three times, the factor once.
+/// Decoding rounds a texel once, each of its four weights rounds twice, their sum three times, the factor once.
 const LOOKED_UP_ERROR: f64 = 8.0 * U;
 
 #[test]
@@ -170,7 +170,7 @@ fn every_slot_reaches_the_surface() {
 }
 
 #[test]
-fn sheets_and_what_is_opaque_have_no_inside() {
+fn thin_and_opaque_materials_have_no_inside() {
     for spoil in [|m: &mut Material| m.thin_walled = true, |m: &mut Material| m.transmission = 0.0] {
         let mut scene = slots();
         spoil(&mut scene.materials[0]);
@@ -197,16 +197,16 @@ fn missing_coordinates_and_images_are_white() {
 }
 
 #[test]
-fn vertices_tint() {
+fn vertex_colors_multiply() {
     let mut scene = scene(vec![floor(1.0, 0.0, 0)], vec![grey(0.5)]);
     scene.meshes[0].colors = Some(vec![[1.0, 0.5, 0.0, 1.0]; 4]);
     let surface = Surfaces::new(&scene).at(&only_hit(), [0.0, -1.0, 0.0]);
     assert_eq!(surface.bsdf.base_color, [0.5, 0.25, 0.0]);
 }
 
-/// A scene without textures is the same bits whatever the level of detail.
+/// A scene without textures does not depend on the level of detail.
 #[test]
-fn bare_scenes_have_no_level_of_detail() {
+fn scenes_without_textures_do_not_depend_on_lod() {
     let stage = Scene { environment: Some([1.0; 3].into()), ..scene(vec![floor(4.0, 0.0, 0)], vec![grey(0.5)]) };
     let camera = camera([0.0, 2.0, 5.0], [0.0; 3], 50.0);
     let pictures = [Lod::None, Lod::Cone, Lod::Aniso].map(|lod| {
@@ -216,9 +216,10 @@ fn bare_scenes_have_no_level_of_detail() {
     assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
 }
 
-/// A pixel's cone is as wide as the pixel, wherever in the picture: the root of what its corners' rays enclose.
+/// A pixel's cone is as wide as the pixel everywhere in the image: the root of the area between the rays of its
+/// corners.
 #[test]
-fn cones_fill_their_pixels() {
+fn cones_match_their_pixels() {
     let view = View::new(&camera([1.0, 2.0, 3.0], [0.0; 3], 70.0), 64, 48).unwrap();
     for [x, y] in [[32.0, 24.0], [0.5, 0.5], [63.5, 20.5]] {
         let at = |dx: f64, dy: f64| view.ray([x + dx, y + dy]).direction.map(f64::from);
@@ -228,7 +229,7 @@ fn cones_fill_their_pixels() {
         let area = crate::common::cross(across, along);
         let width = view.cone([x, y], 0).grown(1.0).width();
         let expected = crate::common::dot(area, area).sqrt().sqrt();
-        // A quotient of differences over a pixel: off by the square of its angle.
+        // A quotient of differences over a pixel has an error of the square of its angle.
         assert!((width / expected - 1.0).abs() < width * width, "{x} {y}: {width} {expected}");
     }
 }

@@ -1,4 +1,4 @@
-//! The files that cases start from: the small ones of the folder of scenes, and the examples of scene files.
+//! Seed files: small files of the scene folder, and the example scene files.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -6,10 +6,10 @@ use std::{fs, io};
 
 use crate::mutate::Random;
 
-/// Files of more bytes are left out, for they make cases slow.
-pub(crate) const MOST_BYTES: u64 = 1 << 18;
+/// Larger files are skipped, because they are slow.
+pub(crate) const MAX_BYTES: u64 = 1 << 18;
 
-/// What reads a file.
+/// The reader of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Kind {
     Obj,
@@ -23,28 +23,28 @@ pub(crate) enum Kind {
     SceneFile,
 }
 
-/// A file of the corpus.
+/// A seed file.
 pub(crate) struct Entry {
-    /// Below its folder, of scenes or of examples.
+    /// Path relative to the scene or example folder.
     pub(crate) file: PathBuf,
     pub(crate) kind: Kind,
-    /// The scene that names it, or itself.
+    /// The scene that references it, or itself.
     pub(crate) read_through: PathBuf,
     pub(crate) bytes: Vec<u8>,
 }
 
-/// All files.
+/// All seed files.
 pub(crate) struct Corpus {
     pub(crate) entries: Vec<Entry>,
-    /// Files that scenes name and no case changes.
+    /// Files that scenes reference but that are not mutated.
     others: Vec<(PathBuf, Vec<u8>)>,
 }
 
 impl Corpus {
-    /// Reads the folder `CANTED_SCENES`, else `../shared/scenes` beside the workspace; `None` where it is absent or empty.
+    /// Reads the folder `CANTED_SCENES`, else `../shared/scenes` next to the workspace; `None` if absent or empty.
     pub(crate) fn load() -> Option<Self> {
-        let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
-        let root = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(beside), PathBuf::from);
+        let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
+        let root = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(default), PathBuf::from);
         let mut corpus = Self { entries: Vec::new(), others: Vec::new() };
         corpus.add(&root).ok()?;
         let is_empty = corpus.entries.is_empty();
@@ -52,7 +52,7 @@ impl Corpus {
         (!is_empty).then_some(corpus)
     }
 
-    /// A file of a kind that is drawn first, so that readers of few files are asked as often as others.
+    /// A random file: first draws a kind, so that all readers are tested equally often.
     pub(crate) fn draw(&self, random: &mut Random) -> &Entry {
         let kinds: BTreeSet<Kind> = self.entries.iter().map(|entry| entry.kind).collect();
         let kinds: Vec<Kind> = kinds.into_iter().collect();
@@ -65,7 +65,7 @@ impl Corpus {
     fn add(&mut self, root: &Path) -> io::Result<()> {
         let mut files = Vec::new();
         list(root, &mut files)?;
-        // The order of a folder is the system's, that of the cases should not be.
+        // Directory order depends on the system.
         files.sort();
         for path in files {
             let (Ok(bytes), Ok(file)) = (fs::read(&path), path.strip_prefix(root)) else { continue };
@@ -91,20 +91,20 @@ impl Corpus {
     }
 }
 
-/// All small files below a folder.
+/// Lists all small files below a folder.
 fn list(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
         if entry.file_type()?.is_dir() {
             list(&entry.path(), files)?;
-        } else if entry.metadata()?.len() <= MOST_BYTES {
+        } else if entry.metadata()?.len() <= MAX_BYTES {
             files.push(entry.path());
         }
     }
     Ok(())
 }
 
-/// What reads a file, and through which scene.
+/// The reader of a file, and the scene to read it through.
 fn kind(file: &Path) -> Option<(Kind, PathBuf)> {
     let ending = file.extension()?.to_str()?;
     let kind = match ending {

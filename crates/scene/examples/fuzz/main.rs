@@ -1,18 +1,17 @@
-//! The long run: files with bytes and numbers changed, through every reader.
+//! Fuzzes all readers with mutated files.
 //!
-//! `cargo xtask fuzz --minutes N` runs it and keeps the table. Each case takes a real or malformed file, changes it, and
-//! reads it: any answer but a panic, an unsound scene or half a minute is right. Half of the changes of JSON and of scene files
-//! keep these well-formed, so that what is behind the parsers is met too. Cases follow from `--seed` and the
-//! number of their thread. What was found is kept in `target/fuzz`; the exit code is then 1.
+//! `cargo xtask fuzz --minutes N` runs it and records the table. Each case mutates a real or malformed file and reads it.
+//! Panics, invalid scenes and times over 30 seconds are findings. Half of the mutations of JSON and TOML keep the syntax valid,
+//! to get past the parsers. Cases are determined by `--seed` and the thread number. Findings are saved in `target/fuzz`, and
+//! the exit code is 1.
 //!
-//! Not covered: memory (a test of its own counts it), files of more than [`corpus::MOST_BYTES`], names of files that lead
-//! elsewhere.
+//! Not covered: memory (see `tests/allocation.rs`), files larger than [`corpus::MAX_BYTES`], paths of referenced files.
 #![forbid(unsafe_code)]
 
 mod corpus;
 mod mutate;
-mod sound;
 mod structure;
+mod validity;
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -26,21 +25,21 @@ use canted_scene::{ReadOptions, SceneFile, read_environment, read_with};
 use corpus::{Corpus, Entry, Kind};
 use mutate::Random;
 
-/// No case of the corpus takes a second; a reader that takes so long has lost its bounds.
-const MOST_TIME: Duration = Duration::from_secs(30);
+/// Time limit of a case; valid cases take less than a second.
+const MAX_TIME: Duration = Duration::from_secs(30);
 
-/// What happened to the cases of a kind.
+/// Results of the cases of one kind.
 #[derive(Clone, Debug, Default)]
 struct Tally {
     n_read: u64,
-    n_refused: u64,
+    n_rejected: u64,
     findings: Vec<String>,
 }
 
 impl Tally {
     fn add(&mut self, other: Self) {
         self.n_read += other.n_read;
-        self.n_refused += other.n_refused;
+        self.n_rejected += other.n_rejected;
         self.findings.extend(other.findings);
     }
 }
@@ -51,10 +50,10 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     };
     let Some(corpus) = Corpus::load() else {
-        let _ = writeln!(std::io::stderr(), "there is no folder of scenes; CANTED_SCENES may name one");
+        let _ = writeln!(std::io::stderr(), "error: no scene folder found; set CANTED_SCENES");
         return ExitCode::from(2);
     };
-    // Findings are told in the table; a line for each panic would hide them.
+    // Panics are reported in the table.
     std::panic::set_hook(Box::new(|_| {}));
     let end = Instant::now() + Duration::from_secs_f64(60.0 * minutes);
     let n_threads = thread::available_parallelism().map_or(1, usize::from) as u64;
@@ -73,7 +72,7 @@ fn main() -> ExitCode {
     if is_clean { ExitCode::SUCCESS } else { ExitCode::from(1) }
 }
 
-/// Minutes to run and the seed; `None` where the arguments say something else.
+/// Minutes to run and the seed; `None` for invalid arguments.
 fn options() -> Option<(f64, u64)> {
     let (mut minutes, mut seed) = (1.0, 0);
     let mut args = std::env::args().skip(1);
@@ -87,10 +86,10 @@ fn options() -> Option<(f64, u64)> {
     Some((minutes, seed))
 }
 
-/// One thread's cases, in a copy of the corpus of its own.
+/// Runs cases in one thread, in its own copy of the corpus.
 fn run(corpus: &Corpus, mut random: Random, end: Instant) -> BTreeMap<Kind, Tally> {
     let mut tallies = BTreeMap::<Kind, Tally>::new();
-    // A case writes its file twice; on a disk that takes three quarters of its time.
+    // Each case writes its file twice, which dominates the time on a disk.
     let Ok(copy) = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()) else { return tallies };
     if corpus.write(copy.path()).is_err() {
         return tallies;
@@ -101,14 +100,14 @@ fn run(corpus: &Corpus, mut random: Random, end: Instant) -> BTreeMap<Kind, Tall
         let tally = tallies.entry(entry.kind).or_default();
         match case(copy.path(), entry, &bytes, &mut random) {
             Ok(true) => tally.n_read += 1,
-            Ok(false) => tally.n_refused += 1,
-            Err(finding) => tally.findings.push(kept(entry, &bytes, &finding)),
+            Ok(false) => tally.n_rejected += 1,
+            Err(finding) => tally.findings.push(save(entry, &bytes, &finding)),
         }
     }
     tallies
 }
 
-/// Reads one changed file; whether it was read, or what is wrong with that.
+/// Reads one mutated file; whether it was accepted, or a finding.
 fn case(folder: &Path, entry: &Entry, bytes: &[u8], random: &mut Random) -> Result<bool, String> {
     let path = folder.join(&entry.file);
     fs::write(&path, bytes).map_err(|error| error.to_string())?;
@@ -117,30 +116,30 @@ fn case(folder: &Path, entry: &Entry, bytes: &[u8], random: &mut Random) -> Resu
         let start = Instant::now();
         let answer = catch_unwind(AssertUnwindSafe(|| match entry.kind {
             Kind::Hdr | Kind::Exr => {
-                read_environment(&path, &mut Vec::new()).map(|image| sound::flaw_of_environment(&image)).ok()
+                read_environment(&path, &mut Vec::new()).map(|image| validity::flaw_of_environment(&image)).ok()
             }
             Kind::SceneFile => {
-                SceneFile::read(&path).and_then(|file| file.load()).map(|scene| sound::flaw(&scene)).ok()
+                SceneFile::read(&path).and_then(|file| file.load()).map(|scene| validity::flaw(&scene)).ok()
             }
             _ => read_with(&folder.join(&entry.read_through), &ReadOptions { time })
-                .map(|scene| sound::flaw(&scene))
+                .map(|scene| validity::flaw(&scene))
                 .ok(),
         }));
         (answer, start.elapsed())
     };
     let (mut answer, mut took) = attempt();
-    // A machine that was put to sleep meanwhile says nothing about the reader.
-    if took > MOST_TIME {
+    // Repeats slow cases, in case the machine was suspended.
+    if took > MAX_TIME {
         (answer, took) = attempt();
     }
     fs::write(&path, &entry.bytes).map_err(|error| error.to_string())?;
-    if took > MOST_TIME {
+    if took > MAX_TIME {
         return Err(format!("took {took:?}"));
     }
     match answer {
         Err(panic) => {
             let text = panic.downcast_ref::<String>().map(String::as_str);
-            Err(format!("panic: {}", text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without words")))
+            Err(format!("panic: {}", text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")))
         }
         Ok(None) => Ok(false),
         Ok(Some(None)) => Ok(true),
@@ -148,8 +147,8 @@ fn case(folder: &Path, entry: &Entry, bytes: &[u8], random: &mut Random) -> Resu
     }
 }
 
-/// Writes down the bytes of a finding, and says what it is.
-fn kept(entry: &Entry, bytes: &[u8], finding: &str) -> String {
+/// Saves the input of a finding and describes it.
+fn save(entry: &Entry, bytes: &[u8], finding: &str) -> String {
     let name = entry.file.to_string_lossy().replace(['/', '\\'], "-");
     let path = Path::new("target/fuzz").join(format!("{:08x}-{name}", mutate::hash(bytes)));
     let _ = fs::create_dir_all("target/fuzz").and_then(|()| fs::write(&path, bytes));
@@ -158,11 +157,12 @@ fn kept(entry: &Entry, bytes: &[u8], finding: &str) -> String {
 
 fn table(corpus: &Corpus, tallies: &BTreeMap<Kind, Tally>) -> String {
     let mut table =
-        "| reader | files | cases | read | refused | findings |\n| --- | --- | --- | --- | --- | --- |\n".to_owned();
-    for (kind, Tally { n_read, n_refused, findings }) in tallies {
+        "| reader | files | cases | accepted | rejected | findings |\n| --- | --- | --- | --- | --- | --- |\n"
+            .to_owned();
+    for (kind, Tally { n_read, n_rejected, findings }) in tallies {
         let n_files = corpus.entries.iter().filter(|entry| entry.kind == *kind).count();
-        let n_cases = n_read + n_refused + findings.len() as u64;
-        table += &format!("| {kind:?} | {n_files} | {n_cases} | {n_read} | {n_refused} | {} |\n", findings.len());
+        let n_cases = n_read + n_rejected + findings.len() as u64;
+        table += &format!("| {kind:?} | {n_files} | {n_cases} | {n_read} | {n_rejected} | {} |\n", findings.len());
     }
     let findings = tallies.values().flat_map(|tally| &tally.findings);
     table + &findings.map(|finding| format!("\n* {finding}")).collect::<String>()

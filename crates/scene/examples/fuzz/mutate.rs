@@ -1,9 +1,9 @@
-//! Changes of files: bytes, pieces, numbers in text, pieces of other files.
+//! Mutations: bytes, ranges, numbers in text, ranges of other files.
 
 use crate::corpus::{Corpus, Entry, Kind};
 use crate::structure;
 
-/// Random numbers by SplitMix64 (Steele et al. 2014).
+/// SplitMix64 (Steele et al. 2014).
 pub(crate) struct Random(u64);
 
 impl Random {
@@ -18,7 +18,7 @@ impl Random {
         x ^ (x >> 31)
     }
 
-    /// A number below `n`, and 0 where `n` is.
+    /// A number below `n`; 0 for `n` = 0.
     #[expect(clippy::cast_possible_truncation, reason = "below a length")]
     pub(crate) fn below(&mut self, n: usize) -> usize {
         (self.next() % (n as u64).max(1)) as usize
@@ -29,13 +29,13 @@ impl Random {
     }
 }
 
-/// A number that two files rarely share (FNV-1a).
+/// FNV-1a hash.
 pub(crate) fn hash(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// Bytes that readers meet rarely: all ones, NaN, infinity, the largest and the least.
-const UGLY_BYTES: [[u8; 4]; 8] = [
+/// Unusual words: all ones, NaN, infinity, extreme values.
+const UNUSUAL_BYTES: [[u8; 4]; 8] = [
     [0xff; 4],
     [0; 4],
     [0, 0, 0xc0, 0x7f],
@@ -46,8 +46,8 @@ const UGLY_BYTES: [[u8; 4]; 8] = [
     [0x7f, 0xff, 0xff, 0xff],
 ];
 
-/// Numbers that texts have rarely.
-pub(crate) const UGLY_NUMBERS: [&str; 14] = [
+/// Unusual numbers in text.
+pub(crate) const UNUSUAL_NUMBERS: [&str; 14] = [
     "0",
     "-1",
     "1",
@@ -64,10 +64,10 @@ pub(crate) const UGLY_NUMBERS: [&str; 14] = [
     "null",
 ];
 
-/// Longest piece that is cut out, doubled or taken from another file.
-const MOST_PIECE: usize = 64;
+/// Longest range that is removed, duplicated or copied from another file.
+const MAX_RANGE: usize = 64;
 
-/// The file with one to four changes: of what the parser makes of it, where it is JSON or TOML, in half of the cases.
+/// The file with one to four mutations; for JSON and TOML half of them keep the syntax valid.
 pub(crate) fn mutated(entry: &Entry, corpus: &Corpus, random: &mut Random) -> Vec<u8> {
     if random.below(2) == 0
         && let Some(bytes) = well_formed(entry, random)
@@ -78,7 +78,7 @@ pub(crate) fn mutated(entry: &Entry, corpus: &Corpus, random: &mut Random) -> Ve
         && let Some((json, bin)) = parts(&entry.bytes)
         && random.below(4) > 0
     {
-        // In a container whose lengths are right, changes get further.
+        // Keeps the container lengths consistent.
         let (mut json, mut bin) = (json.to_vec(), bin.to_vec());
         let part = if random.below(3) > 0 { &mut json } else { &mut bin };
         change_often(part, corpus, random);
@@ -89,7 +89,7 @@ pub(crate) fn mutated(entry: &Entry, corpus: &Corpus, random: &mut Random) -> Ve
     bytes
 }
 
-/// The file with changes that leave it well-formed; `None` where it has no such structure.
+/// Mutations that keep the syntax valid; `None` for formats without syntax.
 fn well_formed(entry: &Entry, random: &mut Random) -> Option<Vec<u8>> {
     match entry.kind {
         Kind::Gltf => structure::json(&entry.bytes, random),
@@ -110,7 +110,7 @@ fn change_often(bytes: &mut Vec<u8>, corpus: &Corpus, random: &mut Random) {
 
 fn change(bytes: &mut Vec<u8>, corpus: &Corpus, random: &mut Random) {
     let at = random.below(bytes.len() + 1);
-    let end = (at + 1 + random.below(MOST_PIECE)).min(bytes.len());
+    let end = (at + 1 + random.below(MAX_RANGE)).min(bytes.len());
     match random.below(10) {
         0 => bytes.truncate(at),
         1 => drop(bytes.drain(at..end)),
@@ -121,12 +121,12 @@ fn change(bytes: &mut Vec<u8>, corpus: &Corpus, random: &mut Random) {
         3 => {
             let other = &corpus.entries[random.below(corpus.entries.len())].bytes;
             let start = random.below(other.len());
-            let piece = &other[start..(start + MOST_PIECE).min(other.len())];
+            let piece = &other[start..(start + MAX_RANGE).min(other.len())];
             insert(bytes, at, piece);
         }
-        4 | 5 => overwrite(bytes, at, &UGLY_BYTES[random.below(UGLY_BYTES.len())]),
+        4 | 5 => overwrite(bytes, at, &UNUSUAL_BYTES[random.below(UNUSUAL_BYTES.len())]),
         6 | 7 => overwrite(bytes, at, &[random.byte()]),
-        _ => change_number(bytes, at, UGLY_NUMBERS[random.below(UGLY_NUMBERS.len())]),
+        _ => change_number(bytes, at, UNUSUAL_NUMBERS[random.below(UNUSUAL_NUMBERS.len())]),
     }
 }
 
@@ -138,7 +138,7 @@ fn overwrite(bytes: &mut [u8], at: usize, piece: &[u8]) {
     bytes[at..].iter_mut().zip(piece).for_each(|(byte, new)| *byte = *new);
 }
 
-/// Puts another number in the place of the next one in a text.
+/// Replaces the next number in a text.
 fn change_number(bytes: &mut Vec<u8>, at: usize, number: &str) {
     let is_digit = |byte: &u8| byte.is_ascii_digit() || b"+-.eE".contains(byte);
     let Some(start) = bytes[at..].iter().position(u8::is_ascii_digit).map(|offset| at + offset) else { return };
@@ -146,7 +146,7 @@ fn change_number(bytes: &mut Vec<u8>, at: usize, number: &str) {
     bytes.splice(start..end, number.bytes());
 }
 
-/// JSON and binary chunk of a whole GLB.
+/// JSON and binary chunk of a GLB.
 fn parts(glb: &[u8]) -> Option<(&[u8], &[u8])> {
     let length = |at: usize| Some(u32::from_le_bytes(glb.get(at..at + 4)?.try_into().ok()?) as usize);
     let json_end = 20_usize.checked_add(length(12)?)?;

@@ -1,10 +1,10 @@
-//! Changes that keep a file well-formed, so that cases get behind its parser: of JSON as a tree, of TOML line by line.
+//! Mutations that keep the syntax valid: of JSON values, of TOML lines.
 
 use serde_json::Value;
 
-use crate::mutate::{Random, UGLY_NUMBERS};
+use crate::mutate::{Random, UNUSUAL_NUMBERS};
 
-/// JSON with one to four changes; `None` for what is no JSON.
+/// JSON with one to four mutations; `None` for invalid JSON.
 pub(crate) fn json(bytes: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     let mut root: Value = serde_json::from_slice(bytes).ok()?;
     for _ in 0..=random.below(4) {
@@ -13,7 +13,7 @@ pub(crate) fn json(bytes: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     serde_json::to_vec(&root).ok()
 }
 
-/// A walk from the root to some value, which is then changed; deep ones are as likely as shallow ones.
+/// Mutates a random value, each with equal probability.
 fn change(root: &mut Value, random: &mut Random) {
     let mut at = random.below(count(root));
     if let Some(value) = nth(root, &mut at) {
@@ -21,7 +21,7 @@ fn change(root: &mut Value, random: &mut Random) {
     }
 }
 
-/// Values below and with this one.
+/// Number of values including nested ones.
 fn count(value: &Value) -> usize {
     1 + match value {
         Value::Array(items) => items.iter().map(count).sum(),
@@ -30,7 +30,7 @@ fn count(value: &Value) -> usize {
     }
 }
 
-/// The value so many places on, in the order of the text.
+/// The value with index `at` in depth-first order.
 fn nth<'a>(value: &'a mut Value, at: &mut usize) -> Option<&'a mut Value> {
     if *at == 0 {
         return Some(value);
@@ -46,10 +46,10 @@ fn nth<'a>(value: &'a mut Value, at: &mut usize) -> Option<&'a mut Value> {
 fn change_value(value: &mut Value, random: &mut Random) {
     match value {
         Value::Number(number) => {
-            // Small steps turn an index into its neighbour, a count into one too many.
+            // Small steps give off-by-one errors.
             let near = number.as_i64().map(|n| n.saturating_add([-1, 1, 2][random.below(3)]).into());
-            let ugly = serde_json::from_str(UGLY_NUMBERS[random.below(UGLY_NUMBERS.len())]).ok();
-            let new = if random.below(2) == 0 { near } else { ugly };
+            let unusual = serde_json::from_str(UNUSUAL_NUMBERS[random.below(UNUSUAL_NUMBERS.len())]).ok();
+            let new = if random.below(2) == 0 { near } else { unusual };
             *value = new.unwrap_or(Value::from(random.below(6)));
         }
         Value::Array(items) if !items.is_empty() => {
@@ -78,7 +78,7 @@ fn change_value(value: &mut Value, random: &mut Random) {
     }
 }
 
-/// A scene file with one to four changes of whole lines and tables.
+/// A scene file with one to four mutations of lines and tables.
 pub(crate) fn toml(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     let text = String::from_utf8_lossy(bytes).into_owned();
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
@@ -102,9 +102,9 @@ fn change_line(lines: &mut Vec<String>, random: &mut Random) {
             lines.splice(table.end..table.end, copy);
         }
         2 => drop(lines.drain(table_of(lines, a))),
-        // The value of another key, or another number.
+        // Replaces the value by that of another key, or by an unusual number.
         kind => {
-            let number = UGLY_NUMBERS[random.below(UGLY_NUMBERS.len())].to_owned();
+            let number = UNUSUAL_NUMBERS[random.below(UNUSUAL_NUMBERS.len())].to_owned();
             let new = if kind == 3 { value_of(&lines[b]) } else { Some(number) };
             if let (Some((key, _)), Some(new)) = (lines[a].clone().split_once('='), new) {
                 lines[a] = format!("{key}= {new}");
@@ -113,7 +113,7 @@ fn change_line(lines: &mut Vec<String>, random: &mut Random) {
     }
 }
 
-/// The lines of the table that a line stands in, with its heading.
+/// The lines of the table around a line, including its header.
 fn table_of(lines: &[String], at: usize) -> std::ops::Range<usize> {
     let is_heading = |line: &String| line.starts_with('[');
     let start = lines[..=at].iter().rposition(is_heading).unwrap_or(0);

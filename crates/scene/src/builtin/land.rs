@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 
 use super::{
-    draft::Draft,
+    mesh_builder::MeshBuilder,
     noise::{hills, noise, random},
     palette::Paint,
-    stage::{Stage, leaning, upright},
+    scene_builder::{SceneBuilder, tilted, upright},
 };
 use crate::Mesh;
 
@@ -19,40 +19,40 @@ const TILE_CELLS: u32 = 48;
 /// Cells of the terrain along x and z.
 const TERRAIN_CELLS: [u32; 2] = [140, 120];
 
-/// Places terrain, water and trees.
-pub(super) fn place(stage: &mut Stage) {
-    let terrain = stage.mesh(terrain());
-    stage.place(terrain, upright([0.0; 3], 0.0, [1.0; 3]));
-    let water = stage.mesh(water());
+/// Adds terrain, water and trees.
+pub(super) fn place(builder: &mut SceneBuilder) {
+    let terrain = builder.mesh(terrain());
+    builder.place(terrain, upright([0.0; 3], 0.0, [1.0; 3]));
+    let water = builder.mesh(water());
     for row in -12..4 {
         for column in -3..12 {
             let [x, z] = [column, row].map(|k| TILE * f64::from(k));
             if has_water(x, z) {
-                stage.place(water, upright([x, 0.0, z], 0.0, [1.0; 3]));
+                builder.place(water, upright([x, 0.0, z], 0.0, [1.0; 3]));
             }
         }
     }
-    place_trees(stage);
+    place_trees(builder);
 }
 
-/// Whether the river comes near one of a few points of the tile that ends at `(x, z)`, its greatest z.
+/// Whether any sample point of the tile from `(x, z)` towards positive x and negative z is near the river.
 fn has_water(x: f64, z: f64) -> bool {
     let steps = || (0..=8).map(|k| TILE * f64::from(k) / 8.0);
     steps().any(|along| steps().any(|across| inland(x + along, z - across) < 0.1 * TILE))
 }
 
-/// Where the river's middle runs: straight under the bridge, bending to the right upstream.
-fn middle(z: f64) -> f64 {
+/// x of the river center: straight under the bridge, bending to the right upstream.
+fn river_center(z: f64) -> f64 {
     let upstream = (-120.0 - z).max(0.0);
     upstream * upstream / (upstream + 500.0)
 }
 
-/// Distance from the waterline, roughly; negative in the river.
+/// Approximate distance from the waterline; negative in the river.
 pub(super) fn inland(x: f64, z: f64) -> f64 {
-    // The bend is crossed at an angle: a level distance overstates the width there.
+    // In the bend the distance along x overestimates the distance across the river.
     let upstream = (-120.0 - z).max(0.0);
     let slope = 1.0 - (500.0 / (upstream + 500.0)).powi(2);
-    let distance = (x - middle(z)).abs() / (1.0 + slope * slope).sqrt();
+    let distance = (x - river_center(z)).abs() / (1.0 + slope * slope).sqrt();
     distance - HALF_RIVER + 14.0 * hills(x / 90.0, z / 90.0, 40)
 }
 
@@ -76,7 +76,7 @@ pub(super) fn ground(x: f64, z: f64) -> f64 {
         + mountains * (260.0 + 330.0 * hills(x / 800.0, z / 800.0, 70))
 }
 
-/// The ground, its cells larger with the cube of the distance from the bridge.
+/// The ground; cell size grows with distance from the bridge.
 fn terrain() -> Mesh {
     let x_at = |i: u32| {
         let u = -0.7 + 1.7 * f64::from(i) / f64::from(TERRAIN_CELLS[0]);
@@ -86,11 +86,11 @@ fn terrain() -> Mesh {
         let v = -0.5 + 1.5 * f64::from(j) / f64::from(TERRAIN_CELLS[1]);
         -60.0 - (420.0 * v + 2800.0 * v * v * v)
     };
-    let mut draft = Draft::default();
+    let mut mesh = MeshBuilder::default();
     for j in 0..=TERRAIN_CELLS[1] {
         for i in 0..=TERRAIN_CELLS[0] {
             let [x, z] = [x_at(i), z_at(j)];
-            draft.vertex([x, ground(x, z), z]);
+            mesh.vertex([x, ground(x, z), z]);
         }
     }
     let row = TERRAIN_CELLS[0] + 1;
@@ -98,13 +98,13 @@ fn terrain() -> Mesh {
         for i in 0..TERRAIN_CELLS[0] {
             let corner = j * row + i;
             let paint = paint_at(0.5 * (x_at(i) + x_at(i + 1)), 0.5 * (z_at(j) + z_at(j + 1)));
-            draft.quad(paint, [corner, corner + 1, corner + row + 1, corner + row]);
+            mesh.quad(paint, [corner, corner + 1, corner + row + 1, corner + row]);
         }
     }
-    draft.finish("terrain")
+    mesh.finish("terrain")
 }
 
-/// By distance from the bridge, with ragged borders, and nearby by slope.
+/// Material by distance from the bridge, with irregular borders, and by slope nearby.
 fn paint_at(x: f64, z: f64) -> Paint {
     let inland = inland(x, z);
     let far = (x * x + z * z).sqrt() * (1.0 + 0.15 * hills(x / 200.0, z / 200.0, 80));
@@ -125,7 +125,7 @@ fn paint_at(x: f64, z: f64) -> Paint {
     }
 }
 
-/// A square of ripples that fits itself on all sides.
+/// A tileable square of waves.
 fn water() -> Mesh {
     let n = TILE_CELLS;
     let height = |i: u32, j: u32| {
@@ -135,25 +135,25 @@ fn water() -> Mesh {
         };
         octave(8, 0.45) + octave(15, 0.32) + octave(24, 0.22)
     };
-    let mut draft = Draft::default();
+    let mut mesh = MeshBuilder::default();
     let place = |k: u32| TILE * (f64::from(k) / f64::from(n));
     for j in 0..=n {
         for i in 0..=n {
-            draft.vertex([place(i), height(i, j), -place(j)]);
+            mesh.vertex([place(i), height(i, j), -place(j)]);
         }
     }
     for j in 0..n {
         for i in 0..n {
             let corner = j * (n + 1) + i;
-            draft.quad(Paint::Water, [corner, corner + 1, corner + n + 2, corner + n + 1]);
+            mesh.quad(Paint::Water, [corner, corner + 1, corner + n + 2, corner + n + 1]);
         }
     }
-    draft.finish("water")
+    mesh.finish("water")
 }
 
-/// Woods on the slopes, thinner towards the river, none where people build.
-fn place_trees(stage: &mut Stage) {
-    let trees = [stage.mesh(conifer()), stage.mesh(broadleaf())];
+/// Adds trees on the slopes, fewer near the river, none at the building sites.
+fn place_trees(builder: &mut SceneBuilder) {
+    let trees = [builder.mesh(conifer()), builder.mesh(broadleaf())];
     let spacing = 17.0;
     for j in -120..30 {
         for i in -60..120 {
@@ -171,7 +171,7 @@ fn place_trees(stage: &mut Stage) {
             let height = width * (0.85 + 0.4 * draw(9));
             let lean = [0.1 * (draw(6) - 0.5), 1.0, 0.1 * (draw(7) - 0.5)];
             let root = [x, ground(x, z) - 0.5, z];
-            stage.place(trees[kind], leaning(root, lean, TAU * draw(8), [width, height, width]));
+            builder.place(trees[kind], tilted(root, lean, TAU * draw(8), [width, height, width]));
         }
     }
 }
@@ -181,27 +181,27 @@ fn is_clearing(x: f64, z: f64) -> bool {
     z.abs() < 26.0 || (x.abs() < 420.0 && (-140.0..340.0).contains(&z))
 }
 
-/// Near enough for a tree to be more than a dot.
+/// Whether a tree is close enough to the camera to matter.
 fn is_near_view(x: f64, z: f64) -> bool {
     (x + 240.0).hypot(z - 230.0) < 1500.0
 }
 
 fn conifer() -> Mesh {
-    let mut draft = Draft::default();
-    draft.frustum(Paint::Wood, [[0.0; 3], [0.0, 4.0, 0.0]], [0.9, 0.7], 3);
+    let mut mesh = MeshBuilder::default();
+    mesh.frustum(Paint::Wood, [[0.0; 3], [0.0, 4.0, 0.0]], [0.9, 0.7], 3);
     for (base, tip, width) in [(2.0, 9.0, 7.6), (5.5, 12.5, 5.8), (9.0, 16.5, 3.8)] {
-        draft.frustum(Paint::Needles, [[0.0, base, 0.0], [0.0, tip, 0.0]], [width, 0.0], 7);
+        mesh.frustum(Paint::Needles, [[0.0, base, 0.0], [0.0, tip, 0.0]], [width, 0.0], 7);
     }
-    draft.finish("conifer")
+    mesh.finish("conifer")
 }
 
 fn broadleaf() -> Mesh {
-    let mut draft = Draft::default();
-    draft.frustum(Paint::Wood, [[0.0; 3], [0.0, 5.0, 0.0]], [0.9, 0.6], 3);
+    let mut mesh = MeshBuilder::default();
+    mesh.frustum(Paint::Wood, [[0.0; 3], [0.0, 5.0, 0.0]], [0.9, 0.6], 3);
     let rings = [(2.6, 3.0), (4.2, 7.2), (7.4, 8.2), (10.2, 5.8)];
     for (lower, upper) in rings.iter().zip(&rings[1..]) {
-        draft.frustum(Paint::Leaves, [[0.0, lower.0, 0.0], [0.0, upper.0, 0.0]], [lower.1, upper.1], 7);
+        mesh.frustum(Paint::Leaves, [[0.0, lower.0, 0.0], [0.0, upper.0, 0.0]], [lower.1, upper.1], 7);
     }
-    draft.frustum(Paint::Leaves, [[0.0, 10.2, 0.0], [0.0, 11.6, 0.0]], [5.8, 0.0], 7);
-    draft.finish("broad-leaved tree")
+    mesh.frustum(Paint::Leaves, [[0.0, 10.2, 0.0], [0.0, 11.6, 0.0]], [5.8, 0.0], 7);
+    mesh.finish("broad-leaved tree")
 }

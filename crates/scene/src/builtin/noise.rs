@@ -1,6 +1,6 @@
-//! Randomness as a pure function of whole coordinates, in integers: the same on every platform.
+//! Hash-based noise with integer arithmetic, identical on every platform.
 
-/// Uniform in `[0, 1)` for each cell.
+/// A uniform random number in `[0, 1)` per cell.
 pub(super) fn random(cell: [i32; 2], seed: u32) -> f64 {
     let [x, y] = cell.map(i32::cast_unsigned);
     let mut h = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ seed.wrapping_mul(0xc2b2_ae3d);
@@ -10,9 +10,9 @@ pub(super) fn random(cell: [i32; 2], seed: u32) -> f64 {
     f64::from(h ^ (h >> 16)) / 4_294_967_296.0
 }
 
-/// Smooth value noise in `[-1, 1]`, one random value at each whole point; repeats after `period` cells.
+/// Smooth value noise in `[-1, 1]` with lattice spacing 1 and the given period.
 ///
-/// Source: Perlin, "Improving noise", 2002, for the quintic between the points.
+/// Source: Perlin, "Improving noise", 2002, for the quintic interpolation.
 #[expect(clippy::cast_possible_truncation, reason = "the scene spans some thousand cells")]
 pub(super) fn noise(x: f64, y: f64, period: i32, seed: u32) -> f64 {
     let (cell_x, cell_y) = (x.floor(), y.floor());
@@ -24,7 +24,7 @@ pub(super) fn noise(x: f64, y: f64, period: i32, seed: u32) -> f64 {
     2.0 * (near + (far - near) * v) - 1.0
 }
 
-/// Five octaves of noise in `[-1, 1]`, the first with features of size 1.
+/// Five octaves of noise in `[-1, 1]`; the first has lattice spacing 1.
 pub(super) fn hills(x: f64, y: f64, seed: u32) -> f64 {
     let octave = |i: u32| {
         let frequency = f64::from(1 << i);

@@ -1,6 +1,6 @@
 use crate::{Material, MaterialId};
 
-/// What a face of the built-in scene is painted with.
+/// Materials of the built-in scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Paint {
     /// Girder and pylons.
@@ -15,7 +15,7 @@ pub(super) enum Paint {
     Yellow,
     /// Every other band of the masts.
     Red,
-    /// The bands between, and the cabins.
+    /// The other bands, and the cabins.
     White,
     /// Tubes of the scaffolds.
     Zinc,
@@ -46,9 +46,9 @@ pub(super) enum Paint {
 }
 
 impl Paint {
-    /// Every paint with its name and linear reflectance, in the order of the variants.
+    /// Name and linear reflectance of every paint, in the order of the variants.
     ///
-    /// Hills, mountains and haze stand for aerial perspective, which a scene without fog lacks.
+    /// Hills, mountains and haze imitate aerial perspective.
     const ALL: [(Self, &str, [f32; 3]); 20] = [
         (Self::Steel, "orange steel", [0.78, 0.19, 0.035]),
         (Self::Cable, "cable", [0.82, 0.80, 0.74]),
@@ -72,7 +72,7 @@ impl Paint {
         (Self::Haze, "haze", [0.40, 0.49, 0.58]),
     ];
 
-    /// The materials, one a paint.
+    /// The materials, one per paint.
     pub(super) fn materials() -> Vec<Material> {
         let material = |(_, name, base_color): (Self, &str, [f32; 3])| Material {
             name: name.into(),
@@ -93,7 +93,7 @@ mod tests {
     use super::Paint;
 
     #[test]
-    fn paints_stand_at_their_index() {
+    fn paints_are_listed_in_order() {
         for (i, (paint, ..)) in Paint::ALL.iter().enumerate() {
             assert_eq!(paint.material().0 as usize, i);
         }

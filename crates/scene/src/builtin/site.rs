@@ -1,46 +1,48 @@
-//! What stands on the banks: cranes, scaffolds, shells of houses, masts.
+//! Cranes, scaffolds, concrete shells and masts on the banks.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use canted_obb::vector::Vector as Vec3;
+
 use super::{
-    draft::{Draft, Vec3, between, square_rings},
     land::ground,
+    mesh_builder::{MeshBuilder, lerp, square_rings},
     palette::Paint,
-    stage::{Stage, leaning, upright},
+    scene_builder::{SceneBuilder, tilted, upright},
 };
 use crate::{Mesh, MeshId};
 
 /// Height of a crane's jib.
 const JIB_HEIGHT: f64 = 52.0;
 
-/// Places everything on the banks; `crane` also stands elsewhere.
-pub(super) fn place(stage: &mut Stage, crane: MeshId) {
+/// Adds everything on the banks; `crane` is also used elsewhere.
+pub(super) fn place(builder: &mut SceneBuilder, crane: MeshId) {
     for (x, z, heading_rad, size) in
         [(262.0, 78.0, 2.5, 1.0), (318.0, 128.0, 0.6, 1.2), (300.0, -70.0, 3.9, 1.1), (-205.0, -75.0, 0.5, 1.0)]
     {
-        stage.place(crane, upright(on_ground(x, z), heading_rad, [size; 3]));
+        builder.place(crane, upright(on_ground(x, z), heading_rad, [size; 3]));
     }
-    let mast = stage.mesh(mast());
+    let mast = builder.mesh(mast());
     for (x, z, size) in [(-226.0, 112.0, 0.8), (420.0, -160.0, 1.3), (560.0, 60.0, 1.5)] {
-        stage.place(mast, upright(on_ground(x, z), 0.4, [size; 3]));
+        builder.place(mast, upright(on_ground(x, z), 0.4, [size; 3]));
     }
-    let shell = stage.mesh(shell());
-    let scaffold = stage.mesh(scaffold());
+    let shell = builder.mesh(shell());
+    let scaffold = builder.mesh(scaffold());
     for (x, z, heading_rad) in
         [(-216.0, 172.0, 1.05), (238.0, 58.0, 0.35), (282.0, 100.0, 0.1), (240.0, 120.0, 0.6), (270.0, -52.0, -0.2)]
     {
-        stage.place(shell, upright(on_ground(x, z), heading_rad, [1.0; 3]));
+        builder.place(shell, upright(on_ground(x, z), heading_rad, [1.0; 3]));
         for (along, across, turn_rad) in
             [(0.0, 9.4, 0.0), (0.0, -9.4, 0.0), (-9.4, 0.0, FRAC_PI_2), (9.4, 0.0, FRAC_PI_2)]
         {
             let (sin, cos) = f64::sin_cos(heading_rad);
             let position = on_ground(x + cos * along + sin * across, z - sin * along + cos * across);
             let lean = [-0.004 * along, 1.0, 0.003 * across];
-            stage.place(scaffold, leaning(position, lean, heading_rad + turn_rad, [1.0; 3]));
+            builder.place(scaffold, tilted(position, lean, heading_rad + turn_rad, [1.0; 3]));
         }
     }
     for (x, z, lean, heading_rad) in [(-204.0, 108.0, [0.10, 1.0, 0.06], 0.7), (-196.0, 74.0, [-0.08, 1.0, 0.1], 0.2)] {
-        stage.place(scaffold, leaning(on_ground(x, z), lean, heading_rad, [1.0; 3]));
+        builder.place(scaffold, tilted(on_ground(x, z), lean, heading_rad, [1.0; 3]));
     }
 }
 
@@ -48,40 +50,40 @@ fn on_ground(x: f64, z: f64) -> Vec3 {
     [x, ground(x, z) - 0.6, z]
 }
 
-/// A tower crane, its jib along x.
+/// A tower crane with its jib along x.
 pub(super) fn crane() -> Mesh {
     const TOP: f64 = JIB_HEIGHT;
     const JIB: f64 = 46.0;
-    let mut draft = Draft::default();
-    draft.block(Paint::Concrete, [-3.0, -1.0, -3.0], [3.0, 1.2, 3.0]);
-    draft.lattice(&square_rings([1.1, 1.1], TOP, 22), [0.28, 0.14], |_| Paint::Yellow);
-    draft.lattice(&jib(1.0, JIB, 22), [0.22, 0.11], |_| Paint::Yellow);
-    draft.lattice(&jib(-1.0, 16.0, 8), [0.22, 0.11], |_| Paint::Yellow);
-    draft.block(Paint::Concrete, [-16.5, TOP - 2.6, -1.3], [-12.5, TOP + 0.6, 1.3]);
-    draft.block(Paint::White, [1.2, TOP - 2.4, 1.2], [3.2, TOP, 3.0]);
+    let mut mesh = MeshBuilder::default();
+    mesh.block(Paint::Concrete, [-3.0, -1.0, -3.0], [3.0, 1.2, 3.0]);
+    mesh.lattice(&square_rings([1.1, 1.1], TOP, 22), [0.28, 0.14], |_| Paint::Yellow);
+    mesh.lattice(&jib(1.0, JIB, 22), [0.22, 0.11], |_| Paint::Yellow);
+    mesh.lattice(&jib(-1.0, 16.0, 8), [0.22, 0.11], |_| Paint::Yellow);
+    mesh.block(Paint::Concrete, [-16.5, TOP - 2.6, -1.3], [-12.5, TOP + 0.6, 1.3]);
+    mesh.block(Paint::White, [1.2, TOP - 2.4, 1.2], [3.2, TOP, 3.0]);
     let apex = [0.0, TOP + 9.0, 0.0];
     for [x, z] in [[-1.1, -1.1], [1.1, -1.1], [1.1, 1.1], [-1.1, 1.1]] {
-        draft.bar(Paint::Yellow, [x, TOP, z], apex, 0.22);
+        mesh.bar(Paint::Yellow, [x, TOP, z], apex, 0.22);
     }
     for x in [-15.0, 0.45 * JIB, 0.85 * JIB] {
-        draft.cable(Paint::Cable, apex, [x, TOP + 1.8, 0.0], 0.16);
+        mesh.cable(Paint::Cable, apex, [x, TOP + 1.8, 0.0], 0.16);
     }
     let trolley = 0.62 * JIB;
-    draft.cable(Paint::Cable, [trolley, TOP, 0.0], [trolley, TOP - 24.0, 0.0], 0.14);
-    draft.block(Paint::Red, [trolley - 0.7, TOP - 26.0, -0.7], [trolley + 0.7, TOP - 24.0, 0.7]);
-    draft.finish("tower crane")
+    mesh.cable(Paint::Cable, [trolley, TOP, 0.0], [trolley, TOP - 24.0, 0.0], 0.14);
+    mesh.block(Paint::Red, [trolley - 0.7, TOP - 26.0, -0.7], [trolley + 0.7, TOP - 24.0, 0.7]);
+    mesh.finish("tower crane")
 }
 
-/// Triangular rings from the crane's top outward, towards `way` along x.
-fn jib(way: f64, length: f64, n_bays: u32) -> Vec<[Vec3; 3]> {
+/// Triangular rings of a jib from the crane's top, in the direction `sign` along x.
+fn jib(sign: f64, length: f64, n_bays: u32) -> Vec<[Vec3; 3]> {
     let ring = |i: u32| {
-        let x = way * (1.1 + (length - 1.1) * f64::from(i) / f64::from(n_bays));
+        let x = sign * (1.1 + (length - 1.1) * f64::from(i) / f64::from(n_bays));
         [[x, JIB_HEIGHT, -0.9], [x, JIB_HEIGHT, 0.9], [x, JIB_HEIGHT + 1.8, 0.0]]
     };
     (0..=n_bays).map(ring).collect()
 }
 
-/// A guyed radio mast of three legs, 78 high, in red and white bands.
+/// A guyed radio mast with three legs, 78 m high, with red and white bands.
 fn mast() -> Mesh {
     const HEIGHT: f64 = 78.0;
     let n_bays = 40;
@@ -91,15 +93,15 @@ fn mast() -> Mesh {
     };
     let ring = |i: u32| [0, 1, 2].map(|k| corner(k, 1.1, HEIGHT * f64::from(i) / f64::from(n_bays)));
     let rings: Vec<_> = (0..=n_bays).map(ring).collect();
-    let mut draft = Draft::default();
-    draft.lattice(&rings, [0.3, 0.16], |bay| if bay / 5 % 2 == 0 { Paint::Red } else { Paint::White });
-    draft.cable(Paint::White, [0.0, HEIGHT, 0.0], [0.0, HEIGHT + 9.0, 0.0], 0.3);
+    let mut mesh = MeshBuilder::default();
+    mesh.lattice(&rings, [0.3, 0.16], |bay| if bay / 5 % 2 == 0 { Paint::Red } else { Paint::White });
+    mesh.cable(Paint::White, [0.0, HEIGHT, 0.0], [0.0, HEIGHT + 9.0, 0.0], 0.3);
     for k in 0..3 {
         for (height, reach) in [(0.42, 26.0), (0.72, 40.0), (0.98, 40.0)] {
-            draft.cable(Paint::Cable, corner(k, 1.1, HEIGHT * height), corner(k, reach, -3.0), 0.13);
+            mesh.cable(Paint::Cable, corner(k, 1.1, HEIGHT * height), corner(k, reach, -3.0), 0.13);
         }
     }
-    draft.finish("radio mast")
+    mesh.finish("radio mast")
 }
 
 /// A scaffold of tubes with planks: 6 bays along x, one deep, 9 levels.
@@ -111,11 +113,11 @@ fn scaffold() -> Mesh {
     let point = |bay: i32, level: i32, side: f64| {
         [BAY * (f64::from(bay) - 0.5 * f64::from(n_bays)), LEVEL * f64::from(level), side * DEPTH]
     };
-    let mut draft = Draft::default();
-    let mut tube = |from: Vec3, to: Vec3| draft.bar(Paint::Zinc, from, to, 0.13);
+    let mut mesh = MeshBuilder::default();
+    let mut tube = |from: Vec3, to: Vec3| mesh.bar(Paint::Zinc, from, to, 0.13);
     for side in [-0.5, 0.5] {
         for bay in 0..=n_bays {
-            tube(point(bay, -1, side), between(point(bay, n_levels, side), point(bay, n_levels + 1, side), 0.5));
+            tube(point(bay, -1, side), lerp(point(bay, n_levels, side), point(bay, n_levels + 1, side), 0.5));
         }
         for level in 1..=n_levels {
             tube(point(0, level, side), point(n_bays, level, side));
@@ -132,27 +134,27 @@ fn scaffold() -> Mesh {
     }
     for level in 1..=n_levels {
         let [min, max] = [point(0, level, -0.45), point(n_bays, level, 0.45)];
-        draft.block(Paint::Wood, [min[0], min[1] + 0.08, min[2]], [max[0], max[1] + 0.16, max[2]]);
+        mesh.block(Paint::Wood, [min[0], min[1] + 0.08, min[2]], [max[0], max[1] + 0.16, max[2]]);
     }
-    draft.finish("scaffold")
+    mesh.finish("scaffold")
 }
 
-/// The concrete shell of a house: six slabs, 16 columns on each, and a core.
+/// The concrete shell of a building: six slabs with 16 columns each and a core.
 fn shell() -> Mesh {
     const HALF: f64 = 8.0;
     const FLOOR: f64 = 3.5;
-    let mut draft = Draft::default();
+    let mut mesh = MeshBuilder::default();
     for floor in 0..=5 {
         let y = FLOOR * f64::from(floor);
-        draft.block(Paint::Concrete, [-HALF, y, -HALF], [HALF, y + 0.35, HALF]);
+        mesh.block(Paint::Concrete, [-HALF, y, -HALF], [HALF, y + 0.35, HALF]);
     }
     for floor in 0..5 {
         let [foot, head] = [0.35, FLOOR].map(|y| y + FLOOR * f64::from(floor));
         for column in 0..16 {
             let [x, z] = [column % 4, column / 4].map(|k| (HALF - 0.5) * (f64::from(k) / 1.5 - 1.0));
-            draft.block(Paint::Concrete, [x - 0.25, foot, z - 0.25], [x + 0.25, head, z + 0.25]);
+            mesh.block(Paint::Concrete, [x - 0.25, foot, z - 0.25], [x + 0.25, head, z + 0.25]);
         }
     }
-    draft.block(Paint::Concrete, [-2.0, 0.0, -2.5], [2.0, 24.0, 2.5]);
-    draft.finish("shell")
+    mesh.block(Paint::Concrete, [-2.0, 0.0, -2.5], [2.0, 24.0, 2.5]);
+    mesh.finish("shell")
 }

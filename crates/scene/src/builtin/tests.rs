@@ -1,31 +1,25 @@
-//! The built-in scene is sound, fits its budget, fills its picture. Not covered: whether it is beautiful.
+//! The built-in scene is valid, within its triangle budget, and fills the image.
+
+use canted_obb::vector::{Vector as Vec3, cross, dot, length, sub};
 
 use super::{
     builtin,
-    draft::{Draft, Vec3, cross, sub, unit},
     land::ground,
+    mesh_builder::{MeshBuilder, unit},
     noise::{hills, noise},
     palette::Paint,
-    stage::leaning,
+    scene_builder::tilted,
 };
 use crate::{Light, Mesh, Scene};
 
-/// Half the spacing of `f32` relative to the number.
+/// Unit roundoff of `f32`.
 const U: f64 = 0.5 * f32::EPSILON as f64;
-
-fn dot(a: Vec3, b: Vec3) -> f64 {
-    (0..3).map(|k| a[k] * b[k]).sum()
-}
-
-fn length(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
-}
 
 fn corners(mesh: &Mesh, triangle: usize) -> [Vec3; 3] {
     mesh.triangles[triangle].map(|index| mesh.positions[index as usize].map(f64::from))
 }
 
-/// Everything that refers to something refers to something that is there, and every transform can be inverted.
+/// Checks that indices are in range, positions finite, and transforms invertible.
 fn check(scene: &Scene) -> Result<(), String> {
     let require = |holds: bool, flaw: &dyn Fn() -> String| if holds { Ok(()) } else { Err(flaw()) };
     for mesh in &scene.meshes {
@@ -46,7 +40,7 @@ fn check(scene: &Scene) -> Result<(), String> {
     for (i, instance) in scene.instances.iter().enumerate() {
         let map = &instance.world_from_object;
         let mesh = scene.meshes.get(instance.mesh.0 as usize).ok_or(format!("instance {i}: no such mesh"))?;
-        // No instance is skewed: the determinant is the product of the axes' lengths but for rounding.
+        // Without shear the determinant is the product of the axis lengths, up to rounding.
         let stretch: f64 = map.columns[..3].iter().map(|column| length(column.map(f64::from))).product();
         let invertible = map.is_finite() && stretch > 0.0 && map.determinant().abs() > 0.999 * stretch;
         require(invertible, &|| format!("instance {i}: cannot be inverted"))?;
@@ -56,7 +50,7 @@ fn check(scene: &Scene) -> Result<(), String> {
     Ok(())
 }
 
-/// Placed triangles whose centroid falls into a 16:9 picture of the first camera.
+/// Number of triangles with their centroid in a 16:9 image of the first camera.
 fn n_in_view(scene: &Scene) -> usize {
     let camera = scene.cameras[0];
     let crate::Projection::Perspective { fov_degrees } = camera.projection else { panic!("{:?}", camera.projection) };
@@ -84,7 +78,7 @@ fn n_in_view(scene: &Scene) -> usize {
 }
 
 #[test]
-fn the_scene_is_sound() {
+fn scene_is_valid() {
     let scene = builtin();
     assert_eq!(check(&scene), Ok(()));
     assert!(scene.materials.iter().flat_map(|material| material.base_color).all(|x| (0.0..=1.0).contains(&x)));
@@ -93,7 +87,7 @@ fn the_scene_is_sound() {
 }
 
 #[test]
-fn the_check_sees_each_flaw() {
+fn check_detects_each_error() {
     let spoil = |damage: fn(&mut Scene)| {
         let mut scene = builtin();
         damage(&mut scene);
@@ -110,17 +104,17 @@ fn the_check_sees_each_flaw() {
 }
 
 #[test]
-fn the_budget_is_kept_and_the_picture_full() {
+fn triangle_counts_are_within_budget() {
     let scene = builtin();
     assert!(scene.n_unique_triangles() <= 60_000, "{}", scene.n_unique_triangles());
     assert!(scene.n_placed_triangles() >= 300_000, "{}", scene.n_placed_triangles());
     assert!(n_in_view(&scene) >= 100_000, "{}", n_in_view(&scene));
     let [x, y, z] = scene.cameras[0].eye.map(f64::from);
-    assert!(y > ground(x, z) + 2.0, "the camera stands above the ground");
+    assert!(y > ground(x, z) + 2.0, "camera above ground");
 }
 
 #[test]
-fn it_is_the_same_each_time() {
+fn generation_is_deterministic() {
     let [first, second] = [builtin(), builtin()];
     assert_eq!(first.instances, second.instances);
     for (a, b) in first.meshes.iter().zip(&second.meshes) {
@@ -129,7 +123,7 @@ fn it_is_the_same_each_time() {
 }
 
 #[test]
-fn no_triangle_is_without_area() {
+fn triangles_are_not_degenerate() {
     for mesh in &builtin().meshes {
         for triangle in 0..mesh.triangles.len() {
             let [a, b, c] = corners(mesh, triangle);
@@ -139,7 +133,7 @@ fn no_triangle_is_without_area() {
 }
 
 #[test]
-fn the_river_lies_under_water_wherever_the_camera_may_see_it() {
+fn water_covers_the_visible_river() {
     let scene = builtin();
     let is_water = |i: usize| scene.meshes[i].name == "water";
     let tiles: Vec<[f32; 3]> = scene
@@ -161,8 +155,8 @@ fn the_river_lies_under_water_wherever_the_camera_may_see_it() {
 }
 
 #[test]
-fn shapes_look_outward() {
-    let mut block = Draft::default();
+fn normals_point_outward() {
+    let mut block = MeshBuilder::default();
     block.block(Paint::Wood, [1.0, 2.0, 3.0], [2.0, 5.0, 7.0]);
     let mesh = block.finish("block");
     let cone = |i: usize| {
@@ -174,13 +168,13 @@ fn shapes_look_outward() {
     for (axis, widths) in
         [([0.0, 3.0, 0.0], [2.0, 1.0]), ([0.0, -3.0, 0.0], [2.0, 0.0]), ([1.0, 2.0, -1.0], [1.0, 1.0])]
     {
-        let mut frustum = Draft::default();
+        let mut frustum = MeshBuilder::default();
         frustum.frustum(Paint::Wood, [[0.0; 3], axis], widths, 5);
         let mesh = frustum.finish("frustum");
         for i in 0..mesh.triangles.len() {
             let [a, b, c] = corners(&mesh, i);
             let normal = cross(sub(b, a), sub(c, a));
-            // From the axis, the face's centroid lies on the side of its normal.
+            // Relative to the axis, the centroid lies on the side of the normal.
             let centroid: Vec3 = std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0);
             let foot = axis.map(|x| x * dot(centroid, axis) / dot(axis, axis));
             assert!(dot(normal, sub(centroid, foot)) > 0.0, "{axis:?} {i}");
@@ -189,7 +183,7 @@ fn shapes_look_outward() {
 }
 
 #[test]
-fn land_and_water_look_up() {
+fn terrain_and_water_face_up() {
     for mesh in builtin().meshes.iter().filter(|mesh| ["terrain", "water"].contains(&mesh.name.as_str())) {
         for triangle in 0..mesh.triangles.len() {
             let [a, b, c] = corners(mesh, triangle);
@@ -199,22 +193,22 @@ fn land_and_water_look_up() {
 }
 
 #[test]
-fn parts_are_sorted_runs() {
-    let mut draft = Draft::default();
+fn parts_are_sorted_by_material() {
+    let mut mesh = MeshBuilder::default();
     for paint in [Paint::Wood, Paint::Steel, Paint::Wood] {
-        draft.block(paint, [0.0; 3], [1.0; 3]);
+        mesh.block(paint, [0.0; 3], [1.0; 3]);
     }
-    let mesh = draft.finish("three blocks");
+    let mesh = mesh.finish("three blocks");
     let parts: Vec<_> = mesh.parts.iter().map(|part| (part.first_triangle, part.material)).collect();
     assert_eq!(parts, [(0, Paint::Steel.material()), (12, Paint::Wood.material())]);
 }
 
 #[test]
-fn leaning_tilts_y_and_keeps_right_angles() {
+fn tilted_keeps_axes_orthogonal() {
     let upward = [0.3, 2.0, -0.7];
-    let map = leaning([1.0, 2.0, 3.0], upward, 0.8, [2.0, 3.0, 5.0]);
+    let map = tilted([1.0, 2.0, 3.0], upward, 0.8, [2.0, 3.0, 5.0]);
     let axes = [0, 1, 2].map(|k| map.columns[k].map(f64::from));
-    // Each component is rounded once to f32, the longest axis measures 5.
+    // Each component is rounded once to f32; the longest axis has length 5.
     let error = 2.0 * 3.0_f64.sqrt() * U * 25.0;
     for (k, scale) in [2.0, 3.0, 5.0].into_iter().enumerate() {
         assert!((length(axes[k]) - scale).abs() < error && dot(axes[k], axes[(k + 1) % 3]).abs() < error);
@@ -224,13 +218,13 @@ fn leaning_tilts_y_and_keeps_right_angles() {
 }
 
 #[test]
-fn noise_is_bounded_and_repeats() {
+fn noise_is_bounded_and_periodic() {
     for i in 0..2000 {
         let [x, y] = [0.37, 0.71].map(|step| step * f64::from(i) - 300.0);
         assert!(noise(x, y, 7, 1).abs() <= 1.0 && hills(x, y, 1).abs() <= 1.0);
-        // The fraction of a shifted coordinate errs by a rounding of numbers below 2,000; noise is less steep than 4.
+        // Coordinates are below 2,000 with one rounding; the gradient of the noise is below 4.
         assert!((noise(x, y, 7, 1) - noise(x + 7.0, y - 14.0, 7, 1)).abs() < 8.0 * 2000.0 * f64::EPSILON);
     }
     let spread = (0..100).map(|i| noise(f64::from(i), 0.5, 1000, 1)).fold(0.0_f64, |most, x| most.max(x.abs()));
-    assert!(spread > 0.5, "it is not flat");
+    assert!(spread > 0.5, "not constant");
 }

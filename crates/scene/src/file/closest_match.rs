@@ -1,4 +1,4 @@
-/// The candidate that takes the fewest edits to become `word`, the first of equals.
+/// The candidate with the smallest edit distance to `word`; the first one on ties.
 ///
 /// ```
 /// use canted_scene::closest_match;
@@ -9,10 +9,10 @@ pub fn closest_match<'a>(word: &str, candidates: impl IntoIterator<Item = &'a st
     candidates.into_iter().min_by_key(|candidate| distance(word, candidate))
 }
 
-/// Characters to insert, remove or replace to make one word of the other (Wagner and Fischer 1974).
+/// Levenshtein distance (Wagner and Fischer 1974).
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
-    // Distances of the prefix of `a` read so far to all prefixes of `b`.
+    // Distances from the current prefix of `a` to all prefixes of `b`.
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, x) in a.chars().enumerate() {
         let mut diagonal = row[0];
@@ -30,7 +30,7 @@ fn distance(a: &str, b: &str) -> usize {
 mod tests {
     use super::*;
 
-    /// By the definition, exponential.
+    /// The recursive definition, exponential time.
     fn slow(a: &[char], b: &[char]) -> usize {
         match (a, b) {
             ([], rest) | (rest, []) => rest.len(),
@@ -42,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_are_those_of_the_definition() {
+    fn distances_match_the_recursive_definition() {
         let words = ["", "a", "eye", "eeye", "up", "fov", "fvo", "\u{e4}ye", "radius"];
         for a in words {
             for b in words {
@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_of_equals_is_nearest() {
+    fn ties_return_the_first_candidate() {
         assert_eq!(closest_match("x", ["ab", "y", "z"]), Some("y"));
         assert_eq!(closest_match("x", []), None);
     }

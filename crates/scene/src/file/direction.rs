@@ -2,19 +2,19 @@ use crate::ReadError;
 
 use super::table::{Bounds, Table};
 
-/// By how much the squared length of a unit vector may differ from one when each coordinate is rounded to `f32`.
+/// Largest deviation from 1 of the squared length of a unit vector rounded to `f32`.
 ///
-/// Each coordinate is off by a factor of at most 1 ± u, u half of `f32::EPSILON`, so the square by (1 + u)².
+/// Each coordinate has a relative error of at most u, half of `f32::EPSILON`, so the square has at most (1 + u)² - 1.
 const UNIT_ERROR: f64 = HALF_EPSILON * (2.0 + HALF_EPSILON);
 const HALF_EPSILON: f64 = 0.5 * f32::EPSILON as f64;
 
-/// A direction of any length but zero, as a unit vector. One that is unit already keeps its bits.
+/// Reads a direction and normalizes it. A vector that is already of unit length keeps its bits.
 pub(super) fn read(table: &Table<'_>, key: &str) -> Result<[f32; 3], ReadError> {
     let direction = table.required(key, table.numbers(key, Bounds::Finite)?)?;
-    unit(direction).ok_or_else(|| table.refuse(key, "a direction: its length is 0"))
+    unit(direction).ok_or_else(|| table.invalid(key, "a direction of nonzero length"))
 }
 
-/// The vector at length one; `None` for zero.
+/// The normalized vector; `None` for zero.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(super) fn unit(v: [f32; 3]) -> Option<[f32; 3]> {
     let wide = v.map(f64::from);
@@ -35,17 +35,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_was_made_unit_stays_as_it_is(v in prop::array::uniform3(-1e30_f32..1e30)) {
+        fn normalizing_twice_changes_nothing(v in prop::array::uniform3(-1e30_f32..1e30)) {
             let once = unit(v).unwrap();
             prop_assert_eq!(unit(once), Some(once));
         }
     }
 
     #[test]
-    fn lengths() {
+    fn normalizes_vectors_of_any_length() {
         assert_eq!(unit([0.0; 3]), None);
         assert_eq!(unit([0.0, -3e-45, 0.0]), Some([0.0, -1.0, 0.0]));
         assert_eq!(unit([3e38, 0.0, 0.0]), Some([1.0, 0.0, 0.0]));
-        assert_eq!(unit([1.001, 0.0, 0.0]), Some([1.0, 0.0, 0.0]), "nearly unit is not unit");
+        assert_eq!(unit([1.001, 0.0, 0.0]), Some([1.0, 0.0, 0.0]), "nearly unit length is normalized");
     }
 }

@@ -1,38 +1,38 @@
 use super::direction;
-use super::page::{Page, number, numbers, quoted};
 use super::table::{Bounds, Table};
+use super::toml_writer::{TomlWriter, number, numbers, quoted};
 use crate::{Light, ReadError};
 
-/// About the least angle whose cosine is not 1 in single precision: that of 2^-12 radians is half-way to the number below 1.
-const LEAST_CONE_DEGREES: f64 = 0.014;
+/// Smallest angle, rounded up, whose cosine differs from 1 in single precision: 2^-12 radians.
+const MIN_CONE_DEGREES: f64 = 0.014;
 
 const TYPES: [&str; 5] = ["sun", "point", "spot", "sphere", "disc"];
 
-/// Reads one of `[[lights]]`.
+/// Reads one table of `[[lights]]`.
 pub(super) fn read(table: Table<'_>) -> Result<Light, ReadError> {
     let index = table.required("type", table.choice("type", &TYPES)?)?;
     let kind = TYPES[index];
-    let table = table.called(&format!("a light of type {kind}"));
+    let table = table.with_name(&format!("a light of type {kind}"));
     match kind {
         "sun" => {
-            table.only(&["type", "direction", "irradiance"])?;
+            table.check_keys(&["type", "direction", "irradiance"])?;
             Ok(Light::Sun {
                 direction: direction::read(&table, "direction")?,
                 irradiance: color(&table, "irradiance")?,
             })
         }
         "point" => {
-            table.only(&["type", "position", "intensity"])?;
+            table.check_keys(&["type", "position", "intensity"])?;
             Ok(Light::Point { position: point(&table, "position")?, intensity: color(&table, "intensity")? })
         }
         "spot" => spot(&table),
         "sphere" => {
-            table.only(&["type", "center", "radius", "radiance"])?;
+            table.check_keys(&["type", "center", "radius", "radiance"])?;
             let (center, radius) = (point(&table, "center")?, radius(&table)?);
             Ok(Light::Sphere { center, radius, radiance: color(&table, "radiance")? })
         }
         _ => {
-            table.only(&["type", "center", "normal", "radius", "radiance"])?;
+            table.check_keys(&["type", "center", "normal", "radius", "radiance"])?;
             let (center, normal) = (point(&table, "center")?, direction::read(&table, "normal")?);
             Ok(Light::Disk { center, normal, radius: radius(&table)?, radiance: color(&table, "radiance")? })
         }
@@ -40,25 +40,25 @@ pub(super) fn read(table: Table<'_>) -> Result<Light, ReadError> {
 }
 
 fn spot(table: &Table<'_>) -> Result<Light, ReadError> {
-    table.only(&["type", "position", "direction", "intensity", "inner_degrees", "outer_degrees"])?;
+    table.check_keys(&["type", "position", "direction", "intensity", "inner_degrees", "outer_degrees"])?;
     let outer = table.required("outer_degrees", table.number_f64("outer_degrees", Bounds::ConeAngle)?)?;
     let inner = table.number_f64("inner_degrees", Bounds::ConeAngle)?.unwrap_or(0.0);
     let (cos_inner, cos_outer) = (cos(inner), cos(outer));
     if outer <= inner {
-        return Err(table.refuse("outer_degrees", &format!("more than `inner_degrees`, {inner}")));
+        return Err(table.invalid("outer_degrees", &format!("an angle greater than 'inner_degrees', {inner}")));
     }
     if cos_outer >= cos_inner {
         let wanted = format!(
-            "an angle whose cosine single precision tells from that of `inner_degrees`, {inner}; \
-             from 0 it tells {LEAST_CONE_DEGREES} and more"
+            "an angle whose cosine differs from that of 'inner_degrees', {inner}, in single precision \
+             (from 0 at least {MIN_CONE_DEGREES})"
         );
-        return Err(table.refuse("outer_degrees", &wanted));
+        return Err(table.invalid("outer_degrees", &wanted));
     }
     let (position, direction) = (point(table, "position")?, direction::read(table, "direction")?);
     Ok(Light::Spot { position, direction, intensity: color(table, "intensity")?, cos_inner, cos_outer })
 }
 
-/// The cosine of an angle in degrees, exactly 0 at 90.
+/// Cosine of an angle in degrees; exactly 0 at 90.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn cos(degrees: f64) -> f32 {
     (90.0 - degrees).to_radians().sin() as f32
@@ -76,55 +76,55 @@ fn radius(table: &Table<'_>) -> Result<f32, ReadError> {
     table.required("radius", table.number("radius", Bounds::Positive)?)
 }
 
-/// Writes all of `[[lights]]`.
-pub(super) fn write(lights: &[Light], page: &mut Page) {
+/// Writes `[[lights]]`.
+pub(super) fn write(lights: &[Light], out: &mut TomlWriter) {
     if lights.is_empty() {
-        page.blank();
-        page.line("lights", "[]", "none, whatever the assets bring");
+        out.blank();
+        out.entry("lights", "[]", "no lights, not even those of the assets");
     }
     for light in lights {
-        page.heading("[[lights]]");
-        one(light, page);
+        out.heading("[[lights]]");
+        write_one(light, out);
     }
 }
 
-fn one(light: &Light, page: &mut Page) {
-    const IRRADIANCE: &str = "on a surface that faces it, W/m2, linear RGB";
+fn write_one(light: &Light, out: &mut TomlWriter) {
+    const IRRADIANCE: &str = "on a perpendicular surface, W/m2, linear RGB";
     const INTENSITY: &str = "W/sr, linear RGB";
     const RADIANCE: &str = "W/(m2 sr), linear RGB";
-    let mut kind = |name: &str| page.line("type", &quoted(name), &TYPES.join(", "));
+    let mut kind = |name: &str| out.entry("type", &quoted(name), &TYPES.join(", "));
     match light {
         Light::Sun { direction, irradiance } => {
             kind("sun");
-            page.line("direction", &numbers(direction), "in which the light travels");
-            page.line("irradiance", &numbers(irradiance), IRRADIANCE);
+            out.entry("direction", &numbers(direction), "of propagation");
+            out.entry("irradiance", &numbers(irradiance), IRRADIANCE);
         }
         Light::Point { position, intensity } => {
             kind("point");
-            page.line("position", &numbers(position), "");
-            page.line("intensity", &numbers(intensity), INTENSITY);
+            out.entry("position", &numbers(position), "");
+            out.entry("intensity", &numbers(intensity), INTENSITY);
         }
         Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
             let degrees = |cos: f32| format!("{:?}", f64::from(cos).acos().to_degrees());
             kind("spot");
-            page.line("position", &numbers(position), "");
-            page.line("direction", &numbers(direction), "the axis");
-            page.line("intensity", &numbers(intensity), INTENSITY);
-            page.line("inner_degrees", &degrees(*cos_inner), "to the axis, up to which it is full");
-            page.line("outer_degrees", &degrees(*cos_outer), "to the axis, beyond which it is dark");
+            out.entry("position", &numbers(position), "");
+            out.entry("direction", &numbers(direction), "the axis");
+            out.entry("intensity", &numbers(intensity), INTENSITY);
+            out.entry("inner_degrees", &degrees(*cos_inner), "full intensity inside this angle to the axis");
+            out.entry("outer_degrees", &degrees(*cos_outer), "no light outside this angle");
         }
         Light::Sphere { center, radius, radiance } => {
             kind("sphere");
-            page.line("center", &numbers(center), "");
-            page.line("radius", &number(*radius), "");
-            page.line("radiance", &numbers(radiance), RADIANCE);
+            out.entry("center", &numbers(center), "");
+            out.entry("radius", &number(*radius), "");
+            out.entry("radiance", &numbers(radiance), RADIANCE);
         }
         Light::Disk { center, normal, radius, radiance } => {
             kind("disc");
-            page.line("center", &numbers(center), "");
-            page.line("normal", &numbers(normal), "of the side that shines");
-            page.line("radius", &number(*radius), "");
-            page.line("radiance", &numbers(radiance), RADIANCE);
+            out.entry("center", &numbers(center), "");
+            out.entry("normal", &numbers(normal), "of the emitting side");
+            out.entry("radius", &number(*radius), "");
+            out.entry("radiance", &numbers(radiance), RADIANCE);
         }
     }
 }

@@ -1,19 +1,19 @@
-//! From [`SceneFile`] to [`Scene`]: assets are read and placed, materials changed.
+//! [`SceneFile`] to [`Scene`]: reads and instances the assets, edits materials.
 
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-use super::assemble::Assembled;
+use super::assembly::Assembly;
 use super::table::error_at;
 use super::{Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, Override, Placement, SceneFile};
 use crate::{Environment, EnvironmentImage, Material, ReadError, Scene, read_environment};
 
 impl SceneFile {
-    /// A file to stand at `path`, whose only asset is the scene of another file, or the built-in one.
+    /// A scene file at `path` with one asset: the file `scene`, or the built-in scene for `None`.
     ///
     /// # Errors
-    /// The other file is not there, or its path is not UTF-8.
+    /// `scene` does not exist, or its path is not UTF-8.
     pub fn for_scene(scene: Option<&Path>, path: &Path) -> Result<Self, ReadError> {
         let (name, source) = match scene {
             None => ("builtin".to_owned(), AssetSource::Builtin),
@@ -26,65 +26,66 @@ impl SceneFile {
         Ok(Self { path: path.to_owned(), assets: vec![asset], ..Self::default() })
     }
 
-    /// The same scene with all assets posed at a time, in seconds into their animations.
+    /// Poses all assets at a time in seconds of their animations.
     #[must_use]
     pub fn with_time(mut self, time: f32) -> Self {
         self.assets.iter_mut().for_each(|asset| asset.time = Some(time));
         self
     }
 
-    /// The same scene under the picture of an environment in another file, times `scale`, turned by `turn_degrees`.
+    /// Sets the environment map to the file `image`, multiplied by `scale` and rotated by `turn_degrees`.
     ///
     /// # Errors
-    /// The other file is not there, or its path is not UTF-8.
+    /// `image` does not exist, or its path is not UTF-8.
     pub fn with_environment(mut self, image: &Path, scale: [f32; 3], turn_degrees: f32) -> Result<Self, ReadError> {
         let file = super::paths::relative(image, super::paths::folder(&self.path))?;
         self.environment = Some(EnvironmentSource::Image { file, scale, turn_degrees, line: 0 });
         Ok(self)
     }
 
-    /// Reads the files named and puts the scene together.
+    /// Reads the referenced files and assembles the scene.
     ///
     /// # Errors
-    /// [`ReadError`] of this file, with its line, and behind it that of the file named there, where it is at fault.
+    /// [`ReadError`] with this file and its line, followed by the error of the referenced file.
     pub fn load(&self) -> Result<Scene, ReadError> {
-        self.assemble().map(|assembled| assembled.scene)
+        self.assemble().map(|assembly| assembly.scene)
     }
 
-    /// Puts the scene together, and says all of it that this file could have said: where each asset stands, and every
-    /// number of every material that has a name of its own; what was said of a name that several have stays as it was said.
+    /// As [`SceneFile::load`], with a copy of this file in which every default is written out: instances, camera, lights
+    /// and all fields of materials. Materials that share their name within an asset keep only the fields this file sets.
     ///
     /// # Errors
     /// As [`SceneFile::load`].
     pub fn load_explicit(&self) -> Result<(Scene, Self), ReadError> {
-        let Assembled { scene, of_assets, .. } = self.assemble()?;
+        let Assembly { scene, asset_materials, .. } = self.assemble()?;
         let mut file = self.clone();
-        file.instances = Some(self.placed().into_owned());
+        file.instances = Some(self.all_instances().into_owned());
         file.camera = self.camera.or_else(|| scene.cameras.first().copied());
         file.lights = Some(scene.lights.clone());
         let new = scene.materials.len() - file.materials.len();
         for (material, full) in file.materials.iter_mut().zip(&scene.materials[new..]) {
-            material.edits = material.edits.spelled_out(full);
+            material.edits = material.edits.explicit(full);
         }
         file.overrides = Vec::new();
-        for (asset, range) in self.assets.iter().zip(of_assets) {
+        for (asset, range) in self.assets.iter().zip(asset_materials) {
             file.overrides.extend(self.overrides_of(asset, &scene.materials[range]));
         }
         Ok((scene, file))
     }
 
-    /// Full changes of the materials that are the only ones of their name in an asset, and of others what was said of their name.
+    /// Overrides for the materials of an asset: all fields where the name is unique, else those that this file sets.
     fn overrides_of(&self, asset: &Asset, materials: &[Material]) -> Vec<Override> {
         let mut n_of_name: HashMap<&str, usize> = HashMap::new();
         materials.iter().for_each(|material| *n_of_name.entry(&material.name).or_default() += 1);
-        let mut is_told = HashSet::new();
-        let told = materials.iter().filter(|material| is_told.insert(&material.name[..]));
-        let change = told.filter_map(|material| {
-            // What was said of textures stays said; the last word counts.
-            let said = self.overrides.iter().rev().filter(|change| change.concerns(&asset.name, material));
-            let edits = said.map(|change| &change.edits).fold(MaterialEdits::default(), |all, edits| all.or(edits));
-            let is_alone = n_of_name[&material.name[..]] == 1;
-            let edits = if is_alone { edits.spelled_out(material) } else { edits };
+        let mut is_new = HashSet::new();
+        let distinct = materials.iter().filter(|material| is_new.insert(&material.name[..]));
+        let overrides = distinct.filter_map(|material| {
+            // Later overrides win; texture fields only come from the file.
+            let from_file = self.overrides.iter().rev().filter(|change| change.applies_to(&asset.name, material));
+            let edits =
+                from_file.map(|change| &change.edits).fold(MaterialEdits::default(), |all, edits| all.or(edits));
+            let is_unique = n_of_name[&material.name[..]] == 1;
+            let edits = if is_unique { edits.explicit(material) } else { edits };
             (edits != MaterialEdits::default()).then(|| Override {
                 asset: Some(asset.name.clone()),
                 material: material.name.clone(),
@@ -92,11 +93,11 @@ impl SceneFile {
                 line: 0,
             })
         });
-        change.collect()
+        overrides.collect()
     }
 
-    /// The instances, one for each asset where nothing is said.
-    fn placed(&self) -> Cow<'_, [AssetInstance]> {
+    /// The instances; by default one per asset.
+    fn all_instances(&self) -> Cow<'_, [AssetInstance]> {
         let once = |asset: &Asset| AssetInstance {
             asset: asset.name.clone(),
             open: Placement::IDENTITY,
@@ -109,17 +110,17 @@ impl SceneFile {
         }
     }
 
-    fn assemble(&self) -> Result<Assembled<'_>, ReadError> {
-        let mut assembled = Assembled::new(self);
-        let placed = self.placed();
+    fn assemble(&self) -> Result<Assembly<'_>, ReadError> {
+        let mut assembly = Assembly::new(self);
+        let placed = self.all_instances();
         let names: HashSet<&str> = placed.iter().map(|instance| &instance.asset[..]).collect();
         for asset in &self.assets {
-            assembled.add(asset, names.contains(&asset.name[..]))?;
+            assembly.add(asset, names.contains(&asset.name[..]))?;
         }
-        placed.iter().for_each(|instance| assembled.place(instance));
-        assembled.change_materials()?;
-        assembled.add_new_materials()?;
-        let scene = &mut assembled.scene;
+        placed.iter().for_each(|instance| assembly.add_instance(instance));
+        assembly.change_materials()?;
+        assembly.add_new_materials()?;
+        let scene = &mut assembly.scene;
         if let Some(camera) = self.camera {
             scene.cameras = vec![camera];
         }
@@ -130,12 +131,12 @@ impl SceneFile {
             scene.environment = Some(self.load_environment(environment, scene)?);
         }
         if scene.instances.is_empty() {
-            return Err(ReadError::empty(&self.path, "no asset is placed"));
+            return Err(ReadError::empty(&self.path, "no instances"));
         }
-        Ok(assembled)
+        Ok(assembly)
     }
 
-    /// The error of a file that this one names in a line, by a key. Where this one was not read nothing is to be mended in it.
+    /// The error of a file that this one references by a key. Without a line this file was not read, so it is not mentioned.
     pub(super) fn error_of(&self, line: usize, key: &str, error: ReadError) -> ReadError {
         if line == 0 { error } else { error_at(&self.path, line, format!("{key}: {error}")) }
     }
@@ -145,7 +146,7 @@ impl SceneFile {
             EnvironmentSource::Constant(radiance) => Ok(Environment::Constant(*radiance)),
             EnvironmentSource::Image { file, scale, turn_degrees, line } => {
                 let image = read_environment(&self.resolve(file), &mut scene.warnings)
-                    .map_err(|error| self.error_of(*line, "`image` of [environment]", error))?;
+                    .map_err(|error| self.error_of(*line, "'image' in [environment]", error))?;
                 Ok(Environment::Image(EnvironmentImage { scale: *scale, turn_degrees: *turn_degrees, ..image }))
             }
         }
@@ -153,7 +154,8 @@ impl SceneFile {
 }
 
 impl Override {
-    pub(super) fn concerns(&self, asset: &str, material: &Material) -> bool {
+    /// Whether the override applies to a material of an asset.
+    pub(super) fn applies_to(&self, asset: &str, material: &Material) -> bool {
         self.asset.as_ref().is_none_or(|name| name == asset) && self.material == material.name
     }
 }

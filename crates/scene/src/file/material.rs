@@ -1,10 +1,10 @@
-use super::page::{Page, number, numbers, quoted};
 use super::table::{Bounds, Table};
+use super::toml_writer::{TomlWriter, number, numbers, quoted};
 use crate::{AlphaMode, Encoding, Material, ReadError, TextureId, TextureRef};
 
-/// What a key of a material changes.
+/// Type of a material field, with its accessor.
 #[derive(Clone, Copy)]
-enum Part {
+enum Field {
     Number(Bounds, fn(&mut Material) -> &mut f32),
     Color(Bounds, fn(&mut Material) -> &mut [f32; 3]),
     Flag(fn(&mut Material) -> &mut bool),
@@ -13,34 +13,38 @@ enum Part {
     Texture(Encoding, fn(&mut Material) -> &mut Option<TextureRef>),
 }
 
-/// All keys of a material in the order in which they take effect, each with what it means.
-const FIELDS: [(&str, Part, &str); 18] = [
-    ("base_color", Part::Color(Bounds::Fraction, |m| &mut m.base_color), "diffuse, of metals at normal incidence"),
-    ("metallic", Part::Number(Bounds::Fraction, |m| &mut m.metallic), "0 for bodies, 1 for metals"),
-    ("roughness", Part::Number(Bounds::Fraction, |m| &mut m.roughness), "0 for polished, 1 for rough"),
-    ("specular", Part::Number(Bounds::Fraction, |m| &mut m.specular), "0 to 1; 0 makes bodies Lambert"),
-    ("transmission", Part::Number(Bounds::Fraction, |m| &mut m.transmission), "0 to 1; 1 for glass"),
-    ("ior", Part::Number(Bounds::Ior, |m| &mut m.ior), "index of refraction, 1 to 1000"),
-    ("thin_walled", Part::Flag(|m| &mut m.thin_walled), "a sheet, which light passes straight"),
-    ("normal_scale", Part::Number(Bounds::Finite, |m| &mut m.normal_scale), "of the texture of normals"),
-    ("emission", Part::Color(Bounds::NotNegative, |m| &mut m.emission), "radiance on both sides, W/(m2 sr)"),
-    ("alpha", Part::Number(Bounds::Fraction, |m| &mut m.alpha), "0 to 1"),
-    ("alpha_mode", Part::AlphaMode, "opaque, mask, blend"),
-    ("alpha_cutoff", Part::AlphaCutoff, "of a mask: least alpha of what is there"),
-    ("base_color_texture", Part::Texture(Encoding::Srgb, |m| &mut m.base_color_texture), ""),
-    ("metallic_roughness_texture", Part::Texture(Encoding::Linear, |m| &mut m.metallic_roughness_texture), ""),
-    ("transmission_texture", Part::Texture(Encoding::Linear, |m| &mut m.transmission_texture), ""),
-    ("normal_texture", Part::Texture(Encoding::Linear, |m| &mut m.normal_texture), ""),
-    ("emission_texture", Part::Texture(Encoding::Srgb, |m| &mut m.emission_texture), ""),
-    ("alpha_texture", Part::Texture(Encoding::Srgb, |m| &mut m.alpha_texture), ""),
+/// All material keys in the order in which they are applied: key, field, comment.
+const FIELDS: [(&str, Field, &str); 18] = [
+    (
+        "base_color",
+        Field::Color(Bounds::Fraction, |m| &mut m.base_color),
+        "diffuse reflectance, or reflectance at normal incidence of metals",
+    ),
+    ("metallic", Field::Number(Bounds::Fraction, |m| &mut m.metallic), "0 for dielectrics, 1 for metals"),
+    ("roughness", Field::Number(Bounds::Fraction, |m| &mut m.roughness), "0 for smooth, 1 for rough"),
+    ("specular", Field::Number(Bounds::Fraction, |m| &mut m.specular), "0 to 1; 0 for Lambertian"),
+    ("transmission", Field::Number(Bounds::Fraction, |m| &mut m.transmission), "0 to 1; 1 for glass"),
+    ("ior", Field::Number(Bounds::Ior, |m| &mut m.ior), "index of refraction, 1 to 1000"),
+    ("thin_walled", Field::Flag(|m| &mut m.thin_walled), "thin sheet without refraction"),
+    ("normal_scale", Field::Number(Bounds::Finite, |m| &mut m.normal_scale), "scale of the normal map"),
+    ("emission", Field::Color(Bounds::NotNegative, |m| &mut m.emission), "radiance on both sides, W/(m2 sr)"),
+    ("alpha", Field::Number(Bounds::Fraction, |m| &mut m.alpha), "0 to 1"),
+    ("alpha_mode", Field::AlphaMode, "opaque, mask, blend"),
+    ("alpha_cutoff", Field::AlphaCutoff, "for mask: smallest visible alpha"),
+    ("base_color_texture", Field::Texture(Encoding::Srgb, |m| &mut m.base_color_texture), ""),
+    ("metallic_roughness_texture", Field::Texture(Encoding::Linear, |m| &mut m.metallic_roughness_texture), ""),
+    ("transmission_texture", Field::Texture(Encoding::Linear, |m| &mut m.transmission_texture), ""),
+    ("normal_texture", Field::Texture(Encoding::Linear, |m| &mut m.normal_texture), ""),
+    ("emission_texture", Field::Texture(Encoding::Srgb, |m| &mut m.emission_texture), ""),
+    ("alpha_texture", Field::Texture(Encoding::Srgb, |m| &mut m.alpha_texture), ""),
 ];
 
 const ALPHA_MODES: [&str; 3] = ["opaque", "mask", "blend"];
 
-/// Least alpha of a mask where nothing is said, that of glTF.
+/// Default alpha cutoff, as in glTF.
 const ALPHA_CUTOFF: f32 = 0.5;
 
-/// Says that there is no texture, where a file would be named.
+/// Value of a texture key that removes the texture.
 const NO_TEXTURE: &str = "none";
 
 #[derive(Clone, Debug, PartialEq)]
@@ -48,40 +52,40 @@ enum Value {
     Number(f32),
     Color([f32; 3]),
     Flag(bool),
-    /// An alpha mode, by its position among them.
+    /// Index into [`ALPHA_MODES`].
     Mode(usize),
     /// An image file, or [`NO_TEXTURE`].
     Texture(String),
 }
 
-/// Changes of a material: what a scene file says of it, and nothing else.
+/// Changes to a material: the fields that a scene file sets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MaterialEdits {
-    /// The value of a field, by its position among them, ascending.
+    /// Values by index into [`FIELDS`], ascending.
     values: Vec<(usize, Value)>,
 }
 
 impl MaterialEdits {
-    /// Reads the fields of a table that may hold `other` keys too.
+    /// Reads the fields of a table that may also have the keys `other`.
     pub(super) fn read(table: &Table<'_>, other: &[&str]) -> Result<Self, ReadError> {
         let known: Vec<&str> = other.iter().copied().chain(FIELDS.map(|(key, ..)| key)).collect();
-        table.only(&known)?;
+        table.check_keys(&known)?;
         let mut values = Vec::new();
-        for (i, (key, part, _)) in FIELDS.into_iter().enumerate() {
-            let value = match part {
-                Part::Number(bounds, _) => table.number(key, bounds)?.map(Value::Number),
-                Part::Color(bounds, _) => table.numbers(key, bounds)?.map(Value::Color),
-                Part::Flag(_) => table.flag(key)?.map(Value::Flag),
-                Part::AlphaMode => table.choice(key, &ALPHA_MODES)?.map(Value::Mode),
-                Part::AlphaCutoff => table.number(key, Bounds::NotNegative)?.map(Value::Number),
-                Part::Texture(..) => table.text(key)?.map(|file| Value::Texture(file.to_owned())),
+        for (i, (key, field, _)) in FIELDS.into_iter().enumerate() {
+            let value = match field {
+                Field::Number(bounds, _) => table.number(key, bounds)?.map(Value::Number),
+                Field::Color(bounds, _) => table.numbers(key, bounds)?.map(Value::Color),
+                Field::Flag(_) => table.flag(key)?.map(Value::Flag),
+                Field::AlphaMode => table.choice(key, &ALPHA_MODES)?.map(Value::Mode),
+                Field::AlphaCutoff => table.number(key, Bounds::NotNegative)?.map(Value::Number),
+                Field::Texture(..) => table.text(key)?.map(|file| Value::Texture(file.to_owned())),
             };
             values.extend(value.map(|value| (i, value)));
         }
         Ok(Self { values })
     }
 
-    /// Changes `material`; `load` turns the name of an image into a texture.
+    /// Applies the changes to `material`; `load` loads a texture file.
     pub(super) fn apply<E>(
         &self,
         material: &mut Material,
@@ -89,52 +93,52 @@ impl MaterialEdits {
     ) -> Result<(), E> {
         for (i, value) in &self.values {
             match (FIELDS[*i].1, value) {
-                (Part::Number(_, get), Value::Number(x)) => *get(material) = *x,
-                (Part::Color(_, get), Value::Color(color)) => *get(material) = *color,
-                (Part::Flag(get), Value::Flag(flag)) => *get(material) = *flag,
-                (Part::AlphaMode, Value::Mode(mode)) => material.alpha_mode = alpha_mode(*mode, material.alpha_mode),
-                (Part::AlphaCutoff, Value::Number(new)) => {
+                (Field::Number(_, get), Value::Number(x)) => *get(material) = *x,
+                (Field::Color(_, get), Value::Color(color)) => *get(material) = *color,
+                (Field::Flag(get), Value::Flag(flag)) => *get(material) = *flag,
+                (Field::AlphaMode, Value::Mode(mode)) => material.alpha_mode = alpha_mode(*mode, material.alpha_mode),
+                (Field::AlphaCutoff, Value::Number(new)) => {
                     if let AlphaMode::Mask { cutoff } = &mut material.alpha_mode {
                         *cutoff = *new;
                     }
                 }
-                (Part::Texture(encoding, get), Value::Texture(file)) => {
+                (Field::Texture(encoding, get), Value::Texture(file)) => {
                     let texture = if file == NO_TEXTURE { None } else { Some(load(file, encoding)?) };
                     *get(material) = texture.map(TextureRef::new);
                 }
-                // Reading pairs each field with values of its own kind.
+                // `read` pairs each field with a value of its type.
                 _ => {}
             }
         }
         Ok(())
     }
 
-    /// The same changes, and every other field as `material` has it; textures stay unsaid where they were.
-    pub(super) fn spelled_out(&self, material: &Material) -> Self {
+    /// These changes plus all other fields of `material` except textures.
+    pub(super) fn explicit(&self, material: &Material) -> Self {
         let mut material = material.clone();
         let fields = FIELDS.into_iter().enumerate();
-        let values = fields.filter_map(|(i, (_, part, _))| {
-            let value = match part {
-                Part::Number(_, get) => Value::Number(*get(&mut material)),
-                Part::Color(_, get) => Value::Color(*get(&mut material)),
-                Part::Flag(get) => Value::Flag(*get(&mut material)),
-                Part::AlphaMode => Value::Mode(match material.alpha_mode {
+        let values = fields.filter_map(|(i, (_, field, _))| {
+            let value = match field {
+                Field::Number(_, get) => Value::Number(*get(&mut material)),
+                Field::Color(_, get) => Value::Color(*get(&mut material)),
+                Field::Flag(get) => Value::Flag(*get(&mut material)),
+                Field::AlphaMode => Value::Mode(match material.alpha_mode {
                     AlphaMode::Opaque => 0,
                     AlphaMode::Mask { .. } => 1,
                     AlphaMode::Blend => 2,
                 }),
-                Part::AlphaCutoff => match material.alpha_mode {
+                Field::AlphaCutoff => match material.alpha_mode {
                     AlphaMode::Mask { cutoff } => Value::Number(cutoff),
                     AlphaMode::Opaque | AlphaMode::Blend => Value::Number(ALPHA_CUTOFF),
                 },
-                Part::Texture(..) => self.values.iter().find(|(k, _)| *k == i)?.1.clone(),
+                Field::Texture(..) => self.values.iter().find(|(k, _)| *k == i)?.1.clone(),
             };
             Some((i, value))
         });
         Self { values: values.collect() }
     }
 
-    /// These changes, and those of `earlier` for what these do not say.
+    /// These changes, completed by those of `earlier`.
     pub(super) fn or(mut self, earlier: &Self) -> Self {
         let more = earlier.values.iter().filter(|(i, _)| self.values.iter().all(|(k, _)| k != i)).cloned();
         let more: Vec<_> = more.collect();
@@ -143,12 +147,12 @@ impl MaterialEdits {
         self
     }
 
-    /// Whether a texture is put on.
+    /// Whether a texture is set.
     pub(super) fn adds_texture(&self) -> bool {
         self.values.iter().any(|(_, value)| matches!(value, Value::Texture(file) if file != NO_TEXTURE))
     }
 
-    /// The image files named, to be changed.
+    /// All texture file names.
     pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         self.values.iter_mut().filter_map(|(_, value)| match value {
             Value::Texture(file) if file != NO_TEXTURE => Some(file),
@@ -156,8 +160,8 @@ impl MaterialEdits {
         })
     }
 
-    /// Writes a line a field.
-    pub(super) fn write(&self, page: &mut Page) {
+    /// Writes one line per field.
+    pub(super) fn write(&self, out: &mut TomlWriter) {
         for (i, value) in &self.values {
             let (key, _, comment) = FIELDS[*i];
             let text = match value {
@@ -167,12 +171,12 @@ impl MaterialEdits {
                 Value::Mode(mode) => quoted(ALPHA_MODES[*mode]),
                 Value::Texture(file) => quoted(file),
             };
-            page.line(key, &text, comment);
+            out.entry(key, &text, comment);
         }
     }
 }
 
-/// The alpha mode at a position among their names; a mask keeps its cutoff.
+/// The alpha mode with index `mode`; a mask keeps its cutoff.
 fn alpha_mode(mode: usize, before: AlphaMode) -> AlphaMode {
     match (mode, before) {
         (0, _) => AlphaMode::Opaque,

@@ -1,4 +1,4 @@
-//! Paths from one folder to files that may lie elsewhere.
+//! Relative paths between folders.
 
 use std::fs;
 use std::io;
@@ -8,15 +8,15 @@ use super::{AssetSource, EnvironmentSource, SceneFile};
 use crate::ReadError;
 
 impl SceneFile {
-    /// The file that a path in this one means.
+    /// Resolves a path in this file.
     pub(super) fn resolve(&self, file: &str) -> PathBuf {
         folder(&self.path).join(file)
     }
 
-    /// The same scene for a file at `path`: the paths in it change so that they mean the same files.
+    /// Moves the scene file to `path`, rewriting its relative paths to refer to the same files.
     ///
     /// # Errors
-    /// A file that is not there, or whose path is not UTF-8.
+    /// A referenced file does not exist, or its path is not UTF-8.
     pub fn moved_to(mut self, path: &Path) -> Result<Self, ReadError> {
         let from = folder(&self.path).to_owned();
         let to = folder(path);
@@ -27,13 +27,13 @@ impl SceneFile {
         Ok(self)
     }
 
-    /// The files that this one names, in the folders where they are sought.
+    /// Resolved paths of all files that this one references.
     #[must_use]
     pub fn files(&self) -> Vec<PathBuf> {
         self.clone().files_mut().map(|file| self.resolve(file)).collect()
     }
 
-    /// All paths in this file.
+    /// All file names in this file.
     fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         let assets = self.assets.iter_mut().filter_map(|asset| match &mut asset.source {
             AssetSource::File(file) => Some(file),
@@ -49,32 +49,32 @@ impl SceneFile {
     }
 }
 
-/// The folder that a file lies in; empty for the current one.
+/// The folder of a file; empty for the current folder.
 pub(super) fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 
-/// The folder itself, or where the program stands.
-fn here(folder: &Path) -> &Path {
+/// `.` for the empty path.
+fn or_current(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
-/// The path from `folder` to `file`, both of which are there, with `/` between names.
+/// The path from `folder` to `file`, separated by `/`. Both must exist.
 pub(super) fn relative(file: &Path, folder: &Path) -> Result<String, ReadError> {
     let real = |path: &Path| fs::canonicalize(path).map_err(|source| ReadError::Io { path: path.to_owned(), source });
     let not_utf8 = || {
-        let source = io::Error::new(io::ErrorKind::InvalidInput, "its path is not UTF-8");
+        let source = io::Error::new(io::ErrorKind::InvalidInput, "the path is not UTF-8");
         ReadError::Io { path: file.to_owned(), source }
     };
-    // The file keeps its own name where it is a link: what it asks for lies beside the link.
+    // Does not follow a link in the last component: files it references lie next to the link.
     let target = match (real(file)?, file.file_name()) {
-        (_, Some(name)) => real(here(self::folder(file)))?.join(name),
+        (_, Some(name)) => real(or_current(self::folder(file)))?.join(name),
         (target, None) => target,
     };
-    let folder = real(here(folder))?;
+    let folder = real(or_current(folder))?;
     let n_common = target.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     if target.components().take(n_common).all(|component| matches!(component, Component::Prefix(_))) {
-        // Another drive: no relative path leads there.
+        // Another drive: no relative path exists.
         return target.to_str().map(str::to_owned).ok_or_else(not_utf8);
     }
     let up = folder.components().skip(n_common).map(|_| Some(".."));

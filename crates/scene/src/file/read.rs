@@ -1,4 +1,4 @@
-//! From text to [`SceneFile`].
+//! TOML text to [`SceneFile`].
 
 use std::fs;
 use std::path::Path;
@@ -11,39 +11,37 @@ use super::{
     closest_match, environment, light, placement,
 };
 use crate::ReadError;
+use crate::read::quoted;
 
-/// Bytes that a scene file may have: what stands for a hundred thousand instances, and no film by mistake.
+/// Largest scene file in bytes, enough for hundreds of thousands of instances. Guards against reading a large binary file.
 const MAX_BYTES: u64 = 1 << 26;
 
 const KEYS: [&str; 8] =
     ["assets", "instances", "camera", "lights", "environment", "materials", "overrides", "settings"];
 
 impl SceneFile {
-    /// Reads a scene file, but none of the files that it names.
+    /// Reads a scene file, but not the files that it references.
     ///
     /// # Errors
-    /// [`ReadError`], a sentence that names the file, the line, the key and the value found there; for a key that is
-    /// unknown the nearest known one too.
+    /// [`ReadError`] with file, line, key and value; for an unknown key also the closest known key.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
-        let io_error = |source| ReadError::Io { path: path.to_owned(), source };
-        let n_bytes = fs::metadata(path).map_err(io_error)?.len();
+        let io_error = ReadError::io(path);
+        let n_bytes = fs::metadata(path).map_err(&io_error)?.len();
         if n_bytes > MAX_BYTES {
-            return Err(ReadError::unsupported(
-                path,
-                format!("a scene file of {n_bytes} bytes, more than {MAX_BYTES},"),
-            ));
+            let feature = format!("a scene file of {n_bytes} bytes (limit: {MAX_BYTES})");
+            return Err(ReadError::unsupported(path, feature));
         }
-        Self::parse(&fs::read(path).map_err(io_error)?, path)
+        Self::parse(&fs::read(path).map_err(&io_error)?, path)
     }
 
-    /// Reads the bytes of a scene file that stands at `path`.
+    /// Parses the bytes of a scene file at `path`.
     ///
     /// # Errors
     /// As [`SceneFile::read`].
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, ReadError> {
         let text = std::str::from_utf8(bytes).map_err(|error| {
             let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count();
-            super::table::error_at(path, line, "the bytes are not UTF-8")
+            super::table::error_at(path, line, "invalid UTF-8")
         })?;
         let source = Source::new(path, text);
         let document = Document::parse(text).map_err(|error| {
@@ -52,11 +50,11 @@ impl SceneFile {
             let key = error
                 .span()
                 .filter(|_| message == "duplicate key")
-                .map(|span| format!(" `{}`", source.quote(Some(span))));
+                .map(|span| format!(" '{}'", source.quote(Some(span))));
             source.error(at, message + &key.unwrap_or_default())
         })?;
         let root = Table::root(&source, document.as_table());
-        root.only(&KEYS)?;
+        root.check_keys(&KEYS)?;
         let file = Self {
             path: path.to_owned(),
             assets: list(&root, "assets", asset)?.unwrap_or_default(),
@@ -72,17 +70,17 @@ impl SceneFile {
         Ok(file)
     }
 
-    /// Every name is there once, and every name that is used is there.
+    /// Checks that names are unique and that referenced names exist.
     fn check_names(&self) -> Result<(), ReadError> {
         let fail = |line, message: String| Err(super::table::error_at(&self.path, line, message));
         let assets: Vec<&str> = self.assets.iter().map(|asset| &asset.name[..]).collect();
         let materials: Vec<&str> = self.materials.iter().map(|material| &material.name[..]).collect();
         let lines = self.assets.iter().map(|asset| asset.line);
         if let Some((line, name)) = repeated(&assets, lines) {
-            return fail(line, format!("two assets have the name {name:?}"));
+            return fail(line, format!("duplicate asset name {}", quoted(name.as_bytes())));
         }
         if let Some((line, name)) = repeated(&materials, self.materials.iter().map(|material| material.line)) {
-            return fail(line, format!("two materials have the name {name:?}"));
+            return fail(line, format!("duplicate material name {}", quoted(name.as_bytes())));
         }
         let used_assets = self.instances.iter().flatten().map(|instance| (&instance.asset, instance.line));
         let overridden = self.overrides.iter().filter_map(|change| Some((change.asset.as_ref()?, change.line)));
@@ -92,27 +90,28 @@ impl SceneFile {
         }
         let used = self.assets.iter().filter_map(|asset| Some((asset.material.as_ref()?, asset.line)));
         if let Some((name, line)) = used.into_iter().find(|(name, _)| !materials.contains(&&name[..])) {
-            return fail(line, unknown("new material", name, materials));
+            return fail(line, unknown("material", name, materials));
         }
         Ok(())
     }
 }
 
-/// That a name is not known, and which is nearest.
+/// The message for an unknown name, with the closest known one.
 pub(super) fn unknown<'a>(kind: &str, name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let name_quoted = quoted(name.as_bytes());
     match closest_match(name, known) {
-        Some(near) => format!("no {kind} has the name {name:?}; the nearest is {near:?}"),
-        None => format!("no {kind} has the name {name:?}, for there is none"),
+        Some(near) => format!("unknown {kind} {name_quoted}; did you mean {}?", quoted(near.as_bytes())),
+        None => format!("unknown {kind} {name_quoted}; none is defined"),
     }
 }
 
-/// The first name that was there before, and its line.
+/// The first repeated name and its line.
 fn repeated<'a>(names: &[&'a str], lines: impl Iterator<Item = usize>) -> Option<(usize, &'a str)> {
     let mut seen = std::collections::HashSet::new();
     names.iter().zip(lines).find(|(name, _)| !seen.insert(**name)).map(|(&name, line)| (line, name))
 }
 
-/// Reads each table of a list.
+/// Reads an array of tables.
 fn list<T>(
     root: &Table<'_>,
     key: &str,
@@ -122,12 +121,12 @@ fn list<T>(
 }
 
 fn asset(table: Table<'_>) -> Result<Asset, ReadError> {
-    table.only(&["name", "file", "builtin", "time", "material"])?;
+    table.check_keys(&["name", "file", "builtin", "time", "material"])?;
     let name = table.required("name", table.text("name")?)?.to_owned();
     let source = match (table.file("file")?, table.flag("builtin")?.unwrap_or(false)) {
         (Some(file), false) => AssetSource::File(file.to_owned()),
         (None, true) => AssetSource::Builtin,
-        (Some(_), true) => return Err(table.error("builtin", "an asset with a `file` is not `builtin`")),
+        (Some(_), true) => return Err(table.error("builtin", "use either 'file' or 'builtin', not both")),
         (None, false) => table.required("file", None)?,
     };
     let time = table.number("time", Bounds::Finite)?;
@@ -135,12 +134,12 @@ fn asset(table: Table<'_>) -> Result<Asset, ReadError> {
 }
 
 fn instance(table: Table<'_>) -> Result<AssetInstance, ReadError> {
-    table.only(&[&["asset", "close"][..], &placement::KEYS].concat())?;
+    table.check_keys(&[&["asset", "close"][..], &placement::KEYS].concat())?;
     let asset = table.required("asset", table.text("asset")?)?.to_owned();
     let open = placement::read(&table, &Placement::IDENTITY)?;
     let close = table.table("close")?.map(|close| {
-        let close = close.called("[instances.close]");
-        close.only(&placement::KEYS)?;
+        let close = close.with_name("[instances.close]");
+        close.check_keys(&placement::KEYS)?;
         placement::read(&close, &open)
     });
     Ok(AssetInstance { asset, open, close: close.transpose()?, line: table.line() })
@@ -159,7 +158,7 @@ fn override_(table: Table<'_>) -> Result<Override, ReadError> {
 
 fn settings(table: &Table<'_>) -> Result<Vec<Setting>, ReadError> {
     let setting = |(key, line): (&str, usize)| {
-        Ok(Setting { key: key.to_owned(), value: Some(table.word(key)?), comment: String::new(), line })
+        Ok(Setting { key: key.to_owned(), value: Some(table.option_value(key)?), comment: String::new(), line })
     };
     table.keys().map(setting).collect()
 }

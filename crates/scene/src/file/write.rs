@@ -1,91 +1,91 @@
-//! From [`SceneFile`] to text.
+//! [`SceneFile`] to TOML text.
 
-use super::page::{Page, number, quoted};
+use super::toml_writer::{TomlWriter, number, quoted};
 use super::{Asset, AssetInstance, AssetSource, SceneFile, Setting, camera, environment, light, placement};
 
 impl SceneFile {
-    /// The text that reads back as this, with comments that say what it means.
+    /// TOML text with explanatory comments that parses back to this scene file.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        let mut page = Page::default();
-        page.note("A scene of canted. Lengths are world units, colours linear RGB, paths relative to this file.");
+        let mut out = TomlWriter::default();
+        out.comment("A canted scene. Lengths are in world units, colors in linear RGB, paths relative to this file.");
         if !self.settings.is_empty() {
-            page.heading("[settings]");
-            page.note("Options of `canted render` by their names; the command line has the last word.");
-            self.settings.iter().for_each(|setting| write_setting(setting, &mut page));
+            out.heading("[settings]");
+            out.comment("Options of `canted render`. The command line overrides them.");
+            self.settings.iter().for_each(|setting| write_setting(setting, &mut out));
         }
         if let Some(camera) = &self.camera {
-            camera::write(camera, &mut page);
+            camera::write(camera, &mut out);
         }
-        // A list that is empty is a key of the file, and those come before the tables.
-        let mut keys = Page::default();
+        // Empty arrays are keys of the root table, which must precede all other tables.
+        let mut keys = TomlWriter::default();
         if self.instances.as_ref().is_some_and(Vec::is_empty) {
-            keys.line("instances", "[]", "nothing is placed");
+            keys.entry("instances", "[]", "no instances");
         }
         match self.lights.as_deref() {
             Some([]) => light::write(&[], &mut keys),
-            Some(lights) => light::write(lights, &mut page),
+            Some(lights) => light::write(lights, &mut out),
             None => {}
         }
         if let Some(environment) = &self.environment {
-            environment::write(environment, &mut page);
+            environment::write(environment, &mut out);
         }
-        self.assets.iter().for_each(|asset| write_asset(asset, &mut page));
-        self.instances.iter().flatten().for_each(|instance| write_instance(instance, &mut page));
+        self.assets.iter().for_each(|asset| write_asset(asset, &mut out));
+        self.instances.iter().flatten().for_each(|instance| write_instance(instance, &mut out));
         for material in &self.materials {
-            page.heading("[[materials]]");
-            page.line("name", &quoted(&material.name), "new; `material` of an asset names it");
-            material.edits.write(&mut page);
+            out.heading("[[materials]]");
+            out.entry("name", &quoted(&material.name), "new material; assets refer to it by name");
+            material.edits.write(&mut out);
         }
         for change in &self.overrides {
-            page.heading("[[overrides]]");
-            page.line("material", &quoted(&change.material), "of the asset's file");
+            out.heading("[[overrides]]");
+            out.entry("material", &quoted(&change.material), "name in the asset's file");
             if let Some(asset) = &change.asset {
-                page.line("asset", &quoted(asset), "");
+                out.entry("asset", &quoted(asset), "");
             }
-            change.edits.write(&mut page);
+            change.edits.write(&mut out);
         }
-        keys.text + &page.text
+        keys.text + &out.text
     }
 }
 
-fn write_setting(setting: &Setting, page: &mut Page) {
+fn write_setting(setting: &Setting, out: &mut TomlWriter) {
     let Setting { key, value, comment, line: _ } = setting;
     match value {
-        Some(value) => page.line(key, &word(value), comment),
-        None => page.note(&format!("{key}: {comment}")),
+        Some(value) => out.entry(key, &setting_value(value), comment),
+        None => out.comment(&format!("{key}: {comment}")),
     }
 }
 
-/// A number where reading keeps its letters, else a text.
-fn word(value: &str) -> String {
+/// A number if it parses back to the same characters, else a string.
+fn setting_value(value: &str) -> String {
     let is_integer = value.parse::<u32>().is_ok_and(|n| n.to_string() == value);
     let is_float = value.parse::<f32>().is_ok_and(|x| format!("{x:?}") == value && !x.is_nan());
     if is_integer || is_float { value.to_owned() } else { quoted(value) }
 }
 
-fn write_asset(asset: &Asset, page: &mut Page) {
-    page.heading("[[assets]]");
-    page.line("name", &quoted(&asset.name), "by which instances call it");
+fn write_asset(asset: &Asset, out: &mut TomlWriter) {
+    out.heading("[[assets]]");
+    out.entry("name", &quoted(&asset.name), "instances refer to it");
     match &asset.source {
-        AssetSource::File(file) => page.line("file", &quoted(file), "OBJ, PLY, glTF or GLB"),
-        AssetSource::Builtin => page.line("builtin", "true", "the scene that comes with the program"),
+        AssetSource::File(file) => out.entry("file", &quoted(file), "OBJ, PLY, glTF or GLB"),
+        AssetSource::Builtin => out.entry("builtin", "true", "the built-in scene"),
     }
     if let Some(time) = asset.time {
-        page.line("time", &number(time), "seconds into its animation");
+        out.entry("time", &number(time), "animation time in seconds");
     }
     if let Some(material) = &asset.material {
-        page.line("material", &quoted(material), "in place of all of its own");
+        out.entry("material", &quoted(material), "replaces all materials of the asset");
     }
 }
 
-fn write_instance(instance: &AssetInstance, page: &mut Page) {
-    page.heading("[[instances]]");
-    page.line("asset", &quoted(&instance.asset), "");
-    placement::write(&instance.open, page);
+fn write_instance(instance: &AssetInstance, out: &mut TomlWriter) {
+    out.heading("[[instances]]");
+    out.entry("asset", &quoted(&instance.asset), "");
+    placement::write(&instance.open, out);
     if let Some(close) = &instance.close {
-        page.text.push_str("[instances.close]\n");
-        page.note("As the shutter closes; each number of the transform changes in a straight line.");
-        placement::write(close, page);
+        out.text.push_str("[instances.close]\n");
+        out.comment("Transform at shutter close; matrix entries are interpolated linearly.");
+        placement::write(close, out);
     }
 }

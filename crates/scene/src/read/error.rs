@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::text::printable;
 
-/// Why a file gave no scene: one sentence that names the file, the place in it and the value found there.
+/// Why a file could not be read: one sentence with file, location and value.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum ReadError {
@@ -12,56 +12,61 @@ pub enum ReadError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// Neither the content nor the extension tells a format that this crate reads.
+    /// Neither the content nor the extension is that of a supported format.
     UnknownFormat {
         /// The file.
         path: PathBuf,
     },
-    /// The file breaks the rules of its format.
+    /// The file violates its format.
     Malformed {
         /// The file.
         path: PathBuf,
         /// Location in the file: `line 7`, `accessor 3`, `element vertex`.
         location: String,
-        /// What is wrong there, with the value found.
+        /// What is wrong, with the value found.
         message: String,
     },
-    /// The file is legal but asks for something that is not read.
+    /// The file is valid but uses an unsupported feature.
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What it asks for, by its name in the format.
+        /// Name of the feature.
         feature: String,
     },
-    /// Nothing is left to draw.
+    /// The file contains nothing to draw.
     Empty {
         /// The file.
         path: PathBuf,
-        /// Why: `no face`, `all 3 triangles have no area`.
+        /// Why: `no faces`, `all 3 triangles are degenerate`.
         reason: String,
     },
 }
 
 impl ReadError {
-    /// A breach of the format's rules at a place in the file.
+    /// Adds `path` to an I/O error.
+    pub(crate) fn io(path: &Path) -> impl Fn(io::Error) -> Self {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
+
+    /// A violation of the format at `location`.
     pub(crate) fn malformed(path: &Path, location: impl Into<String>, message: impl Into<String>) -> Self {
         Self::Malformed { path: path.to_owned(), location: location.into(), message: message.into() }
     }
 
-    /// A legal wish that is not fulfilled.
+    /// An unsupported feature.
     pub(crate) fn unsupported(path: &Path, feature: impl Into<String>) -> Self {
         Self::Unsupported { path: path.to_owned(), feature: feature.into() }
     }
 
-    /// A file without anything to draw.
+    /// Nothing to draw.
     pub(crate) fn empty(path: &Path, reason: impl Into<String>) -> Self {
         Self::Empty { path: path.to_owned(), reason: reason.into() }
     }
 
-    /// The file that the error is about.
+    /// The file that caused the error.
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
@@ -78,8 +83,8 @@ impl fmt::Display for ReadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let file = self.path().display();
         let sentence = match self {
-            Self::Io { source, .. } => format!("{file}: cannot be read: {source}"),
-            Self::UnknownFormat { .. } => format!("{file}: is neither OBJ, PLY, glTF nor GLB"),
+            Self::Io { source, .. } => format!("{file}: cannot read file: {source}"),
+            Self::UnknownFormat { .. } => format!("{file}: unsupported scene format; use OBJ, PLY, glTF or GLB"),
             Self::Malformed { location, message, .. } => format!("{file}: {location}: {message}"),
             Self::Unsupported { feature, .. } => format!("{file}: {feature} is not supported"),
             Self::Empty { reason, .. } => format!("{file}: nothing to draw: {reason}"),

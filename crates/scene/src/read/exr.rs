@@ -1,16 +1,16 @@
-//! What the header of an OpenEXR promises, looked at before a decoder allocates anything of that size.
+//! Checks the sizes in an OpenEXR header before a decoder allocates memory for them.
 
 use std::io::Cursor;
 
 use exr::prelude::{Error, MetaData, Vec2};
 
-/// Most samples that a byte of file can stand for: deflate, the tightest compression of EXR, expands at most 1032 times.
+/// Upper bound of samples per byte of file: deflate, the strongest compression of EXR, expands at most 1032 times.
 const MAX_SAMPLES_PER_BYTE: u64 = 1032;
 
-/// The samples that the header of an OpenEXR promises, in all channels of all layers together.
+/// Number of samples that the header of an OpenEXR file declares, in all channels of all layers.
 ///
 /// # Errors
-/// A header that is damaged, has a layer without texels, or promises more than `bytes` can hold.
+/// The header is invalid, declares an empty layer, or declares more samples than `bytes` can hold.
 pub fn declared_exr_samples(bytes: &[u8]) -> Result<u64, String> {
     let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(reason)?;
     let n_bytes = bytes.len();
@@ -21,19 +21,19 @@ pub fn declared_exr_samples(bytes: &[u8]) -> Result<u64, String> {
         let n_texels = (width as u64).saturating_mul(height as u64);
         n_samples = n_samples.saturating_add(n_texels.saturating_mul(header.channels.list.len() as u64));
         if n_texels == 0 || n_samples > max {
-            return Err(format!("its header promises {width} x {height} texels in {n_bytes} bytes"));
+            return Err(format!("invalid image size {width} x {height} for {n_bytes} bytes of data"));
         }
     }
     Ok(n_samples)
 }
 
-/// What is wrong with a file, for those who did not write its decoder.
+/// A readable message for a decoder error.
 pub(super) fn reason(error: Error) -> String {
     match error {
-        // What the decoder says where it wants bytes behind the last.
-        Error::Invalid(what) if what == "reference to missing bytes" => "the OpenEXR ends early".to_owned(),
-        Error::Invalid(what) => format!("the OpenEXR is damaged: {what}"),
-        Error::NotSupported(what) => format!("the OpenEXR is of a kind that is not read: {what}"),
-        Error::Io(_) | Error::Aborted => format!("the OpenEXR cannot be decoded: {error}"),
+        // The decoder's message for data that ends early.
+        Error::Invalid(what) if what == "reference to missing bytes" => "unexpected end of OpenEXR data".to_owned(),
+        Error::Invalid(what) => format!("invalid OpenEXR data: {what}"),
+        Error::NotSupported(what) => format!("unsupported OpenEXR feature: {what}"),
+        Error::Io(_) | Error::Aborted => format!("cannot decode OpenEXR data: {error}"),
     }
 }

@@ -1,5 +1,5 @@
-//! Material libraries of OBJ files, with the keys `Pr`, `Pm` and `norm` of their extension for metals and roughness.
-//! What else would change a picture is told by name; hints, and what concerns rasterizers alone, are ignored.
+//! MTL material libraries, with the PBR keys `Pr`, `Pm` and `norm`. Other keys that affect rendering are reported as
+//! unsupported; hints and rasterizer settings are ignored.
 
 mod map;
 
@@ -10,17 +10,17 @@ use super::text::{self, Line};
 use crate::Material;
 pub(crate) use map::Map;
 
-/// Textures that others look up and nothing here does.
-const UNREAD_MAPS: &str = "bump map_bump map_Bump disp map_disp map_Disp decal map_decal refl map_refl map_Ks map_Ns map_Tr \
+/// Unsupported texture keys.
+const UNSUPPORTED_MAPS: &str = "bump map_bump map_Bump disp map_disp map_Disp decal map_decal refl map_refl map_Ks map_Ns map_Tr \
                            map_Tf map_Pr map_Pm map_Ps map_Pc map_RMA map_ORM map_aniso";
 
-/// Strengths of sheen, coat and anisotropy, which surfaces here lack. At 0 there is none, as Blender writes for all that it
-/// exports; `Pcr` and `anisor` say how they are, and change nothing without them.
-const UNREAD_STRENGTHS: &str = "Ps Pc aniso";
+/// Unsupported strengths of sheen, clearcoat and anisotropy. 0 disables them, as Blender writes for every material. `Pcr` and
+/// `anisor` have no effect without them.
+const UNSUPPORTED_FACTORS: &str = "Ps Pc aniso";
 
-/// A material as its library states it; `None` for what it does not state.
+/// A material of a library; `None` for keys that are absent.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Recipe {
+pub(crate) struct MtlMaterial {
     /// `Kd`, in 0..=1.
     pub(crate) base_color: Option<[f32; 3]>,
     /// `Ks`, in 0..=1.
@@ -43,57 +43,57 @@ pub(crate) struct Recipe {
     pub(crate) opacity: Option<f32>,
     /// `Tr`, in 0..=1.
     pub(crate) transparency: Option<f32>,
-    /// Texture of `map_Kd`.
+    /// `map_Kd`.
     pub(crate) base_color_map: Option<Map>,
-    /// Texture of `map_d`.
+    /// `map_d`.
     pub(crate) mask: Option<Map>,
-    /// Texture of `map_Ke`.
+    /// `map_Ke`.
     pub(crate) emission_map: Option<Map>,
-    /// Texture of `norm`.
+    /// `norm`.
     pub(crate) normal_map: Option<Map>,
-    /// What else it asks for.
-    pub(crate) ignored: Vec<&'static str>,
+    /// Unsupported keys.
+    pub(crate) unsupported: Vec<&'static str>,
 }
 
-/// Materials of a library by name; of two with one name the later counts. Doubtful lines become warnings.
-pub(crate) fn recipes<'a>(file: &str, bytes: &'a [u8], warnings: &mut Vec<String>) -> HashMap<&'a [u8], Recipe> {
-    let mut recipes = HashMap::new();
-    let mut current: Option<(&[u8], Recipe)> = None;
+/// Materials of a library by name; the last of several with the same name wins. Invalid lines become warnings.
+pub(crate) fn parse<'a>(file: &str, bytes: &'a [u8], warnings: &mut Vec<String>) -> HashMap<&'a [u8], MtlMaterial> {
+    let mut library = HashMap::new();
+    let mut current: Option<(&[u8], MtlMaterial)> = None;
     for line in text::lines(bytes) {
         if line.keyword == b"newmtl" {
-            recipes.extend(current.replace((line.rest, Recipe::default())));
-        } else if let Some((name, recipe)) = &mut current
-            && let Err(doubt) = recipe.read(&line)
+            library.extend(current.replace((line.rest, MtlMaterial::default())));
+        } else if let Some((name, material)) = &mut current
+            && let Err(problem) = material.read(&line)
         {
-            let warning = format!("{file}, line {}: material {}: {doubt}", line.number, text::quoted(name));
+            let warning = format!("{file}: line {}: material {}: {problem}", line.number, text::quoted(name));
             warnings.push(text::printable(&warning).into_owned());
         }
     }
-    recipes.extend(current);
-    recipes
+    library.extend(current);
+    library
 }
 
-impl Recipe {
-    /// Takes one line into the recipe; the error says what is doubtful in it.
+impl MtlMaterial {
+    /// Reads one line; the error is a warning.
     fn read(&mut self, line: &Line) -> Result<(), String> {
         match line.keyword {
-            b"Kd" => kept(&mut self.base_color, colour(line, 1.0), line),
-            b"Ke" => kept(&mut self.emission, colour(line, f32::MAX), line),
-            // These colour mirrors and glass alone, so doubts about them are rarely worth a word.
+            b"Kd" => store(&mut self.base_color, color(line, 1.0), line),
+            b"Ke" => store(&mut self.emission, color(line, f32::MAX), line),
+            // Only used for mirrors and glass, so invalid values are not reported.
             b"Ks" => {
-                self.specular = colour(line, 1.0).ok().map(|(_, kept)| kept);
+                self.specular = color(line, 1.0).ok().map(|(_, kept)| kept);
                 Ok(())
             }
             b"Tf" => {
-                self.filter = colour(line, 1.0).ok().map(|(_, kept)| kept);
+                self.filter = color(line, 1.0).ok().map(|(_, kept)| kept);
                 Ok(())
             }
-            b"Ns" => kept(&mut self.shininess, number(line, 0.0..=f32::MAX), line),
-            b"Pr" => kept(&mut self.roughness, number(line, 0.0..=1.0), line),
-            b"Pm" => kept(&mut self.metallic, number(line, 0.0..=1.0), line),
-            b"Ni" => kept(&mut self.ior, number(line, 1.0..=Material::MAX_IOR), line),
-            b"d" => kept(&mut self.opacity, number(line, 0.0..=1.0), line),
-            b"Tr" => kept(&mut self.transparency, number(line, 0.0..=1.0), line),
+            b"Ns" => store(&mut self.shininess, number(line, 0.0..=f32::MAX), line),
+            b"Pr" => store(&mut self.roughness, number(line, 0.0..=1.0), line),
+            b"Pm" => store(&mut self.metallic, number(line, 0.0..=1.0), line),
+            b"Ni" => store(&mut self.ior, number(line, 1.0..=Material::MAX_IOR), line),
+            b"d" => store(&mut self.opacity, number(line, 0.0..=1.0), line),
+            b"Tr" => store(&mut self.transparency, number(line, 0.0..=1.0), line),
             b"illum" => {
                 self.illumination = std::str::from_utf8(line.rest).ok().and_then(|rest| rest.parse().ok());
                 Ok(())
@@ -103,66 +103,65 @@ impl Recipe {
             b"map_Ke" => texture(&mut self.emission_map, line),
             b"norm" => texture(&mut self.normal_map, line),
             _ => {
-                self.ignore(line);
+                self.note_unsupported(line);
                 Ok(())
             }
         }
     }
 
-    /// Remembers, once and as the file writes it, what is not read and would change a picture.
-    fn ignore(&mut self, line: &Line) {
+    /// Records an unsupported key once.
+    fn note_unsupported(&mut self, line: &Line) {
         let known = |names: &'static str| names.split(' ').find(|name| name.as_bytes() == line.keyword);
         let is_none = || text::words(line.rest).all(|word| text::float(word) == Some(0.0));
-        let name = known(UNREAD_MAPS).or_else(|| known(UNREAD_STRENGTHS).filter(|_| !is_none()));
-        self.ignored.extend(name.filter(|name| !self.ignored.contains(name)));
+        let name = known(UNSUPPORTED_MAPS).or_else(|| known(UNSUPPORTED_FACTORS).filter(|_| !is_none()));
+        self.unsupported.extend(name.filter(|name| !self.unsupported.contains(name)));
     }
 }
 
-/// Keeps what a line states, in its range; the error says where that differs.
-fn kept<T: Copy + PartialEq>(slot: &mut Option<T>, values: Result<(T, T), String>, line: &Line) -> Result<(), String> {
-    let (stated, kept) = values?;
-    *slot = Some(kept);
-    if stated == kept {
+/// Stores a value clamped to its range; the error reports clamping.
+fn store<T: Copy + PartialEq>(slot: &mut Option<T>, values: Result<(T, T), String>, line: &Line) -> Result<(), String> {
+    let (value, clamped) = values?;
+    *slot = Some(clamped);
+    if value == clamped {
         return Ok(());
     }
     let keyword = String::from_utf8_lossy(line.keyword);
-    Err(format!("{keyword} {} is out of range and clamped", text::quoted(line.rest)))
+    Err(format!("clamping {keyword} {} to the valid range", text::quoted(line.rest)))
 }
 
-/// Keeps the texture that a line names; the error says which of its options are not applied.
+/// Stores a texture; the error lists ignored options.
 fn texture(slot: &mut Option<Map>, line: &Line) -> Result<(), String> {
-    let (map, not_applied) = map::read(line)?;
+    let (map, unsupported) = map::read(line)?;
     *slot = Some(map);
-    if not_applied.is_empty() {
+    if unsupported.is_empty() {
         return Ok(());
     }
     let keyword = String::from_utf8_lossy(line.keyword);
-    Err(format!("{keyword}: not applied: {}", not_applied.join(", ")))
+    Err(format!("ignoring options of {keyword}: {}", unsupported.join(", ")))
 }
 
-/// The number of a line as stated and as kept, in a range.
+/// The number of a line and its clamped value.
 fn number(line: &Line, range: RangeInclusive<f32>) -> Result<(f32, f32), String> {
-    let stated = text::words(line.rest).find(|&word| word != b"-halo").and_then(text::float);
-    let stated = stated.filter(|stated| !stated.is_nan()).ok_or_else(|| not_a_number(line))?;
-    Ok((stated, stated.clamp(*range.start(), *range.end())))
+    let value = text::words(line.rest).find(|&word| word != b"-halo").and_then(text::float);
+    let value = value.filter(|value| !value.is_nan()).ok_or_else(|| invalid(line, "a number"))?;
+    Ok((value, value.clamp(*range.start(), *range.end())))
 }
 
-/// The colour of a line as stated and as kept, each component in `0..=most`. One number stands for three.
-fn colour(line: &Line, most: f32) -> Result<([f32; 3], [f32; 3]), String> {
-    let keyword = String::from_utf8_lossy(line.keyword);
+/// The color of a line and its components clamped to `0..=max`. A single number is gray.
+fn color(line: &Line, max: f32) -> Result<([f32; 3], [f32; 3]), String> {
     let numbers: Option<Vec<f32>> = text::words(line.rest).take(4).map(text::float).collect();
-    let stated = match numbers.as_deref() {
-        Some(&[grey]) => [grey; 3],
+    let color = match numbers.as_deref() {
+        Some(&[gray]) => [gray; 3],
         Some(&[r, g, b]) => [r, g, b],
-        _ => return Err(format!("{keyword} {} is not a colour; it keeps its default", text::quoted(line.rest))),
+        _ => return Err(invalid(line, "1 or 3 numbers")),
     };
-    if stated.iter().any(|component| component.is_nan()) {
-        return Err(not_a_number(line));
+    if color.iter().any(|component| component.is_nan()) {
+        return Err(invalid(line, "numbers"));
     }
-    Ok((stated, stated.map(|component| component.clamp(0.0, most))))
+    Ok((color, color.map(|component| component.clamp(0.0, max))))
 }
 
-fn not_a_number(line: &Line) -> String {
+fn invalid(line: &Line, expected: &str) -> String {
     let keyword = String::from_utf8_lossy(line.keyword);
-    format!("{keyword} {} is not a number; it keeps its default", text::quoted(line.rest))
+    format!("ignoring {keyword} {}: expected {expected}", text::quoted(line.rest))
 }

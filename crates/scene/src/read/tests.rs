@@ -1,5 +1,4 @@
-//! Whatever the bytes, a reader answers with an error or with a scene whose parts agree. Covers the OBJ, MTL and PLY
-//! readers from bytes; files that they name are not there.
+//! Arbitrary input to the OBJ, MTL and PLY readers gives an error or a valid scene.
 
 use std::path::Path;
 
@@ -8,7 +7,7 @@ use proptest::prelude::*;
 use super::{ReadError, mtl, obj, ply, read};
 use crate::Scene;
 
-/// The first flaw of a scene: an index out of range, a position in use that is not finite, a count that differs.
+/// The first error in a scene: an index out of range, a non-finite position, mismatched counts.
 fn flaw(scene: &Scene) -> Option<String> {
     let mut next = 0;
     for instance in &scene.instances {
@@ -23,7 +22,7 @@ fn flaw(scene: &Scene) -> Option<String> {
         let is_usable =
             |&index: &u32| mesh.positions.get(index as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()));
         if let Some(index) = mesh.triangles.iter().flatten().find(|index| !is_usable(index)) {
-            return Some(format!("vertex {index} of {n} is not there or not finite"));
+            return Some(format!("vertex {index} of {n} is missing or not finite"));
         }
         if mesh.normals.as_ref().is_some_and(|normals| normals.len() != n)
             || mesh.uvs.as_ref().is_some_and(|uvs| uvs.len() != n)
@@ -46,7 +45,7 @@ const MTL: &str = "newmtl a\nKd 1 0.5 0\nKe 1 1 1\nmap_Kd -s 1 1 1 a.png\nd 0.5\
 const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
                    property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
 
-/// A file with some bytes overwritten and pieces cut out or doubled.
+/// A file with bytes overwritten, removed or duplicated.
 fn mutated(text: &'static str) -> impl Strategy<Value = Vec<u8>> {
     let edit = (any::<prop::sample::Index>(), any::<prop::sample::Index>(), 0..4_u8, any::<u8>());
     prop::collection::vec(edit, 1..6).prop_map(move |edits| {
@@ -65,7 +64,7 @@ fn mutated(text: &'static str) -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
-/// Lines of statements that look right, with numbers from a small range so that indices often are.
+/// Plausible statements with small numbers, so that indices are often valid.
 fn obj_lines() -> impl Strategy<Value = Vec<u8>> {
     let number = prop_oneof![
         (-2..7_i32).prop_map(|x| x.to_string()),
@@ -87,23 +86,23 @@ fn obj_lines() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #[test]
-    fn obj_answers(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(OBJ), obj_lines()]) {
+    fn obj_gives_an_error_or_a_valid_scene(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(OBJ), obj_lines()]) {
         if let Ok(scene) = obj::parse(Path::new("a.obj"), &bytes) {
             prop_assert_eq!(flaw(&scene), None);
         }
     }
 
     #[test]
-    fn mtl_answers(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(MTL)]) {
+    fn mtl_gives_valid_materials(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(MTL)]) {
         let mut warnings = Vec::new();
-        for recipe in mtl::recipes("a.mtl", &bytes, &mut warnings).values() {
-            prop_assert!(recipe.base_color.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
-            prop_assert!(recipe.emission.iter().flatten().all(|x| *x >= 0.0 && x.is_finite()));
+        for material in mtl::parse("a.mtl", &bytes, &mut warnings).values() {
+            prop_assert!(material.base_color.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
+            prop_assert!(material.emission.iter().flatten().all(|x| *x >= 0.0 && x.is_finite()));
         }
     }
 
     #[test]
-    fn ply_answers(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(PLY)]) {
+    fn ply_gives_an_error_or_a_valid_scene(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(PLY)]) {
         if let Ok(scene) = ply::parse(Path::new("a.ply"), &bytes) {
             prop_assert_eq!(flaw(&scene), None);
         }
@@ -111,7 +110,7 @@ proptest! {
 }
 
 #[test]
-fn the_check_sees_each_flaw() {
+fn flaw_detects_each_error() {
     let spoiled = |spoil: fn(&mut Scene)| {
         let mut scene = obj::parse(Path::new("a.obj"), &OBJ.as_bytes()["mtllib a.mtl\n".len()..]).unwrap();
         assert_eq!(flaw(&scene), None);
@@ -127,7 +126,7 @@ fn the_check_sees_each_flaw() {
 }
 
 #[test]
-fn the_format_is_told_by_content_then_by_extension() {
+fn format_is_determined_by_content_then_extension() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &str| {
         let path = folder.path().join(name);
@@ -146,9 +145,9 @@ fn the_format_is_told_by_content_then_by_extension() {
 }
 
 #[test]
-fn errors_name_the_file_and_keep_their_source() {
+fn io_errors_contain_path_and_source() {
     let error = read(Path::new("absent/model.obj")).unwrap_err();
-    assert!(error.to_string().starts_with("absent/model.obj: cannot be read: "), "{error}");
+    assert!(error.to_string().starts_with("absent/model.obj: cannot read file: "), "{error}");
     assert!(std::error::Error::source(&error).is_some());
     assert_eq!(error.path(), Path::new("absent/model.obj"));
     assert!(matches!(read(Path::new(".")), Err(ReadError::Io { .. })));

@@ -1,19 +1,19 @@
-//! Lines, words and numbers of text formats; nothing is copied.
+//! Tokenizes text formats without copying.
 
 use std::borrow::Cow;
 
-/// A line with content: comments and blank lines are left out, continued lines are one.
+/// A logical line: comments and blank lines are skipped, continued lines are joined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Line<'a> {
-    /// Number of the (first) line in the file, from 1.
+    /// Number of the first physical line, from 1.
     pub(crate) number: usize,
     /// First word.
     pub(crate) keyword: &'a [u8],
-    /// What follows it, without white space around.
+    /// The rest of the line, trimmed.
     pub(crate) rest: &'a [u8],
 }
 
-/// Lines of an OBJ or MTL file: `#` opens a comment, a backslash at the end continues a line, a byte order mark is skipped.
+/// Logical lines of an OBJ or MTL file: `#` starts a comment, a trailing backslash continues a line, a byte order mark is skipped.
 pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
     let mut bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut n_lines = 0;
@@ -22,7 +22,7 @@ pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
             let number = n_lines + 1;
             let mut end = line_length(bytes);
             n_lines += 1;
-            // A comment that ends with a backslash, as a path may, does not swallow the next line.
+            // A trailing backslash does not continue a comment, which may end with a Windows path.
             let is_comment = bytes[..end].trim_ascii_start().starts_with(b"#");
             while !is_comment && end < bytes.len() && is_continued(&bytes[..end]) {
                 end += line_length(&bytes[end..]);
@@ -41,7 +41,7 @@ pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
     })
 }
 
-/// Bytes up to and with the next line feed, or all.
+/// Number of bytes up to and including the next line feed.
 fn line_length(bytes: &[u8]) -> usize {
     bytes.iter().position(|&byte| byte == b'\n').map_or(bytes.len(), |at| at + 1)
 }
@@ -50,7 +50,7 @@ fn is_continued(line: &[u8]) -> bool {
     line.strip_suffix(b"\n").is_some_and(|line| line.strip_suffix(b"\r").unwrap_or(line).ends_with(b"\\"))
 }
 
-/// Words between white space, up to a word that opens a comment; the backslashes of continued lines are no words.
+/// Words separated by white space, up to a comment; line continuation backslashes are removed.
 pub(crate) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     text.split(u8::is_ascii_whitespace)
         .map(|word| word.strip_suffix(b"\\").unwrap_or(word))
@@ -58,9 +58,9 @@ pub(crate) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
         .take_while(|word| word[0] != b'#')
 }
 
-/// A number in the forms that exporters write, `nan(ind)` and `1.#INF` among them; `None` for anything else.
+/// Parses a number, including exporter variants such as `nan(ind)` and `1.#INF`.
 ///
-/// What is beyond the range of `f32` becomes infinite, what is not a number becomes NaN: the caller drops both.
+/// Values beyond the range of `f32` become infinite, invalid numbers NaN; callers drop both.
 pub(crate) fn float(word: &[u8]) -> Option<f32> {
     let text = std::str::from_utf8(word).ok()?;
     if let Ok(number) = text.parse() {
@@ -70,12 +70,12 @@ pub(crate) fn float(word: &[u8]) -> Option<f32> {
     (magnitude.starts_with("nan(") || magnitude.starts_with("1.#")).then_some(f32::NAN)
 }
 
-/// An integer with an optional sign; `None` for anything else and beyond 64 bits.
+/// Parses an optionally signed 64-bit integer.
 pub(crate) fn integer(word: &[u8]) -> Option<i64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// A message on one line: the control characters of what it quotes are escaped, as a terminal would obey them.
+/// Escapes control characters, so that a message stays on one line and cannot control a terminal.
 pub(crate) fn printable(message: &str) -> Cow<'_, str> {
     if !message.contains(char::is_control) {
         return message.into();
@@ -84,13 +84,13 @@ pub(crate) fn printable(message: &str) -> Cow<'_, str> {
     message.chars().map(escaped).collect()
 }
 
-/// Bytes of a file as a quotation for messages: shortened, as they are written but for control characters.
+/// Quotes bytes of a file for messages, shortened, with control characters escaped.
 pub(crate) fn quoted(bytes: &[u8]) -> String {
     const MAX_CHARS: usize = 60;
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4 * MAX_CHARS)]);
     let short: String = text.chars().take(MAX_CHARS).collect();
     let more = if short.len() < bytes.len() { "..." } else { "" };
-    format!("`{}{more}`", printable(&short))
+    format!("'{}{more}'", printable(&short))
 }
 
 #[cfg(test)]
@@ -110,20 +110,20 @@ mod tests {
     }
 
     #[test]
-    fn messages_stay_on_one_line() {
+    fn escapes_control_characters() {
         assert_eq!(printable("a \u{1b}[31m\nb, `é`"), "a \\u{1b}[31m\\nb, `é`");
         assert!(matches!(printable("plain"), Cow::Borrowed("plain")));
     }
 
     #[test]
-    fn blank_lines_and_comments_count_but_are_left_out() {
+    fn skips_but_counts_blank_lines_and_comments() {
         is_lines("\u{feff}# a\n\n  v 1 2\r\n\t# b\ng x", &[(3, "v", "1 2"), (5, "g", "x")]);
         is_lines("\n# a\nv 1", &[(3, "v", "1")]);
         is_lines("", &[]);
     }
 
     #[test]
-    fn backslashes_continue_lines_but_not_comments() {
+    fn continues_lines_but_not_comments() {
         is_lines("f 1 \\\n 2\\\r\n3\nv 0", &[(1, "f", "1 \\\n 2\\\r\n3"), (4, "v", "0")]);
         is_lines("# C:\\\nv 0", &[(2, "v", "0")]);
         is_lines("v 0 \\", &[(1, "v", "0 \\")]);
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_every_exporter() {
+    fn parses_numbers_of_all_exporters() {
         for (text, want) in [("+0", 0.0), ("-.5", -0.5), ("5.", 5.0), ("0E+0", 0.0), ("1e39", f32::INFINITY)] {
             assert_eq!(float(text.as_bytes()), Some(want), "{text}");
         }
@@ -146,9 +146,9 @@ mod tests {
     }
 
     #[test]
-    fn quotations_are_short_and_printable() {
-        assert_eq!(quoted(b"a\x1b[31m\n"), "`a\\u{1b}[31m\\n`");
-        assert_eq!(quoted(b"C:\\x\\\"a\".png"), "`C:\\x\\\"a\".png`");
+    fn quotes_are_short_and_escaped() {
+        assert_eq!(quoted(b"a\x1b[31m\n"), "'a\\u{1b}[31m\\n'");
+        assert_eq!(quoted(b"C:\\x\\\"a\".png"), "'C:\\x\\\"a\".png'");
         assert!(quoted(&[b'x'; 100_000]).len() < 100);
     }
 }

@@ -1,4 +1,4 @@
-//! Samples are where the density says.
+//! BSDF samples follow their PDF.
 
 use std::f64::consts::{PI, TAU};
 
@@ -12,7 +12,7 @@ const RINGS: usize = 16;
 const SECTORS: usize = 16;
 const N: u32 = 100_000;
 
-/// Counts of samples in cells of equal angles, then of all others: lost ones and those of mirrors.
+/// Sample counts in cells of equal angles; the last counts lost samples and delta lobes.
 fn counts(bsdf: &Bsdf, outgoing: [f32; 3]) -> Vec<f64> {
     let mut counts = vec![0.0; RINGS * SECTORS + 1];
     for (square, choice) in numbers(N) {
@@ -29,9 +29,9 @@ fn counts(bsdf: &Bsdf, outgoing: [f32; 3]) -> Vec<f64> {
     counts
 }
 
-/// Integrals of a density over the same cells, then what is left to 1.
+/// Integrals of a PDF over the same cells; the last is the remainder to 1.
 ///
-/// Points stand in a lattice askew to the rings, for a lobe's edge may run along one.
+/// The points form a lattice that is skewed to the rings, because the edge of a lobe may be parallel to a ring.
 fn expected(density: impl Fn([f32; 3]) -> f32) -> Vec<f64> {
     const FINE: usize = 16;
     const GOLDEN: f64 = 0.618_033_988_749_895;
@@ -48,11 +48,11 @@ fn expected(density: impl Fn([f32; 3]) -> f32) -> Vec<f64> {
     cells
 }
 
-/// Six standard deviations leave no room for chance.
+/// Six standard deviations: false alarms are practically impossible.
 const LIMIT: f64 = 6.0;
 
 #[test]
-fn samples_follow_the_density() {
+fn samples_match_pdf() {
     for roughness in [0.45, 1.0] {
         for (name, bsdf) in materials(roughness) {
             for cosine in [0.98, 0.6, 0.15] {
@@ -65,9 +65,9 @@ fn samples_follow_the_density() {
     }
 }
 
-/// The density of a slightly rougher surface, or of one that chooses its lobes otherwise, is refused.
+/// The test above detects a slightly rougher surface, and a wrong choice of lobes.
 #[test]
-fn the_check_sees_wrong_densities() {
+fn test_detects_wrong_pdfs() {
     let plastic = Bsdf { specular: 1.0, roughness: 0.5, ..Bsdf::lambert([0.5; 3]) };
     let metal = Bsdf { metallic: 1.0, ..plastic };
     let cases = [(metal, Bsdf { roughness: 0.52, ..metal }), (plastic, Bsdf { base_color: [0.2; 3], ..plastic })];
@@ -79,7 +79,7 @@ fn the_check_sees_wrong_densities() {
 }
 
 #[test]
-fn a_sample_carries_value_over_density() {
+fn sample_weight_is_value_over_pdf() {
     for roughness in [0.1, 0.5, 1.0] {
         for (name, bsdf) in materials(roughness) {
             for (square, choice) in numbers(1000) {
@@ -90,7 +90,7 @@ fn a_sample_carries_value_over_density() {
                     continue;
                 }
                 assert_eq!(scattered.density, density, "{name}");
-                // Product and quotient of a Lambert surface may round; the others are this quotient.
+                // Lambertian samples may round product and quotient; others are this quotient.
                 for (weight, value) in scattered.weight.into_iter().zip(value) {
                     assert!((weight - value / density).abs() <= f32::EPSILON * weight, "{name}");
                 }
@@ -99,9 +99,9 @@ fn a_sample_carries_value_over_density() {
     }
 }
 
-/// What the diffuse integrators always did: cosine-sampled directions of weight `base_color`, to the bit.
+/// Lambertian surfaces are cosine-sampled with weight `base_color`, bit for bit.
 #[test]
-fn lambert_is_the_cheap_path() {
+fn lambert_is_cosine_sampled() {
     let bsdf = Bsdf::lambert([0.8, 0.3, 0.1]);
     for (square, choice) in numbers(1000) {
         let scattered = bsdf.sample(outgoing(0.3), square, choice).unwrap();

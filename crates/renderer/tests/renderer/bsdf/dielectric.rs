@@ -1,4 +1,4 @@
-//! Smooth boundaries, where everything is known.
+//! Smooth dielectric boundaries.
 
 use canted_renderer::{Bsdf, BsdfSample, Pattern, Sampler};
 
@@ -11,15 +11,15 @@ fn glass(ior: f32) -> Bsdf {
     Bsdf { roughness: 0.0, specular: 1.0, transmission: 1.0, ior, ..Bsdf::lambert([1.0; 3]) }
 }
 
-/// The two things that a clear boundary can do, each found by a choice at its end.
+/// Reflection and transmission, each selected by a choice at one end of the interval.
 fn outcomes(bsdf: &Bsdf, outgoing: [f32; 3]) -> [Option<BsdfSample>; 2] {
     [0.0, 1.0 - f32::EPSILON / 2.0].map(|choice| bsdf.sample(outgoing, [0.5, 0.5], choice))
 }
 
-/// Each outcome is chosen as often as it carries light, so that its weight is 1 but for the change of radiance; the
-/// shares are those of Fresnel's equations, so they sum to 1.
+/// Both events are sampled in proportion to their energy: weights are 1 up to the scaling of radiance, and the
+/// probabilities are the Fresnel reflectance and transmittance.
 #[test]
-fn what_is_not_reflected_passes() {
+fn reflection_and_transmission_conserve_energy() {
     for ior in IORS {
         for is_inside in [false, true] {
             let bsdf = Bsdf { is_inside, ..glass(ior) };
@@ -33,7 +33,7 @@ fn what_is_not_reflected_passes() {
                     for weight in scattered.weight {
                         assert!((weight / radiance - 1.0).abs() <= 4.0 * f32::EPSILON, "{ior} {degree}: {weight}");
                     }
-                    // Snell: the tangential part shrinks by eta, and stays in the plane.
+                    // Snell's law: the tangential part is divided by eta and stays in the plane.
                     let bend = if scattered.is_transmitted { eta } else { 1.0 };
                     assert!((x * bend + o[0]).abs() <= 2.0 * f32::EPSILON, "{ior} {degree}");
                     assert!((y * bend + o[1]).abs() <= 2.0 * f32::EPSILON, "{ior} {degree}");
@@ -44,8 +44,8 @@ fn what_is_not_reflected_passes() {
 }
 
 #[test]
-fn reflection_is_chosen_as_often_as_fresnel_says() {
-    // At normal incidence ((n - 1)/(n + 1))² is 0.04; the two sides agree.
+fn reflection_probability_is_fresnel_reflectance() {
+    // At normal incidence ((n - 1)/(n + 1))² is 0.04, on both sides.
     for is_inside in [false, true] {
         let bsdf = Bsdf { is_inside, ..glass(1.5) };
         let is_reflected = |choice| bsdf.sample([0.0, 0.0, 1.0], [0.5; 2], choice).is_some_and(|s| !s.is_transmitted);
@@ -59,20 +59,20 @@ fn reflection_is_total_beyond_the_critical_angle() {
         let critical = f64::from(1.0 / ior).asin();
         let bsdf = Bsdf { is_inside: true, ..glass(ior) };
         let transmits = |angle: f64| outcomes(&bsdf, outgoing(angle.cos()))[1].is_some_and(|s| s.is_transmitted);
-        // A thousandth of a radian is well above the rounding of the cosine.
+        // A thousandth of a radian is well above the rounding error of the cosine.
         assert!(transmits(critical - 1e-3) && !transmits(critical + 1e-3), "{ior}");
-        // A reflection layer of no strength does not open a way where there is none.
+        // Total internal reflection does not depend on the strength of the coat.
         let bare = Bsdf { specular: 0.0, ..bsdf };
         let scattered = outcomes(&bare, outgoing((critical + 1e-3).cos()))[1].unwrap();
         assert!(!scattered.is_transmitted && scattered.weight == [1.0; 3]);
     }
 }
 
-/// Follows a ray through a unit ball until it is out; its throughput, as a boundary with nothing else in the world.
-fn through_ball(bsdf: Bsdf, sampler: &Sampler, path: u32) -> Option<(f64, u32)> {
+/// Follows a path through a unit sphere until it leaves; returns its throughput and the number of bounces.
+fn through_sphere(bsdf: Bsdf, sampler: &Sampler, path: u32) -> Option<(f64, u32)> {
     let [a, b] = sampler.pair(path, 0, 0).map(f64::from);
     let mut normal = unit([a.sqrt(), 0.0, (1.0 - a).sqrt()]);
-    // Towards the viewer, from which the ball was hit at a random point.
+    // Towards the viewer, from which the sphere was hit at a random point.
     let mut to_viewer = unit([b - 0.5, 0.0, 1.0]);
     if dot(to_viewer, normal) <= 0.0 {
         return None;
@@ -89,7 +89,7 @@ fn through_ball(bsdf: Bsdf, sampler: &Sampler, path: u32) -> Option<(f64, u32)> 
         if !is_inside {
             return Some((throughput, bounce));
         }
-        // On to the next point of the ball; the normal there looks outwards, the frame inwards.
+        // Continue to the next point of the sphere; the normal there points outwards, the frame inwards.
         let outwards = if scattered.is_transmitted { normal } else { normal.map(|x| -x) };
         let direction = unit(basis.direction(scattered.incident).map(f64::from));
         let chord = -2.0 * dot(direction, outwards);
@@ -99,15 +99,15 @@ fn through_ball(bsdf: Bsdf, sampler: &Sampler, path: u32) -> Option<(f64, u32)> 
     None
 }
 
-/// A closed ball under a constant sky cannot be seen: every path leaves with the throughput it came with.
+/// A clear sphere under a constant environment is invisible: every path leaves with throughput 1.
 #[test]
-fn a_clear_ball_vanishes_in_a_furnace() {
+fn clear_sphere_is_invisible_in_a_furnace() {
     let sampler = Sampler::new(Pattern::Random, 1, 9);
     for ior in IORS {
         let mut n = 0;
         for path in 0..5000 {
-            let Some((throughput, bounces)) = through_ball(glass(ior), &sampler, path) else { continue };
-            // Each boundary rounds its share and weight eight times at most.
+            let Some((throughput, bounces)) = through_sphere(glass(ior), &sampler, path) else { continue };
+            // Each boundary adds at most eight roundings.
             let bound = 4.0 * f64::from(f32::EPSILON) * f64::from(bounces + 1);
             assert!((throughput - 1.0).abs() <= bound, "{ior}, {bounces} bounces: {throughput}");
             n += 1;
@@ -116,9 +116,9 @@ fn a_clear_ball_vanishes_in_a_furnace() {
     }
 }
 
-/// A frosted one is dimmer by what is lost between facets, the more the rougher, never brighter.
+/// A rough sphere loses energy between microfacets, more with higher roughness, and never gains any.
 #[test]
-fn a_frosted_ball_does_not_glow() {
+fn rough_sphere_does_not_gain_energy() {
     const N: u32 = 20_000;
     let sampler = Sampler::new(Pattern::Random, 1, 9);
     let mut previous = 1.0;
@@ -130,7 +130,7 @@ fn a_frosted_ball_does_not_glow() {
             dot(unit(a), [s.sqrt(), 0.0, (1.0 - s).sqrt()]) > 0.0
         };
         let seen: Vec<f64> =
-            (0..N).filter(outside).map(|path| through_ball(bsdf, &sampler, path).map_or(0.0, |(t, _)| t)).collect();
+            (0..N).filter(outside).map(|path| through_sphere(bsdf, &sampler, path).map_or(0.0, |(t, _)| t)).collect();
         let n = f64::from(u32::try_from(seen.len()).unwrap());
         let mean = seen.iter().sum::<f64>() / n;
         let variance = seen.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
@@ -140,7 +140,7 @@ fn a_frosted_ball_does_not_glow() {
 }
 
 #[test]
-fn a_thin_wall_bends_nothing() {
+fn thin_wall_does_not_refract() {
     let thin = Bsdf { thin_walled: true, ..glass(1.5) };
     for degree in 0..90 {
         let o = outgoing(f64::from(degree).to_radians().cos());
@@ -148,7 +148,7 @@ fn a_thin_wall_bends_nothing() {
         assert_eq!((reflected.incident, passed.incident), ([-o[0], -o[1], o[2]], o.map(|x| -x)));
         assert_eq!(outcomes(&Bsdf { is_inside: true, ..thin }, o).map(Option::unwrap), [reflected, passed]);
     }
-    // Frosted, light passes as it would be mirrored, but for its share.
+    // A rough thin wall transmits like a reflection, up to the factor.
     let frosted = Bsdf { roughness: 0.5, ..thin };
     let (o, [x, y, z]) = (outgoing(0.5), outgoing(0.8));
     let (mirrored, passed) = (frosted.evaluate(o, [x, y, z]), frosted.evaluate(o, [x, y, -z]));

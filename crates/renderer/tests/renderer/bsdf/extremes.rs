@@ -1,4 +1,4 @@
-//! Every input in range gives numbers.
+//! All inputs in range give finite results.
 
 use canted_renderer::{Bsdf, BsdfSample, Pattern, Sampler};
 
@@ -21,7 +21,7 @@ impl Dice {
         self.sampler.pair(self.n, 0, 0)[0]
     }
 
-    /// One of a list, or now and then any number in `0..1` after `any`.
+    /// A number from a list, or sometimes `any` of a random number.
     fn pick(&mut self, list: &[f32], any: impl Fn(f32) -> f32) -> f32 {
         let (which, number) = (self.number(), self.number());
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the length plus two")]
@@ -46,7 +46,7 @@ impl Dice {
         }
     }
 
-    /// A unit vector above the horizon, or barely so.
+    /// A unit vector above the horizon, possibly grazing.
     fn direction(&mut self) -> [f32; 3] {
         let cosine = self.pick(&COSINES, |x| x);
         let sine = ((1.0 - cosine) * (1.0 + cosine)).sqrt();
@@ -55,7 +55,7 @@ impl Dice {
     }
 }
 
-fn is_sound(scattered: &BsdfSample) -> bool {
+fn is_valid(scattered: &BsdfSample) -> bool {
     let BsdfSample { incident, weight, density, is_delta, is_transmitted } = *scattered;
     let length = dot(incident.map(f64::from), incident.map(f64::from)).sqrt();
     weight.iter().all(|w| w.is_finite() && *w >= 0.0)
@@ -63,12 +63,12 @@ fn is_sound(scattered: &BsdfSample) -> bool {
         && (density > 0.0) != is_delta
         && is_transmitted == (incident[2] < 0.0)
         && incident[2] != 0.0
-        // Unit vectors combined by a facet's normal: a dozen roundings.
+        // Unit vectors combined by a facet normal: a dozen roundings.
         && (length - 1.0).abs() < 12.0 * f64::from(f32::EPSILON)
 }
 
 #[test]
-fn nothing_is_ever_infinite() {
+fn results_are_always_finite() {
     let mut dice = Dice { sampler: Sampler::new(Pattern::Random, 1, 1), n: 0 };
     let (mut n_delta, mut n_through, mut n_lost) = (0, 0, 0);
     for _ in 0..300_000 {
@@ -77,14 +77,14 @@ fn nothing_is_ever_infinite() {
         let choice = dice.pick(&[0.0, LAST], |x| x);
         match bsdf.sample(outgoing, square, choice) {
             Some(scattered) => {
-                assert!(is_sound(&scattered), "{bsdf:?} {outgoing:?} {square:?} {choice}: {scattered:?}");
+                assert!(is_valid(&scattered), "{bsdf:?} {outgoing:?} {square:?} {choice}: {scattered:?}");
                 n_delta += u32::from(scattered.is_delta);
                 n_through += u32::from(scattered.is_transmitted);
             }
             None => n_lost += 1,
         }
         let [x, y, z] = dice.direction();
-        // The mirrored direction is where lobes are highest.
+        // Lobes are highest in the mirrored direction.
         let [a, b, c] = outgoing;
         for incident in [[x, y, z], [x, y, -z], [-a, -b, c], [-a, -b, -c]] {
             let evaluation = bsdf.evaluate(outgoing, incident);
@@ -98,7 +98,7 @@ fn nothing_is_ever_infinite() {
 }
 
 #[test]
-fn below_the_horizon_is_nothing() {
+fn directions_below_the_horizon_give_zero() {
     let bsdf = Bsdf { specular: 1.0, transmission: 0.5, ..Bsdf::lambert([0.5; 3]) };
     for outgoing in [[1.0, 0.0, 0.0], [0.6, 0.0, -0.8], [1.0, 0.0, -0.0]] {
         assert_eq!(bsdf.sample(outgoing, [0.5; 2], 0.5), None);
@@ -107,9 +107,9 @@ fn below_the_horizon_is_nothing() {
     assert_eq!(bsdf.evaluate([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]).value, [0.0; 3]);
 }
 
-/// What says to have mirrors only evaluates to nothing everywhere, and the others do not.
+/// `is_delta_only` holds exactly for materials that evaluate to zero everywhere.
 #[test]
-fn delta_only_is_what_evaluates_to_nothing() {
+fn delta_only_materials_evaluate_to_zero() {
     let mut dice = Dice { sampler: Sampler::new(Pattern::Random, 1, 2), n: 0 };
     let mirror = Bsdf { metallic: 1.0, roughness: 0.0, ..Bsdf::lambert([0.9; 3]) };
     let glass = Bsdf { transmission: 1.0, roughness: 0.0, specular: 1.0, ..Bsdf::lambert([1.0; 3]) };

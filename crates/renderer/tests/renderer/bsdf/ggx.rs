@@ -1,4 +1,4 @@
-//! GGX against an implementation in `f64` from the angles, after Walter et al. 2007 and Heitz 2014.
+//! GGX compared with an implementation in `f64` from angles, after Walter et al. 2007 and Heitz 2014.
 
 use canted_renderer::{Bsdf, Pattern, Sampler};
 
@@ -33,7 +33,7 @@ fn fresnel(cosine: f64, eta: f64) -> f64 {
     (s * s + p * p) / 2.0
 }
 
-/// Value of glass, light through it included, radiance scaled; `None` where no facet does it.
+/// Value of rough glass, including transmission, for radiance.
 fn glass(alpha: f64, eta: f64, o: Vector, i: Vector) -> f64 {
     if i[2] > 0.0 {
         let h = unit(std::array::from_fn(|k| o[k] + i[k]));
@@ -44,7 +44,7 @@ fn glass(alpha: f64, eta: f64, o: Vector, i: Vector) -> f64 {
     if dot(o, h) <= 0.0 || dot(i, h) >= 0.0 {
         return 0.0;
     }
-    // Equation 21 with light from `i`, times the cosine of `i`; then radiance instead of importance.
+    // Equation 21 with light from `i`, times the cosine of `i`; scaled from importance to radiance.
     let through = (1.0 - fresnel(dot(o, h), eta)) * distribution(alpha, h) * masking(alpha, o, i);
     let value = dot(i, h).abs() * dot(o, h) / o[2] * through * eta * eta / (dot(o, h) + eta * dot(i, h)).powi(2);
     value / (eta * eta)
@@ -52,9 +52,9 @@ fn glass(alpha: f64, eta: f64, o: Vector, i: Vector) -> f64 {
 
 /// Bound of the relative error of a value in single precision.
 ///
-/// The half vector errs by 4 units of rounding over its length before it is made unit; the logarithm of the
-/// distribution changes by at most 2/alpha of that. Fresnel terms and cosines to the facet change by themselves over
-/// the cosine, and over its square where Snell's law takes one from the other.
+/// The half vector has an error of 4 units of rounding over its length before normalization; the logarithm of the
+/// distribution changes by at most 2/alpha times that. Fresnel terms and facet cosines change relative to the cosine,
+/// and to its square where Snell's law subtracts them.
 fn error_of_facets(alpha: f64, eta: f64, outgoing: [f32; 3], incident: [f32; 3]) -> f64 {
     let (o, i) = (outgoing.map(f64::from), incident.map(f64::from));
     let sum: Vector = std::array::from_fn(|k| o[k] + eta * i[k]);
@@ -65,7 +65,7 @@ fn error_of_facets(alpha: f64, eta: f64, outgoing: [f32; 3], incident: [f32; 3])
 }
 
 #[test]
-fn values_are_those_of_the_textbook() {
+fn values_match_reference_formulas() {
     for (roughness, is_inside) in [(0.3, false), (0.7, false), (1.0, false), (0.3, true), (0.7, true), (1.0, true)] {
         let bsdf = Bsdf { roughness, is_inside, transmission: 1.0, specular: 1.0, ..Bsdf::lambert([1.0; 3]) };
         let eta = if is_inside { 1.0 / f64::from(bsdf.ior) } else { f64::from(bsdf.ior) };
@@ -84,14 +84,14 @@ fn values_are_those_of_the_textbook() {
     }
 }
 
-/// Directional albedo of facets that reflect all light once, by the midpoint rule over facets in equal shares of the
-/// projected area: `∫ G₂·(o·h)/(o·n · h·n) d(share)`.
+/// Directional albedo of single scattering by perfectly reflecting facets, by the midpoint rule over equal parts of the
+/// projected facet area: `∫ G₂·(o·h)/(o·n · h·n) d(part)`.
 fn albedo(alpha: f64, cosine: f64) -> f64 {
     const STEPS: u32 = 500;
     let o = [(1.0 - cosine * cosine).sqrt(), 0.0, cosine];
     let mut sum = 0.0;
     for j in 0..STEPS {
-        // Shares gather near 1, where the steep facets are that grazing light sees.
+        // Denser near 1, where the steep facets visible at grazing angles are.
         let rest = ((f64::from(j) + 0.5) / f64::from(STEPS)).powi(4);
         let weight = 4.0 * ((f64::from(j) + 0.5) / f64::from(STEPS)).powi(3);
         let tangent = alpha * ((1.0 - rest) / rest).sqrt();
@@ -109,9 +109,9 @@ fn albedo(alpha: f64, cosine: f64) -> f64 {
     sum / f64::from(STEPS * STEPS)
 }
 
-/// Within 1 % of the table everywhere, and no single sample brings back more than it was given.
+/// Within 1 % of quadrature everywhere, and no sample has a weight above 1.
 #[test]
-fn the_albedo_is_that_of_single_scattering() {
+fn albedo_matches_single_scattering() {
     const N: u32 = 10_000;
     let sampler = Sampler::new(Pattern::Stratified, N, 3);
     for roughness in [0.1_f32, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0] {
@@ -121,7 +121,7 @@ fn the_albedo_is_that_of_single_scattering() {
             let weights = (0..N).map(|i| {
                 let scattered = metal.sample(outgoing(cosine), sampler.pair(0, i, 0), 0.5);
                 let weight = scattered.map_or(0.0, |scattered| scattered.weight[0]);
-                // Masking and density share all but sums of two roots: ten roundings.
+                // Masking and PDF share everything except sums of two roots: ten roundings.
                 assert!(weight <= 1.0 + 10.0 * f32::EPSILON, "{roughness} {cosine}: {weight}");
                 f64::from(weight)
             });
@@ -131,9 +131,9 @@ fn the_albedo_is_that_of_single_scattering() {
     }
 }
 
-/// Reflection serves both ways alike; the base and what passes a thin wall do too.
+/// Reflection is reciprocal, and so are the base and thin-walled transmission.
 #[test]
-fn scattering_is_reciprocal() {
+fn bsdf_is_reciprocal() {
     for roughness in [0.2, 0.5, 1.0] {
         for (name, bsdf) in super::materials(roughness) {
             for (square, choice) in numbers(2000) {
@@ -142,7 +142,7 @@ fn scattering_is_reciprocal() {
                 if i[2] < 0.2 {
                     continue;
                 }
-                // A boundary seen from the other side has z turned over, and its medium too.
+                // From the other side, z and the medium are flipped.
                 let turned = |[x, y, z]: [f32; 3]| if through { [x, y, -z] } else { [x, y, z] };
                 let is_inside = bsdf.is_inside != (through && !bsdf.thin_walled);
                 let there = bsdf.evaluate(o, turned(i)).value[0] / i[2] * scale(&bsdf);
@@ -158,7 +158,7 @@ fn scattering_is_reciprocal() {
     }
 }
 
-/// Radiance over the square of its medium's index is what a boundary keeps.
+/// Refraction conserves radiance over the squared index of refraction.
 fn scale(bsdf: &Bsdf) -> f32 {
     let is_dense = bsdf.is_inside && !bsdf.thin_walled;
     if is_dense { 1.0 / (bsdf.ior * bsdf.ior) } else { 1.0 }

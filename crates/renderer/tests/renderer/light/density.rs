@@ -1,4 +1,4 @@
-//! Samples are where the density says: all kinds of lights at once.
+//! Light samples follow their PDF, for all kinds of lights at once.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,7 +7,7 @@ use canted_scene::{Light, Scene};
 use canted_trace::Ray;
 
 use super::environment::sunny;
-use super::{glowing, numbers, receiver, with_sampler};
+use super::{emissive, numbers, receiver, with_sampler};
 use crate::chi_square::deviation;
 use crate::common::{BruteForce, narrow, parallelogram, scene};
 
@@ -15,11 +15,11 @@ const RINGS: usize = 16;
 const SECTORS: usize = 32;
 const N: u32 = 100_000;
 
-/// A ball, a disc and a square of two triangles around the origin, a point and a sun that no density finds, under a sky
-/// with a sun in it. No light hides another.
-fn everything() -> Scene {
+/// A sphere light, a disk light and an emissive square around the origin, an environment map with a sun, and a point
+/// light and a sun light, which have no PDF. No light occludes another.
+fn all_lights() -> Scene {
     let lamp = parallelogram([1.5, 1.0, -1.0], [0.5, 0.0, 1.0], [0.0, 1.5, 0.2], 0);
-    let mut scene = scene(vec![lamp], vec![glowing(5.0)]);
+    let mut scene = scene(vec![lamp], vec![emissive(5.0)]);
     scene.environment = Some(canted_scene::Environment::Image(sunny(20.0)));
     scene.lights = vec![
         Light::Point { position: [0.0, 3.0, -3.0], intensity: [8.0; 3] },
@@ -35,13 +35,13 @@ fn from() -> Surface {
 }
 
 fn cell([x, y, z]: [f64; 3]) -> usize {
-    let (fall, turn) = (y.clamp(-1.0, 1.0).acos() / PI, z.atan2(x) / TAU + 0.5);
+    let (polar, azimuth) = (y.clamp(-1.0, 1.0).acos() / PI, z.atan2(x) / TAU + 0.5);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "both are in 0..=1")]
-    let (ring, sector) = ((fall * RINGS as f64) as usize, (turn * SECTORS as f64) as usize);
+    let (ring, sector) = ((polar * RINGS as f64) as usize, (azimuth * SECTORS as f64) as usize);
     ring.min(RINGS - 1) * SECTORS + sector.min(SECTORS - 1)
 }
 
-/// Counts of samples by direction; the last cell counts the rest.
+/// Sample counts by direction; the last cell counts the remaining samples.
 fn counts(sampler: &LightSampler) -> Vec<f64> {
     let mut counts = vec![0.0; RINGS * SECTORS + 1];
     for (choice, square) in numbers(N) {
@@ -51,14 +51,14 @@ fn counts(sampler: &LightSampler) -> Vec<f64> {
     counts
 }
 
-/// Sums over all that a direction might be sampled for: the environment behind everything, and each light that it meets.
+/// The PDF of a direction: the sum over the environment and each light that the ray hits.
 fn density(sampler: &LightSampler, tracer: &BruteForce, direction: [f32; 3]) -> f32 {
     let ray = Ray::new(narrow(from().position), direction);
     let hit = tracer.closest_hit(&ray, &mut ());
-    let of = |source| sampler.density(&from(), false, direction, source);
-    let body =
-        sampler.lights().intersect(&ray, None).map(|met| met.source).filter(|source| *source != LightId::Environment);
-    of(LightId::Environment) + body.map_or(0.0, of) + hit.map_or(0.0, |hit| of(LightId::of_hit(&hit)))
+    let of = |light| sampler.density(&from(), false, direction, light);
+    let shape_light =
+        sampler.lights().intersect(&ray, None).map(|hit| hit.light).filter(|light| *light != LightId::Environment);
+    of(LightId::Environment) + shape_light.map_or(0.0, of) + hit.map_or(0.0, |hit| of(LightId::of_hit(&hit)))
 }
 
 fn expected(sampler: &LightSampler, scene: &Scene) -> Vec<f64> {
@@ -79,46 +79,47 @@ fn expected(sampler: &LightSampler, scene: &Scene) -> Vec<f64> {
     cells
 }
 
-/// Six standard deviations leave no room for chance, but little for the quadrature along the edges of the lights.
+/// Six standard deviations: false alarms are practically impossible, and quadrature errors at the edges of lights are
+/// smaller.
 const LIMIT: f64 = 6.0;
 
 #[test]
-fn samples_follow_the_density() {
-    let scene = everything();
+fn samples_match_pdf() {
+    let scene = all_lights();
     with_sampler(&scene, |sampler| {
         let deviation = deviation(&counts(sampler), &expected(sampler, &scene));
         assert!(deviation < LIMIT, "{deviation}");
     });
 }
 
-/// The density of lights of which one is a little brighter, or larger, is refused.
+/// The test above detects a light that is slightly brighter or larger.
 #[test]
-fn the_check_sees_wrong_densities() {
-    let right = with_sampler(&everything(), counts);
-    let mut brighter = everything();
-    brighter.materials = vec![glowing(6.0)];
-    let mut larger = everything();
+fn test_detects_wrong_pdfs() {
+    let correct = with_sampler(&all_lights(), counts);
+    let mut brighter = all_lights();
+    brighter.materials = vec![emissive(6.0)];
+    let mut larger = all_lights();
     larger.lights[1] = Light::Sphere { center: [-2.0, 2.0, 1.0], radius: 1.25, radiance: [3.0; 3] };
     for wrong in [brighter, larger] {
-        let deviation = with_sampler(&wrong, |sampler| deviation(&right, &expected(sampler, &wrong)));
+        let deviation = with_sampler(&wrong, |sampler| deviation(&correct, &expected(sampler, &wrong)));
         assert!(deviation > LIMIT, "{deviation}");
     }
 }
 
-/// A rounded direction moves the cosine at a plane light by a rounding: of its cube, by which a density goes, that is 30 where the
-/// cosine is a tenth, and none here is less. Both densities and their quotient round once each.
+/// Rounding of a direction changes the cosine at a planar light by one rounding. The PDF depends on its cube: 30
+/// roundings at a cosine of 0.1, the minimum here. Both PDFs and their quotient add one rounding each.
 const DENSITY_ERROR: f32 = 33.0 * 0.5 * f32::EPSILON;
 
-/// A sample carries the density that is found for its direction; texels of the sky end where one rounding decides.
+/// The PDF of a sample matches the PDF evaluated for its direction, except where rounding decides between texels.
 #[test]
-fn samples_carry_their_density() {
-    with_sampler(&everything(), |sampler| {
+fn sample_pdf_matches_evaluated_pdf() {
+    with_sampler(&all_lights(), |sampler| {
         for transmits in [false, true] {
             for (choice, square) in numbers(2000) {
                 let Some(sample) = sampler.sample(&from(), transmits, choice, square) else { continue };
-                let density = sampler.density(&from(), transmits, sample.to_light, sample.source);
-                let is_near = (density / sample.density - 1.0).abs() <= DENSITY_ERROR;
-                assert!(is_near || (sample.is_delta && density == 0.0), "{sample:?} {density}");
+                let density = sampler.density(&from(), transmits, sample.to_light, sample.light);
+                let is_close = (density / sample.density - 1.0).abs() <= DENSITY_ERROR;
+                assert!(is_close || (sample.is_delta && density == 0.0), "{sample:?} {density}");
             }
         }
     });

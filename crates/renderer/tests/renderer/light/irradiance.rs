@@ -1,11 +1,11 @@
-//! Irradiance of each kind of light where nothing is in the way.
+//! Irradiance from each kind of light, without occlusion.
 
 use std::f64::consts::PI;
 
 use canted_obb::Affine;
 use canted_scene::{Light, Scene};
 
-use super::{Estimate, glowing, irradiance, numbers, receiver, with_sampler};
+use super::{Estimate, emissive, irradiance, numbers, receiver, with_sampler};
 use crate::common::{Vector, cross, dot, mesh, place, scene, sub, unit};
 
 const UP: Vector = [0.0, 1.0, 0.0];
@@ -15,12 +15,12 @@ fn lit_by(light: Light) -> Scene {
     Scene { lights: vec![light], ..scene(vec![], vec![]) }
 }
 
-/// `π·L·(r/d)²·cosθ` for a ball above the horizon, from a near one to one as small as a star.
+/// `π·L·(r/d)²·cosθ` for a sphere above the horizon, from near to extremely distant.
 #[test]
-fn a_sphere() {
+fn sphere_matches_closed_form() {
     for (distance, radius) in [(1.25_f32, 1.0_f32), (3.0, 1.0), (100.0, 1.0), (1e5, 1.0), (1e7, 0.5)] {
         let sphere = Light::Sphere { center: [3.0, 4.0 + distance, 5.0], radius, radiance: [2.0; 3] };
-        // The ball's angle to the normal stays small enough for all of it to be above the horizon.
+        // Skip normals for which part of the sphere is below the horizon.
         for normal in [UP, [0.6, 0.8, 0.0]] {
             let from = receiver([3.0, 4.0, 5.0], normal);
             let [radius, distance] = [radius, (4.0 + distance) - 4.0].map(f64::from);
@@ -29,47 +29,47 @@ fn a_sphere() {
             }
             let expected = PI * 2.0 * (radius / distance).powi(2) * normal[1];
             let estimate = irradiance(&lit_by(sphere), &from, N);
-            assert!(estimate.agrees(expected), "{distance} {normal:?}: {estimate:?}, {expected}");
+            assert!(estimate.matches(expected), "{distance} {normal:?}: {estimate:?}, {expected}");
         }
     }
 }
 
 #[test]
-fn a_sphere_is_dark_inside() {
+fn sphere_is_black_inside() {
     let sphere = Light::Sphere { center: [0.0; 3], radius: 1.0, radiance: [2.0; 3] };
     for height in [0.0, 0.5, 1.0] {
         assert_eq!(irradiance(&lit_by(sphere), &receiver([0.0, height, 0.0], UP), 100).mean, 0.0);
     }
 }
 
-/// `π·L·r²/(r² + h²)` on the axis, nothing behind.
+/// `π·L·r²/(r² + h²)` on the axis, zero from behind.
 #[test]
-fn a_disc() {
+fn disk_matches_closed_form() {
     for height in [0.3_f32, 1.0, 50.0] {
-        let disc = |normal| lit_by(Light::Disk { center: [1.0, height, 1.0], normal, radius: 2.0, radiance: [3.0; 3] });
+        let disk = |normal| lit_by(Light::Disk { center: [1.0, height, 1.0], normal, radius: 2.0, radiance: [3.0; 3] });
         let from = receiver([1.0, 0.0, 1.0], UP);
         let expected = PI * 3.0 * 4.0 / (4.0 + f64::from(height).powi(2));
-        let estimate = irradiance(&disc([0.0, -1.0, 0.0]), &from, N);
-        assert!(estimate.agrees(expected), "{height}: {estimate:?}, {expected}");
-        assert_eq!(irradiance(&disc([0.0, 1.0, 0.0]), &from, 100).mean, 0.0);
+        let estimate = irradiance(&disk([0.0, -1.0, 0.0]), &from, N);
+        assert!(estimate.matches(expected), "{height}: {estimate:?}, {expected}");
+        assert_eq!(irradiance(&disk([0.0, 1.0, 0.0]), &from, 100).mean, 0.0);
     }
 }
 
 #[test]
-fn a_point_and_a_sun() {
+fn point_and_sun_match_closed_forms() {
     let from = receiver([1.0, 2.0, 3.0], UP);
     let point = Light::Point { position: [1.0, 5.0, 7.0], intensity: [10.0; 3] };
-    assert!(irradiance(&lit_by(point), &from, 10).agrees(10.0 / 25.0 * 0.6));
+    assert!(irradiance(&lit_by(point), &from, 10).matches(10.0 / 25.0 * 0.6));
     let sun = Light::Sun { direction: [0.6, -0.8, 0.0], irradiance: [10.0; 3] };
-    assert!(irradiance(&lit_by(sun), &from, 10).agrees(8.0));
-    // A point at the surface itself is no light, and no panic.
+    assert!(irradiance(&lit_by(sun), &from, 10).matches(8.0));
+    // A point light at the surface itself is ignored.
     let touching = Light::Point { position: [1.0, 2.0, 3.0], intensity: [10.0; 3] };
     assert_eq!(irradiance(&lit_by(touching), &from, 10).mean, 0.0);
 }
 
-/// Full up to the inner angle, then the square of what is left of the way between both cosines, then nothing.
+/// Constant up to the inner angle, then a squared linear ramp in the cosine, then zero.
 #[test]
-fn a_spot() {
+fn spot_matches_closed_form() {
     let [cos_inner, cos_outer] = [0.9_f32, 0.7];
     let spot = Light::Spot {
         position: [0.0, 2.0, 0.0],
@@ -78,11 +78,11 @@ fn a_spot() {
         cos_inner,
         cos_outer,
     };
-    for (cosine, share) in [(1.0_f64, 1.0), (0.91, 1.0), (0.8, 0.25), (0.75, 0.0625), (0.69, 0.0)] {
+    for (cosine, fraction) in [(1.0_f64, 1.0), (0.91, 1.0), (0.8, 0.25), (0.75, 0.0625), (0.69, 0.0)] {
         let from = receiver([2.0 * (1.0 - cosine * cosine).sqrt() / cosine, 0.0, 0.0], UP);
-        let expected = 10.0 * share * cosine.powi(3) / 4.0;
+        let expected = 10.0 * fraction * cosine.powi(3) / 4.0;
         let estimate = irradiance(&lit_by(spot), &from, 10);
-        // The cosines of the cone are known to a rounding of f32, and the fall is (1 - 0.8)⁻¹ as steep, squared.
+        // The cone's cosines have one f32 rounding, amplified by the squared slope (1 - 0.8)⁻¹ of the ramp.
         assert!(
             (estimate.mean - expected).abs() <= 100.0 * f64::from(f32::EPSILON),
             "{cosine}: {estimate:?}, {expected}"
@@ -90,7 +90,7 @@ fn a_spot() {
     }
 }
 
-/// Irradiance of a polygon above the horizon by Lambert's sum over its edges.
+/// Irradiance from a polygon above the horizon, by Lambert's formula.
 pub(super) fn lambert(from: Vector, normal: Vector, radiance: f64, corners: &[Vector]) -> f64 {
     let directions: Vec<Vector> = corners.iter().map(|&corner| unit(sub(corner, from))).collect();
     let edge = |i: usize| {
@@ -100,12 +100,12 @@ pub(super) fn lambert(from: Vector, normal: Vector, radiance: f64, corners: &[Ve
     0.5 * radiance * (0..directions.len()).map(edge).sum::<f64>().abs()
 }
 
-/// Placed by a map that mirrors and shears; near, at a grazing angle, and far.
+/// With a mirroring and shearing transform; near, at a grazing angle, and far.
 #[test]
-fn a_triangle_from_both_sides() {
+fn triangle_matches_lambert_from_both_sides() {
     let triangle = mesh(vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.5], [0.5, 0.0, 1.5]], vec![[0, 1, 2]], 0);
     let map = Affine { columns: [[-1.0, 0.2, 0.0], [0.0, 1.0, 0.0], [0.3, 0.0, 1.0], [0.5, 3.0, -1.0]] };
-    let mut lamp = scene(vec![triangle], vec![glowing(4.0)]);
+    let mut lamp = scene(vec![triangle], vec![emissive(4.0)]);
     lamp.instances = vec![place(0, map)];
     let corners = [0, 1, 2].map(|i| map.point(lamp.meshes[0].positions[i]).map(f64::from));
     for (point, normal) in [
@@ -117,35 +117,35 @@ fn a_triangle_from_both_sides() {
     ] {
         let expected = lambert(point, normal, 4.0, &corners);
         let estimate = irradiance(&lamp, &receiver(point, normal), N);
-        assert!(expected > 0.0 && estimate.agrees(expected), "{point:?}: {estimate:?}, {expected}");
+        assert!(expected > 0.0 && estimate.matches(expected), "{point:?}: {estimate:?}, {expected}");
     }
 }
 
-/// Close by, samples uniform over the solid angle vary far less than points uniform over the area.
+/// Up close, solid angle sampling has far less variance than area sampling.
 #[test]
-fn a_triangle_close_by_is_seen_by_its_solid_angle() {
+fn near_triangles_are_sampled_by_solid_angle() {
     let corners = [[-1.0, 0.3, -1.0], [1.5, 0.3, -0.5], [0.0, 0.3, 2.0]];
-    let lamp = scene(vec![mesh(corners.to_vec(), vec![[0, 1, 2]], 0)], vec![glowing(4.0)]);
+    let lamp = scene(vec![mesh(corners.to_vec(), vec![[0, 1, 2]], 0)], vec![emissive(4.0)]);
     let by_angle = irradiance(&lamp, &receiver([0.0; 3], UP), N);
     let [a, b, c] = corners.map(|corner| corner.map(f64::from));
     let across = cross(sub(b, a), sub(c, a));
     let area = 0.5 * dot(across, across).sqrt();
     let by_area = Estimate::of(numbers(N).map(|(_, [u, v])| {
         let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }.map(f64::from);
-        let way: Vector = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
-        4.0 * area * (way[1] / dot(way, way)).powi(2)
+        let offset: Vector = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
+        4.0 * area * (offset[1] / dot(offset, offset)).powi(2)
     }));
     assert!((by_area.mean - by_angle.mean).abs() < 5.0 * by_area.error, "{by_area:?} {by_angle:?}");
     let gain = (by_area.error / by_angle.error).powi(2);
     assert!(gain > 20.0, "{gain}");
 }
 
-/// A sheet cut out by alpha shines with what is left of it, a black one not at all, a moving one is not sampled.
+/// A transparent, black, moving or degenerate triangle is not sampled.
 #[test]
-fn what_is_not_sampled() {
+fn invisible_and_moving_triangles_are_not_sampled() {
     let triangle = mesh(vec![[0.0, 1.0, 0.0], [2.0, 1.0, 0.5], [0.5, 1.0, 1.5]], vec![[0, 1, 2]], 0);
     let from = receiver([0.5, 0.0, 0.5], UP);
-    let lamp = scene(vec![triangle], vec![glowing(4.0)]);
+    let lamp = scene(vec![triangle], vec![emissive(4.0)]);
     assert!(irradiance(&lamp, &from, 100).mean > 0.0);
     let mut moving = lamp.clone();
     moving.instances[0].world_from_object_close =
@@ -162,14 +162,14 @@ fn what_is_not_sampled() {
     }
 }
 
-/// The sampler's weights carry the density: with one that is 5 % too great the check fails.
+/// The test above detects a PDF that is 5 % too large.
 #[test]
-fn the_check_sees_a_wrong_density() {
+fn test_detects_wrong_pdf() {
     let sphere = Light::Sphere { center: [0.0, 3.0, 0.0], radius: 1.0, radiance: [2.0; 3] };
     let wrong = Light::Sphere { center: [0.0, 3.0, 0.0], radius: 0.975, radiance: [2.0; 3] };
     let from = receiver([0.0; 3], UP);
-    assert!(!irradiance(&lit_by(wrong), &from, N).agrees(PI * 2.0 / 9.0));
-    assert!(irradiance(&lit_by(sphere), &from, N).agrees(PI * 2.0 / 9.0));
+    assert!(!irradiance(&lit_by(wrong), &from, N).matches(PI * 2.0 / 9.0));
+    assert!(irradiance(&lit_by(sphere), &from, N).matches(PI * 2.0 / 9.0));
     with_sampler(&lit_by(sphere), |sampler| {
         let [sample, other] = [0.1, 0.9].map(|x| sampler.sample(&from, false, 0.5, [x, 0.5]).unwrap());
         assert!(sample.to_light != other.to_light && sample.density == other.density && !sample.is_delta);

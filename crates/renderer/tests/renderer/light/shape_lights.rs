@@ -1,4 +1,4 @@
-//! Spheres and discs as rays meet them, and their penumbras.
+//! Sphere and disk lights: intersection, occlusion, penumbras.
 
 use std::f64::consts::{PI, TAU};
 
@@ -10,7 +10,7 @@ use canted_trace::{Hit, InstanceId, Ray, Side};
 use crate::common::{BruteForce, Vector, camera, film, floor, grey, parallelogram, probe, scene, settings};
 
 const SPHERE: Light = Light::Sphere { center: [0.0, 5.0, 0.0], radius: 1.0, radiance: [3.0; 3] };
-const DISC: Light = Light::Disk { center: [0.0, 9.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 2.0, radiance: [4.0; 3] };
+const DISK: Light = Light::Disk { center: [0.0, 9.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 2.0, radiance: [4.0; 3] };
 
 fn lit_by(lights: Vec<Light>) -> Scene {
     Scene { lights, ..scene(vec![floor(50.0, 0.0, 0)], vec![grey(0.5)]) }
@@ -21,33 +21,33 @@ fn hit_at(t: f32) -> Hit {
 }
 
 #[test]
-fn rays_meet_the_nearest_within_their_closed_interval() {
-    let scene = lit_by(vec![DISC, SPHERE]);
+fn closest_light_within_the_closed_interval_is_hit() {
+    let scene = lit_by(vec![DISK, SPHERE]);
     let lights = Lights::new(&scene);
     let up = Ray::new([0.0; 3], [0.0, 2.0, 0.0]);
-    let source = |ray: Ray, hit: Option<f32>| {
-        lights.intersect(&ray, hit.map(hit_at).as_ref()).map(|met| (met.source, met.radiance))
+    let visible = |ray: Ray, hit: Option<f32>| {
+        lights.intersect(&ray, hit.map(hit_at).as_ref()).map(|hit| (hit.light, hit.radiance))
     };
-    assert_eq!(source(up, None), Some((LightId::Light(1), [3.0; 3])));
-    // The sphere begins at 4 units, t = 2.
-    assert_eq!(source(up, Some(2.0)), Some((LightId::Light(1), [3.0; 3])));
-    assert_eq!(source(up, Some(1.999)), None);
-    assert_eq!(source(Ray { t_max: 2.0, ..up }, None), Some((LightId::Light(1), [3.0; 3])));
-    // From inside a ball and from behind a disc they are black.
+    assert_eq!(visible(up, None), Some((LightId::Light(1), [3.0; 3])));
+    // The sphere begins at a distance of 4, t = 2.
+    assert_eq!(visible(up, Some(2.0)), Some((LightId::Light(1), [3.0; 3])));
+    assert_eq!(visible(up, Some(1.999)), None);
+    assert_eq!(visible(Ray { t_max: 2.0, ..up }, None), Some((LightId::Light(1), [3.0; 3])));
+    // Spheres are black from inside, disks from behind.
     let above = Ray { origin: [0.0, 6.5, 0.0], ..up };
-    assert_eq!(source(above, None), Some((LightId::Light(0), [4.0; 3])));
-    assert_eq!(source(Ray { origin: [0.0, 5.0, 0.0], ..up }, None), Some((LightId::Light(1), [0.0; 3])));
+    assert_eq!(visible(above, None), Some((LightId::Light(0), [4.0; 3])));
+    assert_eq!(visible(Ray { origin: [0.0, 5.0, 0.0], ..up }, None), Some((LightId::Light(1), [0.0; 3])));
     let down = Ray::new([0.0, 20.0, 0.0], [0.0, -0.5, 0.0]);
-    assert_eq!(source(down, None), Some((LightId::Light(0), [0.0; 3])));
-    // The rim belongs to the disc, its plane does not.
-    assert_eq!(source(Ray { origin: [2.0, 8.0, 0.0], ..up }, None), Some((LightId::Light(0), [4.0; 3])));
-    assert_eq!(source(Ray { origin: [2.000_001, 8.0, 0.0], ..up }, None), Some((LightId::Environment, [0.0; 3])));
-    assert_eq!(source(Ray::new([-5.0, 9.0, 0.0], [1.0, 0.0, 0.0]), None), Some((LightId::Environment, [0.0; 3])));
+    assert_eq!(visible(down, None), Some((LightId::Light(0), [0.0; 3])));
+    // The edge belongs to the disk; rays in its plane miss.
+    assert_eq!(visible(Ray { origin: [2.0, 8.0, 0.0], ..up }, None), Some((LightId::Light(0), [4.0; 3])));
+    assert_eq!(visible(Ray { origin: [2.000_001, 8.0, 0.0], ..up }, None), Some((LightId::Environment, [0.0; 3])));
+    assert_eq!(visible(Ray::new([-5.0, 9.0, 0.0], [1.0, 0.0, 0.0]), None), Some((LightId::Environment, [0.0; 3])));
 }
 
 #[test]
-fn bodies_stand_in_the_light_of_others_and_not_in_their_own() {
-    let scene = lit_by(vec![DISC, SPHERE]);
+fn shape_lights_occlude_other_lights_but_not_themselves() {
+    let scene = lit_by(vec![DISK, SPHERE]);
     let (lights, tracer) = (Lights::new(&scene), BruteForce::new(&scene));
     let is_unoccluded = |ray: Ray, to| lights.is_unoccluded(&ray, to, &tracer, &mut ());
     let up = Ray { t_max: 8.8, ..Ray::new([0.0, 0.1, 0.0], [0.0, 1.0, 0.0]) };
@@ -57,23 +57,23 @@ fn bodies_stand_in_the_light_of_others_and_not_in_their_own() {
     assert!(is_unoccluded(Ray { origin: [1.5, 0.1, 0.0], ..up }, LightId::Light(0)));
 }
 
-/// Cameras see bodies, and their light is counted once: more bounces off a single plane bring nothing.
+/// Cameras see shape lights, and their light counts once: more bounces between a plane and a light add nothing.
 #[test]
-fn the_picture_shows_bodies_once() {
-    for light in [SPHERE, DISC] {
+fn shape_lights_are_counted_once() {
+    for light in [SPHERE, DISK] {
         let stage = lit_by(vec![light]);
-        let looked_at =
+        let radiance =
             probe(&stage, [0.0, 1.0, 3.0], [0.0, if light == SPHERE { 5.0 } else { 9.0 }, 0.0], settings(1, 1, 1, 2));
-        assert_eq!(looked_at, [if light == SPHERE { 3.0 } else { 4.0 }; 3]);
+        assert_eq!(radiance, [if light == SPHERE { 3.0 } else { 4.0 }; 3]);
         let floor = |bounces| probe(&stage, [4.0, 2.0, 4.0], [1.0, 0.0, 0.0], settings(1, 1, 64, bounces));
         assert_eq!(floor(0), floor(3));
         assert!(floor(0)[0] > 0.0);
     }
 }
 
-/// `ρ·L·r²/d²·cosθ` under the sphere, and an eclipse where it hides a sun.
+/// `ρ·L·r²/d²·cosθ` below the sphere, and an eclipse of the sun behind it.
 #[test]
-fn a_sphere_lights_and_shades_the_floor() {
+fn sphere_illuminates_and_occludes() {
     let at = |lights: Vec<Light>, x: f32| {
         let samples = Settings { pattern: Pattern::Random, ..settings(1, 1, 4096, 0) };
         probe(&lit_by(lights), [x, 0.5, 2.0], [x, 0.0, 0.0], samples)[0]
@@ -81,7 +81,7 @@ fn a_sphere_lights_and_shades_the_floor() {
     for x in [0.0_f32, 3.0] {
         let square = f64::from(x).powi(2) + 25.0;
         let expected = 0.5 * 3.0 * 5.0 / square.powf(1.5);
-        // Cosine and density vary by less than half over the ball: five standard errors of 4096 samples.
+        // Cosine and PDF vary by less than half over the sphere: five standard errors of 4096 samples.
         assert!((at(vec![SPHERE], x) / expected - 1.0).abs() < 5.0 * 0.5 / 64.0, "{x}");
     }
     let sun = Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [30.0; 3] };
@@ -89,16 +89,16 @@ fn a_sphere_lights_and_shades_the_floor() {
     assert!(dark == alone && lit > alone + 4.0, "{dark} {alone} {lit}");
 }
 
-/// A half plane ends at x = 0 below a disc: its penumbra against quadrature over the disc.
+/// A half plane ends at x = 0 below a disk light: its penumbra compared with quadrature.
 #[test]
-fn the_penumbra_of_a_disc() {
+fn disk_penumbra_matches_quadrature() {
     let screen = parallelogram([-60.0, 2.0, -60.0], [60.0, 0.0, 0.0], [0.0, 0.0, 120.0], 0);
     let mut stage = scene(vec![floor(50.0, 0.0, 0), screen], vec![grey(0.5)]);
     let (height, radius) = (4.0, 1.0);
     stage.lights =
         vec![Light::Disk { center: [0.0, 4.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 1.0, radiance: [10.0; 3] }];
-    // What of the disc is seen past an edge half way up lies at x > -place.
-    let expected = |place: f64| {
+    // Past an edge at half the height, the part of the disk at x > -position is visible.
+    let expected = |position: f64| {
         const STEPS: u32 = 400;
         let mut sum = 0.0;
         for i in 0..STEPS {
@@ -106,41 +106,42 @@ fn the_penumbra_of_a_disc() {
             for j in 0..STEPS {
                 let (s, c) = (TAU * (f64::from(j) + 0.5) / f64::from(STEPS)).sin_cos();
                 let (x, z) = (r * c, r * s);
-                let square = (x - place).powi(2) + z * z + height * height;
-                sum += if x > -place { r * (height / square).powi(2) } else { 0.0 };
+                let square = (x - position).powi(2) + z * z + height * height;
+                sum += if x > -position { r * (height / square).powi(2) } else { 0.0 };
             }
         }
         0.5 / PI * 10.0 * sum * radius / f64::from(STEPS) * TAU / f64::from(STEPS)
     };
     let mut before = 0.0;
-    for place in [-1.1_f32, -0.9, -0.5, 0.0, 0.5, 0.9, 1.1] {
+    for position in [-1.1_f32, -0.9, -0.5, 0.0, 0.5, 0.9, 1.1] {
         let samples = Settings { pattern: Pattern::Random, ..settings(1, 1, 4096, 0) };
-        let value = probe(&stage, [place, 0.5, 0.5], [place, 0.0, 0.0], samples)[0];
-        let expected = expected(place.into());
-        // A share p of equal samples has the variance p(1 - p) <= 1/4 of the whole, here below 0.35; and the quadrature's
-        // edge runs through one of 400 steps.
-        assert!((value - expected).abs() < 5.0 * 0.35 * 0.5 / 64.0 + 0.35 / 400.0, "{place}: {value} {expected}");
-        assert!(value >= before - 0.02 && (place > -1.0 || value == 0.0), "{place}: {value}");
+        let value = probe(&stage, [position, 0.5, 0.5], [position, 0.0, 0.0], samples)[0];
+        let expected = expected(position.into());
+        // A visible fraction p has the variance p(1 - p) <= 1/4 of the total, which is below 0.35; the edge of the
+        // quadrature crosses one of 400 steps.
+        assert!((value - expected).abs() < 5.0 * 0.35 * 0.5 / 64.0 + 0.35 / 400.0, "{position}: {value} {expected}");
+        assert!(value >= before - 0.02 && (position > -1.0 || value == 0.0), "{position}: {value}");
         before = value;
     }
 }
 
-/// Light on the floor below a screen that ends at x = 1 and y = 1, with shadow up to x = 4/3 of a light at a height of 4: a row
-/// of 33 pixels, each 1/30 wide, the middle one with the shadow's edge in its middle.
+/// A row of 33 pixels on the floor below a screen that ends at x = 1 and y = 1. A light at a height of 4 casts a shadow
+/// up to x = 4/3, the center of the middle pixel. Pixels are 1/30 wide.
 fn shadow_of(light: Light, integrator: Integrator) -> Vec<Vector> {
     let screen = parallelogram([-50.0, 1.0, -50.0], [51.0, 0.0, 0.0], [0.0, 0.0, 100.0], 0);
     let stage = Scene { lights: vec![light], ..scene(vec![floor(50.0, 0.0, 0), screen], vec![grey(0.5)]) };
     let edge = 4.0 / 3.0;
-    // Below the screen, so that it hides nothing.
+    // Below the screen, so that nothing occludes the view.
     let view = camera([edge, 0.9, 0.0], [edge, 0.0, 0.0], 1.0);
     let view = Camera { projection: Projection::Orthographic { height: 1.0 / 30.0 }, ..view };
     let film = film(&stage, &view, &Settings { integrator, ..settings(33, 1, 64, 0) });
     film.pixels().iter().map(Pixel::mean).collect()
 }
 
-/// A ball as small as a ten-thousandth of its distance, with a point's power: the point's light, and its hard shadow.
+/// A sphere light with a radius of a ten-thousandth of its distance matches a point light of equal power and its hard
+/// shadow.
 #[test]
-fn a_sphere_without_extent_casts_the_shadow_of_a_point() {
+fn tiny_sphere_matches_point_light() {
     const INTENSITY: f32 = 10.0;
     let center = [0.0, 4.0, 0.0];
     let point = Light::Point { position: center, intensity: [INTENSITY; 3] };
@@ -148,9 +149,9 @@ fn a_sphere_without_extent_casts_the_shadow_of_a_point() {
         let radiance = [INTENSITY / (std::f32::consts::PI * radius * radius); 3];
         Light::Sphere { center, radius, radiance }
     };
-    // A sample's direction turns by at most r/d, and its cosine by at most tanθ of that; tanθ is below 1/2 up to x = 2. From a
-    // radius to a radiance and from there to a pixel there are some sixteen roundings.
-    let is_near = |value: Vector, expected: Vector| {
+    // Directions differ by at most r/d, cosines by at most tanθ times that; tanθ is below 1/2 up to x = 2. Radiance and
+    // pixel value take about sixteen roundings.
+    let is_close = |value: Vector, expected: Vector| {
         let bound = 0.5 * 1e-4 + 16.0 * f64::from(f32::EPSILON);
         (0..3).all(|k| (value[k] - expected[k]).abs() <= bound * expected[k])
     };
@@ -159,18 +160,18 @@ fn a_sphere_without_extent_casts_the_shadow_of_a_point() {
         let small = shadow_of(sphere(4e-4), integrator);
         let lit = hard[17][0];
         for (column, (&hard, &small)) in hard.iter().zip(&small).enumerate() {
-            // The penumbra is a third of the ball's width, and so lies within the middle pixel.
+            // The penumbra is a third of the sphere's width, within the middle pixel.
             match column {
                 0..16 => assert_eq!((hard, small), ([0.0; 3], [0.0; 3]), "{integrator:?}, column {column}"),
                 16 => assert!([hard, small].iter().all(|value| value[0] > 0.0 && value[0] < lit), "{hard:?} {small:?}"),
                 _ => assert!(
-                    is_near(small, hard) && hard[0] > 0.0,
+                    is_close(small, hard) && hard[0] > 0.0,
                     "{integrator:?}, column {column}: {small:?} {hard:?}"
                 ),
             }
         }
-        // One that is a twentieth of its distance wide has a penumbra two pixels wide.
+        // A sphere with a radius of a fortieth of its distance has a penumbra two pixels wide.
         let wide = shadow_of(sphere(0.1), integrator);
-        assert!(wide[15][0] > 0.0 && !is_near(wide[17], hard[17]), "{integrator:?}: {wide:?}");
+        assert!(wide[15][0] > 0.0 && !is_close(wide[17], hard[17]), "{integrator:?}: {wide:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! OpenEXR (`.exr`), colour or luminance alone.
+//! OpenEXR (`.exr`) with color or luminance.
 
 use std::io::Cursor;
 
@@ -7,13 +7,13 @@ use exr::prelude::{AnyChannels, FlatSamples, ReadChannels as _, ReadLayers as _,
 use super::{MAX_TEXELS, Texels};
 use crate::read::exr::{declared_exr_samples, reason};
 
-/// Decodes the first layer that has a colour.
+/// Decodes the first layer with color.
 pub(super) fn decode(bytes: &[u8]) -> Result<Texels, String> {
-    /// Channels that the largest picture may have: colour and alpha.
+    /// Channels of the largest supported image: color and alpha.
     const N_CHANNELS: u64 = 4;
     let n_samples = declared_exr_samples(bytes)?;
     if n_samples > N_CHANNELS * MAX_TEXELS {
-        return Err(format!("its header promises {n_samples} samples, more than {}", N_CHANNELS * MAX_TEXELS));
+        return Err(format!("{n_samples} samples (limit: {})", N_CHANNELS * MAX_TEXELS));
     }
     let image = read()
         .no_deep_data()
@@ -27,10 +27,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Texels, String> {
     let mut layers = image.layer_data.iter();
     layers
         .find_map(|layer| texels(layer.size, &layer.channel_data))
-        .ok_or_else(|| "no layer has the channels R, G and B, or Y alone".to_owned())
+        .ok_or_else(|| "no layer has the channels R, G and B, or only Y".to_owned())
 }
 
-/// The texels of a layer; `None` where it has no colour, or not as many samples of it as texels.
+/// The texels of a layer; `None` without full-resolution color.
 fn texels(Vec2(width, height): Vec2<usize>, channels: &AnyChannels<FlatSamples>) -> Option<Texels> {
     let n_texels = width * height;
     let find = |name: &str| {
@@ -39,7 +39,7 @@ fn texels(Vec2(width, height): Vec2<usize>, channels: &AnyChannels<FlatSamples>)
     };
     let rgb = match (find("R"), find("G"), find("B"), find("Y")) {
         (Some(r), Some(g), Some(b), _) => [r, g, b],
-        // Luminance with chroma at half of the places is a colour that is not read.
+        // Luminance with subsampled chroma is not supported.
         (None, None, None, Some(y)) if !channels.list.iter().any(|channel| channel.name.eq("RY")) => [y; 3],
         _ => return None,
     };

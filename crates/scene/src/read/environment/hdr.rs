@@ -7,16 +7,16 @@ use image::{DynamicImage, ImageDecoder};
 
 use super::{MAX_TEXELS, Texels};
 
-/// Texels that a byte of file never stands for: run lengths come to 16.
+/// Upper bound of texels per byte of file; run-length encoding reaches about 16.
 const MAX_TEXELS_PER_BYTE: u64 = 1032;
 
-/// Decodes the picture.
+/// Decodes the image.
 pub(super) fn decode(bytes: &[u8]) -> Result<Texels, String> {
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
     let (width, height) = decoder.dimensions();
     let max = MAX_TEXELS.min(MAX_TEXELS_PER_BYTE.saturating_mul(bytes.len() as u64));
     if !(1..=max).contains(&(u64::from(width) * u64::from(height))) {
-        return Err(format!("its header promises {width} x {height} texels in {} bytes", bytes.len()));
+        return Err(format!("invalid image size {width} x {height} for {} bytes of data", bytes.len()));
     }
     let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
     let list = image.into_rgb32f().into_raw().as_chunks().0.to_vec();

@@ -1,4 +1,4 @@
-//! Pictures written in these tests, read back; what is damaged is refused.
+//! Round trips of generated images, and damaged files.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// The number of channel `k` of texel `(x, y)`: RGBE keeps it exactly.
+/// Channel `k` of texel `(x, y)`; exact in RGBE.
 fn value(x: usize, y: usize, k: usize) -> f32 {
     [0.5, 1.0, 96.0][(x + y + k) % 3]
 }
@@ -15,7 +15,7 @@ fn value(x: usize, y: usize, k: usize) -> f32 {
 const WIDTH: usize = 5;
 const HEIGHT: usize = 3;
 
-/// An EXR of these channels.
+/// An EXR with these channels.
 fn exr_of(channels: &[(&str, Vec<f32>)], encoding: Encoding) -> Vec<u8> {
     let channel = |(name, values): &(&str, Vec<f32>)| AnyChannel::new(*name, FlatSamples::F32(values.clone()));
     let channels = AnyChannels::sort(channels.iter().map(channel).collect());
@@ -35,11 +35,11 @@ fn exr_bytes(encoding: Encoding) -> Vec<u8> {
     exr_of(&channels, encoding)
 }
 
-/// The same picture as flat RGBE.
+/// The same image as uncompressed RGBE.
 fn hdr_bytes() -> Vec<u8> {
     let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {HEIGHT} +X {WIDTH}\n").into_bytes();
     for (x, y) in (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y))) {
-        // Exponent 128 + 7: a mantissa of m stands for m / 2.
+        // Exponent 128 + 7: a mantissa m means m / 2.
         let mantissa = |k: usize| [1, 2, 192][[0.5, 1.0, 96.0].iter().position(|v| *v == value(x, y, k)).unwrap()];
         bytes.extend([mantissa(0), mantissa(1), mantissa(2), 135]);
     }
@@ -52,13 +52,13 @@ fn read_bytes(bytes: &[u8]) -> (Result<EnvironmentImage, ReadError>, Vec<String>
 }
 
 #[track_caller]
-fn refused(bytes: &[u8], thing: &str) {
+fn rejected(bytes: &[u8], thing: &str) {
     let error = read_bytes(bytes).0.expect_err(thing).to_string();
     assert!(error.starts_with("sky.hdr: ") && error.contains(thing), "{error}");
 }
 
 #[test]
-fn both_formats_and_all_compressions_hold_the_same_picture() {
+fn all_formats_and_compressions_give_the_same_texels() {
     let files = [hdr_bytes(), exr_bytes(Encoding::UNCOMPRESSED), exr_bytes(Encoding::FAST_LOSSLESS)];
     for bytes in files.into_iter().chain([exr_bytes(Encoding::SMALL_LOSSLESS)]) {
         let (image, warnings) = read_bytes(&bytes);
@@ -73,16 +73,16 @@ fn both_formats_and_all_compressions_hold_the_same_picture() {
 }
 
 #[test]
-fn luminance_alone_is_grey_and_depth_alone_is_nothing() {
+fn luminance_gives_gray_and_other_channels_are_rejected() {
     let y = ("Y", plane(|x, y| value(x, y, 0)));
     let image = read_bytes(&exr_of(std::slice::from_ref(&y), Encoding::UNCOMPRESSED)).0.unwrap();
     assert_eq!(image.texels[1], [1.0; 3]);
-    refused(&exr_of(&[("Z", plane(|_, _| 1.0))], Encoding::UNCOMPRESSED), "no layer has the channels");
-    refused(&exr_of(&[y, ("RY", plane(|_, _| 1.0))], Encoding::UNCOMPRESSED), "no layer has the channels");
+    rejected(&exr_of(&[("Z", plane(|_, _| 1.0))], Encoding::UNCOMPRESSED), "no layer has the channels");
+    rejected(&exr_of(&[y, ("RY", plane(|_, _| 1.0))], Encoding::UNCOMPRESSED), "no layer has the channels");
 }
 
 #[test]
-fn texels_that_no_light_has_are_black() {
+fn invalid_texels_become_black() {
     let mut red = plane(|_, _| 2.0);
     (red[0], red[1], red[2]) = (f32::NAN, f32::INFINITY, -1.0);
     let ones = plane(|_, _| 1.0);
@@ -90,53 +90,53 @@ fn texels_that_no_light_has_are_black() {
         read_bytes(&exr_of(&[("R", red), ("G", ones.clone()), ("B", ones)], Encoding::UNCOMPRESSED));
     let image = image.unwrap();
     assert_eq!(image.texels[..4], [[0.0; 3], [0.0; 3], [0.0; 3], [2.0, 1.0, 1.0]]);
-    assert_eq!(warnings, ["sky.hdr: texels that are not finite or negative are black: 3"]);
+    assert_eq!(warnings, ["sky.hdr: replacing non-finite or negative texels by black: 3"]);
 }
 
 #[test]
-fn every_truncation_is_refused() {
-    for whole in [hdr_bytes(), exr_bytes(Encoding::UNCOMPRESSED), exr_bytes(Encoding::SMALL_LOSSLESS)] {
-        for length in 0..whole.len() {
-            assert!(read_bytes(&whole[..length]).0.is_err(), "{length} of {} bytes", whole.len());
+fn rejects_every_truncation() {
+    for full in [hdr_bytes(), exr_bytes(Encoding::UNCOMPRESSED), exr_bytes(Encoding::SMALL_LOSSLESS)] {
+        for length in 0..full.len() {
+            assert!(read_bytes(&full[..length]).0.is_err(), "{length} of {} bytes", full.len());
         }
     }
 }
 
-/// Offset of the first byte of an attribute's value, behind its name, its type and its length.
+/// Offset of an attribute's value, after name, type and length.
 fn value_of(bytes: &[u8], name_and_type: &[u8]) -> usize {
     bytes.windows(name_and_type.len()).position(|window| window == name_and_type).unwrap() + name_and_type.len() + 4
 }
 
 #[test]
-fn what_is_wrong_with_an_exr_is_one_sentence() {
-    let whole = exr_bytes(Encoding::UNCOMPRESSED);
-    refused(&whole[..whole.len() - 8], "environment: the OpenEXR ends early");
-    let mut damaged = whole.clone();
-    // A window whose last column lies before its first.
-    let window = value_of(&whole, b"dataWindow\0box2i\0");
+fn exr_errors_are_readable() {
+    let full = exr_bytes(Encoding::UNCOMPRESSED);
+    rejected(&full[..full.len() - 8], "environment map: unexpected end of OpenEXR data");
+    let mut damaged = full.clone();
+    // The last column of the data window is before the first.
+    let window = value_of(&full, b"dataWindow\0box2i\0");
     damaged[window + 8..window + 12].copy_from_slice(&(-7_i32).to_le_bytes());
-    refused(&damaged, "environment: the OpenEXR is damaged: ");
-    let mut newer = whole;
+    rejected(&damaged, "environment map: invalid OpenEXR data: ");
+    let mut newer = full;
     newer[4] = 3;
-    refused(&newer, "environment: the OpenEXR is of a kind that is not read: file versions other than 2.0");
+    rejected(&newer, "environment map: unsupported OpenEXR feature: file versions other than 2.0");
 }
 
 #[test]
-fn sizes_are_checked_before_anything_is_allocated() {
-    refused(b"#?RADIANCE\n\n-Y 100000 +X 100000\n", "promises 100000 x 100000 texels");
-    refused(b"#?RADIANCE\n\n-Y 0 +X 5\n", "promises 5 x 0 texels");
+fn sizes_are_checked_before_allocating() {
+    rejected(b"#?RADIANCE\n\n-Y 100000 +X 100000\n", "invalid image size 100000 x 100000");
+    rejected(b"#?RADIANCE\n\n-Y 0 +X 5\n", "invalid image size 5 x 0");
     let mut exr = exr_bytes(Encoding::SMALL_LOSSLESS);
     let window = value_of(&exr, b"dataWindow\0box2i\0");
     exr[window + 8..window + 12].copy_from_slice(&8191_i32.to_le_bytes());
     exr[window + 12..window + 16].copy_from_slice(&8191_i32.to_le_bytes());
-    refused(&exr, "promises 8192 x 8192 texels");
-    refused(b"", "neither Radiance HDR nor OpenEXR");
-    refused(b"\x89PNG", "neither Radiance HDR nor OpenEXR");
+    rejected(&exr, "invalid image size 8192 x 8192");
+    rejected(b"", "expected Radiance HDR or OpenEXR");
+    rejected(b"\x89PNG", "expected Radiance HDR or OpenEXR");
 }
 
 proptest! {
     #[test]
-    fn mutated_pictures_never_panic(
+    fn mutated_images_never_panic(
         kind in 0..3_usize,
         patches in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         cut in prop::option::of(any::<prop::sample::Index>()),

@@ -1,5 +1,4 @@
-//! Accessors: typed elements in buffer views, with strides, normalised integers and sparse replacements
-//! (glTF 2.0, section 3.6.2).
+//! Accessors: typed elements in buffer views, with stride, normalized integers and sparse elements (glTF 2.0, section 3.6.2).
 
 use gltf::json::accessor::sparse;
 use gltf::json::accessor::{ComponentType, Type};
@@ -8,16 +7,16 @@ use gltf::json::validation::{Checked, USize64};
 use super::document::{Document, range};
 use crate::read::ReadError;
 
-/// Components that stand for real numbers; integers by `KHR_mesh_quantization` or normalised.
+/// Component types of real numbers; integers are normalized or from `KHR_mesh_quantization`.
 pub(super) const REALS: &[ComponentType] =
     &[ComponentType::F32, ComponentType::I8, ComponentType::U8, ComponentType::I16, ComponentType::U16];
-/// Components that stand for indices.
+/// Component types of indices.
 pub(super) const INDICES: &[ComponentType] = &[ComponentType::U8, ComponentType::U16, ComponentType::U32];
 
-/// What an element without bytes reads as; the largest element is a 4 x 4 matrix of `f32`.
+/// Value of elements without a buffer view; the largest element is a 4 x 4 matrix of `f32`.
 const ZEROS: [u8; 64] = [0; 64];
 
-/// An accessor whose elements all lie inside their buffers.
+/// An accessor whose elements are all in bounds.
 pub(super) struct Accessor<'a> {
     /// Number of elements.
     pub(super) count: usize,
@@ -28,69 +27,71 @@ pub(super) struct Accessor<'a> {
     sparse: Option<Sparse<'a>>,
 }
 
-/// Elements one stride apart.
+/// Strided elements.
 struct Dense<'a> {
     bytes: &'a [u8],
     stride: usize,
 }
 
-/// Elements that replace others.
+/// Sparse elements that replace others.
 struct Sparse<'a> {
-    /// Replaced elements, ascending.
+    /// Indices of the replaced elements, ascending.
     indices: Vec<u32>,
     /// Their values, packed.
     values: &'a [u8],
 }
 
 impl<'a> Accessor<'a> {
-    /// Opens accessor `index` for the use `place`, which needs elements of a type made of one of some components.
+    /// Opens accessor `index`, referenced from `location`, with the given element type and one of the given component types.
     ///
     /// # Errors
-    /// [`ReadError::Malformed`] where it is of another type or reaches beyond its bytes.
+    /// [`ReadError::Malformed`] if the type differs or the elements exceed the buffer view.
     pub(super) fn open(
         document: &'a Document<'_>,
         index: usize,
-        place: &str,
+        location: &str,
         element_type: Type,
         components: &[ComponentType],
     ) -> Result<Self, ReadError> {
-        let accessor = document.get(&document.root.accessors, index, "accessor", place)?;
-        let own_place = format!("accessor {index}");
-        let malformed = |message: String| document.malformed(&own_place, message);
+        let accessor = document.get(&document.root.accessors, index, "accessor", location)?;
+        let own_location = format!("accessor {index}");
+        let malformed = |message: String| document.malformed(&own_location, message);
         let component = match accessor.component_type {
             Checked::Valid(component) if components.contains(&component.0) => component.0,
             Checked::Valid(other) => {
-                return Err(malformed(format!("has components {:?}, not fit for {place}", other.0)));
+                return Err(malformed(format!("component type {:?} is not allowed for {location}", other.0)));
             }
-            Checked::Invalid => return Err(malformed("has an unknown component type".to_owned())),
+            Checked::Invalid => return Err(malformed("unknown component type".to_owned())),
         };
         if accessor.type_ != Checked::Valid(element_type) {
-            return Err(malformed(format!("is not of type {element_type:?} as {place} needs")));
+            return Err(malformed(format!("expected type {element_type:?} for {location}")));
         }
         let n_element_bytes = component.size() * element_type.multiplicity();
         let count = usize::try_from(accessor.count.0).unwrap_or(usize::MAX);
         let dense = match accessor.buffer_view {
             Some(view) => {
-                let (bytes, stride) = document.view(view.value(), &own_place)?;
+                let (bytes, stride) = document.view(view.value(), &own_location)?;
                 let stride = stride.unwrap_or(n_element_bytes);
                 if stride < n_element_bytes {
-                    return Err(malformed(format!("has elements of {n_element_bytes} bytes at a stride of {stride}")));
+                    return Err(malformed(format!(
+                        "stride of {stride} bytes is smaller than the element size of {n_element_bytes} bytes"
+                    )));
                 }
                 let bytes = tail(bytes, accessor.byte_offset.unwrap_or_default())
                     .filter(|bytes| fits(bytes.len(), count, stride, n_element_bytes))
-                    .ok_or_else(|| malformed(format!("has {count} elements that reach beyond its buffer view")))?;
+                    .ok_or_else(|| malformed(format!("{count} elements exceed the buffer view")))?;
                 Some(Dense { bytes, stride })
             }
-            // Zeros that no byte stands for are as many as a file likes to say.
-            None if count > document.most_from_nothing() => {
-                return Err(malformed(format!("has {count} elements and no buffer view")));
+            // Without a buffer view the count is not limited by the file size.
+            None if count > document.max_virtual_elements() => {
+                return Err(malformed(format!("{count} elements without a buffer view")));
             }
             None => None,
         };
         let mut opened =
             Self { count, component, normalized: accessor.normalized, n_element_bytes, dense, sparse: None };
         if let Some(sparse) = &accessor.sparse {
-            opened.sparse = Some(opened.open_sparse(document, sparse, &own_place)?);
+            opened.sparse = Some(opened.open_sparse(document, sparse, &own_location)?);
         }
         Ok(opened)
     }
@@ -99,17 +100,17 @@ impl<'a> Accessor<'a> {
         &self,
         document: &'a Document<'_>,
         sparse: &sparse::Sparse,
-        place: &str,
+        location: &str,
     ) -> Result<Sparse<'a>, ReadError> {
-        let malformed = |message: String| document.malformed(place, message);
+        let malformed = |message: String| document.malformed(location, message);
         let Checked::Valid(component) = sparse.indices.component_type else {
-            return Err(malformed("has sparse indices of an unknown component type".to_owned()));
+            return Err(malformed("unknown component type of sparse indices".to_owned()));
         };
         let packed = |view: usize, offset: USize64, n_bytes: usize, what: &str| {
-            let (bytes, _) = document.view(view, place)?;
+            let (bytes, _) = document.view(view, location)?;
             let length = sparse.count.0.saturating_mul(n_bytes as u64);
             range(bytes, offset, USize64(length))
-                .ok_or_else(|| malformed(format!("has {} sparse {what} beyond their buffer view", sparse.count.0)))
+                .ok_or_else(|| malformed(format!("{} sparse {what} exceed their buffer view", sparse.count.0)))
         };
         let (indices, values) = (&sparse.indices, &sparse.values);
         let n_index_bytes = component.0.size();
@@ -117,11 +118,11 @@ impl<'a> Accessor<'a> {
         let values = packed(values.buffer_view.value(), values.byte_offset, self.n_element_bytes, "values")?;
         let indices: Vec<u32> = index_bytes.chunks(n_index_bytes).map(|bytes| integer(component.0, bytes, 0)).collect();
         if let Some(pair) = indices.windows(2).find(|pair| pair[0] >= pair[1]) {
-            return Err(malformed(format!("has sparse index {} behind {}", pair[1], pair[0])));
+            return Err(malformed(format!("sparse index {} after {} is not ascending", pair[1], pair[0])));
         }
         match indices.last() {
             Some(&last) if last as usize >= self.count => {
-                Err(malformed(format!("has sparse index {last} of {} elements", self.count)))
+                Err(malformed(format!("sparse index {last} out of range ({} elements)", self.count)))
             }
             _ => Ok(Sparse { indices, values }),
         }
@@ -141,7 +142,7 @@ impl<'a> Accessor<'a> {
         }
     }
 
-    /// An element as real numbers; normalised integers are fractions of the largest.
+    /// An element as real numbers; applies integer normalization.
     pub(super) fn reals<const N: usize>(&self, index: usize) -> [f32; N] {
         let bytes = self.element(index);
         let part = |value: f32, largest: f32| if self.normalized { (value / largest).max(-1.0) } else { value };
@@ -151,35 +152,35 @@ impl<'a> Accessor<'a> {
             ComponentType::U8 => part(u8::from_le_bytes(at(bytes, k)).into(), 255.0),
             ComponentType::I16 => part(i16::from_le_bytes(at(bytes, k)).into(), 32767.0),
             ComponentType::U16 => part(u16::from_le_bytes(at(bytes, k)).into(), 65535.0),
-            ComponentType::U32 => unreachable!("no use of real numbers admits 32-bit integers"),
+            ComponentType::U32 => unreachable!("not in REALS"),
         })
     }
 
-    /// An element as indices.
+    /// An element as unsigned integers.
     pub(super) fn integers<const N: usize>(&self, index: usize) -> [u32; N] {
         let bytes = self.element(index);
         std::array::from_fn(|k| integer(self.component, bytes, k))
     }
 }
 
-/// What follows `offset`.
+/// The bytes from `offset` on.
 fn tail(bytes: &[u8], offset: USize64) -> Option<&[u8]> {
     bytes.get(usize::try_from(offset.0).ok()?..)
 }
 
-/// Whether so many elements fit into so many bytes.
+/// Whether `count` elements fit into `n_bytes`.
 fn fits(n_bytes: usize, count: usize, stride: usize, n_element_bytes: usize) -> bool {
     let Some(n_gaps) = count.checked_sub(1) else { return true };
     n_gaps.checked_mul(stride).and_then(|start| start.checked_add(n_element_bytes)).is_some_and(|end| end <= n_bytes)
 }
 
-/// Component `k` as an index.
+/// Component `k` as an unsigned integer.
 fn integer(component: ComponentType, bytes: &[u8], k: usize) -> u32 {
     match component {
         ComponentType::U8 => u8::from_le_bytes(at(bytes, k)).into(),
         ComponentType::U16 => u16::from_le_bytes(at(bytes, k)).into(),
         ComponentType::U32 => u32::from_le_bytes(at(bytes, k)),
-        _ => unreachable!("indices are unsigned"),
+        _ => unreachable!("not in INDICES"),
     }
 }
 

@@ -1,8 +1,7 @@
-//! Poses: nodes put where the file's first animation has them at a time (glTF 2.0, section 3.11).
+//! Applies the first animation of a file at a given time (glTF 2.0, section 3.11).
 //!
-//! What moves nodes replaces their own translation, rotation, scale and weights, so that the stations behind need not
-//! know of it. Several animations of a file are as a rule alternatives (to walk, to run), of which the first is what
-//! viewers show unasked.
+//! Animated values replace translation, rotation, scale and weights of nodes, so that later stages need no special cases.
+//! Multiple animations are usually alternatives (walk, run); viewers show the first by default.
 
 use gltf::json::accessor::Type;
 use gltf::json::animation::{Channel, Property, Sampler};
@@ -12,9 +11,9 @@ use gltf::json::validation::Checked;
 use super::document::Document;
 use super::keyframes::Keyframes;
 use crate::read::ReadError;
-use crate::read::remarks::Remarks;
+use crate::read::warning_groups::WarningGroups;
 
-/// What a channel puts in place of a node's own.
+/// A new value for a node property.
 enum Change {
     Translation([f32; 3]),
     Rotation([f32; 4]),
@@ -22,36 +21,36 @@ enum Change {
     Weights(Vec<f32>),
 }
 
-/// Poses the nodes as they are `time` seconds into the first animation. Beyond its ends they stand still.
+/// Applies the first animation at `time` seconds, clamped to its range.
 ///
 /// # Errors
-/// [`ReadError::Malformed`] where the animation names what is not there, or its keys are no keys.
-pub(super) fn pose(document: &mut Document<'_>, time: f32, remarks: &mut Remarks) -> Result<(), ReadError> {
+/// [`ReadError::Malformed`] if the animation has invalid references or keyframes.
+pub(super) fn pose(document: &mut Document<'_>, time: f32, grouped: &mut WarningGroups) -> Result<(), ReadError> {
     let animations = &document.root.animations;
     let Some(animation) = animations.first() else {
-        remarks.note("there is no animation, the time changes nothing", &format!("time {time}"));
+        grouped.add("ignoring the time, the file has no animation", &format!("time {time}"));
         return Ok(());
     };
     if animations.len() > 1 {
         let name = animation.name.as_deref().unwrap_or_default();
-        remarks.note("only the first of several animations poses the scene", &format!("animation 0 {name:?}"));
+        grouped.add("using only the first of several animations", &format!("animation 0 {name:?}"));
     }
-    if document.left_out.n_channels_without_node > 0 {
-        let place = format!("animation 0, {} channels", document.left_out.n_channels_without_node);
-        remarks.note("what animates no node is ignored", &place);
+    if document.unparsed.n_channels_without_node > 0 {
+        let location = format!("animation 0, {} channels", document.unparsed.n_channels_without_node);
+        grouped.add("ignoring channels without a target node", &location);
     }
     let mut changes = Vec::new();
     for (k, channel) in animation.channels.iter().enumerate() {
-        let place = format!("animation 0 channel {k}");
+        let location = format!("animation 0 channel {k}");
         let node = channel.target.node.value();
-        let has_matrix = document.get(&document.root.nodes, node, "node", &place)?.matrix.is_some();
+        let has_matrix = document.get(&document.root.nodes, node, "node", &location)?.matrix.is_some();
         if has_matrix {
-            remarks.note("a node with a matrix cannot be animated", &format!("node {node}"));
+            grouped.add("ignoring the animation of a node with a matrix", &format!("node {node}"));
             continue;
         }
-        match change(document, channel, &animation.samplers, time, &place)? {
+        match change(document, channel, &animation.samplers, time, &location)? {
             Some(change) => changes.push((node, change)),
-            None => remarks.note("an animation of something else than nodes and weights is ignored", &place),
+            None => grouped.add("ignoring an animation channel with an unsupported target", &location),
         }
     }
     for (node, change) in changes {
@@ -60,16 +59,16 @@ pub(super) fn pose(document: &mut Document<'_>, time: f32, remarks: &mut Remarks
     Ok(())
 }
 
-/// What a channel does at a time; `None` for what it does to something unknown.
+/// The value of a channel at `time`; `None` for an unsupported target.
 fn change(
     document: &Document<'_>,
     channel: &Channel,
     samplers: &[Sampler],
     time: f32,
-    place: &str,
+    location: &str,
 ) -> Result<Option<Change>, ReadError> {
-    let sampler = document.get(samplers, channel.sampler.value(), "sampler", place)?;
-    let open = |element: Type| Keyframes::open(document, sampler, element, place);
+    let sampler = document.get(samplers, channel.sampler.value(), "sampler", location)?;
+    let open = |element: Type| Keyframes::open(document, sampler, element, location);
     let Checked::Valid(path) = channel.target.path else { return Ok(None) };
     Ok(Some(match path {
         Property::Translation => Change::Translation(narrow(open(Type::Vec3)?.at(time, 0))),

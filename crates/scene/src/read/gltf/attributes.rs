@@ -1,4 +1,4 @@
-//! What the vertices of a primitive carry beside their positions, as far as its material needs it.
+//! Vertex attributes other than positions, as far as the material uses them.
 
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{Primitive, Semantic};
@@ -6,65 +6,65 @@ use gltf::json::validation::Checked;
 
 use super::accessor::{Accessor, REALS};
 use super::matrix::unit;
-use super::pose::Morphed;
-use super::primitive::{Bend, Reading};
+use super::pose::MorphedAttribute;
+use super::primitive::{PrimitiveReader, VertexTransform};
 use crate::UvSet;
 use crate::read::ReadError;
-use crate::read::repair::usable_uv;
+use crate::read::mesh_checks::usable_uv;
 
-/// Components of colours: the integers are normalised ones.
+/// Component types of colors; integers are normalized.
 const COLORS: &[ComponentType] = &[ComponentType::F32, ComponentType::U8, ComponentType::U16];
 
-/// The attributes of the vertices that are kept.
+/// Attributes of the used vertices of a primitive.
 pub(super) struct Attributes<'a> {
-    pub(super) reading: &'a Reading<'a, 'a>,
+    pub(super) reader: &'a PrimitiveReader<'a, 'a>,
     pub(super) primitive: &'a Primitive,
-    /// Number of vertices in the file.
+    /// Number of vertices in the file, including unused ones.
     pub(super) n_all: usize,
-    /// The file's numbers of those that are kept.
+    /// Indices of the used vertices in the file.
     pub(super) vertices: &'a [usize],
     pub(super) warnings: &'a mut Vec<String>,
 }
 
 impl Attributes<'_> {
-    /// Unit normals, or zero.
-    pub(super) fn normals(&self, bend: &Bend<'_>) -> Result<Option<Vec<[f32; 3]>>, ReadError> {
+    /// Unit or zero normals.
+    pub(super) fn normals(&self, transform: &VertexTransform<'_>) -> Result<Option<Vec<[f32; 3]>>, ReadError> {
         let Some(index) = self.find(Semantic::Normals) else { return Ok(None) };
-        let (reading, place) = (self.reading, self.place("NORMAL"));
-        let base = Accessor::open(reading.document, index, &place, Type::Vec3, REALS)?;
-        let normals = Morphed::open(reading, self.primitive, base, |target| target.normals, &place)?;
+        let (reader, location) = (self.reader, self.location("NORMAL"));
+        let base = Accessor::open(reader.document, index, &location, Type::Vec3, REALS)?;
+        let normals = MorphedAttribute::open(reader, self.primitive, base, |target| target.normals, &location)?;
         self.check_count(normals.count(), "NORMAL")?;
         let normal = |&vertex: &usize| {
             let normal = normals.at(vertex);
-            Ok(unit(bend(vertex)?.map_or(normal, |bend| bend.normal(normal))).unwrap_or_default())
+            Ok(unit(transform(vertex)?.map_or(normal, |transform| transform.normal(normal))).unwrap_or_default())
         };
         self.vertices.iter().map(normal).collect::<Result<_, _>>().map(Some)
     }
 
-    /// Unit tangents and their sign, or zeros, where a normal map asks for them.
-    pub(super) fn tangents(&self, bend: &Bend<'_>) -> Result<Option<Vec<[f32; 4]>>, ReadError> {
-        let is_used = self.reading.material.normal_texture.is_some();
+    /// Unit tangents with sign, or zeros, if the material has a normal map.
+    pub(super) fn tangents(&self, transform: &VertexTransform<'_>) -> Result<Option<Vec<[f32; 4]>>, ReadError> {
+        let is_used = self.reader.material.normal_texture.is_some();
         let Some(index) = self.find(Semantic::Tangents).filter(|_| is_used) else { return Ok(None) };
-        let (reading, place) = (self.reading, self.place("TANGENT"));
-        let base = Accessor::open(reading.document, index, &place, Type::Vec4, REALS)?;
-        let tangents = Morphed::open(reading, self.primitive, base, |target| target.tangents, &place)?;
+        let (reader, location) = (self.reader, self.location("TANGENT"));
+        let base = Accessor::open(reader.document, index, &location, Type::Vec4, REALS)?;
+        let tangents = MorphedAttribute::open(reader, self.primitive, base, |target| target.tangents, &location)?;
         self.check_count(tangents.count(), "TANGENT")?;
         let tangent = |&vertex: &usize| {
-            let (along, bend) = (tangents.at(vertex), bend(vertex)?);
-            let Some([x, y, z]) = unit(bend.as_ref().map_or(along, |bend| bend.vector(along))) else {
+            let (along, transform) = (tangents.at(vertex), transform(vertex)?);
+            let Some([x, y, z]) = unit(transform.as_ref().map_or(along, |transform| transform.vector(along))) else {
                 return Ok([0.0; 4]);
             };
             let [.., sign]: [f32; 4] = tangents.base.reals(vertex);
-            // The cross product of normal and tangent turns over in a mirror, and the direction of growing v does not.
-            let is_mirrored = bend.is_some_and(|bend| bend.sign() < 0.0);
+            // A mirroring transform flips the cross product of normal and tangent, but not the direction of increasing v.
+            let is_mirrored = transform.is_some_and(|transform| transform.sign() < 0.0);
             Ok([x, y, z, if (sign < 0.0) == is_mirrored { 1.0 } else { -1.0 }])
         };
         self.vertices.iter().map(tangent).collect::<Result<_, _>>().map(Some)
     }
 
-    /// Coordinates of a set, `v` up, where a texture is looked up by them; at the origin where the file has none.
+    /// Texture coordinates of a set, `v` up, if a texture uses them; glTF (0, 0) if the file has none.
     pub(super) fn uvs(&mut self, set: UvSet) -> Result<Option<Vec<[f32; 2]>>, ReadError> {
-        if !self.reading.material.textures().any(|texture| texture.uv_set == set) {
+        if !self.reader.material.textures().any(|texture| texture.uv_set == set) {
             return Ok(None);
         }
         let number = match set {
@@ -73,10 +73,11 @@ impl Attributes<'_> {
         };
         let name = format!("TEXCOORD_{number}");
         let Some(index) = self.find(Semantic::TexCoords(number)) else {
-            self.warnings.push(format!("{} has no {name}, its texture shows one texel", self.reading.place));
+            self.warnings
+                .push(format!("missing {name}, using a single texel of the texture: {}", self.reader.location));
             return Ok(Some(vec![[0.0, 1.0]; self.vertices.len()]));
         };
-        let uvs = Accessor::open(self.reading.document, index, &self.place(&name), Type::Vec2, REALS)?;
+        let uvs = Accessor::open(self.reader.document, index, &self.location(&name), Type::Vec2, REALS)?;
         self.check_count(uvs.count, &name)?;
         let uv = |&vertex: &usize| {
             let [u, v] = uvs.reals(vertex);
@@ -85,14 +86,14 @@ impl Attributes<'_> {
         Ok(Some(self.vertices.iter().map(uv).collect()))
     }
 
-    /// Colours and alpha in 0..=1; none where all are white.
+    /// RGBA colors in 0..=1; `None` if all are white.
     pub(super) fn colors(&self) -> Result<Option<Vec<[f32; 4]>>, ReadError> {
         let Some(index) = self.find(Semantic::Colors(0)) else { return Ok(None) };
-        let (document, place) = (self.reading.document, self.place("COLOR_0"));
-        let source = document.get(&document.root.accessors, index, "accessor", &place)?;
+        let (document, location) = (self.reader.document, self.location("COLOR_0"));
+        let source = document.get(&document.root.accessors, index, "accessor", &location)?;
         let has_alpha = source.type_ == Checked::Valid(Type::Vec4);
         let element = if has_alpha { Type::Vec4 } else { Type::Vec3 };
-        let colors = Accessor::open(document, index, &place, element, COLORS)?;
+        let colors = Accessor::open(document, index, &location, element, COLORS)?;
         self.check_count(colors.count, "COLOR_0")?;
         let color = |&vertex: &usize| {
             let color: [f32; 4] = if has_alpha {
@@ -111,20 +112,20 @@ impl Attributes<'_> {
         self.primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value())
     }
 
-    fn place(&self, attribute: &str) -> String {
-        format!("{} {attribute}", self.reading.place)
+    fn location(&self, attribute: &str) -> String {
+        format!("{} {attribute}", self.reader.location)
     }
 
     fn check_count(&self, count: usize, attribute: &str) -> Result<(), ReadError> {
         if count == self.n_all {
             return Ok(());
         }
-        let message = format!("has {count} {attribute} for {} vertices", self.n_all);
-        Err(self.reading.document.malformed(self.reading.place, message))
+        let message = format!("{count} {attribute} values for {} vertices", self.n_all);
+        Err(self.reader.document.malformed(self.reader.location, message))
     }
 }
 
-/// A number clamped to 0..=1; NaN becomes 0.
+/// `x` clamped to 0..=1; NaN becomes 0.
 #[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
 pub(super) fn fraction(x: f32) -> f32 {
     x.max(0.0).min(1.0)

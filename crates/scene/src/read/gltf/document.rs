@@ -1,4 +1,4 @@
-//! A parsed file with its buffers in memory: what the other stations look things up in.
+//! A parsed file with its buffers in memory.
 
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
@@ -13,12 +13,12 @@ use super::instancing;
 use super::uri;
 use crate::read::ReadError;
 use crate::read::folder::Folder;
-use crate::read::remarks::Remarks;
+use crate::read::warning_groups::WarningGroups;
 
 /// Extensions that a file may require.
 ///
-/// Those of materials change what this crate's surfaces cannot say anyway, and those of textures bring images that are not
-/// read; without them the picture is an approximation, not wrong geometry, and what is left out is said.
+/// Unsupported material extensions and image formats are included: ignoring them gives an approximate image but correct
+/// geometry, and a warning is reported.
 const SUPPORTED: [&str; 19] = [
     instancing::NAME,
     "EXT_texture_avif",
@@ -41,26 +41,26 @@ const SUPPORTED: [&str; 19] = [
     "MSFT_texture_dds",
 ];
 
-/// Attributes of meshes that morph targets may move and that are not moved here.
-pub(super) const UNMORPHED: [&str; 3] = ["TEXCOORD_0", "TEXCOORD_1", "COLOR_0"];
+/// Attributes whose morph targets are not supported.
+pub(super) const UNSUPPORTED_TARGETS: [&str; 3] = ["TEXCOORD_0", "TEXCOORD_1", "COLOR_0"];
 
-/// What a file says and the structures of `gltf` do not keep.
+/// Parts of the JSON that the `gltf` crate does not represent.
 #[derive(Default)]
-pub(super) struct LeftOut {
-    /// Channels of the first animation that name no node.
+pub(super) struct UnparsedData {
+    /// Channels of the first animation without a target node.
     pub(super) n_channels_without_node: usize,
-    /// By mesh, the morph targets that move one of [`UNMORPHED`], with which.
-    pub(super) unmorphed: HashMap<usize, BTreeSet<(usize, &'static str)>>,
+    /// By mesh, the morph targets that affect one of [`UNSUPPORTED_TARGETS`], with the attribute.
+    pub(super) unsupported_targets: HashMap<usize, BTreeSet<(usize, &'static str)>>,
 }
 
 /// A file in memory.
 pub(super) struct Document<'a> {
-    /// The JSON. Indices in it are not checked, and arrive modulo 2^32.
+    /// The JSON. Indices are unchecked and taken modulo 2^32.
     pub(super) root: Root,
-    /// The folder that images are read from.
+    /// The folder of the file.
     pub(super) folder: Folder,
-    /// What [`Document::root`] lacks of the file.
-    pub(super) left_out: LeftOut,
+    /// Data missing in [`Document::root`].
+    pub(super) unparsed: UnparsedData,
     path: &'a Path,
     buffers: Vec<Cow<'a, [u8]>>,
 }
@@ -69,75 +69,89 @@ impl<'a> Document<'a> {
     /// Parses the file and loads its buffers.
     pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ReadError> {
         let container = container::split(path, bytes)?;
-        let (root, left_out) =
+        let (root, unparsed) =
             parse(container.json).map_err(|source| ReadError::malformed(path, "json", source.to_string()))?;
         check_version(path, &root)?;
         if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
-            return Err(ReadError::unsupported(path, format!("the required extension {extension}")));
+            return Err(ReadError::unsupported(path, format!("required extension {extension}")));
         }
-        let folder = Folder::of(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-        let mut document = Self { root, folder, left_out, path, buffers: Vec::new() };
+        let folder = Folder::of(path).map_err(ReadError::io(path))?;
+        let mut document = Self { root, folder, unparsed, path, buffers: Vec::new() };
         document.buffers = (0..document.root.buffers.len())
             .map(|k| document.load_buffer(k, container.bin))
             .collect::<Result<_, _>>()?;
         Ok(document)
     }
 
-    /// Notes what the file's extensions say and nobody reads, but for those that `remarks` know from the materials.
-    pub(super) fn note_extensions(&self, remarks: &mut Remarks) {
+    /// Reports unsupported extensions, except those already reported for materials.
+    pub(super) fn note_extensions(&self, grouped: &mut WarningGroups) {
         let of_nodes = self.root.nodes.iter().enumerate().flat_map(|(k, node)| {
             let names = node.extensions.iter().flat_map(|all| all.others.keys());
             names.map(move |name| (name, format!("node {k}")))
         });
         let used = self.root.extensions_used.iter().map(|name| (name, "extensionsUsed".to_owned()));
-        for (name, place) in of_nodes.chain(used).filter(|(name, _)| !SUPPORTED.contains(&name.as_str())) {
-            remarks.note_once(&format!("{name} is ignored"), &place);
+        for (name, location) in of_nodes.chain(used).filter(|(name, _)| !SUPPORTED.contains(&name.as_str())) {
+            grouped.add_once(&format!("ignoring {name} (not supported)"), &location);
         }
     }
 
-    /// A breach of the rules at a place in this file.
-    pub(super) fn malformed(&self, place: impl Into<String>, message: impl Into<String>) -> ReadError {
-        ReadError::malformed(self.path, place, message)
+    /// A violation of the format at `location`.
+    pub(super) fn malformed(&self, location: impl Into<String>, message: impl Into<String>) -> ReadError {
+        ReadError::malformed(self.path, location, message)
     }
 
-    /// The item of one of the lists of [`Document::root`], or the error that `place` names an item beyond its end.
-    pub(super) fn get<'b, T>(&self, list: &'b [T], index: usize, kind: &str, place: &str) -> Result<&'b T, ReadError> {
-        list.get(index).ok_or_else(|| self.malformed(place, format!("names {kind} {index} of {}", list.len())))
+    /// Looks up an index that `location` references.
+    pub(super) fn get<'b, T>(
+        &self,
+        list: &'b [T],
+        index: usize,
+        kind: &str,
+        location: &str,
+    ) -> Result<&'b T, ReadError> {
+        list.get(index).ok_or_else(|| {
+            self.malformed(location, format!("{kind} index {index} out of range ({} defined)", list.len()))
+        })
     }
 
-    /// The bytes of a buffer view and the stride that it asks for.
-    pub(super) fn view(&self, index: usize, place: &str) -> Result<(&[u8], Option<usize>), ReadError> {
-        let view = self.get(&self.root.buffer_views, index, "buffer view", place)?;
-        let place = format!("buffer view {index}");
-        let buffer = self.get(&self.buffers, view.buffer.value(), "buffer", &place)?;
+    /// The bytes and the stride of a buffer view.
+    pub(super) fn view(&self, index: usize, location: &str) -> Result<(&[u8], Option<usize>), ReadError> {
+        let view = self.get(&self.root.buffer_views, index, "buffer view", location)?;
+        let location = format!("buffer view {index}");
+        let buffer = self.get(&self.buffers, view.buffer.value(), "buffer", &location)?;
         let offset = view.byte_offset.unwrap_or_default();
         let bytes = range(buffer, offset, view.byte_length).ok_or_else(|| {
             let (offset, length) = (offset.0, view.byte_length.0);
-            self.malformed(&place, format!("has {length} bytes from {offset} on, its buffer has {}", buffer.len()))
+            self.malformed(
+                &location,
+                format!("{length} bytes at offset {offset} exceed the buffer of {} bytes", buffer.len()),
+            )
         })?;
         Ok((bytes, view.byte_stride.map(|stride| stride.0)))
     }
 
-    /// Elements that a file may make of none of its bytes, or again and again of the same: as many as its buffers have bytes, and
-    /// 64 MiB of the largest whatever they have.
-    pub(super) fn most_from_nothing(&self) -> usize {
+    /// Limit of elements that are not backed by bytes of their own (no buffer view, or shared): the total buffer size in bytes,
+    /// but at least 2^20.
+    pub(super) fn max_virtual_elements(&self) -> usize {
         self.buffers.iter().map(|buffer| buffer.len()).sum::<usize>().max(1 << 20)
     }
 
     fn load_buffer(&self, index: usize, bin: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, ReadError> {
         let buffer = &self.root.buffers[index];
-        let place = format!("buffer {index}");
+        let location = format!("buffer {index}");
         let mut bytes = match (&buffer.uri, bin) {
             (Some(uri), _) => {
-                Cow::Owned(uri::load(uri, &self.folder).map_err(|error| self.malformed(&place, error.to_string()))?)
+                Cow::Owned(uri::load(uri, &self.folder).map_err(|error| self.malformed(&location, error))?)
             }
             (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
-            (None, _) => return Err(self.malformed(place, "has neither a uri nor a BIN chunk")),
+            (None, _) => return Err(self.malformed(location, "neither a uri nor a BIN chunk")),
         };
         let n_bytes = bytes.len();
         let length =
             usize::try_from(buffer.byte_length.0).ok().filter(|&length| length <= n_bytes).ok_or_else(|| {
-                self.malformed(place, format!("promises {} bytes and has {n_bytes}", buffer.byte_length.0))
+                self.malformed(
+                    location,
+                    format!("byteLength is {}, but the data has {n_bytes} bytes", buffer.byte_length.0),
+                )
             })?;
         match &mut bytes {
             Cow::Borrowed(bytes) => *bytes = &bytes[..length],
@@ -147,12 +161,12 @@ impl<'a> Document<'a> {
     }
 }
 
-/// Parses the JSON; nesting beyond 128 levels is refused by the parser.
+/// Parses the JSON; the parser rejects more than 128 nesting levels.
 ///
-/// A scene may lack `nodes` and a channel of an animation a node, but not for the structures of `gltf`: the list is added
-/// and the channel left out before they are made. Such channels of the first animation are counted.
-fn parse(json: &[u8]) -> Result<(Root, LeftOut), Error> {
-    let mut left_out = LeftOut::default();
+/// The `gltf` crate requires `nodes` in scenes and target nodes in animation channels, which are optional in glTF. This adds
+/// the list, and removes and counts such channels.
+fn parse(json: &[u8]) -> Result<(Root, UnparsedData), Error> {
+    let mut unparsed = UnparsedData::default();
     let mut value: Value = from_slice(json)?;
     for scene in value.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
         if let Some(scene) = scene.as_object_mut() {
@@ -163,40 +177,40 @@ fn parse(json: &[u8]) -> Result<(Root, LeftOut), Error> {
         if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
             let n_channels = channels.len();
             channels.retain(|channel| channel.get("target").is_none_or(|target| target.get("node").is_some()));
-            left_out.n_channels_without_node += if k == 0 { n_channels - channels.len() } else { 0 };
+            unparsed.n_channels_without_node += if k == 0 { n_channels - channels.len() } else { 0 };
         }
     }
     for (mesh, item) in items(&value, "meshes").enumerate() {
         for (target, moved) in items(item, "primitives").flat_map(|primitive| items(primitive, "targets").enumerate()) {
-            for name in UNMORPHED.into_iter().filter(|name| moved.get(name).is_some()) {
-                left_out.unmorphed.entry(mesh).or_default().insert((target, name));
+            for name in UNSUPPORTED_TARGETS.into_iter().filter(|name| moved.get(name).is_some()) {
+                unparsed.unsupported_targets.entry(mesh).or_default().insert((target, name));
             }
         }
     }
-    // Where that fails, only the text knows the line.
+    // On failure parses the text again, for an error with a line number.
     let root = from_value(value).or_else(|_| from_slice(json))?;
-    Ok((root, left_out))
+    Ok((root, unparsed))
 }
 
-/// The items of a list, none where there is no list.
+/// The items of a list; none if it is absent.
 fn items<'a>(value: &'a Value, list: &str) -> impl Iterator<Item = &'a Value> {
     value.get(list).and_then(Value::as_array).into_iter().flatten()
 }
 
-/// `length` bytes from `offset` on, if there are as many.
+/// `length` bytes at `offset`, if in bounds.
 pub(super) fn range(bytes: &[u8], offset: USize64, length: USize64) -> Option<&[u8]> {
     let end = offset.0.checked_add(length.0)?;
     bytes.get(usize::try_from(offset.0).ok()?..usize::try_from(end).ok()?)
 }
 
-/// Versions 2.x are read, where the file does not ask for a later minor version than 2.0.
+/// Accepts versions 2.x with a minimum version of at most 2.0.
 fn check_version(path: &Path, root: &Root) -> Result<(), ReadError> {
     let version = &root.asset.version;
     if version.split('.').next() != Some("2") {
-        return Err(ReadError::unsupported(path, format!("version {version} of glTF")));
+        return Err(ReadError::unsupported(path, format!("glTF version {version}")));
     }
     match root.asset.min_version.as_deref() {
         None | Some("2.0") => Ok(()),
-        Some(least) => Err(ReadError::unsupported(path, format!("version {least} of glTF"))),
+        Some(least) => Err(ReadError::unsupported(path, format!("glTF version {least}"))),
     }
 }

@@ -1,4 +1,4 @@
-//! `EXT_mesh_gpu_instancing`: one node places its mesh many times, by accessors of translations, rotations and scales.
+//! `EXT_mesh_gpu_instancing`: a node instances its mesh by accessors of translations, rotations and scales.
 
 use gltf::json::accessor::Type;
 
@@ -10,19 +10,19 @@ use crate::read::ReadError;
 /// Name of the extension, and its key in a node.
 pub(super) const NAME: &str = "EXT_mesh_gpu_instancing";
 
-/// Transforms of the instances of a node, relative to the node; `None` for a node without the extension.
+/// Instance transforms relative to the node; `None` without the extension.
 pub(super) fn read(document: &Document<'_>, node_index: usize) -> Result<Option<Vec<Matrix>>, ReadError> {
     let extensions = document.root.nodes[node_index].extensions.as_ref();
     let Some(extension) = extensions.and_then(|extensions| extensions.others.get(NAME)) else { return Ok(None) };
-    let place = format!("node {node_index} {NAME}");
+    let location = format!("node {node_index} {NAME}");
     let open = |name: &str, element_type: Type| {
         let Some(index) = extension.get("attributes").and_then(|attributes| attributes.get(name)) else {
             return Ok(None);
         };
-        let place = format!("{place} {name}");
+        let location = format!("{location} {name}");
         let index = index.as_u64().and_then(|index| usize::try_from(index).ok());
-        let index = index.ok_or_else(|| document.malformed(&place, "is not the index of an accessor"))?;
-        Accessor::open(document, index, &place, element_type, REALS).map(Some)
+        let index = index.ok_or_else(|| document.malformed(&location, "expected an accessor index"))?;
+        Accessor::open(document, index, &location, element_type, REALS).map(Some)
     };
     let translations = open("TRANSLATION", Type::Vec3)?;
     let rotations = open("ROTATION", Type::Vec4)?;
@@ -30,10 +30,10 @@ pub(super) fn read(document: &Document<'_>, node_index: usize) -> Result<Option<
 
     let mut counts = [&translations, &rotations, &scales].into_iter().flatten().map(|accessor| accessor.count);
     let Some(count) = counts.next() else {
-        return Err(document.malformed(place, "has no TRANSLATION, ROTATION or SCALE"));
+        return Err(document.malformed(location, "missing TRANSLATION, ROTATION or SCALE"));
     };
     if let Some(other) = counts.find(|&other| other != count) {
-        return Err(document.malformed(place, format!("has attributes of {count} and of {other} instances")));
+        return Err(document.malformed(location, format!("attributes have different counts, {count} and {other}")));
     }
     let instance = |i: usize| {
         Matrix::from_parts(

@@ -1,4 +1,4 @@
-//! Values between keyframes (glTF 2.0, section 3.11 and appendix C).
+//! Keyframe interpolation (glTF 2.0, section 3.11 and appendix C).
 
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::animation::{Interpolation, Sampler};
@@ -8,7 +8,7 @@ use super::accessor::{Accessor, REALS};
 use super::document::Document;
 use crate::read::ReadError;
 
-/// A value for each of several times, and how it gets from one to the next.
+/// Key times, values and interpolation of a sampler.
 pub(super) struct Keyframes<'a> {
     /// Seconds, ascending.
     times: Vec<f32>,
@@ -16,77 +16,78 @@ pub(super) struct Keyframes<'a> {
     interpolation: Interpolation,
 }
 
-/// A place among the keyframes.
-enum Moment {
-    /// At a key, or beyond the first or last.
+/// A time relative to the keyframes.
+enum KeyPosition {
+    /// At a key, or clamped to the first or last.
     At(usize),
-    /// Behind a key: the part of the way to the next, and the way's length in seconds.
-    Behind { key: usize, part: f64, seconds: f64 },
+    /// Between `key` and the next: the fraction and the interval in seconds.
+    Between { key: usize, part: f64, seconds: f64 },
 }
 
 impl<'a> Keyframes<'a> {
-    /// Opens the accessors of a sampler whose values are of a type, as `place` needs it.
+    /// Opens the accessors of a sampler with values of the given type.
     pub(super) fn open(
         document: &'a Document<'_>,
         sampler: &Sampler,
         element: Type,
-        place: &str,
+        location: &str,
     ) -> Result<Self, ReadError> {
         let Checked::Valid(interpolation) = sampler.interpolation else {
-            return Err(document.malformed(place, "has an unknown interpolation"));
+            return Err(document.malformed(location, "unknown interpolation"));
         };
-        let input = Accessor::open(document, sampler.input.value(), place, Type::Scalar, &[ComponentType::F32])?;
+        let input = Accessor::open(document, sampler.input.value(), location, Type::Scalar, &[ComponentType::F32])?;
         let times: Vec<f32> = (0..input.count).map(|k| input.reals::<1>(k)[0]).collect();
         if times.is_empty() || !times.iter().all(|time| time.is_finite()) {
-            return Err(document.malformed(place, "has no key times, or some that are not finite"));
+            return Err(document.malformed(location, "key times are missing or not finite"));
         }
         if let Some(pair) = times.windows(2).find(|pair| pair[0] >= pair[1]) {
-            return Err(document.malformed(place, format!("has key time {} behind {}", pair[1], pair[0])));
+            return Err(
+                document.malformed(location, format!("key time {} after {} is not ascending", pair[1], pair[0]))
+            );
         }
-        let values = Accessor::open(document, sampler.output.value(), place, element, REALS)?;
+        let values = Accessor::open(document, sampler.output.value(), location, element, REALS)?;
         let keyframes = Self { times, values, interpolation };
         let needed = keyframes.times.len() * keyframes.n_parts();
         if keyframes.values.count < needed || !keyframes.values.count.is_multiple_of(needed) {
-            let message = format!("has {} values for {} keys", keyframes.values.count, keyframes.times.len());
-            return Err(document.malformed(place, message));
+            let message = format!("{} values for {} keys", keyframes.values.count, keyframes.times.len());
+            return Err(document.malformed(location, message));
         }
         Ok(keyframes)
     }
 
-    /// Elements of a key: one, or several where each is a weight.
+    /// Elements per key: one, or the number of weights.
     pub(super) fn width(&self) -> usize {
         self.values.count / (self.times.len() * self.n_parts())
     }
 
-    /// A cubic key has the tangent into it, its value, and the tangent out of it.
+    /// Values per key: cubic splines have an in-tangent, a value and an out-tangent.
     fn n_parts(&self) -> usize {
         if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
     }
 
-    /// Element `k` of the keys at a time in seconds; the first or last key's beyond the ends.
+    /// Element `k` at `time` seconds, clamped to the first and last key.
     pub(super) fn at<const N: usize>(&self, time: f32, k: usize) -> [f64; N] {
-        self.between(time, k, |a, b, part| mix(a, 1.0 - part, b, part))
+        self.interpolate(time, k, |a, b, part| mix(a, 1.0 - part, b, part))
     }
 
-    /// As [`Keyframes::at`], along the arc between two quaternions of any length but zero.
+    /// As [`Keyframes::at`] with spherical interpolation of quaternions of nonzero length.
     pub(super) fn rotation_at(&self, time: f32) -> [f64; 4] {
-        self.between(time, 0, slerp)
+        self.interpolate(time, 0, slerp)
     }
 
-    fn between<const N: usize>(
+    fn interpolate<const N: usize>(
         &self,
         time: f32,
         k: usize,
         linear: impl Fn([f64; N], [f64; N], f64) -> [f64; N],
     ) -> [f64; N] {
-        match (self.moment(time), self.interpolation) {
-            (Moment::At(key) | Moment::Behind { key, .. }, Interpolation::Step) | (Moment::At(key), _) => {
-                self.value(key, k)
-            }
-            (Moment::Behind { key, part, .. }, Interpolation::Linear) => {
+        match (self.position(time), self.interpolation) {
+            (KeyPosition::At(key) | KeyPosition::Between { key, .. }, Interpolation::Step)
+            | (KeyPosition::At(key), _) => self.value(key, k),
+            (KeyPosition::Between { key, part, .. }, Interpolation::Linear) => {
                 linear(self.value(key, k), self.value(key + 1, k), part)
             }
-            (Moment::Behind { key, part, seconds }, Interpolation::CubicSpline) => {
+            (KeyPosition::Between { key, part, seconds }, Interpolation::CubicSpline) => {
                 let ends = [self.value(key, k), self.value(key + 1, k)];
                 let tangents = [self.part(key, 2, k), self.part(key + 1, 0, k)];
                 hermite(ends, tangents.map(|tangent| tangent.map(|x: f64| x * seconds)), part)
@@ -94,14 +95,14 @@ impl<'a> Keyframes<'a> {
         }
     }
 
-    fn moment(&self, time: f32) -> Moment {
+    fn position(&self, time: f32) -> KeyPosition {
         match self.times.partition_point(|&key| key <= time) {
-            0 => Moment::At(0),
-            n if n == self.times.len() => Moment::At(n - 1),
+            0 => KeyPosition::At(0),
+            n if n == self.times.len() => KeyPosition::At(n - 1),
             n => {
                 let (start, end) = (f64::from(self.times[n - 1]), f64::from(self.times[n]));
                 let part = (f64::from(time) - start) / (end - start);
-                Moment::Behind { key: n - 1, part, seconds: end - start }
+                KeyPosition::Between { key: n - 1, part, seconds: end - start }
             }
         }
     }
@@ -119,7 +120,7 @@ fn mix<const N: usize>(a: [f64; N], weight_a: f64, b: [f64; N], weight_b: f64) -
     std::array::from_fn(|k| weight_a * a[k] + weight_b * b[k])
 }
 
-/// Cubic Hermite spline.
+/// Cubic Hermite interpolation.
 fn hermite<const N: usize>([p, q]: [[f64; N]; 2], [m, n]: [[f64; N]; 2], t: f64) -> [f64; N] {
     let (t2, t3) = (t * t, t * t * t);
     let ends = mix(p, 2.0 * t3 - 3.0 * t2 + 1.0, q, 3.0 * t2 - 2.0 * t3);
@@ -127,7 +128,7 @@ fn hermite<const N: usize>([p, q]: [[f64; N]; 2], [m, n]: [[f64; N]; 2], t: f64)
     mix(ends, 1.0, tangents, 1.0)
 }
 
-/// Spherical linear interpolation the shorter way round (Shoemake 1985).
+/// Spherical linear interpolation along the shorter arc (Shoemake 1985).
 fn slerp(a: [f64; 4], b: [f64; 4], t: f64) -> [f64; 4] {
     let unit = |q: [f64; 4]| {
         let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -140,7 +141,7 @@ fn slerp(a: [f64; 4], b: [f64; 4], t: f64) -> [f64; 4] {
         cos = -cos;
     }
     let angle = cos.min(1.0).acos();
-    // Both weights are well conditioned for every angle but zero, where the ends are one.
+    // Both weights are well conditioned except at angle zero, where the ends are equal.
     if angle == 0.0 {
         return a;
     }
@@ -153,24 +154,24 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_spline_runs_through_its_ends_along_its_tangents() {
+    fn hermite_interpolates_values_and_tangents() {
         let (ends, tangents) = ([[1.0], [4.0]], [[2.0], [-3.0]]);
         assert_eq!(hermite(ends, tangents, 0.0), [1.0]);
         assert_eq!(hermite(ends, tangents, 1.0), [4.0]);
-        // The halves of the ends, and an eighth of the difference of the tangents.
+        // The mean of the ends plus an eighth of the difference of the tangents.
         assert_eq!(hermite(ends, tangents, 0.5), [2.5 + 5.0 / 8.0]);
     }
 
     proptest! {
-        /// A turn about one axis: the angle between grows evenly, the shorter way.
+        /// The angle of a rotation about one axis grows linearly along the shorter arc.
         #[test]
-        fn rotations_turn_evenly(start in -3.0..3.0_f64, turn in -3.0..3.0_f64, t in 0.0..1.0_f64, flips: bool) {
+        fn slerp_has_constant_angular_speed(start in -3.0..3.0_f64, turn in -3.0..3.0_f64, t in 0.0..1.0_f64, flips: bool) {
             let about_z = |angle: f64| [0.0, 0.0, (angle / 2.0).sin(), (angle / 2.0).cos()];
             let end = about_z(start + turn).map(|x| if flips { -2.0 * x } else { x });
             let found = slerp(about_z(start), end, t);
             let want = about_z(start + t * turn);
             let cos = found.iter().zip(want).map(|(x, y)| x * y).sum::<f64>();
-            // The angle between the ends is found from its cosine, which loses half of the digits near zero.
+            // Computing the angle from its cosine loses half of the digits near zero.
             prop_assert!((cos.abs() - 1.0).abs() <= f64::EPSILON.sqrt(), "{found:?} for {want:?}");
         }
     }

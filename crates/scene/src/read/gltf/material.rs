@@ -1,4 +1,4 @@
-//! Materials: metallic-roughness (glTF 2.0, section 3.9) with the extensions that [`Material`] can say.
+//! Metallic-roughness materials (glTF 2.0, section 3.9) with the extensions that [`Material`] supports.
 
 use gltf::json::Material as Source;
 use gltf::json::extensions::material::Material as Extensions;
@@ -8,18 +8,18 @@ use gltf::json::validation::Checked;
 
 use super::attributes::fraction;
 use super::document::Document;
-use super::lookup::Lookup;
 use super::texture::Textures;
+use super::texture_info::TextureInfo;
 use crate::read::ReadError;
-use crate::read::remarks::Remarks;
+use crate::read::warning_groups::WarningGroups;
 use crate::{Encoding, Material, Scene, TextureRef};
 
-/// Reads all materials, and behind them the default one if a primitive needs it, with their textures.
-pub(super) fn read(document: &Document<'_>, remarks: &mut Remarks, scene: &mut Scene) -> Result<(), ReadError> {
+/// Reads all materials and their textures, followed by the default material if a primitive uses it.
+pub(super) fn read(document: &Document<'_>, grouped: &mut WarningGroups, scene: &mut Scene) -> Result<(), ReadError> {
     let mut textures = Textures::new(document);
-    let mut read = |place: String, source: &Source, scene: &mut Scene| {
-        let mut reading = Reading { place, textures: &mut textures, remarks, warnings: &mut scene.warnings };
-        let material = reading.material(source)?;
+    let mut read = |location: String, source: &Source, scene: &mut Scene| {
+        let mut reader = MaterialReader { location, textures: &mut textures, grouped, warnings: &mut scene.warnings };
+        let material = reader.material(source)?;
         scene.materials.push(material);
         Ok(())
     };
@@ -30,37 +30,37 @@ pub(super) fn read(document: &Document<'_>, remarks: &mut Remarks, scene: &mut S
     if primitives.any(|primitive| primitive.material.is_none()) {
         read("default".to_owned(), &Source::default(), scene)?;
     }
-    // Emission has no colour of vertices.
-    let tinted = tinted(document);
-    for k in (0..tinted.len()).filter(|&k| tinted[k] && is_unlit(&document.root.materials[k])) {
-        remarks.note("vertex colours of KHR_materials_unlit are ignored", &format!("material {k}"));
+    // Vertex colors do not affect emission.
+    let has_vertex_colors = has_vertex_colors(document);
+    for k in (0..has_vertex_colors.len()).filter(|&k| has_vertex_colors[k] && is_unlit(&document.root.materials[k])) {
+        grouped.add("ignoring vertex colors with KHR_materials_unlit", &format!("material {k}"));
     }
     textures.load(scene)
 }
 
-/// What a material is read with.
-struct Reading<'a, 'b, 'c> {
+/// Context for reading a material.
+struct MaterialReader<'a, 'b, 'c> {
     /// `material 3`.
-    place: String,
+    location: String,
     textures: &'a mut Textures<'b, 'c>,
-    remarks: &'a mut Remarks,
+    grouped: &'a mut WarningGroups,
     warnings: &'a mut Vec<String>,
 }
 
-impl Reading<'_, '_, '_> {
+impl MaterialReader<'_, '_, '_> {
     fn material(&mut self, source: &Source) -> Result<Material, ReadError> {
-        let name = source.name.clone().unwrap_or_else(|| self.place.clone());
+        let name = source.name.clone().unwrap_or_else(|| self.location.clone());
         let pbr = &source.pbr_metallic_roughness;
-        let [red, green, blue, alpha] = self.fractions("base colour", pbr.base_color_factor.0);
+        let [red, green, blue, alpha] = self.fractions("base color", pbr.base_color_factor.0);
         let mut material = Material {
             name,
             base_color: [red, green, blue],
-            base_color_texture: self.colors(pbr.base_color_texture.as_ref().map(Lookup::from))?,
+            base_color_texture: self.colors(pbr.base_color_texture.as_ref().map(TextureInfo::from))?,
             ..Material::default()
         };
         self.alpha(source, alpha, &mut material);
         if is_unlit(source) {
-            self.remarks.note("KHR_materials_unlit becomes emission, which lights the scene", &self.place);
+            self.grouped.add("treating KHR_materials_unlit as emission, which illuminates the scene", &self.location);
             return Ok(unlit(material));
         }
         self.scattering(pbr, &mut material)?;
@@ -70,15 +70,15 @@ impl Reading<'_, '_, '_> {
             self.interface(extensions, &mut material)?;
         }
         if source.occlusion_texture.is_some() {
-            self.remarks.note("occlusionTexture is ignored, as light is traced", &self.place);
+            self.grouped.add("ignoring occlusionTexture (not physical)", &self.location);
         }
         Ok(material)
     }
 
-    /// Alpha counts only where the mode says so. A mask that cuts nothing out is none.
+    /// Alpha mode; a mask with cutoff 0 is opaque.
     fn alpha(&mut self, source: &Source, alpha: f32, material: &mut Material) {
         if source.alpha_mode == Checked::Invalid {
-            self.remarks.note("an alphaMode other than OPAQUE, MASK and BLEND is taken as OPAQUE", &self.place);
+            self.grouped.add("treating an unknown alphaMode as OPAQUE", &self.location);
         }
         let cutoff = source.alpha_cutoff.unwrap_or_default().0;
         material.alpha_mode = match source.alpha_mode {
@@ -96,18 +96,19 @@ impl Reading<'_, '_, '_> {
         [material.roughness] = self.fractions("roughness factor", [source.roughness_factor.0]);
         let texture = source.metallic_roughness_texture.as_ref();
         let is_used = material.metallic > 0.0 || material.roughness > 0.0;
-        material.metallic_roughness_texture = self.numbers(texture.filter(|_| is_used).map(Lookup::from))?;
+        material.metallic_roughness_texture = self.numbers(texture.filter(|_| is_used).map(TextureInfo::from))?;
         Ok(())
     }
 
     fn normals(&mut self, source: &Source, material: &mut Material) -> Result<(), ReadError> {
         let Some(source) = &source.normal_texture else { return Ok(()) };
         if !source.scale.is_finite() {
-            self.warnings.push(format!("{}: normal scale {} is left out, with its texture", self.place, source.scale));
+            self.warnings
+                .push(format!("skipping normal texture of {}: scale {} is not finite", self.location, source.scale));
             return Ok(());
         }
-        let lookup = Lookup::of_normals(source, self.textures.document, &self.place)?;
-        material.normal_texture = self.numbers(Some(lookup))?;
+        let info = TextureInfo::from_normal_texture(source, self.textures.document, &self.location)?;
+        material.normal_texture = self.numbers(Some(info))?;
         material.normal_scale = source.scale;
         Ok(())
     }
@@ -117,24 +118,25 @@ impl Reading<'_, '_, '_> {
         let strength = strength.map_or(1.0, |strength| strength.emissive_strength.0);
         let emission = source.emissive_factor.0.map(|x| x * strength);
         if !emission.iter().all(|x| x.is_finite() && *x >= 0.0) {
-            self.warnings.push(format!("{}: emission {emission:?} is left out", self.place));
+            self.warnings
+                .push(format!("ignoring emission of {}: {emission:?} must be finite and not negative", self.location));
             return Ok(());
         }
         material.emission = emission;
         let texture = source.emissive_texture.as_ref().filter(|_| emission != [0.0; 3]);
-        material.emission_texture = self.colors(texture.map(Lookup::from))?;
+        material.emission_texture = self.colors(texture.map(TextureInfo::from))?;
         Ok(())
     }
 
-    /// Specular, ior, transmission and what remains of volumes: whether there is one.
+    /// Specular, ior, transmission and volume; of a volume only its existence.
     fn interface(&mut self, extensions: &Extensions, material: &mut Material) -> Result<(), ReadError> {
         if let Some(specular) = &extensions.specular {
             [material.specular] = self.fractions("specular factor", [specular.specular_factor.0]);
             if specular.specular_texture.is_some() || specular.specular_color_texture.is_some() {
-                self.remarks.note("the textures of KHR_materials_specular are ignored", &self.place);
+                self.grouped.add("ignoring textures of KHR_materials_specular (not supported)", &self.location);
             }
             if specular.specular_color_factor.0 != [1.0; 3] {
-                self.remarks.note("the colour of KHR_materials_specular is ignored", &self.place);
+                self.grouped.add("ignoring the color of KHR_materials_specular (not supported)", &self.location);
             }
         }
         if let Some(ior) = extensions.ior.as_ref().map(|ior| ior.ior.0) {
@@ -143,66 +145,65 @@ impl Reading<'_, '_, '_> {
         if let Some(transmission) = &extensions.transmission {
             [material.transmission] = self.fractions("transmission factor", [transmission.transmission_factor.0]);
             let texture = transmission.transmission_texture.as_ref().filter(|_| material.transmission > 0.0);
-            material.transmission_texture = self.numbers(texture.map(Lookup::from))?;
+            material.transmission_texture = self.numbers(texture.map(TextureInfo::from))?;
         }
         let volume = extensions.volume.as_ref();
         let is_body = volume.is_some_and(|volume| volume.thickness_factor.0 > 0.0);
         material.thin_walled = material.transmission > 0.0 && !is_body;
         if is_body && volume.is_some_and(|volume| volume.attenuation_distance.0.is_finite()) {
-            self.remarks.note("the attenuation of KHR_materials_volume is ignored", &self.place);
+            self.grouped.add("ignoring the attenuation of KHR_materials_volume (not supported)", &self.location);
         }
         for name in extensions.others.keys() {
-            self.remarks.note(&format!("{name} is ignored"), &self.place);
+            self.grouped.add(&format!("ignoring {name} (not supported)"), &self.location);
         }
         Ok(())
     }
 
-    /// 0 stands for a boundary that reflects all (`KHR_materials_ior`), which the greatest index nearly does.
+    /// 0 means total reflection (`KHR_materials_ior`), approximated by the largest index.
     fn ior(&mut self, ior: f32, material: &mut Material) {
         if ior == 0.0 || ior > Material::MAX_IOR {
             material.ior = Material::MAX_IOR;
         } else if ior >= 1.0 {
             material.ior = ior;
         } else {
-            self.warnings.push(format!("{}: ior {ior} is below 1 and left at {}", self.place, material.ior));
+            self.warnings.push(format!("ignoring ior {ior} of {}: less than 1", self.location));
         }
         if ior > Material::MAX_IOR {
-            self.warnings.push(format!("{}: ior {ior} is clamped to {}", self.place, material.ior));
+            self.warnings.push(format!("clamping ior {ior} of {} to {}", self.location, material.ior));
         }
     }
 
-    /// Factors clamped to 0..=1, which is said where it changes them.
+    /// Factors clamped to 0..=1, with a warning.
     fn fractions<const N: usize>(&mut self, what: &str, factors: [f32; N]) -> [f32; N] {
         let clamped = factors.map(fraction);
         if clamped != factors {
-            self.warnings.push(format!("{}: {what} {factors:?} is clamped to 0..=1", self.place));
+            self.warnings.push(format!("clamping {what} {factors:?} of {} to 0..=1", self.location));
         }
         clamped
     }
 
-    fn colors(&mut self, lookup: Option<Lookup>) -> Result<Option<TextureRef>, ReadError> {
-        self.texture(lookup, Encoding::Srgb)
+    fn colors(&mut self, info: Option<TextureInfo>) -> Result<Option<TextureRef>, ReadError> {
+        self.texture(info, Encoding::Srgb)
     }
 
-    fn numbers(&mut self, lookup: Option<Lookup>) -> Result<Option<TextureRef>, ReadError> {
-        self.texture(lookup, Encoding::Linear)
+    fn numbers(&mut self, info: Option<TextureInfo>) -> Result<Option<TextureRef>, ReadError> {
+        self.texture(info, Encoding::Linear)
     }
 
-    fn texture(&mut self, lookup: Option<Lookup>, encoding: Encoding) -> Result<Option<TextureRef>, ReadError> {
-        let Some(lookup) = lookup else { return Ok(None) };
-        let uv_set = match lookup.uv_set() {
+    fn texture(&mut self, info: Option<TextureInfo>, encoding: Encoding) -> Result<Option<TextureRef>, ReadError> {
+        let Some(info) = info else { return Ok(None) };
+        let uv_set = match info.uv_set() {
             Ok(uv_set) => uv_set,
             Err(set) => {
-                self.remarks.note(&format!("TEXCOORD_{set} is not read, its textures are left out"), &self.place);
+                self.grouped.add(&format!("skipping textures with TEXCOORD_{set} (not supported)"), &self.location);
                 return Ok(None);
             }
         };
-        let Some(texture_from_mesh) = lookup.texture_from_mesh() else {
-            self.warnings
-                .push(format!("{}: a KHR_texture_transform is not finite, its texture is left out", self.place));
+        let Some(texture_from_mesh) = info.texture_from_mesh() else {
+            self.warnings.push(format!("skipping a texture of {}: KHR_texture_transform is not finite", self.location));
             return Ok(None);
         };
-        let texture = self.textures.request(lookup.texture, encoding, &self.place, self.remarks)?;
+        let texture = self.textures.request(info.texture, encoding, &self.location, self.grouped)?;
         Ok(texture.map(|texture| TextureRef { texture, uv_set, texture_from_mesh }))
     }
 }
@@ -211,21 +212,21 @@ fn is_unlit(source: &Source) -> bool {
     source.extensions.as_ref().is_some_and(|extensions| extensions.unlit.is_some())
 }
 
-/// Whether each material has a primitive with colours at its vertices.
-fn tinted(document: &Document<'_>) -> Vec<bool> {
+/// For each material, whether a primitive that uses it has vertex colors.
+fn has_vertex_colors(document: &Document<'_>) -> Vec<bool> {
     let colors = Checked::Valid(Semantic::Colors(0));
-    let mut tinted = vec![false; document.root.materials.len()];
+    let mut has_vertex_colors = vec![false; document.root.materials.len()];
     for primitive in document.root.meshes.iter().flat_map(|mesh| &mesh.primitives) {
-        // Who names a material that is not there is told so where primitives are read.
-        let named = primitive.material.and_then(|material| tinted.get_mut(material.value()));
-        if let Some(is_tinted) = named {
-            *is_tinted |= primitive.attributes.contains_key(&colors);
+        // Invalid indices are reported when primitives are read.
+        let named = primitive.material.and_then(|material| has_vertex_colors.get_mut(material.value()));
+        if let Some(slot) = named {
+            *slot |= primitive.attributes.contains_key(&colors);
         }
     }
-    tinted
+    has_vertex_colors
 }
 
-/// A surface that shows its colour in any light: it emits it, and reflects nothing.
+/// An unlit material: it emits its base color and reflects nothing.
 fn unlit(material: Material) -> Material {
     Material {
         base_color: [0.0; 3],

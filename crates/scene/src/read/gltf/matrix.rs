@@ -1,29 +1,29 @@
-//! Affine maps in `f64`, so that a chain of nodes is rounded once, at its end.
+//! Affine transforms in `f64`, so that a chain of nodes is rounded only once.
 
 use canted_obb::Affine;
-pub(super) use canted_obb::vector::{cross, dot};
+use canted_obb::vector::{cross, dot};
 
-/// An affine map as in [`Affine`]: images of the three axes, then of the origin.
+/// An affine transform as in [`Affine`]: images of the three axes and of the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Matrix {
     pub(super) columns: [[f64; 3]; 4],
 }
 
 impl Matrix {
-    /// The map that changes nothing.
+    /// The identity.
     pub(super) const IDENTITY: Self =
         Self { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] };
 
-    /// From 4 x 4 numbers, column after column; `None` where the last row is not `0 0 0 1`.
+    /// From a column-major 4 x 4 matrix; `None` if the last row is not `0 0 0 1`.
     pub(super) fn from_4x4(numbers: &[f32; 16]) -> Option<Self> {
         let column = |k: usize| std::array::from_fn(|row| f64::from(numbers[4 * k + row]));
         let last_row = [numbers[3], numbers[7], numbers[11], numbers[15]];
         (last_row == [0.0, 0.0, 0.0, 1.0]).then(|| Self { columns: std::array::from_fn(column) })
     }
 
-    /// Scales, then rotates by a quaternion `x y z w` of any length but zero, then moves.
+    /// Scale, then rotation by a quaternion `x y z w`, then translation.
     ///
-    /// The quaternion need not be unit: its length is divided out, so that its decimals scale nothing.
+    /// The quaternion is normalized, so that rounded components do not scale.
     pub(super) fn from_parts(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Self {
         let [x, y, z, w] = rotation.map(f64::from);
         let twice = 2.0 / (x * x + y * y + z * z + w * w);
@@ -36,25 +36,25 @@ impl Matrix {
         Self { columns: [a, b, c, translation.map(f64::from)] }
     }
 
-    /// First `inner`, then this.
+    /// `self * inner`.
     pub(super) fn after(&self, inner: &Self) -> Self {
         let [a, b, c, origin] = inner.columns;
         Self { columns: [self.vector(a), self.vector(b), self.vector(c), self.point(origin)] }
     }
 
-    /// Image of a point.
+    /// Transforms a point.
     pub(super) fn point(&self, p: [f64; 3]) -> [f64; 3] {
         let linear = self.vector(p);
         std::array::from_fn(|k| linear[k] + self.columns[3][k])
     }
 
-    /// Image of a direction.
+    /// Transforms a vector.
     pub(super) fn vector(&self, v: [f64; 3]) -> [f64; 3] {
         let c = &self.columns;
         std::array::from_fn(|k| c[0][k] * v[0] + c[1][k] * v[1] + c[2][k] * v[2])
     }
 
-    /// Image of a normal, up to a positive factor: the cofactors act, with the sign of the determinant.
+    /// Transforms a normal by the cofactor matrix, with the sign of the determinant; not normalized.
     pub(super) fn normal(&self, n: [f64; 3]) -> [f64; 3] {
         let [a, b, c, _] = self.columns;
         let rows = [cross(b, c), cross(c, a), cross(a, b)];
@@ -62,23 +62,22 @@ impl Matrix {
         std::array::from_fn(|k| sign * (rows[0][k] * n[0] + rows[1][k] * n[1] + rows[2][k] * n[2]))
     }
 
-    /// The sign of the determinant: -1 for a map that mirrors.
+    /// Sign of the determinant; -1 for mirroring transforms.
     pub(super) fn sign(&self) -> f64 {
         let [a, b, c, _] = self.columns;
         dot(a, cross(b, c)).signum()
     }
 
-    /// This map times a weight, added to another: how skins mix the maps of joints.
-    pub(super) fn plus(&self, weight: f64, other: &Self) -> Self {
+    /// `self + weight * other`, for skinning.
+    pub(super) fn add_scaled(&self, weight: f64, other: &Self) -> Self {
         let entry = |k: usize, row: usize| self.columns[k][row] + weight * other.columns[k][row];
         Self { columns: std::array::from_fn(|k| std::array::from_fn(|row| entry(k, row))) }
     }
 
-    /// The map in single precision; `None` where that has no inverse in single precision.
+    /// The transform in single precision; `None` if it is not invertible there.
     ///
-    /// Rounding moves each entry by at most a fraction u of itself, and so the determinant by at most `((1 + u)³ - 1)`
-    /// times the permanent of the absolute entries. Below that bound a neighbour of the map is singular, and so, for all
-    /// that is known, is the map.
+    /// Rounding changes each entry by a factor within 1 ± u, and the determinant by at most `((1 + u)³ - 1)` times the
+    /// permanent of the absolute entries. Below that bound the exact transform may be singular.
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     pub(super) fn rounded(&self) -> Option<Affine> {
         let affine = Affine { columns: self.columns.map(|column| column.map(|x| x as f32)) };
@@ -100,13 +99,13 @@ impl Matrix {
 
 /// Error of a 3 x 3 determinant of entries rounded to `f32`, relative to the permanent of the absolute entries.
 ///
-/// Three roundings by u = 2⁻²⁴ meet in each product: `(1 + u)³ - 1 < 3u / (1 - 3u)`. The arithmetic here adds at most
-/// five roundings by 2⁻⁵³, which the next larger number of u covers.
+/// Each product has three roundings by u = 2⁻²⁴: `(1 + u)³ - 1 < 3u / (1 - 3u)`. The arithmetic adds at most five roundings
+/// by 2⁻⁵³, which the factor 4 covers.
 const DETERMINANT_ERROR: f64 = 4.0 * U / (1.0 - 4.0 * U);
-/// Half the spacing of `f32` numbers at one.
+/// Unit roundoff of `f32`.
 const U: f64 = f32::EPSILON as f64 / 2.0;
 
-/// As [`cross`], with sums of absolute products.
+/// [`cross`] with sums of absolute products.
 fn cross_of_absolutes(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
@@ -114,10 +113,10 @@ fn cross_of_absolutes(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// The unit vector of a direction, in single precision; `None` for one that has no direction.
+/// Normalizes a vector to single precision; `None` if it has no direction.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(super) fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
-    // The largest entry is divided out first, so that squares neither overflow nor vanish.
+    // Divides by the largest component first, so that squares neither overflow nor underflow.
     let largest = v.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     let scaled = v.map(|x| x / largest);
     let length = dot(scaled, scaled).sqrt();
@@ -130,17 +129,17 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const NO_TURN: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+    const NO_ROTATION: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
-    /// Whole numbers small enough that every sum below is exact.
-    fn whole() -> impl Strategy<Value = [f64; 3]> {
+    /// Integers small enough for exact arithmetic.
+    fn integers() -> impl Strategy<Value = [f64; 3]> {
         prop::array::uniform3((-9..10_i8).prop_map(f64::from))
     }
 
     proptest! {
-        /// The normal of two edges goes where the normal of their images is, on the side that mirrors turn over.
+        /// A transformed normal is the normal of transformed edges, up to the sign of the determinant.
         #[test]
-        fn normals_stay_normal(axes in prop::array::uniform3(whole()), u in whole(), v in whole()) {
+        fn transformed_normals_stay_perpendicular(axes in prop::array::uniform3(integers()), u in integers(), v in integers()) {
             let [a, b, c] = axes;
             let determinant = dot(a, cross(b, c));
             prop_assume!(determinant != 0.0);
@@ -150,14 +149,14 @@ mod tests {
         }
 
         #[test]
-        fn one_map_after_another(outer in prop::array::uniform4(whole()), inner in prop::array::uniform4(whole()), p in whole()) {
+        fn composition_applies_inner_first(outer in prop::array::uniform4(integers()), inner in prop::array::uniform4(integers()), p in integers()) {
             let (outer, inner) = (Matrix { columns: outer }, Matrix { columns: inner });
             prop_assert_eq!(outer.after(&inner).point(p), outer.point(inner.point(p)));
         }
     }
 
     #[test]
-    fn unit_vectors_of_any_length() {
+    fn normalizes_vectors_of_any_length() {
         for scale in [1.0, 1e-300, 5e-324, 1e300] {
             assert_eq!(unit([0.0, -scale, 0.0]), Some([0.0, -1.0, 0.0]), "{scale:e}");
         }
@@ -167,10 +166,10 @@ mod tests {
     }
 
     #[test]
-    fn flatness_is_judged_by_the_error_of_rounding() {
+    fn near_singular_transforms_are_rejected_by_the_rounding_bound() {
         let turned = Matrix::from_parts([0.0; 3], [0.0, 0.0, 0.382_683_43, 0.923_879_5], [1.0; 3]);
         assert!(turned.rounded().is_some());
-        // Two columns almost along each other: rounding decides by which side of each other they are.
+        // Two nearly parallel columns: rounding may change the sign of the determinant.
         let sheared = |angle_rad: f64| {
             let mut flat = Matrix::IDENTITY;
             flat.columns[1] = [1.0, angle_rad, 0.0];
@@ -178,14 +177,14 @@ mod tests {
         };
         assert!(sheared(1e-5).is_some());
         assert!(sheared(1e-8).is_none());
-        // Columns that are short but apart keep their directions.
-        let thin = Matrix::from_parts([0.0; 3], NO_TURN, [1.0, 1e-8, 1.0]);
+        // Short but not parallel columns are fine.
+        let thin = Matrix::from_parts([0.0; 3], NO_ROTATION, [1.0, 1e-8, 1.0]);
         assert!(turned.after(&thin).rounded().is_some());
     }
 
     #[test]
-    fn maps_whose_inverse_overflows_have_none() {
-        let scaled = |scale: f32| Matrix::from_parts([1.0, 0.0, 0.0], NO_TURN, [scale; 3]).rounded();
+    fn transforms_with_overflowing_inverse_are_rejected() {
+        let scaled = |scale: f32| Matrix::from_parts([1.0, 0.0, 0.0], NO_ROTATION, [scale; 3]).rounded();
         assert!(scaled(1e-38).is_some());
         assert!(scaled(1e-39).is_none());
         assert!(scaled(1e38).is_some());

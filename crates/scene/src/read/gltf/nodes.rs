@@ -1,4 +1,4 @@
-//! The node hierarchy: trees of any depth, walked without recursion (glTF 2.0, section 3.5).
+//! The node hierarchy, traversed without recursion (glTF 2.0, section 3.5).
 
 use gltf::json::scene::Node;
 
@@ -8,18 +8,18 @@ use crate::read::ReadError;
 
 /// The nodes of a file.
 pub(super) struct Nodes {
-    /// Transform of each node, the whole chain composed.
+    /// World transform of each node.
     pub(super) world_from_node: Vec<Matrix>,
-    /// The nodes of the default scene, ascending.
+    /// Nodes of the default scene, ascending.
     pub(super) drawn: Vec<usize>,
 }
 
-/// Composes the transforms of all nodes and finds those of the default scene.
+/// Computes world transforms and finds the nodes of the default scene.
 ///
-/// The default scene is the one that the file names, else its first; a file without scenes draws every node.
+/// The default scene is `scene`, else the first one; a file without scenes draws all nodes.
 ///
 /// # Errors
-/// [`ReadError::Malformed`] where a node is missing, has two parents or is its own ancestor, or a root has a parent.
+/// [`ReadError::Malformed`] if an index is invalid, a node has two parents or is its own ancestor, or a root has a parent.
 pub(super) fn read(document: &Document<'_>) -> Result<Nodes, ReadError> {
     let nodes = &document.root.nodes;
     let parents = parents(document)?;
@@ -35,8 +35,8 @@ pub(super) fn read(document: &Document<'_>) -> Result<Nodes, ReadError> {
         is_reached[child] = true;
         world_from_node[child] = world_from_node[parent].after(&world_from_node[child]);
     });
-    if let Some(below_no_root) = is_reached.iter().position(|is_reached| !is_reached) {
-        return Err(cycle_error(document, &parents, below_no_root));
+    if let Some(unreached) = is_reached.iter().position(|is_reached| !is_reached) {
+        return Err(cycle_error(document, &parents, unreached));
     }
 
     let scene_roots = match default_scene(document)? {
@@ -50,7 +50,7 @@ pub(super) fn read(document: &Document<'_>) -> Result<Nodes, ReadError> {
     Ok(Nodes { world_from_node, drawn })
 }
 
-/// Visits every descendant of some roots of trees, each after its parent.
+/// Visits all descendants of `roots`, parents first.
 fn descend(nodes: &[Node], roots: &[usize], mut visit: impl FnMut(usize, usize)) {
     let mut stack = roots.to_vec();
     while let Some(parent) = stack.pop() {
@@ -65,7 +65,7 @@ fn children(node: &Node) -> impl Iterator<Item = usize> {
     node.children.iter().flatten().map(|child| child.value())
 }
 
-/// The one parent of each node that has one.
+/// The parent of each node.
 fn parents(document: &Document<'_>) -> Result<Vec<Option<usize>>, ReadError> {
     let nodes = &document.root.nodes;
     let mut parents = vec![None; nodes.len()];
@@ -73,14 +73,16 @@ fn parents(document: &Document<'_>) -> Result<Vec<Option<usize>>, ReadError> {
         for child in children(node) {
             document.get(nodes, child, "node", &format!("node {parent}"))?;
             if let Some(first) = parents[child].replace(parent) {
-                return Err(document.malformed(format!("node {child}"), format!("is a child of {first} and {parent}")));
+                return Err(
+                    document.malformed(format!("node {child}"), format!("child of two nodes, {first} and {parent}"))
+                );
             }
         }
     }
     Ok(parents)
 }
 
-/// Transform of a node relative to its parent; `None` for a matrix that is not affine.
+/// Local transform of a node; `None` for a matrix that is not affine.
 fn local(node: &Node) -> Option<Matrix> {
     if let Some(matrix) = &node.matrix {
         return Matrix::from_4x4(matrix);
@@ -97,28 +99,28 @@ fn default_scene(document: &Document<'_>) -> Result<Option<usize>, ReadError> {
     Ok(Some(scene.value()))
 }
 
-/// The root nodes of a scene, each once.
+/// The distinct root nodes of a scene.
 fn scene_roots(document: &Document<'_>, scene: usize, parents: &[Option<usize>]) -> Result<Vec<usize>, ReadError> {
-    let place = format!("scene {scene}");
+    let location = format!("scene {scene}");
     let mut roots: Vec<usize> = document.root.scenes[scene].nodes.iter().map(|node| node.value()).collect();
     roots.sort_unstable();
     roots.dedup();
     for &root in &roots {
-        let parent = document.get(parents, root, "node", &place)?;
+        let parent = document.get(parents, root, "node", &location)?;
         if let Some(parent) = parent {
-            return Err(document.malformed(place, format!("names node {root}, which is a child of node {parent}")));
+            return Err(document.malformed(location, format!("root node {root} is a child of node {parent}")));
         }
     }
     Ok(roots)
 }
 
 fn last_row_error(document: &Document<'_>, node: usize) -> ReadError {
-    document.malformed(format!("node {node}"), "has a matrix whose last row is not 0 0 0 1")
+    document.malformed(format!("node {node}"), "the last row of its matrix is not 0 0 0 1")
 }
 
-/// Names a node that is its own ancestor, above one that is below no root. Each node has one parent at most.
-fn cycle_error(document: &Document<'_>, parents: &[Option<usize>], below_no_root: usize) -> ReadError {
-    // Where no root is above, as many steps up as there are nodes end inside the cycle.
-    let in_cycle = parents.iter().fold(below_no_root, |node, _| parents[node].unwrap_or(node));
-    document.malformed(format!("node {in_cycle}"), "is its own ancestor")
+/// The error for a cycle above the node `unreached`. Each node has at most one parent.
+fn cycle_error(document: &Document<'_>, parents: &[Option<usize>], unreached: usize) -> ReadError {
+    // Without a root above, as many steps up as there are nodes end inside the cycle.
+    let in_cycle = parents.iter().fold(unreached, |node, _| parents[node].unwrap_or(node));
+    document.malformed(format!("node {in_cycle}"), "node is its own ancestor")
 }

@@ -1,4 +1,4 @@
-//! Textures: an image with a sampler. An image that cannot be read is a warning and leaves a plain colour.
+//! Textures: an image with a sampler. Unreadable images are skipped with a warning.
 
 use std::collections::HashMap;
 
@@ -10,28 +10,28 @@ use super::document::Document;
 use super::uri;
 use crate::read::ReadError;
 use crate::read::image;
-use crate::read::remarks::Remarks;
 use crate::read::text::{self, printable};
+use crate::read::warning_groups::WarningGroups;
 use crate::{Encoding, Scene, Texture, TextureId, Wrap};
 
-/// The textures that materials ask for.
+/// Textures requested by materials.
 pub(super) struct Textures<'a, 'b> {
     pub(super) document: &'a Document<'b>,
     requests: Vec<Request>,
-    /// Place in the list, by what makes a texture: two that agree in it are one.
+    /// Index into `requests`; textures with equal keys are shared.
     known: HashMap<Key, TextureId>,
 }
 
-/// An image, what lies outside it, and what its bytes mean.
+/// Image index, wrap modes and encoding.
 type Key = (usize, [Wrap; 2], Encoding);
 
-/// What the `gltf` crate puts where a texture names no image.
+/// Value of the `gltf` crate for a texture without an image.
 const NO_SOURCE: usize = u32::MAX as usize;
 
 struct Request {
     key: Key,
-    /// Who asks first.
-    place: String,
+    /// The first material that uses it.
+    location: String,
 }
 
 impl<'a, 'b> Textures<'a, 'b> {
@@ -39,21 +39,20 @@ impl<'a, 'b> Textures<'a, 'b> {
         Self { document, requests: Vec::new(), known: HashMap::new() }
     }
 
-    /// The id that texture `index` of the file has until [`Textures::load`]; `None` where it has no image that is read,
-    /// which `remarks` then say.
+    /// A temporary id of texture `index`, valid until [`Textures::load`]; `None` with a warning if it has no supported image.
     pub(super) fn request(
         &mut self,
         index: usize,
         encoding: Encoding,
-        place: &str,
-        remarks: &mut Remarks,
+        location: &str,
+        grouped: &mut WarningGroups,
     ) -> Result<Option<TextureId>, ReadError> {
-        let Some(key) = self.key(index, encoding, place, remarks)? else { return Ok(None) };
+        let Some(key) = self.key(index, encoding, location, grouped)? else { return Ok(None) };
         let next = u32::try_from(self.requests.len())
-            .map_err(|_| self.document.malformed(place, "names more textures than 32 bits count"))?;
+            .map_err(|_| self.document.malformed(location, "too many textures (limit: 2^32)"))?;
         let id = *self.known.entry(key).or_insert(TextureId(next));
         if id.0 == next {
-            self.requests.push(Request { key, place: place.to_owned() });
+            self.requests.push(Request { key, location: location.to_owned() });
         }
         Ok(Some(id))
     }
@@ -62,48 +61,48 @@ impl<'a, 'b> Textures<'a, 'b> {
         &self,
         index: usize,
         encoding: Encoding,
-        place: &str,
-        remarks: &mut Remarks,
+        location: &str,
+        grouped: &mut WarningGroups,
     ) -> Result<Option<Key>, ReadError> {
         let root = &self.document.root;
-        let texture = self.document.get(&root.textures, index, "texture", place)?;
+        let texture = self.document.get(&root.textures, index, "texture", location)?;
         if texture.source.value() == NO_SOURCE {
-            let elsewhere: Vec<&str> =
+            let extensions: Vec<&str> =
                 texture.extensions.iter().flat_map(|all| all.others.keys()).map(String::as_str).collect();
-            let what = match &elsewhere[..] {
-                [] => "a texture names no image".to_owned(),
-                names => format!("a texture has its image by {}, which is not read", names.join(", ")),
+            let what = match &extensions[..] {
+                [] => "skipping a texture without an image".to_owned(),
+                names => format!("skipping a texture whose image needs {} (not supported)", names.join(", ")),
             };
-            remarks.note(&format!("{what}; a plain colour stands for it"), place);
+            grouped.add(&what, location);
             return Ok(None);
         }
-        let place = format!("texture {index}");
+        let location = format!("texture {index}");
         let wrap = match texture.sampler {
             Some(sampler) => {
-                let sampler = self.document.get(&root.samplers, sampler.value(), "sampler", &place)?;
-                if asks_for_nearest(sampler) {
-                    remarks.note("the filter NEAREST is ignored, texels blend", &place);
+                let sampler = self.document.get(&root.samplers, sampler.value(), "sampler", &location)?;
+                if uses_nearest_filter(sampler) {
+                    grouped.add("ignoring filter NEAREST, using linear filtering", &location);
                 }
                 [sampler.wrap_s, sampler.wrap_t].map(wrap)
             }
             None => [Wrap::Repeat; 2],
         };
-        self.document.get(&root.images, texture.source.value(), "image", &place)?;
+        self.document.get(&root.images, texture.source.value(), "image", &location)?;
         Ok(Some((texture.source.value(), wrap, encoding)))
     }
 
-    /// Decodes each image once, all at the same time, and gives the scene's materials their textures.
+    /// Decodes each image once, in parallel, and assigns the final texture ids to the materials.
     pub(super) fn load(self, scene: &mut Scene) -> Result<(), ReadError> {
         let mut images: Vec<(usize, &str)> = Vec::new();
         let mut n_uses: HashMap<usize, usize> = HashMap::new();
-        for Request { key: (image, ..), place } in &self.requests {
+        for Request { key: (image, ..), location } in &self.requests {
             let n = n_uses.entry(*image).or_default();
             if *n == 0 {
-                images.push((*image, place));
+                images.push((*image, location));
             }
             *n += 1;
         }
-        let decode = |&(image, place): &(usize, &str)| decode(self.document, image, place);
+        let decode = |&(image, location): &(usize, &str)| decode(self.document, image, location);
         let decoded: Vec<_> = images.par_iter().map(decode).collect();
         let mut of_image = HashMap::new();
         for (&(image, _), decoded) in images.iter().zip(decoded) {
@@ -115,7 +114,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         let mut ids = Vec::with_capacity(self.requests.len());
         for Request { key: (image, wrap, encoding), .. } in &self.requests {
             let n_left = n_uses.entry(*image).and_modify(|n| *n -= 1).or_default();
-            // The last use takes the texels, so that an image used once is never copied.
+            // The last use takes the texels, so that an image used once is not copied.
             let texture = if *n_left == 0 { of_image.remove(image) } else { of_image.get(image).cloned() };
             ids.push(texture.map(|texture| {
                 scene.textures.push(Texture { wrap: *wrap, encoding: *encoding, ..texture });
@@ -130,13 +129,13 @@ impl<'a, 'b> Textures<'a, 'b> {
     }
 }
 
-/// Reads and decodes an image; the inner error is a warning.
-fn decode(document: &Document<'_>, index: usize, place: &str) -> Result<Result<Texture, String>, ReadError> {
+/// Loads and decodes an image; the inner error is a warning.
+fn decode(document: &Document<'_>, index: usize, location: &str) -> Result<Result<Texture, String>, ReadError> {
     let image = &document.root.images[index];
     let name = image.name.clone().unwrap_or_else(|| format!("image {index}"));
     let warning = |why: String| {
         let shown = text::quoted(name.as_bytes());
-        printable(&format!("image {index} {shown} of {place}: {why}; a plain colour stands for it")).into_owned()
+        printable(&format!("skipping image {index} {shown} of {location}: {why}")).into_owned()
     };
     let loaded;
     let bytes = match (image.buffer_view, &image.uri) {
@@ -146,21 +145,21 @@ fn decode(document: &Document<'_>, index: usize, place: &str) -> Result<Result<T
                 loaded = bytes;
                 &loaded[..]
             }
-            Err(error) => return Ok(Err(warning(error.to_string()))),
+            Err(error) => return Ok(Err(warning(error))),
         },
-        (None, None) => return Ok(Err(warning("it has neither a buffer view nor a uri".to_owned()))),
+        (None, None) => return Ok(Err(warning("neither a buffer view nor a uri".to_owned()))),
     };
-    Ok(image::decode(&name, bytes).map_err(|error| warning(error.to_string())))
+    Ok(image::decode(&name, bytes).map_err(warning))
 }
 
-/// Whether a sampler asks for single texels. How levels of detail blend is nothing that a picture without them could show.
-fn asks_for_nearest(sampler: &Sampler) -> bool {
+/// Whether a sampler uses nearest filtering. The filter between mipmap levels is ignored.
+fn uses_nearest_filter(sampler: &Sampler) -> bool {
     use MinFilter::{Nearest, NearestMipmapLinear, NearestMipmapNearest};
     matches!(sampler.mag_filter, Some(Checked::Valid(MagFilter::Nearest)))
         || matches!(sampler.min_filter, Some(Checked::Valid(Nearest | NearestMipmapLinear | NearestMipmapNearest)))
 }
 
-/// Unknown modes repeat, as missing ones do.
+/// Unknown modes repeat.
 fn wrap(mode: Checked<WrappingMode>) -> Wrap {
     match mode {
         Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,

@@ -2,10 +2,10 @@
 
 use gltf::json::mesh::Mode;
 
-/// Triangles that a run of `corners` makes, all wound alike, and the number of corners left over.
+/// Triangles with consistent winding, and the number of unused corners; `None` for points and lines.
 ///
-/// `None` for points and lines. Every second triangle of a strip takes its last two corners in turn; a fan turns about
-/// its first corner, which comes last in each triangle.
+/// As in the specification, every second triangle of a strip swaps its last two corners, and the first corner of a fan is the
+/// last of each triangle.
 pub(super) fn triangles(mode: Mode, corners: &[u32]) -> Option<(Vec<[u32; 3]>, usize)> {
     let n = corners.len();
     match mode {
@@ -31,26 +31,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_leave_what_is_no_triangle() {
+    fn lists_ignore_incomplete_triangles() {
         let (list, rest) = triangles(Mode::Triangles, &[7, 8, 9, 1, 2, 3, 4, 5]).unwrap();
         assert_eq!((list, rest), (vec![[7, 8, 9], [1, 2, 3]], 2));
     }
 
     #[test]
-    fn strips_alternate() {
+    fn strips_alternate_winding() {
         let (strip, rest) = triangles(Mode::TriangleStrip, &[0, 1, 2, 3, 4]).unwrap();
         assert_eq!((strip, rest), (vec![[0, 1, 2], [1, 3, 2], [2, 3, 4]], 0));
     }
 
     #[test]
-    fn fans_turn_about_their_first_corner() {
+    fn fans_share_their_first_corner() {
         let (fan, rest) = triangles(Mode::TriangleFan, &[5, 6, 7, 8]).unwrap();
         assert_eq!((fan, rest), (vec![[6, 7, 5], [7, 8, 5]], 0));
     }
 
     #[test]
-    fn strips_and_fans_of_a_convex_polygon_are_wound_alike() {
-        // Around the polygon in fan order, across it in strip order: all signed areas must be positive.
+    fn strips_and_fans_of_a_convex_polygon_have_equal_winding() {
+        // All signed areas must be positive.
         let at = |k: u32| (f64::from(k) * std::f64::consts::TAU / 7.0).sin_cos();
         let doubled_area = |[a, b, c]: [u32; 3]| {
             let ((ay, ax), (by, bx), (cy, cx)) = (at(a), at(b), at(c));
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn short_runs_make_nothing() {
+    fn fewer_than_three_corners_make_no_triangle() {
         for mode in [Mode::TriangleStrip, Mode::TriangleFan] {
             for n in 0..3 {
                 assert_eq!(triangles(mode, &[0, 1][..n.min(2)]).unwrap(), (vec![], n.min(2)));

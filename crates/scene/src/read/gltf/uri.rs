@@ -1,60 +1,28 @@
-//! Where buffers and images come from: base64 text inside the file, or another file of its folder.
+//! URIs of buffers and images: base64 data or a file in the same folder.
 
-use std::fmt;
+use crate::read::folder::Folder;
 
-use crate::read::folder::{Folder, Refusal};
-
-/// Why a URI gave no bytes.
-#[derive(Debug)]
-pub(super) enum UriError {
-    /// It is a data URI, but not base64 without a flaw.
-    NotBase64,
-    /// It names another place than a file: `http`, `file` and so on. Nothing is fetched.
-    Scheme(String),
-    /// Its escapes do not spell UTF-8.
-    NotText,
-    /// The file it names is not read.
-    Refused {
-        /// The decoded path.
-        name: String,
-        /// Why.
-        refusal: Refusal,
-    },
-}
-
-impl fmt::Display for UriError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotBase64 => f.write_str("its data uri is not base64"),
-            Self::Scheme(scheme) => write!(f, "its uri has the scheme `{scheme}`, only relative paths are read"),
-            Self::NotText => f.write_str("its uri is not UTF-8"),
-            Self::Refused { name, refusal } => write!(f, "`{name}`: {refusal}"),
-        }
-    }
-}
-
-/// The bytes that a URI stands for.
-pub(super) fn load(uri: &str, folder: &Folder) -> Result<Vec<u8>, UriError> {
+/// Loads the bytes of a URI. Never accesses the network.
+pub(super) fn load(uri: &str, folder: &Folder) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
-        let (media_type, text) = data.split_once(',').ok_or(UriError::NotBase64)?;
-        let is_base64 = media_type.ends_with(";base64");
-        return is_base64.then(|| base64(text.as_bytes())).flatten().ok_or(UriError::NotBase64);
+        let text = data.split_once(',').filter(|(media_type, _)| media_type.ends_with(";base64"));
+        return text.and_then(|(_, text)| base64(text.as_bytes())).ok_or("invalid base64 in data uri".to_owned());
     }
     if let Some(scheme) = scheme(uri) {
-        return Err(UriError::Scheme(scheme.to_owned()));
+        return Err(format!("unsupported uri scheme '{scheme}'; use a relative path or a data uri"));
     }
-    let name = unescaped(uri).ok_or(UriError::NotText)?;
-    folder.read(&name).map_err(|refusal| UriError::Refused { name, refusal })
+    let name = unescaped(uri).ok_or("the uri is not UTF-8")?;
+    folder.read(&name).map_err(|error| format!("'{name}': {error}"))
 }
 
-/// The scheme of a URI (RFC 3986, section 3.1); a relative path has none.
+/// The scheme of a URI (RFC 3986, section 3.1); `None` for a relative path.
 fn scheme(uri: &str) -> Option<&str> {
     let (scheme, _) = uri.split_once(':')?;
     let legal = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
     (scheme.starts_with(|c: char| c.is_ascii_alphabetic()) && scheme.chars().all(legal)).then_some(scheme)
 }
 
-/// Replaces `%` and two hexadecimal digits by the byte they name. Any other `%` stands for itself.
+/// Percent-decodes; invalid escapes are kept.
 fn unescaped(text: &str) -> Option<String> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();
@@ -81,11 +49,11 @@ fn hex(digit: u8) -> u8 {
     }
 }
 
-/// Decodes base64 (RFC 4648, section 4); the padding may be missing.
+/// Decodes base64 (RFC 4648, section 4) with optional padding.
 fn base64(text: &[u8]) -> Option<Vec<u8>> {
     let n_padding = text.iter().rev().take(2).take_while(|&&byte| byte == b'=').count();
     let text = &text[..text.len() - n_padding];
-    // A last group of one digit has six bits, which are no byte.
+    // A last group of one digit has only six bits.
     if text.len() % 4 == 1 {
         return None;
     }
@@ -119,7 +87,7 @@ pub(super) mod tests {
     use proptest::prelude::*;
     use std::path::Path;
 
-    /// Encodes base64 with padding, digit by digit from a string of bits: what decoding is checked against.
+    /// Encodes base64 from a string of bits, as an oracle for decoding.
     pub(crate) fn to_base64(bytes: &[u8]) -> String {
         let digits: Vec<char> = ('A'..='Z').chain('a'..='z').chain('0'..='9').chain(['+', '/']).collect();
         let bits: String = bytes.iter().map(|byte| format!("{byte:08b}")).collect();
@@ -138,7 +106,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn base64_of_the_standard() {
+    fn decodes_base64_examples_of_the_rfc() {
         // RFC 4648, section 10.
         for (plain, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
             assert_eq!(base64(text.as_bytes()).unwrap(), plain.as_bytes());
@@ -151,7 +119,7 @@ pub(super) mod tests {
 
     proptest! {
         #[test]
-        fn base64_comes_back(bytes: Vec<u8>) {
+        fn base64_round_trip(bytes: Vec<u8>) {
             let text = to_base64(&bytes);
             prop_assert_eq!(base64(text.as_bytes()), Some(bytes.clone()));
             prop_assert_eq!(base64(text.trim_end_matches('=').as_bytes()), Some(bytes));
@@ -159,7 +127,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn escapes() {
+    fn decodes_percent_escapes() {
         assert_eq!(unescaped("a%20b%C3%a9").unwrap(), "a b\u{e9}");
         assert_eq!(unescaped("100%").unwrap(), "100%");
         assert_eq!(unescaped("%zz%4").unwrap(), "%zz%4");
@@ -167,7 +135,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn only_files_of_the_folder_are_read() {
+    fn rejects_paths_outside_the_folder_and_schemes() {
         let temp = tempfile::tempdir().unwrap();
         std::fs::create_dir(temp.path().join("scene")).unwrap();
         std::fs::write(temp.path().join("out.bin"), "out").unwrap();
@@ -176,20 +144,19 @@ pub(super) mod tests {
         assert_eq!(load("a%20b.bin", &folder).unwrap(), b"in");
         assert_eq!(load("./a b.bin", &folder).unwrap(), b"in");
         for uri in ["../out.bin", "%2e%2e/out.bin", "%2E%2E%2Fout.bin", "..%5Cout.bin", "/out.bin"] {
-            let refusal = load(uri, &folder);
-            assert!(matches!(refusal, Err(UriError::Refused { refusal: Refusal::LeavesFolder, .. })), "{uri}");
+            assert!(load(uri, &folder).unwrap_err().contains("outside the folder"), "{uri}");
         }
         for uri in ["http://example.invalid/a.bin", "file:///out.bin", "C:\\out.bin"] {
-            assert!(matches!(load(uri, &folder), Err(UriError::Scheme(_))), "{uri}");
+            assert!(load(uri, &folder).unwrap_err().contains("uri scheme"), "{uri}");
         }
     }
 
     #[test]
-    fn data_uris_must_be_base64() {
+    fn rejects_data_uris_without_base64() {
         let folder = Folder::of(Path::new("x.gltf")).unwrap();
         assert_eq!(load("data:application/octet-stream;base64,Zm9v", &folder).unwrap(), b"foo");
         for uri in ["data:;base64", "data:text/plain,foo", "data:;base64,@@@"] {
-            assert!(matches!(load(uri, &folder), Err(UriError::NotBase64)), "{uri}");
+            assert!(load(uri, &folder).unwrap_err().contains("base64"), "{uri}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The materials that faces use: recipes looked up in the libraries, textures decoded in parallel.
+//! Materials used by faces: looks them up in the libraries and decodes textures in parallel.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -7,12 +7,12 @@ use rayon::prelude::*;
 
 use super::surface::surface;
 use crate::read::folder::Folder;
-use crate::read::mtl::{self, Map, Recipe};
-use crate::read::remarks::Remarks;
+use crate::read::mtl::{self, Map, MtlMaterial};
+use crate::read::warning_groups::WarningGroups;
 use crate::read::{ReadError, image, text};
 use crate::{AlphaMode, Encoding, Material, Scene, Texture, TextureId, Wrap};
 
-/// What a texture is for.
+/// The material slot of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     BaseColor,
@@ -21,7 +21,7 @@ enum Role {
     Normals,
 }
 
-/// What an image is made into.
+/// How an image is converted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Content {
     Color,
@@ -39,57 +39,59 @@ impl Role {
     }
 }
 
-/// A texture and the first material that asks for it.
+/// A texture to load and the first material that uses it.
 struct Request {
     path: PathBuf,
     content: Content,
     wrap: Wrap,
-    /// For messages.
+    /// Name used in messages.
     name: String,
     material: usize,
 }
 
-/// Fills the scene's materials, one for each name in the same order, and their textures.
+/// Adds one material for each name, in order, and their textures.
 ///
-/// A library, material or texture that cannot be had becomes a warning and a plain surface.
+/// A missing library, material or texture gives a warning and a default.
 pub(super) fn materials(
     path: &Path,
     libraries: &[&[u8]],
     names: &[Option<&[u8]>],
     scene: &mut Scene,
 ) -> Result<(), ReadError> {
-    let folder = Folder::of(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
+    let folder = Folder::of(path).map_err(ReadError::io(path))?;
     let files = library_files(&folder, libraries, &mut scene.warnings);
-    let mut recipes = HashMap::new();
+    let mut library = HashMap::new();
     for (name, bytes) in &files {
-        recipes.extend(mtl::recipes(name, bytes, &mut scene.warnings));
+        library.extend(mtl::parse(name, bytes, &mut scene.warnings));
     }
 
     let mut requests = Requests { folder: &folder, list: Vec::new(), ids: HashMap::new() };
-    let (mut wanted, mut remarks) = (Vec::new(), Remarks::default());
+    let (mut wanted, mut grouped) = (Vec::new(), WarningGroups::default());
     for (k, &name) in names.iter().enumerate() {
-        let recipe = name.and_then(|name| recipes.get(name));
-        if let (Some(name), None) = (name, recipe) {
-            scene.warnings.push(format!("material {} is in no library; it is plain grey", text::quoted(name)));
+        let source = name.and_then(|name| library.get(name));
+        if let (Some(name), None) = (name, source) {
+            scene
+                .warnings
+                .push(format!("material {} not found in any library; using the default material", text::quoted(name)));
         }
-        let shown_name = String::from_utf8_lossy(name.unwrap_or_default()).into_owned();
-        let Some(recipe) = recipe else {
-            scene.materials.push(Material { name: shown_name, ..Material::default() });
+        let display_name = String::from_utf8_lossy(name.unwrap_or_default()).into_owned();
+        let Some(source) = source else {
+            scene.materials.push(Material { name: display_name, ..Material::default() });
             continue;
         };
-        scene.materials.push(surface(shown_name, recipe));
-        for (map, role) in maps(recipe) {
+        scene.materials.push(surface(display_name, source));
+        for (map, role) in maps(source) {
             match requests.add(map, role.content(), k) {
                 Ok(request) => wanted.push((k, role, map, request)),
-                Err(refusal) => scene.warnings.push(texture_warning(&scene.materials[k], &map.file, &refusal)),
+                Err(error) => scene.warnings.push(texture_warning(&scene.materials[k], &map.file, &error)),
             }
         }
-        for keyword in recipe.ignored.iter().copied().chain(ignored_filter(recipe, &scene.materials[k])) {
-            let place = format!("material {}", text::quoted(name.unwrap_or_default()));
-            remarks.note(&format!("{keyword} is ignored"), &place);
+        for keyword in source.unsupported.iter().copied().chain(unsupported_filter(source, &scene.materials[k])) {
+            let location = format!("material {}", text::quoted(name.unwrap_or_default()));
+            grouped.add(&format!("ignoring {keyword} (not supported)"), &location);
         }
     }
-    remarks.finish(&mut scene.warnings);
+    grouped.finish(&mut scene.warnings);
 
     let textures = load(&requests.list, scene);
     for (k, role, map, request) in wanted {
@@ -101,50 +103,51 @@ pub(super) fn materials(
     Ok(())
 }
 
-/// Names and bytes of the files of all `mtllib` statements, each once: one name with blanks, else names between blanks.
+/// Names and contents of all `mtllib` files, each once. A statement is one name with spaces if that file exists, else several.
 fn library_files(folder: &Folder, statements: &[&[u8]], warnings: &mut Vec<String>) -> Vec<(String, Vec<u8>)> {
     let (mut known, mut files) = (HashSet::new(), Vec::new());
-    for whole in statements.iter().map(|statement| String::from_utf8_lossy(statement)) {
-        let names = match folder.resolve(&whole) {
-            Ok(_) => vec![&whole[..]],
-            Err(_) => whole.split_ascii_whitespace().collect(),
+    for argument in statements.iter().map(|statement| String::from_utf8_lossy(statement)) {
+        let names = match folder.resolve(&argument) {
+            Ok(_) => vec![&argument[..]],
+            Err(_) => argument.split_ascii_whitespace().collect(),
         };
         for name in names {
-            // A file may be named thousands of times, so it is known by its path, and one that is absent by its name.
+            // Files may be referenced thousands of times; missing ones are identified by name.
             let path = folder.resolve(name).unwrap_or_else(|_| PathBuf::from(name));
             if !known.insert(path) {
                 continue;
             }
             match folder.read(name) {
                 Ok(bytes) => files.push((name.to_owned(), bytes)),
-                Err(refusal) => warnings.push(format!("material library {}: {refusal}", text::quoted(name.as_bytes()))),
+                Err(error) => {
+                    warnings.push(format!("cannot read material library {}: {error}", text::quoted(name.as_bytes())))
+                }
             }
         }
     }
     files
 }
 
-/// The textures that a material wants. Where it emits nothing by its own word, a texture of that is none.
-fn maps(recipe: &Recipe) -> impl Iterator<Item = (&Map, Role)> {
-    let emission_map = recipe.emission_map.as_ref().filter(|_| recipe.emission != Some([0.0; 3]));
+/// Textures of a material. An emission texture is skipped if `Ke` is black.
+fn maps(source: &MtlMaterial) -> impl Iterator<Item = (&Map, Role)> {
+    let emission_map = source.emission_map.as_ref().filter(|_| source.emission != Some([0.0; 3]));
     let maps = [
-        (recipe.base_color_map.as_ref(), Role::BaseColor),
-        (recipe.mask.as_ref(), Role::Mask),
+        (source.base_color_map.as_ref(), Role::BaseColor),
+        (source.mask.as_ref(), Role::Mask),
         (emission_map, Role::Emission),
-        (recipe.normal_map.as_ref(), Role::Normals),
+        (source.normal_map.as_ref(), Role::Normals),
     ];
     maps.into_iter().filter_map(|(map, role)| Some((map?, role)))
 }
 
-/// `Tf`, where it says something and the surface is no glass, which alone is filtered. All or nothing is what exporters write
-/// for surfaces that let no light through.
-fn ignored_filter(recipe: &Recipe, material: &Material) -> Option<&'static str> {
-    let says_something = recipe.filter.is_some_and(|filter| filter != [1.0; 3] && filter != [0.0; 3]);
-    (says_something && material.transmission == 0.0).then_some("Tf")
+/// `Tf` if it would have an effect but the material is not glass. Exporters write all or nothing for opaque surfaces.
+fn unsupported_filter(source: &MtlMaterial, material: &Material) -> Option<&'static str> {
+    let has_effect = source.filter.is_some_and(|filter| filter != [1.0; 3] && filter != [0.0; 3]);
+    (has_effect && material.transmission == 0.0).then_some("Tf")
 }
 
 fn assign(material: &mut Material, role: Role, map: &Map, texture: TextureId) {
-    let texture = map.placed(texture);
+    let texture = map.texture_ref(texture);
     match role {
         Role::BaseColor => material.base_color_texture = Some(texture),
         Role::Normals => {
@@ -157,7 +160,7 @@ fn assign(material: &mut Material, role: Role, map: &Map, texture: TextureId) {
         }
         Role::Emission => {
             material.emission_texture = Some(texture);
-            // A texture of which the material says no strength is as strong as it looks.
+            // Without `Ke` the texture is not scaled.
             if !material.is_emissive() {
                 material.emission = [1.0; 3];
             }
@@ -165,7 +168,7 @@ fn assign(material: &mut Material, role: Role, map: &Map, texture: TextureId) {
     }
 }
 
-/// Textures to load, each file once for each content and each way to go on beyond its border.
+/// Textures to load, one per file, content and wrap mode.
 struct Requests<'a> {
     folder: &'a Folder,
     list: Vec<Request>,
@@ -174,7 +177,7 @@ struct Requests<'a> {
 
 impl Requests<'_> {
     fn add(&mut self, map: &Map, content: Content, material: usize) -> Result<usize, String> {
-        let path = self.folder.resolve(&map.file).map_err(|refusal| refusal.to_string())?;
+        let path = self.folder.resolve(&map.file)?;
         let (next, wrap) = (self.list.len(), map.wrap());
         let id = *self.ids.entry((path.clone(), content, wrap)).or_insert(next);
         if id == next {
@@ -184,7 +187,7 @@ impl Requests<'_> {
     }
 }
 
-/// Reads and decodes all textures into the scene; the id of each, or `None` and a warning.
+/// Loads all textures into the scene; the id of each, or `None` with a warning.
 fn load(requests: &[Request], scene: &mut Scene) -> Vec<Option<TextureId>> {
     let decoded: Vec<Result<Texture, String>> = requests.par_iter().map(decode).collect();
     let mut ids = Vec::with_capacity(requests.len());
@@ -206,7 +209,7 @@ fn load(requests: &[Request], scene: &mut Scene) -> Vec<Option<TextureId>> {
 
 fn decode(request: &Request) -> Result<Texture, String> {
     let bytes = std::fs::read(&request.path).map_err(|error| error.to_string())?;
-    let texture = image::decode(&request.name, &bytes).map_err(|error| error.to_string())?;
+    let texture = image::decode(&request.name, &bytes)?;
     let texture = Texture { wrap: [request.wrap; 2], ..texture };
     Ok(match request.content {
         Content::Color => texture,
@@ -217,7 +220,7 @@ fn decode(request: &Request) -> Result<Texture, String> {
 
 fn texture_warning(material: &Material, file: &str, message: &str) -> String {
     let (material, file) = (text::quoted(material.name.as_bytes()), text::quoted(file.as_bytes()));
-    format!("material {material}: texture {file} is left out: {message}")
+    format!("skipping texture {file} of material {material}: {message}")
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The statements of an OBJ file as arrays; indices are resolved and checked, materials and shapes are not yet looked at.
+//! Parses OBJ statements into arrays and resolves indices.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -6,10 +6,10 @@ use std::path::Path;
 use crate::read::ReadError;
 use crate::read::text::{self, Line};
 
-/// Stands in a [`Corner`] for what the file leaves out.
+/// Missing index in a [`Corner`].
 pub(super) const ABSENT: u32 = u32::MAX;
 
-/// A corner of a face: indices from 0 into the arrays of [`Statements`].
+/// A corner of a face: zero-based indices into the arrays of [`Statements`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Corner {
     pub(super) position: u32,
@@ -19,35 +19,35 @@ pub(super) struct Corner {
     pub(super) normal: u32,
 }
 
-/// Consecutive faces with the same object, group and material.
+/// Consecutive faces with equal object, group and material.
 #[derive(Debug)]
 pub(super) struct Run<'a> {
-    /// The group's name where there is one, else the object's.
+    /// Name of the group, else of the object.
     pub(super) name: &'a [u8],
     /// Index into [`Statements::materials`].
     pub(super) material: usize,
-    /// First face of the run; it ends where the next run begins.
+    /// First face; the run ends where the next one starts.
     pub(super) first_face: usize,
 }
 
-/// What an OBJ file states.
+/// Contents of an OBJ file.
 #[derive(Debug, Default)]
 pub(super) struct Statements<'a> {
     /// Positions; may be NaN or infinite.
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) uvs: Vec<[f32; 2]>,
-    /// Normals as written, of any length.
+    /// Normals of any length.
     pub(super) normals: Vec<[f32; 3]>,
-    /// Corners of all faces, one face after the other.
+    /// Corners of all faces, concatenated.
     pub(super) corners: Vec<Corner>,
-    /// Where each face ends in `corners`.
+    /// End of each face in `corners`.
     pub(super) face_ends: Vec<usize>,
     pub(super) runs: Vec<Run<'a>>,
-    /// Names of the materials that faces use, by first use; `None` where no material is in force.
+    /// Names of used materials in order of first use; `None` for faces without `usemtl`.
     pub(super) materials: Vec<Option<&'a [u8]>>,
-    /// Material libraries, as written.
+    /// Arguments of `mtllib` statements.
     pub(super) libraries: Vec<&'a [u8]>,
-    /// Faces with fewer than three corners, which are left out.
+    /// Skipped faces with fewer than three corners.
     pub(super) n_small_faces: usize,
 }
 
@@ -59,23 +59,23 @@ impl Statements<'_> {
     }
 }
 
-/// Reads all statements. Lines, points, free forms, smoothing and unknown statements are ignored.
-pub(super) fn statements<'a>(path: &Path, bytes: &'a [u8]) -> Result<Statements<'a>, ReadError> {
+/// Parses all statements. Ignores lines, points, free-form surfaces, smoothing groups and unknown statements.
+pub(super) fn parse<'a>(path: &Path, bytes: &'a [u8]) -> Result<Statements<'a>, ReadError> {
     let mut parser = Parser::default();
     for line in text::lines(bytes) {
         parser.line(&line).map_err(|message| malformed(path, line.number, message))?;
     }
-    parser.check_reach(path)?;
-    Ok(parser.stated)
+    parser.check_indices(path)?;
+    Ok(parser.statements)
 }
 
 fn malformed(path: &Path, line: usize, message: String) -> ReadError {
     ReadError::malformed(path, format!("line {line}"), message)
 }
 
-/// The greatest index that a face uses, and where. Files may use vertices before they state them, so it is checked last.
+/// The largest index used by a face, and its line. Vertices may be defined after use, so it is checked at the end.
 #[derive(Clone, Copy, Default)]
-struct Reach {
+struct MaxIndex {
     index: i64,
     line: usize,
 }
@@ -83,7 +83,7 @@ struct Reach {
 /// The three kinds of vertex data, for messages.
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
-/// What is in force for the next face.
+/// State for the next face.
 #[derive(Clone, Copy, Default, PartialEq)]
 struct State<'a> {
     object: &'a [u8],
@@ -91,68 +91,68 @@ struct State<'a> {
     material: Option<&'a [u8]>,
 }
 
-/// Statements so far, and the state of the last run of faces.
+/// Parser state.
 #[derive(Default)]
 struct Parser<'a> {
-    stated: Statements<'a>,
+    statements: Statements<'a>,
     state: State<'a>,
     last: Option<State<'a>>,
     material_indices: HashMap<Option<&'a [u8]>, usize>,
-    reach: [Reach; 3],
+    max_indices: [MaxIndex; 3],
 }
 
 impl<'a> Parser<'a> {
     fn line(&mut self, line: &Line<'a>) -> Result<(), String> {
         match line.keyword {
-            b"v" => self.stated.positions.push(coordinates(line.rest, 3, "vertex")?),
-            b"vt" => self.stated.uvs.push(coordinates(line.rest, 1, "texture coordinate")?),
-            b"vn" => self.stated.normals.push(coordinates(line.rest, 3, "normal")?),
+            b"v" => self.statements.positions.push(coordinates(line.rest, 3, "vertex")?),
+            b"vt" => self.statements.uvs.push(coordinates(line.rest, 1, "texture coordinate")?),
+            b"vn" => self.statements.normals.push(coordinates(line.rest, 3, "normal")?),
             b"f" => self.face(line)?,
             b"o" => self.state.object = line.rest,
             b"g" => self.state.group = line.rest,
             b"usemtl" => self.state.material = Some(line.rest).filter(|name| !name.is_empty()),
-            b"mtllib" => self.stated.libraries.push(line.rest),
+            b"mtllib" => self.statements.libraries.push(line.rest),
             _ => {}
         }
         Ok(())
     }
 
     fn face(&mut self, line: &Line) -> Result<(), String> {
-        let start = self.stated.corners.len();
+        let start = self.statements.corners.len();
         for word in text::words(line.rest) {
             let corner = self.corner(word, line.number)?;
-            self.stated.corners.push(corner);
+            self.statements.corners.push(corner);
         }
-        if self.stated.corners.len() - start < 3 {
-            self.stated.corners.truncate(start);
-            self.stated.n_small_faces += 1;
+        if self.statements.corners.len() - start < 3 {
+            self.statements.corners.truncate(start);
+            self.statements.n_small_faces += 1;
             return Ok(());
         }
         self.open_run();
-        self.stated.face_ends.push(self.stated.corners.len());
+        self.statements.face_ends.push(self.statements.corners.len());
         Ok(())
     }
 
-    /// Opens a run where the next face differs from the last in object, group or material.
+    /// Starts a new run if object, group or material has changed.
     fn open_run(&mut self) {
         if self.last == Some(self.state) {
             return;
         }
         let State { object, group, material: name } = self.state;
-        let materials = &mut self.stated.materials;
+        let materials = &mut self.statements.materials;
         let material = *self.material_indices.entry(name).or_insert_with(|| {
             materials.push(name);
             materials.len() - 1
         });
         let name = if group.is_empty() { object } else { group };
-        self.stated.runs.push(Run { name, material, first_face: self.stated.face_ends.len() });
+        self.statements.runs.push(Run { name, material, first_face: self.statements.face_ends.len() });
         self.last = Some(self.state);
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
     fn corner(&mut self, word: &[u8], line: usize) -> Result<Corner, String> {
         let mut parts = word.split(|&byte| byte == b'/');
-        let counts = [self.stated.positions.len(), self.stated.uvs.len(), self.stated.normals.len()];
+        let counts = [self.statements.positions.len(), self.statements.uvs.len(), self.statements.normals.len()];
         let mut indices = [ABSENT; 3];
         for (k, index) in indices.iter_mut().enumerate() {
             let part = parts.next().unwrap_or_default();
@@ -161,57 +161,61 @@ impl<'a> Parser<'a> {
             }
         }
         if parts.next().is_some() {
-            return Err(format!("face corner {} has more than three indices", text::quoted(word)));
+            return Err(format!("face corner {} has more than 3 indices", text::quoted(word)));
         }
         let [position, uv, normal] = indices;
         Ok(Corner { position, uv, normal })
     }
 
-    /// An index from 1, or a negative one counted back from the last of `count` read so far.
+    /// Resolves a one-based index, or a negative one relative to the end of `count` elements.
     fn index(&mut self, kind: usize, part: &[u8], count: usize, line: usize) -> Result<u32, String> {
         let what = KINDS[kind];
-        let stated =
-            text::integer(part).ok_or_else(|| format!("{what} index {} is not an index", text::quoted(part)))?;
-        let from_one = match stated {
-            0 => return Err(format!("{what} index 0; indices start at 1")),
-            1.. => stated,
-            _ => i64::try_from(count).map_or(0, |count| count + stated + 1),
+        let value = text::integer(part).ok_or_else(|| format!("invalid {what} index {}", text::quoted(part)))?;
+        let from_one = match value {
+            0 => return Err(format!("invalid {what} index 0 (indices start at 1)")),
+            1.. => value,
+            _ => i64::try_from(count).map_or(0, |count| count + value + 1),
         };
         if from_one < 1 {
-            return Err(format!("relative {what} index {stated}, but {count} are stated before it"));
+            return Err(format!("relative {what} index {value} out of range ({count} defined so far)"));
         }
-        if from_one > self.reach[kind].index {
-            self.reach[kind] = Reach { index: from_one, line };
+        if from_one > self.max_indices[kind].index {
+            self.max_indices[kind] = MaxIndex { index: from_one, line };
         }
         match u32::try_from(from_one - 1) {
             Ok(index) if index != ABSENT => Ok(index),
-            _ => Err(format!("{what} index {stated} is beyond 32 bits")),
+            _ => Err(format!("{what} index {value} exceeds 32 bits")),
         }
     }
 
-    /// Every index lies in its array, now that the arrays are complete.
-    fn check_reach(&self, path: &Path) -> Result<(), ReadError> {
-        let counts = [self.stated.positions.len(), self.stated.uvs.len(), self.stated.normals.len()];
-        for ((reach, count), what) in self.reach.iter().zip(counts).zip(KINDS) {
-            if usize::try_from(reach.index).is_ok_and(|index| index > count) {
-                return Err(malformed(path, reach.line, format!("{what} index {} of {count}", reach.index)));
+    /// Checks all indices against the complete arrays.
+    fn check_indices(&self, path: &Path) -> Result<(), ReadError> {
+        let counts = [self.statements.positions.len(), self.statements.uvs.len(), self.statements.normals.len()];
+        for ((max, count), what) in self.max_indices.iter().zip(counts).zip(KINDS) {
+            if usize::try_from(max.index).is_ok_and(|index| index > count) {
+                return Err(malformed(
+                    path,
+                    max.line,
+                    format!("{what} index {} out of range ({count} defined)", max.index),
+                ));
             }
         }
         Ok(())
     }
 }
 
-/// The first `N` numbers of a statement, of which `n_needed` must be there; absent ones are 0, more are ignored.
+/// The first `N` numbers of a statement; the first `n_needed` are required, the others default to 0.
 fn coordinates<const N: usize>(rest: &[u8], n_needed: usize, what: &str) -> Result<[f32; N], String> {
     let mut numbers = [0.0; N];
     let mut words = text::words(rest);
     for (k, number) in numbers.iter_mut().enumerate() {
         match words.next() {
             Some(word) => {
-                *number = text::float(word).ok_or_else(|| format!("{what}: {} is not a number", text::quoted(word)))?;
+                *number = text::float(word)
+                    .ok_or_else(|| format!("{what}: expected a number, found {}", text::quoted(word)))?;
             }
             None if k >= n_needed => break,
-            None => return Err(format!("{what} with {k} of {n_needed} coordinates")),
+            None => return Err(format!("{what} has {k} coordinates (expected {n_needed})")),
         }
     }
     Ok(numbers)

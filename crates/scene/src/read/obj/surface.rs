@@ -1,49 +1,49 @@
-//! What surface a material of a library means, textures aside.
+//! Converts MTL materials, without textures.
 
-use crate::read::mtl::Recipe;
+use crate::read::mtl::MtlMaterial;
 use crate::{AlphaMode, Material};
 
-/// The surface of a recipe.
+/// Converts a material.
 ///
-/// A plain one is Lambert: exporters write a grey `Ks` and some `Ns` for whatever they do not know, so that those alone
-/// are no gloss. `Pr` and `Pm` make it what glTF would, `illum` 3 and 5 a mirror in the colour `Ks`, 4, 6, 7 and 9 glass
-/// in the colour `Tf` with the refraction `Ni`; both are smooth where `Pr` does not say otherwise. `d`, or 1 - `Tr`, is
-/// alpha; glass needs none, and where both stand `d` counts, for some write `Tr` the wrong way round.
-pub(super) fn surface(name: String, recipe: &Recipe) -> Material {
+/// The default is Lambertian: exporters write a gray `Ks` and some `Ns` for materials they do not know, so these alone do not
+/// add a specular lobe. `Pr` and `Pm` give a metallic-roughness material, `illum` 3 and 5 a mirror of color `Ks`, `illum` 4, 6,
+/// 7 and 9 glass of color `Tf` with index `Ni`; both are smooth without `Pr`. Alpha is `d`, or 1 - `Tr`; glass has none. `d`
+/// takes precedence because some exporters invert `Tr`.
+pub(super) fn surface(name: String, source: &MtlMaterial) -> Material {
     let plain = Material { name, ..Material::default() };
-    let uncoloured = if recipe.base_color_map.is_some() { [1.0; 3] } else { plain.base_color };
-    let base_color = recipe.base_color.unwrap_or(uncoloured);
-    let smooth = recipe.roughness.unwrap_or(0.0);
-    let mut material = Material { base_color, emission: recipe.emission.unwrap_or_default(), ..plain };
-    match recipe.illumination {
+    let default_color = if source.base_color_map.is_some() { [1.0; 3] } else { plain.base_color };
+    let base_color = source.base_color.unwrap_or(default_color);
+    let smooth = source.roughness.unwrap_or(0.0);
+    let mut material = Material { base_color, emission: source.emission.unwrap_or_default(), ..plain };
+    match source.illumination {
         Some(4 | 6 | 7 | 9) => {
-            material.base_color = recipe.filter.unwrap_or([1.0; 3]);
+            material.base_color = source.filter.unwrap_or([1.0; 3]);
             (material.specular, material.transmission) = (1.0, 1.0);
             material.roughness = smooth;
-            material.ior = recipe.ior.unwrap_or(material.ior);
+            material.ior = source.ior.unwrap_or(material.ior);
             return material;
         }
-        Some(3 | 5) if recipe.metallic.is_none() => {
-            material.base_color = recipe.specular.unwrap_or(base_color);
+        Some(3 | 5) if source.metallic.is_none() => {
+            material.base_color = source.specular.unwrap_or(base_color);
             (material.specular, material.metallic) = (1.0, 1.0);
             material.roughness = smooth;
         }
-        _ if recipe.roughness.is_some() || recipe.metallic.is_some() => {
+        _ if source.roughness.is_some() || source.metallic.is_some() => {
             material.specular = 1.0;
-            material.metallic = recipe.metallic.unwrap_or(0.0);
-            material.roughness = recipe.roughness.unwrap_or_else(|| roughness(recipe.shininess));
+            material.metallic = source.metallic.unwrap_or(0.0);
+            material.roughness = source.roughness.unwrap_or_else(|| roughness(source.shininess));
         }
         _ => {}
     }
-    let alpha = recipe.opacity.or_else(|| recipe.transparency.map(|transparency| 1.0 - transparency));
-    if let Some(alpha) = alpha.filter(|&alpha| alpha < 1.0 && recipe.mask.is_none()) {
+    let alpha = source.opacity.or_else(|| source.transparency.map(|transparency| 1.0 - transparency));
+    if let Some(alpha) = alpha.filter(|&alpha| alpha < 1.0 && source.mask.is_none()) {
         material.alpha = alpha;
         material.alpha_mode = AlphaMode::Blend;
     }
     material
 }
 
-/// Roughness of a shininess, which Blender writes as 1000 (1 - roughness)²; rough where there is none.
+/// Roughness from a shininess of 1000 (1 - roughness)², as Blender writes it; 1 if absent.
 fn roughness(shininess: Option<f32>) -> f32 {
     1.0 - (shininess.unwrap_or(0.0) / 1000.0).min(1.0).sqrt()
 }
@@ -52,27 +52,27 @@ fn roughness(shininess: Option<f32>) -> f32 {
 mod tests {
     use super::*;
 
-    fn of(recipe: Recipe) -> Material {
-        surface(String::new(), &recipe)
+    fn of(source: MtlMaterial) -> Material {
+        surface(String::new(), &source)
     }
 
     #[test]
-    fn gloss_of_exporters_is_none() {
-        let recipe = Recipe {
+    fn exporter_defaults_are_lambertian() {
+        let source = MtlMaterial {
             base_color: Some([0.5; 3]),
             specular: Some([0.5; 3]),
             shininess: Some(250.0),
             illumination: Some(2),
             ior: Some(1.45),
             opacity: Some(1.0),
-            ..Recipe::default()
+            ..MtlMaterial::default()
         };
-        assert_eq!(of(recipe), Material { base_color: [0.5; 3], ..Material::default() });
+        assert_eq!(of(source), Material { base_color: [0.5; 3], ..Material::default() });
     }
 
     #[test]
-    fn mirrors_metals_and_glass() {
-        let mirror = Recipe { illumination: Some(3), specular: Some([0.9, 0.8, 0.7]), ..Recipe::default() };
+    fn converts_mirrors_metals_and_glass() {
+        let mirror = MtlMaterial { illumination: Some(3), specular: Some([0.9, 0.8, 0.7]), ..MtlMaterial::default() };
         let want = Material {
             base_color: [0.9, 0.8, 0.7],
             metallic: 1.0,
@@ -81,7 +81,7 @@ mod tests {
             ..Material::default()
         };
         assert_eq!(of(mirror.clone()), want);
-        let metal = Recipe { base_color: Some([1.0, 0.5, 0.0]), metallic: Some(0.75), ..mirror };
+        let metal = MtlMaterial { base_color: Some([1.0, 0.5, 0.0]), metallic: Some(0.75), ..mirror };
         let want = Material {
             base_color: [1.0, 0.5, 0.0],
             metallic: 0.75,
@@ -91,12 +91,12 @@ mod tests {
         };
         assert_eq!(of(metal), want);
         for illumination in [4, 6, 7, 9] {
-            let glass = Recipe {
+            let glass = MtlMaterial {
                 illumination: Some(illumination),
                 ior: Some(1.25),
                 opacity: Some(0.0),
                 base_color: Some([0.0; 3]),
-                ..Recipe::default()
+                ..MtlMaterial::default()
             };
             let want = Material {
                 base_color: [1.0; 3],
@@ -111,9 +111,9 @@ mod tests {
     }
 
     #[test]
-    fn roughness_is_stated_or_follows_from_shininess() {
+    fn roughness_falls_back_to_shininess() {
         let with = |roughness, shininess| {
-            of(Recipe { metallic: Some(0.0), roughness, shininess, ..Recipe::default() }).roughness
+            of(MtlMaterial { metallic: Some(0.0), roughness, shininess, ..MtlMaterial::default() }).roughness
         };
         assert_eq!(with(Some(0.25), Some(10.0)), 0.25);
         for (shininess, want) in [(None, 1.0), (Some(0.0), 1.0), (Some(250.0), 0.5), (Some(1e30), 0.0)] {
@@ -122,9 +122,9 @@ mod tests {
     }
 
     #[test]
-    fn opacity_counts_before_transparency() {
+    fn opacity_takes_precedence_over_transparency() {
         let with = |opacity, transparency| {
-            let material = of(Recipe { opacity, transparency, ..Recipe::default() });
+            let material = of(MtlMaterial { opacity, transparency, ..MtlMaterial::default() });
             (material.alpha, material.alpha_mode)
         };
         assert_eq!(with(Some(0.25), None), (0.25, AlphaMode::Blend));

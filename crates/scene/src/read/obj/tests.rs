@@ -1,4 +1,4 @@
-//! Files as byte strings: what they load as, what they warn of, and the sentence of each error.
+//! Scenes, warnings and error messages of small files.
 
 use super::*;
 use crate::SceneStats;
@@ -9,7 +9,7 @@ fn obj(text: impl AsRef<[u8]>) -> Result<Scene, ReadError> {
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n";
 
-/// A file of a square's four vertices and `rest`.
+/// A file with the vertices of a square, followed by `rest`.
 fn square(rest: &str) -> Result<Scene, ReadError> {
     obj(format!("{SQUARE}{rest}"))
 }
@@ -51,7 +51,7 @@ fn fails(scene: Result<Scene, ReadError>, message: &str) {
 }
 
 #[test]
-fn faces_keep_their_order_across_groups_and_materials() {
+fn faces_keep_file_order() {
     let scene =
         square("o a\nf 1 2 3\nusemtl m\nf 1 2 4 3\ng b\nf 1 2 4\ng b\nusemtl m\nf 2 4 3\nf 1 4 3\no a\ng c\nf 1 2 3\n");
     let scene = scene.unwrap();
@@ -63,11 +63,11 @@ fn faces_keep_their_order_across_groups_and_materials() {
     assert_eq!(placed, [("a", 0, 1, 0), ("a", 1, 2, 1), ("b", 3, 3, 1), ("c", 6, 1, 1)]);
     let names: Vec<_> = scene.materials.iter().map(|material| &material.name[..]).collect();
     assert_eq!(names, ["", "m"]);
-    assert_eq!(scene.warnings, ["material `m` is in no library; it is plain grey"]);
+    assert_eq!(scene.warnings, ["material 'm' not found in any library; using the default material"]);
 }
 
 #[test]
-fn equal_groups_are_instances_with_their_own_numbers() {
+fn equal_groups_become_instances() {
     let moved = "v 5 0 2\nv 6 0 2\nv 5 1 2\nv 6 1 2\n";
     let scene = loads(square(&format!("g a\nf 1 2 4 3\n{moved}g b\nf -4 -3 -1 -2\n")), 4);
     let counts = SceneStats::of(&scene);
@@ -78,7 +78,7 @@ fn equal_groups_are_instances_with_their_own_numbers() {
 }
 
 #[test]
-fn polygons_have_their_area() {
+fn triangulation_preserves_area() {
     let hexagon = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4 5 6\n";
     let arrow = "v 5 0 0\nv 7 0 0\nv 6 0.5 0\nv 6 3 0\nf -4 -2 -3 -1\n";
     assert_eq!(area(&loads(obj(format!("{hexagon}{arrow}")), 6)), 5.5);
@@ -86,14 +86,14 @@ fn polygons_have_their_area() {
 }
 
 #[test]
-fn a_disc_of_1500_corners_is_one_face() {
+fn triangulates_a_polygon_of_1500_corners() {
     let corner = |k: i32| {
         let angle = std::f64::consts::TAU * f64::from(k) / 1500.0;
         format!("v {} {} 0\n", angle.cos(), angle.sin())
     };
     let face: String = (1..=1500).map(|k| format!(" {k}")).collect();
     let scene = loads(obj((0..1500).map(corner).collect::<String>() + "f" + &face), 1498);
-    // The inscribed polygon's area is exact to 2e-8; each coordinate is rounded by 2^-25 at most, along a rim of length tau.
+    // The expected area is exact to 2e-8; each coordinate is rounded by at most 2^-25, along a perimeter of about tau.
     let inscribed = 750.0 * (std::f64::consts::TAU / 1500.0).sin();
     assert!((area(&scene) - inscribed).abs() < std::f64::consts::TAU * f64::from(f32::EPSILON));
 }
@@ -109,7 +109,7 @@ fn vertices_split_where_normals_differ_and_uvs_need_a_texture() {
 }
 
 #[test]
-fn every_way_to_write_it_loads() {
+fn reads_all_syntax_variants() {
     loads(square("f -4 -3 -2\nf 2/ 4/ 3/\n"), 2);
     loads(square("\u{feff}# c\nf 1 \\\r\n 2\\\n 3 # 4\r\n"), 1);
     loads(obj("f 1 2 3\nv +0 -.0 0. 1\nv 1e0 .0 0E+0 0.5 0.5 0.5\nv 0 1.000000000000000000000000001 -0\n"), 1);
@@ -119,44 +119,44 @@ fn every_way_to_write_it_loads() {
 }
 
 #[test]
-fn bad_vertices_and_faces_are_counted_once() {
+fn invalid_elements_are_reported_once() {
     warns(
         square("v nan 0 0\nv inf -inf 1\nf 1 2 3\nf 2 3 5\nf 2 3 6"),
         1,
-        "triangles dropped for a corner that is not finite: 2",
+        "skipping triangles with a non-finite vertex: 2",
     );
     let scene = loads(square("v nan 0 0\nf 1 2 3"), 1);
     assert!(scene.bounds_world().contains([0.0; 3]) && scene.bounds_world().reach() == 1.0);
-    warns(square("v 2 0 0\nf 1 2 3\nf 1 1 2\nf 1 2 5\nf 4 4 4"), 4, "triangles without area: 3");
-    warns(square("f 1 2\nf 1 2 3\nf\n"), 1, "faces left out for fewer than three corners: 2");
+    warns(square("v 2 0 0\nf 1 2 3\nf 1 1 2\nf 1 2 5\nf 4 4 4"), 4, "degenerate triangles (zero area): 3");
+    warns(square("f 1 2\nf 1 2 3\nf\n"), 1, "skipping faces with fewer than 3 vertices: 2");
     warns(
         square("v 3e38 0 0\nv 0 -3e38 0\nf 1 5 6"),
         1,
-        "coordinates up to 3e38: the area of the scene is beyond single precision",
+        "coordinates up to 3e38: the surface area overflows single precision",
     );
     warns(
         obj("v 0 0 0\nv 2 2 0\nv 2 0 0\nv 0 2 0\nv -3 1 0\nf 1 2 3 4 5"),
         3,
-        "faces cut though they cross themselves or are too intricate: 1",
+        "faces that intersect themselves or are too complex to triangulate exactly: 1",
     );
 }
 
 #[test]
 fn errors_name_line_and_value() {
     for (rest, message) in [
-        ("f 1 2 9", "5: vertex index 9 of 4"),
-        ("f 0 1 2", "5: vertex index 0; indices start at 1"),
-        ("f 1 2 -5", "5: relative vertex index -5, but 4 are stated before it"),
-        ("f 1 2 99999999999999999999", "5: vertex index `99999999999999999999` is not an index"),
-        ("f 1 2 5000000000", "5: vertex index 5000000000 is beyond 32 bits"),
-        ("f 1 2 4294967296", "5: vertex index 4294967296 is beyond 32 bits"),
-        ("vt 0 0\nf 1/1 2/2 3/1", "6: texture coordinate index 2 of 1"),
-        ("f 1//1 2//1 3//1", "5: normal index 1 of 0"),
-        ("f 1 2 x", "5: vertex index `x` is not an index"),
-        ("f 1/1/1/1 2 3", "5: face corner `1/1/1/1` has more than three indices"),
-        ("\n\nv 1 2", "7: vertex with 2 of 3 coordinates"),
-        ("v 0,5 0 0", "5: vertex: `0,5` is not a number"),
-        ("v 1 2 # 3", "5: vertex with 2 of 3 coordinates"),
+        ("f 1 2 9", "5: vertex index 9 out of range (4 defined)"),
+        ("f 0 1 2", "5: invalid vertex index 0 (indices start at 1)"),
+        ("f 1 2 -5", "5: relative vertex index -5 out of range (4 defined so far)"),
+        ("f 1 2 99999999999999999999", "5: invalid vertex index '99999999999999999999'"),
+        ("f 1 2 5000000000", "5: vertex index 5000000000 exceeds 32 bits"),
+        ("f 1 2 4294967296", "5: vertex index 4294967296 exceeds 32 bits"),
+        ("vt 0 0\nf 1/1 2/2 3/1", "6: texture coordinate index 2 out of range (1 defined)"),
+        ("f 1//1 2//1 3//1", "5: normal index 1 out of range (0 defined)"),
+        ("f 1 2 x", "5: invalid vertex index 'x'"),
+        ("f 1/1/1/1 2 3", "5: face corner '1/1/1/1' has more than 3 indices"),
+        ("\n\nv 1 2", "7: vertex has 2 coordinates (expected 3)"),
+        ("v 0,5 0 0", "5: vertex: expected a number, found '0,5'"),
+        ("v 1 2 # 3", "5: vertex has 2 coordinates (expected 3)"),
     ] {
         fails(square(rest), &format!("model.obj: line {message}"));
     }
@@ -165,9 +165,9 @@ fn errors_name_line_and_value() {
 #[test]
 fn nothing_to_draw_is_an_error() {
     let none = "model.obj: nothing to draw: ";
-    fails(obj(""), &format!("{none}no face"));
-    fails(square(""), &format!("{none}no face"));
-    fails(obj([0x11, 0, 0xff, b'\n', 0x17]), &format!("{none}it is not a text file"));
-    fails(square("v 2 0 0\nf 1 2 5\nf 1 1 1"), &format!("{none}triangles, all without area: 2"));
-    fails(square("v nan 0 0\nf 1 2 5"), &format!("{none}triangles, all with a corner that is not finite: 1"));
+    fails(obj(""), &format!("{none}no faces"));
+    fails(square(""), &format!("{none}no faces"));
+    fails(obj([0x11, 0, 0xff, b'\n', 0x17]), &format!("{none}not a text file"));
+    fails(square("v 2 0 0\nf 1 2 5\nf 1 1 1"), &format!("{none}all 2 triangles are degenerate (zero area)"));
+    fails(square("v nan 0 0\nf 1 2 5"), &format!("{none}all 1 triangles have a non-finite vertex"));
 }

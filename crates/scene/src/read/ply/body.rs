@@ -1,23 +1,22 @@
-//! The numbers of a PLY body, in any of the three encodings. Nothing is allocated for more rows than there are bytes.
+//! Numbers of a PLY body in any of the three encodings. Counts are checked against the remaining bytes before allocating.
 
 use super::header::{Element, Encoding, Kind, Scalar};
 use crate::read::text;
 
-/// The numbers not yet read.
+/// The unread part of the body.
 pub(super) struct Body<'a> {
     encoding: Encoding,
     rest: &'a [u8],
 }
 
-/// What a reader of numbers says when there are none left.
-const ENDS_EARLY: &str = "the file ends early";
+const ENDS_EARLY: &str = "unexpected end of file";
 
 impl<'a> Body<'a> {
     pub(super) fn new(encoding: Encoding, bytes: &'a [u8]) -> Self {
         Self { encoding, rest: bytes }
     }
 
-    /// Whether only white space is left, and not even that in a binary body.
+    /// Whether nothing is left, apart from white space in ASCII.
     pub(super) fn is_at_end(&self) -> bool {
         match self.encoding {
             Encoding::Ascii => self.rest.trim_ascii_start().is_empty(),
@@ -25,19 +24,19 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Rows of an element as an array length, if the bytes left can hold so many.
+    /// Number of rows of an element, checked against the remaining bytes.
     pub(super) fn rows(&self, element: &Element) -> Result<usize, String> {
         if element.properties.is_empty() {
             return Ok(0);
         }
-        let least = element.properties.iter().map(|property| match property.kind {
-            Kind::Scalar(scalar) | Kind::List { count: scalar, .. } => self.size_least(scalar),
+        let row_bytes = element.properties.iter().map(|property| match property.kind {
+            Kind::Scalar(scalar) | Kind::List { count: scalar, .. } => self.min_size(scalar),
         });
-        let most = (self.rest.len() + self.slack()) / least.sum::<usize>();
+        let max = (self.rest.len() + self.slack()) / row_bytes.sum::<usize>();
         usize::try_from(element.count)
             .ok()
-            .filter(|&count| count <= most)
-            .ok_or_else(|| format!("{} rows are declared, but the file has bytes for {most} at most", element.count))
+            .filter(|&count| count <= max)
+            .ok_or_else(|| format!("{} rows declared, but the remaining data holds at most {max}", element.count))
     }
 
     /// Skips a property of any kind.
@@ -51,21 +50,21 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// The length of a list; the bytes left can hold as many items.
+    /// The length of a list, checked against the remaining bytes.
     pub(super) fn length(&mut self, count: Scalar, item: Scalar) -> Result<usize, String> {
-        let stated = self.integer(count)?;
-        let most = (self.rest.len() + self.slack()) / self.size_least(item);
-        usize::try_from(stated)
+        let length = self.integer(count)?;
+        let max = (self.rest.len() + self.slack()) / self.min_size(item);
+        usize::try_from(length)
             .ok()
-            .filter(|&n| n <= most)
-            .ok_or_else(|| format!("a list of {stated} values, but the file has bytes for {most} at most"))
+            .filter(|&n| n <= max)
+            .ok_or_else(|| format!("list of {length} values, but the remaining data holds at most {max}"))
     }
 
-    /// A number as `f32`, rounded once; beyond its range infinite.
+    /// A number as `f32`, rounded once; infinite if out of range.
     pub(super) fn float(&mut self, scalar: Scalar) -> Result<f32, String> {
         if self.encoding == Encoding::Ascii {
             let word = self.word()?;
-            return text::float(word).ok_or_else(|| format!("{} is not a number", text::quoted(word)));
+            return text::float(word).ok_or_else(|| format!("expected a number, found {}", text::quoted(word)));
         }
         #[expect(clippy::cast_possible_truncation, reason = "coordinates are f32")]
         match scalar {
@@ -75,11 +74,11 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// An integer; the type must be one.
+    /// An integer; `scalar` must be an integer type.
     pub(super) fn integer(&mut self, scalar: Scalar) -> Result<i64, String> {
         if self.encoding == Encoding::Ascii {
             let word = self.word()?;
-            return text::integer(word).ok_or_else(|| format!("{} is not an integer", text::quoted(word)));
+            return text::integer(word).ok_or_else(|| format!("expected an integer, found {}", text::quoted(word)));
         }
         match scalar {
             Scalar::I8 => self.bytes().map(i8::from_le_bytes).map(i64::from),
@@ -88,7 +87,7 @@ impl<'a> Body<'a> {
             Scalar::U16 => self.bytes().map(u16::from_le_bytes).map(i64::from),
             Scalar::I32 => self.bytes().map(i32::from_le_bytes).map(i64::from),
             Scalar::U32 => self.bytes().map(u32::from_le_bytes).map(i64::from),
-            Scalar::F32 | Scalar::F64 => Err("a fraction where an integer belongs".into()),
+            Scalar::F32 | Scalar::F64 => Err("expected an integer type".into()),
         }
     }
 
@@ -96,7 +95,7 @@ impl<'a> Body<'a> {
         if self.encoding == Encoding::Ascii {
             return (0..n).try_for_each(|_| self.word().map(drop));
         }
-        // No overflow: lengths are checked against the bytes left, and a single scalar has eight bytes at most.
+        // No overflow: `n` was checked against the remaining bytes.
         self.rest = self.rest.get(n * scalar.size()..).ok_or(ENDS_EARLY)?;
         Ok(())
     }
@@ -110,7 +109,7 @@ impl<'a> Body<'a> {
         if word.is_empty() { Err(ENDS_EARLY.into()) } else { Ok(word) }
     }
 
-    /// The next bytes of a binary body, least significant first.
+    /// The next bytes of a binary body in little-endian order.
     fn bytes<const N: usize>(&mut self) -> Result<[u8; N], String> {
         let (bytes, rest) = self.rest.split_first_chunk().ok_or(ENDS_EARLY)?;
         self.rest = rest;
@@ -121,12 +120,12 @@ impl<'a> Body<'a> {
         Ok(bytes)
     }
 
-    /// Fewest bytes of a number: in ASCII a digit and a separator.
-    fn size_least(&self, scalar: Scalar) -> usize {
+    /// Smallest size of a number in bytes: in ASCII a digit and a separator.
+    fn min_size(&self, scalar: Scalar) -> usize {
         if self.encoding == Encoding::Ascii { 2 } else { scalar.size() }
     }
 
-    /// Bytes that [`Self::size_least`] counts beyond the end: the last ASCII number needs no separator.
+    /// Excess of [`Self::min_size`] at the end: the last ASCII number needs no separator.
     fn slack(&self) -> usize {
         usize::from(self.encoding == Encoding::Ascii)
     }

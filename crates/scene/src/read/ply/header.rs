@@ -1,11 +1,11 @@
-//! The header of a PLY file: which elements follow, in which encoding.
+//! PLY header: encoding, elements and properties.
 
 use std::path::Path;
 
 use crate::read::ReadError;
 use crate::read::text::quoted;
 
-/// How the body writes numbers.
+/// Number encoding of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -56,7 +56,7 @@ impl Scalar {
     }
 }
 
-/// One number, or a count and as many numbers.
+/// A number, or a length-prefixed list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Scalar(Scalar),
@@ -69,7 +69,7 @@ pub(super) struct Property<'a> {
     pub(super) kind: Kind,
 }
 
-/// Rows of a table, one after the other in the body.
+/// A table of rows.
 #[derive(Debug)]
 pub(super) struct Element<'a> {
     pub(super) name: &'a [u8],
@@ -81,11 +81,11 @@ pub(super) struct Element<'a> {
 pub(super) struct Header<'a> {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element<'a>>,
-    /// Image named by the comment `TextureFile`, as MeshLab writes it.
+    /// Texture from MeshLab's comment `TextureFile`.
     pub(super) texture: Option<&'a [u8]>,
 }
 
-/// Splits a file into header and body. Lines end with a line feed or with carriage return and line feed.
+/// Splits a file into header and body. Lines end with LF or CRLF.
 pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'a [u8]), ReadError> {
     let mut rest = bytes;
     let mut encoding = None;
@@ -97,7 +97,7 @@ pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'
         let malformed = |message: String| ReadError::malformed(path, format!("header line {number}"), message);
         if number == 1 {
             if line != b"ply" {
-                return Err(malformed(format!("{} instead of `ply`", quoted(line))));
+                return Err(malformed(format!("expected 'ply', found {}", quoted(line))));
             }
             continue;
         }
@@ -112,17 +112,20 @@ pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'
             [b"element", name, count] => header.elements.push(element(&header, name, count).map_err(malformed)?),
             [b"property", ref words @ ..] => {
                 let property = property(words).map_err(malformed)?;
-                let element = header.elements.last_mut().ok_or_else(|| malformed("property before element".into()))?;
+                let element = header
+                    .elements
+                    .last_mut()
+                    .ok_or_else(|| malformed("'property' before the first 'element'".into()))?;
                 element.properties.push(property);
             }
             [b"end_header"] => {
-                header.encoding = encoding.ok_or_else(|| malformed("no format is stated".into()))?;
+                header.encoding = encoding.ok_or_else(|| malformed("missing 'format' line".into()))?;
                 return Ok((header, rest));
             }
-            _ => return Err(malformed(format!("{} is not understood", quoted(line)))),
+            _ => return Err(malformed(format!("invalid statement {}", quoted(line)))),
         }
     }
-    Err(ReadError::malformed(path, "header", "it has no end_header"))
+    Err(ReadError::malformed(path, "header", "missing 'end_header'"))
 }
 
 fn encoding_named(name: &[u8]) -> Result<Encoding, String> {
@@ -130,32 +133,32 @@ fn encoding_named(name: &[u8]) -> Result<Encoding, String> {
         b"ascii" => Ok(Encoding::Ascii),
         b"binary_little_endian" => Ok(Encoding::LittleEndian),
         b"binary_big_endian" => Ok(Encoding::BigEndian),
-        _ => Err(format!("format {} is unknown", quoted(name))),
+        _ => Err(format!("unknown format {}", quoted(name))),
     }
 }
 
 fn element<'a>(header: &Header, name: &'a [u8], count: &[u8]) -> Result<Element<'a>, String> {
     if header.elements.iter().any(|element| element.name == name) {
-        return Err(format!("element {} is stated twice", quoted(name)));
+        return Err(format!("duplicate element {}", quoted(name)));
     }
     let count = std::str::from_utf8(count)
         .ok()
         .and_then(|count| count.parse().ok())
-        .ok_or_else(|| format!("{} is not a count", quoted(count)))?;
+        .ok_or_else(|| format!("invalid element count {}", quoted(count)))?;
     Ok(Element { name, count, properties: Vec::new() })
 }
 
 fn property<'a>(words: &[&'a [u8]]) -> Result<Property<'a>, String> {
-    let scalar = |name: &[u8]| Scalar::named(name).ok_or_else(|| format!("property type {} is unknown", quoted(name)));
+    let scalar = |name: &[u8]| Scalar::named(name).ok_or_else(|| format!("unknown property type {}", quoted(name)));
     match *words {
         [b"list", count, item, name] => {
             let (count, item) = (scalar(count)?, scalar(item)?);
             if !count.is_integer() {
-                return Err("the length of a list must be an integer".into());
+                return Err("a list length needs an integer type".into());
             }
             Ok(Property { name, kind: Kind::List { count, item } })
         }
         [kind, name] => Ok(Property { name, kind: Kind::Scalar(scalar(kind)?) }),
-        _ => Err("a property has a type and a name".into()),
+        _ => Err("expected a property type and a name".into()),
     }
 }

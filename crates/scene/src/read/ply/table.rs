@@ -1,4 +1,4 @@
-//! The elements `vertex` and `face` as arrays; all other elements and properties are skipped.
+//! Reads the elements `vertex` and `face` into arrays; skips all other elements and properties.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use super::header::{Element, Header, Kind, Scalar};
 use crate::read::ReadError;
 use crate::read::text::quoted;
 
-/// What a PLY file lists. Faces may have any number of corners, and their vertex numbers are not yet checked.
+/// Vertices and faces. Vertex indices are unchecked.
 #[derive(Debug, Default)]
 pub(super) struct Table {
     pub(super) positions: Vec<[f32; 3]>,
@@ -15,13 +15,13 @@ pub(super) struct Table {
     pub(super) normals: Option<Vec<[f32; 3]>>,
     /// One per position.
     pub(super) uvs: Option<Vec<[f32; 2]>>,
-    /// Vertex numbers of all faces, one face after the other.
+    /// Vertex indices of all faces, concatenated.
     pub(super) corners: Vec<u32>,
-    /// Where each face ends in `corners`.
+    /// End of each face in `corners`.
     pub(super) face_ends: Vec<usize>,
 }
 
-/// Names of the numbers of a vertex that are kept: position, normal, texture coordinates.
+/// Property names of position, normal and texture coordinates.
 const VERTEX: [&[&[u8]]; 8] = [
     &[b"x"],
     &[b"y"],
@@ -33,10 +33,10 @@ const VERTEX: [&[&[u8]]; 8] = [
     &[b"v", b"t", b"texture_v", b"texture_t"],
 ];
 
-/// Names of the list of a face's vertices.
+/// Property names of the vertex indices of a face.
 const FACE: [&[u8]; 2] = [b"vertex_indices", b"vertex_index"];
 
-/// Reads all elements; also whether the body ends where they end.
+/// Reads all elements; also whether the body ends after the last one.
 pub(super) fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table, bool), ReadError> {
     let mut body = Body::new(header.encoding, bytes);
     let mut table = Table::default();
@@ -70,7 +70,7 @@ pub(super) fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table
     Ok((table, body.is_at_end()))
 }
 
-/// For each property of a vertex its place in [`VERTEX`]; of two with one meaning the first counts.
+/// Index into [`VERTEX`] of each vertex property; the first of several with the same meaning is used.
 fn vertex_slots(element: &Element) -> Result<Vec<Option<usize>>, String> {
     let mut is_taken = [false; 8];
     let slots = element.properties.iter().map(|property| {
@@ -80,18 +80,18 @@ fn vertex_slots(element: &Element) -> Result<Vec<Option<usize>>, String> {
     });
     let slots = slots.collect();
     match is_taken[..3].iter().position(|&taken| !taken) {
-        Some(axis) => Err(format!("it has no property {}", ["x", "y", "z"][axis])),
+        Some(axis) => Err(format!("missing property '{}'", ["x", "y", "z"][axis])),
         None => Ok(slots),
     }
 }
 
-/// Which property of a face lists its vertices.
+/// Index of the property with the vertex indices.
 fn face_list(element: &Element) -> Result<usize, String> {
     let list = element.properties.iter().position(|property| FACE.contains(&property.name));
-    let list = list.ok_or("it has no property vertex_indices")?;
+    let list = list.ok_or("missing property 'vertex_indices'")?;
     match element.properties[list].kind {
         Kind::List { item, .. } if item.is_integer() => Ok(list),
-        _ => Err("vertex_indices is not a list of integers".into()),
+        _ => Err("'vertex_indices' must be a list of integers".into()),
     }
 }
 
@@ -136,7 +136,7 @@ impl Table {
     fn corners(&mut self, body: &mut Body, count: Scalar, item: Scalar) -> Result<(), String> {
         for _ in 0..body.length(count, item)? {
             let index = body.integer(item)?;
-            self.corners.push(u32::try_from(index).map_err(|_| format!("{index} is no vertex index"))?);
+            self.corners.push(u32::try_from(index).map_err(|_| format!("invalid vertex index {index}"))?);
         }
         Ok(())
     }

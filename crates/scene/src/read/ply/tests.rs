@@ -1,4 +1,4 @@
-//! A cube in every encoding, and every way in which a file may lie about itself.
+//! A cube in every encoding, and malformed files.
 
 use super::*;
 
@@ -37,7 +37,7 @@ fn little_endian_cube() -> Vec<u8> {
     binary_cube(f32::to_le_bytes, i32::to_le_bytes)
 }
 
-/// A triangle in ASCII; the vertex element has `properties` more, each row `values` more.
+/// An ASCII triangle with additional vertex `properties` and `values`.
 fn triangle(properties: &str, values: &str, face: &str) -> Vec<u8> {
     let elements = format!(
         "element vertex 3\nproperty double x\n{properties}property short y\nproperty float z\n\
@@ -66,7 +66,7 @@ fn all_encodings_agree() {
 }
 
 #[test]
-fn every_number_type_is_read_in_both_byte_orders() {
+fn reads_every_number_type_in_both_byte_orders() {
     let types = ["char", "uint8", "short", "uint16", "int32", "uint", "float32", "double"];
     for (format, order) in [("binary_little_endian", false), ("binary_big_endian", true)] {
         let bytes = |value: i8| -> [Vec<u8>; 8] {
@@ -101,7 +101,7 @@ fn every_number_type_is_read_in_both_byte_orders() {
 }
 
 #[test]
-fn other_elements_and_properties_are_skipped_in_any_order() {
+fn skips_other_elements_and_properties() {
     let elements = format!(
         "comment c\nobj_info o\nelement nothing 4000000000\nelement edge 1\nproperty int a\nproperty list char double b\n\
          element face 6\nproperty uchar red\nproperty list uchar int vertex_indices\nproperty list uchar float t\n{VERTICES}"
@@ -116,7 +116,7 @@ fn other_elements_and_properties_are_skipped_in_any_order() {
 }
 
 #[test]
-fn normals_are_kept_and_uvs_where_an_image_is_named() {
+fn keeps_normals_and_uvs_with_a_texture() {
     let normals = "property float nx\nproperty float ny\nproperty float nz\nproperty float s\nproperty float t\n";
     let scene = ply(triangle(normals, "0 0 4 0.25 0.5", "3 0 1 2")).unwrap();
     assert_eq!(scene.meshes[0].normals.as_deref().unwrap(), [[0.0, 0.0, 1.0]; 3]);
@@ -131,79 +131,82 @@ fn normals_are_kept_and_uvs_where_an_image_is_named() {
     let scene = named("a b.png");
     assert_eq!(scene.meshes[0].uvs.as_deref().unwrap(), [[0.25, 0.5]; 3]);
     assert_eq!(scene.materials[0].base_color_texture, Some(TextureRef::new(TextureId(0))));
-    assert_eq!(named("../a.png").warnings, ["texture `../a.png` is left out: the path leaves the folder of the scene"]);
+    assert_eq!(
+        named("../a.png").warnings,
+        ["skipping texture '../a.png': the path is outside the folder of the scene"]
+    );
 }
 
 #[test]
-fn doubtful_files_load_with_a_warning() {
+fn repairs_are_reported() {
     let lists = "element face 5\nproperty list uchar int vertex_indices\n";
     let body = |faces: &str| ascii_cube().lines().take(8).collect::<Vec<_>>().join("\n") + "\n" + faces;
     let scene = ply(file("ascii", &format!("{VERTICES}{lists}"), body("2 0 1\n4 0 3 2 1\n3 4 5 6\n0\n1 7\n"))).unwrap();
-    assert_eq!(scene.warnings, ["faces left out for fewer than three corners: 3"]);
+    assert_eq!(scene.warnings, ["skipping faces with fewer than 3 vertices: 3"]);
     assert_eq!(scene.n_placed_triangles(), 3);
 
     let elements = format!("{VERTICES}{}", FACES.replace('6', "4"));
     for (format, body) in [("ascii", ascii_cube().into_bytes()), ("binary_little_endian", little_endian_cube())] {
         let scene = ply(file(format, &elements, body)).unwrap();
-        assert_eq!(scene.warnings, ["bytes behind the last declared element are ignored"]);
+        assert_eq!(scene.warnings, ["ignoring bytes after the last declared element"]);
         assert_eq!(scene.n_placed_triangles(), 8);
     }
 
     let nan = ascii_cube().replacen("1 1 1", "nan 1 1", 1);
     let scene = ply(file("ascii", &format!("{VERTICES}{FACES}"), nan)).unwrap();
-    assert_eq!(scene.warnings, ["triangles dropped for a corner that is not finite: 6"]);
+    assert_eq!(scene.warnings, ["skipping triangles with a non-finite vertex: 6"]);
     assert_eq!(scene.n_placed_triangles(), 6);
 }
 
 #[test]
-fn errors_name_place_and_value() {
+fn errors_contain_location_and_value() {
     let cube = |elements: &str| file("ascii", elements, ascii_cube());
     let face = |face: &str| triangle("", "", face);
     for (bytes, message) in [
-        (b"".to_vec(), "header: it has no end_header"),
-        (b"plx\n".to_vec(), "header line 1: `plx` instead of `ply`"),
-        (b"ply\nformat ascii 1.0\nelement vertex 3\n".to_vec(), "header: it has no end_header"),
-        (b"ply\nend_header\n".to_vec(), "header line 2: no format is stated"),
-        (b"ply\nformat ascii 2.0\n".to_vec(), "header line 2: `format ascii 2.0` is not understood"),
-        (cube("property float x\n"), "header line 3: property before element"),
-        (cube("element vertex -1\n"), "header line 3: `-1` is not a count"),
-        (cube("element a 1\nproperty quux x\n"), "header line 4: property type `quux` is unknown"),
-        (cube("element a 1\nproperty list float int x\n"), "header line 4: the length of a list must be an integer"),
-        (cube("element a 1\nelement a 1\n"), "header line 4: element `a` is stated twice"),
-        (cube("element vertex 1\nproperty float x\n"), "element `vertex`: it has no property y"),
-        (cube("element face 1\nproperty int x\n"), "element `face`: it has no property vertex_indices"),
+        (b"".to_vec(), "header: missing 'end_header'"),
+        (b"plx\n".to_vec(), "header line 1: expected 'ply', found 'plx'"),
+        (b"ply\nformat ascii 1.0\nelement vertex 3\n".to_vec(), "header: missing 'end_header'"),
+        (b"ply\nend_header\n".to_vec(), "header line 2: missing 'format' line"),
+        (b"ply\nformat ascii 2.0\n".to_vec(), "header line 2: invalid statement 'format ascii 2.0'"),
+        (cube("property float x\n"), "header line 3: 'property' before the first 'element'"),
+        (cube("element vertex -1\n"), "header line 3: invalid element count '-1'"),
+        (cube("element a 1\nproperty quux x\n"), "header line 4: unknown property type 'quux'"),
+        (cube("element a 1\nproperty list float int x\n"), "header line 4: a list length needs an integer type"),
+        (cube("element a 1\nelement a 1\n"), "header line 4: duplicate element 'a'"),
+        (cube("element vertex 1\nproperty float x\n"), "element 'vertex': missing property 'y'"),
+        (cube("element face 1\nproperty int x\n"), "element 'face': missing property 'vertex_indices'"),
         (
             cube("element face 1\nproperty list int float vertex_index\n"),
-            "element `face`: vertex_indices is not a list of integers",
+            "element 'face': 'vertex_indices' must be a list of integers",
         ),
         (
             cube(&VERTICES.replace('8', "4294967295")),
-            "element `vertex`: 4294967295 rows are declared, but the file has bytes for 18 at most",
+            "element 'vertex': 4294967295 rows declared, but the remaining data holds at most 18",
         ),
-        (cube(&format!("{VERTICES}{}", FACES.replace('6', "7"))), "face 6: the file ends early"),
-        (face("3 0 1"), "face 0: a list of 3 values, but the file has bytes for 2 at most"),
-        (face("3 0 1 3"), "face 0: vertex index 3 of 3"),
-        (face("3 0 1 -2"), "face 0: -2 is no vertex index"),
-        (face("3 0 1 1.5"), "face 0: `1.5` is not an integer"),
-        (face("-3 0 1 2"), "face 0: a list of -3 values, but the file has bytes for 3 at most"),
-        (face("255 0 1 2"), "face 0: a list of 255 values, but the file has bytes for 3 at most"),
+        (cube(&format!("{VERTICES}{}", FACES.replace('6', "7"))), "face 6: unexpected end of file"),
+        (face("3 0 1"), "face 0: list of 3 values, but the remaining data holds at most 2"),
+        (face("3 0 1 3"), "face 0: vertex index 3 out of range (3 vertices)"),
+        (face("3 0 1 -2"), "face 0: invalid vertex index -2"),
+        (face("3 0 1 1.5"), "face 0: expected an integer, found '1.5'"),
+        (face("-3 0 1 2"), "face 0: list of -3 values, but the remaining data holds at most 3"),
+        (face("255 0 1 2"), "face 0: list of 255 values, but the remaining data holds at most 3"),
         (
             file("ascii", &format!("{VERTICES}{FACES}"), ascii_cube().replace("0 1 0", "0 1,5 0")),
-            "vertex 2: `1,5` is not a number",
+            "vertex 2: expected a number, found '1,5'",
         ),
     ] {
         let got = ply(bytes).unwrap_err().to_string();
         assert_eq!(got, format!("model.ply: {message}"));
     }
     let points = file("ascii", VERTICES, ascii_cube());
-    assert_eq!(ply(points).unwrap_err().to_string(), "model.ply: nothing to draw: no face");
+    assert_eq!(ply(points).unwrap_err().to_string(), "model.ply: nothing to draw: no faces");
 }
 
 #[test]
-fn every_truncation_of_a_binary_body_is_an_error() {
-    let whole = file("binary_little_endian", &format!("{VERTICES}{FACES}"), little_endian_cube());
-    is_cube(ply(&whole));
-    for length in 0..whole.len() {
-        assert!(ply(&whole[..length]).is_err(), "{length} bytes");
+fn rejects_every_truncation_of_a_binary_file() {
+    let full = file("binary_little_endian", &format!("{VERTICES}{FACES}"), little_endian_cube());
+    is_cube(ply(&full));
+    for length in 0..full.len() {
+        assert!(ply(&full[..length]).is_err(), "{length} bytes");
     }
 }

@@ -1,5 +1,5 @@
-//! Oracle: on an integer grid, areas are exact integers. The triangles of any cut sum to the polygon's area, so a cut is
-//! right where no triangle turns right. Polygons that cross themselves are only counted.
+//! Oracle: on an integer grid areas are exact. A triangulation is correct if no triangle is clockwise and the areas sum to the
+//! polygon's area. For self-intersecting polygons only the number of triangles is checked.
 
 use super::*;
 use proptest::prelude::*;
@@ -14,23 +14,23 @@ fn twice_polygon_area(polygon: &[[i64; 2]]) -> i64 {
     (0..polygon.len()).map(|k| twice_area([[0, 0], polygon[k], polygon[(k + 1) % polygon.len()]])).sum()
 }
 
-/// The flaw of a cut of a polygon that turns left, if any.
+/// The first error of a triangulation of a counter-clockwise polygon.
 fn flaw(polygon: &[[i64; 2]], triangles: &[[usize; 3]]) -> Option<String> {
     if triangles.len() != polygon.len() - 2 {
         return Some(format!("{} triangles for {} corners", triangles.len(), polygon.len()));
     }
     let areas: Vec<i64> = triangles.iter().map(|triangle| twice_area(triangle.map(|k| polygon[k]))).collect();
     if let Some(wrong) = areas.iter().position(|&area| area < 0) {
-        return Some(format!("triangle {wrong} turns right"));
+        return Some(format!("triangle {wrong} is clockwise"));
     }
-    let (sum, whole) = (areas.iter().sum::<i64>(), twice_polygon_area(polygon));
-    (sum != whole).then(|| format!("area {sum} instead of {whole}"))
+    let (sum, expected) = (areas.iter().sum::<i64>(), twice_polygon_area(polygon));
+    (sum != expected).then(|| format!("area {sum} instead of {expected}"))
 }
 
-/// The polygon in space, after `place`.
+/// Triangulates the polygon embedded in space by `embed`.
 #[expect(clippy::cast_precision_loss, reason = "coordinates are whole numbers below 2^24")]
-fn cut(polygon: &[[i64; 2]], place: impl Fn([f32; 2]) -> [f32; 3]) -> (Vec<[usize; 3]>, Cut) {
-    let placed: Vec<[f32; 3]> = polygon.iter().map(|corner| place(corner.map(|x| x as f32))).collect();
+fn cut(polygon: &[[i64; 2]], embed: impl Fn([f32; 2]) -> [f32; 3]) -> (Vec<[usize; 3]>, Cut) {
+    let placed: Vec<[f32; 3]> = polygon.iter().map(|corner| embed(corner.map(|x| x as f32))).collect();
     let mut triangles = Vec::new();
     let cut = triangulate(&placed, &mut triangles);
     (triangles, cut)
@@ -46,45 +46,45 @@ fn is_clean(polygon: &[[i64; 2]]) {
 const ARROW: [[i64; 2]; 4] = [[0, 0], [2, 1], [4, 0], [2, 6]];
 
 #[test]
-fn convex_polygons_are_fans() {
+fn convex_polygons_become_fans() {
     let (triangles, _) = cut(&[[0, 0], [4, 0], [6, 2], [4, 4], [0, 4]], |[x, y]| [x, y, 0.0]);
     assert_eq!(triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
 }
 
 #[test]
-fn concave_polygons_are_covered_once() {
+fn concave_polygons_are_triangulated() {
     is_clean(&ARROW);
     is_clean(&[[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]);
-    // A comb, whose teeth hide from each other.
+    // A comb.
     is_clean(&[[0, 0], [9, 0], [9, 5], [8, 1], [7, 5], [6, 1], [5, 5], [4, 1], [3, 5], [2, 1], [1, 5]]);
-    // A ring, cut open along an edge that is walked twice.
+    // A ring with a bridge edge that is traversed twice.
     is_clean(&[[0, 0], [6, 0], [6, 6], [0, 6], [0, 0], [2, 2], [2, 4], [4, 4], [4, 2], [2, 2]]);
-    // Two squares that touch in a corner.
+    // Two squares that touch at a corner.
     is_clean(&[[0, 0], [2, 0], [2, 2], [4, 2], [4, 4], [2, 4], [2, 2], [0, 2]]);
 }
 
 #[test]
-fn straight_corners_make_no_sliver() {
+fn collinear_corners_give_no_slivers() {
     let square = [[0, 0], [1, 0], [2, 0], [2, 2], [0, 2]];
     let (triangles, _) = cut(&square, |[x, y]| [x, y, 0.0]);
     assert!(triangles.iter().all(|triangle| twice_area(triangle.map(|k| square[k])) > 0), "{triangles:?}");
 }
 
 #[test]
-fn the_oracle_sees_the_fan_of_an_arrow() {
-    assert_eq!(flaw(&ARROW, &[[0, 1, 2], [0, 2, 3]]).as_deref(), Some("triangle 0 turns right"));
+fn oracle_detects_invalid_triangulations() {
+    assert_eq!(flaw(&ARROW, &[[0, 1, 2], [0, 2, 3]]).as_deref(), Some("triangle 0 is clockwise"));
     assert_eq!(flaw(&ARROW, &[[0, 1, 3]]).as_deref(), Some("1 triangles for 4 corners"));
     assert_eq!(flaw(&ARROW, &[[0, 1, 3], [0, 2, 3]]).as_deref(), Some("area 34 instead of 20"));
 }
 
 #[test]
-fn quadrilaterals_take_the_diagonal_that_is_inside() {
+fn quadrilaterals_use_the_inner_diagonal() {
     for (polygon, want) in [
         ([[0, 0], [4, 0], [4, 4], [0, 4]], [[0, 1, 2], [0, 2, 3]]),
         (ARROW, [[0, 1, 3], [1, 2, 3]]),
         ([[2, 1], [4, 0], [2, 6], [0, 0]], [[0, 1, 2], [0, 2, 3]]),
         ([[0, 0], [2, 0], [4, 0], [2, 6]], [[0, 1, 3], [1, 2, 3]]),
-        // It crosses itself.
+        // Self-intersecting.
         ([[0, 0], [4, 0], [0, 3], [4, 4]], [[0, 1, 2], [0, 2, 3]]),
     ] {
         assert_eq!(cut(&polygon, |[x, y]| [x, y, 0.0]), (want.to_vec(), Cut::Clean), "{polygon:?}");
@@ -92,7 +92,7 @@ fn quadrilaterals_take_the_diagonal_that_is_inside() {
 }
 
 #[test]
-fn twisted_and_flat_polygons_are_counted() {
+fn twisted_and_degenerate_polygons_become_fans() {
     let mut triangles = Vec::new();
     assert_eq!(triangulate(&[[0.0; 3], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0]], &mut triangles), Cut::Clean);
     assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
@@ -102,8 +102,8 @@ fn twisted_and_flat_polygons_are_counted() {
 }
 
 #[test]
-fn long_polygons_are_cut_without_giving_up() {
-    // A comb of needles; a bay whose corners are all reflex; a spiral.
+fn long_polygons_stay_within_the_work_limit() {
+    // A comb of needles, a polygon with only reflex corners along one side, a spiral.
     let n = 2_000_i64;
     let comb = (0..n).map(|k| [2 * (n - k), if k % 2 == 0 { 1 } else { 1000 }]);
     is_clean(&[[0, 0], [2 * n, 0]].into_iter().chain(comb).collect::<Grid>());
@@ -124,8 +124,8 @@ fn long_polygons_are_cut_without_giving_up() {
 }
 
 #[test]
-fn intricate_polygons_end_in_time() {
-    // Needles of length n from left and right, each between two of the other side: every ear spans all corners.
+fn complex_polygons_take_linear_time() {
+    // Interleaved needles from both sides: every ear spans all corners.
     let n = 40_000_i64;
     let left = (0..n).map(|k| [if k % 2 == 0 { 0 } else { n }, 2 * k]);
     let right = (0..n).rev().map(|k| [if k % 2 == 0 { 1 } else { n + 1 }, 2 * k]);
@@ -134,7 +134,7 @@ fn intricate_polygons_end_in_time() {
     assert_eq!(triangles.len(), zigzag.len() - 2);
 }
 
-/// Corners around the origin by angle, which is a simple polygon that has a concave corner nearly always.
+/// A simple polygon with corners sorted by angle around the origin; usually concave.
 fn star() -> impl Strategy<Value = Grid> {
     prop::collection::vec([-40_i64..=40, -40_i64..=40], 4..60).prop_filter_map("around the origin", |mut corners| {
         corners.retain(|&corner| corner != [0, 0]);
@@ -149,7 +149,7 @@ fn star() -> impl Strategy<Value = Grid> {
 
 proptest! {
     #[test]
-    fn simple_polygons_are_covered_once(polygon in star(), first in 0_usize..60) {
+    fn simple_polygons_are_triangulated(polygon in star(), first in 0_usize..60) {
         let mut polygon = polygon;
         let n = polygon.len();
         polygon.rotate_left(first % n);
@@ -159,8 +159,8 @@ proptest! {
     }
 
     #[test]
-    fn rings_that_are_cut_open_are_covered_once(hole in star(), first in 0_usize..70) {
-        // The bridge leaves the hole from the corner that is farthest along the diagonal, so it meets nothing.
+    fn rings_with_a_bridge_are_triangulated(hole in star(), first in 0_usize..70) {
+        // The bridge starts at the hole's corner farthest along the diagonal, so it intersects nothing.
         let mut hole = hole;
         let bridge = (0..hole.len()).max_by_key(|&k| hole[k][0] + hole[k][1]).unwrap();
         hole.rotate_left(bridge);
@@ -174,7 +174,7 @@ proptest! {
     }
 
     #[test]
-    fn repeated_corners_change_nothing(polygon in star(), repeated in prop::collection::vec(0_usize..60, 1..5)) {
+    fn repeated_corners_are_supported(polygon in star(), repeated in prop::collection::vec(0_usize..60, 1..5)) {
         let mut polygon = polygon;
         for k in repeated {
             let k = k % polygon.len();
@@ -186,16 +186,16 @@ proptest! {
     }
 
     #[test]
-    fn the_cut_does_not_depend_on_where_the_polygon_lies(polygon in star()) {
+    fn result_is_invariant_under_translation_and_scaling(polygon in star()) {
         let (flat, _) = cut(&polygon, |[x, y]| [x, y, 0.0]);
-        // Exact in `f32`: whole numbers below 2^24, powers of two.
+        // Exact in `f32`: integers below 2^24, powers of two.
         prop_assert_eq!(&cut(&polygon, |[x, y]| [x + 1e7, y - 1e7, x - y]).0, &flat);
         prop_assert_eq!(&cut(&polygon, |[x, y]| [x, y, 0.0].map(|v| v * 2_f32.powi(100))).0, &flat);
         prop_assert_eq!(&cut(&polygon, |[x, y]| [x, y, 0.0].map(|v| v * 2_f32.powi(-140))).0, &flat);
     }
 
     #[test]
-    fn any_corners_make_their_number_of_triangles(polygon in prop::collection::vec(prop::array::uniform3(any::<u32>()), 3..40)) {
+    fn any_input_gives_n_minus_2_triangles(polygon in prop::collection::vec(prop::array::uniform3(any::<u32>()), 3..40)) {
         let corners: Vec<[f32; 3]> = polygon.iter().map(|corner| corner.map(f32::from_bits)).collect();
         let mut triangles = Vec::new();
         triangulate(&corners, &mut triangles);

@@ -1,10 +1,10 @@
-//! Poses at a time, against values found by hand.
+//! Animations, against values computed by hand.
 
 use serde_json::{Value, json};
 
 use super::{File, TRIANGLE};
 
-/// The triangle on a node that one channel animates: key times 1, 2 and 4, values and how they are interpolated.
+/// The triangle on a node with one animation channel with key times 1, 2 and 4.
 fn animated(path: &str, element: &str, values: &[f32], interpolation: &str) -> File {
     let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
     let (input, output) = (file.reals("SCALAR", &[1.0, 2.0, 4.0]), file.reals(element, values));
@@ -23,17 +23,17 @@ fn columns(file: &File, time: f32) -> [[f32; 3]; 4] {
     scene.instances[0].world_from_object.columns
 }
 
-/// Where the node stands at a time.
+/// Position of the node at a time.
 #[track_caller]
-fn stands(file: &File, time: f32) -> [f32; 3] {
+fn position(file: &File, time: f32) -> [f32; 3] {
     columns(file, time)[3]
 }
 
-const PLACES: [f32; 9] = [0.0, 1.0, 0.0, 8.0, 3.0, 0.0, 4.0, 3.0, 2.0];
+const POSITIONS: [f32; 9] = [0.0, 1.0, 0.0, 8.0, 3.0, 0.0, 4.0, 3.0, 2.0];
 
 #[test]
-fn lines_and_steps_between_keys() {
-    let line = animated("translation", "VEC3", &PLACES, "LINEAR");
+fn linear_and_step_interpolation() {
+    let line = animated("translation", "VEC3", &POSITIONS, "LINEAR");
     for (time, want) in [
         (-5.0, [0.0, 1.0, 0.0]),
         (1.0, [0.0, 1.0, 0.0]),
@@ -43,39 +43,39 @@ fn lines_and_steps_between_keys() {
         (4.0, [4.0, 3.0, 2.0]),
         (1e9, [4.0, 3.0, 2.0]),
     ] {
-        assert_eq!(stands(&line, time), want, "{time}");
+        assert_eq!(position(&line, time), want, "{time}");
     }
-    let step = animated("translation", "VEC3", &PLACES, "STEP");
+    let step = animated("translation", "VEC3", &POSITIONS, "STEP");
     for (time, x) in [(0.0, 0.0), (1.99, 0.0), (2.0, 8.0), (3.99, 8.0), (4.0, 4.0)] {
-        assert_eq!(stands(&step, time)[0], x, "{time}");
+        assert_eq!(position(&step, time)[0], x, "{time}");
     }
-    assert_eq!(line.scene().instances[0].world_from_object.columns[3], [0.0; 3], "without a time it does not move");
+    assert_eq!(line.scene().instances[0].world_from_object.columns[3], [0.0; 3], "without a time it is not animated");
 }
 
 #[test]
-fn splines_between_keys() {
-    // Each key: the tangent into it, its value, the tangent out of it.
+fn cubic_spline_interpolation() {
+    // Each key: in-tangent, value, out-tangent.
     let key = |into: f32, value: f32, out: f32| [[into, 0.0, 0.0], [value, 0.0, 0.0], [out, 0.0, 0.0]];
     let keys = [key(9.0, 0.0, 2.0), key(4.0, 8.0, 0.0), key(-2.0, 4.0, 9.0)].concat().concat();
     let spline = animated("translation", "VEC3", &keys, "CUBICSPLINE");
-    // Half way: the mean of the values, and an eighth of the way's seconds times the difference of the tangents.
+    // Halfway: the mean of the values plus an eighth of the interval times the difference of the tangents.
     for (time, x) in
         [(0.0, 0.0), (1.5, 4.0 + (2.0 - 4.0) / 8.0), (2.0, 8.0), (3.0, 6.0 + 2.0 * (0.0 + 2.0) / 8.0), (9.0, 4.0)]
     {
-        assert_eq!(stands(&spline, time)[0], x, "{time}");
+        assert_eq!(position(&spline, time)[0], x, "{time}");
     }
 }
 
 #[test]
-fn rotations_turn_evenly_and_scales_grow() {
+fn rotations_and_scales_are_interpolated() {
     let half = std::f32::consts::FRAC_1_SQRT_2;
-    // No turn, a quarter about z (its opposite quaternion, of another length), and half a turn.
+    // Rotations about z by 0, 90 (negated quaternion of length 2) and 180 degrees.
     let turns = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -2.0 * half, -2.0 * half, 0.0, 0.0, 1.0, 0.0];
     let file = animated("rotation", "VEC4", &turns, "LINEAR");
     for (time, degrees) in [(1.0, 0.0), (1.5, 45.0), (2.0, 90.0), (3.0, 135.0), (4.0, 180.0_f64)] {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let [x, ..] = columns(&file, time).map(|column| column.map(f64::from));
-        // The quaternion is rounded once a component, which turns it by as much at most.
+        // Each component of the quaternion is rounded once.
         let bound = 4.0 * f64::from(f32::EPSILON);
         assert!((x[0] - cos).abs() <= bound && (x[1] - sin).abs() <= bound, "{x:?} at {time}");
     }
@@ -85,7 +85,7 @@ fn rotations_turn_evenly_and_scales_grow() {
 }
 
 #[test]
-fn weights_bend_the_mesh_of_their_node() {
+fn weights_deform_the_mesh() {
     let mut file = animated("weights", "SCALAR", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], "LINEAR");
     let lift = file.reals("VEC3", &[0.0, 0.0, 4.0].repeat(3));
     let push = file.reals("VEC3", &[8.0, 0.0, 0.0].repeat(3));
@@ -97,9 +97,9 @@ fn weights_bend_the_mesh_of_their_node() {
 }
 
 #[test]
-fn cubic_weights_have_three_elements_a_weight() {
+fn cubic_weights_have_three_values_per_weight() {
     let mut file = animated("weights", "SCALAR", &[], "CUBICSPLINE");
-    // Two weights: tangents in, values, tangents out, key by key.
+    // Per key, for two weights: in-tangents, values, out-tangents.
     let keys = [[0.0, 0.0, 1.0, 2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 4.0, 0.0, 0.0], [0.0, 0.0, 5.0, 6.0, 0.0, 0.0]];
     let output = file.reals("SCALAR", &keys.concat());
     file.json["animations"][0]["samplers"][0]["output"] = json!(output);
@@ -112,8 +112,8 @@ fn cubic_weights_have_three_elements_a_weight() {
 }
 
 #[test]
-fn joints_move_their_skins() {
-    let mut file = animated("translation", "VEC3", &PLACES, "LINEAR");
+fn joints_move_the_skin() {
+    let mut file = animated("translation", "VEC3", &POSITIONS, "LINEAR");
     let joints = file.accessor(super::U8, "VEC4", 3, &[0; 12]);
     let weights = file.reals("VEC4", &[1.0, 0.0, 0.0, 0.0].repeat(3));
     file.push("skins", json!({ "joints": [0] }));
@@ -126,13 +126,13 @@ fn joints_move_their_skins() {
 }
 
 #[test]
-fn what_an_animation_cannot_do_is_said() {
-    let said = |file: &File| file.read_at(1.0).unwrap().warnings.join("|");
+fn unsupported_animations_are_reported() {
+    let warnings = |file: &File| file.read_at(1.0).unwrap().warnings.join("|");
     assert_eq!(
-        said(&File::of_nodes(json!([{ "mesh": 0 }]))),
-        "there is no animation, the time changes nothing: time 1"
+        warnings(&File::of_nodes(json!([{ "mesh": 0 }]))),
+        "ignoring the time, the file has no animation: time 1"
     );
-    let line = animated("translation", "VEC3", &PLACES, "LINEAR");
+    let line = animated("translation", "VEC3", &POSITIONS, "LINEAR");
     let with = |change: &dyn Fn(&mut Value)| {
         let mut file = line.clone();
         change(&mut file.json);
@@ -143,20 +143,20 @@ fn what_an_animation_cannot_do_is_said() {
         json["animations"].as_array_mut().unwrap().push(second);
         json["animations"][0]["name"] = json!("walk");
     });
-    assert_eq!(said(&several), "only the first of several animations poses the scene: animation 0 \"walk\"");
+    assert_eq!(warnings(&several), "using only the first of several animations: animation 0 \"walk\"");
     let fixed = with(&|json| json["nodes"][0]["matrix"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]));
-    assert_eq!(said(&fixed), "a node with a matrix cannot be animated: node 0");
+    assert_eq!(warnings(&fixed), "ignoring the animation of a node with a matrix: node 0");
     let odd = with(&|json| json["animations"][0]["channels"][0]["target"]["path"] = json!("pointer"));
-    assert!(said(&odd).contains("animation 0 channel 0"));
+    assert!(warnings(&odd).contains("animation 0 channel 0"));
     let loose =
         with(&|json| drop(json["animations"][0]["channels"][0]["target"].as_object_mut().unwrap().remove("node")));
-    assert_eq!(said(&loose), "what animates no node is ignored: animation 0, 1 channels");
+    assert_eq!(warnings(&loose), "ignoring channels without a target node: animation 0, 1 channels");
 }
 
 #[test]
-fn animations_that_break_the_rules() {
-    let refused = |change: &dyn Fn(&mut File), thing: &str| {
-        let mut file = animated("translation", "VEC3", &PLACES, "LINEAR");
+fn invalid_animations_are_rejected() {
+    let rejected = |change: &dyn Fn(&mut File), thing: &str| {
+        let mut file = animated("translation", "VEC3", &POSITIONS, "LINEAR");
         change(&mut file);
         file.scene();
         let error = file.read_at(1.0).expect_err(thing).to_string();
@@ -165,20 +165,23 @@ fn animations_that_break_the_rules() {
     let sampler = |key: &'static str, value: Value| {
         move |file: &mut File| file.json["animations"][0]["samplers"][0][key] = value.clone()
     };
-    refused(&|file| file.json["animations"][0]["channels"][0]["sampler"] = json!(1), "names sampler 1 of 1");
-    refused(&|file| file.json["animations"][0]["channels"][0]["target"]["node"] = json!(7), "names node 7 of 1");
-    refused(&sampler("input", json!(9)), "names accessor 9");
-    refused(&sampler("interpolation", json!("CUBIC")), "unknown interpolation");
-    refused(&sampler("interpolation", json!("CUBICSPLINE")), "has 3 values for 3 keys");
+    rejected(&|file| file.json["animations"][0]["channels"][0]["sampler"] = json!(1), "sampler index 1 out of range");
+    rejected(
+        &|file| file.json["animations"][0]["channels"][0]["target"]["node"] = json!(7),
+        "node index 7 out of range",
+    );
+    rejected(&sampler("input", json!(9)), "accessor index 9");
+    rejected(&sampler("interpolation", json!("CUBIC")), "unknown interpolation");
+    rejected(&sampler("interpolation", json!("CUBICSPLINE")), "3 values for 3 keys");
     for (times, thing) in [
-        ([1.0, 1.0, 2.0], "key time 1 behind 1"),
-        ([1.0, 3.0, 2.0], "key time 2 behind 3"),
+        ([1.0, 1.0, 2.0], "key time 1 after 1"),
+        ([1.0, 3.0, 2.0], "key time 2 after 3"),
         ([0.0, f32::NAN, 2.0], "not finite"),
     ] {
         let change = |file: &mut File| {
             let input = file.reals("SCALAR", &times);
             file.json["animations"][0]["samplers"][0]["input"] = json!(input);
         };
-        refused(&change, thing);
+        rejected(&change, thing);
     }
 }

@@ -1,10 +1,10 @@
-//! What vertices carry beside positions and normals: colours, tangents, two sets of coordinates.
+//! Vertex colors, tangents and texture coordinates.
 
 use serde_json::{Value, json};
 
 use super::{File, TRIANGLE, U8, U16};
 
-/// A material whose normals and base colour come from textures, by the second and the first coordinates.
+/// A material with a normal map on set 1 and a base color texture on set 0.
 fn mapped() -> Value {
     json!({
         "normalTexture": { "index": 0, "texCoord": 1 },
@@ -12,14 +12,14 @@ fn mapped() -> Value {
     })
 }
 
-/// The triangle with an attribute more.
+/// Adds an attribute to the triangle.
 fn with(mut file: File, attribute: &str, accessor: usize) -> File {
     file.json["meshes"][0]["primitives"][0]["attributes"][attribute] = json!(accessor);
     file
 }
 
 #[test]
-fn colors_of_every_type() {
+fn reads_colors_of_every_type() {
     let halves = |file: &mut File| {
         [
             file.reals("VEC4", &[0.2, 0.4, 0.6, 0.8].repeat(3)),
@@ -38,16 +38,16 @@ fn colors_of_every_type() {
 }
 
 #[test]
-fn colors_that_are_white_or_wrong() {
+fn white_colors_are_dropped_and_invalid_ones_clamped() {
     let colored = |colors: &[f32]| {
         let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
         let accessor = file.reals("VEC3", colors);
         with(file, "COLOR_0", accessor)
     };
-    assert!(colored(&[1.0; 9]).scene().meshes[0].colors.is_none(), "white costs nothing");
+    assert!(colored(&[1.0; 9]).scene().meshes[0].colors.is_none(), "white is dropped");
     let scene = colored(&[2.0, -1.0, f32::NAN, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]).scene();
     assert_eq!(scene.meshes[0].colors.as_ref().unwrap()[0], [1.0, 0.0, 0.0, 1.0]);
-    colored(&[1.0; 6]).refused("2 COLOR_0 for 3 vertices");
+    colored(&[1.0; 6]).rejected("2 COLOR_0 values for 3 vertices");
 }
 
 #[test]
@@ -56,13 +56,13 @@ fn primitives_without_colors_are_white() {
     let (positions, colors) = (file.reals("VEC3", &TRIANGLE), file.reals("VEC3", &[0.5; 9]));
     let plain = json!({ "attributes": { "POSITION": positions } });
     let colored = json!({ "attributes": { "POSITION": positions, "COLOR_0": colors } });
-    let scene = file.place(json!([plain, colored, plain])).scene();
+    let scene = file.with_node(json!([plain, colored, plain])).scene();
     let colors = scene.meshes[0].colors.as_ref().unwrap();
     assert_eq!([colors[0], colors[3], colors[8]], [[1.0; 4], [0.5, 0.5, 0.5, 1.0], [1.0; 4]]);
 }
 
 #[test]
-fn tangents_are_kept_for_normal_textures() {
+fn tangents_are_kept_for_normal_maps() {
     let tangents = |material: Value| {
         let mut file = super::materials::file(material);
         let numbers = [2.0, 0.0, 0.0, 1.0, 0.0, 3.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0];
@@ -75,7 +75,7 @@ fn tangents_are_kept_for_normal_textures() {
 }
 
 #[test]
-fn two_sets_of_coordinates() {
+fn reads_two_sets_of_coordinates() {
     let mesh = &super::materials::file(mapped()).scene().meshes[0];
     let (first, second) = (mesh.uvs.as_ref().unwrap(), mesh.second_uvs.as_ref().unwrap());
     assert_eq!((first[0], first[2]), ([0.0, 1.0], [1.0, 0.0]));
@@ -83,7 +83,7 @@ fn two_sets_of_coordinates() {
 }
 
 #[test]
-fn coordinates_that_are_not_finite_are_zero() {
+fn non_finite_coordinates_become_zero() {
     let mut file = super::materials::file(mapped());
     let uvs = file.reals("VEC2", &[f32::NAN, 0.5, 0.5, f32::INFINITY, 0.5, 0.5]);
     let scene = with(file, "TEXCOORD_0", uvs).scene();

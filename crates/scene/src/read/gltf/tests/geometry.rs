@@ -1,4 +1,4 @@
-//! Primitives joined to meshes: topologies, indices, normals, what is dropped and what is kept.
+//! Primitives: topologies, indices, normals, joining, dropped triangles.
 
 use proptest::prelude::*;
 use serde_json::json;
@@ -6,7 +6,7 @@ use serde_json::json;
 use super::{F32, File, TRIANGLE, U8, U32};
 use crate::{MaterialId, Part};
 
-/// Five points of a strip in the plane, and one that is not used.
+/// An unused point, then five points of a planar strip.
 const STRIP: [f32; 18] = [9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 2.0, 0.0];
 
 #[test]
@@ -14,34 +14,34 @@ fn strips_and_fans_with_and_without_indices() {
     for (mode, want) in [(5, [[0, 1, 2], [1, 3, 2], [2, 3, 4]]), (6, [[1, 2, 0], [2, 3, 0], [3, 4, 0]])] {
         let mut file = File::new();
         let positions = file.reals("VEC3", &STRIP[3..]);
-        let plain = file.place(json!([{ "attributes": { "POSITION": positions }, "mode": mode }])).scene();
+        let plain = file.with_node(json!([{ "attributes": { "POSITION": positions }, "mode": mode }])).scene();
         assert_eq!(plain.meshes[0].triangles, want);
 
         let mut file = File::new();
         let (positions, indices) = (file.reals("VEC3", &STRIP), file.indices(&[1, 2, 3, 4, 5]));
         let primitive = json!({ "attributes": { "POSITION": positions }, "indices": indices, "mode": mode });
-        let indexed = file.place(json!([primitive])).scene();
-        assert_eq!(indexed.meshes[0].triangles, want, "numbers start at the first used vertex");
+        let indexed = file.with_node(json!([primitive])).scene();
+        assert_eq!(indexed.meshes[0].triangles, want, "unused vertices are dropped");
         assert_eq!(indexed.meshes[0].positions, plain.meshes[0].positions);
     }
 }
 
 #[test]
-fn indices_of_every_width() {
+fn reads_indices_of_every_width() {
     for (component, bytes) in [(U8, vec![2, 0, 1]), (U32, vec![2, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0])] {
         let mut file = File::new();
         let positions = file.reals("VEC3", &TRIANGLE);
         let indices = file.accessor(component, "SCALAR", 3, &bytes);
-        let scene = file.place(json!([{ "attributes": { "POSITION": positions }, "indices": indices }])).scene();
+        let scene = file.with_node(json!([{ "attributes": { "POSITION": positions }, "indices": indices }])).scene();
         assert_eq!(scene.meshes[0].triangles, [[2, 0, 1]]);
     }
     let mut file = File::new();
     let (positions, indices) = (file.reals("VEC3", &TRIANGLE), file.reals("SCALAR", &[0.0, 1.0, 2.0]));
-    file.place(json!([{ "attributes": { "POSITION": positions }, "indices": indices }])).refused("indices");
+    file.with_node(json!([{ "attributes": { "POSITION": positions }, "indices": indices }])).rejected("indices");
 }
 
 #[test]
-fn primitives_are_joined_with_a_part_each() {
+fn primitives_become_parts() {
     let mut file = File::new();
     let (positions, indices) = (file.reals("VEC3", &STRIP), file.indices(&[1, 2, 3, 3, 2, 4, 5, 4, 3]));
     let normals = file.reals("VEC3", &[0.0, 0.0, 2.0].repeat(6));
@@ -49,25 +49,25 @@ fn primitives_are_joined_with_a_part_each() {
         file.push("materials", json!({ "name": name }));
     }
     let scene = file
-        .place(json!([
+        .with_node(json!([
             { "attributes": { "POSITION": positions }, "indices": indices, "material": 1 },
             { "attributes": { "POSITION": positions, "NORMAL": normals }, "indices": indices },
         ]))
         .scene();
     let mesh = &scene.meshes[0];
     assert_eq!(mesh.triangles[3..], [[5, 6, 7], [7, 6, 8], [9, 8, 7]]);
-    assert_eq!(mesh.positions.len(), 10, "the unused vertex is not kept");
+    assert_eq!(mesh.positions.len(), 10, "the unused vertex is dropped");
     let part = |first_triangle, material| Part { first_triangle, material: MaterialId(material) };
     assert_eq!(mesh.parts, [part(0, 1), part(3, 2)]);
     assert_eq!((scene.materials.len(), &scene.materials[2].name[..]), (3, "default"));
     let normals = mesh.normals.as_ref().unwrap();
-    assert!(normals[..5].iter().all(|normal| *normal == [0.0; 3]), "the first primitive has none");
-    assert!(normals[5..].iter().all(|normal| *normal == [0.0, 0.0, 1.0]), "of unit length");
-    assert!(mesh.uvs.is_none(), "nothing needs texture coordinates");
+    assert!(normals[..5].iter().all(|normal| *normal == [0.0; 3]), "the first primitive has no normals");
+    assert!(normals[5..].iter().all(|normal| *normal == [0.0, 0.0, 1.0]), "normalized");
+    assert!(mesh.uvs.is_none(), "no texture needs coordinates");
 }
 
 #[test]
-fn a_large_shared_vertex_list_is_not_copied_for_each_primitive() {
+fn shared_vertex_lists_are_not_copied() {
     let mut file = File::new();
     let many: Vec<f32> = (0..3 * 30_000).map(|k| (k % 97) as f32).collect();
     let positions = file.reals("VEC3", &many);
@@ -78,18 +78,18 @@ fn a_large_shared_vertex_list_is_not_copied_for_each_primitive() {
             json!({ "attributes": { "POSITION": positions }, "indices": indices })
         })
         .collect();
-    let scene = file.place(json!(primitives)).read().unwrap();
+    let scene = file.with_node(json!(primitives)).read().unwrap();
     assert_eq!(scene.meshes[0].positions.len(), 3000);
 }
 
 #[test]
-fn what_is_not_finite_is_dropped_with_its_vertices() {
+fn non_finite_triangles_are_dropped() {
     let mut file = File::new();
     let mut numbers = STRIP;
     numbers[15] = f32::NEG_INFINITY;
     let positions = file.reals("VEC3", &numbers);
     let primitive = json!({ "attributes": { "POSITION": positions }, "mode": 5 });
-    let scene = file.place(json!([primitive])).warned("not finite");
+    let scene = file.with_node(json!([primitive])).warned("non-finite");
     assert_eq!(scene.meshes[0].positions.len(), 5);
     assert_eq!(scene.n_unique_triangles(), 3);
 }
@@ -99,66 +99,68 @@ fn positions_keep_their_bits() {
     let numbers = [-0.0, f32::from_bits(1), 1e-38, f32::MAX, f32::MIN_POSITIVE, -1e7, 16_777_215.0, -0.0, 0.1];
     let mut file = File::new();
     let positions = file.reals("VEC3", &numbers);
-    let scene = file.place(json!([{ "attributes": { "POSITION": positions } }])).read().unwrap();
+    let scene = file.with_node(json!([{ "attributes": { "POSITION": positions } }])).read().unwrap();
     let bits = |numbers: &[f32]| -> Vec<u32> { numbers.iter().map(|x| x.to_bits()).collect() };
     assert_eq!(bits(scene.meshes[0].positions.as_flattened()), bits(&numbers));
 }
 
 #[test]
-fn normals_that_say_nothing_are_zero() {
+fn invalid_normals_become_zero() {
     let mut file = File::new();
     let positions = file.reals("VEC3", &TRIANGLE);
     let normals = file.reals("VEC3", &[f32::NAN, 0.0, 1.0, 0.0, 0.0, 0.0, 1e-30, 0.0, 0.0]);
-    let scene = file.place(json!([{ "attributes": { "POSITION": positions, "NORMAL": normals } }])).scene();
+    let scene = file.with_node(json!([{ "attributes": { "POSITION": positions, "NORMAL": normals } }])).scene();
     assert_eq!(scene.meshes[0].normals.as_ref().unwrap()[..], [[0.0; 3], [0.0; 3], [1.0, 0.0, 0.0]]);
 }
 
 #[test]
-fn what_is_left_out_is_said() {
+fn skipped_primitives_are_reported() {
     let mut file = File::new();
     let (positions, indices) = (file.reals("VEC3", &TRIANGLE), file.indices(&[0, 1, 2, 1]));
-    let whole = json!({ "attributes": { "POSITION": positions } });
-    let beside = |primitive| file.clone().place(json!([whole, primitive]));
-    beside(json!({ "attributes": { "POSITION": positions }, "mode": 1 }))
-        .warned("primitive 1 is made of points or lines");
-    beside(json!({ "attributes": { "NORMAL": positions } })).warned("primitive 1 has no POSITION");
-    let scene = beside(json!({ "attributes": { "POSITION": positions }, "indices": indices })).warned("1 indices");
+    let valid = json!({ "attributes": { "POSITION": positions } });
+    let with = |primitive| file.clone().with_node(json!([valid, primitive]));
+    with(json!({ "attributes": { "POSITION": positions }, "mode": 1 })).warned("primitive 1: points and lines");
+    with(json!({ "attributes": { "NORMAL": positions } })).warned("primitive 1: missing POSITION");
+    let scene =
+        with(json!({ "attributes": { "POSITION": positions }, "indices": indices })).warned("1 trailing indices");
     assert_eq!(scene.n_unique_triangles(), 2);
-    file.clone().place(json!([{ "attributes": { "POSITION": positions }, "mode": 0 }])).refused("nothing to draw");
+    file.clone().with_node(json!([{ "attributes": { "POSITION": positions }, "mode": 0 }])).rejected("nothing to draw");
 }
 
 #[test]
-fn breaches_are_named() {
+fn invalid_primitives_are_rejected() {
     let mut file = File::new();
     let (positions, indices) = (file.reals("VEC3", &TRIANGLE), file.indices(&[0, 1, 3]));
     let (pairs, two) = (file.reals("VEC2", &TRIANGLE[..6]), file.reals("VEC3", &TRIANGLE[..6]));
-    let with = |primitive| file.clone().place(json!([primitive]));
-    with(json!({ "attributes": { "POSITION": 9 } })).refused("names accessor 9 of 4");
-    with(json!({ "attributes": { "POSITION": pairs } })).refused("POSITION");
-    with(json!({ "attributes": { "POSITION": positions }, "indices": indices })).refused("index 2 names vertex 3 of 3");
-    with(json!({ "attributes": { "POSITION": positions, "NORMAL": two } })).refused("2 NORMAL for 3 vertices");
-    with(json!({ "attributes": { "POSITION": positions }, "material": 0 })).refused("names material 0 of 0");
-    with(json!({ "attributes": { "POSITION": positions }, "mode": 7 })).refused("unknown mode");
+    let with = |primitive| file.clone().with_node(json!([primitive]));
+    with(json!({ "attributes": { "POSITION": 9 } })).rejected("accessor index 9 out of range (4 defined)");
+    with(json!({ "attributes": { "POSITION": pairs } })).rejected("POSITION");
+    with(json!({ "attributes": { "POSITION": positions }, "indices": indices }))
+        .rejected("index 2 is 3, out of range (3 vertices)");
+    with(json!({ "attributes": { "POSITION": positions, "NORMAL": two } })).rejected("2 NORMAL values for 3 vertices");
+    with(json!({ "attributes": { "POSITION": positions }, "material": 0 }))
+        .rejected("material index 0 out of range (0 defined)");
+    with(json!({ "attributes": { "POSITION": positions }, "mode": 7 })).rejected("unknown mode");
 }
 
 #[test]
-fn meshes_that_nothing_places_count_for_the_numbering_alone() {
+fn unused_meshes_only_count_for_numbering() {
     let mut file = File::new();
     let (strip, triangle) = (file.reals("VEC3", &STRIP), file.reals("VEC3", &TRIANGLE));
     let lines = file.mesh(json!([{ "attributes": { "POSITION": triangle }, "mode": 3 }]));
     file.mesh(json!([{ "attributes": { "POSITION": strip }, "mode": 5 }]));
     let placed = file.mesh(json!([{ "attributes": { "POSITION": triangle } }]));
     file.json["nodes"] = json!([{ "mesh": lines }, { "mesh": placed }]);
-    let scene = file.warned("points or lines");
+    let scene = file.warned("points and lines");
     assert_eq!((scene.meshes.len(), scene.instances.len()), (1, 1));
     assert_eq!(scene.instances[0].first_primitive, 4);
     assert_eq!(scene.instances[0].mesh.0, 0);
 }
 
 proptest! {
-    /// Against a reading without any sharing: the corners of each triangle, one by one.
+    /// Against direct lookup of each corner.
     #[test]
-    fn corners_are_those_of_the_indices(
+    fn corners_match_the_indices(
         numbers in prop::collection::vec(prop::num::f32::NORMAL | prop::num::f32::ZERO, 12..60),
         picks in prop::collection::vec(any::<u16>(), 3..40),
     ) {
@@ -168,8 +170,8 @@ proptest! {
         let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
         let positions = file.accessor(F32, "VEC3", n_vertices, &bytes);
         let index_accessor = file.indices(&indices);
-        let read = file.place(json!([{ "attributes": { "POSITION": positions }, "indices": index_accessor }])).read();
-        // Triangles that are all flat are refused, which is not what is tested here.
+        let read = file.with_node(json!([{ "attributes": { "POSITION": positions }, "indices": index_accessor }])).read();
+        // Files with only degenerate triangles are rejected.
         prop_assume!(read.is_ok());
         let mesh = &read.unwrap().meshes[0];
         let want: Vec<[f32; 3]> = indices[..indices.len() / 3 * 3]

@@ -1,6 +1,4 @@
-//! Files with bytes or numbers changed: any outcome but a panic, and what is read keeps its promises.
-//!
-//! Not covered: files without the structure of glTF, which the JSON parser answers for.
+//! Mutated files never panic, and accepted files give valid scenes.
 
 use std::sync::OnceLock;
 
@@ -10,8 +8,8 @@ use serde_json::{Value, json};
 use super::{File, TRIANGLE, U8, read_bytes};
 use crate::{ReadOptions, Scene, read_with};
 
-/// A small file with something of everything.
-fn rich() -> &'static File {
+/// A small file that uses most features.
+fn full_featured() -> &'static File {
     static FILE: OnceLock<File> = OnceLock::new();
     FILE.get_or_init(|| {
         let mut file = File::new();
@@ -67,13 +65,13 @@ fn rich() -> &'static File {
     })
 }
 
-/// Whether the scene keeps its promises: indices in range, used positions finite, lists of one length.
-fn is_sound(scene: &Scene) -> bool {
-    let meshes_are_sound = scene.meshes.iter().all(|mesh| {
+/// Whether indices are in range, positions finite, and attribute lists of equal length.
+fn is_valid(scene: &Scene) -> bool {
+    let meshes_are_valid = scene.meshes.iter().all(|mesh| {
         let n_vertices = mesh.positions.len();
-        let corner_is_sound =
+        let corner_is_valid =
             |&corner: &u32| mesh.positions.get(corner as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()));
-        mesh.triangles.as_flattened().iter().all(corner_is_sound)
+        mesh.triangles.as_flattened().iter().all(corner_is_valid)
             && [&mesh.uvs, &mesh.second_uvs].into_iter().flatten().all(|uvs| uvs.len() == n_vertices)
             && mesh.tangents.as_ref().is_none_or(|tangents| tangents.len() == n_vertices)
             && mesh.colors.as_ref().is_none_or(|colors| colors.len() == n_vertices)
@@ -81,30 +79,30 @@ fn is_sound(scene: &Scene) -> bool {
             && mesh.parts.first().is_some_and(|part| part.first_triangle == 0)
             && mesh.parts.iter().all(|part| (part.material.0 as usize) < scene.materials.len())
     });
-    let instance_is_sound = |instance: &crate::Instance| {
+    let instance_is_valid = |instance: &crate::Instance| {
         let placed = &instance.world_from_object;
         (instance.mesh.0 as usize) < scene.meshes.len() && placed.is_finite() && placed.determinant() != 0.0
     };
-    meshes_are_sound && !scene.instances.is_empty() && scene.instances.iter().all(instance_is_sound)
+    meshes_are_valid && !scene.instances.is_empty() && scene.instances.iter().all(instance_is_valid)
 }
 
 #[test]
-fn the_unchanged_file_has_everything() {
+fn unchanged_file_is_complete() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = read_bytes(folder.path(), "rich.glb", &rich().glb()).unwrap();
-    assert!(is_sound(&scene));
+    let scene = read_bytes(folder.path(), "full.glb", &full_featured().glb()).unwrap();
+    assert!(is_valid(&scene));
     assert_eq!((scene.meshes.len(), scene.instances.len(), scene.n_placed_triangles()), (2, 4, 10));
     assert_eq!((scene.textures.len(), scene.cameras.len(), scene.lights.len()), (2, 1, 1));
     let mesh = &scene.meshes[1];
     assert!(mesh.second_uvs.is_some() && mesh.tangents.is_some() && mesh.colors.is_some());
-    let posed = outcome(&rich().glb()).unwrap();
-    assert!(is_sound(&posed) && posed.meshes[1].positions != mesh.positions);
+    let posed = outcome(&full_featured().glb()).unwrap();
+    assert!(is_valid(&posed) && posed.meshes[1].positions != mesh.positions);
 }
 
 #[test]
-fn the_check_sees_unsound_scenes() {
+fn is_valid_detects_invalid_scenes() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = read_bytes(folder.path(), "rich.glb", &rich().glb()).unwrap();
+    let scene = read_bytes(folder.path(), "full.glb", &full_featured().glb()).unwrap();
     let breaks: [fn(&mut Scene); 5] = [
         |scene| scene.meshes[0].triangles[0][2] = 99,
         |scene| scene.meshes[0].positions[1][0] = f32::NAN,
@@ -112,10 +110,10 @@ fn the_check_sees_unsound_scenes() {
         |scene| scene.instances[0].mesh.0 = 7,
         |scene| scene.instances[0].world_from_object.columns[0] = [0.0; 3],
     ];
-    for make_unsound in breaks {
+    for invalidate in breaks {
         let mut scene = scene.clone();
-        make_unsound(&mut scene);
-        assert!(!is_sound(&scene));
+        invalidate(&mut scene);
+        assert!(!is_valid(&scene));
     }
 }
 
@@ -131,8 +129,8 @@ fn numbers(value: &Value, at: String) -> Vec<String> {
     }
 }
 
-/// Numbers that files should not have in most places.
-fn ugly() -> impl Strategy<Value = Value> {
+/// Numbers that are invalid in most contexts.
+fn unusual_number() -> impl Strategy<Value = Value> {
     prop_oneof![
         (0..12_u32).prop_map(|x| json!(x)),
         prop::sample::select(vec![
@@ -150,7 +148,7 @@ fn ugly() -> impl Strategy<Value = Value> {
     ]
 }
 
-/// Bytes that take the place of some others.
+/// Bytes to overwrite others with.
 fn patch() -> impl Strategy<Value = (prop::sample::Index, Vec<u8>)> {
     let bytes = prop_oneof![
         prop::collection::vec(any::<u8>(), 1..5),
@@ -162,7 +160,7 @@ fn patch() -> impl Strategy<Value = (prop::sample::Index, Vec<u8>)> {
     (any::<prop::sample::Index>(), bytes)
 }
 
-/// Writes patches over bytes, cut off where those end.
+/// Overwrites bytes, truncating patches at the end.
 fn overwrite(bytes: &mut [u8], patches: Vec<(prop::sample::Index, Vec<u8>)>) {
     for (at, patch) in patches {
         let start = at.index(bytes.len());
@@ -172,7 +170,7 @@ fn overwrite(bytes: &mut [u8], patches: Vec<(prop::sample::Index, Vec<u8>)>) {
     }
 }
 
-/// Reads a GLB at a time between its keys; `None` for an error.
+/// Reads a GLB at a time between its keyframes; `None` for an error.
 fn outcome(glb: &[u8]) -> Option<Scene> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mutated.glb");
@@ -183,29 +181,29 @@ fn outcome(glb: &[u8]) -> Option<Scene> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 
-    /// The container and the JSON, byte by byte.
+    /// Arbitrary bytes of the container and the JSON.
     #[test]
     fn changed_bytes_never_panic(patches in prop::collection::vec(patch(), 1..3), length: prop::sample::Index, cut: bool) {
-        let mut glb = rich().glb();
+        let mut glb = full_featured().glb();
         overwrite(&mut glb, patches);
         if cut {
             glb.truncate(length.index(glb.len()));
         }
-        prop_assert!(outcome(&glb).is_none_or(|scene| is_sound(&scene)));
+        prop_assert!(outcome(&glb).is_none_or(|scene| is_valid(&scene)));
     }
 
-    /// What the JSON says and what the buffer holds, in legal JSON.
+    /// Numbers of valid JSON, and bytes of the buffer.
     #[test]
     fn changed_numbers_never_panic(
-        changes in prop::collection::vec((any::<prop::sample::Index>(), ugly()), 0..4),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), unusual_number()), 0..4),
         patches in prop::collection::vec(patch(), 0..4),
     ) {
-        let mut file = rich().clone();
-        let places = numbers(&file.json, String::new());
+        let mut file = full_featured().clone();
+        let pointers = numbers(&file.json, String::new());
         for (at, value) in changes {
-            *file.json.pointer_mut(&places[at.index(places.len())]).unwrap() = value;
+            *file.json.pointer_mut(&pointers[at.index(pointers.len())]).unwrap() = value;
         }
         overwrite(&mut file.buffer, patches);
-        prop_assert!(outcome(&file.glb()).is_none_or(|scene| is_sound(&scene)));
+        prop_assert!(outcome(&file.glb()).is_none_or(|scene| is_valid(&scene)));
     }
 }

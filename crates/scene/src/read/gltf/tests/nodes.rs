@@ -1,4 +1,4 @@
-//! The hierarchy: chains of transforms against one point carried through them node by node, and trees that are none.
+//! Node hierarchies: transform chains against pointwise evaluation, cycles and other invalid graphs.
 
 use std::time::{Duration, Instant};
 
@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 
 use super::{File, read_bytes};
 
-/// Half the spacing of `f32` numbers at one.
+/// Unit roundoff of `f32`.
 const U: f64 = f32::EPSILON as f64 / 2.0;
 
-/// A node's own transform, as a file says it.
+/// A local transform.
 #[derive(Clone, Debug)]
 struct Parts {
     translation: [f32; 3],
@@ -18,9 +18,8 @@ struct Parts {
     scale: [f32; 3],
 }
 
-/// A point carried through one node: scaled, turned by the sandwich `q p q*` of quaternions, moved. Beside it the same
-/// with every term made positive, which bounds what rounding can do.
-fn carry(parts: &Parts, point: [f64; 3], reach: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+/// A point transformed by one node, with rotation `q p q*`, and a bound of its terms for the error analysis.
+fn transform(parts: &Parts, point: [f64; 3], reach: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     let q = parts.rotation.map(f64::from);
     let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
     let [x, y, z, w] = q.map(|component| component / norm);
@@ -33,16 +32,16 @@ fn carry(parts: &Parts, point: [f64; 3], reach: [f64; 3]) -> ([f64; 3], [f64; 3]
             a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
         ]
     };
-    let turned = product(product([x, y, z, w], [scaled[0], scaled[1], scaled[2], 0.0]), [-x, -y, -z, w]);
+    let rotated = product(product([x, y, z, w], [scaled[0], scaled[1], scaled[2], 0.0]), [-x, -y, -z, w]);
     let sum_of_scaled: f64 = (0..3).map(|k| f64::from(parts.scale[k]).abs() * reach[k]).sum();
     (
-        std::array::from_fn(|k| turned[k] + f64::from(parts.translation[k])),
-        // No coordinate of a turned vector is larger than the sum of those before.
+        std::array::from_fn(|k| rotated[k] + f64::from(parts.translation[k])),
+        // A coordinate of a rotated vector is at most the sum of the original ones.
         std::array::from_fn(|k| sum_of_scaled + f64::from(parts.translation[k]).abs()),
     )
 }
 
-/// A chain with the triangle at its end, as nodes in an order that is not the chain's.
+/// A chain with the triangle at its end; nodes are in reverse order.
 fn chain(parts: &[Parts]) -> File {
     let last = parts.len() - 1;
     let nodes: Vec<Value> = parts
@@ -65,19 +64,19 @@ fn chain(parts: &[Parts]) -> File {
     file
 }
 
-/// Largest error of the images of four points under a chain, in units of its bound.
+/// Largest error of four transformed points, relative to its bound.
 ///
-/// The affine map has entries rounded once, by U, and a point meets four of them; each of the three or so operations on
-/// a term in each of the nodes adds at most 16 roundings in double precision.
+/// Each entry of the affine transform is rounded once by U; a point uses four of them. Each node adds at most 16 roundings per
+/// term in double precision.
 fn worst_error(parts: &[Parts], world_from_object: &canted_obb::Affine) -> f64 {
     let bound = U + 16.0 * 4.0 * parts.len() as f64 * f64::EPSILON;
     let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let error = |corner: [f64; 3]| {
         let found = world_from_object.point_f64(corner);
-        // From the mesh outward, the last node of the chain acts first.
+        // The last node of the chain is applied first.
         let start = (corner, corner.map(f64::abs));
-        let (want, reach) = parts.iter().rev().fold(start, |(point, reach), parts| carry(parts, point, reach));
-        // A corner meets one column and the origin, each no larger than the reach and rounded once.
+        let (want, reach) = parts.iter().rev().fold(start, |(point, reach), parts| transform(parts, point, reach));
+        // A corner uses one column and the origin, each at most the reach and rounded once.
         (0..3).map(|k| (found[k] - want[k]).abs() / (2.0 * bound * reach[k].max(f64::MIN_POSITIVE))).fold(0.0, f64::max)
     };
     corners.into_iter().map(error).fold(0.0, f64::max)
@@ -97,9 +96,9 @@ fn parts() -> impl Strategy<Value = Parts> {
 }
 
 proptest! {
-    /// Mirrors, uneven scales and turns below them, which shear.
+    /// Includes mirroring and shearing.
     #[test]
-    fn chains_carry_points(parts in prop::collection::vec(parts(), 1..6)) {
+    fn chains_transform_points(parts in prop::collection::vec(parts(), 1..6)) {
         let scene = chain(&parts).read().unwrap();
         prop_assert_eq!(scene.instances.len(), 1);
         let worst = worst_error(&parts, &scene.instances[0].world_from_object);
@@ -108,17 +107,17 @@ proptest! {
 }
 
 #[test]
-fn the_check_sees_a_chain_in_the_wrong_order() {
-    let turned = Parts { translation: [0.0; 3], rotation: [0.0, 0.0, 0.6, 0.8], scale: [1.0; 3] };
+fn worst_error_detects_wrong_order() {
+    let rotated = Parts { translation: [0.0; 3], rotation: [0.0, 0.0, 0.6, 0.8], scale: [1.0; 3] };
     let stretched = Parts { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0], scale: [2.0, 1.0, -1.0] };
-    let scene = chain(&[turned.clone(), stretched.clone()]).scene();
+    let scene = chain(&[rotated.clone(), stretched.clone()]).scene();
     let placed = scene.instances[0].world_from_object;
-    assert!(worst_error(&[turned.clone(), stretched.clone()], &placed) <= 1.0);
-    assert!(worst_error(&[stretched, turned], &placed) > 1e5);
+    assert!(worst_error(&[rotated.clone(), stretched.clone()], &placed) <= 1.0);
+    assert!(worst_error(&[stretched, rotated], &placed) > 1e5);
 }
 
 #[test]
-fn a_chain_is_rounded_once() {
+fn chains_are_rounded_once() {
     // In single precision 2^24 + 1 is 2^24, and the sum would be 0.
     let shift = 16_777_216;
     let scene = File::of_nodes(json!([
@@ -131,18 +130,18 @@ fn a_chain_is_rounded_once() {
 }
 
 #[test]
-fn mirrors_and_shears_as_matrices() {
+fn reads_mirroring_and_shearing_matrices() {
     let sheared = json!([1, 0, 0, 0, 0.5, 1, 0, 0, 0, 0, -2, 0, 7, 8, 9, 1]);
     let scene = File::of_nodes(json!([{ "mesh": 0, "matrix": sheared }])).scene();
     let placed = scene.instances[0].world_from_object;
     assert_eq!(placed.columns, [[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, -2.0], [7.0, 8.0, 9.0]]);
-    assert!(placed.determinant() < 0.0, "the front faces flip");
+    assert!(placed.determinant() < 0.0, "mirrored");
     let projective = json!([1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
-    File::of_nodes(json!([{ "mesh": 0, "matrix": projective }])).refused("node 0: has a matrix whose last row");
+    File::of_nodes(json!([{ "mesh": 0, "matrix": projective }])).rejected("node 0: the last row of its matrix");
 }
 
 #[test]
-fn chains_of_any_depth() {
+fn supports_deep_chains() {
     let n = 100_000;
     let mut nodes: Vec<Value> = (1..n).map(|child| json!({ "children": [child], "translation": [1, 0, 0] })).collect();
     nodes.push(json!({ "mesh": 0 }));
@@ -151,28 +150,28 @@ fn chains_of_any_depth() {
 }
 
 #[test]
-fn graphs_that_are_no_trees() {
+fn invalid_graphs_are_rejected() {
     let child = |children: Value| json!({ "mesh": 0, "children": children });
-    File::of_nodes(json!([child(json!([0]))])).refused("node 0: is its own ancestor");
+    File::of_nodes(json!([child(json!([0]))])).rejected("node 0: node is its own ancestor");
     File::of_nodes(json!([child(json!([])), child(json!([2])), child(json!([3])), child(json!([1]))]))
-        .refused("is its own ancestor");
+        .rejected("is its own ancestor");
     File::of_nodes(json!([child(json!([2])), child(json!([2])), child(json!([]))]))
-        .refused("node 2: is a child of 0 and 1");
-    File::of_nodes(json!([child(json!([1, 1])), child(json!([]))])).refused("node 1: is a child of 0 and 0");
-    File::of_nodes(json!([child(json!([1]))])).refused("node 0: names node 1 of 1");
+        .rejected("node 2: child of two nodes, 0 and 1");
+    File::of_nodes(json!([child(json!([1, 1])), child(json!([]))])).rejected("node 1: child of two nodes, 0 and 0");
+    File::of_nodes(json!([child(json!([1]))])).rejected("node 0: node index 1 out of range");
 }
 
 #[test]
-fn the_cycle_is_named_not_what_hangs_below_it() {
+fn cycle_errors_name_a_node_of_the_cycle() {
     let below = json!({ "mesh": 0 });
     let nodes = json!([below, { "children": [2] }, { "children": [1, 0] }]);
     let error = File::of_nodes(nodes).read().unwrap_err().to_string();
     assert!(error.contains("node 1: ") || error.contains("node 2: "), "{error}");
 }
 
-/// Where every node is walked up from, half a million times half a million steps take minutes.
+/// Quadratic search would take minutes.
 #[test]
-fn a_cycle_beside_a_long_chain_is_found_in_one_walk() {
+fn cycle_detection_is_linear() {
     let n = 500_000;
     let chain: String = (1..n).map(|child| format!("{{\"children\":[{child}]}},")).collect();
     let cycle = format!("{{}},{{\"children\":[{}]}},{{\"children\":[{n}]}}", n + 1);
@@ -180,12 +179,12 @@ fn a_cycle_beside_a_long_chain_is_found_in_one_walk() {
     let folder = tempfile::tempdir().unwrap();
     let start = Instant::now();
     let error = read_bytes(folder.path(), "test.gltf", text.as_bytes()).unwrap_err().to_string();
-    assert!(error.contains(&format!("node {n}: is its own ancestor")), "{error}");
+    assert!(error.contains(&format!("node {n}: node is its own ancestor")), "{error}");
     assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
 }
 
 #[test]
-fn only_the_default_scene_is_drawn() {
+fn only_the_default_scene_is_read() {
     let mut file = File::of_nodes(json!([
         { "mesh": 0, "translation": [1, 0, 0] },
         { "children": [2], "mesh": 0, "translation": [2, 0, 0] },
@@ -194,16 +193,16 @@ fn only_the_default_scene_is_drawn() {
     let drawn = |file: &File| -> Vec<f32> {
         file.scene().instances.iter().map(|instance| instance.world_from_object.columns[3][0]).collect()
     };
-    assert_eq!(drawn(&file), [1.0, 2.0, 5.0], "without scenes every node");
+    assert_eq!(drawn(&file), [1.0, 2.0, 5.0], "all nodes without scenes");
     file.json["scenes"] = json!([{ "nodes": [1, 1] }, { "nodes": [0] }, {}]);
     assert_eq!(drawn(&file), [2.0, 5.0], "the first scene, each root once");
     file.json["scene"] = json!(1);
     assert_eq!(drawn(&file), [1.0]);
     file.json["scene"] = json!(3);
-    file.refused("names scene 3 of 3");
+    file.rejected("scene index 3 out of range");
     file.json["scenes"] = json!([{}, { "nodes": [2] }]);
     file.json["scene"] = json!(0);
-    file.refused("nothing to draw");
+    file.rejected("nothing to draw");
     file.json["scene"] = json!(1);
-    file.refused("scene 1: names node 2, which is a child of node 1");
+    file.rejected("scene 1: root node 2 is a child of node 1");
 }

@@ -1,21 +1,21 @@
-//! Default poses: morph weights, skins at and off their bind pose.
+//! Default poses: morph targets and skins.
 
 use serde_json::{Value, json};
 
 use super::{F32, File, TRIANGLE, U8};
 
-/// Column-major 4 x 4 matrix that moves by `x`.
-fn moves(x: f32) -> [f32; 16] {
+/// Column-major 4 x 4 matrix of a translation by `x`.
+fn translation(x: f32) -> [f32; 16] {
     [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, 0.0, 0.0, 1.0]
 }
 
-/// The triangle with one morph target that lifts every vertex by 4 along z and tilts its normals.
+/// The triangle with a morph target that moves vertices by 4 along z and tilts normals.
 fn morphing() -> File {
     let mut file = File::new();
     let (positions, normals) = (file.reals("VEC3", &TRIANGLE), file.reals("VEC3", &[0.0, 0.0, 1.0].repeat(3)));
     let (lift, tilt) =
         (file.reals("VEC3", &[0.0, 0.0, 4.0].repeat(3)), file.reals("VEC3", &[1.0, 0.0, -1.0].repeat(3)));
-    file.place(json!([{
+    file.with_node(json!([{
         "attributes": { "POSITION": positions, "NORMAL": normals },
         "targets": [{ "POSITION": lift, "NORMAL": tilt }],
     }]))
@@ -28,35 +28,38 @@ fn morph_weights_of_the_mesh_or_the_node() {
         let mesh = &file.scene().meshes[0];
         (mesh.positions[1], mesh.normals.as_ref().unwrap()[1])
     };
-    assert_eq!(first(&file), ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]), "weights are zero where none are given");
+    assert_eq!(first(&file), ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]), "weights default to zero");
     file.json["meshes"][0]["weights"] = json!([0.25]);
     assert_eq!(first(&file).0, [1.0, 0.0, 1.0]);
     file.json["nodes"][0]["weights"] = json!([0.25]);
     file.push("nodes", json!({ "mesh": 0 }));
-    assert_eq!(file.scene().meshes.len(), 1, "equal weights need no copy");
+    assert_eq!(file.scene().meshes.len(), 1, "equal weights share the mesh");
     file.json["nodes"].as_array_mut().unwrap().pop();
     file.json["nodes"][0]["weights"] = json!([1]);
     assert_eq!(first(&file), ([1.0, 0.0, 4.0], [1.0, 0.0, 0.0]));
     file.push("nodes", json!({ "mesh": 0 }));
     let scene = file.scene();
-    assert_eq!((scene.meshes.len(), scene.instances.len()), (2, 2), "the node with weights of its own has a copy");
+    assert_eq!((scene.meshes.len(), scene.instances.len()), (2, 2), "different weights need a copy");
     let heights: Vec<f32> =
         scene.instances.iter().map(|instance| scene.meshes[instance.mesh.0 as usize].positions[0][2]).collect();
     assert_eq!(heights, [4.0, 1.0]);
-    assert!(scene.instances.iter().all(|instance| instance.first_primitive == 0), "both are the file's mesh");
+    assert!(
+        scene.instances.iter().all(|instance| instance.first_primitive == 0),
+        "both have the numbers of the file's mesh"
+    );
 }
 
 #[test]
-fn morph_targets_must_fit() {
+fn mismatched_morph_targets_are_rejected() {
     let mut file = morphing();
     let short = file.reals("VEC3", &[0.0; 6]);
     file.json["meshes"][0]["weights"] = json!([1]);
     file.json["meshes"][0]["primitives"][0]["targets"][0]["POSITION"] = json!(short);
-    file.refused("morph target of 2 elements for 3");
+    file.rejected("morph target has 2 elements, expected 3");
 }
 
 #[test]
-fn morph_targets_that_are_not_followed_are_said_where_they_count() {
+fn active_unsupported_morph_targets_are_reported() {
     let mut file = morphing();
     let (shift, tint) = (file.reals("VEC2", &[0.5; 6]), file.reals("VEC4", &[0.5; 12]));
     let target = &mut file.json["meshes"][0]["primitives"][0]["targets"][0];
@@ -64,9 +67,9 @@ fn morph_targets_that_are_not_followed_are_said_where_they_count() {
     file.scene();
     file.json["nodes"][0]["weights"] = json!([0.5]);
     file.push("nodes", json!({ "mesh": 0, "weights": [1] }));
-    let told = ["TEXCOORD_0", "COLOR_0"].map(|name| format!("{name} of morph targets is ignored: mesh 0 and 1 more"));
-    assert_eq!(file.read().unwrap().warnings, told);
-    // What nothing places is not told of.
+    let warning = |name| format!("ignoring {name} of morph targets (not supported): mesh 0 and 1 more");
+    assert_eq!(file.read().unwrap().warnings, ["TEXCOORD_0", "COLOR_0"].map(warning));
+    // Unused meshes are not reported.
     let mesh = file.json["meshes"][0].clone();
     file.push("meshes", mesh);
     file.json["meshes"][1]["weights"] = json!([1]);
@@ -75,21 +78,21 @@ fn morph_targets_that_are_not_followed_are_said_where_they_count() {
 }
 
 #[test]
-fn weights_without_a_target_are_said() {
+fn excess_weights_are_reported() {
     let mut file = morphing();
     file.json["meshes"][0]["weights"] = json!([0.25, 0.5, 1]);
-    let scene = file.warned("weights beyond the last morph target are ignored: mesh 0, 3 weights for 1 targets");
+    let scene = file.warned("ignoring weights without a morph target: mesh 0, 3 weights for 1 targets");
     assert_eq!(scene.meshes[0].positions[1], [1.0, 0.0, 1.0]);
     file.json["nodes"][0]["weights"] = json!([1, 1]);
-    file.warned("weights beyond the last morph target are ignored: node 0, 2 weights for 1 targets");
+    file.warned("ignoring weights without a morph target: node 0, 2 weights for 1 targets");
 }
 
-/// The triangle in a skin of two joints that stand 10 and 30 off their bind pose; the weights are per vertex.
+/// The triangle in a skin of two joints, translated by 10 and 30 from their bind pose.
 fn skinned(joints: &[u8; 12], weights: &[f32; 12]) -> File {
     let mut file = File::new();
     let (positions, normals) = (file.reals("VEC3", &TRIANGLE), file.reals("VEC3", &[0.0, 0.0, 1.0].repeat(3)));
     let (joints, weights) = (file.accessor(U8, "VEC4", 3, joints), file.reals("VEC4", weights));
-    let inverse_binds = file.reals("MAT4", &[moves(-1.0), moves(-2.0)].concat());
+    let inverse_binds = file.reals("MAT4", &[translation(-1.0), translation(-2.0)].concat());
     file.push("skins", json!({ "joints": [1, 2], "inverseBindMatrices": inverse_binds }));
     let attributes = json!({ "POSITION": positions, "NORMAL": normals, "JOINTS_0": joints, "WEIGHTS_0": weights });
     let mesh = file.mesh(json!([{ "attributes": attributes }]));
@@ -105,7 +108,7 @@ const JOINTS: [u8; 12] = [0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 9, 9];
 const WEIGHTS: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0];
 
 #[test]
-fn skins_follow_their_joints_and_not_their_node() {
+fn skins_follow_joints_and_ignore_the_node() {
     let scene = skinned(&JOINTS, &WEIGHTS).scene();
     assert_eq!(scene.meshes[0].positions, [[10.0, 0.0, 0.0], [31.0, 0.0, 0.0], [20.0, 1.0, 0.0]]);
     assert_eq!(scene.instances[0].world_from_object, canted_obb::Affine::IDENTITY);
@@ -113,15 +116,15 @@ fn skins_follow_their_joints_and_not_their_node() {
 }
 
 #[test]
-fn weights_are_divided_by_their_sum() {
+fn weights_are_normalized() {
     let scene = skinned(&JOINTS, &WEIGHTS.map(|weight| 4.0 * weight)).scene();
     assert_eq!(scene.meshes[0].positions[2], [20.0, 1.0, 0.0]);
 }
 
 #[test]
-fn normals_follow_a_mirroring_joint() {
+fn normals_follow_joints() {
     let mut file = skinned(&JOINTS, &WEIGHTS);
-    // The first joint turns the triangle half about x and stretches it; the normal turns and stays unit.
+    // The first joint rotates by 180 degrees about x and scales; the normal stays normalized.
     file.json["nodes"][1]["rotation"] = json!([1, 0, 0, 0]);
     file.json["nodes"][1]["scale"] = json!([3, 1, 5]);
     let scene = file.scene();
@@ -129,37 +132,38 @@ fn normals_follow_a_mirroring_joint() {
 }
 
 #[test]
-fn skins_that_break_the_rules() {
+fn invalid_skins_are_rejected() {
     let mut joints = JOINTS;
     joints[4] = 2;
-    skinned(&joints, &WEIGHTS).refused("vertex 1 names joint 2");
+    skinned(&joints, &WEIGHTS).rejected("joint 2 of vertex 1 is not in the skin");
     let with = |change: &dyn Fn(&mut Value)| {
         let mut file = skinned(&JOINTS, &WEIGHTS);
         change(&mut file.json);
         file
     };
-    with(&|json| json["skins"][0]["joints"] = json!([1, 2, 0])).refused("skin 0: has 2 matrices for 3 joints");
-    with(&|json| json["skins"][0]["joints"] = json!([1, 9])).refused("skin 0: names node 9 of 3");
-    with(&|json| json["nodes"][0]["skin"] = json!(1)).refused("node 0: names skin 1 of 1");
-    with(&|json| json["accessors"][3]["count"] = json!(2)).refused("joints or weights for other than 3 vertices");
-    with(&|json| json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = Value::Null).refused("json");
+    with(&|json| json["skins"][0]["joints"] = json!([1, 2, 0]))
+        .rejected("skin 0: 2 inverse bind matrices for 3 joints");
+    with(&|json| json["skins"][0]["joints"] = json!([1, 9])).rejected("skin 0: node index 9 out of range");
+    with(&|json| json["nodes"][0]["skin"] = json!(1)).rejected("node 0: skin index 1 out of range");
+    with(&|json| json["accessors"][3]["count"] = json!(2)).rejected("joints or weights do not match 3 vertices");
+    with(&|json| json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = Value::Null).rejected("json");
     with(&|json| {
         let attributes = json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap();
         attributes.remove("WEIGHTS_0");
     })
-    .refused("has a skin but no joints");
-    with(&|json| json["accessors"][4]["componentType"] = json!(F32 + 1)).refused("accessor 4");
+    .rejected("needs joints and weights");
+    with(&|json| json["accessors"][4]["componentType"] = json!(F32 + 1)).rejected("accessor 4");
 }
 
 #[test]
-fn a_vertex_without_weight_follows_the_first_joint() {
+fn unweighted_vertices_follow_the_first_joint() {
     let mut weights = WEIGHTS;
     (weights[4], weights[8], weights[9]) = (0.0, 1.0, -1.0);
     let scene = skinned(&JOINTS, &weights)
-        .warned("vertices of weights that add up to zero follow the first joint of their skin: 2");
+        .warned("vertices with zero joint weights, attached to the first joint of their skin: 2");
     assert_eq!(scene.meshes[0].positions, [[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [10.0, 1.0, 0.0]]);
     assert_eq!(scene.meshes[0].normals.as_deref().unwrap(), [[0.0, 0.0, 1.0]; 3]);
     let mut jointless = skinned(&JOINTS, &[0.0; 12]);
     jointless.json["skins"][0]["joints"] = json!([]);
-    jointless.refused("vertex 0 names joint 0, which its skin lacks");
+    jointless.rejected("joint 0 of vertex 0 is not in the skin");
 }

@@ -1,17 +1,17 @@
-//! What a material says beyond its colour: metal, normals, glass, light; and what it cannot say.
+//! Metal, normal maps, glass, emission and unsupported extensions.
 
 use serde_json::{Value, json};
 
 use super::materials::{file, textured};
 use crate::{AlphaMode, Encoding, Material, TextureId, TextureRef, UvTransform};
 
-/// The material that a file with one makes of it.
+/// The material read from a file.
 fn surface(material: Value) -> Material {
     file(material).scene().materials.remove(0)
 }
 
 #[test]
-fn without_a_word_it_is_rough_metal() {
+fn default_is_rough_metal() {
     let want = Material {
         name: "material 0".to_owned(),
         base_color: [1.0; 3],
@@ -24,7 +24,7 @@ fn without_a_word_it_is_rough_metal() {
 }
 
 #[test]
-fn metal_and_roughness() {
+fn reads_metallic_and_roughness() {
     let pbr = json!({ "metallicFactor": 0.25, "roughnessFactor": 0.5, "metallicRoughnessTexture": { "index": 0 } });
     let scene = file(json!({ "pbrMetallicRoughness": pbr })).scene();
     let material = &scene.materials[0];
@@ -41,7 +41,7 @@ fn metal_and_roughness() {
 }
 
 #[test]
-fn an_image_for_colours_and_for_numbers_is_two_textures() {
+fn color_and_data_use_of_an_image_are_two_textures() {
     let mut material = textured(json!({}));
     material["normalTexture"] = json!({ "index": 0, "scale": -0.5 });
     let scene = file(material).scene();
@@ -53,28 +53,28 @@ fn an_image_for_colours_and_for_numbers_is_two_textures() {
 }
 
 #[test]
-fn normal_textures_are_transformed_too() {
+fn normal_maps_are_transformed() {
     let moved = |transform: Value| {
         file(json!({ "normalTexture": { "index": 0, "extensions": { "KHR_texture_transform": transform } } }))
     };
     let scene = moved(json!({ "offset": [0.25, 0] })).scene();
     let rows = [[1.0, 0.0, 0.25], [0.0, 1.0, 0.0]];
     assert_eq!(scene.materials[0].normal_texture.unwrap().texture_from_mesh, UvTransform { rows });
-    moved(json!({ "offset": 3 })).refused("material 0: its KHR_texture_transform");
-    file(json!({ "normalTexture": { "index": 0, "scale": 1e39 } })).warned("normal scale");
+    moved(json!({ "offset": 3 })).rejected("material 0: invalid KHR_texture_transform");
+    file(json!({ "normalTexture": { "index": 0, "scale": 1e39 } })).warned("normal texture of material 0");
 }
 
 #[test]
-fn emission_has_a_texture() {
+fn reads_emission_texture() {
     let scene = file(json!({ "emissiveFactor": [2, 1, 0], "emissiveTexture": { "index": 0 } })).scene();
     assert_eq!(scene.materials[0].emission, [2.0, 1.0, 0.0]);
     assert_eq!(scene.materials[0].emission_texture, Some(TextureRef::new(TextureId(0))));
     assert_eq!(scene.textures[0].encoding, Encoding::Srgb);
-    assert!(file(json!({ "emissiveTexture": { "index": 0 } })).scene().textures.is_empty(), "nothing is emitted");
+    assert!(file(json!({ "emissiveTexture": { "index": 0 } })).scene().textures.is_empty(), "no emission");
 }
 
 #[test]
-fn glass_is_a_sheet_unless_it_is_thick() {
+fn glass_without_thickness_is_thin_walled() {
     let with = |extensions: Value| surface(json!({ "extensions": extensions }));
     let transmission = json!({ "transmissionFactor": 0.75, "transmissionTexture": { "index": 0 } });
     let sheet = with(json!({ "KHR_materials_transmission": transmission, "KHR_materials_ior": { "ior": 1.25 } }));
@@ -85,38 +85,38 @@ fn glass_is_a_sheet_unless_it_is_thick() {
         let glass = with(json!({ "KHR_materials_transmission": transmission, "KHR_materials_volume": volume }));
         assert_eq!(glass.thin_walled, thin_walled);
     }
-    assert!(!with(json!({ "KHR_materials_volume": {} })).thin_walled, "what lets no light through is neither");
+    assert!(!with(json!({ "KHR_materials_volume": {} })).thin_walled, "opaque materials are not thin-walled");
     let with_ior = |ior: f64| file(json!({ "extensions": { "KHR_materials_ior": { "ior": ior } } }));
     for (ior, read) in [(0.0, Material::MAX_IOR), (1.0, 1.0), (1000.0, Material::MAX_IOR)] {
         assert_eq!(with_ior(ior).scene().materials[0].ior, read, "{ior}");
     }
     for (ior, what, read) in [
-        (0.5, "ior 0.5 is below 1", 1.5),
-        (-1.0, "ior -1 is below 1", 1.5),
-        (1e20, "ior 100000000000000000000 is clamped to 1000", Material::MAX_IOR),
-        (1e39, "ior inf is clamped to 1000", Material::MAX_IOR),
+        (0.5, "ior 0.5 of material 0: less than 1", 1.5),
+        (-1.0, "ior -1 of material 0: less than 1", 1.5),
+        (1e20, "clamping ior 100000000000000000000 of material 0 to 1000", Material::MAX_IOR),
+        (1e39, "clamping ior inf of material 0 to 1000", Material::MAX_IOR),
     ] {
         assert_eq!(with_ior(ior).warned(what).materials[0].ior, read, "{ior}");
     }
 }
 
 #[test]
-fn the_interface_may_be_weaker() {
+fn reads_specular_extension() {
     let specular = |specular: Value| json!({ "extensions": { "KHR_materials_specular": specular } });
     assert_eq!(surface(specular(json!({ "specularFactor": 0.25 }))).specular, 0.25);
     assert_eq!(surface(specular(json!({}))).specular, 1.0);
-    file(specular(json!({ "specularColorFactor": [1, 0, 0] }))).warned("the colour of KHR_materials_specular");
-    file(specular(json!({ "specularTexture": { "index": 0 } }))).warned("the textures of KHR_materials_specular");
+    file(specular(json!({ "specularColorFactor": [1, 0, 0] }))).warned("the color of KHR_materials_specular");
+    file(specular(json!({ "specularTexture": { "index": 0 } }))).warned("textures of KHR_materials_specular");
 }
 
 #[test]
-fn unlit_surfaces_emit_their_colour() {
+fn unlit_materials_become_emissive() {
     let mut material = textured(json!({}));
     material["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.5, 0.25, 1, 0.5]);
     material["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({ "index": 0 });
     material["alphaMode"] = json!("BLEND");
     material["extensions"] = json!({ "KHR_materials_unlit": {} });
-    let scene = file(material).warned("KHR_materials_unlit becomes emission");
+    let scene = file(material).warned("treating KHR_materials_unlit as emission");
     let texture = Some(TextureRef::new(TextureId(0)));
     let want = Material {
         name: "material 0".to_owned(),
@@ -131,24 +131,24 @@ fn unlit_surfaces_emit_their_colour() {
     assert_eq!(scene.materials[0], want);
     assert_eq!(scene.textures.len(), 1);
 
-    let mut tinted = file(json!({ "extensions": { "KHR_materials_unlit": {} } }));
-    let colors = tinted.reals("VEC3", &[0.5; 9]);
-    tinted.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(colors);
-    let warnings = tinted.read().unwrap().warnings;
-    assert_eq!(warnings[1], "vertex colours of KHR_materials_unlit are ignored: material 0");
+    let mut colored = file(json!({ "extensions": { "KHR_materials_unlit": {} } }));
+    let colors = colored.reals("VEC3", &[0.5; 9]);
+    colored.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(colors);
+    let warnings = colored.read().unwrap().warnings;
+    assert_eq!(warnings[1], "ignoring vertex colors with KHR_materials_unlit: material 0");
 }
 
 #[test]
-fn what_is_ignored_is_said_once() {
+fn unsupported_extensions_are_reported_once() {
     let mut several = file(json!({ "extensions": { "KHR_materials_sheen": {} }, "occlusionTexture": { "index": 0 } }));
     several.push("materials", json!({ "extensions": { "KHR_materials_sheen": {}, "KHR_materials_clearcoat": {} } }));
     let scene = several.read().unwrap();
     assert_eq!(
         scene.warnings,
         [
-            "KHR_materials_sheen is ignored: material 0 and 1 more",
-            "occlusionTexture is ignored, as light is traced: material 0",
-            "KHR_materials_clearcoat is ignored: material 1",
+            "ignoring KHR_materials_sheen (not supported): material 0 and 1 more",
+            "ignoring occlusionTexture (not physical): material 0",
+            "ignoring KHR_materials_clearcoat (not supported): material 1",
         ]
     );
     assert!(scene.textures.is_empty());

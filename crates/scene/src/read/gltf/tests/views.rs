@@ -1,11 +1,11 @@
-//! Cameras and lights that nodes place.
+//! Cameras and lights of nodes.
 
 use serde_json::{Value, json};
 
 use super::File;
 use crate::{Camera, Light, Projection};
 
-/// The triangle, and a node with these keys.
+/// The triangle and a second node.
 fn file(node: Value) -> File {
     File::of_nodes(json!([{ "mesh": 0 }, node]))
 }
@@ -29,7 +29,7 @@ fn cameras_look_along_minus_z() {
         with_camera(json!({ "translation": [0.5, 0, 0.25], "scale": [3, 3, 3] }), perspective(right_angle)).scene();
     let want = Camera::pinhole([0.5, 0.0, 0.25], [0.5, 0.0, -0.75], [0.0, 1.0, 0.0], 90.0);
     assert_eq!(scene.cameras, [want]);
-    // A quarter turn about x looks up.
+    // A rotation by 90 degrees about x looks up.
     let scene = with_camera(json!({ "rotation": [1, 0, 0, 1] }), perspective(1.0)).scene();
     let [camera] = scene.cameras[..] else { panic!("one camera") };
     assert_eq!((camera.target, camera.up), ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]));
@@ -40,14 +40,14 @@ fn orthographic(ymag: f64) -> Value {
 }
 
 #[test]
-fn orthographic_cameras_show_twice_their_ymag() {
+fn orthographic_height_is_twice_ymag() {
     let scene = with_camera(json!({ "translation": [0, 0, 1] }), orthographic(1.5)).scene();
     let like = Camera::pinhole([0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], 90.0);
     assert_eq!(scene.cameras, [Camera { projection: Projection::Orthographic { height: 3.0 }, ..like }]);
 }
 
 #[test]
-fn cameras_far_out_still_look_the_same_way() {
+fn distant_cameras_keep_their_direction() {
     let node = json!({ "translation": [1e7, 1e7, 1e7], "rotation": [0.1, 0.2, 0.3, 0.9] });
     let near = with_camera(json!({ "rotation": [0.1, 0.2, 0.3, 0.9] }), perspective(1.0)).scene().cameras[0];
     let far = with_camera(node, perspective(1.0)).scene().cameras[0];
@@ -56,7 +56,7 @@ fn cameras_far_out_still_look_the_same_way() {
         let length = view.iter().map(|x| x * x).sum::<f64>().sqrt();
         view.map(|x| x / length)
     };
-    // The target is at most twice as far out as the eye, so it is rounded by at most 2 ULP of the eye's coordinate.
+    // The target's coordinates are at most twice the eye's, so rounding is at most 2 ULP of those.
     let bound = 2.0 * f64::from(f32::EPSILON) * 3.0_f64.sqrt();
     for (a, b) in direction(near).into_iter().zip(direction(far)) {
         assert!((a - b).abs() <= bound, "{a} {b}");
@@ -64,7 +64,7 @@ fn cameras_far_out_still_look_the_same_way() {
 }
 
 #[test]
-fn cameras_that_cannot_be_used_are_said() {
+fn invalid_cameras_are_reported() {
     let node = json!({});
     for (camera, why) in [
         (perspective(0.0), "field of view"),
@@ -77,9 +77,9 @@ fn cameras_that_cannot_be_used_are_said() {
         assert!(with_camera(node.clone(), camera).warned(why).cameras.is_empty());
     }
     for node in [json!({ "scale": [1, 1, 0] }), json!({ "scale": [1, 0, 1] }), json!({ "translation": [1e39, 0, 0] })] {
-        with_camera(node, perspective(1.0)).warned("without an orientation");
+        with_camera(node, perspective(1.0)).warned("no orientation");
     }
-    file(json!({ "camera": 0 })).refused("node 1: names camera 0 of 0");
+    file(json!({ "camera": 0 })).rejected("node 1: camera index 0 out of range");
 }
 
 fn with_light(node: Value, light: Value) -> File {
@@ -92,17 +92,17 @@ fn with_light(node: Value, light: Value) -> File {
 }
 
 #[test]
-fn suns_and_points() {
-    let quarter_turn_about_y = json!({ "rotation": [0, 1, 0, 1], "scale": [2, 2, 2] });
+fn reads_directional_and_point_lights() {
+    let rotated_about_y = json!({ "rotation": [0, 1, 0, 1], "scale": [2, 2, 2] });
     let sun = json!({ "type": "directional", "color": [1, 0.5, 0.25], "intensity": 4 });
-    let scene = with_light(quarter_turn_about_y, sun).scene();
+    let scene = with_light(rotated_about_y, sun).scene();
     assert_eq!(scene.lights, [Light::Sun { direction: [-1.0, 0.0, 0.0], irradiance: [4.0, 2.0, 1.0] }]);
     let scene = with_light(json!({ "translation": [1, 2, 3] }), json!({ "type": "point" })).scene();
     assert_eq!(scene.lights, [Light::Point { position: [1.0, 2.0, 3.0], intensity: [1.0; 3] }]);
 }
 
 #[test]
-fn spots() {
+fn reads_spot_lights() {
     let along_x = json!({ "translation": [1, 2, 3], "rotation": [0, -1, 0, 1] });
     let cone = json!({ "innerConeAngle": 0, "outerConeAngle": std::f64::consts::FRAC_PI_3 });
     for (spot, cos_outer) in [(cone, 0.5), (json!({}), std::f32::consts::FRAC_1_SQRT_2)] {
@@ -120,23 +120,24 @@ fn spots() {
 }
 
 #[test]
-fn lights_that_cannot_be_used_are_said() {
+fn invalid_lights_are_reported() {
     for (light, why) in [
         (json!({ "type": "point", "intensity": -1 }), "intensity -1"),
         (json!({ "type": "point", "color": [0, -1, 0] }), "color"),
-        (json!({ "type": "spot", "spot": { "innerConeAngle": 1, "outerConeAngle": 1 } }), "is a spot of 1 to 1"),
-        (json!({ "type": "spot", "spot": { "innerConeAngle": -0.5 } }), "is a spot of -0.5"),
-        (json!({ "type": "spot", "spot": { "outerConeAngle": 1.6 } }), "to 1.6 radians"),
+        (json!({ "type": "spot", "spot": { "innerConeAngle": 1, "outerConeAngle": 1 } }), "cone angles 1 and 1"),
+        (json!({ "type": "spot", "spot": { "innerConeAngle": -0.5 } }), "cone angles -0.5"),
+        (json!({ "type": "spot", "spot": { "outerConeAngle": 1.6 } }), "and 1.6 must"),
         (
             json!({ "type": "spot", "spot": { "outerConeAngle": 1e-4 } }),
-            "is a spot of 0 to 0.0001 radians, whose cosines are one in single precision (0.000245 is told from 0), and",
+            "cosines of cone angles 0 and 0.0001 are equal in single precision (the smallest cone from 0 is 0.000245)",
         ),
-        (json!({ "type": "spot", "spot": { "outerConeAngle": 0.000244 } }), "are one in single precision"),
+        (json!({ "type": "spot", "spot": { "outerConeAngle": 0.000244 } }), "are equal in single precision"),
         (json!({ "type": "laser" }), "unknown type"),
     ] {
         assert!(with_light(json!({}), light).warned(why).lights.is_empty());
     }
     let flat = json!({ "scale": [1, 1, 0] });
-    with_light(flat, json!({ "type": "directional" })).warned("has no direction");
-    file(json!({ "extensions": { "KHR_lights_punctual": { "light": 0 } } })).refused("node 1: names light 0 of 0");
+    with_light(flat, json!({ "type": "directional" })).warned("no orientation");
+    file(json!({ "extensions": { "KHR_lights_punctual": { "light": 0 } } }))
+        .rejected("node 1: light index 0 out of range");
 }

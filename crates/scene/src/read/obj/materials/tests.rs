@@ -1,11 +1,11 @@
-//! Libraries and images in a folder of their own, with one file beside the folder that must never be read.
+//! Libraries and images in a folder, with an image outside that must never be read.
 
 use std::fs;
 
 use super::*;
 use crate::{TextureRef, Wrap, read};
 
-/// A folder with `model.obj` that uses each of `names` once, `m.mtl`, and images.
+/// A folder with images, `m.mtl`, and `model.obj`, which uses each of `names` once.
 struct Case {
     temp: tempfile::TempDir,
 }
@@ -36,14 +36,14 @@ impl Case {
     }
 }
 
-/// The only material of a library of these lines, and what was said of it.
+/// The material of a library with these lines, and its warnings.
 fn only(lines: &str) -> (Material, Vec<String>) {
     let mut scene = Case::new(format!("newmtl a\n{lines}"), &["a"]).read();
     (scene.materials.remove(0), scene.warnings)
 }
 
 #[test]
-fn colours_are_read_and_doubtful_ones_said_once() {
+fn reads_colors_and_reports_invalid_ones() {
     let plain = Material::default();
     for (line, albedo, warning) in [
         ("Kd 0.1 0.2 0.3", [0.1, 0.2, 0.3], ""),
@@ -51,25 +51,21 @@ fn colours_are_read_and_doubtful_ones_said_once() {
         (
             "Kd 0.5 0.25",
             plain.base_color,
-            "m.mtl, line 2: material `a`: Kd `0.5 0.25` is not a colour; it keeps its default",
+            "m.mtl: line 2: material 'a': ignoring Kd '0.5 0.25': expected 1 or 3 numbers",
         ),
-        ("Kd", plain.base_color, "m.mtl, line 2: material `a`: Kd `` is not a colour; it keeps its default"),
-        ("Kd r g b", plain.base_color, "m.mtl, line 2: material `a`: Kd `r g b` is not a colour; it keeps its default"),
-        (
-            "Kd nan 0 0",
-            plain.base_color,
-            "m.mtl, line 2: material `a`: Kd `nan 0 0` is not a number; it keeps its default",
-        ),
-        ("Kd -1 0.5 5", [0.0, 0.5, 1.0], "m.mtl, line 2: material `a`: Kd `-1 0.5 5` is out of range and clamped"),
+        ("Kd", plain.base_color, "m.mtl: line 2: material 'a': ignoring Kd '': expected 1 or 3 numbers"),
+        ("Kd r g b", plain.base_color, "m.mtl: line 2: material 'a': ignoring Kd 'r g b': expected 1 or 3 numbers"),
+        ("Kd nan 0 0", plain.base_color, "m.mtl: line 2: material 'a': ignoring Kd 'nan 0 0': expected numbers"),
+        ("Kd -1 0.5 5", [0.0, 0.5, 1.0], "m.mtl: line 2: material 'a': clamping Kd '-1 0.5 5' to the valid range"),
         (
             "Kd spectral x.rfl",
             plain.base_color,
-            "m.mtl, line 2: material `a`: Kd `spectral x.rfl` is not a colour; it keeps its default",
+            "m.mtl: line 2: material 'a': ignoring Kd 'spectral x.rfl': expected 1 or 3 numbers",
         ),
         ("d -halo 0.5", plain.base_color, ""),
-        ("d x", plain.base_color, "m.mtl, line 2: material `a`: d `x` is not a number; it keeps its default"),
-        ("Ni nan", plain.base_color, "m.mtl, line 2: material `a`: Ni `nan` is not a number; it keeps its default"),
-        ("Tr 2", plain.base_color, "m.mtl, line 2: material `a`: Tr `2` is out of range and clamped"),
+        ("d x", plain.base_color, "m.mtl: line 2: material 'a': ignoring d 'x': expected a number"),
+        ("Ni nan", plain.base_color, "m.mtl: line 2: material 'a': ignoring Ni 'nan': expected a number"),
+        ("Tr 2", plain.base_color, "m.mtl: line 2: material 'a': clamping Tr '2' to the valid range"),
         ("Tr 0\nd 1", plain.base_color, ""),
         ("Ns 1e30\nKs 1 1 1\nfoo", plain.base_color, ""),
     ] {
@@ -83,18 +79,18 @@ fn colours_are_read_and_doubtful_ones_said_once() {
     }
     assert_eq!(only("Ke 17 12 4").0.emission, [17.0, 12.0, 4.0]);
     assert_eq!(only("Ke -1 inf 4").0.emission, [0.0, f32::MAX, 4.0]);
-    assert_eq!(only("Kd 0 0 0\nnewmtl a\nKd 1 1 1").0.base_color, [1.0; 3], "the later of two counts");
+    assert_eq!(only("Kd 0 0 0\nnewmtl a\nKd 1 1 1").0.base_color, [1.0; 3], "the last definition wins");
 }
 
 #[test]
-fn what_would_change_a_picture_elsewhere_is_said_by_its_name() {
-    for (lines, told) in [
+fn unsupported_keys_are_reported() {
+    for (lines, keys) in [
         ("bump q.png", &["bump"][..]),
         ("map_Bump -bm 1 a.png\nmap_bump b.png\nmap_Bump c.png", &["map_Bump", "map_bump"]),
         ("map_Ks a.png\nmap_Ns a.png\nrefl -type sphere a.png", &["map_Ks", "map_Ns", "refl"]),
         ("disp a.png\ndecal a.png\nmap_Pr a.png\nmap_Pm a.png", &["disp", "decal", "map_Pr", "map_Pm"]),
         ("Pc 0.5\nPcr 0.1\nPs 1\nmap_Ps a.png\naniso 0.5\nanisor 0.1", &["Pc", "Ps", "map_Ps", "aniso"]),
-        // What Blender writes for every material says nothing.
+        // Blender's defaults are not reported.
         ("Pc 0.000000\nPcr 0.030000\nPs 0\naniso 0.0 \nanisor 0", &[]),
         ("Tf 0.5 1 1", &["Tf"]),
         ("Tf 1 1 1", &[]),
@@ -102,15 +98,15 @@ fn what_would_change_a_picture_elsewhere_is_said_by_its_name() {
         ("illum 7\nTf 0.5 1 1", &[]),
         ("Ka 1 1 1\nmap_Ka a.png\nsharpness 60\nmap_aat on", &[]),
     ] {
-        let told: Vec<String> = told.iter().map(|name| format!("{name} is ignored: material `a`")).collect();
-        assert_eq!(only(lines).1, told, "{lines}");
+        let warning = |key: &&str| format!("ignoring {key} (not supported): material 'a'");
+        assert_eq!(only(lines).1, keys.iter().map(warning).collect::<Vec<_>>(), "{lines}");
     }
     let two = Case::new("newmtl a\nbump q.png\nnewmtl b\nbump q.png", &["a", "b"]).read();
-    assert_eq!(two.warnings, ["bump is ignored: material `a` and 1 more"]);
+    assert_eq!(two.warnings, ["ignoring bump (not supported): material 'a' and 1 more"]);
 }
 
 #[test]
-fn images_inside_the_folder_are_found() {
+fn finds_images_inside_the_folder() {
     for file in ["rgb.png", "two words.png", "sub\\deep.png", "./sub/../rgb.png", "-s 1 1 1 -o 0 -clamp off rgb.png"] {
         let (material, warnings) = only(&format!("map_Kd {file}\nd 0.5\nmap_d {file}"));
         assert_eq!(warnings, [""; 0], "{file}");
@@ -123,7 +119,7 @@ fn images_inside_the_folder_are_found() {
 }
 
 #[test]
-fn each_image_is_decoded_once_for_each_role() {
+fn images_are_decoded_once_per_use() {
     let mtl =
         "newmtl a\nmap_Kd rgb.png\nnewmtl b\nmap_Kd ./rgb.png\nmap_d rgb.png\nnewmtl c\nnewmtl unused\nmap_Kd no.png";
     let scene = Case::new(mtl, &["a", "b", "c"]).read();
@@ -139,12 +135,12 @@ fn each_image_is_decoded_once_for_each_role() {
     assert_eq!(scene.textures[1].texels[6], [255, 255, 255, 80], "0.2126 * 40 + 0.7152 * 80 + 0.0722 * 200 = 80.2");
     assert_eq!(scene.textures[0].wrap, [Wrap::Repeat; 2]);
     let has_uvs: Vec<bool> = scene.meshes.iter().map(|mesh| mesh.uvs.is_some()).collect();
-    assert_eq!(has_uvs, [true, true, false], "only what the material needs");
+    assert_eq!(has_uvs, [true, true, false], "only if the material needs them");
     assert_eq!(scene.meshes[0].uvs.as_deref().unwrap(), [[0.25, 0.5], [0.75, 0.5], [0.25, 0.5]]);
 }
 
 #[test]
-fn emission_and_normals_have_textures() {
+fn reads_emission_and_normal_maps() {
     let mtl = "newmtl a\nmap_Kd rgb.png\nmap_Ke rgb.png\nnorm rgb.png\nnewmtl b\nKe 0 0 0\nmap_Ke rgb.png\n\
                newmtl c\nKe 2 1 0\nmap_Ke rgb.png\nnewmtl d\nmap_Ke no.png";
     let scene = Case::new(mtl, &["a", "b", "c", "d"]).read();
@@ -154,32 +150,32 @@ fn emission_and_normals_have_textures() {
     assert_eq!((a.base_color_texture, a.emission_texture, a.normal_texture), (texture(0), texture(0), texture(1)));
     assert_eq!((a.emission, b.emission, c.emission, d.emission), ([1.0; 3], [0.0; 3], [2.0, 1.0, 0.0], [0.0; 3]));
     assert_eq!((b.emission_texture, c.emission_texture, d.emission_texture), (None, texture(0), None));
-    assert_eq!(scene.warnings.len(), 1, "the absent file: {:?}", scene.warnings);
+    assert_eq!(scene.warnings.len(), 1, "the missing file: {:?}", scene.warnings);
 }
 
 #[test]
-fn images_that_cannot_be_had_leave_a_plain_colour() {
-    let left_out = "material `a`: texture `FILE` is left out: ";
+fn unreadable_images_are_skipped() {
+    let skipping = "skipping texture 'FILE' of material 'a': ";
     for (file, reason) in [
-        ("../outside.png", "the path leaves the folder of the scene"),
-        ("sub/../../outside.png", "the path leaves the folder of the scene"),
-        ("..\\outside.png", "the path leaves the folder of the scene"),
-        ("/etc/hostname", "the path leaves the folder of the scene"),
-        ("C:\\rgb.png", "the path leaves the folder of the scene"),
-        ("sub", "it is not a regular file"),
-        ("model.obj", "the content is neither PNG nor JPEG"),
+        ("../outside.png", "the path is outside the folder of the scene"),
+        ("sub/../../outside.png", "the path is outside the folder of the scene"),
+        ("..\\outside.png", "the path is outside the folder of the scene"),
+        ("/etc/hostname", "the path is outside the folder of the scene"),
+        ("C:\\rgb.png", "the path is outside the folder of the scene"),
+        ("sub", "not a regular file"),
+        ("model.obj", "unsupported image format (expected PNG or JPEG)"),
     ] {
         let (material, warnings) = only(&format!("Kd 0.5 0.5 0.5\nmap_Kd {file}"));
-        assert_eq!(warnings, [left_out.replace("FILE", file) + reason]);
+        assert_eq!(warnings, [skipping.replace("FILE", file) + reason]);
         assert_eq!((material.base_color, material.base_color_texture), ([0.5; 3], None));
     }
-    assert_eq!(only("map_Kd").1, ["m.mtl, line 2: material `a`: map_Kd names no file"]);
-    assert_eq!(only("map_Kd -s 1 1 1").1, ["m.mtl, line 2: material `a`: map_Kd names no file"]);
-    assert!(only("map_Kd no.png").1[0].starts_with(&left_out.replace("FILE", "no.png")));
+    assert_eq!(only("map_Kd").1, ["m.mtl: line 2: material 'a': ignoring map_Kd: no file name"]);
+    assert_eq!(only("map_Kd -s 1 1 1").1, ["m.mtl: line 2: material 'a': ignoring map_Kd: no file name"]);
+    assert!(only("map_Kd no.png").1[0].starts_with(&skipping.replace("FILE", "no.png")));
 }
 
 #[test]
-fn options_lay_a_texture_on() {
+fn applies_texture_options() {
     let mtl = "newmtl a\nmap_Kd -s 2 4 1 -o 0.5 -clamp on rgb.png\nmap_d -s 2 rgb.png\nnewmtl b\nmap_Kd rgb.png\n\
                norm -bm 0.5 rgb.png\nnewmtl c\nmap_Kd -clamp on -o 1 rgb.png";
     let scene = Case::new(mtl, &["a", "b", "c"]).read();
@@ -194,28 +190,28 @@ fn options_lay_a_texture_on() {
     assert_eq!(b.base_color_texture, b.base_color_texture.map(|texture| TextureRef::new(texture.texture)));
     assert_eq!((a.normal_scale, b.normal_scale), (1.0, 0.5));
     let texture = |material: &Material| material.base_color_texture.unwrap().texture;
-    assert!(texture(a) == texture(c) && texture(a) != texture(b), "an image is decoded once for each wrap");
+    assert!(texture(a) == texture(c) && texture(a) != texture(b), "one texture per wrap mode");
 }
 
 #[test]
-fn options_that_are_not_applied_are_said() {
+fn unsupported_texture_options_are_reported() {
     let (material, warnings) = only("map_Kd -mm 0.1 2 -t 1 1 1 -s x rgb.png\nmap_d -mm 0 1 rgb.png");
     assert_eq!(material.base_color_texture, Some(TextureRef::new(TextureId(0))));
-    assert_eq!(warnings, ["m.mtl, line 2: material `a`: map_Kd: not applied: -mm, -t, -s"]);
+    assert_eq!(warnings, ["m.mtl: line 2: material 'a': ignoring options of map_Kd: -mm, -t, -s"]);
 }
 
 #[cfg(unix)]
 #[test]
-fn links_out_of_the_folder_are_refused() {
+fn links_to_the_outside_are_rejected() {
     let case = Case::new("newmtl a\nmap_Kd link.png\n", &["a"]);
     std::os::unix::fs::symlink("../outside.png", case.path("link.png")).unwrap();
     let scene = case.read();
-    assert!(scene.warnings[0].ends_with("the path leaves the folder of the scene"), "{:?}", scene.warnings);
+    assert!(scene.warnings[0].ends_with("the path is outside the folder of the scene"), "{:?}", scene.warnings);
     assert!(scene.textures.is_empty());
 }
 
 #[test]
-fn libraries_may_be_several_absent_or_hold_blanks() {
+fn reads_several_libraries_with_spaces_or_missing() {
     let case = Case::new("newmtl a\nKd 1 0 0", &["a", "b", "nobody"]);
     fs::write(case.path("two words.mtl"), "newmtl b\nKd 0 1 0").unwrap();
     let obj = fs::read_to_string(case.path("model.obj")).unwrap();
@@ -224,16 +220,19 @@ fn libraries_may_be_several_absent_or_hold_blanks() {
         let scene = case.read();
         (scene.materials.iter().map(|material| material.base_color).collect::<Vec<_>>(), scene.warnings)
     };
-    let (red, green, grey) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], Material::default().base_color);
-    let nobody = "material `nobody` is in no library; it is plain grey";
-    assert_eq!(with("mtllib m.mtl\nmtllib two words.mtl"), (vec![red, green, grey], vec![nobody.to_owned()]));
+    let (red, green, gray) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], Material::default().base_color);
+    let nobody = "material 'nobody' not found in any library; using the default material";
+    assert_eq!(with("mtllib m.mtl\nmtllib two words.mtl"), (vec![red, green, gray], vec![nobody.to_owned()]));
     fs::rename(case.path("two words.mtl"), case.path("b.mtl")).unwrap();
-    assert_eq!(with("mtllib m.mtl b.mtl"), (vec![red, green, grey], vec![nobody.to_owned()]));
+    assert_eq!(with("mtllib m.mtl b.mtl"), (vec![red, green, gray], vec![nobody.to_owned()]));
     let twice = with("mtllib m.mtl\nmtllib ./m.mtl b.mtl m.mtl\nmtllib no.mtl\nmtllib no.mtl").1;
-    assert_eq!(twice.len(), 2, "each file is read once, or said once to be absent: {twice:?}");
+    assert_eq!(twice.len(), 2, "each file is read or reported once: {twice:?}");
     let (albedos, warnings) = with("mtllib no.mtl");
-    assert_eq!((albedos, warnings.len()), (vec![grey; 3], 4));
-    assert!(warnings[0].starts_with("material library `no.mtl`: "), "{warnings:?}");
+    assert_eq!((albedos, warnings.len()), (vec![gray; 3], 4));
+    assert!(warnings[0].starts_with("cannot read material library 'no.mtl': "), "{warnings:?}");
     let (_, warnings) = with("mtllib ../outside.png");
-    assert_eq!(warnings[0], "material library `../outside.png`: the path leaves the folder of the scene");
+    assert_eq!(
+        warnings[0],
+        "cannot read material library '../outside.png': the path is outside the folder of the scene"
+    );
 }

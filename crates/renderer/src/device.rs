@@ -1,0 +1,24 @@
+//! Renders pictures on a GPU: packs what the CPU's integrators read into buffers, and collects samples from kernels.
+
+mod collector;
+mod columns;
+mod device_picture;
+mod dispatcher;
+mod environment;
+mod error;
+mod gbuffer;
+mod geometry;
+mod kernels;
+mod lights;
+mod materials;
+mod picture;
+mod scene;
+mod slack;
+mod textures;
+#[cfg(test)]
+mod twins;
+mod wavefront;
+
+pub use device_picture::{DevicePicture, SharedFilm, traced_scene};
+pub use error::DeviceError;
+pub use gbuffer::{GBuffer, SurfaceInfo};

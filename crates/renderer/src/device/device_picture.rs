@@ -1,0 +1,221 @@
+//! Pictures rendered by a GPU, alone or together with the CPU.
+
+use canted_film::{Aov, Film, Filter, Tile};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, TracedScene};
+use canted_scene::{Camera, Scene};
+use canted_wide::{LaneKernel, TriangleBvh};
+
+use super::DeviceError;
+use super::collector::{self, SampleCollector};
+use super::dispatcher::SampleDispatcher;
+use super::environment::DeviceSky;
+use super::kernels::{self, LightKernels, RenderKernels};
+use super::lights::{SampledLights, bounded};
+use super::picture::{self, PackedPicture};
+use super::scene::PackedScene;
+use crate::render::{RenderTiles, Rendering, Schedule, Worker};
+use crate::structure::instances;
+use crate::{Bvh, Integrator, Lights, Monitor, Pattern, Settings, Structure, Surfaces};
+
+/// Stratified samples per pixel that kernels count in 32 bits.
+const MAX_STRATIFIED: u32 = 1 << 20;
+
+/// A film that a GPU and the CPU rendered together.
+pub struct SharedFilm {
+    /// The film.
+    pub film: Film,
+    /// Tiles that the GPU rendered in this call.
+    pub n_tiles_of_device: usize,
+    /// Why the GPU stopped before the end, if it did; the CPU rendered the rest.
+    pub stopped: Option<GpuError>,
+}
+
+/// A scene and the settings of a picture on a GPU, ready to render.
+pub struct DevicePicture<'a, K: LaneKernel> {
+    pub(super) gpu: &'a Gpu,
+    pub(super) surfaces: &'a Surfaces<'a>,
+    pub(super) settings: &'a Settings,
+    /// The same picture on the CPU.
+    pub(super) cpu: Rendering<'a, Structure<K>>,
+    traced: TracedScene,
+    pub(super) packed: PackedScene,
+    sky: DeviceSky,
+    /// The lights that the path integrator samples.
+    sampled: Option<SampledLights>,
+    picture: Buffer<PackedPicture>,
+    filter_table: Option<Buffer<f32>>,
+    /// The specialisation of the light kernel.
+    chosen: Specialisation,
+    pub(super) kernels: RenderKernels,
+}
+
+impl<'a, K: LaneKernel> DevicePicture<'a, K> {
+    /// Uploads what the picture needs of the scene and its acceleration structure, and compiles kernels.
+    ///
+    /// # Errors
+    /// Invalid settings, features that the kernels do not support, or too little memory on the device.
+    pub fn new(
+        gpu: &'a Gpu,
+        surfaces: &'a Surfaces<'a>,
+        structure: &'a Structure<K>,
+        camera: &Camera,
+        settings: &'a Settings,
+    ) -> Result<Self, DeviceError> {
+        let scene = surfaces.scene();
+        let cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
+        collector::check_size(settings)?;
+        check_supported(settings)?;
+        let traced = traced_scene(gpu, scene, structure)?;
+        // AOVs show the materials of the path integrator.
+        let materials = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
+        let is_flat = matches!(structure, Structure::One(_));
+        let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, materials)?;
+        let sky = DeviceSky::new(gpu, scene)?;
+        let ambient = bounded(Lights::new(scene).ambient());
+        let Rendering { view, filter, ao_radius, .. } = &cpu;
+        let facts = picture::picture(view, settings, *ao_radius);
+        let facts = PackedPicture { ambient, slack: packed.slack, ..facts };
+        let filter_table = match settings.filter {
+            Filter::Box(_) => None,
+            _ => Some(gpu.buffer("filter", &filter.table())?),
+        };
+        let time = if scene.has_motion() { "shared/time/shutter" } else { "shared/time/still" };
+        let shared = |count: &str| {
+            let chosen = Specialisation::none().part("count", count).part("time", time);
+            traced.specialise(picture::specialise(chosen, view, settings))
+        };
+        let chosen = sky.specialise(shared("shared/count/none"));
+        let (kernel, chosen, sampled) = match settings.integrator {
+            Integrator::Hybrid => ("render/hybrid", packed.specialise_hybrid(chosen), None),
+            Integrator::Path => {
+                let sampled = SampledLights::new(gpu, cpu.light_sampler(), |instance| packed.slack_of(instance))?;
+                ("render/path", packed.specialise_path(chosen, &sampled), Some(sampled))
+            }
+        };
+        let guide = || {
+            let counts = settings.aovs.contains(Aov::Tests);
+            let chosen = shared(if counts { "shared/count/tests" } else { "shared/count/none" });
+            gpu.kernel("render/guide", &packed.specialise_guide(chosen))
+        };
+        let guide = (!settings.aovs.is_empty()).then(guide).transpose()?;
+        let kernels = RenderKernels { light: LightKernels::One(gpu.kernel(kernel, &chosen)?), guide };
+        let picture = gpu.uniform("picture", &facts)?;
+        Ok(Self { gpu, surfaces, settings, cpu, traced, packed, sky, sampled, picture, filter_table, chosen, kernels })
+    }
+
+    /// Renders by a wavefront of kernels (Laine, Karras, Aila 2013): a measured alternative, see `super::wavefront`.
+    ///
+    /// Samples differ only by how the compiler contracts sums and products.
+    ///
+    /// # Errors
+    /// The hybrid integrator, which has no such kernels; errors of the device.
+    pub fn in_waves(self) -> Result<Self, DeviceError> {
+        if self.settings.integrator != Integrator::Path {
+            return Err(DeviceError::Unsupported { what: "a wavefront of the hybrid integrator" });
+        }
+        let light = kernels::wavefront(self.gpu, &self.chosen)?;
+        Ok(Self { kernels: RenderKernels { light, ..self.kernels }, ..self })
+    }
+
+    /// The buffers that the kernels bind, and their sizes in bytes.
+    #[must_use]
+    pub fn buffers(&self) -> Vec<(&str, u64)> {
+        let bound = self.bindings().into_iter().filter(|(name, _)| self.kernels.binds(name));
+        bound.map(|(name, buffer)| (name, buffer.n_bytes())).collect()
+    }
+
+    /// Renders the tiles that are not in `done`, which an earlier call on any machine finished.
+    ///
+    /// Samples differ from the CPU's by rounding, and where rounding sends a path elsewhere; they are summed in the same
+    /// order.
+    ///
+    /// # Errors
+    /// A tile of another picture, [`crate::RenderError::Cancelled`], or the loss of the device.
+    pub fn render(&self, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, DeviceError> {
+        let schedule = Schedule::new(self.settings.tiling(), done, monitor)?;
+        self.cpu.with_tiles(|tiles| self.run(&schedule, tiles))?;
+        Ok(schedule.into_film()?.0)
+    }
+
+    /// Renders like [`Self::render`], together with the caller's thread pool.
+    ///
+    /// Each tile has the bits of the machine that rendered it, so the picture depends on how the tiles were distributed.
+    ///
+    /// # Errors
+    /// A tile of another picture, or [`crate::RenderError::Cancelled`]. After the loss of the device the CPU renders the rest.
+    pub fn render_with_cpu(&self, done: Vec<Tile>, monitor: &Monitor) -> Result<SharedFilm, DeviceError> {
+        let schedule = Schedule::new(self.settings.tiling(), done, monitor)?;
+        let by_device = self.cpu.with_tiles(|tiles| {
+            rayon::in_place_scope(|scope| {
+                schedule.spawn_cpu_workers(scope, tiles);
+                self.run(&schedule, tiles)
+            })
+        });
+        let (film, n_tiles_of_device) = schedule.into_film()?;
+        Ok(SharedFilm { film, n_tiles_of_device, stopped: by_device.err() })
+    }
+
+    /// Renders tiles until none is left; the CPU takes the samples that the device cannot finish.
+    fn run(&self, schedule: &Schedule, tiles: &dyn RenderTiles) -> Result<(), GpuError> {
+        let weight = self.cpu.weights();
+        let mut collector = SampleCollector {
+            dispatcher: SampleDispatcher::new(self.gpu, self.kernels.clone())?,
+            bindings: self.bindings(),
+            settings: self.settings,
+            weight: &weight,
+            tiles,
+        };
+        loop {
+            let numbers = schedule.next_for_device(|offered| collector.n_tiles_per_dispatch(&schedule.tiling, offered));
+            if numbers.is_empty() || schedule.is_over(&numbers) {
+                return Ok(());
+            }
+            let made = collector.tiles(&schedule.tiling, &numbers, &|| schedule.is_over(&numbers))?;
+            for tile in made.into_iter().flatten() {
+                schedule.finish(tile, Worker::Device);
+            }
+        }
+    }
+
+    pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
+        let mut bound = self.packed.bindings();
+        bound.extend(self.sky.bindings());
+        bound.extend(self.sampled.iter().flat_map(SampledLights::bindings));
+        bound.push(("picture", &self.picture));
+        bound.extend(self.filter_table.as_ref().map(|table| -> NamedBinding<'_> { ("filter_table", table) }));
+        bound.extend(self.traced.bindings());
+        bound
+    }
+}
+
+/// Uploads the acceleration structure of a scene.
+///
+/// # Errors
+/// Binary BVHs and instances that the kernels do not support; too little memory on the device.
+pub fn traced_scene<K: LaneKernel>(
+    gpu: &Gpu,
+    scene: &Scene,
+    structure: &Structure<K>,
+) -> Result<TracedScene, DeviceError> {
+    fn wide<K: LaneKernel>(bvh: &Bvh<K>) -> Result<&TriangleBvh<K>, DeviceError> {
+        match bvh {
+            Bvh::Wide(wide) => Ok(wide),
+            Bvh::Binary(..) => Err(DeviceError::Unsupported { what: "binary BVHs, which --volumes selects" }),
+        }
+    }
+    Ok(match structure {
+        Structure::One(flat) => TracedScene::single_level(gpu, wide(flat.bvh())?, flat.first())?,
+        Structure::Two(tlas) => {
+            let meshes = tlas.blas().iter().map(wide).collect::<Result<Vec<_>, _>>()?;
+            TracedScene::two_level(gpu, &meshes, &instances(scene))?
+        }
+    })
+}
+
+/// Rejects settings that the kernels do not support.
+fn check_supported(settings: &Settings) -> Result<(), DeviceError> {
+    if settings.pattern == Pattern::Stratified && settings.samples > MAX_STRATIFIED {
+        return Err(DeviceError::Unsupported { what: "more than 1048576 stratified samples per pixel" });
+    }
+    Ok(())
+}

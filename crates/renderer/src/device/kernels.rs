@@ -1,0 +1,106 @@
+//! The kernels that take samples, and their buffers.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding, Specialisation};
+
+use super::wavefront::{Wavefront, WavefrontKernels};
+
+/// Pixels of a cell, and invocations of a work-group.
+pub(super) const CELL_PIXELS: usize = 64;
+
+/// A sample: linear RGB and the number of rays, which is negative where the kernel gave up.
+pub(super) type PackedSample = [f32; 4];
+
+/// `Guide` of `render/guide`: the AOVs of a sample.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct PackedGuide {
+    pub(super) normal: [f32; 3],
+    pub(super) depth: f32,
+    pub(super) shading_normal: [f32; 3],
+    pub(super) n_boxes: f32,
+    pub(super) albedo: [f32; 3],
+    pub(super) n_triangles: f32,
+    /// `u32::MAX` for a miss.
+    pub(super) primitive: u32,
+    /// `u32::MAX` for a miss and for a light.
+    pub(super) instance: u32,
+    padding: [u32; 2],
+}
+
+/// Compiled kernels.
+#[derive(Clone)]
+pub(super) struct RenderKernels {
+    pub(super) light: LightKernels,
+    /// Writes AOVs, if requested.
+    pub(super) guide: Option<Arc<Kernel>>,
+}
+
+/// Kernels that compute radiance.
+#[derive(Clone)]
+pub(super) enum LightKernels {
+    /// One invocation traces all rays of a sample.
+    One(Arc<Kernel>),
+    /// The measured alternative.
+    Wavefront(WavefrontKernels),
+}
+
+impl RenderKernels {
+    /// Whether a kernel binds a variable of this name.
+    pub(super) fn binds(&self, name: &str) -> bool {
+        let light = match &self.light {
+            LightKernels::One(kernel) => vec![kernel],
+            LightKernels::Wavefront(wavefront) => wavefront.all().to_vec(),
+        };
+        light.into_iter().chain(&self.guide).any(|kernel| kernel.bindings().iter().any(|binding| binding.name == name))
+    }
+}
+
+/// Kernels with their own buffers.
+pub(super) struct ReadyKernels {
+    kernels: RenderKernels,
+    wavefront: Option<Wavefront>,
+    /// Work-groups of a dispatch, each one sample of a cell.
+    pub(super) max_groups: u32,
+}
+
+impl ReadyKernels {
+    /// Kernels for at most `max` work-groups.
+    pub(super) fn new(gpu: &Gpu, kernels: RenderKernels, max: u32) -> Result<Self, GpuError> {
+        let limit = gpu.limits().max_storage_buffer_binding_size;
+        let fit = |bytes: usize| u32::try_from(limit / (CELL_PIXELS * bytes) as u64).unwrap_or(u32::MAX);
+        let max = max.min(fit(size_of::<PackedSample>()));
+        let max = if kernels.guide.is_some() { max.min(fit(size_of::<PackedGuide>())) } else { max };
+        let LightKernels::Wavefront(wavefront) = &kernels.light else {
+            return Ok(Self { kernels, wavefront: None, max_groups: max });
+        };
+        let max = max.min(wavefront.max_groups(fit));
+        let wavefront = Some(Wavefront::new(gpu, wavefront.clone(), max as usize * CELL_PIXELS)?);
+        Ok(Self { kernels, wavefront, max_groups: max })
+    }
+
+    /// Whether AOVs are written.
+    pub(super) fn has_guides(&self) -> bool {
+        self.kernels.guide.is_some()
+    }
+
+    /// Takes the samples of `n` work-groups and waits for them.
+    pub(super) fn run(&self, gpu: &Gpu, bindings: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
+        if let Some(wavefront) = &self.wavefront {
+            wavefront.run(gpu, bindings, n)?;
+        }
+        let one = if let LightKernels::One(kernel) = &self.kernels.light { Some(kernel) } else { None };
+        let mut commands = gpu.commands();
+        for kernel in one.into_iter().chain(&self.kernels.guide) {
+            commands.dispatch(kernel, bindings, kernel.groups(n * kernel.group_size()))?;
+        }
+        commands.run()
+    }
+}
+
+/// Compiles the kernels of a wavefront with the specialisation of `render/path`.
+pub(super) fn wavefront(gpu: &Gpu, specialisation: &Specialisation) -> Result<LightKernels, GpuError> {
+    Ok(LightKernels::Wavefront(WavefrontKernels::new(gpu, specialisation)?))
+}

@@ -1,0 +1,193 @@
+//! Samples of all pixels, tile by tile.
+
+mod adaptive;
+mod error;
+mod schedule;
+mod tile;
+
+use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
+
+use canted_film::{Film, FilterSampler, Tile};
+use canted_scene::{Camera, Scene};
+
+use crate::integrate::{Method, Transport};
+use crate::query::RayKeyed;
+use crate::{Integrator, LightSampler, Lights, Masked, Sampler, Settings, Surfaces, Tracer, View, mask};
+pub(crate) use adaptive::Adaptive;
+pub use error::RenderError;
+pub(crate) use schedule::Schedule;
+#[cfg(feature = "gpu")]
+pub(crate) use schedule::Worker;
+use tile::TileRenderer;
+pub(crate) use tile::{RenderTiles, sample_offset};
+
+/// Callbacks of a render, called from any thread, and a flag that cancels it.
+#[derive(Clone, Copy)]
+pub struct Monitor<'a> {
+    /// Receives the number of finished tiles and of all tiles.
+    pub progress: &'a (dyn Fn(usize, usize) + Sync),
+    /// Receives each tile as soon as it is finished.
+    pub finished: &'a (dyn Fn(&Tile) + Sync),
+    /// Cancels the render once it is set: on the CPU after at most one pixel, on a GPU after the current dispatch.
+    pub cancel: &'a AtomicBool,
+}
+
+/// Renders `scene` in the caller's thread pool.
+///
+/// `progress` receives, from any thread, the number of finished tiles and of all tiles; setting `cancel` stops the render.
+/// The film has the same bits for any number of threads and any tile size.
+///
+/// With [`Settings::noise`], cells of 8 x 8 pixels stop at 16 samples, or at a power of two above, once the root mean
+/// square of their relative standard errors ([`canted_film::Pixel::squared_error`]) is at most that value, and half of
+/// the samples predicted it. [`Film::error`] is the error that the picture reached.
+///
+/// # Errors
+/// [`RenderError`] for an invalid camera or invalid settings, or if the render was cancelled.
+pub fn render<T: Tracer>(
+    scene: &Scene,
+    tracer: &T,
+    camera: &Camera,
+    settings: &Settings,
+    progress: &(dyn Fn(usize, usize) + Sync),
+    cancel: &AtomicBool,
+) -> Result<Film, RenderError> {
+    resume(scene, tracer, camera, settings, Vec::new(), &Monitor { progress, finished: &|_| {}, cancel })
+}
+
+/// [`render`] for the tiles that are not in `done`, which an earlier call with the same arguments finished.
+///
+/// # Errors
+/// Those of [`render`], and [`RenderError::Tile`] for a tile of another picture.
+pub fn resume<T: Tracer>(
+    scene: &Scene,
+    tracer: &T,
+    camera: &Camera,
+    settings: &Settings,
+    done: Vec<Tile>,
+    monitor: &Monitor,
+) -> Result<Film, RenderError> {
+    let surfaces = Surfaces::with_lod(scene, settings.lod);
+    let rendering = Rendering::new(scene, tracer, &surfaces, camera, settings)?;
+    let schedule = Schedule::new(settings.tiling(), done, monitor)?;
+    rendering.with_tiles(|tiles| {
+        rayon::in_place_scope(|scope| schedule.spawn_cpu_workers(scope, tiles));
+    });
+    Ok(schedule.into_film()?.0)
+}
+
+/// The validated inputs of a picture.
+pub(crate) struct Rendering<'a, T> {
+    scene: &'a Scene,
+    tracer: &'a T,
+    surfaces: &'a Surfaces<'a>,
+    pub(crate) view: View,
+    pub(crate) filter: FilterSampler,
+    settings: &'a Settings,
+    pub(crate) ao_radius: f64,
+    /// Built on first use.
+    light_sampler: OnceLock<LightSampler<'a>>,
+}
+
+impl<'a, T: Tracer> Rendering<'a, T> {
+    pub(crate) fn new(
+        scene: &'a Scene,
+        tracer: &'a T,
+        surfaces: &'a Surfaces<'a>,
+        camera: &Camera,
+        settings: &'a Settings,
+    ) -> Result<Self, RenderError> {
+        check(settings)?;
+        let ao_radius = ao_radius(scene, settings);
+        let view = View::new(camera, settings.width, settings.height).map_err(RenderError::Camera)?;
+        let filter = FilterSampler::new(settings.filter)
+            .ok_or(RenderError::FilterRadius { radius: settings.filter.radius() })?;
+        Ok(Self { scene, tracer, surfaces, view, filter, settings, ao_radius, light_sampler: OnceLock::new() })
+    }
+
+    /// The light sampler of the path integrator.
+    pub(crate) fn light_sampler(&self) -> &LightSampler<'a> {
+        self.light_sampler.get_or_init(|| LightSampler::new(Lights::new(self.scene), self.surfaces))
+    }
+
+    /// The weight of a sample by the filter.
+    pub(crate) fn weights(&self) -> impl Fn([u32; 2], u32) -> f32 {
+        let Settings { width, samples, seed, pattern, .. } = *self.settings;
+        let sampler = Sampler::new(pattern, samples, seed);
+        move |[x, y], sample| {
+            if self.filter.is_signed() { sample_offset(&self.filter, &sampler, y * width + x, sample).1 } else { 1.0 }
+        }
+    }
+
+    /// Calls `then` with the tile renderer of the scene.
+    pub(crate) fn with_tiles<R>(&self, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
+        // The alpha test costs a texture lookup per hit; scenes without it run code that has none.
+        if mask::is_needed(self.scene) {
+            self.with_query(Masked::new(self.surfaces, ()), then)
+        } else {
+            self.with_query((), then)
+        }
+    }
+
+    fn with_query<Q: RayKeyed + Sync, R>(&self, query: Q, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
+        let Settings { samples, bounces, seed, pattern, .. } = *self.settings;
+        let transport = Transport {
+            tracer: self.tracer,
+            surfaces: self.surfaces,
+            query,
+            sampler: Sampler::new(pattern, samples, seed),
+            lights: Lights::new(self.scene),
+            bounces,
+            method: match self.settings.integrator {
+                Integrator::Hybrid => Method::Hybrid { ao_radius: self.ao_radius },
+                Integrator::Path => Method::Path(self.light_sampler()),
+            },
+        };
+        then(&TileRenderer {
+            transport: &transport,
+            view: &self.view,
+            has_motion: self.scene.has_motion(),
+            filter: &self.filter,
+            settings: self.settings,
+            tiling: self.settings.tiling(),
+        })
+    }
+}
+
+/// The radius of ambient occlusion in world units.
+fn ao_radius(scene: &Scene, settings: &Settings) -> f64 {
+    match settings.ao_radius {
+        Some(radius) => f64::from(radius),
+        // Not used, and the bounds of a scene take time.
+        None if settings.integrator == Integrator::Path => f64::INFINITY,
+        None => {
+            let [x, y, z] = scene.bounds_world().extent();
+            // A scene without extent has no occluders, so any positive radius serves.
+            (0.1 * (x * x + y * y + z * z).sqrt()).max(f64::MIN_POSITIVE)
+        }
+    }
+}
+
+/// Rejects settings that no picture can have.
+fn check(settings: &Settings) -> Result<(), RenderError> {
+    let Settings { width, height, samples, ao_radius, part, noise, .. } = *settings;
+    // Pixels are numbered in 32 bits.
+    if u64::from(width) * u64::from(height) > u64::from(u32::MAX) || width == 0 || height == 0 {
+        return Err(RenderError::Size { width, height });
+    }
+    if samples == 0 {
+        return Err(RenderError::NoSamples);
+    }
+    if let Some(part) = part.filter(|&[start, end]| start >= end || end > samples) {
+        return Err(RenderError::Part { part, samples });
+    }
+    match noise {
+        Some(_) if part.is_some() => return Err(RenderError::NoiseOfPart),
+        Some(noise) if noise.is_nan() || noise <= 0.0 => return Err(RenderError::Noise { noise }),
+        _ => {}
+    }
+    match ao_radius {
+        Some(radius) if radius.is_nan() || radius <= 0.0 => Err(RenderError::AoRadius { radius }),
+        _ => Ok(()),
+    }
+}

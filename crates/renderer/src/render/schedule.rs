@@ -1,0 +1,191 @@
+//! Distributes tiles among the threads of the CPU and a GPU.
+//!
+//! CPU threads take tiles from the front, the GPU takes them from the back, so each renders as many as its speed allows.
+//! When no tile is left to start, each also renders the unfinished tiles of the other, and the first result counts: neither
+//! waits for the other, however slow it is. Without a GPU only the first rule applies.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use canted_film::{Film, Tile, Tiling};
+
+use super::RenderTiles;
+use crate::{Monitor, RenderError};
+
+/// Tiles offered to the GPU at once.
+const MAX_OFFERED: usize = 1 << 12;
+
+/// Who renders tiles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Worker {
+    Cpu,
+    Device,
+}
+
+/// The tiles of a picture: finished, started and waiting.
+pub(crate) struct Schedule<'a> {
+    pub(crate) tiling: Tiling,
+    monitor: &'a Monitor<'a>,
+    is_done: Vec<AtomicBool>,
+    state: Mutex<State>,
+}
+
+struct State {
+    slots: Vec<Option<Tile>>,
+    /// Whether the CPU, and whether the GPU, has started each tile.
+    started: Vec<[bool; 2]>,
+    /// Tiles that nobody has started, in order.
+    waiting: VecDeque<usize>,
+    n_done: usize,
+    /// Tiles that the GPU finished first.
+    n_by_device: usize,
+}
+
+impl<'a> Schedule<'a> {
+    /// All tiles that are not in `done`.
+    pub(crate) fn new(tiling: Tiling, done: Vec<Tile>, monitor: &'a Monitor<'a>) -> Result<Self, RenderError> {
+        let slots = tiling.slots(done).map_err(|number| RenderError::Tile { number })?;
+        let is_done = slots.iter().map(|slot| AtomicBool::new(slot.is_some())).collect();
+        let waiting: VecDeque<usize> = (0..slots.len()).filter(|&number| slots[number].is_none()).collect();
+        let n_done = slots.len() - waiting.len();
+        let started = vec![[false; 2]; slots.len()];
+        let state = Mutex::new(State { slots, started, waiting, n_done, n_by_device: 0 });
+        Ok(Self { tiling, monitor, is_done, state })
+    }
+
+    /// Renders on all threads of the pool.
+    pub(crate) fn spawn_cpu_workers<'s>(&'s self, scope: &rayon::Scope<'s>, tiles: &'s dyn RenderTiles) {
+        for _ in 0..rayon::current_num_threads() {
+            scope.spawn(|_| {
+                while let Some(number) = self.next_for_cpu() {
+                    match tiles.tile(number, &|| self.is_over(&[number])) {
+                        Some(tile) => self.finish(tile, Worker::Cpu),
+                        None if self.is_cancelled() => return,
+                        // The GPU was first.
+                        None => {}
+                    }
+                }
+            });
+        }
+    }
+
+    /// The next tile for a CPU thread; `None` if none is left.
+    fn next_for_cpu(&self) -> Option<usize> {
+        let mut state = self.state();
+        let number = state.waiting.pop_front().or_else(|| state.started_only_by(Worker::Device).next())?;
+        state.started[number][Worker::Cpu as usize] = true;
+        Some(number)
+    }
+
+    /// The next tiles for the GPU, as many of those offered as `count` returns; empty if none is left.
+    pub(crate) fn next_for_device(&self, count: impl FnOnce(&[usize]) -> usize) -> Vec<usize> {
+        let mut state = self.state();
+        let mut offered: Vec<usize> = state.waiting.iter().rev().take(MAX_OFFERED).copied().collect();
+        if offered.is_empty() {
+            offered = state.started_only_by(Worker::Cpu).collect();
+        } else {
+            offered.truncate(count(&offered));
+            let n_left = state.waiting.len() - offered.len();
+            state.waiting.truncate(n_left);
+        }
+        for &number in &offered {
+            state.started[number][Worker::Device as usize] = true;
+        }
+        offered
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.monitor.cancel.load(Ordering::Relaxed)
+    }
+
+    /// Whether work on these tiles is no longer needed.
+    pub(crate) fn is_over(&self, numbers: &[usize]) -> bool {
+        self.is_cancelled() || numbers.iter().all(|&number| self.is_done[number].load(Ordering::Relaxed))
+    }
+
+    /// Stores a tile unless it is finished already.
+    pub(crate) fn finish(&self, tile: Tile, worker: Worker) {
+        let number = tile.number;
+        if self.is_done[number].swap(true, Ordering::Relaxed) {
+            return;
+        }
+        (self.monitor.finished)(&tile);
+        let mut state = self.state();
+        state.slots[number] = Some(tile);
+        state.n_done += 1;
+        state.n_by_device += usize::from(worker == Worker::Device);
+        let (n_done, n_tiles) = (state.n_done, state.slots.len());
+        drop(state);
+        (self.monitor.progress)(n_done, n_tiles);
+    }
+
+    /// The film, and the number of tiles that the GPU rendered.
+    pub(crate) fn into_film(self) -> Result<(Film, usize), RenderError> {
+        let State { slots, n_by_device, .. } = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let tiles = slots.into_iter().collect::<Option<Vec<Tile>>>().ok_or(RenderError::Cancelled)?;
+        Ok((self.tiling.film(&tiles), n_by_device))
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// Unfinished tiles that only `worker` has started.
+    fn started_only_by(&self, worker: Worker) -> impl Iterator<Item = usize> + '_ {
+        let is_left = move |&number: &usize| {
+            let started = self.started[number];
+            started[worker as usize] && !started[1 - worker as usize] && self.slots[number].is_none()
+        };
+        (0..self.slots.len()).filter(is_left)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Six tiles of 8 x 8 pixels.
+    fn tiling() -> Tiling {
+        Tiling::new([24, 16], 8, None, false)
+    }
+
+    #[test]
+    fn each_starts_at_its_end_and_then_repeats_the_tiles_of_the_other() {
+        let cancel = AtomicBool::new(false);
+        let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
+        let tile = |number| tiling().tile(number);
+        let schedule = Schedule::new(tiling(), vec![tile(1)], &monitor).unwrap();
+        assert_eq!(schedule.next_for_cpu(), Some(0));
+        let two = |offered: &[usize]| offered.len().min(2);
+        assert_eq!(schedule.next_for_device(two), [5, 4]);
+        assert_eq!(schedule.next_for_cpu(), Some(2));
+        schedule.finish(tile(2), Worker::Cpu);
+        assert_eq!(schedule.next_for_device(two), [3]);
+        schedule.finish(tile(3), Worker::Device);
+        // All others are started: 0 by the CPU, 4 and 5 by the GPU.
+        assert_eq!(schedule.next_for_device(two), [0]);
+        assert_eq!(schedule.next_for_cpu(), Some(4));
+        assert_eq!(schedule.next_for_cpu(), Some(5));
+        assert_eq!(schedule.next_for_cpu(), None);
+        assert!(schedule.next_for_device(two).is_empty());
+        assert!(!schedule.is_over(&[4, 5]));
+        for number in [5, 4, 0] {
+            schedule.finish(tile(number), Worker::Cpu);
+            schedule.finish(tile(number), Worker::Device);
+        }
+        assert!(schedule.is_over(&[4, 5]));
+        assert_eq!(schedule.into_film().unwrap().1, 1);
+    }
+
+    #[test]
+    fn a_picture_without_all_tiles_is_cancelled() {
+        let cancel = AtomicBool::new(true);
+        let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
+        let schedule = Schedule::new(tiling(), vec![], &monitor).unwrap();
+        assert!(schedule.is_over(&[0]));
+        assert_eq!(schedule.into_film().err(), Some(RenderError::Cancelled));
+    }
+}

@@ -1,0 +1,154 @@
+//! Scene files in TOML: assets, instances, camera, lights, environment, materials, render settings.
+//!
+//! ```text
+//! text -> table -> {camera, light, environment, material, placement} -> SceneFile -> load -> Scene
+//! SceneFile -> write -> text
+//! ```
+
+mod assembly;
+mod camera;
+mod closest_match;
+mod direction;
+mod environment;
+mod light;
+mod load;
+mod material;
+mod paths;
+mod placement;
+mod read;
+mod table;
+mod toml_writer;
+mod write;
+
+use crate::{Camera, Light};
+
+pub use closest_match::closest_match;
+pub use environment::EnvironmentSource;
+pub use material::MaterialEdits;
+pub use placement::Placement;
+
+/// A scene file: assets, instances, camera, lights, environment, materials and render settings.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("scene.toml");
+/// # std::fs::write(folder.path().join("model.obj"), "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3")?;
+/// # std::fs::write(&path, r#"
+/// [[assets]]
+/// name = "triangle"
+/// file = "model.obj"
+///
+/// [[instances]]
+/// asset = "triangle"
+///
+/// [[instances]]
+/// asset = "triangle"
+/// translation = [2, 0, 0]
+/// # "#)?;
+/// use canted_scene::SceneFile;
+///
+/// let scene = SceneFile::read(&path)?.load()?;
+/// assert_eq!((scene.meshes.len(), scene.instances.len()), (1, 2));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// Paths are relative to the folder of the scene file and may lead out of it. Files that an asset references must lie in
+/// the asset's folder.
+///
+/// Camera, lights and environment replace those of all assets. If one is absent, those of the assets are used, untransformed
+/// by instances.
+#[derive(Clone, Debug, Default)]
+pub struct SceneFile {
+    /// Path of the scene file; paths in it are relative to its folder.
+    path: std::path::PathBuf,
+    /// The assets.
+    pub assets: Vec<Asset>,
+    /// Instances of assets; `None`: one per asset, untransformed.
+    pub instances: Option<Vec<AssetInstance>>,
+    /// The camera; `None`: that of the assets.
+    pub camera: Option<Camera>,
+    /// Lights; `None`: those of the assets; empty: none.
+    pub lights: Option<Vec<Light>>,
+    /// Environment light; `None`: that of the assets.
+    pub environment: Option<EnvironmentSource>,
+    /// New materials.
+    pub materials: Vec<NewMaterial>,
+    /// Changes to materials of assets.
+    pub overrides: Vec<Override>,
+    /// Render settings; this crate does not interpret them.
+    pub settings: Vec<Setting>,
+}
+
+/// A model to instance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asset {
+    /// Name used by instances.
+    pub name: String,
+    /// File or built-in scene.
+    pub source: AssetSource,
+    /// Animation time, see [`crate::ReadOptions::time`].
+    pub time: Option<f32>,
+    /// Name of a new material that replaces all materials of the asset.
+    pub material: Option<String>,
+    /// Line in the file; 0 if not read from one.
+    pub line: usize,
+}
+
+/// Source of an asset.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AssetSource {
+    /// A file supported by [`crate::read`].
+    File(String),
+    /// The built-in scene, [`crate::builtin`].
+    Builtin,
+}
+
+/// An instance of an asset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AssetInstance {
+    /// Name of the asset.
+    pub asset: String,
+    /// Transform; for a moving instance, the one at shutter open.
+    pub open: Placement,
+    /// Transform at shutter close, for a moving instance.
+    pub close: Option<Placement>,
+    /// Line in the file; 0 if not read from one.
+    pub line: usize,
+}
+
+/// A new material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewMaterial {
+    /// Name used by assets.
+    pub name: String,
+    /// Changes relative to [`crate::Material::default`].
+    pub edits: MaterialEdits,
+    /// Line in the file; 0 if not read from one.
+    pub line: usize,
+}
+
+/// Changes to all materials with a given name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    /// The asset; `None` for all assets.
+    pub asset: Option<String>,
+    /// Name of the materials.
+    pub material: String,
+    /// The changes.
+    pub edits: MaterialEdits,
+    /// Line in the file; 0 if not read from one.
+    pub line: usize,
+}
+
+/// A render setting; its meaning is defined by the renderer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// Name of the setting.
+    pub key: String,
+    /// Value; arrays are joined by commas. `None` writes only the comment.
+    pub value: Option<String>,
+    /// Explanation, written to the file but not read.
+    pub comment: String,
+    /// Line in the file; 0 if not read from one.
+    pub line: usize,
+}

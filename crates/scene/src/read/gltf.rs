@@ -1,0 +1,71 @@
+//! glTF 2.0 as JSON or GLB.
+//!
+//! ```text
+//! bytes -> container -> document -> animation -> nodes -> camera, light
+//!          material -> texture_info -> texture
+//!          instances -> pose -> mesh -> primitive -> topology, attributes -> accessor
+//! ```
+//!
+//! The `gltf` crate only deserializes the JSON. It does not validate indices, ranges and the node hierarchy; they are checked
+//! where they are used. Numbers are already rounded to `f32`.
+
+mod accessor;
+mod animation;
+mod attributes;
+mod camera;
+mod container;
+mod document;
+mod instances;
+mod instancing;
+mod keyframes;
+mod light;
+mod material;
+mod matrix;
+mod mesh;
+mod nodes;
+mod pose;
+mod primitive;
+#[cfg(test)]
+mod tests;
+mod texture;
+mod texture_info;
+mod topology;
+mod uri;
+
+use std::path::Path;
+
+use super::mesh_checks::MeshChecks;
+use super::warning_groups::WarningGroups;
+use super::{ReadError, ReadOptions};
+use crate::Scene;
+use document::Document;
+
+/// Reads a `.gltf` or `.glb` file with its buffers and images.
+///
+/// A glTF mesh becomes a [`crate::Mesh`] with one part per primitive; a node with a mesh becomes an instance, or several with
+/// `EXT_mesh_gpu_instancing`. Nodes with a skin or their own morph weights get a deformed copy of the mesh. Only the default
+/// scene is used, in file order.
+///
+/// # Errors
+/// [`ReadError`] if the geometry is invalid or there is nothing to draw.
+pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
+    let bytes = super::read_file(path)?;
+    let (mut scene, mut checks, mut grouped) = (Scene::default(), MeshChecks::default(), WarningGroups::default());
+    let mut document = Document::open(path, &bytes)?;
+    if let Some(time) = options.time {
+        animation::pose(&mut document, time, &mut grouped)?;
+    }
+    let nodes = nodes::read(&document)?;
+    material::read(&document, &mut grouped, &mut scene)?;
+    instances::read(&document, &nodes, &mut checks, &mut grouped, &mut scene)?;
+    camera::read(&document, &nodes, &mut scene)?;
+    light::read(&document, &nodes, &mut grouped, &mut scene)?;
+    document.note_extensions(&mut grouped);
+    scene.files = document.folder.into_found();
+    grouped.finish(&mut scene.warnings);
+    checks.finish(path, &mut scene)?;
+    if scene.instances.is_empty() {
+        return Err(ReadError::empty(path, "no node has a mesh and an invertible transform"));
+    }
+    Ok(scene)
+}

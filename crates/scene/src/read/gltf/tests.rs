@@ -1,0 +1,238 @@
+//! Complete generated files. Files of real exporters are covered by the integration tests.
+
+mod animation;
+mod attributes;
+mod geometry;
+mod instances;
+mod layout;
+mod materials;
+mod mutated;
+mod nodes;
+mod pose;
+mod surfaces;
+mod views;
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::uri::tests::to_base64;
+use crate::Scene;
+use crate::read::{ReadError, ReadOptions};
+
+/// Component type codes.
+pub(super) const I8: u32 = 5120;
+pub(super) const U8: u32 = 5121;
+pub(super) const I16: u32 = 5122;
+pub(super) const U16: u32 = 5123;
+pub(super) const U32: u32 = 5125;
+pub(super) const F32: u32 = 5126;
+
+/// Positions of the test triangle.
+pub(super) const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// A file under construction: JSON and one buffer.
+#[derive(Clone)]
+pub(super) struct File {
+    pub(super) json: Value,
+    pub(super) buffer: Vec<u8>,
+}
+
+impl File {
+    /// An empty file.
+    pub(super) fn new() -> Self {
+        Self { json: json!({ "asset": { "version": "2.0" } }), buffer: Vec::new() }
+    }
+
+    /// The test triangle as mesh 0, with the given nodes.
+    pub(super) fn of_nodes(nodes: Value) -> Self {
+        let mut file = Self::new();
+        let positions = file.reals("VEC3", &TRIANGLE);
+        file.mesh(json!([{ "attributes": { "POSITION": positions } }]));
+        file.json["nodes"] = nodes;
+        file
+    }
+
+    /// Adds a mesh of these primitives and a node for it.
+    pub(super) fn with_node(mut self, primitives: Value) -> Self {
+        let mesh = self.mesh(primitives);
+        self.push("nodes", json!({ "mesh": mesh }));
+        self
+    }
+
+    /// Appends to a list and returns the index.
+    pub(super) fn push(&mut self, list: &str, item: Value) -> usize {
+        if self.json[list].is_null() {
+            self.json[list] = json!([]);
+        }
+        let list = self.json[list].as_array_mut().unwrap();
+        list.push(item);
+        list.len() - 1
+    }
+
+    /// Appends a mesh.
+    pub(super) fn mesh(&mut self, primitives: Value) -> usize {
+        self.push("meshes", json!({ "primitives": primitives }))
+    }
+
+    /// Appends bytes and a view of them.
+    pub(super) fn view(&mut self, bytes: &[u8]) -> usize {
+        let offset = self.buffer.len();
+        self.buffer.extend(bytes);
+        self.push("bufferViews", json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len() }))
+    }
+
+    /// Appends an accessor of packed elements.
+    pub(super) fn accessor(&mut self, component: u32, element: &str, count: usize, bytes: &[u8]) -> usize {
+        let view = self.view(bytes);
+        self.push(
+            "accessors",
+            json!({ "bufferView": view, "componentType": component, "type": element, "count": count }),
+        )
+    }
+
+    /// Appends an accessor of `f32` numbers.
+    pub(super) fn reals(&mut self, element: &str, numbers: &[f32]) -> usize {
+        let width = match element {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            "VEC4" => 4,
+            _ => 16,
+        };
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        self.accessor(F32, element, numbers.len() / width, &bytes)
+    }
+
+    /// Appends an accessor of 16-bit indices.
+    pub(super) fn indices(&mut self, indices: &[u16]) -> usize {
+        let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
+        self.accessor(U16, "SCALAR", indices.len(), &bytes)
+    }
+
+    /// The JSON with the buffer as a data URI.
+    pub(super) fn text(&self) -> String {
+        let mut json = self.json.clone();
+        if json["buffers"].is_null() && !self.buffer.is_empty() {
+            let uri = format!("data:application/octet-stream;base64,{}", to_base64(&self.buffer));
+            json["buffers"] = json!([{ "byteLength": self.buffer.len(), "uri": uri }]);
+        }
+        json.to_string()
+    }
+
+    /// The file as GLB.
+    pub(super) fn glb(&self) -> Vec<u8> {
+        let mut json = self.json.clone();
+        json["buffers"] = json!([{ "byteLength": self.buffer.len() }]);
+        let chunk = |kind: &[u8; 4], content: &[u8], padding: u8| {
+            let mut content = content.to_vec();
+            content.resize(content.len().next_multiple_of(4), padding);
+            [&word(content.len())[..], kind, &content].concat()
+        };
+        let chunks = [chunk(b"JSON", json.to_string().as_bytes(), b' '), chunk(b"BIN\0", &self.buffer, 0)].concat();
+        [b"glTF", &2_u32.to_le_bytes()[..], &word(12 + chunks.len()), &chunks].concat()
+    }
+
+    /// Writes the file into a folder of its own and reads it.
+    pub(super) fn read(&self) -> Result<Scene, ReadError> {
+        self.read_beside(|_| {})
+    }
+
+    /// As [`File::read`], after `put` has written other files to the folder.
+    pub(super) fn read_beside(&self, put: impl FnOnce(&Path)) -> Result<Scene, ReadError> {
+        let folder = tempfile::tempdir().unwrap();
+        put(folder.path());
+        read_bytes(folder.path(), "test.gltf", self.text().as_bytes())
+    }
+
+    /// As [`File::read`], at a time.
+    pub(super) fn read_at(&self, time: f32) -> Result<Scene, ReadError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("test.gltf");
+        fs::write(&path, self.text()).unwrap();
+        super::read(&path, &ReadOptions { time: Some(time) })
+    }
+
+    /// The scene, which must have no warnings.
+    #[track_caller]
+    pub(super) fn scene(&self) -> Scene {
+        let scene = self.read().unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(scene.warnings, [""; 0]);
+        scene
+    }
+
+    /// Asserts that reading fails with a message that contains `thing`.
+    #[track_caller]
+    pub(super) fn rejected(&self, thing: &str) {
+        let error = self.read().expect_err(thing).to_string();
+        assert!(error.contains("test.gltf") && error.contains(thing), "{error}");
+    }
+
+    /// Asserts that reading gives one warning, which contains `thing`.
+    #[track_caller]
+    pub(super) fn warned(&self, thing: &str) -> Scene {
+        let scene = self.read().unwrap_or_else(|error| panic!("{error}"));
+        assert!(scene.warnings.len() == 1 && scene.warnings[0].contains(thing), "{:?}", scene.warnings);
+        scene
+    }
+}
+
+/// A length as a little-endian word.
+pub(super) fn word(length: usize) -> [u8; 4] {
+    u32::try_from(length).unwrap().to_le_bytes()
+}
+
+/// Writes and reads a file.
+pub(super) fn read_bytes(folder: &Path, name: &str, bytes: &[u8]) -> Result<Scene, ReadError> {
+    let path = folder.join(name);
+    fs::write(&path, bytes).unwrap();
+    super::read(&path, &ReadOptions::default())
+}
+
+#[test]
+fn json_and_glb_give_the_same_scene() {
+    let file = File::of_nodes(json!([{ "mesh": 0, "translation": [1, 2, 3] }]));
+    let folder = tempfile::tempdir().unwrap();
+    let glb = read_bytes(folder.path(), "test.glb", &file.glb()).unwrap();
+    let json = file.scene();
+    assert_eq!(json.meshes[0].positions, glb.meshes[0].positions);
+    assert_eq!(json.instances, glb.instances);
+}
+
+#[test]
+fn checks_versions_and_required_extensions() {
+    let with = |key: &str, value: Value| {
+        let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
+        file.json[key] = value;
+        file
+    };
+    with("asset", json!({ "version": "2.1" })).scene();
+    with("asset", json!({ "version": "1.0" })).rejected("version 1.0");
+    with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).rejected("version 2.1");
+    with("extensionsRequired", json!(["KHR_mesh_quantization"])).scene();
+    with("extensionsRequired", json!(["KHR_draco_mesh_compression"])).rejected("KHR_draco_mesh_compression");
+    with("extensionsUsed", json!(["KHR_mesh_quantization", "KHR_lights_punctual"])).scene();
+    with("extensionsUsed", json!(["EXT_unheard_of"])).warned("ignoring EXT_unheard_of (not supported): extensionsUsed");
+    let hidden = json!([{ "mesh": 0, "extensions": { "KHR_node_visibility": { "visible": false } } }]);
+    let mut file = with("nodes", hidden);
+    file.json["extensionsUsed"] = json!(["KHR_node_visibility"]);
+    file.warned("ignoring KHR_node_visibility (not supported): node 0");
+}
+
+#[test]
+fn invalid_json_is_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    for text in [
+        "",
+        "{",
+        "[1]",
+        "{\"asset\":{}}",
+        &"[".repeat(1 << 20),
+        "{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":-1}]}",
+        "\u{feff}{}",
+    ] {
+        let error = read_bytes(folder.path(), "test.gltf", text.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("test.gltf: json: "), "{error}");
+    }
+}

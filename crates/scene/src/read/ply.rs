@@ -1,0 +1,106 @@
+//! Stanford PLY, ASCII and binary of both byte orders.
+//!
+//! ```text
+//! bytes -> header -> body (vertices and faces, others are skipped) -> mesh
+//! ```
+//!
+//! Gives one mesh with one instance, in the file's vertex order. Texture coordinates are kept if a comment names a texture.
+
+mod body;
+mod header;
+mod table;
+
+use std::path::Path;
+
+use canted_obb::Affine;
+
+use self::table::Table;
+use super::folder::Folder;
+use super::mesh_checks::{MeshChecks, unit_normal, usable_uv};
+use super::{ReadError, image, text};
+use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene, TextureId, TextureRef};
+
+/// Parses a PLY file; `path` gives the folder of the texture and is used in messages.
+pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
+    let (header, body) = header::header(path, bytes)?;
+    let (table, is_read_to_end) = table::table(path, &header, body)?;
+    if table.face_ends.is_empty() {
+        return Err(ReadError::empty(path, "no faces"));
+    }
+    let mut scene = Scene::default();
+    if !is_read_to_end {
+        scene.warnings.push("ignoring bytes after the last declared element".into());
+    }
+    let material = material(path, header.texture, &mut scene);
+    scene.materials.push(material);
+    let mut checks = MeshChecks::default();
+    let triangles = triangles(path, &table, &mut checks)?;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let is_textured = !scene.textures.is_empty();
+    scene.meshes.push(mesh(name, table, triangles, is_textured));
+    let (mesh, world_from_object) = (MeshId(0), Affine::IDENTITY);
+    scene.instances.push(Instance { mesh, world_from_object, world_from_object_close: None, first_primitive: 0 });
+    checks.finish(path, &mut scene)?;
+    Ok(scene)
+}
+
+/// The default material, or one with the texture of the header.
+fn material(path: &Path, texture: Option<&[u8]>, scene: &mut Scene) -> Material {
+    let Some(name) = texture else { return Material::default() };
+    let name = String::from_utf8_lossy(name);
+    let bytes = Folder::of(path).map_err(|error| error.to_string()).and_then(|folder| {
+        let bytes = folder.read(&name);
+        scene.files = folder.into_found();
+        bytes
+    });
+    match bytes.and_then(|bytes| image::decode(&name, &bytes)) {
+        Ok(texture) => {
+            scene.textures.push(texture);
+            Material {
+                base_color: [1.0; 3],
+                base_color_texture: Some(TextureRef::new(TextureId(0))),
+                ..Material::default()
+            }
+        }
+        Err(message) => {
+            scene.warnings.push(format!("skipping texture {}: {message}", text::quoted(name.as_bytes())));
+            Material::default()
+        }
+    }
+}
+
+/// Triangulates the faces in file order and checks vertex indices.
+fn triangles(path: &Path, table: &Table, checks: &mut MeshChecks) -> Result<Vec<[u32; 3]>, ReadError> {
+    let mut triangles = Vec::with_capacity(table.face_ends.len());
+    let (mut corners, mut cuts) = (Vec::new(), Vec::new());
+    let mut start = 0;
+    for (face, &end) in table.face_ends.iter().enumerate() {
+        let indices = &table.corners[start..end];
+        start = end;
+        if indices.len() < 3 {
+            checks.n_small_faces += 1;
+            continue;
+        }
+        corners.clear();
+        for &index in indices {
+            let position = table.positions.get(index as usize).ok_or_else(|| {
+                let message = format!("vertex index {index} out of range ({} vertices)", table.positions.len());
+                ReadError::malformed(path, format!("face {face}"), message)
+            })?;
+            corners.push(*position);
+        }
+        checks.triangulate(&corners, &mut cuts);
+        triangles.extend(cuts.iter().map(|cut| cut.map(|k| indices[k])));
+    }
+    Ok(triangles)
+}
+
+fn mesh(name: String, table: Table, triangles: Vec<[u32; 3]>, is_textured: bool) -> Mesh {
+    let normals = table.normals.map(|normals| normals.into_iter().map(unit_normal).collect());
+    let uvs = table.uvs.filter(|_| is_textured).map(|uvs| uvs.into_iter().map(usable_uv).collect());
+    let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
+    Mesh { name, positions: table.positions, triangles, normals, uvs, parts, ..Mesh::default() }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,12 @@
+//! The optional folder of real models.
+
+use std::path::PathBuf;
+
+use canted_fixtures::skip;
+
+/// The folder of models: `CANTED_SCENES`, else `../shared/scenes` next to the workspace. If it is absent, reports `test` as skipped.
+pub(crate) fn models(test: &str) -> Option<PathBuf> {
+    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
+    let folder = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(default), PathBuf::from);
+    if folder.is_dir() { Some(folder) } else { skip(test, format_args!("missing folder {}", folder.display())) }
+}

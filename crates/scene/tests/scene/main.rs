@@ -1,0 +1,7 @@
+//! Tests of the public API: scene files, real models, malformed files.
+
+mod expect;
+mod folder;
+mod gltf;
+mod models;
+mod scene_file;
