@@ -9,6 +9,7 @@ mod instances {
     mod agree;
     mod edits;
     mod geometry;
+    mod kinds;
     mod mixed;
     mod moved;
     mod moving;

@@ -6,7 +6,7 @@ use canted_obb::{Affine, Obb, PrimId};
 use canted_tests::instances::{At, ray_object};
 use canted_tests::{brute, crossings};
 use canted_tlas::{Blas, Instance, RayOptions, Tlas, TopConfig};
-use canted_trace::{Counts, Hit, InstanceId, Kernel, Query, Ray, ScaledRay, Side, Watertight};
+use canted_trace::{Counts, HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, ScaledRay, Side, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
 use super::setup::{affine, all_rays, blas_of, build, crowd, instances, meshes};
@@ -101,6 +101,10 @@ impl Blas for Shrunk {
         let bounds = self.0.bounds();
         Obb { half_extents: bounds.half_extents.map(|half| half * 0.1), ..bounds }
     }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
+    }
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         self.0.closest_hit_with(ray_object, instance, query)
     }
@@ -185,12 +189,16 @@ fn filters_see_every_ray_and_hit() {
     tlas.closest_hits_where(&rays, &mut serial_hits, |i, _, hit| accepts(i, hit));
     tlas.occluded_many_where(&rays, &mut serial_occluded, |i, _, hit| accepts(i, hit));
     assert_eq!((&serial_hits, &serial_occluded), (&hits, &occluded));
+    let (mut many, mut par_many) = (vec![vec![]; rays.len()], vec![vec![]; rays.len()]);
+    tlas.all_hits_many_where(&rays, &mut many, |i, _, hit| accepts(i, hit));
+    tlas.par_all_hits_many_where(&rays, &mut par_many, |i, _, hit| accepts(i, hit));
+    assert_eq!(many, par_many);
     let mut all = vec![];
     for (i, ray) in rays.iter().enumerate() {
         let mut want = loop_over_all(&placed, ray);
         want.retain(|hit| accepts(i, hit));
-        tlas.all_hits_where(ray, |_, hit| accepts(i, hit), &mut all);
-        assert_eq!(all, want, "{ray:?}");
+        tlas.all_hits_where(ray, &mut all, |_, hit| accepts(i, hit));
+        assert_eq!((&all, &many[i]), (&want, &want), "{ray:?}");
         assert_eq!((hits[i], occluded[i]), (want.first().copied(), !want.is_empty()), "{ray:?}");
         assert_eq!(tlas.closest_hit_where(ray, |_, hit| accepts(i, hit)), hits[i]);
         assert_eq!(tlas.occluded_where(ray, |_, hit| accepts(i, hit)), occluded[i]);
