@@ -1,32 +1,30 @@
-//! Boxes for points and triangles: one method a file, each of which proposes a frame.
+//! Boxes of points and triangles. Each method proposes a frame; the box along it is then exact.
 
-mod area_pca;
 mod dito;
-mod dop;
-mod pca;
 
-use crate::{Aabb, Frame, Obb, bound};
+use crate::eigen::FULL_PRECISION;
+use crate::{Aabb, Dop, Frame, Moments, Obb, bound};
 
 /// How [`fit`] chooses the axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Fit {
-    /// The axes of the space.
+    /// Axis-aligned.
     Aabb,
-    /// Principal axes of the points, all of one weight (Gottschalk 2000, as in Sabino 2020, 3.1.3).
+    /// Principal axes of the points, equally weighted (Gottschalk 2000, as in Sabino 2020, 3.1.3).
     ///
-    /// Depends on how densely the surface is tessellated; needs no triangles.
+    /// Depends on the tessellation; needs no triangles.
     Pca,
-    /// Principal axes of the surface (Gottschalk et al. 1996, with the authors' errata): the same box for any
-    /// tessellation of it. Where the triangles have no area together, or there are none, the points decide.
+    /// Principal axes of the surface (Gottschalk et al. 1996, with the authors' errata): the same box for
+    /// any tessellation. Without triangles, or where their total area is zero, as [`Fit::Pca`].
     #[default]
     AreaPca,
-    /// Edges of a large ditetrahedron on extremal points (Larsson and Källberg 2011); needs no triangles.
+    /// DiTO-14: edges of a large ditetrahedron of extremal points (Larsson and Källberg 2011); needs no triangles.
     Dito,
     /// The best of sixteen fixed frames, by extents along twenty-five directions; needs no triangles.
     Dop,
 }
 
-/// Why there is no box.
+/// Why [`fit`] failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FitError {
     /// There are no points.
@@ -36,11 +34,11 @@ pub enum FitError {
         /// Index of the first such point.
         index: usize,
     },
-    /// A triangle names a point that does not exist.
+    /// A triangle index is out of range.
     IndexOutOfRange {
         /// Index of the first such triangle.
         triangle: usize,
-        /// The point that it names.
+        /// The index.
         index: u32,
         /// Number of points.
         n_points: usize,
@@ -53,7 +51,7 @@ impl core::fmt::Display for FitError {
             Self::Empty => write!(f, "no points to fit a box to"),
             Self::NotFinite { index } => write!(f, "point {index} is not finite"),
             Self::IndexOutOfRange { triangle, index, n_points } => {
-                write!(f, "triangle {triangle} names point {index} of {n_points}")
+                write!(f, "triangle {triangle} has index {index}, but there are {n_points} points")
             }
         }
     }
@@ -61,11 +59,11 @@ impl core::fmt::Display for FitError {
 
 impl core::error::Error for FitError {}
 
-/// Fits a box to `points`, its axes chosen by `method`, in the space of the points.
+/// Fits a box to `points`, with axes chosen by `method`.
 ///
-/// Contains *every* point exactly, also those that no triangle uses; `triangles` only weigh in where the method says so
-/// and may be empty. The axis-parallel box is returned where it has no more area. Points scaled by a power of two give
-/// the box scaled by it, bit for bit, short of the ends of the range of `f32`.
+/// The box contains *every* point exactly, also points that no triangle uses. `triangles` may be empty; only
+/// [`Fit::AreaPca`] uses them. The axis-aligned box is returned where it has no more area. Scaling the points by a power
+/// of two scales the box bit for bit, unless it leaves the range of `f32`.
 ///
 /// # Errors
 /// [`FitError::Empty`], [`FitError::NotFinite`] for the first bad point, [`FitError::IndexOutOfRange`] for the first
@@ -75,12 +73,31 @@ pub fn fit(points: &[[f32; 3]], triangles: &[[u32; 3]], method: Fit) -> Result<O
     let aabb = Aabb::from_points(points.iter().copied());
     let frame: Frame = match method {
         Fit::Aabb => return Ok(Obb::from_aabb(&aabb)),
-        Fit::Pca => pca::frame(points),
-        Fit::AreaPca => area_pca::frame(points, triangles),
+        Fit::Pca => principal_axes(points),
+        Fit::AreaPca => surface_axes(points, triangles),
         Fit::Dito => dito::frame(points),
-        Fit::Dop => dop::frame(points),
+        Fit::Dop => fixed_frame(points),
     };
     Ok(bound(frame, points.iter().copied()).or_aabb(&aabb))
+}
+
+/// Principal axes of the points, longest first.
+fn principal_axes(points: &[[f32; 3]]) -> Frame {
+    Moments::from_points(points.iter().copied()).axes(FULL_PRECISION)
+}
+
+/// Principal axes of the surface, longest first; of the points where it has no area.
+fn surface_axes(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> Frame {
+    let surface = triangles.iter().fold(Moments::EMPTY, |moments, corners| {
+        moments.merged(&Moments::from_triangle(corners.map(|index| points[index as usize])))
+    });
+    if surface.weight > 0.0 { surface.axes(FULL_PRECISION) } else { principal_axes(points) }
+}
+
+/// The best of the fixed frames, by extents relative to the first point, for precision far from the origin.
+fn fixed_frame(points: &[[f32; 3]]) -> Frame {
+    let [x, y, z] = points[0];
+    Dop::from_points(points.iter().map(|p| [p[0] - x, p[1] - y, p[2] - z])).best().0
 }
 
 fn check(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(), FitError> {
