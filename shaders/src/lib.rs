@@ -1,15 +1,38 @@
-//! The GPU's kernels in WGSL, and what can be known of them without a device.
+//! WGSL kernels for BVH construction, ray tracing and rendering, assembled from parts and checked without a device.
 //!
-//! One kernel a file, in folders named as the CPU's stations; what several share lies in `shared/`. A kernel's entry point is
-//! `main`; a file with a vertex and a fragment stage has `vertex` and `fragment`. Nothing here names a device: [`Shader`] is text,
-//! and the facts that a caller binds buffers and chooses work-groups by, read by `naga` from the text as it will be compiled.
+//! ```
+//! use canted_shaders::{Shader, Specialisation};
 //!
-//! ```text
-//! files -> source (parts, choices, constants) -> Shader (entries, bindings, work-group, layouts)
+//! let chosen = Specialisation::none()
+//!     .part("traverse", "shared/traverse/stack")
+//!     .part("node_kinds", "shared/node_kinds/any")
+//!     .part("level", "shared/level/single")
+//!     .part("mask", "shared/mask/none")
+//!     .part("count", "shared/count/none")
+//!     .number("STACK_SIZE", 16)
+//!     .number("MAX_ITERATIONS", 1 << 18);
+//! let shader = Shader::new("trace/closest", &chosen)?;
+//! assert_eq!(shader.entry("main").unwrap().workgroup_size, [64, 1, 1]);
+//! # Ok::<(), canted_shaders::ShaderError>(())
 //! ```
 //!
-//! Parts that kernels share bind in groups of their own, so that any of them go together: 0 is what rays are traced through, 1
-//! the picture and its samples, 2 the surfaces, 3 the lights. A kernel without them numbers as it likes.
+//! Use it to run the kernels on your own device, or to include ray traversal in a kernel. `canted-gpu` does the former.
+//!
+//! | item | purpose |
+//! |---|---|
+//! | [`Specialisation`], [`assemble`] | choose the parts of a kernel; its WGSL text |
+//! | [`Shader`] | a validated kernel with bindings, work-group size and structure layouts, read by `naga` |
+//! | [`lint`] | divergent barriers, storage barriers, operations that may produce NaN or infinity |
+//! | [`kernels`], [`FILES`] | names and texts of all files |
+//!
+//! # Files
+//!
+//! A kernel is a file with the entry point `main`, or with `vertex` and `fragment`. Folders are named after the CPU's stages.
+//! `shared/` holds what kernels have in common; a file there may contain several parts, of which a caller chooses one.
+//! `alternatives/` holds measured alternatives that are not used by default: stackless traversal and wavefront path tracing.
+//!
+//! Shared parts use fixed bind groups, so that they can be combined: 0 for ray tracing, 1 for the picture and its samples, 2 for
+//! surfaces, 3 for lights.
 #![forbid(unsafe_code)]
 
 mod error;

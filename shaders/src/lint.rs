@@ -1,4 +1,4 @@
-//! What compilers let pass and devices do not.
+//! Checks for errors that compilers accept and devices do not.
 
 mod numbers;
 mod uniform;
@@ -7,42 +7,42 @@ use naga::{Barrier, Block, Function, Module, Span, Statement};
 
 use crate::{ShaderError, Specialisation, assemble, reflection};
 
-/// What is wrong with a kernel: sentences with the line.
+/// Findings in a kernel, as sentences with line numbers:
 ///
 /// * A barrier that not all invocations of a work-group reach.
-/// * A `storageBarrier`: what one work-group writes, others see in a later dispatch, and never by a barrier.
-/// * In kernels of `trace/`, what can make NaN or infinity: see `numbers`.
+/// * A `storageBarrier`. Other work-groups see writes only in a later dispatch, never after a barrier.
+/// * In kernels of `trace/`, operations that can produce NaN or infinity; see `numbers`.
 ///
 /// # Errors
-/// A kernel that cannot be made.
+/// The kernel cannot be assembled.
 pub fn lint(name: &str, chosen: &Specialisation) -> Result<Vec<String>, ShaderError> {
     of_text(name, &assemble(name, chosen)?, chosen.overrides())
 }
 
-/// The same of a text, under the name of a kernel.
+/// Findings in a text, under the name of a kernel.
 fn of_text(name: &str, source: &str, overrides: &[(String, f64)]) -> Result<Vec<String>, ShaderError> {
     let (module, _) = reflection::specialised(name, source, overrides)?;
     let at = |span: Span| span.location(source).line_number;
     let mut findings = vec![];
-    for stray in uniform::stray_barriers(&module) {
-        let line = at(stray.span);
-        findings.push(format!("{name}: not all invocations of a work-group reach the barrier in line {line}"));
+    for found in uniform::divergent_barriers(&module) {
+        let line = at(found.span);
+        findings.push(format!("{name}: some invocations of a work-group may not reach the barrier in line {line}"));
     }
     for span in storage_barriers(&module) {
         let line = at(span);
         findings.push(format!(
-            "{name}: line {line} fences storage, which other work-groups do not see before a later dispatch"
+            "{name}: storageBarrier in line {line}: other work-groups see writes only in a later dispatch"
         ));
     }
     if name.starts_with("trace/") {
         findings.extend(
-            numbers::wild(&module).into_iter().map(|(span, what)| format!("{name}: line {}: {what}", at(span))),
+            numbers::find_unsafe(&module).into_iter().map(|(span, what)| format!("{name}: line {}: {what}", at(span))),
         );
     }
     Ok(findings)
 }
 
-/// All functions, entry points among them.
+/// All functions, including entry points.
 fn functions(module: &Module) -> impl Iterator<Item = &Function> {
     let points = module.entry_points.iter().map(|point| &point.function);
     module.functions.iter().map(|(_, function)| function).chain(points)
@@ -62,7 +62,7 @@ fn storage_barriers(module: &Module) -> Vec<Span> {
     found
 }
 
-/// Calls `each` with every statement of a block and of the blocks in it.
+/// Calls `each` for every statement of a block and its nested blocks.
 fn visit(block: &Block, each: &mut impl FnMut(&Statement, Span)) {
     for (statement, span) in block.span_iter() {
         each(statement, *span);
@@ -86,7 +86,7 @@ fn visit(block: &Block, each: &mut impl FnMut(&Statement, Span)) {
 mod tests {
     use super::*;
 
-    /// What is wrong with a kernel of this folder whose third line is `declared` and whose body begins in the fifth.
+    /// Findings in a kernel of this folder whose third line is `declared` and whose body starts in line five.
     fn found_in(folder: &str, declared: &str, body: &str) -> Vec<String> {
         let text = format!(
             "@group(0) @binding(0) var<storage, read_write> words: array<u32>;
@@ -103,10 +103,10 @@ mod tests {
     }
 
     #[test]
-    fn fences_between_work_groups_are_found() {
-        let fence_in = |line: u32| {
+    fn storage_barriers_are_found() {
+        let finding_in = |line: u32| {
             format!(
-                "build/flawed: line {line} fences storage, which other work-groups do not see before a later dispatch"
+                "build/flawed: storageBarrier in line {line}: other work-groups see writes only in a later dispatch"
             )
         };
         for body in [
@@ -115,30 +115,30 @@ mod tests {
             "if arrayLength(&words) > 3u { words[i] = 1u; } else {\nstorageBarrier(); }",
             "switch arrayLength(&words) { case 1u: {\nstorageBarrier(); } default: {} }",
         ] {
-            assert_eq!(found("", body), [fence_in(6)], "{body}");
+            assert_eq!(found("", body), [finding_in(6)], "{body}");
         }
         let fence = "fn fence() { storageBarrier(); }";
-        assert_eq!(found(fence, "words[i] = 1u; fence(); both[i] = words[i + 64u];"), [fence_in(3)]);
+        assert_eq!(found(fence, "words[i] = 1u; fence(); both[i] = words[i + 64u];"), [finding_in(3)]);
     }
 
     #[test]
-    fn barriers_of_what_a_work_group_shares_are_sound() {
+    fn work_group_barriers_are_accepted() {
         for body in [
             "words[i] = 1u;\nworkgroupBarrier();\nboth[i] = words[63u - i];",
-            "both[i] = words[i]; meet(); words[i] = both[63u - i];",
+            "both[i] = words[i]; sync(); words[i] = both[63u - i];",
             "words[i] = workgroupUniformLoad(&both[3]);",
         ] {
-            assert_eq!(found("fn meet() { workgroupBarrier(); }", body), [""; 0], "{body}");
+            assert_eq!(found("fn sync() { workgroupBarrier(); }", body), [""; 0], "{body}");
         }
     }
 
     #[test]
-    fn every_rule_names_its_line() {
-        let stray = "build/flawed: not all invocations of a work-group reach the barrier in line 5";
-        assert_eq!(found("", "if i < 3u { workgroupBarrier(); }"), [stray]);
+    fn findings_contain_the_line() {
+        let divergent = "build/flawed: some invocations of a work-group may not reach the barrier in line 5";
+        assert_eq!(found("", "if i < 3u { workgroupBarrier(); }"), [divergent]);
         let quotient = "words[i] = u32(1.0 / f32(i));";
-        let wild = "trace/flawed: line 5: a quotient outside of a function that guards its divisor";
-        assert_eq!(found_in("trace", "", quotient), [wild]);
+        let unsafe_number = "trace/flawed: line 5: division outside of a guard function";
+        assert_eq!(found_in("trace", "", quotient), [unsafe_number]);
         assert_eq!(found("", quotient), [""; 0]);
     }
 }

@@ -1,4 +1,4 @@
-//! What a kernel binds, uses and lays out, as `naga` reads it.
+//! Bindings and layouts of a kernel, from `naga`.
 
 use naga::{
     AddressSpace, Module, StorageAccess, TypeInner,
@@ -7,97 +7,97 @@ use naga::{
 
 use crate::{ShaderError, Specialisation, assemble};
 
-/// Most storage buffers that a stage of any kernel binds: what hosts ask of a device.
+/// Maximum number of storage buffers of a stage over all kernels: the limit that hosts request.
 pub const MAX_STORAGE_BUFFERS: u32 = 28;
 
-/// A kernel ready to be compiled, and what its caller must know.
+/// An assembled and validated kernel.
 #[derive(Clone, Debug)]
 pub struct Shader {
-    /// The file's name.
+    /// Name of the file.
     pub name: String,
-    /// WGSL, with all parts.
+    /// WGSL with all parts.
     pub source: String,
-    /// What the overrides are.
+    /// Values of the overrides.
     pub overrides: Vec<(String, f64)>,
-    /// Its stages, in the order of the text.
+    /// Its entry points, in order.
     pub entries: Vec<Entry>,
     /// Its structures.
     pub layouts: Vec<Layout>,
 }
 
-/// A stage of a kernel.
+/// An entry point of a kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// Name of the function.
     pub name: String,
-    /// What it is.
+    /// Its stage.
     pub stage: Stage,
     /// Invocations of a work-group along each axis; zero for other stages.
     pub workgroup_size: [u32; 3],
-    /// Memory that a work-group shares, bytes.
+    /// Work-group memory in bytes.
     pub workgroup_bytes: u32,
-    /// What this stage uses, by group and number.
+    /// Its bindings, by group and index.
     pub bindings: Vec<Binding>,
 }
 
-/// Kinds of stages.
+/// Shader stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Work-groups over buffers.
+    /// Compute.
     Compute,
-    /// Vertices of a raster pass.
+    /// Vertex stage of a raster pass.
     Vertex,
-    /// Pixels of a raster pass.
+    /// Fragment stage of a raster pass.
     Fragment,
 }
 
-/// A resource that a stage uses.
+/// A resource that an entry point uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Binding {
-    /// Number of its group.
+    /// Index of the bind group.
     pub group: u32,
-    /// Number in the group.
+    /// Index in the group.
     pub number: u32,
-    /// Name of the variable, by which a caller gives it.
+    /// Name of the variable.
     pub name: String,
-    /// What it is.
+    /// Kind of resource.
     pub kind: BindingKind,
-    /// Bytes of the fixed part, and of one element of an array without a size.
+    /// Size of the fixed part, plus one element of a runtime-sized array, in bytes.
     pub least_bytes: u32,
 }
 
 /// Kinds of resources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BindingKind {
-    /// A small block that is read.
+    /// Uniform buffer.
     Uniform,
-    /// A buffer, and whether the kernel writes it.
+    /// Storage buffer.
     Storage {
-        /// The kernel writes it.
+        /// Whether the kernel writes to it.
         writes: bool,
     },
-    /// A texture, sampled or written.
+    /// Texture, sampled or storage.
     Texture,
-    /// A sampler.
+    /// Sampler.
     Sampler,
 }
 
-/// A structure as the device sees it.
+/// Memory layout of a structure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// Its name.
     pub name: String,
     /// Name and offset in bytes of each member.
     pub members: Vec<(String, u32)>,
-    /// Bytes, with padding.
+    /// Size in bytes, with padding.
     pub size: u32,
 }
 
 impl Shader {
-    /// Kernel `name` as `chosen`, checked.
+    /// Assembles and validates kernel `name`.
     ///
     /// # Errors
-    /// What [`assemble`] refuses, text that `naga` refuses, overrides that the kernel lacks or that have no value.
+    /// The errors of [`assemble`], invalid WGSL, or an override that is unknown or has no value.
     pub fn new(name: &str, chosen: &Specialisation) -> Result<Self, ShaderError> {
         let source = assemble(name, chosen)?;
         let (module, info) = specialised(name, &source, chosen.overrides())?;
@@ -106,7 +106,7 @@ impl Shader {
         Ok(Self { name: name.to_owned(), source, overrides: chosen.overrides().to_vec(), entries, layouts })
     }
 
-    /// The stage of this name.
+    /// The entry point of this name.
     #[must_use]
     pub fn entry(&self, name: &str) -> Option<&Entry> {
         self.entries.iter().find(|entry| entry.name == name)
@@ -119,7 +119,7 @@ impl Shader {
     }
 }
 
-/// The module of a text whose overrides have values.
+/// The module of a text with values for its overrides.
 pub(crate) fn specialised(
     name: &str,
     source: &str,
@@ -132,7 +132,7 @@ pub(crate) fn specialised(
             return Err(ShaderError::UnknownChoice { kernel: name.to_owned(), what: known.clone() });
         }
     }
-    // No capability beyond what every device has: what needs more fails here and not on a stranger's machine.
+    // No optional capabilities: a kernel that needs one fails here rather than on another machine.
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
     let info = validator.validate(&module).map_err(|error| invalid(error.emit_to_string(source)))?;
     let values = overrides.iter().cloned().collect();
@@ -180,7 +180,7 @@ fn kind(inner: &TypeInner, space: AddressSpace, used: naga::valid::GlobalUse) ->
         (TypeInner::Image { .. }, _) => BindingKind::Texture,
         (_, AddressSpace::Uniform) => BindingKind::Uniform,
         (_, AddressSpace::Storage { access }) => BindingKind::Storage {
-            // A layout is made from the declaration, whatever the kernel does.
+            // The bind group layout follows from the declaration, whatever the kernel does.
             writes: access.contains(StorageAccess::STORE) || used.contains(naga::valid::GlobalUse::WRITE),
         },
         _ => BindingKind::Uniform,
@@ -198,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_kernel_says_what_it_binds() {
+    fn reflection_lists_bindings() {
         let shader = Shader::new("check/loops", &Specialisation::none()).unwrap();
         let main = shader.entry("main").unwrap();
         assert_eq!(main.workgroup_size, [64, 1, 1]);
@@ -210,13 +210,13 @@ mod tests {
     }
 
     #[test]
-    fn wrong_text_is_refused_with_its_place() {
+    fn invalid_wgsl_is_reported_with_its_location() {
         let error = specialised("x", "fn f() -> u32 { return 1.5; }", &[]).unwrap_err().to_string();
         assert!(error.starts_with("kernel 'x' is not valid") && error.contains("1.5"), "{error}");
     }
 
     #[test]
-    fn overrides_size_what_work_groups_share() {
+    fn overrides_may_size_work_group_memory() {
         let text = "override N: u32 = 4u; var<workgroup> shared_words: array<u32, N>;
             @compute @workgroup_size(N) fn main(@builtin(local_invocation_index) i: u32) { shared_words[i] = i; }";
         let (module, info) = specialised("x", text, &[("N".to_owned(), 64.0)]).unwrap();

@@ -1,5 +1,6 @@
 //! `canted cast`: traces rays from a file.
 
+#[cfg(feature = "gpu")]
 mod gpu;
 mod hits;
 mod rays;
@@ -87,6 +88,7 @@ fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
 }
 
 /// All answers, and the seconds spent tracing.
+#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<(Vec<Answer>, f64)> {
     let Prepared { structure, .. } = prepare::<K>(scene, &args.structure.config(scene))
         .map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
@@ -98,12 +100,11 @@ fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Mach
             Answer::hit([t, u, v], primitive.0, instance.0, scene)
         })
     };
-    let on_gpu = gpu::upload(machine, scene, &structure, args)?;
+    #[cfg(feature = "gpu")]
+    if let Some(traced) = gpu::trace(machine, scene, &structure, rays, args, on_cpu)? {
+        return Ok(traced);
+    }
     let start = Instant::now();
-    let answers = match (machine.gpu(), on_gpu) {
-        (Some(gpu), Some(traced)) => gpu::answers(gpu, &traced, scene, rays, args.occluded, on_cpu)
-            .map_err(|error| machine.named(error.into()))?,
-        _ => rays.par_iter().map(on_cpu).collect(),
-    };
+    let answers = rays.par_iter().map(on_cpu).collect();
     Ok((answers, start.elapsed().as_secs_f64()))
 }

@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use canted_film::{Comparison, PIXELS_PER_DEGREE, flip, flip_hdr, read_picture, write_png};
 use serde_json::json;
 
-use crate::output;
+use crate::{options::one_of, output};
 
 /// Options of `canted compare`.
 #[derive(clap::Args)]
@@ -18,8 +18,8 @@ pub(crate) struct Args {
     /// Exit with code 1 if the relative mean squared error exceeds RELMSE or a pixel is not finite.
     #[arg(long, value_name = "RELMSE")]
     max: Option<f64>,
-    /// Variant of the FLIP error.
-    #[arg(long, value_enum, default_value_t = Range::Ldr, value_name = "RANGE")]
+    /// FLIP variant: `ldr` clamps radiance to 0..=1, `hdr` tone-maps at several exposures derived from the reference.
+    #[arg(long, default_value = "ldr", value_parser = one_of(&[("ldr", Range::Ldr), ("hdr", Range::Hdr)]), value_name = "RANGE")]
     flip: Range,
     /// Pixels per degree of the viewer's field of view, for FLIP; at most 1000.
     #[arg(long, value_name = "N", default_value_t = PIXELS_PER_DEGREE, value_parser = pixels_per_degree)]
@@ -33,11 +33,9 @@ pub(crate) struct Args {
 }
 
 /// The dynamic range for FLIP.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy)]
 enum Range {
-    /// Low dynamic range: radiance clamped to 0..=1.
     Ldr,
-    /// High dynamic range: tone mapping at several exposures, derived from the reference.
     Hdr,
 }
 

@@ -1,89 +1,72 @@
 //! `canted devices`: the devices that `--device` can select.
 
 use anyhow::Result;
-use canted_gpu::{AdapterInfo, AdapterKind, adapters};
 use serde_json::{Value, json};
 
-use crate::output;
+use crate::{device, output};
 
 /// Options of `canted devices`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Print JSON.
+    /// Print the report as JSON.
     #[arg(long)]
     json: bool,
 }
 
 /// Lists the CPU and all adapters, preferred ones first.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let found = adapters();
+    let adapters = device::adapters();
     let n_threads = rayon::current_num_threads();
-    output::to_stdout(&if args.json { as_json(&found, n_threads).to_string() } else { as_text(&found, n_threads) })
+    if args.json {
+        let auto = auto(&adapters).unwrap_or("cpu");
+        let report = json!({ "cpu": { "threads": n_threads }, "adapters": adapters, "auto": auto });
+        return output::to_stdout(&report.to_string());
+    }
+    output::to_stdout(&text(&adapters, n_threads))
 }
 
-fn as_json(found: &[AdapterInfo], n_threads: usize) -> Value {
-    let adapters: Vec<Value> = found
-        .iter()
-        .map(|facts| {
-            json!({
-                "name": facts.name, "kind": facts.kind.to_string(), "backend": facts.backend, "driver": facts.driver,
-                "is_software": facts.kind == AdapterKind::Software, "max_binding_bytes": facts.max_binding_bytes,
-                "max_buffer_bytes": facts.max_buffer_bytes, "has_timestamps": facts.has_timestamps,
-            })
-        })
-        .collect();
-    json!({ "cpu": { "threads": n_threads }, "adapters": adapters, "auto": auto(found).unwrap_or("cpu") })
-}
-
-fn as_text(found: &[AdapterInfo], n_threads: usize) -> String {
+fn text(adapters: &[Value], n_threads: usize) -> String {
     let mut lines = vec![format!("cpu            {n_threads} threads")];
-    for facts in found {
-        let AdapterInfo { name, kind, backend, driver, .. } = facts;
-        let mebibytes = facts.max_binding_bytes >> 20;
+    for adapter in adapters {
+        let [name, kind, backend, driver] = ["name", "kind", "backend", "driver"].map(|key| word(adapter, key));
+        let mebibytes = adapter["max_binding_bytes"].as_u64().unwrap_or(0) >> 20;
         lines.push(format!(
             "gpu            {name} ({kind}, {backend}, {driver}), buffer bindings up to {mebibytes} MiB"
         ));
     }
-    lines.push(match (auto(found), found.is_empty()) {
-        (Some(name), _) => format!("--device auto selects {name}"),
-        (None, false) => "--device auto selects the CPU: software adapters are slower".to_owned(),
-        (None, true) => {
-            "--device auto selects the CPU: no adapter found (a driver for Vulkan, Metal or DX12 is required)"
-                .to_owned()
+    let reason = match auto(adapters) {
+        Some(name) => name.to_owned(),
+        None if !adapters.is_empty() => "the CPU: software adapters are slower".to_owned(),
+        None if cfg!(feature = "gpu") => {
+            "the CPU: no adapter found (a driver for Vulkan, Metal or DX12 is required)".to_owned()
         }
-    });
+        None => "the CPU: this program was built without GPU support".to_owned(),
+    };
+    lines.push(format!("--device auto selects {reason}"));
     lines.join("\n")
 }
 
+fn word<'a>(adapter: &'a Value, key: &str) -> &'a str {
+    adapter[key].as_str().unwrap_or_default()
+}
+
 /// The adapter that `--device auto` selects; `None` for the CPU.
-fn auto(found: &[AdapterInfo]) -> Option<&str> {
-    found.iter().find(|facts| facts.kind != AdapterKind::Software).map(|facts| facts.name.as_str())
+fn auto(adapters: &[Value]) -> Option<&str> {
+    adapters.iter().find(|adapter| adapter["is_software"] != true).map(|adapter| word(adapter, "name"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn facts(name: &str, kind: AdapterKind) -> AdapterInfo {
-        AdapterInfo {
-            name: name.to_owned(),
-            kind,
-            backend: "Vulkan".to_owned(),
-            driver: "x 1".to_owned(),
-            max_binding_bytes: 128 << 20,
-            max_buffer_bytes: 1 << 30,
-            has_timestamps: true,
-        }
-    }
-
     #[test]
     fn auto_selects_hardware_and_not_software() {
-        let software = facts("llvmpipe", AdapterKind::Software);
+        let adapter = |name: &str, is_software: bool| json!({ "name": name, "is_software": is_software });
+        let software = adapter("llvmpipe", true);
         assert_eq!(auto(std::slice::from_ref(&software)), None);
-        let both = [facts("Big GPU", AdapterKind::Discrete), software];
+        let both = [adapter("Big GPU", false), software];
         assert_eq!(auto(&both), Some("Big GPU"));
-        assert!(as_text(&both, 4).ends_with("--device auto selects Big GPU"));
-        assert_eq!(as_json(&both, 4)["auto"], "Big GPU");
-        assert_eq!(as_json(&[], 4)["auto"], "cpu");
+        assert!(text(&both, 4).ends_with("--device auto selects Big GPU"));
+        assert_eq!(auto(&[]), None);
     }
 }

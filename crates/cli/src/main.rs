@@ -14,6 +14,8 @@ mod light;
 mod load;
 mod memory;
 mod merge;
+#[cfg(not(feature = "gpu"))]
+mod no_gpu;
 mod not_needed;
 mod options;
 mod output;

@@ -6,6 +6,7 @@ pub(crate) fn peak_bytes() -> Option<u64> {
 }
 
 /// Available memory of this machine; `None` where the system does not report it.
+#[cfg(feature = "gpu")]
 pub(crate) fn available_bytes() -> Option<u64> {
     entry_bytes("/proc/meminfo", "MemAvailable:")
 }

@@ -51,7 +51,7 @@ pub(crate) struct StructureArgs {
     /// Build effort of the wide BVH. `quality` builds slowest and traces fastest.
     #[arg(long, default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESET")]
     preset: Preset,
-    /// Builder of the binary tree below the BVH. `auto` uses the builder of the preset, or `ploc` with --volumes.
+    /// Builder of the binary tree that becomes the BVH. `auto` uses the builder of the preset, or `ploc` with --volumes.
     #[arg(long, default_value = "auto", value_parser = one_of(BUILDERS), value_name = "BUILDER")]
     builder: BuilderChoice,
     /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes; the others build a binary BVH.
@@ -92,6 +92,15 @@ pub(crate) fn strategy_name(strategy: Strategy) -> &'static str {
 }
 
 impl StructureArgs {
+    /// The first option that GPUs do not support, with its value.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn unsupported_on_gpu(&self) -> Option<String> {
+        if self.triangles != TriangleTest::Watertight {
+            return Some(format!("--triangles {}", name_of(&TRIANGLE_TESTS, &self.triangles)));
+        }
+        self.volumes.map(|strategy| format!("--volumes {}", strategy_name(strategy)))
+    }
+
     /// The structure to build for a scene. Warns if it cannot have one level.
     pub(crate) fn config(&self, scene: &Scene) -> StructureConfig {
         let &Self { levels, preset, builder, volumes, .. } = self;

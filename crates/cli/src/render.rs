@@ -6,6 +6,8 @@ mod checkpoint;
 mod exposure;
 mod facts;
 mod film;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod samples;
 mod setup;
 
@@ -32,7 +34,7 @@ use args::checkpoint_record;
 use checkpoint::CheckpointWriter;
 pub(crate) use checkpoint::difference;
 use facts::Fact;
-use film::FilmRenderer;
+use film::{CpuRenderer, FilmRenderer};
 pub(crate) use setup::{Setup, setup};
 
 /// A rendered picture or film.
@@ -107,12 +109,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 
 fn open_machine(args: &Args) -> Result<Machine> {
     match (args.heatmap, &args.run.device) {
-        (None, device) => device.open(),
+        (None, device) => Machine::open(device),
         (Some(_), DeviceArg::Auto | DeviceArg::Cpu) => Ok(Machine::Cpu),
         (Some(_), _) => Err(anyhow!("--heatmap is not supported on the GPU; use --device cpu")),
     }
 }
 
+#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn render<K: LaneKernel>(
     scene: &mut Scene,
     args: &Args,
@@ -135,22 +138,30 @@ fn render<K: LaneKernel>(
         facts.push(("triangle_tests_per_ray", json!(triangles)));
         Output::Picture(map.picture)
     } else {
-        let surfaces = machine.gpu().map(|_| Surfaces::with_lod(scene, settings.lod));
-        let renderer = FilmRenderer::new(machine, args, surfaces.as_ref(), &prepared.structure, &camera, &settings)?;
+        let (structure, camera, settings) = (&prepared.structure, &camera, &settings);
+        #[cfg(feature = "gpu")]
+        let surfaces = machine.has_gpu().then(|| Surfaces::with_lod(scene, settings.lod));
+        #[cfg(feature = "gpu")]
+        let on_gpu = match &surfaces {
+            Some(surfaces) => gpu::GpuRenderer::new(machine, args, surfaces, structure, camera, settings)?,
+            None => None,
+        };
+        #[cfg(not(feature = "gpu"))]
+        let on_gpu: Option<CpuRenderer<K>> = None;
+        let on_cpu = CpuRenderer { scene, structure, camera, settings };
+        let renderer: &dyn FilmRenderer = on_gpu.as_ref().map_or(&on_cpu, |on_gpu| on_gpu as &dyn FilmRenderer);
         let needs_record = settings.part.is_some() || args.samples.checkpoint.is_some();
-        let record =
-            if needs_record { args.record(scene, &camera, &settings, renderer.device()) } else { Record::new() };
+        let record = if needs_record { args.record(scene, camera, settings, renderer.device()) } else { Record::new() };
         let mut done = Vec::new();
         if let Some(path) = &args.samples.checkpoint {
             let interval = Duration::from_secs(args.samples.checkpoint_every.into());
             let (opened, tiles) =
-                CheckpointWriter::open(path.clone(), interval, &checkpoint_record(&record, &settings))?;
+                CheckpointWriter::open(path.clone(), interval, &checkpoint_record(&record, settings))?;
             (checkpoint, done) = (Some(opened), tiles);
         }
-        let (film, of_device) =
-            renderer.render(scene, &prepared, &camera, (args, &settings), checkpoint.as_ref(), done)?;
+        let (film, of_device) = film::render(renderer, args, settings, checkpoint.as_ref(), done)?;
         facts.extend(of_device);
-        facts.extend(facts::of_film(&film, &settings, start.elapsed()));
+        facts.extend(facts::of_film(&film, settings, start.elapsed()));
         if let Some(warning) = facts::dropped_samples(&film) {
             output::warn(&warning);
         }

@@ -2,8 +2,8 @@
 //! the wide BVHs of presets.
 
 mod binary;
+#[cfg(feature = "gpu")]
 mod gpu;
-mod gpu_passes;
 mod tables;
 mod wide;
 mod wide_tables;
@@ -54,13 +54,17 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     output::to_stdout(&if args.run.json { report.json() } else { report.text() })
 }
 
+#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -> Result<tables::Report<'a>> {
     let binary = binary::measure(scene)?;
     let wide = wide::measure(scene, &args.presets)?;
     let config = options::defaults::<StructureArgs>().config(scene);
     let prepared = prepare::<Watertight>(scene, &config)?;
     let not_needed = not_needed::json(&prepared.unused, false);
+    #[cfg(feature = "gpu")]
     let gpu = gpu::measure(machine, scene, &prepared.structure)?;
+    #[cfg(not(feature = "gpu"))]
+    let gpu = None;
     Ok(tables::Report { name, scene, binary, wide, not_needed, gpu })
 }
 

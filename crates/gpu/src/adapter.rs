@@ -1,40 +1,40 @@
-//! Which adapters there are, and which one is meant.
+//! Listing and choosing adapters.
 
 use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor};
 
 use crate::GpuError;
 
-/// What is known of an adapter before it is opened.
+/// Properties of an adapter, available before it is opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterInfo {
-    /// Name that the driver gives.
+    /// Name reported by the driver.
     pub name: String,
-    /// What it is.
+    /// Kind of adapter.
     pub kind: AdapterKind,
-    /// The interface it is reached through: `Vulkan`, `Metal` or `Dx12`.
+    /// Graphics API: `Vulkan`, `Metal` or `Dx12`.
     pub backend: String,
-    /// Driver and its version, as far as it says.
+    /// Driver name and version, if reported.
     pub driver: String,
-    /// Most bytes of one storage binding.
+    /// Maximum size of a storage buffer binding, in bytes.
     pub max_binding_bytes: u64,
-    /// Most bytes of one buffer.
+    /// Maximum size of a buffer, in bytes.
     pub max_buffer_bytes: u64,
-    /// Whether passes can be timed.
+    /// Whether the adapter supports timestamp queries.
     pub has_timestamps: bool,
 }
 
-/// Kinds of adapters, the ones to prefer first.
+/// Kinds of adapters, in order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum AdapterKind {
-    /// A GPU with memory of its own.
+    /// A GPU with dedicated memory.
     Discrete,
-    /// A GPU that shares the CPU's memory.
+    /// A GPU that shares memory with the CPU.
     Integrated,
-    /// A share of a GPU.
+    /// A virtualized GPU.
     Virtual,
-    /// A driver that does not say.
+    /// Unknown.
     Other,
-    /// The CPU, behind a driver.
+    /// A software driver that runs on the CPU.
     Software,
 }
 
@@ -50,14 +50,14 @@ impl std::fmt::Display for AdapterKind {
     }
 }
 
-/// Which adapter a caller wants.
+/// Which adapter to open.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// The first of the best kind, software last.
+    /// The first adapter of the best kind, a software driver as a last resort.
     Best,
-    /// The first of the best kind, software never.
+    /// The first hardware adapter of the best kind.
     Hardware,
-    /// The best whose name contains this text, in any case.
+    /// The best adapter whose name contains this text, ignoring case.
     Named(String),
 }
 
@@ -73,16 +73,16 @@ impl std::fmt::Display for Choice {
 
 const BACKENDS: Backends = Backends::VULKAN.union(Backends::METAL).union(Backends::DX12);
 
-/// Share of its memory that a driver may give us.
+/// Share of the reported memory budget that buffers may use.
 const MEMORY_PERCENT: u8 = 95;
 
-/// All adapters, the ones to prefer first; empty where no driver is installed.
+/// All adapters in order of preference; empty if no driver is installed.
 #[must_use]
 pub fn adapters() -> Vec<AdapterInfo> {
     listed().iter().map(facts).collect()
 }
 
-/// The chosen adapter and its facts.
+/// The chosen adapter and its properties.
 pub(crate) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterInfo), GpuError> {
     let all = listed();
     let found = all.iter().map(|adapter| adapter.get_info().name).collect();
@@ -103,7 +103,7 @@ pub(crate) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterInfo), Gp
 fn listed() -> Vec<wgpu::Adapter> {
     let mut descriptor = InstanceDescriptor::new_without_display_handle();
     descriptor.backends = BACKENDS;
-    // Where drivers tell how much memory is left, a buffer beyond it is an error before it is the system's.
+    // If the driver reports a memory budget, exceeding it is an error rather than an out-of-memory kill by the system.
     descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_PERCENT);
     let mut all = pollster::block_on(Instance::new(descriptor).enumerate_adapters(BACKENDS));
     all.sort_by_key(|adapter| kind(adapter.get_info().device_type));
@@ -139,13 +139,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_not_there_is_said_with_what_there_is() {
+    fn a_missing_adapter_is_reported() {
         let error = choose(&Choice::Named("no such adapter".to_owned())).unwrap_err().to_string();
-        assert!(error.starts_with("no adapter for device 'no such adapter': "), "{error}");
+        assert!(error.starts_with("no adapter for device 'no such adapter'"), "{error}");
     }
 
     #[test]
-    fn software_comes_last() {
+    fn software_drivers_are_last() {
         let kinds: Vec<_> = adapters().iter().map(|facts| facts.kind).collect();
         assert!(kinds.is_sorted(), "{kinds:?}");
         assert!(AdapterKind::Discrete < AdapterKind::Integrated && AdapterKind::Other < AdapterKind::Software);

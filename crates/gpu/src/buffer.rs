@@ -1,4 +1,4 @@
-//! Typed arrays in the device's memory.
+//! Typed buffers.
 
 use std::{marker::PhantomData, sync::mpsc};
 
@@ -8,12 +8,12 @@ use wgpu::{BufferDescriptor, BufferUsages, MapMode};
 use crate::memory::Share;
 use crate::{Gpu, GpuError};
 
-/// `len` values of `T` in the device's memory; never without a word, for an empty binding is not allowed.
+/// A device buffer of `len` values of `T`. Never empty on the device, because an empty binding is invalid.
 pub struct Buffer<T> {
     pub(crate) raw: wgpu::Buffer,
     len: usize,
     values: PhantomData<T>,
-    /// Given back with the buffer.
+    /// Releases the memory when the buffer is dropped.
     _share: Share,
 }
 
@@ -24,13 +24,13 @@ impl<T> Buffer<T> {
         self.len
     }
 
-    /// Whether there is none.
+    /// Whether the buffer has no values.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Bytes that the device keeps.
+    /// Size on the device, in bytes.
     #[must_use]
     pub fn n_bytes(&self) -> u64 {
         self.raw.size()
@@ -38,10 +38,10 @@ impl<T> Buffer<T> {
 }
 
 impl Gpu {
-    /// A storage buffer that holds `values`.
+    /// Creates a storage buffer that holds `values`.
     ///
     /// # Errors
-    /// More bytes than a binding may have, or than the device's memory holds.
+    /// The size exceeds the limit of a binding or the available memory.
     pub fn buffer<T: Pod>(&self, what: &str, values: &[T]) -> Result<Buffer<T>, GpuError> {
         let buffer = self.zeroed(what, values.len())?;
         if !values.is_empty() {
@@ -50,37 +50,37 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// A storage buffer of `len` zeros.
+    /// Creates a storage buffer of `len` zeros.
     ///
     /// # Errors
-    /// As [`Gpu::buffer`].
+    /// As for [`Gpu::buffer`].
     pub fn zeroed<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, GpuError> {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        self.allocate(what, len, usage, self.limits().max_storage_buffer_binding_size, "bytes of a storage binding")
+        self.allocate(what, len, usage, self.limits().max_storage_buffer_binding_size, "bytes in a storage binding")
     }
 
-    /// A uniform buffer that holds one value.
+    /// Creates a uniform buffer that holds one value.
     ///
     /// # Errors
-    /// As [`Gpu::buffer`].
+    /// As for [`Gpu::buffer`].
     pub fn uniform<T: Pod>(&self, what: &str, value: &T) -> Result<Buffer<T>, GpuError> {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let most = self.limits().max_uniform_buffer_binding_size;
-        let buffer = self.allocate(what, 1, usage, most, "bytes of a uniform binding")?;
+        let buffer = self.allocate(what, 1, usage, most, "bytes in a uniform binding")?;
         self.queue.write_buffer(&buffer.raw, 0, bytemuck::bytes_of(value));
         Ok(buffer)
     }
 
-    /// Writes `values` over the first of `buffer`'s, before what is submitted next.
+    /// Overwrites the first values of `buffer`. Takes effect before the next submission.
     pub fn write<T: Pod>(&self, buffer: &Buffer<T>, values: &[T]) {
         assert!(values.len() <= buffer.len, "a buffer of {} takes no {} values", buffer.len, values.len());
         self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
     }
 
-    /// Where timestamps go.
+    /// A buffer for resolved timestamp queries.
     pub(crate) fn resolve_target(&self, len: usize) -> Result<Buffer<u64>, GpuError> {
         let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
-        self.allocate("timestamps", len, usage, self.limits().max_buffer_size, "bytes of a buffer")
+        self.allocate("timestamps", len, usage, self.limits().max_buffer_size, "bytes in a buffer")
     }
 
     fn allocate<T: Pod>(
@@ -92,14 +92,14 @@ impl Gpu {
         limit: &'static str,
     ) -> Result<Buffer<T>, GpuError> {
         self.check()?;
-        // Sizes are multiples of a word; what has no value still has a word.
+        // Sizes are multiples of a word. An empty buffer still has one word.
         let size = (len * size_of::<T>()).max(size_of::<T>().max(4)).next_multiple_of(4) as u64;
         let most = most.min(self.limits().max_buffer_size);
         if size > most {
             let remedy = "use a smaller scene or --device cpu";
             return Err(GpuError::Limit { what: what.to_owned(), need: size, limit, most, remedy });
         }
-        // The driver does not know the buffer's name.
+        // The driver's message does not contain the name of the buffer.
         let no_memory = || GpuError::OutOfMemory { what: format!("{what} of {size} bytes") };
         let share = self.memory.take(size).ok_or_else(no_memory)?;
         let descriptor = BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
@@ -111,12 +111,12 @@ impl Gpu {
         Ok(Buffer { raw, len, values: PhantomData, _share: share })
     }
 
-    /// The values of `buffer` at the places `at`, after all that was submitted: for a few of many.
+    /// Reads back the values of `buffer` at the given indices, after all submitted work. For a few values of a large buffer.
     ///
     /// # Errors
-    /// As [`Gpu::read`].
+    /// As for [`Gpu::read`].
     pub(crate) fn read_at<T: Pod>(&self, buffer: &Buffer<T>, at: &[u32]) -> Result<Vec<T>, GpuError> {
-        let gathered = self.zeroed::<T>("values in places", at.len())?;
+        let gathered = self.zeroed::<T>("gathered values", at.len())?;
         let size = size_of::<T>() as u64;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (to, &from) in (0u64..).zip(at) {
@@ -126,18 +126,18 @@ impl Gpu {
         self.read(&gathered)
     }
 
-    /// The values of `buffer` after all that was submitted.
+    /// Reads back all values of `buffer`, after all submitted work.
     ///
     /// # Errors
-    /// A device that is lost, or does not finish.
+    /// The device is lost or does not finish.
     pub fn read<T: Pod>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, GpuError> {
         self.read_first(buffer, buffer.len)
     }
 
-    /// The first `len` values of `buffer`, or all where it has fewer, after all that was submitted.
+    /// Reads back at most `len` values of `buffer`, after all submitted work.
     ///
     /// # Errors
-    /// As [`Gpu::read`].
+    /// As for [`Gpu::read`].
     pub fn read_first<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, GpuError> {
         let n_bytes = buffer.len.min(len) * size_of::<T>();
         if n_bytes == 0 {
@@ -146,14 +146,14 @@ impl Gpu {
         self.check()?;
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         let size = n_bytes.next_multiple_of(4) as u64;
-        let descriptor = BufferDescriptor { label: Some("read back"), size, usage, mapped_at_creation: false };
+        let descriptor = BufferDescriptor { label: Some("read-back"), size, usage, mapped_at_creation: false };
         let staging = self.device.create_buffer(&descriptor);
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(&buffer.raw, 0, &staging, 0, size);
         let submission = self.queue.submit([encoder.finish()]);
         let (send, receive) = mpsc::channel();
         staging.map_async(MapMode::Read, .., move |result| {
-            // The receiver is gone only where the wait has failed.
+            // The receiver is dropped only after a failed wait.
             let _ = send.send(result);
         });
         self.wait(Some(submission))?;

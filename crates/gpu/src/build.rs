@@ -1,12 +1,12 @@
-//! Trees built on the device, station by station as on the CPU.
+//! BVH construction on the device, with the same stages as on the CPU.
 //!
 //! ```text
-//! corners of all meshes -> Items -> domain -> codes -> sort -> tree -> volumes       bottom levels
-//! roots, instances      -> Items -> the same stations                                top level, alone where instances move
+//! vertices of all meshes -> Items -> domain -> codes -> sort -> tree -> volumes       bottom levels
+//! root boxes, instances  -> Items -> the same stages                                  top level
 //! ```
 //!
-//! All trees of a level go through the same dispatches: their items lie one tree after another, and the tree is the most
-//! significant word of the key that items are sorted by.
+//! All trees of a level share the same dispatches. Their items are stored one tree after another, and the index of the tree is
+//! the most significant word of the sort key.
 
 mod dop;
 mod items;
@@ -30,40 +30,40 @@ use canted_obb::{Aabb, Obb};
 
 use crate::{Buffer, GpuError};
 
-/// What volumes a device has kernels for, the axis-aligned ones first. The unbounded principal axes are left to the CPU: their boxes
-/// are measured by every point below each node, which took a device more than a minute (Sabino 2020, 4.3).
+/// Volume strategies that the device supports; the axis-aligned one is first. `PcaUnbounded` is not supported: it measures each
+/// box with every point below the node, which takes too long on a device (Sabino 2020, 4.3).
 pub const STRATEGIES: [Strategy; 5] =
     [Strategy::Aabb, Strategy::PcaBounded, Strategy::Quaternion, Strategy::Combined, Strategy::Dop];
 
-/// How trees are built.
+/// Build settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct BuildConfig {
     /// Length of the Morton codes.
     pub bits: Bits,
-    /// Where leaning boxes come from.
+    /// How the volumes of inner nodes are computed.
     pub strategy: Strategy,
 }
 
-/// Trees of a level in the device's memory.
+/// The trees of a level in device memory.
 pub struct Built {
-    /// What they are over.
+    /// The items of the trees.
     pub items: Items,
     /// The item of each leaf.
     pub leaves: Buffer<u32>,
-    /// Inner nodes and what joins them.
+    /// Inner nodes and topology.
     pub trees: Trees,
     /// Axis-aligned box of each inner node, by slot.
     pub aabbs: Buffer<Aabb>,
-    /// Volume of each inner node, by slot: along the axes of the space where a leaning box has no less area. `None` under
+    /// Volume of each inner node, by slot; the axis-aligned box if an oriented one has no less area. `None` for
     /// [`Strategy::Aabb`].
     pub obbs: Option<Buffer<Obb>>,
 }
 
 impl Built {
-    /// Builds the trees over `items`, all of them in one set of dispatches.
+    /// Builds the trees over `items`, all with the same dispatches.
     ///
     /// # Errors
-    /// A device that lacks the memory, or is lost; a strategy that it has no kernel for.
+    /// Out of memory, device lost, or an unsupported strategy.
     pub fn new(run: &mut Run<'_>, items: Items, config: BuildConfig) -> Result<Self, GpuError> {
         let domains = domain(run, &items, config.bits)?;
         let codes = codes(run, &items, &domains, config.bits)?;
@@ -72,13 +72,13 @@ impl Built {
         let aabbs = aabbs(run, &items, &leaves, &trees)?;
         let obbs = match config.strategy {
             Strategy::Aabb => None,
-            leaning => Some(obbs(run, &items, &leaves, &trees, &aabbs, leaning)?),
+            strategy => Some(obbs(run, &items, &leaves, &trees, &aabbs, strategy)?),
         };
         Ok(Self { items, leaves, trees, aabbs, obbs })
     }
 }
 
-/// A count as kernels have it.
+/// A count as `u32`.
 #[expect(clippy::cast_possible_truncation, reason = "bindings hold fewer than 2^32 values")]
 fn count(n: usize) -> u32 {
     n as u32

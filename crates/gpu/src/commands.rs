@@ -1,4 +1,4 @@
-//! Dispatches in order.
+//! Command lists.
 
 use bytemuck::Pod;
 use canted_shaders::Binding;
@@ -9,10 +9,10 @@ use wgpu::{
 
 use crate::{Buffer, Gpu, GpuError, Kernel};
 
-/// Most passes that are timed in one submission; two queries each, of the 4,096 that a set may have.
-const MOST_TIMED: u32 = 2_048;
+/// Maximum number of timed passes per submission. Each uses two queries of the 4,096 that a query set may have.
+const MAX_TIMED: u32 = 2_048;
 
-/// How long the device took for a pass.
+/// Device time of a pass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PassTime {
     /// Name of the kernel.
@@ -21,12 +21,12 @@ pub struct PassTime {
     pub milliseconds: f64,
 }
 
-/// Dispatches that the device does one after another: what one wrote the next one reads.
+/// Dispatches that run in order. Each sees what the previous ones wrote.
 pub struct Commands<'a> {
     gpu: &'a Gpu,
     encoder: CommandEncoder,
     timed: Option<Timed>,
-    /// Commands-groups of all dispatches so far.
+    /// Work-groups of all dispatches so far.
     n_groups: u64,
 }
 
@@ -35,16 +35,16 @@ struct Timed {
     kernels: Vec<String>,
 }
 
-/// Something to bind by the name of its variable.
+/// A resource and the name of the shader variable it is bound to.
 pub type NamedBinding<'a> = (&'a str, &'a dyn AsBinding);
 
-/// What can be bound to a kernel's variable.
+/// A resource that can be bound to a shader variable.
 pub trait AsBinding {
-    /// The whole of it.
+    /// The whole resource.
     #[doc(hidden)]
     fn resource(&self) -> wgpu::BindingResource<'_>;
 
-    /// Bytes that the device keeps of it.
+    /// Size on the device, in bytes.
     fn n_bytes(&self) -> u64;
 }
 
@@ -59,19 +59,19 @@ impl<T> AsBinding for Buffer<T> {
 }
 
 impl Gpu {
-    /// Starts a list of dispatches.
+    /// Starts a command list.
     #[must_use]
     pub fn commands(&self) -> Commands<'_> {
         let encoder = self.device.create_command_encoder(&CommandEncoderDescriptor::default());
         Commands { gpu: self, encoder, timed: None, n_groups: 0 }
     }
 
-    /// Starts a list of dispatches whose times [`Commands::times`] tells, where the device can.
+    /// Starts a command list that measures the time of each pass, if the device supports timestamps; see [`Commands::times`].
     #[must_use]
     pub fn timed_commands(&self) -> Commands<'_> {
         let mut commands = self.commands();
         if self.has_timestamps() {
-            let descriptor = QuerySetDescriptor { label: None, ty: QueryType::Timestamp, count: 2 * MOST_TIMED };
+            let descriptor = QuerySetDescriptor { label: None, ty: QueryType::Timestamp, count: 2 * MAX_TIMED };
             commands.timed = Some(Timed { queries: self.device.create_query_set(&descriptor), kernels: vec![] });
         }
         commands
@@ -79,11 +79,11 @@ impl Gpu {
 }
 
 impl Commands<'_> {
-    /// Adds a dispatch of `groups` work-groups. `bound` gives every variable that the kernel uses by name; what it does
-    /// not use may be given and is left out.
+    /// Adds a dispatch of `groups` work-groups. `bound` must contain every variable that the kernel uses; it may contain
+    /// others.
     ///
     /// # Errors
-    /// A variable that is not given.
+    /// A variable is missing.
     pub fn dispatch(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], groups: [u32; 3]) -> Result<(), GpuError> {
         if groups.contains(&0) {
             return Ok(());
@@ -92,8 +92,8 @@ impl Commands<'_> {
             kernel.pipeline.get_bind_group_layout(number)
         })?;
         let timestamp_writes =
-            self.timed.as_mut().filter(|timed| timed.kernels.len() < MOST_TIMED as usize).map(|timed| {
-                #[expect(clippy::cast_possible_truncation, reason = "below MOST_TIMED")]
+            self.timed.as_mut().filter(|timed| timed.kernels.len() < MAX_TIMED as usize).map(|timed| {
+                #[expect(clippy::cast_possible_truncation, reason = "below MAX_TIMED")]
                 let first = 2 * timed.kernels.len() as u32;
                 timed.kernels.push(kernel.name.clone());
                 ComputePassTimestampWrites {
@@ -114,12 +114,12 @@ impl Commands<'_> {
         Ok(())
     }
 
-    /// Commands-groups of all dispatches so far.
+    /// Work-groups of all dispatches so far.
     pub(crate) fn n_groups(&self) -> u64 {
         self.n_groups
     }
 
-    /// Copies all of `from` over the first of `to`.
+    /// Copies all of `from` to the start of `to`.
     pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) {
         assert!(from.len() <= to.len(), "{} values do not fit into {}", from.len(), to.len());
         self.encoder.copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, from.raw.size().min(to.raw.size()));
@@ -130,7 +130,7 @@ impl Commands<'_> {
         self.encoder.clear_buffer(&buffer.raw, 0, None);
     }
 
-    /// Submits what was added so far, so that others may have the device before what is added next.
+    /// Submits the dispatches added so far, so that other programs can use the device in between.
     pub(crate) fn flush(&mut self) {
         let next = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
         self.gpu.queue.submit([std::mem::replace(&mut self.encoder, next).finish()]);
@@ -139,7 +139,7 @@ impl Commands<'_> {
     /// Submits the dispatches and waits for them.
     ///
     /// # Errors
-    /// A device that is lost, does not finish, or does not accept a dispatch.
+    /// The device is lost, does not finish, or rejects a dispatch.
     pub fn run(self) -> Result<(), GpuError> {
         self.times().map(drop)
     }
@@ -147,17 +147,17 @@ impl Commands<'_> {
     /// Submits the dispatches without waiting.
     ///
     /// # Errors
-    /// A device that is known to be lost.
+    /// The device is already known to be lost.
     pub fn submit(self) -> Result<(), GpuError> {
         self.gpu.check()?;
         self.gpu.queue.submit([self.encoder.finish()]);
         Ok(())
     }
 
-    /// Submits the dispatches, waits for them, and tells how long each pass took; nothing where they are not timed.
+    /// Submits the dispatches, waits for them, and returns the time of each pass; empty without timestamps.
     ///
     /// # Errors
-    /// As [`Commands::run`].
+    /// As for [`Commands::run`].
     pub fn times(self) -> Result<Vec<PassTime>, GpuError> {
         let (kernels, ends) = self.ends()?;
         Ok(kernels
@@ -167,19 +167,19 @@ impl Commands<'_> {
             .collect())
     }
 
-    /// Submits the dispatches, waits for them, and tells the milliseconds from the begin of the first to the end of the last; 0
-    /// where they are not timed.
+    /// Submits the dispatches, waits for them, and returns the milliseconds from the start of the first to the end of the last;
+    /// 0 without timestamps.
     ///
     /// # Errors
-    /// As [`Commands::run`].
+    /// As for [`Commands::run`].
     pub(crate) fn span(self) -> Result<f64, GpuError> {
         let (_, ends) = self.ends()?;
         let begin = ends.iter().map(|[begin, _]| *begin).fold(f64::INFINITY, f64::min);
         Ok(ends.iter().map(|[_, end]| end - begin).fold(0.0, f64::max))
     }
 
-    /// Submits the dispatches and waits for them: the kernel of each that is timed, and milliseconds of its begin and end since the
-    /// begin of the first.
+    /// Submits the dispatches and waits for them. Returns for each timed dispatch the kernel, and its start and end in
+    /// milliseconds since the start of the first.
     fn ends(self) -> Result<(Vec<String>, Vec<[f64; 2]>), GpuError> {
         let Self { gpu, mut encoder, timed, .. } = self;
         gpu.check()?;
@@ -190,7 +190,7 @@ impl Commands<'_> {
         };
         let n_queries = 2 * timed.kernels.len();
         let ticks = gpu.resolve_target(n_queries)?;
-        #[expect(clippy::cast_possible_truncation, reason = "at most 2·MOST_TIMED")]
+        #[expect(clippy::cast_possible_truncation, reason = "at most 2·MAX_TIMED")]
         encoder.resolve_query_set(&timed.queries, 0..n_queries as u32, &ticks.raw, 0);
         gpu.queue.submit([encoder.finish()]);
         let ticks = gpu.read(&ticks)?;
@@ -202,10 +202,10 @@ impl Commands<'_> {
     }
 }
 
-/// The groups that a pipeline binds, with their numbers.
+/// Bind groups of a pipeline, with their indices.
 ///
 /// # Errors
-/// A variable that is not given.
+/// A variable is missing.
 pub(crate) fn bind_groups(
     gpu: &Gpu,
     name: &str,
@@ -219,7 +219,7 @@ pub(crate) fn bind_groups(
         let entries = bindings.iter().filter(|binding| binding.group == number).map(|binding| {
             let given = bound.iter().find(|(known, _)| *known == binding.name);
             let (_, given) = given.ok_or_else(|| GpuError::Invalid {
-                message: format!("kernel '{name}' binds '{}', which is not given", binding.name),
+                message: format!("kernel '{name}' has no binding for '{}'", binding.name),
             })?;
             Ok(BindGroupEntry { binding: binding.number, resource: given.resource() })
         });

@@ -1,47 +1,54 @@
-//! RasterPipeline passes in pieces that take about as long as a dispatch.
+//! Raster passes in batches of bounded time.
 
-use std::{collections::VecDeque, time::Duration};
+use std::{collections::VecDeque, ops::Range, time::Duration};
 
-use crate::Draw;
+/// Target time of a batch, short enough for a display that waits for it.
+const TARGET_TIME: Duration = Duration::from_millis(100);
 
-/// How long a piece should take: short enough for a display that waits behind it.
-const WANTED: Duration = Duration::from_millis(100);
+/// Triangles of the first batch, and minimum.
+const FIRST_BATCH: u32 = 1 << 14;
+const MIN_BATCH: u32 = 1 << 8;
 
-/// Triangles of the first piece, before anything is known of the device, and of the least.
-const FIRST: u32 = 1 << 14;
-const LEAST: u32 = 1 << 8;
+/// A range of vertices for a range of instances.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Draw {
+    /// Vertex indices, three per triangle.
+    pub vertices: Range<u32>,
+    /// Instance indices.
+    pub instances: Range<u32>,
+}
 
-/// Draws that are cut into pieces, in their order.
+/// Draws split into batches, in order.
 pub(crate) struct DrawBatches {
     waiting: VecDeque<Draw>,
-    /// Triangles of the next piece.
+    /// Triangles of the next batch.
     n_triangles: u32,
 }
 
 impl DrawBatches {
     pub(crate) fn new(draws: &[Draw]) -> Self {
-        Self { waiting: draws.iter().cloned().collect(), n_triangles: FIRST }
+        Self { waiting: draws.iter().cloned().collect(), n_triangles: FIRST_BATCH }
     }
 
-    /// The next piece, `None` where all is drawn.
+    /// The next batch; `None` after the last.
     pub(crate) fn next(&mut self) -> Option<Vec<Draw>> {
-        let mut piece = vec![];
+        let mut batch = vec![];
         let mut left = self.n_triangles;
         while left > 0 {
             let Some(draw) = self.waiting.pop_front() else { break };
             let (first, rest) = cut(&draw, left);
             rest.into_iter().rev().for_each(|draw| self.waiting.push_front(draw));
             left = left.saturating_sub(n_triangles(&first));
-            piece.push(first);
+            batch.push(first);
         }
-        (!piece.is_empty()).then_some(piece)
+        (!batch.is_empty()).then_some(batch)
     }
 
-    /// Sizes the next piece by the time that the last one took.
-    pub(crate) fn took(&mut self, time: Duration) {
-        let times = WANTED.as_nanos() / time.as_nanos().max(1);
+    /// Adjusts the batch size by the time of the last batch.
+    pub(crate) fn adapt(&mut self, time: Duration) {
+        let times = TARGET_TIME.as_nanos() / time.as_nanos().max(1);
         self.n_triangles = match times {
-            0 => (self.n_triangles / 2).max(LEAST),
+            0 => (self.n_triangles / 2).max(MIN_BATCH),
             1 => self.n_triangles,
             2 | 3 => self.n_triangles.saturating_mul(2),
             _ => self.n_triangles.saturating_mul(4),
@@ -55,7 +62,7 @@ fn n_triangles(draw: &Draw) -> u32 {
     (n_vertices / 3).saturating_mul(n_instances)
 }
 
-/// The first of a draw, about `most` triangles, and the rest: instances are drawn one after another, so their order stays.
+/// Splits off about `most` triangles of a draw. Instances are drawn one after another, so the order is kept.
 fn cut(draw: &Draw, most: u32) -> (Draw, Vec<Draw>) {
     let Draw { vertices, instances } = draw.clone();
     let of_one = n_triangles(&Draw { vertices: vertices.clone(), instances: 0..1 });
@@ -80,7 +87,7 @@ fn cut(draw: &Draw, most: u32) -> (Draw, Vec<Draw>) {
 mod tests {
     use super::*;
 
-    /// Each triangle in the order in which it is drawn: its first vertex, and its instance.
+    /// First vertex and instance of each triangle, in drawing order.
     fn triangles(draws: &[Draw]) -> Vec<(u32, u32)> {
         let of_draw = |draw: &Draw| {
             let vertices = draw.vertices.clone().step_by(3);
@@ -91,18 +98,18 @@ mod tests {
     }
 
     #[test]
-    fn pieces_are_the_whole_in_its_order() {
+    fn batches_cover_all_draws_in_order() {
         let draws = [
             Draw { vertices: 0..300, instances: 0..7 },
             Draw { vertices: 0..0, instances: 7..9 },
             Draw { vertices: 30..39, instances: 9..10 },
         ];
         for size in [1, 2, 99, 100, 101, 250, 10_000] {
-            let mut pieces = DrawBatches { n_triangles: size, ..DrawBatches::new(&draws) };
+            let mut batches = DrawBatches { n_triangles: size, ..DrawBatches::new(&draws) };
             let mut found = vec![];
-            while let Some(piece) = pieces.next() {
-                let drawn = triangles(&piece);
-                assert!(drawn.len() <= size as usize, "{} in a piece of {size}", drawn.len());
+            while let Some(batch) = batches.next() {
+                let drawn = triangles(&batch);
+                assert!(drawn.len() <= size as usize, "{} in a batch of {size}", drawn.len());
                 found.extend(drawn);
             }
             assert_eq!(found, triangles(&draws), "{size}");
@@ -110,14 +117,14 @@ mod tests {
     }
 
     #[test]
-    fn pieces_grow_and_shrink_by_their_time() {
-        let mut pieces = DrawBatches::new(&[]);
-        pieces.took(Duration::from_millis(1));
-        assert_eq!(pieces.n_triangles, 4 * FIRST);
-        pieces.took(Duration::from_millis(250));
-        assert_eq!(pieces.n_triangles, 2 * FIRST);
-        (0..20).for_each(|_| pieces.took(Duration::from_secs(9)));
-        assert_eq!(pieces.n_triangles, LEAST);
-        assert_eq!(pieces.next(), None);
+    fn batch_size_adapts_to_time() {
+        let mut batches = DrawBatches::new(&[]);
+        batches.adapt(Duration::from_millis(1));
+        assert_eq!(batches.n_triangles, 4 * FIRST_BATCH);
+        batches.adapt(Duration::from_millis(250));
+        assert_eq!(batches.n_triangles, 2 * FIRST_BATCH);
+        (0..20).for_each(|_| batches.adapt(Duration::from_secs(9)));
+        assert_eq!(batches.n_triangles, MIN_BATCH);
+        assert_eq!(batches.next(), None);
     }
 }

@@ -1,60 +1,60 @@
 use canted_shaders::ShaderError;
 
-/// Why a device does not do what it is asked.
+/// Errors of a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum GpuError {
-    /// No adapter answers to the choice.
+    /// No matching adapter.
     NoAdapter {
-        /// What was asked for.
+        /// The requested adapter.
         wanted: String,
-        /// Names of the adapters that there are.
+        /// Names of the available adapters.
         found: Vec<String>,
     },
-    /// The adapter gives no device.
+    /// The adapter provides no device.
     Refused {
         /// The adapter.
         adapter: String,
-        /// What it says.
+        /// Message of the driver.
         message: String,
     },
     /// A limit of the device is too low.
     Limit {
-        /// What needs more.
+        /// What exceeds the limit.
         what: String,
-        /// How much it needs.
+        /// The required amount.
         need: u64,
-        /// What is limited.
+        /// The limit.
         limit: &'static str,
-        /// How much there may be.
+        /// The available amount.
         most: u64,
-        /// What the caller may do.
+        /// What the caller can do.
         remedy: &'static str,
     },
-    /// The device's memory does not hold a buffer.
+    /// The device memory is too small for a buffer.
     OutOfMemory {
-        /// What was to be allocated, or what the driver said.
+        /// The buffer, or the message of the driver.
         what: String,
     },
-    /// The device is lost: unplugged, reset, or timed out.
+    /// The device is lost: removed, reset, or timed out.
     Lost {
-        /// What the driver says.
+        /// Message of the driver.
         message: String,
     },
     /// The device did not finish in time.
     TimedOut {
-        /// Seconds that were waited.
+        /// Seconds waited.
         seconds: u64,
     },
-    /// A scene that the device's kernels do not trace.
+    /// A scene that the kernels do not support.
     Unsupported {
-        /// What they do not trace.
+        /// What is not supported.
         what: String,
     },
-    /// A kernel is not what it should be.
+    /// A kernel cannot be assembled.
     Shader(ShaderError),
-    /// Commands that the device does not accept: an error of this crate.
+    /// The device rejected a command: a bug in this crate.
     Invalid {
-        /// What the device says.
+        /// Message of the device.
         message: String,
     },
 }
@@ -63,24 +63,24 @@ impl std::fmt::Display for GpuError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::NoAdapter { wanted, found } if found.is_empty() => {
-                write!(f, "no adapter for device '{wanted}': this machine shows none; ")?;
+                write!(f, "no adapter for device '{wanted}': none found; ")?;
                 write!(f, "install a driver for Vulkan, Metal or DX12, or use --device cpu")
             }
             Self::NoAdapter { wanted, found } => {
-                write!(f, "no adapter for device '{wanted}': there are {}", found.join(", "))
+                write!(f, "no adapter for device '{wanted}'; available: {}", found.join(", "))
             }
-            Self::Refused { adapter, message } => write!(f, "adapter '{adapter}' gives no device: {message}"),
+            Self::Refused { adapter, message } => write!(f, "adapter '{adapter}' provides no device: {message}"),
             Self::Limit { what, need, limit, most, remedy } => {
-                write!(f, "{what}: {need} {limit} are needed, the device has {most}; {remedy}")
+                write!(f, "{what}: requires {need} {limit}, the device supports {most}; {remedy}")
             }
             Self::OutOfMemory { what } => {
-                write!(f, "the device has not enough memory for {what}; use a smaller scene or --device cpu")
+                write!(f, "out of device memory for {what}; use a smaller scene or --device cpu")
             }
-            Self::Lost { message } => write!(f, "the device is lost: {message}"),
+            Self::Lost { message } => write!(f, "device lost: {message}"),
             Self::TimedOut { seconds } => write!(f, "the device did not finish within {seconds} s"),
-            Self::Unsupported { what } => write!(f, "the device does not trace {what}; use --device cpu"),
+            Self::Unsupported { what } => write!(f, "not supported on the GPU: {what}; use --device cpu"),
             Self::Shader(error) => error.fmt(f),
-            Self::Invalid { message } => write!(f, "the device does not accept a command: {message}"),
+            Self::Invalid { message } => write!(f, "the device rejected a command: {message}"),
         }
     }
 }
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_kernels_error_is_the_source() {
+    fn shader_errors_are_the_source() {
         let Err(kernel) = canted_shaders::assemble("no/such", &canted_shaders::Specialisation::none()) else {
             panic!("there is no such kernel");
         };

@@ -3,7 +3,7 @@
 use canted_shaders::{Binding, BindingKind, Entry, Layout, Shader, Specialisation};
 use wgpu::{ComputePipelineDescriptor, Limits, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource};
 
-use crate::{Gpu, GpuError};
+use crate::GpuError;
 
 /// A compute kernel on a device.
 pub struct Kernel {
@@ -14,19 +14,23 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    pub(crate) fn new(gpu: &Gpu, name: &str, chosen: &Specialisation) -> Result<Self, GpuError> {
-        gpu.check()?;
+    pub(crate) fn new(
+        device: &wgpu::Device,
+        limits: &Limits,
+        name: &str,
+        chosen: &Specialisation,
+    ) -> Result<Self, GpuError> {
         let shader = Shader::new(name, chosen)?;
         let entry =
             shader.entry("main").ok_or_else(|| GpuError::Invalid { message: format!("'{name}' has no main") })?;
-        fits(name, entry, gpu.limits())?;
-        let module = gpu.device.create_shader_module(ShaderModuleDescriptor {
+        fits(name, entry, limits)?;
+        let module = device.create_shader_module(ShaderModuleDescriptor {
             label: Some(name),
             source: ShaderSource::Wgsl(shader.source.as_str().into()),
         });
         let constants: Vec<(&str, f64)> =
             shader.overrides.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-        let pipeline = gpu.device.create_compute_pipeline(&ComputePipelineDescriptor {
+        let pipeline = device.create_compute_pipeline(&ComputePipelineDescriptor {
             label: Some(name),
             layout: None,
             module: &module,
@@ -34,40 +38,39 @@ impl Kernel {
             compilation_options: PipelineCompilationOptions { constants: &constants, ..Default::default() },
             cache: None,
         });
-        gpu.check()?;
         Ok(Self { name: name.to_owned(), pipeline, entry: entry.clone(), layouts: shader.layouts })
     }
 
-    /// What it binds.
+    /// Its bindings.
     #[must_use]
     pub fn bindings(&self) -> &[Binding] {
         &self.entry.bindings
     }
 
-    /// Bytes of a structure that it names; `None` where it has none of this name.
+    /// Size of a structure of the kernel in bytes; `None` if it has no structure of this name.
     #[must_use]
     pub fn bytes_of(&self, structure: &str) -> Option<u32> {
         self.layouts.iter().find(|layout| layout.name == structure).map(|layout| layout.size)
     }
 
-    /// Invocations of a work-group.
+    /// Invocations per work-group.
     #[must_use]
     pub fn group_size(&self) -> u32 {
         self.entry.workgroup_size.iter().product()
     }
 
-    /// Commands-groups for `items` invocations, in rows that no axis's limit cuts: see `shared/groups.wgsl`.
+    /// Work-groups for `items` invocations, in rows within the limit of an axis; see `shared/invocation.wgsl`.
     #[must_use]
     pub fn groups(&self, items: u32) -> [u32; 3] {
         const MOST: u32 = 65_535;
         let groups = items.div_ceil(self.group_size());
-        // Rows as even as may be, so that few groups have nothing to do.
+        // Rows of equal length leave few idle work-groups.
         let rows = groups.div_ceil(MOST).max(1);
         [groups.div_ceil(rows), rows, 1]
     }
 }
 
-/// Whether the device's limits allow a kernel; `wgpu` does not check all of them.
+/// Checks a kernel against the limits of the device; `wgpu` does not check all of them.
 pub(crate) fn fits(kernel: &str, entry: &Entry, limits: &Limits) -> Result<(), GpuError> {
     let remedy = "use --device cpu";
     let check = |need: u32, most: u32, limit: &'static str| {
@@ -80,10 +83,10 @@ pub(crate) fn fits(kernel: &str, entry: &Entry, limits: &Limits) -> Result<(), G
     let count =
         |wanted: fn(&BindingKind) -> bool| entry.bindings.iter().filter(|binding| wanted(&binding.kind)).count() as u32;
     let invocations: u32 = entry.workgroup_size.iter().product();
-    check(invocations, limits.max_compute_invocations_per_workgroup, "invocations of a work-group")?;
-    check(entry.workgroup_bytes, limits.max_compute_workgroup_storage_size, "bytes of workgroup memory")?;
+    check(invocations, limits.max_compute_invocations_per_workgroup, "invocations per work-group")?;
+    check(entry.workgroup_bytes, limits.max_compute_workgroup_storage_size, "bytes of work-group memory")?;
     let storage = count(|kind| matches!(kind, BindingKind::Storage { .. }));
-    check(storage, limits.max_storage_buffers_per_shader_stage, "storage buffers of a stage")?;
+    check(storage, limits.max_storage_buffers_per_shader_stage, "storage buffers per stage")?;
     let uniform = count(|kind| matches!(kind, BindingKind::Uniform));
-    check(uniform, limits.max_uniform_buffers_per_shader_stage, "uniform buffers of a stage")
+    check(uniform, limits.max_uniform_buffers_per_shader_stage, "uniform buffers per stage")
 }

@@ -1,20 +1,20 @@
-//! What a driver does against its word.
+//! Detection of drivers that end loops early.
 
 use canted_shaders::Specialisation;
 
 use crate::{Gpu, GpuError};
 
-/// Turns that a loop of `wanted` turns really takes on this device.
+/// Number of iterations that a loop of `wanted` iterations actually runs on this device.
 ///
-/// Some software drivers leave loops early and say nothing: Mesa's llvmpipe before version 23 after 65,535 turns of all
-/// loops of an invocation together.
+/// Some software drivers end loops early without an error: Mesa's llvmpipe before version 23 ends them after 65,535 iterations,
+/// summed over all loops of an invocation.
 ///
 /// # Errors
-/// A device that is lost or does not finish.
+/// The device is lost or does not finish.
 pub fn loop_iterations(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
     let kernel = gpu.kernel("check/loops", &Specialisation::none())?;
-    let parameters = gpu.uniform("canary", &[wanted, 0, 0, 0])?;
-    let counted = gpu.zeroed::<u32>("canary's turns", 1)?;
+    let parameters = gpu.uniform("loop check", &[wanted, 0, 0, 0])?;
+    let counted = gpu.zeroed::<u32>("loop iterations", 1)?;
     let mut commands = gpu.commands();
     commands.dispatch(&kernel, &[("wanted", &parameters), ("counted", &counted)], kernel.groups(1))?;
     commands.run()?;

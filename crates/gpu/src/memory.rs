@@ -1,11 +1,11 @@
-//! What buffers take of a device's memory, and how much they may.
+//! Accounting of the device memory used by buffers.
 
 use std::sync::{
     Arc,
     atomic::{AtomicU64, Ordering},
 };
 
-/// Bytes taken, of those that may be.
+/// Bytes in use, and their limit.
 #[derive(Clone)]
 pub(crate) struct Memory(Arc<Bytes>);
 
@@ -14,24 +14,24 @@ struct Bytes {
     most: AtomicU64,
 }
 
-/// Bytes that a buffer takes, until it is gone.
+/// Bytes used by a buffer until it is dropped.
 pub(crate) struct Share {
     memory: Memory,
     n_bytes: u64,
 }
 
 impl Memory {
-    /// Memory without a bound of its own: drivers tell when there is no more, or do not.
+    /// No limit besides the driver's.
     pub(crate) fn unbounded() -> Self {
         Self(Arc::new(Bytes { taken: AtomicU64::new(0), most: AtomicU64::new(u64::MAX) }))
     }
 
-    /// Bounds what is taken from now on.
+    /// Sets the limit for new buffers.
     pub(crate) fn bound(&self, n_bytes: u64) {
         self.0.most.store(n_bytes, Ordering::Relaxed);
     }
 
-    /// Takes bytes, where there are as many.
+    /// Reserves bytes; `None` if they exceed the limit.
     pub(crate) fn take(&self, n_bytes: u64) -> Option<Share> {
         let most = self.0.most.load(Ordering::Relaxed);
         let add = |taken: u64| taken.checked_add(n_bytes).filter(|&taken| taken <= most);

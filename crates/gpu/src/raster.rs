@@ -1,6 +1,5 @@
-//! RasterPipeline passes: triangles that shaders fetch themselves, into whole texels of bits.
+//! Raster passes with vertex pulling, into integer render targets.
 
-use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use canted_shaders::{Binding, Shader, Specialisation};
@@ -13,40 +12,32 @@ use wgpu::{
 };
 
 use crate::commands::bind_groups;
-use crate::draw_batches::DrawBatches;
+use crate::draw_batches::{Draw, DrawBatches};
 use crate::{Buffer, Gpu, GpuError, NamedBinding};
 
-/// A texel of each target.
+/// Number of render targets.
 pub const N_TARGETS: usize = 4;
 
-/// Bytes of a pixel over all targets.
+/// Bytes per pixel over all targets.
 #[expect(clippy::cast_possible_truncation, reason = "sixteen bytes a target")]
 const PIXEL_BYTES: u32 = size_of::<[[u32; 4]; N_TARGETS]>() as u32;
 
-/// Rows of a texture that is copied begin at multiples of so many bytes.
+/// Alignment of rows in a texture copy.
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
-/// Stages `vertex` and `fragment` of one file, which write [`N_TARGETS`] targets of four words a pixel. The greatest depth stays.
+/// The stages `vertex` and `fragment` of one file, with [`N_TARGETS`] targets of four words per pixel. The depth test keeps the
+/// greatest depth.
 pub struct RasterPipeline {
     name: String,
     pipeline: wgpu::RenderPipeline,
     bindings: Vec<Binding>,
 }
 
-/// Some instances of a run of vertices.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Draw {
-    /// Numbers that the vertex stage gets, three a triangle.
-    pub vertices: Range<u32>,
-    /// Numbers of the instances.
-    pub instances: Range<u32>,
-}
-
-/// What a pass wrote.
+/// Result of a raster pass.
 pub struct RasterOutput {
-    /// For each target its texels, row by row; zero where nothing was drawn.
+    /// Texels of each target, row by row; zero where nothing was drawn.
     pub targets: [Vec<[u32; 4]>; N_TARGETS],
-    /// From the first submission to the completion of the last piece.
+    /// From the first submission to the completion of the last batch.
     pub time: Duration,
 }
 
@@ -54,12 +45,12 @@ impl Gpu {
     /// Compiles a raster pass.
     ///
     /// # Errors
-    /// As of [`Gpu::kernel`], and a device whose pixels hold too few bytes.
+    /// As for [`Gpu::kernel`], or too few bytes per pixel.
     pub fn raster(&self, name: &str, chosen: &Specialisation) -> Result<RasterPipeline, GpuError> {
         self.check()?;
         let most = self.limits().max_color_attachment_bytes_per_sample;
         if most < PIXEL_BYTES {
-            let (limit, remedy) = ("bytes of a pixel over all targets", "trace primary rays");
+            let (limit, remedy) = ("bytes per pixel over all targets", "trace primary rays");
             let what = format!("raster pass '{name}'");
             return Err(GpuError::Limit { what, need: PIXEL_BYTES.into(), limit, most: most.into(), remedy });
         }
@@ -106,10 +97,10 @@ impl Gpu {
         Ok(RasterPipeline { name: name.to_owned(), pipeline, bindings })
     }
 
-    /// Draws a picture, in pieces of about 100 ms, and reads its texels.
+    /// Draws in batches of about 100 ms and reads back the targets.
     ///
     /// # Errors
-    /// A variable that is not given, a picture that is larger than the device's textures, or the loss of the device.
+    /// A variable is missing, the picture exceeds the texture limit, or the device is lost.
     pub fn draw(
         &self,
         raster: &RasterPipeline,
@@ -121,7 +112,7 @@ impl Gpu {
         let need = width.max(height);
         if need > most {
             let what = format!("a picture of {width} x {height} pixels");
-            let (limit, remedy) = ("pixels along a side of a texture", "use a smaller picture");
+            let (limit, remedy) = ("pixels per side of a texture", "use a smaller picture");
             return Err(GpuError::Limit { what, need: need.into(), limit, most: most.into(), remedy });
         }
         let size = Extent3d { width, height, depth_or_array_layers: 1 };
@@ -132,17 +123,17 @@ impl Gpu {
         let views = colors.each_ref().map(|color| color.create_view(&Default::default()));
         let depth = depth.create_view(&Default::default());
         let start = Instant::now();
-        let mut pieces = DrawBatches::new(draws);
-        // Targets are cleared even where nothing is drawn.
-        let mut piece = pieces.next().unwrap_or_default();
+        let mut batches = DrawBatches::new(draws);
+        // The targets are cleared even without draws.
+        let mut batch = batches.next().unwrap_or_default();
         let mut is_first = true;
         loop {
             let begin = Instant::now();
-            self.draw_piece(raster, &groups, &views, &depth, &piece, is_first)?;
-            pieces.took(begin.elapsed());
+            self.draw_batch(raster, &groups, &views, &depth, &batch, is_first)?;
+            batches.adapt(begin.elapsed());
             is_first = false;
-            let Some(next) = pieces.next() else { break };
-            piece = next;
+            let Some(next) = batches.next() else { break };
+            batch = next;
         }
         let time = start.elapsed();
         let mut targets = [const { vec![] }; N_TARGETS];
@@ -152,8 +143,8 @@ impl Gpu {
         Ok(RasterOutput { targets, time })
     }
 
-    /// Draws some, upon what is there but for the first.
-    fn draw_piece(
+    /// Draws a batch on top of the previous ones; the first batch clears the targets.
+    fn draw_batch(
         &self,
         raster: &RasterPipeline,
         groups: &[(u32, BindGroup)],
@@ -209,7 +200,7 @@ impl Gpu {
         })
     }
 
-    /// All texels of a target.
+    /// Reads back all texels of a target.
     fn texels(&self, target: &Texture, size: Extent3d) -> Result<Vec<[u32; 4]>, GpuError> {
         let row_bytes = (16 * size.width).next_multiple_of(ROW_BYTES);
         let row = row_bytes as usize / 16;

@@ -1,21 +1,23 @@
-//! Rays through a scene in the device's memory.
+//! Ray tracing on the device.
 //!
 //! ```text
-//! Wide (one tree), or Wide a mesh + instances -> TracedScene -> closest hits and occlusion of rays; parts of other kernels
+//! TriangleBvh, or one per mesh + instances -> TracedScene -> closest hits, occlusion; bindings of other kernels
 //! ```
 //!
-//! The device walks the words that the CPU walks; what it needs besides is a tree of boxes around instances, made here.
+//! The device traverses the CPU's BVHs unchanged. Only the top-level BVH over instances is built here.
 
+mod alternatives;
 mod cast;
 mod motion;
 
 mod coordinates;
 mod layout;
+mod nodes;
 mod ray;
 mod scene;
 mod top_level;
-mod traversal;
 
+pub use alternatives::Traversal;
 pub use cast::Outcome;
 pub use coordinates::MAX_COORDINATE;
 pub use layout::HIT_ERROR;
@@ -23,4 +25,3 @@ pub use motion::MotionPolynomials;
 pub use ray::{DeviceHit, DeviceRay};
 pub use scene::TracedScene;
 pub use top_level::MAX_CONDITION;
-pub use traversal::Traversal;

@@ -53,8 +53,8 @@ pub fn read(path: &Path) -> Result<Scene, ReadError> {
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
     let format = format_of(path)?;
     let mut scene = match format {
-        Format::Obj => obj::read(path)?,
-        Format::Ply => ply::read(path)?,
+        Format::Obj => obj::parse(path, &read_file(path)?)?,
+        Format::Ply => ply::parse(path, &read_file(path)?)?,
         Format::Gltf => return gltf::read(path, options),
     };
     if let Some(time) = options.time {

@@ -28,8 +28,11 @@
 //! ```
 //!
 //! Coordinates may be as large as 2^62; beyond that products overflow, and a ray may miss what it should hit.
+#![no_std]
 #![forbid(unsafe_code)]
 
+mod closest_point;
+mod convex;
 mod filter;
 mod hit;
 #[doc(hidden)]
@@ -40,11 +43,11 @@ mod rounding;
 mod segment;
 mod slab;
 mod sphere;
+mod surface_point;
 mod triangle;
 
-#[cfg(test)]
-mod tests;
-
+pub use closest_point::{ClosestPoint, DISTANCE_ERROR, closest_point_on_triangle};
+pub use convex::Convex;
 pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};
@@ -52,6 +55,7 @@ pub use ray::{Ray, ScaledRay};
 pub use segment::segment_overlaps_aabb;
 pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, ray_aabb, ray_obb};
 pub use sphere::Sphere;
+pub use surface_point::{SurfacePoint, position_error};
 pub use triangle::{
     Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, Watertight,
 };

@@ -1,18 +1,18 @@
-//! What can make NaN or infinity where boxes and triangles are met.
+//! Operations that can produce NaN or infinity in box and triangle tests.
 //!
-//! WGSL lets a compiler assume that there are none, so a test that meets one may answer anything. Rays and vertices are
-//! finite and below 2^62. Then sums and products stay finite by their bounds; what is left are quotients and roots, and
-//! they may stand in functions that guard their argument: those whose name starts with `guarded_` or is `reciprocal`.
+//! WGSL lets a compiler assume that neither exists, so a test that computes one may return anything. Rays and vertices are
+//! finite and below 2^62, so sums and products stay finite. Quotients and roots are allowed only in functions that guard their
+//! argument: those named `guarded_…` or `reciprocal`.
 
 use naga::{BinaryOperator, Expression, Function, Literal, MathFunction, Module, Span};
 
 use super::functions;
 
-/// Numbers from which a product of two may overflow: 2^64.
-const GREAT: f32 = 18_446_744_073_709_551_616.0;
+/// Numbers above which a product of two may overflow: 2^64.
+const MAX_LITERAL: f32 = 18_446_744_073_709_551_616.0;
 
-/// Places of what can make NaN or infinity, and what it is.
-pub(super) fn wild(module: &Module) -> Vec<(Span, &'static str)> {
+/// Locations and descriptions of operations that can produce NaN or infinity.
+pub(super) fn find_unsafe(module: &Module) -> Vec<(Span, &'static str)> {
     let mut found = vec![];
     for function in functions(module) {
         let name = function.name.as_deref().unwrap_or_default();
@@ -20,18 +20,18 @@ pub(super) fn wild(module: &Module) -> Vec<(Span, &'static str)> {
         for (handle, expression) in function.expressions.iter() {
             let what = match expression {
                 Expression::Literal(Literal::F32(value))
-                    if value.abs() > GREAT && value.is_finite() && !is_limit(*value) =>
+                    if value.abs() > MAX_LITERAL && value.is_finite() && !is_limit(*value) =>
                 {
-                    "a number beyond 2^64"
+                    "a literal above 2^64"
                 }
                 _ if is_guard => continue,
                 Expression::Binary { op: BinaryOperator::Divide | BinaryOperator::Modulo, left, .. }
                     if !is_integer(function, *left) =>
                 {
-                    "a quotient outside of a function that guards its divisor"
+                    "division outside of a guard function"
                 }
-                Expression::Math { fun, .. } if makes_wild(*fun) => {
-                    "a function that is not finite everywhere, outside of one that guards it"
+                Expression::Math { fun, .. } if may_be_infinite(*fun) => {
+                    "a function that is not finite everywhere, outside of a guard function"
                 }
                 _ => continue,
             };
@@ -41,12 +41,12 @@ pub(super) fn wild(module: &Module) -> Vec<(Span, &'static str)> {
     found
 }
 
-/// `3e38` stands for "no hit" and is compared only.
+/// `3e38` stands for "no hit" and is only compared.
 fn is_limit(value: f32) -> bool {
     value == 3e38 || value == f32::MAX
 }
 
-fn makes_wild(fun: MathFunction) -> bool {
+fn may_be_infinite(fun: MathFunction) -> bool {
     use MathFunction as F;
     matches!(
         fun,
@@ -66,7 +66,7 @@ fn makes_wild(fun: MathFunction) -> bool {
     )
 }
 
-/// Whether an operand is made of integers, as far as its form tells.
+/// Whether an operand is an integer, as far as its form shows.
 fn is_integer(function: &Function, operand: naga::Handle<Expression>) -> bool {
     match &function.expressions[operand] {
         Expression::Literal(literal) => !matches!(literal, Literal::F32(_) | Literal::AbstractFloat(_)),
@@ -81,17 +81,17 @@ fn is_integer(function: &Function, operand: naga::Handle<Expression>) -> bool {
 mod tests {
     use super::*;
 
-    fn n_wild(functions: &str) -> usize {
-        wild(&naga::front::wgsl::parse_str(functions).unwrap()).len()
+    fn n_unsafe(functions: &str) -> usize {
+        find_unsafe(&naga::front::wgsl::parse_str(functions).unwrap()).len()
     }
 
     #[test]
-    fn guards_may_divide_and_others_not() {
-        assert_eq!(n_wild("fn reciprocal(x: f32) -> f32 { return 1.0 / max(abs(x), 0.001); }"), 0);
-        assert_eq!(n_wild("fn guarded_root(x: f32) -> f32 { return sqrt(max(x, 0.0)); }"), 0);
-        assert_eq!(n_wild("fn slab(x: f32) -> f32 { return 2.0 / x; }"), 1);
-        assert_eq!(n_wild("fn root(x: f32) -> f32 { return sqrt(x); }"), 1);
-        assert_eq!(n_wild("fn far(x: f32) -> f32 { return x * 1e30; }"), 1);
-        assert_eq!(n_wild("fn row(x: u32) -> u32 { return u32(x) / 4u; }"), 0);
+    fn only_guards_may_divide() {
+        assert_eq!(n_unsafe("fn reciprocal(x: f32) -> f32 { return 1.0 / max(abs(x), 0.001); }"), 0);
+        assert_eq!(n_unsafe("fn guarded_root(x: f32) -> f32 { return sqrt(max(x, 0.0)); }"), 0);
+        assert_eq!(n_unsafe("fn slab(x: f32) -> f32 { return 2.0 / x; }"), 1);
+        assert_eq!(n_unsafe("fn root(x: f32) -> f32 { return sqrt(x); }"), 1);
+        assert_eq!(n_unsafe("fn far(x: f32) -> f32 { return x * 1e30; }"), 1);
+        assert_eq!(n_unsafe("fn row(x: u32) -> u32 { return u32(x) / 4u; }"), 0);
     }
 }

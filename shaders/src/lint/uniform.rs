@@ -1,12 +1,12 @@
 //! Barriers that some invocations of a work-group may not reach.
 //!
-//! On such a barrier a GPU hangs or goes on with half of the data; `naga` lets it pass. A value is uniform where all
-//! invocations of a work-group have the same: constants, uniforms, what is read from memory that no kernel writes at a
-//! uniform place, `workgroupUniformLoad`, numbers of work-groups. Control flow varies behind a condition that is not
-//! uniform, behind a `return` that only some take, and in a loop that some leave earlier.
+//! At such a barrier a GPU hangs or continues with incomplete data; `naga` accepts it. A value is uniform if it is the same for
+//! all invocations of a work-group: constants, uniforms, read-only memory at a uniform index, `workgroupUniformLoad`,
+//! work-group indices. Control flow diverges after a condition that is not uniform, after a `return` that only some invocations
+//! take, and in a loop that some leave earlier.
 //!
-//! A local variable counts as varying everywhere if any store to it does, so the check may refuse what is sound, but lets
-//! nothing pass that is not; pointers handed to functions make what they point to vary.
+//! A local variable counts as non-uniform everywhere if any store to it is, so the check may reject correct kernels but accepts
+//! no incorrect one. A pointer passed to a function makes its target non-uniform.
 
 use std::collections::{HashMap, HashSet};
 
@@ -15,21 +15,21 @@ use naga::{
     StorageAccess,
 };
 
-/// A barrier in varying control flow: where.
+/// Location of a barrier in divergent control flow.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Stray {
+pub(super) struct DivergentBarrier {
     pub(super) span: Span,
 }
 
-/// The barriers of all entry points that not all invocations of a work-group need reach.
-pub(super) fn stray_barriers(module: &Module) -> Vec<Stray> {
-    let mut checker = Checker { module, stray: vec![] };
+/// Barriers of all entry points that some invocations may not reach.
+pub(super) fn divergent_barriers(module: &Module) -> Vec<DivergentBarrier> {
+    let mut checker = Checker { module, found: vec![] };
     for point in module.entry_points.iter().filter(|point| point.stage == naga::ShaderStage::Compute) {
         let arguments = point.function.arguments.iter().map(|argument| is_uniform_builtin(argument.binding.as_ref()));
         checker.function(&point.function, arguments.collect(), false);
     }
-    checker.stray.dedup();
-    checker.stray
+    checker.found.dedup();
+    checker.found
 }
 
 fn is_uniform_builtin(binding: Option<&Binding>) -> bool {
@@ -38,12 +38,12 @@ fn is_uniform_builtin(binding: Option<&Binding>) -> bool {
 
 struct Checker<'a> {
     module: &'a Module,
-    stray: Vec<Stray>,
+    found: Vec<DivergentBarrier>,
 }
 
-/// How control leaves a block while some invocations stay in it.
+/// How some invocations leave a block.
 #[derive(Clone, Copy, Default)]
-struct Left {
+struct Exit {
     function: bool,
     /// By `break`.
     turn: bool,
@@ -51,7 +51,7 @@ struct Left {
     rest: bool,
 }
 
-impl Left {
+impl Exit {
     fn join(&mut self, other: Self) {
         self.function |= other.function;
         self.turn |= other.turn;
@@ -63,7 +63,7 @@ impl Left {
     }
 }
 
-/// What is known of a call of a function.
+/// State of a function call.
 struct Frame<'a> {
     function: &'a Function,
     /// Whether each argument is uniform.
@@ -75,62 +75,62 @@ struct Frame<'a> {
 }
 
 impl<'a> Checker<'a> {
-    /// Follows a call; whether what it returns is uniform.
+    /// Follows a call; returns whether its result is uniform.
     fn function(&mut self, function: &'a Function, arguments: Vec<bool>, varies: bool) -> bool {
         let results = HashMap::new();
         let mut frame = Frame { function, arguments, varying: HashSet::new(), results, returns_uniform: true };
-        // What loops store is known after a turn or more: until nothing new varies.
+        // Stores in loops take effect after an iteration: repeat until nothing changes.
         loop {
-            let (n_varying, n_stray) = (frame.varying.len(), self.stray.len());
+            let (n_varying, n_found) = (frame.varying.len(), self.found.len());
             frame.returns_uniform = true;
             self.block(&mut frame, &function.body, varies);
             if frame.varying.len() == n_varying {
                 return frame.returns_uniform;
             }
-            self.stray.truncate(n_stray);
+            self.found.truncate(n_found);
         }
     }
 
-    fn block(&mut self, frame: &mut Frame<'a>, block: &'a Block, mut varies: bool) -> Left {
+    fn block(&mut self, frame: &mut Frame<'a>, block: &'a Block, mut varies: bool) -> Exit {
         let outside = varies;
-        let mut left = Left::default();
+        let mut exit = Exit::default();
         for (statement, span) in block.span_iter() {
             let now = self.statement(frame, statement, *span, varies);
-            left.join(now);
-            // Behind a place that only some leave by, the others are alone.
-            varies = outside || left.any();
+            exit.join(now);
+            // After some invocations exit, control flow is divergent.
+            varies = outside || exit.any();
         }
-        left
+        exit
     }
 
-    fn statement(&mut self, frame: &mut Frame<'a>, statement: &'a Statement, span: Span, varies: bool) -> Left {
+    fn statement(&mut self, frame: &mut Frame<'a>, statement: &'a Statement, span: Span, varies: bool) -> Exit {
         match statement {
             Statement::Block(block) => return self.block(frame, block, varies),
             Statement::If { condition, accept, reject } => {
                 let varies = varies || !self.is_uniform(frame, *condition);
-                let mut left = self.block(frame, accept, varies);
-                left.join(self.block(frame, reject, varies));
-                return left;
+                let mut exit = self.block(frame, accept, varies);
+                exit.join(self.block(frame, reject, varies));
+                return exit;
             }
             Statement::Switch { selector, cases } => {
                 let varies = varies || !self.is_uniform(frame, *selector);
-                let mut left = Left::default();
+                let mut exit = Exit::default();
                 for case in cases {
-                    left.join(self.block(frame, &case.body, varies));
+                    exit.join(self.block(frame, &case.body, varies));
                 }
-                // A `break` leaves the switch alone.
-                return Left { turn: false, ..left };
+                // A `break` only leaves the switch.
+                return Exit { turn: false, ..exit };
             }
             Statement::Loop { body, continuing, break_if } => {
                 return self.repeated(frame, body, continuing, *break_if, varies);
             }
-            Statement::Break => return Left { turn: varies, ..Left::default() },
-            Statement::Continue => return Left { rest: varies, ..Left::default() },
-            Statement::Kill => return Left { function: varies, ..Left::default() },
+            Statement::Break => return Exit { turn: varies, ..Exit::default() },
+            Statement::Continue => return Exit { rest: varies, ..Exit::default() },
+            Statement::Kill => return Exit { function: varies, ..Exit::default() },
             Statement::Return { value } => {
                 let uniform = !varies && value.is_none_or(|value| self.is_uniform(frame, value));
                 frame.returns_uniform &= uniform;
-                return Left { function: varies, ..Left::default() };
+                return Exit { function: varies, ..Exit::default() };
             }
             Statement::ControlBarrier(_) => self.barrier(span, varies),
             Statement::WorkGroupUniformLoad { result, .. } => {
@@ -138,14 +138,14 @@ impl<'a> Checker<'a> {
                 frame.results.insert(*result, true);
             }
             Statement::Store { pointer, value }
-                if varies || !self.is_uniform(frame, *value) || !self.is_uniform_place(frame, *pointer) =>
+                if varies || !self.is_uniform(frame, *value) || !self.has_uniform_indices(frame, *pointer) =>
             {
-                self.makes_varying(frame, *pointer);
+                self.mark_varying(frame, *pointer);
             }
             Statement::Call { function, arguments, result } => {
                 let uniform: Vec<bool> = arguments.iter().map(|&argument| self.is_uniform(frame, argument)).collect();
                 for &argument in arguments {
-                    self.makes_varying(frame, argument);
+                    self.mark_varying(frame, argument);
                 }
                 let is_uniform = self.function(&self.module.functions[*function], uniform, varies);
                 if let Some(result) = result {
@@ -154,7 +154,7 @@ impl<'a> Checker<'a> {
             }
             _ => {}
         }
-        Left::default()
+        Exit::default()
     }
 
     fn repeated(
@@ -164,46 +164,48 @@ impl<'a> Checker<'a> {
         continuing: &'a Block,
         break_if: Option<Handle<Expression>>,
         varies: bool,
-    ) -> Left {
-        let n_stray = self.stray.len();
+    ) -> Exit {
+        let n_found = self.found.len();
         let mut varies = varies;
         loop {
-            let mut left = self.block(frame, body, varies);
-            // All that go on meet again before the next turn.
-            let alone = varies || left.function || left.turn;
-            left.join(self.block(frame, continuing, alone));
-            left.turn |= break_if.is_some_and(|condition| !self.is_uniform(frame, condition));
-            if varies || !(left.turn || left.function) {
-                return Left { function: left.function, ..Left::default() };
+            let mut exit = self.block(frame, body, varies);
+            // Invocations that continue reconverge before the next iteration.
+            let alone = varies || exit.function || exit.turn;
+            exit.join(self.block(frame, continuing, alone));
+            exit.turn |= break_if.is_some_and(|condition| !self.is_uniform(frame, condition));
+            if varies || !(exit.turn || exit.function) {
+                return Exit { function: exit.function, ..Exit::default() };
             }
-            // Some leave earlier: those that stay do all turns alone.
+            // Some leave earlier: the remaining ones run all iterations in divergent control flow.
             varies = true;
-            self.stray.truncate(n_stray);
+            self.found.truncate(n_found);
         }
     }
 
     fn barrier(&mut self, span: Span, varies: bool) {
         if varies {
-            self.stray.push(Stray { span });
+            self.found.push(DivergentBarrier { span });
         }
     }
 
-    /// Notes that the local variable behind a pointer varies, if there is one.
-    fn makes_varying(&self, frame: &mut Frame<'a>, pointer: Handle<Expression>) {
+    /// Marks the local variable that a pointer refers to as non-uniform.
+    fn mark_varying(&self, frame: &mut Frame<'a>, pointer: Handle<Expression>) {
         match frame.function.expressions[pointer] {
             Expression::LocalVariable(variable) => {
                 frame.varying.insert(variable);
             }
-            Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => self.makes_varying(frame, base),
+            Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => self.mark_varying(frame, base),
             _ => {}
         }
     }
 
-    /// Whether all indices on the way to a pointer's place are uniform.
-    fn is_uniform_place(&self, frame: &Frame<'a>, pointer: Handle<Expression>) -> bool {
+    /// Whether all indices of a pointer are uniform.
+    fn has_uniform_indices(&self, frame: &Frame<'a>, pointer: Handle<Expression>) -> bool {
         match frame.function.expressions[pointer] {
-            Expression::Access { base, index } => self.is_uniform(frame, index) && self.is_uniform_place(frame, base),
-            Expression::AccessIndex { base, .. } => self.is_uniform_place(frame, base),
+            Expression::Access { base, index } => {
+                self.is_uniform(frame, index) && self.has_uniform_indices(frame, base)
+            }
+            Expression::AccessIndex { base, .. } => self.has_uniform_indices(frame, base),
             _ => true,
         }
     }
@@ -250,57 +252,57 @@ impl<'a> Checker<'a> {
 mod tests {
     use super::*;
 
-    fn n_stray(body: &str) -> usize {
+    fn n_found(body: &str) -> usize {
         let text = format!(
             "@group(0) @binding(0) var<uniform> turns: u32;
              @group(0) @binding(1) var<storage, read> fixed: array<u32>;
              @group(0) @binding(2) var<storage, read_write> words: array<u32>;
              var<workgroup> both: array<u32, 64>;
-             fn meet() {{ workgroupBarrier(); }}
+             fn sync() {{ workgroupBarrier(); }}
              fn odd(i: u32) -> bool {{ return (i & 1u) == 1u; }}
              @compute @workgroup_size(64)
              fn main(@builtin(local_invocation_index) i: u32, @builtin(workgroup_id) group: vec3<u32>) {{ {body} }}"
         );
-        stray_barriers(&naga::front::wgsl::parse_str(&text).unwrap()).len()
+        divergent_barriers(&naga::front::wgsl::parse_str(&text).unwrap()).len()
     }
 
     #[test]
-    fn barriers_that_all_reach_pass() {
+    fn uniform_barriers_are_accepted() {
         for body in [
             "workgroupBarrier();",
             "for (var k = 0u; k < turns; k++) { both[i] = k; workgroupBarrier(); }",
             "if fixed[group.x] > 3u { workgroupBarrier(); }",
             "if group.x > 3u { return; } workgroupBarrier();",
-            "let n = workgroupUniformLoad(&both[0]); for (var k = 0u; k < n; k++) { meet(); }",
+            "let n = workgroupUniformLoad(&both[0]); for (var k = 0u; k < n; k++) { sync(); }",
             "if i < 3u { both[i] = 1u; } workgroupBarrier();",
             "for (var k = 0u; k < i; k++) { both[i] += k; } workgroupBarrier();",
             "loop { if turns > 3u { break; } workgroupBarrier(); }",
-            "if odd(group.x) { meet(); }",
+            "if odd(group.x) { sync(); }",
             "switch turns { case 1u: { workgroupBarrier(); } default: {} }",
             "for (var k = 0u; k < 4u; k++) { if i < k { continue; } both[i] = k; } workgroupBarrier();",
         ] {
-            assert_eq!(n_stray(body), 0, "{body}");
+            assert_eq!(n_found(body), 0, "{body}");
         }
     }
 
     #[test]
-    fn barriers_that_some_miss_are_found() {
+    fn divergent_barriers_are_found() {
         for body in [
             "if i < 3u { workgroupBarrier(); }",
             "if i < 3u { return; } workgroupBarrier();",
             "for (var k = 0u; k < i; k++) { workgroupBarrier(); }",
-            "for (var k = 0u; k < words[0]; k++) { meet(); }",
+            "for (var k = 0u; k < words[0]; k++) { sync(); }",
             "loop { if i > 3u { break; } workgroupBarrier(); }",
             "loop { workgroupBarrier(); if both[0] > 3u { break; } }",
             "for (var k = 0u; k < 4u; k++) { if i < k { continue; } workgroupBarrier(); }",
             "var n = turns; if i == 2u { n = 5u; } for (var k = 0u; k < n; k++) { workgroupBarrier(); }",
             "var n = turns; for (var k = 0u; k < 4u; k++) { if n > 3u { workgroupBarrier(); } n = i; }",
-            "if odd(i) { meet(); }",
+            "if odd(i) { sync(); }",
             "switch i { case 1u: { workgroupBarrier(); } default: {} }",
             "let n = both[0]; if n == 3u { let m = workgroupUniformLoad(&both[1]); words[i] = m; }",
-            "loop { if i == 1u { return; } meet(); if turns == 1u { break; } }",
+            "loop { if i == 1u { return; } sync(); if turns == 1u { break; } }",
         ] {
-            assert!(n_stray(body) > 0, "{body}");
+            assert!(n_found(body) > 0, "{body}");
         }
     }
 }

@@ -69,7 +69,7 @@ fn what_does_not_fit_is_refused_with_limit_need_and_remedy() {
     // All levels of 64 x 64 texels, and the curve.
     let need = 4 * ((64 * 64 * 4 - 1) / 3 + 256);
     let sentence = format!(
-        "the textures: {need} bytes of four storage bindings are needed, the device has 16384; use --lod none, smaller textures \
+        "the textures: requires {need} bytes of four storage bindings, the device supports 16384; use --lod none, smaller textures \
          or --device cpu"
     );
     assert_eq!(refused.to_string(), sentence);

@@ -52,7 +52,7 @@ fn deep(depth: u16) -> (Mesh, TriangleBvh<Watertight>) {
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = chain(n.into(), |i| i % 2 == 0);
     let wide = TriangleBvh::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Aligned)).unwrap();
-    assert_eq!(wide.words().depth, u32::from(depth));
+    assert_eq!(wide.raw().depth, u32::from(depth));
     (mesh, wide)
 }
 
@@ -123,7 +123,7 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
     let Some(gpu) = gpu("trees_too_deep_for_a_walk_are_refused_by_name") else { return };
     let refused = |depth: u32, most: u32| {
         format!(
-            "the stack of a ray: {depth} levels of nodes are needed, the device has {most}; use another --builder or --device cpu"
+            "the stack of a ray: requires {depth} levels of nodes, the device supports {most}; use another --builder or --device cpu"
         )
     };
     let error = |scene: Result<TracedScene, GpuError>| scene.err().expect("the tree is too deep").to_string();

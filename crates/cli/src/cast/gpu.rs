@@ -1,7 +1,9 @@
-//! Rays traced on the GPU. The CPU traces the rays whose traversal the GPU cuts short.
+//! Rays traced on the GPU. The CPU traces the rays whose traversal the GPU does not complete.
+
+use std::time::Instant;
 
 use anyhow::Result;
-use canted_gpu::{self as gpu, DeviceHit, Gpu, GpuError, TracedScene};
+use canted_gpu::{DeviceHit, Outcome};
 use canted_renderer::{Structure, traced_scene};
 use canted_scene::Scene;
 use canted_trace::Ray;
@@ -9,51 +11,45 @@ use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
 use super::{Args, hits::Answer};
-use crate::device::{Machine, check_triangles};
+use crate::device::{Machine, named};
 
-/// The scene on the GPU; `None` where the CPU traces all rays.
-pub(super) fn upload<K: LaneKernel>(
+/// Traces all rays; also returns the seconds spent tracing. `None` where the CPU traces all rays.
+pub(super) fn trace<K: LaneKernel>(
     machine: &Machine,
     scene: &Scene,
     structure: &Structure<K>,
-    args: &Args,
-) -> Result<Option<TracedScene>> {
-    machine.ready(|gpu| {
-        check_triangles(args.structure.triangles)?;
-        traced_scene(gpu, scene, structure)
-    })
-}
-
-/// Traces all rays. `on_cpu` traces those that the GPU does not finish.
-pub(super) fn answers(
-    gpu: &Gpu,
-    traced: &TracedScene,
-    scene: &Scene,
     rays: &[Ray],
-    is_occlusion: bool,
+    args: &Args,
     on_cpu: impl Fn(&Ray) -> Answer + Sync,
-) -> Result<Vec<Answer>, GpuError> {
-    if is_occlusion {
-        let found = traced.occluded(gpu, rays)?;
-        return Ok(completed(rays, &found, |&is_hit| if is_hit { Answer::OCCLUDED } else { Answer::MISS }, on_cpu));
-    }
-    let answer = |hit: &Option<DeviceHit>| {
+) -> Result<Option<(Vec<Answer>, f64)>> {
+    let Some((gpu, traced)) = machine.ready(&args.structure, |gpu| traced_scene(gpu, scene, structure))? else {
+        return Ok(None);
+    };
+    let start = Instant::now();
+    let hit = |hit: &Option<DeviceHit>| {
         hit.map_or(Answer::MISS, |DeviceHit { t, u, v, primitive, instance }| {
             Answer::hit([t, u, v], primitive, instance, scene)
         })
     };
-    Ok(completed(rays, &traced.closest_hits(gpu, rays)?, answer, on_cpu))
+    let occluded = |&is_hit: &bool| if is_hit { Answer::OCCLUDED } else { Answer::MISS };
+    let answers = if args.occluded {
+        traced.occluded(gpu, rays).map(|found| completed(rays, &found, occluded, on_cpu))
+    } else {
+        traced.closest_hits(gpu, rays).map(|found| completed(rays, &found, hit, on_cpu))
+    };
+    let answers = answers.map_err(|error| named(gpu, error.into()))?;
+    Ok(Some((answers, start.elapsed().as_secs_f64())))
 }
 
 fn completed<T: Sync>(
     rays: &[Ray],
-    found: &[gpu::Outcome<T>],
+    found: &[Outcome<T>],
     answer: impl Fn(&T) -> Answer + Sync,
     on_cpu: impl Fn(&Ray) -> Answer + Sync,
 ) -> Vec<Answer> {
-    let complete = |(ray, found): (&Ray, &gpu::Outcome<T>)| match found {
-        gpu::Outcome::Complete(found) => answer(found),
-        gpu::Outcome::Incomplete => on_cpu(ray),
+    let complete = |(ray, found): (&Ray, &Outcome<T>)| match found {
+        Outcome::Complete(found) => answer(found),
+        Outcome::Incomplete => on_cpu(ray),
     };
     rays.par_iter().zip(found).map(complete).collect()
 }

@@ -1,126 +1,90 @@
-//! Renders the film of a picture on the CPU, on the GPU or on both.
+//! Renders the film of a picture, with a progress bar, and keeps the finished tiles if it is stopped.
 
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use canted_film::{Film, Partial, Record, Tile, write_film};
-use canted_renderer::{
-    DevicePicture, Monitor, Prepared, RenderError, Settings, SharedFilm, Structure, Surfaces, resume,
-};
+use canted_renderer::{Monitor, RenderError, Settings, Structure, resume};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
 use super::{Args, checkpoint::CheckpointWriter, facts::Fact, write_picture};
-use crate::{
-    device::{Machine, check_triangles},
-    interrupt, output,
-};
+use crate::{interrupt, output};
 
-/// Renders films on the devices of a [`Machine`].
-pub(super) struct FilmRenderer<'a, K: LaneKernel> {
-    machine: &'a Machine,
-    /// `None` where the CPU renders alone.
-    on_device: Option<DevicePicture<'a, K>>,
+/// Renders films on one kind of device.
+pub(super) trait FilmRenderer {
+    /// The names of the devices.
+    fn device(&self) -> String;
+
+    /// Renders the tiles that are not in `done`. Adds facts to the report.
+    fn render(&self, done: Vec<Tile>, monitor: &Monitor, facts: &mut Vec<Fact>) -> Result<Film>;
 }
 
-impl<'a, K: LaneKernel> FilmRenderer<'a, K> {
-    /// Uploads the scene if the machine uses a GPU; then `surfaces` is required.
-    ///
-    /// # Errors
-    /// A GPU that was requested explicitly does not support the scene or the settings.
-    pub(super) fn new(
-        machine: &'a Machine,
-        args: &Args,
-        surfaces: Option<&'a Surfaces<'a>>,
-        structure: &'a Structure<K>,
-        camera: &Camera,
-        settings: &'a Settings,
-    ) -> Result<Self> {
-        if settings.part.is_some() && matches!(machine, Machine::Both(_)) {
-            return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
-        }
-        let Some(surfaces) = surfaces else { return Ok(Self { machine, on_device: None }) };
-        let on_device = machine.ready(|gpu| {
-            check_triangles(args.structure.triangles)?;
-            DevicePicture::new(gpu, surfaces, structure, camera, settings)
-        })?;
-        Ok(Self { machine, on_device })
+/// Renders on the CPU.
+pub(super) struct CpuRenderer<'a, K: LaneKernel> {
+    pub(super) scene: &'a Scene,
+    pub(super) structure: &'a Structure<K>,
+    pub(super) camera: &'a Camera,
+    pub(super) settings: &'a Settings,
+}
+
+impl<K: LaneKernel> FilmRenderer for CpuRenderer<'_, K> {
+    fn device(&self) -> String {
+        "cpu".to_owned()
     }
 
-    /// The names of the devices that render.
-    pub(super) fn device(&self) -> String {
-        match (self.machine, &self.on_device) {
-            (Machine::Both(gpu), Some(_)) => format!("cpu and {}", gpu.info().name),
-            (Machine::Device(gpu) | Machine::Auto(gpu), Some(_)) => gpu.info().name.clone(),
-            _ => "cpu".to_owned(),
-        }
+    fn render(&self, done: Vec<Tile>, monitor: &Monitor, _: &mut Vec<Fact>) -> Result<Film> {
+        Ok(resume(self.scene, self.structure, self.camera, self.settings, done, monitor)?)
     }
+}
 
-    /// Renders the tiles that are not in `done`, with a progress bar.
-    ///
-    /// After Ctrl-C or a failure, the finished tiles are written to the checkpoint if there is one; else to the output file,
-    /// except for parts, which must be complete to be merged.
-    pub(super) fn render(
-        &self,
-        scene: &Scene,
-        prepared: &Prepared<K>,
-        camera: &Camera,
-        (args, settings): (&Args, &Settings),
-        checkpoint: Option<&CheckpointWriter>,
-        done: Vec<Tile>,
-    ) -> Result<(Film, Vec<Fact>)> {
-        let mut facts = vec![("device", json!(self.device()))];
-        // indicatif hides the bar if standard error is not a terminal.
-        let bar = ProgressBar::new(0);
-        if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
-            bar.set_style(style);
+/// Renders the tiles that are not in `done`, with a progress bar.
+///
+/// After Ctrl-C or a failure, the finished tiles are written to the checkpoint if there is one; else to the output file,
+/// except for parts, which must be complete to be merged.
+pub(super) fn render(
+    renderer: &dyn FilmRenderer,
+    args: &Args,
+    settings: &Settings,
+    checkpoint: Option<&CheckpointWriter>,
+    done: Vec<Tile>,
+) -> Result<(Film, Vec<Fact>)> {
+    let mut facts = vec![("device", json!(renderer.device()))];
+    // indicatif hides the bar if standard error is not a terminal.
+    let bar = ProgressBar::new(0);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
+        bar.set_style(style);
+    }
+    let progress = |done: usize, all: usize| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    };
+    let keeps_partial = settings.part.is_none() && checkpoint.is_none();
+    let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
+    let add = |tile: &Tile| {
+        if let Some(partial) = &partial {
+            partial.lock().unwrap_or_else(PoisonError::into_inner).add(tile);
         }
-        let progress = |done: usize, all: usize| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
-        let keeps_partial = settings.part.is_none() && checkpoint.is_none();
-        let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
-        let add = |tile: &Tile| {
-            if let Some(partial) = &partial {
-                partial.lock().unwrap_or_else(PoisonError::into_inner).add(tile);
-            }
-        };
-        done.iter().for_each(add);
-        let finished = |tile: &Tile| {
-            add(tile);
-            if let Some(checkpoint) = checkpoint {
-                checkpoint.add(tile);
-            }
-        };
-        let monitor = Monitor { progress: &progress, finished: &finished, cancel: interrupt::cancel_flag() };
-        let film = match (&self.on_device, self.machine) {
-            (None, _) => {
-                resume(scene, &prepared.structure, camera, settings, done, &monitor).map_err(anyhow::Error::from)
-            }
-            (Some(picture), Machine::Both(gpu)) => picture
-                .render_with_cpu(done, &monitor)
-                .map(|SharedFilm { film, n_tiles_of_device, stopped }| {
-                    facts.push(("gpu_tiles", json!(n_tiles_of_device)));
-                    if let Some(error) = stopped {
-                        output::warn(&format!("the CPU rendered the remaining tiles: {}: {error}", gpu.info().name));
-                    }
-                    film
-                })
-                .map_err(|error| self.machine.named(error)),
-            (Some(picture), _) => picture.render(done, &monitor).map_err(|error| self.machine.named(error)),
-        };
-        bar.finish_and_clear();
-        let Err(error) = film else { return Ok((film?, facts)) };
+    };
+    done.iter().for_each(add);
+    let finished = |tile: &Tile| {
+        add(tile);
         if let Some(checkpoint) = checkpoint {
-            checkpoint.save();
+            checkpoint.add(tile);
         }
-        let partial = partial.as_ref().map(|partial| partial.lock().unwrap_or_else(PoisonError::into_inner));
-        let written = partial.map_or(Ok(()), |partial| write_partial(args, &partial));
-        Err(stopped(error, written))
+    };
+    let monitor = Monitor { progress: &progress, finished: &finished, cancel: interrupt::cancel_flag() };
+    let film = renderer.render(done, &monitor, &mut facts);
+    bar.finish_and_clear();
+    let Err(error) = film else { return Ok((film?, facts)) };
+    if let Some(checkpoint) = checkpoint {
+        checkpoint.save();
     }
+    let partial = partial.as_ref().map(|partial| partial.lock().unwrap_or_else(PoisonError::into_inner));
+    let written = partial.map_or(Ok(()), |partial| write_partial(args, &partial));
+    Err(stopped(error, written))
 }
 
 /// The error to report for a stopped render. If it failed, a further failure to write the partial picture is only a warning.
@@ -153,8 +117,9 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
 mod tests {
     use std::sync::atomic::AtomicBool;
 
+    use anyhow::anyhow;
     use canted_film::read_picture;
-    use canted_renderer::{StructureConfig, frame, prepare};
+    use canted_renderer::{Prepared, StructureConfig, frame, prepare};
     use canted_trace::Watertight;
 
     use super::*;

@@ -60,7 +60,7 @@ fn level_text(out: &mut String, title: &str, level: &Level) {
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
-        "\nWide BVH, {title} (cost: predicted, for a ray that enters the root, in visits of aligned nodes)\n\
+        "\nWide BVH, {title} (predicted cost of a ray that enters the root, in aligned node visits)\n\
          {:<14}{:>13}{:>9}{:>9}{:>9}{:>10}{:>9}{:>7}{:>11}{:>11}{:>9}{:>10}",
         "",
         "aligned cost",
@@ -107,7 +107,8 @@ fn reason(level: &Level, row: &Row) -> String {
     let rotated = match (row.n_rotated, level.n_bvhs) {
         (0, _) => String::new(),
         (_, 1) => format!("; the mesh is rotated by {degrees:.0} degrees"),
-        (n, n_bvhs) => format!("; {n} of {n_bvhs} meshes are rotated, by at most {degrees:.0} degrees"),
+        (1, n) => format!("; 1 of {n} meshes is rotated, by {degrees:.0} degrees"),
+        (rotated, n) => format!("; {rotated} of {n} meshes are rotated, by at most {degrees:.0} degrees"),
     };
     let share = row.share(NodeKind::Oriented);
     // The builder chooses the cheaper kind of node, so the ratio is at least 1.

@@ -19,17 +19,22 @@ fn csv(rays: &[Judged]) -> String {
     "ox,oy,oz,dx,dy,dz,tmax\n".to_owned() + &rays.iter().map(row).collect::<String>()
 }
 
-fn model_and_rays() -> (Model, Vec<Judged>) {
-    model_and_rays_by(By::Cpu)
-}
-
 /// Triangles that often occlude each other, and rays of which between a quarter and three quarters hit.
-fn model_and_rays_by(by: By) -> (Model, Vec<Judged>) {
+fn model_and_rays(by: By) -> (Model, Vec<Judged>) {
     let model = model(60);
     let rays = judged_rays(&model, N_RAYS, by);
     let n_hits = rays.iter().filter(|(_, answer)| answer.is_some()).count();
     assert!((N_RAYS / 4..N_RAYS * 3 / 4).contains(&n_hits), "{n_hits} of {N_RAYS} rays hit");
     (model, rays)
+}
+
+/// A folder with the model and the rays.
+fn folder_and_rays(by: By) -> (Folder, Vec<Judged>) {
+    let (model, rays) = model_and_rays(by);
+    let folder = Folder::new();
+    folder.write("model.obj", &model.obj);
+    folder.write("rays.csv", csv(&rays));
+    (folder, rays)
 }
 
 #[track_caller]
@@ -49,10 +54,7 @@ fn assert_answers(hits: &[Vec<f64>], rays: &[Judged], what: &str) {
 
 #[test]
 fn hits_match_a_linear_scan() {
-    let (model, rays) = model_and_rays();
-    let folder = Folder::new();
-    folder.write("model.obj", &model.obj);
-    folder.write("rays.csv", csv(&rays));
+    let (folder, rays) = folder_and_rays(By::Cpu);
     for triangles in ["watertight", "moller-trumbore", "baldwin-weber"] {
         folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv --triangles {triangles}")).done();
         assert_answers(&rows(&folder.text("hits.csv"), HEADER), &rays, triangles);
@@ -61,10 +63,7 @@ fn hits_match_a_linear_scan() {
 
 #[test]
 fn json_reports_the_number_of_hits() {
-    let (model, rays) = model_and_rays();
-    let folder = Folder::new();
-    folder.write("model.obj", &model.obj);
-    folder.write("rays.csv", csv(&rays));
+    let (folder, rays) = folder_and_rays(By::Cpu);
     let n_hits = rays.iter().filter(|(_, answer)| answer.is_some()).count();
     for options in ["", "--occluded"] {
         let facts =
@@ -76,10 +75,7 @@ fn json_reports_the_number_of_hits() {
 
 #[test]
 fn every_preset_and_builder_matches_a_linear_scan() {
-    let (model, rays) = model_and_rays();
-    let folder = Folder::new();
-    folder.write("model.obj", &model.obj);
-    folder.write("rays.csv", csv(&rays));
+    let (folder, rays) = folder_and_rays(By::Cpu);
     for preset in ["fast", "balanced", "quality"] {
         for builder in BUILDERS {
             let options = format!("--preset {preset} --builder {builder}");
@@ -92,10 +88,7 @@ fn every_preset_and_builder_matches_a_linear_scan() {
 #[test]
 fn a_gpu_matches_a_linear_scan() {
     let Some(_) = adapter("a_gpu_matches_a_linear_scan") else { return };
-    let (model, rays) = model_and_rays_by(By::Device);
-    let folder = Folder::new();
-    folder.write("model.obj", &model.obj);
-    folder.write("rays.csv", csv(&rays));
+    let (folder, rays) = folder_and_rays(By::Device);
     for levels in ["one", "two"] {
         let options = format!("--levels {levels} --device gpu");
         let cast = |more: &str| -> Vec<Vec<f64>> {
@@ -112,7 +105,7 @@ fn a_gpu_matches_a_linear_scan() {
 
 #[test]
 fn the_oracle_detects_two_swapped_primitives() {
-    let (mut model, rays) = model_and_rays();
+    let (mut model, rays) = model_and_rays(By::Cpu);
     let hit = rays.iter().find_map(|(_, answer)| answer.as_ref()).unwrap().0;
     let other = (hit + 1) % model.triangles.len();
     model.triangles.swap(hit, other);
@@ -123,10 +116,7 @@ fn the_oracle_detects_two_swapped_primitives() {
 
 #[test]
 fn hits_are_the_same_for_all_structures() {
-    let (model, rays) = model_and_rays();
-    let folder = Folder::new();
-    folder.write("model.obj", &model.obj);
-    folder.write("rays.csv", csv(&rays));
+    let (folder, rays) = folder_and_rays(By::Cpu);
     for triangles in ["watertight", "moller-trumbore", "baldwin-weber"] {
         let mut first: Option<String> = None;
         for levels in ["auto", "one", "two"] {
@@ -161,10 +151,7 @@ fn hits_are_the_same_for_all_structures() {
 
 #[test]
 fn binary_files_contain_the_same_numbers_as_text_files() {
-    let (model, rays) = model_and_rays();
-    let folder = Folder::new();
-    folder.write("model.obj", &model.obj);
-    folder.write("rays.csv", csv(&rays));
+    let (folder, rays) = folder_and_rays(By::Cpu);
     let numbers = rays.iter().flat_map(|(ray, _)| {
         ray.iter().flatten().map(|&x| f32::from(i16::try_from(x).unwrap())).chain([f32::INFINITY])
     });

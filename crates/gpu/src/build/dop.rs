@@ -1,4 +1,4 @@
-//! Boxes along the best of some fixed frames.
+//! Boxes along the best of a fixed set of frames.
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::{Aabb, Frame, Obb, dop::frames};
@@ -6,11 +6,11 @@ use canted_obb::{Aabb, Frame, Obb, dop::frames};
 use super::{Items, Run, Trees};
 use crate::{Buffer, GpuError, NamedBinding, Specialisation};
 
-/// As in `shared/build/fixed_frame.wgsl`.
+/// As in `shared/build/dop.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 struct FixedFrame {
-    /// Axes, each followed by a word that nothing reads.
+    /// Axes, each followed by a padding word.
     columns: [[f32; 4]; 3],
     skewness: f32,
     padding: [f32; 3],
@@ -23,7 +23,8 @@ impl FixedFrame {
     }
 }
 
-/// Not less than the greatest row sum of `|FᵀF - 1|`: `f64` errs by less than half of a unit of the result, which is then rounded.
+/// Upper bound of the greatest row sum of `|FᵀF - 1|`. The error in `f64` is less than half a ULP of the result, which is
+/// rounded up.
 #[expect(clippy::cast_possible_truncation, reason = "rounded up by the next number")]
 fn skewness(frame: &Frame) -> f32 {
     let dot = |a: usize, b: usize| (0..3).map(|k| f64::from(frame[a][k]) * f64::from(frame[b][k])).sum::<f64>();
@@ -31,11 +32,11 @@ fn skewness(frame: &Frame) -> f32 {
     ((row(0).max(row(1)).max(row(2)) as f32).next_up()).next_up()
 }
 
-/// The box of each inner node, by slot, along the frame of least area of [`canted_obb::dop::frames`]; along the axes of the space
-/// where no other has less.
+/// The box of each inner node, by slot, along the frame of [`canted_obb::dop::frames`] with the least area; the axis-aligned
+/// box if no other has less.
 ///
-/// The frames are tried one after another, since a device that carried the extents along all directions at once would need 200
-/// bytes a node: six numbers climb from the leaves, then each node keeps its box or takes the new one.
+/// Frames are tried one at a time. Extents along all directions at once would take 200 bytes per node. Here six numbers
+/// propagate from the leaves, then each node keeps its box or takes the new one.
 pub(super) fn dop(
     run: &mut Run<'_>,
     items: &Items,
@@ -45,14 +46,14 @@ pub(super) fn dop(
 ) -> Result<Buffer<Obb>, GpuError> {
     let gpu = run.gpu();
     let n = items.len();
-    let obbs = gpu.zeroed("leaning boxes", n as usize)?;
+    let obbs = gpu.zeroed("oriented boxes", n as usize)?;
     let ends = gpu.zeroed::<[f32; 6]>("extents along a frame", n as usize)?;
     run.stage("obb", |dispatches| {
-        let unturned = gpu.kernel("build/axis_aligned", &Specialisation::none())?;
-        dispatches.items(&unturned, &[("aabbs", aabbs), ("obbs", &obbs)], n)?;
+        let axis_aligned = gpu.kernel("build/axis_aligned", &Specialisation::none())?;
+        dispatches.items(&axis_aligned, &[("aabbs", aabbs), ("obbs", &obbs)], n)?;
         let extents = gpu.kernel("build/dop_extents", &items.part())?;
         let boxes = gpu.kernel("build/dop_boxes", &items.part())?;
-        // The first are the axes of the space.
+        // The first frame is the identity.
         for frame in &frames()[1..] {
             let fixed = gpu.uniform("frame", &FixedFrame::new(frame))?;
             let more: [NamedBinding<'_>; 7] = [
@@ -79,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_frames_are_orthonormal_but_for_roundings() {
+    fn fixed_frames_are_orthonormal_up_to_rounding() {
         for frame in frames() {
             assert!(skewness(frame) <= 4.0 * f32::EPSILON, "{frame:?}");
         }

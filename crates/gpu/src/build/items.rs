@@ -1,4 +1,4 @@
-//! What trees are built over.
+//! The items that trees are built over.
 
 use bytemuck::{Pod, Zeroable};
 use canted_lbvh::Corners;
@@ -7,9 +7,9 @@ use canted_obb::{Aabb, Obb};
 use super::count;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
-/// Items of one tree, numbered among those of its level.
+/// The items of one tree, as a range of the level's items.
 ///
-/// Their leaves lie in the same range of positions, their inner nodes in the same range of slots, whose last one is empty.
+/// Its leaves use the same range of positions. Its inner nodes use the same range of slots, the last of which is empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Range {
@@ -19,7 +19,7 @@ pub struct Range {
     pub count: u32,
 }
 
-/// The items of a level and the trees over them, which are built together.
+/// The items of a level. All trees of a level are built together.
 pub struct Items {
     ranges: Vec<Range>,
     n: u32,
@@ -27,19 +27,19 @@ pub struct Items {
     pub(super) leaf: Leaf,
 }
 
-/// What an item is.
+/// The kind of an item.
 pub(super) enum Leaf {
     /// A triangle of a mesh.
     Triangle { corners: Buffer<Corners> },
-    /// An instance's box in the world, and the axis-aligned one around it.
+    /// World-space box of an instance, and its axis-aligned bounding box.
     Box { boxes: Buffer<Obb>, aabbs: Buffer<Aabb> },
 }
 
 impl Items {
-    /// Triangles of meshes, a tree for each mesh.
+    /// Triangles, one tree per mesh.
     ///
     /// # Errors
-    /// A device that lacks the memory.
+    /// Out of memory.
     pub fn triangles<'m>(gpu: &Gpu, meshes: impl IntoIterator<Item = &'m [Corners]>) -> Result<Self, GpuError> {
         let mut all = vec![];
         let mut ranges = vec![];
@@ -51,14 +51,15 @@ impl Items {
         Self::new(gpu, ranges, leaf)
     }
 
-    /// Boxes of instances under one tree.
+    /// Boxes of instances, in one tree.
     ///
     /// # Errors
-    /// A device that lacks the memory.
+    /// Out of memory.
     pub fn boxes(gpu: &Gpu, boxes: &[Obb]) -> Result<Self, GpuError> {
         let ranges = vec![Range { first: 0, count: count(boxes.len()) }];
         let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
-        let leaf = Leaf::Box { boxes: gpu.buffer("boxes", boxes)?, aabbs: gpu.buffer("boxes around boxes", &aabbs)? };
+        let leaf =
+            Leaf::Box { boxes: gpu.buffer("boxes", boxes)?, aabbs: gpu.buffer("axis-aligned boxes of items", &aabbs)? };
         Self::new(gpu, ranges, leaf)
     }
 
@@ -73,24 +74,24 @@ impl Items {
         self.n
     }
 
-    /// Whether there is no item.
+    /// Whether there are no items.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.n == 0
     }
 
-    /// Each tree's items.
+    /// The items of each tree.
     #[must_use]
     pub fn ranges(&self) -> &[Range] {
         &self.ranges
     }
 
-    /// Bits that tell the trees apart.
+    /// Bits of a tree index.
     pub(super) fn tree_bits(&self) -> u32 {
         count(self.ranges.len()).max(1).next_power_of_two().ilog2()
     }
 
-    /// The part of kernels that reads these items.
+    /// The shader part that reads these items.
     pub(super) fn part(&self) -> Specialisation {
         let file = match self.leaf {
             Leaf::Triangle { .. } => "shared/item/triangles",
@@ -99,7 +100,7 @@ impl Items {
         Specialisation::none().part("item", file)
     }
 
-    /// `more`, and what that part and `shared/build/forest` bind.
+    /// `more`, and the bindings of that part and of `shared/build/tree/forest`.
     pub(super) fn bound<'a>(&'a self, more: &[NamedBinding<'a>]) -> Vec<NamedBinding<'a>> {
         let mut bound: Vec<NamedBinding<'a>> = vec![("ranges", &self.device_ranges)];
         match &self.leaf {

@@ -1,39 +1,39 @@
-//! What each pass of a build takes.
+//! Timing of build stages.
 
 use canted_lbvh::{Bits, Strategy};
 
 use super::{Items, Run, STRATEGIES, StageTime, aabbs, codes, domain, obbs, sort, tree};
 use crate::{Gpu, GpuError};
 
-/// Milliseconds a pass: [`StageTime`] says by which clock. What a device has no room for is `None`.
+/// Milliseconds per stage, measured as described at [`StageTime`]. `None` for a stage that does not fit into the device memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Passes {
-    /// Grids of the codes.
+    /// Grids of the Morton codes.
     pub domain: Option<f64>,
-    /// Codes.
+    /// Morton codes.
     pub codes: Option<f64>,
-    /// Order of the codes.
+    /// Sorting of the codes.
     pub sort: Option<f64>,
-    /// Nodes.
+    /// Topology.
     pub tree: Option<f64>,
-    /// Boxes by strategy, in the order of [`STRATEGIES`]: leaning ones without the axis-aligned boxes that they need besides.
+    /// Volumes by strategy, in the order of [`STRATEGIES`]. Oriented boxes exclude the axis-aligned boxes that they also need.
     pub boxes: [Option<f64>; STRATEGIES.len()],
-    /// The first refusal, if there is one.
+    /// The first error, if any.
     pub refused: Option<GpuError>,
 }
 
 impl Passes {
-    /// The least of `runs` builds, after one in which drivers compile.
+    /// The fastest of `runs` builds, after one warm-up build in which drivers compile.
     ///
     /// # Errors
-    /// A device that is lost.
+    /// The device is lost.
     pub fn measure(gpu: &Gpu, items: &Items, bits: Bits, runs: usize) -> Result<Self, GpuError> {
         let first = Self::once(gpu, items, bits)?;
         let later = (0..runs).map(|_| Self::once(gpu, items, bits)).collect::<Result<Vec<_>, _>>()?;
         Ok(later.into_iter().reduce(|least, other| least.least(&other)).unwrap_or(first))
     }
 
-    /// All passes of a build with volumes of one of [`STRATEGIES`]; `None` for others, and where one is missing.
+    /// Total time of a build with this strategy; `None` if it is not one of [`STRATEGIES`] or a stage is missing.
     #[must_use]
     pub fn total(&self, strategy: Strategy) -> Option<f64> {
         let own = self.boxes[STRATEGIES.iter().position(|&known| known == strategy)?];
@@ -53,7 +53,7 @@ impl Passes {
         }
     }
 
-    /// One build, as far as the device has room for it.
+    /// One build, as far as it fits into the device memory.
     fn once(gpu: &Gpu, items: &Items, bits: Bits) -> Result<Self, GpuError> {
         let mut passes = Self::default();
         match passes.fill(gpu, items, bits) {
@@ -86,9 +86,9 @@ impl Passes {
     }
 }
 
-/// Milliseconds of some stations together.
-fn taken(run: &Run<'_>, stations: &[&str]) -> f64 {
-    let of_these = |time: &&StageTime| stations.contains(&time.stage);
+/// Total milliseconds of some stages.
+fn taken(run: &Run<'_>, stages: &[&str]) -> f64 {
+    let of_these = |time: &&StageTime| stages.contains(&time.stage);
     run.times().iter().filter(of_these).map(|time| time.milliseconds).sum()
 }
 
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn totals_count_what_a_build_goes_through() {
+    fn totals_include_all_stages_of_a_build() {
         let boxes = [16.0, 32.0, 64.0, 128.0, 256.0].map(Some);
         let [domain, codes, sort, tree] = [1.0, 2.0, 4.0, 8.0].map(Some);
         let passes = Passes { domain, codes, sort, tree, boxes, refused: None };

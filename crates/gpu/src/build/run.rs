@@ -1,4 +1,4 @@
-//! Stations as lists of dispatches, none of them long, each timed where asked for.
+//! Stages as sequences of short dispatches, optionally timed.
 
 use std::time::Instant;
 
@@ -6,24 +6,23 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::{AdapterKind, Commands, Gpu, GpuError, Kernel, NamedBinding};
 
-/// Most invocations of a submission of software drivers, which then stays near 100 milliseconds, and of others, which do sixteen
-/// times as many in less. A dispatch has no more either.
+/// Maximum number of invocations per submission and per dispatch: about 100 ms on a software driver, less on hardware.
 const SOFTWARE_INVOCATIONS: u32 = 1 << 18;
 const INVOCATIONS: u32 = 1 << 22;
 
-/// What a station took of the device.
+/// Cost of a stage on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTime {
-    /// The station, named as on the CPU.
+    /// The stage, named as on the CPU.
     pub stage: &'static str,
-    /// Milliseconds from its first dispatch to its last, by the device's timestamps; by the clock on the wall where
-    /// [`Gpu::has_timestamps`] says that it has none, the submission and the wait included.
+    /// Milliseconds from its first dispatch to its last, by device timestamps. Wall-clock time including submission and wait if
+    /// [`Gpu::has_timestamps`] is false.
     pub milliseconds: f64,
-    /// Commands-groups of its dispatches, a count that no other load of the machine changes.
+    /// Number of work-groups, which does not depend on the load of the machine.
     pub n_groups: u64,
 }
 
-/// Stations done one after another.
+/// A sequence of stages.
 pub struct Run<'a> {
     gpu: &'a Gpu,
     timed: bool,
@@ -31,13 +30,13 @@ pub struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Stations submitted one after another, without waiting.
+    /// Submits stages without waiting.
     #[must_use]
     pub fn new(gpu: &'a Gpu) -> Self {
         Self { gpu, timed: false, times: vec![] }
     }
 
-    /// Stations each waited for and timed.
+    /// Waits for each stage and times it.
     #[must_use]
     pub fn timed(gpu: &'a Gpu) -> Self {
         Self { gpu, timed: true, times: vec![] }
@@ -49,13 +48,13 @@ impl<'a> Run<'a> {
         self.gpu
     }
 
-    /// What was timed, a line for each station in the order of their first dispatch.
+    /// The measured times, in the order of each stage's first dispatch.
     #[must_use]
     pub fn times(&self) -> &[StageTime] {
         &self.times
     }
 
-    /// Does what `record` lists under the name of `station`.
+    /// Runs what `record` adds as part of `stage`.
     pub(super) fn stage(
         &mut self,
         stage: &'static str,
@@ -83,11 +82,11 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Dispatches of one station.
+/// The dispatches of one stage.
 pub(super) struct Dispatches<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) work: Commands<'a>,
-    /// Invocations that were not submitted yet.
+    /// Invocations not yet submitted.
     n_waiting: u32,
 }
 
@@ -101,12 +100,12 @@ pub(super) struct Slice {
 }
 
 impl Dispatches<'_> {
-    /// An invocation for each of `n` items.
+    /// One invocation for each of `n` items.
     pub(super) fn items(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
         self.range(kernel, bound, [0, n])
     }
 
-    /// An invocation for each item of `first..end`.
+    /// One invocation for each item of a range.
     pub(super) fn range(
         &mut self,
         kernel: &Kernel,
@@ -116,7 +115,7 @@ impl Dispatches<'_> {
         self.sliced(kernel, bound, range, self.invocations(), |n| kernel.groups(n))
     }
 
-    /// A work-group for each of `n` tiles.
+    /// One work-group for each of `n` tiles.
     pub(super) fn tiles(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
         let most = (self.invocations() / kernel.group_size()).min(65_535);
         self.sliced(kernel, bound, [0, n], most, |n| [n, 1, 1])

@@ -1,4 +1,4 @@
-//! Items in the order of their keys.
+//! Radix sort.
 
 use std::sync::Arc;
 
@@ -7,13 +7,13 @@ use bytemuck::{Pod, Zeroable};
 use super::{Run, count, run::Dispatches};
 use crate::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Specialisation};
 
-/// Invocations of a work-group.
+/// Invocations per work-group.
 const GROUP: u32 = 64;
 
-/// Keys of an invocation. A tile is GROUP times as many: enough for runs of whole cache lines under each value of a digit.
+/// Keys per invocation. A tile has GROUP times as many: enough for runs of whole cache lines for each value of a digit.
 const KEYS_EACH: u32 = 16;
 
-/// Bits of a digit: few enough that the counters of a work-group fit any device.
+/// Bits per digit, few enough that the counters of a work-group fit on any device.
 const DIGIT_BITS: u32 = 4;
 const RADIX: u32 = 1 << DIGIT_BITS;
 
@@ -35,10 +35,10 @@ pub struct Sorter {
     gather: Arc<Kernel>,
 }
 
-/// Items in an order that further words of their keys refine.
+/// Items in sorted order, refined word by word.
 struct Order {
     n: u32,
-    /// What is sorted by, and the items, each with a second buffer that digits are moved to and from.
+    /// Keys and items, each double-buffered.
     keys: [Buffer<u32>; 2],
     items: [Buffer<u32>; 2],
     counts: Buffer<u32>,
@@ -49,7 +49,7 @@ impl Sorter {
     /// Compiles the kernels.
     ///
     /// # Errors
-    /// A device that does not allow them.
+    /// The device does not support them.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let tiled = Specialisation::none().number("GROUP", GROUP).number("KEYS_EACH", KEYS_EACH).number("RADIX", RADIX);
         Ok(Self {
@@ -61,16 +61,16 @@ impl Sorter {
         })
     }
 
-    /// The items `0..` of `words` by key, stably: the key's words from the least significant to the most, each with the
-    /// number of its bits that count.
+    /// Sorts the item indices `0..` stably by key. `words` are the words of the key from least to most significant, each with
+    /// its number of significant bits.
     ///
     /// # Errors
-    /// A device that lacks the memory, or is lost.
+    /// Out of memory, or device lost.
     pub fn sort(&self, run: &mut Run<'_>, words: &[(&Buffer<u32>, u32)]) -> Result<Buffer<u32>, GpuError> {
         self.sort_as("sort", run, words)
     }
 
-    /// [`Sorter::sort`] as part of another station.
+    /// [`Sorter::sort`] as part of another stage.
     pub(super) fn sort_as(
         &self,
         stage: &'static str,
@@ -93,14 +93,9 @@ impl Sorter {
     /// `words` in the order of `items`.
     ///
     /// # Errors
-    /// As [`Sorter::sort`].
-    pub fn in_order(
-        &self,
-        run: &mut Run<'_>,
-        words: &Buffer<u32>,
-        items: &Buffer<u32>,
-    ) -> Result<Buffer<u32>, GpuError> {
-        let gathered = run.gpu().zeroed("words in order", items.len())?;
+    /// As for [`Sorter::sort`].
+    pub fn gather(&self, run: &mut Run<'_>, words: &Buffer<u32>, items: &Buffer<u32>) -> Result<Buffer<u32>, GpuError> {
+        let gathered = run.gpu().zeroed("gathered words", items.len())?;
         let bound: [NamedBinding<'_>; 3] = [("words", words), ("items", items), ("gathered", &gathered)];
         run.stage("sort", |dispatches| dispatches.items(&self.gather, &bound, count(items.len())))?;
         Ok(gathered)
@@ -139,14 +134,14 @@ impl Order {
         let n_tiles = n.div_ceil((GROUP * KEYS_EACH) as usize);
         Ok(Self {
             n: count(n),
-            keys: [gpu.zeroed("keys", n)?, gpu.zeroed("keys moved", n)?],
-            items: [gpu.zeroed("items", n)?, gpu.zeroed("items moved", n)?],
+            keys: [gpu.zeroed("keys", n)?, gpu.zeroed("keys, second buffer", n)?],
+            items: [gpu.zeroed("items", n)?, gpu.zeroed("items, second buffer", n)?],
             counts: gpu.zeroed("counts of a digit", n_tiles * RADIX as usize)?,
             totals: gpu.zeroed("totals of a digit", RADIX as usize)?,
         })
     }
 
-    /// Bindings of a kernel that fills the keys from `words` by item.
+    /// Bindings of the kernel that gathers keys from `words`.
     fn gathering<'a>(&'a self, words: &'a Buffer<u32>) -> [NamedBinding<'a>; 3] {
         [("words", words), ("items", &self.items[0]), ("gathered", &self.keys[0])]
     }

@@ -1,4 +1,4 @@
-//! The stations up to the tree: integers, equal to the CPU's.
+//! The stages up to the topology. Their integers equal the CPU's.
 
 use bytemuck::{Pod, Zeroable};
 use canted_lbvh::Bits;
@@ -6,43 +6,43 @@ use canted_lbvh::Bits;
 use super::{Items, Run, Sorter, count};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
-/// A tree's grid of cells, as [`canted_lbvh::Domain`].
+/// The grid of a tree, as [`canted_lbvh::Domain`].
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Grid {
-    /// Least coordinates, times the number of points summed for an item.
+    /// Minimum coordinates, times the number of points summed per item.
     pub offset: [f32; 3],
     /// Cells per unit of that sum.
     pub scale: f32,
 }
 
-/// Morton codes, the high word of those of 63 bits apart.
+/// Morton codes in one or two words.
 pub struct Codes {
     /// Low words.
     pub low: Buffer<u32>,
-    /// High words, of 63 bits alone.
+    /// High words of 63-bit codes.
     pub high: Option<Buffer<u32>>,
 }
 
-/// Items along the curve, tree by tree.
+/// Items sorted by Morton code, tree by tree.
 pub struct Sorted {
-    /// Codes, not decreasing in a tree.
+    /// Codes, in ascending order within a tree.
     pub codes: Codes,
     /// The item of each leaf.
     pub leaves: Buffer<u32>,
 }
 
-/// An inner node, its numbers counted over all trees of the level.
+/// An inner node. Indices count over all trees of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Node {
-    /// Child over the lower leaves: a slot, or a leaf's position with the highest bit set.
+    /// Left child: a slot, or the position of a leaf with the highest bit set.
     pub left: u32,
-    /// Child over the upper leaves.
+    /// Right child.
     pub right: u32,
     /// First leaf below.
     pub first: u32,
-    /// Last leaf below, included.
+    /// Last leaf below, inclusive.
     pub last: u32,
 }
 
@@ -50,11 +50,11 @@ pub struct Node {
 pub struct Trees {
     /// Inner nodes by slot; see [`super::Range`].
     pub nodes: Buffer<Node>,
-    /// Parents of inner nodes by slot, then of leaves by position; `u32::MAX` above a root.
+    /// Parents of inner nodes by slot, followed by parents of leaves by position; `u32::MAX` for a root.
     pub parents: Buffer<u32>,
-    /// Nodes on the longest way from each inner node down, the leaf included; 0 in an empty slot.
+    /// Height of each inner node, in nodes including the leaf; 0 for an empty slot.
     pub heights: Buffer<u32>,
-    /// Nodes on the longest way from a root to a leaf, the leaf included, of all trees; 0 without items.
+    /// Maximum depth over all trees, in nodes including the leaf; 0 without items.
     pub depth: Buffer<u32>,
 }
 
@@ -80,7 +80,7 @@ impl Codes {
     }
 }
 
-/// `chosen`, with the part for codes of this length.
+/// `chosen` with the part for codes of this length.
 fn coded(chosen: Specialisation, bits: Bits) -> Specialisation {
     chosen.part(
         "code",
@@ -91,12 +91,12 @@ fn coded(chosen: Specialisation, bits: Bits) -> Specialisation {
     )
 }
 
-/// The grid of each tree.
+/// Computes the grid of each tree.
 ///
 /// # Errors
-/// A device that lacks the memory, or is lost.
+/// Out of memory, or device lost.
 pub fn domain(run: &mut Run<'_>, items: &Items, bits: Bits) -> Result<Buffer<Grid>, GpuError> {
-    /// Items of a work-group, as in `build/bounds.wgsl`.
+    /// Items per work-group, as in `build/bounds.wgsl`.
     const TILE: u32 = 512;
     let gpu = run.gpu();
     let n_trees = items.ranges().len();
@@ -112,10 +112,10 @@ pub fn domain(run: &mut Run<'_>, items: &Items, bits: Bits) -> Result<Buffer<Gri
     Ok(domains)
 }
 
-/// A code an item, in input order.
+/// Computes one code per item, in input order.
 ///
 /// # Errors
-/// As [`domain`].
+/// As for [`domain`].
 pub fn codes(run: &mut Run<'_>, items: &Items, domains: &Buffer<Grid>, bits: Bits) -> Result<Codes, GpuError> {
     let gpu = run.gpu();
     let codes = Codes::empty(gpu, items.len() as usize, bits)?;
@@ -128,10 +128,10 @@ pub fn codes(run: &mut Run<'_>, items: &Items, domains: &Buffer<Grid>, bits: Bit
     Ok(codes)
 }
 
-/// The items by tree and code, stably.
+/// Sorts the items stably by tree and code.
 ///
 /// # Errors
-/// As [`domain`].
+/// As for [`domain`].
 pub fn sort(run: &mut Run<'_>, items: &Items, codes: &Codes) -> Result<Sorted, GpuError> {
     let gpu = run.gpu();
     let sorter = Sorter::new(gpu)?;
@@ -143,8 +143,8 @@ pub fn sort(run: &mut Run<'_>, items: &Items, codes: &Codes) -> Result<Sorted, G
     words.extend(trees.as_ref().map(|trees| (trees, items.tree_bits())));
     let leaves = sorter.sort(run, &words)?;
     let sorted = Codes {
-        low: sorter.in_order(run, &codes.low, &leaves)?,
-        high: codes.high.as_ref().map(|high| sorter.in_order(run, high, &leaves)).transpose()?,
+        low: sorter.gather(run, &codes.low, &leaves)?,
+        high: codes.high.as_ref().map(|high| sorter.gather(run, high, &leaves)).transpose()?,
     };
     Ok(Sorted { codes: sorted, leaves })
 }
@@ -161,10 +161,10 @@ fn trees_of(run: &mut Run<'_>, items: &Items) -> Result<Buffer<u32>, GpuError> {
     Ok(trees)
 }
 
-/// The radix tree over the sorted items of each tree.
+/// Builds the radix tree over the sorted items of each tree.
 ///
 /// # Errors
-/// As [`domain`].
+/// As for [`domain`].
 pub fn tree(run: &mut Run<'_>, items: &Items, sorted: &Codes) -> Result<Trees, GpuError> {
     let gpu = run.gpu();
     let n = items.len() as usize;

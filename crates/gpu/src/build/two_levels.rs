@@ -1,4 +1,4 @@
-//! Trees of meshes, and one over the instances that place them.
+//! One tree per mesh and a tree over the instances.
 
 use canted_obb::{Aabb, Obb};
 use canted_tlas::{Instance, InstanceError};
@@ -6,27 +6,26 @@ use canted_tlas::{Instance, InstanceError};
 use super::{BuildConfig, Built, Items, Run, items::Leaf};
 use crate::{Gpu, GpuError};
 
-/// Two levels of trees in the device's memory.
+/// A two-level hierarchy in device memory.
 ///
-/// What stands between them is small, a box a mesh, and comes back: an instance's box is placed in `f64` on the CPU, exactly as
-/// there, so the top level's items are the CPU's bit for bit.
+/// Only the root boxes of the meshes are read back. The CPU transforms them in `f64`, so the items of the top level equal the
+/// CPU's bit for bit.
 pub struct TwoLevels {
-    /// A tree a mesh.
+    /// One tree per mesh.
     pub bottom: Built,
     /// The tree over the instances.
     pub top: Built,
-    /// The instance of each item of the top level: one of a mesh without triangles is none.
+    /// The instance of each item of the top level. Instances of meshes without triangles are skipped.
     pub instances: Vec<u32>,
     roots: Vec<Option<Obb>>,
     config: BuildConfig,
 }
 
 impl TwoLevels {
-    /// Places `instances` of the meshes under `bottom`, which a tree of `config` is built over.
+    /// Builds the top level over `instances` of the meshes in `bottom`.
     ///
     /// # Errors
-    /// An instance of no mesh, one that moves while the shutter is open, or a transform that is not finite or carries its box out of
-    /// the numbers; a device that lacks the memory, or is lost.
+    /// An instance that refers to no mesh or moves; a transform that is not finite or overflows; out of memory, or device lost.
     pub fn new(
         run: &mut Run<'_>,
         bottom: Built,
@@ -38,17 +37,17 @@ impl TwoLevels {
         Ok(Self { bottom, top, instances, roots, config })
     }
 
-    /// Places other instances of the same meshes: builds the top level and nothing else.
+    /// Replaces the instances. Rebuilds only the top level.
     ///
     /// # Errors
-    /// As [`TwoLevels::new`]; the old instances then stay.
+    /// As for [`TwoLevels::new`]; the previous instances then remain.
     pub fn place(&mut self, run: &mut Run<'_>, instances: &[Instance]) -> Result<(), GpuError> {
         (self.top, self.instances) = top(run, &self.roots, instances, self.config)?;
         Ok(())
     }
 }
 
-/// The tree over the boxes of instances, and the instance of each.
+/// The tree over the boxes of instances, and the instance of each box.
 fn top(
     run: &mut Run<'_>,
     roots: &[Option<Obb>],
@@ -66,11 +65,11 @@ fn top(
     Ok((Built::new(run, items, config)?, numbers))
 }
 
-/// The box of an instance in the world; `None` where its mesh has no triangle.
+/// World-space box of an instance; `None` if its mesh has no triangles.
 fn placed(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Option<Obb>, GpuError> {
     let index = number as usize;
     if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
-        return Err(GpuError::Unsupported { what: format!("instance {index}, which moves") });
+        return Err(GpuError::Unsupported { what: format!("moving instance {index}") });
     }
     let root = match roots.get(instance.blas as usize) {
         None => Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas }),
@@ -81,14 +80,14 @@ fn placed(number: u32, instance: &Instance, roots: &[Option<Obb>]) -> Result<Opt
         Some(placed) if !placed.aabb().is_finite() => Err(InstanceError::OutOfRange { instance: index }),
         placed => Ok(placed),
     });
-    in_range.map_err(|error| GpuError::Unsupported { what: format!("instances as they stand: {error}") })
+    in_range.map_err(|error| GpuError::Unsupported { what: error.to_string() })
 }
 
 impl Built {
-    /// The box around all items of each tree, in their space; `None` for a tree without any.
+    /// Root box of each tree, in its own space; `None` for an empty tree.
     ///
     /// # Errors
-    /// A device that is lost.
+    /// The device is lost.
     pub fn roots(&self, gpu: &Gpu) -> Result<Vec<Option<Obb>>, GpuError> {
         let of_count = |wanted: fn(u32) -> bool| -> Vec<u32> {
             self.items.ranges().iter().filter(|range| wanted(range.count)).map(|range| range.first).collect()
@@ -125,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_out_of_the_numbers_are_refused_by_instance() {
+    fn overflowing_boxes_are_rejected_with_the_instance() {
         let roots = [Some(Obb::from_aabb(&Aabb { min: [-1e10; 3], max: [1e10; 3] })), None];
         let refused = |number, map| placed(number, &Instance::new(0, map), &roots).unwrap_err().to_string();
         for (number, map) in [(3, scaled(1e30, 0.0)), (4, scaled(f32::MAX, f32::MAX))] {
@@ -138,7 +137,7 @@ mod tests {
         assert!(refused(5, scaled(1.0, f32::NAN)).contains("instance 5 is not finite"));
         let inside = placed(0, &Instance::new(0, scaled(1e20, -1e30)), &roots).unwrap().unwrap();
         assert!(inside.aabb().is_finite());
-        // What has no triangle has no box that could be too large.
+        // A mesh without triangles has no box that could overflow.
         assert_eq!(placed(0, &Instance::new(1, scaled(1e30, 0.0)), &roots), Ok(None));
     }
 }

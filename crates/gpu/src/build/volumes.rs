@@ -1,4 +1,4 @@
-//! Boxes of the nodes.
+//! Volumes of the nodes.
 
 use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Obb};
@@ -6,7 +6,7 @@ use canted_obb::{Aabb, Obb};
 use super::{Items, Run, Sorter, Trees, count, dop::dop};
 use crate::{Buffer, GpuError, NamedBinding, Specialisation};
 
-/// Heights that a tree may have: bits of a code and of a position, and the leaf.
+/// Maximum height of a tree: bits of a code, bits of a position, and the leaf.
 const HEIGHTS: usize = 128;
 
 /// Bits of a height.
@@ -15,7 +15,7 @@ const HEIGHT_BITS: u32 = 7;
 /// The axis-aligned box of each inner node, by slot.
 ///
 /// # Errors
-/// A device that lacks the memory, or is lost.
+/// Out of memory, or device lost.
 pub fn aabbs(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>, trees: &Trees) -> Result<Buffer<Aabb>, GpuError> {
     let gpu = run.gpu();
     let aabbs = gpu.zeroed("axis-aligned boxes", items.len() as usize)?;
@@ -27,19 +27,19 @@ pub fn aabbs(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>, trees: &Tre
     Ok(aabbs)
 }
 
-/// The nodes of a level's trees from the lowest to the highest.
+/// The nodes of all trees, in order of height.
 pub(super) struct Schedule {
     /// Slots by height.
     order: Buffer<u32>,
-    /// The part of `order` that each height takes, from the lowest.
+    /// The range of `order` for each height, from the lowest.
     levels: Vec<[u32; 2]>,
 }
 
 impl Schedule {
-    /// Sorts the nodes by height, and reads back where each height begins.
+    /// Sorts the nodes by height and reads back where each height starts.
     ///
     /// # Errors
-    /// As [`aabbs`].
+    /// As for [`aabbs`].
     pub(super) fn new(run: &mut Run<'_>, trees: &Trees) -> Result<Self, GpuError> {
         let gpu = run.gpu();
         let sorter = Sorter::new(gpu)?;
@@ -51,7 +51,7 @@ impl Schedule {
             dispatches.items(&kernel, &bound, count(order.len()))
         })?;
         let ends = gpu.read(&ends)?;
-        // Empty slots have height 0; heights in between that no node has end where they begin.
+        // Empty slots have height 0. A height without nodes has no end.
         let mut first = ends[0];
         let mut levels = vec![];
         for &end in ends[1..].iter().filter(|&&end| end > 0) {
@@ -62,10 +62,10 @@ impl Schedule {
     }
 }
 
-/// The box of each inner node, by slot: leaning where that has less area than the axis-aligned one.
+/// The volume of each inner node, by slot: the oriented box, or the axis-aligned one if that has no more area.
 ///
 /// # Errors
-/// As [`aabbs`]; a strategy that the device has no kernel for.
+/// As for [`aabbs`]; or an unsupported strategy.
 pub fn obbs(
     run: &mut Run<'_>,
     items: &Items,
@@ -80,13 +80,13 @@ pub fn obbs(
         Strategy::Combined => "shared/rule/combined",
         Strategy::Dop => return dop(run, items, leaves, trees, aabbs),
         Strategy::Aabb | Strategy::PcaUnbounded => {
-            let message = format!("volumes of strategy {strategy:?} are not made on the device");
+            let message = format!("volume strategy {strategy:?} is not supported on the GPU");
             return Err(GpuError::Invalid { message });
         }
     };
     let gpu = run.gpu();
     let schedule = Schedule::new(run, trees)?;
-    let obbs = gpu.zeroed("leaning boxes", items.len() as usize)?;
+    let obbs = gpu.zeroed("oriented boxes", items.len() as usize)?;
     let bound = items.bound(&[
         ("order", &schedule.order),
         ("nodes", &trees.nodes),

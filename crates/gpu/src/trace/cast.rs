@@ -1,41 +1,41 @@
-//! Rays by the batch.
+//! Batches of rays.
 
 use std::time::{Duration, Instant};
 
 use bytemuck::Pod;
 use canted_trace::{Ray, ScaledRay};
 
-use super::ray::{CUT, DeviceHit, DeviceRay, NONE};
+use super::ray::{DeviceHit, DeviceRay, INCOMPLETE, NONE};
 use super::scene::TracedScene;
 use crate::{Gpu, GpuError, Kernel, Specialisation};
 
-/// What became of a ray.
+/// Result of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome<T> {
-    /// It is known.
+    /// The ray was traced.
     Complete(T),
-    /// The walk was cut short by the driver's limit of loops: the CPU must answer.
+    /// Traversal stopped at the iteration limit; trace the ray on the CPU.
     Incomplete,
 }
 
-/// Rays of the first slice, and most of any.
+/// Rays of the first slice, and maximum.
 const FIRST_SLICE: usize = 1 << 12;
-const MOST_SLICE: usize = 1 << 21;
+const MAX_SLICE: usize = 1 << 21;
 
-/// What a slice should take: well below where displays stall and drivers lose patience.
+/// Target time of a slice, well below what stalls a display or triggers a driver reset.
 const SLICE_TIME: Duration = Duration::from_millis(50);
 
 impl TracedScene {
-    /// The first hit of each ray, `None` for a miss; ties go to the lowest instance, then the lowest primitive.
+    /// The closest hit of each ray, `None` for a miss. Ties go to the lowest instance, then the lowest primitive.
     ///
     /// # Errors
-    /// A device that is lost or does not finish.
+    /// The device is lost or does not finish.
     pub fn closest_hits(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
         let kernel = self.kernel(gpu, "trace/closest")?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernel, "hits", rays, |slice, hits: Vec<DeviceHit>| {
             answers.extend(slice.iter().zip(hits).map(|(ray, hit)| match (hit.instance, ray) {
-                (CUT, _) => Outcome::Incomplete,
+                (INCOMPLETE, _) => Outcome::Incomplete,
                 (NONE, _) | (_, None) => Outcome::Complete(None),
                 (_, Some(ray)) => Outcome::Complete(Some(DeviceHit { t: ray.caller_t(hit.t), ..hit })),
             }));
@@ -46,15 +46,15 @@ impl TracedScene {
     /// Whether each ray hits anything.
     ///
     /// # Errors
-    /// As [`TracedScene::closest_hits`].
+    /// As for [`TracedScene::closest_hits`].
     pub fn occluded(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
         let kernel = self.kernel(gpu, "trace/occluded")?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernel, "found", rays, |_, found: Vec<u32>| {
             answers.extend(
-                found
-                    .iter()
-                    .map(|&found| if found == CUT { Outcome::Incomplete } else { Outcome::Complete(found == 1) }),
+                found.iter().map(
+                    |&found| if found == INCOMPLETE { Outcome::Incomplete } else { Outcome::Complete(found == 1) },
+                ),
             );
         })?;
         Ok(answers)
@@ -65,7 +65,7 @@ impl TracedScene {
         gpu.kernel(name, &self.specialise(chosen))
     }
 
-    /// Hands rays to the device in slices that grow until one takes its time, and the answers to `take`.
+    /// Traces rays in slices whose size adapts to the measured time, and passes the results to `take`.
     fn in_slices<T: Pod>(
         &self,
         gpu: &Gpu,
@@ -74,7 +74,7 @@ impl TracedScene {
         rays: &[Ray],
         mut take: impl FnMut(&[Option<ScaledRay>], Vec<T>),
     ) -> Result<(), GpuError> {
-        let most = MOST_SLICE.min(most_rays(gpu));
+        let most = MAX_SLICE.min(max_rays(gpu));
         let (mut waiting, mut n) = (rays, FIRST_SLICE.min(most));
         while !waiting.is_empty() {
             let (slice, rest) = waiting.split_at(n.min(waiting.len()));
@@ -104,14 +104,14 @@ impl TracedScene {
     }
 }
 
-/// Rays that a binding holds.
-fn most_rays(gpu: &Gpu) -> usize {
+/// Maximum number of rays in a binding.
+fn max_rays(gpu: &Gpu) -> usize {
     let limits = gpu.limits();
     let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / size_of::<DeviceRay>() as u64;
     usize::try_from(most).unwrap_or(usize::MAX)
 }
 
-/// Rays of the slice after one of `n` that took `time`: four times as many at most.
+/// Size of the slice after one of `n` rays that took `time`; grows at most fourfold.
 fn next_size(n: usize, time: Duration) -> usize {
     let times = SLICE_TIME.as_nanos() / time.as_nanos().max(1);
     match times {
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slices_grow_and_shrink_by_their_time() {
+    fn slice_size_adapts_to_time() {
         assert_eq!(next_size(4096, Duration::from_millis(1)), 16_384);
         assert_eq!(next_size(4096, Duration::from_millis(40)), 4096);
         assert_eq!(next_size(4096, Duration::from_millis(400)), 2048);

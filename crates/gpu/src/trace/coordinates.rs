@@ -1,14 +1,14 @@
-//! How far from the origin kernels compute.
+//! The range of coordinates that kernels support.
 
 use crate::GpuError;
 
-/// Greatest absolute coordinate of a mesh, and of an instance in the world, that kernels compute with: it lies below the 2^60 up
-/// to which the pads of `shared/bvh.wgsl` are proven, and squares of distances stay far from overflow.
+/// Maximum absolute coordinate of a mesh, and of an instance in world space. It is below 2^60, up to which the pads of
+/// `shared/bvh.wgsl` are proven, and squared distances do not overflow.
 pub const MAX_COORDINATE: f32 = 1e18;
 
-/// Refuses what reaches farther, by its name.
-pub(super) fn check_reach(name: impl FnOnce() -> String, reach: f64) -> Result<(), GpuError> {
-    // So written that what is not a number is refused.
+/// Rejects larger coordinates.
+pub(super) fn check_coordinates(name: impl FnOnce() -> String, reach: f64) -> Result<(), GpuError> {
+    // This form also rejects NaN.
     if reach <= MAX_COORDINATE.into() {
         return Ok(());
     }

@@ -1,30 +1,30 @@
-//! Trees, instances and their error bounds as the kernels lay them out: `shared/bvh.wgsl`, `shared/instance.wgsl`.
+//! BVHs, instances and their error bounds in the layout of `shared/bvh.wgsl` and `shared/level.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::{Affine, Obb};
 use canted_wide::RawBvh;
 
-/// A bound of one rounding that WGSL promises, relative: 2^-23, whichever way it rounds.
+/// Upper bound of one rounding under WGSL, relative, in any rounding mode: 2^-23.
 const ROUNDING: f32 = f32::EPSILON;
 
-/// How far a point that the device reports may lie from its triangle, in each coordinate and relative to `|o|∞ + ρ∞`, where
-/// no instance's transform is between; derived at `shared/triangle.wgsl`.
+/// Maximum distance of a reported hit from its triangle, per coordinate and relative to `|o|∞ + ρ∞`, without an instance
+/// transform; derived in `shared/triangle.wgsl`.
 pub const HIT_ERROR: f32 = 64.0 * ROUNDING;
 
-/// Words of four, as kernels read nodes and blocks.
+/// Four words, the unit in which kernels read nodes and blocks.
 pub(super) type Quad = [u32; 4];
 
-/// A tree among all.
+/// Header of a BVH.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct BvhHeader {
-    /// Rows of the mesh's frame, with the greatest coordinate, then the error of hits per origin and in all.
+    /// Rows of the mesh's frame. Fourth components: the largest coordinate, the relative and the constant error of hits.
     pub(super) rows: [[f32; 4]; 3],
-    /// Root, first quad of its nodes and of its blocks, whether the frame is turned.
+    /// Root, first quad of the nodes and of the blocks, whether the frame is rotated.
     pub(super) words: Quad,
 }
 
-/// How far hits may be off: a part of the origin's greatest coordinate, and what is added.
+/// Error bound of hits: relative to the largest coordinate of the origin, and constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct HitError {
     pub(super) per_origin: f32,
@@ -32,13 +32,13 @@ pub(super) struct HitError {
 }
 
 impl HitError {
-    /// Of triangles whose coordinates do not exceed `reach`, in their own space.
+    /// Error in object space, for triangles with coordinates up to `reach`.
     pub(super) fn of_triangles(reach: f32) -> Self {
         Self { per_origin: HIT_ERROR, fixed: HIT_ERROR * reach }
     }
 }
 
-/// Where a tree's words start among those of all trees.
+/// Where a BVH starts in the shared buffers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Start {
     pub(super) node: u32,
@@ -60,9 +60,9 @@ impl BvhHeader {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct InstanceData {
-    /// Rows of the linear part of `object_from_world`, each with a component of where the object's origin stands.
+    /// Rows of the linear part of `object_from_world`. Fourth components: the world position of the object's origin.
     rows: [[f32; 4]; 3],
-    /// Its tree, and one more than the number of its motion, 0 for none.
+    /// Index of its BVH; index of its motion plus one, or 0 for none.
     tree: Quad,
 }
 
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     #[expect(clippy::cast_possible_truncation, reason = "offsets are small")]
-    fn structures_lie_as_kernels_read_them() {
+    fn layouts_match_the_kernels() {
         let rows = offset_of!(BvhHeader, rows) as u32;
         let words = offset_of!(BvhHeader, words) as u32;
         assert_eq!(offsets("Bvh"), (vec![rows, rows + 16, rows + 32, words], size_of::<BvhHeader>() as u32));

@@ -1,4 +1,4 @@
-//! The way of an instance that moves while the shutter is open: `shared/motion.wgsl`.
+//! Moving instances, in the layout of `shared/motion.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::Affine;
@@ -7,21 +7,22 @@ use canted_tlas::Instance;
 
 type Vector = [f64; 3];
 
-/// The way of an instance between two transforms, each number in a straight line: cofactors and determinant at any time, by their
+/// The inverse of a transform that changes linearly from shutter opening to closing: cofactors and determinant by their
 /// Bernstein coefficients.
 ///
-/// Kernels divide one by the other. Where all coefficients of the determinant have one sign, that loses no more digits anywhere
-/// on the way than [`MotionPolynomials::norm_of_inverse`] says. Turns of less than 120 degrees between transforms that scale alike are so.
+/// Kernels divide one by the other. If all coefficients of the determinant have the same sign, the error of the quotient is
+/// bounded by [`MotionPolynomials::norm_of_inverse`]. This holds for rotations of less than 120 degrees between transforms of
+/// similar scale.
 #[derive(Clone, Debug)]
 pub struct MotionPolynomials {
-    /// For each axis the coefficients of its cofactors: rows of the inverse times the determinant.
+    /// Coefficients of the cofactors for each axis: rows of the inverse times the determinant.
     cofactors: [[Vector; 3]; 3],
     determinant: [f64; 4],
     close: Affine,
 }
 
 impl MotionPolynomials {
-    /// The way of an instance that moves; `None` where it stands still.
+    /// The motion of an instance; `None` if it does not move.
     #[must_use]
     pub fn of(instance: &Instance) -> Option<Self> {
         let open = instance.world_from_object;
@@ -30,8 +31,8 @@ impl MotionPolynomials {
 
     fn new(open: &Affine, close: Affine) -> Self {
         let [m, n] = [open, &close].map(|map| map.columns.map(|column| column.map(f64::from)));
-        // Between `M` and `N` cofactors go by `(1-s)² cof M + 2s(1-s) C + s² cof N` with `C` of products of both, and the determinant
-        // likewise: polar forms of a square and a cube (Ramshaw 1989).
+        // Between `M` and `N` the cofactors are `(1-s)² cof M + 2s(1-s) C + s² cof N`, where `C` contains products of both, and
+        // similarly for the determinant: polar forms of a square and a cube (Ramshaw 1989).
         let cofactors: [[Vector; 3]; 3] = std::array::from_fn(|k| {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
             let (mixed, other) = (cross(m[i], n[j]), cross(n[i], m[j]));
@@ -48,11 +49,11 @@ impl MotionPolynomials {
         Self { cofactors, determinant, close }
     }
 
-    /// A bound of the greatest row sum of the inverse's linear part at all times, of absolute terms; infinite where
-    /// coefficients of the determinant have two signs or are zero.
+    /// Upper bound, over all times, of the greatest row sum of absolute terms of the inverse; infinite if coefficients of the
+    /// determinant are zero or differ in sign.
     ///
-    /// Raised to degree three, cofactors and determinant are means of their coefficients with the same weights: a quotient of
-    /// means of numbers that are not negative is at most the greatest quotient.
+    /// Raised to degree three, cofactors and determinant are means of their coefficients with the same weights. A quotient of
+    /// means of nonnegative numbers is at most the greatest quotient.
     #[must_use]
     pub fn norm_of_inverse(&self) -> f64 {
         let sign = self.determinant[0].signum();
@@ -68,7 +69,7 @@ impl MotionPolynomials {
         (0..4).map(at).fold(0.0, f64::max)
     }
 
-    /// What kernels divide cofactors by, besides their sign: the greatest coefficient of the determinant.
+    /// Divisor of the cofactors, without sign: the greatest coefficient of the determinant.
     #[must_use]
     pub fn scale(&self) -> f64 {
         self.determinant.iter().fold(0.0, |all, x| all.max(x.abs()))
@@ -87,7 +88,7 @@ impl MotionPolynomials {
     }
 }
 
-/// `Motion` of `shared/motion`.
+/// `Motion` in `shared/motion.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct MotionData {
@@ -112,7 +113,7 @@ mod tests {
         Affine { columns: [x, y, z, [1.0, 2.0, 3.0]] }
     }
 
-    /// The inverse at a time by Gauss's elimination, and the greatest row sum of it.
+    /// The inverse at a time, by Gaussian elimination.
     fn inverse(open: &Affine, close: &Affine, time: f64) -> [Vector; 3] {
         let mut rows: [[f64; 6]; 3] = std::array::from_fn(|i| {
             std::array::from_fn(|j| match j {
@@ -135,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn cofactors_over_determinant_are_the_inverse_within_its_bound_at_all_times() {
+    fn cofactors_over_determinant_match_the_inverse_at_all_times() {
         for (angle, scale) in [(0.0, 1.0), (0.4, 1.0), (1.5, 1e-3), (2.0, 3.0), (-1.0, 0.2)] {
             let (open, close) = (about_z(0.3, 1.0), about_z(0.3 + angle, scale));
             let motion = MotionPolynomials::new(&open, close);
@@ -162,8 +163,8 @@ mod tests {
     }
 
     #[test]
-    fn ways_on_which_sums_would_lose_digits_have_no_bound() {
-        // A turn of 130 degrees, one through a singular map, and a mirror.
+    fn motions_with_cancellation_have_no_bound() {
+        // A rotation of 130 degrees, one through a singular matrix, and a mirror.
         for angle in [130.0_f64, 180.0] {
             assert_eq!(
                 MotionPolynomials::new(&about_z(0.0, 1.0), about_z(angle.to_radians(), 1.0)).norm_of_inverse(),
@@ -175,7 +176,7 @@ mod tests {
 
     #[test]
     #[expect(clippy::cast_possible_truncation, reason = "offsets are small")]
-    fn words_lie_as_kernels_read_them() {
+    fn motion_layout_matches_the_kernel() {
         let chosen = Specialisation::none()
             .part("level", "shared/level/moving")
             .part("node_kinds", "shared/node_kinds/any")

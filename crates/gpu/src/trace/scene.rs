@@ -1,84 +1,85 @@
-//! A scene's trees in the device's memory.
+//! The BVHs of a scene in device memory.
 
 use bytemuck::Pod;
 use canted_obb::Aabb;
 use canted_tlas::Instance;
 use canted_wide::{LaneKernel, RawBvh, TriangleBvh};
 
-use super::coordinates::check_reach;
+use super::alternatives::{ParentLink, Traversal, links};
+use super::coordinates::check_coordinates;
 use super::layout::{BvhHeader, HitError, InstanceData, Quad, Start};
 use super::motion::MotionData;
+use super::nodes::is_aligned;
 use super::top_level::TopLevel;
-use super::traversal::{ParentLink, Traversal, is_aligned, links};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, loop_iterations};
 
-/// Most entries of the stack in an invocation's own memory: trees of ours have about ten levels.
-const MOST_STACK: u32 = 128;
+/// Maximum stack size. Our BVHs have about ten levels.
+const MAX_STACK: u32 = 128;
 
-/// Levels whose waiting children four words hold, eight bits each.
-const MOST_BITS: u32 = 16;
+/// Levels whose pending children fit into four words, eight bits each.
+const MAX_BIT_LEVELS: u32 = 16;
 
-/// Turns of loops that are asked for, to see whether the driver leaves loops early.
-const WANTED_TURNS: u32 = 100_000;
+/// Iterations requested to detect drivers that end loops early.
+const REQUESTED_ITERATIONS: u32 = 100_000;
 
-/// Most turns of an invocation where it does not: about a second of the slowest devices, far more than rays need.
-const MOST_TURNS: u32 = 1 << 18;
+/// Iteration limit of an invocation on other drivers: about a second on the slowest devices, far more than rays need.
+const MAX_ITERATIONS: u32 = 1 << 18;
 
-/// Invocations that share one count of turns where the driver leaves loops early: those of one vector.
-const SHARING: u32 = 8;
+/// Invocations of a vector, which share one iteration count on drivers that end loops early.
+const LANES: u32 = 8;
 
-/// Trees of a scene, ready for kernels that trace rays: `trace/closest`, `trace/occluded`, and all that use `shared/trace`.
+/// BVHs of a scene for kernels that trace rays: `trace/closest`, `trace/occluded`, and all that use `shared/traverse`.
 ///
-/// The device walks the nodes and triangles that the CPU walks. Its triangle test hits whatever
-/// [`Watertight`](canted_trace::Watertight) hits, and what comes within [`HIT_ERROR`](crate::HIT_ERROR) of a ray besides, so a
-/// first hit may be another than the CPU's by that much.
+/// The device traverses the CPU's nodes and triangles. Its triangle test hits everything that
+/// [`Watertight`](canted_trace::Watertight) hits, and triangles within [`HIT_ERROR`](crate::HIT_ERROR) of a ray. So its closest
+/// hit may differ from the CPU's by that much.
 pub struct TracedScene {
     nodes: Buffer<Quad>,
     halves: Buffer<Quad>,
     trees: Buffer<BvhHeader>,
     level: Level,
-    walk: Traversal,
-    /// Ways up the trees, where the walk needs them.
+    traversal: Traversal,
+    /// Links to parents, for traversals that need them.
     links: Option<Buffer<ParentLink>>,
-    /// Whether no node leans.
+    /// Whether all nodes are aligned.
     is_aligned: bool,
-    /// Nodes on the longest way down.
+    /// Maximum depth in nodes.
     depth: u32,
-    turns: u32,
+    max_iterations: u32,
 }
 
-/// What stands above the trees of meshes.
+/// What is above the BVHs of meshes.
 enum Level {
-    /// Nothing: one instance.
+    /// Nothing: a single instance.
     One,
-    /// First triangles of all instances, whose triangles are under one tree.
+    /// First triangle of each instance; one BVH contains all triangles.
     Flat(Buffer<u32>),
-    /// Instances under a tree.
+    /// Instances below a top-level BVH.
     Two(Instances),
 }
 
-/// Instances in the device's memory.
+/// Instances in device memory.
 struct Instances {
     places: Buffer<InstanceData>,
-    /// Their numbers in the order of the outer tree.
+    /// Their indices in the order of the top-level BVH.
     order: Buffer<u32>,
-    /// Ways of those that move, where any does.
+    /// Motions, if any instance moves.
     motions: Option<Buffer<MotionData>>,
 }
 
 impl TracedScene {
-    /// Uploads one tree over the triangles of all instances, in world space; `first_triangles` has the number of each
-    /// instance's first, in order.
+    /// Uploads one BVH over the triangles of all instances, in world space. `first_triangles` are the indices of the first
+    /// triangle of each instance, in order.
     ///
     /// # Errors
-    /// Coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), more than the device's limits allow, or a device that is lost.
+    /// Coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), a limit of the device, or device lost.
     pub fn single_level<K: LaneKernel>(
         gpu: &Gpu,
         tree: &TriangleBvh<K>,
         first_triangles: &[u32],
     ) -> Result<Self, GpuError> {
-        let words = tree.words();
-        check_reach(|| "the tree over all instances".to_owned(), words.reach.into())?;
+        let words = tree.raw();
+        check_coordinates(|| "the BVH over all instances".to_owned(), words.reach.into())?;
         let level = if first_triangles.len() > 1 {
             Level::Flat(gpu.buffer("first triangles of instances", first_triangles)?)
         } else {
@@ -88,27 +89,27 @@ impl TracedScene {
         Self::new(gpu, &[(words, error)], level, words.depth)
     }
 
-    /// Uploads a tree a mesh and the instances that place them, with a tree over these.
+    /// Uploads one BVH per mesh, and builds and uploads a BVH over the instances.
     ///
     /// # Errors
-    /// As [`TracedScene::single_level`], of coordinates in the world, too; instances that no bottom level belongs to, or whose transform is
-    /// nearer to singular, anywhere on its way, than the arithmetic of kernels allows
-    /// ([`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse)).
+    /// As for [`TracedScene::single_level`], including coordinates in world space; an instance without a BVH; or a transform
+    /// that is too close to singular at any time, see
+    /// [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse).
     pub fn two_level<K: LaneKernel>(
         gpu: &Gpu,
         meshes: &[&TriangleBvh<K>],
         instances: &[Instance],
     ) -> Result<Self, GpuError> {
-        let words: Vec<(RawBvh<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
+        let words: Vec<(RawBvh<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.raw(), mesh.aabb())).collect();
         let outer = TopLevel::new(&words, instances)?;
         let motions = Some(&outer.motions).filter(|motions| !motions.is_empty());
         let level = Level::Two(Instances {
             places: gpu.buffer("instances", &outer.places)?,
-            order: gpu.buffer("instances in the order of their tree", &outer.instances)?,
+            order: gpu.buffer("instances in BVH order", &outer.instances)?,
             motions: motions.map(|motions| gpu.buffer("motions of instances", motions)).transpose()?,
         });
         let deepest = words.iter().map(|(words, _)| words.depth).max().unwrap_or(0);
-        let (outer_words, _) = outer.tree.words();
+        let outer_words = outer.tree.raw();
         let trees: Vec<_> = std::iter::once((outer_words, outer.error))
             .chain(words.iter().map(|(words, _)| (*words, HitError::of_triangles(words.reach))))
             .collect();
@@ -116,8 +117,8 @@ impl TracedScene {
     }
 
     fn new(gpu: &Gpu, trees: &[(RawBvh<'_>, HitError)], level: Level, depth: u32) -> Result<Self, GpuError> {
-        if depth > MOST_STACK {
-            return Err(too_deep(depth, MOST_STACK));
+        if depth > MAX_STACK {
+            return Err(too_deep(depth, MAX_STACK));
         }
         let nodes: Vec<&[u32]> = trees.iter().map(|(words, _)| words.nodes).collect();
         let blocks: Vec<&[u32]> = trees.iter().map(|(words, _)| words.blocks).collect();
@@ -128,49 +129,49 @@ impl TracedScene {
             header
         });
         let headers: Vec<BvhHeader> = headers.collect();
-        let turns = turns_of(loop_iterations(gpu, WANTED_TURNS)?);
+        let max_iterations = iteration_limit(loop_iterations(gpu, REQUESTED_ITERATIONS)?);
         Ok(Self {
             nodes: joined(gpu, "nodes", &nodes)?,
             halves: joined(gpu, "blocks of triangles", &blocks)?,
             trees: gpu.buffer("trees", &headers)?,
             level,
-            walk: Traversal::Stack,
+            traversal: Traversal::Stack,
             links: None,
             is_aligned: trees.iter().all(|(words, _)| is_aligned(quads(words.nodes), words.root)),
             depth,
-            turns,
+            max_iterations,
         })
     }
 
-    /// The same scene, in which rays find their way back otherwise.
+    /// The same scene with another traversal.
     ///
     /// # Errors
-    /// Trees too deep for the walk, or a device that is lost.
-    pub fn with_traversal(self, gpu: &Gpu, walk: Traversal) -> Result<Self, GpuError> {
-        if walk == Traversal::Bits && self.depth > MOST_BITS {
-            return Err(too_deep(self.depth, MOST_BITS));
+    /// A BVH too deep for the traversal, or device lost.
+    pub fn with_traversal(self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
+        if traversal == Traversal::Bits && self.depth > MAX_BIT_LEVELS {
+            return Err(too_deep(self.depth, MAX_BIT_LEVELS));
         }
-        let links = match walk {
+        let links = match traversal {
             Traversal::Stack => None,
             Traversal::Bits | Traversal::Links => {
                 let (nodes, trees) = (gpu.read(&self.nodes)?, gpu.read(&self.trees)?);
-                Some(gpu.buffer("ways up", &links(&nodes, &trees))?)
+                Some(gpu.buffer("parent links", &links(&nodes, &trees))?)
             }
         };
-        Ok(Self { walk, links, ..self })
+        Ok(Self { traversal, links, ..self })
     }
 
-    /// The same scene with links that lead nowhere: to see that tests see it.
+    /// The same scene with invalid links, to show that tests detect it.
     ///
     /// # Errors
-    /// A device that is lost.
+    /// The device is lost.
     #[doc(hidden)]
     pub fn without_parent_links(self, gpu: &Gpu) -> Result<Self, GpuError> {
         let n = self.links.as_ref().map_or(0, Buffer::len);
-        Ok(Self { links: Some(gpu.buffer("ways up", &vec![ParentLink::NOWHERE; n])?), ..self })
+        Ok(Self { links: Some(gpu.buffer("parent links", &vec![ParentLink::OF_ROOT; n])?), ..self })
     }
 
-    /// Everything that kernels which trace rays bind, by the names of their variables.
+    /// The bindings of kernels that trace rays, by variable name.
     #[must_use]
     pub fn bindings(&self) -> Vec<NamedBinding<'_>> {
         let mut bound: Vec<NamedBinding<'_>> =
@@ -188,7 +189,7 @@ impl TracedScene {
         bound
     }
 
-    /// `chosen` with the parts and numbers that the scene's kind needs. The caller still chooses the parts `mask` and `count`.
+    /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`.
     #[must_use]
     pub fn specialise(&self, chosen: Specialisation) -> Specialisation {
         let level = match self.level {
@@ -198,12 +199,12 @@ impl TracedScene {
             Level::Two(_) => "shared/level/moving",
         };
         let kinds = if self.is_aligned { "shared/node_kinds/aligned" } else { "shared/node_kinds/any" };
-        let chosen = chosen.part("level", level).part("node_kinds", kinds).part("traverse", self.walk.file());
-        let chosen = chosen.number("MAX_ITERATIONS", self.turns);
-        if self.walk == Traversal::Stack { chosen.number("STACK_SIZE", self.depth.max(1)) } else { chosen }
+        let chosen = chosen.part("level", level).part("node_kinds", kinds).part("traverse", self.traversal.file());
+        let chosen = chosen.number("MAX_ITERATIONS", self.max_iterations);
+        if self.traversal == Traversal::Stack { chosen.number("STACK_SIZE", self.depth.max(1)) } else { chosen }
     }
 
-    /// Bytes in the device's memory.
+    /// Size in device memory, in bytes.
     #[must_use]
     pub fn n_bytes(&self) -> u64 {
         let level = match &self.level {
@@ -217,17 +218,17 @@ impl TracedScene {
         self.nodes.n_bytes() + self.halves.n_bytes() + self.trees.n_bytes() + links + level
     }
 
-    /// The same scene whose walks end after this many turns of loops: to see what becomes of rays that are cut short.
+    /// The same scene with another iteration limit, to test incomplete traversal.
     #[doc(hidden)]
     #[must_use]
-    pub fn with_max_iterations(self, turns: u32) -> Self {
-        Self { turns, ..self }
+    pub fn with_max_iterations(self, max_iterations: u32) -> Self {
+        Self { max_iterations, ..self }
     }
 }
 
-/// Turns that a walk may take where the driver let a loop of `WANTED_TURNS` take `counted`.
-fn turns_of(counted: u32) -> u32 {
-    if counted < WANTED_TURNS { counted / SHARING } else { MOST_TURNS }
+/// Iteration limit on a driver that ended a loop of `REQUESTED_ITERATIONS` after `counted` iterations.
+fn iteration_limit(counted: u32) -> u32 {
+    if counted < REQUESTED_ITERATIONS { counted / LANES } else { MAX_ITERATIONS }
 }
 
 fn too_deep(depth: u32, most: u32) -> GpuError {
@@ -241,7 +242,7 @@ fn too_deep(depth: u32, most: u32) -> GpuError {
 }
 
 impl Start {
-    /// The start of the tree that follows one.
+    /// Start of the BVH after one with these words.
     #[expect(clippy::cast_possible_truncation, reason = "a buffer of more than 2^32 quads is refused by its size")]
     fn after(self, words: &RawBvh<'_>) -> Self {
         Self {
@@ -251,7 +252,7 @@ impl Start {
     }
 }
 
-/// Words of all trees, one after another.
+/// The words of all BVHs, concatenated.
 fn joined(gpu: &Gpu, what: &str, parts: &[&[u32]]) -> Result<Buffer<Quad>, GpuError> {
     match parts {
         [one] => gpu.buffer(what, quads(one)),
@@ -259,7 +260,7 @@ fn joined(gpu: &Gpu, what: &str, parts: &[&[u32]]) -> Result<Buffer<Quad>, GpuEr
     }
 }
 
-/// Words in fours; lines and blocks are made of whole ones.
+/// Words in groups of four. Lines and blocks contain whole quads.
 fn quads<T: Pod>(words: &[T]) -> &[Quad] {
     bytemuck::cast_slice(words)
 }
@@ -273,23 +274,27 @@ mod tests {
     use crate::Choice;
 
     #[test]
-    fn a_driver_that_leaves_loops_early_leaves_each_of_a_vector_its_share() {
-        assert_eq!(turns_of(65_535), 8_191);
-        assert_eq!(turns_of(WANTED_TURNS - 1), (WANTED_TURNS - 1) / SHARING);
-        assert_eq!([turns_of(0), turns_of(SHARING - 1)], [0, 0]);
-        assert_eq!(turns_of(WANTED_TURNS), MOST_TURNS);
+    fn iteration_limit_is_shared_by_the_lanes_of_a_vector() {
+        assert_eq!(iteration_limit(65_535), 8_191);
+        assert_eq!(iteration_limit(REQUESTED_ITERATIONS - 1), (REQUESTED_ITERATIONS - 1) / LANES);
+        assert_eq!([iteration_limit(0), iteration_limit(LANES - 1)], [0, 0]);
+        assert_eq!(iteration_limit(REQUESTED_ITERATIONS), MAX_ITERATIONS);
     }
 
-    /// Whatever the driver does, the count of a walk ends it before the driver would.
+    /// On every driver the iteration limit ends traversal before the driver would.
     #[test]
-    fn walks_may_take_what_the_driver_lets_loops_take() {
-        let test = "walks_may_take_what_the_driver_lets_loops_take";
+    fn iteration_limit_is_below_the_drivers() {
+        let test = "iteration_limit_is_below_the_drivers";
         let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
         let tree = TriangleBvh::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
         let scene = TracedScene::single_level(&gpu, &tree, &[0]).unwrap();
         let counted = loop_iterations(&gpu, 100_000).unwrap();
-        let fits = if counted == 100_000 { scene.turns == MOST_TURNS } else { scene.turns * SHARING <= counted };
-        assert!(fits, "{} turns of a walk, where a loop takes {counted}", scene.turns);
-        assert_eq!(scene.turns, turns_of(counted));
+        let fits = if counted == 100_000 {
+            scene.max_iterations == MAX_ITERATIONS
+        } else {
+            scene.max_iterations * LANES <= counted
+        };
+        assert!(fits, "limit {}, where a loop takes {counted}", scene.max_iterations);
+        assert_eq!(scene.max_iterations, iteration_limit(counted));
     }
 }

@@ -1,33 +1,33 @@
-//! The tree over instances, and how far hits in them may be off in world space.
+//! The BVH over instances, and the error of hits in world space.
 
 use canted_obb::{Aabb, Affine, PrimId};
 use canted_tlas::{Instance, InstanceError, row_sum_norm};
-use canted_wide::{BoxTree, Config, Preset, PrimitiveError, RawBvh};
+use canted_wide::{Config, Preset, PrimitiveError, RawBvh, WideBvh};
 
-use super::coordinates::check_reach;
+use super::coordinates::check_coordinates;
 use super::layout::{HIT_ERROR, HitError, InstanceData};
 use super::motion::{MotionData, MotionPolynomials};
 use crate::GpuError;
 
-/// Greatest condition of a transform that kernels trace through: of 2^10, three of the seven digits of an f32 are left.
+/// Maximum condition number of a transform: at 2^10, three of the seven digits of an f32 remain.
 pub const MAX_CONDITION: f64 = 1024.0;
 
 /// Instances ready for upload.
 pub(super) struct TopLevel {
     pub(super) places: Vec<InstanceData>,
-    /// The ways of those that move, in their order.
+    /// Motions of the moving instances, in order.
     pub(super) motions: Vec<MotionData>,
-    pub(super) tree: BoxTree,
+    pub(super) tree: WideBvh<Aabb>,
     pub(super) error: HitError,
-    /// The instance of each of the tree's boxes: those without triangles have none.
+    /// The instance of each primitive of the BVH. Instances without triangles have none.
     pub(super) instances: Vec<u32>,
 }
 
 impl TopLevel {
-    /// Places instances of meshes whose trees have these words and boxes.
+    /// Places instances of meshes with these BVHs and bounds.
     pub(super) fn new(meshes: &[(RawBvh<'_>, Aabb)], instances: &[Instance]) -> Result<Self, GpuError> {
         for (index, (words, _)) in meshes.iter().enumerate() {
-            check_reach(|| format!("mesh {index}"), words.reach.into())?;
+            check_coordinates(|| format!("mesh {index}"), words.reach.into())?;
         }
         let mut outer = Placing::default();
         for (index, instance) in instances.iter().enumerate() {
@@ -35,15 +35,15 @@ impl TopLevel {
         }
         let Placing { places, motions, boxes, numbers, error } = outer;
         let of_instance = |error| match error {
-            // Meshes without triangles have no box: instances are not numbered as boxes are.
+            // Meshes without triangles have no box, so boxes and instances are numbered differently.
             PrimitiveError::Bounds { primitive } => {
                 InstanceError::OutOfRange { instance: numbers[primitive.index()] as usize }
             }
             PrimitiveError::TooMany { .. } => InstanceError::TooMany { n_instances: instances.len() },
         };
-        let tree =
-            BoxTree::build(&boxes, &Config::preset(Preset::Fast)).map_err(|error| untraceable(&of_instance(error)))?;
-        let instances = tree.words().1.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
+        let tree = WideBvh::<Aabb>::build(boxes, &Config::preset(Preset::Fast).axis_aligned())
+            .map_err(|error| untraceable(&of_instance(error)))?;
+        let instances = tree.raw().order.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
         Ok(Self { places, motions, tree, error, instances })
     }
 }
@@ -52,7 +52,7 @@ impl TopLevel {
 struct Placing {
     places: Vec<InstanceData>,
     motions: Vec<MotionData>,
-    /// World space, at all times.
+    /// World space, over all times.
     boxes: Vec<Aabb>,
     /// Instance of each box.
     numbers: Vec<u32>,
@@ -73,21 +73,22 @@ impl Placing {
         let inverse = instance.object_from_world(index).map_err(|error| untraceable(&error))?;
         let motion = MotionPolynomials::of(instance);
         let ends = || [Some(instance.world_from_object), instance.world_from_object_close].into_iter().flatten();
-        // Norms of a transform, and the box of what it moves, are convex: on the way they are within those of the ends.
+        // The norm of a transform and the transformed box are convex in time, so the values at the ends are bounds.
         let forward = ends().map(|end| end.row_sum_norm()).fold(0.0, f64::max);
         let backward = motion.as_ref().map_or_else(|| row_sum_norm(&inverse), MotionPolynomials::norm_of_inverse);
         let condition = forward * backward;
         if !ends().all(|end| end.is_finite()) || condition > MAX_CONDITION {
             let transform = if motion.is_some() { "motion" } else { "transform" };
-            let what =
-                format!("instance {index}, whose {transform} has condition {condition:e}, beyond {MAX_CONDITION:e}");
+            let what = format!(
+                "instance {index}, whose {transform} has condition number {condition:e} (maximum {MAX_CONDITION:e})"
+            );
             return Err(GpuError::Unsupported { what });
         }
         let reach = ends().map(|end| end.reach(words.reach)).fold(0.0, f64::max);
-        check_reach(|| format!("instance {index}"), reach)?;
+        check_coordinates(|| format!("instance {index}"), reach)?;
         self.motions.extend(motion.as_ref().map(MotionPolynomials::words));
         let number = motion.as_ref().map_or(0, |_| self.motions.len() as u32);
-        // The tree over instances is the first of all trees.
+        // BVH 0 is the top level.
         self.places.push(InstanceData::new(&inverse, &instance.world_from_object, [instance.blas + 1, number]));
         if !bounds.is_empty() {
             self.boxes.push(ends().fold(Aabb::EMPTY, |all, end| all.union(image(bounds, &end))));
@@ -106,23 +107,23 @@ impl Default for HitError {
     }
 }
 
-/// Hits in an instance are off by so many [`HIT_ERROR`]s times its condition, as [`HitError::with`] derives.
+/// Error of hits in an instance, in units of [`HIT_ERROR`] times its condition number; derived at [`HitError::with`].
 const STILL: f64 = 2.0;
 const MOVING: f64 = 5.0;
 
 impl HitError {
-    /// The error with that of an instance, in world space: `amplified` by its transform, which takes an origin to `at` and points to
-    /// within `reach_world` of there, greatest absolute coordinates.
+    /// Adds the error of an instance in world space: `amplified` by its transform, which maps the origin to `at` and points to
+    /// within `reach_world` of it, as largest absolute coordinates.
     ///
-    /// In object space, of an origin within `A = ‖M⁻¹‖·(|o| + |c|)` and with `ρ` the reach, a hit is off its triangle by at most
-    /// `HIT_ERROR·(A + ρ)` and twice the drift of sheared coordinates, which is twice that of the ray: four times `6 E·A` for the
-    /// origin and `5 E·‖M⁻¹‖·t|d|` for the direction. The ray itself is off by these once more. The world ray reaches
-    /// `t|d| <= |o| + |c| + ‖M‖·ρ`. Times `‖M‖`, with `k = ‖M‖·‖M⁻¹‖ >= 1`: less than `(64 + 30 + 25) E·k·(|o| + |c| + ‖M‖·ρ)`;
-    /// 128 E leave room for the box's own rounding and second order.
+    /// In object space, for an origin within `A = ‖M⁻¹‖·(|o| + |c|)` and with `ρ` the reach, a hit is off its triangle by at
+    /// most `HIT_ERROR·(A + ρ)` plus twice the drift of sheared coordinates, which is twice that of the ray: four times `6 E·A`
+    /// for the origin and `5 E·‖M⁻¹‖·t|d|` for the direction. The ray itself errs by these once more. The world ray reaches
+    /// `t|d| <= |o| + |c| + ‖M‖·ρ`. Times `‖M‖`, with `k = ‖M‖·‖M⁻¹‖ >= 1`, the error is less than `(64 + 30 + 25) E·k·(|o| +
+    /// |c| + ‖M‖·ρ)`. 128 E includes the rounding of the box and second-order terms.
     ///
-    /// Of what moves, norms are the greatest of the way, `‖M⁻¹‖` is of absolute terms, and the roundings are `21 E·9/8` of the
-    /// origin and `20 E` of the direction (`shared/level/moving`): less than `(64 + 119 + 100) E`, for which 320 E stand.
-    #[expect(clippy::cast_possible_truncation, reason = "there is room for a rounding")]
+    /// For moving instances the norms are maxima over time, `‖M⁻¹‖` is of absolute terms, and the roundings are `21 E·9/8` for
+    /// the origin and `20 E` for the direction (`shared/level/moving`): less than `(64 + 119 + 100) E`; 320 E is used.
+    #[expect(clippy::cast_possible_truncation, reason = "the bound includes a rounding")]
     fn with(self, amplified: f64, at: f64, reach_world: f64) -> Self {
         let relative = f64::from(HIT_ERROR) * amplified;
         let fixed = relative * (at + reach_world);
@@ -130,7 +131,7 @@ impl HitError {
     }
 }
 
-/// A box around the image of a box; its rounding is within the error of hits.
+/// Bounds of a transformed box; its rounding is within the error of hits.
 #[expect(clippy::cast_possible_truncation, reason = "the rounding is within the error of hits")]
 fn image(bounds: &Aabb, world_from_object: &Affine) -> Aabb {
     let mut all = Aabb::EMPTY;
@@ -143,7 +144,7 @@ fn image(bounds: &Aabb, world_from_object: &Affine) -> Aabb {
 }
 
 fn untraceable(error: &dyn std::error::Error) -> GpuError {
-    GpuError::Unsupported { what: format!("instances as they stand: {error}") }
+    GpuError::Unsupported { what: error.to_string() }
 }
 
 #[cfg(test)]
@@ -153,7 +154,7 @@ mod tests {
 
     use super::*;
 
-    /// A triangle whose greatest coordinate is `reach`; nothing for zero.
+    /// A triangle with largest coordinate `reach`; an empty mesh for zero.
     fn mesh(reach: f32) -> TriangleBvh<Watertight> {
         let triangles: &[[u32; 3]] = if reach > 0.0 { &[[0, 1, 2]] } else { &[] };
         let positions = [[0.0; 3], [reach, 0.0, 0.0], [0.0, reach, 0.0]];
@@ -162,7 +163,7 @@ mod tests {
 
     fn placed(reaches: &[f32], instances: &[Instance]) -> Result<TopLevel, String> {
         let meshes: Vec<_> = reaches.iter().map(|&reach| mesh(reach)).collect();
-        let words: Vec<_> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
+        let words: Vec<_> = meshes.iter().map(|mesh| (mesh.raw(), mesh.aabb())).collect();
         TopLevel::new(&words, instances).map_err(|error| error.to_string())
     }
 
@@ -172,24 +173,24 @@ mod tests {
     }
 
     #[test]
-    fn what_reaches_beyond_the_proof_is_refused_by_number() {
+    fn too_large_coordinates_are_rejected_with_an_index() {
         let refused = |reaches: &[f32], instances: &[Instance]| match placed(reaches, instances) {
             Ok(_) => panic!("{reaches:?} {instances:?} are placed"),
             Err(error) => error,
         };
         let of = |name: &str| {
-            format!("the device does not trace {name}, which has coordinates above 1e18; use --device cpu")
+            format!("not supported on the GPU: {name}, which has coordinates above 1e18; use --device cpu")
         };
         assert_eq!(refused(&[1.0, 1e19], &[]), of("mesh 1"));
         assert_eq!(refused(&[1.0], &[at(0, 1.0, 0.0), at(0, 1e19, 0.0)]), of("instance 1"));
-        // The first has no box: boxes are not numbered as instances are.
+        // The first instance has no box, so boxes and instances are numbered differently.
         assert_eq!(refused(&[0.0, 1.0], &[at(0, 1.0, 0.0), at(1, 1.0, 1.0), at(1, 1.0, -2e18)]), of("instance 2"));
         let leaving = Instance { world_from_object_close: Some(at(0, 1.0, 1e30).world_from_object), ..at(0, 1.0, 0.0) };
         assert_eq!(refused(&[1.0], &[leaving]), of("instance 0"));
     }
 
     #[test]
-    fn what_reaches_as_far_as_the_proof_is_placed() {
+    fn largest_coordinates_are_accepted() {
         let outer = placed(&[1e18, 0.0], &[at(1, 1.0, 0.0), at(0, 1.0, 0.0), at(0, 1e-18, 9e17)]).unwrap();
         assert_eq!(outer.places.len(), 3);
         let mut instances = outer.instances;

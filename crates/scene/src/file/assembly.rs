@@ -193,7 +193,7 @@ impl<'a> Assembly<'a> {
             error_at(&self.file.path, line, format!("cannot load texture {}: {reason}", quoted(file.as_bytes())))
         };
         let bytes = fs::read(self.file.resolve(file)).map_err(|error| error_for(error.to_string()))?;
-        let texture = crate::read::decode(file, &bytes).map_err(|error| error_for(error.to_string()))?;
+        let texture = crate::read::decode(file, &bytes).map_err(&error_for)?;
         let id = u32::try_from(self.scene.textures.len())
             .map_err(|_| error_for("too many textures (limit: 2^32)".into()))?;
         self.scene.textures.push(Texture { encoding, ..texture });

@@ -1,35 +1,12 @@
 //! Restricts referenced files to the folder of the referencing file.
 
 use std::collections::BTreeSet;
-use std::fmt;
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Why a referenced file was not read. The message does not contain the name.
-#[derive(Debug)]
-pub(crate) enum FileError {
-    /// The name is empty.
-    NoName,
-    /// The path leaves the folder.
-    LeavesFolder,
-    /// The path is a folder, a device or a pipe.
-    NotAFile,
-    /// Error of the operating system.
-    Io(io::Error),
-}
-
-impl fmt::Display for FileError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoName => f.write_str("empty file name"),
-            Self::LeavesFolder => f.write_str("the path is outside the folder of the scene"),
-            Self::NotAFile => f.write_str("not a regular file"),
-            Self::Io(source) => source.fmt(f),
-        }
-    }
-}
+const OUTSIDE: &str = "the path is outside the folder of the scene";
 
 /// The folder of a file; files outside it are never opened on behalf of that file.
 pub(crate) struct Folder {
@@ -48,22 +25,22 @@ impl Folder {
 
     /// The canonical path of the regular file `name`; `/` and `\` both separate components.
     ///
-    /// Rejects absolute paths, paths that leave the folder by `..`, and links to the outside.
-    pub(crate) fn resolve(&self, name: &str) -> Result<PathBuf, FileError> {
+    /// Rejects absolute paths, paths that leave the folder by `..`, and links to the outside. Errors do not contain the name.
+    pub(crate) fn resolve(&self, name: &str) -> Result<PathBuf, String> {
         let name = name.replace('\\', "/");
         if name.trim().is_empty() {
-            return Err(FileError::NoName);
+            return Err("empty file name".to_owned());
         }
         if climbs_out(Path::new(&name)) || has_drive(&name) {
-            return Err(FileError::LeavesFolder);
+            return Err(OUTSIDE.to_owned());
         }
         // Follows links, so that the compared path is the one that is opened.
-        let real = fs::canonicalize(self.root.join(&name)).map_err(FileError::Io)?;
+        let real = fs::canonicalize(self.root.join(&name)).map_err(|error| error.to_string())?;
         if !real.starts_with(&self.root) {
-            return Err(FileError::LeavesFolder);
+            return Err(OUTSIDE.to_owned());
         }
-        if !fs::metadata(&real).map_err(FileError::Io)?.is_file() {
-            return Err(FileError::NotAFile);
+        if !fs::metadata(&real).map_err(|error| error.to_string())?.is_file() {
+            return Err("not a regular file".to_owned());
         }
         self.found.lock().unwrap_or_else(PoisonError::into_inner).insert(real.clone());
         Ok(real)
@@ -75,8 +52,8 @@ impl Folder {
     }
 
     /// Reads the file `name`.
-    pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, FileError> {
-        fs::read(self.resolve(name)?).map_err(FileError::Io)
+    pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, String> {
+        fs::read(self.resolve(name)?).map_err(|error| error.to_string())
     }
 }
 
@@ -134,17 +111,17 @@ mod tests {
         let (temp, folder) = folder();
         let absolute = temp.path().join("scene/in.png").to_string_lossy().into_owned();
         for name in ["../out.png", "sub/../../out.png", "..\\out.png", "/etc/hostname", "c:\\out.png", &absolute] {
-            assert!(matches!(folder.read(name), Err(FileError::LeavesFolder)), "{name}");
+            assert_eq!(folder.read(name).unwrap_err(), OUTSIDE, "{name}");
         }
     }
 
     #[test]
     fn rejects_folders_and_missing_files() {
         let (_temp, folder) = folder();
-        assert!(matches!(folder.read("sub"), Err(FileError::NotAFile)));
-        assert!(matches!(folder.read(" "), Err(FileError::NoName)));
-        assert!(matches!(folder.read("absent.png"), Err(FileError::Io(_))));
-        assert!(matches!(folder.read("nul\0.png"), Err(FileError::Io(_))));
+        assert_eq!(folder.read("sub").unwrap_err(), "not a regular file");
+        assert_eq!(folder.read(" ").unwrap_err(), "empty file name");
+        assert!(folder.read("absent.png").is_err());
+        assert!(folder.read("nul\0.png").is_err());
     }
 
     #[cfg(unix)]
@@ -154,8 +131,8 @@ mod tests {
         std::os::unix::fs::symlink("../out.png", temp.path().join("scene/leak.png")).unwrap();
         std::os::unix::fs::symlink("..", temp.path().join("scene/up")).unwrap();
         std::os::unix::fs::symlink("in.png", temp.path().join("scene/fine.png")).unwrap();
-        assert!(matches!(folder.read("leak.png"), Err(FileError::LeavesFolder)));
-        assert!(matches!(folder.read("up/out.png"), Err(FileError::LeavesFolder)));
+        assert_eq!(folder.read("leak.png").unwrap_err(), OUTSIDE);
+        assert_eq!(folder.read("up/out.png").unwrap_err(), OUTSIDE);
         assert_eq!(folder.read("fine.png").unwrap(), b"scene/in.png");
     }
 }

@@ -1,6 +1,5 @@
 //! PNG and JPEG textures. The content determines the format; the size is checked before allocating.
 
-use std::fmt;
 use std::io::Cursor;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
@@ -19,53 +18,30 @@ const MAX_TEXELS_PER_PNG_BYTE: u64 = 1032 * 8;
 /// Upper bound of texels per byte of JPEG: a block of 64 needs at least one bit in the first scan.
 const MAX_TEXELS_PER_JPEG_BYTE: u64 = 64 * 8;
 
-/// Why an image could not be decoded. The message does not contain its name.
-#[derive(Debug)]
-pub(crate) enum ImageError {
-    /// The signature is neither that of PNG nor of JPEG.
-    UnknownFormat,
-    /// The size is zero, above the limit, or more than the data can hold.
-    Size { width: u32, height: u32 },
-    /// The last scan has no end marker.
-    EndsEarly,
-    /// Error of the decoder.
-    Decoder(image::ImageError),
-}
-
-impl fmt::Display for ImageError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::UnknownFormat => f.write_str("unsupported image format (expected PNG or JPEG)"),
-            Self::Size { width, height } => write!(f, "invalid image size {width} x {height}"),
-            Self::EndsEarly => f.write_str("unexpected end of image data"),
-            // Decoder messages may span lines.
-            Self::Decoder(source) => f.write_str(&source.to_string().split_whitespace().collect::<Vec<_>>().join(" ")),
-        }
-    }
-}
-
-/// Decodes a PNG or JPEG to 8-bit RGBA with repeat wrapping; ignores the extension of `name`.
-pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, ImageError> {
+/// Decodes a PNG or JPEG to 8-bit RGBA with repeat wrapping. Ignores the extension of `name`; errors do not contain it.
+pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, String> {
     let (format, max_texels_per_byte) = match image::guess_format(bytes) {
         Ok(ImageFormat::Png) => (ImageFormat::Png, MAX_TEXELS_PER_PNG_BYTE),
         Ok(ImageFormat::Jpeg) => (ImageFormat::Jpeg, MAX_TEXELS_PER_JPEG_BYTE),
-        _ => return Err(ImageError::UnknownFormat),
+        _ => return Err("unsupported image format (expected PNG or JPEG)".to_owned()),
     };
+    // Decoder messages may span lines.
+    let one_line = |error: image::ImageError| error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(MAX_DECODER_BYTES);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(ImageError::Decoder)?;
+    let decoder = reader.into_decoder().map_err(one_line)?;
     let (width, height) = decoder.dimensions();
     let max_texels = MAX_TEXELS.min((bytes.len() as u64).saturating_mul(max_texels_per_byte));
     if width == 0 || height == 0 || u64::from(width) * u64::from(height) > max_texels {
-        return Err(ImageError::Size { width, height });
+        return Err(format!("invalid image size {width} x {height}"));
     }
     // The JPEG decoder silently fills missing data with gray.
     if format == ImageFormat::Jpeg && !last_scan_ends(bytes) {
-        return Err(ImageError::EndsEarly);
+        return Err("unexpected end of image data".to_owned());
     }
-    let image = DynamicImage::from_decoder(decoder).map_err(ImageError::Decoder)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(one_line)?;
     let texels = image.into_rgba8().into_raw().as_chunks().0.to_vec();
     Ok(Texture { name: name.to_owned(), width, height, texels, encoding: Encoding::Srgb, wrap: [Wrap::Repeat; 2] })
 }
@@ -153,7 +129,7 @@ pub(crate) mod tests {
         png[16..24].copy_from_slice(&[0, 0, 0x20, 0, 0, 0, 0x20, 0]);
         let crc = png_crc(&png[12..29]);
         png[29..33].copy_from_slice(&crc.to_be_bytes());
-        assert!(matches!(decode("", &png), Err(ImageError::Size { width: 8192, height: 8192 })));
+        assert_eq!(decode("", &png).unwrap_err(), "invalid image size 8192 x 8192");
     }
 
     /// The checksum of PNG chunks, bit by bit (PNG specification, annex D).

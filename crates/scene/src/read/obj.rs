@@ -19,12 +19,9 @@ use super::ReadError;
 use super::mesh_checks::MeshChecks;
 use crate::Scene;
 
-/// Reads an OBJ file. Consecutive faces with equal object, group and material form a mesh with one instance.
-pub(super) fn read(path: &Path) -> Result<Scene, ReadError> {
-    parse(path, &super::read_file(path)?)
-}
-
-/// Parses `bytes`; `path` gives the folder of the material libraries and is used in messages.
+/// Parses an OBJ file. Consecutive faces with equal object, group and material form a mesh with one instance.
+///
+/// `path` gives the folder of the material libraries and is used in messages.
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let statements = statements::parse(path, bytes)?;
     if statements.face_ends.is_empty() {

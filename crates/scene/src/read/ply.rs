@@ -20,12 +20,7 @@ use super::mesh_checks::{MeshChecks, unit_normal, usable_uv};
 use super::{ReadError, image, text};
 use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene, TextureId, TextureRef};
 
-/// Reads a PLY file as one mesh.
-pub(super) fn read(path: &Path) -> Result<Scene, ReadError> {
-    parse(path, &super::read_file(path)?)
-}
-
-/// Parses `bytes`; `path` gives the folder of the texture and is used in messages.
+/// Parses a PLY file; `path` gives the folder of the texture and is used in messages.
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let (header, body) = header::header(path, bytes)?;
     let (table, is_read_to_end) = table::table(path, &header, body)?;
@@ -54,11 +49,11 @@ fn material(path: &Path, texture: Option<&[u8]>, scene: &mut Scene) -> Material 
     let Some(name) = texture else { return Material::default() };
     let name = String::from_utf8_lossy(name);
     let bytes = Folder::of(path).map_err(|error| error.to_string()).and_then(|folder| {
-        let bytes = folder.read(&name).map_err(|error| error.to_string());
+        let bytes = folder.read(&name);
         scene.files = folder.into_found();
         bytes
     });
-    match bytes.and_then(|bytes| image::decode(&name, &bytes).map_err(|error| error.to_string())) {
+    match bytes.and_then(|bytes| image::decode(&name, &bytes)) {
         Ok(texture) => {
             scene.textures.push(texture);
             Material {

@@ -140,7 +140,7 @@ impl<'a> Document<'a> {
         let location = format!("buffer {index}");
         let mut bytes = match (&buffer.uri, bin) {
             (Some(uri), _) => {
-                Cow::Owned(uri::load(uri, &self.folder).map_err(|error| self.malformed(&location, error.to_string()))?)
+                Cow::Owned(uri::load(uri, &self.folder).map_err(|error| self.malformed(&location, error))?)
             }
             (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
             (None, _) => return Err(self.malformed(location, "neither a uri nor a BIN chunk")),

@@ -145,11 +145,11 @@ fn decode(document: &Document<'_>, index: usize, location: &str) -> Result<Resul
                 loaded = bytes;
                 &loaded[..]
             }
-            Err(error) => return Ok(Err(warning(error.to_string()))),
+            Err(error) => return Ok(Err(warning(error))),
         },
         (None, None) => return Ok(Err(warning("neither a buffer view nor a uri".to_owned()))),
     };
-    Ok(image::decode(&name, bytes).map_err(|error| warning(error.to_string())))
+    Ok(image::decode(&name, bytes).map_err(warning))
 }
 
 /// Whether a sampler uses nearest filtering. The filter between mipmap levels is ignored.

@@ -177,7 +177,7 @@ struct Requests<'a> {
 
 impl Requests<'_> {
     fn add(&mut self, map: &Map, content: Content, material: usize) -> Result<usize, String> {
-        let path = self.folder.resolve(&map.file).map_err(|error| error.to_string())?;
+        let path = self.folder.resolve(&map.file)?;
         let (next, wrap) = (self.list.len(), map.wrap());
         let id = *self.ids.entry((path.clone(), content, wrap)).or_insert(next);
         if id == next {
@@ -209,7 +209,7 @@ fn load(requests: &[Request], scene: &mut Scene) -> Vec<Option<TextureId>> {
 
 fn decode(request: &Request) -> Result<Texture, String> {
     let bytes = std::fs::read(&request.path).map_err(|error| error.to_string())?;
-    let texture = image::decode(&request.name, &bytes).map_err(|error| error.to_string())?;
+    let texture = image::decode(&request.name, &bytes)?;
     let texture = Texture { wrap: [request.wrap; 2], ..texture };
     Ok(match request.content {
         Content::Color => texture,

@@ -1,0 +1,133 @@
+//! GPUs, and the fallback to the CPU.
+
+use anyhow::{Result, anyhow};
+use canted_gpu::{AdapterKind, Choice, Gpu, GpuError};
+use canted_renderer::DeviceError;
+use serde_json::{Value, json};
+
+use super::DeviceArg;
+use crate::{memory, options::StructureArgs, output};
+
+/// An open compute device.
+pub(crate) enum Machine {
+    /// The CPU alone.
+    Cpu,
+    /// An adapter alone, requested explicitly.
+    Device(Gpu),
+    /// An adapter, or the CPU where the adapter does not support the request.
+    Auto(Gpu),
+    /// The CPU and an adapter together.
+    Both(Gpu),
+}
+
+impl Machine {
+    /// Opens a device. Warns about a software driver.
+    ///
+    /// # Errors
+    /// There is no such adapter, or it provides no device.
+    pub(crate) fn open(device: &DeviceArg) -> Result<Self> {
+        Ok(match device {
+            DeviceArg::Cpu => Self::Cpu,
+            DeviceArg::Auto => match Gpu::open(&Choice::Hardware) {
+                Ok(gpu) => Self::Auto(gpu),
+                Err(GpuError::NoAdapter { .. }) => Self::Cpu,
+                Err(error) => {
+                    warn_fallback(&error.into());
+                    Self::Cpu
+                }
+            },
+            DeviceArg::Gpu => Self::Device(open_adapter(&Choice::Best)?),
+            DeviceArg::Named(name) => Self::Device(open_adapter(&Choice::Named(name.clone()))?),
+            DeviceArg::Both(Some(name)) => Self::Both(open_adapter(&Choice::Named(name.clone()))?),
+            DeviceArg::Both(None) => match Gpu::open(&Choice::Hardware) {
+                Ok(gpu) => Self::Both(gpu),
+                Err(GpuError::NoAdapter { found, .. }) if !found.is_empty() => {
+                    output::warn(&format!(
+                        "using the CPU alone: '{}' is a software driver that runs on the same cores; use \
+                         --device both:NAME to include it",
+                        found[0]
+                    ));
+                    Self::Cpu
+                }
+                Err(error) => return Err(error.into()),
+            },
+        })
+    }
+
+    /// The adapter, if one is used.
+    pub(crate) fn gpu(&self) -> Option<&Gpu> {
+        match self {
+            Self::Cpu => None,
+            Self::Device(gpu) | Self::Auto(gpu) | Self::Both(gpu) => Some(gpu),
+        }
+    }
+
+    /// Whether an adapter is used.
+    pub(crate) fn has_gpu(&self) -> bool {
+        self.gpu().is_some()
+    }
+
+    /// Runs `prepare` on the adapter. Returns `None` where the CPU computes instead.
+    ///
+    /// # Errors
+    /// An adapter that was requested explicitly does not support the request, or the error is not the adapter's.
+    pub(crate) fn ready<'a, T>(
+        &'a self,
+        structure: &StructureArgs,
+        prepare: impl FnOnce(&'a Gpu) -> Result<T, DeviceError>,
+    ) -> Result<Option<(&'a Gpu, T)>> {
+        let Some(gpu) = self.gpu() else { return Ok(None) };
+        let error = match structure.unsupported_on_gpu() {
+            Some(option) => anyhow!("{option} is not supported on the GPU; use --device cpu"),
+            None => match prepare(gpu) {
+                Ok(ready) => return Ok(Some((gpu, ready))),
+                Err(DeviceError::Render(error)) => return Err(error.into()),
+                Err(error) => named(gpu, error),
+            },
+        };
+        if !matches!(self, Self::Auto(_)) {
+            return Err(error);
+        }
+        warn_fallback(&error);
+        Ok(None)
+    }
+}
+
+/// Adds the name of the adapter to its errors.
+pub(crate) fn named(gpu: &Gpu, error: DeviceError) -> anyhow::Error {
+    match error {
+        DeviceError::Render(error) => error.into(),
+        DeviceError::Gpu(error) => anyhow!("{}: {error}", gpu.info().name),
+        error => error.into(),
+    }
+}
+
+fn open_adapter(choice: &Choice) -> Result<Gpu> {
+    let gpu = Gpu::open(choice)?;
+    let info = gpu.info();
+    if info.kind == AdapterKind::Software {
+        let name = &info.name;
+        output::warn(&format!("'{name}' is a software driver: it runs on the CPU and is slower than --device cpu"));
+        // A software driver shares the memory of the machine, and reports more than there is.
+        if let Some(n_bytes) = memory::available_bytes() {
+            gpu.limit_memory(n_bytes);
+        }
+    }
+    Ok(gpu)
+}
+
+fn warn_fallback(error: &anyhow::Error) {
+    output::warn(&format!("falling back to the CPU: {error}"));
+}
+
+/// All adapters as JSON, preferred ones first.
+pub(crate) fn adapters() -> Vec<Value> {
+    let adapters = canted_gpu::adapters().into_iter().map(|info| {
+        json!({
+            "name": info.name, "kind": info.kind.to_string(), "backend": info.backend, "driver": info.driver,
+            "is_software": info.kind == AdapterKind::Software, "max_binding_bytes": info.max_binding_bytes,
+            "max_buffer_bytes": info.max_buffer_bytes, "has_timestamps": info.has_timestamps,
+        })
+    });
+    adapters.collect()
+}

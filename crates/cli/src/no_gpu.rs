@@ -1,0 +1,29 @@
+//! What the feature `gpu` replaces: without it, the CPU is the only device.
+
+use anyhow::{Result, anyhow};
+use serde_json::Value;
+
+use crate::device::DeviceArg;
+
+/// The CPU.
+pub(crate) enum Machine {
+    Cpu,
+}
+
+impl Machine {
+    /// Opens the CPU.
+    ///
+    /// # Errors
+    /// Any other device.
+    pub(crate) fn open(device: &DeviceArg) -> Result<Self> {
+        match device {
+            DeviceArg::Auto | DeviceArg::Cpu => Ok(Self::Cpu),
+            _ => Err(anyhow!("this program was built without GPU support; use --device cpu")),
+        }
+    }
+}
+
+/// Lists no adapters.
+pub(crate) fn adapters() -> Vec<Value> {
+    Vec::new()
+}

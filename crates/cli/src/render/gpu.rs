@@ -1,0 +1,67 @@
+//! Renders films on the GPU, alone or together with the CPU.
+
+use anyhow::{Result, anyhow};
+use canted_film::{Film, Tile};
+use canted_gpu::Gpu;
+use canted_renderer::{DevicePicture, Monitor, Settings, SharedFilm, Structure, Surfaces};
+use canted_scene::Camera;
+use canted_wide::LaneKernel;
+use serde_json::json;
+
+use super::{Args, facts::Fact, film::FilmRenderer};
+use crate::{
+    device::{Machine, named},
+    output,
+};
+
+/// Renders on the GPU.
+pub(super) struct GpuRenderer<'a, K: LaneKernel> {
+    gpu: &'a Gpu,
+    picture: DevicePicture<'a, K>,
+    with_cpu: bool,
+}
+
+impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
+    /// Uploads the scene; `None` where the CPU renders alone.
+    ///
+    /// # Errors
+    /// A GPU that was requested explicitly does not support the scene or the settings.
+    pub(super) fn new(
+        machine: &'a Machine,
+        args: &Args,
+        surfaces: &'a Surfaces<'a>,
+        structure: &'a Structure<K>,
+        camera: &Camera,
+        settings: &'a Settings,
+    ) -> Result<Option<Self>> {
+        let with_cpu = matches!(machine, Machine::Both(_));
+        if settings.part.is_some() && with_cpu {
+            return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
+        }
+        let ready =
+            machine.ready(&args.structure, |gpu| DevicePicture::new(gpu, surfaces, structure, camera, settings))?;
+        Ok(ready.map(|(gpu, picture)| Self { gpu, picture, with_cpu }))
+    }
+}
+
+impl<K: LaneKernel> FilmRenderer for GpuRenderer<'_, K> {
+    fn device(&self) -> String {
+        let name = &self.gpu.info().name;
+        if self.with_cpu { format!("cpu and {name}") } else { name.clone() }
+    }
+
+    fn render(&self, done: Vec<Tile>, monitor: &Monitor, facts: &mut Vec<Fact>) -> Result<Film> {
+        let named = |error| named(self.gpu, error);
+        if !self.with_cpu {
+            return self.picture.render(done, monitor).map_err(named);
+        }
+        let SharedFilm { film, n_tiles_of_device, stopped } =
+            self.picture.render_with_cpu(done, monitor).map_err(named)?;
+        facts.push(("gpu_tiles", json!(n_tiles_of_device)));
+        if let Some(error) = stopped {
+            let name = &self.gpu.info().name;
+            output::warn(&format!("the CPU rendered the remaining tiles: {name}: {error}"));
+        }
+        Ok(film)
+    }
+}
