@@ -45,6 +45,8 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod closest_point;
+mod convex;
 mod filter;
 mod hit;
 #[doc(hidden)]
@@ -58,6 +60,8 @@ mod sphere;
 mod surface_point;
 mod triangle;
 
+pub use closest_point::{ClosestPoint, DISTANCE_ERROR, closest_point_on_triangle};
+pub use convex::Convex;
 pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};

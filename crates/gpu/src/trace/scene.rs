@@ -78,7 +78,7 @@ impl TracedScene {
         tree: &TriangleBvh<K>,
         first_triangles: &[u32],
     ) -> Result<Self, GpuError> {
-        let words = tree.words();
+        let words = tree.raw();
         check_coordinates(|| "the BVH over all instances".to_owned(), words.reach.into())?;
         let level = if first_triangles.len() > 1 {
             Level::Flat(gpu.buffer("first triangles of instances", first_triangles)?)
@@ -100,7 +100,7 @@ impl TracedScene {
         meshes: &[&TriangleBvh<K>],
         instances: &[Instance],
     ) -> Result<Self, GpuError> {
-        let words: Vec<(RawBvh<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
+        let words: Vec<(RawBvh<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.raw(), mesh.aabb())).collect();
         let outer = TopLevel::new(&words, instances)?;
         let motions = Some(&outer.motions).filter(|motions| !motions.is_empty());
         let level = Level::Two(Instances {
@@ -109,7 +109,7 @@ impl TracedScene {
             motions: motions.map(|motions| gpu.buffer("motions of instances", motions)).transpose()?,
         });
         let deepest = words.iter().map(|(words, _)| words.depth).max().unwrap_or(0);
-        let (outer_words, _) = outer.tree.words();
+        let outer_words = outer.tree.raw();
         let trees: Vec<_> = std::iter::once((outer_words, outer.error))
             .chain(words.iter().map(|(words, _)| (*words, HitError::of_triangles(words.reach))))
             .collect();

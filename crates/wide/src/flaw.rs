@@ -2,7 +2,7 @@ use std::fmt;
 
 use canted_obb::PrimId;
 
-/// What is wrong with the records of a tree.
+/// Why records are not those of a BVH.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Flaw {
@@ -13,7 +13,7 @@ pub enum Flaw {
     },
     /// A record that reaches past the end of its array.
     Outside {
-        /// `line` for nodes, `block` for leaves.
+        /// `line` of nodes, or what leaves are made of.
         unit: &'static str,
         /// The last unit that it would take.
         at: usize,
@@ -22,50 +22,50 @@ pub enum Flaw {
     },
     /// Two records that overlap, or one that is reached twice.
     Twice {
-        /// `line` for nodes, `block` for leaves.
+        /// `line` of nodes, or what leaves are made of.
         unit: &'static str,
         /// The first unit that both take.
         at: usize,
     },
-    /// Part of an array that belongs to no record.
+    /// A unit of an array that belongs to no record.
     Unreached {
-        /// `line` for nodes, `block` for leaves.
+        /// `line` of nodes, or what leaves are made of.
         unit: &'static str,
         /// The first such unit.
         at: usize,
     },
-    /// A node with nothing below it.
+    /// A node without children.
     NoChildren {
         /// Its first line.
         line: usize,
     },
-    /// More boxes around each triangle than any builder makes: to check them would take long.
+    /// More oriented boxes around each primitive than any builder makes: checking them would take too long.
     Nested {
-        /// Triangles in all leaning boxes, added up.
+        /// Sum over all oriented boxes of the primitives inside.
         n_inside: u64,
-        /// Most that are looked at.
+        /// Most that are checked.
         most: u64,
     },
-    /// A primitive number out of range.
+    /// A primitive id out of range.
     Primitive {
-        /// The number.
+        /// The id.
         primitive: PrimId,
-        /// Triangles that there should be.
-        n_triangles: usize,
+        /// Number of primitives.
+        n_primitives: usize,
     },
-    /// A triangle that no leaf holds.
+    /// A primitive that no leaf holds.
     Missing {
-        /// The first such triangle.
+        /// The first such primitive.
         primitive: PrimId,
     },
-    /// Two leaves hold different triangles under one number.
+    /// Two leaves hold different triangles with one id.
     Different {
-        /// The number.
+        /// The id.
         primitive: PrimId,
     },
-    /// A triangle with a vertex that is infinite or not a number.
+    /// A triangle with a vertex that is infinite or NaN, or a primitive whose bounds are empty or not finite.
     NotFinite {
-        /// The triangle.
+        /// The primitive.
         primitive: PrimId,
     },
     /// An unused lane of a block that is not zero.
@@ -73,14 +73,14 @@ pub enum Flaw {
         /// The half-block that its leaf starts with.
         block: usize,
     },
-    /// A row of a frame that is longer than one, or not finite.
+    /// A row of a frame that is longer than 1, or not finite.
     Row {
-        /// First line of the node; `None` for the frame of the whole mesh.
+        /// First line of the node; `None` for the frame of the mesh.
         line: Option<usize>,
         /// Its length.
         length: f64,
     },
-    /// A child's box that is not the one around the vertices below it.
+    /// A child's box that is not the one around the primitives below it.
     Box {
         /// First line of the node.
         line: usize,
@@ -92,27 +92,27 @@ pub enum Flaw {
 impl fmt::Display for Flaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::Word { word } => write!(f, "child word {word:#010x} names no kind of record"),
+            Self::Word { word } => write!(f, "child word {word:#010x} is no valid reference"),
             Self::Outside { unit, at, n_units } => write!(f, "a record takes {unit} {at} of {n_units}"),
             Self::Twice { unit, at } => write!(f, "{unit} {at} belongs to two records or to one that is reached twice"),
             Self::Unreached { unit, at } => write!(f, "{unit} {at} belongs to no record"),
-            Self::NoChildren { line } => write!(f, "the node at line {line} holds nothing"),
+            Self::NoChildren { line } => write!(f, "the node at line {line} has no children"),
             Self::Nested { n_inside, most } => {
-                write!(f, "leaning boxes hold triangles {n_inside} times, more than the {most} that are checked")
+                write!(f, "oriented boxes hold primitives {n_inside} times, more than the {most} that are checked")
             }
-            Self::Primitive { primitive, n_triangles } => {
-                write!(f, "a leaf names triangle {primitive} of {n_triangles}")
+            Self::Primitive { primitive, n_primitives } => {
+                write!(f, "a leaf names primitive {primitive} of {n_primitives}")
             }
-            Self::Missing { primitive } => write!(f, "triangle {primitive} is in no leaf"),
+            Self::Missing { primitive } => write!(f, "primitive {primitive} is in no leaf"),
             Self::Different { primitive } => write!(f, "triangle {primitive} has different vertices in two leaves"),
-            Self::NotFinite { primitive } => write!(f, "triangle {primitive} has a vertex that is not finite"),
+            Self::NotFinite { primitive } => write!(f, "primitive {primitive} is not finite"),
             Self::Lane { block } => write!(f, "an unused lane of the leaf at block {block} is not zero"),
             Self::Row { line: Some(line), length } => {
                 write!(f, "a row of the node at line {line} has length {length}, not 1")
             }
-            Self::Row { line: None, length } => write!(f, "a row of the mesh's frame has length {length}, not 1"),
+            Self::Row { line: None, length } => write!(f, "a row of the mesh frame has length {length}, not 1"),
             Self::Box { line, slot } => {
-                write!(f, "box {slot} of the node at line {line} is not that of the vertices below it")
+                write!(f, "box {slot} of the node at line {line} is not that of the primitives below it")
             }
         }
     }
