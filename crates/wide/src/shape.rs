@@ -53,6 +53,11 @@ impl<P: Primitive> LeafPrimitive for P {
         leaves.order[leaf.first as usize..(leaf.first + leaf.n) as usize].iter().copied()
     }
 
+    #[inline]
+    fn for_each_shape(leaves: &Shapes<P>, leaf: LeafRange, mut visit: impl FnMut(PrimId, &P)) {
+        Self::ids(leaves, leaf).for_each(|id| visit(id, &leaves.primitives[id.index()]));
+    }
+
     fn leaf_data(leaves: &Shapes<P>) -> LeafData<'_> {
         let n_bytes = size_of_val(&leaves.order[..]) + size_of_val(&leaves.primitives[..]);
         LeafData { blocks: &[], order: &leaves.order, n_bytes }

@@ -77,17 +77,26 @@ impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
 
     #[inline]
     fn ids(Blocks { halves, .. }: &Blocks, leaf: LeafRange) -> impl Iterator<Item = PrimId> {
-        let (half, part) = (leaf.first as usize / PARTS, leaf.first as usize % PARTS);
-        (0..leaf.n).map(move |i| {
-            let block = Block::at(halves, half + i as usize / 8 * 2, leaf.n - i / 8 * 8);
-            block.primitive(part * PART_LANES + i as usize % 8)
-        })
+        lanes(halves, leaf).map(|(block, lane)| block.primitive(lane))
+    }
+
+    #[inline]
+    fn for_each_shape(Blocks { halves, .. }: &Blocks, leaf: LeafRange, mut visit: impl FnMut(PrimId, &[[f32; 3]; 3])) {
+        lanes(halves, leaf).for_each(|(block, lane)| visit(block.primitive(lane), &block.vertices(lane)));
     }
 
     fn leaf_data(Blocks { halves, lanes }: &Blocks) -> LeafData<'_> {
         let n_bytes = size_of_val(&halves[..]) + lanes.get().map_or(0, |lanes| size_of_val(&lanes[..]));
         LeafData { blocks: bytemuck::cast_slice(halves), order: &[], n_bytes }
     }
+}
+
+/// The blocks and lanes of a leaf's triangles.
+#[inline]
+fn lanes(halves: &[Half], LeafRange { first, n, .. }: LeafRange) -> impl Iterator<Item = (Block<'_>, usize)> {
+    let (half, part) = (first as usize / PARTS, first as usize % PARTS);
+    (0..n)
+        .map(move |i| (Block::at(halves, half + i as usize / 8 * 2, n - i / 8 * 8), part * PART_LANES + i as usize % 8))
 }
 
 impl<K: LaneKernel> WideBvh<Triangle<K>> {
