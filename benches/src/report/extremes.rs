@@ -1,4 +1,4 @@
-//! Extremes: the numerical contract, case by case, ours beside the peers on the same input.
+//! Extremes: the numerical contract, case by case, ours and the peers on the same input.
 
 use anyhow::Result;
 use canted_tests::{
@@ -10,12 +10,12 @@ use super::effort::Effort;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
 use crate::wide;
 
-/// Puts every promise to the test.
+/// Tests every promise.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
-    let mut chapter = Chapter { id: "extremes", title: "Extremes: what is promised, and kept", ..Chapter::default() };
+    let mut chapter = Chapter { id: "extremes", title: "Extremes: promises on extreme inputs", ..Chapter::default() };
     let (mut ways, missing) = tracers::ours();
     chapter.skipped.extend(extremes::not_tried(&missing).into_iter().map(|what| format!("{what}.")));
-    chapter.skipped.extend(wide::peers_left_out().into_iter().map(|peer| format!("{peer}.")));
+    chapter.skipped.extend(wide::skipped_peers().into_iter().map(|peer| format!("{peer}.")));
     ways.extend(wide::peers());
     let rows = extremes::rows(effort.pick(1, 1, 4), &ways);
     let ours: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();
@@ -39,10 +39,10 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     Ok(chapter)
 }
 
-/// What a logarithmic axis shows of no error.
+/// What a logarithmic axis shows for zero error.
 const LEAST_SHARE: f64 = 1e-6;
 
-/// How much of its bound each promise uses that allows anything: below one it is kept.
+/// The share of its bound that each promise uses, if the bound is not zero: at most one if kept.
 fn used(ours: &[&Row]) -> Plot {
     let mut series: Vec<Series> = vec![];
     for row in ours.iter().filter(|row| row.promise.bound > 0.0) {
@@ -58,7 +58,7 @@ fn used(ours: &[&Row]) -> Plot {
         }
     }
     Plot {
-        title: "How much of its bound each promise uses".to_owned(),
+        title: "Share of the bound that each promise uses".to_owned(),
         x: Axis::log("bound, in units of the promise"),
         y: Axis::log("worst over bound"),
         series,
@@ -66,11 +66,11 @@ fn used(ours: &[&Row]) -> Plot {
 }
 
 const METHOD: [&str; 2] = [
-    "Each line is one promise on one kind of input, over the inputs of which its judge is certain: those that say nothing about the \
-     promise are not counted. A count is of inputs that failed, any other value is the worst of all inputs; behind it stand the \
-     routines that it belongs to. A bound that is told promises nothing, as do inputs of which none is certain. A test of the \
-     workspace asserts every line of ours; no value depends on a clock.",
-    "Of peers nothing is promised: their values stand beside ours because their users asked for the same, and a peer may rightly \
-     decide an edge otherwise than we do. Answers cut by the driver are those of a device whose walk ended at the driver's limit: the \
-     CPU gave them.",
+    "Each row is one promise on one kind of input, over the inputs for which the reference is certain; inputs that cannot decide the \
+     promise are not counted. A count is the number of failed inputs, any other value is the worst of all inputs; the routines that \
+     it belongs to follow. A bound that is only reported promises nothing, nor does a row without certain inputs. A test of the \
+     workspace asserts every row of ours; no value depends on a clock.",
+    "Peers promise nothing: their values are shown because their users requested the same, and a peer may validly decide an edge \
+     differently. Answers cut by the driver are those of a device whose traversal reached the driver's limit; the CPU computed them \
+     instead.",
 ];
