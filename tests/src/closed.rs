@@ -1,4 +1,4 @@
-//! Closed meshes, places for them, and rays that must not pass their surface unseen.
+//! Closed meshes, their placements, and rays that must not pass through the surface without a hit.
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, icosphere, thin_box, torus};
 use canted_obb::Affine;
@@ -6,21 +6,21 @@ use canted_trace::Ray;
 
 use crate::vector::{cross, dot};
 
-/// A closed mesh, star-shaped as seen from `heart` but for the torus, which is only tight around it.
+/// A closed mesh, star-shaped around `inner_point` except for the torus.
 pub struct Closed {
-    /// For messages.
+    /// Name for messages.
     pub name: &'static str,
     /// The mesh.
     pub mesh: Mesh,
     /// A point inside.
     pub heart: [f64; 3],
-    /// Every point within this of `heart`, along each axis, is inside.
+    /// Every point within this distance of `inner_point`, along each axis, is inside.
     pub room: [f64; 3],
-    /// Known not to cut itself, so that every ray leads in and out of it in turn.
+    /// Whether the surface does not intersect itself, so that crossings alternate between entering and leaving.
     pub is_simple: bool,
 }
 
-/// One of each shape that has an inside.
+/// One mesh of each closed shape.
 #[must_use]
 pub fn closed() -> Vec<Closed> {
     let origin = [0.0; 3];
@@ -38,15 +38,15 @@ pub fn closed() -> Vec<Closed> {
     ]
 }
 
-/// Where a closed mesh stands in the world.
+/// A transform of a closed mesh.
 pub struct Place {
-    /// For messages.
+    /// Name for messages.
     pub name: &'static str,
-    /// Where it stands.
+    /// The transform.
     pub world_from_object: Affine,
 }
 
-/// Turned, tiny, huge, far away, mirrored.
+/// Identity, rotated, tiny, huge, far away, sheared and mirrored.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
 pub fn places() -> Vec<Place> {
@@ -60,20 +60,20 @@ pub fn places() -> Vec<Place> {
         place("as it is", Rotation::IDENTITY, [1.0; 3], 0.0),
         place("at 1e-6, turned", Rotation::off_axis(), [1e-6; 3], 0.0),
         place("at 1e6, turned", Rotation::off_axis(), [1e6; 3], 0.0),
-        // Steps of f32 are 1 there, and the thin box is 20 thick.
+        // Adjacent f32 values are 1 apart here, and the thin box is 20 thick.
         place("at 1e7", Rotation::off_axis(), [2e3; 3], 1e7),
         sheared,
     ]
 }
 
-/// The mesh in world space, vertices rounded: neighbours still share them.
+/// The mesh in world space with rounded vertices; neighbors still share them.
 #[must_use]
 pub fn baked(mesh: &Mesh, world_from_object: &Affine) -> Mesh {
     let positions = mesh.positions.iter().map(|&p| world_from_object.point(p)).collect();
     Mesh { positions, triangles: mesh.triangles.clone() }
 }
 
-/// Whether a place turns inside and outside of what stands there.
+/// Whether a transform swaps inside and outside.
 #[must_use]
 pub fn mirrors(place: &Affine) -> bool {
     let [a, b, c, _] = place.columns.map(|column| column.map(f64::from));
@@ -89,17 +89,17 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Rays through a vertex or an edge of `mesh` (in world space): even ones from inside, odd ones from far outside
+/// Rays through a vertex or an edge of `mesh` (in world space). Even rays start inside; odd ones start far outside and pass
 /// through the edge to a point inside.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 pub fn rays(mesh: &Mesh, closed: &Closed, world_from_object: &Affine, n: usize, seed: u64) -> Vec<Ray> {
     let mut rng = SplitMix64::new(seed);
-    // Asks every triangle, so once for all rays.
+    // Computed once, because it visits every triangle.
     let diagonal = mesh.diagonal();
     (0..n)
         .map(|i| {
-            // A third from the heart itself: there coordinates repeat, and rays meet vertices exactly.
+            // A third start at the inner point itself, where coordinates repeat and rays hit vertices exactly.
             let offset = if i % 3 == 0 { [0.0; 3] } else { rng.signed3() };
             let inside_object = std::array::from_fn(|k| closed.heart[k] + offset[k] * closed.room[k]);
             let inside = world_from_object.point_f64(inside_object);

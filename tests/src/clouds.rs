@@ -1,9 +1,9 @@
-//! Sets of points that fits get wrong first, by name.
+//! Difficult point sets for box fits, by name.
 
 use canted_fixtures::SplitMix64;
 use canted_obb::Quaternion;
 
-/// Sets of one kind.
+/// Point sets of one kind.
 pub struct Cloud {
     /// The kind.
     pub case: &'static str,
@@ -25,13 +25,13 @@ pub fn random_rotation(rng: &mut SplitMix64) -> Quaternion {
 
 /// `turn · (scale ∘ x) + offset`, rounded.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "points are rounded like everything")]
+#[expect(clippy::cast_possible_truncation, reason = "points are f32")]
 pub fn placed(turn: &Quaternion, scale: [f64; 3], offset: [f64; 3], x: [f64; 3]) -> [f32; 3] {
     let columns = turn.columns();
     std::array::from_fn(|k| ((0..3).map(|a| columns[a][k] * scale[a] * x[a]).sum::<f64>() + offset[k]) as f32)
 }
 
-/// Every kind; `effort` times as many sets of those that are random.
+/// All kinds; `effort` multiplies the number of random sets.
 #[must_use]
 pub fn extreme(effort: usize) -> Vec<Cloud> {
     let mut rng = SplitMix64::new(30);
@@ -86,7 +86,7 @@ pub fn extreme(effort: usize) -> Vec<Cloud> {
     ]
 }
 
-/// Each set with as many points a millionth of a millionth as far from the origin.
+/// Each set with as many points again, scaled by 1e-12.
 fn mixed(large: &[Vec<[f32; 3]>], effort: usize) -> Vec<Vec<[f32; 3]>> {
     let small = |p: &[f32; 3]| p.map(|x| x * 1e-12);
     large.iter().take(10 * effort).map(|set| set.iter().copied().chain(set.iter().map(small)).collect()).collect()

@@ -1,8 +1,8 @@
-//! How far a point is from a triangle, in `f64`.
+//! Distance of a point from a triangle, in `f64`.
 
 use crate::vector::{Vector, cross, dot, length, sub};
 
-/// Distance of a point from a triangle, degenerate ones too: from its plane where it projects inside, else from its edges.
+/// Distance of a point from a triangle, including degenerate ones: from its plane if the projection is inside, else from its edges.
 #[must_use]
 pub fn distance(p: Vector, corners: [Vector; 3]) -> f64 {
     let normal = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));

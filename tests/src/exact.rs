@@ -1,13 +1,13 @@
-//! Boxes, rays and transforms without rounding.
+//! Boxes, rays and transforms in exact arithmetic.
 //!
-//! Every finite `f32` is a whole multiple of 2^-149, so geometry is computed on integers: [`whole`] counts in that unit.
-//! A product of `n` coordinates then counts in 2^(-149 n); both sides of a comparison are brought to the same unit.
+//! Every finite `f32` is an integer multiple of 2^-149, so geometry is computed on integers in that unit (see [`whole`]).
+//! A product of `n` coordinates has the unit 2^(-149 n); both sides of a comparison are converted to the same unit.
 
 use canted_obb::{Affine, Obb};
 use canted_trace::Ray;
 use num_bigint::BigInt;
 
-/// Bits after the point of the unit 2^-149.
+/// Fractional bits of the unit 2^-149.
 pub(crate) const UNIT_BITS: u32 = 149;
 
 pub(crate) type Point = [BigInt; 3];
@@ -15,10 +15,10 @@ pub(crate) type Point = [BigInt; 3];
 /// `x` in units of 2^-149.
 ///
 /// # Panics
-/// Where `x` is not finite.
+/// Panics if `x` is not finite.
 #[must_use]
 pub fn whole(x: f32) -> BigInt {
-    assert!(x.is_finite(), "{x} is no multiple of anything");
+    assert!(x.is_finite(), "{x} is not finite");
     let exponent = x.to_bits() >> 23 & 0xff;
     let fraction = x.to_bits() & 0x7f_ffff;
     let magnitude = match exponent {
@@ -61,7 +61,7 @@ pub fn contains(obb: &Obb, p: [f32; 3]) -> bool {
         })
 }
 
-/// Whether `obb` contains all of `inner`: along each of its axes the farthest corner; a singular frame contains nothing.
+/// Whether `obb` contains all corners of `inner`; a singular frame contains nothing.
 #[must_use]
 pub fn contains_box(obb: &Obb, inner: &Obb) -> bool {
     let frame = obb.frame.map(point);
@@ -76,36 +76,36 @@ pub fn contains_box(obb: &Obb, inner: &Obb) -> bool {
         })
 }
 
-/// What a ray does to a triangle of which each vertex may lie elsewhere, by a margin.
+/// Result of a ray-triangle test in which each vertex may be displaced by a margin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It pierces the triangle wherever the vertices are.
+    /// The ray hits the triangle for every displacement.
     Pierced,
-    /// It misses the triangle wherever the vertices are.
+    /// The ray misses the triangle for every displacement.
     Missed,
-    /// It depends.
+    /// The result depends on the displacement.
     Open,
 }
 
-/// Margins of a verdict, in units of the space.
+/// Margins of a verdict, in scene units.
 #[derive(Clone, Copy, Debug)]
 pub struct Margin {
-    /// Greatest distance of a vertex from where it should be, across the ray: seen along its greatest axis.
+    /// Greatest displacement of a vertex across the ray, seen along the ray's greatest axis.
     pub across: f32,
     /// Greatest distance of the reported point from the triangle's plane.
     pub along: f32,
 }
 
-/// Judges a ray without end and with `t_min = 0`.
+/// Classifies a ray with `t_min = 0` and no end.
 ///
-/// Seen along the ray the vertices are points of a plane, and the ray is its origin. It lies inside the triangle, or
-/// beyond an edge, by more than the margin: then it does so for every triangle whose vertices are that near.
+/// Seen along the ray, the vertices are points of a plane and the ray is the origin. If it is inside the triangle or beyond
+/// an edge by more than the margin, the same holds for every triangle with vertices that close.
 #[must_use]
 pub fn verdict(ray: &Ray, corners: [[f32; 3]; 3], margin: &Margin) -> Verdict {
     let (origin, direction) = (point(ray.origin), point(ray.direction));
     let z = (0..3).fold(0, |best, k| if ray.direction[k].abs() > ray.direction[best].abs() { k } else { best });
     let (x, y) = ((z + 1) % 3, (z + 2) % 3);
-    // Sheared along the ray and multiplied by its greatest component, so that nothing is divided.
+    // Sheared along the ray and multiplied by its greatest component, so that no division is needed.
     let seen = corners.map(|corner| {
         let a = sub(&point(corner), &origin);
         [x, y].map(|k| &a[k] * &direction[z] - &direction[k] * &a[z])
@@ -144,7 +144,7 @@ pub fn near_plane(ray: &Ray, t: f32, corners: [[f32; 3]; 3], along: f32) -> bool
     &distance * &distance <= &reach * &reach * dot(&normal, &normal)
 }
 
-/// A normal of any length, and its product with the way from `origin` to the plane.
+/// An unnormalized normal, and its dot product with the vector from `origin` to the plane.
 pub(crate) fn plane(corners: &[[f32; 3]; 3], origin: &Point) -> (Point, BigInt) {
     let [a, b, c] = corners.map(point);
     let normal = cross(&sub(&b, &a), &sub(&c, &a));
@@ -152,8 +152,8 @@ pub(crate) fn plane(corners: &[[f32; 3]; 3], origin: &Point) -> (Point, BigInt) 
     (normal, offset)
 }
 
-/// Whether `p_object` is the exact inverse image of `p_world`, each component rounded once and off by no more than
-/// 2^-24 of itself plus 2^-`slack_bits` of `size`.
+/// Whether `p_object` is the exact inverse image of `p_world` with each component rounded once, and off by at most 2^-24 of
+/// itself plus 2^-`slack_bits` of `size`.
 #[must_use]
 pub fn is_inverse_image(
     world_from_object: &Affine,
@@ -167,7 +167,7 @@ pub fn is_inverse_image(
     let determinant = dot(&a, &cross(&b, &c));
     let rows = [cross(&b, &c), cross(&c, &a), cross(&a, &b)];
     (0..3).all(|k| {
-        // All in units of 2^(-149·4), and times 2^(24 + slack_bits).
+        // In units of 2^(-149·4), times 2^(24 + slack_bits).
         let exact = dot(&rows[k], &offset) << UNIT_BITS;
         let error = abs(whole(p_object[k]) * &determinant - &exact) << (24 + slack_bits);
         error <= (abs(exact) << slack_bits) + (abs(whole(size) * &determinant) << 24)

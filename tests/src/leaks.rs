@@ -1,8 +1,8 @@
-//! Closed meshes by the ray: what slips through, and what is crossed otherwise than in and out in turn.
+//! Leak search in closed meshes: rays that pass through, and crossings that do not alternate.
 //!
-//! Every way to trace, every mesh, every place. Rays are aimed at shared vertices and edges: every other one from inside,
-//! the rest from far outside to a point inside. Not covered: crossings on devices, which tell first hits alone; meshes whose
-//! neighbours do not share vertices, and seams between instances, both of which have gaps in their data.
+//! Covers every tracer, mesh and placement. Rays aim at shared vertices and edges: every second one from inside, the others
+//! from far outside towards a point inside. Not covered: crossings on devices, which return only first hits; meshes whose
+//! neighbors do not share vertices, and seams between instances, whose data have gaps.
 
 use canted_obb::Affine;
 use canted_trace::{Ray, Side};
@@ -13,43 +13,43 @@ use crate::{
     tracers::{Tracer, Way, Word},
 };
 
-/// Rays that a structure is built for, at least: more of them in one place than building takes.
+/// Least number of rays for each structure, so that tracing takes longer than building.
 const BATCH: usize = 1 << 14;
 
-/// What was found for one mesh in all places, by one way.
+/// Result of one mesh in all placements for one tracer.
 #[derive(Clone, Debug)]
 pub struct Found {
     /// The mesh.
     pub mesh: &'static str,
-    /// Its triangles.
+    /// Its number of triangles.
     pub n_triangles: usize,
-    /// Who was asked.
+    /// Name of the tracer.
     pub way: String,
-    /// Rays asked, each for its first hit and for any.
+    /// Rays traced, each for its first hit and for any hit.
     pub n_rays: usize,
-    /// Rays that one of the two answers let through, or whose crossings are wrong.
+    /// Rays for which one of the two queries finds nothing, or whose crossings are wrong.
     pub n_leaks: usize,
-    /// Answers, of two a ray, that the CPU gave because a driver cut the device's walk short.
+    /// Queries, two for each ray, answered by the CPU because a driver ended the device's traversal early.
     pub n_cut: usize,
 }
 
-/// How far a search has come.
+/// Progress of a search.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
-    /// The mesh and the place that rays are shot at.
+    /// Current mesh and placement.
     pub at: [&'static str; 2],
-    /// By whom.
+    /// Current tracer.
     pub way: &'a str,
-    /// Rays shot so far, and rays in all.
+    /// Rays traced so far, and in total.
     pub n_rays: [usize; 2],
     /// Leaks so far.
     pub n_leaks: usize,
 }
 
-/// About `n_rays` rays, shared out over meshes, places and ways; each of them gets some. `tell` hears of every batch.
+/// Distributes about `n_rays` rays over meshes, placements and tracers, at least one each. Calls `tell` after every batch.
 ///
-/// Whoever traces on the CPU is asked for crossings, too, by other rays: a leak is then a ray that does not lead in and out of the
-/// surface in turn, at least once.
+/// CPU tracers also return crossings for further rays. There, a ray leaks unless it crosses the surface at least once, alternately
+/// entering and leaving.
 #[must_use]
 pub fn search(
     meshes: &[Closed],
@@ -109,13 +109,13 @@ impl Found {
     }
 }
 
-/// Rays that nothing stops, or that an occlusion query lets pass.
+/// Number of rays without a closest hit or without occlusion.
 fn slipped(tracer: &dyn Tracer, rays: &[Ray]) -> usize {
     let (hits, occluded) = (tracer.closest(rays), tracer.occluded(rays));
     hits.iter().zip(&occluded).filter(|&(hit, &occluded)| hit.is_none() || !occluded).count()
 }
 
-/// Rays whose crossings are wrong, or that are not told: those of even number begin inside.
+/// Number of rays with wrong or missing crossings; even ones start inside.
 fn miscounted(tracer: &dyn Tracer, closed: &Closed, place: &Place, rays: &[Ray]) -> usize {
     let inward = if mirrors(&place.world_from_object) { opposite(Side::Front) } else { Side::Front };
     let are_right = if closed.is_simple { are_in_turn } else { are_balanced };
@@ -125,7 +125,7 @@ fn miscounted(tracer: &dyn Tracer, closed: &Closed, place: &Place, rays: &[Ray])
     rays.iter().enumerate().filter(is_wrong).count()
 }
 
-/// Every place that leaks are searched in: as it is, tiny, huge, far off, sheared and mirrored, and scales between.
+/// All placements of the search: unchanged, tiny, huge, far away, sheared and mirrored, and scales in between.
 #[must_use]
 pub fn places() -> Vec<Place> {
     let mut places = crate::closed::places();
@@ -148,7 +148,7 @@ mod tests {
         tracers::{self, Make},
     };
 
-    /// A way that leaves out every triangle around the first vertex.
+    /// A tracer without the triangles around the first vertex.
     fn without_some(way: Way) -> Way {
         let make: Make = Box::new(move |mesh, place| {
             let mut open = mesh.clone();
@@ -170,7 +170,7 @@ mod tests {
         assert_eq!((found.len(), told), (ways.len() + n_cpu, n_rays));
     }
 
-    /// A way whose crossings are spoilt.
+    /// A tracer with modified crossings.
     struct Spoilt(Box<dyn Tracer>, fn(&mut Vec<Hit>));
 
     impl Tracer for Spoilt {

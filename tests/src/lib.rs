@@ -1,4 +1,4 @@
-//! Oracles that the tests in `tests/` share: each is simpler than what it judges.
+//! Oracles shared by the tests in `tests/`; each is simpler than the code it checks.
 #![forbid(unsafe_code)]
 
 pub mod brute;

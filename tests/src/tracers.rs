@@ -1,4 +1,4 @@
-//! Everything that traces rays through a mesh, by name: both kinds of tree, one level and two, every path, the device.
+//! Everything that traces rays through a mesh, by name: binary and wide BVHs, one level and two, every SIMD path, the device.
 
 mod device;
 
@@ -19,61 +19,61 @@ use crate::{
     instances,
 };
 
-/// Something that holds a mesh and answers rays.
+/// A mesh that can be queried with rays.
 pub trait Tracer {
-    /// The nearest hit of each ray; of a peer's only `t` and the primitive count.
+    /// The closest hit of each ray; peers set only `t` and the primitive.
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>>;
 
     /// Whether each ray hits anything.
     fn occluded(&self, rays: &[Ray]) -> Vec<bool>;
 
-    /// Every crossing of the surface, in order, its side by the winding in world space; `None` of who tells first hits alone.
+    /// Every crossing of the surface, in order, with its side by the world-space winding; `None` if only first hits are supported.
     fn crossings(&self, _: &Ray) -> Option<Vec<Hit>> {
         None
     }
 }
 
-/// What a tracer promises.
+/// The guarantee of a tracer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Word {
-    /// The answers of a loop over all triangles, bit for bit.
+    /// The bits of a loop over all triangles.
     Loop,
-    /// Whatever that loop hits, and besides only what is within this much of the ray, relative to `|o|∞ + ρ∞`.
+    /// All hits of that loop, and others only within this error of the ray, relative to `|o|∞ + ρ∞`.
     Device(f32),
-    /// Nothing: another project's.
+    /// None: another project's tracer.
     Peer,
 }
 
-/// Makes a tracer for a mesh and where it stands.
+/// Makes a tracer for a mesh and its transform.
 pub type Make = Box<dyn Fn(&Mesh, &Affine) -> Box<dyn Tracer>>;
 
-/// A way to trace, by name.
+/// A tracing method, by name.
 pub struct Way {
-    /// The name in tables.
+    /// Name for tables.
     pub name: String,
-    /// What it promises.
+    /// Its guarantee.
     pub word: Word,
-    /// Builds it. Where there is one level, vertices are moved and rounded.
+    /// Builds the tracer. With one level, vertices are transformed and rounded.
     pub make: Make,
-    /// Answers so far that a driver cut short: the CPU gave them in the device's place.
+    /// Queries so far that the CPU answered because a driver ended the device's traversal early.
     n_cut: Rc<Cell<usize>>,
 }
 
 impl Way {
-    /// A way of which no answer is cut short.
+    /// A method that never ends early.
     #[must_use]
     pub fn new(name: impl Into<String>, word: Word, make: Make) -> Self {
         Self { name: name.into(), word, make, n_cut: Rc::default() }
     }
 
-    /// What `ask` gives, and how many answers a driver cut short meanwhile.
+    /// The result of `ask`, and how many queries a driver ended early meanwhile.
     pub fn with_cuts<T>(&self, ask: impl FnOnce() -> T) -> (T, usize) {
         let before = self.n_cut.get();
         let answer = ask();
         (answer, self.n_cut.get() - before)
     }
 
-    /// Builds it for a mesh that stands as it is.
+    /// Builds it for an untransformed mesh.
     #[must_use]
     pub fn of(&self, mesh: &Mesh) -> Box<dyn Tracer> {
         (self.make)(mesh, &Affine::IDENTITY)
@@ -90,7 +90,7 @@ impl Way {
     }
 }
 
-/// Every way of ours that this machine has; those that it lacks, by name.
+/// All our methods that this machine supports, and the names of those that it lacks.
 #[must_use]
 pub fn ours() -> (Vec<Way>, Vec<String>) {
     let (there, lacking): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
@@ -114,8 +114,7 @@ pub fn ours() -> (Vec<Way>, Vec<String>) {
     (ways, missing)
 }
 
-/// Two levels by each kind of tree, both levels of the wide one on every path that this machine has, and by the device if it has
-/// one.
+/// Two levels of binary and of wide BVHs, the wide ones on every available SIMD path, and on the device if there is one.
 #[must_use]
 pub fn two_levels() -> Vec<Way> {
     let mut ways = vec![Way::of_two("binary", |mesh| binary(mesh, Strategy::Dop))];
@@ -133,25 +132,25 @@ pub fn two_levels() -> Vec<Way> {
     ways
 }
 
-/// A binary tree with these volumes.
+/// A binary BVH with these volumes.
 fn binary(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
     let config = BuildConfig { volumes: VolumeConfig { strategy, fallback: true }, ..BuildConfig::default() };
     Bvh2::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
 }
 
-/// An eight-wide tree.
+/// A wide BVH.
 fn wide(mesh: &Mesh, config: &Config) -> TriangleBvh<Watertight> {
     TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("a mesh of finite vertices")
 }
 
-/// Nodes with a frame for each child so cheap that hardly another is worth having, over leaves of one triangle.
+/// A configuration with many oriented nodes: their cost is nearly zero, and leaves hold one triangle.
 #[must_use]
 pub fn lean() -> Config {
     let costs = Costs { aligned_node: 1e6, oriented_node: 0.01, leaf: 0.0, block: 0.01, max_leaf: 1 };
     Config { costs, rotate_mesh: false, ..Config::preset(Preset::Balanced) }
 }
 
-/// A binary tree and what it is over.
+/// A binary BVH with its mesh.
 struct OneLevel {
     blas: Bvh2<Watertight>,
     mesh: Mesh,
@@ -198,7 +197,7 @@ impl Tracer for TriangleBvh<Watertight> {
     }
 }
 
-/// A mesh where it stands, and once more far off, which makes the top level a tree.
+/// An instanced mesh, and a second instance far away so that the top level has more than one leaf.
 struct TwoLevels<B: Blas> {
     tlas: Tlas<B>,
     mesh: Mesh,
@@ -206,7 +205,7 @@ struct TwoLevels<B: Blas> {
 }
 
 impl<B: Blas> TwoLevels<B> {
-    #[expect(clippy::cast_possible_truncation, reason = "far off will do")]
+    #[expect(clippy::cast_possible_truncation, reason = "any large distance")]
     fn new(blas: B, mesh: &Mesh, place: &Affine) -> Self {
         let here = Instance::new(0, *place);
         let mut there = here;
@@ -221,7 +220,7 @@ impl<B: Blas> TwoLevels<B> {
 }
 
 impl<B: Blas> Tracer for TwoLevels<B> {
-    /// Only the instance that stands where the mesh does is asked.
+    /// Only the first instance is queried.
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         rays.iter().map(|ray| self.tlas.closest_hit_with(ray, &mut OfTheFirst)).collect()
     }
@@ -230,7 +229,7 @@ impl<B: Blas> Tracer for TwoLevels<B> {
         rays.iter().map(|ray| self.tlas.occluded_with(ray, &mut OfTheFirst)).collect()
     }
 
-    /// As the triangles see the ray: in object space, whose winding a mirror turns.
+    /// Computed in object space, where the kernel runs; a mirror swaps the sides.
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
         let hits = all_hits(|query| self.tlas.closest_hit_with(ray, query));
         let mut crossings = crossings::of_hits(&self.mesh, &instances::ray_object(&self.place, ray), hits);
@@ -241,7 +240,7 @@ impl<B: Blas> Tracer for TwoLevels<B> {
     }
 }
 
-/// Accepts hits of the first instance alone.
+/// Accepts only hits of the first instance.
 struct OfTheFirst;
 
 impl canted_trace::Query for OfTheFirst {

@@ -1,10 +1,10 @@
-//! Dependencies point one way: read from every manifest of the workspace.
+//! Dependencies point one way; checked in every manifest of the workspace.
 //!
-//! Not covered here: what code does (a library that reads a file needs no dependency for it), versions, licences.
+//! Not covered here: what code does (reading a file needs no dependency), versions, licenses.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-/// Our own packages, and which of them each may need; what a row leaves out would turn an arrow back.
+/// Our packages with the packages that each may depend on.
 const ARROWS: &[(&str, &[&str])] = &[
     ("obb", &[]),
     ("trace", &["obb"]),
@@ -22,11 +22,11 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("cli", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "film", "shaders", "gpu", "renderer"]),
 ];
 
-/// Crates that need little, and the little they may need.
+/// Crates with few dependencies, and those that they may have.
 const LEAN: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "canted"];
 const LEAN_NEEDS: &[&str] = &["glam", "bytemuck", "rayon"];
 
-/// Crates of others that only some packages may need; peers may stand beside ours in anyone's tests.
+/// External crates restricted to some packages; tests of any package may use peers.
 const KEPT: &[(&str, &[&str])] = &[
     ("obvhs", &["renderer", "tests", "benches"]),
     ("tinybvh-rs", &["benches"]),
@@ -47,7 +47,7 @@ struct Dependency {
     optional: bool,
 }
 
-/// The dependencies of a manifest, as far as manifests here are written: one a line, or a table of its own.
+/// The dependencies of a manifest, in the forms used here: one line each, or a table each.
 fn dependencies(manifest: &str) -> Vec<Dependency> {
     let mut found: Vec<Dependency> = vec![];
     let mut section = String::new();
@@ -72,7 +72,7 @@ fn dependencies(manifest: &str) -> Vec<Dependency> {
     found
 }
 
-/// What is wrong with the manifests, by folder of the package: sentences that name package and dependency.
+/// Violations in the manifests, which are keyed by folder: sentences with package and dependency.
 fn complaints(manifests: &BTreeMap<String, String>) -> Vec<String> {
     let mut complaints = vec![];
     for (package, manifest) in manifests {
@@ -104,7 +104,7 @@ fn complaints(manifests: &BTreeMap<String, String>) -> Vec<String> {
     complaints
 }
 
-/// The manifest of every package, by its folder.
+/// The manifest of every package, keyed by folder.
 fn workspace() -> BTreeMap<String, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let crates = fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path());
@@ -138,7 +138,7 @@ fn manifests_are_read() {
     assert!(of("tests").iter().any(|d| d.name == "obvhs" && d.for_tests));
 }
 
-/// The workspace with lines added to the end of one manifest.
+/// The violations after lines are appended to one manifest.
 fn with(package: &str, lines: &str) -> Vec<String> {
     let mut manifests = workspace();
     manifests.entry(package.to_owned()).or_default().push_str(&format!("\n{lines}\n"));

@@ -1,6 +1,6 @@
-//! The checker of trees sees each flaw that it names.
+//! The tree checker detects each flaw that it names.
 //!
-//! A sound tree is broken in one place a test. Not covered here: whether trees that are built are sound (`volumes.rs`).
+//! Each test breaks a valid tree in one way. Not covered here: whether built trees are valid (`volumes.rs`).
 
 use canted_fixtures::{Mesh, soup};
 use canted_lbvh::{
@@ -15,7 +15,7 @@ fn build(mesh: &Mesh) -> (Tree, Vec<Corners>) {
     (tree, sorted)
 }
 
-/// A sound tree that a test then breaks.
+/// A valid tree for a test to break.
 struct Sound {
     tree: Tree,
     volumes: Volumes,
@@ -68,7 +68,7 @@ fn check_sees_swapped_leaves() {
 #[test]
 fn check_sees_nodes_without_a_parent() {
     let mut sound = Sound::new(Strategy::Aabb);
-    // The root now covers what its left child did: the right side hangs in the air.
+    // The root now covers only its left child's range; the right side has no parent.
     let ChildKind::Inner(left) = sound.tree.nodes[0].left.kind() else { panic!("40 leaves, 1 on the left") };
     sound.tree.nodes[0] = sound.tree.nodes[left.index()];
     assert!(matches!(sound.check(), Err(Flaw::NotOneParent { .. })), "{:?}", sound.check());
@@ -135,7 +135,7 @@ fn check_sees_each_plane_of_each_node_shrunk_by_one_step() {
     }
 }
 
-/// A vertex moved to a corner of the axis-aligned box stays inside that, but leaves the leaning one.
+/// A vertex moved to a corner of the axis-aligned box stays inside that box but leaves the oriented one.
 #[test]
 fn check_sees_a_point_outside_the_leaning_box_alone() {
     let diagonal = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [7.0, 7.0, 7.0], [7.1, 7.0, 7.0]];

@@ -11,11 +11,11 @@ use canted_tests::{
 };
 use canted_trace::{Hit, InstanceId, Ray, Side};
 
-/// As many inputs as a full report tries.
+/// Number of inputs as in a full report.
 const AS_A_REPORT: usize = 4;
 
 #[test]
-#[expect(clippy::print_stderr, reason = "what this machine has not is named")]
+#[expect(clippy::print_stderr, reason = "unavailable features are reported")]
 fn every_promise_is_kept() {
     let (ways, missing) = tracers::ours();
     let not_tried = extremes::not_tried(&missing);
@@ -47,7 +47,7 @@ fn every_promise_is_kept() {
     }
 }
 
-/// Answers every ray the same.
+/// Returns the same answer for every ray.
 #[derive(Clone, Copy)]
 struct Stubborn(Option<Hit>);
 
@@ -81,7 +81,7 @@ fn who_sees_nothing_or_anything_breaks_every_promise() {
     }
 }
 
-/// The names of cases among these rows.
+/// The cases of these rows.
 fn cases<'a>(rows: &'a [Row], promise: &'a str, is: impl Fn(&Row) -> bool) -> Vec<&'a str> {
     rows.iter().filter(|row| row.promise.promise == promise && is(row)).map(|row| row.promise.case).collect()
 }
@@ -92,8 +92,8 @@ fn who_sees_nothing_or_anything_breaks_every_promise_of_instances() {
     for rows in [&nothing, &anything] {
         assert_eq!(cases(rows, SAME, Row::is_broken).len(), 8, "{rows:#?}");
     }
-    assert_eq!(cases(&nothing, NEAR, Row::is_broken).len(), 8, "no hit is where it should be: {nothing:#?}");
-    // There the error that is stated is larger than the mesh.
+    assert_eq!(cases(&nothing, NEAR, Row::is_broken).len(), 8, "no hit has a valid position: {nothing:#?}");
+    // There the stated error is larger than the mesh.
     let large = ["1e-3 large at 1e7", "condition just below 2^20"];
     assert_eq!(cases(&anything, NEAR, Row::holds), large);
 }
@@ -102,13 +102,13 @@ fn who_sees_nothing_or_anything_breaks_every_promise_of_instances() {
 fn a_device_that_sees_nothing_breaks_every_promise_of_instances() {
     let blind = Way::new("blind", Word::Device(canted_gpu::HIT_ERROR), stubborn(None).make);
     let rows = instance::rows(1, &[&blind]);
-    // It is not asked where it refuses, and nothing is certain where its error is larger than the mesh.
+    // Transforms that the device rejects have no row, and nothing is certain where its error is larger than the mesh.
     assert_eq!(cases(&rows, SAME, |row| !row.is_promise()), ["1e-3 large at 1e7"]);
     let broken = ["mirrored", "sheared", "scaled by 1e-6", "scaled by 1e6", "condition just below 2^10"];
     assert_eq!(cases(&rows, SAME, Row::is_broken), broken);
 }
 
-/// Where rounding leaves any doubt out, some ray has none: of these alone nothing is promised.
+/// Every case but one has at least one ray with a certain result; that one promises nothing.
 #[test]
 fn nearly_every_kind_of_mesh_is_certainly_pierced() {
     let rows = hierarchy::rows(1, &[stubborn(None)]);
@@ -122,7 +122,7 @@ fn who_sees_nothing_fails_every_report_that_asks_him() {
     for tracker in &TRACKERS {
         let rows = (tracker.rows)(&ways);
         let is_asked = rows.iter().any(|row| row.routine == "stubborn");
-        // Sameness of two answers is kept by who always says the same.
+        // Two equal answers are always consistent.
         let of_hits = |row: &&Row| row.promise.promise != MISSED;
         if is_asked && tracker.name != "tinybvh_282" {
             assert!(rows.iter().filter(of_hits).all(Row::is_broken), "{}", tracker.name);

@@ -1,4 +1,4 @@
-//! Trees of other builders, larger than one task, hold what they should and lose no hit.
+//! Trees of other builders, larger than one task, are valid and lose no hit.
 //!
 //! Not covered here: small trees and every strategy (`volumes.rs`, `lost_hits.rs`).
 

@@ -1,7 +1,7 @@
-//! Closed meshes leak nowhere, and rays lead in and out of them in turn: a million rays, every way to trace, every place.
+//! Closed meshes do not leak and crossings alternate: a million rays, every tracer, every placement.
 //!
-//! `cargo xtask watertight` shoots more, at the bunny too. Not covered here: every strategy of volumes (`watertight.rs`) and
-//! every way to build (`wide/closed.rs`).
+//! `cargo xtask watertight` traces more rays, also at the bunny. Not covered here: every volume strategy (`watertight.rs`) and
+//! every build configuration (`wide/closed.rs`).
 
 use canted_tests::{
     closed::closed,
@@ -12,11 +12,11 @@ use canted_tests::{
 const N_RAYS: usize = 1_000_000;
 
 #[test]
-#[expect(clippy::print_stderr, reason = "what this machine has not is named")]
+#[expect(clippy::print_stderr, reason = "unavailable features are reported")]
 fn a_million_rays_find_no_leak() {
     let (ways, missing) = tracers::ours();
     for name in missing {
-        eprintln!("not tested, this machine has no {name}");
+        eprintln!("not tested: {name} is not available");
     }
     let found = search(&closed(), &places(), &ways, N_RAYS, &mut |_| ());
     let leaks: Vec<&Found> = found.iter().filter(|found| found.n_leaks > 0).collect();

@@ -1,7 +1,7 @@
-//! No lost hit: what a loop over all triangles hits, the tree hits, to the bit.
+//! No lost hit: the BVH returns the same bits as a loop over all triangles.
 //!
-//! Every strategy, with and without fallback, every kernel, rays through vertices and edges, in face planes, along
-//! axes, from far away. Not covered here: instances (`instances.rs`), pictures (`threads.rs`).
+//! Every strategy, with and without fallback, every kernel, rays through vertices and edges, in face planes, axis-parallel, from
+//! far away. Not covered here: instances (`instances.rs`), pictures (`threads.rs`).
 
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, grazing};
@@ -22,7 +22,7 @@ fn rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
             t_max: ray.t_max,
         }));
     }
-    // Signs of zero must not matter, nor a power of two in the direction's length.
+    // Signs of zero and powers of two in the direction's length must not matter.
     let variants: Vec<Ray> = rays
         .iter()
         .step_by(5)

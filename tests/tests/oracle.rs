@@ -1,9 +1,8 @@
-//! An independent renderer agrees: pictures beside references by Mitsuba 3.
+//! Pictures compared with references by an independent renderer, Mitsuba 3.
 //!
-//! `tests/oracle/README.md` says how the references were made. Only flat triangles are compared, for shading normals are
-//! bent differently where they and the triangle disagree; textures are looked up bilinearly at full size in both. Models
-//! that are absent are skipped by name. Not covered here: what a picture of finite samples looks like (its noise), and
-//! materials that only one of the renderers has.
+//! `tests/oracle/README.md` describes how the references were made. Only flat triangles are compared, because renderers treat
+//! shading normals differently where they disagree with the triangle; textures use bilinear lookups at full size in both. Missing
+//! models are skipped with a message. Not covered here: noise of few samples, and materials that only one renderer has.
 
 #[path = "oracle/agree.rs"]
 mod agree;
@@ -60,7 +59,7 @@ fn a_spot_on_a_floor() {
     check(Some(spot()));
 }
 
-/// A ball that is two per cent larger.
+/// A sphere light that is two per cent larger.
 #[test]
 fn a_larger_ball_is_seen() {
     let mut shot = penumbra();
@@ -155,7 +154,7 @@ fn a_wider_lens_is_seen() {
     assert!(matches!(verdict, Err(Disagreement::Block { .. })), "{verdict:?}");
 }
 
-/// Light that bounces once less is missed.
+/// Paths with one bounce less lack light.
 #[test]
 fn paths_that_stop_are_seen() {
     let Some([sky, ..]) = cornell_paths("paths_that_stop_are_seen") else { return };
@@ -164,7 +163,7 @@ fn paths_that_stop_are_seen() {
     assert!(verdict.is_err(), "{verdict:?}");
 }
 
-/// Two per cent more light from everywhere.
+/// Two per cent more light from the environment.
 #[test]
 fn a_brighter_sky_is_seen() {
     let Some(mut shot) = cornell_env("a_brighter_sky_is_seen") else { return };
@@ -184,7 +183,7 @@ fn a_wrong_albedo_is_seen() {
     assert!(verdict.is_err(), "{verdict:?}");
 }
 
-/// Two blocks that change places leave the mean as it is.
+/// Swapping two blocks keeps the mean.
 #[test]
 fn a_picture_of_something_else_is_seen() {
     let Some(shot) = cornell_env("a_picture_of_something_else_is_seen") else { return };
@@ -194,7 +193,7 @@ fn a_picture_of_something_else_is_seen() {
     assert!(matches!(verdict, Err(Disagreement::Block { block: 5, .. })), "{verdict:?}");
 }
 
-/// A picture that is too noisy proves nothing, and is refused.
+/// A picture that is too noisy proves nothing and is rejected.
 #[test]
 fn noise_is_no_excuse() {
     let Some(mut shot) = cornell_env("noise_is_no_excuse") else { return };

@@ -1,9 +1,9 @@
-//! Whole trees, one level and two, every path and the device, on meshes and rays where rounding is large.
+//! One and two levels, every SIMD path and the device, on meshes and rays with large rounding errors.
 //!
-//! Two judges: integers, for what is certain wherever rounding may have put a vertex, of everyone; and the loop over all
-//! triangles with the same kernel, for every bit of ours. Only rays count of which something is certain, or that hit something:
-//! whoever hits nothing breaks a promise wherever one is made. Not covered: rays at shared edges of closed meshes (`watertight`),
-//! large meshes (`tests/GRAZING.md`).
+//! Two references: exact arithmetic decides for every tracer what is certain wherever rounding may have moved a vertex; the loop
+//! over all triangles with the same kernel gives every bit of our answers. Only rays count that have a certain result or a hit,
+//! so a tracer that never hits breaks every promise. Not covered: rays at shared edges of closed meshes (`watertight`), large
+//! meshes (`tests/GRAZING.md`).
 
 use canted_fixtures::{Grazing, Mesh, coplanar_quads, identical, outlier, scaffold_of, slivers, soup, thin_box};
 use canted_trace::{Hit, Ray, Watertight};
@@ -24,7 +24,7 @@ struct Case {
     rays: Vec<Ray>,
 }
 
-/// What is judged by integers has no end.
+/// The exact reference handles only rays without an end.
 fn is_endless(ray: &Ray) -> bool {
     ray.t_min == 0.0 && ray.t_max == f32::INFINITY
 }
@@ -78,37 +78,37 @@ fn cases(effort: usize) -> Vec<Case> {
     cases
 }
 
-/// A seed from a name, so that cases may come and go.
+/// A seed derived from the name, so that cases can be added and removed independently.
 fn cases_seed(name: &str) -> u64 {
     name.bytes().fold(0, |sum, byte| 31 * sum % 1_000_003 + u64::from(byte))
 }
 
-/// What a device hits besides, in units of the space: kernels accept what is within `TINY`, 1e-36, of the ray on either of two
-/// axes, for they may flush what is small to zero; twice that leaves room for the flushing itself.
+/// Extra reach of device hits, in scene units: kernels accept points within `TINY` (1e-36) of the ray on two axes, because they
+/// may flush small numbers to zero; the factor of two covers the flushing itself.
 const DEVICE_UNDERFLOW: f32 = 4e-36;
 
-/// How far hits may be off: as the kernels of the CPU promise, or the device's.
+/// Error bound of hits: the CPU kernels' or the device's.
 fn margin(word: Word, ray: &Ray, corners: &[[f32; 3]; 3]) -> Margin {
     let margin = judge::margin(ray, corners);
     let Word::Device(error) = word else { return margin };
     let along = margin.along / canted_trace::HIT_ERROR * error + DEVICE_UNDERFLOW;
-    // A point that is off on each axis is off twice as far seen along the ray's, on two axes.
+    // An error on each axis doubles when seen along the ray's axis, on two axes.
     Margin { across: 2.0 * std::f32::consts::SQRT_2 * along, along }
 }
 
-/// The promise that a tree must not lose what it should hit.
+/// The promise that a BVH loses no hit.
 pub const PIERCED: &str = "what is certainly pierced is hit";
-/// The promise that it must not invent hits.
+/// The promise that a BVH adds no hit.
 pub const MISSED: &str = "nothing is hit that is certainly missed, or off its plane";
-/// The promise that no bit depends on the tree.
+/// The promise that no bit depends on the BVH.
 pub const SAME: &str = "the loop's answers, bit for bit; a device loses nothing that it hits, but where the ray begins within its error of the plane";
 
-/// What each way does on every case; `effort` multiplies the rays.
+/// The rows of every tracer on every case; `effort` multiplies the rays.
 #[must_use]
 pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
     let mut rows = vec![];
     for Case { name, mesh, rays } in cases(effort) {
-        // Judged once for each bound that any way has.
+        // Classified once for each error bound.
         let mut judged: Vec<(f32, Vec<Vec<Verdict>>)> = vec![];
         let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
         let wants: Vec<Option<Hit>> = rays.iter().map(|ray| brute::closest_hit::<Watertight>(&records, ray)).collect();
@@ -123,7 +123,7 @@ pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
             let ((hits, occluded), n_cut) = way.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
             let verdicts = judged.iter().find(|(known, _)| *known == error).map_or(&[][..], |(_, of)| of);
             let Certain { pierced, missed } = Certain::of(way.word, &mesh, &rays, verdicts, &hits);
-            // Of a device only what it loses counts: it may hit what is nearer than its error.
+            // A device may hit anything within its error, so only lost hits count.
             let counts = |&i: &usize| match (way.word, &wants[i]) {
                 (Word::Device(_), want) => want.is_some_and(|want| !begins_in(way.word, &mesh, &rays[i], &want)),
                 (_, want) => want.is_some() || hits[i].is_some(),
@@ -146,11 +146,11 @@ pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
     rows
 }
 
-/// Rays of which something is certain, and those of them whose answer is otherwise.
+/// Rays with a certain result: how many there are, and how many got another answer.
 pub(super) struct Certain {
-    /// Some triangle is certainly pierced: nothing is hit.
+    /// Some triangle is certainly hit: failed if there is no hit.
     pub(super) pierced: [usize; 2],
-    /// Some triangle is certainly missed, or one is hit: that one is hit, or the hit is off its plane.
+    /// A triangle is certainly missed or some triangle is hit: failed if that one is hit, or the hit is off its plane.
     pub(super) missed: [usize; 2],
 }
 
@@ -167,14 +167,14 @@ impl Certain {
         certain
     }
 
-    /// What a way answers against what is certain.
+    /// Compares a tracer's answers with what is certain.
     pub(super) fn of_way(way: &Way, mesh: &Mesh, rays: &[Ray]) -> Self {
         let verdicts = verdicts(mesh, rays, way.word);
         Self::of(way.word, mesh, rays, &verdicts, &way.of(mesh).closest(rays))
     }
 }
 
-/// For each ray the verdict on each triangle.
+/// The verdict for each ray and triangle.
 fn verdicts(mesh: &Mesh, rays: &[Ray], word: Word) -> Vec<Vec<Verdict>> {
     let of = |ray: &Ray| {
         let triangle = |triangle| {
@@ -186,7 +186,7 @@ fn verdicts(mesh: &Mesh, rays: &[Ray], word: Word) -> Vec<Vec<Verdict>> {
     rays.iter().map(of).collect()
 }
 
-/// Whether the triangle that is hit is certainly missed, or the hit is off its plane.
+/// Whether the hit triangle is certainly missed, or the hit is off its plane.
 fn is_invented(word: Word, mesh: &Mesh, ray: &Ray, verdicts: &[Verdict], hit: &Hit) -> bool {
     let id = hit.primitive.index();
     let corners = corners(mesh, &mesh.triangles[id]);
@@ -194,13 +194,13 @@ fn is_invented(word: Word, mesh: &Mesh, ray: &Ray, verdicts: &[Verdict], hit: &H
     verdicts[id] == Verdict::Missed || !is_near()
 }
 
-/// Whether a ray without end begins so near the plane of the triangle that it hits that either side of its start is right.
+/// Whether a ray starts so close to the plane of the hit triangle that it may start on either side.
 fn begins_in(word: Word, mesh: &Mesh, ray: &Ray, hit: &Hit) -> bool {
     let corners = corners(mesh, &mesh.triangles[hit.primitive.index()]);
     near_plane(ray, ray.t_min, corners, margin(word, ray, &corners).along)
 }
 
-/// Whether two answers are the same bits; `==` would take -0.0 for 0.0.
+/// Whether two answers have the same bits; `==` does not distinguish -0.0 from 0.0.
 pub(super) fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
     let bits = |hit: Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive, hit.instance, hit.side);
     a.map(bits) == b.map(bits)

@@ -1,6 +1,6 @@
-//! Placed meshes: mirrored, sheared, nearly singular, far off; hits judged in world space against the exact image.
+//! Instances: mirrored, sheared, nearly singular, far away; hits are compared in world space with the exact image.
 //!
-//! Not covered: seams between instances, which no promise closes (`ARCHITECTURE.md`); what moves (`instances/moving.rs`).
+//! Not covered: gaps between instances, which nothing closes (`ARCHITECTURE.md`); motion (`instances/moving.rs`).
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, soup};
 use canted_gpu::{Choice, Gpu, TracedScene};
@@ -21,7 +21,7 @@ use crate::{
     transforms::affine,
 };
 
-/// Placements by name.
+/// Transforms by name.
 fn places() -> Vec<(&'static str, Affine)> {
     let turn = Rotation::off_axis();
     let mut sheared = affine(&turn, [1.0; 3], [0.3, 0.1, -2.0]);
@@ -41,7 +41,7 @@ fn places() -> Vec<(&'static str, Affine)> {
     ]
 }
 
-/// Rays in world space at vertices, edges and triangles of the placed mesh.
+/// World-space rays at vertices, edges and triangles of the instanced mesh.
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 fn rays(mesh: &Mesh, world_from_object: &Affine, n: usize) -> Vec<Ray> {
     let mut rng = SplitMix64::new(110);
@@ -57,7 +57,7 @@ fn rays(mesh: &Mesh, world_from_object: &Affine, n: usize) -> Vec<Ray> {
     (0..n).map(ray).filter(|ray| ray.direction.iter().any(|&d| d != 0.0)).collect()
 }
 
-/// A mesh where it stands, by the words of who answers.
+/// A mesh with its transform.
 struct Place<'a> {
     mesh: &'a Mesh,
     world_from_object: Affine,
@@ -66,25 +66,25 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Distance of a hit from where it should be, over what is promised; all in `f64`, whose roundings are a billionth of it.
+    /// Distance of a hit from its exact position relative to the bound, in `f64`, whose rounding is a billionth of the bound.
     fn of_promised(&self, word: Word, ray: &Ray, hit: &Hit) -> f64 {
         let Self { mesh, world_from_object, reach } = self;
         if let Word::Device(_) = word {
             return self.off_device(ray, hit.t, hit);
         }
-        // Of the point on the ray from the image of the point by weights.
+        // Distance between the point on the ray and the image of the barycentric point.
         let [a, b, c] = mesh.corners(hit.primitive.index());
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));
         let object: [f64; 3] = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
         let (image, on_ray) = (world_from_object.point_f64(object), ray.at(f64::from(hit.t)));
-        // The weights are rounded too: by a unit of two edges, which the bound on the point leaves out.
+        // The barycentric weights are rounded too: one unit of two edges, which the bound on the point does not include.
         let weights = f64::from(f32::EPSILON) * norm(world_from_object) * f64::from(*reach);
         let distances = [0, 1, 2].map(|k| (image[k] - on_ray[k]).abs());
         let distance = distances.iter().fold(0.0, greater);
         distance / (oracle::hit_error(world_from_object, *reach, ray) + weights)
     }
 
-    /// Distance of a point on the ray from the triangle that was hit, over what a device promises.
+    /// Distance of a point on the ray from the hit triangle, relative to the device's bound.
     fn off_device(&self, ray: &Ray, t: f32, hit: &Hit) -> f64 {
         let Self { mesh, world_from_object, reach } = self;
         let corners = mesh.corners(hit.primitive.index()).map(|corner| world_from_object.point_f64(corner));
@@ -92,13 +92,13 @@ impl Place<'_> {
         distance(ray.at(f64::from(t)), corners) / promised
     }
 
-    /// Whether a ray begins so near the triangle that a device may take it to begin on either side.
+    /// Whether a ray starts so close to the triangle that a device may place the start on either side.
     fn begins_in(&self, ray: &Ray, hit: &Hit) -> bool {
         self.off_device(ray, ray.t_min, hit) <= 1.0
     }
 }
 
-/// The greater of two, and what is not a number where either is not: `f64::max` would forget it.
+/// The greater of two, or NaN if either is NaN, which `f64::max` would drop.
 fn greater(all: f64, &x: &f64) -> f64 {
     if x > all || x.is_nan() { x } else { all }
 }
@@ -108,8 +108,8 @@ fn norm(map: &Affine) -> f64 {
     (0..3).map(|k| map.columns[..3].iter().map(|column| f64::from(column[k].abs())).sum()).fold(0.0, f64::max)
 }
 
-/// What these ways do: ours at every place that their kind takes, and of peers whether anything is hit, for they may round the ray
-/// or the vertices, and none says what it does.
+/// The rows of these tracers: ours for every transform that they accept; for peers only whether anything is hit, because they may
+/// round the ray or the vertices in undocumented steps.
 #[must_use]
 pub fn rows(effort: usize, ways: &[&Way]) -> Vec<Row> {
     let mut rows = vec![];
@@ -133,12 +133,12 @@ pub fn rows(effort: usize, ways: &[&Way]) -> Vec<Row> {
                 (Word::Peer, want, hit) => hit.is_some() != want.is_some(),
                 (Word::Device(_), None, _) => false,
                 (Word::Device(_), Some(_), None) => true,
-                // What is hit later must be within the error of what is nearer.
+                // A farther hit must be within the error of the nearer one.
                 (Word::Device(_), Some(want), Some(hit)) => {
                     !occluded[i] || hit.t > want.t && place.off_device(&rays[i], hit.t, &want) > 1.0
                 }
             };
-            // Of a device only what it loses counts.
+            // For a device only lost hits count.
             let counts = |&i: &usize| match way.word {
                 Word::Device(_) => wants[i].is_some_and(|want| !place.begins_in(&rays[i], &want)),
                 Word::Loop | Word::Peer => true,
@@ -160,10 +160,10 @@ pub fn rows(effort: usize, ways: &[&Way]) -> Vec<Row> {
     rows
 }
 
-/// The promise that hits are where they should be.
+/// The promise about the positions of hits.
 pub const NEAR: &str = "hits lie on the image of their triangle";
 
-/// Transforms that leave too little of object space, on the CPU and on the best device, if there is one.
+/// Transforms that are too close to singular, on the CPU and on the best device if there is one.
 fn refused(mesh: &Mesh) -> Vec<Row> {
     const REFUSED: Promise = Promise::none(
         "instance",

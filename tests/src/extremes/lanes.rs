@@ -1,6 +1,6 @@
-//! Boxes along the axes in nodes of eight, on every path that the machine has: the kinds of `slab`.
+//! Axis-aligned boxes in eight-wide nodes on every available SIMD path: the cases of `slab`.
 //!
-//! Leaning boxes of wide nodes belong to a tree of triangles (`hierarchy`): their tests have no door of their own.
+//! Oriented boxes in wide nodes are covered by `hierarchy`: their test has no public entry point.
 
 use canted_obb::Aabb;
 use canted_trace::ScaledRay;
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::fractions;
 
-/// Boxes of one tree: those of a node.
+/// Boxes of one BVH, which fit one node.
 const LANES: usize = 8;
 
 pub(super) fn rows(effort: usize) -> Vec<Row> {
@@ -22,7 +22,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         let lost =
             Promise::none("box in a node of eight", name, "what meets the box enters it", Oracle::Exact, "rays lost");
         let told = Promise { promise: "misses that enter, for the pad", unit: "of all misses", ..lost }.told();
-        // A product and a sum may be rounded once or twice (`canted_wide`'s `simd`): pads cover both, and no path is held to another.
+        // A product and a sum may be rounded once or twice (`canted_wide`'s `simd`); padding covers both, and paths may differ.
         let same = Promise {
             promise: "rays that enter other boxes than on the scalar path, for fused roundings",
             oracle: Oracle::Same,
@@ -30,7 +30,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             ..lost
         }
         .told();
-        // A leaning box lies in its straight one: what meets it must enter that.
+        // An oriented box lies in its axis-aligned bounds: a ray that hits it must enter those.
         let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::meets_box(ray, obb)).collect();
         let n_met = verdicts.iter().filter(|&&meets| meets).count();
         let straight = pairs.iter().all(|(_, obb)| obb.frame == canted_obb::Obb::IDENTITY_FRAME);
@@ -57,7 +57,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     rows
 }
 
-/// For each ray which boxes of its node it enters, rising; its own box stands where it stands among the pairs.
+/// For each ray the indices of the boxes of its node that it enters, ascending; its own box keeps its index among the pairs.
 fn entered(pairs: &[Pair], path: SimdPath) -> Vec<Vec<usize>> {
     let of_node = |pairs: &[Pair]| {
         let boxes: Vec<Aabb> = pairs.iter().map(|(_, obb)| obb.aabb()).collect();

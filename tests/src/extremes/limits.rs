@@ -1,8 +1,8 @@
-//! More than a tree can name: an error that says how many, before anything is looked at.
+//! Inputs above the limits: an error with the count, before the input is read.
 //!
-//! Not covered: just at the limits, and above those of 2^30 triangles in memory and of 2^26 instances, for which machines are too
-//! small; the crates' own tests go there with smaller limits (`emit/tests.rs` of `canted-wide`, `corners.rs` of `canted-lbvh`, `tlas.rs`
-//! of `canted-tlas`, `prepare.rs` of `canted-renderer`).
+//! Not covered: inputs just at the limits, and above those of 2^30 triangles in memory and of 2^26 instances, which need too much
+//! memory; the crates' own tests use smaller limits (`emit/tests.rs` of `canted-wide`, `corners.rs` of `canted-lbvh`, `tlas.rs` of
+//! `canted-tlas`, `prepare.rs` of `canted-renderer`).
 
 use std::fmt::Display;
 
@@ -15,7 +15,7 @@ use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit
 
 use super::{Oracle, Promise, Row};
 
-/// A shape without memory, of which a tree of any number can be asked for; whoever looks at it finds it flawed.
+/// A zero-sized shape, so that any number of them fits in memory; its bounds are invalid, so reading one is an error.
 #[derive(Clone, Copy)]
 struct Flawed;
 
@@ -29,10 +29,10 @@ impl Primitive for Flawed {
     }
 }
 
-/// Triangles of [`scene`]'s mesh.
+/// Number of triangles in the mesh of [`scene`].
 const OF_MESH: usize = 1 << 14;
 
-/// A mesh placed so often that there are `n` triangles and a mesh more; whoever looks at it misses its vertices.
+/// A mesh instanced so often that there are more than `n` triangles; it has no vertices, so reading it is an error.
 fn scene(n: usize) -> Scene {
     let place = Instance {
         mesh: MeshId(0),
@@ -44,7 +44,7 @@ fn scene(n: usize) -> Scene {
     Scene { meshes: vec![mesh], instances: vec![place; n / OF_MESH + 1], ..Scene::default() }
 }
 
-/// Whether it is refused for the number, and says it.
+/// Whether the error message starts with the count.
 fn is_told<T>(built: Result<T, impl Display>, n: usize) -> bool {
     built.is_err_and(|error| error.to_string().starts_with(&format!("{n} ")))
 }
@@ -59,7 +59,7 @@ pub(super) fn rows() -> Vec<Row> {
     );
     let mut rows = vec![];
     let mut row = |routine: &str, is_told: bool| rows.push(TOLD.count(routine, 1, usize::from(!is_told)));
-    // The system lends pages of zeros, and takes them back unread.
+    // The system maps zero pages lazily, so the memory is never touched.
     let triangles = vec![[0u32; 3]; MAX_TRIANGLES + 1];
     row("Wide::build", is_told(TriangleBvh::<Watertight>::build(&[], &triangles, &Config::default()), triangles.len()));
     let shapes = vec![Flawed; MAX_PRIMITIVES + 1];
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn who_takes_it_or_says_no_number_is_seen() {
-        assert!(is_told(Err::<(), _>("9 triangles are more than a tree can hold"), 9));
+        assert!(is_told(Err::<(), _>("9 triangles exceed the limit"), 9));
         assert!(!is_told(Ok::<_, String>(()), 9));
         for error in ["99 triangles are too many", "triangle 9 has no vertices"] {
             assert!(!is_told(Err::<(), _>(error), 9), "{error}");

@@ -1,6 +1,6 @@
-//! Boxes of boxes: what a merge keeps, how much it grows, and what does not turn its axes.
+//! Merged boxes: containment, growth, and inputs that must not rotate the frame.
 //!
-//! Not covered: how tight a merge is on ordinary boxes (the report's chapter of boxes).
+//! Not covered: how tight a merge is on ordinary boxes (the report's chapter on boxes).
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -16,10 +16,10 @@ use crate::{
     exact,
 };
 
-/// A rule by name.
+/// A merge rule by name.
 pub(crate) type Rule = (&'static str, fn(&Obb, &Obb) -> Obb);
 
-/// Every rule of two boxes.
+/// Every rule for two boxes.
 pub(crate) const RULES: [Rule; 5] = [
     ("bounded by corners", |a, b| merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Corners)),
     ("bounded by area", |a, b| merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Area)),
@@ -53,7 +53,7 @@ const QUARTER: Promise = promise(
 const HALF: Promise =
     promise("a box and the same turned by 180°", "the box", Oracle::Known, 1.0 + 2.1 * REFRAMED, "of its area");
 const SIGN: Promise = promise("q and -q", "the same rotation, bit for bit", Oracle::Same, 0.0, "pairs differ");
-/// Of weights `1e6 : 1` the frame turns by a millionth of a right angle at most; the frame's rounding, `√3·2^-25`, comes
+/// With weights `1e6 : 1` the frame rotates by at most a millionth of a right angle; the frame's rounding, `√3·2^-25`, counts
 /// twice.
 const SPECK: Promise = promise(
     "a box and a speck of a millionth of its weight",
@@ -87,7 +87,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         rows.push(EQUAL.row(name, 2 * turned.len(), worst(&|turn| growth(rule, turn))));
     }
     for (promise, half, angle) in [(QUARTER, [1.0; 3], FRAC_PI_2), (HALF, [3.0, 1.0, 0.25], PI)] {
-        // Principal axes of a cube's corners are any axes: only rules that look at the children's can keep them.
+        // The principal axes of a cube's corners are arbitrary; only rules that use the children's axes can keep them.
         let keeps = |name: &str| promise.case != QUARTER.case || !name.starts_with("bounded");
         for (name, rule) in RULES.into_iter().filter(|(name, _)| keeps(name)) {
             rows.push(promise.row(name, turned.len(), worst(&|turn| of_turned(rule, turn, half, angle))));
@@ -100,7 +100,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         rows.push(CHAIN.count(name, n, outside));
         rows.push(GROWTH.row(name, 1, growth));
     }
-    // Rows of one promise stand together.
+    // Group rows by promise.
     rows.sort_by_key(|row| order(row.promise));
     rows
 }
@@ -117,7 +117,7 @@ fn turned(effort: usize) -> Vec<Quaternion> {
     (0..100 * effort).map(|_| random_rotation(&mut rng)).collect()
 }
 
-/// Random boxes at random places, of scales from 1e-12 to 1e12, and beside each other at 1e7.
+/// Random boxes with scales from 1e-12 to 1e12, and neighbors at 1e7.
 #[expect(clippy::cast_possible_truncation, reason = "any boxes near these will do")]
 fn pairs(effort: usize) -> Vec<(Obb, Obb)> {
     let mut rng = SplitMix64::new(44);
@@ -152,7 +152,7 @@ fn flats(effort: usize) -> Vec<(Obb, Obb)> {
     pairs
 }
 
-/// By how much the box of a box and itself, or one in it, exceeds it.
+/// Relative growth when a box is merged with itself or with a box inside it.
 fn growth(rule: fn(&Obb, &Obb) -> Obb, turn: &Quaternion) -> f64 {
     let outer = Obb { center: [0.0; 3], frame: turn.frame(), half_extents: [4.0, 1.0, 0.25] };
     let inner = Obb { half_extents: [2.0, 0.5, 0.125], ..outer };
@@ -165,14 +165,14 @@ fn growth(rule: fn(&Obb, &Obb) -> Obb, turn: &Quaternion) -> f64 {
     excess(&outer).max(excess(&inner))
 }
 
-/// Area of the box of a box and its image under a turn about its third axis, over its own.
+/// Area of the merge of a box and its image rotated about its third axis, relative to the box's area.
 fn of_turned(rule: fn(&Obb, &Obb) -> Obb, turn: &Quaternion, half: [f32; 3], angle_rad: f64) -> f64 {
     let a = Obb { center: [0.5, -1.0, 2.0], frame: turn.frame(), half_extents: half };
     let b = Obb { frame: turn.times(Quaternion::from_axis_angle([0.0, 0.0, 1.0], angle_rad)).frame(), ..a };
     rule(&a, &b).area() / a.area()
 }
 
-/// Whether the mean with a rotation depends on that rotation's sign.
+/// Whether averaging with a rotation depends on the sign of its quaternion.
 fn is_sign_seen(turn: &Quaternion) -> bool {
     let beside = turn.times(Quaternion::from_axis_angle([0.6, 0.0, 0.8], 0.4));
     let bits = |q: Quaternion| [q.w, q.x, q.y, q.z].map(f64::to_bits);
@@ -180,7 +180,7 @@ fn is_sign_seen(turn: &Quaternion) -> bool {
     mean(beside) != mean(beside.scaled(-1.0))
 }
 
-/// Angle by which a weight of a millionth, at 44° to it, turns a frame.
+/// Angle by which a weight of a millionth, at 44°, rotates a frame.
 fn speck(turn: &Quaternion) -> f64 {
     let beside = turn.times(Quaternion::from_axis_angle([0.6, 0.0, 0.8], 44.0_f64.to_radians()));
     let mean = Quaternion::from_frame(merge::average(turn.frame(), beside.frame(), [1e6, 1.0]));
@@ -188,7 +188,7 @@ fn speck(turn: &Quaternion) -> f64 {
     2.0 * (left.x * left.x + left.y * left.y + left.z * left.z).sqrt().atan2(left.w.abs())
 }
 
-/// Vertices of a chain, those outside of its box, and its area over that of the straight box.
+/// Number of vertices in a chain of merges, number outside its box, and its area relative to the axis-aligned box.
 fn chain(rule: fn(&Obb, &Obb) -> Obb) -> (usize, usize, f64) {
     let mut rng = SplitMix64::new(50);
     let mut vertices: Vec<[f32; 3]> =

@@ -1,4 +1,4 @@
-//! Rays that are none, in a batch with others: a number that is not finite, no direction, an interval that ends before it begins.
+//! Invalid rays in a batch with valid ones: not finite, zero direction, empty interval.
 
 use canted_fixtures::soup;
 use canted_trace::{Hit, Ray};
@@ -9,7 +9,7 @@ use crate::{
     tracers::{Way, Word},
 };
 
-/// What a ray becomes when it is spoilt.
+/// Invalid variants of a ray.
 fn spoilt(ray: &Ray) -> Vec<Ray> {
     let mut rays = vec![
         Ray { direction: [0.0, -0.0, 0.0], ..*ray },
@@ -44,7 +44,7 @@ pub(super) fn rows(ways: &[Way]) -> Vec<Row> {
     };
     let mesh = soup(26, 60);
     let good = judge::rays(&mesh, 60, 97);
-    // One good ray, then all that became of it.
+    // One valid ray, then all its invalid variants.
     let mixed: Vec<(bool, Ray)> = good
         .iter()
         .flat_map(|ray| std::iter::once((true, *ray)).chain(spoilt(ray).into_iter().map(|ray| (false, ray))))

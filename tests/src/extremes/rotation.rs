@@ -1,4 +1,4 @@
-//! Rotations out of matrices: the measured failures of the source by name, beside the source's listing in both its forms.
+//! Rotations extracted from matrices, including the measured failures of the source, compared with both variants of its listing.
 
 use std::f64::consts::PI;
 
@@ -16,30 +16,30 @@ use crate::{
     vector::{Vector, dot},
 };
 
-/// Noise of torque and trace: the extraction's own, 64 roundings of `f64`, and as much for the oracle.
+/// Rounding noise of torque and trace: 64 roundings of `f64` for the extraction, and as many for the oracle.
 const NOISE: f64 = 128.0 * f64::EPSILON;
 
-/// The source's iteration, with its guard in either place.
+/// The source's iteration with one of the two guards.
 type Listing = fn(Matrix, usize) -> (Quaternion, usize);
 
-/// Turns after which the listing gives up.
+/// Iteration limit of the listing.
 const CAP: usize = 1000;
 
-/// Residual of an eigenvector: each turn rounds an entry a few times; six sweeps of three, doubled.
+/// Residual of an eigenvector: each rotation rounds an entry a few times; six sweeps of three rotations, doubled.
 const RESIDUAL: f64 = 128.0 * f64::EPSILON;
 
 fn promise(case: &'static str, promise: &'static str, oracle: Oracle, bound: f64, unit: &'static str) -> Promise {
     Promise { station: "rotation", case, promise, oracle, bound, unit }
 }
 
-/// Matrices of one kind and the rotations in them.
+/// Matrices of one kind with their known rotations.
 struct Known {
     case: &'static str,
     bound: f64,
     inputs: Vec<(Matrix, Quaternion)>,
 }
 
-/// `turn` times a stretch by `values` along random axes, or along those of the space.
+/// `turn` times a stretch by `values` along random axes, or along the coordinate axes.
 fn stretched(turn: Quaternion, values: Vector, axes: Option<&mut SplitMix64>) -> Matrix {
     let v = axes.map_or(diagonal([1.0; 3]), |rng| random_rotation(rng).columns());
     times(turn.columns(), times(v, times(diagonal(values), transposed(v))))
@@ -60,7 +60,7 @@ fn known(effort: usize) -> Vec<Known> {
             let turn = random_rotation(rng);
             (stretched(turn, values, Some(rng)), turn)
         };
-        // Noise over the least resistance to a turn, that about the first axis.
+        // Noise divided by the least stiffness, that of a rotation about the first axis.
         let bound = 8.0 * NOISE / (values[1] + values[2]);
         kinds.push(Known { case, bound, inputs: (0..n).map(|_| turn(&mut rng)).collect() });
     }
@@ -111,7 +111,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         let promise = promise(case, "the rotation, up to rounding over condition", Oracle::Known, bound, "rad");
         let worst = |of: &dyn Fn(Matrix) -> Quaternion| {
             let error = |&(a, turn): &(Matrix, Quaternion)| angle_rad(of(a), turn);
-            // What is not a number is no rotation: as wrong as any.
+            // NaN counts as the worst error.
             inputs.iter().map(error).fold(0.0, |worst: f64, x| worst.max(if x.is_nan() { PI } else { x }))
         };
         rows.push(promise.row("extract", inputs.len(), worst(&|a| extract(a, MAX_ITERATIONS).rotation)));
@@ -132,7 +132,7 @@ fn random_matrix(rng: &mut SplitMix64) -> Matrix {
     [rng.signed3(), rng.signed3(), rng.signed3()]
 }
 
-/// Matrices of any kind, mirrors among them: no rotation has a greater trace.
+/// Random matrices, including reflections: no rotation has a greater trace.
 fn greatest_trace(effort: usize) -> Row {
     let mut rng = SplitMix64::new(91);
     let n = 2000 * effort;
@@ -152,7 +152,7 @@ fn greatest_trace(effort: usize) -> Row {
     .row("extract", n, worst)
 }
 
-/// Turns taken, over random matrices and those of every condition.
+/// Number of iterations over random matrices and those of every condition.
 fn turns(effort: usize) -> Row {
     let mut rng = SplitMix64::new(93);
     let inputs: Vec<Matrix> = known(effort)
@@ -162,7 +162,7 @@ fn turns(effort: usize) -> Row {
         .collect();
     #[expect(clippy::cast_precision_loss, reason = "few turns")]
     let taken = |a: &Matrix| extract(*a, MAX_ITERATIONS).iterations as f64;
-    // A quarter of the cap leaves what no input here shows.
+    // A quarter of the limit leaves a margin for other inputs.
     #[expect(clippy::cast_precision_loss, reason = "a small number")]
     let bound = MAX_ITERATIONS as f64 / 4.0;
     promise("all of these", "ends far below the cap", Oracle::Structure, bound, "turns").row(
@@ -172,7 +172,7 @@ fn turns(effort: usize) -> Row {
     )
 }
 
-/// What has no rotation, or many: said by the status.
+/// Matrices without a unique rotation, reported by the status.
 fn degenerate(effort: usize) -> Vec<Row> {
     let mut rng = SplitMix64::new(95);
     let mut row = |case, wanted: &'static str, n: usize, is_other: &mut dyn FnMut(&mut SplitMix64) -> bool| {
@@ -210,7 +210,7 @@ fn degenerate(effort: usize) -> Vec<Row> {
     ]
 }
 
-/// Eigenvectors where eigenvalues are 1, 1e-6 and 1e-12.
+/// Eigenvectors for eigenvalues 1, 1e-6 and 1e-12.
 fn graded(effort: usize) -> Row {
     let mut rng = SplitMix64::new(96);
     let n = 200 * effort;

@@ -1,8 +1,7 @@
-//! Rays and boxes, judged by fractions: a box that holds any point of a ray is entered.
+//! Ray-box tests compared with exact fractions: a box that contains any point of the ray is never rejected.
 //!
-//! Boxes seem larger than they are by a derived pad; how many rays that miss enter is told, and not promised. Not covered:
-//! rays whose hits are off by more than exact ones (the proof at `canted_trace`'s `slab`, tested there).
-
+//! A derived pad makes boxes slightly larger; the number of misses that pass is reported, not bounded. Not covered: rays of
+//! primitives whose hits have an error (the proof in `canted_trace`'s `slab`, tested there).
 use canted_fixtures::SplitMix64;
 use canted_obb::Obb;
 use canted_trace::{Ray, ray_aabb, ray_obb};
@@ -26,7 +25,7 @@ fn signed_f32(rng: &mut SplitMix64, scale: f64) -> [f32; 3] {
     rng.signed3().map(|x| (scale * x) as f32)
 }
 
-/// A point of a box: a corner, a point of an edge or a face, or one inside.
+/// A point of a box: a corner, a point on an edge or a face, or an inner point.
 fn target(rng: &mut SplitMix64, obb: &Obb) -> [f64; 3] {
     let q: [f64; 3] = std::array::from_fn(|_| [-1.0, 1.0, rng.signed()][rng.below(3)]);
     std::array::from_fn(|k| {
@@ -35,7 +34,7 @@ fn target(rng: &mut SplitMix64, obb: &Obb) -> [f64; 3] {
     })
 }
 
-/// From `distance` away to a point of the box, rounded.
+/// A rounded ray from `distance` away towards a point of the box.
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 fn aimed(rng: &mut SplitMix64, obb: &Obb, distance: f64) -> Ray {
     let (target, away) = (target(rng, obb), rng.on_sphere());
@@ -48,7 +47,7 @@ fn leaning(rng: &mut SplitMix64, scale: f64, shift: f32) -> Obb {
     Obb { center, frame: random_rotation(rng).frame(), half_extents: signed_f32(rng, scale).map(f32::abs) }
 }
 
-/// Whole coordinates from -4 to 4: faces, edges and corners are met exactly.
+/// Integer coordinates from -4 to 4: faces, edges and corners are hit exactly.
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
 fn on_lattice(rng: &mut SplitMix64) -> Pair {
     let mut whole = || std::array::from_fn(|_| rng.below(9) as f32 - 4.0);
@@ -62,7 +61,7 @@ fn on_lattice(rng: &mut SplitMix64) -> Pair {
     (Ray::new(origin, direction), Obb { center, frame: Obb::IDENTITY_FRAME, half_extents: half })
 }
 
-/// Every kind.
+/// All kinds of pairs.
 #[must_use]
 pub fn cases(effort: usize) -> Vec<Case> {
     let n = 400 * effort;
@@ -157,7 +156,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         ];
         let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::meets_box(ray, obb)).collect();
         let n_missed = verdicts.iter().filter(|&&meets| !meets).count();
-        // A leaning box lies in its straight one: what meets it must enter that too.
+        // An oriented box lies in its axis-aligned bounds: a ray that hits it must enter those, too.
         for (routine, enters) in routines {
             let lost = pairs.iter().zip(&verdicts).filter(|&(pair, &meets)| meets && !enters(pair)).count();
             rows.push(none_lost.count(routine, pairs.len() - n_missed, lost));
@@ -171,7 +170,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     [rows, same(effort)].concat()
 }
 
-/// Rays that are the same but for the sign of zeros, or for a power of two in the direction; rays that are none.
+/// Rays that differ only in the sign of zeros or by a power of two in the direction, and invalid rays.
 fn same(effort: usize) -> Vec<Row> {
     const ZEROS: Promise =
         Promise::none("box", "-0.0 for +0.0", "the same interval, bit for bit", Oracle::Same, "rays differ");

@@ -1,10 +1,10 @@
-//! Rows as lines of a table: what was promised, and what each routine did, in words.
+//! Rows as lines of a table.
 
 use std::collections::BTreeSet;
 
 use super::{Measure, Promise, Row};
 
-/// A line each promise: station, case, promise, judge, bound, the worst of ours, peers; routines of equal value side by side.
+/// One line for each promise: stage, case, promise, reference, bound, our worst values, peers. Routines of equal value are grouped.
 #[must_use]
 pub fn lines(rows: &[Row]) -> Vec<[String; 7]> {
     let line = |around: &[Row]| {
@@ -27,7 +27,7 @@ pub fn table(rows: &[Row]) -> String {
     lines.join("\n")
 }
 
-/// How many promises were made, on how many kinds of input, and how many of them every routine kept that made them.
+/// The number of promises and cases, and how many promises hold for every routine.
 #[must_use]
 pub fn summary(rows: &[Row]) -> String {
     let promised: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();
@@ -41,7 +41,7 @@ fn key(row: &Row) -> [&'static str; 3] {
     [row.promise.station, row.promise.case, row.promise.promise]
 }
 
-/// `words (routines)`, in the order of the first routine of each words.
+/// `value (routines)`, in the order of the first routine with each value.
 fn together(told: impl Iterator<Item = (String, String)>) -> String {
     let mut order: Vec<(String, Vec<String>)> = vec![];
     for (words, routine) in told {
@@ -54,7 +54,7 @@ fn together(told: impl Iterator<Item = (String, String)>) -> String {
     words.collect::<Vec<_>>().join("; ")
 }
 
-/// The bound of all routines of ours, or each bound with those that it binds.
+/// The bound of all our routines, or each bound with its routines.
 fn bounds(rows: &[Row]) -> String {
     let bound = |row: &Row| {
         let Promise { bound, unit, .. } = row.promise;
@@ -65,12 +65,12 @@ fn bounds(rows: &[Row]) -> String {
     one.unwrap_or_else(|| together(ours().map(|row| (bound(row), row.routine.clone()))))
 }
 
-/// The values of ours, or of peers, with their inputs.
+/// The values of our routines or of peers, with their inputs.
 fn values(rows: &[Row], is_peer: bool) -> String {
     together(rows.iter().filter(|row| row.is_peer == is_peer).map(|row| (value(row), who(row))))
 }
 
-/// The value and its inputs, in words.
+/// The value and the number of inputs.
 fn value(row: &Row) -> String {
     let Row { promise: Promise { unit, .. }, n_inputs, worst, .. } = row;
     let inputs = if *n_inputs == 1 { "1 input".to_owned() } else { format!("{n_inputs} inputs") };
@@ -83,13 +83,13 @@ fn value(row: &Row) -> String {
     if row.is_broken() { format!("**broken** {value}") } else { value }
 }
 
-/// The routine, and what was not its own answer.
+/// The routine, and the number of queries that it did not answer itself.
 fn who(row: &Row) -> String {
     let Row { routine, n_cut, .. } = row;
-    if *n_cut == 0 { routine.clone() } else { format!("{routine} [{n_cut} answers cut by the driver]") }
+    if *n_cut == 0 { routine.clone() } else { format!("{routine} [{n_cut} queries ended early by the driver]") }
 }
 
-/// A number as tables show it: whole where it is, else three digits.
+/// A number as shown in tables: an integer, or three digits.
 fn number(x: f64) -> String {
     if x == x.round() && x.abs() < 1e7 {
         format!("{x}")
@@ -134,7 +134,7 @@ mod tests {
         assert_eq!(value(&told.share("a", 400, 400)), "100 % of all misses, 400 inputs");
         assert_eq!(value(&told.row("a", 1, 0.25)), "0.2500 of all misses, 1 input");
         let cut = Row { n_cut: 7, ..PROMISE.count("device", 3, 0) };
-        assert_eq!(lines(&[cut])[0][5], "0 of 3 inputs (device [7 answers cut by the driver])");
+        assert_eq!(lines(&[cut])[0][5], "0 of 3 inputs (device [7 queries ended early by the driver])");
         assert_eq!(lines(&[PROMISE.count_certain("a", 0, 0)])[0][4..6], ["told", "no input is certain (a)"]);
     }
 

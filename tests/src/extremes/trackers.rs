@@ -1,6 +1,6 @@
-//! What other libraries' users reported, as cases of ours by the number of the thread, beside what those libraries do.
+//! Bugs reported to other libraries, by number of the thread: our results and those of the libraries.
 //!
-//! Inputs follow the reports' words; where a report came with files, the shape that it describes takes their place.
+//! Inputs follow the text of the reports; attached files are replaced by the shape that the report describes.
 
 mod embree;
 mod tinybvh;
@@ -15,15 +15,15 @@ use crate::{
     tracers::{Way, Word},
 };
 
-/// A report, and the rows that answer it.
+/// A bug report and its rows.
 pub struct Tracker {
-    /// Library and number: also the name of the test.
+    /// Library and number; also the name of the test.
     pub name: &'static str,
-    /// What each way does on the report's input.
+    /// The rows of each tracer on the report's input.
     pub rows: fn(&[Way]) -> Vec<Row>,
 }
 
-/// Every report.
+/// All reports.
 pub const TRACKERS: [Tracker; 9] = [
     Tracker { name: "embree_174", rows: embree::embree_174 },
     Tracker { name: "embree_181", rows: embree::embree_181 },
@@ -36,7 +36,7 @@ pub const TRACKERS: [Tracker; 9] = [
     Tracker { name: "parry_444", rows: parry_444 },
 ];
 
-/// A row for each way: rays, and those that went wrong.
+/// One row for each tracer: rays, and failed rays.
 fn each<'a>(
     promise: Promise,
     ways: impl IntoIterator<Item = &'a Way>,
@@ -49,7 +49,7 @@ fn each<'a>(
     ways.into_iter().map(row).collect()
 }
 
-/// Rays that nothing stops, or that an occlusion query lets pass.
+/// Number of rays, and of rays that miss or are not occluded.
 fn slipped(way: &Way, mesh: &Mesh, rays: &[Ray]) -> (usize, usize) {
     let tracer = way.of(mesh);
     let (hits, occluded) = (tracer.closest(rays), tracer.occluded(rays));
@@ -65,7 +65,7 @@ fn rounded(x: [f64; 3]) -> [f32; 3] {
     x.map(|x| x as f32)
 }
 
-/// A closed scan is littered with holes one pixel large.
+/// A closed scan has holes one pixel large.
 fn parry_444(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "parry #444",

@@ -1,4 +1,4 @@
-//! Binary trees over what codes cannot tell apart: every primitive once, parents around children, a bounded depth.
+//! Binary trees over inputs that codes cannot separate: each primitive once, parents contain children, bounded depth.
 //!
 //! Not covered: time, which grows no faster than the scene (`degenerate.rs`); the device's trees (`built`).
 
@@ -28,7 +28,7 @@ fn of_boxes(corners: &[Corners], bounds: &Aabb, builder: &Builder) -> Tree {
     build(&boxes, bounds, builder)
 }
 
-/// Kinds of input, each with the numbers of triangles that are tried.
+/// Kinds of input, each with several numbers of triangles.
 pub(super) fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
     vec![
         ("0, 1, 2 triangles", (0..3).map(|n| soup(3, n)).collect()),
@@ -75,7 +75,7 @@ pub(super) fn rows() -> Vec<Row> {
     [rows, cells()].concat()
 }
 
-/// Whether the tree is flawed, and its depth.
+/// Whether the tree is invalid, and its depth.
 fn judge(mesh: &Mesh, way: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
     let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("finite vertices");
     let tree = way(&corners, &bounds);

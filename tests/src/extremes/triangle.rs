@@ -1,6 +1,6 @@
-//! Rays and single triangles, judged by integers: what is certainly pierced is hit, what is certainly missed is not.
+//! Rays and single triangles compared with exact arithmetic: certain hits are found, certain misses are not hit.
 //!
-//! Not covered: rays within the margin of an edge, of which only closed meshes ask something (`watertight`).
+//! Not covered: rays within the margin of an edge, which matter only for closed meshes (`watertight`).
 
 use canted_fixtures::{Mesh, SplitMix64, fan};
 use canted_trace::{BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, Watertight};
@@ -15,7 +15,7 @@ use crate::{
 /// A ray and the corners of a triangle.
 pub type Pair = (Ray, [[f32; 3]; 3]);
 
-/// What a kernel said: `t` in the caller's units, and the side.
+/// A kernel's answer: `t` in the caller's units, and the side.
 type Answer = Option<(f32, Side)>;
 
 fn ask<K: Kernel>((ray, corners): &Pair) -> Answer {
@@ -38,7 +38,7 @@ fn rounded(x: [f64; 3]) -> [f32; 3] {
     x.map(|x| x as f32)
 }
 
-/// A triangle of this size around this place, `thin` times as high as long.
+/// A triangle of this size around this point, with a height of `thin` times its length.
 fn triangle(rng: &mut SplitMix64, size: f64, place: f64, thin: f64) -> [[f32; 3]; 3] {
     let (a, along) = (rng.signed3().map(|x| place + size * x), rng.on_sphere());
     let (by, up) = (rng.unit(), rng.on_sphere());
@@ -46,7 +46,7 @@ fn triangle(rng: &mut SplitMix64, size: f64, place: f64, thin: f64) -> [[f32; 3]
     [rounded(a), rounded(at(1.0, 0.0)), rounded(at(by, thin))]
 }
 
-/// From `distance` away, at a point inside or beside the triangle.
+/// A ray from `distance` away towards a point inside or near the triangle.
 fn aimed(rng: &mut SplitMix64, corners: &[[f32; 3]; 3], distance: f64) -> Ray {
     let [u, v] = [1.4 * rng.unit() - 0.2, 1.4 * rng.unit() - 0.2];
     let [a, b, c] = corners.map(|corner| corner.map(f64::from));
@@ -56,7 +56,7 @@ fn aimed(rng: &mut SplitMix64, corners: &[[f32; 3]; 3], distance: f64) -> Ray {
     Ray::new(origin, rounded(std::array::from_fn(|k| target[k] - f64::from(origin[k]))))
 }
 
-/// Kinds of pairs, by name.
+/// Kinds of pairs by name.
 #[must_use]
 pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
     let n = 400 * effort;
@@ -121,7 +121,7 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
     ]
 }
 
-/// Where the vertices of a kernel's triangle may be.
+/// Error bound of a kernel's triangle vertices.
 fn margin(routine: usize, pair: &Pair) -> Margin {
     let margin = judge::margin(&pair.0, &pair.1);
     if routine == 0 {
@@ -149,7 +149,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             pairs.iter().map(verdict).collect::<Vec<_>>()
         });
         for (i, (name, _)) in ROUTINES.iter().enumerate() {
-            // Only the watertight kernel hits whatever is pierced: the others leave out what they cannot solve well.
+            // Only the watertight kernel finds all certain hits; the others reject ill-conditioned triangles.
             let promise = if i == 0 { lost } else { lost.told() };
             let [n, n_lost] = certain(&verdicts[i.min(1)], Verdict::Pierced, &answers[i], |answer| answer.is_none());
             rows.push(promise.count_certain(*name, n, n_lost));
@@ -169,22 +169,22 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     [rows, ties(), hubs()].concat()
 }
 
-/// Rays of this verdict, and those of them whose answer is wrong.
+/// Number of rays with this verdict, and of those with a wrong answer.
 fn certain(verdicts: &[Verdict], of: Verdict, answers: &[Answer], is_wrong: fn(&Answer) -> bool) -> [usize; 2] {
     let answers = || verdicts.iter().zip(answers).filter(|(verdict, _)| **verdict == of).map(|(_, answer)| answer);
     [answers().count(), answers().filter(|answer| is_wrong(answer)).count()]
 }
 
-/// Distance of the point at `t` from the plane, over what is promised of it.
+/// Distance of the point at `t` from the plane, relative to the bound.
 fn of_promised((ray, corners): &Pair, t: f32) -> f64 {
     let reach = |points: &[f32]| points.iter().fold(0.0f64, |all, &x| all.max(f64::from(x).abs()));
     let scale = reach(&ray.origin) + reach(corners.as_flattened());
     let promised = 3.0f64.sqrt() * f64::from(HIT_ERROR) * scale + f64::from(f32::MIN_POSITIVE);
-    // What has no plane has no distance from it; the verdict says whether it may be hit.
+    // A degenerate triangle has no plane; the verdict says whether it may be hit.
     Some(fractions::plane_distance(ray, t, *corners)).filter(|distance| distance.is_finite()).unwrap_or(0.0) / promised
 }
 
-/// Coplanar copies, in either order and turned over.
+/// Coplanar copies in either order, some flipped.
 fn ties() -> Vec<Row> {
     const TIES: Promise = Promise::none(
         "triangle",
@@ -212,7 +212,7 @@ fn ties() -> Vec<Row> {
     ROUTINES.iter().zip(firsts).map(row).collect()
 }
 
-/// Rays at the hub of closed fans.
+/// Rays at the shared vertex of closed fans.
 fn hubs() -> Vec<Row> {
     const HUBS: Promise = Promise::none(
         "triangle",
@@ -231,7 +231,7 @@ fn hubs() -> Vec<Row> {
             let rim = mesh.positions[1 + rng.below(spokes as usize)].map(f64::from);
             let along = if i % 2 == 0 { 0.0 } else { 0.9 * rng.unit() };
             let target: [f64; 3] = std::array::from_fn(|k| hub[k] + along * (rim[k] - hub[k]));
-            // Above the cone, whose axis is the turned z: any ray from there to the target meets the fan there.
+            // Above the cone around the rotated z axis: any ray from there to the target hits the fan.
             let axis = canted_fixtures::Rotation::off_axis().apply([0.0, 0.0, 1.0]);
             let stray = rng.signed3();
             let origin = rounded(std::array::from_fn(|k| hub[k] + 2.0 * axis[k] + 0.2 * stray[k]));

@@ -1,4 +1,4 @@
-//! A device, and the CPU in its place where a driver cuts a walk short.
+//! A device, with the CPU as fallback for traversals that a driver ends early.
 
 use std::{cell::Cell, rc::Rc};
 
@@ -11,7 +11,7 @@ use canted_wide::Config;
 use super::{Make, Tracer, TwoLevels, Way, Word, wide};
 use crate::closed::baked;
 
-/// Both numbers of levels on a device.
+/// The device with one level and with two.
 pub(super) fn ways(gpu: &Rc<Gpu>) -> [Way; 2] {
     let cuts: [Rc<Cell<usize>>; 2] = Default::default();
     let [(of_one, cuts_of_one), (of_two, cuts_of_two)] = cuts.each_ref().map(|cuts| (Rc::clone(gpu), Rc::clone(cuts)));
@@ -23,19 +23,19 @@ pub(super) fn ways(gpu: &Rc<Gpu>) -> [Way; 2] {
     let two: Make = Box::new(move |mesh, place| {
         let tree = wide(mesh, &Config::default());
         let scene = TracedScene::two_level(&of_two, &[&tree], &[Instance::new(0, *place)]);
-        let scene = scene.expect("places of tests are well conditioned");
+        let scene = scene.expect("transforms in tests are well conditioned");
         let tree = Box::new(TwoLevels::new(tree, mesh, place));
         Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })
     });
     let [cuts_of_one, cuts_of_two] = cuts;
-    // Through an instance that stands still hits may be off by twice as much (`HitError::with` in `canted-gpu`).
+    // Static instances double the error bound of hits (`HitError::with` in `canted-gpu`).
     [
         Way { n_cut: cuts_of_one, ..Way::new("device", Word::Device(HIT_ERROR), one) },
         Way { n_cut: cuts_of_two, ..Way::new("two levels on the device", Word::Device(2.0 * HIT_ERROR), two) },
     ]
 }
 
-/// A scene on the device, and on the CPU for walks that a driver cuts short.
+/// A scene on the device, and on the CPU for traversals that a driver ends early.
 struct Device {
     gpu: Rc<Gpu>,
     scene: TracedScene,
@@ -44,7 +44,7 @@ struct Device {
 }
 
 impl Device {
-    /// What the CPU says in place of the device.
+    /// The CPU's answer instead of the device's.
     fn cut<T>(&self, ask: impl FnOnce(&dyn Tracer) -> T) -> T {
         self.n_cut.update(|n| n + 1);
         ask(self.tree.as_ref())
@@ -53,7 +53,7 @@ impl Device {
 
 impl Tracer for Device {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        let answers = self.scene.closest_hits(&self.gpu, rays).expect("the device stays");
+        let answers = self.scene.closest_hits(&self.gpu, rays).expect("the device is not lost");
         let known = |(answer, ray): (Outcome<Option<DeviceHit>>, &Ray)| match answer {
             Outcome::Incomplete => self.cut(|tree| tree.closest(std::slice::from_ref(ray))[0]),
             Outcome::Complete(hit) => hit.map(|hit| Hit {
@@ -69,7 +69,7 @@ impl Tracer for Device {
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        let answers = self.scene.occluded(&self.gpu, rays).expect("the device stays");
+        let answers = self.scene.occluded(&self.gpu, rays).expect("the device is not lost");
         let known = |(answer, ray): (Outcome<bool>, &Ray)| match answer {
             Outcome::Incomplete => self.cut(|tree| tree.occluded(std::slice::from_ref(ray))[0]),
             Outcome::Complete(found) => found,

@@ -8,7 +8,7 @@ use canted_renderer::{DeviceError, Levels, Monitor, RenderError, Settings};
 use super::scenes::full;
 use super::{gpu, on_cpu, silent, small, with_picture};
 
-/// Pixels of a tile, for each tile.
+/// The pixels of each tile.
 fn tiles(film: &Film, settings: &Settings) -> Vec<Vec<[f64; 3]>> {
     let side = settings.tile as usize;
     let [width, height] = [settings.width, settings.height].map(|n| n as usize);
@@ -31,11 +31,11 @@ fn every_tile_is_the_cpus_or_the_devices() {
     })
     .unwrap();
     let ours = tiles(&ours, &settings);
-    assert!(ours.iter().zip(&theirs).any(|(a, b)| a != b), "roundings are seen nowhere: the test says nothing");
+    assert!(ours.iter().zip(&theirs).any(|(a, b)| a != b), "the pictures are equal, so the test proves nothing");
     assert!(shared.stopped.is_none());
     let of_one = |tile: usize, pixels: &Vec<[f64; 3]>| *pixels == ours[tile] || *pixels == theirs[tile];
     for (tile, pixels) in tiles(&shared.film, &settings).iter().enumerate() {
-        assert!(of_one(tile, pixels), "tile {tile} is neither's");
+        assert!(of_one(tile, pixels), "tile {tile} matches neither");
     }
     assert!(shared.n_tiles_of_device <= theirs.len());
 }
@@ -52,7 +52,7 @@ fn a_device_that_is_lost_leaves_the_rest_to_the_cpu() {
     .unwrap();
     assert_eq!(shared.n_tiles_of_device, 0);
     assert!(shared.stopped.unwrap().to_string().contains("lost"));
-    assert!(shared.film.pixels() == on_cpu(&scene, &settings).pixels(), "not the CPU's picture");
+    assert!(shared.film.pixels() == on_cpu(&scene, &settings).pixels(), "differs from the CPU's picture");
 }
 
 #[test]

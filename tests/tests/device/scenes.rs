@@ -17,7 +17,7 @@ fn place(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
 
 const AXES: [[f32; 3]; 4] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
 
-/// Two triangles under one sun: no texture, no normals, one level, opaque.
+/// Two triangles under a directional light: no texture, no normals, one level, opaque.
 pub(crate) fn bare() -> Scene {
     let mesh = Mesh {
         positions: vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]],
@@ -35,7 +35,7 @@ pub(crate) fn bare() -> Scene {
     }
 }
 
-/// A texture of `side` by `side` texels in all colours, a quarter of them transparent.
+/// A texture of `side` by `side` texels in all colors, a quarter of them transparent.
 pub(crate) fn texture(side: u32) -> Texture {
     let texel = |i: u32| {
         let [red, green, blue] = [3, 5, 7].map(|k| u8::try_from(i * k % 256).unwrap());
@@ -51,7 +51,7 @@ pub(crate) fn texture(side: u32) -> Texture {
     }
 }
 
-/// The same, textured on both sides of a mirrored instance, with normals, tangents, holes and lamps of more kinds.
+/// The same with textures on both sides of a mirrored instance, normals, tangents, holes and more kinds of lights.
 pub(crate) fn full() -> Scene {
     let mut scene = bare();
     let mesh = &mut scene.meshes[0];

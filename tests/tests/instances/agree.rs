@@ -1,4 +1,4 @@
-//! The same hits as a loop over all instances, each of which loops over all triangles.
+//! The same hits as a loop over all instances, each looping over all triangles.
 
 use canted_fixtures::{Mesh, Rotation, thin_box};
 use canted_lbvh::{Strategy, VolumeConfig};
@@ -16,7 +16,7 @@ pub(crate) fn loop_over_all<K: Kernel>(placed: &[Affine], rays: &[Ray]) -> Vec<O
     rays.iter().map(|ray| oracle::closest_hit(placed, ray, trace)).collect()
 }
 
-/// The first ray that the two levels answer otherwise than `wants`.
+/// The first ray for which the two levels differ from `wants`.
 fn first_difference<K: Kernel>(
     tlas: &Tlas<canted_bvh2::Bvh2<K>>,
     rays: &[Ray],
@@ -85,7 +85,7 @@ fn the_top_level_leaves_most_instances_out() {
 
 #[test]
 fn ties_go_to_the_lowest_instance_then_primitive() {
-    // Two coincident triangles a mesh, two coincident meshes, each placed twice at each place.
+    // Two coincident triangles in each mesh, two coincident meshes, each instanced twice with each transform.
     let [soup, _] = meshes();
     let doubled =
         Mesh { positions: soup.positions.clone(), triangles: [&soup.triangles[..], &soup.triangles].concat() };

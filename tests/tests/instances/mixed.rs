@@ -1,4 +1,4 @@
-//! Different kinds of bottom level side by side: builders, volumes and triangle tests.
+//! Mixed kinds of bottom levels: builders, volumes and triangle tests.
 
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
@@ -60,7 +60,7 @@ fn foreign<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {
     Bvh2::over(tree, &corners, &bounds, &BuildConfig { volumes, ..BuildConfig::default() })
 }
 
-/// Kinds that answer with the watertight test, then one of each other test; the even ones over the soup.
+/// Several kinds with the watertight test, then one of each other test; even ones over the soup.
 fn kinds() -> Vec<Mixed> {
     let [soup, torus] = meshes();
     vec![
@@ -73,7 +73,7 @@ fn kinds() -> Vec<Mixed> {
     ]
 }
 
-/// The bottom levels that instances take in turn.
+/// A top level whose instances cycle through these bottom levels.
 fn tlas(order: &[u32]) -> Tlas<Mixed> {
     let instances: Vec<Instance> = crowd()
         .into_iter()

@@ -1,4 +1,4 @@
-//! Moved instances rebuild the top level and nothing else.
+//! Moved instances rebuild only the top level.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -10,7 +10,7 @@ use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
 
 use super::setup::{all_rays, build, crowd, instances, meshes};
 
-/// A bottom level that counts what is asked of it; it cannot be rebuilt but by making another.
+/// A bottom level that counts calls; `set_instances` has no way to rebuild it.
 struct Counted {
     inner: Bvh2<Watertight>,
     n_bounds: AtomicUsize,
@@ -22,7 +22,7 @@ impl Counted {
         Self { inner, n_bounds: AtomicUsize::new(0), n_rays: AtomicUsize::new(0) }
     }
 
-    /// Questions since the last call: for bounds, for rays.
+    /// Calls since the last take: for bounds, for rays.
     fn take(&self) -> (usize, usize) {
         (self.n_bounds.swap(0, Ordering::Relaxed), self.n_rays.swap(0, Ordering::Relaxed))
     }
@@ -62,7 +62,7 @@ fn hits(tlas: &Tlas<Counted>, rays: &[Ray]) -> Vec<Option<Hit>> {
     rays.iter().map(|ray| tlas.closest_hit(ray)).collect()
 }
 
-/// Everything turned by a quarter about z and shifted.
+/// All instances rotated by a quarter turn about z and shifted.
 fn moved(placed: &[Affine]) -> Vec<Affine> {
     let turn = |[x, y, z]: [f32; 3]| [-y, x, z];
     let shift = |[x, y, z]: [f32; 3]| [x + 0.5, y - 0.25, z + 1.0];
@@ -85,7 +85,7 @@ fn placing_asks_for_bounds_once_an_instance_and_traces_nothing() {
     tlas.set_instances(&instances(&moved(&placed))).unwrap();
     assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
     assert_eq!(tlas.blas().iter().map(std::ptr::from_ref).collect::<Vec<_>>(), before);
-    // The counters do count.
+    // The counters work.
     hits(&tlas, &all_rays(&moved(&placed), 1));
     assert!(asked(&tlas).iter().all(|&(n_bounds, n_rays)| n_bounds == 0 && n_rays > 100));
 }

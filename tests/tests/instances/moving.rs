@@ -1,7 +1,7 @@
-//! Instances that move while the shutter is open: at each time they are hit as if they stood where they then are.
+//! Instances that move while the shutter is open are hit at each time as if they stood still at that position.
 //!
-//! Transforms and times have so few bits that every transform on the way is exact in `f32`: what stands still in its place
-//! is then the same input, to the bit, and all oracles of still instances serve.
+//! Transforms and times have so few bits that every interpolated transform is exact in `f32`. A still instance with that
+//! transform is the same input bit for bit, so all oracles of still instances apply.
 
 use canted_bvh2::Bvh2;
 use canted_fixtures::{Rotation, SplitMix64};
@@ -22,14 +22,14 @@ fn time(rng: &mut SplitMix64) -> f32 {
     f32::from(u16::try_from(rng.below(1025)).unwrap()) / 1024.0
 }
 
-/// The linear part rounded to multiples of 2⁻⁶ of `unit`, which thirteen bits hold.
+/// The linear part rounded to multiples of 2⁻⁶ of `unit`, which thirteen bits can represent.
 fn coarse(map: &Affine, unit: f32) -> Affine {
     let [x, y, z, shift] = map.columns;
     let [x, y, z] = [x, y, z].map(|column| column.map(|c| (c * 64.0).round() / 64.0 * unit));
     Affine { columns: [x, y, z, shift] }
 }
 
-/// Where an instance is: exact, or the test is none.
+/// The exact transform at a time; panics if `f32` cannot represent it.
 fn at([open, close]: &[Affine; 2], time: f32) -> Affine {
     let mut map = *open;
     for (j, column) in map.columns.iter_mut().enumerate() {
@@ -45,7 +45,7 @@ fn at([open, close]: &[Affine; 2], time: f32) -> Affine {
     map
 }
 
-/// Motions of each kind, from where to where.
+/// Motions of each kind: start and end.
 fn ways() -> Vec<(&'static str, [Affine; 2])> {
     let turn = Rotation::off_axis();
     let about_z =
@@ -81,7 +81,7 @@ fn bottom() -> Vec<Bvh2<Watertight>> {
     vec![build(&soup, Strategy::Dop), build(&torus, Strategy::Aabb)]
 }
 
-/// Rays at what `ways` places at a time, and where it then is.
+/// Rays at the instances at a time, and their transforms at that time.
 fn shots(ways: &[[Affine; 2]], time: f32, n: usize, seed: u64) -> (Vec<Affine>, Vec<Ray>) {
     let placed: Vec<Affine> = ways.iter().map(|way| at(way, time)).collect();
     let meshes = meshes();
@@ -89,7 +89,7 @@ fn shots(ways: &[[Affine; 2]], time: f32, n: usize, seed: u64) -> (Vec<Affine>, 
     (placed, rays)
 }
 
-/// The first ray that is not answered as by a loop over all triangles of what stands where the instances are.
+/// The first ray whose answer differs from a loop over all triangles at their positions at that time.
 fn first_difference<B: Blas>(tlas: &Tlas<B>, placed: &[Affine], rays: &[Ray], time: f32) -> Option<String> {
     rays.iter().zip(loop_over_all::<Watertight>(placed, rays)).find_map(|(ray, want)| {
         let got = tlas.closest_hit_with(ray, &mut At(time));
@@ -120,7 +120,7 @@ fn each_motion_is_hit_as_what_stands_still_there_and_as_exact_geometry_says() {
 fn a_crowd_that_moves_is_hit_at_any_time() {
     let ways: Vec<[Affine; 2]> = ways().into_iter().map(|(_, way)| way).collect();
     let mut instances = moving(&ways);
-    // Half of them stand still, where they begin.
+    // Half of them stand still at their start.
     let ways: Vec<_> = ways.iter().enumerate().map(|(i, way)| if i % 3 == 0 { [way[0]; 2] } else { *way }).collect();
     instances.iter_mut().step_by(3).for_each(|instance| instance.world_from_object_close = None);
     let binary = |strategy| TopConfig::Binary(VolumeConfig { strategy, fallback: true });
@@ -167,7 +167,7 @@ fn times_beyond_the_shutter_are_its_ends() {
     }
 }
 
-/// A bottom level whose box is a tenth of what it should be: so is what it sweeps.
+/// A bottom level with a box a tenth of the correct size, and so a swept box that is too small.
 struct Shrunk(Bvh2<Watertight>);
 
 impl Blas for Shrunk {
@@ -218,7 +218,7 @@ fn motions_through_singular_maps_are_refused_with_the_time() {
     );
     let mirror = refused(Affine::IDENTITY, affine(&Rotation::IDENTITY, [1.0, -3.0, 1.0], [0.0; 3]));
     let InstanceError::IllConditionedAt { instance: 1, time, .. } = mirror else { panic!("{mirror}") };
-    // The scale falls by four a time, and is what is refused below one part of the limit of the greatest scale, three.
+    // The scale falls by four per unit of time and is rejected below 1 / limit of the greatest scale, three.
     assert!((time - 0.25).abs() <= 3.0 / MAX_CONDITION / 4.0, "{time}");
     let flat = refused(Affine::IDENTITY, Affine { columns: [[0.0; 3]; 4] });
     assert_eq!(

@@ -1,4 +1,4 @@
-//! The same build again and again: no bit depends on which work-group came first.
+//! Repeated builds: no bit depends on the order of work-groups.
 
 use bytemuck::Pod;
 use canted_fixtures::Mesh;
@@ -10,7 +10,7 @@ use canted_lbvh::{Bits, Strategy};
 
 use crate::setup::{Twin, gpu, items, large, needles, twins};
 
-/// Builds that are compared, the first with each other one.
+/// Builds compared with the first.
 const ROUNDS: usize = 20;
 
 /// Words of buffers by name.
@@ -20,7 +20,7 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Vec<u32> {
     bytemuck::cast_slice(&gpu.read(buffer).unwrap()).to_vec()
 }
 
-/// All that a build leaves in the device's memory.
+/// All buffers that a build leaves on the device.
 pub(crate) fn words_of(gpu: &Gpu, built: &Built) -> Words {
     let trees = &built.trees;
     let obbs = built.obbs.as_ref().map(|obbs| read(gpu, obbs)).unwrap_or_default();
@@ -35,7 +35,7 @@ pub(crate) fn words_of(gpu: &Gpu, built: &Built) -> Words {
     ]
 }
 
-/// All that the stations of a build make, the grids and codes that it drops among them.
+/// All results of the stages of a build, including the grids and codes that it drops.
 fn stations(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
     let bits = Bits::B63;
     let mut run = Run::new(gpu);
@@ -57,7 +57,7 @@ pub(crate) fn changed(before: &Words, after: &Words) -> Option<&'static str> {
     before.iter().zip(after).find(|(before, after)| before != after).map(|((name, _), _)| *name)
 }
 
-/// Many work-groups over one mesh, and a tree of needles, most of whose boxes lean.
+/// A mesh of many work-groups, and needles, most of whose boxes are oriented.
 fn meshes() -> [Mesh; 2] {
     [large(7, 4_000), needles().remove(0)]
 }

@@ -1,5 +1,4 @@
-//! Domain, codes, order and tree, each on what the CPU made before it and then from end to end, all meshes in one set of
-//! dispatches.
+//! Domain, codes, order and tree, each on the CPU's previous result and then from end to end, all meshes in one set of dispatches.
 
 use canted_fixtures::{Mesh, SplitMix64, soup};
 use canted_gpu::build::{self, BuildConfig, Built, Run};
@@ -31,7 +30,7 @@ fn no_mesh_and_no_triangle_make_no_tree() {
     assert_equal(&gpu, &twins(&[soup(1, 0)], Bits::B63), Bits::B63, "no triangle");
 }
 
-/// Scales from the least to the greatest that are promised, and numbers that round.
+/// Scales from the least to the greatest supported, and coordinates that round.
 #[test]
 fn grids_round_as_on_the_cpu() {
     let Some(gpu) = gpu("grids_round_as_on_the_cpu") else { return };
@@ -58,7 +57,7 @@ fn grids_round_as_on_the_cpu() {
     }
 }
 
-/// One wrong number in what the CPU is said to have made, and where the comparison must see it.
+/// One wrong number in the CPU's result, and where the comparison must report it.
 #[test]
 fn the_comparison_sees_each_station_go_wrong() {
     let Some(gpu) = gpu("the_comparison_sees_each_station_go_wrong") else { return };

@@ -1,4 +1,4 @@
-//! Real models, by both integrators: the same samples on both devices.
+//! Real models with both integrators: the same samples on both devices.
 
 use canted_renderer::{Integrator, Levels, Settings};
 use canted_scene::{Light, Scene};
@@ -7,7 +7,7 @@ use canted_tests::models::models;
 use super::compared::{compared, frame_of};
 use super::gpu;
 
-/// Files, from the folder of models, and the most that may go astray: leaves and thin textured cloth fork many rays.
+/// Files in the folder of models, and the greatest share of diverging pixels: leaves and thin textured cloth split many paths.
 const FILES: [(&str, f64); 4] = [
     ("sponza/sponza.gltf", 0.3),
     ("kitchen/country_kitchen.glb", 0.3),

@@ -1,7 +1,7 @@
 //! Pictures of the path integrator: the same samples on both devices.
 //!
-//! Mirrors and glass amplify what a rounding moves, and paths have many vertices that may fork, so more pixels go astray than of
-//! the hybrid integrator; the shares here are about twice what was measured, and sums over what is astray are held to chance.
+//! Mirrors and glass amplify rounding, and paths have many vertices that may diverge, so more pixels diverge than with the hybrid
+//! integrator. The shares here are about twice the measured ones, and sums over diverging pixels must be unbiased.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -28,7 +28,7 @@ fn a_room_with_all_kinds_of_light() {
     compared(&gpu, &scene, &camera, Levels::One, &small(4)).check("sky", [0.3, 0.01]);
 }
 
-/// Each block of the room is made of something else.
+/// The room with a different material for each block.
 fn of_all_materials() -> (Scene, Camera) {
     let (mut scene, camera) = scenes::room();
     scene.environment = Some(scenes::sky());
@@ -67,13 +67,13 @@ fn a_wavefront_takes_the_samples_of_one_kernel() {
     let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
     for (scene, camera) in [of_all_materials(), scenes::textured(), scenes::in_motion(scenes::room())] {
         let prepared = prepared(&scene, Levels::Auto);
-        // Cells that are cut by the picture's border, and more samples than a first dispatch takes.
+        // Cells are cut by the picture's border, and there are more samples than the first dispatch takes.
         let settings = Settings { width: 60, height: 35, ..small(4) };
         let surfaces = Surfaces::with_lod(&scene, settings.lod);
         let picture = || DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
         let one = picture().render(vec![], &monitor).unwrap();
         let waves = picture().in_waves().unwrap().render(vec![], &monitor).unwrap();
-        // Compilers may contract sums and products of one text otherwise in another kernel, and few paths fork by that.
+        // Compilers may contract sums and products differently in another kernel, which makes a few paths diverge.
         difference(&waves, &one).check("waves", [0.02, 1e-3]);
         assert!(waves.n_rays().abs_diff(one.n_rays()) * 100 < one.n_rays());
         let other = Settings { seed: 1, ..settings };
@@ -95,7 +95,7 @@ fn what_moves_while_the_shutter_is_open() {
     let (_, camera) = scenes::room();
     let settings = Settings { integrator: Integrator::Hybrid, ..small(4) };
     compared(&gpu, &scene, &camera, Levels::Auto, &settings).check("room", [0.3, 0.01]);
-    // The comparison sees what stands still.
+    // The comparison detects a scene without motion.
     let prepared = prepared(&scene, Levels::Auto);
     let ours = on_device(&gpu, &scene, &prepared, &camera, &settings);
     let (still, _) = scenes::room();
@@ -134,7 +134,7 @@ fn the_comparison_sees_another_light() {
     assert!(found.astray > 0.8 && found.drift.iter().all(|&drift| drift > 6.0), "{found:?}");
 }
 
-/// What a scene does not have leaves no binding behind.
+/// Features that a scene does not use have no binding.
 #[test]
 fn a_bare_scene_binds_little() {
     let Some(gpu) = gpu("a_bare_scene_binds_little") else { return };

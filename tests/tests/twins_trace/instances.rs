@@ -1,4 +1,4 @@
-//! Two levels: instances that are turned, mirrored, sheared, tiny, huge and far away.
+//! Two levels: rotated, mirrored, sheared, tiny, huge and far instances.
 
 use canted_obb::Affine;
 use canted_tests::{

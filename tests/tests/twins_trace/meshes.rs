@@ -14,7 +14,7 @@ fn reach(mesh: &Mesh) -> f64 {
     mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
 }
 
-/// Judges the device's tree over `there` beside the CPU's over `mesh`.
+/// Compares the device's BVH over `there` with the CPU's over `mesh`.
 fn judged(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: &Config, rays: &[Ray]) -> Result<Tally, String> {
     let reach = reach(mesh);
     let world = World {
@@ -47,7 +47,7 @@ fn grazing_rays_lose_no_hit() {
     let Some(gpu) = gpu("grazing_rays_lose_no_hit") else { return };
     let ways = few_ways();
     let mut all = Tally::default();
-    // Each mesh one way, in turn; those of which leaning boxes are made every way.
+    // Each mesh with one configuration, in turn; meshes that suit oriented boxes with all.
     for (case, (way, config)) in scenes::cases().iter().zip(ways.iter().cycle()) {
         let tally = judged(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 30));
         add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {way}: {error}", case.name)));
@@ -84,7 +84,7 @@ fn the_comparison_sees_what_is_lost_moved_or_renumbered() {
         change(&mut there);
         judged(&gpu, &mesh, &there, &config, &rays).expect_err("the change is not seen")
     };
-    // A triangle without area is hit by nothing.
+    // Nothing hits a degenerate triangle.
     let lost = fails(&|there| there.triangles[7][1] = there.triangles[7][0]);
     assert!(lost.contains("lost"), "{lost}");
     let moved = fails(&|there| there.positions.iter_mut().for_each(|p| p[0] += 1e-3));

@@ -1,4 +1,4 @@
-//! Real models, as the renderer prepares them.
+//! Real models as the renderer prepares them.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ fn reach(positions: &[[f32; 3]]) -> f64 {
     positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
 }
 
-/// Judges a model on the device, in one level or in two.
+/// Compares a model on the device with the CPU, in one level or in two.
 fn judge(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
     let scene = canted_scene::read(&folder.join(file)).unwrap();
     let config = StructureConfig { levels, ..StructureConfig::default() };
@@ -28,7 +28,7 @@ fn judge(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
     let all_rays =
         [rays::of_all_classes(&flat, 300, 7), rays::from_inside(&flat, 2000, 8), rays::from_afar(&flat, 10.0, 500, 9)]
             .concat();
-    // In one level the tree is over vertices that were rounded in world space, in two over those of the meshes.
+    // With one level the BVH is over vertices rounded in world space, with two over those of the meshes.
     let of_flat = |instance: u32, primitive: u32| flat.corners((first[instance as usize] + primitive) as usize);
     let of_instance = |instance: u32, primitive: u32| {
         let instance = &scene.instances[instance as usize];

@@ -1,4 +1,4 @@
-//! Instances that move while the shutter is open: at each ray's time the device hits what the CPU hits there.
+//! Instances that move while the shutter is open: at each ray's time the device agrees with the CPU.
 
 use canted_fixtures::{Mesh, SplitMix64};
 use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, Specialisation, TracedScene};
@@ -16,7 +16,7 @@ use super::gpu;
 use super::judge::{Tally, World, error_of_instance};
 use super::setup::{build, few_ways};
 
-/// Where an instance ends that is turned about z, grows and is shifted while the shutter is open.
+/// The end transform of an instance that rotates about z, grows and is shifted while the shutter is open.
 #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
 fn moved(open: &Affine, angle: f64, growth: [f64; 3], shift: f32) -> Affine {
     let (sine, cosine) = angle.sin_cos();
@@ -30,7 +30,7 @@ fn moved(open: &Affine, angle: f64, growth: [f64; 3], shift: f32) -> Affine {
     close
 }
 
-/// Each place of closed meshes with four ways to go on from there, the last of which is none.
+/// Each placement of closed meshes with four motions, the last of which is none.
 fn crowd() -> Vec<Instance> {
     let ways = [(0.0, [1.0; 3]), (1.5, [1.0; 3]), (-0.7, [2.0, 0.5, 1.0]), (0.0, [1.0; 3])];
     let all = places().into_iter().zip([0.5, 1e-6, 3e5, 2e3, 1.0]).flat_map(|(place, shift)| {
@@ -43,7 +43,7 @@ fn crowd() -> Vec<Instance> {
     all.collect()
 }
 
-/// Where an instance is, exactly.
+/// The exact corners of an instance's triangle.
 fn corners_at(instance: &Instance, mesh: &Mesh, primitive: u32, time: f32) -> [[f64; 3]; 3] {
     let open = &instance.world_from_object;
     let close = instance.world_from_object_close.unwrap_or(*open);
@@ -53,7 +53,7 @@ fn corners_at(instance: &Instance, mesh: &Mesh, primitive: u32, time: f32) -> [[
     })
 }
 
-/// `B` of an instance, wherever it is on its way.
+/// `B` of an instance at any time.
 fn error(ray: &Ray, instance: &Instance, reach: f64) -> f64 {
     let Some(motion) = MotionPolynomials::of(instance) else {
         return error_of_instance(ray, &instance.world_from_object, reach);
@@ -89,7 +89,7 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Outcome<
     scaled.iter().zip(found).map(answer).collect()
 }
 
-/// Judges the device, asked at `time + late`, beside the CPU at several times.
+/// Compares the device at `time + late` with the CPU at several times.
 fn judged(gpu: &Gpu, late: f32) -> Result<Tally, String> {
     let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 12).off_axis()];
     let reach =

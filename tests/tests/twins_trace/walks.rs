@@ -1,4 +1,4 @@
-//! Every way back up a tree: no hit is lost by any.
+//! All traversal variants: none loses a hit.
 
 use canted_fixtures::Mesh;
 use canted_gpu::{Gpu, TracedScene, Traversal};
@@ -11,7 +11,7 @@ use super::gpu;
 use super::judge::{Tally, World, error_of_instance};
 use super::setup::{build, few_ways};
 
-/// The mesh, large enough for trees of several levels, where closed meshes are placed in the other tests.
+/// A mesh large enough for several levels, in the placements of closed meshes.
 fn placed() -> (Mesh, Vec<Instance>) {
     let instances = places().iter().map(|place| Instance::new(0, place.world_from_object)).collect();
     (scenes::room(3, 40).off_axis(), instances)
@@ -50,7 +50,7 @@ fn no_walk_loses_a_hit() {
     }
 }
 
-/// Rays at the mesh wherever it stands.
+/// Rays at all instances of the mesh.
 fn all_rays(mesh: &Mesh, instances: &[Instance]) -> Vec<Ray> {
     let at = |instance: &Instance| {
         let there = canted_tests::closed::baked(mesh, &instance.world_from_object);

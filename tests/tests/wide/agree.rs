@@ -1,4 +1,4 @@
-//! Rays that graze: every shape, every way to build, every path, every kernel.
+//! Grazing rays: every shape, build configuration, SIMD path and kernel.
 
 use canted_fixtures::{Mesh, coplanar_quads, thin_box};
 use canted_tests::{rays, scenes};
@@ -43,7 +43,7 @@ fn rays_exactly_in_the_planes_of_faces_lose_no_hit() {
     }
 }
 
-/// Flat boxes in planes out of the axes, and rooms that are turned.
+/// Rotated flat boxes and rotated rooms.
 fn turned() -> Vec<scenes::Case> {
     let case = |name: &str, mesh: canted_fixtures::Mesh| scenes::Case { name: name.to_owned(), mesh: mesh.off_axis() };
     vec![
@@ -65,19 +65,19 @@ fn turned_meshes_lose_no_hit_in_frames_of_their_own() {
             n_turned += usize::from(tree.frame() != rows && tree.sizes().nodes[0] > 0);
         }
     }
-    assert!(n_turned > 0, "no tree has box nodes in a frame of its own");
+    assert!(n_turned > 0, "no BVH has aligned nodes in a local frame");
 }
 
-/// The tests above try every kind of node that builds make, on every path.
+/// The tests above cover every node kind that builds produce, on every SIMD path.
 #[test]
-#[expect(clippy::print_stderr, reason = "a path that is not tested is named")]
+#[expect(clippy::print_stderr, reason = "unavailable paths are reported")]
 fn every_kind_of_node_is_tried() {
     let (there, missing) = paths();
     assert!(there.contains(&SimdPath::Scalar) && there.len() + missing.len() == 4);
     for name in missing {
-        eprintln!("not tested, this machine has no {name}");
+        eprintln!("not tested: {name} is not available");
     }
-    // Nodes of the kind asked for, in trees that ask for nothing else, then of each kind in those of the preset.
+    // First nodes of each requested kind, then those of each kind in the BVHs of the presets.
     let (mut asked, mut preset) = ([0; 2], [0; 2]);
     for case in scenes::needles() {
         for (i, (_, config)) in ways_of_one_kind().iter().enumerate() {
@@ -87,7 +87,7 @@ fn every_kind_of_node_is_tried() {
         preset = [0, 1].map(|i| preset[i] + nodes[i]);
     }
     assert!(asked.iter().all(|&n| n > 100), "{asked:?}");
-    assert!(preset[1] > 0, "presets lean: {preset:?}");
+    assert!(preset[1] > 0, "node kinds of the presets: {preset:?}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Builds: the same bytes for any number of threads, in sane time on ugly scenes.
+//! Builds: the same bytes for any number of threads, and bounded time on degenerate scenes.
 
 use std::time::{Duration, Instant};
 
@@ -28,7 +28,7 @@ fn threads_change_no_byte() {
     }
 }
 
-/// The bytes tell trees apart.
+/// The bytes distinguish BVHs.
 #[test]
 fn another_scene_or_preset_has_other_bytes() {
     let of = |seed, preset| bytes(2, &soup(seed, 500), &Config::preset(preset));
@@ -47,15 +47,15 @@ const KINDS: [Kind; 4] = [
     ("slivers", |n| slivers(5, n)),
 ];
 
-/// Ten times the triangles may take this many times as long: linear time is 10, levels, sorts and caches add some, and
-/// what is quadratic takes 100.
+/// Greatest time ratio for ten times the triangles: linear time gives 10, levels, sorts and caches add some, quadratic time
+/// gives 100.
 const LINEAR: u32 = 40;
 
-/// The bound where all nodes are reinserted and one triangle lies 10⁷ away: beside its areas those of the cluster round
-/// to nothing, the search leaves no branch out, and time grows as the square.
+/// The bound if all nodes are reinserted and one triangle lies 10⁷ away: relative to its areas those of the cluster round to
+/// zero, the search cannot prune, and time grows as the square.
 const QUADRATIC: u32 = 150;
 
-/// Builds after which no better time is expected.
+/// Greatest number of repeated builds.
 const N_BUILDS: u32 = 20;
 
 #[test]
@@ -82,8 +82,8 @@ fn ten_times_the_triangles_take_about_ten_times_as_long() {
     }
 }
 
-/// Stretched along an axis all triangles become needles that are next to parallel, and no frame is the best: whoever
-/// looks for it must give up. Without a bound this took two hundred times as long.
+/// Triangles stretched along an axis become nearly parallel needles without a best frame, so the search must give up. Without
+/// a bound this took two hundred times as long.
 #[test]
 fn needles_next_to_parallel_take_no_longer_to_build() {
     for scenes::Case { name, mesh } in scenes::needles() {
@@ -110,14 +110,14 @@ fn a_hundred_thousand_equal_triangles_are_tried_once_each_and_missed_at_once() {
     let mesh = identical(n);
     for (way, config) in few_ways() {
         let tree = build::<Watertight>(&mesh, &config);
-        // Eight to a node and 17 levels of halves; one child too few on each is a level more.
+        // Eight children per node and 17 levels of halving; one child too few at each level adds one.
         assert!(tree.sizes().depth <= 17, "{way}: {:?}", tree.sizes());
         let trace = |ray: &Ray| {
             let mut counts = Counts::default();
             (tree.closest_hit_with(ray, InstanceId(0), &mut counts).map(|hit| hit.primitive.0), counts)
         };
         let (hit, counts) = trace(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]));
-        // All tie, so each must be tried, and every box entered.
+        // All tie, so each triangle must be tested and every box entered.
         assert_eq!((hit, counts.triangles), (Some(0), u64::from(n)), "{way}");
         assert!(counts.boxes < 2 * u64::from(n), "{way}: {counts:?}");
         let (hit, counts) = trace(&Ray::new([-2.0, 0.25, -1.0], [0.0, 0.0, 1.0]));

@@ -1,4 +1,4 @@
-//! From inside a closed mesh no ray gets out, and from outside none gets in, unseen: through one level and two.
+//! No ray leaves a closed mesh from inside or enters it from outside without a hit, through one level and two.
 
 use canted_fixtures::Mesh;
 use canted_obb::Affine;
@@ -9,7 +9,7 @@ use canted_wide::{Config, TriangleBvh};
 
 use super::setup::{build, every_way, few_ways, paths};
 
-/// Rays of each kind of leak for each mesh, place and way to build.
+/// Rays of each kind for each mesh, placement and configuration.
 const N_RAYS: usize = 1_500;
 
 fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
@@ -19,8 +19,8 @@ fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
     hits.iter().zip(&occluded).filter(|&(hit, &occluded)| hit.is_none() || !occluded).count()
 }
 
-/// Through an instance, beside another that makes the top level a tree.
-#[expect(clippy::cast_possible_truncation, reason = "far off will do")]
+/// Leaks through an instance; a second one gives the top level more than one leaf.
+#[expect(clippy::cast_possible_truncation, reason = "any large distance")]
 fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: &[Ray]) -> usize {
     let instance = Instance::new(0, *world_from_object);
     let mut other = instance;

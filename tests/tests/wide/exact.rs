@@ -1,6 +1,6 @@
-//! Grazing rays judged without rounding: what certainly pierces is hit, what certainly misses is not.
+//! Grazing rays compared with exact arithmetic: certain hits are found, certain misses are not hit.
 //!
-//! As `exact.rs` does for binary trees; all hits are asked for.
+//! The same as `exact.rs` for binary BVHs; all hits are requested.
 
 use canted_tests::judge::{Tally, compare, corners, margin, meshes, rays};
 use canted_trace::Watertight;
@@ -25,7 +25,7 @@ fn trees_hit_what_is_pierced_and_nothing_that_is_missed() {
         }
         let Tally { n_pierced, n_missed, n_open } = tally;
         assert!(n_missed > 1000 && n_open < n_pierced + n_missed, "{name}: {tally:?}");
-        // No sliver is so wide that rounding could not move a ray off it.
+        // Slivers are so thin that rounding may always move the ray off them.
         assert_eq!(n_pierced > 100, name != "slivers", "{name}: {tally:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Origins and coordinates far away, and scales: where rounding is large beside what is hit.
+//! Far origins and coordinates, and scales: rounding is large relative to the geometry.
 
 use canted_fixtures::{Grazing, Mesh};
 use canted_tests::{
@@ -9,7 +9,7 @@ use canted_trace::{MollerTrumbore, Watertight};
 
 use super::setup::{agrees, build, every_way, few_ways, first_difference, loop_over_all, paths};
 
-/// Shapes small and large in extent, thin, flat, and out of their axes.
+/// Shapes of small and large extent, thin, flat, and not axis-parallel.
 fn shapes() -> Vec<Case> {
     let case = |name: &str, mesh: Mesh| Case { name: name.to_owned(), mesh };
     let mut shapes = scenes::needles();
@@ -32,7 +32,7 @@ fn rays_from_up_to_ten_thousand_sizes_away_lose_no_hit() {
     }
 }
 
-/// From afar rays still hit something, or the test above asks nothing.
+/// Enough rays from afar hit something, or the test above proves nothing.
 #[test]
 fn rays_from_afar_hit() {
     for Case { name, mesh } in shapes().iter().filter(|case| ["soup", "torus"].contains(&&*case.name)) {
@@ -47,7 +47,7 @@ fn rays_from_afar_hit() {
 #[test]
 fn coordinates_of_1e7_lose_no_hit() {
     for Case { name, mesh } in shapes() {
-        // Steps of f32 are 1 at 1e7, so what is small there is flat: along one axis, or along all but one.
+        // Adjacent f32 values are 1 apart at 1e7, so small shapes are flat along one axis, or along all but one.
         let places: [(&str, Mesh); 5] = [
             ("at 1e7", mesh.placed(|p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7])),
             ("at 1e7 along x, 1e-3 across", mesh.placed(|p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3])),
@@ -82,7 +82,7 @@ fn scales_of_1e_6_and_1e6_lose_no_hit() {
 
 #[test]
 fn scales_by_powers_of_two_change_no_bit() {
-    // Small enough that rays at 2^60 times begin within the promised 2^62.
+    // Small enough that rays at 2^60 start within the promised 2^62.
     let meshes =
         [canted_fixtures::soup(7, 300), canted_fixtures::scaffold_of(1, true, 3), scenes::room(3, 40).off_axis()];
     for mesh in meshes.map(|mesh| mesh.placed(|p| p.map(|x| x / 16.0))) {
@@ -93,7 +93,7 @@ fn scales_by_powers_of_two_change_no_bit() {
         for exponent in (-60..=60).step_by(12) {
             let scale = 2.0f32.powi(exponent);
             let scaled = mesh.placed(|p| p.map(|x| x * scale));
-            // Of a ray, the origin; what is aimed at is then `scale` times as far, in units of the direction.
+            // Scales only the ray's origin; its target is then `scale` times as far, in units of the direction.
             let rays: Vec<_> = rays
                 .iter()
                 .map(|ray| canted_trace::Ray {

@@ -1,4 +1,4 @@
-//! Instances of wide trees: the same hits as a loop over all instances, each of which loops over all triangles.
+//! Instances of wide BVHs: the same hits as a loop over all instances, each looping over all triangles.
 
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
@@ -13,7 +13,7 @@ use canted_wide::{LaneKernel, TriangleBvh};
 
 use super::setup::{build, few_ways, paths};
 
-/// Every place twice, with meshes in turn.
+/// Every placement twice, alternating between the meshes.
 fn placed() -> Vec<Affine> {
     places().iter().flat_map(|place| [place.world_from_object; 2]).collect()
 }

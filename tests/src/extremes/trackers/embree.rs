@@ -15,7 +15,7 @@ use crate::{
     vector::{cross, dot, sub},
 };
 
-/// In robust mode rays from inside leave a closed mesh through a vertex.
+/// In robust mode, rays from inside leave a closed mesh through a vertex.
 pub(super) fn embree_174(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #174",
@@ -34,13 +34,13 @@ pub(super) fn embree_174(ways: &[Way]) -> Vec<Row> {
     each(PROMISE, ways, |way| slipped(way, &ball.mesh, &rays))
 }
 
-/// Rings of vertices of a tube: its ends are open, its middle is not.
+/// Positions of a tube's rings of vertices along its axis; both ends are open.
 const RINGS: [f64; 3] = [-20.0, 0.0, 20.0];
 
-/// Corners of a tube.
+/// Number of sides of a tube.
 const SIDES: u32 = 12;
 
-/// Side walls of nested tubes, the k-th of radius `k + 1`, out of their axes.
+/// Walls of nested tubes, the k-th of radius `k + 1`, not axis-parallel.
 fn tubes(n: u32) -> Mesh {
     let (mut mesh, turn) = (Mesh::default(), Rotation::off_axis());
     for k in 0..n {
@@ -59,7 +59,7 @@ fn tubes(n: u32) -> Mesh {
     mesh
 }
 
-/// Of ten nested tubes a ray from one at a vertex of the next passes that and meets a later one.
+/// Ten nested tubes: a ray from one tube at a vertex of the next passes it and hits a later one.
 pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #181",
@@ -73,14 +73,14 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
     let mut asked: Vec<(Ray, u32)> = vec![];
     for tube in 1..10u32 {
         for i in 0..120 {
-            // A vertex of the middle ring, or a point of an edge along the tube.
+            // A vertex of the middle ring, or a point on an edge along the tube.
             let middle = (SIDES * 3 * tube) as usize + 3 * (i % SIDES as usize) + 1;
             let [vertex, end] = [middle, middle + 1].map(|index| mesh.positions[index].map(f64::from));
             let along = if i < 2 * SIDES as usize { 0.0 } else { 0.9 * rng.unit() };
             let target: [f64; 3] = std::array::from_fn(|k| vertex[k] + along * (end[k] - vertex[k]));
             let axis = turn.apply([0.0, 0.0, 1.0]);
             let height: f64 = (0..3).map(|k| axis[k] * target[k]).sum();
-            // Outside of the tube before this one at any angle: its corners are nearer to the axis.
+            // Outside the previous tube at any angle: its corners are closer to the axis.
             let share = (f64::from(tube) + 0.3) / f64::from(tube + 1);
             let origin = rounded(std::array::from_fn(|k| {
                 height * axis[k] * (1.0 - share) + share * target[k] + 0.1 * rng.signed() * axis[k]
@@ -101,7 +101,7 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
 
 /// All hits of a ray through an edge or vertex count the surface twice.
 ///
-/// Devices tell first hits alone, and these up to an error that is wider than an edge: they are not asked.
+/// Devices are not tested: they return only first hits, with an error larger than an edge.
 pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #188",
@@ -114,7 +114,7 @@ pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
     let through: Vec<Ray> = rays(&ball.mesh, &ball, &Affine::IDENTITY, 2_000, 188)
         .into_iter()
         .enumerate()
-        // Of these pairs the second comes from outside, through the edge to a point inside.
+        // The second ray of each pair starts outside and passes through the edge to a point inside.
         .filter_map(|(i, ray)| (i % 2 == 1).then_some(ray))
         .collect();
     let asked = ways.iter().filter(|way| !matches!(way.word, Word::Device(_)));
@@ -128,7 +128,7 @@ pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
     })
 }
 
-/// Hits that a caller finds who asks again from just behind the last: more than two are enough to be wrong.
+/// Hits found by a caller that continues just behind the last hit; more than two are wrong.
 fn walked(tracer: &dyn Tracer, mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
     let (mut rest, mut hits) = (*ray, vec![]);
     while hits.len() < 3 {
@@ -141,7 +141,7 @@ fn walked(tracer: &dyn Tracer, mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
     hits
 }
 
-/// A skinny triangle, edges of 11.2, 9.7 and about 1.5, half a degree from the ray: a hit at an absurd distance.
+/// A skinny triangle, edges of 11.2, 9.7 and about 1.5, half a degree from the ray: a hit at a wrong distance.
 pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
     const PIERCED: Promise = Promise::none(
         "Embree #387",
@@ -175,9 +175,9 @@ pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
             let (turn, tilt) = (std::f64::consts::TAU * rng.unit(), 0.017 * rng.signed());
             let (sin, cos) = canted_fixtures::sin_cos(turn);
             let target: [f64; 3] = std::array::from_fn(|k| place[k] + s * along[k] + h * across[k]);
-            let way: [f64; 3] = std::array::from_fn(|k| cos * along[k] + sin * across[k] + tilt * normal[k]);
+            let heading: [f64; 3] = std::array::from_fn(|k| cos * along[k] + sin * across[k] + tilt * normal[k]);
             let distance = 600.0 * rng.unit();
-            let origin = rounded(std::array::from_fn(|k| target[k] - distance * way[k]));
+            let origin = rounded(std::array::from_fn(|k| target[k] - distance * heading[k]));
             Ray::new(origin, rounded(std::array::from_fn(|k| target[k] - f64::from(origin[k]))))
         };
         let rays: Vec<Ray> = (0..60).map(|_| ray()).collect();

@@ -14,7 +14,7 @@ use crate::{
     tracers::{Way, Word},
 };
 
-/// Accepts hits of one instance, and notes what it was shown.
+/// Accepts hits of one instance, and records every `t` that it receives.
 struct Only(InstanceId, Vec<f32>);
 
 impl Query for Only {
@@ -24,7 +24,7 @@ impl Query for Only {
     }
 }
 
-/// Plates at z = 0, 8 and 16, of which the second is scaled and the third mirrored.
+/// Plates at z = 0, 8 and 16; the second is scaled and the third mirrored.
 fn plates() -> [(Affine, f32); 3] {
     [(1.0, 0.0), (64.0, 8.0), (-4.0, 16.0)].map(|(scale, z): (f32, f32)| {
         let columns = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0, 0.0, z]];
@@ -32,7 +32,7 @@ fn plates() -> [(Affine, f32); 3] {
     })
 }
 
-/// Rays through all plates, the number of one of them, intervals of the ray, and the `t` at which the plate is met in each.
+/// Rays through all plates, the index of one plate, ray intervals, and the `t` of that plate's hit in each.
 fn through_plates() -> Vec<(Ray, usize, Option<f32>)> {
     let mut asked = vec![];
     for (x, y) in [(0.0, 0.0), (0.125, -0.25), (-0.375, 0.375)] {
@@ -54,9 +54,9 @@ fn through_plates() -> Vec<(Ray, usize, Option<f32>)> {
     asked
 }
 
-/// On the way from the top level to a bottom level a ray's interval, and whom a query is asked about, get lost.
+/// Between the top and a bottom level the ray's interval and the queried instance are lost.
 ///
-/// Peers have no such query: each plate stands alone before them, under its transform where they know instances.
+/// Peers have no such query: each plate is traced alone, under its transform if they support instances.
 pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #277",
@@ -99,15 +99,15 @@ pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
     rows
 }
 
-/// Axis-parallel rays both ways through a mesh whose coordinates are `step` apart, with zeros of this sign.
+/// Axis-parallel rays in both directions through each vertex, with zeros of this sign.
 fn along_axes(mesh: &Mesh, zero: f32) -> Vec<Ray> {
     let [min, max] = mesh.bounds();
     let mut rays = vec![];
     for position in &mesh.positions {
         for axis in 0..3 {
-            for (from, way) in [(min[axis] - 1.0, 1.0), (max[axis] + 1.0, -1.0)] {
+            for (from, sign) in [(min[axis] - 1.0, 1.0), (max[axis] + 1.0, -1.0)] {
                 let (mut origin, mut direction) = (*position, [zero; 3]);
-                (origin[axis], direction[axis]) = (from, way);
+                (origin[axis], direction[axis]) = (from, sign);
                 rays.push(Ray::new(origin, direction));
             }
         }
@@ -115,7 +115,7 @@ fn along_axes(mesh: &Mesh, zero: f32) -> Vec<Ray> {
     rays
 }
 
-/// Cubes, turned by nothing, whose coordinates are no powers of two.
+/// Axis-parallel cubes whose coordinates are not powers of two.
 fn cubes() -> Mesh {
     let cube = thin_box(1.0);
     let mut mesh = Mesh::default();
@@ -128,7 +128,7 @@ fn cubes() -> Mesh {
     mesh
 }
 
-/// A negative zero in the direction takes the wrong octant.
+/// A negative zero in the direction selects the wrong octant.
 pub(super) fn tinybvh_282(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #282",
@@ -147,7 +147,7 @@ pub(super) fn tinybvh_282(ways: &[Way]) -> Vec<Row> {
     })
 }
 
-/// A determinant's absolute epsilon drops small triangles.
+/// An absolute epsilon for the determinant drops small triangles.
 pub(super) fn tinybvh_283(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #283",
@@ -163,7 +163,7 @@ pub(super) fn tinybvh_283(ways: &[Way]) -> Vec<Row> {
             let positions = vec![[0.0; 3], [leg, 0.0, 0.0], [0.0, leg, 0.0]];
             let mesh = Mesh { positions, triangles: vec![[0, 1, 2]] };
             let ray = Ray::new([leg / 3.0, leg / 3.0, -1.0], [0.0, 0.0, 1.0]);
-            // Of others no more is asked than of a device.
+            // Other tracers must only be as accurate as a device.
             let off = if way.word == Word::Loop { 0.0 } else { canted_gpu::HIT_ERROR };
             way.of(&mesh).closest(&[ray])[0].is_none_or(|hit| (hit.t - 1.0).abs() > off)
         };
@@ -171,7 +171,7 @@ pub(super) fn tinybvh_283(ways: &[Way]) -> Vec<Row> {
     })
 }
 
-/// A ray in the face of a box misses what touches that face.
+/// A ray in the face of a box misses geometry that touches that face.
 pub(super) fn tinybvh_286(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #286",
@@ -194,7 +194,7 @@ pub(super) fn tinybvh_286(ways: &[Way]) -> Vec<Row> {
         let mut counts = (0, 0);
         for (mesh, rays, wants) in &asked {
             let hits = way.of(mesh).closest(rays);
-            // Of a device only what it loses counts: it may hit what is nearer than its error.
+            // A device may hit anything within its error, so only lost hits count.
             let is_wrong = |(hit, want): &(&Option<Hit>, &bool)| match way.word {
                 Word::Device(_) => **want && hit.is_none(),
                 Word::Loop | Word::Peer => hit.is_some() != **want,
