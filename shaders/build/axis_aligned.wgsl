@@ -7,12 +7,8 @@
 @group(0) @binding(1) var<storage, read> aabbs: array<f32>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let slot = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let slot = slice_item(id, 64u);
     if slot >= slice.end {
         return;
     }

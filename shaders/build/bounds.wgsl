@@ -21,19 +21,15 @@ fn grow(tree: u32, reach: Reach) {
 
 /// A slice counts tiles, one per work-group.
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let tile = slice.first + group.y * groups.x + group.x;
+fn main(id: Invocation) {
+    let tile = slice.first + group_index(id);
     let first = tile * 64u * ITEMS_EACH;
     let last_range = ranges[arrayLength(&ranges) - 1u];
     let end = min(last_range.first + last_range.count, first + 64u * ITEMS_EACH);
     let group_tree = tree_of(first);
     var tree = group_tree;
     var reach = Reach();
-    for (var item = first + local; item < end; item += 64u) {
+    for (var item = first + id.local; item < end; item += 64u) {
         let next_tree = tree_of(item);
         if next_tree != tree {
             grow(tree, reach);
@@ -50,7 +46,7 @@ fn main(
         }
     }
     workgroupBarrier();
-    if local < 6u {
-        atomicMax(&bounds[6u * group_tree + local], atomicLoad(&group_bounds[local]));
+    if id.local < 6u {
+        atomicMax(&bounds[6u * group_tree + id.local], atomicLoad(&group_bounds[id.local]));
     }
 }

@@ -17,12 +17,8 @@ fn end_at(tree: u32, k: u32) -> f32 {
 }
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let tree = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let tree = slice_item(id, 64u);
     // A tree without items has no box.
     if tree >= slice.end || bounds[6u * tree] == 0u {
         return;

@@ -11,12 +11,8 @@
 @group(0) @binding(3) var<storage, read_write> depth: atomic<u32>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let leaf = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let leaf = slice_item(id, 64u);
     if leaf >= slice.end {
         return;
     }

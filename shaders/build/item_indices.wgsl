@@ -5,12 +5,8 @@
 @group(0) @binding(1) var<storage, read_write> items: array<u32>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let i = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let i = slice_item(id, 64u);
     if i < slice.end {
         items[i] = i;
     }

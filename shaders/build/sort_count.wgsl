@@ -10,18 +10,14 @@
 var<workgroup> histogram: array<atomic<u32>, RADIX>;
 
 @compute @workgroup_size(GROUP)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let tile = tile_of(group, groups);
+fn main(id: Invocation) {
+    let tile = tile_of(id);
     let end = min(digit.n_keys, (tile + 1u) * TILE);
-    for (var i = tile * TILE + local; i < end; i += GROUP) {
+    for (var i = tile * TILE + id.local; i < end; i += GROUP) {
         atomicAdd(&histogram[digit_of(keys_in[i])], 1u);
     }
     workgroupBarrier();
-    if local < RADIX && tile < slice.end {
-        counts[local * digit.n_tiles + tile] = atomicLoad(&histogram[local]);
+    if id.local < RADIX && tile < slice.end {
+        counts[id.local * digit.n_tiles + tile] = atomicLoad(&histogram[id.local]);
     }
 }

@@ -19,32 +19,28 @@ var<workgroup> columns: array<u32, RADIX * GROUP>;
 var<workgroup> destinations: array<u32, RADIX>;
 
 @compute @workgroup_size(GROUP)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let tile = tile_of(group, groups);
-    let first = tile * TILE + local * KEYS_EACH;
+fn main(id: Invocation) {
+    let tile = tile_of(id);
+    let first = tile * TILE + id.local * KEYS_EACH;
     let end = min(min(digit.n_keys, slice.end * TILE), first + KEYS_EACH);
     for (var i = first; i < end; i++) {
-        columns[digit_of(keys_in[i]) * GROUP + local] += 1u;
+        columns[digit_of(keys_in[i]) * GROUP + id.local] += 1u;
     }
     workgroupBarrier();
-    rank(local);
+    rank(id.local);
     workgroupBarrier();
-    if local < RADIX && tile < slice.end {
+    if id.local < RADIX && tile < slice.end {
         var before = 0u;
-        for (var value = 0u; value < local; value++) {
+        for (var value = 0u; value < id.local; value++) {
             before += totals[value];
         }
-        destinations[local] = before + counts[local * digit.n_tiles + tile] - columns[local * GROUP];
+        destinations[id.local] = before + counts[id.local * digit.n_tiles + tile] - columns[id.local * GROUP];
     }
     workgroupBarrier();
     for (var i = first; i < end; i++) {
         let key = keys_in[i];
         let value = digit_of(key);
-        let cell = value * GROUP + local;
+        let cell = value * GROUP + id.local;
         let place = destinations[value] + columns[cell];
         columns[cell] += 1u;
         keys_out[place] = key;

@@ -6,12 +6,8 @@
 @group(0) @binding(1) var<storage, read_write> tree_indices: array<u32>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let item = slice_item(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let item = slice_item(id, 64u);
     if item < slice.end {
         tree_indices[item] = tree_of(item);
     }

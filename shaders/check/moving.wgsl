@@ -8,12 +8,8 @@
 @group(1) @binding(2) var<storage, read_write> hits: array<Hit>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = invocation(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
     if index < arrayLength(&rays) {
         ray_time = times[index];
         var hit = closest_hit(rays[index]);

@@ -21,12 +21,8 @@ struct Answer {
 @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = invocation(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
     if index >= arrayLength(&queries) {
         return;
     }

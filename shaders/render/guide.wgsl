@@ -2,6 +2,7 @@
 //
 // `?count` counts the tests of a ray, `?shape_lights` are the lights that it may hit, `?material` gives the BSDF, `?time` the
 // time of the ray.
+// use shared/invocation/index
 // use shared/camera
 // use shared/picture
 // use shared/hash/ray_key
@@ -31,18 +32,14 @@ struct Guide {
 @group(1) @binding(11) var<storage, read_write> guides: array<Guide>;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group_id: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let group = group_id.y * groups.x + group_id.x;
-    let one = taken(group, local);
+fn main(id: Invocation) {
+    let group = group_index(id);
+    let one = taken(group, id.local);
     if one.is_inside {
         choose_time(one);
         // Key of the first ray of a path.
         ray_key = derived_key(derived_key(0u, bits(picture.sampler, one.pixel, one.sample, ALPHA_DIMENSION)), 0u);
-        guides[64u * group + local] = guide_of(camera_ray(one));
+        guides[64u * group + id.local] = guide_of(camera_ray(one));
     }
 }
 

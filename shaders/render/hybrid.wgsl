@@ -4,6 +4,7 @@
 // `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of rays.
 //
 // All rays of a path share one call site. Compilers inline functions at each call, and traversal is by far the largest.
+// use shared/invocation/index
 // use shared/camera
 // use shared/picture
 // use shared/hash/ray_key
@@ -20,18 +21,14 @@
 const FIRST_BOUNCE: u32 = 1u;
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group_id: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let group = group_id.y * groups.x + group_id.x;
-    let one = taken(group, local);
+fn main(id: Invocation) {
+    let group = group_index(id);
+    let one = taken(group, id.local);
     if one.is_inside {
         choose_time(one);
         let start = camera_ray(one);
         let light = gathered(one, start.ray, start.cone);
-        keep(group, local, light.radiance, light.n_rays);
+        keep(group, id.local, light.radiance, light.n_rays);
     }
 }
 

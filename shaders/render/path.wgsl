@@ -2,19 +2,16 @@
 //
 // `?time` is the time of rays. All rays of a path, including shadow rays, share one call site, and so does all shading.
 // Compilers inline functions at each call.
+// use shared/invocation/index
 // use shared/path
 // use ?traverse
 // use shared/picture/film
 // use ?time
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group_id: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let group = group_id.y * groups.x + group_id.x;
-    let one = taken(group, local);
+fn main(id: Invocation) {
+    let group = group_index(id);
+    let one = taken(group, id.local);
     if one.is_inside {
         choose_time(one);
         var path = path_from(camera_ray(one));
@@ -26,6 +23,6 @@ fn main(
                 break;
             }
         }
-        keep(group, local, path.radiance, path.n_rays);
+        keep(group, id.local, path.radiance, path.n_rays);
     }
 }

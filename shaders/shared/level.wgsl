@@ -61,8 +61,8 @@ fn placed(hit: Hit) -> Hit {
     return hit;
 }
 
-// choice single
-// A single instance in world space.
+// part world
+// BVHs in world space.
 // use shared/triangle
 
 const HAS_INSTANCES: bool = false;
@@ -77,6 +77,10 @@ fn enter_top(ray: Ray) -> u32 {
 fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
     return EMPTY;
 }
+
+// choice single
+// A single instance in world space.
+// use shared/level/world
 
 /// A hit with the scene's indices.
 fn placed(hit: Hit) -> Hit {
@@ -85,23 +89,10 @@ fn placed(hit: Hit) -> Hit {
 
 // choice flat
 // The triangles of all instances in one BVH, in world space.
-// use shared/triangle
-
-const HAS_INSTANCES: bool = false;
+// use shared/level/world
 
 /// First triangle of each instance, in increasing order.
 @group(0) @binding(3) var<storage, read> first_triangles: array<u32>;
-
-/// Transforms the ray into the BVH. Returns its root, or `EMPTY` for a degenerate ray.
-fn enter_top(ray: Ray) -> u32 {
-    let root = enter_bvh(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
-    prepare_triangles(greatest(ray.origin) + bvhs[0].row_x.w);
-    return root;
-}
-
-fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
-    return EMPTY;
-}
 
 /// A hit with the scene's indices: the last instance that starts at or before the triangle.
 fn placed(hit: Hit) -> Hit {

@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_film::{AtomicFile, WriteError};
+use canted_film::{AtomicFile, FileError};
 
 /// Writes a line to standard output. A closed pipe is not an error: the reader may stop early.
 ///
@@ -31,7 +31,7 @@ pub(crate) fn warn(text: &str) {
 }
 
 /// Fails if a file cannot be written, before any work is done. Leaves no file behind.
-pub(crate) fn probe(path: &Path) -> Result<(), WriteError> {
+pub(crate) fn probe(path: &Path) -> Result<(), FileError> {
     AtomicFile::create(path).map(drop)
 }
 

@@ -1,25 +1,25 @@
-//! Finished tiles in a file, from which the same render goes on.
+//! Stores finished tiles in a file from which the render can resume.
 //!
 //! ```text
-//! reads   tiles as they are finished, and the record of what they are tiles of
-//! writes  a line of its kind, the record, an empty line, then words of 64 bits, little endian; the last is a checksum
-//! holds   what is read is what was written, bit for bit; a file of which a bit was changed is refused
+//! reads   finished tiles, and the record of their render
+//! writes  a format line, the record, an empty line, then words of 64 bits, little endian; the last is a checksum
+//! holds   reading returns what was written, bit for bit; a file with a changed bit is rejected
 //! ```
 
 use std::fmt;
 use std::fs;
 use std::path::Path;
 
-use crate::output::{Record, WriteError, record_from_lines, record_lines, write_file};
-use crate::{Guide, Hash, Pixel, ReadPictureError, Tile};
+use crate::output::{Record, record_from_lines, record_lines, write_file};
+use crate::{FileError, Guide, Hash, Pixel, Tile};
 
-const KIND: &str = "canted checkpoint 2\n";
+const FORMAT: &str = "canted checkpoint 2\n";
 
 /// Words of a pixel and of a guide.
 const PIXEL_WORDS: usize = 8;
 const GUIDE_WORDS: usize = 14;
 
-/// Tiles finished so far, ready to be written at any time.
+/// Finished tiles, encoded.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
     bytes: Vec<u8>,
@@ -28,10 +28,10 @@ pub struct Checkpoint {
 impl Checkpoint {
     /// An empty checkpoint of the render that `record` describes.
     ///
-    /// Names and values hold no line break, names no colon.
+    /// Names and values must not contain line breaks, names no colons.
     #[must_use]
     pub fn new(record: &[(String, String)]) -> Self {
-        Self { bytes: format!("{KIND}{}\n", record_lines(record)).into_bytes() }
+        Self { bytes: format!("{FORMAT}{}\n", record_lines(record)).into_bytes() }
     }
 
     /// Adds a finished tile.
@@ -44,11 +44,11 @@ impl Checkpoint {
         }
     }
 
-    /// Writes what is there; the file appears whole or not at all.
+    /// Writes the file atomically.
     ///
     /// # Errors
-    /// [`WriteError`] with the file and the reason.
-    pub fn write(&self, path: &Path) -> Result<(), WriteError> {
+    /// [`FileError`] with the file and the reason.
+    pub fn write(&self, path: &Path) -> Result<(), FileError> {
         let mut bytes = self.bytes.clone();
         bytes.extend(checksum(&bytes).to_le_bytes());
         write_file(path, &bytes)
@@ -57,9 +57,9 @@ impl Checkpoint {
     /// Reads a checkpoint: its record and its tiles.
     ///
     /// # Errors
-    /// [`ReadPictureError`] where the file cannot be read, is no checkpoint, or is damaged.
-    pub fn read(path: &Path) -> Result<(Record, Vec<Tile>), ReadPictureError> {
-        let fail = |reason: &dyn fmt::Display| ReadPictureError::new(path, reason);
+    /// [`FileError`] where the file cannot be read, is not a checkpoint, or is damaged.
+    pub fn read(path: &Path) -> Result<(Record, Vec<Tile>), FileError> {
+        let fail = |reason: &dyn fmt::Display| FileError::read(path, reason);
         let bytes = fs::read(path).map_err(|error| fail(&error))?;
         decode(&bytes).map_err(|reason| fail(&reason))
     }
@@ -98,16 +98,16 @@ fn halves(word: u64) -> [u32; 2] {
 
 fn decode(bytes: &[u8]) -> Result<(Record, Vec<Tile>), String> {
     let damaged = || "it is damaged".to_owned();
-    let Some(body) = bytes.strip_prefix(KIND.as_bytes()) else {
-        return Err("it is no checkpoint of this version".to_owned());
+    let Some(body) = bytes.strip_prefix(FORMAT.as_bytes()) else {
+        return Err("it is not a checkpoint of this version".to_owned());
     };
     let (content, end) = bytes.split_last_chunk::<8>().map(|(content, end)| (content, *end)).ok_or_else(damaged)?;
     if checksum(content) != u64::from_le_bytes(end) {
         return Err(damaged());
     }
     let body = body.strip_suffix(&end).ok_or_else(damaged)?;
-    // The line of the kind ends with the first of the two line breaks where the record is empty.
-    let head = &bytes[KIND.len() - 1..];
+    // If the record is empty, the format line ends with the first of the two line breaks.
+    let head = &bytes[FORMAT.len() - 1..];
     let at = head.windows(2).position(|pair| pair == b"\n\n").ok_or_else(damaged)?;
     let record = record_from_lines(std::str::from_utf8(&head[..at]).map_err(|_| damaged())?.trim_start());
     let (words, rest) = body.get(at + 1..).ok_or_else(damaged)?.as_chunks::<8>();
@@ -122,7 +122,7 @@ fn decode(bytes: &[u8]) -> Result<(Record, Vec<Tile>), String> {
     Ok((record, tiles))
 }
 
-/// The tile whose words follow its number; `None` where they end too soon.
+/// Decodes a tile after its number; `None` if words are missing.
 fn tile(number: u64, words: &mut impl ExactSizeIterator<Item = u64>) -> Option<Tile> {
     let mut count = || usize::try_from(words.next()?).ok();
     let (n_pixels, n_guides) = (count()?, count()?);
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_is_read() {
+    fn tiles_survive_the_round_trip() {
         assert_eq!(decode(&bytes()), Ok(sample()));
         let empty = Checkpoint::new(&[]).bytes;
         let end = checksum(&empty).to_le_bytes();
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn any_changed_or_missing_byte_is_seen() {
+    fn changed_and_missing_bytes_are_detected() {
         let bytes = bytes();
         for at in 0..bytes.len() {
             let mut changed = bytes.clone();
@@ -194,9 +194,9 @@ mod tests {
         }
     }
 
-    /// Words that lie about what follows, under a checksum that is right.
+    /// Wrong counts with a valid checksum.
     #[test]
-    fn counts_that_exceed_the_file_are_refused() {
+    fn counts_that_exceed_the_file_are_rejected() {
         for words in [[0, u64::MAX, 0, 0], [0, 0, u64::MAX / 14, 0], [0, 1, 0, 0]] {
             let mut bytes = Checkpoint::new(&[]).bytes;
             bytes.extend(words.iter().flat_map(|word: &u64| word.to_le_bytes()));

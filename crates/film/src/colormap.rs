@@ -1,8 +1,8 @@
 use crate::srgb;
 
-/// The viridis map (van der Walt and Smith 2015) at nine even steps, sRGB bytes; straight lines between.
+/// The viridis color map (van der Walt and Smith 2015) at nine even steps, in sRGB bytes, interpolated linearly.
 ///
-/// Lightness rises evenly from the first to the last, so more looks like more, in grey and to the colour-blind too.
+/// Lightness increases evenly, so the order of values shows in gray and to color-blind readers too.
 const ANCHORS: [[u8; 3]; 9] = [
     [68, 1, 84],
     [71, 44, 122],
@@ -15,7 +15,7 @@ const ANCHORS: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
-/// Linear RGB of a value in 0..=1; values outside take the end's colour.
+/// Linear RGB of a value, which is clamped to 0..=1.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the anchors")]
 pub(crate) fn viridis(value: f64) -> [f32; 3] {
     let last = ANCHORS.len() - 1;
@@ -34,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lightness_rises() {
+    fn lightness_increases() {
         let luminance = |value: f64| srgb::luminance(viridis(value).map(f64::from));
         for i in 0..256 {
             let value = f64::from(i) / 256.0;

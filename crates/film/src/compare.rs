@@ -2,18 +2,17 @@ use std::fmt;
 
 use crate::Picture;
 
-/// Floor `ε` under the squared reference of [`Comparison::rel_mse`], in squared linear radiance: a tenth of white, below
-/// which differences count as absolute.
+/// `ε` of [`Comparison::rel_mse`], in squared linear radiance: below a tenth of white, differences count as absolute.
 pub const REL_MSE_FLOOR: f64 = 1e-2;
 
-/// How far a picture lies from a reference, over all channels of all pixels that are finite in both.
+/// The error of a picture against a reference, over all channels of all pixels that are finite in both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison {
     /// Mean of the picture over mean of the reference; 1 where both are black.
     pub mean_ratio: f64,
     /// Mean squared difference.
     pub mse: f64,
-    /// Root of the mean squared difference.
+    /// Root mean squared difference.
     pub rmse: f64,
     /// Mean absolute difference.
     pub mae: f64,
@@ -21,14 +20,14 @@ pub struct Comparison {
     pub rel_mse: f64,
     /// Greatest absolute difference of a channel.
     pub max_difference: f64,
-    /// Pixels that are not finite in one of the pictures and left out.
+    /// Pixels that are not finite in both pictures, and therefore skipped.
     pub n_not_finite: usize,
 }
 
 /// Compares `picture` with `reference`, both linear.
 ///
 /// # Errors
-/// [`CompareError::Size`] where their sizes differ, [`CompareError::NothingFinite`] where no pixel is finite in both.
+/// [`CompareError::Size`] if the sizes differ, [`CompareError::NothingFinite`] if no pixel is finite in both.
 pub fn compare(picture: &Picture, reference: &Picture) -> Result<Comparison, CompareError> {
     check_sizes(picture, reference)?;
     let (mut sums, mut squares, mut relative, mut absolute, mut max_difference) = ([0.0; 2], 0.0, 0.0, 0.0, 0.0_f64);
@@ -61,13 +60,13 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Comparison, Com
     })
 }
 
-/// Refuses pictures of two sizes.
+/// Rejects pictures of different sizes.
 pub(crate) fn check_sizes(picture: &Picture, reference: &Picture) -> Result<(), CompareError> {
     let [picture, reference] = [picture, reference].map(|picture| [picture.width, picture.height]);
     if picture == reference { Ok(()) } else { Err(CompareError::Size { picture, reference }) }
 }
 
-/// Whether two pixels can be compared.
+/// Whether all channels of both pixels are finite.
 pub(crate) fn are_finite(a: &[f32; 3], b: &[f32; 3]) -> bool {
     a.iter().chain(b).all(|x| x.is_finite())
 }
@@ -75,7 +74,7 @@ pub(crate) fn are_finite(a: &[f32; 3], b: &[f32; 3]) -> bool {
 /// Why two pictures cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CompareError {
-    /// Their sizes differ.
+    /// The sizes differ.
     Size {
         /// Width and height of the picture.
         picture: [u32; 2],
@@ -103,11 +102,11 @@ impl std::error::Error for CompareError {}
 mod tests {
     use super::*;
 
-    /// 1.3 is rounded once, by half a unit in the last place, and no number here changes by more than it does.
+    /// Half a unit in the last place: the rounding of 1.3, which exceeds that of all results.
     const KNOWN: f64 = 0.5 * f32::EPSILON as f64;
 
     #[test]
-    fn known_differences() {
+    fn known_errors() {
         let reference = Picture::filled(2, 1, [1.0; 3]);
         let mut picture = reference.clone();
         picture.pixels[0] = [1.3, 1.0, 1.0];
@@ -123,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_pictures_do_not_differ() {
+    fn equal_pictures_have_no_error() {
         for value in [0.0, 0.5, 1e30] {
             let picture = Picture::filled(3, 2, [value; 3]);
             let found = compare(&picture, &picture).unwrap();
@@ -133,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_must_agree() {
+    fn different_sizes_are_rejected() {
         let (wide, tall) = (Picture::filled(3, 2, [0.0; 3]), Picture::filled(2, 3, [0.0; 3]));
         let error = compare(&wide, &tall).unwrap_err();
         assert_eq!(error, CompareError::Size { picture: [3, 2], reference: [2, 3] });
@@ -141,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_counted_and_left_out() {
+    fn pixels_that_are_not_finite_are_counted_and_skipped() {
         let reference = Picture::filled(2, 1, [1.0; 3]);
         let mut picture = reference.clone();
         picture.pixels[1] = [f32::NAN, 5.0, 5.0];

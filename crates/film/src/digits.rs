@@ -1,11 +1,11 @@
-//! Ten digits as 5 x 7 dots, for the numbers of a legend.
+//! Ten digits of 5 x 7 dots, for the numbers of a legend.
 
 use crate::Picture;
 
-/// Dots of a digit, and the step to the next one, before scaling.
+/// Width of a digit, and the distance between digits, in dots.
 const WIDTH: u32 = 5;
 const STEP: u32 = WIDTH + 1;
-/// Rows of a digit.
+/// Height of a digit in dots.
 pub(crate) const HEIGHT: u32 = 7;
 
 /// Rows from the top; bit 4 is the leftmost dot.
@@ -28,17 +28,17 @@ fn digits_of(number: u32) -> Vec<u8> {
 
 /// Width of a number in pixels, each dot `scale` pixels wide.
 pub(crate) fn width(number: u32, scale: u32) -> u32 {
-    // A number has ten digits at most.
+    // A number has at most ten digits.
     let n = u32::try_from(digits_of(number).len()).unwrap_or(u32::MAX);
     (n * STEP - 1) * scale
 }
 
-/// Draws a number with its top left corner at (`left`, `top`); what falls outside the picture is cut off.
+/// Draws a number with its top left corner at (`left`, `top`), clipped to the picture.
 pub(crate) fn draw(picture: &mut Picture, number: u32, [left, top]: [u32; 2], scale: u32, color: [f32; 3]) {
-    for (place, digit) in (0..).zip(digits_of(number)) {
+    for (index, digit) in (0..).zip(digits_of(number)) {
         for (row, bits) in (0..).zip(DIGITS[usize::from(digit)]) {
             for column in (0..WIDTH).filter(|column| bits >> (WIDTH - 1 - column) & 1 == 1) {
-                picture.fill([left + (place * STEP + column) * scale, top + row * scale], [scale; 2], color);
+                picture.fill([left + (index * STEP + column) * scale, top + row * scale], [scale; 2], color);
             }
         }
     }
@@ -57,14 +57,14 @@ mod tests {
     }
 
     #[test]
-    fn a_number_is_drawn_where_asked_and_as_wide_as_said() {
+    fn a_number_has_its_position_and_width() {
         let mut picture = Picture::filled(40, 20, [0.0; 3]);
         draw(&mut picture, 11, [3, 4], 2, [1.0; 3]);
         let lit: Vec<[u32; 2]> = (0..20)
             .flat_map(|y| (0..40).map(move |x| [x, y]))
             .filter(|&[x, y]| picture.pixels[picture.index(x, y)] == [1.0; 3])
             .collect();
-        // The digit 1 has eleven dots of four pixels each, and leaves its outermost columns free.
+        // The digit 1 has eleven dots of four pixels each, and no dot in its outermost columns.
         let dots: u32 = DIGITS[1].iter().map(|row| row.count_ones()).sum();
         assert_eq!(lit.len(), 2 * 4 * dots as usize);
         let (left, right) = (lit.iter().map(|p| p[0]).min().unwrap(), lit.iter().map(|p| p[0]).max().unwrap());
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_outside_is_cut_off() {
+    fn numbers_are_clipped() {
         let mut picture = Picture::filled(4, 4, [0.0; 3]);
         draw(&mut picture, u32::MAX, [2, 2], 3, [1.0; 3]);
         draw(&mut picture, 8, [100, 100], 1, [1.0; 3]);

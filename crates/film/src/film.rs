@@ -1,4 +1,4 @@
-//! Sums of samples, and the pictures that are their means.
+//! Sums of samples, and pictures that are their means.
 
 mod aov;
 mod dyadic;
@@ -16,7 +16,7 @@ pub use pixel::Pixel;
 
 use crate::Picture;
 
-/// The pixels of a picture whose samples are summed, row 0 at the top.
+/// The sample sums of a picture, row 0 at the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     width: u32,
@@ -32,10 +32,10 @@ impl Film {
         Self { width, height, pixels, guides, part: None, n_rays }
     }
 
-    /// The picture of a part of all samples: the sums over its blocks, in order.
+    /// The film of a part of all samples.
     ///
     /// # Panics
-    /// Where the part has not `width * height` pixels.
+    /// If the part does not have `width * height` pixels.
     #[must_use]
     pub fn of_part(width: u32, height: u32, part: Part, n_rays: u64) -> Self {
         let pixels: Vec<Pixel> = part.pixels().map(|sums| total(sums.iter().copied())).collect();
@@ -62,40 +62,40 @@ impl Film {
         &self.pixels
     }
 
-    /// What camera rays meet first, row by row; empty where nothing of it was asked for.
+    /// AOV sums, row by row; empty without AOVs.
     #[must_use]
     pub fn guides(&self) -> &[Guide] {
         &self.guides
     }
 
-    /// The sums block by block, where a range of samples was asked for.
+    /// The sums block by block, if a range of samples was rendered.
     #[must_use]
     pub fn part(&self) -> Option<&Part> {
         self.part.as_ref()
     }
 
-    /// Samples taken, dropped ones too.
+    /// Samples taken, including dropped ones.
     #[must_use]
     pub fn n_samples(&self) -> u64 {
         self.pixels.iter().map(|pixel| u64::from(pixel.n_taken())).sum()
     }
 
-    /// Samples that were not finite.
+    /// Samples that were dropped because they were not finite.
     #[must_use]
     pub fn n_dropped(&self) -> u64 {
         self.pixels.iter().map(|pixel| u64::from(pixel.n_dropped)).sum()
     }
 
-    /// Column and row of the first pixel, row by row, that has a sample which was not finite.
+    /// Column and row of the first pixel with a dropped sample.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "quotient and remainder by a u32 of what two u32 number")]
+    #[expect(clippy::cast_possible_truncation, reason = "column and row of a picture of u32 sides")]
     pub fn first_dropped(&self) -> Option<[u32; 2]> {
         let index = self.pixels.iter().position(|pixel| pixel.n_dropped > 0)?;
         let width = self.width as usize;
         Some([(index % width) as u32, (index / width) as u32])
     }
 
-    /// Rays traced, shadow rays included; none for parts read from files.
+    /// Rays traced, including shadow rays; zero for parts read from files.
     #[must_use]
     pub fn n_rays(&self) -> u64 {
         self.n_rays
@@ -109,7 +109,7 @@ impl Film {
         (self.pixels.iter().map(Pixel::squared_error).sum::<f64>() / n).sqrt()
     }
 
-    /// The means, rounded to `f32`.
+    /// The means as a picture.
     #[must_use]
     pub fn picture(&self) -> Picture {
         let pixels = self.pixels.iter().map(Pixel::rounded_mean).collect();

@@ -1,28 +1,25 @@
 use std::f64::consts::PI;
 use std::fmt;
 
-/// How the light around a pixel's centre is weighed, the same along both axes; each with its radius in pixels, beyond
-/// which it is zero.
+/// Pixel reconstruction filter: separable, with a radius in pixels beyond which it is zero.
 ///
-/// A picture is light times the filter, at whole pixels. A wide filter blurs, a narrow one lets steep edges and small
-/// patterns alias. Names and forms are those of Mitchell and Netravali 1988 and of Pharr et al. 2023, *Physically Based
-/// Rendering*, section 8.8.
+/// Wide filters blur; narrow ones alias. Names and formulas follow Mitchell and Netravali 1988 and Pharr et al. 2023,
+/// *Physically Based Rendering*, section 8.8.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Filter {
-    /// One everywhere.
+    /// Constant.
     Box(f32),
-    /// Falls in a straight line.
+    /// Linear falloff.
     Tent(f32),
-    /// A Gaussian whose standard deviation is a third of the radius, less its value at the radius.
+    /// A Gaussian with a standard deviation of a third of the radius, minus its value at the radius.
     Gaussian(f32),
-    /// The cubic of Mitchell and Netravali 1988 with B = C = 1/3, its support stretched to the radius: sharpens edges by
-    /// negative weight around the middle.
+    /// The cubic of Mitchell and Netravali 1988 with B = C = 1/3, scaled to the radius: negative lobes sharpen edges.
     Mitchell(f32),
-    /// The window of four cosines of Harris 1978: hardly any ripple, never negative.
+    /// The four-term window of Harris 1978: little ringing, never negative.
     BlackmanHarris(f32),
 }
 
-/// The name, as `--filter` has it; the radius behind it where it is another than that of the constant.
+/// The name as in `--filter`, and the radius unless it is the default.
 impl fmt::Display for Filter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, usual) = match self {
@@ -37,18 +34,18 @@ impl fmt::Display for Filter {
 }
 
 impl Filter {
-    /// The pixel's own square.
+    /// One pixel.
     pub const BOX: Self = Self::Box(0.5);
-    /// As far as the neighbours' centres: straight ramps stay straight.
+    /// Reaches the centers of the neighbors, so linear ramps stay linear.
     pub const TENT: Self = Self::Tent(1.0);
-    /// Standard deviation of half a pixel.
+    /// A standard deviation of half a pixel.
     pub const GAUSSIAN: Self = Self::Gaussian(1.5);
-    /// As its authors have it.
+    /// The radius of the authors.
     pub const MITCHELL: Self = Self::Mitchell(2.0);
-    /// Falls to half at about half a pixel.
+    /// Half of the maximum at about half a pixel.
     pub const BLACKMAN_HARRIS: Self = Self::BlackmanHarris(1.5);
 
-    /// Distance in pixels, along each axis, beyond which the filter is zero.
+    /// Radius along each axis, in pixels.
     #[must_use]
     pub fn radius(self) -> f32 {
         match self {
@@ -56,7 +53,7 @@ impl Filter {
         }
     }
 
-    /// The filter along one axis, `x` pixels from the centre, up to a constant factor.
+    /// The filter along one axis, `x` pixels from the center, up to a constant factor.
     #[must_use]
     pub fn value(self, x: f64) -> f64 {
         let x = x.abs() / f64::from(self.radius());
@@ -83,34 +80,34 @@ impl Default for Filter {
     }
 }
 
-/// The cubic pieces for B = C = 1/3; zero at 8/7 and, twice, at 2.
+/// The cubic pieces for B = C = 1/3; roots at 8/7 and a double root at 2.
 fn mitchell(x: f64) -> f64 {
     if x < 1.0 { ((7.0 * x - 12.0) * x * x + 16.0 / 3.0) / 6.0 } else { (8.0 - 7.0 * x) * (2.0 - x) * (2.0 - x) / 18.0 }
 }
 
-/// Steps of a table along the radius. The zero of Mitchell's filter, at 4/7 of the radius, lies between two of them, and so
-/// does the joint of its pieces at 1/2.
+/// Table steps along the radius. The root of Mitchell's filter, at 4/7 of the radius, and the joint of its pieces at 1/2
+/// lie between two steps.
 const STEPS: usize = 896;
 
-/// Places samples about a pixel's centre as a [`Filter`] weighs it, so that their mean is the filtered picture.
+/// Distributes samples around the center of a pixel in proportion to a [`Filter`].
 ///
-/// Filter importance sampling after Ernst et al. 2006: a sample belongs to one pixel alone, and no pixel waits for its
-/// neighbours. Where a filter is negative, the absolute value chooses the place and the sample's weight is -1; everywhere
-/// else it is 1. A pixel is the sum of weighed samples over the sum of weights, so that even light stays even.
+/// Filter importance sampling (Ernst et al. 2006): each sample belongs to one pixel, so pixels are independent. Where the
+/// filter is negative, positions follow its absolute value and the weight of a sample is -1; elsewhere it is 1. A pixel is
+/// the weighted mean of its samples, so constant light stays constant.
 ///
-/// Places come from a table of the integral, linear between its steps `h`: the response to an edge is that of the filter
-/// up to `h²/8` times the filter's greatest slope, less than `10⁻⁶` for radii of a few pixels.
+/// Positions come from a table of the integral, linear between steps of size `h`: the response to an edge differs from the
+/// filter's by at most `h²/8` times its greatest slope, less than `10⁻⁶` for radii of a few pixels.
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
     filter: Filter,
-    /// Share of the integral of the absolute value over the radius that lies before each step; the last is 1.
+    /// Cumulative share of the integral of the absolute value before each step; the last is 1.
     before: Vec<f64>,
     /// Whether the filter is negative anywhere.
     is_signed: bool,
 }
 
 impl FilterSampler {
-    /// Tabulates `filter`; `None` where its radius is not finite and above zero.
+    /// Tabulates `filter`; `None` unless its radius is finite and positive.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
     pub fn new(filter: Filter) -> Option<Self> {
@@ -119,7 +116,7 @@ impl FilterSampler {
             return None;
         }
         let at = |step: f64| filter.value(f64::from(radius) * step / STEPS as f64);
-        // Simpson's rule over a step: exact for cubics.
+        // Simpson's rule is exact for cubics.
         let masses: Vec<f64> =
             (0..STEPS).map(|i| i as f64).map(|i| (at(i) + 4.0 * at(i + 0.5) + at(i + 1.0)) / 6.0).collect();
         let mut sum = 0.0;
@@ -133,23 +130,23 @@ impl FilterSampler {
         Some(Self { filter, before: before.into_iter().map(|x| x / all).collect(), is_signed })
     }
 
-    /// Whether samples may weigh -1.
+    /// Whether weights may be -1.
     #[must_use]
     pub fn is_signed(&self) -> bool {
         self.is_signed
     }
 
-    /// The table as a device reads it: the share before each step.
+    /// The table in `f32`, for GPUs.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     pub fn table(&self) -> Vec<f32> {
         self.before.iter().map(|&before| before as f32).collect()
     }
 
-    /// Where a sample lies from the pixel's centre, in pixels, and what it weighs, for a point of the unit square.
+    /// Offset of a sample from the center of the pixel, in pixels, and its weight, for a point in the unit square.
     #[must_use]
     pub fn place(&self, square: [f32; 2]) -> ([f64; 2], f32) {
-        // Exact, so that the box of one pixel puts a sample where the point is in the pixel.
+        // Exact: the box of one pixel maps the unit square to the pixel.
         let [x, y] = square.map(|s| 2.0 * f64::from(s) - 1.0);
         if let Filter::Box(radius) = self.filter {
             return ([x, y].map(|s| s * f64::from(radius)), 1.0);
@@ -158,17 +155,17 @@ impl FilterSampler {
         ([x, y], x_weight * y_weight)
     }
 
-    /// The place along one axis, and its weight, for a number from -1 to 1.
+    /// Offset and weight along one axis, for a number from -1 to 1.
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
     fn along(&self, signed: f64) -> (f64, f32) {
         let share = signed.abs();
-        // The step that begins at or before the share; the last one for a share of 1.
+        // The step that starts at or before the share; the last one for a share of 1.
         let step = self.before[..STEPS].partition_point(|&before| before <= share) - 1;
         let (start, end) = (self.before[step], self.before[step + 1]);
         let inside = (share - start) / (end - start);
         let x = f64::from(self.filter.radius()) * (step as f64 + inside) / STEPS as f64;
-        // No step has both signs.
-        let middle = f64::from(self.filter.radius()) * (step as f64 + 0.5) / STEPS as f64;
-        (x.copysign(signed), if self.filter.value(middle) < 0.0 { -1.0 } else { 1.0 })
+        // The sign is constant within a step.
+        let center = f64::from(self.filter.radius()) * (step as f64 + 0.5) / STEPS as f64;
+        (x.copysign(signed), if self.filter.value(center) < 0.0 { -1.0 } else { 1.0 })
     }
 }

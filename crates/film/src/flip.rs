@@ -1,8 +1,8 @@
-//! FLIP: how strongly a viewer who flips between two pictures sees them differ, 0 to 1 for each pixel.
+//! FLIP: the difference that a viewer perceives when alternating between two pictures, from 0 to 1 per pixel.
 //!
 //! ```text
-//! linear RGB -> opponent colours -> contrast sensitivity filters -> difference of colours \
-//!            -> luma -> edges, points                            -> difference of features -> one error a pixel
+//! linear RGB -> opponent colors -> contrast sensitivity filters -> color difference \
+//!            -> luma -> edges, points                           -> feature difference -> error
 //! ```
 //!
 //! Andersson et al., FLIP: A Difference Evaluator for Alternating Images, HPG 2020; Andersson et al., Visualizing Errors
@@ -18,10 +18,10 @@ use rayon::prelude::*;
 use crate::compare::{self, CompareError};
 use crate::{Picture, colormap};
 
-/// Pixels in a degree of the viewer's sight: 3840 pixels over 0.7 m, seen from 0.7 m, as in the papers.
+/// Pixels per degree of visual angle in the papers: 3840 pixels over 0.7 m, perceived from 0.7 m.
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 * std::f64::consts::PI / 180.0;
 
-/// The error of every pixel.
+/// The error of each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flip {
     width: u32,
@@ -46,7 +46,7 @@ impl Flip {
         finite.sum::<f64>() / n
     }
 
-    /// The errors as colours, dark where pictures agree and yellow where they differ most; magenta where there is none.
+    /// The errors in false color, from dark to yellow; magenta where there is no error.
     #[must_use]
     pub fn picture(&self) -> Picture {
         let color = |error: &Option<f64>| error.map_or([1.0, 0.0, 1.0], colormap::viridis);
@@ -54,23 +54,23 @@ impl Flip {
     }
 }
 
-/// Compares two linear pictures as a screen shows them: clamped to 0..=1.
+/// Compares two linear pictures, clamped to 0..=1.
 ///
-/// Pixels that are not finite in one of them count as black in both, and have no error of their own.
+/// Pixels that are not finite in both count as black and have no error.
 ///
 /// # Errors
-/// As [`crate::compare()`].
+/// Those of [`crate::compare()`].
 pub fn flip(picture: &Picture, reference: &Picture, pixels_per_degree: f64) -> Result<Flip, CompareError> {
     let pair = Pair::new(picture, reference)?;
     let errors = errors(&pair.planes(|x| x.clamp(0.0, 1.0)), pixels_per_degree);
     Ok(pair.flip(errors))
 }
 
-/// Compares two linear pictures of any range, tone-mapped at exposures from the reference's brightest to its median: each
-/// pixel's error is its greatest.
+/// Compares two linear pictures of high dynamic range; the error of a pixel is the maximum over exposures from the brightest
+/// luminance of the reference to its median.
 ///
 /// # Errors
-/// As [`crate::compare()`].
+/// Those of [`crate::compare()`].
 pub fn flip_hdr(picture: &Picture, reference: &Picture, pixels_per_degree: f64) -> Result<Flip, CompareError> {
     let pair = Pair::new(picture, reference)?;
     let planes = pair.planes(|x| x.max(0.0));
@@ -102,7 +102,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Both pictures in `f64`, each channel changed by `range`.
+    /// Both pictures in `f64`, with `range` applied to each channel.
     fn planes(&self, range: impl Fn(f64) -> f64 + Copy) -> [Plane<3>; 2] {
         self.pictures.map(|picture| {
             let pixel = |(pixel, &is_finite): (&[f32; 3], &bool)| {
@@ -122,7 +122,7 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// `N` numbers a pixel, row by row.
+/// `N` numbers per pixel, row by row.
 #[derive(Clone)]
 struct Plane<const N: usize> {
     width: usize,
@@ -138,13 +138,13 @@ impl<const N: usize> Plane<N> {
 /// The errors of two planes of linear RGB in 0..=1.
 fn errors(planes: &[Plane<3>; 2], pixels_per_degree: f64) -> Vec<f64> {
     let opponent = planes.each_ref().map(|plane| plane.map(color::opponent));
-    let seen = opponent.each_ref().map(|plane| color::seen(plane, pixels_per_degree));
+    let perceived = opponent.each_ref().map(|plane| color::perceived(plane, pixels_per_degree));
     let features = opponent.each_ref().map(|plane| features::features(plane, pixels_per_degree));
     let n = planes[0].values.len();
     (0..n)
         .into_par_iter()
         .map(|i| {
-            let color = color::difference(seen[0].values[i], seen[1].values[i]);
+            let color = color::difference(perceived[0].values[i], perceived[1].values[i]);
             let feature = features::difference(features[0].values[i], features[1].values[i]);
             color.powf(1.0 - feature)
         })

@@ -2,8 +2,8 @@ use std::fmt::{Debug, Write};
 
 /// A running hash of 64-bit words.
 ///
-/// Each step is a bijection of the state for a given word, and of the word for a given state: contents of the same
-/// length that differ in one word never collide.
+/// Each step is a bijection of the state for a given word, and of the word for a given state: inputs of the same length
+/// that differ in one word never collide.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hash {
     state: u64,
@@ -11,9 +11,9 @@ pub struct Hash {
 }
 
 impl Hash {
-    /// Takes in a word.
+    /// Adds a word.
     pub fn word(&mut self, word: u64) {
-        // The finalizer of SplitMix64 (Steele et al. 2014), which moves only zero to itself; the constant moves zero.
+        // The finalizer of SplitMix64 (Steele et al. 2014), whose only fixed point is zero; the constant removes it.
         let x = (self.state ^ word).wrapping_add(0x9e37_79b9_7f4a_7c15);
         let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -21,7 +21,7 @@ impl Hash {
         self.n_words += 1;
     }
 
-    /// Takes in words, and how many they are.
+    /// Adds words and their number.
     pub fn words(&mut self, words: impl IntoIterator<Item = u32>) {
         let before = self.n_words;
         for word in words {
@@ -30,7 +30,7 @@ impl Hash {
         self.word(self.n_words - before);
     }
 
-    /// Takes in bytes, and how many they are.
+    /// Adds bytes and their number.
     pub fn bytes(&mut self, bytes: &[u8]) {
         for chunk in bytes.chunks(8) {
             let mut word = [0; 8];
@@ -40,19 +40,19 @@ impl Hash {
         self.word(bytes.len() as u64);
     }
 
-    /// The hash of what was taken in.
+    /// The hash of everything added.
     #[must_use]
     pub fn finish(mut self) -> u64 {
         self.word(self.n_words);
         self.state
     }
 
-    /// Takes in floats by their bits, and how many they are.
+    /// Adds the bits of floats and their number.
     pub fn floats<const N: usize>(&mut self, values: &[[f32; N]]) {
         self.words(values.iter().flatten().map(|x| x.to_bits()));
     }
 
-    /// Takes in the `Debug` text of a value, which writes every field, and floats exactly.
+    /// Adds the `Debug` text of a value, which has every field and exact floats.
     pub fn debug(&mut self, value: &dyn Debug) {
         let mut text = String::new();
         // Writing to a string cannot fail.

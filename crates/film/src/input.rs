@@ -1,25 +1,25 @@
 use std::fmt;
 use std::fs;
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use canted_scene::declared_exr_samples;
 use exr::prelude::{ReadChannels, ReadLayers, RgbChannels, Vec2};
 use image::{DynamicImage, ImageReader};
 
-use crate::{Picture, srgb};
+use crate::{FileError, Picture, srgb};
 
 /// The first four bytes of an EXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Reads a picture as linear RGB: EXR as it is, PNG decoded by the sRGB curve. The content decides which it is.
+/// Reads a picture as linear RGB from EXR or PNG, which the content distinguishes; PNG values are decoded from sRGB.
 ///
-/// Alpha is ignored; greys become RGB.
+/// Alpha is ignored; gray becomes RGB.
 ///
 /// # Errors
-/// [`ReadPictureError`] with the file and the reason.
-pub fn read_picture(path: &Path) -> Result<Picture, ReadPictureError> {
-    let fail = |reason: &dyn fmt::Display| ReadPictureError::new(path, reason);
+/// [`FileError`] with the file and the reason.
+pub fn read_picture(path: &Path) -> Result<Picture, FileError> {
+    let fail = |reason: &dyn fmt::Display| FileError::read(path, reason);
     let bytes = fs::read(path).map_err(|error| fail(&error))?;
     if bytes.starts_with(&EXR_MAGIC) {
         read_exr(&bytes).map_err(|reason| fail(&reason))
@@ -46,7 +46,7 @@ fn read_image(bytes: &[u8]) -> Result<Picture, image::ImageError> {
 }
 
 fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
-    // Before anything of the size that it promises is allocated.
+    // Reject sizes that the file cannot hold before anything is allocated.
     declared_exr_samples(bytes)?;
     let image = exr::prelude::read()
         .no_deep_data()
@@ -64,30 +64,3 @@ fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
     let side = |n: usize| u32::try_from(n).map_err(|_| format!("{n} pixels along one side are too many"));
     Ok(Picture { width: side(width)?, height: side(height)?, pixels: image.layer_data.channel_data.pixels.1 })
 }
-
-/// Why a picture was not read.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ReadPictureError {
-    path: PathBuf,
-    reason: String,
-}
-
-impl ReadPictureError {
-    pub(crate) fn new(path: &Path, reason: &dyn fmt::Display) -> Self {
-        Self { path: path.to_owned(), reason: reason.to_string() }
-    }
-
-    /// The file that was to be read.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-}
-
-impl fmt::Display for ReadPictureError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot read {}: {}", self.path.display(), self.reason)
-    }
-}
-
-impl std::error::Error for ReadPictureError {}

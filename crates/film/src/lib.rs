@@ -25,6 +25,7 @@ mod checkpoint;
 mod colormap;
 mod compare;
 mod digits;
+mod file_error;
 mod film;
 mod filter;
 mod flip;
@@ -39,15 +40,14 @@ mod tiling;
 
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
+pub use file_error::FileError;
 pub use film::{Aov, Aovs, Block, Dyadic, Film, Guide, JoinError, Part, Pixel};
 pub use filter::{Filter, FilterSampler};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip, flip_hdr};
 pub use hash::Hash;
 pub use heatmap::false_color;
-pub use input::{ReadPictureError, read_picture};
-pub use output::{
-    AtomicFile, Discarded, Record, WriteError, discard_unfinished, read_part, write_exr, write_film, write_png,
-};
+pub use input::read_picture;
+pub use output::{AtomicFile, Discarded, Record, discard_unfinished, read_part, write_exr, write_film, write_png};
 pub use partial::Partial;
 pub use picture::Picture;
 pub use tiling::{CELL, Sums, Tile, Tiling};

@@ -1,4 +1,4 @@
-//! Pictures into files, whole or not at all.
+//! Writes pictures to files atomically.
 
 mod atomic_file;
 mod film;
@@ -13,36 +13,36 @@ use exr::prelude::{
 use image::ImageEncoder;
 use image::codecs::png::PngEncoder;
 
-use crate::{Picture, srgb};
+use crate::{FileError, Picture, srgb};
 pub(crate) use atomic_file::write_file;
-pub use atomic_file::{AtomicFile, Discarded, WriteError, discard_unfinished};
+pub use atomic_file::{AtomicFile, Discarded, discard_unfinished};
 pub use film::{read_part, write_film};
 pub use record::Record;
 pub(crate) use record::{record_from_lines, record_lines};
 
 /// Writes `picture` as an 8-bit RGB PNG: clamped to 0..=1, encoded by the sRGB curve, rounded to the nearest byte.
 ///
-/// The file appears whole or not at all.
+/// The file is written atomically.
 ///
 /// # Errors
-/// [`WriteError`] with the file and the reason.
-pub fn write_png(path: &Path, picture: &Picture) -> Result<(), WriteError> {
+/// [`FileError`] with the file and the reason.
+pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FileError> {
     let bytes: Vec<u8> = picture.pixels.iter().flatten().map(|&x| srgb::encode(x)).collect();
     let mut file = Vec::new();
     PngEncoder::new(&mut file)
         .write_image(&bytes, picture.width, picture.height, image::ExtendedColorType::Rgb8)
-        .map_err(|error| WriteError::new(path, error))?;
+        .map_err(|error| FileError::write(path, error))?;
     write_file(path, &file)
 }
 
 /// Writes `picture` as an EXR of three `f32` channels, linear RGB, losslessly compressed.
 ///
-/// Negative zero is written as zero and every NaN with one bit pattern, so that equal pictures are equal files. The
-/// file appears whole or not at all.
+/// Negative zero is written as zero and every NaN with the same bits, so that equal pictures are equal files. The file is
+/// written atomically.
 ///
 /// # Errors
-/// [`WriteError`] with the file and the reason.
-pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), WriteError> {
+/// [`FileError`] with the file and the reason.
+pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), FileError> {
     let size = Vec2(picture.width as usize, picture.height as usize);
     let pixel = |position: Vec2<usize>| {
         let [r, g, b] = picture.pixels[position.1 * size.0 + position.0].map(canonical);
@@ -54,15 +54,15 @@ pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), WriteError> {
         .write()
         .non_parallel()
         .to_buffered(&mut file)
-        .map_err(|error| WriteError::new(path, error))?;
+        .map_err(|error| FileError::write(path, error))?;
     write_file(path, file.get_ref())
 }
 
-/// Lossless; lines in order, so that the file does not depend on threads.
+/// Lossless, with lines in order so that the file does not depend on threads.
 const ENCODING: Encoding =
     Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 
-/// `x` with one bit pattern for zero and one for all NaN.
+/// `x` with unique bits for zero and NaN.
 fn canonical(x: f32) -> f32 {
     if x.is_nan() {
         f32::NAN
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn zero_and_nan_have_one_bit_pattern() {
+    fn zero_and_nan_have_unique_bits() {
         assert_eq!(canonical(-0.0).to_bits(), 0);
         assert_eq!(canonical(f32::from_bits(0xffc0_1234)).to_bits(), f32::NAN.to_bits());
         for x in [1.0, -1.0, f32::MIN_POSITIVE / 2.0, f32::INFINITY] {

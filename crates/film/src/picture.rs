@@ -10,19 +10,19 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// A picture of one colour.
+    /// A picture of one color.
     #[must_use]
     pub fn filled(width: u32, height: u32, color: [f32; 3]) -> Self {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }
 
-    /// Position of a pixel in [`Picture::pixels`]; `x` and `y` are below width and height.
+    /// Index of a pixel in [`Picture::pixels`]; `x` is less than the width, `y` less than the height.
     #[must_use]
     pub fn index(&self, x: u32, y: u32) -> usize {
         y as usize * self.width as usize + x as usize
     }
 
-    /// Fills a rectangle given by its top left corner and its size; what falls outside the picture is cut off.
+    /// Fills a rectangle given by its top left corner and its size, clipped to the picture.
     pub(crate) fn fill(&mut self, [left, top]: [u32; 2], [width, height]: [u32; 2], color: [f32; 3]) {
         for y in top..top.saturating_add(height).min(self.height) {
             for x in left..left.saturating_add(width).min(self.width) {

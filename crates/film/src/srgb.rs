@@ -1,4 +1,4 @@
-//! The sRGB curve (IEC 61966-2-1), both ways, and luminance by its primaries. Linear inside, sRGB at both ends.
+//! The sRGB transfer function (IEC 61966-2-1) and luminance.
 
 use std::sync::LazyLock;
 
@@ -35,10 +35,10 @@ pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Steps of the table that finds a byte: the curve is nowhere steeper than 12.92, so a step holds at most one half-way value.
+/// Steps of the table: the slope of the curve is at most 12.92, so a step has at most one value halfway between bytes.
 const STEPS: usize = 4096;
 
-/// The least byte in each step of linear values, and the linear value half-way from each byte to the next.
+/// The smallest byte in each step of linear values, and the linear value halfway from each byte to the next.
 static BYTES: LazyLock<(Vec<u8>, [f64; 256])> = LazyLock::new(|| {
     #[expect(clippy::cast_precision_loss, reason = "numbers below 4097")]
     let first = (0..=STEPS).map(|step| from_linear(step as f64 / STEPS as f64)).collect();
@@ -48,7 +48,7 @@ static BYTES: LazyLock<(Vec<u8>, [f64; 256])> = LazyLock::new(|| {
     (first, halfway)
 });
 
-/// The byte next to the sRGB value of a linear one, clamped to 0..=1 first; a NaN is black.
+/// The nearest sRGB byte of a linear value clamped to 0..=1; NaN gives 0.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=4096; NaN casts to 0")]
 pub fn encode(linear: f32) -> u8 {
@@ -59,7 +59,7 @@ pub fn encode(linear: f32) -> u8 {
     byte + u8::from(x >= halfway[usize::from(byte)])
 }
 
-/// What [`encode`] finds, by the curve itself.
+/// [`encode`] by the formula.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a value in 0..=1 gives one in 0..=255")]
 fn from_linear(x: f64) -> u8 {
     let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
@@ -70,12 +70,12 @@ fn from_linear(x: f64) -> u8 {
 mod tests {
     use super::*;
 
-    /// Half of the last digit that was computed by hand, and a rounding of each number, which is below a quarter.
+    /// Half of the last digit computed by hand, plus the rounding of numbers below a quarter.
     const BY_HAND: f32 = 0.5e-7 + 0.125 * f32::EPSILON;
 
     #[test]
     fn known_values() {
-        // Byte 128 is linear 0.2158605; middle grey 0.18 is byte 118; both from the standard's formula by hand.
+        // Byte 128 is linear 0.2158605; middle gray 0.18 is byte 118; both from the standard's formula by hand.
         for (linear, byte) in [(0.0, 0), (1.0, 255), (0.18, 118), (0.5, 188), (0.215_860_5, 128), (0.003_130_8, 10)] {
             assert_eq!(encode(linear), byte, "{linear}");
         }
@@ -85,14 +85,14 @@ mod tests {
     }
 
     #[test]
-    fn every_byte_survives_the_round_trip() {
+    fn bytes_survive_the_round_trip() {
         for byte in 0..=255 {
             assert_eq!(encode(decode(byte)), byte);
         }
     }
 
     #[test]
-    fn the_table_agrees_with_the_curve() {
+    fn the_table_agrees_with_the_formula() {
         let halfway = (0..255_u8).map(|byte| to_linear((f64::from(byte) + 0.5) / 255.0));
         #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is wanted")]
         let bits = halfway.map(|x| (x as f32).to_bits()).flat_map(|bits| bits - 2..=bits + 2);

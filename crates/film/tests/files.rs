@@ -1,10 +1,10 @@
-//! Pictures into files and back.
+//! Writes and reads picture files.
 
 use std::fs;
 
 use canted_film::{Picture, compare, read_picture, write_exr, write_png};
 
-/// Values that a PNG holds exactly, and some that it must clamp.
+/// Values that a PNG stores exactly, and some that it clamps.
 fn gradient() -> Picture {
     let mut picture = Picture::filled(13, 7, [0.0; 3]);
     for (i, pixel) in (0_u8..).zip(&mut picture.pixels) {
@@ -21,7 +21,7 @@ fn names(folder: &std::path::Path) -> Vec<String> {
 }
 
 #[test]
-fn exr_keeps_every_bit_but_the_sign_of_zero() {
+fn exr_keeps_all_bits_except_the_sign_of_zero() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("picture.exr");
     let mut picture = gradient();
@@ -43,7 +43,7 @@ fn exr_keeps_every_bit_but_the_sign_of_zero() {
 }
 
 #[test]
-fn png_holds_the_nearest_srgb_byte() {
+fn png_stores_the_nearest_srgb_byte() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("picture.png");
     let picture = Picture {
@@ -55,7 +55,7 @@ fn png_holds_the_nearest_srgb_byte() {
     let bytes = image::open(&path).unwrap().to_rgb8().into_raw();
     // 0.18 -> 118, 0.5 -> 188, 0.003 -> 9.88 -> 10; 0.2 -> 124, 0.05 -> 63, 0.9 -> 243 by the standard's formula.
     assert_eq!(bytes, [[0, 0, 0], [255, 255, 0], [118, 188, 10], [124; 3], [63; 3], [243; 3]].as_flattened());
-    // What was written reads back as the same bytes.
+    // The bytes survive the round trip.
     let back = read_picture(&path).unwrap();
     write_png(&path, &back).unwrap();
     assert_eq!(image::open(&path).unwrap().to_rgb8().into_raw(), bytes);
@@ -77,11 +77,11 @@ fn an_exr_and_its_png_differ_by_less_than_a_byte() {
     assert!(result.max_difference > 0.0 && result.max_difference < 2.3 * 0.5 / 255.0, "{result:?}");
 }
 
-/// Half of the last digit that was computed by hand, and a rounding of each number, which is below a quarter.
+/// Half of the last digit computed by hand, plus the rounding of numbers below a quarter.
 const BY_HAND: f32 = 0.5e-7 + 0.125 * f32::EPSILON;
 
 #[test]
-fn greys_and_sixteen_bits_are_read() {
+fn gray_and_16_bit_files_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("grey.png");
     image::GrayImage::from_raw(2, 1, vec![0, 128]).unwrap().save(&path).unwrap();
@@ -97,7 +97,7 @@ fn greys_and_sixteen_bits_are_read() {
 }
 
 #[test]
-fn failures_name_the_file_and_leave_nothing_behind() {
+fn errors_name_the_file_and_leave_no_temporary_file() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("no/such/folder/picture.png");
     for error in [write_png(&missing, &gradient()), write_exr(&missing, &gradient())] {
@@ -105,7 +105,7 @@ fn failures_name_the_file_and_leave_nothing_behind() {
         assert_eq!(error.path(), missing);
         assert!(error.to_string().contains("no/such/folder/picture.png: "), "{error}");
     }
-    // A folder in the place of the file: the rename fails after the temporary file was written.
+    // A folder at the target path: the rename fails after the temporary file was written.
     let taken = folder.path().join("taken.png");
     fs::create_dir(&taken).unwrap();
     fs::write(taken.join("inside"), "x").unwrap();
@@ -116,7 +116,7 @@ fn failures_name_the_file_and_leave_nothing_behind() {
 }
 
 #[test]
-fn an_older_picture_stays_whole_until_it_is_replaced() {
+fn the_previous_picture_stays_until_it_is_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("picture.png");
     write_png(&path, &Picture::filled(2, 2, [0.0; 3])).unwrap();
@@ -127,7 +127,7 @@ fn an_older_picture_stays_whole_until_it_is_replaced() {
 }
 
 #[test]
-fn files_that_are_no_pictures_are_refused_by_name() {
+fn files_that_are_not_pictures_are_rejected_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let mut exr = Vec::new();
     let whole = folder.path().join("whole.exr");

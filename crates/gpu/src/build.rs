@@ -72,7 +72,7 @@ impl Built {
         let aabbs = aabbs(run, &items, &leaves, &trees)?;
         let obbs = match config.strategy {
             Strategy::Aabb => None,
-            leaning => Some(obbs(run, &items, &leaves, &trees, &aabbs, leaning)?),
+            strategy => Some(obbs(run, &items, &leaves, &trees, &aabbs, strategy)?),
         };
         Ok(Self { items, leaves, trees, aabbs, obbs })
     }

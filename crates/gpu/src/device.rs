@@ -128,7 +128,9 @@ impl Gpu {
         if let Some(kernel) = kernels.get(&key) {
             return Ok(kernel.clone());
         }
-        let kernel = Arc::new(Kernel::new(self, name, chosen)?);
+        self.check()?;
+        let kernel = Arc::new(Kernel::new(&self.device, &self.limits, name, chosen)?);
+        self.check()?;
         kernels.insert(key, kernel.clone());
         Ok(kernel)
     }

@@ -1,8 +1,6 @@
 //! Raster passes in batches of bounded time.
 
-use std::{collections::VecDeque, time::Duration};
-
-use crate::Draw;
+use std::{collections::VecDeque, ops::Range, time::Duration};
 
 /// Target time of a batch, short enough for a display that waits for it.
 const TARGET_TIME: Duration = Duration::from_millis(100);
@@ -10,6 +8,15 @@ const TARGET_TIME: Duration = Duration::from_millis(100);
 /// Triangles of the first batch, and minimum.
 const FIRST_BATCH: u32 = 1 << 14;
 const MIN_BATCH: u32 = 1 << 8;
+
+/// A range of vertices for a range of instances.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Draw {
+    /// Vertex indices, three per triangle.
+    pub vertices: Range<u32>,
+    /// Instance indices.
+    pub instances: Range<u32>,
+}
 
 /// Draws split into batches, in order.
 pub(crate) struct DrawBatches {

@@ -3,7 +3,7 @@
 use canted_shaders::{Binding, BindingKind, Entry, Layout, Shader, Specialisation};
 use wgpu::{ComputePipelineDescriptor, Limits, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource};
 
-use crate::{Gpu, GpuError};
+use crate::GpuError;
 
 /// A compute kernel on a device.
 pub struct Kernel {
@@ -14,19 +14,23 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    pub(crate) fn new(gpu: &Gpu, name: &str, chosen: &Specialisation) -> Result<Self, GpuError> {
-        gpu.check()?;
+    pub(crate) fn new(
+        device: &wgpu::Device,
+        limits: &Limits,
+        name: &str,
+        chosen: &Specialisation,
+    ) -> Result<Self, GpuError> {
         let shader = Shader::new(name, chosen)?;
         let entry =
             shader.entry("main").ok_or_else(|| GpuError::Invalid { message: format!("'{name}' has no main") })?;
-        fits(name, entry, gpu.limits())?;
-        let module = gpu.device.create_shader_module(ShaderModuleDescriptor {
+        fits(name, entry, limits)?;
+        let module = device.create_shader_module(ShaderModuleDescriptor {
             label: Some(name),
             source: ShaderSource::Wgsl(shader.source.as_str().into()),
         });
         let constants: Vec<(&str, f64)> =
             shader.overrides.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-        let pipeline = gpu.device.create_compute_pipeline(&ComputePipelineDescriptor {
+        let pipeline = device.create_compute_pipeline(&ComputePipelineDescriptor {
             label: Some(name),
             layout: None,
             module: &module,
@@ -34,7 +38,6 @@ impl Kernel {
             compilation_options: PipelineCompilationOptions { constants: &constants, ..Default::default() },
             cache: None,
         });
-        gpu.check()?;
         Ok(Self { name: name.to_owned(), pipeline, entry: entry.clone(), layouts: shader.layouts })
     }
 

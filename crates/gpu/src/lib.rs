@@ -58,10 +58,11 @@ pub use buffer::Buffer;
 pub use canted_shaders::Specialisation;
 pub use commands::{AsBinding, Commands, NamedBinding, PassTime};
 pub use device::Gpu;
+pub use draw_batches::Draw;
 pub use error::GpuError;
 pub use kernel::Kernel;
 pub use loop_check::loop_iterations;
-pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
+pub use raster::{N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
     DeviceHit, DeviceRay, HIT_ERROR, MAX_CONDITION, MAX_COORDINATE, MotionPolynomials, Outcome, TracedScene, Traversal,
 };

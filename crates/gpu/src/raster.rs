@@ -1,6 +1,5 @@
 //! Raster passes with vertex pulling, into integer render targets.
 
-use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use canted_shaders::{Binding, Shader, Specialisation};
@@ -13,7 +12,7 @@ use wgpu::{
 };
 
 use crate::commands::bind_groups;
-use crate::draw_batches::DrawBatches;
+use crate::draw_batches::{Draw, DrawBatches};
 use crate::{Buffer, Gpu, GpuError, NamedBinding};
 
 /// Number of render targets.
@@ -32,15 +31,6 @@ pub struct RasterPipeline {
     name: String,
     pipeline: wgpu::RenderPipeline,
     bindings: Vec<Binding>,
-}
-
-/// A range of vertices for a range of instances.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Draw {
-    /// Vertex indices, three per triangle.
-    pub vertices: Range<u32>,
-    /// Instance indices.
-    pub instances: Range<u32>,
 }
 
 /// Result of a raster pass.

@@ -6,16 +6,18 @@
 //!
 //! The device traverses the CPU's BVHs unchanged. Only the top-level BVH over instances is built here.
 
+mod alternatives;
 mod cast;
 mod motion;
 
 mod coordinates;
 mod layout;
+mod nodes;
 mod ray;
 mod scene;
 mod top_level;
-mod traversal;
 
+pub use alternatives::Traversal;
 pub use cast::Outcome;
 pub use coordinates::MAX_COORDINATE;
 pub use layout::HIT_ERROR;
@@ -23,4 +25,3 @@ pub use motion::MotionPolynomials;
 pub use ray::{DeviceHit, DeviceRay};
 pub use scene::TracedScene;
 pub use top_level::MAX_CONDITION;
-pub use traversal::Traversal;

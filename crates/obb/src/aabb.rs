@@ -1,4 +1,4 @@
-/// An axis-aligned box with closed ends, in the space of its points.
+/// An axis-aligned box (closed), in the space of its points.
 ///
 /// `min` and `max` are copies of input coordinates, so containment is exact. The empty box has `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -11,12 +11,12 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// The box that contains nothing and changes no union.
+    /// The empty box, the identity of [`Aabb::union`].
     pub const EMPTY: Self = Self { min: [f32::MAX; 3], max: [f32::MIN; 3] };
 
-    /// Smallest box around `points`; [`Aabb::EMPTY`] for none.
+    /// Smallest box that contains `points`; [`Aabb::EMPTY`] for none.
     #[must_use]
-    pub fn from_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+    pub fn from_points(points: impl IntoIterator<Item = impl Into<[f32; 3]>>) -> Self {
         let mut aabb = Self::EMPTY;
         for point in points {
             aabb.grow(point);
@@ -24,24 +24,25 @@ impl Aabb {
         aabb
     }
 
-    /// Extends the box to `point`.
+    /// Extends the box to contain `point`.
     #[inline]
-    pub fn grow(&mut self, point: [f32; 3]) {
-        self.min = std::array::from_fn(|k| self.min[k].min(point[k]));
-        self.max = std::array::from_fn(|k| self.max[k].max(point[k]));
+    pub fn grow(&mut self, point: impl Into<[f32; 3]>) {
+        let point = point.into();
+        self.min = core::array::from_fn(|k| self.min[k].min(point[k]));
+        self.max = core::array::from_fn(|k| self.max[k].max(point[k]));
     }
 
-    /// Smallest box around both.
+    /// Smallest box that contains both.
     #[inline]
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         Self {
-            min: std::array::from_fn(|k| self.min[k].min(other.min[k])),
-            max: std::array::from_fn(|k| self.max[k].max(other.max[k])),
+            min: core::array::from_fn(|k| self.min[k].min(other.min[k])),
+            max: core::array::from_fn(|k| self.max[k].max(other.max[k])),
         }
     }
 
-    /// Whether it contains no point.
+    /// Whether the box contains no point.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         (0..3).any(|k| self.min[k] > self.max[k])
@@ -49,37 +50,39 @@ impl Aabb {
 
     /// Whether `point` lies inside or on the boundary.
     #[must_use]
-    pub fn contains(&self, point: [f32; 3]) -> bool {
+    pub fn contains(&self, point: impl Into<[f32; 3]>) -> bool {
+        let point = point.into();
         (0..3).all(|k| self.min[k] <= point[k] && point[k] <= self.max[k])
     }
 
-    /// Whether `other` lies wholly inside; the empty box lies in every box.
+    /// Whether the box contains all of `other`; every box contains the empty box.
     #[must_use]
     pub fn contains_box(&self, other: &Self) -> bool {
         other.is_empty() || (self.contains(other.min) && self.contains(other.max))
     }
 
-    /// Side lengths in `f64`, zero where empty.
+    /// Side lengths in `f64`; zero for the empty box.
     #[must_use]
     pub fn extent(&self) -> [f64; 3] {
-        std::array::from_fn(|k| (f64::from(self.max[k]) - f64::from(self.min[k])).max(0.0))
+        core::array::from_fn(|k| (f64::from(self.max[k]) - f64::from(self.min[k])).max(0.0))
     }
 
-    /// The power of two that brings the longest side to 1 or just above, so that no area leaves the range of `f32`; `None` where
-    /// no side has a length, or one that is finite.
+    /// The power of two that scales the longest side to the interval `[1, 2)`, so that areas stay in the range of `f32`;
+    /// `None` for a box of zero or infinite extent.
     #[must_use]
     pub fn unit_scale(&self) -> Option<f32> {
         let extent = self.extent().into_iter().fold(0.0, f64::max);
-        // The exponents whose powers of two `f32` holds; a shorter side stays short, and its areas are few anyway.
-        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-        let exponent = extent.log2().floor().clamp(-126.0, 126.0) as i32;
-        (extent > 0.0 && extent.is_finite()).then(|| 2.0f32.powi(-exponent))
+        // The biased exponent, kept where both it and its mirror image are exponents of normal `f32` numbers.
+        let exponent = (extent.to_bits() >> 52).clamp(1023 - 126, 1023 + 126);
+        #[expect(clippy::cast_possible_truncation, reason = "1 to 253")]
+        let scale = f32::from_bits((1023 + 127 - exponent as u32) << 23);
+        (extent > 0.0 && extent.is_finite()).then_some(scale)
     }
 
-    /// Midpoint in `f64`.
+    /// Center in `f64`.
     #[must_use]
     pub fn center(&self) -> [f64; 3] {
-        std::array::from_fn(|k| 0.5 * (f64::from(self.min[k]) + f64::from(self.max[k])))
+        core::array::from_fn(|k| 0.5 * (f64::from(self.min[k]) + f64::from(self.max[k])))
     }
 
     /// Surface area in square scene units.
@@ -99,7 +102,7 @@ impl Aabb {
     /// The eight corners; bit `k` of the index chooses `max` on axis `k`.
     #[must_use]
     pub fn corners(&self) -> [[f32; 3]; 8] {
-        std::array::from_fn(|i| std::array::from_fn(|k| if i >> k & 1 == 1 { self.max[k] } else { self.min[k] }))
+        core::array::from_fn(|i| core::array::from_fn(|k| if i >> k & 1 == 1 { self.max[k] } else { self.min[k] }))
     }
 
     /// Whether every coordinate is finite.
@@ -108,7 +111,7 @@ impl Aabb {
         [self.min, self.max].as_flattened().iter().all(|x| x.is_finite())
     }
 
-    /// Greatest absolute coordinate, zero where empty.
+    /// Greatest absolute coordinate; zero for the empty box.
     #[must_use]
     pub fn reach(&self) -> f32 {
         if self.is_empty() {
@@ -123,11 +126,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_scaled_box_is_about_one_long() {
+    fn unit_scale_scales_the_longest_side_to_one_or_two() {
         for length in [1.0, 1.999, 2.0, 1e38, 1e-20, f32::MIN_POSITIVE, 0.75] {
             let aabb = Aabb { min: [0.0; 3], max: [0.0, length, 0.5 * length] };
             let scaled = length * aabb.unit_scale().unwrap();
-            assert!((1.0..2.0).contains(&scaled), "{length} becomes {scaled}");
+            assert!((1.0..2.0).contains(&scaled), "{length} is scaled to {scaled}");
         }
         let widest = Aabb { min: [f32::MIN; 3], max: [f32::MAX; 3] };
         assert_eq!(widest.unit_scale(), Some(2.0f32.powi(-126)));

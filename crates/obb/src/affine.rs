@@ -1,6 +1,6 @@
 /// An affine map `x -> columns[0]·x + columns[1]·y + columns[2]·z + columns[3]`, column vectors.
 ///
-/// Named after the spaces it joins: `world_from_object` takes object coordinates to world coordinates.
+/// Transforms are named by their spaces: `world_from_object` maps object coordinates to world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Affine {
@@ -9,31 +9,31 @@ pub struct Affine {
 }
 
 impl Affine {
-    /// The map that changes nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] };
 
     /// Image of a point, each coordinate computed in `f64` and rounded once.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-    pub fn point(&self, p: [f32; 3]) -> [f32; 3] {
-        self.point_f64(p.map(f64::from)).map(|x| x as f32)
+    pub fn point(&self, p: impl Into<[f32; 3]>) -> [f32; 3] {
+        self.point_f64(p.into().map(f64::from)).map(|x| x as f32)
     }
 
     /// Image of a point in `f64`.
     #[must_use]
     pub fn point_f64(&self, p: [f64; 3]) -> [f64; 3] {
         let linear = self.vector_f64(p);
-        std::array::from_fn(|k| linear[k] + f64::from(self.columns[3][k]))
+        core::array::from_fn(|k| linear[k] + f64::from(self.columns[3][k]))
     }
 
-    /// Image of a direction in `f64`: the translation does not act.
+    /// Image of a direction in `f64`: the linear part only.
     #[must_use]
     pub fn vector_f64(&self, v: [f64; 3]) -> [f64; 3] {
         let c = &self.columns;
-        std::array::from_fn(|k| f64::from(c[0][k]) * v[0] + f64::from(c[1][k]) * v[1] + f64::from(c[2][k]) * v[2])
+        core::array::from_fn(|k| f64::from(c[0][k]) * v[0] + f64::from(c[1][k]) * v[1] + f64::from(c[2][k]) * v[2])
     }
 
-    /// Determinant of the linear part; negative where the map mirrors.
+    /// Determinant of the linear part; negative for a mirroring map.
     #[must_use]
     pub fn determinant(&self) -> f64 {
         let c = |i: usize| self.columns[i].map(f64::from);
@@ -41,13 +41,13 @@ impl Affine {
         a[0] * (b[1] * d[2] - b[2] * d[1]) + a[1] * (b[2] * d[0] - b[0] * d[2]) + a[2] * (b[0] * d[1] - b[1] * d[0])
     }
 
-    /// Greatest row sum of absolute values of the linear part: of a point, no coordinate grows by more.
+    /// Greatest row sum of absolute values of the linear part: its operator norm in the maximum norm.
     #[must_use]
     pub fn row_sum_norm(&self) -> f64 {
         (0..3).map(|k| self.columns[..3].iter().map(|column| f64::from(column[k]).abs()).sum()).fold(0.0, f64::max)
     }
 
-    /// Greatest absolute coordinate that the image of a point has whose own coordinates do not exceed `reach`.
+    /// Bound on the absolute coordinates of the image of a point whose absolute coordinates do not exceed `reach`.
     #[must_use]
     pub fn reach(&self, reach: f32) -> f64 {
         let [x, y, z, shift] = self.columns.map(|column| column.map(|c| f64::from(c).abs()));
@@ -66,9 +66,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_corner_of_a_cube_reaches_farther_and_one_reaches_as_far() {
+    fn reach_is_the_greatest_coordinate_of_a_mapped_cube() {
         let map = Affine { columns: [[1.0, -2.0, 0.5], [4.0, 3.0, 0.0], [-0.25, 0.0, 8.0], [-10.0, 0.0, 1.0]] };
-        let corners = (0..8).map(|i| std::array::from_fn(|k| if i >> k & 1 == 0 { -2.0 } else { 2.0 }));
+        let corners = (0..8).map(|i| core::array::from_fn(|k| if i >> k & 1 == 0 { -2.0 } else { 2.0 }));
         let images = corners.clone().map(|corner| map.point_f64(corner));
         let greatest = images.flatten().map(f64::abs).fold(0.0, f64::max);
         assert_eq!(map.reach(2.0), greatest);

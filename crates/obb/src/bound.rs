@@ -1,20 +1,16 @@
 use crate::round::{U, magnitude_up};
 use crate::vector::{self, Vector, cross};
-use crate::{Aabb, Obb};
+use crate::{Aabb, Obb, frame};
 
-/// Tightest box along the axes of `frame` that contains every point of `points` *exactly*, as [`Obb::contains`] judges.
+/// Tightest box along the axes of `frame` that contains every point of `points` *exactly*, as [`Obb::contains`] decides.
 ///
-/// The frame may be skewed. Where it is singular, or so nearly that `f64` cannot tell on which side of a face a point
-/// lies, the axes of the space take its place. No points give a box of extent zero at the origin. The points must be
-/// finite. Nothing is allocated.
-///
-/// See [`Enclosure`] for the error bound that makes it exact.
+/// The frame may be skewed. A frame that is singular, or too close to singular for `f64`, is replaced by the identity.
+/// No points give a box of extent zero at the origin. The points must be finite. [`Enclosure`] derives the error bound.
 #[inline]
 #[must_use]
-pub fn bound(frame: [[f32; 3]; 3], points: impl IntoIterator<Item = [f32; 3]>) -> Obb {
+pub fn bound(frame: [[f32; 3]; 3], points: impl IntoIterator<Item = impl Into<[f32; 3]>>) -> Obb {
     let mut points = points.into_iter();
-    let mut enclosure = Enclosure::new(frame, points.next().unwrap_or_default());
-    // The origin may lie outside the rest: it is a point like the others.
+    let mut enclosure = Enclosure::new(frame, points.next().map_or([0.0; 3], Into::into));
     enclosure.add_origin();
     for point in points {
         enclosure.add_point(point);
@@ -22,9 +18,8 @@ pub fn bound(frame: [[f32; 3]; 3], points: impl IntoIterator<Item = [f32; 3]>) -
     enclosure.finish()
 }
 
-/// Tightest box along the axes of `frame` that contains every box of `boxes`, all their real corners included.
-///
-/// What [`bound`] says of frames holds here too. Nothing is allocated.
+/// Tightest box along the axes of `frame` that contains every box of `boxes`, with their exact corners. Frames are
+/// treated as in [`bound`].
 #[inline]
 #[must_use]
 pub fn bound_boxes<'a>(frame: [[f32; 3]; 3], boxes: impl IntoIterator<Item = &'a Obb>) -> Obb {
@@ -37,32 +32,32 @@ pub fn bound_boxes<'a>(frame: [[f32; 3]; 3], boxes: impl IntoIterator<Item = &'a
     enclosure.finish()
 }
 
-/// A box that grows around points and boxes along fixed axes.
+/// Builds the tightest box along fixed axes that contains the points and boxes added to it.
 ///
-/// # How the pad is derived
+/// # Derivation of the padding
 ///
 /// With `R = frame⁻¹`, a point `p` has the coordinates `q = R·(p − o)`, `o` the origin given. Everything is computed in
-/// `f64` (`u = 2⁻⁵³`) from the *rounded* `f32` frame, so only the roundings below separate the stored box from real
-/// arithmetic:
+/// `f64` (`u = 2⁻⁵³`) from the *rounded* `f32` frame, so the stored box differs from real arithmetic by these roundings
+/// only:
 ///
 /// - A cofactor is a difference of two products of `f32`, which `f64` holds exactly: one rounding. The determinant is
 ///   a sum of three further products: four roundings, relative to the sum `K·|det|` of its absolute terms. The
 ///   reciprocal and the last product add two. An entry of `R` has the relative error `(3 + 4K)u`; `K` is 1 for
 ///   rotations and does not change when rows or columns are scaled.
 /// - A point's coordinate takes a difference, a product and two sums: `4u`. A box's support, `|R·side|` summed over
-///   its three exact sides `axis · half`, takes `6u`, its sum with the centre one more: `7u`.
-/// - The half-extent takes a difference and the sum with the pad: `2u`.
-/// - One more `u` covers the roundings of the pad itself.
+///   its three exact sides `axis · half`, takes `6u`, its sum with the center one more: `7u`.
+/// - The half-extent takes a difference and the sum with the padding: `2u`.
+/// - One more `u` covers the roundings of the padding itself.
 ///
 /// So `q` errs by at most `t·ρ·D` with `t = (13 + 4K)u`, `ρ` the absolute sum of the row of `R`, and `D` the greatest
-/// coordinate difference to `o`, of content and centre together. `D` is not measured point by point:
+/// coordinate difference to `o` of content and center. `D` is not measured point by point:
 /// `p − o = frame·q` bounds it by the extents found, up to a factor `1/(1 − t·κ)` with `κ = Σ ρ·|axis|∞`; frames
-/// with `t·κ > 2⁻¹⁰` are refused. That keeps this factor, and the terms of second order, within `1 + 2⁻⁸` together, by
-/// which the pad is multiplied. A single point has `D = 0`: its box is exact.
+/// with `t·κ > 2⁻¹⁰` are rejected. This factor and the second-order terms are then below `1 + 2⁻⁸`, by which the
+/// padding is multiplied. A single point has `D = 0`: its box is exact.
 #[derive(Clone, Debug)]
 pub struct Enclosure {
     frame: [[f32; 3]; 3],
-    /// Columns of the inverse; the fourth lane is zero and fills the vector register.
+    /// Columns of the inverse; the fourth lane is zero padding for SIMD.
     inverse: [[f64; 4]; 3],
     origin: Vector,
     low: [f64; 4],
@@ -73,26 +68,26 @@ pub struct Enclosure {
     relative_error: f64,
 }
 
-/// Bound on `t·κ`: keeps the terms of second order below a thousandth of the pad.
+/// Bound on `t·κ`: keeps second-order terms below a thousandth of the padding.
 const GREATEST_RELATIVE_ERROR: f64 = 1.0 / 1024.0;
 
-/// Covers `1/(1 − t·κ)`, the errors' products and the rounding of `K`: three factors of at most `1 + 2⁻¹⁰` or so.
+/// Covers `1/(1 − t·κ)`, the products of errors and the rounding of `K`: three factors of about `1 + 2⁻¹⁰`.
 const SECOND_ORDER: f64 = 1.0 + 1.0 / 256.0;
 
 impl Enclosure {
-    /// An empty enclosure along the axes of `frame`; coordinates are measured from `origin`, best a point of the
+    /// An empty enclosure along the axes of `frame`. Coordinates are measured from `origin`; choose a point of the
     /// content.
     #[inline]
     #[must_use]
-    pub fn new(frame: [[f32; 3]; 3], origin: [f32; 3]) -> Self {
+    pub fn new(frame: [[f32; 3]; 3], origin: impl Into<[f32; 3]>) -> Self {
         let (frame, inverse, relative_error) = match invert(frame) {
             Some((inverse, error)) => (frame, inverse, error),
-            None => (Obb::IDENTITY_FRAME, IDENTITY_INVERSE, error_of_condition(1.0)),
+            None => (frame::IDENTITY, IDENTITY_INVERSE, error_of_condition(1.0)),
         };
         Self {
             frame,
             inverse,
-            origin: vector::to_f64(origin),
+            origin: vector::to_f64(origin.into()),
             low: [f64::MAX; 4],
             high: [f64::MIN; 4],
             slack: 0.0,
@@ -100,52 +95,52 @@ impl Enclosure {
         }
     }
 
-    /// Grows to the origin given to [`Enclosure::new`].
+    /// Adds the origin given to [`Enclosure::new`].
     #[inline]
-    pub fn add_origin(&mut self) {
+    pub(crate) fn add_origin(&mut self) {
         self.widen([0.0; 4], [0.0; 4]);
     }
 
-    /// Grows to a point.
+    /// Adds a point.
     #[inline]
-    pub fn add_point(&mut self, point: [f32; 3]) {
-        let q = self.coordinates(vector::sub(vector::to_f64(point), self.origin));
+    pub fn add_point(&mut self, point: impl Into<[f32; 3]>) {
+        let q = self.coordinates(vector::sub(vector::to_f64(point.into()), self.origin));
         self.widen(q, q);
     }
 
-    /// Grows to a box: its real corners, not their roundings.
+    /// Adds a box: its exact corners, not rounded ones.
     #[inline]
     pub fn add_box(&mut self, content: &Obb) {
         // A product of two f32 is exact in f64.
-        let sides = std::array::from_fn(|a| {
+        let sides = core::array::from_fn(|a| {
             vector::scale(vector::to_f64(content.frame[a]), f64::from(content.half_extents[a]))
         });
         self.add_parallelepiped(vector::to_f64(content.center), sides, 0.0);
     }
 
-    /// Grows to an axis-aligned box; an empty one changes nothing.
+    /// Adds an axis-aligned box; an empty box changes nothing.
     #[inline]
     pub fn add_aabb(&mut self, content: &Aabb) {
         if content.is_empty() {
             return;
         }
         let [x, y, z] = content.extent().map(|e| 0.5 * e);
-        // Midpoint and half-extent are each rounded once in f64, at no more than the greatest coordinate.
+        // Center and half-extent are each rounded once in f64, relative to at most the greatest coordinate.
         let slack = 2.0 * U * f64::from(content.reach());
         self.add_parallelepiped(content.center(), [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]], slack);
     }
 
-    /// Grows to all `center ± sides[0] ± sides[1] ± sides[2]`, known up to `slack` per coordinate.
+    /// Adds all `center ± sides[0] ± sides[1] ± sides[2]`, known up to `slack` per coordinate.
     #[inline]
     pub(crate) fn add_parallelepiped(&mut self, center: Vector, sides: [Vector; 3], slack: f64) {
         let q = self.coordinates(vector::sub(center, self.origin));
         let [s, t, r] = sides.map(|side| self.coordinates(side));
-        let support: [f64; 4] = std::array::from_fn(|k| s[k].abs() + t[k].abs() + r[k].abs());
-        self.widen(std::array::from_fn(|k| q[k] - support[k]), std::array::from_fn(|k| q[k] + support[k]));
+        let support: [f64; 4] = core::array::from_fn(|k| s[k].abs() + t[k].abs() + r[k].abs());
+        self.widen(core::array::from_fn(|k| q[k] - support[k]), core::array::from_fn(|k| q[k] + support[k]));
         self.slack = greatest(self.slack, slack);
     }
 
-    /// The box around everything added; a point at the origin for nothing.
+    /// The box of everything added; a point at the origin if nothing was.
     #[inline]
     #[must_use]
     pub fn finish(&self) -> Obb {
@@ -159,7 +154,7 @@ impl Enclosure {
             shift = vector::add(shift, vector::scale(axis, 0.5 * (self.low[k] + self.high[k])));
             content_reach += vector::reach(axis) * greatest(self.low[k].abs(), self.high[k].abs());
         }
-        // Any centre will do, since the half-extents are measured from it as stored.
+        // Any center is valid, since the half-extents are measured from it as stored.
         let limit = f64::from(f32::MAX);
         let center = vector::to_f32(vector::add(self.origin, shift).map(|x| x.clamp(-limit, limit)));
         let offset = vector::sub(vector::to_f64(center), self.origin);
@@ -167,25 +162,25 @@ impl Enclosure {
         let error = SECOND_ORDER * (self.relative_error * (content_reach + vector::reach(offset)) + self.slack);
         let row = |k: usize| self.inverse[0][k].abs() + self.inverse[1][k].abs() + self.inverse[2][k].abs();
         let half: [f64; 3] =
-            std::array::from_fn(|k| greatest(self.high[k] - q[k], q[k] - self.low[k]) + row(k) * error);
+            core::array::from_fn(|k| greatest(self.high[k] - q[k], q[k] - self.low[k]) + row(k) * error);
         in_range(center, self.frame, half)
     }
 
     #[inline]
     fn widen(&mut self, low: [f64; 4], high: [f64; 4]) {
-        self.low = std::array::from_fn(|k| least(self.low[k], low[k]));
-        self.high = std::array::from_fn(|k| greatest(self.high[k], high[k]));
+        self.low = core::array::from_fn(|k| least(self.low[k], low[k]));
+        self.high = core::array::from_fn(|k| greatest(self.high[k], high[k]));
     }
 
     /// `inverse · difference`, the fourth lane zero.
     #[inline]
     fn coordinates(&self, difference: Vector) -> [f64; 4] {
         let [x, y, z] = &self.inverse;
-        std::array::from_fn(|k| x[k] * difference[0] + y[k] * difference[1] + z[k] * difference[2])
+        core::array::from_fn(|k| x[k] * difference[0] + y[k] * difference[1] + z[k] * difference[2])
     }
 }
 
-/// The box with its half-extents rounded up; beyond the range of `f32` the axis grows in their place, the same box.
+/// The box with its half-extents rounded up. A half-extent beyond the range of `f32` is halved and its axis doubled.
 #[inline]
 fn in_range(center: [f32; 3], mut frame: [[f32; 3]; 3], mut half: [f64; 3]) -> Obb {
     for (axis, half) in frame.iter_mut().zip(&mut half) {
@@ -205,16 +200,16 @@ fn error_of_condition(k: f64) -> f64 {
     (13.0 + 4.0 * k) * U
 }
 
-/// Columns of the inverse, and `t`; `None` where the frame is too nearly singular.
+/// Columns of the inverse, and `t`; `None` for a frame too close to singular.
 ///
-/// Cofactors cost about as much as testing the frame for orthonormality would, and leave no difference to cover.
+/// Cofactors cost about as much as a test for orthonormality, and are exact for every frame.
 #[inline]
 fn invert(frame: [[f32; 3]; 3]) -> Option<([[f64; 4]; 3], f64)> {
     let [x, y, z] = frame.map(vector::to_f64);
     let cofactors = [cross(y, z), cross(z, x), cross(x, y)];
     let terms = [x[0] * cofactors[0][0], x[1] * cofactors[0][1], x[2] * cofactors[0][2]];
     let reciprocal = 1.0 / (terms[0] + terms[1] + terms[2]);
-    let inverse: [[f64; 4]; 3] = std::array::from_fn(|j| {
+    let inverse: [[f64; 4]; 3] = core::array::from_fn(|j| {
         [cofactors[0][j] * reciprocal, cofactors[1][j] * reciprocal, cofactors[2][j] * reciprocal, 0.0]
     });
     let error = error_of_condition((terms[0].abs() + terms[1].abs() + terms[2].abs()) * reciprocal.abs());
@@ -223,17 +218,17 @@ fn invert(frame: [[f32; 3]; 3]) -> Option<([[f64; 4]; 3], f64)> {
         .enumerate()
         .map(|(k, &axis)| vector::reach(axis) * (inverse[0][k].abs() + inverse[1][k].abs() + inverse[2][k].abs()))
         .sum();
-    // Written so that NaN refuses.
+    // Also false for NaN.
     (error * condition <= GREATEST_RELATIVE_ERROR).then_some((inverse, error))
 }
 
-/// The lesser number by one machine instruction; `f64::min` also orders NaN, which finite content does not need.
+/// The minimum in one machine instruction: unlike `f64::min`, without NaN handling.
 #[inline]
 fn least(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }
 }
 
-/// The greater number, as [`least`].
+/// The maximum, as [`least`].
 #[inline]
 fn greatest(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }

@@ -1,4 +1,4 @@
-use std::cmp::Ordering;
+use core::cmp::Ordering;
 
 use crate::Obb;
 use crate::expansion::ExactSum;
@@ -8,36 +8,37 @@ use crate::vector::{self, Vector};
 /// Roundings in the filter's two sums and their difference, relative to the sum of their absolute terms.
 ///
 /// A cofactor takes one rounding, the difference `p - c` one, their product and sum three, `half · |det|` one more than
-/// that and the final difference one: no term passes more than seven. The sum of absolute terms is itself rounded,
-/// which the eighth covers.
+/// that, and the final difference one: at most seven roundings per term. The eighth covers the rounding of the sum of
+/// absolute terms.
 const FILTER_ERROR: f64 = 8.0 * U;
 
-/// Two parts for each product: twelve of the point's side, six of the determinant's.
+/// Two parts for each product: twelve products with the point, six in the determinant.
 const PARTS: usize = 2 * (12 + 6);
 
-/// Whether `point` is `center + frame · q` with `|q[k]| <= half[k]`, exactly.
-///
-/// By Cramer's rule `q[k] = cofactor[k] · (p − c) / det`, so each axis asks for the sign of
-/// `half · |det| − |cofactor · (p − c)|`: first in `f64` with an error bound, then exactly.
-pub(crate) fn contains(obb: &Obb, point: [f32; 3]) -> bool {
-    let frame = obb.frame.map(vector::to_f64);
-    let difference = vector::sub(vector::to_f64(point), vector::to_f64(obb.center));
-    let determinant = determinant_sign(frame);
-    determinant != Ordering::Equal
-        && (0..3).all(|k| {
-            let (a, b) = (frame[(k + 1) % 3], frame[(k + 2) % 3]);
-            let half = f64::from(obb.half_extents[k]);
-            within(half, frame, [a, b], difference)
-                .unwrap_or_else(|| within_exactly(obb, point, k, determinant == Ordering::Less))
-        })
+impl Obb {
+    /// Whether `point` lies inside or on the boundary, decided exactly: whether it is `center + frame · q` with
+    /// `|q[k]| <= half_extents[k]`.
+    ///
+    /// A box with a singular frame contains nothing. By Cramer's rule `q[k] = cofactor[k] · (p − c) / det`, so each axis
+    /// needs the sign of `half · |det| − |cofactor · (p − c)|`: computed in `f64` with an error bound, and exactly where
+    /// the bound does not decide.
+    #[must_use]
+    pub fn contains(&self, point: impl Into<[f32; 3]>) -> bool {
+        let point = point.into();
+        let frame = self.frame.map(vector::to_f64);
+        let difference = vector::sub(vector::to_f64(point), vector::to_f64(self.center));
+        let determinant = determinant_sign(frame);
+        determinant != Ordering::Equal
+            && (0..3).all(|k| {
+                let (a, b) = (frame[(k + 1) % 3], frame[(k + 2) % 3]);
+                let half = f64::from(self.half_extents[k]);
+                within(half, frame, [a, b], difference)
+                    .unwrap_or_else(|| within_exactly(self, point, k, determinant == Ordering::Less))
+            })
+    }
 }
 
-/// Whether the axes of the box are linearly dependent, exactly.
-pub(crate) fn is_singular(obb: &Obb) -> bool {
-    determinant_sign(obb.frame.map(vector::to_f64)) == Ordering::Equal
-}
-
-/// The filter: `None` where the rounding of `f64` could have decided.
+/// The filter: `None` where rounding in `f64` could decide.
 fn within(half: f64, frame: [Vector; 3], [a, b]: [Vector; 2], difference: Vector) -> Option<bool> {
     let cofactor = vector::cross(a, b);
     let bound = half * vector::dot(frame[0], vector::cross(frame[1], frame[2])).abs();
@@ -60,7 +61,7 @@ fn permanent(a: Vector, b: Vector, c: Vector) -> f64 {
     a[0] * (b[1] * c[2] + b[2] * c[1]) + a[1] * (b[2] * c[0] + b[0] * c[2]) + a[2] * (b[0] * c[1] + b[1] * c[0])
 }
 
-/// The exact sign, for axis `k`; `mirrored` tells the sign of the determinant.
+/// The exact decision for axis `k`; `mirrored` is the sign of the determinant.
 fn within_exactly(obb: &Obb, point: [f32; 3], k: usize, mirrored: bool) -> bool {
     let frame = obb.frame.map(vector::to_f64);
     let (a, b) = (frame[(k + 1) % 3], frame[(k + 2) % 3]);

@@ -1,7 +1,7 @@
-//! Extents along fixed directions, and the frames that they make.
+//! Extents along fixed directions, and the orthogonal frames among these directions.
 //!
-//! Of the sets with 13 to 25 directions this one makes the most frames, 16. Least area over the ideal, mean over 4,000
-//! random rotations of rods 1 : 0.03 : 0.03, plates 1 : 1 : 0.03 and blocks 1 : 0.6 : 0.3, against other sets:
+//! Of the sets of 13 to 25 directions this one contains the most frames, 16. Least box area relative to the ideal, mean of
+//! 4,000 random rotations of rods 1 : 0.03 : 0.03, plates 1 : 1 : 0.03 and blocks 1 : 0.6 : 0.3:
 //!
 //! | directions | frames | rods | plates | blocks |
 //! |---|---|---|---|---|
@@ -14,10 +14,10 @@
 use crate::frame::Frame;
 use crate::{Enclosure, Obb};
 
-/// Number of directions: three axes, six face diagonals, four body diagonals, twelve across those.
+/// Number of directions: three axes, six face diagonals, four body diagonals, twelve perpendicular to those.
 pub const N_DIRECTIONS: usize = 25;
 
-/// Number of frames that the directions make.
+/// Number of orthogonal frames among the directions.
 pub const N_FRAMES: usize = 16;
 
 /// The directions, not normalized. All entries are small integers, so the frames below are exactly orthogonal.
@@ -49,19 +49,19 @@ pub const DIRECTIONS: [[i8; 3]; N_DIRECTIONS] = [
     [1, -1, -2],
 ];
 
-/// Rounding of an extent, relative to the greatest coordinate: `3 √3 u` with `u = 2⁻²⁴`, and room for second order.
+/// Rounding of an extent, relative to the greatest coordinate: `3 √3 u` with `u = 2⁻²⁴`, and second-order terms.
 const EXTENT_ERROR: f64 = 6.0 / 16_777_216.0;
 
-/// Rounding in `f64` of a box's centre and sides, relative to the greatest coordinate: fewer than 32 roundings.
+/// Rounding in `f64` of a box's center and sides, relative to the greatest coordinate: fewer than 32 roundings.
 const F64_ERROR: f64 = 32.0 * f64::EPSILON;
 
-/// Directions rounded up to whole vector registers.
+/// Number of directions rounded up to full SIMD registers.
 const LANES: usize = 28;
 
 /// A discrete oriented polytope: extents along [`DIRECTIONS`], at unit length (Klosowski et al. 1998).
 ///
-/// Scaffolding for a build: it merges by minimum and maximum alone and tells, for each of [`N_FRAMES`] frames at once,
-/// what area a box would have. Computed in `f32`; only a box made by [`crate::bound`] contains anything exactly.
+/// Used while building: DOPs merge by minimum and maximum, and give the area of the box along each of [`N_FRAMES`] frames.
+/// Extents are computed in `f32`; use [`Dop::best_box`] or [`crate::bound`] for a box that contains its points exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dop {
     low: [f32; LANES],
@@ -69,13 +69,13 @@ pub struct Dop {
 }
 
 impl Dop {
-    /// Extents of nothing, which change no union.
+    /// The empty DOP, the identity of [`Dop::union`].
     pub const EMPTY: Self = Self { low: [f32::MAX; LANES], high: [f32::MIN; LANES] };
 
     /// Extents of `points`.
     #[inline]
     #[must_use]
-    pub fn from_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+    pub fn from_points(points: impl IntoIterator<Item = impl Into<[f32; 3]>>) -> Self {
         let mut dop = Self::EMPTY;
         for point in points {
             dop.grow(point);
@@ -83,9 +83,10 @@ impl Dop {
         dop
     }
 
-    /// Extends to `point`.
+    /// Extends the DOP to contain `point`.
     #[inline]
-    pub fn grow(&mut self, [x, y, z]: [f32; 3]) {
+    pub fn grow(&mut self, point: impl Into<[f32; 3]>) {
+        let [x, y, z] = point.into();
         let [dx, dy, dz] = &UNIT;
         for k in 0..LANES {
             let along = dx[k] * x + dy[k] * y + dz[k] * z;
@@ -94,7 +95,7 @@ impl Dop {
         }
     }
 
-    /// Extents of both contents together, exactly those of all their points.
+    /// Extents of both point sets together, exactly.
     #[inline]
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
@@ -116,22 +117,21 @@ impl Dop {
     #[inline]
     #[must_use]
     pub fn areas(&self) -> [f64; N_FRAMES] {
-        let extent: [f64; LANES] = std::array::from_fn(|k| f64::from(self.high[k] - self.low[k]));
-        std::array::from_fn(|f| {
+        let extent: [f64; LANES] = core::array::from_fn(|k| f64::from(self.high[k] - self.low[k]));
+        core::array::from_fn(|f| {
             let [x, y, z] = FRAMES[f].map(|k| extent[usize::from(k)]);
             2.0 * (x * y + y * z + z * x)
         })
     }
 
-    /// The box along the frame of least area, around everything the extents were taken from, exactly; `None` where
-    /// that frame is the axes of the space.
+    /// The box along the frame of least area; it contains all points exactly. `None` where that frame is the identity.
     ///
-    /// Tight up to the rounding of the extents: along a direction of length one, three roundings to `f32` of
-    /// coordinates up to the reach err by at most `3 √3 · 2⁻²⁴` of it. The axes of a frame are integer vectors times
-    /// one `f32` number, so they are exactly orthogonal and coordinates are projections over a squared length.
+    /// Tight up to the rounding of the extents: three roundings to `f32` along a unit direction err by at most
+    /// `3 √3 · 2⁻²⁴` of the greatest coordinate. The axes of a frame are integer vectors times one `f32`, so they are
+    /// exactly orthogonal, and coordinates are projections over a squared length.
     #[inline]
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "any origin near the content will do")]
+    #[expect(clippy::cast_possible_truncation, reason = "any origin near the content is valid")]
     pub fn best_box(&self) -> Option<Obb> {
         let areas = self.areas();
         let best = (1..N_FRAMES).fold(0, |best, f| if areas[f] < areas[best] { f } else { best });
@@ -144,13 +144,13 @@ impl Dop {
         let (mut center, mut sides) = ([0.0; 3], [[0.0; 3]; 3]);
         for (a, &k) in FRAMES[best].iter().enumerate() {
             let k = usize::from(k);
-            // The third axis of a frame may be reversed; its interval then changes sides.
-            let axis: [f64; 3] = std::array::from_fn(|i| f64::from(UNIT[i][k]));
+            // The third axis of a frame may be reversed; its interval is then reversed.
+            let axis: [f64; 3] = core::array::from_fn(|i| f64::from(UNIT[i][k]));
             let square = axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2];
             let (low, high) = (f64::from(self.low[k]) - error, f64::from(self.high[k]) + error);
-            let (middle, half) = (0.5 * (low + high) / square, 0.5 * (high - low) / square);
+            let (mid, half) = (0.5 * (low + high) / square, 0.5 * (high - low) / square);
             for i in 0..3 {
-                center[i] += middle * axis[i];
+                center[i] += mid * axis[i];
                 sides[a][i] = half * axis[i];
             }
         }
@@ -159,7 +159,7 @@ impl Dop {
         Some(enclosure.finish())
     }
 
-    /// The frame of least area and that area; the axes of the space where nothing is less.
+    /// The frame of least area, and that area; ties go to the identity.
     #[inline]
     #[must_use]
     pub fn best(&self) -> (Frame, f64) {
@@ -169,19 +169,19 @@ impl Dop {
     }
 }
 
-/// The frames that three of [`DIRECTIONS`] make, right-handed, at unit length; the first is the axes of the space.
+/// All right-handed frames of three unit vectors along [`DIRECTIONS`]; the first is the identity.
 #[inline]
 #[must_use]
 pub fn frames() -> &'static [Frame; N_FRAMES] {
     &UNIT_FRAMES
 }
 
-/// Every triple of mutually orthogonal directions, by index, in lexical order.
+/// Every triple of mutually orthogonal directions, by index, in lexicographic order.
 const FRAMES: [[u8; 3]; N_FRAMES] = orthogonal_triples();
 
 const UNIT_FRAMES: [Frame; N_FRAMES] = unit_frames();
 
-/// Components of the unit directions, one array an axis; the lanes after the last direction are zero.
+/// Components of the unit directions, one array per axis, zero-padded.
 const UNIT: [[f32; LANES]; 3] = unit_directions();
 
 const fn orthogonal_triples() -> [[u8; 3]; N_FRAMES] {
@@ -213,13 +213,13 @@ const fn orthogonal(i: usize, j: usize) -> bool {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2] == 0
 }
 
-/// Unit vector of a direction, correctly rounded up to one unit in the last place.
+/// Unit vector of a direction, to one unit in the last place.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 const fn unit(direction: [i8; 3]) -> [f32; 3] {
     const RECIPROCAL_ROOT: [f64; 7] = [
         0.0,
         1.0,
-        std::f64::consts::FRAC_1_SQRT_2,
+        core::f64::consts::FRAC_1_SQRT_2,
         0.577_350_269_189_625_8,
         0.5,
         0.447_213_595_499_957_9,

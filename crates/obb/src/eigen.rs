@@ -1,19 +1,20 @@
 //! Eigenvalues and eigenvectors of symmetric 3x3 matrices.
 
+use crate::math::sqrt;
 use crate::round::{U, binade_inverse};
 use crate::vector::{self, Vector};
 
 /// Upper triangle of a symmetric matrix: `xx, xy, xz, yy, yz, zz`.
 pub type Symmetric = [f64; 6];
 
-/// Tolerance that leaves nothing to gain: a rotation for less would change no diagonal entry in `f64`.
+/// The smallest useful tolerance: a rotation for less would change no diagonal entry in `f64`.
 pub const FULL_PRECISION: f64 = U;
 
-/// Tolerance for a box at every node of a tree: of random clouds, rods and plates among them, boxes have hardly more area on
-/// average, and take far less time than at full precision. `benches/TRIED.md` has both, under fitting.
+/// Tolerance for the box of every node of a BVH: much faster than full precision, and the average box area hardly grows
+/// (measured in `benches/TRIED.md`, under fitting).
 pub const COARSE: f64 = 1e-2;
 
-/// Eigenvalues in falling order, and their unit vectors as a right-handed frame.
+/// Eigenvalues in descending order, and unit eigenvectors as a right-handed frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eigen {
     /// Eigenvalues, greatest first.
@@ -22,8 +23,8 @@ pub struct Eigen {
     pub vectors: [[f64; 3]; 3],
 }
 
-/// Sweeps after which the iteration stops; convergence is quadratic: this is a stop, not a setting.
-const MOST_SWEEPS: usize = 12;
+/// Maximum number of sweeps. Convergence is quadratic, so it is not reached in practice.
+const MAX_SWEEPS: usize = 12;
 
 /// Rounding of an entry in a rotation, relative to the greatest entry: two products, their sum, and cosine and sine.
 const NEGLIGIBLE: f64 = 4.0 * U;
@@ -31,12 +32,12 @@ const NEGLIGIBLE: f64 = 4.0 * U;
 /// Eigenvalues and eigenvectors of a symmetric matrix (cyclic Jacobi, 1846).
 ///
 /// Stops once every off-diagonal entry is at most `tolerance` times the geometric mean of the two diagonal entries that
-/// it couples. For a scatter matrix that is the correlation left between two axes, and about the share by which the
-/// thinner of the two extents may exceed the best; for any positive definite matrix it makes small eigenvalues as
-/// accurate as great ones (Demmel and Veselić 1992). Entries below the rounding of the greatest count as zero.
+/// it couples. For a scatter matrix that is the remaining correlation of two axes, and about the fraction by which the
+/// thinner of the two extents may exceed the optimum; for a positive definite matrix small eigenvalues become as accurate
+/// as large ones (Demmel and Veselić 1992). Entries below the rounding of the greatest count as zero.
 ///
-/// Works at any scale, 1e±300 alike, and turns axes only where an off-diagonal entry asks for it, so equal eigenvalues
-/// keep the axes of the space. A matrix of zeros, or one that is not finite, gives the axes of the space and zeros.
+/// Works at any scale up to 1e±300. Axes rotate only to remove an off-diagonal entry, so equal eigenvalues keep the
+/// coordinate axes. A zero matrix, or one that is not finite, gives the identity frame and zeros.
 #[must_use]
 pub fn symmetric(matrix: Symmetric, tolerance: f64) -> Eigen {
     let reach = matrix.iter().fold(0.0, |reach: f64, x| reach.max(x.abs()));
@@ -51,18 +52,18 @@ pub fn symmetric(matrix: Symmetric, tolerance: f64) -> Eigen {
     let mut coupling = [yz, xz, xy];
     let floor = NEGLIGIBLE * reach * unit;
     let (square, floor) = (tolerance * tolerance, floor * floor);
-    for _ in 0..MOST_SWEEPS {
-        let turned = rotate::<0, 1, 2>(&mut diagonal, &mut coupling, &mut vectors, square, floor)
+    for _ in 0..MAX_SWEEPS {
+        let rotated = rotate::<0, 1, 2>(&mut diagonal, &mut coupling, &mut vectors, square, floor)
             | rotate::<0, 2, 1>(&mut diagonal, &mut coupling, &mut vectors, square, floor)
             | rotate::<1, 2, 0>(&mut diagonal, &mut coupling, &mut vectors, square, floor);
-        if !turned {
+        if !rotated {
             break;
         }
     }
     sorted(diagonal.map(|x| x / unit), vectors)
 }
 
-/// Turns axes `P` and `Q` about axis `R` so that they are no longer coupled.
+/// Rotates axes `P` and `Q` about axis `R` to remove their coupling (one Jacobi rotation).
 #[inline]
 fn rotate<const P: usize, const Q: usize, const R: usize>(
     diagonal: &mut Vector,
@@ -75,13 +76,13 @@ fn rotate<const P: usize, const Q: usize, const R: usize>(
     if coupled * coupled <= square * (diagonal[P] * diagonal[Q]).abs() + floor {
         return false;
     }
-    // With d the difference of the diagonal and b twice the coupling, tan 2φ = b/d; the lesser of the two angles has
-    // the tangent b / (|d| + √(d² + b²)), signed as d.
+    // With d the difference of the diagonal and b twice the coupling, tan 2φ = b/d; the smaller of the two angles has
+    // the tangent b / (|d| + √(d² + b²)), with the sign of d.
     let difference = diagonal[Q] - diagonal[P];
     let twice = 2.0 * coupled;
-    let adjacent = difference.abs() + (difference * difference + twice * twice).sqrt();
+    let adjacent = difference.abs() + sqrt(difference * difference + twice * twice);
     let opposite = if difference < 0.0 { -twice } else { twice };
-    let reciprocal = 1.0 / (adjacent * adjacent + opposite * opposite).sqrt();
+    let reciprocal = 1.0 / sqrt(adjacent * adjacent + opposite * opposite);
     let (cos, sin) = (adjacent * reciprocal, opposite * reciprocal);
     let change = opposite / adjacent * coupled;
     diagonal[P] -= change;
@@ -99,13 +100,13 @@ fn rotate<const P: usize, const Q: usize, const R: usize>(
     true
 }
 
-/// Falling order; equal values keep theirs. The third vector is reversed where the frame would mirror.
+/// Descending order; equal values keep their order. The frame stays right-handed.
 fn sorted(mut values: Vector, mut vectors: [Vector; 3]) -> Eigen {
     for (a, b) in [(0, 1), (1, 2), (0, 1)] {
         if values[a] < values[b] {
             values.swap(a, b);
             vectors.swap(a, b);
-            // A swap mirrors; reversing one of the two restores the hand.
+            // A swap mirrors the frame; negating one of the two undoes that.
             vectors[b] = vector::scale(vectors[b], -1.0);
         }
     }

@@ -1,12 +1,13 @@
-//! Exact signs of sums of products, without rationals: error-free transformations after Dekker, Knuth and Shewchuk.
+//! Exact signs of sums of products by error-free transformations (Dekker, Knuth, Shewchuk).
 
-use std::cmp::Ordering;
+use core::cmp::Ordering;
 
+use crate::math::mul_add;
 use crate::round::two_sum;
 
 /// A sum of products held exactly as an unevaluated sum of `f64`, at most `N` of them.
 ///
-/// Exact as long as no product leaves the normal range of `f64`; products of up to four `f32` stay far inside.
+/// Exact as long as no product leaves the normal range of `f64`, which products of up to four `f32` do not.
 pub(crate) struct ExactSum<const N: usize> {
     /// Nonoverlapping, in increasing magnitude.
     parts: [f64; N],
@@ -18,10 +19,10 @@ impl<const N: usize> ExactSum<N> {
         Self { parts: [0.0; N], length: 0 }
     }
 
-    /// Adds `a · b`: the rounded product and its exact rest, two parts.
+    /// Adds `a · b` as two parts: the rounded product and its exact error.
     pub(crate) fn add_product(&mut self, a: f64, b: f64) {
         let product = a * b;
-        self.add(a.mul_add(b, -product));
+        self.add(mul_add(a, b, -product));
         self.add(product);
     }
 
@@ -58,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sees_what_rounding_hides() {
+    fn signs_are_exact_where_f64_loses_terms() {
         let mut sum = ExactSum::<10>::new();
         sum.add_product(1e30, 1e30);
         sum.add_product(1e-30, 1e-30);

@@ -1,25 +1,52 @@
-//! Oriented bounding boxes: fitted to points and triangles, merged, and never too small.
-//!
-//! ```text
-//! points, triangles -> fit/{pca, area_pca, dito, dop}       -> Obb
-//! Obb, Obb          -> merge/{bounded, quaternion, best}    -> Obb
-//! moments, extents carried up a tree -> frame -> bound      -> Obb
-//! ```
-//!
-//! Geometry is plain `[f32; 3]`, so a user's vector library never matters. Fitting computes in `f64` and rounds
-//! outward: a box contains its points *exactly*, by the rational definition in [`Obb::contains`].
+//! Oriented bounding boxes (OBBs): fit them to points and triangles, merge them, and test containment exactly.
 //!
 //! ```
 //! use canted_obb::{Fit, fit};
 //!
 //! let strut = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [7.0, 7.0, 7.0], [7.1, 7.0, 7.0]];
-//! let leaning = fit(&strut, &[], Fit::Pca)?;
-//! let straight = fit(&strut, &[], Fit::Aabb)?;
-//! assert!(strut.iter().all(|&point| leaning.contains(point)));
-//! assert!(leaning.area() < 0.1 * straight.area());
+//! let oriented = fit(&strut, &[], Fit::Pca)?;
+//! let aligned = fit(&strut, &[], Fit::Aabb)?;
+//! assert!(strut.iter().all(|&point| oriented.contains(point)));
+//! assert!(oriented.area() < 0.1 * aligned.area());
 //! # Ok::<(), canted_obb::FitError>(())
 //! ```
+//!
+//! # When to use it
+//! Use it to bound thin or rotated geometry more tightly than an axis-aligned box does, for culling, collision tests or
+//! a BVH of your own. For ray tracing, use the crate `canted`, which builds oriented BVHs on it. The fits are fast
+//! approximations; none searches for the box of least volume.
+//!
+//! # Main items
+//!
+//! | item | purpose |
+//! |---|---|
+//! | [`Obb`], [`Aabb`] | oriented and axis-aligned boxes |
+//! | [`fit()`], [`Fit`] | box of a point set or mesh: PCA, area-weighted PCA, DiTO, DOP |
+//! | [`merge`] | box of two boxes or triangles, for building a hierarchy from the leaves up |
+//! | [`Moments`], [`Dop`] | statistics that merge in constant time and propose frames |
+//! | [`bound`], [`Enclosure`] | tightest box along given axes, skewed ones included |
+//! | [`rotation`] | rotation part of a matrix, safe for singular and mirroring matrices |
+//! | [`Affine`] | affine maps; [`Obb::transformed`] bounds the exact image |
+//!
+//! # Guarantees
+//! Fitting computes in `f64` and rounds outward: a box contains its points *exactly*, by the rational definition in
+//! [`Obb::contains`]. Results are deterministic, and the same bits under scaling by powers of two.
+//!
+//! # Points
+//! A point is anything that converts into `[f32; 3]`, such as the vectors of glam, nalgebra or mint. Pass a slice of
+//! such vectors with `bytemuck::cast_slice`.
+//!
+//! # Cost
+//! A box takes 60 bytes. Fits take linear time and allocate nothing.
+//!
+//! # Features
+//! - `std` (default): float functions of the standard library.
+//! - `libm`: float functions of the crate `libm`, for `no_std` targets; disable the default features.
+#![no_std]
 #![forbid(unsafe_code)]
+
+#[cfg(any(test, feature = "std"))]
+extern crate std;
 
 mod aabb;
 mod affine;
@@ -30,6 +57,7 @@ pub mod eigen;
 mod expansion;
 mod fit;
 pub mod frame;
+mod math;
 pub mod merge;
 mod moments;
 mod obb;
@@ -37,6 +65,7 @@ mod prim;
 mod quaternion;
 pub mod rotation;
 mod round;
+mod transform;
 #[doc(hidden)]
 pub mod vector;
 

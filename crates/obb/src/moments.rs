@@ -3,9 +3,9 @@ use crate::eigen::{self, Symmetric};
 use crate::frame::Frame;
 use crate::vector::{self, Vector, cross, sub};
 
-/// Weight, mean and scatter of points or surfaces, from which principal axes come; merged exactly in constant time.
+/// Weight, mean and scatter matrix of points or surfaces, for principal component analysis; merged in constant time.
 ///
-/// Everything is measured about the mean, so detail survives far from the origin; `f64` throughout.
+/// The scatter is measured about the mean, so it stays accurate far from the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moments {
     /// Number of points, or area in square scene units.
@@ -17,26 +17,26 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// The moments of nothing, which change no merge.
+    /// No points, the identity of [`Moments::merged`].
     pub const EMPTY: Self = Self { weight: 0.0, mean: [0.0; 3], scatter: [0.0; 6] };
 
     /// A point of weight one.
     #[inline]
     #[must_use]
-    pub fn from_point(point: [f32; 3]) -> Self {
-        Self { weight: 1.0, mean: vector::to_f64(point), scatter: [0.0; 6] }
+    pub fn from_point(point: impl Into<[f32; 3]>) -> Self {
+        Self { weight: 1.0, mean: vector::to_f64(point.into()), scatter: [0.0; 6] }
     }
 
     /// Points of weight one each, in one pass (Welford 1962).
     #[must_use]
-    pub fn from_points(points: impl IntoIterator<Item = [f32; 3]>) -> Self {
+    pub fn from_points(points: impl IntoIterator<Item = impl Into<[f32; 3]>>) -> Self {
         points.into_iter().fold(Self::EMPTY, |moments, point| moments.merged(&Self::from_point(point)))
     }
 
     /// A triangle's surface, weighted by its area (Gottschalk et al. 1996, with the authors' errata).
     ///
-    /// About its mean the second moment of a triangle is a twelfth of its area times the sum over the three corners.
-    /// A triangle without area has weight zero.
+    /// The second moment of a triangle about its mean is a twelfth of its area times the sum over its three corners. A
+    /// degenerate triangle has weight zero.
     #[inline]
     #[must_use]
     pub fn from_triangle(corners: [[f32; 3]; 3]) -> Self {
@@ -52,7 +52,7 @@ impl Moments {
         Self { weight, mean: vector::add(a, to_mean), scatter }
     }
 
-    /// The eight corners of a box, together of the given `weight`, in closed form.
+    /// The eight corners of a box with a total of `weight`, in closed form.
     #[inline]
     #[must_use]
     pub fn from_box_corners(corners: &Obb, weight: f64) -> Self {
@@ -64,9 +64,8 @@ impl Moments {
         Self { weight, mean: vector::to_f64(corners.center), scatter }
     }
 
-    /// Moments of both contents together, by the parallel-axis rule (Chan, Golub, LeVeque 1979).
-    ///
-    /// What has no weight changes nothing.
+    /// Moments of both sets together, by the parallel-axis theorem (Chan, Golub, LeVeque 1979). A set of weight zero
+    /// changes nothing.
     #[inline]
     #[must_use]
     pub fn merged(&self, other: &Self) -> Self {
@@ -77,11 +76,11 @@ impl Moments {
             return *other;
         }
         let weight = self.weight + other.weight;
-        let share = other.weight / weight;
+        let fraction = other.weight / weight;
         let apart = sub(other.mean, self.mean);
-        let mut scatter: Symmetric = std::array::from_fn(|i| self.scatter[i] + other.scatter[i]);
-        add_square(&mut scatter, apart, self.weight * share);
-        Self { weight, mean: vector::add(self.mean, vector::scale(apart, share)), scatter }
+        let mut scatter: Symmetric = core::array::from_fn(|i| self.scatter[i] + other.scatter[i]);
+        add_square(&mut scatter, apart, self.weight * fraction);
+        Self { weight, mean: vector::add(self.mean, vector::scale(apart, fraction)), scatter }
     }
 
     /// Principal axes, longest first, orthonormal and right-handed; `tolerance` as in [`eigen::symmetric`].

@@ -1,9 +1,10 @@
 use crate::frame::Frame;
+use crate::math;
 use crate::vector::{self, Vector};
 
 /// A rotation as a quaternion, of any length but zero: `w + x·i + y·j + z·k`.
 ///
-/// `q` and `-q` are one rotation; [`Quaternion::canonical`] picks the one that compares equal.
+/// `q` and `-q` are the same rotation; [`Quaternion::canonical`] chooses one of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quaternion {
     /// Real part.
@@ -17,13 +18,13 @@ pub struct Quaternion {
 }
 
 impl Quaternion {
-    /// No rotation.
+    /// The identity rotation.
     pub const IDENTITY: Self = Self { w: 1.0, x: 0.0, y: 0.0, z: 0.0 };
 
     /// The rotation whose matrix has the columns of `rotation`, at length one and canonical.
     ///
-    /// Divides by the largest component (Shepperd 1978), so turns by 180° are exact. The columns should be orthonormal
-    /// and right-handed; where they are not quite, the result is a rotation nearby.
+    /// Divides by the largest component (Shepperd 1978), so rotations by 180° are exact. The columns should be orthonormal
+    /// and right-handed; if they are only nearly so, the result is a nearby rotation.
     #[inline]
     #[must_use]
     pub fn from_columns(rotation: [[f64; 3]; 3]) -> Self {
@@ -54,12 +55,12 @@ impl Quaternion {
     /// The rotation about `axis` (of length one) by `angle_rad`.
     #[must_use]
     pub fn from_axis_angle(axis: [f64; 3], angle_rad: f64) -> Self {
-        let (sin, cos) = (0.5 * angle_rad).sin_cos();
+        let (sin, cos) = math::sin_cos(0.5 * angle_rad);
         let [x, y, z] = vector::scale(axis, sin);
         Self { w: cos, x, y, z }
     }
 
-    /// Columns of the rotation matrix; the length must be one.
+    /// Columns of the rotation matrix of a unit quaternion.
     #[inline]
     #[must_use]
     pub fn columns(self) -> [[f64; 3]; 3] {
@@ -71,14 +72,14 @@ impl Quaternion {
         ]
     }
 
-    /// The rotation's axes, rounded to `f32`.
+    /// The axes of the rotation matrix, rounded to `f32`.
     #[inline]
     #[must_use]
     pub fn frame(self) -> Frame {
         self.columns().map(vector::to_f32)
     }
 
-    /// The same rotation with the first non-zero of `w, x, y, z` positive.
+    /// The same rotation, with the first non-zero of `w, x, y, z` positive.
     #[inline]
     #[must_use]
     pub fn canonical(self) -> Self {
@@ -86,7 +87,7 @@ impl Quaternion {
         if first.is_some_and(|c| c < 0.0) { self.scaled(-1.0) } else { self }
     }
 
-    /// At length one; zero gives no rotation.
+    /// The unit quaternion; the identity for zero.
     #[inline]
     #[must_use]
     pub fn normalized(self) -> Self {
@@ -95,34 +96,34 @@ impl Quaternion {
             return Self::IDENTITY;
         }
         let near_one = self.scaled(crate::round::binade_inverse(reach));
-        near_one.scaled(1.0 / near_one.dot(near_one).sqrt())
+        near_one.scaled(1.0 / math::sqrt(near_one.dot(near_one)))
     }
 
-    /// Cosine of half the angle between two rotations, for lengths of one; negative across the sign of `q`.
+    /// Dot product: for unit quaternions the cosine of half the angle between the rotations, up to sign.
     #[inline]
     #[must_use]
     pub fn dot(self, other: Self) -> f64 {
         self.w * other.w + self.x * other.x + self.y * other.y + self.z * other.z
     }
 
-    /// The inverse of a quaternion of length one.
+    /// The inverse of a unit quaternion.
     #[inline]
     #[must_use]
     pub fn conjugate(self) -> Self {
         Self { w: self.w, x: -self.x, y: -self.y, z: -self.z }
     }
 
-    /// First `right`, then `self`.
+    /// The rotation `right` followed by `self`.
     #[inline]
     #[must_use]
     pub fn times(self, right: Self) -> Self {
         let (a, b): (Vector, Vector) = ([self.x, self.y, self.z], [right.x, right.y, right.z]);
-        let turned = vector::cross(a, b);
+        let cross = vector::cross(a, b);
         Self {
             w: self.w * right.w - vector::dot(a, b),
-            x: self.w * b[0] + right.w * a[0] + turned[0],
-            y: self.w * b[1] + right.w * a[1] + turned[1],
-            z: self.w * b[2] + right.w * a[2] + turned[2],
+            x: self.w * b[0] + right.w * a[0] + cross[0],
+            y: self.w * b[1] + right.w * a[1] + cross[1],
+            z: self.w * b[2] + right.w * a[2] + cross[2],
         }
     }
 
@@ -133,7 +134,7 @@ impl Quaternion {
         Self { w: self.w * s, x: self.x * s, y: self.y * s, z: self.z * s }
     }
 
-    /// Component by component.
+    /// Sum of the components.
     #[inline]
     #[must_use]
     pub fn plus(self, other: Self) -> Self {

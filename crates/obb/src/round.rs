@@ -3,7 +3,7 @@
 /// Unit roundoff of `f64`, half the distance from one to the next number.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
-/// Least `f32` that is not below `x`.
+/// Least `f32` that is at least `x`.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "stepped upward where the cast rounded down")]
 pub(crate) fn up(x: f64) -> f32 {
@@ -11,7 +11,7 @@ pub(crate) fn up(x: f64) -> f32 {
     if f64::from(nearest) < x { nearest.next_up() } else { nearest }
 }
 
-/// [`up`] for `x >= 0`, without a branch: of positive floats the next one has the next bit pattern.
+/// [`up`] for `x >= 0` without a branch: the next positive float has the next bit pattern.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "stepped upward where the cast rounded down")]
 pub(crate) fn magnitude_up(x: f64) -> f32 {
@@ -19,12 +19,12 @@ pub(crate) fn magnitude_up(x: f64) -> f32 {
     f32::from_bits(nearest.to_bits() + u32::from(f64::from(nearest) < x))
 }
 
-/// Least `f32` that is not below the real number `a - b`.
+/// Least `f32` that is at least the exact `a - b`.
 pub(crate) fn difference_up(a: f32, b: f32) -> f32 {
     let (a, b) = (f64::from(a), f64::from(b));
     let (difference, rest) = two_sum(a, -b);
     let bound = up(difference);
-    // The sum in f64 may have lost a positive rest that an exactly representable bound does not cover.
+    // An exactly representable bound does not cover a positive rounding error of the sum.
     if rest > 0.0 && f64::from(bound) <= difference { bound.next_up() } else { bound }
 }
 
@@ -36,12 +36,12 @@ pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
     (sum, (a - (sum - b_part)) + (b - b_part))
 }
 
-/// The power of two that takes positive `x` to between one and four; products with it are exact.
+/// The power of two that scales positive `x` to the interval `[1, 4)`; products with it are exact.
 #[inline]
 pub(crate) fn binade_inverse(x: f64) -> f64 {
     const BIASED_ONE: u64 = 1023;
     let biased = (x.to_bits() >> 52) & 0x7ff;
-    // 2 · bias − e mirrors the exponent; the ends of the range are not mirrored exactly, hence "four".
+    // 2 · bias − e mirrors the exponent; at the ends of the range it is off by one, hence "4".
     f64::from_bits((2 * BIASED_ONE).saturating_sub(biased).clamp(1, 2 * BIASED_ONE) << 52)
 }
 
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn binades_are_mirrored_over_the_whole_range() {
+    fn binade_inverse_covers_the_range_of_f64() {
         for x in [1.0, 1.5, 3.9, 1e-300, 1e300, f64::MAX, f64::MIN_POSITIVE] {
             let scaled = x * binade_inverse(x);
             assert!((1.0..4.0).contains(&scaled), "{x} -> {scaled}");

@@ -57,11 +57,18 @@ pub fn cross<T: Copy + Sub<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) 
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// Square root, also without a standard library.
+#[inline]
+#[must_use]
+pub fn sqrt(x: f64) -> f64 {
+    crate::math::sqrt(x)
+}
+
 /// Euclidean length.
 #[inline]
 #[must_use]
 pub fn length(a: Vector) -> f64 {
-    dot(a, a).sqrt()
+    sqrt(dot(a, a))
 }
 
 /// Greatest absolute component.

@@ -11,13 +11,13 @@ use proptest::prelude::*;
 
 /// Rotations, skews, scaled and mirrored axes, and frames that must be refused.
 fn frames(random: &mut Random) -> Vec<Frame> {
-    let straight = Obb::IDENTITY_FRAME;
-    let turned = random.frame();
-    let sheared = [turned[0], turned[1], [0, 1, 2].map(|k| turned[2][k] + 3.0 * turned[0][k])];
-    let scaled = [turned[0].map(|x| 1e-12 * x), turned[1].map(|x| 3e8 * x), turned[2].map(|x| -x)];
+    let aligned = Obb::IDENTITY_FRAME;
+    let rotated = random.frame();
+    let sheared = [rotated[0], rotated[1], [0, 1, 2].map(|k| rotated[2][k] + 3.0 * rotated[0][k])];
+    let scaled = [rotated[0].map(|x| 1e-12 * x), rotated[1].map(|x| 3e8 * x), rotated[2].map(|x| -x)];
     let needle = [[1.0, 0.0, 0.0], [1.0, 1e-4, 0.0], [0.0, 1.0, 1.0]];
-    let singular = [turned[0], turned[1], turned[0]];
-    vec![straight, turned, random.frame(), sheared, scaled, needle, singular, [[0.0; 3]; 3], [[f32::NAN; 3]; 3]]
+    let singular = [rotated[0], rotated[1], rotated[0]];
+    vec![aligned, rotated, random.frame(), sheared, scaled, needle, singular, [[0.0; 3]; 3], [[f32::NAN; 3]; 3]]
 }
 
 #[test]
@@ -26,9 +26,9 @@ fn every_cloud_in_every_frame_is_contained() {
     for (name, points) in clouds::all() {
         for frame in frames(&mut random) {
             let bounded = bound(frame, points.iter().copied());
-            let judge = ExactBox::of(&bounded);
+            let oracle = ExactBox::of(&bounded);
             for &point in &points {
-                assert!(judge.contains(&exact::exact_point(point)), "{name}: {point:?} outside {bounded:?}");
+                assert!(oracle.contains(&exact::exact_point(point)), "{name}: {point:?} outside {bounded:?}");
                 assert!(bounded.contains(point), "{name}: the library's test must agree");
             }
         }
@@ -49,7 +49,7 @@ proptest! {
 }
 
 #[test]
-fn boxes_are_contained_with_their_real_corners() {
+fn boxes_are_contained_with_their_exact_corners() {
     let mut random = Random(4);
     for (name, points) in clouds::all() {
         let child = bound(random.frame(), points.iter().copied());
@@ -57,46 +57,46 @@ fn boxes_are_contained_with_their_real_corners() {
         let sheared = child.transformed(&skewed);
         for frame in frames(&mut random) {
             let parent = bound_boxes(frame, [&child, &sheared]);
-            let judge = ExactBox::of(&parent);
+            let oracle = ExactBox::of(&parent);
             for corner in exact::corners(&child).iter().chain(&exact::corners(&sheared)) {
-                assert!(judge.contains(corner), "{name}: {child:?} and {sheared:?} in {parent:?}");
+                assert!(oracle.contains(corner), "{name}: {child:?} and {sheared:?} in {parent:?}");
             }
         }
     }
 }
 
 #[test]
-fn axis_parallel_boxes_are_contained() {
+fn aligned_boxes_are_contained() {
     let mut random = Random(5);
     for (name, points) in clouds::all() {
         let aabb = Aabb::from_points(points.iter().copied());
-        let straight = ExactBox::of(&Obb::from_aabb(&aabb));
+        let aligned = ExactBox::of(&Obb::from_aabb(&aabb));
         let mut enclosure = Enclosure::new(random.frame(), points[0]);
         enclosure.add_aabb(&aabb);
         enclosure.add_aabb(&Aabb::EMPTY);
-        let turned = ExactBox::of(&enclosure.finish());
+        let rotated = ExactBox::of(&enclosure.finish());
         for corner in aabb.corners().map(exact::exact_point) {
-            assert!(straight.contains(&corner), "{name}");
-            assert!(turned.contains(&corner), "{name}");
+            assert!(aligned.contains(&corner), "{name}");
+            assert!(rotated.contains(&corner), "{name}");
         }
     }
 }
 
-/// Whether the judge still finds every point inside.
+/// Whether every point is inside, exactly.
 fn contains_all(candidate: &Obb, points: &[[f32; 3]]) -> bool {
-    let judge = ExactBox::of(candidate);
-    points.iter().all(|&point| judge.contains(&exact::exact_point(point)))
+    let oracle = ExactBox::of(candidate);
+    points.iter().all(|&point| oracle.contains(&exact::exact_point(point)))
 }
 
 #[test]
-fn a_half_extent_less_by_one_unit_in_the_last_place_is_seen() {
+fn a_half_extent_one_unit_in_the_last_place_too_small_is_detected() {
     let mut random = Random(6);
     let unit_cube: Vec<[f32; 3]> = Aabb { min: [-1.0; 3], max: [1.0; 3] }.corners().to_vec();
     let mut n_tight = 0;
     for (_, points) in clouds::all().into_iter().chain([("cube".to_owned(), unit_cube)]) {
-        let straight = Obb::from_aabb(&Aabb::from_points(points.iter().copied()));
-        let turned = bound(random.frame(), points.iter().copied());
-        for tight in [straight, turned] {
+        let aligned = Obb::from_aabb(&Aabb::from_points(points.iter().copied()));
+        let rotated = bound(random.frame(), points.iter().copied());
+        for tight in [aligned, rotated] {
             assert!(contains_all(&tight, &points));
             for k in (0..3).filter(|&k| tight.half_extents[k] > 0.0) {
                 let mut shrunk = tight;
@@ -113,17 +113,17 @@ fn a_half_extent_less_by_one_unit_in_the_last_place_is_seen() {
 }
 
 #[test]
-fn boxes_are_as_small_as_their_content_allows() {
+fn boxes_are_tight() {
     let mut random = Random(7);
     for (name, points) in clouds::all() {
         let frame = random.frame();
         let bounded = bound(frame, points.iter().copied());
-        let judge = ExactBox::of(&bounded);
+        let oracle = ExactBox::of(&bounded);
         for k in 0..3 {
-            let reached = points.iter().map(|&p| exact::to_f64(&judge.coordinates(&exact::exact_point(p))[k]).abs());
+            let reached = points.iter().map(|&p| exact::to_f64(&oracle.coordinates(&exact::exact_point(p))[k]).abs());
             let reached = reached.fold(0.0, f64::max);
             // Rounded up once to f32, after a pad of 17 u · ρ · (D + D'): with rows of at most √3, content of at most six
-            // half-extents and the centre within √3 of them, below 2⁻⁴⁵ of the greatest half-extent.
+            // half-extents and the center within √3 of them, below 2⁻⁴⁵ of the greatest half-extent.
             let extent = bounded.half_extents.iter().fold(0.0, |a: f32, &b| a.max(b));
             let limit = (reached + f64::from(extent) / 2.0_f64.powi(45)) as f32;
             assert!(bounded.half_extents[k] <= limit.next_up(), "{name}: {reached:e} {bounded:?}");
@@ -132,7 +132,7 @@ fn boxes_are_as_small_as_their_content_allows() {
 }
 
 #[test]
-fn points_and_straight_boxes_cost_nothing() {
+fn points_and_aligned_boxes_get_no_padding() {
     let mut random = Random(8);
     for _ in 0..100 {
         let point = random.vector().map(|x| 1e7 * x as f32);

@@ -39,7 +39,7 @@ fn intervals_are_those_of_all_points() {
 }
 
 #[test]
-fn frames_are_sixteen_rotations_and_the_first_is_straight() {
+fn frames_are_sixteen_rotations_and_the_first_is_the_identity() {
     assert_eq!(dop::frames()[0], Obb::IDENTITY_FRAME);
     for (i, &axes) in dop::frames().iter().enumerate() {
         assert!(frame::is_orthonormal(axes), "{i}");
@@ -53,8 +53,8 @@ fn areas_are_those_of_the_boxes() {
     let mut random = Random(81);
     for _ in 0..50 {
         let scale = random.vector();
-        let turned = random.frame();
-        let points: Vec<_> = (0..20).map(|_| clouds::placed(turned, scale, [0.0; 3], random.vector())).collect();
+        let rotated = random.frame();
+        let points: Vec<_> = (0..20).map(|_| clouds::placed(rotated, scale, [0.0; 3], random.vector())).collect();
         let dop = Dop::from_points(points.iter().copied());
         let mut least = f64::MAX;
         for (&axes, area) in dop::frames().iter().zip(dop.areas()) {
@@ -68,7 +68,7 @@ fn areas_are_those_of_the_boxes() {
 }
 
 #[test]
-fn nothing_and_ties_stay_straight() {
+fn empty_sets_and_ties_give_the_identity_frame() {
     assert_eq!(Dop::from_points([[1.0, 2.0, 3.0]]).best(), (Obb::IDENTITY_FRAME, 0.0));
     let dop = Dop::from_points([[1.0, 2.0, 3.0], [2.0, 2.5, 3.5]]);
     assert_eq!(dop.union(&Dop::EMPTY), dop);

@@ -112,7 +112,7 @@ fn tolerance_bounds_the_correlation_left() {
 }
 
 #[test]
-fn a_turned_vector_is_seen() {
+fn a_rotated_eigenvector_is_detected() {
     let mut found = eigen::symmetric([3.0, 0.5, 0.25, 2.0, 0.125, 1.0], FULL_PRECISION);
     found.vectors[0][0] += 1e-12;
     let image = times([3.0, 0.5, 0.25, 2.0, 0.125, 1.0], found.vectors[0]);

@@ -1,4 +1,4 @@
-//! Fits: the extreme cases by name, against exact containment and the axis-parallel box.
+//! Fits: the extreme cases by name, against exact containment and the axis-aligned box.
 
 #![allow(clippy::cast_possible_truncation, reason = "test data are rounded on purpose")]
 
@@ -18,14 +18,14 @@ fn strip(points: &[[f32; 3]]) -> Vec<[u32; 3]> {
 /// Fits by every method and checks what every fit promises.
 #[track_caller]
 fn check(name: &str, points: &[[f32; 3]]) -> [Obb; 5] {
-    let straight = Obb::from_aabb(&Aabb::from_points(points.iter().copied()));
+    let aligned = Obb::from_aabb(&Aabb::from_points(points.iter().copied()));
     METHODS.map(|method| {
         let fitted = fit(points, &strip(points), method).expect("finite points");
-        let judge = ExactBox::of(&fitted);
+        let oracle = ExactBox::of(&fitted);
         for &point in points {
-            assert!(judge.contains(&exact::exact_point(point)), "{name}, {method:?}: {point:?} outside {fitted:?}");
+            assert!(oracle.contains(&exact::exact_point(point)), "{name}, {method:?}: {point:?} outside {fitted:?}");
         }
-        assert!(fitted.area() <= straight.area(), "{name}, {method:?}: more area than the straight box");
+        assert!(fitted.area() <= aligned.area(), "{name}, {method:?}: more area than the aligned box");
         assert!(fitted.half_extents.iter().all(|&half| half >= 0.0 && half.is_finite()), "{name}, {method:?}");
         assert_eq!(fitted.frame, frame::right_handed(fitted.frame), "{name}, {method:?}");
         fitted
@@ -33,13 +33,13 @@ fn check(name: &str, points: &[[f32; 3]]) -> [Obb; 5] {
 }
 
 #[test]
-fn every_cloud_is_contained_with_no_more_area_than_the_straight_box() {
+fn every_cloud_is_contained_with_no_more_area_than_the_aligned_box() {
     for (name, points) in clouds::all() {
         check(&name, &points);
     }
 }
 
-/// Units in the last place of half a segment by which its box may be longer: rounding outward, the centre's rounding, and the length
+/// Units in the last place of half a segment by which its box may be longer: rounding outward, the center's rounding, and the length
 /// of the axis.
 const SEGMENT_ULPS: f64 = 3.0;
 
@@ -65,7 +65,7 @@ fn no_point_one_point_two_points() {
 #[test]
 fn collinear_and_coplanar_sets_give_rotations() {
     for (name, points) in clouds::all() {
-        if ["collinear", "leaning line", "leaning plane", "flat in a wall"].contains(&name.as_str()) {
+        if ["collinear", "oblique line", "oblique plane", "flat in a wall"].contains(&name.as_str()) {
             for fitted in check(&name, &points) {
                 assert!(frame::is_orthonormal(fitted.frame), "{name}: {fitted:?}");
             }
@@ -74,7 +74,7 @@ fn collinear_and_coplanar_sets_give_rotations() {
 }
 
 #[test]
-fn coincident_points_give_a_straight_box_without_extent() {
+fn coincident_points_give_an_aligned_box_of_zero_extent() {
     let points = vec![[0.1, -3.3, 7.7e5]; 100_000];
     for method in METHODS {
         let fitted = fit(&points, &[[0, 1, 2]], method).expect("finite points");
@@ -83,17 +83,17 @@ fn coincident_points_give_a_straight_box_without_extent() {
 }
 
 #[test]
-fn equal_eigenvalues_never_cost_more_than_the_straight_box() {
+fn equal_eigenvalues_never_exceed_the_area_of_the_aligned_box() {
     let cube = Aabb { min: [-1.0; 3], max: [1.0; 3] }.corners();
     for fitted in check("cube", &cube) {
         assert_eq!(fitted, Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0; 3] });
     }
     let mut random = Random(21);
     for _ in 0..20 {
-        let turned = random.frame();
-        let points = cube.map(|p| placed(turned, [1.0; 3], [0.0; 3], p.map(f64::from)));
-        let fits = check("turned cube", &points);
-        assert_eq!(fits, check("turned cube", &points), "the same input gives the same box");
+        let rotated = random.frame();
+        let points = cube.map(|p| placed(rotated, [1.0; 3], [0.0; 3], p.map(f64::from)));
+        let fits = check("rotated cube", &points);
+        assert_eq!(fits, check("rotated cube", &points), "the same input gives the same box");
         // The ditetrahedron finds an edge of any cube: 24 is the area, four roundings of f32 the excess.
         assert!(fits[3].area() <= 24.0 * (1.0 + 8.0 * f64::from(f32::EPSILON)), "{:?}", fits[3]);
     }
@@ -103,9 +103,9 @@ fn equal_eigenvalues_never_cost_more_than_the_straight_box() {
 fn needles_keep_their_minor_axes() {
     let mut random = Random(22);
     for _ in 0..20 {
-        let turned = random.frame();
+        let rotated = random.frame();
         let scale = [1.0, 3e-5, 1e-6];
-        let points: Vec<_> = (0..200).map(|_| placed(turned, scale, [0.0; 3], random.vector())).collect();
+        let points: Vec<_> = (0..200).map(|_| placed(rotated, scale, [0.0; 3], random.vector())).collect();
         let pca = check("needle", &points)[1];
         // The points themselves are rounded by half a unit in the last place of one.
         let ideal = 8.0 * (scale[0] * scale[1] + scale[0] * scale[2]);
@@ -115,19 +115,19 @@ fn needles_keep_their_minor_axes() {
 
 /// How far the area of a box of 3 x 1 x 0.25 may be off that is fitted to its rounded corners, relative.
 ///
-/// Corners at up to 8 are rounded by 2⁻²² a coordinate, `ε = √3 · 2⁻²²` in all. An axis along an edge of length `l` leans by `2ε/l`,
-/// along the shortest by `4ε`: that carries its own faces out by `4ε·(3 + 1)` and the others by `4ε·0.25`. Along the next it leans by
+/// Corners at up to 8 are rounded by 2⁻²² a coordinate, `ε = √3 · 2⁻²²` in all. An axis along an edge of length `l` tilts by `2ε/l`,
+/// along the shortest by `4ε`: that carries its own faces out by `4ε·(3 + 1)` and the others by `4ε·0.25`. Along the next it tilts by
 /// `ε`, its own faces go out by `3ε` and the longest's by `ε`; and every face moves by `ε`. That is `22ε` of the area
 /// `8·(h₁h₂ + h₂h₃ + h₃h₁)`; the rest is for the frame's rounding and what is of second order.
 const RECOVERED_ERROR: f64 = 24.0 * 1.7321 / 4_194_304.0;
 
 #[test]
-fn a_turned_box_is_recovered() {
+fn a_rotated_box_is_recovered() {
     let mut random = Random(23);
     for _ in 0..50 {
-        let (turned, half) = (random.frame(), [3.0, 1.0, 0.25]);
+        let (rotated, half) = (random.frame(), [3.0, 1.0, 0.25]);
         let corners = Aabb { min: [-1.0; 3], max: [1.0; 3] }.corners();
-        let points = corners.map(|p| placed(turned, half, [0.5, 0.25, -4.0], p.map(f64::from)));
+        let points = corners.map(|p| placed(rotated, half, [0.5, 0.25, -4.0], p.map(f64::from)));
         let ideal = 8.0 * (half[0] * half[1] + half[1] * half[2] + half[2] * half[0]);
         let [_, pca, _, dito, _] = check("box", &points);
         for fitted in [pca, dito] {
@@ -138,16 +138,16 @@ fn a_turned_box_is_recovered() {
 
 #[test]
 fn tessellation_does_not_move_the_area_weighted_box() {
-    // One dense corner: every triangle of a bent sheet split again and again beside its first vertex.
+    // One dense corner: every triangle of a bent sheet split again and again nearby its first vertex.
     let points = vec![[0.0, 0.0, 0.0], [4.0, 1.0, 0.5], [4.5, 3.0, 2.0], [0.25, 2.0, -1.0]];
     let sheet = [[0, 1, 2], [0, 2, 3]];
     let (mut dense_points, mut dense) = (points.clone(), Vec::new());
     for [a, b, c] in sheet {
         let (mut b, mut c) = (b, c);
         for _ in 0..12 {
-            let middle = |i: u32, points: &[[f32; 3]]| [0, 1, 2].map(|k| 0.5 * (points[0][k] + points[i as usize][k]));
+            let mid = |i: u32, points: &[[f32; 3]]| [0, 1, 2].map(|k| 0.5 * (points[0][k] + points[i as usize][k]));
             let n = dense_points.len() as u32;
-            let (to_b, to_c) = (middle(b, &dense_points), middle(c, &dense_points));
+            let (to_b, to_c) = (mid(b, &dense_points), mid(c, &dense_points));
             dense_points.extend([to_b, to_c]);
             dense.extend([[b, c, n + 1], [b, n + 1, n]]);
             (b, c) = (n, n + 1);
@@ -166,10 +166,10 @@ fn tessellation_does_not_move_the_area_weighted_box() {
 fn an_offset_of_1e7_with_detail_of_1e_3_is_contained() {
     let mut random = Random(26);
     for offset in [[1e7; 3], [1e7, 0.0, -3.0], [-1e7, 1e7, 0.25]] {
-        let turned = random.frame();
-        let points: Vec<_> = (0..100).map(|_| placed(turned, [2e-3, 1e-3, 1e-3], offset, random.vector())).collect();
+        let rotated = random.frame();
+        let points: Vec<_> = (0..100).map(|_| placed(rotated, [2e-3, 1e-3, 1e-3], offset, random.vector())).collect();
         for fitted in check("far", &points) {
-            // Coordinates at 1e7 are whole numbers: content and centre round by at most one each.
+            // Coordinates at 1e7 are integers: content and center round by at most one each.
             assert!(fitted.half_extents.iter().all(|&half| half <= 4.0), "{offset:?} {fitted:?}");
         }
     }
@@ -207,7 +207,7 @@ fn powers_of_two_scale_every_bit() {
 }
 
 #[test]
-fn bad_input_is_named() {
+fn invalid_input_is_reported_with_its_index() {
     let mut points = vec![[0.0; 3]; 5];
     assert_eq!(
         fit(&points, &[[0, 1, 2], [3, 4, 5]], Fit::Pca),
@@ -236,7 +236,7 @@ fn no_box_beats_an_exhaustive_search_and_dito_comes_near() {
     assert!(mean < 0.15, "the ditetrahedron costs {mean} over the least area: {excess:?}");
 }
 
-/// Least area over a grid of rotations, then over ever smaller turns about the three axes.
+/// Least area over a grid of rotations, then over ever smaller rotations about the three axes.
 fn searched_area(points: &[[f32; 3]]) -> f64 {
     let area = |q: canted_obb::Quaternion| canted_obb::bound(q.frame(), points.iter().copied()).area();
     let mut random = Random(25);
@@ -244,14 +244,14 @@ fn searched_area(points: &[[f32; 3]]) -> f64 {
         (0..2_000).map(|_| random.rotation()).map(|q| (area(q), q)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
     let mut angle = 0.1;
     while angle > 1e-5 {
-        let turns = (0..6).map(|i| {
+        let rotations = (0..6).map(|i| {
             let mut axis = [0.0; 3];
             axis[i / 2] = 1.0;
             canted_obb::Quaternion::from_axis_angle(axis, if i % 2 == 0 { angle } else { -angle })
                 .times(best.1)
                 .normalized()
         });
-        let next = turns.map(|q| (area(q), q)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+        let next = rotations.map(|q| (area(q), q)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
         if next.0 < best.0 { best = next } else { angle *= 0.7 }
     }
     best.0

@@ -51,10 +51,10 @@ fn triangles_and_boxes_are_contained() {
                 merge::combined(&a, &b),
             ];
             for merged in merges {
-                let judge = ExactBox::of(&merged);
+                let oracle = ExactBox::of(&merged);
                 let inside = |content: &Child| match content {
-                    Child::Box(content) => exact::corners(content).iter().all(|corner| judge.contains(corner)),
-                    Child::Triangle(corners) => corners.iter().all(|&c| judge.contains(&exact::exact_point(c))),
+                    Child::Box(content) => exact::corners(content).iter().all(|corner| oracle.contains(corner)),
+                    Child::Triangle(corners) => corners.iter().all(|&c| oracle.contains(&exact::exact_point(c))),
                 };
                 assert!(inside(&a) && inside(&b), "{name}: {a:?} {b:?} {merged:?}");
             }
@@ -84,18 +84,18 @@ fn equal_and_nested_boxes_do_not_grow() {
 fn boxes_without_volume_merge() {
     let mut random = Random(49);
     for _ in 0..50 {
-        let turned = random.frame();
-        let flat = Obb { center: [0.0; 3], frame: turned, half_extents: [2.0, 1.0, 0.0] };
+        let rotated = random.frame();
+        let flat = Obb { center: [0.0; 3], frame: rotated, half_extents: [2.0, 1.0, 0.0] };
         let line = Obb { half_extents: [2.0, 0.0, 0.0], ..flat };
         let crossing = Obb { half_extents: [0.0, 2.0, 0.0], ..flat };
         let point = Obb { half_extents: [0.0; 3], ..flat };
-        let beside = Obb { center: placed(turned, [1.0; 3], [0.0; 3], [5.0, 0.0, 0.0]), ..flat };
+        let nearby = Obb { center: placed(rotated, [1.0; 3], [0.0; 3], [5.0, 0.0, 0.0]), ..flat };
         for (rule, merged) in RULES {
-            for (a, b) in [(flat, beside), (flat, point), (line, crossing), (line, line), (point, point)] {
+            for (a, b) in [(flat, nearby), (flat, point), (line, crossing), (line, line), (point, point)] {
                 let parent = merged(&a, &b);
                 assert_contains(rule, &parent, &[a, b]);
                 assert!(parent.half_extents.iter().all(|half| half.is_finite()), "{rule}");
-                // All lie in one plane: what stands out of it is rounding, of the frame and of the centres at five.
+                // All lie in one plane: what stands out of it is rounding, of the frame and of the centers at five.
                 let crossed = a != b && a.area() == 0.0 && b.area() == 0.0;
                 if crossed {
                     // Two lines may be the diagonals of a box that stands out of their plane and has less area.
@@ -115,41 +115,41 @@ fn thirty_levels_lose_no_vertex() {
         let mut vertices: Vec<[f32; 3]> = (0..3).map(|_| random.vector().map(|x| x as f32)).collect();
         let mut chain = bound(random.frame(), vertices.iter().copied());
         for level in 0..30 {
-            let (turned, reach) = (random.frame(), 1.2_f64.powi(level));
+            let (rotated, reach) = (random.frame(), 1.2_f64.powi(level));
             let scale = [reach, 0.1 * reach, 0.0];
-            let triangle: Vec<_> = (0..3).map(|_| placed(turned, scale, [0.0; 3], random.vector())).collect();
-            let leaf = bound(turned, triangle.iter().copied());
+            let triangle: Vec<_> = (0..3).map(|_| placed(rotated, scale, [0.0; 3], random.vector())).collect();
+            let leaf = bound(rotated, triangle.iter().copied());
             vertices.extend(triangle);
             chain = if level % 2 == 0 { merged(&chain, &leaf) } else { merged(&leaf, &chain) };
             if level % 5 == 4 {
                 chain = chain.or_aabb(&Aabb::from_points(vertices.iter().copied()));
             }
         }
-        let judge = ExactBox::of(&chain);
-        assert!(vertices.iter().all(|&v| judge.contains(&exact::exact_point(v))), "{rule}");
-        let straight = Aabb::from_points(vertices).area();
-        assert!(chain.area() < 4.0 * straight, "{rule}: {} grew over {straight}", chain.area());
+        let oracle = ExactBox::of(&chain);
+        assert!(vertices.iter().all(|&v| oracle.contains(&exact::exact_point(v))), "{rule}");
+        let aligned = Aabb::from_points(vertices).area();
+        assert!(chain.area() < 4.0 * aligned, "{rule}: {} grew over {aligned}", chain.area());
     }
 }
 
 #[test]
-fn the_fallback_is_never_worse_than_the_straight_box() {
+fn the_fallback_is_never_worse_than_the_aligned_box() {
     let mut random = Random(51);
     let mut fell_back = 0;
     for (name, points) in clouds::all() {
-        let middle = points.len().div_ceil(2);
-        let halves = [&points[..middle], &points[middle - 1..]].map(|half| bound(random.frame(), half.iter().copied()));
+        let mid = points.len().div_ceil(2);
+        let halves = [&points[..mid], &points[mid - 1..]].map(|half| bound(random.frame(), half.iter().copied()));
         let content = Aabb::from_points(points.iter().copied());
-        let straight = Obb::from_aabb(&content);
+        let aligned = Obb::from_aabb(&content);
         for (rule, merged) in RULES {
             let with = merged(&halves[0], &halves[1]).or_aabb(&content);
-            assert!(with.area() <= straight.area(), "{rule}: {name}");
-            let judge = ExactBox::of(&with);
-            assert!(points.iter().all(|&p| judge.contains(&exact::exact_point(p))), "{rule}: {name}");
-            fell_back += usize::from(with == straight);
+            assert!(with.area() <= aligned.area(), "{rule}: {name}");
+            let oracle = ExactBox::of(&with);
+            assert!(points.iter().all(|&p| oracle.contains(&exact::exact_point(p))), "{rule}: {name}");
+            fell_back += usize::from(with == aligned);
         }
     }
-    assert!(fell_back > 0, "random halves should lose to the straight box somewhere");
+    assert!(fell_back > 0, "random halves should lose to the aligned box somewhere");
 }
 
 #[test]

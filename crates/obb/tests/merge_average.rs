@@ -40,10 +40,10 @@ fn renamed(obb: &Obb) -> Vec<Obb> {
 }
 
 #[test]
-fn ninety_and_a_hundred_and_eighty_degrees_are_no_turn() {
+fn rotations_by_90_and_180_degrees_are_symmetries() {
     let mut random = Random(45);
-    for turned in [Obb::IDENTITY_FRAME, random.frame(), random.frame(), random.frame()] {
-        let obb = Obb { center: [1.0, -2.0, 3.0], frame: turned, half_extents: [2.0, 0.5, 0.25] };
+    for rotated in [Obb::IDENTITY_FRAME, random.frame(), random.frame(), random.frame()] {
+        let obb = Obb { center: [1.0, -2.0, 3.0], frame: rotated, half_extents: [2.0, 0.5, 0.25] };
         let all = renamed(&obb);
         assert_eq!(all.len(), 24);
         for a in &all {
@@ -67,7 +67,7 @@ fn the_nearest_symmetry_is_the_nearest_of_all_twenty_four() {
     for _ in 0..2_000 {
         let (p, q) = (random.rotation(), random.rotation());
         let least = symmetries.iter().map(|&g| p.dot(q.times(g)).abs()).fold(0.0, f64::max);
-        // Halfway between the two the turn to either end is half of the least: cos(θ/4) from cos(θ/2).
+        // Halfway between the two the rotation to either end is half of the least: cos(θ/4) from cos(θ/2).
         let halfway = merge::average_rotations(p, q, [1.0, 1.0]);
         let expected = (0.5 * (1.0 + least)).sqrt();
         assert!((halfway.dot(p) - expected).abs() < 16.0 * f64::EPSILON, "{p:?} {q:?}");
@@ -77,7 +77,7 @@ fn the_nearest_symmetry_is_the_nearest_of_all_twenty_four() {
 }
 
 #[test]
-fn weights_draw_the_average() {
+fn weights_pull_the_average() {
     let mut random = Random(47);
     for _ in 0..50 {
         let great = Obb { center: [0.0; 3], frame: random.frame(), half_extents: [4.0, 1.0, 0.01] };
@@ -85,7 +85,7 @@ fn weights_draw_the_average() {
         assert!(parallel(merge::average(great.frame, speck.frame, [1e6, 1.0]), great.frame) > 1.0 - 1e-5);
         let evenly = merge::average(great.frame, speck.frame, [0.0, 0.0]);
         assert_eq!(evenly, merge::average(great.frame, speck.frame, [7.0, 7.0]));
-        // By area the corners of a speck do not weigh either; by count they turn the plane towards it.
+        // By area the corners of a speck do not weigh either; by count they rotation the plane towards it.
         let far = Obb { center: placed(great.frame, [1.0; 3], [0.0; 3], [0.0, 3.0, 2.0]), ..speck };
         let axes = |weight| merge::bounded(&Child::Box(great), &Child::Box(far), weight).frame;
         assert!(parallel(axes(Weight::Area), great.frame) > 1.0 - 1e-5);
@@ -103,13 +103,13 @@ fn skewed_and_mirrored_children_merge_by_their_rotations() {
     let mut random = Random(48);
     for _ in 0..50 {
         let [x, y, z] = random.frame();
-        let straight = Obb { center: [0.0; 3], frame: [x, y, z], half_extents: [3.0, 1.0, 0.5] };
-        let mirrored = Obb { frame: [x, y, z.map(|c| -c)], ..straight };
-        let stretched = Obb { frame: [x.map(|c| 4.0 * c), y, z], half_extents: [0.75, 1.0, 0.5], ..straight };
+        let aligned = Obb { center: [0.0; 3], frame: [x, y, z], half_extents: [3.0, 1.0, 0.5] };
+        let mirrored = Obb { frame: [x, y, z.map(|c| -c)], ..aligned };
+        let stretched = Obb { frame: [x.map(|c| 4.0 * c), y, z], half_extents: [0.75, 1.0, 0.5], ..aligned };
         for other in [mirrored, stretched] {
-            let parent = merge::quaternion(&straight, &other, [1.0, 1.0]);
-            assert_contains("skewed", &parent, &[straight, other]);
-            assert!(growth(&parent, &straight) <= REFRAMED, "{other:?} {parent:?}");
+            let parent = merge::quaternion(&aligned, &other, [1.0, 1.0]);
+            assert_contains("skewed", &parent, &[aligned, other]);
+            assert!(growth(&parent, &aligned) <= REFRAMED, "{other:?} {parent:?}");
         }
     }
 }

@@ -97,7 +97,7 @@ fn corners_of_a_box_in_closed_form() {
 }
 
 #[test]
-fn nothing_weighs_nothing() {
+fn no_points_have_weight_zero() {
     let point = Moments::from_point([1.0, 2.0, 3.0]);
     let needle = Moments::from_triangle([[0.0; 3], [1.0, 1.0, 1.0], [2.0, 2.0, 2.0]]);
     assert_eq!(needle.weight, 0.0);

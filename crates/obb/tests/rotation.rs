@@ -48,7 +48,7 @@ fn mirrors(a: Matrix) -> bool {
 
 /// The greatest trace any rotation has: the singular values' sum, the least one counted negative for a mirror.
 ///
-/// Turns pairs of columns until all are at right angles (Hestenes 1958), Jacobi's method on `AᵀA` without squaring.
+/// Rotates pairs of columns until all are orthogonal (Hestenes 1958), Jacobi's method on `AᵀA` without squaring.
 fn greatest_trace(a: Matrix) -> f64 {
     let mut columns = a;
     for _ in 0..30 {
@@ -67,8 +67,8 @@ fn greatest_trace(a: Matrix) -> f64 {
 
 /// Angle between two rotations, in radians, also where it is small.
 fn angle(p: Quaternion, q: Quaternion) -> f64 {
-    let turn = p.conjugate().times(q);
-    2.0 * dot([turn.x, turn.y, turn.z], [turn.x, turn.y, turn.z]).sqrt().atan2(turn.w.abs())
+    let rotation = p.conjugate().times(q);
+    2.0 * dot([rotation.x, rotation.y, rotation.z], [rotation.x, rotation.y, rotation.z]).sqrt().atan2(rotation.w.abs())
 }
 
 /// Noise of torque and trace: the extraction's own, and as much for the oracle.
@@ -91,7 +91,7 @@ fn check(a: Matrix) -> Extraction {
     found
 }
 
-fn half_turns() -> [Matrix; 4] {
+fn rotations_by_180() -> [Matrix; 4] {
     [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(diagonal)
 }
 
@@ -103,7 +103,7 @@ fn random_matrices_reach_the_greatest_trace() {
         let found = check([random.vector(), random.vector(), random.vector()]);
         most = most.max(found.iterations);
     }
-    assert!(most <= 12, "{most} turns");
+    assert!(most <= 12, "{most} rotations");
 }
 
 #[test]
@@ -121,19 +121,19 @@ fn stretched_rotations_are_found_up_to_their_condition() {
                 let a = times(r.columns(), times(v, times(diagonal(values), transposed(v))));
                 let found = check(a);
                 most = most.max(found.iterations);
-                // Noise over the least resistance to a turn, that about the first axis.
+                // Noise over the least stiffness, that about the first axis.
                 let limit = 8.0 * NOISE / (values[1] + values[2]);
                 assert!(angle(found.rotation, r) <= limit, "{values:?}: {} off", angle(found.rotation, r));
                 let expected = if mirrors(a) { Status::Reflected } else { Status::Converged };
                 assert_eq!(found.status, expected, "{values:?}");
             }
-            assert!(most <= 16, "{most} turns for {values:?}");
+            assert!(most <= 16, "{most} rotations for {values:?}");
         }
     }
 }
 
 #[test]
-fn every_angle_up_to_half_a_turn() {
+fn every_angle_up_to_180_degrees() {
     let mut random = Random(93);
     for degrees in [0.0_f64, 1e-9, 1.0, 90.0, 120.0, 179.0, 179.999, 180.0 - 1e-9, 180.0] {
         for _ in 0..100 {
@@ -146,14 +146,14 @@ fn every_angle_up_to_half_a_turn() {
             }
         }
     }
-    for half_turn in half_turns() {
-        let found = check(half_turn);
-        assert_eq!(found.rotation.columns(), half_turn, "axis-aligned half turns are exact");
+    for rotated_by_180 in rotations_by_180() {
+        let found = check(rotated_by_180);
+        assert_eq!(found.rotation.columns(), rotated_by_180, "axis-aligned rotations by 180 degrees are exact");
     }
 }
 
 #[test]
-fn two_frames_near_half_a_turn_apart() {
+fn two_frames_nearly_180_degrees_apart() {
     // The matrix of a weighted mean: singular values one and, twice, nearly nothing.
     let mut random = Random(94);
     for short_of_half in [1e-1_f64, 1e-4, 1e-8] {
@@ -169,7 +169,7 @@ fn two_frames_near_half_a_turn_apart() {
 }
 
 #[test]
-fn zero_and_rank_one_are_said_and_answered() {
+fn zero_and_rank_one_are_reported() {
     let zero = extract([[0.0; 3]; 3], MAX_ITERATIONS);
     assert_eq!((zero.rotation, zero.status), (Quaternion::IDENTITY, Status::RankDeficient));
     let mut random = Random(95);
@@ -178,7 +178,7 @@ fn zero_and_rank_one_are_said_and_answered() {
         for u in [u, v, v.map(|x| -x)] {
             let found = check(v.map(|x| u.map(|y| 3.0 * x * y)));
             assert_eq!(found.status, Status::RankDeficient);
-            // The shortest turn is by the angle between the two directions.
+            // The shortest rotation is by the angle between the two directions.
             let shortest = dot(cross(u, v), cross(u, v)).sqrt().atan2(dot(u, v));
             assert!((angle(found.rotation, Quaternion::IDENTITY) - shortest).abs() < NOISE, "{u:?} {v:?}");
         }
@@ -225,17 +225,17 @@ fn scale_changes_no_bit() {
 }
 
 #[test]
-fn a_rotation_beside_the_nearest_is_seen() {
+fn a_rotation_near_the_answer_is_rejected() {
     let mut random = Random(101);
     for _ in 0..100 {
         let a = [random.vector(), random.vector(), random.vector()];
-        let beside = Quaternion::from_axis_angle(random.rotation().columns()[0], 1e-5).times(check(a).rotation);
-        assert!(trace(beside.columns(), a) < greatest_trace(a) - NOISE);
+        let nearby = Quaternion::from_axis_angle(random.rotation().columns()[0], 1e-5).times(check(a).rotation);
+        assert!(trace(nearby.columns(), a) < greatest_trace(a) - NOISE);
     }
 }
 
 #[test]
-fn the_cap_and_bad_numbers_are_said() {
+fn the_iteration_limit_and_non_finite_input_are_reported() {
     let mut random = Random(99);
     let a = [random.vector(), random.vector(), random.vector()];
     assert_eq!(extract(a, 1).status, Status::NotConverged);

@@ -3,22 +3,20 @@ use std::time::Duration;
 use canted_lbvh::{Child, Corners, NodeId, TopologyError, Tree};
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::build_bvh2};
 
-/// A tree of `obvhs`'s builder over the triangles, one primitive a leaf; our stations then fit its volumes.
-///
-/// Its topology alone is taken, so pictures stay the same bits. At least two triangles.
+/// The topology of a BVH that `obvhs` builds over at least two triangles, one per leaf; volumes are fitted by our own code.
 ///
 /// # Errors
-/// Where the foreign nodes do not form a tree over the primitives.
+/// If the nodes do not form a tree over the triangles.
 pub fn obvhs_tree(corners: &[Corners], params: BvhBuildParams) -> Result<Tree, TopologyError> {
     let boxes: Vec<Aabb> = corners.iter().map(|c| Aabb::from_points(&c.map(glam::Vec3A::from_array))).collect();
     let params = BvhBuildParams { pre_split: false, max_prims_per_leaf: 1, ..params };
     from_bvh2(&build_bvh2(&boxes, params, &mut Duration::default()))
 }
 
-/// Our tree over the nodes of a BVH2 whose leaves hold one primitive each.
+/// Converts the nodes of a BVH2 with one primitive per leaf.
 fn from_bvh2(bvh: &Bvh2) -> Result<Tree, TopologyError> {
     let mut children = Vec::with_capacity(bvh.primitive_indices.len());
-    // (foreign inner node, whose number is its place in `children`), in the order of numbering.
+    // The `obvhs` index of each inner node, in our numbering.
     let mut inner = vec![0usize];
     let mut next = 0;
     while let Some(&node) = inner.get(next) {

@@ -12,10 +12,10 @@
 //!
 //! # Departures from glTF
 //!
-//! * glTF attenuates the diffuse base by `1 - F(o·h)` with the half vector. At grazing angles a smooth coat then reflects
-//!   all light while the base still reflects nearly as much as at normal incidence: almost 2 in total. Here the diffuse
-//!   base has the factor `(1 - F(cosθo))·(1 - F(cosθi)) / (1 - F̄)` (Shirley et al. 1997), which is reciprocal and
-//!   conserves energy.
+//! * glTF attenuates the diffuse base by `1 - F(o·h)` with the half vector. At grazing angles a smooth coat then
+//!   reflects all light while the base still reflects nearly as much as at normal incidence: almost 2 in total. Here
+//!   the diffuse base has the factor `(1 - F(cosθo))·(1 - F(cosθi)) / (1 - F̄)` (Shirley et al. 1997), which is
+//!   reciprocal and conserves energy.
 //! * Dielectrics use the exact Fresnel equations instead of Schlick's approximation, so total internal reflection is
 //!   correct.
 //! * Seen from inside, the diffuse part of a partly transmissive boundary has no coat: `(1 - transmission)` Lambert and
@@ -25,9 +25,9 @@
 //!
 //! # Radiance
 //!
-//! The BSDF scatters radiance, from lights to the camera. Refraction scales radiance by `(no/ni)²`, the indices on the sides
-//! of `outgoing` and `incident`. A path that enters glass carries `1/ior²` until it leaves; Russian roulette should
-//! factor this out of the throughput ([`Bsdf::compression`]). Thin walls have the same medium on both sides.
+//! The BSDF scatters radiance, from lights to the camera. Refraction scales radiance by `(no/ni)²`, the indices on the
+//! sides of `outgoing` and `incident`. A path that enters glass carries `1/ior²` until it leaves; Russian roulette
+//! should factor this out of the throughput ([`Bsdf::compression`]). Thin walls have the same medium on both sides.
 
 mod boundary;
 mod fresnel;

@@ -9,8 +9,8 @@ use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 
 /// A camera with an image size: maps image positions to world-space rays.
 ///
-/// Positions are in pixels from the top left corner, x to the right and y down: the center of pixel (0, 0) is (0.5, 0.5).
-/// Pixels are square.
+/// Positions are in pixels from the top left corner, x to the right and y down. The center of pixel (0, 0) is at
+/// (0.5, 0.5). Pixels are square.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     pub(crate) eye: Vector,
@@ -120,8 +120,8 @@ impl View {
 
     /// The ray cone of a pixel's sample with this number, at an image position.
     ///
-    /// The spread of a perspective pixel is the square root of its solid angle. A lens does not widen it: samples average
-    /// what is out of focus.
+    /// The spread of a perspective pixel is the square root of its solid angle. A lens does not widen it: samples
+    /// average what is out of focus.
     #[must_use]
     pub fn cone(&self, position: [f64; 2], sample: u32) -> Cone {
         let pixel = crate::vector::length(self.right);

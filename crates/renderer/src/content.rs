@@ -1,12 +1,12 @@
-//! Numbers that tell one scene from another, so that pieces of different pictures are not joined.
+//! Hashes of scenes, so that parts of different pictures are not joined.
 
 use canted_film::Hash;
 use canted_scene::{Environment, EnvironmentImage, Material, Mesh, Scene, Texture};
 use rayon::prelude::*;
 
-/// A number that two scenes share only if they look the same under the same light, but for an accident of 1 in 2⁶⁴.
+/// A hash of everything in a scene that pictures depend on, except light: equal for different scenes with probability 2⁻⁶⁴.
 ///
-/// It covers every array that pictures depend on, and neither names nor warnings: those differ from machine to machine.
+/// Names and warnings are not included, because they differ between machines.
 #[must_use]
 pub fn scene_hash(scene: &Scene) -> u64 {
     let Scene { meshes, instances, materials, textures, .. } = scene;
@@ -24,7 +24,7 @@ pub fn scene_hash(scene: &Scene) -> u64 {
     hash.finish()
 }
 
-/// The same for what shines from outside the surfaces: lights and environment.
+/// A hash of the lights and the environment.
 #[must_use]
 pub fn light_hash(scene: &Scene) -> u64 {
     let mut hash = Hash::default();
@@ -40,7 +40,7 @@ pub fn light_hash(scene: &Scene) -> u64 {
 }
 
 fn of_mesh(mesh: &Mesh) -> u64 {
-    // Without `..`: a new array must not be forgotten.
+    // Without `..`, so that a new field cannot be forgotten.
     let Mesh { name: _, positions, triangles, normals, tangents, uvs, second_uvs, colors, parts } = mesh;
     let mut hash = Hash::default();
     hash.floats(positions);
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whatever_changes_the_picture_changes_the_hash() {
+    fn changes_of_the_picture_change_the_hash() {
         let scene = builtin();
         let changes: [fn(&mut Scene); 8] = [
             |scene| scene.meshes[0].positions[0][1] += 1e-3,
@@ -79,8 +79,8 @@ mod tests {
             |scene| scene.meshes.swap(0, 1),
             |scene| scene.materials[0].base_color[2] *= 0.5,
             |scene| {
-                let moved: Instance = scene.instances[0];
-                scene.instances.push(moved);
+                let copy: Instance = scene.instances[0];
+                scene.instances.push(copy);
             },
             |scene| scene.materials.truncate(1),
         ];
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn names_and_warnings_do_not_matter_and_light_has_its_own() {
+    fn names_and_warnings_are_not_hashed_and_light_is_hashed_separately() {
         let scene = builtin();
         let mut other = scene.clone();
         other.meshes[0].name += " elsewhere";

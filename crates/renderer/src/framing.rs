@@ -6,8 +6,8 @@
 //!                         -> object                     -> from outside, from direction (1, 0.6, 0.8)
 //! ```
 //!
-//! From points inside its bounding box, an interior shows front faces nearly everywhere. A closed object shows back faces,
-//! and an open one shows mostly the background.
+//! From points inside its bounding box, an interior shows front faces nearly everywhere. A closed object shows back
+//! faces, and an open one shows mostly the background.
 
 mod exterior;
 mod interior;
@@ -27,9 +27,9 @@ const THREE_QUARTERS: Vector = [1.0, 0.6, 0.8];
 
 /// Chooses a camera for `scene` and an image whose width is `aspect` times its height. Up is +y.
 ///
-/// Objects are viewed from direction (1, 0.6, 0.8), as large as the image allows; interiors with one open side from outside,
-/// through it; closed interiors from inside, at two fifths of their height, from the point and direction with the best view.
-/// The result does not depend on the acceleration structure.
+/// Objects are viewed from direction (1, 0.6, 0.8), as large as the image allows; interiors with one open side from
+/// outside, through it; closed interiors from inside, at two fifths of their height, from the point and direction with
+/// the best view. The result does not depend on the acceleration structure.
 #[must_use]
 pub fn frame<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64) -> Camera {
     let bounds = scene.bounds_world();

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::{CameraError, Masked, Surfaces, Tracer, View};
 
-/// Which tests of a primary ray the colours show.
+/// Which tests a heat map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Measure {
     /// Ray-box tests.
@@ -14,12 +14,12 @@ pub enum Measure {
     Triangles,
 }
 
-/// What primary rays cost, pixel by pixel.
+/// Intersection tests of primary rays, per pixel.
 #[derive(Clone, Debug)]
 pub struct Heatmap {
-    /// Tests of the ray through the middle of each pixel, row by row from the top.
+    /// Tests of the ray through the center of each pixel, row by row from the top.
     pub counts: Vec<Counts>,
-    /// The counts of one measure as colours, with a legend.
+    /// The counts of one measure in false color, with a legend.
     pub picture: Picture,
 }
 
@@ -43,14 +43,12 @@ impl Heatmap {
     }
 }
 
-/// Traces one ray through the middle of each pixel and shows its tests in false colour.
+/// Traces one ray through the center of each pixel, in the caller's thread pool, and shows its tests in false color.
 ///
-/// The scale is fixed, so pictures of different trees compare: 0 is the darkest colour, `full_scale` and above the
-/// brightest. Pictures that have room carry a legend in the lower left corner. The work runs in the caller's thread
-/// pool.
+/// The scale is fixed, so that heat maps of different BVHs are comparable: see [`false_color`].
 ///
 /// # Errors
-/// [`CameraError`] where the camera cannot be used.
+/// [`CameraError`] if the camera is invalid.
 pub fn heatmap<T: Tracer>(
     surfaces: &Surfaces,
     tracer: &T,

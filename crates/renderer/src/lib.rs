@@ -1,13 +1,30 @@
-//! Pictures from scenes: camera rays, light, film, files.
+//! Renders pictures of scenes: cameras, materials, lights and integrators, on the CPU and on GPUs.
 //!
 //! ```text
 //! Scene -> frame -> Camera -> View -> rays -> Tracer -> Hit -> Surface (textures, Bsdf)
 //! Surface -> light -> integrate/{hybrid, path} -> Film -> Picture -> PNG, EXR
 //! ```
 //!
-//! Nothing here knows how rays are traced: a [`Tracer`] answers them. Radiance is linear RGB, `f32` per sample with
-//! sums in `f64`; randomness is a pure function of pixel, sample, dimension and seed, so a picture is the same bits
-//! for any number of threads and any tile size.
+//! Integrators trace rays through a [`Tracer`], which [`prepare`] builds, or a caller's own. Radiance is linear RGB, `f32` per
+//! sample with sums in `f64`. Random numbers are a pure function of pixel, sample, dimension and seed, so a picture has the
+//! same bits for any number of threads and any tile size.
+//!
+//! ```
+//! use std::sync::atomic::AtomicBool;
+//!
+//! use canted_renderer::{Settings, StructureConfig, frame, prepare, render};
+//! use canted_trace::Watertight;
+//!
+//! let scene = canted_scene::builtin();
+//! let structure = prepare::<Watertight>(&scene, &StructureConfig::default())?.structure;
+//! let settings = Settings { width: 16, height: 9, samples: 1, ..Settings::default() };
+//! let camera = frame(&scene, &structure, 16.0 / 9.0);
+//! let film = render(&scene, &structure, &camera, &settings, &|_, _| (), &AtomicBool::new(false))?;
+//! assert_eq!(film.picture().pixels.len(), 144);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Features: `gpu` adds [`DevicePicture`](https://docs.rs/canted-renderer), `baseline` the builder `obvhs`.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "shared with the GPU renderer, which uses more of it"))]
 

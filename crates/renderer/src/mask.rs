@@ -2,9 +2,10 @@ use canted_scene::{Material, Scene};
 use canted_trace::{Hit, Query};
 
 use crate::Surfaces;
-use crate::query::{RayKeyed, derived_key};
+use crate::query::{RayKeyed, derived_key, forward};
 
-/// A query with alpha testing: ignores hits where alpha makes the surface transparent, and passes everything else on to `inner`.
+/// A query with alpha testing: ignores hits where alpha makes the surface transparent, and passes everything else on to
+/// `inner`.
 #[derive(Clone, Copy, Debug)]
 pub struct Masked<'a, Q> {
     surfaces: &'a Surfaces<'a>,
@@ -42,19 +43,10 @@ pub(crate) fn is_needed(scene: &Scene) -> bool {
 }
 
 impl<Q: Query> Query for Masked<'_, Q> {
-    fn boxes(&mut self, n: u32) {
-        self.inner.boxes(n);
-    }
-
-    fn triangles(&mut self, n: u32) {
-        self.inner.triangles(n);
-    }
+    forward!(counters: inner, mask: inner);
 
     fn time(&self) -> f32 {
         self.inner.time()
-    }
-    fn mask(&self) -> u32 {
-        self.inner.mask()
     }
 
     fn accepts(&mut self, hit: &Hit) -> bool {

@@ -1,41 +1,13 @@
-//! Instance transforms for shading, and the offset of rays that leave a surface.
-//!
-//! # The offset
-//!
-//! A ray that leaves a surface must not hit it again because of rounding. Let `u = 2⁻²⁴`, `ρ` the maximum absolute
-//! vertex coordinate of the mesh, `M` and `T` the linear part and translation of `world_from_object`,
-//! `R_k = ρ·Σ_i |M_ki|` and `W` the maximum of `R_k + |T_k|`: `W` bounds the world coordinates of the instance.
-//! The origin is the hit point, which `f64` represents to a part in 2⁵⁰, moved along the normal and rounded to `f32`:
-//! an error of `u·W` along each axis. Then, along each axis,
-//!
-//! - a tracer with one level has rounded the vertices to world space, `u·W`, and accepts points within
-//!   [`HIT_ERROR`]` · (|o|∞ + ρ∞) <= HIT_ERROR · 2W` of a triangle;
-//! - a tracer with two levels rounds origin and direction to object space. Up to any point of the instance the ray
-//!   moves at most `2ρ` along an object axis, so these errors are `u·ρ` and `u·2ρ`; it accepts points within
-//!   `HIT_ERROR · 2ρ`. `M` maps the sum to at most `(2·HIT_ERROR + 3u)·R_k` in world space.
-//!
-//! In both cases the error of origin and hit is at most `slack = (2·HIT_ERROR + 4u)·W` along each axis, and
-//! `slack · (|n_x| + |n_y| + |n_z|)` along a unit normal `n`. A ray that starts at this distance from the plane of its
-//! triangle and leads away from it hits neither that triangle nor any other of the instance on the far side of the
-//! plane. This covers every neighbor across a convex edge.
-//!
-//! The offset scales with the scene; there is no absolute length. Geometry closer to a surface than its offset (a
-//! coplanar surface of another instance, the far wall of a wedge) is below the resolution of `f32` positions and may be
-//! hit or missed.
+//! An instance prepared for shading: its transform for points and normals, and the error bound of rays that leave it
+//! (derived at [`canted_trace::SurfacePoint`]).
 
 use std::borrow::Cow;
 
 use canted_obb::Affine;
 use canted_tlas::Motion;
-use canted_trace::HIT_ERROR;
+use canted_trace::{SurfacePoint, position_error};
 
 use crate::vector::{Vector, add, cross, scale, wide};
-
-/// Half a unit in the last place of 1.
-const U: f64 = 0.5 * f32::EPSILON as f64;
-
-/// Covers second-order terms: `f64` roundings, and origins beyond `W` by the offset itself, all below 2⁻¹⁶.
-const SECOND_ORDER: f64 = 1.0 + 1.0 / 1024.0;
 
 /// `world_from_object` at one time, prepared for points and normals.
 #[derive(Clone, Debug)]
@@ -96,8 +68,8 @@ pub(crate) struct Placement {
 impl Placement {
     /// Prepares an instance of a mesh whose maximum absolute coordinate is `reach_object`.
     ///
-    /// An instance that moves to `close` uses the larger `W` of both ends, which bounds it at all times because `R_k` and
-    /// `|T_k|` are convex along a straight line. It is traced with two levels.
+    /// An instance that moves to `close` uses the larger reach of both ends: every coordinate is convex along a
+    /// straight line, so no time in between exceeds it.
     pub(crate) fn new(world_from_object: &Affine, close: Option<&Affine>, reach_object: f32) -> Self {
         let reach_world =
             std::iter::once(world_from_object).chain(close).map(|map| map.reach(reach_object)).fold(0.0, f64::max);
@@ -106,8 +78,7 @@ impl Placement {
             // No intermediate transform is singular, so the sign is constant.
             is_mirrored: world_from_object.determinant() < 0.0,
             motion: close.map(|close| Box::new(Motion::new(world_from_object, close))),
-            // The last term covers subnormal numbers, whose rounding error is absolute.
-            slack: SECOND_ORDER * (2.0 * f64::from(HIT_ERROR) + 4.0 * U) * reach_world + f64::from(f32::MIN_POSITIVE),
+            slack: position_error(reach_world),
         }
     }
 
@@ -126,6 +97,6 @@ impl Placement {
 
     /// Distance at which rays start from a surface with this unit normal, in world units.
     pub(crate) fn offset(&self, normal_world: Vector) -> f64 {
-        self.slack * normal_world.iter().map(|x| x.abs()).sum::<f64>()
+        SurfacePoint::with_error([0.0; 3], normal_world, self.slack).offset
     }
 }

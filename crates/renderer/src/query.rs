@@ -27,6 +27,25 @@ pub(crate) fn alpha_threshold(key: u32, hit: &Hit) -> f32 {
     unit(mix(mix(key ^ hit.instance.0) ^ hit.primitive.0) >> 8)
 }
 
+/// Forwards the counters of a [`Query`] to one field, and its mask to another.
+macro_rules! forward {
+    (counters: $counters:ident, mask: $inner:ident) => {
+        #[inline]
+        fn boxes(&mut self, n: u32) {
+            self.$counters.boxes(n);
+        }
+        #[inline]
+        fn triangles(&mut self, n: u32) {
+            self.$counters.triangles(n);
+        }
+        #[inline]
+        fn mask(&self) -> u32 {
+            self.$inner.mask()
+        }
+    };
+}
+pub(crate) use forward;
+
 /// A query with the time of its rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timed<Q> {
@@ -43,21 +62,10 @@ impl<Q: RayKeyed> RayKeyed for Timed<Q> {
 impl<Q: Query> Query for Timed<Q> {
     const MAY_REJECT: bool = Q::MAY_REJECT;
 
-    #[inline]
-    fn boxes(&mut self, n: u32) {
-        self.inner.boxes(n);
-    }
-    #[inline]
-    fn triangles(&mut self, n: u32) {
-        self.inner.triangles(n);
-    }
+    forward!(counters: inner, mask: inner);
     #[inline]
     fn time(&self) -> f32 {
         self.time
-    }
-    #[inline]
-    fn mask(&self) -> u32 {
-        self.inner.mask()
     }
     #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {

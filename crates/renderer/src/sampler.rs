@@ -11,22 +11,23 @@ pub enum Pattern {
     Stratified,
     /// Independent samples.
     Random,
-    /// An Owen-scrambled Sobol sequence. Every aligned block of `2^m` samples is stratified in all elementary intervals. Samples
-    /// do not depend on the total count, so ranges of samples of an image can be rendered separately.
+    /// An Owen-scrambled Sobol sequence. Every aligned block of `2^m` samples is stratified in all elementary
+    /// intervals. Samples do not depend on the total count, so ranges of samples of an image can be rendered
+    /// separately.
     Sobol,
 }
 
 /// Random numbers as a pure function of (pixel, sample, dimension, seed).
 ///
-/// All arithmetic is on integers, so every device computes the same bits. Numbers are multiples of 2⁻²⁴ in `[0, 1)`, exact
-/// in `f32`.
+/// All arithmetic is on integers, so every device computes the same bits. Numbers are multiples of 2⁻²⁴ in `[0, 1)`,
+/// exact in `f32`.
 ///
-/// The stratified pattern follows Kensler 2013, *Correlated Multi-Jittered Sampling*, with a different hash and permutation.
-/// For `n = a·b` samples, each cell of an `a × b` grid contains exactly one, and so does each of the `n` columns and rows. A
-/// prime `n` has `a = 1` and is a Latin square. Every `n` covers the entire square.
+/// The stratified pattern follows Kensler 2013, *Correlated Multi-Jittered Sampling*, with a different hash and
+/// permutation. For `n = a·b` samples, each cell of an `a × b` grid contains exactly one, and so does each of the `n`
+/// columns and rows. A prime `n` has `a = 1` and is a Latin square. Every `n` covers the entire square.
 ///
-/// The Sobol pattern follows Burley 2020, *Practical Hash-based Owen Scrambling*: each pair of pixel and dimension has its
-/// own scrambled and shuffled two-dimensional sequence.
+/// The Sobol pattern follows Burley 2020, *Practical Hash-based Owen Scrambling*: each pair of pixel and dimension has
+/// its own scrambled and shuffled two-dimensional sequence.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampler {
     pattern: Pattern,
@@ -55,8 +56,8 @@ impl Sampler {
 
     /// A point of the unit square. Each use along a path has its own `dimension`.
     ///
-    /// Strata hold for `sample` below the count given to [`Sampler::new`]; after that they repeat. The Sobol pattern has no
-    /// limit.
+    /// Strata hold for `sample` below the count given to [`Sampler::new`]; after that they repeat. The Sobol pattern
+    /// has no limit.
     #[must_use]
     pub fn pair(&self, pixel: u32, sample: u32, dimension: u32) -> [f32; 2] {
         // The permutations depend on pixel and dimension, the jitter also on the sample.
@@ -116,8 +117,8 @@ pub(crate) fn unit(steps: u32) -> f32 {
 
 /// A 32-bit hash: a bijection in which every input bit flips about half of the output bits.
 ///
-/// Two rounds of xor-shift and odd multiplication, with the constants of Wellons 2018 ("lowbias32"). The addition removes
-/// the fixed point at zero.
+/// Two rounds of xor-shift and odd multiplication, with the constants of Wellons 2018 ("lowbias32"). The addition
+/// removes the fixed point at zero.
 #[inline]
 pub(crate) fn mix(x: u32) -> u32 {
     let x = x.wrapping_add(0x9e37_79b9);

@@ -12,8 +12,8 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// The basis whose third axis is the unit vector `normal`; continuous except across `z = 0`. Source: Duff et al. 2017,
-    /// *Building an Orthonormal Basis, Revisited*.
+    /// The basis whose third axis is the unit vector `normal`; continuous except across `z = 0`. Source: Duff et al.
+    /// 2017, *Building an Orthonormal Basis, Revisited*.
     #[must_use]
     pub fn about(normal: [f32; 3]) -> Self {
         let [x, y, z] = normal;
@@ -53,8 +53,8 @@ pub fn cosine_density(cosine: f32) -> f32 {
     cosine.max(0.0) / PI
 }
 
-/// Maps a point of the unit square to a uniform point of the unit disk. The concentric map (Shirley and Chiu 1997) keeps
-/// strata compact.
+/// Maps a point of the unit square to a uniform point of the unit disk. The concentric map (Shirley and Chiu 1997)
+/// keeps strata compact.
 #[must_use]
 pub fn uniform_disk(square: [f32; 2]) -> [f32; 2] {
     let [a, b] = square.map(|x| 2.0 * x - 1.0);

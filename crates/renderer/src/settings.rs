@@ -4,19 +4,19 @@ use canted_film::{Aovs, Filter, Record, Tiling};
 
 use crate::{Lod, Pattern};
 
-/// Which light is gathered, and how.
+/// The rendering algorithm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Integrator {
-    /// Direct light, diffuse bounces, ambient light with occlusion: every surface is Lambert's. Biased, see
+    /// Direct light, diffuse bounces and ambient occlusion; all surfaces are Lambertian. Biased, see
     /// [`Settings::ao_radius`].
     #[default]
     Hybrid,
-    /// The rendering equation with all materials; biased by nothing but [`Settings::bounces`].
+    /// Path tracing with all materials, unbiased up to [`Settings::bounces`].
     Path,
 }
 
 impl Integrator {
-    /// Bounces where nothing is said: for the path integrator so many that roulette ends nearly all paths before.
+    /// The default number of bounces; with path tracing, Russian roulette ends nearly all paths earlier.
     #[must_use]
     pub fn bounces(self) -> u32 {
         match self {
@@ -26,39 +26,39 @@ impl Integrator {
     }
 }
 
-/// What a picture is made of, beside scene and camera.
+/// Everything that determines a picture besides scene and camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Pixels in a row.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Which light is gathered.
+    /// The rendering algorithm.
     pub integrator: Integrator,
     /// Samples per pixel.
     pub samples: u32,
-    /// First and one past the last number of the samples to take, of those; `None` for all of them.
+    /// The first sample to take and one past the last; `None` for all samples.
     ///
-    /// The film then keeps a [`canted_film::Part`] that joins with others to the bits of the whole.
+    /// The film then has a [`canted_film::Part`], and joined parts have the bits of an undivided render.
     pub part: Option<[u32; 2]>,
-    /// Relative standard error below which a neighbourhood of pixels takes no further samples, see [`crate::render`].
+    /// Relative standard error below which cells of pixels stop, see [`crate::render`].
     pub noise: Option<f32>,
-    /// What the film keeps beside light.
+    /// AOVs to store.
     pub aovs: Aovs,
-    /// Bounces after the surface that the camera sees; with 0 surfaces show what they emit, and light of lights and sky.
+    /// Bounces after the first hit; 0 renders emission and direct light.
     pub bounces: u32,
-    /// Chooses the random numbers.
+    /// Seed of the random numbers.
     pub seed: u32,
-    /// How the samples are spread.
+    /// Sampling pattern.
     pub pattern: Pattern,
-    /// How light around the middle of a pixel is weighed.
+    /// Pixel reconstruction filter.
     pub filter: Filter,
-    /// How much of a texture a lookup averages.
+    /// Texture filtering.
     pub lod: Lod,
-    /// Of the hybrid integrator, the world-space distance over which ambient light returns beside an occluder; infinite
-    /// for none, `None` for a tenth of the diagonal of the scene's bounds.
+    /// Ambient occlusion radius of the hybrid integrator in world units: occluders at this distance no longer darken. `None` for a
+    /// tenth of the diagonal of the scene's bounds.
     pub ao_radius: Option<f32>,
-    /// Pixels along the side of a tile, the unit of work, rounded up to a multiple of 8; no effect on the picture.
+    /// Side of a tile in pixels, rounded up to a multiple of 8; the picture does not depend on it.
     pub tile: u32,
 }
 
@@ -85,7 +85,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Numbers of the samples to take.
+    /// The samples to take.
     #[must_use]
     pub fn range(&self) -> Range<u32> {
         let [start, end] = self.part.unwrap_or([0, self.samples]);
@@ -99,12 +99,12 @@ impl Settings {
         Tiling::new([width, height], tile, part.map(|[start, end]| start..end), !aovs.is_empty())
     }
 
-    /// What decides the value of a sample, by name: equal records and equal scenes make samples of one picture.
+    /// The settings that determine the value of a sample: samples with equal records and equal scenes can be joined.
     ///
-    /// Which samples are taken, and what is kept of them, is not in it.
+    /// Which samples are taken, and which sums are stored, is not included.
     #[must_use]
     pub fn record(&self) -> Record {
-        // Without `..`: a new setting must not be forgotten.
+        // Without `..`, so that a new setting cannot be forgotten.
         let Self {
             width,
             height,
@@ -122,7 +122,7 @@ impl Settings {
             tile: _,
         } = self;
         let pattern = match pattern {
-            // Its cells depend on how many there are.
+            // The strata depend on the number of samples.
             Pattern::Stratified => format!("stratified of {samples}"),
             pattern => format!("{pattern:?}").to_lowercase(),
         };

@@ -8,6 +8,7 @@ use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
 use crate::accel::{Accel, Bvh};
+use crate::query::forward;
 use crate::{PrepareError, Tracer};
 
 /// The acceleration structure of a scene, with the triangle test `K`.
@@ -64,21 +65,10 @@ impl<'a, Q> InInstance<'a, Q> {
 impl<Q: Query> Query for InInstance<'_, Q> {
     const MAY_REJECT: bool = Q::MAY_REJECT;
 
-    #[inline]
-    fn boxes(&mut self, n: u32) {
-        self.query.boxes(n);
-    }
-    #[inline]
-    fn triangles(&mut self, n: u32) {
-        self.query.triangles(n);
-    }
+    forward!(counters: query, mask: query);
     #[inline]
     fn time(&self) -> f32 {
         self.query.time()
-    }
-    #[inline]
-    fn mask(&self) -> u32 {
-        self.query.mask()
     }
     #[inline]
     fn accepts(&mut self, hit: &Hit) -> bool {

@@ -4,9 +4,9 @@ mod shading_normal;
 mod surfaces;
 mod texture_lookup;
 
-use canted_trace::Ray;
+use canted_trace::{Ray, SurfacePoint};
 
-use crate::vector::{Vector, add, dot, narrow, scale, sub, wide};
+use crate::vector::{dot, narrow, scale, sub, wide};
 use crate::{Bsdf, Cone};
 pub use surfaces::Surfaces;
 
@@ -26,47 +26,35 @@ pub struct Surface {
     pub bsdf: Bsdf,
     /// Emitted radiance, the same on both sides.
     pub emission: [f32; 3],
-    /// Distance from the triangle's plane at which new rays start, in world units.
+    /// Distance from the triangle's plane at which new rays start, in world units; see [`SurfacePoint`].
     pub offset: f64,
     /// The ray cone of the incoming ray, at this point.
     pub cone: Cone,
 }
 
 impl Surface {
-    /// An infinite ray along `direction`, on the side of the triangle to which `direction` points.
-    ///
-    /// It starts [`Surface::offset`] from the plane, which exceeds all rounding errors.
+    /// The point from which new rays start, with its error bound.
+    #[must_use]
+    pub fn point(&self) -> SurfacePoint {
+        SurfacePoint { position: self.position, normal: self.normal, offset: self.offset }
+    }
+
+    /// An infinite ray along `direction`: [`SurfacePoint::spawn_ray`].
     #[must_use]
     pub fn spawn_ray(&self, direction: [f32; 3]) -> Ray {
-        Ray::new(self.origin_towards(wide(direction)), direction)
+        self.point().spawn_ray(direction)
     }
 
-    /// A ray towards `target` that ends just before it: its direction spans the entire distance, its `t_max` is below 1.
-    ///
-    /// The gap is this surface's offset, so that a surface through the target is no occluder, plus four roundings of the
-    /// direction. `None` if the target is too close.
+    /// A ray that ends just before `target`: [`SurfacePoint::spawn_ray_to`].
     #[must_use]
     pub fn spawn_ray_to(&self, target: [f32; 3]) -> Option<Ray> {
-        let origin = self.origin_towards(sub(wide(target), self.position));
-        let to_target = sub(wide(target), wide(origin));
-        let gap = self.offset / dot(to_target, to_target).sqrt() + 2.0 * f64::from(f32::EPSILON);
-        // False for a zero distance, whose gap is infinite or NaN.
-        (gap < 1.0).then(|| {
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is within the gap")]
-            let t_max = (1.0 - gap) as f32;
-            Ray { t_max, ..Ray::new(origin, narrow(to_target)) }
-        })
-    }
-
-    fn origin_towards(&self, direction: Vector) -> [f32; 3] {
-        let signed_offset = self.offset.copysign(dot(self.normal, direction));
-        narrow(add(self.position, scale(self.normal, signed_offset)))
+        self.point().spawn_ray_to(target)
     }
 
     /// Mirrors a direction below the triangle's horizon to the outside.
     ///
-    /// A direction may be above the horizon of the shading normal and below that of the triangle. Mirroring keeps rays out of
-    /// the solid without losing energy, as rejecting the sample would.
+    /// A direction may be above the horizon of the shading normal and below that of the triangle. Mirroring keeps rays
+    /// out of the solid without losing energy, as rejecting the sample would.
     #[must_use]
     pub fn mirror_outward(&self, direction: [f32; 3]) -> [f32; 3] {
         let height = dot(self.normal, wide(direction));

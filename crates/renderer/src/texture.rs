@@ -22,10 +22,11 @@ pub(crate) use mip_map::MipMap;
 pub enum Lod {
     /// No mip maps: bilinear lookups at full resolution.
     None,
-    /// Isotropic: a square as wide as the longer axis of the ray cone's footprint. Never aliases, but blurs at grazing angles.
+    /// Isotropic: a square as wide as the longer axis of the ray cone's footprint. Never aliases, but blurs at grazing
+    /// angles.
     Cone,
-    /// Anisotropic: the elliptical footprint of the cone, up to 16:1, for directly visible surfaces and mirror reflections;
-    /// after other scattering, [`Lod::Cone`].
+    /// Anisotropic: the elliptical footprint of the cone, up to 16:1, for directly visible surfaces and mirror
+    /// reflections; after other scattering, [`Lod::Cone`].
     #[default]
     Aniso,
 }

@@ -4,7 +4,7 @@ pub(crate) use canted_obb::vector::{
     Vector, add, cross, dot, length, scale, sub, to_f32 as narrow, to_f64 as wide, unit,
 };
 
-/// Two unit vectors that make a right-handed frame with a unit `normal`; after Duff et al. 2017.
+/// Two unit vectors that form a right-handed frame with the unit vector `normal`. Source: Duff et al. 2017.
 pub(crate) fn tangents([x, y, z]: Vector) -> [Vector; 2] {
     let sign = 1.0_f64.copysign(z);
     let a = -1.0 / (sign + z);

@@ -3,7 +3,7 @@ mod pointers;
 use canted_bvh2::Bvh2;
 use canted_obb::Obb;
 use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, Watertight};
-use canted_wide::{LaneKernel, WideBvh};
+use canted_wide::{LeafPrimitive, TriangleBvh, WideBvh};
 
 /// A bottom-level BVH: anything that answers rays in its object space.
 ///
@@ -105,7 +105,7 @@ impl<K: Kernel> Blas for Bvh2<K> {
     }
 }
 
-impl<K: LaneKernel> Blas for WideBvh<K> {
+impl<P: LeafPrimitive> Blas for WideBvh<P> {
     fn bounds(&self) -> Obb {
         Self::bounds(self)
     }
@@ -123,7 +123,7 @@ impl<K: LaneKernel> Blas for WideBvh<K> {
     }
 }
 
-impl CrossingBlas for WideBvh<Watertight> {
+impl CrossingBlas for TriangleBvh<Watertight> {
     fn crossings(&self, ray_object: &Ray, instance: InstanceId, crossings: &mut Vec<Hit>) {
         Self::crossings(self, ray_object, crossings);
         for crossing in crossings {

@@ -78,7 +78,7 @@ impl<B: Blas> Tlas<B> {
     /// Whether the top level has drifted so far that [`Tlas::rebuild`] is advised.
     #[must_use]
     pub fn rebuild_advised(&self) -> bool {
-        self.drift() > canted_wide::Refit::MOST_DRIFT
+        self.drift() > canted_wide::Refit::MAX_DRIFT
     }
 
     /// Hides the instances of a BVH until they are placed again.

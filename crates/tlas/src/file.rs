@@ -16,7 +16,7 @@ mod error;
 mod fields;
 
 use canted_obb::Affine;
-use canted_wide::{LaneKernel, LoadError, WideBvh};
+use canted_wide::{LoadError, SavedLeaves, WideBvh};
 
 use crate::{Blas, Instance, Tlas, TopConfig};
 pub use error::TlasLoadError;
@@ -45,7 +45,7 @@ pub trait SaveBlas: Blas + Sized {
     fn from_bytes(bytes: &[u8]) -> Result<Self, Self::Error>;
 }
 
-impl<K: LaneKernel> SaveBlas for WideBvh<K> {
+impl<P: SavedLeaves> SaveBlas for WideBvh<P> {
     type Error = LoadError;
 
     fn to_bytes(&self) -> Vec<u8> {

@@ -28,6 +28,7 @@
 //! ```
 //!
 //! Coordinates may be as large as 2^62; beyond that products overflow, and a ray may miss what it should hit.
+#![no_std]
 #![forbid(unsafe_code)]
 
 mod filter;
@@ -40,10 +41,8 @@ mod rounding;
 mod segment;
 mod slab;
 mod sphere;
+mod surface_point;
 mod triangle;
-
-#[cfg(test)]
-mod tests;
 
 pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
@@ -52,6 +51,7 @@ pub use ray::{Ray, ScaledRay};
 pub use segment::segment_overlaps_aabb;
 pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, ray_aabb, ray_obb};
 pub use sphere::Sphere;
+pub use surface_point::{SurfacePoint, position_error};
 pub use triangle::{
     Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, Watertight,
 };

@@ -18,14 +18,14 @@ pub struct Ray {
 impl Ray {
     /// A ray from `origin` without end.
     #[must_use]
-    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+    pub fn new(origin: impl Into<[f32; 3]>, direction: impl Into<[f32; 3]>) -> Self {
+        Self { origin: origin.into(), direction: direction.into(), t_min: 0.0, t_max: f32::INFINITY }
     }
 
     /// The point at `t`, computed in `f64`.
     #[must_use]
     pub fn at(&self, t: f64) -> [f64; 3] {
-        std::array::from_fn(|k| f64::from(self.origin[k]) + t * f64::from(self.direction[k]))
+        core::array::from_fn(|k| f64::from(self.origin[k]) + t * f64::from(self.direction[k]))
     }
 }
 

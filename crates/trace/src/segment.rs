@@ -13,16 +13,16 @@ const COMPARISON_ERROR: f64 = 16.0 * UNIT_ROUNDOFF_F64;
 /// never denied; a gap below about 1e-15 of the coordinates may be called a touch. It yields no distance: to order or
 /// prune, use [`ray_aabb`](crate::ray_aabb). Source: Gregory et al. as told in Ericson 2005, section 5.3.3.
 #[must_use]
-pub fn segment_overlaps_aabb(p0: [f32; 3], p1: [f32; 3], aabb: &Aabb) -> bool {
+pub fn segment_overlaps_aabb(p0: impl Into<[f32; 3]>, p1: impl Into<[f32; 3]>, aabb: &Aabb) -> bool {
     if aabb.is_empty() {
         return false;
     }
-    let (p0, p1, min, max) = (to_f64(p0), to_f64(p1), to_f64(aabb.min), to_f64(aabb.max));
+    let (p0, p1, min, max) = (to_f64(p0.into()), to_f64(p1.into()), to_f64(aabb.min), to_f64(aabb.max));
     // Everything is doubled, which spares the halving of midpoints and extents.
-    let midpoint: [f64; 3] = std::array::from_fn(|k| (p0[k] + p1[k]) - (min[k] + max[k]));
-    let extent: [f64; 3] = std::array::from_fn(|k| max[k] - min[k]);
-    let along: [f64; 3] = std::array::from_fn(|k| p1[k] - p0[k]);
-    let magnitude: [f64; 3] = std::array::from_fn(|k| p0[k].abs() + p1[k].abs() + min[k].abs() + max[k].abs());
+    let midpoint: [f64; 3] = core::array::from_fn(|k| (p0[k] + p1[k]) - (min[k] + max[k]));
+    let extent: [f64; 3] = core::array::from_fn(|k| max[k] - min[k]);
+    let along: [f64; 3] = core::array::from_fn(|k| p1[k] - p0[k]);
+    let magnitude: [f64; 3] = core::array::from_fn(|k| p0[k].abs() + p1[k].abs() + min[k].abs() + max[k].abs());
     let normal = cross(midpoint, along);
     (0..3).all(|k| {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);

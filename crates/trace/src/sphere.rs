@@ -1,6 +1,6 @@
 use crate::rounding::nearest;
 use crate::{Ray, ScaledRay};
-use canted_obb::vector::{dot, sub, to_f64};
+use canted_obb::vector::{dot, length, sqrt, sub, to_f64};
 
 /// A sphere, in the space of the rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,14 +24,14 @@ impl Sphere {
         let (d, m) = (to_f64(ray.direction), sub(to_f64(ray.origin), to_f64(self.center)));
         let d_squared = dot(d, d);
         let closest_t = -dot(m, d) / d_squared;
-        let across: [f64; 3] = std::array::from_fn(|k| m[k] + closest_t * d[k]);
+        let across: [f64; 3] = core::array::from_fn(|k| m[k] + closest_t * d[k]);
         let radius = f64::from(self.radius);
-        let distance = dot(across, across).sqrt();
+        let distance = length(across);
         // As a product, so that a ray near the rim loses no digits either.
         let chord_squared = (radius - distance) * (radius + distance);
         // Phrased so that what is not a number misses.
         (chord_squared >= 0.0).then(|| {
-            let half_chord_t = (chord_squared / d_squared).sqrt();
+            let half_chord_t = sqrt(chord_squared / d_squared);
             [closest_t - half_chord_t, closest_t + half_chord_t].map(|t| ray.caller_t(nearest(t)))
         })
     }

@@ -1,15 +1,18 @@
-//! Which binary tree is collapsed, and in which frame it stands.
+//! Which binary tree is collapsed, and in which frame its boxes are aligned.
 
-use canted_lbvh::{Corners, Tree};
+use canted_lbvh::Tree;
 use canted_obb::{Aabb, Obb};
 use canted_sah::{Builder, PlocConfig};
 
 use crate::collapse::{Areas, Plan};
+use crate::config::Config;
+use crate::costs::Costs;
 use crate::frames::mesh_frame::{self, MeshFrameConfig};
+use crate::item::{self, Item};
 use crate::measure::{self, Aligned};
-use crate::{Config, Costs, par};
+use crate::par;
 
-/// A binary tree over triangles and the axes of its boxes.
+/// A binary tree over primitives and the frame of its boxes.
 pub(crate) struct Chosen {
     pub(crate) tree: Tree,
     pub(crate) rows: [[f32; 3]; 3],
@@ -18,62 +21,70 @@ pub(crate) struct Chosen {
     pub(crate) scale: f32,
 }
 
-/// The mesh is turned where the cheap tree's cost falls to this part.
+/// The mesh is rotated where the cost of a quickly built tree falls to this part.
 ///
-/// Cheap and full costs agree on eleven scenes with any threshold from 0.85 to 0.89.
-const WORTH_TURNING: f32 = 0.87;
+/// Quick and full builds agree on eleven scenes with any threshold from 0.85 to 0.89.
+const MAX_ROTATED_COST: f32 = 0.87;
 
-/// The rival's tree is taken at this part of the other's cost: nearer, the prediction says nothing.
+/// The alternative builder's tree is taken at this part of the other's cost: closer to 1, the prediction is not reliable.
 ///
-/// A scan just below it traces faster in the rival's tree: `benches/TRIED.md`.
-const WORTH_CHANGING: f32 = 0.985;
+/// A scan just below it traces faster in the alternative tree: `benches/TRIED.md`.
+const MAX_ALTERNATIVE_COST: f32 = 0.985;
 
-/// Most triangles of a leaf where trees are compared before their frames are known.
+/// Most primitives of a leaf where trees are compared before their frames are known.
 ///
-/// Larger leaves hide what leaning boxes would part: where one holds two struts of twelve triangles, a tree that mixes
-/// struts is foretold less cost and traces slower, as measured in `benches/TRIED.md`.
+/// Larger leaves hide what oriented boxes would separate: where one holds two struts of twelve triangles, a tree that mixes
+/// struts has a lower predicted cost and traces slower, as measured in `benches/TRIED.md`.
 const MAX_COMPARED_LEAF: usize = 16;
 
-/// Builds the binary tree.
-pub(crate) fn choose(corners: &[Corners], bounds: &Aabb, config: &Config) -> Chosen {
+/// Builds the binary tree over `items`, which `bounds` enclose.
+pub(crate) fn choose<I: Item>(items: &[I], bounds: &Aabb, config: &Config) -> Chosen {
     let scale = measure::unit_scale(bounds);
-    let straight = measure::boxes(corners, Obb::IDENTITY_FRAME);
-    let (rows, boxes) = match turned(corners, &straight, scale, config) {
-        Some(rows) => (rows, measure::boxes(corners, rows)),
-        None => (Obb::IDENTITY_FRAME, straight),
+    let unrotated = item::boxes(items, Obb::IDENTITY_FRAME);
+    let candidates = if config.rotate_mesh {
+        mesh_frame::candidates(items.len(), &|i| items[i].edges(), &MeshFrameConfig::default())
+    } else {
+        vec![]
+    };
+    let boxes_along = |rows: &[[f32; 3]; 3]| item::boxes(items, *rows);
+    let (rows, boxes) = match rotation(candidates, &unrotated, &boxes_along, scale, config) {
+        Some(rows) => (rows, boxes_along(&rows)),
+        None => (Obb::IDENTITY_FRAME, unrotated),
     };
     let (tree, aligned) = over_boxes(&boxes, scale, config);
     Chosen { tree, rows, aligned, scale }
 }
 
-/// Builds the binary tree over boxes that stand in one frame.
-pub(crate) fn over_boxes(boxes: &[Aabb], scale: f32, config: &Config) -> (Tree, Aligned) {
-    let own = || built(boxes, &config.builder, scale);
-    let Some(rival) = &config.alternative_builder else { return own() };
+/// Builds the binary tree over boxes in one frame.
+fn over_boxes(boxes: &[Aabb], scale: f32, config: &Config) -> (Tree, Aligned) {
+    let first = || built(boxes, &config.builder, scale);
+    let Some(alternative) = &config.alternative_builder else { return first() };
     // Each has serial parts of its own.
-    let (own, rival) = par::join(own, || built(boxes, rival, scale));
+    let (first, alternative) = par::join(first, || built(boxes, alternative, scale));
     let costs = compared(&config.costs);
     let cost = |(tree, aligned): &(Tree, Aligned)| cost(tree, aligned, &costs);
-    if cost(&rival) <= WORTH_CHANGING * cost(&own) { rival } else { own }
+    if cost(&alternative) <= MAX_ALTERNATIVE_COST * cost(&first) { alternative } else { first }
 }
 
-/// The axes that make a cheap tree so much cheaper that the mesh is worth turning; `None` for its own.
-fn turned(corners: &[Corners], straight: &[Aabb], scale: f32, config: &Config) -> Option<[[f32; 3]; 3]> {
-    if !config.rotate_mesh {
-        return None;
-    }
-    let candidates = mesh_frame::candidates(corners, &MeshFrameConfig::default());
+/// The candidate in which a quickly built tree is so much cheaper that the mesh is rotated; `None` for the axes of the space.
+fn rotation(
+    candidates: Vec<[[f32; 3]; 3]>,
+    unrotated: &[Aabb],
+    boxes_along: &(dyn Fn(&[[f32; 3]; 3]) -> Vec<Aabb> + Sync),
+    scale: f32,
+    config: &Config,
+) -> Option<[[f32; 3]; 3]> {
     if candidates.is_empty() {
         return None;
     }
-    let cheap = |boxes: &[Aabb]| {
+    let quick = |boxes: &[Aabb]| {
         let (tree, aligned) = built(boxes, &Builder::Ploc(PlocConfig::NEAR, None), scale);
         cost(&tree, &aligned, &compared(&config.costs))
     };
-    let in_frame = |rows: &[[f32; 3]; 3]| cheap(&measure::boxes(corners, *rows));
-    let (straight, turned) = par::join(|| cheap(straight), || par::map(&candidates, 1, 0.0, in_frame));
-    let (least, rows) = turned.into_iter().zip(candidates).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (least <= WORTH_TURNING * straight).then_some(rows)
+    let (unrotated, rotated) =
+        par::join(|| quick(unrotated), || par::map(&candidates, 1, 0.0, |rows| quick(&boxes_along(rows))));
+    let (least, rows) = rotated.into_iter().zip(candidates).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (least <= MAX_ROTATED_COST * unrotated).then_some(rows)
 }
 
 /// Costs by which trees are compared.
@@ -81,11 +92,11 @@ fn compared(costs: &Costs) -> Costs {
     Costs { max_leaf: costs.max_leaf.min(MAX_COMPARED_LEAF), ..*costs }
 }
 
-/// Predicted cost of collapsing a tree without leaning nodes.
+/// Predicted cost of a tree that is collapsed into aligned nodes only.
 pub(crate) fn cost(tree: &Tree, aligned: &Aligned, costs: &Costs) -> f32 {
     let Some(root) = tree.root() else { return 0.0 };
     let inner: Vec<Areas> = aligned.inner_areas.iter().map(|&a| Areas::new(a, a)).collect();
-    let leaf = |place: u32| Areas::new(aligned.leaf_areas[place as usize], f32::MAX);
+    let leaf = |i: u32| Areas::new(aligned.leaf_areas[i as usize], f32::MAX);
     Plan::new(tree, &inner, &leaf, costs, false).cost(root)
 }
 

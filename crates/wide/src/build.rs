@@ -1,117 +1,250 @@
-use std::marker::PhantomData;
+use std::fmt;
 
 use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree};
-use canted_obb::{Aabb, Obb};
+use canted_obb::{Aabb, Obb, PrimId};
 
 use crate::binary::{self, Chosen};
+use crate::bvh::{PredictedCost, WideBvh};
 use crate::collapse::{Areas, Plan};
-use crate::emit::{Source, emit};
-use crate::frames::{self, BoxAreas, Fits, FrameConfig};
-use crate::layout::Limits;
+use crate::config::Config;
+use crate::costs::{Baseline, Costs};
+use crate::emit::{Source, TooLarge, emit, write_ids, write_triangles};
+use crate::frames::{self, BoxAreas, Fit, Fits, FrameConfig};
+use crate::item::{self, Item};
+use crate::layout::{HALF_WORDS, Half, LeafLayout, Limits, NodeKind, Nodes};
+use crate::leaf::LeafPrimitive;
 use crate::measure::{self, Aligned};
-use crate::refit::Wear;
+use crate::par;
+use crate::primitive::Primitive;
+use crate::shape::Shapes;
+use crate::simd::SimdPath;
 use crate::traverse::{LaneKernel, MeshFrame};
-use crate::{Config, PredictedCost, SimdPath, WideBvh};
+use crate::triangle::Triangle;
 
-impl<K: LaneKernel> WideBvh<K> {
-    /// Builds a tree over triangles.
-    ///
-    /// # Errors
-    /// More than [`MAX_TRIANGLES`](crate::MAX_TRIANGLES), before any is looked at, or so many that their tree is too large; the first
-    /// triangle with a vertex that is missing or not finite.
-    pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
-        Self::build_within(&Limits::OF_WORDS, positions, triangles, config)
-    }
+/// Primitives of one job.
+const CHUNK: usize = 1 << 12;
 
-    /// As [`WideBvh::build`], where words can name no more than this.
-    pub(crate) fn build_within(
-        limits: &Limits,
-        positions: &[[f32; 3]],
-        triangles: &[[u32; 3]],
-        config: &Config,
-    ) -> Result<Self, GeometryError> {
-        check_number(triangles.len(), limits)?;
-        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
-        let config = config.usable();
-        let chosen = binary::choose(&corners, &bounds, &config);
-        assemble(&chosen, &corners, &bounds, &config, limits)
-    }
+/// Why no BVH can be built over primitives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PrimitiveError {
+    /// Bounds are empty or not finite.
+    Bounds {
+        /// The primitive.
+        primitive: PrimId,
+    },
+    /// More primitives than a BVH can name.
+    TooMany {
+        /// Number of primitives.
+        n_primitives: usize,
+    },
+}
 
-    /// Collapses a binary tree of any builder; `corners` in primitive order and finite, `bounds` around them.
-    ///
-    /// # Errors
-    /// As [`WideBvh::build`] where there are too many triangles.
-    pub fn over(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Self, GeometryError> {
-        let limits = &Limits::OF_WORDS;
-        check_number(corners.len(), limits)?;
-        let scale = measure::unit_scale(bounds);
-        let rows = Obb::IDENTITY_FRAME;
-        let aligned = Aligned::of(tree, &measure::boxes(corners, rows), scale);
-        assemble(&Chosen { tree: tree.clone(), rows, aligned, scale }, corners, bounds, &config.usable(), limits)
+impl fmt::Display for PrimitiveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bounds { primitive } => write!(f, "primitive {primitive} has bounds that are empty or not finite"),
+            Self::TooMany { n_primitives } => write!(f, "{n_primitives} primitives are more than a BVH can hold"),
+        }
     }
 }
 
-/// More triangles than leaves can name are told before the work.
+impl std::error::Error for PrimitiveError {}
+
+impl<K: LaneKernel> WideBvh<Triangle<K>> {
+    /// Builds a BVH over triangles.
+    ///
+    /// # Errors
+    /// More than [`MAX_TRIANGLES`](crate::MAX_TRIANGLES), before any is read, or so many that the BVH is too large; the first
+    /// triangle with an index out of range or a vertex that is not finite.
+    pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
+        Ok(over_indexed(&Limits::OF_WORDS, positions, triangles, config)?.into())
+    }
+
+    /// Collapses a binary tree of any builder; `corners` in input order and finite, `bounds` around them.
+    ///
+    /// # Errors
+    /// Too many triangles, as for [`WideBvh::build`].
+    pub fn over(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Self, GeometryError> {
+        Ok(over_tree(tree, corners, bounds, config)?.into())
+    }
+}
+
+impl<P: Primitive> WideBvh<P> {
+    /// Builds a BVH over primitives of your own.
+    ///
+    /// # Errors
+    /// More than [`MAX_PRIMITIVES`](crate::MAX_PRIMITIVES), before any is read, or so many that the BVH is too large; the first
+    /// primitive whose bounds are empty or not finite.
+    pub fn build(primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
+        Self::build_within(&Limits::OF_WORDS, primitives, config)
+    }
+
+    /// As [`WideBvh::build`], with smaller limits.
+    pub(crate) fn build_within(limits: &Limits, primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
+        let n_primitives = primitives.len();
+        if n_primitives > limits.n_parts {
+            return Err(PrimitiveError::TooMany { n_primitives });
+        }
+        let bounds = bounds_of(&primitives)?;
+        let costs = Costs { max_leaf: config.costs.max_leaf.min(P::MAX_LEAF), ..config.costs };
+        let config = Config { costs, ..*config }.usable();
+        let items: Vec<&P> = primitives.iter().collect();
+        let chosen = binary::choose(&items, &bounds, &config);
+        let leaves = &chosen.tree.leaves;
+        let sorted: Vec<&P> = leaves.iter().map(|leaf| items[leaf.index()]).collect();
+        let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| leaves[i as usize]), out);
+        let (nodes, order, predicted) =
+            collapse(&chosen, &sorted, &config, limits, &LeafLayout::IDS, PrimId(0), &write)
+                .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
+        let (rows, costs) = (chosen.rows, config.costs);
+        let leaves = Shapes { order, primitives };
+        Ok(Built { nodes, leaves, rows, bounds, n_primitives, predicted, costs }.into())
+    }
+
+    /// The primitives in input order.
+    #[must_use]
+    pub fn primitives(&self) -> &[P] {
+        &self.leaves.primitives
+    }
+
+    /// The primitives in input order.
+    #[must_use]
+    pub fn into_primitives(self) -> Vec<P> {
+        self.leaves.primitives
+    }
+}
+
+/// A BVH but for what traversal needs besides.
+struct Built<L> {
+    nodes: Nodes,
+    leaves: L,
+    rows: [[f32; 3]; 3],
+    bounds: Aabb,
+    n_primitives: usize,
+    predicted: PredictedCost,
+    costs: Costs,
+}
+
+impl<P: LeafPrimitive> From<Built<P::Leaves>> for WideBvh<P> {
+    fn from(built: Built<P::Leaves>) -> Self {
+        let Built { nodes, leaves, rows, bounds, n_primitives, predicted, costs } = built;
+        let (frame, baseline, path) = (MeshFrame::new(rows), Baseline::new(costs), SimdPath::detect());
+        Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path }
+    }
+}
+
+/// The box around all primitives.
+///
+/// # Errors
+/// The first whose bounds are empty or not finite.
+pub(crate) fn bounds_of<P: Primitive>(primitives: &[P]) -> Result<Aabb, PrimitiveError> {
+    let boxes = par::map(primitives, CHUNK, Aabb::EMPTY, P::bounds);
+    // Negated comparisons would accept NaN.
+    let is_valid = |aabb: &Aabb| (0..3).all(|k| aabb.min[k] <= aabb.max[k]) && aabb.is_finite();
+    match (0..).map(PrimId).zip(&boxes).find(|(_, aabb)| !is_valid(aabb)) {
+        Some((primitive, _)) => Err(PrimitiveError::Bounds { primitive }),
+        None => Ok(boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb))),
+    }
+}
+
+/// Builds over indexed triangles; the same for every triangle test.
+fn over_indexed(
+    limits: &Limits,
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+    config: &Config,
+) -> Result<Built<Vec<Half>>, GeometryError> {
+    check_number(triangles.len(), limits)?;
+    let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+    let config = config.usable();
+    over_chosen(&binary::choose(&corners, &bounds, &config), &corners, &bounds, &config, limits)
+}
+
+/// Builds over a binary tree of any builder.
+fn over_tree(
+    tree: &Tree,
+    corners: &[Corners],
+    bounds: &Aabb,
+    config: &Config,
+) -> Result<Built<Vec<Half>>, GeometryError> {
+    check_number(corners.len(), &Limits::OF_WORDS)?;
+    let (scale, rows) = (measure::unit_scale(bounds), Obb::IDENTITY_FRAME);
+    let aligned = Aligned::of(tree, &item::boxes(corners, rows), scale);
+    let chosen = Chosen { tree: tree.clone(), rows, aligned, scale };
+    over_chosen(&chosen, corners, bounds, &config.usable(), &Limits::OF_WORDS)
+}
+
+/// Rejects more triangles than leaves can name.
 fn check_number(n_triangles: usize, limits: &Limits) -> Result<(), GeometryError> {
     if n_triangles > limits.n_triangles() { Err(GeometryError::TooMany { n_triangles }) } else { Ok(()) }
 }
 
-/// Finds frames, plans the collapse and writes the records.
-fn assemble<K: LaneKernel>(
+fn over_chosen(
     chosen: &Chosen,
     corners: &[Corners],
     bounds: &Aabb,
     config: &Config,
     limits: &Limits,
-) -> Result<WideBvh<K>, GeometryError> {
-    let Chosen { tree, rows, aligned, scale } = chosen;
-    let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
-    let aligned_cost = binary::cost(tree, aligned, &config.costs);
-    let (areas, fits) = if config.oriented {
-        let areas = BoxAreas { inner: &aligned.inner_areas, leaf: &aligned.leaf_areas };
-        let frame_config = FrameConfig { rounds: config.refine_iterations, ..FrameConfig::default() };
-        let fits = frames::fit(tree, &sorted, *rows, &areas, *scale, &frame_config);
-        (plan_areas(aligned, Some(&fits)), fits)
-    } else {
-        (plan_areas(aligned, None), Fits::default())
+) -> Result<Built<Vec<Half>>, GeometryError> {
+    let n_primitives = corners.len();
+    let leaves = &chosen.tree.leaves;
+    let sorted = lbvh::in_leaf_order(corners, leaves);
+    let write = |at: &[u32], part: usize, out: &mut [Half]| {
+        write_triangles(at.iter().map(|&i| (&sorted[i as usize], leaves[i as usize])), part, out);
     };
-    let leaf_areas = |place: u32| areas.1[place as usize];
-    let plan = Plan::new(tree, &areas.0, &leaf_areas, &config.costs, config.oriented);
-    let root_area = tree.root().map_or(1.0, |root| plan.area(root, crate::NodeKind::Aligned));
+    let unset = Half([0; HALF_WORDS]);
+    let (nodes, leaves, predicted) = collapse(chosen, &sorted, config, limits, &LeafLayout::BLOCKS, unset, &write)
+        .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
+    Ok(Built { nodes, leaves, rows: chosen.rows, bounds: *bounds, n_primitives, predicted, costs: config.costs })
+}
+
+/// Finds frames, plans the collapse and writes the records; `sorted` are in leaf order.
+fn collapse<I: Item, U: Copy + Send>(
+    chosen: &Chosen,
+    sorted: &[I],
+    config: &Config,
+    limits: &Limits,
+    leaf_layout: &LeafLayout,
+    unset: U,
+    write: &(dyn Fn(&[u32], usize, &mut [U]) + Sync),
+) -> Result<(Nodes, Vec<U>, PredictedCost), TooLarge> {
+    let Chosen { tree, rows, aligned, scale } = chosen;
+    let aligned_cost = binary::cost(tree, aligned, &config.costs);
+    let fits = config.oriented.then(|| {
+        let areas = BoxAreas { inner: &aligned.inner_areas, leaf: &aligned.leaf_areas };
+        let frame_config = FrameConfig { iterations: config.refine_iterations, ..FrameConfig::default() };
+        frames::fit(tree, &I::fitted(sorted, *scale), *rows, &areas, &frame_config)
+    });
+    let (inner_areas, leaf_areas) = plan_areas(aligned, fits.as_ref());
+    let leaf_areas = |i: u32| leaf_areas[i as usize];
+    let plan = Plan::new(tree, &inner_areas, &leaf_areas, &config.costs, config.oriented);
+    let root_area = tree.root().map_or(1.0, |root| plan.area(root, NodeKind::Aligned));
     let chosen_cost = tree.root().map_or(0.0, |root| plan.cost(root));
-    let frame_of = |child: Child| match child.kind() {
-        ChildKind::Leaf(place) => fits.leaf[place as usize].rows,
-        ChildKind::Inner(id) => fits.inner[id.index()].rows,
+    let frame_of = |child: Child| match (&fits, child.kind()) {
+        (None, _) => *rows,
+        (Some(fits), ChildKind::Leaf(i)) => fits.leaf[i as usize].rows,
+        (Some(fits), ChildKind::Inner(id)) => fits.inner[id.index()].rows,
     };
     let source = Source {
         tree,
-        corners: &sorted,
-        primitives: &tree.leaves,
         leaf_boxes: &aligned.leaf_boxes,
         inner_boxes: &aligned.inner_boxes,
         frames: &frame_of,
+        slabs: &|range, rows| I::slabs(&sorted[range], rows),
     };
-    let records = emit(&source, &plan, limits).map_err(|_| GeometryError::TooMany { n_triangles: corners.len() })?;
-    Ok(WideBvh {
-        records,
-        frame: MeshFrame::new(*rows),
-        bounds: *bounds,
-        n_triangles: corners.len(),
-        predicted: PredictedCost { aligned: aligned_cost / root_area, chosen: chosen_cost / root_area },
-        wear: Wear::new(config.costs),
-        path: SimdPath::detect(),
-        kernel: PhantomData,
-    })
+    let (nodes, units) = emit(&source, &plan, limits, leaf_layout, unset, write)?;
+    Ok((nodes, units, PredictedCost { aligned: aligned_cost / root_area, chosen: chosen_cost / root_area }))
 }
 
 /// Areas of inner nodes and of leaves.
-type AllAreas = (Vec<Areas>, Vec<Areas>);
-
-fn plan_areas(aligned: &Aligned, fits: Option<&Fits>) -> AllAreas {
-    let areas = |aligned: &[f32], fits: Option<&[frames::Fit]>| -> Vec<Areas> {
-        let lean = |i: usize| fits.map_or(f32::MAX, |fits| fits[i].half_area);
-        aligned.iter().enumerate().map(|(i, &area)| Areas::new(area, lean(i))).collect()
+fn plan_areas(aligned: &Aligned, fits: Option<&Fits>) -> (Vec<Areas>, Vec<Areas>) {
+    let areas = |aligned: &[f32], fits: Option<&[Fit]>| -> Vec<Areas> {
+        let oriented = |i: usize| fits.map_or(f32::MAX, |fits| fits[i].half_area);
+        aligned.iter().enumerate().map(|(i, &area)| Areas::new(area, oriented(i))).collect()
     };
     let inner = areas(&aligned.inner_areas, fits.map(|fits| &fits.inner[..]));
     (inner, areas(&aligned.leaf_areas, fits.map(|fits| &fits.leaf[..])))
 }
+
+#[cfg(test)]
+mod tests;

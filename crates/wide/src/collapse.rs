@@ -1,8 +1,8 @@
-//! Which subtrees of the binary tree become children of wide nodes, which nodes lean, and where leaves begin.
+//! Which subtrees of the binary tree become children of wide nodes, which nodes are oriented, and where leaves begin.
 
 use canted_lbvh::{Child, ChildKind, Node, Tree, bottom_up};
 
-use crate::Costs;
+use crate::costs::Costs;
 use crate::layout::NodeKind;
 
 /// Slots of a node.
@@ -11,24 +11,24 @@ pub(crate) const WIDTH: usize = 8;
 /// Half surface areas of a subtree's boxes, in one unit for the whole tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Areas {
-    /// Along the mesh's axes.
+    /// In the mesh frame.
     pub(crate) aligned: f32,
     /// In the subtree's own frame, never more.
-    pub(crate) lean: f32,
+    pub(crate) oriented: f32,
 }
 
 impl Areas {
-    /// Areas that are not zero, so that where area cannot decide, the number of nodes does.
-    pub(crate) fn new(aligned: f32, lean: f32) -> Self {
+    /// Areas above zero, so that where areas are equal, the number of nodes decides.
+    pub(crate) fn new(aligned: f32, oriented: f32) -> Self {
         let aligned = aligned.max(LEAST_AREA);
-        Self { aligned, lean: lean.clamp(LEAST_AREA, aligned) }
+        Self { aligned, oriented: oriented.clamp(LEAST_AREA, aligned) }
     }
 }
 
-/// What a box without area counts, in units of a scene whose extent is 1.
+/// The area of a box without area, in units of a scene whose extent is 1.
 const LEAST_AREA: f32 = 1e-24;
 
-/// How a subtree stands in its parent.
+/// How a parent stores a subtree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Form {
     /// All its primitives in one leaf.
@@ -38,7 +38,7 @@ pub(crate) enum Form {
 }
 
 /// Costs of a subtree: `slots[kind][j - 1]` is the least where a parent of that kind gives it `j` slots, and
-/// `node[kind]` the least over ways to fill a node of that kind with it.
+/// `node[kind]` the least of a node of that kind that is filled with it.
 #[derive(Clone, Copy, Debug)]
 struct Table {
     slots: [[f32; WIDTH - 1]; KINDS],
@@ -46,21 +46,20 @@ struct Table {
     areas: Areas,
 }
 
-/// Kinds that the programme chooses among.
 const KINDS: usize = NodeKind::ALL.len();
 
 impl Areas {
     fn of(&self, kind: usize) -> f32 {
-        if kind == 0 { self.aligned } else { self.lean }
+        if kind == 0 { self.aligned } else { self.oriented }
     }
 }
 
-/// The plan of a wide tree: costs of every subtree, from which choices are read off.
+/// The plan of a wide BVH: costs of every subtree, from which choices follow.
 ///
 /// Reads: a binary tree, areas of its nodes and leaves. Writes: tables.
-/// Holds: the collapse of least predicted cost, among all that keep the binary tree's subtrees whole.
-/// Source: the dynamic programme of Wald, Benthin & Boulos 2008 in the form of Ylitie, Karras & Laine 2017, with a
-/// kind of box chosen node by node.
+/// Holds: the collapse of least predicted cost, among all that keep the binary tree's subtrees together.
+/// Source: the dynamic program of Wald, Benthin & Boulos 2008 in the form of Ylitie, Karras & Laine 2017, extended to
+/// choose the kind of each node.
 pub(crate) struct Plan<'a> {
     tree: &'a Tree,
     costs: Costs,
@@ -70,7 +69,7 @@ pub(crate) struct Plan<'a> {
     n_kinds: usize,
 }
 
-/// Areas of leaves by their place.
+/// Areas of leaves by position.
 pub(crate) trait LeafAreas: Sync {
     fn areas(&self, leaf: u32) -> Areas;
 }
@@ -82,15 +81,15 @@ impl<F: Fn(u32) -> Areas + Sync> LeafAreas for F {
 }
 
 impl<'a> Plan<'a> {
-    /// Weighs all collapses of `tree`; `lean` says whether nodes may lean.
+    /// Computes the costs of all collapses of `tree`; `oriented` allows oriented nodes.
     pub(crate) fn new(
         tree: &'a Tree,
         inner_areas: &[Areas],
         leaf_areas: &'a dyn LeafAreas,
         costs: &Costs,
-        lean: bool,
+        oriented: bool,
     ) -> Self {
-        let n_kinds = if lean { KINDS } else { 1 };
+        let n_kinds = if oriented { KINDS } else { 1 };
         let leaf = |position: u32| leaf_table(leaf_areas.areas(position), costs);
         let unset = leaf_table(Areas::default(), costs);
         let tables = bottom_up(tree, unset, leaf, |id, node, left: &Table, right: &Table| {
@@ -106,17 +105,17 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Predicted cost of the whole tree for a ray that enters its box, in visits of box nodes times area.
+    /// Predicted cost of the BVH for a ray that enters its box, in tests of aligned nodes times area.
     pub(crate) fn cost(&self, root: Child) -> f32 {
         self.table(root).slots[0][0]
     }
 
-    /// Area of a subtree's box, as a parent of this kind sees it.
+    /// Area of a subtree's box in a parent of this kind.
     pub(crate) fn area(&self, child: Child, kind: NodeKind) -> f32 {
         self.table(child).areas.of(kind as usize)
     }
 
-    /// How `child` stands in a parent of kind `kind`.
+    /// How a parent of this kind stores `child`.
     pub(crate) fn form(&self, child: Child, parent: NodeKind) -> Form {
         let ChildKind::Inner(id) = child.kind() else { return Form::Leaf };
         let table = &self.tables[id.index()];
@@ -144,7 +143,7 @@ impl<'a> Plan<'a> {
 
     fn fill(&self, child: Child, table: &Table, kind: usize, slots: usize, out: &mut Vec<Child>) {
         let costs = &table.slots[kind];
-        // The fewest slots that cost no more: the rest would stay empty.
+        // The fewest slots of that cost: the others would stay empty.
         let slots = (1..=slots).find(|n| costs[n - 1] <= costs[slots - 1]).unwrap_or(1);
         match child.kind() {
             ChildKind::Inner(id) if slots > 1 => self.divide(&self.tree.nodes[id.index()], kind, slots, out),
@@ -156,7 +155,7 @@ impl<'a> Plan<'a> {
 fn leaf_table(areas: Areas, costs: &Costs) -> Table {
     let leaf = costs.leaf_of(1);
     Table {
-        slots: [[areas.aligned * leaf; WIDTH - 1], [areas.lean * leaf; WIDTH - 1]],
+        slots: [[areas.aligned * leaf; WIDTH - 1], [areas.oriented * leaf; WIDTH - 1]],
         node: [f32::INFINITY; KINDS],
         areas,
     }

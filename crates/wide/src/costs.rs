@@ -1,23 +1,23 @@
 use crate::layout::{MAX_LEAF, NodeKind};
 
-/// What a ray's visit costs, in visits of a box node: what the collapse weighs.
+/// Traversal costs, relative to the test of an aligned node: what the collapse minimizes.
 ///
-/// `canted-bench costs` measures them: on an AMD EPYC (Zen 5) with AVX-512 leaning nodes cost 1.4 to 2.0, leaves at least
-/// 1.8, for they end in branches that are seldom foreseen, and another eight triangles in one next to nothing. Of such
-/// constants the defaults traced fastest in whole runs; `benches/TRIED.md` has both tables.
+/// `canted-bench costs` measures them: on an AMD EPYC (Zen 5) with AVX-512 an oriented node costs 1.4 to 2.0, a leaf at least
+/// 1.8, because it ends in branches that are seldom predicted, and another eight triangles in one almost nothing. Of such
+/// constants the defaults traced fastest in complete runs; `benches/TRIED.md` has both tables.
 ///
-/// An infinite cost forbids a kind of node, unless no other is left. Costs below zero, or that are no numbers, count as infinite.
+/// An infinite cost disables a kind of node, unless no other is left. Negative costs and NaN count as infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
-    /// A node with boxes along the mesh's axes.
+    /// A node whose boxes are aligned with the mesh frame.
     pub aligned_node: f32,
     /// A node with a frame for each child.
     pub oriented_node: f32,
-    /// A leaf, before its blocks.
+    /// A leaf, without its blocks.
     pub leaf: f32,
     /// A block of up to eight triangles.
     pub block: f32,
-    /// Most triangles of a leaf, 1 to 32; what lies outside counts as the nearer end.
+    /// Most triangles of a leaf, clamped to 1 to 32.
     pub max_leaf: usize,
 }
 
@@ -28,7 +28,7 @@ impl Default for Costs {
 }
 
 impl Costs {
-    /// The cost of a visit to a node of this kind.
+    /// The cost of testing a node of this kind.
     #[must_use]
     pub fn node(&self, kind: NodeKind) -> f32 {
         match kind {
@@ -37,19 +37,43 @@ impl Costs {
         }
     }
 
-    /// These costs as builds weigh by them; `oriented` says whether there are oriented nodes.
+    /// These costs as builds use them; `oriented` allows oriented nodes.
     pub(crate) fn usable(&self, oriented: bool) -> Self {
         let [aligned_node, oriented_node, leaf, block] = [self.aligned_node, self.oriented_node, self.leaf, self.block]
             .map(|cost| if cost >= 0.0 { cost } else { f32::INFINITY });
-        // Forbidden altogether, nodes would be filled as if all cost the same, with two children each.
-        let is_left = aligned_node.is_finite() || oriented && oriented_node.is_finite();
-        let aligned_node = if is_left { aligned_node } else { Self::default().aligned_node };
+        // If all kinds were disabled, all collapses would cost the same, and nodes would have two children each.
+        let is_any_left = aligned_node.is_finite() || oriented && oriented_node.is_finite();
+        let aligned_node = if is_any_left { aligned_node } else { Self::default().aligned_node };
         Self { aligned_node, oriented_node, leaf, block, max_leaf: self.max_leaf.clamp(1, MAX_LEAF) }
     }
 
-    /// The cost of a visit to a leaf of `n` primitives, if one holds so many.
+    /// The cost of a leaf of `n` primitives.
     #[expect(clippy::cast_precision_loss, reason = "at most 32 primitives")]
     pub(crate) fn leaf_of(&self, n: usize) -> f32 {
         self.leaf + self.block * n.div_ceil(8) as f32
+    }
+}
+
+/// The predicted traversal cost of a BVH with its boxes as they are, in tests of aligned nodes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RayCost {
+    /// Of a ray that enters the box around all primitives.
+    pub(crate) per_ray: f32,
+    /// Of as many such rays as hit one primitive on average; zero where primitives have no area.
+    pub(crate) per_primitive: f32,
+}
+
+/// What a refit compares with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Baseline {
+    pub(crate) costs: Costs,
+    /// The predicted cost before the first refit, which computes it.
+    pub(crate) built: Option<RayCost>,
+}
+
+impl Baseline {
+    /// Of a BVH that was just built.
+    pub(crate) fn new(costs: Costs) -> Self {
+        Self { costs, built: None }
     }
 }

@@ -1,32 +1,32 @@
-//! From a plan to records: first where everything stands, then, on all threads, what it holds.
+//! From a plan to records: first the position of every node and leaf, then, on all threads, their content.
 
 mod leaf;
 mod node;
-#[cfg(test)]
-mod tests;
 
-use canted_lbvh::{Child, ChildKind, Corners, Tree};
+use std::ops::Range;
+
+use canted_lbvh::{Child, ChildKind, Tree};
 use canted_obb::{Aabb, PrimId};
+use canted_trace::Slabs;
 
-use leaf::{LeafForm, Triangles, distinct};
-pub(crate) use leaf::{Numbers, n_halves};
+use leaf::distinct;
+pub(crate) use leaf::{Lane, write_ids, write_triangles};
 use node::write_node;
 pub(crate) use node::{write_boxes, write_slabs};
 
-use crate::Sizes;
 use crate::collapse::{Form, Plan};
-use crate::layout::{Half, Limits, Line, NodeKind, Word, WordKind, node_words};
+use crate::layout::{LeafLayout, Limits, Line, NodeKind, Nodes, Word};
 use crate::par;
 
-/// A wide node before it is written: its place and its children.
+/// A wide node before it is written.
 #[derive(Clone, Debug)]
-struct Draft {
+struct NodeDraft {
     kind: NodeKind,
     line: usize,
     children: Vec<(Child, Word)>,
 }
 
-/// A leaf before it is written: the part of a place that it starts with, and its primitives in leaf order.
+/// A leaf before it is written: the part of a unit that it starts with, and its primitives in leaf order.
 #[derive(Clone, Copy, Debug)]
 struct LeafDraft {
     first: usize,
@@ -34,143 +34,120 @@ struct LeafDraft {
     end: u32,
 }
 
-/// What boxes are written from.
+/// What records are written from.
 pub(crate) struct Source<'a> {
     pub(crate) tree: &'a Tree,
-    /// Vertices in leaf order; empty where primitives are not triangles.
-    pub(crate) corners: &'a [Corners],
-    /// Primitive of each leaf.
-    pub(crate) primitives: &'a [PrimId],
-    /// Boxes in the mesh's frame, rounded outward: of leaves, and of inner nodes by their number.
+    /// Boxes in the mesh frame, rounded outward: of leaves, and of inner nodes by their number.
     pub(crate) leaf_boxes: &'a [Aabb],
     pub(crate) inner_boxes: &'a [Aabb],
     /// Frames of leaves and inner nodes.
     pub(crate) frames: &'a (dyn Fn(Child) -> [[f32; 3]; 3] + Sync),
+    /// The box with these rows around a range of the leaf order, rounded outward.
+    pub(crate) slabs: &'a (dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync),
 }
 
-/// Nodes and leaves as rays walk through them.
-#[derive(Clone, Debug)]
-pub(crate) struct Records {
-    pub(crate) lines: Vec<Line>,
-    pub(crate) halves: Vec<Half>,
-    pub(crate) root: Word,
-    /// Nodes on the longest way from the root to a leaf, the leaf left out.
-    pub(crate) depth: u32,
-}
-
-impl Records {
-    /// Sizes, by a walk over all nodes.
-    pub(crate) fn sizes(&self) -> Sizes {
-        let mut sizes = Sizes {
-            nodes: [0; 2],
-            node_bytes: size_of_val(&self.lines[..]),
-            block_bytes: size_of_val(&self.halves[..]),
-            depth: self.depth,
-        };
-        let mut open = vec![self.root];
-        while let Some(word) = open.pop() {
-            if let WordKind::Node(kind, line) = word.kind() {
-                sizes.nodes[kind as usize] += 1;
-                open.extend_from_slice(node_words(&self.lines, kind, line));
-            }
-        }
-        sizes
+impl Source<'_> {
+    /// The primitive of each leaf.
+    fn primitives(&self) -> &[PrimId] {
+        &self.tree.leaves
     }
 }
 
-/// A tree has more records than its references can name.
+/// A BVH has more records than its references can name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct TooLarge;
 
-/// Writes the wide tree of `plan` over triangles.
-pub(crate) fn emit(source: &Source, plan: &Plan, limits: &Limits) -> Result<Records, TooLarge> {
-    let (records, halves) = emit_as::<Triangles>(source, plan, limits)?;
-    Ok(Records { halves, ..records })
-}
-
-/// Writes the wide tree of `plan`, and apart from it what its leaves hold; nothing is written of one that is too large.
-pub(crate) fn emit_as<L: LeafForm>(
+/// Writes the wide BVH of `plan`: nodes, and units of leaves; nothing is written of one that is too large.
+///
+/// `write` gets the positions of a leaf's primitives in leaf order, the part of the first unit that the leaf starts with, and
+/// the units.
+pub(crate) fn emit<U: Copy + Send>(
     source: &Source,
     plan: &Plan,
     limits: &Limits,
-) -> Result<(Records, Vec<L::Place>), TooLarge> {
-    let (drafts, leaves, root, depth) = layout::<L>(source, plan, limits)?;
+    leaf_layout: &LeafLayout,
+    unset: U,
+    write: &(dyn Fn(&[u32], usize, &mut [U]) + Sync),
+) -> Result<(Nodes, Vec<U>), TooLarge> {
+    let (drafts, leaves, root, depth) = layout(source, plan, limits, leaf_layout)?;
     let n_lines = drafts.last().map_or(0, |draft| draft.line + draft.kind.n_lines());
-    let n_places = leaves.last().map_or(0, |leaf| leaf.first / L::PARTS + L::n_places(leaf.n(source)));
+    let unit_of = |leaf: &LeafDraft| leaf.first / leaf_layout.n_parts;
+    let n_units = leaves.last().map_or(0, |leaf| unit_of(leaf) + leaf_layout.n_units(leaf.n(source)));
     let mut lines = vec![Line([0; 16]); n_lines];
-    let mut places = vec![L::UNSET; n_places];
-    let write_node = |draft: &Draft, out: &mut [Line]| write_node(source, draft, out);
-    par::for_pieces(&drafts, &mut lines, |draft| draft.line, write_node);
-    // Leaves that share a place are written by one job.
-    let together: Vec<&[LeafDraft]> = leaves.chunk_by(|a, b| a.first / L::PARTS == b.first / L::PARTS).collect();
-    let write_leaves = |leaves: &&[LeafDraft], out: &mut [L::Place]| {
+    let mut units = vec![unset; n_units];
+    par::for_pieces(&drafts, &mut lines, |draft| draft.line, |draft, out| write_node(source, draft, out));
+    // Leaves that share a unit are written by one job.
+    let together: Vec<&[LeafDraft]> = leaves.chunk_by(|a, b| unit_of(a) == unit_of(b)).collect();
+    let write_leaves = |leaves: &&[LeafDraft], out: &mut [U]| {
         for leaf in *leaves {
-            let (places, n) = distinct(source, leaf.start, leaf.end);
-            L::write(source, &places[..n], leaf.first % L::PARTS, out);
+            let (positions, n) = distinct(source.primitives(), leaf.start, leaf.end);
+            write(&positions[..n], leaf.first % leaf_layout.n_parts, out);
         }
     };
-    par::for_pieces(&together, &mut places, |leaves| leaves[0].first / L::PARTS, write_leaves);
-    Ok((Records { lines, halves: Vec::new(), root, depth }, places))
+    par::for_pieces(&together, &mut units, |leaves| unit_of(&leaves[0]), write_leaves);
+    Ok((Nodes { lines, root, depth }, units))
 }
 
 impl LeafDraft {
     /// Number of different primitives.
     fn n(&self, source: &Source) -> usize {
-        distinct(source, self.start, self.end).1
+        distinct(source.primitives(), self.start, self.end).1
     }
 }
 
-fn range(tree: &Tree, child: Child) -> (u32, u32) {
+/// The leaves below a child, in leaf order.
+fn range(tree: &Tree, child: Child) -> Range<u32> {
     match child.kind() {
-        ChildKind::Leaf(place) => (place, place + 1),
+        ChildKind::Leaf(position) => position..position + 1,
         ChildKind::Inner(id) => {
             let node = &tree.nodes[id.index()];
-            (node.first, node.last + 1)
+            node.first..node.last + 1
         }
     }
 }
 
-/// Places given to leaves so far.
-#[derive(Default)]
-struct Given {
-    n_places: usize,
-    /// The second part of a place whose first is taken.
+/// Assigns units to leaves.
+struct Units<'a> {
+    layout: &'a LeafLayout,
+    n: usize,
+    /// The second part of a unit whose first is taken.
     free: Option<usize>,
 }
 
-impl Given {
+impl Units<'_> {
     /// The part that a leaf of `n` primitives starts with.
-    fn next<L: LeafForm>(&mut self, n: usize, limits: &Limits) -> Result<usize, TooLarge> {
-        if let Some(part) = self.free.take_if(|_| n <= L::IN_PART) {
+    fn next(&mut self, n: usize, limits: &Limits) -> Result<usize, TooLarge> {
+        if let Some(part) = self.free.take_if(|_| n <= self.layout.in_part) {
             return Ok(part);
         }
-        let first = L::PARTS * self.n_places;
-        self.n_places += L::n_places(n);
-        if n <= L::IN_PART {
+        let first = self.layout.n_parts * self.n;
+        self.n += self.layout.n_units(n);
+        if n <= self.layout.in_part {
             self.free = Some(first + 1);
         }
-        if L::PARTS * self.n_places > limits.n_parts { Err(TooLarge) } else { Ok(first) }
+        if self.layout.n_parts * self.n > limits.n_parts { Err(TooLarge) } else { Ok(first) }
     }
 }
 
-/// Gives every node and leaf its place, depth first, larger children first; leaves are sorted by theirs.
-fn layout<L: LeafForm>(
+/// Assigns a position to every node and leaf, depth first, larger children first; sorts leaves by position.
+fn layout(
     source: &Source,
     plan: &Plan,
     limits: &Limits,
-) -> Result<(Vec<Draft>, Vec<LeafDraft>, Word, u32), TooLarge> {
-    let (mut drafts, mut leaves): (Vec<Draft>, Vec<LeafDraft>) = (vec![], vec![]);
+    leaf_layout: &LeafLayout,
+) -> Result<(Vec<NodeDraft>, Vec<LeafDraft>, Word, u32), TooLarge> {
+    let (mut drafts, mut leaves): (Vec<NodeDraft>, Vec<LeafDraft>) = (vec![], vec![]);
     let Some(root) = source.tree.root() else { return Ok((drafts, leaves, Word::EMPTY, 0)) };
-    let (mut n_lines, mut given, mut deepest) = (0, Given::default(), 0);
+    let (mut n_lines, mut units, mut deepest) = (0, Units { layout: leaf_layout, n: 0, free: None }, 0);
     let mut root_word = Word::EMPTY;
     // The subtree, its parent's kind, the slot that waits for its word, and its depth.
     let mut open = vec![(root, NodeKind::Aligned, None, 0u32)];
     while let Some((child, parent_kind, slot, depth)) = open.pop() {
         let word = match plan.form(child, parent_kind) {
             Form::Leaf => {
-                let (start, end) = range(source.tree, child);
-                let (_, n) = distinct(source, start, end);
-                let first = given.next::<L>(n, limits)?;
+                let Range { start, end } = range(source.tree, child);
+                let (_, n) = distinct(source.primitives(), start, end);
+                let first = units.next(n, limits)?;
                 leaves.push(LeafDraft { first, start, end });
                 Word::leaf(first, n)
             }
@@ -183,11 +160,11 @@ fn layout<L: LeafForm>(
                     return Err(TooLarge);
                 }
                 let index = drafts.len();
-                // The stack gives back the last first.
+                // The stack returns the last entry first.
                 open.extend(children.iter().enumerate().rev().map(|(i, &c)| (c, kind, Some((index, i)), depth + 1)));
                 deepest = deepest.max(depth + 1);
                 let children = children.into_iter().map(|c| (c, Word::EMPTY)).collect();
-                drafts.push(Draft { kind, line, children });
+                drafts.push(NodeDraft { kind, line, children });
                 Word::node(kind, line)
             }
         };

@@ -1,113 +1,183 @@
-//! A built tree as bytes, and back.
+//! A BVH as bytes, and back.
 //!
 //! ```text
-//! at    bytes        what
-//! 0     8            "CANTWIDE"
-//! 8     4            version, 3
-//! 12    4, 4, 4      root word; depth; most triangles of a leaf
-//! 24    8, 8, 8      cache lines of nodes; half-blocks of triangles; triangles
-//! 48    36           rows of the mesh's frame
-//! 84    24           least and greatest coordinates of vertices
-//! 108   16, 8, 8     costs of visits; predicted costs; those before the first refit, -1 where there was none
-//! 140   20           nothing yet, zero
-//! 160   64 a line    nodes
-//!       160 a half   triangles
-//!       8            checksum of all before
+//! offset   bytes        content
+//! 0        8            "CANTWIDE"
+//! 8        4            version, 3
+//! 12       4, 4, 4      root word; depth; most primitives of a leaf
+//! 24       8, 8, 8      cache lines of nodes; units of leaves; primitives
+//! 48       36           rows of the mesh frame
+//! 84       24           least and greatest coordinates
+//! 108      16, 8, 8     traversal costs; predicted costs; those before the first refit, -1 where there was none
+//! 140      4, 4         bytes of a unit: 160 of a half-block of triangles, 4 of an id; bytes of a primitive: 0 of triangles
+//! 148      12           unused, zero
+//! 160      64 a line    nodes
+//!                       units of leaves
+//!                       primitives in input order
+//!          8            checksum of all before
 //! ```
 //!
-//! Numbers have their least byte first on every machine.
+//! All of it is 32-bit words with the least byte first, on every machine.
 
 mod check;
 mod checksum;
 mod error;
 mod header;
 
-use std::marker::PhantomData;
+use std::borrow::Cow;
 
 use bytemuck::Pod;
+use canted_obb::PrimId;
 
-use crate::emit::Records;
-use crate::layout::Half;
-use crate::traverse::{LaneKernel, MeshFrame};
-use crate::{SimdPath, WideBvh};
+use crate::bvh::WideBvh;
+use crate::layout::{Half, Nodes};
+use crate::leaf::LeafPrimitive;
+use crate::primitive::SavedPrimitive;
+use crate::shape::Shapes;
+use crate::simd::SimdPath;
+use crate::traverse::LaneKernel;
+use crate::triangle::Triangle;
 
-use check::{Promise, check};
+use check::{Expected, check_shapes, check_triangles};
 use checksum::checksum;
 pub use error::LoadError;
 use header::{CHECKSUM_BYTES, HEADER_BYTES, Header};
 
-impl<K: LaneKernel> WideBvh<K> {
-    /// The tree as bytes, for [`WideBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on every machine.
+/// What [`WideBvh::to_bytes`] can write: triangles, and every [`SavedPrimitive`].
+///
+/// This trait cannot be implemented directly.
+pub trait SavedLeaves: LeafPrimitive {
+    /// Bytes of a unit of leaves, and of a primitive that is stored besides; multiples of four.
+    #[doc(hidden)]
+    const SIZES: [usize; 2];
+
+    /// Units of leaves and primitives as words.
+    #[doc(hidden)]
+    fn sections(leaves: &Self::Leaves) -> [Cow<'_, [u32]>; 2];
+
+    /// Leaves from these sections, of any content.
+    #[doc(hidden)]
+    fn from_sections(units: &[u8], primitives: &[u8]) -> Self::Leaves;
+
+    /// Whether all records are those that a build makes.
+    #[doc(hidden)]
+    fn check(nodes: &Nodes, leaves: &Self::Leaves, expected: &Expected) -> Result<(), LoadError>;
+}
+
+impl<K: LaneKernel> SavedLeaves for Triangle<K> {
+    const SIZES: [usize; 2] = [size_of::<Half>(), 0];
+
+    fn sections(blocks: &Vec<Half>) -> [Cow<'_, [u32]>; 2] {
+        [Cow::Borrowed(bytemuck::cast_slice(blocks)), Cow::Borrowed(&[])]
+    }
+
+    fn from_sections(units: &[u8], _: &[u8]) -> Vec<Half> {
+        words_of(units)
+    }
+
+    fn check(nodes: &Nodes, blocks: &Vec<Half>, expected: &Expected) -> Result<(), LoadError> {
+        check_triangles(nodes, blocks, expected)
+    }
+}
+
+impl<P: SavedPrimitive> SavedLeaves for P {
+    const SIZES: [usize; 2] = {
+        let (size, align) = (size_of::<P::Data>(), align_of::<P::Data>());
+        assert!(size > 0 && size.is_multiple_of(4) && align >= 4, "primitives are written as 32-bit words");
+        [size_of::<PrimId>(), size]
+    };
+
+    fn sections(leaves: &Shapes<P>) -> [Cow<'_, [u32]>; 2] {
+        let data: Vec<P::Data> = leaves.primitives.iter().map(P::to_data).collect();
+        let order = leaves.order.iter().map(|id| id.0).collect();
+        [Cow::Owned(order), Cow::Owned(bytemuck::cast_slice(&data).to_vec())]
+    }
+
+    fn from_sections(units: &[u8], primitives: &[u8]) -> Shapes<P> {
+        let order = words_of(units).into_iter().map(PrimId).collect();
+        Shapes { order, primitives: words_of::<P::Data>(primitives).iter().map(P::from_data).collect() }
+    }
+
+    fn check(nodes: &Nodes, leaves: &Shapes<P>, expected: &Expected) -> Result<(), LoadError> {
+        check_shapes(nodes, leaves, expected)
+    }
+}
+
+impl<P: SavedLeaves> WideBvh<P> {
+    /// The BVH with its primitives as bytes, for [`WideBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on
+    /// every machine.
     ///
-    /// Its vertices go with it, the kernel and the SIMD path do not: both are the reader's choice.
+    /// The triangle test and the SIMD path are not part of them: the reader chooses both.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let Records { lines, halves, root, depth } = &self.records;
+        let sections = P::sections(&self.leaves);
+        #[expect(clippy::cast_possible_truncation, reason = "sizes of small types")]
+        let [n_unit_bytes, n_primitive_bytes] = P::SIZES.map(|n| n as u32);
         let header = Header {
-            n_lines: lines.len() as u64,
-            n_halves: halves.len() as u64,
-            n_triangles: self.n_triangles as u64,
-            root: *root,
-            depth: *depth,
+            n_lines: self.nodes.lines.len() as u64,
+            n_units: (size_of_val(&sections[0][..]) / P::SIZES[0]) as u64,
+            n_primitives: self.n_primitives as u64,
+            root: self.nodes.root,
+            depth: self.nodes.depth,
             frame: self.frame.rows,
             bounds: self.bounds,
             predicted: self.predicted,
-            wear: self.wear,
+            baseline: self.baseline,
+            n_unit_bytes,
+            n_primitive_bytes,
         };
         let mut bytes = Vec::with_capacity(HEADER_BYTES + self.n_bytes() + CHECKSUM_BYTES);
         header.write(&mut bytes);
-        for words in [bytemuck::cast_slice::<_, u32>(lines), bytemuck::cast_slice(halves)] {
-            bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+        for words in [bytemuck::cast_slice(&self.nodes.lines), &sections[0], &sections[1]] {
+            bytes.extend(words.iter().flat_map(|word: &u32| word.to_le_bytes()));
         }
         let sum = checksum(&bytes);
         bytes.extend(sum.to_le_bytes());
         bytes
     }
 
-    /// The tree that [`WideBvh::to_bytes`] made bytes of, bit for bit.
+    /// The BVH that [`WideBvh::to_bytes`] wrote, bit for bit.
     ///
-    /// Nothing in `bytes` is taken on trust, whoever wrote it and whatever its checksum: the tree that comes back
-    /// cannot panic, loop or overflow a stack, and finds every hit on the triangles in it. Takes no more memory than
-    /// in proportion to `bytes`.
+    /// `bytes` may be damaged or malicious, whatever their checksum: a BVH that is returned cannot panic, loop or overflow a
+    /// stack, and finds every hit on its primitives. Needs memory in proportion to `bytes`.
     ///
     /// # Errors
-    /// The first thing in `bytes` that no tree of ours holds.
+    /// The first thing in `bytes` that is not part of a valid BVH over these primitives.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
-        let header = Header::read(bytes)?;
-        if header.n_bytes() != bytes.len() as u64 {
-            return Err(LoadError::Length { n_bytes: bytes.len(), n_told: header.n_bytes() });
-        }
-        let (content, sum) = bytes.split_at(bytes.len() - CHECKSUM_BYTES);
-        let computed = checksum(content);
-        if computed.to_le_bytes() != sum {
-            return Err(LoadError::Checksum { computed });
-        }
-        // The file is as long as told, so all of this fits.
-        let n_line_bytes = content.len() - HEADER_BYTES - bytes_of::<Half>(header.n_halves);
-        let (lines, halves) = content[HEADER_BYTES..].split_at(n_line_bytes);
-        let records =
-            Records { lines: words_of(lines), halves: words_of(halves), root: header.root, depth: header.depth };
-        let Ok(n_triangles) = usize::try_from(header.n_triangles) else {
-            return Err(LoadError::Count { n_told: header.n_triangles, n_places: 0 });
-        };
-        let (bounds, frame) = (header.bounds, header.frame);
-        check(&records, &Promise { n_triangles, depth: header.depth, bounds, frame })?;
-        Ok(Self {
-            records,
-            frame: MeshFrame::new(frame),
-            bounds,
-            n_triangles,
-            predicted: header.predicted,
-            wear: header.wear,
-            path: SimdPath::detect(),
-            kernel: PhantomData,
-        })
+        let (header, nodes, [units, primitives]) = read(bytes, P::SIZES)?;
+        let leaves = P::from_sections(units, primitives);
+        let expected = Expected::of(&header)?;
+        P::check(&nodes, &leaves, &expected)?;
+        let Expected { n_primitives, bounds, frame, .. } = expected;
+        let (predicted, baseline, path) = (header.predicted, header.baseline, SimdPath::detect());
+        Ok(Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path })
     }
 }
 
-/// Bytes of `n` records that are known to lie in memory.
-fn bytes_of<T>(n: u64) -> usize {
-    usize::try_from(n).unwrap_or(usize::MAX).saturating_mul(size_of::<T>())
+/// The header, the nodes, and the bytes of leaves and primitives.
+fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), LoadError> {
+    let header = Header::read(bytes)?;
+    if header.n_bytes() != bytes.len() as u64 {
+        return Err(LoadError::Length { n_bytes: bytes.len(), n_expected: header.n_bytes() });
+    }
+    let (content, sum) = bytes.split_at(bytes.len() - CHECKSUM_BYTES);
+    let computed = checksum(content);
+    if computed.to_le_bytes() != sum {
+        return Err(LoadError::Checksum { computed });
+    }
+    let found = [header.n_unit_bytes, header.n_primitive_bytes];
+    #[expect(clippy::cast_possible_truncation, reason = "sizes of small types")]
+    let expected = sizes.map(|n| n as u32);
+    if found != expected {
+        return Err(LoadError::Primitives { found, expected });
+    }
+    // The file has the length by the header, so all sections fit into memory.
+    #[expect(clippy::cast_possible_truncation, reason = "at most the number of bytes")]
+    let [n_line_bytes, n_unit_bytes, _] = header.section_bytes().map(|n| n as usize);
+    let (lines, rest) = content[HEADER_BYTES..].split_at(n_line_bytes);
+    let (units, primitives) = rest.split_at(n_unit_bytes);
+    let nodes = Nodes { lines: words_of(lines), root: header.root, depth: header.depth };
+    Ok((header, nodes, [units, primitives]))
 }
 
 /// Records made of 32-bit words, least byte first.

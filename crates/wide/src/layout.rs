@@ -1,27 +1,27 @@
-//! The records that rays walk through, and the words that point to them.
+//! The records that rays traverse, and the words that name them.
 //!
 //! ```text
-//! box node     lo, hi of x, y, z in the mesh's frame (6 x 8), 8 child words                     256 bytes
-//! lean node    9 components of rows, 3 centres, 3 half-extents (15 x 8), 8 child words          512 bytes
-//! triangles    v0, v1, v2 (9 x 8), 8 numbers; or four of each                                   320, 160 bytes
+//! aligned node    lower, upper x, y, z in the mesh frame (6 x 8), 8 child words, unused (8)        256 bytes
+//! oriented node   for each of 3 axes its x, y, z, center, half-extent (15 x 8), 8 child words      512 bytes
+//! triangles       v0, v1, v2 (9 x 8), 8 ids; or four of each                                  320, 160 bytes
 //! ```
 //!
 //! Two leaves of at most two triangles share four lanes: thin ribbons make leaves of one quad each.
 //!
-//! Everything is little tables of eight lanes, structure of arrays. Empty slots hold boxes that no ray enters, by
-//! finite numbers: no box holds NaN or infinity.
+//! Every record is a structure of arrays with eight lanes. Empty slots hold boxes that no ray enters, of finite numbers: no
+//! box holds NaN or infinity.
 
 use bytemuck::{Pod, Zeroable};
 
-/// A cache line of eight-lane rows; nodes start on one.
+/// A cache line of two eight-lane rows; nodes start on one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Line(pub(crate) [u32; 16]);
 
-/// Half a block of triangles: four of them, or one half of eight.
+/// Half of a block of triangles: four of them, or one half of eight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C, align(32))]
-pub(crate) struct Half(pub(crate) [u32; HALF_WORDS]);
+pub struct Half(pub(crate) [u32; HALF_WORDS]);
 
 /// Parts of a half-block that words can name: lanes 0 and 1, lanes 2 and 3.
 pub(crate) const PARTS: usize = 2;
@@ -29,26 +29,26 @@ pub(crate) const PARTS: usize = 2;
 /// Lanes of a part, and most triangles of a leaf that shares its half-block.
 pub(crate) const PART_LANES: usize = 2;
 
-/// Words of four triangles: nine coordinates and the primitive each.
+/// Words of four triangles: nine coordinates and an id each.
 pub(crate) const HALF_WORDS: usize = 40;
 
-/// Lines of each node.
-pub(crate) const BOX_LINES: usize = 4;
-/// Lines of a node with a frame for each child.
-pub(crate) const LEAN_LINES: usize = 8;
+/// Lines of an aligned node.
+pub(crate) const ALIGNED_LINES: usize = 4;
+/// Lines of an oriented node.
+pub(crate) const ORIENTED_LINES: usize = 8;
 
-/// Most triangles of a leaf.
+/// Most primitives of a leaf.
 pub(crate) const MAX_LEAF: usize = 32;
 
-/// Coordinates beyond those that are promised: an empty slot's lower planes; the upper ones are its negative.
+/// The lower planes of an empty slot, beyond all supported coordinates; its upper planes are the negative.
 pub(crate) const NOWHERE: f32 = 9.223_372e18;
 
 /// Kinds of nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NodeKind {
-    /// Boxes along the axes of the mesh's frame.
+    /// Eight boxes aligned with one frame, that of the mesh.
     Aligned,
-    /// A frame for each child.
+    /// Eight oriented boxes, each with its own frame.
     Oriented,
 }
 
@@ -59,21 +59,21 @@ impl NodeKind {
     /// Cache lines of a node.
     pub(crate) fn n_lines(self) -> usize {
         match self {
-            Self::Aligned => BOX_LINES,
-            Self::Oriented => LEAN_LINES,
+            Self::Aligned => ALIGNED_LINES,
+            Self::Oriented => ORIENTED_LINES,
         }
     }
 }
 
-/// A child reference: bit 31 a leaf.
+/// A child reference.
 ///
-/// Leaf: bits 26 to 30 its number of primitives less one, the rest the place of its first. Node: bits 29 and 30 its
-/// kind, the rest its first line. Places of triangles are counted in parts of half-blocks.
+/// Leaf: bit 31 set, bits 26 to 30 the number of primitives less one, the rest the position of the first. Node: bits 29 and 30
+/// the kind, the rest the first line. Positions are counted in parts of the units that leaves are made of ([`LeafLayout`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Word(pub(crate) u32);
 
-/// A child reference, opened.
+/// A decoded child reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WordKind {
     /// Primitives of a leaf.
@@ -86,7 +86,7 @@ pub(crate) enum WordKind {
 
 impl Word {
     const LEAF: u32 = 1 << 31;
-    /// Places of leaves.
+    /// Positions of leaves.
     pub(crate) const MAX_FIRST: usize = 1 << 26;
     /// Lines of nodes.
     pub(crate) const MAX_LINE: usize = 1 << 29;
@@ -94,7 +94,7 @@ impl Word {
     /// An unused slot; no ray enters its box.
     pub(crate) const EMPTY: Self = Self(u32::MAX >> 1);
 
-    /// A leaf of `n` primitives, of which the first is at `first`.
+    /// A leaf of `n` primitives.
     #[expect(clippy::cast_possible_truncation, reason = "asserted to be small")]
     pub(crate) fn leaf(first: usize, n: usize) -> Self {
         assert!(first < Self::MAX_FIRST && (1..=MAX_LEAF).contains(&n), "the builder checks the limits");
@@ -108,7 +108,7 @@ impl Word {
         Self((kind as u32) << 29 | line as u32)
     }
 
-    /// What the word says.
+    /// Decodes the word.
     #[inline(always)]
     pub(crate) fn kind(self) -> WordKind {
         if self.0 & Self::LEAF != 0 {
@@ -123,16 +123,16 @@ impl Word {
     }
 }
 
-/// Most primitives of the caller's, or boxes, of a tree.
+/// Most primitives of a BVH over [`Primitive`](crate::Primitive)s.
 pub const MAX_PRIMITIVES: usize = Limits::OF_WORDS.n_parts;
 
-/// Most triangles of a tree, where all blocks are full; one whose blocks are not, or that has too many nodes, may hold fewer.
+/// Most triangles of a BVH, where all blocks are full; one with many nodes, or blocks that are not full, may hold fewer.
 pub const MAX_TRIANGLES: usize = Limits::OF_WORDS.n_triangles();
 
-/// How much the words of a tree can name: of tests less, for nobody builds what does not fit.
+/// How much the words of a BVH can name; tests use smaller limits, which they can reach.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
-    /// Parts of what leaves hold: of half-blocks, or whole numbers.
+    /// Positions of leaves.
     pub(crate) n_parts: usize,
     /// Lines of nodes.
     pub(crate) n_lines: usize,
@@ -141,9 +141,68 @@ pub(crate) struct Limits {
 impl Limits {
     pub(crate) const OF_WORDS: Self = Self { n_parts: Word::MAX_FIRST, n_lines: Word::MAX_LINE };
 
-    /// Most triangles, all lanes of all parts.
+    /// Most triangles: all lanes of all parts.
     pub(crate) const fn n_triangles(self) -> usize {
         PART_LANES * self.n_parts
+    }
+}
+
+/// How leaves are made of units: half-blocks of triangles, or ids of primitives.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LeafLayout {
+    /// Parts of a unit that words can name.
+    pub(crate) n_parts: usize,
+    /// Most primitives of a leaf that takes one part only; 0 where units have no parts.
+    pub(crate) in_part: usize,
+    /// Primitives of a unit.
+    pub(crate) in_unit: usize,
+    /// What messages call a part.
+    pub(crate) part_name: &'static str,
+}
+
+impl LeafLayout {
+    /// Half-blocks of triangles.
+    pub(crate) const BLOCKS: Self =
+        Self { n_parts: PARTS, in_part: PART_LANES, in_unit: 4, part_name: "part of a block" };
+    /// Ids of primitives.
+    pub(crate) const IDS: Self = Self { n_parts: 1, in_part: 0, in_unit: 1, part_name: "position" };
+
+    /// Units that hold `n` primitives.
+    pub(crate) fn n_units(&self, n: usize) -> usize {
+        n.div_ceil(self.in_unit)
+    }
+
+    /// Parts that a leaf of `n` primitives takes.
+    pub(crate) fn n_parts_of(&self, n: usize) -> usize {
+        if n <= self.in_part { 1 } else { self.n_parts * self.n_units(n) }
+    }
+}
+
+/// All nodes of a BVH.
+#[derive(Clone, Debug)]
+pub struct Nodes {
+    pub(crate) lines: Vec<Line>,
+    pub(crate) root: Word,
+    /// Greatest number of nodes from the root to a leaf.
+    pub(crate) depth: u32,
+}
+
+impl Nodes {
+    pub(crate) fn n_bytes(&self) -> usize {
+        size_of_val(&self.lines[..])
+    }
+
+    /// In the order of [`NodeKind::ALL`].
+    pub(crate) fn n_of_each_kind(&self) -> [usize; 2] {
+        let mut n = [0; 2];
+        let mut open = vec![self.root];
+        while let Some(word) = open.pop() {
+            if let WordKind::Node(kind, line) = word.kind() {
+                n[kind as usize] += 1;
+                open.extend_from_slice(node_words(&self.lines, kind, line));
+            }
+        }
+        n
     }
 }
 
@@ -155,15 +214,15 @@ pub(crate) type Row = [f32; 8];
 pub(crate) fn rows<const LINES: usize, const ROWS: usize>(lines: &[Line], first: u32) -> &[Row; ROWS] {
     const { assert!(LINES * 2 == ROWS) };
     let first = first as usize;
-    let lines: &[Line; LINES] = lines[first..first + LINES].try_into().expect("as long as asked for");
+    let lines: &[Line; LINES] = lines[first..first + LINES].try_into().expect("the length is that of the range");
     bytemuck::cast_ref::<[Line; LINES], [Row; ROWS]>(lines)
 }
 
 /// The child words of a node.
 pub(crate) fn node_words(lines: &[Line], kind: NodeKind, line: u32) -> &[Word; 8] {
     match kind {
-        NodeKind::Aligned => bytemuck::cast_ref(&rows::<BOX_LINES, 8>(lines, line)[6]),
-        NodeKind::Oriented => bytemuck::cast_ref(&rows::<LEAN_LINES, 16>(lines, line)[15]),
+        NodeKind::Aligned => bytemuck::cast_ref(&rows::<ALIGNED_LINES, 8>(lines, line)[6]),
+        NodeKind::Oriented => bytemuck::cast_ref(&rows::<ORIENTED_LINES, 16>(lines, line)[15]),
     }
 }
 
@@ -172,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_say_what_they_were_made_of() {
+    fn words_decode_to_what_was_encoded() {
         for (first, n) in [(0u32, 1u32), (7, 32), (0x03ff_ffff, 5)] {
             assert_eq!(Word::leaf(first as usize, n as usize).kind(), WordKind::Leaf { first, n });
         }
@@ -185,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn records_are_as_long_as_the_table_says() {
+    fn records_have_the_documented_sizes() {
         assert_eq!(NodeKind::ALL.map(|kind| kind.n_lines() * size_of::<Line>()), [256, 512]);
         assert_eq!(size_of::<Half>(), 160);
     }

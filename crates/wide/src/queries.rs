@@ -1,14 +1,14 @@
 use canted_trace::{Hit, InstanceId, Query, Ray};
 
-use crate::WideBvh;
-use crate::answers::{AllOfOne, One};
-use crate::traced::FilterQuery;
-use crate::traverse::LaneKernel;
+use crate::batch::{AllOfOne, One};
+use crate::bvh::WideBvh;
+use crate::leaf::LeafPrimitive;
+use crate::sink::FilterQuery;
 
 /// Queries of single rays.
 ///
-/// A ray that can hit nothing, because its direction is zero, a number is not finite or its interval empty, misses.
-impl<K: LaneKernel> WideBvh<K> {
+/// A ray with a zero direction, a component that is not finite, or an empty interval never hits.
+impl<P: LeafPrimitive> WideBvh<P> {
     /// The hit of least `t`; ties go to the lowest primitive.
     #[must_use]
     pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
@@ -21,18 +21,18 @@ impl<K: LaneKernel> WideBvh<K> {
         self.occluded_with(ray, InstanceId(0), &mut ())
     }
 
-    /// Every hit with `t_min <= t <= t_max`, in the order of [`WideBvh::closest_hit`]: least `t`, then lowest primitive.
+    /// Every hit with `t_min <= t <= t_max`, sorted by `t`, then by primitive. Replaces the content of `hits`.
     ///
-    /// Replaces what `hits` held. Each triangle appears once, but all triangles around an edge or a vertex that the ray
-    /// passes through appear; [`WideBvh::crossings`] counts surfaces instead.
+    /// Each triangle appears once, and all triangles around an edge or a vertex that the ray passes through appear;
+    /// [`WideBvh::crossings`] counts surfaces instead.
     pub fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>) {
         self.all_hits_with(ray, InstanceId(0), &mut (), hits);
     }
 
     /// The hit of least `t` among those that `accepts` accepts; ties go to the lowest primitive.
     ///
-    /// `accepts` must answer by the hit alone: it is asked about hits in an order that changes with the tree, and not
-    /// about all.
+    /// The result of `accepts` must depend on its arguments alone: it is called for some of the hits only, in an order that
+    /// depends on the BVH.
     #[must_use]
     pub fn closest_hit_where(&self, ray: &Ray, accepts: impl Fn(&Ray, &Hit) -> bool) -> Option<Hit> {
         let accepts = |_: usize, ray: &Ray, hit: &Hit| accepts(ray, hit);
@@ -46,20 +46,26 @@ impl<K: LaneKernel> WideBvh<K> {
         self.occluded_with(ray, InstanceId(0), &mut FilterQuery { accepts: &accepts, index: 0, ray })
     }
 
+    /// Every hit that `accepts` accepts, as [`WideBvh::all_hits`] returns them.
+    pub fn all_hits_where(&self, ray: &Ray, hits: &mut Vec<Hit>, accepts: impl Fn(&Ray, &Hit) -> bool) {
+        let accepts = |_: usize, ray: &Ray, hit: &Hit| accepts(ray, hit);
+        self.all_hits_with(ray, InstanceId(0), &mut FilterQuery { accepts: &accepts, index: 0, ray }, hits);
+    }
+
     /// The hit of least `t` that the query accepts, as a hit on `instance`; ties go to the lowest primitive.
     pub fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.path.run(One::<_, _, true> { tree: self, ray, instance, query })
+        self.path.run(One::<_, _, true> { bvh: self, ray, instance, query })
     }
 
     /// Whether the query accepts any hit.
     pub fn occluded_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.path.run(One::<_, _, false> { tree: self, ray, instance, query }).is_some()
+        self.path.run(One::<_, _, false> { bvh: self, ray, instance, query }).is_some()
     }
 
-    /// Every hit that the query accepts, as hits on `instance`; replaces what `hits` held.
+    /// Every hit that the query accepts, as hits on `instance`. Replaces the content of `hits`.
     ///
-    /// The query may be asked about a hit twice.
+    /// The query may see a hit twice.
     pub fn all_hits_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        self.path.run(AllOfOne { tree: self, ray, instance, query, hits });
+        self.path.run(AllOfOne { bvh: self, ray, instance, query, hits });
     }
 }

@@ -1,86 +1,93 @@
-//! Boxes for vertices that have moved, in the tree as it is.
+//! New boxes for primitives that have moved, in the BVH as it is.
 //!
 //! ```text
-//! records -> outline -> triangles by place -> blocks, boxes -> predicted cost
+//! records -> outline -> primitives by place -> leaves, boxes -> predicted cost
 //! ```
 //!
-//! Reads: a tree, its triangles with new vertices. Writes: blocks and boxes. Holds: what a build holds; every box is
-//! that of the vertices now below it, in the frame that it had.
+//! Reads: a BVH, its primitives after a motion. Writes: leaves and boxes. Holds: what a build holds; every box is that of
+//! the primitives now below it, in its old frame.
 //! Source: Wald, Boulos & Shirley 2007 for when to refit and when to rebuild.
 
 mod blocks;
 mod boxes;
 mod cost;
-mod flaw;
-mod outline;
 
 use std::fmt;
 
-use canted_lbvh::{self as lbvh, Corners, GeometryError};
+use canted_lbvh::{self as lbvh, GeometryError};
+use canted_obb::{Aabb, PrimId};
 
-use crate::WideBvh;
-use crate::traverse::LaneKernel;
+use crate::build::{PrimitiveError, bounds_of};
+use crate::bvh::WideBvh;
+use crate::costs::{Baseline, RayCost};
+use crate::item::Item;
+use crate::layout::{Half, LeafLayout, Nodes};
+use crate::outline::Outline;
+use crate::primitive::Primitive;
+use crate::traverse::{LaneKernel, MeshFrame};
+use crate::triangle::Triangle;
 
 pub(crate) use blocks::{Triangles, unused_lanes_are_zero};
 pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
-pub(crate) use cost::{Prediction, Wear};
-pub use flaw::Flaw;
-pub(crate) use outline::Outline;
 
-/// What a refit has done to a tree, in predicted costs of a ray that enters the box around the mesh: visits of box
-/// nodes.
+/// What a refit has done to a BVH, in predicted traversal costs of a ray that enters the box around all primitives, relative
+/// to the test of an aligned node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refit {
-    /// As the tree was built.
+    /// As the BVH was built.
     pub cost_built: f32,
     /// Before this refit.
     pub cost_before: f32,
     /// After it.
     pub cost_now: f32,
-    /// How much dearer than as built: of the growth for a ray that enters the box, and the growth for as many rays as
-    /// meet one triangle, the greater. The first alone sinks where the box grows, the second where triangles do.
+    /// How much more expensive the BVH is than when it was built: the growth for a ray that enters the box, or the growth
+    /// for as many rays as hit one primitive, whichever is greater. The first alone sinks where the box grows, the second
+    /// where primitives grow.
     pub drift: f32,
 }
 
 impl Refit {
     /// Drift above which a rebuild is advised: see the table at [`WideBvh::refit`].
-    pub const MOST_DRIFT: f32 = 1.5;
+    pub const MAX_DRIFT: f32 = 1.5;
 
-    fn between(built: Prediction, before: Prediction, now: Prediction) -> Self {
+    fn between(built: RayCost, before: RayCost, now: RayCost) -> Self {
         let growth = |now: f32, built: f32| if built > 0.0 { now / built } else { 1.0 };
-        let drift = growth(now.per_ray, built.per_ray).max(growth(now.per_triangle, built.per_triangle));
+        let drift = growth(now.per_ray, built.per_ray).max(growth(now.per_primitive, built.per_primitive));
         Self { cost_built: built.per_ray, cost_before: before.per_ray, cost_now: now.per_ray, drift }
     }
 
-    /// Whether the drift exceeds [`Refit::MOST_DRIFT`].
+    /// Whether the drift exceeds [`Refit::MAX_DRIFT`].
     #[must_use]
     pub fn rebuild_advised(&self) -> bool {
-        self.drift > Self::MOST_DRIFT
+        self.drift > Self::MAX_DRIFT
     }
 }
 
-/// Why a tree cannot take new vertices.
+/// Why a BVH cannot be refitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RefitError {
-    /// The tree was built over another number of triangles.
-    OtherCount {
-        /// Triangles of the tree.
-        n_triangles: usize,
-        /// Triangles given.
+    /// The BVH was built over another number of primitives.
+    Count {
+        /// Primitives of the BVH.
+        n_primitives: usize,
+        /// Primitives given.
         n_given: usize,
     },
-    /// A triangle is not usable.
+    /// A triangle is invalid.
     Geometry(GeometryError),
+    /// A primitive is invalid.
+    Primitive(PrimitiveError),
 }
 
 impl fmt::Display for RefitError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::OtherCount { n_triangles, n_given } => {
-                write!(f, "the tree holds {n_triangles} triangles, {n_given} are given")
+            Self::Count { n_primitives, n_given } => {
+                write!(f, "the BVH has {n_primitives} primitives, but {n_given} are given")
             }
-            Self::Geometry(error) => write!(f, "{error}"),
+            Self::Geometry(error) => error.fmt(f),
+            Self::Primitive(error) => error.fmt(f),
         }
     }
 }
@@ -89,7 +96,8 @@ impl std::error::Error for RefitError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Self::Geometry(error) => Some(error),
-            Self::OtherCount { .. } => None,
+            Self::Primitive(error) => Some(error),
+            Self::Count { .. } => None,
         }
     }
 }
@@ -100,36 +108,111 @@ impl From<GeometryError> for RefitError {
     }
 }
 
-impl<K: LaneKernel> WideBvh<K> {
-    /// Takes new vertices for the same triangles; object space, in the order of the build.
+impl From<PrimitiveError> for RefitError {
+    fn from(error: PrimitiveError) -> Self {
+        Self::Primitive(error)
+    }
+}
+
+impl<K: LaneKernel> WideBvh<Triangle<K>> {
+    /// Updates the BVH to new vertices of the same triangles; object space, in the order of the build.
     ///
-    /// Hits are then those of every new triangle tried, whatever the motion. What suffers is speed: which triangles
-    /// share a node, and which way boxes lean, is as it was built. By how much, the drift foretells: `benches/TRIED.md` has what
-    /// trees of deformed meshes lost beside their drift. Where vertices move at random the mesh itself becomes dearer and a
-    /// rebuild gains little; it is advised once, for the rebuilt tree starts anew. A refit takes a small part of a build's time.
+    /// Hits are then those of testing every new triangle, whatever the motion. What suffers is speed: which triangles share
+    /// a node, and the frames of oriented boxes, stay as built. The drift predicts by how much: `benches/TRIED.md` lists
+    /// the slowdown of deformed meshes next to their drift. Where vertices move at random the mesh itself becomes more
+    /// expensive and a rebuild gains little; it is advised once, because a rebuild resets the drift. A refit takes a small
+    /// part of a build's time.
     ///
     /// # Errors
-    /// Another number of triangles, or the first triangle with a vertex that is missing or not finite. The tree is
-    /// then as it was.
+    /// Another number of triangles, or the first triangle with an index out of range or a vertex that is not finite. The BVH
+    /// is then unchanged.
     pub fn refit(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Refit, RefitError> {
-        if triangles.len() != self.n_triangles {
-            return Err(RefitError::OtherCount { n_triangles: self.n_triangles, n_given: triangles.len() });
-        }
-        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
-        let outline = Outline::of(&self.records).expect("a tree that was built or loaded is whole");
-        let old = Triangles::read(&outline, &self.records.halves);
-        let before = self.predict(&outline, &old.corners);
-        let built = *self.wear.fresh.get_or_insert(before);
-        let corners = lbvh::in_leaf_order(&corners, &old.primitives);
-        Triangles::write(&corners, &outline, &mut self.records.halves);
-        write_boxes(&outline, &corners, &self.frame, &mut self.records.lines);
-        self.bounds = bounds;
-        Ok(Refit::between(built, before, self.predict(&outline, &corners)))
+        let bvh = Target {
+            nodes: &mut self.nodes,
+            frame: &self.frame,
+            bounds: &mut self.bounds,
+            baseline: &mut self.baseline,
+        };
+        refit_triangles(bvh, &mut self.leaves, self.n_primitives, positions, triangles)
     }
+}
 
-    fn predict(&self, outline: &Outline, corners: &[Corners]) -> Prediction {
-        cost::predict(outline, &self.records, corners, &self.bounds, &self.wear.costs)
+impl<P: Primitive> WideBvh<P> {
+    /// Replaces the primitives, in the order of the build, as they are after a motion.
+    ///
+    /// Hits are then those of testing every new primitive, whatever the motion. What suffers is speed, as for triangles.
+    ///
+    /// # Errors
+    /// Another number of primitives, or the first whose bounds are empty or not finite. The BVH is then unchanged.
+    pub fn refit(&mut self, primitives: Vec<P>) -> Result<Refit, RefitError> {
+        check_number(self.n_primitives, primitives.len())?;
+        let bounds = bounds_of(&primitives)?;
+        let outline = Outline::of(&self.nodes, self.leaves.order.len(), &LeafLayout::IDS).expect("a BVH is valid");
+        let ids = ids_by_place(&outline, &self.leaves.order);
+        let (old, new) = (by_place(&ids, &self.leaves.primitives), by_place(&ids, &primitives));
+        let bvh = Target {
+            nodes: &mut self.nodes,
+            frame: &self.frame,
+            bounds: &mut self.bounds,
+            baseline: &mut self.baseline,
+        };
+        let refit = update(bvh, &outline, &old, &new, bounds);
+        self.leaves.primitives = primitives;
+        Ok(refit)
     }
+}
+
+/// The parts of a BVH that a refit changes, and the frame.
+struct Target<'a> {
+    nodes: &'a mut Nodes,
+    frame: &'a MeshFrame,
+    bounds: &'a mut Aabb,
+    baseline: &'a mut Baseline,
+}
+
+/// The same for every triangle test.
+fn refit_triangles(
+    bvh: Target,
+    blocks: &mut [Half],
+    n_triangles: usize,
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+) -> Result<Refit, RefitError> {
+    check_number(n_triangles, triangles.len())?;
+    let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+    let outline = Outline::of(bvh.nodes, blocks.len(), &LeafLayout::BLOCKS).expect("a BVH is valid");
+    let old = Triangles::read(&outline, blocks);
+    let corners = lbvh::in_leaf_order(&corners, &old.ids);
+    Triangles::write(&corners, &outline, blocks);
+    Ok(update(bvh, &outline, &old.corners, &corners, bounds))
+}
+
+fn check_number(n_primitives: usize, n_given: usize) -> Result<(), RefitError> {
+    if n_given == n_primitives { Ok(()) } else { Err(RefitError::Count { n_primitives, n_given }) }
+}
+
+/// Writes the boxes of `new` items, by place.
+fn update<I: Item>(bvh: Target, outline: &Outline, old: &[I], new: &[I], bounds: Aabb) -> Refit {
+    let Target { nodes, frame, bounds: old_bounds, baseline } = bvh;
+    let costs = baseline.costs;
+    let cost = |nodes: &Nodes, items: &[I], bounds: &Aabb| {
+        cost::predict(outline, nodes, items.iter().map(Item::area).sum(), bounds, &costs)
+    };
+    let before = cost(nodes, old, old_bounds);
+    let built = *baseline.built.get_or_insert(before);
+    boxes::write(outline, new, frame, &mut nodes.lines);
+    *old_bounds = bounds;
+    Refit::between(built, before, cost(nodes, new, &bounds))
+}
+
+/// Primitives by place, of these ids.
+pub(crate) fn by_place<'a, P>(ids: &[PrimId], primitives: &'a [P]) -> Vec<&'a P> {
+    ids.iter().map(|id| &primitives[id.index()]).collect()
+}
+
+/// The id at each place.
+pub(crate) fn ids_by_place(outline: &Outline, order: &[PrimId]) -> Vec<PrimId> {
+    outline.leaves.iter().flat_map(|leaf| &order[leaf.first..leaf.first + leaf.places.len()]).copied().collect()
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! Eight lanes of `f32` on whatever the machine has.
+//! Eight lanes of `f32` with the instructions of the machine.
 //!
-//! Traversal is written once over [`Simd`]; a path is a token that proves its instructions are there. All paths round
-//! each operation as IEEE 754 says but for [`Simd::mul_add`], which may round once or twice: box tests are padded for
-//! both, and triangle filters do not use it. So hits are the same bits on every path.
+//! Traversal is written once over [`Simd`]; a path is a token that proves that its instructions are available. All paths
+//! round each operation as IEEE 754 requires, except [`Simd::mul_add`], which may round once or twice: box tests are padded
+//! for both, and triangle filters do not use it. So hits are the same bits on every path.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -26,18 +26,18 @@ pub use path::SimdPath;
 pub(crate) use scalar::Scalar;
 
 /// Work that runs over lanes; see [`Simd::run`].
-pub(crate) trait Task {
-    /// What it gives.
+pub trait Task {
+    /// The result.
     type Output;
 
-    /// Does it. Must be `#[inline(always)]`, and so must all it calls with `simd`, or lanes travel through memory.
+    /// Runs it. Must be `#[inline(always)]`, and so must everything it calls with `simd`, otherwise lanes pass through memory.
     fn on<S: Simd>(self, simd: S) -> Self::Output;
 }
 
-/// Eight lanes of `f32`, by a token of the instructions they need.
+/// Eight lanes of `f32`, accessed by a token that proves the instructions they need.
 ///
 /// A mask is the low eight bits of a `u32`, lane 0 lowest.
-pub(crate) trait Simd: Copy {
+pub trait Simd: Copy {
     /// Eight lanes.
     type F: Copy;
 
@@ -47,7 +47,7 @@ pub(crate) trait Simd: Copy {
     fn splat(self, x: f32) -> Self::F;
     /// Lanes from memory.
     fn load(self, x: &[f32; 8]) -> Self::F;
-    /// Four lanes from memory, the upper ones anything finite.
+    /// Four lanes from memory; the upper ones are finite.
     fn load_half(self, x: &[f32; 4]) -> Self::F;
     /// Lanes to memory.
     fn store(self, a: Self::F) -> [f32; 8];
@@ -65,13 +65,13 @@ pub(crate) trait Simd: Copy {
     fn mul_sub(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// `-(a · b) - c`, rounded once or twice.
     fn neg_mul_sub(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
-    /// The lesser; `b` of equals, and where either is not a number anything but a third value.
+    /// The lesser; `b` of equals, and either operand where one is NaN.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
-    /// The greater; `b` of equals, and where either is not a number anything but a third value.
+    /// The greater; `b` of equals, and either operand where one is NaN.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     /// `|a|`.
     fn abs(self, a: Self::F) -> Self::F;
-    /// `a` with its sign turned where `b` is negative.
+    /// `a` with its sign flipped where `b` is negative.
     fn xor_sign(self, a: Self::F, b: Self::F) -> Self::F;
     /// Mask of `a < b`.
     fn lt(self, a: Self::F, b: Self::F) -> u32;

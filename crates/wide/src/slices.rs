@@ -1,45 +1,46 @@
 use canted_trace::{Hit, Ray};
 
-use crate::WideBvh;
-use crate::answers::{Any, Closest, Every, Occluded, Where, parallel, serial};
-use crate::traverse::LaneKernel;
+use crate::batch::{AcceptAll, Closest, Every, Occluded, Where, parallel, serial};
+use crate::bvh::WideBvh;
+use crate::leaf::LeafPrimitive;
 
-/// Queries of slices: the answers of single rays, in order, for less than one by one.
+/// Queries of slices: the results of single rays, in order, at a lower cost per ray.
 ///
-/// Forms with `par_` share the rays out among the threads of the current rayon pool, without the feature `parallel`
-/// among one; answers are the same. All panic where the slices differ in length.
+/// `par_` methods distribute the rays over the threads of the current rayon pool (one thread without the feature
+/// `parallel`); results are the same. All methods panic if the slices differ in length.
 ///
-/// Forms with `_where` ask a function about hits, with the place of the ray in its slice. It must answer by its
-/// arguments alone: it is asked in an order that changes with the tree and the threads, and not about all hits.
-impl<K: LaneKernel> WideBvh<K> {
+/// `_where` methods call a function with the index of the ray in its slice, the ray and a hit, to accept or reject the hit. Its
+/// result must depend on its arguments alone: it is called for some of the hits only, in an order that depends on the BVH
+/// and on the threads.
+impl<P: LeafPrimitive> WideBvh<P> {
     /// The closest hit of each ray.
     pub fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        serial(self.path, self, &Closest(Any), rays, hits);
+        serial(self, &Closest(AcceptAll), rays, hits);
     }
 
     /// The closest hit of each ray, on all threads.
     pub fn par_closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        parallel(self.path, self, &Closest(Any), rays, hits);
+        parallel(self, &Closest(AcceptAll), rays, hits);
     }
 
     /// Whether each ray hits anything.
     pub fn occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
-        serial(self.path, self, &Occluded(Any), rays, occluded);
+        serial(self, &Occluded(AcceptAll), rays, occluded);
     }
 
     /// Whether each ray hits anything, on all threads.
     pub fn par_occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
-        parallel(self.path, self, &Occluded(Any), rays, occluded);
+        parallel(self, &Occluded(AcceptAll), rays, occluded);
     }
 
-    /// Every hit of each ray, as [`WideBvh::all_hits`] gives them.
+    /// Every hit of each ray, as [`WideBvh::all_hits`] returns them.
     pub fn all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        serial(self.path, self, &Every(Any), rays, hits);
+        serial(self, &Every(AcceptAll), rays, hits);
     }
 
     /// Every hit of each ray, on all threads.
     pub fn par_all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        parallel(self.path, self, &Every(Any), rays, hits);
+        parallel(self, &Every(AcceptAll), rays, hits);
     }
 
     /// The closest hit of each ray among those that `accepts` accepts.
@@ -49,7 +50,7 @@ impl<K: LaneKernel> WideBvh<K> {
         hits: &mut [Option<Hit>],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        serial(self.path, self, &Closest(Where(accepts)), rays, hits);
+        serial(self, &Closest(Where(accepts)), rays, hits);
     }
 
     /// The same on all threads.
@@ -59,7 +60,7 @@ impl<K: LaneKernel> WideBvh<K> {
         hits: &mut [Option<Hit>],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        parallel(self.path, self, &Closest(Where(accepts)), rays, hits);
+        parallel(self, &Closest(Where(accepts)), rays, hits);
     }
 
     /// Whether `accepts` accepts any hit of each ray.
@@ -69,7 +70,7 @@ impl<K: LaneKernel> WideBvh<K> {
         occluded: &mut [bool],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        serial(self.path, self, &Occluded(Where(accepts)), rays, occluded);
+        serial(self, &Occluded(Where(accepts)), rays, occluded);
     }
 
     /// The same on all threads.
@@ -79,6 +80,26 @@ impl<K: LaneKernel> WideBvh<K> {
         occluded: &mut [bool],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        parallel(self.path, self, &Occluded(Where(accepts)), rays, occluded);
+        parallel(self, &Occluded(Where(accepts)), rays, occluded);
+    }
+
+    /// Every hit of each ray that `accepts` accepts.
+    pub fn all_hits_many_where(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Vec<Hit>],
+        accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
+    ) {
+        serial(self, &Every(Where(accepts)), rays, hits);
+    }
+
+    /// The same on all threads.
+    pub fn par_all_hits_many_where(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Vec<Hit>],
+        accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
+    ) {
+        parallel(self, &Every(Where(accepts)), rays, hits);
     }
 }

@@ -33,8 +33,8 @@ fn what_is_written_comes_back_bit_for_bit() {
             let back = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(back.to_bytes(), bytes, "{name}");
             assert_eq!(
-                (back.aabb(), back.frame(), back.n_triangles()),
-                (wide.aabb(), wide.frame(), wide.n_triangles())
+                (back.aabb(), back.frame(), back.n_primitives()),
+                (wide.aabb(), wide.frame(), wide.n_primitives())
             );
             assert_eq!((back.sizes(), back.predicted()), (wide.sizes(), wide.predicted()), "{name}");
             for path in SimdPath::ALL {
@@ -102,8 +102,8 @@ fn other_files_and_other_versions_are_named() {
         bytes[at..at + new.len()].copy_from_slice(new);
         TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err()
     };
-    assert_eq!(with(0, b"\x7fELF").to_string(), "not a tree: it begins with \"\\x7fELFWIDE\"");
-    assert_eq!(with(8, &[1]).to_string(), "version 1 of the form; only 3 is read");
+    assert_eq!(with(0, b"\x7fELF").to_string(), "not a BVH file: it begins with \"\\x7fELFWIDE\"");
+    assert_eq!(with(8, &[1]).to_string(), "unsupported format version 1; expected 3");
 }
 
 #[test]
@@ -126,5 +126,5 @@ fn huge_counts_are_refused_before_anything_is_allocated() {
     }
     bytes[end..].copy_from_slice(&sum.to_le_bytes());
     let error = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err();
-    assert_eq!(error, LoadError::Count { n_told: 1 << 40, n_places: 20 });
+    assert_eq!(error, LoadError::Count { n_expected: 1 << 40, n_found: 20 });
 }

@@ -161,8 +161,8 @@ fn refused_vertices_change_nothing() {
     let refused = wide.refit(&mesh.positions[..n_vertices - 1], &mesh.triangles);
     assert!(matches!(refused, Err(RefitError::Geometry(GeometryError::IndexOutOfRange { .. }))), "{refused:?}");
     let refused = wide.refit(&mesh.positions, &mesh.triangles[1..]).unwrap_err();
-    assert_eq!(refused, RefitError::OtherCount { n_triangles: 100, n_given: 99 });
-    assert_eq!(refused.to_string(), "the tree holds 100 triangles, 99 are given");
+    assert_eq!(refused, RefitError::Count { n_primitives: 100, n_given: 99 });
+    assert_eq!(refused.to_string(), "the BVH has 100 primitives, but 99 are given");
     assert_eq!(wide.to_bytes(), before);
 }
 

@@ -1,19 +1,16 @@
 // Starts paths at the camera. Each invocation takes one sample of one pixel, in the same order as render/path.
+// use shared/invocation/index
 // use alternatives/wavefront/paths
 // use alternatives/wavefront/paths/queue
 // use ?time
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group_id: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let group = group_id.y * groups.x + group_id.x;
-    let one = taken(group, local);
+fn main(id: Invocation) {
+    let group = group_index(id);
+    let one = taken(group, id.local);
     if one.is_inside {
         choose_time(one);
-        paths[64u * group + local] = path_from(camera_ray(one));
+        paths[64u * group + id.local] = path_from(camera_ray(one));
     }
-    enqueue(one.is_inside, 64u * group + local, local);
+    enqueue(one.is_inside, 64u * group + id.local, id.local);
 }

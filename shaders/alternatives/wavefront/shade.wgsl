@@ -6,12 +6,8 @@
 // use ?time
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = invocation(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
     var place = 0u;
     var is_active = false;
     if index < n_active[0] {
@@ -32,5 +28,5 @@ fn main(
             keep(place / 64u, place % 64u, path.radiance, path.n_rays);
         }
     }
-    enqueue(is_active, place, local);
+    enqueue(is_active, place, id.local);
 }

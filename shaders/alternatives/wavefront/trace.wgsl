@@ -5,12 +5,8 @@
 // use ?time
 
 @compute @workgroup_size(64)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let index = invocation(group, groups, 64u, local);
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
     if index < n_active[0] {
         let place = active_paths[index];
         let one = taken(place / 64u, place % 64u);

@@ -21,6 +21,6 @@ fn digit_of(key: u32) -> u32 {
 }
 
 /// Tile of a work-group. Tiles at or beyond `slice.end` do not exist.
-fn tile_of(group: vec3<u32>, row: vec3<u32>) -> u32 {
-    return slice.first + group.y * row.x + group.x;
+fn tile_of(id: Invocation) -> u32 {
+    return slice.first + group_index(id);
 }

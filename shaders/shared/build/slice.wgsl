@@ -11,8 +11,8 @@ struct Slice {
 @group(0) @binding(0) var<uniform> slice: Slice;
 
 /// The item of an invocation. Items at or beyond `slice.end` do not exist.
-fn slice_item(group: vec3<u32>, row: vec3<u32>, size: u32, local: u32) -> u32 {
-    return slice.first + invocation(group, row, size, local);
+fn slice_item(id: Invocation, size: u32) -> u32 {
+    return slice.first + invocation(id, size);
 }
 
 /// The value as it is stored. Compilers may simplify `(a + b) - a` to `b`, but not through an unknown integer.

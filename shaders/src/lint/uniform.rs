@@ -258,7 +258,7 @@ mod tests {
              @group(0) @binding(1) var<storage, read> fixed: array<u32>;
              @group(0) @binding(2) var<storage, read_write> words: array<u32>;
              var<workgroup> both: array<u32, 64>;
-             fn meet() {{ workgroupBarrier(); }}
+             fn sync() {{ workgroupBarrier(); }}
              fn odd(i: u32) -> bool {{ return (i & 1u) == 1u; }}
              @compute @workgroup_size(64)
              fn main(@builtin(local_invocation_index) i: u32, @builtin(workgroup_id) group: vec3<u32>) {{ {body} }}"
@@ -273,11 +273,11 @@ mod tests {
             "for (var k = 0u; k < turns; k++) { both[i] = k; workgroupBarrier(); }",
             "if fixed[group.x] > 3u { workgroupBarrier(); }",
             "if group.x > 3u { return; } workgroupBarrier();",
-            "let n = workgroupUniformLoad(&both[0]); for (var k = 0u; k < n; k++) { meet(); }",
+            "let n = workgroupUniformLoad(&both[0]); for (var k = 0u; k < n; k++) { sync(); }",
             "if i < 3u { both[i] = 1u; } workgroupBarrier();",
             "for (var k = 0u; k < i; k++) { both[i] += k; } workgroupBarrier();",
             "loop { if turns > 3u { break; } workgroupBarrier(); }",
-            "if odd(group.x) { meet(); }",
+            "if odd(group.x) { sync(); }",
             "switch turns { case 1u: { workgroupBarrier(); } default: {} }",
             "for (var k = 0u; k < 4u; k++) { if i < k { continue; } both[i] = k; } workgroupBarrier();",
         ] {
@@ -291,16 +291,16 @@ mod tests {
             "if i < 3u { workgroupBarrier(); }",
             "if i < 3u { return; } workgroupBarrier();",
             "for (var k = 0u; k < i; k++) { workgroupBarrier(); }",
-            "for (var k = 0u; k < words[0]; k++) { meet(); }",
+            "for (var k = 0u; k < words[0]; k++) { sync(); }",
             "loop { if i > 3u { break; } workgroupBarrier(); }",
             "loop { workgroupBarrier(); if both[0] > 3u { break; } }",
             "for (var k = 0u; k < 4u; k++) { if i < k { continue; } workgroupBarrier(); }",
             "var n = turns; if i == 2u { n = 5u; } for (var k = 0u; k < n; k++) { workgroupBarrier(); }",
             "var n = turns; for (var k = 0u; k < 4u; k++) { if n > 3u { workgroupBarrier(); } n = i; }",
-            "if odd(i) { meet(); }",
+            "if odd(i) { sync(); }",
             "switch i { case 1u: { workgroupBarrier(); } default: {} }",
             "let n = both[0]; if n == 3u { let m = workgroupUniformLoad(&both[1]); words[i] = m; }",
-            "loop { if i == 1u { return; } meet(); if turns == 1u { break; } }",
+            "loop { if i == 1u { return; } sync(); if turns == 1u { break; } }",
         ] {
             assert!(n_found(body) > 0, "{body}");
         }

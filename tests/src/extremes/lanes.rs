@@ -4,7 +4,7 @@
 
 use canted_obb::Aabb;
 use canted_trace::ScaledRay;
-use canted_wide::{BoxTree, Config, SimdPath};
+use canted_wide::{Config, SimdPath, WideBvh};
 
 use super::{
     Oracle, Promise, Row,
@@ -61,7 +61,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
 fn entered(pairs: &[Pair], path: SimdPath) -> Vec<Vec<usize>> {
     let of_node = |pairs: &[Pair]| {
         let boxes: Vec<Aabb> = pairs.iter().map(|(_, obb)| obb.aabb()).collect();
-        let tree = BoxTree::build(&boxes, &Config::default()).expect("boxes are finite").with_path(path);
+        let tree = WideBvh::<Aabb>::build(boxes.clone(), &Config::default()).expect("boxes are finite").with_path(path);
         let of_ray = |(ray, _): &Pair| {
             let mut entered = vec![];
             if let Some(ray) = ScaledRay::new(ray) {

@@ -11,7 +11,7 @@ use canted_obb::{Aabb, Affine};
 use canted_renderer::{Accel, Levels, StructureConfig, flatten, prepare};
 use canted_scene::{Instance, Mesh, MeshId, Scene};
 use canted_trace::{ScaledRay, Watertight};
-use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, PrimitiveTree, TriangleBvh};
+use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
 
 use super::{Oracle, Promise, Row};
 
@@ -63,7 +63,7 @@ pub(super) fn rows() -> Vec<Row> {
     let triangles = vec![[0u32; 3]; MAX_TRIANGLES + 1];
     row("Wide::build", is_told(TriangleBvh::<Watertight>::build(&[], &triangles, &Config::default()), triangles.len()));
     let shapes = vec![Flawed; MAX_PRIMITIVES + 1];
-    row("PrimitiveTree::build", is_told(PrimitiveTree::build(shapes, &Config::default()), MAX_PRIMITIVES + 1));
+    row("WideBvh::build", is_told(WideBvh::<Flawed>::build(shapes, &Config::default()), MAX_PRIMITIVES + 1));
     let one = StructureConfig { levels: Levels::One, ..StructureConfig::default() };
     let crowd = scene(MAX_TRIANGLES);
     row("prepare, one level", is_told(prepare::<Watertight>(&crowd, &one), crowd.n_placed_triangles()));

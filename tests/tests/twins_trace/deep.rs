@@ -52,7 +52,7 @@ fn deep(depth: u16) -> (Mesh, TriangleBvh<Watertight>) {
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = chain(n.into(), |i| i % 2 == 0);
     let wide = TriangleBvh::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Aligned)).unwrap();
-    assert_eq!(wide.words().depth, u32::from(depth));
+    assert_eq!(wide.raw().depth, u32::from(depth));
     (mesh, wide)
 }
 

@@ -4,7 +4,7 @@ use canted_fixtures::{Mesh, thin_box, torus};
 use canted_obb::{Aabb, PrimId};
 use canted_tests::{rays, scenes};
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Ray, ScaledRay, Watertight};
-use canted_wide::{Config, Primitive, PrimitiveHit, PrimitiveTree, TriangleBvh};
+use canted_wide::{Config, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
 
 use super::setup::{build, few_ways, first_difference, loop_over_all};
 
@@ -38,7 +38,8 @@ impl<const PARTS: u32, const PADDED: bool> Primitive for Shrunk<PARTS, PADDED> {
 /// Number of rays for which the BVH over shrunk triangles differs from the loop.
 fn n_lost<const PARTS: u32, const PADDED: bool>(mesh: &Mesh, rays: &[Ray]) -> usize {
     let shrunk = |t: &[u32; 3]| Shrunk::<PARTS, PADDED>(t.map(|index| mesh.positions[index as usize]));
-    let tree = PrimitiveTree::build(mesh.triangles.iter().map(shrunk).collect(), &Config::default()).unwrap();
+    let tree = WideBvh::<Shrunk<PARTS, PADDED>>::build(mesh.triangles.iter().map(shrunk).collect(), &Config::default())
+        .unwrap();
     let wants = loop_over_all::<Watertight>(mesh, rays);
     rays.iter().zip(&wants).filter(|(ray, want)| tree.closest_hit(ray) != **want).count()
 }

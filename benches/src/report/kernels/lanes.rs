@@ -50,7 +50,7 @@ pub(super) fn tests(
 ) -> Result<Vec<Test<'static, Answer>>> {
     let (rays, corners): (Vec<Ray>, Vec<Corners>) = pairs.iter().copied().unzip();
     let leaves = corners.chunks(LEAF).map(leaf).collect::<Result<Vec<_>>>()?;
-    let n_tests = leaves.iter().zip(rays.chunks(LEAF)).map(|(leaf, rays)| leaf.n_triangles() * rays.len()).sum();
+    let n_tests = leaves.iter().zip(rays.chunks(LEAF)).map(|(leaf, rays)| leaf.n_primitives() * rays.len()).sum();
     let test = |path: SimdPath| {
         let on_path = |tree: &TriangleBvh<Watertight>| tree.clone().with_path(path);
         let answer = |(tree, ray): (&TriangleBvh<Watertight>, &Ray)| {

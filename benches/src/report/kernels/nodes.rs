@@ -4,7 +4,7 @@ use anyhow::Result;
 use canted_obb::Aabb;
 use canted_tests::extremes::slab::Pair;
 use canted_trace::{ScaledRay, Watertight};
-use canted_wide::{BoxTree, Config, Costs, SimdPath, TriangleBvh};
+use canted_wide::{Config, Costs, SimdPath, TriangleBvh, WideBvh};
 
 use super::contest::Test;
 use super::lanes;
@@ -14,7 +14,7 @@ pub(super) const LANES: usize = 8;
 
 /// A node, and the pairs whose rays are asked of it.
 struct Node<'a> {
-    tree: BoxTree,
+    tree: WideBvh<Aabb>,
     /// Its boxes are those of the pairs from here on.
     first: usize,
     pairs: &'a [Pair],
@@ -40,7 +40,7 @@ fn nodes<'a>(pairs: &'a [Pair], path: SimdPath) -> Result<Vec<(usize, Node<'a>)>
     let node = |(i, own): (usize, &'a [Pair])| {
         let start = i * LANES;
         let first = start.min(last);
-        let tree = BoxTree::build(&boxes[first..boxes.len().min(first + LANES)], &Config::default())?;
+        let tree = WideBvh::<Aabb>::build(boxes[first..boxes.len().min(first + LANES)].to_vec(), &Config::default())?;
         Ok((start, Node { tree: tree.with_path(path), first, pairs: own }))
     };
     pairs.chunks(LANES).enumerate().map(node).collect()
@@ -120,6 +120,6 @@ mod tests {
     fn equal_boxes_are_one_node_of_that_box() {
         let aabb = Aabb { min: [1.0, 2.0, 3.0], max: [4.0, 5.0, 3.0] };
         let tree = of_equal(&[aabb]).unwrap().remove(0);
-        assert_eq!((tree.sizes().nodes, tree.aabb(), tree.n_triangles()), ([1, 0], aabb, LANES));
+        assert_eq!((tree.sizes().nodes, tree.aabb(), tree.n_primitives()), ([1, 0], aabb, LANES));
     }
 }

@@ -82,8 +82,8 @@ impl Row {
             self.max_angle_rad = self.max_angle_rad.max(angle_rad(wide.frame()));
         }
         self.node_bytes += sizes.node_bytes;
-        self.block_bytes += sizes.block_bytes;
-        self.n_triangles += wide.n_triangles();
+        self.block_bytes += sizes.leaf_bytes;
+        self.n_triangles += wide.n_primitives();
         self.depth = self.depth.max(sizes.depth);
         self.build_ms += build_ms;
         self.root_area += area;

@@ -171,7 +171,7 @@ fn only_regular_files_are_replaced() {
     let _sockets =
         ["out.png", "out.csv"].map(|name| std::os::unix::net::UnixListener::bind(folder.path(name)).unwrap());
     for line in WRITERS {
-        folder.run(&line.replace("OUT", "out")).refused(&["cannot write out", "no regular file"]);
+        folder.run(&line.replace("OUT", "out")).refused(&["cannot write out", "not a regular file"]);
     }
     folder.run("render small.obj -o a.png --checkpoint out.csv").refused(&["cannot write out.csv"]);
     assert!(!is_file("out.png") && !is_file("out.csv"));

@@ -4,31 +4,31 @@ use exr::prelude::FlatSamples;
 
 use super::{Guide, Pixel};
 
-/// What a picture can show beside light: properties of what camera rays meet first.
+/// Arbitrary output variable: a property of the first hit of camera rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Aov {
-    /// Distance along the view axis, in world units; mean of the samples that hit, infinite where none does.
+    /// Distance along the view axis in world units: mean of the samples that hit, infinite without hits.
     Depth,
-    /// Normal of the triangle, world space, towards the camera; a miss counts as zero.
+    /// Geometric normal in world space, towards the camera; a miss counts as zero.
     Normal,
-    /// Normal to shade with, world space; a miss counts as zero.
+    /// Shading normal in world space; a miss counts as zero.
     ShadingNormal,
     /// Reflectance, linear RGB; a miss counts as black.
     Albedo,
-    /// Number of the instance of the first sample that hits; `u32::MAX` where none does.
+    /// Instance of the first sample that hits; `u32::MAX` without hits.
     Instance,
-    /// Number of the triangle in its mesh of the first sample that hits; `u32::MAX` where none does.
+    /// Triangle of the first sample that hits, by its index in the mesh; `u32::MAX` without hits.
     Primitive,
-    /// Mean box and triangle tests of a camera ray.
+    /// Mean number of box and triangle tests of a camera ray.
     Tests,
 }
 
 impl Aov {
-    /// All of them.
+    /// All AOVs.
     pub const ALL: [Self; 7] =
         [Self::Depth, Self::Normal, Self::ShadingNormal, Self::Albedo, Self::Instance, Self::Primitive, Self::Tests];
 
-    /// The name by which people ask for it.
+    /// The name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -42,7 +42,7 @@ impl Aov {
         }
     }
 
-    /// Names of its channels, as compositing tools know them: `Z` and `N` are what OpenEXR's users agree on.
+    /// EXR channel names; compositing tools expect `Z` and `N`.
     #[must_use]
     pub fn channels(self) -> &'static [&'static str] {
         match self {
@@ -56,7 +56,7 @@ impl Aov {
         }
     }
 
-    /// The values of channel `k`, one for each pixel.
+    /// The values of channel `k`, one per pixel.
     pub(crate) fn values(self, k: usize, pixels: &[Pixel], guides: &[Guide]) -> FlatSamples {
         let ids =
             |k: usize| FlatSamples::U32(guides.iter().map(|guide| guide.first.map_or(u32::MAX, |id| id[k])).collect());
@@ -71,29 +71,29 @@ impl Aov {
 
     fn mean(self, k: usize, pixel: &Pixel, guide: &Guide) -> f64 {
         let sum = match self {
-            // A background at distance zero would lie before everything, and mixed with hits it would lie in the air.
+            // Zero would put the background in front of everything, and a mix with hits into the air.
             Self::Depth if guide.n_hits == 0 => return f64::INFINITY,
             Self::Depth => return guide.depth / f64::from(guide.n_hits),
             Self::Normal => guide.normal[k],
             Self::ShadingNormal => guide.shading_normal[k],
             Self::Albedo => guide.albedo[k],
             Self::Tests => guide.tests[k],
-            // Names have no mean.
+            // Ids have no mean.
             Self::Instance | Self::Primitive => 0.0,
         };
         sum / f64::from(pixel.n_taken().max(1))
     }
 }
 
-/// A set of properties.
+/// A set of AOVs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Aovs(u8);
 
 impl Aovs {
-    /// None of them.
+    /// The empty set.
     pub const NONE: Self = Self(0);
 
-    /// The same set with `aov` in it.
+    /// Adds `aov`.
     #[must_use]
     pub fn with(self, aov: Aov) -> Self {
         Self(self.0 | 1 << aov as u8)
@@ -105,7 +105,7 @@ impl Aovs {
         self.0 >> aov as u8 & 1 == 1
     }
 
-    /// Whether the set is empty, so that nothing is kept beside light.
+    /// Whether the set is empty.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self.0 == 0
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn misses_dilute_normals_and_leave_depth_alone() {
+    fn misses_count_for_normals_but_not_for_depth() {
         let light = [[1.0; 3]; 4].map(Pixel::of).into_iter().reduce(|a, b| a + b).unwrap();
         let edge = Guide { n_hits: 2, first: Some([3, 9]), depth: 10.0, normal: [2.0, 0.0, 0.0], ..Guide::default() };
         let values = |aov: Aov, k| aov.values(k, &[light; 2], &[edge, Guide::default()]);
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn sets_hold_what_was_put_in() {
+    fn sets_contain_what_was_added() {
         let set: Aovs = [Aov::Tests, Aov::Depth].into_iter().collect();
         assert_eq!(set.iter().collect::<Vec<_>>(), [Aov::Depth, Aov::Tests]);
         assert!(!set.contains(Aov::Normal) && !set.is_empty() && Aovs::NONE.is_empty());

@@ -1,15 +1,15 @@
-//! Sums over ranges of sample numbers, in an order that no way of splitting the range changes.
+//! Sums over ranges of sample numbers whose bits do not depend on how a range is split.
 //!
 //! ```text
 //! reads   values of consecutive sample numbers, or of blocks of them
 //! writes  one value for each block of the range
-//! holds   the sum over a block `[k·2^j, (k + 1)·2^j)` is the sum of its two halves, whatever was summed before
+//! holds   the sum over a block `[k·2^j, (k + 1)·2^j)` is the sum of its two halves, whatever was added before
 //! source  binary counters; pairwise summation (Higham 2002, section 4.2)
 //! ```
 //!
-//! A range is cut into the fewest such blocks, `O(log n)` of them. Blocks are nested or apart, so the blocks of the
-//! parts of a range are subtrees of the blocks of the whole: joining parts makes the same additions, in the same order
-//! of operands, as summing the whole does. Equal trees of roundings are equal bits.
+//! A range is split into the fewest such blocks, `O(log n)` of them. Blocks are nested or disjoint, so the blocks of parts of
+//! a range are subtrees of the blocks of the range: joining parts makes the same additions, with the same operands in the
+//! same order, as summing the range.
 
 use std::ops::{Add, Range};
 
@@ -18,22 +18,22 @@ use std::ops::{Add, Range};
 pub struct Block {
     /// Lowest sample number.
     pub first: u32,
-    /// How many.
+    /// Number of samples.
     pub len: u32,
 }
 
 impl Block {
-    /// Whether `next` is the other half of the block that is twice as long.
+    /// Whether `self` and `next` are the halves of a block.
     fn is_completed_by(self, next: Self) -> bool {
         self.len == next.len && self.first & self.len == 0 && self.first + self.len == next.first
     }
 
-    /// The fewest blocks that make up `range`, in order.
+    /// The fewest blocks that cover `range`, in order.
     pub(crate) fn of(range: Range<u32>) -> Vec<Self> {
         let mut blocks = Vec::new();
         let mut first = range.start;
         while first < range.end {
-            // As long as the place allows: 2^31 at zero, which every power of two divides.
+            // The longest block that may start here; every power of two divides zero.
             let aligned = 1 << first.trailing_zeros().min(u32::BITS - 1);
             let len = aligned.min(1 << (range.end - first).ilog2());
             blocks.push(Self { first, len });
@@ -43,7 +43,7 @@ impl Block {
     }
 }
 
-/// Values of the blocks seen so far, each pair of halves joined as soon as it is there.
+/// Sums of blocks; two halves of a block are added as soon as both are present.
 #[derive(Clone, Debug)]
 pub struct Dyadic<T> {
     blocks: Vec<(Block, T)>,
@@ -56,7 +56,7 @@ impl<T> Default for Dyadic<T> {
 }
 
 impl<T: Copy + Default + Add<Output = T>> Dyadic<T> {
-    /// Adds the value of the block that follows the last one.
+    /// Adds the value of the next block.
     pub(crate) fn push(&mut self, mut block: Block, mut value: T) {
         while let Some(&(before, sum)) = self.blocks.last()
             && before.is_completed_by(block)
@@ -68,7 +68,7 @@ impl<T: Copy + Default + Add<Output = T>> Dyadic<T> {
         self.blocks.push((block, value));
     }
 
-    /// Adds the value of one sample.
+    /// Adds the value of the next sample.
     pub fn push_sample(&mut self, sample: u32, value: T) {
         self.push(Block { first: sample, len: 1 }, value);
     }
@@ -90,7 +90,7 @@ impl<T: Copy + Default + Add<Output = T>> Dyadic<T> {
     }
 }
 
-/// The sum of the values of consecutive blocks, in order; the first is kept as it is.
+/// The sum of consecutive values, in order, starting with the first.
 pub(crate) fn total<T: Default + Add<Output = T>>(values: impl IntoIterator<Item = T>) -> T {
     values.into_iter().reduce(T::add).unwrap_or_default()
 }
@@ -99,7 +99,7 @@ pub(crate) fn total<T: Default + Add<Output = T>>(values: impl IntoIterator<Item
 mod tests {
     use super::*;
 
-    /// The sum of a block by its definition.
+    /// The sum of a block by definition.
     fn by_halves(block: Block, value: &dyn Fn(u32) -> f64) -> f64 {
         if block.len == 1 {
             return value(block.first);
@@ -108,7 +108,7 @@ mod tests {
         by_halves(Block { len, ..block }, value) + by_halves(Block { first: block.first + len, len }, value)
     }
 
-    /// Values of many magnitudes, whose sum depends on the order.
+    /// Values of different magnitudes, whose sum depends on the order.
     fn value(sample: u32) -> f64 {
         let hash = sample.wrapping_mul(0x9e37_79b9) ^ 0x5bd1_e995;
         f64::from(hash) * 2.0_f64.powi(i32::try_from(hash % 60).unwrap_or(0))
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_maximal_aligned_and_without_gaps() {
+    fn blocks_are_aligned_maximal_and_contiguous() {
         for start in 0..70 {
             for end in start..140 {
                 let blocks = Block::of(start..end);
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_are_those_of_the_definition() {
+    fn sums_match_the_definition() {
         for range in [0..0, 0..1, 0..32, 3..77, 5..6, 64..127, 1000..1033] {
             let sums = sums(range.clone());
             let expected: Vec<f64> = Block::of(range).into_iter().map(|block| by_halves(block, &value)).collect();
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn no_split_changes_a_bit() {
+    fn splitting_does_not_change_bits() {
         for [start, end] in [[0, 32], [7, 61], [0, 33]] {
             let whole: Vec<f64> = sums(start..end).values().collect();
             for a in start..=end {
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_serial_sum_would_depend_on_the_split() {
+    fn serial_sums_depend_on_the_split() {
         let serial = |range: Range<u32>| range.map(value).fold(0.0, f64::add);
         assert!((1..32).any(|a| (serial(0..a) + serial(a..32)).to_bits() != serial(0..32).to_bits()));
     }

@@ -1,27 +1,25 @@
 use std::ops::Add;
 
-/// What camera rays meet first, summed over the samples of one pixel in `f64`. World space.
-///
-/// A sample that misses adds to no sum.
+/// AOV sums of one pixel in `f64`, in world space. A sample that misses adds zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Guide {
-    /// Samples that hit something.
+    /// Samples that hit.
     pub n_hits: u32,
-    /// Instance and primitive of the first sample that hits; `None` where none does.
+    /// Instance and primitive of the first sample that hits.
     pub first: Option<[u32; 2]>,
     /// Distance along the view axis.
     pub depth: f64,
-    /// Unit normal of the triangle, towards the camera.
+    /// Geometric unit normal, towards the camera.
     pub normal: [f64; 3],
-    /// Unit normal to shade with.
+    /// Unit shading normal.
     pub shading_normal: [f64; 3],
     /// Reflectance, linear RGB.
     pub albedo: [f64; 3],
-    /// Box and triangle tests of the camera ray, which misses make too.
+    /// Box and triangle tests of the camera ray, including misses.
     pub tests: [f64; 2],
 }
 
-/// Numbers in `f64` of a guide.
+/// `f64` sums of a guide.
 const N_SUMS: usize = 12;
 
 impl Guide {
@@ -65,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn guides_add_field_by_field_and_keep_the_first_hit() {
+    fn addition_keeps_the_first_hit() {
         let miss = Guide { tests: [4.0, 1.0], ..Guide::default() };
         let hit = |id: u32, x: f64| Guide {
             n_hits: 1,

@@ -3,7 +3,7 @@ use std::ops::{Add, Range};
 
 use super::{Block, Dyadic, Guide, Pixel};
 
-/// The samples of one range of numbers, block by block, so that parts join to the bits of the whole.
+/// The sums of a range of samples, block by block, so that joined parts have the bits of an undivided render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     range: Range<u32>,
@@ -11,15 +11,12 @@ pub struct Part {
     blocks: Vec<Block>,
     /// For each pixel, row by row, the sums of each block.
     pixels: Vec<Pixel>,
-    /// The same of guides; empty where none were asked for.
+    /// The same for guides; empty without AOVs.
     guides: Vec<Guide>,
 }
 
 impl Part {
-    /// A part of `range` from the sums of all blocks of each pixel; `guides` may be empty.
-    ///
-    /// # Panics
-    /// Never for slices whose length is a multiple of the number of blocks, as those of films are.
+    /// A part from the sums of all blocks of each pixel; `guides` may be empty.
     pub(crate) fn new(range: Range<u32>, pixels: Vec<Pixel>, guides: Vec<Guide>) -> Self {
         let blocks = Block::of(range.clone());
         Self { range, blocks, pixels, guides }
@@ -42,18 +39,18 @@ impl Part {
         self.pixels.chunks(self.blocks.len().max(1))
     }
 
-    /// The guides of each pixel's blocks, row by row; nothing where none were asked for.
+    /// The guides of each pixel's blocks, row by row; nothing without AOVs.
     pub fn guides(&self) -> impl Iterator<Item = &[Guide]> {
         self.guides.chunks(self.blocks.len().max(1))
     }
 
-    /// Joins parts of one picture, given in any order, into one.
+    /// Joins parts of one picture, given in any order.
     ///
     /// # Errors
-    /// [`JoinError`] where samples are there twice, or missing between parts, or there is no part.
+    /// [`JoinError`] if samples overlap or are missing between parts, or there is no part.
     ///
     /// # Panics
-    /// Where the parts have different numbers of pixels.
+    /// If the parts have different numbers of pixels.
     pub fn join(mut parts: Vec<Self>) -> Result<Self, JoinError> {
         parts.sort_by_key(|part| (part.range.start, part.range.end));
         let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return Err(JoinError::Empty) };
@@ -78,7 +75,7 @@ impl Part {
     }
 }
 
-/// The sums of all blocks of the whole, pixel by pixel.
+/// The sums of all blocks of the joined range, pixel by pixel.
 fn joined<T: Copy + Default + Add<Output = T>>(parts: &[Part], sums: impl Fn(&Part) -> &Vec<T>) -> Vec<T> {
     let mut joined = Vec::new();
     let mut dyadic = Dyadic::default();
@@ -96,19 +93,19 @@ fn joined<T: Copy + Default + Add<Output = T>>(parts: &[Part], sums: impl Fn(&Pa
     joined
 }
 
-/// Why parts do not make one range.
+/// Why parts cannot be joined.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum JoinError {
     /// There is no part.
     Empty,
-    /// Samples are in two parts.
+    /// Two parts share samples.
     Overlap {
         /// The range that starts first.
         before: Range<u32>,
         /// The other.
         after: Range<u32>,
     },
-    /// Samples between two parts are in none.
+    /// Samples between two parts are missing.
     Gap {
         /// The range before.
         before: Range<u32>,
@@ -135,7 +132,7 @@ impl std::error::Error for JoinError {}
 mod tests {
     use super::*;
 
-    /// Two pixels whose sums are powers of three, so that wrong orders show.
+    /// Two pixels with sums of powers of three, which depend on the order.
     fn part(range: Range<u32>) -> Part {
         let mut pixels = Vec::new();
         for pixel in 0..2 {
@@ -152,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_in_any_order_are_the_whole() {
+    fn parts_join_in_any_order() {
         let whole = part(0..20);
         assert_eq!(Part::join(vec![part(0..20)]).unwrap(), whole);
         assert_eq!(Part::join(vec![part(5..20), part(0..5)]).unwrap(), whole);
@@ -163,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_range_is_refused() {
+    fn gaps_and_overlaps_are_rejected() {
         assert_eq!(Part::join(Vec::new()), Err(JoinError::Empty));
         let error = Part::join(vec![part(4..9), part(0..5)]).unwrap_err();
         assert_eq!(error.to_string(), "samples 0..5 and 4..9 overlap");

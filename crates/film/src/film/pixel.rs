@@ -3,23 +3,23 @@ use std::ops::Add;
 use crate::compare::REL_MSE_FLOOR;
 use crate::srgb::luminance;
 
-/// Samples of one pixel, summed in `f64`.
+/// Sample sums of one pixel in `f64`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
-    /// Sum of linear RGB, less that of negative samples.
+    /// Sum of linear RGB, minus that of samples with negative weight.
     pub sum: [f64; 3],
     /// Sum of the squares of linear RGB.
     pub sum_of_squares: [f64; 3],
     /// Samples in the sums.
     pub n_samples: u32,
-    /// Those of them that a filter weighs negatively.
+    /// Samples in the sums with negative weight.
     pub n_negative: u32,
-    /// Samples that were not finite: counted, in no sum.
+    /// Samples that were dropped because they were not finite.
     pub n_dropped: u32,
 }
 
 impl Pixel {
-    /// One sample, or one dropped where a channel is infinite or not a number.
+    /// One sample, which is dropped if a channel is not finite.
     #[must_use]
     pub fn of(radiance: [f32; 3]) -> Self {
         if !radiance.iter().all(|x| x.is_finite()) {
@@ -29,7 +29,7 @@ impl Pixel {
         Self { sum, sum_of_squares: sum.map(|x| x * x), n_samples: 1, ..Self::default() }
     }
 
-    /// As [`Self::of`] a sample that weighs 1 or, where a filter is negative, -1.
+    /// One sample with a weight of 1 or -1.
     #[must_use]
     pub fn weighted(radiance: [f32; 3], weight: f32) -> Self {
         let sample = Self::of(radiance);
@@ -39,13 +39,13 @@ impl Pixel {
         Self { sum: sample.sum.map(|x| -x), n_negative: sample.n_samples, ..sample }
     }
 
-    /// Samples taken, dropped ones too.
+    /// Samples taken, including dropped ones.
     #[must_use]
     pub fn n_taken(&self) -> u32 {
         self.n_samples + self.n_dropped
     }
 
-    /// Mean of the finite samples, each by its weight; black where there is none.
+    /// Weighted mean of the finite samples; black without samples.
     #[must_use]
     pub fn mean(&self) -> [f64; 3] {
         let weight = self.weight();
@@ -59,16 +59,16 @@ impl Pixel {
         self.mean().map(|x| x as f32)
     }
 
-    /// Sum of the weights; 1 where it is zero, as then a quotient would say nothing.
+    /// Sum of the weights; 1 where the sum is zero.
     fn weight(&self) -> f64 {
         let weight = f64::from(self.n_samples) - 2.0 * f64::from(self.n_negative);
         if weight == 0.0 { 1.0 } else { weight }
     }
 
-    /// Variance of the mean of independent samples, unbiased; zero where fewer than two samples say nothing about it.
+    /// Unbiased variance of the mean of independent samples; zero for fewer than two samples.
     ///
-    /// Stratified samples vary less than this estimate says, and so do those of a filter that is negative somewhere: as if
-    /// their weights were no part of the mean.
+    /// It overestimates the variance of stratified samples, and of samples with negative weights, because it treats the sum of
+    /// weights as a constant.
     #[must_use]
     pub fn variance_of_mean(&self) -> [f64; 3] {
         if self.n_samples < 2 {
@@ -84,9 +84,8 @@ impl Pixel {
 
     /// Square of the relative standard error of the mean luminance, `s² / (Y² + ε)`, with `ε` = [`REL_MSE_FLOOR`].
     ///
-    /// The floor makes the error of pixels darker than a tenth of white an absolute one. `s` is the weighted sum of the
-    /// channels' standard errors: that of the luminance where channels vary together, more where they do not
-    /// (Cauchy-Schwarz), so never less than is true of the samples. Infinite where fewer than two say nothing about it.
+    /// The floor makes the error of pixels darker than a tenth of white absolute. `s` is the weighted sum of the channels'
+    /// standard errors, which is an upper bound of that of the luminance (Cauchy-Schwarz). Infinite for fewer than two samples.
     #[must_use]
     pub fn squared_error(&self) -> f64 {
         if self.n_samples < 2 {
@@ -131,32 +130,32 @@ mod tests {
     }
 
     #[test]
-    fn negative_samples_count_down() {
+    fn negative_weights_are_subtracted() {
         let sample = |x: f32, weight: f32| Pixel::weighted([x; 3], weight);
         let pixel = sample(2.0, 1.0) + sample(3.0, 1.0) + sample(1.0, -1.0);
         assert_eq!((pixel.n_samples, pixel.n_negative, pixel.mean()), (3, 1, [4.0; 3]));
         assert_eq!(sample(2.0, -1.0).mean(), [2.0; 3]);
-        // No quotient says anything here: one is as good as the other.
+        // The sum of the weights is zero.
         assert_eq!((sample(2.0, -1.0) + sample(2.0, 1.0)).mean(), [0.0; 3]);
         let lost = sample(f32::NAN, -1.0);
         assert_eq!((lost.n_samples, lost.n_negative, lost.n_dropped), (0, 0, 1));
-        // Never less than what varies: here nothing does, but for the weights.
+        // Equal samples vary by their weights.
         assert!((sample(1.0, 1.0) + sample(1.0, 1.0) + sample(1.0, -1.0)).squared_error() > 0.0);
     }
 
     #[test]
-    fn the_error_of_grey_samples_is_that_of_their_luminance() {
+    fn the_error_of_gray_samples_is_that_of_their_luminance() {
         let pixel = Pixel::of([0.5; 3]) + Pixel::of([1.5; 3]);
-        // Mean 1, standard error 1/2; weights that sum to one in f64 but for roundings of their sum.
+        // Mean 1, standard error 1/2; the luminance weights sum to one but for rounding.
         assert!((pixel.squared_error() - 0.25 / (1.0 + REL_MSE_FLOOR)).abs() < 1e-15);
         let black = Pixel::of([0.0; 3]) + Pixel::of([0.0; 3]);
         assert_eq!(black.squared_error(), 0.0);
-        assert_eq!(Pixel::of([0.5; 3]).squared_error(), f64::INFINITY, "one sample does not know");
+        assert_eq!(Pixel::of([0.5; 3]).squared_error(), f64::INFINITY, "one sample has no estimate");
     }
 
     #[test]
-    fn long_sums_do_not_stall() {
-        // An f32 sum of ones would stop at 2^24; this one starts there.
+    fn long_sums_keep_growing() {
+        // An f32 sum of ones stops at 2^24.
         let start = Pixel { sum: [16_777_216.0; 3], n_samples: 16_777_216, ..Pixel::default() };
         let pixel = (0..1000).fold(start, |pixel, _| pixel + Pixel::of([1.0; 3]));
         assert_eq!(pixel.sum, [16_778_216.0; 3]);
@@ -164,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_counted_and_left_out() {
+    fn samples_that_are_not_finite_are_counted_and_dropped() {
         let mut pixel = Pixel::of([0.5; 3]);
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             pixel = pixel + Pixel::of([0.25, bad, 0.25]);

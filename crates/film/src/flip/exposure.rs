@@ -1,19 +1,18 @@
-//! Exposures at which a picture of high dynamic range is looked at, and what a screen shows of it then.
+//! Exposures for pictures of high dynamic range, and tone mapping.
 
 use crate::srgb::luminance;
 
-/// The filmic curve `(a x² + b x) / (c x² + d x + e)` after the Academy's reference, fitted by Narkowicz, its input scaled by
-/// 0.6: `[a, b]`.
+/// `[a, b]` of the filmic curve `(a x² + b x) / (c x² + d x + e)`: Narkowicz's fit of ACES, with its input scaled by 0.6.
 const ABOVE: [f64; 2] = [0.36 * 2.51, 0.6 * 0.03];
 /// `[c, d, e]` of the curve.
 const BELOW: [f64; 3] = [0.36 * 2.43, 0.6 * 0.59, 0.14];
-/// Where the curve puts the brightest luminance at the first exposure, and the median at the last.
+/// The tone-mapped value of the brightest luminance at the first exposure, and of the median at the last.
 const SHOWN: f64 = 0.85;
-/// The least luminance from which an exposure follows.
+/// The minimum luminance that determines an exposure.
 const DARKEST: f64 = 1e-5;
 
-/// Powers of two from that at which the brightest luminance is shown as [`SHOWN`] to that at which the median is: one for
-/// each power of two between them, and at least two.
+/// Exposures, as exponents of two, from the one that maps the brightest luminance to [`SHOWN`] to the one that maps the median
+/// to it: one per power of two, and at least two.
 pub(super) fn exposures(reference: &[[f64; 3]]) -> Vec<f64> {
     let mut luminances: Vec<f64> = reference.iter().map(|&pixel| luminance(pixel)).collect();
     luminances.sort_by(f64::total_cmp);
@@ -26,17 +25,17 @@ pub(super) fn exposures(reference: &[[f64; 3]]) -> Vec<f64> {
     (0..n_exposures).map(|i| start + step * f64::from(i)).collect()
 }
 
-/// What a screen shows of linear RGB at an exposure.
+/// Tone-mapped linear RGB at an exposure.
 pub(super) fn tone_mapped(rgb: [f64; 3], exposure: f64) -> [f64; 3] {
     let gain = exposure.exp2();
     rgb.map(|x| {
-        // Beyond this the curve is flat to the last bit, and squares stay finite.
+        // Above this limit the curve is constant; it keeps squares finite.
         let x = (x * gain).min(1e30);
         (x * (ABOVE[0] * x + ABOVE[1]) / (x * (BELOW[0] * x + BELOW[1]) + BELOW[2])).clamp(0.0, 1.0)
     })
 }
 
-/// What the curve maps to `shown`.
+/// The input that the curve maps to `shown`.
 fn source(shown: f64) -> f64 {
     let [a, b] = [ABOVE[0] - shown * BELOW[0], ABOVE[1] - shown * BELOW[1]];
     let c = -shown * BELOW[2];
@@ -49,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_curve_is_undone() {
+    fn the_curve_is_inverted() {
         let [shown, ..] = tone_mapped([source(SHOWN) / 8.0; 3], 3.0);
         assert!((shown - SHOWN).abs() < 1e-12, "{shown}");
         assert_eq!(tone_mapped([0.0, 1e38, 1e300], 0.0), [0.0, 1.0, 1.0]);

@@ -1,10 +1,10 @@
-//! Filters that are a product of one along rows and one along columns; beyond its border a picture repeats its last pixel.
+//! Separable filters; borders repeat the outermost pixel.
 
 use rayon::prelude::*;
 
 use super::Plane;
 
-/// The weights of each channel at whole distances from the middle, from `-radius` to `radius`.
+/// The weights of each channel at integer distances from `-radius` to `radius`.
 pub(super) struct Taps<const N: usize> {
     radius: usize,
     weights: Vec<[f64; N]>,
@@ -23,8 +23,8 @@ impl<const N: usize> Taps<N> {
         self.weights.iter().fold([0.0; N], |sums, weight| std::array::from_fn(|k| sums[k] + weight[k]))
     }
 
-    /// Each channel divided so that its positive weights sum to 1, and its negative ones to -1.
-    pub(super) fn normalised(mut self) -> Self {
+    /// Scales each channel so that its positive weights sum to 1 and its negative weights to -1.
+    pub(super) fn normalized(mut self) -> Self {
         for channel in 0..N {
             let sum = |sign: f64| self.weights.iter().map(|w| (sign * w[channel]).max(0.0)).sum::<f64>();
             let sums = [sum(1.0), sum(-1.0)];
@@ -86,8 +86,8 @@ mod tests {
     }
 
     #[test]
-    fn signs_are_normalised_apart() {
-        let taps = Taps::new(2, |x| [x, 1.0]).normalised();
+    fn signs_are_normalized_separately() {
+        let taps = Taps::new(2, |x| [x, 1.0]).normalized();
         let column = |channel: usize| taps.weights.iter().map(|w| w[channel]).collect::<Vec<_>>();
         assert_eq!(column(0), [-2.0 / 3.0, -1.0 / 3.0, 0.0, 1.0 / 3.0, 2.0 / 3.0]);
         assert_eq!(column(1), [0.2; 5]);

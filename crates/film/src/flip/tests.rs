@@ -1,10 +1,10 @@
-//! FLIP beside the authors' own program, on pictures made of small integers.
+//! FLIP compared with the authors' program, on pictures made of small integers.
 
 use super::*;
 
 const SIZE: [u32; 2] = [40, 28];
 
-/// A multiple of 1/64 in 0..=1: tiles of three heights, with grain, moved by `shift` pixels. `tests/oracle/flip.py` has the same.
+/// Multiples of 1/64 in 0..=1: tiles of three values with noise, shifted by `shift` pixels, as in `tests/oracle/flip.py`.
 fn picture(shift: u32, is_hdr: bool) -> Picture {
     let mut picture = Picture::filled(SIZE[0], SIZE[1], [0.0; 3]);
     for (x, y) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y))) {
@@ -20,25 +20,25 @@ fn picture(shift: u32, is_hdr: bool) -> Picture {
     picture
 }
 
-/// What `flip-evaluator` 1.7 prints by `tests/oracle/flip.py`: pixels a degree, mean, and errors at [`PLACES`].
+/// Output of `flip-evaluator` 1.7 in `tests/oracle/flip.py`: pixels per degree, mean, and errors at [`POSITIONS`].
 type Published = (f64, f64, [f64; 4]);
-const PLACES: [[u32; 2]; 4] = [[0, 0], [11, 9], [39, 27], [20, 14]];
+const POSITIONS: [[u32; 2]; 4] = [[0, 0], [11, 9], [39, 27], [20, 14]];
 
-/// The authors' program computes in `f32`: their sums over some 400 weights and their powers keep five digits.
+/// The authors' program computes in `f32`: sums over about 400 weights and powers keep five digits.
 const THEIR_ROUNDING: f64 = 2e-5;
 
 #[track_caller]
 fn assert_published(flip: &Flip, &(pixels_per_degree, mean, places): &Published) {
     let close = |a: f64, b: f64| (a - b).abs() < THEIR_ROUNDING;
     assert!(close(flip.mean(), mean), "{pixels_per_degree}: mean {} is not {mean}", flip.mean());
-    for ([x, y], want) in PLACES.into_iter().zip(places) {
+    for ([x, y], want) in POSITIONS.into_iter().zip(places) {
         let got = flip.errors()[(y * SIZE[0] + x) as usize].unwrap();
         assert!(close(got, want), "{pixels_per_degree}: at ({x}, {y}) {got} is not {want}");
     }
 }
 
 #[test]
-fn ldr_errors_are_those_of_the_authors() {
+fn ldr_errors_match_the_reference() {
     for published in [
         (PIXELS_PER_DEGREE, 0.461_863_0, [0.617_201, 0.387_120, 0.440_873, 0.439_847]),
         (30.0, 0.516_713_9, [0.636_657, 0.371_347, 0.435_173, 0.672_631]),
@@ -48,7 +48,7 @@ fn ldr_errors_are_those_of_the_authors() {
 }
 
 #[test]
-fn hdr_errors_are_those_of_the_authors() {
+fn hdr_errors_match_the_reference() {
     for published in [
         (PIXELS_PER_DEGREE, 0.435_380_1, [0.728_206, 0.403_897, 0.317_787, 0.334_842]),
         (30.0, 0.487_107_3, [0.768_770, 0.393_750, 0.253_116, 0.538_414]),
@@ -58,7 +58,7 @@ fn hdr_errors_are_those_of_the_authors() {
 }
 
 #[test]
-fn equal_pictures_do_not_differ_and_order_hardly_matters() {
+fn equal_pictures_have_no_error_and_the_order_hardly_matters() {
     let [a, b] = [0, 1].map(|shift| picture(shift, false));
     assert!(flip(&a, &a, PIXELS_PER_DEGREE).unwrap().errors().iter().all(|&error| error == Some(0.0)));
     let [forth, back] = [(&a, &b), (&b, &a)].map(|(a, b)| flip(a, b, PIXELS_PER_DEGREE).unwrap().mean());
@@ -66,7 +66,7 @@ fn equal_pictures_do_not_differ_and_order_hardly_matters() {
 }
 
 #[test]
-fn what_is_not_finite_has_no_error_of_its_own() {
+fn pixels_that_are_not_finite_have_no_error() {
     let (a, mut b) = (picture(1, false), picture(0, false));
     b.pixels[7] = [f32::NAN; 3];
     let found = flip(&a, &b, PIXELS_PER_DEGREE).unwrap();

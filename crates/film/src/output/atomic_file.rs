@@ -1,88 +1,88 @@
-//! A file that appears under its name whole or not at all.
+//! A file that is written to a temporary name and renamed.
 
-use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Temporary files of this process that have no name yet.
+use crate::FileError;
+
+/// Temporary files of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Takes away what is there of files in the making, for a process that is about to end without coming back to them.
+/// Deletes all temporary files, for a process that is about to exit.
 ///
-/// While the value lives no file is begun, named or given up: whoever tries waits, so that nothing appears behind it.
+/// While the returned value lives, other threads wait before they create, finish or drop an [`AtomicFile`].
 pub fn discard_unfinished() -> Discarded {
     let files = unfinished();
     files.iter().for_each(|file| drop(fs::remove_file(file)));
     Discarded { _held: files }
 }
 
-/// Nothing is left of files in the making: [`discard_unfinished`].
-#[must_use = "files may be begun again once it is dropped"]
+/// No temporary file exists, see [`discard_unfinished`].
+#[must_use = "files may be created again once it is dropped"]
 #[derive(Debug)]
 pub struct Discarded {
     _held: MutexGuard<'static, Vec<PathBuf>>,
 }
 
-/// A file in the making, beside the one that it is to be: [`AtomicFile::finish`] gives it its name, and without that nothing is
-/// left of it.
+/// A temporary file in the folder of its target: [`AtomicFile::finish`] renames it, dropping it deletes it.
 #[derive(Debug)]
 pub struct AtomicFile {
-    /// The name that errors say.
+    /// The path in errors.
     path: PathBuf,
-    /// What that name means: links are followed, so that the file changes and the link stays.
+    /// The path with links resolved, so that the file changes and the link stays.
     target: PathBuf,
     temporary: PathBuf,
     writer: BufWriter<File>,
 }
 
 impl AtomicFile {
-    /// Opens a temporary file in the folder of `path`, readable by whoever may read new files there.
+    /// Creates the temporary file, with the permissions of new files in that folder.
     ///
     /// # Errors
-    /// [`WriteError`] where `path` cannot be written, or names a folder, a device or a pipe, which a file would replace.
-    pub fn create(path: &Path) -> Result<Self, WriteError> {
+    /// [`FileError`] if `path` cannot be written, or is a folder, a device or a pipe, which a file would replace.
+    pub fn create(path: &Path) -> Result<Self, FileError> {
         let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         match fs::metadata(&target) {
-            Ok(found) if found.is_dir() => return Err(WriteError::new(path, "it is a folder")),
-            Ok(found) if !found.is_file() => return Err(WriteError::new(path, "it is no regular file")),
-            Err(error) if error.kind() != ErrorKind::NotFound => return Err(WriteError::io(path, &error)),
+            Ok(found) if found.is_dir() => return Err(FileError::write(path, "it is a folder")),
+            Ok(found) if !found.is_file() => return Err(FileError::write(path, "not a regular file")),
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(write_error(path, &error)),
             _ => {}
         }
         let temporary = temporary_beside(&target);
-        // Noted under the lock that the file is made under: there is none that is not noted.
+        // Created and listed under one lock, so that no file is missing in the list.
         let mut unfinished = unfinished();
-        let file = File::create_new(&temporary).map_err(|error| WriteError::io(path, &error))?;
+        let file = File::create_new(&temporary).map_err(|error| write_error(path, &error))?;
         unfinished.push(temporary.clone());
         Ok(Self { path: path.to_owned(), target, temporary, writer: BufWriter::new(file) })
     }
 
-    /// Writes what `content` writes.
+    /// Calls `content` with the buffered file.
     ///
     /// # Errors
-    /// [`WriteError`] with the name and the reason, which is that of `content` too.
-    pub fn write(&mut self, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
-        content(&mut self.writer).map_err(|error| WriteError::io(&self.path, &error))
+    /// [`FileError`] with the file and the reason, including an error of `content`.
+    pub fn write(&mut self, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
+        content(&mut self.writer).map_err(|error| write_error(&self.path, &error))
     }
 
-    /// Gives the file its name, in the place of what had it before.
+    /// Renames the file, replacing the previous one.
     ///
     /// # Errors
-    /// [`WriteError`] with the name and the reason; what had the name before has it still.
-    pub fn finish(mut self) -> Result<(), WriteError> {
-        let mut named = || {
+    /// [`FileError`] with the file and the reason; the previous file remains.
+    pub fn finish(mut self) -> Result<(), FileError> {
+        let mut rename = || {
             self.writer.flush()?;
             self.writer.get_ref().sync_all()?;
             let _unfinished = unfinished();
             fs::rename(&self.temporary, &self.target)
         };
-        named().map_err(|error| WriteError::io(&self.path, &error))
+        rename().map_err(|error| write_error(&self.path, &error))
     }
 }
 
@@ -90,57 +90,30 @@ impl Drop for AtomicFile {
     fn drop(&mut self) {
         let mut unfinished = unfinished();
         unfinished.retain(|file| *file != self.temporary);
-        // Nothing of that name is left where the file was finished.
+        // A finished file no longer has this name.
         let _ = fs::remove_file(&self.temporary);
     }
 }
 
-/// Writes `bytes` as the whole of a file.
-pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+/// Writes a file of these bytes.
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let mut file = AtomicFile::create(path)?;
     file.write(|out| out.write_all(bytes))?;
     file.finish()
 }
 
-/// A name in the folder of `path` that no other call uses, here or in another process.
+/// A path in the folder of `path` that no other call or process uses.
 fn temporary_beside(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
-    // Without the name of the file, which may be as long as the system allows.
+    // Without the name of the file, which may have the maximum length.
     path.with_file_name(format!(".canted-{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)))
 }
 
-/// Why a file was not written.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct WriteError {
-    path: PathBuf,
-    reason: String,
+/// The system's reason without its error number.
+fn write_error(path: &Path, error: &io::Error) -> FileError {
+    let text = error.to_string();
+    FileError::write(path, text.split(" (os error").next().unwrap_or(&text).to_lowercase())
 }
-
-impl WriteError {
-    pub(super) fn new(path: &Path, reason: impl fmt::Display) -> Self {
-        Self { path: path.to_owned(), reason: reason.to_string() }
-    }
-
-    /// The system's reason without its number.
-    fn io(path: &Path, error: &io::Error) -> Self {
-        let text = error.to_string();
-        Self::new(path, text.split(" (os error").next().unwrap_or(&text).to_lowercase())
-    }
-
-    /// The file that was to be written.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-}
-
-impl fmt::Display for WriteError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot write {}: {}", self.path.display(), self.reason)
-    }
-}
-
-impl std::error::Error for WriteError {}
 
 #[cfg(all(test, unix))]
 mod tests {
@@ -168,17 +141,17 @@ mod tests {
     }
 
     #[test]
-    fn devices_and_pipes_are_not_replaced() {
+    fn special_files_are_not_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("socket");
         let _socket = std::os::unix::net::UnixListener::bind(&path).unwrap();
         let error = write_file(&path, b"").unwrap_err();
-        assert_eq!(error.to_string(), format!("cannot write {}: it is no regular file", path.display()));
+        assert_eq!(error.to_string(), format!("cannot write {}: not a regular file", path.display()));
         assert!(!fs::metadata(&path).unwrap().is_file());
     }
 
     #[test]
-    fn a_file_that_is_not_finished_leaves_nothing() {
+    fn a_dropped_file_is_deleted() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         let mut file = AtomicFile::create(&path).unwrap();
@@ -190,13 +163,13 @@ mod tests {
     }
 
     #[test]
-    fn names_may_be_as_long_as_the_system_allows() {
+    fn names_may_have_the_maximum_length() {
         let folder = tempfile::tempdir().unwrap();
         write_file(&folder.path().join("x".repeat(255)), b"").unwrap();
     }
 
     #[test]
-    fn new_files_are_as_readable_as_others() {
+    fn new_files_have_default_permissions() {
         let folder = tempfile::tempdir().unwrap();
         let mode = |name: &str| fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
         fs::write(folder.path().join("other"), "").unwrap();

@@ -1,9 +1,9 @@
-//! Films as EXR: light and what camera rays meet as a picture; a part of the samples as exact sums beside it.
+//! EXR files of films: a picture with AOVs and, for a part of the samples, exact sums.
 //!
 //! ```text
 //! reads   a film, or a file that holds a part
 //! writes  a layer `picture` of R, G, B and the channels of AOVs; for a part, a layer `sums` of u32 channels
-//! holds   what is read is what was written, bit for bit; equal films and records are equal files
+//! holds   reading returns what was written, bit for bit; equal films and records give equal files
 //! source  OpenEXR, File Layout; an f64 is two channels, `.high` and `.low` halves of its bits
 //! ```
 
@@ -18,27 +18,27 @@ use exr::prelude::{
     LayerAttributes, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
 };
 
-use super::{ENCODING, Record, WriteError, canonical, record_from_lines, record_lines, write_file};
-use crate::{Aov, Aovs, Block, Film, Guide, Hash, Part, Pixel, ReadPictureError};
+use super::{ENCODING, Record, canonical, record_from_lines, record_lines, write_file};
+use crate::{Aov, Aovs, Block, FileError, Film, Guide, Hash, Part, Pixel};
 
-/// Name of the attribute that holds the record, and of its lines about the film.
+/// Name of the attribute with the record, and of the lines that describe the film.
 const RECORD: &str = "canted";
 const SAMPLES: &str = "samples";
 const AOVS: &str = "aovs";
 const CHECKSUM: &str = "checksum";
 
-/// Names of a pixel's numbers in `f64`.
+/// Names of the `f64` numbers of a pixel.
 const LIGHT: [&str; 6] = ["sum.R", "sum.G", "sum.B", "squares.R", "squares.G", "squares.B"];
 /// Names of its counts.
 const COUNTS: [&str; 3] = ["count.summed", "count.negative", "count.dropped"];
 
-/// Writes a film as an EXR: R, G, B, the channels of `aovs`, and where the film has a part, its exact sums and `record`.
+/// Writes a film as an EXR: R, G, B, the channels of `aovs`, and for a part its exact sums and `record`.
 ///
-/// Names and values of the record hold no line break, names no colon. The file appears whole or not at all.
+/// Names and values of the record must not contain line breaks, names no colons. The file is written atomically.
 ///
 /// # Errors
-/// [`WriteError`] with the file and the reason.
-pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, String)]) -> Result<(), WriteError> {
+/// [`FileError`] with the file and the reason.
+pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, String)]) -> Result<(), FileError> {
     let size = Vec2(film.width() as usize, film.height() as usize);
     let named = |name: &str| LayerAttributes { layer_name: Some(Text::from(name)), ..LayerAttributes::default() };
     let picture = AnyChannels::sort(picture_channels(film, aovs).into_iter().collect());
@@ -51,7 +51,7 @@ pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, Strin
             (CHECKSUM, format!("{:016x}", checksum(&numbers))),
         ];
         let text = record_lines(&own.map(|(name, value)| (name.to_owned(), value))) + &record_lines(record);
-        // One attribute: the format keeps several in no order.
+        // One attribute, because the order of several is not defined.
         let mut attributes = named("sums");
         attributes.other.insert(Text::from(RECORD), AttributeValue::Text(Text::from(text.as_str())));
         let names = channel_names(part.blocks().len(), part.guides().next().is_some());
@@ -64,7 +64,7 @@ pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, Strin
         .write()
         .non_parallel()
         .to_buffered(&mut file)
-        .map_err(|error| WriteError::new(path, error))?;
+        .map_err(|error| FileError::write(path, error))?;
     write_file(path, file.get_ref())
 }
 
@@ -88,7 +88,7 @@ fn picture_channels(film: &Film, aovs: Aovs) -> Vec<AnyChannel<FlatSamples>> {
     channels
 }
 
-/// Names of the channels of sums: for each block those of light, then those of guides.
+/// Names of the channels of sums: for each block the radiance, then the guide.
 fn channel_names(n_blocks: usize, is_guided: bool) -> Vec<String> {
     let mut numbers = LIGHT.to_vec();
     let mut counts = COUNTS.to_vec();
@@ -161,18 +161,18 @@ fn checksum(channels: &[Vec<u32>]) -> u64 {
     hash.finish()
 }
 
-/// Reads the part of a picture that [`write_film`] wrote: the film, what it shows beside light, and its record.
+/// Reads a part that [`write_film`] wrote: the film, its AOVs and its record.
 ///
 /// # Errors
-/// [`ReadPictureError`] where the file cannot be read, holds no part of a picture, or is damaged.
-pub fn read_part(path: &Path) -> Result<(Film, Aovs, Record), ReadPictureError> {
-    let fail = |reason: &dyn fmt::Display| ReadPictureError::new(path, reason);
+/// [`FileError`] where the file cannot be read, has no part, or is damaged.
+pub fn read_part(path: &Path) -> Result<(Film, Aovs, Record), FileError> {
+    let fail = |reason: &dyn fmt::Display| FileError::read(path, reason);
     let bytes = fs::read(path).map_err(|error| fail(&error))?;
     decode(&bytes).map_err(|reason| fail(&reason))
 }
 
 fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
-    // Before anything of the size that it promises is allocated.
+    // Reject sizes that the file cannot hold before anything is allocated.
     declared_exr_samples(bytes)?;
     let image = exr::prelude::read()
         .no_deep_data()
@@ -186,7 +186,7 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
     let attribute = |layer: &Layer<_>| layer.attributes.other.get(&Text::from(RECORD)).cloned();
     let found = image.layer_data.iter().find_map(|layer| Some((layer, attribute(layer)?)));
     let Some((layer, AttributeValue::Text(text))) = found else {
-        return Err("it holds no part of the samples of a picture, as --samples writes".to_owned());
+        return Err("it has no sample sums; --samples writes them".to_owned());
     };
     let mut record = record_from_lines(&text.to_string());
     let mut take = |name: &str| {
@@ -198,7 +198,7 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
         .split_once("..")
         .and_then(|(start, end)| Some(start.parse().ok()?..end.parse().ok()?))
         .filter(|range| range.start < range.end)
-        .ok_or_else(|| format!("its samples '{samples}' are no range"))?;
+        .ok_or_else(|| format!("its samples '{samples}' are not a range"))?;
     let aovs: Aovs = aovs.split(',').filter_map(|name| Aov::ALL.into_iter().find(|aov| aov.name() == name)).collect();
 
     let is_guided = !aovs.is_empty();
@@ -225,7 +225,7 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
             let hits = guide.as_ref().map_or(0, |guide: &Guide| guide.n_hits);
             let Pixel { n_samples, n_negative, n_dropped, .. } = pixel;
             if n_samples.checked_add(n_dropped) != Some(block.len) || n_negative > n_samples || hits > block.len {
-                return Err(format!("pixel {at} has not {} samples from {}", block.len, block.first));
+                return Err(format!("pixel {at} does not have {} samples from {}", block.len, block.first));
             }
             pixels.push(pixel);
             guides.extend(guide);

@@ -87,8 +87,8 @@ impl Passes {
 }
 
 /// Total milliseconds of some stages.
-fn taken(run: &Run<'_>, stations: &[&str]) -> f64 {
-    let of_these = |time: &&StageTime| stations.contains(&time.stage);
+fn taken(run: &Run<'_>, stages: &[&str]) -> f64 {
+    let of_these = |time: &&StageTime| stages.contains(&time.stage);
     run.times().iter().filter(of_these).map(|time| time.milliseconds).sum()
 }
 

@@ -5,11 +5,12 @@ use canted_obb::Aabb;
 use canted_tlas::Instance;
 use canted_wide::{LaneKernel, RawBvh, TriangleBvh};
 
+use super::alternatives::{ParentLink, Traversal, links};
 use super::coordinates::check_coordinates;
 use super::layout::{BvhHeader, HitError, InstanceData, Quad, Start};
 use super::motion::MotionData;
+use super::nodes::is_aligned;
 use super::top_level::TopLevel;
-use super::traversal::{ParentLink, Traversal, is_aligned, links};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, loop_iterations};
 
 /// Maximum stack size. Our BVHs have about ten levels.
@@ -37,7 +38,7 @@ pub struct TracedScene {
     halves: Buffer<Quad>,
     trees: Buffer<BvhHeader>,
     level: Level,
-    walk: Traversal,
+    traversal: Traversal,
     /// Links to parents, for traversals that need them.
     links: Option<Buffer<ParentLink>>,
     /// Whether all nodes are aligned.
@@ -77,7 +78,7 @@ impl TracedScene {
         tree: &TriangleBvh<K>,
         first_triangles: &[u32],
     ) -> Result<Self, GpuError> {
-        let words = tree.words();
+        let words = tree.raw();
         check_coordinates(|| "the BVH over all instances".to_owned(), words.reach.into())?;
         let level = if first_triangles.len() > 1 {
             Level::Flat(gpu.buffer("first triangles of instances", first_triangles)?)
@@ -99,7 +100,7 @@ impl TracedScene {
         meshes: &[&TriangleBvh<K>],
         instances: &[Instance],
     ) -> Result<Self, GpuError> {
-        let words: Vec<(RawBvh<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
+        let words: Vec<(RawBvh<'_>, Aabb)> = meshes.iter().map(|mesh| (mesh.raw(), mesh.aabb())).collect();
         let outer = TopLevel::new(&words, instances)?;
         let motions = Some(&outer.motions).filter(|motions| !motions.is_empty());
         let level = Level::Two(Instances {
@@ -108,7 +109,7 @@ impl TracedScene {
             motions: motions.map(|motions| gpu.buffer("motions of instances", motions)).transpose()?,
         });
         let deepest = words.iter().map(|(words, _)| words.depth).max().unwrap_or(0);
-        let (outer_words, _) = outer.tree.words();
+        let outer_words = outer.tree.raw();
         let trees: Vec<_> = std::iter::once((outer_words, outer.error))
             .chain(words.iter().map(|(words, _)| (*words, HitError::of_triangles(words.reach))))
             .collect();
@@ -134,7 +135,7 @@ impl TracedScene {
             halves: joined(gpu, "blocks of triangles", &blocks)?,
             trees: gpu.buffer("trees", &headers)?,
             level,
-            walk: Traversal::Stack,
+            traversal: Traversal::Stack,
             links: None,
             is_aligned: trees.iter().all(|(words, _)| is_aligned(quads(words.nodes), words.root)),
             depth,
@@ -146,18 +147,18 @@ impl TracedScene {
     ///
     /// # Errors
     /// A BVH too deep for the traversal, or device lost.
-    pub fn with_traversal(self, gpu: &Gpu, walk: Traversal) -> Result<Self, GpuError> {
-        if walk == Traversal::Bits && self.depth > MAX_BIT_LEVELS {
+    pub fn with_traversal(self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
+        if traversal == Traversal::Bits && self.depth > MAX_BIT_LEVELS {
             return Err(too_deep(self.depth, MAX_BIT_LEVELS));
         }
-        let links = match walk {
+        let links = match traversal {
             Traversal::Stack => None,
             Traversal::Bits | Traversal::Links => {
                 let (nodes, trees) = (gpu.read(&self.nodes)?, gpu.read(&self.trees)?);
                 Some(gpu.buffer("parent links", &links(&nodes, &trees))?)
             }
         };
-        Ok(Self { walk, links, ..self })
+        Ok(Self { traversal, links, ..self })
     }
 
     /// The same scene with invalid links, to show that tests detect it.
@@ -198,9 +199,9 @@ impl TracedScene {
             Level::Two(_) => "shared/level/moving",
         };
         let kinds = if self.is_aligned { "shared/node_kinds/aligned" } else { "shared/node_kinds/any" };
-        let chosen = chosen.part("level", level).part("node_kinds", kinds).part("traverse", self.walk.file());
+        let chosen = chosen.part("level", level).part("node_kinds", kinds).part("traverse", self.traversal.file());
         let chosen = chosen.number("MAX_ITERATIONS", self.max_iterations);
-        if self.walk == Traversal::Stack { chosen.number("STACK_SIZE", self.depth.max(1)) } else { chosen }
+        if self.traversal == Traversal::Stack { chosen.number("STACK_SIZE", self.depth.max(1)) } else { chosen }
     }
 
     /// Size in device memory, in bytes.
@@ -293,7 +294,7 @@ mod tests {
         } else {
             scene.max_iterations * LANES <= counted
         };
-        assert!(fits, "{} max_iterations of a walk, where a loop takes {counted}", scene.max_iterations);
+        assert!(fits, "limit {}, where a loop takes {counted}", scene.max_iterations);
         assert_eq!(scene.max_iterations, iteration_limit(counted));
     }
 }

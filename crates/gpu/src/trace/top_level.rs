@@ -2,7 +2,7 @@
 
 use canted_obb::{Aabb, Affine, PrimId};
 use canted_tlas::{Instance, InstanceError, row_sum_norm};
-use canted_wide::{BoxTree, Config, Preset, PrimitiveError, RawBvh};
+use canted_wide::{Config, Preset, PrimitiveError, RawBvh, WideBvh};
 
 use super::coordinates::check_coordinates;
 use super::layout::{HIT_ERROR, HitError, InstanceData};
@@ -17,7 +17,7 @@ pub(super) struct TopLevel {
     pub(super) places: Vec<InstanceData>,
     /// Motions of the moving instances, in order.
     pub(super) motions: Vec<MotionData>,
-    pub(super) tree: BoxTree,
+    pub(super) tree: WideBvh<Aabb>,
     pub(super) error: HitError,
     /// The instance of each primitive of the BVH. Instances without triangles have none.
     pub(super) instances: Vec<u32>,
@@ -41,9 +41,9 @@ impl TopLevel {
             }
             PrimitiveError::TooMany { .. } => InstanceError::TooMany { n_instances: instances.len() },
         };
-        let tree =
-            BoxTree::build(&boxes, &Config::preset(Preset::Fast)).map_err(|error| untraceable(&of_instance(error)))?;
-        let instances = tree.words().1.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
+        let tree = WideBvh::<Aabb>::build(boxes, &Config::preset(Preset::Fast).axis_aligned())
+            .map_err(|error| untraceable(&of_instance(error)))?;
+        let instances = tree.raw().order.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
         Ok(Self { places, motions, tree, error, instances })
     }
 }
@@ -123,7 +123,7 @@ impl HitError {
     ///
     /// For moving instances the norms are maxima over time, `‖M⁻¹‖` is of absolute terms, and the roundings are `21 E·9/8` for
     /// the origin and `20 E` for the direction (`shared/level/moving`): less than `(64 + 119 + 100) E`; 320 E is used.
-    #[expect(clippy::cast_possible_truncation, reason = "there is room for a rounding")]
+    #[expect(clippy::cast_possible_truncation, reason = "the bound includes a rounding")]
     fn with(self, amplified: f64, at: f64, reach_world: f64) -> Self {
         let relative = f64::from(HIT_ERROR) * amplified;
         let fixed = relative * (at + reach_world);
@@ -163,7 +163,7 @@ mod tests {
 
     fn placed(reaches: &[f32], instances: &[Instance]) -> Result<TopLevel, String> {
         let meshes: Vec<_> = reaches.iter().map(|&reach| mesh(reach)).collect();
-        let words: Vec<_> = meshes.iter().map(|mesh| (mesh.words(), mesh.aabb())).collect();
+        let words: Vec<_> = meshes.iter().map(|mesh| (mesh.raw(), mesh.aabb())).collect();
         TopLevel::new(&words, instances).map_err(|error| error.to_string())
     }
 

@@ -1,8 +1,7 @@
-use crate::Obb;
-use crate::frame::{Frame, orthonormal};
+use crate::frame::{Frame, IDENTITY, orthonormal};
 use crate::vector::{self, Vector, cross, dot, sub};
 
-/// Seven directions, fourteen extremal points: the axes and the body diagonals.
+/// The coordinate axes and the body diagonals: seven directions, fourteen extremal points.
 const DIRECTIONS: [Vector; 7] = [
     [1.0, 0.0, 0.0],
     [0.0, 1.0, 0.0],
@@ -13,18 +12,19 @@ const DIRECTIONS: [Vector; 7] = [
     [1.0, -1.0, -1.0],
 ];
 
-/// A point nearer to a line or plane than this share of the base edge is on it: what the rounding of `f32`
-/// coordinates can do to a set that was flat, two units in the last place on each of three coordinates.
+/// A point closer to a line or plane than this fraction of the base edge counts as on it: rounding a flat set to `f32`
+/// moves points by up to two units in the last place on each of three coordinates.
 const FLAT: f64 = 6.0 * f32::EPSILON as f64;
 
 /// A frame along an edge and a normal of a large ditetrahedron (Larsson and Källberg 2011, DiTO-14).
 ///
-/// The longest span between opposite extremal points is the base edge, the extremal point farthest from it makes the
-/// base triangle, the points farthest on both sides of that make two tetrahedra. Each edge of their seven triangles
-/// gives, with the triangle's normal, a candidate; the area of the extremal points' box decides. As in the paper, a
-/// set that is a point, a line or flat leaves out what it lacks. A departure: the apexes join the extremal points.
+/// The base edge is the longest span between opposite extremal points. The extremal point farthest from it completes the
+/// base triangle, and the points farthest from that on both sides complete two tetrahedra. Each edge of their seven
+/// triangles, with the triangle's normal, is a candidate frame; the least area of the box of the extremal points wins. A
+/// point set without extent in some dimension skips the steps that need it, as in the paper. Unlike in the paper, the
+/// apexes count as extremal points.
 pub(super) fn frame(points: &[[f32; 3]]) -> Frame {
-    // Measured from the first point: translation costs nothing.
+    // Relative to the first point, for precision far from the origin.
     let origin = vector::to_f64(points[0]);
     let points = || points.iter().map(|&p| sub(vector::to_f64(p), origin));
     let spans = DIRECTIONS.map(|direction| extremes(points(), direction));
@@ -34,7 +34,7 @@ pub(super) fn frame(points: &[[f32; 3]]) -> Frame {
     let base = sub(q, p);
     let length = vector::length(base);
     if length == 0.0 {
-        return Obb::IDENTITY_FRAME;
+        return IDENTITY;
     }
     let from_line = |r: Vector| vector::length(cross(base, sub(r, p))) / length;
     let corners = spans.as_flattened();
@@ -44,8 +44,8 @@ pub(super) fn frame(points: &[[f32; 3]]) -> Frame {
     }
     let normal = cross(base, sub(r, p));
     let apexes = extremes(points(), normal);
-    let measured = std::array::from_fn(|i| if i < corners.len() { corners[i] } else { apexes[i - corners.len()] });
-    let mut search = Search { measured, best: (f64::INFINITY, Obb::IDENTITY_FRAME) };
+    let measured = core::array::from_fn(|i| if i < corners.len() { corners[i] } else { apexes[i - corners.len()] });
+    let mut search = Search { measured, best: (f64::INFINITY, IDENTITY) };
     search.add_triangle(p, q, r);
     for apex in apexes {
         if dot(sub(apex, p), normal).abs() > FLAT * length * vector::length(normal) {

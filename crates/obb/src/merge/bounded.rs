@@ -2,24 +2,24 @@ use super::{Child, enclose};
 use crate::vector::{self, cross, sub};
 use crate::{Moments, Obb};
 
-/// How much a child's corners weigh in [`bounded`].
+/// Weights of the corners in [`bounded`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Weight {
-    /// Every corner the same, as in the sources: a speck weighs like the box beside it.
+    /// Every corner the same, as in the sources: a tiny box weighs as much as a large sibling.
     Corners,
-    /// By the child's surface area, a triangle's counted on both sides; corners where neither child has any.
+    /// By the surface area of the child, both sides for a triangle; [`Weight::Corners`] where neither has an area.
     #[default]
     Area,
 }
 
-/// Correlation left between axes: what rounding the frame to `f32` leaves anyway, so a box merged with itself keeps its
-/// axes.
+/// Remaining correlation between axes: no more than rounding the frame to `f32` leaves, so a box merged with itself
+/// keeps its axes.
 const TOLERANCE: f64 = f32::EPSILON as f64;
 
-/// Box along the principal axes of the children's corners: sixteen, eight and three, or six (Ericson 2004; Sabino
-/// 2020, 3.5, variant 2).
+/// Box along the principal axes of the corners of both children, 16, 11 or 6 points (Ericson 2004; Sabino 2020, 3.5,
+/// variant 2).
 ///
-/// The scatter of a box's corners has a closed form, so no corner is ever made.
+/// The scatter of the corners of a box has a closed form, so no corners are computed.
 #[must_use]
 pub fn bounded(a: &Child, b: &Child, weight: Weight) -> Obb {
     let areas = match weight {
@@ -52,7 +52,7 @@ fn surface(child: &Child) -> f64 {
     }
 }
 
-/// Moments of a child's corners, together of the given weight.
+/// Moments of the corners of a child, with a total of `weight`.
 fn moments(child: &Child, weight: f64) -> Moments {
     match child {
         Child::Box(child) => Moments::from_box_corners(child, weight),

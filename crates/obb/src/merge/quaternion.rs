@@ -1,35 +1,34 @@
-use std::f64::consts::FRAC_1_SQRT_2;
+use core::f64::consts::FRAC_1_SQRT_2;
 
 use crate::frame::{self, Frame};
 use crate::{Obb, Quaternion, bound_boxes, rotation, vector};
 
 /// Box along the weighted average of two boxes' rotations, in closed form (Ericson 2004, 6.5.3, made safe).
 ///
-/// `weights` are the children's, by area or by count of primitives as the caller likes; both zero weighs equally. A
-/// skewed frame gives the rotation nearest to it, a mirrored one that of the same box with an axis reversed. Of the 24
-/// rotations that take a box's axes to its axes the one is chosen that brings the second box nearest to the first, so
-/// neither the sign of a quaternion nor the order of a child's axes matters.
+/// `weights` are those of the children, e.g. areas or primitive counts; two zeros weigh equally. A skewed frame is
+/// replaced by its nearest rotation, a mirrored one by that of the same box with an axis reversed. Of the 24 rotations
+/// that map the axes of a box to its axes, the one that brings the second box nearest to the first is chosen. So neither
+/// the sign of a quaternion nor the order of the axes matters.
 #[must_use]
 pub fn quaternion(a: &Obb, b: &Obb, weights: [f64; 2]) -> Obb {
     bound_boxes(average(a.frame, b.frame, weights), [a, b])
 }
 
-/// The frame between two frames, as [`quaternion`] uses it.
+/// The weighted average of two frames, as [`quaternion`] uses it.
 #[must_use]
 pub fn average(a: Frame, b: Frame, weights: [f64; 2]) -> Frame {
     average_rotations(rotation_of(a), rotation_of(b), weights).frame()
 }
 
-/// The rotation between two, each of length one: their weighted sum, after the second was brought nearest to the first
-/// by a symmetry of the box.
+/// The weighted average of two unit quaternions, after a symmetry of the box has brought the second nearest to the
+/// first.
 ///
-/// For equal weights this is the chordal mean, halfway along the turn from one to the other (Markley et al. 2007). A
-/// tree that carries its nodes' rotations upward needs no matrix in between.
+/// For equal weights this is the chordal mean, halfway along the rotation from one to the other (Markley et al. 2007).
 #[inline]
 #[must_use]
 pub fn average_rotations(p: Quaternion, q: Quaternion, weights: [f64; 2]) -> Quaternion {
     let [w_p, w_q] = if weights[0] + weights[1] > 0.0 { weights } else { [1.0; 2] };
-    // Both signs of a symmetry are tried at once; the one chosen has a positive product, so the sum cannot cancel.
+    // Both signs of a symmetry are considered; the chosen one has a positive product, so the sum cannot cancel.
     let near = q.times(nearest_symmetry(q.conjugate().times(p)));
     p.scaled(w_p).plus(near.scaled(w_q)).normalized()
 }
@@ -43,10 +42,10 @@ fn rotation_of(axes: Frame) -> Quaternion {
     }
 }
 
-/// The rotation of the cube onto itself nearest to `r`, at length one, of its two signs the one nearer to `r`.
+/// The rotational symmetry of the cube nearest to `r`, as the unit quaternion with the nearer sign.
 ///
-/// The 24 rotations are, up to sign, the quaternions whose components are all zero but one, two or four of equal size.
-/// The best of each sort lies along the largest components of `r`, the first of equals.
+/// The 24 symmetries are, up to sign, the quaternions with one, two or four non-zero components of equal magnitude. The
+/// best of each kind uses the largest components of `r`, the first of equals.
 fn nearest_symmetry(r: Quaternion) -> Quaternion {
     let components = [r.w, r.x, r.y, r.z];
     let [w, x, y, z] = components.map(f64::abs);
@@ -65,6 +64,6 @@ fn nearest_symmetry(r: Quaternion) -> Quaternion {
     } else {
         nearest = [0.5; 4];
     }
-    let [w, x, y, z] = std::array::from_fn(|k| nearest[k].copysign(components[k]));
+    let [w, x, y, z] = core::array::from_fn(|k| nearest[k].copysign(components[k]));
     Quaternion { w, x, y, z }
 }

@@ -1,4 +1,4 @@
-//! Point sets by name, the ugly beside the random; the same on every run.
+//! Point sets by name, extreme and random; the same on every run.
 
 use canted_obb::{Frame, Quaternion};
 
@@ -86,12 +86,12 @@ pub(crate) fn all() -> Vec<(String, Vec<[f32; 3]>)> {
     let any = std::iter::repeat_with(|| f32::from_bits(random.bits() as u32)).filter(|x| x.is_finite());
     let any: Vec<f32> = any.take(120).collect();
     add("any bits", any.chunks(3).map(|c| [c[0], c[1], c[2]]).collect());
-    add("whole range", vec![[f32::MAX, f32::MAX, f32::MIN], [f32::MIN, f32::MAX, 0.0], [0.0, f32::MIN, f32::MIN]]);
+    add("full range", vec![[f32::MAX, f32::MAX, f32::MIN], [f32::MIN, f32::MAX, 0.0], [0.0, f32::MIN, f32::MIN]]);
     for seed in 10..16 {
         add("random", cloud(seed, 60, [3.0, 1.0, 0.3], [1.0, -2.0, 5.0]));
         add("needle", cloud(seed, 40, [1e3, 1e-3, 1e-3], [0.0; 3]));
-        add("leaning plane", cloud(seed, 60, [4.0, 3.0, 0.0], [0.1, 0.2, 0.3]));
-        add("leaning line", cloud(seed, 30, [4.0, 0.0, 0.0], [9.0, 0.0, 0.0]));
+        add("oblique plane", cloud(seed, 60, [4.0, 3.0, 0.0], [0.1, 0.2, 0.3]));
+        add("oblique line", cloud(seed, 30, [4.0, 0.0, 0.0], [9.0, 0.0, 0.0]));
         add("far away", cloud(seed, 60, [5.0, 2.0, 1.0], [1e7, -1e7, 3e6]));
         add("far on one axis", cloud(seed, 60, [1e-3, 2e-3, 1e-3], [1e7, 0.0, -0.5]));
         add("tiny", cloud(seed, 40, [1e-20, 2e-20, 1e-21], [0.0; 3]));

@@ -45,7 +45,7 @@ impl ExactBox {
     }
 }
 
-/// The eight real corners.
+/// The eight exact corners.
 pub(crate) fn corners(obb: &Obb) -> Vec<Point> {
     let frame = obb.frame.map(exact_point);
     (0..8)

@@ -6,14 +6,14 @@ use super::exact::{self, ExactBox};
 
 #[track_caller]
 pub(crate) fn assert_contains(name: &str, parent: &Obb, children: &[Obb]) {
-    let judge = ExactBox::of(parent);
+    let oracle = ExactBox::of(parent);
     for child in children {
-        assert!(exact::corners(child).iter().all(|corner| judge.contains(corner)), "{name}: {child:?} in {parent:?}");
+        assert!(exact::corners(child).iter().all(|corner| oracle.contains(corner)), "{name}: {child:?} in {parent:?}");
     }
 }
 
 /// `f32` roundings of a frame's columns, and of a half-extent, that a merge may add: the frame is rounded in the child
-/// and in the parent, by half a unit in the last place of each of three entries, and turns the box's diagonal.
+/// and in the parent, by half a unit in the last place of each of three entries, and rotations the box's diagonal.
 pub(crate) const REFRAMED: f64 = 2.0 * 3.0 * 1.733 * 0.5 * f32::EPSILON as f64;
 
 /// How far the half-extents of `parent`, in any order, exceed those of `child`, over its greatest.

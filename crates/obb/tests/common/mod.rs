@@ -1,4 +1,4 @@
-//! The exact judge of containment, and the point sets that tests share.
+//! The exact containment oracle, and the point sets that tests share.
 //!
 //! Not covered: points that are not finite (refused by `fit`), more than a few hundred points a set.
 #![allow(dead_code, reason = "each test uses its part")]

@@ -9,8 +9,8 @@ use crate::sampling::cosine_hemisphere;
 
 /// The minimum difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
 ///
-/// The half vector is then a sum of nearly opposite vectors. Its error of 2⁻²³ over this difference is 1/64 of the width of
-/// the narrowest lobe.
+/// The half vector is then a sum of nearly opposite vectors. Its error of 2⁻²³ over this difference is 1/64 of the
+/// width of the narrowest lobe.
 const MIN_ETA_DIFFERENCE: f32 = 1.0 / 128.0;
 
 /// A BSDF with a fixed outgoing direction.

@@ -31,9 +31,9 @@ pub(super) fn schlick(cosine: f32, normal: f32) -> f32 {
 
 /// A lower bound of the cosine-weighted mean of [`dielectric`] over the hemisphere, within 0.012 for `eta` in 1..=4.
 ///
-/// A lower bound keeps the sum of base and coat below 1 even though roughness raises the reflectance of the coat above that of
-/// a flat one (measured: by at most 0.0007 for `eta` up to 4). Above 4 the increase is large at Brewster's angle, and the
-/// bound stays at its value for 4.
+/// A lower bound keeps the sum of base and coat below 1 even though roughness raises the reflectance of the coat above
+/// that of a flat one (measured: by at most 0.0007 for `eta` up to 4). Above 4 the increase is large at Brewster's
+/// angle, and the bound stays at its value for 4.
 pub(super) fn mean_below(eta: f32) -> f32 {
     let eta = eta.clamp(1.02, 4.0);
     (eta - 1.02) / (eta + 4.25)
@@ -62,8 +62,8 @@ mod tests {
             for degree in 1..90 {
                 let angle = f64::from(degree).to_radians();
                 let got = dielectric(angle.cos() as f32, eta as f32).unwrap_or(1.0);
-                // The reflectance is steepest near the horizon and the critical angle: at whole degrees it amplifies an error of
-                // the cosine or of eta by at most 200.
+                // The reflectance is steepest near the horizon and the critical angle: at whole degrees it amplifies an
+                // error of the cosine or of eta by at most 200.
                 let want = by_angles(angle, f64::from(eta as f32));
                 assert!(
                     (f64::from(got) - want).abs() < 200.0 * f64::from(f32::EPSILON),

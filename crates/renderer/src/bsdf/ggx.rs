@@ -1,4 +1,5 @@
-//! The GGX microfacet distribution (Trowbridge and Reitz 1975, Walter et al. 2007) with height-correlated Smith masking.
+//! The GGX microfacet distribution (Trowbridge and Reitz 1975, Walter et al. 2007) with height-correlated Smith
+//! masking.
 //!
 //! Directions are unit vectors in the local frame; `outgoing` and facet normals have positive z.
 
@@ -8,9 +9,9 @@ use super::vector::{dot, unit};
 
 /// The minimum `alpha`; smoother boundaries are perfect mirrors.
 ///
-/// The half vector of two unit vectors in `f32` has an error of about 2⁻²³ rad, which changes the distribution at this width
-/// by a factor of 2⁻¹², and by more for narrower lobes. The lobe is 2⁻⁹ rad wide, a tenth of a degree: two pixels of an
-/// image 1000 pixels and 60 degrees wide.
+/// The half vector of two unit vectors in `f32` has an error of about 2⁻²³ rad, which changes the distribution at this
+/// width by 2⁻¹² of its value, and by more for narrower lobes. The lobe is 2⁻⁹ rad wide, a tenth of a degree: two pixels
+/// of an image 1000 pixels and 60 degrees wide.
 pub(super) const MIN_ALPHA: f32 = 1.0 / 1024.0;
 
 /// An isotropic GGX distribution.
@@ -49,8 +50,8 @@ impl Ggx {
 
     /// Samples a visible normal (Heitz 2018), from a point of the unit square.
     ///
-    /// In the hemispherical configuration, visible normals reflect `outgoing` into a spherical cap, uniformly (Dupuy and
-    /// Benyoub 2023).
+    /// In the hemispherical configuration, visible normals reflect `outgoing` into a spherical cap, uniformly (Dupuy
+    /// and Benyoub 2023).
     pub(super) fn sample(self, outgoing: [f32; 3], square: [f32; 2]) -> [f32; 3] {
         let [x, y, z] = outgoing;
         let from = unit([self.alpha * x, self.alpha * y, z]);

@@ -1,4 +1,4 @@
-//! Functions of kernels beside those of the CPU, each over a buffer of inputs.
+//! Compares shader functions with their CPU twins, over a buffer of inputs.
 
 mod bsdf;
 mod incoming;
@@ -10,15 +10,15 @@ use canted_gpu::{Choice, Gpu, NamedBinding, Specialisation};
 
 use crate::{Pattern, Sampler};
 
-/// Half a unit in the last place of 1: what one rounding changes at most, relative.
+/// Half a ULP of 1: the maximum relative error of one rounding.
 const U: f64 = 0.5 * f32::EPSILON as f64;
 
-/// The best adapter, or the sentence of a skipped test.
+/// The best adapter; reports a skipped test if there is none.
 fn gpu(test: &str) -> Option<Gpu> {
     or_skip(test, Gpu::open(&Choice::Best))
 }
 
-/// What a kernel of `check/` writes into `answers` for each of `queries`.
+/// Runs a kernel of `check/`: its `answers` for `queries`.
 fn answers<Q: Pod, A: Pod>(
     gpu: &Gpu,
     kernel: &str,
@@ -37,7 +37,7 @@ fn answers<Q: Pod, A: Pod>(
     gpu.read(&answers).unwrap()
 }
 
-/// How many answers were the CPU's, and how many lay at an edge of choices; else what is wrong with the first.
+/// Number of answers that match the CPU's, and number of those at a discontinuity; or what is wrong with the first.
 fn compare<Q, A>(
     one: impl Fn(&Q, &A) -> Result<bool, String>,
     queries: &[Q],
@@ -70,7 +70,7 @@ fn are_near(a: [f32; 3], b: [f64; 3], bound: f64) -> bool {
     (0..3).all(|k| (f64::from(a[k]) - b[k]).abs() <= bound)
 }
 
-/// Members of the Rust structure and their offsets, as the kernel's structure of that name has them.
+/// Asserts that a Rust structure has the members and offsets of the kernel's structure of that name.
 macro_rules! same_layout {
     ($kernel:expr, $chosen:expr, $name:literal, $ty:ty { $($member:ident),* $(,)? }) => {{
         let shader = canted_shaders::Shader::new($kernel, $chosen).unwrap();

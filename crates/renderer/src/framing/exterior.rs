@@ -91,8 +91,8 @@ impl Extent {
         self.touch(N_SLOPES - 1)[0]
     }
 
-    /// Offset of an eye at `distance` that leaves equal margins at both edges, interpolated between the two nearest slopes. Zero
-    /// without points.
+    /// Offset of an eye at `distance` that leaves equal margins at both edges, interpolated between the two nearest
+    /// slopes. Zero without points.
     fn offset(&self, distance: f64) -> f64 {
         // The smaller the slope, the larger the distance.
         let i = (0..N_SLOPES).find(|&i| self.touch(i)[0] <= distance).unwrap_or(N_SLOPES - 1);

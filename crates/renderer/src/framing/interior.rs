@@ -10,9 +10,9 @@ use crate::vector::{Vector, add, length, narrow, scale};
 /// Rays cast from each point.
 const N_DIRECTIONS: u32 = 64;
 
-/// Fraction of rays that hit front faces from a point in an interior. Measured: interiors, including an atrium open at the top
-/// and boxes open on one side, reach it at two thirds of their points or more; objects, lattices and landscapes at a
-/// quarter at most.
+/// Fraction of rays that hit front faces from a point in an interior. Measured: interiors, including an atrium open at
+/// the top and boxes open on one side, reach it at two thirds of their points or more; objects, lattices and landscapes
+/// at a quarter at most.
 const INTERIOR_FRACTION: f64 = 0.75;
 
 /// Whether the scene is an interior: most points of its box see front faces in nearly all directions.
@@ -106,11 +106,12 @@ fn panorama<T: Tracer>(probe: &Probe<T>, eye: Vector, steepest: f64) -> [[RayRes
     })
 }
 
-/// Scores a view centered at column `center`: the mean logarithm of distances relative to the diagonal of the box, plus the
-/// logarithm of the distance straight ahead, plus the fraction of rays that hit distinct triangles.
+/// Scores a view centered at column `center`: the mean logarithm of distances relative to the diagonal of the box, plus
+/// the logarithm of the distance straight ahead, plus the fraction of rays that hit distinct triangles.
 ///
-/// The logarithm penalizes close surfaces more than it rewards distant ones. The distance straight ahead aligns the view
-/// with the length of the room and moves the eye to its end. The fraction of distinct triangles favors detail over bare walls.
+/// The logarithm penalizes close surfaces more than it rewards distant ones. The distance straight ahead aligns the
+/// view with the length of the room and moves the eye to its end. The fraction of distinct triangles favors detail over
+/// bare walls.
 fn score(columns: &[[RayResult; ROWS]; COLUMNS], center: usize, half_width: f64, diagonal: f64) -> f64 {
     /// Relative distance that counts for the background.
     const BACKGROUND: f64 = 0.1;

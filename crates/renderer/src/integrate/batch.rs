@@ -12,7 +12,7 @@ use crate::{Cone, Tracer};
 /// The state of a path between two rays.
 pub(super) struct Path<Q, W> {
     pub(super) start: Start,
-    /// The query of the path; each ray derives its state key.
+    /// The query of the path; each ray derives its own key.
     pub(super) query: Timed<Q>,
     /// The last ray traced, or the next one to trace.
     pub(super) ray: Ray,

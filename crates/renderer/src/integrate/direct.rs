@@ -5,13 +5,15 @@ use crate::query::RayKeyed;
 use crate::vector::{dot, narrow, scale};
 use crate::{Surface, Tracer};
 
-/// Direct lighting of a diffuse surface by the lights of the scene file, one shadow ray each; returns the number of shadow rays.
+/// Direct lighting of a diffuse surface by the lights of the scene file, one shadow ray each; returns the number of
+/// shadow rays.
 ///
 /// The shadow ray to light `k` has number `k` below `query`.
 ///
-/// A Lambertian surface with reflectance `ρ` reflects `ρ/π` of its irradiance in every direction. The irradiance of a sun is
-/// `E·cosθ`, that of a point light `I·cosθ/r²`; `square` samples a point of a sphere or disk light by the light's index.
-/// Only light above the horizons of both the triangle and the shading normal counts, on the viewer's side.
+/// A Lambertian surface with reflectance `ρ` reflects `ρ/π` of its irradiance in every direction. The irradiance of a
+/// sun is `E·cosθ`, that of a point light `I·cosθ/r²`; `square` samples a point of a sphere or disk light by the
+/// light's index. Only light above the horizons of both the triangle and the shading normal counts, on the viewer's
+/// side.
 pub(crate) fn direct<T: Tracer, Q: RayKeyed>(
     lights: &Lights,
     tracer: &T,

@@ -9,12 +9,12 @@
 //! + ambient · albedo · (1 - exp(-t/r))             at the last vertex, whose ray hits at distance t
 //! ```
 //!
-//! One cosine-sampled ray per vertex, with weight `albedo`, serves the last three terms: it returns the environment, the
-//! next vertex, or at the last vertex the ambient occlusion. If it hits a sphere or disk light the path ends with zero,
-//! because the shadow ray accounts for that light; camera rays see it directly.
+//! One cosine-sampled ray per vertex, with weight `albedo`, serves the last three terms: it returns the environment,
+//! the next vertex, or at the last vertex the ambient occlusion. If it hits a sphere or disk light the path ends with
+//! zero, because the shadow ray accounts for that light; camera rays see it directly.
 //!
-//! `environment` is the radiance along the ray, so an environment map with a sun is noisy here. `ambient` is its mean over
-//! all directions and approximates indirect light of unknown direction.
+//! `environment` is the radiance along the ray, so an environment map with a sun is noisy here. `ambient` is its mean
+//! over all directions and approximates indirect light of unknown direction.
 //!
 //! # Departures from the source
 //!
@@ -29,9 +29,9 @@
 //! through occluders beyond about `r`. With infinite `r` it is off, and the integrator is a plain path tracer with
 //! truncated paths, which is too dark.
 //!
-//! The ambient term does not add energy: without lights and emission, with environment 1 and albedo at most 1, no sample
-//! exceeds 1. Proof by induction from the end of the path: the ray of the last vertex returns 1 or `1 - exp(-t/r) <= 1`;
-//! any earlier ray returns 1 on a miss, else the next vertex's albedo times at most 1.
+//! The ambient term does not add energy: without lights and emission, with environment 1 and albedo at most 1, no
+//! sample exceeds 1. Proof by induction from the end of the path: the ray of the last vertex returns 1 or
+//! `1 - exp(-t/r) <= 1`; any earlier ray returns 1 on a miss, else the next vertex's albedo times at most 1.
 
 use canted_trace::{Hit, Ray};
 

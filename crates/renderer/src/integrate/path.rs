@@ -1,13 +1,14 @@
-//! The path integrator: an unbiased solution of the rendering equation (Kajiya 1986) up to the path length. It combines light
-//! sampling and BSDF sampling at each vertex by multiple importance sampling (MIS; Veach and Guibas 1995).
+//! The path integrator: an unbiased solution of the rendering equation (Kajiya 1986) up to the path length. It combines
+//! light sampling and BSDF sampling at each vertex by multiple importance sampling (MIS; Veach and Guibas 1995).
 //!
 //! Truncation to `bounces` is the only bias. The count is that of `hybrid`, so that both compute the same light of flat
-//! triangles without the ambient term: a path has vertices `0..=bounces`, surface emission counts at each of them, other
-//! lights and the environment also for the ray that leaves the last. Russian roulette ends paths with low throughput without bias.
+//! triangles without the ambient term: a path has vertices `0..=bounces`, surface emission counts at each of them,
+//! other lights and the environment also for the ray that leaves the last. Russian roulette ends paths with low
+//! throughput without bias.
 //!
 //! If shading normal and triangle disagree about the side of a direction, the direction is mirrored at the plane of the
-//! triangle. Light from a direction is then scattered for that direction and for the one folded onto it, so that no energy is
-//! lost and none leaks through the back of a triangle. Sampling and evaluation fold in the same way.
+//! triangle. Light from a direction is then scattered for that direction and for the one folded onto it, so that no
+//! energy is lost and none leaks through the back of a triangle. Sampling and evaluation fold in the same way.
 
 use canted_trace::{Hit, Ray};
 
@@ -56,8 +57,8 @@ impl Default for PathState {
 
 /// MIS weight of a sample by the power heuristic with exponent 2.
 ///
-/// Computed from the quotient, so that no square overflows. PDFs are finite, and both may be zero: a sample that no other
-/// technique finds has weight 1.
+/// Computed from the quotient, so that no square overflows. PDFs are finite, and both may be zero: a sample that no
+/// other technique finds has weight 1.
 fn weight(density: f32, other: f32) -> f32 {
     if other == 0.0 {
         return 1.0;
@@ -190,7 +191,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             if lights.has_choice() { self.sampler.single(pixel, sample, Dimension::LightChoice.at(n)) } else { 0.0 };
         let square = self.sampler.pair(pixel, sample, Dimension::Light.at(n));
         let Some(light) = lights.sample(&vertex.surface, vertex.transmits(), choice, square) else { return };
-        // The emission of surfaces counts as light of their own vertex, beyond the last one.
+        // Surface emission belongs to the vertex on the emitter, which here is beyond the last one.
         if matches!(light.light, LightId::Triangle(..)) && n == self.bounces {
             return;
         }

@@ -1,9 +1,10 @@
-//! Russian roulette (Arvo and Kirk 1990): ends paths with low throughput at random and scales the survivors, without bias.
+//! Russian roulette (Arvo and Kirk 1990): ends paths with low throughput at random and scales the survivors, without
+//! bias.
 
 use super::batch::PathRadiance;
 
-/// Throughput from which paths survive: ending paths above it adds more noise than it saves time, and below it the reverse
-/// (`benches/TRIED.md`).
+/// Throughput from which paths survive: ending paths above it adds more noise than it saves time, and below it the
+/// reverse (`benches/TRIED.md`).
 const SURVIVAL_THROUGHPUT: f32 = 0.5;
 
 /// Minimum termination probability from vertex [`MIN_TERMINATION_FROM`] on, so that paths without loss end too.
@@ -12,8 +13,8 @@ const MIN_TERMINATION: f32 = 0.05;
 /// The first vertices are exempt, because short specular paths add no noise.
 const MIN_TERMINATION_FROM: u32 = 4;
 
-/// Whether a path survives at its `n`-th vertex; if so, scales its throughput. `choice` is drawn only if the decision is
-/// random.
+/// Whether a path survives at its `n`-th vertex; if so, scales its throughput. `choice` is drawn only if the decision
+/// is random.
 pub(super) fn survives(accumulated: &mut PathRadiance, compression: f32, n: u32, choice: impl FnOnce() -> f32) -> bool {
     let throughput = accumulated.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / compression;
     let probability =
@@ -29,8 +30,8 @@ pub(super) fn survives(accumulated: &mut PathRadiance, compression: f32, n: u32,
 mod tests {
     use super::*;
 
-    /// For evenly spaced choices, the survivors carry the total throughput to within one path. Paths with high throughput
-    /// end only by the minimum probability.
+    /// For evenly spaced choices, the survivors carry the total throughput to within one path. Paths with high
+    /// throughput end only by the minimum probability.
     #[test]
     fn roulette_is_unbiased() {
         const N: u32 = 1000;

@@ -43,9 +43,9 @@ impl LightBounds {
 
     /// Estimate of the irradiance of the lights at a point; zero only if no light can reach it.
     ///
-    /// Intensity over squared distance, times the maximum cosines of emission (over the cone's axes) and of reception (over
-    /// the sphere's points). Inside the sphere the distance is the radius. Angles have an error of about 10⁻⁸, so a light
-    /// within that angle of a horizon may be missed.
+    /// Intensity over squared distance, times the maximum cosines of emission (over the cone's axes) and of reception
+    /// (over the sphere's points). Inside the sphere the distance is the radius. Angles have an error of about 10⁻⁸, so
+    /// a light within that angle of a horizon may be missed.
     pub(super) fn importance(&self, receiver: &Receiver) -> f64 {
         let offset = sub(receiver.position, self.center);
         let (square, radius_squared) = (dot(offset, offset), self.radius * self.radius);

@@ -16,7 +16,7 @@ pub(super) struct Node {
 /// Bins per axis.
 const BINS: usize = 12;
 
-/// Depth from which nodes are split in the split_at of their lights, which limits the depth to this plus log2(n).
+/// Depth from which nodes are split into equal numbers of lights, which limits the depth to this plus log2(n).
 const MAX_BINNED_DEPTH: u32 = 40;
 
 /// Builds a light tree top-down. Parents come before children.

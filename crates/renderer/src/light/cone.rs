@@ -52,7 +52,8 @@ impl Cone {
         }
     }
 
-    /// The orientation measure of Conty Estevez and Kulla, section 4: solid angle, weighted by the cosine beyond the spread.
+    /// The orientation measure of Conty Estevez and Kulla, section 4: solid angle, weighted by the cosine beyond the
+    /// spread.
     pub(super) fn measure(&self) -> f64 {
         let (spread, outer) = (self.spread_rad, (self.spread_rad + self.reach_rad).min(PI));
         let fringe =

@@ -62,7 +62,8 @@ fn wide2(v: [f32; 2]) -> [f64; 2] {
     v.map(f64::from)
 }
 
-/// PDF per steradian of a uniform point of a planar shape, at a vector `offset` from that point; `None` if it is seen edge-on.
+/// PDF per steradian of a uniform point of a planar shape, at a vector `offset` from that point; `None` if it is seen
+/// edge-on.
 pub(super) fn area_density(offset: Vector, unit_normal: Vector, area: f64) -> Option<f64> {
     let square = dot(offset, offset);
     // dA·cosθ = r²·dω, and r·cosθ is the height over the plane.

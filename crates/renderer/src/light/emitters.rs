@@ -88,7 +88,8 @@ impl<'a> Emitters<'a> {
         #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
         let hit = Hit { t: 1.0, u: u as f32, v: v as f32, primitive, instance, side: Side::Front };
         let radiance = self.radiance(&hit, narrow(to_light))?;
-        // The ray ends at the offset of rays that leave the emitter, so that rounding never puts its end behind the emitter.
+        // The ray ends at the offset of rays that leave the emitter, so that rounding never puts its end behind the
+        // emitter.
         let normal = triangle_light.normal_towards(from.position);
         let off = add(target, scale(normal, self.surfaces.offset(instance, normal)));
         Some(IncomingLight {

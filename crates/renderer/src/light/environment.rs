@@ -25,7 +25,8 @@ impl<'a> Sky<'a> {
 
     /// Radiance from a direction of any length, linear RGB.
     ///
-    /// Bilinear interpolation in longitude and latitude. Longitude wraps around; latitude is clamped to the first and last row.
+    /// Bilinear interpolation in longitude and latitude. Longitude wraps around; latitude is clamped to the first and
+    /// last row.
     pub(super) fn radiance(&self, direction: [f32; 3]) -> [f32; 3] {
         match self.environment {
             Environment::Constant(radiance) => *radiance,
@@ -134,8 +135,8 @@ fn mean_of(image: &EnvironmentImage) -> [f32; 3] {
 
 /// Importance sampling of an [`EnvironmentImage`].
 ///
-/// Chooses a texel by mean luminance times solid angle, then a uniform direction in it. The PDF is constant over a texel
-/// and positive wherever the bilinear radiance is.
+/// Chooses a texel by mean luminance times solid angle, then a uniform direction in it. The PDF is constant over a
+/// texel and positive wherever the bilinear radiance is.
 pub(super) struct SkySampler<'a> {
     pub(super) image: &'a EnvironmentImage,
     /// Running sums within each row, starting with 0.

@@ -27,12 +27,12 @@ impl LightId {
     }
 }
 
-/// A light that a ray hit.
+/// The environment or shape light that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightHit {
     /// Linear RGB.
     pub radiance: [f32; 3],
-    /// The light; never a triangle.
+    /// Which light; never a triangle.
     pub light: LightId,
 }
 

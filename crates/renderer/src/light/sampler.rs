@@ -22,8 +22,8 @@ use crate::{Surface, Surfaces};
 pub struct LightSample {
     /// Unit vector, world space.
     pub to_light: [f32; 3],
-    /// Radiance over the probability of the choice of the light and over its own PDF, linear RGB. Times BSDF and cosine it is a
-    /// sample of the reflected radiance, if the shadow ray is unoccluded.
+    /// Radiance over the probability of the choice of the light and over its own PDF, linear RGB. Times BSDF and cosine
+    /// it is a sample of the reflected radiance, if the shadow ray is unoccluded.
     pub radiance: [f32; 3],
     /// PDF of `to_light` per steradian, including the choice of the light; 0 if `is_delta`. Always finite.
     pub density: f32,
@@ -37,11 +37,11 @@ pub struct LightSample {
 
 /// Samples one light of a scene for a point, and evaluates the PDF.
 ///
-/// First it chooses between the environment, each sun and all other lights, with probabilities that do not depend on the
-/// point. Among the other lights, a light tree chooses by importance at the point. The fixed probabilities are the mean of
-/// a uniform distribution and one by power, so that an underestimated light is still sampled. Power is the irradiance of
-/// a sun, π times the mean radiance of the environment, and for local lights their power over the cross section of the
-/// scene's bounding sphere.
+/// First it chooses between the environment, each sun and all other lights, with probabilities that do not depend on
+/// the point. Among the other lights, a light tree chooses by importance at the point. The fixed probabilities are the
+/// mean of a uniform distribution and one by power, so that an underestimated light is still sampled. Power is the
+/// irradiance of a sun, π times the mean radiance of the environment, and for local lights their power over the cross
+/// section of the scene's bounding sphere.
 ///
 /// The estimate is unbiased for every light with finite radiance; others are ignored. Triangles of moving instances are
 /// found by BSDF sampling only: their PDF is 0.
@@ -274,7 +274,7 @@ mod tests {
         }
     }
 
-    /// With one light, nothing is kind and its probability is 1.
+    /// With one light, there is no choice and its probability is 1.
     #[test]
     fn single_light_has_probability_one() {
         let sun = Light::Sun { direction: [0.0, 0.0, -1.0], irradiance: [1.0; 3] };

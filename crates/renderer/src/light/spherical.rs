@@ -23,7 +23,8 @@ impl SphericalTriangle {
         SAMPLED.contains(&solid_angle).then_some(Self { corners: [a, b, c], solid_angle })
     }
 
-    /// Samples a unit direction uniformly over the solid angle. Source: Arvo 1995, *Stratified Sampling of Spherical Triangles*.
+    /// Samples a unit direction uniformly over the solid angle. Source: Arvo 1995, *Stratified Sampling of Spherical
+    /// Triangles*.
     ///
     /// `None` for a degenerate triangle.
     pub(super) fn sample(&self, [x, y]: [f64; 2]) -> Option<Vector> {

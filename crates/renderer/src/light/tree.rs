@@ -27,8 +27,8 @@ impl Tree {
 
     /// Chooses a light by a number in `[0, 1)`, with its probability; `None` if no light reaches the receiver.
     ///
-    /// The probabilities of all lights sum to 1, except for clusters whose bounds reach the receiver while none of their
-    /// lights does.
+    /// The probabilities of all lights sum to 1, except for clusters whose bounds reach the receiver while none of
+    /// their lights does.
     pub(super) fn choose(&self, receiver: &Receiver, mut choice: f64) -> Option<(u32, f64)> {
         let mut node = &self.nodes[0];
         let mut probability = 1.0;
@@ -110,7 +110,8 @@ mod tests {
         })
     }
 
-    /// What leaf probabilities lack to a sum of 1: nodes that promise a light, but none below them reaches the receiver.
+    /// What leaf probabilities lack to a sum of 1: nodes that promise a light, but none below them reaches the
+    /// receiver.
     fn lost(tree: &Tree, receiver: &Receiver) -> f64 {
         let mut open = vec![(0, 1.0)];
         let mut lost = 0.0;
@@ -124,7 +125,8 @@ mod tests {
         lost
     }
 
-    /// Up to fifteen levels; probabilities are rounded when computed and when multiplied, on both sides of a comparison.
+    /// Up to fifteen levels; probabilities are rounded when computed and when multiplied, on both sides of a
+    /// comparison.
     const PROBABILITY_ERROR: f64 = 30.0 * f64::EPSILON;
 
     #[test]

@@ -54,7 +54,7 @@ impl TriangleLight {
         let weight = |perpendicular: Vector| (dot(perpendicular, self.normal) / (2.0 * self.area)).clamp(0.0, 1.0);
         let u = weight(cross(from_a, sub(c, a)));
         let v = weight(cross(sub(b, a), from_a)).min(1.0 - u);
-        // NaN if the plane is spherical edge-on.
+        // NaN if the plane is seen edge-on.
         (u + v <= 1.0).then_some([u, v])
     }
 

@@ -57,7 +57,7 @@ impl fmt::Display for RenderError {
                 write!(f, "samples {start}..{end} are not a part of 0..{samples}")
             }
             Self::Noise { noise } => write!(f, "noise {noise} is not an error above zero"),
-            Self::NoiseOfPart => write!(f, "adaptive sampling cannot render a part of the samples"),
+            Self::NoiseOfPart => write!(f, "a noise target and a part of the samples exclude each other"),
             Self::Tile { number } => write!(f, "tile {number} does not belong to this picture"),
             Self::NoSamples => write!(f, "a picture needs at least one sample per pixel"),
             Self::AoRadius { radius } => write!(f, "ambient occlusion radius {radius} is not above zero"),

@@ -5,7 +5,7 @@ use canted_trace::{Counts, Hit, Query};
 
 use super::Adaptive;
 use crate::integrate::{Start, Transport};
-use crate::query::RayKeyed;
+use crate::query::{RayKeyed, forward};
 use crate::{Sampler, Settings, Tracer, View};
 
 /// Dimension of the sampler for the position in the pixel.
@@ -180,19 +180,10 @@ struct Counted<Q> {
 impl<Q: Query> Query for Counted<Q> {
     const MAY_REJECT: bool = Q::MAY_REJECT;
 
-    fn boxes(&mut self, n: u32) {
-        self.counts.boxes(n);
-    }
-
-    fn triangles(&mut self, n: u32) {
-        self.counts.triangles(n);
-    }
+    forward!(counters: counts, mask: inner);
 
     fn time(&self) -> f32 {
         self.inner.time()
-    }
-    fn mask(&self) -> u32 {
-        self.inner.mask()
     }
 
     fn accepts(&mut self, hit: &Hit) -> bool {

@@ -1,13 +1,13 @@
 //! Owen-scrambled (0,2)-sequences in base 2: of every aligned block of `2^m` samples, each elementary interval
 //! `[a/2^i, (a+1)/2^i) x [b/2^j, (b+1)/2^j)` with `i + j = m` contains exactly one.
 //!
-//! The sequence is the first two dimensions of Sobol 1967 with Owen scrambling (1995): each bit of a coordinate is flipped
-//! at random, depending on all higher bits. Following Burley 2020, *Practical Hash-based Owen Scrambling*, this is done by a
-//! hash in which bits affect only higher bits, on reversed bits. The same hash shuffles the sample indices, so that every
-//! use has an independent sequence (padding).
+//! The sequence is the first two dimensions of Sobol 1967 with Owen scrambling (1995): each bit of a coordinate is
+//! flipped at random, depending on all higher bits. Following Burley 2020, *Practical Hash-based Owen Scrambling*, this
+//! is done by a hash in which bits affect only higher bits, on reversed bits. The same hash shuffles the sample
+//! indices, so that every use has an independent sequence (padding).
 
-/// Point `sample` of the sequence selected by `seeds`, in units of 2⁻³². The first seed shuffles the samples, the others
-/// scramble one coordinate each. Seeds must be hashes.
+/// Point `sample` of the sequence selected by `seeds`, in units of 2⁻³². The first seed shuffles the samples, the
+/// others scramble one coordinate each. Seeds must be hashes.
 pub(super) fn pair(sample: u32, seeds: [u32; 3]) -> [u32; 2] {
     let index = shuffled(sample, seeds[0]);
     [scrambled(index, seeds[1]), scrambled(second(index), seeds[2])]
@@ -30,8 +30,8 @@ fn scrambled(reversed: u32, seed: u32) -> u32 {
 
 /// The second coordinate of point `index` without scrambling, in reversed bits; the first is `index` itself.
 ///
-/// Bit `j` is the parity of the index bits `k` for which the binomial `C(k, j)` is odd: those for which `k` contains all
-/// bits of `j`. Each of five steps sums over one bit of `k`.
+/// Bit `j` is the parity of the index bits `k` for which the binomial `C(k, j)` is odd: those for which `k` contains
+/// all bits of `j`. Each of five steps sums over one bit of `k`.
 fn second(index: u32) -> u32 {
     [(1, 0x5555_5555), (2, 0x3333_3333), (4, 0x0f0f_0f0f), (8, 0x00ff_00ff), (16, 0x0000_ffff)]
         .into_iter()
@@ -40,8 +40,8 @@ fn second(index: u32) -> u32 {
 
 /// A bijective hash in which each bit depends only on itself and on lower bits (Laine and Karras 2011).
 ///
-/// Sums, products with odd numbers, and `x ^ x·even` have this property. The constants are those of Vegdahl 2021, which are
-/// less biased than Burley's.
+/// Sums, products with odd numbers, and `x ^ x·even` have this property. The constants are those of Vegdahl 2021, which
+/// are less biased than Burley's.
 fn laine_karras(x: u32, seed: u32) -> u32 {
     let x = x ^ x.wrapping_mul(0x3d20_adea);
     let x = x.wrapping_add(seed);
@@ -113,8 +113,8 @@ mod tests {
         assert!(!is_net(&(32..96).map(|i| pair(i, seeds(0))).collect::<Vec<_>>()));
     }
 
-    /// Over the seeds, each bit flips with probability 1/2. For `n` fair coins the standard deviation is `√n / 2`; six of them
-    /// make a false alarm in 32 · 40 counts practically impossible.
+    /// Over the seeds, each bit flips with probability 1/2. For `n` fair coins the standard deviation is `√n / 2`; six
+    /// of them make a false alarm in 32 · 40 counts practically impossible.
     #[test]
     fn every_bit_flips_with_probability_one_half() {
         const N: u32 = 20_000;

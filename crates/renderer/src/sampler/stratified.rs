@@ -21,9 +21,9 @@ pub(super) fn jittered(k: u32, n: u32, random: u32) -> f32 {
 
 /// The image of `i < n` under a permutation of `0..n` selected by `key`.
 ///
-/// Each round is a bijection of `0..2^k` for the smallest `2^k >= n`. Values outside `0..n` are permuted again (cycle walking,
-/// Black and Rogaway 2002), less than twice on average. The final rotation of `0..n` makes every image equally likely for
-/// small `n` too.
+/// Each round is a bijection of `0..2^k` for the smallest `2^k >= n`. Values outside `0..n` are permuted again (cycle
+/// walking, Black and Rogaway 2002), less than twice on average. The final rotation of `0..n` makes every image equally
+/// likely for small `n` too.
 pub(super) fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
     let bits = u32::BITS - (n - 1).leading_zeros();
     let mask = if bits == u32::BITS { u32::MAX } else { (1 << bits) - 1 };
@@ -62,8 +62,8 @@ mod tests {
         }
     }
 
-    /// Over random keys, every image of an index is equally likely: Pearson's chi-squared statistic has mean `n - 1` and variance
-    /// `2(n - 1)`; the limit is six standard deviations.
+    /// Over random keys, every image of an index is equally likely: Pearson's chi-squared statistic has mean `n - 1`
+    /// and variance `2(n - 1)`; the limit is six standard deviations.
     #[test]
     fn permutations_are_uniform() {
         const KEYS: u32 = 20_000;

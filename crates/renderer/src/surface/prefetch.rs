@@ -12,9 +12,10 @@ use crate::texture::filtered_textures;
 impl Surfaces<'_> {
     /// Reads what [`Surfaces::at_time`] needs for these hits, so that it is in the cache.
     ///
-    /// Each loop reads one thing for every hit, at an address that the previous loop determined. Its iterations are short and
-    /// independent, so that an out-of-order processor overlaps many cache misses; a full shading evaluation would wait for
-    /// them one by one. Texels are read only for lookups in level 0: smaller mip levels are mostly in the cache.
+    /// Each loop reads one thing for every hit, at an address that the previous loop determined. Its iterations are
+    /// short and independent, so that an out-of-order processor overlaps many cache misses; a full shading evaluation
+    /// would wait for them one by one. Texels are read only for lookups in level 0: smaller mip levels are mostly in
+    /// the cache.
     pub(crate) fn prefetch<'h>(&self, hits: impl Iterator<Item = &'h Hit>) {
         let triangles: Vec<(HitTriangle, u32)> = hits.map(|hit| (self.hit_triangle(hit), hit.primitive.0)).collect();
         for (triangle, _) in &triangles {

@@ -2,12 +2,13 @@
 //!
 //! # Tangent frame
 //!
-//! In a normal map, `x` points along increasing `u`, `y` along increasing `v` and `z` along the shading normal. Tangents are
-//! transformed by the matrix itself, the normal by its inverse transpose. Tangents come from the vertices if the file has
-//! them, with the sign for `normal × tangent`; otherwise they are the gradients of the triangle's texture coordinates. They
-//! are made orthonormal to the interpolated normal. The handedness is kept, so that mirrored coordinates and mirroring
-//! transforms invert nothing. Seen from behind, the perturbed normal is reversed: a bump becomes a dent. If the texture
-//! coordinates are degenerate, or the map's normal is zero, the interpolated normal is used.
+//! In a normal map, `x` points along increasing `u`, `y` along increasing `v` and `z` along the shading normal.
+//! Tangents are transformed by the matrix itself, the normal by its inverse transpose. Tangents come from the vertices
+//! if the file has them, with the sign for `normal × tangent`; otherwise they are the gradients of the triangle's
+//! texture coordinates. They are made orthonormal to the interpolated normal. The handedness is kept, so that mirrored
+//! coordinates and mirroring transforms invert nothing. Seen from behind, the perturbed normal is reversed: a bump
+//! becomes a dent. If the texture coordinates are degenerate, or the map's normal is zero, the interpolated normal is
+//! used.
 //!
 //! # Decoding
 //!
@@ -17,9 +18,9 @@
 //! # Below the horizon
 //!
 //! A strongly perturbed normal may face away from the viewer, or mirror the view direction below the surface. Following
-//! Keller et al. 2017 ("The Iray light transport simulation and rendering system", appendix A), the mirrored direction is
-//! lifted to the horizon, and the normal is the half vector between it and the viewer. As a normal turns away from the
-//! viewer, this tends to the geometric normal, which is therefore used for all normals that face away.
+//! Keller et al. 2017 ("The Iray light transport simulation and rendering system", appendix A), the mirrored direction
+//! is lifted to the horizon, and the normal is the half vector between it and the viewer. As a normal turns away from
+//! the viewer, this tends to the geometric normal, which is therefore used for all normals that face away.
 
 use canted_scene::{Material, TextureRef};
 

@@ -66,14 +66,15 @@ impl<'a> Surfaces<'a> {
         &self.textures
     }
 
-    /// The surface at a hit of a world-space ray along `direction`, at shutter time 0, with textures at full resolution.
+    /// The surface at a hit of a world-space ray along `direction`, at shutter time 0, with textures at full
+    /// resolution.
     #[must_use]
     pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {
         self.at_time(hit, direction, 0.0, Cone::ZERO)
     }
 
-    /// The surface at a hit of a world-space ray along `direction` at shutter time `time` in 0..=1. `cone` is the ray cone at the
-    /// origin.
+    /// The surface at a hit of a world-space ray along `direction` at shutter time `time` in 0..=1. `cone` is the ray
+    /// cone at the origin.
     ///
     /// The point is interpolated from the vertices, not computed from `t`, whose rounding would move it along the ray.
     #[must_use]
@@ -122,8 +123,8 @@ impl<'a> Surfaces<'a> {
 
     /// Whether the surface at a hit is opaque to a ray with this key, by alpha.
     ///
-    /// A blended surface is opaque with probability alpha over all keys; each ray should have its own key. The answer depends
-    /// only on key, instance and triangle, and so not on the traversal.
+    /// A blended surface is opaque with probability alpha over all keys; each ray should have its own key. The answer
+    /// depends only on key, instance and triangle, and so not on the traversal.
     #[must_use]
     pub fn is_present(&self, hit: &Hit, key: u32) -> bool {
         let presence = self.presence(hit);

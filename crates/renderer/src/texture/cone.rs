@@ -1,10 +1,11 @@
 /// A ray cone: the width of the region around a ray that a sample represents. It determines the texture footprint.
 ///
-/// Source: Akenine-Möller et al. 2019 ("Texture level of detail strategies for real-time ray tracing"), with two changes:
+/// Source: Akenine-Möller et al. 2019 ("Texture level of detail strategies for real-time ray tracing"), with two
+/// changes:
 ///
-/// * Sample number `i` of a pixel has a cone `1/√(i + 1)` times as wide as the pixel. A single sample covers its pixel; with
-///   many samples, texture blur vanishes and the image converges to the unfiltered one. The number of a sample is known
-///   even if their count is not, so partial renders can be merged.
+/// * Sample number `i` of a pixel has a cone `1/√(i + 1)` times as wide as the pixel. A single sample covers its pixel;
+///   with many samples, texture blur vanishes and the image converges to the unfiltered one. The number of a sample is
+///   known even if their count is not, so partial renders can be merged.
 /// * Scattering widens the cone by the solid angle that a direction represents, the reciprocal of its PDF (Colbert and
 ///   Křivánek 2007), at most `π`, that of a diffuse surface. Rough surfaces widen the cone, mirrors do not.
 ///

@@ -42,8 +42,8 @@ impl Footprint {
         Self { level, ..Self::POINT }
     }
 
-    /// The footprint of a ray along `direction` in a texture of `size`, whose coordinates change by `along` along the edges of
-    /// the plane. `cone` is the ray cone at the hit.
+    /// The footprint of a ray along `direction` in a texture of `size`, whose coordinates change by `along` along the
+    /// edges of the plane. `cone` is the ray cone at the hit.
     pub(crate) fn new(
         lod: Lod,
         cone: &Cone,
@@ -86,7 +86,8 @@ impl Footprint {
     /// The ellipse with these conjugate diameters in texture coordinates.
     fn of_axes(diameters: [[f64; 2]; 2], size: [f64; 2]) -> Self {
         let [[a, b], [c, d]] = diameters.map(|v| [v[0] * size[0], v[1] * size[1]]);
-        // The squared axes are the eigenvalues of the sum of outer products; the product of the axes is the determinant.
+        // The squared axes are the eigenvalues of the sum of outer products; the product of the axes is the
+        // determinant.
         let [xx, xy, yy] = [a * a + c * c, a * b + c * d, b * b + d * d];
         let half_difference = (0.5 * (xx - yy)).hypot(xy);
         let largest = 0.5 * (xx + yy) + half_difference;

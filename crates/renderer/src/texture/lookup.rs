@@ -9,8 +9,8 @@ pub(crate) type Texels<'a> = [[&'a [u8; 4]; 2]; 2];
 impl MipMap<'_> {
     /// Filtered RGBA around `uv`, linear RGB or plain values.
     ///
-    /// `v` points up: row 0 of the image is the top, `v = 1`. Trilinear interpolation of decoded values. A texture without
-    /// texels is opaque white; a coordinate that is not finite counts as 0.
+    /// `v` points up: row 0 of the image is the top, `v = 1`. Trilinear interpolation of decoded values. A texture
+    /// without texels is opaque white; a coordinate that is not finite counts as 0.
     pub(crate) fn lookup(&self, uv: [f64; 2], footprint: &Footprint) -> [f32; 4] {
         if self.texture().texels.is_empty() {
             return [1.0; 4];

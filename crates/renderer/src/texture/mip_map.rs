@@ -11,11 +11,12 @@ static FRACTION: LazyLock<[f32; 256]> = LazyLock::new(|| {
     fractions
 });
 
-/// A texture with its mip levels. Each level is half as wide and high as the previous one, rounded down, to a single texel.
+/// A texture with its mip levels. Each level is half as wide and high as the previous one, rounded down, to a single
+/// texel.
 ///
-/// A texel is the mean over its box in the previous level, in linear light, with fractional weights at the edges of the box.
-/// All levels have the same mean, up to a rounding to 8 bits that does not accumulate. For a texture with cutout alpha,
-/// colors are weighted by alpha, so that transparent texels do not contribute.
+/// A texel is the mean over its box in the previous level, in linear light, with fractional weights at the edges of the
+/// box. All levels have the same mean, up to a rounding to 8 bits that does not accumulate. For a texture with cutout
+/// alpha, colors are weighted by alpha, so that transparent texels do not contribute.
 #[derive(Clone, Debug)]
 pub(crate) struct MipMap<'a> {
     texture: &'a Texture,
@@ -182,8 +183,8 @@ mod tests {
         sum.map(|x| x / image.texels.len() as f64)
     }
 
-    /// The first level whose mean differs from the texture's by more than half a byte, at the steepest slope of the sRGB curve,
-    /// 2.4 / 1.055. The millionth exceeds the rounding error of the sums.
+    /// The first level whose mean differs from the texture's by more than half a byte, at the steepest slope of the
+    /// sRGB curve, 2.4 / 1.055. The millionth exceeds the rounding error of the sums.
     fn first_changed_level(mip_map: &MipMap) -> Option<usize> {
         const HALF_BYTE: f64 = 0.5 / 255.0 * 2.4 / 1.055 + 1e-6;
         let all = mean(mip_map, 0);

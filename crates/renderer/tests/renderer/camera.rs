@@ -129,9 +129,10 @@ const N: u32 = 63;
 
 /// Diameter, in pixels, of the blur disk of a square light with sides of three pixels on the axis at `depth`.
 ///
-/// A uniform disk of diameter `D` has the variance `D²/16` along each axis, a square of side `a` has `a²/12`, and so a pixel has
-/// 1/12. Variances of successive blurs add. At 100 samples about 900 rays hit the light, which gives the variance to
-/// `1/√1800` and its root, the diameter, to 1.2 %. No light falls outside of disk, square and pixel combined.
+/// A uniform disk of diameter `D` has the variance `D²/16` along each axis, a square of side `a` has `a²/12`, and so a
+/// pixel has 1/12. Variances of successive blurs add. At 100 samples about 900 rays hit the light, which gives the
+/// variance to `1/√1800` and its root, the diameter, to 1.2 %. No light falls outside of disk, square and pixel
+/// combined.
 fn blur(camera: &Camera, depth: f32, pixel: f32, samples: u32) -> f64 {
     const SIDE: f32 = 3.0;
     let half = 0.5 * SIDE * pixel;
@@ -154,8 +155,8 @@ fn blur(camera: &Camera, depth: f32, pixel: f32, samples: u32) -> f64 {
     diameter
 }
 
-/// An aperture `A` focused at `s` blurs a point at depth `d` to a disk of diameter `A·|d - s|/(d·s)` in the plane at distance 1,
-/// or `A·|d - s|/s` for an orthographic projection.
+/// An aperture `A` focused at `s` blurs a point at depth `d` to a disk of diameter `A·|d - s|/(d·s)` in the plane at
+/// distance 1, or `A·|d - s|/s` for an orthographic projection.
 #[test]
 fn blur_matches_the_thin_lens_formula() {
     const FOCUS: f32 = 4.0;

@@ -46,9 +46,9 @@ fn simpson(f: &dyn Fn(f64) -> f64, a: f64, b: f64) -> f64 {
 
 /// Error bound of sampling and table for light of this variation.
 ///
-/// Koksma's inequality: the error is at most the discrepancy of the net times the variation. The discrepancy is at most 2/n along
-/// one axis. The signs of a filter with negative lobes vary along both axes, by four each and by products with the light;
-/// the discrepancy over rectangles is (m + 3)/n. The table adds a millionth for an edge.
+/// Koksma's inequality: the error is at most the discrepancy of the net times the variation. The discrepancy is at most
+/// 2/n along one axis. The signs of a filter with negative lobes vary along both axes, by four each and by products
+/// with the light; the discrepancy over rectangles is (m + 3)/n. The table adds a millionth for an edge.
 fn bound(filter: Filter, variation: f64, n: u32) -> f64 {
     match filter {
         Filter::Mitchell(_) => 2.0 * (variation + 8.0) * f64::from(n.ilog2() + 3) / f64::from(n),

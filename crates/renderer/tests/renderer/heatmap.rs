@@ -52,8 +52,8 @@ fn legend_covers_only_the_lower_left_corner() {
     assert!(has([1.0; 3]) && has(shown(1)) && has([0.0; 3]));
     let left_end = picture.pixels[picture.index(4, height - 5)];
     let least = shown(u32::MAX);
-    // 34 of 2^32 tests on a scale of eight steps, each below 1 in sRGB, where the slope of the curve is at most 2.4; such dark
-    // colors are rounded by at most half as much as one.
+    // 34 of 2^32 tests on a scale of eight steps, each below 1 in sRGB, where the slope of the curve is at most 2.4;
+    // such dark colors are rounded by at most half as much as one.
     let bound = 34.0 / 2.0_f32.powi(32) * 8.0 * 2.4 + 0.5 * f32::EPSILON;
     assert!((0..3).all(|k| (left_end[k] - least[k]).abs() <= bound), "{left_end:?} {least:?}");
 }

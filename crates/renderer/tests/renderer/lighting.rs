@@ -42,8 +42,8 @@ fn sun_gives_irradiance_times_cosine() {
     }
 }
 
-/// Minimum distance from the center of a unit sphere to the planes of its triangles: 1 minus this bounds the depth of points on
-/// them, and its arc cosine bounds the tilt of their normals.
+/// Minimum distance from the center of a unit sphere to the planes of its triangles: 1 minus this bounds the depth of
+/// points on them, and its arc cosine bounds the tilt of their normals.
 fn least_plane(sphere_mesh: &Mesh) -> f64 {
     let planes = sphere_mesh.triangles.iter().map(|triangle| {
         let [a, b, c] = triangle.map(|i| sphere_mesh.positions[i as usize].map(f64::from));
@@ -76,16 +76,16 @@ fn sphere_under_a_sun_is_lambertian_in_every_pixel() {
         for (index, pixel) in (0..).zip(film.pixels()) {
             let [x, y] = [index % N, index / N].map(|i| (f64::from(i) + 0.5) / f64::from(N) - 0.5);
             let (x, y) = (x * HEIGHT, -y * HEIGHT);
-            // Points on triangles are closer to the center than on the sphere, so the same sine is another angle; near the
-            // silhouette the slope is large.
+            // Points on triangles are closer to the center than on the sphere, so the same sine is another angle; near
+            // the silhouette the slope is large.
             let far = x.hypot(y) / plane + footprint;
             if far > 0.95 {
                 continue;
             }
             let error = (far - x.hypot(y)) / (1.0 - far * far).sqrt();
             let cosine = dot([x, y, (1.0 - x * x - y * y).sqrt()], to_sun);
-            // If the sun is lower than twice the tilt of the triangles, it may be below their horizon, and paths fold light from
-            // below that up: at most the same amount again.
+            // If the sun is lower than twice the tilt of the triangles, it may be below their horizon, and paths fold
+            // light from below that up: at most the same amount again.
             let low = 2.0 * (plane.acos().sin() + error);
             let value = pixel.mean();
             for k in 0..3 {
@@ -125,7 +125,8 @@ fn light_below_the_geometric_horizon_does_not_count() {
     leaning.normals = Some(vec![[0.8, 0.6, 0.0]; 4]);
     let mut plane = scene(vec![leaning], vec![grey(0.5)]);
     let lit = |plane: &canted_scene::Scene| probe(plane, [0.0, 5.0, 5.0], [0.0; 3], settings(1, 1, 1, 0))[0];
-    // The shading normal has the cosine 0.8·0.995 - 0.6·0.1 = 0.736 to the light from below, and 0.856 to that from above.
+    // The shading normal has the cosine 0.8·0.995 - 0.6·0.1 = 0.736 to the light from below, and 0.856 to that from
+    // above.
     plane.lights = vec![Light::Sun { direction: [-0.995, 0.1, 0.0], irradiance: [std::f32::consts::PI; 3] }];
     // There is no occluder: the shadow ray leaves by the lower side and escapes.
     assert_eq!(lit(&plane), 0.0);
@@ -199,7 +200,8 @@ fn error_falls_with_the_root_of_the_sample_count() {
         (a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 288.0).sqrt()
     };
     let (few, many) = (error(16, Pattern::Random), error(64, Pattern::Random));
-    // 144 pixels give a standard deviation to 1/√288 = 6 %, the ratio of two to 8 %. The bound is four of those around 2.
+    // 144 pixels give a standard deviation to 1/√288 = 6 %, the ratio of two to 8 %. The bound is four of those around
+    // 2.
     assert!((few / many / 2.0 - 1.0).abs() < 0.34, "{few} {many}");
     assert!(error(16, Pattern::Stratified) < few);
 }

@@ -56,8 +56,8 @@ fn reflectance(k: u8, channel: usize) -> f64 {
 /// Checks `value` after `k` reflections, to within the relative error `footprint` plus the error of each reflection.
 #[track_caller]
 fn check(value: Vector, k: u8, expected: Vector, footprint: f64) {
-    // The derivative of Schlick's term is 5·(1 - cosθ)⁴·sinθ, at most 0.027 up to 45 degrees, for reflectances of 0.25 or more;
-    // in f32 each reflection adds less than eight roundings.
+    // The derivative of Schlick's term is 5·(1 - cosθ)⁴·sinθ, at most 0.027 up to 45 degrees, for reflectances of 0.25
+    // or more; in f32 each reflection adds less than eight roundings.
     let of_each = 0.027 * HALF_FIELD_RAD / 0.25 + 8.0 * f64::from(f32::EPSILON);
     let bound = footprint + f64::from(k + 1) * of_each;
     for channel in 0..3 {
@@ -113,8 +113,8 @@ fn mirrors_multiply_the_reflected_radiance() {
         lit.lights = vec![Light::Point { position: [x, 1.5, 0.0], intensity: [3.0; 3] }];
         let expected =
             std::array::from_fn(|channel| f64::from(paint[channel]) * 3.0 / (PI * 0.25) * reflectance(k, channel));
-        // Next to the light its irradiance falls by 3/2 of the squared distance over h. The line is 2·√(k² + 1) long and tilted by
-        // the same factor.
+        // Next to the light its irradiance falls by 3/2 of the squared distance over h. The line is 2·√(k² + 1) long
+        // and tilted by the same factor.
         let stretch = 2.0 * (f64::from(k).powi(2) + 1.0) * HALF_FIELD_RAD;
         check(after(k, &lit, k.into()), k, expected, 1.5 * (stretch / 0.5).powi(2));
         if k > 0 {
@@ -138,8 +138,8 @@ fn of_lamps(meshes: impl IntoIterator<Item = Mesh>) -> Scene {
     scene(meshes.into_iter().collect(), std::iter::once(metal([1.0; 3], 0.0)).chain(lamps).collect())
 }
 
-/// A corner of two white mirrors shows the images of the lamps: those of one reflection with one bounce, those rotated by half a
-/// turn with two, and nothing more with three. White mirrors are exact.
+/// A corner of two white mirrors shows the images of the lamps: those of one reflection with one bounce, those rotated
+/// by half a turn with two, and nothing more with three. White mirrors are exact.
 #[test]
 fn perpendicular_mirrors_show_four_images() {
     let view = camera([4.0, 3.0, 8.0], [0.0; 3], 36.0);
@@ -185,7 +185,8 @@ fn hybrid_integrator_treats_mirrors_as_diffuse() {
 const COLUMNS: u32 = 8;
 const ROWS: u32 = 25;
 
-/// A metal floor viewed at 45 degrees from height 1, and an infinite lamp whose lower edge is reflected in the center row.
+/// A metal floor viewed at 45 degrees from height 1, and an infinite lamp whose lower edge is reflected in the center
+/// row.
 fn edge_in_metal(roughness: f32, fov_degrees: f32) -> (Film, Camera) {
     let lamp = parallelogram([10.0, 9.0, -500.0], [0.0, 1000.0, 0.0], [0.0, 0.0, 1000.0], 1);
     let stage = scene(vec![floor(50.0, 0.0, 0), lamp], vec![metal([1.0; 3], roughness), emissive([1.0; 3])]);
@@ -205,12 +206,13 @@ fn angles(view: &Camera, row: u32) -> [f64; 2] {
     [angles.into_iter().fold(FRAC_PI_4, f64::min), angles.into_iter().fold(-FRAC_PI_4, f64::max)]
 }
 
-/// Rows that differ from the mirror by more than facets of width `alpha` can scatter across the edge, and their total number.
+/// Rows that differ from the mirror by more than facets of width `alpha` can scatter across the edge, and their total
+/// number.
 ///
-/// In GGX the fraction `α²/(α² + x²)` of facets has slopes above x, and a facet rotates a ray by at most twice its own angle.
-/// This overestimates what crosses an edge at twice the angle: half of all facets tilt the other way, and those that tilt
-/// away from the viewer are at most twice as visible as the others, for slopes below 0.8 at 45 degrees. `10·α²` is lost below
-/// the horizon (facets steeper than 19 degrees) or masked.
+/// In GGX the fraction `α²/(α² + x²)` of facets has slopes above x, and a facet rotates a ray by at most twice its own
+/// angle. This overestimates what crosses an edge at twice the angle: half of all facets tilt the other way, and those
+/// that tilt away from the viewer are at most twice as visible as the others, for slopes below 0.8 at 45 degrees.
+/// `10·α²` is lost below the horizon (facets steeper than 19 degrees) or masked.
 fn rows_off((film, view): &(Film, Camera), alpha: f64) -> (usize, usize) {
     let (mut n_off, mut n_rows) = (0, 0);
     for (row, pixels) in (0..).zip(film.pixels().chunks(COLUMNS as usize)) {

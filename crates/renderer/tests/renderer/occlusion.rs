@@ -39,7 +39,8 @@ fn closed_box_is_fully_occluded() {
     assert_eq!(ambient(&closed, [0.5, 0.5, 0.5], [0.0, -1.0, 0.0], f32::INFINITY, 64), 0.0);
 }
 
-/// Four standard errors of `n` samples in 0..=1, whose standard deviation is at most 1/2; stratified samples are better.
+/// Four standard errors of `n` samples in 0..=1, whose standard deviation is at most 1/2; stratified samples are
+/// better.
 fn noise(n: u32) -> f64 {
     4.0 * 0.5 / f64::from(n).sqrt()
 }

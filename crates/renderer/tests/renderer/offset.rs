@@ -73,8 +73,8 @@ fn surfaces_of(
     }
 }
 
-/// The origin of a new ray, rounded to `f32`, is at least twice `HIT_ERROR` times the reach from the plane along each axis, and not
-/// much more than the bound of 44 units of rounding.
+/// The origin of a new ray, rounded to `f32`, is at least twice `HIT_ERROR` times the reach from the plane along each
+/// axis, and not much more than the bound of 44 units of rounding.
 #[test]
 fn origins_have_the_minimum_distance() {
     for s in SCALES {

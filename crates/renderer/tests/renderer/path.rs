@@ -30,7 +30,8 @@ fn mean_of(film: &Film) -> ([f64; 3], [f64; 3]) {
     (mean, variance.map(f64::sqrt))
 }
 
-/// Checks that the mean of an image is `expected` in every channel to within its noise, which is at most `precision` of it.
+/// Checks that the mean of an image is `expected` in every channel to within its noise, which is at most `precision` of
+/// it.
 #[track_caller]
 fn check(scene: &Scene, view: &Camera, settings: &Settings, expected: f64, precision: f64) {
     let (mean, deviation) = mean_of(&film(scene, view, settings));
@@ -96,8 +97,8 @@ fn clear_glass_conserves_energy() {
     }
 }
 
-/// Reflectance, throughput, environment radiance and filter weight round once each. At normal incidence Schlick's term is below
-/// the fifth power of the field of view and adds nothing.
+/// Reflectance, throughput, environment radiance and filter weight round once each. At normal incidence Schlick's term
+/// is below the fifth power of the field of view and adds nothing.
 const MIRRORED_ERROR: f64 = 4.0 * U;
 
 /// A polished metal under a constant environment shows its reflectance, up to white at grazing angles.

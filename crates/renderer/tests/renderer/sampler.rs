@@ -125,8 +125,8 @@ fn correlation(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     (ab - a * b / n) / ((aa - a * a / n) * (bb - b * b / n)).sqrt()
 }
 
-/// Variance of the mean of `n` samples of a quarter disk's indicator function: stratification leaves only the cells that the arc
-/// crosses.
+/// Variance of the mean of `n` samples of a quarter disk's indicator function: stratification leaves only the cells
+/// that the arc crosses.
 #[test]
 fn stratified_has_less_variance_than_random() {
     for n in [6, 7, 16, 24] {
@@ -176,8 +176,8 @@ fn sobol_does_not_depend_on_the_count() {
     }
 }
 
-/// Samples of one pixel in two dimensions are paired at random. The sum over a net of products of centered numbers would detect
-/// a common order.
+/// Samples of one pixel in two dimensions are paired at random. The sum over a net of products of centered numbers
+/// would detect a common order.
 #[test]
 fn dimensions_of_one_pixel_are_uncorrelated() {
     const N: u32 = 64;

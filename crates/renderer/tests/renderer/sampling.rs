@@ -36,8 +36,8 @@ fn integral(density: impl Fn(f32) -> f32) -> f64 {
     std::f64::consts::TAU * (0..STEPS).map(value).sum::<f64>() / f64::from(STEPS)
 }
 
-/// The midpoint rule is exact for linear and constant PDFs up to rounding: in `f32`, cosine, π and quotient round once each, and
-/// a mean of positive numbers preserves this. The fourth rounding covers `f64` and second-order terms.
+/// The midpoint rule is exact for linear and constant PDFs up to rounding: in `f32`, cosine, π and quotient round once
+/// each, and a mean of positive numbers preserves this. The fourth rounding covers `f64` and second-order terms.
 const DENSITY_ERROR: f64 = 4.0 * U;
 
 #[test]

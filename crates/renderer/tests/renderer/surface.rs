@@ -110,7 +110,8 @@ fn rays_start_on_their_side_and_end_before_their_target() {
     assert!(s.spawn_ray_to([0.0, 1e-3, 0.0]).is_none() && s.spawn_ray_to([0.0, 1.5e-3, 0.0]).is_none());
 }
 
-/// A square of two triangles with uv over 0..=1 and a two by one texture: left red and opaque, right green and transparent.
+/// A square of two triangles with uv over 0..=1 and a two by one texture: left red and opaque, right green and
+/// transparent.
 fn textured() -> Scene {
     let mut square = crate::common::parallelogram([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0);
     square.uvs = Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);

@@ -16,8 +16,8 @@ const FIELD: u32 = 8;
 /// World units per side of a field.
 const FIELD_WORLD: f32 = 0.5;
 
-/// A chessboard that extends to the horizon under a white environment: rays see black or white, and the only noise is that of
-/// the texture.
+/// A chessboard that extends to the horizon under a white environment: rays see black or white, and the only noise is
+/// that of the texture.
 fn board() -> Scene {
     let side = 2 * FIELD;
     let texel =
@@ -98,8 +98,8 @@ fn near_texels_are_sharp() {
     assert!(error(&picture(Lod::Cone, 4, &view(0.0)), 0.0..NEAR) > 0.04 * 0.04);
 }
 
-/// With one sample per pixel, the distant board changes by less than 0.03 when the camera rotates by a pixel; without filtering it
-/// flickers between black and white.
+/// With one sample per pixel, the distant board changes by less than 0.03 when the camera rotates by a pixel; without
+/// filtering it flickers between black and white.
 #[test]
 fn far_texels_do_not_flicker() {
     let change = |lod| {
@@ -216,7 +216,8 @@ fn scenes_without_textures_do_not_depend_on_lod() {
     assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
 }
 
-/// A pixel's cone is as wide as the pixel everywhere in the image: the root of the area between the rays of its corners.
+/// A pixel's cone is as wide as the pixel everywhere in the image: the root of the area between the rays of its
+/// corners.
 #[test]
 fn cones_match_their_pixels() {
     let view = View::new(&camera([1.0, 2.0, 3.0], [0.0; 3], 70.0), 64, 48).unwrap();

@@ -1,11 +1,11 @@
 use canted_obb::{Aabb, PrimId};
 use canted_trace::{InstanceId, Query, ScaledRay};
-use canted_wide::{BoxTree, Config, PrimitiveError, SimdPath};
+use canted_wide::{Config, PrimitiveError, SimdPath, WideBvh};
 
 /// A wide top level: eight-wide aligned nodes over the instances' axis-aligned boxes.
 #[derive(Clone, Debug)]
 pub(crate) struct WideTop {
-    bvh: BoxTree,
+    bvh: WideBvh<Aabb>,
     config: Config,
     path: SimdPath,
 }
@@ -13,7 +13,8 @@ pub(crate) struct WideTop {
 impl WideTop {
     /// Builds over a box for each instance, world space.
     pub(crate) fn build(boxes: &[Aabb], config: Config, path: SimdPath) -> Result<Self, PrimitiveError> {
-        Ok(Self { bvh: BoxTree::build(boxes, &config)?.with_path(path), config, path })
+        let bvh = WideBvh::<Aabb>::build(boxes.to_vec(), &config.axis_aligned())?;
+        Ok(Self { bvh: bvh.with_path(path), config, path })
     }
 
     pub(crate) fn with_path(self, path: SimdPath) -> Self {
@@ -22,7 +23,7 @@ impl WideTop {
 
     /// New boxes for the same instances.
     pub(crate) fn refit(&mut self, boxes: &[Aabb]) {
-        if let Ok(bvh) = BoxTree::build(boxes, &self.config) {
+        if let Ok(bvh) = WideBvh::<Aabb>::build(boxes.to_vec(), &self.config.axis_aligned()) {
             self.bvh = bvh.with_path(self.path);
         }
     }

@@ -67,8 +67,10 @@ impl SlabRay {
     }
 
     /// Prepares `ray` with pads in units of the space.
+    #[doc(hidden)]
     #[inline]
-    pub(crate) fn with_pads(ray: &ScaledRay, pad: f32, pad_oriented: f32) -> Self {
+    #[must_use]
+    pub fn with_pads(ray: &ScaledRay, pad: f32, pad_oriented: f32) -> Self {
         Self {
             origin: ray.origin,
             direction: ray.direction,
@@ -101,8 +103,10 @@ impl SlabRay {
     }
 
     /// Entry and exit; a miss where they are out of order.
+    #[doc(hidden)]
     #[inline]
-    pub(crate) fn clip_aabb(&self, aabb: &Aabb, t_max: f32) -> (f32, f32) {
+    #[must_use]
+    pub fn clip_aabb(&self, aabb: &Aabb, t_max: f32) -> (f32, f32) {
         let mut interval = (self.t_min, t_max);
         for k in 0..3 {
             let t_lo = (aabb.min[k] - self.origin_lo[k]) * self.recip[k];
@@ -113,8 +117,10 @@ impl SlabRay {
     }
 
     /// Entry and exit; a miss where they are out of order.
+    #[doc(hidden)]
     #[inline]
-    pub(crate) fn clip_slabs(&self, slabs: &Slabs, t_max: f32) -> (f32, f32) {
+    #[must_use]
+    pub fn clip_slabs(&self, slabs: &Slabs, t_max: f32) -> (f32, f32) {
         let mut interval = (self.t_min, t_max);
         for k in 0..3 {
             let origin = dot(slabs.rows[k], self.origin);

@@ -1,7 +1,7 @@
 use canted_obb::{Aabb, Obb};
 
 use crate::rounding::{UNIT_ROUNDOFF_F64, down, nearest, up};
-use canted_obb::vector::{cross, dot, to_f64};
+use canted_obb::vector::{cross, dot, length, to_f64};
 
 /// A traced box: all points `x` with `lo[k] <= rows[k]·x <= hi[k]`, in the space of the rays.
 ///
@@ -96,9 +96,9 @@ fn dot_abs(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// The rows of the inverse of the matrix with these columns, normalized and rounded.
 fn inverse_rows(columns: [[f64; 3]; 3]) -> [[f32; 3]; 3] {
-    std::array::from_fn(|k| {
+    core::array::from_fn(|k| {
         let normal = cross(columns[(k + 1) % 3], columns[(k + 2) % 3]);
-        let length = dot(normal, normal).sqrt();
+        let length = length(normal);
         if length > 0.0 { normal.map(|x| nearest(x / length)) } else { Obb::IDENTITY_FRAME[k] }
     })
 }

@@ -69,7 +69,7 @@ pub struct BaldwinWeberRecord {
 
 /// The weights of the ray's line; `det` is the normal times the direction, over the normal's greatest component.
 #[inline]
-pub(crate) fn weights(ray: &ScaledRay, record: &BaldwinWeberRecord) -> Weights {
+pub fn weights(ray: &ScaledRay, record: &BaldwinWeberRecord) -> Weights {
     let s = sub(ray.origin, record.vertices[0]);
     let [s_a, s_b, s_c] = record.axis.permute(s);
     let [d_a, d_b, d_c] = record.axis.permute(ray.direction);

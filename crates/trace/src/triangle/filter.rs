@@ -5,21 +5,21 @@
 /// - the rounding of `u`, of `v` and of `u + v`, each with that of `det`, whose sign may then be wrong, too;
 /// - `WEIGHT_SLACK·|det|`, by which the finish lets weights lie outside.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Weights {
+pub struct Weights {
     /// Proportional to the normal times the direction; positive or negative.
-    pub(crate) det: f32,
+    pub det: f32,
     /// Weight of the second vertex, times `det`.
-    pub(crate) u: f32,
+    pub u: f32,
     /// Weight of the third vertex, times `det`.
-    pub(crate) v: f32,
+    pub v: f32,
     /// The bound; infinite where nothing is known, because a product might have overflown.
-    pub(crate) error: f32,
+    pub error: f32,
 }
 
 impl Weights {
     /// Whether the line certainly misses the triangle.
     #[inline]
-    pub(crate) fn misses(&self) -> bool {
+    pub fn misses(&self) -> bool {
         let sign = 1.0f32.copysign(self.det);
         let (u, v) = (sign * self.u, sign * self.v);
         // What is not a number stays for the finish.

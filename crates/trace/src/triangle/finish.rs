@@ -24,7 +24,7 @@ const AGREEMENT: f64 = 2.0 * UNIT_ROUNDOFF as f64;
 /// at least -4u; at most two are negative, so moving them to zero moves the point by at most `8u·ρ∞` twice. In all
 /// `16u·ρ∞ + 2u·(|o|∞ + ρ∞)`, and less than 0.1 u for the roundings of the check itself.
 #[inline]
-pub(crate) fn finish(ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
+pub fn finish(ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
     let [v0, v1, v2] = vertices.map(to_f64);
     let (o, d) = (to_f64(ray.origin), to_f64(ray.direction));
     let (e1, e2, s) = (sub(v1, v0), sub(v2, v0), sub(o, v0));

@@ -38,7 +38,7 @@ pub struct MollerTrumbore;
 
 /// The weights of the ray's line; `det` is minus the normal times the direction.
 #[inline]
-pub(crate) fn weights(ray: &ScaledRay, [v0, v1, v2]: &[[f32; 3]; 3]) -> Weights {
+pub fn weights(ray: &ScaledRay, [v0, v1, v2]: &[[f32; 3]; 3]) -> Weights {
     let (e1, e2, s) = (sub(*v1, *v0), sub(*v2, *v0), sub(ray.origin, *v0));
     let p = cross(ray.direction, e2);
     let edges = norm(e1) + norm(e2) + f32::MIN_POSITIVE;

@@ -1,4 +1,4 @@
-use std::ops::{Mul, Sub};
+use core::ops::{Mul, Sub};
 
 use super::{Axis, Kernel, TriangleHit};
 use crate::rounding::nearest;

@@ -1,97 +1,132 @@
-//! Whether records read from a file are such as a build makes.
+//! Whether records read from a file are those that a build makes.
 
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, PrimId};
 
-use super::LoadError;
-use crate::emit::Records;
-use crate::layout::NodeKind;
-use crate::refit::{self, Flaw, Outline, Triangles};
+use super::error::LoadError;
+use super::header::Header;
+use crate::build::{PrimitiveError, bounds_of};
+use crate::flaw::Flaw;
+use crate::item::Item;
+use crate::layout::{Half, LeafLayout, NodeKind, Nodes};
+use crate::outline::Outline;
+use crate::primitive::Primitive;
+use crate::refit::{self, Triangles, by_place, ids_by_place};
+use crate::shape::Shapes;
 use crate::traverse::MeshFrame;
 
-/// How often, on average, a triangle may lie in leaning boxes: more than the depth of any tree that a builder makes,
+/// How many oriented boxes may hold a primitive, on average: more than the depth of any binary tree that a builder makes,
 /// few enough that a file is checked in time proportional to its length.
 const MOST_NESTED: u64 = 4_096;
 
-/// What the header promises of the records.
-pub(super) struct Promise {
-    pub(super) n_triangles: usize,
-    pub(super) depth: u32,
+/// What the header says of the records.
+pub struct Expected {
+    pub(super) n_primitives: usize,
+    depth: u32,
     pub(super) bounds: Aabb,
-    pub(super) frame: [[f32; 3]; 3],
+    pub(super) frame: MeshFrame,
 }
 
-/// Refuses records that could panic, loop, lose a hit, or report one that is not there.
-///
-/// Words lead to every record once. Boxes are compared with those that a refit writes for the same vertices: it does so
-/// as a build does, so they are equal, and what is proven of built boxes holds for loaded ones.
-pub(super) fn check(records: &Records, promise: &Promise) -> Result<(), LoadError> {
-    let frame = MeshFrame::new(promise.frame);
-    promise.frame.iter().try_for_each(|&row| refit::check_row(row, None))?;
-    let outline = Outline::of(records)?;
-    if outline.depth != promise.depth {
-        return Err(LoadError::Depth { told: promise.depth, found: outline.depth });
-    }
-    check_nested(&outline)?;
-    check_lanes(&outline, records)?;
-    let triangles = Triangles::read(&outline, &records.halves);
-    check_triangles(&triangles, promise.n_triangles)?;
-    let bounds = Aabb::from_points(triangles.corners.iter().flatten().copied());
-    if bounds != promise.bounds {
-        return Err(LoadError::Bounds { told: promise.bounds, found: bounds });
-    }
-    check_boxes(&outline, &triangles.corners, &frame, records)
-}
-
-fn check_nested(outline: &Outline) -> Result<(), Flaw> {
-    let leaning = outline.nodes.iter().filter(|node| node.kind != NodeKind::Aligned);
-    let n_inside = leaning.map(|node| node.places.len() as u64).sum();
-    let most = MOST_NESTED.saturating_mul(outline.n_places as u64);
-    if n_inside > most { Err(Flaw::Nested { n_inside, most }) } else { Ok(()) }
-}
-
-fn check_lanes(outline: &Outline, records: &Records) -> Result<(), Flaw> {
-    match outline.leaves.iter().find(|leaf| !refit::unused_lanes_are_zero(leaf, &records.halves)) {
-        Some(leaf) => Err(Flaw::Lane { block: leaf.half() }),
-        None => Ok(()),
-    }
-}
-
-/// Vertices are finite; every number is there, and always with the same vertices.
-fn check_triangles(triangles: &Triangles, n_triangles: usize) -> Result<(), LoadError> {
-    let n_places = triangles.primitives.len();
-    // Before anything of a size that only the header tells is allocated.
-    if n_triangles > n_places {
-        return Err(LoadError::Count { n_told: n_triangles as u64, n_places });
-    }
-    let mut seen: Vec<Option<&Corners>> = vec![None; n_triangles];
-    for (&primitive, corners) in triangles.primitives.iter().zip(&triangles.corners) {
-        let Some(first) = seen.get_mut(primitive.index()) else {
-            return Err(Flaw::Primitive { primitive, n_triangles }.into());
+impl Expected {
+    pub(super) fn of(header: &Header) -> Result<Self, LoadError> {
+        header.frame.iter().try_for_each(|&row| refit::check_row(row, None))?;
+        let Ok(n_primitives) = usize::try_from(header.n_primitives) else {
+            return Err(LoadError::Count { n_expected: header.n_primitives, n_found: 0 });
         };
-        if !corners.as_flattened().iter().all(|x| x.is_finite()) {
-            return Err(Flaw::NotFinite { primitive }.into());
-        }
-        let bits = |corners: &Corners| corners.map(|vertex| vertex.map(f32::to_bits));
-        if first.is_some_and(|first| bits(first) != bits(corners)) {
+        Ok(Self { n_primitives, depth: header.depth, bounds: header.bounds, frame: MeshFrame::new(header.frame) })
+    }
+}
+
+/// Rejects records that could panic, loop, lose a hit, or report one that does not exist.
+///
+/// References reach every record once. Boxes are compared with those that a refit writes for the same primitives: it writes
+/// those of a build, so they are equal, and what is proven of built boxes holds for loaded ones.
+pub(super) fn check_triangles(nodes: &Nodes, blocks: &[Half], expected: &Expected) -> Result<(), LoadError> {
+    let outline = outline(nodes, blocks.len(), &LeafLayout::BLOCKS, expected)?;
+    if let Some(leaf) = outline.leaves.iter().find(|leaf| !refit::unused_lanes_are_zero(leaf, blocks)) {
+        return Err(Flaw::Lane { block: leaf.unit(&LeafLayout::BLOCKS) }.into());
+    }
+    let Triangles { corners, ids } = Triangles::read(&outline, blocks);
+    if let Some((&primitive, _)) = ids.iter().zip(&corners).find(|(_, corners)| !is_finite(corners)) {
+        return Err(Flaw::NotFinite { primitive }.into());
+    }
+    let bits = |corners: &Corners| corners.map(|vertex| vertex.map(f32::to_bits));
+    check_ids(&ids, expected, |a, b| bits(&corners[a]) == bits(&corners[b]))?;
+    let bounds = Aabb::from_points(corners.iter().flatten().copied());
+    check_boxes(&outline, &corners, bounds, expected, nodes)
+}
+
+/// The same for primitives of the caller.
+pub(super) fn check_shapes<P: Primitive>(
+    nodes: &Nodes,
+    leaves: &Shapes<P>,
+    expected: &Expected,
+) -> Result<(), LoadError> {
+    let outline = outline(nodes, leaves.order.len(), &LeafLayout::IDS, expected)?;
+    let ids = ids_by_place(&outline, &leaves.order);
+    check_ids(&ids, expected, |_, _| true)?;
+    let bounds = match bounds_of(&leaves.primitives) {
+        Ok(bounds) => bounds,
+        Err(PrimitiveError::Bounds { primitive }) => return Err(Flaw::NotFinite { primitive }.into()),
+        Err(PrimitiveError::TooMany { .. }) => unreachable!("leaves hold as many"),
+    };
+    check_boxes(&outline, &by_place(&ids, &leaves.primitives), bounds, expected, nodes)
+}
+
+fn outline(nodes: &Nodes, n_units: usize, layout: &LeafLayout, expected: &Expected) -> Result<Outline, LoadError> {
+    let outline = Outline::of(nodes, n_units, layout)?;
+    if outline.depth != expected.depth {
+        return Err(LoadError::Depth { expected: expected.depth, found: outline.depth });
+    }
+    let oriented = outline.nodes.iter().filter(|node| node.kind == NodeKind::Oriented);
+    let n_inside = oriented.map(|node| node.places.len() as u64).sum();
+    let most = MOST_NESTED.saturating_mul(outline.n_places as u64);
+    if n_inside > most {
+        return Err(Flaw::Nested { n_inside, most }.into());
+    }
+    Ok(outline)
+}
+
+fn is_finite(corners: &Corners) -> bool {
+    corners.as_flattened().iter().all(|x| x.is_finite())
+}
+
+/// Every id is in a leaf, and `is_same` for all places that hold it.
+fn check_ids(ids: &[PrimId], expected: &Expected, is_same: impl Fn(usize, usize) -> bool) -> Result<(), LoadError> {
+    let Expected { n_primitives, .. } = *expected;
+    // Before anything of a size that only the header gives is allocated.
+    if n_primitives > ids.len() {
+        return Err(LoadError::Count { n_expected: n_primitives as u64, n_found: ids.len() });
+    }
+    let mut first_places: Vec<Option<usize>> = vec![None; n_primitives];
+    for (place, &primitive) in ids.iter().enumerate() {
+        let Some(first) = first_places.get_mut(primitive.index()) else {
+            return Err(Flaw::Primitive { primitive, n_primitives }.into());
+        };
+        if first.is_some_and(|first| !is_same(first, place)) {
             return Err(Flaw::Different { primitive }.into());
         }
-        *first = Some(corners);
+        *first = Some(place);
     }
-    match (0..).map(PrimId).zip(&seen).find(|(_, seen)| seen.is_none()) {
+    match (0..).map(PrimId).zip(&first_places).find(|(_, place)| place.is_none()) {
         Some((primitive, _)) => Err(Flaw::Missing { primitive }.into()),
         None => Ok(()),
     }
 }
 
-fn check_boxes(outline: &Outline, corners: &[Corners], frame: &MeshFrame, records: &Records) -> Result<(), LoadError> {
-    for node in &outline.nodes {
-        refit::check_frame(node, &records.lines)?;
+fn check_boxes<I: Item>(
+    outline: &Outline,
+    items: &[I],
+    bounds: Aabb,
+    expected: &Expected,
+    nodes: &Nodes,
+) -> Result<(), LoadError> {
+    if bounds != expected.bounds {
+        return Err(LoadError::Bounds { expected: expected.bounds, found: bounds });
     }
-    let mut right = records.lines.clone();
-    refit::write_boxes(outline, corners, frame, &mut right);
-    for node in &outline.nodes {
-        refit::compare(node, &records.lines, &right)?;
-    }
+    outline.nodes.iter().try_for_each(|node| refit::check_frame(node, &nodes.lines))?;
+    let mut right = nodes.lines.clone();
+    refit::write_boxes(outline, items, &expected.frame, &mut right);
+    outline.nodes.iter().try_for_each(|node| refit::compare(node, &nodes.lines, &right))?;
     Ok(())
 }

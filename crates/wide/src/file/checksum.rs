@@ -1,8 +1,8 @@
 //! FNV-1a with 64 bits.
 //!
-//! Each step, exclusive or and a product with an odd number, is a bijection of the sum, so no change of a single byte
-//! goes unseen; other damage does with probability 2^-64. It keeps off accidents, not forgers: those the checks of
-//! content keep off.
+//! Each step, exclusive or and a product with an odd number, is a bijection of the sum, so every change of a single byte
+//! is detected; other damage goes undetected with probability 2^-64. The checksum guards against accidents; the checks of
+//! the content guard against forged files.
 //! Source: Fowler, Noll & Vo, RFC 9923.
 
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;

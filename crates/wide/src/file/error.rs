@@ -3,80 +3,90 @@ use std::{error::Error, fmt};
 use canted_obb::Aabb;
 
 use super::header::VERSION;
-use crate::Flaw;
+use crate::flaw::Flaw;
 
-/// Why bytes are not a tree.
+/// Why bytes are not a BVH.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum LoadError {
-    /// The first bytes are other ones.
+    /// The first bytes are wrong.
     Magic {
         /// The first bytes.
         found: [u8; 8],
     },
-    /// Written in another form, by an older or newer release.
+    /// Another version of the format, of an older or newer release.
     Version {
         /// Its version.
         found: u32,
     },
-    /// Cut off, or longer than its header tells.
+    /// The length is not that of the header.
     Length {
-        /// Bytes that there are.
+        /// Number of bytes.
         n_bytes: usize,
-        /// Bytes that there should be.
-        n_told: u64,
+        /// Number of bytes by the header.
+        n_expected: u64,
     },
     /// Damaged.
     Checksum {
         /// Checksum of the bytes as they are.
         computed: u64,
     },
-    /// A cost that is not a number.
+    /// Leaves of other primitives: the sizes by the header, in bytes, are not those of the type that is loaded.
+    Primitives {
+        /// Bytes of a unit of leaves, and of a primitive.
+        found: [u32; 2],
+        /// Those of the type.
+        expected: [u32; 2],
+    },
+    /// A cost that is NaN.
     Cost {
         /// The cost.
         value: f32,
     },
-    /// More triangles than leaves have room for.
+    /// More primitives than all leaves hold.
     Count {
-        /// Triangles by the header.
-        n_told: u64,
-        /// Triangles in all leaves.
-        n_places: usize,
+        /// Primitives by the header.
+        n_expected: u64,
+        /// Primitives in all leaves.
+        n_found: usize,
     },
-    /// Another depth than the nodes'.
+    /// The depth by the header is not that of the nodes.
     Depth {
         /// By the header.
-        told: u32,
+        expected: u32,
         /// Of the nodes.
         found: u32,
     },
-    /// Another box than that of the vertices.
+    /// The bounds by the header are not those of the primitives.
     Bounds {
         /// By the header.
-        told: Aabb,
-        /// Of the vertices.
+        expected: Aabb,
+        /// Of the primitives.
         found: Aabb,
     },
-    /// Records that no build makes.
+    /// Invalid records.
     Flaw(Flaw),
 }
 
 impl fmt::Display for LoadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Magic { found } => write!(f, "not a tree: it begins with \"{}\"", found.escape_ascii()),
-            Self::Version { found } => write!(f, "version {found} of the form; only {VERSION} is read"),
-            Self::Length { n_bytes, n_told } => write!(f, "{n_bytes} bytes where there should be {n_told}"),
+            Self::Magic { found } => write!(f, "not a BVH file: it begins with \"{}\"", found.escape_ascii()),
+            Self::Version { found } => write!(f, "unsupported format version {found}; expected {VERSION}"),
+            Self::Length { n_bytes, n_expected } => write!(f, "{n_bytes} bytes, expected {n_expected}"),
             Self::Checksum { computed } => write!(f, "damaged: {computed:#018x} is not the checksum at the end"),
-            Self::Cost { value } => write!(f, "cost {value} is not a number"),
-            Self::Count { n_told, n_places } => {
-                write!(f, "{n_told} triangles by the header, but leaves hold {n_places}")
+            Self::Primitives { found, expected } => {
+                write!(f, "leaves and primitives of {found:?} bytes; those of the type have {expected:?}")
             }
-            Self::Depth { told, found } => write!(f, "depth {told} by the header, but nodes are {found} deep"),
-            Self::Bounds { told, found } => write!(
+            Self::Cost { value } => write!(f, "cost {value} is not a number"),
+            Self::Count { n_expected, n_found } => {
+                write!(f, "{n_expected} primitives by the header, but leaves hold {n_found}")
+            }
+            Self::Depth { expected, found } => write!(f, "depth {expected} by the header, but {found} of the nodes"),
+            Self::Bounds { expected, found } => write!(
                 f,
-                "vertices from {:?} to {:?} by the header, but they go from {:?} to {:?}",
-                told.min, told.max, found.min, found.max
+                "bounds from {:?} to {:?} by the header, but primitives extend from {:?} to {:?}",
+                expected.min, expected.max, found.min, found.max
             ),
             Self::Flaw(flaw) => write!(f, "{flaw}"),
         }

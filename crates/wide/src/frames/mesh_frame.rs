@@ -1,34 +1,33 @@
 //! Frames for a whole mesh: where the boxes of its triangles are small.
 //!
-//! Reads: triangles in any order. Writes: up to two frames that are neither the axes of the space nor each other's;
-//! none where no direction rules or those that rule are the axes. Holds: rows as everywhere in this station; the same
+//! Reads: triangles in any order. Writes: up to two different frames other than the axes of the space; none where no
+//! direction dominates, or where the dominant ones are the axes. Holds: rows as everywhere in this stage; the same
 //! for any number of threads; time that hardly grows with the mesh.
 //!
-//! Walls and parallel struts ask for axes along them, struts that cross along diagonals for axes that no strut runs
-//! along. Both fall out of sums over the boxes of single triangles: of areas for the first, of volumes for the second.
-//! The sums find frames and tell whether one is worth a try; what it gains only a tree can tell.
+//! Walls and parallel struts need axes along them, struts that cross along diagonals need axes that no strut runs
+//! along. Sums over the boxes of single triangles find both: sums of areas the first, sums of volumes the second.
+//! The sums find frames worth a try; only building a binary tree in a frame shows what it gains.
 
-mod draw;
 mod measure;
+mod sample;
 
-use canted_lbvh::Corners;
 use canted_obb::dop;
 use glam::Vec3A;
 
 use super::refine::about_axis;
 use super::vector::{frame, from_glam, to_glam};
-use draw::Edges;
 use measure::{Measure, Sum};
+use sample::Edges;
 
-/// How a frame for the whole mesh is looked for.
+/// How a frame for the whole mesh is searched for.
 ///
-/// Sums along the best axes, as parts of those along the axes of the space: turned architecture 0.23 of the areas and
+/// Sums along the best axes, relative to those along the axes of the space: rotated architecture 0.23 of the areas and
 /// 0.04 of the volumes, a lattice of diagonal struts 0.98 and 0.62, many bridges in all directions 0.73 and 0.57;
-/// scans 0.87 and 0.81 or more, a terrain on a grid, which only loses by turning, 0.86 and 0.75.
+/// scans 0.87 and 0.81 or more, a terrain on a grid, which only loses by a rotation, 0.86 and 0.75.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MeshFrameConfig {
-    /// Triangles looked at.
-    pub(crate) n_drawn: u32,
+    /// Triangles that are sampled.
+    pub(crate) n_sampled: u32,
     /// A frame is returned if the boxes' areas sum to at most this part of those along the axes of the space...
     pub(crate) max_areas: f32,
     /// ... or their volumes to at most this part.
@@ -37,51 +36,57 @@ pub(crate) struct MeshFrameConfig {
 
 impl Default for MeshFrameConfig {
     fn default() -> Self {
-        Self { n_drawn: 1 << 14, max_areas: 0.8, max_volumes: 0.7 }
+        Self { n_sampled: 1 << 14, max_areas: 0.8, max_volumes: 0.7 }
     }
 }
 
 /// Triangles that rank frames.
 const N_RANKING: usize = 512;
 
-/// Frames whose sum exceeds what is asked for by more than this part of the one along the axes of the space are not
-/// turned finely, which takes two thirds of the time: on fourteen scenes no fine turn saved more than 0.013.
-const HOPE: f64 = 0.1;
+/// Frames whose sum exceeds the required one by more than this part of the sum along the axes of the space are not
+/// refined, which takes two thirds of the time: on fourteen scenes no refinement saved more than 0.013.
+const MARGIN: f64 = 0.1;
 
-/// Triangles that the best frame is turned by.
-const N_ADJUSTING: usize = 4_096;
+/// Triangles that the best frame is refined by.
+const N_REFINING: usize = 4_096;
 
 /// Triangles whose own frames are tried.
 const N_OWN: usize = 64;
 
-/// Best frames that are turned to where they are best.
-const N_TURNED: usize = 6;
+/// Best frames that are rotated to a local minimum.
+const N_ROTATED: usize = 6;
 
-/// Cosine of 10 degrees: frames nearer than that are turned to the same place.
+/// Cosine of 10 degrees: frames closer than that reach the same minimum.
 const ALIKE: f32 = 0.984_8;
 
-/// Cosine of 1 degree: turning the mesh by less gains nothing.
+/// Cosine of 1 degree: rotating the mesh by less gains nothing.
 const EQUAL: f32 = 0.999_85;
 
 /// A frame and the sum over the boxes along it.
 type Ranked = ([Vec3A; 3], f64);
 
-/// Tangents of half the first and the last angle that a frame is turned by: 8 degrees and half a degree.
+/// Tangents of half the first and the last angle that a frame is rotated by: 8 degrees and half a degree.
 const COARSE: [f32; 2] = [0.07, 0.004];
 
 /// The same for the best frame: half a degree, and what moves a point by a millionth of its distance.
 const FINE: [f32; 2] = [0.004, 0.000_000_5];
 
-/// Times that a frame is turned by one angle, at most. After twice the angle two or three do; but along needles that
-/// are all but parallel the sum falls towards zero, by some part of itself each time, for thousands.
-const MAX_ROUNDS: u32 = 16;
+/// Most iterations with one angle. After twice the angle two or three are enough; but along needles that
+/// are almost parallel the sum falls towards zero, by some part of itself each time, for thousands.
+const MAX_ITERATIONS: u32 = 16;
 
 /// Frames in which the boxes of the mesh's triangles are smaller than along the axes of the space.
-pub(crate) fn candidates(corners: &[Corners], config: &MeshFrameConfig) -> Vec<[[f32; 3]; 3]> {
-    let drawn = draw::evenly(corners, config.n_drawn);
+///
+/// `edges` are two edges of each of `n` triangles.
+pub(crate) fn candidates(
+    n: usize,
+    edges: &dyn Fn(usize) -> [[f64; 3]; 2],
+    config: &MeshFrameConfig,
+) -> Vec<[[f32; 3]; 3]> {
+    let sampled = sample::evenly(n, edges, config.n_sampled);
     let mut found: Vec<[Vec3A; 3]> = vec![];
     for (sum, most) in [(Sum::Areas, config.max_areas), (Sum::Volumes, config.max_volumes)] {
-        if let Some(rows) = best(&drawn, sum, most)
+        if let Some(rows) = best(&sampled, sum, most)
             && found.iter().all(|other| !are_alike(other, &rows, ALIKE))
         {
             found.push(rows);
@@ -91,22 +96,22 @@ pub(crate) fn candidates(corners: &[Corners], config: &MeshFrameConfig) -> Vec<[
 }
 
 /// The frame of the least sum, if that is at most the part `most` of the sum along the axes of the space.
-fn best(drawn: &[Edges], sum: Sum, most: f32) -> Option<[Vec3A; 3]> {
-    // Twice as many as there are: small meshes cost little, and large triangles still count more.
-    let ranking = Measure::of(&draw::by_size(drawn, N_RANKING.min(2 * drawn.len())), sum);
+fn best(sampled: &[Edges], sum: Sum, most: f32) -> Option<[Vec3A; 3]> {
+    // Twice as many as there are: small meshes are cheap, and large triangles still count more.
+    let ranking = Measure::of(&sample::by_size(sampled, N_RANKING.min(2 * sampled.len())), sum);
     let fixed = dop::frames().iter().map(|&rows| to_glam(rows));
-    let own = draw::by_size(drawn, N_OWN.min(drawn.len())).into_iter().filter_map(along_longest_edge);
+    let own = sample::by_size(sampled, N_OWN.min(sampled.len())).into_iter().filter_map(along_longest_edge);
     let start = distinct(fixed.chain(own).map(|rows| (rows, ranking.of_boxes(&rows))).collect());
-    let turned = start.into_iter().map(|start| turned(&ranking, start, COARSE));
-    let (rows, coarse) = turned.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let straight = to_glam(dop::frames()[0]);
-    if coarse > (f64::from(most) + HOPE) * ranking.of_boxes(&straight) {
+    let rotated = start.into_iter().map(|start| rotated(&ranking, start, COARSE));
+    let (rows, coarse) = rotated.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let aligned = to_glam(dop::frames()[0]);
+    if coarse > (f64::from(most) + MARGIN) * ranking.of_boxes(&aligned) {
         return None;
     }
-    let adjusting = Measure::of(&draw::by_size(drawn, N_ADJUSTING.min(2 * drawn.len())), sum);
-    let (rows, least) = self::turned(&adjusting, (rows, adjusting.of_boxes(&rows)), FINE);
-    let gains = least < f64::from(most) * adjusting.of_boxes(&straight);
-    (gains && !are_alike(&rows, &straight, EQUAL)).then_some(rows)
+    let refining = Measure::of(&sample::by_size(sampled, N_REFINING.min(2 * sampled.len())), sum);
+    let (rows, least) = self::rotated(&refining, (rows, refining.of_boxes(&rows)), FINE);
+    let gains = least < f64::from(most) * refining.of_boxes(&aligned);
+    (gains && !are_alike(&rows, &aligned, EQUAL)).then_some(rows)
 }
 
 /// The frame along a triangle's longest edge and its normal.
@@ -115,14 +120,14 @@ fn along_longest_edge([a, b]: Edges) -> Option<[Vec3A; 3]> {
     frame(longer(longer(a, b), b - a), a.cross(b))
 }
 
-/// A frame turned about its axes, by ever smaller angles, while the sum falls.
-fn turned(measure: &Measure, start: Ranked, [first, last]: [f32; 2]) -> Ranked {
+/// A frame rotated about its axes, by ever smaller angles, while the sum falls.
+fn rotated(measure: &Measure, start: Ranked, [first, last]: [f32; 2]) -> Ranked {
     let mut best = start;
     let mut tangent = first;
-    let mut n_rounds = 0;
+    let mut n_iterations = 0;
     while tangent >= last {
         let before = best.1;
-        n_rounds += 1;
+        n_iterations += 1;
         for axis in 0..3 {
             for signed in [tangent, -tangent] {
                 let Some(rows) = about_axis(&best.0, axis, signed) else { continue };
@@ -132,10 +137,10 @@ fn turned(measure: &Measure, start: Ranked, [first, last]: [f32; 2]) -> Ranked {
                 }
             }
         }
-        // Where a sum that is rounded falls by next to nothing the angle is too small to matter, too.
-        if best.1 >= before * (1.0 - f64::from(f32::EPSILON)) || n_rounds == MAX_ROUNDS {
+        // Where the rounded sum falls by next to nothing, the angle is too small to matter.
+        if best.1 >= before * (1.0 - f64::from(f32::EPSILON)) || n_iterations == MAX_ITERATIONS {
             tangent *= 0.5;
-            n_rounds = 0;
+            n_iterations = 0;
         }
     }
     best
@@ -144,9 +149,9 @@ fn turned(measure: &Measure, start: Ranked, [first, last]: [f32; 2]) -> Ranked {
 /// The best frames, no two alike.
 fn distinct(mut frames: Vec<Ranked>) -> Vec<Ranked> {
     frames.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let mut kept: Vec<Ranked> = Vec::with_capacity(N_TURNED);
+    let mut kept: Vec<Ranked> = Vec::with_capacity(N_ROTATED);
     for found in frames {
-        if kept.len() < N_TURNED && kept.iter().all(|other| !are_alike(&other.0, &found.0, ALIKE)) {
+        if kept.len() < N_ROTATED && kept.iter().all(|other| !are_alike(&other.0, &found.0, ALIKE)) {
             kept.push(found);
         }
     }

@@ -1,38 +1,38 @@
-//! Frames turned little by little.
+//! Frames refined by small rotations.
 
 use glam::Vec3A;
 
-use super::points::{Triangle, extents, half_area};
+use super::fitted::{Fitted, half_area};
 use super::vector::unit;
 
-/// Most leaves of a node that is worth it.
+/// Most leaves of a node whose frame is refined.
 pub(super) const MAX_LEAVES: usize = 64;
 
 /// Tangent of half the first angle: 0.12 radians.
 const FIRST: f32 = 0.06;
 
-/// By how much the angle falls when no turn gains.
+/// Factor of the angle when no rotation gains.
 const FALL: f32 = 0.4;
 
 /// A box: its rows, its sides and half of its surface area.
 #[derive(Clone, Copy)]
-struct Leaning {
+struct RefinedBox {
     rows: [Vec3A; 3],
     sides: [f32; 3],
     half_area: f32,
 }
 
-/// Turns `rows` about each of its axes both ways, `rounds` times, by ever smaller angles; returns the rows in which the
-/// box of the triangles is least, and half of its area.
-pub(super) fn turned(triangles: &[Triangle], rows: [Vec3A; 3], rounds: u32) -> ([Vec3A; 3], f32) {
-    let sides = extents(triangles, 1, &rows);
-    let mut best = Leaning { rows, sides, half_area: half_area(sides) };
+/// Rotates `rows` about each of its axes both ways, `iterations` times, by ever smaller angles; returns the rows in which the
+/// box of the items is smallest, and half of its area.
+pub(super) fn refined<F: Fitted>(items: &[F], rows: [Vec3A; 3], iterations: u32) -> ([Vec3A; 3], f32) {
+    let sides = F::extents(items, 1, &rows);
+    let mut best = RefinedBox { rows, sides, half_area: half_area(sides) };
     let mut tangent = FIRST;
-    for _ in 0..rounds {
+    for _ in 0..iterations {
         let before = best.half_area;
         for axis in 0..3 {
             for signed in [tangent, -tangent] {
-                best = better(triangles, best, axis, signed);
+                best = better(items, best, axis, signed);
             }
         }
         if best.half_area >= before {
@@ -42,25 +42,25 @@ pub(super) fn turned(triangles: &[Triangle], rows: [Vec3A; 3], rounds: u32) -> (
     (best.rows, best.half_area)
 }
 
-/// The box turned about one of its axes where it has less area then; its extent along that axis stays.
-fn better(triangles: &[Triangle], from: Leaning, axis: usize, tangent: f32) -> Leaning {
+/// The box rotated about one of its axes where it has less area then; its extent along that axis stays.
+fn better<F: Fitted>(items: &[F], from: RefinedBox, axis: usize, tangent: f32) -> RefinedBox {
     let Some(rows) = about_axis(&from.rows, axis, tangent) else { return from };
     let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut sides = from.sides;
-    [sides[i], sides[j]] = extents(triangles, 1, &[rows[i], rows[j]]);
+    [sides[i], sides[j]] = F::extents(items, 1, &[rows[i], rows[j]]);
     let half_area = half_area(sides);
-    if half_area < from.half_area { Leaning { rows, sides, half_area } } else { from }
+    if half_area < from.half_area { RefinedBox { rows, sides, half_area } } else { from }
 }
 
-/// The frame turned about one of its axes, by twice the angle of this tangent.
+/// The frame rotated about one of its axes, by twice the angle of this tangent.
 ///
 /// From the tangent of the half angle cosine and sine follow by arithmetic alone, the same on every platform; their
-/// common factor goes when rows are brought to length one.
+/// common factor cancels when rows are normalized.
 pub(super) fn about_axis(rows: &[Vec3A; 3], axis: usize, tangent: f32) -> Option<[Vec3A; 3]> {
     let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
     let (cos, sin) = (1.0 - tangent * tangent, 2.0 * tangent);
-    let mut turned = *rows;
-    turned[i] = unit(rows[i] * cos + rows[j] * sin)?;
-    turned[j] = unit(rows[j] * cos - rows[i] * sin)?;
-    Some(turned)
+    let mut rotated = *rows;
+    rotated[i] = unit(rows[i] * cos + rows[j] * sin)?;
+    rotated[j] = unit(rows[j] * cos - rows[i] * sin)?;
+    Some(rotated)
 }

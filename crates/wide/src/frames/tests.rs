@@ -3,14 +3,14 @@ use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Leaf, NodeId, Tree};
 use canted_obb::Aabb;
 use canted_sah::PlocConfig;
 
-use super::{BoxAreas, Fit, Fits, FrameConfig, fit};
+use super::{BoxAreas, Fit, Fits, FrameConfig, ScaledTriangle, fit};
 
-const STRAIGHT: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+const IDENTITY: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// Bound of a row's length less one: 4u.
 const LENGTH_ERROR: f64 = 2.0 * f32::EPSILON as f64;
 
-/// What an estimate may err by, as a part of the area in the worst frame: extents of rounded projections.
+/// The error of an estimate, relative to the area in the worst frame: extents of rounded projections.
 const AREA_ERROR: f64 = 64.0 * f32::EPSILON as f64;
 
 /// A tree, its triangles in leaf order, and the areas of its boxes.
@@ -34,7 +34,7 @@ impl Input {
         let extent = bounds.extent().into_iter().fold(0.0, f64::max);
         #[expect(clippy::cast_possible_truncation, reason = "a power of two within the range of f32")]
         let scale = if extent > 0.0 { 2.0f64.powi(-(extent.log2().floor() as i32)) as f32 } else { 1.0 };
-        let area = |triangles: &[Corners]| narrow(area_along(triangles, &STRAIGHT, scale));
+        let area = |triangles: &[Corners]| narrow(area_along(triangles, &IDENTITY, scale));
         let inner = tree.nodes.iter().map(|n| area(&corners[n.first as usize..=n.last as usize])).collect();
         let leaf = corners.iter().map(|&triangle| area(&[triangle])).collect();
         Self { tree, corners, inner, leaf, scale }
@@ -42,10 +42,10 @@ impl Input {
 
     fn fit(&self, config: &FrameConfig) -> Fits {
         let areas = BoxAreas { inner: &self.inner, leaf: &self.leaf };
-        fit(&self.tree, &self.corners, STRAIGHT, &areas, self.scale, config)
+        fit(&self.tree, &ScaledTriangle::all(&self.corners, self.scale), IDENTITY, &areas, config)
     }
 
-    /// Every fit with the triangles it is for and the area in the mesh's frame.
+    /// Every fit with the triangles it is for and the area in the mesh frame.
     fn all<'a>(&'a self, fits: &'a Fits) -> impl Iterator<Item = (&'a [Corners], &'a Fit, f32)> {
         let leaves = self.corners.chunks(1).zip(&fits.leaf).zip(&self.leaf);
         let below = |id: usize| {
@@ -66,15 +66,15 @@ fn narrow(area: f64) -> f32 {
 fn area_along(triangles: &[Corners], rows: &[[f32; 3]; 3], scale: f32) -> f64 {
     let [x, y, z] = rows.map(|row| {
         let along = |p: &[f32; 3]| (0..3).map(|k| f64::from(row[k]) * f64::from(p[k])).sum::<f64>();
-        let places = || triangles.iter().flatten().map(along);
-        (places().fold(f64::MIN, f64::max) - places().fold(f64::MAX, f64::min)) * f64::from(scale)
+        let projections = || triangles.iter().flatten().map(along);
+        (projections().fold(f64::MIN, f64::max) - projections().fold(f64::MAX, f64::min)) * f64::from(scale)
     });
     (x + z) * y + z * x
 }
 
-/// What is promised of every fit; the first that breaks it.
+/// The first fit without the stated properties.
 fn first_flaw(input: &Input, fits: &Fits) -> Option<String> {
-    for (i, (triangles, fit, straight)) in input.all(fits).enumerate() {
+    for (i, (triangles, fit, aligned)) in input.all(fits).enumerate() {
         for row in fit.rows {
             let length = row.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
             let is_unit = (length - 1.0).abs() <= LENGTH_ERROR;
@@ -82,11 +82,11 @@ fn first_flaw(input: &Input, fits: &Fits) -> Option<String> {
                 return Some(format!("{i}: row {row:?} is {length} long"));
             }
         }
-        if !(fit.half_area >= 0.0 && fit.half_area <= straight) {
-            return Some(format!("{i}: area {} of {straight}", fit.half_area));
+        if !(fit.half_area >= 0.0 && fit.half_area <= aligned) {
+            return Some(format!("{i}: area {} of {aligned}", fit.half_area));
         }
         let exact = area_along(triangles, &fit.rows, input.scale);
-        let error = AREA_ERROR * (f64::from(straight) + f64::from(straight).sqrt());
+        let error = AREA_ERROR * (f64::from(aligned) + f64::from(aligned).sqrt());
         if (exact - f64::from(fit.half_area)).abs() > error {
             return Some(format!("{i}: area {} is {exact}", fit.half_area));
         }
@@ -94,7 +94,7 @@ fn first_flaw(input: &Input, fits: &Fits) -> Option<String> {
     None
 }
 
-/// The sum over the inner nodes, as a part of the sum in the mesh's frame.
+/// The sum over the inner nodes, relative to the sum in the mesh frame.
 fn share(input: &Input, fits: &Fits) -> f64 {
     let sum = |areas: &mut dyn Iterator<Item = f32>| areas.map(f64::from).sum::<f64>();
     sum(&mut fits.inner.iter().map(|fit| fit.half_area)) / sum(&mut input.inner.iter().copied())
@@ -133,40 +133,40 @@ fn ugly() -> Vec<(&'static str, Mesh)> {
 }
 
 #[test]
-fn fits_are_what_they_say_wherever_and_however_small() {
+fn fits_have_the_stated_properties_at_any_position_and_size() {
     for (name, mesh) in ugly() {
         let input = Input::of(&mesh);
-        for rounds in [0, 3] {
-            let fits = input.fit(&FrameConfig { rounds, ..FrameConfig::default() });
+        for iterations in [0, 3] {
+            let fits = input.fit(&FrameConfig { iterations, ..FrameConfig::default() });
             assert_eq!(fits.inner.len(), input.tree.nodes.len(), "{name}");
             assert_eq!(fits.leaf.len(), input.tree.leaves.len(), "{name}");
-            assert_eq!(first_flaw(&input, &fits), None, "{name}, {rounds}");
+            assert_eq!(first_flaw(&input, &fits), None, "{name}, {iterations}");
         }
     }
 }
 
 #[test]
-fn the_check_sees_a_long_row_a_wrong_area_and_a_nan() {
+fn the_check_detects_a_long_row_a_wrong_area_and_a_nan() {
     let (_, mesh) = ugly().swap_remove(4);
     let input = Input::of(&mesh);
-    let spoilt = |spoil: fn(&mut Fit)| {
+    let changed = |change: fn(&mut Fit)| {
         let mut fits = input.fit(&FrameConfig::default());
-        spoil(&mut fits.inner[17]);
+        change(&mut fits.inner[17]);
         first_flaw(&input, &fits)
     };
-    assert!(spoilt(|_| ()).is_none());
-    assert!(spoilt(|fit| fit.rows[1] = fit.rows[1].map(|x| x * 1.000_001)).is_some());
-    assert!(spoilt(|fit| fit.rows[1] = [f32::NAN; 3]).is_some());
-    assert!(spoilt(|fit| fit.half_area *= 0.9).is_some());
-    assert!(spoilt(|fit| fit.half_area = f32::NAN).is_some());
+    assert!(changed(|_| ()).is_none());
+    assert!(changed(|fit| fit.rows[1] = fit.rows[1].map(|x| x * 1.000_001)).is_some());
+    assert!(changed(|fit| fit.rows[1] = [f32::NAN; 3]).is_some());
+    assert!(changed(|fit| fit.half_area *= 0.9).is_some());
+    assert!(changed(|fit| fit.half_area = f32::NAN).is_some());
 }
 
-/// Each node of a strut, however it lies, gets a box as small as the strut's own.
+/// Each node of a strut, whatever its direction, gets a box as small as the strut.
 #[test]
-fn a_leaning_strut_is_boxed_along_itself() {
-    let turn = fixtures::Rotation::off_axis();
+fn a_rotated_strut_gets_a_box_along_itself() {
+    let rotation = fixtures::Rotation::off_axis();
     let strut = of_triangles(&box_triangles([1.0, 0.02, 0.01]));
-    let input = Input::of(&strut.rotated(&turn));
+    let input = Input::of(&strut.rotated(&rotation));
     let fits = input.fit(&FrameConfig::default());
     let root = fits.inner[NodeId::ROOT.index()];
     let want = 1.0 * 0.02 + 0.02 * 0.01 + 0.01 * 1.0;
@@ -176,16 +176,16 @@ fn a_leaning_strut_is_boxed_along_itself() {
     assert!(f64::from(input.inner[0]) > 10.0 * want * scale * scale);
 }
 
-/// Along the axes of the space nothing leans.
+/// What is aligned with the axes keeps them.
 #[test]
-fn what_stands_in_its_axes_stays_there() {
+fn an_aligned_strut_keeps_its_frame() {
     let input = Input::of(&of_triangles(&box_triangles([1.0, 0.02, 0.01])));
     for (_, fit, area) in input.all(&input.fit(&FrameConfig::default())) {
-        assert_eq!((fit.rows, fit.half_area), (STRAIGHT, area));
+        assert_eq!((fit.rows, fit.half_area), (IDENTITY, area));
     }
 }
 
-/// Sums of areas that were measured, and a tenth.
+/// Measured sums of areas, plus a tenth.
 #[test]
 fn lattices_shrink_as_measured() {
     let cases = [("truss", fixtures::truss(4), 0.119), ("scaffold", fixtures::scaffold(1, false), 0.48)];
@@ -193,20 +193,20 @@ fn lattices_shrink_as_measured() {
         let input = Input::of(&mesh);
         let plain = share(&input, &input.fit(&FrameConfig::default()));
         assert!(plain < most, "{name}: {plain}");
-        let turned = share(&input, &input.fit(&FrameConfig { rounds: 5, ..FrameConfig::default() }));
-        assert!(turned < plain, "{name}: {turned} of {plain}");
+        let refined = share(&input, &input.fit(&FrameConfig { iterations: 5, ..FrameConfig::default() }));
+        assert!(refined < plain, "{name}: {refined} of {plain}");
     }
 }
 
 #[test]
-fn large_nodes_keep_the_frame_of_the_mesh() {
+fn large_nodes_keep_the_mesh_frame() {
     let input = Input::of(&fixtures::scaffold(1, false));
-    let fits = input.fit(&FrameConfig { max_leaves: 100, rounds: 0 });
-    let leaning = |i: usize| fits.inner[i].rows != STRAIGHT;
+    let fits = input.fit(&FrameConfig { max_leaves: 100, iterations: 0 });
+    let is_oriented = |i: usize| fits.inner[i].rows != IDENTITY;
     for (i, node) in input.tree.nodes.iter().enumerate() {
-        assert!(node.n_leaves() <= 100 || !leaning(i), "{i}");
+        assert!(node.n_leaves() <= 100 || !is_oriented(i), "{i}");
     }
-    assert!((0..fits.inner.len()).any(leaning));
+    assert!((0..fits.inner.len()).any(is_oriented));
 }
 
 #[cfg(feature = "parallel")]

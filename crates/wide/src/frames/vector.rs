@@ -10,7 +10,7 @@ const LEAST_SQUARE: f32 = 1e-30;
 /// The normal of a needle is rounding: it may even lie along the needle.
 const LEAST_ACROSS: f32 = 0.25;
 
-/// `v` at length one, at most 1 + 4u; `None` where it is too short to tell its direction, or not finite.
+/// `v` at length one, at most 1 + 4u; `None` where it is too short to have a direction, or not finite.
 ///
 /// Three roundings reach a term of the square, so the root errs by 1.5 u and its own; the quotient by one more: 3.5 u.
 #[inline]
@@ -20,11 +20,11 @@ pub(super) fn unit(v: Vec3A) -> Option<Vec3A> {
 }
 
 /// The frame whose first row is along `first` and whose third is nearest to `normal`; `None` where one of them has no
-/// direction, or both nearly the same.
+/// direction, or both have nearly the same.
 #[inline]
 pub(super) fn frame(first: Vec3A, normal: Vec3A) -> Option<[Vec3A; 3]> {
     let across = normal.cross(first);
-    // What is not a number makes no frame.
+    // Negated, so that NaN makes no frame.
     let is_apart = across.length_squared() >= LEAST_ACROSS * normal.length_squared() * first.length_squared();
     if !is_apart {
         return None;
@@ -33,13 +33,13 @@ pub(super) fn frame(first: Vec3A, normal: Vec3A) -> Option<[Vec3A; 3]> {
     Some([first, second, unit(first.cross(second))?])
 }
 
-/// Rows for glam.
+/// Rows as glam vectors.
 #[inline]
 pub(super) fn to_glam(rows: [[f32; 3]; 3]) -> [Vec3A; 3] {
     rows.map(Vec3A::from_array)
 }
 
-/// Rows for everyone.
+/// Rows as arrays.
 #[inline]
 pub(super) fn from_glam(rows: [Vec3A; 3]) -> [[f32; 3]; 3] {
     rows.map(|row| row.to_array())
@@ -76,7 +76,7 @@ mod tests {
             assert!(error.abs() <= 4.0 * U, "{v} {error:e}");
             longest = longest.max(error);
         }
-        // The bound is not idle: one unit in the last place would not do.
+        // The bound is tight: one unit in the last place would not do.
         assert!(longest > U);
     }
 

@@ -1,42 +1,20 @@
-//! Triangles of all leaves, out of their blocks and into them.
+//! Triangles of all leaves, read from their blocks and written into them.
 
 use canted_lbvh::Corners;
 use canted_obb::PrimId;
 
-use super::outline::{LeafSpot, Outline};
-use crate::layout::{HALF_WORDS, Half, PART_LANES};
+use crate::emit::Lane;
+use crate::layout::{HALF_WORDS, Half, LeafLayout, PART_LANES};
+use crate::outline::{LeafOutline, Outline};
 use crate::par;
 
-/// Words of a triangle's vertices, before that of its number.
-const VERTEX_ROWS: usize = 9;
+const LAYOUT: &LeafLayout = &LeafLayout::BLOCKS;
 
-/// A triangle's lane: its first word in the leaf, and how far the next one is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Lane {
-    first: usize,
-    step: usize,
-}
-
-impl Lane {
-    /// Of triangle `i` in a leaf of `n` from a part of a half-block on: blocks of eight lie before a last block of four.
-    fn of(i: usize, n: usize, part: usize) -> Self {
-        if i / 8 * 8 + 4 >= n {
-            Self { first: i / 4 * HALF_WORDS + part * PART_LANES + i % 4, step: 4 }
-        } else {
-            Self { first: i / 8 * 2 * HALF_WORDS + i % 8, step: 8 }
-        }
-    }
-
-    fn word(self, row: usize) -> usize {
-        self.first + row * self.step
-    }
-}
-
-/// Triangles by their place: vertices, and numbers.
+/// Triangles by their place: vertices, and ids.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Triangles {
     pub(crate) corners: Vec<Corners>,
-    pub(crate) primitives: Vec<PrimId>,
+    pub(crate) ids: Vec<PrimId>,
 }
 
 impl Triangles {
@@ -49,53 +27,52 @@ impl Triangles {
             &mut all,
             |leaf| leaf.places.start,
             |leaf, out| {
-                let words = &words[leaf.half() * HALF_WORDS..];
+                let words = &words[leaf.unit(LAYOUT) * HALF_WORDS..];
                 let n = out.len();
-                for (i, (corners, primitive)) in out.iter_mut().enumerate() {
-                    let lane = Lane::of(i, n, leaf.part());
+                for (i, (corners, id)) in out.iter_mut().enumerate() {
+                    let lane = Lane::of(i, n, leaf.part(LAYOUT));
                     for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
                         *x = f32::from_bits(words[lane.word(row)]);
                     }
-                    *primitive = PrimId(words[lane.word(VERTEX_ROWS)]);
+                    *id = PrimId(words[lane.word(Lane::ID_ROW)]);
                 }
             },
         );
-        let (corners, primitives) = all.into_iter().unzip();
-        Self { corners, primitives }
+        let (corners, ids) = all.into_iter().unzip();
+        Self { corners, ids }
     }
 
-    /// Writes new vertices, by place, into all leaves; numbers stay.
+    /// Writes new vertices, by place, into all leaves; ids stay.
     pub(crate) fn write(corners: &[Corners], outline: &Outline, halves: &mut [Half]) {
-        let write_leaf = |leaf: &LeafSpot, words: &mut [u32]| {
+        let write_leaf = |leaf: &LeafOutline, words: &mut [u32]| {
             let corners = &corners[leaf.places.clone()];
             for (i, corner) in corners.iter().enumerate() {
-                let lane = Lane::of(i, corners.len(), leaf.part());
+                let lane = Lane::of(i, corners.len(), leaf.part(LAYOUT));
                 for (row, x) in corner.as_flattened().iter().enumerate() {
                     words[lane.word(row)] = x.to_bits();
                 }
             }
         };
-        let leaves = outline.leaves_by_block();
+        let leaves = outline.leaves_by_unit();
         // Leaves that share a half-block are written by one job.
-        let together: Vec<_> = leaves.chunk_by(|a, b| a.half() == b.half()).collect();
-        let write_leaves = |leaves: &&[&LeafSpot], out: &mut [Half]| {
+        let together: Vec<_> = leaves.chunk_by(|a, b| a.unit(LAYOUT) == b.unit(LAYOUT)).collect();
+        let write_leaves = |leaves: &&[&LeafOutline], out: &mut [Half]| {
             let words: &mut [u32] = bytemuck::cast_slice_mut(out);
             leaves.iter().for_each(|leaf| write_leaf(leaf, words));
         };
-        par::for_pieces(&together, halves, |leaves| leaves[0].half(), write_leaves);
+        par::for_pieces(&together, halves, |leaves| leaves[0].unit(LAYOUT), write_leaves);
     }
 }
 
 /// Whether all words of a leaf's unused lanes are zero; lanes of a part that no leaf shares are its own.
-pub(crate) fn unused_lanes_are_zero(leaf: &LeafSpot, halves: &[Half]) -> bool {
-    let n = leaf.places.len();
-    let end = leaf.half() + crate::emit::n_halves(n);
-    let words: &[u32] = bytemuck::cast_slice(&halves[leaf.half()..end]);
+pub(crate) fn unused_lanes_are_zero(leaf: &LeafOutline, halves: &[Half]) -> bool {
+    let (n, first) = (leaf.places.len(), leaf.unit(LAYOUT));
+    let words: &[u32] = bytemuck::cast_slice(&halves[first..first + LAYOUT.n_units(n)]);
     let n_lanes = if leaf.is_shared { PART_LANES } else { n.next_multiple_of(4) };
     (n..n_lanes).all(|i| {
-        // A lane stands where it would if its block were filled.
-        let lane = Lane::of(i, n, leaf.part());
-        (0..=VERTEX_ROWS).all(|row| words[lane.word(row)] == 0)
+        // The lane of a triangle if its block were filled.
+        let lane = Lane::of(i, n, leaf.part(LAYOUT));
+        (0..=Lane::ID_ROW).all(|row| words[lane.word(row)] == 0)
     })
 }
 
@@ -105,8 +82,8 @@ mod tests {
     use crate::layout::MAX_LEAF;
     use crate::traverse::Block;
 
-    /// The walk's way of reading a leaf.
-    fn walked(halves: &[Half], n: usize) -> Vec<(Corners, PrimId)> {
+    /// Reads a leaf as the traversal does.
+    fn traversed(halves: &[Half], n: usize) -> Vec<(Corners, PrimId)> {
         let mut triangles = vec![];
         for first in (0..n).step_by(8) {
             let block = Block::at(halves, first / 4, u32::try_from(n - first).unwrap());
@@ -116,21 +93,21 @@ mod tests {
     }
 
     #[test]
-    fn leaves_of_any_size_are_read_as_the_walk_reads_them() {
+    fn leaves_of_any_size_are_read_as_the_traversal_reads_them() {
         for n in 1..=MAX_LEAF {
-            let n_halves = crate::emit::n_halves(n);
+            let n_halves = LAYOUT.n_units(n);
             let words: Vec<u32> = (0_u16..).take(n_halves * HALF_WORDS).map(|i| f32::from(i).to_bits()).collect();
             let mut halves: Vec<Half> = words.chunks_exact(HALF_WORDS).map(|w| Half(w.try_into().unwrap())).collect();
-            let leaf = LeafSpot { first: 0, places: 0..n, is_shared: false };
+            let leaf = LeafOutline { first: 0, places: 0..n, is_shared: false };
             let outline = Outline { nodes: vec![], leaves: vec![leaf.clone()], n_places: n, depth: 0 };
             let read = Triangles::read(&outline, &halves);
-            let want = walked(&halves, n);
+            let want = traversed(&halves, n);
             assert_eq!(read.corners, want.iter().map(|t| t.0).collect::<Vec<_>>(), "{n}");
-            assert_eq!(read.primitives, want.iter().map(|t| t.1).collect::<Vec<_>>(), "{n}");
+            assert_eq!(read.ids, want.iter().map(|t| t.1).collect::<Vec<_>>(), "{n}");
             // Written and read again; only used lanes change.
             let moved: Vec<Corners> = read.corners.iter().map(|c| c.map(|p| p.map(|x| -x - 1.0))).collect();
             Triangles::write(&moved, &outline, &mut halves);
-            assert_eq!(Triangles::read(&outline, &halves), Triangles { corners: moved, primitives: read.primitives });
+            assert_eq!(Triangles::read(&outline, &halves), Triangles { corners: moved, ids: read.ids });
             assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");
         }
     }

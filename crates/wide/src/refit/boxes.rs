@@ -1,89 +1,89 @@
-//! Boxes of all nodes, anew from the vertices below them, in the frames that the nodes have.
+//! Boxes of all nodes, recomputed from the primitives below them, in the frames that the nodes have.
 
-use canted_lbvh::Corners;
+use std::ops::Range;
+
 use canted_obb::Aabb;
 use canted_trace::Slabs;
 
-use super::flaw::Flaw;
-use super::outline::{NodeSpot, Outline, Slot};
 use crate::emit::{write_boxes, write_slabs};
+use crate::flaw::Flaw;
+use crate::item::{self, Item};
 use crate::layout::{Line, NodeKind, Row};
+use crate::outline::{NodeOutline, Outline, Slot};
+use crate::par;
 use crate::traverse::MeshFrame;
-use crate::{measure, par};
 
 /// What boxes are written from.
 struct Source<'a> {
     outline: &'a Outline,
-    /// By place.
-    corners: &'a [Corners],
-    /// Boxes in the mesh's frame, of leaves and nodes.
+    /// The box with these rows around a range of places.
+    slabs: &'a (dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync),
+    /// Boxes in the mesh frame, of leaves and nodes.
     leaf_boxes: Vec<Aabb>,
     node_boxes: Vec<Aabb>,
 }
 
-/// Writes the boxes of all nodes, rounded outward as a build does it.
+/// Writes the boxes of all nodes, rounded outward as a build does it; `items` are by place.
 ///
-/// Boxes in the mesh's frame are joined bottom-up. A leaning box is tight only if it is made of all vertices below, so
-/// each triangle is looked at once for each leaning box around it.
-pub(crate) fn write(outline: &Outline, corners: &[Corners], frame: &MeshFrame, lines: &mut [Line]) {
-    let source = Source::new(outline, corners, frame);
+/// Boxes in the mesh frame are joined bottom-up. An oriented box is tight only if it is computed from all primitives below, so
+/// each primitive is read once for each oriented box around it.
+pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, lines: &mut [Line]) {
+    let boxes = item::boxes(items, frame.rows);
+    write_all(outline, &boxes, &|places, rows| I::slabs(&items[places], rows), lines);
+}
+
+fn write_all(
+    outline: &Outline,
+    boxes: &[Aabb],
+    slabs: &(dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync),
+    lines: &mut [Line],
+) {
+    let join = |boxes: &[Aabb]| boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
+    let leaf_boxes: Vec<Aabb> = outline.leaves.iter().map(|leaf| join(&boxes[leaf.places.clone()])).collect();
+    let node_boxes = vec![Aabb::EMPTY; outline.nodes.len()];
+    let mut source = Source { outline, slabs, leaf_boxes, node_boxes };
+    for (i, node) in outline.nodes.iter().enumerate().rev() {
+        let children = node.slots.map(|slot| source.aligned_box(slot).unwrap_or(Aabb::EMPTY));
+        source.node_boxes[i] = join(&children);
+    }
     par::for_pieces(&outline.nodes_by_line(), lines, |node| node.line, |node, out| source.write_node(node, out));
 }
 
-impl<'a> Source<'a> {
-    fn new(outline: &'a Outline, corners: &'a [Corners], frame: &MeshFrame) -> Self {
-        let boxes = measure::boxes(corners, frame.rows);
-        let join = |boxes: &[Aabb]| boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
-        let leaf_boxes: Vec<Aabb> = outline.leaves.iter().map(|leaf| join(&boxes[leaf.places.clone()])).collect();
-        let node_boxes = vec![Aabb::EMPTY; outline.nodes.len()];
-        let mut source = Self { outline, corners, leaf_boxes, node_boxes };
-        for (i, node) in outline.nodes.iter().enumerate().rev() {
-            let children = node.slots.map(|slot| source.aligned(slot).unwrap_or(Aabb::EMPTY));
-            source.node_boxes[i] = join(&children);
-        }
-        source
-    }
-
-    /// The box of what a slot holds, in the mesh's frame.
-    fn aligned(&self, slot: Slot) -> Option<Aabb> {
+impl Source<'_> {
+    /// The box of the content of a slot, in the mesh frame.
+    fn aligned_box(&self, slot: Slot) -> Option<Aabb> {
         match slot {
-            Slot::Nothing => None,
+            Slot::Empty => None,
             Slot::Leaf(leaf) => Some(self.leaf_boxes[leaf]),
             Slot::Node(node) => Some(self.node_boxes[node]),
         }
     }
 
-    /// The box of what a slot holds, along `rows`.
-    fn leaning(&self, slot: Slot, rows: [[f32; 3]; 3]) -> Option<Slabs> {
-        if slot == Slot::Nothing {
-            return None;
-        }
-        let vertices = self.corners[self.outline.places(slot)].iter().flatten().copied();
-        Some(Slabs::from_points(rows, vertices))
+    /// The box of the content of a slot, along `rows`.
+    fn oriented_box(&self, slot: Slot, rows: [[f32; 3]; 3]) -> Option<Slabs> {
+        (slot != Slot::Empty).then(|| (self.slabs)(self.outline.places(slot), rows))
     }
 
-    fn write_node(&self, node: &NodeSpot, out: &mut [Line]) {
+    fn write_node(&self, node: &NodeOutline, out: &mut [Line]) {
         let rows: &mut [Row] = bytemuck::cast_slice_mut(out);
         match node.kind {
-            NodeKind::Aligned => {
-                write_boxes(&mut rows[..6], |i| self.aligned(node.slots[i]).map(|aabb| (aabb.min, aabb.max)));
-            }
+            NodeKind::Aligned => write_boxes(&mut rows[..6], |i| self.aligned_box(node.slots[i])),
             NodeKind::Oriented => {
                 for (i, &slot) in node.slots.iter().enumerate() {
-                    write_slabs(rows, i, self.leaning(slot, frame_of(rows, i)).as_ref());
+                    write_slabs(rows, i, self.oriented_box(slot, frame_of(rows, i)).as_ref());
                 }
             }
         }
     }
 }
 
-/// Rows of the frame that the box of slot `i` of an oriented node stands in.
+/// The frame of the box in slot `i` of an oriented node.
 fn frame_of(rows: &[Row], i: usize) -> [[f32; 3]; 3] {
     std::array::from_fn(|k| std::array::from_fn(|axis| rows[5 * k + axis][i]))
 }
 
 /// Half of the surface area of the box of slot `i`.
-pub(crate) fn half_area(node: &NodeSpot, lines: &[Line], i: usize) -> f64 {
+pub(crate) fn half_area(node: &NodeOutline, lines: &[Line], i: usize) -> f64 {
     let rows = rows_of(node, lines);
     let extents: [f64; 3] = std::array::from_fn(|k| match node.kind {
         NodeKind::Oriented => 2.0 * f64::from(rows[5 * k + 4][i]),
@@ -93,28 +93,28 @@ pub(crate) fn half_area(node: &NodeSpot, lines: &[Line], i: usize) -> f64 {
     x * y + y * z + z * x
 }
 
-/// Whether every row that a box stands in is as short as the tests of rays assume.
-pub(crate) fn check_frame(node: &NodeSpot, lines: &[Line]) -> Result<(), Flaw> {
+/// Whether the rows of all frames are as short as the box tests assume.
+pub(crate) fn check_frame(node: &NodeOutline, lines: &[Line]) -> Result<(), Flaw> {
     if node.kind == NodeKind::Aligned {
         return Ok(());
     }
     let rows = rows_of(node, lines);
-    let leaning = (0..8).filter(|&i| node.slots[i] != Slot::Nothing);
-    leaning.flat_map(|i| frame_of(rows, i)).try_for_each(|row| check_row(row, Some(node.line)))
+    let used = (0..8).filter(|&i| node.slots[i] != Slot::Empty);
+    used.flat_map(|i| frame_of(rows, i)).try_for_each(|row| check_row(row, Some(node.line)))
 }
 
 /// Greatest length of a row, by the contract of [`Slabs`].
 const MAX_LENGTH: f64 = 1.0 + 2.0 * f32::EPSILON as f64;
 
-/// Whether a row is no longer than a unit vector may be after rounding; 2⁻⁵² in the last digit cannot matter.
+/// Whether a row is no longer than a unit vector may be after rounding; an error of 2⁻⁵² does not matter.
 pub(crate) fn check_row(row: [f32; 3], line: Option<usize>) -> Result<(), Flaw> {
     let length = row.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
-    // Not a number is no length either.
+    // False for NaN, too.
     if length <= MAX_LENGTH { Ok(()) } else { Err(Flaw::Row { line, length }) }
 }
 
-/// Whether `lines` hold the boxes of `right` for this node, by value: the sign of a zero is nothing.
-pub(crate) fn compare(node: &NodeSpot, lines: &[Line], right: &[Line]) -> Result<(), Flaw> {
+/// Whether `lines` hold the boxes of `right` for this node, by value: signs of zeros are ignored.
+pub(crate) fn compare(node: &NodeOutline, lines: &[Line], right: &[Line]) -> Result<(), Flaw> {
     let rows = match node.kind {
         NodeKind::Aligned => 0..6,
         NodeKind::Oriented => 0..15,
@@ -126,6 +126,6 @@ pub(crate) fn compare(node: &NodeSpot, lines: &[Line], right: &[Line]) -> Result
     }
 }
 
-fn rows_of<'a>(node: &NodeSpot, lines: &'a [Line]) -> &'a [Row] {
+fn rows_of<'a>(node: &NodeOutline, lines: &'a [Line]) -> &'a [Row] {
     bytemuck::cast_slice(&lines[node.line..node.line + node.kind.n_lines()])
 }

@@ -1,15 +1,23 @@
-//! Boxes after a refit against exact sums.
+//! Boxes after a refit, compared with exact sums; broken references.
 
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_obb::Aabb;
-use canted_trace::{Ray, Watertight};
+use canted_trace::Ray;
 
 use super::*;
 use crate::layout::{NodeKind, PARTS, Row, Word, node_words};
-use crate::{Config, SimdPath};
+use crate::{Config, Flaw, SimdPath, TriangleBvh};
 
-fn build(mesh: &Mesh) -> WideBvh<Watertight> {
-    WideBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+fn build(mesh: &Mesh) -> TriangleBvh {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+}
+
+fn outline_or_flaw(bvh: &TriangleBvh) -> Result<Outline, Flaw> {
+    Outline::of(&bvh.nodes, bvh.leaves.len(), &LeafLayout::BLOCKS)
+}
+
+fn outline(bvh: &TriangleBvh) -> Outline {
+    outline_or_flaw(bvh).unwrap()
 }
 
 /// Every vertex moved by a random step of up to `size` on each axis.
@@ -20,7 +28,7 @@ fn shaken(mesh: &Mesh, size: f64, seed: u64) -> Mesh {
     Mesh { positions: mesh.positions.iter().map(shake).collect(), triangles: mesh.triangles.clone() }
 }
 
-/// Whether the real sum of `terms` is at least zero: partial sums and their errors are kept apart (Shewchuk 1997).
+/// Whether the exact sum of `terms` is at least zero: partial sums and their errors are kept separately (Shewchuk 1997).
 fn sum_is_positive(terms: &[f64]) -> bool {
     let mut parts: Vec<f64> = vec![];
     for &term in terms {
@@ -33,20 +41,20 @@ fn sum_is_positive(terms: &[f64]) -> bool {
         }
         parts.push(carried);
     }
-    // Parts do not overlap and rise in size: the last that is not zero decides.
+    // Parts do not overlap and increase in size: the last one that is not zero decides.
     parts.iter().rev().find(|&&part| part != 0.0).is_none_or(|&part| part > 0.0)
 }
 
-/// Boxes of slots that vertices below stick out of, by exact sums of exact products.
-fn n_too_small(wide: &WideBvh<Watertight>) -> usize {
-    let outline = Outline::of(&wide.records).unwrap();
-    let corners = Triangles::read(&outline, &wide.records.halves).corners;
+/// Number of boxes that do not contain all vertices below them, by exact sums of exact products.
+fn n_too_small(bvh: &TriangleBvh) -> usize {
+    let outline = outline(&bvh);
+    let corners = Triangles::read(&outline, &bvh.leaves).corners;
     let mut n = 0;
     for node in &outline.nodes {
-        let rows: &[Row] = bytemuck::cast_slice(&wide.records.lines[node.line..node.line + node.kind.n_lines()]);
+        let rows: &[Row] = bytemuck::cast_slice(&bvh.nodes.lines[node.line..node.line + node.kind.n_lines()]);
         for (i, &slot) in node.slots.iter().enumerate() {
             let inside =
-                corners[outline.places(slot)].iter().flatten().all(|v| holds(node.kind, rows, &wide.frame.rows, i, v));
+                corners[outline.places(slot)].iter().flatten().all(|v| holds(node.kind, rows, &bvh.frame.rows, i, v));
             n += usize::from(!inside);
         }
     }
@@ -89,59 +97,60 @@ fn motions(mesh: &Mesh) -> Vec<Mesh> {
 }
 
 #[test]
-fn boxes_hold_their_vertices_exactly_after_any_motion() {
+fn boxes_contain_their_vertices_exactly_after_any_motion() {
     for mesh in
         [fixtures::scaffold_of(1, true, 4), fixtures::soup(2, 2_000), fixtures::scaffold_of(1, false, 3).off_axis()]
     {
-        let mut wide = build(&mesh);
-        assert_eq!(n_too_small(&wide), 0);
+        let mut bvh = build(&mesh);
+        assert_eq!(n_too_small(&bvh), 0);
         for moved in motions(&mesh) {
-            wide.refit(&moved.positions, &moved.triangles).unwrap();
-            assert_eq!(n_too_small(&wide), 0);
+            bvh.refit(&moved.positions, &moved.triangles).unwrap();
+            assert_eq!(n_too_small(&bvh), 0);
             let used = moved.triangles.iter().flatten().map(|&i| moved.positions[i as usize]);
-            assert_eq!(wide.bounds, Aabb::from_points(used));
+            assert_eq!(bvh.bounds, Aabb::from_points(used));
         }
     }
 }
 
 #[test]
-fn the_oracle_sees_a_box_that_is_too_small() {
+fn the_oracle_detects_boxes_that_are_too_small() {
     let mesh = fixtures::scaffold_of(1, true, 4);
-    let wide = build(&mesh);
-    let outline = Outline::of(&wide.records).unwrap();
-    let lean = outline.nodes.iter().find(|node| node.kind == NodeKind::Oriented).expect("struts lean");
+    let bvh = build(&mesh);
+    let outline = outline(&bvh);
+    let oriented =
+        outline.nodes.iter().find(|node| node.kind == NodeKind::Oriented).expect("struts are in oriented nodes");
     for row in [3, 4] {
-        let mut wide = wide.clone();
-        let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut wide.records.lines[lean.line..lean.line + 8]);
+        let mut bvh = bvh.clone();
+        let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut bvh.nodes.lines[oriented.line..oriented.line + 8]);
         rows[row][0] *= 0.999;
-        assert_eq!(n_too_small(&wide), 1, "row {row}");
+        assert_eq!(n_too_small(&bvh), 1, "row {row}");
     }
     // Vertices that moved without a refit.
-    let mut wide = wide.clone();
-    let corners = Triangles::read(&outline, &wide.records.halves).corners;
+    let mut bvh = bvh.clone();
+    let corners = Triangles::read(&outline, &bvh.leaves).corners;
     let moved: Vec<_> = corners.iter().map(|c| c.map(|p| p.map(|x| x * 1.01))).collect();
-    Triangles::write(&moved, &outline, &mut wide.records.halves);
-    assert!(n_too_small(&wide) > 10);
+    Triangles::write(&moved, &outline, &mut bvh.leaves);
+    assert!(n_too_small(&bvh) > 10);
 }
 
 /// Records with one word changed.
-fn with_word(wide: &WideBvh<Watertight>, node: usize, slot: usize, word: Word) -> crate::emit::Records {
-    let mut records = wide.records.clone();
-    let outline = Outline::of(&records).unwrap();
+fn with_word(bvh: &TriangleBvh, node: usize, slot: usize, word: Word) -> TriangleBvh {
+    let mut bvh = bvh.clone();
+    let outline = outline(&bvh);
     let node = &outline.nodes[node];
     let row = node.kind.n_lines() * 2 - 1 - usize::from(node.kind == NodeKind::Aligned);
-    let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut records.lines[node.line..]);
+    let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut bvh.nodes.lines[node.line..]);
     rows[row][slot] = f32::from_bits(word.0);
-    records
+    bvh
 }
 
 #[test]
-fn the_walk_sees_every_broken_reference() {
-    let wide = build(&fixtures::soup(1, 500));
-    let outline = Outline::of(&wide.records).unwrap();
-    let n_lines = wide.records.lines.len();
-    let flaw = |word| Outline::of(&with_word(&wide, 0, 0, word)).unwrap_err();
-    assert_eq!(flaw(wide.records.root), Flaw::Twice { unit: "line", at: 0 }, "a circle");
+fn every_broken_reference_is_detected() {
+    let bvh = build(&fixtures::soup(1, 500));
+    let outline = outline(&bvh);
+    let n_lines = bvh.nodes.lines.len();
+    let flaw = |word| outline_or_flaw(&with_word(&bvh, 0, 0, word)).unwrap_err();
+    assert_eq!(flaw(bvh.nodes.root), Flaw::Twice { unit: "line", at: 0 }, "a cycle");
     assert_eq!(flaw(Word(0x6000_0000)), Flaw::Word { word: 0x6000_0000 });
     assert_eq!(
         flaw(Word::node(NodeKind::Oriented, n_lines)),
@@ -149,10 +158,10 @@ fn the_walk_sees_every_broken_reference() {
     );
     assert!(matches!(flaw(Word::EMPTY), Flaw::Unreached { unit: "line" | "part of a block", .. }));
     // Two slots that hold the same.
-    let first = node_words(&wide.records.lines, outline.nodes[0].kind, 0)[1];
+    let first = node_words(&bvh.nodes.lines, outline.nodes[0].kind, 0)[1];
     assert!(matches!(flaw(first), Flaw::Twice { .. }));
     let deepest = outline.nodes.len() - 1;
-    let outside = Outline::of(&with_word(&wide, deepest, 0, Word::leaf(PARTS * wide.records.halves.len(), 1)));
+    let outside = outline_or_flaw(&with_word(&bvh, deepest, 0, Word::leaf(PARTS * bvh.leaves.len(), 1)));
     assert!(matches!(outside, Err(Flaw::Outside { unit: "part of a block", .. })), "{outside:?}");
 }
 
@@ -165,29 +174,29 @@ fn quads(n: u8) -> Mesh {
 
 #[test]
 fn leaves_of_two_share_a_block() {
-    let wide = build(&quads(5));
-    let outline = Outline::of(&wide.records).unwrap();
+    let bvh = build(&quads(5));
+    let outline = outline(&bvh);
     assert_eq!(outline.leaves.iter().map(|leaf| leaf.places.len()).collect::<Vec<_>>(), [2; 5]);
-    assert_eq!(outline.leaves_by_block().iter().map(|leaf| leaf.first).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    assert_eq!(outline.leaves_by_unit().iter().map(|leaf| leaf.first).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
     assert_eq!(outline.leaves.iter().filter(|leaf| leaf.is_shared).count(), 4);
-    assert_eq!(wide.records.halves.len(), 3);
+    assert_eq!(bvh.leaves.len(), 3);
     for path in SimdPath::ALL {
-        let wide = wide.clone().with_path(path);
+        let bvh = bvh.clone().with_path(path);
         for ray in quads(5).positions.iter().map(|&[_, _, z]| Ray::new([0.75, 0.5, z + 1.0], [0.0, 0.0, -1.0])) {
-            assert_eq!(wide.closest_hit(&ray).map(|hit| hit.t), Some(1.0), "{path:?} {ray:?}");
+            assert_eq!(bvh.closest_hit(&ray).map(|hit| hit.t), Some(1.0), "{path:?} {ray:?}");
         }
     }
 }
 
 #[test]
 fn parts_of_blocks_are_reached_once() {
-    let wide = build(&quads(5));
+    let bvh = build(&quads(5));
     let slot_of = |first: usize| {
-        let words = node_words(&wide.records.lines, NodeKind::Aligned, 0);
+        let words = node_words(&bvh.nodes.lines, NodeKind::Aligned, 0);
         words.iter().position(|&word| word == Word::leaf(first, 2)).expect("the root holds all leaves")
     };
-    let flaw = |slot, word| Outline::of(&with_word(&wide, 0, slot, word)).err();
-    assert_eq!(flaw(slot_of(4), Word::leaf(4, 1)), None, "another number of triangles is seen by the lanes left over");
+    let flaw = |slot, word| outline_or_flaw(&with_word(&bvh, 0, slot, word)).err();
+    assert_eq!(flaw(slot_of(4), Word::leaf(4, 1)), None, "another number of triangles is detected by the unused lanes");
     assert_eq!(flaw(slot_of(4), Word::leaf(3, 2)), Some(Flaw::Twice { unit: "part of a block", at: 3 }));
     assert_eq!(flaw(slot_of(4), Word::leaf(5, 2)), Some(Flaw::Unreached { unit: "part of a block", at: 4 }));
     assert_eq!(flaw(slot_of(4), Word::leaf(5, 3)), Some(Flaw::Word { word: Word::leaf(5, 3).0 }));

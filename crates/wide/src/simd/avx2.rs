@@ -1,4 +1,4 @@
-//! The AVX2 path. The only `unsafe` here calls instructions that the token proves to be there.
+//! The AVX2 path. The only `unsafe` here calls instructions that the token proves to be available.
 #![expect(unsafe_code, reason = "intrinsics; each block says why it is sound")]
 
 use std::arch::x86_64::{
@@ -15,7 +15,7 @@ use super::{Simd, Task};
 pub(crate) struct Avx2(());
 
 impl Avx2 {
-    /// The token, where the machine has the instructions.
+    /// The token, if the machine has the instructions.
     #[inline]
     pub(crate) fn new() -> Option<Self> {
         let has = is_x86_feature_detected!("avx2")

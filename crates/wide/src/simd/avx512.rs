@@ -1,18 +1,18 @@
 //! The AVX-512 path: AVX2's operations with twice the registers, and comparisons that give masks.
 //!
-//! The only `unsafe` here calls instructions that the token proves to be there.
+//! The only `unsafe` here calls instructions that the token proves to be available.
 #![expect(unsafe_code, reason = "intrinsics; each block says why it is sound")]
 
 use std::arch::x86_64::{__m256, _CMP_LE_OQ, _CMP_LT_OQ, _mm256_cmp_ps_mask};
 
 use super::{Avx2, Simd, Task};
 
-/// Proof that the machine has AVX-512 F, VL and DQ beside all of AVX2's path.
+/// Proof that the machine has AVX-512 F, VL and DQ and all of the AVX2 path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx512(Avx2);
 
 impl Avx512 {
-    /// The token, where the machine has the instructions.
+    /// The token, if the machine has the instructions.
     #[inline]
     pub(crate) fn new() -> Option<Self> {
         let has = is_x86_feature_detected!("avx512f")

@@ -1,4 +1,4 @@
-//! The NEON path. The only `unsafe` here calls instructions that the token proves to be there.
+//! The NEON path. The only `unsafe` here calls instructions that the token proves to be available.
 #![expect(unsafe_code, reason = "intrinsics; each block says why it is sound")]
 
 use std::arch::aarch64::{
@@ -16,9 +16,9 @@ use super::{Simd, Task};
 pub(crate) struct Neon(());
 
 impl Neon {
-    /// The token, where the machine has the instructions.
+    /// The token, if the machine has the instructions.
     ///
-    /// None on big-endian machines: order of lanes was never tested there.
+    /// `None` on big-endian machines: the order of lanes is not tested there.
     #[inline]
     pub(crate) fn new() -> Option<Self> {
         let has = cfg!(target_endian = "little") && is_aarch64_feature_detected!("neon");
@@ -36,7 +36,7 @@ impl Neon {
         })
     }
 
-    /// `a` with its sign turned where `b` is negative.
+    /// `a` with its sign flipped where `b` is negative.
     #[inline(always)]
     fn xor_signs(self, a: float32x4_t, b: float32x4_t) -> float32x4_t {
         // SAFETY: the token proves NEON.
@@ -53,7 +53,7 @@ fn with_features<T: Task>(simd: Neon, task: T) -> T::Output {
     task.on(simd)
 }
 
-/// Lanes 0 to 3, then 4 to 7. Products and sums are fused: `mul_add` and its kin round once.
+/// Lanes 0 to 3, then 4 to 7. Products and sums are fused: `mul_add` and similar round once.
 impl Simd for Neon {
     type F = float32x4x2_t;
 

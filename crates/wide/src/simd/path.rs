@@ -1,4 +1,4 @@
-/// Instructions that a tree is traced with.
+/// Instructions that rays are traced with.
 ///
 /// Hits are the same bits on all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -14,10 +14,10 @@ pub enum SimdPath {
 }
 
 impl SimdPath {
-    /// All paths, also those of other machines.
+    /// All paths, including those of other machines.
     pub const ALL: [Self; 4] = [Self::Scalar, Self::Avx2, Self::Avx512, Self::Neon];
 
-    /// The path measured fastest of those this machine has.
+    /// The fastest path, by measurement, of those that this machine has.
     #[must_use]
     pub fn detect() -> Self {
         [Self::Avx512, Self::Avx2, Self::Neon].into_iter().find(|path| path.is_available()).unwrap_or(Self::Scalar)

@@ -1,6 +1,6 @@
 use super::{Simd, Task};
 
-/// Plain Rust over arrays: the twin that the other paths are tested against.
+/// Plain Rust over arrays: the reference that the other paths are tested against.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scalar;
 

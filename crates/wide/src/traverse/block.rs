@@ -8,7 +8,7 @@ use crate::simd::Simd;
 
 /// A triangle test whose filter runs over eight triangles at once.
 ///
-/// Hits are those of the kernel itself, bit for bit: lanes only say "certainly not" or "perhaps".
+/// Hits are those of the kernel itself, bit for bit: the filter only rejects triangles that the kernel certainly rejects.
 pub trait LaneKernel: Kernel + Clone + std::fmt::Debug {
     #[doc(hidden)]
     const TEST: LaneTest;
@@ -22,7 +22,7 @@ pub trait LaneKernel: Kernel + Clone + std::fmt::Debug {
     fn finish(prepared: &Self::Prepared, ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit>;
 }
 
-/// Which filter lanes run.
+/// The filter that runs in lanes.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LaneTest {
@@ -52,7 +52,7 @@ impl LaneKernel for MollerTrumbore {
     }
 }
 
-/// Its hits are Möller and Trumbore's by contract, so blocks hold vertices for it too.
+/// Its hits are those of Möller and Trumbore by contract, so blocks hold vertices for it too.
 impl LaneKernel for BaldwinWeber {
     const TEST: LaneTest = LaneTest::Weights;
     const ERROR: f32 = canted_trace::HIT_ERROR;
@@ -66,14 +66,14 @@ impl LaneKernel for BaldwinWeber {
 /// What the lanes' filters need of a ray.
 #[derive(Clone, Copy)]
 pub(crate) struct RayTriangles<S: Simd> {
-    /// Origin, the axis that plays z last.
+    /// Origin, permuted so that the kernel's z is last.
     origin: [S::F; 3],
     /// Shear factors, and the reciprocal of the direction along z.
     shear: [S::F; 2],
     recip_z: S::F,
     zero: S::F,
     t_min: S::F,
-    /// First row of the coordinate that plays x, y, z.
+    /// First row of the coordinates that are the kernel's x, y, z.
     rows: [usize; 3],
     direction: [S::F; 3],
 }
@@ -97,7 +97,7 @@ impl<S: Simd> RayTriangles<S> {
     }
 }
 
-/// Up to eight triangles: rows of their vertices' coordinates, then their numbers.
+/// Up to eight triangles: rows of their vertices' coordinates, then their ids.
 #[derive(Clone, Copy)]
 pub(crate) enum Block<'a> {
     Eight(&'a [[f32; 8]; 10]),
@@ -109,7 +109,7 @@ impl<'a> Block<'a> {
     #[inline(always)]
     pub(crate) fn at(halves: &'a [Half], first: usize, n: u32) -> Self {
         if n > 4 {
-            let both: &[Half; 2] = halves[first..first + 2].try_into().expect("as long as asked for");
+            let both: &[Half; 2] = halves[first..first + 2].try_into().expect("the length is that of the range");
             Self::Eight(bytemuck::cast_ref::<[u32; 2 * HALF_WORDS], _>(bytemuck::cast_ref(both)))
         } else {
             Self::Four(bytemuck::cast_ref::<[u32; HALF_WORDS], _>(&halves[first].0))
@@ -138,13 +138,13 @@ impl<'a> Block<'a> {
         std::array::from_fn(|vertex| std::array::from_fn(|axis| self.value(3 * vertex + axis, lane)))
     }
 
-    /// Number of a triangle.
+    /// Id of a triangle.
     #[inline(always)]
     pub(crate) fn primitive(&self, lane: usize) -> PrimId {
         PrimId(self.value(9, lane).to_bits())
     }
 
-    /// Lanes that `ray` may hit at `t_min <= t <= t_max`; no lane that the kernel accepts is left out.
+    /// Lanes that `ray` may hit at `t_min <= t <= t_max`; every lane that the kernel accepts is among them.
     #[inline(always)]
     pub(crate) fn candidates<S: Simd, K: LaneKernel>(&self, simd: S, ray: &RayTriangles<S>, t_max: f32) -> u32 {
         match K::TEST {
@@ -156,17 +156,16 @@ impl<'a> Block<'a> {
     /// The watertight kernel's filter, then one of `t`.
     ///
     /// The sheared coordinates and edge functions repeat the kernel's f32 arithmetic, so their signs are its signs. Of
-    /// the lanes left, most belong to the triangle that a ray starts on; their `t` in f32 spares the f64 work.
+    /// the remaining lanes, most belong to the triangle that a ray starts on; their `t` in f32 avoids the f64 work.
     ///
     /// # Error of `t`
     /// `T = Σ U_i·z_i` with `z_i = A_z,i / d_z`, `det = Σ U_i`, S6 the sum of the six products' absolute values and
     /// `Z = max|z_i|`. In f32 each `U_i` is off by 2.01 u of its two products, `z_i` by two roundings, the sums by
     /// three: `T` by 8 u·S6·Z, `det` by 5 u·S6. Let the kernel accept `t = T*/det*`, a convex combination of the `z_i`,
-    /// so `t <= Z`. With signs turned so that `det >= 0`, and its sign right, `T - t_max·det <= T - t·det`, which is at
+    /// so `t <= Z`. With signs flipped so that `det >= 0`, and its sign right, `T - t_max·det <= T - t·det`, which is at
     /// most 13 u·S6·Z; if the sign is wrong, `|det| + |det*| <= 5 u·S6`, and it is no more. Likewise for `t_min`. One
-    /// u is for the product's rounding: 16 u cover it, with room for second order. Where `2·S6·Z` overflows, the error
-    /// is infinite and nothing is dropped; what underflows is worth less than the smallest normal number times all it
-    /// may multiply.
+    /// u is for the product's rounding: 16 u cover it, with slack for second order. Where `2·S6·Z` overflows, the error
+    /// is infinite and nothing is dropped; what underflows is less than the smallest normal number times all factors.
     #[inline(always)]
     fn edges<S: Simd>(&self, simd: S, ray: &RayTriangles<S>, t_max: f32) -> u32 {
         let a = self.sheared(simd, ray, 0);
@@ -193,7 +192,7 @@ impl<'a> Block<'a> {
         let reach = simd.max(simd.max(simd.abs(z[0]), simd.abs(z[1])), simd.abs(z[2]));
         let under = simd.mul(tiny, simd.add(simd.add(sum, reach), simd.splat(1.0)));
         let error = simd.add(simd.mul(simd.splat(8.0 * U), simd.mul(simd.add(sum, sum), reach)), under);
-        // With all signs turned so that det is positive: T - t_max·det > error, or t_min·det - T > error.
+        // With all signs flipped so that det is positive: T - t_max·det > error, or t_min·det - T > error.
         let (t, det) = (simd.xor_sign(t, det), simd.abs(det));
         let late = simd.lt(error, simd.sub(t, simd.mul(simd.splat(t_max), det)));
         let early = simd.lt(error, simd.sub(simd.mul(ray.t_min, det), t));
@@ -229,7 +228,7 @@ impl<'a> Block<'a> {
         !(below | above) & 0xff
     }
 
-    /// The vertex whose coordinates start at `row`, the axis that plays z last.
+    /// The vertex whose coordinates start at `row`, permuted so that the kernel's z is last.
     #[inline(always)]
     fn vertex<S: Simd>(&self, simd: S, ray: &RayTriangles<S>, row: usize) -> [S::F; 3] {
         [self.row(simd, row + ray.rows[0]), self.row(simd, row + ray.rows[1]), self.row(simd, row + ray.rows[2])]

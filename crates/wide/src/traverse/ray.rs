@@ -3,21 +3,21 @@ use canted_trace::{MIN_DIRECTION, ScaledRay};
 
 use crate::simd::Simd;
 
-/// By how much a ray is thickened against boxes, in units of the space, or relative to `|o|∞ + ρ∞`; derived at `traverse`.
+/// By how much a ray is thickened in box tests, in units of the space, or relative to `|o|∞ + ρ∞`; derived in `traverse`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pads {
-    /// Against boxes along the coordinate axes.
+    /// In aligned nodes of the identity frame.
     pub(crate) aligned: f32,
-    /// Along the axes of a turned mesh frame.
-    pub(crate) turned: f32,
-    /// Against boxes with frames of their own.
-    pub(crate) lean: f32,
+    /// In aligned nodes of another frame.
+    pub(crate) rotated: f32,
+    /// In oriented nodes.
+    pub(crate) oriented: f32,
 }
 
 impl Pads {
     /// Relative pads for hits that lie within `error·(|o|∞ + ρ∞)` of what the boxes bound, in each coordinate.
     pub(crate) const fn of(error: f32) -> Self {
-        Self { aligned: error + 6.0 * U, turned: SQRT_3 * (error + 9.0 * U), lean: SQRT_3 * (error + 14.0 * U) }
+        Self { aligned: error + 6.0 * U, rotated: SQRT_3 * (error + 9.0 * U), oriented: SQRT_3 * (error + 14.0 * U) }
     }
 
     /// Relative pads in units of the space, for a ray among boxes whose coordinates do not exceed `reach`.
@@ -26,26 +26,26 @@ impl Pads {
         let [x, y, z] = ray.origin.map(f32::abs);
         let scale = x.max(y).max(z) + reach;
         let pad = |relative: f32| relative * scale + f32::MIN_POSITIVE;
-        Self { aligned: pad(self.aligned), turned: pad(self.turned), lean: pad(self.lean) }
+        Self { aligned: pad(self.aligned), rotated: pad(self.rotated), oriented: pad(self.oriented) }
     }
 
     /// Pads in units of the space for hits within `error` of what the boxes bound, in those units.
     ///
-    /// The way to the hit is longer by the error, so roundings are relative to `S + e` in place of `S`.
+    /// The hit is farther by the error, so roundings are relative to `S + e` instead of `S`.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "the step upward covers the rounding")]
     pub(crate) fn within(error: f64, ray: &ScaledRay, reach: f32) -> Self {
         let [x, y, z] = ray.origin.map(f32::abs);
         let scale = f64::from(x.max(y).max(z)) + f64::from(reach) + error;
-        let Self { aligned, turned, lean } = const { Self::of(0.0) };
+        let Self { aligned, rotated, oriented } = const { Self::of(0.0) };
         let pad = |roundings: f32, stretch: f32| {
             ((f64::from(stretch) * error + f64::from(roundings) * scale) as f32).next_up() + f32::MIN_POSITIVE
         };
-        Self { aligned: pad(aligned, 1.0), turned: pad(turned, SQRT_3), lean: pad(lean, SQRT_3) }
+        Self { aligned: pad(aligned, 1.0), rotated: pad(rotated, SQRT_3), oriented: pad(oriented, SQRT_3) }
     }
 }
 
-/// The frame that box nodes stand in: rows across their planes.
+/// The frame of aligned nodes: rows across their planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MeshFrame {
     pub(crate) rows: [[f32; 3]; 3],
@@ -53,16 +53,13 @@ pub(crate) struct MeshFrame {
 }
 
 impl MeshFrame {
-    /// The axes as they are.
-    pub(crate) const IDENTITY: Self = Self { rows: canted_obb::Obb::IDENTITY_FRAME, is_identity: true };
-
     pub(crate) fn new(rows: [[f32; 3]; 3]) -> Self {
         Self { rows, is_identity: rows == canted_obb::Obb::IDENTITY_FRAME }
     }
 
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "the one rounding that the pad is for")]
-    fn turned(&self, v: [f32; 3]) -> [f32; 3] {
+    #[expect(clippy::cast_possible_truncation, reason = "the pad covers this rounding")]
+    fn rotate(&self, v: [f32; 3]) -> [f32; 3] {
         let [x, y, z] = v.map(f64::from);
         self.rows.map(|row| {
             let [a, b, c] = row.map(f64::from);
@@ -71,12 +68,12 @@ impl MeshFrame {
     }
 }
 
-/// A ray as the node tests want it: every number in all lanes, ready in memory.
+/// A ray as the node tests use it: every number in all lanes.
 #[derive(Clone, Copy)]
 pub(crate) struct RayLanes<S: Simd> {
-    /// Reciprocals of the direction in the mesh's frame.
+    /// Reciprocals of the direction in the mesh frame.
     pub(crate) recip: [S::F; 3],
-    /// `o⁺·r` (`o⁻·r` for negative directions): taken off the near planes' products.
+    /// `o⁺·r` (`o⁻·r` for negative directions): subtracted from the near planes' products.
     pub(crate) near: [S::F; 3],
     /// The same for far planes.
     pub(crate) far: [S::F; 3],
@@ -86,7 +83,7 @@ pub(crate) struct RayLanes<S: Simd> {
     /// Origin and direction in object space.
     pub(crate) origin: [S::F; 3],
     pub(crate) direction: [S::F; 3],
-    pub(crate) pad_lean: S::F,
+    pub(crate) pad_oriented: S::F,
     pub(crate) min_direction: S::F,
     pub(crate) one: S::F,
 }
@@ -98,11 +95,11 @@ impl<S: Simd> RayLanes<S> {
         let (origin, direction, pad) = if frame.is_identity {
             (ray.origin, ray.direction, pads.aligned)
         } else {
-            (frame.turned(ray.origin), frame.turned(ray.direction), pads.turned)
+            (frame.rotate(ray.origin), frame.rotate(ray.direction), pads.rotated)
         };
         let recip = direction.map(reciprocal);
         let flipped = recip.map(|r| r < 0.0);
-        // Against a negative direction the near plane is the upper one, met from the lowered origin.
+        // For a negative direction the near plane is the upper one, and the origin is lowered.
         let (mut near, mut far) = ([0.0; 3], [0.0; 3]);
         for k in 0..3 {
             let toward = pad.copysign(recip[k]);
@@ -118,7 +115,7 @@ impl<S: Simd> RayLanes<S> {
             t_min: simd.splat(ray.t_min + 0.0),
             origin: splat3(simd, ray.origin),
             direction: splat3(simd, ray.direction),
-            pad_lean: simd.splat(pads.lean),
+            pad_oriented: simd.splat(pads.oriented),
             min_direction: simd.splat(MIN_DIRECTION),
             one: simd.splat(1.0),
         }

@@ -1,55 +1,56 @@
-use super::node::{Entries, enter_box, enter_lean, words};
+use super::node::{Entries, enter_aligned, enter_oriented, words};
 use super::{RayLanes, Stack};
-use crate::layout::{BOX_LINES, LEAN_LINES, Line, NodeKind, Word, WordKind, rows};
+use crate::layout::{ALIGNED_LINES, NodeKind, Nodes, ORIENTED_LINES, Word, WordKind, rows};
+use crate::leaf::LeafRange;
 use crate::simd::Simd;
 
-/// What a walk calls and asks.
-pub(crate) trait Visit {
-    /// A leaf is entered: primitives `first..` of number `n`. Returns the new `t_max`; below zero ends the walk.
-    fn leaf(&mut self, first: u32, n: u32, t_max: f32) -> f32;
+/// What a traversal calls.
+pub(crate) trait Visitor {
+    /// The ray enters a leaf. Returns the new `t_max`; a negative one ends the traversal.
+    fn leaf(&mut self, leaf: LeafRange) -> f32;
 
-    /// A node of this kind is tested.
+    /// A node of this kind is about to be tested.
     fn node(&mut self, kind: NodeKind);
 }
 
 /// Visits every leaf that `ray` enters at or before `t_max`, nearer subtrees first where `ORDERED`.
 ///
-/// A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties reach the leaf,
-/// whatever the tree.
+/// A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties reach the leaf in every
+/// BVH.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "halves of a key")]
 pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     simd: S,
-    lines: &[Line],
-    root: Word,
+    nodes: &Nodes,
     ray: &RayLanes<S>,
     mut t_max: f32,
     stack: &mut Stack,
-    visit: &mut impl Visit,
+    visitor: &mut impl Visitor,
 ) {
+    let Nodes { lines, root, .. } = nodes;
     let stack = stack.slots();
     let mut waiting = 0;
-    let mut word = root;
+    let mut word = *root;
     loop {
         let t_max_lanes = simd.splat(t_max);
         let entered = match word.kind() {
             WordKind::Leaf { first, n } => {
-                t_max = visit.leaf(first, n, t_max);
+                t_max = visitor.leaf(LeafRange { first, n, t_max });
                 if t_max < 0.0 {
                     return;
                 }
                 None
             }
             WordKind::Node(kind, line) => {
-                visit.node(kind);
+                visitor.node(kind);
                 Some(match kind {
                     NodeKind::Aligned => {
-                        let rows = rows::<BOX_LINES, 8>(lines, line);
-                        (enter_box(simd, ray, rows, t_max_lanes), words(&rows[6]))
+                        let rows = rows::<ALIGNED_LINES, 8>(lines, line);
+                        (enter_aligned(simd, ray, rows, t_max_lanes), words(&rows[6]))
                     }
                     NodeKind::Oriented => {
-                        let rows = rows::<LEAN_LINES, 16>(lines, line);
-                        (enter_lean(simd, ray, rows, t_max_lanes), words(&rows[15]))
+                        let rows = rows::<ORIENTED_LINES, 16>(lines, line);
+                        (enter_oriented(simd, ray, rows, t_max_lanes), words(&rows[15]))
                     }
                 })
             }
@@ -72,7 +73,7 @@ pub(crate) fn walk<S: Simd, const ORDERED: bool>(
             };
             continue;
         }
-        // Come back to the last subtree that may still hold something as near.
+        // Resume with the last subtree that may still hold a hit at most `t_max` away.
         loop {
             if waiting == 0 {
                 return;
@@ -87,7 +88,7 @@ pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     }
 }
 
-/// A child on the stack.
+/// A stack entry: a child and where the ray enters it.
 #[inline(always)]
 fn key(near: &[f32; 8], words: &[Word; 8], child: u32) -> u64 {
     let child = (child & 7) as usize;
@@ -111,13 +112,13 @@ fn push_ordered(stack: &mut [u64], waiting: &mut usize, mut mask: u32, near: &[f
         mask &= mask - 1;
         let far = nearest.max(next);
         nearest = nearest.min(next);
-        // Insertion: the stack's new part falls from bottom to top.
-        let mut place = top;
-        while place > base && stack[place - 1] < far {
-            stack[place] = stack[place - 1];
-            place -= 1;
+        // Insertion sort: entries of this node decrease from bottom to top.
+        let mut at = top;
+        while at > base && stack[at - 1] < far {
+            stack[at] = stack[at - 1];
+            at -= 1;
         }
-        stack[place] = far;
+        stack[at] = far;
         top += 1;
     }
     *waiting = top;

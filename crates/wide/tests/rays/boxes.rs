@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, PrimId};
 use canted_trace::{Ray, ScaledRay};
-use canted_wide::{BoxTree, Config, Preset, PrimitiveError};
+use canted_wide::{Config, Preset, PrimitiveError, WideBvh};
 
 use crate::common::paths;
 
@@ -74,7 +74,7 @@ fn entered(boxes: &[Aabb], ray: &ScaledRay, grown: f64, slack: f64) -> BTreeSet<
     (0..).zip(boxes).filter(|(_, aabb)| enters(aabb)).map(|(number, _)| number).collect()
 }
 
-fn visited(tree: &BoxTree, ray: &ScaledRay, error: f64) -> BTreeSet<u32> {
+fn visited(tree: &WideBvh<Aabb>, ray: &ScaledRay, error: f64) -> BTreeSet<u32> {
     let mut numbers = BTreeSet::new();
     tree.traverse_ordered(ray, error, &mut (), |PrimId(number), t_max, ()| {
         assert!(numbers.insert(number), "box {number} is entered twice");
@@ -96,7 +96,7 @@ fn what_an_exact_ray_enters_is_entered_and_little_else() {
         let reach = boxes.iter().map(Aabb::reach).fold(0.0, f32::max);
         let rays = rays(&boxes, 400, scale);
         for preset in [Preset::Fast, Preset::Quality] {
-            let tree = BoxTree::build(&boxes, &Config::preset(preset)).expect("sound boxes");
+            let tree = WideBvh::<Aabb>::build(boxes.clone(), &Config::preset(preset)).expect("sound boxes");
             for path in paths() {
                 let tree = tree.clone().with_path(path);
                 for (i, ray) in rays.iter().enumerate() {
@@ -121,7 +121,7 @@ fn what_an_exact_ray_enters_is_entered_and_little_else() {
 #[test]
 fn the_stated_error_is_what_lets_near_misses_in() {
     let boxes = boxes(300, 1.0, 0.0);
-    let tree = BoxTree::build(&boxes, &Config::default()).expect("sound boxes");
+    let tree = WideBvh::<Aabb>::build(boxes.clone(), &Config::default()).expect("sound boxes");
     let lost = |error: f64| {
         let rays = rays(&boxes, 400, 1.0).into_iter().filter_map(|ray| ScaledRay::new(&ray));
         rays.map(|ray| entered(&boxes, &ray, 0.1, -F64_SLACK).difference(&visited(&tree, &ray, error)).count())
@@ -134,7 +134,7 @@ fn the_stated_error_is_what_lets_near_misses_in() {
 #[test]
 fn a_walk_goes_forward_and_ends_where_it_is_told() {
     let row: Vec<Aabb> = (0..100u8).map(f32::from).map(|x| Aabb { min: [x; 3], max: [x + 0.5; 3] }).collect();
-    let tree = BoxTree::build(&row, &Config::default()).expect("sound boxes");
+    let tree = WideBvh::<Aabb>::build(row.clone(), &Config::default()).expect("sound boxes");
     let ray = ScaledRay::new(&Ray::new([-1.0; 3], [1.0; 3])).expect("a ray");
     let (mut order, mut n) = (vec![], 0);
     // Something in box 40 is hit.
@@ -154,10 +154,10 @@ fn a_walk_goes_forward_and_ends_where_it_is_told() {
 fn unsound_boxes_are_refused_by_number() {
     let sound = Aabb { min: [0.0; 3], max: [1.0; 3] };
     for bad in [Aabb::EMPTY, Aabb { min: [f32::NAN; 3], ..sound }, Aabb { max: [f32::INFINITY; 3], ..sound }] {
-        let refused = BoxTree::build(&[sound, bad, sound], &Config::default()).map(|_| ());
+        let refused = WideBvh::<Aabb>::build(vec![sound, bad, sound], &Config::default()).map(|_| ());
         assert_eq!(refused, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{bad:?}");
     }
-    let none = BoxTree::build(&[], &Config::default()).expect("no box is unsound");
+    let none = WideBvh::<Aabb>::build(vec![], &Config::default()).expect("no box is unsound");
     assert!(none.aabb().is_empty());
     none.traverse_ordered(&ScaledRay::new(&Ray::new([0.0; 3], [1.0; 3])).expect("a ray"), 1.0, &mut (), |_, _, ()| {
         panic!("nothing can be entered")

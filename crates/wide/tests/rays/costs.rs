@@ -2,7 +2,7 @@
 
 use canted_fixtures as fixtures;
 use canted_trace::{Sphere, Watertight};
-use canted_wide::{Config, Costs, NodeKind, Preset, PrimitiveTree, TriangleBvh};
+use canted_wide::{Config, Costs, NodeKind, Preset, TriangleBvh, WideBvh};
 
 use crate::common::{brute, rays};
 
@@ -65,7 +65,7 @@ fn primitives_of_the_callers_are_hit_whatever_visits_cost() {
     let spheres: Vec<Sphere> =
         (0..100u8).map(|i| Sphere { center: [3.0 * f32::from(i), 0.0, 0.0], radius: 1.0 }).collect();
     for (name, costs) in extremes() {
-        let tree = PrimitiveTree::build(spheres.clone(), &Config { costs, ..Config::default() }).unwrap();
+        let tree = WideBvh::<Sphere>::build(spheres.clone(), &Config { costs, ..Config::default() }).unwrap();
         for i in 0..100u8 {
             let ray = canted_trace::Ray::new([3.0 * f32::from(i), 5.0, 0.0], [0.0, -1.0, 0.0]);
             let hit = tree.closest_hit(&ray).map(|hit| (hit.t, hit.primitive.0));

@@ -4,7 +4,7 @@
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, PrimId};
 use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, Side, Sphere};
-use canted_wide::{Config, Preset, Primitive, PrimitiveError, PrimitiveHit, PrimitiveTree};
+use canted_wide::{Config, Preset, Primitive, PrimitiveError, PrimitiveHit, WideBvh};
 
 use crate::common::paths;
 
@@ -71,7 +71,7 @@ fn spheres_are_hit_as_by_trying_every_one() {
         let spheres = spheres(300, scale);
         let rays = rays(&spheres, 600, scale);
         for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
-            let mut tree = PrimitiveTree::build(spheres.clone(), &Config::preset(preset)).expect("sound spheres");
+            let mut tree = WideBvh::<Sphere>::build(spheres.clone(), &Config::preset(preset)).expect("sound spheres");
             for path in paths() {
                 tree = tree.with_path(path);
                 let (mut hits, mut met) = (vec![], 0);
@@ -94,7 +94,7 @@ fn spheres_are_hit_as_by_trying_every_one() {
 fn slices_and_borrowed_primitives_answer_alike() {
     let spheres = spheres(200, 1.0);
     let rays = rays(&spheres, 1500, 1.0);
-    let tree = PrimitiveTree::build(spheres.iter().collect(), &Config::default()).expect("sound spheres");
+    let tree = WideBvh::<&Sphere>::build(spheres.iter().collect(), &Config::default()).expect("sound spheres");
     let n = rays.len();
     let want: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray)).collect();
     let (mut hits, mut par_hits) = (vec![None; n], vec![None; n]);
@@ -121,7 +121,8 @@ fn a_refused_entry_leaves_the_exit() {
             hit.side == Side::Back
         }
     }
-    let tree = PrimitiveTree::build(vec![Sphere { center: [0.0; 3], radius: 1.0 }], &Config::default()).expect("sound");
+    let tree =
+        WideBvh::<Sphere>::build(vec![Sphere { center: [0.0; 3], radius: 1.0 }], &Config::default()).expect("sound");
     let ray = Ray::new([0.0, 0.0, -3.0], [0.0, 0.0, 0.5]);
     assert_eq!(tree.closest_hit(&ray).map(|hit| (hit.t, hit.side)), Some((4.0, Side::Front)));
     let left = tree.closest_hit_with(&ray, InstanceId(7), &mut Leaving);
@@ -134,10 +135,10 @@ fn unsound_bounds_are_refused_by_number() {
     let sound = Sphere { center: [0.0; 3], radius: 1.0 };
     for radius in [-1.0, f32::NAN, f32::INFINITY] {
         let primitives = vec![sound, Sphere { radius, ..sound }, sound];
-        let refused = PrimitiveTree::build(primitives, &Config::default()).map(|_| ());
+        let refused = WideBvh::<Sphere>::build(primitives, &Config::default()).map(|_| ());
         assert_eq!(refused, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{radius}");
     }
-    let none = PrimitiveTree::<Sphere>::build(vec![], &Config::default()).expect("no primitive is unsound");
+    let none = WideBvh::<Sphere>::build(vec![], &Config::default()).expect("no primitive is unsound");
     assert!(none.closest_hit(&Ray::new([0.0; 3], [1.0; 3])).is_none());
     assert!(none.aabb().is_empty());
 }
@@ -158,7 +159,7 @@ impl Primitive for Liar {
 #[test]
 fn hits_outside_of_the_interval_do_not_count() {
     for t in [f32::NAN, f32::INFINITY, -1.0, 100.0] {
-        let tree = PrimitiveTree::build(vec![Liar(t)], &Config::default()).expect("sound bounds");
+        let tree = WideBvh::<Liar>::build(vec![Liar(t)], &Config::default()).expect("sound bounds");
         let ray = Ray { t_max: 50.0, ..Ray::new([0.5, 0.5, -1.0], [0.0, 0.0, 1.0]) };
         assert_eq!(tree.closest_hit(&ray), None, "{t}");
         let endless = Ray { t_max: f32::INFINITY, ..ray };
@@ -205,7 +206,10 @@ fn pads_follow_the_stated_error() {
     fn lost<const STATED: bool>() -> usize {
         let spheres = spheres(200, 1.0);
         let rays = rays(&spheres, 2000, 1.0);
-        let tree = PrimitiveTree::build(spheres.iter().map(|&s| Sloppy::<STATED>(s)).collect(), &Config::default());
+        let tree = WideBvh::<Sloppy<STATED>>::build(
+            spheres.iter().map(|&s| Sloppy::<STATED>(s)).collect(),
+            &Config::default(),
+        );
         let tree = tree.expect("sound spheres");
         rays.iter()
             .filter(|ray| {

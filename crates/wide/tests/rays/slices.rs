@@ -93,7 +93,7 @@ fn filters_choose_among_all_hits() {
 }
 
 #[test]
-#[should_panic(expected = "an answer for each ray")]
+#[should_panic(expected = "rays and answers differ in number")]
 fn slices_of_different_length_are_refused() {
     let tree = build::<Watertight>(&canted_fixtures::fan(3), Preset::Fast);
     tree.par_closest_hits(&[Ray::new([0.0; 3], [1.0; 3])], &mut []);

@@ -39,11 +39,11 @@ const DELTA: u32 = 2;
 const TRANSMITTED: u32 = 4;
 const ALL_DELTA: u32 = 8;
 
-/// An answer is right if it is the CPU's for numbers that differ by no more than this share of themselves, and its own
-/// last operations: half vectors and cosines are chains of about so many roundings.
+/// An answer is correct if the CPU gives it for inputs that differ by at most this relative amount, up to the rounding of the
+/// last operations. Half vectors and cosines are chains of about this many roundings.
 const MOVE: f64 = 8.0 * U;
 
-/// Roundings of the last operations: quotients of 2.5 units in the last place each among products.
+/// Rounding of the last operations: products, and quotients of 2.5 ULP.
 const CHAIN: f64 = 64.0 * U;
 
 impl Query {
@@ -69,7 +69,7 @@ impl Query {
         self.bsdf().sample(self.outgoing, self.square, self.choice)
     }
 
-    /// The same but for small moves, one after another.
+    /// The query with one input perturbed at a time.
     fn moved(&self) -> impl Iterator<Item = Self> {
         #[expect(clippy::cast_possible_truncation, reason = "near 1")]
         let factors = [1.0 - MOVE, 1.0 + MOVE].map(|x| x as f32);
@@ -90,7 +90,7 @@ impl Query {
         })
     }
 
-    /// How far each of some numbers may be off.
+    /// Error bound of each of some numbers.
     fn bounds<const N: usize>(&self, numbers: impl Fn(&Self) -> [f64; N]) -> [f64; N] {
         let here = numbers(self);
         let mut bounds = here.map(|x| CHAIN * x.abs());
@@ -106,7 +106,7 @@ fn are_within<const N: usize>(a: [f64; N], b: [f64; N], bounds: [f64; N]) -> boo
     (0..N).all(|k| (a[k] - b[k]).abs() <= bounds[k])
 }
 
-/// Whether an answer is the CPU's, or fell to another side of a choice, or what is wrong with it.
+/// Whether an answer matches the CPU's; false at a discontinuity; or what is wrong with it.
 fn compare_one(query: &Query, answer: &Answer) -> Result<bool, String> {
     let fail = |what: &str| Err(format!("{what}: {query:?} {answer:?}"));
     let [r, g, b] = answer.value.map(f64::from);
@@ -139,7 +139,7 @@ fn compare_one(query: &Query, answer: &Answer) -> Result<bool, String> {
         let is_right = are_within([r, g, b], sample.weight.map(f64::from), query.bounds(of));
         return if is_right { Ok(true) } else { fail("mirrored weight") };
     }
-    // What it says of its own direction.
+    // Density of the sampled direction.
     let there = Query { incident: answer.incident, ..*query };
     let of = |query: &Query| {
         let [r, g, b, density] = query.evaluated();
@@ -150,13 +150,13 @@ fn compare_one(query: &Query, answer: &Answer) -> Result<bool, String> {
     if is_right { Ok(true) } else { fail("weight") }
 }
 
-/// One of `n` numbers, each as likely.
+/// One of `n` numbers, uniformly.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers lie in 0..1")]
 fn index(number: f32, n: u8) -> usize {
     (f32::from(n) * number) as usize
 }
 
-/// Materials at random and at their ends, seen from all heights, lit from anywhere and from where it matters.
+/// Random and extreme materials, viewed from all heights, with random and critical incident directions.
 fn queries(n: u32) -> Vec<Query> {
     (0..n)
         .map(|i| {
@@ -204,30 +204,30 @@ fn queries(n: u32) -> Vec<Query> {
         .collect()
 }
 
-/// All that a material can be.
+/// The choices for all materials.
 fn full() -> Specialisation {
     Specialisation::none().part("bsdf", "shared/bsdf/full").part("transmission", "shared/transmission/glass")
 }
 
 #[test]
-fn surfaces_scatter_as_on_the_cpu() {
-    let Some(gpu) = gpu("surfaces_scatter_as_on_the_cpu") else { return };
+fn bsdfs_match_the_cpu() {
+    let Some(gpu) = gpu("bsdfs_match_the_cpu") else { return };
     let queries = queries(20_000);
     let chosen = full();
     let mut answers: Vec<Answer> = answers(&gpu, "check/bsdf", &chosen, &queries, &[]);
     let [n_equal, n_else] = compare(compare_one, &queries, &answers).unwrap();
-    // A choice falls to the other side where its number and a probability are within some roundings.
+    // A choice may differ where its number and a probability are within a few roundings.
     assert!(n_else * 1000 < n_equal, "{n_else} of {n_equal} fell to another side");
 
-    // A value that is off by a thousandth where it is smooth is seen.
+    // An error of a thousandth in a smooth region is detected.
     let smooth = queries.iter().position(|q| q.roughness > 0.5 && q.evaluated()[0] > 0.01).unwrap();
     answers[smooth].value[0] *= 1.001;
     assert!(compare(compare_one, &queries, &answers).unwrap_err().starts_with("value"));
 }
 
 #[test]
-fn diffuse_surfaces_need_no_more() {
-    let Some(gpu) = gpu("diffuse_surfaces_need_no_more") else { return };
+fn diffuse_bsdf_matches_the_full_one() {
+    let Some(gpu) = gpu("diffuse_bsdf_matches_the_full_one") else { return };
     let diffuse =
         |query: Query| Query { metallic: 0.0, specular: 0.0, transmission: 0.0, roughness: 1.0, flags: 0, ..query };
     let queries: Vec<Query> = queries(2000).into_iter().map(diffuse).collect();
@@ -235,19 +235,19 @@ fn diffuse_surfaces_need_no_more() {
     let [few, all] = [lambert, full()].map(|chosen| answers::<_, Answer>(&gpu, "check/bsdf", &chosen, &queries, &[]));
     compare(compare_one, &queries, &all).unwrap();
     for (few, all) in few.iter().zip(&all) {
-        // The factor of light that comes through is asked for only where some does.
+        // Opaque materials do not use the transmission factor.
         assert_eq!((few.value, few.incident, few.weight, few.flags), (all.value, all.incident, all.weight, all.flags));
     }
 }
 
 #[test]
-fn what_lets_no_light_through_needs_no_glass() {
-    let Some(gpu) = gpu("what_lets_no_light_through_needs_no_glass") else { return };
+fn opaque_bsdf_without_transmission_matches_the_full_one() {
+    let Some(gpu) = gpu("opaque_bsdf_without_transmission_matches_the_full_one") else { return };
     let queries: Vec<Query> = queries(2000).into_iter().map(|query| Query { transmission: 0.0, ..query }).collect();
     let opaque =
         Specialisation::none().part("bsdf", "shared/bsdf/full").part("transmission", "shared/transmission/none");
     let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &opaque, &queries, &[]);
-    // Of what lets nothing through no factor is asked.
+    // The transmission factor is used only where light is transmitted.
     let told = |query: &Query, answer: &Answer| {
         let compression = query.bsdf().compression();
         compare_one(query, &Answer { compression, ..*answer })
@@ -257,7 +257,7 @@ fn what_lets_no_light_through_needs_no_glass() {
 }
 
 #[test]
-fn layouts_are_the_kernels() {
+fn layouts_match_the_kernel() {
     let full = full();
     same_layout!(
         "check/bsdf",

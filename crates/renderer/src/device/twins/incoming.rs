@@ -30,7 +30,7 @@ struct Answer {
     _more_padding: [u32; 3],
 }
 
-/// Each kind, near and far, and what shines nowhere: no colour, no radius, a cone without an edge.
+/// Each kind of light, near and far, and lights that emit nothing: black, zero radius, a spot without falloff.
 fn lights() -> Vec<Light> {
     let mut lights = vec![
         Light::Sun { direction: direction(0, 0), irradiance: [1.0, 2.0, 3.0] },
@@ -78,11 +78,11 @@ fn surface(position: [f32; 3]) -> Surface {
     }
 }
 
-/// Units in which errors of an incoming are counted, as a factor of `U`.
+/// Condition number of incoming light: the factor of `U` in its error bound.
 ///
-/// The ways between points in f32 have one rounding an axis, and every formula from there is a chain of fewer than 32
-/// roundings and quotients, but for two: the cone of a ball, whose height has the error of its sine times the tangent,
-/// and a density seen at a slant, whose height over the plane is what is left of a sum of the terms of a dot product.
+/// Vectors between points in f32 have one rounding per axis. Every formula from there is a chain of fewer than 32 roundings
+/// and quotients, with two exceptions: the cap height of a sphere has the error of its sine times the tangent, and the
+/// density of a disk seen at a slant depends on a height that is the remainder of a dot product.
 fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
     32.0 * match *light {
         Light::Sphere { center, radius, .. } => {
@@ -92,7 +92,7 @@ fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
         Light::Disk { center, normal, .. } => {
             let terms = |a: Vector| (0..3).map(|k| (a[k] * f64::from(normal[k])).abs()).sum::<f64>();
             let way = sub(place, at);
-            // The point of the disc is rounded where it is, not relative to the way.
+            // The point on the disk is rounded in absolute terms, not relative to the distance.
             let absolute = terms(way) + terms(place) + terms(wide(center));
             1.0 + absolute / dot(way, wide(normal)).abs() + length(place) / length(way)
         }
@@ -100,7 +100,7 @@ fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
     }
 }
 
-/// How many queries were compared, and how many that were at an edge not.
+/// Number of compared queries, and number of those at a discontinuity.
 fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u32; 2], String> {
     let mut counts = [0, 0];
     for (query, answer) in queries.iter().zip(answers) {
@@ -110,7 +110,7 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
         let fail = |what: &str| Err(format!("{what}: {light:?} from {:?}: {answer:?}", query.at));
         let Some(expected) = expected else {
             if answer.reach != 0 {
-                // At an edge, where a rounding decides, next to nothing arrives.
+                // At a discontinuity, almost no light arrives.
                 counts[1] += 1;
             }
             continue;
@@ -123,7 +123,7 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
         }
         counts[0] += 1;
         let soft = match *light {
-            // The share's slope over the cosine, in units of the share.
+            // Slope of the falloff over the cosine, in units of the falloff.
             Light::Spot { direction, cos_outer, .. } => {
                 let cosine = -dot(wide(direction), expected.to_light);
                 2.0 / (cosine - f64::from(cos_outer)).max(1e-30)
@@ -166,8 +166,8 @@ fn queries(lights: &[Light]) -> Vec<Query> {
 }
 
 #[test]
-fn light_arrives_as_on_the_cpu() {
-    let Some(gpu) = gpu("light_arrives_as_on_the_cpu") else { return };
+fn incoming_light_matches_the_cpu() {
+    let Some(gpu) = gpu("incoming_light_matches_the_cpu") else { return };
     let lights = lights();
     let packed: Vec<ListLight> = lights.iter().map(ListLight::from).collect();
     let packed = gpu.buffer("lights", &packed).unwrap();
@@ -177,7 +177,7 @@ fn light_arrives_as_on_the_cpu() {
     let [n_compared, n_at_edges] = compare(&lights, &queries, &answers).unwrap();
     assert!(n_compared > 1500 && n_at_edges < 10, "{n_compared} {n_at_edges}");
 
-    // A direction that is off by a hundred thousandth is seen.
+    // An error of 1e-5 in a direction is detected.
     let lit = answers.iter().position(|answer| answer.density > 0.0).unwrap();
     answers[lit].to_light = narrowed(add(wide(answers[lit].to_light), scale([1.0, -1.0, 1.0], 2e-5)));
     let error = compare(&lights, &queries, &answers).unwrap_err();
@@ -189,7 +189,7 @@ fn narrowed(v: Vector) -> [f32; 3] {
 }
 
 #[test]
-fn layouts_are_the_kernels() {
+fn layouts_match_the_kernel() {
     same_layout!(
         "check/incoming",
         &Specialisation::none(),

@@ -40,14 +40,14 @@ struct Answer {
     _padding: [u32; 2],
 }
 
-/// An answer is right if it is the CPU's for a receiver that moved by no more than this share of the scene's greatest
-/// coordinate, turned by no more and asked with numbers as near: so much the ways to lights are rounded.
+/// An answer is correct if the CPU gives it for a receiver moved by at most this share of the scene's largest coordinate,
+/// rotated by as much, and with random numbers changed by as much. Vectors to lights have this rounding.
 const MOVE: f64 = 8.0 * U;
 
-/// Roundings of the last operations: some thirty in a light's own formulas, and ten at each of some eight levels of the tree.
+/// Rounding of the last operations: about thirty in the formulas of a light, and ten at each of about eight levels of the tree.
 const CHAIN: f64 = 128.0 * U;
 
-/// Greatest coordinate of the scenes and receivers here.
+/// Largest coordinate of the scenes and receivers in these tests.
 const SPAN: f64 = 8.0;
 
 impl Query {
@@ -114,7 +114,7 @@ fn numbers(sample: &LightSample) -> [f64; 7] {
     [x, y, z, r, g, b, sample.density].map(f64::from)
 }
 
-/// Whether an answer is the CPU's, or lies at an edge where another light may be chosen, or what is wrong with it.
+/// Whether an answer matches the CPU's; false where another light may be chosen; or what is wrong with it.
 fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result<bool, String> {
     let there = query.density(sampler);
     let all_moved = query.moved(SPAN);
@@ -125,7 +125,7 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
     }
     let Some(sample) = sample else { return Ok(answer.reach == 0) };
     let here = numbers(&sample);
-    // Directions are off by roundings of 1.
+    // Directions err by roundings of 1.
     let mut bounds: [f64; 7] = std::array::from_fn(|k| CHAIN * if k < 3 { 1.0 } else { here[k].abs() });
     for moved in all_moved {
         match moved.sample(sampler) {
@@ -150,7 +150,7 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
     Err(format!("sample: {query:?} {answer:?} {sample:?} {bounds:?}"))
 }
 
-/// Triangles that emit: some of them needles, tiny, or far.
+/// Emissive triangles, some of them needles, tiny, or far away.
 fn emitting(n: u32) -> Mesh {
     let mut mesh = Mesh { parts: vec![Part { first_triangle: 0, material: MaterialId(0) }], ..Mesh::default() };
     for i in 0..n {
@@ -194,7 +194,7 @@ fn listed() -> Vec<Light> {
         .collect()
 }
 
-/// A picture with a bright texel and a black row.
+/// An environment map with a bright texel and a black row.
 fn sky() -> Environment {
     let (width, height) = (16, 8);
     let texel = |i: u32| match (i % width, i / width) {
@@ -235,7 +235,7 @@ fn scene(n_emitters: u32, lights: Vec<Light>, environment: Environment) -> Scene
     }
 }
 
-/// Receivers all over the scene and close to what shines, each asked also for the density of what the CPU finds.
+/// Receivers throughout the scene and close to lights, each with a query for the density of the CPU's sample.
 fn queries(sampler: &LightSampler, n: u32) -> Vec<Query> {
     (0..n)
         .map(|i| {
@@ -272,7 +272,7 @@ fn check(gpu: &Gpu, scene: &Scene, n: u32, spoil: Option<fn(&mut Answer)>) -> Re
     let surfaces = Surfaces::new(scene);
     let sampler = LightSampler::new(Lights::new(scene), &surfaces);
     let sampled = SampledLights::new(gpu, &sampler, |_| 0.0).unwrap();
-    // The check has no camera, in whose uniforms a constant sky stands; its share is zero then.
+    // This kernel has no camera uniforms, which hold a constant sky; the share of the sky is then zero.
     let is_image = matches!(scene.environment, Some(Environment::Image(_)));
     let black = Scene { environment: Some(sky()), ..Scene::default() };
     let sky = DeviceSky::new(gpu, if is_image { scene } else { &black }).unwrap();
@@ -292,8 +292,8 @@ fn check(gpu: &Gpu, scene: &Scene, n: u32, spoil: Option<fn(&mut Answer)>) -> Re
 }
 
 #[test]
-fn lights_are_sampled_as_on_the_cpu() {
-    let Some(gpu) = gpu("lights_are_sampled_as_on_the_cpu") else { return };
+fn light_samples_match_the_cpu() {
+    let Some(gpu) = gpu("light_samples_match_the_cpu") else { return };
     let black = || Environment::Constant([0.0; 3]);
     let scenes = [
         scene(1, vec![], black()),
@@ -306,13 +306,13 @@ fn lights_are_sampled_as_on_the_cpu() {
         let [n_equal, n_at_edges] = check(&gpu, scene, 1500, None).unwrap();
         assert!(n_equal > 20 * n_at_edges, "{n_at_edges} at edges beside {n_equal}");
     }
-    // A density that is off by a thousandth is seen.
+    // An error of a thousandth in a density is detected.
     let error = check(&gpu, &scenes[1], 1500, Some(|answer| answer.density *= 1.001)).unwrap_err();
     assert!(error.starts_with("sample"), "{error}");
 }
 
 #[test]
-fn layouts_are_the_kernels() {
+fn layouts_match_the_kernel() {
     let chosen = Specialisation::none()
         .part("local", "shared/local/both")
         .part("skylight", "shared/skylight/image")

@@ -67,14 +67,16 @@ fn facets_conserve_energy() {
             for (cosine, (square, choice)) in COSINES.into_iter().cycle().zip(numbers(1000)) {
                 let Some(scattered) = bsdf.sample(outgoing(cosine), square, choice) else { continue };
                 let fraction = f64::from(scattered.weight[0]) * flux_factor(&bsdf, scattered.is_transmitted);
-                // Masking and PDF fraction everything except sums of two roots, colors and probabilities except one sum.
+                // Masking and PDF fraction everything except sums of two roots, colors and probabilities except one
+                // sum.
                 assert!(fraction <= 1.0 + 16.0 * f64::from(f32::EPSILON), "{bsdf:?} {cosine}: {fraction}");
             }
         }
     }
 }
 
-/// Flux of the coat over a black base: the mean weight over a grid of random numbers, and the difference of a coarser grid.
+/// Flux of the coat over a black base: the mean weight over a grid of random numbers, and the difference of a coarser
+/// grid.
 fn coat(black: &Bsdf, outgoing: [f32; 3]) -> (f64, f64) {
     let mean = |steps: u16| {
         let at = |i: u16| (f32::from(i) + 0.5) / f32::from(steps);

@@ -53,8 +53,8 @@ fn glass(alpha: f64, eta: f64, o: Vector, i: Vector) -> f64 {
 /// Bound of the relative error of a value in single precision.
 ///
 /// The half vector has an error of 4 units of rounding over its length before normalization; the logarithm of the
-/// distribution changes by at most 2/alpha times that. Fresnel terms and facet cosines change relative to the cosine, and
-/// to its square where Snell's law subtracts them.
+/// distribution changes by at most 2/alpha times that. Fresnel terms and facet cosines change relative to the cosine,
+/// and to its square where Snell's law subtracts them.
 fn error_of_facets(alpha: f64, eta: f64, outgoing: [f32; 3], incident: [f32; 3]) -> f64 {
     let (o, i) = (outgoing.map(f64::from), incident.map(f64::from));
     let sum: Vector = std::array::from_fn(|k| o[k] + eta * i[k]);

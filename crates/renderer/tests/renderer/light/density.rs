@@ -15,8 +15,8 @@ const RINGS: usize = 16;
 const SECTORS: usize = 32;
 const N: u32 = 100_000;
 
-/// A sphere light, a disk light and an emissive square around the origin, an environment map with a sun, and a point light
-/// and a sun light, which have no PDF. No light occludes another.
+/// A sphere light, a disk light and an emissive square around the origin, an environment map with a sun, and a point
+/// light and a sun light, which have no PDF. No light occludes another.
 fn all_lights() -> Scene {
     let lamp = parallelogram([1.5, 1.0, -1.0], [0.5, 0.0, 1.0], [0.0, 1.5, 0.2], 0);
     let mut scene = scene(vec![lamp], vec![emissive(5.0)]);
@@ -79,7 +79,8 @@ fn expected(sampler: &LightSampler, scene: &Scene) -> Vec<f64> {
     cells
 }
 
-/// Six standard deviations: false alarms are practically impossible, and quadrature errors at the edges of lights are smaller.
+/// Six standard deviations: false alarms are practically impossible, and quadrature errors at the edges of lights are
+/// smaller.
 const LIMIT: f64 = 6.0;
 
 #[test]
@@ -105,8 +106,8 @@ fn test_detects_wrong_pdfs() {
     }
 }
 
-/// Rounding of a direction changes the cosine at a planar light by one rounding. The PDF depends on its cube: 30 roundings at a
-/// cosine of 0.1, the minimum here. Both PDFs and their quotient add one rounding each.
+/// Rounding of a direction changes the cosine at a planar light by one rounding. The PDF depends on its cube: 30
+/// roundings at a cosine of 0.1, the minimum here. Both PDFs and their quotient add one rounding each.
 const DENSITY_ERROR: f32 = 33.0 * 0.5 * f32::EPSILON;
 
 /// The PDF of a sample matches the PDF evaluated for its direction, except where rounding decides between texels.

@@ -90,8 +90,8 @@ fn lookups_are_bilinear() {
     }
 }
 
-/// Radiance, selection probability and sample round once each. Rounding of the direction changes the cosine relative to itself,
-/// which is two roundings in the cosine-weighted mean.
+/// Radiance, selection probability and sample round once each. Rounding of the direction changes the cosine relative to
+/// itself, which is two roundings in the cosine-weighted mean.
 const CONSTANT_ERROR: f64 = 5.0 * U;
 
 /// On an unoccluded plane, every sample of a constant environment is π times its radiance.

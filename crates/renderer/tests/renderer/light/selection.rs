@@ -112,8 +112,8 @@ fn light_tree_has_less_variance_than_power_sampling() {
     }
 }
 
-/// The geometric normal decides which lights count, not the shading normal: lights behind the triangle are never chosen, and
-/// lights in front of it are chosen even if they are behind the shading normal.
+/// The geometric normal decides which lights count, not the shading normal: lights behind the triangle are never
+/// chosen, and lights in front of it are chosen even if they are behind the shading normal.
 #[test]
 fn geometric_normal_decides_which_lights_count() {
     let mut scene = hall(0);

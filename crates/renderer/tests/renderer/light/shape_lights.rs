@@ -117,16 +117,16 @@ fn disk_penumbra_matches_quadrature() {
         let samples = Settings { pattern: Pattern::Random, ..settings(1, 1, 4096, 0) };
         let value = probe(&stage, [position, 0.5, 0.5], [position, 0.0, 0.0], samples)[0];
         let expected = expected(position.into());
-        // A visible fraction p has the variance p(1 - p) <= 1/4 of the total, which is below 0.35; the edge of the quadrature
-        // crosses one of 400 steps.
+        // A visible fraction p has the variance p(1 - p) <= 1/4 of the total, which is below 0.35; the edge of the
+        // quadrature crosses one of 400 steps.
         assert!((value - expected).abs() < 5.0 * 0.35 * 0.5 / 64.0 + 0.35 / 400.0, "{position}: {value} {expected}");
         assert!(value >= before - 0.02 && (position > -1.0 || value == 0.0), "{position}: {value}");
         before = value;
     }
 }
 
-/// A row of 33 pixels on the floor below a screen that ends at x = 1 and y = 1. A light at a height of 4 casts a shadow up to
-/// x = 4/3, the center of the middle pixel. Pixels are 1/30 wide.
+/// A row of 33 pixels on the floor below a screen that ends at x = 1 and y = 1. A light at a height of 4 casts a shadow
+/// up to x = 4/3, the center of the middle pixel. Pixels are 1/30 wide.
 fn shadow_of(light: Light, integrator: Integrator) -> Vec<Vector> {
     let screen = parallelogram([-50.0, 1.0, -50.0], [51.0, 0.0, 0.0], [0.0, 0.0, 100.0], 0);
     let stage = Scene { lights: vec![light], ..scene(vec![floor(50.0, 0.0, 0), screen], vec![grey(0.5)]) };
@@ -138,7 +138,8 @@ fn shadow_of(light: Light, integrator: Integrator) -> Vec<Vector> {
     film.pixels().iter().map(Pixel::mean).collect()
 }
 
-/// A sphere light with a radius of a ten-thousandth of its distance matches a point light of equal power and its hard shadow.
+/// A sphere light with a radius of a ten-thousandth of its distance matches a point light of equal power and its hard
+/// shadow.
 #[test]
 fn tiny_sphere_matches_point_light() {
     const INTENSITY: f32 = 10.0;
@@ -148,8 +149,8 @@ fn tiny_sphere_matches_point_light() {
         let radiance = [INTENSITY / (std::f32::consts::PI * radius * radius); 3];
         Light::Sphere { center, radius, radiance }
     };
-    // Directions differ by at most r/d, cosines by at most tanθ times that; tanθ is below 1/2 up to x = 2. Radiance and pixel
-    // value take about sixteen roundings.
+    // Directions differ by at most r/d, cosines by at most tanθ times that; tanθ is below 1/2 up to x = 2. Radiance and
+    // pixel value take about sixteen roundings.
     let is_close = |value: Vector, expected: Vector| {
         let bound = 0.5 * 1e-4 + 16.0 * f64::from(f32::EPSILON);
         (0..3).all(|k| (value[k] - expected[k]).abs() <= bound * expected[k])

@@ -2,21 +2,21 @@
 
 use glam::{Vec3A, Vec4};
 
-use super::draw::Edges;
+use super::sample::Edges;
 
 /// Edges of four triangles: three components of either.
 type Four = [[Vec4; 3]; 2];
 
-/// Groups of four that are summed in `f32` before they are added up in `f64`.
+/// Groups of four that are summed in `f32` before the sums are added in `f64`.
 const RUN: usize = 16;
 
-/// What is least in the frame looked for.
+/// What the frame minimizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sum {
     /// Half of the surface areas of the boxes: least along walls and along parallel struts.
     Areas,
     /// Their volumes: least where struts that cross lie in planes across the axes, as diagonals of a lattice do. Their
-    /// boxes are flat there, so those of neighbours lie in layers.
+    /// boxes are flat there, so those of neighbors lie in layers.
     Volumes,
 }
 

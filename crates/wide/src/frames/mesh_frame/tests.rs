@@ -2,26 +2,28 @@ use canted_fixtures::{self as fixtures, Mesh, Rotation};
 use canted_lbvh::{Corners, triangle_corners};
 
 use super::{MeshFrameConfig, candidates};
+use crate::item::Item;
 
 fn corners(mesh: &Mesh) -> Vec<Corners> {
     triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0
 }
 
 fn found(mesh: &Mesh) -> Vec<[[f32; 3]; 3]> {
-    candidates(&corners(mesh), &MeshFrameConfig::default())
+    let corners = corners(mesh);
+    candidates(corners.len(), &|i| corners[i].edges(), &MeshFrameConfig::default())
 }
 
-/// Greatest angle, in degrees, between a row and the nearest image of an axis under `turn`.
+/// Greatest angle, in degrees, between a row and the nearest image of an axis under `rotation`.
 ///
 /// By the sine, as the cosine of a small angle is one.
-fn angle_deg(rows: &[[f32; 3]; 3], turn: &Rotation) -> f64 {
+fn angle_deg(rows: &[[f32; 3]; 3], rotation: &Rotation) -> f64 {
     let sine = |row: [f32; 3], axis: [f64; 3]| {
         let [x, y, z] = row.map(f64::from);
         let [a, b, c] = axis;
         let cross = [y * c - z * b, z * a - x * c, x * b - y * a];
         cross.iter().map(|x| x * x).sum::<f64>().sqrt()
     };
-    let axes = [0, 1, 2].map(|k| turn.rows.map(|row| row[k]));
+    let axes = [0, 1, 2].map(|k| rotation.rows.map(|row| row[k]));
     let nearest = |row| axes.iter().map(|&axis| sine(row, axis)).fold(1.0, f64::min);
     rows.iter().map(|&row| nearest(row)).fold(0.0, f64::max).asin().to_degrees()
 }
@@ -49,7 +51,7 @@ fn rooms() -> Mesh {
 }
 
 #[test]
-fn turned_rooms_are_found_to_a_thousandth_of_a_degree() {
+fn the_frame_of_rotated_rooms_is_found_to_a_thousandth_of_a_degree() {
     let frames = found(&rooms().off_axis());
     assert_eq!(frames.len(), 1);
     let angle = angle_deg(&frames[0], &Rotation::off_axis());
@@ -57,7 +59,7 @@ fn turned_rooms_are_found_to_a_thousandth_of_a_degree() {
 }
 
 #[test]
-fn a_lattice_of_diagonals_is_found_though_no_strut_runs_along_its_axes() {
+fn the_frame_of_a_diagonal_lattice_is_found_though_no_strut_runs_along_it() {
     for thin in [false, true] {
         let frames = found(&fixtures::scaffold(1, thin));
         let angle = frames.iter().map(|rows| angle_deg(rows, &Rotation::off_axis())).fold(90.0, f64::min);
@@ -67,7 +69,7 @@ fn a_lattice_of_diagonals_is_found_though_no_strut_runs_along_its_axes() {
 }
 
 #[test]
-fn nothing_is_found_where_the_axes_rule_or_none() {
+fn nothing_is_found_where_the_axes_dominate_or_no_direction() {
     let points = Mesh { positions: vec![[3.0; 3]], triangles: vec![[0; 3]; 9] };
     let meshes = [
         ("points", points),
@@ -82,9 +84,9 @@ fn nothing_is_found_where_the_axes_rule_or_none() {
     }
 }
 
-/// The same rooms, turned as the measure must not see: it is the turn and not the rooms that makes a candidate.
+/// The same rooms, rotated as the measure must ignore: the rotation, not the rooms, makes a candidate.
 #[test]
-fn a_quarter_turn_is_no_turn() {
+fn a_quarter_turn_changes_nothing() {
     let quarter = Rotation { rows: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]] };
     assert!(found(&rooms().rotated(&quarter)).is_empty());
     assert!(!found(&rooms().rotated(&Rotation::euler(0.0, 0.0, 0.1))).is_empty());
@@ -104,7 +106,7 @@ fn offsets_and_sizes_change_nothing() {
 }
 
 #[test]
-fn rows_are_no_longer_than_one_but_for_rounding() {
+fn rows_are_unit_vectors_but_for_rounding() {
     for rows in found(&fixtures::truss(4)).into_iter().chain(found(&rooms().off_axis())).flatten() {
         let length = rows.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
         assert!((length - 1.0).abs() <= 2.0 * f64::from(f32::EPSILON), "{length}");

@@ -1,0 +1,6 @@
+//! Tests of the device, of construction and of ray tracing. Skipped without an adapter.
+
+mod build;
+mod common;
+mod device;
+mod trace;

@@ -1,0 +1,156 @@
+//! Ray tracing for each kind of scene and driver limit. The package of tests compares whole scenes with the CPU.
+
+use crate::common::{gpu, lowered};
+use canted_gpu::{Gpu, GpuError, Outcome, TracedScene};
+use canted_obb::Affine;
+use canted_tlas::Instance;
+use canted_trace::{Ray, Watertight};
+use canted_wide::{Config, TriangleBvh};
+
+type Bvh = TriangleBvh<Watertight>;
+
+/// A floor of `n` by `n` squares in the plane z = 0, from 0 to `n`.
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn floor(n: u32) -> Bvh {
+    let positions: Vec<[f32; 3]> = (0..=n).flat_map(|y| (0..=n).map(move |x| [x as f32, y as f32, 0.0])).collect();
+    let triangles: Vec<[u32; 3]> = (0..n)
+        .flat_map(|y| (0..n).map(move |x| y * (n + 1) + x))
+        .flat_map(|i| [[i, i + 1, i + n + 2], [i, i + n + 2, i + n + 1]])
+        .collect();
+    TriangleBvh::build(&positions, &triangles, &Config::default()).unwrap()
+}
+
+fn nothing() -> Bvh {
+    TriangleBvh::build(&[], &[], &Config::default()).unwrap()
+}
+
+fn down(x: f32, y: f32) -> Ray {
+    Ray::new([x, y, 4.0], [0.0, 0.0, -2.0])
+}
+
+/// `t`, primitive and instance of each hit.
+fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray]) -> Vec<Option<(f32, u32, u32)>> {
+    let answers = scene.closest_hits(gpu, rays).unwrap();
+    let known = answers.into_iter().map(|answer| match answer {
+        Outcome::Complete(hit) => hit.map(|hit| (hit.t, hit.primitive, hit.instance)),
+        Outcome::Incomplete => panic!("no traversal here is long"),
+    });
+    known.collect()
+}
+
+#[test]
+fn a_single_level_scene_is_traced() {
+    let Some(gpu) = gpu("a_single_level_scene_is_traced") else { return };
+    let scene = TracedScene::single_level(&gpu, &floor(20), &[0]).unwrap();
+    let rays = [down(3.75, 0.25), down(-1.0, 3.0), down(0.25, 19.75), Ray::new([0.0; 3], [0.0; 3])];
+    assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 6, 0)), None, Some((2.0, 19 * 40 + 1, 0)), None]);
+    let found: Vec<_> = scene.occluded(&gpu, &rays).unwrap();
+    assert_eq!(found, [true, false, true, false].map(Outcome::Complete));
+}
+
+#[test]
+fn triangles_of_a_flattened_scene_belong_to_instances() {
+    let Some(gpu) = gpu("triangles_of_a_flattened_scene_belong_to_instances") else { return };
+    // The second instance has no triangles.
+    let scene = TracedScene::single_level(&gpu, &floor(4), &[0, 8, 8, 31]).unwrap();
+    let rays = [down(0.75, 0.25), down(0.75, 1.25), down(3.25, 3.75)];
+    assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 0)), Some((2.0, 0, 2)), Some((2.0, 0, 3))]);
+}
+
+#[test]
+fn instances_may_be_mirrored_scaled_or_empty() {
+    let Some(gpu) = gpu("instances_may_be_mirrored_scaled_or_empty") else { return };
+    let place = |x: f32, z: f32, at: [f32; 3]| Affine { columns: [[x, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, z], at] };
+    let instances = [
+        Instance::new(1, Affine::IDENTITY),
+        Instance::new(0, place(-2.0, 1.0, [0.0; 3])),
+        Instance::new(0, place(0.5, -3.0, [10.0, 0.0, -2.0])),
+    ];
+    let scene = TracedScene::two_level(&gpu, &[&floor(4), &nothing()], &instances).unwrap();
+    let rays = [down(-1.5, 0.25), down(10.375, 0.25), down(1.0, 1.0)];
+    assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 1)), Some((3.0, 0, 2)), None]);
+}
+
+#[test]
+fn empty_scenes_have_no_hits() {
+    let Some(gpu) = gpu("empty_scenes_have_no_hits") else { return };
+    let rays = [down(0.0, 0.0)];
+    let empty = nothing();
+    for scene in [
+        TracedScene::single_level(&gpu, &empty, &[]),
+        TracedScene::two_level::<Watertight>(&gpu, &[], &[]),
+        TracedScene::two_level(&gpu, &[&empty], &[Instance::new(0, Affine::IDENTITY)]),
+    ] {
+        let scene = scene.unwrap();
+        assert_eq!(hits(&gpu, &scene, &rays), [None]);
+        assert!(scene.closest_hits(&gpu, &[]).unwrap().is_empty());
+    }
+}
+
+#[test]
+fn incomplete_traversal_is_reported() {
+    let Some(gpu) = gpu("incomplete_traversal_is_reported") else { return };
+    let scene = TracedScene::single_level(&gpu, &floor(20), &[0]).unwrap().with_max_iterations(2);
+    let rays = [down(3.75, 0.25), down(-100.0, 3.0)];
+    let answers = scene.closest_hits(&gpu, &rays).unwrap();
+    assert_eq!(answers, [Outcome::Incomplete, Outcome::Complete(None)]);
+    assert_eq!(scene.occluded(&gpu, &rays).unwrap(), [Outcome::Incomplete, Outcome::Complete(false)]);
+}
+
+#[test]
+fn unsupported_instances_are_rejected() {
+    let Some(gpu) = gpu("unsupported_instances_are_rejected") else { return };
+    let floor = floor(1);
+    let refused = |instance: Instance| match TracedScene::two_level(&gpu, &[&floor], &[instance]) {
+        Ok(_) => panic!("{instance:?} is traced"),
+        Err(error) => error.to_string(),
+    };
+    let about_z = |[sine, cosine]: [f32; 2]| Affine {
+        columns: [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0], [0.0; 3]],
+    };
+    // Rotated by 135 degrees.
+    let turning = Instance::moving(0, Affine::IDENTITY, about_z([0.7, -0.7]));
+    assert_eq!(
+        refused(turning),
+        "not supported on the GPU: instance 0, whose motion has condition number inf (maximum 1.024e3); use --device cpu"
+    );
+    let flat = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1e-4], [0.0; 3]] };
+    assert!(refused(Instance::new(0, flat)).contains("condition"));
+    assert!(refused(Instance::new(3, Affine::IDENTITY)).contains("bottom-level BVH 3"));
+    assert!(refused(Instance::new(0, Affine::IDENTITY).with_mask(1)).contains("mask"));
+}
+
+#[test]
+fn too_large_coordinates_are_rejected() {
+    let Some(gpu) = gpu("too_large_coordinates_are_rejected") else { return };
+    let reaching = |far: f32| {
+        let positions = [[0.0; 3], [far, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        Bvh::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap()
+    };
+    let there = |shift: f32| {
+        let mut map = Affine::IDENTITY;
+        map.columns[3][1] = shift;
+        Instance::new(0, map)
+    };
+    assert!(TracedScene::single_level(&gpu, &reaching(1e18), &[0]).is_ok());
+    assert!(TracedScene::two_level(&gpu, &[&floor(1)], &[there(-9e17)]).is_ok());
+    for (name, scene) in [
+        ("BVH over all instances", TracedScene::single_level(&gpu, &reaching(1.1e18), &[0])),
+        ("mesh 0", TracedScene::two_level(&gpu, &[&reaching(f32::MAX)], &[])),
+        ("instance 1", TracedScene::two_level(&gpu, &[&floor(1)], &[there(0.0), there(-2e18)])),
+    ] {
+        let Err(error) = scene else { panic!("{name} is traced") };
+        assert!(error.to_string().contains(&format!("{name}, which has coordinates above 1e18")), "{error}");
+    }
+}
+
+#[test]
+fn a_scene_above_a_device_limit_is_rejected() {
+    let test = "a_scene_above_a_device_limit_is_rejected";
+    let Some(gpu) = lowered(test, 1 << 16) else { return };
+    match TracedScene::single_level(&gpu, &floor(60), &[0]) {
+        Err(GpuError::Limit { need, most, .. }) => assert!(need > most && most == 1 << 16),
+        Err(error) => panic!("{error}"),
+        Ok(_) => panic!("a large scene fits"),
+    }
+}

@@ -1,0 +1,186 @@
+use num_traits::{Signed, Zero};
+
+use crate::exact::{self, Q, q, q3};
+use crate::inputs::{self, Rng, SETTINGS, Triangle, any_bits, ray_at};
+use canted_obb::vector::{cross, dot, reach, sub, to_f64};
+use canted_trace::lanes::UNIT_ROUNDOFF;
+use canted_trace::{BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, TriangleHit, Watertight};
+
+pub(crate) fn hit<K: Kernel>(ray: &ScaledRay, triangle: &Triangle) -> Option<TriangleHit> {
+    K::intersect(&K::prepare(ray), ray, &K::record(*triangle), ray.t_max)
+}
+
+/// Whether every coordinate of the point at `t` is within `bound` of the triangle, in rationals.
+///
+/// The nearest point is guessed by moving the exact weights of the plane's hit, or the kernel's, into the triangle; a
+/// guess proves nearness, whatever its origin.
+fn lies_near(ray: &ScaledRay, triangle: &Triangle, hit: &TriangleHit, bound: &Q) -> bool {
+    let (det, u, v, _) = exact::triangle(ray, triangle);
+    let on_ray = exact::at(ray, &q(hit.t));
+    let mut guesses = vec![(q(hit.u), q(hit.v))];
+    if !det.is_zero() {
+        guesses.push((u / &det, v / &det));
+    }
+    guesses.into_iter().any(|(u, v)| {
+        let one = q(1.0);
+        let (u, v) = (u.max(Q::zero()), v.max(Q::zero()));
+        let sum = (&u + &v).max(one.clone());
+        let (u, v) = (u / &sum, v / &sum);
+        let [v0, v1, v2] = triangle.map(q3);
+        (0..3).all(|k| {
+            let place = (&one - &u - &v) * &v0[k] + &u * &v1[k] + &v * &v2[k];
+            (place - &on_ray[k]).abs() <= *bound
+        })
+    })
+}
+
+/// So many roundings of `|o|∞ + ρ∞`, and what underflow may add.
+fn hit_bound(ray: &ScaledRay, triangle: &Triangle, n_roundings: f32) -> Q {
+    let vertices = triangle.iter().map(|&v| exact::reach(&q3(v))).max().expect("three vertices");
+    let relative = q(n_roundings) * q(UNIT_ROUNDOFF);
+    relative * (exact::reach(&q3(ray.origin)) + vertices) + q(f32::MIN_POSITIVE) / q(2.0)
+}
+
+fn points_lie_near<K: Kernel>(name: &str, n_roundings: f32) {
+    assert!(n_roundings * UNIT_ROUNDOFF <= HIT_ERROR);
+    let mut rng = Rng(10);
+    let mut check = |case: &dyn Fn(&mut Rng) -> (Triangle, ScaledRay), reach: f32| {
+        let mut n_hits = 0;
+        for _ in 0..400 {
+            let (triangle, ray) = case(&mut rng);
+            let Some(found) = hit::<K>(&ray, &triangle) else { continue };
+            n_hits += 1;
+            let bound = hit_bound(&ray, &triangle, n_roundings);
+            assert!(lies_near(&ray, &triangle, &found, &bound), "{name} {found:?}\n{ray:?}\n{triangle:?}");
+            let moved = TriangleHit { t: found.t + reach, ..found };
+            assert!(!lies_near(&ray, &triangle, &moved, &bound), "the oracle sees nothing");
+        }
+        assert!(n_hits > 20, "the case is void: {n_hits} hits of {name}");
+    };
+    for setting in SETTINGS {
+        check(&|rng| inputs::case(rng, &setting), 4.0 * setting.distance);
+    }
+    check(&any_bits, 1e20);
+}
+
+#[test]
+fn hits_lie_within_the_bound_of_the_true_triangle() {
+    // The proven 6.1, and the rounding of the two weights by which the check finds its point, each up to 1 of `2·ρ∞`.
+    points_lie_near::<Watertight>("watertight", 10.1);
+    points_lie_near::<MollerTrumbore>("moller-trumbore", 20.0);
+    points_lie_near::<BaldwinWeber>("baldwin-weber", 20.0);
+}
+
+/// `(t, least weight, weight error of f32)` of a well-posed case, in f64.
+fn solve(ray: &ScaledRay, triangle: &Triangle) -> Option<(f64, [f64; 3], f64)> {
+    let [v0, v1, v2] = triangle.map(to_f64);
+    let (o, d) = (to_f64(ray.origin), to_f64(ray.direction));
+    let (e1, e2) = (sub(v1, v0), sub(v2, v0));
+    let normal = cross(e1, e2);
+    let slope = dot(normal, d);
+    let t = dot(normal, sub(v0, o)) / slope;
+    let point: [f64; 3] = std::array::from_fn(|k| o[k] + t * d[k] - v0[k]);
+    let area = dot(normal, normal);
+    let (u, v) = (dot(cross(point, e2), normal) / area, dot(cross(e1, point), normal) / area);
+    // Every f32 kernel commits a few roundings of the coordinates and of the distance; divided by the triangle's
+    // least height over the angle, they are what a weight may be off. 40 roundings cover the longest chain, Baldwin
+    // and Weber's map: 3 for each entry and the height, 4 for the distance, 4 for the weight, over three axes.
+    let edge = reach(e1).max(reach(e2)).max(reach(sub(v2, v1)));
+    let height = area.sqrt() / edge;
+    let sine = slope.abs() / (area.sqrt() * dot(d, d).sqrt());
+    let span = reach(o) + reach(v0) + reach(v1) + reach(v2);
+    let error = 40.0 * f64::from(UNIT_ROUNDOFF) * span / (height * sine) * (edge / height);
+    (error < 0.1).then_some((t, [1.0 - u - v, u, v], error))
+}
+
+/// Compares with f64 wherever the answer is certain; counts the rays so decided.
+fn agrees_with_f64<K: Kernel>(name: &str) -> (u32, u32) {
+    let mut rng = Rng(11);
+    let (mut hits, mut misses) = (0, 0);
+    for i in 0..150_000 {
+        let setting = SETTINGS[[0, 0, 1, 3, 4][i % 5]];
+        let triangle = rng.triangle(setting.around, setting.size);
+        let at = if i % 2 == 0 { triangle } else { rng.triangle(setting.around, setting.size) };
+        let ray = ray_at(&mut rng, &at, setting.distance);
+        let Some((t, weights, error)) = solve(&ray, &triangle) else { continue };
+        let least = weights.into_iter().fold(f64::INFINITY, f64::min);
+        let found = hit::<K>(&ray, &triangle);
+        let span = reach(to_f64(ray.origin)) + triangle.iter().map(|&v| reach(to_f64(v))).fold(0.0, f64::max);
+        if least > error && t > error * span {
+            let found = found.unwrap_or_else(|| panic!("{name} misses {ray:?} {triangle:?}"));
+            let off = [f64::from(found.u) - weights[1], f64::from(found.v) - weights[2]];
+            assert!(off.iter().all(|x| x.abs() <= error), "{name} {found:?} for {weights:?}");
+            assert!((f64::from(found.t) - t).abs() <= error * span, "{name} {found:?} for {t}");
+            hits += 1;
+        } else if least < -error || t < -error * span {
+            assert_eq!(found, None, "{name} {ray:?} {triangle:?}");
+            misses += 1;
+        }
+    }
+    (hits, misses)
+}
+
+#[test]
+fn kernels_agree_with_f64() {
+    for (hits, misses) in [
+        agrees_with_f64::<Watertight>("watertight"),
+        agrees_with_f64::<MollerTrumbore>("moller-trumbore"),
+        agrees_with_f64::<BaldwinWeber>("baldwin-weber"),
+    ] {
+        assert!(hits > 10_000 && misses > 10_000, "{hits} hits, {misses} misses");
+    }
+}
+
+#[test]
+fn filtered_kernels_share_their_bits() {
+    let mut rng = Rng(12);
+    let mut n_hits = 0;
+    for i in 0..100_000 {
+        let (triangle, ray) = inputs::case(&mut rng, &SETTINGS[i % SETTINGS.len()]);
+        let found = [hit::<MollerTrumbore>(&ray, &triangle), hit::<BaldwinWeber>(&ray, &triangle)];
+        assert_eq!(found[0].map(bits), found[1].map(bits), "{ray:?} {triangle:?}");
+        n_hits += u32::from(found[0].is_some());
+    }
+    assert!(n_hits > 20_000, "{n_hits}");
+}
+
+pub(crate) fn bits(hit: TriangleHit) -> ([u32; 3], Side) {
+    ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.side)
+}
+
+fn one_hit<K: Kernel>() {
+    let triangle = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
+    let ray = |origin, direction| ScaledRay::new(&Ray::new(origin, direction)).unwrap();
+    // Counter-clockwise from above: seen from there, the front. u belongs to the second vertex.
+    let above = hit::<K>(&ray([2.0, 1.0, 3.0], [0.0, 0.0, -1.0]), &triangle).unwrap();
+    assert_eq!(above, TriangleHit { t: 3.0, u: 0.5, v: 0.25, side: Side::Front });
+    let below = hit::<K>(&ray([2.0, 1.0, -3.0], [0.0, 0.0, 1.0]), &triangle).unwrap();
+    assert_eq!(below, TriangleHit { t: 3.0, u: 0.5, v: 0.25, side: Side::Back });
+    // The other two axes as z, both signs.
+    for shift in 1..3 {
+        for sign in [1.0, -1.0] {
+            let turn = |p: [f32; 3]| std::array::from_fn(|k| p[(k + shift) % 3]);
+            let found = hit::<K>(&ray(turn([2.0, 1.0, 3.0 * sign]), turn([0.0, 0.0, -sign])), &triangle.map(turn));
+            let side = if sign > 0.0 { Side::Front } else { Side::Back };
+            assert_eq!(found, Some(TriangleHit { t: 3.0, u: 0.5, v: 0.25, side }));
+        }
+    }
+    // The interval is closed at both ends.
+    let within = |t_min, t_max| {
+        let ray = Ray { origin: [1.0, 1.0, 2.0], direction: [0.0, 0.0, -1.0], t_min, t_max };
+        hit::<K>(&ScaledRay::new(&ray).unwrap(), &triangle).is_some()
+    };
+    assert!(within(0.0, 2.0) && within(2.0, 2.0) && within(2.0, f32::INFINITY));
+    assert!(!within(0.0, 2.0f32.next_down()) && !within(2.0f32.next_up(), 3.0));
+    // In the plane, and without area.
+    assert_eq!(hit::<K>(&ray([-1.0, 1.0, 0.0], [1.0, 0.0, 0.0]), &triangle), None);
+    assert_eq!(hit::<K>(&ray([1.0, 0.0, 1.0], [0.0, 0.0, -1.0]), &[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), None);
+    assert_eq!(hit::<K>(&ray([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]), &[[0.0; 3]; 3]), None);
+}
+
+#[test]
+fn weights_sides_and_ends() {
+    one_hit::<Watertight>();
+    one_hit::<MollerTrumbore>();
+    one_hit::<BaldwinWeber>();
+}

@@ -1,0 +1,14 @@
+//! Each test against an oracle simpler than itself: exact rationals, plain `f64`, or the same ray bit for bit.
+//!
+//! Not covered here: BVHs, instances and SIMD, which belong to the crates above.
+
+mod boxes;
+mod continued_rays;
+mod exact;
+mod filters;
+mod inputs;
+mod invariance;
+mod kernels;
+mod shapes;
+mod vector_types;
+mod watertight;

@@ -1,0 +1,80 @@
+//! Limits of a BVH, made small enough to be reached: exactly, and exceeded by one.
+
+use canted_fixtures::{Mesh, soup};
+use canted_lbvh::{GeometryError, triangle_corners};
+use canted_obb::{Aabb, PrimId};
+
+use super::{Built, over_indexed};
+use crate::layout::{Half, Limits, PART_LANES, PARTS};
+use crate::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, WideBvh};
+
+/// Enough for some nodes below the root.
+const N: usize = 300;
+
+fn many() -> Mesh {
+    soup(40, 300)
+}
+
+fn build(mesh: &Mesh, limits: &Limits) -> Result<Built<Vec<Half>>, GeometryError> {
+    over_indexed(limits, &mesh.positions, &mesh.triangles, &Config::default())
+}
+
+fn build_boxes(boxes: &[Aabb], limits: &Limits) -> Result<WideBvh<Aabb>, PrimitiveError> {
+    WideBvh::build_within(limits, boxes.to_vec(), &Config::default())
+}
+
+fn boxes_of(mesh: &Mesh) -> Vec<Aabb> {
+    let corners = triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0;
+    corners.into_iter().map(Aabb::from_points).collect()
+}
+
+/// One part less, and one line less.
+fn just_too_low(limits: Limits) -> [Limits; 2] {
+    [Limits { n_parts: limits.n_parts - 1, ..limits }, Limits { n_lines: limits.n_lines - 1, ..limits }]
+}
+
+#[test]
+fn triangles_fit_exactly_at_the_limits() {
+    let mesh = many();
+    let free = build(&mesh, &Limits::OF_WORDS).unwrap();
+    let just = Limits { n_parts: PARTS * free.leaves.len(), n_lines: free.nodes.lines.len() };
+    let fitting = build(&mesh, &just).unwrap();
+    assert!(fitting.nodes.lines == free.nodes.lines && fitting.leaves == free.leaves);
+    for limits in just_too_low(just) {
+        assert!(limits.n_triangles() >= N, "only the layout can notice");
+        assert_eq!(build(&mesh, &limits).err(), Some(GeometryError::TooMany { n_triangles: N }), "{limits:?}");
+    }
+}
+
+#[test]
+fn boxes_fit_exactly_at_the_limits() {
+    let all = boxes_of(&many());
+    let free = build_boxes(&all, &Limits::OF_WORDS).unwrap();
+    let just = Limits { n_parts: N, n_lines: free.nodes.lines.len() };
+    let fitting = build_boxes(&all, &just).unwrap();
+    assert!(fitting.nodes.lines == free.nodes.lines && fitting.leaves.order == free.leaves.order);
+    for limits in just_too_low(just) {
+        assert_eq!(build_boxes(&all, &limits).err(), Some(PrimitiveError::TooMany { n_primitives: N }), "{limits:?}");
+    }
+}
+
+/// Triangles without vertices and empty boxes would be other errors, if they were read.
+#[test]
+fn too_many_primitives_are_rejected_before_they_are_read() {
+    const TWO: Limits = Limits { n_parts: 2, ..Limits::OF_WORDS };
+    let missing = |n: usize| {
+        let mesh = Mesh { positions: vec![], triangles: vec![[7, 8, 9]; n] };
+        build(&mesh, &TWO).err()
+    };
+    let first = GeometryError::IndexOutOfRange { triangle: PrimId(0), index: 7, n_vertices: 0 };
+    let n = 2 * PART_LANES;
+    assert_eq!([n, n + 1].map(missing), [Some(first), Some(GeometryError::TooMany { n_triangles: n + 1 })]);
+    let empty = |n: usize| build_boxes(&vec![Aabb::EMPTY; n], &TWO).err();
+    let first = PrimitiveError::Bounds { primitive: PrimId(0) };
+    assert_eq!([2, 3].map(empty), [Some(first), Some(PrimitiveError::TooMany { n_primitives: 3 })]);
+}
+
+#[test]
+fn limits_are_the_documented_ones() {
+    assert_eq!([MAX_TRIANGLES, MAX_PRIMITIVES, Limits::OF_WORDS.n_lines], [27, 26, 29].map(|bits| 1 << bits));
+}

@@ -1,0 +1,114 @@
+//! Primitives as builds and refits see them: boxes along any frame, and what frames are fitted to.
+
+use canted_lbvh::{Corners, Leaf};
+use canted_obb::{Aabb, Obb, eigen};
+use canted_trace::Slabs;
+
+use crate::frames::{Fitted, ScaledShape, ScaledTriangle};
+use crate::par;
+use crate::primitive::{Primitive, extents_within};
+
+/// Items of one job.
+const CHUNK: usize = 1 << 13;
+
+/// The vertices of a triangle, or a reference to a primitive of the caller.
+pub(crate) trait Item: Copy + Send + Sync {
+    /// Scaled, as frames are fitted to it.
+    type Fitted: Fitted;
+
+    /// Axis-aligned box, object space.
+    fn aabb(&self) -> Aabb;
+
+    /// The box with these rows around several items, rounded outward.
+    fn slabs(items: &[Self], rows: [[f32; 3]; 3]) -> Slabs;
+
+    /// Two edges of a triangle that represents its orientation and size.
+    fn edges(&self) -> [[f64; 3]; 2];
+
+    /// Surface area; of other primitives than triangles, of a box around it.
+    fn area(&self) -> f64;
+
+    /// All items, multiplied by `scale`.
+    fn fitted(items: &[Self], scale: f32) -> Vec<Self::Fitted>;
+}
+
+/// Boxes of items along `rows`, rounded outward.
+pub(crate) fn boxes<I: Item>(items: &[I], rows: [[f32; 3]; 3]) -> Vec<Aabb> {
+    let identity = rows == Obb::IDENTITY_FRAME;
+    par::map(items, CHUNK, Aabb::EMPTY, |item| {
+        if identity {
+            return item.aabb();
+        }
+        let slabs = I::slabs(std::slice::from_ref(item), rows);
+        Aabb { min: slabs.lo, max: slabs.hi }
+    })
+}
+
+impl Item for Corners {
+    type Fitted = ScaledTriangle;
+
+    fn aabb(&self) -> Aabb {
+        Leaf::aabb(self)
+    }
+
+    fn slabs(items: &[Self], rows: [[f32; 3]; 3]) -> Slabs {
+        Slabs::from_points(rows, items.iter().flatten().copied())
+    }
+
+    /// In `f64`, where no difference of coordinates overflows.
+    fn edges(&self) -> [[f64; 3]; 2] {
+        let [a, b, c] = *self;
+        [b, c].map(|end| std::array::from_fn(|k| f64::from(end[k]) - f64::from(a[k])))
+    }
+
+    fn area(&self) -> f64 {
+        let [u, v] = self.edges();
+        let normal: [f64; 3] = std::array::from_fn(|k| {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            u[i] * v[j] - u[j] * v[i]
+        });
+        0.5 * normal.iter().map(|x| x * x).sum::<f64>().sqrt()
+    }
+
+    fn fitted(items: &[Self], scale: f32) -> Vec<ScaledTriangle> {
+        ScaledTriangle::all(items, scale)
+    }
+}
+
+impl<'a, P: Primitive> Item for &'a P {
+    type Fitted = ScaledShape<'a, P>;
+
+    fn aabb(&self) -> Aabb {
+        self.bounds()
+    }
+
+    fn slabs(items: &[Self], rows: [[f32; 3]; 3]) -> Slabs {
+        let [lo, hi] = extents_within(&rows, items.iter().copied());
+        Slabs { rows, lo, hi }
+    }
+
+    /// The two longest edges of the box along its principal axes.
+    fn edges(&self) -> [[f64; 3]; 2] {
+        let (rows, extents) = principal_box(*self);
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a: &usize, &b: &usize| extents[b].total_cmp(&extents[a]));
+        [order[0], order[1]].map(|k| rows[k].map(|x| f64::from(x) * extents[k]))
+    }
+
+    fn area(&self) -> f64 {
+        let [x, y, z] = principal_box(*self).1;
+        x * y + y * z + z * x
+    }
+
+    fn fitted(items: &[Self], scale: f32) -> Vec<ScaledShape<'a, P>> {
+        items.iter().map(|&primitive| ScaledShape { primitive, scale }).collect()
+    }
+}
+
+/// The principal axes of a primitive, and its extents along them.
+fn principal_box<P: Primitive>(primitive: &P) -> ([[f32; 3]; 3], [f64; 3]) {
+    let axes = primitive.moments().axes(eigen::COARSE);
+    let rows = if axes.as_flattened().iter().all(|x| x.is_finite()) { axes } else { Obb::IDENTITY_FRAME };
+    let [lo, hi] = extents_within(&rows, [primitive]);
+    (rows, std::array::from_fn(|k| (f64::from(hi[k]) - f64::from(lo[k])).max(0.0)))
+}
