@@ -51,8 +51,8 @@ impl Oracle {
 
     fn name(&self) -> &'static str {
         match self {
-            Self::Loop(_) => "every triangle",
-            Self::Binary(_) => "binary tree",
+            Self::Loop(_) => "loop over all triangles",
+            Self::Binary(_) => "binary BVH",
         }
     }
 }
@@ -67,7 +67,7 @@ fn scenes() -> Vec<(&'static str, Mesh)> {
         ("displaced icosphere", displaced_icosphere(3, 2)),
         ("scaffold, 3 nodes", scaffold_of(1, true, 3)),
         ("scaffold, 3 nodes, at 1e7", at_1e7(scaffold_of(1, false, 3))),
-        ("room, turned", scenes::room(3, 60).off_axis()),
+        ("room, rotated", scenes::room(3, 60).off_axis()),
     ];
     all.extend(
         ["truss, part", "tubes", "ribbons"].into_iter().zip(scenes::needles().into_iter().skip(1).map(|c| c.mesh)),
@@ -137,7 +137,7 @@ fn main() -> ExitCode {
     };
     let scenes = scenes();
     let mut sums = [0; 3];
-    let mut lines = vec!["| scene | triangles | judged by | rays | hit | answers that differ |".to_owned()];
+    let mut lines = vec!["| scene | triangles | reference | rays | hits | differing answers |".to_owned()];
     lines.push("|---|---|---|---|---|---|".to_owned());
     for (name, mesh) in &scenes {
         let oracle = Oracle::new(mesh);

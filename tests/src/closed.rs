@@ -57,9 +57,9 @@ pub fn places() -> Vec<Place> {
     let mut sheared = place("sheared and mirrored", Rotation::off_axis(), [1.0, -0.5, 2.0], 0.3);
     sheared.world_from_object.columns[1][0] += 0.7;
     vec![
-        place("as it is", Rotation::IDENTITY, [1.0; 3], 0.0),
-        place("at 1e-6, turned", Rotation::off_axis(), [1e-6; 3], 0.0),
-        place("at 1e6, turned", Rotation::off_axis(), [1e6; 3], 0.0),
+        place("unchanged", Rotation::IDENTITY, [1.0; 3], 0.0),
+        place("at 1e-6, rotated", Rotation::off_axis(), [1e-6; 3], 0.0),
+        place("at 1e6, rotated", Rotation::off_axis(), [1e6; 3], 0.0),
         // Adjacent f32 values are 1 apart here, and the thin box is 20 thick.
         place("at 1e7", Rotation::off_axis(), [2e3; 3], 1e7),
         sheared,

@@ -54,7 +54,7 @@ pub fn extreme(effort: usize) -> Vec<Cloud> {
         Cloud { case: "two points", sets: sets(2, [4.0, 1.0, 9.0], [0.1, 0.2, 0.3]) },
         Cloud { case: "collinear", sets: sets(30, [4.0, 0.0, 0.0], [9.0, 0.0, 0.0]) },
         Cloud { case: "coplanar", sets: sets(60, [4.0, 3.0, 0.0], [0.1, 0.2, 0.3]) },
-        Cloud { case: "a point 1,000 times", sets: vec![vec![[0.1, -3.7, 123.456]; 1000]] },
+        Cloud { case: "one point, 1,000 times", sets: vec![vec![[0.1, -3.7, 123.456]; 1000]] },
         Cloud {
             case: "equal eigenvalues: cubes, octahedron, tetrahedron",
             sets: vec![
@@ -72,14 +72,14 @@ pub fn extreme(effort: usize) -> Vec<Cloud> {
             ],
         },
         Cloud { case: "needle, 1e6 : 1", sets: sets(40, [1e3, 1e-3, 1e-3], [0.0; 3]) },
-        Cloud { case: "at 1e7, 1e-3 large", sets: sets(60, [1e-3; 3], [1e7, -1e7, 3e6]) },
-        Cloud { case: "at 1e7 along x alone, 1e-3 large", sets: sets(60, [1e-3, 2e-3, 1e-3], [1e7, 0.0, -0.5]) },
+        Cloud { case: "at 1e7, size 1e-3", sets: sets(60, [1e-3; 3], [1e7, -1e7, 3e6]) },
+        Cloud { case: "at 1e7 along x only, size 1e-3", sets: sets(60, [1e-3, 2e-3, 1e-3], [1e7, 0.0, -0.5]) },
         Cloud { case: "scale 1e-20", sets: sets(40, [1e-20, 2e-20, 1e-21], [0.0; 3]) },
         Cloud { case: "scale 1e20", sets: sets(40, [1e20, 2e20, 1e19], [-1e20; 3]) },
-        Cloud { case: "scales over 1e12 in one set", sets: mixed(&sets(20, [1e6; 3], [0.0; 3]), effort) },
+        Cloud { case: "scale ratio 1e12 in one set", sets: mixed(&sets(20, [1e6; 3], [0.0; 3]), effort) },
         Cloud { case: "denormal", sets: sets(40, [1e-40, 2e-40, 1e-41], [0.0; 3]) },
         Cloud {
-            case: "the whole range of f32",
+            case: "full range of f32",
             sets: vec![vec![[f32::MAX, f32::MAX, f32::MIN], [f32::MIN, f32::MAX, 0.0], [0.0, f32::MIN, f32::MIN]]],
         },
         Cloud { case: "negative zeros", sets: vec![vec![[-0.0, 0.0, -0.0], [0.0, -0.0, 1.0], [-0.0, 1.0, -0.0]]] },

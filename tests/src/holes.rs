@@ -96,7 +96,7 @@ mod tests {
         mesh.triangles.remove(n - 1);
         mesh.triangles.remove(n - 2);
         mesh.triangles.remove(3);
-        let closed = closed_up("ball", mesh.clone()).expect("two simple holes");
+        let closed = closed_up("sphere", mesh.clone()).expect("two simple holes");
         assert_eq!(closed.mesh.open_edge(), None);
         assert!((winding(&closed.mesh, closed.heart) - 1.0).abs() < 1e-9);
         assert!(winding(&closed.mesh, [9.0, 0.0, 0.0]).abs() < 1e-9);

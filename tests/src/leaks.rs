@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn a_hole_is_found_by_every_way() {
-        let ball = Closed { name: "ball", mesh: icosphere(0), heart: [0.0; 3], room: [0.4; 3], is_simple: true };
+        let ball = Closed { name: "sphere", mesh: icosphere(0), heart: [0.0; 3], room: [0.4; 3], is_simple: true };
         let ways: Vec<Way> = tracers::ours().0.into_iter().map(without_some).collect();
         let n_cpu = ways.iter().filter(|way| way.word == Word::Loop).count();
         let n_rays = 400 * (ways.len() + n_cpu);

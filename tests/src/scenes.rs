@@ -47,10 +47,10 @@ pub fn cases() -> Vec<Case> {
             cases.push(Case { name: format!("{name}, {how}"), mesh: Mesh { positions, triangles } });
         };
         let turn = Rotation::off_axis();
-        add("as it is", &|p| p);
-        add("turned", &|p| turn.apply_f32(p));
+        add("unchanged", &|p| p);
+        add("rotated", &|p| turn.apply_f32(p));
         add("at 1e-6", &|p| p.map(|x| x * 1e-6));
-        add("at 1e6, turned", &|p| turn.apply_f32(p).map(|x| x * 1e6));
+        add("at 1e6, rotated", &|p| turn.apply_f32(p).map(|x| x * 1e6));
         add("at 1e7", &|p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7]);
     }
     cases

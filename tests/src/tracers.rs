@@ -99,14 +99,14 @@ pub fn ours() -> (Vec<Way>, Vec<String>) {
         Way::of_one("binary aabb", |mesh| OneLevel::new(mesh, Strategy::Aabb)),
         Way::of_one("binary dop", |mesh| OneLevel::new(mesh, Strategy::Dop)),
         Way::of_one("binary combined", |mesh| OneLevel::new(mesh, Strategy::Combined)),
-        Way::of_two("two levels of binary", |mesh| binary(mesh, Strategy::Dop)),
+        Way::of_two("two-level binary", |mesh| binary(mesh, Strategy::Dop)),
     ];
     for path in there {
         let name = path.name();
         ways.push(Way::of_one(format!("wide {name}"), move |mesh| wide(&mesh, &Config::default()).with_path(path)));
-        ways.push(Way::of_one(format!("wide lean {name}"), move |mesh| wide(&mesh, &lean()).with_path(path)));
+        ways.push(Way::of_one(format!("wide oriented {name}"), move |mesh| wide(&mesh, &lean()).with_path(path)));
     }
-    ways.push(Way::of_two("two levels of wide", |mesh| wide(mesh, &Config::default())));
+    ways.push(Way::of_two("two-level wide", |mesh| wide(mesh, &Config::default())));
     match Gpu::open(&Choice::Best) {
         Ok(gpu) => ways.extend(device::ways(&Rc::new(gpu))),
         Err(error) => missing.push(format!("device ({error})")),

@@ -34,9 +34,9 @@ fn every_promise_is_kept() {
         "limits",
         "tree on a device",
         "box",
-        "box in a node of eight",
+        "box in an eight-wide node",
         "triangle",
-        "tree of triangles",
+        "triangle BVH",
         "instance",
         "film",
     ];
@@ -63,7 +63,7 @@ impl Tracer for Stubborn {
 
 fn stubborn(answer: Option<Hit>) -> Way {
     let make: Make = Box::new(move |_, _| Box::new(Stubborn(answer)));
-    Way::new("stubborn", Word::Loop, make)
+    Way::new("constant", Word::Loop, make)
 }
 
 const ANY: Hit = Hit { t: 1.0, u: 0.25, v: 0.25, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front };
@@ -94,16 +94,16 @@ fn who_sees_nothing_or_anything_breaks_every_promise_of_instances() {
     }
     assert_eq!(cases(&nothing, NEAR, Row::is_broken).len(), 8, "no hit has a valid position: {nothing:#?}");
     // There the stated error is larger than the mesh.
-    let large = ["1e-3 large at 1e7", "condition just below 2^20"];
+    let large = ["size 1e-3 at 1e7", "condition just below 2^20"];
     assert_eq!(cases(&anything, NEAR, Row::holds), large);
 }
 
 #[test]
 fn a_device_that_sees_nothing_breaks_every_promise_of_instances() {
-    let blind = Way::new("blind", Word::Device(canted_gpu::HIT_ERROR), stubborn(None).make);
+    let blind = Way::new("no hits", Word::Device(canted_gpu::HIT_ERROR), stubborn(None).make);
     let rows = instance::rows(1, &[&blind]);
     // Transforms that the device rejects have no row, and nothing is certain where its error is larger than the mesh.
-    assert_eq!(cases(&rows, SAME, |row| !row.is_promise()), ["1e-3 large at 1e7"]);
+    assert_eq!(cases(&rows, SAME, |row| !row.is_promise()), ["size 1e-3 at 1e7"]);
     let broken = ["mirrored", "sheared", "scaled by 1e-6", "scaled by 1e6", "condition just below 2^10"];
     assert_eq!(cases(&rows, SAME, Row::is_broken), broken);
 }
@@ -113,7 +113,7 @@ fn a_device_that_sees_nothing_breaks_every_promise_of_instances() {
 fn nearly_every_kind_of_mesh_is_certainly_pierced() {
     let rows = hierarchy::rows(1, &[stubborn(None)]);
     let told: Vec<&str> = rows.iter().filter(|row| !row.is_promise()).map(|row| row.promise.case).collect();
-    assert_eq!(told, ["slivers, some without area"]);
+    assert_eq!(told, ["slivers, some of zero area"]);
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn who_sees_nothing_fails_every_report_that_asks_him() {
     let ways = [stubborn(None)];
     for tracker in &TRACKERS {
         let rows = (tracker.rows)(&ways);
-        let is_asked = rows.iter().any(|row| row.routine == "stubborn");
+        let is_asked = rows.iter().any(|row| row.routine == "constant");
         // Two equal answers are always consistent.
         let of_hits = |row: &&Row| row.promise.promise != MISSED;
         if is_asked && tracker.name != "tinybvh_282" {

@@ -22,7 +22,7 @@ fn a_million_rays_find_no_leak() {
     let leaks: Vec<&Found> = found.iter().filter(|found| found.n_leaks > 0).collect();
     assert!(leaks.is_empty(), "{leaks:#?}");
     assert!(found.iter().map(|found| found.n_rays).sum::<usize>() >= N_RAYS);
-    for way in ["binary dop", "two levels of binary", "wide scalar", "two levels of wide"] {
+    for way in ["binary dop", "two-level binary", "wide scalar", "two-level wide"] {
         assert!(found.iter().any(|found| found.way == format!("crossings, {way}")), "{way}");
     }
 }

@@ -35,7 +35,7 @@ fn of_case(gpu: &Gpu, case: &'static str, meshes: &[Mesh]) -> Vec<Row> {
         let promise = Promise::none(STATION, case, promise, oracle, unit);
         if case == BELOW_NORMAL { promise.told() } else { promise }
     };
-    let same = of("leaves and nodes of the CPU", Oracle::Same, "trees differ");
+    let same = of("the CPU's leaves and nodes", Oracle::Same, "trees differ");
     let contains = of("contains every vertex below a node", Oracle::Exact, "vertices outside");
     let twins: Vec<Twin> = meshes.iter().map(Twin::of).collect();
     let mut rows = vec![];

@@ -24,15 +24,15 @@ const N_OF_FIREFLY: u32 = 1000;
 
 pub(super) fn rows() -> Vec<Row> {
     const FIREFLY: Promise = promise(
-        "one sample of 1e30, or of all that f32 holds, among 999 of one",
-        "it stays in the mean as it is: nothing is clamped, and mean and variance are numbers",
+        "one sample of 1e30 or f32::MAX among 999 samples of 1",
+        "not clamped; mean and variance are finite",
         // One f64 rounding for each addition, plus those of the quotient and of this oracle.
         (N_OF_FIREFLY as f64 + 4.0) * 0.5 * f64::EPSILON,
         "relative error of the mean",
     );
     const ZEROS: Promise = Promise {
         oracle: Oracle::Same,
-        ..promise("a picture of -0.0", "the file of +0.0, byte for byte", 0.0, "files differ")
+        ..promise("a picture with -0.0", "the same file as for +0.0, byte for byte", 0.0, "files differ")
     };
     const ORDER: Promise = Promise {
         oracle: Oracle::Same,
@@ -41,25 +41,25 @@ pub(super) fn rows() -> Vec<Row> {
     const PARTS: Promise = Promise {
         oracle: Oracle::Same,
         ..promise(
-            "samples in three parts, in either order",
-            "the sums of the whole, bit for bit",
+            "samples in three parts, two orders",
+            "the sums of one part, bit for bit",
             0.0,
             "pictures differ",
         )
     };
-    const BAD: Promise = promise("a sample NaN or infinite", "counted, and in no sum", 0.0, "samples told otherwise");
+    const BAD: Promise = promise("a NaN or infinite sample", "counted, and excluded from all sums", 0.0, "samples counted wrongly");
     const LONG: Promise = promise(
         "2^24 samples, then a million more",
-        "no sum stalls",
+        "the sum keeps growing",
         // A million and more additions of exact numbers below 2^53.
         0.0,
-        "off the mean",
+        "error of the mean",
     );
     const FEW: Promise =
-        promise("no sample, and one", "mean and variance are numbers, the error is unknown", 0.0, "that are not so");
+        promise("no sample; one sample", "mean and variance are finite, the error is unknown", 0.0, "that are wrong");
     const NEAR: Promise = promise(
         "a million samples of 1e4, varying by 1e-3",
-        "the variance of the mean is not negative and near the true one",
+        "the variance of the mean is non-negative and close to the true one",
         // The squares sum to 1e14, where f64 values are 2^-6 apart. Relative to the true sum of squared differences (about 1),
         // n roundings of the sum can add up to 1; summed pairwise they are 40 · 2^-53 · 1e14 = 0.45.
         0.45,

@@ -50,7 +50,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     for Cloud { case, sets } in extreme(effort) {
         let promise = |promise, oracle, bound, unit| Promise { station: "fit", case, promise, oracle, bound, unit };
         let contains = promise("contains every point", Oracle::Exact, 0.0, "points outside");
-        let area = promise("no more area than the straight box", Oracle::Exact, 1.0, "of its area");
+        let area = promise("no more area than the axis-aligned box", Oracle::Exact, 1.0, "of its area");
         let rotation = promise("a proper rotation", Oracle::Structure, frame::ORTHONORMAL_ERROR, "off orthonormal");
         let n_points: usize = sets.iter().map(Vec::len).sum();
         let boxes = METHODS.map(|(name, method)| {
@@ -77,7 +77,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
 
 /// No points, and points that are not finite.
 fn refused() -> Vec<Row> {
-    const EMPTY: Promise = Promise::none("fit", "no point", "an error that says so", Oracle::Known, "other answers");
+    const EMPTY: Promise = Promise::none("fit", "no points", "an error", Oracle::Known, "other answers");
     const BAD: Promise =
         Promise::none("fit", "one NaN or infinity", "an error that names the point", Oracle::Known, "other answers");
     let bad = |method, x: f32| {
@@ -129,11 +129,11 @@ fn needles(effort: usize) -> Vec<Row> {
     const HALF: [f64; 3] = [0.5, 5e-6, 5e-7];
     let promise = Promise {
         station: "fit",
-        case: "rod, 1e6 : 1, turned",
-        promise: "the thin extents stay, up to the points' rounding",
+        case: "rod, 1e6 : 1, rotated",
+        promise: "thin extents are kept up to rounding",
         oracle: Oracle::Known,
         bound: HALF[1] + THICKER,
-        unit: "middle half-extent",
+        unit: "median half-extent",
     };
     let mut rng = SplitMix64::new(32);
     let sets: Vec<Vec<[f32; 3]>> = (0..20 * effort)
@@ -161,7 +161,7 @@ fn needles(effort: usize) -> Vec<Row> {
 fn subdivided() -> Row {
     let promise = Promise {
         station: "fit",
-        case: "one face a thousand times as dense",
+        case: "one face tessellated a thousand times as densely",
         promise: "the same box: weights are areas",
         oracle: Oracle::Same,
         // Area depends on products of two extents, each changed by the frame's rounding.

@@ -50,18 +50,18 @@ fn cases(effort: usize) -> Vec<Case> {
         let rays = around(&mesh, 90 + cases_seed(name));
         cases.push(Case { name, mesh, rays });
     };
-    add("of any kind", base.clone());
+    add("arbitrary rays", base.clone());
     add("at 1e-20", base.placed(|p| p.map(|x| x * 1e-20)));
     add("at 1e15", base.placed(|p| p.map(|x| x * 1e15)));
     add("denormal coordinates", base.placed(|p| p.map(|x| x * 1e-40)));
-    add("at 1e7, 5e3 large", base.placed(|p| p.map(|x| x * 5e3 + 1e7)));
+    add("at 1e7, size 5e3", base.placed(|p| p.map(|x| x * 5e3 + 1e7)));
     add("at 1e7 along x, 1e-3 across", base.placed(|p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3]));
     add("1e7 long, 1e-3 thick", base.placed(|p| [p[0] * 1e7, p[1] * 1e7, p[2] * 1e-3]));
     let (tiny, huge) = (soup(22, 30).placed(|p| p.map(|x| x * 1e-6)), soup(23, 30).placed(|p| p.map(|x| x * 1e6)));
-    add("scales over 1e12 in one mesh", tiny.joined(&huge));
-    add("slivers, some without area", slivers(8, 60));
-    add("box 1e-6 thin, turned", thin_box(1e-6).off_axis());
-    add("flat box, turned", thin_box(0.0).off_axis());
+    add("scale ratio 1e12 in one mesh", tiny.joined(&huge));
+    add("slivers, some of zero area", slivers(8, 60));
+    add("box of thickness 1e-6, rotated", thin_box(1e-6).off_axis());
+    add("flat box, rotated", thin_box(0.0).off_axis());
     add("struts", scaffold_of(1, true, 2));
     add("one outlier at 1e7", outlier(60));
     add("60 equal triangles", identical(60));
@@ -74,7 +74,7 @@ fn cases(effort: usize) -> Vec<Case> {
     let quads = coplanar_quads(5);
     let mut rays = of_classes(&quads, &[Grazing::Axes, Grazing::Planes], n, 96);
     rays.retain(is_endless);
-    cases.push(Case { name: "along axes, in the plane of faces", mesh: quads, rays });
+    cases.push(Case { name: "axis-parallel, in face planes", mesh: quads, rays });
     cases
 }
 
@@ -97,11 +97,11 @@ fn margin(word: Word, ray: &Ray, corners: &[[f32; 3]; 3]) -> Margin {
 }
 
 /// The promise that a BVH loses no hit.
-pub const PIERCED: &str = "what is certainly pierced is hit";
+pub const PIERCED: &str = "certain hits are found";
 /// The promise that a BVH adds no hit.
-pub const MISSED: &str = "nothing is hit that is certainly missed, or off its plane";
+pub const MISSED: &str = "no certain miss is hit, and no hit is off its plane";
 /// The promise that no bit depends on the BVH.
-pub const SAME: &str = "the loop's answers, bit for bit; a device loses nothing that it hits, but where the ray begins within its error of the plane";
+pub const SAME: &str = "the loop's answers, bit for bit; a device loses none of its hits, except where the ray starts within its error of the plane";
 
 /// The rows of every tracer on every case; `effort` multiplies the rays.
 #[must_use]
@@ -112,7 +112,7 @@ pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
         let mut judged: Vec<(f32, Vec<Vec<Verdict>>)> = vec![];
         let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
         let wants: Vec<Option<Hit>> = rays.iter().map(|ray| brute::closest_hit::<Watertight>(&records, ray)).collect();
-        let promise = |promise, oracle| Promise::none("tree of triangles", name, promise, oracle, "rays");
+        let promise = |promise, oracle| Promise::none("triangle BVH", name, promise, oracle, "rays");
         let mut by_promise: [Vec<Row>; 3] = Default::default();
         for way in ways {
             let tracer = way.of(&mesh);

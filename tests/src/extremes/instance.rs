@@ -32,7 +32,7 @@ fn places() -> Vec<(&'static str, Affine)> {
         ("scaled by 1e2, 1e-3 and 1", affine(&turn, [1e2, 1e-3, 1.0], [5.0, 5.0, 5.0])),
         ("scaled by 1e-6", affine(&turn, [1e-6; 3], [0.0; 3])),
         ("scaled by 1e6", affine(&turn, [1e6; 3], [0.0; 3])),
-        ("1e-3 large at 1e7", affine(&turn, [1e-3; 3], [1e7, -1e7, 1e7])),
+        ("size 1e-3 at 1e7", affine(&turn, [1e-3; 3], [1e7, -1e7, 1e7])),
         (
             "condition just below 2^10",
             affine(&Rotation::IDENTITY, [1.0, 1.0, 1.01 / canted_gpu::MAX_CONDITION], [0.5; 3]),
@@ -170,7 +170,7 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
         "singular; condition above 2^20; NaN, infinity",
         "an error that names the instance",
         Oracle::Known,
-        "transforms taken",
+        "transforms accepted",
     );
     const ON_DEVICE: Promise =
         Promise { case: "singular; condition above 2^10, on a device; NaN, infinity", ..REFUSED };

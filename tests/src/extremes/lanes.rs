@@ -20,11 +20,11 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for Case { name, pairs } in cases(effort) {
         let lost =
-            Promise::none("box in a node of eight", name, "what meets the box enters it", Oracle::Exact, "rays lost");
-        let told = Promise { promise: "misses that enter, for the pad", unit: "of all misses", ..lost }.told();
+            Promise::none("box in an eight-wide node", name, "no ray that hits the box is rejected", Oracle::Exact, "rays lost");
+        let told = Promise { promise: "misses accepted because of padding", unit: "of all misses", ..lost }.told();
         // A product and a sum may be rounded once or twice (`canted_wide`'s `simd`); padding covers both, and paths may differ.
         let same = Promise {
-            promise: "rays that enter other boxes than on the scalar path, for fused roundings",
+            promise: "rays that enter other boxes than on the scalar path (fused rounding)",
             oracle: Oracle::Same,
             unit: "of all rays",
             ..lost

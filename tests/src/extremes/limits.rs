@@ -52,10 +52,10 @@ fn is_told<T>(built: Result<T, impl Display>, n: usize) -> bool {
 pub(super) fn rows() -> Vec<Row> {
     const TOLD: Promise = Promise::none(
         "limits",
-        "more than a tree can name: 2^27 triangles, 2^26 shapes, 2^30 triangles under a binary tree",
-        "an error that says how many, before any is looked at",
+        "above the limits: 2^27 triangles, 2^26 shapes, 2^30 triangles in a binary BVH",
+        "an error with the count, before the input is read",
         Oracle::Known,
-        "inputs taken",
+        "inputs accepted",
     );
     let mut rows = vec![];
     let mut row = |routine: &str, is_told: bool| rows.push(TOLD.count(routine, 1, usize::from(!is_told)));

@@ -33,31 +33,31 @@ const fn promise(case: &'static str, promise: &'static str, oracle: Oracle, boun
 }
 
 const PAIRS: Promise =
-    promise("boxes of any kind and place", "contains both, corners exact", Oracle::Exact, 0.0, "pairs");
+    promise("arbitrary boxes", "contains both, corners exact", Oracle::Exact, 0.0, "pairs");
 const EQUAL: Promise = promise(
-    "equal; one in the other",
-    "grows by rounding alone",
+    "equal boxes; nested boxes",
+    "grows only by rounding",
     Oracle::Exact,
     REFRAMED,
     "of the greatest half-extent",
 );
 const FLAT: Promise =
-    promise("without volume: plane, line, point", "contains both, stays finite", Oracle::Exact, 0.0, "pairs");
+    promise("zero volume: plane, line, point", "contains both, stays finite", Oracle::Exact, 0.0, "pairs");
 const QUARTER: Promise = promise(
-    "a cube and the same turned by 90°",
-    "the cube, not the one at 45°",
+    "a cube and itself rotated by 90°",
+    "the cube, not one rotated by 45°",
     Oracle::Known,
     1.0 + 2.1 * REFRAMED,
     "of its area",
 );
 const HALF: Promise =
-    promise("a box and the same turned by 180°", "the box", Oracle::Known, 1.0 + 2.1 * REFRAMED, "of its area");
+    promise("a box and itself rotated by 180°", "the box", Oracle::Known, 1.0 + 2.1 * REFRAMED, "of its area");
 const SIGN: Promise = promise("q and -q", "the same rotation, bit for bit", Oracle::Same, 0.0, "pairs differ");
 /// With weights `1e6 : 1` the frame rotates by at most a millionth of a right angle; the frame's rounding, `√3·2^-25`, counts
 /// twice.
 const SPECK: Promise = promise(
-    "a box and a speck of a millionth of its weight",
-    "the speck does not turn it",
+    "weights 1 : 1e-6",
+    "the light box does not rotate the frame",
     Oracle::Known,
     1e-6 * FRAC_PI_2 + 2.0 * 1.733 / 33_554_432.0,
     "rad",
@@ -65,7 +65,7 @@ const SPECK: Promise = promise(
 const CHAIN: Promise =
     promise("a chain of 30 merges", "contains every vertex below", Oracle::Exact, 0.0, "vertices outside");
 const GROWTH: Promise =
-    promise("a chain of 30 merges", "its growth is told", Oracle::Exact, f64::INFINITY, "of the straight box's area");
+    promise("a chain of 30 merges", "growth, reported only", Oracle::Exact, f64::INFINITY, "of the axis-aligned box's area");
 
 pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];

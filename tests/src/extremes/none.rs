@@ -30,14 +30,14 @@ fn spoilt(ray: &Ray) -> Vec<Ray> {
 
 pub(super) fn rows(ways: &[Way]) -> Vec<Row> {
     const NONE: Promise = Promise::none(
-        "tree of triangles",
-        "NaN, infinity, no direction, an empty interval",
-        "nothing is hit",
+        "triangle BVH",
+        "NaN, infinity, zero direction, empty interval",
+        "no hit",
         Oracle::Known,
         "rays hit",
     );
     const BESIDE: Promise = Promise {
-        promise: "the rays among them are answered as without them",
+        promise: "valid rays in the batch are unaffected",
         oracle: Oracle::Same,
         unit: "rays differ",
         ..NONE

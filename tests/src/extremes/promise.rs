@@ -23,8 +23,8 @@ impl Oracle {
     pub fn name(self) -> &'static str {
         match self {
             Self::Exact => "exact arithmetic",
-            Self::Loop => "every triangle",
-            Self::Same => "the same in other words",
+            Self::Loop => "loop over all triangles",
+            Self::Same => "equivalent input",
             Self::Structure => "definition",
             Self::Jacobi => "Jacobi in f64",
             Self::Known => "closed form",

@@ -54,7 +54,7 @@ fn known(effort: usize) -> Vec<Known> {
         ("condition 1e12, one small value", [1.0, 1.0, 1e-12]),
         ("condition 1e6, two small values", [1.0, 1e-6, 1e-6]),
         ("condition 1e12, two small values", [1.0, 1e-12, 1e-12]),
-        ("condition 1e12, values apart", [1.0, 1e-6, 1e-12]),
+        ("condition 1e12, three distinct values", [1.0, 1e-6, 1e-12]),
     ] {
         let turn = |rng: &mut SplitMix64| {
             let turn = random_rotation(rng);
@@ -64,7 +64,7 @@ fn known(effort: usize) -> Vec<Known> {
         let bound = 8.0 * NOISE / (values[1] + values[2]);
         kinds.push(Known { case, bound, inputs: (0..n).map(|_| turn(&mut rng)).collect() });
     }
-    for (case, degrees) in [("179.999° away", 179.999_f64), ("180° away, to the bit of f64", 180.0)] {
+    for (case, degrees) in [("rotation by 179.999°", 179.999_f64), ("rotation by 180°, exact in f64", 180.0)] {
         let turn = |rng: &mut SplitMix64| {
             let turn = Quaternion::from_axis_angle(random_rotation(rng).columns()[0], degrees.to_radians());
             (stretched(turn, [5.0, 2.0, 0.1], None), turn)
@@ -75,7 +75,7 @@ fn known(effort: usize) -> Vec<Known> {
         let a = diagonal(signs);
         (a, Quaternion::from_columns(a))
     });
-    kinds.push(Known { case: "half turns about the axes", bound: 0.0, inputs: halves.to_vec() });
+    kinds.push(Known { case: "half turns about the coordinate axes", bound: 0.0, inputs: halves.to_vec() });
     let rank_two = |rng: &mut SplitMix64| {
         let (u, v) = (random_rotation(rng), random_rotation(rng));
         let a = times(u.columns(), times(diagonal([2.0, 0.5, 0.0]), transposed(v.columns())));
@@ -90,7 +90,7 @@ fn known(effort: usize) -> Vec<Known> {
         ([0, 1, 2].map(|k| [0, 1, 2].map(|j| 0.5 * (a[k][j] + b[k][j]))), turned(0.5 * (PI - short)))
     };
     kinds.push(Known {
-        case: "mean of two frames 1e-4 short of half a turn apart",
+        case: "mean of two frames, half a turn minus 1e-4 apart",
         bound: 8.0 * NOISE / short,
         inputs: (0..n).map(|_| mean(&mut rng)).collect(),
     });
@@ -108,7 +108,7 @@ fn known(effort: usize) -> Vec<Known> {
 pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for Known { case, bound, inputs } in known(effort) {
-        let promise = promise(case, "the rotation, up to rounding over condition", Oracle::Known, bound, "rad");
+        let promise = promise(case, "the rotation, up to rounding amplified by the condition", Oracle::Known, bound, "rad");
         let worst = |of: &dyn Fn(Matrix) -> Quaternion| {
             let error = |&(a, turn): &(Matrix, Quaternion)| angle_rad(of(a), turn);
             // NaN counts as the worst error.
@@ -116,7 +116,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         };
         rows.push(promise.row("extract", inputs.len(), worst(&|a| extract(a, MAX_ITERATIONS).rotation)));
         let listings: [(&str, Listing); 2] =
-            [("listed, guard in the denominator", as_listed), ("listed, guard beside the quotient", as_copied)];
+            [("listed, guard in the denominator", as_listed), ("listed, guard added to the quotient", as_copied)];
         for (name, listing) in listings {
             let listed = promise.row(name, inputs.len(), worst(&|a| listing(a, CAP).0));
             rows.push(Row { is_peer: true, ..listed });
@@ -143,7 +143,7 @@ fn greatest_trace(effort: usize) -> Row {
     };
     let worst = (0..n).map(|_| lacks(random_matrix(&mut rng))).fold(0.0, f64::max);
     promise(
-        "any matrix, half of them mirrors",
+        "random matrices, half of them reflections",
         "no rotation fits better",
         Oracle::Jacobi,
         NOISE,
@@ -165,7 +165,7 @@ fn turns(effort: usize) -> Row {
     // A quarter of the limit leaves a margin for other inputs.
     #[expect(clippy::cast_precision_loss, reason = "a small number")]
     let bound = MAX_ITERATIONS as f64 / 4.0;
-    promise("all of these", "ends far below the cap", Oracle::Structure, bound, "turns").row(
+    promise("all of the above", "converges far below the iteration limit", Oracle::Structure, bound, "iterations").row(
         "extract",
         inputs.len(),
         inputs.iter().map(taken).fold(0.0, f64::max),
@@ -186,16 +186,16 @@ fn degenerate(effort: usize) -> Vec<Row> {
     };
     let zero = [[0.0; 3]; 3];
     vec![
-        row("zero", "no turn, and rank deficient", 1, &mut |_| {
+        row("zero matrix", "identity, status rank deficient", 1, &mut |_| {
             !is(zero, Status::RankDeficient) || extract(zero, MAX_ITERATIONS).rotation != Quaternion::IDENTITY
         }),
-        row("rank one", "rank deficient", 100 * effort, &mut |rng| {
+        row("rank one", "status rank deficient", 100 * effort, &mut |rng| {
             let (u, v) = (rng.on_sphere(), rng.on_sphere());
             !is(v.map(|x| u.map(|y| 3.0 * x * y)), Status::RankDeficient)
         }),
         row(
             "reflected: (3, 2, -1), (1, 1, -1), (1, 1e-9, -1e-9)",
-            "a proper rotation, and reflected",
+            "a proper rotation, status reflected",
             99 * effort,
             &mut |rng| {
                 let values = [[3.0, 2.0, -1.0], [1.0, 1.0, -1.0], [1.0, 1e-9, -1e-9]][rng.below(3)];
@@ -203,7 +203,7 @@ fn degenerate(effort: usize) -> Vec<Row> {
                 !is(times(u, times(diagonal(values), transposed(v))), Status::Reflected)
             },
         ),
-        row("NaN, infinity", "no turn, and capped", 2, &mut |rng| {
+        row("NaN, infinity", "a unit quaternion, status not converged", 2, &mut |rng| {
             let bad = [f64::NAN, f64::INFINITY][rng.below(2)];
             !is([[bad, 0.0, 0.0], [0.0; 3], [0.0; 3]], Status::NotConverged)
         }),
@@ -229,7 +229,7 @@ fn graded(effort: usize) -> Row {
     Promise {
         station: "eigenvectors",
         case: "eigenvalues 1, 1e-6, 1e-12",
-        promise: "residual of rounding alone",
+        promise: "residual only from rounding",
         oracle: Oracle::Structure,
         bound: RESIDUAL,
         unit: "of the greatest entry",

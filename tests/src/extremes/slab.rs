@@ -72,31 +72,31 @@ pub fn cases(effort: usize) -> Vec<Case> {
     };
     let at = |distance: f64| move |rng: &mut SplitMix64, obb: Obb| (aimed(rng, &obb, distance), obb);
     vec![
-        case("along axes, in faces, edges, corners; flat boxes and points", &on_lattice),
-        case("from far, at corners and edges, leaning", &|rng| {
+        case("axis-parallel, in faces, edges, corners; flat boxes and points", &on_lattice),
+        case("from far, at corners and edges, oriented", &|rng| {
             let obb = leaning(rng, 1.0, 0.0);
             at(1e3)(rng, obb)
         }),
-        case("at 1e7, leaning", &|rng| {
+        case("at 1e7, oriented", &|rng| {
             let obb = leaning(rng, 10.0, 1e7);
             at(30.0)(rng, obb)
         }),
-        case("from 1e7 away at a box of one", &|rng| {
+        case("from 1e7 away, box of size 1", &|rng| {
             let obb = leaning(rng, 1.0, 0.0);
             at(1e7)(rng, obb)
         }),
-        case("origin inside or on it", &|rng| {
+        case("origin inside or on the box", &|rng| {
             let obb = leaning(rng, 1.0, 0.0);
             let start = target(rng, &obb);
             #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
             (Ray::new(start.map(|x| x as f32), signed_f32(rng, 1.0)), obb)
         }),
-        case("flat and needle-like, leaning", &|rng| {
+        case("flat and needle-like, oriented", &|rng| {
             let mut obb = leaning(rng, 1.0, 0.0);
             (0..3).filter(|_| rng.below(2) == 0).for_each(|k| obb.half_extents[k] *= [0.0, 1e-6, 1e-20][k]);
             at(2.0)(rng, obb)
         }),
-        case("1e-19 large, among ones", &|rng| {
+        case("size 1e-19, coordinates near 1", &|rng| {
             let obb = Obb { half_extents: signed_f32(rng, 1e-19).map(f32::abs), ..leaning(rng, 1.0, 0.0) };
             at(1.0)(rng, obb)
         }),
@@ -108,7 +108,7 @@ pub fn cases(effort: usize) -> Vec<Case> {
             let obb = leaning(rng, 1e15, 0.0);
             at(1e15)(rng, obb)
         }),
-        case("along a leaning axis, but for 1e-9", &|rng| {
+        case("within 1e-9 of an oriented axis", &|rng| {
             let obb = leaning(rng, 1.0, 0.0);
             let (along, stray) = (obb.frame[rng.below(3)], signed_f32(rng, 1e-9));
             let start = aimed(rng, &obb, 0.0).origin;
@@ -131,7 +131,7 @@ pub fn cases(effort: usize) -> Vec<Case> {
             obb.frame[1] = [0, 1, 2].map(|k| obb.frame[1][k] + 0.7 * obb.frame[0][k]);
             at(3.0)(rng, obb)
         }),
-        case("intervals that end or begin in a face", &|rng| {
+        case("intervals that begin or end on a face", &|rng| {
             let (ray, obb) = on_lattice(rng);
             let end = [0.0, 1.0, 2.0, 3.0, 4.0][rng.below(5)];
             match rng.below(3) {
@@ -146,8 +146,8 @@ pub fn cases(effort: usize) -> Vec<Case> {
 pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for Case { name, pairs } in cases(effort) {
-        let none_lost = Promise::none("box", name, "what meets the box enters it", Oracle::Exact, "rays lost");
-        let told = Promise { promise: "misses that enter, for the pad", unit: "of all misses", ..none_lost }.told();
+        let none_lost = Promise::none("box", name, "no ray that hits the box is rejected", Oracle::Exact, "rays lost");
+        let told = Promise { promise: "misses accepted because of padding", unit: "of all misses", ..none_lost }.told();
         let straight = |obb: &Obb| obb.frame == Obb::IDENTITY_FRAME;
         type Enters = fn(&Pair) -> bool;
         let routines: [(&str, Enters); 2] = [
@@ -173,7 +173,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
 /// Rays that differ only in the sign of zeros or by a power of two in the direction, and invalid rays.
 fn same(effort: usize) -> Vec<Row> {
     const ZEROS: Promise =
-        Promise::none("box", "-0.0 for +0.0", "the same interval, bit for bit", Oracle::Same, "rays differ");
+        Promise::none("box", "-0.0 in place of +0.0", "the same interval, bit for bit", Oracle::Same, "rays differ");
     const LENGTH: Promise = Promise::none(
         "box",
         "directions times 2^-90 to 2^90",

@@ -19,7 +19,7 @@ pub fn lines(rows: &[Row]) -> Vec<[String; 7]> {
 #[must_use]
 pub fn table(rows: &[Row]) -> String {
     let mut lines = vec![
-        "| station | case | promise | judged by | bound | worst of ours | peers |".to_owned(),
+        "| stage | case | promise | reference | bound | worst of ours | peers |".to_owned(),
         "|---|---|---|---|---|---|---|".to_owned(),
     ];
     lines.extend(self::lines(rows).into_iter().map(|line| format!("| {} |", line.join(" | "))));
@@ -34,7 +34,7 @@ pub fn summary(rows: &[Row]) -> String {
     let all: BTreeSet<[&str; 3]> = promised.iter().map(|row| key(row)).collect();
     let cases: BTreeSet<[&str; 2]> = all.iter().map(|&[station, case, _]| [station, case]).collect();
     let broken: BTreeSet<[&str; 3]> = promised.iter().filter(|row| row.is_broken()).map(|row| key(row)).collect();
-    format!("Of {} promises on {} cases, {} are kept.", all.len(), cases.len(), all.len() - broken.len())
+    format!("Of {} promises on {} cases, {} hold.", all.len(), cases.len(), all.len() - broken.len())
 }
 
 fn key(row: &Row) -> [&'static str; 3] {
@@ -58,7 +58,7 @@ fn together(told: impl Iterator<Item = (String, String)>) -> String {
 fn bounds(rows: &[Row]) -> String {
     let bound = |row: &Row| {
         let Promise { bound, unit, .. } = row.promise;
-        if bound.is_finite() { format!("{} {unit}", number(bound)) } else { "told".to_owned() }
+        if bound.is_finite() { format!("{} {unit}", number(bound)) } else { "reported".to_owned() }
     };
     let ours = || rows.iter().filter(|row| !row.is_peer);
     let one = ours().next().map(bound).filter(|first| ours().all(|row| bound(row) == *first));
@@ -113,8 +113,8 @@ mod tests {
         assert_eq!(rows.iter().map(Row::holds).collect::<Vec<_>>(), [true, true, false]);
         let broken = table(&rows);
         assert!(broken.contains("| 0 points | 0 of 3 inputs (a, b); **broken** 2 of 3 inputs (c) |  |"), "{broken}");
-        assert!(broken.ends_with("Of 1 promises on 1 cases, 0 are kept. | |"), "{broken}");
-        assert!(table(&rows[..2]).ends_with("Of 1 promises on 1 cases, 1 are kept. | |"));
+        assert!(broken.ends_with("Of 1 promises on 1 cases, 0 hold. | |"), "{broken}");
+        assert!(table(&rows[..2]).ends_with("Of 1 promises on 1 cases, 1 hold. | |"));
     }
 
     #[test]
@@ -123,7 +123,7 @@ mod tests {
         let rows = [PROMISE.count("a", 3, 0), PROMISE.told().count("b", 3, 2), peer];
         assert!(
             table(&rows)
-                .contains("| 0 points (a); told (b) | 0 of 3 inputs (a); 2 of 3 inputs (b) | 3 of 3 inputs (peer) |")
+                .contains("| 0 points (a); reported (b) | 0 of 3 inputs (a); 2 of 3 inputs (b) | 3 of 3 inputs (peer) |")
         );
         assert!(table(&rows[..1]).contains("| 0 points | 0 of 3 inputs (a) |  |"));
     }
@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(value(&told.row("a", 1, 0.25)), "0.2500 of all misses, 1 input");
         let cut = Row { n_cut: 7, ..PROMISE.count("device", 3, 0) };
         assert_eq!(lines(&[cut])[0][5], "0 of 3 inputs (device [7 queries ended early by the driver])");
-        assert_eq!(lines(&[PROMISE.count_certain("a", 0, 0)])[0][4..6], ["told", "no input is certain (a)"]);
+        assert_eq!(lines(&[PROMISE.count_certain("a", 0, 0)])[0][4..6], ["reported", "no input is certain (a)"]);
     }
 
     #[test]

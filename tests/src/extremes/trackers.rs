@@ -57,7 +57,7 @@ fn slipped(way: &Way, mesh: &Mesh, rays: &[Ray]) -> (usize, usize) {
 }
 
 fn ball(mesh: Mesh) -> Closed {
-    Closed { name: "ball", mesh, heart: [0.0; 3], room: [0.4; 3], is_simple: true }
+    Closed { name: "sphere", mesh, heart: [0.0; 3], room: [0.4; 3], is_simple: true }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
@@ -69,8 +69,8 @@ fn rounded(x: [f64; 3]) -> [f32; 3] {
 fn parry_444(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "parry #444",
-        "a closed bumpy mesh of 5,120 triangles from outside, at its edges",
-        "none slips in",
+        "a closed displaced mesh of 5,120 triangles, from outside, at its edges",
+        "no ray leaks in",
         Oracle::Known,
         "rays",
     );

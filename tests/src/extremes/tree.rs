@@ -41,7 +41,7 @@ pub(super) fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
         ("one far outlier, 1e7", vec![outlier(20_000)]),
         ("denormal extent", vec![soup(8, 500).placed(|p| p.map(|x| x * 1e-40))]),
         (
-            "scales over 1e12",
+            "scale ratio 1e12",
             vec![soup(9, 500).placed(|p| p.map(|x| x * 1e-6)).joined(&soup(10, 500).placed(|p| p.map(|x| x * 1e6)))],
         ),
     ]
@@ -51,7 +51,7 @@ pub(super) fn rows() -> Vec<Row> {
     let mut rows = vec![];
     for (case, meshes) in cases() {
         let sound =
-            Promise::none("tree", case, "each primitive once, inside all above", Oracle::Structure, "trees flawed");
+            Promise::none("tree", case, "each primitive once, inside all its ancestors", Oracle::Structure, "invalid trees");
         let trees = WAYS.map(|(name, way)| (name, meshes.iter().map(|mesh| judge(mesh, way)).collect::<Vec<_>>()));
         for (name, judged) in &trees {
             rows.push(sound.count(*name, judged.len(), judged.iter().filter(|(flawed, _)| *flawed).count()));
@@ -60,7 +60,7 @@ pub(super) fn rows() -> Vec<Row> {
             let deep = Promise {
                 station: "tree",
                 case,
-                promise: "no deeper than bits of the code and of the count",
+                promise: "depth at most code bits + ⌈log2 n⌉ + 1",
                 oracle: Oracle::Structure,
                 bound: 1.0,
                 unit: "of bits + ⌈log2 n⌉ + 1",
@@ -88,12 +88,12 @@ fn judge(mesh: &Mesh, way: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
 fn cells() -> Vec<Row> {
     const LAST: Promise = Promise::none(
         "cells",
-        "the greatest coordinate",
+        "greatest coordinate",
         "the last cell, not the first",
         Oracle::Known,
-        "cells elsewhere",
+        "wrong cells",
     );
-    const ZEROS: Promise = Promise::none("cells", "-0.0", "the cell of +0.0", Oracle::Same, "codes differ");
+    const ZEROS: Promise = Promise::none("cells", "-0.0", "the same cell as +0.0", Oracle::Same, "codes differ");
     let both = [("30 bits", Bits::B30), ("63 bits", Bits::B63)];
     let mut rows = vec![];
     for (name, bits) in both {

@@ -101,22 +101,22 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
         (Ray { direction: ray.direction.map(|d| d * scale), ..ray }, corners)
     };
     vec![
-        case("of any shape", &of(1.0, 0.0, 0.7, 2.0)),
+        case("arbitrary triangles", &of(1.0, 0.0, 0.7, 2.0)),
         case("at an edge", &on_rim(false)),
         case("at a vertex", &on_rim(true)),
         case("slivers, 1e6 : 1", &of(1.0, 0.0, 1e-6, 2.0)),
         case("slivers, 1e6 : 1, from near", &of(1.0, 0.0, 1e-6, 0.01)),
-        case("1e-6 large", &of(1e-6, 0.0, 0.7, 2.0)),
-        case("1e-6 large, from as near", &of(1e-6, 0.0, 0.7, 2e-6)),
+        case("size 1e-6", &of(1e-6, 0.0, 0.7, 2.0)),
+        case("size 1e-6, from 2e-6 away", &of(1e-6, 0.0, 0.7, 2e-6)),
         case("at 1e-20", &of(1e-20, 0.0, 0.7, 2e-20)),
         case("at 1e15", &of(1e15, 0.0, 0.7, 2e15)),
         case("at 1e7", &of(50.0, 1e7, 0.7, 100.0)),
         case("from 1e7 away", &of(10.0, 0.0, 0.7, 1e7)),
         case("denormal coordinates", &of(1e-40, 0.0, 0.7, 2e-40)),
         case("denormal coordinates, from 4e-38 away", &of(1e-40, 0.0, 0.7, 4e-38)),
-        case("origin on it", &of(1.0, 0.0, 0.7, 1e-7)),
-        case("in its plane, but for 1e-9", &in_plane),
-        case("without area", &no_area),
+        case("origin on the triangle", &of(1.0, 0.0, 0.7, 1e-7)),
+        case("within 1e-9 of the triangle's plane", &in_plane),
+        case("zero area", &no_area),
         case("directions of length 1e-30, 1e-38 and 1e30", &of_length),
     ]
 }
@@ -134,10 +134,10 @@ fn margin(routine: usize, pair: &Pair) -> Margin {
 pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for (case, pairs) in cases(effort) {
-        let lost = Promise::none("triangle", case, "what is certainly pierced is hit", Oracle::Exact, "rays");
-        let invented = Promise { promise: "what is certainly missed is not hit", ..lost };
+        let lost = Promise::none("triangle", case, "certain hits are found", Oracle::Exact, "rays");
+        let invented = Promise { promise: "certain misses are not hit", ..lost };
         let off = Promise {
-            promise: "the point lies in the plane",
+            promise: "the hit point lies in the plane",
             bound: 1.0,
             // The bound holds on each of three axes.
             unit: "of √3·HIT_ERROR·(o + v)",
@@ -188,8 +188,8 @@ fn of_promised((ray, corners): &Pair, t: f32) -> f64 {
 fn ties() -> Vec<Row> {
     const TIES: Promise = Promise::none(
         "triangle",
-        "coplanar copies, some turned over",
-        "the lowest, either side",
+        "coplanar copies, some flipped",
+        "the lowest index wins, on either side",
         Oracle::Known,
         "rays",
     );
@@ -216,10 +216,10 @@ fn ties() -> Vec<Row> {
 fn hubs() -> Vec<Row> {
     const HUBS: Promise = Promise::none(
         "triangle",
-        "at the vertex that a closed fan shares, and along its edges",
-        "at least one of them is hit",
+        "at the shared vertex and the edges of a closed fan",
+        "at least one triangle is hit",
         Oracle::Known,
-        "rays slip through",
+        "rays leak",
     );
     let mut rng = SplitMix64::new(81);
     let (mut n, mut slipped) = (0, 0);

@@ -31,7 +31,7 @@ pub(super) fn ways(gpu: &Rc<Gpu>) -> [Way; 2] {
     // Static instances double the error bound of hits (`HitError::with` in `canted-gpu`).
     [
         Way { n_cut: cuts_of_one, ..Way::new("device", Word::Device(HIT_ERROR), one) },
-        Way { n_cut: cuts_of_two, ..Way::new("two levels on the device", Word::Device(2.0 * HIT_ERROR), two) },
+        Way { n_cut: cuts_of_two, ..Way::new("two-level device", Word::Device(2.0 * HIT_ERROR), two) },
     ]
 }
 

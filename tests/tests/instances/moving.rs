@@ -56,12 +56,12 @@ fn ways() -> Vec<(&'static str, [Affine; 2])> {
     let far = [10_000_000.0, -10_000_000.0, 3_000_000.0];
     let beyond = far.map(|x| x + 3.0 * 1024.0);
     vec![
-        ("shift", way(1.0, affine(&turn, [1.0; 3], [0.0; 3]), affine(&turn, [1.0; 3], [3.0, -2.0, 1.0]))),
+        ("translation", way(1.0, affine(&turn, [1.0; 3], [0.0; 3]), affine(&turn, [1.0; 3], [3.0, -2.0, 1.0]))),
         ("quarter turn", way(1.0, about_z(0.0, [1.0; 3], [0.0; 3]), about_z(quarter, [1.0; 3], [0.0; 3]))),
-        ("turn and shift", way(1.0, about_z(0.3, [1.0; 3], [1.0, 0.0, 0.0]), about_z(1.1, [1.0; 3], [0.0, 2.0, 0.5]))),
+        ("rotation and translation", way(1.0, about_z(0.3, [1.0; 3], [1.0, 0.0, 0.0]), about_z(1.1, [1.0; 3], [0.0, 2.0, 0.5]))),
         ("mirrored", way(1.0, about_z(0.2, [-1.0, 1.0, 1.0], [0.5; 3]), about_z(1.4, [-1.0, 1.0, 2.0], [-0.5; 3]))),
         ("sheared", way(1.0, shear(0.5, -0.25), shear(-1.0, 2.0))),
-        ("grows unequally", way(1.0, affine(&turn, [0.5; 3], [0.0; 3]), affine(&turn, [3.0, 1.0, 8.0], [1.0; 3]))),
+        ("unequal growth", way(1.0, affine(&turn, [0.5; 3], [0.0; 3]), affine(&turn, [3.0, 1.0, 8.0], [1.0; 3]))),
         ("small", way(1.0 / 1024.0, about_z(0.0, [1.0; 3], [0.5; 3]), about_z(1.0, [2.0; 3], [0.5625; 3]))),
         ("large", way(1024.0, about_z(0.0, [1.0; 3], [64.0; 3]), about_z(1.0, [2.0; 3], [-512.0; 3]))),
         ("far", way(64.0, about_z(0.0, [1.0; 3], far), about_z(1.0, [1.5; 3], beyond))),

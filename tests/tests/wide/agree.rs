@@ -47,9 +47,9 @@ fn rays_exactly_in_the_planes_of_faces_lose_no_hit() {
 fn turned() -> Vec<scenes::Case> {
     let case = |name: &str, mesh: canted_fixtures::Mesh| scenes::Case { name: name.to_owned(), mesh: mesh.off_axis() };
     vec![
-        case("turned quads", coplanar_quads(12)),
-        case("turned flat box", thin_box(0.0)),
-        case("turned room", scenes::room(3, 60)),
+        case("rotated quads", coplanar_quads(12)),
+        case("rotated flat box", thin_box(0.0)),
+        case("rotated room", scenes::room(3, 60)),
     ]
 }
 

@@ -15,8 +15,8 @@ fn shapes() -> Vec<Case> {
     let mut shapes = scenes::needles();
     shapes.push(case("soup", canted_fixtures::soup(7, 300)));
     shapes.push(case("torus", canted_fixtures::torus(24, 8)));
-    shapes.push(case("turned room", scenes::room(3, 40).off_axis()));
-    shapes.push(case("turned flat box", canted_fixtures::thin_box(0.0).off_axis()));
+    shapes.push(case("rotated room", scenes::room(3, 40).off_axis()));
+    shapes.push(case("rotated flat box", canted_fixtures::thin_box(0.0).off_axis()));
     shapes.push(case("displaced icosphere", canted_fixtures::displaced_icosphere(3, 2)));
     shapes
 }

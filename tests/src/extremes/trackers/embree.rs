@@ -20,7 +20,7 @@ pub(super) fn embree_174(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #174",
         "from inside a closed mesh, at its vertices",
-        "none slips through",
+        "no ray leaks out",
         Oracle::Known,
         "rays",
     );
@@ -64,7 +64,7 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #181",
         "nested tubes: from one to a vertex or edge of the next",
-        "the next one is hit",
+        "the next tube is hit",
         Oracle::Known,
         "rays",
     );
@@ -105,7 +105,7 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
 pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #188",
-        "through a convex mesh at edges and vertices; peers walk from hit to hit",
+        "through a convex mesh at edges and vertices; peers continue from each hit",
         "one crossing inward, one outward",
         Oracle::Known,
         "rays",

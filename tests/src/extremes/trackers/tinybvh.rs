@@ -60,8 +60,8 @@ fn through_plates() -> Vec<(Ray, usize, Option<f32>)> {
 pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #277",
-        "two levels: interval and instance, axis-parallel too; peers: one plate at a time",
-        "what the query sees is the ray's own",
+        "two levels: interval and instance, also axis-parallel; peers: one plate at a time",
+        "the query sees only its own interval and instance",
         Oracle::Known,
         "rays",
     );
@@ -83,8 +83,8 @@ pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
     let binary = Bvh2::<Watertight>::build(&plate.positions, &plate.triangles, &BuildConfig::default());
     let wide = TriangleBvh::<Watertight>::build(&plate.positions, &plate.triangles, &Config::default());
     let mut rows = vec![
-        of_levels(binary.expect("fixtures are valid"), "two levels of binary"),
-        of_levels(wide.expect("fixtures are valid"), "two levels of wide"),
+        of_levels(binary.expect("fixtures are valid"), "two-level binary"),
+        of_levels(wide.expect("fixtures are valid"), "two-level wide"),
     ];
     let peers = ways.iter().filter(|way| way.word == Word::Peer);
     rows.extend(each(PROMISE, peers, |way| {
@@ -151,8 +151,8 @@ pub(super) fn tinybvh_282(ways: &[Way]) -> Vec<Row> {
 pub(super) fn tinybvh_283(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #283",
-        "a right triangle of legs 2e-4 down to 2e-13, ray at its third",
-        "hit at one",
+        "right triangles with legs 2e-4 to 2e-13",
+        "hit at t = 1",
         Oracle::Known,
         "triangles",
     );
@@ -176,7 +176,7 @@ pub(super) fn tinybvh_286(ways: &[Way]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #286",
         "axis-parallel rays in faces and edges of boxes",
-        "what every triangle tried gives",
+        "the loop's answers",
         Oracle::Loop,
         "rays",
     );
