@@ -13,9 +13,9 @@ pub struct Closed {
     /// The mesh.
     pub mesh: Mesh,
     /// A point inside.
-    pub heart: [f64; 3],
+    pub inner_point: [f64; 3],
     /// Every point within this distance of `inner_point`, along each axis, is inside.
-    pub room: [f64; 3],
+    pub clearance: [f64; 3],
     /// Whether the surface does not intersect itself, so that crossings alternate between entering and leaving.
     pub is_simple: bool,
 }
@@ -25,21 +25,33 @@ pub struct Closed {
 pub fn closed() -> Vec<Closed> {
     let origin = [0.0; 3];
     vec![
-        Closed { name: "icosphere", mesh: icosphere(2), heart: origin, room: [0.5; 3], is_simple: true },
+        Closed { name: "icosphere", mesh: icosphere(2), inner_point: origin, clearance: [0.5; 3], is_simple: true },
         Closed {
             name: "displaced icosphere",
             mesh: displaced_icosphere(3, 2),
-            heart: origin,
-            room: [0.4; 3],
+            inner_point: origin,
+            clearance: [0.4; 3],
             is_simple: true,
         },
-        Closed { name: "torus", mesh: torus(24, 8), heart: [1.0, 0.0, 0.0], room: [0.2; 3], is_simple: true },
-        Closed { name: "thin box", mesh: thin_box(0.01), heart: origin, room: [0.4, 0.4, 0.004], is_simple: true },
+        Closed {
+            name: "torus",
+            mesh: torus(24, 8),
+            inner_point: [1.0, 0.0, 0.0],
+            clearance: [0.2; 3],
+            is_simple: true,
+        },
+        Closed {
+            name: "thin box",
+            mesh: thin_box(0.01),
+            inner_point: origin,
+            clearance: [0.4, 0.4, 0.004],
+            is_simple: true,
+        },
     ]
 }
 
 /// A transform of a closed mesh.
-pub struct Place {
+pub struct Placement {
     /// Name for messages.
     pub name: &'static str,
     /// The transform.
@@ -49,19 +61,22 @@ pub struct Place {
 /// Identity, rotated, tiny, huge, far away, sheared and mirrored.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
-pub fn places() -> Vec<Place> {
-    let place = |name, turn: Rotation, scale: [f64; 3], shift: f32| {
+pub fn placements() -> Vec<Placement> {
+    let placement = |name, turn: Rotation, scale: [f64; 3], shift: f32| {
         let column = |j: usize| turn.rows.map(|row| (row[j] * scale[j]) as f32);
-        Place { name, world_from_object: Affine { columns: [column(0), column(1), column(2), [shift, -shift, shift]] } }
+        Placement {
+            name,
+            world_from_object: Affine { columns: [column(0), column(1), column(2), [shift, -shift, shift]] },
+        }
     };
-    let mut sheared = place("sheared and mirrored", Rotation::off_axis(), [1.0, -0.5, 2.0], 0.3);
+    let mut sheared = placement("sheared and mirrored", Rotation::off_axis(), [1.0, -0.5, 2.0], 0.3);
     sheared.world_from_object.columns[1][0] += 0.7;
     vec![
-        place("unchanged", Rotation::IDENTITY, [1.0; 3], 0.0),
-        place("at 1e-6, rotated", Rotation::off_axis(), [1e-6; 3], 0.0),
-        place("at 1e6, rotated", Rotation::off_axis(), [1e6; 3], 0.0),
+        placement("unchanged", Rotation::IDENTITY, [1.0; 3], 0.0),
+        placement("at 1e-6, rotated", Rotation::off_axis(), [1e-6; 3], 0.0),
+        placement("at 1e6, rotated", Rotation::off_axis(), [1e6; 3], 0.0),
         // Adjacent f32 values are 1 apart here, and the thin box is 20 thick.
-        place("at 1e7", Rotation::off_axis(), [2e3; 3], 1e7),
+        placement("at 1e7", Rotation::off_axis(), [2e3; 3], 1e7),
         sheared,
     ]
 }
@@ -75,8 +90,8 @@ pub fn baked(mesh: &Mesh, world_from_object: &Affine) -> Mesh {
 
 /// Whether a transform swaps inside and outside.
 #[must_use]
-pub fn mirrors(place: &Affine) -> bool {
-    let [a, b, c, _] = place.columns.map(|column| column.map(f64::from));
+pub fn mirrors(placement: &Affine) -> bool {
+    let [a, b, c, _] = placement.columns.map(|column| column.map(f64::from));
     dot(a, cross(b, c)) < 0.0
 }
 
@@ -101,7 +116,7 @@ pub fn rays(mesh: &Mesh, closed: &Closed, world_from_object: &Affine, n: usize, 
         .map(|i| {
             // A third start at the inner point itself, where coordinates repeat and rays hit vertices exactly.
             let offset = if i % 3 == 0 { [0.0; 3] } else { rng.signed3() };
-            let inside_object = std::array::from_fn(|k| closed.heart[k] + offset[k] * closed.room[k]);
+            let inside_object = std::array::from_fn(|k| closed.inner_point[k] + offset[k] * closed.clearance[k]);
             let inside = world_from_object.point_f64(inside_object);
             let corners = mesh.corners(rng.below(mesh.triangles.len()));
             let first = rng.below(3);

@@ -6,7 +6,7 @@ use canted_fixtures::Mesh;
 use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, Shear, Side};
 
-use crate::judge::corners;
+use crate::reference::corners;
 
 /// Records every hit of the first instance and accepts none, so that the query reports all of them.
 pub(crate) struct Everything(Vec<Hit>);
@@ -89,7 +89,7 @@ pub fn are_balanced(crossings: &[Hit], inward: Side, from_inside: bool) -> bool 
 /// A mesh near the true one, with vertices where the kernel sees them, has alternating crossings. Division and rounding of `t`
 /// keep their order except among neighbors: crossings whose `t` are equal or adjacent may come in any order.
 #[must_use]
-pub fn are_in_turn(crossings: &[Hit], inward: Side, from_inside: bool) -> bool {
+pub fn are_alternating(crossings: &[Hit], inward: Side, from_inside: bool) -> bool {
     let mut n_around = usize::from(from_inside);
     let leads_on = |around: &[Hit]| {
         let n_inward = around.iter().filter(|hit| hit.side == inward).count();
@@ -110,10 +110,10 @@ mod tests {
     use crate::closed::{Closed, closed, rays};
 
     /// A ray, all its hits and its crossings.
-    type Asked = (Ray, Vec<Hit>, Vec<Hit>);
+    type Traced = (Ray, Vec<Hit>, Vec<Hit>);
 
     /// Rays at vertices and edges of closed meshes; even ones start inside.
-    fn asked() -> Vec<(Mesh, Vec<Asked>)> {
+    fn traced() -> Vec<(Mesh, Vec<Traced>)> {
         let of = |closed: Closed| {
             let tree =
                 TriangleBvh::<Watertight>::build(&closed.mesh.positions, &closed.mesh.triangles, &Config::default())
@@ -131,10 +131,10 @@ mod tests {
     }
 
     #[test]
-    fn both_ways_count_the_same_crossings() {
+    fn both_methods_count_the_same_crossings() {
         let mut n_more = 0;
-        for (mesh, asked) in asked() {
-            for (ray, hits, crossings) in asked {
+        for (mesh, traced) in traced() {
+            for (ray, hits, crossings) in traced {
                 n_more += usize::from(hits.len() > crossings.len());
                 let sides = |hits: &[Hit], side| hits.iter().filter(|hit| hit.side == side).count();
                 let found = of_hits(&mesh, &ray, hits);
@@ -148,31 +148,31 @@ mod tests {
     }
 
     #[test]
-    fn a_doubled_a_missing_and_a_shifted_crossing_are_seen() {
+    fn duplicate_missing_and_extra_crossings_are_detected() {
         let elsewhere = |hit: &Hit| Hit { primitive: PrimId(hit.primitive.0 + 10_000), ..*hit };
-        for (_, asked) in asked() {
-            for (i, (ray, _, crossings)) in asked.into_iter().enumerate() {
-                let check = |crossings: &[Hit]| are_in_turn(crossings, Side::Front, i % 2 == 0);
+        for (_, traced) in traced() {
+            for (i, (ray, _, crossings)) in traced.into_iter().enumerate() {
+                let check = |crossings: &[Hit]| are_alternating(crossings, Side::Front, i % 2 == 0);
                 assert!(check(&crossings), "{ray:?}: {crossings:?}");
                 assert!(!check(&[]), "no crossings must be rejected");
                 for k in 0..crossings.len() {
-                    let (mut missing, mut doubled, mut beside) =
+                    let (mut missing, mut duplicate, mut extra) =
                         (crossings.clone(), crossings.clone(), crossings.clone());
                     missing.remove(k);
-                    doubled.insert(k, crossings[k]);
-                    beside.insert(k, elsewhere(&crossings[k]));
-                    assert!(![missing, doubled, beside].iter().any(|bad| check(bad)), "{ray:?}: {crossings:?}, {k}");
+                    duplicate.insert(k, crossings[k]);
+                    extra.insert(k, elsewhere(&crossings[k]));
+                    assert!(![missing, duplicate, extra].iter().any(|bad| check(bad)), "{ray:?}: {crossings:?}, {k}");
                 }
-                let all_doubled: Vec<Hit> = crossings.iter().flat_map(|hit| [*hit, elsewhere(hit)]).collect();
-                assert!(!check(&all_doubled), "{ray:?}");
+                let all_duplicate: Vec<Hit> = crossings.iter().flat_map(|hit| [*hit, elsewhere(hit)]).collect();
+                assert!(!check(&all_duplicate), "{ray:?}");
                 // With the other winding the ray would start inside.
-                assert!(!are_in_turn(&crossings, Side::Back, i % 2 == 0), "{ray:?}");
+                assert!(!are_alternating(&crossings, Side::Back, i % 2 == 0), "{ray:?}");
             }
         }
     }
 
     #[test]
-    fn what_is_only_balanced_leads_not_in_turn() {
+    fn balanced_crossings_need_not_alternate() {
         let at = |t: f32, side, primitive| Hit {
             t,
             u: 0.0,
@@ -182,9 +182,9 @@ mod tests {
             side,
         };
         let out_and_in = [at(1.0, Side::Back, 0), at(2.0, Side::Front, 1)];
-        assert!(are_balanced(&out_and_in, Side::Front, false) && !are_in_turn(&out_and_in, Side::Front, false));
+        assert!(are_balanced(&out_and_in, Side::Front, false) && !are_alternating(&out_and_in, Side::Front, false));
         // Crossings with adjacent `t` may come in any order.
         let near = [at(1.0, Side::Back, 0), at(1.0f32.next_up(), Side::Front, 1)];
-        assert!(are_in_turn(&near, Side::Front, false));
+        assert!(are_alternating(&near, Side::Front, false));
     }
 }

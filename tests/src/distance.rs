@@ -23,7 +23,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_plane_an_edge_a_corner_and_no_plane_at_all() {
+    fn distance_to_plane_edge_corner_and_degenerate_triangle() {
         let corners = [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
         assert_eq!(distance([0.5, 0.5, 3.0], corners), 3.0);
         assert_eq!(distance([1.0, -4.0, 3.0], corners), 5.0);

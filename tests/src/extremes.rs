@@ -29,22 +29,23 @@ pub use promise::{Measure, Oracle, Promise, Row};
 pub use table::{lines, summary, table};
 pub use trackers::{TRACKERS, Tracker};
 
-use crate::tracers::{self, Way, Word};
+use crate::tracers::{self, Guarantee, Method};
 
 /// Every row of every stage.
 ///
-/// `effort` multiplies the inputs. `ways` are the tracers of the cases with rays.
+/// `effort` multiplies the inputs. `methods` are the tracers of the cases with rays.
 #[must_use]
-pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
+pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
     let mut rows =
         [fit::rows(effort), merge::rows(effort), rotation::rows(effort), tree::rows(), limits::rows()].concat();
     rows.extend(built::rows());
     rows.extend([slab::rows(effort), lanes::rows(effort), triangle::rows(effort)].concat());
-    rows.extend([hierarchy::rows(effort, ways), none::rows(ways)].concat());
+    rows.extend([hierarchy::rows(effort, methods), none::rows(methods)].concat());
     let placed = tracers::two_levels();
-    let placed: Vec<&Way> = placed.iter().chain(ways.iter().filter(|way| way.word == Word::Peer)).collect();
+    let placed: Vec<&Method> =
+        placed.iter().chain(methods.iter().filter(|method| method.guarantee == Guarantee::Peer)).collect();
     rows.extend([instance::rows(effort, &placed), film::rows()].concat());
-    rows.extend(TRACKERS.iter().flat_map(|tracker| (tracker.rows)(ways)));
+    rows.extend(TRACKERS.iter().flat_map(|tracker| (tracker.rows)(methods)));
     rows
 }
 

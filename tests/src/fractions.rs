@@ -6,11 +6,11 @@ use num_bigint::BigInt;
 use num_rational::BigRational;
 use num_traits::{Signed, ToPrimitive, Zero};
 
-use crate::exact::{UNIT_BITS, abs, cross, dot, plane, point, sub, whole};
+use crate::exact::{UNIT_BITS, abs, cross, dot, in_units, plane, point, sub};
 
 /// Whether a ray hits a box within its closed interval; never for a singular frame.
 #[must_use]
-pub fn meets_box(ray: &Ray, obb: &Obb) -> bool {
+pub fn intersects_box(ray: &Ray, obb: &Obb) -> bool {
     BoxEntry::of(ray, obb).is_some()
 }
 
@@ -36,7 +36,7 @@ impl BoxEntry {
             let row = cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]);
             // All three in units of 2^(-149·3); the half-extent is multiplied by 2^149.
             let (start, rate) = (dot(&row, &offset) << UNIT_BITS, dot(&row, &direction) << UNIT_BITS);
-            let half = whole(obb.half_extents[k]) * &determinant;
+            let half = in_units(obb.half_extents[k]) * &determinant;
             ([-&half - &start, half - start], rate)
         };
         Self::within(ray, slab)
@@ -89,7 +89,7 @@ impl BoxEntry {
 
 /// A number as a fraction.
 fn number(x: f32) -> BigRational {
-    BigRational::new(whole(x), BigInt::from(1) << UNIT_BITS)
+    BigRational::new(in_units(x), BigInt::from(1) << UNIT_BITS)
 }
 
 /// Absolute error of a number; infinite if it is not finite.
@@ -158,7 +158,7 @@ pub fn plane_distance(ray: &Ray, t: f32, corners: [[f32; 3]; 3]) -> f64 {
     if square.is_zero() {
         return f64::INFINITY;
     }
-    let distance = whole(t) * dot(&normal, &point(ray.direction)) - (offset << UNIT_BITS);
+    let distance = in_units(t) * dot(&normal, &point(ray.direction)) - (offset << UNIT_BITS);
     // The distance has the unit 2^(-149·4) and the normal 2^(-149·2); squared and divided they leave 2^(-149·4).
     let quotient = BigRational::new(&distance * &distance, square << (4 * UNIT_BITS));
     quotient.to_f64().unwrap_or(f64::INFINITY).sqrt()
@@ -169,20 +169,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rays_meet_boxes_whose_ends_are_closed() {
+    fn boxes_are_closed_for_rays() {
         let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0, 1.0, 0.0] };
         let along_z = |x: f32| Ray::new([x, 0.5, -2.0], [0.0, 0.0, 1.0]);
-        assert!(meets_box(&along_z(1.0), &obb) && !meets_box(&along_z(1.0f32.next_up()), &obb));
-        assert!(meets_box(&Ray { t_max: 2.0, ..along_z(0.0) }, &obb));
-        assert!(!meets_box(&Ray { t_max: 2.0f32.next_down(), ..along_z(0.0) }, &obb));
-        assert!(meets_box(&Ray { t_min: 2.0, ..along_z(0.0) }, &obb));
-        assert!(!meets_box(&Ray { t_min: 2.0f32.next_up(), ..along_z(0.0) }, &obb));
-        assert!(meets_box(&Ray::new([-5.0, 1.0, 0.0], [1.0, 0.0, 0.0]), &obb), "in two faces at once");
-        assert!(!meets_box(&Ray::new([0.0; 3], [1.0; 3]), &Obb { frame: [[1.0; 3]; 3], ..obb }));
+        assert!(intersects_box(&along_z(1.0), &obb) && !intersects_box(&along_z(1.0f32.next_up()), &obb));
+        assert!(intersects_box(&Ray { t_max: 2.0, ..along_z(0.0) }, &obb));
+        assert!(!intersects_box(&Ray { t_max: 2.0f32.next_down(), ..along_z(0.0) }, &obb));
+        assert!(intersects_box(&Ray { t_min: 2.0, ..along_z(0.0) }, &obb));
+        assert!(!intersects_box(&Ray { t_min: 2.0f32.next_up(), ..along_z(0.0) }, &obb));
+        assert!(intersects_box(&Ray::new([-5.0, 1.0, 0.0], [1.0, 0.0, 0.0]), &obb), "in two faces at once");
+        assert!(!intersects_box(&Ray::new([0.0; 3], [1.0; 3]), &Obb { frame: [[1.0; 3]; 3], ..obb }));
     }
 
     #[test]
-    fn entries_are_exact_and_their_errors_count_units() {
+    fn entries_are_exact_and_errors_are_in_ulps() {
         let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0, 1.0, 0.5] };
         let ray = Ray::new([0.5, 0.5, -2.0], [0.0, 0.0, 2.0]);
         let entry = BoxEntry::of(&ray, &obb).unwrap();
@@ -197,24 +197,25 @@ mod tests {
         assert!(BoxEntry::of(&Ray { origin: [2.0, 0.0, -2.0], ..ray }, &obb).is_none());
         // One third is not representable, so no half-extent gives exactly this box.
         let aabb = Aabb { min: [0.0, 0.0, -0.1], max: [1.0, 1.0, 1.0 / 3.0] };
-        let met = |origin: [f32; 3]| BoxEntry::of_aabb(&Ray { origin, direction: [1.0, 0.0, 0.0], ..ray }, &aabb);
-        assert_eq!(met([-1.0, 1.0, 1.0 / 3.0]).unwrap().error_ulps(1.0), 0.0);
+        let entry = |origin: [f32; 3]| BoxEntry::of_aabb(&Ray { origin, direction: [1.0, 0.0, 0.0], ..ray }, &aabb);
+        assert_eq!(entry([-1.0, 1.0, 1.0 / 3.0]).unwrap().error_ulps(1.0), 0.0);
         assert!(
-            met([-1.0, 1.0, (1.0f32 / 3.0).next_up()]).is_none() && met([-1.0, 1.0, (-0.1f32).next_down()]).is_none()
+            entry([-1.0, 1.0, (1.0f32 / 3.0).next_up()]).is_none()
+                && entry([-1.0, 1.0, (-0.1f32).next_down()]).is_none()
         );
         assert!(BoxEntry::of_aabb(&ray, &Aabb::EMPTY).is_none());
     }
 
     #[test]
-    fn piercings_are_exact_and_their_errors_count_units() {
+    fn plane_hits_are_exact_and_errors_are_in_ulps() {
         let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
         let ray = Ray::new([2.0, 1.0, -2.0], [0.0, 0.0, 2.0]);
         let found = Piercing::of(&ray, corners).unwrap();
         assert!(found.is_hit(&ray) && !found.is_hit(&Ray { t_max: 1.5f32.next_down(), ..ray }));
         assert_eq!(found.error_ulps([1.5, 0.5, 0.25]), [0.0; 3]);
         assert_eq!(found.error_ulps([1.5f32.next_up(), 0.5f32.next_down(), 0.25]), [1.0, 0.5, 0.0]);
-        let beside = Ray::new([2.0, 2.0f32.next_up(), -2.0], [0.0, 0.0, 2.0]);
-        assert!(!Piercing::of(&beside, corners).unwrap().is_hit(&beside));
+        let outside = Ray::new([2.0, 2.0f32.next_up(), -2.0], [0.0, 0.0, 2.0]);
+        assert!(!Piercing::of(&outside, corners).unwrap().is_hit(&outside));
         assert!(Piercing::of(&Ray::new([0.0; 3], [1.0, 0.0, 0.0]), corners).is_none());
     }
 

@@ -36,10 +36,10 @@ pub fn closed_up(name: &'static str, mut mesh: Mesh) -> Option<Closed> {
     if mesh.open_edge().is_some() {
         return None;
     }
-    let heart = inside(&mesh)?;
-    let room = [0.002 * mesh.diagonal(); 3];
+    let inner_point = inside(&mesh)?;
+    let clearance = [0.002 * mesh.diagonal(); 3];
     // The fans may intersect the rest of the surface.
-    Some(Closed { name, mesh, heart, room, is_simple: false })
+    Some(Closed { name, mesh, inner_point, clearance, is_simple: false })
 }
 
 /// Merges vertices with equal coordinates and removes triangles that become degenerate.
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn holes_are_closed_and_their_inside_is_found() {
+    fn holes_are_closed_and_an_inner_point_is_found() {
         let mut mesh = displaced_icosphere(3, 2);
         // Two adjacent triangles, and one that shares at most a vertex with them.
         let n = mesh.triangles.len();
@@ -98,7 +98,7 @@ mod tests {
         mesh.triangles.remove(3);
         let closed = closed_up("sphere", mesh.clone()).expect("two simple holes");
         assert_eq!(closed.mesh.open_edge(), None);
-        assert!((winding(&closed.mesh, closed.heart) - 1.0).abs() < 1e-9);
+        assert!((winding(&closed.mesh, closed.inner_point) - 1.0).abs() < 1e-9);
         assert!(winding(&closed.mesh, [9.0, 0.0, 0.0]).abs() < 1e-9);
         // An edge of three triangles is not manifold.
         mesh.triangles.push([0, 1, 2]);

@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_from_afar_come_from_afar() {
+    fn rays_from_afar_start_far_away() {
         let mesh = soup(3, 10);
         for ray in from_afar(&mesh, 1e4, 30, 2) {
             let distance = ray.origin.iter().map(|x| x * x).sum::<f32>().sqrt();

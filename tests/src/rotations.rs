@@ -144,7 +144,7 @@ mod tests {
     use crate::clouds::random_rotation;
 
     #[test]
-    fn both_find_the_rotation_of_a_stretched_one() {
+    fn both_recover_the_rotation_of_a_stretched_matrix() {
         let mut rng = SplitMix64::new(1);
         for _ in 0..200 {
             let turn = Quaternion::from_axis_angle(random_rotation(&mut rng).columns()[0], 2.0 * rng.unit());
@@ -158,14 +158,15 @@ mod tests {
     }
 
     #[test]
-    fn either_guard_fails_at_another_scale() {
+    fn each_guard_fails_at_a_different_scale() {
         let turn = Quaternion::from_axis_angle([0.0, 0.6, 0.8], 1.0);
         let scaled = |exponent: i32| {
             let scale = 2.0f64.powi(exponent);
             turn.columns().map(|column| column.map(|x| scale * x))
         };
-        let error =
-            |iterate: fn(Matrix, usize) -> (Quaternion, usize), exponent| angle_rad(iterate(scaled(exponent), 1000).0, turn);
+        let error = |iterate: fn(Matrix, usize) -> (Quaternion, usize), exponent| {
+            angle_rad(iterate(scaled(exponent), 1000).0, turn)
+        };
         assert!(error(as_listed, -300) > 0.9 && error(as_listed, 300) < 1e-8);
         let too_far = error(as_copied, 300);
         assert!(error(as_copied, -300) < 1e-8 && (too_far.is_nan() || too_far > 0.1));
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn the_listing_stops_at_half_a_turn() {
+    fn the_listing_stops_early_at_a_half_turn() {
         let half = diagonal([1.0, -1.0, -1.0]);
         let (q, turns) = as_listed(half, 1000);
         assert_eq!((q, turns), (Quaternion::IDENTITY, 0));

@@ -35,7 +35,7 @@ pub trait Tracer {
 
 /// The guarantee of a tracer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Word {
+pub enum Guarantee {
     /// The bits of a loop over all triangles.
     Loop,
     /// All hits of that loop, and others only within this error of the ray, relative to `|o|∞ + ρ∞`.
@@ -48,22 +48,22 @@ pub enum Word {
 pub type Make = Box<dyn Fn(&Mesh, &Affine) -> Box<dyn Tracer>>;
 
 /// A tracing method, by name.
-pub struct Way {
+pub struct Method {
     /// Name for tables.
     pub name: String,
     /// Its guarantee.
-    pub word: Word,
+    pub guarantee: Guarantee,
     /// Builds the tracer. With one level, vertices are transformed and rounded.
     pub make: Make,
     /// Queries so far that the CPU answered because a driver ended the device's traversal early.
     n_cut: Rc<Cell<usize>>,
 }
 
-impl Way {
+impl Method {
     /// A method that never ends early.
     #[must_use]
-    pub fn new(name: impl Into<String>, word: Word, make: Make) -> Self {
-        Self { name: name.into(), word, make, n_cut: Rc::default() }
+    pub fn new(name: impl Into<String>, guarantee: Guarantee, make: Make) -> Self {
+        Self { name: name.into(), guarantee, make, n_cut: Rc::default() }
     }
 
     /// The result of `ask`, and how many queries a driver ended early meanwhile.
@@ -80,56 +80,59 @@ impl Way {
     }
 
     fn of_one<T: Tracer + 'static>(name: impl Into<String>, make: impl Fn(Mesh) -> T + 'static) -> Self {
-        let make: Make = Box::new(move |mesh, place| Box::new(make(baked(mesh, place))));
-        Self::new(name, Word::Loop, make)
+        let make: Make = Box::new(move |mesh, placement| Box::new(make(baked(mesh, placement))));
+        Self::new(name, Guarantee::Loop, make)
     }
 
     fn of_two<B: Blas + 'static>(name: impl Into<String>, make: impl Fn(&Mesh) -> B + 'static) -> Self {
-        let make: Make = Box::new(move |mesh, place| Box::new(TwoLevels::new(make(mesh), mesh, place)));
-        Self::new(name, Word::Loop, make)
+        let make: Make = Box::new(move |mesh, placement| Box::new(TwoLevels::new(make(mesh), mesh, placement)));
+        Self::new(name, Guarantee::Loop, make)
     }
 }
 
 /// All our methods that this machine supports, and the names of those that it lacks.
 #[must_use]
-pub fn ours() -> (Vec<Way>, Vec<String>) {
+pub fn ours() -> (Vec<Method>, Vec<String>) {
     let (there, lacking): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
     let mut missing: Vec<String> = lacking.into_iter().map(|path| path.name().to_owned()).collect();
-    let mut ways = vec![
-        Way::of_one("binary aabb", |mesh| OneLevel::new(mesh, Strategy::Aabb)),
-        Way::of_one("binary dop", |mesh| OneLevel::new(mesh, Strategy::Dop)),
-        Way::of_one("binary combined", |mesh| OneLevel::new(mesh, Strategy::Combined)),
-        Way::of_two("two-level binary", |mesh| binary(mesh, Strategy::Dop)),
+    let mut methods = vec![
+        Method::of_one("binary aabb", |mesh| OneLevel::new(mesh, Strategy::Aabb)),
+        Method::of_one("binary dop", |mesh| OneLevel::new(mesh, Strategy::Dop)),
+        Method::of_one("binary combined", |mesh| OneLevel::new(mesh, Strategy::Combined)),
+        Method::of_two("two-level binary", |mesh| binary(mesh, Strategy::Dop)),
     ];
     for path in there {
         let name = path.name();
-        ways.push(Way::of_one(format!("wide {name}"), move |mesh| wide(&mesh, &Config::default()).with_path(path)));
-        ways.push(Way::of_one(format!("wide oriented {name}"), move |mesh| wide(&mesh, &lean()).with_path(path)));
+        methods
+            .push(Method::of_one(format!("wide {name}"), move |mesh| wide(&mesh, &Config::default()).with_path(path)));
+        methods.push(Method::of_one(format!("wide oriented {name}"), move |mesh| {
+            wide(&mesh, &many_oriented()).with_path(path)
+        }));
     }
-    ways.push(Way::of_two("two-level wide", |mesh| wide(mesh, &Config::default())));
+    methods.push(Method::of_two("two-level wide", |mesh| wide(mesh, &Config::default())));
     match Gpu::open(&Choice::Best) {
-        Ok(gpu) => ways.extend(device::ways(&Rc::new(gpu))),
+        Ok(gpu) => methods.extend(device::methods(&Rc::new(gpu))),
         Err(error) => missing.push(format!("device ({error})")),
     }
-    (ways, missing)
+    (methods, missing)
 }
 
 /// Two levels of binary and of wide BVHs, the wide ones on every available SIMD path, and on the device if there is one.
 #[must_use]
-pub fn two_levels() -> Vec<Way> {
-    let mut ways = vec![Way::of_two("binary", |mesh| binary(mesh, Strategy::Dop))];
+pub fn two_levels() -> Vec<Method> {
+    let mut methods = vec![Method::of_two("binary", |mesh| binary(mesh, Strategy::Dop))];
     for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-        let make: Make = Box::new(move |mesh, place| {
+        let make: Make = Box::new(move |mesh, placement| {
             let tree = wide(mesh, &Config::default()).with_path(path);
-            Box::new(TwoLevels::new(tree, mesh, place).with_path(path))
+            Box::new(TwoLevels::new(tree, mesh, placement).with_path(path))
         });
-        ways.push(Way::new(format!("wide {}", path.name()), Word::Loop, make));
+        methods.push(Method::new(format!("wide {}", path.name()), Guarantee::Loop, make));
     }
     if let Ok(gpu) = Gpu::open(&Choice::Best) {
-        let [_, two] = device::ways(&Rc::new(gpu));
-        ways.push(Way { name: "device".to_owned(), ..two });
+        let [_, two] = device::methods(&Rc::new(gpu));
+        methods.push(Method { name: "device".to_owned(), ..two });
     }
-    ways
+    methods
 }
 
 /// A binary BVH with these volumes.
@@ -145,7 +148,7 @@ fn wide(mesh: &Mesh, config: &Config) -> TriangleBvh<Watertight> {
 
 /// A configuration with many oriented nodes: their cost is nearly zero, and leaves hold one triangle.
 #[must_use]
-pub fn lean() -> Config {
+pub fn many_oriented() -> Config {
     let costs = Costs { aligned_node: 1e6, oriented_node: 0.01, leaf: 0.0, block: 0.01, max_leaf: 1 };
     Config { costs, rotate_mesh: false, ..Config::preset(Preset::Balanced) }
 }
@@ -201,17 +204,17 @@ impl Tracer for TriangleBvh<Watertight> {
 struct TwoLevels<B: Blas> {
     tlas: Tlas<B>,
     mesh: Mesh,
-    place: Affine,
+    placement: Affine,
 }
 
 impl<B: Blas> TwoLevels<B> {
     #[expect(clippy::cast_possible_truncation, reason = "any large distance")]
-    fn new(blas: B, mesh: &Mesh, place: &Affine) -> Self {
-        let here = Instance::new(0, *place);
+    fn new(blas: B, mesh: &Mesh, placement: &Affine) -> Self {
+        let here = Instance::new(0, *placement);
         let mut there = here;
-        there.world_from_object.columns[3][0] += (9.0 * baked(mesh, place).diagonal()) as f32;
+        there.world_from_object.columns[3][0] += (9.0 * baked(mesh, placement).diagonal()) as f32;
         let tlas = Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible");
-        Self { tlas, mesh: mesh.clone(), place: *place }
+        Self { tlas, mesh: mesh.clone(), placement: *placement }
     }
 
     fn with_path(self, path: SimdPath) -> Self {
@@ -232,8 +235,8 @@ impl<B: Blas> Tracer for TwoLevels<B> {
     /// Computed in object space, where the kernel runs; a mirror swaps the sides.
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
         let hits = all_hits(|query| self.tlas.closest_hit_with(ray, query));
-        let mut crossings = crossings::of_hits(&self.mesh, &instances::ray_object(&self.place, ray), hits);
-        if mirrors(&self.place) {
+        let mut crossings = crossings::of_hits(&self.mesh, &instances::ray_object(&self.placement, ray), hits);
+        if mirrors(&self.placement) {
             crossings.iter_mut().for_each(|hit| hit.side = opposite(hit.side));
         }
         Some(crossings)

@@ -53,7 +53,7 @@ fn least_times(meshes: [&Mesh; 2], config: &BuildConfig) -> [Duration; 2] {
 }
 
 #[test]
-fn ten_times_the_triangles_take_about_ten_times_as_long() {
+fn build_time_is_nearly_linear() {
     for (name, mesh) in KINDS {
         let (small, large) = (mesh(10_000), mesh(100_000));
         for strategy in Strategy::ALL {
@@ -82,7 +82,7 @@ fn depth_stays_within_its_bound() {
 }
 
 #[test]
-fn one_code_for_all_makes_a_balanced_tree() {
+fn equal_codes_make_a_balanced_tree() {
     for (name, mesh) in [KINDS[0], KINDS[2]] {
         let mesh = mesh(100_000);
         let blas = build(&mesh, &config(Strategy::Aabb, Bits::B63));
@@ -116,7 +116,7 @@ fn cluster(n: u32, distance: f32) -> Mesh {
 }
 
 #[test]
-fn an_outlier_costs_its_share_of_the_grid_and_no_more() {
+fn an_outlier_costs_only_its_share_of_the_grid() {
     let alone = soup(9, 20_000);
     let rays = rays_at(&alone, 300);
     let tests = |mesh: &Mesh, bits| tests_per_ray(&build(mesh, &config(Strategy::Aabb, bits)), &rays);
@@ -133,7 +133,7 @@ fn an_outlier_costs_its_share_of_the_grid_and_no_more() {
 }
 
 #[test]
-fn triangles_that_coincide_are_tried_once_each_and_missed_at_once() {
+fn coincident_triangles_are_tested_once_each_and_missed_early() {
     let n = 100_000;
     let mesh = identical(n);
     for strategy in Strategy::ALL {
@@ -156,7 +156,7 @@ fn triangles_that_coincide_are_tried_once_each_and_missed_at_once() {
 }
 
 #[test]
-fn degenerate_scenes_are_traced_like_the_loop() {
+fn degenerate_scenes_match_the_loop() {
     for (name, mesh) in KINDS {
         for n in [0, 1, 2, 3, 500] {
             let mesh = mesh(n);
@@ -178,7 +178,7 @@ fn degenerate_scenes_are_traced_like_the_loop() {
 
 /// The bounds above can fail: a chain is deep and slow.
 #[test]
-fn a_chain_breaks_the_bounds() {
+fn a_chain_exceeds_the_bounds() {
     let n = 2_000u32;
     let mesh = soup(9, n);
     let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();

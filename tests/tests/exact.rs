@@ -7,7 +7,7 @@
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_tests::judge::{Tally, compare, corners, margin, meshes, rays};
+use canted_tests::reference::{Tally, compare, corners, margin, meshes, rays};
 use canted_trace::{Hit, InstanceId, Query, Watertight};
 
 /// Rejects every hit, so that the query reports all of them.
@@ -27,7 +27,7 @@ fn build(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
 }
 
 #[test]
-fn trees_hit_what_is_pierced_and_nothing_that_is_missed() {
+fn certain_hits_are_found_and_certain_misses_are_not() {
     for (name, mesh) in meshes() {
         let mut tally = Tally::default();
         for (strategy, seed) in Strategy::ALL.into_iter().zip(70..) {
@@ -46,7 +46,7 @@ fn trees_hit_what_is_pierced_and_nothing_that_is_missed() {
 }
 
 #[test]
-fn the_closest_hit_is_the_least_of_all() {
+fn the_closest_hit_is_the_nearest_of_all_hits() {
     for (name, mesh) in meshes() {
         let blas = build(&mesh, Strategy::Dop);
         for ray in rays(&mesh, 60, 5) {
@@ -60,7 +60,7 @@ fn the_closest_hit_is_the_least_of_all() {
 }
 
 #[test]
-fn a_vertex_moved_by_a_hundred_margins_is_seen() {
+fn a_vertex_moved_by_a_hundred_margins_is_detected() {
     for (name, mesh) in meshes() {
         let mut n_seen = 0;
         for ray in rays(&mesh, 300, 6) {

@@ -5,7 +5,7 @@
 
 use canted_tests::{
     closed::closed,
-    leaks::{Found, places, search},
+    leaks::{Found, placements, search},
     tracers,
 };
 
@@ -14,15 +14,15 @@ const N_RAYS: usize = 1_000_000;
 #[test]
 #[expect(clippy::print_stderr, reason = "unavailable features are reported")]
 fn a_million_rays_find_no_leak() {
-    let (ways, missing) = tracers::ours();
+    let (methods, missing) = tracers::ours();
     for name in missing {
         eprintln!("not tested: {name} is not available");
     }
-    let found = search(&closed(), &places(), &ways, N_RAYS, &mut |_| ());
+    let found = search(&closed(), &placements(), &methods, N_RAYS, &mut |_| ());
     let leaks: Vec<&Found> = found.iter().filter(|found| found.n_leaks > 0).collect();
     assert!(leaks.is_empty(), "{leaks:#?}");
     assert!(found.iter().map(|found| found.n_rays).sum::<usize>() >= N_RAYS);
-    for way in ["binary dop", "two-level binary", "wide scalar", "two-level wide"] {
-        assert!(found.iter().any(|found| found.way == format!("crossings, {way}")), "{way}");
+    for method in ["binary dop", "two-level binary", "wide scalar", "two-level wide"] {
+        assert!(found.iter().any(|found| found.method == format!("crossings, {method}")), "{method}");
     }
 }

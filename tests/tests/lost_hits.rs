@@ -104,7 +104,7 @@ fn scales_by_powers_of_two_change_no_bit() {
 }
 
 #[test]
-fn pruning_does_fewer_tests_than_the_loop() {
+fn traversal_does_fewer_tests_than_the_loop() {
     let mesh = &scenes::shapes()[2].mesh;
     let blas = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &BuildConfig::default()).unwrap();
     let rays = rays(mesh, 100);

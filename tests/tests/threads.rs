@@ -180,7 +180,7 @@ fn differing(a: &Picture, b: &Picture) -> f64 {
 }
 
 #[test]
-fn one_level_and_two_agree_but_for_rounding() {
+fn one_and_two_levels_agree_up_to_rounding() {
     let one = picture(2, BASE, &SETTINGS);
     let two = picture(2, StructureConfig { levels: Levels::Two, ..BASE }, &SETTINGS);
     let share = differing(&one, &two);

@@ -14,8 +14,8 @@ mod scan;
 mod setup;
 #[path = "twins_build/sort.rs"]
 mod sort;
-#[path = "twins_build/stations.rs"]
-mod stations;
+#[path = "twins_build/stages.rs"]
+mod stages;
 #[path = "twins_build/two_levels.rs"]
 mod two_levels;
 #[path = "twins_build/volumes.rs"]

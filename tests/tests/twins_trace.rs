@@ -5,14 +5,14 @@
 mod twins_trace {
     mod deep;
     mod instances;
-    mod judge;
     mod meshes;
     mod models;
     mod moving;
+    mod reference;
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "only the configurations are used")]
     mod setup;
-    mod walks;
+    mod traversals;
 
     pub(crate) use canted_tests::device::gpu;
 }

@@ -44,7 +44,7 @@ fn every_strategy_contains_every_vertex() {
 
 /// The nodes with few leaves, where boxes are tightest, and the root.
 #[test]
-fn integers_find_every_vertex_inside() {
+fn exact_arithmetic_finds_every_vertex_inside() {
     let mut n_oriented = 0;
     for case in scenes::cases() {
         let (tree, leaves) = build(&case.mesh);
@@ -63,7 +63,7 @@ fn integers_find_every_vertex_inside() {
 }
 
 #[test]
-fn the_integers_see_a_box_shrunk_by_a_millionth() {
+fn exact_arithmetic_detects_a_box_shrunk_by_a_millionth() {
     let (tree, leaves) = build(&scenes::shapes()[0].mesh);
     let volumes = lbvh::volumes(&tree, &leaves, &VolumeConfig { strategy: Strategy::Dop, fallback: false });
     let Volume::Obb(obb) = volumes.of(NodeId::ROOT) else { panic!("without fallback the root is oriented") };
@@ -117,7 +117,7 @@ fn reproduced(
 }
 
 #[test]
-fn combined_goes_by_the_kind_of_the_children() {
+fn combined_chooses_by_the_kind_of_the_children() {
     let (tree, leaves) = build(&scenes::shapes()[0].mesh);
     let volumes = lbvh::volumes(&tree, &leaves, &VolumeConfig { strategy: Strategy::Combined, fallback: false });
     let (same, different) = reproduced(&tree, &leaves, &volumes, |[a, b]| match (a, b) {
@@ -172,11 +172,14 @@ fn threads_change_no_bit() {
 }
 
 #[test]
-fn bits_tell_two_builds_apart() {
+fn bits_differ_between_two_builds() {
     let config = VolumeConfig { strategy: Strategy::Quaternion, fallback: true };
     let mesh = soup(4, 500);
     let mut moved = mesh.clone();
     let farthest = moved.positions.iter_mut().max_by(|a, b| a[0].total_cmp(&b[0])).unwrap();
     farthest[0] = farthest[0].next_up();
-    assert!(build_bits(&mesh, &config).1 != build_bits(&moved, &config).1, "moving one vertex by one ulp changes the bits");
+    assert!(
+        build_bits(&mesh, &config).1 != build_bits(&moved, &config).1,
+        "moving one vertex by one ulp changes the bits"
+    );
 }

@@ -8,7 +8,7 @@ use canted_bvh2::{BuildConfig, Bvh2, PairOrder};
 use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_obb::Affine;
-use canted_tests::closed::{Place, baked, closed, places, rays};
+use canted_tests::closed::{Placement, baked, closed, placements, rays};
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
 
@@ -45,7 +45,7 @@ fn no_ray_leaks() {
     let mut n_rays = 0;
     for closed in closed() {
         assert_eq!(closed.mesh.open_edge(), None);
-        for (Place { name, world_from_object }, seed) in places().iter().zip(400..) {
+        for (Placement { name, world_from_object }, seed) in placements().iter().zip(400..) {
             let world = baked(&closed.mesh, world_from_object);
             for strategy in Strategy::ALL {
                 let rays = rays(&world, &closed, world_from_object, N_RAYS, seed);
@@ -59,9 +59,9 @@ fn no_ray_leaks() {
 }
 
 #[test]
-fn a_hole_is_seen() {
+fn a_hole_is_detected() {
     for closed in closed() {
-        for Place { name, world_from_object } in places() {
+        for Placement { name, world_from_object } in placements() {
             let rays = rays(&baked(&closed.mesh, &world_from_object), &closed, &world_from_object, N_RAYS, 7);
             let mut open = closed.mesh.clone();
             open.triangles.pop();
@@ -72,7 +72,7 @@ fn a_hole_is_seen() {
 }
 
 #[test]
-fn a_box_too_small_is_seen() {
+fn a_box_too_small_is_detected() {
     let closed = &closed()[0];
     let (corners, bounds) = lbvh::triangle_corners(&closed.mesh.positions, &closed.mesh.triangles).unwrap();
     let tree =

@@ -13,26 +13,26 @@ use crate::wide;
 /// Puts every promise to the test.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "extremes", title: "Extremes: what is promised, and kept", ..Chapter::default() };
-    let (mut ways, missing) = tracers::ours();
+    let (mut methods, missing) = tracers::ours();
     chapter.skipped.extend(extremes::not_tried(&missing).into_iter().map(|what| format!("{what}.")));
     chapter.skipped.extend(wide::peers_left_out().into_iter().map(|peer| format!("{peer}.")));
-    ways.extend(wide::peers());
-    let rows = extremes::rows(effort.pick(1, 1, 4), &ways);
+    methods.extend(wide::peers());
+    let rows = extremes::rows(effort.pick(1, 1, 4), &methods);
     let ours: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();
     chapter.says = extremes::summary(&rows);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     chapter.plots = vec![used(&ours)];
-    let mut stations: Vec<&'static str> = vec![];
+    let mut stages: Vec<&'static str> = vec![];
     for row in &rows {
-        if !stations.contains(&row.promise.station) {
-            stations.push(row.promise.station);
+        if !stages.contains(&row.promise.stage) {
+            stages.push(row.promise.stage);
         }
     }
-    for station in stations {
-        let head = ["case", "promise", "judged by", "bound", "worst of ours", "peers"];
-        let mut table = Table::new(station, &head);
-        let of_station: Vec<Row> = rows.iter().filter(|row| row.promise.station == station).cloned().collect();
-        let lines = extremes::lines(&of_station);
+    for stage in stages {
+        let head = ["case", "promise", "reference", "bound", "worst of ours", "peers"];
+        let mut table = Table::new(stage, &head);
+        let of_stage: Vec<Row> = rows.iter().filter(|row| row.promise.stage == stage).cloned().collect();
+        let lines = extremes::lines(&of_stage);
         table.rows = lines.into_iter().map(|line| line[1..].iter().map(Cell::text).collect()).collect();
         chapter.tables.push(table);
     }
@@ -46,7 +46,7 @@ const LEAST_SHARE: f64 = 1e-6;
 fn used(ours: &[&Row]) -> Plot {
     let mut series: Vec<Series> = vec![];
     for row in ours.iter().filter(|row| row.promise.bound > 0.0) {
-        let name = row.promise.station;
+        let name = row.promise.stage;
         let point = Point {
             label: format!("{}: {}, {}", row.promise.case, row.promise.promise, row.routine),
             x: row.promise.bound.into(),

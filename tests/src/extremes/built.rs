@@ -16,12 +16,12 @@ use super::{Oracle, Promise, Row, tree};
 /// Devices promise nothing for this case: they may flush subnormal numbers to zero.
 const BELOW_NORMAL: &str = "denormal extent";
 
-const STATION: &str = "tree on a device";
+const STAGE: &str = "tree on a device";
 
 /// Why there are no rows if there is no adapter.
 pub(super) fn not_tried() -> Option<String> {
     let there_is_none = Gpu::open(&Choice::Best).is_err();
-    there_is_none.then(|| format!("the station \"{STATION}\" and instances on a device: no device"))
+    there_is_none.then(|| format!("the stage \"{STAGE}\" and instances on a device: no device"))
 }
 
 /// Rows of the best adapter; empty without an adapter.
@@ -32,8 +32,8 @@ pub(super) fn rows() -> Vec<Row> {
 
 fn of_case(gpu: &Gpu, case: &'static str, meshes: &[Mesh]) -> Vec<Row> {
     let of = |promise, oracle, unit| {
-        let promise = Promise::none(STATION, case, promise, oracle, unit);
-        if case == BELOW_NORMAL { promise.told() } else { promise }
+        let promise = Promise::none(STAGE, case, promise, oracle, unit);
+        if case == BELOW_NORMAL { promise.reported() } else { promise }
     };
     let same = of("the CPU's leaves and nodes", Oracle::Same, "trees differ");
     let contains = of("contains every vertex below a node", Oracle::Exact, "vertices outside");

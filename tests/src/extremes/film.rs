@@ -12,7 +12,7 @@ use canted_trace::Watertight;
 use super::{Oracle, Promise, Row};
 
 const fn promise(case: &'static str, promise: &'static str, bound: f64, unit: &'static str) -> Promise {
-    Promise { station: "film", case, promise, oracle: Oracle::Known, bound, unit }
+    Promise { stage: "film", case, promise, oracle: Oracle::Known, bound, unit }
 }
 
 /// Sizes of the thread pools.
@@ -40,14 +40,10 @@ pub(super) fn rows() -> Vec<Row> {
     };
     const PARTS: Promise = Promise {
         oracle: Oracle::Same,
-        ..promise(
-            "samples in three parts, two orders",
-            "the sums of one part, bit for bit",
-            0.0,
-            "pictures differ",
-        )
+        ..promise("samples in three parts, two orders", "the sums of one part, bit for bit", 0.0, "pictures differ")
     };
-    const BAD: Promise = promise("a NaN or infinite sample", "counted, and excluded from all sums", 0.0, "samples counted wrongly");
+    const BAD: Promise =
+        promise("a NaN or infinite sample", "counted, and excluded from all sums", 0.0, "samples counted wrongly");
     const LONG: Promise = promise(
         "2^24 samples, then a million more",
         "the sum keeps growing",

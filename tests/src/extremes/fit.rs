@@ -48,7 +48,7 @@ fn skew(fitted: &Obb) -> f64 {
 pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for Cloud { case, sets } in extreme(effort) {
-        let promise = |promise, oracle, bound, unit| Promise { station: "fit", case, promise, oracle, bound, unit };
+        let promise = |promise, oracle, bound, unit| Promise { stage: "fit", case, promise, oracle, bound, unit };
         let contains = promise("contains every point", Oracle::Exact, 0.0, "points outside");
         let area = promise("no more area than the axis-aligned box", Oracle::Exact, 1.0, "of its area");
         let rotation = promise("a proper rotation", Oracle::Structure, frame::ORTHONORMAL_ERROR, "off orthonormal");
@@ -128,7 +128,7 @@ fn needles(effort: usize) -> Vec<Row> {
     const THICKER: f64 = 2.0 * 3.0 * 1.733 / 33_554_432.0;
     const HALF: [f64; 3] = [0.5, 5e-6, 5e-7];
     let promise = Promise {
-        station: "fit",
+        stage: "fit",
         case: "rod, 1e6 : 1, rotated",
         promise: "thin extents are kept up to rounding",
         oracle: Oracle::Known,
@@ -160,7 +160,7 @@ fn needles(effort: usize) -> Vec<Row> {
 /// A surface that is finely tessellated in one corner.
 fn subdivided() -> Row {
     let promise = Promise {
-        station: "fit",
+        stage: "fit",
         case: "one face tessellated a thousand times as densely",
         promise: "the same box: weights are areas",
         oracle: Oracle::Same,

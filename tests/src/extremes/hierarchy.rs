@@ -12,9 +12,9 @@ use super::{Oracle, Promise, Row};
 use crate::{
     brute,
     exact::{Margin, Verdict, near_plane, verdict},
-    judge::{self, corners},
     rays::{at_insides, from_inside, of_classes},
-    tracers::{Way, Word},
+    reference::{self, corners},
+    tracers::{Guarantee, Method},
 };
 
 /// A mesh and rays.
@@ -38,7 +38,7 @@ fn cases(effort: usize) -> Vec<Case> {
     let n = 80 * effort;
     let base = soup(21, 60);
     let around = |mesh: &Mesh, seed: u64| {
-        let mut rays = judge::rays(mesh, n, seed);
+        let mut rays = reference::rays(mesh, n, seed);
         rays.extend(of_classes(mesh, &[Grazing::Vertices, Grazing::Edges, Grazing::Planes], n / 8, seed));
         rays.extend(from_inside(mesh, n / 4, seed));
         rays.extend(at_insides(mesh, n / 2, seed));
@@ -69,7 +69,7 @@ fn cases(effort: usize) -> Vec<Case> {
     for (name, scale) in
         [("directions of length 1e-30", 1e-30), ("directions of length 1e30", 1e30), ("denormal directions", 1e-38)]
     {
-        cases.push(Case { name, mesh: base.clone(), rays: of_length(&judge::rays(&base, n, 95), scale) });
+        cases.push(Case { name, mesh: base.clone(), rays: of_length(&reference::rays(&base, n, 95), scale) });
     }
     let quads = coplanar_quads(5);
     let mut rays = of_classes(&quads, &[Grazing::Axes, Grazing::Planes], n, 96);
@@ -88,9 +88,9 @@ fn cases_seed(name: &str) -> u64 {
 const DEVICE_UNDERFLOW: f32 = 4e-36;
 
 /// Error bound of hits: the CPU kernels' or the device's.
-fn margin(word: Word, ray: &Ray, corners: &[[f32; 3]; 3]) -> Margin {
-    let margin = judge::margin(ray, corners);
-    let Word::Device(error) = word else { return margin };
+fn margin(guarantee: Guarantee, ray: &Ray, corners: &[[f32; 3]; 3]) -> Margin {
+    let margin = reference::margin(ray, corners);
+    let Guarantee::Device(error) = guarantee else { return margin };
     let along = margin.along / canted_trace::HIT_ERROR * error + DEVICE_UNDERFLOW;
     // An error on each axis doubles when seen along the ray's axis, on two axes.
     Margin { across: 2.0 * std::f32::consts::SQRT_2 * along, along }
@@ -105,40 +105,42 @@ pub const SAME: &str = "the loop's answers, bit for bit; a device loses none of 
 
 /// The rows of every tracer on every case; `effort` multiplies the rays.
 #[must_use]
-pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
+pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
     let mut rows = vec![];
     for Case { name, mesh, rays } in cases(effort) {
         // Classified once for each error bound.
-        let mut judged: Vec<(f32, Vec<Vec<Verdict>>)> = vec![];
+        let mut checked: Vec<(f32, Vec<Vec<Verdict>>)> = vec![];
         let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
         let wants: Vec<Option<Hit>> = rays.iter().map(|ray| brute::closest_hit::<Watertight>(&records, ray)).collect();
         let promise = |promise, oracle| Promise::none("triangle BVH", name, promise, oracle, "rays");
         let mut by_promise: [Vec<Row>; 3] = Default::default();
-        for way in ways {
-            let tracer = way.of(&mesh);
-            let error = if let Word::Device(error) = way.word { error } else { 0.0 };
-            if judged.iter().all(|(known, _)| *known != error) {
-                judged.push((error, verdicts(&mesh, &rays, way.word)));
+        for method in methods {
+            let tracer = method.of(&mesh);
+            let error = if let Guarantee::Device(error) = method.guarantee { error } else { 0.0 };
+            if checked.iter().all(|(known, _)| *known != error) {
+                checked.push((error, verdicts(&mesh, &rays, method.guarantee)));
             }
-            let ((hits, occluded), n_cut) = way.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
-            let verdicts = judged.iter().find(|(known, _)| *known == error).map_or(&[][..], |(_, of)| of);
-            let Certain { pierced, missed } = Certain::of(way.word, &mesh, &rays, verdicts, &hits);
+            let ((hits, occluded), n_cut) = method.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
+            let verdicts = checked.iter().find(|(known, _)| *known == error).map_or(&[][..], |(_, of)| of);
+            let Certain { pierced, missed } = Certain::of(method.guarantee, &mesh, &rays, verdicts, &hits);
             // A device may hit anything within its error, so only lost hits count.
-            let counts = |&i: &usize| match (way.word, &wants[i]) {
-                (Word::Device(_), want) => want.is_some_and(|want| !begins_in(way.word, &mesh, &rays[i], &want)),
+            let counts = |&i: &usize| match (method.guarantee, &wants[i]) {
+                (Guarantee::Device(_), want) => {
+                    want.is_some_and(|want| !begins_in(method.guarantee, &mesh, &rays[i], &want))
+                }
                 (_, want) => want.is_some() || hits[i].is_some(),
             };
-            let differs = |&i: &usize| match way.word {
-                Word::Loop => !is_same(hits[i], wants[i]) || occluded[i] != wants[i].is_some(),
-                Word::Device(_) => hits[i].is_none() || !occluded[i],
-                Word::Peer => hits[i].is_some() != wants[i].is_some(),
+            let differs = |&i: &usize| match method.guarantee {
+                Guarantee::Loop => !is_same(hits[i], wants[i]) || occluded[i] != wants[i].is_some(),
+                Guarantee::Device(_) => hits[i].is_none() || !occluded[i],
+                Guarantee::Peer => hits[i].is_some() != wants[i].is_some(),
             };
             let same = [(0..rays.len()).filter(counts).count(), (0..rays.len()).filter(counts).filter(differs).count()];
             let counts =
                 [(PIERCED, Oracle::Exact, pierced), (MISSED, Oracle::Exact, missed), (SAME, Oracle::Loop, same)];
             for (of_promise, (words, oracle, [n, n_failed])) in by_promise.iter_mut().zip(counts) {
-                let row = promise(words, oracle).count_certain(&way.name, n, n_failed);
-                of_promise.push(Row { is_peer: way.word == Word::Peer, n_cut, ..row });
+                let row = promise(words, oracle).count_certain(&method.name, n, n_failed);
+                of_promise.push(Row { is_peer: method.guarantee == Guarantee::Peer, n_cut, ..row });
             }
         }
         rows.extend(by_promise.concat());
@@ -155,31 +157,31 @@ pub(super) struct Certain {
 }
 
 impl Certain {
-    fn of(word: Word, mesh: &Mesh, rays: &[Ray], verdicts: &[Vec<Verdict>], hits: &[Option<Hit>]) -> Self {
+    fn of(guarantee: Guarantee, mesh: &Mesh, rays: &[Ray], verdicts: &[Vec<Verdict>], hits: &[Option<Hit>]) -> Self {
         let mut certain = Self { pierced: [0; 2], missed: [0; 2] };
         for ((ray, verdicts), hit) in rays.iter().zip(verdicts).zip(hits) {
             let is_pierced = verdicts.contains(&Verdict::Pierced);
             certain.pierced[0] += usize::from(is_pierced);
             certain.pierced[1] += usize::from(is_pierced && hit.is_none());
             certain.missed[0] += usize::from(hit.is_some() || verdicts.contains(&Verdict::Missed));
-            certain.missed[1] += usize::from(hit.is_some_and(|hit| is_invented(word, mesh, ray, verdicts, &hit)));
+            certain.missed[1] += usize::from(hit.is_some_and(|hit| is_invented(guarantee, mesh, ray, verdicts, &hit)));
         }
         certain
     }
 
     /// Compares a tracer's answers with what is certain.
-    pub(super) fn of_way(way: &Way, mesh: &Mesh, rays: &[Ray]) -> Self {
-        let verdicts = verdicts(mesh, rays, way.word);
-        Self::of(way.word, mesh, rays, &verdicts, &way.of(mesh).closest(rays))
+    pub(super) fn of_method(method: &Method, mesh: &Mesh, rays: &[Ray]) -> Self {
+        let verdicts = verdicts(mesh, rays, method.guarantee);
+        Self::of(method.guarantee, mesh, rays, &verdicts, &method.of(mesh).closest(rays))
     }
 }
 
 /// The verdict for each ray and triangle.
-fn verdicts(mesh: &Mesh, rays: &[Ray], word: Word) -> Vec<Vec<Verdict>> {
+fn verdicts(mesh: &Mesh, rays: &[Ray], guarantee: Guarantee) -> Vec<Vec<Verdict>> {
     let of = |ray: &Ray| {
         let triangle = |triangle| {
             let corners = corners(mesh, triangle);
-            verdict(ray, corners, &margin(word, ray, &corners))
+            verdict(ray, corners, &margin(guarantee, ray, &corners))
         };
         mesh.triangles.iter().map(triangle).collect()
     };
@@ -187,17 +189,17 @@ fn verdicts(mesh: &Mesh, rays: &[Ray], word: Word) -> Vec<Vec<Verdict>> {
 }
 
 /// Whether the hit triangle is certainly missed, or the hit is off its plane.
-fn is_invented(word: Word, mesh: &Mesh, ray: &Ray, verdicts: &[Verdict], hit: &Hit) -> bool {
+fn is_invented(guarantee: Guarantee, mesh: &Mesh, ray: &Ray, verdicts: &[Verdict], hit: &Hit) -> bool {
     let id = hit.primitive.index();
     let corners = corners(mesh, &mesh.triangles[id]);
-    let is_near = || hit.t.is_finite() && near_plane(ray, hit.t, corners, margin(word, ray, &corners).along);
+    let is_near = || hit.t.is_finite() && near_plane(ray, hit.t, corners, margin(guarantee, ray, &corners).along);
     verdicts[id] == Verdict::Missed || !is_near()
 }
 
 /// Whether a ray starts so close to the plane of the hit triangle that it may start on either side.
-fn begins_in(word: Word, mesh: &Mesh, ray: &Ray, hit: &Hit) -> bool {
+fn begins_in(guarantee: Guarantee, mesh: &Mesh, ray: &Ray, hit: &Hit) -> bool {
     let corners = corners(mesh, &mesh.triangles[hit.primitive.index()]);
-    near_plane(ray, ray.t_min, corners, margin(word, ray, &corners).along)
+    near_plane(ray, ray.t_min, corners, margin(guarantee, ray, &corners).along)
 }
 
 /// Whether two answers have the same bits; `==` does not distinguish -0.0 from 0.0.

@@ -17,12 +17,12 @@ use crate::{
     brute,
     distance::distance,
     instances as oracle,
-    tracers::{Way, Word},
+    tracers::{Guarantee, Method},
     transforms::affine,
 };
 
 /// Transforms by name.
-fn places() -> Vec<(&'static str, Affine)> {
+fn placements() -> Vec<(&'static str, Affine)> {
     let turn = Rotation::off_axis();
     let mut sheared = affine(&turn, [1.0; 3], [0.3, 0.1, -2.0]);
     sheared.columns[1][0] += 0.9;
@@ -58,18 +58,18 @@ fn rays(mesh: &Mesh, world_from_object: &Affine, n: usize) -> Vec<Ray> {
 }
 
 /// A mesh with its transform.
-struct Place<'a> {
+struct Placement<'a> {
     mesh: &'a Mesh,
     world_from_object: Affine,
     /// Greatest coordinate of the mesh.
     reach: f32,
 }
 
-impl Place<'_> {
+impl Placement<'_> {
     /// Distance of a hit from its exact position relative to the bound, in `f64`, whose rounding is a billionth of the bound.
-    fn of_promised(&self, word: Word, ray: &Ray, hit: &Hit) -> f64 {
+    fn of_promised(&self, guarantee: Guarantee, ray: &Ray, hit: &Hit) -> f64 {
         let Self { mesh, world_from_object, reach } = self;
-        if let Word::Device(_) = word {
+        if let Guarantee::Device(_) = guarantee {
             return self.off_device(ray, hit.t, hit);
         }
         // Distance between the point on the ray and the image of the barycentric point.
@@ -111,47 +111,49 @@ fn norm(map: &Affine) -> f64 {
 /// The rows of these tracers: ours for every transform that they accept; for peers only whether anything is hit, because they may
 /// round the ray or the vertices in undocumented steps.
 #[must_use]
-pub fn rows(effort: usize, ways: &[&Way]) -> Vec<Row> {
+pub fn rows(effort: usize, methods: &[&Method]) -> Vec<Row> {
     let mut rows = vec![];
     let mesh = &soup(25, 80);
     let reach = mesh.positions.iter().flatten().fold(0.0f32, |all, x| all.max(x.abs()));
     let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
-    for (name, world_from_object) in places() {
+    for (name, world_from_object) in placements() {
         let same = Promise::none("instance", name, SAME, Oracle::Loop, "rays");
         let near = Promise { promise: NEAR, oracle: Oracle::Known, bound: 1.0, unit: "of the stated error", ..same };
-        let place = Place { mesh, world_from_object, reach };
+        let placement = Placement { mesh, world_from_object, reach };
         let rays = rays(mesh, &world_from_object, 300 * effort);
         let trace = |_: usize, ray: &Ray| brute::closest_hit::<Watertight>(&records, ray);
         let wants: Vec<_> = rays.iter().map(|ray| oracle::closest_hit(&[world_from_object], ray, trace)).collect();
         let mut by_promise: [Vec<Row>; 2] = Default::default();
         let is_ill = oracle::condition(&world_from_object) > canted_gpu::MAX_CONDITION;
-        for way in ways.iter().filter(|way| !(is_ill && matches!(way.word, Word::Device(_)))) {
-            let tracer = (way.make)(mesh, &world_from_object);
-            let ((hits, occluded), n_cut) = way.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
-            let differs = |i: usize| match (way.word, wants[i], hits[i]) {
-                (Word::Loop, want, hit) => !is_same(hit, want) || occluded[i] != want.is_some(),
-                (Word::Peer, want, hit) => hit.is_some() != want.is_some(),
-                (Word::Device(_), None, _) => false,
-                (Word::Device(_), Some(_), None) => true,
+        for method in methods.iter().filter(|method| !(is_ill && matches!(method.guarantee, Guarantee::Device(_)))) {
+            let tracer = (method.make)(mesh, &world_from_object);
+            let ((hits, occluded), n_cut) = method.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
+            let differs = |i: usize| match (method.guarantee, wants[i], hits[i]) {
+                (Guarantee::Loop, want, hit) => !is_same(hit, want) || occluded[i] != want.is_some(),
+                (Guarantee::Peer, want, hit) => hit.is_some() != want.is_some(),
+                (Guarantee::Device(_), None, _) => false,
+                (Guarantee::Device(_), Some(_), None) => true,
                 // A farther hit must be within the error of the nearer one.
-                (Word::Device(_), Some(want), Some(hit)) => {
-                    !occluded[i] || hit.t > want.t && place.off_device(&rays[i], hit.t, &want) > 1.0
+                (Guarantee::Device(_), Some(want), Some(hit)) => {
+                    !occluded[i] || hit.t > want.t && placement.off_device(&rays[i], hit.t, &want) > 1.0
                 }
             };
             // For a device only lost hits count.
-            let counts = |&i: &usize| match way.word {
-                Word::Device(_) => wants[i].is_some_and(|want| !place.begins_in(&rays[i], &want)),
-                Word::Loop | Word::Peer => true,
+            let counts = |&i: &usize| match method.guarantee {
+                Guarantee::Device(_) => wants[i].is_some_and(|want| !placement.begins_in(&rays[i], &want)),
+                Guarantee::Loop | Guarantee::Peer => true,
             };
             let counted: Vec<usize> = (0..rays.len()).filter(counts).collect();
             let n_other = counted.iter().filter(|&&i| differs(i)).count();
-            let is_peer = way.word == Word::Peer;
-            by_promise[0].push(Row { is_peer, n_cut, ..same.count_certain(&way.name, counted.len(), n_other) });
+            let is_peer = method.guarantee == Guarantee::Peer;
+            by_promise[0].push(Row { is_peer, n_cut, ..same.count_certain(&method.name, counted.len(), n_other) });
             if !is_peer {
-                let share = |(ray, hit): (&Ray, &Option<Hit>)| Some(place.of_promised(way.word, ray, hit.as_ref()?));
+                let share = |(ray, hit): (&Ray, &Option<Hit>)| {
+                    Some(placement.of_promised(method.guarantee, ray, hit.as_ref()?))
+                };
                 let shares: Vec<f64> = rays.iter().zip(&hits).filter_map(share).collect();
                 let worst = shares.iter().fold(0.0, greater);
-                by_promise[1].push(Row { n_cut, ..near.row(&way.name, shares.len(), worst) });
+                by_promise[1].push(Row { n_cut, ..near.row(&method.name, shares.len(), worst) });
             }
         }
         rows.extend(by_promise.concat());

@@ -19,9 +19,15 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     let paths = || SimdPath::ALL.into_iter().filter(|path| path.is_available());
     let mut rows = vec![];
     for Case { name, pairs } in cases(effort) {
-        let lost =
-            Promise::none("box in an eight-wide node", name, "no ray that hits the box is rejected", Oracle::Exact, "rays lost");
-        let told = Promise { promise: "misses accepted because of padding", unit: "of all misses", ..lost }.told();
+        let lost = Promise::none(
+            "box in an eight-wide node",
+            name,
+            "no ray that hits the box is rejected",
+            Oracle::Exact,
+            "rays lost",
+        );
+        let reported =
+            Promise { promise: "misses accepted because of padding", unit: "of all misses", ..lost }.reported();
         // A product and a sum may be rounded once or twice (`canted_wide`'s `simd`); padding covers both, and paths may differ.
         let same = Promise {
             promise: "rays that enter other boxes than on the scalar path (fused rounding)",
@@ -29,23 +35,23 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             unit: "of all rays",
             ..lost
         }
-        .told();
+        .reported();
         // An oriented box lies in its axis-aligned bounds: a ray that hits it must enter those.
-        let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::meets_box(ray, obb)).collect();
-        let n_met = verdicts.iter().filter(|&&meets| meets).count();
+        let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::intersects_box(ray, obb)).collect();
+        let n_hit = verdicts.iter().filter(|&&hits| hits).count();
         let straight = pairs.iter().all(|(_, obb)| obb.frame == canted_obb::Obb::IDENTITY_FRAME);
         let wants = entered(&pairs, SimdPath::Scalar);
         let mut by_promise: [Vec<Row>; 3] = Default::default();
         for path in paths() {
             let found = entered(&pairs, path);
-            let own = |meets: bool, enters: bool| {
+            let own = |hits: bool, enters: bool| {
                 let is_so =
-                    |(i, among): (usize, &Vec<usize>)| verdicts[i] == meets && among.contains(&(i % LANES)) == enters;
+                    |(i, among): (usize, &Vec<usize>)| verdicts[i] == hits && among.contains(&(i % LANES)) == enters;
                 found.iter().enumerate().filter(|&pair| is_so(pair)).count()
             };
-            by_promise[0].push(lost.count(path.name(), n_met, own(true, false)));
+            by_promise[0].push(lost.count(path.name(), n_hit, own(true, false)));
             if straight {
-                by_promise[1].push(told.share(path.name(), pairs.len() - n_met, own(false, true)));
+                by_promise[1].push(reported.share(path.name(), pairs.len() - n_hit, own(false, true)));
             }
             if path != SimdPath::Scalar {
                 let n_other = found.iter().zip(&wants).filter(|(found, wanted)| found != wanted).count();

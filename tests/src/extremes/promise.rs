@@ -47,7 +47,7 @@ pub enum Measure {
 #[derive(Clone, Copy, Debug)]
 pub struct Promise {
     /// The stage: `fit`, `merge`, and so on.
-    pub station: &'static str,
+    pub stage: &'static str,
     /// The kind of input.
     pub case: &'static str,
     /// The promise as text.
@@ -64,18 +64,18 @@ impl Promise {
     /// A promise that allows no failure.
     #[must_use]
     pub const fn none(
-        station: &'static str,
+        stage: &'static str,
         case: &'static str,
         promise: &'static str,
         oracle: Oracle,
         unit: &'static str,
     ) -> Self {
-        Self { station, case, promise, oracle, bound: 0.0, unit }
+        Self { stage, case, promise, oracle, bound: 0.0, unit }
     }
 
     /// The same without a bound: the value is only reported.
     #[must_use]
-    pub const fn told(self) -> Self {
+    pub const fn reported(self) -> Self {
         Self { bound: f64::INFINITY, ..self }
     }
 
@@ -97,7 +97,7 @@ impl Promise {
     /// reported, because a routine that does nothing would pass.
     #[must_use]
     pub fn count_certain(&self, routine: impl Into<String>, n_certain: usize, n_failed: usize) -> Row {
-        let promise = if n_certain == 0 { self.told() } else { *self };
+        let promise = if n_certain == 0 { self.reported() } else { *self };
         promise.count(routine, n_certain, n_failed)
     }
 
@@ -155,13 +155,13 @@ mod tests {
     const PROMISE: Promise = Promise::none("fit", "a case", "holds", Oracle::Exact, "points");
 
     #[test]
-    fn no_input_and_no_number_keep_no_promise() {
+    fn a_row_without_inputs_or_with_nan_does_not_hold() {
         assert!(!PROMISE.count("a", 0, 0).holds());
         assert!(!PROMISE.row("a", 1, f64::NAN).holds());
     }
 
     #[test]
-    fn what_is_certain_of_nothing_is_told() {
+    fn a_row_without_certain_inputs_promises_nothing() {
         let row = PROMISE.count_certain("a", 0, 0);
         assert!(!row.is_promise() && !row.is_broken());
         assert!(PROMISE.count_certain("a", 1, 1).is_broken() && !PROMISE.count_certain("a", 1, 0).is_broken());

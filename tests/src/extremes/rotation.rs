@@ -29,7 +29,7 @@ const CAP: usize = 1000;
 const RESIDUAL: f64 = 128.0 * f64::EPSILON;
 
 fn promise(case: &'static str, promise: &'static str, oracle: Oracle, bound: f64, unit: &'static str) -> Promise {
-    Promise { station: "rotation", case, promise, oracle, bound, unit }
+    Promise { stage: "rotation", case, promise, oracle, bound, unit }
 }
 
 /// Matrices of one kind with their known rotations.
@@ -85,9 +85,9 @@ fn known(effort: usize) -> Vec<Known> {
     let short = 1e-4;
     let mean = |rng: &mut SplitMix64| {
         let (p, axis) = (random_rotation(rng), random_rotation(rng).columns()[0]);
-        let turned = |angle: f64| Quaternion::from_axis_angle(axis, angle).times(p);
-        let (a, b) = (p.columns(), turned(PI - short).columns());
-        ([0, 1, 2].map(|k| [0, 1, 2].map(|j| 0.5 * (a[k][j] + b[k][j]))), turned(0.5 * (PI - short)))
+        let rotated = |angle: f64| Quaternion::from_axis_angle(axis, angle).times(p);
+        let (a, b) = (p.columns(), rotated(PI - short).columns());
+        ([0, 1, 2].map(|k| [0, 1, 2].map(|j| 0.5 * (a[k][j] + b[k][j]))), rotated(0.5 * (PI - short)))
     };
     kinds.push(Known {
         case: "mean of two frames, half a turn minus 1e-4 apart",
@@ -108,7 +108,8 @@ fn known(effort: usize) -> Vec<Known> {
 pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for Known { case, bound, inputs } in known(effort) {
-        let promise = promise(case, "the rotation, up to rounding amplified by the condition", Oracle::Known, bound, "rad");
+        let promise =
+            promise(case, "the rotation, up to rounding amplified by the condition", Oracle::Known, bound, "rad");
         let worst = |of: &dyn Fn(Matrix) -> Quaternion| {
             let error = |&(a, turn): &(Matrix, Quaternion)| angle_rad(of(a), turn);
             // NaN counts as the worst error.
@@ -227,7 +228,7 @@ fn graded(effort: usize) -> Row {
     };
     let worst = (0..n).map(|_| residual(&mut rng)).fold(0.0, f64::max);
     Promise {
-        station: "eigenvectors",
+        stage: "eigenvectors",
         case: "eigenvalues 1, 1e-6, 1e-12",
         promise: "residual only from rounding",
         oracle: Oracle::Structure,

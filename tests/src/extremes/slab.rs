@@ -42,7 +42,7 @@ fn aimed(rng: &mut SplitMix64, obb: &Obb, distance: f64) -> Ray {
     Ray::new(origin, std::array::from_fn(|k| (target[k] - f64::from(origin[k])) as f32))
 }
 
-fn leaning(rng: &mut SplitMix64, scale: f64, shift: f32) -> Obb {
+fn oriented(rng: &mut SplitMix64, scale: f64, shift: f32) -> Obb {
     let center = signed_f32(rng, scale).map(|x| x + shift);
     Obb { center, frame: random_rotation(rng).frame(), half_extents: signed_f32(rng, scale).map(f32::abs) }
 }
@@ -50,8 +50,8 @@ fn leaning(rng: &mut SplitMix64, scale: f64, shift: f32) -> Obb {
 /// Integer coordinates from -4 to 4: faces, edges and corners are hit exactly.
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
 fn on_lattice(rng: &mut SplitMix64) -> Pair {
-    let mut whole = || std::array::from_fn(|_| rng.below(9) as f32 - 4.0);
-    let (center, origin): ([f32; 3], [f32; 3]) = (whole(), whole());
+    let mut lattice_point = || std::array::from_fn(|_| rng.below(9) as f32 - 4.0);
+    let (center, origin): ([f32; 3], [f32; 3]) = (lattice_point(), lattice_point());
     let half = std::array::from_fn(|_| rng.below(3) as f32);
     let mut direction = [[0.0, -0.0][rng.below(2)]; 3];
     direction[rng.below(3)] = [1.0, -1.0, 2.0, -0.5][rng.below(4)];
@@ -74,60 +74,60 @@ pub fn cases(effort: usize) -> Vec<Case> {
     vec![
         case("axis-parallel, in faces, edges, corners; flat boxes and points", &on_lattice),
         case("from far, at corners and edges, oriented", &|rng| {
-            let obb = leaning(rng, 1.0, 0.0);
+            let obb = oriented(rng, 1.0, 0.0);
             at(1e3)(rng, obb)
         }),
         case("at 1e7, oriented", &|rng| {
-            let obb = leaning(rng, 10.0, 1e7);
+            let obb = oriented(rng, 10.0, 1e7);
             at(30.0)(rng, obb)
         }),
         case("from 1e7 away, box of size 1", &|rng| {
-            let obb = leaning(rng, 1.0, 0.0);
+            let obb = oriented(rng, 1.0, 0.0);
             at(1e7)(rng, obb)
         }),
         case("origin inside or on the box", &|rng| {
-            let obb = leaning(rng, 1.0, 0.0);
+            let obb = oriented(rng, 1.0, 0.0);
             let start = target(rng, &obb);
             #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
             (Ray::new(start.map(|x| x as f32), signed_f32(rng, 1.0)), obb)
         }),
         case("flat and needle-like, oriented", &|rng| {
-            let mut obb = leaning(rng, 1.0, 0.0);
+            let mut obb = oriented(rng, 1.0, 0.0);
             (0..3).filter(|_| rng.below(2) == 0).for_each(|k| obb.half_extents[k] *= [0.0, 1e-6, 1e-20][k]);
             at(2.0)(rng, obb)
         }),
         case("size 1e-19, coordinates near 1", &|rng| {
-            let obb = Obb { half_extents: signed_f32(rng, 1e-19).map(f32::abs), ..leaning(rng, 1.0, 0.0) };
+            let obb = Obb { half_extents: signed_f32(rng, 1e-19).map(f32::abs), ..oriented(rng, 1.0, 0.0) };
             at(1.0)(rng, obb)
         }),
         case("all at 1e-19", &|rng| {
-            let obb = leaning(rng, 1e-19, 0.0);
+            let obb = oriented(rng, 1e-19, 0.0);
             at(1e-19)(rng, obb)
         }),
         case("all at 1e15", &|rng| {
-            let obb = leaning(rng, 1e15, 0.0);
+            let obb = oriented(rng, 1e15, 0.0);
             at(1e15)(rng, obb)
         }),
         case("within 1e-9 of an oriented axis", &|rng| {
-            let obb = leaning(rng, 1.0, 0.0);
+            let obb = oriented(rng, 1.0, 0.0);
             let (along, stray) = (obb.frame[rng.below(3)], signed_f32(rng, 1e-9));
             let start = aimed(rng, &obb, 0.0).origin;
             let direction = std::array::from_fn(|k| along[k] + stray[k]);
             (Ray::new(std::array::from_fn(|k| start[k] - 3.0 * direction[k]), direction), obb)
         }),
         case("directions of length 1e-30 and 1e30", &|rng| {
-            let obb = leaning(rng, 1.0, 0.0);
+            let obb = oriented(rng, 1.0, 0.0);
             let (ray, scale) = (aimed(rng, &obb, 3.0), [1e-30, 1e30][rng.below(2)]);
             (Ray { direction: ray.direction.map(|d| d * scale), ..ray }, obb)
         }),
         case("denormal components, and denormal directions", &|rng| {
-            let obb = leaning(rng, 1.0, 0.0);
+            let obb = oriented(rng, 1.0, 0.0);
             let ray = aimed(rng, &obb, 3.0);
             let scale = if rng.below(2) == 0 { [1.0, 1e-39, 1e-39] } else { [1e-39; 3] };
             (Ray { direction: [0, 1, 2].map(|k| ray.direction[k] * scale[k]), ..ray }, obb)
         }),
         case("skewed frames", &|rng| {
-            let mut obb = leaning(rng, 1.0, 0.0);
+            let mut obb = oriented(rng, 1.0, 0.0);
             obb.frame[1] = [0, 1, 2].map(|k| obb.frame[1][k] + 0.7 * obb.frame[0][k]);
             at(3.0)(rng, obb)
         }),
@@ -147,24 +147,25 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for Case { name, pairs } in cases(effort) {
         let none_lost = Promise::none("box", name, "no ray that hits the box is rejected", Oracle::Exact, "rays lost");
-        let told = Promise { promise: "misses accepted because of padding", unit: "of all misses", ..none_lost }.told();
+        let reported =
+            Promise { promise: "misses accepted because of padding", unit: "of all misses", ..none_lost }.reported();
         let straight = |obb: &Obb| obb.frame == Obb::IDENTITY_FRAME;
         type Enters = fn(&Pair) -> bool;
         let routines: [(&str, Enters); 2] = [
             ("ray_obb", |(ray, obb)| ray_obb(ray, obb).is_some()),
             ("ray_aabb", |(ray, obb)| ray_aabb(ray, &obb.aabb()).is_some()),
         ];
-        let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::meets_box(ray, obb)).collect();
-        let n_missed = verdicts.iter().filter(|&&meets| !meets).count();
+        let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::intersects_box(ray, obb)).collect();
+        let n_missed = verdicts.iter().filter(|&&hits| !hits).count();
         // An oriented box lies in its axis-aligned bounds: a ray that hits it must enter those, too.
         for (routine, enters) in routines {
-            let lost = pairs.iter().zip(&verdicts).filter(|&(pair, &meets)| meets && !enters(pair)).count();
+            let lost = pairs.iter().zip(&verdicts).filter(|&(pair, &hits)| hits && !enters(pair)).count();
             rows.push(none_lost.count(routine, pairs.len() - n_missed, lost));
         }
         let all_straight = pairs.iter().all(|(_, obb)| straight(obb));
         for (routine, enters) in routines.into_iter().take(if all_straight { 2 } else { 1 }) {
-            let entered = pairs.iter().zip(&verdicts).filter(|&(pair, &meets)| !meets && enters(pair)).count();
-            rows.push(told.share(routine, n_missed, entered));
+            let entered = pairs.iter().zip(&verdicts).filter(|&(pair, &hits)| !hits && enters(pair)).count();
+            rows.push(reported.share(routine, n_missed, entered));
         }
     }
     [rows, same(effort)].concat()
@@ -172,8 +173,13 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
 
 /// Rays that differ only in the sign of zeros or by a power of two in the direction, and invalid rays.
 fn same(effort: usize) -> Vec<Row> {
-    const ZEROS: Promise =
-        Promise::none("box", "-0.0 in place of +0.0", "the same interval, bit for bit", Oracle::Same, "rays differ");
+    const ZEROS: Promise = Promise::none(
+        "box",
+        "-0.0 in placement of +0.0",
+        "the same interval, bit for bit",
+        Oracle::Same,
+        "rays differ",
+    );
     const LENGTH: Promise = Promise::none(
         "box",
         "directions times 2^-90 to 2^90",
@@ -193,7 +199,7 @@ fn same(effort: usize) -> Vec<Row> {
     let differ = lattice.iter().filter(|pair| with_zero(pair, 0.0) != with_zero(pair, -0.0)).count();
     let any: Vec<Pair> = (0..200 * effort)
         .map(|_| {
-            let obb = leaning(&mut rng, 1.0, 0.0);
+            let obb = oriented(&mut rng, 1.0, 0.0);
             (aimed(&mut rng, &obb, 3.0), obb)
         })
         .collect();

@@ -8,9 +8,9 @@ use super::{Measure, Promise, Row};
 #[must_use]
 pub fn lines(rows: &[Row]) -> Vec<[String; 7]> {
     let line = |around: &[Row]| {
-        let Promise { station, case, promise, oracle, .. } = around[0].promise;
-        let [station, case, promise, oracle] = [station, case, promise, oracle.name()].map(str::to_owned);
-        [station, case, promise, oracle, bounds(around), values(around, false), values(around, true)]
+        let Promise { stage, case, promise, oracle, .. } = around[0].promise;
+        let [stage, case, promise, oracle] = [stage, case, promise, oracle.name()].map(str::to_owned);
+        [stage, case, promise, oracle, bounds(around), values(around, false), values(around, true)]
     };
     rows.chunk_by(|a, b| key(a) == key(b)).map(line).collect()
 }
@@ -32,19 +32,19 @@ pub fn table(rows: &[Row]) -> String {
 pub fn summary(rows: &[Row]) -> String {
     let promised: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();
     let all: BTreeSet<[&str; 3]> = promised.iter().map(|row| key(row)).collect();
-    let cases: BTreeSet<[&str; 2]> = all.iter().map(|&[station, case, _]| [station, case]).collect();
+    let cases: BTreeSet<[&str; 2]> = all.iter().map(|&[stage, case, _]| [stage, case]).collect();
     let broken: BTreeSet<[&str; 3]> = promised.iter().filter(|row| row.is_broken()).map(|row| key(row)).collect();
     format!("Of {} promises on {} cases, {} hold.", all.len(), cases.len(), all.len() - broken.len())
 }
 
 fn key(row: &Row) -> [&'static str; 3] {
-    [row.promise.station, row.promise.case, row.promise.promise]
+    [row.promise.stage, row.promise.case, row.promise.promise]
 }
 
 /// `value (routines)`, in the order of the first routine with each value.
-fn together(told: impl Iterator<Item = (String, String)>) -> String {
+fn together(reported: impl Iterator<Item = (String, String)>) -> String {
     let mut order: Vec<(String, Vec<String>)> = vec![];
-    for (words, routine) in told {
+    for (words, routine) in reported {
         match order.iter_mut().find(|(known, _)| *known == words) {
             Some((_, routines)) => routines.push(routine),
             None => order.push((words, vec![routine])),
@@ -108,7 +108,7 @@ mod tests {
     const PROMISE: Promise = Promise::none("fit", "a case", "holds", Oracle::Exact, "points");
 
     #[test]
-    fn what_is_broken_is_seen_and_told() {
+    fn broken_rows_are_marked() {
         let rows = [PROMISE.count("a", 3, 0), PROMISE.count("b", 3, 0), PROMISE.count("c", 3, 2)];
         assert_eq!(rows.iter().map(Row::holds).collect::<Vec<_>>(), [true, true, false]);
         let broken = table(&rows);
@@ -118,21 +118,22 @@ mod tests {
     }
 
     #[test]
-    fn bounds_stand_with_whom_they_bind() {
+    fn different_bounds_name_their_routines() {
         let peer = Row { is_peer: true, ..PROMISE.count("peer", 3, 3) };
-        let rows = [PROMISE.count("a", 3, 0), PROMISE.told().count("b", 3, 2), peer];
+        let rows = [PROMISE.count("a", 3, 0), PROMISE.reported().count("b", 3, 2), peer];
         assert!(
-            table(&rows)
-                .contains("| 0 points (a); reported (b) | 0 of 3 inputs (a); 2 of 3 inputs (b) | 3 of 3 inputs (peer) |")
+            table(&rows).contains(
+                "| 0 points (a); reported (b) | 0 of 3 inputs (a); 2 of 3 inputs (b) | 3 of 3 inputs (peer) |"
+            )
         );
         assert!(table(&rows[..1]).contains("| 0 points | 0 of 3 inputs (a) |  |"));
     }
 
     #[test]
-    fn values_say_what_they_are() {
-        let told = Promise { unit: "of all misses", ..PROMISE.told() };
-        assert_eq!(value(&told.share("a", 400, 400)), "100 % of all misses, 400 inputs");
-        assert_eq!(value(&told.row("a", 1, 0.25)), "0.2500 of all misses, 1 input");
+    fn values_show_unit_and_inputs() {
+        let reported = Promise { unit: "of all misses", ..PROMISE.reported() };
+        assert_eq!(value(&reported.share("a", 400, 400)), "100 % of all misses, 400 inputs");
+        assert_eq!(value(&reported.row("a", 1, 0.25)), "0.2500 of all misses, 1 input");
         let cut = Row { n_cut: 7, ..PROMISE.count("device", 3, 0) };
         assert_eq!(lines(&[cut])[0][5], "0 of 3 inputs (device [7 queries ended early by the driver])");
         assert_eq!(lines(&[PROMISE.count_certain("a", 0, 0)])[0][4..6], ["reported", "no input is certain (a)"]);

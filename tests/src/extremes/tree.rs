@@ -10,9 +10,9 @@ use canted_sah::{Builder, PlocConfig, TopDownConfig, build};
 use super::{Oracle, Promise, Row};
 
 /// A builder by name.
-type Way = (&'static str, fn(&[Corners], &Aabb) -> Tree);
+type Method = (&'static str, fn(&[Corners], &Aabb) -> Tree);
 
-const WAYS: [Way; 4] = [
+const METHODS: [Method; 4] = [
     ("lbvh, 30 bits", |corners, bounds| radix(corners, bounds, Bits::B30)),
     ("lbvh, 63 bits", |corners, bounds| radix(corners, bounds, Bits::B63)),
     ("ploc", |corners, bounds| of_boxes(corners, bounds, &Builder::Ploc(PlocConfig::NEAR, None))),
@@ -50,15 +50,21 @@ pub(super) fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
 pub(super) fn rows() -> Vec<Row> {
     let mut rows = vec![];
     for (case, meshes) in cases() {
-        let sound =
-            Promise::none("tree", case, "each primitive once, inside all its ancestors", Oracle::Structure, "invalid trees");
-        let trees = WAYS.map(|(name, way)| (name, meshes.iter().map(|mesh| judge(mesh, way)).collect::<Vec<_>>()));
-        for (name, judged) in &trees {
-            rows.push(sound.count(*name, judged.len(), judged.iter().filter(|(flawed, _)| *flawed).count()));
+        let sound = Promise::none(
+            "tree",
+            case,
+            "each primitive once, inside all its ancestors",
+            Oracle::Structure,
+            "invalid trees",
+        );
+        let trees =
+            METHODS.map(|(name, method)| (name, meshes.iter().map(|mesh| check(mesh, method)).collect::<Vec<_>>()));
+        for (name, checked) in &trees {
+            rows.push(sound.count(*name, checked.len(), checked.iter().filter(|(flawed, _)| *flawed).count()));
         }
-        for ((name, judged), n_bits) in trees.iter().zip([30.0, 63.0]) {
+        for ((name, checked), n_bits) in trees.iter().zip([30.0, 63.0]) {
             let deep = Promise {
-                station: "tree",
+                stage: "tree",
                 case,
                 promise: "depth at most code bits + ⌈log2 n⌉ + 1",
                 oracle: Oracle::Structure,
@@ -69,16 +75,16 @@ pub(super) fn rows() -> Vec<Row> {
                 let n_bits_of_count = mesh.triangles.len().max(1).next_power_of_two().trailing_zeros();
                 f64::from(*depth) / (n_bits + f64::from(n_bits_of_count) + 1.0)
             };
-            rows.push(deep.row(*name, judged.len(), meshes.iter().zip(judged).map(of_bound).fold(0.0, f64::max)));
+            rows.push(deep.row(*name, checked.len(), meshes.iter().zip(checked).map(of_bound).fold(0.0, f64::max)));
         }
     }
     [rows, cells()].concat()
 }
 
 /// Whether the tree is invalid, and its depth.
-fn judge(mesh: &Mesh, way: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
+fn check(mesh: &Mesh, method: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
     let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("finite vertices");
-    let tree = way(&corners, &bounds);
+    let tree = method(&corners, &bounds);
     let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
     let volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig::default());
     (lbvh::check(&tree, &volumes, &sorted).is_err(), tree.depth)
@@ -86,13 +92,8 @@ fn judge(mesh: &Mesh, way: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
 
 /// Cells at the ends of the grid, and of zeros of either sign.
 fn cells() -> Vec<Row> {
-    const LAST: Promise = Promise::none(
-        "cells",
-        "greatest coordinate",
-        "the last cell, not the first",
-        Oracle::Known,
-        "wrong cells",
-    );
+    const LAST: Promise =
+        Promise::none("cells", "greatest coordinate", "the last cell, not the first", Oracle::Known, "wrong cells");
     const ZEROS: Promise = Promise::none("cells", "-0.0", "the same cell as +0.0", Oracle::Same, "codes differ");
     let both = [("30 bits", Bits::B30), ("63 bits", Bits::B63)];
     let mut rows = vec![];

@@ -9,7 +9,7 @@ use super::{Oracle, Promise, Row};
 use crate::{
     brute,
     exact::{self, Margin, Verdict},
-    fractions, judge,
+    fractions, reference,
 };
 
 /// A ray and the corners of a triangle.
@@ -39,8 +39,8 @@ fn rounded(x: [f64; 3]) -> [f32; 3] {
 }
 
 /// A triangle of this size around this point, with a height of `thin` times its length.
-fn triangle(rng: &mut SplitMix64, size: f64, place: f64, thin: f64) -> [[f32; 3]; 3] {
-    let (a, along) = (rng.signed3().map(|x| place + size * x), rng.on_sphere());
+fn triangle(rng: &mut SplitMix64, size: f64, center: f64, thin: f64) -> [[f32; 3]; 3] {
+    let (a, along) = (rng.signed3().map(|x| center + size * x), rng.on_sphere());
     let (by, up) = (rng.unit(), rng.on_sphere());
     let at = |s: f64, h: f64| std::array::from_fn(|k| a[k] + size * (s * along[k] + h * up[k]));
     [rounded(a), rounded(at(1.0, 0.0)), rounded(at(by, thin))]
@@ -65,9 +65,9 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
         let pairs = (0..n).map(|_| make(&mut rng)).filter(|(ray, _)| ray.direction.iter().any(|&d| d != 0.0));
         (name, pairs.collect::<Vec<_>>())
     };
-    let of = |size: f64, place: f64, thin: f64, distance: f64| {
+    let of = |size: f64, center: f64, thin: f64, distance: f64| {
         move |rng: &mut SplitMix64| {
-            let corners = triangle(rng, size, place, thin);
+            let corners = triangle(rng, size, center, thin);
             (aimed(rng, &corners, distance), corners)
         }
     };
@@ -82,7 +82,7 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
         let corners = [[a, b, a], [a, a, a], [a, b, b]][rng.below(3)];
         (aimed(rng, &corners, 2.0), corners)
     };
-    let on_rim = |at_vertex: bool| {
+    let on_boundary = |at_vertex: bool| {
         move |rng: &mut SplitMix64| {
             let corners = triangle(rng, 1.0, 0.0, 0.7);
             let first = rng.below(3);
@@ -102,8 +102,8 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
     };
     vec![
         case("arbitrary triangles", &of(1.0, 0.0, 0.7, 2.0)),
-        case("at an edge", &on_rim(false)),
-        case("at a vertex", &on_rim(true)),
+        case("at an edge", &on_boundary(false)),
+        case("at a vertex", &on_boundary(true)),
         case("slivers, 1e6 : 1", &of(1.0, 0.0, 1e-6, 2.0)),
         case("slivers, 1e6 : 1, from near", &of(1.0, 0.0, 1e-6, 0.01)),
         case("size 1e-6", &of(1e-6, 0.0, 0.7, 2.0)),
@@ -123,7 +123,7 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
 
 /// Error bound of a kernel's triangle vertices.
 fn margin(routine: usize, pair: &Pair) -> Margin {
-    let margin = judge::margin(&pair.0, &pair.1);
+    let margin = reference::margin(&pair.0, &pair.1);
     if routine == 0 {
         return margin;
     }
@@ -150,7 +150,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
         });
         for (i, (name, _)) in ROUTINES.iter().enumerate() {
             // Only the watertight kernel finds all certain hits; the others reject ill-conditioned triangles.
-            let promise = if i == 0 { lost } else { lost.told() };
+            let promise = if i == 0 { lost } else { lost.reported() };
             let [n, n_lost] = certain(&verdicts[i.min(1)], Verdict::Pierced, &answers[i], |answer| answer.is_none());
             rows.push(promise.count_certain(*name, n, n_lost));
         }
@@ -162,7 +162,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             let share = |(pair, answer): (&Pair, &Answer)| answer.map_or(0.0, |(t, _)| of_promised(pair, t));
             let worst = pairs.iter().zip(&answers[i]).map(share).fold(0.0, f64::max);
             let n_hits = answers[i].iter().flatten().count();
-            let promise = if n_hits == 0 { off.told() } else { off };
+            let promise = if n_hits == 0 { off.reported() } else { off };
             rows.push(promise.row(*name, n_hits, worst));
         }
     }
@@ -228,9 +228,9 @@ fn hubs() -> Vec<Row> {
         let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
         let hub = mesh.positions[0].map(f64::from);
         for i in 0..20 {
-            let rim = mesh.positions[1 + rng.below(spokes as usize)].map(f64::from);
+            let corner = mesh.positions[1 + rng.below(spokes as usize)].map(f64::from);
             let along = if i % 2 == 0 { 0.0 } else { 0.9 * rng.unit() };
-            let target: [f64; 3] = std::array::from_fn(|k| hub[k] + along * (rim[k] - hub[k]));
+            let target: [f64; 3] = std::array::from_fn(|k| hub[k] + along * (corner[k] - hub[k]));
             // Above the cone around the rotated z axis: any ray from there to the target hits the fan.
             let axis = canted_fixtures::Rotation::off_axis().apply([0.0, 0.0, 1.0]);
             let stray = rng.signed3();

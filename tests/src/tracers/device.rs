@@ -8,30 +8,30 @@ use canted_tlas::Instance;
 use canted_trace::{Hit, InstanceId, Ray, Side};
 use canted_wide::Config;
 
-use super::{Make, Tracer, TwoLevels, Way, Word, wide};
+use super::{Guarantee, Make, Method, Tracer, TwoLevels, wide};
 use crate::closed::baked;
 
 /// The device with one level and with two.
-pub(super) fn ways(gpu: &Rc<Gpu>) -> [Way; 2] {
+pub(super) fn methods(gpu: &Rc<Gpu>) -> [Method; 2] {
     let cuts: [Rc<Cell<usize>>; 2] = Default::default();
     let [(of_one, cuts_of_one), (of_two, cuts_of_two)] = cuts.each_ref().map(|cuts| (Rc::clone(gpu), Rc::clone(cuts)));
-    let one: Make = Box::new(move |mesh, place| {
-        let tree = wide(&baked(mesh, place), &Config::default());
+    let one: Make = Box::new(move |mesh, placement| {
+        let tree = wide(&baked(mesh, placement), &Config::default());
         let scene = TracedScene::single_level(&of_one, &tree, &[0]).expect("small meshes fit every device");
         Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree), n_cut: Rc::clone(&cuts_of_one) })
     });
-    let two: Make = Box::new(move |mesh, place| {
+    let two: Make = Box::new(move |mesh, placement| {
         let tree = wide(mesh, &Config::default());
-        let scene = TracedScene::two_level(&of_two, &[&tree], &[Instance::new(0, *place)]);
+        let scene = TracedScene::two_level(&of_two, &[&tree], &[Instance::new(0, *placement)]);
         let scene = scene.expect("transforms in tests are well conditioned");
-        let tree = Box::new(TwoLevels::new(tree, mesh, place));
+        let tree = Box::new(TwoLevels::new(tree, mesh, placement));
         Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })
     });
     let [cuts_of_one, cuts_of_two] = cuts;
     // Static instances double the error bound of hits (`HitError::with` in `canted-gpu`).
     [
-        Way { n_cut: cuts_of_one, ..Way::new("device", Word::Device(HIT_ERROR), one) },
-        Way { n_cut: cuts_of_two, ..Way::new("two-level device", Word::Device(2.0 * HIT_ERROR), two) },
+        Method { n_cut: cuts_of_one, ..Method::new("device", Guarantee::Device(HIT_ERROR), one) },
+        Method { n_cut: cuts_of_two, ..Method::new("two-level device", Guarantee::Device(2.0 * HIT_ERROR), two) },
     ]
 }
 

@@ -20,8 +20,8 @@ fn tiles(film: &Film, settings: &Settings) -> Vec<Vec<[f64; 3]>> {
 }
 
 #[test]
-fn every_tile_is_the_cpus_or_the_devices() {
-    let Some(gpu) = gpu("every_tile_is_the_cpus_or_the_devices") else { return };
+fn every_tile_comes_from_one_of_both() {
+    let Some(gpu) = gpu("every_tile_comes_from_one_of_both") else { return };
     let (scene, settings) = (full(), Settings { samples: 16, ..small() });
     let cancel = AtomicBool::new(false);
     let theirs = tiles(&on_cpu(&scene, &settings), &settings);
@@ -41,8 +41,8 @@ fn every_tile_is_the_cpus_or_the_devices() {
 }
 
 #[test]
-fn a_device_that_is_lost_leaves_the_rest_to_the_cpu() {
-    let Some(gpu) = gpu("a_device_that_is_lost_leaves_the_rest_to_the_cpu") else { return };
+fn the_cpu_finishes_after_a_lost_device() {
+    let Some(gpu) = gpu("the_cpu_finishes_after_a_lost_device") else { return };
     let (scene, settings) = (full(), small());
     let cancel = AtomicBool::new(false);
     let shared = with_picture(&gpu, &scene, Levels::Auto, &settings, |picture| {
@@ -56,20 +56,20 @@ fn a_device_that_is_lost_leaves_the_rest_to_the_cpu() {
 }
 
 #[test]
-fn cancelled_work_ends_and_keeps_what_was_told() {
-    let Some(gpu) = gpu("cancelled_work_ends_and_keeps_what_was_told") else { return };
+fn cancelled_work_keeps_reported_tiles() {
+    let Some(gpu) = gpu("cancelled_work_keeps_reported_tiles") else { return };
     let (scene, settings) = (full(), small());
     let cancel = AtomicBool::new(false);
-    let told = std::sync::Mutex::new(vec![]);
+    let reported = std::sync::Mutex::new(vec![]);
     let finished = |tile: &canted_film::Tile| {
-        told.lock().unwrap().push(tile.clone());
+        reported.lock().unwrap().push(tile.clone());
         cancel.store(true, std::sync::atomic::Ordering::Relaxed);
     };
     let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
     with_picture(&gpu, &scene, Levels::Auto, &settings, |picture| {
         let ended = picture.render_with_cpu(vec![], &monitor).map(|shared| shared.n_tiles_of_device);
         assert_eq!(ended, Err(DeviceError::Render(RenderError::Cancelled)));
-        let done = std::mem::take(&mut *told.lock().unwrap());
+        let done = std::mem::take(&mut *reported.lock().unwrap());
         assert!(!done.is_empty());
         cancel.store(false, std::sync::atomic::Ordering::Relaxed);
         let n_done = done.len();

@@ -6,7 +6,7 @@ use canted_scene::{
     TextureRef, Wrap,
 };
 
-fn place(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
+fn instance(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
     Instance {
         mesh: MeshId(mesh),
         world_from_object: Affine { columns },
@@ -27,7 +27,7 @@ pub(crate) fn bare() -> Scene {
     };
     Scene {
         meshes: vec![mesh],
-        instances: vec![place(0, AXES)],
+        instances: vec![instance(0, AXES)],
         materials: vec![Material::default()],
         lights: vec![Light::Sun { direction: [0.0, -0.6, -0.8], irradiance: [2.0; 3] }],
         environment: Some([0.2, 0.3, 0.4].into()),
@@ -68,7 +68,7 @@ pub(crate) fn full() -> Scene {
         ..Material::default()
     };
     scene.textures = vec![texture(16)];
-    scene.instances.push(place(0, [[-1.0, 0.0, 0.0], [0.0, 0.9, 0.1], [0.0, -0.1, 0.9], [0.3, 0.2, -0.8]]));
+    scene.instances.push(instance(0, [[-1.0, 0.0, 0.0], [0.0, 0.9, 0.1], [0.0, -0.1, 0.9], [0.3, 0.2, -0.8]]));
     scene.lights.push(Light::Sphere { center: [0.0, 2.0, 1.0], radius: 0.2, radiance: [5.0; 3] });
     scene.cameras = Vec::<Camera>::new();
     scene

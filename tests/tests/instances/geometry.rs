@@ -52,7 +52,7 @@ fn certainly_pierced(ray: &Ray, target: &Target) -> Option<(f64, f64)> {
 }
 
 /// Compares an answer with all triangles of all instances; returns the number of certain hits.
-pub(crate) fn judge(ray: &Ray, hit: Option<&Hit>, placed: &[Affine], reaches: [f32; 2]) -> Result<usize, String> {
+pub(crate) fn check_hit(ray: &Ray, hit: Option<&Hit>, placed: &[Affine], reaches: [f32; 2]) -> Result<usize, String> {
     let meshes = meshes();
     let target = |i: usize, triangle: usize| {
         let corners = meshes[blas_of(i)].corners(triangle).map(|p| placed[i].point_f64(p));
@@ -94,7 +94,8 @@ fn hits_lie_on_the_images_of_triangles_and_none_is_nearer() {
         let mut n_certain = 0;
         for ray in rays(&soup, &affine, 60, 9).iter().chain(&rays(&torus, &affine, 60, 10)) {
             let hit = tlas.closest_hit(ray);
-            n_certain += judge(ray, hit.as_ref(), &placed, reaches()).unwrap_or_else(|error| panic!("{name}: {error}"));
+            n_certain +=
+                check_hit(ray, hit.as_ref(), &placed, reaches()).unwrap_or_else(|error| panic!("{name}: {error}"));
         }
         // Far away, a small instance is no larger than the error of its hits.
         let from_itself = Ray::new(affine.columns[3], [1.0, 0.0, 0.0]);
@@ -113,13 +114,13 @@ fn a_crowd_of_instances_agrees_with_exact_geometry() {
     let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
     let n_certain: usize = all_rays(&placed, 4)
         .iter()
-        .map(|ray| judge(ray, tlas.closest_hit(ray).as_ref(), &placed, reaches()).unwrap())
+        .map(|ray| check_hit(ray, tlas.closest_hit(ray).as_ref(), &placed, reaches()).unwrap())
         .sum();
     assert!(n_certain > 1000, "{n_certain} certain crossings");
 }
 
 #[test]
-fn the_judge_sees_a_hit_that_is_off_late_or_lost() {
+fn the_check_detects_displaced_late_and_lost_hits() {
     let placed = [transforms()[1].1; 2];
     let [soup, torus] = meshes();
     let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
@@ -127,16 +128,16 @@ fn the_judge_sees_a_hit_that_is_off_late_or_lost() {
     let (mut n_lost, mut n_off) = (0, 0);
     for ray in rays(&torus, &placed[1], 40, 3) {
         let Some(hit) = tlas.closest_hit(&ray) else { continue };
-        n_lost += usize::from(judge(&ray, None, &placed, reaches()).is_err());
+        n_lost += usize::from(check_hit(&ray, None, &placed, reaches()).is_err());
         // Later by a ten-thousandth: far beyond rounding, unless the ray hardly moves.
         let late = Hit { t: hit.t * 1.0001, ..hit };
-        n_off += usize::from(judge(&ray, Some(&late), &placed, reaches()).is_err());
+        n_off += usize::from(check_hit(&ray, Some(&late), &placed, reaches()).is_err());
     }
     assert!(n_lost > 50 && n_off > 50, "{n_lost} lost and {n_off} late hits were seen");
 }
 
 #[test]
-fn rays_reach_object_space_with_one_rounding() {
+fn object_space_rays_are_rounded_once() {
     // Only the rounding to f32, and 2^-46 of the operands of a cancellation.
     const SLACK_BITS: u32 = 46;
     for (name, affine) in transforms() {

@@ -89,7 +89,7 @@ fn hits(tlas: &Tlas<Mixed>, rays: &[Ray]) -> Vec<Option<Hit>> {
 }
 
 #[test]
-fn builders_and_volumes_side_by_side_change_no_bit() {
+fn mixed_builders_and_volumes_change_no_bit() {
     let rays = all_rays(&crowd(), 10);
     let same = hits(&tlas(&[0, 1]), &rays);
     assert_eq!(hits(&tlas(&[2, 3]), &rays), same);
@@ -98,7 +98,7 @@ fn builders_and_volumes_side_by_side_change_no_bit() {
 }
 
 #[test]
-fn triangle_tests_side_by_side_equal_the_loop() {
+fn mixed_triangle_tests_match_the_loop() {
     let (placed, [soup, torus]) = (crowd(), meshes());
     let rays = all_rays(&placed, 10);
     let of = |mesh: &Mesh| brute::records::<Watertight>(&mesh.positions, &mesh.triangles);

@@ -76,7 +76,7 @@ fn moved(placed: &[Affine]) -> Vec<Affine> {
 }
 
 #[test]
-fn placing_asks_for_bounds_once_an_instance_and_traces_nothing() {
+fn set_instances_queries_each_bound_once_and_traces_nothing() {
     let placed = crowd();
     let mut tlas = tlas(&instances(&placed));
     let asked = |tlas: &Tlas<Counted>| tlas.blas().iter().map(Counted::take).collect::<Vec<_>>();
@@ -111,7 +111,7 @@ fn moved_instances_equal_a_fresh_build() {
 }
 
 #[test]
-fn what_is_refused_leaves_the_old_instances() {
+fn rejected_instances_leave_the_old_ones() {
     let placed = crowd();
     let rays = all_rays(&placed, 2);
     let mut tlas = tlas(&instances(&placed));

@@ -109,12 +109,12 @@ fn over_floor(name: &'static str, scene: Scene, light: Light) -> Shot {
 /// A disk of 64 corners between a floor and a sphere light. The reference has unlimited paths; after eight bounces between floor
 /// and disk no visible light is left.
 pub(crate) fn penumbra() -> Shot {
-    let rim = |i: u32| {
+    let corner = |i: u32| {
         let (s, c) = (std::f64::consts::TAU * f64::from(i) / 64.0).sin_cos();
         #[expect(clippy::cast_possible_truncation, reason = "a position rounded once")]
         [(0.8 * c) as f32, 1.0, (-0.8 * s) as f32]
     };
-    let disc = (0..64).flat_map(|i| [[0.0, 1.0, 0.0], rim(i), rim(i + 1)]).collect();
+    let disc = (0..64).flat_map(|i| [[0.0, 1.0, 0.0], corner(i), corner(i + 1)]).collect();
     let light = Light::Sphere { center: [0.5, 3.0, 0.0], radius: 0.4, radiance: [8.0; 3] };
     let scene = parts(&[floor(), ([0.2, 0.3, 0.6], disc)]);
     Shot { n_segments: Some(10), samples: 1024, ..over_floor("penumbra", scene, light) }

@@ -38,7 +38,7 @@ pub(crate) fn blue_sky(test: &str) -> Option<Shot> {
 }
 
 /// The same under an image of the sky.
-pub(crate) fn pictured_sky(test: &str) -> Option<Shot> {
+pub(crate) fn image_sky(test: &str) -> Option<Shot> {
     let shot = blue_sky(test)?;
     let image = read_environment(&models(test)?.join("env/sky_64x32.exr"), &mut Vec::new()).unwrap();
     let scene = Scene { environment: Some(Environment::Image(image)), ..shot.scene };

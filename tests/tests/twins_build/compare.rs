@@ -52,7 +52,7 @@ fn unequal<T: PartialEq + Debug>(what: &str, device: &[T], cpu: &[T]) -> Result<
 ///
 /// # Errors
 /// The first difference from the CPU.
-pub(crate) fn stations<L>(gpu: &Gpu, items: &Items, twins: &[Twin<L>], bits: Bits) -> Result<(), String> {
+pub(crate) fn stages<L>(gpu: &Gpu, items: &Items, twins: &[Twin<L>], bits: Bits) -> Result<(), String> {
     let mut run = Run::new(gpu);
     let domains = build::domain(&mut run, items, bits).unwrap();
     unequal("grids", &bits_of(&gpu.read(&domains).unwrap()), &bits_of(&grids(twins)))?;
@@ -79,7 +79,7 @@ pub(crate) fn stations<L>(gpu: &Gpu, items: &Items, twins: &[Twin<L>], bits: Bit
 ///
 /// # Errors
 /// The first difference from the CPU: leaves, nodes or axis-aligned boxes.
-pub(crate) fn whole<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -> Result<(), String> {
+pub(crate) fn end_to_end<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -> Result<(), String> {
     unequal("leaves", &gpu.read(&built.leaves).unwrap(), &leaves(&built.items, twins))?;
     topology(gpu, &built.items, &built.trees, twins)?;
     let aabbs = gpu.read(&built.aabbs).unwrap();
@@ -92,10 +92,10 @@ pub(crate) fn whole<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -> Res
 
 /// Asserts that every stage gives the CPU's integers, alone and one after another.
 pub(crate) fn assert_equal(gpu: &Gpu, twins: &[Twin], bits: Bits, name: &str) {
-    let alone = stations(gpu, &items(gpu, twins), twins, bits);
+    let alone = stages(gpu, &items(gpu, twins), twins, bits);
     alone.unwrap_or_else(|error| panic!("{name}, {bits:?}, {error}"));
     let built = Built::new(&mut Run::new(gpu), items(gpu, twins), BuildConfig { bits, ..BuildConfig::default() });
-    let together = whole(gpu, &built.unwrap(), twins);
+    let together = end_to_end(gpu, &built.unwrap(), twins);
     together.unwrap_or_else(|error| panic!("{name}, {bits:?} from end to end, {error}"));
 }
 

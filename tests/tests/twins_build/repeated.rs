@@ -31,12 +31,12 @@ pub(crate) fn words_of(gpu: &Gpu, built: &Built) -> Words {
         ("heights", read(gpu, &trees.heights)),
         ("depth", read(gpu, &trees.depth)),
         ("axis-aligned boxes", read(gpu, &built.aabbs)),
-        ("leaning boxes", obbs),
+        ("oriented boxes", obbs),
     ]
 }
 
 /// All results of the stages of a build, including the grids and codes that it drops.
-fn stations(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
+fn stages(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
     let bits = Bits::B63;
     let mut run = Run::new(gpu);
     let items = items(gpu, twins);
@@ -63,25 +63,25 @@ fn meshes() -> [Mesh; 2] {
 }
 
 #[test]
-fn every_build_of_the_same_has_the_same_bits() {
-    let Some(gpu) = gpu("every_build_of_the_same_has_the_same_bits") else { return };
+fn repeated_builds_have_the_same_bits() {
+    let Some(gpu) = gpu("repeated_builds_have_the_same_bits") else { return };
     let twins = twins(&meshes(), Bits::B63);
     for strategy in STRATEGIES {
-        let first = stations(&gpu, &twins, strategy);
+        let first = stages(&gpu, &twins, strategy);
         for round in 1..ROUNDS {
-            let again = stations(&gpu, &twins, strategy);
+            let again = stages(&gpu, &twins, strategy);
             assert_eq!(changed(&first, &again), None, "{strategy:?}, build {round}");
         }
     }
 }
 
 #[test]
-fn the_comparison_sees_one_step_of_one_vertex() {
-    let Some(gpu) = gpu("the_comparison_sees_one_step_of_one_vertex") else { return };
+fn the_comparison_detects_one_ulp_of_one_vertex() {
+    let Some(gpu) = gpu("the_comparison_detects_one_ulp_of_one_vertex") else { return };
     let mut twins = twins(&meshes(), Bits::B63);
-    let first = stations(&gpu, &twins, Strategy::Combined);
+    let first = stages(&gpu, &twins, Strategy::Combined);
     let corner = twins[0].items.iter_mut().flatten().max_by(|a, b| a[0].total_cmp(&b[0])).unwrap();
     corner[0] = corner[0].next_up();
-    let moved = stations(&gpu, &twins, Strategy::Combined);
+    let moved = stages(&gpu, &twins, Strategy::Combined);
     assert!(changed(&first, &moved).is_some());
 }

@@ -56,8 +56,8 @@ fn rows(n: usize) -> Vec<Vec<u32>> {
 /// Up to the tiles of 67 million keys, but not a million numbers: llvmpipe ends a kernel's loops after some 65,535 iterations in
 /// total, which corresponds to 600,000 numbers.
 #[test]
-fn sums_are_the_cpus_at_every_length() {
-    let Some(gpu) = gpu("sums_are_the_cpus_at_every_length") else { return };
+fn sums_match_the_cpu_at_every_length() {
+    let Some(gpu) = gpu("sums_match_the_cpu_at_every_length") else { return };
     for n in [0, 1, 2, 63, 64, 65, 255, 256, 257, 65_537] {
         let rows = rows(n);
         for group in [64, 256] {
@@ -67,8 +67,8 @@ fn sums_are_the_cpus_at_every_length() {
 }
 
 #[test]
-fn the_comparison_sees_one_wrong_sum() {
-    let Some(gpu) = gpu("the_comparison_sees_one_wrong_sum") else { return };
+fn the_comparison_detects_one_wrong_sum() {
+    let Some(gpu) = gpu("the_comparison_detects_one_wrong_sum") else { return };
     let rows = rows(1000);
     let mut other = rows.clone();
     other[1][999] ^= 1;

@@ -48,8 +48,8 @@ fn a_million_pairs_are_sorted_stably() {
 }
 
 #[test]
-fn the_comparison_sees_one_wrong_bit() {
-    let Some(gpu) = gpu("the_comparison_sees_one_wrong_bit") else { return };
+fn the_comparison_detects_one_wrong_bit() {
+    let Some(gpu) = gpu("the_comparison_detects_one_wrong_bit") else { return };
     let sorter = Sorter::new(&gpu).unwrap();
     let codes = codes(1000, 1 << 40);
     let mut other = codes.clone();

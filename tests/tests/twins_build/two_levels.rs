@@ -14,7 +14,7 @@ use canted_tests::{
 use canted_tlas::Instance;
 
 use crate::{
-    compare::{stations, whole},
+    compare::{end_to_end, stages},
     repeated::{changed, words_of},
     setup::{Twin, gpu, items, twins},
 };
@@ -49,8 +49,8 @@ fn assert_top(gpu: &Gpu, levels: &TwoLevels, instances: &[Instance], config: Bui
         (0..).zip(instances).filter(|(_, i)| i.blas != 1).map(|(number, _)| number).collect();
     assert_eq!(levels.instances, with_triangles);
     let twins = [twin];
-    stations(gpu, &levels.top.items, &twins, config.bits).unwrap_or_else(|error| panic!("{config:?}, {error}"));
-    whole(gpu, &levels.top, &twins).unwrap_or_else(|error| panic!("{config:?} from end to end, {error}"));
+    stages(gpu, &levels.top.items, &twins, config.bits).unwrap_or_else(|error| panic!("{config:?}, {error}"));
+    end_to_end(gpu, &levels.top, &twins).unwrap_or_else(|error| panic!("{config:?} from end to end, {error}"));
     let Some(obbs) = &levels.top.obbs else { return };
     let (obbs, leaves) = (gpu.read(obbs).unwrap(), twins[0].leaves());
     assert_eq!(escaped(&twins[0], &leaves, &obbs), None, "{config:?}");
@@ -65,8 +65,8 @@ fn escaped(twin: &Twin<Obb>, leaves: &[Obb], obbs: &[Obb]) -> Option<(usize, Obb
 }
 
 #[test]
-fn the_top_level_is_the_cpus_over_the_same_boxes() {
-    let Some(gpu) = gpu("the_top_level_is_the_cpus_over_the_same_boxes") else { return };
+fn the_top_level_matches_the_cpu_over_the_same_boxes() {
+    let Some(gpu) = gpu("the_top_level_matches_the_cpu_over_the_same_boxes") else { return };
     let instances = instances(&crowd());
     for bits in [Bits::B30, Bits::B63] {
         for strategy in STRATEGIES {
@@ -107,8 +107,8 @@ fn groups(run: &Run<'_>) -> Vec<(&'static str, u64)> {
 }
 
 #[test]
-fn instances_that_move_change_the_top_level_alone() {
-    let Some(gpu) = gpu("instances_that_move_change_the_top_level_alone") else { return };
+fn moved_instances_change_only_the_top_level() {
+    let Some(gpu) = gpu("moved_instances_change_only_the_top_level") else { return };
     let config = BuildConfig { strategy: Strategy::PcaBounded, ..BuildConfig::default() };
     let mut placed = crowd();
     let mut levels = built(&gpu, &instances(&placed), config);
@@ -136,12 +136,15 @@ fn instances_that_move_change_the_top_level_alone() {
     Built::new(&mut alone, boxes, config).unwrap();
     assert_eq!(groups(&run), groups(&alone));
     Built::new(&mut alone, items(&gpu, &twins(&meshes(), config.bits)), config).unwrap();
-    assert!(groups(&run).iter().zip(groups(&alone)).all(|(top, both)| top.1 < both.1), "the counts include the bottom level");
+    assert!(
+        groups(&run).iter().zip(groups(&alone)).all(|(top, both)| top.1 < both.1),
+        "the counts include the bottom level"
+    );
 }
 
 #[test]
-fn the_check_sees_a_box_that_lost_its_instances() {
-    let Some(gpu) = gpu("the_check_sees_a_box_that_lost_its_instances") else { return };
+fn the_check_detects_a_box_without_its_instances() {
+    let Some(gpu) = gpu("the_check_detects_a_box_without_its_instances") else { return };
     let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
     let instances = instances(&crowd());
     let levels = built(&gpu, &instances, config);

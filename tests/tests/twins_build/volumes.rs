@@ -50,8 +50,8 @@ pub(crate) fn assert_contained(gpu: &Gpu, twins: &[Twin], strategy: Strategy, na
 }
 
 #[test]
-fn leaning_boxes_contain_all_below_them() {
-    let Some(gpu) = gpu("leaning_boxes_contain_all_below_them") else { return };
+fn oriented_boxes_contain_everything_below_them() {
+    let Some(gpu) = gpu("oriented_boxes_contain_everything_below_them") else { return };
     let meshes = [meshes(), needles()].concat();
     let twins = twins(&meshes, Bits::B63);
     for strategy in &STRATEGIES[1..] {
@@ -64,8 +64,8 @@ fn leaning_boxes_contain_all_below_them() {
 const MORE_AREA: f64 = 0.01;
 
 #[test]
-fn leaning_boxes_have_the_area_of_the_cpus() {
-    let Some(gpu) = gpu("leaning_boxes_have_the_area_of_the_cpus") else { return };
+fn oriented_boxes_have_nearly_the_area_of_the_cpus() {
+    let Some(gpu) = gpu("oriented_boxes_have_nearly_the_area_of_the_cpus") else { return };
     let twins = twins(&needles(), Bits::B63);
     for strategy in &STRATEGIES[1..] {
         with_boxes(&gpu, &twins, *strategy, |index, twin, boxes| {
@@ -74,7 +74,10 @@ fn leaning_boxes_have_the_area_of_the_cpus() {
             let cpu: f64 = ids().map(|id| cpu.of(id).area()).sum();
             let axis_aligned: f64 = boxes.aabbs.iter().map(Aabb::area).sum();
             let device: f64 = boxes.obbs.iter().map(Obb::area).sum();
-            assert!(device <= cpu * (1.0 + MORE_AREA), "mesh {index}, {strategy:?}: {device} on the device, {cpu} on the CPU");
+            assert!(
+                device <= cpu * (1.0 + MORE_AREA),
+                "mesh {index}, {strategy:?}: {device} on the device, {cpu} on the CPU"
+            );
             assert!(device < 0.95 * axis_aligned, "mesh {index}, {strategy:?} gains nothing");
         });
     }
@@ -139,8 +142,8 @@ fn no_box_has_more_area_than_the_axis_aligned_one() {
 }
 
 #[test]
-fn the_check_sees_a_box_that_is_too_large() {
-    let Some(gpu) = gpu("the_check_sees_a_box_that_is_too_large") else { return };
+fn the_check_detects_a_box_that_is_too_large() {
+    let Some(gpu) = gpu("the_check_detects_a_box_that_is_too_large") else { return };
     let twins = twins(&needles()[..1], Bits::B63);
     for &strategy in &STRATEGIES[1..] {
         with_boxes(&gpu, &twins, strategy, |_, _, Boxes { aabbs, obbs }| {
@@ -158,8 +161,8 @@ fn the_check_sees_a_box_that_is_too_large() {
 }
 
 #[test]
-fn the_check_sees_a_box_that_is_too_small() {
-    let Some(gpu) = gpu("the_check_sees_a_box_that_is_too_small") else { return };
+fn the_check_detects_a_box_that_is_too_small() {
+    let Some(gpu) = gpu("the_check_detects_a_box_that_is_too_small") else { return };
     let twins = twins(&needles()[..1], Bits::B63);
     with_boxes(&gpu, &twins, Strategy::Combined, |_, twin, boxes| {
         let shrunken: Vec<Obb> = boxes

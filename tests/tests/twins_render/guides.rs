@@ -29,8 +29,8 @@ fn apart(ours: &Film, theirs: &Film) -> f64 {
 }
 
 #[test]
-fn guides_are_the_cpus_by_both_integrators() {
-    let Some(gpu) = gpu("guides_are_the_cpus_by_both_integrators") else { return };
+fn guides_match_the_cpu_for_both_integrators() {
+    let Some(gpu) = gpu("guides_match_the_cpu_for_both_integrators") else { return };
     let all: Aovs = Aov::ALL.into_iter().collect();
     for (scene, camera) in [scenes::textured(), scenes::in_motion(scenes::room())] {
         let prepared = prepared(&scene, Levels::Auto);

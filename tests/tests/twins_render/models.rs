@@ -16,9 +16,9 @@ const FILES: [(&str, f64); 4] = [
 ];
 
 #[test]
-fn models_are_the_same_pictures() {
-    let Some(gpu) = gpu("models_are_the_same_pictures") else { return };
-    let Some(folder) = models("models_are_the_same_pictures") else { return };
+fn models_render_the_same_pictures() {
+    let Some(gpu) = gpu("models_render_the_same_pictures") else { return };
+    let Some(folder) = models("models_render_the_same_pictures") else { return };
     for (file, astray) in FILES {
         let scene = canted_scene::read(&folder.join(file)).unwrap();
         let sun = Light::Sun { direction: [-0.2, -0.95, -0.25], irradiance: [3.0, 2.9, 2.6] };

@@ -61,8 +61,8 @@ fn metal_and_glass_before_a_sky() {
 }
 
 #[test]
-fn a_wavefront_takes_the_samples_of_one_kernel() {
-    let Some(gpu) = gpu("a_wavefront_takes_the_samples_of_one_kernel") else { return };
+fn a_wavefront_renders_the_samples_of_one_kernel() {
+    let Some(gpu) = gpu("a_wavefront_renders_the_samples_of_one_kernel") else { return };
     let cancel = AtomicBool::new(false);
     let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
     for (scene, camera) in [of_all_materials(), scenes::textured(), scenes::in_motion(scenes::room())] {
@@ -84,8 +84,8 @@ fn a_wavefront_takes_the_samples_of_one_kernel() {
 }
 
 #[test]
-fn what_moves_while_the_shutter_is_open() {
-    let Some(gpu) = gpu("what_moves_while_the_shutter_is_open") else { return };
+fn motion_while_the_shutter_is_open() {
+    let Some(gpu) = gpu("motion_while_the_shutter_is_open") else { return };
     let (mut scene, camera) = scenes::in_motion(scenes::textured());
     for pattern in [Pattern::Random, Pattern::Stratified, Pattern::Sobol] {
         let settings = Settings { pattern, ..small(4) };
@@ -104,8 +104,8 @@ fn what_moves_while_the_shutter_is_open() {
 }
 
 #[test]
-fn the_example_of_motion() {
-    let Some(gpu) = gpu("the_example_of_motion") else { return };
+fn the_motion_example() {
+    let Some(gpu) = gpu("the_motion_example") else { return };
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/motion.toml");
     let scene = SceneFile::read(&path).unwrap().load().unwrap();
     let camera = scene.cameras[0];
@@ -122,8 +122,8 @@ fn textures_of_every_slot() {
 }
 
 #[test]
-fn the_comparison_sees_another_light() {
-    let Some(gpu) = gpu("the_comparison_sees_another_light by paths") else { return };
+fn the_comparison_detects_another_light() {
+    let Some(gpu) = gpu("the_comparison_detects_another_light by paths") else { return };
     let (scene, camera) = of_all_materials();
     let prepared = prepared(&scene, Levels::One);
     let settings = small(8);
@@ -136,8 +136,8 @@ fn the_comparison_sees_another_light() {
 
 /// Features that a scene does not use have no binding.
 #[test]
-fn a_bare_scene_binds_little() {
-    let Some(gpu) = gpu("a_bare_scene_binds_little") else { return };
+fn a_bare_scene_binds_few_buffers() {
+    let Some(gpu) = gpu("a_bare_scene_binds_few_buffers") else { return };
     let settings = small(1);
     let bindings = |scene: &Scene, camera: &Camera, levels: Levels| {
         let prepared = prepared(scene, levels);

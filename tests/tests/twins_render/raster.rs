@@ -142,8 +142,8 @@ fn check(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels) {
 }
 
 #[test]
-fn a_raster_pass_sees_what_primary_rays_see() {
-    let Some(gpu) = gpu("a_raster_pass_sees_what_primary_rays_see") else { return };
+fn the_raster_pass_matches_primary_rays() {
+    let Some(gpu) = gpu("the_raster_pass_matches_primary_rays") else { return };
     let builtin = canted_scene::builtin();
     let (room, room_camera) = scenes::room();
     let (mut textured, textured_camera) = scenes::textured();
@@ -160,8 +160,8 @@ fn a_raster_pass_sees_what_primary_rays_see() {
 }
 
 #[test]
-fn another_point_or_colour_is_seen() {
-    let Some(gpu) = gpu("another_point_or_colour_is_seen") else { return };
+fn another_point_or_colour_is_detected() {
+    let Some(gpu) = gpu("another_point_or_colour_is_detected") else { return };
     let (scene, camera) = scenes::textured();
     let n_wrong = |spoil: fn(&mut SurfaceInfo)| wrong(&gpu, &scene, &camera, Levels::One, spoil).0.len();
     assert!(n_wrong(|seen| seen.position[0] += 0.002) > 1000);

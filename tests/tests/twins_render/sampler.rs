@@ -43,8 +43,8 @@ fn scattered(i: u32, salt: u32) -> u32 {
 }
 
 #[test]
-fn numbers_are_the_same_bits() {
-    let Some(gpu) = gpu("numbers_are_the_same_bits") else { return };
+fn random_numbers_have_the_same_bits() {
+    let Some(gpu) = gpu("random_numbers_have_the_same_bits") else { return };
     let counts = [1, 2, 3, 7, 16, 24, 97, 256, 1000, 4096, 65_535, 1 << 20];
     for (name, pattern) in [("random", Pattern::Random), ("stratified", Pattern::Stratified), ("sobol", Pattern::Sobol)]
     {

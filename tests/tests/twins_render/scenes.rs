@@ -19,7 +19,7 @@ fn cuboid(half: [f32; 3], material: u32) -> Mesh {
     mesh((0..8).map(corner).collect(), triangles, material)
 }
 
-pub(super) fn place(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
+pub(super) fn instance(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
     let world_from_object = Affine { columns };
     Instance { mesh: MeshId(mesh), world_from_object, world_from_object_close: None, first_primitive: 0 }
 }
@@ -38,10 +38,10 @@ pub(super) fn room() -> (Scene, Camera) {
     let meshes = vec![walls, cuboid([1.0; 3], 1), smooth, cuboid([0.3; 3], 2)];
     let (s, c) = 0.4_f32.sin_cos();
     let instances = vec![
-        place(0, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]]),
-        place(1, [[0.7 * c, 0.0, -0.7 * s], [0.0, 1.2, 0.0], [0.7 * s, 0.0, 0.7 * c], [1.2, -0.8, -0.7]]),
-        place(2, [[-0.6, 0.1, 0.0], [0.2, 0.6, 0.1], [0.0, -0.1, 0.6], [-1.3, -1.2, 0.5]]),
-        place(3, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-0.2, -1.7, 1.5]]),
+        instance(0, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]]),
+        instance(1, [[0.7 * c, 0.0, -0.7 * s], [0.0, 1.2, 0.0], [0.7 * s, 0.0, 0.7 * c], [1.2, -0.8, -0.7]]),
+        instance(2, [[-0.6, 0.1, 0.0], [0.2, 0.6, 0.1], [0.0, -0.1, 0.6], [-1.3, -1.2, 0.5]]),
+        instance(3, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-0.2, -1.7, 1.5]]),
     ];
     let down = [0.0, -1.0, 0.0];
     let lights = vec![
@@ -113,7 +113,7 @@ pub(super) fn textured() -> (Scene, Camera) {
     let tilt = [[1.0, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, -0.6, 0.8], [0.0; 3]];
     let scene = Scene {
         meshes: vec![quad(-1.0, 3.0, 0), quad(1.0, 0.9, 1), quad(0.0, 1.2, 2)],
-        instances: vec![place(0, tilt), place(1, tilt), place(2, tilt)],
+        instances: vec![instance(0, tilt), instance(1, tilt), instance(2, tilt)],
         materials: vec![floor, screen, pane],
         textures: vec![
             texture(Encoding::Srgb, |x, y| [60 * x, 60 * y, 200, 255]),

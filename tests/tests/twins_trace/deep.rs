@@ -72,8 +72,8 @@ fn rays(depth: u16) -> Vec<Ray> {
     rays
 }
 
-fn with_traversal(gpu: &Gpu, tree: &TriangleBvh<Watertight>, walk: Traversal) -> Result<TracedScene, GpuError> {
-    TracedScene::single_level(gpu, tree, &[0])?.with_traversal(gpu, walk)
+fn with_traversal(gpu: &Gpu, tree: &TriangleBvh<Watertight>, traversal: Traversal) -> Result<TracedScene, GpuError> {
+    TracedScene::single_level(gpu, tree, &[0])?.with_traversal(gpu, traversal)
 }
 
 /// The first ray whose answers differ from the triangle that a loop finds.
@@ -97,9 +97,9 @@ fn wants(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<u32>> {
 }
 
 #[test]
-fn every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear() {
-    let Some(gpu) = gpu("every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear") else { return };
-    for (depth, walks) in [
+fn every_traversal_finds_hits_at_its_depth_limit() {
+    let Some(gpu) = gpu("every_traversal_finds_hits_at_its_depth_limit") else { return };
+    for (depth, traversals) in [
         (16, &Traversal::ALL[..]),
         (17, &[Traversal::Stack, Traversal::Links]),
         (33, &[Traversal::Stack, Traversal::Links]),
@@ -111,16 +111,16 @@ fn every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear() {
         let n_hit = wants.iter().flatten().count();
         // The first sector is empty, and rays that start among the triangles miss some of the sparse ones.
         assert!(n_hit > rays.len() / 2 && wants.len() - n_hit >= rays.len() / usize::from(SECTORS), "{n_hit}");
-        for &walk in walks {
-            let scene = with_traversal(&gpu, &tree, walk).unwrap();
-            assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "{walk:?}, depth {depth}");
+        for &traversal in traversals {
+            let scene = with_traversal(&gpu, &tree, traversal).unwrap();
+            assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "{traversal:?}, depth {depth}");
         }
     }
 }
 
 #[test]
-fn trees_too_deep_for_a_walk_are_refused_by_name() {
-    let Some(gpu) = gpu("trees_too_deep_for_a_walk_are_refused_by_name") else { return };
+fn bvhs_too_deep_for_a_traversal_are_rejected() {
+    let Some(gpu) = gpu("bvhs_too_deep_for_a_traversal_are_rejected") else { return };
     let refused = |depth: u32, most: u32| {
         format!(
             "the stack of a ray: requires {depth} levels of nodes, the device supports {most}; use another --builder or --device cpu"
@@ -130,8 +130,8 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
     let (_, tree) = deep(17);
     assert_eq!(error(with_traversal(&gpu, &tree, Traversal::Bits)), refused(17, 16));
     let (_, tree) = deep(129);
-    for walk in Traversal::ALL {
-        assert_eq!(error(with_traversal(&gpu, &tree, walk)), refused(129, 128));
+    for traversal in Traversal::ALL {
+        assert_eq!(error(with_traversal(&gpu, &tree, traversal)), refused(129, 128));
     }
     // The depths of both levels add up.
     let (_, tree) = deep(16);
@@ -141,8 +141,8 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
 }
 
 #[test]
-fn the_comparison_sees_a_hit_that_a_deep_tree_lost() {
-    let Some(gpu) = gpu("the_comparison_sees_a_hit_that_a_deep_tree_lost") else { return };
+fn the_comparison_detects_a_lost_hit_in_a_deep_bvh() {
+    let Some(gpu) = gpu("the_comparison_detects_a_lost_hit_in_a_deep_bvh") else { return };
     let ((mesh, tree), rays) = (deep(16), rays(16));
     let scene = with_traversal(&gpu, &tree, Traversal::Links).unwrap().without_parent_links(&gpu).unwrap();
     assert!(first_difference(&gpu, &scene, &rays, &wants(&mesh, &rays)).is_some());

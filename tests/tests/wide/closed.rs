@@ -2,12 +2,12 @@
 
 use canted_fixtures::Mesh;
 use canted_obb::Affine;
-use canted_tests::closed::{Place, baked, closed, places, rays};
+use canted_tests::closed::{Placement, baked, closed, placements, rays};
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
-use super::setup::{build, every_way, few_ways, paths};
+use super::setup::{build, every_variant, few_variants, paths};
 
 /// Rays of each kind for each mesh, placement and configuration.
 const N_RAYS: usize = 1_500;
@@ -34,28 +34,28 @@ fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: 
 #[test]
 fn no_ray_leaks() {
     for closed in closed() {
-        for (Place { name, world_from_object }, seed) in places().iter().zip(500..) {
+        for (Placement { name, world_from_object }, seed) in placements().iter().zip(500..) {
             let world = baked(&closed.mesh, world_from_object);
             let rays = rays(&world, &closed, world_from_object, N_RAYS, seed);
-            for (way, config) in every_way() {
+            for (variant, config) in every_variant() {
                 let tree = build::<Watertight>(&world, &config);
                 for path in paths().0 {
                     let leaks = leaks_of_one(&tree.clone().with_path(path), &rays);
-                    assert_eq!(leaks, 0, "{}, {name}, {way}, {}", closed.name, path.name());
+                    assert_eq!(leaks, 0, "{}, {name}, {variant}, {}", closed.name, path.name());
                 }
             }
-            for (way, config) in few_ways() {
+            for (variant, config) in few_variants() {
                 let leaks = leaks_of_two(&closed.mesh, world_from_object, &config, &rays);
-                assert_eq!(leaks, 0, "{}, {name}, {way}, two levels", closed.name);
+                assert_eq!(leaks, 0, "{}, {name}, {variant}, two levels", closed.name);
             }
         }
     }
 }
 
 #[test]
-fn a_hole_is_seen() {
+fn a_hole_is_detected() {
     for closed in closed() {
-        for Place { name, world_from_object } in places() {
+        for Placement { name, world_from_object } in placements() {
             let rays = rays(&baked(&closed.mesh, &world_from_object), &closed, &world_from_object, 5_000, 7);
             let mut open = closed.mesh.clone();
             open.triangles.pop();

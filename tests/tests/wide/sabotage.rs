@@ -6,7 +6,7 @@ use canted_tests::{rays, scenes};
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Ray, ScaledRay, Watertight};
 use canted_wide::{Config, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
 
-use super::setup::{build, few_ways, first_difference, loop_over_all};
+use super::setup::{build, few_variants, first_difference, loop_over_all};
 
 /// A triangle whose box is too small by `PARTS` in ten million. Rays are padded as for triangles if `PADDED`, else as for
 /// primitives with exact hits.
@@ -60,25 +60,25 @@ fn boxes_too_small_by_a_millionth_lose_hits() {
 }
 
 #[test]
-fn a_vertex_moved_by_the_last_bit_is_seen() {
+fn a_vertex_moved_by_the_last_bit_is_detected() {
     for case in scenes::needles().iter().filter(|case| case.name != "needles") {
         let rays = rays::of_all_classes(&case.mesh, 40, 110);
         let mut moved = case.mesh.clone();
         moved.positions.iter_mut().for_each(|p| p[0] = p[0].next_up());
         let wants = loop_over_all::<Watertight>(&moved, &rays);
-        for (way, config) in few_ways() {
+        for (variant, config) in few_variants() {
             let tree = build::<Watertight>(&case.mesh, &config);
-            assert!(first_difference(&tree, &rays, &wants).is_some(), "{}, {way}", case.name);
+            assert!(first_difference(&tree, &rays, &wants).is_some(), "{}, {variant}", case.name);
             // After a refit to those vertices the answers agree.
             let mut tree = tree;
             tree.refit(&moved.positions, &moved.triangles).unwrap();
-            assert_eq!(first_difference(&tree, &rays, &wants), None, "{}, {way}", case.name);
+            assert_eq!(first_difference(&tree, &rays, &wants), None, "{}, {variant}", case.name);
         }
     }
 }
 
 #[test]
-fn each_triangle_lost_is_seen() {
+fn each_lost_triangle_is_detected() {
     let mesh = torus(12, 6);
     let rays = rays::of_all_classes(&mesh, 300, 120);
     let wants = loop_over_all::<Watertight>(&mesh, &rays);
@@ -93,7 +93,7 @@ fn each_triangle_lost_is_seen() {
 
 /// A hit that differs by one bit of a weight or in the sign of a zero is a different hit.
 #[test]
-fn one_bit_is_seen() {
+fn one_bit_is_detected() {
     let mesh = torus(12, 6);
     let rays = rays::of_all_classes(&mesh, 20, 130);
     let tree = build::<Watertight>(&mesh, &Config::default());
@@ -125,7 +125,7 @@ fn checksum(bytes: &[u8]) -> [u8; 8] {
 
 /// Box planes moved inward in a file with a correct checksum: the reader rejects it.
 #[test]
-fn files_with_boxes_too_small_by_a_millionth_are_refused() {
+fn files_with_boxes_too_small_by_a_millionth_are_rejected() {
     const HEADER: usize = 160;
     let mesh = torus(12, 6);
     let config = super::setup::of_one_kind(canted_wide::NodeKind::Aligned);

@@ -6,35 +6,35 @@ use canted_trace::{Hit, Ray};
 use canted_wide::{Config, Costs, LaneKernel, NodeKind, Preset, SimdPath, TriangleBvh};
 
 /// A build configuration with its name for messages.
-pub(crate) type Way = (String, Config);
+pub(crate) type Variant = (String, Config);
 
 const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Quality];
 
 /// Every preset with and without oriented nodes and with and without a local mesh frame (except the fast one); then nodes of a
 /// single kind.
-pub(crate) fn every_way() -> Vec<Way> {
-    let mut ways = vec![];
+pub(crate) fn every_variant() -> Vec<Variant> {
+    let mut variants = vec![];
     for preset in PRESETS {
         for oriented in [false, true] {
             // The search for a frame takes longest and does not depend on the builder.
             for rotate_mesh in [false, true].into_iter().take(if preset == Preset::Fast { 1 } else { 2 }) {
                 let config = Config { oriented, rotate_mesh, ..Config::preset(preset) };
-                ways.push((format!("{preset:?}, oriented {oriented}, rotated {rotate_mesh}"), config));
+                variants.push((format!("{preset:?}, oriented {oriented}, rotated {rotate_mesh}"), config));
             }
         }
     }
-    ways.extend(ways_of_one_kind());
-    ways
+    variants.extend(single_kind_variants());
+    variants
 }
 
 /// The presets, and nodes of a single kind, for tests that do not need every configuration.
-pub(crate) fn few_ways() -> Vec<Way> {
+pub(crate) fn few_variants() -> Vec<Variant> {
     let presets = PRESETS.map(|preset| (format!("{preset:?}"), Config::preset(preset)));
-    presets.into_iter().chain(ways_of_one_kind()).collect()
+    presets.into_iter().chain(single_kind_variants()).collect()
 }
 
 /// Nearly free nodes of each kind over leaves of one triangle, for as many nodes of that kind as possible.
-pub(crate) fn ways_of_one_kind() -> [Way; 2] {
+pub(crate) fn single_kind_variants() -> [Variant; 2] {
     NodeKind::ALL.map(|kind| (format!("{kind:?} nodes"), of_one_kind(kind)))
 }
 
@@ -89,14 +89,14 @@ fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
 }
 
 /// Fails if a BVH with one of these configurations, on any SIMD path, differs from the loop.
-pub(crate) fn agrees<K: LaneKernel>(name: &str, mesh: &Mesh, ways: &[Way], rays: &[Ray]) {
+pub(crate) fn agrees<K: LaneKernel>(name: &str, mesh: &Mesh, variants: &[Variant], rays: &[Ray]) {
     let wants = loop_over_all::<K>(mesh, rays);
-    for (way, config) in ways {
+    for (variant, config) in variants {
         let mut tree = build::<K>(mesh, config);
         for path in paths().0 {
             tree = tree.with_path(path);
             let difference = first_difference(&tree, rays, &wants);
-            assert_eq!(difference, None, "{name}, {way}, {}", path.name());
+            assert_eq!(difference, None, "{name}, {variant}, {}", path.name());
         }
     }
 }

@@ -11,12 +11,12 @@ use super::super::{
 use super::{ball, each, rounded, slipped};
 use crate::{
     closed::rays,
-    tracers::{Tracer, Way, Word},
+    tracers::{Guarantee, Method, Tracer},
     vector::{cross, dot, sub},
 };
 
 /// In robust mode, rays from inside leave a closed mesh through a vertex.
-pub(super) fn embree_174(ways: &[Way]) -> Vec<Row> {
+pub(super) fn embree_174(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #174",
         "from inside a closed mesh, at its vertices",
@@ -31,7 +31,7 @@ pub(super) fn embree_174(ways: &[Way]) -> Vec<Row> {
         Ray::new(origin, std::array::from_fn(|k| vertex[k] - origin[k]))
     };
     let rays: Vec<Ray> = ball.mesh.positions.iter().map(&mut at_vertex).collect();
-    each(PROMISE, ways, |way| slipped(way, &ball.mesh, &rays))
+    each(PROMISE, methods, |method| slipped(method, &ball.mesh, &rays))
 }
 
 /// Positions of a tube's rings of vertices along its axis; both ends are open.
@@ -60,7 +60,7 @@ fn tubes(n: u32) -> Mesh {
 }
 
 /// Ten nested tubes: a ray from one tube at a vertex of the next passes it and hits a later one.
-pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
+pub(super) fn embree_181(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #181",
         "nested tubes: from one to a vertex or edge of the next",
@@ -90,8 +90,8 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
         }
     }
     let rays: Vec<Ray> = asked.iter().map(|&(ray, _)| ray).collect();
-    each(PROMISE, ways, |way| {
-        let hits = way.of(&mesh).closest(&rays);
+    each(PROMISE, methods, |method| {
+        let hits = method.of(&mesh).closest(&rays);
         let is_other = |(hit, (_, tube)): &(&Option<Hit>, &(Ray, u32))| {
             hit.is_none_or(|hit| hit.primitive.0 / (4 * SIDES) != *tube)
         };
@@ -102,7 +102,7 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
 /// All hits of a ray through an edge or vertex count the surface twice.
 ///
 /// Devices are not tested: they return only first hits, with an error larger than an edge.
-pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
+pub(super) fn embree_188(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #188",
         "through a convex mesh at edges and vertices; peers continue from each hit",
@@ -117,9 +117,9 @@ pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
         // The second ray of each pair starts outside and passes through the edge to a point inside.
         .filter_map(|(i, ray)| (i % 2 == 1).then_some(ray))
         .collect();
-    let asked = ways.iter().filter(|way| !matches!(way.word, Word::Device(_)));
-    each(PROMISE, asked, |way| {
-        let tracer = way.of(&ball.mesh);
+    let asked = methods.iter().filter(|method| !matches!(method.guarantee, Guarantee::Device(_)));
+    each(PROMISE, asked, |method| {
+        let tracer = method.of(&ball.mesh);
         let is_other = |ray: &&Ray| {
             let crossings = tracer.crossings(ray).unwrap_or_else(|| walked(tracer.as_ref(), &ball.mesh, ray));
             crossings.iter().map(|hit| hit.side).ne([Side::Front, Side::Back])
@@ -142,7 +142,7 @@ fn walked(tracer: &dyn Tracer, mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
 }
 
 /// A skinny triangle, edges of 11.2, 9.7 and about 1.5, half a degree from the ray: a hit at a wrong distance.
-pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
+pub(super) fn embree_387(methods: &[Method]) -> Vec<Row> {
     const PIERCED: Promise = Promise::none(
         "Embree #387",
         "a skinny triangle within a degree of the ray, 600 away",
@@ -154,7 +154,7 @@ pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
     let mut rng = SplitMix64::new(387);
     let mut meshes = vec![];
     for _ in 0..12 {
-        let (along, place) = (rng.on_sphere(), rng.signed3().map(|x| 300.0 * x));
+        let (along, center) = (rng.on_sphere(), rng.signed3().map(|x| 300.0 * x));
         let across = loop {
             let other = rng.on_sphere();
             let share: f64 = (0..3).map(|k| other[k] * along[k]).sum();
@@ -164,7 +164,7 @@ pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
                 break rest.map(|x| x / length);
             }
         };
-        let at = |s: f64, h: f64| rounded(std::array::from_fn(|k| place[k] + s * along[k] + h * across[k]));
+        let at = |s: f64, h: f64| rounded(std::array::from_fn(|k| center[k] + s * along[k] + h * across[k]));
         let positions = vec![at(0.0, 0.0), at(11.2, 0.0), at(9.7, 0.3)];
         let normal: [f64; 3] = std::array::from_fn(|k| {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
@@ -174,7 +174,7 @@ pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
             let (s, h) = (14.0 * rng.unit() - 1.0, 0.8 * rng.unit() - 0.3);
             let (turn, tilt) = (std::f64::consts::TAU * rng.unit(), 0.017 * rng.signed());
             let (sin, cos) = canted_fixtures::sin_cos(turn);
-            let target: [f64; 3] = std::array::from_fn(|k| place[k] + s * along[k] + h * across[k]);
+            let target: [f64; 3] = std::array::from_fn(|k| center[k] + s * along[k] + h * across[k]);
             let heading: [f64; 3] = std::array::from_fn(|k| cos * along[k] + sin * across[k] + tilt * normal[k]);
             let distance = 600.0 * rng.unit();
             let origin = rounded(std::array::from_fn(|k| target[k] - distance * heading[k]));
@@ -184,8 +184,8 @@ pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
         meshes.push((Mesh { positions, triangles: vec![[0, 1, 2]] }, rays));
     }
     let counted = |promise, of: fn(&Certain) -> [usize; 2]| {
-        each(promise, ways, |way| {
-            let counts = meshes.iter().map(|(mesh, rays)| of(&Certain::of_way(way, mesh, rays)));
+        each(promise, methods, |method| {
+            let counts = meshes.iter().map(|(mesh, rays)| of(&Certain::of_method(method, mesh, rays)));
             counts.fold((0, 0), |(n, n_failed), [more, more_failed]| (n + more, n_failed + more_failed))
         })
     };

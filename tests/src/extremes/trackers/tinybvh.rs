@@ -11,7 +11,7 @@ use super::super::{Oracle, Promise, Row};
 use super::each;
 use crate::{
     brute,
-    tracers::{Way, Word},
+    tracers::{Guarantee, Method},
 };
 
 /// Accepts hits of one instance, and records every `t` that it receives.
@@ -57,7 +57,7 @@ fn through_plates() -> Vec<(Ray, usize, Option<f32>)> {
 /// Between the top and a bottom level the ray's interval and the queried instance are lost.
 ///
 /// Peers have no such query: each plate is traced alone, under its transform if they support instances.
-pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
+pub(super) fn tinybvh_277(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #277",
         "two levels: interval and instance, also axis-parallel; peers: one plate at a time",
@@ -66,7 +66,7 @@ pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
         "rays",
     );
     fn of_levels<B: Blas>(blas: B, name: &str) -> Row {
-        let instances = plates().map(|(place, _)| Instance::new(0, place));
+        let instances = plates().map(|(placement, _)| Instance::new(0, placement));
         let tlas = Tlas::new(vec![blas], &instances, TopConfig::default()).expect("scales are invertible");
         let is_wrong = |(ray, plate, want): &&(Ray, usize, Option<f32>)| {
             let only = || Only(InstanceId(u32::try_from(*plate).expect("three plates")), vec![]);
@@ -86,9 +86,9 @@ pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
         of_levels(binary.expect("fixtures are valid"), "two-level binary"),
         of_levels(wide.expect("fixtures are valid"), "two-level wide"),
     ];
-    let peers = ways.iter().filter(|way| way.word == Word::Peer);
-    rows.extend(each(PROMISE, peers, |way| {
-        let tracers = plates().map(|(place, _)| (way.make)(&plate, &place));
+    let peers = methods.iter().filter(|method| method.guarantee == Guarantee::Peer);
+    rows.extend(each(PROMISE, peers, |method| {
+        let tracers = plates().map(|(placement, _)| (method.make)(&plate, &placement));
         let asked = through_plates();
         let is_wrong = |(ray, plate, want): &&(Ray, usize, Option<f32>)| {
             let (hits, occluded) = (tracers[*plate].closest(&[*ray]), tracers[*plate].occluded(&[*ray]));
@@ -129,7 +129,7 @@ fn cubes() -> Mesh {
 }
 
 /// A negative zero in the direction selects the wrong octant.
-pub(super) fn tinybvh_282(ways: &[Way]) -> Vec<Row> {
+pub(super) fn tinybvh_282(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #282",
         "axis-parallel rays, zeros of either sign",
@@ -139,8 +139,8 @@ pub(super) fn tinybvh_282(ways: &[Way]) -> Vec<Row> {
     );
     let mesh = cubes();
     let (plus, minus) = (along_axes(&mesh, 0.0), along_axes(&mesh, -0.0));
-    each(PROMISE, ways, |way| {
-        let tracer = way.of(&mesh);
+    each(PROMISE, methods, |method| {
+        let tracer = method.of(&mesh);
         let (with_plus, with_minus) = (tracer.closest(&plus), tracer.closest(&minus));
         let short = |hit: &Option<Hit>| hit.map(|hit| (hit.t, hit.primitive));
         (plus.len(), with_plus.iter().zip(&with_minus).filter(|(a, b)| short(a) != short(b)).count())
@@ -148,7 +148,7 @@ pub(super) fn tinybvh_282(ways: &[Way]) -> Vec<Row> {
 }
 
 /// An absolute epsilon for the determinant drops small triangles.
-pub(super) fn tinybvh_283(ways: &[Way]) -> Vec<Row> {
+pub(super) fn tinybvh_283(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #283",
         "right triangles with legs 2e-4 to 2e-13",
@@ -157,22 +157,22 @@ pub(super) fn tinybvh_283(ways: &[Way]) -> Vec<Row> {
         "triangles",
     );
     let legs: Vec<f32> = (4..=13).map(|digits| 2.0 * 10.0f32.powi(-digits)).collect();
-    each(PROMISE, ways, |way| {
+    each(PROMISE, methods, |method| {
         let is_missed = |leg: &&f32| {
             let leg = **leg;
             let positions = vec![[0.0; 3], [leg, 0.0, 0.0], [0.0, leg, 0.0]];
             let mesh = Mesh { positions, triangles: vec![[0, 1, 2]] };
             let ray = Ray::new([leg / 3.0, leg / 3.0, -1.0], [0.0, 0.0, 1.0]);
             // Other tracers must only be as accurate as a device.
-            let off = if way.word == Word::Loop { 0.0 } else { canted_gpu::HIT_ERROR };
-            way.of(&mesh).closest(&[ray])[0].is_none_or(|hit| (hit.t - 1.0).abs() > off)
+            let off = if method.guarantee == Guarantee::Loop { 0.0 } else { canted_gpu::HIT_ERROR };
+            method.of(&mesh).closest(&[ray])[0].is_none_or(|hit| (hit.t - 1.0).abs() > off)
         };
         (legs.len(), legs.iter().filter(is_missed).count())
     })
 }
 
 /// A ray in the face of a box misses geometry that touches that face.
-pub(super) fn tinybvh_286(ways: &[Way]) -> Vec<Row> {
+pub(super) fn tinybvh_286(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #286",
         "axis-parallel rays in faces and edges of boxes",
@@ -190,14 +190,14 @@ pub(super) fn tinybvh_286(ways: &[Way]) -> Vec<Row> {
             rays.iter().map(|ray| brute::closest_hit::<Watertight>(&records, ray).is_some()).collect();
         (mesh, rays, wants)
     });
-    each(PROMISE, ways, |way| {
+    each(PROMISE, methods, |method| {
         let mut counts = (0, 0);
         for (mesh, rays, wants) in &asked {
-            let hits = way.of(mesh).closest(rays);
+            let hits = method.of(mesh).closest(rays);
             // A device may hit anything within its error, so only lost hits count.
-            let is_wrong = |(hit, want): &(&Option<Hit>, &bool)| match way.word {
-                Word::Device(_) => **want && hit.is_none(),
-                Word::Loop | Word::Peer => hit.is_some() != **want,
+            let is_wrong = |(hit, want): &(&Option<Hit>, &bool)| match method.guarantee {
+                Guarantee::Device(_) => **want && hit.is_none(),
+                Guarantee::Loop | Guarantee::Peer => hit.is_some() != **want,
             };
             counts.0 += rays.len();
             counts.1 += hits.iter().zip(wants).filter(is_wrong).count();

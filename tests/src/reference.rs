@@ -86,12 +86,12 @@ pub fn rays(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     let mut ray = || {
         let [a, b, c] = mesh.corners(rng.below(mesh.triangles.len()));
         let along = [0.0, 0.5, rng.unit()][rng.below(3)];
-        let beside = 0.5f64.powi(i32::try_from(rng.below(22)).unwrap()) * [1.0, -1.0][rng.below(2)];
+        let offset = 0.5f64.powi(i32::try_from(rng.below(22)).unwrap()) * [1.0, -1.0][rng.below(2)];
         let direction = rng.on_sphere();
         let distance = diagonal * rng.unit();
         let target: [f64; 3] = std::array::from_fn(|k| {
             let edge = a[k] + along * (b[k] - a[k]);
-            edge + 0.3 * beside * (c[k] - edge)
+            edge + 0.3 * offset * (c[k] - edge)
         });
         let origin: [f32; 3] = std::array::from_fn(|k| (target[k] - distance * direction[k]) as f32);
         Ray::new(origin, std::array::from_fn(|k| (target[k] - f64::from(origin[k])) as f32))

@@ -63,7 +63,7 @@ impl World<'_> {
     ///
     /// # Errors
     /// A lost hit, or one beyond the bound.
-    pub(crate) fn judge(
+    pub(crate) fn check(
         &self,
         ray: &Ray,
         cpu: Option<Hit>,
@@ -108,7 +108,7 @@ impl World<'_> {
     ///
     /// # Errors
     /// The first wrong answer.
-    pub(crate) fn judge_all(
+    pub(crate) fn check_all(
         &self,
         gpu: &Gpu,
         scene: &TracedScene,
@@ -120,7 +120,7 @@ impl World<'_> {
         let occluded = scene.occluded(gpu, rays).unwrap();
         assert_eq!((hits.len(), occluded.len()), (rays.len(), rays.len()));
         for ((ray, hit), occluded) in rays.iter().zip(hits).zip(occluded) {
-            self.judge(ray, on_cpu(ray), hit, tally)?;
+            self.check(ray, on_cpu(ray), hit, tally)?;
             match (hit, occluded) {
                 (Outcome::Complete(hit), Outcome::Complete(occluded)) if hit.is_some() != occluded => {
                     return Err(format!("{ray:?}: {hit:?}, and occluded is {occluded}"));
