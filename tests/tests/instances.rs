@@ -6,10 +6,13 @@
 
 mod instances {
     mod agree;
+    mod edits;
     mod geometry;
+    mod kinds;
     mod mixed;
     mod moved;
     mod moving;
+    mod queries;
     mod refused;
     mod setup;
 }

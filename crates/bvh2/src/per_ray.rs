@@ -1,9 +1,9 @@
 //! One result for each ray of a slice, on one thread or on all.
 
+use canted_lbvh::par;
 use canted_trace::Ray;
 
 /// Rays that a thread takes at a time.
-#[cfg(feature = "parallel")]
 const CHUNK: usize = 1024;
 
 /// Calls `trace` with the index of each ray, the ray and its result.
@@ -21,16 +21,10 @@ pub fn serial<'r, T>(rays: &'r [Ray], results: &mut [T], mut trace: impl FnMut(u
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn parallel<'r, T: Send>(rays: &'r [Ray], results: &mut [T], trace: impl Fn(usize, &'r Ray, &mut T) + Sync) {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        assert_eq!(rays.len(), results.len(), "one result for each ray");
-        let chunks = rays.par_chunks(CHUNK).zip(results.par_chunks_mut(CHUNK)).enumerate();
-        chunks.for_each(|(i, (rays, results))| {
-            serial(rays, results, |index, ray, result| trace(i * CHUNK + index, ray, result));
-        });
-    }
-    #[cfg(not(feature = "parallel"))]
-    serial(rays, results, trace);
+pub fn parallel<'r, T: Send>(rays: &'r [Ray], results: &mut [T], trace: impl Fn(usize, &'r Ray, &mut T) + Sync + Send) {
+    assert_eq!(rays.len(), results.len(), "one result for each ray");
+    let chunks = rays.chunks(CHUNK).zip(results.chunks_mut(CHUNK)).enumerate().collect();
+    par::for_jobs(chunks, |(i, (rays, results))| {
+        serial(rays, results, |index, ray, result| trace(i * CHUNK + index, ray, result));
+    });
 }

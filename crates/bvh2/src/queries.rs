@@ -51,6 +51,11 @@ impl<K: Kernel> Bvh2<K> {
         self.occluded_with(ray, InstanceId(0), &mut HitFilter(|hit: &Hit| accepts(ray, hit)))
     }
 
+    /// Every hit that `accepts` accepts, in the order of [`Bvh2::all_hits`]. Replaces the contents of `hits`.
+    pub fn all_hits_where(&self, ray: &Ray, hits: &mut Vec<Hit>, accepts: impl Fn(&Ray, &Hit) -> bool) {
+        self.all_hits_with(ray, InstanceId(0), &mut HitFilter(|hit: &Hit| accepts(ray, hit)), hits);
+    }
+
     /// The hit of least `t` that the query accepts; ties go to the lowest primitive.
     pub fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         let ray = ScaledRay::new(ray)?;

@@ -94,4 +94,24 @@ impl<K: Kernel> Bvh2<K> {
     ) {
         parallel(rays, occluded, |i, ray, out| *out = self.occluded_where(ray, |ray, hit| accepts(i, ray, hit)));
     }
+
+    /// Every hit of each ray that `accepts` accepts, in the order of [`Bvh2::all_hits`].
+    pub fn all_hits_many_where(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Vec<Hit>],
+        accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
+    ) {
+        serial(rays, hits, |i, ray, hits| self.all_hits_where(ray, hits, |ray, hit| accepts(i, ray, hit)));
+    }
+
+    /// As [`Bvh2::all_hits_many_where`], on all threads.
+    pub fn par_all_hits_many_where(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Vec<Hit>],
+        accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
+    ) {
+        parallel(rays, hits, |i, ray, hits| self.all_hits_where(ray, hits, |ray, hit| accepts(i, ray, hit)));
+    }
 }

@@ -5,7 +5,7 @@ use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb};
 use canted_sah::TopDownConfig;
 use canted_tlas::{Blas, TopConfig};
-use canted_trace::{Hit, InstanceId, Query, Ray};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray};
 use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, Preset, TriangleBvh};
 
 use crate::PrepareError;
@@ -173,6 +173,10 @@ impl<K: LaneKernel> Blas for Bvh<K> {
             Self::Wide(wide) => wide.bounds(),
             Self::Binary(binary, _) => binary.bounds(),
         }
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {

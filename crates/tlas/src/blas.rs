@@ -2,7 +2,7 @@ mod pointers;
 
 use canted_bvh2::Bvh2;
 use canted_obb::Obb;
-use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, Watertight};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, Watertight};
 use canted_wide::{LeafPrimitive, TriangleBvh, WideBvh};
 
 /// A bottom-level BVH: anything that answers rays in its object space.
@@ -17,7 +17,7 @@ use canted_wide::{LeafPrimitive, TriangleBvh, WideBvh};
 /// use canted_bvh2::{BuildConfig, Bvh2};
 /// use canted_obb::{Affine, Obb};
 /// use canted_tlas::{Blas, Instance, Tlas, TopConfig};
-/// use canted_trace::{Hit, InstanceId, MollerTrumbore, Query, Ray, Watertight};
+/// use canted_trace::{HIT_ERROR, Hit, InstanceId, MollerTrumbore, Query, Ray, Watertight};
 ///
 /// enum Shape {
 ///     Closed(Bvh2<Watertight>),
@@ -30,6 +30,10 @@ use canted_wide::{LeafPrimitive, TriangleBvh, WideBvh};
 ///             Self::Closed(bvh) => bvh.bounds(),
 ///             Self::Open(bvh) => bvh.bounds(),
 ///         }
+///     }
+///     fn hit_error(&self) -> f32 {
+///         // Both kinds are triangles.
+///         HIT_ERROR
 ///     }
 ///     fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
 ///         match self {
@@ -68,14 +72,22 @@ pub trait Blas: Send + Sync {
     /// A box around everything, object space.
     fn bounds(&self) -> Obb;
 
+    /// How far a hit may lie outside of the bounds: each coordinate of `o + t·d`, in real arithmetic, by at most
+    /// `hit_error·(|o|∞ + ρ∞)`, with `|o|∞` the greatest coordinate of the ray's origin and `ρ∞` that of the bounds. At
+    /// most 1/8.
+    ///
+    /// [`HIT_ERROR`] for triangles, `ERROR` for a `Primitive` of `canted-wide`, and the greatest of its kinds for an
+    /// enum. The top level pads its boxes by it: if it is too small, hits are lost.
+    fn hit_error(&self) -> f32;
+
     /// The hit of least `t` that the query accepts; ties go to the lowest primitive.
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit>;
 
     /// Whether the query accepts any hit: agrees with [`Blas::closest_hit_with`].
     fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool;
 
-    /// Every hit that the query accepts, each primitive's once: least `t` first, then lowest primitive. Replaces the
-    /// contents of `hits`.
+    /// Every hit that the query accepts, each once: least `t` first, then lowest primitive. Replaces the contents of
+    /// `hits`.
     fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>);
 }
 
@@ -90,6 +102,10 @@ pub trait CrossingBlas: Blas {
 impl<K: Kernel> Blas for Bvh2<K> {
     fn bounds(&self) -> Obb {
         Self::bounds(self)
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
@@ -108,6 +124,10 @@ impl<K: Kernel> Blas for Bvh2<K> {
 impl<P: LeafPrimitive> Blas for WideBvh<P> {
     fn bounds(&self) -> Obb {
         Self::bounds(self)
+    }
+
+    fn hit_error(&self) -> f32 {
+        P::ERROR
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {

@@ -137,7 +137,7 @@ impl<B: Blas> TlasEdit<'_, B> {
     /// stays.
     pub fn replace_blas(&mut self, index: u32, blas: B) -> Result<B, InstanceError> {
         self.blas(index)?;
-        let placed = self.place_all(index, &blas.bounds())?;
+        let placed = self.place_all(index, &blas)?;
         let old = std::mem::replace(&mut self.tlas.blas[index as usize], blas);
         placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
         Ok(old)
@@ -169,7 +169,7 @@ impl<B: Blas> TlasEdit<'_, B> {
         self.blas(index)?;
         self.tlas.hide(index);
         let result = change(&mut self.tlas.blas[index as usize]);
-        let placed = self.place_all(index, &self.tlas.blas[index as usize].bounds())?;
+        let placed = self.place_all(index, &self.tlas.blas[index as usize])?;
         placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
         Ok(result)
     }
@@ -203,10 +203,11 @@ impl<B: Blas> TlasEdit<'_, B> {
         self.tlas.blas.get(index as usize).ok_or(InstanceError::UnknownBlas { blas: index, n_blas })
     }
 
-    /// Places all instances of a BVH with these bounds.
-    fn place_all(&self, index: u32, bounds: &Obb) -> Result<Vec<(usize, (Placement, Obb))>, InstanceError> {
+    /// Places all instances of a BVH as if `blas` were at its index.
+    fn place_all(&self, index: u32, blas: &B) -> Result<Vec<(usize, (Placement, Obb))>, InstanceError> {
+        let (bounds, hit_error) = (blas.bounds(), blas.hit_error());
         let of_blas = self.tlas.instances.iter().enumerate().filter(|(_, instance)| instance.blas == index);
-        of_blas.map(|(i, instance)| Ok((i, Placement::new(i, instance, bounds)?))).collect()
+        of_blas.map(|(i, instance)| Ok((i, Placement::new(i, instance, &bounds, hit_error)?))).collect()
     }
 
     fn commit(&mut self, index: usize, (placement, bounds): (Placement, Obb)) {

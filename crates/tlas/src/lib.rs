@@ -1,18 +1,59 @@
 //! Two-level BVHs: instances of bottom-level BVHs under any affine transform, static or moving.
 //!
 //! ```
-//! use canted_bvh2::{BuildConfig, Bvh2};
 //! use canted_obb::Affine;
 //! use canted_tlas::{Instance, Tlas, TopConfig};
-//! use canted_trace::{Ray, Watertight};
+//! use canted_trace::Ray;
+//! use canted_wide::{Config, TriangleBvh};
 //!
 //! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let bvh = Bvh2::<Watertight>::build(&positions, &[[0, 1, 2]], &BuildConfig::default())?;
+//! let bvh: TriangleBvh = TriangleBvh::build(&positions, &[[0, 1, 2]], &Config::default())?;
 //! let tlas = Tlas::new(vec![bvh], &[Instance::new(0, Affine::IDENTITY)], TopConfig::default())?;
 //! let hit = tlas.closest_hit(&Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])).expect("the ray points at the triangle");
 //! assert_eq!((hit.t, hit.instance.0, hit.primitive.0), (1.0, 0, 0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # When to use it
+//! When meshes occur several times, move as rigid bodies, or change separately. A mesh that occurs once and does not move
+//! needs no top level: put its triangles into one BVH, which is faster to trace.
+//!
+//! # Types
+//! | type | purpose |
+//! | --- | --- |
+//! | [`Tlas`] | a top-level BVH over instances, and their bottom-level BVHs; answers all queries |
+//! | [`Instance`] | a bottom-level BVH under a transform, with a mask; static or moving |
+//! | [`Blas`], [`CrossingBlas`], [`SaveBlas`] | what a bottom-level BVH supplies; implemented by all of ours |
+//! | [`TopConfig`] | how the top level is built |
+//! | [`RayOptions`] | mask and time of a ray |
+//! | [`TlasEdit`] | several changes with one update of the top level |
+//!
+//! | task | methods |
+//! | --- | --- |
+//! | first hit, any hit | [`Tlas::closest_hit`], [`Tlas::occluded`] |
+//! | every hit, every crossing of a surface | [`Tlas::all_hits`], [`Tlas::crossings`] |
+//! | only hits that a function accepts | [`Tlas::closest_hit_where`], [`Tlas::occluded_where`], [`Tlas::all_hits_where`] |
+//! | masks, time, counters | [`Tlas::closest_hit_with`] and the other forms with `_with` |
+//! | slices of rays | [`Tlas::closest_hits`], [`Tlas::par_closest_hits`], ... |
+//! | move, replace or refit | [`Tlas::set_transform`], [`Tlas::replace_blas`], [`Tlas::update_blas`], [`Tlas::edit`] |
+//! | save, load | [`Tlas::to_bytes`], [`Tlas::from_bytes`] |
+//!
+//! # Guarantees
+//! * **No lost hit.** Results are those of every bottom-level BVH, each with the ray in its object space. Boxes of the top
+//!   level are padded by a proven error bound, which includes the rounding of the transformed ray.
+//! * **One `t`.** Directions are not normalized, so `t` is the same number in world and object space, in units of the
+//!   caller's direction.
+//! * **Ties** go to the lowest (instance, primitive), so results do not depend on the top level.
+//! * **Determinism.** The same input gives the same bits on any number of threads and every SIMD path.
+//! * **Invalid input is reported** with the index of the instance. Transforms may scale, shear and mirror, up to a
+//!   condition number of [`MAX_CONDITION`].
+//!
+//! # Cost
+//! An instance takes about 300 bytes, its box in a wide top level about 50, in a binary one 64 to 128. Building is dominated by the
+//! bottom-level BVHs; [`Tlas::set_instances`] builds the top level alone, and a refit of it takes linear time.
+//!
+//! # Features
+//! `parallel` (default): build and trace slices on all threads of the current rayon pool.
 #![forbid(unsafe_code)]
 
 mod blas;

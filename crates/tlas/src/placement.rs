@@ -1,5 +1,5 @@
 use canted_obb::{Affine, Obb};
-use canted_trace::{HIT_ERROR, Query, Ray, ScaledRay};
+use canted_trace::{Query, Ray, ScaledRay};
 
 use crate::instance::condition;
 use crate::motion::{Motion, invert, row_sum_norm};
@@ -45,18 +45,24 @@ pub(crate) struct Placement {
 
 impl Placement {
     /// Inverts the transform and bounds the error of hits. Also returns the bounds of the instance in world space, at all
-    /// times; `bounds` are those of the bottom-level BVH.
+    /// times; `bounds` and `hit_error` are those of the bottom-level BVH.
     ///
     /// A world ray `o + t·d` is traced as the object ray `o' = fl(M⁻¹(o - c))`, `d' = fl(M⁻¹d)`: computed in `f64`, each
-    /// component rounded once, by at most `u` relative. A hit accepted at `t` lies within `HIT_ERROR·(|o'| + ρ)` of its
-    /// triangle in object space (all norms ∞; ρ the reach of the bottom-level BVH). The world point differs from the image
-    /// of the object point by `M` times at most `u·|o'| + u·t|d'|`, where `t|d'| <= ρ + |o'|` except for a second-order
-    /// term. With one `u` more for `f64` rounding, the rounding of the box's corners and second-order terms, the hit lies
-    /// within `‖M‖·(HIT_ERROR + 4u)·(|o'| + ρ)` of the triangle's image, and `|o'| <= ‖M⁻¹‖·(|o| + |c|)`.
+    /// component rounded once, by at most `u` relative. A hit accepted at `t` lies within `e·(|o'| + ρ)` of the bounds in
+    /// object space (all norms ∞; `e <= 1/8` the hit error, ρ the reach of the bottom-level BVH). The world point differs
+    /// from the image of the object point by `M` times at most `u·|o'| + u·t|d'|`, where
+    /// `t|d'| <= (1 + e)·(|o'| + ρ)`: together at most `2.2u·(|o'| + ρ)`. With `1.8u` more for `f64` rounding, the rounding
+    /// of the box's corners and second-order terms, the hit lies within `‖M‖·(e + 4u)·(|o'| + ρ)` of the image of the
+    /// bounds, and `|o'| <= ‖M⁻¹‖·(|o| + |c|)`.
     ///
     /// For a moving instance this holds with the greatest `‖M‖`, `|c|` and `‖M⁻¹‖` of the motion. The first two occur at
     /// an end, since norms are convex; [`Motion::norm_of_inverse`] bounds the third.
-    pub(crate) fn new(index: usize, instance: &Instance, bounds: &Obb) -> Result<(Self, Obb), InstanceError> {
+    pub(crate) fn new(
+        index: usize,
+        instance: &Instance,
+        bounds: &Obb,
+        hit_error: f32,
+    ) -> Result<(Self, Obb), InstanceError> {
         let open = &instance.world_from_object;
         // Equal transforms at both ends make a static instance.
         let close = instance.world_from_object_close.as_ref().filter(|close| *close != open);
@@ -83,7 +89,7 @@ impl Placement {
         };
         let reach = f64::from(bounds.aabb().reach());
         let translation = greatest(&|m| m.columns[3].iter().map(|c| f64::from(c.abs())).fold(0.0, f64::max));
-        let relative = f64::from(HIT_ERROR) + 4.0 * U;
+        let relative = f64::from(hit_error) + 4.0 * U;
         let error = WorldError {
             per_origin: relative * (forward * backward),
             fixed: relative * forward * (backward * translation + reach) + 2.0 * U * translation,

@@ -74,7 +74,7 @@ impl<B: Blas> Tlas<B> {
     }
 
     /// Every hit that `accepts` accepts, in the order of [`Tlas::all_hits`]. Replaces the contents of `hits`.
-    pub fn all_hits_where(&self, ray_world: &Ray, accepts: impl Fn(&Ray, &Hit) -> bool, hits: &mut Vec<Hit>) {
+    pub fn all_hits_where(&self, ray_world: &Ray, hits: &mut Vec<Hit>, accepts: impl Fn(&Ray, &Hit) -> bool) {
         self.all_hits_with(ray_world, &mut HitFilter(|hit: &Hit| accepts(ray_world, hit)), hits);
     }
 

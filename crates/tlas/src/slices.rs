@@ -106,6 +106,28 @@ impl<B: Blas> Tlas<B> {
         self.par_occluded_many_with(rays, occluded, |i, ray| HitFilter(move |hit: &Hit| accepts(i, ray, hit)));
     }
 
+    /// Every hit of each ray that `accepts` accepts, in the order of [`Tlas::all_hits`].
+    pub fn all_hits_many_where(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Vec<Hit>],
+        accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
+    ) {
+        let accepts = &accepts;
+        self.all_hits_many_with(rays, hits, |i, ray| HitFilter(move |hit: &Hit| accepts(i, ray, hit)));
+    }
+
+    /// As [`Tlas::all_hits_many_where`], on all threads.
+    pub fn par_all_hits_many_where(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Vec<Hit>],
+        accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
+    ) {
+        let accepts = &accepts;
+        self.par_all_hits_many_with(rays, hits, |i, ray| HitFilter(move |hit: &Hit| accepts(i, ray, hit)));
+    }
+
     /// The closest hit of each ray that its query accepts.
     pub fn closest_hits_with<'r, Q: Query>(
         &self,

@@ -90,7 +90,7 @@ impl<B: Blas> Tlas<B> {
         let Some(blas) = self.blas.get(instance.blas as usize) else {
             return Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas });
         };
-        Placement::new(index, instance, &blas.bounds())
+        Placement::new(index, instance, &blas.bounds(), blas.hit_error())
     }
 
     pub(crate) fn update_error(&mut self) {

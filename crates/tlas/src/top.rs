@@ -47,7 +47,7 @@ impl Top {
     pub(crate) fn build(instances: &[Obb], config: &TopConfig, path: SimdPath) -> Result<Self, InstanceError> {
         let boxes = aabbs(instances);
         Ok(match config {
-            TopConfig::Wide(config) => Self::Wide(WideTop::build(&boxes, *config, path)?),
+            TopConfig::Wide(config) => Self::Wide(WideTop::build(boxes, *config, path)?),
             TopConfig::Binary(config) => Self::Binary(BinaryTop::build(instances, &boxes, *config)),
         })
     }
@@ -79,7 +79,7 @@ impl Top {
     pub(crate) fn refit(&mut self, instances: &[Obb]) {
         let boxes = aabbs(instances);
         match self {
-            Self::Wide(top) => top.refit(&boxes),
+            Self::Wide(top) => top.refit(boxes),
             Self::Binary(top) => top.refit(instances, &boxes),
         }
     }

@@ -7,7 +7,7 @@ use canted_obb::Obb;
 use canted_renderer::obvhs_tree;
 use canted_tests::{brute, instances as oracle};
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
-use canted_trace::{BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Query, Ray, Watertight};
+use canted_trace::{BaldwinWeber, HIT_ERROR, Hit, InstanceId, Kernel, MollerTrumbore, Query, Ray, Watertight};
 
 use super::setup::{all_rays, build, crowd, meshes};
 
@@ -25,6 +25,10 @@ impl Blas for Mixed {
             Self::MollerTrumbore(blas) => blas.bounds(),
             Self::BaldwinWeber(blas) => blas.bounds(),
         }
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {

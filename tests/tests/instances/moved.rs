@@ -6,7 +6,7 @@ use canted_bvh2::Bvh2;
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
-use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, Watertight};
 
 use super::setup::{all_rays, build, crowd, instances, meshes};
 
@@ -32,6 +32,10 @@ impl Blas for Counted {
     fn bounds(&self) -> Obb {
         self.n_bounds.fetch_add(1, Ordering::Relaxed);
         self.inner.bounds()
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {

@@ -9,7 +9,7 @@ use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
 use canted_tests::instances::At;
 use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
-use canted_trace::{Hit, InstanceId, Query, Ray, Watertight};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, Watertight};
 
 use super::agree::loop_over_all;
 use super::geometry::{check_hit, reaches};
@@ -178,6 +178,10 @@ impl Blas for Shrunk {
     fn bounds(&self) -> Obb {
         let bounds = self.0.bounds();
         Obb { half_extents: bounds.half_extents.map(|half| half * 0.1), ..bounds }
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {

@@ -13,6 +13,10 @@ macro_rules! forward {
                 B::bounds(self)
             }
 
+            fn hit_error(&self) -> f32 {
+                B::hit_error(self)
+            }
+
             fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
                 B::closest_hit_with(self, ray_object, instance, query)
             }

@@ -6,30 +6,28 @@ use canted_wide::{Config, PrimitiveError, SimdPath, WideBvh};
 #[derive(Clone, Debug)]
 pub(crate) struct WideTop {
     bvh: WideBvh<Aabb>,
-    config: Config,
-    path: SimdPath,
+    /// Growth of the predicted traversal cost since the build.
+    drift: f32,
 }
 
 impl WideTop {
     /// Builds over a box for each instance, world space.
-    pub(crate) fn build(boxes: &[Aabb], config: Config, path: SimdPath) -> Result<Self, PrimitiveError> {
-        let bvh = WideBvh::<Aabb>::build(boxes.to_vec(), &config.axis_aligned())?;
-        Ok(Self { bvh: bvh.with_path(path), config, path })
+    pub(crate) fn build(boxes: Vec<Aabb>, config: Config, path: SimdPath) -> Result<Self, PrimitiveError> {
+        let bvh = WideBvh::<Aabb>::build(boxes, &config.axis_aligned())?;
+        Ok(Self { bvh: bvh.with_path(path), drift: 1.0 })
     }
 
     pub(crate) fn with_path(self, path: SimdPath) -> Self {
-        Self { bvh: self.bvh.with_path(path), path, ..self }
+        Self { bvh: self.bvh.with_path(path), ..self }
     }
 
-    /// New boxes for the same instances.
-    pub(crate) fn refit(&mut self, boxes: &[Aabb]) {
-        if let Ok(bvh) = WideBvh::<Aabb>::build(boxes.to_vec(), &self.config.axis_aligned()) {
-            self.bvh = bvh.with_path(self.path);
-        }
+    /// New boxes for the same instances, in the same topology.
+    pub(crate) fn refit(&mut self, boxes: Vec<Aabb>) {
+        self.drift = self.bvh.refit(boxes).expect("a finite box for each instance").drift;
     }
 
     pub(crate) fn drift(&self) -> f32 {
-        1.0
+        self.drift
     }
 
     /// Box around all instances; empty for none.

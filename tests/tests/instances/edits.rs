@@ -1,0 +1,257 @@
+//! A changed TLAS gives the hits of a new one, and touches only what a change concerns.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use canted_fixtures::{Mesh, Rotation, SplitMix64, soup, torus};
+use canted_lbvh::{Strategy, VolumeConfig};
+use canted_obb::{Affine, Obb};
+use canted_tlas::{Blas, Instance, InstanceError, Tlas, TopConfig};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, Watertight};
+use canted_wide::{Config, TriangleBvh};
+
+use super::setup::{affine, all_rays, crowd, instances, meshes};
+
+fn tops() -> [TopConfig; 3] {
+    let binary = |strategy| TopConfig::Binary(VolumeConfig { strategy, fallback: true });
+    [TopConfig::default(), binary(Strategy::Aabb), binary(Strategy::Dop)]
+}
+
+fn bvh(mesh: &Mesh) -> TriangleBvh<Watertight> {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+}
+
+fn random_affine(rng: &mut SplitMix64) -> Affine {
+    let turn = Rotation::euler(6.0 * rng.unit(), 6.0 * rng.unit(), 6.0 * rng.unit());
+    #[expect(clippy::cast_possible_truncation, reason = "test data")]
+    let shift = rng.signed3().map(|x| (8.0 * x) as f32);
+    affine(&turn, std::array::from_fn(|_| 0.2 + rng.unit()), shift)
+}
+
+/// Every hit of every ray.
+fn hits<B: Blas>(tlas: &Tlas<B>, rays: &[Ray]) -> Vec<(Option<Hit>, bool, Vec<Hit>)> {
+    let mut all = vec![];
+    let mut ask = |ray| {
+        tlas.all_hits(ray, &mut all);
+        (tlas.closest_hit(ray), tlas.occluded(ray), all.clone())
+    };
+    rays.iter().map(&mut ask).collect()
+}
+
+#[test]
+fn edits_equal_a_new_tlas() {
+    for top in tops() {
+        let mut rng = SplitMix64::new(17);
+        let [soup, torus] = meshes();
+        let mut placed = instances(&crowd());
+        let mut blas = vec![bvh(&soup), bvh(&torus)];
+        let mut tlas = Tlas::new(blas.clone(), &placed, top).unwrap();
+        let (mut before, mut n_changed) = (vec![], 0);
+        for round in 0..12 {
+            let mut edit = tlas.edit();
+            for _ in 0..=rng.below(4) {
+                let i = u32::try_from(rng.below(placed.len())).unwrap();
+                match rng.below(5) {
+                    0 | 1 => {
+                        let moved = random_affine(&mut rng);
+                        placed[i as usize] =
+                            Instance { mask: placed[i as usize].mask, ..Instance::new(placed[i as usize].blas, moved) };
+                        edit.set_transform(InstanceId(i), moved).unwrap();
+                    }
+                    2 => {
+                        placed[i as usize].mask ^= 1;
+                        edit.set_mask(InstanceId(i), placed[i as usize].mask).unwrap();
+                    }
+                    3 => {
+                        let open = placed[i as usize].world_from_object;
+                        let mut close = open;
+                        close.columns[3][1] += 1.0;
+                        placed[i as usize] = Instance::moving(u32::from(rng.below(2) == 0), open, close);
+                        edit.set_instance(InstanceId(i), placed[i as usize]).unwrap();
+                    }
+                    _ => {
+                        let scale = 0.5 + rng.unit() as f32;
+                        let positions: Vec<_> = torus.positions.iter().map(|p| p.map(|x| x * scale)).collect();
+                        blas[1] = blas[1].clone();
+                        blas[1].refit(&positions, &torus.triangles).unwrap();
+                        edit.update_blas(1, |bvh| bvh.refit(&positions, &torus.triangles)).unwrap().unwrap();
+                    }
+                }
+            }
+            if round % 3 == 0 {
+                edit.rebuild();
+                assert_eq!((tlas.drift(), tlas.rebuild_advised()), (1.0, false));
+            } else if round % 3 == 1 {
+                edit.refit();
+            } else {
+                drop(edit);
+            }
+            let transforms: Vec<Affine> = placed.iter().map(|instance| instance.world_from_object).collect();
+            let rays = all_rays(&transforms, 2);
+            let fresh = Tlas::new(blas.clone(), &placed, top).unwrap();
+            assert_eq!(tlas.instances(), placed);
+            assert_eq!(tlas.aabb().union(fresh.aabb()), tlas.aabb());
+            let found = hits(&tlas, &rays);
+            assert!(found == hits(&fresh, &rays), "{top:?}, round {round}");
+            n_changed += usize::from(found != before);
+            before = found;
+        }
+        assert!(n_changed > 10, "{n_changed}");
+    }
+}
+
+#[test]
+fn single_changes_update_the_top_level() {
+    let plate = |z: f32| {
+        let positions = vec![[-1.0, -1.0, z], [3.0, -1.0, z], [-1.0, 3.0, z]];
+        bvh(&Mesh { positions, triangles: vec![[0, 1, 2]] })
+    };
+    let at = |z: f32| affine(&Rotation::IDENTITY, [1.0; 3], [0.0, 0.0, z]);
+    let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
+    for top in tops() {
+        let mut tlas = Tlas::new(vec![plate(0.0)], &[5.0, 7.0].map(|z| Instance::new(0, at(z))), top).unwrap();
+        let hit = |tlas: &Tlas<_>| tlas.closest_hit(&ray).map(|hit| (hit.t, hit.instance.0));
+        assert_eq!(hit(&tlas), Some((5.0, 0)));
+        tlas.set_transform(InstanceId(1), at(100.0)).unwrap();
+        tlas.set_transform(InstanceId(0), at(200.0)).unwrap();
+        assert_eq!(hit(&tlas), Some((100.0, 1)));
+        let old = tlas.replace_blas(0, plate(1000.0)).unwrap();
+        assert_eq!((hit(&tlas), old.aabb().max[2]), (Some((1100.0, 1)), 0.0));
+        tlas.update_blas(0, |bvh| *bvh = plate(2.0)).unwrap();
+        assert_eq!(hit(&tlas), Some((102.0, 1)));
+        tlas.rebuild();
+        assert_eq!(hit(&tlas), Some((102.0, 1)));
+    }
+}
+
+#[test]
+fn drift_advises_a_rebuild() {
+    for top in tops() {
+        let mut rng = SplitMix64::new(5);
+        let near = |i: usize| affine(&Rotation::IDENTITY, [0.3; 3], [i as f32, 0.0, 0.0]);
+        let placed: Vec<Instance> = (0..200).map(|i| Instance::new(0, near(i))).collect();
+        let mut tlas = Tlas::new(vec![bvh(&torus(10, 6))], &placed, top).unwrap();
+        assert_eq!((tlas.drift(), tlas.rebuild_advised()), (1.0, false));
+        tlas.set_transform(InstanceId(3), affine(&Rotation::IDENTITY, [0.3; 3], [3.0, 0.1, 0.0])).unwrap();
+        assert!(!tlas.rebuild_advised(), "{}", tlas.drift());
+        let mut edit = tlas.edit();
+        for i in 0..200 {
+            #[expect(clippy::cast_possible_truncation, reason = "test data")]
+            let shift = rng.signed3().map(|x| (100.0 * x) as f32);
+            edit.set_transform(InstanceId(i), affine(&Rotation::IDENTITY, [0.3; 3], shift)).unwrap();
+        }
+        edit.refit();
+        assert!(tlas.rebuild_advised(), "{}", tlas.drift());
+        tlas.rebuild();
+        assert_eq!((tlas.drift(), tlas.rebuild_advised()), (1.0, false));
+    }
+}
+
+/// A BVH that counts how often its bounds are asked.
+struct Counted(TriangleBvh<Watertight>, AtomicUsize);
+
+impl Blas for Counted {
+    fn bounds(&self) -> Obb {
+        self.1.fetch_add(1, Ordering::Relaxed);
+        self.0.bounds()
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
+    }
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        self.0.closest_hit_with(ray_object, instance, query)
+    }
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        self.0.occluded_with(ray_object, instance, query)
+    }
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        self.0.all_hits_with(ray_object, instance, query, hits);
+    }
+}
+
+#[test]
+fn a_change_asks_no_other_bvh_for_its_bounds() {
+    let counted = |mesh: &Mesh| Counted(bvh(mesh), AtomicUsize::new(0));
+    let [soup, torus] = meshes();
+    let mut tlas = Tlas::new(vec![counted(&soup), counted(&torus)], &instances(&crowd()), tops()[0]).unwrap();
+    let asked = |tlas: &Tlas<Counted>| [0, 1].map(|i| tlas.blas()[i].1.swap(0, Ordering::Relaxed));
+    asked(&tlas);
+    tlas.set_transform(InstanceId(3), Affine::IDENTITY).unwrap();
+    assert_eq!(asked(&tlas), [0, 1]);
+    tlas.replace_blas(0, counted(&soup)).unwrap();
+    assert_eq!(asked(&tlas), [1, 0]);
+    tlas.update_blas(1, |_| ()).unwrap();
+    assert_eq!(asked(&tlas), [0, 1]);
+    let n_bytes = tlas.n_bytes();
+    assert!(n_bytes > 100 * tlas.n_instances(), "{n_bytes}");
+    assert_eq!(tlas.into_blas().len(), 2);
+}
+
+#[test]
+fn changes_that_do_not_exist_are_rejected() {
+    let mut tlas = Tlas::new(vec![bvh(&soup(5, 20))], &[Instance::new(0, Affine::IDENTITY)], tops()[0]).unwrap();
+    let no_instance = InstanceError::NoSuchInstance { instance: 4, n_instances: 1 };
+    assert_eq!(tlas.set_transform(InstanceId(4), Affine::IDENTITY), Err(no_instance));
+    assert_eq!(no_instance.to_string(), "there is no instance 4: the TLAS has 1 instances");
+    let no_blas = InstanceError::UnknownBlas { blas: 2, n_blas: 1 };
+    assert_eq!(tlas.update_blas(2, |_| ()), Err(no_blas));
+    assert_eq!(tlas.replace_blas(2, bvh(&soup(5, 20))).map(|_| ()), Err(no_blas));
+    assert_eq!(no_blas.to_string(), "there is no bottom-level BVH 2: the TLAS has 1");
+    let other = Instance::new(3, Affine::IDENTITY);
+    let result = tlas.edit().set_instance(InstanceId(0), other);
+    assert_eq!(result, Err(InstanceError::NoSuchBlas { instance: 0, blas: 3 }));
+    let mut flat = Affine::IDENTITY;
+    flat.columns[0] = [0.0; 3];
+    assert!(matches!(tlas.set_transform(InstanceId(0), flat), Err(InstanceError::IllConditioned { instance: 0, .. })));
+}
+
+/// Where a change fails, old hits stay or the instances are hidden; never does a ray see stale bounds.
+#[test]
+fn failed_changes_lose_no_hits() {
+    let small = soup(5, 20);
+    let huge = Mesh { positions: small.positions.iter().map(|p| p.map(|x| x * 1e30)).collect(), ..small.clone() };
+    let large = affine(&Rotation::IDENTITY, [1e10; 3], [0.0; 3]);
+    let placed = [Instance::new(0, large), Instance::new(1, Affine::IDENTITY), Instance::new(0, Affine::IDENTITY)];
+    let rays = all_rays(&placed.map(|instance| instance.world_from_object), 8);
+    for top in tops() {
+        let mut tlas = Tlas::new(vec![bvh(&small), bvh(&small)], &placed, top).unwrap();
+        let before = hits(&tlas, &rays);
+        let out_of_range = InstanceError::OutOfRange { instance: 0 };
+        assert_eq!(tlas.replace_blas(0, bvh(&huge)).map(|_| ()), Err(out_of_range));
+        assert!(hits(&tlas, &rays) == before);
+
+        assert_eq!(tlas.update_blas(0, |blas| *blas = bvh(&huge)), Err(out_of_range));
+        let hidden = hits(&tlas, &rays);
+        assert!(hidden.iter().all(|(_, _, all)| all.iter().all(|hit| hit.instance == InstanceId(1))));
+        assert!(hidden.iter().any(|(hit, ..)| hit.is_some()));
+        tlas.update_blas(0, |blas| *blas = bvh(&small)).unwrap();
+        assert!(hits(&tlas, &rays) == before);
+
+        let panicked = catch_unwind(AssertUnwindSafe(|| {
+            let _ = tlas.update_blas(0, |blas| {
+                *blas = bvh(&huge);
+                panic!("a change that fails half-way");
+            });
+        }));
+        assert!(panicked.is_err());
+        assert!(hits(&tlas, &rays) == hidden);
+        tlas.edit().set_instance(InstanceId(2), placed[2]).unwrap();
+        assert_eq!(tlas.replace_blas(0, bvh(&small)).unwrap().sizes(), bvh(&small).sizes());
+        assert!(hits(&tlas, &rays) == before);
+    }
+}
+
+#[test]
+fn a_clone_is_independent() {
+    let [soup, torus] = meshes();
+    let placed = crowd();
+    let rays = all_rays(&placed, 1);
+    let mut tlas = Tlas::new(vec![bvh(&soup), bvh(&torus)], &instances(&placed), tops()[0]).unwrap();
+    let copy = tlas.clone();
+    let before = hits(&tlas, &rays);
+    tlas.set_instances(&[]).unwrap();
+    assert!(hits(&copy, &rays) == before && hits(&tlas, &rays) != before);
+    let printed = format!("{tlas:?}");
+    assert!(printed.starts_with("Tlas { blas: [") && printed.contains("n_instances: 0"), "{printed}");
+}

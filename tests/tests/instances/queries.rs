@@ -1,0 +1,357 @@
+//! Every kind of query against a loop over all instances and all their triangles.
+
+use canted_fixtures::{SplitMix64, thin_box};
+use canted_lbvh::{Strategy, VolumeConfig};
+use canted_obb::{Affine, Obb, PrimId};
+use canted_tests::instances::{At, ray_object};
+use canted_tests::{brute, crossings};
+use canted_tlas::{Blas, Instance, RayOptions, Tlas, TopConfig};
+use canted_trace::{Counts, HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, ScaledRay, Side, Watertight};
+use canted_wide::{Config, TriangleBvh};
+
+use super::setup::{affine, all_rays, blas_of, build, crowd, instances, meshes};
+
+type Bvh = canted_bvh2::Bvh2<Watertight>;
+
+fn tops() -> [TopConfig; 2] {
+    [TopConfig::default(), TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true })]
+}
+
+fn bottom() -> Vec<Bvh> {
+    meshes().iter().map(|mesh| build(mesh, Strategy::Dop)).collect()
+}
+
+/// Every hit of a ray on every triangle of every instance: least `t` first, then lowest (instance, primitive).
+fn loop_over_all(placed: &[Affine], ray: &Ray) -> Vec<Hit> {
+    let records = meshes().map(|mesh| brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
+    let mut hits = vec![];
+    for (i, world_from_object) in placed.iter().enumerate() {
+        let Some(ray) = ScaledRay::new(&ray_object(world_from_object, ray)) else { continue };
+        let prepared = Watertight::prepare(&ray);
+        for (primitive, record) in (0..).map(PrimId).zip(&records[blas_of(i)]) {
+            if let Some(hit) = Watertight::intersect(&prepared, &ray, record, ray.t_max) {
+                let instance = InstanceId(u32::try_from(i).unwrap());
+                hits.push(Hit { t: ray.caller_t(hit.t), u: hit.u, v: hit.v, primitive, instance, side: hit.side });
+            }
+        }
+    }
+    hits.sort_by(|a, b| if a.before(b) { std::cmp::Ordering::Less } else { std::cmp::Ordering::Greater });
+    hits
+}
+
+/// Rays at all instances, some with directions of other lengths, some with negative zeros.
+fn rays(placed: &[Affine], n: usize) -> Vec<Ray> {
+    let mut rng = SplitMix64::new(3);
+    let mut rays = all_rays(placed, n);
+    for ray in &mut rays {
+        #[expect(clippy::cast_possible_truncation, reason = "test data")]
+        let length = 10f64.powf(12.0 * rng.unit() - 6.0) as f32;
+        match rng.below(4) {
+            0 => {
+                ray.direction = ray.direction.map(|d| d * length);
+                ray.t_min /= length;
+                ray.t_max /= length;
+            }
+            1 => ray.direction = ray.direction.map(|d| if d == 0.0 { -0.0 } else { d }),
+            2 => ray.direction[2] = -0.0,
+            _ => {}
+        }
+    }
+    rays
+}
+
+/// The first ray whose queries disagree with `want`, which lists the hits of each ray.
+fn first_difference<B: Blas, Q: Query>(
+    tlas: &Tlas<B>,
+    rays: &[Ray],
+    query: impl Fn(usize, &Ray) -> Q,
+    want: impl Fn(usize, &Ray) -> Vec<Hit>,
+) -> Option<String> {
+    let mut hits = vec![];
+    rays.iter().enumerate().find_map(|(i, ray)| {
+        let want = want(i, ray);
+        tlas.all_hits_with(ray, &mut query(i, ray), &mut hits);
+        let closest = tlas.closest_hit_with(ray, &mut query(i, ray));
+        let occluded = tlas.occluded_with(ray, &mut query(i, ray));
+        let agrees = hits == want && closest == want.first().copied() && occluded != want.is_empty();
+        (!agrees).then(|| format!("{ray:?}: {closest:?}, {occluded}, {hits:?}, not {want:?}"))
+    })
+}
+
+#[test]
+fn all_hits_equal_the_loop() {
+    let placed = crowd();
+    let rays = rays(&placed, 6);
+    let n_hits: usize = rays.iter().map(|ray| loop_over_all(&placed, ray).len()).sum();
+    assert!(n_hits > 2 * rays.len(), "{n_hits} hits of {} rays", rays.len());
+    for top in tops() {
+        let tlas = Tlas::new(bottom(), &instances(&placed), top).unwrap();
+        assert_eq!(first_difference(&tlas, &rays, |_, _| (), |_, ray| loop_over_all(&placed, ray)), None);
+        let wide = meshes().map(|m| TriangleBvh::build(&m.positions, &m.triangles, &Config::default()).unwrap());
+        let tlas: Tlas<TriangleBvh> = Tlas::new(wide.into(), &instances(&placed), top).unwrap();
+        assert_eq!(first_difference(&tlas, &rays, |_, _| (), |_, ray| loop_over_all(&placed, ray)), None);
+    }
+}
+
+/// A BVH that reports bounds a tenth of their size.
+struct Shrunk(Bvh);
+
+impl Blas for Shrunk {
+    fn bounds(&self) -> Obb {
+        let bounds = self.0.bounds();
+        Obb { half_extents: bounds.half_extents.map(|half| half * 0.1), ..bounds }
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
+    }
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        self.0.closest_hit_with(ray_object, instance, query)
+    }
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        self.0.occluded_with(ray_object, instance, query)
+    }
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        self.0.all_hits_with(ray_object, instance, query, hits);
+    }
+}
+
+#[test]
+fn the_check_detects_lost_hits_and_wrong_masks() {
+    let placed = crowd();
+    let rays = rays(&placed, 4);
+    for top in tops() {
+        let lost = Tlas::new(bottom().into_iter().map(Shrunk).collect(), &instances(&placed), top).unwrap();
+        assert!(first_difference(&lost, &rays, |_, _| (), |_, ray| loop_over_all(&placed, ray)).is_some());
+        let mut hidden = instances(&placed);
+        hidden[12].mask = 1;
+        let hidden = Tlas::new(bottom(), &hidden, top).unwrap();
+        let seen = first_difference(&hidden, &rays, |_, _| RayOptions::mask(1), |_, ray| loop_over_all(&placed, ray));
+        assert_eq!(seen, None);
+        let seen = first_difference(&hidden, &rays, |_, _| RayOptions::mask(2), |_, ray| loop_over_all(&placed, ray));
+        assert!(seen.is_some());
+    }
+}
+
+#[test]
+fn squashed_instances_of_flat_meshes_are_hit() {
+    let plate = thin_box(0.0);
+    let squashed = affine(&canted_fixtures::Rotation::off_axis(), [1.0, 1.0, 1e-5], [0.5, 0.0, 0.0]);
+    let placed = [Affine::IDENTITY, squashed, squashed];
+    let bvh: Bvh = build(&plate, Strategy::Aabb);
+    for top in tops() {
+        let tlas = Tlas::new(vec![&bvh], &placed.map(|affine| Instance::new(0, affine)), top).unwrap();
+        for i in 0..3 {
+            let corners = plate.triangles.iter().map(|triangle| triangle.map(|v| plate.positions[v as usize]));
+            // Without the sides of the box, which have no area.
+            for corners in corners.filter(|[a, b, c]| (0..2).all(|k| a[k] != b[k] || a[k] != c[k])) {
+                let [a, b, c] = corners.map(|p| placed[i].point(p));
+                let center: [f32; 3] = std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0);
+                let ray = Ray::new([center[0] + 0.1, center[1] - 0.2, 9.0], [-0.1, 0.2, center[2] - 9.0]);
+                let mut hits = vec![];
+                tlas.all_hits(&ray, &mut hits);
+                assert!(hits.iter().any(|hit| hit.instance.0 as usize == i), "{ray:?}: {hits:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn masks_hide_instances() {
+    let placed = crowd();
+    let rays = rays(&placed, 4);
+    let masks: Vec<u32> = (0..placed.len()).map(|i| [1, 2, 6, 0x8000_0000, u32::MAX, 0][i % 6]).collect();
+    let masked: Vec<Instance> =
+        instances(&placed).into_iter().zip(&masks).map(|(instance, &mask)| instance.with_mask(mask)).collect();
+    let of_ray = |i: usize| [u32::MAX, 1, 2, 4, 0x8000_0000, 0, 8][i % 7];
+    let want = |i: usize, ray: &Ray| {
+        let mut hits = loop_over_all(&placed, ray);
+        hits.retain(|hit| masks[hit.instance.0 as usize] & of_ray(i) != 0);
+        hits
+    };
+    for top in tops() {
+        let tlas = Tlas::new(bottom(), &masked, top).unwrap();
+        assert_eq!(tlas.instances(), masked);
+        assert_eq!(first_difference(&tlas, &rays, |i, _| RayOptions::mask(of_ray(i)), want), None);
+    }
+}
+
+#[test]
+fn filters_see_every_ray_and_hit() {
+    let placed = crowd();
+    let rays = rays(&placed, 3);
+    let accepts = |i: usize, hit: &Hit| (hit.primitive.0 + hit.instance.0 + i as u32).is_multiple_of(3);
+    let tlas = Tlas::new(bottom(), &instances(&placed), TopConfig::default()).unwrap();
+    let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+    tlas.par_closest_hits_where(&rays, &mut hits, |i, _, hit| accepts(i, hit));
+    tlas.par_occluded_many_where(&rays, &mut occluded, |i, _, hit| accepts(i, hit));
+    let (mut serial_hits, mut serial_occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+    tlas.closest_hits_where(&rays, &mut serial_hits, |i, _, hit| accepts(i, hit));
+    tlas.occluded_many_where(&rays, &mut serial_occluded, |i, _, hit| accepts(i, hit));
+    assert_eq!((&serial_hits, &serial_occluded), (&hits, &occluded));
+    let (mut many, mut par_many) = (vec![vec![]; rays.len()], vec![vec![]; rays.len()]);
+    tlas.all_hits_many_where(&rays, &mut many, |i, _, hit| accepts(i, hit));
+    tlas.par_all_hits_many_where(&rays, &mut par_many, |i, _, hit| accepts(i, hit));
+    assert_eq!(many, par_many);
+    let mut all = vec![];
+    for (i, ray) in rays.iter().enumerate() {
+        let mut want = loop_over_all(&placed, ray);
+        want.retain(|hit| accepts(i, hit));
+        tlas.all_hits_where(ray, &mut all, |_, hit| accepts(i, hit));
+        assert_eq!((&all, &many[i]), (&want, &want), "{ray:?}");
+        assert_eq!((hits[i], occluded[i]), (want.first().copied(), !want.is_empty()), "{ray:?}");
+        assert_eq!(tlas.closest_hit_where(ray, |_, hit| accepts(i, hit)), hits[i]);
+        assert_eq!(tlas.occluded_where(ray, |_, hit| accepts(i, hit)), occluded[i]);
+    }
+}
+
+#[test]
+fn slices_equal_single_rays() {
+    let placed = crowd();
+    let rays = rays(&placed, 9);
+    // More than one chunk, and not a multiple of one.
+    assert!(rays.len() > 2048 && rays.len() % 1024 != 0, "{}", rays.len());
+    let tlas = Tlas::new(bottom(), &instances(&placed), TopConfig::default()).unwrap();
+    let n = rays.len();
+    let (mut closest, mut occluded, mut all) = (vec![None; n], vec![false; n], vec![vec![]; n]);
+    for is_parallel in [false, true] {
+        if is_parallel {
+            tlas.par_closest_hits(&rays, &mut closest);
+            tlas.par_occluded_many(&rays, &mut occluded);
+            tlas.par_all_hits_many(&rays, &mut all);
+        } else {
+            tlas.closest_hits(&rays, &mut closest);
+            tlas.occluded_many(&rays, &mut occluded);
+            tlas.all_hits_many(&rays, &mut all);
+        }
+        let mut hits = vec![];
+        for (i, ray) in rays.iter().enumerate() {
+            tlas.all_hits(ray, &mut hits);
+            assert_eq!((closest[i], occluded[i], &all[i]), (tlas.closest_hit(ray), tlas.occluded(ray), &hits));
+        }
+    }
+    let masks: Vec<u32> = (0..n).map(|i| u32::try_from(i % 2).unwrap()).collect();
+    tlas.par_all_hits_many_with(&rays, &mut all, |i, _| RayOptions::mask(masks[i]));
+    assert!(all.iter().step_by(2).all(Vec::is_empty) && all.iter().any(|hits| !hits.is_empty()));
+}
+
+#[test]
+#[should_panic = "one result for each ray"]
+fn slices_of_other_lengths_panic() {
+    let tlas = Tlas::new(bottom(), &[], TopConfig::default()).unwrap();
+    tlas.par_closest_hits(&[Ray::new([0.0; 3], [1.0, 0.0, 0.0])], &mut []);
+}
+
+#[test]
+fn rays_see_moving_instances_at_their_time() {
+    // Shifts by whole numbers, so that every position is exact.
+    let at = |x: f32| affine(&canted_fixtures::Rotation::IDENTITY, [1.0; 3], [x, 0.0, 0.0]);
+    let moving = [Instance::moving(0, at(0.0), at(8.0)), Instance::moving(1, at(2.0), at(-6.0)).with_mask(2)];
+    for time in [0.0, 0.25, 1.0] {
+        let placed = [at(8.0 * time), at(2.0 - 8.0 * time)];
+        let rays = all_rays(&placed, 20);
+        for top in tops() {
+            let tlas = Tlas::new(bottom(), &moving, top).unwrap();
+            assert_eq!(first_difference(&tlas, &rays, |_, _| At(time), |_, ray| loop_over_all(&placed, ray)), None);
+            let first_alone = |_, ray: &Ray| loop_over_all(&placed[..1], ray);
+            assert_eq!(first_difference(&tlas, &rays, |_, _| RayOptions { mask: 1, time }, first_alone), None);
+        }
+    }
+}
+
+/// Crossings of closed meshes, counted for each instance by an independent rule.
+#[test]
+fn crossings_of_each_instance_are_counted_once() {
+    let torus = canted_fixtures::torus(10, 6);
+    let placed = crowd();
+    let build = || TriangleBvh::<Watertight>::build(&torus.positions, &torus.triangles, &Config::default()).unwrap();
+    let instances: Vec<Instance> =
+        placed.iter().enumerate().map(|(i, &affine)| Instance::new(0, affine).with_mask(1 << (i % 2))).collect();
+    // From outside at edges and vertices of the image, without an end.
+    let mut rays = vec![];
+    for (i, world_from_object) in placed.iter().enumerate() {
+        let image = |v: u32| world_from_object.point(torus.positions[v as usize]);
+        for (j, &[a, b, _]) in torus.triangles.iter().enumerate().filter(|(j, _)| (i + j) % 9 == 0) {
+            let (a, b) = (image(a), image(b));
+            let target = if j % 2 == 0 { a } else { std::array::from_fn(|k| 0.5 * (a[k] + b[k])) };
+            let size = 10.0 * world_from_object.reach(2.0) as f32;
+            let origin = [target[0] + size, target[1] - 0.5 * size, target[2] + 0.25 * size];
+            rays.push(Ray::new(origin, std::array::from_fn(|k| target[k] - origin[k])));
+        }
+    }
+    for top in tops() {
+        let tlas = Tlas::new(vec![build()], &instances, top).unwrap();
+        let (mut found, mut even, mut hits) = (vec![], vec![], vec![]);
+        let mut n_crossings = 0;
+        for ray in &rays {
+            tlas.crossings(ray, &mut found);
+            assert!(found.is_sorted_by(|a, b| a.before(b)), "{found:?}");
+            tlas.all_hits(ray, &mut hits);
+            for (i, world_from_object) in placed.iter().enumerate() {
+                let of_instance = |hits: &[Hit]| -> Vec<Hit> {
+                    hits.iter().filter(|hit| hit.instance.0 as usize == i).copied().collect()
+                };
+                let want = crossings::of_hits(&torus, &ray_object(world_from_object, ray), of_instance(&hits));
+                let got = of_instance(&found);
+                // Which of several triangles around an edge stands for the crossing may differ.
+                let places = |hits: &[Hit]| {
+                    let mut places: Vec<_> = hits.iter().map(|hit| (hit.t.to_bits(), hit.side == Side::Back)).collect();
+                    places.sort_unstable();
+                    places
+                };
+                assert_eq!(places(&got), places(&want), "instance {i}, {ray:?}");
+                let n_front = got.iter().filter(|hit| hit.side == Side::Front).count();
+                assert_eq!(2 * n_front, got.len(), "instance {i}, {ray:?}");
+            }
+            n_crossings += found.len();
+            tlas.crossings_with(ray, &RayOptions::mask(1), &mut even);
+            found.retain(|hit| hit.instance.0 % 2 == 0);
+            assert_eq!(even, found);
+        }
+        assert!(n_crossings > rays.len(), "{n_crossings} crossings of {} rays", rays.len());
+    }
+}
+
+/// Two instances in the same position are two surfaces; their hits come in pairs, the lower instance first.
+#[test]
+fn duplicates_are_hit_in_order() {
+    let placed = [Affine::IDENTITY, Affine::IDENTITY];
+    let twice = placed.map(|affine| Instance::new(0, affine));
+    let rays = all_rays(&placed[..1], 50);
+    for top in tops() {
+        let tlas = Tlas::new(bottom(), &twice, top).unwrap();
+        let mut hits = vec![];
+        let mut n_pairs = 0;
+        for ray in &rays {
+            tlas.all_hits(ray, &mut hits);
+            assert!(hits.is_sorted_by(|a, b| a.before(b)), "{hits:?}");
+            let of = |instance: u32| hits.iter().filter(move |hit| hit.instance.0 == instance);
+            assert!(of(0).map(|hit| (hit.t, hit.primitive)).eq(of(1).map(|hit| (hit.t, hit.primitive))), "{hits:?}");
+            assert_eq!(tlas.closest_hit(ray), hits.first().copied());
+            n_pairs += of(0).count();
+        }
+        assert!(n_pairs > 100, "{n_pairs}");
+    }
+}
+
+#[test]
+fn rays_that_cannot_hit_find_nothing() {
+    let tlas = Tlas::new(bottom(), &instances(&crowd()), TopConfig::default()).unwrap();
+    let good = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
+    let bad = [
+        Ray { direction: [0.0, -0.0, 0.0], ..good },
+        Ray { direction: [f32::NAN, 0.0, 0.0], ..good },
+        Ray { origin: [f32::INFINITY, 0.0, 0.0], ..good },
+        Ray { t_min: 2.0, t_max: 1.0, ..good },
+        Ray { t_min: -1.0, ..good },
+    ];
+    let mut hits =
+        vec![Hit { t: 0.0, u: 0.0, v: 0.0, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front }];
+    for ray in bad {
+        tlas.all_hits(&ray, &mut hits);
+        assert_eq!((tlas.closest_hit(&ray), tlas.occluded(&ray), hits.len()), (None, false, 0), "{ray:?}");
+    }
+    let mut counts = Counts::default();
+    tlas.all_hits_with(&good, &mut counts, &mut hits);
+    assert!(counts.boxes > 0);
+}
