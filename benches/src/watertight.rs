@@ -1,4 +1,4 @@
-//! The long run: rays at every vertex and edge of closed meshes, by every method to trace; nothing may slip through.
+//! Traces rays through every vertex and edge of closed meshes with every method; no ray may leak.
 //!
 //! `cargo xtask watertight [--rays N]` runs it and keeps the table. Each ray is asked for its first hit and for any, or
 //! counted through. Where the folder of real models is (`CANTED_SCENES`, else `../shared/scenes` beside the workspace) the
@@ -60,7 +60,7 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
         writeln!(out, "\nNot tried: {}.", not_tried.join("; "))?;
     }
     let n_leaks: usize = found.iter().map(|found| found.n_leaks).sum();
-    ensure!(n_leaks == 0, "{n_leaks} rays slip through");
+    ensure!(n_leaks == 0, "{n_leaks} rays leak");
     Ok(())
 }
 
@@ -79,10 +79,10 @@ fn bunny() -> Result<Option<Closed>> {
     closed.map(Some).ok_or_else(|| anyhow!("the bunny's holes cannot be closed"))
 }
 
-/// A line each method, over all meshes; then one each mesh, over all methods.
+/// One line per method over all meshes, then one per mesh over all methods.
 fn table(found: &[Found]) -> String {
     let mut lines = vec![
-        "| traced by, or mesh | triangles | rays | answers cut by the driver | leaks |".to_owned(),
+        "| tracer or mesh | triangles | rays | queries ended early by the driver | leaks |".to_owned(),
         "|---|---|---|---|---|".to_owned(),
     ];
     let mut by_name: BTreeMap<(u8, &str), (String, [usize; 3])> = BTreeMap::new();

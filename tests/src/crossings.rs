@@ -24,7 +24,7 @@ impl Query for Everything {
 pub(crate) fn all_hits(ask: impl FnOnce(&mut Everything) -> Option<Hit>) -> Vec<Hit> {
     let mut everything = Everything(vec![]);
     let accepted = ask(&mut everything);
-    assert!(accepted.is_none(), "no hit was accepted: {accepted:?}");
+    assert!(accepted.is_none(), "the query accepted a hit: {accepted:?}");
     everything.0
 }
 

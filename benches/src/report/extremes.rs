@@ -1,4 +1,4 @@
-//! Extremes: the numerical contract, case by case, ours beside the peers on the same input.
+//! Extremes: the numerical contract, case by case, for us and for peers on the same input.
 
 use anyhow::Result;
 use canted_tests::{
@@ -12,7 +12,7 @@ use crate::wide;
 
 /// Puts every promise to the test.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
-    let mut chapter = Chapter { id: "extremes", title: "Extremes: what is promised, and kept", ..Chapter::default() };
+    let mut chapter = Chapter { id: "extremes", title: "Extremes: the numerical contract", ..Chapter::default() };
     let (mut methods, missing) = tracers::ours();
     chapter.skipped.extend(extremes::not_tried(&missing).into_iter().map(|what| format!("{what}.")));
     chapter.skipped.extend(wide::peers_left_out().into_iter().map(|peer| format!("{peer}.")));
@@ -66,11 +66,10 @@ fn used(ours: &[&Row]) -> Plot {
 }
 
 const METHOD: [&str; 2] = [
-    "Each line is one promise on one kind of input, over the inputs of which its judge is certain: those that say nothing about the \
-     promise are not counted. A count is of inputs that failed, any other value is the worst of all inputs; behind it stand the \
-     routines that it belongs to. A bound that is told promises nothing, as do inputs of which none is certain. A test of the \
-     workspace asserts every line of ours; no value depends on a clock.",
-    "Of peers nothing is promised: their values stand beside ours because their users asked for the same, and a peer may rightly \
-     decide an edge otherwise than we do. Answers cut by the driver are those of a device whose walk ended at the driver's limit: the \
-     CPU gave them.",
+    "Each line is one promise on one kind of input, over the inputs that its reference decides with certainty. A count is \
+     the number of failed inputs; any other value is the worst over all inputs, followed by the routines it belongs to. The \
+     bound 'reported' promises nothing: the value is for information, or no input is certain. A test of the workspace \
+     asserts every line of ours; no value depends on a clock.",
+    "Peers promise nothing here: their values are shown because their users requested the same, and a peer may decide an \
+     edge differently. Queries that the driver ended early on a device are answered by the CPU.",
 ];
