@@ -118,7 +118,7 @@ mod triangle;
 use canted_lbvh::par;
 
 pub use build::PrimitiveError;
-pub use bvh::{PredictedCost, Sizes, TriangleBvh, WideBvh};
+pub use bvh::{PredictedCost, Sizes, WideBvh};
 pub use config::{Config, Preset};
 pub use costs::Costs;
 pub use counts::TraversalCounts;
@@ -132,4 +132,4 @@ pub use raw::RawBvh;
 pub use refit::{Refit, RefitError};
 pub use simd::SimdPath;
 pub use traverse::LaneKernel;
-pub use triangle::Triangle;
+pub use triangle::{Triangle, TriangleBvh};

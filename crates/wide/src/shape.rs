@@ -3,8 +3,8 @@
 use canted_obb::PrimId;
 use canted_trace::ScaledRay;
 
-use crate::Primitive;
 use crate::leaf::{HitSink, LeafData, LeafPrimitive, LeafRange, hit};
+use crate::primitive::Primitive;
 use crate::simd::Simd;
 
 /// Leaves of a BVH over primitives of the caller.
