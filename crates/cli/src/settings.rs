@@ -92,16 +92,16 @@ pub(crate) fn check(settings: &[Setting], path: &Path) -> Result<()> {
 
 fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<(), String> {
     if let Some((_, table)) = OPTIONS_WITH_TABLE.iter().find(|(other, _)| other == key) {
-        return Err(format!("`{key}` is not a key of [settings]; set it in {table}"));
+        return Err(format!("'{key}' is not a key of [settings]; set it in {table}"));
     }
     let names: Vec<&str> = setting_options(command).map(|arg| arg.get_id().as_str()).collect();
     if !names.contains(&&key[..]) {
         let near = closest_match(key, names).unwrap_or_default();
-        return Err(format!("unknown key `{}` in [settings]; did you mean `{near}`?", key.escape_debug()));
+        return Err(format!("unknown key '{}' in [settings]; did you mean '{near}'?", key.escape_debug()));
     }
     let Some(value) = value else { return Ok(()) };
     let parsed = command.clone().try_get_matches_from(["render".into(), option(key, value)]);
-    let invalid = |error| format!("`{key}` in [settings] has the invalid value {value:?}{}", reason(&error, value));
+    let invalid = |error| format!("invalid value {value:?} for '{key}' in [settings]{}", reason(&error, value));
     parsed.map(drop).map_err(invalid)
 }
 
@@ -119,7 +119,7 @@ fn flag(id: &str) -> String {
 fn reason(error: &clap::Error, value: &str) -> String {
     if let Some(ContextValue::Strings(words)) = error.get(ContextKind::ValidValue) {
         let near = closest_match(value, words.iter().map(|word| &word[..])).unwrap_or_default();
-        return format!("; use one of {} (did you mean {near}?)", words.join(", "));
+        return format!(": expected one of {}; did you mean '{near}'?", words.join(", "));
     }
     let source = std::error::Error::source(error);
     let kind = source.and_then(|source| source.downcast_ref::<ParseIntError>()).map(ParseIntError::kind);

@@ -1,38 +1,40 @@
 use canted_obb::PrimId;
 
-/// Index of an instance in scene order; 0 where a scene has one level.
+/// Index of an instance in the scene; 0 without instances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 #[repr(transparent)]
 pub struct InstanceId(pub u32);
 
-/// The side of a triangle that a ray meets, by its winding: counter-clockwise is the front.
+/// The side of a triangle that a ray hits; the vertices run counter-clockwise as seen from the front.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Side {
-    /// The ray runs against the geometric normal `(v1 - v0) x (v2 - v0)`.
+    /// The ray runs against the geometric normal `(v1 - v0) × (v2 - v0)`.
     Front,
-    /// The ray runs along it.
+    /// The ray runs along the geometric normal.
     Back,
 }
 
-/// Where a ray meets a triangle: `(1 - u - v)·v0 + u·v1 + v·v2`, at `t` in units of the caller's direction.
+/// A hit on a triangle at `(1 - u - v)·v0 + u·v1 + v·v2`.
+///
+/// [`crate::SurfacePoint`] gives the position, the geometric normal and rays that continue from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Distance in units of the ray's direction.
+    /// Ray parameter, in units of the ray's direction.
     pub t: f32,
-    /// Weight of the second vertex.
+    /// Barycentric coordinate of the second vertex.
     pub u: f32,
-    /// Weight of the third vertex.
+    /// Barycentric coordinate of the third vertex.
     pub v: f32,
-    /// The primitive, in the caller's order.
+    /// Index of the primitive in the caller's array.
     pub primitive: PrimId,
-    /// The instance, in scene order.
+    /// Index of the instance.
     pub instance: InstanceId,
-    /// The side met, in object space winding.
+    /// The side hit, by the winding in object space.
     pub side: Side,
 }
 
 impl Hit {
-    /// Whether this hit comes before `other`: least `t`, then lowest `(instance, primitive)`.
+    /// Whether this hit is closer than `other`; ties go to the lower `(instance, primitive)`.
     #[inline]
     #[must_use]
     pub fn before(&self, other: &Self) -> bool {

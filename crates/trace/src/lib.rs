@@ -1,14 +1,4 @@
-//! Ray tests whose error bounds are derived: boxes, triangles, spheres, segments.
-//!
-//! ```text
-//! Ray -> ScaledRay -> SlabRay       -> boxes:     Aabb, Slabs                                -> entry t
-//!                  -> Kernel::prepare -> triangles: watertight, moller_trumbore, baldwin_weber -> TriangleHit
-//! ```
-//!
-//! Two promises hold the crate together. A triangle kernel reports points within [`HIT_ERROR`] of the true triangle;
-//! a box test admits every ray that comes so near to its box, no later than at that point. So a tree over the boxes
-//! loses no hit, whatever its shape, and needs no epsilon. The proofs stand beside the code: the kernels', in
-//! `triangle`, and the boxes', in `slab`.
+//! Ray intersection tests with proven error bounds: boxes, triangles, spheres, segments.
 //!
 //! ```
 //! use canted_trace::{Kernel, Ray, ScaledRay, Side, SlabRay, Slabs, Watertight};
@@ -16,7 +6,7 @@
 //! let triangle = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
 //! let ray = ScaledRay::new(&Ray::new([2.0, 1.0, 3.0], [0.0, 0.0, -10.0])).unwrap();
 //!
-//! // The box leans by 45 degrees about z; no coordinate of the triangle exceeds 4.
+//! // A box rotated by 45 degrees about z; no coordinate of the triangle exceeds 4.
 //! let half = 0.5f32.sqrt();
 //! let slabs = Slabs::from_points([[half, half, 0.0], [-half, half, 0.0], [0.0, 0.0, 1.0]], triangle);
 //! let entry = SlabRay::new(&ray, 4.0).intersect_slabs(&slabs, ray.t_max).unwrap();
@@ -27,10 +17,36 @@
 //! assert_eq!((ray.caller_t(hit.t), hit.u, hit.v, hit.side), (0.3, 0.5, 0.25, Side::Front));
 //! ```
 //!
-//! Coordinates may be as large as 2^62; beyond that products overflow, and a ray may miss what it should hit.
+//! # When to use it
+//! Use it to write a BVH of your own, or for a few rays and primitives. The BVHs in the crate `canted` use it.
+//!
+//! # Main items
+//!
+//! | item | purpose |
+//! |---|---|
+//! | [`Ray`], [`Hit`], [`Query`] | input and output of every traversal; hit filters and counters |
+//! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
+//! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`] | ray-triangle tests |
+//! | [`SlabRay`], [`Slabs`] | ray-box tests, axis-aligned and oriented, for a traversal |
+//! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`segment_overlaps_aabb`] | single tests |
+//!
+//! # Guarantees
+//! A triangle kernel reports points within [`HIT_ERROR`] of the exact triangle. A box test reports every ray that comes
+//! this close to its box, at a `t` no greater than at that point. So a BVH of such boxes misses no hit, whatever its shape,
+//! and there is no epsilon to tune. The proofs are next to the code, in `triangle` and `slab`. Coordinates may be as large
+//! as 2^62; beyond that, products overflow and hits may be missed.
+//!
+//! # Cost
+//! Every test runs in constant time and allocates nothing. Triangle kernels filter in `f32` and decide in `f64`.
+//!
+//! # Features
+//! - `std` (default): square roots of the standard library.
+//! - `libm`: square roots of the crate `libm`, for `no_std` targets; disable the default features.
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod closest_point;
+mod convex;
 mod filter;
 mod hit;
 #[doc(hidden)]
@@ -44,6 +60,8 @@ mod sphere;
 mod surface_point;
 mod triangle;
 
+pub use closest_point::{ClosestPoint, DISTANCE_ERROR, closest_point_on_triangle};
+pub use convex::Convex;
 pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};

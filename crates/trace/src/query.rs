@@ -1,28 +1,28 @@
 use crate::Hit;
 
-/// What a traversal tells and asks its caller: its work is counted, its hits may be refused.
+/// Callbacks of a traversal: a filter for hits, counters of its work, and the time of the ray.
 ///
-/// `()` counts nothing, accepts everything and costs nothing. The answer of [`Query::accepts`] must depend on the hit
-/// alone, never on the order of calls: that order changes with the tree.
+/// `()` accepts every hit, counts nothing and costs nothing. [`Query::accepts`] must decide by the hit alone, not by the
+/// order of calls, which depends on the BVH.
 pub trait Query {
-    /// Whether [`Query::accepts`] may refuse a hit. Where `false`, it must answer `true`, and need not be asked.
+    /// Whether [`Query::accepts`] may reject a hit. If `false`, it must return `true`, and a traversal may skip the call.
     const MAY_REJECT: bool = true;
 
-    /// `n` ray-box tests were made.
+    /// Counts `n` ray-box tests.
     #[inline(always)]
     fn boxes(&mut self, n: u32) {
         let _ = n;
     }
 
-    /// `n` ray-triangle tests were made.
+    /// Counts `n` ray-triangle tests.
     #[inline(always)]
     fn triangles(&mut self, n: u32) {
         let _ = n;
     }
 
-    /// When the ray flies, for what moves: 0 where the shutter opens, 1 where it closes; what is beyond counts as the end.
+    /// Time of the ray for moving instances: 0 when the shutter opens, 1 when it closes; clamped to that interval.
     ///
-    /// Asked only about instances that move, and the same for all of one ray.
+    /// Called for moving instances only. It must return the same value for the whole ray.
     #[inline(always)]
     fn time(&self) -> f32 {
         0.0
@@ -36,7 +36,7 @@ pub trait Query {
         u32::MAX
     }
 
-    /// Whether `hit` counts; `false` lets the ray pass through, as an alpha mask does.
+    /// Whether to accept `hit`; on `false` the ray continues through the surface, as for alpha masks.
     #[inline(always)]
     fn accepts(&mut self, hit: &Hit) -> bool {
         let _ = hit;
@@ -48,7 +48,7 @@ impl Query for () {
     const MAY_REJECT: bool = false;
 }
 
-/// Sums of tests.
+/// Numbers of tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Ray-box tests.

@@ -1,22 +1,25 @@
 /// A ray `origin + t · direction` over the closed interval `t_min <= t <= t_max`.
 ///
-/// The direction may have any length but zero and is never renormalised: `t` is one number in every space, in units
-/// of the caller's direction.
+/// The direction may have any length except zero. It is never normalized, so `t` is the same number in every space, in
+/// units of the direction. A ray with a NaN component or a zero direction never hits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Ray {
-    /// Start, in the space named by the variable that holds the ray.
+    /// Origin.
     pub origin: [f32; 3],
-    /// Direction, in the same space.
+    /// Direction.
     pub direction: [f32; 3],
-    /// Least accepted `t`, at least 0.
+    /// Minimum `t`, at least 0.
     pub t_min: f32,
-    /// Greatest accepted `t`; infinity is allowed.
+    /// Maximum `t`; may be infinite.
     pub t_max: f32,
 }
 
 impl Ray {
-    /// A ray from `origin` without end.
+    /// An infinite ray from `origin`.
+    ///
+    /// To continue from a hit use [`crate::SurfacePoint::spawn_ray`]: a ray from `ray.at(t)` often hits the same surface
+    /// again.
     #[must_use]
     pub fn new(origin: impl Into<[f32; 3]>, direction: impl Into<[f32; 3]>) -> Self {
         Self { origin: origin.into(), direction: direction.into(), t_min: 0.0, t_max: f32::INFINITY }
@@ -29,27 +32,27 @@ impl Ray {
     }
 }
 
-/// A ray whose direction was multiplied by a power of two, so that its greatest component lies in `[1, 2)`.
+/// A ray whose direction is scaled by a power of two, so that its greatest component lies in `[1, 2)`.
 ///
-/// Every test runs on scaled rays: reciprocals cannot overflow, and results are the same bits for directions that
-/// differ by a power of two. `t` inside is the caller's `t` times `2^exponent`.
+/// Every test takes a scaled ray: reciprocals cannot overflow, and scaling a direction by a power of two changes no bit of
+/// a result. The scaled `t` is the `t` of the original ray times that power of two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScaledRay {
-    /// Start.
+    /// Origin.
     pub origin: [f32; 3],
     /// Direction with greatest absolute component in `[1, 2)`.
     pub direction: [f32; 3],
-    /// Least accepted scaled `t`.
+    /// Minimum scaled `t`.
     pub t_min: f32,
-    /// Greatest accepted scaled `t`.
+    /// Maximum scaled `t`.
     pub t_max: f32,
-    /// Caller's `t` to scaled `t`; an exact power of two.
+    /// Scaled `t` over `t`: an exact power of two.
     to_scaled: f64,
 }
 
 impl ScaledRay {
-    /// Scales `ray`; `None` where it can hit nothing: a zero direction, a number that is not finite (but an infinite
-    /// `t_max`), or an interval that is empty.
+    /// Scales `ray`. `None` for a ray that cannot hit: a zero direction, a component that is not finite, or an empty
+    /// interval.
     #[inline]
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "powers of two: exact but for overflow and underflow")]
@@ -58,7 +61,7 @@ impl ScaledRay {
         let greatest = x.max(y).max(z);
         let finite = (x + y + z).is_finite() || (x.is_finite() && y.is_finite() && z.is_finite());
         let origin_finite = ray.origin.iter().all(|o| o.is_finite());
-        // Negated, so that a NaN in the interval is refused too.
+        // Negated to reject a NaN in the interval too.
         if !(greatest > 0.0 && finite && origin_finite && ray.t_min >= 0.0 && ray.t_min <= ray.t_max) {
             return None;
         }
@@ -74,7 +77,7 @@ impl ScaledRay {
         })
     }
 
-    /// The scaled `t` of a caller's one.
+    /// The scaled `t` of a `t` of the original ray.
     #[inline]
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "a power of two: exact but for overflow and underflow")]
@@ -82,7 +85,7 @@ impl ScaledRay {
         (f64::from(t) * self.to_scaled) as f32
     }
 
-    /// The caller's `t` of a scaled one.
+    /// The `t` of the original ray of a scaled `t`.
     #[inline]
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "a power of two: exact but for overflow and underflow")]
@@ -91,7 +94,7 @@ impl ScaledRay {
     }
 }
 
-/// `1/x` of a normal power of two, exactly: its exponent mirrored, for less than a division.
+/// `1/x` of a normal power of two, exactly, by negating its exponent: cheaper than a division.
 #[inline]
 fn reciprocal_of_power(x: f64) -> f64 {
     f64::from_bits(0x7fe0_0000_0000_0000 - x.to_bits())

@@ -5,7 +5,7 @@ pub const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
 pub(crate) const UNIT_ROUNDOFF_F64: f64 = f64::EPSILON / 2.0;
 
 /// Greatest f32 not above `x`.
-#[expect(clippy::cast_possible_truncation, reason = "corrected to the wanted side below")]
+#[expect(clippy::cast_possible_truncation, reason = "rounded down below")]
 pub(crate) fn down(x: f64) -> f32 {
     let nearest = x as f32;
     if f64::from(nearest) > x { nearest.next_down() } else { nearest }
@@ -16,7 +16,7 @@ pub(crate) fn up(x: f64) -> f32 {
     -down(-x)
 }
 
-/// Nearest f32, with zero always positive: the sign of a zero must not tell `-0.0` in a ray from `+0.0`.
+/// Nearest f32, with zero always positive, so that `-0.0` in a ray changes no bit of a result.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(crate) fn nearest(x: f64) -> f32 {

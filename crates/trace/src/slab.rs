@@ -1,36 +1,36 @@
-//! Boxes and the rays that enter them, without losing a hit.
+//! Ray-box tests that miss no hit.
 //!
-//! # The promise
+//! # Guarantee
 //! Let a triangle lie in a box, let all its vertices have coordinates of at most ρ∞ (the `reach` given to
-//! [`SlabRay::new`]), and let a kernel report `t` with `t_min <= t <= t_max`. Then the test enters the box, and the
-//! entry it returns is at most `t`. Hence a traversal that skips boxes entered after the best hit so far finds the
+//! [`SlabRay::new`]), and let a kernel report `t` with `t_min <= t <= t_max`. Then the test reports the box, with an
+//! entry of at most `t`. Hence a traversal that skips boxes entered after the best hit so far finds the
 //! same hit as a loop over all triangles, ties included.
 //!
-//! # The proof
+//! # Proof
 //! Let u = 2^-24 and `S = |o|∞ + ρ∞`. `P = o + t·d` lies within `e = HIT_ERROR·S` of the triangle in each coordinate,
 //! and `t·|d|∞ <= |P - o|∞ <= S + e`. The greatest `|d_k|` lies in [1, 2), so also `t <= S + e`.
 //!
 //! *Axis-aligned boxes.* `P_k >= lo - e`. A component `|d_k|` below 2^-64 is replaced by ±2^-64, which moves `P_k` by at
-//! most 2^-63·t. The lower plane is met as `fl(fl(lo - o⁺)·fl(1/d))` with `o⁺ = fl(o + δ)`; let `d > 0` and
+//! most 2^-63·t. The lower plane is hit at `fl(fl(lo - o⁺)·fl(1/d))` with `o⁺ = fl(o + δ)`; let `d > 0` and
 //! `x = (lo - o⁺)/d`, exactly. If `x <= 0`, so is the computed value, and `t >= t_min >= 0` is no smaller. Otherwise
 //! `0 < lo - o⁺ <= S`, and three roundings exceed `x` by at most 3.01 u·S/d. So the computed value is at most `t` if
 //! `o⁺ - o >= e + 3.01 u·S + 2^-62·S`; as `o⁺` is rounded, by at most u·S, `δ = (HIT_ERROR + 5u)·S` suffices, with
 //! nearly u·S to spare for the roundings of δ itself and all second-order terms: [`AABB_PAD`]. The upper plane is
-//! met with `o⁻ = fl(o - δ)`: its exact place is beyond `t` by as much, so three roundings leave it there. For `d < 0`
-//! the planes change roles. `lo - o⁺ < hi - o⁻`, so the smaller of the two values is always the entry.
+//! hit from `o⁻ = fl(o - δ)`: its exact `t` is greater by as much, so three roundings leave it above. For `d < 0` the
+//! planes swap roles. `lo - o⁺ < hi - o⁻`, so the smaller of the two values is always the entry.
 //!
 //! *Oriented boxes.* For a row of length at most 1 + 4u, `|row|₁ <= √3·(1 + 4u)`. The box holds the triangle, so
 //! `row·P >= lo - √3·e`. The projected ray is `o' = fl(row·o)` and `d' = fl(row·d)`, three roundings each: at `t` it is
-//! off by at most `√3·(3u·|o|∞ + 3u·t·|d|∞) <= √3·6u·S`. It matters not if `d'` has lost its sign or vanished: only the
-//! place at `t` enters. The moved origin `o' ± ε` costs √3·u·S, the planes' three roundings √3·3.01 u·S as above, for
+//! off by at most `√3·(3u·|o|∞ + 3u·t·|d|∞) <= √3·6u·S`. The sign of `d'`, or a `d'` of zero, does not matter: only the
+//! position at `t` enters. The moved origin `o' ± ε` costs √3·u·S, the planes' three roundings √3·3.01 u·S as above, for
 //! `0 < lo - o'⁺` means `lo - o'⁺ <= √3·S`. So `ε = √3·(HIT_ERROR + 11u)·S` suffices, again with u to spare:
 //! [`SLABS_PAD`].
 //!
 //! Underflow loses a few 2^-149 in position; the smallest normal number is added to every pad. Planes are finite and
-//! `|1/d| <= 2^64`, so no test makes a NaN.
+//! `|1/d| <= 2^64`, so no test produces a NaN.
 //!
-//! Source: the slab test of Kay, Kajiya 1986; Ize 2013 for conservative bounds, there of exact rays, here of rotated
-//! rays and inexact hits too.
+//! Source: the slab test of Kay, Kajiya 1986; conservative bounds after Ize 2013, extended from exact rays to rotated rays
+//! and inexact hits.
 
 pub(crate) mod slab_ray;
 mod slabs;
@@ -43,10 +43,10 @@ use canted_obb::{Aabb, Obb};
 use crate::{Ray, ScaledRay};
 
 /// Entry and exit of `ray` through `aabb`, in units of the ray's direction and clipped to its interval; `None` for a
-/// certain miss, an empty box, or a ray that can hit nothing.
+/// certain miss, an empty box, or an invalid ray.
 ///
-/// Conservative: every representable `t` of the interval whose point lies in the box is between the two. The box may
-/// seem larger by up to 25 u = 1.5e-6 times its and the origin's greatest coordinates.
+/// Conservative: every representable `t` of the interval whose point lies in the box is between the two. The box is
+/// enlarged by up to 25 u = 1.5e-6 times the greatest coordinates of box and origin.
 #[must_use]
 pub fn ray_aabb(ray: &Ray, aabb: &Aabb) -> Option<(f32, f32)> {
     if aabb.is_empty() {

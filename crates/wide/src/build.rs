@@ -19,7 +19,7 @@ use crate::primitive::Primitive;
 use crate::shape::Shapes;
 use crate::simd::SimdPath;
 use crate::traverse::{LaneKernel, MeshFrame};
-use crate::triangle::Triangle;
+use crate::triangle::{Blocks, Triangle};
 
 /// Primitives of one job.
 const CHUNK: usize = 1 << 12;
@@ -153,7 +153,7 @@ fn over_indexed(
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],
     config: &Config,
-) -> Result<Built<Vec<Half>>, GeometryError> {
+) -> Result<Built<Blocks>, GeometryError> {
     check_number(triangles.len(), limits)?;
     let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
     let config = config.usable();
@@ -161,12 +161,7 @@ fn over_indexed(
 }
 
 /// Builds over a binary tree of any builder.
-fn over_tree(
-    tree: &Tree,
-    corners: &[Corners],
-    bounds: &Aabb,
-    config: &Config,
-) -> Result<Built<Vec<Half>>, GeometryError> {
+fn over_tree(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Built<Blocks>, GeometryError> {
     check_number(corners.len(), &Limits::OF_WORDS)?;
     let (scale, rows) = (measure::unit_scale(bounds), Obb::IDENTITY_FRAME);
     let aligned = Aligned::of(tree, &item::boxes(corners, rows), scale);
@@ -185,7 +180,7 @@ fn over_chosen(
     bounds: &Aabb,
     config: &Config,
     limits: &Limits,
-) -> Result<Built<Vec<Half>>, GeometryError> {
+) -> Result<Built<Blocks>, GeometryError> {
     let n_primitives = corners.len();
     let leaves = &chosen.tree.leaves;
     let sorted = lbvh::in_leaf_order(corners, leaves);
@@ -193,8 +188,9 @@ fn over_chosen(
         write_triangles(at.iter().map(|&i| (&sorted[i as usize], leaves[i as usize])), part, out);
     };
     let unset = Half([0; HALF_WORDS]);
-    let (nodes, leaves, predicted) = collapse(chosen, &sorted, config, limits, &LeafLayout::BLOCKS, unset, &write)
+    let (nodes, halves, predicted) = collapse(chosen, &sorted, config, limits, &LeafLayout::BLOCKS, unset, &write)
         .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
+    let leaves = halves.into();
     Ok(Built { nodes, leaves, rows: chosen.rows, bounds: *bounds, n_primitives, predicted, costs: config.costs })
 }
 

@@ -5,9 +5,8 @@ use crate::layout::Nodes;
 use crate::leaf::LeafPrimitive;
 use crate::simd::SimdPath;
 use crate::traverse::MeshFrame;
-use crate::triangle::Triangle;
 
-/// A BVH of eight-wide nodes over primitives `P`: triangles ([`TriangleBvh`]), spheres, boxes, or any
+/// A BVH of eight-wide nodes over primitives `P`: triangles ([`TriangleBvh`](crate::TriangleBvh)), spheres, boxes, or any
 /// [`Primitive`](crate::Primitive).
 ///
 /// Every query returns what testing each primitive would return: the same `t`, `u`, `v` and primitive, and of equal `t` the
@@ -24,9 +23,6 @@ pub struct WideBvh<P: LeafPrimitive> {
     pub(crate) baseline: Baseline,
     pub(crate) path: SimdPath,
 }
-
-/// A [`WideBvh`] over triangles with the triangle test `K`.
-pub type TriangleBvh<K = canted_trace::Watertight> = WideBvh<Triangle<K>>;
 
 /// Predicted cost of a ray that enters the root, in tests of aligned nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

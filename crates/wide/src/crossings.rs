@@ -10,13 +10,13 @@
 
 use canted_trace::{Hit, Ray, ScaledRay, Shear, Side, Watertight};
 
-use crate::bvh::TriangleBvh;
 use crate::layout::NodeKind;
 use crate::leaf::HitSink;
 use crate::simd::{Simd, Task};
 use crate::sink::by_t;
 use crate::trace::trace;
 use crate::traverse::Stack;
+use crate::triangle::TriangleBvh;
 
 impl TriangleBvh<Watertight> {
     /// Every crossing of a surface with `t_min <= t <= t_max`, once, sorted by `t`, then by primitive.

@@ -10,7 +10,7 @@ use canted_obb::{Aabb, PrimId};
 use canted_trace::Slabs;
 
 use leaf::distinct;
-pub(crate) use leaf::{Lane, write_ids, write_triangles};
+pub(crate) use leaf::{write_ids, write_triangles};
 use node::write_node;
 pub(crate) use node::{write_boxes, write_slabs};
 

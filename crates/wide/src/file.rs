@@ -36,7 +36,7 @@ use crate::primitive::SavedPrimitive;
 use crate::shape::Shapes;
 use crate::simd::SimdPath;
 use crate::traverse::LaneKernel;
-use crate::triangle::Triangle;
+use crate::triangle::{Blocks, Triangle};
 
 use check::{Expected, check_shapes, check_triangles};
 use checksum::checksum;
@@ -67,16 +67,16 @@ pub trait SavedLeaves: LeafPrimitive {
 impl<K: LaneKernel> SavedLeaves for Triangle<K> {
     const SIZES: [usize; 2] = [size_of::<Half>(), 0];
 
-    fn sections(blocks: &Vec<Half>) -> [Cow<'_, [u32]>; 2] {
-        [Cow::Borrowed(bytemuck::cast_slice(blocks)), Cow::Borrowed(&[])]
+    fn sections(Blocks { halves, .. }: &Blocks) -> [Cow<'_, [u32]>; 2] {
+        [Cow::Borrowed(bytemuck::cast_slice(halves)), Cow::Borrowed(&[])]
     }
 
-    fn from_sections(units: &[u8], _: &[u8]) -> Vec<Half> {
-        words_of(units)
+    fn from_sections(units: &[u8], _: &[u8]) -> Blocks {
+        words_of::<Half>(units).into()
     }
 
-    fn check(nodes: &Nodes, blocks: &Vec<Half>, expected: &Expected) -> Result<(), LoadError> {
-        check_triangles(nodes, blocks, expected)
+    fn check(nodes: &Nodes, blocks: &Blocks, expected: &Expected) -> Result<(), LoadError> {
+        check_triangles(nodes, &blocks.halves, expected)
     }
 }
 

@@ -178,6 +178,32 @@ impl LeafLayout {
     }
 }
 
+/// The words of a triangle: the first one, and the distance to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Lane {
+    pub(crate) first: usize,
+    pub(crate) step: usize,
+}
+
+impl Lane {
+    /// Rows of vertices; then follows that of ids.
+    pub(crate) const ID_ROW: usize = 9;
+
+    /// Of triangle `i` in a leaf of `n`, relative to its first half-block; the leaf starts in this part of a half-block: blocks of eight precede a last block of four.
+    pub(crate) fn of(i: usize, n: usize, part: usize) -> Self {
+        if i / 8 * 8 + 4 >= n {
+            Self { first: i / 4 * HALF_WORDS + part * PART_LANES + i % 4, step: 4 }
+        } else {
+            Self { first: i / 8 * 2 * HALF_WORDS + i % 8, step: 8 }
+        }
+    }
+
+    /// The word of a row: nine coordinates, then the id.
+    pub(crate) fn word(self, row: usize) -> usize {
+        self.first + row * self.step
+    }
+}
+
 /// All nodes of a BVH.
 #[derive(Clone, Debug)]
 pub struct Nodes {
@@ -195,14 +221,24 @@ impl Nodes {
     /// In the order of [`NodeKind::ALL`].
     pub(crate) fn n_of_each_kind(&self) -> [usize; 2] {
         let mut n = [0; 2];
+        self.each_word(|word| {
+            if let WordKind::Node(kind, _) = word {
+                n[kind as usize] += 1;
+            }
+        });
+        n
+    }
+
+    /// Calls `visit` with every word, depth first.
+    pub(crate) fn each_word(&self, mut visit: impl FnMut(WordKind)) {
         let mut open = vec![self.root];
         while let Some(word) = open.pop() {
-            if let WordKind::Node(kind, line) = word.kind() {
-                n[kind as usize] += 1;
+            let word = word.kind();
+            visit(word);
+            if let WordKind::Node(kind, line) = word {
                 open.extend_from_slice(node_words(&self.lines, kind, line));
             }
         }
-        n
     }
 }
 

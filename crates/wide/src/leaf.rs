@@ -43,6 +43,10 @@ pub trait LeafPrimitive: Send + Sync + Sized {
     #[doc(hidden)]
     fn ids(leaves: &Self::Leaves, leaf: LeafRange) -> impl Iterator<Item = PrimId>;
 
+    /// Calls `visit` with each primitive of a leaf and its shape.
+    #[doc(hidden)]
+    fn for_each_shape(leaves: &Self::Leaves, leaf: LeafRange, visit: impl FnMut(PrimId, &Self::Shape));
+
     #[doc(hidden)]
     fn leaf_data(leaves: &Self::Leaves) -> LeafData<'_>;
 }
@@ -53,6 +57,13 @@ pub struct LeafRange {
     pub(crate) first: u32,
     pub(crate) n: u32,
     pub(crate) t_max: f32,
+}
+
+impl LeafRange {
+    /// A leaf outside of a traversal by rays.
+    pub(crate) fn new(first: u32, n: u32) -> Self {
+        Self { first, n, t_max: f32::INFINITY }
+    }
 }
 
 /// All leaves as words.

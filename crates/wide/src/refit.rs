@@ -133,7 +133,7 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
         };
-        refit_triangles(bvh, &mut self.leaves, self.n_primitives, positions, triangles)
+        refit_triangles(bvh, &mut self.leaves.halves, self.n_primitives, positions, triangles)
     }
 }
 

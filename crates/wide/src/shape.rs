@@ -3,8 +3,8 @@
 use canted_obb::PrimId;
 use canted_trace::ScaledRay;
 
-use crate::Primitive;
 use crate::leaf::{HitSink, LeafData, LeafPrimitive, LeafRange, hit};
+use crate::primitive::Primitive;
 use crate::simd::Simd;
 
 /// Leaves of a BVH over primitives of the caller.
@@ -51,6 +51,11 @@ impl<P: Primitive> LeafPrimitive for P {
     #[inline(always)]
     fn ids(leaves: &Shapes<P>, leaf: LeafRange) -> impl Iterator<Item = PrimId> {
         leaves.order[leaf.first as usize..(leaf.first + leaf.n) as usize].iter().copied()
+    }
+
+    #[inline]
+    fn for_each_shape(leaves: &Shapes<P>, leaf: LeafRange, mut visit: impl FnMut(PrimId, &P)) {
+        Self::ids(leaves, leaf).for_each(|id| visit(id, &leaves.primitives[id.index()]));
     }
 
     fn leaf_data(leaves: &Shapes<P>) -> LeafData<'_> {

@@ -116,7 +116,7 @@ fn the_oracle_detects_two_swapped_primitives() {
 
 #[test]
 fn hits_are_the_same_for_all_structures() {
-    let (folder, rays) = folder_and_rays(By::Cpu);
+    let (folder, _) = folder_and_rays(By::Cpu);
     for triangles in ["watertight", "moller-trumbore", "baldwin-weber"] {
         let mut first: Option<String> = None;
         for levels in ["auto", "one", "two"] {

@@ -89,7 +89,7 @@ fn reported_parts_are_not_needed() {
     assert!(has(&parts("--levels one"), "top-level BVH", "one level was requested"));
     // Shadow rays sample the sky although the scene has no lights.
     let sky = parts("--integrator path --env 1,1,1");
-    assert!(has(&sky, "listed lights", "none is given"), "{sky:?}");
+    assert!(has(&sky, "listed lights", "the scene lists none"), "{sky:?}");
     assert!(!sky.iter().any(|(part, _)| part.contains("shadow")), "{sky:?}");
 }
 

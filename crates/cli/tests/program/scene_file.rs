@@ -90,15 +90,15 @@ fn errors_are_reported_with_their_line_and_nothing_is_written() {
     let folder = Folder::with_small();
     let asset = "[[assets]]\nname = 'small'\nfile = 'small.obj'\n";
     let cases: &[(&str, &[&str])] = &[
-        ("[settings]\nssp = 3", &["line 5", "`ssp`", "`spp`"]),
-        ("[settings]\nspp = 0", &["line 5", "`spp`", "\"0\""]),
-        ("[settings]\nspp = 4.0", &["line 5", "`spp`", "4.0", "whole number"]),
-        ("[settings]\nspp = 'many'", &["line 5", "`spp`", "many"]),
-        ("[settings]\nfilter = 'bocks'", &["line 5", "`filter`", "bocks", "box"]),
-        ("[settings]\nao_radius = -1", &["line 5", "`ao_radius`", "-1"]),
-        ("[settings]\nsize = '0x3'", &["line 5", "`size`", "0x3"]),
-        ("[settings]\nfov = 30", &["line 5", "`fov`", "[camera]"]),
-        ("[settings]\nthreads = 1", &["line 5", "`threads`"]),
+        ("[settings]\nssp = 3", &["line 5", "'ssp'", "'spp'"]),
+        ("[settings]\nspp = 0", &["line 5", "'spp'", "\"0\""]),
+        ("[settings]\nspp = 4.0", &["line 5", "'spp'", "4.0", "whole number"]),
+        ("[settings]\nspp = 'many'", &["line 5", "'spp'", "many"]),
+        ("[settings]\nfilter = 'bocks'", &["line 5", "'filter'", "bocks", "box"]),
+        ("[settings]\nao_radius = -1", &["line 5", "'ao_radius'", "-1"]),
+        ("[settings]\nsize = '0x3'", &["line 5", "'size'", "0x3"]),
+        ("[settings]\nfov = 30", &["line 5", "'fov'", "[camera]"]),
+        ("[settings]\nthreads = 1", &["line 5", "'threads'"]),
         ("[camera]\neye = [0, 0, nan]\ntarget = [0, 0, 0]", &["line 5", "'eye'", "nan"]),
         ("[light]\n", &["line 4", "'light'", "'lights'"]),
     ];

@@ -5,7 +5,7 @@ use crate::rounding::{UNIT_ROUNDOFF, up};
 use crate::{HIT_ERROR, ScaledRay};
 use canted_obb::vector::{dot, to_f64};
 
-/// By how much, relative to `|o|∞ + ρ∞`, the ray is thickened against axis-aligned boxes.
+/// Padding of axis-aligned boxes, relative to `|o|∞ + ρ∞`.
 ///
 /// The error of hits, one rounding of the moved origin, three of a plane's `t`, and one for second-order terms.
 pub const AABB_PAD: f32 = HIT_ERROR + 5.0 * UNIT_ROUNDOFF;
@@ -13,22 +13,22 @@ pub const AABB_PAD: f32 = HIT_ERROR + 5.0 * UNIT_ROUNDOFF;
 /// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
 pub const SQRT_3: f32 = 1.732_050_9;
 
-/// By how much, relative to `|o|∞ + ρ∞`, a rotated ray is thickened against oriented boxes.
+/// Padding of oriented boxes, relative to `|o|∞ + ρ∞`.
 ///
 /// As [`AABB_PAD`], with three roundings each for the projected origin and direction, along a row whose components sum
 /// to √3 at most.
 pub const SLABS_PAD: f32 = SQRT_3 * (HIT_ERROR + 11.0 * UNIT_ROUNDOFF);
 
-/// Least absolute component of a direction in a box test, 2^-64; smaller ones, and zero, are replaced by it.
+/// Minimum absolute component of a direction in a box test, 2^-64; smaller components, and zero, are replaced by it.
 ///
-/// A power of two, so that scaled scenes stay equal bit for bit. Over the length of a ray it moves a point by less than
-/// 2^-62 of the scene.
+/// A power of two, so that scaling a scene by one changes no bit. It moves a point of the ray by less than 2^-62 of the
+/// scene.
 pub const MIN_DIRECTION: f32 = 1.0 / (1u128 << 64) as f32;
 
-/// A ray prepared for boxes of one space, thickened by what hits may be off.
+/// A ray prepared for the boxes of one space, with the padding for the error of hits.
 ///
-/// It also shows its numbers, so that wider code can repeat the arithmetic of [`SlabRay::intersect_aabb`] and
-/// [`SlabRay::intersect_slabs`] lane by lane.
+/// The accessors let SIMD code repeat the arithmetic of [`SlabRay::intersect_aabb`] and [`SlabRay::intersect_slabs`] lane
+/// by lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlabRay {
     origin: [f32; 3],
@@ -41,9 +41,9 @@ pub struct SlabRay {
 }
 
 impl SlabRay {
-    /// Prepares `ray` for boxes around triangles whose coordinates do not exceed `reach`.
+    /// Prepares `ray` for boxes of triangles whose absolute coordinates do not exceed `reach`.
     ///
-    /// The boxes themselves may reach farther. A smaller `reach` than the triangles' voids the promise.
+    /// The boxes themselves may extend farther. With a smaller `reach` hits may be missed.
     #[inline]
     #[must_use]
     pub fn new(ray: &ScaledRay, reach: f32) -> Self {
@@ -52,21 +52,20 @@ impl SlabRay {
         Self::with_pads(ray, AABB_PAD * scale + f32::MIN_POSITIVE, SLABS_PAD * scale + f32::MIN_POSITIVE)
     }
 
-    /// Prepares `ray` for boxes whose hits may be off by `error` in each coordinate, in units of the space.
+    /// Prepares `ray` for boxes of primitives whose hits have an absolute error of `error` in each coordinate.
     ///
-    /// For boxes around anything but triangles of this space: the error then takes the place of
-    /// `HIT_ERROR·(|o|∞ + ρ∞)` in the proof.
+    /// For primitives other than triangles of this space: `error` replaces `HIT_ERROR·(|o|∞ + ρ∞)` in the proof.
     #[inline]
     #[must_use]
     pub fn with_error(ray: &ScaledRay, reach: f32, error: f64) -> Self {
-        // The error lengthens the way to the hit, so the roundings are relative to it too.
+        // The error adds to the distance of the hit, so the roundings are relative to it too.
         let scale = canted_obb::vector::reach(to_f64(ray.origin)) + f64::from(reach) + error;
         let pad = error + f64::from(AABB_PAD - HIT_ERROR) * scale;
         let pad_oriented = f64::from(SQRT_3) * error + f64::from(SLABS_PAD - SQRT_3 * HIT_ERROR) * scale;
         Self::with_pads(ray, up(pad) + f32::MIN_POSITIVE, up(pad_oriented) + f32::MIN_POSITIVE)
     }
 
-    /// Prepares `ray` with pads in units of the space.
+    /// Prepares `ray` with absolute padding.
     #[doc(hidden)]
     #[inline]
     #[must_use]
@@ -102,7 +101,7 @@ impl SlabRay {
         (near <= far).then_some(near)
     }
 
-    /// Entry and exit; a miss where they are out of order.
+    /// Entry and exit; a miss if the entry is greater.
     #[doc(hidden)]
     #[inline]
     #[must_use]
@@ -116,7 +115,7 @@ impl SlabRay {
         interval
     }
 
-    /// Entry and exit; a miss where they are out of order.
+    /// Entry and exit; a miss if the entry is greater.
     #[doc(hidden)]
     #[inline]
     #[must_use]
@@ -132,49 +131,49 @@ impl SlabRay {
         interval
     }
 
-    /// The ray's origin, to be projected on the rows of oriented boxes.
+    /// The origin, for projection on the rows of oriented boxes.
     #[inline]
     #[must_use]
     pub fn origin(&self) -> [f32; 3] {
         self.origin
     }
 
-    /// The scaled direction, to be projected on the rows of oriented boxes.
+    /// The scaled direction, for projection on the rows of oriented boxes.
     #[inline]
     #[must_use]
     pub fn direction(&self) -> [f32; 3] {
         self.direction
     }
 
-    /// The origin from which lower planes of axis-aligned boxes are met.
+    /// The padded origin for lower planes of axis-aligned boxes.
     #[inline]
     #[must_use]
     pub fn origin_lo(&self) -> [f32; 3] {
         self.origin_lo
     }
 
-    /// The origin from which upper planes of axis-aligned boxes are met.
+    /// The padded origin for upper planes of axis-aligned boxes.
     #[inline]
     #[must_use]
     pub fn origin_hi(&self) -> [f32; 3] {
         self.origin_hi
     }
 
-    /// Reciprocals of the direction, as [`MIN_DIRECTION`] bounds them.
+    /// Reciprocals of the direction, bounded by [`MIN_DIRECTION`].
     #[inline]
     #[must_use]
     pub fn recip(&self) -> [f32; 3] {
         self.recip
     }
 
-    /// What is added to and taken from a projected origin before lower and upper planes of oriented boxes are met.
+    /// The padding of a projected origin for oriented boxes: added for lower planes, subtracted for upper ones.
     #[inline]
     #[must_use]
     pub fn pad_oriented(&self) -> f32 {
         self.pad_oriented
     }
 
-    /// Least accepted scaled `t`.
+    /// Minimum scaled `t`.
     #[inline]
     #[must_use]
     pub fn t_min(&self) -> f32 {
@@ -182,28 +181,28 @@ impl SlabRay {
     }
 }
 
-/// `1/d`, bounded and never of a negative zero.
+/// `1/d`, bounded; the same for both zeros.
 #[inline(always)]
 #[must_use]
 pub fn reciprocal(d: f32) -> f32 {
-    // Adding zero makes -0.0 positive, so that both zeros give the same bits.
+    // Adding zero makes -0.0 positive.
     let d = d + 0.0;
     1.0 / max(d.abs(), MIN_DIRECTION).copysign(d)
 }
 
-/// The interval cut by the values at two planes, in either order.
+/// The interval clipped by two planes, in either order.
 #[inline]
 fn clip((near, far): (f32, f32), t_lo: f32, t_hi: f32) -> (f32, f32) {
     (max(near, min(t_lo, t_hi)), min(far, max(t_lo, t_hi)))
 }
 
-/// The lesser; one instruction, as there is no NaN to look for.
+/// The minimum in one instruction, without NaN handling.
 #[inline]
 fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// The greater; one instruction, as there is no NaN to look for.
+/// The maximum in one instruction, without NaN handling.
 #[inline]
 fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }

@@ -3,14 +3,14 @@ use canted_obb::{Aabb, Obb};
 use crate::rounding::{UNIT_ROUNDOFF_F64, down, nearest, up};
 use canted_obb::vector::{cross, dot, length, to_f64};
 
-/// A traced box: all points `x` with `lo[k] <= rows[k]·x <= hi[k]`, in the space of the rays.
+/// A box for ray tests: all points `x` with `lo[k] <= rows[k]·x <= hi[k]`, in the space of the rays.
 ///
-/// Rows are unit vectors, up to the rounding of their components: `|row| <= 1 + 4u`. They need not be orthogonal, and
-/// a flat box is an interval of one number: nothing is divided by an extent. The box is empty where `lo > hi`.
+/// Rows are unit vectors up to the rounding of their components: `|row| <= 1 + 4u`. They need not be orthogonal. A flat
+/// box has `lo == hi`, an empty one `lo > hi`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Slabs {
-    /// Directions across the three pairs of faces.
+    /// Normals of the three pairs of faces.
     pub rows: [[f32; 3]; 3],
     /// Least projections.
     pub lo: [f32; 3],
@@ -25,42 +25,42 @@ const POINT_ERROR: f64 = 6.0 * UNIT_ROUNDOFF_F64;
 const BOX_ERROR: f64 = 14.0 * UNIT_ROUNDOFF_F64;
 
 impl Slabs {
-    /// The box that contains nothing, with these rows.
+    /// The empty box with these rows.
     #[must_use]
     pub fn empty(rows: [[f32; 3]; 3]) -> Self {
         Self { rows, lo: Aabb::EMPTY.min, hi: Aabb::EMPTY.max }
     }
 
-    /// The axis-aligned box itself, exactly.
+    /// The axis-aligned box, exactly.
     #[must_use]
     pub fn from_aabb(aabb: &Aabb) -> Self {
         Self { rows: Obb::IDENTITY_FRAME, lo: aabb.min, hi: aabb.max }
     }
 
-    /// A box that contains `obb`, every real point of it; tight up to rounding.
+    /// A box that contains every point of `obb`, tight up to rounding.
     ///
-    /// The rows are those of the inverse frame, normalized and rounded; the intervals are then computed for the
-    /// *rounded* rows, so their rounding costs nothing. A direction that a singular frame leaves undefined is replaced
-    /// by a coordinate axis.
+    /// The rows are those of the inverse frame, normalized and rounded. The intervals are computed for the *rounded* rows,
+    /// so rounding the rows adds no padding. A direction that a singular frame leaves undefined is replaced by a
+    /// coordinate axis.
     #[must_use]
     pub fn from_obb(obb: &Obb) -> Self {
-        // The inverse of a rotation is its transpose: its axes are the rows, up to their rounding, which costs nothing.
+        // The inverse of a rotation is its transpose, so its axes are the rows.
         let rows =
             if canted_obb::frame::is_orthonormal(obb.frame) { obb.frame } else { inverse_rows(obb.frame.map(to_f64)) };
         let mut slabs = Self::empty(rows);
         let (center, frame, half) = (to_f64(obb.center), obb.frame.map(to_f64), to_f64(obb.half_extents));
         for k in 0..3 {
             let row = to_f64(slabs.rows[k]);
-            let middle = dot(row, center);
+            let mid = dot(row, center);
             let radius = dot(frame.map(|axis| dot(row, axis).abs()), half);
             let error = BOX_ERROR * (dot_abs(row, center) + dot(frame.map(|axis| dot_abs(row, axis)), half));
-            slabs.lo[k] = down(middle - radius - error);
-            slabs.hi[k] = up(middle + radius + error);
+            slabs.lo[k] = down(mid - radius - error);
+            slabs.hi[k] = up(mid + radius + error);
         }
         slabs
     }
 
-    /// The smallest box with these rows around `points`, rounded outward; empty for none.
+    /// The smallest box with these rows that contains `points`, rounded outward; empty for none.
     ///
     /// Each row must have a length of at most 1 + 4u, as a unit vector has after rounding.
     #[must_use]
@@ -70,10 +70,10 @@ impl Slabs {
         for point in points {
             let point = to_f64(point);
             for k in 0..3 {
-                let place = dot(wide_rows[k], point);
+                let projection = dot(wide_rows[k], point);
                 let error = POINT_ERROR * dot_abs(wide_rows[k], point);
-                lo[k] = lo[k].min(place - error);
-                hi[k] = hi[k].max(place + error);
+                lo[k] = lo[k].min(projection - error);
+                hi[k] = hi[k].max(projection + error);
             }
         }
         if lo[0] > hi[0] {
@@ -82,7 +82,7 @@ impl Slabs {
         Self { rows, lo: lo.map(down), hi: hi.map(up) }
     }
 
-    /// Whether it contains no point.
+    /// Whether the box contains no point.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         (0..3).any(|k| self.lo[k] > self.hi[k])

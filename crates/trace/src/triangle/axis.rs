@@ -1,4 +1,4 @@
-/// A coordinate axis, chosen once for a ray or a triangle to play z.
+/// A coordinate axis, chosen once for a ray or a triangle to take the role of z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// The first coordinate.
@@ -23,7 +23,7 @@ impl Axis {
         }
     }
 
-    /// The components in cyclic order, with this axis last.
+    /// The components permuted cyclically so that this axis is last.
     #[inline]
     #[must_use]
     pub fn permute<T: Copy>(self, [x, y, z]: [T; 3]) -> [T; 3] {

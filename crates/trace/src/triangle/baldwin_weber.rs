@@ -5,35 +5,34 @@ use crate::ScaledRay;
 use crate::rounding::{UNIT_ROUNDOFF, nearest};
 use canted_obb::vector::{cross, reach, sub, to_f64};
 
-/// Error of the weights, relative to `F·S`, see below.
+/// Error of the barycentric coordinates, relative to `F·S`, see below.
 const ERROR: f32 = 64.0 * UNIT_ROUNDOFF;
 
-/// Error of the determinant, and what the finish lets weights lie outside, see below.
+/// Error of the determinant, and the tolerance of `finish`, see below.
 const DET_ERROR: f32 = 44.0 * UNIT_ROUNDOFF;
 
-/// No number of the filter exceeds `HEADROOM·S` before the last step, nor `HEADROOM·F·S` in it: where these are
+/// No intermediate value of the filter exceeds `HEADROOM·S` before the last step, or `HEADROOM·F·S` in it: if these are
 /// finite, nothing overflows.
 const HEADROOM: f32 = 8.0;
 
 /// Least greatest component of the normal, relative to the edges, for which the map is used.
 ///
 /// The f64 roundings of the normal, at most 8 of 2^-53 in two terms, are then within 2^-29 of it: 1/32 of an f32
-/// rounding. Thinner triangles are left to the finish.
+/// rounding. Thinner triangles are left to `finish`.
 const SLIVER: f64 = 1.0 / (1 << 20) as f64;
 
-/// Least sum of the map's entries for which none is so small that underflow would spoil it.
+/// Least sum of the entries of the map for which underflow is negligible in each.
 const LEAST_FACTOR: f32 = f32::MIN_POSITIVE / UNIT_ROUNDOFF;
 
-/// The kernel that reads a precomputed map per triangle: least arithmetic, most memory.
+/// The kernel with a precomputed map per triangle: least arithmetic, most memory.
 ///
 /// Reads: a ray, a record. Writes: the hit.
 /// Holds: reported points lie within [`HIT_ERROR`](crate::HIT_ERROR); hits have the bits of
-/// [`MollerTrumbore`](crate::MollerTrumbore)'s. The filter loses nothing that the finish accepts, wherever the triangle
+/// [`MollerTrumbore`](crate::MollerTrumbore)'s. The filter rejects nothing that `finish` accepts, wherever the triangle
 /// lies.
-/// Source: Baldwin, Weber 2016, with a coordinate axis as the free vector. Departures: the map starts at a vertex, not
-/// at the coordinate origin, because `o - v0` is exact but for one relative rounding and the products with both are
-/// not; the slope along the ray is multiplied through, not divided by, so that the error bound, which is ours, needs no
-/// case for grazing rays.
+/// Source: Baldwin, Weber 2016, with a coordinate axis as the free vector. Differences: the map is relative to a
+/// vertex, not the coordinate origin, because `o - v0` has one relative rounding only; the slope along the ray is a
+/// factor instead of a divisor, so the error bound, which is ours, needs no special case for grazing rays.
 ///
 /// # Error of the filter
 /// Let u = 2^-24, `s = o - v0`, `S` the sum of its absolute components, `F` that of the entries of both weight rows.
@@ -45,15 +44,15 @@ const LEAST_FACTOR: f32 = f32::MIN_POSITIVE / UNIT_ROUNDOFF;
 ///   6, 6 and 2 u·S. Two terms cancel exactly, so `|A| <= 4S`, and the difference adds 4 u·S: in all 46 u·S.
 /// - `u·m = U_a·A + U_b·B` has three roundings more (entry, product, sum) of 4S: 58 u·S for each unit of
 ///   `|U_a| + |U_b|`. Likewise `v·m`. Their sum is off by 58 u·F·S, and rounding it adds 4 u·F·S: 62 u·F·S.
-///   Second-order terms, the f64 roundings of the rows and the finish's own stay below the remaining 2.
-/// - `m`, with which the sum is compared, adds its 18 u, and the finish its 4 u·|m| <= 24 u; second-order terms and the
-///   finish's f64 determinant stay below the remaining 2.
+///   Second-order terms, the f64 roundings of the rows and those of `finish` stay below the remaining 2.
+/// - `m`, with which the sum is compared, adds its 18 u, and `finish` its 4 u·|m| <= 24 u; second-order terms and the
+///   f64 determinant of `finish` stay below the remaining 2.
 /// - Products that underflow are off by 2^-150 each: six, counted with their factors, in `A`. `MIN_POSITIVE`, added to
-///   `S`, is worth 64 of them. Later ones vanish against the 44 u.
+///   `S`, exceeds 64 of them. Later ones are negligible against the 44 u.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BaldwinWeber;
 
-/// A triangle and the linear map that takes its edges to (1,0,0) and (0,1,0).
+/// A triangle and the linear map of its edges to (1,0,0) and (0,1,0).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaldwinWeberRecord {
     /// The triangle.

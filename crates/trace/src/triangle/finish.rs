@@ -3,25 +3,25 @@ use crate::rounding::{UNIT_ROUNDOFF, nearest};
 use crate::{ScaledRay, Side};
 use canted_obb::vector::{cross, dot, reach, sub, to_f64};
 
-/// How far below zero a vertex weight may lie: what the f32 filters let through at an edge is a hit.
+/// Tolerance below zero of a barycentric coordinate: what the f32 filters pass at an edge is a hit.
 const WEIGHT_SLACK: f64 = 4.0 * UNIT_ROUNDOFF as f64;
 
-/// How far, relative to `|o|∞ + ρ∞`, the point on the ray may lie from the point by the weights.
+/// Tolerance, relative to `|o|∞ + ρ∞`, between the point on the ray and the point by barycentric coordinates.
 ///
-/// Rounding `t` to f32 takes u of it; the other u is for the f64 solution, which it can only exceed where the ray
-/// runs within about 1e-8 of the face's plane, or where the triangle is that thin.
+/// Rounding `t` to f32 takes one u; the other u is for the f64 solution, which exceeds it only for a ray within about 1e-8
+/// of the plane of the face or a triangle that thin.
 const AGREEMENT: f64 = 2.0 * UNIT_ROUNDOFF as f64;
 
-/// Decides and computes in f64 what an f32 filter let pass; the same bits for every filter.
+/// The f64 test of what an f32 filter passes; the same bits for every filter.
 ///
 /// Reads: a ray, three vertices. Writes: the hit.
 /// Holds: accepted points lie within 18.1 u of the triangle, relative to `|o|∞ + ρ∞` (below).
-/// Source: Möller, Trumbore 1997; the check of the solution by inserting it is ours.
+/// Source: Möller, Trumbore 1997; the check of the solution by substitution is ours.
 ///
 /// # Error
-/// The solution of `o + t·d = v0 + u·(v1 - v0) + v·(v2 - v0)` is inserted: both sides must agree within `AGREEMENT`.
-/// Nothing need then be known of the condition of the system, and a zero determinant fails by itself. The weights are
-/// at least -4u; at most two are negative, so moving them to zero moves the point by at most `8u·ρ∞` twice. In all
+/// The solution of `o + t·d = v0 + u·(v1 - v0) + v·(v2 - v0)` is substituted: both sides must agree within
+/// `AGREEMENT`. So the condition of the system does not matter, and a zero determinant fails. The coordinates are at
+/// least -4u; at most two are negative, so moving them to zero moves the point by at most `8u·ρ∞` twice. In all
 /// `16u·ρ∞ + 2u·(|o|∞ + ρ∞)`, and less than 0.1 u for the roundings of the check itself.
 #[inline]
 pub fn finish(ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
@@ -34,7 +34,7 @@ pub fn finish(ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<T
     let det = dot(p, e1);
     let u = dot(p, s) / det;
     let v = dot(q, d) / det;
-    // Phrased so that what is not a number fails.
+    // Also true for NaN.
     if !(u >= -WEIGHT_SLACK && v >= -WEIGHT_SLACK && u + v <= 1.0 + WEIGHT_SLACK) {
         return None;
     }
@@ -43,7 +43,7 @@ pub fn finish(ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<T
         return None;
     }
     let scale = reach(o) + reach(v0).max(reach(v1)).max(reach(v2));
-    // The second term is for a `t` that underflows.
+    // The second term covers an underflow of `t`.
     let agreement = AGREEMENT * scale + f64::from(f32::MIN_POSITIVE) * 0.25;
     let agrees = (0..3).all(|k| {
         let on_ray = o[k] + f64::from(t) * d[k];

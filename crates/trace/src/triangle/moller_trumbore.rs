@@ -5,20 +5,20 @@ use crate::ScaledRay;
 use crate::rounding::UNIT_ROUNDOFF;
 use canted_obb::vector::{cross, dot, sub};
 
-/// Error of the weights, relative to `E·(S + E)`, see below.
+/// Error of the barycentric coordinates, relative to `E·(S + E)`, see below.
 pub const ERROR: f32 = 17.0 * UNIT_ROUNDOFF;
 
-/// No number of the filter exceeds `HEADROOM·E·(S + E)`: where that is finite, nothing overflows.
+/// No intermediate value of the filter exceeds `HEADROOM·E·(S + E)`: if that is finite, nothing overflows.
 pub const HEADROOM: f32 = 4.0;
 
-/// The kernel that needs nothing precomputed; of rays exactly through shared edges it promises nothing.
+/// The kernel without precomputation. Rays exactly through a shared edge may miss both triangles.
 ///
 /// Reads: a ray, three vertices. Writes: the hit.
 /// Holds: reported points lie within [`HIT_ERROR`](crate::HIT_ERROR); hits have the bits of
-/// [`BaldwinWeber`](crate::BaldwinWeber)'s. Rays within about 1e-8 of the face's plane miss. The filter loses nothing
-/// that the finish accepts, at any scale.
-/// Source: Möller, Trumbore 1997, without culling; the distance is left to f64, so that a traversal's shrinking
-/// `t_max` cannot change which triangles are hit. The error bound of the filter is ours.
+/// [`BaldwinWeber`](crate::BaldwinWeber)'s. Rays within about 1e-8 of the plane of the face miss. The filter rejects
+/// nothing that `finish` accepts, at any scale.
+/// Source: Möller, Trumbore 1997, without culling; the distance is computed in f64 only, so that the shrinking `t_max` of a
+/// traversal cannot change which triangles are hit. The error bound of the filter is ours.
 ///
 /// # Error of the filter
 /// Let u = 2^-24 and `s = o - v0`; `|x|` is the sum of the absolute components, `E = |e1| + |e2|`, `S = |s|`. The
@@ -29,14 +29,14 @@ pub const HEADROOM: f32 = 4.0;
 ///   `det = p·e1` is off by 14 u·|e1|·|e2|. In `(s x e1)·d` seven roundings touch each of the six terms, which sum to
 ///   at most `2|e1|·S`: 14 u·|e1|·S.
 /// - So `u + v` is off by 14 u·E·S, and rounding the sum adds 2 u·E·S. As `|e1|·|e2| <= E·E/4`, the error of `det` and
-///   the finish's 4 u·|det| add 3.5 u·E·E and 2 u·E·E: all is within `16 u·E·(S + E)`. The rest of `ERROR` is for
-///   second-order terms and for the finish's own f64 roundings.
+///   the 4 u·|det| of `finish` add 3.5 u·E·E and 2 u·E·E: all is within `16 u·E·(S + E)`. The rest of `ERROR` is for
+///   second-order terms and for the f64 roundings of `finish`.
 /// - A product that underflows is off by 2^-150 at most: in all less than `2^-150·(2S + 2E + 21)`. `MIN_POSITIVE`,
-///   added to `E` and to the whole, is worth more.
+///   added to `E` and to the total, exceeds that.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MollerTrumbore;
 
-/// The weights of the ray's line; `det` is minus the normal times the direction.
+/// The barycentric coordinates of the line; `det` is minus the normal times the direction.
 #[inline]
 pub fn weights(ray: &ScaledRay, [v0, v1, v2]: &[[f32; 3]; 3]) -> Weights {
     let (e1, e2, s) = (sub(*v1, *v0), sub(*v2, *v0), sub(ray.origin, *v0));

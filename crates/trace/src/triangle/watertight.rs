@@ -5,33 +5,33 @@ use crate::rounding::nearest;
 use crate::{ScaledRay, Side};
 use canted_obb::vector::{sub, to_f64};
 
-/// The default kernel: a closed mesh has no holes, in any direction, at any scale.
+/// The default kernel: no ray passes between the triangles of a closed mesh, in any direction, at any scale.
 ///
 /// Reads: a ray, three vertices. Writes: the hit.
-/// Holds: neighbours share vertices bit for bit, so their edge functions are each other's negatives; the sign of an
+/// Holds: neighbors share vertices bit for bit, so their edge functions are each other's negatives; the sign of an
 /// edge function is exact. A ray through a shared edge or vertex hits at least one of the triangles around it.
-/// Source: Woop, Benthin, Wald 2013; instead of their fallback on zeros, every hit is finished exactly.
+/// Source: Woop, Benthin, Wald 2013; instead of their fallback for zeros, every hit is computed exactly.
 ///
 /// # Steps
 /// With `z` the axis of greatest `|d|` and `S = (d_x/d_z, d_y/d_z)`, vertices become `A = v - o`, then
 /// `(A_x - S_x·A_z, A_y - S_y·A_z, A_z)` in f32: the ray is now the z axis. The edge functions
-/// `U = C_x·B_y - C_y·B_x` (cyclic) are first computed in f32. Rounding is monotonic, so a sign is never wrong, at
-/// most lost to zero, and opposite signs are a certain miss. What remains is computed in f64 from the same f32
-/// coordinates: products of two f32 are exact there, so the signs are. No fused multiply-add may enter: it would break
-/// the symmetry between neighbours.
+/// `U = C_x·B_y - C_y·B_x` (cyclic) are first computed in f32. Rounding is monotonic, so a sign is
+/// never wrong, at most lost to zero, and opposite signs are a certain miss. The rest is computed in f64 from the same
+/// f32 coordinates, where products of two f32, hence the signs, are exact. Fused multiply-add is not allowed: it would
+/// break the symmetry between neighbors.
 ///
 /// # Error
 /// Let u = 2^-24, `a = v - o` in real arithmetic, `M` the greatest `|a|∞` of the three vertices, `s = d_x/d_z` exact;
 /// `|s| <= 1`. Then `A = a` up to u·M, and the sheared coordinate is `A_x - s·A_z` up to u·|A_x| (the subtraction) and
-/// 3u·|s·A_z| (quotient, product, subtraction), together 4u·M. The finish is exact for the triangle with these sheared
+/// 3u·|s·A_z| (quotient, product, subtraction), together 4u·M. The f64 step is exact for the triangle with these sheared
 /// vertices, hence for the triangle whose vertices are unsheared with exact `s`; these lie within 5u·M of the true ones
-/// across the ray and u·M along z. The hit is the same convex combination of both, so it lies within 5u·M of the true
+/// perpendicular to the ray and u·M along z. The hit is the same convex combination of both, so it lies within 5u·M of the true
 /// triangle. Rounding `t` moves the point by at most u·|t·d|∞ <= u·M; f64 roundings and all second-order terms stay
 /// below 0.1 u·M. In all 6.1 u·M <= 6.1 u·(|o|∞ + ρ∞). Underflow adds a few 2^-149 at most.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Watertight;
 
-/// The shear that turns a ray into an axis; made once a ray.
+/// The shear that maps the ray to the z axis; computed once per ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shear {
     axis: Axis,
@@ -48,7 +48,7 @@ impl Shear {
         Self { axis, factors: [d_x / d_z, d_y / d_z] }
     }
 
-    /// The axis of the greatest component of the direction: it plays z, the two after it x and y.
+    /// The axis of the greatest component of the direction: the z axis; the two after it are x and y.
     #[inline]
     #[must_use]
     pub fn axis(&self) -> Axis {
@@ -87,7 +87,7 @@ impl Kernel for Watertight {
         Shear::new(ray)
     }
 
-    // Always, so that a path's instructions serve it too.
+    // Always inlined, so that it is compiled with the instruction set of the SIMD path.
     #[inline(always)]
     fn intersect(shear: &Shear, ray: &ScaledRay, vertices: &Self::Record, t_max: f32) -> Option<TriangleHit> {
         let sheared = vertices.map(|v| shear.vertex(ray, v));
@@ -106,15 +106,15 @@ fn edge_functions<T: Copy + Sub<Output = T> + Mul<Output = T>>([a, b, c]: [[T; 3
     [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]]
 }
 
-/// Whether one is negative and another positive. NaN, from overflow, is neither: it leaves the question open.
+/// Whether one is negative and another positive. NaN from an overflow is neither and passes.
 #[inline]
 fn mixed<T: Copy + PartialOrd + Default>([u, v, w]: [T; 3]) -> bool {
     let zero = T::default();
-    // Without branches: the signs are as good as random.
+    // Branch-free, since the signs are unpredictable.
     ((u < zero) | (v < zero) | (w < zero)) & ((u > zero) | (v > zero) | (w > zero))
 }
 
-/// `t`, `u`, `v` and the side of a sheared f32 triangle, its edge functions without error; `None` for a miss.
+/// `t`, `u`, `v` and the side of a sheared f32 triangle with exact edge functions; `None` for a miss.
 #[inline(always)]
 fn solve(sheared: [[f64; 3]; 3], d_z: f64) -> Option<(f32, f32, f32, Side)> {
     let [u, v, w] = edge_functions(sheared);
@@ -125,7 +125,7 @@ fn solve(sheared: [[f64; 3]; 3], d_z: f64) -> Option<(f32, f32, f32, Side)> {
     let [a, b, c] = sheared;
     let denominator = det * d_z;
     let t = nearest((u * a[2] + v * b[2] + w * c[2]) / denominator);
-    // Seen along +z, a face that is turned to the ray runs clockwise, and det is minus twice its signed area.
+    // Seen along +z, a front face runs clockwise, and det is minus twice its signed area.
     let side = if denominator > 0.0 { Side::Front } else { Side::Back };
     Some((t, nearest(v / det), nearest(w / det), side))
 }

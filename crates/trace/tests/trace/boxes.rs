@@ -29,7 +29,7 @@ fn slabs_contain_their_boxes_and_points() {
             let slabs = Slabs::from_obb(&obb);
             assert!(exact_corners(&obb).all(|corner| contains(&slabs, &corner)), "{obb:?}");
             for k in 0..3 {
-                // Not needlessly large: the outward step of f32, and the error of f64 with nothing to hide behind.
+                // Tight: the outward rounding to f32 and the error of f64.
                 let row = q3(slabs.rows[k]);
                 let least = exact_corners(&obb).map(|corner| exact::dot(&row, &corner)).min().expect("eight");
                 let magnitude = exact_corners(&obb).map(|corner| exact::reach(&corner)).max().expect("eight");
@@ -39,7 +39,7 @@ fn slabs_contain_their_boxes_and_points() {
             let points = rng.triangle(setting.around, setting.size);
             let slabs = Slabs::from_points(slabs.rows, points);
             assert!(points.iter().all(|&p| contains(&slabs, &q3(p))), "{points:?}");
-            // Not needlessly large: two units in the last place less, and a point is out.
+            // Tight: two units in the last place less exclude a point.
             let inward = |x: f32| x.next_up().next_up();
             let shrunken = Slabs { lo: slabs.lo.map(inward), hi: slabs.hi.map(|x| -inward(-x)), ..slabs };
             assert!(!points.iter().all(|&p| contains(&shrunken, &q3(p))), "not tight: {points:?}");
@@ -50,7 +50,7 @@ fn slabs_contain_their_boxes_and_points() {
 #[test]
 fn rows_are_unit_and_span_the_faces() {
     let mut rng = Rng(2);
-    // One rounding a component.
+    // One rounding per component.
     let greatest = (Q::from_integer(1.into()) + q(f32::EPSILON) * q(2.0)).pow(2);
     for _ in 0..300 {
         let obb = obb_near(&mut rng, &SETTINGS[0]);
@@ -74,22 +74,21 @@ fn degenerate_frames_still_contain() {
     assert!(Slabs::from_points(Obb::IDENTITY_FRAME, []).is_empty());
 }
 
-/// Triangles with rays at them.
+/// Triangles and rays towards them.
 type Case = (Triangle, ScaledRay);
 
-/// The ray in its usual thickness.
+/// The ray with its padding.
 fn padded(ray: &ScaledRay, aabb: &Aabb) -> SlabRay {
     SlabRay::new(ray, aabb.reach())
 }
 
-/// The ray as thin as it is.
+/// The ray without padding.
 fn bare(ray: &ScaledRay, _: &Aabb) -> SlabRay {
     SlabRay::with_pads(ray, 0.0, 0.0)
 }
 
-/// Of rays that exactly meet the box of a triangle, how many there are, and how many the test loses: it misses, or
-/// does not cover the exact interval.
-fn rays_lost(
+/// Rays that hit the box of a triangle exactly, and how many of them the test misses or reports with too small an interval.
+fn rays_missed(
     rng: &mut Rng,
     oriented: bool,
     case: impl Fn(&mut Rng) -> Case,
@@ -97,7 +96,7 @@ fn rays_lost(
 ) -> (u32, u32) {
     let (mut entered, mut lost) = (0, 0);
     for _ in 0..500 {
-        // The triangle's vertices are on faces of its box, so rays at them graze it.
+        // The triangle's vertices are on faces of its box, so rays towards them graze it.
         let (triangle, ray) = case(rng);
         let aabb = Aabb::from_points(triangle);
         let slabs = if oriented { Slabs::from_points(rng.frame(), triangle) } else { Slabs::from_aabb(&aabb) };
@@ -118,23 +117,23 @@ fn rays_lost(
 }
 
 #[test]
-fn rays_that_exactly_enter_are_never_lost() {
+fn no_ray_that_hits_a_box_exactly_is_missed() {
     let mut rng = Rng(4);
     for oriented in [false, true] {
         for setting in SETTINGS {
-            let (entered, lost) = rays_lost(&mut rng, oriented, |rng| inputs::case(rng, &setting), padded);
+            let (entered, lost) = rays_missed(&mut rng, oriented, |rng| inputs::case(rng, &setting), padded);
             assert!(entered > 50, "the case is void: {setting:?}");
             assert_eq!(lost, 0, "{setting:?}, oriented: {oriented}");
         }
-        let (entered, lost) = rays_lost(&mut rng, oriented, any_bits, padded);
+        let (entered, lost) = rays_missed(&mut rng, oriented, any_bits, padded);
         assert!(entered > 50 && lost == 0, "{lost} of {entered} lost, oriented: {oriented}");
-        let (_, lost) = rays_lost(&mut rng, oriented, |rng| inputs::case(rng, &SETTINGS[0]), bare);
+        let (_, lost) = rays_missed(&mut rng, oriented, |rng| inputs::case(rng, &SETTINGS[0]), bare);
         assert!(lost > 5, "without pads only {lost} are lost, oriented: {oriented}");
     }
 }
 
-/// Hits of `K`, and how many have a box that is not entered, or entered after the hit.
-fn hits_lost<K: Kernel>(
+/// Hits of `K`, and how many have a box that is missed, or entered after the hit.
+fn hits_missed<K: Kernel>(
     rng: &mut Rng,
     case: impl Fn(&mut Rng) -> Case,
     thicken: impl Fn(&ScaledRay, &Aabb) -> SlabRay,
@@ -156,13 +155,13 @@ fn hits_lost<K: Kernel>(
 fn boxes_are_entered_before_hits<K: Kernel>(name: &str) {
     let mut rng = Rng(6);
     for setting in SETTINGS {
-        let (hits, lost) = hits_lost::<K>(&mut rng, |rng| inputs::case(rng, &setting), padded);
+        let (hits, lost) = hits_missed::<K>(&mut rng, |rng| inputs::case(rng, &setting), padded);
         assert!(hits > 200, "the case is void: {hits} hits of {name} in {setting:?}");
         assert_eq!(lost, 0, "{name} in {setting:?}");
     }
-    let (hits, lost) = hits_lost::<K>(&mut rng, any_bits, padded);
+    let (hits, lost) = hits_missed::<K>(&mut rng, any_bits, padded);
     assert!(hits > 200 && lost == 0, "{name}: {lost} of {hits} lost");
-    let (hits, lost) = hits_lost::<K>(&mut rng, |rng| inputs::case(rng, &SETTINGS[0]), bare);
+    let (hits, lost) = hits_missed::<K>(&mut rng, |rng| inputs::case(rng, &SETTINGS[0]), bare);
     assert!(lost > 20, "{name}: without pads only {lost} of {hits} are lost");
 }
 
@@ -174,7 +173,7 @@ fn boxes_of_hit_triangles_are_entered_before_the_hit() {
 }
 
 #[test]
-fn an_error_of_the_callers_thickens_the_ray() {
+fn a_given_error_adds_to_the_padding() {
     let mut rng = Rng(8);
     let mut lost_without = 0;
     for setting in SETTINGS {
@@ -183,7 +182,7 @@ fn an_error_of_the_callers_thickens_the_ray() {
         for _ in 0..400 {
             let (triangle, ray) = inputs::case(&mut rng, &setting);
             let outer = Aabb::from_points(triangle);
-            // The box that points of the outer one miss by no more than the error.
+            // Points of the outer box are within the error of this box.
             let inner =
                 Aabb { min: outer.min.map(|x| (x + error).next_down()), max: outer.max.map(|x| (x - error).next_up()) };
             if inner.is_empty() {
@@ -209,7 +208,7 @@ fn an_error_of_the_callers_thickens_the_ray() {
 fn public_tests_agree_with_six_planes() {
     let cube = Aabb { min: [-1.0; 3], max: [1.0; 3] };
     let entry = |origin, direction| ray_aabb(&Ray::new(origin, direction), &cube);
-    // What `ray_aabb` promises of a box of one and origins five away, along directions of one or longer.
+    // The documented bound of `ray_aabb` for a box of one and origins five away, along directions of one or longer.
     let near = |x: f32, y: f32| (x - y).abs() <= 25.0 * UNIT_ROUNDOFF * (1.0 + 5.0);
     for direction in [[2.0, 0.0, 0.0], [2.0, -0.0, -0.0]] {
         let (a, b) = entry([-5.0, 0.0, 0.0], direction).unwrap();
@@ -233,7 +232,7 @@ fn public_tests_agree_with_six_planes() {
         let aim: Triangle = [corners[0], corners[3], corners[6]];
         let scaled = ray_at(&mut rng, &aim, setting.distance);
         let ray = Ray::new(scaled.origin, scaled.direction);
-        // `Slabs::from_obb` holds the box, so what enters exactly is what must be found.
+        // `Slabs::from_obb` holds the box, so every exact hit must be reported.
         if let Some((near, far)) = exact::clip(&Slabs::from_obb(&obb), &scaled) {
             n_entered += 1;
             let (entry, exit) = ray_obb(&ray, &obb).unwrap();

@@ -1,4 +1,4 @@
-//! Geometry in rationals: every finite float is one.
+//! Geometry in rational arithmetic; every finite float is rational.
 
 use num_rational::BigRational;
 use num_traits::{Signed, Zero};
@@ -11,7 +11,7 @@ pub(crate) const UNIT_ROUNDOFF_F64: f64 = f64::EPSILON / 2.0;
 pub(crate) type Q = BigRational;
 pub(crate) type Q3 = [Q; 3];
 
-/// The number itself.
+/// The exact number.
 pub(crate) fn q(x: impl Into<f64>) -> Q {
     BigRational::from_float(x.into()).expect("a finite number")
 }
@@ -51,7 +51,7 @@ pub(crate) fn contains(slabs: &Slabs, point: &Q3) -> bool {
     })
 }
 
-/// The interval of all real `t >= ray.t_min` at which the ray is in the box; no roundings anywhere.
+/// The interval of all real `t >= ray.t_min` at which the ray is in the box; without rounding.
 pub(crate) fn clip(slabs: &Slabs, ray: &ScaledRay) -> Option<(Q, Option<Q>)> {
     let (mut near, mut far) = (q(ray.t_min), None::<Q>);
     for k in 0..3 {
@@ -72,7 +72,7 @@ pub(crate) fn clip(slabs: &Slabs, ray: &ScaledRay) -> Option<(Q, Option<Q>)> {
     far.as_ref().is_none_or(|far| near <= *far).then_some((near, far))
 }
 
-/// `(det, u·det, v·det, t·det)` of the ray's line and the triangle's plane, with the signs turned so that `det >= 0`.
+/// `(det, u·det, v·det, t·det)` of the line of the ray and the plane of the triangle, with signs such that `det >= 0`.
 pub(crate) fn triangle(ray: &ScaledRay, vertices: &[[f32; 3]; 3]) -> (Q, Q, Q, Q) {
     let [v0, v1, v2] = vertices.map(q3);
     let (o, d) = (q3(ray.origin), q3(ray.direction));

@@ -12,7 +12,7 @@ const FILTERS: [(&str, Filter); 2] = [
     ("baldwin-weber", |ray, triangle| baldwin_weber_weights(ray, &BaldwinWeber::record(*triangle))),
 ];
 
-/// Triangles up to 10^4 edges from the coordinate origin, the rays' origins near, as far, or farther still.
+/// Triangles up to 10^4 edges from the coordinate origin, with ray origins near, equally far, or farther.
 const FAR: [Setting; 6] = [
     Setting { around: [250.0, -120.0, 90.0], size: 0.05, distance: 0.1 },
     Setting { around: [250.0, -120.0, 90.0], size: 0.05, distance: 300.0 },
@@ -22,7 +22,7 @@ const FAR: [Setting; 6] = [
     Setting { around: [3.0 / TWO_POW_60, 0.0, 1.0 / TWO_POW_60], size: 1e-3 / TWO_POW_60, distance: 9.0 / TWO_POW_60 },
 ];
 
-/// Cases of every setting, and of any bits.
+/// Cases of every setting, and with arbitrary bits.
 fn cases(seed: u64, n_each: usize) -> impl Iterator<Item = (Triangle, ScaledRay)> {
     let mut rng = Rng(seed);
     let settings: Vec<_> = SETTINGS.into_iter().chain(FAR).map(Some).chain([None]).collect();
@@ -32,14 +32,14 @@ fn cases(seed: u64, n_each: usize) -> impl Iterator<Item = (Triangle, ScaledRay)
     })
 }
 
-/// Whether the line meets the closed triangle, in rationals.
+/// Whether the line intersects the closed triangle, in rationals.
 fn pierces(ray: &ScaledRay, triangle: &Triangle) -> bool {
     let (det, u, v, _) = exact::triangle(ray, triangle);
     !det.is_zero() && !u.is_negative() && !v.is_negative() && u + v <= det
 }
 
 #[test]
-fn filters_lose_no_line_that_meets_the_triangle() {
+fn filters_reject_no_line_that_hits_the_triangle() {
     let mut n_pierced = 0;
     for (triangle, ray) in cases(40, 1500).filter(|(triangle, ray)| pierces(ray, triangle)) {
         n_pierced += 1;
@@ -51,29 +51,29 @@ fn filters_lose_no_line_that_meets_the_triangle() {
     assert!(n_pierced > 5_000, "{n_pierced}");
 }
 
-/// How many hits of the finish each filter loses, when its error is taken `share` times.
-fn lost(share: f32) -> ([u32; 2], u32) {
+/// How many hits of `finish` each filter rejects if its error is multiplied by `factor`.
+fn rejected(factor: f32) -> ([u32; 2], u32) {
     let (mut lost, mut n_hits) = ([0; 2], 0);
     for (triangle, ray) in cases(41, 20_000).filter(|(triangle, ray)| finish(ray, triangle, ray.t_max).is_some()) {
         n_hits += 1;
         for (lost, (_, filter)) in lost.iter_mut().zip(FILTERS) {
             let weights = filter(&ray, &triangle);
-            *lost += u32::from(Weights { error: share * weights.error, ..weights }.misses());
+            *lost += u32::from(Weights { error: factor * weights.error, ..weights }.misses());
         }
     }
     (lost, n_hits)
 }
 
 #[test]
-fn filters_lose_nothing_that_the_finish_accepts() {
-    let (lost, n_hits) = lost(1.0);
+fn filters_reject_nothing_that_finish_accepts() {
+    let (lost, n_hits) = rejected(1.0);
     assert!(n_hits > 50_000, "{n_hits}");
     assert_eq!(lost, [0; 2]);
 }
 
 #[test]
-fn filters_without_their_error_lose_hits() {
-    let (lost, _) = lost(0.0);
+fn filters_without_their_error_reject_hits() {
+    let (lost, _) = rejected(0.0);
     assert!(lost.iter().all(|&n| n > 100), "{lost:?}");
 }
 
@@ -86,7 +86,7 @@ fn exact_weights(ray: &ScaledRay, triangle: &Triangle) -> [Q; 3] {
     [exact::dot(&p, &e1), exact::dot(&p, &s), exact::dot(&exact::cross(&s, &e1), &d)]
 }
 
-/// The greatest component of the normal, negated: what Baldwin and Weber's map is divided by against the above.
+/// The greatest component of the normal, negated: the factor between the maps of Baldwin and Weber and the above.
 fn scale(triangle: &Triangle) -> Q {
     let [v0, v1, v2] = triangle.map(q3);
     let normal = exact::cross(&exact::sub(&v1, &v0), &exact::sub(&v2, &v0));
@@ -115,8 +115,8 @@ fn weights_lie_within_their_error() {
 }
 
 #[test]
-fn filters_still_filter() {
-    // Of rays at other triangles within 20 edges most are sent away before the finish.
+fn filters_reject_most_misses() {
+    // Most rays towards other triangles within 20 edges are rejected by the filter.
     let mut rng = Rng(43);
     let mut n_passed = [0; 2];
     let n_rays = 10_000;

@@ -1,4 +1,4 @@
-//! Rays, triangles and frames, the ugly among the random.
+//! Rays, triangles and frames: random and degenerate.
 
 use canted_obb::Obb;
 
@@ -42,7 +42,7 @@ impl Rng {
         [x, cross(z, x), z]
     }
 
-    /// Convex weights; often on an edge or at a vertex.
+    /// Barycentric coordinates; often on an edge or at a vertex.
     pub(crate) fn weights(&mut self) -> [f32; 3] {
         let [a, b] = [self.signed().abs(), self.signed().abs()];
         match self.below(4) {
@@ -53,7 +53,7 @@ impl Rng {
         }
     }
 
-    /// A triangle near `around`: random, needle, in a coordinate plane, on a grid, or a point twice.
+    /// A triangle near `around`: random, needle, in a coordinate plane, on a grid, or with a repeated vertex.
     pub(crate) fn triangle(&mut self, around: [f32; 3], size: f32) -> Triangle {
         let mut corners: Triangle = std::array::from_fn(|_| self.vector(size));
         match self.below(5) {
@@ -69,7 +69,7 @@ impl Rng {
     }
 }
 
-/// What is far, large, small or flat about a case.
+/// Scales of a case.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Setting {
     /// Where the triangles are.
@@ -92,13 +92,13 @@ pub(crate) const SETTINGS: [Setting; 7] = [
 
 pub(crate) const TWO_POW_60: f32 = (1u64 << 60) as f32;
 
-/// A triangle of `setting` and a ray at it.
+/// A triangle of `setting` and a ray towards it.
 pub(crate) fn case(rng: &mut Rng, setting: &Setting) -> (Triangle, ScaledRay) {
     let triangle = rng.triangle(setting.around, setting.size);
     (triangle, ray_at(rng, &triangle, setting.distance))
 }
 
-/// A ray at a point of `triangle`: from afar, along an axis, in the face's plane, with tiny components, from a vertex.
+/// A ray towards a point of `triangle`: from far away, along an axis, in the plane of the face, with tiny components, from a vertex.
 pub(crate) fn ray_at(rng: &mut Rng, triangle: &Triangle, distance: f32) -> ScaledRay {
     let weights = rng.weights();
     let target: [f32; 3] = std::array::from_fn(|k| (0..3).map(|i| weights[i] * triangle[i][k]).sum());
@@ -118,7 +118,7 @@ pub(crate) fn ray_at(rng: &mut Rng, triangle: &Triangle, distance: f32) -> Scale
     ScaledRay::new(&Ray::new(origin, direction)).expect("a finite ray with a direction")
 }
 
-/// A triangle of any bits and a ray at it: subnormal to 2^62, coordinates up to 2^30 apart in size.
+/// A triangle with arbitrary bits and a ray towards it: subnormal to 2^62, magnitudes up to 2^30 apart.
 pub(crate) fn any_bits(rng: &mut Rng) -> (Triangle, ScaledRay) {
     let greatest = rng.below(190);
     let spread = 1 + rng.below(31);
@@ -137,7 +137,7 @@ pub(crate) fn any_bits(rng: &mut Rng) -> (Triangle, ScaledRay) {
     (triangle, ray.or_else(|| ScaledRay::new(&Ray::new(origin, other))).unwrap_or_else(|| ray_at(rng, &triangle, 1.0)))
 }
 
-/// An oriented box: any frame and extents, flat, sheared, or in axis position.
+/// An oriented box: any frame and extents, flat, sheared, or axis-aligned.
 pub(crate) fn obb_near(rng: &mut Rng, setting: &Setting) -> Obb {
     let offset = rng.vector(setting.size);
     let mut obb = Obb {

@@ -4,7 +4,7 @@ use crate::inputs::{Rng, SETTINGS, TWO_POW_60, Triangle, ray_at};
 use crate::kernels::{bits, hit};
 use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight};
 
-/// Hit, then entries into the boxes, as bits.
+/// The hit and the entries into the boxes, as bits.
 fn answer<K: Kernel>(ray: &Ray, triangle: &Triangle, frame: [[f32; 3]; 3]) -> [Option<Vec<u32>>; 3] {
     let scaled = ScaledRay::new(ray).unwrap();
     let aabb = Aabb::from_points(*triangle);
@@ -32,7 +32,7 @@ fn direction_length<K: Kernel>() {
         n_hits += u32::from(base[0].is_some());
         for factor in [0.5, 4.0, TWO_POW_60, 1.0 / TWO_POW_60] {
             let direction = ray.direction.map(|d| d * factor);
-            // A component that became subnormal is another direction.
+            // A component that became subnormal changes the direction.
             if ray.direction.iter().zip(direction).all(|(a, b)| b / factor == *a) {
                 assert_eq!(answer::<K>(&Ray { direction, ..ray }, &triangle, frame), base);
             }
@@ -77,7 +77,7 @@ fn a_power_of_two_in_the_scene_changes_no_bit_of_weights() {
     let mut n_hits = 0;
     for _ in 0..5000 {
         let (ray, triangle, _) = ray_and_triangle(&mut rng);
-        // Underflow is no matter of scale: leave the rays out that start in it.
+        // Skip rays whose origin underflows: underflow depends on scale.
         if ray.origin.into_iter().chain(ray.direction).any(f32::is_subnormal) {
             continue;
         }
@@ -94,7 +94,7 @@ fn a_power_of_two_in_the_scene_changes_no_bit_of_weights() {
 }
 
 #[test]
-fn rays_that_can_hit_nothing_are_refused() {
+fn invalid_rays_are_rejected() {
     let ray = Ray::new([1.0, 2.0, 3.0], [0.0, -3e-5, 1e-5]);
     let refused = |ray: Ray| ScaledRay::new(&ray).is_none();
     assert!(!refused(ray) && !refused(Ray { direction: [f32::MAX; 3], ..ray }));
@@ -110,7 +110,7 @@ fn rays_that_can_hit_nothing_are_refused() {
 }
 
 #[test]
-fn scaling_is_exact_and_returns() {
+fn scaling_is_exact_and_reversible() {
     let ray = Ray { t_min: 0.25, ..Ray::new([0.0; 3], [0.0, -3e-5, 1e-5]) };
     let scaled = ScaledRay::new(&ray).unwrap();
     // 3e-5 is 2^-16 times 1.97.

@@ -12,8 +12,8 @@ pub(crate) fn hit<K: Kernel>(ray: &ScaledRay, triangle: &Triangle) -> Option<Tri
 
 /// Whether every coordinate of the point at `t` is within `bound` of the triangle, in rationals.
 ///
-/// The nearest point is guessed by moving the exact weights of the plane's hit, or the kernel's, into the triangle; a
-/// guess proves nearness, whatever its origin.
+/// Candidates for the nearest point are the exact coordinates of the hit on the plane, or those of the kernel, clamped to
+/// the triangle; any candidate within the bound is a proof.
 fn lies_near(ray: &ScaledRay, triangle: &Triangle, hit: &TriangleHit, bound: &Q) -> bool {
     let (det, u, v, _) = exact::triangle(ray, triangle);
     let on_ray = exact::at(ray, &q(hit.t));
@@ -34,7 +34,7 @@ fn lies_near(ray: &ScaledRay, triangle: &Triangle, hit: &TriangleHit, bound: &Q)
     })
 }
 
-/// So many roundings of `|o|∞ + ρ∞`, and what underflow may add.
+/// `n_roundings` of `|o|∞ + ρ∞`, plus underflow.
 fn hit_bound(ray: &ScaledRay, triangle: &Triangle, n_roundings: f32) -> Q {
     let vertices = triangle.iter().map(|&v| exact::reach(&q3(v))).max().expect("three vertices");
     let relative = q(n_roundings) * q(UNIT_ROUNDOFF);
@@ -64,14 +64,14 @@ fn points_lie_near<K: Kernel>(name: &str, n_roundings: f32) {
 }
 
 #[test]
-fn hits_lie_within_the_bound_of_the_true_triangle() {
-    // The proven 6.1, and the rounding of the two weights by which the check finds its point, each up to 1 of `2·ρ∞`.
+fn hits_are_within_the_bound_of_the_exact_triangle() {
+    // The proven 6.1, and the rounding of two barycentric coordinates in the check, each up to 1 of `2·ρ∞`.
     points_lie_near::<Watertight>("watertight", 10.1);
     points_lie_near::<MollerTrumbore>("moller-trumbore", 20.0);
     points_lie_near::<BaldwinWeber>("baldwin-weber", 20.0);
 }
 
-/// `(t, least weight, weight error of f32)` of a well-posed case, in f64.
+/// `(t, barycentric coordinates, their error in f32)` of a well-posed case, in f64.
 fn solve(ray: &ScaledRay, triangle: &Triangle) -> Option<(f64, [f64; 3], f64)> {
     let [v0, v1, v2] = triangle.map(to_f64);
     let (o, d) = (to_f64(ray.origin), to_f64(ray.direction));
@@ -82,8 +82,8 @@ fn solve(ray: &ScaledRay, triangle: &Triangle) -> Option<(f64, [f64; 3], f64)> {
     let point: [f64; 3] = std::array::from_fn(|k| o[k] + t * d[k] - v0[k]);
     let area = dot(normal, normal);
     let (u, v) = (dot(cross(point, e2), normal) / area, dot(cross(e1, point), normal) / area);
-    // Every f32 kernel commits a few roundings of the coordinates and of the distance; divided by the triangle's
-    // least height over the angle, they are what a weight may be off. 40 roundings cover the longest chain, Baldwin
+    // Every f32 kernel commits a few roundings of the coordinates and of the distance; divided by the least
+    // height of the triangle over the angle, they bound the error of a coordinate. 40 roundings cover the longest chain, Baldwin
     // and Weber's map: 3 for each entry and the height, 4 for the distance, 4 for the weight, over three axes.
     let edge = reach(e1).max(reach(e2)).max(reach(sub(v2, v1)));
     let height = area.sqrt() / edge;
@@ -93,7 +93,7 @@ fn solve(ray: &ScaledRay, triangle: &Triangle) -> Option<(f64, [f64; 3], f64)> {
     (error < 0.1).then_some((t, [1.0 - u - v, u, v], error))
 }
 
-/// Compares with f64 wherever the answer is certain; counts the rays so decided.
+/// Compares with f64 wherever that decides; counts those rays.
 fn agrees_with_f64<K: Kernel>(name: &str) -> (u32, u32) {
     let mut rng = Rng(11);
     let (mut hits, mut misses) = (0, 0);
@@ -172,14 +172,14 @@ fn one_hit<K: Kernel>() {
     };
     assert!(within(0.0, 2.0) && within(2.0, 2.0) && within(2.0, f32::INFINITY));
     assert!(!within(0.0, 2.0f32.next_down()) && !within(2.0f32.next_up(), 3.0));
-    // In the plane, and without area.
+    // In the plane, and degenerate.
     assert_eq!(hit::<K>(&ray([-1.0, 1.0, 0.0], [1.0, 0.0, 0.0]), &triangle), None);
     assert_eq!(hit::<K>(&ray([1.0, 0.0, 1.0], [0.0, 0.0, -1.0]), &[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), None);
     assert_eq!(hit::<K>(&ray([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]), &[[0.0; 3]; 3]), None);
 }
 
 #[test]
-fn weights_sides_and_ends() {
+fn barycentric_coordinates_sides_and_interval_ends() {
     one_hit::<Watertight>();
     one_hit::<MollerTrumbore>();
     one_hit::<BaldwinWeber>();

@@ -29,7 +29,7 @@ fn five_cases_of_a_sphere() {
 const IN_F64: f64 = 16.0 * UNIT_ROUNDOFF_F64;
 
 #[test]
-fn small_far_spheres_keep_their_digits() {
+fn small_distant_spheres_are_accurate() {
     let mut rng = Rng(40);
     let mut n_hits = 0;
     for (radius, distance) in [(1e-3, 1e4), (1.0, 3.0), (1e6, 10.0), (1e-10, 1e-3), (0.0, 1.0)] {
@@ -46,13 +46,13 @@ fn small_far_spheres_keep_their_digits() {
             let span = q(IN_F64) * (exact::reach(&m) + q(radius)) / exact::reach(&d);
             let squared = q(radius) * q(radius);
             let Some([near, far]) = sphere.roots(&Ray::new(origin, direction)) else {
-                // It passes by, or touches within f64.
+                // A miss, or a tangent within f64.
                 let slack = q(IN_F64) * exact::dot(&m, &m);
                 assert!(from_center(&closest) + slack > squared, "{sphere:?} is lost");
                 continue;
             };
             n_hits += 1;
-            // The exact roots lie where the distance passes the radius; the chord of a near tangent may vanish.
+            // The exact roots lie where the distance crosses the radius; the chord of a near tangent may vanish.
             for (root, inward) in [(near, q(1.0)), (far, q(-1.0))] {
                 let width = q(UNIT_ROUNDOFF) * q(root).abs() + &span;
                 let (before, after) = (q(root) - &inward * &width, q(root) + &inward * &width);
@@ -65,7 +65,7 @@ fn small_far_spheres_keep_their_digits() {
     assert!(n_hits > 500, "{n_hits}");
 }
 
-/// Segments of all kinds about a box, some flat and none at the origin.
+/// Segments near a box; some boxes are flat.
 fn segment_and_box(rng: &mut Rng) -> ([f32; 3], [f32; 3], Aabb) {
     let setting = SETTINGS[rng.below(4)];
     let triangle = rng.triangle(setting.around, setting.size);
@@ -104,7 +104,7 @@ fn overlaps_exactly(p0: [f32; 3], p1: [f32; 3], aabb: &Aabb, widened: &Q) -> boo
     near <= far
 }
 
-/// Answers of `test` that differ from exact clipping: overlaps denied, gaps closed.
+/// Results of `test` that differ from exact clipping: missed overlaps, false overlaps.
 fn wrong_overlaps(n: u32, test: impl Fn([f32; 3], [f32; 3], &Aabb) -> bool) -> (u32, u32) {
     let mut rng = Rng(41);
     let (mut denied, mut closed) = (0, 0);
@@ -112,7 +112,7 @@ fn wrong_overlaps(n: u32, test: impl Fn([f32; 3], [f32; 3], &Aabb) -> bool) -> (
         let (p0, p1, aabb) = segment_and_box(&mut rng);
         let found = test(p0, p1, &aabb);
         denied += u32::from(!found && overlaps_exactly(p0, p1, &aabb, &q(0.0)));
-        // What f64 may close, with room for the flattest angle between segment and face.
+        // The gap that f64 may close, for the flattest angle between segment and face.
         let coordinates = p0.into_iter().chain(p1).chain(aabb.min).chain(aabb.max).map(|x| q(x.abs()));
         let widened = q(f64::from(UNIT_ROUNDOFF) * IN_F64.sqrt()) * coordinates.max().expect("twelve");
         closed += u32::from(found && !overlaps_exactly(p0, p1, &aabb, &widened));
@@ -121,7 +121,7 @@ fn wrong_overlaps(n: u32, test: impl Fn([f32; 3], [f32; 3], &Aabb) -> bool) -> (
 }
 
 #[test]
-fn segments_overlap_as_exact_clipping_says() {
+fn segment_overlaps_agree_with_exact_clipping() {
     assert_eq!(wrong_overlaps(100_000, segment_overlaps_aabb), (0, 0));
     assert!(!segment_overlaps_aabb([0.0; 3], [1.0; 3], &Aabb::EMPTY));
     let flat = Aabb { min: [-1.0, -1.0, 0.0], max: [1.0, 1.0, 0.0] };
@@ -131,7 +131,7 @@ fn segments_overlap_as_exact_clipping_says() {
 }
 
 #[test]
-fn dropping_the_centre_of_the_box_is_seen() {
+fn ignoring_the_center_of_the_box_is_detected() {
     let without_centre = |p0, p1, aabb: &Aabb| {
         let half: [f32; 3] = std::array::from_fn(|k| 0.5 * (aabb.max[k] - aabb.min[k]));
         segment_overlaps_aabb(p0, p1, &Aabb { min: half.map(|h| -h), max: half })

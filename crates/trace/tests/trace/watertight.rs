@@ -12,7 +12,7 @@ use canted_obb::vector::{cross, dot, sub};
 use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
 
 /// A subdivided octahedron, its vertices shared bit for bit; then scaled and moved, which keeps it closed.
-fn ball(levels: u32, scale: [f32; 3], around: [f32; 3]) -> Vec<Triangle> {
+fn octasphere(levels: u32, scale: [f32; 3], around: [f32; 3]) -> Vec<Triangle> {
     let mut triangles: Vec<Triangle> = (0..8u32)
         .map(|i| {
             let side = |k: u32| if i >> k & 1 == 1 { 1.0 } else { -1.0 };
@@ -24,7 +24,7 @@ fn ball(levels: u32, scale: [f32; 3], around: [f32; 3]) -> Vec<Triangle> {
         triangles = triangles
             .into_iter()
             .flat_map(|[a, b, c]| {
-                // Symmetric in its arguments, so neighbours agree.
+                // Symmetric in its arguments, so neighbors agree.
                 let middle = |p: [f32; 3], q: [f32; 3]| {
                     let sum: [f32; 3] = std::array::from_fn(|k| p[k] + q[k]);
                     sum.map(|x| x / dot(sum, sum).sqrt())
@@ -75,7 +75,7 @@ fn closed_meshes_do_not_leak() {
         ([1e15; 3], [0.0; 3]),
     ];
     for (scale, around) in meshes {
-        let mesh = ball(3, scale, around);
+        let mesh = octasphere(3, scale, around);
         let inner = 0.2 * scale.into_iter().fold(f32::INFINITY, f32::min);
         for _ in 0..2 {
             assert_eq!(leaks::<Watertight>(&mesh, around, inner, &mut rng), 0, "{scale:?} at {around:?}");
@@ -84,11 +84,11 @@ fn closed_meshes_do_not_leak() {
 }
 
 #[test]
-fn meshes_with_cracks_leak() {
+fn cracked_meshes_leak() {
     let mut rng = Rng(31);
     let center = [0.3, 0.1, 0.2];
-    // Neighbours no longer share their vertices: each triangle shrinks towards its own middle.
-    let cracked: Vec<Triangle> = ball(4, [1.0; 3], center)
+    // Neighbors no longer share vertices: each triangle shrinks towards its centroid.
+    let cracked: Vec<Triangle> = octasphere(4, [1.0; 3], center)
         .into_iter()
         .map(|[a, b, c]| {
             let middle: [f32; 3] = std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0);
@@ -101,7 +101,7 @@ fn meshes_with_cracks_leak() {
 }
 
 #[test]
-fn fans_are_hit_at_their_hub() {
+fn fans_are_hit_at_their_center() {
     let mut rng = Rng(32);
     for _ in 0..300 {
         let n = 3 + rng.below(12);
@@ -121,7 +121,7 @@ fn fans_are_hit_at_their_hub() {
     }
 }
 
-/// The kernel's rounded input, then exact: what it promises to compute.
+/// The exact result for the rounded input of the kernel.
 #[test]
 fn distance_is_exact_for_the_sheared_triangle() {
     let mut rng = Rng(33);
@@ -147,7 +147,7 @@ fn distance_is_exact_for_the_sheared_triangle() {
             continue;
         }
         let t = t / det.clone() / q(d_z);
-        // Ten roundings of f64 reach the quotient's terms, whose weights sum to one; then one rounding to f32.
+        // Ten f64 roundings of terms whose coefficients sum to one, then one rounding to f32.
         let depth = sheared.iter().map(|v| q(v[2].abs())).max().unwrap() / q(d_z.abs());
         let in_f64 = q(10.0 * UNIT_ROUNDOFF_F64) * depth;
         match found {
@@ -174,7 +174,7 @@ fn grazing_rays_hit_only_what_they_touch() {
         let [a, b, c] = triangle;
         let weight = rng.signed();
         let along: [f32; 3] = std::array::from_fn(|k| (b[k] - a[k]) + weight * (c[k] - a[k]));
-        // Beside the triangle, in its plane, parallel to it or nearly.
+        // Next to the triangle, in its plane, parallel to it or nearly.
         let origin: [f32; 3] = std::array::from_fn(|k| a[k] + 10.0 * (c[k] - a[k]) - 10.0 * along[k]);
         let normal = cross(sub(b, a), sub(c, a));
         let ray = ScaledRay::new(&Ray::new(origin, along)).unwrap();

@@ -5,7 +5,8 @@ use canted_lbvh::{GeometryError, triangle_corners};
 use canted_obb::{Aabb, PrimId};
 
 use super::{Built, over_indexed};
-use crate::layout::{Half, Limits, PART_LANES, PARTS};
+use crate::layout::{Limits, PART_LANES, PARTS};
+use crate::triangle::Blocks;
 use crate::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, WideBvh};
 
 /// Enough for some nodes below the root.
@@ -15,7 +16,7 @@ fn many() -> Mesh {
     soup(40, 300)
 }
 
-fn build(mesh: &Mesh, limits: &Limits) -> Result<Built<Vec<Half>>, GeometryError> {
+fn build(mesh: &Mesh, limits: &Limits) -> Result<Built<Blocks>, GeometryError> {
     over_indexed(limits, &mesh.positions, &mesh.triangles, &Config::default())
 }
 
@@ -37,9 +38,9 @@ fn just_too_low(limits: Limits) -> [Limits; 2] {
 fn triangles_fit_exactly_at_the_limits() {
     let mesh = many();
     let free = build(&mesh, &Limits::OF_WORDS).unwrap();
-    let just = Limits { n_parts: PARTS * free.leaves.len(), n_lines: free.nodes.lines.len() };
+    let just = Limits { n_parts: PARTS * free.leaves.halves.len(), n_lines: free.nodes.lines.len() };
     let fitting = build(&mesh, &just).unwrap();
-    assert!(fitting.nodes.lines == free.nodes.lines && fitting.leaves == free.leaves);
+    assert!(fitting.nodes.lines == free.nodes.lines && fitting.leaves.halves == free.leaves.halves);
     for limits in just_too_low(just) {
         assert!(limits.n_triangles() >= N, "only the layout can notice");
         assert_eq!(build(&mesh, &limits).err(), Some(GeometryError::TooMany { n_triangles: N }), "{limits:?}");

@@ -3,7 +3,7 @@
 use canted_lbvh::Corners;
 use canted_obb::PrimId;
 
-use crate::layout::{HALF_WORDS, Half, MAX_LEAF, PART_LANES};
+use crate::layout::{Half, Lane, MAX_LEAF};
 
 /// Positions of a leaf's primitives, each primitive once, and their number: references may share one.
 pub(super) fn distinct(primitives: &[PrimId], start: u32, end: u32) -> ([u32; MAX_LEAF], usize) {
@@ -17,32 +17,6 @@ pub(super) fn distinct(primitives: &[PrimId], start: u32, end: u32) -> ([u32; MA
         }
     }
     (positions, n)
-}
-
-/// A triangle's lane in its leaf: its first word, and the distance to the next one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Lane {
-    first: usize,
-    step: usize,
-}
-
-impl Lane {
-    /// Rows of vertices; then follows that of ids.
-    pub(crate) const ID_ROW: usize = 9;
-
-    /// Of triangle `i` in a leaf of `n` that starts in this part of a half-block: blocks of eight precede a last block of four.
-    pub(crate) fn of(i: usize, n: usize, part: usize) -> Self {
-        if i / 8 * 8 + 4 >= n {
-            Self { first: i / 4 * HALF_WORDS + part * PART_LANES + i % 4, step: 4 }
-        } else {
-            Self { first: i / 8 * 2 * HALF_WORDS + i % 8, step: 8 }
-        }
-    }
-
-    /// The word of a row: nine coordinates, then the id.
-    pub(crate) fn word(self, row: usize) -> usize {
-        self.first + row * self.step
-    }
 }
 
 /// Writes triangles in leaf order, and their ids, from a part of `out` on.

@@ -21,7 +21,7 @@ fn load(bytes: &[u8]) -> Result<TriangleBvh, LoadError> {
 }
 
 fn outline(bvh: &TriangleBvh) -> Outline {
-    Outline::of(&bvh.nodes, bvh.leaves.len(), &LeafLayout::BLOCKS).unwrap()
+    Outline::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).unwrap()
 }
 
 /// The bytes with a correct checksum.
@@ -65,7 +65,7 @@ fn brute(triangles: &Triangles, ray: &Ray) -> Option<Hit> {
 /// Whether all of `rays` hit what testing every stored triangle hits.
 fn agrees(bvh: &TriangleBvh, rays: &[Ray]) -> bool {
     let outline = outline(bvh);
-    let triangles = Triangles::read(&outline, &bvh.leaves);
+    let triangles = Triangles::read(&outline, &bvh.leaves.halves);
     rays.iter().all(|ray| {
         let hit = brute(&triangles, ray);
         bvh.closest_hit(ray) == hit && bvh.occluded(ray) == hit.is_some()
@@ -163,16 +163,16 @@ fn triangles_are_checked_by_id_and_vertex() {
     let bvh = build(&mesh);
     let outline = outline(&bvh);
     let leaf = outline.leaves.iter().find(|leaf| (2..5).contains(&leaf.places.len())).expect("a leaf of a few");
-    let triangles = Triangles::read(&outline, &bvh.leaves);
+    let triangles = Triangles::read(&outline, &bvh.leaves.halves);
     let [a, b] = [0, 1].map(|i| triangles.ids[leaf.places.start + i]);
     let lane = crate::layout::PART_LANES * leaf.part(&LeafLayout::BLOCKS);
     let error = |word: usize, value: u32| {
-        load(&forged(&bvh, |bvh| bvh.leaves[leaf.unit(&LeafLayout::BLOCKS)].0[word + lane] = value)).err()
+        load(&forged(&bvh, |bvh| bvh.leaves.halves[leaf.unit(&LeafLayout::BLOCKS)].0[word + lane] = value)).err()
     };
     assert_eq!(error(36, 30), Some(Flaw::Primitive { primitive: PrimId(30), n_primitives: 30 }.into()));
     assert_eq!(error(36, b.0), Some(Flaw::Different { primitive: b }.into()));
     assert_eq!(error(0, f32::NAN.to_bits()), Some(Flaw::NotFinite { primitive: a }.into()));
-    let alone = forged(&build(&fixtures::soup(4, 1)), |bvh| bvh.leaves[0].0[39] = 1);
+    let alone = forged(&build(&fixtures::soup(4, 1)), |bvh| bvh.leaves.halves[0].0[39] = 1);
     assert_eq!(load(&alone).err(), Some(Flaw::Lane { block: 0 }.into()));
     let more = forged(&bvh, |bvh| bvh.n_primitives += 1);
     assert_eq!(load(&more).unwrap_err(), LoadError::Count { n_expected: 31, n_found: 30 });

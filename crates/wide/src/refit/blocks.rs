@@ -3,8 +3,7 @@
 use canted_lbvh::Corners;
 use canted_obb::PrimId;
 
-use crate::emit::Lane;
-use crate::layout::{HALF_WORDS, Half, LeafLayout, PART_LANES};
+use crate::layout::{HALF_WORDS, Half, Lane, LeafLayout, PART_LANES};
 use crate::outline::{LeafOutline, Outline};
 use crate::par;
 

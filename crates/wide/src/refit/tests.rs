@@ -13,7 +13,7 @@ fn build(mesh: &Mesh) -> TriangleBvh {
 }
 
 fn outline_or_flaw(bvh: &TriangleBvh) -> Result<Outline, Flaw> {
-    Outline::of(&bvh.nodes, bvh.leaves.len(), &LeafLayout::BLOCKS)
+    Outline::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS)
 }
 
 fn outline(bvh: &TriangleBvh) -> Outline {
@@ -48,7 +48,7 @@ fn sum_is_positive(terms: &[f64]) -> bool {
 /// Number of boxes that do not contain all vertices below them, by exact sums of exact products.
 fn n_too_small(bvh: &TriangleBvh) -> usize {
     let outline = outline(&bvh);
-    let corners = Triangles::read(&outline, &bvh.leaves).corners;
+    let corners = Triangles::read(&outline, &bvh.leaves.halves).corners;
     let mut n = 0;
     for node in &outline.nodes {
         let rows: &[Row] = bytemuck::cast_slice(&bvh.nodes.lines[node.line..node.line + node.kind.n_lines()]);
@@ -127,9 +127,9 @@ fn the_oracle_detects_boxes_that_are_too_small() {
     }
     // Vertices that moved without a refit.
     let mut bvh = bvh.clone();
-    let corners = Triangles::read(&outline, &bvh.leaves).corners;
+    let corners = Triangles::read(&outline, &bvh.leaves.halves).corners;
     let moved: Vec<_> = corners.iter().map(|c| c.map(|p| p.map(|x| x * 1.01))).collect();
-    Triangles::write(&moved, &outline, &mut bvh.leaves);
+    Triangles::write(&moved, &outline, &mut bvh.leaves.halves);
     assert!(n_too_small(&bvh) > 10);
 }
 
@@ -161,7 +161,7 @@ fn every_broken_reference_is_detected() {
     let first = node_words(&bvh.nodes.lines, outline.nodes[0].kind, 0)[1];
     assert!(matches!(flaw(first), Flaw::Twice { .. }));
     let deepest = outline.nodes.len() - 1;
-    let outside = outline_or_flaw(&with_word(&bvh, deepest, 0, Word::leaf(PARTS * bvh.leaves.len(), 1)));
+    let outside = outline_or_flaw(&with_word(&bvh, deepest, 0, Word::leaf(PARTS * bvh.leaves.halves.len(), 1)));
     assert!(matches!(outside, Err(Flaw::Outside { unit: "part of a block", .. })), "{outside:?}");
 }
 
@@ -179,7 +179,7 @@ fn leaves_of_two_share_a_block() {
     assert_eq!(outline.leaves.iter().map(|leaf| leaf.places.len()).collect::<Vec<_>>(), [2; 5]);
     assert_eq!(outline.leaves_by_unit().iter().map(|leaf| leaf.first).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
     assert_eq!(outline.leaves.iter().filter(|leaf| leaf.is_shared).count(), 4);
-    assert_eq!(bvh.leaves.len(), 3);
+    assert_eq!(bvh.leaves.halves.len(), 3);
     for path in SimdPath::ALL {
         let bvh = bvh.clone().with_path(path);
         for ray in quads(5).positions.iter().map(|&[_, _, z]| Ray::new([0.75, 0.5, z + 1.0], [0.0, 0.0, -1.0])) {

@@ -59,7 +59,7 @@ impl MeshFrame {
 
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "the pad covers this rounding")]
-    fn rotate(&self, v: [f32; 3]) -> [f32; 3] {
+    pub(crate) fn rotate(&self, v: [f32; 3]) -> [f32; 3] {
         let [x, y, z] = v.map(f64::from);
         self.rows.map(|row| {
             let [a, b, c] = row.map(f64::from);

@@ -1,5 +1,6 @@
-//! What rays ask of trees, against every primitive tried.
+//! Queries of rays, compared with tests of every primitive.
 
+mod access;
 mod boxes;
 mod common;
 mod costs;

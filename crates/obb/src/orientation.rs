@@ -1,0 +1,99 @@
+//! Exact signs of areas and volumes.
+
+use std::cmp::Ordering;
+
+use crate::expansion::ExactSum;
+use crate::round::U;
+
+/// Rounding of the filters, relative to the sum of absolute terms: a difference, two products and three sums touch a term,
+/// one more rounding each for the sum of absolute terms and its product. Eight cover seven.
+const FILTER_ERROR: f64 = 8.0 * U;
+
+/// Sign of the area of the triangle `a`, `b`, `c` in the plane, exactly: `Greater` if counterclockwise.
+///
+/// Source: Shewchuk 1997, with a static filter and expansions behind it.
+#[must_use]
+pub fn orient_2d(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> Ordering {
+    let [[ax, ay], [bx, by], [cx, cy]] = [a, b, c].map(|p| p.map(f64::from));
+    let (left, right) = ((ax - cx) * (by - cy), (ay - cy) * (bx - cx));
+    let area = left - right;
+    if area.abs() > FILTER_ERROR * (left.abs() + right.abs()) {
+        return area.total_cmp(&0.0);
+    }
+    let mut exact = ExactSum::<12>::new();
+    for (x, y) in [(ax, by), (bx, cy), (cx, ay), (-ay, bx), (-by, cx), (-cy, ax)] {
+        exact.add_product(x, y);
+    }
+    exact.sign()
+}
+
+/// Sign of the volume `det(a - d, b - d, c - d)`, exactly: `Greater` if `a`, `b`, `c` are clockwise seen from `d`.
+#[must_use]
+pub fn orient_3d(a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]) -> Ordering {
+    let [a, b, c, d] = [a, b, c, d].map(|p| p.map(f64::from));
+    let [u, v, w] = [a, b, c].map(|p| [p[0] - d[0], p[1] - d[1], p[2] - d[2]]);
+    let (mut volume, mut terms) = (0.0, 0.0);
+    for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+        let (left, right) = (v[y] * w[z], v[z] * w[y]);
+        volume += u[x] * (left - right);
+        terms += u[x].abs() * (left.abs() + right.abs());
+    }
+    if volume.abs() > FILTER_ERROR * terms {
+        return volume.total_cmp(&0.0);
+    }
+    // Four determinants of three points each; a product of two f32 is exact in f64, a third factor leaves two parts.
+    let mut exact = ExactSum::<48>::new();
+    for (points, sign) in [([a, b, c], 1.0), ([b, c, d], -1.0), ([c, d, a], 1.0), ([d, a, b], -1.0)] {
+        let [u, v, w] = points;
+        for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+            exact.add_product(sign * u[x], v[y] * w[z]);
+            exact.add_product(-sign * u[x], v[z] * w[y]);
+        }
+    }
+    exact.sign()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signs_of_simple_triangles_and_tetrahedra() {
+        let (o, x, y, z) = ([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        assert_eq!(orient_2d([0.0, 0.0], [1.0, 0.0], [0.0, 1.0]), Ordering::Greater);
+        assert_eq!(orient_2d([0.0, 0.0], [0.0, 1.0], [1.0, 0.0]), Ordering::Less);
+        assert_eq!(orient_2d([0.1, 0.1], [0.2, 0.2], [0.7, 0.7]), Ordering::Equal);
+        assert_eq!(orient_3d(x, y, z, o), Ordering::Greater);
+        assert_eq!(orient_3d(y, x, z, o), Ordering::Less);
+        assert_eq!(orient_3d(x, y, [0.5, 0.5, 0.0], o), Ordering::Equal);
+    }
+
+    /// One unit in the last place off the line or the plane decides, whatever the other coordinates' size.
+    #[test]
+    fn the_last_place_decides() {
+        for scale in [1e-30_f32, 1.0, 1e7, 1e15] {
+            let line = |t: f32| [t * scale, t * scale];
+            let c = [7.0 * scale, (7.0 * scale).next_up()];
+            assert_eq!(orient_2d(line(1.0), line(3.0), c), Ordering::Greater);
+            assert_eq!(orient_2d(line(1.0), line(3.0), [c[1], c[0]]), Ordering::Less);
+            assert_eq!(orient_2d(line(1.0), line(3.0), line(7.0)), Ordering::Equal);
+            let plane = |x: f32, y: f32| [x * scale, y * scale, x * scale];
+            let d = [5.0 * scale, 2.0 * scale, (5.0 * scale).next_up()];
+            let sign = orient_3d(plane(0.0, 0.0), plane(3.0, 1.0), plane(1.0, 4.0), d);
+            let other = orient_3d(plane(0.0, 0.0), plane(3.0, 1.0), plane(1.0, 4.0), [d[2], d[1], d[0]]);
+            assert!(sign != Ordering::Equal && sign == other.reverse(), "{scale}: {sign:?} {other:?}");
+            assert_eq!(orient_3d(plane(0.0, 0.0), plane(3.0, 1.0), plane(1.0, 4.0), plane(5.0, 2.0)), Ordering::Equal);
+        }
+    }
+
+    /// Sizes that `f64` differences cannot hold exactly.
+    #[test]
+    fn mixed_scales_are_exact() {
+        let tiny = 1e-38;
+        assert_eq!(orient_2d([0.0, 0.0], [1e38, 1e38], [1.0, 1.0 - f32::EPSILON]), Ordering::Less);
+        assert_eq!(orient_2d([0.0, 0.0], [1e38, 0.0], [-1e38, tiny]), Ordering::Greater);
+        assert_eq!(orient_3d([0.0; 3], [1e30, 0.0, 0.0], [0.0, 1e30, 0.0], [1e30, 1e30, tiny]), Ordering::Less);
+        assert_eq!(orient_3d([0.0; 3], [1e30, 0.0, 0.0], [0.0, 1e30, 0.0], [1e30, 1e30, -tiny]), Ordering::Greater);
+        assert_eq!(orient_3d([0.0; 3], [1e30, 0.0, 0.0], [0.0, 1e30, 0.0], [1e30, 1e30, 0.0]), Ordering::Equal);
+    }
+}

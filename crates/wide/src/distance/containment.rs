@@ -1,0 +1,206 @@
+//! Whether points are inside of a closed mesh, by exact parity.
+//!
+//! A ray upward along z from the point crosses the surface an odd number of times if the point is inside. Nothing is
+//! rounded: the projected triangle contains the point by exact orientations in the plane, and lies above it by an exact
+//! orientation in space. Where the point projects onto an edge or a vertex, it is moved by an infinitesimal `(ε, ε²)`, so
+//! that exactly one of the triangles around counts (Edelsbrunner & Mücke 1990). Points on a triangle are found first.
+
+use std::cmp::Ordering;
+
+use canted_obb::{PrimId, orient_2d, orient_3d};
+use canted_trace::{Ray, ScaledRay};
+
+use crate::bvh::WideBvh;
+use crate::layout::NodeKind;
+use crate::leaf::{LeafPrimitive, LeafRange};
+use crate::par;
+use crate::simd::{Simd, Task};
+use crate::traverse::{LaneKernel, Pads, RayLanes, Stack, Visitor, walk};
+use crate::triangle::Triangle;
+
+/// Points of one parallel job.
+const CHUNK: usize = 1 << 8;
+
+impl<K: LaneKernel> WideBvh<Triangle<K>> {
+    /// Whether `point` is inside of a closed mesh or on its surface.
+    ///
+    /// The answer is exact for every finite point, also where the upward ray passes through edges and vertices. Nested
+    /// surfaces alternate: a hole in a solid is outside. The triangles' orientation does not matter. For a mesh that is not closed
+    /// the answer is the parity of its crossings above the point.
+    #[must_use]
+    pub fn contains(&self, point: impl Into<[f32; 3]>) -> bool {
+        let mut inside = [false];
+        self.path.run(Containment { bvh: self, points: &[point.into()], inside: &mut inside });
+        inside[0]
+    }
+
+    /// Whether each point is inside; see [`WideBvh::contains`]. Panics where the slices differ in length.
+    pub fn contains_many(&self, points: &[[f32; 3]], inside: &mut [bool]) {
+        assert_eq!(points.len(), inside.len(), "one answer per point");
+        self.path.run(Containment { bvh: self, points, inside });
+    }
+
+    /// Whether each point is inside, on all threads.
+    pub fn par_contains_many(&self, points: &[[f32; 3]], inside: &mut [bool]) {
+        assert_eq!(points.len(), inside.len(), "one answer per point");
+        let jobs = points.chunks(CHUNK).zip(inside.chunks_mut(CHUNK)).collect();
+        par::for_jobs(jobs, |(points, inside): (&[[f32; 3]], &mut [bool])| {
+            self.path.run(Containment { bvh: self, points, inside });
+        });
+    }
+
+    /// Distance to the surface of a closed mesh: negative inside, zero on it, infinite for an empty mesh.
+    ///
+    /// The sign is that of [`WideBvh::contains`], the magnitude that of [`WideBvh::nearest_point`].
+    #[must_use]
+    pub fn signed_distance(&self, point: impl Into<[f32; 3]>) -> f32 {
+        let point = point.into();
+        let distance = self.nearest_point(point, f32::INFINITY).map_or(f32::INFINITY, |nearest| nearest.distance);
+        if self.contains(point) { -distance } else { distance }
+    }
+}
+
+struct Containment<'a, K: LaneKernel> {
+    bvh: &'a WideBvh<Triangle<K>>,
+    points: &'a [[f32; 3]],
+    inside: &'a mut [bool],
+}
+
+impl<K: LaneKernel> Task for Containment<'_, K> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        let mut stack = Stack::new(self.bvh.nodes.depth);
+        let mut crossings = vec![];
+        for (&point, inside) in self.points.iter().zip(self.inside) {
+            *inside = false;
+            let Some(ray) = ScaledRay::new(&Ray::new(point, [0.0, 0.0, 1.0])) else { continue };
+            let pads = const { Pads::of(K::ERROR) }.along(&ray, self.bvh.bounds.reach());
+            let lanes = RayLanes::new(simd, &ray, &self.bvh.frame, &pads);
+            crossings.clear();
+            let mut visit = Crossed { bvh: self.bvh, point, is_on_surface: false, crossings: &mut crossings };
+            walk::<S, false>(simd, &self.bvh.nodes, &lanes, ray.t_max, &mut stack, &mut visit);
+            let is_on_surface = visit.is_on_surface;
+            // A triangle with two references crosses once.
+            crossings.sort_unstable();
+            crossings.dedup();
+            *inside = is_on_surface || crossings.len() % 2 == 1;
+        }
+    }
+}
+
+/// Triangles above a point.
+struct Crossed<'a, K: LaneKernel> {
+    bvh: &'a WideBvh<Triangle<K>>,
+    point: [f32; 3],
+    is_on_surface: bool,
+    crossings: &'a mut Vec<PrimId>,
+}
+
+impl<K: LaneKernel> Visitor for Crossed<'_, K> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: LeafRange) -> f32 {
+        Triangle::<K>::for_each_shape(&self.bvh.leaves, leaf, |primitive, vertices| {
+            match position(self.point, vertices) {
+                Position::On => self.is_on_surface = true,
+                Position::Below => self.crossings.push(primitive),
+                Position::Elsewhere => {}
+            }
+        });
+        if self.is_on_surface { -1.0 } else { leaf.t_max }
+    }
+
+    #[inline(always)]
+    fn node(&mut self, _: NodeKind) {}
+}
+
+/// Where a point is, relative to a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Position {
+    /// On the triangle.
+    On,
+    /// The moved point is below the triangle's interior.
+    Below,
+    Elsewhere,
+}
+
+fn position(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> Position {
+    let outside = |k: usize| {
+        let [a, b, c] = vertices.map(|vertex| vertex[k]);
+        point[k] < a.min(b).min(c) || point[k] > a.max(b).max(c)
+    };
+    if outside(0) || outside(1) || point[2] > vertices[0][2].max(vertices[1][2]).max(vertices[2][2]) {
+        return Position::Elsewhere;
+    }
+    let volume = orient_3d(vertices[0], vertices[1], vertices[2], point);
+    if volume == Ordering::Equal && !outside(2) && is_on(point, vertices) {
+        return Position::On;
+    }
+    let project = |v: [f32; 3]| [v[0], v[1]];
+    let [a, b, c] = vertices.map(project);
+    let area = orient_2d(a, b, c);
+    let p = project(point);
+    if area == Ordering::Equal || [[a, b], [b, c], [c, a]].iter().any(|&[start, end]| moved(start, end, p) != area) {
+        return Position::Elsewhere;
+    }
+    // A triangle that is counterclockwise seen from above is above the point if the volume is positive.
+    if volume == area { Position::Below } else { Position::Elsewhere }
+}
+
+/// Whether a point in the plane of a triangle is on it: its projections along all axes are.
+fn is_on(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> bool {
+    (0..3).all(|axis| {
+        let project = |v: [f32; 3]| [v[(axis + 1) % 3], v[(axis + 2) % 3]];
+        let [a, b, c] = vertices.map(project);
+        let sides = [[a, b], [b, c], [c, a]].map(|[start, end]| orient_2d(start, end, project(point)));
+        !(sides.contains(&Ordering::Greater) && sides.contains(&Ordering::Less))
+    })
+}
+
+/// Side of the directed line from `start` to `end` on which `p`, moved by `(ε, ε²)`, lies.
+///
+/// The moved area is `area + (start_y - end_y)·ε + (end_x - start_x)·ε²`.
+fn moved(start: [f32; 2], end: [f32; 2], p: [f32; 2]) -> Ordering {
+    let by_epsilon = || start[1].total_cmp(&end[1]);
+    orient_2d(start, end, p).then_with(by_epsilon).then_with(|| end[0].total_cmp(&start[0]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A point on a shared edge counts for exactly one of two triangles on different sides.
+    #[test]
+    fn exactly_one_neighbour_counts() {
+        let points = [[0.0, 0.0], [2.0, 0.0], [1.0, 1.0], [0.0, 2.0], [-1.0, 0.5]];
+        for (i, &start) in points.iter().enumerate() {
+            for &end in &points[i + 1..] {
+                let p = [0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])];
+                assert_eq!(moved(start, end, p), moved(end, start, p).reverse(), "{start:?} {end:?}");
+                let shift = |x: [f32; 2]| [f64::from(x[0]) - 1e-5, f64::from(x[1]) - 1e-10];
+                let ([a, b], [c, d], [x, y]) = (shift(start), shift(end), p.map(f64::from));
+                let area = (a - x) * (d - y) - (b - y) * (c - x);
+                assert_eq!(moved(start, end, p), area.total_cmp(&0.0), "{start:?} {end:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn positions_around_a_triangle() {
+        let triangle = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
+        let flipped = [triangle[0], triangle[2], triangle[1]];
+        for triangle in [triangle, flipped] {
+            assert_eq!(position([1.0, 1.0, 0.0], &triangle), Position::Below);
+            assert_eq!(position([1.0, 1.0, 1.0], &triangle), Position::On);
+            assert_eq!(position([2.0, 2.0, 1.0], &triangle), Position::On);
+            assert_eq!(position([4.0, 0.0, 1.0], &triangle), Position::On);
+            assert_eq!(position([1.0, 1.0, 1.0_f32.next_up()], &triangle), Position::Elsewhere);
+            assert_eq!(position([3.0, 3.0, 0.0], &triangle), Position::Elsewhere);
+            assert_eq!(position([5.0, 0.0, 1.0], &triangle), Position::Elsewhere);
+        }
+        let vertical = [[0.0, 0.0, 0.0], [0.0, 0.0, 4.0], [0.0, 4.0, 0.0]];
+        assert_eq!(position([0.0, 1.0, 1.0], &vertical), Position::On);
+        assert_eq!(position([0.0, 1.0, -1.0], &vertical), Position::Elsewhere);
+    }
+}

@@ -1,0 +1,198 @@
+//! Nearest and k nearest primitives.
+
+use canted_obb::PrimId;
+
+use super::{ClosestPoint, DistanceShape, PointLanes};
+use crate::bvh::WideBvh;
+use crate::layout::{ALIGNED_LINES, NodeKind, ORIENTED_LINES, Word, WordKind, node_words, rows};
+use crate::leaf::{LeafPrimitive, LeafRange};
+use crate::simd::{Simd, Task};
+use crate::traverse::Stack;
+
+/// A primitive near a query point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearestPoint {
+    /// Distance between the query point and `position`.
+    pub distance: f32,
+    /// The closest point of the primitive, in object space.
+    pub position: [f32; 3],
+    /// The primitive.
+    pub primitive: PrimId,
+}
+
+/// A primitive that was found: squared distance, number, closest point.
+type Found = (f64, PrimId, [f64; 3]);
+
+/// Keeps what is searched for.
+pub(super) trait Collector {
+    /// Squared distance beyond which nothing is searched for.
+    fn bound(&self) -> f64;
+
+    /// Takes a primitive; it may come twice.
+    fn take(&mut self, found: Found);
+}
+
+/// The `k` nearest primitives, in order: least distance, then lowest primitive.
+struct Nearest {
+    found: Vec<Found>,
+    k: usize,
+    limit: f64,
+}
+
+impl Collector for Nearest {
+    #[inline]
+    fn bound(&self) -> f64 {
+        if self.found.len() < self.k { self.limit } else { self.found[self.k - 1].0 }
+    }
+
+    #[inline]
+    fn take(&mut self, found: Found) {
+        // Written so that a distance that is not a number is rejected.
+        if !(found.0 <= self.bound()) {
+            return;
+        }
+        let order = |entry: &Found| entry.0.total_cmp(&found.0).then(entry.1.cmp(&found.1));
+        // `Ok`: found again through a second reference.
+        if let Err(index) = self.found.binary_search_by(order) {
+            self.found.insert(index, found);
+            self.found.truncate(self.k);
+        }
+    }
+}
+
+/// All primitives within a distance, in any order.
+pub(super) struct Within<'a> {
+    pub(super) primitives: &'a mut Vec<PrimId>,
+    pub(super) limit: f64,
+}
+
+impl Collector for Within<'_> {
+    #[inline]
+    fn bound(&self) -> f64 {
+        self.limit
+    }
+
+    #[inline]
+    fn take(&mut self, (distance_squared, primitive, _): Found) {
+        if distance_squared <= self.limit {
+            self.primitives.push(primitive);
+        }
+    }
+}
+
+/// The square of a distance, exactly; `None` for a distance below zero or not a number.
+pub(super) fn squared(distance: f32) -> Option<f64> {
+    (distance >= 0.0).then(|| f64::from(distance) * f64::from(distance))
+}
+
+impl<P: LeafPrimitive> WideBvh<P>
+where
+    P::Shape: DistanceShape,
+{
+    /// The primitive closest to `point` among those at most `max_distance` away; ties go to the lowest primitive.
+    ///
+    /// The answer is that of a loop over all primitives, to the bit.
+    #[must_use]
+    pub fn nearest_point(&self, point: impl Into<[f32; 3]>, max_distance: f32) -> Option<NearestPoint> {
+        let mut nearest = vec![];
+        self.nearest_points(point, 1, max_distance, &mut nearest);
+        nearest.pop()
+    }
+
+    /// The `k` primitives closest to `point` among those at most `max_distance` away, nearest first; ties go to the lowest
+    /// primitive.
+    ///
+    /// Replaces the contents of `nearest`.
+    pub fn nearest_points(
+        &self,
+        point: impl Into<[f32; 3]>,
+        k: usize,
+        max_distance: f32,
+        nearest: &mut Vec<NearestPoint>,
+    ) {
+        nearest.clear();
+        let Some(limit) = squared(max_distance).filter(|_| k > 0) else { return };
+        let mut collector = Nearest { found: vec![], k, limit };
+        self.collect_near(point.into(), &mut collector);
+        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+        nearest.extend(collector.found.into_iter().map(|(distance_squared, primitive, position)| NearestPoint {
+            distance: distance_squared.sqrt() as f32,
+            position: position.map(|x| x as f32),
+            primitive,
+        }));
+    }
+
+    /// Calls the collector with every primitive that may be near enough.
+    pub(super) fn collect_near(&self, point: [f32; 3], collector: &mut impl Collector) {
+        if point.iter().all(|x| x.is_finite()) {
+            self.path.run(Search { bvh: self, point, collector });
+        }
+    }
+}
+
+struct Search<'a, P: LeafPrimitive, C> {
+    bvh: &'a WideBvh<P>,
+    point: [f32; 3],
+    collector: &'a mut C,
+}
+
+impl<P: LeafPrimitive, C: Collector> Task for Search<'_, P, C>
+where
+    P::Shape: DistanceShape,
+{
+    type Output = ();
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "halves of a key; a bound rounded up")]
+    fn on<S: Simd>(self, simd: S) {
+        let Self { bvh, point, collector } = self;
+        let lanes = PointLanes::new(simd, point, &bvh.frame, bvh.bounds.reach());
+        let mut stack = Stack::new(bvh.nodes.depth);
+        let (stack, mut n_waiting) = (stack.slots(), 0);
+        let mut word = bvh.nodes.root;
+        loop {
+            match word.kind() {
+                WordKind::Leaf { first, n } => {
+                    P::for_each_shape(&bvh.leaves, LeafRange::new(first, n), |primitive, shape| {
+                        let ClosestPoint { distance_squared, position } = shape.closest_point(point);
+                        collector.take((distance_squared, primitive, position));
+                    });
+                }
+                WordKind::Node(kind, line) => {
+                    let lines = &bvh.nodes.lines;
+                    let words = node_words(lines, kind, line);
+                    let bounds = match kind {
+                        NodeKind::Aligned => lanes.aligned(simd, rows::<ALIGNED_LINES, 8>(lines, line)),
+                        NodeKind::Oriented => lanes.oriented(simd, rows::<ORIENTED_LINES, 16>(lines, line)),
+                    };
+                    let limit = simd.splat((collector.bound() as f32).next_up());
+                    let mut mask = simd.le(bounds, limit);
+                    let bounds = simd.store(bounds);
+                    let base = n_waiting;
+                    while mask != 0 {
+                        let child = mask.trailing_zeros() as usize;
+                        mask &= mask - 1;
+                        if words[child] != Word::EMPTY {
+                            stack[n_waiting] = u64::from(bounds[child].to_bits()) << 32 | u64::from(words[child].0);
+                            n_waiting += 1;
+                        }
+                    }
+                    // The nearest child is on top.
+                    stack[base..n_waiting].sort_unstable_by(|a, b| b.cmp(a));
+                }
+                WordKind::Empty => {}
+            }
+            loop {
+                if n_waiting == 0 {
+                    return;
+                }
+                n_waiting -= 1;
+                let key = stack[n_waiting];
+                if f64::from(f32::from_bits((key >> 32) as u32)) <= collector.bound() {
+                    word = Word(key as u32);
+                    break;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! All primitives that overlap a region.
+
+use canted_obb::vector::dot;
+use canted_obb::{Obb, PrimId};
+use canted_trace::Convex;
+
+use super::DistanceShape;
+use super::nearest::{Within, squared};
+use crate::bvh::WideBvh;
+use crate::layout::{ALIGNED_LINES, Line, NodeKind, ORIENTED_LINES, Word, WordKind, node_words, rows};
+use crate::leaf::{LeafPrimitive, LeafRange};
+
+/// Rounding of a box corner and its projections, relative to the coordinates: f32 rows, and sums in f64; eight u.
+const CORNER_ERROR: f64 = 8.0 / 16_777_216.0;
+
+impl<P: LeafPrimitive> WideBvh<P>
+where
+    P::Shape: DistanceShape,
+{
+    /// All primitives that overlap the axis-aligned box from `min` to `max`, touching included, in ascending order.
+    ///
+    /// No overlap is missed; a gap below 2^-46 of the coordinates may be reported as an overlap, as in all overlap queries.
+    /// Replaces the contents of `primitives`.
+    pub fn overlapping_aabb(&self, min: impl Into<[f32; 3]>, max: impl Into<[f32; 3]>, primitives: &mut Vec<PrimId>) {
+        self.overlapping(&Convex::from_aabb(min, max), primitives);
+    }
+
+    /// All primitives that overlap an oriented box; see [`WideBvh::overlapping_aabb`].
+    pub fn overlapping_obb(&self, obb: &Obb, primitives: &mut Vec<PrimId>) {
+        self.overlapping(&Convex::from_obb(obb), primitives);
+    }
+
+    /// All primitives that overlap a frustum or another convex solid; see [`WideBvh::overlapping_aabb`].
+    pub fn overlapping(&self, region: &Convex, primitives: &mut Vec<PrimId>) {
+        primitives.clear();
+        let mut waiting = vec![self.nodes.root];
+        while let Some(word) = waiting.pop() {
+            match word.kind() {
+                WordKind::Empty => {}
+                WordKind::Leaf { first, n } => {
+                    P::for_each_shape(&self.leaves, LeafRange::new(first, n), |primitive, shape| {
+                        if shape.overlaps(region) {
+                            primitives.push(primitive);
+                        }
+                    })
+                }
+                WordKind::Node(kind, line) => {
+                    let words = *node_words(&self.nodes.lines, kind, line);
+                    let boxes = boxes(&self.nodes.lines, kind, line, self.frame.rows);
+                    for (word, (rows, lo, hi)) in words.into_iter().zip(boxes) {
+                        if word != Word::EMPTY && may_overlap(region, rows, lo, hi) {
+                            waiting.push(word);
+                        }
+                    }
+                }
+            }
+        }
+        primitives.sort_unstable();
+        primitives.dedup();
+    }
+
+    /// All primitives at most `radius` away from `center`, in ascending order. Replaces the contents of `primitives`.
+    pub fn overlapping_sphere(&self, center: impl Into<[f32; 3]>, radius: f32, primitives: &mut Vec<PrimId>) {
+        primitives.clear();
+        let Some(limit) = squared(radius) else { return };
+        self.collect_near(center.into(), &mut Within { primitives, limit });
+        primitives.sort_unstable();
+        primitives.dedup();
+    }
+}
+
+/// The eight boxes of a node: rows, and the interval along each.
+fn boxes(lines: &[Line], kind: NodeKind, line: u32, frame: [[f32; 3]; 3]) -> [([[f32; 3]; 3], [f64; 3], [f64; 3]); 8] {
+    std::array::from_fn(|i| match kind {
+        NodeKind::Aligned => {
+            let rows = rows::<ALIGNED_LINES, 8>(lines, line);
+            let plane = |row: usize| f64::from(rows[row][i]);
+            (frame, [plane(0), plane(2), plane(4)], [plane(1), plane(3), plane(5)])
+        }
+        NodeKind::Oriented => {
+            let rows = rows::<ORIENTED_LINES, 16>(lines, line);
+            let interval = |k: usize, side: f64| f64::from(rows[5 * k + 3][i]) + side * f64::from(rows[5 * k + 4][i]);
+            let axes = std::array::from_fn(|k| std::array::from_fn(|axis| rows[5 * k + axis][i]));
+            (axes, [0, 1, 2].map(|k| interval(k, -1.0)), [0, 1, 2].map(|k| interval(k, 1.0)))
+        }
+    })
+}
+
+/// Whether a box `lo <= rows·x <= hi` may share a point with the region.
+///
+/// It looks for gaps only along axes that the tests of primitives use too, with more slack: so answers do not depend on
+/// the BVH. With R·Rᵀ = I + E and ‖E‖ <= 1/4 the transposed rows are the inverse up to 1.2·‖E‖; the length of a vector is at most √3
+/// times its greatest component.
+fn may_overlap(region: &Convex, rows: [[f32; 3]; 3], lo: [f64; 3], hi: [f64; 3]) -> bool {
+    let rows = rows.map(|row| row.map(f64::from));
+    let reach = lo.iter().chain(&hi).fold(region.magnitude(), |most, x| most.max(x.abs()));
+    let skew = 3.0 * (0..3).map(|k| deviation(rows, k)).sum::<f64>() + CORNER_ERROR;
+    skew > 0.25
+        || region.axes().iter().all(|&axis| {
+            let length = axis.iter().map(|x| x.abs()).sum::<f64>();
+            let (mut center, mut radius) = (0.0, skew * length * reach);
+            for k in 0..3 {
+                let along = dot(rows[k], axis);
+                center += 0.5 * (lo[k] + hi[k]) * along;
+                radius += 0.5 * (hi[k] - lo[k]) * along.abs();
+            }
+            let [min, max] = region.interval(axis);
+            min <= center + radius && max >= center - radius
+        })
+}
+
+/// How far a row is from unit length and from right angles with the others.
+fn deviation(rows: [[f64; 3]; 3], k: usize) -> f64 {
+    (0..3).map(|i| (dot(rows[k], rows[i]) - if i == k { 1.0 } else { 0.0 }).abs()).sum()
+}

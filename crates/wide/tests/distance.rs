@@ -1,0 +1,328 @@
+//! Distance, containment and overlap queries against loops over all primitives and exact integer arithmetic.
+//!
+//! Not covered here: the tests of single triangles, which `canted-trace` compares with exact rationals.
+
+use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
+use canted_obb::{Obb, PrimId};
+use canted_trace::{Convex, Sphere, closest_point_on_triangle};
+use canted_wide::{Config, NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
+
+fn corners(mesh: &Mesh, triangle: usize) -> [[f32; 3]; 3] {
+    mesh.triangles[triangle].map(|vertex| mesh.positions[vertex as usize])
+}
+
+fn build(mesh: &Mesh, preset: Preset) -> TriangleBvh {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).unwrap()
+}
+
+/// Meshes that are thin, flat, far, of mixed scale, and with duplicates.
+fn meshes() -> Vec<(&'static str, Mesh)> {
+    let far = |mesh: Mesh| mesh.placed(|p| p.map(|x| x + 1e7));
+    let tiny = |mesh: Mesh| mesh.placed(|p| p.map(|x| x * 1e-6));
+    vec![
+        ("soup", fixtures::soup(1, 300)),
+        ("slivers", fixtures::slivers(2, 200)),
+        ("scaffold", fixtures::scaffold_of(1, true, 3)),
+        ("identical", fixtures::identical(40)),
+        ("outlier", fixtures::outlier(60)),
+        ("coplanar", fixtures::coplanar_quads(30)),
+        ("far", far(fixtures::icosphere(2))),
+        ("tiny", tiny(fixtures::torus(12, 8))),
+        ("nothing", Mesh { positions: vec![], triangles: vec![], ..fixtures::icosphere(0) }),
+    ]
+}
+
+/// Points around a mesh: near, far, on vertices, and with zeros of both signs.
+fn points(mesh: &Mesh, seed: u64, n: usize) -> Vec<[f32; 3]> {
+    let mut rng = SplitMix64::new(seed);
+    let [min, max] = mesh.bounds();
+    let size = mesh.diagonal().max(1e-3);
+    #[expect(clippy::cast_possible_truncation, reason = "any point will do")]
+    let mut point = |i: usize| -> [f32; 3] {
+        if i % 5 == 0 && !mesh.positions.is_empty() {
+            return mesh.positions[rng.below(mesh.positions.len())];
+        }
+        let distance = if i % 7 == 0 { 1e3 * size } else { 0.6 * size };
+        let offset = rng.signed3();
+        std::array::from_fn(|k| (0.5 * (f64::from(min[k]) + f64::from(max[k])) + distance * offset[k]) as f32)
+    };
+    let mut points: Vec<[f32; 3]> =
+        if mesh.positions.is_empty() { vec![[1.0; 3]] } else { (0..n).map(&mut point).collect() };
+    points.extend([[0.0; 3], [-0.0; 3]]);
+    points
+}
+
+/// All triangles by distance and number, as a loop finds them.
+fn by_distance(mesh: &Mesh, point: [f32; 3]) -> Vec<(f64, u32)> {
+    let distance = |i: u32| closest_point_on_triangle(point, &corners(mesh, i as usize)).distance_squared;
+    let mut all: Vec<(f64, u32)> =
+        (0..u32::try_from(mesh.triangles.len()).unwrap()).map(|i| (distance(i), i)).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    all
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "as the query rounds")]
+fn rounded(all: &[(f64, u32)]) -> Vec<(f32, u32)> {
+    all.iter().map(|&(squared, primitive)| (squared.sqrt() as f32, primitive)).collect()
+}
+
+fn named(nearest: &[NearestPoint]) -> Vec<(f32, u32)> {
+    nearest.iter().map(|nearest| (nearest.distance, nearest.primitive.0)).collect()
+}
+
+#[test]
+fn nearest_triangles_are_those_of_a_loop() {
+    for (name, mesh) in meshes() {
+        for preset in [Preset::Fast, Preset::Quality] {
+            let bvh = build(&mesh, preset);
+            let mut nearest = vec![];
+            for point in points(&mesh, 7, 60) {
+                let all = by_distance(&mesh, point);
+                for k in [1, 2, 9, usize::MAX] {
+                    bvh.nearest_points(point, k, f32::INFINITY, &mut nearest);
+                    assert_eq!(named(&nearest), rounded(&all[..k.min(all.len())]), "{name}, {k} of {point:?}");
+                }
+                // A radius between two triangles, and one that ends on a triangle.
+                if let Some(&(_, third)) = all.get(2) {
+                    let radius = rounded(&all)[2].0;
+                    let within =
+                        all.iter().filter(|(squared, _)| *squared <= f64::from(radius) * f64::from(radius)).count();
+                    bvh.nearest_points(point, usize::MAX, radius, &mut nearest);
+                    assert_eq!(nearest.len(), within, "{name}, radius {radius} of {point:?}, third {third}");
+                }
+                assert_eq!(
+                    bvh.nearest_point(point, f32::INFINITY).map(|nearest| nearest.primitive.0),
+                    all.first().map(|t| t.1)
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn nearest_answers_do_not_depend_on_the_simd_path() {
+    let mesh = fixtures::scaffold_of(2, true, 3);
+    let bvh = build(&mesh, Preset::Quality);
+    let scalar = bvh.clone().with_path(SimdPath::Scalar);
+    for point in points(&mesh, 3, 200) {
+        assert_eq!(bvh.nearest_point(point, f32::INFINITY), scalar.nearest_point(point, f32::INFINITY));
+        assert_eq!(bvh.contains(point), scalar.contains(point));
+    }
+}
+
+#[test]
+fn points_without_an_answer() {
+    let bvh = build(&fixtures::icosphere(1), Preset::Fast);
+    for point in [[f32::NAN, 0.0, 0.0], [f32::INFINITY, 0.0, 0.0]] {
+        assert_eq!(bvh.nearest_point(point, f32::INFINITY), None);
+        assert!(!bvh.contains(point));
+    }
+    assert_eq!(bvh.nearest_point([0.0; 3], -1.0), None);
+    assert_eq!(bvh.nearest_point([0.0; 3], f32::NAN), None);
+    assert_eq!(bvh.nearest_point([0.0; 3], 0.1), None);
+    let nothing = <TriangleBvh>::build(&[], &[], &Config::default()).unwrap();
+    assert_eq!((nothing.contains([0.0; 3]), nothing.signed_distance([0.0; 3])), (false, f32::INFINITY));
+}
+
+/// A closed mesh with integer coordinates, and whether a point with integer coordinates is inside, on the surface included.
+struct Integers {
+    mesh: Mesh,
+    triangles: Vec<[[i128; 3]; 3]>,
+}
+
+impl Integers {
+    #[expect(clippy::cast_possible_truncation, reason = "small integers")]
+    fn new(mesh: &Mesh, scale: f32, offset: f32) -> Self {
+        let mesh = mesh.placed(|p| p.map(|x| (scale * x).round() + offset));
+        let corners = (0..mesh.triangles.len()).map(|i| corners(&mesh, i).map(|p| p.map(|x| x as i128)));
+        Self { triangles: corners.collect(), mesh }
+    }
+
+    fn contains(&self, point: [i128; 3], rng: &mut SplitMix64) -> bool {
+        if self.triangles.iter().any(|triangle| is_on(point, triangle)) {
+            return true;
+        }
+        // A direction along which no edge is hit exactly.
+        loop {
+            let direction: [i128; 3] = std::array::from_fn(|_| i128::try_from(rng.below(2001)).unwrap() - 1000);
+            if let Some(n) =
+                self.triangles.iter().map(|triangle| crosses(point, direction, triangle)).sum::<Option<u32>>()
+            {
+                return n % 2 == 1;
+            }
+        }
+    }
+}
+
+fn sub(a: [i128; 3], b: [i128; 3]) -> [i128; 3] {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+fn det(a: [i128; 3], b: [i128; 3], c: [i128; 3]) -> i128 {
+    a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+}
+
+/// Crossings of a ray with a triangle: 0 or 1, `None` where it hits the border exactly.
+fn crosses(origin: [i128; 3], direction: [i128; 3], triangle: &[[i128; 3]; 3]) -> Option<u32> {
+    let [a, b, c] = triangle.map(|vertex| sub(vertex, origin));
+    let sides = [det(direction, a, b), det(direction, b, c), det(direction, c, a)].map(i128::signum);
+    if sides.contains(&1) && sides.contains(&-1) {
+        return Some(0);
+    }
+    if sides.contains(&0) {
+        return None;
+    }
+    Some(u32::from(det(a, b, c).signum() == sides[0]))
+}
+
+/// Whether a point is on a triangle.
+fn is_on(point: [i128; 3], triangle: &[[i128; 3]; 3]) -> bool {
+    let [a, b, c] = triangle.map(|vertex| sub(vertex, point));
+    let cross =
+        |a: [i128; 3], b: [i128; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let dot = |a: [i128; 3], b: [i128; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let normal = cross(sub(b, a), sub(c, a));
+    let inside = |a, b| dot(cross(a, b), normal) >= 0;
+    normal != [0; 3] && det(a, b, c) == 0 && inside(a, b) && inside(b, c) && inside(c, a)
+}
+
+/// Points inside, outside, on vertices, edges and faces, and straight below and above vertices and edges.
+#[test]
+#[expect(clippy::cast_possible_truncation, reason = "small integers")]
+fn containment_is_exact() {
+    let shapes = [
+        ("sphere", fixtures::icosphere(2)),
+        ("displaced sphere", fixtures::displaced_icosphere(3, 2)),
+        ("torus", fixtures::torus(12, 8)),
+        ("thin box", fixtures::thin_box(0.3)),
+        ("sphere in a sphere", fixtures::icosphere(2).joined(&fixtures::icosphere(1).placed(|p| p.map(|x| 0.5 * x)))),
+    ];
+    for (name, mesh) in shapes {
+        for (scale, offset) in [(6.0, 0.0), (1000.0, 0.0), (50.0, 16_000_000.0)] {
+            let integers = Integers::new(&mesh, scale, offset);
+            let bvh = build(&integers.mesh, Preset::Balanced);
+            let mut rng = SplitMix64::new(5);
+            let [min, max] = integers.mesh.bounds();
+            let mut counts = [0; 2];
+            for i in 0..400 {
+                let vertex = integers.mesh.positions[rng.below(integers.mesh.positions.len())];
+                let point: [f32; 3] = std::array::from_fn(|k| {
+                    let anywhere = (min[k] + (max[k] - min[k]) * (1.4 * rng.unit() - 0.2) as f32).round();
+                    match i % 4 {
+                        0 => vertex[k],
+                        // Straight below or above a vertex.
+                        1 if k < 2 => vertex[k],
+                        _ => anywhere,
+                    }
+                });
+                let want = integers.contains(point.map(|x| x as i128), &mut rng);
+                assert_eq!(bvh.contains(point), want, "{name} times {scale} at {offset}: {point:?}");
+                counts[usize::from(want)] += 1;
+            }
+            assert!(counts[0] > 20 && counts[1] > 20, "{name}: {counts:?}");
+            let points: Vec<[f32; 3]> = integers.mesh.positions.clone();
+            let (mut serial, mut parallel) = (vec![false; points.len()], vec![false; points.len()]);
+            bvh.contains_many(&points, &mut serial);
+            bvh.par_contains_many(&points, &mut parallel);
+            assert!(serial.iter().all(|&inside| inside) && serial == parallel, "{name}: vertices are on the surface");
+        }
+    }
+}
+
+#[test]
+fn a_wrong_parity_would_be_noticed() {
+    // Without one triangle the points below it change sides.
+    let integers = Integers::new(&fixtures::icosphere(2), 1000.0, 0.0);
+    let mut open = integers.mesh.clone();
+    open.triangles.pop();
+    let bvh = build(&open, Preset::Fast);
+    let mut rng = SplitMix64::new(1);
+    let wrong = (0..2000).filter(|_| {
+        let point: [i16; 3] = std::array::from_fn(|_| i16::try_from(rng.below(1401)).unwrap() - 700);
+        bvh.contains(point.map(f32::from)) != integers.contains(point.map(i128::from), &mut rng)
+    });
+    assert!(wrong.count() > 0);
+}
+
+#[test]
+fn signed_distances_of_a_sphere() {
+    let bvh = build(&fixtures::icosphere(4), Preset::Balanced);
+    for (point, distance) in
+        [([0.0; 3], -1.0), ([0.5, 0.0, 0.0], -0.5), ([0.0, 3.0, 0.0], 2.0), ([0.0, 0.0, -1.5], 0.5)]
+    {
+        assert!((bvh.signed_distance(point) - distance).abs() < 0.005, "{point:?}: {}", bvh.signed_distance(point));
+    }
+    assert_eq!(bvh.signed_distance(fixtures::icosphere(4).positions[7]), -0.0);
+}
+
+fn ids(mesh: &Mesh, is_in: impl Fn(usize) -> bool) -> Vec<PrimId> {
+    (0..mesh.triangles.len()).filter(|&i| is_in(i)).map(|i| PrimId(u32::try_from(i).unwrap())).collect()
+}
+
+#[test]
+fn overlaps_are_those_of_a_loop() {
+    let (mut found, mut n_found) = (vec![], 0);
+    for (name, mesh) in meshes() {
+        let bvh = build(&mesh, Preset::Quality);
+        let points = points(&mesh, 11, 40);
+        #[expect(clippy::cast_possible_truncation, reason = "any size will do")]
+        let size = 0.1 * mesh.diagonal() as f32;
+        for (i, &point) in points.iter().enumerate() {
+            let half = [size, if i % 3 == 0 { 0.0 } else { 0.3 * size }, 2.0 * size];
+            let s = 0.5_f32.sqrt();
+            let frame = if i % 2 == 0 { Obb::IDENTITY_FRAME } else { [[s, s, 0.0], [-s, s, 0.0], [0.0, 0.0, 1.0]] };
+            let obb = Obb { center: point, frame, half_extents: half };
+            let face = |reach: f32, z: f32| {
+                [[-reach, -reach], [reach, -reach], [reach, reach], [-reach, reach]]
+                    .map(|[x, y]| [point[0] + x, point[1] + y, point[2] + z])
+            };
+            let frustum = Convex::from_frustum(face(0.1 * size, 0.0), face(size, 5.0 * size));
+            bvh.overlapping_obb(&obb, &mut found);
+            let region = Convex::from_obb(&obb);
+            assert_eq!(found, ids(&mesh, |i| region.overlaps_triangle(&corners(&mesh, i))), "{name}, {obb:?}");
+            n_found += found.len();
+            bvh.overlapping(&frustum, &mut found);
+            assert_eq!(
+                found,
+                ids(&mesh, |i| frustum.overlaps_triangle(&corners(&mesh, i))),
+                "{name}, frustum at {point:?}"
+            );
+            let (min, max) = (point.map(|x| x - size), point.map(|x| x + size));
+            bvh.overlapping_aabb(min, max, &mut found);
+            let region = Convex::from_aabb(min, max);
+            assert_eq!(
+                found,
+                ids(&mesh, |i| region.overlaps_triangle(&corners(&mesh, i))),
+                "{name}, {min:?} to {max:?}"
+            );
+            bvh.overlapping_sphere(point, size, &mut found);
+            let squared = f64::from(size) * f64::from(size);
+            let within = |i| closest_point_on_triangle(point, &corners(&mesh, i)).distance_squared <= squared;
+            assert_eq!(found, ids(&mesh, within), "{name}, radius {size} around {point:?}");
+        }
+    }
+    assert!(n_found > 1000, "{n_found}");
+}
+
+/// Shapes of any kind have the same queries.
+#[test]
+fn nearest_spheres_are_those_of_a_loop() {
+    let mut rng = SplitMix64::new(9);
+    #[expect(clippy::cast_possible_truncation, reason = "any sphere will do")]
+    let spheres: Vec<Sphere> = (0..300)
+        .map(|_| Sphere { center: rng.signed3().map(|x| 10.0 * x as f32), radius: 0.3 * rng.unit() as f32 })
+        .collect();
+    let bvh = WideBvh::<Sphere>::build(spheres.clone(), &Config::default()).unwrap();
+    for _ in 0..300 {
+        #[expect(clippy::cast_possible_truncation, reason = "any point will do")]
+        let point = rng.signed3().map(|x| 12.0 * x as f32);
+        let distance = |sphere: &Sphere| {
+            let offset: [f64; 3] = std::array::from_fn(|k| f64::from(point[k]) - f64::from(sphere.center[k]));
+            (offset.iter().map(|x| x * x).sum::<f64>().sqrt() - f64::from(sphere.radius)).abs()
+        };
+        let best = spheres.iter().map(distance).fold(f64::INFINITY, f64::min);
+        let nearest = bvh.nearest_point(point, f32::INFINITY).unwrap();
+        assert!((distance(&spheres[nearest.primitive.index()]) - best).abs() < 1e-9);
+        assert!((f64::from(nearest.distance) - best).abs() <= 1e-6 * best.max(1.0));
+    }
+}

@@ -1,0 +1,184 @@
+//! Capsules and disks, and the loop over all shapes.
+#![expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how hits are stored")]
+
+use canted_obb::{Aabb, Moments, PrimId};
+use canted_trace::{Hit, InstanceId, Ray, ScaledRay, Side};
+use canted_wide::{Primitive, PrimitiveHit, SavedPrimitive, bounds_of_points, extent_of_points};
+
+type Vector = [f64; 3];
+
+pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn add_scaled(a: Vector, s: f64, b: Vector) -> Vector {
+    std::array::from_fn(|k| a[k] + s * b[k])
+}
+
+fn wide(v: [f32; 3]) -> Vector {
+    v.map(f64::from)
+}
+
+/// All points within `radius` of a line segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Capsule {
+    pub(crate) ends: [[f32; 3]; 2],
+    pub(crate) radius: f32,
+}
+
+impl Primitive for Capsule {
+    fn bounds(&self) -> Aabb {
+        bounds_of_points(self.ends, self.radius)
+    }
+
+    fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
+        extent_of_points(self.ends, self.radius, direction)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::from_points(self.ends)
+    }
+
+    /// The union of two balls and of the cylinder between them is convex: least entry, greatest exit.
+    fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
+        let ([a, b], radius) = (self.ends.map(wide), f64::from(self.radius));
+        let intervals = [ball(ray, a, radius), ball(ray, b, radius), cylinder(ray, a, b, radius)];
+        let (mut near, mut far) = (f64::INFINITY, f64::NEG_INFINITY);
+        for [entry, exit] in intervals.into_iter().flatten() {
+            (near, far) = (near.min(entry), far.max(exit));
+        }
+        if near <= far { first_in([near, far], ray.t_min, t_max) } else { None }
+    }
+}
+
+/// Front where the ray enters, back where it leaves.
+fn first_in([near, far]: [f64; 2], t_min: f32, t_max: f32) -> Option<PrimitiveHit> {
+    let [near, far] = [near as f32 + 0.0, far as f32 + 0.0];
+    let (t, side) = if near >= t_min { (near, Side::Front) } else { (far, Side::Back) };
+    (t_min <= t && t <= t_max).then_some(PrimitiveHit { t, u: 0.0, v: 0.0, side })
+}
+
+/// Where the line of a ray is inside a ball; computed at the point of the line that is closest to the center.
+fn ball(ray: &ScaledRay, center: Vector, radius: f64) -> Option<[f64; 2]> {
+    let d = wide(ray.direction);
+    let m = add_scaled(wide(ray.origin), -1.0, center);
+    let closest = -dot(m, d) / dot(d, d);
+    let across = add_scaled(m, closest, d);
+    let square = radius * radius - dot(across, across);
+    (square >= 0.0).then(|| [-1.0, 1.0].map(|sign| closest + sign * (square / dot(d, d)).sqrt()))
+}
+
+/// Where the line of a ray is inside the cylinder between two points.
+fn cylinder(ray: &ScaledRay, a: Vector, b: Vector, radius: f64) -> Option<[f64; 2]> {
+    let (axis, d, m) = (add_scaled(b, -1.0, a), wide(ray.direction), add_scaled(wide(ray.origin), -1.0, a));
+    let length = dot(axis, axis);
+    if length == 0.0 {
+        return None;
+    }
+    // Between the planes at both ends.
+    let (along_d, along_m) = (dot(d, axis), dot(m, axis));
+    let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
+    if along_d == 0.0 {
+        if along_m < 0.0 || along_m > length {
+            return None;
+        }
+    } else {
+        let (p, q) = (-along_m / along_d, (length - along_m) / along_d);
+        (near, far) = (p.min(q), p.max(q));
+    }
+    // Within the radius of the axis: a quadratic across it, about its minimum.
+    let (d, m) = (add_scaled(d, -along_d / length, axis), add_scaled(m, -along_m / length, axis));
+    if dot(d, d) == 0.0 {
+        return (dot(m, m) <= radius * radius && near <= far).then_some([near, far]);
+    }
+    let closest = -dot(m, d) / dot(d, d);
+    let across = add_scaled(m, closest, d);
+    let square = radius * radius - dot(across, across);
+    if square.is_nan() || square < 0.0 {
+        return None;
+    }
+    let half = (square / dot(d, d)).sqrt();
+    let interval = [near.max(closest - half), far.min(closest + half)];
+    (interval[0] <= interval[1]).then_some(interval)
+}
+
+impl SavedPrimitive for Capsule {
+    type Data = [f32; 7];
+
+    fn to_data(&self) -> [f32; 7] {
+        let [[a, b, c], [d, e, f]] = self.ends;
+        [a, b, c, d, e, f, self.radius]
+    }
+
+    fn from_data(&[a, b, c, d, e, f, radius]: &[f32; 7]) -> Self {
+        Self { ends: [[a, b, c], [d, e, f]], radius }
+    }
+}
+
+/// A thin disk: all points `center + x·a + y·b` with `x² + y² <= 1`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Disk {
+    pub(crate) center: [f32; 3],
+    pub(crate) axes: [[f32; 3]; 2],
+}
+
+impl Disk {
+    /// Corners of a parallelogram around it.
+    fn corners(&self) -> [[f32; 3]; 4] {
+        let [a, b] = self.axes;
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| std::array::from_fn(|k| self.center[k] + x * a[k] + y * b[k]))
+    }
+}
+
+impl Primitive for Disk {
+    const MAX_LEAF: usize = 4;
+
+    fn bounds(&self) -> Aabb {
+        bounds_of_points(self.corners(), 0.0)
+    }
+
+    fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
+        extent_of_points(self.corners(), 0.0, direction)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::from_points(self.corners())
+    }
+
+    fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
+        let [o, d, c, a, b] = [ray.origin, ray.direction, self.center, self.axes[0], self.axes[1]].map(wide);
+        let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let to_center = add_scaled(c, -1.0, o);
+        let t = (dot(to_center, normal) / dot(d, normal)) as f32 + 0.0;
+        let p: Vector = std::array::from_fn(|k| f64::from(t) * d[k] - to_center[k]);
+        // Coordinates in the frame of `a` and `b`, which need not be orthogonal.
+        let (aa, ab, bb, pa, pb) = (dot(a, a), dot(a, b), dot(b, b), dot(p, a), dot(p, b));
+        let determinant = aa * bb - ab * ab;
+        let (x, y) = ((pa * bb - pb * ab) / determinant, (pb * aa - pa * ab) / determinant);
+        let side = if dot(d, normal) < 0.0 { Side::Front } else { Side::Back };
+        let is_hit = ray.t_min <= t && t <= t_max && x * x + y * y <= 1.0;
+        is_hit.then_some(PrimitiveHit { t, u: x as f32, v: y as f32, side })
+    }
+}
+
+/// Every hit of the loop over all shapes, sorted by `t`, then by shape.
+pub(crate) fn loop_over_all<P: Primitive>(shapes: &[P], ray: &Ray) -> Vec<Hit> {
+    let Some(ray) = ScaledRay::new(ray) else { return vec![] };
+    let mut hits = vec![];
+    for (primitive, shape) in (0..).map(PrimId).zip(shapes) {
+        let mut rest = ray;
+        while let Some(PrimitiveHit { t, u, v, side }) = shape.intersect(&rest, ray.t_max) {
+            hits.push(Hit { t, u, v, primitive, instance: InstanceId(0), side });
+            rest.t_min = t.next_up();
+            if rest.t_min > ray.t_max {
+                break;
+            }
+        }
+    }
+    hits.sort_by(|a, b| (a.t, a.primitive).partial_cmp(&(b.t, b.primitive)).unwrap());
+    for hit in &mut hits {
+        hit.t = ray.caller_t(hit.t);
+    }
+    hits
+}
