@@ -19,9 +19,9 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
         let number = value.parse().ok().filter(|&effort| effort > 0);
         effort = number.ok_or_else(|| anyhow!("--effort '{value}' is not a positive number"))?;
     }
-    let (mut ways, missing) = tracers::ours();
-    ways.extend(wide::peers());
-    let rows = extremes::rows(effort, &ways);
+    let (mut methods, missing) = tracers::ours();
+    methods.extend(wide::peers());
+    let rows = extremes::rows(effort, &methods);
     let mut out = std::io::stdout();
     writeln!(out, "{}\n\nNot tried:\n", extremes::table(&rows))?;
     for what in extremes::not_tried(&missing) {

@@ -16,7 +16,7 @@ use canted_fixtures::Mesh;
 use canted_tests::{
     closed::{Closed, closed},
     holes::closed_up,
-    leaks::{Found, Progress, places, search},
+    leaks::{Found, Progress, placements, search},
     tracers,
 };
 
@@ -40,15 +40,16 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
         let number = value.parse().ok().filter(|&rays| rays > 0);
         n_rays = number.ok_or_else(|| anyhow!("--rays '{value}' is not a number of rays"))?;
     }
-    let (ways, missing) = tracers::ours();
-    let mut not_tried: Vec<String> = missing.iter().map(|name| format!("{name}, which this machine lacks")).collect();
+    let (methods, missing) = tracers::ours();
+    let mut not_tried: Vec<String> =
+        missing.iter().map(|name| format!("{name}: not available on this machine")).collect();
     let mut meshes = closed();
     match bunny()? {
         Some(bunny) => meshes.push(bunny),
         None => not_tried.push("the bunny, which is not in the folder of models".to_owned()),
     }
     let mut last_report = Instant::now();
-    let found = search(&meshes, &places(), &ways, n_rays, &mut |progress| {
+    let found = search(&meshes, &placements(), &methods, n_rays, &mut |progress| {
         if last_report.elapsed() >= SILENCE {
             last_report = Instant::now();
             // A failed progress message does not stop the run.
@@ -61,15 +62,15 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
         writeln!(out, "\nNot tried: {}.", not_tried.join("; "))?;
     }
     let n_leaks: usize = found.iter().map(|found| found.n_leaks).sum();
-    ensure!(n_leaks == 0, "{n_leaks} rays slip through");
+    ensure!(n_leaks == 0, "{n_leaks} rays leak");
     Ok(())
 }
 
 /// A progress line.
 fn line(progress: &Progress<'_>) -> String {
-    let Progress { at: [mesh, place], way, n_rays: [n_shot, n_all], n_leaks } = progress;
+    let Progress { at: [mesh, placement], method, n_rays: [n_shot, n_all], n_leaks } = progress;
     let percent = 100 * n_shot / n_all;
-    format!("{n_shot} of {n_all} rays, {percent} %, {n_leaks} leaks; now {mesh}, {place}, by {way}")
+    format!("{n_shot} of {n_all} rays, {percent} %, {n_leaks} leaks; now {mesh}, {placement}, by {method}")
 }
 
 /// The bunny with its holes closed; `None` if it is not available.
@@ -83,13 +84,13 @@ fn bunny() -> Result<Option<Closed>> {
 /// A row per tracer over all meshes, then a row per mesh over all tracers.
 fn table(found: &[Found]) -> String {
     let mut lines = vec![
-        "| traced by, or mesh | triangles | rays | answers cut by the driver | leaks |".to_owned(),
+        "| tracer or mesh | triangles | rays | queries ended early by the driver | leaks |".to_owned(),
         "|---|---|---|---|---|".to_owned(),
     ];
     let mut by_name: BTreeMap<(u8, &str), (String, [usize; 3])> = BTreeMap::new();
     for row in found {
         let kinds = [
-            (0, row.way.as_str(), String::new()),
+            (0, row.method.as_str(), String::new()),
             (1, row.mesh, row.n_triangles.to_string()),
             (2, "all", String::new()),
         ];

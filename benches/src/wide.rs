@@ -35,7 +35,7 @@ use crate::{
 use {subject::Subject, tables::Tables};
 
 pub(crate) use growth::section as growing;
-pub(crate) use peers::{skipped as skipped_peers, ways as peers};
+pub(crate) use peers::{methods as peers, skipped as skipped_peers};
 pub(crate) use record::Record;
 
 /// The section that this program runs in a separate process, to check whether tinybvh survives a scene.

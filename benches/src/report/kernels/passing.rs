@@ -57,7 +57,7 @@ fn unit(x: [f64; 3]) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
-    use canted_tests::fractions::meets_box;
+    use canted_tests::fractions::intersects_box;
 
     use super::*;
 
@@ -65,7 +65,7 @@ mod tests {
     fn rays_pass_at_the_stated_distance() {
         for (share, what) in SHARES {
             let pairs = pairs(share, 60);
-            let n_hit = pairs.iter().filter(|(ray, obb)| meets_box(ray, obb)).count();
+            let n_hit = pairs.iter().filter(|(ray, obb)| intersects_box(ray, obb)).count();
             // Rounding moves a distant origin by a few 1e-7 of the size.
             assert!(n_hit <= if share < 1e-5 { 12 } else { 0 }, "{what}: {n_hit}");
             // A box enlarged by a third of the distance is still missed, one enlarged by twice the distance is hit.
@@ -75,7 +75,7 @@ mod tests {
                 let by = (by * share) as f32 * size;
                 Obb { half_extents: obb.half_extents.map(|half| half + by), ..*obb }
             };
-            let n_of = |by: f64| pairs.iter().filter(|(ray, obb)| meets_box(ray, &grown(obb, by))).count();
+            let n_of = |by: f64| pairs.iter().filter(|(ray, obb)| intersects_box(ray, &grown(obb, by))).count();
             assert!(share < 1e-5 || n_of(0.33) == 0, "{what}");
             assert!(n_of(2.0) == pairs.len(), "{what}: {} of {}", n_of(2.0), pairs.len());
         }

@@ -101,17 +101,17 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
 
 /// Adds a row; returns build gain and picture gain.
 fn row(table: &mut Table, [source, scene, n]: [&str; 3], ms: [Samples; 4]) -> (f64, f64) {
-    let [build, picture, careful_build, careful_picture] = ms.each_ref().map(Samples::median);
-    let gain = picture - careful_picture;
+    let [build, picture, sah_build, sah_picture] = ms.each_ref().map(Samples::median);
+    let gain = picture - sah_picture;
     let is_noise = ms[1].differs_by_noise(&ms[3]);
     let crossing = match (is_noise, gain > 0.0) {
         (true, _) => "noise".to_owned(),
-        (false, true) => number(((careful_build - build) / gain).ceil()),
+        (false, true) => number(((sah_build - build) / gain).ceil()),
         (false, false) => "never".to_owned(),
     };
     let [a, b, c, d] = ms.map(|samples| Cell::measured(samples, "ms"));
     let [source, scene, n] = [source, scene, n].map(Cell::text);
-    let gains = (careful_build / build, picture / careful_picture);
+    let gains = (sah_build / build, picture / sah_picture);
     let [build_gain, picture_gain] = [gains.0, gains.1].map(|gain| Cell::text(number(gain)));
     table.rows.push(vec![source, scene, n, a, b, c, d, build_gain, picture_gain, Cell::text(crossing)]);
     gains
