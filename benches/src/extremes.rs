@@ -7,7 +7,7 @@ use canted_tests::{extremes, tracers};
 
 use crate::wide;
 
-/// The word among the arguments that asks for it.
+/// The argument that asks for it.
 pub(crate) const EXTREMES: &str = "extremes";
 
 /// Prints the table; an error where a promise of ours is broken.
@@ -19,9 +19,9 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
         let number = value.parse().ok().filter(|&effort| effort > 0);
         effort = number.ok_or_else(|| anyhow!("--effort '{value}' is not a number of times"))?;
     }
-    let (mut ways, missing) = tracers::ours();
-    ways.extend(wide::peers());
-    let rows = extremes::rows(effort, &ways);
+    let (mut methods, missing) = tracers::ours();
+    methods.extend(wide::peers());
+    let rows = extremes::rows(effort, &methods);
     let mut out = std::io::stdout();
     writeln!(out, "{}\n\nNot tried:\n", extremes::table(&rows))?;
     for what in extremes::not_tried(&missing) {

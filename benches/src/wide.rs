@@ -35,7 +35,7 @@ use crate::{
 use {subject::Subject, tables::Tables};
 
 pub(crate) use growth::section as growing;
-pub(crate) use peers::{left_out as peers_left_out, ways as peers};
+pub(crate) use peers::{left_out as peers_left_out, methods as peers};
 pub(crate) use record::Record;
 
 /// The section that is run by this program itself, in a process of its own, to see whether tinybvh lives through it.

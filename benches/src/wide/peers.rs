@@ -1,4 +1,4 @@
-//! Peers as ways to trace small meshes: what they do where ours is put to the test.
+//! Peers as methods to trace small meshes: what they do where ours is put to the test.
 //!
 //! One that panics while it builds or traces, as `obvhs` does on a pile of equal triangles, answers no ray: all are lost.
 
@@ -8,7 +8,7 @@ use canted_fixtures::{Mesh, object_views};
 use canted_obb::Affine;
 use canted_tests::{
     closed::baked,
-    tracers::{Make, Tracer, Way, Word},
+    tracers::{Guarantee, Make, Method, Tracer},
 };
 use canted_tlas::Instance;
 use canted_trace::{Hit, Ray};
@@ -56,14 +56,14 @@ enum Placing {
 
 /// Every peer at hand that does not end this process on such input, as tinybvh may: `obvhs`, and with the feature `peers` the newest
 /// Embree, which knows instances.
-pub(crate) fn ways() -> Vec<Way> {
-    let ways = of(|model| super::obvhs::entries(&model.mesh), Placing::Moved).into_iter();
+pub(crate) fn methods() -> Vec<Method> {
+    let methods = of(|model| super::obvhs::entries(&model.mesh), Placing::Moved).into_iter();
     #[cfg(feature = "peers")]
-    let ways = ways.chain(of(super::embree::newest, Placing::Placed));
-    ways.collect()
+    let methods = methods.chain(of(super::embree::newest, Placing::Placed));
+    methods.collect()
 }
 
-/// Peers that are not among the ways, by name, each with the reason.
+/// Peers that are not among the methods, by name, each with the reason.
 pub(crate) fn left_out() -> Vec<String> {
     #[cfg(not(feature = "peers"))]
     let left_out = ["Embree and tinybvh: built without the feature `peers`, which `--peers` adds"];
@@ -77,21 +77,21 @@ pub(crate) fn left_out() -> Vec<String> {
     left_out.into_iter().map(str::to_owned).collect()
 }
 
-fn of(offer: Offer, placing: Placing) -> Vec<Way> {
+fn of(offer: Offer, placing: Placing) -> Vec<Method> {
     let names: Vec<String> = offer(&model(one())).into_iter().map(|entry| entry.name).collect();
-    let way = |(i, name): (usize, String)| {
-        let make: Make = Box::new(move |mesh: &Mesh, place: &Affine| {
-            let mut model = model(baked(mesh, place));
-            if placing != Placing::Moved && *place != Affine::IDENTITY {
-                let instances = vec![Instance::new(0, *place)];
+    let method = |(i, name): (usize, String)| {
+        let make: Make = Box::new(move |mesh: &Mesh, placement: &Affine| {
+            let mut model = model(baked(mesh, placement));
+            if placing != Placing::Moved && *placement != Affine::IDENTITY {
+                let instances = vec![Instance::new(0, *placement)];
                 model.placed = Some(Placed { meshes: vec![mesh.clone()], instances });
             }
             let build = || (offer(&model)[i].build)(1).ok();
             Box::new(Peer(catch_unwind(AssertUnwindSafe(build)).ok().flatten()))
         });
-        Way::new(name, Word::Peer, make)
+        Method::new(name, Guarantee::Peer, make)
     };
-    names.into_iter().enumerate().map(way).collect()
+    names.into_iter().enumerate().map(method).collect()
 }
 
 /// A triangle, to ask who is there.

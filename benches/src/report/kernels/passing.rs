@@ -57,7 +57,7 @@ fn unit(x: [f64; 3]) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
-    use canted_tests::fractions::meets_box;
+    use canted_tests::fractions::intersects_box;
 
     use super::*;
 
@@ -65,7 +65,7 @@ mod tests {
     fn rays_pass_as_far_as_they_say_and_no_farther() {
         for (share, what) in SHARES {
             let pairs = pairs(share, 60);
-            let n_met = pairs.iter().filter(|(ray, obb)| meets_box(ray, obb)).count();
+            let n_met = pairs.iter().filter(|(ray, obb)| intersects_box(ray, obb)).count();
             // Rounding moves an origin some sizes away by a few 1e-7 of a size.
             assert!(n_met <= if share < 1e-5 { 12 } else { 0 }, "{what}: {n_met}");
             // A box that is a third of a share of its size larger on every side is passed still, one that is two larger is not.
@@ -75,7 +75,7 @@ mod tests {
                 let by = (by * share) as f32 * size;
                 Obb { half_extents: obb.half_extents.map(|half| half + by), ..*obb }
             };
-            let n_of = |by: f64| pairs.iter().filter(|(ray, obb)| meets_box(ray, &grown(obb, by))).count();
+            let n_of = |by: f64| pairs.iter().filter(|(ray, obb)| intersects_box(ray, &grown(obb, by))).count();
             assert!(share < 1e-5 || n_of(0.33) == 0, "{what}");
             assert!(n_of(2.0) == pairs.len(), "{what}: {} of {}", n_of(2.0), pairs.len());
         }
