@@ -93,13 +93,13 @@ fn of_aim(cells: &[(String, Ratio)]) -> String {
         let names: Vec<&str> = cells.iter().filter(|(_, ratio)| is(ratio)).map(|(name, _)| &name[..]).collect();
         if names.is_empty() { "none".to_owned() } else { names.join("; ") }
     };
-    let is_met = |ratio: &Ratio| ratio.interval[1] <= AIM;
+    let is_reached = |ratio: &Ratio| ratio.interval[1] <= AIM;
     let is_missed = |ratio: &Ratio| ratio.interval[0] > AIM;
     format!(
         "The aim is at most {AIM}x. Reached: {}. Missed: {}. Undecided, because the interval contains it: {}.",
-        named(&is_met),
+        named(&is_reached),
         named(&is_missed),
-        named(&|ratio| !is_met(ratio) && !is_missed(ratio))
+        named(&|ratio| !is_reached(ratio) && !is_missed(ratio))
     )
 }
 

@@ -105,7 +105,7 @@ pub(crate) fn closest_sets(model: &Model, tree: &TriangleBvh<Watertight>, resolu
     [camera, diffuse]
 }
 
-/// Thread seconds of each tree and round for the nearest hits of `rays`, in turn.
+/// Thread seconds of each BVH and round for the nearest hits of `rays`, in turn.
 pub(crate) fn closest_seconds(trees: Vec<TriangleBvh<Watertight>>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
     let engines: Vec<Box<dyn engine::Engine>> = trees.into_iter().map(|tree| Box::new(tree) as _).collect();
     let (seconds, _) = alternate::closest(&engines, rays, rounds);

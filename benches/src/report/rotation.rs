@@ -155,10 +155,10 @@ fn measure(inputs: &[Inputs], rounds: usize, caps: [usize; 3], table: &mut Table
 /// A plot of errors over a property of the matrices.
 fn over(title: String, x: Axis, xs: &[f64], measured: &[Vec<(Samples, Samples)>]) -> Plot {
     let series = METHODS.iter().enumerate().map(|(i, (name, ..))| {
-        let points = xs.iter().zip(measured).map(|(&place, ways)| Point {
+        let points = xs.iter().zip(measured).map(|(&x, methods)| Point {
             label: String::new(),
-            x: place.into(),
-            y: ways[i].0.clone(),
+            x: x.into(),
+            y: methods[i].0.clone(),
         });
         Series { name: (*name).to_owned(), points: points.collect(), is_joined: true }
     });
@@ -208,10 +208,10 @@ const SHORT_NAMES: [&str; 3] = ["ours", "the paper's listing", "singular values"
 /// fastest.
 fn sentence(by_condition: &[Vec<(Samples, Samples)>], by_angle: &[Vec<(Samples, Samples)>]) -> String {
     let worst = |rows: &[Vec<(Samples, Samples)>]| -> [f64; 3] {
-        std::array::from_fn(|method| rows.iter().map(|ways| ways[method].0.range()[1]).fold(0.0, f64::max))
+        std::array::from_fn(|method| rows.iter().map(|methods| methods[method].0.range()[1]).fold(0.0, f64::max))
     };
     let ns: [f64; 3] = std::array::from_fn(|method| {
-        let all: Vec<f64> = by_condition.iter().chain(by_angle).map(|ways| ways[method].1.median()).collect();
+        let all: Vec<f64> = by_condition.iter().chain(by_angle).map(|methods| methods[method].1.median()).collect();
         Samples::from(all).median()
     });
     let least = |of: [f64; 3]| SHORT_NAMES[(0..3).min_by(|&a, &b| of[a].total_cmp(&of[b])).unwrap_or(0)];

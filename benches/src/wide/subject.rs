@@ -110,12 +110,12 @@ impl Set {
         let truth = |i: usize| usize::from(is_placed(i));
         let (seconds, verdicts): (_, Vec<Verdict>) = if self.kind == Kind::Occlusion {
             let (seconds, answers) = alternate::occluded(engines, &self.rays, options.rounds);
-            let judged = answers.iter().enumerate().map(|(i, a)| compare::occluded(&self.occluded[truth(i)], a));
-            (seconds, judged.collect())
+            let verdicts = answers.iter().enumerate().map(|(i, a)| compare::occluded(&self.occluded[truth(i)], a));
+            (seconds, verdicts.collect())
         } else {
             let (seconds, answers) = alternate::closest(engines, &self.rays, options.rounds);
-            let judged = answers.iter().enumerate().map(|(i, a)| compare::closest(&self.closest[truth(i)], a));
-            (seconds, judged.collect())
+            let verdicts = answers.iter().enumerate().map(|(i, a)| compare::closest(&self.closest[truth(i)], a));
+            (seconds, verdicts.collect())
         };
         MeasuredSet { kind: self.kind, n_rays: self.rays.len(), seconds, verdicts }
     }

@@ -62,7 +62,7 @@ fn the_page_is_readable_narrow_and_wide_light_and_dark() {
     let Some(browser) = browser("the_page_is_readable_narrow_and_wide_light_and_dark") else { return };
     for width in [360, 1400] {
         for is_dark in [false, true] {
-            let result = problems(&browser, "whole", &MADE.html, width, is_dark);
+            let result = problems(&browser, "complete", &MADE.html, width, is_dark);
             assert!(result.ends_with(WELL), "{width} pixels, dark {is_dark}: {result}");
         }
     }

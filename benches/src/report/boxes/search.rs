@@ -195,7 +195,7 @@ mod tests {
             for (least, exact) in found.iter().zip([40.0, 12.0]) {
                 assert!((least.size / exact - 1.0).abs() < BOUND && least.gap < 1.0 + BOUND, "{found:?}");
             }
-            // The box of a regular tetrahedron is the cube of which it has every second corner.
+            // The box of a regular tetrahedron is a cube; the tetrahedron has every second corner of it.
             let faces = [[0, 3, 5], [0, 3, 6], [0, 5, 6], [3, 5, 6]].concat();
             let tetrahedron: Vec<[f32; 3]> =
                 faces.into_iter().map(|i| at([1.0; 3], [0, 1, 2].map(|k| sign(i, k)))).collect();
