@@ -10,12 +10,12 @@ use super::effort::Effort;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
 use crate::wide;
 
-/// Puts every promise to the test.
+/// Tests every promise.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "extremes", title: "Extremes: the numerical contract", ..Chapter::default() };
     let (mut methods, missing) = tracers::ours();
     chapter.skipped.extend(extremes::not_tried(&missing).into_iter().map(|what| format!("{what}.")));
-    chapter.skipped.extend(wide::peers_left_out().into_iter().map(|peer| format!("{peer}.")));
+    chapter.skipped.extend(wide::skipped_peers().into_iter().map(|peer| format!("{peer}.")));
     methods.extend(wide::peers());
     let rows = extremes::rows(effort.pick(1, 1, 4), &methods);
     let ours: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();
@@ -39,10 +39,10 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     Ok(chapter)
 }
 
-/// What a logarithmic axis shows of no error.
+/// What a logarithmic axis shows for zero error.
 const LEAST_SHARE: f64 = 1e-6;
 
-/// How much of its bound each promise uses that allows anything: below one it is kept.
+/// The share of its bound that each promise uses, if the bound is not zero: at most one if kept.
 fn used(ours: &[&Row]) -> Plot {
     let mut series: Vec<Series> = vec![];
     for row in ours.iter().filter(|row| row.promise.bound > 0.0) {
@@ -58,7 +58,7 @@ fn used(ours: &[&Row]) -> Plot {
         }
     }
     Plot {
-        title: "How much of its bound each promise uses".to_owned(),
+        title: "Share of the bound that each promise uses".to_owned(),
         x: Axis::log("bound, in units of the promise"),
         y: Axis::log("worst over bound"),
         series,
