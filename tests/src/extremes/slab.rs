@@ -173,13 +173,8 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
 
 /// Rays that differ only in the sign of zeros or by a power of two in the direction, and invalid rays.
 fn same(effort: usize) -> Vec<Row> {
-    const ZEROS: Promise = Promise::none(
-        "box",
-        "-0.0 in placement of +0.0",
-        "the same interval, bit for bit",
-        Oracle::Same,
-        "rays differ",
-    );
+    const ZEROS: Promise =
+        Promise::none("box", "-0.0 in place of +0.0", "the same interval, bit for bit", Oracle::Same, "rays differ");
     const LENGTH: Promise = Promise::none(
         "box",
         "directions times 2^-90 to 2^90",
