@@ -1,6 +1,6 @@
 //! Embree, versions 3 and 4: triangle meshes, instances, closest and any hit for single rays.
 //!
-//! `library` and `scene` hold unsafe code: the foreign interface and what is built on it.
+//! `library` and `scene` contain the unsafe code of the C interface.
 
 mod find;
 mod library;
@@ -28,7 +28,7 @@ pub struct Placement {
     pub world_from_object: [[f32; 3]; 4],
 }
 
-/// How much care goes into a build.
+/// Build quality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
     /// Binned surface area heuristic: Embree's default.
@@ -40,11 +40,11 @@ pub enum Quality {
 /// How a scene is built.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Care of the build.
+    /// Quality of the build.
     pub quality: Quality,
     /// Watertight triangle test and conservative boxes.
     pub is_robust: bool,
-    /// Threads that build.
+    /// Number of build threads.
     pub n_threads: usize,
 }
 

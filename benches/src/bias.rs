@@ -1,5 +1,4 @@
-//! How far the hybrid integrator lies from the rendering equation: mean radiance of its pictures over that of the path
-//! integrator's.
+//! Bias of the hybrid integrator: mean radiance of its pictures relative to the path integrator's.
 
 use std::{fmt::Write, path::Path, sync::atomic::AtomicBool};
 
@@ -20,7 +19,7 @@ const SIZE: [u32; 2] = [160, 90];
 struct Subject {
     name: &'static str,
     scene: Scene,
-    /// `None` for the scene's own, or the one that shows it all.
+    /// `None` for the scene's own camera, or one that shows the whole scene.
     camera: Option<Camera>,
     samples: u32,
 }
@@ -30,10 +29,10 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
     let [width, height] = SIZE;
     let _ = writeln!(
         out,
-        "\n## Bias of the hybrid integrator\n\nMean radiance of {width} x {height} pictures by `hybrid` over that by `path`, in parts: \
-         *direct* is no bounces and no ambient light, *whole* the picture as the integrators make it without options, *indirect* what \
-         is left. The last column is the relative RMSE between the wholes, noise of both included.\n\n\
-         | scene | samples | direct | share of direct | indirect | whole | relRMSE |\n\
+        "\n## Bias of the hybrid integrator\n\nMean radiance of {width} x {height} pictures by `hybrid` over that by `path`. \
+         *direct*: no bounces and no ambient light; *total*: the picture with default options; *indirect*: the rest. The last column \
+         is the relative RMSE between the totals, including the noise of both.\n\n\
+         | scene | samples | direct | share of direct | indirect | total | relRMSE |\n\
          | --- | ---: | ---: | ---: | ---: | ---: | ---: |"
     );
     for subject in subjects()? {
@@ -50,15 +49,15 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
         };
         let [path, hybrid] = [picture(Integrator::Path, false)?, picture(Integrator::Hybrid, false)?];
         let [direct_path, direct_hybrid] = [picture(Integrator::Path, true)?, picture(Integrator::Hybrid, true)?];
-        let Comparison { mean_ratio: whole, rel_mse, .. } = compare(&hybrid, &path)?;
+        let Comparison { mean_ratio: total, rel_mse, .. } = compare(&hybrid, &path)?;
         let direct = compare(&direct_hybrid, &direct_path)?.mean_ratio;
         let share = compare(&direct_path, &path)?.mean_ratio;
         let _ = writeln!(
             out,
-            "| {} | {} | {direct:.3} | {share:.3} | {:.2} | {whole:.3} | {:.2} |",
+            "| {} | {} | {direct:.3} | {share:.3} | {:.2} | {total:.3} | {:.2} |",
             subject.name,
             subject.samples,
-            (whole - direct * share) / (1.0 - share),
+            (total - direct * share) / (1.0 - share),
             rel_mse.sqrt()
         );
     }
@@ -73,7 +72,7 @@ impl Subject {
     }
 }
 
-/// Scenes that are always at hand, then those that are there.
+/// Built-in scenes, then the available models.
 fn subjects() -> Result<Vec<Subject>> {
     let builtin = canted_scene::builtin();
     let mut subjects = vec![

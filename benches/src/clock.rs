@@ -1,14 +1,15 @@
-//! Time as the clock on the wall tells it, and as the processor spent it on this thread.
+//! Wall-clock time and processor time.
 
 use std::time::Instant;
 
 use serde::Serialize;
 
-/// What a piece of work took, in seconds.
+/// Duration of some work, in seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub(crate) struct Seconds {
     pub(crate) wall: f64,
-    /// Of this thread, or of all threads: a neighbour's work does not lengthen it. Wall time where the system does not tell.
+    /// Processor time of this thread or of all threads, unaffected by other processes. Wall time where the system does
+    /// not report it.
     pub(crate) cpu: f64,
 }
 

@@ -1,13 +1,12 @@
-//! What a ray's visits cost on this machine: the constants that the collapse of wide trees weighs by.
+//! Traversal costs on this machine: the constants by which the collapse into a wide BVH chooses nodes.
 //!
 //! ```text
-//! scene -> trees of several configurations -> counts of visits, seconds -> least squares -> nanoseconds a visit
+//! scene -> BVHs of several configurations -> visit counts, seconds -> least squares -> nanoseconds per visit
 //! ```
 //!
-//! Trees of one scene that differ in their kinds of nodes and sizes of leaves take times that differ with their counts.
-//! Visits of one kind do not all take the same: what is in the cache, and whether a branch was foreseen, differs from
-//! scene to scene and is averaged over within one. So the spread between scenes is shown, and what the fit leaves
-//! unexplained.
+//! BVHs of one scene that differ in node kinds and leaf sizes take times that differ with their visit counts. The cost
+//! of a visit also depends on caches and branch prediction, which differ between scenes and are averaged within one.
+//! The report therefore shows the spread between scenes and the residual of the fit.
 
 mod fit;
 
@@ -29,20 +28,19 @@ use fit::{Fit, N, Sample, TERMS, fit};
 /// Lattices, a scan, terrain and architecture.
 const SCENES: [&str; 6] = ["truss", "scaffold", "bunny", "dragon_res2", "grid", "sponza"];
 
-/// Trees that differ in what they are made of. Every kind of visit is frequent in one and rare in another, blocks and
-/// leaves too.
+/// Configurations in which every kind of visit is frequent in one BVH and rare in another.
 fn configs() -> Vec<Config> {
     let usual = Config::preset(Preset::Balanced);
-    let weighing = |costs: Costs| Config { costs, ..usual };
+    let with_costs = |costs: Costs| Config { costs, ..usual };
     let costs = Costs::default();
     vec![
         usual,
         Config { oriented: false, ..usual },
-        weighing(Costs { oriented_node: 1.2, ..costs }),
-        weighing(Costs { oriented_node: 3.0, ..costs }),
-        weighing(Costs { max_leaf: 4, leaf: 0.6, ..costs }),
-        weighing(Costs { max_leaf: 32, leaf: 2.5, block: 0.2, ..costs }),
-        Config { oriented: false, ..weighing(Costs { max_leaf: 32, leaf: 3.0, block: 0.2, ..costs }) },
+        with_costs(Costs { oriented_node: 1.2, ..costs }),
+        with_costs(Costs { oriented_node: 3.0, ..costs }),
+        with_costs(Costs { max_leaf: 4, leaf: 0.6, ..costs }),
+        with_costs(Costs { max_leaf: 32, leaf: 2.5, block: 0.2, ..costs }),
+        Config { oriented: false, ..with_costs(Costs { max_leaf: 32, leaf: 3.0, block: 0.2, ..costs }) },
     ]
 }
 
@@ -57,20 +55,21 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
         }
         scenes.push((name, groups));
     }
-    let whole = fit(&scenes.iter().flat_map(|(_, groups)| groups.clone()).collect::<Vec<_>>());
-    let whole = whole.context("the trees' visits do not tell the kinds apart")?;
-    // What each scene does to the answer.
-    let without = |left_out: usize| {
-        let others = scenes.iter().enumerate().filter(|&(i, _)| i != left_out);
+    let full_fit = fit(&scenes.iter().flat_map(|(_, groups)| groups.clone()).collect::<Vec<_>>());
+    let full_fit = full_fit.context("the visit counts do not determine the costs")?;
+    // The fit without each scene.
+    let without = |skipped: usize| {
+        let others = scenes.iter().enumerate().filter(|&(i, _)| i != skipped);
         fit(&others.flat_map(|(_, (_, groups))| groups.clone()).collect::<Vec<_>>())
     };
     let partial: Vec<Fit> = (0..scenes.len()).filter_map(without).collect();
     let names: Vec<&str> = scenes.iter().map(|(name, _)| name.as_str()).collect();
-    write(out, options, &names, &whole, &partial);
+    write(out, options, &names, &full_fit, &partial);
     Ok(())
 }
 
-/// Counts and times of all configurations on one scene, for camera and diffuse rays; `None` where it is not at hand.
+/// Counts and times of all configurations on one scene, for camera and diffuse rays; `None` if the scene is not
+/// available.
 fn groups(name: &str, options: &Options) -> Result<Option<Vec<Vec<Sample>>>> {
     let Some(model) = models::load(name)? else { return Ok(None) };
     let mesh = &model.mesh;
@@ -96,20 +95,20 @@ fn counts(rays: &[Ray], visits: &TraversalCounts) -> [f64; N] {
     [aligned, oriented, visits.leaves, visits.blocks, rays.len() as u64].map(|n| n as f64)
 }
 
-fn write(out: &mut String, options: &Options, names: &[&str], whole: &Fit, partial: &[Fit]) {
+fn write(out: &mut String, options: &Options, names: &[&str], full_fit: &Fit, partial: &[Fit]) {
     let Costs { aligned_node, oriented_node, leaf, block, .. } = Costs::default();
     let in_use = [aligned_node, oriented_node, leaf, block].map(|cost| format!("{cost}"));
     let _ = writeln!(
         out,
         "\n## Traversal costs\n\nOne thread, watertight, camera and diffuse rays, {} configurations of {}; {} rounds, medians. \
-         Least squares of relative errors: time = slowness of the scene and its rays * sum of visits times costs. Spread: half \
-         the range of fits that leave one scene out. The fit explains times up to {:.1} % (root of the mean square), at worst {:.1} %.\n\n\
-         | visit | ns | in box nodes | in use |\n| --- | --- | --- | --- |",
+         Least squares of relative errors: time = factor of the scene and its rays * sum of visits times costs. Spread: half the \
+         range of the fits without one scene. Residual: {:.1} % (root mean square), at worst {:.1} %.\n\n\
+         | visit | ns | relative to aligned nodes | in use |\n| --- | --- | --- | --- |",
         configs().len(),
         names.join(", "),
         options.rounds,
-        100.0 * whole.residual,
-        100.0 * whole.worst,
+        100.0 * full_fit.residual,
+        100.0 * full_fit.worst,
     );
     for (i, term) in TERMS.iter().enumerate() {
         let spread = |of: &dyn Fn(&Fit) -> f64| {
@@ -120,9 +119,9 @@ fn write(out: &mut String, options: &Options, names: &[&str], whole: &Fit, parti
         let _ = writeln!(
             out,
             "| {term} | {:.1} (±{:.1}) | {:.2} (±{:.2}) | {} |",
-            1e9 * whole.costs[i],
+            1e9 * full_fit.costs[i],
             1e9 * spread(&|fit| fit.costs[i]),
-            ratio(whole),
+            ratio(full_fit),
             spread(&ratio),
             in_use.get(i).map_or("", |cost| cost),
         );
@@ -134,9 +133,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_stand_beside_the_constants_in_use() {
+    fn rows_show_the_constants_in_use() {
         let fit = Fit { costs: [1e-8, 2e-8, 1e-8, 5e-9, 3e-8], residual: 0.01, worst: 0.02 };
-        let options = Options::read(std::iter::empty()).expect("no options are good options");
+        let options = Options::read(std::iter::empty()).expect("no options are valid options");
         let mut out = String::new();
         write(&mut out, &options, &[], &fit, &[fit]);
         assert!(out.contains("| oriented node | 20.0 (±0.0) | 2.00 (±0.00) | 1.7 |"), "{out}");

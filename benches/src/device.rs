@@ -1,4 +1,4 @@
-//! Everything that a device does, on the device that `--device` names: build, sort, rays, pictures, also beside the CPU.
+//! Benchmarks of the device that `--device` names: build, sort, rays, pictures, also compared with the CPU.
 
 mod both;
 mod built;
@@ -15,7 +15,7 @@ use canted_gpu::{AdapterKind, Choice, Gpu};
 
 use crate::options::Options;
 
-/// How much is measured: software drivers get small inputs, which show that everything works.
+/// Input sizes: software drivers get small inputs, which only show that everything works.
 struct Scale {
     /// Scenes to build.
     built: &'static [&'static str],
@@ -25,7 +25,7 @@ struct Scale {
     resolution: u32,
     /// Width and height of the picture, and samples of a pixel.
     picture: [u32; 3],
-    /// The same of the one that the CPU shares.
+    /// The same for the picture that the CPU and the device render together.
     shared: [u32; 3],
 }
 
@@ -40,11 +40,11 @@ const FULL: Scale = Scale {
     shared: [1920, 1080, 16],
 };
 
-/// A device, and how much of it is measured.
+/// A device and its input sizes.
 struct Bench {
     gpu: Gpu,
     scale: &'static Scale,
-    /// Runs of which the least counts.
+    /// Number of runs; the minimum counts.
     rounds: usize,
 }
 
@@ -53,17 +53,17 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
     let gpu = Gpu::open(choice)?;
     let facts = gpu.info();
     let is_software = facts.kind == AdapterKind::Software;
-    let clock = if gpu.has_timestamps() { "the device's timestamps" } else { "the clock on the wall" };
+    let clock = if gpu.has_timestamps() { "device timestamps" } else { "wall clock" };
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
-        "\n## On {}\n\nA {} adapter, {}, {}. Times of passes by {clock}, least of {} runs after one in which the driver compiles.",
+        "\n## On {}\n\nA {} adapter, {}, {}. Pass times by {clock}, minimum of {} runs after a first one in which the driver compiles.",
         facts.name, facts.kind, facts.backend, facts.driver, options.rounds
     );
     if is_software {
         out.push_str(
-            "A software driver computes on the CPU: what stands here shows that everything runs, on small inputs. Numbers of \
-             hardware are owed; the same command measures it.\n",
+            "A software driver computes on the CPU: this section only shows that everything runs, on small inputs. Hardware is not \
+             measured yet; the same command measures it.\n",
         );
     }
     let scale = if is_software || options.is_quick { &SMALL } else { &FULL };
@@ -72,7 +72,7 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
     sorted::section(out, &bench)?;
     handed::section(out, &bench)?;
     rays::section(out, &bench)?;
-    rays::walks(out, &bench)?;
+    rays::traversals(out, &bench)?;
     picture::section(out, &bench)?;
     both::section(out, &bench)?;
     first::section(out, choice)

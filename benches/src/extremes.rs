@@ -1,4 +1,4 @@
-//! The table of extremes, ours beside the peers: `cargo xtask extremes`.
+//! The table of extreme inputs, ours compared with the peers: `cargo xtask extremes`.
 
 use std::io::Write as _;
 
@@ -7,27 +7,27 @@ use canted_tests::{extremes, tracers};
 
 use crate::wide;
 
-/// The word among the arguments that asks for it.
+/// The argument that selects it.
 pub(crate) const EXTREMES: &str = "extremes";
 
-/// Prints the table; an error where a promise of ours is broken.
+/// Prints the table; an error if one of our promises is broken.
 pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
     let mut effort = 1;
     while let Some(arg) = args.next() {
-        ensure!(arg == "--effort", "'{arg}' is not --effort N");
+        ensure!(arg == "--effort", "unexpected '{arg}'; use --effort N");
         let value = args.next().ok_or_else(|| anyhow!("--effort needs a value"))?;
         let number = value.parse().ok().filter(|&effort| effort > 0);
-        effort = number.ok_or_else(|| anyhow!("--effort '{value}' is not a number of times"))?;
+        effort = number.ok_or_else(|| anyhow!("--effort '{value}' is not a positive number"))?;
     }
-    let (mut ways, missing) = tracers::ours();
-    ways.extend(wide::peers());
-    let rows = extremes::rows(effort, &ways);
+    let (mut methods, missing) = tracers::ours();
+    methods.extend(wide::peers());
+    let rows = extremes::rows(effort, &methods);
     let mut out = std::io::stdout();
     writeln!(out, "{}\n\nNot tried:\n", extremes::table(&rows))?;
     for what in extremes::not_tried(&missing) {
         writeln!(out, "* {what}.")?;
     }
-    for peer in wide::peers_left_out() {
+    for peer in wide::skipped_peers() {
         writeln!(out, "* {peer}.")?;
     }
     let n_broken = rows.iter().filter(|row| row.is_broken()).count();

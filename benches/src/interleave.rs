@@ -1,8 +1,8 @@
-//! Timing of several contenders in one run, in turn, so that a machine's drift falls on all of them.
+//! Timing of several contenders in one run, in turn, so that a machine's drift affects all of them.
 
 use std::{convert::Infallible, time::Instant};
 
-/// A contender: its name, and one measured piece of work.
+/// A contender: its name and the measured work.
 pub(crate) struct Contender<'a, T = ()> {
     pub(crate) name: String,
     pub(crate) work: Box<dyn FnMut() -> T + 'a>,
@@ -14,7 +14,7 @@ impl<'a, T> Contender<'a, T> {
     }
 }
 
-/// What one contender took.
+/// The times of one contender.
 pub(crate) struct Timing {
     pub(crate) name: String,
     /// Seconds of each round.
@@ -52,7 +52,7 @@ pub(crate) fn spread(values: &[f64]) -> f64 {
     0.5 * (high - low) / median(values).abs()
 }
 
-/// One warm-up, then `rounds` rounds in which every contender works once, in turn.
+/// One warm-up, then `rounds` rounds in which every contender runs once, in turn.
 pub(crate) fn run<'a>(rounds: usize, contenders: Vec<Contender<'a>>) -> Vec<Timing> {
     let never_fails = |Contender { name, mut work }: Contender<'a>| {
         Contender::new(name, move || -> Result<(), Infallible> {
@@ -64,7 +64,7 @@ pub(crate) fn run<'a>(rounds: usize, contenders: Vec<Contender<'a>>) -> Vec<Timi
     timings
 }
 
-/// As [`run`], of work that may fail: the first failure ends it.
+/// As [`run`], for work that may fail: the first failure ends it.
 pub(crate) fn try_run<E>(rounds: usize, mut contenders: Vec<Contender<'_, Result<(), E>>>) -> Result<Vec<Timing>, E> {
     let mut seconds = vec![Vec::with_capacity(rounds); contenders.len()];
     for round in 0..=rounds {
@@ -95,25 +95,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_work_in_turn_until_one_fails() {
-        let said = std::cell::RefCell::new(String::new());
-        let say = |word: &'static str| {
-            let said = &said;
+    fn contenders_run_in_turn_until_one_fails() {
+        let log = std::cell::RefCell::new(String::new());
+        let append = |word: &'static str| {
+            let log = &log;
             Contender::new(word, move || {
-                said.borrow_mut().push_str(word);
-                if said.borrow().len() < 5 { Ok(()) } else { Err("tired") }
+                log.borrow_mut().push_str(word);
+                if log.borrow().len() < 5 { Ok(()) } else { Err("tired") }
             })
         };
-        let timings = try_run(1, vec![say("a"), say("b")]);
+        let timings = try_run(1, vec![append("a"), append("b")]);
         assert!(timings.is_ok_and(|timings| timings.len() == 2 && timings.iter().all(|t| t.seconds.len() == 1)));
-        assert_eq!(*said.borrow(), "abab");
-        assert_eq!(try_run(1, vec![say("c"), say("d")]).err(), Some("tired"));
-        assert_eq!(*said.borrow(), "ababc");
+        assert_eq!(*log.borrow(), "abab");
+        assert_eq!(try_run(1, vec![append("c"), append("d")]).err(), Some("tired"));
+        assert_eq!(*log.borrow(), "ababc");
     }
 
     #[test]
     fn ratios_are_of_the_same_round() {
-        // The machine slows down tenfold, the second stays twice as fast.
+        // The machine slows down tenfold; the second stays twice as fast.
         assert_eq!(ratio(&[1.0, 10.0, 5.0], &[0.5, 5.0, 2.5]), 2.0);
         assert_eq!((median(&[3.0, 1.0]), median(&[5.0, 1.0, 2.0])), (2.0, 2.0));
     }

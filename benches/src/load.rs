@@ -1,4 +1,4 @@
-//! From a glTF file to memory: ours beside the import of the `gltf` crate.
+//! Loading glTF files: ours compared with the `gltf` crate's `import`.
 
 use std::{
     env,
@@ -17,25 +17,24 @@ use crate::{
     options::Options,
 };
 
-/// The word by which this program is asked for the memory that one reader takes for one file.
+/// The argument with which this program measures the memory that one reader needs for one file.
 pub(crate) const PEAK: &str = "load-peak";
 
 /// The readers, as `--engines` names them.
 const READERS: [&str; 2] = ["ours", "gltf"];
 
-/// The files, of which the first is the one that has a bound.
+/// The files; the first one has a bound.
 const FILES: [&str; 4] = ["country_kitchen", "sponza_gltf", "dragon_871k", "eiffel"];
 
-/// Reads each file by both, turn about, and writes the section.
+/// Reads each file with both readers in turn and writes the section.
 ///
-/// The import decodes images and hands out buffers as they are in the file: it neither gathers vertices, nor checks an
-/// index, nor places a node.
+/// `gltf::import` decodes images and returns the file's buffers. It gathers no vertices, checks no indices and places
+/// no nodes.
 pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## Loading glTF\n\nFrom the file to a scene with all textures, all threads, and by the `gltf` crate's own `import`, which \
-         decodes images and copies buffers but makes no meshes of them. Least milliseconds by the clock on the wall (and by the \
-         processors of all threads), for a neighbour only lengthens them. Memory is the peak that a process which does \
-         nothing else reaches, above what it had before.\n\n\
+        "\n## Loading glTF\n\nFrom the file to a scene with all textures on all threads, compared with the `gltf` crate's `import`, \
+         which decodes images and copies buffers but builds no meshes. Minimum wall milliseconds (and processor milliseconds of all \
+         threads). Memory is the peak growth of a process that only reads the file.\n\n\
          | file | triangles placed | decoded | ours | peak | `gltf::import` | peak |\n\
          | --- | --- | --- | --- | --- | --- | --- |\n",
     );
@@ -68,13 +67,13 @@ pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
     Ok(())
 }
 
-/// The least times of several rounds, as the table has them.
+/// The minimum times of several rounds, as a table cell.
 fn least(rounds: &[Seconds]) -> String {
     let least = |of: fn(&Seconds) -> f64| 1e3 * rounds.iter().map(of).fold(f64::INFINITY, f64::min);
     format!("{:.0} ms ({:.0} ms)", least(|seconds| seconds.wall), least(|seconds| seconds.cpu))
 }
 
-/// What [`print_peak`] says in a process of its own, or that nobody knows.
+/// The output of [`print_peak`] in a separate process, or "unknown".
 fn peak(name: &str, reader: &str) -> String {
     let run = || {
         let mut command = Command::new(env::current_exe().ok()?);
@@ -85,11 +84,11 @@ fn peak(name: &str, reader: &str) -> String {
     run().unwrap_or_else(|| "unknown".to_owned())
 }
 
-/// Reads one file by one reader, and prints by how many bytes the greatest resident memory of this process grew.
+/// Reads one file with one reader and prints by how many bytes the peak resident memory of this process grew.
 pub(crate) fn print_peak(options: &Options) -> Result<()> {
     let names = options.scenes(&[]);
     let path = names.first().map(|name| models::path(name)).transpose()?.flatten().context("there is no such file")?;
-    let before = most_resident_bytes().context("the system does not say how much memory a process takes")?;
+    let before = most_resident_bytes().context("the system does not report the memory of a process")?;
     if options.wants_engine(READERS[0]) {
         drop(canted_scene::read(&path)?);
     } else {
@@ -100,7 +99,7 @@ pub(crate) fn print_peak(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// Greatest resident memory of this process so far; `None` where the system does not say.
+/// Peak resident memory of this process so far; `None` if the system does not report it.
 fn most_resident_bytes() -> Option<usize> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

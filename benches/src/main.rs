@@ -1,6 +1,6 @@
-//! `canted-bench`: measures ours beside the peers in one interleaved run and prints Markdown.
+//! `canted-bench`: compares ours with the peers in one interleaved run and prints Markdown.
 //!
-//! `cargo xtask bench` runs it and writes `benches/RESULTS.md`; `cargo xtask report` has it measure and write the report.
+//! `cargo xtask bench` runs it and writes `benches/RESULTS.md`; `cargo xtask report` runs it to write the report.
 
 #![forbid(unsafe_code)]
 

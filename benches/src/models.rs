@@ -1,4 +1,4 @@
-//! The measured scenes: generated ones, and real models where they are at hand.
+//! The measured scenes: generated ones, and real models where available.
 
 use std::path::PathBuf;
 
@@ -13,11 +13,11 @@ use canted_tlas::Instance;
 pub(crate) struct Model {
     pub(crate) mesh: Mesh,
     pub(crate) views: [View; 4],
-    /// The meshes before they were placed, for a scene that lives from placing them often.
+    /// The meshes and their instances, for a scene that places its meshes often.
     pub(crate) placed: Option<Placed>,
 }
 
-/// Meshes in their own spaces, and where each stands.
+/// Meshes in object space, and their instances.
 pub(crate) struct Placed {
     pub(crate) meshes: Vec<Mesh>,
     pub(crate) instances: Vec<Instance>,
@@ -29,8 +29,8 @@ impl Model {
         self.views.iter().flat_map(|view| view.rays(resolution)).collect()
     }
 
-    /// The model and its views out of their axes.
-    fn turned(self) -> Self {
+    /// The model and its views, rotated.
+    fn rotated(self) -> Self {
         Self { mesh: self.mesh.off_axis(), views: self.views.map(View::off_axis), placed: None }
     }
 }
@@ -51,13 +51,13 @@ const FILES: [(&str, &str, Option<[View; 4]>); 12] = [
     (TOWER_FIELD, "instanced/tower_field.glb", None),
 ];
 
-/// The scene that is measured with two levels.
+/// The scene that is measured with a TLAS.
 const TOWER_FIELD: &str = "tower_field";
 
-/// Ending of the name of a scene that is turned out of its axes.
+/// Suffix of the name of a rotated scene.
 const ROTATED: &str = "_rotated";
 
-/// Folder of real models: `CANTED_SCENES`, else `../shared/scenes` beside the workspace.
+/// Folder of real models: `CANTED_SCENES`, else `../shared/scenes` next to the workspace.
 fn folder() -> PathBuf {
     std::env::var_os("CANTED_SCENES")
         .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes")), PathBuf::from)
@@ -65,8 +65,8 @@ fn folder() -> PathBuf {
 
 /// Generates or loads a scene; `None` for a real model that is not available. `NAME_rotated` is NAME rotated so that no axis is aligned.
 pub(crate) fn load(name: &str) -> Result<Option<Model>> {
-    if let Some(straight) = name.strip_suffix(ROTATED) {
-        return Ok(load(straight)?.map(Model::turned));
+    if let Some(aligned) = name.strip_suffix(ROTATED) {
+        return Ok(load(aligned)?.map(Model::rotated));
     }
     if let Some(scene) = SCENES.iter().find(|scene| scene.name == name) {
         let mesh = (scene.generate)();
@@ -92,19 +92,19 @@ fn placed(scene: &Scene) -> Placed {
     }
 }
 
-/// Reads a real model; `None` where it is not at hand.
+/// Reads a real model; `None` if it is not available.
 pub(crate) fn scene(name: &str) -> Result<Option<Scene>> {
     Ok(path(name)?.map(|path| canted_scene::read(&path)).transpose()?)
 }
 
-/// The file of a real model; `None` where it is not at hand.
+/// The file of a real model; `None` if it is not available.
 pub(crate) fn path(name: &str) -> Result<Option<PathBuf>> {
     let (_, file, _) =
         FILES.iter().find(|(known, _, _)| *known == name).ok_or_else(|| anyhow!("there is no scene '{name}'"))?;
     Ok(Some(folder().join(file)).filter(|path| path.exists()))
 }
 
-/// The binary tree that the program builds where wide nodes are not asked for.
+/// The binary tree that the program builds when no wide BVH is requested.
 pub(crate) fn binary_tree(corners: &[Corners], bounds: &Aabb) -> Tree {
     let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
     canted_sah::build(&boxes, bounds, &canted_sah::Builder::default())

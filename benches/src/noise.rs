@@ -1,4 +1,4 @@
-//! Whether a picture that stops by noise is as good as it claims.
+//! Whether a picture that stops by noise is as accurate as it claims.
 
 use std::{fmt::Write, sync::atomic::AtomicBool};
 
@@ -12,7 +12,7 @@ use crate::bias::example;
 const TARGETS: [f32; 3] = [0.1, 0.05, 0.03];
 const PATTERNS: [(&str, Pattern); 2] = [("random", Pattern::Random), ("sobol", Pattern::Sobol)];
 
-/// Samples a pixel of what stands for the truth: its own error is far below those that are claimed.
+/// Samples per pixel of the reference: its own error is far below the claimed errors.
 const REFERENCE: u32 = 8192;
 
 const SIZE: [u32; 2] = [48, 48];
@@ -20,19 +20,19 @@ const SIZE: [u32; 2] = [48, 48];
 /// Weights of linear sRGB in luminance, as the film's own.
 const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Renders each target by each pattern and writes the section.
+/// Renders each target with each pattern and writes the section.
 pub(crate) fn section(out: &mut String) -> Result<()> {
     let [width, height] = SIZE;
     let _ = writeln!(
         out,
-        "\n## Stopping by noise\n\nThe room of `examples/cornell.toml`, bare and with its ball of glass and its mirror, {width} x {height}, \
-         `path` of six bounces, at most {REFERENCE} samples a pixel: relative error of luminance that the film claims, and the true one \
-         against {REFERENCE} other samples.\n\n\
+        "\n## Stopping by noise\n\nThe room of `examples/cornell.toml`, bare and with its glass sphere and mirror, {width} x \
+         {height}, `path` with six bounces, at most {REFERENCE} samples per pixel: relative error of luminance that the film claims, \
+         and the true error against {REFERENCE} other samples.\n\n\
          | room | sampler | `--noise` | claimed | true | samples per pixel |\n| --- | --- | ---: | ---: | ---: | ---: |"
     );
     let furnished = example("cornell.toml")?;
     let mut bare = furnished.clone();
-    // The ball and the block come last.
+    // The sphere and the block come last.
     bare.instances.truncate(furnished.instances.len() - 2);
     for (room, scene) in [("bare", bare), ("with glass and mirror", furnished)] {
         let camera = *scene.cameras.first().context("examples/cornell.toml has no camera")?;

@@ -1,4 +1,4 @@
-//! What the program was asked for.
+//! Command line options.
 
 use std::ops::RangeInclusive;
 
@@ -11,7 +11,7 @@ use crate::{load::PEAK, wide::TRIAL};
 const SECTIONS: [&str; 10] =
     ["load", "build", "trace", "picture", "textures", "bias", "noise", "wide", "growth", "costs"];
 
-/// Growth is measured from its start; 2^27 triangles are the most that a wide tree may hold.
+/// Sizes of the growth section; a WideBvh holds at most 2^27 triangles.
 pub(crate) const LOG2_TRIANGLES: RangeInclusive<u32> = 10..=27;
 
 /// The options of the command line.
@@ -22,11 +22,12 @@ pub(crate) struct Options {
     pub(crate) rounds: usize,
     scenes: Vec<String>,
     engines: Vec<String>,
-    /// The device that is measured, alone unless sections are named: `gpu` is the best, others are parts of an adapter's name.
+    /// The measured device, alone unless sections are named: `gpu` is the best, other values are part of an adapter's
+    /// name.
     pub(crate) device: Option<Choice>,
-    /// A quarter of the rays, and each tree built once.
+    /// A quarter of the rays, and each BVH built once.
     pub(crate) is_quick: bool,
-    /// Growth is measured up to two to this power of triangles.
+    /// Growth is measured up to 2^this triangles.
     pub(crate) max_log2: u32,
 }
 
@@ -69,7 +70,7 @@ impl Options {
                 _ => {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
-                        "'{arg}' is none of {sections}, --rounds N, --scenes A,B, --engines A,B, --device gpu|NAME, --quick, \
+                        "unknown argument '{arg}'; use {sections}, --rounds N, --scenes A,B, --engines A,B, --device gpu|NAME, --quick, \
                          --max-log2 N"
                     ));
                 }
@@ -78,7 +79,7 @@ impl Options {
         Ok(options)
     }
 
-    /// Whether a section is measured: all are where neither one nor a device is named.
+    /// Whether a section is measured: all are if neither a section nor a device is named.
     pub(crate) fn wants(&self, section: &str) -> bool {
         (self.sections.is_empty() && self.device.is_none()) || self.sections.iter().any(|wanted| wanted == section)
     }
@@ -88,17 +89,17 @@ impl Options {
         self.sections == [TRIAL]
     }
 
-    /// Whether this process only reads a file, to be asked for its memory.
+    /// Whether this process only reads a file to measure its memory.
     pub(crate) fn is_peak(&self) -> bool {
         self.sections == [PEAK]
     }
 
-    /// The named scenes, or the usual ones.
-    pub(crate) fn scenes(&self, usual: &[&str]) -> Vec<String> {
-        if self.scenes.is_empty() { usual.iter().map(|&name| name.to_owned()).collect() } else { self.scenes.clone() }
+    /// The named scenes, or the default ones.
+    pub(crate) fn scenes(&self, default: &[&str]) -> Vec<String> {
+        if self.scenes.is_empty() { default.iter().map(|&name| name.to_owned()).collect() } else { self.scenes.clone() }
     }
 
-    /// Sections with the named scenes in their titles, so that those of some scenes do not take the place of those of all.
+    /// Adds the named scenes to the titles of sections, so that a run of some scenes does not replace a run of all.
     pub(crate) fn titled(&self, sections: &str) -> String {
         if self.scenes.is_empty() {
             return sections.to_owned();
@@ -137,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn sections_of_some_scenes_say_so_in_their_titles() {
+    fn titles_name_the_selected_scenes() {
         let sections = "\n## Trees\n\nText.\n\n### Table\n| a |\n";
         assert_eq!(read("wide").unwrap().titled(sections), sections);
         let titled = read("wide --scenes truss,grid").unwrap().titled(sections);
@@ -145,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn all_is_measured_where_nothing_is_said() {
+    fn everything_is_measured_by_default() {
         let options = read("").unwrap();
         assert!(SECTIONS.iter().all(|section| options.wants(section)) && options.wants_engine("obvhs"));
         assert_eq!(options.scenes(&["grid"]), ["grid"]);
@@ -162,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_word_is_named() {
+    fn a_wrong_argument_is_named() {
         for (args, word) in [
             ("wild", "wild"),
             ("--rounds x", "x"),

@@ -11,18 +11,18 @@ use crate::models;
 
 const SIZE: [u32; 2] = [1920, 1080];
 
-/// A picture of theirs, and what is rendered in its place.
+/// A picture of the dissertation, and what is rendered in its place.
 struct Row {
     theirs: &'static str,
     samples: u32,
     their_seconds: f64,
-    /// Of ours, by the name of [`models`].
+    /// Our model, named as in [`models`].
     model: &'static str,
-    /// Whether theirs is not at hand, and ours another.
-    stands_in: bool,
+    /// Whether their scene is not available and ours is a different one.
+    is_replaced: bool,
 }
 
-/// In the order of their figures.
+/// In the order of the figures.
 const ROWS: [Row; 6] = [
     row("Breakfast room", 24, 300.0, "country_kitchen", true),
     row("Buddha", 6, 14.0, "dragon_res2", true),
@@ -32,11 +32,11 @@ const ROWS: [Row; 6] = [
     row("Bunny", 24, 15.0, "bunny", false),
 ];
 
-const fn row(theirs: &'static str, samples: u32, their_seconds: f64, model: &'static str, stands_in: bool) -> Row {
-    Row { theirs, samples, their_seconds, model, stands_in }
+const fn row(theirs: &'static str, samples: u32, their_seconds: f64, model: &'static str, is_replaced: bool) -> Row {
+    Row { theirs, samples, their_seconds, model, is_replaced }
 }
 
-/// What one picture took.
+/// The measurement of one picture.
 struct Rendered {
     n_triangles: usize,
     build_seconds: f64,
@@ -52,10 +52,10 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
-        "\n## The dissertation's pictures, {width} x {height}, 2 bounces, all threads\n\nRendered once on {} threads, each under a sun and a \
-         sky so that every vertex casts a shadow ray, the kitchen under a sky and a lamp. A path is a sample with all its bounces; million rays a \
-         second are of all rays, shading and shadow rays included. Where a scene of theirs is not at hand another stands in, of which \
-         seconds cannot be compared. Theirs: Sabino 2020, on a TITAN Xp.\n\n\
+        "\n## The dissertation's pictures, {width} x {height}, 2 bounces, all threads\n\nRendered once on {} threads, each under a \
+         sun and a sky so that every vertex casts a shadow ray, the kitchen under a sky and a lamp. A path is a sample with all its \
+         bounces; million rays per second count all rays, including shading and shadow rays. Where their scene is not available, \
+         another one replaces it, whose seconds cannot be compared. Theirs: Sabino 2020, on a TITAN Xp.\n\n\
          | theirs | ours | triangles | samples | build | seconds | M paths/s | M rays/s | theirs, seconds | theirs, M paths/s | not finite |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         rayon::current_num_threads()
@@ -63,7 +63,7 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
     let mut all = vec![];
     for row in &ROWS {
         let Some(scene) = lit(row.model)? else {
-            let _ = writeln!(out, "| {} | {}: not at hand |", row.theirs, row.model);
+            let _ = writeln!(out, "| {} | {}: not available |", row.theirs, row.model);
             continue;
         };
         let rendered = rendered(row, &scene)?;
@@ -96,9 +96,9 @@ fn line(row: &Row, rendered: &Rendered) -> String {
     let &Rendered { n_triangles, build_seconds, seconds, n_rays, n_dropped } = rendered;
     #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     let rays_millions = n_rays as f64 * 1e-6;
-    let stands_in = if row.stands_in { " (stands in)" } else { "" };
+    let is_replaced = if row.is_replaced { " (replacement)" } else { "" };
     format!(
-        "| {} | {}{stands_in} | {n_triangles} | {} | {build_seconds:.2} | {seconds:.1} | {:.2} | {:.2} | {} | {:.2} | {n_dropped} |\n",
+        "| {} | {}{is_replaced} | {n_triangles} | {} | {build_seconds:.2} | {seconds:.1} | {:.2} | {:.2} | {} | {:.2} | {n_dropped} |\n",
         row.theirs,
         row.model,
         row.samples,
@@ -109,7 +109,7 @@ fn line(row: &Row, rendered: &Rendered) -> String {
     )
 }
 
-/// Whether all that was rendered consists of numbers.
+/// Reports samples that were NaN or infinite.
 fn verdict(all: &[(&Row, Rendered)]) -> String {
     let broken: Vec<String> = all
         .iter()
@@ -119,11 +119,11 @@ fn verdict(all: &[(&Row, Rendered)]) -> String {
     if broken.is_empty() {
         format!("No sample of these {} pictures was NaN or infinite.", all.len())
     } else {
-        format!("NOT AS IT SHOULD BE: samples were NaN or infinite, {}.", broken.join(", "))
+        format!("ERROR: samples were NaN or infinite: {}.", broken.join(", "))
     }
 }
 
-/// A model under the light of its kind; `None` where it is not at hand.
+/// A model with suitable lights; `None` if it is not available.
 fn lit(model: &str) -> Result<Option<Scene>> {
     match model {
         "sponza" => sponza(),
@@ -132,23 +132,23 @@ fn lit(model: &str) -> Result<Option<Scene>> {
     }
 }
 
-/// Where a sun's light goes.
+/// Direction of the sunlight.
 const SUN_DIRECTION: [f32; 3] = [-0.282_166, -0.940_553, -0.188_111];
 
-/// Under one sun and a sky, as things outside are.
+/// Adds a sun and a sky.
 pub(crate) fn outside(scene: Scene) -> Scene {
     let sun = Light::Sun { direction: SUN_DIRECTION, irradiance: [3.0, 2.9, 2.6] };
     Scene { environment: Some([0.6, 0.8, 1.0].into()), lights: vec![sun], ..scene }
 }
 
-/// The kitchen with a ball of light under its ceiling; `None` where it is not at hand.
+/// The kitchen with a sphere light under its ceiling; `None` if it is not available.
 pub(crate) fn kitchen() -> Result<Option<Scene>> {
     let ball = Light::Sphere { center: [-0.5, 2.4, 3.2], radius: 0.25, radiance: [34.0, 30.0, 24.0] };
     let lit = |scene| Scene { environment: Some([1.5, 1.7, 2.0].into()), lights: vec![ball], ..scene };
     Ok(models::scene("country_kitchen")?.map(lit))
 }
 
-/// Sponza under one sun and a sky, so that every vertex casts a shadow ray; `None` where it is not at hand.
+/// Sponza under a sun and a sky, so that every vertex casts a shadow ray; `None` if it is not available.
 pub(crate) fn sponza() -> Result<Option<Scene>> {
     let sun = Light::Sun { direction: SUN_DIRECTION, irradiance: [20.0, 19.0, 17.0] };
     let lit = |scene| Scene { environment: Some([4.0, 5.0, 6.5].into()), lights: vec![sun], ..scene };
@@ -163,11 +163,11 @@ mod tests {
         Rendered { n_triangles: 7, build_seconds: 0.5, seconds: 66.0, n_rays: 132_000_000, n_dropped: 0 };
 
     #[test]
-    fn every_row_names_a_model_that_is_known() {
+    fn every_row_names_a_known_model() {
         for row in &ROWS {
             assert!(models::path(row.model).is_ok(), "{}", row.model);
         }
-        // What the dissertation's numbers come to: million paths a second.
+        // The dissertation's million paths per second.
         let rates = ["| 0.17 |", "| 0.89 |", "| 1.38 |", "| 0.38 |", "| 0.36 |", "| 3.32 |"];
         for (row, rate) in ROWS.iter().zip(rates) {
             assert!(line(row, &RENDERED).contains(rate), "{}", line(row, &RENDERED));
@@ -175,14 +175,14 @@ mod tests {
     }
 
     #[test]
-    fn a_line_says_paths_and_rays_a_second_and_what_stands_in() {
-        let said = line(&ROWS[3], &RENDERED);
-        assert_eq!(said, "| Sponza | sponza | 7 | 24 | 0.50 | 66.0 | 0.75 | 2.00 | 132 | 0.38 | 0 |\n");
-        assert!(line(&ROWS[4], &RENDERED).starts_with("| Pirate ship | eiffel (stands in) |"));
+    fn a_line_shows_rates_and_replaced_scenes() {
+        let text = line(&ROWS[3], &RENDERED);
+        assert_eq!(text, "| Sponza | sponza | 7 | 24 | 0.50 | 66.0 | 0.75 | 2.00 | 132 | 0.38 | 0 |\n");
+        assert!(line(&ROWS[4], &RENDERED).starts_with("| Pirate ship | eiffel (replacement) |"));
     }
 
     #[test]
-    fn samples_that_are_no_numbers_are_told() {
+    fn non_finite_samples_are_reported() {
         let of = |n_dropped| [(&ROWS[0], RENDERED), (&ROWS[5], Rendered { n_dropped, ..RENDERED })];
         assert_eq!(verdict(&of(0)), "No sample of these 2 pictures was NaN or infinite.");
         assert!(verdict(&of(3)).contains("3 of bunny"), "{}", verdict(&of(3)));

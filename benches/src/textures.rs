@@ -1,5 +1,5 @@
-//! What looking up textures costs: Sponza with its colours and without, by how much of a texture a lookup averages; and a scene that
-//! has none, where it must cost nothing.
+//! The cost of texture lookups: Sponza with and without its textures, by filter footprint; and a scene without
+//! textures, where the cost must be zero.
 
 use std::{fmt::Write, sync::atomic::AtomicBool};
 
@@ -14,19 +14,19 @@ use crate::{
     report::samples::{Ratio, Samples},
 };
 
-/// In the order of the table's columns.
+/// In column order.
 const LODS: [(&str, Lod); 3] = [("none", Lod::None), ("cone", Lod::Cone), ("aniso", Lod::Aniso)];
 
-/// Integrators, and few and many samples a pixel, that take about as long.
+/// Integrators, and few and many samples per pixel that take about as long with either.
 const INTEGRATORS: [(&str, Integrator, [u32; 2]); 2] =
     [("hybrid", Integrator::Hybrid, [4, 20]), ("path", Integrator::Path, [2, 10])];
 
-/// What textures may cost: this many times the time without.
+/// Textures may cost this many times the time without them.
 const AIM: f64 = 1.15;
 
-/// A scene with its textures and without them, from one place.
+/// A scene with and without its textures, from one camera.
 struct Subject {
-    /// What the names of its rows begin with.
+    /// Prefix of its row names.
     prefix: &'static str,
     textured: Scene,
     plain: Scene,
@@ -36,17 +36,16 @@ struct Subject {
 /// Renders all variants in turn and writes the section.
 pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## Textures\n\nSponza at 320 x 180 from its gallery; \"without\" is the same with the mean colour in place of each \
-         colour texture, so that masks, rays under `hybrid` and the lives of paths are the same. The built-in scene has no \
-         texture: there all columns are of one scene, and \"without\" is `--lod none` once more. Microseconds of all \
-         processors a sample: those of many samples less those of few, so that what is done once for a picture, as making \
-         the smaller copies, is no part of them; median (half spread); median ratio to \"without\" of the same round, noise \
-         where the interval of that median holds 1.\n\n",
+        "\n## Textures\n\nSponza at 320 x 180 from its gallery; \"without\" replaces each colour texture by its mean colour, so that \
+         masks, rays of `hybrid` and path lengths stay the same. The built-in scene has no texture: all its columns show one scene, \
+         and \"without\" is `--lod none` once more. Microseconds of all processors per sample: the time of many samples minus that \
+         of few, so that work done once per picture, such as mip levels, is not included; median (half spread); median ratio to \
+         \"without\" of the same round, noise if the interval of that median contains 1.\n\n",
     );
     let mut subjects = vec![without_textures()?];
     match sponza()? {
         Some(scene) => subjects.insert(0, of_sponza(scene)),
-        None => out.push_str("Sponza is not at hand.\n\n"),
+        None => out.push_str("Sponza is not available.\n\n"),
     }
     out.push_str("| integrator | without |");
     for (name, _) in LODS {
@@ -60,9 +59,9 @@ pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
             let row = format!("{}{name}, {} and {} samples", subject.prefix, samples[0], samples[1]);
             out.push_str(&line(&row, &microseconds));
             let ratios = LODS.iter().zip(&microseconds[1..]);
-            let told = ratios.map(|((lod, _), with)| (format!("{row}, `{lod}`"), with.over(&microseconds[0])));
+            let rated = ratios.map(|((lod, _), with)| (format!("{row}, `{lod}`"), with.over(&microseconds[0])));
             let cells = if subject.prefix.is_empty() { &mut textured } else { &mut plain };
-            cells.extend(told);
+            cells.extend(rated);
         }
     }
     if !textured.is_empty() {
@@ -72,7 +71,7 @@ pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
     Ok(())
 }
 
-/// A row of the table: the first time is the one without textures.
+/// A table row: the first time is the one without textures.
 fn line(name: &str, microseconds: &[Samples]) -> String {
     let mut out = format!("| {name} |");
     for (i, of_one) in microseconds.iter().enumerate() {
@@ -88,36 +87,36 @@ fn line(name: &str, microseconds: &[Samples]) -> String {
     out
 }
 
-/// Whether each cell keeps to the aim, as far as its rounds tell.
+/// Whether each cell reaches the aim, as far as its rounds determine.
 fn of_aim(cells: &[(String, Ratio)]) -> String {
     let named = |is: &dyn Fn(&Ratio) -> bool| {
         let names: Vec<&str> = cells.iter().filter(|(_, ratio)| is(ratio)).map(|(name, _)| &name[..]).collect();
         if names.is_empty() { "none".to_owned() } else { names.join("; ") }
     };
-    let is_met = |ratio: &Ratio| ratio.interval[1] <= AIM;
+    let is_reached = |ratio: &Ratio| ratio.interval[1] <= AIM;
     let is_missed = |ratio: &Ratio| ratio.interval[0] > AIM;
     format!(
-        "The aim is at most {AIM}x. Met: {}. Missed: {}. The interval holds it: {}.",
-        named(&is_met),
+        "The aim is at most {AIM}x. Reached: {}. Missed: {}. Undecided, because the interval contains it: {}.",
+        named(&is_reached),
         named(&is_missed),
-        named(&|ratio| !is_met(ratio) && !is_missed(ratio))
+        named(&|ratio| !is_reached(ratio) && !is_missed(ratio))
     )
 }
 
-/// Whether textures cost a scene without any nothing.
+/// Whether a scene without textures is as fast with lookups enabled.
 fn of_nothing(cells: &[(String, Ratio)]) -> String {
     let real: Vec<&str> = cells.iter().filter(|(_, ratio)| !ratio.is_noise()).map(|(name, _)| &name[..]).collect();
     if real.is_empty() {
-        "Where no surface has a texture they cost nothing: every difference is noise.".to_owned()
+        "Textures cost nothing in a scene without them: every difference is noise.".to_owned()
     } else {
         format!(
-            "Where no surface has a texture they should cost nothing, and differ beyond noise: {}.",
+            "Textures should cost nothing in a scene without them, but these differ beyond noise: {}.",
             real.join("; ")
         )
     }
 }
 
-/// Microseconds a sample of each round, without textures and then by each way to look them up.
+/// Microseconds per sample of each round, without textures and then with each lookup method.
 fn measure(subject: &Subject, integrator: Integrator, samples: [u32; 2], rounds: usize) -> Result<Vec<Samples>> {
     let Subject { textured, plain, camera, .. } = subject;
     let prepared = prepare::<Watertight>(textured, &StructureConfig::default())?;
@@ -158,7 +157,7 @@ fn of_sponza(textured: Scene) -> Subject {
     Subject { prefix: "", textured, plain, camera }
 }
 
-/// Mean of a texture's texels in linear light, white where there are none: paths live by what surfaces reflect.
+/// Mean of a texture's texels in linear light, white if it has none: path lengths depend on reflectance.
 fn mean_color(texture: &Texture) -> [f32; 3] {
     let linear = |byte: u8| match (texture.encoding, f64::from(byte) / 255.0) {
         (Encoding::Linear, x) => x,
@@ -187,28 +186,31 @@ mod tests {
     }
 
     #[test]
-    fn a_line_says_what_is_noise() {
+    fn a_line_marks_noise() {
         let without = samples([1.0, 1.1, 1.2, 1.0, 1.1]);
-        let said = line("a", &[without.clone(), without.scaled(1.25), without.clone()]);
-        assert_eq!(said, "| a | 1.10 (±9 %) | 1.38 (±9 %), 1.25x | 1.10 (±9 %), 1.00x, noise |\n");
+        let text = line("a", &[without.clone(), without.scaled(1.25), without.clone()]);
+        assert_eq!(text, "| a | 1.10 (±9 %) | 1.38 (±9 %), 1.25x | 1.10 (±9 %), 1.00x, noise |\n");
     }
 
     #[test]
-    fn the_aim_is_met_missed_or_open() {
+    fn the_aim_is_reached_missed_or_undecided() {
         let of = |name: &str, interval: [f64; 2]| (name.to_owned(), Ratio { median: interval[0], interval });
-        let said = of_aim(&[of("a", [1.0, 1.1]), of("b", [1.1, 1.2]), of("c", [1.2, 1.3]), of("d", [1.15, 1.15])]);
-        assert_eq!(said, "The aim is at most 1.15x. Met: a; d. Missed: c. The interval holds it: b.");
+        let text = of_aim(&[of("a", [1.0, 1.1]), of("b", [1.1, 1.2]), of("c", [1.2, 1.3]), of("d", [1.15, 1.15])]);
+        assert_eq!(
+            text,
+            "The aim is at most 1.15x. Reached: a; d. Missed: c. Undecided, because the interval contains it: b."
+        );
     }
 
     #[test]
-    fn what_costs_where_nothing_is_looked_up_is_named() {
+    fn costs_without_lookups_are_reported() {
         let of = |name: &str, interval: [f64; 2]| (name.to_owned(), Ratio { median: interval[0], interval });
         assert!(of_nothing(&[of("a", [0.9, 1.1])]).ends_with("is noise."));
         assert!(of_nothing(&[of("a", [0.9, 1.1]), of("b", [1.1, 1.2])]).ends_with("beyond noise: b."));
     }
 
     #[test]
-    fn a_mean_is_of_linear_light() {
+    fn mean_colors_use_linear_light() {
         let texture = |encoding, texels: &[[u8; 4]]| Texture {
             name: String::new(),
             width: texels.len().try_into().unwrap(),

@@ -1,4 +1,4 @@
-//! Traversal speed: `obvhs`'s BVH2 walked by itself and by us, and what leaning boxes save.
+//! Traversal speed: `obvhs`'s BVH2 traversed by `obvhs` and by us, and the savings of oriented boxes.
 
 use std::{fmt::Write, hint::black_box, time::Duration};
 
@@ -21,11 +21,11 @@ use crate::{
 };
 
 const PEER_SCENES: [&str; 7] = ["bunny", "sponza", "dragon_871k", "country_kitchen", "scaffold", "truss", "grid"];
-const LEANING_SCENES: [&str; 6] = ["scaffold", "hair_ribbons", "hair_thin_tubes", "truss", "eiffel", "sponza"];
+const ORIENTED_SCENES: [&str; 6] = ["scaffold", "hair_ribbons", "hair_thin_tubes", "truss", "eiffel", "sponza"];
 /// Pixels along a view's side.
 const RESOLUTION: u32 = 128;
 
-/// A fixture's ray as ours.
+/// Converts a fixture's ray.
 pub(crate) fn ray(data: &RayData) -> Ray {
     Ray { origin: data.origin, direction: data.direction, t_min: 0.0, t_max: data.t_max }
 }
@@ -44,7 +44,7 @@ fn rays(model: &Model) -> Result<[Vec<Ray>; 2]> {
     Ok([camera, scattered.iter().map(ray).collect()])
 }
 
-/// The point hit, with the normal that faces the ray.
+/// The hit point, with the normal that faces the ray.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how points are stored")]
 pub(crate) fn surface_point(model: &Model, ray: &Ray, hit: &Hit) -> SurfacePoint {
     let [a, b, c] = model.mesh.corners(hit.primitive.index());
@@ -59,22 +59,22 @@ pub(crate) fn surface_point(model: &Model, ray: &Ray, hit: &Hit) -> SurfacePoint
 
 /// Measures both comparisons and writes the section.
 pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
-    beside_obvhs(out, rounds)?;
-    leaning(out, rounds)
+    compared_with_obvhs(out, rounds)?;
+    oriented(out, rounds)
 }
 
-fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
+fn compared_with_obvhs(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## Traversal compared with obvhs\n\nOne thread, closest hit. One `obvhs` tree (`medium_build`, one primitive a leaf), \
-         walked by `obvhs` with its Möller-Trumbore test over triangles in leaf order, and by our binary traversal with \
-         Möller-Trumbore and watertight; last our own tree (PLOC and reinsertion). Million rays a second; ratio to the \
-         first, same round.\n\n\
-         | scene | rays | obvhs walks | ours walks, Möller-Trumbore | ours walks, watertight | our tree, watertight |\n\
+        "\n## Traversal compared with obvhs\n\nOne thread, closest hit. One `obvhs` BVH (`medium_build`, one primitive per leaf), \
+         traversed by `obvhs` with its Möller-Trumbore test over triangles in leaf order, and by our binary traversal with the \
+         Möller-Trumbore and watertight tests; last our own BVH (PLOC and reinsertion). Million rays per second; ratio to the first \
+         of the same round.\n\n\
+         | scene | rays | obvhs traversal | our traversal, Möller-Trumbore | our traversal, watertight | our BVH, watertight |\n\
          | --- | --- | --- | --- | --- | --- |\n",
     );
     for name in PEER_SCENES {
         let Some(model) = models::load(name)? else {
-            let _ = writeln!(out, "| {name} | not at hand | | | | |");
+            let _ = writeln!(out, "| {name} | not available | | | | |");
             continue;
         };
         let mesh = &model.mesh;
@@ -93,10 +93,10 @@ fn beside_obvhs(out: &mut String, rounds: usize) -> Result<()> {
             let timings = run(
                 rounds,
                 vec![
-                    Contender::new("obvhs", || obvhs_walk(&bvh, &in_leaf_order, &rays)),
-                    Contender::new("fast", || walk(&fast, &rays)),
-                    Contender::new("sure", || walk(&sure, &rays)),
-                    Contender::new("own", || walk(&own, &rays)),
+                    Contender::new("obvhs", || trace_obvhs(&bvh, &in_leaf_order, &rays)),
+                    Contender::new("fast", || trace_all(&fast, &rays)),
+                    Contender::new("sure", || trace_all(&sure, &rays)),
+                    Contender::new("own", || trace_all(&own, &rays)),
                 ],
             );
             let _ = write!(out, "| {name} | {kind} |");
@@ -114,7 +114,7 @@ fn triangle(corners: [[f32; 3]; 3]) -> Triangle {
     Triangle { v0, v1, v2 }
 }
 
-fn obvhs_walk(bvh: &ObvhsBvh2, triangles: &[Triangle], rays: &[Ray]) {
+fn trace_obvhs(bvh: &ObvhsBvh2, triangles: &[Triangle], rays: &[Ray]) {
     for ray in rays {
         let ray = ObvhsRay::new(ray.origin.into(), ray.direction.into(), 0.0, ray.t_max);
         let mut hit = RayHit::none();
@@ -123,24 +123,24 @@ fn obvhs_walk(bvh: &ObvhsBvh2, triangles: &[Triangle], rays: &[Ray]) {
     }
 }
 
-fn walk(blas: &impl Blas, rays: &[Ray]) {
+fn trace_all(blas: &impl Blas, rays: &[Ray]) {
     for ray in rays {
         black_box(blas.closest_hit_with(ray, InstanceId(0), &mut ()));
     }
 }
 
-fn leaning(out: &mut String, rounds: usize) -> Result<()> {
+fn oriented(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## What oriented boxes save\n\nOur tree (PLOC and reinsertion), one thread, watertight: box tests + triangle tests a ray, and \
-         million rays a second with the ratio to axis-aligned boxes, same round.\n\n| scene | rays |",
+        "\n## What oriented boxes save\n\nOur binary BVH (PLOC and reinsertion), one thread, watertight: box tests + triangle tests \
+         per ray, and million rays per second with the ratio to axis-aligned boxes of the same round.\n\n| scene | rays |",
     );
     for strategy in Strategy::ALL {
         let _ = write!(out, " {strategy:?} |");
     }
     let _ = writeln!(out, "\n| --- | --- |{}", " --- |".repeat(Strategy::ALL.len()));
-    for name in LEANING_SCENES {
+    for name in ORIENTED_SCENES {
         let Some(model) = models::load(name)? else {
-            let _ = writeln!(out, "| {name} | not at hand |");
+            let _ = writeln!(out, "| {name} | not available |");
             continue;
         };
         let mesh = &model.mesh;
@@ -156,7 +156,7 @@ fn leaning(out: &mut String, rounds: usize) -> Result<()> {
             .collect();
         for (kind, rays) in ["camera", "diffuse"].into_iter().zip(rays(&model)?) {
             let rays = &rays;
-            let contenders = trees.iter().map(|blas| Contender::new("", move || walk(blas, rays))).collect();
+            let contenders = trees.iter().map(|blas| Contender::new("", move || trace_all(blas, rays))).collect();
             let timings = run(rounds, contenders);
             let _ = write!(out, "| {name} | {kind} |");
             for (blas, timing) in trees.iter().zip(&timings) {

@@ -1,8 +1,9 @@
-//! The long run: rays at every vertex and edge of closed meshes, by every way to trace; nothing may slip through.
+//! The long watertightness run: rays at every vertex and edge of closed meshes, by every traversal; none may slip
+//! through.
 //!
-//! `cargo xtask watertight [--rays N]` runs it and keeps the table. Each ray is asked for its first hit and for any, or
-//! counted through. Where the folder of real models is (`CANTED_SCENES`, else `../shared/scenes` beside the workspace) the
-//! bunny is among them, its holes closed.
+//! `cargo xtask watertight [--rays N]` runs it and keeps the table. Each ray queries its closest hit, any hit, or all
+//! crossings. If the folder of real models exists (`CANTED_SCENES`, else `../shared/scenes` next to the workspace), the
+//! bunny is included with its holes closed.
 
 use std::{
     collections::BTreeMap,
@@ -15,42 +16,43 @@ use canted_fixtures::Mesh;
 use canted_tests::{
     closed::{Closed, closed},
     holes::closed_up,
-    leaks::{Found, Progress, places, search},
+    leaks::{Found, Progress, placements, search},
     tracers,
 };
 
 use crate::models;
 
-/// The word among the arguments that asks for it.
+/// The argument that selects it.
 pub(crate) const WATERTIGHT: &str = "watertight";
 
 /// Rays without `--rays`.
 const N_RAYS: usize = 100_000_000;
 
-/// Between two lines of progress, at least.
+/// Minimum time between two lines of progress.
 const SILENCE: Duration = Duration::from_secs(10);
 
-/// Prints the table; an error where a ray slips through.
+/// Prints the table; an error if a ray slips through.
 pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
     let mut n_rays = N_RAYS;
     while let Some(arg) = args.next() {
-        ensure!(arg == "--rays", "'{arg}' is not --rays N");
+        ensure!(arg == "--rays", "unexpected '{arg}'; use --rays N");
         let value = args.next().ok_or_else(|| anyhow!("--rays needs a value"))?;
         let number = value.parse().ok().filter(|&rays| rays > 0);
         n_rays = number.ok_or_else(|| anyhow!("--rays '{value}' is not a number of rays"))?;
     }
-    let (ways, missing) = tracers::ours();
-    let mut not_tried: Vec<String> = missing.iter().map(|name| format!("{name}, which this machine has not")).collect();
+    let (methods, missing) = tracers::ours();
+    let mut not_tried: Vec<String> =
+        missing.iter().map(|name| format!("{name}: not available on this machine")).collect();
     let mut meshes = closed();
     match bunny()? {
         Some(bunny) => meshes.push(bunny),
         None => not_tried.push("the bunny, which is not in the folder of models".to_owned()),
     }
-    let mut said = Instant::now();
-    let found = search(&meshes, &places(), &ways, n_rays, &mut |progress| {
-        if said.elapsed() >= SILENCE {
-            said = Instant::now();
-            // Who does not look on is no reason to stop.
+    let mut last_report = Instant::now();
+    let found = search(&meshes, &placements(), &methods, n_rays, &mut |progress| {
+        if last_report.elapsed() >= SILENCE {
+            last_report = Instant::now();
+            // A failed progress message does not stop the run.
             let _ = writeln!(std::io::stderr(), "{}", line(progress));
         }
     });
@@ -60,18 +62,18 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
         writeln!(out, "\nNot tried: {}.", not_tried.join("; "))?;
     }
     let n_leaks: usize = found.iter().map(|found| found.n_leaks).sum();
-    ensure!(n_leaks == 0, "{n_leaks} rays slip through");
+    ensure!(n_leaks == 0, "{n_leaks} rays leak");
     Ok(())
 }
 
-/// How far the search has come, in words.
+/// A progress line.
 fn line(progress: &Progress<'_>) -> String {
-    let Progress { at: [mesh, place], way, n_rays: [n_shot, n_all], n_leaks } = progress;
+    let Progress { at: [mesh, placement], method, n_rays: [n_shot, n_all], n_leaks } = progress;
     let percent = 100 * n_shot / n_all;
-    format!("{n_shot} of {n_all} rays, {percent} %, {n_leaks} leaks; now {mesh}, {place}, by {way}")
+    format!("{n_shot} of {n_all} rays, {percent} %, {n_leaks} leaks; now {mesh}, {placement}, by {method}")
 }
 
-/// The bunny with its holes closed; `None` where it is not at hand.
+/// The bunny with its holes closed; `None` if it is not available.
 fn bunny() -> Result<Option<Closed>> {
     let Some(scene) = models::scene("bunny")? else { return Ok(None) };
     let mesh = scene.meshes.into_iter().next().ok_or_else(|| anyhow!("the bunny's file has no mesh"))?;
@@ -79,16 +81,16 @@ fn bunny() -> Result<Option<Closed>> {
     closed.map(Some).ok_or_else(|| anyhow!("the bunny's holes cannot be closed"))
 }
 
-/// A line each way, over all meshes; then one each mesh, over all ways.
+/// A row per tracer over all meshes, then a row per mesh over all tracers.
 fn table(found: &[Found]) -> String {
     let mut lines = vec![
-        "| traced by, or mesh | triangles | rays | answers cut by the driver | leaks |".to_owned(),
+        "| tracer or mesh | triangles | rays | queries ended early by the driver | leaks |".to_owned(),
         "|---|---|---|---|---|".to_owned(),
     ];
     let mut by_name: BTreeMap<(u8, &str), (String, [usize; 3])> = BTreeMap::new();
     for row in found {
         let kinds = [
-            (0, row.way.as_str(), String::new()),
+            (0, row.method.as_str(), String::new()),
             (1, row.mesh, row.n_triangles.to_string()),
             (2, "all", String::new()),
         ];

@@ -1,17 +1,17 @@
-//! Our trees beside the strongest peers: rays a second, hits that differ, build time and memory.
+//! WideBvh compared with the strongest peers: rays per second, differing hits, build time and memory.
 //!
 //! ```text
-//! scene -> model -> sets of rays -> entries (ours, peers) -> built -> duel -> judge -> tables, JSON lines
+//! scene -> model -> sets of rays -> entries (ours, peers) -> built -> alternate -> compare -> tables, JSON lines
 //! ```
 
+pub(crate) mod alternate;
 mod built;
-pub(crate) mod duel;
+mod compare;
 #[cfg(feature = "peers")]
 pub(crate) mod embree;
 pub(crate) mod engine;
 pub(crate) mod entries;
 pub(crate) mod growth;
-mod judge;
 pub(crate) mod obvhs;
 pub(crate) mod ours;
 mod peers;
@@ -35,13 +35,13 @@ use crate::{
 use {subject::Subject, tables::Tables};
 
 pub(crate) use growth::section as growing;
-pub(crate) use peers::{left_out as peers_left_out, ways as peers};
+pub(crate) use peers::{methods as peers, skipped as skipped_peers};
 pub(crate) use record::Record;
 
-/// The section that is run by this program itself, in a process of its own, to see whether tinybvh lives through it.
+/// The section that this program runs in a separate process, to check whether tinybvh survives a scene.
 pub(crate) const TRIAL: &str = "tinybvh-trial";
 
-/// Lets tinybvh trace the named scenes, in a build that has it.
+/// Traces the named scenes with tinybvh, if this build includes it.
 pub(crate) fn trial(options: &Options) -> Result<()> {
     #[cfg(all(feature = "peers", target_feature = "avx2"))]
     tinybvh::trial(options)?;
@@ -49,7 +49,7 @@ pub(crate) fn trial(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// What is measured unless `--scenes` says otherwise: leaning and thin first, ordinary last.
+/// The default scenes: thin and diagonal ones first, ordinary ones last.
 const SCENES: [&str; 21] = [
     "truss",
     "scaffold",
@@ -83,7 +83,7 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
             tables.absent(&name);
             continue;
         };
-        // Everything is built and traced on one thread, which a pool of one thread sees to.
+        // A pool of one thread builds and traces everything on one thread.
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
         let subject = Subject::new(name, model, options)?;
         let measured = one.install(|| subject.measure(options))?;
@@ -96,7 +96,7 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// Camera and diffuse rays of a model, whose hits `tree` tells.
+/// Camera and diffuse rays of a model, whose hits `tree` computes.
 pub(crate) fn closest_sets(model: &Model, tree: &TriangleBvh<Watertight>, resolution: u32) -> [Vec<Ray>; 2] {
     let camera = sets::camera(model, resolution);
     let mut hits = vec![None; camera.len()];
@@ -105,9 +105,9 @@ pub(crate) fn closest_sets(model: &Model, tree: &TriangleBvh<Watertight>, resolu
     [camera, diffuse]
 }
 
-/// Thread seconds of each tree and round for the nearest hits of `rays`, in turn.
+/// Thread seconds of each BVH and round for the nearest hits of `rays`, in turn.
 pub(crate) fn closest_seconds(trees: Vec<TriangleBvh<Watertight>>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
     let engines: Vec<Box<dyn engine::Engine>> = trees.into_iter().map(|tree| Box::new(tree) as _).collect();
-    let (seconds, _) = duel::closest(&engines, rays, rounds);
+    let (seconds, _) = alternate::closest(&engines, rays, rounds);
     seconds.iter().map(|rounds| rounds.iter().map(|seconds| seconds.cpu).collect()).collect()
 }

@@ -1,4 +1,4 @@
-//! The report is made with as little as fills it, and read: as data, as text, and in a browser.
+//! Creates a minimal report and checks its JSON, Markdown and HTML files.
 
 mod report {
     mod browser;
@@ -9,7 +9,7 @@ mod report {
     use serde_json::Value;
     use tempfile::TempDir;
 
-    /// A report made once for all tests.
+    /// A report created once for all tests.
     pub(crate) struct Made {
         folder: TempDir,
         pub(crate) html: String,

@@ -1,8 +1,8 @@
-//! The long run: millions of grazing rays at wide trees, each answer compared to the bit.
+//! Traces millions of grazing rays through wide BVHs and compares every answer bit for bit.
 //!
-//! `cargo xtask grazing [--rays N]` runs it and keeps the table. Small scenes are judged by the loop over all triangles,
-//! large ones by the binary tree with boxes along the axes, which the tests compare with the loop. The same number of
-//! rays gives the same rays on every machine. Exits with 1 where an answer differs.
+//! `cargo xtask grazing [--rays N]` runs it and records the table. The reference is the loop over all triangles for small scenes,
+//! and for large ones the binary BVH with axis-aligned boxes, which the tests compare with the loop. The number of rays determines
+//! the rays on every machine. Exits with 1 if an answer differs.
 #![forbid(unsafe_code)]
 
 use std::{
@@ -18,16 +18,16 @@ use canted_trace::{Hit, Ray, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
 use rayon::prelude::*;
 
-/// Rays without `--rays`.
+/// Default of `--rays`.
 const N_RAYS: usize = 10_000_000;
 
 /// Rays of one job.
 const JOB: usize = 1_000;
 
-/// Scenes of more triangles are judged by the binary tree.
+/// Larger scenes use the binary BVH as reference.
 const MOST_FOR_THE_LOOP: usize = 2_000;
 
-/// What says which answer is right.
+/// The reference.
 enum Oracle {
     Loop(Vec<[[f32; 3]; 3]>),
     Binary(Box<Bvh2<Watertight>>),
@@ -51,8 +51,8 @@ impl Oracle {
 
     fn name(&self) -> &'static str {
         match self {
-            Self::Loop(_) => "every triangle",
-            Self::Binary(_) => "binary tree",
+            Self::Loop(_) => "loop over all triangles",
+            Self::Binary(_) => "binary BVH",
         }
     }
 }
@@ -67,7 +67,7 @@ fn scenes() -> Vec<(&'static str, Mesh)> {
         ("displaced icosphere", displaced_icosphere(3, 2)),
         ("scaffold, 3 nodes", scaffold_of(1, true, 3)),
         ("scaffold, 3 nodes, at 1e7", at_1e7(scaffold_of(1, false, 3))),
-        ("room, turned", scenes::room(3, 60).off_axis()),
+        ("room, rotated", scenes::room(3, 60).off_axis()),
     ];
     all.extend(
         ["truss, part", "tubes", "ribbons"].into_iter().zip(scenes::needles().into_iter().skip(1).map(|c| c.mesh)),
@@ -76,7 +76,7 @@ fn scenes() -> Vec<(&'static str, Mesh)> {
     all
 }
 
-/// Kinds of rays: the grazing classes, from inside, from 100, 1,000 and 10,000 sizes away.
+/// Kinds of rays: the grazing classes, from inside, and from 100, 1,000 and 10,000 mesh sizes away.
 const N_KINDS: usize = Grazing::ALL.len() + 4;
 
 fn rays_of(mesh: &Mesh, kind: usize, seed: u64) -> Vec<Ray> {
@@ -91,7 +91,7 @@ fn rays_of(mesh: &Mesh, kind: usize, seed: u64) -> Vec<Ray> {
     }
 }
 
-/// Rays, hits and answers that differ.
+/// Number of rays, hits and differing answers.
 #[derive(Default)]
 struct Row {
     rays: AtomicUsize,
@@ -137,7 +137,7 @@ fn main() -> ExitCode {
     };
     let scenes = scenes();
     let mut sums = [0; 3];
-    let mut lines = vec!["| scene | triangles | judged by | rays | hit | answers that differ |".to_owned()];
+    let mut lines = vec!["| scene | triangles | reference | rays | hits | differing answers |".to_owned()];
     lines.push("|---|---|---|---|---|---|".to_owned());
     for (name, mesh) in &scenes {
         let oracle = Oracle::new(mesh);
@@ -153,7 +153,7 @@ fn main() -> ExitCode {
     }
     let [rays, hits, different] = sums;
     lines.push(format!("| all | | | {rays} | {hits} | {different} |"));
-    // A closed pipe is no answer that differs.
+    // A closed pipe is not a differing answer.
     let _ = writeln!(out, "{}", lines.join("\n"));
     ExitCode::from(u8::from(different > 0))
 }

@@ -1,5 +1,5 @@
-//! Times the raster pass to first surfaces beside the rays that see the same: `cargo run --release -p canted-tests --example raster
-//! -- FILE`.
+//! Times the raster pass to first surfaces and the equivalent camera rays:
+//! `cargo run --release -p canted-tests --example raster -- FILE`.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -31,7 +31,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Least times of three of drawing the first surfaces, and of tracing a ray a pixel without shading what it hits.
+/// Least of three times of rasterizing the first surfaces, and of tracing one ray per pixel without shading.
 fn times(
     gpu: &Gpu,
     scene: &Scene,
@@ -62,8 +62,8 @@ fn times(
 }
 
 fn traced(gpu: &Gpu, scene: &Scene, structure: &Structure<Watertight>) -> Result<TracedScene> {
-    let Structure::One(flat) = structure else { return Err("two levels where one was asked for".into()) };
-    let canted_renderer::Bvh::Wide(wide) = flat.bvh() else { return Err("a binary tree".into()) };
+    let Structure::One(flat) = structure else { return Err("expected one level".into()) };
+    let canted_renderer::Bvh::Wide(wide) = flat.bvh() else { return Err("expected a wide BVH".into()) };
     let mut first = 0_u32;
     let firsts: Vec<u32> = scene
         .instances
@@ -77,7 +77,7 @@ fn traced(gpu: &Gpu, scene: &Scene, structure: &Structure<Watertight>) -> Result
     Ok(TracedScene::single_level(gpu, wide, &firsts)?)
 }
 
-#[expect(clippy::print_stdout, reason = "its result")]
+#[expect(clippy::print_stdout, reason = "the program's output")]
 fn report(line: &str) {
     println!("{line}");
 }

@@ -1,14 +1,14 @@
-"""Ours beside Mitsuba on Sponza under a constant sky: time at equal samples, error, and what error is left in equal time.
+"""Compares canted with Mitsuba on Sponza under a constant sky: time at equal samples, error, and error in equal time.
 
     python equal_time.py PATH/TO/canted [SAMPLES [PICTURES]]
 
-Prints a table in Markdown. Both renderers take PICTURES pictures of SAMPLES samples a pixel with seeds of their own, by
-turns, and each picture is timed: rendering alone, without loading, building and translating. Both estimate the same
-light without bias, so the mean squared error of a picture is the variance between a renderer's own. A scalar variant
-takes `SCALAR_SHARE` of the samples, for it is slow; its row says so.
+Prints a Markdown table. The renderers alternate; each renders PICTURES pictures of SAMPLES samples per pixel with different
+seeds. Times are of rendering only, without loading, building and kernel compilation. Both estimates are unbiased, so the mean
+squared error is the variance between pictures of one renderer. The slow scalar variant takes `SCALAR_SHARE` of the samples, as
+its row shows.
 
-Leaves are opaque on both sides, for Python cannot be called from a scalar kernel at speed; textures are looked up
-bilinearly at full size.
+Leaves are opaque on both sides, because calling Python from a scalar kernel is slow; textures use bilinear lookups at full
+size.
 """
 
 import json
@@ -47,11 +47,11 @@ class Mitsuba:
             if surface.get("type") == "mask":
                 part["bsdf"] = surface["inner"]
         self.scene = mi.load_dict(described)
-        # Kernels are translated with the first picture.
+        # The first picture compiles the kernels.
         self.picture(0)
 
     def picture(self, seed):
-        """A picture, and the seconds and processors' seconds that it took."""
+        """A picture, with its wall-clock and CPU seconds."""
         mi.set_variant(self.variant)
         start = time.perf_counter(), time.process_time()
         picture = np.array(mi.render(self.scene, spp=self.samples, seed=seed), np.float64)
@@ -67,11 +67,11 @@ class Canted:
         view = f"--eye={words(shot.eye)} --target={words(shot.target)} --fov={shot.fov} --env={words(scenes.BLUE)}"
         how = f"--integrator=path --lod=none --device=cpu --sampler={sampler} --json -o {self.out}"
         self.command = [program, "render", folder / "sponza.obj", *view.split(), *how.split()]
-        # What is not rendering: a picture of one sample.
+        # Overhead, measured with a picture of one sample.
         self.setup = self.run((1, 1), 1, 0)[1]
 
     def run(self, size, samples, seed):
-        """Facts about a run, and its processors' seconds."""
+        """Facts about a run, and its CPU seconds."""
         used = lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
         start = used()
         settings = [f"--size={size[0]}x{size[1]}", f"--spp={samples}", f"--seed={seed}"]
@@ -101,16 +101,16 @@ def main(program, samples=64, n_pictures=8):
         contestants = [
             Mitsuba("llvm_ad_rgb", "independent", samples, folder),
             Mitsuba("llvm_ad_rgb", "multijitter", samples, folder),
-            # Roulette from the vertex from which ours plays it.
+            # Russian roulette from the same vertex as ours.
             Mitsuba("llvm_ad_rgb", "independent", samples, folder, rr_depth=2),
             Mitsuba("llvm_ad_rgb", "multijitter", samples, folder, rr_depth=2),
             Mitsuba("scalar_rgb", "independent", int(samples * SCALAR_SHARE), folder),
             *(Canted(program, sampler, samples, folder) for sampler in ("random", "stratified", "sobol")),
         ]
-        # By turns, so that what else the machine does meets all alike.
+        # Alternating, so that other load affects all renderers alike.
         taken = [[each.picture(seed) for each in contestants] for seed in range(1, n_pictures + 1)]
-    head = ["renderer, sampler", "samples", "mean", "seconds", "of processors", "MSE / mean²"]
-    head += ["× seconds, beside the first", "× processors"]
+    head = ["renderer, sampler", "samples", "mean", "seconds", "CPU seconds", "MSE / mean²"]
+    head += ["× seconds, relative to the first", "× CPU seconds"]
     print(f"| {' | '.join(head)} |\n{'| --- ' * len(head)}|")
     first = None
     for each, taken in zip(contestants, zip(*taken)):

@@ -1,4 +1,4 @@
-"""FLIP of two pictures of small integers by the authors' own program, for crates/renderer/src/flip.
+"""FLIP of two generated pictures by the authors' program, for crates/film/src/flip.
 
     pip install flip-evaluator==1.7 && python tests/oracle/flip.py
 """

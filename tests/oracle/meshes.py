@@ -1,4 +1,4 @@
-"""Triangles and materials of OBJ and GLB files, read independently of the workspace.
+"""Triangles and materials of OBJ and GLB files, read by an independent reader.
 
 A model is a list of parts; a part is one material's triangles as a soup: `corners` (n, 3, 3) in world space, `uvs`
 (n, 3, 2) with v up, or None. Shading normals are not read: both renderers are compared on flat triangles.
@@ -20,7 +20,7 @@ class Material:
     color: tuple = (0.8, 0.8, 0.8)
     emission: tuple = (0.0, 0.0, 0.0)
     image: np.ndarray | None = None  # (rows, columns, 3) of 8-bit sRGB, row 0 at the top
-    mask: np.ndarray | None = None  # (rows, columns) of 8-bit alpha, absent below one half
+    mask: np.ndarray | None = None  # (rows, columns) of 8-bit alpha, transparent below one half
     metallic: float = 0.0
     roughness: float = 1.0
     transmission: float = 0.0
@@ -61,7 +61,7 @@ def read_mtl(path):
 
 
 def read_obj(path):
-    """Polygons are cut as fans of their first corner, which is right for convex ones; Sponza's quads are."""
+    """Splits polygons into fans, which is correct for convex ones such as Sponza's quads."""
     positions, coordinates, faces = [], [], {}
     materials, using = {}, None
     for line in path.read_text().splitlines():
@@ -92,7 +92,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def read_glb(path):
-    """Meshes placed by their nodes; primitives of triangles without skins, morphs or sparse accessors."""
+    """Meshes with node transforms; triangle primitives without skins, morphs or sparse accessors."""
     data = path.read_bytes()
     n = struct.unpack("<I", data[12:16])[0]
     gltf, binary = json.loads(data[20 : 20 + n]), data[28 + n :]
@@ -164,7 +164,7 @@ def local(node):
 
 
 def write_ply(path, part):
-    """A soup as binary PLY; Mitsuba's images have row 0 at v = 0, so v is turned over."""
+    """A soup as binary PLY; v is flipped, because row 0 of Mitsuba's images is at v = 0."""
     n = len(part.corners)
     columns = [part.corners.reshape(-1, 3)]
     names = ["x", "y", "z"]

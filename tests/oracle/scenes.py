@@ -1,7 +1,7 @@
-"""The scenes of the oracle, as Mitsuba takes them.
+"""The scenes of the oracle for Mitsuba.
 
-`SHOTS` names every picture: a model, how its surfaces are simplified, a camera, lights, and a length of paths. The same
-numbers stand in `tests/tests/oracle/shots.rs`. World +y is up, angles are degrees, colours linear.
+`SHOTS` lists every picture: model, surface simplification, camera, lights and path length. `tests/tests/oracle/shots.rs` has the
+same numbers. World +y is up, angles are in degrees, colors are linear.
 """
 
 import os
@@ -46,7 +46,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Sky:
-    file: str  # image of all directions; its middle looks along -z, +x is right of it
+    file: str  # image of all directions, centered on -z with +x to the right
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class Shot:
     fov: float  # vertical
     lights: tuple = ()
     environment: tuple = (0.0, 0.0, 0.0)
-    lamp_drop: float | None = None  # by which the model's emitters, which then shine on both sides, hang lower
-    is_lambert: bool = True  # whether metal and glass are replaced by Lambert surfaces of their colour
+    lamp_drop: float | None = None  # lowers the model's emitters and makes them two-sided
+    is_lambert: bool = True  # whether Lambert surfaces of the same color replace metal and glass
     lens: tuple | None = None  # radius, focus distance
-    n_segments: int | None = None  # of a path, the camera's included; None for no limit
-    samples: int = 4096  # of a pixel
+    n_segments: int | None = None  # of a path, including the camera's; None for no limit
+    samples: int = 4096  # per pixel
 
 
 BLUE = (0.4, 0.5, 0.65)
@@ -73,8 +73,8 @@ SPONZA = Shot(
 KITCHEN = Shot(
     "kitchen/country_kitchen.glb", (112, 64), (1.211, 1.80475, 3.85239), (0.7729, 1.76308, 2.95443), 36.5, is_lambert=False, samples=1024
 )
-# The court from above its opening, and the floor that the sun reaches through the kitchen's window: views in which most
-# light comes the shortest way, so that few samples tell much.
+# The court from above its opening, and the kitchen floor lit by the sun through the window. Most light there is direct, so few
+# samples suffice.
 COURT = replace(SPONZA, eye=(600.0, 1350.0, 0.0), target=(-300.0, 450.0, 0.0))
 KITCHEN_FLOOR = replace(KITCHEN, size=(96, 64), eye=(0.7, 2.0, 3.0), target=(1.5, 0.0, 1.3), fov=36.0, samples=4096)
 FLOOR = Shot("floor", (64, 64), (0.0, 4.0, 8.0), (0.0, 0.0, 0.0), 40.0)
@@ -86,8 +86,8 @@ KITCHEN_SUN = Sun((0.3, -0.5, 1.0), (60.0, 55.0, 45.0))
 SHOTS = {
     "cornell-env": replace(CORNELL, environment=BLUE),
     "cornell-sun": replace(CORNELL, environment=BLUE, lights=(CORNELL_SUN,)),
-    # The model's lamp hangs 9 mm below the ceiling, and what light leaves that gap is found by chance alone: it is moved
-    # down. It is above what is seen, for its edge in the picture would be most of the noise.
+    # The model's lamp hangs 9 mm below the ceiling, and only rare paths find the light from that gap, so it is moved down. It is
+    # above the view, because a visible edge would cause most of the noise.
     "cornell-light": replace(CORNELL, target=(-0.23, 1.74, -3.0), fov=27.0, lamp_drop=0.5, samples=8192),
     "cornell-sphere": replace(CORNELL, lights=(Sphere((-0.9, 2.2, -1.2), 0.3, (9.0, 8.0, 6.0)),)),
     "sponza-env": replace(COURT, environment=BLUE),
@@ -102,7 +102,7 @@ SHOTS = {
     "lens": replace(FLOOR, model="floor, checker", environment=BLUE, lens=(0.3, 6.0)),
     "checker": replace(FLOOR, model="checker", environment=(1.0, 1.0, 1.0)),
 }
-# Paths that stop: what light does in one, two and three bounces.
+# Limited paths of one, two and three bounces.
 for n in (2, 3, 4):
     SHOTS[f"cornell-env-{n}"] = replace(SHOTS["cornell-env"], n_segments=n)
 SHOTS["cornell-sun-3"] = replace(SHOTS["cornell-sun"], n_segments=3)
@@ -115,19 +115,19 @@ def quad(a, b, c, d):
 
 
 def part(name):
-    """A piece of the scenes that are made here."""
+    """A part of a generated scene."""
     if name == "floor":
         corners, uvs = quad((-6, 0, 6), (6, 0, 6), (6, 0, -6), (-6, 0, -6))
         return meshes.Part(meshes.Material(name, (0.6, 0.5, 0.4)), corners)
     if name == "disc":
-        # A regular polygon of 64 corners above the floor: both renderers see the same triangles.
+        # A regular polygon of 64 corners above the floor: both renderers use the same triangles.
         turn = np.linspace(0, 2 * np.pi, 65)
-        rim = np.stack([0.8 * np.cos(turn), np.full(65, 1.0), -0.8 * np.sin(turn)], axis=1)
-        middle = np.broadcast_to([0.0, 1.0, 0.0], (64, 3))
-        corners = np.stack([middle, rim[:-1], rim[1:]], axis=1)
+        edge = np.stack([0.8 * np.cos(turn), np.full(65, 1.0), -0.8 * np.sin(turn)], axis=1)
+        center = np.broadcast_to([0.0, 1.0, 0.0], (64, 3))
+        corners = np.stack([center, edge[:-1], edge[1:]], axis=1)
         return meshes.Part(meshes.Material(name, (0.2, 0.3, 0.6)), np.float32(corners))
     assert name == "checker", name
-    # A wall of four times four texels, enlarged, so that the filter shows.
+    # A wall of four times four texels, enlarged to show the filter.
     corners, uvs = quad((-2, 0.5, 0), (2, 0.5, 0), (2, 3.5, -1), (-2, 3.5, -1))
     texels = np.where(np.add.outer(range(4), range(4))[..., None] % 2, [230, 60, 30], [20, 90, 200])
     return meshes.Part(meshes.Material(name, (1.0, 1.0, 1.0), image=np.uint8(texels)), corners, uvs)
@@ -172,7 +172,7 @@ def bsdf(material, is_lambert):
 
 
 class Cutoff(mi.Texture):
-    """1 where a texture, filtered first, is one half or more; else 0."""
+    """1 where a filtered texture is at least one half, else 0."""
 
     def __init__(self, props):
         mi.Texture.__init__(self, props)
@@ -195,7 +195,7 @@ class Cutoff(mi.Texture):
 
 
 def shape(folder, number, part, shot):
-    """The triangles of a part, with those of its back where it emits: emitters of Mitsuba have one side."""
+    """The triangles of a part; emissive ones also get back faces, because Mitsuba's emitters are one-sided."""
     def one(suffix, part):
         path = folder / f"{number}{suffix}.ply"
         meshes.write_ply(path, part)
@@ -211,7 +211,7 @@ def shape(folder, number, part, shot):
     if emits:
         a, b, c = np.moveaxis(part.corners.astype(float), 1, 0)
         normal = np.cross(b - a, c - a)
-        # Far enough behind the front to be another surface, and nearer than anything else.
+        # A separate surface behind the front, closer than anything else.
         behind = 1e-4 * normal / np.linalg.norm(normal, axis=1, keepdims=True)
         back = part.corners[:, ::-1] - behind[:, None]
         shapes[f"part-{number}-back"] = one("-back", meshes.Part(part.material, back))
@@ -219,10 +219,10 @@ def shape(folder, number, part, shot):
 
 
 def sky_image(file):
-    """The image as a table of directions that Mitsuba reads as we do.
+    """The image resampled so that Mitsuba's lookups equal ours.
 
-    Ours is piecewise bilinear between the middles of texels, repeated around and clamped at the poles. Mitsuba's rows
-    reach from pole to pole, first and last on them: a table 16 times as fine takes that difference away.
+    Ours is bilinear between texel centers, periodic around the axis and clamped at the poles. Mitsuba's first and last rows lie
+    on the poles; 16 times the resolution makes the difference negligible.
     """
     texels = np.array(mi.Bitmap(str(ASSETS / file)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
     height, width, _ = texels.shape
@@ -244,7 +244,7 @@ def light(light):
             return {"type": "point", "position": list(light.position), "intensity": rgb(light.intensity)}
         case Spot():
             place = transform.look_at(light.position, light.target, [0, 0, 1])
-            # Mitsuba's edge fades linearly in the angle, that of glTF by a squared cosine: both are made hard.
+            # Mitsuba's falloff is linear in the angle, glTF's is a squared cosine; both are made hard.
             cone = {"cutoff_angle": light.angle, "beam_width": light.angle - 1e-3}
             return {"type": "spot", "to_world": place, "intensity": rgb(light.intensity), **cone}
         case Sphere():
@@ -253,7 +253,7 @@ def light(light):
             place = {"center": list(light.center), "radius": light.radius}
             return {"type": "sphere", **place, "bsdf": black, "emitter": glow}
         case Sky():
-            # Mitsuba's middle looks along +z.
+            # Mitsuba's image is centered on +z.
             turn = transform.rotate([0, 1, 0], 180)
             return {"type": "envmap", "bitmap": mi.Bitmap(np.float32(sky_image(light.file))), "to_world": turn}
     raise TypeError(light)
@@ -275,7 +275,7 @@ def scene(shot, folder):
     if mi.variant() != scene.variant:
         mi.register_texture("cutoff", Cutoff)
         scene.variant = mi.variant()
-    # Only this one lets shadow rays through what a mask cuts out, and does not count that as an event.
+    # Only this integrator passes shadow rays through masked parts without counting them as an event.
     integrator = {"type": "volpath", "max_depth": shot.n_segments or -1}
     made = {"type": "scene", "integrator": integrator, "camera": camera(shot)}
     for number, part in enumerate(parts(shot.model)):

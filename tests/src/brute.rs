@@ -1,11 +1,11 @@
-//! Trying every triangle.
+//! Brute-force traversal: test every triangle.
 
 use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay};
 
-/// The hit of least `t`, ties to the lowest primitive, by a loop over all triangles with the kernel itself.
+/// The closest hit, ties to the lowest primitive, by a loop over all triangles with the kernel itself.
 ///
-/// What the loop finds a tree must find, to the bit: a tree may only leave out boxes that hold nothing.
+/// A BVH must return the same bits, because it may skip only boxes that contain no hit.
 #[must_use]
 pub fn closest_hit<K: Kernel>(records: &[K::Record], ray: &Ray) -> Option<Hit> {
     let ray = ScaledRay::new(ray)?;

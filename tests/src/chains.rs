@@ -1,11 +1,11 @@
-//! Trees as deep as they are long.
+//! Binary trees of maximal depth.
 
 use canted_lbvh::{Child, NodeId, Tree};
 
-/// A chain over `n` primitives in their order: each node a leaf and the rest, the leaf on the side that `is_left` says.
+/// A chain over `n` primitives in order: each node has one leaf and the rest below it; `is_left` chooses the leaf's side.
 ///
 /// # Panics
-/// Fewer than two primitives make no chain.
+/// Panics for fewer than two primitives.
 #[must_use]
 pub fn chain(n: u32, is_left: impl Fn(u32) -> bool) -> Tree {
     let children: Vec<_> = (0..n - 1)

@@ -1,9 +1,9 @@
-//! Sets of points that fits get wrong first, by name.
+//! Difficult point sets for box fits, by name.
 
 use canted_fixtures::SplitMix64;
 use canted_obb::Quaternion;
 
-/// Sets of one kind.
+/// Point sets of one kind.
 pub struct Cloud {
     /// The kind.
     pub case: &'static str,
@@ -25,13 +25,13 @@ pub fn random_rotation(rng: &mut SplitMix64) -> Quaternion {
 
 /// `turn · (scale ∘ x) + offset`, rounded.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "points are rounded like everything")]
+#[expect(clippy::cast_possible_truncation, reason = "points are f32")]
 pub fn placed(turn: &Quaternion, scale: [f64; 3], offset: [f64; 3], x: [f64; 3]) -> [f32; 3] {
     let columns = turn.columns();
     std::array::from_fn(|k| ((0..3).map(|a| columns[a][k] * scale[a] * x[a]).sum::<f64>() + offset[k]) as f32)
 }
 
-/// Every kind; `effort` times as many sets of those that are random.
+/// All kinds; `effort` multiplies the number of random sets.
 #[must_use]
 pub fn extreme(effort: usize) -> Vec<Cloud> {
     let mut rng = SplitMix64::new(30);
@@ -54,7 +54,7 @@ pub fn extreme(effort: usize) -> Vec<Cloud> {
         Cloud { case: "two points", sets: sets(2, [4.0, 1.0, 9.0], [0.1, 0.2, 0.3]) },
         Cloud { case: "collinear", sets: sets(30, [4.0, 0.0, 0.0], [9.0, 0.0, 0.0]) },
         Cloud { case: "coplanar", sets: sets(60, [4.0, 3.0, 0.0], [0.1, 0.2, 0.3]) },
-        Cloud { case: "a point 1,000 times", sets: vec![vec![[0.1, -3.7, 123.456]; 1000]] },
+        Cloud { case: "one point, 1,000 times", sets: vec![vec![[0.1, -3.7, 123.456]; 1000]] },
         Cloud {
             case: "equal eigenvalues: cubes, octahedron, tetrahedron",
             sets: vec![
@@ -72,21 +72,21 @@ pub fn extreme(effort: usize) -> Vec<Cloud> {
             ],
         },
         Cloud { case: "needle, 1e6 : 1", sets: sets(40, [1e3, 1e-3, 1e-3], [0.0; 3]) },
-        Cloud { case: "at 1e7, 1e-3 large", sets: sets(60, [1e-3; 3], [1e7, -1e7, 3e6]) },
-        Cloud { case: "at 1e7 along x alone, 1e-3 large", sets: sets(60, [1e-3, 2e-3, 1e-3], [1e7, 0.0, -0.5]) },
+        Cloud { case: "at 1e7, size 1e-3", sets: sets(60, [1e-3; 3], [1e7, -1e7, 3e6]) },
+        Cloud { case: "at 1e7 along x only, size 1e-3", sets: sets(60, [1e-3, 2e-3, 1e-3], [1e7, 0.0, -0.5]) },
         Cloud { case: "scale 1e-20", sets: sets(40, [1e-20, 2e-20, 1e-21], [0.0; 3]) },
         Cloud { case: "scale 1e20", sets: sets(40, [1e20, 2e20, 1e19], [-1e20; 3]) },
-        Cloud { case: "scales over 1e12 in one set", sets: mixed(&sets(20, [1e6; 3], [0.0; 3]), effort) },
+        Cloud { case: "scale ratio 1e12 in one set", sets: mixed(&sets(20, [1e6; 3], [0.0; 3]), effort) },
         Cloud { case: "denormal", sets: sets(40, [1e-40, 2e-40, 1e-41], [0.0; 3]) },
         Cloud {
-            case: "the whole range of f32",
+            case: "full range of f32",
             sets: vec![vec![[f32::MAX, f32::MAX, f32::MIN], [f32::MIN, f32::MAX, 0.0], [0.0, f32::MIN, f32::MIN]]],
         },
         Cloud { case: "negative zeros", sets: vec![vec![[-0.0, 0.0, -0.0], [0.0, -0.0, 1.0], [-0.0, 1.0, -0.0]]] },
     ]
 }
 
-/// Each set with as many points a millionth of a millionth as far from the origin.
+/// Each set with as many points again, scaled by 1e-12.
 fn mixed(large: &[Vec<[f32; 3]>], effort: usize) -> Vec<Vec<[f32; 3]>> {
     let small = |p: &[f32; 3]| p.map(|x| x * 1e-12);
     large.iter().take(10 * effort).map(|set| set.iter().copied().chain(set.iter().map(small)).collect()).collect()

@@ -1,14 +1,14 @@
-//! Crossings of a surface: those among all hits of a ray, and whether they lead in and out of it in turn.
+//! Surface crossings among all hits of a ray, and whether they alternate between entering and leaving.
 //!
-//! Not covered: devices, which tell first hits alone, and these only up to their error.
+//! Not covered: devices, which return only first hits, and these within an error.
 
 use canted_fixtures::Mesh;
 use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, Shear, Side};
 
-use crate::judge::corners;
+use crate::reference::corners;
 
-/// Notes what it is shown of the first instance, and accepts nothing, so that it is shown every hit.
+/// Records every hit of the first instance and accepts none, so that the query reports all of them.
 pub(crate) struct Everything(Vec<Hit>);
 
 impl Query for Everything {
@@ -20,18 +20,18 @@ impl Query for Everything {
     }
 }
 
-/// Every hit on the first instance that a closest-hit query asks about, in any order, some perhaps twice.
+/// Every hit on the first instance that a closest-hit query considers, unordered and possibly repeated.
 pub(crate) fn all_hits(ask: impl FnOnce(&mut Everything) -> Option<Hit>) -> Vec<Hit> {
     let mut everything = Everything(vec![]);
     let accepted = ask(&mut everything);
-    assert!(accepted.is_none(), "what is not accepted is no answer: {accepted:?}");
+    assert!(accepted.is_none(), "the query accepted a hit: {accepted:?}");
     everything.0
 }
 
-/// Of all hits of a ray on the watertight kernel's triangles those that cross the surface, least `t` first.
+/// Those hits of a ray on the watertight kernel's triangles that cross the surface, sorted by `t`.
 ///
-/// They are the hits that the ray has as well where it is moved by an infinitesimal `(ε, ε²)` across itself: then it meets no edge
-/// and no vertex. The rule is that of `TriangleBvh::crossings`, which names the lowest triangle around an edge in their place.
+/// They are the hits of the ray moved sideways by an infinitesimal `(ε, ε²)`, which hits no edge and no vertex.
+/// `TriangleBvh::crossings` uses the same rule, but reports the lowest triangle around an edge.
 #[must_use]
 pub fn of_hits(mesh: &Mesh, ray: &Ray, mut hits: Vec<Hit>) -> Vec<Hit> {
     let Some(scaled) = ScaledRay::new(ray) else { return vec![] };
@@ -43,7 +43,7 @@ pub fn of_hits(mesh: &Mesh, ray: &Ray, mut hits: Vec<Hit>) -> Vec<Hit> {
     hits
 }
 
-/// Whether the moved ray pierces a triangle, seen along the ray at the kernel's own coordinates.
+/// Whether the moved ray hits the triangle, in the kernel's own sheared coordinates.
 fn is_crossed(shear: &Shear, ray: &ScaledRay, corners: [[f32; 3]; 3]) -> bool {
     let [s_x, s_y] = shear.factors();
     let [a, b, c] = corners.map(|corner| {
@@ -54,9 +54,9 @@ fn is_crossed(shear: &Shear, ray: &ScaledRay, corners: [[f32; 3]; 3]) -> bool {
     sides == [1; 3] || sides == [-1; 3]
 }
 
-/// On which side of the line from `p` to `q` the point `(ε, ε²)` lies; zero where they are one point.
+/// On which side of the line from `p` to `q` the point `(ε, ε²)` lies; zero if the points coincide.
 ///
-/// `(p - e) × (q - e) = p × q + (p_y - q_y)·ε + (q_x - p_x)·ε²`, whose first term is exact in `f64`: the first that is not zero
+/// `(p - e) × (q - e) = p × q + (p_y - q_y)·ε + (q_x - p_x)·ε²`. The first term is exact in `f64`; the first nonzero term
 /// decides.
 fn side(p: [f32; 2], q: [f32; 2]) -> i8 {
     let [[p_x, p_y], [q_x, q_y]] = [p, q].map(|point| point.map(f64::from));
@@ -73,8 +73,8 @@ pub fn opposite(side: Side) -> Side {
     }
 }
 
-/// Whether crossings of a closed surface, least `t` first, are as they must be of a ray from inside or outside that is known to
-/// meet it: at least one, no triangle twice, and as often inward as outward, less the one time that it began inside.
+/// Whether the crossings of a closed surface, sorted by `t`, are balanced for a ray known to hit it: at least one crossing,
+/// no triangle twice, and as many entering as leaving, less one if the ray starts inside.
 #[must_use]
 pub fn are_balanced(crossings: &[Hit], inward: Side, from_inside: bool) -> bool {
     let mut primitives: Vec<PrimId> = crossings.iter().map(|hit| hit.primitive).collect();
@@ -84,13 +84,12 @@ pub fn are_balanced(crossings: &[Hit], inward: Side, from_inside: bool) -> bool 
     are_once && !crossings.is_empty() && n_inward + usize::from(from_inside) == crossings.len() - n_inward
 }
 
-/// Whether they moreover lead in and out in turn, as they do of a surface that does not cut itself.
+/// Whether the crossings also alternate, as required for a surface without self-intersections.
 ///
-/// Crossings are those of one mesh near the true one, whose vertices lie where the kernel sees them, in the order along the ray.
-/// The division and the rounding of `t` keep that order but among neighbours: `t` that are equal or next to each other stand in
-/// any order.
+/// A mesh near the true one, with vertices where the kernel sees them, has alternating crossings. Division and rounding of `t`
+/// keep their order except among neighbors: crossings whose `t` are equal or adjacent may come in any order.
 #[must_use]
-pub fn are_in_turn(crossings: &[Hit], inward: Side, from_inside: bool) -> bool {
+pub fn are_alternating(crossings: &[Hit], inward: Side, from_inside: bool) -> bool {
     let mut n_around = usize::from(from_inside);
     let leads_on = |around: &[Hit]| {
         let n_inward = around.iter().filter(|hit| hit.side == inward).count();
@@ -110,11 +109,11 @@ mod tests {
     use super::*;
     use crate::closed::{Closed, closed, rays};
 
-    /// A ray, all of its hits and its crossings.
-    type Asked = (Ray, Vec<Hit>, Vec<Hit>);
+    /// A ray, all its hits and its crossings.
+    type Traced = (Ray, Vec<Hit>, Vec<Hit>);
 
-    /// Rays at vertices and edges of closed meshes, those of even number from inside.
-    fn asked() -> Vec<(Mesh, Vec<Asked>)> {
+    /// Rays at vertices and edges of closed meshes; even ones start inside.
+    fn traced() -> Vec<(Mesh, Vec<Traced>)> {
         let of = |closed: Closed| {
             let tree =
                 TriangleBvh::<Watertight>::build(&closed.mesh.positions, &closed.mesh.triangles, &Config::default())
@@ -132,10 +131,10 @@ mod tests {
     }
 
     #[test]
-    fn both_ways_count_the_same_crossings() {
+    fn both_methods_count_the_same_crossings() {
         let mut n_more = 0;
-        for (mesh, asked) in asked() {
-            for (ray, hits, crossings) in asked {
+        for (mesh, traced) in traced() {
+            for (ray, hits, crossings) in traced {
                 n_more += usize::from(hits.len() > crossings.len());
                 let sides = |hits: &[Hit], side| hits.iter().filter(|hit| hit.side == side).count();
                 let found = of_hits(&mesh, &ray, hits);
@@ -144,36 +143,36 @@ mod tests {
                 }
             }
         }
-        // Without the rule these would be counted twice.
-        assert!(n_more > 300, "{n_more} rays meet an edge or a vertex");
+        // These rays would count a crossing twice without the rule.
+        assert!(n_more > 300, "{n_more} rays hit an edge or a vertex");
     }
 
     #[test]
-    fn a_doubled_a_missing_and_a_shifted_crossing_are_seen() {
+    fn duplicate_missing_and_extra_crossings_are_detected() {
         let elsewhere = |hit: &Hit| Hit { primitive: PrimId(hit.primitive.0 + 10_000), ..*hit };
-        for (_, asked) in asked() {
-            for (i, (ray, _, crossings)) in asked.into_iter().enumerate() {
-                let check = |crossings: &[Hit]| are_in_turn(crossings, Side::Front, i % 2 == 0);
+        for (_, traced) in traced() {
+            for (i, (ray, _, crossings)) in traced.into_iter().enumerate() {
+                let check = |crossings: &[Hit]| are_alternating(crossings, Side::Front, i % 2 == 0);
                 assert!(check(&crossings), "{ray:?}: {crossings:?}");
-                assert!(!check(&[]), "no crossing is none missed");
+                assert!(!check(&[]), "no crossings must be rejected");
                 for k in 0..crossings.len() {
-                    let (mut missing, mut doubled, mut beside) =
+                    let (mut missing, mut duplicate, mut extra) =
                         (crossings.clone(), crossings.clone(), crossings.clone());
                     missing.remove(k);
-                    doubled.insert(k, crossings[k]);
-                    beside.insert(k, elsewhere(&crossings[k]));
-                    assert!(![missing, doubled, beside].iter().any(|bad| check(bad)), "{ray:?}: {crossings:?}, {k}");
+                    duplicate.insert(k, crossings[k]);
+                    extra.insert(k, elsewhere(&crossings[k]));
+                    assert!(![missing, duplicate, extra].iter().any(|bad| check(bad)), "{ray:?}: {crossings:?}, {k}");
                 }
-                let all_doubled: Vec<Hit> = crossings.iter().flat_map(|hit| [*hit, elsewhere(hit)]).collect();
-                assert!(!check(&all_doubled), "{ray:?}");
-                // The other way round it would come from inside.
-                assert!(!are_in_turn(&crossings, Side::Back, i % 2 == 0), "{ray:?}");
+                let all_duplicate: Vec<Hit> = crossings.iter().flat_map(|hit| [*hit, elsewhere(hit)]).collect();
+                assert!(!check(&all_duplicate), "{ray:?}");
+                // With the other winding the ray would start inside.
+                assert!(!are_alternating(&crossings, Side::Back, i % 2 == 0), "{ray:?}");
             }
         }
     }
 
     #[test]
-    fn what_is_only_balanced_leads_not_in_turn() {
+    fn balanced_crossings_need_not_alternate() {
         let at = |t: f32, side, primitive| Hit {
             t,
             u: 0.0,
@@ -183,9 +182,9 @@ mod tests {
             side,
         };
         let out_and_in = [at(1.0, Side::Back, 0), at(2.0, Side::Front, 1)];
-        assert!(are_balanced(&out_and_in, Side::Front, false) && !are_in_turn(&out_and_in, Side::Front, false));
-        // Next to each other they may stand in any order.
+        assert!(are_balanced(&out_and_in, Side::Front, false) && !are_alternating(&out_and_in, Side::Front, false));
+        // Crossings with adjacent `t` may come in any order.
         let near = [at(1.0, Side::Back, 0), at(1.0f32.next_up(), Side::Front, 1)];
-        assert!(are_in_turn(&near, Side::Front, false));
+        assert!(are_alternating(&near, Side::Front, false));
     }
 }

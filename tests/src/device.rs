@@ -1,4 +1,4 @@
-//! Devices, which not every machine has: where there is none, the sentence of a skipped test.
+//! Devices, which are optional: without one a test is skipped with a message.
 
 use canted_fixtures::or_skip;
 use canted_gpu::{Choice, Gpu, Limits};
@@ -9,7 +9,7 @@ pub fn gpu(test: &str) -> Option<Gpu> {
     or_skip(test, Gpu::open(&Choice::Best))
 }
 
-/// The best adapter, whose storage bindings have this many bytes at most.
+/// The best adapter with storage bindings limited to this many bytes.
 #[must_use]
 pub fn lowered(test: &str, most: u64) -> Option<Gpu> {
     let lower = |limits| Limits { max_storage_buffer_binding_size: most, ..limits };

@@ -1,8 +1,8 @@
-//! How far a point is from a triangle, in `f64`.
+//! Distance of a point from a triangle, in `f64`.
 
 use crate::vector::{Vector, cross, dot, length, sub};
 
-/// Distance of a point from a triangle, degenerate ones too: from its plane where it projects inside, else from its edges.
+/// Distance of a point from a triangle, including degenerate ones: from its plane if the projection is inside, else from its edges.
 #[must_use]
 pub fn distance(p: Vector, corners: [Vector; 3]) -> f64 {
     let normal = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
@@ -23,7 +23,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_plane_an_edge_a_corner_and_no_plane_at_all() {
+    fn distance_to_plane_edge_corner_and_degenerate_triangle() {
         let corners = [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
         assert_eq!(distance([0.5, 0.5, 3.0], corners), 3.0);
         assert_eq!(distance([1.0, -4.0, 3.0], corners), 5.0);

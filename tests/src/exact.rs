@@ -1,13 +1,13 @@
-//! Boxes, rays and transforms without rounding.
+//! Boxes, rays and transforms in exact arithmetic.
 //!
-//! Every finite `f32` is a whole multiple of 2^-149, so geometry is computed on integers: [`whole`] counts in that unit.
-//! A product of `n` coordinates then counts in 2^(-149 n); both sides of a comparison are brought to the same unit.
+//! Every finite `f32` is an integer multiple of 2^-149, so geometry is computed on integers in that unit (see [`in_units`]).
+//! A product of `n` coordinates has the unit 2^(-149 n); both sides of a comparison are converted to the same unit.
 
 use canted_obb::{Affine, Obb};
 use canted_trace::Ray;
 use num_bigint::BigInt;
 
-/// Bits after the point of the unit 2^-149.
+/// Fractional bits of the unit 2^-149.
 pub(crate) const UNIT_BITS: u32 = 149;
 
 pub(crate) type Point = [BigInt; 3];
@@ -15,10 +15,10 @@ pub(crate) type Point = [BigInt; 3];
 /// `x` in units of 2^-149.
 ///
 /// # Panics
-/// Where `x` is not finite.
+/// Panics if `x` is not finite.
 #[must_use]
-pub fn whole(x: f32) -> BigInt {
-    assert!(x.is_finite(), "{x} is no multiple of anything");
+pub fn in_units(x: f32) -> BigInt {
+    assert!(x.is_finite(), "{x} is not finite");
     let exponent = x.to_bits() >> 23 & 0xff;
     let fraction = x.to_bits() & 0x7f_ffff;
     let magnitude = match exponent {
@@ -29,7 +29,7 @@ pub fn whole(x: f32) -> BigInt {
 }
 
 pub(crate) fn point(p: [f32; 3]) -> Point {
-    p.map(whole)
+    p.map(in_units)
 }
 
 pub(crate) fn sub(a: &Point, b: &Point) -> Point {
@@ -57,11 +57,11 @@ pub fn contains(obb: &Obb, p: [f32; 3]) -> bool {
     determinant > BigInt::ZERO
         && (0..3).all(|k| {
             let numerator = abs(dot(&cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]), &offset));
-            numerator << UNIT_BITS <= whole(obb.half_extents[k]) * &determinant
+            numerator << UNIT_BITS <= in_units(obb.half_extents[k]) * &determinant
         })
 }
 
-/// Whether `obb` contains all of `inner`: along each of its axes the farthest corner; a singular frame contains nothing.
+/// Whether `obb` contains all corners of `inner`; a singular frame contains nothing.
 #[must_use]
 pub fn contains_box(obb: &Obb, inner: &Obb) -> bool {
     let frame = obb.frame.map(point);
@@ -71,46 +71,46 @@ pub fn contains_box(obb: &Obb, inner: &Obb) -> bool {
         && (0..3).all(|k| {
             let cofactors = cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]);
             let sides = inner.frame.iter().zip(inner.half_extents);
-            let support: BigInt = sides.map(|(axis, half)| abs(dot(&cofactors, &point(*axis))) * whole(half)).sum();
-            (abs(dot(&cofactors, &offset)) << UNIT_BITS) + support <= whole(obb.half_extents[k]) * &determinant
+            let support: BigInt = sides.map(|(axis, half)| abs(dot(&cofactors, &point(*axis))) * in_units(half)).sum();
+            (abs(dot(&cofactors, &offset)) << UNIT_BITS) + support <= in_units(obb.half_extents[k]) * &determinant
         })
 }
 
-/// What a ray does to a triangle of which each vertex may lie elsewhere, by a margin.
+/// Result of a ray-triangle test in which each vertex may be displaced by a margin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It pierces the triangle wherever the vertices are.
+    /// The ray hits the triangle for every displacement.
     Pierced,
-    /// It misses the triangle wherever the vertices are.
+    /// The ray misses the triangle for every displacement.
     Missed,
-    /// It depends.
+    /// The result depends on the displacement.
     Open,
 }
 
-/// Margins of a verdict, in units of the space.
+/// Margins of a verdict, in scene units.
 #[derive(Clone, Copy, Debug)]
 pub struct Margin {
-    /// Greatest distance of a vertex from where it should be, across the ray: seen along its greatest axis.
+    /// Greatest displacement of a vertex across the ray, seen along the ray's greatest axis.
     pub across: f32,
     /// Greatest distance of the reported point from the triangle's plane.
     pub along: f32,
 }
 
-/// Judges a ray without end and with `t_min = 0`.
+/// Classifies a ray with `t_min = 0` and no end.
 ///
-/// Seen along the ray the vertices are points of a plane, and the ray is its origin. It lies inside the triangle, or
-/// beyond an edge, by more than the margin: then it does so for every triangle whose vertices are that near.
+/// Seen along the ray, the vertices are points of a plane and the ray is the origin. If it is inside the triangle or beyond
+/// an edge by more than the margin, the same holds for every triangle with vertices that close.
 #[must_use]
 pub fn verdict(ray: &Ray, corners: [[f32; 3]; 3], margin: &Margin) -> Verdict {
     let (origin, direction) = (point(ray.origin), point(ray.direction));
     let z = (0..3).fold(0, |best, k| if ray.direction[k].abs() > ray.direction[best].abs() { k } else { best });
     let (x, y) = ((z + 1) % 3, (z + 2) % 3);
-    // Sheared along the ray and multiplied by its greatest component, so that nothing is divided.
+    // Sheared along the ray and multiplied by its greatest component, so that no division is needed.
     let seen = corners.map(|corner| {
         let a = sub(&point(corner), &origin);
         [x, y].map(|k| &a[k] * &direction[z] - &direction[k] * &a[z])
     });
-    let reach = whole(margin.across) * &direction[z];
+    let reach = in_units(margin.across) * &direction[z];
     let edges: [(BigInt, BigInt); 3] = std::array::from_fn(|i| {
         let (p, q) = (&seen[i], &seen[(i + 1) % 3]);
         let (e_x, e_y) = (&q[0] - &p[0], &q[1] - &p[1]);
@@ -125,7 +125,7 @@ pub fn verdict(ray: &Ray, corners: [[f32; 3]; 3], margin: &Margin) -> Verdict {
     }
     let (normal, offset) = plane(&corners, &origin);
     let rate = dot(&normal, &direction);
-    let depth = whole(margin.along) * whole(margin.along) * dot(&normal, &normal);
+    let depth = in_units(margin.along) * in_units(margin.along) * dot(&normal, &normal);
     let off_plane = &offset * &offset > depth;
     match (off_plane, edges.iter().all(|edge| clear(edge) && inward(edge)), &offset * &rate > BigInt::ZERO) {
         (true, true, true) => Verdict::Pierced,
@@ -139,12 +139,12 @@ pub fn verdict(ray: &Ray, corners: [[f32; 3]; 3], margin: &Margin) -> Verdict {
 pub fn near_plane(ray: &Ray, t: f32, corners: [[f32; 3]; 3], along: f32) -> bool {
     let (normal, offset) = plane(&corners, &point(ray.origin));
     let rate = dot(&normal, &point(ray.direction));
-    let distance = whole(t) * rate - (offset << UNIT_BITS);
-    let reach = whole(along) << UNIT_BITS;
+    let distance = in_units(t) * rate - (offset << UNIT_BITS);
+    let reach = in_units(along) << UNIT_BITS;
     &distance * &distance <= &reach * &reach * dot(&normal, &normal)
 }
 
-/// A normal of any length, and its product with the way from `origin` to the plane.
+/// An unnormalized normal, and its dot product with the vector from `origin` to the plane.
 pub(crate) fn plane(corners: &[[f32; 3]; 3], origin: &Point) -> (Point, BigInt) {
     let [a, b, c] = corners.map(point);
     let normal = cross(&sub(&b, &a), &sub(&c, &a));
@@ -152,8 +152,8 @@ pub(crate) fn plane(corners: &[[f32; 3]; 3], origin: &Point) -> (Point, BigInt) 
     (normal, offset)
 }
 
-/// Whether `p_object` is the exact inverse image of `p_world`, each component rounded once and off by no more than
-/// 2^-24 of itself plus 2^-`slack_bits` of `size`.
+/// Whether `p_object` is the exact inverse image of `p_world` with each component rounded once, and off by at most 2^-24 of
+/// itself plus 2^-`slack_bits` of `size`.
 #[must_use]
 pub fn is_inverse_image(
     world_from_object: &Affine,
@@ -167,10 +167,10 @@ pub fn is_inverse_image(
     let determinant = dot(&a, &cross(&b, &c));
     let rows = [cross(&b, &c), cross(&c, &a), cross(&a, &b)];
     (0..3).all(|k| {
-        // All in units of 2^(-149·4), and times 2^(24 + slack_bits).
+        // In units of 2^(-149·4), times 2^(24 + slack_bits).
         let exact = dot(&rows[k], &offset) << UNIT_BITS;
-        let error = abs(whole(p_object[k]) * &determinant - &exact) << (24 + slack_bits);
-        error <= (abs(exact) << slack_bits) + (abs(whole(size) * &determinant) << 24)
+        let error = abs(in_units(p_object[k]) * &determinant - &exact) << (24 + slack_bits);
+        error <= (abs(exact) << slack_bits) + (abs(in_units(size) * &determinant) << 24)
     })
 }
 
@@ -179,15 +179,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_whole_multiples() {
-        assert_eq!(whole(f32::from_bits(1)), BigInt::from(1));
-        assert_eq!(whole(-1.5), -(BigInt::from(3) << 148u32));
-        assert_eq!(whole(f32::MIN_POSITIVE), BigInt::from(1) << 23u32);
-        assert_eq!(whole(-0.0), BigInt::ZERO);
+    fn values_are_integer_multiples_of_the_unit() {
+        assert_eq!(in_units(f32::from_bits(1)), BigInt::from(1));
+        assert_eq!(in_units(-1.5), -(BigInt::from(3) << 148u32));
+        assert_eq!(in_units(f32::MIN_POSITIVE), BigInt::from(1) << 23u32);
+        assert_eq!(in_units(-0.0), BigInt::ZERO);
     }
 
     #[test]
-    fn boxes_have_closed_ends() {
+    fn boxes_are_closed() {
         let obb = Obb {
             center: [1.0; 3],
             frame: [[0.5, 0.5, 0.0], [-0.5, 0.5, 0.0], [0.0, 0.0, 1.0]],
@@ -214,14 +214,14 @@ mod tests {
     #[test]
     fn verdicts_on_a_right_triangle() {
         let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
-        let judge = |x: f32, across: f32, z: f32| {
+        let classify = |x: f32, across: f32, z: f32| {
             let ray = Ray::new([x, 1.0, 0.0], [0.0, 0.0, z]);
             verdict(&ray, corners, &Margin { across, along: 0.25 })
         };
-        assert_eq!(judge(0.5, 0.25, 1.0), Verdict::Pierced);
-        assert_eq!(judge(0.5, 0.25, -1.0), Verdict::Missed);
-        assert_eq!([judge(0.25, 0.25, 3.0), judge(-0.25, 0.25, 3.0)], [Verdict::Open; 2]);
-        assert_eq!(judge(-0.5, 0.25, 1.0), Verdict::Missed);
+        assert_eq!(classify(0.5, 0.25, 1.0), Verdict::Pierced);
+        assert_eq!(classify(0.5, 0.25, -1.0), Verdict::Missed);
+        assert_eq!([classify(0.25, 0.25, 3.0), classify(-0.25, 0.25, 3.0)], [Verdict::Open; 2]);
+        assert_eq!(classify(-0.5, 0.25, 1.0), Verdict::Missed);
         let ray = Ray::new([0.5, 1.0, 0.0], [0.0, 0.0, 0.5]);
         assert!(near_plane(&ray, 2.0, corners, 0.0) && near_plane(&ray, 2.5, corners, 0.25));
         assert!(!near_plane(&ray, 2.5, corners, 0.249));

@@ -1,12 +1,12 @@
-//! The numerical contract, case by case, as data: what is promised, what judges it, and the worst that was measured.
+//! The numerical contract as data: each promise on each case, its reference, and the worst measured value.
 //!
 //! ```text
-//! a case's inputs -> a routine -> an oracle simpler than it -> Row { promise, bound, worst }
+//! a case's inputs -> a routine -> a simpler oracle -> Row { promise, bound, worst }
 //! ```
 //!
-//! A row is one routine on one case, over the inputs of which the oracle is certain. Tests assert that every row of ours holds;
-//! `cargo xtask extremes` writes all of them, with what peers do on the same input, and the report shows them. Nothing here
-//! depends on a clock: the same rows on every run. Not covered: how long anything takes (`degenerate.rs`, the benches).
+//! A row is one routine on one case, over the inputs that the oracle decides with certainty. Tests assert that each of our rows
+//! holds; `cargo xtask extremes` writes all rows, with the results of peers on the same input, and the report shows them. Nothing
+//! depends on a clock: every run gives the same rows. Not covered: run time (`degenerate.rs`, the benches).
 
 mod built;
 mod film;
@@ -29,35 +29,36 @@ pub use promise::{Measure, Oracle, Promise, Row};
 pub use table::{lines, summary, table};
 pub use trackers::{TRACKERS, Tracker};
 
-use crate::tracers::{self, Way, Word};
+use crate::tracers::{self, Guarantee, Method};
 
-/// Every row of every station.
+/// Every row of every stage.
 ///
-/// `effort` multiplies the inputs tried. `ways` are whom the cases with rays are put before.
+/// `effort` multiplies the inputs. `methods` are the tracers of the cases with rays.
 #[must_use]
-pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
+pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
     let mut rows =
         [fit::rows(effort), merge::rows(effort), rotation::rows(effort), tree::rows(), limits::rows()].concat();
     rows.extend(built::rows());
     rows.extend([slab::rows(effort), lanes::rows(effort), triangle::rows(effort)].concat());
-    rows.extend([hierarchy::rows(effort, ways), none::rows(ways)].concat());
+    rows.extend([hierarchy::rows(effort, methods), none::rows(methods)].concat());
     let placed = tracers::two_levels();
-    let placed: Vec<&Way> = placed.iter().chain(ways.iter().filter(|way| way.word == Word::Peer)).collect();
+    let placed: Vec<&Method> =
+        placed.iter().chain(methods.iter().filter(|method| method.guarantee == Guarantee::Peer)).collect();
     rows.extend([instance::rows(effort, &placed), film::rows()].concat());
-    rows.extend(TRACKERS.iter().flat_map(|tracker| (tracker.rows)(ways)));
+    rows.extend(TRACKERS.iter().flat_map(|tracker| (tracker.rows)(methods)));
     rows
 }
 
-/// What is not tried on this machine, in words: what it lacks, by the names that [`tracers::ours`] gives, and the stations that need a
-/// device where there is none.
+/// What this machine cannot test: the tracers that it lacks, by the names that [`tracers::ours`] returns, and the stages that need a
+/// device if there is none.
 #[must_use]
 pub fn not_tried(lacking: &[String]) -> Vec<String> {
-    let lacking = lacking.iter().map(|name| format!("{name}, which this machine has not"));
+    let lacking = lacking.iter().map(|name| format!("{name}: not available on this machine"));
     lacking.chain(built::not_tried()).collect()
 }
 
-/// What rounding a frame to `f32` may add to a box that is merged along it, relative to its greatest half-extent.
+/// Greatest growth of a box merged along an `f32` frame, relative to its greatest half-extent.
 ///
-/// The frame is rounded in the child and in the parent, by half a unit in the last place of each of three entries, and
-/// turns the box's diagonal, `√3` times as long at most.
+/// The frame is rounded in the child and in the parent by half a unit in the last place of each of three entries, which
+/// rotates the box's diagonal, at most `√3` times as long.
 pub(crate) const REFRAMED: f64 = 2.0 * 3.0 * 1.733 * 0.5 * f32::EPSILON as f64;

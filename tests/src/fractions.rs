@@ -1,4 +1,4 @@
-//! Rays, boxes and triangles in fractions: where integers alone would not say how much.
+//! Rays, boxes and triangles in exact fractions, for results that need a quotient.
 
 use canted_obb::{Aabb, Obb};
 use canted_trace::Ray;
@@ -6,23 +6,23 @@ use num_bigint::BigInt;
 use num_rational::BigRational;
 use num_traits::{Signed, ToPrimitive, Zero};
 
-use crate::exact::{UNIT_BITS, abs, cross, dot, plane, point, sub, whole};
+use crate::exact::{UNIT_BITS, abs, cross, dot, in_units, plane, point, sub};
 
-/// Whether a ray is in a box for any real `t` of its closed interval; a singular frame has no inside.
+/// Whether a ray hits a box within its closed interval; never for a singular frame.
 #[must_use]
-pub fn meets_box(ray: &Ray, obb: &Obb) -> bool {
+pub fn intersects_box(ray: &Ray, obb: &Obb) -> bool {
     BoxEntry::of(ray, obb).is_some()
 }
 
-/// Where a ray enters a box, without rounding.
+/// The exact point at which a ray enters a box.
 #[derive(Clone, Debug)]
 pub struct BoxEntry {
-    /// The least `t` of the ray's interval in the box, in units of the direction.
+    /// The least `t` of the ray's interval inside the box, in units of the direction.
     pub t: BigRational,
 }
 
 impl BoxEntry {
-    /// Of a ray that is in the box for any real `t` of its closed interval; a singular frame has no inside.
+    /// The entry of a ray that hits the box within its closed interval; `None` for a singular frame.
     #[must_use]
     pub fn of(ray: &Ray, obb: &Obb) -> Option<Self> {
         let frame = obb.frame.map(point);
@@ -34,15 +34,15 @@ impl BoxEntry {
         let direction = point(ray.direction);
         let slab = |k: usize| {
             let row = cross(&frame[(k + 1) % 3], &frame[(k + 2) % 3]);
-            // All three in units of 2^(-149·3), times 2^149 for the half-extent.
+            // All three in units of 2^(-149·3); the half-extent is multiplied by 2^149.
             let (start, rate) = (dot(&row, &offset) << UNIT_BITS, dot(&row, &direction) << UNIT_BITS);
-            let half = whole(obb.half_extents[k]) * &determinant;
+            let half = in_units(obb.half_extents[k]) * &determinant;
             ([-&half - &start, half - start], rate)
         };
         Self::within(ray, slab)
     }
 
-    /// Of a ray and a box along the axes, likewise; an empty one is entered by none.
+    /// The same for an axis-aligned box; rays never enter an empty one.
     #[must_use]
     pub fn of_aabb(ray: &Ray, aabb: &Aabb) -> Option<Self> {
         let [min, max] = [aabb.min, aabb.max].map(point);
@@ -51,8 +51,7 @@ impl BoxEntry {
         Self::within(ray, slab)
     }
 
-    /// Clips a ray's interval to three slabs, each the least and the greatest place in it, from the origin, and the rate at which the
-    /// ray crosses it.
+    /// Clips a ray's interval to three slabs, each given by its bounds relative to the origin and the ray's speed across it.
     fn within(ray: &Ray, slab: impl Fn(usize) -> ([BigInt; 2], BigInt)) -> Option<Self> {
         let mut first = number(ray.t_min);
         let mut last = ray.t_max.is_finite().then(|| number(ray.t_max));
@@ -75,13 +74,13 @@ impl BoxEntry {
         last.is_none_or(|last| first <= last).then_some(Self { t: first })
     }
 
-    /// Whether the ray begins before it enters.
+    /// Whether the ray starts before the entry.
     #[must_use]
     pub fn is_behind_start(&self, ray: &Ray) -> bool {
         self.t > number(ray.t_min)
     }
 
-    /// Error of `t` in units in the last place of the true value; no number where that is beyond all of `f32`.
+    /// Error of `t` in units in the last place of the true value; NaN if that exceeds the range of `f32`.
     #[must_use]
     pub fn error_ulps(&self, t: f32) -> f64 {
         distance(t, &self.t) / ulp(&self.t)
@@ -90,10 +89,10 @@ impl BoxEntry {
 
 /// A number as a fraction.
 fn number(x: f32) -> BigRational {
-    BigRational::new(whole(x), BigInt::from(1) << UNIT_BITS)
+    BigRational::new(in_units(x), BigInt::from(1) << UNIT_BITS)
 }
 
-/// How far a number is off; without end where it is none.
+/// Absolute error of a number; infinite if it is not finite.
 fn distance(found: f32, truth: &BigRational) -> f64 {
     if found.is_finite() { (number(found) - truth).to_f64().unwrap_or(f64::NAN).abs() } else { f64::INFINITY }
 }
@@ -105,15 +104,15 @@ fn ulp(truth: &BigRational) -> f64 {
     f64::from(truth.next_up()) - f64::from(truth)
 }
 
-/// Where a ray's line meets a triangle's plane, without rounding.
+/// The exact intersection of a ray's line with a triangle's plane.
 #[derive(Clone, Debug)]
 pub struct Piercing {
-    /// Distance in units of the direction, then the weights of the second and third vertex.
+    /// Distance in units of the direction, then the barycentric weights of the second and third vertex.
     pub tuv: [BigRational; 3],
 }
 
 impl Piercing {
-    /// Of a line that does not run in or along the plane.
+    /// `None` if the line is parallel to the plane.
     #[must_use]
     pub fn of(ray: &Ray, corners: [[f32; 3]; 3]) -> Option<Self> {
         let [a, b, c] = corners.map(point);
@@ -122,13 +121,13 @@ impl Piercing {
         let p = cross(&direction, &e2);
         let q = cross(&offset, &e1);
         let determinant = dot(&p, &e1);
-        // All products of three lengths, so in one unit.
+        // All are products of three lengths, so in one unit.
         let over = |x: BigInt| BigRational::new(x, determinant.clone());
         (!determinant.is_zero())
             .then(|| Self { tuv: [over(dot(&q, &e2)), over(dot(&p, &offset)), over(dot(&q, &direction))] })
     }
 
-    /// Whether it is a point of the triangle, edges included, in the ray's interval.
+    /// Whether the point is in the triangle, including its edges, and in the ray's interval.
     #[must_use]
     pub fn is_hit(&self, ray: &Ray) -> bool {
         let [t, u, v] = &self.tuv;
@@ -140,7 +139,7 @@ impl Piercing {
             && (ray.t_max == f32::INFINITY || *t <= number(ray.t_max))
     }
 
-    /// Error of `t`, `u`, `v`: of `t` in units in the last place of the true value, of weights in those of one half.
+    /// Errors of `t`, `u`, `v`: `t` in units in the last place of the true value, weights in those of one half.
     #[must_use]
     pub fn error_ulps(&self, tuv: [f32; 3]) -> [f64; 3] {
         let weight_ulp = f64::from(f32::EPSILON) / 2.0;
@@ -151,7 +150,7 @@ impl Piercing {
     }
 }
 
-/// Distance of the point at `t` from the triangle's plane, in units of the space; infinite for a triangle without one.
+/// Distance of the point at `t` from the triangle's plane in scene units; infinite for a degenerate triangle.
 #[must_use]
 pub fn plane_distance(ray: &Ray, t: f32, corners: [[f32; 3]; 3]) -> f64 {
     let (normal, offset) = plane(&corners, &point(ray.origin));
@@ -159,8 +158,8 @@ pub fn plane_distance(ray: &Ray, t: f32, corners: [[f32; 3]; 3]) -> f64 {
     if square.is_zero() {
         return f64::INFINITY;
     }
-    let distance = whole(t) * dot(&normal, &point(ray.direction)) - (offset << UNIT_BITS);
-    // The distance counts in 2^(-149·4) and the normal in 2^(-149·2): both squared leave 2^(-149·4).
+    let distance = in_units(t) * dot(&normal, &point(ray.direction)) - (offset << UNIT_BITS);
+    // The distance has the unit 2^(-149·4) and the normal 2^(-149·2); squared and divided they leave 2^(-149·4).
     let quotient = BigRational::new(&distance * &distance, square << (4 * UNIT_BITS));
     quotient.to_f64().unwrap_or(f64::INFINITY).sqrt()
 }
@@ -170,52 +169,53 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rays_meet_boxes_whose_ends_are_closed() {
+    fn boxes_are_closed_for_rays() {
         let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0, 1.0, 0.0] };
         let along_z = |x: f32| Ray::new([x, 0.5, -2.0], [0.0, 0.0, 1.0]);
-        assert!(meets_box(&along_z(1.0), &obb) && !meets_box(&along_z(1.0f32.next_up()), &obb));
-        assert!(meets_box(&Ray { t_max: 2.0, ..along_z(0.0) }, &obb));
-        assert!(!meets_box(&Ray { t_max: 2.0f32.next_down(), ..along_z(0.0) }, &obb));
-        assert!(meets_box(&Ray { t_min: 2.0, ..along_z(0.0) }, &obb));
-        assert!(!meets_box(&Ray { t_min: 2.0f32.next_up(), ..along_z(0.0) }, &obb));
-        assert!(meets_box(&Ray::new([-5.0, 1.0, 0.0], [1.0, 0.0, 0.0]), &obb), "in two faces at once");
-        assert!(!meets_box(&Ray::new([0.0; 3], [1.0; 3]), &Obb { frame: [[1.0; 3]; 3], ..obb }));
+        assert!(intersects_box(&along_z(1.0), &obb) && !intersects_box(&along_z(1.0f32.next_up()), &obb));
+        assert!(intersects_box(&Ray { t_max: 2.0, ..along_z(0.0) }, &obb));
+        assert!(!intersects_box(&Ray { t_max: 2.0f32.next_down(), ..along_z(0.0) }, &obb));
+        assert!(intersects_box(&Ray { t_min: 2.0, ..along_z(0.0) }, &obb));
+        assert!(!intersects_box(&Ray { t_min: 2.0f32.next_up(), ..along_z(0.0) }, &obb));
+        assert!(intersects_box(&Ray::new([-5.0, 1.0, 0.0], [1.0, 0.0, 0.0]), &obb), "in two faces at once");
+        assert!(!intersects_box(&Ray::new([0.0; 3], [1.0; 3]), &Obb { frame: [[1.0; 3]; 3], ..obb }));
     }
 
     #[test]
-    fn entries_are_exact_and_their_errors_count_units() {
+    fn entries_are_exact_and_errors_are_in_ulps() {
         let obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [1.0, 1.0, 0.5] };
         let ray = Ray::new([0.5, 0.5, -2.0], [0.0, 0.0, 2.0]);
         let entry = BoxEntry::of(&ray, &obb).unwrap();
         assert!(entry.is_behind_start(&ray));
         assert_eq!([0.75, 0.75f32.next_up(), 0.75f32.next_down()].map(|t| entry.error_ulps(t)), [0.0, 1.0, 1.0]);
-        // A slower ray enters when no f32 is left.
+        // A slower ray enters beyond the range of f32.
         let slow = Ray { direction: [0.0, 0.0, 2e-39], ..ray };
         assert!(entry.error_ulps(f32::INFINITY) == f64::INFINITY);
         assert!(BoxEntry::of(&slow, &obb).unwrap().error_ulps(f32::INFINITY).is_nan());
         let inside = Ray { origin: [0.5, 0.5, 0.0], ..ray };
         assert!(!BoxEntry::of(&inside, &obb).unwrap().is_behind_start(&inside));
         assert!(BoxEntry::of(&Ray { origin: [2.0, 0.0, -2.0], ..ray }, &obb).is_none());
-        // A third has no half-extent whose ends are this box's.
+        // One third is not representable, so no half-extent gives exactly this box.
         let aabb = Aabb { min: [0.0, 0.0, -0.1], max: [1.0, 1.0, 1.0 / 3.0] };
-        let met = |origin: [f32; 3]| BoxEntry::of_aabb(&Ray { origin, direction: [1.0, 0.0, 0.0], ..ray }, &aabb);
-        assert_eq!(met([-1.0, 1.0, 1.0 / 3.0]).unwrap().error_ulps(1.0), 0.0);
+        let entry = |origin: [f32; 3]| BoxEntry::of_aabb(&Ray { origin, direction: [1.0, 0.0, 0.0], ..ray }, &aabb);
+        assert_eq!(entry([-1.0, 1.0, 1.0 / 3.0]).unwrap().error_ulps(1.0), 0.0);
         assert!(
-            met([-1.0, 1.0, (1.0f32 / 3.0).next_up()]).is_none() && met([-1.0, 1.0, (-0.1f32).next_down()]).is_none()
+            entry([-1.0, 1.0, (1.0f32 / 3.0).next_up()]).is_none()
+                && entry([-1.0, 1.0, (-0.1f32).next_down()]).is_none()
         );
         assert!(BoxEntry::of_aabb(&ray, &Aabb::EMPTY).is_none());
     }
 
     #[test]
-    fn piercings_are_exact_and_their_errors_count_units() {
+    fn plane_hits_are_exact_and_errors_are_in_ulps() {
         let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
         let ray = Ray::new([2.0, 1.0, -2.0], [0.0, 0.0, 2.0]);
         let found = Piercing::of(&ray, corners).unwrap();
         assert!(found.is_hit(&ray) && !found.is_hit(&Ray { t_max: 1.5f32.next_down(), ..ray }));
         assert_eq!(found.error_ulps([1.5, 0.5, 0.25]), [0.0; 3]);
         assert_eq!(found.error_ulps([1.5f32.next_up(), 0.5f32.next_down(), 0.25]), [1.0, 0.5, 0.0]);
-        let beside = Ray::new([2.0, 2.0f32.next_up(), -2.0], [0.0, 0.0, 2.0]);
-        assert!(!Piercing::of(&beside, corners).unwrap().is_hit(&beside));
+        let outside = Ray::new([2.0, 2.0f32.next_up(), -2.0], [0.0, 0.0, 2.0]);
+        assert!(!Piercing::of(&outside, corners).unwrap().is_hit(&outside));
         assert!(Piercing::of(&Ray::new([0.0; 3], [1.0, 0.0, 0.0]), corners).is_none());
     }
 

@@ -1,4 +1,4 @@
-//! Closed meshes of scans with holes, and a point inside of them.
+//! Scanned meshes with their holes closed, and a point inside.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -9,8 +9,8 @@ use crate::{
     vector::{cross, dot},
 };
 
-/// A closed mesh of one without: each hole is closed by a fan around one of its vertices. `None` where an edge has more
-/// than two triangles, or nothing is inside.
+/// Closes each hole with a fan around one of its vertices. `None` if an edge has more than two triangles, or no point is found
+/// inside.
 #[must_use]
 pub fn closed_up(name: &'static str, mut mesh: Mesh) -> Option<Closed> {
     weld(&mut mesh);
@@ -28,7 +28,7 @@ pub fn closed_up(name: &'static str, mut mesh: Mesh) -> Option<Closed> {
             around.push(after);
             at = after;
         }
-        // Back where it began.
+        // Back at the first vertex.
         around.pop();
         let fan = around.windows(2).skip(1).map(|pair| [around[0], pair[0], pair[1]]);
         mesh.triangles.extend(fan.collect::<Vec<_>>());
@@ -36,13 +36,13 @@ pub fn closed_up(name: &'static str, mut mesh: Mesh) -> Option<Closed> {
     if mesh.open_edge().is_some() {
         return None;
     }
-    let heart = inside(&mesh)?;
-    let room = [0.002 * mesh.diagonal(); 3];
-    // Whether fans cut the rest of the surface is not asked.
-    Some(Closed { name, mesh, heart, room, is_simple: false })
+    let inner_point = inside(&mesh)?;
+    let clearance = [0.002 * mesh.diagonal(); 3];
+    // The fans may intersect the rest of the surface.
+    Some(Closed { name, mesh, inner_point, clearance, is_simple: false })
 }
 
-/// Vertices of equal coordinates become one, and triangles that lose a corner by it go.
+/// Merges vertices with equal coordinates and removes triangles that become degenerate.
 fn weld(mesh: &mut Mesh) {
     let mut first_of = HashMap::new();
     let first: Vec<u32> = (0u32..)
@@ -55,7 +55,7 @@ fn weld(mesh: &mut Mesh) {
     mesh.triangles.retain(|&[a, b, c]| a != b && b != c && c != a);
 }
 
-/// A point about which the surface winds once, as do points a two-hundredth of the diagonal away.
+/// A point with winding number one; so have points a two-hundredth of the diagonal away.
 fn inside(mesh: &Mesh) -> Option<[f64; 3]> {
     let [min, max] = mesh.bounds().map(|p| p.map(f64::from));
     let mut rng = SplitMix64::new(5);
@@ -72,7 +72,7 @@ fn inside(mesh: &Mesh) -> Option<[f64; 3]> {
     })
 }
 
-/// How often the surface winds about a point: its solid angle over that of a sphere (Van Oosterom, Strackee 1983).
+/// Winding number of the surface around a point: its solid angle over that of a sphere (Van Oosterom, Strackee 1983).
 fn winding(mesh: &Mesh, p: [f64; 3]) -> f64 {
     let solid_angle = |i: usize| {
         let [a, b, c] = mesh.corners(i).map(|corner| std::array::from_fn(|k| corner[k] - p[k]));
@@ -89,18 +89,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn holes_are_closed_and_their_inside_is_found() {
+    fn holes_are_closed_and_an_inner_point_is_found() {
         let mut mesh = displaced_icosphere(3, 2);
-        // Two neighbours and one that shares only a vertex with neither.
+        // Two adjacent triangles, and one that shares at most a vertex with them.
         let n = mesh.triangles.len();
         mesh.triangles.remove(n - 1);
         mesh.triangles.remove(n - 2);
         mesh.triangles.remove(3);
-        let closed = closed_up("ball", mesh.clone()).expect("two simple holes");
+        let closed = closed_up("sphere", mesh.clone()).expect("two simple holes");
         assert_eq!(closed.mesh.open_edge(), None);
-        assert!((winding(&closed.mesh, closed.heart) - 1.0).abs() < 1e-9);
+        assert!((winding(&closed.mesh, closed.inner_point) - 1.0).abs() < 1e-9);
         assert!(winding(&closed.mesh, [9.0, 0.0, 0.0]).abs() < 1e-9);
-        // An edge of three triangles belongs to no surface.
+        // An edge of three triangles is not manifold.
         mesh.triangles.push([0, 1, 2]);
         mesh.triangles.push([0, 1, 3]);
         assert!(closed_up("none", mesh).is_none());

@@ -1,4 +1,4 @@
-//! Two levels by a loop over all instances, with the ray taken to object space as the documents of `canted-tlas` say.
+//! Two levels as a loop over all instances; rays are transformed as `canted-tlas` documents it.
 
 use canted_obb::Affine;
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray};
@@ -8,7 +8,7 @@ use crate::vector::{Vector, cross, dot};
 /// Half of `f32::EPSILON`: the relative error of one rounding.
 const U: f64 = 0.5 * f32::EPSILON as f64;
 
-/// A ray's time and nothing else.
+/// A query that only sets the ray's time.
 pub struct At(pub f32);
 
 impl Query for At {
@@ -17,7 +17,7 @@ impl Query for At {
     }
 }
 
-/// Rows of the inverse, translation last: cofactors over the determinant, in `f64`.
+/// Rows of the inverse, translation last: cofactors divided by the determinant, in `f64`.
 #[must_use]
 pub fn object_from_world(world_from_object: &Affine) -> [[f64; 4]; 3] {
     let [a, b, c, shift] = world_from_object.columns.map(|column| column.map(f64::from));
@@ -30,7 +30,7 @@ pub fn object_from_world(world_from_object: &Affine) -> [[f64; 4]; 3] {
 
 /// The ray in object space: each component computed in `f64` and rounded once; `t` stays the same number.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "the one rounding that the rule allows")]
+#[expect(clippy::cast_possible_truncation, reason = "the only rounding")]
 pub fn ray_object(world_from_object: &Affine, ray_world: &Ray) -> Ray {
     let rows = object_from_world(world_from_object);
     let (o, d) = (ray_world.origin.map(f64::from), ray_world.direction.map(f64::from));
@@ -41,9 +41,9 @@ pub fn ray_object(world_from_object: &Affine, ray_world: &Ray) -> Ray {
     }
 }
 
-/// The hit of least `t`, ties to the lowest (instance, primitive), by asking every instance.
+/// The closest hit, ties to the lowest (instance, primitive), by testing every instance.
 ///
-/// `trace(instance, ray_object)` is the least hit of that instance alone.
+/// `trace(instance, ray_object)` returns the closest hit in one instance.
 pub fn closest_hit(
     world_from_objects: &[Affine],
     ray_world: &Ray,
@@ -61,12 +61,12 @@ pub fn closest_hit(
     best
 }
 
-/// How far, along each world axis, a hit may lie from the image of its triangle.
+/// Greatest distance, along each world axis, of a hit from the image of its triangle.
 ///
-/// All norms are greatest absolute components, or row sums of matrices. In object space a hit lies within
-/// `HIT_ERROR·(|o'| + ρ)` of its triangle; rounding the origin moved it by `u·|o'|`, rounding the direction by
-/// `u·t|d'|`, and `t|d'| <= |o'| + ρ`. The map takes their sum to at most `‖M‖` times as much, and
-/// `|o'| <= ‖M⁻¹‖·(|o| + |c|)`. A unit more covers second-order terms.
+/// All norms are greatest absolute components or row sums of matrices. In object space a hit lies within
+/// `HIT_ERROR·(|o'| + ρ)` of its triangle. Rounding the origin moves it by `u·|o'|`, rounding the direction by
+/// `u·t|d'|`, and `t|d'| <= |o'| + ρ`. The transform multiplies their sum by at most `‖M‖`, and
+/// `|o'| <= ‖M⁻¹‖·(|o| + |c|)`. One more unit covers second-order terms.
 #[must_use]
 pub fn hit_error(world_from_object: &Affine, reach_object: f32, ray_world: &Ray) -> f64 {
     let [forward, backward] = norms(world_from_object);
@@ -75,7 +75,7 @@ pub fn hit_error(world_from_object: &Affine, reach_object: f32, ray_world: &Ray)
     forward * (f64::from(HIT_ERROR) + 3.0 * U) * (origin_object + f64::from(reach_object))
 }
 
-/// The same of a device: twice its error for the transform, amplified by that; `HitError::with` in `canted-gpu` derives it.
+/// The same for a device: twice its error for the transform, amplified; `HitError::with` in `canted-gpu` derives it.
 #[must_use]
 pub fn device_hit_error(ray_world: &Ray, world_from_object: &Affine, reach_object: f64) -> f64 {
     let [forward, backward] = norms(world_from_object);
@@ -83,10 +83,10 @@ pub fn device_hit_error(ray_world: &Ray, world_from_object: &Affine, reach_objec
     2.0 * f64::from(canted_gpu::HIT_ERROR) * forward * backward * (origin + shift + forward * reach_object)
 }
 
-/// Length of a vector whose components are 1 at most, with room for the `f64` here.
+/// Length bound of a vector with components of at most 1, including `f64` rounding here.
 pub const SQRT_3: f64 = 1.733;
 
-/// `‖M‖·‖M⁻¹‖`, by which instances are refused.
+/// Condition number `‖M‖·‖M⁻¹‖`, by which instances are rejected.
 #[must_use]
 pub fn condition(world_from_object: &Affine) -> f64 {
     let [forward, backward] = norms(world_from_object);

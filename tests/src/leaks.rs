@@ -1,93 +1,94 @@
-//! Closed meshes by the ray: what slips through, and what is crossed otherwise than in and out in turn.
+//! Leak search in closed meshes: rays that pass through, and crossings that do not alternate.
 //!
-//! Every way to trace, every mesh, every place. Rays are aimed at shared vertices and edges: every other one from inside,
-//! the rest from far outside to a point inside. Not covered: crossings on devices, which tell first hits alone; meshes whose
-//! neighbours do not share vertices, and seams between instances, both of which have gaps in their data.
+//! Covers every tracer, mesh and placement. Rays aim at shared vertices and edges: every second one from inside, the others
+//! from far outside towards a point inside. Not covered: crossings on devices, which return only first hits; meshes whose
+//! neighbors do not share vertices, and seams between instances, whose data have gaps.
 
 use canted_obb::Affine;
 use canted_trace::{Ray, Side};
 
 use crate::{
-    closed::{Closed, Place, baked, mirrors, rays},
-    crossings::{are_balanced, are_in_turn, opposite},
-    tracers::{Tracer, Way, Word},
+    closed::{Closed, Placement, baked, mirrors, rays},
+    crossings::{are_alternating, are_balanced, opposite},
+    tracers::{Guarantee, Method, Tracer},
 };
 
-/// Rays that a structure is built for, at least: more of them in one place than building takes.
+/// Least number of rays for each structure, so that tracing takes longer than building.
 const BATCH: usize = 1 << 14;
 
-/// What was found for one mesh in all places, by one way.
+/// Result of one mesh in all placements for one tracer.
 #[derive(Clone, Debug)]
 pub struct Found {
     /// The mesh.
     pub mesh: &'static str,
-    /// Its triangles.
+    /// Its number of triangles.
     pub n_triangles: usize,
-    /// Who was asked.
-    pub way: String,
-    /// Rays asked, each for its first hit and for any.
+    /// Name of the tracer.
+    pub method: String,
+    /// Rays traced, each for its first hit and for any hit.
     pub n_rays: usize,
-    /// Rays that one of the two answers let through, or whose crossings are wrong.
+    /// Rays for which one of the two queries finds nothing, or whose crossings are wrong.
     pub n_leaks: usize,
-    /// Answers, of two a ray, that the CPU gave because a driver cut the device's walk short.
+    /// Queries, two for each ray, answered by the CPU because a driver ended the device's traversal early.
     pub n_cut: usize,
 }
 
-/// How far a search has come.
+/// Progress of a search.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
-    /// The mesh and the place that rays are shot at.
+    /// Current mesh and placement.
     pub at: [&'static str; 2],
-    /// By whom.
-    pub way: &'a str,
-    /// Rays shot so far, and rays in all.
+    /// Current tracer.
+    pub method: &'a str,
+    /// Rays traced so far, and in total.
     pub n_rays: [usize; 2],
     /// Leaks so far.
     pub n_leaks: usize,
 }
 
-/// About `n_rays` rays, shared out over meshes, places and ways; each of them gets some. `tell` hears of every batch.
+/// Distributes about `n_rays` rays over meshes, placements and tracers, at least one each. Calls `report` after every batch.
 ///
-/// Whoever traces on the CPU is asked for crossings, too, by other rays: a leak is then a ray that does not lead in and out of the
-/// surface in turn, at least once.
+/// CPU tracers also return crossings for further rays. There, a ray leaks unless it crosses the surface at least once, alternately
+/// entering and leaving.
 #[must_use]
 pub fn search(
     meshes: &[Closed],
-    places: &[Place],
-    ways: &[Way],
+    placements: &[Placement],
+    methods: &[Method],
     n_rays: usize,
-    tell: &mut dyn FnMut(&Progress<'_>),
+    report: &mut dyn FnMut(&Progress<'_>),
 ) -> Vec<Found> {
-    let jobs: Vec<(&Way, bool)> = ways
+    let jobs: Vec<(&Method, bool)> = methods
         .iter()
-        .map(|way| (way, false))
-        .chain(ways.iter().filter(|way| way.word == Word::Loop).map(|way| (way, true)))
+        .map(|method| (method, false))
+        .chain(methods.iter().filter(|method| method.guarantee == Guarantee::Loop).map(|method| (method, true)))
         .collect();
-    let share = n_rays.div_ceil(meshes.len() * places.len() * jobs.len());
+    let share = n_rays.div_ceil(meshes.len() * placements.len() * jobs.len());
     let (mut n_shot, mut n_leaks) = (0, 0);
-    let n_all = share * meshes.len() * places.len() * jobs.len();
+    let n_all = share * meshes.len() * placements.len() * jobs.len();
     let mut found = vec![];
     for closed in meshes {
-        let mut of_mesh: Vec<Found> = jobs.iter().map(|(way, counts)| Found::none(closed, way, *counts)).collect();
-        for (place, seed) in places.iter().zip((1u64..).map(|i| i << 32)) {
-            let world = baked(&closed.mesh, &place.world_from_object);
-            for (i, ((way, counts), row)) in jobs.iter().zip(&mut of_mesh).enumerate() {
-                let tracer = (way.make)(&closed.mesh, &place.world_from_object);
+        let mut of_mesh: Vec<Found> =
+            jobs.iter().map(|(method, counts)| Found::none(closed, method, *counts)).collect();
+        for (placement, seed) in placements.iter().zip((1u64..).map(|i| i << 32)) {
+            let world = baked(&closed.mesh, &placement.world_from_object);
+            for (i, ((method, counts), row)) in jobs.iter().zip(&mut of_mesh).enumerate() {
+                let tracer = (method.make)(&closed.mesh, &placement.world_from_object);
                 let sizes = (0..share).step_by(BATCH).map(|first| BATCH.min(share - first));
                 for (n, seed) in sizes.zip(seed + ((i as u64) << 20)..) {
-                    let rays = rays(&world, closed, &place.world_from_object, n, seed);
+                    let rays = rays(&world, closed, &placement.world_from_object, n, seed);
                     let leaks = || match counts {
                         false => slipped(tracer.as_ref(), &rays),
-                        true => miscounted(tracer.as_ref(), closed, place, &rays),
+                        true => miscounted(tracer.as_ref(), closed, placement, &rays),
                     };
-                    let (leaks, cut) = way.with_cuts(leaks);
+                    let (leaks, cut) = method.with_cuts(leaks);
                     row.n_rays += n;
                     row.n_leaks += leaks;
                     row.n_cut += cut;
                     n_shot += n;
                     n_leaks += leaks;
-                    let at = [closed.name, place.name];
-                    tell(&Progress { at, way: &row.way, n_rays: [n_shot, n_all], n_leaks });
+                    let at = [closed.name, placement.name];
+                    report(&Progress { at, method: &row.method, n_rays: [n_shot, n_all], n_leaks });
                 }
             }
         }
@@ -97,11 +98,11 @@ pub fn search(
 }
 
 impl Found {
-    fn none(closed: &Closed, way: &Way, counts: bool) -> Self {
+    fn none(closed: &Closed, method: &Method, counts: bool) -> Self {
         Self {
             mesh: closed.name,
             n_triangles: closed.mesh.triangles.len(),
-            way: if counts { format!("crossings, {}", way.name) } else { way.name.clone() },
+            method: if counts { format!("crossings, {}", method.name) } else { method.name.clone() },
             n_rays: 0,
             n_leaks: 0,
             n_cut: 0,
@@ -109,32 +110,32 @@ impl Found {
     }
 }
 
-/// Rays that nothing stops, or that an occlusion query lets pass.
+/// Number of rays without a closest hit or without occlusion.
 fn slipped(tracer: &dyn Tracer, rays: &[Ray]) -> usize {
     let (hits, occluded) = (tracer.closest(rays), tracer.occluded(rays));
     hits.iter().zip(&occluded).filter(|&(hit, &occluded)| hit.is_none() || !occluded).count()
 }
 
-/// Rays whose crossings are wrong, or that are not told: those of even number begin inside.
-fn miscounted(tracer: &dyn Tracer, closed: &Closed, place: &Place, rays: &[Ray]) -> usize {
-    let inward = if mirrors(&place.world_from_object) { opposite(Side::Front) } else { Side::Front };
-    let are_right = if closed.is_simple { are_in_turn } else { are_balanced };
+/// Number of rays with wrong or missing crossings; even ones start inside.
+fn miscounted(tracer: &dyn Tracer, closed: &Closed, placement: &Placement, rays: &[Ray]) -> usize {
+    let inward = if mirrors(&placement.world_from_object) { opposite(Side::Front) } else { Side::Front };
+    let are_right = if closed.is_simple { are_alternating } else { are_balanced };
     let is_wrong = |&(i, ray): &(usize, &Ray)| {
         tracer.crossings(ray).is_none_or(|crossings| !are_right(&crossings, inward, i % 2 == 0))
     };
     rays.iter().enumerate().filter(is_wrong).count()
 }
 
-/// Every place that leaks are searched in: as it is, tiny, huge, far off, sheared and mirrored, and scales between.
+/// All placements of the search: unchanged, tiny, huge, far away, sheared and mirrored, and scales in between.
 #[must_use]
-pub fn places() -> Vec<Place> {
-    let mut places = crate::closed::places();
+pub fn placements() -> Vec<Placement> {
+    let mut placements = crate::closed::placements();
     for (name, exponent) in [("at 2^-10", -10), ("at 2^10", 10)] {
         let scale = 2.0f32.powi(exponent);
         let columns = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0; 3]];
-        places.push(Place { name, world_from_object: Affine { columns } });
+        placements.push(Placement { name, world_from_object: Affine { columns } });
     }
-    places
+    placements
 }
 
 #[cfg(test)]
@@ -148,32 +149,34 @@ mod tests {
         tracers::{self, Make},
     };
 
-    /// A way that leaves out every triangle around the first vertex.
-    fn without_some(way: Way) -> Way {
-        let make: Make = Box::new(move |mesh, place| {
+    /// A tracer without the triangles around the first vertex.
+    fn without_some(method: Method) -> Method {
+        let make: Make = Box::new(move |mesh, placement| {
             let mut open = mesh.clone();
             open.triangles.retain(|triangle| !triangle.contains(&0));
-            (way.make)(&open, place)
+            (method.make)(&open, placement)
         });
-        Way::new(way.name, way.word, make)
+        Method::new(method.name, method.guarantee, make)
     }
 
     #[test]
-    fn a_hole_is_found_by_every_way() {
-        let ball = Closed { name: "ball", mesh: icosphere(0), heart: [0.0; 3], room: [0.4; 3], is_simple: true };
-        let ways: Vec<Way> = tracers::ours().0.into_iter().map(without_some).collect();
-        let n_cpu = ways.iter().filter(|way| way.word == Word::Loop).count();
-        let n_rays = 400 * (ways.len() + n_cpu);
-        let mut told = 0;
-        let found = search(&[ball], &places()[..1], &ways, n_rays, &mut |progress| told = progress.n_rays[0]);
+    fn every_method_finds_a_hole() {
+        let ball =
+            Closed { name: "sphere", mesh: icosphere(0), inner_point: [0.0; 3], clearance: [0.4; 3], is_simple: true };
+        let methods: Vec<Method> = tracers::ours().0.into_iter().map(without_some).collect();
+        let n_cpu = methods.iter().filter(|method| method.guarantee == Guarantee::Loop).count();
+        let n_rays = 400 * (methods.len() + n_cpu);
+        let mut reported = 0;
+        let found =
+            search(&[ball], &placements()[..1], &methods, n_rays, &mut |progress| reported = progress.n_rays[0]);
         assert!(found.iter().all(|found| found.n_leaks > 0), "{found:?}");
-        assert_eq!((found.len(), told), (ways.len() + n_cpu, n_rays));
+        assert_eq!((found.len(), reported), (methods.len() + n_cpu, n_rays));
     }
 
-    /// A way whose crossings are spoilt.
-    struct Spoilt(Box<dyn Tracer>, fn(&mut Vec<Hit>));
+    /// A tracer with modified crossings.
+    struct Modified(Box<dyn Tracer>, fn(&mut Vec<Hit>));
 
-    impl Tracer for Spoilt {
+    impl Tracer for Modified {
         fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
             self.0.closest(rays)
         }
@@ -190,18 +193,18 @@ mod tests {
     }
 
     #[test]
-    fn crossings_that_are_doubled_missing_or_none_are_leaks() {
-        let spoil: [fn(&mut Vec<Hit>); 3] =
+    fn duplicate_and_missing_crossings_are_leaks() {
+        let modify: [fn(&mut Vec<Hit>); 3] =
             [|all| all.extend_from_within(..), |all| all.truncate(all.len() - 1), Vec::clear];
-        for spoil in spoil {
-            let spoilt = |Way { name, word, make, .. }: Way| {
-                let make: Make = Box::new(move |mesh, place| Box::new(Spoilt(make(mesh, place), spoil)));
-                Way::new(name, word, make)
+        for modify in modify {
+            let modified = |Method { name, guarantee, make, .. }: Method| {
+                let make: Make = Box::new(move |mesh, placement| Box::new(Modified(make(mesh, placement), modify)));
+                Method::new(name, guarantee, make)
             };
-            let ways = tracers::ours().0.into_iter().filter(|way| way.word == Word::Loop);
-            let ways: Vec<Way> = ways.map(spoilt).collect();
-            for found in search(&closed()[..1], &places(), &ways, 2_000, &mut |_| ()) {
-                let is_count = found.way.starts_with("crossings");
+            let methods = tracers::ours().0.into_iter().filter(|method| method.guarantee == Guarantee::Loop);
+            let methods: Vec<Method> = methods.map(modified).collect();
+            for found in search(&closed()[..1], &placements(), &methods, 2_000, &mut |_| ()) {
+                let is_count = found.method.starts_with("crossings");
                 assert_eq!(found.n_leaks, if is_count { found.n_rays } else { 0 }, "{found:?}");
             }
         }

@@ -1,4 +1,4 @@
-//! Oracles that the tests in `tests/` share: each is simpler than what it judges.
+//! Oracles shared by the tests in `tests/`; each is simpler than the code it checks.
 #![forbid(unsafe_code)]
 
 pub mod brute;
@@ -13,10 +13,10 @@ pub mod extremes;
 pub mod fractions;
 pub mod holes;
 pub mod instances;
-pub mod judge;
 pub mod leaks;
 pub mod models;
 pub mod rays;
+pub mod reference;
 pub mod rotations;
 pub mod scenes;
 pub mod tracers;

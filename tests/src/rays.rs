@@ -1,19 +1,19 @@
-//! Rays that trees and triangle tests get wrong first.
+//! Difficult rays for BVHs and triangle tests.
 
 use canted_fixtures::{Grazing, Mesh, RayData, SplitMix64, grazing};
 use canted_trace::{HIT_ERROR, Ray};
 
 use crate::vector::{Vector, cross, length, sub};
 
-/// A ray that hits nothing that is there: what is asked of a mesh without triangles.
+/// An arbitrary ray for meshes without triangles.
 const ASIDE: Ray = Ray { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 0.0, t_max: f32::INFINITY };
 
 fn endless(ray: RayData) -> Ray {
     Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) }
 }
 
-/// `n` rays of each of `classes`; every fifth once more with negative zeros and another length of direction, and every
-/// seventh once more from or to somewhere near the point that it grazes.
+/// `n` rays of each of `classes`. Every fifth is repeated with negative zeros and another direction length, and every seventh
+/// from or to a position near the point that it grazes.
 #[must_use]
 pub fn of_classes(mesh: &Mesh, classes: &[Grazing], n: usize, seed: u64) -> Vec<Ray> {
     if mesh.triangles.is_empty() {
@@ -35,13 +35,13 @@ pub fn of_classes(mesh: &Mesh, classes: &[Grazing], n: usize, seed: u64) -> Vec<
     rays
 }
 
-/// `n` rays of each class, and their variants.
+/// `n` rays of each class and their variants.
 #[must_use]
 pub fn of_all_classes(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     of_classes(mesh, &Grazing::ALL, n, seed)
 }
 
-/// A point of a triangle chosen at random: in turn a vertex, a point of an edge, a point inside.
+/// A point of a random triangle: in turn a vertex, a point on an edge, a point inside.
 fn target(mesh: &Mesh, i: usize, rng: &mut SplitMix64) -> [f64; 3] {
     let [a, b, c] = mesh.corners(rng.below(mesh.triangles.len()));
     let [u, v] = match i % 3 {
@@ -52,14 +52,14 @@ fn target(mesh: &Mesh, i: usize, rng: &mut SplitMix64) -> [f64; 3] {
     std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
 }
 
-/// From `origin`, rounded, to `target`.
+/// A ray from `origin`, rounded, to `target`.
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 fn aimed(origin: [f64; 3], target: [f64; 3]) -> Ray {
     let origin = origin.map(|x| x as f32);
     Ray::new(origin, std::array::from_fn(|k| (target[k] - f64::from(origin[k])) as f32))
 }
 
-/// `n` rays at vertices, edges and triangles from `sizes` diagonals away.
+/// `n` rays towards vertices, edges and triangles from `sizes` diagonals away.
 #[must_use]
 pub fn from_afar(mesh: &Mesh, sizes: f64, n: usize, seed: u64) -> Vec<Ray> {
     if mesh.triangles.is_empty() {
@@ -76,7 +76,7 @@ pub fn from_afar(mesh: &Mesh, sizes: f64, n: usize, seed: u64) -> Vec<Ray> {
         .collect()
 }
 
-/// `n` rays that start in the bounds: on a vertex, an edge, a triangle or anywhere, and end or pass at another such
+/// `n` rays that start within the bounds (on a vertex, an edge, a triangle or anywhere) and end at or pass another such
 /// point.
 #[must_use]
 pub fn from_inside(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
@@ -90,14 +90,14 @@ pub fn from_inside(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
             let anywhere = std::array::from_fn(|k| min[k] + rng.unit() * (max[k] - min[k]));
             let start = if i % 4 == 3 { anywhere } else { target(mesh, i / 4, &mut rng) };
             let ray = aimed(start, target(mesh, i, &mut rng));
-            // A third ends where it is aimed at.
+            // A third end at their target.
             if i % 3 == 1 { Ray { t_max: 1.0, ..ray } } else { ray }
         })
         .collect()
 }
 
-/// `n` rays at inner points of triangles, nearly along their normals, from as near as the error of hits allows: where any ray
-/// pierces a triangle beyond doubt, such do. Triangles without area give no ray.
+/// `n` rays at inner points of triangles, nearly along their normals, from as close as the error of hits allows. If any ray
+/// hits a triangle with certainty, these do. Degenerate triangles give no ray.
 #[must_use]
 pub fn at_insides(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     let mut rng = SplitMix64::new(seed);
@@ -109,7 +109,7 @@ pub fn at_insides(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
         let target: Vector = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
         let longest = [sub(b, a), sub(c, b), sub(a, c)].map(length).into_iter().fold(0.0, f64::max);
         let reach = [a, b, c].iter().flatten().fold(0.0f64, |all, x| all.max(x.abs()));
-        // The origin is as far out as the triangle, and the error is that of both; underflow adds half of the least normal number.
+        // The origin is as far out as the triangle and the error includes both; underflow adds half the least normal number.
         let error = 3.0f64.sqrt() * f64::from(HIT_ERROR) * 2.0 * reach + 0.5 * f64::from(f32::MIN_POSITIVE);
         let away = [1.2, 2.0, 8.0][i % 3] * (error + double_area / longest) * [1.0, -1.0][i % 2];
         let origin = std::array::from_fn(|k| target[k] + away * (normal[k] / double_area + 0.1 * stray[k]));
@@ -119,23 +119,23 @@ pub fn at_insides(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     (0..n).filter_map(&mut ray).filter(is_ray).collect()
 }
 
-/// Steps of [`on_lattice`] from the origin to the farthest coordinate, at most.
+/// Greatest coordinate of [`on_lattice`] in steps.
 const LATTICE: f32 = 4096.0;
 
-/// The mesh with coordinates rounded to multiples of one power of two, at most 2^12 of them from 0.
+/// The mesh with coordinates rounded to multiples of a power of two, at most 2^12 steps from zero.
 #[must_use]
 pub fn on_lattice(mesh: &Mesh) -> Mesh {
     let reach = mesh.positions.iter().flatten().fold(f32::MIN_POSITIVE, |all, x| all.max(x.abs()));
-    // The power of two at or above the reach.
+    // The least power of two that is not below the reach.
     let step = f32::from_bits((reach.to_bits() + 0x007f_ffff) & 0x7f80_0000) / LATTICE;
     let positions = mesh.positions.iter().map(|p| p.map(|x| (x / step).round() * step)).collect();
     Mesh { positions, triangles: mesh.triangles.clone() }
 }
 
-/// `n` rays that lie in the plane of a triangle without any rounding, a third of them along an edge.
+/// `n` rays that lie exactly in the plane of a triangle, a third of them along an edge.
 ///
-/// `mesh` is one of [`on_lattice`]: origin and direction are sums of few multiples of edges, so each coordinate is a
-/// whole number of steps below 2^24. Triangles without two different vertices give no ray.
+/// `mesh` must come from [`on_lattice`]: origin and direction are sums of few multiples of edges, so each coordinate is an
+/// integer number of steps below 2^24. Triangles with fewer than two distinct vertices give no ray.
 #[must_use]
 pub fn in_planes(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     if mesh.triangles.is_empty() {
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_from_afar_come_from_afar() {
+    fn rays_from_afar_start_far_away() {
         let mesh = soup(3, 10);
         for ray in from_afar(&mesh, 1e4, 30, 2) {
             let distance = ray.origin.iter().map(|x| x * x).sum::<f32>().sqrt();

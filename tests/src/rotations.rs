@@ -1,4 +1,4 @@
-//! Rotations out of matrices in other ways than ours: as the paper lists it, and by singular values.
+//! Independent rotation extraction: the paper's listing, and singular values.
 
 use canted_obb::Quaternion;
 use num_rational::BigRational;
@@ -6,7 +6,7 @@ use num_traits::Signed;
 
 use crate::vector::{Vector, cross, dot};
 
-/// Columns.
+/// A matrix by columns.
 pub type Matrix = [Vector; 3];
 
 /// `a · b`.
@@ -34,28 +34,28 @@ pub fn angle_rad(p: Quaternion, q: Quaternion) -> f64 {
     2.0 * dot([turn.x, turn.y, turn.z], [turn.x, turn.y, turn.z]).sqrt().atan2(turn.w.abs())
 }
 
-/// What guards the listing's division by the trace, and the turn below which it stops, in radians.
+/// The guard of the listing's division by the trace, and the angle in radians at which it stops.
 const GUARD: f64 = 1e-9;
 
-/// The iteration of Müller et al. 2016: start without a rotation, turn by `τ / (|trace| + 1e-9)` until that is shorter than 1e-9 or
-/// `most` turns are taken. The rotation and the turns.
+/// The iteration of Müller et al. 2016: starts with the identity and rotates by `τ / (|trace| + 1e-9)` until that is shorter
+/// than 1e-9 or `most` iterations are done. Returns the rotation and the number of iterations.
 ///
-/// Listings differ in where the guard stands. In the denominator it outweighs the trace of a matrix below about 1e-12, whose
-/// turns are then too short to count; see [`as_copied`].
+/// Listings differ in the position of the guard. In the denominator it dominates the trace of a matrix below about 1e-12,
+/// whose steps are then too short; see [`as_copied`].
 #[must_use]
 pub fn as_listed(a: Matrix, most: usize) -> (Quaternion, usize) {
     listed(a, most, |trace| 1.0 / (trace + GUARD))
 }
 
-/// [`as_listed`] as copies of the paper's code have it: the turn is `τ · (1 / |trace| + 1e-9)`.
+/// [`as_listed`] as in copies of the paper's code: the step is `τ · (1 / |trace| + 1e-9)`.
 ///
-/// That divides by a trace of zero, and multiplies the torque of a matrix above about 1e12 by more than its trace allows.
+/// That divides by a zero trace, and makes steps too long for a matrix above about 1e12.
 #[must_use]
 pub fn as_copied(a: Matrix, most: usize) -> (Quaternion, usize) {
     listed(a, most, |trace| 1.0 / trace + GUARD)
 }
 
-/// The iteration with one guard or the other.
+/// The iteration with either guard.
 fn listed(a: Matrix, most: usize, reciprocal: fn(f64) -> f64) -> (Quaternion, usize) {
     let mut q = Quaternion::IDENTITY;
     for turns in 0..most {
@@ -72,23 +72,23 @@ fn listed(a: Matrix, most: usize, reciprocal: fn(f64) -> f64) -> (Quaternion, us
     (q, most)
 }
 
-/// Sweeps of [`svd`]: three suffice for full precision but where values differ by many orders.
+/// Sweeps of [`svd`]: three suffice for full precision unless values differ by many orders of magnitude.
 const SWEEPS: usize = 30;
 
-/// The polar rotation `U Vᵀ`; for a mirror that which has the least value reversed.
+/// The polar rotation `U Vᵀ`; for a reflection, with the least singular direction reversed.
 #[must_use]
 pub fn svd_polar(a: Matrix) -> Quaternion {
     svd(a).0
 }
 
-/// The greatest `trace(Rᵀ a)` of any rotation: the sum of the singular values, the least one negative for a mirror.
+/// The greatest `trace(Rᵀ a)` of any rotation: the sum of the singular values, with the least one negated for a reflection.
 #[must_use]
 pub fn greatest_trace(a: Matrix) -> f64 {
     let [first, second, third] = svd(a).1;
     first + second + if mirrors(a) { -third } else { third }
 }
 
-/// The polar rotation and the singular values, falling, by turning pairs of columns until all are at right angles (Hestenes
+/// The polar rotation and the singular values, descending, by rotating pairs of columns until all are orthogonal (Hestenes
 /// 1958): Jacobi's method on `AᵀA` without squaring.
 fn svd(a: Matrix) -> (Quaternion, Vector) {
     let (mut columns, mut v) = (a, diagonal([1.0; 3]));
@@ -97,7 +97,7 @@ fn svd(a: Matrix) -> (Quaternion, Vector) {
         for (i, j) in [(0, 1), (0, 2), (1, 2)] {
             let (p, q) = (columns[i], columns[j]);
             let (pq, pp, qq) = (dot(p, q), dot(p, p), dot(q, q));
-            // Dot products of three terms are no better known.
+            // Dot products of three terms are no more accurate.
             if pq.abs() <= 4.0 * f64::EPSILON * (pp * qq).sqrt() {
                 continue;
             }
@@ -120,14 +120,14 @@ fn svd(a: Matrix) -> (Quaternion, Vector) {
     let values = order.map(|k| dot(columns[k], columns[k]).sqrt());
     let [first, second, _] = order;
     let unit = |x: Vector| x.map(|component| component / dot(x, x).sqrt());
-    // Of the third direction only the side is in question, and a proper rotation decides it.
+    // Only the sign of the third direction is open, and a proper rotation determines it.
     let (u_0, u_1) = (unit(columns[first]), unit(columns[second]));
     let u = [u_0, u_1, cross(u_0, u_1)];
     let v = [v[first], v[second], cross(v[first], v[second])];
     (Quaternion::from_columns(times(u, transposed(v))), values)
 }
 
-/// Whether a matrix mirrors, by exact arithmetic: in `f64` the sign is lost at a condition of 1e8.
+/// Whether a matrix is a reflection, in exact arithmetic: in `f64` the sign is lost at a condition of 1e8.
 #[must_use]
 pub fn mirrors(a: Matrix) -> bool {
     let exact = |x: f64| BigRational::from_float(x).expect("a finite number");
@@ -144,7 +144,7 @@ mod tests {
     use crate::clouds::random_rotation;
 
     #[test]
-    fn both_find_the_rotation_of_a_stretched_one() {
+    fn both_recover_the_rotation_of_a_stretched_matrix() {
         let mut rng = SplitMix64::new(1);
         for _ in 0..200 {
             let turn = Quaternion::from_axis_angle(random_rotation(&mut rng).columns()[0], 2.0 * rng.unit());
@@ -158,14 +158,15 @@ mod tests {
     }
 
     #[test]
-    fn either_guard_fails_at_another_scale() {
+    fn each_guard_fails_at_a_different_scale() {
         let turn = Quaternion::from_axis_angle([0.0, 0.6, 0.8], 1.0);
         let scaled = |exponent: i32| {
             let scale = 2.0f64.powi(exponent);
             turn.columns().map(|column| column.map(|x| scale * x))
         };
-        let error =
-            |way: fn(Matrix, usize) -> (Quaternion, usize), exponent| angle_rad(way(scaled(exponent), 1000).0, turn);
+        let error = |iterate: fn(Matrix, usize) -> (Quaternion, usize), exponent| {
+            angle_rad(iterate(scaled(exponent), 1000).0, turn)
+        };
         assert!(error(as_listed, -300) > 0.9 && error(as_listed, 300) < 1e-8);
         let too_far = error(as_copied, 300);
         assert!(error(as_copied, -300) < 1e-8 && (too_far.is_nan() || too_far > 0.1));
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn the_listing_stops_at_half_a_turn() {
+    fn the_listing_stops_early_at_a_half_turn() {
         let half = diagonal([1.0, -1.0, -1.0]);
         let (q, turns) = as_listed(half, 1000);
         assert_eq!((q, turns), (Quaternion::IDENTITY, 0));

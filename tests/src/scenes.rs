@@ -1,19 +1,19 @@
-//! Meshes small enough for a loop over all triangles, and ugly.
+//! Difficult meshes, small enough for a loop over all triangles.
 
 use canted_fixtures::{
     Hair, Mesh, Rotation, SplitMix64, Strand, coplanar_quads, displaced_icosphere, fan, grid, hair, icosphere,
     identical, outlier, scaffold_of, slivers, soup, thin_box, torus, truss,
 };
 
-/// A mesh, and where it stands.
+/// A mesh with its name.
 pub struct Case {
-    /// For messages.
+    /// Name for messages.
     pub name: String,
     /// The mesh.
     pub mesh: Mesh,
 }
 
-/// Shapes at their natural size, each a few hundred triangles.
+/// Shapes at their natural size, a few hundred triangles each.
 #[must_use]
 pub fn shapes() -> Vec<Case> {
     let case = |name: &str, mesh: Mesh| Case { name: name.to_owned(), mesh };
@@ -36,7 +36,7 @@ pub fn shapes() -> Vec<Case> {
     ]
 }
 
-/// Each shape as it is, turned, scaled to 1e-6 and 1e6, and far from the origin.
+/// Each shape unchanged, rotated, scaled to 1e-6 and 1e6, and far from the origin.
 #[must_use]
 pub fn cases() -> Vec<Case> {
     let mut cases = vec![];
@@ -47,16 +47,16 @@ pub fn cases() -> Vec<Case> {
             cases.push(Case { name: format!("{name}, {how}"), mesh: Mesh { positions, triangles } });
         };
         let turn = Rotation::off_axis();
-        add("as it is", &|p| p);
-        add("turned", &|p| turn.apply_f32(p));
+        add("unchanged", &|p| p);
+        add("rotated", &|p| turn.apply_f32(p));
         add("at 1e-6", &|p| p.map(|x| x * 1e-6));
-        add("at 1e6, turned", &|p| turn.apply_f32(p).map(|x| x * 1e6));
+        add("at 1e6, rotated", &|p| turn.apply_f32(p).map(|x| x * 1e6));
         add("at 1e7", &|p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7]);
     }
     cases
 }
 
-/// Long thin things in all directions, of which leaning boxes are made for: struts, cables, hair, needles.
+/// Long thin shapes in all directions, which suit oriented boxes: struts, cables, hair, needles.
 #[must_use]
 pub fn needles() -> Vec<Case> {
     let case = |name: &str, mesh: Mesh| Case { name: name.to_owned(), mesh };
@@ -71,7 +71,7 @@ pub fn needles() -> Vec<Case> {
     ]
 }
 
-/// One of `part` runs of `run` triangles, and the vertices that it uses.
+/// One of `part` runs of `run` triangles, with the vertices that it uses.
 #[must_use]
 pub fn every(mesh: &Mesh, run: usize, part: usize) -> Mesh {
     let mut kept = Mesh::default();
@@ -83,7 +83,7 @@ pub fn every(mesh: &Mesh, run: usize, part: usize) -> Mesh {
     kept
 }
 
-/// `n` boxes along the axes, flat in one of them, standing on each other's corners: a room that can be turned.
+/// `n` axis-aligned boxes, flat along one axis, standing on each other's corners; tests rotate it.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
 pub fn room(seed: u64, n: usize) -> Mesh {

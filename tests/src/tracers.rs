@@ -1,4 +1,4 @@
-//! Everything that traces rays through a mesh, by name: both kinds of tree, one level and two, every path, the device.
+//! Everything that traces rays through a mesh, by name: binary and wide BVHs, one level and two, every SIMD path, the device.
 
 mod device;
 
@@ -19,139 +19,141 @@ use crate::{
     instances,
 };
 
-/// Something that holds a mesh and answers rays.
+/// A mesh that can be queried with rays.
 pub trait Tracer {
-    /// The nearest hit of each ray; of a peer's only `t` and the primitive count.
+    /// The closest hit of each ray; peers set only `t` and the primitive.
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>>;
 
     /// Whether each ray hits anything.
     fn occluded(&self, rays: &[Ray]) -> Vec<bool>;
 
-    /// Every crossing of the surface, in order, its side by the winding in world space; `None` of who tells first hits alone.
+    /// Every crossing of the surface, in order, with its side by the world-space winding; `None` if only first hits are supported.
     fn crossings(&self, _: &Ray) -> Option<Vec<Hit>> {
         None
     }
 }
 
-/// What a tracer promises.
+/// The guarantee of a tracer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Word {
-    /// The answers of a loop over all triangles, bit for bit.
+pub enum Guarantee {
+    /// The bits of a loop over all triangles.
     Loop,
-    /// Whatever that loop hits, and besides only what is within this much of the ray, relative to `|o|∞ + ρ∞`.
+    /// All hits of that loop, and others only within this error of the ray, relative to `|o|∞ + ρ∞`.
     Device(f32),
-    /// Nothing: another project's.
+    /// None: another project's tracer.
     Peer,
 }
 
-/// Makes a tracer for a mesh and where it stands.
+/// Makes a tracer for a mesh and its transform.
 pub type Make = Box<dyn Fn(&Mesh, &Affine) -> Box<dyn Tracer>>;
 
-/// A way to trace, by name.
-pub struct Way {
-    /// The name in tables.
+/// A tracing method, by name.
+pub struct Method {
+    /// Name for tables.
     pub name: String,
-    /// What it promises.
-    pub word: Word,
-    /// Builds it. Where there is one level, vertices are moved and rounded.
+    /// Its guarantee.
+    pub guarantee: Guarantee,
+    /// Builds the tracer. With one level, vertices are transformed and rounded.
     pub make: Make,
-    /// Answers so far that a driver cut short: the CPU gave them in the device's place.
+    /// Queries so far that the CPU answered because a driver ended the device's traversal early.
     n_cut: Rc<Cell<usize>>,
 }
 
-impl Way {
-    /// A way of which no answer is cut short.
+impl Method {
+    /// A method that never ends early.
     #[must_use]
-    pub fn new(name: impl Into<String>, word: Word, make: Make) -> Self {
-        Self { name: name.into(), word, make, n_cut: Rc::default() }
+    pub fn new(name: impl Into<String>, guarantee: Guarantee, make: Make) -> Self {
+        Self { name: name.into(), guarantee, make, n_cut: Rc::default() }
     }
 
-    /// What `ask` gives, and how many answers a driver cut short meanwhile.
+    /// The result of `ask`, and how many queries a driver ended early meanwhile.
     pub fn with_cuts<T>(&self, ask: impl FnOnce() -> T) -> (T, usize) {
         let before = self.n_cut.get();
         let answer = ask();
         (answer, self.n_cut.get() - before)
     }
 
-    /// Builds it for a mesh that stands as it is.
+    /// Builds it for an untransformed mesh.
     #[must_use]
     pub fn of(&self, mesh: &Mesh) -> Box<dyn Tracer> {
         (self.make)(mesh, &Affine::IDENTITY)
     }
 
     fn of_one<T: Tracer + 'static>(name: impl Into<String>, make: impl Fn(Mesh) -> T + 'static) -> Self {
-        let make: Make = Box::new(move |mesh, place| Box::new(make(baked(mesh, place))));
-        Self::new(name, Word::Loop, make)
+        let make: Make = Box::new(move |mesh, placement| Box::new(make(baked(mesh, placement))));
+        Self::new(name, Guarantee::Loop, make)
     }
 
     fn of_two<B: Blas + 'static>(name: impl Into<String>, make: impl Fn(&Mesh) -> B + 'static) -> Self {
-        let make: Make = Box::new(move |mesh, place| Box::new(TwoLevels::new(make(mesh), mesh, place)));
-        Self::new(name, Word::Loop, make)
+        let make: Make = Box::new(move |mesh, placement| Box::new(TwoLevels::new(make(mesh), mesh, placement)));
+        Self::new(name, Guarantee::Loop, make)
     }
 }
 
-/// Every way of ours that this machine has; those that it lacks, by name.
+/// All our methods that this machine supports, and the names of those that it lacks.
 #[must_use]
-pub fn ours() -> (Vec<Way>, Vec<String>) {
+pub fn ours() -> (Vec<Method>, Vec<String>) {
     let (there, lacking): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
     let mut missing: Vec<String> = lacking.into_iter().map(|path| path.name().to_owned()).collect();
-    let mut ways = vec![
-        Way::of_one("binary aabb", |mesh| OneLevel::new(mesh, Strategy::Aabb)),
-        Way::of_one("binary dop", |mesh| OneLevel::new(mesh, Strategy::Dop)),
-        Way::of_one("binary combined", |mesh| OneLevel::new(mesh, Strategy::Combined)),
-        Way::of_two("two levels of binary", |mesh| binary(mesh, Strategy::Dop)),
+    let mut methods = vec![
+        Method::of_one("binary aabb", |mesh| OneLevel::new(mesh, Strategy::Aabb)),
+        Method::of_one("binary dop", |mesh| OneLevel::new(mesh, Strategy::Dop)),
+        Method::of_one("binary combined", |mesh| OneLevel::new(mesh, Strategy::Combined)),
+        Method::of_two("two-level binary", |mesh| binary(mesh, Strategy::Dop)),
     ];
     for path in there {
         let name = path.name();
-        ways.push(Way::of_one(format!("wide {name}"), move |mesh| wide(&mesh, &Config::default()).with_path(path)));
-        ways.push(Way::of_one(format!("wide lean {name}"), move |mesh| wide(&mesh, &lean()).with_path(path)));
+        methods
+            .push(Method::of_one(format!("wide {name}"), move |mesh| wide(&mesh, &Config::default()).with_path(path)));
+        methods.push(Method::of_one(format!("wide oriented {name}"), move |mesh| {
+            wide(&mesh, &many_oriented()).with_path(path)
+        }));
     }
-    ways.push(Way::of_two("two levels of wide", |mesh| wide(mesh, &Config::default())));
+    methods.push(Method::of_two("two-level wide", |mesh| wide(mesh, &Config::default())));
     match Gpu::open(&Choice::Best) {
-        Ok(gpu) => ways.extend(device::ways(&Rc::new(gpu))),
+        Ok(gpu) => methods.extend(device::methods(&Rc::new(gpu))),
         Err(error) => missing.push(format!("device ({error})")),
     }
-    (ways, missing)
+    (methods, missing)
 }
 
-/// Two levels by each kind of tree, both levels of the wide one on every path that this machine has, and by the device if it has
-/// one.
+/// Two levels of binary and of wide BVHs, the wide ones on every available SIMD path, and on the device if there is one.
 #[must_use]
-pub fn two_levels() -> Vec<Way> {
-    let mut ways = vec![Way::of_two("binary", |mesh| binary(mesh, Strategy::Dop))];
+pub fn two_levels() -> Vec<Method> {
+    let mut methods = vec![Method::of_two("binary", |mesh| binary(mesh, Strategy::Dop))];
     for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-        let make: Make = Box::new(move |mesh, place| {
+        let make: Make = Box::new(move |mesh, placement| {
             let tree = wide(mesh, &Config::default()).with_path(path);
-            Box::new(TwoLevels::new(tree, mesh, place).with_path(path))
+            Box::new(TwoLevels::new(tree, mesh, placement).with_path(path))
         });
-        ways.push(Way::new(format!("wide {}", path.name()), Word::Loop, make));
+        methods.push(Method::new(format!("wide {}", path.name()), Guarantee::Loop, make));
     }
     if let Ok(gpu) = Gpu::open(&Choice::Best) {
-        let [_, two] = device::ways(&Rc::new(gpu));
-        ways.push(Way { name: "device".to_owned(), ..two });
+        let [_, two] = device::methods(&Rc::new(gpu));
+        methods.push(Method { name: "device".to_owned(), ..two });
     }
-    ways
+    methods
 }
 
-/// A binary tree with these volumes.
+/// A binary BVH with these volumes.
 fn binary(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
     let config = BuildConfig { volumes: VolumeConfig { strategy, fallback: true }, ..BuildConfig::default() };
     Bvh2::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
 }
 
-/// An eight-wide tree.
+/// A wide BVH.
 fn wide(mesh: &Mesh, config: &Config) -> TriangleBvh<Watertight> {
     TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("a mesh of finite vertices")
 }
 
-/// Nodes with a frame for each child so cheap that hardly another is worth having, over leaves of one triangle.
+/// A configuration with many oriented nodes: their cost is nearly zero, and leaves hold one triangle.
 #[must_use]
-pub fn lean() -> Config {
+pub fn many_oriented() -> Config {
     let costs = Costs { aligned_node: 1e6, oriented_node: 0.01, leaf: 0.0, block: 0.01, max_leaf: 1 };
     Config { costs, rotate_mesh: false, ..Config::preset(Preset::Balanced) }
 }
 
-/// A binary tree and what it is over.
+/// A binary BVH with its mesh.
 struct OneLevel {
     blas: Bvh2<Watertight>,
     mesh: Mesh,
@@ -198,21 +200,21 @@ impl Tracer for TriangleBvh<Watertight> {
     }
 }
 
-/// A mesh where it stands, and once more far off, which makes the top level a tree.
+/// An instanced mesh, and a second instance far away so that the top level has more than one leaf.
 struct TwoLevels<B: Blas> {
     tlas: Tlas<B>,
     mesh: Mesh,
-    place: Affine,
+    placement: Affine,
 }
 
 impl<B: Blas> TwoLevels<B> {
-    #[expect(clippy::cast_possible_truncation, reason = "far off will do")]
-    fn new(blas: B, mesh: &Mesh, place: &Affine) -> Self {
-        let here = Instance::new(0, *place);
+    #[expect(clippy::cast_possible_truncation, reason = "any large distance")]
+    fn new(blas: B, mesh: &Mesh, placement: &Affine) -> Self {
+        let here = Instance::new(0, *placement);
         let mut there = here;
-        there.world_from_object.columns[3][0] += (9.0 * baked(mesh, place).diagonal()) as f32;
+        there.world_from_object.columns[3][0] += (9.0 * baked(mesh, placement).diagonal()) as f32;
         let tlas = Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible");
-        Self { tlas, mesh: mesh.clone(), place: *place }
+        Self { tlas, mesh: mesh.clone(), placement: *placement }
     }
 
     fn with_path(self, path: SimdPath) -> Self {
@@ -221,7 +223,7 @@ impl<B: Blas> TwoLevels<B> {
 }
 
 impl<B: Blas> Tracer for TwoLevels<B> {
-    /// Only the instance that stands where the mesh does is asked.
+    /// Only the first instance is queried.
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         rays.iter().map(|ray| self.tlas.closest_hit_with(ray, &mut OfTheFirst)).collect()
     }
@@ -230,18 +232,18 @@ impl<B: Blas> Tracer for TwoLevels<B> {
         rays.iter().map(|ray| self.tlas.occluded_with(ray, &mut OfTheFirst)).collect()
     }
 
-    /// As the triangles see the ray: in object space, whose winding a mirror turns.
+    /// Computed in object space, where the kernel runs; a mirror swaps the sides.
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
         let hits = all_hits(|query| self.tlas.closest_hit_with(ray, query));
-        let mut crossings = crossings::of_hits(&self.mesh, &instances::ray_object(&self.place, ray), hits);
-        if mirrors(&self.place) {
+        let mut crossings = crossings::of_hits(&self.mesh, &instances::ray_object(&self.placement, ray), hits);
+        if mirrors(&self.placement) {
             crossings.iter_mut().for_each(|hit| hit.side = opposite(hit.side));
         }
         Some(crossings)
     }
 }
 
-/// Accepts hits of the first instance alone.
+/// Accepts only hits of the first instance.
 struct OfTheFirst;
 
 impl canted_trace::Query for OfTheFirst {

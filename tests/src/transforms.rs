@@ -1,9 +1,9 @@
-//! Where instances stand: turned, mirrored, stretched, sheared, small, large and far.
+//! Instance transforms: rotated, mirrored, stretched, sheared, small, large and far away.
 
 use canted_fixtures::{Rotation, SplitMix64};
 use canted_obb::Affine;
 
-/// The columns of a rotation times a diagonal, then a shift.
+/// The columns of a rotation times a diagonal matrix, then a translation.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
 pub fn affine(turn: &Rotation, scale: [f64; 3], shift: [f32; 3]) -> Affine {
@@ -11,7 +11,7 @@ pub fn affine(turn: &Rotation, scale: [f64; 3], shift: [f32; 3]) -> Affine {
     Affine { columns: [column(0), column(1), column(2), shift] }
 }
 
-/// A transform of each kind, by name, alone and piled on others.
+/// One transform of each kind, by name.
 #[must_use]
 pub fn transforms() -> Vec<(&'static str, Affine)> {
     let turn = Rotation::off_axis();
@@ -31,7 +31,7 @@ pub fn transforms() -> Vec<(&'static str, Affine)> {
     ]
 }
 
-/// Every kind of transform, and a heap of small turned copies that overlap each other.
+/// All kinds of transforms, and many small rotated copies that overlap.
 #[must_use]
 pub fn crowd() -> Vec<Affine> {
     let mut rng = SplitMix64::new(31);

@@ -1,11 +1,11 @@
-//! Dependencies point one way: read from every manifest of the workspace.
+//! Dependencies point one way; checked in every manifest of the workspace.
 //!
-//! Not covered here: what code does (a library that reads a file needs no dependency for it), versions, licences.
+//! Not covered here: what code does (reading a file needs no dependency), versions, licenses.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-/// Our own packages, and which of them each may need; what a row leaves out would turn an arrow back.
-const ARROWS: &[(&str, &[&str])] = &[
+/// Our packages with the packages that each may depend on.
+const ALLOWED: &[(&str, &[&str])] = &[
     ("obb", &[]),
     ("trace", &["obb"]),
     ("lbvh", &["obb"]),
@@ -22,12 +22,12 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("cli", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "film", "shaders", "gpu", "renderer"]),
 ];
 
-/// Crates that need little, and the little they may need.
-const LEAN: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "canted"];
-const LEAN_NEEDS: &[&str] = &["glam", "bytemuck", "rayon"];
+/// Crates with few dependencies, and those that they may have.
+const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "canted"];
+const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon"];
 
-/// Crates of others that only some packages may need; peers may stand beside ours in anyone's tests.
-const KEPT: &[(&str, &[&str])] = &[
+/// External crates restricted to some packages; tests of any package may use peers.
+const RESTRICTED: &[(&str, &[&str])] = &[
     ("obvhs", &["renderer", "tests", "benches"]),
     ("tinybvh-rs", &["benches"]),
     ("libloading", &["benches"]),
@@ -47,7 +47,7 @@ struct Dependency {
     optional: bool,
 }
 
-/// The dependencies of a manifest, as far as manifests here are written: one a line, or a table of its own.
+/// The dependencies of a manifest, in the forms used here: one line each, or a table each.
 fn dependencies(manifest: &str) -> Vec<Dependency> {
     let mut found: Vec<Dependency> = vec![];
     let mut section = String::new();
@@ -72,39 +72,39 @@ fn dependencies(manifest: &str) -> Vec<Dependency> {
     found
 }
 
-/// What is wrong with the manifests, by folder of the package: sentences that name package and dependency.
-fn complaints(manifests: &BTreeMap<String, String>) -> Vec<String> {
-    let mut complaints = vec![];
+/// Violations in the manifests, which are keyed by folder: sentences with package and dependency.
+fn violations(manifests: &BTreeMap<String, String>) -> Vec<String> {
+    let mut violations = vec![];
     for (package, manifest) in manifests {
-        let allowed = ARROWS.iter().find(|(name, _)| name == package).map(|(_, allowed)| *allowed);
+        let allowed = ALLOWED.iter().find(|(name, _)| name == package).map(|(_, allowed)| *allowed);
         for Dependency { name, for_tests, optional } in dependencies(manifest) {
             let ours = if name == "canted" { Some("canted") } else { name.strip_prefix("canted-") };
-            let mut complain = |what: &str| complaints.push(format!("{package} needs {name}: {what}"));
+            let mut report = |what: &str| violations.push(format!("{package} needs {name}: {what}"));
             if let (Some(ours), Some(allowed)) = (ours, allowed) {
                 if !(allowed.contains(&ours) || for_tests && ours == "fixtures") {
-                    complain("an arrow turns back");
+                    report("not an allowed dependency");
                 }
-            } else if LEAN.contains(&package.as_str()) && !for_tests {
-                if !LEAN_NEEDS.contains(&name.as_str()) {
-                    complain("more than glam, bytemuck and rayon");
+            } else if MINIMAL.contains(&package.as_str()) && !for_tests {
+                if !MINIMAL_DEPENDENCIES.contains(&name.as_str()) {
+                    report("more than glam, bytemuck and rayon");
                 } else if name == "rayon" && !optional {
-                    complain("rayon must be optional");
+                    report("rayon must be optional");
                 }
             }
-            if let Some((_, keepers)) = KEPT.iter().find(|(kept, _)| *kept == name && !for_tests)
+            if let Some((_, keepers)) = RESTRICTED.iter().find(|(kept, _)| *kept == name && !for_tests)
                 && !keepers.contains(&package.as_str())
             {
-                complain("a crate kept to others");
+                report("restricted to other packages");
             }
         }
         if allowed.is_none() && !["fixtures", "tests", "benches", "xtask"].contains(&package.as_str()) {
-            complaints.push(format!("{package} has no row of arrows"));
+            violations.push(format!("{package} has no row in the table"));
         }
     }
-    complaints
+    violations
 }
 
-/// The manifest of every package, by its folder.
+/// The manifest of every package, keyed by folder.
 fn workspace() -> BTreeMap<String, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let crates = fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path());
@@ -119,14 +119,14 @@ fn workspace() -> BTreeMap<String, String> {
 }
 
 #[test]
-fn no_arrow_turns_back() {
+fn dependencies_point_one_way() {
     let manifests = workspace();
     for package in
         ["obb", "trace", "lbvh", "tlas", "scene", "film", "renderer", "canted", "fixtures", "tests", "benches", "xtask"]
     {
         assert!(manifests.contains_key(package), "no manifest of {package}");
     }
-    assert_eq!(complaints(&manifests), Vec::<String>::new());
+    assert_eq!(violations(&manifests), Vec::<String>::new());
 }
 
 #[test]
@@ -138,16 +138,16 @@ fn manifests_are_read() {
     assert!(of("tests").iter().any(|d| d.name == "obvhs" && d.for_tests));
 }
 
-/// The workspace with lines added to the end of one manifest.
+/// The violations after lines are appended to one manifest.
 fn with(package: &str, lines: &str) -> Vec<String> {
     let mut manifests = workspace();
     manifests.entry(package.to_owned()).or_default().push_str(&format!("\n{lines}\n"));
-    complaints(&manifests)
+    violations(&manifests)
 }
 
 #[test]
-fn an_arrow_that_turns_back_is_seen() {
-    let back = |package: &str, name: &str| vec![format!("{package} needs {name}: an arrow turns back")];
+fn reversed_dependencies_are_detected() {
+    let back = |package: &str, name: &str| vec![format!("{package} needs {name}: not an allowed dependency")];
     assert_eq!(with("lbvh", "[dependencies]\ncanted-trace.workspace = true"), back("lbvh", "canted-trace"));
     assert_eq!(with("trace", "[dependencies.canted-tlas]\nworkspace = true"), back("trace", "canted-tlas"));
     assert_eq!(with("obb", "[dev-dependencies]\ncanted-lbvh = { workspace = true }"), back("obb", "canted-lbvh"));
@@ -157,16 +157,19 @@ fn an_arrow_that_turns_back_is_seen() {
 }
 
 #[test]
-fn crates_kept_to_others_and_heavy_needs_are_seen() {
-    let kept = "a crate kept to others";
-    assert_eq!(with("scene", "[dependencies]\nobvhs.workspace = true"), [format!("scene needs obvhs: {kept}")]);
-    assert_eq!(with("canted", "[dependencies.obvhs]\nversion = \"0.4\""), [format!("canted needs obvhs: {kept}")]);
+fn restricted_and_extra_dependencies_are_detected() {
+    let restricted = "restricted to other packages";
+    assert_eq!(with("scene", "[dependencies]\nobvhs.workspace = true"), [format!("scene needs obvhs: {restricted}")]);
+    assert_eq!(
+        with("canted", "[dependencies.obvhs]\nversion = \"0.4\""),
+        [format!("canted needs obvhs: {restricted}")]
+    );
     assert_eq!(
         with("obb", "[dependencies]\nserde = { version = \"1\", optional = true }"),
         ["obb needs serde: more than glam, bytemuck and rayon"]
     );
     assert_eq!(with("trace", "[dependencies]\nrayon.workspace = true"), ["trace needs rayon: rayon must be optional"]);
     assert_eq!(with("trace", "[dependencies.rayon]\nworkspace = true\noptional = true"), Vec::<String>::new());
-    assert_eq!(with("newcomer", "[dependencies]"), ["newcomer has no row of arrows"]);
+    assert_eq!(with("newcomer", "[dependencies]"), ["newcomer has no row in the table"]);
     assert_eq!(with("obb", "# obvhs = \"1\""), Vec::<String>::new());
 }

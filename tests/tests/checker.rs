@@ -1,6 +1,6 @@
-//! The checker of trees sees each flaw that it names.
+//! The tree checker detects each flaw that it names.
 //!
-//! A sound tree is broken in one place a test. Not covered here: whether trees that are built are sound (`volumes.rs`).
+//! Each test breaks a valid tree in one way. Not covered here: whether built trees are valid (`volumes.rs`).
 
 use canted_fixtures::{Mesh, soup};
 use canted_lbvh::{
@@ -15,7 +15,7 @@ fn build(mesh: &Mesh) -> (Tree, Vec<Corners>) {
     (tree, sorted)
 }
 
-/// A sound tree that a test then breaks.
+/// A valid tree for a test to break.
 struct Sound {
     tree: Tree,
     volumes: Volumes,
@@ -37,7 +37,7 @@ impl Sound {
 }
 
 #[test]
-fn check_sees_arrays_that_do_not_fit() {
+fn check_detects_arrays_of_wrong_length() {
     let flaw = Err(Flaw::WrongCount { n_leaves: 40, n_nodes: 39 });
     let mut sound = Sound::new(Strategy::Aabb);
     sound.tree.bottom_up.pop();
@@ -51,7 +51,7 @@ fn check_sees_arrays_that_do_not_fit() {
 }
 
 #[test]
-fn check_sees_a_primitive_in_two_leaves() {
+fn check_detects_a_primitive_in_two_leaves() {
     let mut sound = Sound::new(Strategy::Aabb);
     let twice = sound.tree.leaves[3];
     sound.tree.leaves[30] = twice;
@@ -59,23 +59,23 @@ fn check_sees_a_primitive_in_two_leaves() {
 }
 
 #[test]
-fn check_sees_swapped_leaves() {
+fn check_detects_swapped_leaves() {
     let mut sound = Sound::new(Strategy::Aabb);
     sound.leaves.swap(0, 39);
     assert!(matches!(sound.check(), Err(Flaw::Escapes { .. })), "{:?}", sound.check());
 }
 
 #[test]
-fn check_sees_nodes_without_a_parent() {
+fn check_detects_nodes_without_a_parent() {
     let mut sound = Sound::new(Strategy::Aabb);
-    // The root now covers what its left child did: the right side hangs in the air.
+    // The root now covers only its left child's range; the right side has no parent.
     let ChildKind::Inner(left) = sound.tree.nodes[0].left.kind() else { panic!("40 leaves, 1 on the left") };
     sound.tree.nodes[0] = sound.tree.nodes[left.index()];
     assert!(matches!(sound.check(), Err(Flaw::NotOneParent { .. })), "{:?}", sound.check());
 }
 
 #[test]
-fn check_sees_references_out_of_the_tree() {
+fn check_detects_references_out_of_range() {
     let flaw = Err(Flaw::OutOfRange { node: NodeId::ROOT });
     for outside in [lbvh::Child::leaf(40), lbvh::Child::inner(NodeId(39))] {
         let mut sound = Sound::new(Strategy::Aabb);
@@ -88,7 +88,7 @@ fn check_sees_references_out_of_the_tree() {
 }
 
 #[test]
-fn check_sees_ranges_that_are_not_those_of_the_children() {
+fn check_detects_ranges_that_differ_from_the_children() {
     for i in 0..39 {
         let mut sound = Sound::new(Strategy::Aabb);
         sound.tree.nodes[i].last += 1;
@@ -97,7 +97,7 @@ fn check_sees_ranges_that_are_not_those_of_the_children() {
 }
 
 #[test]
-fn check_sees_parents_before_children_and_nodes_twice() {
+fn check_detects_wrong_node_order_and_repeated_nodes() {
     let mut sound = Sound::new(Strategy::Aabb);
     sound.tree.bottom_up.swap(0, 38);
     assert_eq!(sound.check(), Err(Flaw::WrongOrder { node: NodeId::ROOT }));
@@ -108,7 +108,7 @@ fn check_sees_parents_before_children_and_nodes_twice() {
 }
 
 #[test]
-fn check_sees_a_depth_that_is_not_the_longest_way() {
+fn check_detects_a_wrong_depth() {
     for step in [-1, 1] {
         let mut sound = Sound::new(Strategy::Aabb);
         let actual = sound.tree.depth;
@@ -118,7 +118,7 @@ fn check_sees_a_depth_that_is_not_the_longest_way() {
 }
 
 #[test]
-fn check_sees_each_plane_of_each_node_shrunk_by_one_step() {
+fn check_detects_each_plane_of_each_node_shrunk_by_one_ulp() {
     let sound = Sound::new(Strategy::Aabb);
     for id in (0..39).map(NodeId) {
         for k in 0..3 {
@@ -135,16 +135,16 @@ fn check_sees_each_plane_of_each_node_shrunk_by_one_step() {
     }
 }
 
-/// A vertex moved to a corner of the axis-aligned box stays inside that, but leaves the leaning one.
+/// A vertex moved to a corner of the axis-aligned box stays inside that box but leaves the oriented one.
 #[test]
-fn check_sees_a_point_outside_the_leaning_box_alone() {
+fn check_detects_a_point_outside_only_the_oriented_box() {
     let diagonal = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [7.0, 7.0, 7.0], [7.1, 7.0, 7.0]];
     let mesh = Mesh { positions: diagonal.to_vec(), triangles: vec![[0, 1, 2], [1, 2, 3]] };
     let (tree, mut leaves) = build(&mesh);
-    let leaning = lbvh::volumes(&tree, &leaves, &VolumeConfig { strategy: Strategy::Dop, fallback: true });
+    let oriented = lbvh::volumes(&tree, &leaves, &VolumeConfig { strategy: Strategy::Dop, fallback: true });
     let straight = lbvh::volumes(&tree, &leaves, &VolumeConfig::default());
-    assert!(matches!(leaning.of(NodeId::ROOT), Volume::Obb(_)));
+    assert!(matches!(oriented.of(NodeId::ROOT), Volume::Obb(_)));
     leaves[0][0] = [0.0, 7.0, 0.0];
     assert!(lbvh::check(&tree, &straight, &leaves).is_ok());
-    assert_eq!(lbvh::check(&tree, &leaning, &leaves), Err(Flaw::Escapes { node: NodeId::ROOT, leaf: 0 }));
+    assert_eq!(lbvh::check(&tree, &oriented, &leaves), Err(Flaw::Escapes { node: NodeId::ROOT, leaf: 0 }));
 }

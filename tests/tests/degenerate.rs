@@ -1,8 +1,8 @@
-//! Degenerate scenes: a hundred thousand identical triangles, one far outlier, equal centroids, next to nothing.
+//! Degenerate scenes: a hundred thousand identical triangles, a far outlier, equal centroids, very few triangles.
 //!
-//! Built in time that grows no faster than the scene, to a depth within its bound, traced with a bounded number of
-//! tests. Where triangles coincide every one that ties must be tried, for the lowest wins: there the bound is the
-//! scene itself. Not covered here: quality of ordinary trees (the program's `stats`), geometry that is refused.
+//! Build time grows no faster than the scene, depth is bounded, and so is the number of tests in a traversal. Coincident
+//! triangles all tie, so every one must be tested to find the lowest index; the bound is then the scene size. Not covered here:
+//! quality of ordinary trees (the program's `stats`), invalid geometry.
 
 use std::time::{Duration, Instant};
 
@@ -31,15 +31,15 @@ fn build_time(mesh: &Mesh, config: &BuildConfig) -> Duration {
     start.elapsed()
 }
 
-/// Ten times the triangles may take this many times as long: linear time is 10, a sort's passes and the caches add
-/// some, and what is quadratic takes 100.
+/// Greatest time ratio for ten times the triangles: linear time gives 10, sorting passes and caches add some, quadratic time
+/// gives 100.
 const LINEAR: u32 = 30;
 
-/// Builds after which no better time is expected.
+/// Greatest number of repeated builds.
 const N_BUILDS: u32 = 50;
 
-/// The least times of builds, one thread, of both meshes in turn: what the machine does besides only adds. Ends as soon
-/// as they are in proportion.
+/// The least build times of both meshes on one thread, alternating, because other load only adds time. Stops as soon as the
+/// times are in proportion.
 fn least_times(meshes: [&Mesh; 2], config: &BuildConfig) -> [Duration; 2] {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let mut least = [Duration::MAX; 2];
@@ -53,7 +53,7 @@ fn least_times(meshes: [&Mesh; 2], config: &BuildConfig) -> [Duration; 2] {
 }
 
 #[test]
-fn ten_times_the_triangles_take_about_ten_times_as_long() {
+fn build_time_is_nearly_linear() {
     for (name, mesh) in KINDS {
         let (small, large) = (mesh(10_000), mesh(100_000));
         for strategy in Strategy::ALL {
@@ -72,7 +72,7 @@ fn depth_stays_within_its_bound() {
                 let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
                 let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, bits), &corners);
                 let tree = lbvh::radix(lbvh::sort_by_code(&codes, bits));
-                // Each step down tells codes apart by a bit, then positions; the leaf counts too.
+                // Each step down separates codes by a bit, then positions; the leaf counts too.
                 let n_position_bits = n.next_power_of_two().trailing_zeros();
                 assert!(tree.depth <= n_bits + n_position_bits + 1, "{name}, {n}, {bits:?}: {}", tree.depth);
                 assert!(tree.depth > n_position_bits, "{name}, {n}, {bits:?}: {}", tree.depth);
@@ -82,16 +82,16 @@ fn depth_stays_within_its_bound() {
 }
 
 #[test]
-fn one_code_for_all_makes_a_balanced_tree() {
+fn equal_codes_make_a_balanced_tree() {
     for (name, mesh) in [KINDS[0], KINDS[2]] {
         let mesh = mesh(100_000);
         let blas = build(&mesh, &config(Strategy::Aabb, Bits::B63));
-        // 2^17 is the next power of two; the leaf is one more.
+        // 2^17 is the next power of two; the leaf adds one level.
         assert_eq!(blas.pairs().depth(), 18, "{name}");
     }
 }
 
-/// Mean tests a ray, of boxes and triangles together.
+/// Mean number of box and triangle tests per ray.
 #[expect(clippy::cast_precision_loss, reason = "counts far below 2^52")]
 fn tests_per_ray(blas: &Bvh2<Watertight>, rays: &[Ray]) -> f64 {
     let mut counts = Counts::default();
@@ -116,16 +116,16 @@ fn cluster(n: u32, distance: f32) -> Mesh {
 }
 
 #[test]
-fn an_outlier_costs_its_share_of_the_grid_and_no_more() {
+fn an_outlier_costs_only_its_share_of_the_grid() {
     let alone = soup(9, 20_000);
     let rays = rays_at(&alone, 300);
     let tests = |mesh: &Mesh, bits| tests_per_ray(&build(mesh, &config(Strategy::Aabb, bits)), &rays);
     let without = tests(&alone, Bits::B63);
-    // 2^21 cells over 1e3 leave 2,000 to the unit cube, where 20,000 triangles need 27.
+    // 2^21 cells over 1e3 leave 2,000 for the unit cube, where 20,000 triangles need 27.
     let with = tests(&cluster(20_000, 1e3), Bits::B63);
     assert!(with < 1.5 * without, "{without} tests a ray, {with} with an outlier at 1e3");
-    // 2^10 cells over 1e3 leave one, and so do 2^21 over 1e7: the order is that of the input, and a ray may meet
-    // every box. That is the limit of codes on a grid; a tree by surface area does not know it.
+    // 2^10 cells over 1e3 leave one cell, as do 2^21 over 1e7: the order is then that of the input, and a ray may test every
+    // box. This is the limit of codes on a grid; an SAH build does not have it.
     for (distance, bits) in [(1e3, Bits::B30), (1e7, Bits::B63)] {
         let coarse = tests(&cluster(20_000, distance), bits);
         assert!(coarse > 10.0 * without && coarse <= 60_002.0, "{coarse} tests a ray, {bits:?}, {distance:e}");
@@ -133,7 +133,7 @@ fn an_outlier_costs_its_share_of_the_grid_and_no_more() {
 }
 
 #[test]
-fn triangles_that_coincide_are_tried_once_each_and_missed_at_once() {
+fn coincident_triangles_are_tested_once_each_and_missed_early() {
     let n = 100_000;
     let mesh = identical(n);
     for strategy in Strategy::ALL {
@@ -156,7 +156,7 @@ fn triangles_that_coincide_are_tried_once_each_and_missed_at_once() {
 }
 
 #[test]
-fn degenerate_scenes_are_traced_like_the_loop() {
+fn degenerate_scenes_match_the_loop() {
     for (name, mesh) in KINDS {
         for n in [0, 1, 2, 3, 500] {
             let mesh = mesh(n);
@@ -176,9 +176,9 @@ fn degenerate_scenes_are_traced_like_the_loop() {
     }
 }
 
-/// The bounds above can fail: a tree that is a chain is deep and slow.
+/// The bounds above can fail: a chain is deep and slow.
 #[test]
-fn a_chain_breaks_the_bounds() {
+fn a_chain_exceeds_the_bounds() {
     let n = 2_000u32;
     let mesh = soup(9, n);
     let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();

@@ -1,4 +1,4 @@
-//! Pictures on a device: what it needs for them, what it shares with the CPU, and what becomes of them when it fails.
+//! Pictures on a device: required resources, sharing with the CPU, and failures.
 
 mod device {
     mod both;
@@ -21,12 +21,12 @@ mod device {
         Settings { width: 40, height: 30, samples: 4, tile: 8, ..Settings::default() }
     }
 
-    /// From the front, a little above.
+    /// A view from the front, slightly above.
     pub(crate) fn camera() -> Camera {
         Camera::pinhole([0.2, 0.7, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0)
     }
 
-    /// What a picture of the scene in so many levels is asked on a device.
+    /// Calls `ask` with a device picture of the scene.
     pub(crate) fn with_picture<R>(
         gpu: &Gpu,
         scene: &Scene,
@@ -46,7 +46,7 @@ mod device {
         render(scene, &structure, &camera(), settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
     }
 
-    /// Someone who does not listen.
+    /// A monitor that ignores reports.
     pub(crate) fn silent(cancel: &AtomicBool) -> Monitor<'_> {
         Monitor { progress: &|_, _| (), finished: &|_| (), cancel }
     }

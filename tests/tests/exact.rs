@@ -1,17 +1,16 @@
-//! Grazing rays judged without rounding: what certainly pierces is hit, what certainly misses is not.
+//! Grazing rays compared with exact arithmetic: certain hits are found, certain misses are not hit.
 //!
-//! Each ray collects every triangle that the tree offers it; integers say, for each triangle, whether the ray pierces
-//! or misses it wherever rounding may have put its vertices. Every strategy, offsets of 1e7, scales 1e-20 and 1e15.
-//! Not covered here: rays within the margin, of which only `watertight.rs` asks something; instances, for which
-//! `instances.rs` has bounds.
+//! Each ray collects every triangle that the BVH offers; exact arithmetic classifies each triangle as hit or missed for every
+//! displacement that rounding may cause. Every strategy, offsets of 1e7, scales 1e-20 and 1e15. Not covered here: rays within
+//! the margin, which only `watertight.rs` tests; instances, for which `instances.rs` has bounds.
 
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_tests::judge::{Tally, compare, corners, margin, meshes, rays};
+use canted_tests::reference::{Tally, compare, corners, margin, meshes, rays};
 use canted_trace::{Hit, InstanceId, Query, Watertight};
 
-/// Refuses every hit, and so is shown all of them.
+/// Rejects every hit, so that the query reports all of them.
 #[derive(Default)]
 struct Collect(Vec<Hit>);
 
@@ -28,7 +27,7 @@ fn build(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
 }
 
 #[test]
-fn trees_hit_what_is_pierced_and_nothing_that_is_missed() {
+fn certain_hits_are_found_and_certain_misses_are_not() {
     for (name, mesh) in meshes() {
         let mut tally = Tally::default();
         for (strategy, seed) in Strategy::ALL.into_iter().zip(70..) {
@@ -41,13 +40,13 @@ fn trees_hit_what_is_pierced_and_nothing_that_is_missed() {
         }
         let Tally { n_pierced, n_missed, n_open } = tally;
         assert!(n_missed > 1000 && n_open < n_pierced + n_missed, "{name}: {tally:?}");
-        // No sliver is so wide that rounding could not move a ray off it.
+        // Slivers are so thin that rounding may always move the ray off them.
         assert_eq!(n_pierced > 100, name != "slivers", "{name}: {tally:?}");
     }
 }
 
 #[test]
-fn the_closest_hit_is_the_least_of_all() {
+fn the_closest_hit_is_the_nearest_of_all_hits() {
     for (name, mesh) in meshes() {
         let blas = build(&mesh, Strategy::Dop);
         for ray in rays(&mesh, 60, 5) {
@@ -61,7 +60,7 @@ fn the_closest_hit_is_the_least_of_all() {
 }
 
 #[test]
-fn a_vertex_moved_by_a_hundred_margins_is_seen() {
+fn a_vertex_moved_by_a_hundred_margins_is_detected() {
     for (name, mesh) in meshes() {
         let mut n_seen = 0;
         for ray in rays(&mesh, 300, 6) {

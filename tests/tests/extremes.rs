@@ -7,25 +7,25 @@ use canted_tests::{
         hierarchy::{self, MISSED, PIERCED, SAME},
         instance::{self, NEAR},
     },
-    tracers::{self, Make, Tracer, Way, Word},
+    tracers::{self, Guarantee, Make, Method, Tracer},
 };
 use canted_trace::{Hit, InstanceId, Ray, Side};
 
-/// As many inputs as a full report tries.
+/// Number of inputs as in a full report.
 const AS_A_REPORT: usize = 4;
 
 #[test]
-#[expect(clippy::print_stderr, reason = "what this machine has not is named")]
-fn every_promise_is_kept() {
-    let (ways, missing) = tracers::ours();
+#[expect(clippy::print_stderr, reason = "unavailable features are reported")]
+fn every_promise_holds() {
+    let (methods, missing) = tracers::ours();
     let not_tried = extremes::not_tried(&missing);
     for what in &not_tried {
         eprintln!("not tried: {what}");
     }
-    let rows = extremes::rows(AS_A_REPORT, &ways);
+    let rows = extremes::rows(AS_A_REPORT, &methods);
     let broken: Vec<&Row> = rows.iter().filter(|row| row.is_broken()).collect();
     assert!(broken.is_empty(), "{}", extremes::table(&broken.into_iter().cloned().collect::<Vec<_>>()));
-    let stations = [
+    let stages = [
         "fit",
         "merge",
         "rotation",
@@ -34,24 +34,24 @@ fn every_promise_is_kept() {
         "limits",
         "tree on a device",
         "box",
-        "box in a node of eight",
+        "box in an eight-wide node",
         "triangle",
-        "tree of triangles",
+        "triangle BVH",
         "instance",
         "film",
     ];
-    for station in stations {
-        let n = rows.iter().filter(|row| row.promise.station == station && row.is_promise()).count();
-        let is_told = not_tried.iter().any(|what| what.contains(&format!("\"{station}\"")));
-        assert!(n >= 2 || is_told, "{station}: {n} rows");
+    for stage in stages {
+        let n = rows.iter().filter(|row| row.promise.stage == stage && row.is_promise()).count();
+        let is_reported = not_tried.iter().any(|what| what.contains(&format!("\"{stage}\"")));
+        assert!(n >= 2 || is_reported, "{stage}: {n} rows");
     }
 }
 
-/// Answers every ray the same.
+/// Returns the same answer for every ray.
 #[derive(Clone, Copy)]
-struct Stubborn(Option<Hit>);
+struct Constant(Option<Hit>);
 
-impl Tracer for Stubborn {
+impl Tracer for Constant {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         vec![self.0; rays.len()]
     }
@@ -61,17 +61,17 @@ impl Tracer for Stubborn {
     }
 }
 
-fn stubborn(answer: Option<Hit>) -> Way {
-    let make: Make = Box::new(move |_, _| Box::new(Stubborn(answer)));
-    Way::new("stubborn", Word::Loop, make)
+fn constant(answer: Option<Hit>) -> Method {
+    let make: Make = Box::new(move |_, _| Box::new(Constant(answer)));
+    Method::new("constant", Guarantee::Loop, make)
 }
 
 const ANY: Hit = Hit { t: 1.0, u: 0.25, v: 0.25, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front };
 
 #[test]
-fn who_sees_nothing_or_anything_breaks_every_promise() {
+fn constant_answers_break_every_promise() {
     for (answer, broken) in [(None, [PIERCED, SAME]), (Some(ANY), [MISSED, SAME])] {
-        let rows = hierarchy::rows(1, &[stubborn(answer)]);
+        let rows = hierarchy::rows(1, &[constant(answer)]);
         for words in broken {
             let promised: Vec<&Row> =
                 rows.iter().filter(|row| row.promise.promise == words && row.is_promise()).collect();
@@ -81,48 +81,48 @@ fn who_sees_nothing_or_anything_breaks_every_promise() {
     }
 }
 
-/// The names of cases among these rows.
+/// The cases of these rows.
 fn cases<'a>(rows: &'a [Row], promise: &'a str, is: impl Fn(&Row) -> bool) -> Vec<&'a str> {
     rows.iter().filter(|row| row.promise.promise == promise && is(row)).map(|row| row.promise.case).collect()
 }
 
 #[test]
-fn who_sees_nothing_or_anything_breaks_every_promise_of_instances() {
-    let [nothing, anything] = [None, Some(ANY)].map(|answer| instance::rows(1, &[&stubborn(answer)]));
+fn constant_answers_break_every_promise_of_instances() {
+    let [nothing, anything] = [None, Some(ANY)].map(|answer| instance::rows(1, &[&constant(answer)]));
     for rows in [&nothing, &anything] {
         assert_eq!(cases(rows, SAME, Row::is_broken).len(), 8, "{rows:#?}");
     }
-    assert_eq!(cases(&nothing, NEAR, Row::is_broken).len(), 8, "no hit is where it should be: {nothing:#?}");
-    // There the error that is stated is larger than the mesh.
-    let large = ["1e-3 large at 1e7", "condition just below 2^20"];
+    assert_eq!(cases(&nothing, NEAR, Row::is_broken).len(), 8, "no hit has a valid position: {nothing:#?}");
+    // There the stated error is larger than the mesh.
+    let large = ["size 1e-3 at 1e7", "condition just below 2^20"];
     assert_eq!(cases(&anything, NEAR, Row::holds), large);
 }
 
 #[test]
-fn a_device_that_sees_nothing_breaks_every_promise_of_instances() {
-    let blind = Way::new("blind", Word::Device(canted_gpu::HIT_ERROR), stubborn(None).make);
+fn a_device_without_hits_breaks_every_promise_of_instances() {
+    let blind = Method::new("no hits", Guarantee::Device(canted_gpu::HIT_ERROR), constant(None).make);
     let rows = instance::rows(1, &[&blind]);
-    // It is not asked where it refuses, and nothing is certain where its error is larger than the mesh.
-    assert_eq!(cases(&rows, SAME, |row| !row.is_promise()), ["1e-3 large at 1e7"]);
+    // Transforms that the device rejects have no row, and nothing is certain where its error is larger than the mesh.
+    assert_eq!(cases(&rows, SAME, |row| !row.is_promise()), ["size 1e-3 at 1e7"]);
     let broken = ["mirrored", "sheared", "scaled by 1e-6", "scaled by 1e6", "condition just below 2^10"];
     assert_eq!(cases(&rows, SAME, Row::is_broken), broken);
 }
 
-/// Where rounding leaves any doubt out, some ray has none: of these alone nothing is promised.
+/// Every case but one has at least one ray with a certain result; that one promises nothing.
 #[test]
-fn nearly_every_kind_of_mesh_is_certainly_pierced() {
-    let rows = hierarchy::rows(1, &[stubborn(None)]);
-    let told: Vec<&str> = rows.iter().filter(|row| !row.is_promise()).map(|row| row.promise.case).collect();
-    assert_eq!(told, ["slivers, some without area"]);
+fn nearly_every_case_has_certain_hits() {
+    let rows = hierarchy::rows(1, &[constant(None)]);
+    let reported: Vec<&str> = rows.iter().filter(|row| !row.is_promise()).map(|row| row.promise.case).collect();
+    assert_eq!(reported, ["slivers, some of zero area"]);
 }
 
 #[test]
-fn who_sees_nothing_fails_every_report_that_asks_him() {
-    let ways = [stubborn(None)];
+fn a_tracer_without_hits_fails_every_report() {
+    let methods = [constant(None)];
     for tracker in &TRACKERS {
-        let rows = (tracker.rows)(&ways);
-        let is_asked = rows.iter().any(|row| row.routine == "stubborn");
-        // Sameness of two answers is kept by who always says the same.
+        let rows = (tracker.rows)(&methods);
+        let is_asked = rows.iter().any(|row| row.routine == "constant");
+        // Two equal answers are always consistent.
         let of_hits = |row: &&Row| row.promise.promise != MISSED;
         if is_asked && tracker.name != "tinybvh_282" {
             assert!(rows.iter().filter(of_hits).all(Row::is_broken), "{}", tracker.name);

@@ -1,9 +1,8 @@
-//! Instances: two levels find what a loop over instances finds, to the bit, and what exact geometry says, within bounds.
+//! Instances: two levels return the same bits as a loop over instances, and agree with exact geometry within bounds.
 //!
-//! Rotation, mirror, unequal scale, shear, scales 1e-3 and 1e3, offsets of 1e7, many overlapping instances; top-level
-//! volumes of every strategy; moved instances and moving ones; different kinds of bottom level side by side.
-//! Not covered here: leaks through closed instances (`watertight.rs`), seams between two instances (not promised: each
-//! rounds its own way), how fast it is.
+//! Rotation, mirror, unequal scale, shear, scales 1e-3 and 1e3, offsets of 1e7, many overlapping instances; top-level volumes of
+//! every strategy; moved and moving instances; mixed kinds of bottom levels. Not covered here: leaks through closed instances
+//! (`watertight.rs`), seams between two instances (not promised, because each rounds independently), speed.
 
 mod instances {
     mod agree;

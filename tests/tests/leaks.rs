@@ -1,28 +1,28 @@
-//! Closed meshes leak nowhere, and rays lead in and out of them in turn: a million rays, every way to trace, every place.
+//! Closed meshes do not leak and crossings alternate: a million rays, every tracer, every placement.
 //!
-//! `cargo xtask watertight` shoots more, at the bunny too. Not covered here: every strategy of volumes (`watertight.rs`) and
-//! every way to build (`wide/closed.rs`).
+//! `cargo xtask watertight` traces more rays, also at the bunny. Not covered here: every volume strategy (`watertight.rs`) and
+//! every build configuration (`wide/closed.rs`).
 
 use canted_tests::{
     closed::closed,
-    leaks::{Found, places, search},
+    leaks::{Found, placements, search},
     tracers,
 };
 
 const N_RAYS: usize = 1_000_000;
 
 #[test]
-#[expect(clippy::print_stderr, reason = "what this machine has not is named")]
+#[expect(clippy::print_stderr, reason = "unavailable features are reported")]
 fn a_million_rays_find_no_leak() {
-    let (ways, missing) = tracers::ours();
+    let (methods, missing) = tracers::ours();
     for name in missing {
-        eprintln!("not tested, this machine has no {name}");
+        eprintln!("not tested: {name} is not available");
     }
-    let found = search(&closed(), &places(), &ways, N_RAYS, &mut |_| ());
+    let found = search(&closed(), &placements(), &methods, N_RAYS, &mut |_| ());
     let leaks: Vec<&Found> = found.iter().filter(|found| found.n_leaks > 0).collect();
     assert!(leaks.is_empty(), "{leaks:#?}");
     assert!(found.iter().map(|found| found.n_rays).sum::<usize>() >= N_RAYS);
-    for way in ["binary dop", "two levels of binary", "wide scalar", "two levels of wide"] {
-        assert!(found.iter().any(|found| found.way == format!("crossings, {way}")), "{way}");
+    for method in ["binary dop", "two-level binary", "wide scalar", "two-level wide"] {
+        assert!(found.iter().any(|found| found.method == format!("crossings, {method}")), "{method}");
     }
 }

@@ -1,7 +1,7 @@
-//! No lost hit: what a loop over all triangles hits, the tree hits, to the bit.
+//! No lost hit: the BVH returns the same bits as a loop over all triangles.
 //!
-//! Every strategy, with and without fallback, every kernel, rays through vertices and edges, in face planes, along
-//! axes, from far away. Not covered here: instances (`instances.rs`), pictures (`threads.rs`).
+//! Every strategy, with and without fallback, every kernel, rays through vertices and edges, in face planes, axis-parallel, from
+//! far away. Not covered here: instances (`instances.rs`), pictures (`threads.rs`).
 
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, grazing};
@@ -22,7 +22,7 @@ fn rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
             t_max: ray.t_max,
         }));
     }
-    // Signs of zero must not matter, nor a power of two in the direction's length.
+    // Signs of zero and powers of two in the direction's length must not matter.
     let variants: Vec<Ray> = rays
         .iter()
         .step_by(5)
@@ -104,7 +104,7 @@ fn scales_by_powers_of_two_change_no_bit() {
 }
 
 #[test]
-fn pruning_does_fewer_tests_than_the_loop() {
+fn traversal_does_fewer_tests_than_the_loop() {
     let mesh = &scenes::shapes()[2].mesh;
     let blas = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &BuildConfig::default()).unwrap();
     let rays = rays(mesh, 100);

@@ -1,9 +1,8 @@
-//! An independent renderer agrees: pictures beside references by Mitsuba 3.
+//! Pictures compared with references by an independent renderer, Mitsuba 3.
 //!
-//! `tests/oracle/README.md` says how the references were made. Only flat triangles are compared, for shading normals are
-//! bent differently where they and the triangle disagree; textures are looked up bilinearly at full size in both. Models
-//! that are absent are skipped by name. Not covered here: what a picture of finite samples looks like (its noise), and
-//! materials that only one of the renderers has.
+//! `tests/oracle/README.md` describes how the references were made. Only flat triangles are compared, because renderers treat
+//! shading normals differently where they disagree with the triangle; textures use bilinear lookups at full size in both. Missing
+//! models are skipped with a message. Not covered here: noise of few samples, and materials that only one renderer has.
 
 #[path = "oracle/agree.rs"]
 mod agree;
@@ -51,7 +50,7 @@ fn lamp_in_the_cornell_box() {
 }
 
 #[test]
-fn a_ball_of_light_and_its_penumbra() {
+fn a_sphere_light_and_its_penumbra() {
     check(Some(penumbra()));
 }
 
@@ -60,9 +59,9 @@ fn a_spot_on_a_floor() {
     check(Some(spot()));
 }
 
-/// A ball that is two per cent larger.
+/// A sphere light that is two per cent larger.
 #[test]
-fn a_larger_ball_is_seen() {
+fn a_larger_sphere_light_is_detected() {
     let mut shot = penumbra();
     for light in &mut shot.scene.lights {
         if let canted_scene::Light::Sphere { radius, .. } = light {
@@ -74,13 +73,13 @@ fn a_larger_ball_is_seen() {
 }
 
 #[test]
-fn texels_of_a_wall() {
+fn bilinear_texels_of_a_wall() {
     check(Some(checker()));
 }
 
 /// A texture upside down.
 #[test]
-fn a_texture_upside_down_is_seen() {
+fn a_texture_upside_down_is_detected() {
     let mut shot = checker();
     for [_, v] in shot.scene.meshes[0].uvs.iter_mut().flatten() {
         *v = 1.0 - *v;
@@ -102,8 +101,8 @@ fn paths_in_the_cornell_box() {
 }
 
 #[test]
-fn the_box_by_its_own_lamp() {
-    check(cornell_lamp("the_box_by_its_own_lamp"));
+fn the_box_lit_by_its_own_lamp() {
+    check(cornell_lamp("the_box_lit_by_its_own_lamp"));
 }
 
 #[test]
@@ -112,8 +111,8 @@ fn paths_in_sponza_by_the_sun() {
 }
 
 #[test]
-fn paths_in_sponza_by_a_ball_of_light() {
-    check(sponza::ball("paths_in_sponza_by_a_ball_of_light"));
+fn paths_in_sponza_by_a_sphere_light() {
+    check(sponza::ball("paths_in_sponza_by_a_sphere_light"));
 }
 
 #[test]
@@ -122,8 +121,8 @@ fn paths_in_sponza_under_a_blue_sky() {
 }
 
 #[test]
-fn paths_in_sponza_under_a_picture_of_the_sky() {
-    check(sponza::pictured_sky("paths_in_sponza_under_a_picture_of_the_sky"));
+fn paths_in_sponza_under_an_image_of_the_sky() {
+    check(sponza::image_sky("paths_in_sponza_under_an_image_of_the_sky"));
 }
 
 #[test]
@@ -132,8 +131,8 @@ fn glass_and_metal_in_the_kitchen_under_its_sky() {
 }
 
 #[test]
-fn glass_and_metal_in_the_kitchen_by_a_ball_of_light() {
-    check(kitchen_ball("glass_and_metal_in_the_kitchen_by_a_ball_of_light"));
+fn glass_and_metal_in_the_kitchen_by_a_sphere_light() {
+    check(kitchen_ball("glass_and_metal_in_the_kitchen_by_a_sphere_light"));
 }
 
 #[test]
@@ -142,32 +141,32 @@ fn the_sun_on_the_floor_of_the_kitchen() {
 }
 
 #[test]
-fn what_a_lens_blurs() {
+fn a_lens_blurs_the_floor() {
     check(Some(lens()));
 }
 
 /// A lens that is a tenth wider.
 #[test]
-fn a_wider_lens_is_seen() {
+fn a_wider_lens_is_detected() {
     let mut shot = lens();
     shot.camera.lens = shot.camera.lens.map(|lens| canted_scene::Lens { radius: 1.1 * lens.radius, ..lens });
     let verdict = agree(&shot.ours(), &shot.theirs());
     assert!(matches!(verdict, Err(Disagreement::Block { .. })), "{verdict:?}");
 }
 
-/// Light that bounces once less is missed.
+/// Paths with one bounce less lack light.
 #[test]
-fn paths_that_stop_are_seen() {
-    let Some([sky, ..]) = cornell_paths("paths_that_stop_are_seen") else { return };
+fn paths_cut_short_are_detected() {
+    let Some([sky, ..]) = cornell_paths("paths_cut_short_are_detected") else { return };
     let short = Shot { n_segments: Some(5), ..sky };
     let verdict = agree(&short.ours(), &short.theirs());
     assert!(verdict.is_err(), "{verdict:?}");
 }
 
-/// Two per cent more light from everywhere.
+/// Two per cent more light from the environment.
 #[test]
-fn a_brighter_sky_is_seen() {
-    let Some(mut shot) = cornell_env("a_brighter_sky_is_seen") else { return };
+fn a_brighter_sky_is_detected() {
+    let Some(mut shot) = cornell_env("a_brighter_sky_is_detected") else { return };
     shot.scene.environment = Some(BLUE.map(|x| 1.02 * x).into());
     let verdict = agree(&shot.ours(), &shot.theirs());
     assert!(matches!(verdict, Err(Disagreement::Mean { ratio, .. }) if ratio > 1.01), "{verdict:?}");
@@ -175,8 +174,8 @@ fn a_brighter_sky_is_seen() {
 
 /// Boxes that are four per cent darker.
 #[test]
-fn a_wrong_albedo_is_seen() {
-    let Some(mut shot) = cornell_env("a_wrong_albedo_is_seen") else { return };
+fn a_wrong_albedo_is_detected() {
+    let Some(mut shot) = cornell_env("a_wrong_albedo_is_detected") else { return };
     for material in shot.scene.materials.iter_mut().filter(|material| material.name == "Khaki") {
         material.base_color = material.base_color.map(|x| 0.96 * x);
     }
@@ -184,20 +183,20 @@ fn a_wrong_albedo_is_seen() {
     assert!(verdict.is_err(), "{verdict:?}");
 }
 
-/// Two blocks that change places leave the mean as it is.
+/// Swapping two blocks keeps the mean.
 #[test]
-fn a_picture_of_something_else_is_seen() {
-    let Some(shot) = cornell_env("a_picture_of_something_else_is_seen") else { return };
+fn another_picture_is_detected() {
+    let Some(shot) = cornell_env("another_picture_is_detected") else { return };
     let mut ours = shot.ours();
     ours.swap(5, 6);
     let verdict = agree(&ours, &shot.theirs());
     assert!(matches!(verdict, Err(Disagreement::Block { block: 5, .. })), "{verdict:?}");
 }
 
-/// A picture that is too noisy proves nothing, and is refused.
+/// A picture that is too noisy proves nothing and is rejected.
 #[test]
-fn noise_is_no_excuse() {
-    let Some(mut shot) = cornell_env("noise_is_no_excuse") else { return };
+fn a_noisy_picture_is_rejected() {
+    let Some(mut shot) = cornell_env("a_noisy_picture_is_rejected") else { return };
     shot.samples = 2;
     let verdict = agree(&shot.ours(), &shot.theirs());
     assert!(matches!(verdict, Err(Disagreement::Noise { .. })), "{verdict:?}");

@@ -1,7 +1,7 @@
 //! Pictures: the same bytes for any number of threads, tile size, volumes and builder.
 //!
-//! One level against two: the same picture up to rounding, as object space rounds each ray anew. Not covered here: what
-//! the picture should look like, and files (both are tested by `canted-renderer`), the program's options.
+//! One and two levels give the same picture up to rounding, because object space rounds each ray again. Not covered here: correct
+//! content of pictures, and files (both tested by `canted-renderer`), the program's options.
 
 use std::sync::atomic::AtomicBool;
 
@@ -19,7 +19,7 @@ fn mesh(mesh: canted_fixtures::Mesh, material: u32) -> Mesh {
     Mesh { positions: mesh.positions, triangles: mesh.triangles, parts, ..Mesh::default() }
 }
 
-/// Hills, and a crowd of rings and balls above them: instances that turn, stretch and mirror.
+/// Hills, with rings and spheres above them as rotated, stretched and mirrored instances.
 fn scene() -> Scene {
     let meshes = vec![mesh(grid(5, [20, 20]), 0), mesh(torus(16, 8), 1), mesh(icosphere(2), 2)];
     let material = |base_color| Material { base_color, ..Material::default() };
@@ -58,7 +58,7 @@ fn scene() -> Scene {
 
 const CAMERA: Camera = Camera::pinhole([5.0, -6.0, 4.0], [0.0, 0.0, 0.3], [0.0, 0.0, 1.0], 45.0);
 
-/// No multiple of any tile size below.
+/// The size is not a multiple of any tile size below.
 const SETTINGS: Settings = Settings {
     width: 93,
     height: 61,
@@ -85,7 +85,7 @@ fn binary(strategy: Strategy, builder: Option<Builder>) -> Accel {
     Accel::Binary { strategy, builder }
 }
 
-/// Builds and renders on a pool of its own.
+/// Builds and renders in its own thread pool.
 fn picture(n_threads: usize, structure: StructureConfig, settings: &Settings) -> Picture {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
     pool.install(|| {
@@ -152,25 +152,25 @@ fn another_seed_or_a_longer_path_changes_the_picture() {
     for settings in [Settings { seed: 4, ..SETTINGS }, Settings { bounces: 1, ..SETTINGS }] {
         assert!(bits(&picture(2, BASE, &settings)) != want, "{settings:?}");
     }
-    // The picture shows something: more than a hundred colours.
+    // The picture is not blank: it has more than a hundred colors.
     let mut colours = want;
     colours.sort_unstable();
     colours.dedup();
-    assert!(colours.len() > 100, "{} colours", colours.len());
+    assert!(colours.len() > 100, "{} colors", colours.len());
 }
 
-/// A pixel differs by more than rounding where one of its rays passes an edge on the other side.
+/// A pixel differs by more than rounding if one of its rays passes an edge on the other side.
 ///
-/// Rounding moves a ray by `HIT_ERROR`, 1.2e-6, of the scene's size or less; a sample has at most 15 rays (camera and
-/// two bounces, each with two lights, ambient and its continuation) and a ray passes fewer than a hundred edges, so
-/// fewer than `4 · 15 · 100 · 1.2e-6`, one in 138, of the pixels can differ so.
+/// Rounding moves a ray by at most `HIT_ERROR`, 1.2e-6, of the scene's size. A sample has at most 15 rays (camera and two
+/// bounces, each with two lights, ambient and its continuation), and a ray passes fewer than a hundred edges. So fewer than
+/// `4 · 15 · 100 · 1.2e-6`, one in 138, of the pixels can differ.
 const PIXELS_PAST_AN_EDGE: f64 = 1.0 / 138.0;
 
-/// Elsewhere only the point light's term depends on where a surface is met: that moves by `HIT_ERROR` of a scene twelve
-/// across, 1.5e-5, the light is two away at least, and so distance squared and cosine change by 3e-5 together.
+/// Elsewhere only the point light's term depends on the hit position, which moves by `HIT_ERROR` of a scene twelve across,
+/// 1.5e-5. The light is at least two away, so squared distance and cosine change by 3e-5 together.
 const PIXEL_ROUNDING: f64 = 1e-4;
 
-/// Share of pixels that differ by more than rounding.
+/// Fraction of pixels that differ by more than rounding.
 #[expect(clippy::cast_precision_loss, reason = "counts of pixels")]
 fn differing(a: &Picture, b: &Picture) -> f64 {
     let differ = |(p, q): &(&[f32; 3], &[f32; 3])| {
@@ -180,7 +180,7 @@ fn differing(a: &Picture, b: &Picture) -> f64 {
 }
 
 #[test]
-fn one_level_and_two_agree_but_for_rounding() {
+fn one_and_two_levels_agree_up_to_rounding() {
     let one = picture(2, BASE, &SETTINGS);
     let two = picture(2, StructureConfig { levels: Levels::Two, ..BASE }, &SETTINGS);
     let share = differing(&one, &two);

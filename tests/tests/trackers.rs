@@ -1,8 +1,8 @@
-//! What other libraries' users reported, by the number of the thread: ours passes.
+//! Bugs reported to other libraries, by number of the thread; our results are correct.
 //!
-//! What Embree and `obvhs` do on the same inputs stands in `tests/EXTREMES.md`, where `--peers` was given. tinybvh is not asked: what it
-//! takes for a fatal error ends the process. Neither is parry: `parry3d` would bring more than a dozen crates along, a triangulator
-//! and a tree of rectangles among them, for one row.
+//! `tests/EXTREMES.md` shows the results of Embree and `obvhs` on the same inputs if recorded with `--peers`. tinybvh is not tested,
+//! because it ends the process on a fatal error. parry is not tested, because `parry3d` would add more than a dozen dependencies
+//! for one row.
 
 use canted_tests::{
     extremes::{self, Row, TRACKERS},
@@ -62,7 +62,7 @@ fn parry_444() {
     passes("parry_444");
 }
 
-/// Every report has a test of its name above.
+/// Every report has a test of the same name above.
 #[test]
 fn every_report_is_tested() {
     let source = include_str!("trackers.rs");

@@ -1,6 +1,6 @@
-//! Each station of the build on the device beside its twin on the CPU.
+//! Each stage of the build on the device compared with the same stage on the CPU.
 //!
-//! Integers are equal bit for bit. Leaning boxes contain what is below them, exactly.
+//! Integers are equal bit for bit. Oriented boxes contain everything below them, exactly.
 
 #[path = "twins_build/compare.rs"]
 mod compare;
@@ -14,8 +14,8 @@ mod scan;
 mod setup;
 #[path = "twins_build/sort.rs"]
 mod sort;
-#[path = "twins_build/stations.rs"]
-mod stations;
+#[path = "twins_build/stages.rs"]
+mod stages;
 #[path = "twins_build/two_levels.rs"]
 mod two_levels;
 #[path = "twins_build/volumes.rs"]

@@ -1,4 +1,4 @@
-//! The renderer's stations on the device beside those on the CPU.
+//! Stages of the renderer on the device compared with those on the CPU.
 
 mod twins_render {
     mod compared;

@@ -1,19 +1,18 @@
-//! Rays on the device beside those on the CPU: nothing that the CPU hits is lost, and what is hit besides lies within the bound
-//! that is stated for devices.
+//! Rays on the device compared with the CPU: no CPU hit is lost, and other hits lie within the bound stated for devices.
 //!
-//! Not covered here: masks (`twins_render`), what is refused but for its depth and what is cut short (`canted-gpu`).
+//! Not covered here: masks (`twins_render`), rejections other than for depth, and traversals ended early (`canted-gpu`).
 
 mod twins_trace {
     mod deep;
     mod instances;
-    mod judge;
     mod meshes;
     mod models;
     mod moving;
+    mod reference;
     #[path = "../wide/setup.rs"]
-    #[expect(dead_code, reason = "the ways to build are shared, the comparison is not")]
+    #[expect(dead_code, reason = "only the configurations are used")]
     mod setup;
-    mod walks;
+    mod traversals;
 
     pub(crate) use canted_tests::device::gpu;
 }

@@ -1,8 +1,8 @@
-//! Volumes: every strategy contains what lies below, the fallback is never worse, threads change nothing.
+//! Volumes: every strategy contains its subtree, the fallback never has more area, threads change no bit.
 //!
-//! Containment is judged by the library's checker, which `checker.rs` tests in turn, and by integers.
-//! Not covered here: how much smaller leaning volumes are (the program's `stats` reports it); what rays make of them
-//! (`lost_hits.rs`); the build without the feature `parallel`, which needs a compilation of its own.
+//! Containment is checked by the library's checker, which `checker.rs` tests, and in exact arithmetic. Not covered here: how much
+//! smaller oriented volumes are (the program's `stats` reports it); traversal (`lost_hits.rs`); the build without the feature
+//! `parallel`, which needs a separate compilation.
 
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, grazing, grid, soup};
@@ -44,7 +44,7 @@ fn every_strategy_contains_every_vertex() {
 
 /// The nodes with few leaves, where boxes are tightest, and the root.
 #[test]
-fn integers_find_every_vertex_inside() {
+fn exact_arithmetic_finds_every_vertex_inside() {
     let mut n_oriented = 0;
     for case in scenes::cases() {
         let (tree, leaves) = build(&case.mesh);
@@ -59,14 +59,14 @@ fn integers_find_every_vertex_inside() {
             }
         }
     }
-    assert!(n_oriented > 1000, "{n_oriented} boxes lean");
+    assert!(n_oriented > 1000, "{n_oriented} oriented boxes");
 }
 
 #[test]
-fn the_integers_see_a_box_shrunk_by_a_millionth() {
+fn exact_arithmetic_detects_a_box_shrunk_by_a_millionth() {
     let (tree, leaves) = build(&scenes::shapes()[0].mesh);
     let volumes = lbvh::volumes(&tree, &leaves, &VolumeConfig { strategy: Strategy::Dop, fallback: false });
-    let Volume::Obb(obb) = volumes.of(NodeId::ROOT) else { panic!("the root must lean without fallback") };
+    let Volume::Obb(obb) = volumes.of(NodeId::ROOT) else { panic!("without fallback the root is oriented") };
     let short = Obb { half_extents: obb.half_extents.map(|h| h * (1.0 - 1e-6)), ..*obb };
     assert!(leaves.iter().flatten().any(|&p| !exact::contains(&short, p)));
 }
@@ -86,10 +86,10 @@ fn the_fallback_is_never_worse_than_the_axis_aligned_box() {
             }
         }
     }
-    assert!(n_worse_without > 1000, "the comparison saw {n_worse_without} worse nodes where there is no fallback");
+    assert!(n_worse_without > 1000, "only {n_worse_without} worse nodes without fallback");
 }
 
-/// How many nodes of each kind (by number of leaves among the children) `rule` reproduces, and how many not.
+/// How many nodes `rule` reproduces, by number of leaves among the children, and how many it does not.
 fn reproduced(
     tree: &Tree,
     leaves: &[Corners],
@@ -100,7 +100,7 @@ fn reproduced(
         (ChildKind::Leaf(position), _) => merge::Child::Triangle(leaves[position as usize]),
         (ChildKind::Inner(id), _) => match volumes.of(id) {
             Volume::Obb(obb) => merge::Child::Box(*obb),
-            Volume::Aabb(_) => panic!("without fallback every node leans"),
+            Volume::Aabb(_) => panic!("without fallback every node is oriented"),
         },
     };
     let (mut same, mut different) = ([0; 3], 0);
@@ -117,7 +117,7 @@ fn reproduced(
 }
 
 #[test]
-fn combined_goes_by_the_kind_of_the_children() {
+fn combined_chooses_by_the_kind_of_the_children() {
     let (tree, leaves) = build(&scenes::shapes()[0].mesh);
     let volumes = lbvh::volumes(&tree, &leaves, &VolumeConfig { strategy: Strategy::Combined, fallback: false });
     let (same, different) = reproduced(&tree, &leaves, &volumes, |[a, b]| match (a, b) {
@@ -127,10 +127,10 @@ fn combined_goes_by_the_kind_of_the_children() {
     assert_eq!(different, 0);
     assert!(same.iter().all(|&n| n > 20), "{same:?}");
     let (_, different) = reproduced(&tree, &leaves, &volumes, |[a, b]| merge::bounded(a, b, merge::Weight::Area));
-    assert!(different > 20, "one rule for all kinds was told from the combined one {different} times");
+    assert!(different > 20, "a single rule differs from the combined one {different} times");
 }
 
-/// Everything a build makes, as bits: tree, volumes, and what rays find in its traced form.
+/// The result of a build as bits: tree, volumes, and hits of its traced form.
 fn build_bits(mesh: &Mesh, config: &VolumeConfig) -> (Tree, Vec<u32>) {
     let (tree, leaves) = build(mesh);
     let volumes = lbvh::volumes(&tree, &leaves, config);
@@ -159,7 +159,7 @@ fn threads_change_no_bit() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
         pool.install(|| build_bits(mesh, config))
     };
-    // Larger than what one task takes, so that threads do share the work.
+    // Larger than one task, so that threads share the work.
     for mesh in [grid(5, [90, 70]), soup(4, 9_001)] {
         for config in configs() {
             let serial = on_threads(1, &mesh, &config);
@@ -172,11 +172,14 @@ fn threads_change_no_bit() {
 }
 
 #[test]
-fn bits_tell_two_builds_apart() {
+fn bits_differ_between_two_builds() {
     let config = VolumeConfig { strategy: Strategy::Quaternion, fallback: true };
     let mesh = soup(4, 500);
     let mut moved = mesh.clone();
     let farthest = moved.positions.iter_mut().max_by(|a, b| a[0].total_cmp(&b[0])).unwrap();
     farthest[0] = farthest[0].next_up();
-    assert!(build_bits(&mesh, &config).1 != build_bits(&moved, &config).1, "one step of one vertex goes unseen");
+    assert!(
+        build_bits(&mesh, &config).1 != build_bits(&moved, &config).1,
+        "moving one vertex by one ulp changes the bits"
+    );
 }

@@ -1,36 +1,36 @@
-//! Watertight: from inside a closed mesh no ray gets out, and from outside none gets in, unseen.
+//! Watertight: no ray leaves a closed mesh from inside, or enters it from outside, without a hit.
 //!
-//! Rays at shared vertices and edges, every strategy, one level and two, scales 1e-6 to 1e6, offsets of 1e7, and
-//! instances that turn, shear and mirror. Not covered here: how often a ray crosses (parity), meshes whose neighbours
-//! do not share vertices, seams between two instances; both of these have gaps in their data.
+//! Rays at shared vertices and edges, every strategy, one level and two, scales 1e-6 to 1e6, offsets of 1e7, and rotated, sheared
+//! and mirrored instances. Not covered here: number of crossings (parity), meshes whose neighbors do not share vertices, and seams
+//! between two instances, whose data have gaps.
 
 use canted_bvh2::{BuildConfig, Bvh2, PairOrder};
 use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_obb::Affine;
-use canted_tests::closed::{Place, baked, closed, places, rays};
+use canted_tests::closed::{Placement, baked, closed, placements, rays};
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
 
-/// Rays from inside, and as many from outside, for each mesh, place, strategy and number of levels.
+/// Rays from inside, and as many from outside, for each mesh, placement, strategy and number of levels.
 const N_RAYS: usize = 5_000;
 
 fn config(strategy: Strategy) -> BuildConfig {
     BuildConfig { bits: Bits::B63, volumes: VolumeConfig { strategy, fallback: true } }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "far off will do")]
+#[expect(clippy::cast_possible_truncation, reason = "any large distance")]
 fn far_off(mesh: &Mesh) -> f32 {
     (9.0 * mesh.diagonal()) as f32
 }
 
-/// How many rays leak through one level over the baked mesh, and through two levels over the mesh itself.
+/// Number of leaks with one level over the transformed mesh, and with two levels over the mesh itself.
 fn leaks(mesh: &Mesh, world_from_object: &Affine, strategy: Strategy, rays: &[Ray]) -> [usize; 2] {
     let world = baked(mesh, world_from_object);
     let one = Bvh2::<Watertight>::build(&world.positions, &world.triangles, &config(strategy)).unwrap();
     let bottom = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config(strategy)).unwrap();
     let instance = Instance::new(0, *world_from_object);
-    // A second instance far off makes the top level a tree.
+    // The second instance, far away, gives the top level more than one leaf.
     let mut other = instance;
     other.world_from_object.columns[3][0] += far_off(&world);
     let two = Tlas::new(vec![bottom], &[instance, other], TopConfig::Binary(config(strategy).volumes)).unwrap();
@@ -45,7 +45,7 @@ fn no_ray_leaks() {
     let mut n_rays = 0;
     for closed in closed() {
         assert_eq!(closed.mesh.open_edge(), None);
-        for (Place { name, world_from_object }, seed) in places().iter().zip(400..) {
+        for (Placement { name, world_from_object }, seed) in placements().iter().zip(400..) {
             let world = baked(&closed.mesh, world_from_object);
             for strategy in Strategy::ALL {
                 let rays = rays(&world, &closed, world_from_object, N_RAYS, seed);
@@ -59,9 +59,9 @@ fn no_ray_leaks() {
 }
 
 #[test]
-fn a_hole_is_seen() {
+fn a_hole_is_detected() {
     for closed in closed() {
-        for Place { name, world_from_object } in places() {
+        for Placement { name, world_from_object } in placements() {
             let rays = rays(&baked(&closed.mesh, &world_from_object), &closed, &world_from_object, N_RAYS, 7);
             let mut open = closed.mesh.clone();
             open.triangles.pop();
@@ -72,7 +72,7 @@ fn a_hole_is_seen() {
 }
 
 #[test]
-fn a_box_too_small_is_seen() {
+fn a_box_too_small_is_detected() {
     let closed = &closed()[0];
     let (corners, bounds) = lbvh::triangle_corners(&closed.mesh.positions, &closed.mesh.triangles).unwrap();
     let tree =

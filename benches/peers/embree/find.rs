@@ -5,8 +5,8 @@ use super::Library;
 /// Names under which systems install the library, newest first.
 const INSTALLED: [&str; 2] = ["libembree4.so.4", "libembree3.so.3"];
 
-/// Every Embree at hand, one a version, newest first: those that `CANTED_EMBREE` names (files, or folders that hold
-/// them, separated as in `PATH`), then those the system's loader finds.
+/// Every available Embree, one per version, newest first: those that `CANTED_EMBREE` names (files, or folders that
+/// contain them, separated as in `PATH`), then those that the system's loader finds.
 #[must_use]
 pub fn libraries() -> Vec<Library> {
     let named = std::env::var_os("CANTED_EMBREE").unwrap_or_default();

@@ -1,9 +1,9 @@
 //! The functions of Embree, as its headers `rtcore_*.h` of versions 3.13 and 4.4 declare them.
 //!
-//! Reads: a library named by the caller. Writes: a table of functions.
-//! Holds: each function's type is its declaration in the header of the version that the library names itself.
+//! Reads: a library path. Writes: a table of functions.
+//! Holds: each function type matches its declaration in the header of the version that the library reports.
 //! Source: Embree API reference, `rtcore_device.h`, `rtcore_scene.h`, `rtcore_geometry.h`, `rtcore_ray.h`.
-#![expect(unsafe_code, reason = "a foreign interface; every block says why it holds")]
+#![expect(unsafe_code, reason = "the C interface; every block states why it is sound")]
 
 use std::{
     error::Error,
@@ -13,13 +13,13 @@ use std::{
     ptr,
 };
 
-/// What Embree hands out: devices, scenes, geometries.
+/// An opaque Embree object: device, scene or geometry.
 pub(super) type Handle = *mut c_void;
-/// User's pointer, bytes, whether it happened already; whether to go on.
+/// User pointer, bytes, whether the allocation already happened; returns whether to continue.
 pub(super) type MemoryMonitor = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
 /// `rtcIntersect1` and `rtcOccluded1` of version 3: scene, context, ray.
 type Query3 = unsafe extern "C" fn(Handle, *mut Context3, *mut RayHit);
-/// The same of version 4: scene, ray, arguments, which may be null.
+/// The same functions of version 4: scene, ray, arguments, which may be null.
 type Query4 = unsafe extern "C" fn(Handle, *mut RayHit, *mut c_void);
 type NewDevice = unsafe extern "C" fn(*const c_char) -> Handle;
 type Release = unsafe extern "C" fn(Handle);
@@ -27,7 +27,7 @@ type Property = unsafe extern "C" fn(Handle, i32) -> isize;
 
 const PROPERTY_VERSION: i32 = 0;
 
-/// `RTCRayHit`; version 4 may write one word more than version 3, so the last words are there for both.
+/// `RTCRayHit`. Version 4 may write one word more than version 3; the struct has space for both.
 #[repr(C, align(16))]
 pub(super) struct RayHit {
     pub(super) origin: [f32; 3],
@@ -55,14 +55,14 @@ pub(super) struct Context3 {
     pub(super) instance: u32,
 }
 
-/// The two shapes that a ray query has.
+/// The two signatures of a ray query.
 #[derive(Clone, Copy)]
 pub(super) enum Query {
     Three(Query3),
     Four(Query4),
 }
 
-/// The functions that are used, by their names in the headers.
+/// The functions in use, named as in the headers.
 #[derive(Clone, Copy)]
 pub(super) struct Functions {
     pub(super) new_device: unsafe extern "C" fn(*const c_char) -> Handle,
@@ -109,8 +109,7 @@ pub struct Library {
 impl Library {
     /// Loads the library at `path`, or of that name where the system's loader knows it.
     ///
-    /// # Errors
-    /// Where there is none, it lacks a function, or its version is neither 3 nor 4.
+    /// # Errors If the library is missing, lacks a function, or has a version other than 3 or 4.
     pub fn open(path: &Path) -> Result<Self, LoadError> {
         let complain = |error: libloading::Error| LoadError(error.to_string());
         // SAFETY: loading runs the library's initialisers; the caller names an Embree.
@@ -137,13 +136,13 @@ impl Library {
     }
 }
 
-/// Asks a device that lives for this question alone.
+/// Reads the version from a temporary device.
 fn version(new_device: NewDevice, device_property: Property, release_device: Release) -> Result<u32, LoadError> {
     // SAFETY: a null configuration is the default one; the device is released once, after its last use.
     let version = unsafe {
         let device = new_device(ptr::null());
         if device.is_null() {
-            return Err(LoadError("it makes no device".to_owned()));
+            return Err(LoadError("it creates no device".to_owned()));
         }
         let version = device_property(device, PROPERTY_VERSION);
         release_device(device);
@@ -151,7 +150,7 @@ fn version(new_device: NewDevice, device_property: Property, release_device: Rel
     };
     match u32::try_from(version) {
         Ok(version) if (30_000..50_000).contains(&version) => Ok(version),
-        _ => Err(LoadError(format!("version {version} is not known here"))),
+        _ => Err(LoadError(format!("unsupported version {version}"))),
     }
 }
 
@@ -161,8 +160,8 @@ fn functions(
     new_device: NewDevice,
     release_device: Release,
 ) -> Result<Functions, libloading::Error> {
-    // SAFETY: each field's type is the signature that the headers of both versions give for the name beside it; only
-    // the ray queries differ, and the version decides between their two.
+    // SAFETY: each field's type is the signature that the headers of both versions give for that name; only the ray
+    // queries differ, and the version selects between the two.
     unsafe {
         let query = |name: &[u8]| {
             Ok::<_, libloading::Error>(if version < 40_000 {

@@ -1,9 +1,9 @@
 //! Scenes of triangle meshes and instances.
 //!
 //! Reads: meshes, rays. Writes: hits.
-//! Holds: every pointer given to Embree outlives what Embree keeps of it; a scene is only read once committed.
+//! Holds: every pointer passed to Embree outlives Embree's use of it; a scene is only read once committed.
 //! Source: Embree API reference, `rtcore_scene.h`, `rtcore_geometry.h`, `rtcore_ray.h`.
-#![expect(unsafe_code, reason = "a foreign interface; every block says why it holds")]
+#![expect(unsafe_code, reason = "the C interface; every block states why it is sound")]
 
 use std::{
     error::Error,
@@ -35,13 +35,13 @@ pub struct SceneError(i32);
 
 impl fmt::Display for SceneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Embree refused the scene with error {}", self.0)
+        write!(f, "Embree rejected the scene with error {}", self.0)
     }
 }
 
 impl Error for SceneError {}
 
-/// A device and its count of bytes.
+/// A device and the number of bytes it has allocated.
 struct Device {
     library: Library,
     handle: Handle,
@@ -56,7 +56,7 @@ impl Device {
         // SAFETY: the configuration is a C string that lives through the call.
         let handle = unsafe { (f.new_device)(config.as_ptr()) };
         if handle.is_null() {
-            // SAFETY: a null device asks for the error of the thread.
+            // SAFETY: a null device returns the error of the thread.
             return Err(SceneError(unsafe { (f.device_error)(ptr::null_mut()) }));
         }
         let count = ptr::from_ref::<AtomicIsize>(&n_bytes).cast_mut().cast();
@@ -65,7 +65,7 @@ impl Device {
         Ok(Self { library: *library, handle, n_bytes })
     }
 
-    /// The device's first error since it was asked last.
+    /// The device's first error since the last check.
     fn check(&self) -> Result<(), SceneError> {
         // SAFETY: the device is alive.
         match unsafe { (self.library.functions.device_error)(self.handle) } {
@@ -82,14 +82,14 @@ impl Drop for Device {
     }
 }
 
-/// Adds what Embree allocates and frees; never refuses.
+/// Adds what Embree allocates and subtracts what it frees; never rejects an allocation.
 unsafe extern "C" fn count_bytes(count: *mut c_void, bytes: isize, _after: bool) -> bool {
     // SAFETY: `count` is the counter that `Device::new` registered, and it outlives the device.
     unsafe { &*count.cast::<AtomicIsize>() }.fetch_add(bytes, Ordering::Relaxed);
     true
 }
 
-/// Arrays that Embree reads where they lie.
+/// Arrays that Embree reads in place.
 struct Buffers {
     /// Followed by one float, because Embree reads 16 bytes at each vertex.
     positions: Vec<f32>,
@@ -117,10 +117,9 @@ unsafe impl Send for Scene {}
 unsafe impl Sync for Scene {}
 
 impl Scene {
-    /// Builds one mesh, without a second level.
+    /// Builds one mesh, without instances.
     ///
-    /// # Errors
-    /// Where Embree reports one.
+    /// # Errors If Embree reports an error.
     pub fn of_mesh(library: &Library, mesh: &Mesh<'_>, options: &Options) -> Result<Self, SceneError> {
         let device = Device::new(library, options.n_threads)?;
         let mut scene = Self { scenes: vec![], device, _buffers: vec![Buffers::new(mesh)] };
@@ -132,11 +131,9 @@ impl Scene {
 
     /// Builds each mesh once, and a level of instances above.
     ///
-    /// # Errors
-    /// Where Embree reports one.
+    /// # Errors If Embree reports an error.
     ///
-    /// # Panics
-    /// Where a placement names no mesh.
+    /// # Panics If a placement's mesh index is out of range.
     pub fn of_instances(
         library: &Library,
         meshes: &[Mesh<'_>],
@@ -159,7 +156,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Bytes that the device holds: trees and triangles, without the meshes given to it.
+    /// Bytes that the device allocated: BVHs and triangles, without the meshes passed to it.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
         usize::try_from(self.device.n_bytes.load(Ordering::Relaxed)).unwrap_or(0)
@@ -186,14 +183,14 @@ impl Scene {
     pub fn occluded(&self, origin: [f32; 3], direction: [f32; 3], interval: [f32; 2]) -> bool {
         let mut ray = RayHit::new(origin, direction, interval);
         self.query(self.device.library.functions.occluded, &mut ray);
-        // Embree says so by an end of minus infinity.
+        // Embree reports an occluded ray by setting its end to minus infinity.
         ray.t_far < 0.0
     }
 
     #[inline]
     fn query(&self, query: Query, ray: &mut RayHit) {
-        // SAFETY: the scene is committed and alive, the ray is as large and as aligned as either version wants, and
-        // null arguments stand for the default ones. An any-hit query touches only the ray's first 48 bytes.
+        // SAFETY: the scene is committed and alive, the ray has the size and alignment that either version requires,
+        // and null arguments mean the defaults. An any-hit query touches only the ray's first 48 bytes.
         unsafe {
             match query {
                 Query::Three(query) => {

@@ -1,49 +1,50 @@
-//! Costs by least squares.
+//! Least-squares fit of traversal costs.
 
-/// Kinds of visits, and the ray itself.
+/// Visit kinds, and a constant cost per ray.
 pub(super) const TERMS: [&str; N] = ["aligned node", "oriented node", "leaf", "block", "ray"];
 
 /// Number of terms.
 pub(super) const N: usize = 5;
 
-/// One tree and one set of rays: how often what was visited, and the time it took.
+/// One BVH and one set of rays: visit counts and time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
     pub(super) counts: [f64; N],
     pub(super) seconds: f64,
 }
 
-/// Costs in seconds a visit, and relative errors of times foretold by them.
+/// Costs in seconds per visit, and relative errors of the predicted times.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
-    /// As a group of middling speed pays them.
+    /// For a group of average speed.
     pub(super) costs: [f64; N],
-    /// Root of the mean square.
+    /// Root mean square error.
     pub(super) residual: f64,
-    /// The greatest.
+    /// The greatest error.
     pub(super) worst: f64,
 }
 
-/// A pivot below this says that columns of length one depend on each other: rounding of the sums is 1e-16 each, and
-/// counts that say less than a millionth of a time are noise.
+/// Smallest accepted pivot of unit-length columns. Sums round by 1e-16 each, and a count that explains less than a
+/// millionth of the time is noise.
 const LEAST_PIVOT: f64 = 1e-12;
 
-/// Turns of fitting costs and speeds, each by the other; after ten nothing changes in the fourth digit.
-const TURNS: usize = 50;
+/// Alternating iterations over costs and speeds; after ten the first four digits no longer change.
+const ITERATIONS: usize = 50;
 
-/// The costs whose sums over counts err least, each relative to its time; `None` where samples do not determine them.
+/// The costs with the least relative error; `None` if the samples do not determine them.
 ///
-/// A group is one set of rays through several trees of one scene. Groups differ by what the cache holds and which
-/// branches are foreseen; that is taken for a speed of the group, which all of its visits share, for trees of one scene
-/// are all that costs are there to choose among. Costs and speeds are fitted in turn.
+/// A group is one set of rays through several BVHs of one scene. Groups differ in cache and branch behaviour, which is
+/// modelled as one speed factor per group: costs only need to rank the BVHs of one scene. Costs and factors are fitted
+/// alternately.
 pub(super) fn fit(groups: &[Vec<Sample>]) -> Option<Fit> {
     let mut slowness = vec![1.0; groups.len()];
     let mut costs = [0.0; N];
-    for _ in 0..TURNS {
+    for _ in 0..ITERATIONS {
         costs = non_negative(&rows(groups, &slowness))?;
         for (slowness, group) in slowness.iter_mut().zip(groups) {
-            let told: Vec<f64> = group.iter().map(|sample| foretold(sample, &costs) / sample.seconds).collect();
-            *slowness = told.iter().sum::<f64>() / told.iter().map(|x| x * x).sum::<f64>();
+            let predicted: Vec<f64> =
+                group.iter().map(|sample| predicted_seconds(sample, &costs) / sample.seconds).collect();
+            *slowness = predicted.iter().sum::<f64>() / predicted.iter().map(|x| x * x).sum::<f64>();
         }
         #[expect(clippy::cast_precision_loss, reason = "few groups")]
         let mean = (slowness.iter().map(|x: &f64| x.ln()).sum::<f64>() / groups.len() as f64).exp();
@@ -58,19 +59,19 @@ pub(super) fn fit(groups: &[Vec<Sample>]) -> Option<Fit> {
     Some(Fit { costs, residual, worst: errors.iter().fold(0.0, |worst, e| e.abs().max(worst)) })
 }
 
-fn foretold(sample: &Sample, costs: &[f64; N]) -> f64 {
+fn predicted_seconds(sample: &Sample, costs: &[f64; N]) -> f64 {
     sample.counts.iter().zip(costs).map(|(n, cost)| n * cost).sum()
 }
 
-/// Counts of each sample as its group weighs them, a second of its time.
+/// Counts of each sample, scaled by its group's factor and divided by its time.
 fn rows(groups: &[Vec<Sample>], slowness: &[f64]) -> Vec<[f64; N]> {
     let row = |sample: &Sample, slowness: f64| sample.counts.map(|n| n * slowness / sample.seconds);
     groups.iter().zip(slowness).flat_map(|(group, &s)| group.iter().map(move |sample| row(sample, s))).collect()
 }
 
-/// The costs by which all rows come nearest to 1, none below zero; `None` where rows do not determine them.
+/// The non-negative costs whose weighted row sums are closest to 1; `None` if the rows do not determine them.
 ///
-/// A visit that seems to save time takes none: such terms are left out, the one furthest below zero first.
+/// Terms with a negative cost are fixed at zero, the most negative first.
 fn non_negative(rows: &[[f64; N]]) -> Option<[f64; N]> {
     let mut kept = [true; N];
     loop {
@@ -83,9 +84,9 @@ fn non_negative(rows: &[[f64; N]]) -> Option<[f64; N]> {
     }
 }
 
-/// The costs of the terms that are kept, by which all rows come nearest to 1; the others cost nothing.
+/// The costs of the kept terms whose weighted row sums are closest to 1; the other costs are zero.
 fn least_squares(rows: &[[f64; N]], kept: &[bool; N]) -> Option<[f64; N]> {
-    // Columns of length one, so that a pivot says how much of its own a column has left.
+    // Unit-length columns, so that a pivot measures a column's independence.
     let lengths: [f64; N] = std::array::from_fn(|k| rows.iter().map(|row| row[k] * row[k]).sum::<f64>().sqrt());
     if lengths.contains(&0.0) {
         return None;
@@ -140,7 +141,7 @@ mod tests {
 
     const KNOWN: [f64; N] = [10e-9, 17e-9, 13e-9, 5e-9, 30e-9];
 
-    /// Counts as different from each other as those of trees are, by a generator of whole numbers.
+    /// Pseudo-random counts as different from each other as those of real BVHs.
     #[expect(clippy::cast_precision_loss, reason = "small numbers")]
     fn groups(n: usize, noise: f64) -> Vec<Vec<Sample>> {
         let mut state = 1u64;
@@ -162,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn known_costs_come_back() {
+    fn known_costs_are_recovered() {
         let fit = fit(&groups(8, 0.0)).expect("they are independent");
         for (cost, known) in fit.costs.iter().zip(KNOWN) {
             assert!((cost / known - 1.0).abs() < 1e-6, "{cost} for {known}");
@@ -171,14 +172,14 @@ mod tests {
     }
 
     #[test]
-    fn noise_shows_in_the_residual() {
+    fn noise_appears_in_the_residual() {
         let fit = fit(&groups(40, 0.05)).expect("they are independent");
         assert!(fit.residual > 0.04 && fit.residual < 0.06 && fit.worst >= fit.residual, "{fit:?}");
         assert!(fit.costs.iter().zip(KNOWN).all(|(cost, known)| (cost / known - 1.0).abs() < 0.25), "{fit:?}");
     }
 
     #[test]
-    fn a_visit_that_seems_to_save_time_takes_none() {
+    fn negative_costs_become_zero() {
         // Time that falls with the number of blocks, in the group whose speed is one.
         let mut all = vec![groups(20, 0.0).swap_remove(2)];
         all.iter_mut().flatten().for_each(|sample| sample.seconds -= 6e-9 * sample.counts[3]);
@@ -188,9 +189,9 @@ mod tests {
     }
 
     #[test]
-    fn kinds_that_cannot_be_told_apart_are_refused() {
+    fn dependent_counts_are_rejected() {
         let mut all = groups(8, 0.0);
-        // Every leaf of one block.
+        // Every leaf has one block.
         all.iter_mut().flatten().for_each(|sample| sample.counts[3] = sample.counts[2]);
         assert!(fit(&all).is_none());
         all.iter_mut().flatten().for_each(|sample| sample.counts[1] = 0.0);

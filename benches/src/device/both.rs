@@ -1,4 +1,4 @@
-//! The built-in scene by the CPU alone, by the device alone and by both together.
+//! The built-in scene rendered by the CPU alone, by the device alone and by both together.
 
 use std::{
     fmt::Write,
@@ -13,7 +13,7 @@ use canted_trace::Watertight;
 use super::Bench;
 use crate::interleave::{Contender, Timing, ratio, try_run};
 
-/// The ways, in the order of the table.
+/// The renderers, in table order.
 const NAMES: [&str; 3] = ["CPU alone", "device alone", "both"];
 
 /// Measures all three in turn and writes the table.
@@ -22,9 +22,9 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
-        "\n### Both at once\n\nThe built-in scene, {width} x {height}, {samples} samples, 2 bounces, from trees and textures that are \
-         where they are needed; the CPU by {} threads. Medians of {} pictures by the clock on the wall, all three ways in turn, ± half the \
-         range; tiles of the last picture.\n\n| by | seconds | tiles of the device |\n| --- | --- | --- |",
+        "\n### Both at once\n\nThe built-in scene, {width} x {height}, {samples} samples, 2 bounces, after building and uploading; \
+         the CPU uses {} threads. Median wall time of {} pictures, all three in turn, ± half the range; tiles of the last \
+         picture.\n\n| by | seconds | tiles of the device |\n| --- | --- | --- |",
         rayon::current_num_threads(),
         bench.rounds
     );
@@ -68,17 +68,13 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-/// How both together compare with the better of them alone, round by round.
+/// How both together compare with the better one alone, round by round.
 fn verdict(timings: &[Timing], is_software: bool) -> String {
-    let [cpu, device, both] = timings else { unreachable!("a timing for each of three ways") };
+    let [cpu, device, both] = timings else { unreachable!("a timing for each of the three") };
     let better = if cpu.median() <= device.median() { cpu } else { device };
-    let cores = if is_software {
-        " The adapter computes on the CPU's own cores: the two share what the CPU has alone otherwise."
-    } else {
-        ""
-    };
+    let cores = if is_software { " The adapter computes on the CPU's own cores, so the two share them." } else { "" };
     format!(
-        "Both together are {:.2} times as fast as the better alone, the {}.{cores}",
+        "Both together are {:.2} times as fast as the better one alone, the {}.{cores}",
         ratio(&better.seconds, &both.seconds),
         better.name.trim_end_matches(" alone")
     )
@@ -98,13 +94,13 @@ mod tests {
     }
 
     #[test]
-    fn both_are_compared_with_the_better_in_the_same_round() {
-        let said = verdict(&timings([[9.0, 8.0, 90.0], [2.0, 4.0, 20.0], [1.0, 2.0, 10.0]]), false);
-        assert_eq!(said, "Both together are 2.00 times as fast as the better alone, the device.");
-        let said = verdict(&timings([[1.0; 3], [6.0; 3], [1.25; 3]]), true);
+    fn both_are_compared_with_the_better_one_of_the_same_round() {
+        let text = verdict(&timings([[9.0, 8.0, 90.0], [2.0, 4.0, 20.0], [1.0, 2.0, 10.0]]), false);
+        assert_eq!(text, "Both together are 2.00 times as fast as the better one alone, the device.");
+        let text = verdict(&timings([[1.0; 3], [6.0; 3], [1.25; 3]]), true);
         assert!(
-            said.starts_with("Both together are 0.80 times as fast as the better alone, the CPU. The adapter"),
-            "{said}"
+            text.starts_with("Both together are 0.80 times as fast as the better one alone, the CPU. The adapter"),
+            "{text}"
         );
     }
 }

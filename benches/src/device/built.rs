@@ -1,4 +1,4 @@
-//! Trees built on the device, pass by pass, beside the CPU's and the dissertation's.
+//! BVHs built on the device, pass by pass, compared with the CPU and the dissertation.
 
 use std::{fmt::Write, time::Instant};
 
@@ -16,8 +16,8 @@ use crate::models;
 /// Columns before those of strategies.
 const PASSES: [&str; 7] = ["scene", "triangles", "upload", "domain", "codes", "sort", "nodes"];
 
-/// Strategies whose builds are measured as a whole, on the CPU too.
-const WHOLE: [Strategy; 2] = [Strategy::Aabb, Strategy::Combined];
+/// Strategies whose complete builds are measured, on the CPU too.
+const COMPLETE: [Strategy; 2] = [Strategy::Aabb, Strategy::Combined];
 
 /// Sabino 2020, table 5, on a TITAN Xp: codes, sort (on the CPU), nodes, boxes of variant 2, of variant 3.
 const DISSERTATION: [(&str, [f64; 5]); 3] = [
@@ -31,11 +31,11 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
-        "\n### Build\n\nCodes of 63 bits, one tree over all triangles; milliseconds a pass. Upload: gathering corners on the CPU and \
-         handing them over. Whole: a build from what was uploaded, submissions and the wait included. CPU: a build of the same volumes \
-         from gathered corners on {} threads. Both by the clock on the wall, least of {} runs after one that warms up. Then how many times as long the CPU takes: \
-         without the upload, and with the upload on the device's side and gathering alone on the CPU's. In italics the dissertation's \
-         table 5 on a TITAN Xp, whose sort ran on the CPU.\n",
+        "\n### Build\n\n63-bit codes, one BVH over all triangles; milliseconds per pass. Upload: gathering corners on the CPU and \
+         uploading them. Complete: a build from uploaded corners, including submissions and waiting. CPU: a build of the same \
+         volumes from gathered corners on {} threads. Both are wall times, minimum of {} runs after a warm-up. Then the CPU's time \
+         over the device's: without the upload, and with gathering and upload counted for the device and gathering for the CPU. In \
+         italics the dissertation's table 5 on a TITAN Xp, whose sort ran on the CPU.\n",
         rayon::current_num_threads(),
         bench.rounds
     );
@@ -44,7 +44,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     out.push_str(&row(&vec!["---".to_owned(); heads.len()]));
     for name in bench.scale.built {
         let Some(model) = models::load(name)? else {
-            out.push_str(&row(&filled(vec![(*name).to_owned(), "not at hand".to_owned()])));
+            out.push_str(&row(&filled(vec![(*name).to_owned(), "not available".to_owned()])));
             continue;
         };
         out.push_str(&row(&measured(name, &model.mesh.positions, &model.mesh.triangles, bench)?));
@@ -59,22 +59,22 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
 fn heads() -> Vec<String> {
     let passes = PASSES.iter().map(|&name| name.to_owned());
     let boxes = STRATEGIES.iter().map(|strategy| format!("{strategy:?}"));
-    let whole = WHOLE.iter().flat_map(|s| {
+    let complete = COMPLETE.iter().flat_map(|s| {
         [
-            format!("whole, {s:?}"),
+            format!("complete, {s:?}"),
             format!("CPU, {s:?}"),
             format!("CPU over device, {s:?}"),
             format!("with upload, {s:?}"),
         ]
     });
-    passes.chain(boxes).chain(whole).collect()
+    passes.chain(boxes).chain(complete).collect()
 }
 
 fn row(cells: &[String]) -> String {
     format!("| {} |\n", cells.join(" | "))
 }
 
-/// A row of which only the first cells are known.
+/// A row with dashes after the given cells.
 fn filled(mut cells: Vec<String>) -> Vec<String> {
     cells.resize(heads().len(), String::new());
     cells
@@ -103,8 +103,8 @@ fn measured(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]], bench: &
         cells.push(error.to_string());
         return Ok(filled(cells));
     }
-    for strategy in WHOLE {
-        let whole = Whole {
+    for strategy in COMPLETE {
+        let complete = CompleteBuild {
             gather,
             upload,
             device: on_device(bench, &corners, strategy)?,
@@ -113,22 +113,22 @@ fn measured(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]], bench: &
                 Ok(())
             })?,
         };
-        cells.extend(whole.cells());
+        cells.extend(complete.cells());
     }
     Ok(cells)
 }
 
-/// Milliseconds of a whole build in both places, and of what goes before it.
-struct Whole {
+/// Milliseconds of a complete build on device and CPU, and of the steps before it.
+struct CompleteBuild {
     gather: f64,
-    /// Gathering included.
+    /// Including gathering.
     upload: f64,
     device: f64,
     cpu: f64,
 }
 
-impl Whole {
-    /// How many times as long the CPU takes: from corners that are where they are needed, and from the mesh.
+impl CompleteBuild {
+    /// The CPU's time over the device's: from uploaded corners, and from the mesh.
     fn ratios(&self) -> [f64; 2] {
         [self.cpu / self.device, (self.gather + self.cpu) / (self.upload + self.device)]
     }
@@ -139,7 +139,7 @@ impl Whole {
     }
 }
 
-/// Milliseconds of a build on the device from what was uploaded.
+/// Milliseconds of a build on the device from uploaded corners.
 fn on_device(bench: &Bench, corners: &[Corners], strategy: Strategy) -> Result<f64> {
     let once = |gpu: &Gpu| -> Result<f64> {
         let items = Items::triangles(gpu, [corners])?;
@@ -153,7 +153,7 @@ fn on_device(bench: &Bench, corners: &[Corners], strategy: Strategy) -> Result<f
     (0..bench.rounds).try_fold(f64::MAX, |least, _| Ok(least.min(once(&bench.gpu)?)))
 }
 
-/// The device's stations on the CPU.
+/// The device's stages on the CPU.
 fn on_cpu(corners: &[Corners], bounds: &Aabb, strategy: Strategy) {
     let codes = lbvh::morton_codes(&Domain::new(bounds, 3, Bits::B63), corners);
     let tree = lbvh::radix(lbvh::sort_by_code(&codes, Bits::B63));
@@ -161,7 +161,7 @@ fn on_cpu(corners: &[Corners], bounds: &Aabb, strategy: Strategy) {
     std::hint::black_box(lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true }));
 }
 
-/// The dissertation's times in the columns of ours.
+/// The dissertation's times in our columns.
 fn dissertation(name: &str, [codes, sort, nodes, bounded, quaternion]: [f64; 5]) -> Vec<String> {
     let mut cells = filled(vec![format!("*{name}, 2020*")]);
     let columns = heads();
@@ -175,7 +175,7 @@ fn dissertation(name: &str, [codes, sort, nodes, bounded, quaternion]: [f64; 5])
     cells
 }
 
-/// The least milliseconds of several runs after one that warms up, by the clock on the wall.
+/// The minimum wall time in milliseconds of several runs after a warm-up.
 fn least(rounds: usize, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
     let mut once = || -> Result<f64> {
         let start = Instant::now();
@@ -195,14 +195,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ratios_leave_the_upload_out_and_count_it() {
-        let whole = Whole { gather: 2.0, upload: 6.0, device: 4.0, cpu: 18.0 };
-        assert_eq!(whole.ratios(), [4.5, 2.0]);
-        assert_eq!(whole.cells(), ["4.00", "18.00", "4.50x", "2.00x"]);
+    fn ratios_are_given_without_and_with_the_upload() {
+        let complete = CompleteBuild { gather: 2.0, upload: 6.0, device: 4.0, cpu: 18.0 };
+        assert_eq!(complete.ratios(), [4.5, 2.0]);
+        assert_eq!(complete.cells(), ["4.00", "18.00", "4.50x", "2.00x"]);
     }
 
     #[test]
-    fn theirs_stand_in_the_columns_of_ours() {
+    fn dissertation_times_are_in_the_right_columns() {
         let cells = dissertation("bunny", DISSERTATION[0].1);
         let heads = heads();
         assert_eq!(cells.len(), heads.len());

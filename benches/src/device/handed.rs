@@ -1,4 +1,4 @@
-//! What the CPU does before a device can start: gathers and builds, packs and hands over.
+//! The CPU's work before a device can start: gathering, building, packing and uploading.
 
 use std::fmt::Write;
 
@@ -18,17 +18,16 @@ const SCENES: [&str; 2] = ["sponza", "country_kitchen"];
 pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     let _ = writeln!(
         out,
-        "\n### Before the device starts\n\nLeast milliseconds of {} rounds on {} threads by the clock on the wall (and by the processors of all threads), from a scene \
-         in memory. Corners: what \
-         a tree built on the device is built over, flattened, gathered and handed over. Tree: a wide one on the CPU, by preset. Picture: \
-         packing that tree, surfaces and textures, and handing them over.\n\n\
-         | scene | triangles | corners | tree, fast | tree, balanced | picture |\n| --- | --- | --- | --- | --- | --- |",
+        "\n### Before the device starts\n\nMinimum milliseconds of {} rounds on {} threads, wall time (and processor time of all \
+         threads), from a scene in memory. Corners: flattening, gathering and uploading the input of a device build. BVH: a WideBvh \
+         built on the CPU, by preset. Picture: packing and uploading that BVH, surfaces and textures.\n\n\
+         | scene | triangles | corners | BVH, fast | BVH, balanced | picture |\n| --- | --- | --- | --- | --- | --- |",
         bench.rounds,
         rayon::current_num_threads()
     );
     for name in SCENES {
         let Some(scene) = models::scene(name)? else {
-            let _ = writeln!(out, "| {name} | not at hand |");
+            let _ = writeln!(out, "| {name} | not available |");
             continue;
         };
         let gpu = &bench.gpu;
@@ -69,7 +68,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-/// The least milliseconds of several rounds after one that warms up, by the clock on the wall and by the processors.
+/// The minimum wall and processor milliseconds of several rounds after a warm-up.
 fn least(rounds: usize, mut work: impl FnMut() -> Result<()>) -> Result<String> {
     work()?;
     let (mut wall, mut cpu) = (f64::MAX, f64::MAX);

@@ -9,16 +9,17 @@ use canted_trace::Watertight;
 use super::Bench;
 use crate::picture::sponza;
 
-/// Bounces of the picture by paths.
+/// Bounces of the path-traced picture.
 const BOUNCES: u32 = 8;
 
-/// Renders twice, since the driver compiles in the first, and writes the section; then paths, by one kernel and by a wavefront in turn.
+/// Renders twice, because the driver compiles during the first run, and writes the section; then renders paths with one
+/// kernel and with a wavefront in turn.
 pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     let [width, height, samples] = bench.scale.picture;
     // Writing to a String cannot fail.
     let _ = writeln!(out, "\n### Sponza, {width} x {height}, {samples} samples, 2 bounces\n");
     let Some(scene) = sponza()? else {
-        out.push_str("Sponza is not at hand.\n");
+        out.push_str("Sponza is not available.\n");
         return Ok(());
     };
     let start = Instant::now();
@@ -44,8 +45,8 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     let (millions, rate) = (n_rays as f64 * 1e-6, n_rays as f64 * 1e-6 / second);
     let _ = writeln!(
         out,
-        "{second:.2} s for {millions:.1} M rays: {rate:.2} M rays/s, shading and shadow rays included; the first of two pictures took \
-         {first:.2} s. Before it a tree on the CPU, {build:.2} s, and packing and handing over of the scene, {upload:.2} s. The \
+        "{second:.2} s for {millions:.1} M rays: {rate:.2} M rays/s, including shading and shadow rays; the first of two pictures \
+         took {first:.2} s. Before it: {build:.2} s to build the BVH on the CPU, {upload:.2} s to pack and upload the scene. The \
          dissertation: 132 s for 1920 x 1080 and 24 samples."
     );
     let by_paths = Settings { integrator: Integrator::Path, bounces: BOUNCES, ..settings };
@@ -56,7 +57,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         for (picture, least) in pictures.iter().zip(&mut least) {
             let start = Instant::now();
             n_rays = picture.render(vec![], &monitor)?.n_rays();
-            // In the first the driver compiles.
+            // The driver compiles during the first run.
             if round > 0 {
                 *least = least.min(start.elapsed().as_secs_f64());
             }
@@ -67,8 +68,8 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     let millions = n_rays as f64 * 1e-6;
     let _ = writeln!(
         out,
-        "\nThe same by paths of {BOUNCES} bounces, {millions:.1} M rays, least of {} pictures in turn: {one:.2} s by one kernel, {waves:.2} s \
-         by a wavefront of three, of the same samples.",
+        "\nThe same with paths of {BOUNCES} bounces, {millions:.1} M rays, minimum of {} pictures in turn: {one:.2} s with one \
+         kernel, {waves:.2} s with a wavefront of three kernels and the same samples.",
         bench.rounds
     );
     Ok(())

@@ -1,4 +1,4 @@
-//! Rays through wide trees: nodes that lean where that pays, and nodes along the axes alone.
+//! Rays through a WideBvh: with oriented nodes where they pay off, and with axis-aligned nodes only.
 
 use std::{fmt::Write, time::Instant};
 
@@ -13,7 +13,7 @@ use crate::{
     wide::sets::{self, Kind},
 };
 
-/// An ordinary scene, and two of thin leaning parts.
+/// An ordinary scene, and two of thin diagonal parts.
 const SCENES: [&str; 3] = ["sponza", "eiffel", "truss"];
 
 /// Rays of a dispatch.
@@ -26,61 +26,61 @@ const SQUARE: usize = 8;
 pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     let _ = writeln!(
         out,
-        "\n### Rays\n\nPreset balanced; nodes that lean where that pays, and nodes along the axes of the space alone. {0} x {0} camera rays \
-         of each of four views, in squares of {SQUARE} x {SQUARE}; one diffuse ray from each of their hits, and whether anything is near. \
-         Million rays a second, by time on the device alone; rays whose walk the driver cut short are counted too.\n\n\
-         | scene | rays | number | leaning | axis-aligned | ratio | cut |\n| --- | --- | --- | --- | --- | --- | --- |",
+        "\n### Rays\n\nPreset balanced, with oriented nodes where they pay off, and with axis-aligned nodes only. {0} x {0} camera \
+         rays of each of four views, in squares of {SQUARE} x {SQUARE}; one diffuse ray and one occlusion ray from each of their \
+         hits. Million rays per second of device time; the last column counts rays whose traversal the driver cut short.\n\n\
+         | scene | rays | number | oriented | axis-aligned | ratio | cut |\n| --- | --- | --- | --- | --- | --- | --- |",
         bench.scale.resolution
     );
     for name in SCENES {
         let Some(model) = models::load(name)? else {
-            let _ = writeln!(out, "| {name} | not at hand |");
+            let _ = writeln!(out, "| {name} | not available |");
             continue;
         };
-        let leaning = Config::preset(Preset::Balanced);
-        let straight = Config { oriented: false, rotate_mesh: false, ..leaning };
-        let [leaning, straight] = [build(&model, &leaning)?, build(&model, &straight)?];
-        let sets = sets(&model, &leaning, bench);
+        let oriented = Config::preset(Preset::Balanced);
+        let aligned = Config { oriented: false, rotate_mesh: false, ..oriented };
+        let [oriented, aligned] = [build(&model, &oriented)?, build(&model, &aligned)?];
+        let sets = sets(&model, &oriented, bench);
         let traced = [
-            TracedScene::single_level(&bench.gpu, &leaning, &[0])?,
-            TracedScene::single_level(&bench.gpu, &straight, &[0])?,
+            TracedScene::single_level(&bench.gpu, &oriented, &[0])?,
+            TracedScene::single_level(&bench.gpu, &aligned, &[0])?,
         ];
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
-            let [leaning, straight] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];
+            let [oriented, aligned] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];
             let _ = writeln!(
                 out,
                 "| {name} | {} | {} | {:.2} | {:.2} | {:.2}x | {} |",
                 kind.name(),
                 rays.len(),
-                leaning.rate(rays.len()),
-                straight.rate(rays.len()),
-                straight.milliseconds / leaning.milliseconds,
-                leaning.n_cut.max(straight.n_cut)
+                oriented.rate(rays.len()),
+                aligned.rate(rays.len()),
+                aligned.milliseconds / oriented.milliseconds,
+                oriented.n_cut.max(aligned.n_cut)
             );
         }
     }
     Ok(())
 }
 
-/// Measures every walk in turn and writes the table.
-pub(super) fn walks(out: &mut String, bench: &Bench) -> Result<()> {
+/// Measures every traversal in turn and writes the table.
+pub(super) fn traversals(out: &mut String, bench: &Bench) -> Result<()> {
     let _ = writeln!(
         out,
-        "\n### Traversal without a stack\n\nThe same rays through the trees of the preset balanced, by what a ray keeps: {}. Million rays a \
-         second, by time on the device alone, and the ratio to the first; `-` where a tree is too deep.\n\n\
+        "\n### Traversal without a stack\n\nThe same rays through the BVHs of preset balanced, by the state that a ray keeps: {}. \
+         Million rays per second of device time, and the ratio to the first; `-` where a BVH is too deep.\n\n\
          | scene | rays | {} |\n| --- | --- | --- | --- | --- |",
         Traversal::ALL.map(Traversal::name).join("; "),
         Traversal::ALL.map(Traversal::name).join(" | ")
     );
     for name in SCENES {
         let Some(model) = models::load(name)? else {
-            let _ = writeln!(out, "| {name} | not at hand |");
+            let _ = writeln!(out, "| {name} | not available |");
             continue;
         };
         let tree = build(&model, &Config::preset(Preset::Balanced))?;
         let sets = sets(&model, &tree, bench);
         let traced = Traversal::ALL
-            .map(|walk| TracedScene::single_level(&bench.gpu, &tree, &[0])?.with_traversal(&bench.gpu, walk));
+            .map(|traversal| TracedScene::single_level(&bench.gpu, &tree, &[0])?.with_traversal(&bench.gpu, traversal));
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let _ = write!(out, "| {name} | {} |", kind.name());
             let mut first = f64::NAN;
@@ -105,7 +105,7 @@ fn build(model: &Model, config: &Config) -> Result<TriangleBvh<Watertight>> {
     Ok(TriangleBvh::build(&model.mesh.positions, &model.mesh.triangles, config)?)
 }
 
-/// Rays of each kind: those of cameras in squares, then from their hits.
+/// Rays of each kind: camera rays in squares, then rays from their hits.
 fn sets(model: &Model, tree: &TriangleBvh<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
     let camera = sets::camera(model, bench.scale.resolution);
     let mut hits = vec![None; camera.len()];
@@ -126,7 +126,7 @@ fn in_squares(rays: &[Ray], side: usize) -> Vec<Ray> {
         .collect()
 }
 
-/// What casting rays took.
+/// The time of casting rays.
 struct Cast {
     milliseconds: f64,
     n_cut: usize,
@@ -140,7 +140,7 @@ impl Cast {
     }
 }
 
-/// Casts all rays several times; the least time counts.
+/// Casts all rays several times; the minimum time counts.
 fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result<Cast, GpuError> {
     let gpu = &bench.gpu;
     let slices = rays
@@ -167,7 +167,7 @@ fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result
     Ok(least)
 }
 
-/// Milliseconds of one dispatch, and how many rays it cut.
+/// Milliseconds of one dispatch, and how many rays the driver cut short.
 fn once(gpu: &Gpu, traced: &TracedScene, kind: Kind, rays: &Buffer<DeviceRay>) -> Result<(f64, usize), GpuError> {
     /// As in the kernels.
     const CUT: u32 = u32::MAX - 1;

@@ -14,7 +14,7 @@ use super::Bench;
 /// Measures and writes the table.
 pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     out.push_str(
-        "\n### Sort\n\nRandom keys with the number of each, stably; million pairs a second.\n\n\
+        "\n### Sort\n\nStable sort of random keys with their indices; million pairs per second.\n\n\
          | pairs | keys of 30 bits | keys of 63 bits |\n| --- | --- | --- |\n",
     );
     let sorter = Sorter::new(&bench.gpu)?;
@@ -31,7 +31,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-/// Million pairs a second.
+/// Million pairs per second.
 #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
 fn rate(bench: &Bench, sorter: &Sorter, words: &[(&Buffer<u32>, u32)]) -> Result<f64> {
     let mut least = f64::MAX;

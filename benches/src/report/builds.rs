@@ -1,4 +1,4 @@
-//! What builds take: every engine in turn, round by round.
+//! Build times: every engine in turn, round by round.
 
 use anyhow::{Context, Result};
 
@@ -6,9 +6,9 @@ use super::samples::Samples;
 use crate::clock::{self, Seconds};
 use crate::wide::engine::Entry;
 
-/// Seconds of each engine's builds on a number of threads, a sample a round.
+/// Seconds of each engine's builds on a number of threads, a sample per round.
 ///
-/// The processor's are those of all threads of this process: Embree builds on threads of its own, whoever asks it to.
+/// Processor time covers all threads of this process, because Embree builds on its own threads.
 pub(super) fn builds(entries: &[&Entry<'_>], n_threads: usize, rounds: usize) -> Result<Vec<Vec<Seconds>>> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build()?;
     let mut seconds = vec![Vec::with_capacity(rounds); entries.len()];
@@ -22,7 +22,7 @@ pub(super) fn builds(entries: &[&Entry<'_>], n_threads: usize, rounds: usize) ->
     Ok(seconds)
 }
 
-/// Processor seconds of each engine's builds on one thread, which a neighbour does not lengthen.
+/// Processor seconds of each engine's builds on one thread, unaffected by other processes.
 pub(super) fn on_one_thread(entries: &[&Entry<'_>], rounds: usize) -> Result<Vec<Samples>> {
     let of_one = |rounds: &Vec<Seconds>| rounds.iter().map(|seconds| seconds.cpu).collect::<Vec<_>>().into();
     Ok(builds(entries, 1, rounds)?.iter().map(of_one).collect())
@@ -54,7 +54,7 @@ mod tests {
             while start.elapsed().as_millis() < 30 {}
         };
         let entry = Entry {
-            name: "one that has another work".to_owned(),
+            name: "one that uses another thread".to_owned(),
             owner: Owner::Peer,
             promise: Promise::Fast,
             is_placed: false,
@@ -68,7 +68,7 @@ mod tests {
         let seconds = on_one_thread(&[&entry], 2).unwrap().remove(0);
         let spent = spent.lock().unwrap();
         assert_eq!(seconds.values().len(), spent.len());
-        // What other tests spend meanwhile may come on top.
+        // Other tests of this process may add time.
         assert!(seconds.values().iter().zip(&*spent).all(|(counted, spent)| counted >= spent && *spent > 0.0));
     }
 }

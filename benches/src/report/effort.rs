@@ -1,4 +1,4 @@
-//! What a report was asked for.
+//! Options of a report.
 
 use std::path::PathBuf;
 
@@ -8,11 +8,11 @@ use super::model::Facts;
 
 /// How much is measured.
 ///
-/// A quick report has fewer scenes, seeds and rounds than a full one, but of what both show as many rays and inputs: fewer would suit
-/// caches and the prediction of branches better, and so be other times.
+/// A quick report has fewer scenes, seeds and rounds than a full one, but as many rays and inputs in what both measure:
+/// fewer would suit caches and branch prediction better, and change the times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Effort {
-    /// As little as makes every plot and table: for tests.
+    /// The minimum that fills every plot and table, for tests.
     Tiny,
     /// Five minutes on two cores.
     Quick,
@@ -35,14 +35,14 @@ impl Effort {
 #[derive(Debug)]
 pub(crate) struct Request {
     pub(crate) effort: Effort,
-    /// Folder of the files.
+    /// Output folder.
     pub(crate) out: PathBuf,
     pub(crate) facts: Facts,
     chapters: Vec<String>,
 }
 
 impl Request {
-    /// Reads the arguments behind `report`; `known` are the chapters.
+    /// Reads the arguments after `report`; `known` are the chapters.
     pub(crate) fn read(mut args: impl Iterator<Item = String>, known: &[&str]) -> Result<Self> {
         let out = PathBuf::from("target/report");
         let mut request = Self { effort: Effort::Full, out, facts: Facts::default(), chapters: vec![] };
@@ -60,7 +60,7 @@ impl Request {
                 chapter if known.contains(&chapter) => request.chapters.push(arg),
                 _ => {
                     let known = known.join(", ");
-                    return Err(anyhow!("'{arg}' is none of the chapters {known}, nor --quick or --out FOLDER"));
+                    return Err(anyhow!("unknown argument '{arg}'; use the chapters {known}, --quick or --out FOLDER"));
                 }
             }
         }
@@ -68,7 +68,7 @@ impl Request {
         Ok(request)
     }
 
-    /// Whether a chapter is measured: all are where none is named.
+    /// Whether a chapter is measured: all are if none is named.
     pub(crate) fn wants(&self, chapter: &str) -> bool {
         self.chapters.is_empty() || self.chapters.iter().any(|wanted| wanted == chapter)
     }
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_word_is_named() {
+    fn a_wrong_argument_is_named() {
         for (args, word) in [("wild", "wild"), ("--out", "--out")] {
             assert!(read(args).unwrap_err().to_string().contains(word));
         }

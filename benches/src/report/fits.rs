@@ -1,4 +1,4 @@
-//! Lines, correlations and intervals.
+//! Line fits, correlations and confidence intervals.
 
 use std::fmt;
 
@@ -6,11 +6,11 @@ use canted_fixtures::SplitMix64;
 
 use super::samples::Samples;
 
-/// The exponent of a power law, by least squares through logarithms.
+/// The exponent of a power law, by least squares of logarithms.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     pub(crate) slope: f64,
-    /// Standard error of the slope, from what the line leaves unexplained.
+    /// Standard error of the slope, from the residuals.
     pub(crate) error: f64,
 }
 
@@ -20,14 +20,14 @@ impl fmt::Display for Line {
     }
 }
 
-/// Why points have no exponent.
+/// Why no exponent can be fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unfit {
-    /// A line through two points has no error, through one no slope.
+    /// Two points give no standard error, one gives no slope.
     Few,
-    /// Repetitions of a point lie as far apart as the points do.
+    /// Repetitions of a point scatter as much as the points.
     Noise,
-    /// Something that has no logarithm: what is measured is less than what is subtracted from it.
+    /// A value is not positive, because more was subtracted from it than measured.
     Subtracted,
 }
 
@@ -41,16 +41,16 @@ impl fmt::Display for Unfit {
     }
 }
 
-/// What tables print of a fit: the exponent with its error, or why there is none.
-pub(crate) fn told(fit: Result<Line, Unfit>) -> String {
+/// A table cell: the exponent with its error, or why there is none.
+pub(crate) fn formatted(fit: Result<Line, Unfit>) -> String {
     fit.map_or_else(|why| why.to_string(), |line| line.to_string())
 }
 
-/// Errors of x flatten a least-squares slope by their share of the variance of x (Fuller 1987, section 1.1): beyond this share
-/// there is no exponent.
+/// Errors of x flatten a least-squares slope by their share of the variance of x (Fuller 1987, section 1.1). Beyond
+/// this share no exponent is reported.
 const MOST_FLATTENED: f64 = 0.05;
 
-/// The exponent of the power law through `points`, each the repetitions of its x and one y.
+/// The exponent of the power law through `points`: the repetitions of x, and y.
 pub(crate) fn exponent(points: &[(Samples, f64)]) -> Result<Line, Unfit> {
     if points.len() < 3 {
         return Err(Unfit::Few);
@@ -63,7 +63,7 @@ pub(crate) fn exponent(points: &[(Samples, f64)]) -> Result<Line, Unfit> {
     let [mean_x, mean_y] = [mean(logs.iter().map(|p| p.0)), mean(logs.iter().map(|p| p.1))];
     let squares: f64 = logs.iter().map(|(x, _)| (x - mean_x).powi(2)).sum();
     let of_errors: f64 = points.iter().map(|(x, _)| squared_error(x)).sum();
-    // Of points whose x are all the same nothing is left to fit, whatever their errors.
+    // Points with equal x have no slope.
     if of_errors >= MOST_FLATTENED * squares {
         return Err(Unfit::Noise);
     }
@@ -74,10 +74,10 @@ pub(crate) fn exponent(points: &[(Samples, f64)]) -> Result<Line, Unfit> {
     Ok(Line { slope, error: (residual / freedom / squares).sqrt() })
 }
 
-/// What does not grow with `x` in `y = a + b·x`, not below zero: least squares of relative errors, so that large values do not
-/// decide alone. Nothing where all `x` are the same.
+/// The non-negative intercept `a` of `y = a + b·x`, by least squares of relative errors so that large values do not
+/// dominate. Zero if all `x` are equal.
 pub(crate) fn intercept(points: &[(f64, f64)]) -> f64 {
-    // Each equation over its y: a·(1/y) + b·(x/y) = 1.
+    // Each equation divided by its y: a·(1/y) + b·(x/y) = 1.
     let sum = |of: fn(f64, f64) -> f64| points.iter().map(|&(x, y)| of(x, y) / (y * y)).sum::<f64>();
     let [ones, xs, squares] = [sum(|_, _| 1.0), sum(|x, _| x), sum(|x, _| x * x)];
     let [ys, products] = [sum(|_, y| y), sum(|x, y| x * y)];
@@ -85,16 +85,16 @@ pub(crate) fn intercept(points: &[(f64, f64)]) -> f64 {
     if found.is_finite() { found.max(0.0) } else { 0.0 }
 }
 
-/// Squared standard error of the mean logarithm of repetitions; nothing is known of one alone.
+/// Squared standard error of the mean logarithm of repetitions; zero for a single one.
 fn squared_error(samples: &Samples) -> f64 {
     let logs = || samples.values().iter().map(|x| x.ln());
     #[expect(clippy::cast_precision_loss, reason = "repetitions are few")]
     let n = samples.values().len() as f64;
-    let middle = mean(logs());
-    if n > 1.0 { logs().map(|x| (x - middle).powi(2)).sum::<f64>() / (n * (n - 1.0)) } else { 0.0 }
+    let center = mean(logs());
+    if n > 1.0 { logs().map(|x| (x - center).powi(2)).sum::<f64>() / (n * (n - 1.0)) } else { 0.0 }
 }
 
-/// Pearson's correlation; `None` where one of the two does not vary, or there are fewer than three.
+/// Pearson's correlation; `None` if one of the two is constant or there are fewer than three points.
 pub(crate) fn correlation(points: &[(f64, f64)]) -> Option<f64> {
     let [mean_x, mean_y] = [mean(points.iter().map(|p| p.0)), mean(points.iter().map(|p| p.1))];
     let sum = |of: fn(f64, f64) -> f64| points.iter().map(|(x, y)| of(x - mean_x, y - mean_y)).sum::<f64>();
@@ -102,11 +102,11 @@ pub(crate) fn correlation(points: &[(f64, f64)]) -> Option<f64> {
     (points.len() > 2 && found.is_finite()).then_some(found)
 }
 
-/// Resamplings of a bootstrap: the ends of a 95 % interval are then the 50th from either end.
+/// Bootstrap resamplings: the ends of a 95 % interval are then the 50th from either end.
 const RESAMPLINGS: usize = 2000;
 
-/// The interval that holds a statistic of `n` observations in 95 of 100 resamplings (Efron 1979); `statistic` gets the numbers of
-/// the observations drawn.
+/// The interval that contains a statistic of `n` observations in 95 of 100 resamplings (Efron 1979); `statistic` gets
+/// the drawn indices.
 pub(crate) fn interval(n: usize, statistic: impl Fn(&[usize]) -> f64) -> [f64; 2] {
     let mut rng = SplitMix64::new(0x5eed_0bad_cafe_0001);
     let mut drawn = vec![0; n];
@@ -120,7 +120,7 @@ pub(crate) fn interval(n: usize, statistic: impl Fn(&[usize]) -> f64) -> [f64; 2
     [values[RESAMPLINGS / 40], values[RESAMPLINGS - 1 - RESAMPLINGS / 40]]
 }
 
-/// Mean of the drawn of `samples`.
+/// Mean of the drawn `samples`.
 pub(crate) fn drawn_mean(samples: &Samples, drawn: &[usize]) -> f64 {
     mean(drawn.iter().map(|&i| samples.values()[i]))
 }
@@ -134,7 +134,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
 
-    /// Points whose x has no repetitions.
+    /// Points with a single x each.
     fn once(points: &[(f64, f64)]) -> Vec<(Samples, f64)> {
         points.iter().map(|&(x, y)| (x.into(), y)).collect()
     }
@@ -147,19 +147,19 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_grow_is_found_and_never_below_zero() {
+    fn intercepts_are_found_and_never_negative() {
         let line = |a: f64, b: f64| (0..5).map(|k| f64::from(1 << k)).map(|x| (x, a + b * x)).collect::<Vec<_>>();
         assert!((intercept(&line(0.5, 2.0)) - 0.5).abs() < 1e-12);
         assert_eq!(intercept(&line(-0.5, 2.0)), 0.0);
         assert_eq!(intercept(&[(1.0, 3.0)]), 0.0);
-        // A twentieth more at the far end is one relative error of five: unweighed it would take everything.
+        // 5 % more at the far end is one relative error of five; unweighted, it would dominate.
         let mut points = line(0.5, 2.0);
         points[4].1 *= 1.05;
         assert!((intercept(&points) - 0.5).abs() < 0.1, "{}", intercept(&points));
     }
 
     #[test]
-    fn what_has_no_exponent_says_why() {
+    fn missing_exponents_have_a_reason() {
         let few = once(&[(1.0, 2.0), (2.0, 1.0)]);
         let none = once(&[(1.0, 2.0), (2.0, 1.0), (4.0, -0.1)]);
         let same = once(&[(1.0, 2.0), (1.0, 1.0), (1.0, 0.5)]);
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn correlation_has_a_sign_and_an_end() {
+    fn correlation_has_a_sign_and_a_limit() {
         assert_eq!(correlation(&[(1.0, 1.0), (2.0, 2.0), (3.0, 3.0)]), Some(1.0));
         assert!(correlation(&[(1.0, 3.0), (2.0, 1.0), (3.0, 0.0)]).unwrap() < -0.9);
         assert!(correlation(&[(1.0, 1.0), (2.0, 1.0), (3.0, 1.0)]).is_none());

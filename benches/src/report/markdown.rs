@@ -5,19 +5,19 @@ use std::fmt::Write as _;
 use super::model::{Cell, Chapter, Report, Table};
 use crate::clock::Seconds;
 
-/// All chapters, then what they took.
+/// All chapters, then their times.
 pub(super) fn markdown(report: &Report) -> String {
     report.chapters.iter().map(section).chain([times(report)]).collect()
 }
 
-/// What each chapter took, and all of them; runs of another kind keep a section of their own.
+/// The time of each chapter and the total; runs of another kind keep their own section.
 fn times(report: &Report) -> String {
-    let mut table = Table::new("Seconds by chapter", &["chapter", "seconds", "of all processors"]);
+    let mut table = Table::new("Seconds by chapter", &["chapter", "seconds", "processor seconds"]);
     let all = report.chapters.iter().map(|chapter| (chapter.id, chapter.seconds)).chain([("all", report.seconds)]);
     for (name, Seconds { wall, cpu }) in all {
         table.rows.push([name.to_owned(), format!("{wall:.1}"), format!("{cpu:.1}")].map(Cell::text).to_vec());
     }
-    let mut out = format!("## Report: What {} takes\n\n**Measured in {}.**\n\n", report.kind(), report.took());
+    let mut out = format!("## Report: Duration of {}\n\n**Measured in {}.**\n\n", report.kind(), report.took());
     rows(&mut out, &table);
     out
 }
@@ -73,21 +73,21 @@ mod tests {
             seconds: Seconds { wall: 61.24, cpu: 120.0 },
             ..Chapter::default()
         };
-        chapter.tell(["", "It shows.", "", "And more."].map(str::to_owned));
+        chapter.set_sentences(["", "It shows.", "", "And more."].map(str::to_owned));
         let seconds = Seconds { wall: 62.0, cpu: 121.0 };
-        let mut report = Report { facts: Facts::default(), chapters: vec![chapter], is_whole: true, seconds };
+        let mut report = Report { facts: Facts::default(), chapters: vec![chapter], is_complete: true, seconds };
         let text = markdown(&report);
         assert!(
             text.starts_with("## Report: C\n\n**It shows.**\n\n* And more.\n\n### T\n\n| a | b |\n| --- | --- |\n"),
             "{text}"
         );
-        let (chapter, times) = text.split_once("## Report: What a full run takes\n\n").unwrap();
-        let end = "| x\\|y | 1.00 ±0% ms |\n\n* Not measured: z\n\nMeasured in 61.2 s, of all processors 120.0 s.\n\n";
+        let (chapter, times) = text.split_once("## Report: Duration of a full run\n\n").unwrap();
+        let end = "| x\\|y | 1.00 ±0% ms |\n\n* Not measured: z\n\nMeasured in 61.2 s (120.0 processor seconds).\n\n";
         assert!(chapter.ends_with(end), "{text}");
-        assert!(times.starts_with("**Measured in 62.0 s, of all processors 121.0 s.**\n\n### Seconds by chapter\n"));
+        assert!(times.starts_with("**Measured in 62.0 s (121.0 processor seconds).**\n\n### Seconds by chapter\n"));
         assert!(times.ends_with("| c | 61.2 | 120.0 |\n| all | 62.0 | 121.0 |\n\n"), "{times}");
-        // A run of less does not stand where that of all stood.
-        (report.is_whole, report.facts.is_quick) = (false, true);
-        assert!(markdown(&report).contains("## Report: What a quick run of some chapters takes\n"));
+        // A partial run does not replace a full one.
+        (report.is_complete, report.facts.is_quick) = (false, true);
+        assert!(markdown(&report).contains("## Report: Duration of a quick run of some chapters\n"));
     }
 }

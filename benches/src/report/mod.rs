@@ -1,4 +1,4 @@
-//! One page that measures every trade this project offers, `cargo xtask report`.
+//! One page that measures every trade-off of this project, `cargo xtask report`.
 //!
 //! ```text
 //! chapters (plots, tables, each number with its repetitions) -> index.html, report.json, report.md
@@ -12,7 +12,6 @@ mod fits;
 mod growth;
 mod hierarchies;
 mod kernels;
-mod left_out;
 mod markdown;
 mod model;
 mod page;
@@ -21,6 +20,7 @@ mod rotation;
 pub(crate) mod samples;
 mod sources;
 mod subjects;
+mod unused;
 
 use std::{fs, io::Write as _, path::Path};
 
@@ -30,10 +30,10 @@ use crate::clock::time_all;
 use effort::Request;
 use model::{Chapter, Report};
 
-/// The word among the arguments that asks for a report.
+/// The argument that selects a report.
 pub(crate) const REPORT: &str = "report";
 
-/// A chapter by name, and what measures it.
+/// Measures a chapter.
 type Measure = fn(effort::Effort) -> Result<Chapter>;
 
 /// All chapters, in the order of the page.
@@ -44,24 +44,24 @@ const CHAPTERS: [(&str, Measure); 9] = [
     ("kernels", kernels::chapter),
     ("hierarchies", hierarchies::chapter),
     ("sources", sources::chapter),
-    ("left-out", left_out::chapter),
+    ("left-out", unused::chapter),
     ("growth", growth::chapter),
     ("extremes", extremes::chapter),
 ];
 
-/// Measures what is asked for and writes the three files.
+/// Measures the requested chapters and writes the three files.
 pub(crate) fn run(args: impl Iterator<Item = String>) -> Result<()> {
     let request = Request::read(args, &CHAPTERS.map(|(name, _)| name))?;
     let (chapters, seconds) = time_all(|| measured(&request));
     let chapters = chapters?;
-    let report = Report { is_whole: chapters.len() == CHAPTERS.len(), facts: request.facts, chapters, seconds };
+    let report = Report { is_complete: chapters.len() == CHAPTERS.len(), facts: request.facts, chapters, seconds };
     writeln!(std::io::stderr(), "{}: {}", report.kind(), report.took())?;
     write(&request.out, "index.html", &page::page(&report)?)?;
     write(&request.out, "report.json", &serde_json::to_string(&report)?)?;
     write(&request.out, "report.md", &markdown::markdown(&report))
 }
 
-/// Every chapter that is asked for.
+/// Measures every requested chapter.
 fn measured(request: &Request) -> Result<Vec<Chapter>> {
     let mut chapters = vec![];
     let mut stderr = std::io::stderr();

@@ -1,4 +1,4 @@
-//! What a report holds: chapters of plots and tables, each number with its repetitions.
+//! The content of a report: chapters of plots and tables, each number with its repetitions.
 
 use std::collections::BTreeMap;
 
@@ -12,22 +12,22 @@ use crate::clock::Seconds;
 pub(crate) struct Report {
     pub(crate) facts: Facts,
     pub(crate) chapters: Vec<Chapter>,
-    /// Whether no chapter is left out.
-    pub(crate) is_whole: bool,
-    /// What measuring all of it took, the processors' of all threads.
+    /// Whether all chapters are included.
+    pub(crate) is_complete: bool,
+    /// Time of the measurement; processor time covers all threads.
     pub(crate) seconds: Seconds,
 }
 
 impl Report {
-    /// How much was run, in words.
+    /// The kind of run, in words.
     pub(crate) fn kind(&self) -> String {
         let kind = if self.facts.is_quick { "quick run" } else { "full run" };
-        if self.is_whole { format!("a {kind}") } else { format!("a {kind} of some chapters") }
+        if self.is_complete { format!("a {kind}") } else { format!("a {kind} of some chapters") }
     }
 
-    /// What all of it took, in words.
+    /// The time of the measurement, in words.
     pub(crate) fn took(&self) -> String {
-        told(self.seconds)
+        formatted(self.seconds)
     }
 }
 
@@ -40,49 +40,49 @@ pub(crate) struct Facts {
     pub(crate) commit: String,
     pub(crate) date: String,
     pub(crate) command: String,
-    /// Whether sizes and repetitions were cut down.
+    /// Whether sizes and repetitions were reduced.
     pub(crate) is_quick: bool,
 }
 
-/// A question, its answer, and what was measured for it.
+/// A question, its answer, and the measurements for it.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Chapter {
-    /// A word: names the section's anchor and its claims.
+    /// A word that names the section's anchor and its claims.
     pub(crate) id: &'static str,
     pub(crate) title: &'static str,
-    /// The one sentence that the chapter shows, made from its numbers.
+    /// The main finding: one sentence made from the numbers.
     pub(crate) says: String,
-    /// What else it shows, a sentence each.
+    /// Further findings, a sentence each.
     pub(crate) findings: Vec<String>,
-    /// How it was measured: a paragraph each.
+    /// How it was measured, in paragraphs.
     pub(crate) method: Vec<String>,
     pub(crate) plots: Vec<Plot>,
     pub(crate) tables: Vec<Table>,
-    /// What was not measured, by name, and why.
+    /// What was not measured, and why.
     pub(crate) skipped: Vec<String>,
-    /// Values that other pages quote, by name.
+    /// Values for other pages, by name.
     pub(crate) claims: BTreeMap<String, String>,
-    /// What measuring it took, the processors' of all threads.
+    /// Time of the measurement; processor time covers all threads.
     pub(crate) seconds: Seconds,
 }
 
 impl Chapter {
-    /// Takes the first sentence as what the chapter shows and the others as findings; empty ones are of what was not there to
-    /// be measured.
-    pub(crate) fn tell(&mut self, sentences: impl IntoIterator<Item = String>) {
-        let mut told = sentences.into_iter().filter(|sentence| !sentence.is_empty());
-        self.says = told.next().unwrap_or_default();
-        self.findings = told.collect();
+    /// Takes the first sentence as the main finding and the others as further findings; skips empty ones, whose inputs
+    /// were not available.
+    pub(crate) fn set_sentences(&mut self, sentences: impl IntoIterator<Item = String>) {
+        let mut formatted = sentences.into_iter().filter(|sentence| !sentence.is_empty());
+        self.says = formatted.next().unwrap_or_default();
+        self.findings = formatted.collect();
     }
 
-    /// What measuring it took, in words.
+    /// The time of the measurement, in words.
     pub(crate) fn took(&self) -> String {
-        told(self.seconds)
+        formatted(self.seconds)
     }
 }
 
-fn told(Seconds { wall, cpu }: Seconds) -> String {
-    format!("{wall:.1} s, of all processors {cpu:.1} s")
+fn formatted(Seconds { wall, cpu }: Seconds) -> String {
+    format!("{wall:.1} s ({cpu:.1} processor seconds)")
 }
 
 /// Points in a plane.
@@ -94,10 +94,10 @@ pub(crate) struct Plot {
     pub(crate) series: Vec<Series>,
 }
 
-/// One axis of a plot.
+/// An axis of a plot.
 #[derive(Debug, Serialize)]
 pub(crate) struct Axis {
-    /// What it shows, and in what unit.
+    /// Quantity and unit.
     pub(crate) label: String,
     pub(crate) is_log: bool,
 }
@@ -117,14 +117,14 @@ impl Axis {
 pub(crate) struct Series {
     pub(crate) name: String,
     pub(crate) points: Vec<Point>,
-    /// Whether a line joins them in their order.
+    /// Whether a line connects them in order.
     pub(crate) is_joined: bool,
 }
 
-/// A measured point: its place is the medians, its bars reach from least to greatest.
+/// A measured point: the medians, with bars from minimum to maximum.
 #[derive(Debug, Serialize)]
 pub(crate) struct Point {
-    /// What it stands for, where the series does not say.
+    /// A label, if the series name is not enough.
     pub(crate) label: String,
     pub(crate) x: Samples,
     pub(crate) y: Samples,
@@ -144,11 +144,11 @@ impl Table {
     }
 }
 
-/// One entry of a table.
+/// A cell of a table.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub(crate) enum Cell {
-    /// Words, or a number without repetitions: a count, or one that a source gives.
+    /// Text, or a number without repetitions, such as a count or a value from a source.
     Text(String),
     /// A measured quantity in a unit, empty for a plain number.
     Measured {

@@ -1,9 +1,9 @@
-//! Repetitions of one measurement, and what they say together.
+//! Repetitions of one measurement and their statistics.
 //!
-//! What is compared is measured in turn, round by round, so that a machine's drift falls on both: it is the ratios within rounds that
-//! say whether two differ. A difference is noise where the interval of their median holds 1.
-//! Source: the interval is that of order statistics, which asks nothing of the distribution (David, Nagaraja, Order Statistics, 2003,
-//! section 7.1).
+//! Compared items are measured in turn, round by round, so that drift of the machine affects both; the ratios within
+//! rounds decide whether they differ. A difference is noise if the interval of the median ratio contains 1.
+//! Source: the interval uses order statistics, which assume nothing about the distribution (David, Nagaraja, Order
+//! Statistics, 2003, section 7.1).
 
 use std::fmt;
 
@@ -52,8 +52,8 @@ impl Samples {
         spread(&self.0)
     }
 
-    /// The interval that holds the median of what was drawn from, with a chance of [`CERTAINTY`] at least: from one order
-    /// statistic to its mirror image. From least to greatest of five rounds; `None` for fewer, of which no interval is that certain.
+    /// The confidence interval of the median, with a level of at least [`CERTAINTY`]: from one order statistic to its
+    /// mirror image. For five rounds it is the full range; `None` for fewer, which reach no such level.
     pub(crate) fn interval_of_median(&self) -> Option<[f64; 2]> {
         let n = self.0.len();
         let rank = (0..n / 2).take_while(|&rank| certainty(n, rank) >= CERTAINTY).last()?;
@@ -62,8 +62,8 @@ impl Samples {
         Some([sorted[rank], sorted[n - 1 - rank]])
     }
 
-    /// `self` over `other`: round by round where both have as many rounds and these suffice, else the medians', with what their
-    /// ranges leave it.
+    /// `self` over `other`: per round if both have the same, sufficient number of rounds, otherwise of the medians,
+    /// with the interval from both ranges.
     pub(crate) fn over(&self, other: &Self) -> Ratio {
         let ratios = self.with(other, |a, b| a / b);
         match ratios.interval_of_median().filter(|_| self.0.len() == other.0.len()) {
@@ -75,12 +75,12 @@ impl Samples {
         }
     }
 
-    /// Whether a difference from `other` is what rounds differ by anyway.
-    pub(crate) fn is_noise_beside(&self, other: &Self) -> bool {
+    /// Whether the difference from `other` is noise.
+    pub(crate) fn differs_by_noise(&self, other: &Self) -> bool {
         self.over(other).is_noise()
     }
 
-    /// Each repetition by `factor`.
+    /// Each repetition times `factor`.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         Self(self.0.iter().map(|x| x * factor).collect())
     }
@@ -95,12 +95,12 @@ impl Samples {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ratio {
     pub(crate) median: f64,
-    /// Where the median of all rounds that could have been is to be looked for.
+    /// The confidence interval of the median.
     pub(crate) interval: [f64; 2],
 }
 
 impl Ratio {
-    /// Whether both may be the same for all that the rounds tell; so they may where a ratio is no number.
+    /// Whether the interval contains 1, or the ratio is NaN.
     pub(crate) fn is_noise(&self) -> bool {
         let [low, high] = self.interval;
         let is_apart = low > 1.0 || high < 1.0;
@@ -108,11 +108,11 @@ impl Ratio {
     }
 }
 
-/// With what chance intervals of medians hold what they are about, at least.
+/// Minimum confidence level of intervals of medians.
 const CERTAINTY: f64 = 0.93;
 
-/// The chance that the median lies from the value of this rank, counted from 0, to that of the same rank from above: `rank` or fewer
-/// of `n` tosses of a coin do not come out on either side.
+/// The probability that the median lies between the value of this rank, counted from 0, and its mirror image: more than
+/// `rank` of `n` coin tosses fall on either side.
 fn certainty(n: usize, rank: usize) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "repetitions are few")]
     let ways = (1..=rank).scan(1.0, |ways, k| {
@@ -124,7 +124,7 @@ fn certainty(n: usize, rank: usize) -> f64 {
 }
 
 impl fmt::Display for Samples {
-    /// The median in three digits, and the spread in per cent where there are repetitions.
+    /// The median in three digits, and the spread in percent if there are repetitions.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&number(self.median()))?;
         let spread = 100.0 * self.spread();
@@ -136,7 +136,7 @@ impl fmt::Display for Samples {
     }
 }
 
-/// `x` in three digits; powers of ten where it is very small or very large.
+/// `x` in three digits, with powers of ten if very small or very large.
 pub(crate) fn number(x: f64) -> String {
     let size = x.abs();
     if x == 0.0 {
@@ -156,7 +156,7 @@ pub(crate) fn number(x: f64) -> String {
     }
 }
 
-/// "`a` is 1.4 times as fast as `b`", or that they do not differ by more than repetitions do: from times, less is faster.
+/// "`a` is 1.4 times as fast as `b`", or that they differ by noise; from times, less is faster.
 pub(crate) fn faster(a: (&str, &Samples), b: (&str, &Samples)) -> String {
     let found = b.1.over(a.1);
     let ratio = found.median;
@@ -169,17 +169,17 @@ pub(crate) fn faster(a: (&str, &Samples), b: (&str, &Samples)) -> String {
     }
 }
 
-/// Who has the least median, in quotes, and who differs from that by noise alone: from times.
+/// The name with the least median in quotes, and the names that differ from it only by noise; from times.
 pub(crate) fn first(of: &[(&str, Samples)]) -> String {
     let Some((name, least)) = of.iter().min_by(|a, b| a.1.median().total_cmp(&b.1.median())) else {
         return "nobody".to_owned();
     };
-    let is_tied = |(other, samples): &&(&str, Samples)| other != name && samples.is_noise_beside(least);
+    let is_tied = |(other, samples): &&(&str, Samples)| other != name && samples.differs_by_noise(least);
     let tied: Vec<String> = of.iter().filter(is_tied).map(|(other, _)| format!("'{other}'")).collect();
-    if tied.is_empty() { format!("'{name}'") } else { format!("'{name}' (as, but for noise, {})", tied.join(", ")) }
+    if tied.is_empty() { format!("'{name}'") } else { format!("'{name}' (equal within noise: {})", tied.join(", ")) }
 }
 
-/// How far a ratio lies from 1.
+/// The difference of a ratio from 1.
 pub(crate) fn percent(ratio: f64) -> String {
     format!("{}%", number(100.0 * (ratio - 1.0).abs()))
 }
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_repetitions_say() {
+    fn repetitions_have_median_and_spread() {
         let some = samples(&[1.0, 4.0, 2.0]);
         assert_eq!((some.median(), some.range(), some.spread()), (2.0, [1.0, 4.0], 0.75));
         assert_eq!(some.to_string(), "2.00 ±75.0%");
@@ -209,8 +209,8 @@ mod tests {
     }
 
     #[test]
-    fn intervals_of_medians_are_as_certain_as_they_say() {
-        // Of five tosses all fall on one side once in sixteen times; of nine, eight or more in 20 of 512.
+    fn intervals_of_medians_reach_their_confidence_level() {
+        // Five tosses all fall on one side once in sixteen times; of nine, eight or more in 20 of 512.
         assert_eq!((certainty(5, 0), certainty(9, 1)), (1.0 - 2.0 / 32.0, 1.0 - 20.0 / 512.0));
         assert_eq!(samples(&[4.0, 1.0, 3.0, 9.0, 2.0]).interval_of_median(), Some([1.0, 9.0]));
         let nine: Vec<f64> = (1..=9).map(f64::from).collect();
@@ -220,19 +220,19 @@ mod tests {
 
     #[test]
     fn rounds_are_compared_in_pairs() {
-        // The machine slows down by half, and in every round the second is slower by a twentieth.
+        // The machine slows down by half, and in every round the second is slower by 5 %.
         let a = samples(&[1.0, 1.1, 1.2, 1.3, 1.5]);
         let b = a.scaled(1.05);
-        assert!(!b.is_noise_beside(&a) && (b.over(&a).median - 1.05).abs() < 1e-12);
-        // In the other order nothing is left but what rounds differ by, and a round more has no pair.
-        assert!(samples(&[1.575, 1.365, 1.26, 1.155, 1.05]).is_noise_beside(&a));
-        assert!(b.is_noise_beside(&samples(&[1.0, 1.1, 1.2, 1.3, 1.5, 1.5])));
-        assert!(samples(&[f64::NAN; 5]).is_noise_beside(&a));
+        assert!(!b.differs_by_noise(&a) && (b.over(&a).median - 1.05).abs() < 1e-12);
+        // In another order only noise remains, and an additional round has no pair.
+        assert!(samples(&[1.575, 1.365, 1.26, 1.155, 1.05]).differs_by_noise(&a));
+        assert!(b.differs_by_noise(&samples(&[1.0, 1.1, 1.2, 1.3, 1.5, 1.5])));
+        assert!(samples(&[f64::NAN; 5]).differs_by_noise(&a));
     }
 
     #[test]
     fn more_rounds_make_no_more_noise() {
-        // A tenth apart, each round off by up to a quarter, every eighth pair the other way round.
+        // 10 % apart, each round off by up to 25 %, every eighth pair reversed.
         let pair = |i: u32| {
             let drift = 1.0 + 0.05 * f64::from(i * 7 % 5);
             if i % 8 == 3 { (1.1 * drift, drift) } else { (drift, 1.1 * drift) }
@@ -241,7 +241,7 @@ mod tests {
             let (a, b): (Vec<f64>, Vec<f64>) = (0..n).map(pair).unzip();
             (a.into(), b.into())
         };
-        let is_noise = |n: u32| of(n).0.is_noise_beside(&of(n).1);
+        let is_noise = |n: u32| of(n).0.differs_by_noise(&of(n).1);
         assert!(is_noise(5) && !is_noise(11) && !is_noise(40));
     }
 
@@ -252,6 +252,6 @@ mod tests {
         assert_eq!(faster(("b", &slow), ("a", &fast)), "b takes 1.95 times as long as a");
         assert!(faster(("a", &fast), ("c", &loose)).ends_with("which is noise"));
         assert_eq!(first(&[("b", slow.clone()), ("a", fast.clone())]), "'a'");
-        assert_eq!(first(&[("c", loose), ("b", slow), ("a", fast)]), "'a' (as, but for noise, 'c')");
+        assert_eq!(first(&[("c", loose), ("b", slow), ("a", fast)]), "'a' (equal within noise: 'c')");
     }
 }

@@ -9,17 +9,17 @@ use crate::models::{self, Model};
 /// A lattice of few triangles, for tests.
 pub(super) const SMALL: &str = "small scaffold";
 
-/// A mesh with its usual views.
+/// A mesh with its default views.
 pub(super) fn of_mesh(mesh: Mesh) -> Model {
     Model { views: object_views(&mesh), mesh, placed: None }
 }
 
-/// A scene by name; `None` for a real model that is not at hand.
+/// A scene by name; `None` for a real model that is not available.
 pub(super) fn load(name: &str) -> Result<Option<Model>> {
     if name == SMALL { Ok(Some(of_mesh(scaffold_of(1, false, scaffold_nodes(10))))) } else { models::load(name) }
 }
 
-/// Sponza with its textures, under a sky and a sun that shines into its court; `None` where the model is not at hand.
+/// Sponza with its textures, under a sky and a sun that shines into its court; `None` if the model is not available.
 pub(super) fn lit_sponza() -> Result<Option<Scene>> {
     let scene = models::scene("sponza")?;
     Ok(scene.map(|scene| {

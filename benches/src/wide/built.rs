@@ -5,12 +5,12 @@ use anyhow::{Context, Result};
 use super::engine::{Engine, Entry};
 use crate::{clock, interleave::median};
 
-/// Builds of each engine on each number of threads: the median counts.
+/// Builds of each engine on each number of threads; the median counts.
 const REPEATS: usize = 3;
-/// What takes longer than this many seconds is built once on one thread and not on two.
+/// A build that takes longer than this is timed once, on one thread only.
 const PATIENCE_SECONDS: f64 = 2.5;
 
-/// An engine's facts beside its speed.
+/// An engine's build time and memory.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Built {
     /// Wall seconds on one thread.

@@ -1,4 +1,4 @@
-//! Embree, in every version at hand.
+//! Embree, in every available version.
 
 use canted_obb::PrimId;
 use canted_peers::embree::{self, Library, Options, Placement, Quality, Scene};

@@ -1,7 +1,7 @@
 use super::{engine::Entry, obvhs, ours};
 use crate::{models::Model, options::Options};
 
-/// Everything that is at hand and asked for, ours first.
+/// Every available and requested engine, ours first.
 pub(crate) fn entries<'a>(scene: &str, model: &'a Model, options: &Options) -> Vec<Entry<'a>> {
     let mut entries = ours::entries(model);
     #[cfg(feature = "peers")]
@@ -17,7 +17,7 @@ pub(crate) fn entries<'a>(scene: &str, model: &'a Model, options: &Options) -> V
     entries
 }
 
-/// Those whose growth is measured: ours, the newest Embree and one tree of `obvhs`.
+/// The engines whose growth is measured: ours, the newest Embree and one BVH of `obvhs`.
 pub(crate) fn growing<'a>(model: &'a Model, options: &Options) -> Vec<Entry<'a>> {
     let mut entries = ours::entries(model);
     #[cfg(feature = "peers")]

@@ -1,7 +1,7 @@
-//! How build and tracing grow with the number of triangles.
+//! How build and traversal times grow with the number of triangles.
 //!
-//! Reads: scaffolds and grids of growing size. Writes: a table a scene, with the fitted exponents.
-//! Source: exponents are the slopes of least squares through the logarithms of size and seconds.
+//! Reads: scaffolds and grids of growing size. Writes: a table per scene, with fitted exponents.
+//! Source: exponents are least-squares slopes of the logarithms of size and seconds.
 
 use std::{fmt::Write, io::Write as _};
 
@@ -9,7 +9,7 @@ use anyhow::Result;
 use canted_fixtures::{Mesh, grid, grid_cells, object_views, scaffold_nodes, scaffold_of};
 use serde_json::json;
 
-use super::{built, duel, engine::Entry, entries, record::Record, sets};
+use super::{alternate, built, engine::Entry, entries, record::Record, sets};
 use crate::{
     interleave::median,
     models::Model,
@@ -18,18 +18,18 @@ use crate::{
 
 /// Steps between measured sizes, as powers of two.
 const STEP: usize = 2;
-/// Pixels along a view's side: a quarter of what the other tables trace, for the trees are what grows.
+/// Pixels along a view's side: a quarter of the rays of the other tables, because the BVHs are large.
 const RESOLUTION: u32 = canted_fixtures::RESOLUTION / 2;
-/// Trees of more triangles than this are built once.
+/// BVHs of more triangles than this are built once.
 const MANY: usize = 1 << 20;
 
 pub(crate) type Generate = fn(u32) -> Mesh;
 
-/// The scenes that come in every size: from two to a power of triangles at most.
+/// The scenes that exist in every size, given the logarithm of the maximum number of triangles.
 pub(crate) const SCENES: [(&str, Generate); 2] =
     [("scaffold", |log2| scaffold_of(1, false, scaffold_nodes(log2))), ("grid", |log2| grid(5, grid_cells(log2)))];
 
-/// What one size took: seconds of each engine.
+/// The times of one size: seconds of each engine.
 struct Size {
     n_triangles: usize,
     build: Vec<f64>,
@@ -40,10 +40,9 @@ struct Size {
 /// Measures and writes the section.
 pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     out.push_str(
-        "\n## Growth\n\nOne thread, sizes from 2^10 triangles in steps of four. Build seconds, and nanoseconds a camera ray \
-         (interleaved, medians); below each table the exponents of triangles, fitted by least squares to logarithms: a \
-         build of exponent 1 is linear, and rays should hardly notice. A denser scaffold has more struts in each \
-         ray's way.\n",
+        "\n## Growth\n\nOne thread, sizes from 2^10 triangles in factors of four. Build seconds, and nanoseconds per camera ray \
+         (interleaved, medians); the last row has the exponents of the number of triangles, fitted by least squares to logarithms: a \
+         build of exponent 1 is linear. A denser scaffold has more struts along each ray.\n",
     );
     let mut record = Record::create("growth.jsonl")?;
     for (name, generate) in SCENES {
@@ -56,7 +55,7 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
             names = entries.iter().map(super::tables::title).collect();
             let size = measure(&model, &entries, options)?;
             let mut stderr = std::io::stderr();
-            writeln!(stderr, "{name}, {} triangles: {:?} s, {:?} s a ray", size.n_triangles, size.build, size.trace)?;
+            writeln!(stderr, "{name}, {} triangles: {:?} s, {:?} s per ray", size.n_triangles, size.build, size.trace)?;
             record.line(&json!({
                 "scene": name, "triangles": size.n_triangles, "engines": names,
                 "build_s": size.build, "trace_s_per_ray": size.trace,
@@ -75,7 +74,7 @@ fn measure(model: &Model, entries: &[Entry<'_>], options: &Options) -> Result<Si
     let camera = sets::camera(model, RESOLUTION);
     one.install(|| {
         let (engines, built): (Vec<_>, Vec<_>) = built::build(entries, n_triangles <= MANY)?.into_iter().unzip();
-        let (seconds, _) = duel::closest(&engines, &camera, options.rounds);
+        let (seconds, _) = alternate::closest(&engines, &camera, options.rounds);
         let each = |rounds: &Vec<crate::clock::Seconds>| {
             let cpu: Vec<f64> = rounds.iter().map(|seconds| seconds.cpu).collect();
             median(&cpu) / camera.len() as f64

@@ -1,4 +1,4 @@
-//! `obvhs`, built with its most careful preset, its triangles in the order of its leaves.
+//! `obvhs`, built with its slowest preset, with triangles in leaf order.
 
 use std::time::Duration;
 
@@ -15,12 +15,12 @@ use obvhs::{
 
 use super::engine::{Engine, Entry, Owner, Promise};
 
-/// A tree of theirs with its triangles.
+/// A BVH of `obvhs` with its triangles.
 struct Obvhs<T> {
     tree: T,
-    /// In leaf order: a triangle that was split stands here more than once.
+    /// In leaf order: a split triangle occurs more than once.
     triangles: Vec<Triangle>,
-    /// The caller's number of each triangle.
+    /// The caller's index of each triangle.
     primitives: Vec<u32>,
 }
 
@@ -30,7 +30,7 @@ impl<T> Obvhs<T> {
         Self { tree, triangles, primitives }
     }
 
-    /// Their hit as ours.
+    /// Converts a hit of `obvhs`.
     fn hit(&self, found: bool, hit: &RayHit) -> Option<Hit> {
         found.then(|| Hit {
             t: hit.t,
@@ -43,7 +43,7 @@ impl<T> Obvhs<T> {
     }
 }
 
-/// Both of their trees have walks of the same names, and no trait says so.
+/// Both BVH types have traversal functions of the same names, but no common trait.
 macro_rules! engine_of {
     ($tree:ty) => {
         impl Engine for Obvhs<$tree> {
@@ -80,24 +80,24 @@ macro_rules! engine_of {
 engine_of!(Bvh2);
 engine_of!(CwBvh);
 
-/// Our ray as theirs.
+/// Converts a ray for `obvhs`.
 #[inline]
 pub(crate) fn theirs(ray: &Ray) -> TheirRay {
     TheirRay::new(ray.origin.into(), ray.direction.into(), ray.t_min, ray.t_max)
 }
 
-/// Both of their trees, built as carefully as they can be.
+/// Both BVH types, built with the slowest preset.
 pub(crate) fn entries(mesh: &Mesh) -> Vec<Entry<'_>> {
     let params = BvhBuildParams::very_slow_build();
     vec![binary("obvhs BVH2", mesh, params), wide("obvhs CWBVH", mesh, params)]
 }
 
-/// Their binary tree with their usual care: what grows with the number of triangles is not hidden by the rest.
+/// Their binary BVH with the medium preset, for measuring growth.
 pub(crate) fn medium(mesh: &Mesh) -> Entry<'_> {
     binary("obvhs BVH2 medium", mesh, BvhBuildParams::medium_build())
 }
 
-/// Their binary tree, walked by themselves.
+/// Their binary BVH with their own traversal.
 pub(crate) fn binary<'a>(name: &str, mesh: &'a Mesh, params: BvhBuildParams) -> Entry<'a> {
     entry(name, move || {
         let all = triangles(mesh);

@@ -1,4 +1,4 @@
-//! Our trees.
+//! Our BVHs.
 
 use anyhow::Result;
 use canted_bvh2::{BuildConfig, Bvh2};
@@ -29,7 +29,7 @@ impl<K: LaneKernel> Engine for TriangleBvh<K> {
     }
 }
 
-/// Trees of meshes, and a tree of their instances.
+/// BVHs of meshes, and a TLAS of their instances.
 struct TwoLevels<B: Blas>(Tlas<B>, usize);
 
 impl<B: Blas> Engine for TwoLevels<B> {
@@ -50,11 +50,11 @@ impl<B: Blas> Engine for TwoLevels<B> {
     }
 }
 
-/// Presets of the wide tree, the most careful first.
+/// Presets of WideBvh, the slowest build first.
 const PRESETS: [(&str, Preset); 3] =
-    [("wide quality", Preset::Quality), ("wide balanced", Preset::Balanced), ("wide fast", Preset::Fast)];
+    [("WideBvh quality", Preset::Quality), ("WideBvh balanced", Preset::Balanced), ("WideBvh fast", Preset::Fast)];
 
-/// Ours, for one scene: watertight in each preset, and the best once with Möller and Trumbore's test.
+/// Ours, for one scene: watertight with each preset, and `quality` once with the Möller-Trumbore test.
 pub(crate) fn entries(model: &Model) -> Vec<Entry<'_>> {
     let mut entries = promising::<Watertight>(Promise::Watertight, &PRESETS, model);
     entries.extend(promising::<MollerTrumbore>(Promise::Fast, &PRESETS[..1], model));
@@ -79,12 +79,12 @@ fn promising<'a, K: LaneKernel + 'static>(
     let mut entries: Vec<Entry<'a>> = presets.iter().map(|&(name, preset)| entry(name, false, wide(preset))).collect();
     if let Some(placed) = &model.placed {
         let build: Build<'a> = Box::new(|_| Ok(Box::new(wide_levels::<K>(placed)?)));
-        entries.insert(0, entry("two levels, wide quality", true, build));
+        entries.insert(0, entry("TLAS, WideBvh quality", true, build));
     }
     entries
 }
 
-/// The tree that the program builds where nothing is asked for.
+/// A binary BVH of a mesh.
 pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<Bvh2<K>> {
     let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
     let volumes = VolumeConfig { strategy: Strategy::Combined, fallback: true };
@@ -92,14 +92,14 @@ pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<Bvh2<K>> {
     Ok(Bvh2::over(crate::models::binary_tree(&corners, &bounds), &corners, &bounds, &config))
 }
 
-/// A tree of each mesh, and one of the instances.
+/// A binary BVH of each mesh, and a TLAS of the instances.
 pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<Bvh2<K>>> {
     let blas = placed.meshes.iter().map(one_level).collect::<Result<_>>()?;
     let top = TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true });
     Ok(Tlas::new(blas, &placed.instances, top)?)
 }
 
-/// A wide tree of each mesh, and one of the instances.
+/// A WideBvh of each mesh, and a TLAS of the instances.
 fn wide_levels<K: LaneKernel>(placed: &Placed) -> Result<TwoLevels<TriangleBvh<K>>> {
     let config = Config::preset(Preset::Quality);
     let build = |mesh: &Mesh| Ok(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &config)?);

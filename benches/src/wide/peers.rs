@@ -1,6 +1,6 @@
-//! Peers as ways to trace small meshes: what they do where ours is put to the test.
+//! Peers as tracers of small meshes, for the same tests as ours.
 //!
-//! One that panics while it builds or traces, as `obvhs` does on a pile of equal triangles, answers no ray: all are lost.
+//! A peer that panics while it builds or traces, as `obvhs` does on many equal triangles, loses all hits.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -8,7 +8,7 @@ use canted_fixtures::{Mesh, object_views};
 use canted_obb::Affine;
 use canted_tests::{
     closed::baked,
-    tracers::{Make, Tracer, Way, Word},
+    tracers::{Guarantee, Make, Method, Tracer},
 };
 use canted_tlas::Instance;
 use canted_trace::{Hit, Ray};
@@ -16,11 +16,11 @@ use canted_trace::{Hit, Ray};
 use super::engine::{Engine, Entry};
 use crate::models::{Model, Placed};
 
-/// An engine that answers rays by the slice; none where building it failed.
+/// An engine that traces slices of rays; `None` if its build failed.
 struct Peer(Option<Box<dyn Engine>>);
 
 impl Peer {
-    /// What the engine writes over answers that are no hits.
+    /// The engine's answers, which start as `nothing`.
     fn ask<T: Clone>(&self, n: usize, nothing: T, ask: impl FnOnce(&dyn Engine, &mut [T])) -> Vec<T> {
         let answer = || {
             let mut answers = vec![nothing.clone(); n];
@@ -43,10 +43,10 @@ impl Tracer for Peer {
     }
 }
 
-/// What offers engines for a mesh.
+/// Creates engines for a mesh.
 type Offer = fn(&Model) -> Vec<Entry<'_>>;
 
-/// Whether a mesh that stands elsewhere is moved, its vertices rounded, or placed as an instance.
+/// Whether a transformed mesh is flattened with rounded vertices or placed as an instance.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Placing {
     Moved,
@@ -54,52 +54,52 @@ enum Placing {
     Placed,
 }
 
-/// Every peer at hand that does not end this process on such input, as tinybvh may: `obvhs`, and with the feature `peers` the newest
-/// Embree, which knows instances.
-pub(crate) fn ways() -> Vec<Way> {
-    let ways = of(|model| super::obvhs::entries(&model.mesh), Placing::Moved).into_iter();
+/// Every available peer that does not abort this process on such input, as tinybvh may: `obvhs`, and with the feature
+/// `peers` the newest Embree, which supports instances.
+pub(crate) fn methods() -> Vec<Method> {
+    let methods = of(|model| super::obvhs::entries(&model.mesh), Placing::Moved).into_iter();
     #[cfg(feature = "peers")]
-    let ways = ways.chain(of(super::embree::newest, Placing::Placed));
-    ways.collect()
+    let methods = methods.chain(of(super::embree::newest, Placing::Placed));
+    methods.collect()
 }
 
-/// Peers that are not among the ways, by name, each with the reason.
-pub(crate) fn left_out() -> Vec<String> {
+/// Peers that are not measured, by name, each with the reason.
+pub(crate) fn skipped() -> Vec<String> {
     #[cfg(not(feature = "peers"))]
-    let left_out = ["Embree and tinybvh: built without the feature `peers`, which `--peers` adds"];
+    let skipped = ["Embree and tinybvh: built without the feature `peers`, which `--peers` adds"];
     #[cfg(feature = "peers")]
-    let left_out = [
-        "tinybvh: what it takes for a fatal error ends the process that asks it, and its bindings lack occlusion",
-        "Embree: there is no library, of the system or where `CANTED_EMBREE` points",
+    let skipped = [
+        "tinybvh: a fatal error ends the process, and its bindings lack occlusion",
+        "Embree: no library found in the system or at `CANTED_EMBREE`",
     ];
     #[cfg(feature = "peers")]
-    let left_out = left_out.into_iter().take(1 + usize::from(canted_peers::embree::libraries().is_empty()));
-    left_out.into_iter().map(str::to_owned).collect()
+    let skipped = skipped.into_iter().take(1 + usize::from(canted_peers::embree::libraries().is_empty()));
+    skipped.into_iter().map(str::to_owned).collect()
 }
 
-fn of(offer: Offer, placing: Placing) -> Vec<Way> {
+fn of(offer: Offer, placing: Placing) -> Vec<Method> {
     let names: Vec<String> = offer(&model(one())).into_iter().map(|entry| entry.name).collect();
-    let way = |(i, name): (usize, String)| {
-        let make: Make = Box::new(move |mesh: &Mesh, place: &Affine| {
-            let mut model = model(baked(mesh, place));
-            if placing != Placing::Moved && *place != Affine::IDENTITY {
-                let instances = vec![Instance::new(0, *place)];
+    let method = |(i, name): (usize, String)| {
+        let make: Make = Box::new(move |mesh: &Mesh, placement: &Affine| {
+            let mut model = model(baked(mesh, placement));
+            if placing != Placing::Moved && *placement != Affine::IDENTITY {
+                let instances = vec![Instance::new(0, *placement)];
                 model.placed = Some(Placed { meshes: vec![mesh.clone()], instances });
             }
             let build = || (offer(&model)[i].build)(1).ok();
             Box::new(Peer(catch_unwind(AssertUnwindSafe(build)).ok().flatten()))
         });
-        Way::new(name, Word::Peer, make)
+        Method::new(name, Guarantee::Peer, make)
     };
-    names.into_iter().enumerate().map(way).collect()
+    names.into_iter().enumerate().map(method).collect()
 }
 
-/// A triangle, to ask who is there.
+/// A triangle, to list the available peers.
 fn one() -> Mesh {
     Mesh { positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], triangles: vec![[0, 1, 2]] }
 }
 
-/// A mesh as engines take it; nobody looks at it.
+/// A model without views.
 fn model(mesh: Mesh) -> Model {
     Model { views: object_views(&mesh), mesh, placed: None }
 }

@@ -3,7 +3,7 @@ use canted_trace::{Hit, Ray};
 
 use crate::{models::Model, trace};
 
-/// What is asked about a set of rays.
+/// A kind of rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// Nearest hits of the views' pixels.

@@ -7,20 +7,19 @@ use canted_trace::{Hit, Ray, Watertight};
 use rayon::prelude::*;
 
 use super::{
+    alternate,
     built::{self, Built},
-    duel,
+    compare::{self, Verdict},
     engine::{Engine, Owner, Promise},
-    entries,
-    judge::{self, Verdict},
-    ours,
+    entries, ours,
     sets::{self, Kind},
 };
 use crate::{clock::Seconds, models::Model, options::Options};
 
-/// The trees that stand in for trying every triangle: they return what that returns.
+/// BVHs that return the same hits as testing every triangle.
 struct Truth {
     flat: Bvh2<Watertight>,
-    /// For engines that place meshes: they round other numbers, so other rays graze past.
+    /// For engines with instances: transforms round differently, so other rays graze past.
     placed: Option<Tlas<Bvh2<Watertight>>>,
 }
 
@@ -42,7 +41,7 @@ impl Truth {
     }
 }
 
-/// A scene, ready to be measured.
+/// A scene, ready for measuring.
 pub(crate) struct Subject {
     name: String,
     model: Model,
@@ -110,13 +109,13 @@ impl Set {
     ) -> MeasuredSet {
         let truth = |i: usize| usize::from(is_placed(i));
         let (seconds, verdicts): (_, Vec<Verdict>) = if self.kind == Kind::Occlusion {
-            let (seconds, answers) = duel::occluded(engines, &self.rays, options.rounds);
-            let judged = answers.iter().enumerate().map(|(i, a)| judge::occluded(&self.occluded[truth(i)], a));
-            (seconds, judged.collect())
+            let (seconds, answers) = alternate::occluded(engines, &self.rays, options.rounds);
+            let verdicts = answers.iter().enumerate().map(|(i, a)| compare::occluded(&self.occluded[truth(i)], a));
+            (seconds, verdicts.collect())
         } else {
-            let (seconds, answers) = duel::closest(engines, &self.rays, options.rounds);
-            let judged = answers.iter().enumerate().map(|(i, a)| judge::closest(&self.closest[truth(i)], a));
-            (seconds, judged.collect())
+            let (seconds, answers) = alternate::closest(engines, &self.rays, options.rounds);
+            let verdicts = answers.iter().enumerate().map(|(i, a)| compare::closest(&self.closest[truth(i)], a));
+            (seconds, verdicts.collect())
         };
         MeasuredSet { kind: self.kind, n_rays: self.rays.len(), seconds, verdicts }
     }
@@ -130,7 +129,7 @@ pub(crate) struct Contestant {
     pub(crate) built: Built,
 }
 
-/// All that was measured on one scene.
+/// All measurements of one scene.
 pub(crate) struct Measured {
     pub(crate) scene: String,
     pub(crate) n_triangles: usize,
@@ -138,7 +137,7 @@ pub(crate) struct Measured {
     pub(crate) sets: Vec<MeasuredSet>,
 }
 
-/// All that was measured on one set of rays; vectors follow the contestants.
+/// All measurements of one set of rays; vectors are in contestant order.
 pub(crate) struct MeasuredSet {
     pub(crate) kind: Kind,
     pub(crate) n_rays: usize,

@@ -1,4 +1,4 @@
-//! The measured as Markdown.
+//! The measurements as Markdown.
 //!
 //! Reads: everything measured. Writes: two tables of speed (fast, watertight), one of differing hits, one of builds.
 //! Holds: every ratio is taken within a round, and its median over rounds is shown.
@@ -6,8 +6,8 @@
 use std::fmt::Write;
 
 use super::{
+    compare::Verdict,
     engine::{Entry, Owner, Promise},
-    judge::Verdict,
     sets::Kind,
     subject::{Contestant, Measured, MeasuredSet},
 };
@@ -36,8 +36,8 @@ impl Ratio {
 }
 
 impl Measured {
-    /// Who stands in the table of a promise: all that keep it, ours that promise more, and where no peer does, the fast
-    /// peers.
+    /// The engines in the table of a guarantee: all that give it, ours with a stronger one, and if no peer gives it,
+    /// the fast peers.
     pub(crate) fn in_table(&self, promise: Promise) -> Vec<usize> {
         let is_peer = |c: &&Contestant| c.owner == Owner::Peer;
         let has_peer = self.contestants.iter().filter(is_peer).any(|c| c.promise == promise);
@@ -51,13 +51,13 @@ impl Measured {
         (0..self.contestants.len()).filter(|&i| stands(&self.contestants[i])).collect()
     }
 
-    /// Peers in the table of a promise.
+    /// Peers in the table of a guarantee.
     pub(crate) fn peers(&self, promise: Promise) -> Vec<usize> {
         let is_peer = |&i: &usize| self.contestants[i].owner == Owner::Peer;
         self.in_table(promise).into_iter().filter(is_peer).collect()
     }
 
-    /// One line a set and promise, for whoever waits.
+    /// A progress line for each set and guarantee.
     pub(crate) fn summary(&self) -> String {
         let mut text = format!("{}, {} triangles\n", self.scene, self.n_triangles);
         for set in &self.sets {
@@ -85,14 +85,14 @@ impl Measured {
 }
 
 impl MeasuredSet {
-    /// Million rays a second of an engine, processor time.
+    /// Million rays per second of an engine, in processor time.
     #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     pub(crate) fn rate(&self, i: usize) -> f64 {
         let cpu: Vec<f64> = self.seconds[i].iter().map(|seconds| seconds.cpu).collect();
         self.n_rays as f64 / median(&cpu) * 1e-6
     }
 
-    /// How many times as fast as the best of `peers` in the same round; `None` without peers.
+    /// Speed relative to the best of `peers` in the same round; `None` without peers.
     pub(crate) fn ratio(&self, i: usize, peers: &[usize]) -> Option<Ratio> {
         let best = |round: usize| peers.iter().map(|&peer| self.seconds[peer][round].cpu).reduce(f64::min);
         let ratios: Option<Vec<f64>> =
@@ -112,7 +112,7 @@ impl Tables {
         self.measured.push(measured);
     }
 
-    /// Notes a scene that is not at hand.
+    /// Adds a scene that is not available.
     pub(crate) fn absent(&mut self, name: &str) {
         self.absent.push(name.to_owned());
     }
@@ -121,16 +121,16 @@ impl Tables {
     pub(crate) fn write(&self, out: &mut String, options: &Options) {
         let _ = write!(
             out,
-            "\n## WideBvh compared with peers\n\nOne thread. Engines take turns every 8,192 rays; {} rounds after one \
-             that warms up. Rays: four views of {side}², one scattered ray a camera hit, one occlusion ray a camera hit \
-             (within a tenth of the diagonal). Cells: camera / diffuse / occlusion. Ratios are of thread time within a \
-             round to the fastest peer of that round, median over rounds, with half the range; above 1 is faster.{}\n",
+            "\n## WideBvh compared with peers\n\nOne thread. Engines take turns every 8,192 rays; {} rounds after a warm-up. Rays: \
+             four views of {side}², one scattered ray per camera hit, one occlusion ray per camera hit (within a tenth of the \
+             diagonal). Cells: camera / diffuse / occlusion. Ratios are relative to the fastest peer of the same round in thread \
+             time, median over rounds, with half the range; above 1 is faster.{}\n",
             options.rounds,
             peers_note(),
             side = canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 },
         );
         for name in &self.absent {
-            let _ = writeln!(out, "\nNot at hand: {name}.");
+            let _ = writeln!(out, "\nNot available: {name}.");
         }
         self.speed(out, Promise::Fast, "Compared with peers in their fastest modes");
         self.speed(out, Promise::Watertight, "Compared with peers in their most robust modes");
@@ -165,7 +165,7 @@ impl Tables {
         out.push_str(
             "\n### Answers that differ from testing every triangle\n\nOf all camera and diffuse rays: hits lost + hits \
              invented + hits at another distance (by more than 1e-4 of it); of occlusion rays: lost + invented. \
-             Engines that place instances are compared with a tree that does.\n\n| scene | rays |",
+             Engines with instances are compared with a BVH with instances.\n\n| scene | rays |",
         );
         let columns = self.columns(Measured::all);
         head(out, 2, &columns);
@@ -183,10 +183,9 @@ impl Tables {
 
     fn builds(&self, out: &mut String) {
         out.push_str(
-            "\n### Build and memory\n\nFrom indexed triangles to a tree that answers rays: seconds on one thread, on two \
-             in brackets (wall time, interleaved, median of three; once, and on one thread alone, where a build takes \
-             longer than 2.5 s); bytes a triangle. `obvhs` builds on one thread here. Meshes given to Embree to read in \
-             place are not counted.\n\n| scene |",
+            "\n### Build and memory\n\nFrom indexed triangles to a BVH ready for rays: seconds on one thread, on two in brackets \
+             (wall time, interleaved, median of three; a build longer than 2.5 s runs once, on one thread only); bytes per triangle. \
+             `obvhs` builds on one thread here. Meshes that Embree reads in place are not counted.\n\n| scene |",
         );
         let columns = self.columns(Measured::all);
         head(out, 1, &columns);
@@ -257,7 +256,7 @@ impl Measured {
     }
 }
 
-/// A name that tells ours apart where both kernels stand side by side.
+/// A name with the triangle test, if ours.
 fn named(name: &str, owner: Owner, promise: Promise) -> String {
     match (owner, promise) {
         (Owner::Ours, Promise::Fast) => format!("{name}, Möller-Trumbore"),
@@ -275,21 +274,21 @@ fn titled(contestant: &Contestant) -> String {
     named(&contestant.name, contestant.owner, contestant.promise)
 }
 
-/// What a reader must know about the peers of this build.
+/// How the peers of this build were compiled.
 fn peers_note() -> String {
     let flags = if cfg!(target_feature = "avx2") {
         "Everything is compiled for processors with AVX2, `obvhs` too."
     } else {
-        "`obvhs` is compiled as a user compiles it who sets no flags; Embree and ours choose instructions while running."
+        "`obvhs` is compiled without flags; Embree and ours select instructions at run time."
     };
     let peers = match (cfg!(feature = "peers"), cfg!(target_feature = "avx2")) {
         (true, true) => {
-            "tinybvh's bindings have no any-hit query (its nearest hit stands in) and do not tell bytes; a dash means \
-             that it crashed in a trial on that scene."
+            "tinybvh's bindings have no any-hit query (closest-hit queries replace it) and do not report bytes; a dash means that it \
+             crashed in a trial on that scene."
         }
-        (true, false) => "tinybvh's bindings offer its wide tree only where the compiler may assume AVX2.",
+        (true, false) => "tinybvh's bindings offer its wide BVH only if the compiler may assume AVX2.",
         (false, _) => {
-            "Built without the feature `peers`: `obvhs` alone stands beside ours, with Möller-Trumbore in both tables."
+            "Built without the feature `peers`: the only peer is `obvhs`, with Möller-Trumbore in both tables."
         }
     };
     format!(" {flags} {peers}")

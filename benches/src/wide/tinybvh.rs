@@ -1,6 +1,6 @@
-//! tinybvh's eight-wide tree, which its bindings offer where the compiler may assume AVX2.
+//! tinybvh's eight-wide BVH, which its bindings offer if the compiler may assume AVX2.
 //!
-//! The library may crash; a trial in a process of its own says so before it is let in.
+//! The library may crash; a trial in a separate process checks each scene first.
 
 use std::{
     env,
@@ -42,7 +42,7 @@ impl Tiny {
     #[inline]
     fn hit(&self, ray: &Ray) -> Option<tinybvh_rs::Intersection> {
         let t_max = ray.t_max.min(INFINITE);
-        let mut theirs = Roomy {
+        let mut theirs = PaddedRay {
             ray: tinybvh_rs::Ray {
                 origin: ray.origin,
                 dir: ray.direction,
@@ -57,17 +57,18 @@ impl Tiny {
     }
 }
 
-/// A ray with the room and the alignment that the library's own has.
+/// A ray with the size and alignment of the library's own ray.
 ///
-/// The bindings' ray (0.1.0-beta.3) is half as long, and their `Ray::new` lets the library clear all of its own: 64 bytes of the
-/// caller's stack besides. So its fields are filled here, with the direction as long as it is, in whose units `t` stays.
+/// The bindings' ray (0.1.0-beta.3) is half as long, and their `Ray::new` lets the library clear its full length: it
+/// overwrites 64 bytes of the caller's stack. So the fields are filled here, with the direction's length kept so that
+/// `t` keeps its unit.
 #[repr(C, align(64))]
-struct Roomy {
+struct PaddedRay {
     ray: tinybvh_rs::Ray,
     _beyond: [u8; 64],
 }
 
-/// As the library takes it of directions along an axis.
+/// The reciprocal as the library computes it, finite for zero components.
 fn reciprocal(x: f32) -> f32 {
     if x.abs() > 1e-12 { 1.0 / x } else { INFINITE }
 }
@@ -86,7 +87,7 @@ impl Engine for Tiny {
         }
     }
 
-    /// The bindings lack the any-hit query: the nearest hit before the ray's end answers it.
+    /// The bindings lack the any-hit query: the closest hit before the ray's end replaces it.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         for (ray, out) in rays.iter().zip(occluded) {
             *out = self.hit(ray).is_some();
@@ -94,7 +95,7 @@ impl Engine for Tiny {
     }
 }
 
-/// The tree, where its trial on this scene ends well.
+/// The BVH, if its trial on this scene succeeds.
 pub(crate) fn entry<'a>(scene: &str, mesh: &'a Mesh) -> Option<Entry<'a>> {
     survives(scene).then(|| Entry {
         name: "tinybvh BVH8".to_owned(),
@@ -106,7 +107,7 @@ pub(crate) fn entry<'a>(scene: &str, mesh: &'a Mesh) -> Option<Entry<'a>> {
     })
 }
 
-/// Runs this program again, for the trial alone.
+/// Runs the trial in a new process of this program.
 fn survives(scene: &str) -> bool {
     let Ok(program) = env::current_exe() else { return false };
     let mut command = Command::new(program);
@@ -114,7 +115,7 @@ fn survives(scene: &str) -> bool {
     command.status().is_ok_and(|status| status.success())
 }
 
-/// Traces camera rays, and rays from where they hit; whoever comes back has not crashed.
+/// Traces camera rays and rays from their hits; returning means that nothing crashed.
 pub(crate) fn trial(options: &Options) -> Result<()> {
     for name in options.scenes(&[]) {
         let Some(model) = models::load(&name)? else { continue };

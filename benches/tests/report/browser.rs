@@ -1,6 +1,6 @@
-//! The page in a headless browser: on a phone and on a desk, light and dark.
+//! The page in a headless browser: narrow and wide, light and dark.
 //!
-//! A copy of the page measures itself within a frame of the wanted width, for browsers' own windows have a least one.
+//! A copy of the page measures itself in a frame of the given width, because browser windows have a minimum width.
 
 use std::{
     fs,
@@ -12,16 +12,16 @@ use canted_fixtures::or_skip;
 
 use super::MADE;
 
-/// What a browser may be called; `CANTED_BROWSER` names another.
+/// Names of browsers; `CANTED_BROWSER` names another.
 const BROWSERS: [&str; 5] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
 
-/// Tells the frame's owner everything that a reader would stumble over.
+/// Reports layout and contrast problems to the outer page.
 const MEASURE: &str = include_str!("measure.js");
 
-/// What the measuring says of a page without faults.
+/// The result for a page without problems.
 const WELL: &str = "nothing wrong";
 
-/// The browser, or the sentence of a skipped test.
+/// The browser, or `None` after reporting a skipped test.
 fn browser(test: &str) -> Option<PathBuf> {
     let named = std::env::var_os("CANTED_BROWSER").map(PathBuf::from);
     let runs =
@@ -30,11 +30,11 @@ fn browser(test: &str) -> Option<PathBuf> {
     or_skip(test, found.ok_or("no browser found"))
 }
 
-/// What is wrong with a page at a width, and in which scheme.
-fn wrong(browser: &Path, name: &str, html: &str, width: u32, is_dark: bool) -> String {
+/// The problems of a page at a width and colour scheme.
+fn problems(browser: &Path, name: &str, html: &str, width: u32, is_dark: bool) -> String {
     let folder = MADE.folder().join(format!("{name}-{width}-{is_dark}"));
     fs::create_dir_all(&folder).unwrap();
-    // The scheme of the machine does not matter: the rules for the dark hold always, or never.
+    // Forces the colour scheme, regardless of the machine's.
     let scheme = if is_dark { "all" } else { "not all" };
     let html = html.replace("(prefers-color-scheme: dark)", scheme);
     fs::write(folder.join("page.html"), html.replace("</body>", &format!("<script>{MEASURE}</script>\n</body>")))
@@ -53,24 +53,24 @@ fn wrong(browser: &Path, name: &str, html: &str, width: u32, is_dark: bool) -> S
         .output()
         .unwrap();
     let dom = String::from_utf8_lossy(&output.stdout).into_owned();
-    let said = dom.split("<pre>").nth(1).and_then(|rest| rest.split("</pre>").next());
-    said.unwrap_or_else(|| panic!("no answer: {dom}")).to_owned()
+    let result = dom.split("<pre>").nth(1).and_then(|rest| rest.split("</pre>").next());
+    result.unwrap_or_else(|| panic!("no answer: {dom}")).to_owned()
 }
 
 #[test]
-fn the_page_reads_well_on_phones_and_desks_light_and_dark() {
-    let Some(browser) = browser("the_page_reads_well_on_phones_and_desks_light_and_dark") else { return };
+fn the_page_is_readable_narrow_and_wide_light_and_dark() {
+    let Some(browser) = browser("the_page_is_readable_narrow_and_wide_light_and_dark") else { return };
     for width in [360, 1400] {
         for is_dark in [false, true] {
-            let said = wrong(&browser, "whole", &MADE.html, width, is_dark);
-            assert!(said.ends_with(WELL), "{width} pixels, dark {is_dark}: {said}");
+            let result = problems(&browser, "complete", &MADE.html, width, is_dark);
+            assert!(result.ends_with(WELL), "{width} pixels, dark {is_dark}: {result}");
         }
     }
 }
 
 #[test]
-fn faults_are_seen() {
-    let Some(browser) = browser("faults_are_seen") else { return };
+fn problems_are_detected() {
+    let Some(browser) = browser("problems_are_detected") else { return };
     let faults = [
         ("wide", "<main>", "<main><p style=\"width:3000px\">wide</p>", "wide"),
         ("faint", "--soft: #4d4d4d", "--soft: #cccccc", "contrast"),
@@ -79,7 +79,7 @@ fn faults_are_seen() {
     ];
     for (name, from, to, word) in faults {
         assert!(MADE.html.contains(from), "{name}: '{from}' is not in the page");
-        let said = wrong(&browser, name, &MADE.html.replace(from, to), 360, false);
-        assert!(said.contains(word), "{name}: {said}");
+        let result = problems(&browser, name, &MADE.html.replace(from, to), 360, false);
+        assert!(result.contains(word), "{name}: {result}");
     }
 }

@@ -1,4 +1,4 @@
-//! What the files hold.
+//! The content of the report files.
 
 use std::process::Command;
 
@@ -15,18 +15,18 @@ fn n_points(plot: &Value) -> usize {
     entries(plot, "series").iter().map(|series| entries(series, "points").len()).sum()
 }
 
-/// The chapters that the program knows, in its own words about one that it does not.
+/// The known chapters, from the error message about an unknown one.
 fn known_chapters() -> Vec<String> {
     let output = Command::new(env!("CARGO_BIN_EXE_canted-bench")).args(["report", "nothing"]).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    let list = said.split_once("none of the chapters ").and_then(|(_, rest)| rest.split_once(", nor "));
-    list.unwrap_or_else(|| panic!("{said}")).0.split(", ").map(str::to_owned).collect()
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    let list = text.split_once("use the chapters ").and_then(|(_, rest)| rest.split_once(", --quick"));
+    list.unwrap_or_else(|| panic!("{text}")).0.split(", ").map(str::to_owned).collect()
 }
 
 #[test]
-fn every_chapter_that_is_known_is_there() {
+fn every_known_chapter_is_present() {
     let known = known_chapters();
-    // As many as are asked for by name, and the extremes.
+    // All chapters of the report, including the extremes.
     assert_eq!(known.len(), 9, "{known:?}");
     let found: Vec<&str> = MADE.chapters().iter().map(|chapter| chapter["id"].as_str().unwrap()).collect();
     assert_eq!(found, known);
@@ -36,7 +36,7 @@ fn every_chapter_that_is_known_is_there() {
 fn no_chapter_is_empty() {
     for chapter in MADE.chapters() {
         let title = chapter["title"].as_str().unwrap();
-        assert!(chapter["says"].as_str().unwrap().ends_with('.'), "{title} says nothing: {}", chapter["says"]);
+        assert!(chapter["says"].as_str().unwrap().ends_with('.'), "{title} has no main finding: {}", chapter["says"]);
         let says = chapter["says"].as_str().unwrap();
         assert!(!says.contains(". "), "{title} opens with more than one sentence: {says}");
         for part in ["plots", "tables", "method"] {
@@ -75,11 +75,11 @@ fn every_plot_is_drawn_for_wide_and_narrow_screens_with_its_points() {
     let mut figures = html.split("<figure ").skip(1);
     for plot in MADE.chapters().iter().flat_map(|chapter| entries(chapter, "plots")) {
         let figure = figures.next().unwrap().split("</figure>").next().unwrap();
-        let [n, n_left_out]: [usize; 2] = ["data-points", "data-left-out"].map(|name| {
+        let [n, n_hidden]: [usize; 2] = ["data-points", "data-hidden"].map(|name| {
             let value = figure.split(&format!("{name}=\"")).nth(1).unwrap();
             value.split('"').next().unwrap().parse().unwrap()
         });
-        assert_eq!(n + n_left_out, n_points(plot), "{}", plot["title"]);
+        assert_eq!(n + n_hidden, n_points(plot), "{}", plot["title"]);
         let drawings: Vec<&str> = figure.split("<svg").skip(1).collect();
         assert_eq!(drawings.len(), 2, "{}", plot["title"]);
         for drawing in drawings {
@@ -91,11 +91,11 @@ fn every_plot_is_drawn_for_wide_and_narrow_screens_with_its_points() {
 }
 
 #[test]
-fn the_page_needs_nothing_but_itself() {
+fn the_page_is_self_contained() {
     for word in ["<script", "<link", "<img", "src=", "url(", "@import"] {
         assert!(!MADE.html.contains(word), "{word}");
     }
-    // Names of formats are addresses too; nothing is fetched from them.
+    // XML namespaces are addresses too, but nothing is fetched from them.
     let addresses = MADE.html.matches("http").count();
     assert_eq!(addresses, MADE.html.matches("xmlns=\"http://www.w3.org/2000/svg\"").count());
     assert!(MADE.html.contains("&lt;machine&gt;") && !MADE.html.contains("<machine>"), "text is escaped");
@@ -112,36 +112,36 @@ fn the_text_has_every_chapter_and_table() {
 }
 
 #[test]
-fn every_chapter_says_what_measuring_it_took() {
+fn every_chapter_reports_its_time() {
     for chapter in MADE.chapters() {
         let [wall, cpu] = ["wall", "cpu"].map(|clock| chapter["seconds"][clock].as_f64().unwrap());
         assert!(wall > 0.0 && cpu > 0.0, "{}: {wall} {cpu}", chapter["title"]);
-        let said = format!("Measured in {wall:.1} s, of all processors {cpu:.1} s.");
-        assert!(MADE.markdown.contains(&said) && MADE.html.contains(&said), "{}: {said}", chapter["title"]);
+        let text = format!("Measured in {wall:.1} s ({cpu:.1} processor seconds).");
+        assert!(MADE.markdown.contains(&text) && MADE.html.contains(&text), "{}: {text}", chapter["title"]);
     }
 }
 
 #[test]
-fn the_report_says_what_all_of_it_took() {
+fn the_report_states_its_total_time() {
     let of = |value: &Value| ["wall", "cpu"].map(|clock| value["seconds"][clock].as_f64().unwrap());
     let sum = MADE.chapters().iter().map(of).fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
     let [wall, cpu] = of(&MADE.json);
-    // Nothing but the chapters is in it, and little besides.
+    // The total is the sum of the chapters with little overhead.
     assert!(wall >= sum[0] && cpu >= sum[1] && wall < sum[0] + 1.0, "{wall} {cpu} {sum:?}");
-    let said = format!("easured in {wall:.1} s, of all processors {cpu:.1} s");
-    assert!(MADE.html.contains(&format!("This is a quick run, m{said}: ")), "{said}");
-    assert!(MADE.markdown.contains(&format!("## Report: What a quick run takes\n\n**M{said}.**\n")), "{said}");
+    let text = format!("easured in {wall:.1} s ({cpu:.1} processor seconds)");
+    assert!(MADE.html.contains(&format!("This is a quick run, m{text}: ")), "{text}");
+    assert!(MADE.markdown.contains(&format!("## Report: Duration of a quick run\n\n**M{text}.**\n")), "{text}");
 }
 
 #[test]
-fn pictures_say_how_good_their_reference_is() {
+fn pictures_report_the_error_of_their_reference() {
     let pictures = &MADE.chapters()[0];
     let table = entries(pictures, "tables")
         .iter()
-        .find(|table| table["title"] == "built-in, 24 x 14: how error falls")
+        .find(|table| table["title"] == "built-in, 24 x 14: error over time")
         .unwrap();
-    let place = entries(table, "head").iter().position(|word| word == "reference's share").unwrap();
+    let column = entries(table, "head").iter().position(|word| word == "reference's share").unwrap();
     for row in entries(table, "rows") {
-        assert!(row[place].as_str().unwrap().ends_with('%'), "{row}");
+        assert!(row[column].as_str().unwrap().ends_with('%'), "{row}");
     }
 }

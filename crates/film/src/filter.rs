@@ -145,7 +145,7 @@ impl FilterSampler {
 
     /// Offset of a sample from the center of the pixel, in pixels, and its weight, for a point in the unit square.
     #[must_use]
-    pub fn place(&self, square: [f32; 2]) -> ([f64; 2], f32) {
+    pub fn sample(&self, square: [f32; 2]) -> ([f64; 2], f32) {
         // Exact: the box of one pixel maps the unit square to the pixel.
         let [x, y] = square.map(|s| 2.0 * f64::from(s) - 1.0);
         if let Filter::Box(radius) = self.filter {

@@ -2,10 +2,10 @@ use std::collections::BTreeMap;
 
 use crate::{Child, ChildKind, Node, NodeId, Tree, par};
 
-/// Calls `join` on every node, children first, and returns what it made, by node.
+/// Computes a value for every node from those of its children; returns the values by node.
 ///
-/// `leaf` makes the value of a leaf from its position; `unset` only fills memory. Each task's subtree writes its own
-/// slice, so tasks run on all threads; the few nodes above them follow. The same bits for any number of threads.
+/// `leaf` computes the value of a leaf from its position, `join` that of a node; `unset` initializes memory. The subtrees
+/// of all tasks run in parallel, then the nodes above them. The same bits for any number of threads.
 pub fn bottom_up<S: Copy + Send + Sync>(
     tree: &Tree,
     unset: S,
@@ -37,8 +37,7 @@ pub fn bottom_up<S: Copy + Send + Sync>(
     values
 }
 
-/// Like [`bottom_up`], but keeps only what `result` makes of each value: large values live no longer than the work on
-/// their task.
+/// As [`bottom_up`], but stores `result` of each value only: large values are freed with their task.
 pub(crate) fn bottom_up_into<S: Copy + Send + Sync, R: Copy + Send>(
     tree: &Tree,
     (unset, unset_result): (S, R),
@@ -90,15 +89,15 @@ pub(crate) fn bottom_up_into<S: Copy + Send + Sync, R: Copy + Send>(
 mod tests {
     use super::*;
 
-    /// A chain over more leaves than one task holds: every node above the tasks has a lone leaf for a child.
+    /// A chain over more leaves than one task holds: every node above the tasks has a single leaf as a child.
     #[test]
-    fn lone_leaves_above_the_tasks_shift_nothing() {
+    fn single_leaves_above_the_tasks_are_handled() {
         let n = 6_000u32;
-        for lone_first in [true, false] {
+        for leaf_first in [true, false] {
             let chain: Vec<[Child; 2]> = (0..n)
                 .map(|i| {
                     let rest = if i + 1 < n { Child::inner(NodeId(i + 1)) } else { Child::leaf(n) };
-                    if lone_first { [Child::leaf(i), rest] } else { [rest, Child::leaf(i)] }
+                    if leaf_first { [Child::leaf(i), rest] } else { [rest, Child::leaf(i)] }
                 })
                 .collect();
             let tree = Tree::from_children(&chain).expect("a chain is a tree");
@@ -108,8 +107,8 @@ mod tests {
             let ranges = bottom_up(&tree, (0, 0), |i| (i, i), |_, _, a, b| join(a, b));
             let into = bottom_up_into(&tree, ((0, 0), (0, 0)), |i| (i, i), join, |_, range| *range);
             let want: Vec<(u32, u32)> = tree.nodes.iter().map(|node| (node.first, node.last)).collect();
-            assert_eq!(ranges, want, "{lone_first}");
-            assert_eq!(into, want, "{lone_first}");
+            assert_eq!(ranges, want, "{leaf_first}");
+            assert_eq!(into, want, "{leaf_first}");
         }
     }
 }

@@ -2,45 +2,45 @@ use canted_obb::PrimId;
 
 use crate::{Child, ChildKind, Leaf, NodeId, Tree, Volume, Volumes};
 
-/// What a sound tree looks like.
+/// Statistics of a valid tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stats {
     /// Inner nodes.
     pub n_nodes: usize,
     /// Leaves.
     pub n_leaves: usize,
-    /// Nodes on the longest way from root to leaf, the leaf included.
+    /// Nodes on the longest path from the root to a leaf, the leaf included.
     pub depth: u32,
-    /// Sum over leaves of the nodes above each.
+    /// Sum of the depths of all leaves.
     pub leaf_depths: u64,
 }
 
-/// What is wrong with a tree.
+/// A defect of a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flaw {
-    /// Arrays do not fit: `n` primitives need `n - 1` nodes, volumes and orders.
+    /// Array lengths do not match: `n` primitives need `n - 1` nodes, volumes and entries of the bottom-up order.
     WrongCount {
         /// Leaves.
         n_leaves: usize,
         /// Inner nodes.
         n_nodes: usize,
     },
-    /// A primitive is missing, or in two leaves.
+    /// A primitive is in no leaf, or in two.
     NotOnce {
         /// The primitive.
         primitive: PrimId,
     },
-    /// A node has no parent but is not the root, or has two.
+    /// A node other than the root has no parent, or a node has two.
     NotOneParent {
         /// The node.
         node: NodeId,
     },
-    /// A reference leads out of the tree.
+    /// A child reference is out of range.
     OutOfRange {
         /// The node that holds it.
         node: NodeId,
     },
-    /// A node's leaves are not those of its children.
+    /// The leaf range of a node is not that of its children.
     WrongRange {
         /// The node.
         node: NodeId,
@@ -54,14 +54,14 @@ pub enum Flaw {
     Escapes {
         /// The node.
         node: NodeId,
-        /// Position of the leaf the point belongs to.
+        /// Position of the leaf with the point.
         leaf: u32,
     },
-    /// The depth stated is not the longest way.
+    /// The stored depth is wrong.
     WrongDepth {
-        /// What the tree states.
+        /// The stored depth.
         stated: u32,
-        /// What it is.
+        /// The actual depth.
         actual: u32,
     },
 }
@@ -72,21 +72,21 @@ impl std::fmt::Display for Flaw {
             Self::WrongCount { n_leaves, n_nodes } => write!(f, "{n_leaves} leaves with {n_nodes} inner nodes"),
             Self::NotOnce { primitive } => write!(f, "primitive {primitive} is not in exactly one leaf"),
             Self::NotOneParent { node } => write!(f, "node {} has not exactly one parent", node.0),
-            Self::OutOfRange { node } => write!(f, "a child of node {} does not exist", node.0),
+            Self::OutOfRange { node } => write!(f, "node {} has a child that is out of range", node.0),
             Self::WrongRange { node } => write!(f, "node {} does not cover the leaves of its children", node.0),
             Self::WrongOrder { node } => write!(f, "node {} comes before its children in the bottom-up order", node.0),
             Self::Escapes { node, leaf } => write!(f, "leaf {leaf} has a point outside the volume of node {}", node.0),
-            Self::WrongDepth { stated, actual } => write!(f, "the depth is {actual}, not {stated}"),
+            Self::WrongDepth { stated, actual } => write!(f, "the stored depth is {stated}, but the depth is {actual}"),
         }
     }
 }
 
 impl std::error::Error for Flaw {}
 
-/// Checks a tree and its volumes against `leaves` (in leaf order); returns statistics or the first flaw.
+/// Verifies a tree and its volumes against `leaves` (in leaf order); returns statistics or the first flaw.
 ///
-/// Every primitive once, one parent each, ranges that nest, children first in the bottom-up order, the depth as
-/// stated, and every point inside every volume above it, exactly.
+/// Checks that every primitive is in one leaf, every node has one parent, ranges nest, the bottom-up order has children
+/// first, the stored depth is right, and every point is inside every volume above it, exactly.
 ///
 /// # Errors
 /// The first [`Flaw`] found.
@@ -117,7 +117,7 @@ fn check_primitives(tree: &Tree) -> Result<(), Flaw> {
     Ok(())
 }
 
-/// Walks down from the root; returns the depth and the sum of the leaves' depths.
+/// Traverses from the root; returns the depth and the sum of the leaves' depths.
 fn check_topology(tree: &Tree) -> Result<(u32, u64), Flaw> {
     let range = |child: Child| match child.kind() {
         ChildKind::Leaf(position) => ((position as usize) < tree.leaves.len()).then_some((position, position)),

@@ -5,24 +5,24 @@ use crate::par;
 /// The three vertices of a triangle, in the mesh's space.
 pub type Corners = [[f32; 3]; 3];
 
-/// Why geometry cannot be built into a tree.
+/// Why geometry is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GeometryError {
-    /// A triangle names a vertex that does not exist.
+    /// A vertex index is out of range.
     IndexOutOfRange {
         /// The triangle.
         triangle: PrimId,
-        /// The index it names.
+        /// The index.
         index: u32,
-        /// Number of vertices there are.
+        /// Number of vertices.
         n_vertices: usize,
     },
-    /// A triangle uses a vertex that is infinite or not a number.
+    /// A triangle has a vertex that is infinite or NaN.
     NotFinite {
         /// The triangle.
         triangle: PrimId,
     },
-    /// More triangles than the references of a tree can name.
+    /// More triangles than a tree supports.
     TooMany {
         /// Number of triangles.
         n_triangles: usize,
@@ -33,11 +33,11 @@ impl std::fmt::Display for GeometryError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::IndexOutOfRange { triangle, index, n_vertices } => {
-                write!(f, "triangle {triangle} names vertex {index} of {n_vertices}")
+                write!(f, "triangle {triangle} has vertex index {index}, but there are {n_vertices} vertices")
             }
             Self::NotFinite { triangle } => write!(f, "triangle {triangle} has a vertex that is not finite"),
             Self::TooMany { n_triangles } => {
-                write!(f, "{n_triangles} triangles are more than a tree can hold")
+                write!(f, "{n_triangles} triangles exceed the maximum of {MAX_PRIMITIVES}")
             }
         }
     }
@@ -45,45 +45,47 @@ impl std::fmt::Display for GeometryError {
 
 impl std::error::Error for GeometryError {}
 
-/// Most primitives of a binary tree: a child reference keeps two bits for itself.
+/// Maximum number of primitives of a tree: a child reference reserves two bits.
 pub const MAX_PRIMITIVES: usize = 1 << 30;
 
 const CHUNK: usize = 1 << 14;
 
-/// Fetches the corners of indexed triangles and the box around them, in input order.
+/// The vertices of indexed triangles, in input order, and their bounding box.
+///
+/// Unused vertices are ignored.
 ///
 /// # Errors
-/// More than [`MAX_PRIMITIVES`] triangles, before any is looked at; the first triangle, in input order, with an index out of range
-/// or a vertex that is not finite.
+/// More than [`MAX_PRIMITIVES`] triangles, checked first; the first triangle, in input order, with an index out of range or
+/// a vertex that is not finite.
 pub fn triangle_corners(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(Vec<Corners>, Aabb), GeometryError> {
     triangle_corners_at_most(MAX_PRIMITIVES, positions, triangles)
 }
 
-/// As [`gather`], of at most so many triangles.
+/// As [`triangle_corners`], with a limit.
 fn triangle_corners_at_most(
-    most: usize,
+    max: usize,
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],
 ) -> Result<(Vec<Corners>, Aabb), GeometryError> {
-    if triangles.len() > most {
+    if triangles.len() > max {
         return Err(GeometryError::TooMany { n_triangles: triangles.len() });
     }
     let mut corners = vec![[[0.0; 3]; 3]; triangles.len()];
     par::for_chunks(&mut corners, CHUNK, |first, out| {
         for (out, indices) in out.iter_mut().zip(&triangles[first..]) {
-            // A missing vertex becomes NaN here and is told apart below, off the fast path.
+            // A missing vertex becomes NaN here; the error is found below, off the fast path.
             *out = indices.map(|i| positions.get(i as usize).copied().unwrap_or([f32::NAN; 3]));
         }
     });
     let bounds = par::map_chunks(&corners, CHUNK, |_, chunk| {
         let mut bounds = Aabb::EMPTY;
-        // Sums of products with zero: zero where all is finite, NaN where anything is not.
-        let mut poison = 0.0f32;
+        // A sum of products with zero is NaN if and only if a coordinate is not finite.
+        let mut zero_or_nan = 0.0f32;
         for &corner in chunk.iter().flatten() {
             bounds.grow(corner);
-            poison += corner[0] * 0.0 + corner[1] * 0.0 + corner[2] * 0.0;
+            zero_or_nan += corner[0] * 0.0 + corner[1] * 0.0 + corner[2] * 0.0;
         }
-        (bounds, poison == 0.0)
+        (bounds, zero_or_nan == 0.0)
     });
     if bounds.iter().any(|&(_, finite)| !finite) {
         return Err(first_flaw(positions, triangles));
@@ -106,7 +108,7 @@ fn first_flaw(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> GeometryError {
     unreachable!("a chunk was not finite, so some vertex is missing or not finite")
 }
 
-/// The corners in the order of a tree's leaves.
+/// The corners in leaf order.
 #[must_use]
 pub fn in_leaf_order(corners: &[Corners], leaves: &[PrimId]) -> Vec<Corners> {
     let mut sorted = vec![[[0.0; 3]; 3]; leaves.len()];
@@ -123,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_name_the_first_bad_triangle() {
+    fn the_first_invalid_triangle_is_reported() {
         let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, f32::NAN, 0.0]];
         assert_eq!(
             triangle_corners(&positions, &[[0, 1, 0], [0, 1, 2], [0, 1, 9]]).unwrap_err(),
@@ -136,18 +138,18 @@ mod tests {
     }
 
     #[test]
-    fn too_many_are_told_before_any_is_looked_at() {
-        let [positions, bad] = [[[0.0; 3]; 3], [[f32::NAN; 3]; 3]];
+    fn rejects_too_many_triangles_before_reading_them() {
+        let [positions, invalid] = [[[0.0; 3]; 3], [[f32::NAN; 3]; 3]];
         let triangles = [[0, 1, 2]; 8];
         assert_eq!(triangle_corners_at_most(8, &positions, &triangles).unwrap().0.len(), 8);
-        for positions in [&positions[..], &bad, &[]] {
+        for positions in [&positions[..], &invalid, &[]] {
             let error = triangle_corners_at_most(7, positions, &triangles).unwrap_err();
             assert_eq!(error, GeometryError::TooMany { n_triangles: 8 });
         }
     }
 
     #[test]
-    fn bounds_leave_unused_vertices_out() {
+    fn bounds_ignore_unused_vertices() {
         let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, -2.0], [f32::NAN; 3]];
         let (corners, bounds) = triangle_corners(&positions, &[[0, 1, 2]]).unwrap();
         assert_eq!(corners, [[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, -2.0]]]);

@@ -3,15 +3,15 @@ use canted_obb::Aabb;
 /// Length of a Morton code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Bits {
-    /// 10 bits an axis.
+    /// 10 bits per axis.
     B30,
-    /// 21 bits an axis.
+    /// 21 bits per axis.
     #[default]
     B63,
 }
 
 impl Bits {
-    /// Bits an axis.
+    /// Bits per axis.
     #[must_use]
     pub fn per_axis(self) -> u32 {
         match self {
@@ -21,23 +21,23 @@ impl Bits {
     }
 }
 
-/// The grid of cells on which primitives are coded.
+/// The grid of Morton cells.
 ///
-/// Reads: the box around all corners. Writes: the offset and scale that every later station reads.
-/// Holds: both numbers are rounded here, once, so the cells are the same integers on every device.
-/// Source: Lauterbach et al. 2009; uniform scale by the largest extent, guarded where it is zero.
+/// Reads: the bounding box of all corners. Writes: offset and scale for all later stages.
+/// Holds: both are rounded here, once, so the cells are the same integers on every device.
+/// Source: Lauterbach et al. 2009; uniform scale by the largest extent, 0 for a zero extent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Domain {
-    /// `n·m`: least coordinates, times the number of points summed for a primitive.
+    /// Least coordinates times the number of points summed per primitive.
     pub offset: [f32; 3],
-    /// Cells per unit of that sum; 0 where the box has no finite extent.
+    /// Cells per unit of that sum; 0 for a box of zero or infinite extent.
     pub scale: f32,
     /// Length of the codes.
     pub bits: Bits,
 }
 
 impl Domain {
-    /// The grid over `bounds` for primitives coded by the sum of `n_points` points: 3 for triangles, 2 for boxes.
+    /// The grid over `bounds` for primitives located by the sum of `n_points` points: 3 for triangles, 2 for boxes.
     #[must_use]
     pub fn new(bounds: &Aabb, n_points: u8, bits: Bits) -> Self {
         let n = f32::from(n_points);
@@ -48,14 +48,14 @@ impl Domain {
         Self { offset: bounds.min.map(|m| n * m), scale: if scale.is_finite() { scale } else { 0.0 }, bits }
     }
 
-    /// Cell on one axis of a sum of coordinates; the far end belongs to the last cell.
+    /// The cell of a sum of coordinates on one axis; the upper end belongs to the last cell.
     ///
-    /// A subtraction, then a product: no compiler can fuse them.
+    /// A subtraction followed by a product cannot be fused by a compiler.
     #[inline]
     #[must_use]
     pub fn cell(&self, axis: usize, sum: f32) -> u32 {
         let last = (1u32 << self.bits.per_axis()) - 1;
-        // `as` truncates like floor above zero, takes what is below zero to 0 and NaN (∞·0) to 0.
+        // `as` truncates like floor above zero, and maps negative numbers and NaN (∞·0) to 0.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating by definition")]
         let cell = ((sum - self.offset[axis]) * self.scale) as u32;
         cell.min(last)

@@ -3,30 +3,30 @@ use canted_obb::{Aabb, Dop, Enclosure, Frame, Moments, Obb, merge};
 
 use crate::Corners;
 
-/// What a tree is built over: triangles, by their corners, or boxes.
+/// A primitive of a tree: a triangle, by its corners, or a box.
 pub trait Leaf: Copy + Send + Sync {
-    /// Smallest axis-aligned box around it.
+    /// Its axis-aligned bounding box.
     fn aabb(&self) -> Aabb;
 
-    /// It as the child of a node that merges boxes.
+    /// The leaf as input of [`merge`].
     fn child(&self) -> merge::Child;
 
-    /// Its surface, for principal axes.
+    /// Moments of its surface, for principal axes.
     fn moments(&self) -> Moments;
 
-    /// Grows extents along fixed directions to it.
+    /// Adds it to a DOP.
     fn grow_dop(&self, dop: &mut Dop);
 
-    /// Grows a box to it.
+    /// Adds it to an enclosure.
     fn grow(&self, enclosure: &mut Enclosure);
 
-    /// Axes, of length one but for rounding, of the leaning box that fits it best.
+    /// Axes of its best oriented box, of unit length up to rounding.
     fn frame(&self) -> Frame;
 
     /// Surface area of that box.
     fn oriented_area(&self) -> f64;
 
-    /// Points that every volume above must contain exactly.
+    /// Points that every volume above contains exactly.
     fn points(&self) -> impl Iterator<Item = [f32; 3]>;
 }
 
@@ -56,8 +56,7 @@ impl Leaf for Corners {
         self.iter().for_each(|&corner| enclosure.add_point(corner));
     }
 
-    /// Along the longest edge: of all rectangles around a triangle the smallest. The axes of the space for a triangle
-    /// without area.
+    /// Along the longest edge, which gives the smallest rectangle of a triangle; the identity for a degenerate one.
     fn frame(&self) -> Frame {
         let [a, b, c] = self.map(|p| p.map(f64::from));
         let edges = [sub(b, a), sub(c, b), sub(a, c)];
@@ -65,7 +64,7 @@ impl Leaf for Corners {
             (1..3).fold(0, |best, i| if dot(edges[i], edges[i]) > dot(edges[best], edges[best]) { i } else { best });
         let normal = cross(edges[longest], edges[(longest + 1) % 3]);
         let (edge, up) = (dot(edges[longest], edges[longest]).sqrt(), dot(normal, normal).sqrt());
-        // Negated, so that what overflowed to NaN goes the same way.
+        // Negated to reject NaN from an overflow too.
         if !(up > 0.0 && up.is_finite()) {
             return Obb::IDENTITY_FRAME;
         }
@@ -75,7 +74,7 @@ impl Leaf for Corners {
         [rounded(along), rounded(cross(normal, along)), rounded(normal)]
     }
 
-    /// Both sides of the rectangle along the longest edge, which is twice the triangle.
+    /// Both sides of the rectangle along the longest edge, which has twice the area of the triangle.
     fn oriented_area(&self) -> f64 {
         let [a, b, c] = self.map(|p| p.map(f64::from));
         let normal = cross(sub(b, a), sub(c, a));
@@ -110,7 +109,7 @@ impl Leaf for Obb {
         enclosure.add_box(self);
     }
 
-    /// Its own axes, at length one where they are orthogonal.
+    /// Its own axes.
     fn frame(&self) -> Frame {
         self.frame
     }
@@ -119,7 +118,7 @@ impl Leaf for Obb {
         self.area()
     }
 
-    /// The centre: corners are no `f32` numbers.
+    /// The center only: corners are not representable in `f32`.
     fn points(&self) -> impl Iterator<Item = [f32; 3]> {
         std::iter::once(self.center)
     }

@@ -6,8 +6,8 @@ const CHUNK: usize = 1 << 14;
 
 /// Morton codes of triangles, in input order; the x bit is the highest of each triple.
 ///
-/// Reads: the domain, the corners. Writes: one code a triangle.
-/// Holds: `cell = clamp(floor(((a + b) + c - 3m)·s))` on each axis, all in f32, in this order.
+/// Reads: the domain, the corners. Writes: one code per triangle.
+/// Holds: `cell = clamp(floor(((a + b) + c - 3m)·s))` on each axis, in f32, in this order.
 /// Source: Lauterbach et al. 2009.
 #[must_use]
 pub fn morton_codes(domain: &Domain, corners: &[Corners]) -> Vec<u64> {
@@ -20,7 +20,7 @@ pub fn morton_codes(domain: &Domain, corners: &[Corners]) -> Vec<u64> {
     codes
 }
 
-/// Morton codes of boxes by their midpoints: `(min + max) - 2m` takes the place of the triangles' sum.
+/// Morton codes of boxes by their centers: as [`morton_codes`], with `(min + max) - 2m`.
 #[must_use]
 pub fn morton_codes_of_boxes(domain: &Domain, boxes: &[Aabb]) -> Vec<u64> {
     boxes
@@ -29,7 +29,7 @@ pub fn morton_codes_of_boxes(domain: &Domain, boxes: &[Aabb]) -> Vec<u64> {
         .collect()
 }
 
-/// Interleaves three cells, x highest.
+/// Interleaves the bits of three cells, x highest.
 #[inline]
 fn interleave(bits: Bits, [x, y, z]: [u32; 3]) -> u64 {
     match bits {
@@ -64,14 +64,14 @@ mod tests {
     use super::*;
 
     /// One bit at a time.
-    fn interleave_naively(bits: Bits, cells: [u32; 3]) -> u64 {
+    fn interleave_by_bit(bits: Bits, cells: [u32; 3]) -> u64 {
         (0..bits.per_axis()).fold(0, |code, i| {
             (0..3).fold(code, |code, k| code | u64::from(cells[k] >> i & 1) << (3 * i + 2 - k as u32))
         })
     }
 
     #[test]
-    fn interleaves_like_one_bit_at_a_time() {
+    fn interleave_equals_one_bit_at_a_time() {
         let mut state = 7u64;
         for _ in 0..10_000 {
             let cells = std::array::from_fn(|_| {
@@ -79,9 +79,9 @@ mod tests {
                 (state >> 40) as u32
             });
             let cells_10 = cells.map(|c| c & 1023);
-            assert_eq!(interleave(Bits::B30, cells_10), interleave_naively(Bits::B30, cells_10));
+            assert_eq!(interleave(Bits::B30, cells_10), interleave_by_bit(Bits::B30, cells_10));
             let cells_21 = cells.map(|c| c & 0x1f_ffff);
-            assert_eq!(interleave(Bits::B63, cells_21), interleave_naively(Bits::B63, cells_21));
+            assert_eq!(interleave(Bits::B63, cells_21), interleave_by_bit(Bits::B63, cells_21));
         }
         assert_eq!(interleave(Bits::B63, [0x1f_ffff; 3]), (1 << 63) - 1);
         assert_eq!(interleave(Bits::B30, [1, 0, 0]), 4);

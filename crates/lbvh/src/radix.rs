@@ -5,10 +5,10 @@ use crate::{Child, MAX_DEPTH, Node, NodeId, Sorted, Task, Tree, par};
 /// Binary radix tree over sorted codes.
 ///
 /// Reads: sorted codes. Writes: nodes, their bottom-up order, the depth.
-/// Holds: each node splits its range where the highest bit of (code, position) differs, so the depth is at most
+/// Holds: each node splits its range at the highest differing bit of (code, position), so the depth is at most
 /// code bits + ceil(log2 n) + 1, leaf included.
-/// Source: Karras 2012 for the tree and its numbers; built from the leaves up after Apetrei 2014, each subtree in one
-/// pass with a stack, which costs less than a search a node.
+/// Source: Karras 2012 for the tree and its numbering; built from the leaves up after Apetrei 2014, each subtree in one
+/// pass with a stack, which is faster than a search per node.
 #[must_use]
 pub fn radix(sorted: Sorted) -> Tree {
     let Sorted { codes, leaves } = sorted;
@@ -20,7 +20,7 @@ pub fn radix(sorted: Sorted) -> Tree {
     let mut nodes = vec![Node::UNSET; n];
     let mut bottom_up = vec![NodeId(0); n - 1];
     let mut heights = vec![0u32; ranges.len()];
-    // Hand every task the slices that its subtree owns.
+    // Split the arrays into the slices of each task.
     let mut tasks = Vec::with_capacity(ranges.len());
     let mut jobs = Vec::with_capacity(ranges.len());
     let (mut nodes_left, mut order_left, mut done) = (&mut nodes[..], &mut bottom_up[..], 0);
@@ -34,7 +34,7 @@ pub fn radix(sorted: Sorted) -> Tree {
         jobs.push((range.clone(), own_nodes, own_order, height));
     }
     par::for_jobs(jobs, |(range, nodes, order, height)| *height = build_task(&codes, range, nodes, order));
-    // Join the subtrees, parents last.
+    // Build the nodes above the tasks, parents last.
     let mut heights: BTreeMap<_, _> =
         ranges.iter().zip(heights).map(|(range, height)| ((range.start, range.end - 1), height)).collect();
     let mut depth = heights.get(&(0, ranges[0].end - 1)).copied().unwrap_or(1);
@@ -58,7 +58,7 @@ struct Top {
     last: u32,
 }
 
-/// Splits from the top until subtrees are small: the nodes above, parents first, and the subtrees' leaves in order.
+/// Splits from the root until subtrees are small; returns the nodes above, parents first, and the leaf ranges in order.
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 leaves")]
 fn divide(codes: &[u64]) -> (Vec<Top>, Vec<Range<u32>>) {
     let limit = Tree::task_limit(codes.len());
@@ -89,8 +89,8 @@ fn find_split(codes: &[u64], first: u32, last: u32) -> u32 {
     first + n_lower as u32 - 1
 }
 
-/// How near the root the boundary between leaves `i` and `i + 1` splits: the place of the highest differing bit of
-/// (code, position). The two boundaries of a subtree are never equal, and both are above those inside.
+/// Level of the split between leaves `i` and `i + 1`: the highest differing bit of (code, position). The two boundaries of
+/// a subtree have different levels, both higher than those inside.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "at most 96")]
 fn level(codes: &[u64], i: u32) -> u8 {
@@ -100,8 +100,8 @@ fn level(codes: &[u64], i: u32) -> u8 {
 
 /// Builds the subtree over `range`; returns its height in nodes, leaf included.
 fn build_task(codes: &[u64], range: Range<u32>, nodes: &mut [Node], order: &mut [NodeId]) -> u32 {
-    /// A finished subtree that waits for its right neighbour.
-    struct Waiting {
+    /// A finished subtree that waits for its right sibling.
+    struct Pending {
         child: Child,
         first: u32,
         height: u32,
@@ -110,7 +110,7 @@ fn build_task(codes: &[u64], range: Range<u32>, nodes: &mut [Node], order: &mut 
     }
     let level_left = if range.start == 0 { u8::MAX } else { level(codes, range.start - 1) };
     let level_right = |leaf: u32| if leaf as usize + 1 == codes.len() { u8::MAX } else { level(codes, leaf) };
-    let mut stack: Vec<Waiting> = Vec::with_capacity(MAX_DEPTH as usize);
+    let mut stack: Vec<Pending> = Vec::with_capacity(MAX_DEPTH as usize);
     let mut order = order.iter_mut();
     for leaf in range.clone() {
         let right = level_right(leaf);
@@ -126,7 +126,7 @@ fn build_task(codes: &[u64], range: Range<u32>, nodes: &mut [Node], order: &mut 
             }
             (child, first, height) = (Child::inner(NodeId(id)), left.first, 1 + height.max(left.height));
         }
-        stack.push(Waiting { child, first, height, level: right });
+        stack.push(Pending { child, first, height, level: right });
     }
     stack.pop().map_or(0, |root| root.height)
 }
@@ -138,7 +138,7 @@ mod tests {
     use crate::{Bits, ChildKind, sort_by_code};
     use proptest::prelude::*;
 
-    /// The tree by its definition, top down: split where the highest bit of (code, position) differs.
+    /// The tree by its definition, top down: split at the highest differing bit of (code, position).
     fn oracle(codes: &[u64]) -> Vec<Node> {
         let key = |i: u32| u128::from(codes[i as usize]) << 32 | u128::from(i);
         let mut nodes = vec![Node::UNSET; codes.len().saturating_sub(1)];
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_is_the_longest_way() {
+    fn depth_is_that_of_the_deepest_leaf() {
         let sorted = sort_by_code(&(0..20_000u64).map(|i| i * i * 77).collect::<Vec<_>>(), Bits::B63);
         let tree = radix(sorted);
         let (mut longest, mut stack) = (0, vec![(tree.root().unwrap(), 1)]);

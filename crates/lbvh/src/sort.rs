@@ -4,16 +4,16 @@ use canted_obb::PrimId;
 
 use crate::{Bits, par};
 
-/// Primitives along the curve.
+/// Primitives sorted by Morton code.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sorted {
-    /// Codes, not decreasing.
+    /// Codes in ascending order.
     pub codes: Vec<u64>,
     /// The primitive of each code; equal codes keep input order.
     pub leaves: Vec<PrimId>,
 }
 
-/// Radix digit: three passes cover the leading bits.
+/// Bits of a radix digit: three passes cover the leading bits.
 const DIGIT: u32 = 11;
 const LEADING: u32 = 3 * DIGIT;
 /// Bits of a key that hold the primitive; with [`LEADING`] they fill 64.
@@ -23,13 +23,13 @@ const INDEX: u32 = 64 - LEADING;
 ///
 /// Reads: codes in input order. Writes: codes and primitives in sorted order.
 /// Holds: the result of a stable sort, for any number of threads.
-/// Source: least significant digit radix sort; the leading 33 bits only, since runs that agree in those are short in
-/// all but degenerate meshes and are finished by comparison. Each thread sorts a part, then parts are merged.
+/// Source: LSD radix sort of the leading 33 bits; runs with equal leading bits are short except in degenerate meshes, and
+/// are sorted by comparison. Each thread sorts a part, then the parts are merged.
 #[must_use]
 pub fn sort_by_code(codes: &[u64], bits: Bits) -> Sorted {
     let below = (3 * bits.per_axis()).saturating_sub(LEADING);
     let mut keys: Vec<u64> = vec![0; codes.len()];
-    // Parts of equal length, one a thread, but never so small that merging costs more than it saves.
+    // One part per thread, but not so small that merging costs more than it saves.
     let part = codes.len().div_ceil(par::n_threads()).max(1 << 15);
     par::for_chunks(&mut keys, part, |first, part| {
         for (i, (key, code)) in part.iter_mut().zip(&codes[first..]).enumerate() {
@@ -58,7 +58,7 @@ fn radix_sort(keys: &mut [u64], digits: u32) {
     let (mut from, mut to) = (&mut *keys, &mut *other);
     let mut swapped = false;
     for (d, counts) in (0..).zip(&mut counts) {
-        // All keys share this digit: nothing would move.
+        // All keys share this digit: nothing moves.
         if from.first().is_some_and(|&key| counts[digit(key, d)] as usize == from.len()) {
             continue;
         }
@@ -79,7 +79,7 @@ fn radix_sort(keys: &mut [u64], digits: u32) {
     }
 }
 
-/// Merges sorted parts of length `part` until one is left. Keys are unique, so every merge has one result.
+/// Merges sorted parts of length `part` until one is left. Keys are unique, so the result is too.
 fn merge_parts(keys: &mut Vec<u64>, mut part: usize) {
     while part < keys.len() {
         let mut merged = vec![0; keys.len()];
@@ -93,17 +93,17 @@ fn merge_parts(keys: &mut Vec<u64>, mut part: usize) {
     }
 }
 
-/// Merges two sorted slices: the lower half of the result and the upper half at the same time.
+/// Merges two sorted slices; both halves of the result in parallel.
 fn merge(left: &[u64], right: &[u64], out: &mut [u64]) {
-    let middle = out.len() / 2;
-    // How many of the lowest `middle` keys come from the left: the merge path's crossing.
-    let (mut low, mut high) = (middle.saturating_sub(right.len()), middle.min(left.len()));
+    let mid = out.len() / 2;
+    // How many of the lowest `mid` keys come from the left: the crossing of the merge path.
+    let (mut low, mut high) = (mid.saturating_sub(right.len()), mid.min(left.len()));
     while low < high {
         let from_left = low.midpoint(high);
-        if left[from_left] < right[middle - from_left - 1] { low = from_left + 1 } else { high = from_left }
+        if left[from_left] < right[mid - from_left - 1] { low = from_left + 1 } else { high = from_left }
     }
-    let (lower, upper) = out.split_at_mut(middle);
-    let jobs = vec![(&left[..low], &right[..middle - low], lower), (&left[low..], &right[middle - low..], upper)];
+    let (lower, upper) = out.split_at_mut(mid);
+    let jobs = vec![(&left[..low], &right[..mid - low], lower), (&left[low..], &right[mid - low..], upper)];
     par::for_jobs(jobs, |(mut left, mut right, out)| {
         for slot in out {
             let take_left = match (left.first(), right.first()) {
@@ -117,7 +117,7 @@ fn merge(left: &[u64], right: &[u64], out: &mut [u64]) {
     });
 }
 
-/// Sorts each run of equal leading bits by whole code, then input order.
+/// Sorts each run of equal leading bits by the full code, then by input order.
 fn finish_runs(keys: &mut [u64], codes: &[u64]) {
     let index = |key: u64| key & ((1 << INDEX) - 1);
     let mut first = 0;
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn equals_the_stable_sort_across_sizes_and_duplicates() {
+    fn equals_a_stable_sort() {
         for n in [0, 1, 2, 3, 255, 256, 257, 65_537, 200_000] {
             for distinct in [1, 2, 37, 1 << 40] {
                 for (bits, length) in [(Bits::B30, 30), (Bits::B63, 63)] {
@@ -187,7 +187,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn merge_of_any_two_sorted_slices(left in prop::collection::btree_set(any::<u64>(), 0..50),
+        fn merges_any_two_sorted_slices(left in prop::collection::btree_set(any::<u64>(), 0..50),
                                           right in prop::collection::btree_set(any::<u64>(), 0..50)) {
             let mut want: Vec<u64> = left.difference(&right).chain(right.iter()).copied().collect();
             want.sort_unstable();

@@ -2,27 +2,27 @@ use canted_obb::PrimId;
 
 use crate::{Child, ChildKind, Node, NodeId, Task, Tree};
 
-/// Why children's references do not make a tree.
+/// Why child references do not form a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TopologyError {
-    /// A node refers to a node that is not in the list, or there is none: not even the root, node 0.
+    /// A reference to a node that does not exist; node 0 for an empty list.
     NoSuchNode {
-        /// The node referred to.
+        /// The node.
         node: u32,
     },
-    /// A leaf names a primitive beyond the number of nodes, the last that a tree of so many has.
+    /// A primitive index greater than the number of nodes.
     NoSuchPrimitive {
-        /// The primitive named.
+        /// The primitive.
         primitive: u32,
     },
-    /// A node or primitive can be reached in two ways.
+    /// A node or primitive has two parents.
     ReachedTwice {
         /// The node, or the primitive where `is_leaf`.
         index: u32,
         /// Whether `index` is a primitive.
         is_leaf: bool,
     },
-    /// A node cannot be reached from the root.
+    /// A node is not reachable from the root.
     Unreached {
         /// The first such node.
         node: u32,
@@ -32,9 +32,9 @@ pub enum TopologyError {
 impl std::fmt::Display for TopologyError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoSuchNode { node } => write!(f, "node {node} is referred to but does not exist"),
+            Self::NoSuchNode { node } => write!(f, "node {node} does not exist"),
             Self::NoSuchPrimitive { primitive } => {
-                write!(f, "a leaf names primitive {primitive}, which a tree of so many nodes does not have")
+                write!(f, "primitive {primitive} is out of range for the number of nodes")
             }
             Self::ReachedTwice { index, is_leaf: true } => write!(f, "primitive {index} is in two leaves"),
             Self::ReachedTwice { index, is_leaf: false } => write!(f, "node {index} has two parents"),
@@ -46,13 +46,13 @@ impl std::fmt::Display for TopologyError {
 impl std::error::Error for TopologyError {}
 
 impl Tree {
-    /// A tree from another builder, renumbered: leaves in the order they are met from left to right.
+    /// A tree from the topology of another builder, with nodes and leaves renumbered from left to right.
     ///
-    /// `children[i]` are the children of node `i`, node 0 the root; a leaf names its *primitive*. Every station after
-    /// `tree` then works as on a radix tree. Its depth is only bounded by its number of leaves.
+    /// `children[i]` are the children of node `i`, and node 0 is the root; a leaf refers to its *primitive*. All later stages
+    /// work as for a radix tree. The depth is only bounded by the number of leaves.
     ///
     /// # Errors
-    /// What is not a tree over the primitives `0..=children.len()`, each once.
+    /// A topology that is not a tree over the primitives `0..=children.len()`, each once.
     pub fn from_children(children: &[[Child; 2]]) -> Result<Self, TopologyError> {
         let n_leaves = children.len() + 1;
         let parents_first = parents_first(children)?;
@@ -64,7 +64,7 @@ impl Tree {
         for &id in parents_first.iter().rev() {
             sizes[id.index()] = children[id.index()].iter().map(|&child| size_of(child, &sizes)).sum();
         }
-        // Give every subtree its range of leaves, and so its number.
+        // The leaf range of a subtree determines its number.
         let mut tree = Self {
             nodes: vec![Node::UNSET; children.len()],
             leaves: vec![PrimId(0); n_leaves],
@@ -142,7 +142,7 @@ fn parents_first(children: &[[Child; 2]]) -> Result<Vec<NodeId>, TopologyError> 
             }
         }
     }
-    // Where every node has been met once, so has every primitive: no two leaves name the same, and there are as many.
+    // If every node is visited once, so is every primitive: no two leaves are equal, and their number matches.
     match (0..).zip(&node_seen).find(|(_, is_seen)| !**is_seen) {
         Some((node, _)) => Err(TopologyError::Unreached { node }),
         None => Ok(order),
@@ -154,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_chain_keeps_its_leaves_in_order() {
+    fn a_chain_keeps_its_leaf_order() {
         let n = 10_000u32;
         let chain: Vec<[Child; 2]> = (0..n)
             .map(|i| [Child::leaf(n - i), if i + 1 < n { Child::inner(NodeId(i + 1)) } else { Child::leaf(0) }])
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_tree_is_refused() {
+    fn rejects_what_is_not_a_tree() {
         let (a, b) = (Child::inner(NodeId(1)), Child::inner(NodeId(0)));
         assert_eq!(
             Tree::from_children(&[[a, Child::leaf(0)], [b, Child::leaf(1)]]),

@@ -2,8 +2,8 @@ use std::ops::Range;
 
 use canted_obb::PrimId;
 
-/// Nodes from the root to a leaf, the leaf included, of the deepest radix tree: one for each of the 63 bits of a code and the 32
-/// of a position that may differ. Builders that could go deeper keep to it, and it is what traversal holds without allocating.
+/// Maximum depth of a radix tree, in nodes from the root to a leaf, the leaf included: one for each of the 63 bits of a code
+/// and the 32 bits of a position. Other builders keep to it, and traversal stacks hold it without allocating.
 pub const MAX_DEPTH: u32 = 96;
 
 /// Index of an inner node.
@@ -22,15 +22,15 @@ impl NodeId {
     }
 }
 
-/// A child reference: a leaf by its position along the curve, or an inner node.
+/// A child reference: a leaf by its position in leaf order, or an inner node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(transparent)]
 pub struct Child(u32);
 
-/// A child reference, opened.
+/// A decoded child reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChildKind {
-    /// Position in the sorted order.
+    /// Position in leaf order.
     Leaf(u32),
     /// An inner node.
     Inner(NodeId),
@@ -39,7 +39,7 @@ pub enum ChildKind {
 impl Child {
     const LEAF: u32 = 1 << 31;
 
-    /// The leaf at `position` of the sorted order.
+    /// The leaf at `position` in leaf order.
     #[must_use]
     pub fn leaf(position: u32) -> Self {
         debug_assert!(position < Self::LEAF);
@@ -53,7 +53,7 @@ impl Child {
         Self(id.0)
     }
 
-    /// What the reference names.
+    /// Decodes the reference.
     #[inline]
     #[must_use]
     pub fn kind(self) -> ChildKind {
@@ -63,17 +63,17 @@ impl Child {
 
 /// An inner node over the leaves `first..=last`.
 ///
-/// A left child is numbered by its last leaf, a right child by its first, the root 0 (Karras 2012). So the nodes below
-/// a range of leaves lie in the same range of numbers: subtrees own disjoint slices of every per-node array.
+/// A left child has the number of its last leaf, a right child that of its first, and the root is 0 (Karras 2012). So the
+/// nodes of a subtree have numbers in the range of its leaves, and disjoint subtrees own disjoint slices of every array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node {
-    /// Child over the lower leaves.
+    /// The child with the lower leaves.
     pub left: Child,
-    /// Child over the upper leaves.
+    /// The child with the upper leaves.
     pub right: Child,
     /// First leaf below.
     pub first: u32,
-    /// Last leaf below, included.
+    /// Last leaf below (inclusive).
     pub last: u32,
 }
 
@@ -87,37 +87,37 @@ impl Node {
     }
 }
 
-/// A subtree that one thread works on alone.
+/// A subtree that is processed by one thread.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Task {
-    /// Leaves of the subtree; its nodes' numbers lie in the same range.
+    /// Leaves of the subtree; its nodes have numbers in this range.
     pub leaves: Range<u32>,
     /// Its nodes, children before parents: a range of [`Tree::bottom_up`].
     pub nodes: Range<usize>,
 }
 
-/// A binary tree over primitives: indices only.
+/// A binary tree over primitive indices.
 ///
-/// `n` primitives make `n - 1` inner nodes; none and one make no node.
+/// `n` primitives have `n - 1` inner nodes; fewer than two have none.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tree {
-    /// Inner nodes, numbered as [`Node`] says.
+    /// Inner nodes, numbered as described at [`Node`].
     pub nodes: Vec<Node>,
-    /// Primitive of each leaf, in sorted order.
+    /// Primitive of each leaf, in leaf order.
     pub leaves: Vec<PrimId>,
-    /// Every node once, children before parents; first the tasks' nodes, then those above all tasks.
+    /// Every node once, children before parents: the nodes of all tasks, then those above.
     pub bottom_up: Vec<NodeId>,
-    /// Disjoint subtrees in the order of their leaves; their ends do not depend on the number of threads.
+    /// Disjoint subtrees in leaf order, independent of the number of threads.
     pub tasks: Vec<Task>,
-    /// Nodes on the longest way from the root to a leaf, the leaf included; 0 for an empty tree.
+    /// Nodes on the longest path from the root to a leaf, the leaf included; 0 for an empty tree.
     pub depth: u32,
 }
 
-/// Leaves below which a subtree is not divided among threads.
+/// Minimum number of leaves of a subtree that is divided among threads.
 pub(crate) const TASK_LEAVES: u32 = 1 << 12;
 
 impl Tree {
-    /// A tree over `n < 2` primitives, which has no node.
+    /// A tree of fewer than two primitives, without nodes.
     pub(crate) fn without_nodes(leaves: Vec<PrimId>) -> Self {
         let depth = u32::from(leaves.len() == 1);
         Self { nodes: vec![], leaves, bottom_up: vec![], tasks: vec![], depth }
@@ -133,7 +133,7 @@ impl Tree {
         }
     }
 
-    /// The subtree over the leaves `first..=last`, told apart by which child of its parent it is.
+    /// The subtree over the leaves `first..=last`, which is a left or a right child.
     pub(crate) fn subtree(first: u32, last: u32, is_left: bool) -> Child {
         match (first == last, is_left) {
             (true, _) => Child::leaf(first),
@@ -142,8 +142,7 @@ impl Tree {
         }
     }
 
-    /// The slice of per-node `values` that each task owns, in the order of tasks; a lone leaf below the nodes above all
-    /// tasks belongs to none.
+    /// The slices of per-node `values` of all tasks. A single leaf directly below the nodes above all tasks belongs to none.
     pub(crate) fn slices<'a, T>(&self, mut values: &'a mut [T]) -> Vec<&'a mut [T]> {
         let mut start = 0;
         let mut slices = Vec::with_capacity(self.tasks.len());
@@ -156,7 +155,7 @@ impl Tree {
         slices
     }
 
-    /// Largest subtree that is one task.
+    /// Maximum number of leaves of a task.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 leaves")]
     pub(crate) fn task_limit(n_leaves: usize) -> u32 {
         TASK_LEAVES.max(n_leaves as u32 / 64)

@@ -2,12 +2,12 @@ use canted_obb::{Aabb, Obb};
 
 use crate::{Child, ChildKind, NodeId};
 
-/// A node's volume.
+/// The bounding volume of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Volume<'a> {
     /// Axis-aligned.
     Aabb(&'a Aabb),
-    /// Leaning.
+    /// Oriented.
     Obb(&'a Obb),
 }
 
@@ -31,21 +31,22 @@ impl Volume<'_> {
     }
 }
 
-/// How leaning volumes are found.
+/// How oriented volumes are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Strategy {
     /// Axis-aligned boxes only.
     #[default]
     Aabb,
-    /// Principal axes of everything below, extents of every point below.
+    /// Principal axes of the surface below, extents of every point below.
     PcaUnbounded,
-    /// Principal axes of the children's corners, or of points where children are leaves.
+    /// Principal axes of the corners of both children: [`merge::bounded`](canted_obb::merge::bounded).
     PcaBounded,
-    /// The rotation halfway between the children's.
+    /// The average rotation of both children: [`merge::quaternion`](canted_obb::merge::quaternion()).
     Quaternion,
-    /// By the children: unbounded over two leaves, bounded over one, quaternion over none.
+    /// As [`Strategy::Quaternion`] where both children are boxes, as [`Strategy::PcaBounded`] where one is a triangle:
+    /// [`merge::combined`](canted_obb::merge::combined).
     Combined,
-    /// The best frame for extents along fixed directions, carried up exactly.
+    /// The best of sixteen fixed frames, by extents along fixed directions: [`canted_obb::Dop`].
     Dop,
 }
 
@@ -55,13 +56,13 @@ impl Strategy {
         [Self::Aabb, Self::PcaUnbounded, Self::PcaBounded, Self::Quaternion, Self::Combined, Self::Dop];
 }
 
-/// How volumes are made.
+/// Configuration of [`crate::volumes()`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VolumeConfig {
-    /// Where frames come from.
+    /// How oriented volumes are computed.
     pub strategy: Strategy,
-    /// Whether the axis-aligned box takes the place of a leaning one whose area is not less. Its loose boxes would
-    /// otherwise make those above looser still.
+    /// Whether to use the axis-aligned box where the oriented one has no less area. A loose oriented box would also loosen
+    /// the boxes above it.
     pub fallback: bool,
 }
 
@@ -71,18 +72,18 @@ impl Default for VolumeConfig {
     }
 }
 
-/// The volumes of a tree's nodes. Each contains every point below it, exactly.
+/// The volumes of all nodes of a tree. Each contains every point below it, exactly.
 #[derive(Clone, Debug)]
 pub struct Volumes {
     /// Axis-aligned box of each inner node.
     pub aabbs: Vec<Aabb>,
-    /// Leaning box of each inner node; empty under [`Strategy::Aabb`].
+    /// Oriented box of each inner node; empty under [`Strategy::Aabb`].
     pub(crate) obbs: Vec<Obb>,
-    /// Whether the leaning box is the node's volume.
+    /// Whether the oriented box is the volume of the node.
     pub(crate) oriented: Vec<bool>,
-    /// Whether a node's children are worth testing as leaning boxes; empty under [`Strategy::Aabb`].
+    /// Whether to test the children of a node as oriented boxes; empty under [`Strategy::Aabb`].
     pub(crate) children_oriented: Vec<bool>,
-    /// Whether a leaf's leaning box has less area than its axis-aligned one; empty under [`Strategy::Aabb`].
+    /// Whether the oriented box of a leaf has less area than its axis-aligned one; empty under [`Strategy::Aabb`].
     pub(crate) leaf_oriented: Vec<bool>,
 }
 
@@ -97,14 +98,14 @@ impl Volumes {
         }
     }
 
-    /// Whether a node's children are to be tested as leaning boxes: by predicted cost, see [`crate::Costs`].
+    /// Whether to test the children of a node as oriented boxes, by predicted traversal cost ([`crate::Costs`]).
     #[inline]
     #[must_use]
     pub fn children_oriented(&self, id: NodeId) -> bool {
         self.children_oriented.get(id.index()).copied().unwrap_or(false)
     }
 
-    /// Whether a child's volume is a leaning box.
+    /// Whether the volume of a child is an oriented box.
     #[inline]
     #[must_use]
     pub fn is_oriented(&self, child: Child) -> bool {

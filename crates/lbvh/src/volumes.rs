@@ -8,11 +8,11 @@ use crate::{
 
 const CHUNK: usize = 1 << 8;
 
-/// Fits every node's volume; `leaves` are in leaf order.
+/// Computes the volume of every node; `leaves` are in leaf order.
 ///
-/// Reads: the tree, its leaves. Writes: a box a node, axis-aligned and, where asked for, leaning.
+/// Reads: the tree, its leaves. Writes: an axis-aligned box per node and, depending on the strategy, an oriented one.
 /// Holds: each volume contains every point below it, exactly; the same bits for any number of threads.
-/// Source: Sabino 2020, 3.5, with moments merged exactly (Gottschalk et al. 1996) in place of a scan a node.
+/// Source: Sabino 2020, 3.5, with moments merged (Gottschalk et al. 1996) instead of a scan per node.
 #[must_use]
 pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Volumes {
     let leaf = |position: u32| &leaves[position as usize];
@@ -58,7 +58,7 @@ pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Vol
     volumes
 }
 
-/// Boxes along `frame_of` each node around every point below it: cost is the sum of all subtrees' sizes.
+/// Boxes along `frame_of` each node of every point below it; takes time proportional to the sum of all subtree sizes.
 fn from_points<L: Leaf>(tree: &Tree, leaves: &[L], frame_of: impl Fn(NodeId) -> canted_obb::Frame + Sync) -> Vec<Obb> {
     let mut obbs = vec![UNSET; tree.nodes.len()];
     par::for_chunks(&mut obbs, CHUNK, |first, out| {
@@ -77,7 +77,7 @@ fn from_points<L: Leaf>(tree: &Tree, leaves: &[L], frame_of: impl Fn(NodeId) -> 
     obbs
 }
 
-/// Boxes that `rule` makes of two children, from the leaves up.
+/// Boxes by `rule` of two children, from the leaves up.
 fn merged<L: Leaf>(
     tree: &Tree,
     leaves: &[L],
@@ -95,32 +95,32 @@ fn merged<L: Leaf>(
     bottom_up(tree, UNSET, |_| UNSET, join)
 }
 
-/// A place to be filled.
+/// Initial value.
 const UNSET: Obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] };
 
 impl Volumes {
-    /// Decides node by node whether the leaning box is the volume: with `fallback` only where its area is less.
+    /// Decides for each node whether the oriented box is its volume: with `fallback` only if its area is less.
     fn choose<L: Leaf>(&mut self, tree: &Tree, leaves: &[L], fallback: bool) {
         self.oriented = vec![false; self.obbs.len()];
         par::for_chunks(&mut self.oriented, CHUNK, |first, out| {
-            for (leans, (obb, aabb)) in out.iter_mut().zip(self.obbs[first..].iter().zip(&self.aabbs[first..])) {
-                *leans = !fallback || obb.area() < aabb.area();
+            for (oriented, (obb, aabb)) in out.iter_mut().zip(self.obbs[first..].iter().zip(&self.aabbs[first..])) {
+                *oriented = !fallback || obb.area() < aabb.area();
             }
         });
         self.leaf_oriented = vec![false; leaves.len()];
         par::for_chunks(&mut self.leaf_oriented, CHUNK, |first, out| {
-            for (leans, leaf) in out.iter_mut().zip(&leaves[first..]) {
-                *leans = leaf.oriented_area() < leaf.aabb().area();
+            for (oriented, leaf) in out.iter_mut().zip(&leaves[first..]) {
+                *oriented = leaf.oriented_area() < leaf.aabb().area();
             }
         });
         let costs = Costs::default();
         let mut children_oriented = vec![false; tree.nodes.len()];
         par::for_chunks(&mut children_oriented, CHUNK, |first, out| {
-            for (i, (leans, node)) in out.iter_mut().zip(&tree.nodes[first..]).enumerate() {
+            for (i, (oriented, node)) in out.iter_mut().zip(&tree.nodes[first..]).enumerate() {
                 #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
                 let id = NodeId((first + i) as u32);
                 let children = [node.left, node.right];
-                *leans = if fallback {
+                *oriented = if fallback {
                     costs.oriented_gain(self, leaves, id, children) > 0.0
                 } else {
                     children.iter().any(|&child| self.is_oriented(child))

@@ -74,7 +74,6 @@ impl Aabb {
         let extent = self.extent().into_iter().fold(0.0, f64::max);
         // The biased exponent, kept where both it and its mirror image are exponents of normal `f32` numbers.
         let exponent = (extent.to_bits() >> 52).clamp(1023 - 126, 1023 + 126);
-        #[expect(clippy::cast_possible_truncation, reason = "1 to 253")]
         let scale = f32::from_bits((1023 + 127 - exponent as u32) << 23);
         (extent > 0.0 && extent.is_finite()).then_some(scale)
     }

@@ -2,7 +2,7 @@ use crate::round::{U, magnitude_up};
 use crate::vector::{self, Vector, cross};
 use crate::{Aabb, Obb, frame};
 
-/// Tightest box along the axes of `frame` that contains every point of `points` *exactly*, as [`Obb::contains`] decides.
+/// Tightest box aligned with `frame` that contains every point of `points` *exactly*, as [`Obb::contains`] decides.
 ///
 /// The frame may be skewed. A frame that is singular, or too close to singular for `f64`, is replaced by the identity.
 /// No points give a box of extent zero at the origin. The points must be finite. [`Enclosure`] derives the error bound.
@@ -18,7 +18,7 @@ pub fn bound(frame: [[f32; 3]; 3], points: impl IntoIterator<Item = impl Into<[f
     enclosure.finish()
 }
 
-/// Tightest box along the axes of `frame` that contains every box of `boxes`, with their exact corners. Frames are
+/// Tightest box aligned with `frame` that contains every box of `boxes`, with their exact corners. Frames are
 /// treated as in [`bound`].
 #[inline]
 #[must_use]
@@ -75,7 +75,7 @@ const GREATEST_RELATIVE_ERROR: f64 = 1.0 / 1024.0;
 const SECOND_ORDER: f64 = 1.0 + 1.0 / 256.0;
 
 impl Enclosure {
-    /// An empty enclosure along the axes of `frame`. Coordinates are measured from `origin`; choose a point of the
+    /// An empty enclosure aligned with `frame`. Coordinates are measured from `origin`; choose a point of the
     /// content.
     #[inline]
     #[must_use]

@@ -14,7 +14,7 @@ pub struct Obb {
     pub center: [f32; 3],
     /// Directions of the three axes, invertible as a matrix.
     pub frame: [[f32; 3]; 3],
-    /// Half-extents along the axes, in units of the axes' lengths.
+    /// Half-extents on the axes, in units of the axes' lengths.
     pub half_extents: [f32; 3],
 }
 

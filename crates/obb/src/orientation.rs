@@ -1,6 +1,6 @@
 //! Exact signs of areas and volumes.
 
-use std::cmp::Ordering;
+use core::cmp::Ordering;
 
 use crate::expansion::ExactSum;
 use crate::round::U;

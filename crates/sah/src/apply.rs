@@ -7,11 +7,11 @@ use crate::{
 };
 
 impl Pairs {
-    /// Moves a subtree if that still is a gain; returns by how much the sum of half areas falls.
+    /// Moves a subtree if that still reduces the cost; returns the reduction of the sum of half areas.
     ///
-    /// Moves found on the same tree may spoil each other, so each is made, weighed in `f64`, and taken back if the
-    /// areas do not fall. Refused too are moves that no longer make a tree, because the subtree has become the root or the
-    /// target has come to lie in it, and moves that make one deeper than `max_depth`.
+    /// Moves found on the same tree may conflict, so each is applied, evaluated in `f64`, and undone if the sum does not
+    /// decrease. Also rejected are moves that are no longer valid, because the subtree is now the root or contains the
+    /// target, and moves that exceed `max_depth`.
     pub(crate) fn apply(&mut self, found: &Move, max_depth: u32) -> Option<f64> {
         let Move { subtree, target, .. } = *found;
         let slot = self.slot(subtree);
@@ -49,30 +49,29 @@ impl Pairs {
         Some(depth)
     }
 
-    /// Takes `subtree` out and puts it beside `target`; returns the change of the sum of half areas.
+    /// Removes `subtree` and inserts it as the sibling of `target`; returns the change of the sum of half areas.
     ///
-    /// The subtree's parent moves with it, so nodes keep their numbers.
+    /// Its parent moves along, so nodes keep their numbers.
     fn relocate(&mut self, subtree: Child, target: Child) -> f64 {
         let slot = self.slot(subtree);
         let parent = slot.node();
         let (moved, sibling, rest) = (self.aabb(slot), self.child(slot.sibling()), self.aabb(slot.sibling()));
-        let left_behind = self.pair(parent).parent;
+        let old_slot = self.pair(parent).parent;
         let before = moved.union(&rest).exact_half_area();
-        self.put(left_behind, sibling, &rest);
+        self.put(old_slot, sibling, &rest);
 
-        let place = self.slot(target);
-        let aabb = self.aabb(place);
+        let new_slot = self.slot(target);
+        let aabb = self.aabb(new_slot);
         self.put(Slot::new(parent, 0), target, &aabb);
         self.put(Slot::new(parent, 1), subtree, &moved);
         let around: Lanes = aabb.union(&moved);
-        self.put(place, Child::inner(parent), &around);
+        self.put(new_slot, Child::inner(parent), &around);
         self.pairs[parent.index()].height = 1 + self.height(target).max(self.height(subtree));
-        // The grown side first: the lowest node above both places then changes in neither walk.
-        around.exact_half_area() - before + self.refit(place.node()) + self.refit(left_behind.node())
+        // The side that grew first: their lowest common ancestor then changes only once.
+        around.exact_half_area() - before + self.refit(new_slot.node()) + self.refit(old_slot.node())
     }
 
-    /// Brings boxes and heights up to date from `node` up to the first that does not change; returns the change of
-    /// the sum of half areas.
+    /// Updates boxes and heights from `node` upward until nothing changes; returns the change of the sum of half areas.
     fn refit(&mut self, mut node: NodeId) -> f64 {
         let mut change = 0.0;
         while node != self.top().node() {

@@ -1,10 +1,10 @@
 use canted_lbvh::{Child, ChildKind, Node, NodeId, Task, Tree};
 use canted_obb::PrimId;
 
-/// Leaves up to which a subtree is one task; larger trees have larger tasks.
+/// Maximum number of leaves of a task; larger trees have larger tasks.
 const TASK_LEAVES: usize = 1 << 12;
 
-/// What a subtree owns of a tree that is built downward: disjoint slices, so subtrees can be built side by side.
+/// The slices that a subtree owns while a tree is built from the root: disjoint, so subtrees are built in parallel.
 pub(crate) struct Plot<'a> {
     id: NodeId,
     first: u32,
@@ -19,12 +19,12 @@ impl<'a> Plot<'a> {
         self.leaves.len()
     }
 
-    /// Ends in one leaf.
+    /// A single leaf.
     pub(crate) fn leaf(self, primitive: PrimId) {
         self.leaves[0] = primitive;
     }
 
-    /// Makes the node over all leaves, `n_left` of them left; returns what its children own.
+    /// Creates the node, with `n_left` leaves on the left; returns the slices of its children.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 leaves")]
     pub(crate) fn split(self, n_left: usize) -> (Plot<'a>, Plot<'a>) {
         let n = self.leaves.len();
@@ -44,9 +44,9 @@ impl<'a> Plot<'a> {
     }
 }
 
-/// A tree over `n` leaves whose nodes `build` makes; it returns the height in nodes, the leaf included.
+/// A tree over `n` leaves whose nodes `build` creates; `build` returns the height in nodes, the leaf included.
 ///
-/// Writes: a tree numbered as [`Node`] says, without a renumbering.
+/// Writes: a tree numbered as described at [`Node`].
 pub(crate) fn assemble(n: usize, build: impl FnOnce(Plot<'_>) -> u32) -> Tree {
     let unset = Node { left: Child::leaf(0), right: Child::leaf(0), first: 0, last: 0 };
     let (mut nodes, mut leaves) = (vec![unset; n], vec![PrimId(0); n]);
@@ -58,19 +58,19 @@ pub(crate) fn assemble(n: usize, build: impl FnOnce(Plot<'_>) -> u32) -> Tree {
     Tree { nodes, leaves, bottom_up, tasks, depth }
 }
 
-/// Moves the nodes above all tasks to the end of an order in which every subtree's nodes follow each other.
+/// Moves the nodes above all tasks to the end of an order in which subtrees are contiguous.
 fn schedule(nodes: &[Node], order: &[NodeId]) -> (Vec<NodeId>, Vec<Task>) {
     let limit = TASK_LEAVES.max((nodes.len() + 1) / 64);
     let (mut bottom_up, mut tasks, mut tops) = (Vec::with_capacity(order.len()), vec![], vec![]);
-    // Nodes with the place in `order` where their subtree's begin.
+    // Nodes with the start of their subtree in `order`.
     let mut stack = if nodes.is_empty() { vec![] } else { vec![(NodeId::ROOT, 0)] };
-    while let Some((id, place)) = stack.pop() {
+    while let Some((id, start)) = stack.pop() {
         let node = &nodes[id.index()];
         let n = node.n_leaves() as usize;
         if n <= limit {
-            let start = bottom_up.len();
-            bottom_up.extend_from_slice(&order[place..place + n - 1]);
-            tasks.push(Task { leaves: node.first..node.last + 1, nodes: start..bottom_up.len() });
+            let first = bottom_up.len();
+            bottom_up.extend_from_slice(&order[start..start + n - 1]);
+            tasks.push(Task { leaves: node.first..node.last + 1, nodes: first..bottom_up.len() });
             continue;
         }
         tops.push(id);
@@ -78,9 +78,9 @@ fn schedule(nodes: &[Node], order: &[NodeId]) -> (Vec<NodeId>, Vec<Task>) {
             ChildKind::Leaf(_) => 1,
             ChildKind::Inner(left) => nodes[left.index()].n_leaves() as usize,
         };
-        for (child, place) in [(node.right, place + n_left - 1), (node.left, place)] {
+        for (child, start) in [(node.right, start + n_left - 1), (node.left, start)] {
             if let ChildKind::Inner(id) = child.kind() {
-                stack.push((id, place));
+                stack.push((id, start));
             }
         }
     }

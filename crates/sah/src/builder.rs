@@ -3,17 +3,16 @@ use canted_obb::{Aabb, PrimId};
 
 use crate::{PlocConfig, ReinsertConfig, TopDownConfig, curve::along_curve, par, ploc, reinsert, top_down};
 
-/// How a binary tree is made of boxes.
+/// A builder of a binary tree over boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Builder {
-    /// The radix tree over the middles of the boxes: cheapest to build, dearest to trace.
+    /// Radix tree over the box centers: the fastest to build, the slowest to trace.
     Lbvh,
-    /// The radix tree with subtrees reinserted.
+    /// Radix tree with reinsertion.
     Reinserted(ReinsertConfig),
-    /// Neighbours along the curve joined by area, then, if asked for, subtrees reinserted. Best where large and small
-    /// primitives mix.
+    /// PLOC, optionally with reinsertion. Best for mixed large and small primitives.
     Ploc(PlocConfig, Option<ReinsertConfig>),
-    /// From the root down, then, if asked for, subtrees reinserted. Best on scans and terrain.
+    /// Top-down SAH, optionally with reinsertion. Best for scans and terrain.
     TopDown(TopDownConfig, Option<ReinsertConfig>),
 }
 
@@ -24,7 +23,7 @@ impl Builder {
     /// Most of the gain for a fraction of the time.
     pub const BALANCED: Self = Self::Ploc(PlocConfig::NEAR, Some(ReinsertConfig::BALANCED));
 
-    /// Least area, whatever it takes.
+    /// The least cost, regardless of build time.
     pub const QUALITY: Self = Self::Ploc(PlocConfig::WIDE, Some(ReinsertConfig::QUALITY));
 }
 
@@ -34,15 +33,15 @@ impl Default for Builder {
     }
 }
 
-/// Boxes put in leaf order by one job.
+/// Boxes per job.
 const CHUNK: usize = 1 << 14;
 
-/// Builds a tree, one primitive a leaf.
+/// Builds a tree with one primitive per leaf.
 ///
-/// Reads: a box for each primitive (finite), in any frame; the box around all, which places the curve. Writes: a tree
-/// over the boxes' positions. Holds: the same bits for any number of threads.
+/// Reads: a finite box for each primitive, in any frame; the bounds of all, for Morton codes. Writes: a tree over the
+/// indices of the boxes. Holds: the same bits for any number of threads.
 ///
-/// Where primitives are much longer than they are apart, [`crate::spatial`] may do better; it needs their corners.
+/// For primitives much longer than the distance between them, [`crate::spatial()`] may be better; it needs triangles.
 #[must_use]
 pub fn build(boxes: &[Aabb], bounds: &Aabb, builder: &Builder) -> Tree {
     match builder {
@@ -64,7 +63,7 @@ fn improved(tree: Tree, boxes: &[Aabb], config: Option<&ReinsertConfig>) -> Tree
     }
 }
 
-/// The boxes in the order of leaves.
+/// The boxes in leaf order.
 fn leaf_boxes(boxes: &[Aabb], leaves: &[PrimId]) -> Vec<Aabb> {
     par::map_chunks(leaves, CHUNK, |_, chunk| chunk.iter().map(|leaf| boxes[leaf.index()]).collect::<Vec<_>>()).concat()
 }

@@ -7,10 +7,10 @@ use canted_obb::Aabb;
 /// one more touches the sum: `5 * 2 + 1` units, and one for the products of units.
 const CROSSING_ERROR: f64 = 12.0 * (0.5 * f64::EPSILON);
 
-/// Boxes around the parts of a triangle's fragment on either side of a plane across `axis`; `None` where nothing is.
+/// Bounds of the parts of a fragment on both sides of a plane perpendicular to `axis`; `None` for an empty part.
 ///
-/// `aabb` holds the fragment: the part of the triangle inside. Holds: every point of the triangle inside `aabb` is
-/// inside one of the two. Corners are copied; crossings are computed in `f64` and rounded outward by their bound.
+/// The fragment is the part of the triangle in `aabb`. Holds: every point of the triangle in `aabb` is in one of the two
+/// boxes. Corners are copied; crossings are computed in `f64` and rounded outward by their error bound.
 pub(crate) fn clip(corners: &Corners, aabb: &Aabb, axis: usize, plane: f32) -> [Option<Aabb>; 2] {
     let mut sides = [Aabb::EMPTY; 2];
     for (i, &corner) in corners.iter().enumerate() {
@@ -29,7 +29,7 @@ pub(crate) fn clip(corners: &Corners, aabb: &Aabb, axis: usize, plane: f32) -> [
     sides.map(|side| intersection(&side, aabb))
 }
 
-/// What both contain.
+/// The intersection of both.
 pub(crate) fn intersection(a: &Aabb, b: &Aabb) -> Option<Aabb> {
     let both = Aabb {
         min: std::array::from_fn(|k| a.min[k].max(b.min[k])),
@@ -38,7 +38,7 @@ pub(crate) fn intersection(a: &Aabb, b: &Aabb) -> Option<Aabb> {
     (!both.is_empty()).then_some(both)
 }
 
-/// A box around the point where an edge crosses the plane; its ends lie on different sides.
+/// A box that contains the point where an edge crosses the plane; its ends are on different sides.
 fn crossing(a: [f32; 3], b: [f32; 3], axis: usize, plane: f32) -> Aabb {
     let (from, to) = (a.map(f64::from), b.map(f64::from));
     let along = (f64::from(plane) - from[axis]) / (to[axis] - from[axis]);
@@ -46,14 +46,14 @@ fn crossing(a: [f32; 3], b: [f32; 3], axis: usize, plane: f32) -> Aabb {
     for k in (0..3).filter(|&k| k != axis) {
         let at = from[k] + along * (to[k] - from[k]);
         let error = CROSSING_ERROR * from[k].abs().max(to[k].abs());
-        // The point lies between the ends, which are exact.
+        // The point is between the ends, which are exact.
         aabb.min[k] = round_down(at - error).max(a[k].min(b[k]));
         aabb.max[k] = -round_down(-(at + error)).max(-a[k].max(b[k]));
     }
     aabb
 }
 
-/// The greatest `f32` not above.
+/// Greatest `f32` not above `x`.
 #[expect(clippy::cast_possible_truncation, reason = "rounded to nearest, then down where that was up")]
 fn round_down(x: f64) -> f32 {
     let near = x as f32;
@@ -65,23 +65,23 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Binary places that hold every bit of an `f32` of at least 2^-36, and none beyond `i128` for integers to 2^10.
-    const PLACES: i32 = 60;
+    /// Fraction bits that represent every bit of an `f32` of at least 2^-36, and none beyond `i128` for integers to 2^10.
+    const FRACTION_BITS: i32 = 60;
 
     #[expect(clippy::cast_possible_truncation, reason = "an integer by construction")]
     fn fixed(x: f32) -> i128 {
-        let scaled = f64::from(x) * f64::from(PLACES).exp2();
+        let scaled = f64::from(x) * f64::from(FRACTION_BITS).exp2();
         assert_eq!(scaled.fract(), 0.0);
         scaled as i128
     }
 
     /// Whether the box holds the exact crossing `from + (plane - from) / run * rise`, on another axis.
-    fn holds(aabb: &Aabb, k: usize, [from, to]: [i128; 2], [start, end]: [i128; 2], plane: i128) -> bool {
+    fn contains_crossing(aabb: &Aabb, k: usize, [from, to]: [i128; 2], [start, end]: [i128; 2], plane: i128) -> bool {
         let (mut run, mut crossed) = (end - start, plane - start);
         if run < 0 {
             (run, crossed) = (-run, -crossed);
         }
-        let exact = (from * run + crossed * (to - from)) << PLACES;
+        let exact = (from * run + crossed * (to - from)) << FRACTION_BITS;
         fixed(aabb.min[k]) * run <= exact && exact <= fixed(aabb.max[k]) * run
     }
 
@@ -92,15 +92,15 @@ mod tests {
 
     proptest! {
         #[test]
-        fn crossings_hold_the_exact_point((a, b, plane) in edge()) {
+        fn crossings_contain_the_exact_point((a, b, plane) in edge()) {
             prop_assume!((a[0] < plane && plane < b[0]) || (b[0] < plane && plane < a[0]));
             let mut aabb = crossing(a.map(f32::from), b.map(f32::from), 0, f32::from(plane));
             let check = |aabb: &Aabb, k: usize| {
-                holds(aabb, k, [a[k], b[k]].map(i128::from), [a[0], b[0]].map(i128::from), plane.into())
+                contains_crossing(aabb, k, [a[k], b[k]].map(i128::from), [a[0], b[0]].map(i128::from), plane.into())
             };
             for k in 1..3 {
                 prop_assert!(check(&aabb, k), "{aabb:?}");
-                // The check can fail: a box one step beyond does not hold the point.
+                // The check can fail: a box one step beyond does not contain the point.
                 let beyond = aabb.max[k].next_up();
                 aabb.min[k] = beyond;
                 aabb.max[k] = beyond;
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_side_without_points_is_none() {
+    fn an_empty_side_is_none() {
         let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let aabb = Aabb::from_points(corners);
         assert_eq!(clip(&corners, &aabb, 0, 2.0), [Some(aabb), None]);

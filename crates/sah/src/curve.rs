@@ -3,43 +3,43 @@ use std::ops::Range;
 use canted_lbvh::{Bits, Domain, Sorted, morton_codes_of_boxes, sort_by_code};
 use canted_obb::{Aabb, PrimId};
 
-/// Runs of more equal codes than this are ordered along a curve of their own: fewer, any order serves.
+/// Longer runs of equal codes are sorted along a curve of their own; for shorter ones any order is good enough.
 const LONG: usize = 32;
 
-/// Boxes by the codes of their middles: the two halves of a rectangle stand side by side.
+/// Sorts boxes by the Morton codes of their centers, so that the two triangles of a rectangle are adjacent.
 ///
-/// Reads: boxes (finite), the box around all. Writes: codes and primitives in sorted order. Holds: the same for any
-/// number of threads; equal codes do *not* keep input order where there are many.
+/// Reads: finite boxes, their bounds. Writes: codes and primitives in sorted order. Holds: the same for any number of
+/// threads; long runs of equal codes do *not* keep input order.
 ///
-/// One primitive far off makes the curve's cells so large that all others share one, in the order of the input. Trees
-/// over that order are as bad as trees over chance. So a long run of equal codes is sorted along a curve through the box
-/// of its own middles, and so on, until runs are short or middles equal.
+/// A single distant primitive makes the cells so large that all others share one and stay in input order, which gives poor
+/// trees. So a long run of equal codes is sorted again by codes in the bounds of its own centers, recursively, until runs
+/// are short or centers equal.
 pub(crate) fn along_curve(boxes: &[Aabb], bounds: &Aabb) -> Sorted {
     let mut sorted = sort_by_code(&morton_codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), boxes), Bits::B63);
     let mut open = long_runs(&sorted.codes, 0);
     while let Some(run) = open.pop() {
         let n = run.len();
         let codes = refine(&mut sorted.leaves[run.clone()], boxes);
-        // A run that stays whole has equal middles, as far as codes can tell.
+        // A run that is not split has equal centers, up to the resolution of the codes.
         open.extend(long_runs(&codes, run.start).into_iter().filter(|run| run.len() < n));
     }
     sorted
 }
 
-/// Puts some primitives in the order of a curve through their own middles; returns their codes in that order.
+/// Sorts primitives by codes in the bounds of their own centers; returns the codes in that order.
 fn refine(leaves: &mut [PrimId], boxes: &[Aabb]) -> Vec<u64> {
     let own: Vec<Aabb> = leaves.iter().map(|leaf| boxes[leaf.index()]).collect();
-    let middle = |aabb: &Aabb| std::array::from_fn(|k| 0.5 * aabb.min[k] + 0.5 * aabb.max[k]);
-    let middles = Aabb::from_points(own.iter().map(middle));
-    let sorted = sort_by_code(&morton_codes_of_boxes(&Domain::new(&middles, 2, Bits::B63), &own), Bits::B63);
+    let center = |aabb: &Aabb| std::array::from_fn(|k| 0.5 * aabb.min[k] + 0.5 * aabb.max[k]);
+    let centers = Aabb::from_points(own.iter().map(center));
+    let sorted = sort_by_code(&morton_codes_of_boxes(&Domain::new(&centers, 2, Bits::B63), &own), Bits::B63);
     let before = leaves.to_vec();
-    for (leaf, place) in leaves.iter_mut().zip(&sorted.leaves) {
-        *leaf = before[place.index()];
+    for (leaf, index) in leaves.iter_mut().zip(&sorted.leaves) {
+        *leaf = before[index.index()];
     }
     sorted.codes
 }
 
-/// Places of long runs of equal codes, counted from `first`.
+/// Ranges of long runs of equal codes, offset by `first`.
 fn long_runs(codes: &[u64], first: usize) -> Vec<Range<usize>> {
     let mut start = first;
     let mut runs = vec![];
@@ -56,7 +56,7 @@ fn long_runs(codes: &[u64], first: usize) -> Vec<Range<usize>> {
 mod tests {
     use super::*;
 
-    /// Small boxes all over the unit cube, in no order.
+    /// Small boxes in the unit cube, in random order.
     #[expect(clippy::cast_precision_loss, reason = "24 bits")]
     fn scattered(n: usize) -> Vec<Aabb> {
         let mut state = 1u64;
@@ -76,8 +76,8 @@ mod tests {
         boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb))
     }
 
-    /// Sum of distances between neighbours along the order: what a curve keeps short.
-    fn way(boxes: &[Aabb], leaves: &[PrimId]) -> f64 {
+    /// Sum of the distances between consecutive boxes, which a good curve keeps short.
+    fn path_length(boxes: &[Aabb], leaves: &[PrimId]) -> f64 {
         let step = |pair: &[PrimId]| -> f64 {
             let [a, b] = [pair[0], pair[1]].map(|leaf| boxes[leaf.index()].min.map(f64::from));
             (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
@@ -86,9 +86,9 @@ mod tests {
     }
 
     #[test]
-    fn a_primitive_far_off_does_not_spoil_the_order() {
+    fn a_distant_primitive_does_not_change_the_order_much() {
         let near = scattered(2000);
-        let without = way(&near, &along_curve(&near, &around(&near)).leaves);
+        let without = path_length(&near, &along_curve(&near, &around(&near)).leaves);
         for far in [1e4, 1e8, 1e15, 1e18] {
             let mut boxes = near.clone();
             boxes.push(Aabb { min: [far; 3], max: [far; 3] });
@@ -98,27 +98,27 @@ mod tests {
             };
             let sorted = along_curve(&boxes, &bounds);
             assert!(sorted.codes.is_sorted());
-            let found = way(&near, &kept(&sorted.leaves));
+            let found = path_length(&near, &kept(&sorted.leaves));
             assert!(found < 1.5 * without, "{found} for {without} at {far}");
             if far >= 1e8 {
-                // The check can fail: one curve through all of it is no order at all.
+                // The check can fail: a single set of codes leaves all others in input order.
                 let plain =
                     sort_by_code(&morton_codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes), Bits::B63);
-                assert!(way(&near, &kept(&plain.leaves)) > 3.0 * without);
+                assert!(path_length(&near, &kept(&plain.leaves)) > 3.0 * without);
             }
         }
     }
 
     #[test]
-    fn equal_boxes_keep_their_order_and_end() {
+    fn equal_boxes_keep_their_order_and_terminate() {
         let boxes = vec![Aabb { min: [1.0; 3], max: [2.0; 3] }; 1000];
         let sorted = along_curve(&boxes, &boxes[0]);
         assert!(sorted.leaves.iter().zip(0..).all(|(leaf, i)| leaf.0 == i));
-        // Each scale hides the next one.
+        // Nested scales: each needs codes of its own.
         let nested: Vec<_> =
             (0..100).flat_map(|i| [2f32.powi(-i); 4]).map(|x| Aabb { min: [x; 3], max: [x; 3] }).collect();
         let sorted = along_curve(&nested, &around(&nested));
-        let places: Vec<f32> = sorted.leaves.iter().map(|leaf| nested[leaf.index()].min[0]).collect();
-        assert!(places.is_sorted(), "{places:?}");
+        let coordinates: Vec<f32> = sorted.leaves.iter().map(|leaf| nested[leaf.index()].min[0]).collect();
+        assert!(coordinates.is_sorted(), "{coordinates:?}");
     }
 }

@@ -1,18 +1,17 @@
 use canted_obb::Aabb;
 use glam::{Vec4, Vec4Swizzles};
 
-/// Two boxes side by side: `(min of the first, min of the second, -max of the first, -max of the second)` an axis.
+/// Two boxes in SIMD lanes: `(min of the first, min of the second, -max of the first, -max of the second)` per axis.
 ///
-/// With the signs of `max` turned a union is one minimum an axis, for both boxes at once. A box alone stands in both
-/// places.
+/// With negated maxima a union of both pairs is one minimum per axis. A single box is stored twice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Lanes(pub(crate) [Vec4; 3]);
 
 impl Lanes {
-    /// Zeros, to be filled.
+    /// Initial value.
     pub(crate) const UNSET: Self = Self([Vec4::ZERO; 3]);
 
-    /// The box in units of `1 / scale`, in both places.
+    /// The box in units of `1 / scale`, stored twice.
     pub(crate) fn of(aabb: &Aabb, scale: f32) -> Self {
         Self(std::array::from_fn(|k| {
             let (min, max) = (scale * aabb.min[k], -scale * aabb.max[k]);
@@ -20,40 +19,40 @@ impl Lanes {
         }))
     }
 
-    /// The box on one side, in both places.
+    /// The box of one side, stored twice.
     #[inline]
     pub(crate) fn side(&self, side: u32) -> Self {
         Self(if side == 0 { self.0.map(Vec4::xxzz) } else { self.0.map(Vec4::yyww) })
     }
 
-    /// The first box of `first` beside the second box of `second`.
+    /// The first box of `first` and the second box of `second`.
     #[inline]
-    pub(crate) fn beside(first: &Self, second: &Self) -> Self {
+    pub(crate) fn pair(first: &Self, second: &Self) -> Self {
         let join = |a: Vec4, b: Vec4| Vec4::new(a.x, b.y, a.z, b.w);
         Self(std::array::from_fn(|k| join(first.0[k], second.0[k])))
     }
 
-    /// With `other`'s box on one side.
+    /// With one side replaced by `other`.
     #[inline]
     pub(crate) fn with(&self, side: u32, other: &Self) -> Self {
-        if side == 0 { Self::beside(other, self) } else { Self::beside(self, other) }
+        if side == 0 { Self::pair(other, self) } else { Self::pair(self, other) }
     }
 
-    /// Unions, each side with the same side of `other`.
+    /// The union of each side with the same side of `other`.
     #[inline]
     pub(crate) fn union(&self, other: &Self) -> Self {
         Self(std::array::from_fn(|k| self.0[k].min(other.0[k])))
     }
 
-    /// The box around both, in both places.
+    /// The union of both boxes, stored twice.
     #[inline]
     pub(crate) fn around(&self) -> Self {
         Self(self.0.map(|axis| axis.min(axis.yxwz())))
     }
 
-    /// Half of each side's surface area.
+    /// Half of the surface area of each box.
     ///
-    /// No part rounds but upward with its operands, so a box inside another never has more.
+    /// Every operation is monotonic, so a box inside another never has more area.
     #[inline]
     pub(crate) fn half_areas(&self) -> [f32; 2] {
         let [x, y, z] = self.0.map(|axis| axis + axis.zwxy());
@@ -61,7 +60,7 @@ impl Lanes {
         [area.x, area.y]
     }
 
-    /// Half of the surface area of a box that stands in both places.
+    /// Half of the surface area of a box that is stored twice.
     #[inline]
     pub(crate) fn half_area(&self) -> f32 {
         self.half_areas()[0]

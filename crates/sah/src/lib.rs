@@ -1,17 +1,49 @@
-//! Binary trees of low surface-area cost.
+//! Builders of binary BVHs with low SAH cost: PLOC, top-down SAH, spatial splits and reinsertion.
+//!
+//! ```
+//! use canted_obb::Aabb;
+//! use canted_sah::{Builder, build};
+//!
+//! let boxes: Vec<Aabb> = (0..100u8)
+//!     .map(f32::from)
+//!     .map(|x| Aabb { min: [x, 0.0, 0.0], max: [x + 0.5, 1.0, 1.0] })
+//!     .collect();
+//! let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
+//! let tree = build(&boxes, &bounds, &Builder::default());
+//! assert_eq!((tree.leaves.len(), tree.nodes.len()), (100, 99));
+//! ```
+//!
+//! # When to use it
+//! A radix tree is fast to build, but rays test many of its boxes: Morton codes order cells, not areas. Use these builders
+//! where a tree is traced often. All of them return the [`Tree`](canted_lbvh::Tree) of `canted-lbvh`; compute its volumes
+//! there, in its own leaf order.
+//!
+//! # Builders
+//!
+//! | item | method |
+//! |---|---|
+//! | [`build()`], [`Builder`] | entry point for all builders over boxes |
+//! | [`ploc()`] | parallel locally-ordered clustering along a Morton curve |
+//! | [`top_down()`] | splits from the root: midpoint, median, binned SAH, sweep SAH |
+//! | [`spatial()`] | as binned SAH, with spatial splits of long triangles |
+//! | [`reinsert`] | moves subtrees of any tree to reduce the sum of surface areas |
 //!
 //! ```text
 //! sorted leaves + boxes -> ploc -> Tree
-//! boxes -> references -> { midpoint, median, binned, sweep } -> assemble -> Tree            (top_down)
-//! corners -> fragments -> { between, through } -> clip -> Tree over references             (spatial)
-//! any Tree + leaf boxes -> pairs -> { select -> search -> apply } a round -> Tree      (reinsertion)
+//! boxes -> references -> { midpoint, median, binned, sweep } -> assemble -> Tree          (top_down)
+//! corners -> fragments -> { object split, spatial split } -> clip -> Tree over references (spatial)
+//! any Tree + leaf boxes -> pairs -> { select -> search -> apply } per iteration -> Tree   (reinsertion)
 //! ```
 //!
-//! A radix tree is cheap to build, but lines meet too many of its boxes: codes know cells, not areas. [`ploc`] joins
-//! neighbours along the same curve by area; [`reinsert`] takes subtrees out of any tree and puts each back where the
-//! areas of all boxes sum to less. [`top_down`] parts primitives from the root down, [`spatial`] parts long triangles
-//! too. [`build`] is the one entry to all that need boxes only. The trees stay those of `canted-lbvh`: fit their
-//! volumes as before, over their own order of leaves.
+//! # Guarantees
+//! The same bits for any number of threads. [`top_down()`], [`spatial()`] and [`reinsert`] keep to a depth limit.
+//!
+//! # Cost
+//! PLOC takes linear time, the top-down builders `n log n`. Memory while building, per primitive and besides the tree: PLOC
+//! 140 bytes, binned 64, reinsertion 68.
+//!
+//! # Features
+//! - `parallel` (default): all threads of the current rayon pool.
 #![forbid(unsafe_code)]
 
 use canted_lbvh::par;
@@ -20,19 +52,17 @@ mod apply;
 mod assemble;
 mod binned;
 mod builder;
-mod chop;
+mod candidates;
+
 mod clip;
 mod config;
 mod curve;
-mod fragment;
 mod lanes;
-mod median;
 mod pairs;
 mod partition;
 mod ploc;
 mod reference;
 mod reinsertion;
-mod scale;
 mod search;
 mod select;
 mod spatial;

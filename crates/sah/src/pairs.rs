@@ -9,13 +9,13 @@ use crate::{lanes::Lanes, par};
 pub(crate) struct Pair {
     pub(crate) boxes: Lanes,
     pub(crate) children: [Child; 2],
-    /// The place that refers to this node.
+    /// The slot that refers to this node.
     pub(crate) parent: Slot,
-    /// Nodes on the longest way down, this and the leaf included.
+    /// Nodes on the longest path to a leaf, both ends included.
     pub(crate) height: u32,
 }
 
-/// A child's place: twice the parent's number, plus one for the right child.
+/// Position of a child: twice the number of the parent, plus one for the right child.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Slot(u32);
 
@@ -37,10 +37,10 @@ impl Slot {
     }
 }
 
-/// A tree that can be changed: nodes name their parents and hold their children's boxes.
+/// A mutable tree: nodes store their parents and the boxes of their children.
 ///
-/// Leaves are named by their position in the tree it was made from. One more pair follows the nodes, whose left child
-/// is the root: so every node has a place.
+/// Leaves are identified by their position in the original tree. An extra pair after the nodes has the root as its left
+/// child, so that every node has a slot.
 #[derive(Clone, Debug)]
 pub(crate) struct Pairs {
     pub(crate) pairs: Vec<Pair>,
@@ -48,7 +48,7 @@ pub(crate) struct Pairs {
 }
 
 impl Pairs {
-    /// The tree with boxes in units of `1 / scale`. At least two leaves.
+    /// The tree with boxes in units of `1 / scale`; at least two leaves.
     pub(crate) fn new(tree: &Tree, leaf_boxes: &[Aabb], scale: f32) -> Self {
         let unset = Pair { boxes: Lanes::UNSET, children: [Child::inner(NodeId::ROOT); 2], parent: Slot(0), height: 1 };
         let mut pairs = vec![unset; tree.leaves.len()];
@@ -76,8 +76,7 @@ impl Pairs {
                 pairs[(id.0 - base) as usize] = pair;
             }
         };
-        // Each task's subtree owns a slice of every array; the nodes above follow. Leaves right below those nodes are in
-        // no task.
+        // Each task owns a slice of every array; the nodes above follow. Leaves directly below those are in no task.
         let mut jobs = Vec::with_capacity(tree.tasks.len());
         let (mut pairs_left, mut parents_left, mut done, mut tops) = (&mut pairs[..], &mut leaf_parents[..], 0, 0);
         for task in &tree.tasks {
@@ -94,7 +93,7 @@ impl Pairs {
         pairs
     }
 
-    /// The root's place.
+    /// The slot of the root.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
     pub(crate) fn top(&self) -> Slot {
         Slot::new(NodeId(self.pairs.len() as u32 - 1), 0)
@@ -110,7 +109,7 @@ impl Pairs {
         self.pair(slot.node()).children[slot.side() as usize]
     }
 
-    /// The box in a place.
+    /// The box in a slot.
     #[inline]
     pub(crate) fn aabb(&self, slot: Slot) -> Lanes {
         self.pair(slot.node()).boxes.side(slot.side())
@@ -132,7 +131,7 @@ impl Pairs {
         }
     }
 
-    /// Hangs a subtree with its box into a place.
+    /// Stores a subtree and its box in a slot.
     pub(crate) fn put(&mut self, slot: Slot, child: Child, aabb: &Lanes) {
         match child.kind() {
             ChildKind::Leaf(position) => self.leaf_parents[position as usize] = slot,
@@ -143,7 +142,7 @@ impl Pairs {
         pair.boxes = pair.boxes.with(slot.side(), aabb);
     }
 
-    /// Sum of all nodes' half areas, leaves left out.
+    /// Sum of the half areas of all inner nodes.
     pub(crate) fn sum_of_areas(&self) -> f64 {
         let (_, nodes) = self.pairs.split_last().unwrap_or((&self.pairs[0], &[]));
         nodes.iter().map(|pair| pair.boxes.around().exact_half_area()).sum()
@@ -153,7 +152,7 @@ impl Pairs {
     pub(crate) fn children(&self, tree: &Tree) -> Vec<[Child; 2]> {
         let mut children = Vec::with_capacity(tree.nodes.len());
         let mut stack = vec![(self.child(self.top()), None::<(usize, usize)>)];
-        while let Some((child, place)) = stack.pop() {
+        while let Some((child, slot)) = stack.pop() {
             let renamed = match child.kind() {
                 ChildKind::Leaf(position) => Child::leaf(tree.leaves[position as usize].0),
                 ChildKind::Inner(id) => {
@@ -165,7 +164,7 @@ impl Pairs {
                     Child::inner(NodeId(new as u32))
                 }
             };
-            if let Some((parent, side)) = place {
+            if let Some((parent, side)) = slot {
                 children[parent][side] = renamed;
             }
         }

@@ -1,10 +1,13 @@
-use crate::{par, reference::Reference};
+use crate::{
+    par,
+    reference::{Bounds, Reference},
+};
 
-/// References from which chunks are parted side by side, and how long these are.
+/// Minimum number of references for parallel partitioning, and the size of its chunks.
 const LARGE: usize = 1 << 15;
 const CHUNK: usize = 1 << 13;
 
-/// Copies the references that are left to the front of `out`, the others behind them; returns how many are left.
+/// Copies the references on the left to the front of `out`, the others to the back; returns the number on the left.
 ///
 /// Holds: the same order for any number of threads.
 pub(crate) fn partition(
@@ -12,15 +15,19 @@ pub(crate) fn partition(
     out: &mut [Reference],
     is_left: impl Fn(&Reference) -> bool + Sync + Send,
 ) -> usize {
-    if references.len() < LARGE { part(references, out, is_left) } else { part_chunks(references, out, is_left) }
+    if references.len() < LARGE {
+        partition_serial(references, out, is_left)
+    } else {
+        partition_chunks(references, out, is_left)
+    }
 }
 
-/// The right ones come in reverse: no branch has to guess the side.
-fn part(references: &[Reference], out: &mut [Reference], is_left: impl Fn(&Reference) -> bool) -> usize {
+/// Branch-free; the references on the right are reversed.
+fn partition_serial(references: &[Reference], out: &mut [Reference], is_left: impl Fn(&Reference) -> bool) -> usize {
     let (mut front, mut back) = (0, out.len());
     for reference in references {
         let left = is_left(reference);
-        // Written on both sides; what is on the wrong one is overwritten by the next that belongs there.
+        // Written to both ends; the wrong copy is overwritten later.
         out[front] = *reference;
         out[back - 1] = *reference;
         front += usize::from(left);
@@ -29,8 +36,8 @@ fn part(references: &[Reference], out: &mut [Reference], is_left: impl Fn(&Refer
     front
 }
 
-/// Counts each chunk, then lets each write to its places.
-fn part_chunks(
+/// Counts the references of each chunk, then writes all chunks in parallel.
+fn partition_chunks(
     references: &[Reference],
     out: &mut [Reference],
     is_left: impl Fn(&Reference) -> bool + Sync + Send,
@@ -56,11 +63,31 @@ fn part_chunks(
     n_left
 }
 
-/// Puts the half of lower middles on an axis to the front; equal ones by number.
+/// Moves the half with the lower centers on an axis to the front; ties go by index.
 pub(crate) fn halve(references: &mut [Reference], axis: usize) -> usize {
     let half = references.len().div_ceil(2);
     if half < references.len() {
         references.select_nth_unstable_by_key(half, |r| (r.key(axis), r.primitive()));
     }
     half
+}
+
+/// Halves the references by count on the axis of least total area, the first of equals.
+pub(crate) fn split_at_median(references: &mut [Reference], axes: &[usize]) -> usize {
+    let mut best = (f32::INFINITY, axes[0]);
+    if let [_, _, ..] = axes {
+        for &axis in axes {
+            let n_left = halve(references, axis);
+            let (left, right) = references.split_at(n_left);
+            let cost = half_area(left) + half_area(right);
+            if cost < best.0 {
+                best = (cost, axis);
+            }
+        }
+    }
+    halve(references, best.1)
+}
+
+fn half_area(references: &[Reference]) -> f32 {
+    references.iter().fold(Bounds::EMPTY, |all, r| all.union(r.bounds())).half_area()
 }

@@ -1,24 +1,24 @@
 use canted_lbvh::{Child, NodeId, Sorted, Tree, radix};
 use canted_obb::{Aabb, PrimId};
 
-use crate::{lanes::Lanes, par, scale::unit_scale};
+use crate::{lanes::Lanes, par, reference::unit_scale};
 
-/// How far clusters look for a partner.
+/// The search for partners in [`ploc()`].
 ///
-/// Near rounds save much time and cost little, most of it where slivers lie at random; `benches/TRIED.md` has the figures.
+/// Iterations with a small radius save much time at little cost, measured in `benches/TRIED.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlocConfig {
-    /// Places searched on either side along the curve; at least 1.
+    /// Search radius along the curve, at least 1.
     pub radius: u32,
-    /// First rounds that search two places only: of the many clusters there still are, most have a near partner.
+    /// Number of first iterations with a radius of 2: most of the many clusters have a near partner.
     pub near_iterations: u32,
 }
 
 impl PlocConfig {
-    /// Near rounds first.
+    /// Three iterations with a small radius first.
     pub const NEAR: Self = Self { radius: 14, near_iterations: 3 };
 
-    /// Every round searches far.
+    /// The full radius in every iteration.
     pub const WIDE: Self = Self { radius: 14, near_iterations: 0 };
 }
 
@@ -28,16 +28,16 @@ impl Default for PlocConfig {
     }
 }
 
-/// Places searched in the first rounds.
+/// Search radius of the first iterations.
 const NEAR: u32 = 2;
 
-/// Clusters whose partners one job finds.
+/// Clusters per job.
 const CHUNK: usize = 1 << 11;
 
-/// A round that joins less than one cluster in this many is followed by one that joins all neighbours.
+/// An iteration that merges fewer than one in this many clusters is followed by one that merges all neighbors.
 const SLOW: usize = 16;
 
-/// Up to this many clusters, slow rounds are cheap.
+/// Slow iterations are acceptable for at most this many clusters.
 const FEW: usize = 128;
 
 /// A cluster: a finished subtree and its box.
@@ -47,17 +47,17 @@ struct Cluster {
     child: Child,
 }
 
-/// Joins neighbours along a space-filling curve from the leaves up, the pair of smallest box first.
+/// Parallel locally-ordered clustering (PLOC): merges neighbors along a space-filling curve, smallest boxes first.
 ///
-/// Reads: primitives in the order of their codes, a box each (finite); codes of the boxes' centres, which the halves
-/// of a rectangle share, serve better than those of triangles' centroids. Writes: a tree with an order of leaves of its
-/// own. Holds: the same bits for any number of threads; time linear in the number of primitives, whatever their boxes.
-/// Source: Meister & Bittner 2018. Departures: of equal areas the pair whose places differ in the lower bits is
-/// nearer, so equal boxes pair up at once; and where boxes grow along the curve, so that each wants the one before, a
-/// slow round is followed by one that joins all neighbours.
+/// Reads: primitives sorted by code, with finite boxes; codes of box centers work better than those of triangle centroids,
+/// since the two triangles of a rectangle share them. Writes: a tree with its own leaf order. Holds: the same bits for any
+/// number of threads; linear time for any boxes.
+/// Source: Meister & Bittner 2018. Differences: among equal areas the pair whose positions differ in lower bits is nearer,
+/// so equal boxes pair up at once; and a slow iteration, as for boxes that grow along the curve, is followed by one that
+/// merges all neighbors.
 ///
 /// # Panics
-/// Where the boxes are not as many as the primitives.
+/// If the numbers of boxes and primitives differ.
 #[must_use]
 pub fn ploc(sorted: Sorted, leaf_boxes: &[Aabb], config: &PlocConfig) -> Tree {
     let leaves = &sorted.leaves;
@@ -69,70 +69,70 @@ pub fn ploc(sorted: Sorted, leaf_boxes: &[Aabb], config: &PlocConfig) -> Tree {
     let scale = unit_scale(leaf_boxes).unwrap_or(1.0);
     let cluster = |(leaf, aabb): (&PrimId, &Aabb)| Cluster { aabb: Lanes::of(aabb, scale), child: Child::leaf(leaf.0) };
     let mut clusters: Vec<_> = leaves.iter().zip(leaf_boxes).map(cluster).collect();
-    // Nodes are numbered downward, so that the one made last is the root, 0.
+    // Nodes are numbered downward, so that the last one is the root, 0.
     let mut children = vec![[Child::inner(NodeId::ROOT); 2]; last];
-    let (mut round, mut forced) = (0, false);
+    let (mut iteration, mut forced) = (0, false);
     while clusters.len() > 1 {
-        let radius = if round < config.near_iterations { NEAR.min(config.radius) } else { config.radius };
-        let partners = if forced { neighbours(clusters.len()) } else { nearest(&clusters, radius.max(1) as usize) };
+        let radius = if iteration < config.near_iterations { NEAR.min(config.radius) } else { config.radius };
+        let partners = if forced { neighbors(clusters.len()) } else { nearest(&clusters, radius.max(1) as usize) };
         let before = clusters.len();
-        clusters = join(&clusters, &partners, |pair| {
+        clusters = merge(&clusters, &partners, |pair| {
             last -= 1;
             children[last] = pair;
             #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
             Child::inner(NodeId(last as u32))
         });
-        round += 1;
-        let n_joined = before - clusters.len();
-        forced = n_joined == 0 || !forced && before > FEW && n_joined < before / SLOW;
+        iteration += 1;
+        let n_merged = before - clusters.len();
+        forced = n_merged == 0 || !forced && before > FEW && n_merged < before / SLOW;
     }
-    Tree::from_children(&children).expect("every cluster is joined once")
+    Tree::from_children(&children).expect("every cluster is merged once")
 }
 
-/// The partner of each cluster that makes the smallest box, of those at most `radius` places away.
+/// The partner of each cluster with the smallest union, within `radius` positions.
 fn nearest(clusters: &[Cluster], radius: usize) -> Vec<u32> {
     par::map_ranges(clusters.len(), CHUNK, |range| {
-        // Each pair is weighed once, so those before the range that reach into it are gone through too.
+        // Each pair is evaluated once, so pairs that start before the range are included.
         let start = range.start.saturating_sub(radius);
-        let reach = &clusters[start..clusters.len().min(range.end + radius)];
-        let mut best = vec![u64::MAX; reach.len()];
+        let window = &clusters[start..clusters.len().min(range.end + radius)];
+        let mut best = vec![u64::MAX; window.len()];
         for i in 0..range.end - start {
             let (done, open) = best.split_at_mut(i + 1);
-            let (mut mine, own) = (done[i], reach[i].aabb);
-            for ((place, other), best) in (start + i + 1..).zip(&reach[i + 1..]).zip(open).take(radius) {
-                // Places that differ in low bits only are nearer: along equal areas the difference falls from partner
-                // to partner, so chains are short. Areas are not negative, so their bits are in order.
+            let (mut mine, own) = (done[i], window[i].aabb);
+            for ((position, other), best) in (start + i + 1..).zip(&window[i + 1..]).zip(open).take(radius) {
+                // Positions that differ in low bits are nearer: for equal areas the difference decreases from partner to
+                // partner, so chains are short. Areas are not negative, so their bits are ordered.
                 let area = own.union(&other.aabb).half_area();
-                let key = u64::from(area.to_bits()) << 32 | ((start + i) ^ place) as u64;
+                let key = u64::from(area.to_bits()) << 32 | ((start + i) ^ position) as u64;
                 mine = mine.min(key);
                 *best = key.min(*best);
             }
             done[i] = mine;
         }
-        #[expect(clippy::cast_possible_truncation, reason = "the lower half is the difference of two places")]
+        #[expect(clippy::cast_possible_truncation, reason = "the lower half is the difference of two positions")]
         range.map(|i| i as u32 ^ best[i - start] as u32).collect::<Vec<_>>()
     })
     .concat()
 }
 
-/// Each cluster with the one beside it.
+/// Pairs of adjacent clusters.
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 clusters")]
-fn neighbours(n: usize) -> Vec<u32> {
+fn neighbors(n: usize) -> Vec<u32> {
     (0..n).map(|i| if i ^ 1 < n { i as u32 ^ 1 } else { i as u32 }).collect()
 }
 
-/// Joins clusters that are each other's partner, in the place of the first.
-fn join(clusters: &[Cluster], partners: &[u32], mut name: impl FnMut([Child; 2]) -> Child) -> Vec<Cluster> {
-    let mut joined = Vec::with_capacity(clusters.len());
+/// Merges clusters that are each other's partner, at the position of the first.
+fn merge(clusters: &[Cluster], partners: &[u32], mut add_node: impl FnMut([Child; 2]) -> Child) -> Vec<Cluster> {
+    let mut merged = Vec::with_capacity(clusters.len());
     for (i, cluster) in clusters.iter().enumerate() {
         let partner = partners[i] as usize;
         if partner == i || partners.get(partner).is_none_or(|&back| back as usize != i) {
-            joined.push(*cluster);
+            merged.push(*cluster);
         } else if i < partner {
             let other = &clusters[partner];
-            let child = name([cluster.child, other.child]);
-            joined.push(Cluster { aabb: cluster.aabb.union(&other.aabb), child });
+            let child = add_node([cluster.child, other.child]);
+            merged.push(Cluster { aabb: cluster.aabb.union(&other.aabb), child });
         }
     }
-    joined
+    merged
 }

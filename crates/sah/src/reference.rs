@@ -1,9 +1,7 @@
 use canted_obb::Aabb;
 use glam::{Vec4, Vec4Swizzles};
 
-/// A box as `(min, -max)`, so that a union is one minimum for either half.
-///
-/// The fourth lanes are no part of the box.
+/// A box as `(min, -max)`, so that a union is two minima. The fourth lanes are not part of the box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bounds {
     low: Vec4,
@@ -11,7 +9,7 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    /// Changes no union.
+    /// The identity of [`Self::union`].
     pub(crate) const EMPTY: Self = Self { low: Vec4::MAX, high: Vec4::MAX };
 
     #[inline]
@@ -22,9 +20,9 @@ impl Bounds {
     /// Half of the surface area.
     #[inline]
     pub(crate) fn half_area(&self) -> f32 {
-        // Extents with their signs turned: products of two of them are those of the extents.
-        let turned = self.low + self.high;
-        let faces = turned * turned.yzxw();
+        // Negated extents: their pairwise products are those of the extents.
+        let negated = self.low + self.high;
+        let faces = negated * negated.yzxw();
         faces.x + faces.y + faces.z
     }
 
@@ -47,7 +45,7 @@ impl Bounds {
     }
 }
 
-/// A primitive with its box, carried along while nodes are parted: half a cache line.
+/// A primitive with its box, moved while nodes are split: half a cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
 pub(crate) struct Reference(Bounds);
@@ -55,8 +53,8 @@ pub(crate) struct Reference(Bounds);
 impl Reference {
     /// `primitive` with its box in units of `1 / scale`.
     ///
-    /// Its number lies in the fourth lane as the bits of a float: below `2^30` these are finite and less than 2, so
-    /// no sum or product of lanes turns into a NaN.
+    /// The fourth lane stores the index as the bits of a float: below `2^30` it is finite and less than 2, so no sum or
+    /// product of lanes is NaN.
     pub(crate) fn new(primitive: u32, aabb: &Aabb, scale: f32) -> Self {
         let ([x, y, z], [u, v, w]) = (aabb.min.map(|c| scale * c), aabb.max.map(|c| -scale * c));
         Self(Bounds { low: Vec4::new(x, y, z, f32::from_bits(primitive)), high: Vec4::new(u, v, w, 0.0) })
@@ -72,13 +70,13 @@ impl Reference {
         &self.0
     }
 
-    /// Twice the middle of the box.
+    /// Twice the center of the box.
     #[inline]
     pub(crate) fn center(&self) -> Vec4 {
         self.0.low - self.0.high
     }
 
-    /// The middles' coordinate as an integer of the same order, zeros of both signs equal.
+    /// A coordinate of the center as an integer of the same order; both zeros are equal.
     #[inline]
     pub(crate) fn key(&self, axis: usize) -> u32 {
         let bits = (self.center().to_array()[axis] + 0.0).to_bits();
@@ -86,7 +84,7 @@ impl Reference {
     }
 }
 
-/// The box around the middles, doubled, of all references.
+/// Bounds of the doubled centers of all references.
 pub(crate) fn centers(references: &[Reference]) -> Bounds {
     let mut all = Bounds::EMPTY;
     for reference in references {
@@ -94,4 +92,9 @@ pub(crate) fn centers(references: &[Reference]) -> Bounds {
         all = all.union(&Bounds { low: center, high: -center });
     }
     all
+}
+
+/// The scale of the box around all boxes: [`Aabb::unit_scale`].
+pub(crate) fn unit_scale(leaf_boxes: &[Aabb]) -> Option<f32> {
+    leaf_boxes.iter().fold(Aabb::EMPTY, |all, leaf| all.union(*leaf)).unit_scale()
 }

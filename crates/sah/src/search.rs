@@ -5,47 +5,47 @@ use crate::{
     pairs::{Pairs, Slot},
 };
 
-/// A better place for a subtree: beside `target`.
+/// A move of a subtree: it becomes the sibling of `target`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Move {
     pub(crate) subtree: Child,
     pub(crate) target: Child,
-    /// By how much the sum of half areas falls if nothing else moves.
+    /// Reduction of the sum of half areas if nothing else moves.
     pub(crate) gain: f32,
 }
 
-/// Most nodes opened for one subtree; where boxes overlap so much that this is reached, no place is much better.
-const MAX_OPENED: u32 = 1 << 10;
+/// Maximum number of nodes visited per subtree; where boxes overlap so much that it is reached, no target is much better.
+const MAX_VISITED: u32 = 1 << 10;
 
-/// A node that may hold a better place, and by how much it and those above it grow to take the subtree in.
+/// A node to visit, and the growth of its ancestors and itself if the subtree is inserted below.
 type Pending = (NodeId, f32);
 
-/// Search for the place of one subtree.
+/// The search for the best target of a subtree.
 struct Search<'a> {
     pairs: &'a Pairs,
     /// The subtree's box.
     moved: Lanes,
-    /// Its half area: no place costs less.
+    /// Its half area: a lower bound of the cost of any target.
     least: f32,
     best: f32,
     target: Option<Child>,
-    n_opened: u32,
+    n_visited: u32,
     stack: &'a mut Vec<Pending>,
 }
 
-/// The best place for the subtree at `slot`, if any is better than where it is.
+/// The best move of the subtree at `slot`, if any reduces the cost.
 ///
-/// Taken out, the subtree's parent vanishes and all above it shrink; put beside a target, a parent of both appears and
-/// all above grow. The search climbs from the subtree to the root and at each ancestor descends into the other child,
-/// with the growth so far as the bound. `stack` is empty before and after.
-/// Source: Bittner et al. 2013; the climb after Meister & Bittner 2018, with ancestors as targets too.
-pub(crate) fn better_place(pairs: &Pairs, slot: Slot, stack: &mut Vec<Pending>) -> Option<Move> {
+/// Removing the subtree removes its parent and shrinks its ancestors; inserting it next to a target adds a parent of both
+/// and grows the ancestors. The search climbs from the subtree to the root and descends into the sibling at each ancestor,
+/// with branch and bound by the growth so far. `stack` is empty before and after.
+/// Source: Bittner et al. 2013; the climbing after Meister & Bittner 2018, with ancestors as targets too.
+pub(crate) fn best_move(pairs: &Pairs, slot: Slot, stack: &mut Vec<Pending>) -> Option<Move> {
     let subtree = pairs.child(slot);
     let moved = pairs.aabb(slot);
     let least = moved.half_area();
-    let mut search = Search { pairs, moved, least, best: 0.0, target: None, n_opened: 0, stack };
+    let mut search = Search { pairs, moved, least, best: 0.0, target: None, n_visited: 0, stack };
     let parent = pairs.pair(slot.node());
-    // What is saved below the ancestor reached, and the box of its child on the way without the subtree.
+    // The reduction below the current ancestor, and the box of its child on the path without the subtree.
     let mut saved = parent.boxes.around().half_area();
     let mut rest = pairs.aabb(slot.sibling());
     search.below(slot.sibling(), saved);
@@ -56,7 +56,7 @@ pub(crate) fn better_place(pairs: &Pairs, slot: Slot, stack: &mut Vec<Pending>) 
         rest = rest.union(&pairs.aabb(here.sibling()));
         let area = above.boxes.around().half_area();
         saved += area - rest.half_area();
-        // Beside this ancestor: the new parent is as large as the ancestor was.
+        // The ancestor as the target: the new parent is as large as the ancestor was.
         search.consider(Child::inner(here.node()), saved - area);
         here = above.parent;
     }
@@ -79,25 +79,25 @@ impl Search<'_> {
         let side = slot.side() as usize;
         let pair = self.pairs.pair(slot.node());
         let (own, joined) = (pair.boxes.half_areas()[side], pair.boxes.union(&self.moved).half_areas()[side]);
-        self.meet(pair.children[side], own, joined, saved, 0.0);
+        self.visit(pair.children[side], own, joined, saved, 0.0);
         while let Some((node, grown)) = self.stack.pop() {
-            if saved - grown - self.least <= self.best || self.n_opened == MAX_OPENED {
+            if saved - grown - self.least <= self.best || self.n_visited == MAX_VISITED {
                 continue;
             }
-            self.n_opened += 1;
+            self.n_visited += 1;
             let pair = self.pairs.pair(node);
             let own = pair.boxes.half_areas();
             let joined = pair.boxes.union(&self.moved).half_areas();
-            // The child that grows less is opened first: it goes on the stack last.
+            // The child that grows less is pushed last, so it is visited first.
             let first = usize::from(joined[1] - own[1] < joined[0] - own[0]);
             for side in [1 - first, first] {
-                self.meet(pair.children[side], own[side], joined[side], saved, grown);
+                self.visit(pair.children[side], own[side], joined[side], saved, grown);
             }
         }
     }
 
-    /// Considers `child` and leaves what is below it for later.
-    fn meet(&mut self, child: Child, own: f32, joined: f32, saved: f32, grown: f32) {
+    /// Considers `child` as a target and pushes its subtree.
+    fn visit(&mut self, child: Child, own: f32, joined: f32, saved: f32, grown: f32) {
         self.consider(child, saved - grown - joined);
         let grown = grown + (joined - own);
         if let ChildKind::Inner(id) = child.kind()
@@ -115,7 +115,7 @@ mod tests {
     use canted_obb::Aabb;
     use proptest::prelude::*;
 
-    /// Roundings of a gain relative to the sum of areas met on the way, at most two a level of 62 and a few an area.
+    /// Rounding of a gain relative to the sum of areas on the path: two per level of at most 62, and a few per area.
     const GAIN_ERROR: f64 = 64.0 * f32::EPSILON as f64;
 
     fn tree_over(centers: &[[f32; 3]]) -> Pairs {
@@ -124,7 +124,7 @@ mod tests {
         Pairs::new(&tree, &boxes, 1.0)
     }
 
-    /// By how much the sum of areas falls for the best of all targets, each tried.
+    /// The greatest reduction of all targets, by trying each.
     fn best_of_all(pairs: &Pairs, slot: Slot) -> f64 {
         let subtree = pairs.child(slot);
         let n = u32::try_from(pairs.pairs.len()).unwrap();
@@ -143,12 +143,12 @@ mod tests {
             for id in 0..u32::try_from(cells.len()).unwrap() - 1 {
                 for side in 0..2 {
                     let slot = Slot::new(NodeId(id), side);
-                    let found = better_place(&pairs, slot, &mut vec![]);
+                    let found = best_move(&pairs, slot, &mut vec![]);
                     let made = found.and_then(|found| pairs.clone().apply(&found, u32::MAX)).unwrap_or(0.0);
                     let promised = found.map_or(0.0, |found| f64::from(found.gain));
                     let best = best_of_all(&pairs, slot);
-                    prop_assert!((made - promised).abs() <= GAIN_ERROR * total, "{promised} promised, {made} made");
-                    prop_assert!(best - made <= GAIN_ERROR * total, "{made} where {best} could be had");
+                    prop_assert!((made - promised).abs() <= GAIN_ERROR * total, "{promised} expected, {made} found");
+                    prop_assert!(best - made <= GAIN_ERROR * total, "{made} instead of {best}");
                 }
             }
         }

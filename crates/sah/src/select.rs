@@ -4,9 +4,9 @@ use canted_lbvh::ChildKind;
 
 use crate::pairs::{Pairs, Slot};
 
-/// The `n` places of largest boxes, the root's left out, by falling area and then by number.
+/// The `n` slots with the largest boxes, except the root, by descending area, then by number.
 ///
-/// Areas never grow on the way down, so the largest are the top of the tree and the rest need not be seen.
+/// Areas do not increase from parent to child, so only the top of the tree is visited.
 pub(crate) fn largest(pairs: &Pairs, n: usize) -> Vec<Slot> {
     let mut front = BinaryHeap::with_capacity(n + 2);
     let open = |child: canted_lbvh::Child, front: &mut BinaryHeap<_>| {
@@ -14,7 +14,7 @@ pub(crate) fn largest(pairs: &Pairs, n: usize) -> Vec<Slot> {
             let areas = pairs.pair(id).boxes.half_areas();
             for (side, area) in (0..).zip(areas) {
                 let slot = Slot::new(id, side);
-                // Areas are not negative, so their bits are in order.
+                // Areas are not negative, so their bits are ordered.
                 front.push((area.to_bits(), std::cmp::Reverse(slot)));
             }
         }

@@ -3,54 +3,53 @@ use canted_obb::{Aabb, PrimId};
 
 use crate::{
     TopDownConfig,
-    chop::{Cut, between, through},
+    candidates::{Candidate, Fragment, around, object_split, spatial_split},
     clip::{clip, intersection},
-    fragment::{Fragment, around},
     par,
     top_down::top_down,
 };
 
-/// How a tree with spatial splits is built.
+/// Configuration of [`spatial()`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpatialConfig {
-    /// Most extra references, as a part of the number of triangles. At 0 no triangle is split.
+    /// Maximum number of additional references, relative to the number of triangles. At 0 no triangle is split.
     pub extra_references: f32,
-    /// Spatial splits are tried where the children of the best other split overlap by more than this part of the
-    /// root's area.
+    /// Spatial splits are tried where the children of the best object split overlap by more than this fraction of the area
+    /// of the root.
     pub min_overlap: f32,
-    /// Slices an axis, 2 to 64.
+    /// Bins per axis, 2 to 64.
     pub bins: u32,
-    /// How subtrees are built in which nothing is left to split; its limit of depth is the whole tree's.
+    /// Builder of subtrees without spatial splits; its depth limit applies to the entire tree.
     pub object_splits: TopDownConfig,
 }
 
 impl Default for SpatialConfig {
-    /// The overlap that the source recommends, and at most 0.3 extra references a triangle.
+    /// The overlap recommended by the source, and at most 0.3 additional references per triangle.
     fn default() -> Self {
         Self { extra_references: 0.3, min_overlap: 1e-5, bins: 32, object_splits: TopDownConfig::BINNED }
     }
 }
 
-/// References to primitives: several may name the same, each with the box of its part.
+/// References to primitives. A split primitive has several, each with the box of its part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct References {
     /// The primitive of each reference.
     pub primitives: Vec<PrimId>,
-    /// The box of each reference. All boxes of a primitive together hold each of its points; they are rounded outward.
+    /// The box of each reference. The boxes of a primitive together contain all of its points; they are rounded outward.
     pub boxes: Vec<Aabb>,
 }
 
-/// Up to this many references nothing is split: it would gain little.
+/// Up to this many references no spatial split is tried.
 const FEW: usize = 8;
 
-/// Builds a tree from the root down whose nodes may part triangles by planes.
+/// Builds a tree with spatial splits (SBVH) from the root down.
 ///
-/// Reads: corners (finite). Writes: a tree whose leaves' [`PrimId`]s number *references*, and these.
-/// Holds: at most `1 + extra` references a triangle, at least one each; every point of a triangle inside one of its
-/// references' boxes; a depth of at most `below.max_depth`, as [`top_down`](crate::top_down()) keeps it; the same bits for any
-/// number of threads.
-/// Source: Stich, Friedrich & Dietrich 2009 with unsplitting; Popov et al. 2009 on what may be gained. Departure: each
-/// child gets a share of the extra references by the areas of its boxes, so that subtrees do not wait for each other.
+/// Reads: finite corners. Writes: a tree whose leaf [`PrimId`]s are indices of *references*, and the references.
+/// Holds: at most `1 + extra_references` references per triangle on average, at least one each; every point of a triangle
+/// is in the box of one of its references; the depth is at most `object_splits.max_depth`, as in
+/// [`top_down`](crate::top_down()); the same bits for any number of threads.
+/// Source: Stich, Friedrich & Dietrich 2009 with unsplitting; Popov et al. 2009. Difference: each child gets a share of the
+/// additional references in proportion to the area of its boxes, so that subtrees are independent.
 #[must_use]
 pub fn spatial(corners: &[Corners], config: &SpatialConfig) -> (Tree, References) {
     let fragments: Vec<_> =
@@ -59,7 +58,7 @@ pub fn spatial(corners: &[Corners], config: &SpatialConfig) -> (Tree, References
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
-        reason = "saturating, and bounded by what node references can name"
+        reason = "saturating, and bounded by the number of nodes"
     )]
     let budget = ((corners.len() as f64 * f64::from(config.extra_references)) as usize).min((1 << 30) - corners.len());
     let root_area = around(&fragments).area();
@@ -75,7 +74,7 @@ pub fn spatial(corners: &[Corners], config: &SpatialConfig) -> (Tree, References
     (tree, References { primitives, boxes })
 }
 
-/// A part of the tree: nodes before their children, leaves naming `fragments`.
+/// A part of the tree: parents before children, leaves by index in `fragments`.
 #[derive(Default)]
 struct Part {
     children: Vec<[Child; 2]>,
@@ -84,7 +83,7 @@ struct Part {
 
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes and references")]
 impl Part {
-    /// Adds a part with its own numbers; returns its root.
+    /// Appends a part; returns its root.
     fn append(&mut self, other: &Self) -> Child {
         let (nodes, leaves) = (self.children.len() as u32, self.fragments.len() as u32);
         self.children.extend(other.children.iter().map(|pair| {
@@ -97,7 +96,7 @@ impl Part {
         if other.children.is_empty() { Child::leaf(leaves) } else { Child::inner(NodeId(nodes)) }
     }
 
-    /// Makes room for a node; its children follow.
+    /// Adds a node without children yet.
     fn node(&mut self) -> NodeId {
         self.children.push([Child::inner(NodeId::ROOT); 2]);
         NodeId(self.children.len() as u32 - 1)
@@ -111,7 +110,7 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Builds the subtree over `fragments`, with at most `budget` more of them; returns its root.
+    /// Builds the subtree over `fragments` with at most `budget` additional ones; returns its root.
     fn grow(&self, part: &mut Part, fragments: Vec<Fragment>, budget: usize, depth: u32) -> Child {
         let n = fragments.len();
         if n <= FEW || budget == 0 || self.config.object_splits.must_halve(n, depth) {
@@ -139,7 +138,7 @@ impl Builder<'_> {
         Child::inner(id)
     }
 
-    /// The subtree over fragments that stay whole.
+    /// The subtree over fragments that are not split further.
     fn rest(&self, fragments: &[Fragment], depth: u32) -> Part {
         let boxes: Vec<_> = fragments.iter().map(|fragment| fragment.aabb).collect();
         let max_depth = self.config.object_splits.max_depth.saturating_add(1).saturating_sub(depth);
@@ -150,25 +149,25 @@ impl Builder<'_> {
         }
     }
 
-    /// Parts the fragments in two, by a plane where that is cheaper.
+    /// Splits the fragments in two, spatially where that is cheaper.
     fn divide(&self, mut fragments: Vec<Fragment>, budget: usize) -> [Vec<Fragment>; 2] {
-        let n_slices = self.config.bins as usize;
-        let whole = between(&fragments, n_slices);
-        let overlap = whole
+        let n_bins = self.config.bins as usize;
+        let by_object = object_split(&fragments, n_bins);
+        let overlap = by_object
             .map_or(f64::INFINITY, |cut| intersection(&cut.boxes[0], &cut.boxes[1]).map_or(0.0, |both| both.area()));
         if overlap > f64::from(self.config.min_overlap) * self.root_area
-            && let Some(cut) = through(&fragments, self.corners, n_slices)
-            && whole.is_none_or(|whole| cut.cost < whole.cost)
+            && let Some(cut) = spatial_split(&fragments, self.corners, n_bins)
+            && by_object.is_none_or(|other| cut.cost < other.cost)
         {
-            let sides = self.slice(&fragments, &cut, budget);
-            // Where most were kept whole after all one side may hold everything.
+            let sides = self.split(&fragments, &cut, budget);
+            // Unsplitting may leave everything on one side.
             if sides.iter().all(|side| !side.is_empty() && side.len() < fragments.len()) {
                 return sides;
             }
         }
-        match whole {
+        match by_object {
             Some(cut) => {
-                let left = |f: &Fragment| cut.ruler.slice(f.aabb.center()[cut.axis]) < cut.slice;
+                let left = |f: &Fragment| cut.grid.bin(f.aabb.center()[cut.axis]) < cut.bin;
                 fragments.into_iter().partition::<Vec<_>, _>(left).into()
             }
             None => {
@@ -178,9 +177,9 @@ impl Builder<'_> {
         }
     }
 
-    /// Sends fragments to the sides of a plane; those across are split, or kept whole on the side where that costs less.
-    fn slice(&self, fragments: &[Fragment], cut: &Cut, mut budget: usize) -> [Vec<Fragment>; 2] {
-        let (axis, plane) = (cut.axis, cut.ruler.plane(cut.slice));
+    /// Assigns fragments to the sides of a plane; fragments across it are split, or moved to one side where that is cheaper.
+    fn split(&self, fragments: &[Fragment], cut: &Candidate, mut budget: usize) -> [Vec<Fragment>; 2] {
+        let (axis, plane) = (cut.axis, cut.grid.plane(cut.bin));
         let (mut sides, [mut left, mut right]) = ([vec![], vec![]], cut.boxes);
         let [mut n_left, mut n_right] = cut.counts.map(f64::from);
         for fragment in fragments {
@@ -194,24 +193,24 @@ impl Builder<'_> {
                 continue;
             }
             let parts = clip(&self.corners[primitive.index()], &aabb, axis, plane);
-            let (wide_left, wide_right) = (left.union(aabb), right.union(aabb));
-            let whole_left = wide_left.area() * n_left + right.area() * (n_right - 1.0);
-            let whole_right = left.area() * (n_left - 1.0) + wide_right.area() * n_right;
+            let (grown_left, grown_right) = (left.union(aabb), right.union(aabb));
+            let cost_left = grown_left.area() * n_left + right.area() * (n_right - 1.0);
+            let cost_right = left.area() * (n_left - 1.0) + grown_right.area() * n_right;
             let split = left.area() * n_left + right.area() * n_right;
             match parts {
-                [Some(a), Some(b)] if budget > 0 && split < whole_left.min(whole_right) => {
+                [Some(a), Some(b)] if budget > 0 && split < cost_left.min(cost_right) => {
                     budget -= 1;
                     sides[0].push(Fragment { primitive, aabb: a });
                     sides[1].push(Fragment { primitive, aabb: b });
                 }
                 [Some(a), None] => sides[0].push(Fragment { primitive, aabb: a }),
                 [None, Some(b)] => sides[1].push(Fragment { primitive, aabb: b }),
-                _ if whole_left <= whole_right => {
-                    (left, n_right) = (wide_left, n_right - 1.0);
+                _ if cost_left <= cost_right => {
+                    (left, n_right) = (grown_left, n_right - 1.0);
                     sides[0].push(*fragment);
                 }
                 _ => {
-                    (right, n_left) = (wide_right, n_left - 1.0);
+                    (right, n_left) = (grown_right, n_left - 1.0);
                     sides[1].push(*fragment);
                 }
             }
@@ -220,7 +219,7 @@ impl Builder<'_> {
     }
 }
 
-/// The left side's share of a budget, by the areas of boxes.
+/// The share of the left side of a budget, by the areas of the boxes.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -7,28 +7,28 @@ use crate::{
     reference::{Bounds, Reference},
 };
 
-/// References to be parted between any two neighbours along an axis.
+/// References to split between any two neighbors along an axis.
 struct Sweep<'a> {
     references: &'a [Reference],
-    /// Middles on each axis, as integers of the same order.
+    /// Centers on each axis, as integers of the same order.
     keys: &'a [[u32; 3]],
     config: &'a TopDownConfig,
 }
 
-/// A node's references in the order of their middles on each axis, and room to work in.
+/// The references of a node sorted by center on each axis, and scratch memory.
 struct Orders<'a> {
     by_axis: [&'a mut [u32]; 3],
-    room: &'a mut [u32],
+    scratch: &'a mut [u32],
     costs: &'a mut [f32],
 }
 
-/// References that are swept without allocating.
+/// Maximum number of references that are swept without allocating.
 pub(crate) const MAX_BLOCK: usize = 32;
 
 /// Builds a subtree by full sweeps; returns its height in nodes.
 ///
-/// Every plane between two middles is weighed by the surface area heuristic. Middles are sorted once and stay sorted
-/// as nodes are parted.
+/// Evaluates the SAH cost of every plane between two centers. Centers are sorted once and stay sorted when nodes are
+/// split.
 /// Source: MacDonald & Booth 1990; the presorting after Wald & Havran 2006.
 pub(crate) fn sweep(references: &[Reference], config: &TopDownConfig, plot: Plot<'_>, depth: u32) -> u32 {
     let keys: Vec<[u32; 3]> = references.iter().map(|r| [r.key(0), r.key(1), r.key(2)]).collect();
@@ -38,8 +38,8 @@ pub(crate) fn sweep(references: &[Reference], config: &TopDownConfig, plot: Plot
         keyed.into_iter().map(lower_half).collect::<Vec<_>>()
     };
     let (mut x, (mut y, mut z)) = par::join(|| sorted(0), || par::join(|| sorted(1), || sorted(2)));
-    let (mut room, mut costs) = (vec![0; keys.len()], vec![0.0; keys.len()]);
-    let orders = Orders { by_axis: [&mut x, &mut y, &mut z], room: &mut room, costs: &mut costs };
+    let (mut scratch, mut costs) = (vec![0; keys.len()], vec![0.0; keys.len()]);
+    let orders = Orders { by_axis: [&mut x, &mut y, &mut z], scratch: &mut scratch, costs: &mut costs };
     Sweep { references, keys: &keys, config }.node(orders, plot, depth)
 }
 
@@ -48,7 +48,7 @@ pub(crate) fn sweep(references: &[Reference], config: &TopDownConfig, plot: Plot
 pub(crate) fn sweep_block(references: &[Reference], config: &TopDownConfig, plot: Plot<'_>, depth: u32) -> u32 {
     let n = references.len();
     let (mut keys, mut orders) = ([[0; 3]; MAX_BLOCK], [[0; MAX_BLOCK]; 3]);
-    let (mut room, mut costs) = ([0; MAX_BLOCK], [0.0; MAX_BLOCK]);
+    let (mut scratch, mut costs) = ([0; MAX_BLOCK], [0.0; MAX_BLOCK]);
     for (keys, reference) in keys.iter_mut().zip(references) {
         *keys = [reference.key(0), reference.key(1), reference.key(2)];
     }
@@ -63,7 +63,7 @@ pub(crate) fn sweep_block(references: &[Reference], config: &TopDownConfig, plot
         }
     }
     let by_axis = orders.each_mut().map(|order| &mut order[..n]);
-    let orders = Orders { by_axis, room: &mut room[..n], costs: &mut costs[..n] };
+    let orders = Orders { by_axis, scratch: &mut scratch[..n], costs: &mut costs[..n] };
     Sweep { references, keys: &keys[..n], config }.node(orders, plot, depth)
 }
 
@@ -86,7 +86,7 @@ impl Sweep<'_> {
             _ if self.config.must_halve(n, depth) => (self.centers(&orders).longest(), n.div_ceil(2)),
             _ => self.best_split(&mut orders, depth),
         };
-        self.part(&mut orders, axis, n_left);
+        self.partition(&mut orders, axis, n_left);
         let (left, right) = orders.split(n_left);
         let (left_plot, right_plot) = plot.split(n_left);
         let (build_left, build_right) =
@@ -96,56 +96,56 @@ impl Sweep<'_> {
         1 + a.max(b)
     }
 
-    /// The box around the middles.
+    /// The bounds of the centers.
     fn centers(&self, orders: &Orders<'_>) -> Bounds {
         let end = |order: &[u32], i: usize| self.references[order[i] as usize];
-        let last = orders.room.len() - 1;
+        let last = orders.scratch.len() - 1;
         let ends = orders.by_axis.each_ref().map(|order| [end(order, 0), end(order, last)]);
         crate::reference::centers(ends.as_flattened())
     }
 
-    /// Axis and number of references on the left of the cheapest split, of equals the most even.
-    #[expect(clippy::cast_precision_loss, reason = "a cost, compared with others made the same way")]
+    /// Axis and number of references on the left of the cheapest split; ties go to the more balanced one.
+    #[expect(clippy::cast_precision_loss, reason = "a cost, compared with others computed the same way")]
     fn best_split(&self, orders: &mut Orders<'_>, depth: u32) -> (usize, usize) {
-        let n = orders.room.len();
+        let n = orders.scratch.len();
         let mut best = (f32::INFINITY, 0, 0, n / 2);
         for &axis in self.config.axes.at(depth, || self.centers(orders)) {
             let order = &*orders.by_axis[axis];
             let costs = &mut *orders.costs;
             let mut bounds = Bounds::EMPTY;
-            for (i, &place) in order.iter().enumerate().skip(1).rev() {
-                bounds = bounds.union(self.references[place as usize].bounds());
+            for (i, &index) in order.iter().enumerate().skip(1).rev() {
+                bounds = bounds.union(self.references[index as usize].bounds());
                 costs[i] = bounds.half_area() * (n - i) as f32;
             }
             bounds = Bounds::EMPTY;
-            for (i, &place) in (1..n).zip(order) {
-                bounds = bounds.union(self.references[place as usize].bounds());
-                let (cost, evenness) = (bounds.half_area() * i as f32 + costs[i], i.min(n - i));
-                if cost < best.0 || cost == best.0 && evenness > best.1 {
-                    best = (cost, evenness, axis, i);
+            for (i, &index) in (1..n).zip(order) {
+                bounds = bounds.union(self.references[index as usize].bounds());
+                let (cost, balance) = (bounds.half_area() * i as f32 + costs[i], i.min(n - i));
+                if cost < best.0 || cost == best.0 && balance > best.1 {
+                    best = (cost, balance, axis, i);
                 }
             }
         }
         (best.2, best.3)
     }
 
-    /// Brings the `n_left` first on `axis` to the front on every axis, in order.
-    fn part(&self, orders: &mut Orders<'_>, axis: usize, n_left: usize) {
+    /// Moves the first `n_left` on `axis` to the front on every axis, in order.
+    fn partition(&self, orders: &mut Orders<'_>, axis: usize, n_left: usize) {
         let pivot = orders.by_axis[axis][n_left];
-        let key = |place: u32| (self.keys[place as usize][axis], place);
+        let key = |index: u32| (self.keys[index as usize][axis], index);
         for other in (0..3).filter(|&other| other != axis) {
             let order = &mut *orders.by_axis[other];
             let (mut front, mut back) = (0, 0);
             for i in 0..order.len() {
-                let place = order[i];
-                let left = key(place) < key(pivot);
-                // The front never overtakes what is read; a place written on the wrong side is overwritten.
-                order[front] = place;
-                orders.room[back] = place;
+                let index = order[i];
+                let left = key(index) < key(pivot);
+                // The front never overtakes the reads; a wrong copy is overwritten.
+                order[front] = index;
+                orders.scratch[back] = index;
                 front += usize::from(left);
                 back += usize::from(!left);
             }
-            order[front..].copy_from_slice(&orders.room[..back]);
+            order[front..].copy_from_slice(&orders.scratch[..back]);
         }
     }
 }
@@ -153,10 +153,10 @@ impl Sweep<'_> {
 impl Orders<'_> {
     fn split(self, n_left: usize) -> (Self, Self) {
         let [x, y, z] = self.by_axis.map(|order| order.split_at_mut(n_left));
-        let (room, costs) = (self.room.split_at_mut(n_left), self.costs.split_at_mut(n_left));
+        let (scratch, costs) = (self.scratch.split_at_mut(n_left), self.costs.split_at_mut(n_left));
         (
-            Self { by_axis: [x.0, y.0, z.0], room: room.0, costs: costs.0 },
-            Self { by_axis: [x.1, y.1, z.1], room: room.1, costs: costs.1 },
+            Self { by_axis: [x.0, y.0, z.0], scratch: scratch.0, costs: costs.0 },
+            Self { by_axis: [x.1, y.1, z.1], scratch: scratch.1, costs: costs.1 },
         )
     }
 }

@@ -4,19 +4,18 @@ use canted_obb::{Aabb, PrimId};
 use crate::{
     Split, TopDownConfig,
     assemble::{Plot, assemble},
-    binned::{Grid, MAX_CELLS, Plane, best_plane},
-    median, par,
-    partition::{halve, partition},
-    reference::{Reference, centers},
-    scale::unit_scale,
+    binned::{Grid, MAX_BINS, Plane, best_plane},
+    par,
+    partition::{halve, partition, split_at_median},
+    reference::{Reference, centers, unit_scale},
     sweep::{MAX_BLOCK, sweep, sweep_block},
 };
 
-/// Builds a tree from the root down, one primitive a leaf.
+/// Builds a tree from the root down, with one primitive per leaf.
 ///
-/// Reads: a box for each primitive (finite). Writes: a tree whose leaves lie in the order in which it parted them.
+/// Reads: a finite box for each primitive. Writes: a tree with its own leaf order.
 /// Holds: a depth of at most `max_depth`; the same bits for any number of threads; equal boxes are halved by count.
-/// Source: surface area heuristic of Goldsmith & Salmon 1987 and MacDonald & Booth 1990; cells after Wald 2007.
+/// Source: surface area heuristic of Goldsmith & Salmon 1987 and MacDonald & Booth 1990; binning after Wald 2007.
 #[must_use]
 pub fn top_down(boxes: &[Aabb], config: &TopDownConfig) -> Tree {
     let scale = unit_scale(boxes).unwrap_or(1.0);
@@ -25,15 +24,15 @@ pub fn top_down(boxes: &[Aabb], config: &TopDownConfig) -> Tree {
         if config.split == Split::Sweep {
             return sweep(&references, config, plot, 1);
         }
-        let mut room = references.clone();
-        build(Span { references: &mut references, room: &mut room }, config, plot, 1)
+        let mut scratch = references.clone();
+        build(Span { references: &mut references, scratch: &mut scratch }, config, plot, 1)
     })
 }
 
-/// A node's references, and as much room to part them into.
+/// The references of a node, and scratch memory of the same size.
 struct Span<'a> {
     references: &'a mut [Reference],
-    room: &'a mut [Reference],
+    scratch: &'a mut [Reference],
 }
 
 /// Builds a subtree at `depth`; returns its height in nodes.
@@ -48,10 +47,10 @@ fn build(mut span: Span<'_>, config: &TopDownConfig, plot: Plot<'_>, depth: u32)
     {
         return sweep_block(span.references, config, plot, depth);
     }
-    let n_left = part(&mut span, config, depth);
-    let (references, room) = (span.references.split_at_mut(n_left), span.room.split_at_mut(n_left));
-    let left = Span { references: references.0, room: room.0 };
-    let right = Span { references: references.1, room: room.1 };
+    let n_left = split(&mut span, config, depth);
+    let (references, scratch) = (span.references.split_at_mut(n_left), span.scratch.split_at_mut(n_left));
+    let left = Span { references: references.0, scratch: scratch.0 };
+    let right = Span { references: references.1, scratch: scratch.1 };
     let (left_plot, right_plot) = plot.split(n_left);
     let (build_left, build_right) =
         (|| build(left, config, left_plot, depth + 1), || build(right, config, right_plot, depth + 1));
@@ -60,38 +59,38 @@ fn build(mut span: Span<'_>, config: &TopDownConfig, plot: Plot<'_>, depth: u32)
     1 + a.max(b)
 }
 
-/// Parts the references; returns how many are left. Never none or all.
-fn part(span: &mut Span<'_>, config: &TopDownConfig, depth: u32) -> usize {
+/// Splits the references; returns the number on the left, never none or all.
+fn split(span: &mut Span<'_>, config: &TopDownConfig, depth: u32) -> usize {
     let n = span.references.len();
     let centers = centers(span.references);
     if config.must_halve(n, depth) {
         return halve(span.references, centers.longest());
     }
     let axes = config.axes.at(depth, || centers);
-    let n_cells = match config.split {
-        Split::Median => return median::part(span.references, axes),
-        Split::Sweep => unreachable!("sweeps are built by `sweep`"),
+    let n_bins = match config.split {
+        Split::Median => return split_at_median(span.references, axes),
+        Split::Sweep => unreachable!("sweep splits are built by `sweep`"),
         Split::Midpoint => 2,
-        Split::Binned { bins, .. } => bins.min(few_cells(n)),
+        Split::Binned { bins, .. } => bins.min(max_bins(n)),
     };
-    let grid = Grid::new(&centers, n_cells);
+    let grid = Grid::new(&centers, n_bins);
     let plane = match (config.split, axes) {
-        (Split::Midpoint, &[axis]) => Some(Plane { axis, cell: 1 }),
+        (Split::Midpoint, &[axis]) => Some(Plane { axis, bin: 1 }),
         _ => best_plane(span.references, &grid, axes),
     };
-    let n_left = plane.map_or(0, |plane| partition(span.references, span.room, grid.left_of(plane)));
+    let n_left = plane.map_or(0, |plane| partition(span.references, span.scratch, grid.left_of(plane)));
     if n_left == 0 || n_left == n {
         return halve(span.references, centers.longest());
     }
-    std::mem::swap(&mut span.references, &mut span.room);
+    std::mem::swap(&mut span.references, &mut span.scratch);
     n_left
 }
 
-/// Cells enough for `n` references: more would mostly be empty.
-fn few_cells(n: usize) -> u32 {
+/// Maximum number of bins for `n` references: more would be mostly empty.
+fn max_bins(n: usize) -> u32 {
     match n {
         ..64 => 8,
         64..256 => 16,
-        _ => MAX_CELLS,
+        _ => MAX_BINS,
     }
 }

@@ -2,7 +2,7 @@ use std::fmt;
 
 use canted_wide::PrimitiveError;
 
-use crate::MAX_CONDITION;
+use crate::matrix::MAX_CONDITION;
 
 /// Why instances cannot be placed.
 #[derive(Clone, Copy, Debug, PartialEq)]

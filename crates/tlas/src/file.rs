@@ -20,10 +20,9 @@ use canted_wide::{LoadError, SavedLeaves, WideBvh};
 
 use crate::{Blas, Instance, Tlas, TopConfig};
 pub use error::TlasLoadError;
-use fields::{Fields, checksum};
+use fields::{Fields, VERSION, checksum};
 
 const MAGIC: [u8; 8] = *b"CANTTLAS";
-const VERSION: u32 = 1;
 const HEADER_BYTES: usize = 32;
 const INSTANCE_BYTES: usize = 3 * 4 + 24 * 4;
 const CHECKSUM_BYTES: usize = 8;

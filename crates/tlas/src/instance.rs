@@ -1,10 +1,7 @@
 use canted_obb::Affine;
 
 use crate::InstanceError;
-use crate::motion::{invert, row_sum_norm};
-
-/// Greatest supported condition number of a transform: 2^20 leaves four of the 24 bits of an `f32` coordinate.
-pub const MAX_CONDITION: f64 = 1_048_576.0;
+use crate::matrix::{MAX_CONDITION, condition, invert, row_sum_norm};
 
 /// A placed bottom-level BVH, static or moving.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,9 +54,4 @@ impl Instance {
         }
         Ok(inverse)
     }
-}
-
-/// ‖M‖·‖M⁻¹‖; infinite if the inverse is not finite.
-pub(crate) fn condition(forward: f64, backward: f64) -> f64 {
-    if backward.is_finite() { forward * backward } else { f64::INFINITY }
 }

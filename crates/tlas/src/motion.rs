@@ -1,10 +1,6 @@
 use canted_obb::Affine;
 
-/// Columns of an affine map in `f64`.
-type Columns = [[f64; 3]; 4];
-
-/// Rows of the inverse of an affine map, each with its translation last.
-type Rows = [[f64; 4]; 3];
+use crate::matrix::{Columns, Rows, invert, row_sum_norm};
 
 /// The transform of a moving instance: `M(s) = open + s·change`, for times `s` in `[0, 1]`.
 ///
@@ -98,31 +94,6 @@ fn zip(a: Columns, b: Columns, f: impl Fn(f64, f64) -> f64) -> Columns {
 /// Rows of the product of the linear parts.
 fn product(rows: &Rows, columns: &Columns) -> Rows {
     rows.map(|row| std::array::from_fn(|j| if j < 3 { (0..3).map(|k| row[k] * columns[j][k]).sum() } else { 0.0 }))
-}
-
-/// Greatest row sum of absolute values of the linear part of an affine map, given by its rows with the translation last.
-/// Infinite if an entry is not finite.
-#[must_use]
-pub fn row_sum_norm(rows: &[[f64; 4]; 3]) -> f64 {
-    // The computed inverse of a matrix of rank one is all NaN, and `f64::max` ignores NaN.
-    if !rows.iter().flatten().all(|x| x.is_finite()) {
-        return f64::INFINITY;
-    }
-    rows.iter().map(|row| row[..3].iter().map(|x| x.abs()).sum()).fold(0.0, f64::max)
-}
-
-/// Rows of the inverse map, by cofactors in `f64`; not finite if the matrix is singular.
-#[inline]
-pub(crate) fn invert(columns: &Columns) -> Rows {
-    let [a, b, c, origin] = *columns;
-    let cross =
-        |p: [f64; 3], q: [f64; 3]| [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
-    let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-    let reciprocal = 1.0 / dot(a, cross(b, c));
-    [cross(b, c), cross(c, a), cross(a, b)].map(|row| {
-        let row = row.map(|x| x * reciprocal);
-        [row[0], row[1], row[2], -dot(row, origin)]
-    })
 }
 
 #[cfg(test)]

@@ -1,9 +1,8 @@
 use canted_obb::{Affine, Obb};
 use canted_trace::{Query, Ray, ScaledRay};
 
-use crate::instance::condition;
-use crate::motion::{Motion, invert, row_sum_norm};
-use crate::{Instance, InstanceError, MAX_CONDITION};
+use crate::matrix::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
+use crate::{Instance, InstanceError, Motion};
 
 /// Half of `f32::EPSILON`: the relative error of one rounding.
 const U: f64 = 1.0 / 16_777_216.0;
@@ -36,7 +35,7 @@ pub(crate) struct Placement {
     /// The instance's mask; zero hides an instance whose bounds are not known.
     pub(crate) mask: u32,
     /// Rows of the inverse transform, each with its translation last. `f64`, so only the result is rounded.
-    object_from_world: [[f64; 4]; 3],
+    object_from_world: Rows,
     /// The motion of a moving instance, which replaces `object_from_world`.
     motion: Option<Box<Motion>>,
     /// The error of hits on this instance.

@@ -1,6 +1,6 @@
-//! What a device builds over the cases of trees: the CPU's integers, and boxes that contain what is below them.
+//! Trees built on a device for the cases of `tree`: the CPU's integers, and boxes that contain everything below them.
 //!
-//! Not covered: each station on the CPU's previous output, many meshes at once and a second level (`twins_build`).
+//! Not covered: each stage on the CPU's previous output, many meshes at once, and a second level (`twins_build`).
 
 use canted_fixtures::Mesh;
 use canted_gpu::{
@@ -13,18 +13,18 @@ use rayon::prelude::*;
 
 use super::{Oracle, Promise, Row, tree};
 
-/// Of this case devices promise nothing: they may take for zero what is smaller than any normal number.
+/// Devices promise nothing for this case: they may flush subnormal numbers to zero.
 const BELOW_NORMAL: &str = "denormal extent";
 
-const STATION: &str = "tree on a device";
+const STAGE: &str = "tree on a device";
 
-/// That there are no rows, where there is no adapter.
+/// Why there are no rows if there is no adapter.
 pub(super) fn not_tried() -> Option<String> {
     let there_is_none = Gpu::open(&Choice::Best).is_err();
-    there_is_none.then(|| format!("the station \"{STATION}\", and instances on a device, for want of one"))
+    there_is_none.then(|| format!("the stage \"{STAGE}\" and instances on a device: no device"))
 }
 
-/// The rows of the best adapter; none where there is no adapter.
+/// Rows of the best adapter; empty without an adapter.
 pub(super) fn rows() -> Vec<Row> {
     let Ok(gpu) = Gpu::open(&Choice::Best) else { return vec![] };
     tree::cases().iter().flat_map(|(case, meshes)| of_case(&gpu, case, meshes)).collect()
@@ -32,10 +32,10 @@ pub(super) fn rows() -> Vec<Row> {
 
 fn of_case(gpu: &Gpu, case: &'static str, meshes: &[Mesh]) -> Vec<Row> {
     let of = |promise, oracle, unit| {
-        let promise = Promise::none(STATION, case, promise, oracle, unit);
-        if case == BELOW_NORMAL { promise.told() } else { promise }
+        let promise = Promise::none(STAGE, case, promise, oracle, unit);
+        if case == BELOW_NORMAL { promise.reported() } else { promise }
     };
-    let same = of("leaves and nodes of the CPU", Oracle::Same, "trees differ");
+    let same = of("the CPU's leaves and nodes", Oracle::Same, "trees differ");
     let contains = of("contains every vertex below a node", Oracle::Exact, "vertices outside");
     let twins: Vec<Twin> = meshes.iter().map(Twin::of).collect();
     let mut rows = vec![];
@@ -53,7 +53,7 @@ fn of_case(gpu: &Gpu, case: &'static str, meshes: &[Mesh]) -> Vec<Row> {
     rows
 }
 
-/// A mesh, and the tree that the CPU builds over it.
+/// A mesh and the tree that the CPU builds over it.
 struct Twin {
     corners: Vec<Corners>,
     tree: Tree,
@@ -72,7 +72,7 @@ impl Twin {
         Built::new(&mut Run::new(gpu), items, config).expect("a small tree")
     }
 
-    /// Whether the device's leaves or nodes are others than the CPU's.
+    /// Whether the device's leaves or nodes differ from the CPU's.
     fn differs(&self, gpu: &Gpu, built: &Built) -> bool {
         let leaves = gpu.read(&built.leaves).expect("leaves come back");
         let nodes = gpu.read(&built.trees.nodes).expect("nodes come back");
@@ -81,7 +81,7 @@ impl Twin {
         leaves != own || !same
     }
 
-    /// How many vertices stand outside of a box above them, of how many that were looked at.
+    /// How many vertices lie outside a box above them, and how many were checked.
     fn outside(&self, gpu: &Gpu, built: &Built) -> [usize; 2] {
         let obbs: Vec<Obb> = built.obbs.as_ref().map_or_else(Vec::new, |obbs| gpu.read(obbs).expect("boxes come back"));
         let sorted = lbvh::in_leaf_order(&self.corners, &self.tree.leaves);
@@ -94,7 +94,7 @@ impl Twin {
     }
 }
 
-/// A node of the CPU as a device writes it.
+/// A CPU node in the device's layout.
 fn node(node: &lbvh::Node) -> Node {
     let child = |child: Child| match child.kind() {
         ChildKind::Leaf(position) => position | 1 << 31,

@@ -1,4 +1,4 @@
-//! Sums of samples: bad ones, bright ones, many, few; on any number of threads and in any order of parts; zeros in files.
+//! Sample sums: invalid, very bright, many and few samples; any number of threads and order of parts; signed zeros in files.
 
 use std::{fs, path::Path, sync::atomic::AtomicBool};
 
@@ -12,27 +12,27 @@ use canted_trace::Watertight;
 use super::{Oracle, Promise, Row};
 
 const fn promise(case: &'static str, promise: &'static str, bound: f64, unit: &'static str) -> Promise {
-    Promise { station: "film", case, promise, oracle: Oracle::Known, bound, unit }
+    Promise { stage: "film", case, promise, oracle: Oracle::Known, bound, unit }
 }
 
-/// Pools that a picture is made on.
+/// Sizes of the thread pools.
 const N_THREADS: [usize; 4] = [1, 2, 3, 4];
-/// Sides of the tiles that they share out.
+/// Tile sizes.
 const TILES: [u32; 2] = [8, 32];
-/// Samples of a firefly's pixel.
+/// Number of samples in the firefly's pixel.
 const N_OF_FIREFLY: u32 = 1000;
 
 pub(super) fn rows() -> Vec<Row> {
     const FIREFLY: Promise = promise(
-        "one sample of 1e30, or of all that f32 holds, among 999 of one",
-        "it stays in the mean as it is: nothing is clamped, and mean and variance are numbers",
-        // A rounding of f64 each addition, and those of the quotient and of this oracle.
+        "one sample of 1e30 or f32::MAX among 999 samples of 1",
+        "not clamped; mean and variance are finite",
+        // One f64 rounding for each addition, plus those of the quotient and of this oracle.
         (N_OF_FIREFLY as f64 + 4.0) * 0.5 * f64::EPSILON,
         "relative error of the mean",
     );
     const ZEROS: Promise = Promise {
         oracle: Oracle::Same,
-        ..promise("a picture of -0.0", "the file of +0.0, byte for byte", 0.0, "files differ")
+        ..promise("a picture with -0.0", "the same file as for +0.0, byte for byte", 0.0, "files differ")
     };
     const ORDER: Promise = Promise {
         oracle: Oracle::Same,
@@ -40,28 +40,24 @@ pub(super) fn rows() -> Vec<Row> {
     };
     const PARTS: Promise = Promise {
         oracle: Oracle::Same,
-        ..promise(
-            "samples in three parts, in either order",
-            "the sums of the whole, bit for bit",
-            0.0,
-            "pictures differ",
-        )
+        ..promise("samples in three parts, two orders", "the sums of one part, bit for bit", 0.0, "pictures differ")
     };
-    const BAD: Promise = promise("a sample NaN or infinite", "counted, and in no sum", 0.0, "samples told otherwise");
+    const BAD: Promise =
+        promise("a NaN or infinite sample", "counted, and excluded from all sums", 0.0, "samples counted wrongly");
     const LONG: Promise = promise(
         "2^24 samples, then a million more",
-        "no sum stalls",
+        "the sum keeps growing",
         // A million and more additions of exact numbers below 2^53.
         0.0,
-        "off the mean",
+        "error of the mean",
     );
     const FEW: Promise =
-        promise("no sample, and one", "mean and variance are numbers, the error is unknown", 0.0, "that are not so");
+        promise("no sample; one sample", "mean and variance are finite, the error is unknown", 0.0, "that are wrong");
     const NEAR: Promise = promise(
         "a million samples of 1e4, varying by 1e-3",
-        "the variance of the mean is not negative and near the true one",
-        // The squares sum to 1e14, whose f64 steps are 2^-6: relative to the true sum of squared differences, of about
-        // 1, n roundings of the sum could be as much as 1; pairwise they are 40 · 2^-53 · 1e14 = 0.45.
+        "the variance of the mean is non-negative and close to the true one",
+        // The squares sum to 1e14, where f64 values are 2^-6 apart. Relative to the true sum of squared differences (about 1),
+        // n roundings of the sum can add up to 1; summed pairwise they are 40 · 2^-53 · 1e14 = 0.45.
         0.45,
         "relative error",
     );
@@ -90,7 +86,7 @@ pub(super) fn rows() -> Vec<Row> {
     ]
 }
 
-/// Relative error of the variance of the mean of 2^20 samples of 1e4, half of them 2^-10 more; summed in halves.
+/// Relative error of the variance of the mean of 2^20 samples of 1e4, half of them larger by 2^-10; summed pairwise.
 fn variance_error() -> f64 {
     let step = 2.0f32.powi(-10);
     let mut sums: Vec<Pixel> =
@@ -99,17 +95,17 @@ fn variance_error() -> f64 {
         sums = sums.chunks(2).map(|pair| pair.iter().copied().reduce(|a, b| a + b).unwrap_or_default()).collect();
     }
     let n = f64::from(1u32 << 20);
-    // Half a step from the mean, each of them.
+    // Each sample is half a step from the mean.
     let truth = (0.5 * f64::from(step)).powi(2) / (n - 1.0);
     (sums[0].variance_of_mean()[0] / truth - 1.0).abs()
 }
 
-/// Samples that outshine the rest.
+/// Values of the bright sample.
 fn fireflies() -> [f32; 2] {
     [1e30, f32::MAX]
 }
 
-/// Worst relative error of the mean of a firefly and ones; infinite where mean or variance is no number.
+/// Worst relative error of the mean of a firefly and ones; infinite if mean or variance is not finite.
 fn firefly_error() -> f64 {
     let error = |bright: f32| {
         let pixel = (1..N_OF_FIREFLY).fold(Pixel::of([bright; 3]), |sum, _| sum + Pixel::of([1.0; 3]));
@@ -120,23 +116,23 @@ fn firefly_error() -> f64 {
     fireflies().map(error).into_iter().fold(0.0, f64::max)
 }
 
-/// Writes a picture into a file.
+/// Writes a picture to a file.
 type Write = fn(&Path, &Picture);
 
-/// Files of negative zeros that differ from those of positive ones.
+/// Number of formats whose file differs between negative and positive zeros.
 fn zeros() -> usize {
-    let folder = tempfile::tempdir().expect("a folder for files");
+    let folder = tempfile::tempdir().expect("a temporary folder");
     let bytes = |zero: f32, write: Write| {
         let path = folder.path().join("zeros");
         write(&path, &Picture { width: 3, height: 2, pixels: vec![[zero, 0.5, zero]; 6] });
-        fs::read(path).expect("what was written")
+        fs::read(path).expect("the file was written")
     };
-    let exr = |path: &Path, picture: &Picture| write_exr(path, picture).expect("a folder for files");
-    let png = |path: &Path, picture: &Picture| write_png(path, picture).expect("a folder for files");
+    let exr = |path: &Path, picture: &Picture| write_exr(path, picture).expect("the folder is writable");
+    let png = |path: &Path, picture: &Picture| write_png(path, picture).expect("the folder is writable");
     [exr as Write, png].into_iter().filter(|&write| bytes(-0.0, write) != bytes(0.0, write)).count()
 }
 
-/// A ball above a plate, under a lamp and a sky.
+/// A sphere above a plate with a point light and a constant environment.
 fn scene() -> Scene {
     let mesh = |mesh: canted_fixtures::Mesh| {
         let parts = vec![MeshPart { first_triangle: 0, material: MaterialId(0) }];
@@ -164,19 +160,19 @@ fn settings() -> Settings {
     Settings { width: 48, height: 40, samples: 7, tile: 8, ..Settings::default() }
 }
 
-/// The scene's sums, made on so many threads.
+/// The scene's sample sums, rendered on `n_threads` threads.
 fn film(n_threads: usize, settings: &Settings) -> Film {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().expect("a few threads");
     let camera = Camera::pinhole([3.0, -4.0, 2.0], [0.0, 0.0, -0.2], [0.0, 0.0, 1.0], 45.0);
     pool.install(|| {
         let scene = scene();
-        let prepared = prepare::<Watertight>(&scene, &StructureConfig::default()).expect("a sound scene");
+        let prepared = prepare::<Watertight>(&scene, &StructureConfig::default()).expect("a valid scene");
         render(&scene, &prepared.structure, &camera, settings, &|_, _| (), &AtomicBool::new(false))
-            .expect("nobody stops it")
+            .expect("the render is not cancelled")
     })
 }
 
-/// Pictures, by threads and tiles, whose sums are other ones than those of one thread.
+/// Number of combinations of threads and tile size whose sums differ from those of one thread.
 fn n_other_pictures() -> usize {
     let want = film(1, &settings());
     let pairs = N_THREADS.iter().flat_map(|&n_threads| TILES.map(|tile| (n_threads, tile)));
@@ -185,15 +181,15 @@ fn n_other_pictures() -> usize {
     pairs.filter(is_other).count()
 }
 
-/// Orders of three parts in which their sums are other ones than those of the whole.
+/// Number of orders of three parts whose joined sums differ from a render in one part.
 fn n_other_joins() -> usize {
     let want = film(1, &settings());
     let parts = [[0, 2], [2, 5], [5, 7]].map(|part| {
         let film = film(2, &Settings { part: Some(part), ..settings() });
-        film.part().expect("a part was asked for").clone()
+        film.part().expect("the settings request a part").clone()
     });
     let of = |order: [usize; 3]| {
-        let joined = Part::join(order.map(|i| parts[i].clone()).to_vec()).expect("parts side by side");
+        let joined = Part::join(order.map(|i| parts[i].clone()).to_vec()).expect("adjacent parts");
         Film::of_part(settings().width, settings().height, joined, 0)
     };
     [[0, 1, 2], [2, 0, 1]].into_iter().filter(|&order| of(order).pixels() != want.pixels()).count()

@@ -1,6 +1,6 @@
-//! Boxes of points: containment by exact arithmetic, area beside the straight box, scale.
+//! Box fits: exact containment, area relative to the axis-aligned box, scaling.
 //!
-//! Not covered: how tight a box is on ordinary input (the report's chapter of boxes).
+//! Not covered: how tight a box is on ordinary input (the report's chapter on boxes).
 
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, Fit, FitError, Obb, fit, frame};
@@ -14,7 +14,7 @@ use crate::{
 const METHODS: [(&str, Fit); 5] =
     [("aabb", Fit::Aabb), ("pca", Fit::Pca), ("area pca", Fit::AreaPca), ("dito", Fit::Dito), ("dop", Fit::Dop)];
 
-/// Consecutive points as triangles: a surface for the method that weighs by it.
+/// Consecutive points as triangles, for the area-weighted method.
 fn strip(points: &[[f32; 3]]) -> Vec<[u32; 3]> {
     let n = u32::try_from(points.len()).expect("few points");
     (2..n).map(|i| [i - 2, i - 1, i]).collect()
@@ -24,14 +24,14 @@ fn fitted(points: &[[f32; 3]], method: Fit) -> Obb {
     fit(points, &strip(points), method).expect("finite points")
 }
 
-/// One over the other, one where both are nothing.
+/// `a / b`, or one if both are zero.
 fn ratio(a: f64, b: f64) -> f64 {
     if a == 0.0 && b == 0.0 { 1.0 } else { a / b }
 }
 
-/// Greatest dot product of two axes, or distance of an axis's square from one; two where the frame mirrors.
+/// Greatest dot product of two axes or deviation of a squared axis length from one; two if the frame is a reflection.
 ///
-/// An axis whose half-extent would exceed `f32` is a power of two long in its place: that is taken away first.
+/// An axis whose half-extent would overflow `f32` has a power of two as length, which is divided out first.
 fn skew(fitted: &Obb) -> f64 {
     let unit = |axis: [f32; 3]| {
         let axis = axis.map(f64::from);
@@ -48,9 +48,9 @@ fn skew(fitted: &Obb) -> f64 {
 pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for Cloud { case, sets } in extreme(effort) {
-        let promise = |promise, oracle, bound, unit| Promise { station: "fit", case, promise, oracle, bound, unit };
+        let promise = |promise, oracle, bound, unit| Promise { stage: "fit", case, promise, oracle, bound, unit };
         let contains = promise("contains every point", Oracle::Exact, 0.0, "points outside");
-        let area = promise("no more area than the straight box", Oracle::Exact, 1.0, "of its area");
+        let area = promise("no more area than the axis-aligned box", Oracle::Exact, 1.0, "of its area");
         let rotation = promise("a proper rotation", Oracle::Structure, frame::ORTHONORMAL_ERROR, "off orthonormal");
         let n_points: usize = sets.iter().map(Vec::len).sum();
         let boxes = METHODS.map(|(name, method)| {
@@ -75,9 +75,9 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
     [rows, refused(), scaled(effort), needles(effort), vec![subdivided()]].concat()
 }
 
-/// No points, and points that are no numbers.
+/// No points, and points that are not finite.
 fn refused() -> Vec<Row> {
-    const EMPTY: Promise = Promise::none("fit", "no point", "an error that says so", Oracle::Known, "other answers");
+    const EMPTY: Promise = Promise::none("fit", "no points", "an error", Oracle::Known, "other answers");
     const BAD: Promise =
         Promise::none("fit", "one NaN or infinity", "an error that names the point", Oracle::Known, "other answers");
     let bad = |method, x: f32| {
@@ -121,19 +121,19 @@ fn scaled(effort: usize) -> Vec<Row> {
         .collect()
 }
 
-/// Rods a million times as long as thick: what is left of the thin extents.
+/// Rods a million times longer than thick: how much the thin extents grow.
 fn needles(effort: usize) -> Vec<Row> {
-    // A point is off by half a unit in the last place of one, 2^-25, on each of three axes; so is the frame, whose longest
-    // axis moreover may follow the points: three displacements of √3·2^-25, at either end.
+    // Each point is off by half a unit in the last place of one, 2^-25, on each of three axes, and so is the frame. The longest
+    // axis may also follow the points: three displacements of √3·2^-25 at either end.
     const THICKER: f64 = 2.0 * 3.0 * 1.733 / 33_554_432.0;
     const HALF: [f64; 3] = [0.5, 5e-6, 5e-7];
     let promise = Promise {
-        station: "fit",
-        case: "rod, 1e6 : 1, turned",
-        promise: "the thin extents stay, up to the points' rounding",
+        stage: "fit",
+        case: "rod, 1e6 : 1, rotated",
+        promise: "thin extents are kept up to rounding",
         oracle: Oracle::Known,
         bound: HALF[1] + THICKER,
-        unit: "middle half-extent",
+        unit: "median half-extent",
     };
     let mut rng = SplitMix64::new(32);
     let sets: Vec<Vec<[f32; 3]>> = (0..20 * effort)
@@ -157,18 +157,18 @@ fn needles(effort: usize) -> Vec<Row> {
         .collect()
 }
 
-/// A surface whose tessellation is dense in one corner.
+/// A surface that is finely tessellated in one corner.
 fn subdivided() -> Row {
     let promise = Promise {
-        station: "fit",
-        case: "one face a thousand times as dense",
+        stage: "fit",
+        case: "one face tessellated a thousand times as densely",
         promise: "the same box: weights are areas",
         oracle: Oracle::Same,
-        // Area is of second order in the extents, each of which the frame's rounding changes.
+        // Area depends on products of two extents, each changed by the frame's rounding.
         bound: 1.0 + 2.0 * REFRAMED,
         unit: "of the area",
     };
-    // Whole coordinates, so that halving edges five times is exact.
+    // Integer coordinates, so that halving edges five times is exact.
     let edges = [[64.0f32, 0.0, 0.0], [16.0, 96.0, 0.0], [8.0, 24.0, 32.0]];
     let corner =
         |i: u32| std::array::from_fn(|k| (0..3).filter(|&a| i >> a & 1 == 1).map(|a| edges[a][k]).sum::<f32>());

@@ -1,9 +1,9 @@
-//! Whole trees, one level and two, every path and the device, on meshes and rays where rounding is large.
+//! One and two levels, every SIMD path and the device, on meshes and rays with large rounding errors.
 //!
-//! Two judges: integers, for what is certain wherever rounding may have put a vertex, of everyone; and the loop over all
-//! triangles with the same kernel, for every bit of ours. Only rays count of which something is certain, or that hit something:
-//! whoever hits nothing breaks a promise wherever one is made. Not covered: rays at shared edges of closed meshes (`watertight`),
-//! large meshes (`tests/GRAZING.md`).
+//! Two references: exact arithmetic decides for every tracer what is certain wherever rounding may have moved a vertex; the loop
+//! over all triangles with the same kernel gives every bit of our answers. Only rays count that have a certain result or a hit,
+//! so a tracer that never hits breaks every promise. Not covered: rays at shared edges of closed meshes (`watertight`), large
+//! meshes (`tests/GRAZING.md`).
 
 use canted_fixtures::{Grazing, Mesh, coplanar_quads, identical, outlier, scaffold_of, slivers, soup, thin_box};
 use canted_trace::{Hit, Ray, Watertight};
@@ -12,9 +12,9 @@ use super::{Oracle, Promise, Row};
 use crate::{
     brute,
     exact::{Margin, Verdict, near_plane, verdict},
-    judge::{self, corners},
     rays::{at_insides, from_inside, of_classes},
-    tracers::{Way, Word},
+    reference::{self, corners},
+    tracers::{Guarantee, Method},
 };
 
 /// A mesh and rays.
@@ -24,7 +24,7 @@ struct Case {
     rays: Vec<Ray>,
 }
 
-/// What is judged by integers has no end.
+/// The exact reference handles only rays without an end.
 fn is_endless(ray: &Ray) -> bool {
     ray.t_min == 0.0 && ray.t_max == f32::INFINITY
 }
@@ -38,7 +38,7 @@ fn cases(effort: usize) -> Vec<Case> {
     let n = 80 * effort;
     let base = soup(21, 60);
     let around = |mesh: &Mesh, seed: u64| {
-        let mut rays = judge::rays(mesh, n, seed);
+        let mut rays = reference::rays(mesh, n, seed);
         rays.extend(of_classes(mesh, &[Grazing::Vertices, Grazing::Edges, Grazing::Planes], n / 8, seed));
         rays.extend(from_inside(mesh, n / 4, seed));
         rays.extend(at_insides(mesh, n / 2, seed));
@@ -50,18 +50,18 @@ fn cases(effort: usize) -> Vec<Case> {
         let rays = around(&mesh, 90 + cases_seed(name));
         cases.push(Case { name, mesh, rays });
     };
-    add("of any kind", base.clone());
+    add("arbitrary rays", base.clone());
     add("at 1e-20", base.placed(|p| p.map(|x| x * 1e-20)));
     add("at 1e15", base.placed(|p| p.map(|x| x * 1e15)));
     add("denormal coordinates", base.placed(|p| p.map(|x| x * 1e-40)));
-    add("at 1e7, 5e3 large", base.placed(|p| p.map(|x| x * 5e3 + 1e7)));
+    add("at 1e7, size 5e3", base.placed(|p| p.map(|x| x * 5e3 + 1e7)));
     add("at 1e7 along x, 1e-3 across", base.placed(|p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3]));
     add("1e7 long, 1e-3 thick", base.placed(|p| [p[0] * 1e7, p[1] * 1e7, p[2] * 1e-3]));
     let (tiny, huge) = (soup(22, 30).placed(|p| p.map(|x| x * 1e-6)), soup(23, 30).placed(|p| p.map(|x| x * 1e6)));
-    add("scales over 1e12 in one mesh", tiny.joined(&huge));
-    add("slivers, some without area", slivers(8, 60));
-    add("box 1e-6 thin, turned", thin_box(1e-6).off_axis());
-    add("flat box, turned", thin_box(0.0).off_axis());
+    add("scale ratio 1e12 in one mesh", tiny.joined(&huge));
+    add("slivers, some of zero area", slivers(8, 60));
+    add("box of thickness 1e-6, rotated", thin_box(1e-6).off_axis());
+    add("flat box, rotated", thin_box(0.0).off_axis());
     add("struts", scaffold_of(1, true, 2));
     add("one outlier at 1e7", outlier(60));
     add("60 equal triangles", identical(60));
@@ -69,76 +69,78 @@ fn cases(effort: usize) -> Vec<Case> {
     for (name, scale) in
         [("directions of length 1e-30", 1e-30), ("directions of length 1e30", 1e30), ("denormal directions", 1e-38)]
     {
-        cases.push(Case { name, mesh: base.clone(), rays: of_length(&judge::rays(&base, n, 95), scale) });
+        cases.push(Case { name, mesh: base.clone(), rays: of_length(&reference::rays(&base, n, 95), scale) });
     }
     let quads = coplanar_quads(5);
     let mut rays = of_classes(&quads, &[Grazing::Axes, Grazing::Planes], n, 96);
     rays.retain(is_endless);
-    cases.push(Case { name: "along axes, in the plane of faces", mesh: quads, rays });
+    cases.push(Case { name: "axis-parallel, in face planes", mesh: quads, rays });
     cases
 }
 
-/// A seed from a name, so that cases may come and go.
+/// A seed derived from the name, so that cases can be added and removed independently.
 fn cases_seed(name: &str) -> u64 {
     name.bytes().fold(0, |sum, byte| 31 * sum % 1_000_003 + u64::from(byte))
 }
 
-/// What a device hits besides, in units of the space: kernels accept what is within `TINY`, 1e-36, of the ray on either of two
-/// axes, for they may flush what is small to zero; twice that leaves room for the flushing itself.
+/// Extra reach of device hits, in scene units: kernels accept points within `TINY` (1e-36) of the ray on two axes, because they
+/// may flush small numbers to zero; the factor of two covers the flushing itself.
 const DEVICE_UNDERFLOW: f32 = 4e-36;
 
-/// How far hits may be off: as the kernels of the CPU promise, or the device's.
-fn margin(word: Word, ray: &Ray, corners: &[[f32; 3]; 3]) -> Margin {
-    let margin = judge::margin(ray, corners);
-    let Word::Device(error) = word else { return margin };
+/// Error bound of hits: the CPU kernels' or the device's.
+fn margin(guarantee: Guarantee, ray: &Ray, corners: &[[f32; 3]; 3]) -> Margin {
+    let margin = reference::margin(ray, corners);
+    let Guarantee::Device(error) = guarantee else { return margin };
     let along = margin.along / canted_trace::HIT_ERROR * error + DEVICE_UNDERFLOW;
-    // A point that is off on each axis is off twice as far seen along the ray's, on two axes.
+    // An error on each axis doubles when seen along the ray's axis, on two axes.
     Margin { across: 2.0 * std::f32::consts::SQRT_2 * along, along }
 }
 
-/// The promise that a tree must not lose what it should hit.
-pub const PIERCED: &str = "what is certainly pierced is hit";
-/// The promise that it must not invent hits.
-pub const MISSED: &str = "nothing is hit that is certainly missed, or off its plane";
-/// The promise that no bit depends on the tree.
-pub const SAME: &str = "the loop's answers, bit for bit; a device loses nothing that it hits, but where the ray begins within its error of the plane";
+/// The promise that a BVH loses no hit.
+pub const PIERCED: &str = "certain hits are found";
+/// The promise that a BVH adds no hit.
+pub const MISSED: &str = "no certain miss is hit, and no hit is off its plane";
+/// The promise that no bit depends on the BVH.
+pub const SAME: &str = "the loop's answers, bit for bit; a device loses none of its hits, except where the ray starts within its error of the plane";
 
-/// What each way does on every case; `effort` multiplies the rays.
+/// The rows of every tracer on every case; `effort` multiplies the rays.
 #[must_use]
-pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
+pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
     let mut rows = vec![];
     for Case { name, mesh, rays } in cases(effort) {
-        // Judged once for each bound that any way has.
-        let mut judged: Vec<(f32, Vec<Vec<Verdict>>)> = vec![];
+        // Classified once for each error bound.
+        let mut checked: Vec<(f32, Vec<Vec<Verdict>>)> = vec![];
         let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
         let wants: Vec<Option<Hit>> = rays.iter().map(|ray| brute::closest_hit::<Watertight>(&records, ray)).collect();
-        let promise = |promise, oracle| Promise::none("tree of triangles", name, promise, oracle, "rays");
+        let promise = |promise, oracle| Promise::none("triangle BVH", name, promise, oracle, "rays");
         let mut by_promise: [Vec<Row>; 3] = Default::default();
-        for way in ways {
-            let tracer = way.of(&mesh);
-            let error = if let Word::Device(error) = way.word { error } else { 0.0 };
-            if judged.iter().all(|(known, _)| *known != error) {
-                judged.push((error, verdicts(&mesh, &rays, way.word)));
+        for method in methods {
+            let tracer = method.of(&mesh);
+            let error = if let Guarantee::Device(error) = method.guarantee { error } else { 0.0 };
+            if checked.iter().all(|(known, _)| *known != error) {
+                checked.push((error, verdicts(&mesh, &rays, method.guarantee)));
             }
-            let ((hits, occluded), n_cut) = way.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
-            let verdicts = judged.iter().find(|(known, _)| *known == error).map_or(&[][..], |(_, of)| of);
-            let Certain { pierced, missed } = Certain::of(way.word, &mesh, &rays, verdicts, &hits);
-            // Of a device only what it loses counts: it may hit what is nearer than its error.
-            let counts = |&i: &usize| match (way.word, &wants[i]) {
-                (Word::Device(_), want) => want.is_some_and(|want| !begins_in(way.word, &mesh, &rays[i], &want)),
+            let ((hits, occluded), n_cut) = method.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
+            let verdicts = checked.iter().find(|(known, _)| *known == error).map_or(&[][..], |(_, of)| of);
+            let Certain { pierced, missed } = Certain::of(method.guarantee, &mesh, &rays, verdicts, &hits);
+            // A device may hit anything within its error, so only lost hits count.
+            let counts = |&i: &usize| match (method.guarantee, &wants[i]) {
+                (Guarantee::Device(_), want) => {
+                    want.is_some_and(|want| !begins_in(method.guarantee, &mesh, &rays[i], &want))
+                }
                 (_, want) => want.is_some() || hits[i].is_some(),
             };
-            let differs = |&i: &usize| match way.word {
-                Word::Loop => !is_same(hits[i], wants[i]) || occluded[i] != wants[i].is_some(),
-                Word::Device(_) => hits[i].is_none() || !occluded[i],
-                Word::Peer => hits[i].is_some() != wants[i].is_some(),
+            let differs = |&i: &usize| match method.guarantee {
+                Guarantee::Loop => !is_same(hits[i], wants[i]) || occluded[i] != wants[i].is_some(),
+                Guarantee::Device(_) => hits[i].is_none() || !occluded[i],
+                Guarantee::Peer => hits[i].is_some() != wants[i].is_some(),
             };
             let same = [(0..rays.len()).filter(counts).count(), (0..rays.len()).filter(counts).filter(differs).count()];
             let counts =
                 [(PIERCED, Oracle::Exact, pierced), (MISSED, Oracle::Exact, missed), (SAME, Oracle::Loop, same)];
             for (of_promise, (words, oracle, [n, n_failed])) in by_promise.iter_mut().zip(counts) {
-                let row = promise(words, oracle).count_certain(&way.name, n, n_failed);
-                of_promise.push(Row { is_peer: way.word == Word::Peer, n_cut, ..row });
+                let row = promise(words, oracle).count_certain(&method.name, n, n_failed);
+                of_promise.push(Row { is_peer: method.guarantee == Guarantee::Peer, n_cut, ..row });
             }
         }
         rows.extend(by_promise.concat());
@@ -146,61 +148,61 @@ pub fn rows(effort: usize, ways: &[Way]) -> Vec<Row> {
     rows
 }
 
-/// Rays of which something is certain, and those of them whose answer is otherwise.
+/// Rays with a certain result: how many there are, and how many got another answer.
 pub(super) struct Certain {
-    /// Some triangle is certainly pierced: nothing is hit.
+    /// Some triangle is certainly hit: failed if there is no hit.
     pub(super) pierced: [usize; 2],
-    /// Some triangle is certainly missed, or one is hit: that one is hit, or the hit is off its plane.
+    /// A triangle is certainly missed or some triangle is hit: failed if that one is hit, or the hit is off its plane.
     pub(super) missed: [usize; 2],
 }
 
 impl Certain {
-    fn of(word: Word, mesh: &Mesh, rays: &[Ray], verdicts: &[Vec<Verdict>], hits: &[Option<Hit>]) -> Self {
+    fn of(guarantee: Guarantee, mesh: &Mesh, rays: &[Ray], verdicts: &[Vec<Verdict>], hits: &[Option<Hit>]) -> Self {
         let mut certain = Self { pierced: [0; 2], missed: [0; 2] };
         for ((ray, verdicts), hit) in rays.iter().zip(verdicts).zip(hits) {
             let is_pierced = verdicts.contains(&Verdict::Pierced);
             certain.pierced[0] += usize::from(is_pierced);
             certain.pierced[1] += usize::from(is_pierced && hit.is_none());
             certain.missed[0] += usize::from(hit.is_some() || verdicts.contains(&Verdict::Missed));
-            certain.missed[1] += usize::from(hit.is_some_and(|hit| is_invented(word, mesh, ray, verdicts, &hit)));
+            certain.missed[1] += usize::from(hit.is_some_and(|hit| is_invented(guarantee, mesh, ray, verdicts, &hit)));
         }
         certain
     }
 
-    /// What a way answers against what is certain.
-    pub(super) fn of_way(way: &Way, mesh: &Mesh, rays: &[Ray]) -> Self {
-        let verdicts = verdicts(mesh, rays, way.word);
-        Self::of(way.word, mesh, rays, &verdicts, &way.of(mesh).closest(rays))
+    /// Compares a tracer's answers with what is certain.
+    pub(super) fn of_method(method: &Method, mesh: &Mesh, rays: &[Ray]) -> Self {
+        let verdicts = verdicts(mesh, rays, method.guarantee);
+        Self::of(method.guarantee, mesh, rays, &verdicts, &method.of(mesh).closest(rays))
     }
 }
 
-/// For each ray the verdict on each triangle.
-fn verdicts(mesh: &Mesh, rays: &[Ray], word: Word) -> Vec<Vec<Verdict>> {
+/// The verdict for each ray and triangle.
+fn verdicts(mesh: &Mesh, rays: &[Ray], guarantee: Guarantee) -> Vec<Vec<Verdict>> {
     let of = |ray: &Ray| {
         let triangle = |triangle| {
             let corners = corners(mesh, triangle);
-            verdict(ray, corners, &margin(word, ray, &corners))
+            verdict(ray, corners, &margin(guarantee, ray, &corners))
         };
         mesh.triangles.iter().map(triangle).collect()
     };
     rays.iter().map(of).collect()
 }
 
-/// Whether the triangle that is hit is certainly missed, or the hit is off its plane.
-fn is_invented(word: Word, mesh: &Mesh, ray: &Ray, verdicts: &[Verdict], hit: &Hit) -> bool {
+/// Whether the hit triangle is certainly missed, or the hit is off its plane.
+fn is_invented(guarantee: Guarantee, mesh: &Mesh, ray: &Ray, verdicts: &[Verdict], hit: &Hit) -> bool {
     let id = hit.primitive.index();
     let corners = corners(mesh, &mesh.triangles[id]);
-    let is_near = || hit.t.is_finite() && near_plane(ray, hit.t, corners, margin(word, ray, &corners).along);
+    let is_near = || hit.t.is_finite() && near_plane(ray, hit.t, corners, margin(guarantee, ray, &corners).along);
     verdicts[id] == Verdict::Missed || !is_near()
 }
 
-/// Whether a ray without end begins so near the plane of the triangle that it hits that either side of its start is right.
-fn begins_in(word: Word, mesh: &Mesh, ray: &Ray, hit: &Hit) -> bool {
+/// Whether a ray starts so close to the plane of the hit triangle that it may start on either side.
+fn begins_in(guarantee: Guarantee, mesh: &Mesh, ray: &Ray, hit: &Hit) -> bool {
     let corners = corners(mesh, &mesh.triangles[hit.primitive.index()]);
-    near_plane(ray, ray.t_min, corners, margin(word, ray, &corners).along)
+    near_plane(ray, ray.t_min, corners, margin(guarantee, ray, &corners).along)
 }
 
-/// Whether two answers are the same bits; `==` would take -0.0 for 0.0.
+/// Whether two answers have the same bits; `==` does not distinguish -0.0 from 0.0.
 pub(super) fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
     let bits = |hit: Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive, hit.instance, hit.side);
     a.map(bits) == b.map(bits)

@@ -1,6 +1,6 @@
-//! Placed meshes: mirrored, sheared, nearly singular, far off; hits judged in world space against the exact image.
+//! Instances: mirrored, sheared, nearly singular, far away; hits are compared in world space with the exact image.
 //!
-//! Not covered: seams between instances, which no promise closes (`ARCHITECTURE.md`); what moves (`instances/moving.rs`).
+//! Not covered: gaps between instances, which nothing closes (`ARCHITECTURE.md`); motion (`instances/moving.rs`).
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, soup};
 use canted_gpu::{Choice, Gpu, TracedScene};
@@ -17,12 +17,12 @@ use crate::{
     brute,
     distance::distance,
     instances as oracle,
-    tracers::{Way, Word},
+    tracers::{Guarantee, Method},
     transforms::affine,
 };
 
-/// Placements by name.
-fn places() -> Vec<(&'static str, Affine)> {
+/// Transforms by name.
+fn placements() -> Vec<(&'static str, Affine)> {
     let turn = Rotation::off_axis();
     let mut sheared = affine(&turn, [1.0; 3], [0.3, 0.1, -2.0]);
     sheared.columns[1][0] += 0.9;
@@ -32,7 +32,7 @@ fn places() -> Vec<(&'static str, Affine)> {
         ("scaled by 1e2, 1e-3 and 1", affine(&turn, [1e2, 1e-3, 1.0], [5.0, 5.0, 5.0])),
         ("scaled by 1e-6", affine(&turn, [1e-6; 3], [0.0; 3])),
         ("scaled by 1e6", affine(&turn, [1e6; 3], [0.0; 3])),
-        ("1e-3 large at 1e7", affine(&turn, [1e-3; 3], [1e7, -1e7, 1e7])),
+        ("size 1e-3 at 1e7", affine(&turn, [1e-3; 3], [1e7, -1e7, 1e7])),
         (
             "condition just below 2^10",
             affine(&Rotation::IDENTITY, [1.0, 1.0, 1.01 / canted_gpu::MAX_CONDITION], [0.5; 3]),
@@ -41,7 +41,7 @@ fn places() -> Vec<(&'static str, Affine)> {
     ]
 }
 
-/// Rays in world space at vertices, edges and triangles of the placed mesh.
+/// World-space rays at vertices, edges and triangles of the instanced mesh.
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 fn rays(mesh: &Mesh, world_from_object: &Affine, n: usize) -> Vec<Ray> {
     let mut rng = SplitMix64::new(110);
@@ -57,34 +57,34 @@ fn rays(mesh: &Mesh, world_from_object: &Affine, n: usize) -> Vec<Ray> {
     (0..n).map(ray).filter(|ray| ray.direction.iter().any(|&d| d != 0.0)).collect()
 }
 
-/// A mesh where it stands, by the words of who answers.
-struct Place<'a> {
+/// A mesh with its transform.
+struct Placement<'a> {
     mesh: &'a Mesh,
     world_from_object: Affine,
     /// Greatest coordinate of the mesh.
     reach: f32,
 }
 
-impl Place<'_> {
-    /// Distance of a hit from where it should be, over what is promised; all in `f64`, whose roundings are a billionth of it.
-    fn of_promised(&self, word: Word, ray: &Ray, hit: &Hit) -> f64 {
+impl Placement<'_> {
+    /// Distance of a hit from its exact position relative to the bound, in `f64`, whose rounding is a billionth of the bound.
+    fn of_promised(&self, guarantee: Guarantee, ray: &Ray, hit: &Hit) -> f64 {
         let Self { mesh, world_from_object, reach } = self;
-        if let Word::Device(_) = word {
+        if let Guarantee::Device(_) = guarantee {
             return self.off_device(ray, hit.t, hit);
         }
-        // Of the point on the ray from the image of the point by weights.
+        // Distance between the point on the ray and the image of the barycentric point.
         let [a, b, c] = mesh.corners(hit.primitive.index());
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));
         let object: [f64; 3] = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
         let (image, on_ray) = (world_from_object.point_f64(object), ray.at(f64::from(hit.t)));
-        // The weights are rounded too: by a unit of two edges, which the bound on the point leaves out.
+        // The barycentric weights are rounded too: one unit of two edges, which the bound on the point does not include.
         let weights = f64::from(f32::EPSILON) * norm(world_from_object) * f64::from(*reach);
         let distances = [0, 1, 2].map(|k| (image[k] - on_ray[k]).abs());
         let distance = distances.iter().fold(0.0, greater);
         distance / (oracle::hit_error(world_from_object, *reach, ray) + weights)
     }
 
-    /// Distance of a point on the ray from the triangle that was hit, over what a device promises.
+    /// Distance of a point on the ray from the hit triangle, relative to the device's bound.
     fn off_device(&self, ray: &Ray, t: f32, hit: &Hit) -> f64 {
         let Self { mesh, world_from_object, reach } = self;
         let corners = mesh.corners(hit.primitive.index()).map(|corner| world_from_object.point_f64(corner));
@@ -92,13 +92,13 @@ impl Place<'_> {
         distance(ray.at(f64::from(t)), corners) / promised
     }
 
-    /// Whether a ray begins so near the triangle that a device may take it to begin on either side.
+    /// Whether a ray starts so close to the triangle that a device may place the start on either side.
     fn begins_in(&self, ray: &Ray, hit: &Hit) -> bool {
         self.off_device(ray, ray.t_min, hit) <= 1.0
     }
 }
 
-/// The greater of two, and what is not a number where either is not: `f64::max` would forget it.
+/// The greater of two, or NaN if either is NaN, which `f64::max` would drop.
 fn greater(all: f64, &x: &f64) -> f64 {
     if x > all || x.is_nan() { x } else { all }
 }
@@ -108,50 +108,52 @@ fn norm(map: &Affine) -> f64 {
     (0..3).map(|k| map.columns[..3].iter().map(|column| f64::from(column[k].abs())).sum()).fold(0.0, f64::max)
 }
 
-/// What these ways do: ours at every place that their kind takes, and of peers whether anything is hit, for they may round the ray
-/// or the vertices, and none says what it does.
+/// The rows of these tracers: ours for every transform that they accept; for peers only whether anything is hit, because they may
+/// round the ray or the vertices in undocumented steps.
 #[must_use]
-pub fn rows(effort: usize, ways: &[&Way]) -> Vec<Row> {
+pub fn rows(effort: usize, methods: &[&Method]) -> Vec<Row> {
     let mut rows = vec![];
     let mesh = &soup(25, 80);
     let reach = mesh.positions.iter().flatten().fold(0.0f32, |all, x| all.max(x.abs()));
     let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
-    for (name, world_from_object) in places() {
+    for (name, world_from_object) in placements() {
         let same = Promise::none("instance", name, SAME, Oracle::Loop, "rays");
         let near = Promise { promise: NEAR, oracle: Oracle::Known, bound: 1.0, unit: "of the stated error", ..same };
-        let place = Place { mesh, world_from_object, reach };
+        let placement = Placement { mesh, world_from_object, reach };
         let rays = rays(mesh, &world_from_object, 300 * effort);
         let trace = |_: usize, ray: &Ray| brute::closest_hit::<Watertight>(&records, ray);
         let wants: Vec<_> = rays.iter().map(|ray| oracle::closest_hit(&[world_from_object], ray, trace)).collect();
         let mut by_promise: [Vec<Row>; 2] = Default::default();
         let is_ill = oracle::condition(&world_from_object) > canted_gpu::MAX_CONDITION;
-        for way in ways.iter().filter(|way| !(is_ill && matches!(way.word, Word::Device(_)))) {
-            let tracer = (way.make)(mesh, &world_from_object);
-            let ((hits, occluded), n_cut) = way.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
-            let differs = |i: usize| match (way.word, wants[i], hits[i]) {
-                (Word::Loop, want, hit) => !is_same(hit, want) || occluded[i] != want.is_some(),
-                (Word::Peer, want, hit) => hit.is_some() != want.is_some(),
-                (Word::Device(_), None, _) => false,
-                (Word::Device(_), Some(_), None) => true,
-                // What is hit later must be within the error of what is nearer.
-                (Word::Device(_), Some(want), Some(hit)) => {
-                    !occluded[i] || hit.t > want.t && place.off_device(&rays[i], hit.t, &want) > 1.0
+        for method in methods.iter().filter(|method| !(is_ill && matches!(method.guarantee, Guarantee::Device(_)))) {
+            let tracer = (method.make)(mesh, &world_from_object);
+            let ((hits, occluded), n_cut) = method.with_cuts(|| (tracer.closest(&rays), tracer.occluded(&rays)));
+            let differs = |i: usize| match (method.guarantee, wants[i], hits[i]) {
+                (Guarantee::Loop, want, hit) => !is_same(hit, want) || occluded[i] != want.is_some(),
+                (Guarantee::Peer, want, hit) => hit.is_some() != want.is_some(),
+                (Guarantee::Device(_), None, _) => false,
+                (Guarantee::Device(_), Some(_), None) => true,
+                // A farther hit must be within the error of the nearer one.
+                (Guarantee::Device(_), Some(want), Some(hit)) => {
+                    !occluded[i] || hit.t > want.t && placement.off_device(&rays[i], hit.t, &want) > 1.0
                 }
             };
-            // Of a device only what it loses counts.
-            let counts = |&i: &usize| match way.word {
-                Word::Device(_) => wants[i].is_some_and(|want| !place.begins_in(&rays[i], &want)),
-                Word::Loop | Word::Peer => true,
+            // For a device only lost hits count.
+            let counts = |&i: &usize| match method.guarantee {
+                Guarantee::Device(_) => wants[i].is_some_and(|want| !placement.begins_in(&rays[i], &want)),
+                Guarantee::Loop | Guarantee::Peer => true,
             };
             let counted: Vec<usize> = (0..rays.len()).filter(counts).collect();
             let n_other = counted.iter().filter(|&&i| differs(i)).count();
-            let is_peer = way.word == Word::Peer;
-            by_promise[0].push(Row { is_peer, n_cut, ..same.count_certain(&way.name, counted.len(), n_other) });
+            let is_peer = method.guarantee == Guarantee::Peer;
+            by_promise[0].push(Row { is_peer, n_cut, ..same.count_certain(&method.name, counted.len(), n_other) });
             if !is_peer {
-                let share = |(ray, hit): (&Ray, &Option<Hit>)| Some(place.of_promised(way.word, ray, hit.as_ref()?));
+                let share = |(ray, hit): (&Ray, &Option<Hit>)| {
+                    Some(placement.of_promised(method.guarantee, ray, hit.as_ref()?))
+                };
                 let shares: Vec<f64> = rays.iter().zip(&hits).filter_map(share).collect();
                 let worst = shares.iter().fold(0.0, greater);
-                by_promise[1].push(Row { n_cut, ..near.row(&way.name, shares.len(), worst) });
+                by_promise[1].push(Row { n_cut, ..near.row(&method.name, shares.len(), worst) });
             }
         }
         rows.extend(by_promise.concat());
@@ -160,17 +162,17 @@ pub fn rows(effort: usize, ways: &[&Way]) -> Vec<Row> {
     rows
 }
 
-/// The promise that hits are where they should be.
+/// The promise about the positions of hits.
 pub const NEAR: &str = "hits lie on the image of their triangle";
 
-/// Transforms that leave too little of object space, on the CPU and on the best device, if there is one.
+/// Transforms that are too close to singular, on the CPU and on the best device if there is one.
 fn refused(mesh: &Mesh) -> Vec<Row> {
     const REFUSED: Promise = Promise::none(
         "instance",
         "singular; condition above 2^20; NaN, infinity",
         "an error that names the instance",
         Oracle::Known,
-        "transforms taken",
+        "transforms accepted",
     );
     const ON_DEVICE: Promise =
         Promise { case: "singular; condition above 2^10, on a device; NaN, infinity", ..REFUSED };

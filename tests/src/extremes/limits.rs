@@ -1,8 +1,8 @@
-//! More than a tree can name: an error that says how many, before anything is looked at.
+//! Inputs above the limits: an error with the count, before the input is read.
 //!
-//! Not covered: just at the limits, and above those of 2^30 triangles in memory and of 2^26 instances, for which machines are too
-//! small; the crates' own tests go there with smaller limits (`emit/tests.rs` of `canted-wide`, `corners.rs` of `canted-lbvh`, `tlas.rs`
-//! of `canted-tlas`, `prepare.rs` of `canted-renderer`).
+//! Not covered: inputs just at the limits, and above those of 2^30 triangles in memory and of 2^26 instances, which need too much
+//! memory; the crates' own tests use smaller limits (`emit/tests.rs` of `canted-wide`, `corners.rs` of `canted-lbvh`, `tlas.rs` of
+//! `canted-tlas`, `prepare.rs` of `canted-renderer`).
 
 use std::fmt::Display;
 
@@ -15,7 +15,7 @@ use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit
 
 use super::{Oracle, Promise, Row};
 
-/// A shape without memory, of which a tree of any number can be asked for; whoever looks at it finds it flawed.
+/// A zero-sized shape, so that any number of them fits in memory; its bounds are invalid, so reading one is an error.
 #[derive(Clone, Copy)]
 struct Flawed;
 
@@ -29,48 +29,51 @@ impl Primitive for Flawed {
     }
 }
 
-/// Triangles of [`scene`]'s mesh.
+/// Number of triangles in the mesh of [`scene`].
 const OF_MESH: usize = 1 << 14;
 
-/// A mesh placed so often that there are `n` triangles and a mesh more; whoever looks at it misses its vertices.
+/// A mesh instanced so often that there are more than `n` triangles; it has no vertices, so reading it is an error.
 fn scene(n: usize) -> Scene {
-    let place = Instance {
+    let instance = Instance {
         mesh: MeshId(0),
         world_from_object: Affine::IDENTITY,
         world_from_object_close: None,
         first_primitive: 0,
     };
     let mesh = Mesh { triangles: vec![[7, 8, 9]; OF_MESH], ..Mesh::default() };
-    Scene { meshes: vec![mesh], instances: vec![place; n / OF_MESH + 1], ..Scene::default() }
+    Scene { meshes: vec![mesh], instances: vec![instance; n / OF_MESH + 1], ..Scene::default() }
 }
 
-/// Whether it is refused for the number, and says it.
-fn is_told<T>(built: Result<T, impl Display>, n: usize) -> bool {
+/// Whether the error message starts with the count.
+fn is_reported<T>(built: Result<T, impl Display>, n: usize) -> bool {
     built.is_err_and(|error| error.to_string().starts_with(&format!("{n} ")))
 }
 
 pub(super) fn rows() -> Vec<Row> {
-    const TOLD: Promise = Promise::none(
+    const REPORTED: Promise = Promise::none(
         "limits",
-        "more than a tree can name: 2^27 triangles, 2^26 shapes, 2^30 triangles under a binary tree",
-        "an error that says how many, before any is looked at",
+        "above the limits: 2^27 triangles, 2^26 shapes, 2^30 triangles in a binary BVH",
+        "an error with the count, before the input is read",
         Oracle::Known,
-        "inputs taken",
+        "inputs accepted",
     );
     let mut rows = vec![];
-    let mut row = |routine: &str, is_told: bool| rows.push(TOLD.count(routine, 1, usize::from(!is_told)));
-    // The system lends pages of zeros, and takes them back unread.
+    let mut row = |routine: &str, is_reported: bool| rows.push(REPORTED.count(routine, 1, usize::from(!is_reported)));
+    // The system maps zero pages lazily, so the memory is never touched.
     let triangles = vec![[0u32; 3]; MAX_TRIANGLES + 1];
-    row("Wide::build", is_told(TriangleBvh::<Watertight>::build(&[], &triangles, &Config::default()), triangles.len()));
+    row(
+        "Wide::build",
+        is_reported(TriangleBvh::<Watertight>::build(&[], &triangles, &Config::default()), triangles.len()),
+    );
     let shapes = vec![Flawed; MAX_PRIMITIVES + 1];
-    row("WideBvh::build", is_told(WideBvh::<Flawed>::build(shapes, &Config::default()), MAX_PRIMITIVES + 1));
+    row("WideBvh::build", is_reported(WideBvh::<Flawed>::build(shapes, &Config::default()), MAX_PRIMITIVES + 1));
     let one = StructureConfig { levels: Levels::One, ..StructureConfig::default() };
     let crowd = scene(MAX_TRIANGLES);
-    row("prepare, one level", is_told(prepare::<Watertight>(&crowd, &one), crowd.n_placed_triangles()));
+    row("prepare, one level", is_reported(prepare::<Watertight>(&crowd, &one), crowd.n_placed_triangles()));
     let crowd = scene(canted_lbvh::MAX_PRIMITIVES);
     let binary = StructureConfig { accel: Accel::Binary { strategy: Strategy::Dop, builder: None }, ..one };
-    row("prepare, one binary level", is_told(prepare::<Watertight>(&crowd, &binary), crowd.n_placed_triangles()));
-    row("flatten", is_told(flatten(&crowd), crowd.n_placed_triangles()));
+    row("prepare, one binary level", is_reported(prepare::<Watertight>(&crowd, &binary), crowd.n_placed_triangles()));
+    row("flatten", is_reported(flatten(&crowd), crowd.n_placed_triangles()));
     rows
 }
 
@@ -79,11 +82,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_takes_it_or_says_no_number_is_seen() {
-        assert!(is_told(Err::<(), _>("9 triangles are more than a tree can hold"), 9));
-        assert!(!is_told(Ok::<_, String>(()), 9));
+    fn the_check_detects_success_and_a_missing_count() {
+        assert!(is_reported(Err::<(), _>("9 triangles exceed the limit"), 9));
+        assert!(!is_reported(Ok::<_, String>(()), 9));
         for error in ["99 triangles are too many", "triangle 9 has no vertices"] {
-            assert!(!is_told(Err::<(), _>(error), 9), "{error}");
+            assert!(!is_reported(Err::<(), _>(error), 9), "{error}");
         }
     }
 }

@@ -1,16 +1,16 @@
-//! Rays that are none, in a batch with others: a number that is not finite, no direction, an interval that ends before it begins.
+//! Invalid rays in a batch with valid ones: not finite, zero direction, empty interval.
 
 use canted_fixtures::soup;
 use canted_trace::{Hit, Ray};
 
 use super::{Oracle, Promise, Row};
 use crate::{
-    judge,
-    tracers::{Way, Word},
+    reference,
+    tracers::{Guarantee, Method},
 };
 
-/// What a ray becomes when it is spoilt.
-fn spoilt(ray: &Ray) -> Vec<Ray> {
+/// Invalid variants of a ray.
+fn invalid(ray: &Ray) -> Vec<Ray> {
     let mut rays = vec![
         Ray { direction: [0.0, -0.0, 0.0], ..*ray },
         Ray { t_min: f32::NAN, ..*ray },
@@ -28,36 +28,36 @@ fn spoilt(ray: &Ray) -> Vec<Ray> {
     rays
 }
 
-pub(super) fn rows(ways: &[Way]) -> Vec<Row> {
+pub(super) fn rows(methods: &[Method]) -> Vec<Row> {
     const NONE: Promise = Promise::none(
-        "tree of triangles",
-        "NaN, infinity, no direction, an empty interval",
-        "nothing is hit",
+        "triangle BVH",
+        "NaN, infinity, zero direction, empty interval",
+        "no hit",
         Oracle::Known,
         "rays hit",
     );
     const BESIDE: Promise = Promise {
-        promise: "the rays among them are answered as without them",
+        promise: "valid rays in the batch are unaffected",
         oracle: Oracle::Same,
         unit: "rays differ",
         ..NONE
     };
     let mesh = soup(26, 60);
-    let good = judge::rays(&mesh, 60, 97);
-    // One good ray, then all that became of it.
+    let good = reference::rays(&mesh, 60, 97);
+    // One valid ray, then all its invalid variants.
     let mixed: Vec<(bool, Ray)> = good
         .iter()
-        .flat_map(|ray| std::iter::once((true, *ray)).chain(spoilt(ray).into_iter().map(|ray| (false, ray))))
+        .flat_map(|ray| std::iter::once((true, *ray)).chain(invalid(ray).into_iter().map(|ray| (false, ray))))
         .collect();
     let rays: Vec<Ray> = mixed.iter().map(|&(_, ray)| ray).collect();
     let mut by_promise: [Vec<Row>; 2] = Default::default();
-    for way in ways {
-        let tracer = way.of(&mesh);
+    for method in methods {
+        let tracer = method.of(&mesh);
         let ask = |rays: &[Ray]| {
             let short = |hit: Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
             tracer.closest(rays).into_iter().map(short).zip(tracer.occluded(rays)).collect::<Vec<_>>()
         };
-        let ((alone, among), n_cut) = way.with_cuts(|| (ask(&good), ask(&rays)));
+        let ((alone, among), n_cut) = method.with_cuts(|| (ask(&good), ask(&rays)));
         let of = |is_good: bool| {
             mixed.iter().zip(&among).filter(move |((good, _), _)| *good == is_good).map(|(_, found)| *found)
         };
@@ -65,7 +65,11 @@ pub(super) fn rows(ways: &[Way]) -> Vec<Row> {
         let n_other = of(true).zip(&alone).filter(|(among, alone)| among != *alone).count();
         let counts = [(rays.len() - good.len(), n_hit), (good.len(), n_other)];
         for ((of_promise, promise), (n, n_failed)) in by_promise.iter_mut().zip([NONE, BESIDE]).zip(counts) {
-            of_promise.push(Row { is_peer: way.word == Word::Peer, n_cut, ..promise.count(&way.name, n, n_failed) });
+            of_promise.push(Row {
+                is_peer: method.guarantee == Guarantee::Peer,
+                n_cut,
+                ..promise.count(&method.name, n, n_failed)
+            });
         }
     }
     by_promise.concat()

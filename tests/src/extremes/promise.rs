@@ -1,30 +1,30 @@
-//! What is promised of a station, and what a routine did.
+//! A promise about a stage, and the result of a routine.
 
-/// What says whether a promise was kept.
+/// What decides whether a promise holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Oracle {
-    /// Integers or fractions on the same bits of input.
+    /// Exact arithmetic on the bits of the input.
     Exact,
     /// A loop over all triangles with the same test.
     Loop,
-    /// The routine itself on an input whose answer must be the same, or known from this one's.
+    /// The same routine on an equivalent input.
     Same,
-    /// What a sound result looks like, by definition.
+    /// Properties required by definition.
     Structure,
     /// Singular values or eigenvalues by Jacobi's method in `f64`.
     Jacobi,
-    /// An answer known in closed form.
+    /// A result known in closed form.
     Known,
 }
 
 impl Oracle {
-    /// A few words for tables.
+    /// Short text for tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Exact => "exact arithmetic",
-            Self::Loop => "every triangle",
-            Self::Same => "the same in other words",
+            Self::Loop => "loop over all triangles",
+            Self::Same => "equivalent input",
             Self::Structure => "definition",
             Self::Jacobi => "Jacobi in f64",
             Self::Known => "closed form",
@@ -32,76 +32,76 @@ impl Oracle {
     }
 }
 
-/// How a row's value counts its inputs.
+/// What a row's value is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measure {
-    /// The inputs that failed.
+    /// The number of failed inputs.
     Failed,
-    /// The worst of all inputs, in the promise's unit.
+    /// The worst value over all inputs, in the promise's unit.
     Worst,
-    /// A part of what the promise's unit names, between nothing and one.
+    /// The fraction of inputs for which the unit applies, between zero and one.
     Share,
 }
 
-/// What is promised of a station on one kind of input.
+/// What is promised about a stage for one kind of input.
 #[derive(Clone, Copy, Debug)]
 pub struct Promise {
-    /// The station: `fit`, `merge`, and so on.
-    pub station: &'static str,
+    /// The stage: `fit`, `merge`, and so on.
+    pub stage: &'static str,
     /// The kind of input.
     pub case: &'static str,
-    /// The promise, in words.
+    /// The promise as text.
     pub promise: &'static str,
-    /// What judges it.
+    /// The reference.
     pub oracle: Oracle,
-    /// Greatest value of a row that keeps it; infinite where the value is told and nothing is promised of it.
+    /// Greatest value that satisfies the promise; infinite if the value is only reported.
     pub bound: f64,
-    /// What the values count.
+    /// Unit of the values.
     pub unit: &'static str,
 }
 
 impl Promise {
-    /// A promise of which a count of failures says everything: there may be none.
+    /// A promise that allows no failure.
     #[must_use]
     pub const fn none(
-        station: &'static str,
+        stage: &'static str,
         case: &'static str,
         promise: &'static str,
         oracle: Oracle,
         unit: &'static str,
     ) -> Self {
-        Self { station, case, promise, oracle, bound: 0.0, unit }
+        Self { stage, case, promise, oracle, bound: 0.0, unit }
     }
 
-    /// The same without a bound: the value is told, and nothing is promised of it.
+    /// The same without a bound: the value is only reported.
     #[must_use]
-    pub const fn told(self) -> Self {
+    pub const fn reported(self) -> Self {
         Self { bound: f64::INFINITY, ..self }
     }
 
-    /// What a routine of ours did at worst.
+    /// The worst value of one of our routines.
     #[must_use]
     pub fn row(&self, routine: impl Into<String>, n_inputs: usize, worst: f64) -> Row {
         let measure = Measure::Worst;
         Row { promise: *self, routine: routine.into(), is_peer: false, n_inputs, worst, measure, n_cut: 0 }
     }
 
-    /// How often a routine of ours failed.
+    /// The number of failures of one of our routines.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "counts far below 2^52")]
     pub fn count(&self, routine: impl Into<String>, n_inputs: usize, n_failed: usize) -> Row {
         Row { measure: Measure::Failed, ..self.row(routine, n_inputs, n_failed as f64) }
     }
 
-    /// How often a routine of ours failed on the inputs of which something is certain; where none is, that is told, for a
-    /// promise of nothing is kept by whoever answers nothing.
+    /// The number of failures of one of our routines on inputs with a certain result. Without any such input the row is only
+    /// reported, because a routine that does nothing would pass.
     #[must_use]
     pub fn count_certain(&self, routine: impl Into<String>, n_certain: usize, n_failed: usize) -> Row {
-        let promise = if n_certain == 0 { self.told() } else { *self };
+        let promise = if n_certain == 0 { self.reported() } else { *self };
         promise.count(routine, n_certain, n_failed)
     }
 
-    /// Of how many inputs a routine of ours did what is told.
+    /// The fraction of inputs for which the unit applies.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "counts far below 2^52")]
     pub fn share(&self, routine: impl Into<String>, n_inputs: usize, n_so: usize) -> Row {
@@ -109,39 +109,39 @@ impl Promise {
     }
 }
 
-/// What one routine did on one case.
+/// The result of one routine on one case.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// What was promised.
+    /// The promise.
     pub promise: Promise,
-    /// Who was asked.
+    /// Name of the routine.
     pub routine: String,
-    /// Whether it is another project's, of which nothing is promised.
+    /// Whether it belongs to another project, which promises nothing.
     pub is_peer: bool,
-    /// Inputs tried, of those that say anything about the promise.
+    /// Number of inputs that are relevant to the promise.
     pub n_inputs: usize,
-    /// The worst value over all of them, or how many failed.
+    /// The worst value over all of them, or the number of failures.
     pub worst: f64,
-    /// Which of these it is.
+    /// What `worst` is.
     pub measure: Measure,
-    /// Answers that the CPU gave because a driver cut the device's walk short.
+    /// Queries answered by the CPU because a driver ended the device's traversal early.
     pub n_cut: usize,
 }
 
 impl Row {
-    /// Whether ours promises it: neither a peer's nor one that is only told.
+    /// Whether the row is a promise of ours: neither a peer's nor only reported.
     #[must_use]
     pub fn is_promise(&self) -> bool {
         !self.is_peer && self.promise.bound.is_finite()
     }
 
-    /// Whether the promise was kept; what is not a number keeps none.
+    /// Whether the value satisfies the bound; NaN does not.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.n_inputs > 0 && self.worst <= self.promise.bound
     }
 
-    /// Whether a promise of ours was not kept.
+    /// Whether it is a promise of ours that does not hold.
     #[must_use]
     pub fn is_broken(&self) -> bool {
         self.is_promise() && !self.holds()
@@ -155,13 +155,13 @@ mod tests {
     const PROMISE: Promise = Promise::none("fit", "a case", "holds", Oracle::Exact, "points");
 
     #[test]
-    fn no_input_and_no_number_keep_no_promise() {
+    fn a_row_without_inputs_or_with_nan_does_not_hold() {
         assert!(!PROMISE.count("a", 0, 0).holds());
         assert!(!PROMISE.row("a", 1, f64::NAN).holds());
     }
 
     #[test]
-    fn what_is_certain_of_nothing_is_told() {
+    fn a_row_without_certain_inputs_promises_nothing() {
         let row = PROMISE.count_certain("a", 0, 0);
         assert!(!row.is_promise() && !row.is_broken());
         assert!(PROMISE.count_certain("a", 1, 1).is_broken() && !PROMISE.count_certain("a", 1, 0).is_broken());

@@ -1,4 +1,4 @@
-//! Rotations out of matrices: the measured failures of the source by name, beside the source's listing in both its forms.
+//! Rotations extracted from matrices, including the measured failures of the source, compared with both variants of its listing.
 
 use std::f64::consts::PI;
 
@@ -16,30 +16,30 @@ use crate::{
     vector::{Vector, dot},
 };
 
-/// Noise of torque and trace: the extraction's own, 64 roundings of `f64`, and as much for the oracle.
+/// Rounding noise of torque and trace: 64 roundings of `f64` for the extraction, and as many for the oracle.
 const NOISE: f64 = 128.0 * f64::EPSILON;
 
-/// The source's iteration, with its guard in either place.
+/// The source's iteration with one of the two guards.
 type Listing = fn(Matrix, usize) -> (Quaternion, usize);
 
-/// Turns after which the listing gives up.
+/// Iteration limit of the listing.
 const CAP: usize = 1000;
 
-/// Residual of an eigenvector: each turn rounds an entry a few times; six sweeps of three, doubled.
+/// Residual of an eigenvector: each rotation rounds an entry a few times; six sweeps of three rotations, doubled.
 const RESIDUAL: f64 = 128.0 * f64::EPSILON;
 
 fn promise(case: &'static str, promise: &'static str, oracle: Oracle, bound: f64, unit: &'static str) -> Promise {
-    Promise { station: "rotation", case, promise, oracle, bound, unit }
+    Promise { stage: "rotation", case, promise, oracle, bound, unit }
 }
 
-/// Matrices of one kind and the rotations in them.
+/// Matrices of one kind with their known rotations.
 struct Known {
     case: &'static str,
     bound: f64,
     inputs: Vec<(Matrix, Quaternion)>,
 }
 
-/// `turn` times a stretch by `values` along random axes, or along those of the space.
+/// `turn` times a stretch by `values` along random axes, or along the coordinate axes.
 fn stretched(turn: Quaternion, values: Vector, axes: Option<&mut SplitMix64>) -> Matrix {
     let v = axes.map_or(diagonal([1.0; 3]), |rng| random_rotation(rng).columns());
     times(turn.columns(), times(v, times(diagonal(values), transposed(v))))
@@ -54,17 +54,17 @@ fn known(effort: usize) -> Vec<Known> {
         ("condition 1e12, one small value", [1.0, 1.0, 1e-12]),
         ("condition 1e6, two small values", [1.0, 1e-6, 1e-6]),
         ("condition 1e12, two small values", [1.0, 1e-12, 1e-12]),
-        ("condition 1e12, values apart", [1.0, 1e-6, 1e-12]),
+        ("condition 1e12, three distinct values", [1.0, 1e-6, 1e-12]),
     ] {
         let turn = |rng: &mut SplitMix64| {
             let turn = random_rotation(rng);
             (stretched(turn, values, Some(rng)), turn)
         };
-        // Noise over the least resistance to a turn, that about the first axis.
+        // Noise divided by the least stiffness, that of a rotation about the first axis.
         let bound = 8.0 * NOISE / (values[1] + values[2]);
         kinds.push(Known { case, bound, inputs: (0..n).map(|_| turn(&mut rng)).collect() });
     }
-    for (case, degrees) in [("179.999° away", 179.999_f64), ("180° away, to the bit of f64", 180.0)] {
+    for (case, degrees) in [("rotation by 179.999°", 179.999_f64), ("rotation by 180°, exact in f64", 180.0)] {
         let turn = |rng: &mut SplitMix64| {
             let turn = Quaternion::from_axis_angle(random_rotation(rng).columns()[0], degrees.to_radians());
             (stretched(turn, [5.0, 2.0, 0.1], None), turn)
@@ -75,7 +75,7 @@ fn known(effort: usize) -> Vec<Known> {
         let a = diagonal(signs);
         (a, Quaternion::from_columns(a))
     });
-    kinds.push(Known { case: "half turns about the axes", bound: 0.0, inputs: halves.to_vec() });
+    kinds.push(Known { case: "half turns about the coordinate axes", bound: 0.0, inputs: halves.to_vec() });
     let rank_two = |rng: &mut SplitMix64| {
         let (u, v) = (random_rotation(rng), random_rotation(rng));
         let a = times(u.columns(), times(diagonal([2.0, 0.5, 0.0]), transposed(v.columns())));
@@ -85,12 +85,12 @@ fn known(effort: usize) -> Vec<Known> {
     let short = 1e-4;
     let mean = |rng: &mut SplitMix64| {
         let (p, axis) = (random_rotation(rng), random_rotation(rng).columns()[0]);
-        let turned = |angle: f64| Quaternion::from_axis_angle(axis, angle).times(p);
-        let (a, b) = (p.columns(), turned(PI - short).columns());
-        ([0, 1, 2].map(|k| [0, 1, 2].map(|j| 0.5 * (a[k][j] + b[k][j]))), turned(0.5 * (PI - short)))
+        let rotated = |angle: f64| Quaternion::from_axis_angle(axis, angle).times(p);
+        let (a, b) = (p.columns(), rotated(PI - short).columns());
+        ([0, 1, 2].map(|k| [0, 1, 2].map(|j| 0.5 * (a[k][j] + b[k][j]))), rotated(0.5 * (PI - short)))
     };
     kinds.push(Known {
-        case: "mean of two frames 1e-4 short of half a turn apart",
+        case: "mean of two frames, half a turn minus 1e-4 apart",
         bound: 8.0 * NOISE / short,
         inputs: (0..n).map(|_| mean(&mut rng)).collect(),
     });
@@ -108,15 +108,16 @@ fn known(effort: usize) -> Vec<Known> {
 pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for Known { case, bound, inputs } in known(effort) {
-        let promise = promise(case, "the rotation, up to rounding over condition", Oracle::Known, bound, "rad");
+        let promise =
+            promise(case, "the rotation, up to rounding amplified by the condition", Oracle::Known, bound, "rad");
         let worst = |of: &dyn Fn(Matrix) -> Quaternion| {
             let error = |&(a, turn): &(Matrix, Quaternion)| angle_rad(of(a), turn);
-            // What is not a number is no rotation: as wrong as any.
+            // NaN counts as the worst error.
             inputs.iter().map(error).fold(0.0, |worst: f64, x| worst.max(if x.is_nan() { PI } else { x }))
         };
         rows.push(promise.row("extract", inputs.len(), worst(&|a| extract(a, MAX_ITERATIONS).rotation)));
         let listings: [(&str, Listing); 2] =
-            [("listed, guard in the denominator", as_listed), ("listed, guard beside the quotient", as_copied)];
+            [("listed, guard in the denominator", as_listed), ("listed, guard added to the quotient", as_copied)];
         for (name, listing) in listings {
             let listed = promise.row(name, inputs.len(), worst(&|a| listing(a, CAP).0));
             rows.push(Row { is_peer: true, ..listed });
@@ -132,7 +133,7 @@ fn random_matrix(rng: &mut SplitMix64) -> Matrix {
     [rng.signed3(), rng.signed3(), rng.signed3()]
 }
 
-/// Matrices of any kind, mirrors among them: no rotation has a greater trace.
+/// Random matrices, including reflections: no rotation has a greater trace.
 fn greatest_trace(effort: usize) -> Row {
     let mut rng = SplitMix64::new(91);
     let n = 2000 * effort;
@@ -143,7 +144,7 @@ fn greatest_trace(effort: usize) -> Row {
     };
     let worst = (0..n).map(|_| lacks(random_matrix(&mut rng))).fold(0.0, f64::max);
     promise(
-        "any matrix, half of them mirrors",
+        "random matrices, half of them reflections",
         "no rotation fits better",
         Oracle::Jacobi,
         NOISE,
@@ -152,7 +153,7 @@ fn greatest_trace(effort: usize) -> Row {
     .row("extract", n, worst)
 }
 
-/// Turns taken, over random matrices and those of every condition.
+/// Number of iterations over random matrices and those of every condition.
 fn turns(effort: usize) -> Row {
     let mut rng = SplitMix64::new(93);
     let inputs: Vec<Matrix> = known(effort)
@@ -162,17 +163,17 @@ fn turns(effort: usize) -> Row {
         .collect();
     #[expect(clippy::cast_precision_loss, reason = "few turns")]
     let taken = |a: &Matrix| extract(*a, MAX_ITERATIONS).iterations as f64;
-    // A quarter of the cap leaves what no input here shows.
+    // A quarter of the limit leaves a margin for other inputs.
     #[expect(clippy::cast_precision_loss, reason = "a small number")]
     let bound = MAX_ITERATIONS as f64 / 4.0;
-    promise("all of these", "ends far below the cap", Oracle::Structure, bound, "turns").row(
+    promise("all of the above", "converges far below the iteration limit", Oracle::Structure, bound, "iterations").row(
         "extract",
         inputs.len(),
         inputs.iter().map(taken).fold(0.0, f64::max),
     )
 }
 
-/// What has no rotation, or many: said by the status.
+/// Matrices without a unique rotation, reported by the status.
 fn degenerate(effort: usize) -> Vec<Row> {
     let mut rng = SplitMix64::new(95);
     let mut row = |case, wanted: &'static str, n: usize, is_other: &mut dyn FnMut(&mut SplitMix64) -> bool| {
@@ -186,16 +187,16 @@ fn degenerate(effort: usize) -> Vec<Row> {
     };
     let zero = [[0.0; 3]; 3];
     vec![
-        row("zero", "no turn, and rank deficient", 1, &mut |_| {
+        row("zero matrix", "identity, status rank deficient", 1, &mut |_| {
             !is(zero, Status::RankDeficient) || extract(zero, MAX_ITERATIONS).rotation != Quaternion::IDENTITY
         }),
-        row("rank one", "rank deficient", 100 * effort, &mut |rng| {
+        row("rank one", "status rank deficient", 100 * effort, &mut |rng| {
             let (u, v) = (rng.on_sphere(), rng.on_sphere());
             !is(v.map(|x| u.map(|y| 3.0 * x * y)), Status::RankDeficient)
         }),
         row(
             "reflected: (3, 2, -1), (1, 1, -1), (1, 1e-9, -1e-9)",
-            "a proper rotation, and reflected",
+            "a proper rotation, status reflected",
             99 * effort,
             &mut |rng| {
                 let values = [[3.0, 2.0, -1.0], [1.0, 1.0, -1.0], [1.0, 1e-9, -1e-9]][rng.below(3)];
@@ -203,14 +204,14 @@ fn degenerate(effort: usize) -> Vec<Row> {
                 !is(times(u, times(diagonal(values), transposed(v))), Status::Reflected)
             },
         ),
-        row("NaN, infinity", "no turn, and capped", 2, &mut |rng| {
+        row("NaN, infinity", "a unit quaternion, status not converged", 2, &mut |rng| {
             let bad = [f64::NAN, f64::INFINITY][rng.below(2)];
             !is([[bad, 0.0, 0.0], [0.0; 3], [0.0; 3]], Status::NotConverged)
         }),
     ]
 }
 
-/// Eigenvectors where eigenvalues are 1, 1e-6 and 1e-12.
+/// Eigenvectors for eigenvalues 1, 1e-6 and 1e-12.
 fn graded(effort: usize) -> Row {
     let mut rng = SplitMix64::new(96);
     let n = 200 * effort;
@@ -227,9 +228,9 @@ fn graded(effort: usize) -> Row {
     };
     let worst = (0..n).map(|_| residual(&mut rng)).fold(0.0, f64::max);
     Promise {
-        station: "eigenvectors",
+        stage: "eigenvectors",
         case: "eigenvalues 1, 1e-6, 1e-12",
-        promise: "residual of rounding alone",
+        promise: "residual only from rounding",
         oracle: Oracle::Structure,
         bound: RESIDUAL,
         unit: "of the greatest entry",

@@ -1,16 +1,16 @@
-//! Rows as lines of a table: what was promised, and what each routine did, in words.
+//! Rows as lines of a table.
 
 use std::collections::BTreeSet;
 
 use super::{Measure, Promise, Row};
 
-/// A line each promise: station, case, promise, judge, bound, the worst of ours, peers; routines of equal value side by side.
+/// One line for each promise: stage, case, promise, reference, bound, our worst values, peers. Routines of equal value are grouped.
 #[must_use]
 pub fn lines(rows: &[Row]) -> Vec<[String; 7]> {
     let line = |around: &[Row]| {
-        let Promise { station, case, promise, oracle, .. } = around[0].promise;
-        let [station, case, promise, oracle] = [station, case, promise, oracle.name()].map(str::to_owned);
-        [station, case, promise, oracle, bounds(around), values(around, false), values(around, true)]
+        let Promise { stage, case, promise, oracle, .. } = around[0].promise;
+        let [stage, case, promise, oracle] = [stage, case, promise, oracle.name()].map(str::to_owned);
+        [stage, case, promise, oracle, bounds(around), values(around, false), values(around, true)]
     };
     rows.chunk_by(|a, b| key(a) == key(b)).map(line).collect()
 }
@@ -19,7 +19,7 @@ pub fn lines(rows: &[Row]) -> Vec<[String; 7]> {
 #[must_use]
 pub fn table(rows: &[Row]) -> String {
     let mut lines = vec![
-        "| station | case | promise | judged by | bound | worst of ours | peers |".to_owned(),
+        "| stage | case | promise | reference | bound | worst of ours | peers |".to_owned(),
         "|---|---|---|---|---|---|---|".to_owned(),
     ];
     lines.extend(self::lines(rows).into_iter().map(|line| format!("| {} |", line.join(" | "))));
@@ -27,24 +27,24 @@ pub fn table(rows: &[Row]) -> String {
     lines.join("\n")
 }
 
-/// How many promises were made, on how many kinds of input, and how many of them every routine kept that made them.
+/// The number of promises and cases, and how many promises hold for every routine.
 #[must_use]
 pub fn summary(rows: &[Row]) -> String {
     let promised: Vec<&Row> = rows.iter().filter(|row| row.is_promise()).collect();
     let all: BTreeSet<[&str; 3]> = promised.iter().map(|row| key(row)).collect();
-    let cases: BTreeSet<[&str; 2]> = all.iter().map(|&[station, case, _]| [station, case]).collect();
+    let cases: BTreeSet<[&str; 2]> = all.iter().map(|&[stage, case, _]| [stage, case]).collect();
     let broken: BTreeSet<[&str; 3]> = promised.iter().filter(|row| row.is_broken()).map(|row| key(row)).collect();
-    format!("Of {} promises on {} cases, {} are kept.", all.len(), cases.len(), all.len() - broken.len())
+    format!("Of {} promises on {} cases, {} hold.", all.len(), cases.len(), all.len() - broken.len())
 }
 
 fn key(row: &Row) -> [&'static str; 3] {
-    [row.promise.station, row.promise.case, row.promise.promise]
+    [row.promise.stage, row.promise.case, row.promise.promise]
 }
 
-/// `words (routines)`, in the order of the first routine of each words.
-fn together(told: impl Iterator<Item = (String, String)>) -> String {
+/// `value (routines)`, in the order of the first routine with each value.
+fn together(reported: impl Iterator<Item = (String, String)>) -> String {
     let mut order: Vec<(String, Vec<String>)> = vec![];
-    for (words, routine) in told {
+    for (words, routine) in reported {
         match order.iter_mut().find(|(known, _)| *known == words) {
             Some((_, routines)) => routines.push(routine),
             None => order.push((words, vec![routine])),
@@ -54,23 +54,23 @@ fn together(told: impl Iterator<Item = (String, String)>) -> String {
     words.collect::<Vec<_>>().join("; ")
 }
 
-/// The bound of all routines of ours, or each bound with those that it binds.
+/// The bound of all our routines, or each bound with its routines.
 fn bounds(rows: &[Row]) -> String {
     let bound = |row: &Row| {
         let Promise { bound, unit, .. } = row.promise;
-        if bound.is_finite() { format!("{} {unit}", number(bound)) } else { "told".to_owned() }
+        if bound.is_finite() { format!("{} {unit}", number(bound)) } else { "reported".to_owned() }
     };
     let ours = || rows.iter().filter(|row| !row.is_peer);
     let one = ours().next().map(bound).filter(|first| ours().all(|row| bound(row) == *first));
     one.unwrap_or_else(|| together(ours().map(|row| (bound(row), row.routine.clone()))))
 }
 
-/// The values of ours, or of peers, with their inputs.
+/// The values of our routines or of peers, with their inputs.
 fn values(rows: &[Row], is_peer: bool) -> String {
     together(rows.iter().filter(|row| row.is_peer == is_peer).map(|row| (value(row), who(row))))
 }
 
-/// The value and its inputs, in words.
+/// The value and the number of inputs.
 fn value(row: &Row) -> String {
     let Row { promise: Promise { unit, .. }, n_inputs, worst, .. } = row;
     let inputs = if *n_inputs == 1 { "1 input".to_owned() } else { format!("{n_inputs} inputs") };
@@ -83,13 +83,13 @@ fn value(row: &Row) -> String {
     if row.is_broken() { format!("**broken** {value}") } else { value }
 }
 
-/// The routine, and what was not its own answer.
+/// The routine, and the number of queries that it did not answer itself.
 fn who(row: &Row) -> String {
     let Row { routine, n_cut, .. } = row;
-    if *n_cut == 0 { routine.clone() } else { format!("{routine} [{n_cut} answers cut by the driver]") }
+    if *n_cut == 0 { routine.clone() } else { format!("{routine} [{n_cut} queries ended early by the driver]") }
 }
 
-/// A number as tables show it: whole where it is, else three digits.
+/// A number as shown in tables: an integer, or three digits.
 fn number(x: f64) -> String {
     if x == x.round() && x.abs() < 1e7 {
         format!("{x}")
@@ -108,34 +108,35 @@ mod tests {
     const PROMISE: Promise = Promise::none("fit", "a case", "holds", Oracle::Exact, "points");
 
     #[test]
-    fn what_is_broken_is_seen_and_told() {
+    fn broken_rows_are_marked() {
         let rows = [PROMISE.count("a", 3, 0), PROMISE.count("b", 3, 0), PROMISE.count("c", 3, 2)];
         assert_eq!(rows.iter().map(Row::holds).collect::<Vec<_>>(), [true, true, false]);
         let broken = table(&rows);
         assert!(broken.contains("| 0 points | 0 of 3 inputs (a, b); **broken** 2 of 3 inputs (c) |  |"), "{broken}");
-        assert!(broken.ends_with("Of 1 promises on 1 cases, 0 are kept. | |"), "{broken}");
-        assert!(table(&rows[..2]).ends_with("Of 1 promises on 1 cases, 1 are kept. | |"));
+        assert!(broken.ends_with("Of 1 promises on 1 cases, 0 hold. | |"), "{broken}");
+        assert!(table(&rows[..2]).ends_with("Of 1 promises on 1 cases, 1 hold. | |"));
     }
 
     #[test]
-    fn bounds_stand_with_whom_they_bind() {
+    fn different_bounds_name_their_routines() {
         let peer = Row { is_peer: true, ..PROMISE.count("peer", 3, 3) };
-        let rows = [PROMISE.count("a", 3, 0), PROMISE.told().count("b", 3, 2), peer];
+        let rows = [PROMISE.count("a", 3, 0), PROMISE.reported().count("b", 3, 2), peer];
         assert!(
-            table(&rows)
-                .contains("| 0 points (a); told (b) | 0 of 3 inputs (a); 2 of 3 inputs (b) | 3 of 3 inputs (peer) |")
+            table(&rows).contains(
+                "| 0 points (a); reported (b) | 0 of 3 inputs (a); 2 of 3 inputs (b) | 3 of 3 inputs (peer) |"
+            )
         );
         assert!(table(&rows[..1]).contains("| 0 points | 0 of 3 inputs (a) |  |"));
     }
 
     #[test]
-    fn values_say_what_they_are() {
-        let told = Promise { unit: "of all misses", ..PROMISE.told() };
-        assert_eq!(value(&told.share("a", 400, 400)), "100 % of all misses, 400 inputs");
-        assert_eq!(value(&told.row("a", 1, 0.25)), "0.2500 of all misses, 1 input");
+    fn values_show_unit_and_inputs() {
+        let reported = Promise { unit: "of all misses", ..PROMISE.reported() };
+        assert_eq!(value(&reported.share("a", 400, 400)), "100 % of all misses, 400 inputs");
+        assert_eq!(value(&reported.row("a", 1, 0.25)), "0.2500 of all misses, 1 input");
         let cut = Row { n_cut: 7, ..PROMISE.count("device", 3, 0) };
-        assert_eq!(lines(&[cut])[0][5], "0 of 3 inputs (device [7 answers cut by the driver])");
-        assert_eq!(lines(&[PROMISE.count_certain("a", 0, 0)])[0][4..6], ["told", "no input is certain (a)"]);
+        assert_eq!(lines(&[cut])[0][5], "0 of 3 inputs (device [7 queries ended early by the driver])");
+        assert_eq!(lines(&[PROMISE.count_certain("a", 0, 0)])[0][4..6], ["reported", "no input is certain (a)"]);
     }
 
     #[test]

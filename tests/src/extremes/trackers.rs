@@ -1,6 +1,6 @@
-//! What other libraries' users reported, as cases of ours by the number of the thread, beside what those libraries do.
+//! Bugs reported to other libraries, by number of the thread: our results and those of the libraries.
 //!
-//! Inputs follow the reports' words; where a report came with files, the shape that it describes takes their place.
+//! Inputs follow the text of the reports; attached files are replaced by the shape that the report describes.
 
 mod embree;
 mod tinybvh;
@@ -12,18 +12,18 @@ use canted_trace::Ray;
 use super::{Oracle, Promise, Row};
 use crate::{
     closed::{Closed, rays},
-    tracers::{Way, Word},
+    tracers::{Guarantee, Method},
 };
 
-/// A report, and the rows that answer it.
+/// A bug report and its rows.
 pub struct Tracker {
-    /// Library and number: also the name of the test.
+    /// Library and number; also the name of the test.
     pub name: &'static str,
-    /// What each way does on the report's input.
-    pub rows: fn(&[Way]) -> Vec<Row>,
+    /// The rows of each tracer on the report's input.
+    pub rows: fn(&[Method]) -> Vec<Row>,
 }
 
-/// Every report.
+/// All reports.
 pub const TRACKERS: [Tracker; 9] = [
     Tracker { name: "embree_174", rows: embree::embree_174 },
     Tracker { name: "embree_181", rows: embree::embree_181 },
@@ -36,28 +36,28 @@ pub const TRACKERS: [Tracker; 9] = [
     Tracker { name: "parry_444", rows: parry_444 },
 ];
 
-/// A row for each way: rays, and those that went wrong.
+/// One row for each tracer: rays, and failed rays.
 fn each<'a>(
     promise: Promise,
-    ways: impl IntoIterator<Item = &'a Way>,
-    failed: impl Fn(&Way) -> (usize, usize),
+    methods: impl IntoIterator<Item = &'a Method>,
+    failed: impl Fn(&Method) -> (usize, usize),
 ) -> Vec<Row> {
-    let row = |way: &Way| {
-        let ((n, n_failed), n_cut) = way.with_cuts(|| failed(way));
-        Row { is_peer: way.word == Word::Peer, n_cut, ..promise.count_certain(&way.name, n, n_failed) }
+    let row = |method: &Method| {
+        let ((n, n_failed), n_cut) = method.with_cuts(|| failed(method));
+        Row { is_peer: method.guarantee == Guarantee::Peer, n_cut, ..promise.count_certain(&method.name, n, n_failed) }
     };
-    ways.into_iter().map(row).collect()
+    methods.into_iter().map(row).collect()
 }
 
-/// Rays that nothing stops, or that an occlusion query lets pass.
-fn slipped(way: &Way, mesh: &Mesh, rays: &[Ray]) -> (usize, usize) {
-    let tracer = way.of(mesh);
+/// Number of rays, and of rays that miss or are not occluded.
+fn slipped(method: &Method, mesh: &Mesh, rays: &[Ray]) -> (usize, usize) {
+    let tracer = method.of(mesh);
     let (hits, occluded) = (tracer.closest(rays), tracer.occluded(rays));
     (rays.len(), hits.iter().zip(occluded).filter(|(hit, occluded)| hit.is_none() || !occluded).count())
 }
 
 fn ball(mesh: Mesh) -> Closed {
-    Closed { name: "ball", mesh, heart: [0.0; 3], room: [0.4; 3], is_simple: true }
+    Closed { name: "sphere", mesh, inner_point: [0.0; 3], clearance: [0.4; 3], is_simple: true }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
@@ -65,17 +65,17 @@ fn rounded(x: [f64; 3]) -> [f32; 3] {
     x.map(|x| x as f32)
 }
 
-/// A closed scan is littered with holes one pixel large.
-fn parry_444(ways: &[Way]) -> Vec<Row> {
+/// A closed scan has holes one pixel large.
+fn parry_444(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "parry #444",
-        "a closed bumpy mesh of 5,120 triangles from outside, at its edges",
-        "none slips in",
+        "a closed displaced mesh of 5,120 triangles, from outside, at its edges",
+        "no ray leaks in",
         Oracle::Known,
         "rays",
     );
     let ball = ball(displaced_icosphere(3, 4));
     let from_outside: Vec<Ray> =
         rays(&ball.mesh, &ball, &Affine::IDENTITY, 8_000, 444).into_iter().skip(1).step_by(2).collect();
-    each(PROMISE, ways, |way| slipped(way, &ball.mesh, &from_outside))
+    each(PROMISE, methods, |method| slipped(method, &ball.mesh, &from_outside))
 }

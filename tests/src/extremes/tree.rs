@@ -1,4 +1,4 @@
-//! Binary trees over what codes cannot tell apart: every primitive once, parents around children, a bounded depth.
+//! Binary trees over inputs that codes cannot separate: each primitive once, parents contain children, bounded depth.
 //!
 //! Not covered: time, which grows no faster than the scene (`degenerate.rs`); the device's trees (`built`).
 
@@ -10,9 +10,9 @@ use canted_sah::{Builder, PlocConfig, TopDownConfig, build};
 use super::{Oracle, Promise, Row};
 
 /// A builder by name.
-type Way = (&'static str, fn(&[Corners], &Aabb) -> Tree);
+type Method = (&'static str, fn(&[Corners], &Aabb) -> Tree);
 
-const WAYS: [Way; 4] = [
+const METHODS: [Method; 4] = [
     ("lbvh, 30 bits", |corners, bounds| radix(corners, bounds, Bits::B30)),
     ("lbvh, 63 bits", |corners, bounds| radix(corners, bounds, Bits::B63)),
     ("ploc", |corners, bounds| of_boxes(corners, bounds, &Builder::Ploc(PlocConfig::NEAR, None))),
@@ -28,7 +28,7 @@ fn of_boxes(corners: &[Corners], bounds: &Aabb, builder: &Builder) -> Tree {
     build(&boxes, bounds, builder)
 }
 
-/// Kinds of input, each with the numbers of triangles that are tried.
+/// Kinds of input, each with several numbers of triangles.
 pub(super) fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
     vec![
         ("0, 1, 2 triangles", (0..3).map(|n| soup(3, n)).collect()),
@@ -41,7 +41,7 @@ pub(super) fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
         ("one far outlier, 1e7", vec![outlier(20_000)]),
         ("denormal extent", vec![soup(8, 500).placed(|p| p.map(|x| x * 1e-40))]),
         (
-            "scales over 1e12",
+            "scale ratio 1e12",
             vec![soup(9, 500).placed(|p| p.map(|x| x * 1e-6)).joined(&soup(10, 500).placed(|p| p.map(|x| x * 1e6)))],
         ),
     ]
@@ -50,17 +50,23 @@ pub(super) fn cases() -> Vec<(&'static str, Vec<Mesh>)> {
 pub(super) fn rows() -> Vec<Row> {
     let mut rows = vec![];
     for (case, meshes) in cases() {
-        let sound =
-            Promise::none("tree", case, "each primitive once, inside all above", Oracle::Structure, "trees flawed");
-        let trees = WAYS.map(|(name, way)| (name, meshes.iter().map(|mesh| judge(mesh, way)).collect::<Vec<_>>()));
-        for (name, judged) in &trees {
-            rows.push(sound.count(*name, judged.len(), judged.iter().filter(|(flawed, _)| *flawed).count()));
+        let sound = Promise::none(
+            "tree",
+            case,
+            "each primitive once, inside all its ancestors",
+            Oracle::Structure,
+            "invalid trees",
+        );
+        let trees =
+            METHODS.map(|(name, method)| (name, meshes.iter().map(|mesh| check(mesh, method)).collect::<Vec<_>>()));
+        for (name, checked) in &trees {
+            rows.push(sound.count(*name, checked.len(), checked.iter().filter(|(flawed, _)| *flawed).count()));
         }
-        for ((name, judged), n_bits) in trees.iter().zip([30.0, 63.0]) {
+        for ((name, checked), n_bits) in trees.iter().zip([30.0, 63.0]) {
             let deep = Promise {
-                station: "tree",
+                stage: "tree",
                 case,
-                promise: "no deeper than bits of the code and of the count",
+                promise: "depth at most code bits + ⌈log2 n⌉ + 1",
                 oracle: Oracle::Structure,
                 bound: 1.0,
                 unit: "of bits + ⌈log2 n⌉ + 1",
@@ -69,16 +75,16 @@ pub(super) fn rows() -> Vec<Row> {
                 let n_bits_of_count = mesh.triangles.len().max(1).next_power_of_two().trailing_zeros();
                 f64::from(*depth) / (n_bits + f64::from(n_bits_of_count) + 1.0)
             };
-            rows.push(deep.row(*name, judged.len(), meshes.iter().zip(judged).map(of_bound).fold(0.0, f64::max)));
+            rows.push(deep.row(*name, checked.len(), meshes.iter().zip(checked).map(of_bound).fold(0.0, f64::max)));
         }
     }
     [rows, cells()].concat()
 }
 
-/// Whether the tree is flawed, and its depth.
-fn judge(mesh: &Mesh, way: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
+/// Whether the tree is invalid, and its depth.
+fn check(mesh: &Mesh, method: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
     let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("finite vertices");
-    let tree = way(&corners, &bounds);
+    let tree = method(&corners, &bounds);
     let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
     let volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig::default());
     (lbvh::check(&tree, &volumes, &sorted).is_err(), tree.depth)
@@ -86,14 +92,9 @@ fn judge(mesh: &Mesh, way: fn(&[Corners], &Aabb) -> Tree) -> (bool, u32) {
 
 /// Cells at the ends of the grid, and of zeros of either sign.
 fn cells() -> Vec<Row> {
-    const LAST: Promise = Promise::none(
-        "cells",
-        "the greatest coordinate",
-        "the last cell, not the first",
-        Oracle::Known,
-        "cells elsewhere",
-    );
-    const ZEROS: Promise = Promise::none("cells", "-0.0", "the cell of +0.0", Oracle::Same, "codes differ");
+    const LAST: Promise =
+        Promise::none("cells", "greatest coordinate", "the last cell, not the first", Oracle::Known, "wrong cells");
+    const ZEROS: Promise = Promise::none("cells", "-0.0", "the same cell as +0.0", Oracle::Same, "codes differ");
     let both = [("30 bits", Bits::B30), ("63 bits", Bits::B63)];
     let mut rows = vec![];
     for (name, bits) in both {

@@ -1,6 +1,6 @@
-//! Rays and single triangles, judged by integers: what is certainly pierced is hit, what is certainly missed is not.
+//! Rays and single triangles compared with exact arithmetic: certain hits are found, certain misses are not hit.
 //!
-//! Not covered: rays within the margin of an edge, of which only closed meshes ask something (`watertight`).
+//! Not covered: rays within the margin of an edge, which matter only for closed meshes (`watertight`).
 
 use canted_fixtures::{Mesh, SplitMix64, fan};
 use canted_trace::{BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, Watertight};
@@ -9,13 +9,13 @@ use super::{Oracle, Promise, Row};
 use crate::{
     brute,
     exact::{self, Margin, Verdict},
-    fractions, judge,
+    fractions, reference,
 };
 
 /// A ray and the corners of a triangle.
 pub type Pair = (Ray, [[f32; 3]; 3]);
 
-/// What a kernel said: `t` in the caller's units, and the side.
+/// A kernel's answer: `t` in the caller's units, and the side.
 type Answer = Option<(f32, Side)>;
 
 fn ask<K: Kernel>((ray, corners): &Pair) -> Answer {
@@ -38,15 +38,15 @@ fn rounded(x: [f64; 3]) -> [f32; 3] {
     x.map(|x| x as f32)
 }
 
-/// A triangle of this size around this place, `thin` times as high as long.
-fn triangle(rng: &mut SplitMix64, size: f64, place: f64, thin: f64) -> [[f32; 3]; 3] {
-    let (a, along) = (rng.signed3().map(|x| place + size * x), rng.on_sphere());
+/// A triangle of this size around this point, with a height of `thin` times its length.
+fn triangle(rng: &mut SplitMix64, size: f64, center: f64, thin: f64) -> [[f32; 3]; 3] {
+    let (a, along) = (rng.signed3().map(|x| center + size * x), rng.on_sphere());
     let (by, up) = (rng.unit(), rng.on_sphere());
     let at = |s: f64, h: f64| std::array::from_fn(|k| a[k] + size * (s * along[k] + h * up[k]));
     [rounded(a), rounded(at(1.0, 0.0)), rounded(at(by, thin))]
 }
 
-/// From `distance` away, at a point inside or beside the triangle.
+/// A ray from `distance` away towards a point inside or near the triangle.
 fn aimed(rng: &mut SplitMix64, corners: &[[f32; 3]; 3], distance: f64) -> Ray {
     let [u, v] = [1.4 * rng.unit() - 0.2, 1.4 * rng.unit() - 0.2];
     let [a, b, c] = corners.map(|corner| corner.map(f64::from));
@@ -56,7 +56,7 @@ fn aimed(rng: &mut SplitMix64, corners: &[[f32; 3]; 3], distance: f64) -> Ray {
     Ray::new(origin, rounded(std::array::from_fn(|k| target[k] - f64::from(origin[k]))))
 }
 
-/// Kinds of pairs, by name.
+/// Kinds of pairs by name.
 #[must_use]
 pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
     let n = 400 * effort;
@@ -65,9 +65,9 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
         let pairs = (0..n).map(|_| make(&mut rng)).filter(|(ray, _)| ray.direction.iter().any(|&d| d != 0.0));
         (name, pairs.collect::<Vec<_>>())
     };
-    let of = |size: f64, place: f64, thin: f64, distance: f64| {
+    let of = |size: f64, center: f64, thin: f64, distance: f64| {
         move |rng: &mut SplitMix64| {
-            let corners = triangle(rng, size, place, thin);
+            let corners = triangle(rng, size, center, thin);
             (aimed(rng, &corners, distance), corners)
         }
     };
@@ -82,7 +82,7 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
         let corners = [[a, b, a], [a, a, a], [a, b, b]][rng.below(3)];
         (aimed(rng, &corners, 2.0), corners)
     };
-    let on_rim = |at_vertex: bool| {
+    let on_boundary = |at_vertex: bool| {
         move |rng: &mut SplitMix64| {
             let corners = triangle(rng, 1.0, 0.0, 0.7);
             let first = rng.below(3);
@@ -101,29 +101,29 @@ pub fn cases(effort: usize) -> Vec<(&'static str, Vec<Pair>)> {
         (Ray { direction: ray.direction.map(|d| d * scale), ..ray }, corners)
     };
     vec![
-        case("of any shape", &of(1.0, 0.0, 0.7, 2.0)),
-        case("at an edge", &on_rim(false)),
-        case("at a vertex", &on_rim(true)),
+        case("arbitrary triangles", &of(1.0, 0.0, 0.7, 2.0)),
+        case("at an edge", &on_boundary(false)),
+        case("at a vertex", &on_boundary(true)),
         case("slivers, 1e6 : 1", &of(1.0, 0.0, 1e-6, 2.0)),
         case("slivers, 1e6 : 1, from near", &of(1.0, 0.0, 1e-6, 0.01)),
-        case("1e-6 large", &of(1e-6, 0.0, 0.7, 2.0)),
-        case("1e-6 large, from as near", &of(1e-6, 0.0, 0.7, 2e-6)),
+        case("size 1e-6", &of(1e-6, 0.0, 0.7, 2.0)),
+        case("size 1e-6, from 2e-6 away", &of(1e-6, 0.0, 0.7, 2e-6)),
         case("at 1e-20", &of(1e-20, 0.0, 0.7, 2e-20)),
         case("at 1e15", &of(1e15, 0.0, 0.7, 2e15)),
         case("at 1e7", &of(50.0, 1e7, 0.7, 100.0)),
         case("from 1e7 away", &of(10.0, 0.0, 0.7, 1e7)),
         case("denormal coordinates", &of(1e-40, 0.0, 0.7, 2e-40)),
         case("denormal coordinates, from 4e-38 away", &of(1e-40, 0.0, 0.7, 4e-38)),
-        case("origin on it", &of(1.0, 0.0, 0.7, 1e-7)),
-        case("in its plane, but for 1e-9", &in_plane),
-        case("without area", &no_area),
+        case("origin on the triangle", &of(1.0, 0.0, 0.7, 1e-7)),
+        case("within 1e-9 of the triangle's plane", &in_plane),
+        case("zero area", &no_area),
         case("directions of length 1e-30, 1e-38 and 1e30", &of_length),
     ]
 }
 
-/// Where the vertices of a kernel's triangle may be.
+/// Error bound of a kernel's triangle vertices.
 fn margin(routine: usize, pair: &Pair) -> Margin {
-    let margin = judge::margin(&pair.0, &pair.1);
+    let margin = reference::margin(&pair.0, &pair.1);
     if routine == 0 {
         return margin;
     }
@@ -134,10 +134,10 @@ fn margin(routine: usize, pair: &Pair) -> Margin {
 pub(super) fn rows(effort: usize) -> Vec<Row> {
     let mut rows = vec![];
     for (case, pairs) in cases(effort) {
-        let lost = Promise::none("triangle", case, "what is certainly pierced is hit", Oracle::Exact, "rays");
-        let invented = Promise { promise: "what is certainly missed is not hit", ..lost };
+        let lost = Promise::none("triangle", case, "certain hits are found", Oracle::Exact, "rays");
+        let invented = Promise { promise: "certain misses are not hit", ..lost };
         let off = Promise {
-            promise: "the point lies in the plane",
+            promise: "the hit point lies in the plane",
             bound: 1.0,
             // The bound holds on each of three axes.
             unit: "of √3·HIT_ERROR·(o + v)",
@@ -149,8 +149,8 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             pairs.iter().map(verdict).collect::<Vec<_>>()
         });
         for (i, (name, _)) in ROUTINES.iter().enumerate() {
-            // Only the watertight kernel hits whatever is pierced: the others leave out what they cannot solve well.
-            let promise = if i == 0 { lost } else { lost.told() };
+            // Only the watertight kernel finds all certain hits; the others reject ill-conditioned triangles.
+            let promise = if i == 0 { lost } else { lost.reported() };
             let [n, n_lost] = certain(&verdicts[i.min(1)], Verdict::Pierced, &answers[i], |answer| answer.is_none());
             rows.push(promise.count_certain(*name, n, n_lost));
         }
@@ -162,34 +162,34 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             let share = |(pair, answer): (&Pair, &Answer)| answer.map_or(0.0, |(t, _)| of_promised(pair, t));
             let worst = pairs.iter().zip(&answers[i]).map(share).fold(0.0, f64::max);
             let n_hits = answers[i].iter().flatten().count();
-            let promise = if n_hits == 0 { off.told() } else { off };
+            let promise = if n_hits == 0 { off.reported() } else { off };
             rows.push(promise.row(*name, n_hits, worst));
         }
     }
     [rows, ties(), hubs()].concat()
 }
 
-/// Rays of this verdict, and those of them whose answer is wrong.
+/// Number of rays with this verdict, and of those with a wrong answer.
 fn certain(verdicts: &[Verdict], of: Verdict, answers: &[Answer], is_wrong: fn(&Answer) -> bool) -> [usize; 2] {
     let answers = || verdicts.iter().zip(answers).filter(|(verdict, _)| **verdict == of).map(|(_, answer)| answer);
     [answers().count(), answers().filter(|answer| is_wrong(answer)).count()]
 }
 
-/// Distance of the point at `t` from the plane, over what is promised of it.
+/// Distance of the point at `t` from the plane, relative to the bound.
 fn of_promised((ray, corners): &Pair, t: f32) -> f64 {
     let reach = |points: &[f32]| points.iter().fold(0.0f64, |all, &x| all.max(f64::from(x).abs()));
     let scale = reach(&ray.origin) + reach(corners.as_flattened());
     let promised = 3.0f64.sqrt() * f64::from(HIT_ERROR) * scale + f64::from(f32::MIN_POSITIVE);
-    // What has no plane has no distance from it; the verdict says whether it may be hit.
+    // A degenerate triangle has no plane; the verdict says whether it may be hit.
     Some(fractions::plane_distance(ray, t, *corners)).filter(|distance| distance.is_finite()).unwrap_or(0.0) / promised
 }
 
-/// Coplanar copies, in either order and turned over.
+/// Coplanar copies in either order, some flipped.
 fn ties() -> Vec<Row> {
     const TIES: Promise = Promise::none(
         "triangle",
-        "coplanar copies, some turned over",
-        "the lowest, either side",
+        "coplanar copies, some flipped",
+        "the lowest index wins, on either side",
         Oracle::Known,
         "rays",
     );
@@ -212,14 +212,14 @@ fn ties() -> Vec<Row> {
     ROUTINES.iter().zip(firsts).map(row).collect()
 }
 
-/// Rays at the hub of closed fans.
+/// Rays at the shared vertex of closed fans.
 fn hubs() -> Vec<Row> {
     const HUBS: Promise = Promise::none(
         "triangle",
-        "at the vertex that a closed fan shares, and along its edges",
-        "at least one of them is hit",
+        "at the shared vertex and the edges of a closed fan",
+        "at least one triangle is hit",
         Oracle::Known,
-        "rays slip through",
+        "rays leak",
     );
     let mut rng = SplitMix64::new(81);
     let (mut n, mut slipped) = (0, 0);
@@ -228,10 +228,10 @@ fn hubs() -> Vec<Row> {
         let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
         let hub = mesh.positions[0].map(f64::from);
         for i in 0..20 {
-            let rim = mesh.positions[1 + rng.below(spokes as usize)].map(f64::from);
+            let corner = mesh.positions[1 + rng.below(spokes as usize)].map(f64::from);
             let along = if i % 2 == 0 { 0.0 } else { 0.9 * rng.unit() };
-            let target: [f64; 3] = std::array::from_fn(|k| hub[k] + along * (rim[k] - hub[k]));
-            // Above the cone, whose axis is the turned z: any ray from there to the target meets the fan there.
+            let target: [f64; 3] = std::array::from_fn(|k| hub[k] + along * (corner[k] - hub[k]));
+            // Above the cone around the rotated z axis: any ray from there to the target hits the fan.
             let axis = canted_fixtures::Rotation::off_axis().apply([0.0, 0.0, 1.0]);
             let stray = rng.signed3();
             let origin = rounded(std::array::from_fn(|k| hub[k] + 2.0 * axis[k] + 0.2 * stray[k]));

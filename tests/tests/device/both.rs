@@ -8,7 +8,7 @@ use canted_renderer::{DeviceError, Levels, Monitor, RenderError, Settings};
 use super::scenes::full;
 use super::{gpu, on_cpu, silent, small, with_picture};
 
-/// Pixels of a tile, for each tile.
+/// The pixels of each tile.
 fn tiles(film: &Film, settings: &Settings) -> Vec<Vec<[f64; 3]>> {
     let side = settings.tile as usize;
     let [width, height] = [settings.width, settings.height].map(|n| n as usize);
@@ -20,8 +20,8 @@ fn tiles(film: &Film, settings: &Settings) -> Vec<Vec<[f64; 3]>> {
 }
 
 #[test]
-fn every_tile_is_the_cpus_or_the_devices() {
-    let Some(gpu) = gpu("every_tile_is_the_cpus_or_the_devices") else { return };
+fn every_tile_comes_from_one_of_both() {
+    let Some(gpu) = gpu("every_tile_comes_from_one_of_both") else { return };
     let (scene, settings) = (full(), Settings { samples: 16, ..small() });
     let cancel = AtomicBool::new(false);
     let theirs = tiles(&on_cpu(&scene, &settings), &settings);
@@ -31,18 +31,18 @@ fn every_tile_is_the_cpus_or_the_devices() {
     })
     .unwrap();
     let ours = tiles(&ours, &settings);
-    assert!(ours.iter().zip(&theirs).any(|(a, b)| a != b), "roundings are seen nowhere: the test says nothing");
+    assert!(ours.iter().zip(&theirs).any(|(a, b)| a != b), "the pictures are equal, so the test proves nothing");
     assert!(shared.stopped.is_none());
     let of_one = |tile: usize, pixels: &Vec<[f64; 3]>| *pixels == ours[tile] || *pixels == theirs[tile];
     for (tile, pixels) in tiles(&shared.film, &settings).iter().enumerate() {
-        assert!(of_one(tile, pixels), "tile {tile} is neither's");
+        assert!(of_one(tile, pixels), "tile {tile} matches neither");
     }
     assert!(shared.n_tiles_of_device <= theirs.len());
 }
 
 #[test]
-fn a_device_that_is_lost_leaves_the_rest_to_the_cpu() {
-    let Some(gpu) = gpu("a_device_that_is_lost_leaves_the_rest_to_the_cpu") else { return };
+fn the_cpu_finishes_after_a_lost_device() {
+    let Some(gpu) = gpu("the_cpu_finishes_after_a_lost_device") else { return };
     let (scene, settings) = (full(), small());
     let cancel = AtomicBool::new(false);
     let shared = with_picture(&gpu, &scene, Levels::Auto, &settings, |picture| {
@@ -52,24 +52,24 @@ fn a_device_that_is_lost_leaves_the_rest_to_the_cpu() {
     .unwrap();
     assert_eq!(shared.n_tiles_of_device, 0);
     assert!(shared.stopped.unwrap().to_string().contains("lost"));
-    assert!(shared.film.pixels() == on_cpu(&scene, &settings).pixels(), "not the CPU's picture");
+    assert!(shared.film.pixels() == on_cpu(&scene, &settings).pixels(), "differs from the CPU's picture");
 }
 
 #[test]
-fn cancelled_work_ends_and_keeps_what_was_told() {
-    let Some(gpu) = gpu("cancelled_work_ends_and_keeps_what_was_told") else { return };
+fn cancelled_work_keeps_reported_tiles() {
+    let Some(gpu) = gpu("cancelled_work_keeps_reported_tiles") else { return };
     let (scene, settings) = (full(), small());
     let cancel = AtomicBool::new(false);
-    let told = std::sync::Mutex::new(vec![]);
+    let reported = std::sync::Mutex::new(vec![]);
     let finished = |tile: &canted_film::Tile| {
-        told.lock().unwrap().push(tile.clone());
+        reported.lock().unwrap().push(tile.clone());
         cancel.store(true, std::sync::atomic::Ordering::Relaxed);
     };
     let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
     with_picture(&gpu, &scene, Levels::Auto, &settings, |picture| {
         let ended = picture.render_with_cpu(vec![], &monitor).map(|shared| shared.n_tiles_of_device);
         assert_eq!(ended, Err(DeviceError::Render(RenderError::Cancelled)));
-        let done = std::mem::take(&mut *told.lock().unwrap());
+        let done = std::mem::take(&mut *reported.lock().unwrap());
         assert!(!done.is_empty());
         cancel.store(false, std::sync::atomic::Ordering::Relaxed);
         let n_done = done.len();

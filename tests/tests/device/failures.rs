@@ -1,4 +1,4 @@
-//! Devices that are lost, and limits that are lower than what a scene needs.
+//! Lost devices, and limits below what a scene needs.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -11,8 +11,8 @@ use super::scenes::{full, texture};
 use super::{gpu, silent, small, with_picture};
 
 #[test]
-fn a_device_lost_on_the_way_is_an_error() {
-    let Some(gpu) = gpu("a_device_lost_on_the_way_is_an_error") else { return };
+fn a_device_lost_while_rendering_is_an_error() {
+    let Some(gpu) = gpu("a_device_lost_while_rendering_is_an_error") else { return };
     let cancel = AtomicBool::new(false);
     let n_done = AtomicUsize::new(0);
     let progress = |done: usize, _: usize| {
@@ -20,14 +20,14 @@ fn a_device_lost_on_the_way_is_an_error() {
         gpu.lose();
     };
     let monitor = Monitor { progress: &progress, finished: &|_| (), cancel: &cancel };
-    // Tiles of more samples than one dispatch takes.
+    // Tiles with more samples than one dispatch takes.
     let settings = Settings { samples: 256, ..small() };
     let lost = with_picture(&gpu, &full(), Levels::Auto, &settings, |picture| picture.render(vec![], &monitor).err());
     match lost {
         Ok(Some(DeviceError::Gpu(GpuError::Lost { .. }))) => {}
         other => panic!("{other:?}"),
     }
-    assert!(n_done.into_inner() < 20, "the picture was done");
+    assert!(n_done.into_inner() < 20, "the picture finished");
 }
 
 #[test]
@@ -46,8 +46,8 @@ fn textured(side: u32) -> Scene {
 }
 
 #[test]
-fn textures_above_a_binding_are_split_and_looked_up_as_before() {
-    let test = "textures_above_a_binding_are_split_and_looked_up_as_before";
+fn large_textures_are_split_without_changing_the_picture() {
+    let test = "large_textures_are_split_without_changing_the_picture";
     let (Some(gpu), Some(low)) = (gpu(test), lowered(test, 8 << 10)) else { return };
     let picture = |gpu: &Gpu| {
         let cancel = AtomicBool::new(false);
@@ -57,16 +57,16 @@ fn textures_above_a_binding_are_split_and_looked_up_as_before() {
         })
         .unwrap()
     };
-    let ((one, whole), (four, split)) = (picture(&gpu), picture(&low));
+    let ((one, unsplit), (four, split)) = (picture(&gpu), picture(&low));
     assert_eq!((one, four), (1, 4));
-    assert!(whole.pixels() == split.pixels(), "another picture");
+    assert!(unsplit.pixels() == split.pixels(), "the pictures differ");
 }
 
 #[test]
-fn what_does_not_fit_is_refused_with_limit_need_and_remedy() {
-    let Some(gpu) = lowered("what_does_not_fit_is_refused_with_limit_need_and_remedy", 4 << 10) else { return };
+fn scenes_that_do_not_fit_are_rejected_with_limit_need_and_remedy() {
+    let Some(gpu) = lowered("scenes_that_do_not_fit_are_rejected_with_limit_need_and_remedy", 4 << 10) else { return };
     let refused = with_picture(&gpu, &textured(64), Levels::Auto, &small(), |_| ()).unwrap_err();
-    // All levels of 64 x 64 texels, and the curve.
+    // All mip levels of 64 x 64 texels, and the curve.
     let need = 4 * ((64 * 64 * 4 - 1) / 3 + 256);
     let sentence = format!(
         "the textures: requires {need} bytes of four storage bindings, the device supports 16384; use --lod none, smaller textures \

@@ -1,4 +1,4 @@
-//! Only what the scene needs: buffers and bytes of a bare scene beside those of a full one.
+//! Only required resources: buffers and bytes of a bare scene compared with those of a full one.
 
 use canted_renderer::Levels;
 use canted_scene::Scene;
@@ -29,7 +29,7 @@ fn a_bare_scene_binds_few_buffers_and_few_bytes() {
     let only_full: Vec<String> = names(&full).into_iter().filter(|name| bytes_of(&bare, name).is_none()).collect();
     assert_eq!(only_full, ["images", "instance_order", "placements", "instances", "slots", "texels_0"]);
     assert!(names(&bare).iter().all(|name| bytes_of(&full, name) >= bytes_of(&bare, name)));
-    // Four vertices of three words; of eleven more for normal, tangent and colour, and two for the texture.
+    // Four vertices of three words; the full scene adds eleven for normal, tangent and color, and two for the texture.
     assert_eq!((bytes_of(&bare, "vertices"), bytes_of(&full, "vertices")), (Some(4 * 12), Some(4 * (12 + 44 + 8))));
     assert_eq!((bytes_of(&bare, "triangles"), bytes_of(&bare, "lights")), (Some(2 * 32), Some(48)));
     assert!(2 * sum(&bare) < sum(&full), "{bare:?}, {full:?}");

@@ -6,7 +6,7 @@ use canted_scene::{
     TextureRef, Wrap,
 };
 
-fn place(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
+fn instance(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
     Instance {
         mesh: MeshId(mesh),
         world_from_object: Affine { columns },
@@ -17,7 +17,7 @@ fn place(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
 
 const AXES: [[f32; 3]; 4] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
 
-/// Two triangles under one sun: no texture, no normals, one level, opaque.
+/// Two triangles under a directional light: no texture, no normals, one level, opaque.
 pub(crate) fn bare() -> Scene {
     let mesh = Mesh {
         positions: vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]],
@@ -27,7 +27,7 @@ pub(crate) fn bare() -> Scene {
     };
     Scene {
         meshes: vec![mesh],
-        instances: vec![place(0, AXES)],
+        instances: vec![instance(0, AXES)],
         materials: vec![Material::default()],
         lights: vec![Light::Sun { direction: [0.0, -0.6, -0.8], irradiance: [2.0; 3] }],
         environment: Some([0.2, 0.3, 0.4].into()),
@@ -35,7 +35,7 @@ pub(crate) fn bare() -> Scene {
     }
 }
 
-/// A texture of `side` by `side` texels in all colours, a quarter of them transparent.
+/// A texture of `side` by `side` texels in all colors, a quarter of them transparent.
 pub(crate) fn texture(side: u32) -> Texture {
     let texel = |i: u32| {
         let [red, green, blue] = [3, 5, 7].map(|k| u8::try_from(i * k % 256).unwrap());
@@ -51,7 +51,7 @@ pub(crate) fn texture(side: u32) -> Texture {
     }
 }
 
-/// The same, textured on both sides of a mirrored instance, with normals, tangents, holes and lamps of more kinds.
+/// The same with textures on both sides of a mirrored instance, normals, tangents, holes and more kinds of lights.
 pub(crate) fn full() -> Scene {
     let mut scene = bare();
     let mesh = &mut scene.meshes[0];
@@ -68,7 +68,7 @@ pub(crate) fn full() -> Scene {
         ..Material::default()
     };
     scene.textures = vec![texture(16)];
-    scene.instances.push(place(0, [[-1.0, 0.0, 0.0], [0.0, 0.9, 0.1], [0.0, -0.1, 0.9], [0.3, 0.2, -0.8]]));
+    scene.instances.push(instance(0, [[-1.0, 0.0, 0.0], [0.0, 0.9, 0.1], [0.0, -0.1, 0.9], [0.3, 0.2, -0.8]]));
     scene.lights.push(Light::Sphere { center: [0.0, 2.0, 1.0], radius: 0.2, radiance: [5.0; 3] });
     scene.cameras = Vec::<Camera>::new();
     scene

@@ -1,4 +1,4 @@
-//! The side of a tile is a choice about work: whatever it is, the device makes the same bits.
+//! The tile size only distributes work: the device renders the same bits for any size.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -11,12 +11,12 @@ use canted_trace::Watertight;
 use super::scenes::full;
 use super::{camera, gpu, small};
 
-/// Pixels of no whole number of tiles: tiles of the last column and row are cut, and so are cells.
+/// A size that is no multiple of tiles or cells, so that those of the last column and row are cut.
 fn odd(integrator: Integrator) -> Settings {
     Settings { width: 27, height: 19, samples: 2, integrator, ..small() }
 }
 
-/// The device's picture, by one kernel or by a wavefront, and the number of its tiles.
+/// The device's picture, by one kernel or by a wavefront, and its number of tiles.
 fn picture(gpu: &Gpu, scene: &Scene, settings: &Settings, in_waves: bool) -> (Film, usize) {
     let Prepared { structure, .. } = prepare::<Watertight>(scene, &StructureConfig::default()).unwrap();
     let surfaces = Surfaces::with_lod(scene, settings.lod);
@@ -29,7 +29,7 @@ fn picture(gpu: &Gpu, scene: &Scene, settings: &Settings, in_waves: bool) -> (Fi
     (film, n_tiles.into_inner())
 }
 
-/// Pictures in tiles of 8 pixels and of more are one; the number of tiles tells that they were others.
+/// Tiles of 8 pixels and larger ones give the same picture; the number of tiles proves that they differ.
 #[track_caller]
 fn check(gpu: &Gpu, settings: &Settings, in_waves: bool) {
     let scene = full();
@@ -39,10 +39,10 @@ fn check(gpu: &Gpu, settings: &Settings, in_waves: bool) {
     for (tile, n_expected) in [(16, 2 * 2), (32, 1)] {
         let (film, n_tiles) = of_side(tile);
         assert_eq!(n_tiles, n_expected);
-        assert!(film == reference, "{settings:?}, waves {in_waves}: tiles of {tile} make another picture");
+        assert!(film == reference, "{settings:?}, waves {in_waves}: tiles of {tile} change the picture");
     }
     let (other, _) = picture(gpu, &scene, &Settings { seed: settings.seed + 1, ..*settings }, in_waves);
-    assert!(other != reference, "the comparison sees nothing");
+    assert!(other != reference, "the comparison cannot fail");
 }
 
 #[test]
@@ -59,7 +59,7 @@ fn tiles_do_not_change_a_bit_of_a_wavefront() {
     check(&gpu, &odd(Integrator::Path), true);
 }
 
-/// What camera rays meet comes from a kernel of its own, and a part of the samples keeps the sums of its blocks.
+/// A separate kernel computes what camera rays hit, and partial samples keep block sums.
 #[test]
 fn tiles_do_not_change_a_bit_of_guides_and_parts() {
     let Some(gpu) = gpu("tiles_do_not_change_a_bit_of_guides_and_parts") else { return };
@@ -67,7 +67,7 @@ fn tiles_do_not_change_a_bit_of_guides_and_parts() {
     check(&gpu, &Settings { aovs, part: Some([1, 6]), samples: 8, ..odd(Integrator::Hybrid) }, false);
 }
 
-/// Cells of 8 pixels stop together, wherever tiles end.
+/// Cells of 8 pixels stop together, independent of tile borders.
 #[test]
 fn tiles_do_not_change_where_samples_stop() {
     let Some(gpu) = gpu("tiles_do_not_change_where_samples_stop") else { return };

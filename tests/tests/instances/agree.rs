@@ -1,4 +1,4 @@
-//! The same hits as a loop over all instances, each of which loops over all triangles.
+//! The same hits as a loop over all instances, each looping over all triangles.
 
 use canted_fixtures::{Mesh, Rotation, thin_box};
 use canted_lbvh::{Strategy, VolumeConfig};
@@ -16,7 +16,7 @@ pub(crate) fn loop_over_all<K: Kernel>(placed: &[Affine], rays: &[Ray]) -> Vec<O
     rays.iter().map(|ray| oracle::closest_hit(placed, ray, trace)).collect()
 }
 
-/// The first ray that the two levels answer otherwise than `wants`.
+/// The first ray for which the two levels differ from `wants`.
 fn first_difference<K: Kernel>(
     tlas: &Tlas<canted_bvh2::Bvh2<K>>,
     rays: &[Ray],
@@ -56,7 +56,7 @@ fn moller_trumbore_agrees_to_the_bit() {
 }
 
 #[test]
-fn an_instance_moved_by_a_hair_is_seen() {
+fn a_slightly_moved_instance_is_detected() {
     let (placed, [soup, torus]) = (crowd(), meshes());
     let rays = all_rays(&placed, 4);
     let wants = loop_over_all::<Watertight>(&placed, &rays);
@@ -68,7 +68,7 @@ fn an_instance_moved_by_a_hair_is_seen() {
 }
 
 #[test]
-fn the_top_level_leaves_most_instances_out() {
+fn the_top_level_skips_most_instances() {
     let (placed, [soup, torus]) = (crowd(), meshes());
     let rays = all_rays(&placed, 10);
     for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
@@ -85,22 +85,25 @@ fn the_top_level_leaves_most_instances_out() {
 
 #[test]
 fn ties_go_to_the_lowest_instance_then_primitive() {
-    // Two coincident triangles a mesh, two coincident meshes, each placed twice at each place.
+    // Two coincident triangles in each mesh, two coincident meshes, each instanced twice with each transform.
     let [soup, _] = meshes();
     let doubled =
         Mesh { positions: soup.positions.clone(), triangles: [&soup.triangles[..], &soup.triangles].concat() };
-    let places = [affine(&Rotation::off_axis(), [2.0, 1.0, 0.5], [1.0, 2.0, 3.0]), Affine::IDENTITY];
+    let transforms = [affine(&Rotation::off_axis(), [2.0, 1.0, 0.5], [1.0, 2.0, 3.0]), Affine::IDENTITY];
     for order in [[0, 1, 1, 0], [1, 0, 0, 1], [1, 1, 0, 0]] {
-        let instances: Vec<Instance> =
-            order.into_iter().zip([0, 1, 1, 0]).map(|(place, blas)| Instance::new(blas, places[place])).collect();
+        let instances: Vec<Instance> = order
+            .into_iter()
+            .zip([0, 1, 1, 0])
+            .map(|(transform, blas)| Instance::new(blas, transforms[transform]))
+            .collect();
         for strategy in [Strategy::Aabb, Strategy::Dop] {
             for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig { strategy, fallback: true })] {
                 let bottom = vec![build::<Watertight>(&doubled, strategy), build(&doubled, Strategy::Aabb)];
                 let tlas = Tlas::new(bottom, &instances, top).unwrap();
                 let mut n_hits = 0;
-                for hit in all_rays(&places, 40).iter().filter_map(|ray| tlas.closest_hit(ray)) {
-                    let place = order[hit.instance.0 as usize];
-                    assert_eq!(hit.instance.0 as usize, order.iter().position(|&p| p == place).unwrap(), "{hit:?}");
+                for hit in all_rays(&transforms, 40).iter().filter_map(|ray| tlas.closest_hit(ray)) {
+                    let transform = order[hit.instance.0 as usize];
+                    assert_eq!(hit.instance.0 as usize, order.iter().position(|&p| p == transform).unwrap(), "{hit:?}");
                     assert!(hit.primitive < PrimId(120), "{hit:?}");
                     n_hits += 1;
                 }
@@ -111,7 +114,7 @@ fn ties_go_to_the_lowest_instance_then_primitive() {
 }
 
 #[test]
-fn t_is_one_number_at_every_scale() {
+fn t_is_the_same_at_every_scale() {
     let plate = thin_box(0.0);
     let at = |scale: f64, z: f32| Instance::new(0, affine(&Rotation::IDENTITY, [scale; 3], [0.0, 0.0, z]));
     let instances = [at(1024.0, 16.0), at(1.0 / 1024.0, 5.0), at(-1.0, 7.0)];
@@ -128,7 +131,7 @@ fn t_is_one_number_at_every_scale() {
 }
 
 #[test]
-fn no_instance_is_a_miss() {
+fn an_empty_top_level_is_never_hit() {
     for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
         let mut tlas = Tlas::<canted_bvh2::Bvh2<Watertight>>::new(vec![], &[], top).unwrap();
         let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);

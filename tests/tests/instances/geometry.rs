@@ -1,4 +1,4 @@
-//! What is hit lies where exact geometry says, within derived bounds: triangles in world space, in `f64`, all tried.
+//! Hit positions compared with exact geometry within derived bounds: all triangles in world space, in `f64`.
 
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
@@ -12,22 +12,22 @@ use canted_trace::{Hit, Ray, Watertight};
 
 use super::setup::{all_rays, blas_of, build, crowd, instances, meshes, rays, transforms};
 
-/// A triangle in world space, and how far off a hit of it may be.
+/// A triangle in world space with the error bound of its hits.
 struct Target {
     corners: [Vector; 3],
     /// Along each axis.
     error: f64,
 }
 
-/// A length bound for a vector of which each component is within a bound.
+/// Length bound of a vector with components of at most one.
 const SQRT_3: f64 = 1.732_050_81;
 
-/// The parameter at which the ray certainly pierces the target, and by how much the reported one may exceed it.
+/// The parameter at which the ray certainly hits the target, and by how much the reported one may exceed it.
 ///
-/// Seen along the ray, a vertex moved by `error` along each axis moves by at most `2·error` along both axes of the
-/// picture, as sheared coordinates are differences of two; an edge is clear of the ray if it is farther than √2 times
-/// that. The reported point lies within `√3·error` of the plane, so `t` differs by at most that over the ray's speed
-/// towards the plane.
+/// Seen along the ray, a vertex moved by `error` along each axis moves by at most `2·error` on both axes of the projection,
+/// because sheared coordinates are differences of two; so the ray misses an edge with certainty if it is farther away than √2
+/// times that. The reported point lies within `√3·error` of the plane, so `t` differs by at most that divided by the ray's
+/// speed towards the plane.
 fn certainly_pierced(ray: &Ray, target: &Target) -> Option<(f64, f64)> {
     let (o, d) = (ray.origin.map(f64::from), ray.direction.map(f64::from));
     let z = (0..3).fold(0, |best, k| if d[k].abs() > d[best].abs() { k } else { best });
@@ -51,8 +51,8 @@ fn certainly_pierced(ray: &Ray, target: &Target) -> Option<(f64, f64)> {
     (t - slack > f64::from(ray.t_min) && t + slack < f64::from(ray.t_max)).then_some((t, slack))
 }
 
-/// Checks an answer against all triangles of all instances; counts the triangles that were certainly pierced.
-pub(crate) fn judge(ray: &Ray, hit: Option<&Hit>, placed: &[Affine], reaches: [f32; 2]) -> Result<usize, String> {
+/// Compares an answer with all triangles of all instances; returns the number of certain hits.
+pub(crate) fn check_hit(ray: &Ray, hit: Option<&Hit>, placed: &[Affine], reaches: [f32; 2]) -> Result<usize, String> {
     let meshes = meshes();
     let target = |i: usize, triangle: usize| {
         let corners = meshes[blas_of(i)].corners(triangle).map(|p| placed[i].point_f64(p));
@@ -94,9 +94,10 @@ fn hits_lie_on_the_images_of_triangles_and_none_is_nearer() {
         let mut n_certain = 0;
         for ray in rays(&soup, &affine, 60, 9).iter().chain(&rays(&torus, &affine, 60, 10)) {
             let hit = tlas.closest_hit(ray);
-            n_certain += judge(ray, hit.as_ref(), &placed, reaches()).unwrap_or_else(|error| panic!("{name}: {error}"));
+            n_certain +=
+                check_hit(ray, hit.as_ref(), &placed, reaches()).unwrap_or_else(|error| panic!("{name}: {error}"));
         }
-        // Far away, a small instance is no larger than what its hits may be off.
+        // Far away, a small instance is no larger than the error of its hits.
         let from_itself = Ray::new(affine.columns[3], [1.0, 0.0, 0.0]);
         let size = length(sub(affine.point_f64([1.0; 3]), affine.point_f64([0.0; 3])));
         let is_blurred = oracle::hit_error(&affine, 1.0, &from_itself) > 0.02 * size;
@@ -113,13 +114,13 @@ fn a_crowd_of_instances_agrees_with_exact_geometry() {
     let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
     let n_certain: usize = all_rays(&placed, 4)
         .iter()
-        .map(|ray| judge(ray, tlas.closest_hit(ray).as_ref(), &placed, reaches()).unwrap())
+        .map(|ray| check_hit(ray, tlas.closest_hit(ray).as_ref(), &placed, reaches()).unwrap())
         .sum();
     assert!(n_certain > 1000, "{n_certain} certain crossings");
 }
 
 #[test]
-fn the_judge_sees_a_hit_that_is_off_late_or_lost() {
+fn the_check_detects_displaced_late_and_lost_hits() {
     let placed = [transforms()[1].1; 2];
     let [soup, torus] = meshes();
     let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
@@ -127,17 +128,17 @@ fn the_judge_sees_a_hit_that_is_off_late_or_lost() {
     let (mut n_lost, mut n_off) = (0, 0);
     for ray in rays(&torus, &placed[1], 40, 3) {
         let Some(hit) = tlas.closest_hit(&ray) else { continue };
-        n_lost += usize::from(judge(&ray, None, &placed, reaches()).is_err());
-        // A ten-thousandth of the way: far beyond rounding, unless the ray hardly moves.
+        n_lost += usize::from(check_hit(&ray, None, &placed, reaches()).is_err());
+        // Later by a ten-thousandth: far beyond rounding, unless the ray hardly moves.
         let late = Hit { t: hit.t * 1.0001, ..hit };
-        n_off += usize::from(judge(&ray, Some(&late), &placed, reaches()).is_err());
+        n_off += usize::from(check_hit(&ray, Some(&late), &placed, reaches()).is_err());
     }
     assert!(n_lost > 50 && n_off > 50, "{n_lost} lost and {n_off} late hits were seen");
 }
 
 #[test]
-fn rays_reach_object_space_with_one_rounding() {
-    // Of the f64 computation nothing is left but the rounding to f32, and a part in 2^46 of what cancels.
+fn object_space_rays_are_rounded_once() {
+    // Only the rounding to f32, and 2^-46 of the operands of a cancellation.
     const SLACK_BITS: u32 = 46;
     for (name, affine) in transforms() {
         let mesh = &meshes()[0];
@@ -151,7 +152,7 @@ fn rays_reach_object_space_with_one_rounding() {
                     .iter()
                     .flat_map(|row| row[..3].to_vec())
                     .fold(0.0, |all: f64, x| all.max(x.abs()));
-                #[expect(clippy::cast_possible_truncation, reason = "a size that errors are relative to")]
+                #[expect(clippy::cast_possible_truncation, reason = "a reference size for errors")]
                 let size = (6.0 * backward) as f32 * greatest;
                 size
             };

@@ -1,4 +1,4 @@
-//! Different kinds of bottom level side by side: builders, volumes and triangle tests.
+//! Mixed kinds of bottom levels: builders, volumes and triangle tests.
 
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
@@ -64,7 +64,7 @@ fn foreign<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {
     Bvh2::over(tree, &corners, &bounds, &BuildConfig { volumes, ..BuildConfig::default() })
 }
 
-/// Kinds that answer with the watertight test, then one of each other test; the even ones over the soup.
+/// Several kinds with the watertight test, then one of each other test; even ones over the soup.
 fn kinds() -> Vec<Mixed> {
     let [soup, torus] = meshes();
     vec![
@@ -77,7 +77,7 @@ fn kinds() -> Vec<Mixed> {
     ]
 }
 
-/// The bottom levels that instances take in turn.
+/// A top level whose instances cycle through these bottom levels.
 fn tlas(order: &[u32]) -> Tlas<Mixed> {
     let instances: Vec<Instance> = crowd()
         .into_iter()
@@ -93,7 +93,7 @@ fn hits(tlas: &Tlas<Mixed>, rays: &[Ray]) -> Vec<Option<Hit>> {
 }
 
 #[test]
-fn builders_and_volumes_side_by_side_change_no_bit() {
+fn mixed_builders_and_volumes_change_no_bit() {
     let rays = all_rays(&crowd(), 10);
     let same = hits(&tlas(&[0, 1]), &rays);
     assert_eq!(hits(&tlas(&[2, 3]), &rays), same);
@@ -102,7 +102,7 @@ fn builders_and_volumes_side_by_side_change_no_bit() {
 }
 
 #[test]
-fn triangle_tests_side_by_side_equal_the_loop() {
+fn mixed_triangle_tests_match_the_loop() {
     let (placed, [soup, torus]) = (crowd(), meshes());
     let rays = all_rays(&placed, 10);
     let of = |mesh: &Mesh| brute::records::<Watertight>(&mesh.positions, &mesh.triangles);

@@ -1,4 +1,4 @@
-//! Moved instances rebuild the top level and nothing else.
+//! Moved instances rebuild only the top level.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -10,7 +10,7 @@ use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, Watertight};
 
 use super::setup::{all_rays, build, crowd, instances, meshes};
 
-/// A bottom level that counts what is asked of it; it cannot be rebuilt but by making another.
+/// A bottom level that counts calls; `set_instances` has no way to rebuild it.
 struct Counted {
     inner: Bvh2<Watertight>,
     n_bounds: AtomicUsize,
@@ -22,7 +22,7 @@ impl Counted {
         Self { inner, n_bounds: AtomicUsize::new(0), n_rays: AtomicUsize::new(0) }
     }
 
-    /// Questions since the last call: for bounds, for rays.
+    /// Calls since the last take: for bounds, for rays.
     fn take(&self) -> (usize, usize) {
         (self.n_bounds.swap(0, Ordering::Relaxed), self.n_rays.swap(0, Ordering::Relaxed))
     }
@@ -66,7 +66,7 @@ fn hits(tlas: &Tlas<Counted>, rays: &[Ray]) -> Vec<Option<Hit>> {
     rays.iter().map(|ray| tlas.closest_hit(ray)).collect()
 }
 
-/// Everything turned by a quarter about z and shifted.
+/// All instances rotated by a quarter turn about z and shifted.
 fn moved(placed: &[Affine]) -> Vec<Affine> {
     let turn = |[x, y, z]: [f32; 3]| [-y, x, z];
     let shift = |[x, y, z]: [f32; 3]| [x + 0.5, y - 0.25, z + 1.0];
@@ -80,7 +80,7 @@ fn moved(placed: &[Affine]) -> Vec<Affine> {
 }
 
 #[test]
-fn placing_asks_for_bounds_once_an_instance_and_traces_nothing() {
+fn set_instances_queries_each_bound_once_and_traces_nothing() {
     let placed = crowd();
     let mut tlas = tlas(&instances(&placed));
     let asked = |tlas: &Tlas<Counted>| tlas.blas().iter().map(Counted::take).collect::<Vec<_>>();
@@ -89,7 +89,7 @@ fn placing_asks_for_bounds_once_an_instance_and_traces_nothing() {
     tlas.set_instances(&instances(&moved(&placed))).unwrap();
     assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
     assert_eq!(tlas.blas().iter().map(std::ptr::from_ref).collect::<Vec<_>>(), before);
-    // The counters do count.
+    // The counters work.
     hits(&tlas, &all_rays(&moved(&placed), 1));
     assert!(asked(&tlas).iter().all(|&(n_bounds, n_rays)| n_bounds == 0 && n_rays > 100));
 }
@@ -115,7 +115,7 @@ fn moved_instances_equal_a_fresh_build() {
 }
 
 #[test]
-fn what_is_refused_leaves_the_old_instances() {
+fn rejected_instances_leave_the_old_ones() {
     let placed = crowd();
     let rays = all_rays(&placed, 2);
     let mut tlas = tlas(&instances(&placed));

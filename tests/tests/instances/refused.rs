@@ -9,7 +9,7 @@ use canted_trace::Watertight;
 
 use super::setup::{affine, build, meshes};
 
-fn place(blas: u32, third: Affine) -> Result<(), InstanceError> {
+fn add(blas: u32, third: Affine) -> Result<(), InstanceError> {
     let [soup, torus] = meshes();
     let bottom: Vec<Bvh2<Watertight>> = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Aabb)];
     let sound = Instance::new(0, Affine::IDENTITY);
@@ -19,8 +19,8 @@ fn place(blas: u32, third: Affine) -> Result<(), InstanceError> {
 
 #[test]
 fn a_missing_blas_is_reported() {
-    assert_eq!(place(2, Affine::IDENTITY), Err(InstanceError::NoSuchBlas { instance: 2, blas: 2 }));
-    assert_eq!(place(1, Affine::IDENTITY), Ok(()));
+    assert_eq!(add(2, Affine::IDENTITY), Err(InstanceError::NoSuchBlas { instance: 2, blas: 2 }));
+    assert_eq!(add(1, Affine::IDENTITY), Ok(()));
 }
 
 #[test]
@@ -29,7 +29,7 @@ fn transforms_that_are_not_finite_are_rejected() {
         for place_of_bad in 0..12 {
             let mut affine = Affine::IDENTITY;
             affine.columns[place_of_bad / 3][place_of_bad % 3] = bad;
-            assert_eq!(place(0, affine), Err(InstanceError::NotFinite { instance: 2 }));
+            assert_eq!(add(0, affine), Err(InstanceError::NotFinite { instance: 2 }));
         }
     }
 }
@@ -43,7 +43,7 @@ fn singular_transforms_are_rejected_at_any_scale() {
             Affine { columns: [x, y, z, [0.0; 3]] }
         };
         for columns in [[[0.0; 3]; 3], flat, [flat[0], flat[0], flat[1]], [flat[0], flat[1], [0.0; 3]]] {
-            let error = place(0, scaled(columns)).unwrap_err();
+            let error = add(0, scaled(columns)).unwrap_err();
             assert!(matches!(error, InstanceError::IllConditioned { instance: 2, .. }), "{scale:e}: {error}");
         }
     }
@@ -52,13 +52,9 @@ fn singular_transforms_are_rejected_at_any_scale() {
 #[test]
 fn the_condition_number_decides_not_the_determinant() {
     for scale in [1e-6f64, 1e-3, 1.0, 1e3, 1e6] {
-        assert_eq!(
-            place(0, affine(&Rotation::off_axis(), [scale, scale, -scale], [1e7, 0.0, 0.0])),
-            Ok(()),
-            "{scale:e}"
-        );
+        assert_eq!(add(0, affine(&Rotation::off_axis(), [scale, scale, -scale], [1e7, 0.0, 0.0])), Ok(()), "{scale:e}");
     }
-    let stretched = |ratio: f64| place(1, affine(&Rotation::IDENTITY, [1.0, 1.0, ratio], [0.0; 3]));
+    let stretched = |ratio: f64| add(1, affine(&Rotation::IDENTITY, [1.0, 1.0, ratio], [0.0; 3]));
     assert_eq!(stretched(MAX_CONDITION), Ok(()));
     assert_eq!(stretched(1.0 / MAX_CONDITION), Ok(()));
     let condition = 2.0 * MAX_CONDITION;
@@ -70,13 +66,13 @@ fn the_condition_number_decides_not_the_determinant() {
 #[test]
 fn error_messages_name_instance_and_limit() {
     let sentence = |result: Result<(), InstanceError>| result.unwrap_err().to_string();
-    assert_eq!(sentence(place(7, Affine::IDENTITY)), "instance 2 refers to bottom-level BVH 7, which does not exist");
+    assert_eq!(sentence(add(7, Affine::IDENTITY)), "instance 2 refers to bottom-level BVH 7, which does not exist");
     let mut affine = Affine::IDENTITY;
     affine.columns[3][1] = f32::NAN;
-    assert_eq!(sentence(place(0, affine)), "the transform of instance 2 is not finite");
+    assert_eq!(sentence(add(0, affine)), "the transform of instance 2 is not finite");
     affine.columns = [[0.0; 3]; 4];
     assert_eq!(
-        sentence(place(0, affine)),
+        sentence(add(0, affine)),
         "the transform of instance 2 is too close to singular: its condition number is inf, at most 1.048576e6 is supported"
     );
 }
@@ -88,5 +84,5 @@ fn bounds_out_of_range_are_rejected() {
     affine.columns[1][1] = 1e38;
     affine.columns[2][2] = 1e38;
     affine.columns[3] = [3e38; 3];
-    assert_eq!(place(0, affine), Err(InstanceError::OutOfRange { instance: 2 }));
+    assert_eq!(add(0, affine), Err(InstanceError::OutOfRange { instance: 2 }));
 }

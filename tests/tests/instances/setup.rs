@@ -1,4 +1,4 @@
-//! Bottom levels, and rays that graze them where they are placed.
+//! Bottom levels, and rays that graze their instances.
 
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, grazing, soup, torus};
@@ -8,7 +8,7 @@ pub(crate) use canted_tests::transforms::{affine, crowd, transforms};
 use canted_tlas::Instance;
 use canted_trace::{Kernel, Ray};
 
-/// Two bottom levels that instances take in turn.
+/// Two bottom levels that instances alternate between.
 pub(crate) fn meshes() -> [Mesh; 2] {
     [soup(5, 120), torus(10, 6)]
 }
@@ -28,7 +28,7 @@ pub(crate) fn build<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {
     Bvh2::build(&mesh.positions, &mesh.triangles, &BuildConfig { volumes, ..BuildConfig::default() }).unwrap()
 }
 
-/// Rays that graze the image of `mesh`, `n` of each class, half of them ending or beginning near where they aim.
+/// Rays that graze the image of `mesh`, `n` of each class, half of them ending or starting near their target.
 pub(crate) fn rays(mesh: &Mesh, world_from_object: &Affine, n: usize, seed: u64) -> Vec<Ray> {
     let positions = mesh.positions.iter().map(|&p| world_from_object.point(p)).collect();
     let image = Mesh { positions, triangles: mesh.triangles.clone() };

@@ -1,38 +1,38 @@
-//! Whether two pictures of one scene, both noisy, show the same light.
+//! Whether two noisy pictures of one scene show the same light.
 
 use canted_film::{Film, Picture};
 
-/// Pixels along the side of a block.
+/// Side of a block in pixels.
 pub(crate) const BLOCK: u32 = 16;
 
-/// How far the mean of a picture may be from that of the reference.
+/// Greatest relative difference of the mean from that of the reference.
 const MEAN: f64 = 0.005;
 
-/// Probability with which noise alone may make two equal pictures disagree.
+/// Probability that noise alone makes two equal pictures disagree.
 const FALSE_ALARM: f64 = 1e-3;
 
-/// Relative rounding error of the references' numbers, which are of half precision: 11 bits.
+/// Relative rounding error of the references, which have half precision: 11 bits.
 const HALF: f64 = 1.0 / 2048.0;
 
-/// Red, green and blue of a block of pixels: their means, and the standard errors of those.
+/// Means of red, green and blue in a block of pixels, and their standard errors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
     pub(crate) mean: [f64; 3],
     pub(crate) error: [f64; 3],
-    /// Pixels in the block.
+    /// Number of pixels in the block.
     pub(crate) area: f64,
 }
 
-/// The blocks of a film whose samples are independent of each other.
+/// The blocks of a film with independent samples.
 pub(crate) fn blocks_of_film(film: &Film) -> Vec<Block> {
     let pixel = |i: usize| (film.pixels()[i].mean(), film.pixels()[i].variance_of_mean());
     blocks(film.width(), film.height(), pixel)
 }
 
-/// The blocks of a reference, with their errors from a second picture of one pixel a block.
+/// The blocks of a reference; a second picture with one pixel per block holds the errors.
 pub(crate) fn blocks_of_reference(mean: &Picture, errors: &Picture) -> Vec<Block> {
     let mut blocks = blocks(mean.width, mean.height, |i| (mean.pixels[i].map(f64::from), [0.0; 3]));
-    assert_eq!(blocks.len(), errors.pixels.len(), "one error a block");
+    assert_eq!(blocks.len(), errors.pixels.len(), "one error per block");
     for (block, error) in blocks.iter_mut().zip(&errors.pixels) {
         block.error = error.map(f64::from);
     }
@@ -59,25 +59,25 @@ fn blocks(width: u32, height: u32, pixel: impl Fn(usize) -> ([f64; 3], [f64; 3])
     corners.map(block).collect()
 }
 
-/// Why two pictures are not of the same light.
+/// Why two pictures disagree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Disagreement {
-    /// The noise is too great for the means to say anything.
+    /// The noise is too high to compare the means.
     Noise { channel: usize, relative_error: f64 },
     /// The mean radiance differs.
     Mean { channel: usize, ratio: f64 },
-    /// The mean of a block differs by more than both noises explain.
+    /// The mean of a block differs by more than the noise of both explains.
     Block { block: usize, channel: usize, ours: f64, theirs: f64, bound: f64 },
 }
 
-/// Compares the means of the pictures, and each block.
+/// Compares the means of the pictures, and of each block.
 ///
-/// The means agree within [`MEAN`]; three standard errors of both must fit in that, or the comparison would be blind.
-/// Blocks agree within `q·√(a² + b²)`, `a` and `b` their standard errors, and the rounding of the reference. With `n`
-/// comparisons `q = √(2·ln(n/p))`, for a normal deviate exceeds `q` with a probability of at most `exp(-q²/2)`, both
-/// tails together, so that one of `n` does with at most `p`, [`FALSE_ALARM`].
+/// The means agree within [`MEAN`]; three standard errors of both must be less, or the comparison could not fail. Blocks agree
+/// within `q·√(a² + b²)`, where `a` and `b` are their standard errors, plus the rounding of the reference. With `n`
+/// comparisons `q = √(2·ln(n/p))`: a normal deviate exceeds `q` with a probability of at most `exp(-q²/2)`, both tails
+/// together, so one of `n` does with at most `p`, [`FALSE_ALARM`].
 pub(crate) fn agree(ours: &[Block], theirs: &[Block]) -> Result<(), Disagreement> {
-    assert_eq!(ours.len(), theirs.len(), "pictures of one size");
+    assert_eq!(ours.len(), theirs.len(), "pictures of equal size");
     for channel in 0..3 {
         agree_in_mean(channel, ours, theirs)?;
     }
@@ -109,7 +109,7 @@ fn agree_in_mean(channel: usize, ours: &[Block], theirs: &[Block]) -> Result<(),
     Ok(())
 }
 
-/// Whether a difference is at most a bound; where either is not a number it is not.
+/// Whether a difference is at most a bound; false if either is NaN.
 fn is_within(difference: f64, bound: f64) -> bool {
     difference.abs() <= bound
 }

@@ -1,6 +1,6 @@
-//! Pictures with all that light does: glass and metal in a kitchen, and a lens.
+//! Pictures with all light transport: glass and metal in a kitchen, and a lens.
 //!
-//! Paths have no end. The numbers are those of `tests/oracle/scenes.py`.
+//! Path length is unlimited. The numbers equal those of `tests/oracle/scenes.py`.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use canted_scene::{Camera, Lens, Light, Material, MaterialId, MeshId, Scene};
 
 use crate::shots::{BLUE, Shot, checker, cornell_env, flat_model, floor, model, parts, with_sun};
 
-/// The material as Mitsuba has it: a smooth dielectric with an inside, or GGX in the metal's colour, or Lambert.
+/// The material as in Mitsuba: a smooth dielectric with an inside, or GGX in the metal's color, or Lambert.
 fn as_the_other_has_it(material: &mut Material) {
     assert_eq!(material.metallic_roughness_texture, None, "{}: only factors are compared", material.name);
     if material.transmission > 0.5 {
@@ -27,7 +27,7 @@ fn as_the_other_has_it(material: &mut Material) {
     }
 }
 
-/// The kitchen in the light of a blue sky through its window.
+/// The kitchen under a blue sky through its window.
 pub(crate) fn kitchen_sky(test: &str) -> Option<Shot> {
     let mut scene = model(test, "kitchen/country_kitchen.glb")?;
     scene.materials.iter_mut().for_each(as_the_other_has_it);
@@ -36,7 +36,7 @@ pub(crate) fn kitchen_sky(test: &str) -> Option<Shot> {
     Some(Shot { name: "kitchen-env", scene, camera, size: [112, 64], n_segments: None, samples: 256 })
 }
 
-/// The same by a ball of light in it.
+/// The same lit by a sphere light inside.
 pub(crate) fn kitchen_ball(test: &str) -> Option<Shot> {
     let shot = kitchen_sky(test)?;
     let ball = Light::Sphere { center: [1.9, 2.5, 2.2], radius: 0.15, radiance: [20.0, 18.0, 15.0] };
@@ -52,7 +52,7 @@ pub(crate) fn kitchen_sun(test: &str) -> Option<Shot> {
     Some(Shot { name: "kitchen-sun", scene, camera, size: [96, 64], samples: 512, ..shot })
 }
 
-/// The Cornell box in the light of its own lamp, hung lower.
+/// The Cornell box lit by its own lamp, hung lower.
 pub(crate) fn cornell_lamp(test: &str) -> Option<Shot> {
     const DROP: f32 = 0.5;
     let mut scene = flat_model(test, "cornell/cornellBox.obj")?;
@@ -70,7 +70,7 @@ pub(crate) fn cornell_lamp(test: &str) -> Option<Shot> {
     Some(Shot { name: "cornell-light", scene, camera, n_segments: None, samples: 1536, ..cornell_env(test)? })
 }
 
-/// A wall that a wide lens focuses on, and the floor that it does not.
+/// A wall in the focus of a wide lens, and a floor out of focus.
 pub(crate) fn lens() -> Shot {
     let shot = checker();
     let mut scene = Scene { environment: Some(BLUE.into()), ..shot.scene };

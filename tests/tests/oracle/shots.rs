@@ -1,4 +1,4 @@
-//! The pictures of the oracle as our renderer takes them: the same numbers as in `tests/oracle/scenes.py`.
+//! The scenes of the oracle in our renderer: the same numbers as in `tests/oracle/scenes.py`.
 
 use canted_film::{Film, Picture, read_picture};
 use canted_obb::Affine;
@@ -12,22 +12,22 @@ use canted_trace::Watertight;
 
 use crate::agree::{Block, blocks_of_film, blocks_of_reference};
 
-/// What both renderers draw.
+/// A picture that both renderers make.
 pub(crate) struct Shot {
     /// Name of the reference.
     pub(crate) name: &'static str,
     pub(crate) scene: Scene,
     pub(crate) camera: Camera,
     pub(crate) size: [u32; 2],
-    /// Segments of a path, the camera's included, where paths stop; the hybrid integrator then takes the picture.
+    /// Greatest number of segments of a path, including the camera's; the hybrid integrator then renders the picture.
     pub(crate) n_segments: Option<u32>,
-    /// Samples per pixel: as many as the mean radiance asks for.
+    /// Samples per pixel, enough for the mean radiance.
     pub(crate) samples: u32,
 }
 
 pub(crate) const BLUE: [f32; 3] = [0.4, 0.5, 0.65];
 
-/// A model as both renderers see it: flat triangles.
+/// A model with flat triangles, as both renderers use it.
 pub(crate) fn flat_model(test: &str, file: &str) -> Option<Scene> {
     let mut scene = read(&models(test)?.join(file)).unwrap();
     for mesh in &mut scene.meshes {
@@ -36,7 +36,7 @@ pub(crate) fn flat_model(test: &str, file: &str) -> Option<Scene> {
     Some(scene)
 }
 
-/// The same, giving no light of its own.
+/// The same without emission.
 pub(crate) fn model(test: &str, file: &str) -> Option<Scene> {
     let mut scene = flat_model(test, file)?;
     for material in &mut scene.materials {
@@ -59,14 +59,14 @@ pub(crate) fn cornell_env(test: &str) -> Option<Shot> {
     Some(Shot { name: "cornell-env-2", scene, camera, size: [64, 64], n_segments: Some(2), samples: 128 })
 }
 
-/// The same, with a sun that shines in through the open side.
+/// The same with a sun that shines in through the open side.
 pub(crate) fn cornell_sun(test: &str) -> Option<Shot> {
     let shot = cornell_env(test)?;
     let scene = with_sun(shot.scene, [0.3, -0.5, -1.0], [3.0, 2.8, 2.5]);
     Some(Shot { name: "cornell-sun-3", scene, n_segments: Some(3), ..shot })
 }
 
-/// The box in the light of a lamp between its ceiling and its boxes.
+/// The box lit by a point light between its ceiling and its blocks.
 pub(crate) fn cornell_point(test: &str) -> Option<Shot> {
     let shot = cornell_env(test)?;
     let lights = vec![Light::Point { position: [-0.9, 3.5, -1.2], intensity: [8.0, 7.0, 6.0] }];
@@ -74,7 +74,7 @@ pub(crate) fn cornell_point(test: &str) -> Option<Shot> {
     Some(Shot { name: "cornell-point-3", scene, n_segments: Some(3), ..shot })
 }
 
-/// Lambert triangles without texture, each part a colour and corners in threes.
+/// Lambert triangles without texture; each part has a color and corners in threes.
 pub(crate) fn parts(parts: &[([f32; 3], Vec<[f32; 3]>)]) -> Scene {
     let mut scene = Scene::default();
     for (index, (base_color, corners)) in (0..).zip(parts) {
@@ -106,21 +106,21 @@ fn over_floor(name: &'static str, scene: Scene, light: Light) -> Shot {
     Shot { name, scene, camera, size: [64, 64], n_segments: Some(2), samples: 128 }
 }
 
-/// A disc of 64 corners between a floor and a ball of light. Paths have no end in the reference; eight bounces between a
-/// floor and what hangs over it leave nothing that could be seen.
+/// A disk of 64 corners between a floor and a sphere light. The reference has unlimited paths; after eight bounces between floor
+/// and disk no visible light is left.
 pub(crate) fn penumbra() -> Shot {
-    let rim = |i: u32| {
+    let corner = |i: u32| {
         let (s, c) = (std::f64::consts::TAU * f64::from(i) / 64.0).sin_cos();
-        #[expect(clippy::cast_possible_truncation, reason = "a place rounded once")]
+        #[expect(clippy::cast_possible_truncation, reason = "a position rounded once")]
         [(0.8 * c) as f32, 1.0, (-0.8 * s) as f32]
     };
-    let disc = (0..64).flat_map(|i| [[0.0, 1.0, 0.0], rim(i), rim(i + 1)]).collect();
+    let disc = (0..64).flat_map(|i| [[0.0, 1.0, 0.0], corner(i), corner(i + 1)]).collect();
     let light = Light::Sphere { center: [0.5, 3.0, 0.0], radius: 0.4, radiance: [8.0; 3] };
     let scene = parts(&[floor(), ([0.2, 0.3, 0.6], disc)]);
     Shot { n_segments: Some(10), samples: 1024, ..over_floor("penumbra", scene, light) }
 }
 
-/// A spot with a hard edge.
+/// A spot light with a hard edge.
 pub(crate) fn spot() -> Shot {
     let [x, y, z] = [-1.5_f64, -4.0, -1.0];
     let length = (x * x + y * y + z * z).sqrt();
@@ -136,7 +136,7 @@ pub(crate) fn spot() -> Shot {
     over_floor("spot", parts(&[floor()]), light)
 }
 
-/// A leaning wall of four times four texels, enlarged so that the filter shows, in a white sky.
+/// A tilted wall of four times four texels, enlarged to show the filter, under a white sky.
 pub(crate) fn checker() -> Shot {
     let mesh = Mesh {
         positions: vec![[-2.0, 0.5, 0.0], [2.0, 0.5, 0.0], [2.0, 3.5, -1.0], [-2.0, 3.5, -1.0]],
@@ -171,7 +171,7 @@ pub(crate) fn checker() -> Shot {
     Shot { name: "checker", scene, camera, size: [64, 64], n_segments: Some(2), samples: 256 }
 }
 
-/// Paths without end in the Cornell box: under its sky, with the sun, and by a ball of light.
+/// Unlimited paths in the Cornell box: under its sky, with the sun, and with a sphere light.
 pub(crate) fn cornell_paths(test: &str) -> Option<[Shot; 3]> {
     let sky = Shot { name: "cornell-env", n_segments: None, samples: 256, ..cornell_env(test)? };
     let sun = Shot { name: "cornell-sun", n_segments: None, samples: 256, ..cornell_sun(test)? };
@@ -183,10 +183,10 @@ pub(crate) fn cornell_paths(test: &str) -> Option<[Shot; 3]> {
 }
 
 impl Shot {
-    /// Our picture, of samples that are independent of each other.
+    /// Our picture, with independent samples.
     ///
-    /// With ambient occlusion off, the hybrid integrator is a path tracer whose paths stop. Light from outside and from
-    /// lights reaches its last vertex, which is one more segment than vertices.
+    /// Without ambient occlusion the hybrid integrator is a path tracer with limited path length. Light from the environment and
+    /// from lights reaches its last vertex, which is one more segment than vertices.
     pub(crate) fn ours(&self) -> Vec<Block> {
         blocks_of_film(&self.film())
     }
@@ -204,7 +204,7 @@ impl Shot {
             integrator,
             bounces,
             pattern: Pattern::Random,
-            // The other renderer looks textures up at full size.
+            // The other renderer samples textures at full size.
             lod: Lod::None,
             ao_radius,
             ..Settings::default()

@@ -1,4 +1,4 @@
-//! Sponza by sun, sky and a ball of light. The numbers are those of `tests/oracle/scenes.py`.
+//! Sponza with sun, sky and a sphere light. The numbers equal those of `tests/oracle/scenes.py`.
 
 use canted_scene::{Camera, Environment, Light, Scene, read_environment};
 use canted_tests::models::models;
@@ -18,12 +18,12 @@ pub(crate) fn sun(test: &str) -> Option<Shot> {
     Some(Shot { name: "sponza-sun-3", scene, camera: across(), size: SIZE, n_segments: Some(3), samples: 128 })
 }
 
-/// The same with paths without end.
+/// The same with unlimited paths.
 pub(crate) fn sun_paths(test: &str) -> Option<Shot> {
     Some(Shot { name: "sponza-sun", n_segments: None, samples: 768, ..sun(test)? })
 }
 
-/// By a ball of light that hangs in the court, above what is seen.
+/// Lit by a sphere light in the court, above the visible part.
 pub(crate) fn ball(test: &str) -> Option<Shot> {
     let light = Light::Sphere { center: [200.0, 1000.0, 0.0], radius: 100.0, radiance: [30.0, 27.0, 20.0] };
     let scene = Scene { lights: vec![light], ..model(test, "sponza/sponza.obj")? };
@@ -37,8 +37,8 @@ pub(crate) fn blue_sky(test: &str) -> Option<Shot> {
     Some(Shot { name: "sponza-env", scene, camera, size: SIZE, n_segments: None, samples: 512 })
 }
 
-/// The same under a picture of the sky.
-pub(crate) fn pictured_sky(test: &str) -> Option<Shot> {
+/// The same under an image of the sky.
+pub(crate) fn image_sky(test: &str) -> Option<Shot> {
     let shot = blue_sky(test)?;
     let image = read_environment(&models(test)?.join("env/sky_64x32.exr"), &mut Vec::new()).unwrap();
     let scene = Scene { environment: Some(Environment::Image(image)), ..shot.scene };

@@ -1,4 +1,4 @@
-//! The first difference between the device and the CPU, by station.
+//! The first difference between the device and the CPU, by stage.
 
 use std::fmt::Debug;
 
@@ -10,7 +10,7 @@ use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Leaf, Tree, VolumeConfig
 
 use crate::setup::{Twin, items, words};
 
-/// Codes as the device has them.
+/// Codes in the device's layout.
 fn on_device(gpu: &Gpu, codes: [Vec<u32>; 2], bits: Bits) -> Codes {
     let [low, high] = codes.map(|word| gpu.buffer("codes", &word).unwrap());
     Codes { low, high: (bits == Bits::B63).then_some(high) }
@@ -22,14 +22,14 @@ fn read(gpu: &Gpu, codes: &Codes) -> [Vec<u32>; 2] {
     [low, high]
 }
 
-/// The grids of the CPU; items of none have no grid.
+/// The CPU's grids; empty inputs have none.
 pub(crate) fn grids<L>(twins: &[Twin<L>]) -> Vec<Grid> {
     let of = |twin: &Twin<L>| Grid { offset: twin.domain.offset, scale: twin.domain.scale };
     let none = Grid { offset: [0.0; 3], scale: 0.0 };
     twins.iter().map(|twin| if twin.items.is_empty() { none } else { of(twin) }).collect()
 }
 
-/// The bits, both zeros as one: which of two zeros is less no one says.
+/// The bits with both zeros equal, because the minimum of two zeros may be either.
 pub(crate) fn bits_of(grids: &[Grid]) -> Vec<[u32; 4]> {
     grids
         .iter()
@@ -37,7 +37,7 @@ pub(crate) fn bits_of(grids: &[Grid]) -> Vec<[u32; 4]> {
         .collect()
 }
 
-/// Where two lists differ first.
+/// The first difference between two lists.
 fn unequal<T: PartialEq + Debug>(what: &str, device: &[T], cpu: &[T]) -> Result<(), String> {
     if device.len() != cpu.len() {
         return Err(format!("{what}: {} for {}", device.len(), cpu.len()));
@@ -48,11 +48,11 @@ fn unequal<T: PartialEq + Debug>(what: &str, device: &[T], cpu: &[T]) -> Result<
     }
 }
 
-/// Looks at every station, each on what the CPU made before it.
+/// Compares every stage, each on the CPU's result of the previous one.
 ///
 /// # Errors
-/// The first that differs from the CPU's.
-pub(crate) fn stations<L>(gpu: &Gpu, items: &Items, twins: &[Twin<L>], bits: Bits) -> Result<(), String> {
+/// The first difference from the CPU.
+pub(crate) fn stages<L>(gpu: &Gpu, items: &Items, twins: &[Twin<L>], bits: Bits) -> Result<(), String> {
     let mut run = Run::new(gpu);
     let domains = build::domain(&mut run, items, bits).unwrap();
     unequal("grids", &bits_of(&gpu.read(&domains).unwrap()), &bits_of(&grids(twins)))?;
@@ -75,11 +75,11 @@ pub(crate) fn stations<L>(gpu: &Gpu, items: &Items, twins: &[Twin<L>], bits: Bit
     topology(gpu, items, &trees, twins)
 }
 
-/// Looks at trees built from end to end.
+/// Compares trees built from end to end.
 ///
 /// # Errors
-/// What differs first from the CPU's: leaves, nodes or axis-aligned boxes.
-pub(crate) fn whole<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -> Result<(), String> {
+/// The first difference from the CPU: leaves, nodes or axis-aligned boxes.
+pub(crate) fn end_to_end<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -> Result<(), String> {
     unequal("leaves", &gpu.read(&built.leaves).unwrap(), &leaves(&built.items, twins))?;
     topology(gpu, &built.items, &built.trees, twins)?;
     let aabbs = gpu.read(&built.aabbs).unwrap();
@@ -90,16 +90,16 @@ pub(crate) fn whole<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -> Res
     Ok(())
 }
 
-/// Asserts that every station makes the CPU's integers, alone and one after another.
+/// Asserts that every stage gives the CPU's integers, alone and one after another.
 pub(crate) fn assert_equal(gpu: &Gpu, twins: &[Twin], bits: Bits, name: &str) {
-    let alone = stations(gpu, &items(gpu, twins), twins, bits);
+    let alone = stages(gpu, &items(gpu, twins), twins, bits);
     alone.unwrap_or_else(|error| panic!("{name}, {bits:?}, {error}"));
     let built = Built::new(&mut Run::new(gpu), items(gpu, twins), BuildConfig { bits, ..BuildConfig::default() });
-    let together = whole(gpu, &built.unwrap(), twins);
+    let together = end_to_end(gpu, &built.unwrap(), twins);
     together.unwrap_or_else(|error| panic!("{name}, {bits:?} from end to end, {error}"));
 }
 
-/// The item of each leaf, counted over all trees.
+/// The item of each leaf, numbered over all trees.
 fn leaves<L>(items: &Items, twins: &[Twin<L>]) -> Vec<u32> {
     let firsts = items.ranges().iter().map(|range| range.first);
     twins
@@ -120,7 +120,7 @@ fn topology<L>(gpu: &Gpu, items: &Items, trees: &Trees, twins: &[Twin<L>]) -> Re
     unequal("depth", &gpu.read(&trees.depth).unwrap(), &[depth])
 }
 
-/// Nodes of a tree of its own, numbered as those of a tree whose items begin at `first`.
+/// Nodes of a separate tree, renumbered for items that begin at `first`.
 fn shifted(tree: &Tree, first: u32) -> Vec<Node> {
     let child = |child: Child| match child.kind() {
         ChildKind::Leaf(position) => (position + first) | 1 << 31,
@@ -135,7 +135,7 @@ fn shifted(tree: &Tree, first: u32) -> Vec<Node> {
     tree.nodes.iter().map(node).collect()
 }
 
-/// Whether each node's children name it as their parent.
+/// Asserts that each node's children name it as their parent.
 fn check_parents(nodes: &[Node], parents: &[u32], items: &Items) {
     const LEAF: u32 = 1 << 31;
     let at = |child: u32| if child & LEAF == 0 { child as usize } else { nodes.len() + (child & !LEAF) as usize };

@@ -1,4 +1,4 @@
-//! Real models, a tree a mesh: all stations, end to end, and boxes of every kind. Skipped by name where they are not at hand.
+//! Real models, one tree per mesh: all stages, end to end, and boxes of every kind. Missing models are skipped with a message.
 
 use canted_fixtures::Mesh;
 use canted_gpu::build::STRATEGIES;
@@ -11,7 +11,7 @@ use crate::{
     volumes::assert_contained,
 };
 
-/// Compares a model with the CPU: integers with codes of both lengths, leaning boxes with what is below them.
+/// Compares a model with the CPU: integers for codes of both lengths, oriented boxes with what is below them.
 fn look_at(test: &str, file: &str) {
     let (Some(folder), Some(gpu)) = (models(test), gpu(test)) else { return };
     let scene = canted_scene::read(&folder.join(file)).unwrap();

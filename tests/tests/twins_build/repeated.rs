@@ -1,4 +1,4 @@
-//! The same build again and again: no bit depends on which work-group came first.
+//! Repeated builds: no bit depends on the order of work-groups.
 
 use bytemuck::Pod;
 use canted_fixtures::Mesh;
@@ -10,7 +10,7 @@ use canted_lbvh::{Bits, Strategy};
 
 use crate::setup::{Twin, gpu, items, large, needles, twins};
 
-/// Builds that are compared, the first with each other one.
+/// Builds compared with the first.
 const ROUNDS: usize = 20;
 
 /// Words of buffers by name.
@@ -20,7 +20,7 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Vec<u32> {
     bytemuck::cast_slice(&gpu.read(buffer).unwrap()).to_vec()
 }
 
-/// All that a build leaves in the device's memory.
+/// All buffers that a build leaves on the device.
 pub(crate) fn words_of(gpu: &Gpu, built: &Built) -> Words {
     let trees = &built.trees;
     let obbs = built.obbs.as_ref().map(|obbs| read(gpu, obbs)).unwrap_or_default();
@@ -31,12 +31,12 @@ pub(crate) fn words_of(gpu: &Gpu, built: &Built) -> Words {
         ("heights", read(gpu, &trees.heights)),
         ("depth", read(gpu, &trees.depth)),
         ("axis-aligned boxes", read(gpu, &built.aabbs)),
-        ("leaning boxes", obbs),
+        ("oriented boxes", obbs),
     ]
 }
 
-/// All that the stations of a build make, the grids and codes that it drops among them.
-fn stations(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
+/// All results of the stages of a build, including the grids and codes that it drops.
+fn stages(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
     let bits = Bits::B63;
     let mut run = Run::new(gpu);
     let items = items(gpu, twins);
@@ -57,31 +57,31 @@ pub(crate) fn changed(before: &Words, after: &Words) -> Option<&'static str> {
     before.iter().zip(after).find(|(before, after)| before != after).map(|((name, _), _)| *name)
 }
 
-/// Many work-groups over one mesh, and a tree of needles, most of whose boxes lean.
+/// A mesh of many work-groups, and needles, most of whose boxes are oriented.
 fn meshes() -> [Mesh; 2] {
     [large(7, 4_000), needles().remove(0)]
 }
 
 #[test]
-fn every_build_of_the_same_has_the_same_bits() {
-    let Some(gpu) = gpu("every_build_of_the_same_has_the_same_bits") else { return };
+fn repeated_builds_have_the_same_bits() {
+    let Some(gpu) = gpu("repeated_builds_have_the_same_bits") else { return };
     let twins = twins(&meshes(), Bits::B63);
     for strategy in STRATEGIES {
-        let first = stations(&gpu, &twins, strategy);
+        let first = stages(&gpu, &twins, strategy);
         for round in 1..ROUNDS {
-            let again = stations(&gpu, &twins, strategy);
+            let again = stages(&gpu, &twins, strategy);
             assert_eq!(changed(&first, &again), None, "{strategy:?}, build {round}");
         }
     }
 }
 
 #[test]
-fn the_comparison_sees_one_step_of_one_vertex() {
-    let Some(gpu) = gpu("the_comparison_sees_one_step_of_one_vertex") else { return };
+fn the_comparison_detects_one_ulp_of_one_vertex() {
+    let Some(gpu) = gpu("the_comparison_detects_one_ulp_of_one_vertex") else { return };
     let mut twins = twins(&meshes(), Bits::B63);
-    let first = stations(&gpu, &twins, Strategy::Combined);
+    let first = stages(&gpu, &twins, Strategy::Combined);
     let corner = twins[0].items.iter_mut().flatten().max_by(|a, b| a[0].total_cmp(&b[0])).unwrap();
     corner[0] = corner[0].next_up();
-    let moved = stations(&gpu, &twins, Strategy::Combined);
+    let moved = stages(&gpu, &twins, Strategy::Combined);
     assert!(changed(&first, &moved).is_some());
 }

@@ -1,4 +1,4 @@
-//! The sums behind the sort by themselves, beside a loop of the CPU.
+//! The prefix sums of the sort alone, compared with a loop on the CPU.
 
 use bytemuck::{Pod, Zeroable};
 use canted_fixtures::SplitMix64;
@@ -6,7 +6,7 @@ use canted_gpu::{Gpu, NamedBinding, Specialisation};
 
 use crate::setup::gpu;
 
-/// Rows of one dispatch, each summed by a work-group of its own.
+/// Rows of one dispatch, each summed by its own work-group.
 const ROWS: u32 = 3;
 
 /// As in `shared/build/digit.wgsl`.
@@ -18,14 +18,14 @@ struct Digit {
     shift: u32,
 }
 
-/// Over each number of a row the sum of those before it, and the sums of the rows; by work-groups of `group` invocations.
+/// The exclusive prefix sums of each row, and the rows' totals; by work-groups of `group` invocations.
 fn scanned(gpu: &Gpu, group: u32, rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
     let tiled = Specialisation::none().number("GROUP", group).number("KEYS_EACH", 16).number("RADIX", ROWS);
     let kernel = gpu.kernel("build/sort_scan", &tiled).unwrap();
     let n_tiles = u32::try_from(rows[0].len()).unwrap();
     let digit = gpu.uniform("digit", &Digit { n_keys: 0, n_tiles, shift: 0 }).unwrap();
     let counts = gpu.buffer("counts", &rows.concat()).unwrap();
-    // What is there before must not count.
+    // The initial content must not matter.
     let totals = gpu.buffer("totals", &[7; ROWS as usize]).unwrap();
     let bound: [NamedBinding<'_>; 3] = [("digit", &digit), ("counts", &counts), ("totals", &totals)];
     let mut commands = gpu.commands();
@@ -34,7 +34,7 @@ fn scanned(gpu: &Gpu, group: u32, rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
     (gpu.read(&counts).unwrap(), gpu.read(&totals).unwrap())
 }
 
-/// The same by a loop. Sums wrap around on both sides.
+/// The same as a loop. Sums wrap around on both sides.
 fn scanned_by_cpu(rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
     let (mut before, mut totals) = (vec![], vec![]);
     for row in rows {
@@ -53,11 +53,11 @@ fn rows(n: usize) -> Vec<Vec<u32>> {
     (0..ROWS).map(|row| (0..n).map(|_| u32::try_from(rng.below(1 << (10 * (row + 1)))).unwrap()).collect()).collect()
 }
 
-/// Up to the tiles of 67 million keys. Not a million numbers: llvmpipe leaves a kernel's loops after some 65,535 turns of all of
-/// them together, which is where 600,000 numbers end.
+/// Up to the tiles of 67 million keys, but not a million numbers: llvmpipe ends a kernel's loops after some 65,535 iterations in
+/// total, which corresponds to 600,000 numbers.
 #[test]
-fn sums_are_the_cpus_at_every_length() {
-    let Some(gpu) = gpu("sums_are_the_cpus_at_every_length") else { return };
+fn sums_match_the_cpu_at_every_length() {
+    let Some(gpu) = gpu("sums_match_the_cpu_at_every_length") else { return };
     for n in [0, 1, 2, 63, 64, 65, 255, 256, 257, 65_537] {
         let rows = rows(n);
         for group in [64, 256] {
@@ -67,13 +67,13 @@ fn sums_are_the_cpus_at_every_length() {
 }
 
 #[test]
-fn the_comparison_sees_one_wrong_sum() {
-    let Some(gpu) = gpu("the_comparison_sees_one_wrong_sum") else { return };
+fn the_comparison_detects_one_wrong_sum() {
+    let Some(gpu) = gpu("the_comparison_detects_one_wrong_sum") else { return };
     let rows = rows(1000);
     let mut other = rows.clone();
     other[1][999] ^= 1;
     let ((before, totals), (before_there, totals_there)) = (scanned(&gpu, 64, &other), scanned_by_cpu(&rows));
-    // Nothing stands behind the last number but the sum of its row.
+    // The last number affects only the total of its row.
     assert!(before == before_there && totals != totals_there);
     other[1][0] ^= 1;
     assert!(scanned(&gpu, 64, &other).0 != before_there);

@@ -1,4 +1,4 @@
-//! What the tests share: meshes, and what the CPU makes of them.
+//! Shared meshes, and the CPU's results for them.
 
 use canted_fixtures::{
     Hair, Mesh, SplitMix64, Strand, hair, icosphere, identical, outlier, scaffold_of, slivers, soup, thin_box,
@@ -10,7 +10,7 @@ pub(crate) use canted_tests::device::gpu;
 
 pub(crate) const BOTH: [Bits; 2] = [Bits::B30, Bits::B63];
 
-/// What the CPU makes of items under one tree, station by station.
+/// The CPU's results for the items of one tree, stage by stage.
 pub(crate) struct Twin<L = Corners> {
     pub(crate) items: Vec<L>,
     pub(crate) domain: Domain,
@@ -45,29 +45,29 @@ impl<L: Copy> Twin<L> {
         Self { items, domain, codes, sorted, tree }
     }
 
-    /// In the order of the leaves.
+    /// The items in leaf order.
     pub(crate) fn leaves(&self) -> Vec<L> {
         self.tree.leaves.iter().map(|leaf| self.items[leaf.index()]).collect()
     }
 }
 
-/// What the CPU makes of each mesh.
+/// The CPU's results for each mesh.
 pub(crate) fn twins(meshes: &[Mesh], bits: Bits) -> Vec<Twin> {
     meshes.iter().map(|mesh| Twin::of(mesh, bits)).collect()
 }
 
-/// The meshes on the device, a tree each.
+/// The meshes on the device, one tree each.
 pub(crate) fn items(gpu: &Gpu, twins: &[Twin]) -> Items {
     Items::triangles(gpu, twins.iter().map(|twin| &twin.items[..])).unwrap()
 }
 
-/// The two words of each code, of all meshes one after another.
+/// The two words of each code, of all meshes in sequence.
 #[expect(clippy::cast_possible_truncation, reason = "the words of a code")]
 pub(crate) fn words<'a>(codes: impl Iterator<Item = &'a u64> + Clone) -> [Vec<u32>; 2] {
     [codes.clone().map(|&code| code as u32).collect(), codes.map(|&code| (code >> 32) as u32).collect()]
 }
 
-/// Small, empty, equal, flat and far meshes: as many of each as a scene might have.
+/// Small, empty, equal, flat and far meshes, as many of each as a scene might have.
 pub(crate) fn meshes() -> Vec<Mesh> {
     let far = icosphere(2);
     let far = Mesh { positions: far.positions.iter().map(|p| p.map(|x| x * 50.0 + 1e7)).collect(), ..far };
@@ -81,11 +81,11 @@ fn point() -> Mesh {
     Mesh { positions: vec![[0.1, -2.0, 3.0]], triangles: vec![[0; 3]; 20] }
 }
 
-/// A number of triangles that takes several slices and tiles.
+/// A mesh that takes several slices and tiles.
 pub(crate) fn large(seed: u64, n: u32) -> Mesh {
     let mut rng = SplitMix64::new(seed);
     let mut mesh = soup(seed, n);
-    // Some stand on others.
+    // Some triangles coincide.
     for _ in 0..mesh.triangles.len() / 10 {
         let [from, to] = [(); 2].map(|()| rng.below(mesh.triangles.len()));
         mesh.triangles[to] = mesh.triangles[from];
@@ -93,7 +93,7 @@ pub(crate) fn large(seed: u64, n: u32) -> Mesh {
     mesh
 }
 
-/// Long thin things in all directions, of which leaning boxes are made for.
+/// Long thin shapes in all directions, which suit oriented boxes.
 pub(crate) fn needles() -> Vec<Mesh> {
     let tubes = Hair { n_strands: 40, n_segments: 8, width: 0.0006, strand: Strand::Tube };
     vec![hair(3, &tubes), scaffold_of(1, true, 3), slivers(9, 600)]

@@ -1,4 +1,4 @@
-//! The sort beside the stable sort of the CPU.
+//! The sort compared with the stable sort of the CPU.
 
 use canted_fixtures::SplitMix64;
 use canted_gpu::{
@@ -9,7 +9,7 @@ use canted_lbvh::{Bits, sort_by_code};
 
 use crate::setup::{gpu, words};
 
-/// `n` codes of 63 bits, `distinct` of them.
+/// `n` codes of 63 bits with `distinct` values.
 fn codes(n: usize, distinct: usize) -> Vec<u64> {
     let mut rng = SplitMix64::new(n as u64);
     (0..n).map(|_| (rng.below(distinct) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 1).collect()
@@ -36,7 +36,7 @@ fn the_sort_is_stable_across_sizes_and_duplicates() {
     }
 }
 
-/// A million pairs, which take several slices of items: short codes with many duplicates, and long ones with hardly any.
+/// A million pairs, which take several slices of items: short codes with many duplicates, and long ones with few.
 #[test]
 fn a_million_pairs_are_sorted_stably() {
     let Some(gpu) = gpu("a_million_pairs_are_sorted_stably") else { return };
@@ -48,8 +48,8 @@ fn a_million_pairs_are_sorted_stably() {
 }
 
 #[test]
-fn the_comparison_sees_one_wrong_bit() {
-    let Some(gpu) = gpu("the_comparison_sees_one_wrong_bit") else { return };
+fn the_comparison_detects_one_wrong_bit() {
+    let Some(gpu) = gpu("the_comparison_detects_one_wrong_bit") else { return };
     let sorter = Sorter::new(&gpu).unwrap();
     let codes = codes(1000, 1 << 40);
     let mut other = codes.clone();

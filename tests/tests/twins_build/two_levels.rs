@@ -1,4 +1,4 @@
-//! The tree over instances: the same stations over boxes, built again alone where instances move.
+//! The tree over instances: the same stages over boxes, rebuilt alone after instances move.
 
 use canted_fixtures::{Mesh, icosphere, soup};
 use canted_gpu::{
@@ -14,7 +14,7 @@ use canted_tests::{
 use canted_tlas::Instance;
 
 use crate::{
-    compare::{stations, whole},
+    compare::{end_to_end, stages},
     repeated::{changed, words_of},
     setup::{Twin, gpu, items, twins},
 };
@@ -24,7 +24,7 @@ fn meshes() -> [Mesh; 3] {
     [icosphere(1), soup(1, 0), soup(2, 1)]
 }
 
-/// Instances of these in turn, at every kind of transform.
+/// Instances of these meshes in turn, with every kind of transform.
 fn instances(placed: &[Affine]) -> Vec<Instance> {
     (0..).zip(placed).map(|(i, &affine)| Instance::new(i % 3, affine)).collect()
 }
@@ -35,28 +35,28 @@ fn built(gpu: &Gpu, instances: &[Instance], config: BuildConfig) -> TwoLevels {
     TwoLevels::new(&mut run, bottom, instances, config).unwrap()
 }
 
-/// The boxes of the instances that have one, as the CPU places the roots that the device made.
+/// The boxes of the instances that have one, computed on the CPU from the device's root boxes.
 fn placed(gpu: &Gpu, levels: &TwoLevels, instances: &[Instance]) -> Vec<Obb> {
     let roots = levels.bottom.roots(gpu).unwrap();
     let of = |instance: &Instance| Some(roots[instance.blas as usize]?.transformed(&instance.world_from_object));
     instances.iter().filter_map(of).collect()
 }
 
-/// Asserts that the top level is the CPU's over the same boxes, and that its boxes contain them.
+/// Asserts that the top level equals the CPU's over the same boxes, and that its boxes contain them.
 fn assert_top(gpu: &Gpu, levels: &TwoLevels, instances: &[Instance], config: BuildConfig) {
     let twin = Twin::of_boxes(&placed(gpu, levels, instances), config.bits);
     let with_triangles: Vec<u32> =
         (0..).zip(instances).filter(|(_, i)| i.blas != 1).map(|(number, _)| number).collect();
     assert_eq!(levels.instances, with_triangles);
     let twins = [twin];
-    stations(gpu, &levels.top.items, &twins, config.bits).unwrap_or_else(|error| panic!("{config:?}, {error}"));
-    whole(gpu, &levels.top, &twins).unwrap_or_else(|error| panic!("{config:?} from end to end, {error}"));
+    stages(gpu, &levels.top.items, &twins, config.bits).unwrap_or_else(|error| panic!("{config:?}, {error}"));
+    end_to_end(gpu, &levels.top, &twins).unwrap_or_else(|error| panic!("{config:?} from end to end, {error}"));
     let Some(obbs) = &levels.top.obbs else { return };
     let (obbs, leaves) = (gpu.read(obbs).unwrap(), twins[0].leaves());
     assert_eq!(escaped(&twins[0], &leaves, &obbs), None, "{config:?}");
 }
 
-/// A box below a node that the node's box does not contain.
+/// A box that is not contained in the box of a node above it.
 fn escaped(twin: &Twin<Obb>, leaves: &[Obb], obbs: &[Obb]) -> Option<(usize, Obb)> {
     twin.tree.nodes.iter().zip(obbs).enumerate().find_map(|(index, (node, obb))| {
         let below = &leaves[node.first as usize..=node.last as usize];
@@ -65,8 +65,8 @@ fn escaped(twin: &Twin<Obb>, leaves: &[Obb], obbs: &[Obb]) -> Option<(usize, Obb
 }
 
 #[test]
-fn the_top_level_is_the_cpus_over_the_same_boxes() {
-    let Some(gpu) = gpu("the_top_level_is_the_cpus_over_the_same_boxes") else { return };
+fn the_top_level_matches_the_cpu_over_the_same_boxes() {
+    let Some(gpu) = gpu("the_top_level_matches_the_cpu_over_the_same_boxes") else { return };
     let instances = instances(&crowd());
     for bits in [Bits::B30, Bits::B63] {
         for strategy in STRATEGIES {
@@ -101,14 +101,14 @@ fn roots_contain_their_meshes() {
     }
 }
 
-/// Work-groups by station.
+/// Work-groups by stage.
 fn groups(run: &Run<'_>) -> Vec<(&'static str, u64)> {
     run.times().iter().map(|time| (time.stage, time.n_groups)).collect()
 }
 
 #[test]
-fn instances_that_move_change_the_top_level_alone() {
-    let Some(gpu) = gpu("instances_that_move_change_the_top_level_alone") else { return };
+fn moved_instances_change_only_the_top_level() {
+    let Some(gpu) = gpu("moved_instances_change_only_the_top_level") else { return };
     let config = BuildConfig { strategy: Strategy::PcaBounded, ..BuildConfig::default() };
     let mut placed = crowd();
     let mut levels = built(&gpu, &instances(&placed), config);
@@ -130,18 +130,21 @@ fn instances_that_move_change_the_top_level_alone() {
     assert!(error.contains("the transform of instance 0 is not finite"), "{error}");
     assert_top(&gpu, &levels, &moved, config);
 
-    // Of the device it took what a tree over these boxes takes, and what was refused took nothing.
+    // The update takes as many work-groups as a tree over these boxes, and the rejected updates took none.
     let mut alone = Run::timed(&gpu);
     let boxes = Items::boxes(&gpu, &self::placed(&gpu, &levels, &moved)).unwrap();
     Built::new(&mut alone, boxes, config).unwrap();
     assert_eq!(groups(&run), groups(&alone));
     Built::new(&mut alone, items(&gpu, &twins(&meshes(), config.bits)), config).unwrap();
-    assert!(groups(&run).iter().zip(groups(&alone)).all(|(top, both)| top.1 < both.1), "the bottom level goes unseen");
+    assert!(
+        groups(&run).iter().zip(groups(&alone)).all(|(top, both)| top.1 < both.1),
+        "the counts include the bottom level"
+    );
 }
 
 #[test]
-fn the_check_sees_a_box_that_lost_its_instances() {
-    let Some(gpu) = gpu("the_check_sees_a_box_that_lost_its_instances") else { return };
+fn the_check_detects_a_box_without_its_instances() {
+    let Some(gpu) = gpu("the_check_detects_a_box_without_its_instances") else { return };
     let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
     let instances = instances(&crowd());
     let levels = built(&gpu, &instances, config);

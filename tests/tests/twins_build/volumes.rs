@@ -1,5 +1,5 @@
-//! Leaning boxes of nodes contain what is below them, exactly, have no more area than boxes along the axes, and about that of the
-//! CPU's.
+//! Oriented boxes of nodes contain everything below them exactly, have no more area than axis-aligned boxes, and about the CPU's
+//! area.
 
 use std::cell::Cell;
 
@@ -19,7 +19,7 @@ struct Boxes<'a> {
     obbs: &'a [Obb],
 }
 
-/// Builds the meshes, and looks at the boxes of each beside its twin.
+/// Builds the meshes and calls `look` for the boxes of each, with the CPU's twin.
 fn with_boxes(gpu: &Gpu, twins: &[Twin], strategy: Strategy, look: impl Fn(usize, &Twin, Boxes<'_>)) {
     let config = BuildConfig { bits: Bits::B63, strategy };
     let built = Built::new(&mut Run::new(gpu), items(gpu, twins), config).unwrap();
@@ -50,8 +50,8 @@ pub(crate) fn assert_contained(gpu: &Gpu, twins: &[Twin], strategy: Strategy, na
 }
 
 #[test]
-fn leaning_boxes_contain_all_below_them() {
-    let Some(gpu) = gpu("leaning_boxes_contain_all_below_them") else { return };
+fn oriented_boxes_contain_everything_below_them() {
+    let Some(gpu) = gpu("oriented_boxes_contain_everything_below_them") else { return };
     let meshes = [meshes(), needles()].concat();
     let twins = twins(&meshes, Bits::B63);
     for strategy in &STRATEGIES[1..] {
@@ -59,13 +59,13 @@ fn leaning_boxes_contain_all_below_them() {
     }
 }
 
-/// How much more area, summed over a tree's nodes, device boxes may have: their pads of some 2^-18 of the size each, up to forty
-/// one upon another, and on thin boxes axes that were rounded otherwise.
+/// Greatest excess area of device boxes, summed over a tree's nodes: up to forty nested pads of some 2^-18 of the size each, and
+/// differently rounded axes on thin boxes.
 const MORE_AREA: f64 = 0.01;
 
 #[test]
-fn leaning_boxes_have_the_area_of_the_cpus() {
-    let Some(gpu) = gpu("leaning_boxes_have_the_area_of_the_cpus") else { return };
+fn oriented_boxes_have_nearly_the_area_of_the_cpus() {
+    let Some(gpu) = gpu("oriented_boxes_have_nearly_the_area_of_the_cpus") else { return };
     let twins = twins(&needles(), Bits::B63);
     for strategy in &STRATEGIES[1..] {
         with_boxes(&gpu, &twins, *strategy, |index, twin, boxes| {
@@ -74,17 +74,20 @@ fn leaning_boxes_have_the_area_of_the_cpus() {
             let cpu: f64 = ids().map(|id| cpu.of(id).area()).sum();
             let axis_aligned: f64 = boxes.aabbs.iter().map(Aabb::area).sum();
             let device: f64 = boxes.obbs.iter().map(Obb::area).sum();
-            assert!(device <= cpu * (1.0 + MORE_AREA), "mesh {index}, {strategy:?}: {device} beside {cpu}");
+            assert!(
+                device <= cpu * (1.0 + MORE_AREA),
+                "mesh {index}, {strategy:?}: {device} on the device, {cpu} on the CPU"
+            );
             assert!(device < 0.95 * axis_aligned, "mesh {index}, {strategy:?} gains nothing");
         });
     }
 }
 
-/// Most that one rounding of a device is off by, and least lengths: as in `shared/build/enclosure.wgsl`.
+/// Greatest error of one rounding on a device, and least lengths: as in `shared/build/enclosure.wgsl`.
 const ROUNDING: f64 = f32::EPSILON as f64;
 const TINY: f64 = 1e-35;
 
-/// Most that axes may lack of being orthonormal: what is measured, and 13 roundings of that.
+/// Greatest deviation of axes from orthonormality: what the kernel measures, and 13 roundings of that.
 const SKEWNESS: f64 = 1.0 / 1024.0 + 13.0 * ROUNDING;
 
 /// Greatest row sum of `|FᵀF - 1|`.
@@ -94,12 +97,12 @@ fn skewness(frame: &Frame) -> f64 {
     (0..3).map(row).fold(0.0, f64::max)
 }
 
-/// The most area that a node's box may have: that of the axis-aligned box around the same, and what kernels round.
+/// Greatest area of a node's box: that of the axis-aligned box around the same contents, and the kernel's rounding.
 ///
-/// With E the rounding: a box along the axes of the space has its midpoint off by E of the coordinates, and half-extents of four
-/// roundings beyond their factor of 1 + 4 E: 17 E of an area, with second order. One that leans was found to have less area, by
-/// numbers of at most 3 roundings, 2 more in the extents of the axis-aligned box; `dop` compares once a frame, each time 6 E. Its
-/// axes may make faces greater by their skewness.
+/// With E the rounding: an axis-aligned box has its center off by E of the coordinates, and half-extents of four roundings beyond
+/// their factor of 1 + 4 E: 17 E of an area, including second order. An oriented box was chosen because it has less area, by
+/// numbers of at most 3 roundings, 2 more in the extents of the axis-aligned box; `dop` compares once per frame, each time 6 E.
+/// Its faces may grow by the skewness of its axes.
 fn most_area(aabb: &Aabb, obb: &Obb, n_compared: usize) -> f64 {
     let [x, y, z] = std::array::from_fn(|k| {
         let reach = f64::from(aabb.min[k].abs().max(aabb.max[k].abs()));
@@ -110,7 +113,7 @@ fn most_area(aabb: &Aabb, obb: &Obb, n_compared: usize) -> f64 {
     2.0 * (x * y + y * z + z * x) * (1.0 + roundings * ROUNDING) * (1.0 + skewness(&obb.frame))
 }
 
-/// The first node whose box has more area than it may.
+/// The first node whose box exceeds that area.
 fn too_large(boxes: &Boxes<'_>, strategy: Strategy) -> Option<(usize, Obb)> {
     let n_compared = if strategy == Strategy::Dop { dop::N_FRAMES - 1 } else { 1 };
     let is_too_large =
@@ -120,7 +123,7 @@ fn too_large(boxes: &Boxes<'_>, strategy: Strategy) -> Option<(usize, Obb)> {
 }
 
 #[test]
-#[expect(clippy::print_stderr, reason = "the share of boxes along the axes is told")]
+#[expect(clippy::print_stderr, reason = "the share of axis-aligned boxes is reported")]
 fn no_box_has_more_area_than_the_axis_aligned_one() {
     let Some(gpu) = gpu("no_box_has_more_area_than_the_axis_aligned_one") else { return };
     let twins = twins(&[meshes(), needles()].concat(), Bits::B63);
@@ -133,19 +136,19 @@ fn no_box_has_more_area_than_the_axis_aligned_one() {
             n_nodes.set(n_nodes.get() + boxes.obbs.len());
         });
         let (n_nodes, n_straight) = (n_nodes.get(), n_straight.get());
-        eprintln!("{strategy:?}: {n_straight} of {n_nodes} boxes stand along the axes of the space");
-        assert!(0 < n_straight && n_straight < n_nodes, "{strategy:?}: one kind of box was not met");
+        eprintln!("{strategy:?}: {n_straight} of {n_nodes} boxes are axis-aligned");
+        assert!(0 < n_straight && n_straight < n_nodes, "{strategy:?}: one kind of box is missing");
     }
 }
 
 #[test]
-fn the_check_sees_a_box_that_is_too_large() {
-    let Some(gpu) = gpu("the_check_sees_a_box_that_is_too_large") else { return };
+fn the_check_detects_a_box_that_is_too_large() {
+    let Some(gpu) = gpu("the_check_detects_a_box_that_is_too_large") else { return };
     let twins = twins(&needles()[..1], Bits::B63);
     for &strategy in &STRATEGIES[1..] {
         with_boxes(&gpu, &twins, strategy, |_, _, Boxes { aabbs, obbs }| {
             let mut grown = obbs.to_vec();
-            // As large as the axis-aligned one, and by little more than roundings larger.
+            // As large as the axis-aligned box, and larger by little more than rounding.
             #[expect(clippy::cast_possible_truncation, reason = "a factor near one")]
             let factor = (aabbs[5].area() / obbs[5].area()).sqrt() as f32 * (1.0 + 1e-3);
             grown[5].half_extents = grown[5].half_extents.map(|half| half * factor);
@@ -158,8 +161,8 @@ fn the_check_sees_a_box_that_is_too_large() {
 }
 
 #[test]
-fn the_check_sees_a_box_that_is_too_small() {
-    let Some(gpu) = gpu("the_check_sees_a_box_that_is_too_small") else { return };
+fn the_check_detects_a_box_that_is_too_small() {
+    let Some(gpu) = gpu("the_check_detects_a_box_that_is_too_small") else { return };
     let twins = twins(&needles()[..1], Bits::B63);
     with_boxes(&gpu, &twins, Strategy::Combined, |_, twin, boxes| {
         let shrunken: Vec<Obb> = boxes

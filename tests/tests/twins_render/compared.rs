@@ -1,10 +1,10 @@
-//! Two pictures of the same samples.
+//! Compares two pictures of the same samples.
 //!
-//! A device's roundings move a path a little; where that takes it over an edge it meets something else, and the sample is
-//! another. So most pixels agree to roundings and some go astray. What those differ by favours no side: whichever picture took
-//! the other way, it might have been the other one. Of numbers `d` with random signs `|Σd|` exceeds `x·√Σd²` with a
-//! probability of at most `2·exp(-x²/2)` (Hoeffding 1963), whatever their sizes, so sums over the picture and over each block
-//! are held to that: a bias that is small beside each pixel's noise adds up and is seen.
+//! A device's rounding moves a path slightly; if that crosses an edge, the path hits something else and the sample is different. So
+//! most pixels agree up to rounding and some diverge. Divergence favors neither side: either picture could have taken the other
+//! path. For numbers `d` with random signs, `|Σd|` exceeds `x·√Σd²` with a probability of at most `2·exp(-x²/2)` (Hoeffding 1963),
+//! whatever their sizes. Sums over the picture and over each block must satisfy that bound, so a bias that is small relative to
+//! each pixel's noise adds up and is detected.
 
 use std::sync::atomic::AtomicBool;
 
@@ -16,30 +16,29 @@ use canted_renderer::{
 use canted_scene::{Camera, Scene};
 use canted_trace::Watertight;
 
-/// Relative difference of a pixel, above a floor of a twentieth of white, up to which only roundings differ: ten bounces of 30
-/// roundings of 2⁻²³ each are `2⁻¹⁵`; lookups of textures with f32 coordinates may have eight times that.
+/// Relative difference of a pixel, above a floor of a twentieth of white, that rounding explains: ten bounces of 30 roundings of
+/// 2⁻²³ each are `2⁻¹⁵`; texture lookups with f32 coordinates may have eight times that.
 const ROUNDING: f64 = 1.0 / 4096.0;
 
-/// Most of `|Σd|/√Σd²`: exceeded by chance once in 10⁷ sums.
+/// Bound of `|Σd|/√Σd²`, exceeded by chance once in 10⁷ sums.
 const DRIFT: f64 = 6.0;
 
-/// Pixels along the side of a block.
+/// Side of a block in pixels.
 const BLOCK: usize = 8;
 
-/// What pictures that should be equal differ in.
+/// Differences between pictures that should be equal.
 #[derive(Debug)]
 pub(super) struct Difference {
     /// Share of pixels that differ by more than [`ROUNDING`].
     pub(super) astray: f64,
-    /// Of the means, relative.
+    /// Relative difference of the means.
     pub(super) of_means: f64,
-    /// `|Σd|/√Σd²` of what pixels astray differ by: of all of them, and of the worst block.
+    /// `|Σd|/√Σd²` over diverging pixels: of all of them, and of the worst block.
     pub(super) drift: [f64; 2],
 }
 
 impl Difference {
-    /// Fails where more than a share of the pixels goes astray, the means are farther apart than `of_means`, or what goes astray
-    /// favours a side.
+    /// Fails if more than a share of the pixels diverges, the means differ by more than `of_means`, or the divergence is biased.
     #[track_caller]
     pub(super) fn check(&self, name: &str, [astray, of_means]: [f64; 2]) {
         let is_fair = self.drift.iter().all(|&drift| drift <= DRIFT);
@@ -74,7 +73,7 @@ pub(super) fn on_cpu(scene: &Scene, prepared: &Prepared<Watertight>, camera: &Ca
     render(scene, &prepared.structure, camera, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
 }
 
-/// Both pictures of a scene, compared.
+/// Renders the scene on both devices and compares.
 pub(super) fn compared(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels, settings: &Settings) -> Difference {
     let prepared = prepared(scene, levels);
     let ours = on_device(gpu, scene, &prepared, camera, settings);

@@ -1,4 +1,4 @@
-//! What camera rays meet, beside light: depth, normals, albedo and numbers are the CPU's but for roundings.
+//! Guides of camera rays: depth, normals, albedo and counts equal the CPU's up to rounding.
 
 use canted_film::{Aov, Aovs, Film, Guide};
 use canted_renderer::{Integrator, Levels, Settings};
@@ -6,7 +6,7 @@ use canted_renderer::{Integrator, Levels, Settings};
 use super::compared::{on_cpu, on_device, prepared};
 use super::{gpu, scenes};
 
-/// What roundings of positions, normals and textures do to a pixel's mean, relative to the scene's size or to 1.
+/// Rounding error of positions, normals and textures in a pixel's mean, relative to the scene's size or to 1.
 const ROUNDING: f64 = 1.0 / 4096.0;
 
 fn is_near(a: &Guide, b: &Guide) -> bool {
@@ -19,7 +19,7 @@ fn is_near(a: &Guide, b: &Guide) -> bool {
     a.n_hits == b.n_hits && a.first == b.first && pairs.into_iter().all(|[a, b]| (a - b).abs() <= n * ROUNDING)
 }
 
-/// The share of pixels whose guides are apart.
+/// The share of pixels with different guides.
 fn apart(ours: &Film, theirs: &Film) -> f64 {
     assert_eq!((ours.guides().len(), theirs.guides().len()), (ours.pixels().len(), theirs.pixels().len()));
     let n_apart = ours.guides().iter().zip(theirs.guides()).filter(|(a, b)| !is_near(a, b)).count();
@@ -29,8 +29,8 @@ fn apart(ours: &Film, theirs: &Film) -> f64 {
 }
 
 #[test]
-fn guides_are_the_cpus_by_both_integrators() {
-    let Some(gpu) = gpu("guides_are_the_cpus_by_both_integrators") else { return };
+fn guides_match_the_cpu_for_both_integrators() {
+    let Some(gpu) = gpu("guides_match_the_cpu_for_both_integrators") else { return };
     let all: Aovs = Aov::ALL.into_iter().collect();
     for (scene, camera) in [scenes::textured(), scenes::in_motion(scenes::room())] {
         let prepared = prepared(&scene, Levels::Auto);
@@ -46,17 +46,17 @@ fn guides_are_the_cpus_by_both_integrators() {
             };
             let ours = on_device(&gpu, &scene, &prepared, &camera, &settings);
             let theirs = on_cpu(&scene, &prepared, &camera, &settings);
-            // Rays that graze an edge may meet either side of it.
+            // Rays that graze an edge may hit either side of it.
             assert!(apart(&ours, &theirs) < 0.02, "{}", apart(&ours, &theirs));
             let sum = |film: &Film, k: usize| film.guides().iter().map(|guide| guide.tests[k]).sum::<f64>();
-            // Both walk the same nodes, but the device's boxes are padded a little more.
+            // Both traverse the same nodes, but the device's boxes have slightly more padding.
             for k in 0..2 {
                 let (ours, theirs) = (sum(&ours, k), sum(&theirs, k));
                 assert!(ours >= 0.9 * theirs && ours <= 1.3 * theirs, "{ours} and {theirs} of kind {k}");
             }
             let other = on_cpu(&scene, &prepared, &camera, &Settings { seed: 1, ..settings });
             assert!(apart(&ours, &other) > 0.1);
-            // Nothing is counted that is not asked for, and light is the same.
+            // Only requested guides are recorded, and the light is the same.
             let depth = Settings { aovs: [Aov::Depth].into_iter().collect(), ..settings };
             let fewer = on_device(&gpu, &scene, &prepared, &camera, &depth);
             assert!(fewer.guides().iter().all(|guide| guide.tests == [0.0; 2]));

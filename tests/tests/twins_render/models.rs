@@ -1,4 +1,4 @@
-//! Real models, by both integrators: the same samples on both devices.
+//! Real models with both integrators: the same samples on both devices.
 
 use canted_renderer::{Integrator, Levels, Settings};
 use canted_scene::{Light, Scene};
@@ -7,7 +7,7 @@ use canted_tests::models::models;
 use super::compared::{compared, frame_of};
 use super::gpu;
 
-/// Files, from the folder of models, and the most that may go astray: leaves and thin textured cloth fork many rays.
+/// Files in the folder of models, and the greatest share of diverging pixels: leaves and thin textured cloth split many paths.
 const FILES: [(&str, f64); 4] = [
     ("sponza/sponza.gltf", 0.3),
     ("kitchen/country_kitchen.glb", 0.3),
@@ -16,9 +16,9 @@ const FILES: [(&str, f64); 4] = [
 ];
 
 #[test]
-fn models_are_the_same_pictures() {
-    let Some(gpu) = gpu("models_are_the_same_pictures") else { return };
-    let Some(folder) = models("models_are_the_same_pictures") else { return };
+fn models_render_the_same_pictures() {
+    let Some(gpu) = gpu("models_render_the_same_pictures") else { return };
+    let Some(folder) = models("models_render_the_same_pictures") else { return };
     for (file, astray) in FILES {
         let scene = canted_scene::read(&folder.join(file)).unwrap();
         let sun = Light::Sun { direction: [-0.2, -0.95, -0.25], irradiance: [3.0, 2.9, 2.6] };

@@ -1,7 +1,7 @@
 //! Pictures of the path integrator: the same samples on both devices.
 //!
-//! Mirrors and glass amplify what a rounding moves, and paths have many vertices that may fork, so more pixels go astray than of
-//! the hybrid integrator; the shares here are about twice what was measured, and sums over what is astray are held to chance.
+//! Mirrors and glass amplify rounding, and paths have many vertices that may diverge, so more pixels diverge than with the hybrid
+//! integrator. The shares here are about twice the measured ones, and sums over diverging pixels must be unbiased.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -28,7 +28,7 @@ fn a_room_with_all_kinds_of_light() {
     compared(&gpu, &scene, &camera, Levels::One, &small(4)).check("sky", [0.3, 0.01]);
 }
 
-/// Each block of the room is made of something else.
+/// The room with a different material for each block.
 fn of_all_materials() -> (Scene, Camera) {
     let (mut scene, camera) = scenes::room();
     scene.environment = Some(scenes::sky());
@@ -61,19 +61,19 @@ fn metal_and_glass_before_a_sky() {
 }
 
 #[test]
-fn a_wavefront_takes_the_samples_of_one_kernel() {
-    let Some(gpu) = gpu("a_wavefront_takes_the_samples_of_one_kernel") else { return };
+fn a_wavefront_renders_the_samples_of_one_kernel() {
+    let Some(gpu) = gpu("a_wavefront_renders_the_samples_of_one_kernel") else { return };
     let cancel = AtomicBool::new(false);
     let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
     for (scene, camera) in [of_all_materials(), scenes::textured(), scenes::in_motion(scenes::room())] {
         let prepared = prepared(&scene, Levels::Auto);
-        // Cells that are cut by the picture's border, and more samples than a first dispatch takes.
+        // Cells are cut by the picture's border, and there are more samples than the first dispatch takes.
         let settings = Settings { width: 60, height: 35, ..small(4) };
         let surfaces = Surfaces::with_lod(&scene, settings.lod);
         let picture = || DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
         let one = picture().render(vec![], &monitor).unwrap();
         let waves = picture().in_waves().unwrap().render(vec![], &monitor).unwrap();
-        // Compilers may contract sums and products of one text otherwise in another kernel, and few paths fork by that.
+        // Compilers may contract sums and products differently in another kernel, which makes a few paths diverge.
         difference(&waves, &one).check("waves", [0.02, 1e-3]);
         assert!(waves.n_rays().abs_diff(one.n_rays()) * 100 < one.n_rays());
         let other = Settings { seed: 1, ..settings };
@@ -84,8 +84,8 @@ fn a_wavefront_takes_the_samples_of_one_kernel() {
 }
 
 #[test]
-fn what_moves_while_the_shutter_is_open() {
-    let Some(gpu) = gpu("what_moves_while_the_shutter_is_open") else { return };
+fn motion_while_the_shutter_is_open() {
+    let Some(gpu) = gpu("motion_while_the_shutter_is_open") else { return };
     let (mut scene, camera) = scenes::in_motion(scenes::textured());
     for pattern in [Pattern::Random, Pattern::Stratified, Pattern::Sobol] {
         let settings = Settings { pattern, ..small(4) };
@@ -95,7 +95,7 @@ fn what_moves_while_the_shutter_is_open() {
     let (_, camera) = scenes::room();
     let settings = Settings { integrator: Integrator::Hybrid, ..small(4) };
     compared(&gpu, &scene, &camera, Levels::Auto, &settings).check("room", [0.3, 0.01]);
-    // The comparison sees what stands still.
+    // The comparison detects a scene without motion.
     let prepared = prepared(&scene, Levels::Auto);
     let ours = on_device(&gpu, &scene, &prepared, &camera, &settings);
     let (still, _) = scenes::room();
@@ -104,8 +104,8 @@ fn what_moves_while_the_shutter_is_open() {
 }
 
 #[test]
-fn the_example_of_motion() {
-    let Some(gpu) = gpu("the_example_of_motion") else { return };
+fn the_motion_example() {
+    let Some(gpu) = gpu("the_motion_example") else { return };
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/motion.toml");
     let scene = SceneFile::read(&path).unwrap().load().unwrap();
     let camera = scene.cameras[0];
@@ -122,8 +122,8 @@ fn textures_of_every_slot() {
 }
 
 #[test]
-fn the_comparison_sees_another_light() {
-    let Some(gpu) = gpu("the_comparison_sees_another_light by paths") else { return };
+fn the_comparison_detects_another_light() {
+    let Some(gpu) = gpu("the_comparison_detects_another_light by paths") else { return };
     let (scene, camera) = of_all_materials();
     let prepared = prepared(&scene, Levels::One);
     let settings = small(8);
@@ -134,10 +134,10 @@ fn the_comparison_sees_another_light() {
     assert!(found.astray > 0.8 && found.drift.iter().all(|&drift| drift > 6.0), "{found:?}");
 }
 
-/// What a scene does not have leaves no binding behind.
+/// Features that a scene does not use have no binding.
 #[test]
-fn a_bare_scene_binds_little() {
-    let Some(gpu) = gpu("a_bare_scene_binds_little") else { return };
+fn a_bare_scene_binds_few_buffers() {
+    let Some(gpu) = gpu("a_bare_scene_binds_few_buffers") else { return };
     let settings = small(1);
     let bindings = |scene: &Scene, camera: &Camera, levels: Levels| {
         let prepared = prepared(scene, levels);

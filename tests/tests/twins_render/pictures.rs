@@ -32,8 +32,8 @@ fn a_room_with_all_kinds_of_light() {
 }
 
 #[test]
-fn the_comparison_sees_another_light() {
-    let Some(gpu) = gpu("the_comparison_sees_another_light") else { return };
+fn the_comparison_detects_another_light() {
+    let Some(gpu) = gpu("the_comparison_detects_another_light") else { return };
     let (scene, camera) = scenes::room();
     let prepared = prepared(&scene, Levels::One);
     let ours = on_device(&gpu, &scene, &prepared, &camera, &small(2));

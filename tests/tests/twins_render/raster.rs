@@ -1,7 +1,7 @@
-//! The raster pass beside primary rays through the centres of pixels.
+//! The raster pass compared with primary rays through pixel centers.
 //!
-//! A rasteriser places vertices on a grid of 1/256 of a pixel, and f32 places them to some 2⁻²² of the picture's width before: a
-//! centre as near as that to an edge may be seen on either side of it, and everywhere else both see the same triangle.
+//! A rasterizer snaps vertices to a grid of 1/256 of a pixel, after f32 rounding of some 2⁻²² of the picture's width. A pixel center
+//! that close to an edge may be on either side of it; elsewhere both methods give the same triangle.
 
 use canted_gpu::Gpu;
 use canted_renderer::{
@@ -15,12 +15,12 @@ use super::{gpu, scenes};
 
 const SIZE: [u32; 2] = [96, 54];
 
-/// How far from a centre the rasteriser's edges may be, in pixels: half a step of the grid along each axis, twice for the two ends
-/// of an edge, and as much again for the roundings of f32.
+/// Greatest distance of the rasterizer's edges from their position, in pixels: half a grid step along each axis, twice for the two
+/// ends of an edge, and as much again for f32 rounding.
 const EDGE: f64 = 1.0 / 64.0;
 
-/// Of positions and distances, relative to the reach of scene and eye and for views from straight above: some dozen roundings of the
-/// ray's and the triangle's numbers.
+/// Error of positions and distances, relative to the reach of scene and eye, including views from straight above: some dozen
+/// roundings of the ray and the triangle.
 const ROUNDING: f64 = 64.0 * f32::EPSILON as f64;
 
 fn settings() -> Settings {
@@ -28,7 +28,7 @@ fn settings() -> Settings {
     Settings { width, height, samples: 1, lod: Lod::Aniso, integrator: Integrator::Hybrid, ..Settings::default() }
 }
 
-/// What primary rays see.
+/// The surfaces seen by primary rays.
 struct Rays<'a> {
     view: View,
     surfaces: &'a Surfaces<'a>,
@@ -36,14 +36,14 @@ struct Rays<'a> {
 }
 
 impl Rays<'_> {
-    /// The first hit through a place of the picture, in pixels, and the surface there.
+    /// The first hit through a position of the picture, in pixels, with its surface.
     fn seen(&self, at: [f64; 2]) -> Option<(Hit, Surface)> {
         let ray = self.view.ray(at);
         let hit = self.prepared.structure.closest_hit(&ray, &mut Masked::new(self.surfaces, ()))?;
         Some((hit, self.surfaces.at_time(&hit, ray.direction, 0.0, self.view.cone(at, 0))))
     }
 
-    /// Whether all rays about a centre, as near as the rasteriser's edges may be, meet the same as the one through it.
+    /// Whether all rays around a center, as close as the rasterizer's edges may be, hit the same as the one through it.
     fn is_within(&self, [x, y]: [f64; 2]) -> bool {
         let same = |hit: Option<(Hit, Surface)>| hit.map(|(hit, _)| (hit.instance, hit.primitive));
         let here = same(self.seen([x, y]));
@@ -53,7 +53,7 @@ impl Rays<'_> {
     }
 }
 
-/// Height over its longest edge of a triangle in world space, and how much its instance's transform amplifies roundings of normals.
+/// Height of a triangle relative to its longest edge in world space, and how much its instance's transform amplifies the rounding of normals.
 fn shape(scene: &Scene, hit: &Hit) -> [f64; 2] {
     let instance = &scene.instances[hit.instance.0 as usize];
     let mesh = &scene.meshes[instance.mesh.0 as usize];
@@ -65,7 +65,7 @@ fn shape(scene: &Scene, hit: &Hit) -> [f64; 2] {
     };
     let length = |p: [f64; 3]| p.iter().map(|x| x * x).sum::<f64>().sqrt();
     let longest = [sub(b, a), sub(c, b), sub(a, c)].map(length).into_iter().fold(0.0, f64::max);
-    // Norm of the matrix times that of its inverse, whose rows are cofactors over the determinant.
+    // Norm of the matrix times that of its inverse, whose rows are cofactors divided by the determinant.
     let [x, y, z, _] = instance.world_from_object.columns.map(|column| column.map(f64::from));
     let norm = |columns: [[f64; 3]; 3]| length(columns.map(length));
     let determinant: f64 = cross(x, y).iter().zip(z).map(|(a, b)| a * b).sum();
@@ -73,7 +73,7 @@ fn shape(scene: &Scene, hit: &Hit) -> [f64; 2] {
     [length(cross(sub(b, a), sub(c, a))) / longest, condition]
 }
 
-/// What is wrong with a pixel, if anything: nothing is said of what may differ by roundings.
+/// What is wrong with a pixel beyond rounding, if anything.
 fn differs(
     scene: &Scene,
     seen: &SurfaceInfo,
@@ -92,18 +92,18 @@ fn differs(
         return Some("position");
     }
     let [height, condition] = shape(scene, hit);
-    // The share of the triangle by which the place moves: as much its corners lean the triangle, and a normal between them turns.
+    // The share of the triangle by which the position moves. Its corners tilt the triangle by as much, and so the shading normal.
     let share = moved / height;
     let turn = share + ROUNDING * condition;
     if !near(seen.normal, surface.normal, turn) || !near(seen.shading_normal, surface.shading_normal, 4.0 * turn) {
         return Some("normal");
     }
-    // Textures change by all of their range within a quarter of a block, of which there are eight along a triangle.
+    // Textures change over their full range within a quarter of a block, of which there are eight along a triangle.
     let color = surface.bsdf.base_color.map(f64::from);
     if near(seen.albedo, color, 32.0 * turn) { None } else { Some("albedo") }
 }
 
-/// Pixels that differ where rays say they must not, and the share of those that lie on edges.
+/// Pixels that differ where rays exclude it, and the share of pixels on edges.
 fn wrong(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels, spoil: fn(&mut SurfaceInfo)) -> (Vec<String>, f64) {
     let settings = settings();
     let prepared = prepared(scene, levels);
@@ -142,26 +142,26 @@ fn check(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels) {
 }
 
 #[test]
-fn a_raster_pass_sees_what_primary_rays_see() {
-    let Some(gpu) = gpu("a_raster_pass_sees_what_primary_rays_see") else { return };
+fn the_raster_pass_matches_primary_rays() {
+    let Some(gpu) = gpu("the_raster_pass_matches_primary_rays") else { return };
     let builtin = canted_scene::builtin();
     let (room, room_camera) = scenes::room();
     let (mut textured, textured_camera) = scenes::textured();
-    // What is blended is there for some rays only, which are numbered otherwise here and there.
+    // Hits of blended surfaces are random, and random numbers may differ between both methods.
     textured.materials[2].alpha = 1.0;
     for levels in [Levels::One, Levels::Two] {
         check(&gpu, &builtin, &frame_of(&builtin), levels);
         check(&gpu, &room, &room_camera, levels);
         check(&gpu, &textured, &textured_camera, levels);
     }
-    // From within, so that triangles reach behind the eye.
+    // From inside, so that triangles extend behind the eye.
     let inside = Camera::pinhole([0.2, 0.1, 0.3], [1.0, -0.5, -1.0], [0.0, 1.0, 0.0], 80.0);
     check(&gpu, &room, &inside, Levels::One);
 }
 
 #[test]
-fn another_point_or_colour_is_seen() {
-    let Some(gpu) = gpu("another_point_or_colour_is_seen") else { return };
+fn another_point_or_colour_is_detected() {
+    let Some(gpu) = gpu("another_point_or_colour_is_detected") else { return };
     let (scene, camera) = scenes::textured();
     let n_wrong = |spoil: fn(&mut SurfaceInfo)| wrong(&gpu, &scene, &camera, Levels::One, spoil).0.len();
     assert!(n_wrong(|seen| seen.position[0] += 0.002) > 1000);

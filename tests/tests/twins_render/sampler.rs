@@ -37,14 +37,14 @@ fn of_device(gpu: &Gpu, pattern: &str, asks: &[Ask]) -> Vec<Answer> {
     gpu.read(&answers).unwrap()
 }
 
-/// A hash that has nothing to do with the sampler's.
+/// A hash unrelated to the sampler's.
 fn scattered(i: u32, salt: u32) -> u32 {
     (i ^ salt.wrapping_mul(0x9e37_79b1)).wrapping_mul(0x85eb_ca6b).rotate_left(13).wrapping_mul(0xc2b2_ae35)
 }
 
 #[test]
-fn numbers_are_the_same_bits() {
-    let Some(gpu) = gpu("numbers_are_the_same_bits") else { return };
+fn random_numbers_have_the_same_bits() {
+    let Some(gpu) = gpu("random_numbers_have_the_same_bits") else { return };
     let counts = [1, 2, 3, 7, 16, 24, 97, 256, 1000, 4096, 65_535, 1 << 20];
     for (name, pattern) in [("random", Pattern::Random), ("stratified", Pattern::Stratified), ("sobol", Pattern::Sobol)]
     {
@@ -53,7 +53,7 @@ fn numbers_are_the_same_bits() {
         for n in counts {
             for i in 0..200 {
                 let [pixel, dimension, seed] = [1, 2, 3].map(|salt| scattered(i, salt) >> (i % 32));
-                // Beyond the count, too.
+                // Beyond the sample count, too.
                 let sample = scattered(i, 4) % (n + n / 2 + 1);
                 let sampler = Sampler::new(pattern, n, seed);
                 answers.push(Answer {
@@ -69,7 +69,7 @@ fn numbers_are_the_same_bits() {
         for (i, (found, expected)) in found.iter().zip(&answers).enumerate() {
             assert_eq!(found, expected, "{name}, ask {i}");
         }
-        // The check sees a single bit.
+        // The check detects a single bit.
         asks[17].seed ^= 1 << 31;
         assert_ne!(of_device(&gpu, name, &asks[17..18])[0], answers[17]);
     }

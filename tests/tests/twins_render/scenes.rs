@@ -1,4 +1,4 @@
-//! Small scenes that have what kernels must know.
+//! Small scenes that use all features of the kernels.
 
 use canted_obb::Affine;
 use canted_scene::{
@@ -11,7 +11,7 @@ pub(super) fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, material:
     Mesh { positions, triangles, parts, ..Mesh::default() }
 }
 
-/// A box; its fronts outside.
+/// A box with outward front faces.
 fn cuboid(half: [f32; 3], material: u32) -> Mesh {
     let corner = |i: usize| std::array::from_fn(|k| if i >> k & 1 == 1 { half[k] } else { -half[k] });
     let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -19,13 +19,13 @@ fn cuboid(half: [f32; 3], material: u32) -> Mesh {
     mesh((0..8).map(corner).collect(), triangles, material)
 }
 
-pub(super) fn place(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
+pub(super) fn instance(mesh: u32, columns: [[f32; 3]; 4]) -> Instance {
     let world_from_object = Affine { columns };
     Instance { mesh: MeshId(mesh), world_from_object, world_from_object_close: None, first_primitive: 0 }
 }
 
-/// A grey room open to the front, in it a turned block, a sheared and mirrored one whose normals are smooth, and one that
-/// glows; a lamp of each kind, and some light from outside.
+/// A gray room open to the front, with a rotated block, a sheared and mirrored block with smooth normals, and an emissive block; a
+/// light of each kind, and a dim environment.
 pub(super) fn room() -> (Scene, Camera) {
     let grey = Material { base_color: [0.7, 0.7, 0.7], ..Material::default() };
     let red = Material { base_color: [0.8, 0.2, 0.1], ..Material::default() };
@@ -38,10 +38,10 @@ pub(super) fn room() -> (Scene, Camera) {
     let meshes = vec![walls, cuboid([1.0; 3], 1), smooth, cuboid([0.3; 3], 2)];
     let (s, c) = 0.4_f32.sin_cos();
     let instances = vec![
-        place(0, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]]),
-        place(1, [[0.7 * c, 0.0, -0.7 * s], [0.0, 1.2, 0.0], [0.7 * s, 0.0, 0.7 * c], [1.2, -0.8, -0.7]]),
-        place(2, [[-0.6, 0.1, 0.0], [0.2, 0.6, 0.1], [0.0, -0.1, 0.6], [-1.3, -1.2, 0.5]]),
-        place(3, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-0.2, -1.7, 1.5]]),
+        instance(0, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]]),
+        instance(1, [[0.7 * c, 0.0, -0.7 * s], [0.0, 1.2, 0.0], [0.7 * s, 0.0, 0.7 * c], [1.2, -0.8, -0.7]]),
+        instance(2, [[-0.6, 0.1, 0.0], [0.2, 0.6, 0.1], [0.0, -0.1, 0.6], [-1.3, -1.2, 0.5]]),
+        instance(3, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-0.2, -1.7, 1.5]]),
     ];
     let down = [0.0, -1.0, 0.0];
     let lights = vec![
@@ -70,14 +70,14 @@ pub(super) fn sky() -> Environment {
     Environment::Image(EnvironmentImage { name, width, height, texels, scale: [1.0; 3], turn_degrees: 30.0 })
 }
 
-/// A texture of blocks of four texels with the bytes that `texel` says, by column and row of the block.
+/// A texture of blocks of four texels; `texel` gives the bytes by column and row of the block.
 fn texture(encoding: Encoding, texel: impl Fn(u8, u8) -> [u8; 4]) -> Texture {
     let of = |i: u8| texel(i % 16 / 4, i / 16 / 4);
     let wrap = [Wrap::Repeat, Wrap::Mirror];
     Texture { name: "blocks".to_owned(), width: 16, height: 16, texels: (0..=255).map(of).collect(), encoding, wrap }
 }
 
-/// A floor whose colour, gloss and normals vary under a screen that shines here and there and has holes.
+/// A floor with varying color, roughness and normals under a partly emissive screen with holes.
 pub(super) fn textured() -> (Scene, Camera) {
     let quad = |z: f32, half: f32, material: u32| {
         let corners = vec![[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]];
@@ -113,7 +113,7 @@ pub(super) fn textured() -> (Scene, Camera) {
     let tilt = [[1.0, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, -0.6, 0.8], [0.0; 3]];
     let scene = Scene {
         meshes: vec![quad(-1.0, 3.0, 0), quad(1.0, 0.9, 1), quad(0.0, 1.2, 2)],
-        instances: vec![place(0, tilt), place(1, tilt), place(2, tilt)],
+        instances: vec![instance(0, tilt), instance(1, tilt), instance(2, tilt)],
         materials: vec![floor, screen, pane],
         textures: vec![
             texture(Encoding::Srgb, |x, y| [60 * x, 60 * y, 200, 255]),
@@ -127,7 +127,7 @@ pub(super) fn textured() -> (Scene, Camera) {
     (scene, Camera::pinhole([0.5, -3.0, 5.0], [0.0; 3], [0.0, 1.0, 0.0], 45.0))
 }
 
-/// The same scene, in which every second instance is turned, sheared and shifted while the shutter is open.
+/// The same scene with every second instance rotated, sheared and shifted while the shutter is open.
 pub(super) fn in_motion((mut scene, camera): (Scene, Camera)) -> (Scene, Camera) {
     for instance in scene.instances.iter_mut().skip(1).step_by(2) {
         let mut close = instance.world_from_object;

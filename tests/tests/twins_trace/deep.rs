@@ -1,4 +1,4 @@
-//! Trees as deep as each way back up can bear, and one level deeper.
+//! BVHs at the depth limit of each traversal, and one level deeper.
 
 use canted_fixtures::Mesh;
 use canted_gpu::{Gpu, GpuError, Outcome, TracedScene, Traversal};
@@ -12,31 +12,31 @@ use canted_wide::{NodeKind, TriangleBvh};
 use super::gpu;
 use super::setup::{loop_over_all, of_one_kind};
 
-/// Sectors of the unit square, all from its corner: a triangle fills most of one, and its box those below too.
+/// Sectors of the unit square around its corner: a triangle fills most of one, and its box covers those below too.
 const SECTORS: u16 = 16;
 
-/// Sectors with few triangles: the first has none, each other one, from the first of the chain to the last. Rays through them enter
-/// the boxes of all triangles of the sectors above, so children wait on every level.
+/// Sectors with few triangles: the first has none, the others one each, spread over the chain. Rays through them enter the boxes of
+/// all triangles of the sectors above, so the stack holds children of every level.
 const RARE: u16 = 8;
 
-/// Half of a triangle's and of a ray's part of a sector, so that no ray comes near an edge and all arithmetic agrees.
+/// Half of a triangle's and of a ray's share of a sector, so that no ray comes near an edge and rounding does not matter.
 const FILLED: f32 = 0.4;
 const AIMED: f32 = 0.2;
 
 /// Children of a node.
 const WIDTH: u16 = 8;
 
-/// The slope of a line from the corner: `across` is -1/2 to 1/2 in its sector.
+/// The slope of a line from the corner: `across` is -1/2 to 1/2 within its sector.
 fn slope(sector: u16, across: f32) -> f32 {
     (f32::from(sector) + 0.5 + across) / f32::from(SECTORS)
 }
 
-/// Triangles in as many nodes: each holds seven and the node of the rest, the last one eight.
+/// Number of triangles in a BVH of this depth: each node holds seven and the next node, the last one eight.
 fn n_triangles(depth: u16) -> u16 {
     (WIDTH - 1) * depth + 1
 }
 
-/// Triangles across x, one behind another from 0 to 1, and the tree of this depth over them.
+/// Triangles across x, one behind another from 0 to 1, and their BVH of this depth.
 fn deep(depth: u16) -> (Mesh, TriangleBvh<Watertight>) {
     let n = n_triangles(depth);
     let sector = |i: u16| {
@@ -56,7 +56,7 @@ fn deep(depth: u16) -> (Mesh, TriangleBvh<Watertight>) {
     (mesh, wide)
 }
 
-/// Rays through every sector: past all triangles from both sides, and from between two of them; a little away from the corner.
+/// Rays through every sector: past all triangles from both sides, and from between two of them; slightly off the corner.
 fn rays(depth: u16) -> Vec<Ray> {
     let n = n_triangles(depth);
     let behind = |i: u16| (f32::from(i) + 0.5) / f32::from(n);
@@ -72,11 +72,11 @@ fn rays(depth: u16) -> Vec<Ray> {
     rays
 }
 
-fn with_traversal(gpu: &Gpu, tree: &TriangleBvh<Watertight>, walk: Traversal) -> Result<TracedScene, GpuError> {
-    TracedScene::single_level(gpu, tree, &[0])?.with_traversal(gpu, walk)
+fn with_traversal(gpu: &Gpu, tree: &TriangleBvh<Watertight>, traversal: Traversal) -> Result<TracedScene, GpuError> {
+    TracedScene::single_level(gpu, tree, &[0])?.with_traversal(gpu, traversal)
 }
 
-/// The first ray whose answers are not the triangle that a loop over all finds.
+/// The first ray whose answers differ from the triangle that a loop finds.
 fn first_difference(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], wants: &[Option<u32>]) -> Option<String> {
     let hits = scene.closest_hits(gpu, rays).unwrap();
     let occluded = scene.occluded(gpu, rays).unwrap();
@@ -97,9 +97,9 @@ fn wants(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<u32>> {
 }
 
 #[test]
-fn every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear() {
-    let Some(gpu) = gpu("every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear") else { return };
-    for (depth, walks) in [
+fn every_traversal_finds_hits_at_its_depth_limit() {
+    let Some(gpu) = gpu("every_traversal_finds_hits_at_its_depth_limit") else { return };
+    for (depth, traversals) in [
         (16, &Traversal::ALL[..]),
         (17, &[Traversal::Stack, Traversal::Links]),
         (33, &[Traversal::Stack, Traversal::Links]),
@@ -109,18 +109,18 @@ fn every_walk_finds_the_hits_of_trees_as_deep_as_it_can_bear() {
         let ((mesh, tree), rays) = (deep(depth), rays(depth));
         let wants = wants(&mesh, &rays);
         let n_hit = wants.iter().flatten().count();
-        // The first sector is empty, and rays from among the triangles leave some rare ones behind.
+        // The first sector is empty, and rays that start among the triangles miss some of the sparse ones.
         assert!(n_hit > rays.len() / 2 && wants.len() - n_hit >= rays.len() / usize::from(SECTORS), "{n_hit}");
-        for &walk in walks {
-            let scene = with_traversal(&gpu, &tree, walk).unwrap();
-            assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "{walk:?}, depth {depth}");
+        for &traversal in traversals {
+            let scene = with_traversal(&gpu, &tree, traversal).unwrap();
+            assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "{traversal:?}, depth {depth}");
         }
     }
 }
 
 #[test]
-fn trees_too_deep_for_a_walk_are_refused_by_name() {
-    let Some(gpu) = gpu("trees_too_deep_for_a_walk_are_refused_by_name") else { return };
+fn bvhs_too_deep_for_a_traversal_are_rejected() {
+    let Some(gpu) = gpu("bvhs_too_deep_for_a_traversal_are_rejected") else { return };
     let refused = |depth: u32, most: u32| {
         format!(
             "the stack of a ray: requires {depth} levels of nodes, the device supports {most}; use another --builder or --device cpu"
@@ -130,10 +130,10 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
     let (_, tree) = deep(17);
     assert_eq!(error(with_traversal(&gpu, &tree, Traversal::Bits)), refused(17, 16));
     let (_, tree) = deep(129);
-    for walk in Traversal::ALL {
-        assert_eq!(error(with_traversal(&gpu, &tree, walk)), refused(129, 128));
+    for traversal in Traversal::ALL {
+        assert_eq!(error(with_traversal(&gpu, &tree, traversal)), refused(129, 128));
     }
-    // The levels of both trees count where one stands above the other.
+    // The depths of both levels add up.
     let (_, tree) = deep(16);
     assert!(with_traversal(&gpu, &tree, Traversal::Bits).is_ok());
     let two = TracedScene::two_level(&gpu, &[&tree], &[Instance::new(0, Affine::IDENTITY); 2]).unwrap();
@@ -141,8 +141,8 @@ fn trees_too_deep_for_a_walk_are_refused_by_name() {
 }
 
 #[test]
-fn the_comparison_sees_a_hit_that_a_deep_tree_lost() {
-    let Some(gpu) = gpu("the_comparison_sees_a_hit_that_a_deep_tree_lost") else { return };
+fn the_comparison_detects_a_lost_hit_in_a_deep_bvh() {
+    let Some(gpu) = gpu("the_comparison_detects_a_lost_hit_in_a_deep_bvh") else { return };
     let ((mesh, tree), rays) = (deep(16), rays(16));
     let scene = with_traversal(&gpu, &tree, Traversal::Links).unwrap().without_parent_links(&gpu).unwrap();
     assert!(first_difference(&gpu, &scene, &rays, &wants(&mesh, &rays)).is_some());

@@ -1,8 +1,8 @@
-//! Two levels: instances that are turned, mirrored, sheared, tiny, huge and far away.
+//! Two levels: rotated, mirrored, sheared, tiny, huge and far instances.
 
 use canted_obb::Affine;
 use canted_tests::{
-    closed::{baked, places},
+    closed::{baked, placements},
     rays, scenes,
     transforms::transforms,
 };
@@ -11,8 +11,8 @@ use canted_trace::{Ray, Watertight};
 use canted_wide::TriangleBvh;
 
 use super::gpu;
-use super::judge::{Tally, World, error_of_instance};
-use super::setup::{build, few_ways};
+use super::reference::{Tally, World, error_of_instance};
+use super::setup::{build, few_variants};
 
 #[test]
 fn rays_through_instances_lose_no_hit() {
@@ -21,9 +21,9 @@ fn rays_through_instances_lose_no_hit() {
     let reach = meshes
         .each_ref()
         .map(|mesh| mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs())));
-    let placed: Vec<Affine> = places()
+    let placed: Vec<Affine> = placements()
         .iter()
-        .map(|place| place.world_from_object)
+        .map(|placement| placement.world_from_object)
         .chain(transforms().into_iter().map(|(_, at)| at))
         .flat_map(|at| [at; 2])
         .collect();
@@ -46,14 +46,14 @@ fn rays_through_instances_lose_no_hit() {
         error_of_instance(ray, &placed[i], reach[i % 2])
     };
     let world = World { corners: &corners, error: &error };
-    for (way, config) in few_ways() {
+    for (variant, config) in few_variants() {
         let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
         let scene = canted_gpu::TracedScene::two_level(&gpu, &bottom.iter().collect::<Vec<_>>(), &instances).unwrap();
         let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
         let mut tally = Tally::default();
         world
-            .judge_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray), &mut tally)
-            .unwrap_or_else(|error| panic!("{way}: {error}"));
-        tally.report(&way);
+            .check_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray), &mut tally)
+            .unwrap_or_else(|error| panic!("{variant}: {error}"));
+        tally.report(&variant);
     }
 }

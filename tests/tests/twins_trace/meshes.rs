@@ -7,15 +7,15 @@ use canted_trace::{Ray, Watertight};
 use canted_wide::Config;
 
 use super::gpu;
-use super::judge::{Tally, World, error_of_one_level};
-use super::setup::{build, few_ways};
+use super::reference::{Tally, World, error_of_one_level};
+use super::setup::{build, few_variants};
 
 fn reach(mesh: &Mesh) -> f64 {
     mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
 }
 
-/// Judges the device's tree over `there` beside the CPU's over `mesh`.
-fn judged(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: &Config, rays: &[Ray]) -> Result<Tally, String> {
+/// Compares the device's BVH over `there` with the CPU's over `mesh`.
+fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: &Config, rays: &[Ray]) -> Result<Tally, String> {
     let reach = reach(mesh);
     let world = World {
         corners: &|_, primitive| mesh.corners(primitive as usize),
@@ -24,7 +24,7 @@ fn judged(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: &Config, rays: &[Ray]) -
     let scene = TracedScene::single_level(gpu, &build::<Watertight>(there, config), &[0]).unwrap();
     let on_cpu = build::<Watertight>(mesh, config);
     let mut tally = Tally::default();
-    world.judge_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
+    world.check_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
     Ok(tally)
 }
 
@@ -45,17 +45,17 @@ fn add(all: &mut Tally, one: &Tally) {
 #[test]
 fn grazing_rays_lose_no_hit() {
     let Some(gpu) = gpu("grazing_rays_lose_no_hit") else { return };
-    let ways = few_ways();
+    let variants = few_variants();
     let mut all = Tally::default();
-    // Each mesh one way, in turn; those of which leaning boxes are made every way.
-    for (case, (way, config)) in scenes::cases().iter().zip(ways.iter().cycle()) {
-        let tally = judged(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 30));
-        add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {way}: {error}", case.name)));
+    // Each mesh with one configuration, in turn; meshes that suit oriented boxes with all.
+    for (case, (variant, config)) in scenes::cases().iter().zip(variants.iter().cycle()) {
+        let tally = compared(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 30));
+        add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {variant}: {error}", case.name)));
     }
     for case in scenes::needles() {
-        for (way, config) in &ways {
-            let tally = judged(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 30));
-            add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {way}: {error}", case.name)));
+        for (variant, config) in &variants {
+            let tally = compared(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 30));
+            add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {variant}: {error}", case.name)));
         }
     }
     all.report("generated meshes");
@@ -65,26 +65,26 @@ fn grazing_rays_lose_no_hit() {
 fn rays_in_the_planes_of_faces_lose_no_hit() {
     let Some(gpu) = gpu("rays_in_the_planes_of_faces_lose_no_hit") else { return };
     let mut all = Tally::default();
-    for (case, (way, config)) in scenes::cases().iter().step_by(2).zip(few_ways().iter().cycle()) {
+    for (case, (variant, config)) in scenes::cases().iter().step_by(2).zip(few_variants().iter().cycle()) {
         let mesh = rays::on_lattice(&case.mesh);
-        let tally = judged(&gpu, &mesh, &mesh, config, &rays::in_planes(&mesh, 150, 40));
-        add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {way}: {error}", case.name)));
+        let tally = compared(&gpu, &mesh, &mesh, config, &rays::in_planes(&mesh, 150, 40));
+        add(&mut all, &tally.unwrap_or_else(|error| panic!("{}, {variant}: {error}", case.name)));
     }
     all.report("rays in planes");
 }
 
 #[test]
-fn the_comparison_sees_what_is_lost_moved_or_renumbered() {
-    let Some(gpu) = gpu("the_comparison_sees_what_is_lost_moved_or_renumbered") else { return };
+fn the_comparison_detects_lost_moved_and_renumbered_triangles() {
+    let Some(gpu) = gpu("the_comparison_detects_lost_moved_and_renumbered_triangles") else { return };
     let mesh = scenes::shapes().remove(0).mesh;
     let config = Config::default();
     let rays = all_rays(&mesh, 100);
     let fails = |change: &dyn Fn(&mut Mesh)| {
         let mut there = mesh.clone();
         change(&mut there);
-        judged(&gpu, &mesh, &there, &config, &rays).expect_err("the change is not seen")
+        compared(&gpu, &mesh, &there, &config, &rays).expect_err("the change is not seen")
     };
-    // A triangle without area is hit by nothing.
+    // Nothing hits a degenerate triangle.
     let lost = fails(&|there| there.triangles[7][1] = there.triangles[7][0]);
     assert!(lost.contains("lost"), "{lost}");
     let moved = fails(&|there| there.positions.iter_mut().for_each(|p| p[0] += 1e-3));

@@ -1,4 +1,4 @@
-//! Real models, as the renderer prepares them.
+//! Real models as the renderer prepares them.
 
 use std::path::Path;
 
@@ -9,14 +9,14 @@ use canted_tests::{models::models, rays};
 use canted_trace::{Ray, Watertight};
 
 use super::gpu;
-use super::judge::{Tally, World, error_of_instance, error_of_one_level};
+use super::reference::{Tally, World, error_of_instance, error_of_one_level};
 
 fn reach(positions: &[[f32; 3]]) -> f64 {
     positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
 }
 
-/// Judges a model on the device, in one level or in two.
-fn judge(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
+/// Compares a model on the device with the CPU, in one level or in two.
+fn check(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
     let scene = canted_scene::read(&folder.join(file)).unwrap();
     let config = StructureConfig { levels, ..StructureConfig::default() };
     let Prepared { structure, .. } = prepare::<Watertight>(&scene, &config).unwrap();
@@ -28,7 +28,7 @@ fn judge(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
     let all_rays =
         [rays::of_all_classes(&flat, 300, 7), rays::from_inside(&flat, 2000, 8), rays::from_afar(&flat, 10.0, 500, 9)]
             .concat();
-    // In one level the tree is over vertices that were rounded in world space, in two over those of the meshes.
+    // With one level the BVH is over vertices rounded in world space, with two over those of the meshes.
     let of_flat = |instance: u32, primitive: u32| flat.corners((first[instance as usize] + primitive) as usize);
     let of_instance = |instance: u32, primitive: u32| {
         let instance = &scene.instances[instance as usize];
@@ -48,7 +48,7 @@ fn judge(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
     };
     let mut tally = Tally::default();
     world
-        .judge_all(gpu, &traced, &all_rays, |ray| structure.closest_hit(ray, &mut ()), &mut tally)
+        .check_all(gpu, &traced, &all_rays, |ray| structure.closest_hit(ray, &mut ()), &mut tally)
         .unwrap_or_else(|error| panic!("{file}, {levels:?}: {error}"));
     tally.report(&format!("{file}, {levels:?}"));
 }
@@ -57,9 +57,9 @@ fn judge(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
 fn models_lose_no_hit() {
     let Some(gpu) = gpu("models_lose_no_hit") else { return };
     let Some(folder) = models("models_lose_no_hit") else { return };
-    judge(&gpu, &folder, "stanford/bunny.ply", Levels::One);
-    judge(&gpu, &folder, "sponza/sponza.obj", Levels::One);
-    judge(&gpu, &folder, "sponza/sponza.obj", Levels::Two);
-    judge(&gpu, &folder, "kitchen/country_kitchen.glb", Levels::Two);
-    judge(&gpu, &folder, "instanced/pine_forest.glb", Levels::Two);
+    check(&gpu, &folder, "stanford/bunny.ply", Levels::One);
+    check(&gpu, &folder, "sponza/sponza.obj", Levels::One);
+    check(&gpu, &folder, "sponza/sponza.obj", Levels::Two);
+    check(&gpu, &folder, "kitchen/country_kitchen.glb", Levels::Two);
+    check(&gpu, &folder, "instanced/pine_forest.glb", Levels::Two);
 }

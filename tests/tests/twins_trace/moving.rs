@@ -1,10 +1,10 @@
-//! Instances that move while the shutter is open: at each ray's time the device hits what the CPU hits there.
+//! Instances that move while the shutter is open: at each ray's time the device agrees with the CPU.
 
 use canted_fixtures::{Mesh, SplitMix64};
 use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, Specialisation, TracedScene};
 use canted_obb::Affine;
 use canted_tests::{
-    closed::{baked, places},
+    closed::{baked, placements},
     instances::At,
     rays, scenes,
 };
@@ -13,10 +13,10 @@ use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
 use super::gpu;
-use super::judge::{Tally, World, error_of_instance};
-use super::setup::{build, few_ways};
+use super::reference::{Tally, World, error_of_instance};
+use super::setup::{build, few_variants};
 
-/// Where an instance ends that is turned about z, grows and is shifted while the shutter is open.
+/// The end transform of an instance that rotates about z, grows and is shifted while the shutter is open.
 #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
 fn moved(open: &Affine, angle: f64, growth: [f64; 3], shift: f32) -> Affine {
     let (sine, cosine) = angle.sin_cos();
@@ -30,12 +30,12 @@ fn moved(open: &Affine, angle: f64, growth: [f64; 3], shift: f32) -> Affine {
     close
 }
 
-/// Each place of closed meshes with four ways to go on from there, the last of which is none.
+/// Each placement of closed meshes with four motions, the last of which is none.
 fn crowd() -> Vec<Instance> {
-    let ways = [(0.0, [1.0; 3]), (1.5, [1.0; 3]), (-0.7, [2.0, 0.5, 1.0]), (0.0, [1.0; 3])];
-    let all = places().into_iter().zip([0.5, 1e-6, 3e5, 2e3, 1.0]).flat_map(|(place, shift)| {
-        let open = place.world_from_object;
-        (0..).zip(ways).map(move |(i, (angle, growth))| Instance {
+    let motions = [(0.0, [1.0; 3]), (1.5, [1.0; 3]), (-0.7, [2.0, 0.5, 1.0]), (0.0, [1.0; 3])];
+    let all = placements().into_iter().zip([0.5, 1e-6, 3e5, 2e3, 1.0]).flat_map(|(placement, shift)| {
+        let open = placement.world_from_object;
+        (0..).zip(motions).map(move |(i, (angle, growth))| Instance {
             world_from_object_close: (i < 3).then(|| moved(&open, angle, growth, shift)),
             ..Instance::new(i % 2, open)
         })
@@ -43,7 +43,7 @@ fn crowd() -> Vec<Instance> {
     all.collect()
 }
 
-/// Where an instance is, exactly.
+/// The exact corners of an instance's triangle.
 fn corners_at(instance: &Instance, mesh: &Mesh, primitive: u32, time: f32) -> [[f64; 3]; 3] {
     let open = &instance.world_from_object;
     let close = instance.world_from_object_close.unwrap_or(*open);
@@ -53,7 +53,7 @@ fn corners_at(instance: &Instance, mesh: &Mesh, primitive: u32, time: f32) -> [[
     })
 }
 
-/// `B` of an instance, wherever it is on its way.
+/// `B` of an instance at any time.
 fn error(ray: &Ray, instance: &Instance, reach: f64) -> f64 {
     let Some(motion) = MotionPolynomials::of(instance) else {
         return error_of_instance(ray, &instance.world_from_object, reach);
@@ -89,13 +89,13 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Outcome<
     scaled.iter().zip(found).map(answer).collect()
 }
 
-/// Judges the device, asked at `time + late`, beside the CPU at several times.
-fn judged(gpu: &Gpu, late: f32) -> Result<Tally, String> {
+/// Compares the device at `time + late` with the CPU at several times.
+fn compared(gpu: &Gpu, late: f32) -> Result<Tally, String> {
     let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 12).off_axis()];
     let reach =
         meshes.each_ref().map(|m| m.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs())));
     let crowd = crowd();
-    let (_, config) = few_ways().remove(0);
+    let (_, config) = few_variants().remove(0);
     let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
     let scene = TracedScene::two_level(gpu, &bottom.iter().collect::<Vec<_>>(), &crowd).unwrap();
     let tlas = Tlas::new(bottom, &crowd, TopConfig::default()).unwrap();
@@ -135,7 +135,7 @@ fn judged(gpu: &Gpu, late: f32) -> Result<Tally, String> {
             },
         };
         for (ray, hit) in rays.iter().zip(hits(gpu, &scene, &rays, time + late)) {
-            world.judge(ray, tlas.closest_hit_with(ray, &mut At(time)), hit, &mut tally)?;
+            world.check(ray, tlas.closest_hit_with(ray, &mut At(time)), hit, &mut tally)?;
         }
     }
     Ok(tally)
@@ -144,12 +144,12 @@ fn judged(gpu: &Gpu, late: f32) -> Result<Tally, String> {
 #[test]
 fn rays_of_any_time_lose_no_hit() {
     let Some(gpu) = gpu("rays_of_any_time_lose_no_hit") else { return };
-    judged(&gpu, 0.0).unwrap_or_else(|error| panic!("{error}")).report("moving instances");
+    compared(&gpu, 0.0).unwrap_or_else(|error| panic!("{error}")).report("moving instances");
 }
 
 #[test]
-fn the_comparison_sees_another_time() {
-    let Some(gpu) = gpu("the_comparison_sees_another_time") else { return };
-    let wrong = judged(&gpu, -1.0 / 256.0).unwrap_err();
+fn the_comparison_detects_another_time() {
+    let Some(gpu) = gpu("the_comparison_detects_another_time") else { return };
+    let wrong = compared(&gpu, -1.0 / 256.0).unwrap_err();
     assert!(wrong.contains("lost") || wrong.contains("off its triangle"), "{wrong}");
 }

@@ -1,11 +1,11 @@
-//! Rays that graze: every shape, every way to build, every path, every kernel.
+//! Grazing rays: every shape, build configuration, SIMD path and kernel.
 
 use canted_fixtures::{Mesh, coplanar_quads, thin_box};
 use canted_tests::{rays, scenes};
 use canted_trace::{BaldwinWeber, MollerTrumbore, Ray, Watertight};
 use canted_wide::{Config, SimdPath};
 
-use super::setup::{agrees, build, every_way, few_ways, paths, ways_of_one_kind};
+use super::setup::{agrees, build, every_variant, few_variants, paths, single_kind_variants};
 
 /// Rays of every class, and from inside.
 fn all_rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
@@ -15,21 +15,21 @@ fn all_rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
 #[test]
 fn watertight_loses_no_hit() {
     for case in scenes::cases().iter().chain(&scenes::needles()) {
-        agrees::<Watertight>(&case.name, &case.mesh, &every_way(), &all_rays(&case.mesh, 20));
+        agrees::<Watertight>(&case.name, &case.mesh, &every_variant(), &all_rays(&case.mesh, 20));
     }
 }
 
 #[test]
 fn moller_trumbore_loses_no_hit() {
     for case in scenes::cases().iter().chain(&scenes::needles()) {
-        agrees::<MollerTrumbore>(&case.name, &case.mesh, &few_ways(), &all_rays(&case.mesh, 10));
+        agrees::<MollerTrumbore>(&case.name, &case.mesh, &few_variants(), &all_rays(&case.mesh, 10));
     }
 }
 
 #[test]
 fn baldwin_weber_loses_no_hit() {
     for case in scenes::cases().iter().chain(&scenes::needles()) {
-        agrees::<BaldwinWeber>(&case.name, &case.mesh, &few_ways(), &all_rays(&case.mesh, 10));
+        agrees::<BaldwinWeber>(&case.name, &case.mesh, &few_variants(), &all_rays(&case.mesh, 10));
     }
 }
 
@@ -38,56 +38,56 @@ fn rays_exactly_in_the_planes_of_faces_lose_no_hit() {
     for case in scenes::cases().iter().chain(&scenes::needles()) {
         let mesh = rays::on_lattice(&case.mesh);
         let rays = rays::in_planes(&mesh, 150, 40);
-        agrees::<Watertight>(&case.name, &mesh, &few_ways(), &rays);
-        agrees::<MollerTrumbore>(&case.name, &mesh, &few_ways()[..2], &rays);
+        agrees::<Watertight>(&case.name, &mesh, &few_variants(), &rays);
+        agrees::<MollerTrumbore>(&case.name, &mesh, &few_variants()[..2], &rays);
     }
 }
 
-/// Flat boxes in planes out of the axes, and rooms that are turned.
-fn turned() -> Vec<scenes::Case> {
+/// Rotated flat boxes and rotated rooms.
+fn rotated() -> Vec<scenes::Case> {
     let case = |name: &str, mesh: canted_fixtures::Mesh| scenes::Case { name: name.to_owned(), mesh: mesh.off_axis() };
     vec![
-        case("turned quads", coplanar_quads(12)),
-        case("turned flat box", thin_box(0.0)),
-        case("turned room", scenes::room(3, 60)),
+        case("rotated quads", coplanar_quads(12)),
+        case("rotated flat box", thin_box(0.0)),
+        case("rotated room", scenes::room(3, 60)),
     ]
 }
 
 #[test]
-fn turned_meshes_lose_no_hit_in_frames_of_their_own() {
-    let mut n_turned = 0;
-    for case in turned() {
-        agrees::<Watertight>(&case.name, &case.mesh, &every_way(), &all_rays(&case.mesh, 60));
-        agrees::<MollerTrumbore>(&case.name, &case.mesh, &few_ways(), &all_rays(&case.mesh, 20));
-        for (_, config) in few_ways() {
+fn rotated_meshes_lose_no_hit_in_local_frames() {
+    let mut n_rotated = 0;
+    for case in rotated() {
+        agrees::<Watertight>(&case.name, &case.mesh, &every_variant(), &all_rays(&case.mesh, 60));
+        agrees::<MollerTrumbore>(&case.name, &case.mesh, &few_variants(), &all_rays(&case.mesh, 20));
+        for (_, config) in few_variants() {
             let tree = build::<Watertight>(&case.mesh, &config);
             let rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-            n_turned += usize::from(tree.frame() != rows && tree.sizes().nodes[0] > 0);
+            n_rotated += usize::from(tree.frame() != rows && tree.sizes().nodes[0] > 0);
         }
     }
-    assert!(n_turned > 0, "no tree has box nodes in a frame of its own");
+    assert!(n_rotated > 0, "no BVH has aligned nodes in a local frame");
 }
 
-/// The tests above try every kind of node that builds make, on every path.
+/// The tests above cover every node kind that builds produce, on every SIMD path.
 #[test]
-#[expect(clippy::print_stderr, reason = "a path that is not tested is named")]
-fn every_kind_of_node_is_tried() {
+#[expect(clippy::print_stderr, reason = "unavailable paths are reported")]
+fn every_node_kind_is_tested() {
     let (there, missing) = paths();
     assert!(there.contains(&SimdPath::Scalar) && there.len() + missing.len() == 4);
     for name in missing {
-        eprintln!("not tested, this machine has no {name}");
+        eprintln!("not tested: {name} is not available");
     }
-    // Nodes of the kind asked for, in trees that ask for nothing else, then of each kind in those of the preset.
+    // First nodes of each requested kind, then those of each kind in the BVHs of the presets.
     let (mut asked, mut preset) = ([0; 2], [0; 2]);
     for case in scenes::needles() {
-        for (i, (_, config)) in ways_of_one_kind().iter().enumerate() {
+        for (i, (_, config)) in single_kind_variants().iter().enumerate() {
             asked[i] += build::<Watertight>(&case.mesh, config).sizes().nodes[i];
         }
         let nodes = build::<Watertight>(&case.mesh, &Config::default()).sizes().nodes;
         preset = [0, 1].map(|i| preset[i] + nodes[i]);
     }
     assert!(asked.iter().all(|&n| n > 100), "{asked:?}");
-    assert!(preset[1] > 0, "presets lean: {preset:?}");
+    assert!(preset[1] > 0, "node kinds of the presets: {preset:?}");
 }
 
 #[test]

@@ -1,15 +1,15 @@
-//! From inside a closed mesh no ray gets out, and from outside none gets in, unseen: through one level and two.
+//! No ray leaves a closed mesh from inside or enters it from outside without a hit, through one level and two.
 
 use canted_fixtures::Mesh;
 use canted_obb::Affine;
-use canted_tests::closed::{Place, baked, closed, places, rays};
+use canted_tests::closed::{Placement, baked, closed, placements, rays};
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
-use super::setup::{build, every_way, few_ways, paths};
+use super::setup::{build, every_variant, few_variants, paths};
 
-/// Rays of each kind of leak for each mesh, place and way to build.
+/// Rays of each kind for each mesh, placement and configuration.
 const N_RAYS: usize = 1_500;
 
 fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
@@ -19,8 +19,8 @@ fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
     hits.iter().zip(&occluded).filter(|&(hit, &occluded)| hit.is_none() || !occluded).count()
 }
 
-/// Through an instance, beside another that makes the top level a tree.
-#[expect(clippy::cast_possible_truncation, reason = "far off will do")]
+/// Leaks through an instance; a second one gives the top level more than one leaf.
+#[expect(clippy::cast_possible_truncation, reason = "any large distance")]
 fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: &[Ray]) -> usize {
     let instance = Instance::new(0, *world_from_object);
     let mut other = instance;
@@ -34,28 +34,28 @@ fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: 
 #[test]
 fn no_ray_leaks() {
     for closed in closed() {
-        for (Place { name, world_from_object }, seed) in places().iter().zip(500..) {
+        for (Placement { name, world_from_object }, seed) in placements().iter().zip(500..) {
             let world = baked(&closed.mesh, world_from_object);
             let rays = rays(&world, &closed, world_from_object, N_RAYS, seed);
-            for (way, config) in every_way() {
+            for (variant, config) in every_variant() {
                 let tree = build::<Watertight>(&world, &config);
                 for path in paths().0 {
                     let leaks = leaks_of_one(&tree.clone().with_path(path), &rays);
-                    assert_eq!(leaks, 0, "{}, {name}, {way}, {}", closed.name, path.name());
+                    assert_eq!(leaks, 0, "{}, {name}, {variant}, {}", closed.name, path.name());
                 }
             }
-            for (way, config) in few_ways() {
+            for (variant, config) in few_variants() {
                 let leaks = leaks_of_two(&closed.mesh, world_from_object, &config, &rays);
-                assert_eq!(leaks, 0, "{}, {name}, {way}, two levels", closed.name);
+                assert_eq!(leaks, 0, "{}, {name}, {variant}, two levels", closed.name);
             }
         }
     }
 }
 
 #[test]
-fn a_hole_is_seen() {
+fn a_hole_is_detected() {
     for closed in closed() {
-        for Place { name, world_from_object } in places() {
+        for Placement { name, world_from_object } in placements() {
             let rays = rays(&baked(&closed.mesh, &world_from_object), &closed, &world_from_object, 5_000, 7);
             let mut open = closed.mesh.clone();
             open.triangles.pop();

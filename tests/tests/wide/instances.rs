@@ -1,21 +1,21 @@
-//! Instances of wide trees: the same hits as a loop over all instances, each of which loops over all triangles.
+//! Instances of wide BVHs: the same hits as a loop over all instances, each looping over all triangles.
 
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tests::{
     brute,
-    closed::{baked, places},
+    closed::{baked, placements},
     instances as oracle, rays, scenes,
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{MollerTrumbore, Ray, Watertight};
 use canted_wide::{LaneKernel, TriangleBvh};
 
-use super::setup::{build, few_ways, paths};
+use super::setup::{build, few_variants, paths};
 
-/// Every place twice, with meshes in turn.
+/// Every placement twice, alternating between the meshes.
 fn placed() -> Vec<Affine> {
-    places().iter().flat_map(|place| [place.world_from_object; 2]).collect()
+    placements().iter().flat_map(|placement| [placement.world_from_object; 2]).collect()
 }
 
 fn agrees<K: LaneKernel + Clone>() {
@@ -32,7 +32,7 @@ fn agrees<K: LaneKernel + Clone>() {
     assert!(wants.iter().flatten().count() > 300, "too few rays hit");
     let instances: Vec<Instance> =
         placed.iter().zip([0, 1].into_iter().cycle()).map(|(&a, blas)| Instance::new(blas, a)).collect();
-    for (way, config) in few_ways() {
+    for (variant, config) in few_variants() {
         for path in paths().0 {
             let bottom: Vec<TriangleBvh<K>> = meshes.iter().map(|mesh| build(mesh, &config).with_path(path)).collect();
             let binary = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
@@ -40,7 +40,7 @@ fn agrees<K: LaneKernel + Clone>() {
                 let tlas = Tlas::new(bottom.clone(), &instances, top).unwrap();
                 for (ray, want) in all_rays.iter().zip(&wants) {
                     let got = (tlas.closest_hit(ray), tlas.occluded(ray));
-                    assert_eq!(got, (*want, want.is_some()), "{way}, {}, {top:?}, {ray:?}", path.name());
+                    assert_eq!(got, (*want, want.is_some()), "{variant}, {}, {top:?}, {ray:?}", path.name());
                 }
             }
         }

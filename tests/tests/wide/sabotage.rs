@@ -1,4 +1,4 @@
-//! What the tests beside this one would see: boxes too small, a vertex moved, a triangle lost, a file forged.
+//! The tests of this folder detect boxes that are too small, a moved vertex, a lost triangle and a forged file.
 
 use canted_fixtures::{Mesh, thin_box, torus};
 use canted_obb::{Aabb, PrimId};
@@ -6,10 +6,10 @@ use canted_tests::{rays, scenes};
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Ray, ScaledRay, Watertight};
 use canted_wide::{Config, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
 
-use super::setup::{build, few_ways, first_difference, loop_over_all};
+use super::setup::{build, few_variants, first_difference, loop_over_all};
 
-/// A triangle whose box is too small by so many parts in ten million. Rays are padded as for triangles where `PADDED`,
-/// else as for primitives whose hits are exact.
+/// A triangle whose box is too small by `PARTS` in ten million. Rays are padded as for triangles if `PADDED`, else as for
+/// primitives with exact hits.
 struct Shrunk<const PARTS: u32, const PADDED: bool>([[f32; 3]; 3]);
 
 impl<const PARTS: u32, const PADDED: bool> Primitive for Shrunk<PARTS, PADDED> {
@@ -35,7 +35,7 @@ impl<const PARTS: u32, const PADDED: bool> Primitive for Shrunk<PARTS, PADDED> {
     }
 }
 
-/// How many rays the tree over shrunk triangles answers otherwise than the loop.
+/// Number of rays for which the BVH over shrunk triangles differs from the loop.
 fn n_lost<const PARTS: u32, const PADDED: bool>(mesh: &Mesh, rays: &[Ray]) -> usize {
     let shrunk = |t: &[u32; 3]| Shrunk::<PARTS, PADDED>(t.map(|index| mesh.positions[index as usize]));
     let tree = WideBvh::<Shrunk<PARTS, PADDED>>::build(mesh.triangles.iter().map(shrunk).collect(), &Config::default())
@@ -44,56 +44,56 @@ fn n_lost<const PARTS: u32, const PADDED: bool>(mesh: &Mesh, rays: &[Ray]) -> us
     rays.iter().zip(&wants).filter(|(ray, want)| tree.closest_hit(ray) != **want).count()
 }
 
-/// The same walk and the same pads as for triangles, over boxes of which the test decides.
+/// The same traversal and padding as for triangles, but the boxes decide.
 #[test]
 fn boxes_too_small_by_a_millionth_lose_hits() {
     let meshes = [thin_box(1.0), scenes::room(3, 40), torus(24, 8), scenes::needles().remove(0).mesh];
     let (mut lost_of_ten, mut lost_of_one) = (0, 0);
     for mesh in meshes.map(|mesh| rays::on_lattice(&mesh)) {
         let rays = [rays::of_all_classes(&mesh, 300, 100), rays::from_inside(&mesh, 1_500, 101)].concat();
-        assert_eq!(n_lost::<0, true>(&mesh, &rays), 0, "boxes that hold their triangles lose nothing");
+        assert_eq!(n_lost::<0, true>(&mesh, &rays), 0, "correct boxes lose no hit");
         lost_of_ten += n_lost::<100, true>(&mesh, &rays);
-        // Pads forgive a millionth where they are for the triangle test's own error.
+        // Padding for the triangle test's own error tolerates a millionth.
         lost_of_one += n_lost::<10, false>(&mesh, &rays);
     }
     assert!(lost_of_ten > 0 && lost_of_one > 0, "{lost_of_ten}, {lost_of_one} hits were lost");
 }
 
 #[test]
-fn a_vertex_moved_by_the_last_bit_is_seen() {
+fn a_vertex_moved_by_the_last_bit_is_detected() {
     for case in scenes::needles().iter().filter(|case| case.name != "needles") {
         let rays = rays::of_all_classes(&case.mesh, 40, 110);
         let mut moved = case.mesh.clone();
         moved.positions.iter_mut().for_each(|p| p[0] = p[0].next_up());
         let wants = loop_over_all::<Watertight>(&moved, &rays);
-        for (way, config) in few_ways() {
+        for (variant, config) in few_variants() {
             let tree = build::<Watertight>(&case.mesh, &config);
-            assert!(first_difference(&tree, &rays, &wants).is_some(), "{}, {way}", case.name);
-            // Refitted to those vertices it says what they say.
+            assert!(first_difference(&tree, &rays, &wants).is_some(), "{}, {variant}", case.name);
+            // After a refit to those vertices the answers agree.
             let mut tree = tree;
             tree.refit(&moved.positions, &moved.triangles).unwrap();
-            assert_eq!(first_difference(&tree, &rays, &wants), None, "{}, {way}", case.name);
+            assert_eq!(first_difference(&tree, &rays, &wants), None, "{}, {variant}", case.name);
         }
     }
 }
 
 #[test]
-fn each_triangle_lost_is_seen() {
+fn each_lost_triangle_is_detected() {
     let mesh = torus(12, 6);
     let rays = rays::of_all_classes(&mesh, 300, 120);
     let wants = loop_over_all::<Watertight>(&mesh, &rays);
     for lost in 0..mesh.triangles.len() {
         let mut fewer = mesh.clone();
-        // Numbers of the others stay: the lost one becomes a point.
+        // Indices of the others stay: the lost triangle becomes a point.
         fewer.triangles[lost] = [fewer.triangles[lost][0]; 3];
         let tree = build::<Watertight>(&fewer, &Config::default());
         assert!(first_difference(&tree, &rays, &wants).is_some(), "triangle {lost}");
     }
 }
 
-/// A hit that differs in nothing but one bit of a weight, or in the sign of a zero, is another hit.
+/// A hit that differs by one bit of a weight or in the sign of a zero is a different hit.
 #[test]
-fn one_bit_is_seen() {
+fn one_bit_is_detected() {
     let mesh = torus(12, 6);
     let rays = rays::of_all_classes(&mesh, 20, 130);
     let tree = build::<Watertight>(&mesh, &Config::default());
@@ -115,7 +115,7 @@ fn one_bit_is_seen() {
     }
 }
 
-/// FNV-1a, by which files guard against accidents; what it cannot guard against the reader must see.
+/// FNV-1a, the files' checksum against accidents; the reader must detect everything else.
 fn checksum(bytes: &[u8]) -> [u8; 8] {
     let sum = bytes
         .iter()
@@ -123,9 +123,9 @@ fn checksum(bytes: &[u8]) -> [u8; 8] {
     sum.to_le_bytes()
 }
 
-/// Planes of boxes moved inward in a file, its checksum right again: no such tree is ever traced.
+/// Box planes moved inward in a file with a correct checksum: the reader rejects it.
 #[test]
-fn files_with_boxes_too_small_by_a_millionth_are_refused() {
+fn files_with_boxes_too_small_by_a_millionth_are_rejected() {
     const HEADER: usize = 160;
     let mesh = torus(12, 6);
     let config = super::setup::of_one_kind(canted_wide::NodeKind::Aligned);

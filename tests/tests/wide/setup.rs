@@ -1,44 +1,44 @@
-//! Configurations, paths, and the comparison that all share.
+//! Shared configurations, SIMD paths and comparison.
 
 use canted_fixtures::Mesh;
 use canted_tests::brute;
 use canted_trace::{Hit, Ray};
 use canted_wide::{Config, Costs, LaneKernel, NodeKind, Preset, SimdPath, TriangleBvh};
 
-/// A way to build, and its name for messages.
-pub(crate) type Way = (String, Config);
+/// A build configuration with its name for messages.
+pub(crate) type Variant = (String, Config);
 
 const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Quality];
 
-/// Every preset, leaning or not, with and without a frame of the mesh's own but for the fast one; then nodes of one
-/// kind only.
-pub(crate) fn every_way() -> Vec<Way> {
-    let mut ways = vec![];
+/// Every preset with and without oriented nodes and with and without a local mesh frame (except the fast one); then nodes of a
+/// single kind.
+pub(crate) fn every_variant() -> Vec<Variant> {
+    let mut variants = vec![];
     for preset in PRESETS {
         for oriented in [false, true] {
-            // The search for a frame takes longer than all else; which builder follows does not matter to it.
+            // The search for a frame takes longest and does not depend on the builder.
             for rotate_mesh in [false, true].into_iter().take(if preset == Preset::Fast { 1 } else { 2 }) {
                 let config = Config { oriented, rotate_mesh, ..Config::preset(preset) };
-                ways.push((format!("{preset:?}, oriented {oriented}, rotated {rotate_mesh}"), config));
+                variants.push((format!("{preset:?}, oriented {oriented}, rotated {rotate_mesh}"), config));
             }
         }
     }
-    ways.extend(ways_of_one_kind());
-    ways
+    variants.extend(single_kind_variants());
+    variants
 }
 
-/// The presets, and nodes of one kind only: for what need not be tried every way.
-pub(crate) fn few_ways() -> Vec<Way> {
+/// The presets, and nodes of a single kind, for tests that do not need every configuration.
+pub(crate) fn few_variants() -> Vec<Variant> {
     let presets = PRESETS.map(|preset| (format!("{preset:?}"), Config::preset(preset)));
-    presets.into_iter().chain(ways_of_one_kind()).collect()
+    presets.into_iter().chain(single_kind_variants()).collect()
 }
 
-/// Nodes of each kind so cheap that hardly another is worth having, over leaves of one triangle: as many nodes as can be.
-pub(crate) fn ways_of_one_kind() -> [Way; 2] {
+/// Nearly free nodes of each kind over leaves of one triangle, for as many nodes of that kind as possible.
+pub(crate) fn single_kind_variants() -> [Variant; 2] {
     NodeKind::ALL.map(|kind| (format!("{kind:?} nodes"), of_one_kind(kind)))
 }
 
-/// Trees of nodes of one kind, a triangle a leaf.
+/// BVHs with nodes of one kind and one triangle per leaf.
 pub(crate) fn of_one_kind(kind: NodeKind) -> Config {
     let [aligned_node, oriented_node] = match kind {
         NodeKind::Aligned => [0.01, 1e6],
@@ -48,24 +48,24 @@ pub(crate) fn of_one_kind(kind: NodeKind) -> Config {
     Config { costs, rotate_mesh: kind == NodeKind::Aligned, ..Config::preset(Preset::Balanced) }
 }
 
-/// The mesh's tree.
+/// The mesh's BVH.
 pub(crate) fn build<K: LaneKernel>(mesh: &Mesh, config: &Config) -> TriangleBvh<K> {
     TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("fixtures are valid")
 }
 
-/// Paths of this machine, and the names of those it lacks.
+/// Available SIMD paths, and the names of the others.
 pub(crate) fn paths() -> (Vec<SimdPath>, Vec<&'static str>) {
     let (there, missing): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
     (there, missing.into_iter().map(SimdPath::name).collect())
 }
 
-/// What the loop over all triangles says.
+/// The answers of the loop over all triangles.
 pub(crate) fn loop_over_all<K: LaneKernel>(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<Hit>> {
     let records = brute::records::<K>(&mesh.positions, &mesh.triangles);
     rays.iter().map(|ray| brute::closest_hit::<K>(&records, ray)).collect()
 }
 
-/// The first ray that the tree answers otherwise than `wants`, alone, in a slice or on occlusion.
+/// The first ray for which the BVH differs from `wants`: alone, in a slice or for occlusion.
 pub(crate) fn first_difference<K: LaneKernel>(
     tree: &TriangleBvh<K>,
     rays: &[Ray],
@@ -82,21 +82,21 @@ pub(crate) fn first_difference<K: LaneKernel>(
     })
 }
 
-/// Whether two answers are the same bits; `==` would take -0.0 for 0.0.
+/// Whether two answers have the same bits; `==` does not distinguish -0.0 from 0.0.
 fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
     let bits = |hit: Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive, hit.instance, hit.side);
     a.map(bits) == b.map(bits)
 }
 
-/// Fails where a tree built any of these ways, traced on any path, answers otherwise than the loop.
-pub(crate) fn agrees<K: LaneKernel>(name: &str, mesh: &Mesh, ways: &[Way], rays: &[Ray]) {
+/// Fails if a BVH with one of these configurations, on any SIMD path, differs from the loop.
+pub(crate) fn agrees<K: LaneKernel>(name: &str, mesh: &Mesh, variants: &[Variant], rays: &[Ray]) {
     let wants = loop_over_all::<K>(mesh, rays);
-    for (way, config) in ways {
+    for (variant, config) in variants {
         let mut tree = build::<K>(mesh, config);
         for path in paths().0 {
             tree = tree.with_path(path);
             let difference = first_difference(&tree, rays, &wants);
-            assert_eq!(difference, None, "{name}, {way}, {}", path.name());
+            assert_eq!(difference, None, "{name}, {variant}, {}", path.name());
         }
     }
 }

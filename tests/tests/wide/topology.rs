@@ -1,4 +1,4 @@
-//! Trees of any builder and any shape: chains as deep as they are long, `obvhs`'s, spatial splits.
+//! Trees of any builder and shape: chains of maximal depth, `obvhs`, spatial splits.
 
 use std::time::{Duration, Instant};
 
@@ -9,17 +9,17 @@ use canted_tests::{chains::chain, rays, scenes};
 use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
-use super::setup::{agrees, few_ways, first_difference, loop_over_all, paths};
+use super::setup::{agrees, few_variants, first_difference, loop_over_all, paths};
 
-/// Collapses `tree` every way and compares with the loop.
+/// Collapses `tree` with every configuration and compares with the loop.
 fn over_agrees(name: &str, mesh: &Mesh, tree: &Tree, rays: &[Ray]) {
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let wants = loop_over_all::<Watertight>(mesh, rays);
-    for (way, config) in few_ways() {
+    for (variant, config) in few_variants() {
         let wide = TriangleBvh::<Watertight>::over(tree, &corners, &bounds, &config).unwrap();
         for path in paths().0 {
             let difference = first_difference(&wide.clone().with_path(path), rays, &wants);
-            assert_eq!(difference, None, "{name}, {way}, {}", path.name());
+            assert_eq!(difference, None, "{name}, {variant}, {}", path.name());
         }
     }
 }
@@ -27,7 +27,7 @@ fn over_agrees(name: &str, mesh: &Mesh, tree: &Tree, rays: &[Ray]) {
 /// Which leaves of a chain are on the left, by name.
 type Shape = (&'static str, fn(u32) -> bool);
 
-/// Less than a recursion as deep as the chains below would take, at 64 bytes a call.
+/// Less than a recursion of the chains' depth would take, at 64 bytes per call.
 const STACK_BYTES: usize = 1 << 18;
 
 #[test]
@@ -44,16 +44,16 @@ fn chains_overflow_no_stack_and_lose_no_hit() {
             over_agrees(name, &mesh, &tree, &rays);
         }
     });
-    // What a traversal must bear: the wide tree is deep indeed.
+    // The wide BVH must be deep for this test.
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let wide = TriangleBvh::<Watertight>::over(&chain(n, |_| true), &corners, &bounds, &Config::default()).unwrap();
     assert!(wide.sizes().depth >= n / 7 / 16, "{:?}", wide.sizes());
 }
 
-/// Twenty times the length may take four hundred times as long where extents are computed from all vertices below; a
-/// build of minutes would be a cube.
+/// Twenty times the length may take four hundred times as long where extents are computed from all vertices below; a build of
+/// minutes would be cubic.
 #[test]
-fn a_chain_of_a_hundred_thousand_ends() {
+fn a_chain_of_a_hundred_thousand_builds_in_a_minute() {
     let n = 100_000;
     let mesh = soup(9, n);
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
@@ -80,13 +80,13 @@ fn every_builder_of_ours_loses_no_hit() {
         [Builder::Lbvh, Builder::Reinserted(ReinsertConfig::BALANCED), Builder::FAST, Builder::QUALITY, top_down];
     for (name, mesh) in meshes() {
         let rays = rays::of_all_classes(&mesh, 10, 160);
-        let ways: Vec<_> = builders
+        let variants: Vec<_> = builders
             .iter()
             .map(|&builder| {
                 (format!("{builder:?}"), Config { builder, alternative_builder: None, ..Config::default() })
             })
             .collect();
-        agrees::<Watertight>(&name, &mesh, &ways, &rays);
+        agrees::<Watertight>(&name, &mesh, &variants, &rays);
     }
 }
 
@@ -110,7 +110,7 @@ fn spatial_splits_lose_no_hit() {
         let config = SpatialConfig { extra_references: 1.0, min_overlap: 0.0, ..SpatialConfig::default() };
         let (mut tree, references) = canted_sah::spatial(&corners, &config);
         n_extra += references.primitives.len() - corners.len();
-        // Leaves name references; wide trees bound whole triangles.
+        // Leaves name references; wide BVHs bound whole triangles.
         tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
         over_agrees(&name, &mesh, &tree, &rays::of_all_classes(&mesh, 10, 180));
     }

@@ -1,4 +1,4 @@
-//! Sets of points to fit boxes to: clusters of a known shape, and what nodes of trees over meshes hold.
+//! Sets of points to fit boxes to: clusters of a known shape, and the contents of BVH nodes.
 
 use canted_fixtures::{Hair, Mesh, SplitMix64, Strand, displaced_icosphere, hair, scaffold_of, truss};
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain};
@@ -10,10 +10,10 @@ pub(super) struct Kind {
     pub(super) sets: Vec<Set>,
 }
 
-/// Points, and the triangles that they belong to: in order, three a triangle.
+/// Triangle corners in order, three per triangle.
 pub(super) struct Set {
     pub(super) points: Vec<[f32; 3]>,
-    /// Of which the first so many points are one child's and the rest another's.
+    /// The number of leading points that belong to the first child; the rest belong to the second.
     pub(super) split: usize,
 }
 
@@ -28,7 +28,7 @@ impl Set {
 /// Triangles of a synthetic cluster.
 const N_TRIANGLES: usize = 24;
 
-/// Triangles of a node that is looked at.
+/// Number of triangles of a sampled node.
 const NODE_TRIANGLES: std::ops::RangeInclusive<u32> = 8..=64;
 
 /// `n` sets of each kind.
@@ -64,25 +64,26 @@ pub(super) fn kinds(n: usize) -> Vec<Kind> {
         ("nodes of a scaffold", scaffold_of(1, true, 4)),
         ("nodes of a truss", truss(4)),
         ("nodes of hair", hair(3, &strands)),
-        ("nodes of a bumpy ball", displaced_icosphere(3, 4).off_axis()),
+        ("nodes of a bumpy sphere", displaced_icosphere(3, 4).off_axis()),
     ] {
         kinds.push(Kind { name, sets: nodes(&mesh, n) });
     }
     kinds
 }
 
-/// Triangles whose vertices lie anywhere in a turned box, taken through `shape` first: half of them in either half of it.
+/// Triangles with random vertices in a rotated box, mapped through `shape` first; half of them lie in each half of the
+/// box.
 fn cluster(rng: &mut SplitMix64, half: [f64; 3], shape: impl Fn([f64; 3]) -> [f64; 3]) -> Set {
-    let turn = random_rotation(rng);
+    let rotation = random_rotation(rng);
     let points = (0..3 * N_TRIANGLES).map(|i| {
         let mut x = rng.signed3();
         x[0] = 0.5 * (x[0] + if i < 3 * N_TRIANGLES / 2 { -1.0 } else { 1.0 });
-        placed(&turn, half, [0.0; 3], shape(x))
+        placed(&rotation, half, [0.0; 3], shape(x))
     });
     Set { points: points.collect(), split: 3 * N_TRIANGLES / 2 }
 }
 
-/// What `n` nodes of the radix tree hold, evenly from all that are neither leaves nor large.
+/// The contents of `n` nodes of the radix tree, evenly from all nodes of suitable size.
 pub(super) fn nodes(mesh: &Mesh, n: usize) -> Vec<Set> {
     let Ok((corners, bounds)) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles) else { return vec![] };
     let tree =

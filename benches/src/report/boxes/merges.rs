@@ -1,4 +1,4 @@
-//! Merges of two halves of a set: what each rule sees of them, and what it makes of that.
+//! Merges of the boxes of two halves of a set, by rule.
 
 use canted_obb::{
     Aabb, Dop, Fit, Moments, Obb, bound, eigen,
@@ -10,15 +10,15 @@ use super::{fitted, inputs::Set};
 /// Two halves of a set.
 pub(super) struct Pair {
     boxes: [Obb; 2],
-    /// The same as a tree sees them: a half of one triangle is that triangle.
+    /// The halves as BVH children: a half of one triangle is that triangle.
     children: [Child; 2],
-    /// What a tree carries up in place of boxes.
+    /// The data that some builders propagate upwards instead of boxes.
     carried: [Carried; 2],
-    /// Of both.
+    /// The points of both halves.
     points: Vec<[f32; 3]>,
 }
 
-/// What is known of a half without its box.
+/// The propagated data of a half.
 struct Carried {
     moments: Moments,
     extents: Dop,
@@ -29,7 +29,9 @@ struct Carried {
 type Rule = (&'static str, fn(&Pair) -> Obb);
 
 pub(super) const MERGES: [Rule; 8] = [
-    ("straight, of both boxes' straight ones", |Pair { boxes: [a, b], .. }| Obb::from_aabb(&a.aabb().union(b.aabb()))),
+    ("axis-aligned, of both axis-aligned boxes", |Pair { boxes: [a, b], .. }| {
+        Obb::from_aabb(&a.aabb().union(b.aabb()))
+    }),
     ("principal axes of corners", |Pair { boxes: [a, b], .. }| {
         merge::bounded(&Child::Box(*a), &Child::Box(*b), Weight::Corners)
     }),
@@ -37,22 +39,22 @@ pub(super) const MERGES: [Rule; 8] = [
     ("quaternion", |Pair { boxes: [a, b], .. }| merge::quaternion(a, b, [a.area(), b.area()])),
     ("combined, by kind of child", |Pair { children: [a, b], .. }| merge::combined(a, b)),
     ("best of five frames", |Pair { boxes: [a, b], .. }| merge::best(a, b, None)),
-    ("principal axes of all below", unbounded),
-    ("extents carried up", by_extents),
+    ("principal axes of all descendants", unbounded),
+    ("propagated extents", by_extents),
 ];
 
-/// As `Strategy::PcaUnbounded`: the frame from joined moments, the box from every point.
+/// As `Strategy::PcaUnbounded`: the frame comes from joined moments, the box from all points.
 fn unbounded(Pair { carried: [a, b], points, .. }: &Pair) -> Obb {
     bound(a.moments.merged(&b.moments).axes(eigen::COARSE), points.iter().copied())
 }
 
-/// As `Strategy::Dop`: straight where no other frame of the fixed directions has less area.
+/// As `Strategy::Dop`: axis-aligned if no other frame of the fixed directions has less area.
 fn by_extents(Pair { carried: [a, b], .. }: &Pair) -> Obb {
     a.extents.union(&b.extents).best_box().unwrap_or_else(|| Obb::from_aabb(&a.aabb.union(b.aabb)))
 }
 
 impl Pair {
-    /// Of the two halves of a set.
+    /// The two halves of a set.
     pub(super) fn of(set: &Set) -> Self {
         let (a, b) = set.points.split_at(set.split);
         let boxes = [a, b].map(|points| fitted(&Set { points: points.to_vec(), split: 0 }, Fit::AreaPca));
@@ -91,7 +93,7 @@ mod tests {
         [[0.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 3.0], [4.0, 5.0, 6.0], [5.0, 5.0, 7.0], [4.0, 6.0, 6.5]];
 
     #[test]
-    fn merges_hold_both_halves_and_the_combined_one_sees_triangles() {
+    fn merges_contain_both_halves_and_combined_uses_triangles() {
         let pair = Pair::of(&Set { points: CORNERS.to_vec(), split: 3 });
         assert!(pair.children.iter().all(|child| matches!(child, Child::Triangle(_))));
         for (name, rule) in MERGES {
@@ -104,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_carried_makes_the_boxes_of_a_tree() {
+    fn propagated_data_gives_the_boxes_of_a_bvh() {
         let (triangles, _) = CORNERS.as_chunks::<3>();
         let tree = lbvh::radix(lbvh::sort_by_code(&[0; 2], Bits::B30));
         let pair = Pair::of(&Set { points: CORNERS.to_vec(), split: 3 });

@@ -1,4 +1,4 @@
-//! Boxes: how large a fit's or a merge's box is beside the least that a search finds, and what it costs.
+//! Boxes: the size of fitted and merged boxes relative to the smallest found by a search, and their cost.
 
 mod inputs;
 mod merges;
@@ -17,34 +17,35 @@ use inputs::{Kind, Set};
 use merges::{MERGES, Pair};
 
 const FITS: [(&str, Fit); 5] = [
-    ("straight", Fit::Aabb),
+    ("axis-aligned", Fit::Aabb),
     ("principal axes of points", Fit::Pca),
     ("principal axes of the surface", Fit::AreaPca),
     ("ditetrahedron", Fit::Dito),
     ("fixed directions", Fit::Dop),
 ];
 
-/// What one way made of one kind of input.
+/// The results of one method on one kind of input.
 struct Outcome {
-    way: &'static str,
-    /// Area, then volume, over the least found: a sample an input.
+    method: &'static str,
+    /// Area, then volume, relative to the smallest found: a sample per input.
     ratios: [Samples; 2],
-    /// Nanoseconds a box: a sample a round.
+    /// Nanoseconds per box: a sample per round.
     ns: Samples,
 }
 
-/// Real models whose nodes are inputs, and how these are called.
+/// Real models whose nodes are inputs, and the names of these inputs.
 const MODELS: [(&str, &str); 1] = [("bunny", "nodes of the bunny")];
 
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
-    let mut chapter = Chapter { id: "boxes", title: "Boxes: size over the least, against time", ..Chapter::default() };
+    let mut chapter =
+        Chapter { id: "boxes", title: "Boxes: size relative to the smallest, against time", ..Chapter::default() };
     let n_sets = effort.pick(2, 40, 40);
     let mut kinds = inputs::kinds(n_sets);
     for &(model, name) in effort.pick(&[][..], &MODELS, &MODELS) {
         match subjects::load(model)? {
             Some(model) => kinds.push(Kind { name, sets: inputs::nodes(&model.mesh, n_sets) }),
-            None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
+            None => chapter.skipped.push(format!("{name}: the model is not available.")),
         }
     }
     let rounds = effort.pick(2, 5, 9);
@@ -59,9 +60,9 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
             gaps.extend(of_search);
         }
     }
-    chapter.tell([sentence("Of fits", &fits), sentence("Of merges of two halves", &merges)]);
+    chapter.set_sentences([sentence("Of fits", &fits), sentence("Of merges of two halves", &merges)]);
     chapter.method = METHOD.map(str::to_owned).to_vec();
-    chapter.method.push(told(gaps.map(Samples::from)));
+    chapter.method.push(search_gap(gaps.map(Samples::from)));
     for (title, all) in [("Fits", &fits), ("Merges", &merges)] {
         for (i, size) in ["area", "volume"].into_iter().enumerate() {
             chapter.plots.push(plot(title, size, i, all));
@@ -72,36 +73,33 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
 }
 
 const METHOD: [&str; 3] = [
-    "Clusters are 24 triangles in a turned shape; nodes are what a radix tree over the mesh holds, 8 to 64 triangles each. A fit is that \
-     of `fit`, which gives the straight box where a way's own has more area: so no way does worse than straight, and its time is \
-     that of both. A merge gets the boxes of the two halves (of a node: its children), each fitted by the principal axes of its \
-     surface, and has no such fallback; 'combined' is the quaternion's rule but where a half is one triangle, of which it gets the \
-     corners. Two rules get what a tree carries up in place of boxes: 'principal axes of all below' joins the moments of both halves' \
-     surfaces and then measures all their points, 'extents carried up' joins those along 25 directions and sees no point again. What is \
-     carried is made before time is taken.",
-    "The least size is searched for exhaustively, area and volume each for itself: of 750 directions of an edge all around, 5 degrees from \
-     each other, of those of the triangles' edges and of those across every two of these, every one gets its least rectangle, which \
-     is exact, and four of the best are improved by ever smaller steps. It is the least of two such searches, turned otherwise, and \
-     of every box that takes part: so no ratio is below one. For merges it is the least box of the points, which the rules of boxes \
-     do not see. A volume of nothing counts as least.",
-    "A point is the median over inputs, its bars reach from the best to the worst of them; nanoseconds are those of a box, all \
-     ways in turn, round by round, after a warm-up, each 64 times over so that the clock does not show.",
+    "Clusters are 24 triangles in a rotated shape; nodes come from a radix tree over the mesh and have 8 to 64 triangles each. A fit \
+     is that of `fit`, which returns the axis-aligned box if the method's own box has more area: so no method is worse than \
+     axis-aligned, and its time includes both. A merge gets the boxes of the two halves (for a node: its children), each fitted by \
+     the principal axes of its surface, and has no such fallback; 'combined' is the quaternion rule, except that it gets the corners \
+     of a half of one triangle. Two rules get other data than boxes: 'principal axes of all descendants' joins the moments of both \
+     halves' surfaces and then measures all their points, 'propagated extents' joins extents along 25 directions and reads no \
+     points. Preparing this data is not timed.",
+    "The smallest size is found by an exhaustive search, for area and volume separately. Edge directions are 750 directions 5 \
+     degrees apart, the triangles' edges and the cross products of every two edges; each gets its exact smallest rectangle, and four \
+     of the best are refined with ever smaller steps. The result is the smallest of two such searches with different rotations and \
+     of every measured box, so no ratio is below one. For merges it is the smallest box of the points, which box rules do not read. \
+     A volume of zero counts as smallest.",
+    "A point is the median over inputs, and its bars reach from the best to the worst input; nanoseconds are per box, all methods in \
+     turn, round by round, after a warm-up, each repeated 64 times to hide the clock's resolution.",
 ];
 
-/// What the search leaves open, from the greater of its ends over the lesser, of area and of volume.
-fn told(gaps: [Samples; 2]) -> String {
+/// The accuracy of the search, from the ratio of its two results, for area and volume.
+fn search_gap(gaps: [Samples; 2]) -> String {
     let [area, volume] = gaps.map(|gaps| {
         let known: Vec<f64> = gaps.values().iter().copied().filter(|gap| gap.is_finite()).collect();
         let known = Samples::from(known);
         format!("{} in the median and {} at worst", percent(known.median()), percent(known.range()[1]))
     });
-    format!(
-        "How good the search is, itself says: one of its two halves ends above the other by {area} of the area, by {volume} of the \
-         volume."
-    )
+    format!("Accuracy of the search: its two halves differ by {area} of the area and by {volume} of the volume.")
 }
 
-/// Both contests on one kind of input; of area and of volume, the greater of the search's ends over the lesser, an entry an input.
+/// Fits and merges of one kind of input; for area and volume, the ratio of the search's two results per input.
 fn measure(kind: &Kind, rounds: usize) -> ([Vec<Outcome>; 2], [Vec<f64>; 2]) {
     let mut ratios = [vec![[vec![], vec![]]; FITS.len()], vec![[vec![], vec![]]; MERGES.len()]];
     let mut gaps: [Vec<f64>; 2] = Default::default();
@@ -127,7 +125,7 @@ fn measure(kind: &Kind, rounds: usize) -> ([Vec<Outcome>; 2], [Vec<f64>; 2]) {
     let [fit_ratios, merge_ratios] = ratios;
     let fits = FITS.map(|(name, method)| {
         Contender::new(name, move || {
-            // Too short to be timed once, as merges are.
+            // Too short to be timed once, like merges.
             for set in (0..REPEATS).flat_map(|_| &kind.sets) {
                 std::hint::black_box(fitted(set, method));
             }
@@ -148,7 +146,7 @@ fn measure(kind: &Kind, rounds: usize) -> ([Vec<Outcome>; 2], [Vec<f64>; 2]) {
     (outcomes, gaps)
 }
 
-/// How often each way makes all boxes in a round.
+/// How often each method computes all boxes in a round.
 const REPEATS: usize = 64;
 
 fn outcomes(
@@ -161,38 +159,39 @@ fn outcomes(
     #[expect(clippy::cast_precision_loss, reason = "few boxes")]
     let to_ns = 1e9 / (REPEATS * n_boxes) as f64;
     let timings = interleave::run(rounds, contenders);
-    let outcome = |((way, ratios), timing): ((&'static str, [Vec<f64>; 2]), interleave::Timing)| Outcome {
-        way,
+    let outcome = |((method, ratios), timing): ((&'static str, [Vec<f64>; 2]), interleave::Timing)| Outcome {
+        method,
         ratios: ratios.map(Samples::from),
         ns: Samples::from(timing.seconds).scaled(to_ns),
     };
     names.into_iter().zip(ratios).zip(timings).map(outcome).collect()
 }
 
-/// As the crate offers it: the straight box takes the place of one that has more area.
+/// As the crate's public function: the axis-aligned box replaces one that has more area.
 fn fitted(set: &Set, method: Fit) -> Obb {
     fit(&set.points, &set.triangles(), method).unwrap_or_else(|_| unreachable!("points of inputs are finite"))
 }
 
-/// Which way is tightest, and at what price, over all kinds.
+/// The tightest and the cheapest method over all kinds.
 fn sentence(what: &str, all: &[(&'static str, Vec<Outcome>)]) -> String {
-    let n_ways = all.first().map_or(0, |(_, outcomes)| outcomes.len());
-    let over_kinds = |of: &dyn Fn(&Outcome) -> f64, way: usize| {
-        Samples::from(all.iter().map(|(_, outcomes)| of(&outcomes[way])).collect::<Vec<_>>()).median()
+    let n_methods = all.first().map_or(0, |(_, outcomes)| outcomes.len());
+    let over_kinds = |of: &dyn Fn(&Outcome) -> f64, method: usize| {
+        Samples::from(all.iter().map(|(_, outcomes)| of(&outcomes[method])).collect::<Vec<_>>()).median()
     };
     let ranked = |of: &dyn Fn(&Outcome) -> f64| {
-        (0..n_ways).map(|way| (over_kinds(of, way), way)).min_by(|a, b| a.0.total_cmp(&b.0))
+        (0..n_methods).map(|method| (over_kinds(of, method), method)).min_by(|a, b| a.0.total_cmp(&b.0))
     };
     let area = |outcome: &Outcome| outcome.ratios[0].median();
-    let (Some((tight, way)), Some((ns, cheap))) = (ranked(&area), ranked(&|outcome| outcome.ns.median())) else {
+    let (Some((tight, method)), Some((ns, cheap))) = (ranked(&area), ranked(&|outcome| outcome.ns.median())) else {
         return String::new();
     };
-    let name = |way: usize| all[0].1[way].way;
+    let name = |method: usize| all[0].1[method].method;
     format!(
-        "{what}, {} comes nearest to the least area ({} times it, median of all kinds, for {} ns), and {} is cheapest ({} ns, {} times).",
-        name(way),
+        "{what}, {} is closest to the smallest area ({} times it, median of all kinds, in {} ns), and {} is the cheapest ({} ns, {} \
+         times the smallest area).",
+        name(method),
         number(tight),
-        number(over_kinds(&|outcome| outcome.ns.median(), way)),
+        number(over_kinds(&|outcome| outcome.ns.median(), method)),
         name(cheap),
         number(ns),
         number(over_kinds(&area, cheap)),
@@ -202,31 +201,32 @@ fn sentence(what: &str, all: &[(&'static str, Vec<Outcome>)]) -> String {
 fn plot(title: &str, size: &str, i: usize, all: &[(&'static str, Vec<Outcome>)]) -> Plot {
     let mut series: Vec<Series> = vec![];
     for (kind, outcomes) in all {
-        for (way, outcome) in outcomes.iter().enumerate() {
-            if series.len() <= way {
-                series.push(Series { name: outcome.way.to_owned(), points: vec![], is_joined: false });
+        for (method, outcome) in outcomes.iter().enumerate() {
+            if series.len() <= method {
+                series.push(Series { name: outcome.method.to_owned(), points: vec![], is_joined: false });
             }
             let point = Point { label: (*kind).to_owned(), x: outcome.ns.clone(), y: outcome.ratios[i].clone() };
-            series[way].points.push(point);
+            series[method].points.push(point);
         }
     }
-    // What has no volume has no ratio that a plot could show.
+    // A ratio of zero volume cannot be plotted.
     series.iter_mut().for_each(|series| series.points.retain(|point| point.y.range().iter().all(|y| y.is_finite())));
     Plot {
-        title: format!("{title}: {size} over the least found"),
+        title: format!("{title}: {size} relative to the smallest found"),
         x: Axis::log("ns a box"),
-        y: Axis::log(format!("{size} over least")),
+        y: Axis::log(format!("{size} relative to the smallest")),
         series,
     }
 }
 
 fn table(title: &str, all: &[(&'static str, Vec<Outcome>)]) -> Table {
-    let mut table = Table::new(title, &["input", "way", "area over least", "worst", "volume over least", "time"]);
+    let mut table =
+        Table::new(title, &["input", "method", "area over smallest", "worst", "volume over smallest", "time"]);
     for (kind, outcomes) in all {
         for outcome in outcomes {
             table.rows.push(vec![
                 Cell::text(*kind),
-                Cell::text(outcome.way),
+                Cell::text(outcome.method),
                 Cell::text(number(outcome.ratios[0].median())),
                 Cell::text(number(outcome.ratios[0].range()[1])),
                 Cell::text(number(outcome.ratios[1].median())),
@@ -242,8 +242,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_search_tells_its_gap() {
-        let said = told([vec![1.0, 1.02, f64::NAN, 1.5].into(), 1.0.into()]);
-        assert!(said.contains("2.00% in the median and 50.0% at worst of the area"), "{said}");
+    fn the_search_reports_its_gap() {
+        let text = search_gap([vec![1.0, 1.02, f64::NAN, 1.5].into(), 1.0.into()]);
+        assert!(text.contains("2.00% in the median and 50.0% at worst of the area"), "{text}");
     }
 }

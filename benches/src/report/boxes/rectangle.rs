@@ -1,25 +1,25 @@
-//! Rectangles around points in a plane that may be least.
+//! Candidates for the smallest rectangle around points in a plane.
 //!
-//! Between two turns at which a side lies on the hull, width and length are cosines of the turn, so concave. Then `w + h` and
-//! `l + h` are positive and concave for any height `h` of a box above, their product has no least value between its ends, and
-//! neither has the area of the box, `2((w + h)(l + h) − h²)`, or its volume, `hwl`, for the same reason (for rectangles Freeman
-//! and Shapira 1975). So turns along the sides of the hull are all that need be tried.
+//! Between two rotations at which a side lies on the hull, width and length are cosines of the angle, so concave. Then
+//! `w + h` and `l + h` are positive and concave for any height `h` of a box above, and their product has no minimum
+//! between its ends. Therefore neither has the area of the box, `2((w + h)(l + h) − h²)`, nor its volume, `hwl` (for
+//! rectangles Freeman and Shapira 1975). So rotations along the sides of the hull suffice.
 
-/// Of points in a plane: cosine and sine of each turn that a side of the hull has, width along it and length across it.
+/// Cosine and sine of the direction of each side of the hull, with the extents along and across it.
 pub(super) fn turns(points: Vec<[f64; 2]>) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
     let hull = hull(points);
     let n = hull.len();
     (0..n).map(move |i| {
         let side = sub(hull[(i + 1) % n], hull[i]);
         let length = side[0].hypot(side[1]);
-        // One point has a side of no length, and any turn.
+        // A single point has a side of zero length and any direction.
         let [c, s] = if length > 0.0 { side.map(|x| x / length) } else { [1.0, 0.0] };
         let sizes = [[c, s], [-s, c]].map(|axis| extent(hull.iter().map(|p| p[0] * axis[0] + p[1] * axis[1])));
         ([c, s], sizes)
     })
 }
 
-/// From the least to the greatest.
+/// Maximum minus minimum.
 pub(super) fn extent(values: impl Iterator<Item = f64>) -> f64 {
     let (least, greatest) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, g), x| (l.min(x), g.max(x)));
     greatest - least
@@ -34,13 +34,13 @@ fn hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     }
     let mut hull = chain(points.iter().copied());
     let upper = chain(points.iter().rev().copied());
-    // Each begins where the other ends.
+    // Each chain begins where the other ends.
     hull.pop();
     hull.extend_from_slice(&upper[..upper.len() - 1]);
     hull
 }
 
-/// Points in order, less those at which the way does not turn left.
+/// Points in order, without those at which the chain does not turn left.
 fn chain(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     let mut chain: Vec<[f64; 2]> = vec![];
     for point in points {
@@ -58,7 +58,7 @@ fn sub(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// Above zero where `b` turns left of `a`.
+/// Positive if `b` turns left of `a`.
 fn turn(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hull_holds_its_corners_alone() {
+    fn a_hull_contains_only_its_corners() {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let inside = [[0.5, 0.5], [0.5, 0.0], [0.0, 0.0], [0.25, 0.75]];
         assert_eq!(hull([square, inside].concat()), square);
@@ -78,9 +78,9 @@ mod tests {
         assert_eq!(hull(vec![[0.0, 0.0], [2.0, 2.0], [1.0, 1.0]]), [[0.0, 0.0], [2.0, 2.0]]);
     }
 
-    /// The claim of this file, against a thousand turns.
+    /// The claim of this file, against a thousand rotations.
     #[test]
-    fn no_other_turn_has_a_smaller_box() {
+    fn no_other_rotation_has_a_smaller_box() {
         let mut rng = SplitMix64::new(5);
         for _ in 0..20 {
             let points: Vec<[f64; 2]> = (0..12).map(|_| [rng.signed(), 0.3 * rng.signed()]).collect();
@@ -91,7 +91,7 @@ mod tests {
                     let (s, c) = (f64::from(i) * 1e-3 * std::f64::consts::FRAC_PI_2).sin_cos();
                     let sizes =
                         [[c, s], [-s, c]].map(|axis| extent(points.iter().map(|p| p[0] * axis[0] + p[1] * axis[1])));
-                    // Roundings of a few sums of numbers of at most 30.
+                    // Rounding of a few sums of numbers of at most 30.
                     assert!(area(sizes) >= least - 1e-12, "{height} {} {least}", area(sizes));
                 }
             }

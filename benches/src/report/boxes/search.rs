@@ -1,9 +1,9 @@
-//! The least box of a set of points: what fits and merges are compared with.
+//! The smallest box of a set of points: the reference for fits and merges.
 //!
-//! Exhaustive: for every direction of an edge the least rectangle around the points as seen along it is exact. Directions lie
-//! on a spiral all around, along the edges of the triangles and across every two of these, as the sides of the box of least
-//! volume do that lie on two edges each (O'Rourke 1985). Two spirals are searched, each for itself, so that what one misses
-//! shows beside the other.
+//! For every direction of an edge, the smallest rectangle around the projected points is exact. Directions lie on a
+//! spiral over the half sphere, along the edges of the triangles and across every two of these, because two adjacent
+//! sides of the box of least volume each contain an edge (O'Rourke 1985). Two different spirals are searched; the
+//! difference of their results shows the error.
 
 use std::cmp::Ordering;
 
@@ -17,26 +17,26 @@ use super::rectangle::{extent, turns};
 /// Directions on half a sphere, each about 5.2 degrees from the next.
 const N_DIRECTIONS: u32 = 750;
 
-/// Of these many each is improved.
+/// Number of refined candidates.
 const N_IMPROVED: usize = 4;
 
-/// Cosine of the angle, 15 degrees, that lies at least between two of them: three neighbours on the spiral.
-const APART: f64 = 0.966;
+/// Cosine of the minimum angle between two of them, 15 degrees: three neighbours on the spiral.
+const MIN_SEPARATION_COS: f64 = 0.966;
 
-/// First and last step of the walk that improves one, by how much steps shrink, and what share of the size is worth one.
+/// First and last step of the refinement.
 const STEPS_RAD: [f64; 2] = [0.05, 1e-7];
 const SHRINK: f64 = 0.8;
 const GAIN: f64 = 1e-9;
 
-/// What was found of one size.
+/// The smallest box by one measure.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Least {
     pub(super) size: f64,
-    /// What one spiral came to over what the other did, at least 1: how far the search may be from its aim.
+    /// Ratio of the two spirals' results, at least 1: an estimate of the search's error.
     pub(super) gap: f64,
 }
 
-/// Least area and least volume around `points`, three a triangle, `known` boxes included.
+/// Smallest area and smallest volume around `points`, three per triangle, including the `known` boxes.
 pub(super) fn least(points: &[[f32; 3]], known: &[Obb], seed: u64) -> [Least; 2] {
     let mut exact: Vec<Vector> = points.iter().map(|p| p.map(f64::from)).collect();
     exact.sort_by(in_order);
@@ -45,7 +45,7 @@ pub(super) fn least(points: &[[f32; 3]], known: &[Obb], seed: u64) -> [Least; 2]
     let of_edges = of_edges(points);
     let spirals = [0; 2].map(|_: u8| searched(&exact, &of_edges, random_rotation(&mut rng).columns()));
     [(0, Obb::area as fn(&Obb) -> f64), (1, Obb::volume)].map(|(k, size)| {
-        // Measured as those of all others are, roundings outwards included.
+        // Measured like all other boxes, including outward rounding.
         let [a, b] = spirals.map(|frames| size(&bound(frames[k], points.iter().copied())));
         Least { size: known.iter().map(size).fold(a.min(b), f64::min), gap: a.max(b) / a.min(b) }
     })
@@ -69,14 +69,14 @@ impl Found {
     }
 }
 
-/// Unit vectors along the edges of the triangles that points are, three each, and across every two of them.
+/// Unit vectors along the triangles' edges, and across every two of them.
 fn of_edges(points: &[[f32; 3]]) -> Vec<Vector> {
     let sides = |corners: &[[f32; 3]]| {
         let [a, b, c] = [0, 1, 2].map(|i| corners[i].map(f64::from));
         [sub(b, a), sub(c, b), sub(a, c)]
     };
     let mut edges: Vec<Vector> = points.chunks_exact(3).flat_map(sides).filter_map(unit).collect();
-    // Neighbours have an edge in common, once each way round.
+    // Neighbours share an edge, in opposite directions.
     for edge in &mut edges {
         *edge = edge.map(|x| x * edge.iter().copied().find(|&x| x != 0.0).unwrap_or(1.0).signum());
     }
@@ -90,10 +90,10 @@ fn in_order(a: &Vector, b: &Vector) -> Ordering {
     a.partial_cmp(b).unwrap_or(Ordering::Equal)
 }
 
-/// Frames of the box of least area and of that of least volume, over a spiral turned by `columns` and `others`.
+/// Frames of the boxes of least area and least volume, over a spiral rotated by `columns` and over `others`.
 fn searched(points: &[Vector], others: &[Vector], columns: [Vector; 3]) -> [Frame; 2] {
     let spiral = (0..N_DIRECTIONS).map(|i| {
-        // The golden angle; equal areas between one height and the next.
+        // The golden angle, with equal areas between successive heights.
         let height = (f64::from(i) + 0.5) / f64::from(N_DIRECTIONS);
         let (sine, cosine) = (f64::from(i) * std::f64::consts::PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
         let radius = (1.0 - height * height).sqrt();
@@ -107,7 +107,7 @@ fn searched(points: &[Vector], others: &[Vector], columns: [Vector; 3]) -> [Fram
         tried.sort_by(|a, b| a.size.total_cmp(&b.size));
         let mut starts: Vec<Found> = vec![];
         for found in tried {
-            let is_apart = |start: &Found| dot(start.edges[0], found.edges[0]).abs() < APART;
+            let is_apart = |start: &Found| dot(start.edges[0], found.edges[0]).abs() < MIN_SEPARATION_COS;
             if starts.len() < N_IMPROVED && starts.iter().all(is_apart) {
                 starts.push(found);
             }
@@ -117,7 +117,7 @@ fn searched(points: &[Vector], others: &[Vector], columns: [Vector; 3]) -> [Fram
     })
 }
 
-/// The box of least area and that of least volume that have an edge along a unit vector.
+/// The boxes of least area and least volume that have an edge along a unit vector.
 fn along(direction: Vector, points: &[Vector]) -> [Found; 2] {
     let [u, v] = across(direction);
     let height = extent(points.iter().map(|&p| dot(p, direction)));
@@ -131,22 +131,22 @@ fn along(direction: Vector, points: &[Vector]) -> [Found; 2] {
     least
 }
 
-/// Where a walk from `start` ends: every edge takes the place of the first, then nearby directions do.
+/// The local minimum from `start`: tries every edge as the first direction, then nearby directions.
 fn improved(start: Found, of: &impl Fn(Vector) -> Found) -> Found {
     let mut best = start;
     let [mut step, last] = STEPS_RAD;
     let mut phase = 0.0;
     while step > last {
-        // Valleys have sharp floors: the same eight ways again and again would end on their sides.
+        // Valleys are narrow: eight fixed directions would stop on their sides.
         phase += 1.0;
         let [a, b] = best.edges;
         let third = cross(a, b);
-        let beside = (0..8).map(|i| {
+        let nearby = (0..8).map(|i| {
             let (sine, cosine) = (f64::from(i) * std::f64::consts::FRAC_PI_4 + phase).sin_cos();
             std::array::from_fn(|k| a[k] + step * (cosine * b[k] + sine * third[k]))
         });
-        // Of unit length again each time: a search for less would find a measure that shrinks.
-        let next = [b, third].into_iter().chain(beside).filter_map(unit).map(of).fold(best, Found::lesser);
+        // Normalised each time, so that the search does not exploit a shrinking vector.
+        let next = [b, third].into_iter().chain(nearby).filter_map(unit).map(of).fold(best, Found::lesser);
         if next.size < best.size * (1.0 - GAIN) {
             best = next;
         } else {
@@ -164,7 +164,7 @@ fn across(direction: Vector) -> [Vector; 2] {
     [u, cross(direction, u)]
 }
 
-/// `None` where a vector has no length.
+/// `None` for a vector of zero length.
 fn unit(v: Vector) -> Option<Vector> {
     let length = length(v);
     (length > 0.0).then(|| v.map(|x| x / length))
@@ -180,7 +180,7 @@ mod tests {
         if i >> k & 1 == 1 { 1.0 } else { -1.0 }
     }
 
-    /// Corners are rounded to 2^-24 of at most 4, and boxes outwards by as little again.
+    /// Corners are rounded to 2^-24 of at most 4, and boxes outwards by as much again.
     const BOUND: f64 = 1e-5;
 
     #[test]
@@ -195,7 +195,7 @@ mod tests {
             for (least, exact) in found.iter().zip([40.0, 12.0]) {
                 assert!((least.size / exact - 1.0).abs() < BOUND && least.gap < 1.0 + BOUND, "{found:?}");
             }
-            // Of a regular tetrahedron the cube whose every second corner it has.
+            // The box of a regular tetrahedron is a cube; the tetrahedron has every second corner of it.
             let faces = [[0, 3, 5], [0, 3, 6], [0, 5, 6], [3, 5, 6]].concat();
             let tetrahedron: Vec<[f32; 3]> =
                 faces.into_iter().map(|i| at([1.0; 3], [0, 1, 2].map(|k| sign(i, k)))).collect();
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn no_random_frame_is_less() {
+    fn no_random_frame_is_smaller() {
         let mut rng = SplitMix64::new(9);
         for seed in 0..3 {
             let points: Vec<[f32; 3]> =
@@ -222,16 +222,16 @@ mod tests {
     }
 
     #[test]
-    fn a_known_box_that_is_less_is_the_least_and_leaves_the_gap() {
+    fn a_smaller_known_box_wins_and_keeps_the_gap() {
         let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let found = least(&points, &[], 1)[0];
         let known = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.1; 3] };
-        let beside = least(&points, &[known], 1)[0];
-        assert!(beside.size == known.area() && beside.gap == found.gap && beside.gap >= 1.0, "{beside:?}");
+        let nearby = least(&points, &[known], 1)[0];
+        assert!(nearby.size == known.area() && nearby.gap == found.gap && nearby.gap >= 1.0, "{nearby:?}");
     }
 
     #[test]
-    fn points_on_a_line_and_one_alone_have_boxes() {
+    fn points_on_a_line_and_single_points_have_boxes() {
         let line: Vec<[f32; 3]> = (0..5_u8).map(|i| [f32::from(i), 2.0 * f32::from(i), 0.0]).collect();
         for points in [&line[..], &line[..1]] {
             let found = least(points, &[], 3);

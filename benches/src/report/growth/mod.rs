@@ -1,6 +1,6 @@
-//! Growth: how build and tracing grow with the number of triangles and of threads, beside the peers.
+//! Growth: how build and traversal times depend on the number of triangles and threads, compared with the peers.
 //!
-//! Exponents are slopes of least squares through logarithms.
+//! Exponents are least-squares slopes of logarithms.
 
 mod threads;
 
@@ -16,18 +16,18 @@ use crate::clock::Seconds;
 use crate::models::Model;
 use crate::options::Options;
 use crate::wide::{
-    duel,
+    alternate,
     engine::{Entry, Owner},
     entries, growth, sets,
 };
 
-/// Engines whose names contain none of these grow with the others: the careful ones take minutes at the end.
-const TOO_CAREFUL: [&str; 3] = ["quality", "high", "robust"];
+/// Engines with these words in their names are skipped: they build for minutes at the largest sizes.
+const TOO_SLOW: [&str; 3] = ["quality", "high", "robust"];
 
 /// Seconds of one engine at one size.
 struct Took {
     build: Samples,
-    /// Nanoseconds a camera ray.
+    /// Nanoseconds per camera ray.
     ray: Samples,
 }
 
@@ -35,59 +35,58 @@ struct Took {
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut chapter = Chapter { id: "growth", title: "Growth: time over triangles and threads", ..Chapter::default() };
     let log2s: Vec<u32> = effort.pick(vec![8, 10], vec![10, 12, 14, 16], (10..=24).step_by(2).collect());
-    let (mut says, mut left_out) = (vec![], vec![]);
+    let (mut says, mut slow_engines) = (vec![], vec![]);
     for (scene, generate) in growth::SCENES {
         let mut engines = vec![];
         let mut sizes = vec![];
         for &log2 in &log2s {
             let model = subjects::of_mesh(generate(log2));
             let n_triangles = model.mesh.triangles.len();
-            let (entries, careful) = growing(&model)?;
-            left_out = careful;
+            let (entries, slow) = growing(&model)?;
+            slow_engines = slow;
             engines = entries.iter().map(|entry| (entry.name.clone(), entry.owner)).collect();
             sizes.push((n_triangles, measure(&model, &entries, effort)?));
         }
         says.push(show(&mut chapter, scene, &engines, &sizes));
     }
     says.push(threads::add(&mut chapter, effort)?);
-    chapter.tell(says);
+    chapter.set_sentences(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
-    chapter.method.push(not_grown(&left_out, cfg!(all(feature = "peers", target_feature = "avx2"))));
+    chapter.method.push(skipped_engines(&slow_engines, cfg!(all(feature = "peers", target_feature = "avx2"))));
     Ok(chapter)
 }
 
-/// What does not grow with the others, and where it is measured: tinybvh only in builds that have it.
-fn not_grown(careful: &[String], has_tinybvh: bool) -> String {
+/// Which engines are skipped and where they are measured: tinybvh only in builds that include it.
+fn skipped_engines(slow: &[String], has_tinybvh: bool) -> String {
     let tinybvh = if has_tinybvh {
         ""
     } else {
-        ", but not tinybvh, which takes the feature `peers` and a compiler that may assume AVX2"
+        ", except tinybvh, which requires the feature `peers` and a compiler that may assume AVX2"
     };
     format!(
-        "Left out are {}, `obvhs` with more care than its medium preset, and tinybvh: they build for minutes where triangles are \
-         most, or, as tinybvh, may end the program. The chapter of hierarchies has them at sizes of real models{tinybvh}.",
-        careful.join(", ")
+        "Skipped engines: {}, `obvhs` presets slower than medium, and tinybvh. They build for minutes at the largest sizes or, like \
+         tinybvh, may crash the program. The chapter on hierarchies measures them on real models{tinybvh}.",
+        slow.join(", ")
     )
 }
 
 const METHOD: [&str; 3] = [
-    "Scaffolds of crossing struts and grids of terrain come in every size; a denser scaffold has more struts in each ray's way. \
-     Builds are on one thread, all engines in turn, in seconds of the processor over all threads of the program, because Embree \
-     builds on threads of its own; camera rays are in thread seconds, engines in turn every few milliseconds.",
-    "Exponents are of triangles, fitted by least squares to logarithms, ± the standard error that the line leaves: a build of \
+    "Scaffolds of crossing struts and terrain grids are generated in every size; a denser scaffold has more struts along each ray. \
+     Builds run on one thread, all engines in turn, in processor seconds of all threads, because Embree builds on its own threads; \
+     camera rays are in thread seconds, engines in turn every few milliseconds.",
+    "Exponents of the number of triangles are fitted by least squares to logarithms, ± the standard error of the fit; a build of \
      exponent 1 is linear.",
-    "The charts of Silva's study that are lost, seconds over primitives with a hierarchy and seconds over threads, are here. On \
-     several threads builds and rays are timed by the clock on the wall, engines and numbers of threads in turn; threads take 1,024 \
-     rays at a time.",
+    "Two lost charts of Silva's study, seconds over primitives with a hierarchy and seconds over threads, are repeated here. Builds \
+     and rays on several threads are in wall time, engines and thread counts in turn; threads take 1,024 rays at a time.",
 ];
 
-/// The engines that grow, and the names of those that are too careful to.
+/// The engines to measure, and the names of those that are too slow.
 fn growing(model: &Model) -> Result<(Vec<Entry<'_>>, Vec<String>)> {
-    let is_careful = |entry: &Entry<'_>| TOO_CAREFUL.iter().any(|word| entry.name.contains(word));
+    let is_slow = |entry: &Entry<'_>| TOO_SLOW.iter().any(|word| entry.name.contains(word));
     let all = entries::growing(model, &Options::read(std::iter::empty())?);
-    let (careful, growing): (Vec<_>, Vec<_>) = all.into_iter().partition(is_careful);
-    let mut names: Vec<String> = careful.iter().map(|entry| format!("'{}'", entry.name)).collect();
-    // Ours stand once for each kernel.
+    let (slow, growing): (Vec<_>, Vec<_>) = all.into_iter().partition(is_slow);
+    let mut names: Vec<String> = slow.iter().map(|entry| format!("'{}'", entry.name)).collect();
+    // Ours occur once for each kernel.
     names.dedup();
     Ok((growing, names))
 }
@@ -95,12 +94,12 @@ fn growing(model: &Model) -> Result<(Vec<Entry<'_>>, Vec<String>)> {
 #[expect(clippy::cast_precision_loss, reason = "rays are counted in thousands")]
 fn measure(model: &Model, entries: &[Entry<'_>], effort: Effort) -> Result<Vec<Took>> {
     let rounds = if model.mesh.triangles.len() <= 1 << 20 { effort.pick(2, 3, 5) } else { 2 };
-    // The tree that is kept is the same on any number of threads, and warms the caches for those that are timed.
+    // The BVH does not depend on the number of threads; this build also warms the caches for the timed ones.
     let build = |entry: &Entry<'_>| (entry.build)(rayon::current_num_threads());
     let engines = entries.iter().map(build).collect::<Result<Vec<_>>>()?;
     let builds = builds::on_one_thread(&entries.iter().collect::<Vec<_>>(), rounds)?;
     let camera = sets::camera(model, effort.pick(16, 128, 128));
-    let (seconds, _) = duel::closest(&engines, &camera, effort.pick(2, 5, 7));
+    let (seconds, _) = alternate::closest(&engines, &camera, effort.pick(2, 5, 7));
     let each = |rounds: &Vec<Seconds>| -> Samples {
         rounds.iter().map(|seconds| seconds.cpu * 1e9 / camera.len() as f64).collect::<Vec<_>>().into()
     };
@@ -110,15 +109,14 @@ fn measure(model: &Model, entries: &[Entry<'_>], effort: Effort) -> Result<Vec<T
 #[expect(clippy::cast_precision_loss, reason = "triangles are fewer than 2^53")]
 fn show(chapter: &mut Chapter, scene: &str, engines: &[(String, Owner)], sizes: &[(usize, Vec<Took>)]) -> String {
     type Pick = fn(&Took) -> &Samples;
-    const PICKS: [(&str, &str, Pick); 2] =
-        [("build", "s", |took| &took.build), ("a camera ray", "ns", |took| &took.ray)];
+    const PICKS: [(&str, &str, Pick); 2] = [("build", "s", |took| &took.build), ("camera ray", "ns", |took| &took.ray)];
     let mut table = Table::new(format!("{scene}: exponents"), &["engine", "build ~ triangles^", "ray ~ triangles^"]);
     let exponent = |engine: usize, pick: Pick| {
         let point = |(n, tooks): &(usize, Vec<Took>)| (Samples::from(*n as f64), pick(&tooks[engine]).median());
         fits::exponent(&sizes.iter().map(point).collect::<Vec<_>>())
     };
     for (engine, (name, _)) in engines.iter().enumerate() {
-        let cells = PICKS.map(|(_, _, pick)| Cell::text(fits::told(exponent(engine, pick))));
+        let cells = PICKS.map(|(_, _, pick)| Cell::text(fits::formatted(exponent(engine, pick))));
         table.rows.push([vec![Cell::text(name.clone())], cells.to_vec()].concat());
     }
     for (what, unit, pick) in PICKS {
@@ -157,27 +155,27 @@ fn show(chapter: &mut Chapter, scene: &str, engines: &[(String, Owner)], sizes: 
     if let Ok(line) = ours.1 {
         chapter.claims.insert(format!("{scene}.build-exponent"), format!("{:.2}", line.slope));
     }
-    format!("On {scene} {}.", beside(&ours, &fitted(Owner::Peer)))
+    format!("On {scene} {}.", compared(&ours, &fitted(Owner::Peer)))
 }
 
-/// An engine, and how its builds grow.
+/// An engine and the exponent of its builds.
 type Fitted<'a> = (&'a str, Result<Line, Unfit>);
 
-/// Ours beside the least and the greatest exponent of the peers.
-fn beside(ours: &Fitted<'_>, peers: &[Fitted<'_>]) -> String {
+/// Our exponent compared with the smallest and the greatest of the peers.
+fn compared(ours: &Fitted<'_>, peers: &[Fitted<'_>]) -> String {
     let mut lines: Vec<(&str, Line)> = peers.iter().filter_map(|(name, fit)| Some((*name, fit.ok()?))).collect();
     lines.sort_by(|a, b| a.1.slope.total_cmp(&b.1.slope));
     let is_noise = |line: &Line| ours.1.is_ok_and(|ours| (ours.slope - line.slope).abs() <= ours.error + line.error);
-    let told = |(name, line): &(&str, Line)| {
-        let noise = if is_noise(line) { ", apart from ours by noise" } else { "" };
+    let described = |(name, line): &(&str, Line)| {
+        let noise = if is_noise(line) { ", equal to ours within noise" } else { "" };
         format!("{line} ('{name}'{noise})")
     };
     let theirs = match &lines[..] {
-        [] => "no peer's has one".to_owned(),
-        [one] => format!("that of the only peer's {}", told(one)),
-        [least, .., greatest] => format!("those of peers' from {} to {}", told(least), told(greatest)),
+        [] => "no peer has one".to_owned(),
+        [one] => format!("those of the only peer {}", described(one)),
+        [least, .., greatest] => format!("those of the peers {} to {}", described(least), described(greatest)),
     };
-    format!("the exponent of triangles is {} for builds of '{}', {theirs}", fits::told(ours.1), ours.0)
+    format!("builds of '{}' have exponent {} over triangles, {theirs}", ours.0, fits::formatted(ours.1))
 }
 
 #[cfg(test)]
@@ -185,23 +183,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ours_stands_beside_every_peer() {
+    fn ours_is_compared_with_every_peer() {
         let line = |slope| Ok(Line { slope, error: 0.02 });
         let ours = ("a", line(1.0));
-        let two = beside(&ours, &[("b", line(1.2)), ("c", line(1.03)), ("d", Err(Unfit::Few))]);
-        let begin = "the exponent of triangles is 1.00 ±0.02 for builds of 'a', ";
-        let range = "from 1.03 ±0.02 ('c', apart from ours by noise) to 1.20 ±0.02 ('b')";
-        assert_eq!(two, format!("{begin}those of peers' {range}"));
-        let one = beside(&ours, &[("b", line(1.2))]);
-        assert_eq!(one, format!("{begin}that of the only peer's 1.20 ±0.02 ('b')"));
-        assert!(beside(&ours, &[]).ends_with("no peer's has one"));
+        let two = compared(&ours, &[("b", line(1.2)), ("c", line(1.03)), ("d", Err(Unfit::Few))]);
+        let begin = "builds of 'a' have exponent 1.00 ±0.02 over triangles, ";
+        let range = "1.03 ±0.02 ('c', equal to ours within noise) to 1.20 ±0.02 ('b')";
+        assert_eq!(two, format!("{begin}those of the peers {range}"));
+        let one = compared(&ours, &[("b", line(1.2))]);
+        assert_eq!(one, format!("{begin}those of the only peer 1.20 ±0.02 ('b')"));
+        assert!(compared(&ours, &[]).ends_with("no peer has one"));
     }
 
     #[test]
-    fn nothing_is_said_to_be_elsewhere_that_is_nowhere() {
-        let careful = ["'a'".to_owned(), "'b'".to_owned()];
-        assert!(not_grown(&careful, true).ends_with("at sizes of real models."));
-        let without = not_grown(&careful, false);
-        assert!(without.starts_with("Left out are 'a', 'b', ") && without.contains("but not tinybvh"), "{without}");
+    fn skipped_engines_are_listed_with_their_chapter() {
+        let slow = ["'a'".to_owned(), "'b'".to_owned()];
+        assert!(skipped_engines(&slow, true).ends_with("measures them on real models."));
+        let without = skipped_engines(&slow, false);
+        assert!(without.starts_with("Skipped engines: 'a', 'b', ") && without.contains("except tinybvh"), "{without}");
     }
 }

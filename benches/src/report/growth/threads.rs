@@ -1,4 +1,4 @@
-//! Builds and camera rays of one size on one thread, two, four … and all.
+//! Builds and camera rays of one size on 1, 2, 4 ... and all threads.
 
 use anyhow::Result;
 use canted_trace::{Hit, Ray};
@@ -19,13 +19,13 @@ use crate::wide::{
     growth, sets,
 };
 
-/// What one engine takes by the clock on the wall, by number of threads.
+/// Wall times of one engine by number of threads.
 struct Course {
     name: String,
     took: Vec<Samples>,
 }
 
-/// Adds both; what they show of the first engine.
+/// Adds both and returns a sentence about the first engine.
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     let all = std::thread::available_parallelism().map_or(1, usize::from);
     let mut counts: Vec<usize> = (0..).map(|log2| 1 << log2).take_while(|&n| n < all).collect();
@@ -39,12 +39,12 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     let traced = of_rays(&model, &entries, &counts, effort)?;
     let what = format!("{scene}, {} triangles", model.mesh.triangles.len());
     show(chapter, [&what, "builds", "build, ms"], "ms", &counts, &built);
-    show(chapter, [&what, "camera rays", "a camera ray, ns"], "ns", &counts, &traced);
+    show(chapter, [&what, "camera rays", "ns per camera ray"], "ns", &counts, &traced);
     let gain = |[on_all, on_one]: [&str; 2], course: &Course| {
         faster((on_all, &course.took[counts.len() - 1]), (on_one, &course.took[0]))
     };
     Ok(format!(
-        "Of '{}' on {all} threads {}; {}.",
+        "For '{}' on {all} threads, {}; {}.",
         built[0].name,
         gain(["a build on all", "one on one"], &built[0]),
         gain(["tracing on all", "that on one"], &traced[0]),
@@ -70,7 +70,7 @@ impl Course {
     }
 }
 
-/// Rays that a thread answers before it asks for more.
+/// Rays that a thread takes at a time.
 const CHUNK: usize = 1024;
 
 /// All rays on the threads of the surrounding pool.
@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_threads_together_answer_every_ray() {
+    fn all_threads_together_trace_every_ray() {
         let model = subjects::of_mesh(scaffold_of(1, false, 3));
         let (entries, _) = growing(&model).unwrap();
         let rays = sets::camera(&model, 40);

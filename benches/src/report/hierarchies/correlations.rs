@@ -1,4 +1,4 @@
-//! Which of what can be said of a tree goes with the time of its rays.
+//! Which metrics of a BVH correlate with the time of its rays.
 
 use super::Measured;
 use super::metrics::{METRICS, N_KNOWN};
@@ -7,21 +7,21 @@ use crate::report::{
     model::{Cell, Chapter, Table},
 };
 
-/// The correlation of a metric with time over trees.
+/// The correlation of a metric with time over BVHs.
 #[derive(Clone, Copy, Debug)]
 struct Correlation {
     metric: &'static str,
     r: f64,
-    /// Of 95 in 100 resamplings of the trees.
+    /// The interval of 95 in 100 resamplings of the BVHs.
     interval: [f64; 2],
 }
 
 impl Correlation {
-    /// From logarithms of the metric and of time, a pair a tree; `None` where there is none.
+    /// From logarithms of the metric and of time, a pair per BVH; `None` if undefined.
     fn of(metric: &'static str, pairs: &[(f64, f64)]) -> Option<Self> {
         let drawn = |drawn: &[usize]| {
             let pairs: Vec<(f64, f64)> = drawn.iter().map(|&i| pairs[i]).collect();
-            // Trees drawn so that nothing varies tell nothing.
+            // A resampling without variation says nothing.
             fits::correlation(&pairs).unwrap_or(0.0)
         };
         let r = fits::correlation(pairs)?;
@@ -29,9 +29,10 @@ impl Correlation {
     }
 }
 
-/// Adds the correlation of each metric with time over our binary trees, whose walk is the same; which of those known without tracing stands out.
+/// Adds the correlation of each metric with time over our binary BVHs, which share one traversal; returns a sentence on
+/// the best metric that needs no tracing.
 pub(super) fn add(chapter: &mut Chapter, scene: &str, measured: &[Measured]) -> String {
-    let head = ["metric", "correlation", "95% interval", "trees"];
+    let head = ["metric", "correlation", "95% interval", "BVHs"];
     let mut table = Table::new(format!("{scene}: which metric predicts time"), &head);
     let mut known = vec![];
     for (i, (metric, of)) in METRICS.into_iter().enumerate() {
@@ -53,7 +54,7 @@ pub(super) fn add(chapter: &mut Chapter, scene: &str, measured: &[Measured]) -> 
     stands_out(known)
 }
 
-/// The metric that goes best with time, where its interval meets no other's.
+/// The metric with the highest correlation with time, if its interval overlaps no other.
 fn stands_out(mut known: Vec<Correlation>) -> String {
     known.sort_by(|a, b| b.r.total_cmp(&a.r));
     match &known[..] {
@@ -61,11 +62,11 @@ fn stands_out(mut known: Vec<Correlation>) -> String {
         [best, rest @ ..] if rest.iter().all(|other| best.interval[0] > other.interval[1]) => {
             let [low, high] = best.interval;
             format!(
-                "of what is known without tracing {} goes best with the time of binary trees (r = {:.2}, {low:.2} to {high:.2})",
+                "of the metrics known without tracing, {} correlates best with the time of binary BVHs (r = {:.2}, {low:.2} to {high:.2})",
                 best.metric, best.r
             )
         }
-        _ => "of what is known without tracing no metric stands out".to_owned(),
+        _ => "no metric known without tracing stands out".to_owned(),
     }
 }
 
@@ -74,19 +75,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_metric_stands_out_where_intervals_do_not_meet() {
+    fn a_metric_stands_out_if_intervals_do_not_overlap() {
         let of = |metric, r: f64, half: f64| Correlation { metric, r, interval: [r - half, r + half] };
-        let said = stands_out(vec![of("b", 0.5, 0.1), of("a", 0.9, 0.05), of("c", 0.2, 0.6)]);
-        assert!(said.contains("tracing a goes best") && said.contains("0.85 to 0.95"), "{said}");
+        let text = stands_out(vec![of("b", 0.5, 0.1), of("a", 0.9, 0.05), of("c", 0.2, 0.6)]);
+        assert!(text.contains("tracing, a correlates best") && text.contains("0.85 to 0.95"), "{text}");
         for rest in [vec![of("b", 0.5, 0.4)], vec![of("b", 0.5, 0.1), of("c", 0.2, 0.9)]] {
-            let said = stands_out([rest, vec![of("a", 0.9, 0.05)]].concat());
-            assert!(said.ends_with("no metric stands out"), "{said}");
+            let text = stands_out([rest, vec![of("a", 0.9, 0.05)]].concat());
+            assert_eq!(text, "no metric known without tracing stands out");
         }
     }
 
     #[test]
-    fn few_and_scattered_trees_leave_wide_intervals() {
-        // A line but for a scatter of alternating sign, which is nearly as large as the line is high.
+    fn few_scattered_bvhs_give_wide_intervals() {
+        // A line with a scatter of alternating sign nearly as large as its height.
         let tree = |i: u32| (f64::from(i), f64::from(i) + if i.is_multiple_of(2) { 6.0 } else { -6.0 });
         let of = |n: u32| Correlation::of("a", &(0..n).map(tree).collect::<Vec<_>>()).unwrap();
         let [few, many] = [of(8), of(64)].map(|found| found.interval[1] - found.interval[0]);

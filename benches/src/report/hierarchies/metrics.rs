@@ -1,4 +1,4 @@
-//! What can be said of a binary tree of ours without tracing through it, and what its rays tested.
+//! Metrics of our binary BVHs without tracing, and counted tests of their rays.
 
 use anyhow::Result;
 use canted_bvh2::{Bvh2, PairOrder};
@@ -8,7 +8,7 @@ use canted_trace::{Counts, InstanceId, Ray, Watertight};
 
 use super::overlap::end_point_overlap;
 
-/// Metrics of one tree, no number where it does not tell; lengths are in units of the scene's extent.
+/// Metrics of one BVH, NaN where unknown; lengths are in units of the scene's extent.
 pub(super) struct Metrics {
     pub(super) sah: f64,
     pub(super) overlap: f64,
@@ -18,28 +18,28 @@ pub(super) struct Metrics {
     pub(super) triangles: f64,
 }
 
-/// Those that are known without tracing a ray stand first.
+/// The first metrics are known without tracing.
 pub(super) const N_KNOWN: usize = 4;
 
-/// A metric of a tree.
+/// Reads a metric.
 type Read = fn(&Metrics) -> f64;
 
-/// Their names, and how they are read.
+/// Names of the metrics, and how to read them.
 pub(super) const METRICS: [(&str, Read); 7] = [
     ("SAH cost", |m| m.sah),
     ("end-point overlap", |m| m.overlap),
     ("area sum", |m| m.area),
     ("volume sum", |m| m.volume),
-    ("box tests a ray", |m| m.boxes),
-    ("triangle tests a ray", |m| m.triangles),
-    ("tests a ray", |m| m.boxes + m.triangles),
+    ("box tests per ray", |m| m.boxes),
+    ("triangle tests per ray", |m| m.triangles),
+    ("tests per ray", |m| m.boxes + m.triangles),
 ];
 
-/// Triangles that stand for all in the overlap.
+/// Sampled triangles of the overlap.
 const OVERLAP_TRIANGLES: usize = 4096;
 
 impl Metrics {
-    /// Of a tree that tells nothing.
+    /// All metrics unknown.
     pub(super) const UNKNOWN: Self = Self {
         sah: f64::NAN,
         overlap: f64::NAN,
@@ -49,7 +49,7 @@ impl Metrics {
         triangles: f64::NAN,
     };
 
-    /// The overlap is of trees that hold each triangle once, for others it is no number.
+    /// The overlap is defined for BVHs that contain each triangle once, and NaN otherwise.
     #[expect(clippy::cast_precision_loss, reason = "counts of rays")]
     pub(super) fn of(tree: Tree, volumes: &Volumes, corners: &[Corners], bounds: &Aabb, rays: &[Ray]) -> Result<Self> {
         let sorted = in_leaf_order(corners, &tree.leaves);

@@ -1,7 +1,7 @@
-//! Hierarchies: what a tree costs to build and what it buys in rays, every builder and strategy beside the peers.
+//! Hierarchies: build time against ray throughput of every builder and strategy, compared with the peers.
 
 mod correlations;
-mod foreign;
+mod external;
 mod metrics;
 mod overlap;
 mod trees;
@@ -15,20 +15,20 @@ use super::samples::{Samples, number};
 use super::subjects;
 use crate::models::Model;
 use crate::wide::{
-    closest_sets, duel,
+    alternate, closest_sets,
     engine::{Engine, Entry},
 };
 use metrics::{METRICS, Metrics};
 use trees::{Family, Tree};
 
-/// One tree, measured.
+/// A measured BVH.
 struct Measured {
     name: String,
     family: Family,
     build: Samples,
-    /// Million rays a second.
+    /// Million rays per second.
     rate: Samples,
-    /// None of a tree that does not tell.
+    /// `None` if the BVH does not report it.
     bytes_a_triangle: Option<f64>,
     metrics: Option<Metrics>,
 }
@@ -49,7 +49,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     if cfg!(all(feature = "peers", not(target_feature = "avx2"))) {
         chapter
             .skipped
-            .push("tinybvh: its bindings offer the wide tree only where the compiler may assume AVX2.".to_owned());
+            .push("tinybvh: its bindings offer the wide BVH only if the compiler may assume AVX2.".to_owned());
     }
     let (mut standings, mut says) = (vec![], vec![]);
     for &name in names {
@@ -59,71 +59,71 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
                 standings.extend(standing);
                 says.push(finding);
             }
-            None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
+            None => chapter.skipped.push(format!("{name}: the model is not available.")),
         }
     }
     says.insert(0, over_scenes(&standings));
-    chapter.tell(says);
+    chapter.set_sentences(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     chapter.method.insert(1, built(effort));
     Ok(chapter)
 }
 
-/// Meshes of more triangles are built fewer times: all of a full report takes an hour.
+/// Meshes of more triangles are built fewer times, to keep a full report within an hour.
 const LARGE: usize = 1 << 18;
 
-/// Builds of each tree that are timed.
+/// Timed builds of each BVH.
 fn n_builds(effort: Effort, n_triangles: usize) -> usize {
     effort.pick(2, 3, if n_triangles > LARGE { 3 } else { 5 })
 }
 
-/// How trees were built: what depends on the run.
+/// How BVHs were built in this run.
 fn built(effort: Effort) -> String {
     let flags = if cfg!(target_feature = "avx2") {
-        "the same flags for processors with AVX2 as ours"
+        "the same flags for AVX2 processors as ours"
     } else {
-        "the same flags as ours, which ask for no instructions beyond the processor's family"
+        "the same flags as ours, for the baseline of the processor family"
     };
     let (times, times_of_large) = (n_builds(effort, 0), n_builds(effort, usize::MAX));
     let fewer = if times_of_large < times {
-        format!(" ({times_of_large} times where triangles are more than {LARGE})")
+        format!(" ({times_of_large} times above {LARGE} triangles)")
     } else {
         String::new()
     };
     format!(
-        "Each tree is built once unmeasured and then {times} times on one thread{fewer}, all in turn; seconds are the processor's \
-         over all threads of the program, because Embree builds on threads of its own. `obvhs` is compiled with {flags}; Embree and \
-         ours choose instructions while running. Bytes of Embree's trees are what its device allocates: it reads the meshes where \
-         they lie, and these are not counted; ours and those of `obvhs` hold their triangles, and tinybvh does not tell."
+        "Each BVH is built once without timing and then {times} times on one thread{fewer}, all in turn, in processor seconds of all \
+         threads, because Embree builds on its own threads. `obvhs` is compiled with {flags}; Embree and ours select instructions at \
+         run time. Bytes of Embree's BVHs are what its device allocates, without the meshes that it reads in place; BVHs of ours and \
+         of `obvhs` include their triangles, and tinybvh does not report bytes."
     )
 }
 
 const METHOD: [&str; 5] = [
-    "One run, one thread: all trees answer the same camera and diffuse rays in turn every few milliseconds. Rates are of thread \
-     seconds. Trees of `obvhs` and of other peers are walked by their own code.",
-    "The front joins the trees that no other beats in both build time and rate.",
-    "SAH cost, end-point overlap (Aila et al. 2013) and sums of area and volume are of our binary trees, whose walk is the same; the \
-     correlation is that of the logarithms of a metric and of nanoseconds a ray over these trees, its interval that of 95 in 100 \
-     resamplings of the trees. Of those known without tracing a metric stands out where its interval meets no other's. With several \
-     triangles in a leaf there are fewer inner nodes to sum areas and volumes over. Tests are boxes and triangles.",
-    "Of other trees stands what they show. Wide ones of ours count tests, all eight boxes of a node; their nodes of eight have no SAH cost \
-     that could stand beside that of pairs. Binary trees of `obvhs` have public nodes, summed by the same formulas, each triangle of a \
-     leaf for one test; their walk tells a caller of triangles alone, and end-point overlap is that of trees of one whole triangle a \
-     leaf. Compressed trees of `obvhs`, Embree and tinybvh show neither nodes that could be summed nor what they test.",
-    "'midpoint' halves space and 'median' counts, both on a node's longest axis. Spatial splits (Stich et al. 2009) part triangles by \
-     planes, at most as often as their names say: boxes of inner nodes are around parts, those of leaves around whole triangles. \
-     End-point overlap is not defined where several leaves hold a triangle.",
+    "One run, one thread: all BVHs trace the same camera and diffuse rays, in turn every few milliseconds. Rates are per thread \
+     second. BVHs of `obvhs` and other peers use their own traversal.",
+    "The front consists of the BVHs that no other beats in both build time and rate.",
+    "SAH cost, end-point overlap (Aila et al. 2013) and sums of area and volume are given for our binary BVHs, which share one \
+     traversal. The correlation is that of the logarithms of a metric and of nanoseconds per ray over these BVHs, with the interval \
+     of 95 in 100 resamplings. A metric known without tracing stands out if its interval overlaps no other. With several triangles \
+     per leaf, sums of area and volume have fewer inner nodes. Tests are box and triangle tests.",
+    "Other BVHs show what is available. WideBvh counts tests, all eight boxes of a node; its SAH cost is not comparable with that of \
+     binary nodes. Binary BVHs of `obvhs` have public nodes, summed by the same formulas with one test per triangle of a leaf; their \
+     traversal only reports triangle tests, and end-point overlap is defined for one unsplit triangle per leaf. Compressed BVHs of \
+     `obvhs`, Embree and tinybvh expose neither nodes nor test counts.",
+    "'midpoint' halves space and 'median' halves the count, both on a node's longest axis. Spatial splits (Stich et al. 2009) split \
+     triangles by planes, at most as often as their names state: inner nodes bound the parts, leaves the unsplit triangles. \
+     End-point overlap is undefined if several leaves contain a triangle.",
 ];
 
-/// Our fastest tree on a scene beside the fastest of the peers.
+/// Our fastest BVH on a scene compared with the fastest peer.
 struct Standing {
     scene: String,
-    /// Rays a second, ours over theirs.
+    /// Rays per second, ours over theirs.
     ratio: f64,
     is_noise: bool,
 }
 
-/// On how many scenes ours is ahead, and how far.
+/// On how many scenes ours is ahead, and by how much.
 fn over_scenes(standings: &[Standing]) -> String {
     let [ahead, even, behind] = [
         |of: &Standing| !of.is_noise && of.ratio > 1.0,
@@ -136,8 +136,8 @@ fn over_scenes(standings: &[Standing]) -> String {
         return String::new();
     };
     format!(
-        "Beside the fastest tree of all peers our fastest is ahead on {ahead} scenes, even but for noise on {even} and behind on \
-         {behind}: it traces from {} ({}) to {} ({}) times the rays.",
+        "Compared with the fastest peer, our fastest BVH is ahead on {ahead} scenes, equal within noise on {even} and behind on \
+         {behind}: it traces {} ({}) to {} ({}) times the rays.",
         number(least.ratio),
         least.scene,
         number(most.ratio),
@@ -163,24 +163,24 @@ fn add(chapter: &mut Chapter, scene: &str, model: &Model, effort: Effort) -> Res
     Ok((standing, finding))
 }
 
-/// The fastest tree of ours and of the peers, and how many stand on the front.
+/// Our fastest BVH and the fastest peer, and how many of ours are on the front.
 fn fastest(scene: &str, measured: &[Measured], front: &[usize]) -> (Option<Standing>, String) {
     let of = |is_ours: bool| {
         let rates = measured.iter().filter(|tree| tree.family.is_ours() == is_ours);
         rates.max_by(|a, b| a.rate.median().total_cmp(&b.rate.median()))
     };
     let n_ours = front.iter().filter(|&&i| measured[i].family.is_ours()).count();
-    let on_front = format!("{n_ours} of {} trees on the front are ours", front.len());
+    let on_front = format!("{n_ours} of {} BVHs on the front are ours", front.len());
     let (Some(ours), Some(peer)) = (of(true), of(false)) else { return (None, on_front) };
     let found = ours.rate.over(&peer.rate);
     let (ratio, is_noise) = (found.median, found.is_noise());
-    let told = if is_noise {
-        format!("'{}' and '{}' trace as fast as each other but for noise, {on_front}", ours.name, peer.name)
+    let finding = if is_noise {
+        format!("'{}' and '{}' are equally fast within noise, {on_front}", ours.name, peer.name)
     } else {
         let ratio = number(ratio);
         format!("'{}' traces {ratio} times the rays of the fastest peer, '{}', {on_front}", ours.name, peer.name)
     };
-    (Some(Standing { scene: scene.to_owned(), ratio, is_noise }), told)
+    (Some(Standing { scene: scene.to_owned(), ratio, is_noise }), finding)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "rays and triangles are fewer than 2^53")]
@@ -192,7 +192,7 @@ fn measure(scene: &str, model: &Model, effort: Effort) -> Result<Vec<Measured>> 
     let engines = entries.iter().map(build).collect::<Result<Vec<Box<dyn Engine>>>>()?;
     let builds = builds::on_one_thread(&entries, n_builds(effort, n_triangles))?;
     let rays = closest_sets(model, &trees::any(&model.mesh)?, effort.pick(16, 128, 128)).concat();
-    let (seconds, _) = duel::closest(&engines, &rays, effort.pick(2, 5, 7));
+    let (seconds, _) = alternate::closest(&engines, &rays, effort.pick(2, 5, 7));
     let mut measured = vec![];
     for (((Tree { entry, family, metrics }, engine), build), rounds) in
         trees.into_iter().zip(engines).zip(builds).zip(seconds)
@@ -209,7 +209,7 @@ fn measure(scene: &str, model: &Model, effort: Effort) -> Result<Vec<Measured>> 
     Ok(measured)
 }
 
-/// Those that no other beats in both, by build time.
+/// The BVHs that no other beats in both, by build time.
 fn front(measured: &[Measured]) -> Vec<usize> {
     let beats = |a: &Measured, b: &Measured| {
         let (build, rate) = (a.build.median(), a.rate.median());
@@ -235,15 +235,15 @@ fn plot(chapter: &mut Chapter, scene: &str, measured: &[Measured], front: &[usiz
     let on_front = front.iter().map(|&i| point(&measured[i])).collect();
     series.push(Series { name: "front".to_owned(), points: on_front, is_joined: true });
     chapter.plots.push(Plot {
-        title: format!("{scene}: rays a second over build time"),
+        title: format!("{scene}: rays per second over build time"),
         x: Axis::log("build on one thread, ms"),
-        y: Axis::linear("million rays a second"),
+        y: Axis::linear("million rays per second"),
         series,
     });
 }
 
 fn table(chapter: &mut Chapter, scene: &str, measured: &[Measured]) {
-    let mut table = Table::new(format!("{scene}: trees"), &["tree", "build", "M rays/s", "bytes a triangle"]);
+    let mut table = Table::new(format!("{scene}: BVHs"), &["BVH", "build", "M rays/s", "bytes per triangle"]);
     table.head.extend(METRICS.iter().map(|(name, _)| (*name).to_owned()));
     for tree in measured {
         let mut row = vec![

@@ -1,12 +1,12 @@
 use canted_lbvh::{Child, ChildKind, Corners, Tree, Volume, Volumes};
 use canted_obb::vector::{add, cross, length, sub};
 
-/// End-point overlap: how much surface lies in nodes that do not hold it, over all surface.
+/// End-point overlap: surface area inside nodes that do not contain it, relative to all surface area.
 ///
-/// Each node counts the area of the triangles inside its volume that are not below it. Every `stride`-th triangle is
-/// clipped and stands for those skipped; 1 takes all. Source: Aila, Karras & Laine 2013, with equal node costs.
+/// Each node counts the area of the triangles that lie inside its volume but not below it. Every `stride`-th triangle
+/// is clipped and represents the skipped ones; 1 takes all. Source: Aila, Karras & Laine 2013, with equal node costs.
 pub(super) fn end_point_overlap(tree: &Tree, volumes: &Volumes, leaves: &[Corners], stride: usize) -> f64 {
-    let (mut foreign, mut total) = (0.0, 0.0);
+    let (mut overlapping, mut total) = (0.0, 0.0);
     let mut stack = vec![];
     for (position, corners) in (0u32..).zip(leaves).step_by(stride.max(1)) {
         let polygon: Vec<[f64; 3]> = corners.iter().map(|p| p.map(f64::from)).collect();
@@ -20,12 +20,12 @@ pub(super) fn end_point_overlap(tree: &Tree, volumes: &Volumes, leaves: &[Corner
             }
             let node = &tree.nodes[id.index()];
             if !(node.first..=node.last).contains(&position) {
-                foreign += area(&inside);
+                overlapping += area(&inside);
             }
             stack.extend([node.left, node.right]);
         }
     }
-    if total > 0.0 { foreign / total } else { 0.0 }
+    if total > 0.0 { overlapping / total } else { 0.0 }
 }
 
 /// Area of a planar polygon.
@@ -46,7 +46,7 @@ fn clip(mut polygon: Vec<[f64; 3]>, volume: Volume<'_>) -> Vec<[f64; 3]> {
     };
     for k in 0..3 {
         for side in [1.0, -1.0] {
-            // How far beyond the face; volumes are convex, so each face cuts once.
+            // Signed distance beyond the face; volumes are convex, so each face clips once.
             let beyond = |p: &[f64; 3]| side * (0..3).map(|i| (p[i] - center[i]) * frame[k][i]).sum::<f64>() - half[k];
             let mut kept = Vec::with_capacity(polygon.len() + 1);
             for (i, p) in polygon.iter().enumerate() {

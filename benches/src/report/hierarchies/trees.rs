@@ -1,4 +1,4 @@
-//! All trees of the chapter.
+//! All BVHs of the chapter.
 
 use anyhow::Result;
 use canted_bvh2::{Bvh2, PairOrder};
@@ -10,7 +10,7 @@ use canted_trace::{Hit, Ray, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
 use obvhs::BvhBuildParams;
 
-use super::foreign;
+use super::external;
 use super::metrics::Metrics;
 use crate::models::Model;
 use crate::wide::{
@@ -18,69 +18,69 @@ use crate::wide::{
     obvhs as peer,
 };
 
-/// Whose tree it is, and of what kind.
+/// Origin and kind of a BVH.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Family {
     Aligned,
-    Leaning,
+    Oriented,
     Wide,
     Obvhs,
     Other,
 }
 
 impl Family {
-    pub(super) const ALL: [Self; 5] = [Self::Aligned, Self::Leaning, Self::Wide, Self::Obvhs, Self::Other];
+    pub(super) const ALL: [Self; 5] = [Self::Aligned, Self::Oriented, Self::Wide, Self::Obvhs, Self::Other];
 
     pub(super) fn is_ours(self) -> bool {
-        matches!(self, Self::Aligned | Self::Leaning | Self::Wide)
+        matches!(self, Self::Aligned | Self::Oriented | Self::Wide)
     }
 
-    /// Whether all of them are walked by the same code.
+    /// Whether all of them use the same traversal.
     pub(super) fn is_binary_of_ours(self) -> bool {
-        matches!(self, Self::Aligned | Self::Leaning)
+        matches!(self, Self::Aligned | Self::Oriented)
     }
 
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Aligned => "ours, binary, axis-aligned",
-            Self::Leaning => "ours, binary, leaning",
-            Self::Wide => "ours, wide",
+            Self::Oriented => "ours, binary, oriented",
+            Self::Wide => "ours, WideBvh",
             Self::Obvhs => "obvhs",
             Self::Other => "Embree, tinybvh",
         }
     }
 }
 
-/// Metrics of a tree, from the rays that it answers.
+/// Computes the metrics of a BVH, given its rays.
 type Measure<'a> = Box<dyn Fn(&[Ray]) -> Result<Metrics> + 'a>;
 
-/// A tree to be built.
+/// A BVH to build.
 pub(super) struct Tree<'a> {
     pub(super) entry: Entry<'a>,
     pub(super) family: Family,
-    /// Of trees that tell any.
+    /// `None` if the BVH has no metrics.
     pub(super) metrics: Option<Measure<'a>>,
 }
 
-/// Our builders of binary trees.
+/// Our builders of binary BVHs.
 const BUILDERS: [(&str, Builder); 9] = [
     ("radix", Builder::Lbvh),
     ("radix, reinserted", Builder::Reinserted(ReinsertConfig::BALANCED)),
     ("PLOC", Builder::FAST),
     ("PLOC, reinserted", Builder::BALANCED),
-    ("PLOC, wide, reinserted more", Builder::Ploc(PlocConfig::WIDE, Some(ReinsertConfig::QUALITY))),
+    ("PLOC, wide search, reinserted more", Builder::Ploc(PlocConfig::WIDE, Some(ReinsertConfig::QUALITY))),
     ("binned SAH", Builder::TopDown(TopDownConfig::BINNED, None)),
     ("swept SAH", Builder::TopDown(TopDownConfig::SWEEP, None)),
     ("midpoint", halving(Split::Midpoint)),
     ("median", halving(Split::Median)),
 ];
 
-/// Nodes are halved along their longest axis, whatever that costs.
+/// Splits nodes along their longest axis, regardless of cost.
 const fn halving(split: Split) -> Builder {
     Builder::TopDown(TopDownConfig { split, axes: Axes::Longest, ..TopDownConfig::BINNED }, None)
 }
 
-/// Extra references a triangle that trees with spatial splits may take.
+/// Extra references per triangle of BVHs with spatial splits.
 const BUDGETS: [f32; 2] = [0.3, 1.0];
 
 /// Presets of `obvhs`.
@@ -95,7 +95,7 @@ fn presets() -> [(&'static str, BvhBuildParams); 6] {
     ]
 }
 
-/// A wide tree, for whoever needs hits.
+/// A WideBvh that computes hits.
 pub(super) fn any(mesh: &Mesh) -> Result<TriangleBvh<Watertight>> {
     Ok(TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Fast))?)
 }
@@ -115,12 +115,12 @@ pub(super) fn all<'a>(scene: &str, model: &'a Model) -> Vec<Tree<'a>> {
     }
     for (name, preset) in [("fast", Preset::Fast), ("balanced", Preset::Balanced), ("quality", Preset::Quality)] {
         let made = move || TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset));
-        let entry = ours(format!("wide, {name}"), move |_| Ok(Box::new(made()?)));
-        let metrics: Measure<'a> = Box::new(move |rays| Ok(foreign::of_wide(&made()?, rays)));
+        let entry = ours(format!("WideBvh, {name}"), move |_| Ok(Box::new(made()?)));
+        let metrics: Measure<'a> = Box::new(move |rays| Ok(external::of_wide(&made()?, rays)));
         trees.push(Tree { entry, family: Family::Wide, metrics: Some(metrics) });
     }
     for (name, params) in presets() {
-        let metrics: Measure<'a> = Box::new(move |rays| foreign::of_obvhs(mesh, params, rays));
+        let metrics: Measure<'a> = Box::new(move |rays| external::of_obvhs(mesh, params, rays));
         trees.push(Tree { entry: peer::binary(name, mesh, params), family: Family::Obvhs, metrics: Some(metrics) });
     }
     let cwbvh = peer::entries(mesh).into_iter().filter(|entry| entry.name.contains("CWBVH"));
@@ -147,19 +147,19 @@ fn ours<'a>(name: String, build: impl Fn(usize) -> Result<Box<dyn Engine>> + Sen
     Entry { name, owner, promise, is_placed: false, is_parallel: true, build: Box::new(build) }
 }
 
-/// All that a binary tree is walked with.
+/// The parts of a binary BVH.
 struct Made {
     tree: lbvh::Tree,
     volumes: Volumes,
     corners: Vec<Corners>,
-    /// The corners in the order of leaves.
+    /// The corners in leaf order.
     sorted: Vec<Corners>,
     bounds: Aabb,
 }
 
 fn binary(name: String, mesh: &Mesh, builder: Builder, strategy: Strategy) -> Tree<'_> {
-    let family = if strategy == Strategy::Aabb { Family::Aligned } else { Family::Leaning };
-    walked(name, family, move || {
+    let family = if strategy == Strategy::Aabb { Family::Aligned } else { Family::Oriented };
+    traced(name, family, move || {
         let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
         let tree = canted_sah::build(&boxes, &bounds, &builder);
@@ -169,12 +169,12 @@ fn binary(name: String, mesh: &Mesh, builder: Builder, strategy: Strategy) -> Tr
     })
 }
 
-/// A tree whose nodes may part triangles by planes, with at most `extra` references a triangle beside its first.
+/// A BVH with spatial splits and at most `extra` additional references per triangle.
 ///
-/// The boxes of inner nodes are around the parts below them. Those of leaves are around whole triangles, as all that a tree of
-/// triangles is walked with: a ray that enters one beside its part tests a triangle for nothing, and loses no hit.
+/// Inner nodes bound the parts below them. Leaves bound the unsplit triangles, as in any triangle BVH: a ray that
+/// enters a leaf outside the part tests the triangle in vain, but loses no hit.
 fn with_splits(mesh: &Mesh, extra: f32) -> Tree<'_> {
-    walked(format!("spatial splits, {extra} a triangle, AABB"), Family::Aligned, move || {
+    traced(format!("spatial splits, {extra} per triangle, AABB"), Family::Aligned, move || {
         let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
         let (mut tree, references) =
             canted_sah::spatial(&corners, &SpatialConfig { extra_references: extra, ..SpatialConfig::default() });
@@ -186,10 +186,10 @@ fn with_splits(mesh: &Mesh, extra: f32) -> Tree<'_> {
     })
 }
 
-fn walked<'a>(name: String, family: Family, made: impl Fn() -> Result<Made> + Copy + Send + Sync + 'a) -> Tree<'a> {
+fn traced<'a>(name: String, family: Family, made: impl Fn() -> Result<Made> + Copy + Send + Sync + 'a) -> Tree<'a> {
     let build = move |_| -> Result<Box<dyn Engine>> {
         let Made { tree, volumes, sorted, bounds, .. } = made()?;
-        Ok(Box::new(Walked(Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst))))
+        Ok(Box::new(Traced(Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst))))
     };
     let metrics = move |rays: &[Ray]| {
         let Made { tree, volumes, corners, bounds, .. } = made()?;
@@ -198,10 +198,10 @@ fn walked<'a>(name: String, family: Family, made: impl Fn() -> Result<Made> + Co
     Tree { entry: ours(name, build), family, metrics: Some(Box::new(metrics)) }
 }
 
-/// A binary tree of ours.
-struct Walked(Bvh2<Watertight>);
+/// A binary BVH of ours.
+struct Traced(Bvh2<Watertight>);
 
-impl Engine for Walked {
+impl Engine for Traced {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (ray, hit) in rays.iter().zip(hits) {
             *hit = self.0.closest_hit(ray);
@@ -227,7 +227,7 @@ mod tests {
     use crate::wide::closest_sets;
 
     #[test]
-    fn binary_trees_answer_alike_and_splits_take_no_more_than_their_budget() {
+    fn binary_bvhs_agree_and_splits_respect_their_budget() {
         let model = subjects::load(subjects::SMALL).unwrap().unwrap();
         let rays = closest_sets(&model, &any(&model.mesh).unwrap(), 32).concat();
         let binary: Vec<Tree<'_>> =
@@ -247,11 +247,11 @@ mod tests {
             assert_eq!(found, hits, "{}", tree.entry.name);
             if tree.entry.name.starts_with("spatial") {
                 n_split += usize::from(found_bytes > n_bytes);
-                // A leaf more is a node more, but for the first leaf.
+                // Every leaf but the first adds a node.
                 let most = 2 * n_bytes + n_bytes / model.mesh.triangles.len();
-                assert!(found_bytes <= most, "{}: {found_bytes} bytes, whole {n_bytes}", tree.entry.name);
+                assert!(found_bytes <= most, "{}: {found_bytes} bytes, without splits {n_bytes}", tree.entry.name);
                 let metrics = tree.metrics.as_ref().unwrap()(&rays).unwrap();
-                assert!(METRICS.iter().any(|(_, of)| of(&metrics).is_nan()), "a triangle is held in several leaves");
+                assert!(METRICS.iter().any(|(_, of)| of(&metrics).is_nan()), "several leaves contain a triangle");
             }
         }
         assert_eq!(n_split, BUDGETS.len());

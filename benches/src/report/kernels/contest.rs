@@ -1,27 +1,27 @@
-//! Tests that take turns, round by round, each of all pairs of a case.
+//! Tests that run in turn, round by round, each on all pairs of a case.
 
 use super::super::samples::Samples;
 use crate::interleave::{self, Contender};
 
-/// Least tests of a round: a few hundred take microseconds, among which the clock would show.
+/// Minimum tests per round: a few hundred take microseconds, close to the clock's resolution.
 const LEAST_TESTS: usize = 20_000;
 
-/// A way to test all pairs of a case.
+/// A method that tests all pairs of a case.
 pub(super) struct Test<'a, A> {
     pub(super) name: String,
-    /// What it says of each pair.
+    /// The answer for each pair.
     pub(super) answers: Vec<A>,
-    /// Tests once more, to be timed.
+    /// The timed repetition of the tests.
     pub(super) work: Box<dyn Fn() + 'a>,
-    /// Rays times shapes that `work` tests.
+    /// Number of tests in `work`.
     pub(super) n_tests: usize,
 }
 
-/// A way to test, timed.
+/// A timed method.
 pub(super) struct Tested<A> {
     pub(super) name: String,
     pub(super) answers: Vec<A>,
-    /// Nanoseconds a test.
+    /// Nanoseconds per test.
     pub(super) ns: Samples,
 }
 
@@ -57,7 +57,7 @@ mod tests {
         };
         let test = Test { name: "a".to_owned(), answers: vec![7], work: Box::new(work), n_tests: LEAST_TESTS / 2 };
         let tested = run(vec![test], 3);
-        // Twice a round, and a round before the first.
+        // Twice per round, and a round before the first.
         assert_eq!((n_runs.get(), &tested[0].answers[..], tested[0].ns.values().len()), (8, &[7][..], 3));
         #[expect(clippy::cast_precision_loss, reason = "a small number")]
         let least = 2.0 * pause.as_secs_f64() * 1e9 / LEAST_TESTS as f64;

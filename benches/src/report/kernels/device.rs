@@ -1,4 +1,4 @@
-//! Single tests on a device: triangles and nodes as every walk tests them, with no walk around them.
+//! Single tests on a device: triangles and nodes with the code of the traversal, without the traversal.
 
 use anyhow::{Result, ensure};
 use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, Specialisation, TracedScene};
@@ -6,28 +6,28 @@ use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
 use super::super::{effort::Effort, samples::Samples};
+use super::accuracy::Answer;
 use super::contest::Tested;
-use super::judge::Answer;
 use super::nodes::LANES;
 
-/// What kernels write for a miss, as instance of a hit or as entry into a box.
+/// The miss marker of the kernels.
 const NONE: u32 = u32::MAX;
 
-/// Bits of an entry that number the box: without them entries are a little earlier.
+/// Bits of an entry that contain the box index; clearing them makes entries slightly earlier.
 const BOX_BITS: u32 = 7;
 
-/// A device, and how many rays one dispatch tests.
+/// A device and the number of rays per dispatch.
 pub(super) struct Device {
     pub(super) gpu: Gpu,
     n_rays: usize,
 }
 
 impl Device {
-    /// The best one; where none opens, the reason among what is skipped.
+    /// Opens the best device; otherwise adds the reason to `skipped`.
     pub(super) fn open(effort: Effort, skipped: &mut Vec<String>) -> Option<Self> {
         match Gpu::open(&Choice::Best) {
             Ok(gpu) => {
-                // So many that the device has enough to do, and a processor in its place does not take all day.
+                // Enough to occupy a device without taking too long on a software driver.
                 let n_rays = if gpu.info().kind == AdapterKind::Software { 1 << 16 } else { 1 << 20 };
                 Some(Self { gpu, n_rays: effort.pick(1 << 10, n_rays, n_rays) })
             }
@@ -42,7 +42,7 @@ impl Device {
         format!("device: {}", self.gpu.info().name)
     }
 
-    /// What a table's title says of the device in its rows.
+    /// A table title with the name of the device.
     pub(super) fn titled(title: &str, device: Option<&Self>) -> String {
         device.map_or_else(|| title.to_owned(), |device| format!("{title}; the device is {}", device.gpu.info().name))
     }
@@ -54,7 +54,7 @@ impl Device {
         rays: &[Ray],
         rounds: usize,
     ) -> Result<Tested<Answer>> {
-        ensure!(trees.iter().all(|tree| tree.sizes().depth == 0), "a tree of one triangle has a node");
+        ensure!(trees.iter().all(|tree| tree.sizes().depth == 0), "a BVH of one triangle has a node");
         let (hits, ns) = self.tested(("check/triangle", "hits"), trees, rays, rounds)?;
         let answer = |(ray, &[t, u, v, _, instance]): (&Ray, &[u32; 5])| {
             let ray = ScaledRay::new(ray).filter(|_| instance != NONE)?;
@@ -70,7 +70,7 @@ impl Device {
         rays: &[Ray],
         rounds: usize,
     ) -> Result<Tested<Option<f32>>> {
-        ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0]), "a tree of eight boxes is not one node");
+        ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0]), "a BVH of eight boxes is not one node");
         let (entries, ns) = self.tested(("check/node", "entries"), trees, rays, rounds)?;
         let answer = |(ray, &[entry]): (&Ray, &[u32; 1])| {
             let ray = ScaledRay::new(ray).filter(|_| entry != NONE)?;
@@ -78,11 +78,11 @@ impl Device {
         };
         #[expect(clippy::cast_precision_loss, reason = "eight")]
         let each = ns.scaled(1.0 / LANES as f64);
-        let name = format!("its straight box, device, of {LANES}");
+        let name = format!("its axis-aligned box, device, of {LANES}");
         Ok(Tested { name, answers: rays.iter().zip(&entries).map(answer).collect(), ns: each })
     }
 
-    /// The words that a kernel writes for each ray and its tree, and the nanoseconds of one, by the device's own clock where it has
+    /// The output of a kernel for each ray and its BVH, and nanoseconds per test by the device's own clock if it has
     /// one.
     fn tested<const N: usize>(
         &self,
@@ -96,8 +96,8 @@ impl Device {
         let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
         let kernel = gpu.kernel(name, &scene.specialise(chosen).of_kernel(name)?)?;
         let own: Vec<DeviceRay> = rays.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();
-        ensure!(own.len() == trees.len() && !own.is_empty(), "{} rays of {} trees", own.len(), trees.len());
-        // Whole turns through the trees, so that every ray has its own.
+        ensure!(own.len() == trees.len() && !own.is_empty(), "{} rays of {} BVHs", own.len(), trees.len());
+        // Multiples of the number of BVHs, so that every ray has its own.
         let all = gpu.buffer("rays", &own.repeat(self.n_rays.div_ceil(own.len())))?;
         let answers = gpu.zeroed::<[u32; N]>("answers", all.len())?;
         let mut bound = scene.bindings();
@@ -106,7 +106,7 @@ impl Device {
         #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
         let to_ns = 1.0 / all.len() as f64;
         let mut ns = vec![];
-        // In round 0 the driver compiles.
+        // The driver compiles in round 0.
         for round in 0..=rounds {
             let mut commands = gpu.timed_commands();
             commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(all.len())?))?;
@@ -129,7 +129,7 @@ mod tests {
     use super::super::{lanes, nodes};
     use super::*;
 
-    /// A device whose dispatches hold every ray several times.
+    /// A device whose dispatches contain every ray several times.
     fn device(test: &str) -> Option<Device> {
         let mut skipped = vec![];
         let device = Device::open(Effort::Tiny, &mut skipped);
@@ -137,7 +137,7 @@ mod tests {
         device.map(|device| Device { n_rays: 100, ..device })
     }
 
-    /// Rays along z from the origin's plane; places that only one of the triangles and boxes covers.
+    /// Rays along z, each covered by one triangle or box only.
     fn rays() -> Vec<Ray> {
         [0.25, 10.25, 20.25, 5.0].map(|x| Ray::new([x, 0.25, 0.0], [0.0, 0.0, 0.5])).into()
     }
@@ -168,7 +168,7 @@ mod tests {
         let Tested { answers, .. } = device.boxes(&trees, &rays(), 1).unwrap();
         for (i, answer) in answers.iter().enumerate() {
             let wanted = 2.0 + 2.0 * LOW[i];
-            // Early by the pad, and by the bits that number the box.
+            // Early by the padding and by the bits of the box index.
             let near = |found: f32| found <= wanted && found > wanted - 1e-2;
             assert_eq!(answer.map(near), (i < 3).then_some(true), "{i}: {answer:?}");
         }

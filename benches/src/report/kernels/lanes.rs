@@ -1,4 +1,4 @@
-//! Triangles eight at a time on every path: those of a case, and the same ones for paths and a device.
+//! Triangles eight at a time on every path: those of a case, and the same triangles for all paths and a device.
 
 use anyhow::{Result, ensure};
 use canted_fixtures::soup;
@@ -11,16 +11,16 @@ use canted_wide::{Config, Costs, SimdPath, TriangleBvh};
 use super::super::effort::Effort;
 use super::super::model::{Cell, Table};
 use super::super::samples::Samples;
+use super::accuracy::Answer;
 use super::contest::Test;
 use super::device::Device;
-use super::judge::Answer;
 use super::triangles::Pair;
 use crate::interleave::{self, Contender};
 
-/// Triangles of a leaf: four blocks of eight, so that little but triangles is tested.
+/// Triangles of a leaf: four blocks of eight, so that triangle tests dominate.
 pub(super) const LEAF: usize = 32;
 
-/// All triangles in one leaf: nodes are too dear.
+/// All triangles in one leaf: nodes are too expensive.
 fn one_leaf() -> Config {
     let costs = Costs { aligned_node: 1e6, oriented_node: 1e6, max_leaf: LEAF, ..Costs::default() };
     Config { costs, rotate_mesh: false, ..Config::default() }
@@ -31,18 +31,18 @@ fn leaf(corners: &[Corners]) -> Result<TriangleBvh<Watertight>> {
     Ok(TriangleBvh::build(corners.as_flattened(), &triangles, &one_leaf())?)
 }
 
-/// A tree for each triangle.
+/// A BVH for each triangle.
 pub(super) fn singles(corners: &[Corners]) -> Result<Vec<TriangleBvh<Watertight>>> {
     corners.iter().map(|corners| leaf(std::slice::from_ref(corners))).collect()
 }
 
-/// The paths that this machine has, and those that it lacks.
+/// The available and the missing paths of this machine.
 pub(super) fn paths() -> (Vec<SimdPath>, Vec<SimdPath>) {
     SimdPath::ALL.into_iter().partition(|path| path.is_available())
 }
 
-/// Tests of a case on every path, whose answers must be those of the single test, bit for bit; times are of rays through leaves of
-/// the case's triangles.
+/// Tests of a case on every path, which must agree bit for bit with the single test; times are of rays through leaves
+/// of the case's triangles.
 pub(super) fn tests(
     pairs: &[Pair],
     trees: &[TriangleBvh<Watertight>],
@@ -76,7 +76,7 @@ fn bits(answers: &[Answer]) -> Vec<Option<[u32; 3]>> {
     answers.iter().map(|answer| answer.map(|tuv| tuv.map(f32::to_bits))).collect()
 }
 
-/// Times a ray of every path that this machine has, and of the device where there is one.
+/// Times a ray on every available path, and on the device if there is one.
 pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) -> Result<Table> {
     let mesh = soup(32, u32::try_from(LEAF)?);
     let tree = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &one_leaf())?;
@@ -97,13 +97,13 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
         .map(|(path, tree)| Contender::new(path.name(), || drop(std::hint::black_box(hits(tree)))))
         .collect();
     if let Some((scene, device)) = scene.as_ref().zip(device) {
-        // Asked once before, for its errors; in the contest they cannot come back.
+        // Run once before the contest, which cannot return errors.
         scene.closest_hits(&device.gpu, &rays)?;
         let work = || drop(std::hint::black_box(scene.closest_hits(&device.gpu, &rays)));
         contenders.push(Contender::new(device.name(), work));
     }
     let title = format!("{LEAF} triangles in a leaf, closest hits of rays from inside, one thread or one device");
-    let mut table = Table::new(title, &["path", "time a ray", "speed beside scalar"]);
+    let mut table = Table::new(title, &["path", "time per ray", "speed over scalar"]);
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
     let to_ns = 1e9 / rays.len() as f64;
     for timing in interleave::run(rounds, contenders) {
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_that_answers_otherwise_is_seen() {
+    fn a_path_with_different_answers_is_detected() {
         let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
         let pairs = [1.0, 9.0].map(|x| (Ray::new([x, 1.0, 0.0], [0.0, 0.0, 1.0]), corners));
         let trees = singles(&[corners; 2]).unwrap();

@@ -1,4 +1,4 @@
-//! Boxes eight at a time: nodes of a case's boxes on every path, and of equal boxes for a device.
+//! Boxes eight at a time: nodes of a case's boxes on every path, and nodes of equal boxes for a device.
 
 use anyhow::Result;
 use canted_obb::Aabb;
@@ -12,10 +12,10 @@ use super::lanes;
 /// Boxes of a node.
 pub(super) const LANES: usize = 8;
 
-/// A node, and the pairs whose rays are asked of it.
+/// A node, and the pairs whose rays test it.
 struct Node<'a> {
     tree: WideBvh<Aabb>,
-    /// Its boxes are those of the pairs from here on.
+    /// Its boxes are those of the pairs from this index on.
     first: usize,
     pairs: &'a [Pair],
 }
@@ -33,7 +33,7 @@ impl Node<'_> {
     }
 }
 
-/// Nodes of eight boxes each: the last ones stand in two where they do not come out even.
+/// Nodes of eight boxes each; the last two nodes may overlap.
 fn nodes<'a>(pairs: &'a [Pair], path: SimdPath) -> Result<Vec<(usize, Node<'a>)>> {
     let boxes: Vec<Aabb> = pairs.iter().map(|(_, obb)| obb.aabb()).collect();
     let last = boxes.len().saturating_sub(LANES);
@@ -46,7 +46,7 @@ fn nodes<'a>(pairs: &'a [Pair], path: SimdPath) -> Result<Vec<(usize, Node<'a>)>
     pairs.chunks(LANES).enumerate().map(node).collect()
 }
 
-/// Tests of a case on every path: whether each ray enters its own box, among eight of the case. Where it enters is not told.
+/// Tests of a case on every path: whether each ray enters its own box among eight. The entry distance is not reported.
 pub(super) fn tests(pairs: &[Pair]) -> Result<Vec<Test<'_, Option<f32>>>> {
     let test = |path: SimdPath| {
         let nodes = nodes(pairs, path)?;
@@ -65,7 +65,7 @@ pub(super) fn tests(pairs: &[Pair]) -> Result<Vec<Test<'_, Option<f32>>>> {
             std::hint::black_box(n_entered);
         };
         Ok(Test {
-            name: format!("its straight box, {}, of {LANES}", path.name()),
+            name: format!("its axis-aligned box, {}, of {LANES}", path.name()),
             answers,
             work: Box::new(work),
             n_tests,
@@ -74,7 +74,7 @@ pub(super) fn tests(pairs: &[Pair]) -> Result<Vec<Test<'_, Option<f32>>>> {
     lanes::paths().0.into_iter().map(test).collect()
 }
 
-/// Each box eight times in a tree of one node, as bounds of triangles: devices hold trees of triangles alone.
+/// Each box eight times in a BVH of one node, as bounds of triangles, because devices only hold triangle BVHs.
 pub(super) fn of_equal(boxes: &[Aabb]) -> Result<Vec<TriangleBvh<Watertight>>> {
     let costs = Costs { leaf: 0.0, max_leaf: 1, ..Costs::default() };
     let config = Config { costs, oriented: false, rotate_mesh: false, ..Config::default() };
@@ -91,7 +91,8 @@ mod tests {
 
     use super::*;
 
-    /// Eleven boxes a unit apart, so that the last three share a node with five others; every third ray passes its box.
+    /// Eleven boxes one unit apart, so that the last three share a node with five others; every third ray misses its
+    /// box.
     fn pairs() -> Vec<Pair> {
         let pair = |i: u8| {
             let center = [2.0 * f32::from(i), 0.0, 0.0];
@@ -103,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn each_ray_is_asked_of_its_own_box_on_every_path() {
+    fn each_ray_tests_its_own_box_on_every_path() {
         let pairs = pairs();
         let found = tests(&pairs).unwrap();
         assert_eq!(found.len(), lanes::paths().0.len());
@@ -117,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_boxes_are_one_node_of_that_box() {
+    fn equal_boxes_form_one_node() {
         let aabb = Aabb { min: [1.0, 2.0, 3.0], max: [4.0, 5.0, 3.0] };
         let tree = of_equal(&[aabb]).unwrap().remove(0);
         assert_eq!((tree.sizes().nodes, tree.aabb(), tree.n_primitives()), ([1, 0], aabb, LANES));

@@ -1,4 +1,4 @@
-//! Rays and triangles: single tests, eight at a time on every path, and the device's, judged case by case.
+//! Rays and triangles: single tests, eight at a time on every path, and on the device, case by case.
 
 use anyhow::Result;
 pub(super) use canted_tests::extremes::triangle::Pair;
@@ -9,12 +9,12 @@ use obvhs::{ray::Ray as TheirRay, triangle::Triangle};
 use super::super::effort::Effort;
 use super::super::model::{Axis, Cell, Plot, Point, Series, Table};
 use super::super::samples::{Samples, number};
+use super::accuracy::{Accuracy, Answer, ExactHit};
 use super::contest::{self, Test, Tested};
 use super::device::Device;
-use super::judge::{Answer, Judged, Judgement};
 use super::{LEAST_ULPS, lanes};
 
-/// Tests all pairs in a row, as a tree would with what it prepared once.
+/// Tests all pairs in a row, with prepared data as in a BVH.
 type Run = Box<dyn Fn() -> Vec<Answer>>;
 
 fn test(name: &str, run: Run) -> Test<'static, Answer> {
@@ -50,7 +50,7 @@ fn obvhs(pairs: &[Pair]) -> Test<'static, Answer> {
     let run = move || {
         let test = |(ray, triangle): &(TheirRay, Triangle)| {
             let t = triangle.intersect(ray);
-            // They do not tell the weights.
+            // `obvhs` does not report the weights.
             t.is_finite().then_some([t, f32::NAN, f32::NAN])
         };
         prepared.iter().map(test).collect()
@@ -58,7 +58,7 @@ fn obvhs(pairs: &[Pair]) -> Test<'static, Answer> {
     test("obvhs", Box::new(run))
 }
 
-/// Tests of one ray and one triangle by the processor: ours, then the peer's.
+/// Single tests on the processor: ours, then the peer's.
 const N_SINGLE: usize = 4;
 
 fn singles(pairs: &[Pair]) -> [Test<'static, Answer>; N_SINGLE] {
@@ -70,7 +70,7 @@ fn singles(pairs: &[Pair]) -> [Test<'static, Answer>; N_SINGLE] {
     ]
 }
 
-/// Everything that tests a case: single tests, then paths, in turn; then the device by its own clock.
+/// All tests of a case: single tests, then paths, in turn; then the device by its own clock.
 fn tested(pairs: &[Pair], rounds: usize, device: Option<&Device>) -> Result<Vec<Tested<Answer>>> {
     let (rays, corners): (Vec<Ray>, Vec<_>) = pairs.iter().copied().unzip();
     let trees = lanes::singles(&corners)?;
@@ -82,30 +82,32 @@ fn tested(pairs: &[Pair], rounds: usize, device: Option<&Device>) -> Result<Vec<
     Ok(tested)
 }
 
-/// What was found of rays and triangles.
+/// The results of rays and triangles.
 pub(super) struct Found {
     pub(super) tables: [Table; 2],
     pub(super) plots: [Plot; 2],
     pub(super) says: Vec<String>,
 }
 
-/// Every case by everything that tests triangles.
+/// Every case with every triangle test.
 pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) -> Result<Found> {
     let head =
         ["case", "kernel", "t, ulps: median, worst", "u, v, ulps of 1/2: worst", "wrong hits", "wrong misses", "time"];
     let mut table = Table::new(Device::titled("Rays and triangles", device), &head);
-    let title =
-        format!("Eight triangles at a time, {} in a leaf: time a test; answers are the watertight test's", lanes::LEAF);
+    let title = format!(
+        "Eight triangles at a time, {} in a leaf: time per test; answers equal the watertight test",
+        lanes::LEAF
+    );
     let mut on_paths = Table::new(title, &["case"]);
     let n_paths = lanes::paths().0.len();
     on_paths.head.extend(lanes::paths().0.iter().map(|path| path.name().to_owned()));
     let (mut errors, mut wrongs, mut sums): (Vec<Series>, Vec<Series>, Vec<Sum>) = (vec![], vec![], vec![]);
     for (case, mut pairs) in cases(effort.pick(1, 10, 10)) {
         pairs.retain(|(ray, _)| ScaledRay::new(ray).is_some());
-        let truths: Vec<Judged> = pairs.iter().map(Judged::of).collect();
+        let truths: Vec<ExactHit> = pairs.iter().map(ExactHit::of).collect();
         let mut row = vec![Cell::text(case)];
         for (i, Tested { name, answers, ns }) in tested(&pairs, rounds, device)?.into_iter().enumerate() {
-            let found = Judgement::of(&truths, &answers);
+            let found = Accuracy::of(&truths, &answers);
             if (N_SINGLE..N_SINGLE + n_paths).contains(&i) {
                 row.push(Cell::measured(ns.clone(), "ns"));
             } else {
@@ -133,7 +135,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     let plot = |title: &str, y, series| Plot { title: title.to_owned(), x: Axis::log("ns a test"), y, series };
     let plots = [
         plot("Error of t over time, by case", Axis::log("units in the last place"), errors),
-        plot("Wrong answers over time, by case", Axis::linear("per cent of rays"), wrongs),
+        plot("Wrong answers over time, by case", Axis::linear("percentage of rays"), wrongs),
     ];
     let (single, others) = sums.split_at(N_SINGLE);
     let (paths, on_device) = others.split_at(n_paths);
@@ -144,17 +146,17 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     Ok(Found { tables: [table, on_paths], plots, says })
 }
 
-/// A kernel over all cases, a number each.
+/// A kernel over all cases, a value per case.
 #[derive(Default)]
 struct Sum {
     name: String,
     ns: Vec<f64>,
-    /// Per cent.
+    /// In percent.
     wrong: Vec<f64>,
-    /// The cases, in the same order.
+    /// The case names, in the same order.
     cases: Vec<&'static str>,
     ulps: Vec<f64>,
-    /// Of all cases.
+    /// Over all cases.
     n_rays: usize,
 }
 
@@ -162,14 +164,14 @@ fn median(of: &[f64]) -> f64 {
     Samples::from(of.to_vec()).median()
 }
 
-/// Which of ours is fastest, which errs least, and the peer, which comes last.
+/// Which of ours is fastest, which has the least error, and the peer, which is last.
 fn least(sums: &[Sum]) -> String {
     let [ours @ .., peer] = sums else { return String::new() };
     let least = |of: fn(&Sum) -> &Vec<f64>| ours.iter().min_by(|a, b| median(of(a)).total_cmp(&median(of(b))));
     let (Some(fast), Some(exact)) = (least(|sum| &sum.ns), least(|sum| &sum.ulps)) else { return String::new() };
     format!(
-        "Of our single tests '{}' takes the least time, {} ns, and '{}' errs least in t, by {} ulps; '{}' takes {} ns and errs by \
-         {} (medians of cases).",
+        "Of our single tests, '{}' is the fastest with {} ns, and '{}' has the least error in t with {} ulps; '{}' takes {} ns with \
+         an error of {} (medians of cases).",
         fast.name,
         number(median(&fast.ns)),
         exact.name,
@@ -180,14 +182,13 @@ fn least(sums: &[Sum]) -> String {
     )
 }
 
-/// What a test takes on each path, whose answers were asserted to be those of the single test.
+/// The time of a test on each path; the answers were asserted to equal the single test.
 fn of_paths(paths: &[Sum]) -> String {
     let Some(Sum { n_rays, .. }) = paths.first() else { return String::new() };
     let times: Vec<String> =
-        paths.iter().map(|sum| format!("'{}' takes {} ns a test", sum.name, number(median(&sum.ns)))).collect();
+        paths.iter().map(|sum| format!("'{}' takes {} ns per test", sum.name, number(median(&sum.ns)))).collect();
     format!(
-        "Eight at a time {} (medians of cases), and all {n_rays} answers on every path have the bits of the single watertight test: \
-         errors and wrong answers are its.",
+        "Eight at a time, {} (medians of cases), and all {n_rays} answers on every path equal the single watertight test bit for bit.",
         times.join(", ")
     )
 }
@@ -199,7 +200,7 @@ impl Sum {
         let place = self.wrong.iter().position(|&wrong| wrong >= worst);
         let case = place.map_or("no case", |place| self.cases[place]);
         format!(
-            "{} takes {} ns, is off in t by {} ulps (medians), and answers {}% of rays wrong (mean; {}% at worst, '{case}').",
+            "{} takes {} ns, has an error in t of {} ulps (medians), and is wrong for {}% of rays (mean; {}% at worst, '{case}').",
             capital(&self.name),
             number(ns.median()),
             number(ulps.median()),
@@ -209,7 +210,7 @@ impl Sum {
     }
 }
 
-/// A name as a sentence begins; that of a library stays as it is written.
+/// A name at the start of a sentence; library names are not capitalised.
 fn capital(name: &str) -> String {
     match name {
         "watertight" => "Watertight".to_owned(),
@@ -218,7 +219,7 @@ fn capital(name: &str) -> String {
     }
 }
 
-fn line(case: &str, name: &str, found: &Judgement, ns: &Samples) -> Vec<Cell> {
+fn line(case: &str, name: &str, found: &Accuracy, ns: &Samples) -> Vec<Cell> {
     let percent = |share: f64| format!("{}%", number(100.0 * share));
     let both = |samples: &Samples| match samples.values() {
         [] => "no hit".to_owned(),

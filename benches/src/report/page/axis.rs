@@ -1,16 +1,16 @@
-//! Where numbers stand along an axis, and which of them are written there.
+//! The scale of an axis: positions of values, and tick labels.
 
 use crate::report::samples::number;
 
-/// Below this a logarithmic axis shows nothing: what is so small is what an underflow left of a number.
+/// Smallest value on a logarithmic axis: smaller ones come from underflow.
 const LEAST: f64 = 1e-300;
 
-/// Whether a number has a place on an axis.
+/// Whether a value can be shown on an axis.
 pub(super) fn is_shown(value: f64, is_log: bool) -> bool {
     value.is_finite() && (!is_log || value >= LEAST)
 }
 
-/// The ends of an axis, a little beyond what it shows.
+/// The ends of an axis, slightly beyond its values.
 pub(super) struct Scale {
     low: f64,
     high: f64,
@@ -18,27 +18,27 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// The axis that holds `values`; those without a place on it are left out.
+    /// The axis for `values`, ignoring those that cannot be shown.
     pub(super) fn over(values: impl Iterator<Item = f64>, is_log: bool) -> Self {
         let shown = values.filter(|x| is_shown(*x, is_log)).map(|x| if is_log { x.log10() } else { x });
         let (low, high) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
-        let room = if high > low { 0.05 * (high - low) } else { 0.5 * low.abs().max(0.2) };
-        Self { low: low - room, high: high + room, is_log }
+        let margin = if high > low { 0.05 * (high - low) } else { 0.5 * low.abs().max(0.2) };
+        Self { low: low - margin, high: high + margin, is_log }
     }
 
-    /// 0 at the low end, 1 at the high one; the nearer end for what has no place between.
-    pub(super) fn place(&self, value: f64) -> f64 {
+    /// 0 at the low end, 1 at the high end; clamped for values outside.
+    pub(super) fn position(&self, value: f64) -> f64 {
         let along = if self.is_log { value.max(LEAST).log10() } else { value };
         ((along - self.low) / (self.high - self.low)).clamp(0.0, 1.0)
     }
 
-    /// The least and the greatest value.
+    /// The minimum and maximum value.
     pub(super) fn ends(&self) -> [f64; 2] {
         [self.low, self.high].map(|x| if self.is_log { 10f64.powf(x) } else { x })
     }
 
-    /// Round numbers, at most about `n`.
+    /// Round tick values, about `n` at most.
     pub(super) fn ticks(&self, n: u32) -> Vec<f64> {
         let n = f64::from(n.max(2));
         let span = self.high - self.low;
@@ -69,7 +69,7 @@ fn steps(low: f64, high: f64, step: f64) -> impl Iterator<Item = f64> {
     (0..100).map(move |i| (first + f64::from(i)) * step).take_while(move |x| *x <= high)
 }
 
-/// A tick's number: short.
+/// A short tick label.
 pub(super) fn label(value: f64) -> String {
     let text = number(value);
     if let Some((digits, exponent)) = text.split_once('e') {
@@ -78,7 +78,7 @@ pub(super) fn label(value: f64) -> String {
     if value.abs() >= 100.0 { text } else { short(&text).to_owned() }
 }
 
-/// Without zeros behind the point that say nothing.
+/// Removes trailing zeros after the decimal point.
 fn short(text: &str) -> &str {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ticks_are_round_and_within() {
+    fn ticks_are_round_and_in_range() {
         let scale = Scale::over([1e-5, 3.0].into_iter(), true);
         assert_eq!(
             scale.ticks(7).iter().map(|x| label(*x)).collect::<Vec<_>>(),
@@ -101,17 +101,17 @@ mod tests {
     }
 
     #[test]
-    fn one_value_and_none_have_an_axis() {
+    fn single_values_and_none_have_an_axis() {
         for values in [vec![], vec![0.0], vec![5.0]] {
             for is_log in [false, true] {
                 let scale = Scale::over(values.iter().copied(), is_log);
-                assert!(scale.place(1.0).is_finite() && !scale.ticks(4).is_empty(), "{values:?}");
+                assert!(scale.position(1.0).is_finite() && !scale.ticks(4).is_empty(), "{values:?}");
             }
         }
     }
 
     #[test]
-    fn what_has_no_place_is_not_shown_and_ends_at_the_axis() {
+    fn values_off_the_axis_are_hidden_and_clamped() {
         for (value, is_log, shown) in [
             (1e-308, true, false),
             (-1.0, true, false),
@@ -123,7 +123,7 @@ mod tests {
         }
         let scale = Scale::over([1e-308, -2.0, 1.0, 100.0].into_iter(), true);
         assert!(scale.ends()[0] > 0.5, "{:?}", scale.ends());
-        assert_eq!([1e-308, -2.0, 1e9].map(|x| scale.place(x)), [0.0, 0.0, 1.0]);
+        assert_eq!([1e-308, -2.0, 1e9].map(|x| scale.position(x)), [0.0, 0.0, 1.0]);
     }
 
     #[test]

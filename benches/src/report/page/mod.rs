@@ -1,4 +1,4 @@
-//! The page: one file of HTML with everything in it, for wide screens and phones, light and dark.
+//! The page: one self-contained HTML file, for wide screens and phones, light and dark.
 
 mod axis;
 mod svg;
@@ -9,26 +9,25 @@ use anyhow::Result;
 
 use super::model::{Chapter, Plot, Report, Table};
 
-/// Every rule of the page. Plots are drawn in placeholder colours, which rules here replace.
+/// The style sheet. Plots use placeholder colours, which its rules replace.
 const STYLE: &str = include_str!("style.css");
 
-/// The whole page.
+/// Renders the page.
 pub(super) fn page(report: &Report) -> Result<String> {
     let facts = &report.facts;
     let mut out = String::from("<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
     let _ = write!(
         out,
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>canted: what each choice costs and \
-         buys</title>\n<style>\n{STYLE}{}</style>\n</head>\n<body>\n<header>\n<h1>canted: what each choice costs and \
-         buys</h1>\n",
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>canted: measured \
+         trade-offs</title>\n<style>\n{STYLE}{}</style>\n</head>\n<body>\n<header>\n<h1>canted: measured trade-offs</h1>\n",
         placeholders()
     );
     let _ = writeln!(
         out,
-        "<p>This is {}, measured in {}: {}; {}; commit {}; {}; <code>{}</code>. Points are medians; bars reach from the least to the greatest \
-         repetition, ± is half that distance, but behind an exponent its standard error. What is compared takes turns: a difference is \
-         called noise where the ratios of five rounds or more leave an interval of their median (of order statistics, right 93 times \
-         in 100 at least) that holds 1; where rounds are fewer, or not as many of both, where least to greatest of both meet.</p>",
+        "<p>This is {}, measured in {}: {}; {}; commit {}; {}; <code>{}</code>. Points are medians; bars reach from the minimum to \
+         the maximum repetition, ± is half that distance, or the standard error after an exponent. Compared items run in turn: a \
+         difference is called noise if the interval of the median ratio of five or more rounds (by order statistics, with at least \
+         93 % confidence) contains 1, or, with fewer or unequal rounds, if the ranges of both overlap.</p>",
         report.kind(),
         report.took(),
         escaped(&facts.machine),
@@ -85,14 +84,14 @@ fn list(out: &mut String, class: &str, items: &[String]) {
 fn figure(out: &mut String, plot: &Plot) -> Result<()> {
     let all = || plot.series.iter().flat_map(|series| &series.points);
     let n_points = all().filter(|point| svg::is_shown(plot, point)).count();
-    let n_left_out = all().count() - n_points;
-    let left_out = match n_left_out {
+    let n_hidden = all().count() - n_points;
+    let hidden = match n_hidden {
         0 => String::new(),
-        n => format!(" ({n} without a place on these axes, left out)"),
+        n => format!(" ({n} outside these axes not shown)"),
     };
     let _ = writeln!(
         out,
-        "<figure data-points=\"{n_points}\" data-left-out=\"{n_left_out}\">\n<figcaption>{}{left_out}</figcaption>\n<ul \
+        "<figure data-points=\"{n_points}\" data-hidden=\"{n_hidden}\">\n<figcaption>{}{hidden}</figcaption>\n<ul \
          class=\"legend\">",
         escaped(&plot.title)
     );
@@ -126,7 +125,7 @@ fn rows(out: &mut String, table: &Table) {
     out.push_str("</tbody></table></div>\n");
 }
 
-/// Rules that give the placeholders of plots their colours.
+/// Rules that replace the placeholder colours of plots.
 fn placeholders() -> String {
     let mut rules = String::new();
     let mut rule = |placeholder: &str, variable: &str| {
@@ -153,7 +152,7 @@ mod tests {
     use crate::report::model::{Axis, Point, Series};
 
     #[test]
-    fn a_caption_counts_what_is_left_out() {
+    fn a_caption_counts_hidden_points() {
         let points = [1.0, 0.0, 2.0].map(|y| Point { label: String::new(), x: 1.0.into(), y: y.into() }).into();
         let series = vec![Series { name: "a".to_owned(), points, is_joined: false }];
         let mut plot = Plot { title: "t".to_owned(), x: Axis::log("x"), y: Axis::log("y"), series };
@@ -162,7 +161,7 @@ mod tests {
             figure(&mut out, plot).unwrap();
             out
         };
-        assert!(drawn(&plot).contains("data-points=\"2\"") && drawn(&plot).contains("t (1 without a place"));
+        assert!(drawn(&plot).contains("data-points=\"2\"") && drawn(&plot).contains("t (1 outside"));
         plot.y.is_log = false;
         assert!(drawn(&plot).contains("data-points=\"3\"") && drawn(&plot).contains("<figcaption>t</figcaption>"));
     }

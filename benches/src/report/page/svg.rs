@@ -1,4 +1,4 @@
-//! A plot as SVG, in colours that the page's style sheet gives.
+//! Plots as SVG, with colours from the page's style sheet.
 
 use anyhow::{Result, anyhow, ensure};
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged};
@@ -14,17 +14,17 @@ use crate::report::model::{Plot, Point, Series};
 /// Width and height in pixels, for screens that are wide and for phones.
 pub(super) const SIZES: [(&str, [u32; 2]); 2] = [("wide", [860, 420]), ("narrow", [312, 320])];
 
-/// Height of letters as the drawing library counts it; browsers show four fifths of it.
+/// Font size of the drawing library; browsers show four fifths of it.
 const FONT_SIZE: u32 = 15;
 
-/// Colours that stand for those of the style sheet, which selects them by their value.
+/// Placeholder colours, which the style sheet selects by value.
 const INK: RGBColor = RGBColor(1, 1, 1);
 const GRID: RGBColor = RGBColor(2, 2, 2);
 
-/// Colours of the style sheet; further series take the same in hollow marks.
+/// Number of series colours; further series use the same colours with hollow marks.
 pub(super) const N_COLORS: usize = 7;
 
-/// Where a series' mark stands in the palette, and whether it is hollow.
+/// The colour index of a series, and whether its mark is hollow.
 pub(super) fn mark(series: usize) -> (usize, bool) {
     (series % N_COLORS, (series / N_COLORS) % 2 == 1)
 }
@@ -35,7 +35,7 @@ fn color(series: usize) -> RGBColor {
     RGBColor(3, 3, 10 + number)
 }
 
-/// An axis over exponents or plain numbers, with its own ticks.
+/// A linear or logarithmic axis with its own ticks.
 struct Ticked {
     scale: Scale,
     ticks: Vec<f64>,
@@ -46,9 +46,9 @@ impl Ranged for Ticked {
     type ValueType = f64;
 
     fn map(&self, value: &f64, (low, high): (i32, i32)) -> i32 {
-        let place = f64::from(low) + self.scale.place(*value) * f64::from(high - low);
+        let position = f64::from(low) + self.scale.position(*value) * f64::from(high - low);
         #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
-        let pixel = place.round() as i32;
+        let pixel = position.round() as i32;
         pixel
     }
 
@@ -68,9 +68,9 @@ impl plotters::coord::ranged1d::ValueFormatter<f64> for Ticked {
     }
 }
 
-/// Whether a point has a place on both axes.
+/// Whether a point can be shown on both axes.
 pub(super) fn is_shown(plot: &Plot, point: &Point) -> bool {
-    let (x, y) = place(point);
+    let (x, y) = position(point);
     axis::is_shown(x, plot.x.is_log) && axis::is_shown(y, plot.y.is_log)
 }
 
@@ -88,7 +88,7 @@ pub(super) fn svg(plot: &Plot, [width, height]: [u32; 2]) -> Result<String> {
     titled(plot, &out)
 }
 
-/// Each circle with what it stands for, which browsers show under the pointer. The drawing library has no such thing.
+/// Adds a title to each circle, which browsers show as a tooltip; the drawing library does not support titles.
 fn titled(plot: &Plot, svg: &str) -> Result<String> {
     let titles: Vec<String> =
         plot.series.iter().flat_map(|series| shown(plot, series).map(|point| title(plot, series, point))).collect();
@@ -108,7 +108,7 @@ fn titled(plot: &Plot, svg: &str) -> Result<String> {
     Ok(out)
 }
 
-/// Series, label and both values of a point.
+/// Series name, label and both values of a point.
 fn title(plot: &Plot, series: &Series, point: &Point) -> String {
     let label = if point.label.is_empty() { String::new() } else { format!(", {}", point.label) };
     format!("{}{label}: {} {}; {} {}", series.name, plot.x.label, point.x, plot.y.label, point.y)
@@ -143,26 +143,26 @@ fn draw(plot: &Plot, area: &DrawingArea<SVGBackend, plotters::coord::Shift>, wid
     for (number, series) in plot.series.iter().enumerate() {
         chart.draw_series(bars(shown(plot, series), color(number))).map_err(|error| anyhow!("{error}"))?;
         if series.is_joined {
-            let line = shown(plot, series).map(place).collect::<Vec<_>>();
+            let line = shown(plot, series).map(position).collect::<Vec<_>>();
             chart
                 .draw_series([PathElement::new(line, color(number).stroke_width(2))])
                 .map_err(|error| anyhow!("{error}"))?;
         }
         let style = ShapeStyle { color: color(number).to_rgba(), filled: !mark(number).1, stroke_width: 2 };
-        let marks = shown(plot, series).map(|point| Circle::new(place(point), 4, style));
+        let marks = shown(plot, series).map(|point| Circle::new(position(point), 4, style));
         chart.draw_series(marks).map_err(|error| anyhow!("{error}"))?;
     }
     area.present().map_err(|error| anyhow!("{error}"))
 }
 
-fn place(point: &Point) -> (f64, f64) {
+fn position(point: &Point) -> (f64, f64) {
     (point.x.median(), point.y.median())
 }
 
-/// From least to greatest, along both axes.
+/// Bars from minimum to maximum along both axes.
 fn bars<'a>(points: impl Iterator<Item = &'a Point>, color: RGBColor) -> impl Iterator<Item = PathElement<(f64, f64)>> {
     points.flat_map(move |point| {
-        let ((x, y), [left, right], [low, high]) = (place(point), point.x.range(), point.y.range());
+        let ((x, y), [left, right], [low, high]) = (position(point), point.x.range(), point.y.range());
         [vec![(left, y), (right, y)], vec![(x, low), (x, high)]]
             .map(|ends| PathElement::new(ends, color.stroke_width(1)))
     })
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn every_point_is_a_circle_that_says_what_it_is() {
+    fn every_point_is_a_circle_with_a_title() {
         let series = |n: i32| Series {
             name: "a".to_owned(),
             points: (1..=n).map(|x| point(f64::from(x))).collect(),
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_place_is_not_drawn() {
+    fn values_off_the_axes_are_not_drawn() {
         let points = [1.0, 2.0, -1.0, 1e-308].map(point).into();
         let plot = plot(vec![Series { name: "a".to_owned(), points, is_joined: true }]);
         let svg = svg(&plot, SIZES[0].1).unwrap();

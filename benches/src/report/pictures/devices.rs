@@ -1,4 +1,4 @@
-//! The CPU beside the adapter of a device, on the same samples.
+//! The CPU compared with a device, on the same samples.
 
 use anyhow::Result;
 use canted_film::Film;
@@ -11,12 +11,12 @@ use super::stage::Stage;
 use super::{methods, reference};
 use crate::report::{effort::Effort, model::Chapter};
 
-/// Adds the race of devices; what it shows, where an adapter opens.
+/// Adds the comparison of devices; returns its finding if an adapter opens.
 pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Result<Option<String>> {
     let gpu = match Gpu::open(&Choice::Best) {
         Ok(gpu) => gpu,
         Err(error) => {
-            chapter.skipped.push(format!("Devices but the CPU: {error}."));
+            chapter.skipped.push(format!("Devices other than the CPU: {error}."));
             return Ok(None);
         }
     };
@@ -39,16 +39,16 @@ pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Resul
             render: Box::new(|settings| film(&gpu, stage, settings)),
         },
     ];
-    // A software driver takes as long for a few samples as a full run takes for the rest of this chapter.
+    // A software driver takes as long for a few samples as a full run for the rest of this chapter.
     let is_software = gpu.info().kind == AdapterKind::Software;
     let most = if is_software { effort.pick(1, 2, 2) } else { effort.pick(1, 2, 4) };
     let samples: Vec<u32> = (0..=most).map(|log2| 1 << log2).collect();
     let courses = race::race(&racers, &samples, effort.pick(2, 4, 16))?;
     race::show(chapter, &format!("{} on devices", stage.sized()), &courses, &samples, Clock::Wall);
-    Ok(race::best(&courses.iter().collect::<Vec<_>>(), Clock::Wall).map(|best| format!("Of devices, {best}.")))
+    Ok(race::best(&courses.iter().collect::<Vec<_>>(), Clock::Wall).map(|best| format!("For devices, {best}.")))
 }
 
-/// Renders on the device; what the kernel reads is packed each time, as a program that makes one picture does.
+/// Renders on the device. The kernel's input is packed each time, as in a program that renders one picture.
 fn film(gpu: &Gpu, stage: &Stage, settings: &Settings) -> Result<Film> {
     let surfaces = Surfaces::with_lod(&stage.scene, settings.lod);
     let picture = DevicePicture::new(gpu, &surfaces, &stage.prepared.structure, &stage.camera, settings)?;

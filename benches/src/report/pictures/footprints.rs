@@ -1,4 +1,4 @@
-//! How much of a texture a lookup averages: a checked plain that reaches to the horizon.
+//! Filter footprints of texture lookups, on a checkered plane that reaches the horizon.
 
 use anyhow::Result;
 use canted_obb::Affine;
@@ -16,11 +16,11 @@ use crate::report::{effort::Effort, model::Chapter};
 
 const LODS: [(&str, Lod); 3] = [("texels", Lod::None), ("cone", Lod::Cone), ("ellipse", Lod::Aniso)];
 
-/// Adds the race of footprints; what it shows.
+/// Adds the comparison of footprints; returns its finding.
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
-    let stage = Stage::new("checked plain", plain(), effort)?;
+    let stage = Stage::new("checkered plane", plane(), effort)?;
     let settings = |lod, pattern, n| Settings { lod, ..stage.settings(Integrator::Path, pattern, n, 0) };
-    // Without averaging the mean of many samples is the truth; averaging has a bias, which its error shows.
+    // Without filtering, the mean of many samples is the truth; filtering adds a bias, which the error includes.
     let truth = settings(Lod::None, Pattern::Sobol, effort.pick(8, 256, 2048));
     let reference = Reference::new(&stage, &truth, 8)?;
     let racers: Vec<Racer<'_>> = LODS
@@ -39,15 +39,15 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<String> {
     let one = |k: usize| race::mean(&courses[k].reached[0].mse);
     let best = race::best(&courses.iter().collect::<Vec<_>>(), Clock::Processor).unwrap_or_default();
     Ok(format!(
-        "On a checked plain one sample of an ellipse of texels errs {} times as much (MSE) as one of a single texel, and at {} \
-         samples {best}.",
+        "On a checkered plane, one sample with an elliptical footprint has {} times the error (MSE) of one with a single texel, and \
+         at {} samples {best}.",
         crate::report::samples::number(one(2) / one(0)),
         samples[samples.len() - 1]
     ))
 }
 
-/// A plain of 200 by 200 checks under a sky, seen from a man's height.
-fn plain() -> Scene {
+/// A plane of 200 by 200 checks under a sky, seen from eye height.
+fn plane() -> Scene {
     const SIDE: u32 = 64;
     let texel = |i: u32| if (i % SIDE / (SIDE / 2)) ^ (i / SIDE / (SIDE / 2)) == 0 { [40; 4] } else { [230; 4] };
     let texture = Texture {

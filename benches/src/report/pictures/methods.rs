@@ -12,23 +12,23 @@ const INTEGRATORS: [(&str, Integrator); 2] = [("hybrid", Integrator::Hybrid), ("
 const PATTERNS: [(&str, Pattern); 3] =
     [("random", Pattern::Random), ("stratified", Pattern::Stratified), ("sobol", Pattern::Sobol)];
 
-/// Seeds of each point.
+/// Number of seeds per point.
 pub(super) fn n_seeds(effort: Effort) -> u32 {
     effort.pick(3, 16, 16)
 }
 
-/// Numbers of samples of each course.
+/// Sample counts of each method.
 pub(super) fn samples(effort: Effort) -> Vec<u32> {
     (0..=effort.pick(1, 4, 6)).map(|log2| 1 << log2).collect()
 }
 
-/// A reference of an integrator, by a sampler that is not `pattern`.
+/// A reference for an integrator, with a sampler other than `pattern`.
 pub(super) fn reference(stage: &Stage, integrator: Integrator, pattern: Pattern, effort: Effort) -> Result<Reference> {
     let other = if pattern == Pattern::Sobol { Pattern::Stratified } else { Pattern::Sobol };
     Reference::new(stage, &stage.settings(integrator, other, effort.pick(8, 128, 512), 0), 8)
 }
 
-/// Adds the race of all integrators with all samplers on a stage; what it shows.
+/// Adds the comparison of all integrators and samplers on a stage; returns its finding.
 pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Result<String> {
     let mut references = vec![];
     for (_, integrator) in INTEGRATORS {
@@ -36,8 +36,8 @@ pub(super) fn add(chapter: &mut Chapter, stage: &Stage, effort: Effort) -> Resul
             references.push(reference(stage, integrator, pattern, effort)?);
         }
     }
-    let ways = INTEGRATORS.iter().flat_map(|integrator| PATTERNS.iter().map(move |pattern| (integrator, pattern)));
-    let racers: Vec<Racer<'_>> = ways
+    let pairs = INTEGRATORS.iter().flat_map(|integrator| PATTERNS.iter().map(move |pattern| (integrator, pattern)));
+    let racers: Vec<Racer<'_>> = pairs
         .zip(&references)
         .map(|((&(integrator_name, integrator), &(pattern_name, pattern)), reference)| Racer {
             name: format!("{integrator_name}, {pattern_name}"),

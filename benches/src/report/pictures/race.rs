@@ -1,4 +1,4 @@
-//! Several ways to make one picture, in turn, and the errors that each reaches.
+//! Several methods that render one picture in turn, and the errors that each reaches.
 
 use anyhow::Result;
 use canted_film::{Film, PIXELS_PER_DEGREE, flip};
@@ -13,24 +13,24 @@ use crate::report::{
     samples::{Samples, number},
 };
 
-/// Makes a picture by its settings.
+/// Renders a picture with the given settings.
 type Render<'a> = dyn Fn(&Settings) -> Result<Film> + 'a;
 
-/// A way to make the picture.
+/// A method to render the picture.
 pub(super) struct Racer<'a> {
     pub(super) name: String,
     pub(super) reference: &'a Reference,
-    /// Added to the seconds where building counts.
+    /// Build seconds, added in plots that include the build.
     pub(super) build: &'a Samples,
-    /// Of the picture, but for its number of samples and its seed.
+    /// Settings except the number of samples and the seed.
     pub(super) settings: Settings,
     pub(super) render: Box<Render<'a>>,
 }
 
-/// What plots and efficiencies take for the seconds of sampling where the set-up seems to have taken all.
+/// Minimum sampling seconds of plots and efficiencies, if the set-up appears to take all the time.
 const LEAST_SECONDS: f64 = 1e-6;
 
-/// What one racer reached at one number of samples: an entry a seed.
+/// Results of one method at one number of samples: an entry per seed.
 #[derive(Default)]
 pub(super) struct Reached {
     pub(super) wall: Vec<f64>,
@@ -40,17 +40,17 @@ pub(super) struct Reached {
     flip: Vec<f64>,
 }
 
-/// What one racer reached, by number of samples.
+/// Results of one method by number of samples.
 pub(super) struct Course {
     pub(super) name: String,
     build: Samples,
-    /// What a render spends whatever its number of samples.
+    /// Time of a render that does not depend on the number of samples.
     setup: Seconds,
     pub(super) reached: Vec<Reached>,
     share_of_reference: f64,
 }
 
-/// Runs all racers over all numbers of samples and all seeds, in turn.
+/// Runs all methods with all numbers of samples and all seeds, in turn.
 pub(super) fn race(racers: &[Racer<'_>], samples: &[u32], n_seeds: u32) -> Result<Vec<Course>> {
     let empty = || samples.iter().map(|_| Reached::default()).collect();
     let mut reached: Vec<Vec<Reached>> = racers.iter().map(|_| empty()).collect();
@@ -67,7 +67,7 @@ pub(super) fn race(racers: &[Racer<'_>], samples: &[u32], n_seeds: u32) -> Resul
         }
     }
     let courses = racers.iter().zip(reached).map(|(racer, mut reached)| {
-        let setup = leave_out_setup(samples, &mut reached);
+        let setup = subtract_setup(samples, &mut reached);
         let last = mean(&reached[samples.len() - 1].mse);
         let share_of_reference = racer.reference.share(last);
         Course { name: racer.name.clone(), build: racer.build.clone(), setup, reached, share_of_reference }
@@ -88,9 +88,9 @@ impl Reached {
     }
 }
 
-/// Takes from all seconds what does not grow with the number of samples, and tells it. A picture of one pixel would not tell it:
-/// part of it grows with pixels.
-fn leave_out_setup(samples: &[u32], reached: &mut [Reached]) -> Seconds {
+/// Subtracts and returns the time that does not grow with the number of samples. A picture of one pixel cannot measure
+/// it, because part of it grows with the pixels.
+fn subtract_setup(samples: &[u32], reached: &mut [Reached]) -> Seconds {
     let mut take = |seconds: fn(&mut Reached) -> &mut Vec<f64>| {
         let point = |(&n, reached): (&u32, &mut Reached)| (f64::from(n), median(seconds(reached)));
         let setup = fits::intercept(&samples.iter().zip(reached.iter_mut()).map(point).collect::<Vec<_>>());
@@ -100,12 +100,12 @@ fn leave_out_setup(samples: &[u32], reached: &mut [Reached]) -> Seconds {
     Seconds { wall: take(|reached| &mut reached.wall), cpu: take(|reached| &mut reached.cpu) }
 }
 
-/// Which clock a race is shown by.
+/// The clock of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Clock {
-    /// Seconds of the processor, all threads together.
+    /// Processor seconds of all threads.
     Processor,
-    /// Seconds that pass, where part of the work is a device's.
+    /// Wall seconds, if a device does part of the work.
     Wall,
 }
 
@@ -130,7 +130,7 @@ impl Clock {
 }
 
 impl Course {
-    /// Efficiency at the most samples, and the interval that its seeds leave it.
+    /// Efficiency at the largest sample count, and its interval over seeds.
     pub(super) fn efficiency(&self, clock: Clock) -> (f64, [f64; 2]) {
         let last = &self.reached[self.reached.len() - 1];
         let (mse, seconds): (Samples, Samples) = (last.mse.clone().into(), clock.seconds(last));
@@ -165,16 +165,16 @@ impl Course {
     }
 }
 
-/// One of the errors that were reached.
+/// Selects an error.
 type Pick = fn(&Reached) -> &Vec<f64>;
 
-/// Adds a race's plots and table: relMSE and MSE, without and with the time of the build.
+/// Adds plots and table of a comparison: relMSE and MSE, without and with the build time.
 pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], samples: &[u32], clock: Clock) {
     const REL_MSE: (&str, Pick) = ("relMSE", |reached| &reached.rel_mse);
     const MSE: (&str, Pick) = ("MSE", |reached| &reached.mse);
     for ((error, pick), with_build) in [(REL_MSE, false), (MSE, false), (REL_MSE, true), (MSE, true)] {
         let series = courses.iter().map(|course| course.series(clock, with_build, samples, pick)).collect();
-        let build = if with_build { ", set-up and build included" } else { "" };
+        let build = if with_build { ", including set-up and build" } else { "" };
         chapter.plots.push(Plot {
             title: format!("{what}: {error} over {}{build}", clock.label()),
             x: Axis::log(format!("{}{build}", clock.label())),
@@ -184,7 +184,7 @@ pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], sample
     }
     let (first, last) = (samples[0], samples[samples.len() - 1]);
     let mut table = Table::new(
-        format!("{what}: how error falls"),
+        format!("{what}: error over time"),
         &[
             "method",
             "relMSE ~ time^",
@@ -195,20 +195,20 @@ pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], sample
             &format!("FLIP at {first}"),
             &format!("FLIP at {last}"),
             "set-up",
-            &format!("cpu at {last} samples"),
-            &format!("wall at {last} samples"),
+            &format!("CPU time at {last} samples"),
+            &format!("wall time at {last} samples"),
             "reference's share",
         ],
     );
     for course in courses {
-        let slope = |error: Pick| Cell::text(fits::told(course.slope(clock, error)));
+        let slope = |error: Pick| Cell::text(fits::formatted(course.slope(clock, error)));
         let (efficiency, [low, high]) = course.efficiency(clock);
         let (start, end) = (&course.reached[0], &course.reached[course.reached.len() - 1]);
         table.rows.push(vec![
             Cell::text(course.name.clone()),
             slope(|reached| &reached.rel_mse),
             slope(|reached| &reached.mse),
-            Cell::text(fits::told(course.slope_of_samples(samples))),
+            Cell::text(fits::formatted(course.slope_of_samples(samples))),
             Cell::text(number(efficiency)),
             Cell::text(format!("{} to {}", number(low), number(high))),
             Cell::measured(start.flip.clone(), ""),
@@ -222,7 +222,7 @@ pub(super) fn show(chapter: &mut Chapter, what: &str, courses: &[Course], sample
     chapter.tables.push(table);
 }
 
-/// The most efficient course and how it compares with another: with words of noise where their intervals meet.
+/// The most efficient method compared with the second; noise if their intervals overlap.
 pub(super) fn best(courses: &[&Course], clock: Clock) -> Option<String> {
     let mut ranked: Vec<_> = courses.iter().map(|course| (course, course.efficiency(clock))).collect();
     ranked.sort_by(|a, b| b.1.0.total_cmp(&a.1.0));
@@ -231,7 +231,7 @@ pub(super) fn best(courses: &[&Course], clock: Clock) -> Option<String> {
     Some(if low > high {
         format!("{} is the most efficient, {ratio} times {}", first.name, second.name)
     } else {
-        format!("{} and {} are as efficient as each other but for noise ({ratio} times)", first.name, second.name)
+        format!("{} and {} are equally efficient within noise ({ratio} times)", first.name, second.name)
     })
 }
 
@@ -244,9 +244,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn random_samples_err_with_the_root_of_their_time_whatever_a_picture_costs_besides() {
+    fn random_samples_err_with_the_root_of_time_regardless_of_setup() {
         let samples = [1, 2, 4, 8, 16];
-        // Seconds of five seeds that differ by a fiftieth; half a sample's besides, which a picture of one pixel has not.
+        // Seconds of five seeds that differ by 2 %, plus a set-up of half a sample.
         let of = |n: u32| Reached {
             cpu: (0..5).map(|seed| (0.5 + f64::from(n)) * (1.0 + 0.01 * f64::from(seed - 2))).collect(),
             wall: vec![f64::from(n); 5],
@@ -254,7 +254,7 @@ mod tests {
             ..Reached::default()
         };
         let mut reached: Vec<Reached> = samples.map(of).into();
-        let setup = leave_out_setup(&samples, &mut reached);
+        let setup = subtract_setup(&samples, &mut reached);
         assert!((setup.cpu - 0.5).abs() < 1e-9 && setup.wall < 1e-9, "{setup:?}");
         let course = Course { name: String::new(), build: 0.0.into(), setup, reached, share_of_reference: 0.0 };
         let slopes = [course.slope(Clock::Processor, |reached| &reached.mse), course.slope_of_samples(&samples)];

@@ -1,4 +1,4 @@
-//! A picture that stands for the truth, and how far it lies from it.
+//! A reference picture with its own error.
 
 use std::sync::atomic::AtomicBool;
 
@@ -8,19 +8,19 @@ use canted_renderer::{Settings, render};
 
 use super::stage::Stage;
 
-/// Seeds of references begin here: no measured picture has them.
+/// First seed of references; measured pictures use smaller seeds.
 const FIRST_SEED: u32 = 0x4000_0000;
 
 /// The mean of several pictures, with its own error.
 pub(super) struct Reference {
     pub(super) picture: Picture,
-    /// Expected squared distance from the truth, mean over channels.
+    /// Expected squared error, averaged over channels.
     mse: f64,
-    /// The same over the squared reference and its floor.
+    /// The same relative to the squared reference plus a constant.
     rel_mse: f64,
 }
 
-/// MSE and relMSE of a picture without the reference's own.
+/// MSE and relMSE of a picture, minus the reference's own error.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Errors {
     pub(super) mse: f64,
@@ -34,7 +34,7 @@ pub(super) fn film(stage: &Stage, settings: &Settings) -> Result<Film> {
 }
 
 impl Reference {
-    /// The mean of `n` pictures of these settings, each with a seed of its own.
+    /// The mean of `n` pictures of these settings with different seeds.
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how pictures are stored")]
     pub(super) fn new(stage: &Stage, settings: &Settings, n: u32) -> Result<Self> {
         let picture = |k| Ok(film(stage, &Settings { seed: FIRST_SEED + k, ..*settings })?.picture());
@@ -44,25 +44,25 @@ impl Reference {
         for (i, pixel) in mean.pixels.iter_mut().enumerate() {
             for (c, channel) in pixel.iter_mut().enumerate() {
                 let values = || pictures.iter().map(|picture| f64::from(picture.pixels[i][c]));
-                let middle = values().sum::<f64>() / f64::from(n);
-                let squares: f64 = values().map(|x| (x - middle).powi(2)).sum();
+                let center = values().sum::<f64>() / f64::from(n);
+                let squares: f64 = values().map(|x| (x - center).powi(2)).sum();
                 let variance_of_mean = squares / (f64::from(n) * f64::from(n - 1));
-                *channel = middle as f32;
+                *channel = center as f32;
                 mse += variance_of_mean;
-                rel_mse += variance_of_mean / (middle * middle + REL_MSE_FLOOR);
+                rel_mse += variance_of_mean / (center * center + REL_MSE_FLOOR);
                 n_channels += 1.0;
             }
         }
         Ok(Self { picture: mean, mse: mse / n_channels, rel_mse: rel_mse / n_channels })
     }
 
-    /// How far `picture` lies from the truth.
+    /// The errors of `picture`.
     pub(super) fn errors(&self, picture: &Picture) -> Result<Errors> {
         let found = compare(picture, &self.picture)?;
         Ok(Errors { mse: found.mse - self.mse, rel_mse: found.rel_mse - self.rel_mse })
     }
 
-    /// Its own share of a squared error.
+    /// Share of the reference's own error in a squared error.
     pub(super) fn share(&self, mse: f64) -> f64 {
         self.mse / mse
     }

@@ -1,4 +1,4 @@
-//! What is rendered.
+//! The rendered scenes.
 
 use anyhow::Result;
 use canted_renderer::{Integrator, Pattern, Prepared, Settings, StructureConfig, frame, prepare};
@@ -10,15 +10,15 @@ use crate::report::effort::Effort;
 use crate::report::samples::Samples;
 use crate::report::subjects;
 
-/// A scene with a view, built.
+/// A scene with a view and its built structure.
 pub(super) struct Stage {
     pub(super) name: &'static str,
-    /// The one on which structures and devices are compared.
+    /// Whether structures and devices are compared on it.
     pub(super) is_first: bool,
     pub(super) scene: Scene,
     pub(super) camera: Camera,
     pub(super) size: [u32; 2],
-    /// A tenth of the scene's diagonal, found once: a render of few samples would spend its time on finding it.
+    /// A tenth of the scene's diagonal, computed once because renders of few samples are short.
     ao_radius: f32,
     pub(super) prepared: Prepared<Watertight>,
     /// Processor seconds of each build, all threads.
@@ -43,7 +43,7 @@ impl Stage {
         Ok(Self { name, is_first: false, scene, camera, size, ao_radius, prepared, build: seconds.into() })
     }
 
-    /// Its name and the size of its pictures: errors over seconds are of both.
+    /// Name and picture size.
     pub(super) fn sized(&self) -> String {
         let [width, height] = self.size;
         format!("{}, {width} x {height}", self.name)
@@ -52,7 +52,7 @@ impl Stage {
     /// Settings of a picture of this stage.
     pub(super) fn settings(&self, integrator: Integrator, pattern: Pattern, samples: u32, seed: u32) -> Settings {
         let [width, height] = self.size;
-        // Short paths keep the reference affordable; both integrators then follow light equally far.
+        // Short paths keep the reference affordable, and both integrators have the same number of bounces.
         let ao_radius = Some(self.ao_radius);
         Settings {
             width,
@@ -69,16 +69,16 @@ impl Stage {
     }
 }
 
-/// The built-in scene, and Sponza in a full run where it is at hand.
+/// The built-in scene, and Sponza in a full run if available.
 pub(super) fn stages(effort: Effort, skipped: &mut Vec<String>) -> Result<Vec<Stage>> {
     let mut stages = vec![Stage { is_first: true, ..Stage::new("built-in", canted_scene::builtin(), effort)? }];
     if effort != Effort::Full {
-        skipped.push("Pictures of Sponza: a full run has them.".to_owned());
+        skipped.push("Pictures of Sponza: only a full run includes them.".to_owned());
         return Ok(stages);
     }
     match subjects::lit_sponza()? {
         Some(scene) => stages.push(Stage::new("sponza", scene, effort)?),
-        None => skipped.push("Pictures of Sponza: the model is not at hand.".to_owned()),
+        None => skipped.push("Pictures of Sponza: the model is not available.".to_owned()),
     }
     Ok(stages)
 }

@@ -1,10 +1,10 @@
-//! Trees rebuilt for every picture: the BIH thesis's table 1 and its two charts, as far as their text survives.
+//! BVHs rebuilt for every picture: the BIH thesis's table 1 and its two charts, as far as their text survives.
 
 use anyhow::Result;
 use canted_trace::Watertight;
 use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
-use super::builders::{HALVED, RADIX, SWEPT, Took, measure, scaffold};
+use super::builders::{MIDPOINT, RADIX, SWEPT, Took, measure, scaffold};
 use super::orders::Found;
 use super::passes::one_thread;
 use crate::clock;
@@ -15,7 +15,7 @@ use crate::report::{
 };
 use crate::wide::{closest_seconds, sets};
 
-/// What table 1 prints: scene, triangles, and milliseconds to build and to trace of a BIH with leaves of up to 1, 5 and 10, and of a
+/// Table 1: scene, triangles, and build and trace milliseconds of a BIH with leaves of up to 1, 5 and 10, and of a
 /// kd-tree with ropes.
 const THEIRS: [(&str, usize, [[f64; 2]; 4]); 3] = [
     ("Hornbug", 1_800, [[1.7, 15.0], [0.8, 13.5], [0.6, 13.5], [12.3, 7.2]]),
@@ -25,7 +25,7 @@ const THEIRS: [(&str, usize, [[f64; 2]; 4]); 3] = [
 
 const STRUCTURES: [&str; 4] = ["BIH, leaves of 1", "BIH, leaves of 5", "BIH, leaves of 10", "kd-tree with ropes"];
 
-/// What the charts' text says: scene, structure, most primitives of a leaf, pictures a second, megabytes.
+/// The charts: scene, structure, maximum primitives per leaf, pictures per second, megabytes.
 const CHARTS: [(&str, &str, &str, &str, &str); 10] = [
     ("Dino", "BIH", "1", "5.9", "–"),
     ("Dino", "BIH", "30", "11.1", "–"),
@@ -39,7 +39,7 @@ const CHARTS: [(&str, &str, &str, &str, &str); 10] = [
     ("Dragon", "kd-tree with ropes", "–", "–", "41"),
 ];
 
-/// Most triangles of a leaf of ours.
+/// Our maximum triangles per leaf.
 const MOST: [usize; 4] = [1, 4, 8, 32];
 
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
@@ -50,8 +50,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
 
 fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table = Table::new(
-        "Trees built anew for each picture (the BIH thesis's table 1)",
-        &["source", "scene", "triangles", "structure", "build", "picture", "both", "pictures a second"],
+        "BVHs rebuilt for each picture (the BIH thesis's table 1)",
+        &["source", "scene", "triangles", "structure", "build", "picture", "both", "pictures per second"],
     );
     let mut row = |[source, scene, n, structure]: [&str; 4], build: Samples, picture: Samples| {
         let both = build.with(&picture, |a, b| a + b);
@@ -61,7 +61,7 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         cells.push(Cell::text(rate));
         table.rows.push(cells);
     };
-    let mut series: Vec<Series> = ["BIH thesis", HALVED.0, RADIX.0, SWEPT.0]
+    let mut series: Vec<Series> = ["BIH thesis", MIDPOINT.0, RADIX.0, SWEPT.0]
         .map(|name| Series { name: name.to_owned(), points: vec![], is_joined: false })
         .into();
     for (scene, n, structures) in THEIRS {
@@ -75,15 +75,15 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     for (&log2, (.., theirs)) in effort.pick(&[8][..], &[11, 15, 17], &[11, 15, 17]).iter().zip(THEIRS) {
         let model = scaffold(log2);
         let n = model.mesh.triangles.len();
-        let took = measure(&model, &[HALVED, RADIX, SWEPT], effort)?;
+        let took = measure(&model, &[MIDPOINT, RADIX, SWEPT], effort)?;
         let both = |took: &Took| (took.name, took.build.with(&took.picture, |build, picture| build + picture));
-        // Theirs without larger leaves beside the tree halved in space, their kd-tree beside the one whose splits are all tried.
-        let beside = [(theirs[0], &took[0]), (theirs[3], &took[2])]
+        // Their BIH with leaves of 1 is compared with midpoint splits, their kd-tree with a full SAH sweep.
+        let compared = [(theirs[0], &took[0]), (theirs[3], &took[2])]
             .map(|([build, picture], took)| [[build, took.build.median()], [picture, took.picture.median()]]);
         let sum = |[build, picture]: [[f64; 2]; 2]| [build[0] + picture[0], build[1] + picture[1]];
-        found.compared.extend([beside.map(|of| of[0]), beside.map(|of| of[1]), beside.map(sum)].map(Vec::from));
+        found.compared.extend([compared.map(|of| of[0]), compared.map(|of| of[1]), compared.map(sum)].map(Vec::from));
         found.says = format!(
-            "Built anew for each picture, the scaffold of {n} triangles has it first by the tree {}; theirs by the BIH.",
+            "Rebuilt for each picture, the scaffold of {n} triangles is fastest with {}; theirs with the BIH.",
             first(&took.iter().map(both).collect::<Vec<_>>())
         );
         for (took, series) in took.into_iter().zip(&mut series[1..]) {
@@ -94,7 +94,7 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     }
     chapter.tables.push(table);
     chapter.plots.push(Plot {
-        title: "Trees built anew for each picture: picture over build".to_owned(),
+        title: "BVHs rebuilt for each picture: picture over build".to_owned(),
         x: Axis::log("build, ms"),
         y: Axis::log("picture, ms"),
         series,
@@ -102,11 +102,11 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     Ok(found)
 }
 
-/// Chart 1, pictures a second, and chart 2, memory, over the most primitives that a leaf may hold.
+/// Chart 1, pictures per second, and chart 2, memory, over the maximum primitives per leaf.
 fn charts(chapter: &mut Chapter, effort: Effort) -> Result<()> {
     let mut table = Table::new(
-        "Primitives of a leaf (the BIH thesis's charts 1 and 2)",
-        &["source", "scene", "structure", "most in a leaf", "pictures a second", "memory"],
+        "Primitives per leaf (the BIH thesis's charts 1 and 2)",
+        &["source", "scene", "structure", "maximum per leaf", "pictures per second", "memory"],
     );
     for (scene, structure, most, rate, megabytes) in CHARTS {
         let memory = if megabytes == "–" { megabytes.to_owned() } else { format!("{megabytes} MB") };
@@ -141,7 +141,7 @@ fn charts(chapter: &mut Chapter, effort: Effort) -> Result<()> {
     for (((max_leaf, build), picture), n_bytes) in MOST.into_iter().zip(builds).zip(pictures).zip(bytes) {
         let rate = build.with(&picture.into(), |ms, s| 1e3 / (ms + 1e3 * s));
         let mut row =
-            ["ours".to_owned(), format!("scaffold, {} triangles", mesh.triangles.len()), "wide, fast".to_owned()]
+            ["ours".to_owned(), format!("scaffold, {} triangles", mesh.triangles.len()), "WideBvh, fast".to_owned()]
                 .map(Cell::text)
                 .to_vec();
         #[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]

@@ -1,4 +1,5 @@
-//! Volumes of boxes in one level (the dissertation's table 4, parts 1 and 2) and tests of boxes (its figures 12 and 13).
+//! Volumes of boxes without a top level (the dissertation's table 4, parts 1 and 2) and box tests (its figures 12 and
+//! 13).
 
 use anyhow::Result;
 use canted_bvh2::{Bvh2, PairOrder};
@@ -14,7 +15,7 @@ use crate::report::{
 };
 use crate::wide::sets;
 
-/// What the dissertation prints: scene, strategy, sum of volumes over that of axis-aligned boxes, per cent of nodes that lean.
+/// The dissertation: scene, strategy, sum of volumes relative to axis-aligned boxes, percentage of oriented nodes.
 const THEIRS: [(&str, Strategy, f64, f64); 6] = [
     ("bunny", Strategy::PcaUnbounded, 17.7811 / 19.5222, 97.2488),
     ("bunny", Strategy::PcaBounded, 19.3396 / 19.5222, 76.0658),
@@ -24,39 +25,39 @@ const THEIRS: [(&str, Strategy, f64, f64); 6] = [
     ("sponza", Strategy::Quaternion, 5.31018 / 5.33077, 52.8521),
 ];
 
-/// What one strategy makes of a scene.
+/// The result of one strategy on a scene.
 struct Row {
     strategy: Strategy,
-    /// Sum of volumes over that of axis-aligned boxes.
+    /// Sum of volumes relative to axis-aligned boxes.
     volume: f64,
-    leaning_percent: f64,
-    /// Box tests a camera ray.
+    oriented_percent: f64,
+    /// Box tests per camera ray.
     boxes: f64,
 }
 
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table = Table::new(
-        "Volumes in one level (table 4, 1 and 2): sums over axis-aligned, nodes that lean, box tests a camera ray",
+        "Volumes without a top level (table 4, 1 and 2): sums relative to axis-aligned, oriented nodes, box tests per camera ray",
         &[
             "scene",
             "triangles",
             "strategy",
             "volume, theirs",
             "volume, ours",
-            "leaning, theirs",
-            "leaning, ours",
+            "oriented, theirs",
+            "oriented, ours",
             "box tests, ours",
         ],
     );
     let (mut series, mut best, mut compared) = (vec![], None, vec![]);
     for (name, model) in scenes(effort, &["bunny", "sponza"], chapter)? {
         let rows = rows(&model, effort)?;
-        let (mut volumes, mut leaning) = (vec![], vec![]);
+        let (mut volumes, mut oriented) = (vec![], vec![]);
         for row in &rows {
             let theirs = THEIRS.iter().find(|(scene, strategy, ..)| *scene == name && *strategy == row.strategy);
             if let Some(&(_, _, volume, percent)) = theirs {
                 volumes.push([volume, row.volume]);
-                leaning.push([percent, row.leaning_percent]);
+                oriented.push([percent, row.oriented_percent]);
             }
             let or_dash = |value: Option<String>| Cell::text(value.unwrap_or_else(|| "–".to_owned()));
             table.rows.push(vec![
@@ -66,15 +67,15 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
                 or_dash(theirs.map(|(_, _, volume, _)| format!("{volume:.3}"))),
                 Cell::text(format!("{:.3}", row.volume)),
                 or_dash(theirs.map(|(_, _, _, percent)| format!("{percent:.1}%"))),
-                Cell::text(format!("{:.1}%", row.leaning_percent)),
+                Cell::text(format!("{:.1}%", row.oriented_percent)),
                 Cell::text(number(row.boxes)),
             ]);
         }
         if !volumes.is_empty() {
-            // Theirs of axis-aligned boxes is the unit.
+            // Axis-aligned boxes are the unit.
             volumes.push([1.0, 1.0]);
         }
-        compared.extend([volumes, leaning]);
+        compared.extend([volumes, oriented]);
         let point =
             |row: &Row| Point { label: format!("{:?}", row.strategy), x: row.volume.into(), y: row.boxes.into() };
         series.push(Series { name: name.to_owned(), points: rows.iter().map(point).collect(), is_joined: false });
@@ -86,13 +87,13 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     }
     chapter.plots.push(Plot {
         title: "Box tests over sum of volumes, by strategy (figures 12 and 13 as numbers)".to_owned(),
-        x: Axis::linear("sum of volumes over that of axis-aligned boxes"),
-        y: Axis::linear("box tests a camera ray"),
+        x: Axis::linear("sum of volumes relative to axis-aligned boxes"),
+        y: Axis::linear("box tests per camera ray"),
         series,
     });
     chapter.tables.push(table);
     let says = best.map_or_else(String::new, |(name, strategy, share)| {
-        format!("On {name} {strategy:?} boxes are tested least, {} times as often as axis-aligned ones.", number(share))
+        format!("On {name} {strategy:?} has the fewest box tests, {} times those of axis-aligned boxes.", number(share))
     });
     Ok(Found { says, compared })
 }
@@ -120,7 +121,7 @@ fn rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Row>> {
         rows.push(Row {
             strategy,
             volume: sums.volume / aligned_volume,
-            leaning_percent: 100.0 * sums.n_oriented as f64 / sums.n_nodes as f64,
+            oriented_percent: 100.0 * sums.n_oriented as f64 / sums.n_nodes as f64,
             boxes: counts.boxes as f64 / rays.len() as f64,
         });
     }

@@ -1,4 +1,4 @@
-//! Binary trees by several builders: what each takes to build and to trace a picture.
+//! Build and picture times of binary BVHs by several builders.
 
 use anyhow::Result;
 use canted_bvh2::{BuildConfig, Bvh2};
@@ -14,19 +14,19 @@ use crate::models::Model;
 use crate::report::{effort::Effort, samples::Samples, subjects};
 use crate::wide::sets;
 
-/// A node is halved in space on its longest axis, as a bounding interval hierarchy halves it.
-pub(super) const HALVED: (&str, Builder) = (
-    "halved in space",
+/// Splits a node at the midpoint of its longest axis, like a bounding interval hierarchy.
+pub(super) const MIDPOINT: (&str, Builder) = (
+    "midpoint splits",
     Builder::TopDown(TopDownConfig { split: Split::Midpoint, axes: Axes::Longest, ..TopDownConfig::BINNED }, None),
 );
 
 /// The cheapest.
 pub(super) const RADIX: (&str, Builder) = ("radix tree", Builder::Lbvh);
 
-/// Every split of every node tried by the surface area heuristic.
-pub(super) const SWEPT: (&str, Builder) = ("every split tried", Builder::TopDown(TopDownConfig::SWEEP, None));
+/// Evaluates every split of every node with the surface area heuristic.
+pub(super) const SWEPT: (&str, Builder) = ("full SAH sweep", Builder::TopDown(TopDownConfig::SWEEP, None));
 
-/// What one tree takes.
+/// The times of one BVH.
 pub(super) struct Took {
     pub(super) name: &'static str,
     /// Milliseconds.
@@ -41,14 +41,14 @@ pub(super) fn scaffold(log2: u32) -> Model {
     subjects::of_mesh(scaffold_of(1, false, scaffold_nodes(log2)))
 }
 
-/// Every tree of a model, built and traced in turn on one thread.
+/// Every BVH of a model, built and traced in turn on one thread.
 pub(super) fn measure(model: &Model, builders: &[(&'static str, Builder)], effort: Effort) -> Result<Vec<Took>> {
     one_thread(|| measure_here(model, builders, effort))?
 }
 
 fn measure_here(model: &Model, builders: &[(&'static str, Builder)], effort: Effort) -> Result<Vec<Took>> {
     let (corners, bounds) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
-    // Four views together have the pixels of one picture of twice the width.
+    // Four views together have the pixels of one picture of twice the width and height.
     let rays = sets::camera(model, effort.pick(16, 128, 128));
     let mut took: Vec<(Vec<f64>, Vec<f64>, usize)> = vec![Default::default(); builders.len()];
     for repeat in 0..=effort.pick(2, 3, 5) {

@@ -1,4 +1,4 @@
-//! Milliseconds of each pass of a build on a device: the dissertation's table 5, its rows of a TITAN Xp.
+//! Milliseconds of each pass of a device build: the dissertation's table 5, rows of a TITAN Xp.
 
 use anyhow::Result;
 use canted_gpu::{
@@ -17,7 +17,7 @@ use crate::report::{
 
 const PASSES: [&str; 4] = ["codes", "nodes", "boxes, PCA bounded", "boxes, quaternion"];
 
-/// What the dissertation prints: its sort is on the CPU, its unbounded boxes take more than a minute.
+/// The dissertation; its sort runs on the CPU, and its unbounded boxes take more than a minute.
 const THEIRS: [(&str, [f64; 4]); 3] = [
     ("dragon_871k", [13.14, 2.08, 50.90, 50.04]),
     ("sponza", [3.81, 0.64, 14.14, 13.40]),
@@ -34,13 +34,13 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     };
     let runs = effort.pick(1, 2, 5);
     let title = format!(
-        "Passes of a build on a device (table 5, figure 11): {} ({}), least of {runs} runs",
+        "Passes of a build on a device (table 5, figure 11): {} ({}), minimum of {runs} runs",
         gpu.info().name,
         gpu.info().kind
     );
     let mut table = Table::new(title, &["scene", "pass", "TITAN Xp, theirs", "ours", "ours over theirs"]);
     let mut found = Found::default();
-    // A software driver takes half a minute a run for the dragon.
+    // A software driver takes half a minute per run for the dragon.
     let names =
         if gpu.info().kind == AdapterKind::Software { &["bunny"][..] } else { &["dragon_871k", "sponza", "bunny"] };
     for (name, model) in scenes(effort, names, chapter)? {

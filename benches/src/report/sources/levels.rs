@@ -1,4 +1,4 @@
-//! Two levels beside one: the dissertation's table 4, parts 3a and 3b.
+//! Two levels compared with one: the dissertation's table 4, parts 3a and 3b.
 
 use std::collections::HashMap;
 
@@ -16,10 +16,10 @@ use crate::report::{
     samples::number,
 };
 
-/// The scene of which the dissertation prints two levels.
+/// The dissertation's scene with two levels.
 const SPONZA: &str = "sponza";
 
-/// What the dissertation prints for Sponza: sum of volumes of both levels, per cent of nodes that lean, top and bottom.
+/// The dissertation's Sponza: sum of volumes of both levels, percentage of oriented nodes of the top and bottom levels.
 const THEIRS: [(Strategy, f64, Option<f64>, Option<f64>); 4] = [
     (Strategy::Aabb, 2.507_26, None, None),
     (Strategy::PcaUnbounded, 2.506_91, None, Some(94.2567)),
@@ -27,7 +27,7 @@ const THEIRS: [(Strategy, f64, Option<f64>, Option<f64>); 4] = [
     (Strategy::Quaternion, 2.506_93, Some(13.7755), Some(60.3462)),
 ];
 
-/// Theirs, of axis-aligned boxes in one level.
+/// The dissertation's sum for axis-aligned boxes in one level.
 const THEIR_ONE_LEVEL: f64 = 5.330_77;
 
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
@@ -41,33 +41,33 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             "ours",
             "over axis-aligned, theirs",
             "ours",
-            "top leaning, theirs",
+            "top oriented, theirs",
             "ours",
-            "bottom leaning, theirs",
+            "bottom oriented, theirs",
             "ours",
         ];
         let mut table = Table::new(title, &head);
         let unit = model.mesh.diagonal();
         let one = bottom(&model.mesh, Strategy::Aabb, unit)?.0.volume;
         let mut aligned = f64::NAN;
-        let (mut volumes, mut leaning_bottom) = (vec![], vec![]);
+        let (mut volumes, mut oriented_bottom) = (vec![], vec![]);
         for (strategy, their_volume, their_top, their_bottom) in THEIRS {
             let (top, bottom) = two_levels(&pieces, strategy, unit)?;
             let volume = top.volume + bottom.volume;
             if strategy == Strategy::Aabb {
                 aligned = volume;
                 found.says = format!(
-                    "Two levels leave {} of the volume that axis-aligned boxes have in one on {name} here, {} in the dissertation.",
+                    "On {name}, two levels have {} times the volume of axis-aligned boxes in one level here, {} times in the dissertation.",
                     number(volume / one),
                     number(their_volume / THEIR_ONE_LEVEL)
                 );
             }
             if name == SPONZA {
                 volumes.push([their_volume, volume]);
-                leaning_bottom.extend(their_bottom.map(|theirs| [theirs, leaning_percent(&bottom)]));
+                oriented_bottom.extend(their_bottom.map(|theirs| [theirs, oriented_percent(&bottom)]));
             }
             let percent = |theirs: Option<f64>| theirs.map_or_else(|| "–".to_owned(), |p| format!("{p:.1}%"));
-            let leaning = |sums: &TreeCost| format!("{:.1}%", leaning_percent(sums));
+            let oriented = |sums: &TreeCost| format!("{:.1}%", oriented_percent(sums));
             let cells = [
                 format!("{strategy:?}"),
                 format!("{:.3}", their_volume / THEIR_ONE_LEVEL),
@@ -75,24 +75,24 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
                 format!("{:.5}", their_volume / THEIRS[0].1),
                 format!("{:.5}", volume / aligned),
                 percent(their_top),
-                leaning(&top),
+                oriented(&top),
                 percent(their_bottom),
-                leaning(&bottom),
+                oriented(&bottom),
             ];
             table.rows.push(cells.map(Cell::text).to_vec());
         }
         chapter.tables.push(table);
-        found.compared.extend([volumes, leaning_bottom]);
+        found.compared.extend([volumes, oriented_bottom]);
     }
     Ok(found)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts of nodes")]
-fn leaning_percent(sums: &TreeCost) -> f64 {
+fn oriented_percent(sums: &TreeCost) -> f64 {
     100.0 * sums.n_oriented as f64 / sums.n_nodes.max(1) as f64
 }
 
-/// The meshes of the scene's file, where they stand; of a generated lattice, which is one mesh, its struts.
+/// The meshes of the scene's file in world space, or the struts of a generated lattice.
 fn meshes(name: &str, model: &Model) -> Result<Vec<Mesh>> {
     let scene = if name == SPONZA { models::scene(name)? } else { None };
     Ok(match scene {
@@ -108,7 +108,7 @@ fn cut((positions, triangles, first): canted_renderer::Flattened) -> Vec<Mesh> {
     runs.filter(|run| !run.is_empty()).map(|run| of_corners(&positions, run)).collect()
 }
 
-/// A mesh with vertices of its own for every corner.
+/// A mesh with separate vertices for every corner.
 fn of_corners(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
     let mut mesh = Mesh { positions: vec![], triangles: vec![] };
     triangles.iter().for_each(|triangle| add_triangle(&mut mesh, triangle.map(|i| positions[i as usize])));
@@ -122,7 +122,7 @@ fn add_triangle(mesh: &mut Mesh, corners: [[f32; 3]; 3]) {
     mesh.triangles.push([first, first + 1, first + 2]);
 }
 
-/// Sums of the tree over the pieces, and of all trees of pieces.
+/// Sums of the tree over the pieces, and of the trees of all pieces.
 fn two_levels(pieces: &[Mesh], strategy: Strategy, unit: f64) -> Result<(TreeCost, TreeCost)> {
     let mut all = TreeCost::default();
     let mut roots = vec![];
@@ -154,7 +154,7 @@ fn radix(codes: &[u64]) -> Tree {
     canted_lbvh::radix(canted_lbvh::sort_by_code(codes, Bits::B63))
 }
 
-/// The mesh cut where no vertex is shared, in the order of first triangles.
+/// The connected components of a mesh, in the order of their first triangles.
 fn pieces(mesh: &Mesh) -> Vec<Mesh> {
     let mut first_at = HashMap::new();
     let welded: Vec<usize> = (0..)
@@ -181,7 +181,7 @@ fn pieces(mesh: &Mesh) -> Vec<Mesh> {
     pieces
 }
 
-/// The vertex that stands for a piece; ways to it are halved as they are walked.
+/// The representative vertex of a piece (union-find with path halving).
 fn root(parents: &mut [usize], mut vertex: usize) -> usize {
     while parents[vertex] != vertex {
         parents[vertex] = parents[parents[vertex]];
@@ -195,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_cut_where_its_meshes_begin() {
+    fn a_file_is_split_at_its_meshes() {
         let positions = (0..4u8).map(|i| [f32::from(i); 3]).collect();
         let meshes = cut((positions, vec![[0, 1, 2], [1, 2, 3], [0, 2, 3]], vec![0, 2, 2]));
         let counts: Vec<usize> = meshes.iter().map(|mesh| mesh.triangles.len()).collect();
@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn pieces_share_no_vertex() {
-        // Two triangles with an edge in common, of vertices of their own, and one far off.
+        // Two triangles that share an edge, and a distant one.
         let positions =
             vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [9.0; 3], [1.0, 0.0, 0.0], [-0.0, 1.0, 0.0], [1.0; 3]];
         let triangles = vec![[0, 1, 2], [3, 3, 3], [4, 5, 6]];

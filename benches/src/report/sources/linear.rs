@@ -1,4 +1,4 @@
-//! No hierarchy beside one: what Silva's lost chart of seconds over primitives asks.
+//! With and without a hierarchy: Silva's lost chart of seconds over primitives.
 
 use anyhow::Result;
 use canted_tests::brute;
@@ -13,9 +13,9 @@ use crate::report::{
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
     samples::{Samples, number},
 };
-use crate::wide::{duel, engine::Engine, sets};
+use crate::wide::{alternate, engine::Engine, sets};
 
-/// Every triangle, one after the other.
+/// Tests every triangle in a loop.
 struct Every(Vec<<Watertight as Kernel>::Record>);
 
 impl Engine for Every {
@@ -36,12 +36,14 @@ impl Engine for Every {
     }
 }
 
-const NAMES: [&str; 2] = ["every triangle", "wide tree, balanced"];
+const NAMES: [&str; 2] = ["every triangle", "WideBvh, balanced"];
 
 #[expect(clippy::cast_precision_loss, reason = "counts of rays and triangles")]
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
-    let mut table =
-        Table::new("No hierarchy beside one (Silva's chart): a camera ray", &["triangles", NAMES[0], NAMES[1], "gain"]);
+    let mut table = Table::new(
+        "With and without a hierarchy (Silva's chart): a camera ray",
+        &["triangles", NAMES[0], NAMES[1], "gain"],
+    );
     let mut points: [Vec<(usize, Samples)>; 2] = Default::default();
     for &log2 in effort.pick(&[7, 8, 9][..], &[8, 10, 12], &[8, 10, 12, 14]) {
         let model = scaffold(log2);
@@ -52,7 +54,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         let every = Every(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
         let engines: [Box<dyn Engine>; 2] = [Box::new(every), Box::new(tree)];
         let rays = sets::camera(&model, effort.pick(8, 48, 48));
-        let (seconds, _) = duel::closest(&engines, &rays, effort.pick(2, 5, 7));
+        let (seconds, _) = alternate::closest(&engines, &rays, effort.pick(2, 5, 7));
         let ns = |i: usize| -> Samples {
             seconds[i].iter().map(|s| s.cpu * 1e9 / rays.len() as f64).collect::<Vec<_>>().into()
         };
@@ -69,7 +71,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     }
     let exponents = points.each_ref().map(|points| {
         let of_one = points.iter().map(|(n, ns)| (Samples::from(*n as f64), ns.median()));
-        fits::told(fits::exponent(&of_one.collect::<Vec<_>>()))
+        fits::formatted(fits::exponent(&of_one.collect::<Vec<_>>()))
     });
     table.rows.push(vec![
         Cell::text("exponent"),
@@ -94,6 +96,6 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     });
     let [every, tree] = exponents;
     Ok(Found::from(format!(
-        "For fixed rays the time of one grows as triangles to the power {every} where every triangle is tried, and {tree} through a tree."
+        "The time per ray grows as triangles to the power {every} without a hierarchy, and {tree} with a BVH."
     )))
 }

@@ -1,4 +1,4 @@
-//! A careful builder beside a cheap one: Novak's tables of builds, frames and memory.
+//! An SAH builder compared with a fast one: Novak's tables of builds, frames and memory.
 
 use anyhow::Result;
 
@@ -10,7 +10,7 @@ use crate::report::{
     samples::{Samples, faster, number},
 };
 
-/// Novak's scenes: triangles where they survive, megabytes of the tree built on the CPU and of that built on the GPU.
+/// Novak's scenes: triangles if known, megabytes of the tree built on the CPU and of the one built on the GPU.
 const SCENES: [(&str, Option<usize>, [f64; 2]); 6] = [
     ("scene 1", None, [59.0, 66.0]),
     ("scene 2", None, [94.0, 125.0]),
@@ -20,7 +20,7 @@ const SCENES: [(&str, Option<usize>, [f64; 2]); 6] = [
     ("scene 6", Some(2_880_000), [372.0, 446.0]),
 ];
 
-/// By scene and machine: build and frame of the radix tree from the GPU, build and frame of the SAH tree from the CPU, ms.
+/// By scene and machine: build and frame milliseconds of the GPU's radix tree, then of the CPU's SAH tree.
 const THEIRS: [[[f64; 4]; 3]; 6] = [
     [[153.02, 34.82, 218.87, 62.52], [18.04, 4.89, 167.81, 7.49], [19.21, 5.73, 167.85, 9.11]],
     [[186.15, 117.22, 582.61, 231.91], [35.13, 17.35, 477.59, 21.91], [37.77, 21.26, 476.81, 25.18]],
@@ -37,18 +37,18 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         "source",
         "scene",
         "triangles",
-        "cheap: build",
+        "fast: build",
         "picture",
-        "careful: build",
+        "SAH: build",
         "picture",
         "build gain",
         "picture gain",
-        "pictures until the careful one is ahead",
+        "pictures until SAH is ahead",
     ];
-    let mut times = Table::new("A cheap builder beside a careful one (Novak's tables)", &head);
+    let mut times = Table::new("A fast builder compared with an SAH builder (Novak's tables)", &head);
     let mut memory = Table::new(
-        "Bytes of trees (Novak's memory)",
-        &["source", "scene", "triangles", "cheap", "careful", "cheap, a triangle", "careful, a triangle"],
+        "Bytes of BVHs (Novak's memory)",
+        &["source", "scene", "triangles", "fast", "SAH", "fast, per triangle", "SAH, per triangle"],
     );
     let mut series: Vec<Series> = MACHINES
         .iter()
@@ -67,7 +67,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             let gains = row(&mut times, [&format!("Novak, {machine}"), scene, &n], ms.map(Samples::from));
             series.points.push(point(scene, gains));
         }
-        // The table's first column is of the CPU.
+        // The first column belongs to the CPU.
         memory.rows.push(bytes(["Novak", scene, &n], n_triangles, [megabytes[1] * 1e6, megabytes[0] * 1e6]));
     }
     let mut says = String::new();
@@ -76,13 +76,13 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         let n_triangles = model.mesh.triangles.len();
         let n = n_triangles.to_string();
         let took = measure(&model, &[RADIX, SWEPT], effort)?;
-        let [cheap, careful] = [&took[0], &took[1]];
+        let [fast, sah] = [&took[0], &took[1]];
         says = format!(
             "On a scaffold of {n} triangles {}; {}.",
-            faster(("the radix tree's build", &cheap.build), ("one that tries every split", &careful.build)),
-            faster(("the careful tree's picture", &careful.picture), ("the radix tree's", &cheap.picture)),
+            faster(("the radix tree's build", &fast.build), ("the SAH build", &sah.build)),
+            faster(("the SAH tree's picture", &sah.picture), ("the radix tree's", &fast.picture)),
         );
-        let ms = [&cheap.build, &cheap.picture, &careful.build, &careful.picture].map(Samples::clone);
+        let ms = [&fast.build, &fast.picture, &sah.build, &sah.picture].map(Samples::clone);
         let gains = row(&mut times, ["ours", "scaffold", &n], ms);
         series[MACHINES.len()].points.push(point("scaffold", gains));
         #[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]
@@ -90,28 +90,28 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         memory.rows.push(bytes(["ours", "scaffold", &n], Some(n_triangles), sizes));
     }
     chapter.plots.push(Plot {
-        title: "What a careful builder buys: picture gain over build cost".to_owned(),
-        x: Axis::log("careful build over cheap build"),
-        y: Axis::log("cheap picture over careful picture"),
+        title: "SAH compared with a fast builder: picture gain over build cost".to_owned(),
+        x: Axis::log("SAH build over fast build"),
+        y: Axis::log("fast picture over SAH picture"),
         series,
     });
     chapter.tables.extend([times, memory]);
     Ok(says.into())
 }
 
-/// Adds a row; build gain and picture gain.
+/// Adds a row; returns build gain and picture gain.
 fn row(table: &mut Table, [source, scene, n]: [&str; 3], ms: [Samples; 4]) -> (f64, f64) {
-    let [build, picture, careful_build, careful_picture] = ms.each_ref().map(Samples::median);
-    let gain = picture - careful_picture;
-    let is_noise = ms[1].is_noise_beside(&ms[3]);
+    let [build, picture, sah_build, sah_picture] = ms.each_ref().map(Samples::median);
+    let gain = picture - sah_picture;
+    let is_noise = ms[1].differs_by_noise(&ms[3]);
     let crossing = match (is_noise, gain > 0.0) {
         (true, _) => "noise".to_owned(),
-        (false, true) => number(((careful_build - build) / gain).ceil()),
+        (false, true) => number(((sah_build - build) / gain).ceil()),
         (false, false) => "never".to_owned(),
     };
     let [a, b, c, d] = ms.map(|samples| Cell::measured(samples, "ms"));
     let [source, scene, n] = [source, scene, n].map(Cell::text);
-    let gains = (careful_build / build, picture / careful_picture);
+    let gains = (sah_build / build, picture / sah_picture);
     let [build_gain, picture_gain] = [gains.0, gains.1].map(|gain| Cell::text(number(gain)));
     table.rows.push(vec![source, scene, n, a, b, c, d, build_gain, picture_gain, Cell::text(crossing)]);
     gains

@@ -1,11 +1,11 @@
-//! Whether things stand here in the order in which a source prints them.
+//! Whether our values have the same order as a source's.
 
-/// What a part of the chapter found.
+/// The findings of a part of the chapter.
 #[derive(Default)]
 pub(super) struct Found {
-    /// What it shows; empty where it says nothing by itself.
+    /// A sentence; may be empty.
     pub(super) says: String,
-    /// Lists of things that the source compares by number: its number and ours of each.
+    /// Lists of compared items: the source's value and ours.
     pub(super) compared: Vec<Vec<[f64; 2]>>,
 }
 
@@ -15,17 +15,17 @@ impl From<String> for Found {
     }
 }
 
-/// How many pairs of things stand in one order.
+/// Numbers of ordered pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Pairs {
-    /// In theirs and ours alike.
+    /// In the same order in theirs and ours.
     pub(super) n_same: usize,
-    /// In theirs.
+    /// Ordered in theirs.
     pub(super) n_all: usize,
 }
 
 impl Pairs {
-    /// Of every list each pair to which the source gives different numbers.
+    /// All pairs of every list whose values differ in the source.
     pub(super) fn of(compared: &[Vec<[f64; 2]>]) -> Self {
         let mut pairs = Self::default();
         for list in compared {
@@ -49,11 +49,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pairs_that_turn_round_are_not_the_same() {
-        // The last two change places, and the first two are equal in the source: five pairs are left, of which one is turned.
+    fn reversed_pairs_are_not_the_same() {
+        // The last two are swapped, and the first two are equal in the source: five pairs remain, one of them reversed.
         let list = vec![[1.0, 9.0], [1.0, 8.0], [2.0, 30.0], [3.0, 20.0]];
         assert_eq!(Pairs::of(std::slice::from_ref(&list)), Pairs { n_same: 4, n_all: 5 });
-        // What is equal here is in no order.
+        // Equal values here have no order.
         assert_eq!(Pairs::of(&[vec![[1.0, 5.0], [2.0, 5.0]], list]), Pairs { n_same: 4, n_all: 6 });
     }
 }

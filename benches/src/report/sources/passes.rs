@@ -15,7 +15,7 @@ use crate::report::{
 
 const PASSES: [&str; 6] = ["codes", "sort", "nodes", "boxes, PCA bounded", "boxes, quaternion", "boxes, PCA unbounded"];
 
-/// What the dissertation prints for the CPU, ms.
+/// The dissertation's CPU milliseconds.
 const THEIRS: [(&str, [f64; 6]); 3] = [
     ("dragon_871k", [14.40, 100.80, 28.42, 316.26, 520.10, 626.26]),
     ("sponza", [4.27, 23.62, 8.52, 756.01, 490.58, 723.99]),
@@ -43,7 +43,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
                 Cell::measured(ms.clone(), "ms"),
                 Cell::text(their.map_or("–".to_owned(), |their| number(ms.median() / their))),
             ]);
-            // A scene that they have not is set beside itself, so that its passes are seen.
+            // A scene that they lack is compared with itself, so that its passes are plotted.
             points.push(Point {
                 label: (*pass).to_owned(),
                 x: their.unwrap_or_else(|| ms.median()).into(),
@@ -55,7 +55,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             let medians: Vec<f64> = ours.iter().map(Samples::median).collect();
             found.compared.push(theirs.iter().zip(&medians).map(|(&their, &our)| [their, our]).collect());
             found.says = format!(
-                "Boxes from bounded principal axes take {:.0}% of the build of {name} here, {:.0}% in the dissertation.",
+                "Boxes by bounded principal axes take {:.0}% of the build of {name} here, {:.0}% in the dissertation.",
                 100.0 * share(&medians),
                 100.0 * share(theirs)
             );

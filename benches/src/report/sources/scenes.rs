@@ -1,4 +1,4 @@
-//! What is measured: the dissertation's table 3 beside the models at hand.
+//! The scenes: the dissertation's table 3 and the available models.
 
 use anyhow::Result;
 
@@ -20,10 +20,10 @@ const THEIRS: [(&str, usize, usize, usize, Option<&str>); 7] = [
     ("Sibenik", 1_087, 155_179, 75_284, None),
 ];
 
-/// Adds the table; it says nothing by itself.
+/// Adds the table, without a finding.
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let head = ["scene", "meshes, theirs", "vertices, theirs", "triangles, theirs", "meshes", "vertices", "triangles"];
-    let mut table = Table::new("Scenes (table 3): theirs, and the models of them at hand", &head);
+    let mut table = Table::new("Scenes (table 3): theirs, and our models of them", &head);
     for (scene, n_meshes, n_vertices, n_triangles, ours) in THEIRS {
         let ours = ours.filter(|_| effort != Effort::Tiny).map(models::scene).transpose()?.flatten();
         let mut row = vec![Cell::text(scene)];

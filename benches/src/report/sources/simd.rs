@@ -1,4 +1,4 @@
-//! Vector instructions beside one lane: what survives of Silva's chart.
+//! Vector instructions compared with scalar code: what survives of Silva's chart.
 
 use anyhow::Result;
 use canted_trace::Watertight;
@@ -14,7 +14,7 @@ use crate::report::{
 };
 use crate::wide::{closest_seconds, sets};
 
-/// What Silva prints: four lanes over a scalar test that the compiler made vectors of too, and a GPU over one core.
+/// Silva's values: four lanes over a scalar test that the compiler also vectorised, and a GPU over one core.
 const THEIRS: [(&str, &str, &str); 4] = [
     ("triangles (Silva)", "SSE, 4 lanes", "1.32"),
     ("boxes (Silva)", "SSE, 4 lanes", "1.5"),
@@ -24,8 +24,8 @@ const THEIRS: [(&str, &str, &str); 4] = [
 
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table = Table::new(
-        "Vector instructions (Silva's chart): the wide tree by path",
-        &["scene", "path", "a camera ray", "over scalar"],
+        "Vector instructions (Silva's chart): WideBvh by path",
+        &["scene", "path", "camera ray", "over scalar"],
     );
     let mut says = String::new();
     let mut series = vec![];
@@ -53,8 +53,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             points.push(Point { label: format!("{path:?}"), x: place.into(), y: ns[i].clone() });
             if i + 1 == paths.len() && says.is_empty() {
                 let name_of_path = format!("{path:?}");
-                let said = faster((&name_of_path, &ns[i]), ("one lane at a time", &ns[0]));
-                says = format!("On {name} {said}.");
+                let finding = faster((&name_of_path, &ns[i]), ("the scalar path", &ns[0]));
+                says = format!("On {name} {finding}.");
             }
         }
         let order = paths.iter().map(|path| format!("{path:?}")).collect::<Vec<_>>().join(", ");
@@ -65,7 +65,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     }
     chapter.tables.push(table);
     chapter.plots.push(Plot {
-        title: "A camera ray through the wide tree, by path".to_owned(),
+        title: "A camera ray through WideBvh, by path".to_owned(),
         x: Axis::linear("path, in the order of the legend"),
         y: Axis::linear("ns"),
         series,

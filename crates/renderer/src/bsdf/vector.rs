@@ -1,8 +1,6 @@
 //! Three-component vectors in `f32`, the precision of the GPU.
 
-pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
+pub(super) use canted_obb::vector::dot;
 
 /// Normalizes `v`, which is not zero.
 ///

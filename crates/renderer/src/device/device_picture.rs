@@ -9,10 +9,11 @@ use super::DeviceError;
 use super::collector::{self, SampleCollector};
 use super::dispatcher::SampleDispatcher;
 use super::environment::DeviceSky;
-use super::kernels::{self, LightKernels, RenderKernels};
+use super::kernels::{LightKernels, RenderKernels};
 use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
 use super::scene::PackedScene;
+use super::wavefront::WavefrontKernels;
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
 use crate::structure::instances;
 use crate::{Bvh, Integrator, Lights, Monitor, Pattern, Settings, Structure, Surfaces};
@@ -113,7 +114,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         if self.settings.integrator != Integrator::Path {
             return Err(DeviceError::Unsupported { what: "a wavefront of the hybrid integrator" });
         }
-        let light = kernels::wavefront(self.gpu, &self.chosen)?;
+        let light = LightKernels::Wavefront(WavefrontKernels::new(self.gpu, &self.chosen)?);
         Ok(Self { kernels: RenderKernels { light, ..self.kernels }, ..self })
     }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding, Specialisation};
+use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding};
 
 use super::wavefront::{Wavefront, WavefrontKernels};
 
@@ -98,9 +98,4 @@ impl ReadyKernels {
         }
         commands.run()
     }
-}
-
-/// Compiles the kernels of a wavefront with the specialisation of `render/path`.
-pub(super) fn wavefront(gpu: &Gpu, specialisation: &Specialisation) -> Result<LightKernels, GpuError> {
-    Ok(LightKernels::Wavefront(WavefrontKernels::new(gpu, specialisation)?))
 }

@@ -158,7 +158,7 @@ impl<T: Tracer, Q: RayKeyed> TileRenderer<'_, T, Q> {
 
 /// The offset of a sample from the center of a pixel, in pixels, and its weight.
 pub(crate) fn sample_offset(filter: &FilterSampler, sampler: &Sampler, pixel: u32, sample: u32) -> ([f64; 2], f32) {
-    filter.place(sampler.pair(pixel, sample, PIXEL_POSITION))
+    filter.sample(sampler.pair(pixel, sample, PIXEL_POSITION))
 }
 
 /// A sample whose camera ray is traced.

@@ -22,7 +22,7 @@ fn responses(filter: Filter, light: impl Fn(f64) -> f64, breaks: &[f64]) -> [f64
     let sampler = Sampler::new(Pattern::Sobol, N, 1);
     let placer = FilterSampler::new(filter).unwrap();
     let (mut sum, mut weights) = (0.0, 0.0);
-    for ([x, _], weight) in (0..N).map(|i| placer.place(sampler.pair(0, i, 0))) {
+    for ([x, _], weight) in (0..N).map(|i| placer.sample(sampler.pair(0, i, 0))) {
         sum += f64::from(weight) * light(x);
         weights += f64::from(weight);
     }
@@ -102,13 +102,13 @@ fn weights_are_one_unless_the_filter_has_negative_lobes() {
     for filter in FILTERS {
         let placer = FilterSampler::new(filter).unwrap();
         for square in ends.iter().flat_map(|&x| ends.map(|y| [x, y])) {
-            let (position, weight) = placer.place(square);
+            let (position, weight) = placer.sample(square);
             assert!(
                 position.iter().all(|x| x.abs() <= f64::from(filter.radius())),
                 "{filter:?} {square:?}: {position:?}"
             );
             // The center of the square maps to the center of the pixel.
-            assert_eq!(placer.place([0.5, 0.5]).0, [0.0, 0.0]);
+            assert_eq!(placer.sample([0.5, 0.5]).0, [0.0, 0.0]);
             match filter {
                 Filter::Mitchell(_) => assert_eq!(weight.abs().to_bits(), 1.0_f32.to_bits(), "{filter:?}"),
                 _ => assert_eq!(weight.to_bits(), 1.0_f32.to_bits(), "{filter:?}"),
@@ -123,7 +123,7 @@ fn box_filter_is_the_identity() {
     let sampler = Sampler::new(Pattern::Random, 1, 0);
     for pixel in 0..1000 {
         let square = sampler.pair(pixel, 0, 0);
-        let ([x, y], _) = placer.place(square);
+        let ([x, y], _) = placer.sample(square);
         let column = f64::from(pixel * 7 + 3);
         assert_eq!([column + 0.5 + x, 0.5 + y], [column + f64::from(square[0]), f64::from(square[1])]);
     }

@@ -2,7 +2,7 @@ use canted_fixtures as fixtures;
 use canted_obb::Aabb;
 use canted_sah::{Builder, PlocConfig, ReinsertConfig, TopDownConfig, build};
 
-use crate::inputs::{boxes, checked, corners, ugly};
+use crate::inputs::{boxes, checked, corners, degenerate};
 
 const BUILDERS: [Builder; 7] = [
     Builder::Lbvh,
@@ -19,8 +19,8 @@ fn bounds(boxes: &[Aabb]) -> Aabb {
 }
 
 #[test]
-fn every_builder_makes_a_tree_of_ugly_meshes() {
-    for (name, corners) in ugly() {
+fn every_builder_handles_degenerate_meshes() {
+    for (name, corners) in degenerate() {
         let boxes = boxes(&corners);
         for builder in BUILDERS {
             let (stats, _) = checked(&build(&boxes, &bounds(&boxes), &builder), &boxes);
@@ -36,7 +36,7 @@ fn every_builder_makes_a_tree_of_ugly_meshes() {
 }
 
 #[test]
-fn presets_cost_less_the_longer_they_take() {
+fn slower_presets_have_lower_cost() {
     for mesh in [fixtures::scaffold(1, true), fixtures::truss(4)] {
         let boxes = boxes(&corners(&mesh));
         let cost = |builder: &Builder| checked(&build(&boxes, &bounds(&boxes), builder), &boxes).1.sah;

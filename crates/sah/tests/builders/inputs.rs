@@ -5,7 +5,7 @@ use canted_lbvh::{
 };
 use canted_obb::Aabb;
 
-/// Corners of a mesh's triangles.
+/// Corners of the triangles of a mesh.
 pub(crate) fn corners(mesh: &Mesh) -> Vec<Corners> {
     triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0
 }
@@ -14,12 +14,12 @@ pub(crate) fn boxes(corners: &[Corners]) -> Vec<Aabb> {
     corners.iter().map(Leaf::aabb).collect()
 }
 
-/// Both corners of a box as a triangle that has it: what a tree over boxes is checked with.
+/// A triangle with the given bounding box, to check trees over boxes.
 pub(crate) fn diagonals(boxes: &[Aabb]) -> Vec<Corners> {
     boxes.iter().map(|aabb| [aabb.min, aabb.max, aabb.min]).collect()
 }
 
-/// Checks a tree with axis-aligned volumes and sums its costs.
+/// Checks a tree with axis-aligned volumes and computes its cost.
 pub(crate) fn weigh(tree: &Tree, boxes: &[Aabb]) -> Result<(Stats, TreeCost), Flaw> {
     let leaves = in_leaf_order(&diagonals(boxes), &tree.leaves);
     let volumes = volumes(tree, &leaves, &VolumeConfig::default());
@@ -32,8 +32,8 @@ pub(crate) fn checked(tree: &Tree, boxes: &[Aabb]) -> (Stats, TreeCost) {
     weigh(tree, boxes).unwrap_or_else(|flaw| panic!("{flaw}"))
 }
 
-/// Meshes that builders have stumbled over: duplicates, flats, points, chains, far and tiny and huge ones, both zeros.
-pub(crate) fn ugly() -> Vec<(String, Vec<Corners>)> {
+/// Difficult meshes: duplicates, flat ones, points, chains, distant, tiny and huge ones, both zeros.
+pub(crate) fn degenerate() -> Vec<(String, Vec<Corners>)> {
     let soup = corners(&fixtures::soup(6, 1_500));
     let mapped = |map: &dyn Fn(f32) -> f32| soup.iter().map(|c| c.map(|p| p.map(map))).collect::<Vec<_>>();
     let meshes = [
@@ -49,11 +49,11 @@ pub(crate) fn ugly() -> Vec<(String, Vec<Corners>)> {
     {
         all.push((format!("soup * {scale} + {offset}"), mapped(&|x| (scale * x + offset).clamp(f32::MIN, f32::MAX))));
     }
-    // On a line, ever closer to one end: halves of the extent leave one behind each.
+    // On a line, closer and closer to one end: each half of the extent separates one.
     let line = |i: i32| 2.0f32.powi(-i);
     all.push(("chain".into(), (0..140).map(|i| [[line(i), 0.0, -0.0]; 3]).collect()));
     all.push(("zeros".into(), (0..50).map(|i| [[if i % 2 == 0 { 0.0 } else { -0.0 }; 3]; 3]).collect()));
-    // Around one middle, each larger than the last.
+    // Concentric, each larger than the previous one.
     all.push(("nested".into(), (1..500u16).map(f32::from).map(|r| [[-r; 3], [r; 3], [r, -r, r]]).collect()));
     all
 }

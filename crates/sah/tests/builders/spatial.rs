@@ -3,16 +3,16 @@ use canted_lbvh::Corners;
 use canted_obb::{Aabb, PrimId};
 use canted_sah::{References, SpatialConfig, TopDownConfig, spatial, top_down};
 
-use crate::inputs::{boxes, checked, corners, ugly};
+use crate::inputs::{boxes, checked, corners, degenerate};
 
-/// Rounding of a sampled point relative to the greatest coordinate: two products, two sums, and weights of two
-/// roundings each that need not sum to 1.
+/// Rounding of a sampled point relative to the greatest coordinate: two products, two sums, and
+/// barycentric coordinates of two roundings each that need not sum to 1.
 const SAMPLE_ERROR: f64 = 8.0 * f64::EPSILON;
 
 /// Steps along an edge at which triangles are sampled.
 const STEPS: u32 = 24;
 
-/// The first triangle with a point outside all its references' boxes.
+/// The first triangle with a point outside the boxes of all its references.
 fn uncovered(corners: &[Corners], references: &References) -> Option<PrimId> {
     let mut of = vec![vec![]; corners.len()];
     for (primitive, aabb) in references.primitives.iter().zip(&references.boxes) {
@@ -58,7 +58,7 @@ fn built(corners: &[Corners], config: &SpatialConfig) -> (canted_lbvh::Tree, Ref
 
 #[test]
 fn references_cover_their_triangles() {
-    for (name, corners) in ugly() {
+    for (name, corners) in degenerate() {
         for config in [SpatialConfig::default(), EAGER] {
             let (_, references) = built(&corners, &config);
             assert!(references.primitives.len() >= corners.len(), "{name}");
@@ -72,9 +72,9 @@ fn references_cover_their_triangles() {
     }
 }
 
-/// The test's own check: a box that lost its last bit along one side is seen.
+/// Sabotage: a box that is one bit too small on one side is detected.
 #[test]
-fn a_box_too_small_is_seen() {
+fn a_box_that_is_too_small_is_detected() {
     let corners = corners(&fixtures::slivers(3, 200));
     let (_, mut references) = built(&corners, &EAGER);
     let split = |id: PrimId| references.primitives.iter().filter(|&&other| other == id).count() > 1;
@@ -85,11 +85,11 @@ fn a_box_too_small_is_seen() {
 }
 
 #[test]
-fn splits_pay_on_needles_and_stay_within_their_budget() {
+fn splits_reduce_the_cost_of_needles_within_their_budget() {
     let corners = corners(&fixtures::slivers(2, 3_000));
     let boxes = boxes(&corners);
-    let whole = checked(&top_down(&boxes, &TopDownConfig::BINNED), &boxes).1.sah;
-    let mut before = whole * (1.0 + 1e-2);
+    let unsplit = checked(&top_down(&boxes, &TopDownConfig::BINNED), &boxes).1.sah;
+    let mut before = unsplit * (1.0 + 1e-2);
     for extra in [0.0, 0.3, 1.0] {
         let (tree, references) =
             built(&corners, &SpatialConfig { extra_references: extra, ..SpatialConfig::default() });
@@ -97,12 +97,12 @@ fn splits_pay_on_needles_and_stay_within_their_budget() {
         assert!(cost < before, "{extra} extra references: {cost}, with fewer {before}");
         before = cost;
     }
-    assert!(before < 0.9 * whole, "{before} split, {whole} whole");
+    assert!(before < 0.9 * unsplit, "{before} split, {unsplit} without");
 }
 
-/// Needles that halve in size towards a corner: planes cut off one after another.
+/// Needles that halve in size towards a corner, so that planes separate one after another.
 #[test]
-fn the_depth_keeps_its_limit() {
+fn the_depth_limit_holds() {
     let needles: Vec<Corners> =
         (0..120).map(|i| 2.0f32.powi(-i)).map(|x| [[x, 0.0, 0.0], [0.0, 1.5 * x, 0.0], [0.0, 0.0, 0.75 * x]]).collect();
     let depth = |max_depth| {

@@ -4,7 +4,7 @@ use canted_obb::Aabb;
 use canted_sah::{Axes, Split, TopDownConfig, top_down};
 use proptest::prelude::*;
 
-use crate::inputs::{boxes, checked, corners, ugly, weigh};
+use crate::inputs::{boxes, checked, corners, degenerate, weigh};
 
 const SPLITS: [Split; 5] = [
     Split::Midpoint,
@@ -14,7 +14,7 @@ const SPLITS: [Split; 5] = [
     Split::Binned { bins: 7, sweep_threshold: 0 },
 ];
 
-/// Every way to split on every choice of axes.
+/// Every split method with every choice of axes.
 fn configs() -> impl Iterator<Item = TopDownConfig> {
     SPLITS.into_iter().flat_map(|split| {
         [Axes::Longest, Axes::Cyclic, Axes::All].map(|axes| TopDownConfig { split, axes, max_depth: 96 })
@@ -22,8 +22,8 @@ fn configs() -> impl Iterator<Item = TopDownConfig> {
 }
 
 #[test]
-fn ugly_meshes_become_trees() {
-    for (name, corners) in ugly() {
+fn handles_degenerate_meshes() {
+    for (name, corners) in degenerate() {
         let boxes = boxes(&corners);
         for config in configs() {
             let (stats, _) = checked(&top_down(&boxes, &config), &boxes);
@@ -53,9 +53,9 @@ fn equal_boxes_are_halved() {
     }
 }
 
-/// Boxes that halve in size towards a corner want to be split off one by one.
+/// Boxes that halve in size towards a corner, which SAH splits off one by one.
 #[test]
-fn the_depth_keeps_its_limit() {
+fn the_depth_limit_holds() {
     let boxes: Vec<_> = (0..120).map(|i| 2.0f32.powi(-i)).map(|x| Aabb { min: [x; 3], max: [1.5 * x; 3] }).collect();
     let config = |max_depth| TopDownConfig { split: Split::Midpoint, axes: Axes::Longest, max_depth };
     assert!(top_down(&boxes, &config(u32::MAX)).depth > 96, "no chain without the limit");
@@ -81,7 +81,7 @@ fn same_bits_on_any_number_of_threads() {
 
 /// Numbers, order and tasks are those of the same topology renumbered by `canted-lbvh`.
 #[test]
-fn numbered_as_any_tree() {
+fn numbering_equals_that_of_from_children() {
     for n in [2, 3, 100, 9_000] {
         let boxes = boxes(&corners(&fixtures::soup(3, n)));
         let tree = top_down(&boxes, &TopDownConfig::BINNED);
@@ -107,11 +107,11 @@ fn numbered_as_any_tree() {
     }
 }
 
-/// How much dearer cells may be than every split: both are greedy, so neither is a bound of the other.
-const CELLS_BESIDE_SWEEP: f64 = 1.04;
+/// Maximum ratio of the costs of binned and sweep builds; both are greedy, so neither is a bound of the other.
+const MAX_RATIO: f64 = 1.04;
 
 #[test]
-fn cheaper_the_more_splits_are_tried() {
+fn more_bins_reduce_the_cost() {
     let meshes =
         [fixtures::soup(4, 4_000), fixtures::grid(5, [60, 60]), fixtures::scaffold(1, false), fixtures::truss(4)];
     for mesh in &meshes {
@@ -121,10 +121,10 @@ fn cheaper_the_more_splits_are_tried() {
             checked(&top_down(&boxes, &config), &boxes).1.sah
         };
         let [midpoint, median, sweep, binned, coarse] = SPLITS.map(cost);
-        assert!(sweep <= CELLS_BESIDE_SWEEP * binned, "{sweep} swept, {binned} in cells");
-        assert!(binned <= CELLS_BESIDE_SWEEP * sweep, "{sweep} swept, {binned} in cells");
+        assert!(sweep <= MAX_RATIO * binned, "{sweep} swept, {binned} binned");
+        assert!(binned <= MAX_RATIO * sweep, "{sweep} swept, {binned} binned");
         assert!(binned < midpoint.min(median), "{binned} in cells, {midpoint} midpoint, {median} median");
-        assert!(binned <= CELLS_BESIDE_SWEEP * coarse, "{binned} in 32 cells, {coarse} in 7");
+        assert!(binned <= MAX_RATIO * coarse, "{binned} with 32 bins, {coarse} with 7");
     }
 }
 
@@ -134,7 +134,7 @@ fn half_area(boxes: &[&Aabb]) -> f64 {
     0.5 * all.area()
 }
 
-/// The least cost of all planes between two middles, each tried by going through all boxes.
+/// The least cost of all planes between two centers, by trying each.
 fn best_of_all(boxes: &[Aabb]) -> f64 {
     let mut best = f64::INFINITY;
     for axis in 0..3 {
@@ -149,7 +149,7 @@ fn best_of_all(boxes: &[Aabb]) -> f64 {
     best
 }
 
-/// Cost of the root's split.
+/// Cost of the split of the root.
 fn root_cost(tree: &Tree, boxes: &[Aabb]) -> f64 {
     let root = tree.nodes[0];
     let n_left = match root.left.kind() {
@@ -164,7 +164,7 @@ fn root_cost(tree: &Tree, boxes: &[Aabb]) -> f64 {
 proptest! {
     /// Coordinates are small integers and the scale is a power of two, so areas and costs are exact in `f32`.
     #[test]
-    fn the_first_split_is_the_best_of_all(
+    fn the_first_split_has_the_least_cost(
         cells in prop::collection::vec((prop::array::uniform3(-20i8..20), prop::array::uniform3(0i8..9)), 3..14),
         sweep in any::<bool>(),
     ) {
@@ -172,7 +172,7 @@ proptest! {
             min: min.map(f32::from),
             max: std::array::from_fn(|k| f32::from(min[k]) + f32::from(size[k])),
         }).collect();
-        // Equal middles may stand in any order, which the oracle does not try.
+        // The oracle does not try all orders of equal centers.
         let distinct = |axis: usize| {
             let mut centers: Vec<_> = boxes.iter().map(|aabb| aabb.center()[axis].to_bits()).collect();
             centers.sort_unstable();
@@ -189,9 +189,9 @@ proptest! {
     }
 }
 
-/// The test's own check: a tree over other boxes is not let through.
+/// Sabotage: a tree over other boxes is rejected.
 #[test]
-fn a_tree_that_lost_a_leaf_is_seen() {
+fn a_tree_with_a_missing_leaf_is_detected() {
     let boxes = boxes(&corners(&fixtures::soup(9, 100)));
     let mut tree = top_down(&boxes, &TopDownConfig::BINNED);
     tree.leaves[3] = tree.leaves[4];

@@ -1,4 +1,4 @@
-//! Costs beside those of `obvhs`'s medium trees, which reinsertion improves too.
+//! Costs compared with the medium trees of `obvhs`, which also use reinsertion.
 use std::{path::PathBuf, time::Duration};
 
 use canted_fixtures as fixtures;
@@ -12,8 +12,8 @@ use crate::{
     ploc::ploc_tree,
 };
 
-/// How much dearer than the baseline's a tree may be.
-const BESIDE_BASELINE: f64 = 1.05;
+/// Maximum cost relative to the baseline.
+const MAX_RATIO: f64 = 1.05;
 
 fn obvhs_tree(corners: &[Corners]) -> Tree {
     let boxes: Vec<_> =
@@ -35,7 +35,7 @@ fn obvhs_tree(corners: &[Corners]) -> Tree {
     Tree::from_children(&children).unwrap()
 }
 
-/// Sum of the inner nodes' areas over the root's.
+/// Sum of the areas of the inner nodes over that of the root.
 fn cost(tree: &Tree, corners: &[Corners]) -> f64 {
     let leaves = leaf_boxes(tree, corners);
     let mut boxes = vec![Aabb::EMPTY; tree.nodes.len()];
@@ -54,7 +54,7 @@ fn compare(corners: &[Corners]) {
     let tree = ploc_tree(corners, &PlocConfig::default());
     let ours = cost(&reinsert(&tree, &leaf_boxes(&tree, corners), &ReinsertConfig::FAST), corners);
     let baseline = cost(&obvhs_tree(corners), corners);
-    assert!(ours <= BESIDE_BASELINE * baseline, "{ours} beside {baseline}");
+    assert!(ours <= MAX_RATIO * baseline, "{ours} vs {baseline}");
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn near_the_baseline_on_terrain() {
     compare(&corners(&fixtures::grid(5, [120, 120])));
 }
 
-/// Triangles of the real model, where it is at hand: fans of the faces of an OBJ file.
+/// Triangles of the Sponza OBJ file if it is available.
 fn sponza() -> Option<Vec<Corners>> {
     let folder = std::env::var_os("CANTED_SCENES")
         .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes")), PathBuf::from);

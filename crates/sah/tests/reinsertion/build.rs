@@ -5,12 +5,12 @@ use canted_lbvh::{
 };
 use canted_obb::Aabb;
 
-/// Corners of a mesh's triangles.
+/// Corners of the triangles of a mesh.
 pub(crate) fn corners(mesh: &Mesh) -> Vec<Corners> {
     triangle_corners(&mesh.positions, &mesh.triangles).unwrap().0
 }
 
-/// The order of triangles along the curve.
+/// Triangles sorted by Morton code.
 pub(crate) fn sorted(corners: &[Corners]) -> Sorted {
     let bounds = Aabb::from_points(corners.iter().flatten().copied());
     let domain = Domain::new(&bounds, 3, Bits::B63);
@@ -22,12 +22,12 @@ pub(crate) fn radix_tree(corners: &[Corners]) -> Tree {
     radix(sorted(corners))
 }
 
-/// The boxes of a tree's leaves, in leaf order.
+/// The boxes of the leaves of a tree, in leaf order.
 pub(crate) fn leaf_boxes(tree: &Tree, corners: &[Corners]) -> Vec<Aabb> {
     in_leaf_order(corners, &tree.leaves).iter().map(Leaf::aabb).collect()
 }
 
-/// Checks the tree with axis-aligned volumes and sums its costs.
+/// Checks the tree with axis-aligned volumes and computes its cost.
 pub(crate) fn checked(tree: &Tree, corners: &[Corners]) -> (Stats, TreeCost) {
     let leaves = in_leaf_order(corners, &tree.leaves);
     let volumes = volumes(tree, &leaves, &VolumeConfig::default());

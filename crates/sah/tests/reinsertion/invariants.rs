@@ -6,12 +6,12 @@ use proptest::prelude::*;
 
 use crate::build::{checked, corners, leaf_boxes, radix_tree};
 
-/// Relative error of a sum of `n` positive `f64` terms, each of a few roundings, taken in another order.
+/// Relative error of a sum of `n` positive `f64` terms, each with a few roundings, in another order.
 fn sum_error(n: usize) -> f64 {
     (n + 8) as f64 * f64::EPSILON
 }
 
-/// Improves a tree and checks all that is promised; returns the cost before and after.
+/// Improves a tree and checks all guarantees; returns the cost before and after.
 fn improved(tree: &Tree, corners: &[Corners], config: &ReinsertConfig) -> (f64, f64) {
     let better = reinsert(tree, &leaf_boxes(tree, corners), config);
     let ((before, cost), (after, new_cost)) = (checked(tree, corners), checked(&better, corners));
@@ -23,7 +23,7 @@ fn improved(tree: &Tree, corners: &[Corners], config: &ReinsertConfig) -> (f64, 
 }
 
 #[test]
-fn degenerate_meshes_stay_trees_of_no_greater_cost() {
+fn degenerate_meshes_stay_valid_without_more_cost() {
     let meshes = [
         fixtures::outlier(2_000),
         fixtures::soup(1, 3_000),
@@ -48,9 +48,9 @@ fn few_primitives() {
     }
 }
 
-/// Equal boxes gain nothing anywhere, so the tree comes back as it went in.
+/// With equal boxes no move reduces the cost, so the tree is unchanged.
 #[test]
-fn duplicates_are_left_alone() {
+fn duplicates_are_unchanged() {
     let corners = corners(&fixtures::identical(100_000));
     let tree = radix_tree(&corners);
     assert_eq!(reinsert(&tree, &leaf_boxes(&tree, &corners), &ReinsertConfig::BALANCED), tree);
@@ -71,7 +71,7 @@ fn same_bits_on_any_number_of_threads() {
     assert_eq!(one, on(4));
 }
 
-/// A power of two scales every box exactly, so it changes no choice.
+/// Scaling by a power of two is exact, so it changes no decision.
 #[test]
 fn same_tree_at_any_power_of_two() {
     let corners = corners(&fixtures::soup(5, 2_000));
@@ -97,7 +97,7 @@ fn far_from_the_origin_and_at_extreme_scales() {
     }
 }
 
-/// A chain of `n` primitives along a line, in an order that no split in space would give.
+/// A chain of `n` primitives along a line, in an order unrelated to space.
 fn chain(n: u32) -> Tree {
     let children: Vec<_> = (0..n - 1)
         .map(|i| [Child::leaf(i), if i + 2 < n { Child::inner(NodeId(i + 1)) } else { Child::leaf(i + 1) }])
@@ -105,9 +105,9 @@ fn chain(n: u32) -> Tree {
     Tree::from_children(&children).unwrap()
 }
 
-/// A random order costs about the tree's depth times as much as an order in space.
+/// A random order costs about the depth of the tree times as much as a spatial order.
 #[test]
-fn a_bad_tree_becomes_a_good_one() {
+fn improves_a_bad_tree() {
     let corners = corners(&fixtures::soup(7, 1_000));
     let (before, after) =
         improved(&chain(1_000), &corners, &ReinsertConfig { iterations: 20, fraction: 1.0, min_gain: 0.0 });
@@ -115,10 +115,10 @@ fn a_bad_tree_becomes_a_good_one() {
     assert!(10.0 * radix < before && after < 2.0 * radix, "{before} to {after} where the radix tree has {radix}");
 }
 
-/// The test's own check: a tree that lost a primitive, or moved it without its boxes, is not let through.
+/// Sabotage: a tree without one primitive is rejected.
 #[test]
 #[should_panic(expected = "is not in exactly one leaf")]
-fn a_lost_primitive_is_seen() {
+fn a_missing_primitive_is_detected() {
     let corners = corners(&fixtures::soup(8, 50));
     let tree = radix_tree(&corners);
     let mut better = reinsert(&tree, &leaf_boxes(&tree, &corners), &ReinsertConfig::FAST);
@@ -128,7 +128,7 @@ fn a_lost_primitive_is_seen() {
 
 #[test]
 #[should_panic(expected = "one box for each leaf")]
-fn boxes_are_as_many_as_leaves() {
+fn rejects_a_wrong_number_of_boxes() {
     let corners = corners(&fixtures::soup(8, 5));
     let tree = radix_tree(&corners);
     let _ = reinsert(&tree, &leaf_boxes(&tree, &corners)[1..], &ReinsertConfig::FAST);

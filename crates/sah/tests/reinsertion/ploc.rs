@@ -4,7 +4,7 @@ use canted_sah::{PlocConfig, ReinsertConfig, ploc, reinsert};
 
 use crate::build::{checked, corners, leaf_boxes, radix_tree, sorted};
 
-/// The tree by areas over triangles.
+/// The PLOC tree over triangles.
 pub(crate) fn ploc_tree(corners: &[Corners], config: &PlocConfig) -> Tree {
     let sorted = sorted(corners);
     let boxes: Vec<_> = in_leaf_order(corners, &sorted.leaves).iter().map(Leaf::aabb).collect();
@@ -12,7 +12,7 @@ pub(crate) fn ploc_tree(corners: &[Corners], config: &PlocConfig) -> Tree {
 }
 
 #[test]
-fn degenerate_meshes_become_trees() {
+fn handles_degenerate_meshes() {
     let meshes = [
         fixtures::outlier(2_000),
         fixtures::soup(1, 3_000),
@@ -37,14 +37,14 @@ fn few_primitives() {
     }
 }
 
-/// Equal boxes pair up in every round, so the tree is as shallow as any.
+/// Equal boxes pair up in every iteration, so the tree is balanced.
 #[test]
 fn duplicates_make_a_balanced_tree() {
     let tree = ploc_tree(&corners(&fixtures::identical(100_000)), &PlocConfig::default());
     assert_eq!(tree.depth, 1 + 17);
 }
 
-/// Boxes that grow along the curve each want the one before: left to that, a chain in quadratic time.
+/// Boxes that grow along the curve each prefer the previous one, which would give a chain in quadratic time.
 #[test]
 fn nested_boxes_make_no_chain() {
     let corners: Vec<Corners> =
@@ -65,9 +65,9 @@ fn same_bits_on_any_number_of_threads() {
     assert_eq!(one, on(4));
 }
 
-/// The order of builders by cost that the crate is for, on a mesh with much overlap.
+/// Costs of the builders on a mesh with much overlap.
 #[test]
-fn each_station_lowers_the_cost() {
+fn each_stage_reduces_the_cost() {
     let corners = corners(&fixtures::scaffold(1, true));
     let cost = |tree: &Tree| checked(tree, &corners).1.sah;
     let (radix, ploc) = (radix_tree(&corners), ploc_tree(&corners, &PlocConfig::default()));

@@ -1,6 +1,6 @@
 use std::{error::Error, fmt};
 
-use super::VERSION;
+use super::fields::VERSION;
 use crate::InstanceError;
 
 /// Why bytes are not a TLAS. `E` is the error of a bottom-level BVH.

@@ -1,5 +1,8 @@
 use canted_obb::Affine;
 
+/// Changes with the meaning of the bytes.
+pub(super) const VERSION: u32 = 1;
+
 /// Little-endian fields, one after the other.
 pub(super) struct Fields<'a>(&'a [u8]);
 

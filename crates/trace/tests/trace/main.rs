@@ -9,6 +9,7 @@ mod filters;
 mod inputs;
 mod invariance;
 mod kernels;
+mod meshes;
 mod shapes;
 mod vector_types;
 mod watertight;

@@ -11,16 +11,16 @@ use super::super::{
 use super::{ball, each, rounded, slipped};
 use crate::{
     closed::rays,
-    tracers::{Tracer, Way, Word},
+    tracers::{Guarantee, Method, Tracer},
     vector::{cross, dot, sub},
 };
 
-/// In robust mode rays from inside leave a closed mesh through a vertex.
-pub(super) fn embree_174(ways: &[Way]) -> Vec<Row> {
+/// In robust mode, rays from inside leave a closed mesh through a vertex.
+pub(super) fn embree_174(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #174",
         "from inside a closed mesh, at its vertices",
-        "none slips through",
+        "no ray leaks out",
         Oracle::Known,
         "rays",
     );
@@ -31,16 +31,16 @@ pub(super) fn embree_174(ways: &[Way]) -> Vec<Row> {
         Ray::new(origin, std::array::from_fn(|k| vertex[k] - origin[k]))
     };
     let rays: Vec<Ray> = ball.mesh.positions.iter().map(&mut at_vertex).collect();
-    each(PROMISE, ways, |way| slipped(way, &ball.mesh, &rays))
+    each(PROMISE, methods, |method| slipped(method, &ball.mesh, &rays))
 }
 
-/// Rings of vertices of a tube: its ends are open, its middle is not.
+/// Positions of a tube's rings of vertices along its axis; both ends are open.
 const RINGS: [f64; 3] = [-20.0, 0.0, 20.0];
 
-/// Corners of a tube.
+/// Number of sides of a tube.
 const SIDES: u32 = 12;
 
-/// Side walls of nested tubes, the k-th of radius `k + 1`, out of their axes.
+/// Walls of nested tubes, the k-th of radius `k + 1`, not axis-parallel.
 fn tubes(n: u32) -> Mesh {
     let (mut mesh, turn) = (Mesh::default(), Rotation::off_axis());
     for k in 0..n {
@@ -59,12 +59,12 @@ fn tubes(n: u32) -> Mesh {
     mesh
 }
 
-/// Of ten nested tubes a ray from one at a vertex of the next passes that and meets a later one.
-pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
+/// Ten nested tubes: a ray from one tube at a vertex of the next passes it and hits a later one.
+pub(super) fn embree_181(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #181",
         "nested tubes: from one to a vertex or edge of the next",
-        "the next one is hit",
+        "the next tube is hit",
         Oracle::Known,
         "rays",
     );
@@ -73,14 +73,14 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
     let mut asked: Vec<(Ray, u32)> = vec![];
     for tube in 1..10u32 {
         for i in 0..120 {
-            // A vertex of the middle ring, or a point of an edge along the tube.
+            // A vertex of the middle ring, or a point on an edge along the tube.
             let middle = (SIDES * 3 * tube) as usize + 3 * (i % SIDES as usize) + 1;
             let [vertex, end] = [middle, middle + 1].map(|index| mesh.positions[index].map(f64::from));
             let along = if i < 2 * SIDES as usize { 0.0 } else { 0.9 * rng.unit() };
             let target: [f64; 3] = std::array::from_fn(|k| vertex[k] + along * (end[k] - vertex[k]));
             let axis = turn.apply([0.0, 0.0, 1.0]);
             let height: f64 = (0..3).map(|k| axis[k] * target[k]).sum();
-            // Outside of the tube before this one at any angle: its corners are nearer to the axis.
+            // Outside the previous tube at any angle: its corners are closer to the axis.
             let share = (f64::from(tube) + 0.3) / f64::from(tube + 1);
             let origin = rounded(std::array::from_fn(|k| {
                 height * axis[k] * (1.0 - share) + share * target[k] + 0.1 * rng.signed() * axis[k]
@@ -90,8 +90,8 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
         }
     }
     let rays: Vec<Ray> = asked.iter().map(|&(ray, _)| ray).collect();
-    each(PROMISE, ways, |way| {
-        let hits = way.of(&mesh).closest(&rays);
+    each(PROMISE, methods, |method| {
+        let hits = method.of(&mesh).closest(&rays);
         let is_other = |(hit, (_, tube)): &(&Option<Hit>, &(Ray, u32))| {
             hit.is_none_or(|hit| hit.primitive.0 / (4 * SIDES) != *tube)
         };
@@ -101,11 +101,11 @@ pub(super) fn embree_181(ways: &[Way]) -> Vec<Row> {
 
 /// All hits of a ray through an edge or vertex count the surface twice.
 ///
-/// Devices tell first hits alone, and these up to an error that is wider than an edge: they are not asked.
-pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
+/// Devices are not tested: they return only first hits, with an error larger than an edge.
+pub(super) fn embree_188(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "Embree #188",
-        "through a convex mesh at edges and vertices; peers walk from hit to hit",
+        "through a convex mesh at edges and vertices; peers continue from each hit",
         "one crossing inward, one outward",
         Oracle::Known,
         "rays",
@@ -114,12 +114,12 @@ pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
     let through: Vec<Ray> = rays(&ball.mesh, &ball, &Affine::IDENTITY, 2_000, 188)
         .into_iter()
         .enumerate()
-        // Of these pairs the second comes from outside, through the edge to a point inside.
+        // The second ray of each pair starts outside and passes through the edge to a point inside.
         .filter_map(|(i, ray)| (i % 2 == 1).then_some(ray))
         .collect();
-    let asked = ways.iter().filter(|way| !matches!(way.word, Word::Device(_)));
-    each(PROMISE, asked, |way| {
-        let tracer = way.of(&ball.mesh);
+    let asked = methods.iter().filter(|method| !matches!(method.guarantee, Guarantee::Device(_)));
+    each(PROMISE, asked, |method| {
+        let tracer = method.of(&ball.mesh);
         let is_other = |ray: &&Ray| {
             let crossings = tracer.crossings(ray).unwrap_or_else(|| walked(tracer.as_ref(), &ball.mesh, ray));
             crossings.iter().map(|hit| hit.side).ne([Side::Front, Side::Back])
@@ -128,7 +128,7 @@ pub(super) fn embree_188(ways: &[Way]) -> Vec<Row> {
     })
 }
 
-/// Hits that a caller finds who asks again from just behind the last: more than two are enough to be wrong.
+/// Hits found by a caller that continues just behind the last hit; more than two are wrong.
 fn walked(tracer: &dyn Tracer, mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
     let (mut rest, mut hits) = (*ray, vec![]);
     while hits.len() < 3 {
@@ -141,8 +141,8 @@ fn walked(tracer: &dyn Tracer, mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
     hits
 }
 
-/// A skinny triangle, edges of 11.2, 9.7 and about 1.5, half a degree from the ray: a hit at an absurd distance.
-pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
+/// A skinny triangle, edges of 11.2, 9.7 and about 1.5, half a degree from the ray: a hit at a wrong distance.
+pub(super) fn embree_387(methods: &[Method]) -> Vec<Row> {
     const PIERCED: Promise = Promise::none(
         "Embree #387",
         "a skinny triangle within a degree of the ray, 600 away",
@@ -154,7 +154,7 @@ pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
     let mut rng = SplitMix64::new(387);
     let mut meshes = vec![];
     for _ in 0..12 {
-        let (along, place) = (rng.on_sphere(), rng.signed3().map(|x| 300.0 * x));
+        let (along, center) = (rng.on_sphere(), rng.signed3().map(|x| 300.0 * x));
         let across = loop {
             let other = rng.on_sphere();
             let share: f64 = (0..3).map(|k| other[k] * along[k]).sum();
@@ -164,7 +164,7 @@ pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
                 break rest.map(|x| x / length);
             }
         };
-        let at = |s: f64, h: f64| rounded(std::array::from_fn(|k| place[k] + s * along[k] + h * across[k]));
+        let at = |s: f64, h: f64| rounded(std::array::from_fn(|k| center[k] + s * along[k] + h * across[k]));
         let positions = vec![at(0.0, 0.0), at(11.2, 0.0), at(9.7, 0.3)];
         let normal: [f64; 3] = std::array::from_fn(|k| {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
@@ -174,18 +174,18 @@ pub(super) fn embree_387(ways: &[Way]) -> Vec<Row> {
             let (s, h) = (14.0 * rng.unit() - 1.0, 0.8 * rng.unit() - 0.3);
             let (turn, tilt) = (std::f64::consts::TAU * rng.unit(), 0.017 * rng.signed());
             let (sin, cos) = canted_fixtures::sin_cos(turn);
-            let target: [f64; 3] = std::array::from_fn(|k| place[k] + s * along[k] + h * across[k]);
-            let way: [f64; 3] = std::array::from_fn(|k| cos * along[k] + sin * across[k] + tilt * normal[k]);
+            let target: [f64; 3] = std::array::from_fn(|k| center[k] + s * along[k] + h * across[k]);
+            let heading: [f64; 3] = std::array::from_fn(|k| cos * along[k] + sin * across[k] + tilt * normal[k]);
             let distance = 600.0 * rng.unit();
-            let origin = rounded(std::array::from_fn(|k| target[k] - distance * way[k]));
+            let origin = rounded(std::array::from_fn(|k| target[k] - distance * heading[k]));
             Ray::new(origin, rounded(std::array::from_fn(|k| target[k] - f64::from(origin[k]))))
         };
         let rays: Vec<Ray> = (0..60).map(|_| ray()).collect();
         meshes.push((Mesh { positions, triangles: vec![[0, 1, 2]] }, rays));
     }
     let counted = |promise, of: fn(&Certain) -> [usize; 2]| {
-        each(promise, ways, |way| {
-            let counts = meshes.iter().map(|(mesh, rays)| of(&Certain::of_way(way, mesh, rays)));
+        each(promise, methods, |method| {
+            let counts = meshes.iter().map(|(mesh, rays)| of(&Certain::of_method(method, mesh, rays)));
             counts.fold((0, 0), |(n, n_failed), [more, more_failed]| (n + more, n_failed + more_failed))
         })
     };

@@ -11,10 +11,10 @@ use super::super::{Oracle, Promise, Row};
 use super::each;
 use crate::{
     brute,
-    tracers::{Way, Word},
+    tracers::{Guarantee, Method},
 };
 
-/// Accepts hits of one instance, and notes what it was shown.
+/// Accepts hits of one instance, and records every `t` that it receives.
 struct Only(InstanceId, Vec<f32>);
 
 impl Query for Only {
@@ -24,7 +24,7 @@ impl Query for Only {
     }
 }
 
-/// Plates at z = 0, 8 and 16, of which the second is scaled and the third mirrored.
+/// Plates at z = 0, 8 and 16; the second is scaled and the third mirrored.
 fn plates() -> [(Affine, f32); 3] {
     [(1.0, 0.0), (64.0, 8.0), (-4.0, 16.0)].map(|(scale, z): (f32, f32)| {
         let columns = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0, 0.0, z]];
@@ -32,7 +32,7 @@ fn plates() -> [(Affine, f32); 3] {
     })
 }
 
-/// Rays through all plates, the number of one of them, intervals of the ray, and the `t` at which the plate is met in each.
+/// Rays through all plates, the index of one plate, ray intervals, and the `t` of that plate's hit in each.
 fn through_plates() -> Vec<(Ray, usize, Option<f32>)> {
     let mut asked = vec![];
     for (x, y) in [(0.0, 0.0), (0.125, -0.25), (-0.375, 0.375)] {
@@ -54,19 +54,19 @@ fn through_plates() -> Vec<(Ray, usize, Option<f32>)> {
     asked
 }
 
-/// On the way from the top level to a bottom level a ray's interval, and whom a query is asked about, get lost.
+/// Between the top and a bottom level the ray's interval and the queried instance are lost.
 ///
-/// Peers have no such query: each plate stands alone before them, under its transform where they know instances.
-pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
+/// Peers have no such query: each plate is traced alone, under its transform if they support instances.
+pub(super) fn tinybvh_277(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #277",
-        "two levels: interval and instance, axis-parallel too; peers: one plate at a time",
-        "what the query sees is the ray's own",
+        "two levels: interval and instance, also axis-parallel; peers: one plate at a time",
+        "the query sees only its own interval and instance",
         Oracle::Known,
         "rays",
     );
     fn of_levels<B: Blas>(blas: B, name: &str) -> Row {
-        let instances = plates().map(|(place, _)| Instance::new(0, place));
+        let instances = plates().map(|(placement, _)| Instance::new(0, placement));
         let tlas = Tlas::new(vec![blas], &instances, TopConfig::default()).expect("scales are invertible");
         let is_wrong = |(ray, plate, want): &&(Ray, usize, Option<f32>)| {
             let only = || Only(InstanceId(u32::try_from(*plate).expect("three plates")), vec![]);
@@ -83,12 +83,12 @@ pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
     let binary = Bvh2::<Watertight>::build(&plate.positions, &plate.triangles, &BuildConfig::default());
     let wide = TriangleBvh::<Watertight>::build(&plate.positions, &plate.triangles, &Config::default());
     let mut rows = vec![
-        of_levels(binary.expect("fixtures are valid"), "two levels of binary"),
-        of_levels(wide.expect("fixtures are valid"), "two levels of wide"),
+        of_levels(binary.expect("fixtures are valid"), "two-level binary"),
+        of_levels(wide.expect("fixtures are valid"), "two-level wide"),
     ];
-    let peers = ways.iter().filter(|way| way.word == Word::Peer);
-    rows.extend(each(PROMISE, peers, |way| {
-        let tracers = plates().map(|(place, _)| (way.make)(&plate, &place));
+    let peers = methods.iter().filter(|method| method.guarantee == Guarantee::Peer);
+    rows.extend(each(PROMISE, peers, |method| {
+        let tracers = plates().map(|(placement, _)| (method.make)(&plate, &placement));
         let asked = through_plates();
         let is_wrong = |(ray, plate, want): &&(Ray, usize, Option<f32>)| {
             let (hits, occluded) = (tracers[*plate].closest(&[*ray]), tracers[*plate].occluded(&[*ray]));
@@ -99,15 +99,15 @@ pub(super) fn tinybvh_277(ways: &[Way]) -> Vec<Row> {
     rows
 }
 
-/// Axis-parallel rays both ways through a mesh whose coordinates are `step` apart, with zeros of this sign.
+/// Axis-parallel rays in both directions through each vertex, with zeros of this sign.
 fn along_axes(mesh: &Mesh, zero: f32) -> Vec<Ray> {
     let [min, max] = mesh.bounds();
     let mut rays = vec![];
     for position in &mesh.positions {
         for axis in 0..3 {
-            for (from, way) in [(min[axis] - 1.0, 1.0), (max[axis] + 1.0, -1.0)] {
+            for (from, sign) in [(min[axis] - 1.0, 1.0), (max[axis] + 1.0, -1.0)] {
                 let (mut origin, mut direction) = (*position, [zero; 3]);
-                (origin[axis], direction[axis]) = (from, way);
+                (origin[axis], direction[axis]) = (from, sign);
                 rays.push(Ray::new(origin, direction));
             }
         }
@@ -115,7 +115,7 @@ fn along_axes(mesh: &Mesh, zero: f32) -> Vec<Ray> {
     rays
 }
 
-/// Cubes, turned by nothing, whose coordinates are no powers of two.
+/// Axis-parallel cubes whose coordinates are not powers of two.
 fn cubes() -> Mesh {
     let cube = thin_box(1.0);
     let mut mesh = Mesh::default();
@@ -128,8 +128,8 @@ fn cubes() -> Mesh {
     mesh
 }
 
-/// A negative zero in the direction takes the wrong octant.
-pub(super) fn tinybvh_282(ways: &[Way]) -> Vec<Row> {
+/// A negative zero in the direction selects the wrong octant.
+pub(super) fn tinybvh_282(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #282",
         "axis-parallel rays, zeros of either sign",
@@ -139,44 +139,44 @@ pub(super) fn tinybvh_282(ways: &[Way]) -> Vec<Row> {
     );
     let mesh = cubes();
     let (plus, minus) = (along_axes(&mesh, 0.0), along_axes(&mesh, -0.0));
-    each(PROMISE, ways, |way| {
-        let tracer = way.of(&mesh);
+    each(PROMISE, methods, |method| {
+        let tracer = method.of(&mesh);
         let (with_plus, with_minus) = (tracer.closest(&plus), tracer.closest(&minus));
         let short = |hit: &Option<Hit>| hit.map(|hit| (hit.t, hit.primitive));
         (plus.len(), with_plus.iter().zip(&with_minus).filter(|(a, b)| short(a) != short(b)).count())
     })
 }
 
-/// A determinant's absolute epsilon drops small triangles.
-pub(super) fn tinybvh_283(ways: &[Way]) -> Vec<Row> {
+/// An absolute epsilon for the determinant drops small triangles.
+pub(super) fn tinybvh_283(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #283",
-        "a right triangle of legs 2e-4 down to 2e-13, ray at its third",
-        "hit at one",
+        "right triangles with legs 2e-4 to 2e-13",
+        "hit at t = 1",
         Oracle::Known,
         "triangles",
     );
     let legs: Vec<f32> = (4..=13).map(|digits| 2.0 * 10.0f32.powi(-digits)).collect();
-    each(PROMISE, ways, |way| {
+    each(PROMISE, methods, |method| {
         let is_missed = |leg: &&f32| {
             let leg = **leg;
             let positions = vec![[0.0; 3], [leg, 0.0, 0.0], [0.0, leg, 0.0]];
             let mesh = Mesh { positions, triangles: vec![[0, 1, 2]] };
             let ray = Ray::new([leg / 3.0, leg / 3.0, -1.0], [0.0, 0.0, 1.0]);
-            // Of others no more is asked than of a device.
-            let off = if way.word == Word::Loop { 0.0 } else { canted_gpu::HIT_ERROR };
-            way.of(&mesh).closest(&[ray])[0].is_none_or(|hit| (hit.t - 1.0).abs() > off)
+            // Other tracers must only be as accurate as a device.
+            let off = if method.guarantee == Guarantee::Loop { 0.0 } else { canted_gpu::HIT_ERROR };
+            method.of(&mesh).closest(&[ray])[0].is_none_or(|hit| (hit.t - 1.0).abs() > off)
         };
         (legs.len(), legs.iter().filter(is_missed).count())
     })
 }
 
-/// A ray in the face of a box misses what touches that face.
-pub(super) fn tinybvh_286(ways: &[Way]) -> Vec<Row> {
+/// A ray in the face of a box misses geometry that touches that face.
+pub(super) fn tinybvh_286(methods: &[Method]) -> Vec<Row> {
     const PROMISE: Promise = Promise::none(
         "tinybvh #286",
         "axis-parallel rays in faces and edges of boxes",
-        "what every triangle tried gives",
+        "the loop's answers",
         Oracle::Loop,
         "rays",
     );
@@ -190,14 +190,14 @@ pub(super) fn tinybvh_286(ways: &[Way]) -> Vec<Row> {
             rays.iter().map(|ray| brute::closest_hit::<Watertight>(&records, ray).is_some()).collect();
         (mesh, rays, wants)
     });
-    each(PROMISE, ways, |way| {
+    each(PROMISE, methods, |method| {
         let mut counts = (0, 0);
         for (mesh, rays, wants) in &asked {
-            let hits = way.of(mesh).closest(rays);
-            // Of a device only what it loses counts: it may hit what is nearer than its error.
-            let is_wrong = |(hit, want): &(&Option<Hit>, &bool)| match way.word {
-                Word::Device(_) => **want && hit.is_none(),
-                Word::Loop | Word::Peer => hit.is_some() != **want,
+            let hits = method.of(mesh).closest(rays);
+            // A device may hit anything within its error, so only lost hits count.
+            let is_wrong = |(hit, want): &(&Option<Hit>, &bool)| match method.guarantee {
+                Guarantee::Device(_) => **want && hit.is_none(),
+                Guarantee::Loop | Guarantee::Peer => hit.is_some() != **want,
             };
             counts.0 += rays.len();
             counts.1 += hits.iter().zip(wants).filter(is_wrong).count();

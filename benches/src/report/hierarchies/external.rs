@@ -1,4 +1,4 @@
-//! What can be said of trees that are not our binary ones: what they show is summed by the same formulas, the rest is not told.
+//! Metrics of BVHs other than our binary ones, by the same formulas where their nodes are public.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ use obvhs::{
 use super::metrics::Metrics;
 use crate::wide::obvhs::{theirs, triangles};
 
-/// Of a wide tree: its rays count what they test, eight boxes a node.
+/// Metrics of a WideBvh: counted tests, eight boxes per node.
 pub(super) fn of_wide(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> Metrics {
     let mut counts = Counts::default();
     for ray in rays {
@@ -26,7 +26,7 @@ pub(super) fn of_wide(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> Metrics {
     Metrics { boxes: each(counts.boxes, rays), triangles: each(counts.triangles, rays), ..Metrics::UNKNOWN }
 }
 
-/// Of a binary tree of `obvhs`: its nodes are summed, its walk tells of triangles alone.
+/// Metrics of a binary BVH of `obvhs`: sums over its nodes; its traversal counts triangle tests only.
 pub(super) fn of_obvhs(mesh: &Mesh, params: BvhBuildParams, rays: &[Ray]) -> Result<Metrics> {
     let (_, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
     let all = triangles(mesh);
@@ -42,8 +42,8 @@ pub(super) fn of_obvhs(mesh: &Mesh, params: BvhBuildParams, rays: &[Ray]) -> Res
     Ok(Metrics { triangles: each(n_tested, rays), ..summed(&tree, unit) })
 }
 
-/// Costs over the inner nodes, and the surface area heuristic as `canted_lbvh::tree_cost` has it: a node costs the test of its two boxes,
-/// a leaf that of each of its primitives.
+/// Sums over the inner nodes, and the surface area heuristic as in `canted_lbvh::tree_cost`: a node costs two box
+/// tests, a leaf one test per primitive.
 fn summed(tree: &Bvh2, unit: f64) -> Metrics {
     let costs = Costs::default();
     let bounds = |node: usize| {
@@ -83,7 +83,7 @@ mod tests {
     use crate::wide::closest_sets;
 
     #[test]
-    fn sums_of_their_nodes_are_those_of_our_tree_over_the_same_topology() {
+    fn obvhs_sums_equal_ours_over_the_same_topology() {
         let model = subjects::load(subjects::SMALL).unwrap().unwrap();
         let rays = closest_sets(&model, &trees::any(&model.mesh).unwrap(), 16).concat();
         let params = BvhBuildParams { pre_split: false, max_prims_per_leaf: 1, ..BvhBuildParams::fast_build() };
@@ -97,13 +97,13 @@ mod tests {
             assert!((found / wanted - 1.0).abs() < 1e-5, "{found} {wanted}");
         }
         assert!(found.triangles > 0.0 && found.boxes.is_nan() && found.overlap.is_nan());
-        // Leaves of several triangles cost the test of each, and save nodes.
+        // Leaves of several triangles cost a test of each and save nodes.
         let larger = BvhBuildParams { max_prims_per_leaf: 8, ..params };
         assert!(of_obvhs(&model.mesh, larger, &rays).unwrap().area < found.area);
     }
 
     #[test]
-    fn wide_trees_tell_what_their_rays_test() {
+    fn wide_bvhs_count_tests() {
         let model = subjects::load(subjects::SMALL).unwrap().unwrap();
         let tree = trees::any(&model.mesh).unwrap();
         let rays = closest_sets(&model, &tree, 16).concat();

@@ -1,4 +1,4 @@
-//! Trees of other builders, larger than one task, hold what they should and lose no hit.
+//! Trees of other builders, larger than one task, are valid and lose no hit.
 //!
 //! Not covered here: small trees and every strategy (`volumes.rs`, `lost_hits.rs`).
 
@@ -36,7 +36,7 @@ fn holds(name: &str, mesh: &Mesh) {
 }
 
 #[test]
-fn trees_of_other_builders_hold_everything() {
+fn trees_of_other_builders_are_valid_and_lose_no_hit() {
     holds("soup", &soup(4, 9_000));
     holds("outlier", &outlier(9_000));
     holds("slivers", &slivers(5, 9_000));

@@ -1,4 +1,4 @@
-//! What was left out: parts that a scene does without, forced back in, and what each would have cost.
+//! Unused features: features that a scene does not need, forced in, and what each would cost.
 
 mod bindings;
 mod forcings;
@@ -12,7 +12,7 @@ use canted_renderer::{Integrator, Pattern, Prepared, Settings, StructureConfig, 
 use canted_scene::{Camera, Mesh, Scene};
 use canted_trace::Watertight;
 
-use forcings::{FORCINGS, Forcing, NOT_FORCED, bare, one_light};
+use forcings::{FORCINGS, Forcing, NOT_FORCED, one_light, plain};
 
 use super::effort::Effort;
 use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
@@ -21,14 +21,14 @@ use super::subjects;
 use crate::clock;
 use crate::models;
 
-/// A scene as it is, or with a part forced in.
+/// A scene as it is, or with a feature forced in.
 struct Variant {
     what: &'static str,
     scene: Scene,
     prepared: Prepared<Watertight>,
 }
 
-/// What a variant takes.
+/// The cost of a variant.
 struct Cost {
     what: &'static str,
     seconds: Samples,
@@ -36,21 +36,21 @@ struct Cost {
     is_same: bool,
 }
 
-/// The scene that has textures and masks of its own.
+/// The scene with its own textures and masks.
 const SPONZA: &str = "sponza";
 
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
-    let mut chapter = Chapter { id: "left-out", title: "What was left out", ..Chapter::default() };
+    let mut chapter = Chapter { id: "left-out", title: "Cost of unused features", ..Chapter::default() };
     let mut scenes = vec![("built-in", canted_scene::builtin()), ("terrain under a sun alone", one_light())];
     for name in effort.pick(&[][..], &["bunny"], &["bunny", "truss", SPONZA]) {
         let scene = match *name {
             SPONZA => subjects::lit_sponza()?,
-            name => models::load(name)?.map(|model| bare(model.mesh.positions, model.mesh.triangles)),
+            name => models::load(name)?.map(|model| plain(model.mesh.positions, model.mesh.triangles)),
         };
         match scene {
             Some(scene) => scenes.push((name, scene)),
-            None => chapter.skipped.push(format!("{name}: the model is not at hand.")),
+            None => chapter.skipped.push(format!("{name}: the model is not available.")),
         }
     }
     let (mut savings, mut says) = (vec![], vec![]);
@@ -58,70 +58,71 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
         savings.push((name, add(&mut chapter, name, &scene, effort)?));
     }
     says.push(over_scenes(&savings));
-    says.extend(savings.iter().map(|(name, parts)| sentence(name, parts)));
+    says.extend(savings.iter().map(|(name, features)| sentence(name, features)));
     says.extend(trees::add(&mut chapter, effort)?);
-    chapter.tell(says);
+    chapter.set_sentences(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     Ok(chapter)
 }
 
 const METHOD: [&str; 4] = [
-    "Sponza is the whole scene, with its textures and masks, lit as in the chapter of pictures; bunny and truss are grey meshes under a \
-     sun and a sky; the terrain is grey under a sun and a black sky, for only a scene of one light does without a choice among lights. \
-     Each scene is rendered as it is and with one part forced back in, in turn: two levels; instances that move by one unit in the last \
-     place, which need two levels too; a white texture on every material; coordinates that nothing looks up; masks that cut nothing \
-     out; normals that say what the triangles say; one triangle that emits 1e-30; a second light without power. Seconds are the \
-     processor's, all threads, of the path integrator; bytes those of the structure and of the scene's arrays.",
-    "On a device, where one opens, the same parts are counted as bindings of the picture's kernel and their bytes, and timed by the \
-     clock on the wall, which a software driver shares with everything else.",
-    "Trees are wide and balanced, traced on one thread in turn: as the collapse chose them, with leaning nodes taken for a tenth of \
-     their cost so that they come back everywhere, without any, and with a counter of boxes and triangles in the walk.",
-    "A part that changes roundings changes bits: two levels map rays into each mesh's space, normals are interpolated, and lights \
-     are chosen by other numbers where there are more of them.",
+    "Sponza has its textures and masks and the lights of the chapter on pictures; bunny and truss are grey meshes under a sun and a \
+     sky; the terrain is grey under a sun and a black sky, because only a scene with one light needs no light selection. Each scene \
+     is rendered as it is and with one feature forced in, in turn: a top-level BVH; instances that move by one unit in the last \
+     place, which also need a top-level BVH; a white texture on every material; unused texture coordinates; masks that are fully \
+     opaque; normals equal to those of the triangles; one triangle that emits 1e-30; a second light without power. Times are \
+     processor seconds of all threads of the path integrator; bytes are those of the structure and the scene's arrays.",
+    "On a device, if one is available, the same features are counted as bindings of the picture's kernel with their bytes, and \
+     measured in wall time, which other work slows down on a software driver.",
+    "WideBvh (balanced) is traced on one thread in turn: as built, with oriented nodes at a tenth of their cost so that they are \
+     chosen everywhere, without oriented nodes, and with a counter of box and triangle tests.",
+    "Some features change rounding and therefore bits: a top-level BVH transforms rays into each mesh's space, normals are \
+     interpolated, and more lights use other random numbers.",
 ];
 
-/// What a part that is left out would cost, were it in.
+/// What an unused feature would cost.
 struct Saving {
-    part: &'static str,
-    /// Over the bare scene's, less one.
+    feature: &'static str,
+    /// Relative to the plain scene, minus one.
     time: f64,
     is_noise: bool,
-    /// More bytes than the bare scene's; fewer where the structure has less to hold.
+    /// Bytes in addition to the plain scene's; negative if the structure is smaller.
     n_bytes: i64,
 }
 
-/// Of all parts on all scenes, how many save time, and the most.
+/// Over all features and scenes, how many save time, and the largest savings.
 fn over_scenes(savings: &[(&str, Vec<Saving>)]) -> String {
-    let all = || savings.iter().flat_map(|(scene, parts)| parts.iter().map(move |part| (*scene, part)));
-    let real = || all().filter(|(_, part)| !part.is_noise && part.time > 0.0);
-    let dearest = real().max_by(|a, b| a.1.time.total_cmp(&b.1.time)).map_or_else(String::new, |(scene, part)| {
-        format!(", at most {}% ('{}' on {scene})", number(100.0 * part.time), part.part)
-    });
-    let heaviest = all().max_by_key(|(_, part)| part.n_bytes).map_or_else(String::new, |(scene, part)| {
+    let all = || savings.iter().flat_map(|(scene, features)| features.iter().map(move |feature| (*scene, feature)));
+    let significant = || all().filter(|(_, feature)| !feature.is_noise && feature.time > 0.0);
+    let slowest =
+        significant().max_by(|a, b| a.1.time.total_cmp(&b.1.time)).map_or_else(String::new, |(scene, feature)| {
+            format!(", at most {}% ('{}' on {scene})", number(100.0 * feature.time), feature.feature)
+        });
+    let largest = all().max_by_key(|(_, feature)| feature.n_bytes).map_or_else(String::new, |(scene, feature)| {
         #[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]
-        let megabytes = part.n_bytes as f64 / 1e6;
-        format!(", and up to {} MB ('{}' on {scene})", number(megabytes), part.part)
+        let megabytes = feature.n_bytes as f64 / 1e6;
+        format!(", and up to {} MB ('{}' on {scene})", number(megabytes), feature.feature)
     });
     format!(
-        "Of {} parts that {} scenes do without {} save time beyond noise{dearest}{heaviest}.",
+        "Of {} unused features on {} scenes, skipping {} saves time beyond noise{slowest}{largest}.",
         all().count(),
         savings.len(),
-        real().count()
+        significant().count()
     )
 }
 
-/// What the parts of one scene would cost.
-fn sentence(name: &str, parts: &[Saving]) -> String {
-    let real = parts.iter().filter(|part| !part.is_noise && part.time > 0.0);
-    match real.max_by(|a, b| a.time.total_cmp(&b.time)) {
-        Some(part) => format!(
-            "On {name} '{}' costs most of the {} parts left out: {}% of the time, were it in.",
-            part.part,
-            parts.len(),
-            number(100.0 * part.time)
+/// What the unused features of one scene would cost.
+fn sentence(name: &str, features: &[Saving]) -> String {
+    let significant = features.iter().filter(|feature| !feature.is_noise && feature.time > 0.0);
+    match significant.max_by(|a, b| a.time.total_cmp(&b.time)) {
+        Some(feature) => format!(
+            "On {name} '{}' would cost the most of {} unused features: {}% of the time.",
+            feature.feature,
+            features.len(),
+            number(100.0 * feature.time)
         ),
-        None if parts.is_empty() => format!("On {name} nothing is left out."),
-        None => format!("On {name} what {} parts left out save of the time is noise.", parts.len()),
+        None if features.is_empty() => format!("On {name} no feature is unused."),
+        None => format!("On {name} the savings of {} unused features are noise.", features.len()),
     }
 }
 
@@ -130,61 +131,61 @@ fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Resu
     let [width, height] = size(effort);
     let camera = frame(scene, &variants[0].prepared.structure, f64::from(width) / f64::from(height));
     let costs = measure(&variants, &camera, effort)?;
-    let bare = &costs[0];
+    let plain = &costs[0];
     let mut table = Table::new(
-        format!("{name}: forced back in"),
-        &["part", "render", "over the bare scene", "bytes", "more bytes", "same picture, bit for bit"],
+        format!("{name}: unused features forced in"),
+        &["feature", "render", "over the plain scene", "bytes", "additional bytes", "same picture, bit for bit"],
     );
     for cost in &costs {
         table.rows.push(vec![
             Cell::text(cost.what),
             Cell::measured(cost.seconds.scaled(1e3), "ms"),
-            Cell::text(if std::ptr::eq(cost, bare) { "–".to_owned() } else { over(&cost.seconds, &bare.seconds) }),
+            Cell::text(if std::ptr::eq(cost, plain) { "–".to_owned() } else { over(&cost.seconds, &plain.seconds) }),
             Cell::text(cost.n_bytes.to_string()),
-            Cell::text(format!("{:+}", more(cost.n_bytes, bare.n_bytes))),
+            Cell::text(format!("{:+}", more(cost.n_bytes, plain.n_bytes))),
             Cell::text(if cost.is_same { "yes" } else { "no" }),
         ]);
     }
     chapter.tables.push(table);
-    for (part, why) in NOT_FORCED {
-        if variants[0].prepared.unused.iter().any(|item| item.feature == part) {
-            chapter.skipped.push(format!("{name}, {part}: left out too, but {why}."));
+    for (feature, why) in NOT_FORCED {
+        if variants[0].prepared.unused.iter().any(|item| item.feature == feature) {
+            chapter.skipped.push(format!("{name}, {feature}: also unused, but {why}."));
         }
     }
     plot(chapter, &format!("{name}, {width} x {height}"), &costs);
     bindings::add(chapter, name, &variants, &camera, effort)?;
     let saving = |cost: &Cost| {
-        let ratio = cost.seconds.over(&bare.seconds);
-        let n_bytes = more(cost.n_bytes, bare.n_bytes);
-        Saving { part: cost.what, time: ratio.median - 1.0, is_noise: ratio.is_noise(), n_bytes }
+        let ratio = cost.seconds.over(&plain.seconds);
+        let n_bytes = more(cost.n_bytes, plain.n_bytes);
+        Saving { feature: cost.what, time: ratio.median - 1.0, is_noise: ratio.is_noise(), n_bytes }
     };
     Ok(costs[1..].iter().map(saving).collect())
 }
 
-/// How much longer than the bare scene, and whether that is noise.
-fn over(seconds: &Samples, bare: &Samples) -> String {
-    let ratio = seconds.over(bare);
+/// Additional time relative to the plain scene, and whether it is noise.
+fn over(seconds: &Samples, plain: &Samples) -> String {
+    let ratio = seconds.over(plain);
     let noise = if ratio.is_noise() { ", noise" } else { "" };
     format!("{:+.1}%{noise}", 100.0 * (ratio.median - 1.0))
 }
 
-/// How many bytes more than the bare scene's, or how many fewer.
-fn more<N: TryInto<i64>>(n_bytes: N, bare: N) -> i64 {
-    let [n_bytes, bare] = [n_bytes, bare].map(|n| n.try_into().unwrap_or(i64::MAX));
-    n_bytes - bare
+/// Bytes in addition to the plain scene's, possibly negative.
+fn more<N: TryInto<i64>>(n_bytes: N, plain: N) -> i64 {
+    let [n_bytes, plain] = [n_bytes, plain].map(|n| n.try_into().unwrap_or(i64::MAX));
+    n_bytes - plain
 }
 
-/// The scene as it is, then with each part that it does without.
+/// The scene as it is, then with each unused feature forced in.
 fn variants(scene: &Scene) -> Result<Vec<Variant>> {
     let usual = StructureConfig::default();
     let prepared = prepare::<Watertight>(scene, &usual)?;
-    let is_left_out = |forcing: &&Forcing| prepared.unused.iter().any(|item| item.feature == forcing.part);
-    let forcings: Vec<&Forcing> = FORCINGS.iter().filter(is_left_out).collect();
+    let is_unused = |forcing: &&Forcing| prepared.unused.iter().any(|item| item.feature == forcing.feature);
+    let forcings: Vec<&Forcing> = FORCINGS.iter().filter(is_unused).collect();
     let mut variants = vec![Variant { what: "nothing", scene: scene.clone(), prepared }];
     for forcing in forcings {
         let (scene, levels) = (forcing.force)(scene.clone());
         let prepared = prepare(&scene, &StructureConfig { levels, ..usual })?;
-        variants.push(Variant { what: forcing.part, scene, prepared });
+        variants.push(Variant { what: forcing.feature, scene, prepared });
     }
     Ok(variants)
 }
@@ -214,7 +215,7 @@ fn plot(chapter: &mut Chapter, name: &str, costs: &[Cost]) {
         is_joined: false,
     });
     chapter.plots.push(Plot {
-        title: format!("{name}: time and memory with parts forced back in"),
+        title: format!("{name}: time and memory with unused features forced in"),
         x: Axis::linear("bytes"),
         y: Axis::linear("render, processor ms"),
         series: series.collect(),
@@ -265,23 +266,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fewer_bytes_are_said_to_be_fewer() {
+    fn fewer_bytes_are_negative() {
         assert_eq!(format!("{:+} {:+}", more(4_369_680usize, 4_371_984), more(5u64, 3)), "-2304 +2");
     }
 
     #[test]
-    fn every_part_that_can_be_forced_is_left_out_somewhere() {
+    fn every_forced_feature_is_unused_somewhere() {
         let scenes = [canted_scene::builtin(), one_light()];
-        let left_out: Vec<&str> = scenes.iter().flat_map(|scene| variants(scene).unwrap()).map(|v| v.what).collect();
-        for Forcing { part, .. } in &FORCINGS {
-            assert!(left_out.contains(part), "'{part}' is never forced back in");
+        let unused: Vec<&str> = scenes.iter().flat_map(|scene| variants(scene).unwrap()).map(|v| v.what).collect();
+        for Forcing { feature, .. } in &FORCINGS {
+            assert!(unused.contains(feature), "'{feature}' is never forced in");
         }
     }
 
     #[test]
     fn times_are_compared_round_by_round() {
-        let bare = Samples::from(vec![1.0, 1.1, 1.2, 1.3, 1.5]);
-        assert_eq!(over(&bare.scaled(1.25), &bare), "+25.0%");
-        assert_eq!(over(&bare, &bare), "+0.0%, noise");
+        let plain = Samples::from(vec![1.0, 1.1, 1.2, 1.3, 1.5]);
+        assert_eq!(over(&plain.scaled(1.25), &plain), "+25.0%");
+        assert_eq!(over(&plain, &plain), "+0.0%, noise");
     }
 }

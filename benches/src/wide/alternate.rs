@@ -1,14 +1,14 @@
-//! Several engines over the same rays, in turn every few milliseconds, so that drift of the machine falls on all.
+//! Several engines over the same rays, in turn every few milliseconds, so that drift of the machine affects all.
 //!
 //! Reads: built engines, rays. Writes: seconds of each engine and round; the answers of the first round, unmeasured.
-//! Holds: within a round every engine answers every ray once; which goes first changes from chunk to chunk.
+//! Holds: within a round every engine traces every ray once; the order changes from chunk to chunk.
 
 use canted_trace::{Hit, Ray};
 
 use super::engine::Engine;
 use crate::clock::{self, Seconds};
 
-/// Rays between two changes of engine. Turns of 65,536 give the same ratios with four times the spread.
+/// Rays between two changes of engine. Chunks of 65,536 give the same ratios with four times the spread.
 const CHUNK: usize = 8192;
 
 /// Nearest hits of all engines.
@@ -40,7 +40,7 @@ fn alternate<A: Copy + Default>(
     let mut answers = vec![vec![A::default(); rays.len()]; n];
     let mut scratch = vec![A::default(); CHUNK.min(rays.len())];
     let mut seconds = vec![vec![Seconds::default(); rounds]; n];
-    // Round 0 warms caches and gives the answers.
+    // Round 0 warms the caches and yields the answers.
     for round in 0..=rounds {
         for (chunk, rays) in rays.chunks(CHUNK).enumerate() {
             for place in 0..n {

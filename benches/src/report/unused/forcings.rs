@@ -1,4 +1,4 @@
-//! Parts that scenes do without, and how they come back.
+//! Unused features of scenes, and how to force them in.
 
 use canted_fixtures::grid;
 use canted_obb::Affine;
@@ -8,34 +8,35 @@ use canted_scene::{
     TextureRef, Wrap,
 };
 
-/// A part that `prepare` names as left out, and how it comes back.
+/// A feature that `prepare` reports as unused, and how to force it in.
 pub(super) struct Forcing {
-    pub(super) part: &'static str,
+    pub(super) feature: &'static str,
     pub(super) force: fn(Scene) -> (Scene, Levels),
 }
 
 pub(super) const FORCINGS: [Forcing; 8] = [
-    Forcing { part: "top-level BVH", force: |scene| (scene, Levels::Two) },
-    Forcing { part: "motion", force: |scene| (with_least_motion(scene), Levels::Auto) },
-    Forcing { part: "textures", force: |scene| (with_white(scene), Levels::Auto) },
-    Forcing { part: "texture coordinates", force: |scene| (with_coordinates(scene), Levels::Auto) },
-    Forcing { part: "alpha test", force: |scene| (with_masks(scene), Levels::Auto) },
-    Forcing { part: "shading normals", force: |scene| (with_flat_normals(scene), Levels::Auto) },
-    Forcing { part: "emission", force: |scene| (with_least_light(scene), Levels::Auto) },
-    Forcing { part: "light selection", force: |scene| (with_dark_sun(scene), Levels::Auto) },
+    Forcing { feature: "top-level BVH", force: |scene| (scene, Levels::Two) },
+    Forcing { feature: "motion", force: |scene| (with_least_motion(scene), Levels::Auto) },
+    Forcing { feature: "textures", force: |scene| (with_white(scene), Levels::Auto) },
+    Forcing { feature: "texture coordinates", force: |scene| (with_coordinates(scene), Levels::Auto) },
+    Forcing { feature: "alpha test", force: |scene| (with_masks(scene), Levels::Auto) },
+    Forcing { feature: "shading normals", force: |scene| (with_flat_normals(scene), Levels::Auto) },
+    Forcing { feature: "emission", force: |scene| (with_least_light(scene), Levels::Auto) },
+    Forcing { feature: "light selection", force: |scene| (with_dark_sun(scene), Levels::Auto) },
 ];
 
-/// Parts that are not forced back in here, and why.
+/// Features that are not forced in here, and why.
 pub(super) const NOT_FORCED: [(&str, &str); 2] = [
-    ("oriented nodes", "they are forced in the table of trees"),
-    ("listed lights", "one that shines would light the picture, and one without power is never sampled"),
+    ("oriented nodes", "the table of BVHs forces them in"),
+    ("listed lights", "a light with power would change the picture, and one without power is never sampled"),
 ];
 
-/// What a triangle emits where emission is forced back in: vanishes beside any light that is seen, and its power is a normal number.
+/// Radiance of a triangle where emission is forced in: negligible next to any visible light, with a power that is a
+/// normal number.
 const LEAST_RADIANCE: f32 = 1e-30;
 
-/// One mesh in grey under a sun and a sky.
-pub(super) fn bare(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene {
+/// A grey mesh under a sun and a sky.
+pub(super) fn plain(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene {
     let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
     Scene {
         meshes: vec![Mesh { positions, triangles, parts, ..Mesh::default() }],
@@ -52,12 +53,12 @@ pub(super) fn bare(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene 
     }
 }
 
-/// Terrain of a few thousand triangles that has no light but its sun.
+/// Terrain of a few thousand triangles with a sun as its only light.
 pub(super) fn one_light() -> Scene {
     let terrain = grid(5, [64, 64]);
     // Its heights are along z, and the sun shines down along y.
     let positions = terrain.positions.into_iter().map(|[x, y, z]| [x, z, -y]).collect();
-    Scene { environment: None, ..bare(positions, terrain.triangles) }
+    Scene { environment: None, ..plain(positions, terrain.triangles) }
 }
 
 fn with_white(mut scene: Scene) -> Scene {
@@ -83,7 +84,7 @@ fn with_coordinates(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Every instance moves by less than any coordinate shows.
+/// Every instance moves by one unit in the last place.
 fn with_least_motion(mut scene: Scene) -> Scene {
     for instance in &mut scene.instances {
         let mut close = instance.world_from_object;
@@ -93,15 +94,15 @@ fn with_least_motion(mut scene: Scene) -> Scene {
     scene
 }
 
-/// The last triangle of the first mesh emits: a light tree over all of them would be measured instead.
+/// Only the last triangle of the first mesh emits; otherwise a light tree over all triangles would be measured.
 fn with_least_light(mut scene: Scene) -> Scene {
     let mesh = &mut scene.meshes[0];
-    let material = mesh.parts.last().map_or(MaterialId(0), |part| part.material);
-    let glowing = Material { emission: [LEAST_RADIANCE; 3], ..scene.materials[material.0 as usize].clone() };
+    let material = mesh.parts.last().map_or(MaterialId(0), |feature| feature.material);
+    let emissive = Material { emission: [LEAST_RADIANCE; 3], ..scene.materials[material.0 as usize].clone() };
     let n = scene.materials.len();
-    scene.materials.push(glowing);
+    scene.materials.push(emissive);
     let last = u32::try_from(mesh.triangles.len() - 1).unwrap_or(u32::MAX);
-    mesh.parts.retain(|part| part.first_triangle < last);
+    mesh.parts.retain(|feature| feature.first_triangle < last);
     mesh.parts.push(Part { first_triangle: last, material: MaterialId(u32::try_from(n).unwrap_or(u32::MAX)) });
     scene
 }
@@ -118,7 +119,7 @@ fn with_dark_sun(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Vertices of their own for every triangle, with its normal.
+/// Separate vertices for every triangle, with its normal.
 fn with_flat_normals(mut scene: Scene) -> Scene {
     for mesh in &mut scene.meshes {
         let corners: Vec<[[f32; 3]; 3]> =
@@ -154,9 +155,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn flat_normals_leave_every_corner_its_coordinates() {
+    fn flat_normals_keep_texture_coordinates() {
         let mut scene =
-            bare(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], vec![[0, 1, 2], [2, 1, 3]]);
+            plain(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], vec![[0, 1, 2], [2, 1, 3]]);
         scene.meshes[0].uvs = Some((0..4u8).map(|i| [f32::from(i), 0.0]).collect());
         let flat = with_flat_normals(scene).meshes.remove(0);
         assert_eq!(flat.uvs.unwrap().iter().map(|uv| uv[0]).collect::<Vec<_>>(), [0.0, 1.0, 2.0, 2.0, 1.0, 3.0]);

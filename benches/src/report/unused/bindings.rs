@@ -1,4 +1,4 @@
-//! What the kernel of a picture binds on a device, bare and with parts forced back in.
+//! The bindings of a picture's kernel on a device, for the plain scene and with features forced in.
 
 use std::sync::atomic::AtomicBool;
 
@@ -15,7 +15,7 @@ use crate::report::{
     samples::Samples,
 };
 
-/// Adds what each part binds; where no adapter opens, the reason.
+/// Adds the bindings of each feature, or the reason why no adapter opens.
 pub(super) fn add(
     chapter: &mut Chapter,
     name: &str,
@@ -41,7 +41,7 @@ pub(super) fn add(
         }
     }
     let mut ms: Vec<Vec<f64>> = vec![vec![]; pictures.len()];
-    // In round 0 the driver compiles.
+    // The driver compiles in round 0.
     for round in 0..=effort.pick(2, 5, 11) {
         for ((_, picture), ms) in pictures.iter().zip(&mut ms) {
             let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel: &AtomicBool::new(false) };
@@ -55,7 +55,15 @@ pub(super) fn add(
     let title = format!("{name}: bindings of the picture's kernel on {} ({})", gpu.info().name, gpu.info().kind);
     let mut table = Table::new(
         title,
-        &["part", "bindings", "bytes", "more bytes", "which the bare scene has not", "picture", "over the bare scene"],
+        &[
+            "feature",
+            "bindings",
+            "bytes",
+            "additional bytes",
+            "not in the plain scene",
+            "picture",
+            "over the plain scene",
+        ],
     );
     let ms: Vec<Samples> = ms.into_iter().map(Samples::from).collect();
     let Some(bare) = pictures.first().map(|(_, picture)| picture.buffers()) else { return Ok(()) };

@@ -1,21 +1,21 @@
-//! How often an engine's answers differ from those of trying every triangle.
+//! How often an engine's answers differ from those of testing every triangle.
 
 use canted_trace::Hit;
 
 /// Greatest difference of `t`, relative to the true one, that rounding explains at these distances.
 ///
-/// A Möller-Trumbore test in `f32` carries about ten roundings of 6e-8 relative to coordinates; a ray that grazes
-/// or starts far off multiplies them. Only what lies beyond a hundred of that counts as another hit.
+/// A Möller-Trumbore test in `f32` accumulates about ten roundings of 6e-8 relative to coordinates; grazing and distant
+/// rays multiply them. A difference beyond a hundred times that counts as another hit.
 const T_TOLERANCE: f32 = 1e-4;
 
 /// Answers that differ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Verdict {
-    /// The engine says miss where there is a hit.
+    /// The engine misses an existing hit.
     pub(crate) lost: usize,
-    /// The engine says hit where there is none.
+    /// The engine reports a hit where there is none.
     pub(crate) invented: usize,
-    /// Both say hit, at distances that rounding does not explain.
+    /// Both hit, at distances that rounding does not explain.
     pub(crate) elsewhere: usize,
 }
 

@@ -1,18 +1,17 @@
-//! Domain, codes, order and tree, each on what the CPU made before it and then from end to end, all meshes in one set of
-//! dispatches.
+//! Domain, codes, order and tree, each on the CPU's previous result and then from end to end, all meshes in one set of dispatches.
 
 use canted_fixtures::{Mesh, SplitMix64, soup};
 use canted_gpu::build::{self, BuildConfig, Built, Run};
 use canted_lbvh::Bits;
 
 use crate::{
-    compare::{assert_equal, bits_of, grids, stations, whole},
+    compare::{assert_equal, bits_of, end_to_end, grids, stages},
     setup::{BOTH, Twin, gpu, items, large, meshes, twins},
 };
 
 #[test]
-fn every_station_makes_the_integers_of_the_cpu() {
-    let Some(gpu) = gpu("every_station_makes_the_integers_of_the_cpu") else { return };
+fn every_stage_matches_the_integers_of_the_cpu() {
+    let Some(gpu) = gpu("every_stage_matches_the_integers_of_the_cpu") else { return };
     for bits in BOTH {
         assert_equal(&gpu, &twins(&meshes(), bits), bits, "generated");
     }
@@ -31,7 +30,7 @@ fn no_mesh_and_no_triangle_make_no_tree() {
     assert_equal(&gpu, &twins(&[soup(1, 0)], Bits::B63), Bits::B63, "no triangle");
 }
 
-/// Scales from the least to the greatest that are promised, and numbers that round.
+/// Scales from the least to the greatest supported, and coordinates that round.
 #[test]
 fn grids_round_as_on_the_cpu() {
     let Some(gpu) = gpu("grids_round_as_on_the_cpu") else { return };
@@ -58,10 +57,10 @@ fn grids_round_as_on_the_cpu() {
     }
 }
 
-/// One wrong number in what the CPU is said to have made, and where the comparison must see it.
+/// One wrong number in the CPU's result, and where the comparison must report it.
 #[test]
-fn the_comparison_sees_each_station_go_wrong() {
-    let Some(gpu) = gpu("the_comparison_sees_each_station_go_wrong") else { return };
+fn the_comparison_detects_an_error_in_each_stage() {
+    let Some(gpu) = gpu("the_comparison_detects_an_error_in_each_stage") else { return };
     type Spoil = fn(&mut Twin);
     let spoils: [(&str, Spoil); 6] = [
         ("grids: number 2 ", |twin| twin.domain.scale = twin.domain.scale.next_up()),
@@ -71,20 +70,20 @@ fn the_comparison_sees_each_station_go_wrong() {
         ("nodes of tree 2: number 3 ", |twin| twin.tree.nodes.swap(3, 4)),
         ("depth: ", |twin| twin.tree.depth += 30),
     ];
-    for (station, spoil) in spoils {
+    for (stage, spoil) in spoils {
         let mut twins = twins(&[soup(1, 4), soup(2, 9), soup(3, 30)], Bits::B63);
         spoil(&mut twins[2]);
-        let error = stations(&gpu, &items(&gpu, &twins), &twins, Bits::B63).unwrap_err();
-        assert!(error.starts_with(station), "{error}");
+        let error = stages(&gpu, &items(&gpu, &twins), &twins, Bits::B63).unwrap_err();
+        assert!(error.starts_with(stage), "{error}");
     }
 }
 
 #[test]
-fn the_comparison_sees_a_box_that_is_not_the_cpus() {
-    let Some(gpu) = gpu("the_comparison_sees_a_box_that_is_not_the_cpus") else { return };
+fn the_comparison_detects_a_wrong_box() {
+    let Some(gpu) = gpu("the_comparison_detects_a_wrong_box") else { return };
     let mut twins = twins(&[soup(1, 4), soup(3, 30)], Bits::B63);
     let built = Built::new(&mut Run::new(&gpu), items(&gpu, &twins), BuildConfig::default()).unwrap();
     twins[1].items[7] = [[9.0; 3]; 3];
-    let error = whole(&gpu, &built, &twins).unwrap_err();
+    let error = end_to_end(&gpu, &built, &twins).unwrap_err();
     assert!(error.starts_with("boxes of tree 1: "), "{error}");
 }

@@ -1,20 +1,20 @@
-//! The truth about a ray and a triangle, and how far answers are from it.
+//! The exact hit of a ray and a triangle, and the errors of answers.
 
 use canted_tests::fractions::Piercing;
 
 use super::super::samples::Samples;
 use super::triangles::Pair;
 
-/// `t`, `u`, `v` of a hit; weights that are no numbers were not told.
+/// `t`, `u`, `v` of a hit; unreported weights are NaN.
 pub(super) type Answer = Option<[f32; 3]>;
 
-/// Where the ray meets the triangle's plane, and whether that is in the triangle.
-pub(super) struct Judged {
+/// Where the ray intersects the triangle's plane, and whether that point is in the triangle.
+pub(super) struct ExactHit {
     piercing: Option<Piercing>,
     is_hit: bool,
 }
 
-impl Judged {
+impl ExactHit {
     pub(super) fn of((ray, corners): &Pair) -> Self {
         let piercing = Piercing::of(ray, *corners);
         let is_hit = piercing.as_ref().is_some_and(|piercing| piercing.is_hit(ray));
@@ -22,21 +22,21 @@ impl Judged {
     }
 }
 
-/// What all answers of one kernel come to.
-pub(super) struct Judgement {
-    /// Error of `t` of each hit that is one.
+/// The results of one kernel.
+pub(super) struct Accuracy {
+    /// Error of `t` of each true hit.
     pub(super) t_ulps: Samples,
-    /// The greater error of `u` and `v` of each.
+    /// The greater error of `u` and `v` of each hit.
     pub(super) uv_ulps: Samples,
-    /// Share of all rays that are hits to the kernel alone.
+    /// Share of rays that only the kernel hits.
     pub(super) wrong_hits: f64,
-    /// Share of all rays that are misses to the kernel alone.
+    /// Share of rays that only the kernel misses.
     pub(super) wrong_misses: f64,
 }
 
-impl Judgement {
+impl Accuracy {
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
-    pub(super) fn of(truths: &[Judged], answers: &[Answer]) -> Self {
+    pub(super) fn of(truths: &[ExactHit], answers: &[Answer]) -> Self {
         let (mut t, mut uv) = (vec![], vec![]);
         let (mut wrong_hits, mut wrong_misses) = (0usize, 0usize);
         for (truth, answer) in truths.iter().zip(answers) {
@@ -45,11 +45,11 @@ impl Judgement {
                 (true, None) => wrong_misses += 1,
                 (true, &Some([t_found, u, v])) => {
                     let Some(piercing) = &truth.piercing else { continue };
-                    let told = u.is_finite() && v.is_finite();
+                    let has_weights = u.is_finite() && v.is_finite();
                     let [of_t, of_u, of_v] =
-                        piercing.error_ulps(if told { [t_found, u, v] } else { [t_found, 0.0, 0.0] });
+                        piercing.error_ulps(if has_weights { [t_found, u, v] } else { [t_found, 0.0, 0.0] });
                     t.push(of_t);
-                    uv.extend(told.then_some(of_u.max(of_v)));
+                    uv.extend(has_weights.then_some(of_u.max(of_v)));
                 }
                 (false, None) => {}
             }
@@ -67,11 +67,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wrong_answers_and_errors_are_told_apart() {
+    fn wrong_answers_and_errors_are_distinguished() {
         let corners = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
         let ray = |x: f32| Ray::new([x, 1.0, 0.0], [0.0, 0.0, 1.0]);
-        let truths: Vec<Judged> = [1.0, 1.0, 3.5, 3.5].map(|x| Judged::of(&(ray(x), corners))).into();
-        let found = Judgement::of(&truths, &[Some([1.0f32.next_up(), 0.25, 0.25]), None, Some([1.0, 0.9, 0.2]), None]);
+        let truths: Vec<ExactHit> = [1.0, 1.0, 3.5, 3.5].map(|x| ExactHit::of(&(ray(x), corners))).into();
+        let found = Accuracy::of(&truths, &[Some([1.0f32.next_up(), 0.25, 0.25]), None, Some([1.0, 0.9, 0.2]), None]);
         assert_eq!((found.wrong_hits, found.wrong_misses), (0.25, 0.25));
         assert_eq!((found.t_ulps.values(), found.uv_ulps.values()), (&[1.0][..], &[0.0][..]));
     }

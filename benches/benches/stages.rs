@@ -1,13 +1,13 @@
-//! Each station of the build alone, named `station/scene/triangles`.
+//! Each build stage alone, named `stage/scene/triangles`.
 
 use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
 use criterion::{Criterion, criterion_group, criterion_main};
 
-fn stations(criterion: &mut Criterion) {
+fn stages(criterion: &mut Criterion) {
     let mesh = canted_fixtures::grid(5, [300, 300]);
     let n = mesh.triangles.len();
-    let name = |station: &str| format!("{station}/grid/{n}");
-    let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("a sound mesh");
+    let name = |stage: &str| format!("{stage}/grid/{n}");
+    let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("a valid mesh");
     let domain = Domain::new(&bounds, 3, Bits::B63);
     let codes = canted_lbvh::morton_codes(&domain, &corners);
     let sorted = canted_lbvh::sort_by_code(&codes, Bits::B63);
@@ -28,5 +28,5 @@ fn stations(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, stations);
+criterion_group!(benches, stages);
 criterion_main!(benches);

@@ -1,4 +1,4 @@
-//! All hits of a ray, judged triangle by triangle without rounding.
+//! All hits of a ray compared with exact arithmetic, triangle by triangle.
 
 use canted_fixtures::{Mesh, SplitMix64, displaced_icosphere, fan, slivers, soup, thin_box};
 use canted_obb::PrimId;
@@ -11,16 +11,15 @@ const U: f32 = 0.5 * f32::EPSILON;
 
 /// Displacement of a vertex across the ray in the watertight test, relative to its greatest distance from the origin.
 ///
-/// The subtraction, and the sheared coordinate's quotient, product and difference: four roundings. The sheared z is off
-/// by one more, which moves nothing across. The picture has two axes, √2 together; a fifth unit covers second-order
-/// terms.
+/// The subtraction, and the sheared coordinate's quotient, product and difference: four roundings. The sheared z has one more,
+/// which moves nothing across the ray. Two axes give a factor of √2; a fifth unit covers second-order terms.
 const ACROSS: f32 = 5.0 * std::f32::consts::SQRT_2 * U;
 
-/// What underflow adds to the distance of a reported point, as `HIT_ERROR` is documented: 2^-127.
+/// What underflow adds to the distance of a reported point, as documented for `HIT_ERROR`: 2^-127.
 const UNDERFLOW: f32 = 0.5 * f32::MIN_POSITIVE;
 
-/// What underflow moves a vertex across the ray: the product that shears is off by half of 2^-149, on two axes; the margin
-/// itself, where it is rounded, by as much.
+/// Displacement of a vertex across the ray by underflow: half of 2^-149 in the shearing product, on two axes, and as much in
+/// the rounded margin.
 const UNDERFLOW_ACROSS: f32 = f32::from_bits(2);
 
 fn greatest(numbers: impl IntoIterator<Item = f32>) -> f32 {
@@ -33,32 +32,32 @@ pub fn corners(mesh: &Mesh, triangle: &[u32; 3]) -> [[f32; 3]; 3] {
     triangle.map(|index| mesh.positions[index as usize])
 }
 
-/// The margin of a triangle: what the kernel's proof allows, rounded up by a thousandth.
+/// The margin of a triangle: the bound of the kernel's proof, rounded up by a thousandth.
 #[must_use]
 pub fn margin(ray: &Ray, corners: &[[f32; 3]; 3]) -> Margin {
     let origin = greatest(ray.origin);
     let away = greatest(corners.iter().flat_map(|corner| (0..3).map(|k| corner[k] - ray.origin[k])));
     let reach = greatest(corners.iter().flatten().copied());
-    // Along each of three axes, so √3 in the direction of a normal.
+    // Along each of three axes, so √3 along a normal.
     let along = 3.0f32.sqrt() * HIT_ERROR * (origin + reach);
     Margin { across: 1.001 * ACROSS * away + UNDERFLOW_ACROSS, along: 1.001 * along + UNDERFLOW }
 }
 
-/// How many pairs of ray and triangle got which verdict.
+/// Number of ray-triangle pairs by verdict.
 #[derive(Default, Debug)]
 pub struct Tally {
-    /// Certainly pierced.
+    /// Certain hits.
     pub n_pierced: usize,
-    /// Certainly missed.
+    /// Certain misses.
     pub n_missed: usize,
-    /// Within the margin.
+    /// Pairs within the margin.
     pub n_open: usize,
 }
 
-/// Compares all hits that `hits` holds with the verdicts on `mesh`.
+/// Compares `hits` with the verdicts on `mesh`.
 ///
 /// # Errors
-/// The first triangle that is pierced and not hit, missed and hit, or hit off its plane.
+/// The first certain hit that is not found, certain miss that is hit, or hit off its plane.
 pub fn compare(mesh: &Mesh, ray: &Ray, hits: &[Hit], tally: &mut Tally) -> Result<(), String> {
     for (id, triangle) in (0..).map(PrimId).zip(&mesh.triangles) {
         let corners = corners(mesh, triangle);
@@ -78,7 +77,7 @@ pub fn compare(mesh: &Mesh, ray: &Ray, hits: &[Hit], tally: &mut Tally) -> Resul
     Ok(())
 }
 
-/// Rays at points beside edges and vertices, by distances from a few roundings to a whole edge, inward and outward.
+/// Rays towards points near edges and vertices, at distances from a few roundings to an edge length, inward and outward.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 pub fn rays(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
@@ -87,12 +86,12 @@ pub fn rays(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     let mut ray = || {
         let [a, b, c] = mesh.corners(rng.below(mesh.triangles.len()));
         let along = [0.0, 0.5, rng.unit()][rng.below(3)];
-        let beside = 0.5f64.powi(i32::try_from(rng.below(22)).unwrap()) * [1.0, -1.0][rng.below(2)];
+        let offset = 0.5f64.powi(i32::try_from(rng.below(22)).unwrap()) * [1.0, -1.0][rng.below(2)];
         let direction = rng.on_sphere();
         let distance = diagonal * rng.unit();
         let target: [f64; 3] = std::array::from_fn(|k| {
             let edge = a[k] + along * (b[k] - a[k]);
-            edge + 0.3 * beside * (c[k] - edge)
+            edge + 0.3 * offset * (c[k] - edge)
         });
         let origin: [f32; 3] = std::array::from_fn(|k| (target[k] - distance * direction[k]) as f32);
         Ray::new(origin, std::array::from_fn(|k| (target[k] - f64::from(origin[k])) as f32))
@@ -100,7 +99,7 @@ pub fn rays(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     (0..n).map(|_| ray()).filter(|ray| greatest(ray.direction) > 0.0).collect()
 }
 
-/// Few triangles each, of every kind and place.
+/// Small meshes of every kind, size and position.
 #[must_use]
 pub fn meshes() -> Vec<(&'static str, Mesh)> {
     let soup = soup(21, 60);

@@ -1,4 +1,4 @@
-//! Leaning nodes where a mesh needs none, boxes along the axes where it needs others, and counters.
+//! BVHs with oriented nodes everywhere, with none, and with counters.
 
 use anyhow::{Context, Result};
 use canted_trace::{Counts, Hit, InstanceId, Ray, Watertight};
@@ -11,12 +11,12 @@ use crate::report::{
     samples::{Samples, faster},
     subjects,
 };
-use crate::wide::{closest_sets, duel, engine::Engine};
+use crate::wide::{alternate, closest_sets, engine::Engine};
 
-/// Leaning nodes are taken for this much of their cost where they are forced back in.
-const BELITTLED: f32 = 0.1;
+/// Factor on the cost of oriented nodes that forces them in.
+const FORCED_COST: f32 = 0.1;
 
-/// A tree whose walk counts boxes and triangles.
+/// A BVH whose traversal counts box and triangle tests.
 struct Counted(TriangleBvh<Watertight>);
 
 impl Engine for Counted {
@@ -37,7 +37,7 @@ impl Engine for Counted {
     }
 }
 
-/// The same walk, ray by ray, without counters.
+/// The same traversal, ray by ray, without counters.
 struct Uncounted(TriangleBvh<Watertight>);
 
 impl Engine for Uncounted {
@@ -57,13 +57,13 @@ impl Engine for Uncounted {
 }
 
 const NAMES: [&str; 5] =
-    ["as chosen", "leaning nodes forced in", "leaning nodes left out", "ray by ray", "ray by ray, counted"];
+    ["as built", "oriented nodes forced in", "no oriented nodes", "ray by ray", "ray by ray, counted"];
 
 fn engines(model: &Model) -> Result<Vec<Box<dyn Engine>>> {
     let mesh = &model.mesh;
     let usual = Config::preset(Preset::Balanced);
     let build = |config| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config);
-    let oriented_node = BELITTLED * usual.costs.oriented_node;
+    let oriented_node = FORCED_COST * usual.costs.oriented_node;
     let chosen = build(usual)?;
     Ok(vec![
         Box::new(chosen.clone()),
@@ -74,27 +74,27 @@ fn engines(model: &Model) -> Result<Vec<Box<dyn Engine>>> {
     ])
 }
 
-/// Adds what trees do without; what each shows.
+/// Adds the BVHs and returns a sentence for each scene.
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Vec<String>> {
     let mut table =
-        Table::new("Trees: a camera or diffuse ray, and bytes", &["scene", "tree", "a ray", "bytes", "same hits"]);
+        Table::new("BVHs: a camera or diffuse ray, and bytes", &["scene", "BVH", "per ray", "bytes", "same hits"]);
     let (mut series, mut says): (Vec<Series>, Vec<String>) = (vec![], vec![]);
     for name in effort.pick(&[subjects::SMALL][..], &["grid", "truss"], &["grid", "truss", "bunny", "sponza"]) {
         let Some(model) = subjects::load(name)? else {
-            chapter.skipped.push(format!("{name}: the model is not at hand."));
+            chapter.skipped.push(format!("{name}: the model is not available."));
             continue;
         };
         let engines = engines(&model)?;
         let tree = TriangleBvh::build(&model.mesh.positions, &model.mesh.triangles, &Config::preset(Preset::Fast))?;
         let rays = closest_sets(&model, &tree, effort.pick(16, 128, 128)).concat();
-        let (seconds, hits) = duel::closest(&engines, &rays, effort.pick(2, 7, 11));
+        let (seconds, hits) = alternate::closest(&engines, &rays, effort.pick(2, 7, 11));
         #[expect(clippy::cast_precision_loss, reason = "rays are counted in thousands")]
         let to_ns = 1e9 / rays.len() as f64;
         let ns: Vec<Samples> =
             seconds.iter().map(|s| s.iter().map(|s| s.cpu * to_ns).collect::<Vec<_>>().into()).collect();
         let mut points = vec![];
         for (i, what) in NAMES.into_iter().enumerate() {
-            let n_bytes = engines[i].n_bytes().with_context(|| format!("'{what}' does not tell its bytes"))?;
+            let n_bytes = engines[i].n_bytes().with_context(|| format!("'{what}' does not report its bytes"))?;
             table.rows.push(vec![
                 Cell::text(*name),
                 Cell::text(what),
@@ -107,15 +107,18 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Vec<String>> 
             points.push(Point { label: what.to_owned(), x: x.into(), y: ns[i].clone() });
         }
         series.push(Series { name: (*name).to_owned(), points, is_joined: false });
-        let said = [("the tree as chosen", 0, "one of leaning nodes", 1), ("the walk", 3, "the same with counters", 4)]
-            .map(|(a, i, b, k)| faster((a, &ns[i]), (b, &ns[k])));
-        says.push(format!("On {name} {}.", said.join("; ")));
+        let sentences = [
+            ("the BVH as built", 0, "the one with oriented nodes", 1),
+            ("the traversal", 3, "the one with counters", 4),
+        ]
+        .map(|(a, i, b, k)| faster((a, &ns[i]), (b, &ns[k])));
+        says.push(format!("On {name} {}.", sentences.join("; ")));
     }
     chapter.tables.push(table);
     chapter.plots.push(Plot {
-        title: "Trees: time of a ray over bytes, as chosen and with or without leaning nodes".to_owned(),
+        title: "BVHs: time per ray over bytes, as built and with or without oriented nodes".to_owned(),
         x: Axis::log("bytes"),
-        y: Axis::log("ns a ray"),
+        y: Axis::log("ns per ray"),
         series,
     });
     Ok(says)

@@ -1,9 +1,9 @@
-//! A device's answer beside the CPU's.
+//! Compares a device's answer with the CPU's.
 //!
-//! Let `B` bound how far off its triangle, in each coordinate, the point of a hit on the device may be. The device hits every
-//! triangle that the CPU hits, at `t` of its own: at both, and so at all `t` between, the ray is within `B` of the triangle. So if
-//! the device's first hit is later than the CPU's, it still lies within `B` of the CPU's triangle; and if there is none, the end of
-//! the interval that stands between does.
+//! Let `B` bound the distance of a device hit from its triangle in each coordinate. The device hits every triangle that the CPU
+//! hits, at its own `t`: at both `t`, and so at all `t` between, the ray is within `B` of the triangle. So if the device's first
+//! hit is later than the CPU's, it still lies within `B` of the CPU's triangle; and if there is none, the end of the ray's interval
+//! lies between and does.
 
 use canted_gpu::{DeviceHit, Gpu, HIT_ERROR, Outcome, TracedScene};
 pub(crate) use canted_tests::instances::device_hit_error as error_of_instance;
@@ -12,30 +12,30 @@ use canted_trace::{Hit, Ray};
 
 type Corners = [[f64; 3]; 3];
 
-/// Where triangles are, and how far off them hits may be.
+/// Triangle positions and error bounds.
 pub(crate) struct World<'a> {
-    /// Corners of a triangle of an instance, world space.
+    /// World-space corners of a triangle of an instance.
     pub(crate) corners: &'a dyn Fn(u32, u32) -> Corners,
-    /// `B` for a ray and a triangle of an instance.
+    /// `B` for a ray and an instance.
     pub(crate) error: &'a dyn Fn(&Ray, u32) -> f64,
 }
 
-/// How often answers are what.
+/// Number of rays by kind of answer.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Tally {
     /// The same triangle.
     pub(crate) n_same: usize,
     /// Another triangle, within the bound.
     pub(crate) n_ties: usize,
-    /// A hit on the device alone, within the bound.
+    /// A hit only on the device, within the bound.
     pub(crate) n_besides: usize,
-    /// A miss on the device alone, where the interval ends.
+    /// A miss only on the device, at the end of the interval.
     pub(crate) n_at_ends: usize,
     /// A miss on both.
     pub(crate) n_missed: usize,
     /// No answer from the device.
     pub(crate) n_cut: usize,
-    /// Greatest distance of a hit from its triangle, as a share of what is allowed.
+    /// Greatest distance of a hit from its triangle, relative to the bound.
     pub(crate) off: f64,
 }
 
@@ -43,13 +43,13 @@ fn greatest(v: [f32; 3]) -> f64 {
     v.iter().map(|x| f64::from(x.abs())).fold(0.0, f64::max)
 }
 
-/// `B` of a tree over triangles in world space whose coordinates do not exceed `reach`.
+/// `B` of a BVH over triangles in world space with coordinates of at most `reach`.
 pub(crate) fn error_of_one_level(ray: &Ray, reach: f64) -> f64 {
     f64::from(HIT_ERROR) * (greatest(ray.origin) + reach)
 }
 
 impl World<'_> {
-    /// How far a point of the ray is from a triangle, as a share of what is allowed.
+    /// Distance of a point of the ray from a triangle, relative to the bound.
     fn off(&self, ray: &Ray, t: f32, instance: u32, primitive: u32) -> f64 {
         let off = distance(ray.at(f64::from(t)), (self.corners)(instance, primitive));
         off / (SQRT_3 * (self.error)(ray, instance))
@@ -59,11 +59,11 @@ impl World<'_> {
         self.off(ray, t, instance, primitive) <= 1.0
     }
 
-    /// Counts what a ray's answers are.
+    /// Compares the answers for a ray and counts them.
     ///
     /// # Errors
     /// A lost hit, or one beyond the bound.
-    pub(crate) fn judge(
+    pub(crate) fn check(
         &self,
         ray: &Ray,
         cpu: Option<Hit>,
@@ -104,11 +104,11 @@ impl World<'_> {
         Ok(())
     }
 
-    /// Asks the device all rays, both questions, and judges the answers beside `on_cpu`'s.
+    /// Traces all rays on the device, with both queries, and compares the answers with `on_cpu`.
     ///
     /// # Errors
-    /// The first answer that is wrong.
-    pub(crate) fn judge_all(
+    /// The first wrong answer.
+    pub(crate) fn check_all(
         &self,
         gpu: &Gpu,
         scene: &TracedScene,
@@ -120,7 +120,7 @@ impl World<'_> {
         let occluded = scene.occluded(gpu, rays).unwrap();
         assert_eq!((hits.len(), occluded.len()), (rays.len(), rays.len()));
         for ((ray, hit), occluded) in rays.iter().zip(hits).zip(occluded) {
-            self.judge(ray, on_cpu(ray), hit, tally)?;
+            self.check(ray, on_cpu(ray), hit, tally)?;
             match (hit, occluded) {
                 (Outcome::Complete(hit), Outcome::Complete(occluded)) if hit.is_some() != occluded => {
                     return Err(format!("{ray:?}: {hit:?}, and occluded is {occluded}"));
@@ -133,14 +133,14 @@ impl World<'_> {
 }
 
 impl Tally {
-    /// Rays that hit on both, as far as they were answered.
+    /// Rays with a hit on both, among those that were answered.
     pub(crate) fn n_hits(&self) -> usize {
         self.n_same + self.n_ties
     }
 
-    /// Tells the counts, and fails where little was tested.
+    /// Prints the counts; fails if too little was tested.
     #[track_caller]
-    #[expect(clippy::print_stderr, reason = "the share of ties is told")]
+    #[expect(clippy::print_stderr, reason = "the share of ties is reported")]
     pub(crate) fn report(&self, name: &str) {
         eprintln!("{name}: {self:?}");
         assert!(self.n_hits() > 100 && self.n_missed > 0, "{name}: {self:?}");
