@@ -24,7 +24,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
 
 /// Crates with few dependencies, and those that they may have.
 const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "canted"];
-const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon"];
+const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon", "libm"];
+
+/// Those of them that must be optional.
+const OPTIONAL: &[&str] = &["rayon", "libm"];
 
 /// External crates restricted to some packages; tests of any package may use peers.
 const RESTRICTED: &[(&str, &[&str])] = &[
@@ -86,9 +89,9 @@ fn violations(manifests: &BTreeMap<String, String>) -> Vec<String> {
                 }
             } else if MINIMAL.contains(&package.as_str()) && !for_tests {
                 if !MINIMAL_DEPENDENCIES.contains(&name.as_str()) {
-                    report("more than glam, bytemuck and rayon");
-                } else if name == "rayon" && !optional {
-                    report("rayon must be optional");
+                    report("more than glam, bytemuck, rayon and libm");
+                } else if OPTIONAL.contains(&name.as_str()) && !optional {
+                    report(&format!("{name} must be optional"));
                 }
             }
             if let Some((_, keepers)) = RESTRICTED.iter().find(|(kept, _)| *kept == name && !for_tests)
@@ -166,7 +169,7 @@ fn restricted_and_extra_dependencies_are_detected() {
     );
     assert_eq!(
         with("obb", "[dependencies]\nserde = { version = \"1\", optional = true }"),
-        ["obb needs serde: more than glam, bytemuck and rayon"]
+        ["obb needs serde: more than glam, bytemuck, rayon and libm"]
     );
     assert_eq!(with("trace", "[dependencies]\nrayon.workspace = true"), ["trace needs rayon: rayon must be optional"]);
     assert_eq!(with("trace", "[dependencies.rayon]\nworkspace = true\noptional = true"), Vec::<String>::new());

@@ -8,7 +8,7 @@ use crate::bvh::{PredictedCost, WideBvh};
 use crate::collapse::{Areas, Plan};
 use crate::config::Config;
 use crate::costs::{Baseline, Costs};
-use crate::emit::{Source, TooLarge, emit, write_ids, write_triangles};
+use crate::emit::{Source, TooLarge, WriteLeaf, emit, write_ids, write_triangles};
 use crate::frames::{self, BoxAreas, Fit, Fits, FrameConfig};
 use crate::item::{self, Item};
 use crate::layout::{HALF_WORDS, Half, LeafLayout, Limits, NodeKind, Nodes};
@@ -202,7 +202,7 @@ fn collapse<I: Item, U: Copy + Send>(
     limits: &Limits,
     leaf_layout: &LeafLayout,
     unset: U,
-    write: &(dyn Fn(&[u32], usize, &mut [U]) + Sync),
+    write: &WriteLeaf<U>,
 ) -> Result<(Nodes, Vec<U>, PredictedCost), TooLarge> {
     let Chosen { tree, rows, aligned, scale } = chosen;
     let aligned_cost = binary::cost(tree, aligned, &config.costs);

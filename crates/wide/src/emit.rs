@@ -57,17 +57,17 @@ impl Source<'_> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct TooLarge;
 
+/// Writes a leaf: the positions of its primitives in leaf order, the part of the first unit that it starts with, the units.
+pub(crate) type WriteLeaf<'a, U> = dyn Fn(&[u32], usize, &mut [U]) + Sync + 'a;
+
 /// Writes the wide BVH of `plan`: nodes, and units of leaves; nothing is written of one that is too large.
-///
-/// `write` gets the positions of a leaf's primitives in leaf order, the part of the first unit that the leaf starts with, and
-/// the units.
 pub(crate) fn emit<U: Copy + Send>(
     source: &Source,
     plan: &Plan,
     limits: &Limits,
     leaf_layout: &LeafLayout,
     unset: U,
-    write: &(dyn Fn(&[u32], usize, &mut [U]) + Sync),
+    write: &WriteLeaf<U>,
 ) -> Result<(Nodes, Vec<U>), TooLarge> {
     let (drafts, leaves, root, depth) = layout(source, plan, limits, leaf_layout)?;
     let n_lines = drafts.last().map_or(0, |draft| draft.line + draft.kind.n_lines());

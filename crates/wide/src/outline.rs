@@ -110,8 +110,9 @@ impl Outline {
         for leaf in self.leaves.iter_mut().filter(|leaf| leaf.places.len() <= layout.in_part) {
             leaf.is_shared = parts.taken[leaf.first ^ 1];
         }
-        let is_alone =
-            |leaf: &&LeafOutline| leaf.places.len() <= layout.in_part && !leaf.is_shared && leaf.first % 2 == 0;
+        let is_alone = |leaf: &&LeafOutline| {
+            leaf.places.len() <= layout.in_part && !leaf.is_shared && leaf.first.is_multiple_of(2)
+        };
         for leaf in self.leaves.iter().filter(is_alone) {
             parts.taken[leaf.first | 1] = true;
         }

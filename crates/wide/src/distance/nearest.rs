@@ -47,8 +47,7 @@ impl Collector for Nearest {
 
     #[inline]
     fn take(&mut self, found: Found) {
-        // Written so that a distance that is not a number is rejected.
-        if !(found.0 <= self.bound()) {
+        if found.0.is_nan() || found.0 > self.bound() {
             return;
         }
         let order = |entry: &Found| entry.0.total_cmp(&found.0).then(entry.1.cmp(&found.1));

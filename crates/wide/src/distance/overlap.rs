@@ -69,8 +69,11 @@ where
     }
 }
 
-/// The eight boxes of a node: rows, and the interval along each.
-fn boxes(lines: &[Line], kind: NodeKind, line: u32, frame: [[f32; 3]; 3]) -> [([[f32; 3]; 3], [f64; 3], [f64; 3]); 8] {
+/// Rows of a box, and the lower and upper end of its interval along each.
+type BoxRows = ([[f32; 3]; 3], [f64; 3], [f64; 3]);
+
+/// The eight boxes of a node.
+fn boxes(lines: &[Line], kind: NodeKind, line: u32, frame: [[f32; 3]; 3]) -> [BoxRows; 8] {
     std::array::from_fn(|i| match kind {
         NodeKind::Aligned => {
             let rows = rows::<ALIGNED_LINES, 8>(lines, line);
