@@ -1,4 +1,5 @@
 //! Ambient occlusion: rays that continue from a hit do not hit their own triangle again.
+#![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use canted::{Config, Preset, Ray, SurfacePoint, Triangle, WideBvh};
 

@@ -1,4 +1,5 @@
 //! Distances: nearest point, containment, signed distance, and all triangles in a region.
+#![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use canted::{Config, Convex, Preset, Triangle, WideBvh};
 

@@ -1,4 +1,5 @@
 //! Instances: one mesh in many places, moved and replaced without rebuilding what does not change.
+#![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use std::error::Error;
 

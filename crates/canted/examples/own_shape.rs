@@ -1,4 +1,9 @@
 //! Your own shape: a flat disk, in a BVH with oriented nodes.
+#![expect(
+    clippy::print_stdout,
+    clippy::cast_possible_truncation,
+    reason = "an example prints its results; f32 is what hits hold"
+)]
 
 use canted::build::obb::vector::{cross, dot, sub, to_f64};
 use canted::{

@@ -1,4 +1,5 @@
 //! Picking: which triangle is under the mouse cursor?
+#![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use canted::{Config, Preset, Ray, SurfacePoint, Triangle, WideBvh};
 

@@ -1,4 +1,5 @@
 //! Refit: a mesh deforms every frame; the BVH says when a rebuild is worth it.
+#![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use canted::{Config, Preset, Ray, Triangle, WideBvh};
 

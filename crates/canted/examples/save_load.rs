@@ -1,4 +1,5 @@
 //! Save and load: building takes longer than reading bytes. Loading checks every byte.
+#![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use canted::{Config, Preset, Ray, Triangle, TriangleBvh, WideBvh};
 

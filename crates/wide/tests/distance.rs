@@ -28,7 +28,7 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
         ("coplanar", fixtures::coplanar_quads(30)),
         ("far", far(fixtures::icosphere(2))),
         ("tiny", tiny(fixtures::torus(12, 8))),
-        ("nothing", Mesh { positions: vec![], triangles: vec![], ..fixtures::icosphere(0) }),
+        ("nothing", Mesh { positions: vec![], triangles: vec![] }),
     ]
 }
 
@@ -39,10 +39,10 @@ fn points(mesh: &Mesh, seed: u64, n: usize) -> Vec<[f32; 3]> {
     let size = mesh.diagonal().max(1e-3);
     #[expect(clippy::cast_possible_truncation, reason = "any point will do")]
     let mut point = |i: usize| -> [f32; 3] {
-        if i % 5 == 0 && !mesh.positions.is_empty() {
+        if i.is_multiple_of(5) && !mesh.positions.is_empty() {
             return mesh.positions[rng.below(mesh.positions.len())];
         }
-        let distance = if i % 7 == 0 { 1e3 * size } else { 0.6 * size };
+        let distance = if i.is_multiple_of(7) { 1e3 * size } else { 0.6 * size };
         let offset = rng.signed3();
         std::array::from_fn(|k| (0.5 * (f64::from(min[k]) + f64::from(max[k])) + distance * offset[k]) as f32)
     };

@@ -33,7 +33,7 @@ pub(crate) fn first_difference<P: Primitive>(bvh: &WideBvh<P>, rays: &[Ray], wan
     rays.iter().zip(wants).find_map(|(ray, want)| {
         let (closest, occluded) = (bvh.closest_hit(ray), bvh.occluded(ray));
         bvh.all_hits(ray, &mut all);
-        let is_equal = closest == want.first().copied() && occluded == !want.is_empty() && all == *want;
+        let is_equal = closest == want.first().copied() && occluded != want.is_empty() && all == *want;
         (!is_equal).then(|| format!("{ray:?}: {closest:?}, {occluded}, {all:?} instead of {want:?}"))
     })
 }
